@@ -1,4 +1,4 @@
-"""What the batch machinery costs: planning and resuming a large suite, and the overhead of a run that does nothing.
+"""Costs of the batch machinery: planning and resuming a large suite, and the overhead of a run that does nothing.
 
 .venv/bin/python tools/bench_batch.py [--runs 100000] [--small 400]
 """
@@ -7,8 +7,11 @@ import argparse
 import os
 import sys
 import tempfile
-import time
+from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
+
+import bench
 
 from mrp_sumo.experiments.batch import open_batch, run_batch
 from mrp_sumo.experiments.identity import code_version
@@ -31,41 +34,7 @@ class Silent:
     def ended(self, record): ...
 
     def report(self, line):
-        print(line)
-
-
-def timed(name, work):
-    """Print how long `work` takes; where others use the machine too, CPU time tells more."""
-    began, cpu = time.perf_counter(), time.process_time()
-    made = work()
-    print(f"{name:<55} {time.perf_counter() - began:8.2f} s, {time.process_time() - cpu:.2f} s CPU")
-    return made
-
-
-def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--runs", type=int, default=100_000, help="of the large suite")
-    parser.add_argument("--small", type=int, default=400, help="runs that are made")
-    options = parser.parse_args()
-    os.environ["PYTHONPATH"] = str(Path(__file__).parent)
-    with tempfile.TemporaryDirectory() as scratch:
-        folder = Path(scratch)
-        (folder / "small.yaml").write_text(f"base: office_9\ngrid_search: {{seed: 0..{options.small - 1}}}\n")
-        small = read_suite(folder / "small.yaml")
-        for workers in (1, 2):
-            out = folder / f"small_{workers}"
-            began = time.perf_counter()
-            run_batch(small, out, Silent(), workers=workers, function="bench_batch:nothing")
-            each = (time.perf_counter() - began) / options.small
-            print(f"{f'overhead of a run, {workers} workers, start and tables included':<55} {each * 1000:8.2f} ms")
-        (folder / "large.yaml").write_text(f"base: office_9\ngrid_search: {{robots.count: [5, 9], seed: 0..{options.runs // 2 - 1}}}\n")
-        large = read_suite(folder / "large.yaml")
-        runs = timed(f"plan {options.runs} runs", lambda: runs_of(large, code_version()))
-        out = folder / "large"
-        _fill(out, folder / "small_1", small, runs)
-        batch = timed(f"plan and resume {options.runs} runs, all but one done", lambda: open_batch(large, out, print, quarantine=True))
-        assert len(batch.todo(1)) == 1
-        timed(f"load the results of {options.runs} runs", lambda: load_results(out))
+        print(line, file=sys.stderr)
 
 
 def _fill(out, small_out, small, runs):
@@ -84,5 +53,36 @@ def _fill(out, small_out, small, runs):
     os.fsync = sync
 
 
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Sizes of the suites."""
+    parser.add_argument("--runs", type=int, default=100_000, help="of the large suite")
+    parser.add_argument("--small", type=int, default=400, help="runs that are made")
+
+
+def rows(options: argparse.Namespace) -> Iterator[bench.Row]:
+    """The overhead of a run, then a row for each thing that is done with the large suite."""
+    os.environ["PYTHONPATH"] = str(Path(__file__).parent)
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = Path(scratch)
+        (folder / "small.yaml").write_text(f"base: office_9\ngrid_search: {{seed: 0..{options.small - 1}}}\n")
+        small = read_suite(folder / "small.yaml")
+        for workers in (1, 2):
+            work = partial(run_batch, small, folder / f"small_{workers}", Silent(), workers=workers, function="bench_batch:nothing")
+            _, cpu_s, wall_s = bench.timed(work)
+            what = f"a run with {workers} workers, start and tables included"
+            yield {"what": what, "cpu_s": cpu_s / options.small, "wall_s": wall_s / options.small}
+        (folder / "large.yaml").write_text(f"base: office_9\ngrid_search: {{robots.count: [5, 9], seed: 0..{options.runs // 2 - 1}}}\n")
+        large = read_suite(folder / "large.yaml")
+        runs, cpu_s, wall_s = bench.timed(lambda: runs_of(large, code_version()))
+        yield {"what": f"plan {options.runs} runs", "cpu_s": cpu_s, "wall_s": wall_s}
+        out = folder / "large"
+        _fill(out, folder / "small_1", small, runs)
+        batch, cpu_s, wall_s = bench.timed(lambda: open_batch(large, out, print, quarantine=True))
+        assert len(batch.todo(1)) == 1
+        yield {"what": f"plan and resume {options.runs} runs, all but one done", "cpu_s": cpu_s, "wall_s": wall_s}
+        _, cpu_s, wall_s = bench.timed(lambda: load_results(out))
+        yield {"what": f"load the results of {options.runs} runs", "cpu_s": cpu_s, "wall_s": wall_s}
+
+
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(bench.main(__file__))

@@ -1,4 +1,4 @@
-"""How far the answers of capacity studies can be trusted, and what they cost.
+"""Trust in the answers of capacity studies, and their cost.
 
     python tools/bench_capacity.py [coverage] [agreement] [saving] [kills] [--studies 200] [--pairs 7] [--kills 20] [--json]
 
@@ -23,9 +23,9 @@ from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path
 
-TESTS = Path(__file__).resolve().parents[1] / "tests"
-sys.path.insert(0, str(TESTS))
-Row = dict[str, float | str | bool]
+import bench
+
+Row = bench.Row
 STUDY = ("warehouse_lifelong", "--quick", "--robots", "1..4", "--horizon", "3min", "--budget", "8s", "--json")
 
 
@@ -118,27 +118,28 @@ def _command(out: Path) -> list[str]:
     return [sys.executable, "-m", "mrp_sumo", "capacity", *STUDY, "--out", str(out)]
 
 
-def main() -> None:
-    """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", nargs="*", help="coverage, agreement, saving, kills (default: all)")
+MEASURES = {
+    "coverage": lambda options: coverage(options.studies),
+    "agreement": lambda options: agreement(options.pairs),
+    "saving": lambda options: iter([saving()]),
+    "kills": lambda options: iter([kills(options.kills)]),
+}
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Measures, and how many studies they take."""
+    parser.add_argument("what", nargs="*", help=f"{', '.join(MEASURES)} (default: all)")
     parser.add_argument("--studies", type=int, default=200)
     parser.add_argument("--pairs", type=int, default=7)
     parser.add_argument("--kills", type=int, default=20)
-    parser.add_argument("--json", action="store_true")
-    options = parser.parse_args()
-    measures = {
-        "coverage": lambda: coverage(options.studies),
-        "agreement": lambda: agreement(options.pairs),
-        "saving": lambda: iter([saving()]),
-        "kills": lambda: iter([kills(options.kills)]),
-    }
-    for name in options.what or measures:
-        for row in measures[name]():
-            shown = {key: f"{value:.4g}" if isinstance(value, float) else value for key, value in row.items()}
-            figures = "  ".join(f"{key} {value}" for key, value in shown.items())
-            print(json.dumps({"what": name, **row}) if options.json else f"{name:<10} {figures}", flush=True)
+
+
+def rows(options: argparse.Namespace) -> Iterator[bench.Row]:
+    """Those of each measure."""
+    for name in options.what or MEASURES:
+        for row in MEASURES[name](options):
+            yield {"what": name, **row}
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(bench.main(__file__))

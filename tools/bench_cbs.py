@@ -1,70 +1,33 @@
-#!/usr/bin/env python3
-"""Measures optimal conflict-based search where it is hard, on maps of the kinds that the literature uses. Prints a table, or JSON lines.
+"""Measures optimal conflict-based search where it is hard, on maps of the kinds that the literature uses.
 
     tools/bench_cbs.py [--kind NAME=ROBOTS ...] [--seeds N] [--planner NAME ...] [--time-limit S] [--json]
 
 Kinds: `large`, 256 x 256 with irregular obstacles, three fifths free, as den520d; `random`, 64 x 64 with a fifth blocked; `room`,
-64 x 64 in rooms of 7 x 7 with a door in each wall; `warehouse`, 163 x 63 with shelves of 10 x 2. Maps, starts and goals are drawn from the
+64 x 64 in rooms of 7 x 7 with a door in each wall; `warehouse`, 163 x 63 with shelves of 10 x 2;
+`huge`, 500 x 500 with a tenth blocked, for scalable planners. Maps, starts and goals are drawn from the
 seed, so that anybody has the same instances without a download; any other name is a file with a MovingAI map. CPU seconds are after
 warm-up; every plan is judged. With --json each instance is a line.
 """
 
 import argparse
-import json
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from statistics import mean, median
-from time import process_time
 
+import bench
 import numpy as np
-
-sys.path.insert(0, str(Path(__file__).resolve().parent))
-from bench_planners import made
+from bench_planners import answered, made, over
 
 from mrp_sumo.core.fleet import fleet_of
-from mrp_sumo.core.plan import Status
 from mrp_sumo.core.problem import Problem
-from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.formats.instances import POINT
 from mrp_sumo.maps.grid import grid_graph
 from mrp_sumo.maps.readers.movingai import occupancy
 from mrp_sumo.maps.yaml_text import read_text
 from mrp_sumo.traffic.draw import uniform_draw
-from mrp_sumo.traffic.referee import judge
 
 DEFAULT = ("large=50", "random=60", "room=20", "warehouse=60")
-
-
-def main() -> int:
-    """Read the command line, and measure."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--kind", action="append", metavar="NAME=ROBOTS", help=f"default: {', '.join(DEFAULT)}")
-    parser.add_argument("--planner", action="append", help="name, or name:key=value,...; may be repeated (default: cbs)")
-    parser.add_argument("--seeds", type=int, default=12, metavar="N", help="instances of each kind (default: 12)")
-    parser.add_argument("--first", type=int, default=0, metavar="SEED", help="the first seed (default: 0)")
-    parser.add_argument("--time-limit", type=float, default=10.0, metavar="S", help="of an instance (default: 10)")
-    parser.add_argument("--json", action="store_true", help="a line of JSON for each instance")
-    options = parser.parse_args()
-    try:
-        planners = {name: made(name) for name in options.planner or ["cbs"]}
-        for asked in planners.values():
-            asked.prepare()
-        for kind in options.kind or DEFAULT:
-            name, robots = kind.rsplit("=", 1)
-            rows = []
-            for seed in range(options.first, options.first + options.seeds):
-                problem = problem_of(name, int(robots), seed)
-                for planner, asked in planners.items():
-                    rows.append(measured(asked, problem, options.time_limit) | {"planner": planner, "kind": kind, "seed": seed})
-                    if options.json:
-                        print(json.dumps(rows[-1]), flush=True)
-            if not options.json:
-                for planner in planners:
-                    show([row for row in rows if row["planner"] == planner])
-    except (MrpSumoError, ValueError) as error:
-        print(f"bench_cbs.py: {error}", file=sys.stderr)
-        return 2
-    return 0
 
 
 def problem_of(name: str, robots: int, seed: int) -> Problem:
@@ -112,39 +75,53 @@ def warehouse(rng: np.random.Generator) -> np.ndarray:
     return free
 
 
-KINDS = {"large": large, "random": random, "room": room, "warehouse": warehouse}
+def huge(rng: np.random.Generator) -> np.ndarray:
+    """Each cell for itself, few of them blocked."""
+    return rng.random((500, 500)) >= 0.1
 
 
-def measured(asked: object, problem: Problem, time_limit_s: float) -> dict[str, object]:
-    """What a planner makes of an instance."""
-    began = process_time()
-    result = asked.plan(problem, time_limit_s)
-    row = {
-        "status": str(result.status.value),
-        "cost": None,
-        "lower": result.lower_bound_steps,
-        "cpu_s": round(process_time() - began, 3),
-        "wall_s": round(result.planning_time_s, 3),
-        **{key: result.stats.get(key) for key in ("expanded", "generated", "low_level_expansions")},
-    }
-    if result.status is Status.SOLVED:
-        verdict = judge(problem, result.plan)
-        if not verdict.valid:
-            raise ValueError(f"seed {problem.seed}: {verdict.summary(problem)}")
-        row["cost"] = round(float(result.plan.end_s.sum()))
-    return row
+KINDS = {"large": large, "random": random, "room": room, "warehouse": warehouse, "huge": huge}
 
 
-def show(rows: list[dict]) -> None:
-    """A line of the table."""
-    solved = [row for row in rows if row["cost"] is not None]
-    text = f"{rows[0]['planner']:24} {Path(rows[0]['kind']).name:20} solved {len(solved):3} of {len(rows):3}"
-    if solved:
-        cpu_s = [row["cpu_s"] for row in solved]
-        nodes = median(row["expanded"] for row in solved)
-        text += f"   CPU s median {median(cpu_s):8.3f}  mean {mean(cpu_s):8.3f}  max {max(cpu_s):8.3f}   nodes {nodes:8g}"
-    print(f"{text}   longest {max(row['wall_s'] for row in rows):.2f} s", flush=True)
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Kinds of maps, and planners."""
+    parser.add_argument("--kind", action="append", metavar="NAME=ROBOTS", help=f"default: {', '.join(DEFAULT)}")
+    parser.add_argument("--planner", action="append", help="name, or name:key=value,...; may be repeated (default: cbs)")
+    parser.add_argument("--seeds", type=int, default=12, metavar="N", help="instances of each kind (default: 12)")
+    parser.add_argument("--first", type=int, default=0, metavar="SEED", help="the first seed (default: 0)")
+    parser.add_argument("--time-limit", type=float, default=10.0, metavar="S", help="of an instance (default: 10)")
+
+
+def rows(options: argparse.Namespace) -> Iterator[bench.Row]:
+    """A row for each instance and planner."""
+    planners = {name: made(name) for name in options.planner or ["cbs"]}
+    for chosen in planners.values():
+        chosen.prepare()
+    for kind in options.kind or DEFAULT:
+        name, robots = kind.rsplit("=", 1)
+        for seed in range(options.first, options.first + options.seeds):
+            problem = problem_of(name, int(robots), seed)
+            for planner, chosen in planners.items():
+                row = answered(chosen, problem, options.time_limit)
+                if fault := row.pop("fault"):
+                    raise ValueError(f"seed {seed}: {fault}")
+                yield {"planner": planner, "kind": kind, "seed": seed, **row}
+
+
+def summary(rows: list[bench.Row], options: argparse.Namespace) -> str:
+    """A line for each kind and planner."""
+    lines = []
+    for planner, kind in dict.fromkeys((row["planner"], row["kind"]) for row in rows):
+        mine = [row for row in rows if (row["planner"], row["kind"]) == (planner, kind)]
+        solved = [row for row in mine if row["cost"] is not None]
+        text = f"{planner:24} {Path(kind).name:20} solved {len(solved):3} of {len(mine):3}"
+        if solved:
+            cpu_s = [row["cpu_s"] for row in solved]
+            text += f"   CPU s median {median(cpu_s):8.3f}  mean {mean(cpu_s):8.3f}  max {max(cpu_s):8.3f}"
+            text += f"   nodes {over(solved, 'expanded', median):8g}"
+        lines.append(f"{text}   longest {max(row['own_s'] for row in mine):.2f} s")
+    return "\n".join(lines)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(bench.main(__file__))

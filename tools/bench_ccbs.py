@@ -12,17 +12,20 @@ the clock, so that other work on the machine changes little.
 
 import argparse
 import io
-import json
-import time
+import sys
 import zipfile
+from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from xml.etree import ElementTree
 
+import bench
 import numpy as np
 
 from mrp_sumo.core.fleet import RobotType, fleet_of
 from mrp_sumo.core.graph import IntArray, PlanGraph, nav_graph, plan_graph
 from mrp_sumo.core.problem import Problem
+from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.planning.registry import planner
 
 ROADMAPS = Path(__file__).resolve().parents[2] / "shared/reference/data/ccbs/roadmaps.zip"
@@ -51,45 +54,40 @@ def read_tasks(text: bytes, num_robots: int) -> IntArray:
     return np.array([[int(agent.get(key, "")) for agent in agents] for key in ("start_id", "goal_id")], np.int64)
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Roadmap, tasks and limits."""
     parser.add_argument("--zip", type=Path, default=ROADMAPS)
     parser.add_argument("--roadmap", choices=PUBLISHED, default="sparse")
     parser.add_argument("--robots", type=int, default=25)
     parser.add_argument("--tasks", type=int, nargs="*", default=range(1, 26))
     parser.add_argument("--w", type=float, default=1.0)
     parser.add_argument("--time-limit", type=float, default=30.0)
-    parser.add_argument("--json", action="store_true")
-    options = parser.parse_args()
+
+
+def rows(options: argparse.Namespace) -> Iterator[bench.Row]:
+    """A row a task."""
     if not options.zip.exists():
-        parser.error(f"{options.zip} is not there; name the roadmaps with --zip")
+        raise MrpSumoError(f"{options.zip} is not there; name the roadmaps with --zip")
     archive = zipfile.ZipFile(options.zip)
     graph = read_roadmap(archive.read(f"{options.roadmap}/map.xml"))
     chosen = planner("ccbs", {"motion": "unit", "radius_m": RADIUS_M, "w": options.w})
     chosen.prepare()
-    ratios = []  # of cost to bound, of the solved
     for k in options.tasks:
         start, goal = read_tasks(archive.read(f"{options.roadmap}/{k}_task.xml"), options.robots)
         problem = Problem(graph, fleet_of(DISC, len(start)), start, goal, np.arange(len(start)), 1.0)
-        begun = time.process_time()
-        result = chosen.plan(problem, SLACK * options.time_limit)
-        cpu_s, stats = time.process_time() - begun, result.stats
-        cost_s, bound_s = stats.get("cost_s"), stats["lower_bound_s"]
-        if cost_s is not None and cpu_s <= options.time_limit:
-            ratios.append(cost_s / bound_s)
-        row = {"task": k, "status": str(result.status), "cost_s": cost_s, "bound_s": bound_s, "nodes": stats["nodes"], "cpu_s": cpu_s}
-        if options.json:
-            print(json.dumps(row), flush=True)
-        else:
-            print(
-                "  ".join(f"{key} {value:.3f}" if isinstance(value, float) else f"{key} {value}" for key, value in row.items()), flush=True
-            )
-    if not options.json:
-        best = dict(zip(range(5, 26, 5), PUBLISHED[options.roadmap])).get(options.robots, "-")
-        solved = f"solved {len(ratios)} of {len(options.tasks)} in {options.time_limit:g} CPU-s"
-        print(f"{solved}; cost / bound at most {max(ratios, default=1.0):.4f}")
-        print(f"best published, optimal, in 30 s: {best} of 25")
+        result, cpu_s, _ = bench.timed(partial(chosen.plan, problem, SLACK * options.time_limit))
+        stats = result.stats
+        row = {"task": k, "status": str(result.status), "cost_s": stats.get("cost_s"), "bound_s": stats["lower_bound_s"]}
+        yield row | {"nodes": stats["nodes"], "cpu_s": cpu_s}
+
+
+def summary(rows: list[bench.Row], options: argparse.Namespace) -> str:
+    """The solved, beside the published."""
+    ratios = [row["cost_s"] / row["bound_s"] for row in rows if row["cost_s"] is not None and row["cpu_s"] <= options.time_limit]
+    best = dict(zip(range(5, 26, 5), PUBLISHED[options.roadmap])).get(options.robots, "-")
+    solved = f"solved {len(ratios)} of {len(rows)} in {options.time_limit:g} CPU-s; cost / bound at most {max(ratios, default=1.0):.4f}"
+    return f"{solved}\nbest published, optimal, in 30 s: {best} of 25"
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(bench.main(__file__))

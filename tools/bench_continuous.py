@@ -15,7 +15,7 @@ shortest ways without others. Driven plans are `off_by_s` from their times at mo
 """
 
 import argparse
-import json
+import sys
 import tempfile
 import time
 from collections.abc import Iterator
@@ -23,6 +23,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import bench
 import numpy as np
 from bench_execution import draw, warehouse
 
@@ -125,8 +126,8 @@ def driven_by_both(problem: Problem, plan: Plan) -> dict[str, float]:
     return row
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Planner, fleets, map."""
     parser.add_argument("--planner", default="continuous")
     parser.add_argument("--robots", type=int, nargs="*", default=[9, 50, 100, 300, 1000])
     parser.add_argument("--seeds", type=int, default=50)
@@ -134,22 +135,18 @@ def main() -> None:
     parser.add_argument("--drive", action="store_true")
     parser.add_argument("--map", type=Path)
     parser.add_argument("--scen", type=Path)
-    parser.add_argument("--json", action="store_true")
-    options = parser.parse_args()
+
+
+def rows(options: argparse.Namespace) -> Iterator[bench.Row]:
+    """A row for each number of robots."""
     if (options.map is None) != (options.scen is None):
-        parser.error("--map and --scen go together")
-    for k, num_robots in enumerate(options.robots):
+        raise ValueError("--map and --scen go together")
+    for num_robots in options.robots:
         if num_robots <= 20:
-            row = measured("warehouse roadmap", roadmap_problems(num_robots, options.seeds), options)
+            yield measured("warehouse roadmap", roadmap_problems(num_robots, options.seeds), options)
         else:
-            row = measured("warehouse grid", iter([grid_problem(num_robots, options)]), options)
-        if options.json:
-            print(json.dumps(row), flush=True)
-            continue
-        if k == 0:
-            print("  ".join(f"{key:>17}" for key in row))
-        print("  ".join(f"{'-' if value is None else value!s:>17}" for value in row.values()), flush=True)
+            yield measured("warehouse grid", iter([grid_problem(num_robots, options)]), options)
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(bench.main(__file__))

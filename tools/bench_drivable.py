@@ -1,5 +1,4 @@
-#!/usr/bin/env python3
-"""How many plans for roadmaps can be driven in their order: planners that know zones and groups, and as the rules of MAPF alone have it.
+"""Plans for roadmaps that can be driven in their order: of planners that know zones and groups, and as the rules of MAPF alone have it.
 
     python tools/bench_drivable.py                      # bundled maps
     python tools/bench_drivable.py --maps FOLDER        # and every building map in a folder, each of its levels
@@ -12,13 +11,13 @@ refused where `traffic.schedule` finds no order of passages for it, as the polic
 """
 
 import argparse
-import json
 import math
 import sys
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
+import bench
 import numpy as np
 
 from mrp_sumo.core.fleet import RobotType, fleet_of
@@ -41,52 +40,6 @@ ROBOT = RobotType("burger", 0.138, 0.178, 0.22, 2.5, 2.5, 2.84)
 CELLS_M = (0.4, 0.5)
 ROBOTS = (3, 5, 8, 12, 20)
 MOST_VERTICES = 20_000
-
-
-@dataclass(frozen=True)
-class Row:
-    """One question to one planner."""
-
-    map: str
-    level: str
-    cell_m: float
-    robots: int
-    seed: int
-    planner: str
-    status: str
-    refused: str  # why no order can be kept, '' where one can or there is no plan
-    cost: float  # sum of costs in steps, NaN without a plan
-    time_s: float
-    message: str
-
-
-def main() -> None:
-    options = parsed()
-    rows = []
-    for name, level, graph in graphs(options):
-        for problem, robots, seed in problems(graph, options):
-            for planner_name in options.planners:
-                row = asked(name, level, graph, problem, robots, seed, planner_name, options)
-                rows.append(row)
-                if options.json:
-                    print(json.dumps(asdict(row)), flush=True)
-        if not options.json:
-            print(f"{name} {level} {graph.cell_m:g} m: {len(rows)} answers", file=sys.stderr, flush=True)
-    if not options.json:
-        print(table(rows, options.planners))
-
-
-def parsed() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--maps", type=Path, help="a folder of *.building.yaml")
-    parser.add_argument("--planners", nargs="+", default=PLANNERS, metavar="NAME")
-    parser.add_argument("--robots", nargs="+", type=int, default=ROBOTS)
-    parser.add_argument("--seeds", type=int, default=1, help="draws of each number of robots (default: 1)")
-    parser.add_argument("--groups", type=int, default=0, help="mutex groups to add to each map (default: 0)")
-    parser.add_argument("--time-limit", type=float, default=5.0, metavar="S", help="of each answer (default: 5)")
-    parser.add_argument("--classical", action="store_true", help="let planners know vertices and lanes only")
-    parser.add_argument("--json", action="store_true", help="a line for each question instead of the table")
-    return parser.parse_args()
 
 
 def graphs(options: argparse.Namespace) -> Iterator[tuple[str, str, PlanGraph]]:
@@ -139,16 +92,14 @@ def problems(graph: PlanGraph, options: argparse.Namespace) -> Iterator[tuple[Pr
             yield Problem(graph, fleet, start, goal, np.arange(robots), 1.0, seed=seed, drivable=not options.classical), robots, seed
 
 
-def asked(
-    name: str, level: str, graph: PlanGraph, problem: Problem, robots: int, seed: int, planner_name: str, options: argparse.Namespace
-) -> Row:
-    """What a planner answers, and whether its plan can be driven in its order."""
+def answer(problem: Problem, name: str, options: argparse.Namespace) -> bench.Row:
+    """A planner's answer: why no order can be kept for its plan, '' where one can; the sum of costs in steps, NaN without a plan."""
     clashes_of(problem)
-    strict = {"rotations": False} if options.classical and planner_name in ("pibt", "lacam", "lns2") else {}
-    method = planner(planner_name, strict)
+    strict = {"rotations": False} if options.classical and name in ("pibt", "lacam", "lns2") else {}
+    method = planner(name, strict)
     method.prepare()
     result = method.plan(problem, options.time_limit)
-    refused, cost = "", math.nan
+    refused, cost, graph = "", math.nan, problem.graph
     if result.status is Status.SOLVED and result.plan is not None:
         cost = float(result.plan.end_s.sum())
         resources = resources_of(graph, problem.fleet.separation_m)
@@ -157,29 +108,46 @@ def asked(
             schedule_of(problem, result.plan, needs)
         except PlanError as error:
             refused = str(error)
-    return Row(
-        name, level, graph.cell_m, robots, seed, planner_name, str(result.status), refused, cost, result.planning_time_s, result.message
-    )
+    row = {"planner": name, "status": str(result.status), "refused": refused, "cost": cost}
+    return row | {"time_s": result.planning_time_s, "message": result.message}
 
 
-def table(rows: list[Row], planners: list[str]) -> str:
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Maps, planners and fleets."""
+    parser.add_argument("--maps", type=Path, help="a folder of *.building.yaml")
+    parser.add_argument("--planners", nargs="+", default=PLANNERS, metavar="NAME")
+    parser.add_argument("--robots", nargs="+", type=int, default=ROBOTS)
+    parser.add_argument("--seeds", type=int, default=1, help="draws of each number of robots (default: 1)")
+    parser.add_argument("--groups", type=int, default=0, help="mutex groups to add to each map (default: 0)")
+    parser.add_argument("--time-limit", type=float, default=5.0, metavar="S", help="of each answer (default: 5)")
+    parser.add_argument("--classical", action="store_true", help="let planners know vertices and lanes only")
+
+
+def rows(options: argparse.Namespace) -> Iterator[bench.Row]:
+    """A row for each question and planner."""
+    for name, level, graph in graphs(options):
+        for problem, robots, seed in problems(graph, options):
+            question = {"map": name, "level": level, "cell_m": graph.cell_m, "robots": robots, "seed": seed}
+            for planner_name in options.planners:
+                yield question | answer(problem, planner_name, options)
+
+
+def summary(rows: list[bench.Row], options: argparse.Namespace) -> str:
     """By planner; costs are of the questions that all of them solved."""
-    questions: dict[tuple[object, ...], dict[str, Row]] = {}
+    questions: dict[tuple[object, ...], dict[str, bench.Row]] = {}
     for row in rows:
-        questions.setdefault((row.map, row.level, row.cell_m, row.robots, row.seed), {})[row.planner] = row
-    shared = [q for q in questions.values() if all(r.status == "solved" for r in q.values())]
+        questions.setdefault(tuple(row[key] for key in ("map", "level", "cell_m", "robots", "seed")), {})[row["planner"]] = row
+    shared = [q for q in questions.values() if all(r["status"] == "solved" for r in q.values())]
     lines = [f"{len(questions)} questions, {len(shared)} solved by all", ""]
     lines += ["| planner | plans | refused | infeasible | no answer | mean steps | median ms |", "|---|---|---|---|---|---|---|"]
-    for name in planners:
-        mine = [row for row in rows if row.planner == name]
-        count = {status: sum(row.status == status for row in mine) for status in ("solved", "infeasible")}
-        cost = np.mean([q[name].cost / q[name].robots for q in shared]) if shared else math.nan
-        lines.append(
-            f"| {name} | {count['solved']} | {sum(bool(row.refused) for row in mine)} | {count['infeasible']} "
-            f"| {len(mine) - sum(count.values())} | {cost:.2f} | {1000 * np.median([row.time_s for row in mine]):.1f} |"
-        )
+    for name in options.planners:
+        mine = [row for row in rows if row["planner"] == name]
+        count = {status: sum(row["status"] == status for row in mine) for status in ("solved", "infeasible")}
+        cost = np.mean([q[name]["cost"] / q[name]["robots"] for q in shared]) if shared else math.nan
+        cells = [name, count["solved"], sum(bool(row["refused"]) for row in mine), count["infeasible"], len(mine) - sum(count.values())]
+        lines.append(bench.line([*map(str, cells), f"{cost:.2f}", f"{1000 * np.median([row['time_s'] for row in mine]):.1f}"]))
     return "\n".join(lines)
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(bench.main(__file__))

@@ -9,27 +9,23 @@
                                                            how far from them SUMO and the kinematic engine drive 100 and 300
     python tools/bench_execution.py --memory               200 runs in one process
     python tools/bench_execution.py --robots 300 --dt 0.2 --seconds 60
-    python tools/bench_execution.py --against DIR          each case three times here and in another checkout, in turn: ratios
-    python tools/bench_execution.py --json                 a line a case, for machines
+    python tools/bench_execution.py --against DIR          here and in another checkout, in turn: medians and ratios
 
 The warehouse has the layout of the MovingAI benchmark's warehouse-10-20-10-2-1: 10 x 20 racks of 10 x 2 cells,
 aisles one cell wide. `robot_s_per_cpu_s` is of the loop with recording, `with_all` also counts the schedule, the
 start of SUMO, the trajectory, the audit and the metrics; planning and netconvert are left out. Kernels are loaded before the first
-case. Machines differ: compare with `--against DIR`, another checkout whose bench is run in turn with this one.
+case.
 """
 
 import argparse
-import json
 import os
-import statistics
-import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
+import bench
 import numpy as np
 
 from mrp_sumo.core.fleet import RobotType, fleet_of
@@ -62,9 +58,7 @@ WAREHOUSE = (50, 100, 200, 500, 1000)
 GRID = ((5000, 0.2, 120.0, None), (10000, 0.5, np.inf, 20))  # robots, step length, simulated seconds at most, goals within
 RUNS = 200
 
-ROOT = Path(__file__).resolve().parents[1]
-
-Row = dict[str, Any]
+Row = bench.Row
 
 
 def warehouse() -> np.ndarray:
@@ -113,9 +107,9 @@ def drive(
     cpu = time.process_time()
     run = simulate(problem, plan, settings, network)
     driven = time.process_time()
-    found = audit(run, problem.fleet)
+    verdict = audit(run, problem.fleet)
     audited = time.process_time()
-    evaluate(problem, PlanResult("solved", plan), None, run, found, assignment_time_s=0.0, time_limit_s=limit_s, tolerance_m=0.1)
+    evaluate(problem, PlanResult("solved", plan), None, run, verdict, assignment_time_s=0.0, time_limit_s=limit_s, tolerance_m=0.1)
     done, robot_s = time.process_time(), problem.num_robots * run.sim_time_s
     return {
         "case": case,
@@ -127,8 +121,8 @@ def drive(
         "sim_s": run.sim_time_s,
         "outcome": str(run.outcome),
         "at_goal": int(np.isfinite(run.goal_s).sum()),
-        "overlaps": found["num_overlaps"],
-        "passed": found["passed"],
+        "overlaps": verdict["num_overlaps"],
+        "passed": verdict["passed"],
         "loop_cpu_s": round(run.cpu_time_s, 2),
         "around_cpu_s": round(driven - cpu - run.cpu_time_s, 2),
         "audit_cpu_s": round(audited - driven, 2),
@@ -280,23 +274,19 @@ def memory_mb(which: str) -> int:
     return next(int(line.split()[1]) for line in lines if line.startswith(which)) // 1024
 
 
-def compare(other: Path, robots: Sequence[int]) -> None:
-    """Speeds of the loop here and in another checkout, with the options that were given: medians of three, in turn."""
-    given = [word for k, word in enumerate(sys.argv[1:]) if "--against" not in (word, sys.argv[k])]
-    for num_robots in robots:
-        speeds: dict[Path, list[float]] = {ROOT: [], other.resolve(): []}
-        for root, found in [*speeds.items()] * 3:
-            command = [sys.executable, "tools/bench_execution.py", *given, "--robots", str(num_robots), "--json"]
-            ran = subprocess.run(command, cwd=root, env={**os.environ, "PYTHONPATH": str(root)}, capture_output=True, text=True, check=True)
-            found.append(json.loads(ran.stdout.splitlines()[-1])["robot_s_per_cpu_s"])
-        here, there = (statistics.median(found) for found in speeds.values())
-        print(f"{num_robots:6} robots: {here:9.0f} here, {there:9.0f} there, ratio {here / there:.2f}", flush=True)
+MODES = {
+    "grid": rows_of_drives,
+    "startup": rows_of_starts,
+    "schedule": rows_of_schedules,
+    "retime": rows_of_retiming,
+    "memory": rows_of_memory,
+}
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Measures, fleets, policy, steps."""
     what = parser.add_mutually_exclusive_group()
-    for name in ("grid", "startup", "schedule", "retime", "memory"):
+    for name in MODES:
         what.add_argument(f"--{name}", action="store_true")
     parser.add_argument("--robots", type=int, nargs="+")
     parser.add_argument("--robot", choices=ROBOTS, default="burger")
@@ -306,25 +296,14 @@ def main() -> None:
     parser.add_argument("--record", type=float, default=0.1, help="recording period, s (not below dt)")
     parser.add_argument("--seconds", type=float, help="simulated, at most")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--against", type=Path, metavar="DIR", help="another checkout of this project")
-    parser.add_argument("--json", action="store_true")
-    options = parser.parse_args()
-    if options.against:
-        compare(options.against, options.robots or WAREHOUSE)
-        return
+
+
+def rows(options: argparse.Namespace) -> Iterator[Row]:
+    """A row a case."""
     warm.prepare("kinematic")
-    other = {"startup": rows_of_starts, "schedule": rows_of_schedules, "retime": rows_of_retiming, "memory": rows_of_memory}
-    rows = next((made for name, made in other.items() if getattr(options, name)), rows_of_drives)
-    header = False
-    for row in rows(options):
-        if options.json:
-            print(json.dumps(row), flush=True)
-            continue
-        if not header:
-            print("  ".join(row))
-            header = True
-        print("  ".join(f"{'' if value is None else str(value):>{len(key)}}" for key, value in row.items()), flush=True)
+    mode = next((made for name, made in MODES.items() if getattr(options, name)), rows_of_drives)
+    yield from mode(options)
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(bench.main(__file__))

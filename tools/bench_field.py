@@ -1,6 +1,6 @@
-"""From a map to an answer: `mrp-sumo run FILE` and nothing else on every map of some folders, and what came of it.
+"""From a map to an answer: `mrp-sumo run FILE` and nothing else on every map of some folders.
 
-    .venv/bin/python tools/bench_field.py MAPS MORE_MAPS --out table.md
+    .venv/bin/python tools/bench_field.py MAPS MORE_MAPS > table.md
     .venv/bin/python tools/bench_field.py MAPS --types turtlebot3 amr_600 forklift
     .venv/bin/python tools/bench_field.py MAPS --init        # init, run what it wrote, capacity --quick
 
@@ -20,54 +20,12 @@ import traceback
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import redirect_stderr, redirect_stdout
-from dataclasses import dataclass
 from pathlib import Path
 
+import bench
+
 SUFFIXES = (".building.yaml", ".lif.json", ".xml", ".site.json", ".geojson", ".nav.yaml", ".dxf")
-COMMAND = (sys.executable, "-P", "-m", "mrp_sumo")
 Call = Callable[[list[str], Path, int], tuple[int, str, float]]  # of a command in a folder: exit code, stderr, CPU time
-
-
-@dataclass(frozen=True)
-class Line:
-    """One map, and what a command made of it."""
-
-    map: str
-    command: str
-    status: str  # of the run; 'refused' with exit code 2, 'crashed' where there is a traceback, 'time' where it was stopped
-    cpu_s: float
-    robots: int | None = None
-    off_m: float | None = None
-    against_m: float | None = None
-    note: str = ""
-
-    @property
-    def cells(self) -> str:
-        """A row of the table."""
-        numbers = ("" if n is None else f"{n:g}" for n in (self.robots, self.off_m, self.against_m))
-        return "| " + " | ".join([self.map, self.command, self.status, *numbers, f"{self.cpu_s:.1f}", self.note.replace("|", "/")]) + " |"
-
-
-def main() -> int:
-    """Run all, write the table, print the counts."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("folders", nargs="+", type=Path, metavar="MAPS", help="folders of maps, or maps")
-    parser.add_argument("--types", nargs="+", default=[""], metavar="NAME", help="types of robots (default: run's own)")
-    parser.add_argument("--init", action="store_true", help="init, run and capacity --quick instead of run alone")
-    parser.add_argument("--cpu-s", type=int, default=240, metavar="S", help="CPU time of one command (default: 240)")
-    parser.add_argument("--out", type=Path, metavar="FILE", help="where the table goes (default: printed)")
-    parser.add_argument("--together", action="store_true", help="all commands in this process: sooner, and CPU times are without start")
-    options = parser.parse_args()
-    call = _called_here if options.together else _called
-    lines: list[Line] = []
-    for path in maps_in(options.folders):
-        for each in _chain(path, call, options.cpu_s) if options.init else _types(path, call, options.types, options.cpu_s):
-            lines.append(each)
-            print(each.cells, flush=True)
-            if options.out:
-                options.out.write_text(table(lines), encoding="utf-8")
-    print(summary(lines))
-    return 0
 
 
 def maps_in(folders: Sequence[Path]) -> Iterator[Path]:
@@ -81,52 +39,50 @@ def maps_in(folders: Sequence[Path]) -> Iterator[Path]:
         )
 
 
-def _types(path: Path, call: Call, types: Sequence[str], cpu_s: int) -> Iterator[Line]:
+def _types(path: Path, call: Call, types: Sequence[str], cpu_s: int) -> Iterator[bench.Row]:
     for name in types:
         with tempfile.TemporaryDirectory() as folder:
             yield _run(path, call, [str(path), *(["--type", name] if name else [])], Path(folder), cpu_s)
 
 
-def _chain(path: Path, call: Call, cpu_s: int) -> Iterator[Line]:
+def _chain(path: Path, call: Call, cpu_s: int) -> Iterator[bench.Row]:
     """Init, and the commands that it leads to, as long as they succeed."""
     with tempfile.TemporaryDirectory() as folder:
         work = Path(folder)
         code, said, spent_s = call(["init", str(path), "--out", str(work / "site")], work, cpu_s)
-        yield Line(path.name, "init", _word(code, said), spent_s, note=_last(said) if code else "")
+        yield _row(path, "init", _word(code, said), spent_s, _last(said) if code else "")
         if code:
             return
         scenario = str(work / "site" / "scenario.yaml")
         yield _run(path, call, [scenario, "--set", "execution.time_limit_s=600"], work, cpu_s)
         code, said, spent_s = call(["capacity", scenario, "--quick", "--out", str(work / "answer")], work, 4 * cpu_s)
-        yield Line(path.name, "capacity", _word(code, said), spent_s, note=_last(said))
+        yield _row(path, "capacity", _word(code, said), spent_s, _last(said))
 
 
-def _run(path: Path, call: Call, arguments: list[str], folder: Path, cpu_s: int) -> Line:
+def _run(path: Path, call: Call, arguments: list[str], folder: Path, cpu_s: int) -> bench.Row:
     code, said, spent_s = call(["run", *arguments, "--out", str(folder / "run")], folder, cpu_s)
     command, result = "run" + "".join(f" {a}" for a in arguments[1:]), folder / "run" / "result.json"
     if not result.is_file():
-        return Line(path.name, command, _word(code, said), spent_s, note=_last(said))
+        return _row(path, command, _word(code, said), spent_s, _last(said))
     document = json.loads(result.read_text(encoding="utf-8"))
     lanes = document["lanes"] or {}
-    return Line(
-        path.name,
-        command,
-        document["status"] if code == 0 or document["status"] != "completed" else f"{document['status']}, exit code {code}",
-        spent_s,
-        document["metrics"]["num_robots"],
-        lanes.get("off_m"),
-        lanes.get("against_one_way_m"),
-        document["note"],
-    )
+    status = document["status"] if code == 0 or document["status"] != "completed" else f"{document['status']}, exit code {code}"
+    row = _row(path, command, status, spent_s, document["note"])
+    return row | {"robots": document["metrics"]["num_robots"], "off_m": lanes.get("off_m"), "against_m": lanes.get("against_one_way_m")}
+
+
+def _row(path: Path, command: str, status: str, cpu_s: float, note: str) -> bench.Row:
+    """One map, and what a command made of it; status is 'refused' with exit code 2, 'crashed' with a traceback, 'time' where stopped."""
+    row: bench.Row = {"map": path.name, "command": command, "status": status, "robots": None, "off_m": None, "against_m": None}
+    return row | {"cpu_s": cpu_s, "note": note}
 
 
 def _called(arguments: list[str], folder: Path, cpu_s: int) -> tuple[int, str, float]:
     """Exit code, what was said on stderr, and CPU time of a command."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     limit = lambda: resource.setrlimit(resource.RLIMIT_CPU, (cpu_s, cpu_s + 5))  # noqa: E731
-    done = subprocess.run(
-        [*COMMAND, *arguments], cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, preexec_fn=limit, check=False
-    )
+    words, where = [*bench.COMMAND, *arguments], {"cwd": folder, "stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE}
+    done = subprocess.run(words, **where, text=True, preexec_fn=limit, check=False)
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     return done.returncode, done.stderr, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
@@ -167,22 +123,30 @@ def _last(said: str) -> str:
     return said.strip().splitlines()[-1].removeprefix("mrp-sumo: ") if said.strip() else ""
 
 
-def table(lines: Sequence[Line]) -> str:
-    """All lines as Markdown, and the counts."""
-    head = (
-        "| map | command | status | robots | off lanes (m) | against one-ways (m) | CPU (s) | note |\n|---|---|---|---|---|---|---|---|\n"
-    )
-    return head + "\n".join(line.cells for line in lines) + "\n\n" + summary(lines) + "\n"
-
-
-def summary(lines: Sequence[Line]) -> str:
-    """How many came to what."""
-    counts = Counter((line.command.split(" --set")[0], line.status) for line in lines)
-    off = sum(bool(line.off_m) for line in lines)
-    against = sum(bool(line.against_m) for line in lines)
+def summary(rows: Sequence[bench.Row], options: argparse.Namespace) -> str:
+    """Counts of what commands came to."""
+    counts = Counter((row["command"].split(" --set")[0], row["status"]) for row in rows)
+    off = sum(bool(row["off_m"]) for row in rows)
+    against = sum(bool(row["against_m"]) for row in rows)
     parts = [f"{command}: {status} {count}" for (command, status), count in sorted(counts.items())]
     return "; ".join(parts) + f"; off lanes {off}; against one-ways {against}"
 
 
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Maps, and how commands are called."""
+    parser.add_argument("folders", nargs="+", type=Path, metavar="MAPS", help="folders of maps, or maps")
+    parser.add_argument("--types", nargs="+", default=[""], metavar="NAME", help="types of robots (default: run's own)")
+    parser.add_argument("--init", action="store_true", help="init, run and capacity --quick instead of run alone")
+    parser.add_argument("--cpu-s", type=int, default=240, metavar="S", help="CPU time of one command (default: 240)")
+    parser.add_argument("--together", action="store_true", help="all commands in this process: sooner, and CPU times are without start")
+
+
+def rows(options: argparse.Namespace) -> Iterator[bench.Row]:
+    """A row for each map and command."""
+    call = _called_here if options.together else _called
+    for path in maps_in(options.folders):
+        yield from _chain(path, call, options.cpu_s) if options.init else _types(path, call, options.types, options.cpu_s)
+
+
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(bench.main(__file__))

@@ -1,5 +1,4 @@
-#!/usr/bin/env python3
-"""Measures first solutions and polished ones on any grid map, beside lacam3 where its program is given. Prints a table, or JSON lines.
+"""Measures first solutions and polished ones on any grid map, beside lacam3 where its program is given.
 
     tools/bench_first.py MAPS [--on NAME=ROBOTS,... ...] [--seeds N] [--planner NAME ...] [--time-limit S] [--lacam3 FILE] [--memory]
 
@@ -29,7 +28,7 @@ from pathlib import Path
 from statistics import mean
 from time import process_time
 
-sys.path.insert(0, str(Path(__file__).resolve().parent))
+import bench
 from bench_cbs import KINDS, problem_of
 from bench_planners import made
 
@@ -61,42 +60,6 @@ PLANNERS = ("lacam:polish=0", "lacam")
 FIRST, SAME_TIME = "lacam3, first", "lacam3, same time"
 FIRST_LIMIT_S = 60.0  # of lacam3
 AFTERWARDS_S = 600.0  # for lacam3 to check and to write its plan, and for a loaded machine
-
-
-def main() -> int:
-    """Read the command line, and measure."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("maps", type=Path)
-    parser.add_argument("--on", action="append", metavar="NAME=ROBOTS,...", help="may be repeated (default: fourteen maps)")
-    parser.add_argument("--seeds", type=int, default=2, metavar="N", help="instances of each size (default: 2)")
-    parser.add_argument("--planner", action="append", help=f"name, or name:key=value,...; may be repeated (default: {', '.join(PLANNERS)})")
-    parser.add_argument("--lacam3", type=Path, metavar="FILE", help="its program")
-    parser.add_argument("--time-limit", type=float, default=60.0, metavar="S", help="of each of our planners, wall time (default: 60)")
-    parser.add_argument("--memory", action="store_true", help="peak memory of processes instead of seconds")
-    parser.add_argument("--json", action="store_true", help="a line of JSON for each answer")
-    options = parser.parse_args()
-    try:
-        if options.lacam3 and not options.lacam3.is_file():
-            raise MrpSumoError(f"{options.lacam3}: no such program")
-        ours = {name: made(name) for name in options.planner or PLANNERS}
-        for chosen in ours.values():
-            chosen.prepare()
-        labels = [FIRST, *ours, SAME_TIME] if options.lacam3 else [*ours]
-        if not options.json:
-            print(_line(["map", "robots", *labels]), _line(["---"] + ["---:"] * (1 + len(labels))), sep="\n")
-        for name, robots in _sizes(options.on, options.maps):
-            answers = defaultdict(dict)
-            for seed in range(options.seeds):
-                for label, answer in _asked(ours, options, name, robots, seed):
-                    answers[label][seed] = answer
-                    if options.json:
-                        print(json.dumps({"map": name, "robots": robots, "seed": seed, "planner": label, **answer}), flush=True)
-            if not options.json:
-                print(_line([name, str(robots), *_cells([answers[label] for label in labels], options.memory)]), flush=True)
-    except (MrpSumoError, ValueError) as error:
-        print(f"bench_first.py: {error}", file=sys.stderr)
-        return 2
-    return 0
 
 
 def _sizes(texts: list[str] | None, maps: Path) -> list[tuple[str, int]]:
@@ -145,7 +108,7 @@ def _measured(chosen: Planner, where: str, robots: int, seed: int, limit_s: floa
         "cpu_s": result.stats.get("own_time_s", result.stats.get("cpu_s", cpu_s)),
     }
     if result.status is not Status.SOLVED or result.plan is None:
-        return answer | {"solved": False}
+        return answer | {"solved": False, "cost": None}
     verdict = judge(problem, result.plan, result.goal_of)
     if not verdict.valid:
         raise MrpSumoError(f"{where}, {robots} robots, seed {seed}: {verdict.summary(problem)}")
@@ -189,9 +152,41 @@ def _cells(answers: list[dict[int, dict[str, float]]], memory: bool) -> list[str
     return cells
 
 
-def _line(cells: list[str]) -> str:
-    return "| " + " | ".join(cells) + " |"
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Maps, planners, limits."""
+    parser.add_argument("maps", type=Path)
+    parser.add_argument("--on", action="append", metavar="NAME=ROBOTS,...", help="may be repeated (default: fourteen maps)")
+    parser.add_argument("--seeds", type=int, default=2, metavar="N", help="instances of each size (default: 2)")
+    parser.add_argument("--planner", action="append", help=f"name, or name:key=value,...; may be repeated (default: {', '.join(PLANNERS)})")
+    parser.add_argument("--lacam3", type=Path, metavar="FILE", help="its program")
+    parser.add_argument("--time-limit", type=float, default=60.0, metavar="S", help="of each of our planners, wall time (default: 60)")
+    parser.add_argument("--memory", action="store_true", help="peak memory of processes, too")
+
+
+def rows(options: argparse.Namespace) -> Iterator[bench.Row]:
+    """A row for each answer."""
+    if options.lacam3 and not options.lacam3.is_file():
+        raise MrpSumoError(f"{options.lacam3}: no such program")
+    ours = {name: made(name) for name in options.planner or PLANNERS}
+    for chosen in ours.values():
+        chosen.prepare()
+    for name, robots in _sizes(options.on, options.maps):
+        for seed in range(options.seeds):
+            for label, answer in _asked(ours, options, name, robots, seed):
+                yield {"map": name, "robots": robots, "seed": seed, "planner": label, **answer}
+
+
+def summary(rows: list[bench.Row], options: argparse.Namespace) -> str:
+    """A line for each size; a cell has the mean cost over the shortest ways, and the mean seconds or the peak memory."""
+    sizes: dict[tuple[str, int], dict[str, dict[int, bench.Row]]] = defaultdict(lambda: defaultdict(dict))
+    for row in rows:
+        sizes[row["map"], row["robots"]][row["planner"]][row["seed"]] = row
+    labels = list(dict.fromkeys(row["planner"] for row in rows))
+    lines = [bench.line(["map", "robots", *labels]), bench.line(["---"] + ["---:"] * (1 + len(labels)))]
+    for (name, robots), answers in sizes.items():
+        lines.append(bench.line([name, str(robots), *_cells([answers[label] for label in labels], options.memory)]))
+    return "\n".join(lines)
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    sys.exit(bench.main(__file__))

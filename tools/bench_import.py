@@ -10,106 +10,74 @@ only: the load is told with them. Targets: the airport in 1.5 s; 50,000 vertices
 """
 
 import argparse
-import json
 import os
-import resource
-import subprocess
 import sys
 import tempfile
-import time
+from collections.abc import Iterator
 from pathlib import Path
+
+import bench
 
 TARGETS = {  # file -> what is measured -> at most
     "airport.building.yaml": {"import_s": 1.5},
     "warehouse.building.yaml": {"import_s": 60.0, "peak_mb": 2000.0, "load_again_s": 1.0},
 }
-MAIN = "import sys; from mrp_sumo.cli.main import main; sys.exit(main())"
 LOAD = """
 import sys
 from pathlib import Path
 from mrp_sumo.maps.load import load_map
 graph = sys.argv[2]
 nav = load_map(Path(sys.argv[1]), graph=int(graph) if graph.isdecimal() else graph or None).nav
-print(nav.num_vertices, nav.num_lanes)
+Path(sys.argv[3]).write_text(f"{nav.num_vertices} {nav.num_lanes}")
 """
 
 
-def cpu_s() -> float:
-    """CPU time of all processes that were started and have ended."""
-    used = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return used.ru_utime + used.ru_stime
-
-
-def timed(command: list[str], cache: Path) -> tuple[float, float, str]:
-    """Wall and CPU time of a process in s, and what it printed."""
-    begun, used = time.perf_counter(), cpu_s()
-    done = subprocess.run(command, capture_output=True, text=True, env={**os.environ, "XDG_CACHE_HOME": str(cache)})
-    if done.returncode:
-        sys.exit(done.stderr.strip())
-    return time.perf_counter() - begun, cpu_s() - used, done.stdout
-
-
-def measure(path: Path, graph: str, folder: Path) -> dict[str, float | int | str]:
+def measure(path: Path, graph: str, folder: Path) -> bench.Row:
     """One map."""
-    cache, out = folder / "cache", folder / "out"
-    run_import = [sys.executable, "-c", MAIN, "import", str(path), "--out", str(out), *(["--graph", graph] if graph else [])]
-    first_s, first_cpu_s, _ = timed(run_import, cache)
-    peak_mb = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
-    again_s, _, _ = timed(run_import, cache)
-    load_again_s, _, counts = timed([sys.executable, "-c", LOAD, str(path), graph], cache)
-    load_first_s, _, _ = timed([sys.executable, "-c", LOAD, str(path), graph], folder / "empty")
-    num_vertices, num_lanes = map(int, counts.split())
+    out, counts = folder / "out", folder / "counts"
+    env = {**os.environ, "XDG_CACHE_HOME": str(folder / "cache")}
+    command = [*bench.COMMAND, "import", path, "--out", out, *(["--graph", graph] if graph else [])]
+    load = [sys.executable, "-c", LOAD, path, graph, counts]
+    first, again = (bench.process(command, env=env) for _ in range(2))
+    load_again = bench.process(load, env=env)
+    load_first = bench.process(load, env={**env, "XDG_CACHE_HOME": str(folder / "empty")})
+    num_vertices, num_lanes = map(int, counts.read_text().split())
     return {
         "map": path.name,
         "vertices": num_vertices,
         "lanes": num_lanes,
-        "import_s": round(first_s, 3),
-        "import_cpu_s": round(first_cpu_s, 3),
-        "import_again_s": round(again_s, 3),
-        "load_s": round(load_first_s, 3),
-        "load_again_s": round(load_again_s, 3),
-        "vertices_per_s": round(num_vertices / first_s),
-        "peak_mb": round(peak_mb),  # of the largest process so far
-        "machine_load": round(os.getloadavg()[0], 1),  # processes that ran or waited, in the last minute
+        "import_s": first["wall_s"],
+        "import_cpu_s": first["cpu_s"],
+        "import_again_s": again["wall_s"],
+        "load_s": load_first["wall_s"],
+        "load_again_s": load_again["wall_s"],
+        "vertices_per_s": round(num_vertices / first["wall_s"]),
+        "peak_mb": first["peak_mb"],
     }
 
 
-def missed(told: dict[str, float | int | str]) -> list[str]:
-    """The targets of a map that were not reached."""
-    targets = TARGETS.get(str(told["map"]), {})
-    return [f"{name} {told[name]} > {most:g}" for name, most in targets.items() if float(told[name]) > most]
-
-
-def main() -> None:
-    """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Maps."""
     parser.add_argument("files", metavar="FILE", nargs="*", type=Path)
     parser.add_argument("--graph", default="", help="graph of the files, or all")
     parser.add_argument("--vertices", type=int, default=50_000, help="of the generated warehouse")
-    parser.add_argument("--json", action="store_true")
-    options = parser.parse_args()
+
+
+def rows(options: argparse.Namespace) -> Iterator[bench.Row]:
+    """A row a map."""
     with tempfile.TemporaryDirectory() as temporary:
         files = options.files
         if not files:
             warehouse = Path(temporary) / "warehouse.building.yaml"
-            timed(
-                [sys.executable, "-c", MAIN, "generate", "warehouse", "--vertices", str(options.vertices), "--out", str(warehouse)],
-                Path(temporary),
-            )
+            bench.process([*bench.COMMAND, "generate", "warehouse", "--vertices", options.vertices, "--out", warehouse])
             files = [Path(__file__).parents[1] / "networks/airport/airport.building.yaml", warehouse]
         for k, path in enumerate(files):
             folder = Path(temporary) / str(k)
             folder.mkdir()
-            told = measure(path, options.graph, folder)
-            if options.json:
-                print(json.dumps({**told, "targets": TARGETS.get(path.name, {}), "missed": missed(told)}), flush=True)
-            else:
-                print("{map}: {vertices} vertices, {lanes} lanes, {vertices_per_s} vertices/s, {peak_mb} MB".format(**told))
-                print("  import {import_s:.2f} s ({import_cpu_s:.2f} s CPU), again {import_again_s:.2f} s".format(**told), end=", ")
-                print("load {load_s:.2f} s, again {load_again_s:.2f} s; machine load {machine_load}".format(**told), flush=True)
-                if path.name in TARGETS:
-                    print("  targets: " + ("; ".join(missed(told)) or "all reached"), flush=True)
+            row = measure(path, options.graph, folder)
+            missed = [f"{name} over {most:g}" for name, most in TARGETS.get(path.name, {}).items() if row[name] > most]
+            yield row | {"missed": ", ".join(missed)}
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(bench.main(__file__))

@@ -1,5 +1,4 @@
-#!/usr/bin/env python3
-"""Maps of several levels: how many runs through lifts complete without overlap, and whether robots are where they were planned to be.
+"""Maps of several levels: runs through lifts that complete, and how far robots are off their plans.
 
     python tools/bench_levels.py                                  # the bundled hospital, on three levels
     python tools/bench_levels.py --maps FOLDER                    # and every building map in a folder whose levels lifts join
@@ -12,13 +11,13 @@ that any of its visits is early or late.
 """
 
 import argparse
-import json
 import sys
 import tempfile
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from itertools import product
 from pathlib import Path
 
+import bench
 import numpy as np
 import yaml
 
@@ -32,55 +31,6 @@ from mrp_sumo.maps.load import load_map
 PLANNERS = ("astar", "prioritised", "cbs", "ecbs", "eecbs", "cbs_ta", "ecbs_ta", "pibt", "lacam", "lns2", "pbs", "continuous", "ccbs")
 ROBOTS = (4, 8, 12, 20)
 REPAIRS = ({}, {"join_short_m": 0.45}, {"join_short_m": 0.62})  # the first with which robots fit
-STEP_S = 0.1
-
-
-@dataclass(frozen=True)
-class Row:
-    """One run."""
-
-    map: str
-    planner: str
-    robots: int
-    seed: int
-    status: str
-    rides: int  # from one level to another
-    overlaps: int
-    off_s: float  # most that a visit was early or late
-    planning_s: float
-    note: str
-
-
-def main() -> None:
-    options = parsed()
-    rows = []
-    with MapCache() as maps, tempfile.TemporaryDirectory() as scratch:
-        for file in files(options):
-            for robots in options.robots:
-                for seed in range(options.seeds):
-                    for planner in options.planners:
-                        row = driven(file, robots, seed, planner, options, maps, Path(scratch))
-                        rows.append(row)
-                        print(
-                            json.dumps(asdict(row)) if options.json else "." if row.off_s <= STEP_S else "!",
-                            end="\n" if options.json else "",
-                        )
-                        sys.stdout.flush()
-    if not options.json:
-        print("\n\n" + table(rows, "map") + "\n\n" + table(rows, "planner"))
-
-
-def parsed() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--maps", type=Path, help="a folder of *.building.yaml")
-    parser.add_argument("--planners", nargs="+", default=PLANNERS, metavar="NAME")
-    parser.add_argument("--robots", nargs="+", type=int, default=ROBOTS)
-    parser.add_argument("--seeds", type=int, default=1, help="draws of each number of robots (default: 1)")
-    parser.add_argument("--mixed", action="store_true", help="every other robot is a small AMR")
-    parser.add_argument("--engine", choices=("kinematic", "sumo"), default="kinematic")
-    parser.add_argument("--time-limit", type=float, default=10.0, metavar="S", help="of each plan (default: 10)")
-    parser.add_argument("--json", action="store_true", help="a line for each run instead of the tables")
-    return parser.parse_args()
 
 
 def files(options: argparse.Namespace) -> Iterator[Path]:
@@ -93,7 +43,7 @@ def files(options: argparse.Namespace) -> Iterator[Path]:
             continue
 
 
-def driven(file: Path, robots: int, seed: int, planner: str, options: argparse.Namespace, maps: MapCache, scratch: Path) -> Row:
+def driven(file: Path, robots: int, seed: int, planner: str, options: argparse.Namespace, maps: MapCache, scratch: Path) -> bench.Row:
     """A run from a scenario of its own; the first in which robots fit."""
     small = {
         "length_m": 0.35,
@@ -106,6 +56,7 @@ def driven(file: Path, robots: int, seed: int, planner: str, options: argparse.N
     }
     fleet = [{"type": "turtlebot3", "count": robots - robots // 2}, {"type": small, "count": robots // 2}]
     name, note = f"{file.parent.name}/{file.name.removesuffix('.building.yaml')}", ""
+    about = {"map": name, "planner": planner, "robots": robots, "seed": seed}
     for repairs in REPAIRS:
         scenario = {
             "map": {"file": str(file), **repairs},
@@ -131,29 +82,52 @@ def driven(file: Path, robots: int, seed: int, planner: str, options: argparse.N
         if run is not None and plan is not None:
             off_s = float(np.abs(run.arrived_s - plan.arrive_s).max()) if np.isfinite(run.arrived_s).all() else np.inf
         rides, overlaps = result.metrics["lift_rides"] or 0, result.metrics["num_overlaps"] or 0
-        return Row(
-            name, planner, robots, seed, result.status, rides, overlaps, round(off_s, 6), result.solution.planning_time_s, result.note
-        )
-    return Row(name, planner, robots, seed, "refused", 0, 0, np.nan, 0.0, note)
+        row = about | {"status": result.status, "rides": rides, "overlaps": overlaps, "off_s": round(off_s, 6)}
+        return row | {"planning_s": result.solution.planning_time_s, "note": result.note}
+    return about | {"status": "refused", "rides": 0, "overlaps": 0, "off_s": np.nan, "planning_s": 0.0, "note": note}
 
 
-def table(rows: list[Row], key: str) -> str:
+def table(rows: list[bench.Row], key: str) -> str:
     """By map or planner."""
     lines = [
         f"| {key} | runs driven | completed | with overlaps | rides | most off the plan, s | no plan | refused |",
         "|---|" + "---|" * 7,
     ]
-    for name in dict.fromkeys(getattr(row, key) for row in rows):
-        mine = [row for row in rows if getattr(row, key) == name]
-        drove = [row for row in mine if not np.isnan(row.off_s)]
-        refused = sum(row.status == "refused" for row in mine)
-        completed, overlaps = sum(row.status == "completed" for row in drove), sum(row.overlaps > 0 for row in drove)
-        off_s = max((row.off_s for row in drove), default=np.nan)
-        rides = sum(row.rides for row in drove)
+    for name in dict.fromkeys(row[key] for row in rows):
+        mine = [row for row in rows if row[key] == name]
+        drove = [row for row in mine if not np.isnan(row["off_s"])]
+        refused = sum(row["status"] == "refused" for row in mine)
+        completed, overlaps = sum(row["status"] == "completed" for row in drove), sum(row["overlaps"] > 0 for row in drove)
+        off_s = max((row["off_s"] for row in drove), default=np.nan)
+        rides = sum(row["rides"] for row in drove)
         without = len(mine) - len(drove) - refused
         lines.append(f"| {name} | {len(drove)} | {completed} | {overlaps} | {rides} | {off_s:.3g} | {without} | {refused} |")
     return "\n".join(lines)
 
 
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Maps, planners and fleets."""
+    parser.add_argument("--maps", type=Path, help="a folder of *.building.yaml")
+    parser.add_argument("--planners", nargs="+", default=PLANNERS, metavar="NAME")
+    parser.add_argument("--robots", nargs="+", type=int, default=ROBOTS)
+    parser.add_argument("--seeds", type=int, default=1, help="draws of each number of robots (default: 1)")
+    parser.add_argument("--mixed", action="store_true", help="every other robot is a small AMR")
+    parser.add_argument("--engine", choices=("kinematic", "sumo"), default="kinematic")
+    parser.add_argument("--time-limit", type=float, default=10.0, metavar="S", help="of each plan (default: 10)")
+
+
+def rows(options: argparse.Namespace) -> Iterator[bench.Row]:
+    """A row for each run."""
+    with MapCache() as maps, tempfile.TemporaryDirectory() as scratch:
+        for file in files(options):
+            for robots, seed, planner in product(options.robots, range(options.seeds), options.planners):
+                yield driven(file, robots, seed, planner, options, maps, Path(scratch))
+
+
+def summary(rows: list[bench.Row], options: argparse.Namespace) -> str:
+    """By map, and by planner."""
+    return "\n\n".join(table(rows, key) for key in ("map", "planner"))
+
+
 if __name__ == "__main__":
-    main()
+    sys.exit(bench.main(__file__))

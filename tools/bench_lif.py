@@ -1,14 +1,21 @@
-"""How long the import of large LIF files takes, in CPU seconds: a grid of N edges, one in ten a curve.
+"""The import of large LIF files, in CPU seconds: a grid of N edges, one in ten a curve.
 
 tools/bench_lif.py --edges 50000
 """
 
 import argparse
 import json
+import sys
 import tempfile
-import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+
+import bench
+
+from mrp_sumo.maps.load import load_map
+from mrp_sumo.maps.readers.lif import Lif
+from mrp_sumo.maps.readers.reader import Selection, map_file
 
 KIND = "maker.series"
 
@@ -42,46 +49,32 @@ def lif_of(num_edges: int) -> dict[str, Any]:
 
 
 def _edge(a: tuple[int, int], b: tuple[int, int], curved: bool) -> dict[str, Any]:
-    given: dict[str, Any] = {"vehicleTypeId": KIND, "rotationAllowed": False, "maxSpeed": 1.5}
+    of_kind: dict[str, Any] = {"vehicleTypeId": KIND, "rotationAllowed": False, "maxSpeed": 1.5}
     if curved:
         (x, y), (u, v) = ((2.0 * i, 2.0 * j) for i, j in (a, b))
         aside = ((v - y) / 4, (x - u) / 4)
         points = [(x, y), (x + aside[0], y + aside[1]), (u + aside[0], v + aside[1]), (u, v)]
         knots = [0, 0, 0, 0, 1, 1, 1, 1]
-        given["trajectory"] = {"degree": 3, "knotVector": knots, "controlPoints": [{"x": px, "y": py} for px, py in points]}
+        of_kind["trajectory"] = {"degree": 3, "knotVector": knots, "controlPoints": [{"x": px, "y": py} for px, py in points]}
     ends = {"startNodeId": "N{}_{}".format(*a), "endNodeId": "N{}_{}".format(*b)}
-    return {"edgeId": "E{}_{}-{}_{}".format(*a, *b), **ends, "vehicleTypeEdgeProperties": [given]}
+    return {"edgeId": "E{}_{}-{}_{}".format(*a, *b), **ends, "vehicleTypeEdgeProperties": [of_kind]}
 
 
-def main() -> None:
-    """Print a line of JSON for each step."""
-    from mrp_sumo.maps.load import load_map
-    from mrp_sumo.maps.readers.lif import Lif
-    from mrp_sumo.maps.readers.reader import Selection, map_file
-
-    parser = argparse.ArgumentParser(description=__doc__)
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """The size."""
     parser.add_argument("--edges", type=int, default=50_000)
-    num_edges = parser.parse_args().edges
+
+
+def rows(options: argparse.Namespace) -> Iterator[bench.Row]:
+    """One row."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "grid.lif.json"
-        path.write_text(json.dumps(lif_of(num_edges)))
-        begin = time.process_time()
-        map_ = Lif().read(map_file(path), Selection())
-        read_s = time.process_time() - begin
-        begin = time.process_time()
-        load_map(path)
-        print(
-            json.dumps(
-                {
-                    "edges": num_edges,
-                    "lanes": map_.nav.num_lanes,
-                    "megabytes": round(path.stat().st_size / 1e6, 1),
-                    "read_cpu_s": round(read_s, 2),
-                    "load_cpu_s": round(time.process_time() - begin, 2),
-                }
-            )
-        )
+        path.write_text(json.dumps(lif_of(options.edges)))
+        map_, read_cpu_s, _ = bench.timed(lambda: Lif().read(map_file(path), Selection()))
+        _, load_cpu_s, _ = bench.timed(lambda: load_map(path))
+        row = {"edges": options.edges, "lanes": map_.nav.num_lanes, "size_mb": round(path.stat().st_size / 1e6, 1)}
+        yield row | {"read_cpu_s": read_cpu_s, "load_cpu_s": load_cpu_s}
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(bench.main(__file__))

@@ -1,10 +1,9 @@
-#!/usr/bin/env python3
-"""Measures step-wise planners on lifelong problems beside published figures, or dispatchers on MAPD. Prints a table, or JSON lines.
+"""Measures step-wise planners on lifelong problems beside published figures, or dispatchers on MAPD.
 
-    tools/bench_lifelong.py DATA [--only TEXT] [--planner NAME ...] [--steps N] [--seed N] [--set KEY=VALUE ...] [--json]
-    tools/bench_lifelong.py --mapd [--robots N ...] [--dispatcher NAME ...] [--seeds N] [--frequency F] [--json]
+    tools/bench_lifelong.py DATA [--only TEXT] [--planner NAME ...] [--steps N] [--seed N] [--set KEY=VALUE ...]
+    tools/bench_lifelong.py --mapd [--robots N ...] [--dispatcher NAME ...] [--seeds N] [--frequency F]
     tools/bench_lifelong.py --kiva [--driven] [--type NAME ...] [--engine NAME ...] [--robots N ...] [--planner NAME ...] [--steps N]
-    tools/bench_lifelong.py --speed [--robots N ...] [--engine NAME ...] [--seconds S] [--planner NAME ...] [--json]
+    tools/bench_lifelong.py --speed [--robots N ...] [--engine NAME ...] [--seconds S] [--planner NAME ...]
 
 DATA is a folder with `epibt_random` (a map of 819 free cells, robots in agents_0.csv to agents_7.csv, goals in tasks_one.csv: robot r
 of R has the goals r, r + R, ...; 1,000 steps) and `lorr2024/example_problems` (three problems of the League of Robot Runners of 2024).
@@ -12,7 +11,7 @@ of R has the goals r, r + R, ...; 1,000 steps) and `lorr2024/example_problems` (
 printed. `cpu_ms` is the planner's CPU time a step on one core, kernels loaded; `max_ms` the slowest step's. Every solution is judged.
 
 With `--mapd` the bundled scenario `mapd_lifelong` is run: 500 tasks, F a step (default: 1), robots at N of the 50 places without tasks,
-drawn by the seed, every dispatcher with the same tasks. `makespan` is when the last task is done, `service` the mean time from a task's
+drawn by the seed, every dispatcher with the same tasks. `makespan` is when the last task is done, `lead_time` the mean time from a task's
 release to its end, `p95` and `max` of the same (steps, which are seconds there); `empty` the mean way to a pick-up; `cpu_s` of the whole
 run, the planner's and the checks' included.
 
@@ -34,12 +33,15 @@ share of it that the planner took; `peak_mb` the memory of the whole process, so
 import argparse
 import csv
 import json
+import sys
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from resource import RUSAGE_SELF, getrusage
 from tempfile import TemporaryDirectory
 from typing import Any
 
+import bench
 import numpy as np
 
 import mrp_sumo as ms
@@ -66,63 +68,11 @@ LEAGUE = {  # problem -> steps, tasks of the best entry
     "warehouse.domain/sortation_large_2000": (2000, 15508),
 }
 DISPATCHERS = ("nearest", "token_passing", "tpts", "regret", "central", "hungarian", "min_cost_flow")
-MAPD_WIDTH = {"robots": 6, "dispatcher": 13, "seed": 4, "makespan": 8, "service": 8, "p95": 7, "max": 7, "empty": 6, "calls": 6, "cpu_s": 6}
 CELL_M = {"unit": 1.0, "turtlebot3": 0.4, "amr_600": 1.2}
-DRIVEN_WIDTH = {"robots": 6, "type": 10, "engine": 9, "planner": 11, "seed": 4, "steps": 5, "step_s": 6, "goals": 6, "per_h": 7}
-DRIVEN_WIDTH |= {"moving": 6, "turning": 7, "waiting": 7, "detour": 6, "calls": 5, "failed": 6, "cpu_s": 8}
-KIVA_WIDTH = {"robots": 6, "planner": 11, "seed": 4, "steps": 5, "goals": 6, "rhcr": 5, "calls": 6, "failed": 6, "cpu_s": 8}
-SPEED_WIDTH = {"robots": 6, "engine": 9, "planner": 11, "simulated_s": 11, "wall_s": 8, "cpu_s": 8, "times_real": 10}
-SPEED_WIDTH |= {"planning": 8, "done": 5, "open": 5, "peak_mb": 7}
-WIDTH = {"problem": 22, "robots": 6, "planner": 8, "steps": 6, "done": 7, "published": 9, "ratio": 6, "cpu_ms": 8, "max_ms": 8, "valid": 6}
 
 
-def main() -> int:
-    """Run the benchmark."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("data", type=Path, nargs="?")
-    parser.add_argument("--mapd", action="store_true", help="compare dispatchers")
-    parser.add_argument("--kiva", action="store_true", help="compare planners in windows")
-    parser.add_argument("--driven", action="store_true", help="with --kiva: in seconds, not in steps")
-    parser.add_argument("--type", action="append", choices=tuple(CELL_M), help="with --driven; may be repeated (default: unit)")
-    parser.add_argument("--speed", action="store_true", help="measure the speed of runs")
-    parser.add_argument("--engine", action="append", choices=("kinematic", "sumo"), help="may be repeated (default: both)")
-    parser.add_argument("--seconds", type=float, default=600.0, metavar="S")
-    parser.add_argument("--robots", type=int, action="append", metavar="N", help="may be repeated (default of --mapd: 10, 20, 30, 40, 50)")
-    parser.add_argument("--dispatcher", action="append", metavar="NAME", help="may be repeated (default: all)")
-    parser.add_argument("--seeds", type=int, default=1, metavar="N", help="0 to N - 1")
-    parser.add_argument("--frequency", type=float, default=1.0, metavar="F", help="tasks a step")
-    parser.add_argument("--only", default="", metavar="TEXT", help="problems whose name has it")
-    parser.add_argument("--planner", action="append", metavar="NAME", help="may be repeated (default: epibt)")
-    parser.add_argument("--steps", type=int, metavar="N", help="instead of those that are published")
-    parser.add_argument("--seed", type=int, default=0, metavar="N")
-    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="a parameter of the planner")
-    parser.add_argument("--json", action="store_true", help="print a JSON line per row")
-    options = parser.parse_args()
-    for chosen, measure in ((options.mapd, _mapd), (options.kiva, _kiva), (options.speed, _speed)):
-        if chosen:
-            return measure(options)
-    if options.data is None:
-        parser.error("DATA, --mapd, --kiva or --speed is needed")
-    if not options.json:
-        print(" ".join(f"{key:>{width}}" for key, width in WIDTH.items()))
-    faults = 0
-    for robots, published in EPIBT.items():
-        name = f"random_819_{robots}"
-        if options.only in name:
-            problem = _own_goals(options.data / "epibt_random", robots, name)
-            for planner in options.planner or ["epibt"]:
-                faults += not _measure(options, problem, planner, 1000, published, {"tasks": "in_turn"})
-    for path, (steps, tasks) in LEAGUE.items():
-        if options.only in path:
-            problem = read_problem(options.data / "lorr2024" / "example_problems" / f"{path}.json")
-            for planner in options.planner or ["epibt"]:
-                faults += not _measure(options, problem, planner, steps, tasks, {})
-    return 1 if faults else 0
-
-
-def _mapd(options: argparse.Namespace) -> int:
+def _mapd(options: argparse.Namespace) -> Iterator[bench.Row]:
     """A row for each fleet, seed and dispatcher."""
-    _print_head(options, MAPD_WIDTH)
     base = ms.Scenario.read("mapd_lifelong")
     lines = (bundled_folder("networks") / "mapd" / "mapd.map.pd").read_text().split()[::-1]  # from the lowest row
     letters = [letter for line in lines for letter in line if letter in "se."]  # those of free cells, which are numbered so
@@ -135,30 +85,19 @@ def _mapd(options: argparse.Namespace) -> int:
             for name in options.dispatcher or DISPATCHERS:
                 before = _cpu_s()
                 run = ms.run(fleet.replace(execution={"dispatcher": name}))
-                _print_mapd(options, run, robots, name, seed, _cpu_s() - before)
-    return 0
+                yield {"robots": robots, "dispatcher": name, "seed": seed, **_of_tasks(run), "cpu_s": _cpu_s() - before}
 
 
-def _print_mapd(options: argparse.Namespace, run: ms.Run, robots: int, name: str, seed: int, cpu_s: float) -> None:
+def _of_tasks(run: ms.Run) -> bench.Row:
+    """Lead times of a run's tasks."""
     tasks, metrics = run.kept.execution.tasks, run.metrics
-    row = {
-        "robots": robots,
-        "dispatcher": name,
-        "seed": seed,
-        "makespan": round(float(tasks.done_s.max()), 1),
-        "service": round(float(tasks.service_time_s.mean()), 1),
-        "p95": round(float(np.quantile(tasks.service_time_s, 0.95)), 1),
-        "max": round(float(tasks.service_time_s.max()), 1),
-        "empty": round(metrics["cycle_empty_travel_s"], 1),
-        "calls": metrics["planner_calls"],
-        "cpu_s": round(cpu_s, 1),
-    }
-    _print_row(options, MAPD_WIDTH, row)
+    took_s = tasks.service_time_s
+    row = {"makespan": float(tasks.done_s.max()), "lead_time": float(took_s.mean()), "p95": float(np.quantile(took_s, 0.95))}
+    return row | {"max": float(took_s.max()), "empty": metrics["cycle_empty_travel_s"], "calls": metrics["planner_calls"]}
 
 
-def _kiva(options: argparse.Namespace) -> int:
+def _kiva(options: argparse.Namespace) -> Iterator[bench.Row]:
     """A row for each fleet, seed and planner, and for each type and engine where robots drive."""
-    _print_head(options, DRIVEN_WIDTH if options.driven else KIVA_WIDTH)
     base = ms.Scenario.read("kiva_lifelong")
     rows = (bundled_folder("networks") / "kiva" / "kiva.map").read_text().splitlines()[4:][::-1]  # from the lowest row
     free = [(y, x) for y, row in enumerate(rows) for x, letter in enumerate(row) if letter != "@"]
@@ -181,16 +120,15 @@ def _kiva(options: argparse.Namespace) -> int:
                 if options.driven:
                     for kind in options.type or ["unit"]:
                         for engine in options.engine or ["kinematic"]:
-                            _drive_kiva(options, fleet.replace(planner=name), kind, engine, steps)
+                            yield _driven(fleet.replace(planner=name), kind, engine, steps)
                     continue
                 problem, planner = ms.problem(_of_type(fleet, "unit").replace(planner=name)), make("planners", name, {})
                 planner.prepare()
                 before = _cpu_s()
                 counts = _in_windows(replace(problem, step_s=1.0), planner, [list(ahead) for ahead in goals], steps)
                 row = {"robots": robots, "planner": name, "seed": seed, "steps": steps, "goals": counts[0] / steps}
-                row |= {"rhcr": RHCR.get(robots), "calls": counts[1], "failed": counts[2], "cpu_s": _cpu_s() - before}
-                _print_row(options, KIVA_WIDTH, row)
-    return 0
+                row |= {"rhcr": RHCR.get(robots), "calls": counts[1], "calls_failed": counts[2], "cpu_s": _cpu_s() - before}
+                yield row
 
 
 def _of_type(fleet: ms.Scenario, kind: str) -> ms.Scenario:
@@ -199,8 +137,8 @@ def _of_type(fleet: ms.Scenario, kind: str) -> ms.Scenario:
     return fleet.replace(robots={"type": unit if kind == "unit" else kind}, discretisation={"cell_m": CELL_M[kind]})
 
 
-def _drive_kiva(options: argparse.Namespace, fleet: ms.Scenario, kind: str, engine: str, steps: int) -> None:
-    """Have robots drive from goal to goal for so many steps of their plans, and print the row."""
+def _driven(fleet: ms.Scenario, kind: str, engine: str, steps: int) -> bench.Row:
+    """Have robots drive from goal to goal for so many steps of their plans."""
     fleet = _of_type(fleet, kind)
     problem = ms.problem(fleet)
     step_s, known = problem.step_s, distances(problem.graph)
@@ -217,7 +155,7 @@ def _drive_kiva(options: argparse.Namespace, fleet: ms.Scenario, kind: str, engi
     row |= {"steps": steps, "step_s": step_s, "goals": len(stops.task) / steps, "per_h": 3600 * len(stops.task) / (steps * step_s)}
     row |= {"moving": share["moving"], "turning": share["turning"], "waiting": 1 - share["moving"] - share["turning"]}
     row |= {"detour": cells / least - 1, "calls": run.metrics["planner_calls"]}
-    _print_row(options, DRIVEN_WIDTH, row | {"failed": run.metrics["planner_calls_failed"], "cpu_s": _cpu_s() - before})
+    return row | {"calls_failed": run.metrics["planner_calls_failed"], "cpu_s": _cpu_s() - before}
 
 
 def _in_windows(problem: Problem, planner: Planner, goals: list[list[int]], steps: int) -> tuple[int, int, int]:
@@ -234,7 +172,7 @@ def _in_windows(problem: Problem, planner: Planner, goals: list[list[int]], step
             continue
         ends = plan.vertex[plan.first[1:] - 1]
         if not judge(replace(asked, goal=ends), plan).valid:
-            raise SystemExit(f"the plan from step {begin} on has conflicts")
+            raise ValueError(f"the plan from step {begin} on has conflicts")
         for r, path in enumerate(paths_of_plan(plan, 1.0)):
             for v in path[1 : EVERY + 1].tolist():
                 while v == goals[r][0]:
@@ -250,9 +188,8 @@ def _ahead(at: int, goals: list[int], known: Distances) -> list[int]:
     return goals[: int(np.searchsorted(far, WINDOW)) + 1]
 
 
-def _speed(options: argparse.Namespace) -> int:
+def _speed(options: argparse.Namespace) -> Iterator[bench.Row]:
     """A row for each fleet, engine and planner."""
-    _print_head(options, SPEED_WIDTH)
     for robots in options.robots or (100, 1000):
         with TemporaryDirectory() as folder:
             path = _floor(Path(folder), robots)
@@ -267,8 +204,7 @@ def _speed(options: argparse.Namespace) -> int:
                     row |= {"wall_s": metrics["wall_time_s"], "cpu_s": metrics["cpu_time_s"], "times_real": metrics["real_time_factor"]}
                     row |= {"planning": metrics["planning_time_s"] / metrics["wall_time_s"], "done": metrics["tasks_done"]}
                     row |= {"open": metrics["tasks_open"], "peak_mb": round(getrusage(RUSAGE_SELF).ru_maxrss / 1000)}
-                    _print_row(options, SPEED_WIDTH, row)
-    return 0
+                    yield row
 
 
 def _floor(folder: Path, robots: int) -> Path:
@@ -299,19 +235,6 @@ def _cpu_s() -> float:
     return used.ru_utime + used.ru_stime
 
 
-def _print_head(options: argparse.Namespace, width: dict[str, int]) -> None:
-    if not options.json:
-        print(" ".join(f"{key:>{columns}}" for key, columns in width.items()), flush=True)
-
-
-def _print_row(options: argparse.Namespace, width: dict[str, int], row: dict[str, Any]) -> None:
-    row = {key: round(value, 3) if isinstance(value, float) else value for key, value in row.items()}
-    if options.json:
-        print(json.dumps(row), flush=True)
-    else:
-        print(" ".join(f"{'-' if row[key] is None else row[key]!s:>{columns}}" for key, columns in width.items()), flush=True)
-
-
 def _own_goals(folder: Path, robots: int, name: str) -> StepWiseProblem:
     free = read_map(folder / "map.txt")
     with (folder / f"agents_{robots // 100 - 1}.csv").open() as file:
@@ -320,32 +243,73 @@ def _own_goals(folder: Path, robots: int, name: str) -> StepWiseProblem:
     return StepWiseProblem(name, free, start, np.arange(len(goals) + 1), goals, len(goals))
 
 
-def _measure(
-    options: argparse.Namespace, problem: StepWiseProblem, name: str, steps: int, published: int | None, parameters: dict[str, Any]
-) -> bool:
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Data, and what is compared."""
+    parser.add_argument("data", type=Path, nargs="?")
+    parser.add_argument("--mapd", action="store_true", help="compare dispatchers")
+    parser.add_argument("--kiva", action="store_true", help="compare planners in windows")
+    parser.add_argument("--driven", action="store_true", help="with --kiva: in seconds, not in steps")
+    parser.add_argument("--type", action="append", choices=tuple(CELL_M), help="with --driven; may be repeated (default: unit)")
+    parser.add_argument("--speed", action="store_true", help="measure the speed of runs")
+    parser.add_argument("--engine", action="append", choices=("kinematic", "sumo"), help="may be repeated (default: both)")
+    parser.add_argument("--seconds", type=float, default=600.0, metavar="S")
+    parser.add_argument("--robots", type=int, action="append", metavar="N", help="may be repeated (default of --mapd: 10, 20, 30, 40, 50)")
+    parser.add_argument("--dispatcher", action="append", metavar="NAME", help="may be repeated (default: all)")
+    parser.add_argument("--seeds", type=int, default=1, metavar="N", help="0 to N - 1")
+    parser.add_argument("--frequency", type=float, default=1.0, metavar="F", help="tasks a step")
+    parser.add_argument("--only", default="", metavar="TEXT", help="problems whose name has it")
+    parser.add_argument("--planner", action="append", metavar="NAME", help="may be repeated (default: epibt)")
+    parser.add_argument("--steps", type=int, metavar="N", help="instead of those that are published")
+    parser.add_argument("--seed", type=int, default=0, metavar="N")
+    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="a parameter of the planner")
+
+
+def rows(options: argparse.Namespace) -> Iterator[bench.Row]:
+    """Rows of the problems in DATA, or of what an option names."""
+    made = _mapd if options.mapd else _kiva if options.kiva else _speed if options.speed else _published
+    for row in made(options):
+        yield {key: round(value, 3) if isinstance(value, float) else value for key, value in row.items()}
+
+
+def _published(options: argparse.Namespace) -> Iterator[bench.Row]:
+    """A row for each problem and planner; those that are not valid have failed."""
+    if options.data is None:
+        raise ValueError("DATA, --mapd, --kiva or --speed is needed")
+    for robots, published in EPIBT.items():
+        name = f"random_819_{robots}"
+        if options.only in name:
+            problem = _own_goals(options.data / "epibt_random", robots, name)
+            for planner in options.planner or ["epibt"]:
+                yield _measured(options, problem, planner, 1000, published, {"tasks": "in_turn"})
+    for path, (steps, tasks) in LEAGUE.items():
+        if options.only in path:
+            problem = read_problem(options.data / "lorr2024" / "example_problems" / f"{path}.json")
+            for planner in options.planner or ["epibt"]:
+                yield _measured(options, problem, planner, steps, tasks, {})
+
+
+def _measured(
+    options: argparse.Namespace, problem: StepWiseProblem, name: str, steps: int, tasks: int, parameters: dict[str, Any]
+) -> bench.Row:
     planner = make("step_planners", name, parameters | dict(pairs(options)))
     planner.prepare()
     run = run_step_wise(problem, planner, options.steps or steps, options.seed)
     verdict = judge_step_wise(problem, run.solution)
-    published = None if options.steps and options.steps != steps else published
-    row = {
+    published = None if options.steps and options.steps != steps else tasks
+    return {
         "problem": problem.name,
         "robots": problem.num_robots,
         "planner": name,
         "steps": run.solution.num_steps,
         "done": verdict.tasks_done,
         "published": published,
-        "ratio": round(verdict.tasks_done / published, 3) if published else None,
-        "cpu_ms": round(1000 * run.planning_cpu_s / run.solution.num_steps, 2),
-        "max_ms": round(1000 * max(run.plan_time_s), 2),
+        "ratio": verdict.tasks_done / published if published else None,
+        "cpu_ms": 1000 * run.planning_cpu_s / run.solution.num_steps,
+        "max_ms": 1000 * max(run.plan_time_s),
         "valid": verdict.valid,
+        "failed": not verdict.valid,
     }
-    if options.json:
-        print(json.dumps(row), flush=True)
-    else:
-        print(" ".join(f"{'-' if row[key] is None else row[key]!s:>{width}}" for key, width in WIDTH.items()), flush=True)
-    return verdict.valid
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    sys.exit(bench.main(__file__))

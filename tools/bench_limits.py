@@ -1,11 +1,10 @@
-#!/usr/bin/env python3
-"""Measures whether planners keep their time limits, on instances that are too hard for most. Prints a table, or JSON lines.
+"""Measures whether planners keep their time limits, on instances that are too hard for most.
 
     tools/bench_limits.py INSTANCES [--planner NAME ...] [--limit S ...] [--only TEXT] [--json]
 
 INSTANCES is a folder with MovingAI's random-32-32-20 and warehouse-10-20-10-2-1, and the airport's grid. A planner is late where it
 works for more than 5 % of its limit (at least 0.1 s) after the limit, in processor time: on a machine with other work the wall
-time says more about that. `peak` is the memory of the process. Exit code 1 when one is late. Linux only.
+time says more about that. `peak` is the memory of the process. `failed` is being late; exit code 1 when one is. Linux only.
 """
 
 import argparse
@@ -15,10 +14,12 @@ import resource
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from math import inf
 from pathlib import Path
 from time import perf_counter, process_time
 
+import bench
 import numpy as np
 
 from mrp_sumo.core.fleet import fleet_of
@@ -37,37 +38,13 @@ HARD = {  # name -> (map, scen, robots)
 }
 
 
-def main() -> int:
-    """Ask every planner every instance with every limit, each in a process of its own."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("instances", type=Path)
-    parser.add_argument("--planner", action="append", metavar="NAME", help="may be repeated (default: all)")
-    parser.add_argument("--limit", action="append", type=float, metavar="S", help=f"may be repeated (default: {LIMITS_S})")
-    parser.add_argument("--only", default="", metavar="TEXT", help=f"of {', '.join(HARD)}: those with this text")
-    parser.add_argument("--json", action="store_true")
-    parser.add_argument("--one", nargs=3, help=argparse.SUPPRESS)
-    options = parser.parse_args()
-    if options.one:
-        print(json.dumps(ask(options.instances, *options.one)))
-        return 0
-    late = 0
-    for name in options.planner or [n for n in planner_names() if n != "external"]:
-        for hard in (h for h in HARD if options.only in h):
-            for limit_s in options.limit or LIMITS_S:
-                words = [sys.executable, __file__, str(options.instances), "--one", name, hard, str(limit_s)]
-                row = {"planner": name, "instance": hard, "limit_s": limit_s, **watched(words, limit_s)}
-                late += row["late_cpu_s"] > tolerance_s(limit_s)
-                print(json.dumps(row) if options.json else line(row), flush=True)
-    return 1 if late else 0
-
-
 def tolerance_s(limit_s: float) -> float:
-    """How late an answer may be."""
+    """The time after its limit at which an answer still counts."""
     return max(0.1, 0.05 * limit_s)
 
 
 def watched(words: list[str], limit_s: float) -> dict[str, object]:
-    """What a process of `ask` says, and how long it worked after its limit."""
+    """The answer of a process of `ask`, and how long it worked after its limit."""
     process = subprocess.Popen(words, stdout=subprocess.PIPE, text=True)
     began = process.stdout.readline()
     if began:
@@ -116,16 +93,27 @@ def problem_of(folder: Path, hard: str) -> Problem:
     return Problem(graph, fleet_of(POINT, 2), np.array([0, 5]), np.array([5, 0]), np.array([0, 1]), 1.0)
 
 
-def line(row: dict[str, object]) -> str:
-    """A row of the table."""
-    head = f"{row['planner']:<12} {row['instance']:<15} {row['limit_s']:4g} s  {row['status']:<12}"
-    if "wall_s" not in row:
-        return head
-    mark = "LATE" if row["late_cpu_s"] > tolerance_s(row["limit_s"]) else ""
-    verdict = {None: "", True: "valid", False: "not valid"}[row["valid"]]
-    times = f"wall {row['wall_s']:6.2f}  cpu {row['cpu_s']:6.2f}  late by cpu {row['late_cpu_s']:5.2f}"
-    return f"{head} {verdict:<9} {times}  peak {row['peak_mb']:5.0f} MB  bound {row['bound']:<8.6g} {mark}"
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Instances, planners, limits."""
+    parser.add_argument("instances", type=Path)
+    parser.add_argument("--planner", action="append", metavar="NAME", help="may be repeated (default: all)")
+    parser.add_argument("--limit", action="append", type=float, metavar="S", help=f"may be repeated (default: {LIMITS_S})")
+    parser.add_argument("--only", default="", metavar="TEXT", help=f"of {', '.join(HARD)}: those with this text")
+    parser.add_argument("--one", nargs=3, help=argparse.SUPPRESS)
+
+
+def rows(options: argparse.Namespace) -> Iterator[bench.Row]:
+    """A row for each planner, instance and limit, each in a process of its own."""
+    if options.one:
+        yield ask(options.instances, *options.one)
+        return
+    for name in options.planner or [n for n in planner_names() if n != "external"]:
+        for hard in (h for h in HARD if options.only in h):
+            for limit_s in options.limit or LIMITS_S:
+                words = [sys.executable, __file__, str(options.instances), "--json", "--one", name, hard, str(limit_s)]
+                row = {"planner": name, "instance": hard, "limit_s": limit_s, **watched(words, limit_s)}
+                yield row | {"failed": row["late_cpu_s"] > tolerance_s(limit_s)}
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    sys.exit(bench.main(__file__))

@@ -2,18 +2,18 @@
 
     python tools/bench_logs.py [--robots 1000] [--seconds 600] [--out DIR]
 
-The robots are invented: each drives up and down its own corridor at changing speed. Prints a line a log,
-with seconds, seconds of CPU, megabytes and the peak of resident memory so far.
+The robots are invented: each drives up and down its own corridor at changing speed. A row a log.
 """
 
 import argparse
 import resource
 import shutil
-import time
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from tempfile import mkdtemp
 
+import bench
 import numpy as np
 
 from mrp_sumo.bags.writer import BagOptions, write_bag
@@ -62,42 +62,43 @@ def invented(num_robots: int, seconds: float) -> RunRecord:
     return RunRecord("corridors", 0, fleet_of(CART, num_robots), graph, target, plan, execution, nav, None)
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Size of the run."""
     parser.add_argument("--robots", type=int, default=1000)
     parser.add_argument("--seconds", type=float, default=600.0)
     parser.add_argument("--out", type=Path, help="keep the files here (default: a temporary folder, removed)")
-    options = parser.parse_args()
+
+
+def rows(options: argparse.Namespace) -> Iterator[bench.Row]:
+    """A row a log; peaks of memory are those so far."""
     folder = options.out or Path(mkdtemp(prefix="bench_logs_"))
     folder.mkdir(parents=True, exist_ok=True)
     record = invented(options.robots, options.seconds)
-    execution = record.execution
-    print(f"{options.robots} robots, {len(execution.t_s)} samples; memory before: {_memory_mb():.0f} MB")
-
-    def measure(name: str, work: Callable[[], object], path: Path | None = None) -> None:
-        began, worked = time.perf_counter(), time.process_time()
-        work()
-        spent, cpu = time.perf_counter() - began, time.process_time() - worked
-        files = [path] if path and path.is_file() else path.rglob("*") if path else ()
-        size = sum(f.stat().st_size for f in files if f.is_file()) / 1e6
-        print(f"{name:24} {spent:7.2f} s {cpu:7.2f} s CPU {size:8.1f} MB   peak {_memory_mb():6.0f} MB", flush=True)
-
-    table, x, y = folder / "trajectory.parquet", execution.x_m[::5], execution.y_m[::5]
+    execution, table = record.execution, folder / "trajectory.parquet"
+    x, y, goals = execution.x_m[::5], execution.y_m[::5], record.graph.xy[record.target]
     t_ns = np.rint(execution.t_s[::5] * 1e9).astype(np.int64)
-    measure("parquet", lambda: write_trajectory(table, execution, record.fleet.robot_name, {}), table)
-    measure("parquet, reading", lambda: read_trajectory(table))
-    measure("bag, mcap", lambda: write_bag(folder / "bag", record), folder / "bag")
-    measure("bag, sqlite3", lambda: write_bag(folder / "bag_sqlite3", record, BagOptions(storage="sqlite3")), folder / "bag_sqlite3")
-    measure("audit", lambda: audit(execution, record.fleet))
-    goals = record.graph.xy[record.target]
-    measure("MRP-Bench's metrics", lambda: execution_metrics(t_ns, x, y, goals, goals))
+    in_sqlite3 = BagOptions(storage="sqlite3")
+    works: tuple[tuple[str, Path | None, Callable[[], object]], ...] = (
+        ("the run in memory", None, lambda: None),
+        ("parquet", table, lambda: write_trajectory(table, execution, record.fleet.robot_name, {})),
+        ("parquet, reading", None, lambda: read_trajectory(table)),
+        ("bag, mcap", folder / "bag", lambda: write_bag(folder / "bag", record)),
+        ("bag, sqlite3", folder / "bag_sqlite3", lambda: write_bag(folder / "bag_sqlite3", record, in_sqlite3)),
+        ("audit", None, lambda: audit(execution, record.fleet)),
+        ("MRP-Bench's metrics", None, lambda: execution_metrics(t_ns, x, y, goals, goals)),
+    )
+    for name, path, work in works:
+        _, cpu_s, wall_s = bench.timed(work)
+        files = [path] if path and path.is_file() else path.rglob("*") if path else ()
+        size_mb = sum(f.stat().st_size for f in files if f.is_file()) / 1e6
+        peak_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+        yield {"log": name, "robots": options.robots, "samples": len(execution.t_s), "cpu_s": cpu_s, "wall_s": wall_s} | {
+            "size_mb": size_mb,
+            "peak_mb": peak_mb,
+        }
     if not options.out:
         shutil.rmtree(folder)
 
 
-def _memory_mb() -> float:
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-
-
 if __name__ == "__main__":
-    main()
+    sys.exit(bench.main(__file__))

@@ -1,4 +1,4 @@
-"""How fast this machine is just now: a fixed loop of compiled code, and copies of memory.
+"""The speed of this machine just now: a fixed loop of compiled code, and copies of memory.
 
     python tools/bench_machine.py [--json]
 
@@ -6,10 +6,12 @@ Times of benchmarks mean something beside these figures only: another machine, o
 """
 
 import argparse
-import json
 import os
+import sys
 import time
+from collections.abc import Iterator
 
+import bench
 import numba
 import numpy as np
 
@@ -50,17 +52,14 @@ def machine() -> dict[str, float]:
     }
 
 
-def main() -> None:
-    """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--json", action="store_true")
-    options = parser.parse_args()
-    figures = machine()
-    if options.json:
-        print(json.dumps({"machine": figures}))
-    else:
-        print("loop {loop_msteps_per_s} million steps/s, copy {copy_gb_per_s} GB/s, {cores} cores, load {load}".format(**figures))
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """None."""
+
+
+def rows(options: argparse.Namespace) -> Iterator[bench.Row]:
+    """One row."""
+    yield machine()
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(bench.main(__file__))

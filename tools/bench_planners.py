@@ -1,5 +1,4 @@
-#!/usr/bin/env python3
-"""Measures planners on benchmark instances, beside peers where their binaries are given. Prints a table, or JSON lines.
+"""Measures planners on benchmark instances, beside peers where their binaries are given.
 
     tools/bench_planners.py INSTANCES [--only TEXT] [--planner NAME ...] [--time-limit S] [--json] [--peer NAME=COMMAND ...]
 
@@ -14,15 +13,13 @@ put `taskset -c 1` before this script, so that peers with threads have one core 
 """
 
 import argparse
-import json
 import sys
-from collections import Counter
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Iterable, Iterator
 from functools import cache
 from pathlib import Path
 from statistics import mean, median
-from time import perf_counter, process_time
 
+import bench
 import numpy as np
 
 from mrp_sumo.core.fleet import RobotType, fleet_of
@@ -51,132 +48,16 @@ PLANNERS = ("cbs", "ecbs", "eecbs", "cbs_ta", "ecbs_ta", "lacam")
 SMALL_ONLY = {"cbs", "cbs_ta", "ecbs_ta", "prioritised", "astar"}  # not asked the benchmark maps unless named
 
 
-@dataclass
-class Row:
-    """One planner on all instances of one size. Times are medians and maxima over the solved."""
-
-    planner: str
-    map: str
-    robots: int
-    instances: int
-    solved: int
-    infeasible: int
-    refused: int  # two robots with one goal: no problem at all
-    own_median_s: float
-    own_max_s: float
-    cpu_median_s: float
-    cpu_max_s: float
-    wall_max_s: float  # over all instances: what the limit is held against
-    cost: float  # sum of costs, mean over the instances that all solved
-    bound: float  # lower bound, mean over the solved
-    common: int  # instances that all solved
-
-
-@dataclass(frozen=True)
-class Answer:
-    """One planner on one instance that it solved."""
-
-    own_s: float
-    cpu_s: float
-    cost: float
-    bound: float
-
-
-def main() -> int:
-    """Read the command line and measure."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("instances", type=Path)
-    parser.add_argument("--only", default="", help="only maps and sizes, written like 'warehouse_0.4 9', that contain this text")
-    parser.add_argument(
-        "--planner", action="append", default=[], help="name, or name:key=value,...; may be repeated; 'none' for peers only"
-    )
-    parser.add_argument("--peer", action="append", default=[], metavar="NAME=COMMAND", help="may be repeated")
-    parser.add_argument("--time-limit", type=float, default=60.0)
-    parser.add_argument("--count", type=int, default=1000, metavar="N", help="instances a row at most")
-    parser.add_argument("--json", action="store_true")
-    options = parser.parse_args()
-    if not options.json:
-        print(f"{'planner':<14} {'map':<22} robots  {'solved':<22} {'own ms: median / max':<23} {'cpu ms: median / max':<23} cost / bound")
-    try:
-        peers = {name: planner("external", {"command": command}) for name, _, command in (peer.partition("=") for peer in options.peer)}
-        for name, sizes in (PAPER | BENCHMARK).items():
-            for robots in sizes:
-                if options.only not in f"{name} {robots}":
-                    continue
-                chosen = options.planner or [p for p in PLANNERS if name in PAPER or p not in SMALL_ONLY]
-                asked = {text: made(text) for text in chosen if text != "none"} | peers
-                for row in measure(asked, options.instances, name, robots, options.time_limit, options.count):
-                    print(json.dumps(asdict(row)) if options.json else line(row), flush=True)
-    except MrpSumoError as error:
-        print(error, file=sys.stderr)
-        return 2
-    return 0
-
-
 def made(text: str) -> Planner:
     """The planner of `name:key=value,...`."""
     kind, _, rest = text.partition(":")
     return planner(kind, {k: value(v) for k, _, v in (pair.partition("=") for pair in rest.split(",") if pair)})
 
 
-def measure(asked: dict[str, Planner], folder: Path, name: str, robots: int, time_limit_s: float, count: int) -> list[Row]:
-    """Ask the planners all instances of a size; nothing where there are none."""
-    answers: dict[str, dict[int, Answer]] = {label: {} for label in asked}
-    infeasible, wall_max_s = Counter[str](), Counter[str]()
-    number = refused = 0
-    for chosen in asked.values():
-        chosen.prepare()
-    for scen in scens(folder, name, robots)[:count]:
-        number += 1
-        if problem_of(folder, name, scen, robots) is None:
-            refused += 1
-            continue
-        for label, chosen in asked.items():
-            problem = problem_of(folder, name, scen, robots)  # on a graph of its own: no distance table is known before
-            began, cpu_began = perf_counter(), process_time()
-            result = chosen.plan(problem, time_limit_s)
-            cpu_s = result.stats.get("cpu_s", process_time() - cpu_began)
-            wall_max_s[label] = max(wall_max_s[label], perf_counter() - began)
-            infeasible[label] += result.status is Status.INFEASIBLE
-            if result.status is not Status.SOLVED or result.plan is None:
-                continue
-            verdict = judge(problem, result.plan, result.goal_of)
-            if not verdict.valid and chosen.guarantee != "no coordination":
-                print(f"{label} on {scen.name}: {verdict.summary(problem)}", file=sys.stderr)
-                continue
-            own_s = result.stats.get("own_time_s", result.planning_time_s)
-            answers[label][number] = Answer(own_s, cpu_s, float(result.plan.end_s.sum()), result.lower_bound_steps)
-    common = set.intersection(*(set(solved) for solved in answers.values())) if answers else set()
-    nothing = [float("nan")]
-    rows = []
-    for label, solved in answers.items() if number else ():
-        own, cpu = [a.own_s for a in solved.values()] or nothing, [a.cpu_s for a in solved.values()] or nothing
-        rows.append(
-            Row(
-                planner=label,
-                map=name,
-                robots=robots,
-                instances=number,
-                solved=len(solved),
-                infeasible=infeasible[label],
-                refused=refused,
-                own_median_s=median(own),
-                own_max_s=max(own),
-                cpu_median_s=median(cpu),
-                cpu_max_s=max(cpu),
-                wall_max_s=wall_max_s[label],
-                cost=mean([solved[k].cost for k in common] or nothing),
-                bound=mean([a.bound for a in solved.values()] or nothing),
-                common=len(common),
-            )
-        )
-    return rows
-
-
 def scens(folder: Path, name: str, robots: int) -> list[Path]:
     """The problem files of a map that have so many robots."""
-    found = sorted([*folder.glob(f"{name}_n{robots}_s*.scen"), *folder.glob(f"{name}_i*.scen"), *folder.glob(f"{name}-random-1.scen")])
-    return [path for path in found if len(read_problem_file(path).start) >= robots]
+    files = sorted([*folder.glob(f"{name}_n{robots}_s*.scen"), *folder.glob(f"{name}_i*.scen"), *folder.glob(f"{name}-random-1.scen")])
+    return [path for path in files if len(read_problem_file(path).start) >= robots]
 
 
 def problem_of(folder: Path, name: str, scen: Path, robots: int) -> Problem | None:
@@ -212,13 +93,110 @@ def value(text: str) -> object:
     return {"true": True, "false": False}.get(text, text)
 
 
-def line(row: Row) -> str:
-    """A row of the table."""
-    solved = f"{row.solved}/{row.instances}" + (f" ({row.infeasible + row.refused} impossible)" if row.infeasible + row.refused else "")
-    own, cpu = f"{1000 * row.own_median_s:.1f} / {1000 * row.own_max_s:.1f}", f"{1000 * row.cpu_median_s:.1f} / {1000 * row.cpu_max_s:.1f}"
-    cost = f"{row.cost:.1f} / {row.bound:.1f}" + (f" ({row.common} common)" if row.common < row.solved else "")
-    return f"{row.planner:<14} {row.map:<22} {row.robots:>6}  {solved:<22} {own:<23} {cpu:<23} {cost}"
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Instances, planners, peers."""
+    parser.add_argument("instances", type=Path)
+    parser.add_argument("--only", default="", help="only maps and sizes, written like 'warehouse_0.4 9', that contain this text")
+    parser.add_argument("--robots", type=int, action="append", metavar="N", help="instead of the usual sizes; may be repeated")
+    parser.add_argument(
+        "--planner", action="append", default=[], help="name, or name:key=value,...; may be repeated; 'none' for peers only"
+    )
+    parser.add_argument("--peer", action="append", default=[], metavar="NAME=COMMAND", help="may be repeated")
+    parser.add_argument("--time-limit", type=float, default=60.0)
+    parser.add_argument("--count", type=int, default=1000, metavar="N", help="instances a row at most")
+
+
+def rows(options: argparse.Namespace) -> Iterator[bench.Row]:
+    """A row for each map, size and planner."""
+    peers = {name: planner("external", {"command": command}) for name, _, command in (peer.partition("=") for peer in options.peer)}
+    for name, sizes in (PAPER | BENCHMARK).items():
+        for robots in options.robots or sizes:
+            if options.only not in f"{name} {robots}":
+                continue
+            chosen = options.planner or [p for p in PLANNERS if name in PAPER or p not in SMALL_ONLY]
+            asked = {text: made(text) for text in chosen if text != "none"} | peers
+            yield from measure(asked, options.instances, name, robots, options.time_limit, options.count)
+
+
+def measure(asked: dict[str, Planner], folder: Path, name: str, robots: int, time_limit_s: float, count: int) -> list[bench.Row]:
+    """Ask the planners all instances of a size; nothing where there are none.
+
+    Times are medians and maxima over the solved, the wall time, which the limit is held against, the maximum over all. `cost` and
+    `first_cost`, of the first solution of those that go on, are means over the `common` instances that all solved, `bound` over the solved.
+    `refused` are no problems at all, since two robots have one goal.
+    """
+    answers: dict[str, dict[int, bench.Row]] = {label: {} for label in asked}
+    number = refused = 0
+    for chosen in asked.values():
+        chosen.prepare()
+    for scen in scens(folder, name, robots)[:count]:
+        number += 1
+        if problem_of(folder, name, scen, robots) is None:
+            refused += 1
+            continue
+        for label, chosen in asked.items():
+            problem = problem_of(folder, name, scen, robots)  # on a graph of its own: no distance table is known before
+            answers[label][number] = row = answered(chosen, problem, time_limit_s)
+            if row["fault"] and chosen.guarantee != "no coordination":
+                print(f"{label} on {scen.name}: {row['fault']}", file=sys.stderr)
+                row["cost"] = None
+    solved = {label: {k: row for k, row in of.items() if row["cost"] is not None} for label, of in answers.items()}
+    common = set.intersection(*map(set, solved.values())) if solved else set()
+    return [
+        {
+            "planner": label,
+            "map": name,
+            "robots": robots,
+            "instances": number,
+            "solved": len(of),
+            "infeasible": sum(row["status"] == "infeasible" for row in answers[label].values()),
+            "refused": refused,
+            "own_median_s": over(of.values(), "own_s", median),
+            "own_max_s": over(of.values(), "own_s", max),
+            "cpu_median_s": over(of.values(), "cpu_s", median),
+            "cpu_max_s": over(of.values(), "cpu_s", max),
+            "wall_max_s": over(answers[label].values(), "wall_s", max),
+            "first_median_s": over(of.values(), "first_s", median),
+            "first_cost": over((of[k] for k in common), "first_cost", mean),
+            "cost": over((of[k] for k in common), "cost", mean),
+            "bound": over(of.values(), "bound", mean),
+            "common": len(common),
+        }
+        for label, of in solved.items()
+        if number
+    ]
+
+
+def over(rows: Iterable[bench.Row], key: str, of: Callable[[list[float]], float]) -> float:
+    """A median, mean or maximum of a column, NaN without values."""
+    values = [row[key] for row in rows if row[key] is not None]
+    return of(values) if values else float("nan")
+
+
+def answered(chosen: Planner, problem: Problem, time_limit_s: float) -> bench.Row:
+    """A planner's answer to an instance, judged: `cost` is None without a plan, `fault` says why one is not valid.
+
+    `own_s` is by the planner's own clock, `first_s` until its first solution; of a program `cpu_s` is that of its process.
+    """
+    result, cpu_s, wall_s = bench.timed(lambda: chosen.plan(problem, time_limit_s))
+    stats, own_s = result.stats, result.stats.get("own_time_s", result.planning_time_s)
+    row = {
+        "status": str(result.status),
+        "cost": None,
+        "bound": result.lower_bound_steps,
+        "own_s": own_s,
+        "cpu_s": stats.get("cpu_s", cpu_s),
+        "wall_s": wall_s,
+        "first_s": stats.get("first_solution_time_s", own_s),
+        "first_cost": stats.get("first_solution_cost"),
+        "fault": "",
+        **{key: stats.get(key) for key in ("expanded", "generated", "low_level_expansions")},
+    }
+    if result.status is Status.SOLVED and result.plan is not None:
+        verdict = judge(problem, result.plan, result.goal_of)
+        row |= {"cost": float(result.plan.end_s.sum()), "fault": "" if verdict.valid else verdict.summary(problem)}
+    return row
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    sys.exit(bench.main(__file__))

@@ -1,4 +1,4 @@
-"""Measures how much time execution policies lose to delays: the same plans, the same delays, one policy after the other.
+"""Time that execution policies lose to delays: the same plans, the same delays, one policy after the other.
 
     python tools/bench_policies.py                              adg and adg_switch on three maps, 9 to 50 robots
     python tools/bench_policies.py --map warehouse --robots 9 --rate 0.05 --plans 20 --draws 5
@@ -15,13 +15,14 @@ beyond it is what orders can save.
 """
 
 import argparse
-import json
+import sys
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import bench
 import numpy as np
 import yaml
 
@@ -50,14 +51,14 @@ CASE: dict[str, Any] = {
 HELD = BOOKINGS.index("disturbed")
 RESAMPLES = 10_000
 
-Row = dict[str, Any]
+Row = bench.Row
 Case = tuple[Problem, Plan, ExecutionSettings, Path]
 
 
 def planned(options: argparse.Namespace, map_name: str, robots: int, maps: MapCache) -> Iterator[Case]:
     """Problems with plans whose order can be kept, and how to drive them."""
-    found, seed = 0, 0
-    while found < options.plans and seed < 3 * options.plans:
+    num_plans, seed = 0, 0
+    while num_plans < options.plans and seed < 3 * options.plans:
         seed += 1
         scenario = {
             **CASE,
@@ -77,15 +78,15 @@ def planned(options: argparse.Namespace, map_name: str, robots: int, maps: MapCa
                 continue
             network = maps.network(solution.problem.graph, None)
             yield solution.problem, plan, with_time_limit(setup, plan).settings, network
-            found += 1
+            num_plans += 1
         except MrpSumoError as error:
-            print(f"{map_name}, {robots} robots, seed {options.seed + seed}: {error}")
+            print(f"{map_name}, {robots} robots, seed {options.seed + seed}: {error}", file=sys.stderr)
 
 
 def losses(case: Case, policies: Sequence[tuple[str, dict[str, Any]]], rate: float, draws: int) -> tuple[np.ndarray, np.ndarray, list[str]]:
     """[draws, policies, 3] loss of makespan and of flowtime a robot, how long it was held, s; [policies] CPU time, s; what went wrong."""
     problem, plan, settings, network = case
-    found, cpu, wrong = np.zeros((draws, len(policies), 3)), np.zeros(len(policies)), []
+    lost, cpu, wrong = np.zeros((draws, len(policies), 3)), np.zeros(len(policies)), []
     for draw in range(draws):
         for p, (name, parameters) in enumerate(policies):
             delays = Disturbances(delay_probability=rate)
@@ -94,37 +95,26 @@ def losses(case: Case, policies: Sequence[tuple[str, dict[str, Any]]], rate: flo
             run = simulate(problem, plan, how, network)
             cpu[p] += time.process_time() - begun
             held_s = run.booked_s[:, HELD].mean()
-            found[draw, p] = run.goal_s.max() - plan.end_s.max(), (run.goal_s - plan.end_s).mean(), held_s
+            lost[draw, p] = run.goal_s.max() - plan.end_s.max(), (run.goal_s - plan.end_s).mean(), held_s
             wrong += faults(run, problem.fleet, name)
-    return found, cpu, wrong
+    return lost, cpu, wrong
 
 
 def faults(run: Any, fleet: Fleet, policy: str) -> list[str]:
     """A run that did not end, or in which robots touched."""
-    found = [] if run.all_at_goal else [f"{policy}: {run.outcome}"]
-    return found + ([] if audit(run, fleet)["num_overlaps"] == 0 else [f"{policy}: overlaps"])
+    stuck = [] if run.all_at_goal else [f"{policy}: {run.outcome}"]
+    return stuck + ([] if audit(run, fleet)["num_overlaps"] == 0 else [f"{policy}: overlaps"])
 
 
-def measure(options: argparse.Namespace) -> Iterator[Row]:
-    """A row for each map, number of robots, rate, and policy but the first."""
-    policies = [policy(text) for text in options.policy]
-    with MapCache() as maps:
-        for map_name in options.map:
-            for robots in options.robots:
-                cases = list(planned(options, map_name, robots, maps))
-                for rate in options.rate:
-                    yield from rows(options, map_name, robots, rate, cases, policies)
-
-
-def rows(
+def of_case(
     options: argparse.Namespace, map_name: str, robots: int, rate: float, cases: list[Case], policies: list[tuple[str, dict[str, Any]]]
 ) -> Iterator[Row]:
     """Of one case."""
     if not cases:
         return
-    found = [losses(case, policies, rate, options.draws) for case in cases]
-    lost = np.stack([each[0] for each in found])  # [plans, draws, policies, 3]
-    cpu = np.sum([each[1] for each in found], axis=0)
+    each_case = [losses(case, policies, rate, options.draws) for case in cases]
+    lost = np.stack([each[0] for each in each_case])  # [plans, draws, policies, 3]
+    cpu = np.sum([each[1] for each in each_case], axis=0)
     driven_s = sum(float(case[1].end_s.max()) for case in cases) * options.draws
     for p in range(1, len(policies)):
         row: Row = {"map": map_name, "robots": robots, "rate": rate, "plans": len(cases), "runs": lost[:, :, p, 0].size}
@@ -137,7 +127,7 @@ def rows(
             row[f"{what}_better_worse"] = [int((other < first - 0.05).sum()), int((other > first + 0.05).sum())]
         row["held_s"] = round(float(lost[:, :, 0, 2].mean()), 2)
         row["cpu_s_per_plan_s"] = [round(float(cpu[0] / driven_s), 4), round(float(cpu[p] / driven_s), 4)]
-        row["wrong"] = [fault for each in found for fault in each[2]]
+        row["wrong"] = [fault for each in each_case for fault in each[2]]
         yield row
 
 
@@ -151,15 +141,14 @@ def saved(first: np.ndarray, other: np.ndarray) -> tuple[float, list[float]]:
 
 def policy(text: str) -> tuple[str, dict[str, Any]]:
     """A policy by name, or as in a scenario."""
-    given = yaml.safe_load(text)
-    name, parameters = (given, {}) if isinstance(given, str) else (given["name"], given.get("parameters", {}))
+    content = yaml.safe_load(text)
+    name, parameters = (content, {}) if isinstance(content, str) else (content["name"], content.get("parameters", {}))
     policy_of(name, parameters)
     return name, parameters
 
 
-def main() -> None:
-    """Print a table, or a line of JSON per case."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Maps, fleets, delays and policies."""
     parser.add_argument("--map", action="append")
     parser.add_argument("--robots", type=int, action="append")
     parser.add_argument("--rate", type=float, action="append", help="of delays in each planned step")
@@ -170,23 +159,18 @@ def main() -> None:
     parser.add_argument("--plans", type=int, default=10)
     parser.add_argument("--seed", type=int, default=3000, help="after which the seeds of the plans come (default: 3000)")
     parser.add_argument("--draws", type=int, default=4, help="of delays for each plan")
-    parser.add_argument("--json", action="store_true")
-    options = parser.parse_args()
-    options.map, options.robots = options.map or MAPS, options.robots or ROBOTS
-    options.rate, options.policy = options.rate or (0.01, 0.05, 0.1), options.policy or ("adg", "adg_switch")
-    for row in measure(options):
-        if options.json:
-            print(json.dumps(row), flush=True)
-            continue
-        text = f"{row['map']:10} {row['robots']:3} robots, rate {row['rate']:5}, {row['plans']} plans, {row['runs']} runs, {row['policy']}"
-        for what in ("makespan", "flowtime"):
-            low, high = row[f"{what}_saved_95"]
-            text += f"; {what} loss {row[f'{what}_loss_s']:7.2f} -> {row[f'{what}_loss_switch_s']:7.2f} s"
-            text += f", saved {row[f'{what}_saved']:6.1%} ({low:.1%} to {high:.1%})"
-        print(
-            text + f"; held {row['held_s']} s; CPU {row['cpu_s_per_plan_s']}" + "".join(f"; {fault}" for fault in row["wrong"]), flush=True
-        )
+
+
+def rows(options: argparse.Namespace) -> Iterator[Row]:
+    """A row for each map, number of robots, rate, and policy but the first."""
+    policies = [policy(text) for text in options.policy or ("adg", "adg_switch")]
+    with MapCache() as maps:
+        for map_name in options.map or MAPS:
+            for robots in options.robots or ROBOTS:
+                cases = list(planned(options, map_name, robots, maps))
+                for rate in options.rate or (0.01, 0.05, 0.1):
+                    yield from of_case(options, map_name, robots, rate, cases, policies)
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(bench.main(__file__))

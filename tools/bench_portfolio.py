@@ -1,5 +1,4 @@
-#!/usr/bin/env python3
-"""What `auto` answers beside every single planner, on questions drawn over maps, kinds of graphs, types of robots and sizes of fleets.
+"""Answers of `auto` beside those of every single planner, on questions drawn over maps, graphs, types of robots and sizes of fleets.
 
     python tools/bench_portfolio.py --maps DIR --maps DIR --questions 500 --out answers.jsonl   # a line for each question and planner
     python tools/bench_portfolio.py --maps DIR --maps DIR --questions 500 --out answers.jsonl --planner auto   # one planner alone
@@ -16,9 +15,11 @@ import argparse
 import json
 import math
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import bench
 import numpy as np
 
 from mrp_sumo.errors import MrpSumoError
@@ -37,35 +38,6 @@ HALVES = ("chosen on", "reported")
 TRIES = 30  # draws of a question until one can be set up
 
 
-def main() -> None:
-    options = parsed()
-    if options.report:
-        print(report([json.loads(line) for line in options.out.read_text().splitlines()]))
-        return
-    files = sorted([*bundled_maps().values(), *Path("networks").glob("*/*.map")])
-    files += sorted(file for folder in options.maps for file in folder.rglob("*.building.yaml"))
-    with options.out.open("a") as out:
-        for number in range(options.first, options.questions):
-            with MapCache() as maps:
-                question = drawn(files, options, number, maps)
-                for name in options.planner or (*SINGLE, "auto"):
-                    print(json.dumps({"question": number, **about(question), **asked(question, name, options)}), file=out, flush=True)
-            print(number, about(question), file=sys.stderr, flush=True)
-
-
-def parsed() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--maps", type=Path, action="append", default=[], help="a folder of *.building.yaml, beside the bundled maps")
-    parser.add_argument("--questions", type=int, default=500)
-    parser.add_argument("--first", type=int, default=0, help="question, to go on")
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--planner", action="append", metavar="NAME", help="default: all")
-    parser.add_argument("--time-limit", type=float, default=2.0, metavar="S", help="of each answer (default: 2)")
-    parser.add_argument("--out", type=Path, required=True)
-    parser.add_argument("--report", action="store_true", help="the tables of what is in OUT")
-    return parser.parse_args()
-
-
 def drawn(files: list[Path], options: argparse.Namespace, number: int, maps: MapCache) -> SetUp:
     """The question of a number, set up."""
     rng = np.random.default_rng([options.seed, number])
@@ -77,7 +49,7 @@ def drawn(files: list[Path], options: argparse.Namespace, number: int, maps: Map
                 return setup
         except MrpSumoError:
             continue
-    raise SystemExit(f"question {number}: nothing of {TRIES} draws can be set up")
+    raise ValueError(f"question {number}: nothing of {TRIES} draws can be set up")
 
 
 def scenario(file: Path, rng: np.random.Generator) -> dict[str, Any]:
@@ -100,7 +72,7 @@ def scenario(file: Path, rng: np.random.Generator) -> dict[str, Any]:
 
 
 def about(setup: SetUp) -> dict[str, Any]:
-    """What a question is like."""
+    """Features of a question."""
     chosen, graph = setup.scenario, setup.problem.graph
     return {
         "map": Path(chosen.map.file).name.split(".")[0],
@@ -115,7 +87,7 @@ def about(setup: SetUp) -> dict[str, Any]:
     }
 
 
-def asked(setup: SetUp, name: str, options: argparse.Namespace) -> dict[str, Any]:
+def answer(setup: SetUp, name: str, options: argparse.Namespace) -> dict[str, Any]:
     """The answer of a planner."""
     said: dict[Any, Any] = {("planner", "name"): ("--planner", name), ("planner", "time_limit_s"): ("--time-limit", options.time_limit)}
     solution = solve(planned_as(setup, changed(setup.file, said)))
@@ -133,16 +105,8 @@ def asked(setup: SetUp, name: str, options: argparse.Namespace) -> dict[str, Any
     }
 
 
-def report(rows: list[dict[str, Any]]) -> str:
-    """Tables of both halves."""
-    questions: dict[int, dict[str, dict[str, Any]]] = {}
-    for row in rows:
-        questions.setdefault(row["question"], {})[row["planner"]] = row
-    return "\n\n".join(table(half, [q for number, q in questions.items() if number % 2 == k]) for k, half in enumerate(HALVES))
-
-
 def table(half: str, questions: list[dict[str, dict[str, Any]]]) -> str:
-    """What each planner answered, and beside the best of the others, how dear and how slow it was."""
+    """Answers of each planner, and beside the best of the others their cost and time."""
     solvable = [q for q in questions if any(row["valid"] for name, row in q.items() if name != "auto")]
     lines = [f"{half}: {len(questions)} questions, {len(solvable)} with an answer of a single planner"]
     lines += ["| planner | answers | within 2 % | cost, mean | p95 | time, median | p95 | over twice | all three |", "|" + "---|" * 9]
@@ -162,7 +126,7 @@ def table(half: str, questions: list[dict[str, dict[str, Any]]]) -> str:
 
 
 def beside(question: dict[str, dict[str, Any]], name: str) -> tuple[float, float]:
-    """How many times the cheapest answer's cost an answer has, and how many times the best time it took."""
+    """An answer's cost over the cheapest answer's, and its time over the best time."""
     others = [row for other, row in question.items() if other != "auto" and row["valid"]]
     cheapest_s = min(row["cost_s"] for row in others)
     best_s = min((row["cpu_s"] for row in others if row["cost_s"] <= DEARER * cheapest_s + 1e-9), default=math.nan)
@@ -171,5 +135,43 @@ def beside(question: dict[str, dict[str, Any]], name: str) -> tuple[float, float
     return cost, max(mine["cpu_s"], 1e-3) / max(best_s, 1e-3)
 
 
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Maps, questions and planners."""
+    parser.add_argument("--maps", type=Path, action="append", default=[], help="a folder of *.building.yaml, beside the bundled maps")
+    parser.add_argument("--questions", type=int, default=500)
+    parser.add_argument("--first", type=int, default=0, help="question, to go on")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--planner", action="append", metavar="NAME", help="default: all")
+    parser.add_argument("--time-limit", type=float, default=2.0, metavar="S", help="of each answer (default: 2)")
+    parser.add_argument("--out", type=Path, help="a file for lines of JSON, which are added to it")
+    parser.add_argument("--report", action="store_true", help="the tables of what is in OUT")
+
+
+def rows(options: argparse.Namespace) -> Iterator[bench.Row]:
+    """A row for each question and planner; with --report those of a file."""
+    if options.report:
+        yield from map(json.loads, options.out.read_text().splitlines())
+        return
+    files = sorted([*bundled_maps().values(), *Path("networks").glob("*/*.map")])
+    files += sorted(file for folder in options.maps for file in folder.rglob("*.building.yaml"))
+    for number in range(options.first, options.questions):
+        with MapCache() as maps:
+            question = drawn(files, options, number, maps)
+            for name in options.planner or (*SINGLE, "auto"):
+                row = {"question": number, **about(question), **answer(question, name, options)}
+                if options.out:
+                    with options.out.open("a") as out:
+                        print(json.dumps(row), file=out)
+                yield row
+
+
+def summary(rows: list[bench.Row], options: argparse.Namespace) -> str:
+    """Tables of both halves."""
+    questions: dict[int, dict[str, dict[str, Any]]] = {}
+    for row in rows:
+        questions.setdefault(row["question"], {})[row["planner"]] = row
+    return "\n\n".join(table(half, [q for number, q in questions.items() if number % 2 == k]) for k, half in enumerate(HALVES))
+
+
 if __name__ == "__main__":
-    main()
+    sys.exit(bench.main(__file__))

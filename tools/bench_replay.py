@@ -1,7 +1,10 @@
-"""Measure the replay page: size, time and memory to build it, and in headless Chromium the time to load it and its frame rate.
+"""The replay page and videos of a run: time and memory to make them, size; in headless Chromium the time to load a page and its frames.
 
-`python tools/bench_replay.py [--robots 1000] [--duration 600] [--keep DIR] [--json]`. The run is made up: robots walk at random over
-a warehouse grid, wait at random, and reach every vertex some seconds after the plan. With --json each figure is a line. Without
+    python tools/bench_replay.py [--robots 1000] [--duration 600] [--keep DIR]
+    python tools/bench_replay.py --video --robots 100 --duration 60    # 1080 lines, 30 frames a second
+
+The run is made up: robots walk at random over
+a warehouse grid, wait at random, and reach every vertex some seconds after the plan. Without
 Chromium and playwright-core (tools/browser.sh installs them) only the first figures are measured.
 """
 
@@ -12,10 +15,10 @@ import shutil
 import subprocess
 import sys
 import tempfile
-import time
+from collections.abc import Iterator
 from pathlib import Path
-from resource import RUSAGE_CHILDREN, getrusage
 
+import bench
 import numpy as np
 
 from mrp_sumo.core.execution import Event, Execution, Outcome
@@ -36,31 +39,8 @@ CELL_M = 0.8
 STEP_S = 2.0
 PERIOD_S = 0.1
 MODEL = RobotType("carrier", 0.62, 0.48, 0.8, 1.0, 1.0, 2.0)
-COMMAND = "import sys; from mrp_sumo.cli.main import main; sys.exit(main())"
 MODULES = Path(__file__).resolve().parents[1] / ".venv" / "node" / "node_modules"
 BROWSER = Path(__file__).with_name("bench_replay.mjs")
-
-
-def main() -> None:
-    """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--robots", type=int, default=1000)
-    parser.add_argument("--duration", type=float, default=600.0, help="seconds simulated")
-    parser.add_argument("--keep", type=Path, help="leave the run folder and the page here")
-    parser.add_argument("--json", action="store_true")
-    options = parser.parse_args()
-    with tempfile.TemporaryDirectory() as scratch:
-        folder = options.keep or Path(scratch) / "run"
-        folder.mkdir(parents=True, exist_ok=True)
-        make_run(folder, options.robots, options.duration)
-        figures = {
-            "robots": options.robots,
-            "samples": int(options.duration / PERIOD_S) + 1,
-            **built(folder),
-            **shown(folder / "replay.html"),
-        }
-    for name, value in figures.items():
-        print(json.dumps({"name": name, "value": value}) if options.json else f"{name:<24} {value}")
 
 
 def make_run(folder: Path, num_robots: int, duration_s: float) -> None:
@@ -131,21 +111,6 @@ def make_run(folder: Path, num_robots: int, duration_s: float) -> None:
     (folder / "result.json").write_text(json.dumps(plain(result)))
 
 
-def built(folder: Path) -> dict[str, float]:
-    """Build the page from the folder as a user does, in a process of its own."""
-    began = time.perf_counter()
-    subprocess.run([sys.executable, "-c", COMMAND, "replay", str(folder)], check=True, stdout=subprocess.DEVNULL)
-    spent = time.perf_counter() - began
-    used = getrusage(RUSAGE_CHILDREN)
-    page = folder / "replay.html"
-    return {
-        "build_time_s": round(spent, 2),
-        "build_cpu_s": round(used.ru_utime + used.ru_stime, 2),
-        "peak_memory_mb": round(used.ru_maxrss / 1024),
-        "page_mb": round(page.stat().st_size / 1e6, 2),
-    }
-
-
 def shown(page: Path) -> dict[str, object]:
     """Load and play the page in a browser without a graphics card, which is far slower than a laptop's."""
     chromium, node = shutil.which("chromium"), shutil.which("node")
@@ -182,5 +147,30 @@ def _walks(graph: PlanGraph, start: IntArray, steps: int, rng: np.random.Generat
     return path, path[1:] != path[:-1]
 
 
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Size of the run."""
+    parser.add_argument("--robots", type=int, default=1000)
+    parser.add_argument("--duration", type=float, default=600.0, help="seconds simulated")
+    parser.add_argument("--keep", type=Path, help="leave the run folder and the page here")
+    parser.add_argument("--video", action="store_true", help="videos at real time instead of the page")
+
+
+def rows(options: argparse.Namespace) -> Iterator[bench.Row]:
+    """One row for the page, made as a user makes it, or one for each kind of video."""
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = options.keep or Path(scratch) / "run"
+        folder.mkdir(parents=True, exist_ok=True)
+        make_run(folder, options.robots, options.duration)
+        about = {"robots": options.robots, "samples": int(options.duration / PERIOD_S) + 1}
+        for kind in ("mp4", "gif", "webp") if options.video else ():
+            out = Path(scratch) / f"out.{kind}"
+            figures = bench.process([*bench.COMMAND, "render", folder, "--video", out, "--speed", "1"])
+            yield {"video": kind, **about, **figures, "size_mb": out.stat().st_size / 1e6}
+        if not options.video:
+            figures = bench.process([*bench.COMMAND, "replay", folder])
+            page = folder / "replay.html"
+            yield {**about, **figures, "page_mb": page.stat().st_size / 1e6, **shown(page)}
+
+
 if __name__ == "__main__":
-    main()
+    sys.exit(bench.main(__file__))

@@ -1,21 +1,18 @@
-"""How long reports take, how much memory they need, and how large they are.
+"""Reports of batches: time, memory and size.
 
     python tools/bench_report.py [--runs 10000] [--json]
 
 Makes up results of the wanted number of runs (three maps, six planners, nine fleets), writes their report in a process of
-its own, and prints wall time, CPU time, peak memory and size. --json prints an object a line.
+its own.
 """
 
 import argparse
-import json
-import os
-import resource
-import subprocess
 import sys
 import tempfile
-import time
+from collections.abc import Iterator
 from pathlib import Path
 
+import bench
 import numpy as np
 import pandas as pd
 
@@ -78,35 +75,26 @@ def results(num_runs: int) -> pd.DataFrame:
     )
 
 
-def main() -> None:
-    """Measure."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Sizes."""
     parser.add_argument("--runs", type=int, nargs="+", default=[1000, 10_000], metavar="N")
-    parser.add_argument("--json", action="store_true", help="an object a line")
-    options = parser.parse_args()
+
+
+def rows(options: argparse.Namespace) -> Iterator[bench.Row]:
+    """A row for each number of runs."""
     for num_runs in options.runs:
         with tempfile.TemporaryDirectory() as folder:
-            table = Path(folder) / "results.parquet"
+            table, report = Path(folder) / "results.parquet", Path(folder) / "report"
             results(num_runs).to_parquet(table)
-            began, before = time.perf_counter(), os.times()
-            code = "import sys; from mrp_sumo.cli.main import main; sys.exit(main(sys.argv[1:]))"
-            subprocess.run([sys.executable, "-c", code, "report", str(table)], check=True, stdout=subprocess.DEVNULL)
-            wall_s, after = time.perf_counter() - began, os.times()
-            report = Path(folder) / "report"
-            figures = {
+            figures = bench.process([*bench.COMMAND, "report", table])
+            yield {
                 "runs": num_runs,
-                "wall_s": round(wall_s, 2),
-                "cpu_s": round(after.children_user + after.children_system - before.children_user - before.children_system, 2),
-                "peak_mb": round(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024, 1),
-                "page_mb": round((report / "index.html").stat().st_size / 1e6, 2),
-                "all_mb": round(sum(p.stat().st_size for p in report.rglob("*") if p.is_file()) / 1e6, 2),
+                **figures,
+                "page_mb": (report / "index.html").stat().st_size / 1e6,
+                "all_mb": sum(p.stat().st_size for p in report.rglob("*") if p.is_file()) / 1e6,
                 "figures": len(list((report / "figures").glob("*.svg"))),
             }
-        if options.json:
-            print(json.dumps(figures), flush=True)
-        else:
-            print("  ".join(f"{key} {value}" for key, value in figures.items()), flush=True)
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(bench.main(__file__))

@@ -1,7 +1,6 @@
-#!/usr/bin/env python3
-"""Measures what a low-level expansion costs: processor time of long searches, nanoseconds for each state expanded.
+"""The cost of a low-level expansion: processor time of long searches, nanoseconds for each state expanded.
 
-    tools/bench_search.py INSTANCES [--repeat N]
+    tools/bench_search.py INSTANCES [--times N]
 
 INSTANCES is the folder that `tools/bench_planners.py` takes. Space-time A*: each robot in turn among all others, within 1.2
 times its least cost, to the end. SIPP: the earliest arrival under a constraint that makes it look everywhere. LNS: a label of
@@ -9,9 +8,12 @@ MAPF-LNS2 and of the neighbourhoods after it, with all that a neighbourhood cost
 """
 
 import argparse
+import sys
+from collections.abc import Iterator
 from pathlib import Path
 from time import process_time
 
+import bench
 import numpy as np
 from bench_planners import problem_of, scens
 
@@ -28,24 +30,6 @@ from planners.conflict_based.tree import Tree, limits
 ASKED = (("random-32-32-20", 100), ("random-32-32-10", 200), ("airport_terminal_0.4", 20), ("warehouse-10-20-10-2-1", 200))
 PLENTY = 1 << 40
 W = 1.2
-
-
-def main() -> None:
-    """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("instances", type=Path)
-    parser.add_argument("--repeat", type=int, default=3, help="how often each search is made; the least time counts")
-    options = parser.parse_args()
-    planner("eecbs", {}).prepare()
-    print(f"{'map':<24} robots  space-time A*: expansions, ns each   SIPP: expansions, ns each   LNS: labels, ns each")
-    for name, robots in ASKED:
-        problem = problem_of(options.instances, name, scens(options.instances, name, robots)[0], robots)
-        if problem is None:
-            continue
-        kinds = [min((measure(problem) for _ in range(options.repeat)), key=lambda m: m[1] / m[0]) for measure in (focal, earliest, lns)]
-        print(
-            f"{name:<24} {robots:>6}  " + "   ".join(f"{count:>12,} {1e9 * seconds / count:>8.1f}" for count, seconds in kinds), flush=True
-        )
 
 
 def focal(problem: Problem) -> tuple[int, float]:
@@ -100,5 +84,21 @@ def lns(problem: Problem) -> tuple[int, float]:
     return other.labels - before, process_time() - began
 
 
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Instances."""
+    parser.add_argument("instances", type=Path)
+    parser.add_argument("--times", type=int, default=3, metavar="N", help="searches of each, of which the least time counts (default: 3)")
+
+
+def rows(options: argparse.Namespace) -> Iterator[bench.Row]:
+    """A row for each instance and search."""
+    planner("eecbs", {}).prepare()
+    for name, robots in ASKED:
+        problem = problem_of(options.instances, name, scens(options.instances, name, robots)[0], robots)
+        for kind, search in (("space-time A*", focal), ("SIPP", earliest), ("LNS", lns)) if problem is not None else ():
+            count, seconds = min((search(problem) for _ in range(options.times)), key=lambda m: m[1] / m[0])
+            yield {"map": name, "robots": robots, "search": kind, "expansions": count, "ns_each": 1e9 * seconds / count}
+
+
 if __name__ == "__main__":
-    main()
+    sys.exit(bench.main(__file__))

@@ -1,10 +1,9 @@
-"""How quick commands are from the first second: CPU time, wall time and peak memory of whole processes.
+"""Commands from the first second: CPU time, wall time and peak memory of whole processes.
 
-    python tools/bench_start.py                        the table: medians of five
-    python tools/bench_start.py --against DIR          and of another checkout, run in turn with this one, with the ratio of CPU times
-    python tools/bench_start.py --only plan --repeats 9
+    python tools/bench_start.py --times 5              the table: medians of five
+    python tools/bench_start.py --against DIR          beside another checkout, in turn
+    python tools/bench_start.py --only plan
     python tools/bench_start.py --fresh                the slow rows too: tools/run.sh and tools/test.sh in a new clone, a wheel's first run
-    python tools/bench_start.py --json                 a line for each row
 
 Each command is run once before it is measured, so that byte code, kernels and networks are there. Compiled kernels are those
 of your own cache, which are stored by the hash of their sources; maps are imported with an empty cache. A row is printed as
@@ -14,26 +13,25 @@ download packages.
 """
 
 import argparse
-import json
 import os
 import shutil
 import statistics
 import subprocess
 import sys
 import tempfile
-import time
-from collections.abc import Callable
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+import bench
+from bench_report import results
+
 HERE = Path(__file__).resolve().parents[1]
-MAIN = "import sys; from mrp_sumo.cli.main import main; sys.exit(main())"
 NUM_RUNS = 180  # of the report
-MADE_UP = "import sys; sys.path.insert(0, sys.argv[1]); from bench_report import results; results(int(sys.argv[2])).to_parquet(sys.argv[3])"
 
 
 @dataclass(frozen=True)
-class Row:
+class Timed:
     """A command, and what it may need."""
 
     name: str
@@ -43,131 +41,69 @@ class Row:
     is_cold: bool = False  # with an empty cache of maps
 
 
-ROWS = (
-    Row("run office_9", ("run", "office_9", "--out", "{scratch}/run"), 1.6, 250),
-    Row("run airport_9", ("run", "airport_9", "--out", "{scratch}/run"), 3.5, 350),
-    Row("plan office_9 eecbs", ("plan", "office_9", "--planner", "eecbs", "--json"), 0.8),
-    Row("import airport", ("import", "airport", "--out", "{scratch}/map"), 1.2, is_cold=True),
-    Row("report of 180 runs", ("report", "{runs}", "--out", "{scratch}/report"), 4.0),
+COMMANDS = (
+    Timed("run office_9", ("run", "office_9", "--out", "{scratch}/run"), 1.6, 250),
+    Timed("run airport_9", ("run", "airport_9", "--out", "{scratch}/run"), 3.5, 350),
+    Timed("plan office_9 eecbs", ("plan", "office_9", "--planner", "eecbs", "--json"), 0.8),
+    Timed("import airport", ("import", "airport", "--out", "{scratch}/map"), 1.2, is_cold=True),
+    Timed("report of 180 runs", ("report", "{runs}", "--out", "{scratch}/report"), 4.0),
 )
 FRESH = {"tools/run.sh, fresh": 90.0, "tools/test.sh: set-up": 60.0, "tools/test.sh: tests": 120.0, "first run, cold kernels": 40.0}
 
-Figures = dict[str, float]
 
-
-def measured(command: list[str], folder: Path, environment: dict[str, str]) -> Figures:
-    """CPU and wall time in s and peak memory in MB of a process and those it waits for."""
-    began = time.perf_counter()
-    process = subprocess.Popen(command, cwd=folder, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
-    assert process.stderr is not None
-    said = process.stderr.read()
-    _, status, used = os.wait4(process.pid, 0)
-    process.returncode = os.waitstatus_to_exitcode(status)
-    if process.returncode:
-        sys.exit(f"{' '.join(command)}: exit code {process.returncode}\n{said}")
-    wall_s = time.perf_counter() - began
-    return {"cpu_s": used.ru_utime + used.ru_stime, "wall_s": wall_s, "peak_mb": used.ru_maxrss / 1024}
-
-
-def once(row: Row, checkout: Path, runs: Path) -> Figures:
-    """One process of a row, in new folders; a checkout's cache of maps stays beside the made-up results."""
+def once(command: Timed, runs: Path) -> bench.Row:
+    """One process of a command, in new folders; the cache of maps stays beside the made-up results."""
     with tempfile.TemporaryDirectory() as scratch:
-        arguments = [argument.format(scratch=scratch, runs=runs) for argument in row.arguments]
-        cache = Path(scratch) if row.is_cold else runs.parent / checkout.as_posix().strip("/").replace("/", "-")
+        arguments = [argument.format(scratch=scratch, runs=runs) for argument in command.arguments]
         environment = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}
         environment |= {
-            "PYTHONPATH": str(checkout),
+            "PYTHONPATH": str(HERE),
             "PYTHONPYCACHEPREFIX": str(runs.parent / "bytecode"),
             "NUMBA_CACHE_DIR": os.environ.get("NUMBA_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache"),
-            "XDG_CACHE_HOME": f"{cache}/cache",
+            "XDG_CACHE_HOME": f"{scratch if command.is_cold else runs.parent}/cache",
         }
-        return measured([sys.executable, "-c", MAIN, *arguments], checkout, environment)
+        return bench.process([*bench.COMMAND, *arguments], cwd=HERE, env=environment)
 
 
-def median(figures: list[Figures]) -> Figures:
-    """Of each figure by itself."""
-    return {name: round(statistics.median(each[name] for each in figures), 2) for name in figures[0]}
-
-
-def in_turn(row: Row, checkouts: list[Path], repeats: int, runs: Path) -> list[Figures]:
-    """Medians for each checkout; measured alternately, so that a busy machine slows all alike."""
-    for checkout in checkouts:
-        once(row, checkout, runs)
-    found: list[list[Figures]] = [[] for _ in checkouts]
-    for _ in range(repeats):
-        for checkout, figures in zip(checkouts, found):
-            figures.append(once(row, checkout, runs))
-    return [median(figures) for figures in found]
-
-
-def fresh(checkout: Path) -> dict[str, Figures]:
+def fresh() -> Iterator[tuple[str, bench.Row]]:
     """The slow rows, once, in a clone of what is committed."""
-    found: dict[str, Figures] = {}
     with tempfile.TemporaryDirectory() as scratch:
-        clone, cache = Path(scratch) / "clone", Path(scratch) / "cache"
-        subprocess.run(["git", "clone", "--quiet", str(checkout), str(clone)], check=True)
+        clone = Path(scratch) / "clone"
+        subprocess.run(["git", "clone", "--quiet", str(HERE), str(clone)], check=True)
         environment = {k: v for k, v in os.environ.items() if k not in ("PYTHONPATH", "NUMBA_CACHE_DIR", "VIRTUAL_ENV")}
-        environment["XDG_CACHE_HOME"] = str(cache)
-        found["tools/run.sh, fresh"] = measured(["./tools/run.sh", "--out", f"{scratch}/run"], clone, environment)
-        found["tools/test.sh: set-up"] = measured(["./tools/setup.sh", "test"], clone, environment)
-        found["tools/test.sh: tests"] = measured([".venv/bin/python", "-m", "pytest", "-n", "auto"], clone, environment)
+        how = {"cwd": clone, "env": environment | {"XDG_CACHE_HOME": f"{scratch}/cache"}}
+        yield "tools/run.sh, fresh", bench.process(["./tools/run.sh", "--out", f"{scratch}/run"], **how)
+        yield "tools/test.sh: set-up", bench.process(["./tools/setup.sh", "test"], **how)
+        yield "tools/test.sh: tests", bench.process([".venv/bin/python", "-m", "pytest", "-n", "auto"], **how)
         for folder in list(clone.rglob("__pycache__")):
             if ".venv" not in folder.parts:
                 shutil.rmtree(folder)
-        environment |= {"XDG_CACHE_HOME": f"{scratch}/empty", "NUMBA_CACHE_DIR": f"{scratch}/kernels"}
-        command = [".venv/bin/mrp-sumo", "run", "office_9", "--out", f"{scratch}/run"]
-        found["first run, cold kernels"] = measured(command, clone, environment)
-    return found
+        how["env"] |= {"XDG_CACHE_HOME": f"{scratch}/empty", "NUMBA_CACHE_DIR": f"{scratch}/kernels"}
+        yield "first run, cold kernels", bench.process([".venv/bin/mrp-sumo", "run", "office_9", "--out", f"{scratch}/run"], **how)
 
 
-def main() -> None:
-    """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--against", type=Path, metavar="DIR", help="another checkout")
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Rows."""
     parser.add_argument("--only", default="", metavar="TEXT", help="rows whose name holds this")
-    parser.add_argument("--repeats", type=int, default=5, metavar="N")
+    parser.add_argument("--times", type=int, default=1, metavar="N", help="how often each is measured: medians (default: 1)")
     parser.add_argument("--fresh", action="store_true", help="the rows of a fresh machine, too")
-    parser.add_argument("--json", action="store_true")
-    options = parser.parse_args()
-    checkouts = [HERE, *([options.against.resolve()] if options.against else [])]
-    say: Callable[[dict[str, object]], None] = _print_json if options.json else _print_row
-    machine = subprocess.run([sys.executable, str(HERE / "tools/bench_machine.py"), "--json"], capture_output=True, text=True, check=True)
-    if options.json:
-        print(machine.stdout.strip(), flush=True)
-    else:
-        figures = json.loads(machine.stdout)["machine"]
-        print("machine: loop {loop_msteps_per_s} million steps/s, copy {copy_gb_per_s} GB/s, {cores} cores, load {load}".format(**figures))
-        print(
-            f"{'':24} {'CPU s':>7} {'wanted':>7} {'wall s':>7} {'MB':>5} {'wanted':>7}"
-            + "  against: CPU s, MB, ratio" * bool(options.against)
-        )
+
+
+def rows(options: argparse.Namespace) -> Iterator[bench.Row]:
+    """A row a command."""
     with tempfile.TemporaryDirectory() as folder:
         runs = Path(folder) / "results.parquet"
-        subprocess.run([sys.executable, "-c", MADE_UP, str(HERE / "tools"), str(NUM_RUNS), str(runs)], check=True)
-        for row in ROWS:
-            if options.only in row.name:
-                ours, *others = in_turn(row, checkouts, options.repeats, runs)
-                shown: dict[str, object] = {"row": row.name, **ours, "wanted_cpu_s": row.cpu_s, "wanted_peak_mb": row.peak_mb}
-                if others:
-                    shown |= {"against": others[0], "cpu_ratio": round(ours["cpu_s"] / others[0]["cpu_s"], 3)}
-                say(shown)
+        results(NUM_RUNS).to_parquet(runs)
+        for command in COMMANDS:
+            if options.only in command.name:
+                once(command, runs)
+                all_figures = [once(command, runs) for _ in range(options.times)]
+                figures = {name: statistics.median(each[name] for each in all_figures) for name in all_figures[0]}
+                yield {"command": command.name, **figures, "wanted_cpu_s": command.cpu_s, "wanted_peak_mb": command.peak_mb}
     if options.fresh:
-        for name, figures in fresh(HERE).items():
-            say({"row": name, **{k: round(v, 1) for k, v in figures.items()}, "wanted_wall_s": FRESH[name]})
-
-
-def _print_json(shown: dict[str, object]) -> None:
-    print(json.dumps(shown), flush=True)
-
-
-def _print_row(shown: dict[str, object]) -> None:
-    wanted_mb, against = shown.get("wanted_peak_mb"), shown.get("against")
-    line = f"{shown['row']:24} {shown['cpu_s']:7.2f} {shown.get('wanted_cpu_s', ''):>7} {shown['wall_s']:7.2f} {shown['peak_mb']:5.0f}"
-    line += f" {wanted_mb or '':>7}" if "wanted_cpu_s" in shown else f"  wanted: {shown['wanted_wall_s']:g} s of wall time"
-    if isinstance(against, dict):
-        line += f"  {against['cpu_s']:.2f}, {against['peak_mb']:.0f}, {shown['cpu_ratio']}"
-    print(line, flush=True)
+        for name, figures in fresh():
+            yield {"command": name, **figures, "wanted_wall_s": FRESH[name]}
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(bench.main(__file__))

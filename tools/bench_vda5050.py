@@ -3,8 +3,8 @@
     python tools/bench_vda5050.py [--vehicles 100] [--seconds 60] [--json]
 
 Three processes: a broker on the loopback (a few lines that know as much of MQTT as this takes), the fleet, which is measured, and a
-master that sends each vehicle an order of twelve nodes whenever it is done. What brokers and masters need is their own affair. Prints
-a line: the fleet's share of one core, messages a second, how far it fell behind the clock.
+master that sends each vehicle an order of twelve nodes whenever it is done. What brokers and masters need is their own affair. A row
+has the fleet's share of one core, messages a second, how far it fell behind the clock.
 """
 
 import argparse
@@ -12,16 +12,17 @@ import asyncio
 import itertools
 import json
 import math
-import os
 import random
 import resource
 import socket
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import ClassVar
 
+import bench
 import numpy as np
 
 from mrp_sumo.drive import warm
@@ -58,21 +59,21 @@ def fleet(port: int, vehicles: int, engine: str, seconds: float) -> dict[str, fl
         setup = set_up(scenario(vehicles, engine), maps)
         link = VehicleLink(Connections(Broker("127.0.0.1", port), dialect, "mrp_sumo"))
         reporting = Reporting(state_s=1.0, view_s=0.1, epoch_s=time.time())
-        found = VirtualFleet(setup, maps.network(setup.problem.graph), link, dialect, reporting)
-        for vehicle in found.vehicles:
-            link.join(vehicle.sender.serial, encoded(found.connection(vehicle, "ONLINE")), encoded(found.last_will(vehicle)))
-        with found:
+        virtual = VirtualFleet(setup, maps.network(setup.problem.graph), link, dialect, reporting)
+        for vehicle in virtual.vehicles:
+            link.join(vehicle.sender.serial, encoded(virtual.connection(vehicle, "ONLINE")), encoded(virtual.last_will(vehicle)))
+        with virtual:
             print("ready", flush=True)
             pace, until_s = Pace(1.0), math.inf
             cpu_s = begun_s = sent = 0.0
-            while found.now_s < until_s:
-                if until_s == math.inf and sum(vehicle.is_busy for vehicle in found.vehicles) > 0.9 * vehicles:
-                    until_s, pace.behind_s = found.now_s + seconds, 0.0
-                    begun_s, cpu_s, sent = time.monotonic(), time.process_time(), found.sent
-                found.step(pace.wait(found.now_s, link.receive))
+            while virtual.now_s < until_s:
+                if until_s == math.inf and sum(vehicle.is_busy for vehicle in virtual.vehicles) > 0.9 * vehicles:
+                    until_s, pace.behind_s = virtual.now_s + seconds, 0.0
+                    begun_s, cpu_s, sent = time.monotonic(), time.process_time(), virtual.sent
+                virtual.step(pace.wait(virtual.now_s, link.receive))
             wall_s, cpu_s = time.monotonic() - begun_s, time.process_time() - cpu_s
-            driving = sum(vehicle.body.moves for vehicle in found.vehicles)
-            sent = found.sent - sent
+            driving = sum(vehicle.body.moves for vehicle in virtual.vehicles)
+            sent = virtual.sent - sent
         link.close()
     return {
         "vehicles": vehicles,
@@ -176,48 +177,58 @@ async def serve(port: int) -> None:
     await server.serve_forever()
 
 
-def main() -> None:
-    """Start the three, print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Size of the fleet."""
     parser.add_argument("--vehicles", type=int, default=100)
     parser.add_argument("--seconds", type=float, default=60.0)
     parser.add_argument("--engine", default="sumo", choices=("sumo", "kinematic"))
-    parser.add_argument("--json", action="store_true")
-    parser.add_argument("--part", help=argparse.SUPPRESS)
+    parser.add_argument("--part", choices=("fleet", "broker", "master"), help=argparse.SUPPRESS)
     parser.add_argument("--port", type=int, help=argparse.SUPPRESS)
-    options = parser.parse_args()
+
+
+def rows(options: argparse.Namespace) -> Iterator[bench.Row]:
+    """One row: the three processes are this file with --part."""
     if options.part == "fleet":
-        print(json.dumps(fleet(options.port, options.vehicles, options.engine, options.seconds)))
-        return
-    if options.part == "broker":
+        yield fleet(options.port, options.vehicles, options.engine, options.seconds)
+    elif options.part == "broker":
         asyncio.run(serve(options.port))
-        return
-    if options.part == "master":
+    elif options.part == "master":
         master(options.port, options.vehicles)
-        return
+    else:
+        yield together(options)
+
+
+def together(options: argparse.Namespace) -> bench.Row:
+    """Start the three."""
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
-    again = [sys.executable, __file__, "--vehicles", str(options.vehicles), "--port", str(port), "--seconds", str(options.seconds)]
+    again = [
+        sys.executable,
+        __file__,
+        "--json",
+        "--vehicles",
+        str(options.vehicles),
+        "--port",
+        str(port),
+        "--seconds",
+        str(options.seconds),
+    ]
     broker = subprocess.Popen([*again, "--part", "broker"])
     time.sleep(3)
     measured = subprocess.Popen([*again, "--engine", options.engine, "--part", "fleet"], stdout=subprocess.PIPE, text=True)
     driver = None
     try:
+        assert measured.stdout is not None
         if measured.stdout.readline().strip() == "ready":
             driver = subprocess.Popen([*again, "--part", "master"])
-        found = json.loads(measured.stdout.readline())
+        return dict(json.loads(measured.stdout.readline()))
     finally:
         for process in (driver, measured, broker):
             if process is not None:
                 process.terminate()
                 process.wait()
-    found["load"] = round(os.getloadavg()[0], 1)
-    if options.json:
-        print(json.dumps(found))
-    else:
-        print("  ".join(f"{key} {value}" for key, value in found.items()))
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(bench.main(__file__))

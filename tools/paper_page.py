@@ -20,7 +20,6 @@ SECTIONS = {  # which the page shows, by campaign
         "Figure 5: planning time",
         "Table IV: makespan and cost",
         "Replicability",
-        "Why numbers differ",
     ),
 }
 

@@ -17,9 +17,9 @@ import math
 import sys
 from datetime import date
 from pathlib import Path
-from typing import Any
 
-from bench_planners import BENCHMARK, PAPER, Row, made, measure
+from bench import Row, line
+from bench_planners import BENCHMARK, PAPER, made, measure
 
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.planning.protocol import Planner
@@ -40,7 +40,6 @@ PROGRAMS = {  # option -> (name, command)
     "mapf_lns2": ("MAPF-LNS2", LISTED),
 }
 OURS = ("cbs", "ecbs", "eecbs", "lacam", "lns2")
-COLUMNS = ("planner", "solved", "CPU ms, median", "longest", "cost")
 
 
 def main() -> int:
@@ -59,11 +58,13 @@ def main() -> int:
     options = parser.parse_args()
     try:
         asked = {name: made(name) for name in OURS} | peers(options)
-        text = "".join(
-            block(f"{name} {robots}", measure(asked, options.instances, name, robots, options.time_limit, options.count))
-            for name, sizes in (PAPER | BENCHMARK).items()
-            for robots in sizes
-            if not options.only or any(text in f"{name} {robots}" for text in options.only)
+        sizes = [(name, robots) for name, of in (PAPER | BENCHMARK).items() for robots in of]
+        text = table(
+            {
+                f"{name}, {robots} robots": measure(asked, options.instances, name, robots, options.time_limit, options.count)
+                for name, robots in sizes
+                if not options.only or any(text in f"{name} {robots}" for text in options.only)
+            }
         )
     except MrpSumoError as error:
         print(error, file=sys.stderr)
@@ -106,33 +107,26 @@ def _program(path: Path) -> Path:
     return path.resolve()
 
 
-def block(size: str, rows: list[Row]) -> str:
-    """The table of a map and number of robots; nothing without instances."""
-    if not rows:
+def table(sizes: dict[str, list[Row]]) -> str:
+    """A column for each map and number of robots: CPU time in ms, median and longest, and cost; nothing without instances."""
+    sizes = {size: rows for size, rows in sizes.items() if rows}
+    if not sizes:
         return ""
-    lines = [
-        f"\n### {size.rpartition(' ')[0]}, {size.rpartition(' ')[2]} robots\n",
-        _line(COLUMNS),
-        _line(["---", *["---:"] * (len(COLUMNS) - 1)]),
-    ]
-    for row in rows:
-        cells = [f"{row.solved} of {row.instances - row.refused}", _ms(row.cpu_median_s), _ms(row.cpu_max_s), _number(row.cost)]
-        lines.append(_line([f"`{row.planner}`" if row.planner in OURS else row.planner, *cells]))
-    return "\n".join(lines) + "\n"
+    lines = [line(["planner", *sizes]), line(["---"] * (1 + len(sizes)))]
+    for k, row in enumerate(next(iter(sizes.values()))):
+        name = row["planner"]
+        lines.append(line([f"`{name}`" if name in OURS else name, *(_cell(rows[k]) for rows in sizes.values())]))
+    return "\n" + "\n".join(lines) + "\n"
 
 
-def _line(cells: Any) -> str:
-    return "| " + " | ".join(cells) + " |"
+def _cell(row: Row) -> str:
+    asked = row["instances"] - row["refused"]
+    missing = "" if row["solved"] == asked else f" ({row['solved']} of {asked})"
+    return f"{_number(1e3 * row['cpu_median_s'])} / {_number(1e3 * row['cpu_max_s'])}, {_number(row['cost'])}{missing}"
 
 
-def _ms(seconds: float | None) -> str:
-    return _number(None if seconds is None else 1e3 * seconds)
-
-
-def _number(value: float | None) -> str:
-    if value is None or math.isnan(value):
-        return "–"
-    return f"{value:.0f}" if value >= 1000 else f"{value:.1f}"
+def _number(value: float) -> str:
+    return "–" if math.isnan(value) else f"{value:.0f}" if value >= 1000 else f"{value:.1f}"
 
 
 def write(text: str) -> None:
