@@ -107,15 +107,16 @@ class Messages:
     def vector(self, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Any:
         return self.make("geometry_msgs/Vector3", float(x), float(y), float(z))
 
-    def transform(self, ns: int, frame: str, child: str, x: float, y: float, qz: float, qw: float) -> Any:
-        moved = self.make("geometry_msgs/Transform", self.vector(x, y), self.turn(qz, qw))
+    def transform(self, ns: int, frame: str, child: str, x: float, y: float) -> Any:
+        """A shift without a turn."""
+        moved = self.make("geometry_msgs/Transform", self.vector(x, y), self.turn(0.0, 1.0))
         return self.make("geometry_msgs/TransformStamped", self.header(ns, frame), child, moved)
 
     def tf_static(self, ns: int) -> bytes:
         """The transform from world to map."""
         levels = zip(ros_names(self.level_names), self.shift_m.tolist()) if self.record.levels else ()
-        frames = [self.transform(ns, "map", name, x, y, 0.0, 1.0) for name, (x, y) in levels]
-        return self.serialised(self.make("tf2_msgs/TFMessage", [self.transform(ns, "world", "map", 0.0, 0.0, 0.0, 1.0), *frames]))
+        frames = [self.transform(ns, "map", name, x, y) for name, (x, y) in levels]
+        return self.serialised(self.make("tf2_msgs/TFMessage", [self.transform(ns, "world", "map", 0.0, 0.0), *frames]))
 
     def map(self, ns: int) -> bytes:
         """Walls as an occupancy grid; without walls, the cells that no lane touches; without either, a free grid."""
@@ -155,13 +156,14 @@ class Messages:
         ends = [points[v] for pair in zip(nav.tail[once].tolist(), nav.head[once].tolist()) for v in pair]
         size = float(self.record.fleet.width_m.max()) if self.record.fleet.num_robots else 0.2
         markers = [
-            self.marker(ns, "map", "vertices", 0, 8, (size, size, 0.0), (0.35, 0.40, 0.50, 1.0), points=points),
-            self.marker(ns, "map", "lanes", 0, 5, (size / 4, 0.0, 0.0), (0.55, 0.60, 0.68, 0.8), points=ends),
+            self.marker(ns, "map", "vertices", 0, 8, scale=(size, size, 0.0), color=(0.35, 0.40, 0.50, 1.0), points=points),
+            self.marker(ns, "map", "lanes", 0, 5, scale=(size / 4, 0.0, 0.0), color=(0.55, 0.60, 0.68, 0.8), points=ends),
         ]
         for v in (v for v in range(nav.num_vertices) if nav.vertex_name[v]):
             x, y = nav.xy[v] + LABEL_OFFSET
             pose, text = self.pose(float(x), float(y)), nav.vertex_name[v]
-            markers.append(self.marker(ns, "map", "names", v, 9, (0.0, 0.0, 0.35), (0.15, 0.15, 0.20, 1.0), pose=pose, text=text))
+            look = {"scale": (0.0, 0.0, 0.35), "color": (0.15, 0.15, 0.20, 1.0)}
+            markers.append(self.marker(ns, "map", "names", v, 9, **look, pose=pose, text=text))
         return self.serialised(self.make("visualization_msgs/MarkerArray", markers))
 
     def robot_markers(self, ns: int) -> bytes:
@@ -169,14 +171,10 @@ class Messages:
         fleet, markers = self.record.fleet, []
         for i, name in enumerate(self.robots):
             frame, height = f"{name}/base_link", float(fleet.width_m[i]) / 2
-            scale, colour = (float(fleet.length_m[i]), float(fleet.width_m[i]), height), (*_colour_of(i), 1.0)
-            markers.append(self.marker(ns, frame, "body", i, 1, scale, colour, pose=self.pose(z=height / 2), locked=True))
-            above = self.pose(z=2 * height + 0.1)
-            markers.append(
-                self.marker(
-                    ns, frame, "name", i, 9, (0.0, 0.0, 0.25), (0.1, 0.1, 0.1, 1.0), pose=above, text=fleet.robot_name[i], locked=True
-                )
-            )
+            box = {"scale": (float(fleet.length_m[i]), float(fleet.width_m[i]), height), "color": (*_colour_of(i), 1.0)}
+            words = {"scale": (0.0, 0.0, 0.25), "color": (0.1, 0.1, 0.1, 1.0), "text": fleet.robot_name[i]}
+            markers.append(self.marker(ns, frame, "body", i, 1, **box, pose=self.pose(z=height / 2), frame_locked=True))
+            markers.append(self.marker(ns, frame, "name", i, 9, **words, pose=self.pose(z=2 * height + 0.1), frame_locked=True))
         return self.serialised(self.make("visualization_msgs/MarkerArray", markers))
 
     def plan_markers(self, ns: int) -> bytes:
@@ -188,48 +186,38 @@ class Messages:
             xy = _corners(self.record.graph.xy[plan.vertex[plan.first[i] : plan.first[i + 1]]])
             if len(xy) > 1:
                 points = [self.point(x, y) for x, y in xy.tolist()]
-                markers.append(self.marker(ns, "map", "plan", i, 4, (width, 0.0, 0.0), (*_colour_of(i), 0.7), points=points))
+                look = {"scale": (width, 0.0, 0.0), "color": (*_colour_of(i), 0.7)}
+                markers.append(self.marker(ns, "map", "plan", i, 4, **look, points=points))
         return self.serialised(self.make("visualization_msgs/MarkerArray", markers))
 
-    def marker(
-        self,
-        ns: int,
-        frame: str,
-        group: str,
-        number: int,
-        kind: int,
-        scale: tuple[float, float, float],
-        colour: tuple[float, float, float, float],
-        *,
-        pose: Any = None,
-        points: Sequence[Any] = (),
-        text: str = "",
-        locked: bool = False,
-    ) -> Any:
-        """A marker; kinds: 1 CUBE, 4 LINE_STRIP, 5 LINE_LIST, 7 SPHERE_LIST, 8 POINTS, 9 TEXT_VIEW_FACING."""
+    def marker(self, ns: int, frame: str, group: str, number: int, kind: int, **fields: Any) -> Any:
+        """A marker; kinds: 1 CUBE, 4 LINE_STRIP, 5 LINE_LIST, 7 SPHERE_LIST, 8 POINTS, 9 TEXT_VIEW_FACING.
+
+        `fields` are others of the message; `scale` and `color` are tuples.
+        """
         nothing = np.zeros(0, np.uint8)
-        return self.make(
-            "visualization_msgs/Marker",
-            header=self.header(ns, frame),
-            ns=group,
-            id=number,
-            type=kind,
-            action=0,
-            pose=pose or self.pose(),
-            scale=self.vector(*scale),
-            color=self.make("std_msgs/ColorRGBA", *colour),
-            lifetime=self.make("builtin_interfaces/Duration", 0, 0),
-            frame_locked=locked,
-            points=list(points),
-            colors=[],
-            texture_resource="",
-            texture=self.make("sensor_msgs/CompressedImage", self.header(0, ""), "", nothing),
-            uv_coordinates=[],
-            text=text,
-            mesh_resource="",
-            mesh_file=self.make("visualization_msgs/MeshFile", "", nothing),
-            mesh_use_embedded_materials=False,
-        )
+        fields["scale"] = self.vector(*fields["scale"])
+        fields["color"] = self.make("std_msgs/ColorRGBA", *fields["color"])
+        usual = {
+            "header": self.header(ns, frame),
+            "ns": group,
+            "id": number,
+            "type": kind,
+            "action": 0,
+            "pose": self.pose(),
+            "lifetime": self.make("builtin_interfaces/Duration", 0, 0),
+            "frame_locked": False,
+            "points": [],
+            "colors": [],
+            "texture_resource": "",
+            "texture": self.make("sensor_msgs/CompressedImage", self.header(0, ""), "", nothing),
+            "uv_coordinates": [],
+            "text": "",
+            "mesh_resource": "",
+            "mesh_file": self.make("visualization_msgs/MeshFile", "", nothing),
+            "mesh_use_embedded_materials": False,
+        }
+        return self.make("visualization_msgs/Marker", **usual | fields)
 
     def path_requests(self, since: Mapping[int, int] | None = None, at_ns: int = EPOCH_NS) -> Iterator[bytes]:
         """The plan of each robot as RMF states it; `Location.t` is the planned time, a wait is two locations.

@@ -63,5 +63,7 @@ class Markers(_Sightings):
         m, (log, rows) = self.m, self.at(k)
         points = [m.point(x, y, CHEST_M) for x, y in zip(log.x_m[rows].tolist(), log.y_m[rows].tolist())]
         size = 2 * log.radius_m
-        marker = m.marker(EPOCH_NS + int(self.samples.t_ns[k]), "map", "people", 0, SPHERES, (size, size, size), COLOUR, points=points)
+        marker = m.marker(
+            EPOCH_NS + int(self.samples.t_ns[k]), "map", "people", 0, SPHERES, scale=(size, size, size), color=COLOUR, points=points
+        )
         return m.serialised(m.make(MARKERS[1], [marker]))

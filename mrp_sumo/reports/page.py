@@ -6,6 +6,7 @@ Everything from outside (names, reasons, paths) is text and is escaped here.
 import html
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import groupby
 from pathlib import Path
 
 from mrp_sumo.reports.charts.chart import Chart
@@ -72,10 +73,9 @@ def page(
         *(f'<li><a href="#{s.name}">{html.escape(s.title)}</a></li>' for s in sections),
         "</ul></nav>",
         "<main>",
-        _tiles(tiles),
+        tile_list(tiles),
+        gap_list(gaps),
     ]
-    if gaps:
-        lines.append('<ul class="gaps">' + "".join(f"<li>{html.escape(line)}</li>" for line in gaps) + "</ul>")
     for section in sections:
         title, text = html.escape(section.title), f'<p class="lead">{html.escape(section.text)}</p>' if section.text else ""
         if section.is_folded:  # a link to what is inside opens it
@@ -122,37 +122,54 @@ def document(title: str, generator: str, body: Sequence[str], *style_sheets: Pat
     return "\n".join(line for line in lines if line)
 
 
-def _tiles(tiles: Sequence[Tile]) -> str:
-    if not tiles:
-        return ""
+def tile_list(tiles: Sequence[Tile]) -> str:
+    """Numbers at the top as HTML; '' where there are none."""
     cells = []
     for tile in tiles:
         detail = f" <small>{html.escape(tile.detail)}</small>" if tile.detail else ""
         value = html.escape(tile.value).replace("_", "_<wbr>")  # where long names may break
-        cells.append(f'<div class="{tile.mood}"><dt>{html.escape(tile.label)}</dt><dd>{value}{detail}</dd></div>')
-    return f'<dl class="tiles">{"".join(cells)}</dl>'
+        mood = f' class="{tile.mood}"' if tile.mood else ""
+        cells.append(f"<div{mood}><dt>{html.escape(tile.label)}</dt><dd>{value}{detail}</dd></div>")
+    return f'<dl class="tiles">{"".join(cells)}</dl>' if cells else ""
+
+
+def gap_list(gaps: Sequence[str]) -> str:
+    """Notes on what is missing as HTML; '' where there are none."""
+    return '<ul class="gaps">' + "".join(f"<li>{html.escape(line)}</li>" for line in gaps) + "</ul>" if gaps else ""
+
+
+def rows_of(rows: Sequence[Sequence[str]], numbers: Sequence[int] = (), tag: str = "td") -> str:
+    """Rows of a plain table, whose cells are HTML; the first cell is a heading, unless it is one of the columns of numbers."""
+
+    def cell(k: int, text: str) -> str:
+        name = "th" if k == 0 and k not in numbers else tag
+        return f"<{name}{' class=number' if k in numbers else ''}>{text}</{name}>"
+
+    return "".join(f"<tr>{''.join(cell(k, text) for k, text in enumerate(row))}</tr>" for row in rows)
+
+
+def chart_row(charts: Sequence[Chart], *, files: bool = False) -> list[str]:
+    """Charts side by side as HTML, with links to their files."""
+    return ['<div class="charts">', *(_chart(chart, files=files) for chart in charts), "</div>"]
 
 
 def _parts(parts: Sequence[ReportTable | Chart]) -> list[str]:
     """Consecutive charts stand side by side."""
     lines: list[str] = []
-    in_charts = False
-    for part in parts:
-        if isinstance(part, Chart) != in_charts:
-            lines.append("</div>" if in_charts else '<div class="charts">')
-            in_charts = not in_charts
-        lines.append(_chart(part) if isinstance(part, Chart) else _table(part))
-    if in_charts:
-        lines.append("</div>")
+    for _, some in groupby(parts, type):
+        group = list(some)
+        charts = [part for part in group if isinstance(part, Chart)]
+        lines += chart_row(charts, files=True) if charts else [_table(part) for part in group if isinstance(part, ReportTable)]
     return lines
 
 
-def _chart(chart: Chart) -> str:
-    files = " ".join(f'<a href="figures/{chart.name}.{kind}">{kind.upper()}</a>' for kind in ("svg", "png"))
+def _chart(chart: Chart, *, files: bool) -> str:
+    links = " ".join(f'<a href="figures/{chart.name}.{kind}">{kind.upper()}</a>' for kind in ("svg", "png"))
+    shown = f' <span class="files">{links}</span>' if files else ""
     return (
         f'<figure{" class=wide" if chart.wide else ""}>\n<h3 id="{chart.name}-title">{html.escape(chart.title)}</h3>\n'
         f'<div class="scroll">{chart.on_page()}</div>\n'
-        f'<figcaption>{html.escape(chart.caption)} <span class="files">{files}</span></figcaption>\n</figure>'
+        f"<figcaption>{html.escape(chart.caption)}{shown}</figcaption>\n</figure>"
     )
 
 

@@ -25,6 +25,7 @@ from mrp_sumo.formats.vda.messages import (
     Dialect,
     Json,
     Sender,
+    StateContent,
     action,
     factsheet,
     line_of,
@@ -269,22 +270,24 @@ class LoggedVehicle:
         request = {"actionId": f"{self.sender.serial}-factsheet", "actionType": "factsheetRequest", "actionStatus": "FINISHED"}
         return state(
             self.dialect,
-            order=(self.orders.name, self.orders.update),
-            last=(graph.label(at), sequence),
-            nodes=nodes,
-            edges=edges,
-            place=pose,
-            velocity=velocity,
-            driving=driving,
-            away_m=away_m,
-            actions=[self._action_state(made, t_s) for made in self._of_order()],
-            instants=[request],
-            power=(self._percent(t_s), any(a <= t_s < b for a, b in self.charging)),
-            errors=[
-                error(kind, ERRORS[kind][self.dialect.is_new], text, {})
-                for begin_s, until_s, kind, text in self.errors
-                if begin_s <= t_s < until_s
-            ],
+            StateContent(
+                order=(self.orders.name, self.orders.update),
+                last=(graph.label(at), sequence),
+                nodes=nodes,
+                edges=edges,
+                place=pose,
+                velocity=velocity,
+                driving=driving,
+                away_m=away_m,
+                actions=[self._action_state(made, t_s) for made in self._of_order()],
+                instants=[request],
+                power=(self._percent(t_s), any(a <= t_s < b for a, b in self.charging)),
+                errors=[
+                    error(kind, ERRORS[kind][self.dialect.is_new], text, {})
+                    for begin_s, until_s, kind, text in self.errors
+                    if begin_s <= t_s < until_s
+                ],
+            ),
         )
 
     def _of_order(self) -> list[tuple[Json, float, float]]:

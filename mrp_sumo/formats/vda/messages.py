@@ -127,69 +127,54 @@ def action(kind: str, name: str, blocking: str = "NONE", **parameters: Any) -> J
     return document
 
 
-def state(
-    dialect: Dialect,
-    *,
-    order: tuple[str, int],
-    last: tuple[str, int],
-    nodes: list[Json],
-    edges: list[Json],
-    place: Json,
-    velocity: Json,
-    driving: bool,
-    away_m: float,
-    actions: list[Json],
-    instants: list[Json],
-    power: tuple[float, bool],
-    errors: list[Json],
-    paused: bool = False,
-    stopped: bool = False,
-    violated: bool = False,
-    loads: list[Json] | None = None,
-) -> Json:
-    """The state that a vehicle reports.
+@dataclass(frozen=True)
+class StateContent:
+    """The state that a vehicle reports."""
 
-    Parameters
-    ----------
-    order
-        Its identifier and that of the update.
-    last
-        Name and sequence number of the last node.
-    nodes, edges
-        What is left of the order (`states_of`).
-    place
-        Where the vehicle is (`Dialect.place`); empty where that is not known.
-    away_m
-        From the last node.
-    actions, instants
-        States of the order's actions and of instant ones.
-    power
-        Per cent of the battery, and whether it charges.
-    stopped, violated
-        Whether an emergency stop is active, and whether something is in a protective field.
-    loads
-        None: the vehicle does not know.
-    """
-    supply, level = dialect.power(*power)
+    order: tuple[str, int]  # its identifier and that of the update
+    last: tuple[str, int]  # name and sequence number of the last node
+    nodes: list[Json]  # what is left of the order (`states_of`)
+    edges: list[Json]
+    place: Json  # `Dialect.place`; empty where that is not known
+    velocity: Json
+    driving: bool
+    away_m: float  # from the last node
+    actions: list[Json]  # states of the order's actions
+    instants: list[Json]  # and of instant ones
+    power: tuple[float, bool]  # per cent of the battery, and whether it charges
+    errors: list[Json]
+    paused: bool = False
+    stopped: bool = False  # by an emergency stop
+    violated: bool = False  # something is in a protective field
+    loads: list[Json] | None = None  # None: the vehicle does not know
+
+
+def state(dialect: Dialect, of: StateContent) -> Json:
+    """The payload of a state, without its header."""
+    supply, level = dialect.power(*of.power)
     return {
-        "orderId": order[0],
-        "orderUpdateId": order[1],
-        "lastNodeId": last[0],
-        "lastNodeSequenceId": last[1],
-        "nodeStates": nodes,
-        "edgeStates": edges,
-        **({dialect.place_key: place} if place else {}),
-        "velocity": velocity,
-        **({} if loads is None else {"loads": loads}),
-        "driving": driving,
-        "paused": paused,
-        "newBaseRequest": bool(nodes) and not nodes[0]["released"],
-        "distanceSinceLastNode": round(away_m, 6),
-        **({"actionStates": actions, "instantActionStates": instants} if dialect.is_new else {"actionStates": [*instants, *actions]}),
+        "orderId": of.order[0],
+        "orderUpdateId": of.order[1],
+        "lastNodeId": of.last[0],
+        "lastNodeSequenceId": of.last[1],
+        "nodeStates": of.nodes,
+        "edgeStates": of.edges,
+        **({dialect.place_key: of.place} if of.place else {}),
+        "velocity": of.velocity,
+        **({} if of.loads is None else {"loads": of.loads}),
+        "driving": of.driving,
+        "paused": of.paused,
+        "newBaseRequest": bool(of.nodes) and not of.nodes[0]["released"],
+        "distanceSinceLastNode": round(of.away_m, 6),
+        **(
+            {"actionStates": of.actions, "instantActionStates": of.instants}
+            if dialect.is_new
+            else {"actionStates": [*of.instants, *of.actions]}
+        ),
         supply: level,
         "operatingMode": "AUTOMATIC",
-        "errors": errors,
-        "safetyState": dialect.safety(stopped, violated),
+        "errors": of.errors,
+        "safetyState": dialect.safety(of.stopped, of.violated),
     }
 
 

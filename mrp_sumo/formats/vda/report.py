@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from mrp_sumo.formats.vda import errors
 from mrp_sumo.formats.vda.abilities import BREAKDOWN, EMERGENCY_STOP, FIELD, LOST
 from mrp_sumo.formats.vda.errors import RefusalError, error, error_of
-from mrp_sumo.formats.vda.messages import Json, state, states_of
+from mrp_sumo.formats.vda.messages import Json, StateContent, state, states_of
 from mrp_sumo.formats.vda.order import Edge, Node
 from mrp_sumo.formats.vda.vehicle import ActionProgress, Vehicle
 
@@ -23,22 +23,24 @@ def state_of(vehicle: Vehicle, now_s: float) -> Json:
         now_s,
         state(
             vehicle.dialect,
-            order=(vehicle.order.name, vehicle.order.update) if vehicle.order else ("", 0),
-            last=(vehicle.last_node, vehicle.passed),
-            nodes=nodes,
-            edges=edges,
-            place=place,
-            velocity={"vx": round(body.speed_mps, 6), "vy": 0.0, "omega": round(body.turn_rad_s, 6)},
-            driving=body.moves,
-            paused=vehicle.paused,
-            away_m=math.hypot(body.x_m - own[0], body.y_m - own[1]) if own else 0.0,
-            actions=[_said_doing(vehicle, doing) for doing in vehicle.doings.values()],
-            instants=[_said_doing(vehicle, doing) for doing in vehicle.instants.values()],
-            power=(vehicle.percent, vehicle.charging),
-            errors=list(_errors(vehicle)),
-            stopped=EMERGENCY_STOP in vehicle.faults,
-            violated=FIELD in vehicle.faults or bool(vehicle.blocked_by),
-            loads=[vehicle.load] if vehicle.load else [],
+            StateContent(
+                order=(vehicle.order.name, vehicle.order.update) if vehicle.order else ("", 0),
+                last=(vehicle.last_node, vehicle.passed),
+                nodes=nodes,
+                edges=edges,
+                place=place,
+                velocity={"vx": round(body.speed_mps, 6), "vy": 0.0, "omega": round(body.turn_rad_s, 6)},
+                driving=body.moves,
+                paused=vehicle.paused,
+                away_m=math.hypot(body.x_m - own[0], body.y_m - own[1]) if own else 0.0,
+                actions=[_said_doing(vehicle, doing) for doing in vehicle.doings.values()],
+                instants=[_said_doing(vehicle, doing) for doing in vehicle.instants.values()],
+                power=(vehicle.percent, vehicle.charging),
+                errors=list(_errors(vehicle)),
+                stopped=EMERGENCY_STOP in vehicle.faults,
+                violated=FIELD in vehicle.faults or bool(vehicle.blocked_by),
+                loads=[vehicle.load] if vehicle.load else [],
+            ),
         ),
     )
 

@@ -13,8 +13,7 @@ from mrp_sumo import __version__
 from mrp_sumo.experiments.identity import library_versions
 from mrp_sumo.io.results import write_whole
 from mrp_sumo.reports.capacity.charts import floor, flow, parts, service, success, throughput
-from mrp_sumo.reports.charts.chart import Chart
-from mrp_sumo.reports.page import document
+from mrp_sumo.reports.page import Tile, chart_row, document, gap_list, rows_of, tile_list
 from mrp_sumo.reports.replay.page import write_replay
 from mrp_sumo.sizing.answer import Answer, Gain
 from mrp_sumo.sizing.confirmation import Confirmation
@@ -48,8 +47,8 @@ def capacity_page(study: Study, answer: Answer, replays: Sequence[tuple[Replayed
     body = [
         f'<header><p class="question">How many robots fit? {_text(scenario.name)}</p><h1>{_text(answer.sentence)}</h1></header>',
         "<main>",
-        _tiles(answer),
-        *_gaps(answer.notes),
+        tile_list(_tiles(answer)),
+        gap_list(answer.notes),
         *(_lifelong(study, answer, replays) if answer.limits else _one_shot(answer)),
         *_confirmed(answer.confirmed),
         *_small_print(study, answer),
@@ -60,20 +59,20 @@ def capacity_page(study: Study, answer: Answer, replays: Sequence[tuple[Replayed
 
 def _lifelong(study: Study, answer: Answer, replays: Sequence[tuple[ReplayedRun, str]]) -> list[str]:
     reasons = answer.at_peak
-    lines = [*(_charts([throughput(answer)]) if answer.points else []), *_table(answer)]
+    lines = [*(chart_row([throughput(answer)]) if answer.points else []), *_table(answer)]
     if limit := answer.limit:
         lines += ["<h2>What binds</h2>", f"<p>{_text(_sentence(in_words(limit)))}</p>"]
     if reasons:
         if reasons.worst:
             lines.append(f"<p>With {reasons.robots} robot{'s' * (reasons.robots > 1)} most time is lost to:</p>")
             lines.append('<ol class="places">' + "".join(f"<li>{_text(in_words(place))}</li>" for place in reasons.worst) + "</ol>")
-        lines += _charts([parts(answer.points), floor(study.setup, reasons)])
+        lines += chart_row([parts(answer.points), floor(study.setup, reasons)])
     if replays:
         links = (f'<a href="{_text(path)}#t={run.at_s:.0f}">at the {run.name}, {run.robots} robots</a>' for run, path in replays)
         lines.append(f"<p>Replays, from the slowest minute on: {', '.join(links)}.</p>")
     if answer.points:
         lines.append('<h2 class="second">How it got there</h2>')
-        lines += _charts([chart for chart in (service(answer), flow(answer.points)) if chart])
+        lines += chart_row([chart for chart in (service(answer), flow(answer.points)) if chart])
     if answer.gains:
         lines += ["<h2>What would help</h2>", *_help(answer.gains, reasons.robots if reasons else 0)]
     return lines
@@ -89,14 +88,16 @@ def _table(answer: Answer) -> list[str]:
     for row in answer.document["answer"]["curve"]:
         limits = f"{row['low']:.0f} to {row['high']:.0f}" if row["low"] is not None and row["high"] is not None else ""
         per_h = f"{row['throughput_per_h']:.0f}" if row["throughput_per_h"] is not None else ""
-        cells = (row["robots"], per_h, limits, row["replications"], f"{100 * row['unanswered_share']:.1f} %")
-        numbers = "".join(f"<td class=number>{cell}</td>" for cell in cells)
-        rows.append(
-            f"<tr>{numbers}<td>{_text(_named(answer, row['robots']) if row['counts'] else 'not counted: ' + row['why_not'])}</td></tr>"
-        )
-    names = ("robots", "orders an hour", "95 % limits", "runs", "requests without a plan")
-    head = "".join(f"<th class=number>{name}</th>" for name in names)
-    return [f'<div class="scroll"><table class="help"><thead><tr>{head}<th></th></tr></thead><tbody>{"".join(rows)}</tbody></table></div>']
+        word = _named(answer, row["robots"]) if row["counts"] else "not counted: " + row["why_not"]
+        rows.append((f"{row['robots']}", per_h, limits, f"{row['replications']}", f"{100 * row['unanswered_share']:.1f} %", _text(word)))
+    head = ("robots", "orders an hour", "95 % limits", "runs", "requests without a plan", "")
+    return [_grid(head, rows_of(rows, range(5)), range(5))]
+
+
+def _grid(head: Sequence[str], rows: str, numbers: Sequence[int]) -> str:
+    """A table with a head, that scrolls."""
+    above = rows_of([head], numbers, "th")
+    return f'<div class="scroll"><table class="help"><thead>{above}</thead><tbody>{rows}</tbody></table></div>'
 
 
 def _named(answer: Answer, robots: int) -> str:
@@ -108,27 +109,23 @@ def _named(answer: Answer, robots: int) -> str:
 
 
 def _one_shot(answer: Answer) -> list[str]:
-    return _charts([success(answer)]) if answer.points else []
+    return chart_row([success(answer)]) if answer.points else []
 
 
-def _tiles(answer: Answer) -> str:
+def _tiles(answer: Answer) -> list[Tile]:
     limits, served = answer.limits, answer.served
-    cells: list[tuple[str, str, str]] = []
-    if limits:
-        best = limits.curve.points[limits.curve.best].throughput if limits.curve.points else None
-        cells.append(("most throughput", _bracketed(limits.peak), f"{best.value:.0f} orders an hour" if best else ""))
-        cells.append(("95 % of it (knee)", _bracketed(limits.knee), ""))
-        cells.append(("throughput falls (collapse)", _bracketed(limits.collapse), ""))
-        if served:
-            sheet = f"a planning sheet says {answer.spreadsheet:.0f}" if answer.spreadsheet else ""
-            cells.append((f"for {answer.question.demand_per_h:.0f} orders an hour", _bracketed(served.smallest), sheet))
-    elif served:
-        cells.append(("largest fleet that succeeds", _bracketed(served.smallest), ""))
-    tiles = (
-        f"<div><dt>{_text(name)}</dt><dd>{_text(value)}{f' <small>{_text(detail)}</small>' if detail else ''}</dd></div>"
-        for name, value, detail in cells
-    )
-    return f'<dl class="tiles">{"".join(tiles)}</dl>'
+    if not limits:
+        return [Tile("largest fleet that succeeds", _bracketed(served.smallest))] if served else []
+    best = limits.curve.points[limits.curve.best].throughput if limits.curve.points else None
+    tiles = [
+        Tile("most throughput", _bracketed(limits.peak), f"{best.value:.0f} orders an hour" if best else ""),
+        Tile("95 % of it (knee)", _bracketed(limits.knee)),
+        Tile("throughput falls (collapse)", _bracketed(limits.collapse)),
+    ]
+    if served:
+        sheet = f"a planning sheet says {answer.spreadsheet:.0f}" if answer.spreadsheet else ""
+        tiles.append(Tile(f"for {answer.question.demand_per_h:.0f} orders an hour", _bracketed(served.smallest), sheet))
+    return tiles
 
 
 def _bracketed(bracket: Bracket) -> str:
@@ -142,28 +139,20 @@ def _bracketed(bracket: Bracket) -> str:
     return f"{span} robot{'s' * (span != '1')}"
 
 
-def _gaps(notes: Sequence[str]) -> list[str]:
-    return ['<ul class="gaps">' + "".join(f"<li>{_text(note)}</li>" for note in notes) + "</ul>"] if notes else []
-
-
 def _help(gains: Sequence[Gain], robots: int) -> list[str]:
     rows = []
     for gain in gains:
+        change = f"<code>{_text(gain.change)}</code>"
         if gain.share is None:
-            rows.append(f'<tr><th><code>{_text(gain.change)}</code></th><td colspan="4">cannot be: {_text(gain.refusal)}</td></tr>')
+            rows.append(f'<tr><th>{change}</th><td colspan="4">cannot be: {_text(gain.refusal)}</td></tr>')
             continue
         mean, base = gain.difference.difference, gain.difference.first
         limits = f"{100 * mean.low / base:+.0f} to {100 * mean.high / base:+.0f} %" if base else ""
         verdict = "not certain" if gain.p_value >= 0.05 else "helps" if mean.value > 0 else "does harm"
-        rows.append(
-            f"<tr><th><code>{_text(gain.change)}</code></th><td class=number>{100 * gain.share:+.1f} %</td><td class=number>{limits}</td>"
-            f"<td class=number>{mean.value:+.1f}</td><td>{verdict}</td></tr>"
-        )
-    numbers = "".join(f"<th class=number>{name}</th>" for name in ("throughput", "95 % limits", "orders an hour"))
-    head = f"<tr><th>change</th>{numbers}<th></th></tr>"
+        rows.append(rows_of([(change, f"{100 * gain.share:+.1f} %", limits, f"{mean.value:+.1f}", verdict)], (1, 2, 3)))
     return [
         f"<p>Each change alone, with {robots} robots, on the same orders as without it. Verdicts allow for how many were tried.</p>",
-        f'<div class="scroll"><table class="help"><thead>{head}</thead><tbody>{"".join(rows)}</tbody></table></div>',
+        _grid(("change", "throughput", "95 % limits", "orders an hour", ""), "".join(rows), (1, 2, 3)),
     ]
 
 
@@ -171,24 +160,18 @@ def _confirmed(sizes: Sequence[Confirmation]) -> list[str]:
     if not sizes:
         return []
     rows = []
+    names = {"throughput_per_h": "orders an hour", "on_time": "orders on time", "succeeded": "draws that succeed"}
     for size in sizes:
         mean, share = size.difference.difference, size.measure != "throughput_per_h"
-        names = {"throughput_per_h": "orders an hour", "on_time": "orders on time", "succeeded": "draws that succeed"}
-
-        def shown(value: float, sign: str = "", share: bool = share) -> str:
-            return f"{100 * value:{sign}.1f} %" if share else f"{value:{sign}.1f}"
-
-        rows.append(
-            f"<tr><th>{_text(size.name)}, {size.robots} robots</th><td>{names[size.measure]}</td>"
-            f"<td class=number>{shown(size.difference.first)}</td><td class=number>{shown(size.difference.second)}</td>"
-            f"<td class=number>{shown(mean.low, '+')} to {shown(mean.high, '+')}</td><td>{'yes' if size.agrees else 'no'}</td></tr>"
-        )
-    numbers = "".join(f"<th class=number>{name}</th>" for name in ("kinematic", "SUMO", "95 % limits of the difference"))
-    head = f"<tr><th></th><th></th>{numbers}<th>agree</th></tr>"
+        means = [f"{100 * value:.1f} %" if share else f"{value:.1f}" for value in (size.difference.first, size.difference.second)]
+        limits = " to ".join(f"{100 * value:+.1f} %" if share else f"{value:+.1f}" for value in (mean.low, mean.high))
+        fleet = f"{_text(size.name)}, {size.robots} robots"
+        rows.append((fleet, names[size.measure], *means, limits, "yes" if size.agrees else "no"))
+    head = ("", "", "kinematic", "SUMO", "95 % limits of the difference", "agree")
     return [
         "<h2>Confirmed in SUMO</h2>",
         "<p>The sizes that the answer names, driven by both engines on the same orders.</p>",
-        f'<div class="scroll"><table class="help"><thead>{head}</thead><tbody>{"".join(rows)}</tbody></table></div>',
+        _grid(head, rows_of(rows, (2, 3, 4)), (2, 3, 4)),
     ]
 
 
@@ -226,17 +209,8 @@ def _small_print(study: Study, answer: Answer) -> list[str]:
         ("versions", ", ".join([f"mrp_sumo {__version__}", *(f"{name} {v}" for name, v in library_versions().items())])),
         ("to repeat it", question.command),
     ]
-    table = "".join(f"<tr><th>{_text(name)}</th><td>{_text(value)}</td></tr>" for name, value in rows)
+    table = rows_of([(_text(name), _text(value)) for name, value in rows])
     return ["<h2>Small print</h2>", f'<div class="small"><div class="scroll"><table><tbody>{table}</tbody></table></div></div>']
-
-
-def _charts(charts: Sequence[Chart]) -> list[str]:
-    figures = [
-        f'<figure{" class=wide" if chart.wide else ""}>\n<h3 id="{chart.name}-title">{_text(chart.title)}</h3>\n'
-        f'<div class="scroll">{chart.on_page()}</div>\n<figcaption>{_text(chart.caption)}</figcaption>\n</figure>'
-        for chart in charts
-    ]
-    return ['<div class="charts">', *figures, "</div>"]
 
 
 def _text(text: str) -> str:

@@ -4,6 +4,7 @@ At most twelve series are drawn and six maps one by one; the tables hold all.
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
@@ -42,99 +43,138 @@ LEAST_PLANNING_S = 1e-6  # that is drawn on a logarithmic axis
 Curve = tuple[str, FloatArray, FloatArray, FloatArray, FloatArray]  # series, x, y, low, high
 
 
+@dataclass(frozen=True)
+class Drawn:
+    """Runs that are drawn together: those of a map, or all."""
+
+    runs: pd.DataFrame
+    series: tuple[str, ...]  # with runs here, at most MAX_SERIES
+    tag: str  # in names of files
+    where: str  # at the ends of titles
+    outcome: str  # column that says whether a run did what was asked of it
+
+    def of(self, series: str) -> pd.DataFrame:
+        """The runs of a series."""
+        return self.runs[self.runs["_series"] == series]
+
+    def values(self, column: str, scale: float = 1.0) -> list[tuple[str, FloatArray]]:
+        """The series with values of a column; none where there are fewer than two values in all."""
+        values = [(s, scale * numbers(self.of(s), column)) for s in self.series] if column in self.runs else []
+        values = [(s, v) for s, v in values if len(v)]
+        return values if sum(len(v) for _, v in values) > 1 else []
+
+    def varies(self, column: str) -> bool:
+        return bool(self.runs[column].nunique() > 1)
+
+
 def study_charts(study: ReportedRuns) -> dict[str, list[Chart]]:
     """Charts by the section they belong to: 'success', 'planning', 'cost', 'execution', 'tasks'."""
     by_section: dict[str, list[Chart | None]] = {"success": [], "planning": [], "cost": [], "execution": [], "tasks": []}
     if not study.is_planned:
         return {}
-    series = study.series[:MAX_SERIES]
     maps: tuple[str, ...] = study.maps if len(study.maps) <= MAX_MAPS else (ALL,)
     for i, name in enumerate(maps, 1):
         runs = study.frame if name == ALL else study.frame[study.frame["_map"] == name]
-        here = tuple(s for s in series if (runs["_series"] == s).any())
-        where = f", {printable(name)}" if len(study.maps) > 1 else ""
-        tag = file_name(i, name)[:40]
-        for x in ("_robots", *study.factors):
-            if runs[x].nunique() > 1:
-                by_section["tasks"] += [_tasks_against(runs, here, x, tag, where, *of) for of in OF_TASKS]
-                by_section["success"].append(_success(study, runs, here, x, tag, where))
-                by_section["planning"].append(_planning_time(runs, here, x, tag, where))
-                if study.is_executed and x != "_robots":
-                    by_section["execution"].append(_lateness_against(runs, here, x, tag, where))
-        if not any(runs[x].nunique() > 1 for x in ("_robots", *study.factors)) and len(runs) > 1:
-            by_section["success"].append(_success_rows(study, runs, here, tag, where))
-        by_section["tasks"] += [_tasks(runs, here, tag, where, *of) for of in OF_TASKS]
-        by_section["planning"].append(_cactus(runs, here, tag, where))
-        by_section["cost"].append(_suboptimality(runs, here, tag, where))
+        here = tuple(s for s in study.series[:MAX_SERIES] if (runs["_series"] == s).any())
+        drawn = Drawn(runs, here, file_name(i, name)[:40], f", {printable(name)}" if len(study.maps) > 1 else "", study.outcome)
+        factors = [x for x in ("_robots", *study.factors) if drawn.varies(x)]
+        for x in factors:
+            by_section["tasks"] += [_tasks_against(drawn, x, *of) for of in OF_TASKS]
+            by_section["success"].append(_success(drawn, x))
+            by_section["planning"].append(_planning_time(drawn, x))
+            if study.is_executed and x != "_robots":
+                by_section["execution"].append(_lateness_against(drawn, x))
+        if not factors and len(runs) > 1:
+            by_section["success"].append(_success_rows(drawn))
+        by_section["tasks"] += [_tasks(drawn, *of) for of in OF_TASKS]
+        by_section["planning"].append(_cactus(drawn))
+        by_section["cost"].append(_suboptimality(drawn))
         if study.is_executed:
-            by_section["cost"].append(_driven_planned(runs, here, tag, where))
-            by_section["execution"].append(_lateness(runs, here, tag, where))
-            by_section["execution"].append(_clearance(runs, here, tag, where))
+            by_section["cost"].append(_driven_planned(drawn))
+            by_section["execution"] += [_lateness(drawn), _clearance(drawn)]
     return {section: [c for c in charts if c is not None] for section, charts in by_section.items()}
 
 
-def _success(study: ReportedRuns, runs: pd.DataFrame, series: Sequence[str], x: str, tag: str, where: str) -> Chart:
-    outcome = "_succeeded" if study.is_executed else "_valid"
+def _success(drawn: Drawn, x: str) -> Chart:
     curves: list[Curve] = []
-    for s in series:
+    for s in drawn.series:
         points = []
-        for value, group in runs[runs["_series"] == s].groupby(x):
-            rate = wilson(int(group[outcome].sum()), len(group))
+        for value, group in drawn.of(s).groupby(x):
+            rate = wilson(int(group[drawn.outcome].sum()), len(group))
             points.append((float(value), rate.value, rate.low, rate.high))
         if points:
             curves.append((s, *(100 * np.array(p) if k else np.array(p) for k, p in enumerate(zip(*points)))))  # type: ignore[arg-type]
-    what = "all robots reach their goals on a valid plan" if study.is_executed else "a valid plan is found"
+    what = "all robots reach their goals on a valid plan" if drawn.outcome == "_succeeded" else "a valid plan is found"
 
     def paint(figure: Figure) -> None:
         _curves_against(figure, curves, x, "success (%)").set_ylim(-3, 103)
 
-    title = f"Success against {_factor(x)}{where}"
+    title = f"Success against {_factor(x)}{drawn.where}"
     caption = f"Share of all runs in which {what} within the time limit, with 95 % Wilson intervals."
-    return draw(f"success_{file_name(x)}_{tag}", title, caption, paint, size=_with_key(series))
+    return draw(f"success_{file_name(x)}_{drawn.tag}", title, caption, paint, size=_with_key(drawn.series))
 
 
-def _success_rows(study: ReportedRuns, runs: pd.DataFrame, series: Sequence[str], tag: str, where: str) -> Chart:
-    outcome = "_succeeded" if study.is_executed else "_valid"
+def _success_rows(drawn: Drawn) -> Chart:
+    executed = drawn.outcome == "_succeeded"
 
     def paint(figure: Figure) -> None:
         ax = figure.add_subplot()
-        for i, s in enumerate(series):
-            of = runs[runs["_series"] == s]
-            for dy, column, face in ((-0.13, "_valid", PAPER), (0.13, outcome, None)):
-                if column == "_valid" and not study.is_executed and dy < 0:
-                    continue
+        for i, s in enumerate(drawn.series):
+            of, colour = drawn.of(s), COLOURS[i % len(COLOURS)]
+            for dy, column, face in ((-0.13, "_valid", PAPER), (0.13, drawn.outcome, None))[0 if executed else 1 :]:
                 rate = wilson(int(of[column].sum()), len(of))
-                colour = COLOURS[i % len(COLOURS)]
                 ax.plot([100 * rate.low, 100 * rate.high], [i + dy] * 2, color=colour, lw=2.2, solid_capstyle="round")
                 ax.plot([100 * rate.value], [i + dy], color=colour, marker="o", ms=6, mfc=face or colour, mew=1.5, clip_on=False)
-        _rows(ax, series)
+        _rows(ax, drawn.series)
         ax.set(xlim=(-2, 102), xlabel="success (%)")
 
     caption = "Share of all runs that succeed, with 95 % Wilson intervals." + (
-        " Hollow: a valid plan was found; filled: all robots then reached their goals." * study.is_executed
+        " Hollow: a valid plan was found; filled: all robots then reached their goals." * executed
     )
-    return draw(f"success_{tag}", f"Success{where}", caption, paint, size=_with_rows(series))
+    return draw(f"success_{drawn.tag}", f"Success{drawn.where}", caption, paint, size=_with_rows(drawn.series))
 
 
-def _planning_time(runs: pd.DataFrame, series: Sequence[str], x: str, tag: str, where: str) -> Chart | None:
-    took_s = pd.to_numeric(runs["planning_time_s"]).clip(lower=LEAST_PLANNING_S)
-    curves = _medians(runs.assign(planning_time_s=took_s)[runs["_valid"]], series, x, "planning_time_s")
-    if not curves:
-        return None
-
-    def paint(figure: Figure) -> None:
-        ax = _curves_against(figure, curves, x, "planning time")
-        ax.set_yscale("log")
-        log_seconds(ax.yaxis)
-
+def _planning_time(drawn: Drawn, x: str) -> Chart | None:
+    took_s = pd.to_numeric(drawn.runs["planning_time_s"]).clip(lower=LEAST_PLANNING_S)
+    valid = replace(drawn, runs=drawn.runs.assign(planning_time_s=took_s)[drawn.runs["_valid"]])
     caption = (
         "Median planning time of runs with a valid plan, with the middle half of them. Compiled code is loaded before the clock starts."
     )
-    return draw(f"planning_time_{file_name(x)}_{tag}", f"Planning time against {_factor(x)}{where}", caption, paint, size=_with_key(series))
+
+    def in_words(ax: Axes) -> None:
+        ax.set_yscale("log")
+        log_seconds(ax.yaxis)
+
+    return _against(valid, x, "planning_time_s", ("planning_time", "Planning time", "planning time"), caption, in_words)
 
 
-def _cactus(runs: pd.DataFrame, series: Sequence[str], tag: str, where: str) -> Chart | None:
-    lines = [(s, np.sort(numbers(runs[(runs["_series"] == s) & runs["_valid"]], "planning_time_s"))) for s in series]
+def _lateness_against(drawn: Drawn, x: str) -> Chart | None:
+    caption = "Median over runs of their mean lateness, with the middle half of them."
+    names = ("lateness", "Lateness", "mean lateness (s)")
+    return _against(drawn, x, "lateness_mean_s", names, caption, lambda ax: ax.set_ylim(around_zero(*ax.get_ylim())))
+
+
+def _tasks_against(drawn: Drawn, x: str, column: str, title: str, label: str) -> Chart | None:
+    caption = "Median over runs, with the middle half of them."
+    return _against(drawn, x, column, (column, title, label), caption, lambda ax: ax.set_ylim(bottom=0))
+
+
+def _against(drawn: Drawn, x: str, column: str, names: tuple[str, str, str], caption: str, limit: Callable[[Axes], object]) -> Chart | None:
+    """Medians of a column over a factor; `names` are those of the file, the title and the axis, to which `limit` gives its limits."""
+    curves = _medians(drawn, x, column) if column in drawn.runs else []
+    if not curves:
+        return None
+    file, title, label = names
+
+    def paint(figure: Figure) -> None:
+        limit(_curves_against(figure, curves, x, label))
+
+    name = f"{file}_{file_name(x)}_{drawn.tag}"
+    return draw(name, f"{title} against {_factor(x)}{drawn.where}", caption, paint, size=_with_key(drawn.series))
+
+
+def _cactus(drawn: Drawn) -> Chart | None:
+    lines = [(s, np.sort(numbers(of[of["_valid"]], "planning_time_s"))) for s in drawn.series for of in [drawn.of(s)]]
     if not any(len(t) > 1 for _, t in lines):
         return None
 
@@ -155,28 +195,51 @@ def _cactus(runs: pd.DataFrame, series: Sequence[str], tag: str, where: str) -> 
     caption = (
         "Runs that are solved by a valid plan when each may take the time on the left. Farther right and lower is better; marks are ends."
     )
-    return draw(f"cactus_{tag}", f"Runs solved within a time{where}", caption, paint, size=_with_key(series))
+    return draw(f"cactus_{drawn.tag}", f"Runs solved within a time{drawn.where}", caption, paint, size=_with_key(drawn.series))
 
 
-def _suboptimality(runs: pd.DataFrame, series: Sequence[str], tag: str, where: str) -> Chart | None:
-    bound = runs["lower_bound_steps"].to_numpy(np.float64, na_value=np.nan)
-    cost = runs["soc_steps"].to_numpy(np.float64, na_value=np.nan)
+def _suboptimality(drawn: Drawn) -> Chart | None:
+    bound, cost = (drawn.runs[column].to_numpy(np.float64, na_value=np.nan) for column in ("lower_bound_steps", "soc_steps"))
     with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = np.where((bound > 0) & runs["_valid"].to_numpy(np.bool_), cost / bound, np.nan)
-    values = [(s, ratio[(runs["_series"] == s).to_numpy() & np.isfinite(ratio)]) for s in series]
-    values = [(s, v) for s, v in values if len(v)]
-    if not values or sum(len(v) for _, v in values) < 2:
-        return None
+        ratio = np.where((bound > 0) & drawn.runs["_valid"].to_numpy(np.bool_), cost / bound, np.nan)
     caption = (
         "Sum of costs of valid plans over the lower bound that the planner itself proved; 1 is optimal. Box: middle half, line: median, "
         "whiskers: 5 to 95 %. Numbers of runs in brackets."
     )
-    return draw(
-        f"suboptimality_{tag}", f"Cost over lower bound{where}", caption, _ratios(values, "cost / lower bound"), size=_with_rows(values)
-    )
+
+    def limit(ax: Axes) -> None:
+        high = max(ax.get_xlim()[1], 1.01)
+        ax.set_xlim(1 - 0.04 * (high - 1), high)
+
+    values = replace(drawn, runs=drawn.runs.assign(_ratio=ratio)).values("_ratio")
+    return _boxes(drawn, values, ("suboptimality", "Cost over lower bound", "cost / lower bound"), caption, limit)
 
 
-def _driven_planned(runs: pd.DataFrame, series: Sequence[str], tag: str, where: str) -> Chart | None:
+def _tasks(drawn: Drawn, column: str, title: str, label: str) -> Chart | None:
+    caption = "Box: middle half of the runs, line: median, whiskers: 5 to 95 %. Numbers of runs in brackets."
+    return _boxes(drawn, drawn.values(column), (column, title, label), caption, lambda ax: ax.set_xlim(0, None))
+
+
+def _boxes(
+    drawn: Drawn, values: list[tuple[str, FloatArray]], names: tuple[str, str, str], caption: str, limit: Callable[[Axes], object]
+) -> Chart | None:
+    """A row with a box for each series; the names are those of `_against`."""
+    if not values:
+        return None
+
+    def paint(figure: Figure) -> None:
+        ax = figure.add_subplot()
+        for i, (_, v) in enumerate(values):
+            _box(ax, i, v, COLOURS[i % len(COLOURS)], True, 0.5)
+        _rows(ax, [f"{printable(s, 26)} ({len(v)})" for s, v in values])
+        ax.set_xlabel(names[2])
+        limit(ax)
+
+    return draw(f"{names[0]}_{drawn.tag}", f"{names[1]}{drawn.where}", caption, paint, size=_with_rows(values))
+
+
+def _driven_planned(drawn: Drawn) -> Chart | None:
+    runs = drawn.runs
     done = runs[runs["_succeeded"] & runs["driven_makespan_s"].notna() & runs["makespan_s"].notna()]
     if len(done) < 2:
         return None
@@ -184,7 +247,7 @@ def _driven_planned(runs: pd.DataFrame, series: Sequence[str], tag: str, where: 
     def paint(figure: Figure) -> None:
         ax = figure.add_subplot()
         top = 0.0
-        for i, s in enumerate(series):
+        for i, s in enumerate(drawn.series):
             of = done[done["_series"] == s]
             if len(of):
                 x, y = numbers(of, "makespan_s"), numbers(of, "driven_makespan_s")
@@ -202,50 +265,34 @@ def _driven_planned(runs: pd.DataFrame, series: Sequence[str], tag: str, where: 
         "Runs that succeeded. On the dashed line what was driven is what was planned; above it robots were late, below it early, as "
         "with plans that stay in steps, which allow every step a quarter turn."
     )
-    return draw(f"driven_planned_{tag}", f"Driven against planned makespan{where}", caption, paint, size=_with_key(series))
+    title = f"Driven against planned makespan{drawn.where}"
+    return draw(f"driven_planned_{drawn.tag}", title, caption, paint, size=_with_key(drawn.series))
 
 
-def _lateness(runs: pd.DataFrame, series: Sequence[str], tag: str, where: str) -> Chart | None:
-    values = [
-        (s, numbers(runs[runs["_series"] == s], "lateness_mean_s"), numbers(runs[runs["_series"] == s], "lateness_max_s")) for s in series
-    ]
-    values = [v for v in values if len(v[1])]
-    if not values or sum(len(v) for _, v, _ in values) < 2:
+def _lateness(drawn: Drawn) -> Chart | None:
+    largest = drawn.values("lateness_max_s")
+    if not largest:
         return None
 
     def paint(figure: Figure) -> None:
         ax = figure.add_subplot()
-        for i, (_, mean, largest) in enumerate(values):
-            _box(ax, i - 0.17, mean, COLOURS[i % len(COLOURS)], True)
-            _box(ax, i + 0.17, largest, COLOURS[i % len(COLOURS)], False)
+        for i, (s, v) in enumerate(largest):
+            _box(ax, i - 0.17, numbers(drawn.of(s), "lateness_mean_s"), COLOURS[i % len(COLOURS)], True)
+            _box(ax, i + 0.17, v, COLOURS[i % len(COLOURS)], False)
         ax.axvline(0, color=MUTED, lw=1, ls=(0, (4, 3)), zorder=1)
-        _rows(ax, [f"{printable(s, 26)} ({len(v)})" for s, v, _ in values])
+        _rows(ax, [f"{printable(s, 26)} ({len(numbers(drawn.of(s), 'lateness_mean_s'))})" for s, _ in largest])
         ax.set(xlabel="lateness (s)", xlim=around_zero(*ax.get_xlim()))
 
     caption = (
         "Time at which vertices are reached minus planned time; negative is early. Filled: mean of a run; hollow: its largest. "
         "Box: middle half of the runs, line: median, whiskers: 5 to 95 %."
     )
-    return draw(f"lateness_{tag}", f"Lateness{where}", caption, paint, size=_with_rows(values, 0.44))
+    return draw(f"lateness_{drawn.tag}", f"Lateness{drawn.where}", caption, paint, size=_with_rows(largest, 0.44))
 
 
-def _lateness_against(runs: pd.DataFrame, series: Sequence[str], x: str, tag: str, where: str) -> Chart | None:
-    curves = _medians(runs, series, x, "lateness_mean_s")
-    if not curves:
-        return None
-
-    def paint(figure: Figure) -> None:
-        ax = _curves_against(figure, curves, x, "mean lateness (s)")
-        ax.set_ylim(around_zero(*ax.get_ylim()))
-
-    caption = "Median over runs of their mean lateness, with the middle half of them."
-    return draw(f"lateness_{file_name(x)}_{tag}", f"Lateness against {_factor(x)}{where}", caption, paint, size=_with_key(series))
-
-
-def _clearance(runs: pd.DataFrame, series: Sequence[str], tag: str, where: str) -> Chart | None:
-    values = [(s, 100 * numbers(runs[runs["_series"] == s], "min_clearance_m")) for s in series]
-    values = [(s, v) for s, v in values if len(v)]
-    if not values or sum(len(v) for _, v in values) < 2:
+def _clearance(drawn: Drawn) -> Chart | None:
+    values = drawn.values("min_clearance_m", 100)
+    if not values:
         return None
     together = np.concatenate([v for _, v in values])
     top = max(float(np.quantile(together, 0.9)), 1.0)
@@ -269,46 +316,15 @@ def _clearance(runs: pd.DataFrame, series: Sequence[str], tag: str, where: str) 
         ax.set(xlim=(0, top), ylim=(0, len(values)), xlabel="least clearance of two robots in a run (cm)")
 
     caption = "Runs by the least distance between two footprints; 0 is an overlap. The last bin holds all that is farther."
-    return draw(f"clearance_{tag}", f"Clearance{where}", caption, paint, size=(NARROW[0], max(2.3, 0.9 + 0.42 * len(values))))
+    return draw(f"clearance_{drawn.tag}", f"Clearance{drawn.where}", caption, paint, size=(NARROW[0], max(2.3, 0.9 + 0.42 * len(values))))
 
 
-def _tasks_against(
-    runs: pd.DataFrame, series: Sequence[str], x: str, tag: str, where: str, column: str, title: str, label: str
-) -> Chart | None:
-    curves = _medians(runs, series, x, column) if column in runs else []
-    if not curves:
-        return None
-
-    def paint(figure: Figure) -> None:
-        _curves_against(figure, curves, x, label).set_ylim(bottom=0)
-
-    name, caption = f"{column}_{file_name(x)}_{tag}", "Median over runs, with the middle half of them."
-    return draw(name, f"{title} against {_factor(x)}{where}", caption, paint, size=_with_key(series))
-
-
-def _tasks(runs: pd.DataFrame, series: Sequence[str], tag: str, where: str, column: str, title: str, label: str) -> Chart | None:
-    values = [(s, numbers(runs[runs["_series"] == s], column)) for s in series] if column in runs else []
-    values = [(s, v) for s, v in values if len(v)]
-    if not values or sum(len(v) for _, v in values) < 2:
-        return None
-
-    def paint(figure: Figure) -> None:
-        ax = figure.add_subplot()
-        for i, (_, v) in enumerate(values):
-            _box(ax, i, v, COLOURS[i % len(COLOURS)], True, 0.5)
-        _rows(ax, [f"{printable(s, 26)} ({len(v)})" for s, v in values])
-        ax.set(xlabel=label, xlim=(0, None))
-
-    caption = "Box: middle half of the runs, line: median, whiskers: 5 to 95 %. Numbers of runs in brackets."
-    return draw(f"{column}_{tag}", f"{title}{where}", caption, paint, size=_with_rows(values))
-
-
-def _medians(runs: pd.DataFrame, series: Sequence[str], x: str, column: str) -> list[Curve]:
+def _medians(drawn: Drawn, x: str, column: str) -> list[Curve]:
     """Median and quartiles of a column by series and x, where there are values."""
     curves: list[Curve] = []
-    for s in series:
+    for s in drawn.series:
         points = []
-        for value, group in runs[runs["_series"] == s].groupby(x):
+        for value, group in drawn.of(s).groupby(x):
             there = numbers(group, column)
             if len(there):
                 points.append((float(value), *np.quantile(there, (0.5, 0.25, 0.75))))
@@ -338,19 +354,6 @@ def _curves(ax: Axes, curves: Sequence[Curve]) -> None:
         ax.plot(at, y, label=printable(s), clip_on=False, **style)  # type: ignore[arg-type]
     if len(places) <= 10:
         ax.set_xticks(places, [f"{p:g}" for p in places])
-
-
-def _ratios(values: Sequence[tuple[str, FloatArray]], label: str) -> Callable[[Figure], None]:
-    def paint(figure: Figure) -> None:
-        ax = figure.add_subplot()
-        for i, (_, v) in enumerate(values):
-            _box(ax, i, v, COLOURS[i % len(COLOURS)], True, 0.5)
-        _rows(ax, [f"{printable(s, 26)} ({len(v)})" for s, v in values])
-        ax.set_xlabel(label)
-        high = max(ax.get_xlim()[1], 1.01)
-        ax.set_xlim(1 - 0.04 * (high - 1), high)
-
-    return paint
 
 
 def _box(ax: Axes, at: float, values: FloatArray, colour: str, filled: bool, height: float = 0.26) -> None:

@@ -26,7 +26,7 @@ from mrp_sumo.reports.paper.charts import arrivals_chart, execution_violins, fig
 from mrp_sumo.reports.paper.printed import numbers_of_paper
 from mrp_sumo.reports.report import write_part
 from mrp_sumo.reports.study import PLANNER_NAMES, read_study
-from mrp_sumo.reports.tables.table import Cell, Range, ReportTable
+from mrp_sumo.reports.tables.table import Cell, Range, ReportTable, between
 
 PAGE, DOCUMENT, MARKDOWN = "index.html", "paper.json", "paper.md"
 TITLE = "Beside the MRP-Bench paper"
@@ -170,7 +170,7 @@ def _name(planner: str) -> str:
 
 
 def _range(row: Beside | None) -> Range | None:
-    return Range(row.ours.value, row.ours.low, row.ours.high) if row else None
+    return between(row.ours) if row else None
 
 
 def _verdict(*rows: Beside | None) -> str | None:
@@ -188,26 +188,11 @@ def _table_2(rows: Sequence[Beside]) -> ReportTable:
     for row in rows:
         if " and " in row.labels["robots"]:
             of = [_find(rows, row.quantity, **{**row.labels, "robots": n}) for n in row.labels["robots"].split(" and ")]
-            lines.append(
-                [
-                    row.labels["map"],
-                    _name(row.labels["planner"]),
-                    row.ours.count,
-                    _range(row),
-                    *(r and r.ours.value for r in of),
-                    row.paper_value,
-                    _verdict(row),
-                ]
-            )
-    return ReportTable(
-        "table_2",
-        "Table II: experiments with a plan within 60 s",
-        ("map", "planner", "runs", "ours %", "5 robots %", "9 robots %", "paper %", "paper in ours"),
-        lines,
-        "Any plan counts, valid or not, as in the paper. 54 seeds with 5 and 54 with 9 robots.",
-        labels=2,
-        digits=dict.fromkeys(("ours %", "5 robots %", "9 robots %", "paper %"), 0),
-    )
+            ours: list[Cell] = [row.ours.count, _range(row), *(r.ours.value if r else None for r in of)]
+            lines.append([row.labels["map"], _name(row.labels["planner"]), *ours, row.paper_value, _verdict(row)])
+    head = ("map", "planner", "runs", "ours %", "5 robots %", "9 robots %", "paper %", "paper in ours")
+    note = "Any plan counts, valid or not, as in the paper. 54 seeds with 5 and 54 with 9 robots."
+    return ReportTable("table_2", "Table II: experiments with a plan within 60 s", head, lines, note, labels=2, digits=_no_digits(head))
 
 
 def _table_3(rows: Sequence[Beside]) -> ReportTable:
@@ -217,19 +202,9 @@ def _table_3(rows: Sequence[Beside]) -> ReportTable:
         if row.labels["execution"] == YIELDING and row.quantity == "overall_percent" and " and " in at["robots"]:
             normalised = _find(rows, "normalised_percent", execution=YIELDING, **at)
             others = [_find(rows, "overall_percent", execution=how, **at) for how in (REPLANNING, ORDERED)]
-            lines.append(
-                [
-                    at["map"],
-                    _name(at["planner"]),
-                    row.ours.count,
-                    _range(normalised),
-                    normalised and normalised.paper_value,
-                    _range(row),
-                    row.paper_value,
-                    _verdict(normalised, row),
-                    *map(_range, others),
-                ]
-            )
+            theirs = normalised.paper_value if normalised else None
+            ours: list[Cell] = [row.ours.count, _range(normalised), theirs, _range(row), row.paper_value]
+            lines.append([at["map"], _name(at["planner"]), *ours, _verdict(normalised, row), *map(_range, others)])
     head = ("map", "planner", "runs", "normalised %", "paper %", "overall %", "paper %", "paper in ours", "then lacam %", "plan's order %")
     return ReportTable(
         "table_3",
@@ -240,8 +215,13 @@ def _table_3(rows: Sequence[Beside]) -> ReportTable:
         "ring that waits for each other gives way (normalised, overall). Then lacam: where that does not help, lacam plans anew. "
         "Plan's order: who is planned first passes first (adg); plans with conflicts have no order and are driven without one.",
         labels=2,
-        digits={name: 0 for name in head if name.endswith("%")},
+        digits=_no_digits(head),
     )
+
+
+def _no_digits(head: Sequence[str]) -> dict[str, int]:
+    """Shares in whole percent."""
+    return {name: 0 for name in head if name.endswith("%")}
 
 
 def _table_4(rows: Sequence[Beside]) -> ReportTable:
@@ -249,26 +229,11 @@ def _table_4(rows: Sequence[Beside]) -> ReportTable:
     for planner in dict.fromkeys(row.labels["planner"] for row in rows):
         makespan, cost = (_find(rows, quantity, planner=planner) for quantity in ("makespan_cells", "cost_cells"))
         assert makespan and cost
-        lines.append(
-            [
-                _name(planner),
-                makespan.ours.count,
-                _range(makespan),
-                makespan.paper_value,
-                _range(cost),
-                cost.paper_value,
-                _verdict(makespan, cost),
-            ]
-        )
+        cells = [cell for row in (makespan, cost) for cell in (_range(row), row.paper_value)]
+        lines.append([_name(planner), makespan.ours.count, *cells, _verdict(makespan, cost)])
     head = ("planner", "scenarios", "makespan cells", "paper's makespan", "cost cells", "paper's cost", "paper in ours")
-    return ReportTable(
-        "table_4",
-        "Table IV: warehouse, 9 robots",
-        head,
-        lines,
-        "Means over the scenarios that every planner solved within 600 s, in cells with the start included; the paper's over 39.",
-        digits=dict.fromkeys(head[2:6], 1),
-    )
+    note = "Means over the scenarios that every planner solved within 600 s, in cells with the start included; the paper's over 39."
+    return ReportTable("table_4", "Table IV: warehouse, 9 robots", head, lines, note, digits=dict.fromkeys(head[2:6], 1))
 
 
 def _figure_5(rows: Sequence[Beside]) -> ReportTable:
@@ -277,9 +242,9 @@ def _figure_5(rows: Sequence[Beside]) -> ReportTable:
         mean, spread = (_find(rows, quantity, planner=planner) for quantity in ("mean_s", "standard_deviation_s"))
         assert mean and spread
         ms: list[Cell] = [None if value is None else 1e3 * value for value in mean.labels["five_numbers_s"] or [None] * 5]
-        ours = [Range(1e3 * r.ours.value, 1e3 * r.ours.low, 1e3 * r.ours.high) for r in (mean, spread)]
+        ms += [between(row.ours, 1e3) for row in (mean, spread)]
         solved = f"{mean.labels['solved']} of {mean.labels['scenarios']}"
-        lines.append([_name(planner), solved, *ms, *ours, mean.paper_value, spread.paper_value])
+        lines.append([_name(planner), solved, *ms, mean.paper_value, spread.paper_value])
     says: dict[str, list[str]] = {}
     for planner, what in numbers_of_paper()["figure_5"]["says"].items():
         says.setdefault(what, []).append(_name(planner))
@@ -307,6 +272,7 @@ def _replicability(rows: Sequence[Beside]) -> ReportTable:
         times = [_range(mean), fastest.ours.value, fastest.paper_value, _range(spread), spread.paper_value]
         lines.append([name, _name(at.get("planner", "eecbs")), row.ours.count, _range(row), row.paper_value, *times])
     head = ("study", "planner", "runs", "arrived %", "paper %", "mean s", "fastest s", "paper s", "deviation s", "paper's deviation s")
+    digits = {"arrived %": 0, "paper %": 0, "paper s": 0, "mean s": 1, "fastest s": 1, "deviation s": 2, "paper's deviation s": 1}
     return ReportTable(
         "replicability",
         "A hundred runs each, disturbed (nav2_like)",
@@ -315,9 +281,7 @@ def _replicability(rows: Sequence[Beside]) -> ReportTable:
         "nav2_like is chosen so that one robot's times spread as in the paper, and used as it is in the others. "
         "Hard: a scenario that no planner's plan survives undisturbed; easy: one that most, or all, survive. Times: of runs that arrive.",
         labels=2,
-        digits=dict.fromkeys(("arrived %", "paper %", "paper s"), 0)
-        | dict.fromkeys(("mean s", "fastest s"), 1)
-        | {"deviation s": 2, "paper's deviation s": 1},
+        digits=digits,
     )
 
 
@@ -336,17 +300,9 @@ def _order(rows: Sequence[Ordered]) -> ReportTable:
     for row in rows:
         what = "Table III" if row.labels["table"] == "table_3" else "Table IV"
         quantity = {"overall_percent": "arrived %", "makespan_cells": "makespan cells", "cost_cells": "cost cells"}[row.labels["quantity"]]
-        lines.append(
-            [
-                f"{what}, {row.labels['map']}, {quantity}",
-                f"{_name(row.second)} less {_name(row.first)}",
-                row.difference.count,
-                Range(row.difference.value, row.difference.low, row.difference.high),
-                f"{row.p_value:.2g}" if row.p_value >= 1e-4 else "< 0.0001",
-                row.paper_difference,
-                row.verdict,
-            ]
-        )
+        pair = [f"{what}, {row.labels['map']}, {quantity}", f"{_name(row.second)} less {_name(row.first)}"]
+        p_value = f"{row.p_value:.2g}" if row.p_value >= 1e-4 else "< 0.0001"
+        lines.append([*pair, row.difference.count, between(row.difference), p_value, row.paper_difference, row.verdict])
     return ReportTable(
         "order",
         "Two planners on the same runs",

@@ -10,7 +10,7 @@ from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.experiments.statistics import bootstrap_mean, par2, success_rates, wilson
 from mrp_sumo.reports.paper.printed import map_of_paper, printed
 from mrp_sumo.reports.study import ReportedRuns, numbers
-from mrp_sumo.reports.tables.table import Cell, ReportTable, between, percent, whole
+from mrp_sumo.reports.tables.table import Cell, ReportTable, between, percent, table_of, whole
 
 QUANTITIES = ("vertices", "edges", "width_m", "height_m", "cells", "free_cells")  # of Table I
 
@@ -74,44 +74,30 @@ def table_2(study: ReportedRuns) -> ReportTable | None:
     """Planning success and time."""
     if not study.is_planned:
         return None
-    rows: list[list[Cell]] = []
+    rows: list[dict[str, Cell]] = []
     for (name, robots, series), runs in study.groups("_map", "_robots", "_series"):
         valid = runs["_valid"].to_numpy(np.bool_)
         time_s = runs["planning_time_s"].to_numpy(np.float64, na_value=np.nan)
         solved_s = time_s[valid & np.isfinite(time_s)]
-        mean = bootstrap_mean(solved_s * 1e3)
         limit_s = float(runs["planner.time_limit_s"].max())
         rows.append(
-            [
-                name,
-                whole(robots),
-                series,
-                len(runs),
-                percent(wilson(int(valid.sum()), len(runs))),
-                100 * float(runs["_planned"].mean()),
-                printed("table_2", map_of_paper(name), _planner(runs)),
-                between(mean),
-                float(np.median(solved_s) * 1e3) if len(solved_s) else None,
-                float(solved_s.max() * 1e3) if len(solved_s) else None,
-                par2(time_s, valid, limit_s) if math.isfinite(limit_s) else None,
-            ]
+            {
+                "map": name,
+                "robots": whole(robots),
+                "planner": series,
+                "runs": len(runs),
+                "success %": percent(wilson(int(valid.sum()), len(runs))),
+                "MRP-Bench success %": 100 * float(runs["_planned"].mean()),
+                "paper %": printed("table_2", map_of_paper(name), _planner(runs)),
+                "mean ms": between(bootstrap_mean(solved_s * 1e3)),
+                "median ms": float(np.median(solved_s) * 1e3) if len(solved_s) else None,
+                "longest ms": float(solved_s.max() * 1e3) if len(solved_s) else None,
+                "PAR2 s": par2(time_s, valid, limit_s) if math.isfinite(limit_s) else None,
+            }
         )
-    return ReportTable(
+    return table_of(
         "table_2_planning",
         "Table II: planning success and time",
-        (
-            "map",
-            "robots",
-            "planner",
-            "runs",
-            "success %",
-            "MRP-Bench success %",
-            "paper %",
-            "mean ms",
-            "median ms",
-            "longest ms",
-            "PAR2 s",
-        ),
         rows,
         "Success: a valid plan within the time limit. MRP-Bench success: any plan, valid or not, which is what MRP-Bench and the paper "
         "count. Times are of runs with a valid plan. PAR2: mean time in which a run without one counts as twice the limit. "
@@ -125,57 +111,37 @@ def table_3(study: ReportedRuns) -> ReportTable | None:
     """Execution success within the time limit."""
     if not study.is_executed:
         return None
-    rows: list[list[Cell]] = []
+    rows: list[dict[str, Cell]] = []
     for (name, robots, series), runs in study.groups("_map", "_robots", "_series"):
         normalised, overall = success_rates(runs["_valid"], runs["_succeeded"])
         time = bootstrap_mean(runs.loc[runs["_succeeded"], "execution_time_s"].to_numpy(np.float64, na_value=np.nan))
         share = runs["goals_reached"].to_numpy(np.float64, na_value=np.nan) / runs["num_robots"].to_numpy(np.float64, na_value=np.nan)
+        theirs = {rate: printed("table_3", rate, map_of_paper(name), _planner(runs)) for rate in ("normalised", "overall")}
         rows.append(
-            [
-                name,
-                whole(robots),
-                series,
-                len(runs),
-                percent(normalised),
-                percent(overall),
-                100 * float(runs["all_goals_reached"].fillna(False).mean()),
-                100 * float(np.nanmean(share)) if np.isfinite(share).any() else None,
-                between(time),
-                *(printed("table_3", rate, map_of_paper(name), _planner(runs)) for rate in ("normalised", "overall")),
-            ]
+            {
+                "map": name,
+                "robots": whole(robots),
+                "planner": series,
+                "runs": len(runs),
+                "normalised %": percent(normalised),
+                "overall %": percent(overall),
+                "MRP-Bench success %": 100 * float(runs["all_goals_reached"].fillna(False).mean()),
+                "robots at goal %": 100 * float(np.nanmean(share)) if np.isfinite(share).any() else None,
+                "mean time s": between(time),
+                **{f"paper {rate} %": value for rate, value in theirs.items()},
+            }
         )
     limits = sorted({f"{v:g}" for v in _time_limits(study.frame).dropna().unique()}, key=float)
-    return ReportTable(
+    return table_of(
         "table_3_execution",
         f"Table III: execution success within {' or '.join(limits) or '300'} s",
-        (
-            "map",
-            "robots",
-            "planner",
-            "runs",
-            "normalised %",
-            "overall %",
-            "MRP-Bench success %",
-            "robots at goal %",
-            "mean time s",
-            "paper normalised %",
-            "paper overall %",
-        ),
         rows,
         "Success: a valid plan, all robots at their goals, and no two ever overlapping. Normalised: of the runs with a valid plan; "
         "overall: of all runs. MRP-Bench success: all robots at their goals, of all runs, whatever the plan. "
         "Mean time: of the runs that succeeded. The paper's rates are MRP-Bench's, over 5 and 9 robots together, driven by Nav2, which "
         "avoids others and keeps no order; its normalised ones are of the scenarios for which every planner found a plan.",
         labels=3,
-        digits={
-            "normalised %": 0,
-            "overall %": 0,
-            "MRP-Bench success %": 0,
-            "robots at goal %": 0,
-            "mean time s": 1,
-            "paper normalised %": 0,
-            "paper overall %": 0,
-        },
+        digits={name: 0 for name in (rows[0] if rows else ()) if name.endswith("%")} | {"mean time s": 1},
     )
 
 
@@ -189,51 +155,36 @@ def table_4(study: ReportedRuns) -> ReportTable | None:
     """Makespan and cost over the instances that every series solved."""
     if not study.is_planned:
         return None
-    rows: list[list[Cell]] = []
+    rows: list[dict[str, Cell]] = []
     for (name, robots), runs in study.groups("_map", "_robots"):
         common, series = commonly_solved(runs)
-        of = [(s, common[common["_series"] == s]) for s in study.series if s in series]
-        for s, solved in of:
-            makespan, cost = (bootstrap_mean(numbers(solved, k)) for k in ("makespan_steps", "cost_steps"))
-            there = map_of_paper(name) == "warehouse" and whole(robots) == 9
-            theirs = [printed("table_4", what, _planner(solved)) if there else None for what in ("makespan_cells", "cost_cells")]
+        there = map_of_paper(name) == "warehouse" and whole(robots) == 9
+        for s, solved in ((s, common[common["_series"] == s]) for s in study.series if s in series):
+            planner = _planner(solved)
             rows.append(
-                [
-                    name,
-                    whole(robots),
-                    s,
-                    len(solved),
-                    between(makespan),
-                    between(cost),
-                    *theirs,
-                    _mean(solved, "makespan_smoothed_steps"),
-                    _mean(solved, "cost_smoothed_steps"),
-                    _mean(solved, "makespan_s"),
-                ]
+                {
+                    "map": name,
+                    "robots": whole(robots),
+                    "planner": s,
+                    "instances": len(solved),
+                    "makespan": between(bootstrap_mean(numbers(solved, "makespan_steps"))),
+                    "cost": between(bootstrap_mean(numbers(solved, "cost_steps"))),
+                    "paper makespan": printed("table_4", "makespan_cells", planner) if there else None,
+                    "paper cost": printed("table_4", "cost_cells", planner) if there else None,
+                    "smoothed makespan": _mean(solved, "makespan_smoothed_steps"),
+                    "smoothed cost": _mean(solved, "cost_smoothed_steps"),
+                    "makespan s": _mean(solved, "makespan_s"),
+                }
             )
-    return ReportTable(
+    return table_of(
         "table_4_cost",
         "Table IV: makespan and cost where every planner found a plan",
-        (
-            "map",
-            "robots",
-            "planner",
-            "instances",
-            "makespan",
-            "cost",
-            "paper makespan",
-            "paper cost",
-            "smoothed makespan",
-            "smoothed cost",
-            "makespan s",
-        ),
         rows,
         "Means over the instances for which all series of the block found a plan, valid or not, in cells with the start included, as "
-        "MRP-Bench counts; "
-        "smoothed as it smooths. The paper's are over 39 scenarios of other seeds; they stand beside the warehouse with nine robots, "
-        "where costs are of their size.",
+        "MRP-Bench counts; smoothed as it smooths. The paper's are over 39 scenarios of other seeds; they stand beside the warehouse "
+        "with nine robots, where costs are of their size.",
         labels=3,
-        digits=dict.fromkeys(("makespan", "cost", "paper makespan", "paper cost", "smoothed makespan", "smoothed cost", "makespan s"), 1),
+        digits=dict.fromkeys(list(rows[0])[4:] if rows else (), 1),
     )
 
 

@@ -10,7 +10,7 @@ import pandas as pd
 
 from mrp_sumo.experiments.statistics import bootstrap_mean, holm, mcnemar, wilcoxon
 from mrp_sumo.reports.study import ReportedRuns, numbers, short_key
-from mrp_sumo.reports.tables.table import Cell, FileLink, ReportTable, between, percent, whole
+from mrp_sumo.reports.tables.table import Cell, FileLink, ReportTable, between, percent, table_of, whole
 
 MAX_PAIRS = 45  # pairs of series that are compared
 WORST = 12  # runs
@@ -75,37 +75,30 @@ def main_figures(study: ReportedRuns) -> ReportTable | None:
     """Execution in numbers, one row per map, fleet and series."""
     if not study.is_executed:
         return None
-    rows: list[list[Cell]] = []
+    rows: list[dict[str, Cell]] = []
     for (name, robots, series), runs in study.groups("_map", "_robots", "_series"):
         done = runs[runs["_succeeded"]]
-        row: list[Cell] = [name, whole(robots), series, len(done)]
-        for column in ("execution_time_s", "blocked_s", "lateness_mean_s"):
-            mean = bootstrap_mean(numbers(done, column))
-            row.append(between(mean))
         driven_s, planned_s = (done[column].to_numpy(np.float64, na_value=np.nan) for column in ("driven_makespan_s", "makespan_s"))
         ratio = driven_s[planned_s > 0] / planned_s[planned_s > 0]
         ratio = ratio[np.isfinite(ratio)]
-        row.append(float(np.median(ratio)) if len(ratio) else None)
-        clearance = numbers(runs, "min_clearance_m")
-        row.append(100 * float(clearance.min()) if len(clearance) else None)
-        overlaps = numbers(runs, "num_overlaps")
-        row.append(int((overlaps > 0).sum()) if len(overlaps) else None)
-        rows.append(row)
-    return ReportTable(
+        clearance, overlaps = numbers(runs, "min_clearance_m"), numbers(runs, "num_overlaps")
+        rows.append(
+            {
+                "map": name,
+                "robots": whole(robots),
+                "planner": series,
+                "succeeded": len(done),
+                "execution time s": between(bootstrap_mean(numbers(done, "execution_time_s"))),
+                "blocked s": between(bootstrap_mean(numbers(done, "blocked_s"))),
+                "mean lateness s": between(bootstrap_mean(numbers(done, "lateness_mean_s"))),
+                "driven / planned": float(np.median(ratio)) if len(ratio) else None,
+                "least clearance cm": 100 * float(clearance.min()) if len(clearance) else None,
+                "runs with overlap": int((overlaps > 0).sum()) if len(overlaps) else None,
+            }
+        )
+    return table_of(
         "execution",
         "Execution",
-        (
-            "map",
-            "robots",
-            "planner",
-            "succeeded",
-            "execution time s",
-            "blocked s",
-            "mean lateness s",
-            "driven / planned",
-            "least clearance cm",
-            "runs with overlap",
-        ),
         rows,
         "Means with 95 % bootstrap intervals over the runs that succeeded; driven over planned makespan is a median. Least clearance and "
         "overlaps are of all runs. Blocked: without progress by a cell, as the events say. "
@@ -138,25 +131,24 @@ def paired(study: ReportedRuns) -> ReportTable | None:
         return None
     p_rate, p_time = holm([r.p_value for _, _, r, _ in results]), holm([v.p_value for *_, v in results])
     scale, unit = (1.0, "s") if study.is_executed else (1e3, "ms")
-    rows: list[list[Cell]] = [
-        [
-            a,
-            b,
-            rate.count,
-            percent(rate.difference),
-            _p(p1),
-            values.count,
-            between(values.difference, scale),
-            values.rank_biserial,
-            _p(p2),
-        ]
+    what = "execution time" if study.is_executed else "planning time"
+    rows: list[dict[str, Cell]] = [
+        {
+            "first": a,
+            "second": b,
+            "instances": rate.count,
+            "success, points": percent(rate.difference),
+            "p": _p(p1),
+            "both": values.count,
+            f"{what} {unit}": between(values.difference, scale),
+            "effect": values.rank_biserial,
+            "p of time": _p(p2),
+        }
         for (a, b, rate, values), p1, p2 in zip(results, p_rate, p_time)
     ]
-    what = "execution time" if study.is_executed else "planning time"
-    return ReportTable(
+    return table_of(
         "paired",
         "Paired differences on the same instances, second minus first",
-        ("first", "second", "instances", "success, points", "p", "both", f"{what} {unit}", "effect", "p of time"),
         rows,
         f"Success: percentage points with Newcombe's interval, McNemar's exact test. {what.capitalize()}: mean difference where both "
         "succeeded with bootstrap interval, Wilcoxon's signed-rank test; effect is the rank-biserial correlation, -1: the second is "
@@ -177,34 +169,31 @@ def worst_runs(study: ReportedRuns, page: Path) -> ReportTable | None:
     order = np.lexsort((np.arange(len(frame)), -np.nan_to_num(blocked), ended))
     linked = [i for i in order if str(frame["key"].iloc[i]) in study.folders] if "key" in frame else []
     chosen = list(dict.fromkeys([*order[:WORST], *linked[: WORST // 2]]))
-    rows: list[list[Cell]] = []
+    rows: list[dict[str, Cell]] = []
     for i in chosen:
         row = frame.iloc[i]
-        run = study.folders.get(str(row.get("key", "")))
         link: Cell = None
-        if run is not None:
+        if (run := study.folders.get(str(row.get("key", "")))) is not None:
             replay = run.folder / "replay.html"
             target = replay if replay.is_file() else run.folder
             link = FileLink("replay" if replay.is_file() else "folder", Path(os.path.relpath(target.resolve(), page.resolve())).as_posix())
-        seed = row["seed"]
         rows.append(
-            [
-                short_key(str(row.get("key", i))),
-                str(row["status"]).replace("_", " "),
-                row["_map"],
-                whole(row["_robots"]),
-                row["_series"],
-                None if pd.isna(seed) else int(seed),
-                _value(row["goals_reached"]),
-                _value(row["blocked_s"]),
-                _value(row["lateness_max_s"]),
-                link,
-            ]
+            {
+                "run": short_key(str(row.get("key", i))),
+                "status": str(row["status"]).replace("_", " "),
+                "map": row["_map"],
+                "robots": whole(row["_robots"]),
+                "planner": row["_series"],
+                "seed": None if pd.isna(row["seed"]) else int(row["seed"]),
+                "goals reached": _value(row["goals_reached"]),
+                "blocked s": _value(row["blocked_s"]),
+                "largest lateness s": _value(row["lateness_max_s"]),
+                "kept": link,
+            }
         )
-    return ReportTable(
+    return table_of(
         "worst_runs",
         "The worst runs",
-        ("run", "status", "map", "robots", "planner", "seed", "goals reached", "blocked s", "largest lateness s", "kept"),
         rows,
         "Runs that did not arrive first, then those on invalid plans, then by the time that robots were blocked."
         + ("" if linked else " No run folders or replay pages are kept beside these results."),

@@ -7,7 +7,7 @@ import csv
 import html
 import io
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -198,6 +198,11 @@ class ReportTable:
         text = html.escape(self.text(column, cell))
         value, _, interval = text.partition(" [") if isinstance(cell, Range) else (text, "", "")
         return f'{value} <span class="interval">[{interval}</span>' if interval else text
+
+
+def table_of(name: str, title: str, rows: Sequence[Mapping[str, Cell]], note: str = "", **how: Any) -> ReportTable | None:
+    """The table whose columns are the keys of its rows; None without rows."""
+    return ReportTable(name, title, tuple(rows[0]), [tuple(row.values()) for row in rows], note, **how) if rows else None
 
 
 LONG = 80  # rows

@@ -69,11 +69,10 @@ class Canvas:
         alpha = over[..., 3:]
         under[:] = (over[..., :3] * alpha + under * (255 - alpha) + 127) // 255
 
-    def write(
-        self, text: str, x: float, y: float, size: float, colour: str, *, bold: bool = False, halo: str = "", align: str = "left"
-    ) -> None:
-        """Write a line of text whose middle is at a height; to the left, centre or right of a point."""
-        image = words(text, round(size), colour, bold, halo)
+    def write(self, text: str, at: tuple[float, float], size: float, colour: str, *, align: str = "left", **look: Any) -> None:
+        """Write a line of text whose middle is at a height; to the left, centre or right of a point. `look` is that of `words`."""
+        x, y = at
+        image = words(text, round(size), colour, **look)
         shift = {"left": 0.0, "center": image.shape[1] / 2, "right": image.shape[1]}[align]
         self.paste(image, round(x - shift), round(y - image.shape[0] / 2))
 

@@ -135,8 +135,8 @@ class Film:
                 shortened_to(text, size * u, room, bold=bold)
                 for text, size, bold in ((pane.scene.title, 28, True), (pane.scene.subtitle, 18, False))
             )
-            self.canvas.write(title, pane.left, top - 26 * u, 28 * u, LIGHT["ink"], bold=True)
-            self.canvas.write(about, pane.left, top - 60 * u, 18 * u, LIGHT["muted"])
+            self.canvas.write(title, (pane.left, top - 26 * u), 28 * u, LIGHT["ink"], bold=True)
+            self.canvas.write(about, (pane.left, top - 60 * u), 18 * u, LIGHT["muted"])
             self._draw_scale(pane)
         self.canvas.keep()
         self.tracks = [self._track(pane) for pane in self.panes]
@@ -157,11 +157,11 @@ class Film:
         x = self.size[0] - margin
         for character in reversed(text):
             wide = digit if character.isdigit() else 0.55 * digit
-            self.canvas.write(character, x - wide / 2, top - 22 * u, 40 * u, LIGHT["ink"], bold=True, align="center")
+            self.canvas.write(character, (x - wide / 2, top - 22 * u), 40 * u, LIGHT["ink"], bold=True, align="center")
             x -= wide
         speed = f"{self.timing.speed:g}×" if self.timing.speed != 1 else "real time"
         self.canvas.write(
-            f"of {clock(self.timing.to_s)} · {speed}", self.size[0] - margin, top - 60 * u, 18 * u, LIGHT["muted"], align="right"
+            f"of {clock(self.timing.to_s)} · {speed}", (self.size[0] - margin, top - 60 * u), 18 * u, LIGHT["muted"], align="right"
         )
 
     def _draw_scale(self, pane: Pane) -> None:
@@ -171,7 +171,7 @@ class Film:
         length = max(m * power for m in (1, 2, 5) if m * power <= wanted)
         right, y = pane.left + pane.width, pane.bottom + pane.foot_px - 28 * u
         self.canvas.fill(_rectangle(right - length * pane.scale, y - 1.5 * u, length * pane.scale, 3 * u), LIGHT["muted"])
-        self.canvas.write(f"{length:g} m", right - length * pane.scale - 8 * u, y, 16 * u, LIGHT["muted"], align="right")
+        self.canvas.write(f"{length:g} m", (right - length * pane.scale - 8 * u, y), 16 * u, LIGHT["muted"], align="right")
 
     def _write_counts(self, pane: Pane, scene: SceneState) -> None:
         """How many robots are in which state, in places that do not move, and in runs with tasks how many are done."""
@@ -181,11 +181,11 @@ class Film:
         tasks = pane.scene.tasks_at(scene.t_s)
         for state, name in enumerate(state_names(tasks is not None)):
             self.canvas.fill(_rectangle(x, y - 8 * u, 16 * u, 16 * u), STATES[state])
-            self.canvas.write(str(counts[state]), x + 24 * u + room, y, 18 * u, LIGHT["ink"], bold=True, align="right")
-            self.canvas.write(name, x + 32 * u + room, y, 18 * u, LIGHT["muted"])
+            self.canvas.write(str(counts[state]), (x + 24 * u + room, y), 18 * u, LIGHT["ink"], bold=True, align="right")
+            self.canvas.write(name, (x + 32 * u + room, y), 18 * u, LIGHT["muted"])
             x += 58 * u + room + font(round(18 * u)).getlength(name)
         if tasks is not None:
-            self.canvas.write(f"{tasks[0]} orders done, {tasks[1]} open", x, y, 18 * u, LIGHT["ink"])
+            self.canvas.write(f"{tasks[0]} orders done, {tasks[1]} open", (x, y), 18 * u, LIGHT["ink"])
 
     def _track(self, pane: Pane) -> tuple[Pixels, Pixels]:
         """How many robots are in which state at every time: what has been, and paler, what is to come."""
@@ -288,7 +288,7 @@ def _draw_robots(canvas: Canvas, pane: Pane, now: SceneState) -> None:
     if pane.inside_px:
         for robot in there[~pale[there]].tolist():
             back = xy[robot] - 0.1 * pane.body[robot, 0] * np.array((c[robot], s[robot]))
-            canvas.write(scene.name[robot], *back, pane.inside_px, "#ffffff", bold=True, align="center")
+            canvas.write(scene.name[robot], back, pane.inside_px, "#ffffff", bold=True, align="center")
     elif pane.few or scene.has_choice:
         _write_names(canvas, pane, xy, there[~pale[there]], reach)
 
@@ -317,7 +317,7 @@ def _write_names(canvas: Canvas, pane: Pane, xy: FloatArray, robots: FloatArray,
             continue
         pane.place[robot], x, y = fitting
         taken.append((x, y, half[robot][0], half[robot][1]))
-        canvas.write(pane.scene.name[robot], x, y, size, LIGHT["ink"], bold=True, halo=LIGHT["halo"], align="center")
+        canvas.write(pane.scene.name[robot], (x, y), size, LIGHT["ink"], bold=True, halo=LIGHT["halo"], align="center")
 
 
 def _rectangle(left: float, bottom: float, width: float, height: float) -> FloatArray:
