@@ -91,7 +91,7 @@ def _mapd(options: argparse.Namespace) -> Iterator[bench.Row]:
 def _of_tasks(run: ms.Run) -> bench.Row:
     """Lead times of a run's tasks."""
     tasks, metrics = run.kept.execution.tasks, run.metrics
-    took_s = tasks.service_time_s
+    took_s = tasks.lead_time_s
     row = {"makespan": float(tasks.done_s.max()), "lead_time": float(took_s.mean()), "p95": float(np.quantile(took_s, 0.95))}
     return row | {"max": float(took_s.max()), "empty": metrics["cycle_empty_travel_s"], "calls": metrics["planner_calls"]}
 

@@ -111,7 +111,7 @@ class TaskLog:
     kind: tuple[str, ...] = ()  # [K] ORDER or CHARGE; empty: all are orders
 
     @property
-    def service_time_s(self) -> FloatArray:
+    def lead_time_s(self) -> FloatArray:
         """[K] from release to done."""
         return frozen(self.done_s - self.released_s)
 

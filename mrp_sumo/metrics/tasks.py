@@ -23,7 +23,7 @@ def steady_from(tasks: TaskLog) -> float | None:
     """When the warm-up ends, s; None where the run is too short to tell: it would be more than half of the tasks done."""
     done = np.flatnonzero(np.isfinite(tasks.done_s))
     done = done[np.argsort(tasks.done_s[done], kind="stable")]
-    cut = warm_up_length(tasks.service_time_s[done])
+    cut = warm_up_length(tasks.lead_time_s[done])
     return None if cut is None else float(tasks.done_s[done[cut - 1]]) if cut else 0.0
 
 
@@ -150,7 +150,7 @@ def _on_time_share(run: Evidence) -> float | None:
     return float((tasks.done_s[due] <= due_s[due]).mean()) if len(due) else None
 
 
-_SERVICE_S = _steady(lambda tasks: tasks.service_time_s)
+_SERVICE_S = _steady(lambda tasks: tasks.lead_time_s)
 _WAITING_S = _steady(lambda tasks: tasks.assigned_s - tasks.released_s)
 _TASK_S = _steady(lambda tasks: tasks.done_s - tasks.assigned_s)
 

@@ -65,7 +65,7 @@ def test_orders_are_the_same_for_any_fleet(tmp_path):
     one, three = (work(tmp_path, square_grid(3), starts, stream, time_limit_s=400.0) for starts in ([4], [1, 3, 7]))
     assert one.tasks.name == three.tasks.name
     assert one.tasks.released_s.tolist() == three.tasks.released_s.tolist()
-    assert np.nanmean(three.tasks.service_time_s) < np.nanmean(one.tasks.service_time_s)
+    assert np.nanmean(three.tasks.lead_time_s) < np.nanmean(one.tasks.lead_time_s)
 
 
 def test_closed_loop_keeps_so_many_open_until_the_time_is_over(tmp_path):
@@ -114,7 +114,7 @@ def test_the_parts_of_a_cycle_add_up_to_it(tmp_path):
         mine = stops.task == k
         assert stops.since_s[mine][0] == tasks.assigned_s[k] and stops.begin_s[mine][0] == tasks.opened_s[k]
         spent_s = (stops.end_s - stops.since_s)[mine].sum()
-        assert tasks.assigned_s[k] - tasks.released_s[k] + spent_s == pytest.approx(tasks.service_time_s[k], abs=1e-9)
+        assert tasks.assigned_s[k] - tasks.released_s[k] + spent_s == pytest.approx(tasks.lead_time_s[k], abs=1e-9)
 
 
 def test_a_robot_that_waits_for_a_place_is_booked_as_queueing(tmp_path):

@@ -73,7 +73,7 @@ def _open(orders: TaskLog, end_s: float, tag: str) -> Chart | None:
 
 
 def _service(orders: TaskLog, tag: str) -> Chart | None:
-    took_s = orders.service_time_s[np.isfinite(orders.service_time_s)]
+    took_s = orders.lead_time_s[np.isfinite(orders.lead_time_s)]
     if len(took_s) < 2:
         return None
 
