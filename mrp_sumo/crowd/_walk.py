@@ -25,7 +25,9 @@ LANE_M, BODY_LENGTH_M, HEADWAY_S = 0.27, 0.3, 0.75  # who is ahead this far to t
 KEEP_RIGHT = np.radians(3.0)
 ROBOT_MPS2, ROBOT_M, ROBOT_AHEAD_S = 7.0, 0.3, 0.6  # push of a robot at its surface, how it fades; where it will be is seen so far ahead
 ROUND_M, ROUND_ROOM_M = 3.0, 0.35  # people begin to walk round a robot so far before it, and so far beside
-YIELD_M, ASIDE_M, STEP_ASIDE_M = 2.0, 0.25, 0.7  # where there is no way past a robot: how near one lets it pass, and how far aside
+YIELD_M, ASIDE_M = 2.0, 0.15  # where there is no way past a robot: how near one lets it pass, and how far beside it
+SLOWS_M = 0.7  # from there
+AGAINST = -0.5  # cosine of the angle between one's way and a robot's, for who meets it
 CLEAR_M = 0.02  # beside a robot
 AT_WALL_M = 0.15  # nobody's centre is closer to a wall
 SLOW = 0.2  # of the speed that one likes: who is slower stands
@@ -126,8 +128,8 @@ def push(now, p, walkers, ground, robots, ways):
         ex, ey = np.cos(angle - KEEP_RIGHT), np.sin(angle - KEEP_RIGHT)
     tx, ty = round_robots(x, y, ex, ey, walkers.stuck_s[p] > WAITS_S, ground, robots)
     ax, ay, gap = push_of_people(p, x, y, ex, ey, walkers, ground)
-    rx, ry = push_of_robots(x, y, ex, ey, ground, robots)
-    wx, wy = push_of_walls(x, y, ex, ey, ground, cell)
+    rx, ry, away = push_of_robots(x, y, ex, ey, ground, robots)
+    wx, wy = push_of_walls(x, y, ex, ey, ground, cell) if away > YIELD_M else (0.0, 0.0)
     goes = min(wish, max(gap - BODY_LENGTH_M, 0.0) / HEADWAY_S)
     back = min(ax * ex + ay * ey + goes / RELAX_S, 0.0)  # nobody walks backwards for others
     ax, ay = ax - back * ex, ay - back * ey
@@ -224,20 +226,21 @@ def from_robot(x, y, robot, robots, reach_s):
 
 @kernel(allocates=False)
 def push_of_robots(x, y, ex, ey, ground, robots):
-    """The push of robots and of where they will soon be."""
-    ax, ay = 0.0, 0.0
+    """The push of robots and of where they will soon be, and how near the nearest is."""
+    ax, ay, nearest = 0.0, 0.0, np.inf
     row0, row1, column0, column1 = bins_around(x, y, ground)
     for row in range(row0, row1):
         for k in range(robots.first[row * ground.columns + column0], robots.first[row * ground.columns + column1]):
             away, nx, ny = from_robot(x, y, robots.member[k], robots, ROBOT_AHEAD_S)
             if away > BIN_M:
                 continue
+            nearest = min(nearest, away)
             size = ROBOT_MPS2 * np.exp(-max(away - BODY_M, 0.0) / ROBOT_M)
             if -(ex * nx + ey * ny) < SIGHT:
                 size *= BEHIND
             ax += size * nx
             ay += size * ny
-    return ax, ay
+    return ax, ay, nearest
 
 
 @kernel(allocates=False)
@@ -251,16 +254,20 @@ def round_robots(x, y, ex, ey, is_stuck, ground, robots):
         for k in range(robots.first[row * ground.columns + column0], robots.first[row * ground.columns + column1]):
             i = robots.member[k]
             dx, dy = robots.x_m[i] - x, robots.y_m[i] - y
-            ahead, left = dx * ex + dy * ey, dy * ex - dx * ey
+            is_met = is_before(x, y, i, robots)
+            fx, fy = ex, ey
+            if is_met and ex * np.cos(robots.yaw_rad[i]) + ey * np.sin(robots.yaw_rad[i]) < AGAINST:  # ways lead off walls: not its line
+                fx, fy = -np.cos(robots.yaw_rad[i]), -np.sin(robots.yaw_rad[i])
+            ahead, left = dx * fx + dy * fy, dy * fx - dx * fy
             beside = np.hypot(robots.half_length_m[i], robots.half_width_m[i]) + BODY_M + ROUND_ROOM_M / 2.0
-            if ex == 0.0 and ey == 0.0 and robots.is_halted[i] and is_before(x, y, i, robots) and np.hypot(dx, dy) < YIELD_M:
+            if ex == 0.0 and ey == 0.0 and robots.is_halted[i] and is_met and np.hypot(dx, dy) < YIELD_M:
                 tx, ty = out_of_path(x, y, i, ground, robots)
             if ahead <= 0.0 or ahead >= nearest or abs(left) >= beside:
                 continue
             side, has_room = -1.0 if left > -0.05 else 1.0, False  # to the right of a robot that is right ahead
-            lets_pass = ahead < YIELD_M and (is_stuck or (robots.is_halted[i] and is_before(x, y, i, robots)))
+            lets_pass = ahead < YIELD_M and (is_stuck or (robots.is_halted[i] and is_met))
             for _ in range(0 if lets_pass else 2):
-                bx, by = dx - side * ey * beside, dy + side * ex * beside  # the point to pass
+                bx, by = dx - side * fy * beside, dy + side * fx * beside  # the point to pass
                 if is_free_way(x, y, bx, by, ground):
                     size = np.hypot(bx, by)
                     tx, ty, nearest, has_room = bx / size, by / size, ahead, True
@@ -289,16 +296,18 @@ def is_free_way(x, y, dx, dy, ground):
 
 @kernel(allocates=False)
 def out_of_path(x, y, i, ground, robots):
-    """The direction that leads out of a robot's path, (0, 0) for who is beside it."""
+    """The direction that leads out of a robot's path, shorter than 1 for who is nearly out of it, (0, 0) for who is beside it."""
     cos, sin = np.cos(robots.yaw_rad[i]), np.sin(robots.yaw_rad[i])
     dx, dy = x - robots.x_m[i], y - robots.y_m[i]
-    ahead, left = cos * dx + sin * dy, cos * dy - sin * dx
-    if ahead <= 0.0 or abs(left) >= robots.half_width_m[i] + BODY_M + ASIDE_M:
+    ahead, left, beside = cos * dx + sin * dy, cos * dy - sin * dx, robots.half_width_m[i] + BODY_M + ASIDE_M
+    if ahead <= 0.0 or abs(left) >= beside:
         return 0.0, 0.0
     side = 1.0 if left >= 0.0 else -1.0
     for _ in range(2):
-        if ground.free[cell_of(x - side * sin * STEP_ASIDE_M, y + side * cos * STEP_ASIDE_M, ground)]:
-            return -side * sin, side * cos
+        step = beside - side * left
+        if ground.free[cell_of(x - side * sin * step, y + side * cos * step, ground)]:
+            share = min(step / SLOWS_M, 1.0)
+            return -side * sin * share, side * cos * share
         side = -side
     return cos, sin
 

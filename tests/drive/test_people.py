@@ -1,7 +1,10 @@
 """Robots among people: they stop at the distance of their fields, go on two seconds after these are free, and turn only where nobody is."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
+from floors import driven, lanes, scenario
 from worlds import CART, drive, graph_of, line, problem_of
 
 from mrp_sumo.core.fleet import fleet_of
@@ -158,3 +161,14 @@ def test_people_walk_alike_among_robots_of_either_engine(tmp_path):
     one, other = (drive(tmp_path, graph, [range(12)], robot=CART, engine=name, people=people, time_limit_s=40.0) for name in BOTH.args[1])
     assert len(one.people.person) > 1000
     assert np.array_equal(one.people.x_m, other.people.x_m) and np.array_equal(one.people.y_m, other.people.y_m)
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_six_people_in_a_corridor_of_two_metres_let_a_robot_pass(tmp_path, seed):
+    """There is room for a robot of 0.4 m, its field and a person beside it: who meets it steps aside instead of going back before it."""
+    xy = {f"p{k}": (5.0 * k, 0.0) for k in range(5)}
+    street = lanes(tmp_path / "street.csv", xy, pairwise(xy), True)
+    to_and_fro = {"streams": [{"name": "o", "stops": ["p0", "p4"], "service": [5.0], "arrivals": {"open": 2}}]}
+    result = driven(scenario(street, to_and_fro, starts=["p0"], seed=seed, people={"count": 6, "corridor_m": 2.0}))
+    assert result.audit["passed"] and result.execution.people.lost_s[0] < 150.0  # of 300; 275 where people go back
+    assert np.isfinite(result.execution.tasks.done_s).sum() >= 3
