@@ -52,13 +52,13 @@ class Room(NamedTuple):
 def room_for(task: WindowTask) -> Room:
     """Room for the searches of a task."""
     num_vertices = len(task.first) - 1
-    longest = int(np.max(task.steps, where=task.steps < UNREACHABLE, initial=0)) + int(task.after.max(initial=0))
+    longest, later = (int(np.max(each, where=each < UNREACHABLE, initial=0)) for each in (task.steps, task.after))
     num_states = (task.window + 1) * (int(np.diff(task.stop_first).max(initial=1)) + 1) * num_vertices
     return Room(
         *(np.full((task.window + 1, num_vertices), NOBODY, np.int32) for _ in range(2)),
         np.zeros(num_states, np.int64),
         *(np.zeros(num_states, np.int32) for _ in range(3)),
-        np.full((task.window + longest + 1) * (MOST_CROSSED + 1), -1, np.int32),
+        np.full((task.window + longest + later + 1) * (MOST_CROSSED + 1), -1, np.int32),
         *(np.zeros(4 * num_states, np.int32) for _ in range(2)),
         np.zeros(2, np.int64),
     )

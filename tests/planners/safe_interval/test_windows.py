@@ -45,6 +45,13 @@ def test_there_is_room_for_ways_all_round_a_one_way_ring():
     assert result.status is Status.SOLVED and judge(ending_there(problem, result.plan), result.plan).valid
 
 
+def test_a_stop_from_which_no_way_leads_on_takes_no_room():
+    one_way = on_a_circle([(0, 1), (1, 2), (2, 3)], 4)  # a row: nobody comes back from 2
+    problem = replace(problem_on(one_way, [0], [1]), via=((2,),), window_steps=8)
+    assert len(room_for(task_of(problem)).top) < 100 * (MOST_CROSSED + 1)
+    assert planner("pbs", {}).plan(problem, 60.0).status is not Status.SOLVED
+
+
 def test_prioritised_has_robots_at_their_goals_give_way_in_a_window():
     graph = on_a_circle([lane for a, b in [(0, 1), (1, 2), (2, 3), (3, 4), (2, 5)] for lane in ((a, b), (b, a))], 6)
     problem = replace(problem_on(graph, [2, 0], [2, 4]), window_steps=6)
