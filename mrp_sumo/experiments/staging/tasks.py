@@ -1,6 +1,6 @@
 """The tasks of a scenario on the vertices of its plan graph, and what robots do between tasks.
 
-Refuses tasks that no robot can do, and charging without batteries.
+Refuses tasks that no robot can do, places in lifts, and charging without batteries.
 """
 
 import math
@@ -76,8 +76,12 @@ def _site_of_tasks(file: ScenarioFile, nav: NavGraph, graph: PlanGraph, fleet: F
     """What is known of the map to who reads tasks."""
 
     def vertex_of(name: str) -> int | None:
-        vertex = nav.vertex_of_name.get(name)
-        return None if vertex is None else int(graph.vertex_of_station[vertex])
+        if (known := nav.vertex_of_name.get(name)) is None:
+            return None
+        vertex = int(graph.vertex_of_station[known])
+        if lift := graph.vertex_options[vertex].get("in_lift"):
+            raise ScenarioError(f"{file.at('tasks')}: '{name}' is in lift '{lift}', where no robot can stay")
+        return vertex
 
     def cells() -> BoolArray:
         path = find_map(file.scenario.map.file, file.folder)
