@@ -203,10 +203,10 @@ class Work:
             [R] until when robots are broken, inf: for good.
         """
         booked_s = state.waits.booked_s
-        if down_until_s is not None:
-            self._see_who_is_broken(now_s, down_until_s, visits)
         for r in np.flatnonzero(self.current != NONE).tolist():
             self._note(r, now_s, visits, booked_s[r])
+        if down_until_s is not None:  # what was over by then is
+            self._see_who_is_broken(now_s, down_until_s, visits)
         self.seen[:] = visits.reached
         self._see_who_waits(visits)
         self._cancel(now_s)
@@ -289,7 +289,7 @@ class Work:
     def fits(self, request: WorkRequest, moved: Collection[int]) -> bool:
         """Whether those robots of a request that are sent on may still leave: a service may have begun, or a robot be lost."""
         stays = self.busy | self.out
-        return not any(stays[r] for r in request.robot.tolist() if r in moved)
+        return not any(stays[r] or self._has_begun(r, request.now_s) for r in request.robot.tolist() if r in moved)
 
     def accepted(self, request: WorkRequest, now_s: float, visits: Visits, state: State) -> None:
         """Robots are on the ways that were asked for."""
@@ -459,6 +459,11 @@ class Work:
     def _is_ahead(self, robot: int, leg: Leg) -> bool:
         """Whether a stop is still to be made."""
         return leg.task == self.then[robot] or bool(leg.task == self.current[robot] and leg.nth >= self.stop[robot])
+
+    def _has_begun(self, robot: int, since_s: float) -> bool:
+        """Whether a robot is at a stop, but was not at a time; if its service is short, it may be leaving already."""
+        row = self._stops[self._row[robot]] if self.serving[robot] else None
+        return row is not None and row.begin_s > since_s
 
     def _is_just_done(self, robot: int) -> bool:
         """Whether a robot's last service ended since the look before, and what is asked for now takes effect now."""
@@ -733,7 +738,7 @@ class Work:
             self.duties.enter(r, BROKEN, now_s, NONE if charge else task)
             self.news = True
         for r in np.flatnonzero(broken & (down_until_s <= now_s) & (self._resumes < BROKEN)).tolist():
-            self.duties.enter(r, int(self._resumes[r]), now_s, NONE if self._is_charge(r) else int(self.current[r]))
+            self.duties.enter(r, int(self._resumes[r]), float(down_until_s[r]), NONE if self._is_charge(r) else int(self.current[r]))
             self._moved_s[r], self.news = now_s, True
 
     def _see_who_waits(self, visits: Visits) -> None:

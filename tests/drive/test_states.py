@@ -5,10 +5,12 @@ A Burger drives a cell of 0.4 m in 1.82 s; services take 5 s unless said otherwi
 
 import re
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from worlds import BURGER, drive, line, square_grid
+from floors import BATTERY, driven, ring, scenario
+from worlds import BURGER, drive, line, problem_on, square_grid
 
 from mrp_sumo.core.battery import Battery
 from mrp_sumo.core.execution import Outcome
@@ -18,10 +20,11 @@ from mrp_sumo.core.stream import TaskList
 from mrp_sumo.core.task import Station, Stop, Task
 from mrp_sumo.drive import rolling
 from mrp_sumo.drive.disturbances import Breakdown, Disturbances
-from mrp_sumo.drive.duties import NAMES
+from mrp_sumo.drive.duties import LEAVING, NAMES, TO_STOP
 from mrp_sumo.drive.duties import NEXT as DUTIES
 from mrp_sumo.drive.orders import NEXT, OrderRules, Orders
 from mrp_sumo.drive.replanning import planned
+from mrp_sumo.drive.work import StopRow, Work
 from mrp_sumo.errors import PlanError
 from mrp_sumo.metrics.audit import audit
 
@@ -204,6 +207,38 @@ def test_a_run_whose_planner_refuses_again_and_again_is_stalled_by_it(tmp_path, 
 def test_who_waits_for_a_place_is_not_stalled(tmp_path):
     run = work(tmp_path, line(6), [2, 0], order("a", 4, service_s=150.0), order("b", 4), time_limit_s=300.0)
     assert run.outcome is Outcome.COMPLETED and not events(run, "stalled")
+
+
+def test_a_service_that_is_over_when_its_robot_breaks_down_is_not_prolonged(tmp_path):
+    settings = {"execution": {"step_length_s": 0.5, "planning": {"budget_s": 0.0}, "time_limit_s": 60.0}, "record": {"period_s": 0.5}}
+    settings["execution"]["disturbances"] = {"breakdowns": [{"robot": 0, "begin_s": 7.3, "duration_s": 20.0}]}  # seen at 7.5 s
+    orders = [{"name": f"o{k}", "stops": ["A"], "service_s": service_s} for k, service_s in enumerate((7.4, 5.0))]
+    result = driven(scenario(ring(tmp_path), {"list": orders}, starts=["A"], **settings))
+    assert result.execution.tasks.done_s[0] == pytest.approx(7.4) and result.operations_audit["passed"]
+
+
+def test_a_robot_that_breaks_down_at_a_charger_is_not_charged_meanwhile(tmp_path):
+    charging = {"stations": ["A"], "critical_low_charging_level": 50.0, "start_level": [20.0, 20.0], "maximum_desired_charging_level": 90.0}
+    settings = {"execution": {"time_limit_s": 90.0, "disturbances": {"breakdowns": [{"robot": 0, "begin_s": 10.3, "duration_s": 30.0}]}}}
+    tasks = {"list": [{"name": "o", "stops": ["B"]}], "charging": charging}
+    result = driven(scenario(ring(tmp_path), tasks, starts=["A"], shape={"battery": BATTERY}, **settings))
+    log = result.execution.batteries
+    level = dict(zip(log.t_s.tolist(), log.level[:, 0].tolist()))
+    broken = result.execution.robot_states.state == ROBOT_STATES.index("broken")
+    assert result.execution.robot_states.end_s[broken] == pytest.approx(40.3)  # whenever it is looked at next
+    assert level[10.0] > level[0.0] + 0.1 and level[10.0] > level[30.0] > level[10.0] - 0.02 and level[50.0] > level[30.0] + 0.1
+    assert result.operations_audit["passed"], result.note
+
+
+@pytest.mark.parametrize(("asked_s", "fits"), [(9.0, False), (10.5, True)])
+def test_who_has_begun_a_short_service_since_it_was_sent_away_stays(asked_s, fits):
+    """Leaving at once, since it will be over when the next answer takes effect."""
+    work = Work([TaskList(())], problem_on(line(3), [1], [1]), 3.0)
+    work.duties.enter(0, TO_STOP, 0.0)
+    work.duties.enter(0, LEAVING, 10.0)
+    work._stops.append(StopRow(0, 0, "", 1, 0.0, 10.0, 12.0, 0.0, 0.0, np.nan))
+    work._until_s[0] = 12.0
+    assert work.fits(SimpleNamespace(now_s=asked_s, robot=np.array([0])), {0}) is fits
 
 
 def test_states_change_by_the_table_alone():

@@ -7,7 +7,7 @@ import numpy as np
 from mrp_sumo.core.battery import Battery
 from mrp_sumo.core.graph import FloatArray, IntArray
 from mrp_sumo.metrics.metric import TOGETHER
-from mrp_sumo.metrics.operations.evidence import Finding, Logs
+from mrp_sumo.metrics.operations.evidence import LOST, Finding, Logs
 
 ROUNDED = 2e-6  # shares of the capacity, as tables keep them
 OFF = (0.01, 0.05)  # by which what is drawn may be off in the whole run and between two levels: poses are samples,
@@ -96,9 +96,16 @@ def charged_s(logs: Logs, t_s: FloatArray) -> FloatArray:
 
 
 def charges(logs: Logs) -> list[tuple[int, float, float]]:
-    """Robots, and from when until when they were at chargers."""
-    rows = np.flatnonzero(~logs.tasks.is_order[logs.stops.task]).tolist()
-    return [(int(logs.stops.robot[row]), float(logs.stops.begin_s[row]), float(logs.stops.end_s[row])) for row in rows]
+    """Robots, and from when until when they were at chargers and in order: a broken one is not charged."""
+    parts = []
+    for row in np.flatnonzero(~logs.tasks.is_order[logs.stops.task]).tolist():
+        robot, at_s = int(logs.stops.robot[row]), float(logs.stops.begin_s[row])
+        for begin_s, end_s in logs.times_in(LOST, robot):
+            if at_s < begin_s < logs.stops.end_s[row]:
+                parts.append((robot, at_s, begin_s))
+                at_s = end_s
+        parts.append((robot, at_s, float(logs.stops.end_s[row])))
+    return parts
 
 
 def empty(logs: Logs) -> Iterator[Finding]:

@@ -105,6 +105,14 @@ class Logs:
         mine = (log.robot == robot) & np.isin(log.state, states)
         return bool((mine & (log.begin_s <= end_s + EPS_S) & (log.end_s >= begin_s - EPS_S)).any())
 
+    def times_in(self, states: Sequence[int], robot: int) -> list[tuple[float, float]]:
+        """From when until when a robot was in one of some states, ascending; none where states are not known."""
+        log = self.execution.robot_states
+        if log is None:
+            return []
+        rows = np.flatnonzero((log.robot == robot) & np.isin(log.state, states)).tolist()
+        return sorted((float(log.begin_s[k]), float(log.end_s[k])) for k in rows)
+
     def place(self, stop: int) -> str:
         """The name of a stop's station, or of its vertex."""
         return self.stops.station[stop] or self.graph.label(int(self.stops.vertex[stop]))
