@@ -259,6 +259,14 @@ def test_a_lift_out_of_service_for_good_leaves_the_other_one_or_no_way(tmp_path)
     assert lifts_left(tmp_path, "lift_west", "lift_east") == ([], False)
 
 
+def test_a_stop_in_a_lift_is_refused_in_a_line(tmp_path):
+    path = tmp_path / "scenario.yaml"
+    orders = "tasks: {list: [{stops: [L2_lift_west]}]}"
+    path.write_text(f"map: hospital_levels\ndiscretisation: {{kind: roadmap, cell_m: 1.0}}\nrobots: {{count: 1}}\n{orders}\n")
+    with MapCache() as maps, pytest.raises(ScenarioError, match="tasks: 'L2_lift_west' is in lift 'lift_west', where no robot can stay"):
+        set_up(read_scenario(path), maps)
+
+
 def test_doors_that_are_locked_for_good_or_that_nobody_opens_are_no_way(tmp_path):
     automatic, outage = "doors: automatic", "disturbances: {outages: [{door: boardroom_door}]}"
     known = door_names(problem_of(tmp_path, [automatic]).problem.graph)
