@@ -16,7 +16,7 @@ from typing import Any
 ROOT = Path(__file__).resolve().parents[1]
 CAMPAIGNS = {  # name -> (module:class, wall time of a trial in s)
     "keys": ("campaigns.keys:Keys", 60.0),
-    "fuzz": ("campaigns.fuzz:Fuzz", 30.0),
+    "fuzz": ("campaigns.fuzz:Fuzz", 600.0),
     "repeat": ("campaigns.repeat:Repeat", 600.0),
     "kills": ("campaigns.kills:Kills", 300.0),
     "noise": ("campaigns.noise:Noise", 300.0),

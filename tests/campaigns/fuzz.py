@@ -30,7 +30,7 @@ from step_wise_worlds import ROUND, write_problem
 
 from mrp_sumo.cli.main import COMMANDS, main
 
-LIMIT_S = 30
+LIMIT_S = 30  # CPU time of a command
 PROJECT = Path(__file__).resolve().parents[2]
 WORD = re.compile(rb"[^\s,\[\]{}:()\"'>-]+")
 JUNK = (
@@ -373,8 +373,8 @@ def attempt(command: list[str], folder: Path, kind: str) -> Trial:
     code: Any = None
     faults: list[str] = []
     previous, home = tempfile.tempdir, Path.cwd()
-    signal.signal(signal.SIGALRM, _alarm)
-    signal.alarm(LIMIT_S)
+    signal.signal(signal.SIGPROF, _alarm)
+    signal.setitimer(signal.ITIMER_PROF, LIMIT_S)
     tempfile.tempdir = str(scratch)
     os.chdir(folder)
     try:
@@ -383,7 +383,7 @@ def attempt(command: list[str], folder: Path, kind: str) -> Trial:
     except SystemExit as error:
         code = error.code or 0
     except _TooLong:
-        faults.append(f"takes more than {LIMIT_S} s")
+        faults.append(f"takes more than {LIMIT_S} CPU-s")
     except BaseException as error:
         places = [f"{Path(f.filename).name}:{f.lineno}" for f in traceback.extract_tb(error.__traceback__) if "mrp_sumo" in f.filename]
         faults += [
@@ -392,7 +392,7 @@ def attempt(command: list[str], folder: Path, kind: str) -> Trial:
         ]
         faults.reverse()
     finally:
-        signal.alarm(0)
+        signal.setitimer(signal.ITIMER_PROF, 0)
         tempfile.tempdir = previous
         os.chdir(home)
     if not faults:
