@@ -1,8 +1,9 @@
-"""Batches, their workers and their Dask schedulers killed at random moments: nothing lost, nothing doubled, the same results.
+"""Runs, capacity studies, batches, their workers and Dask schedulers killed at random times: nothing lost or doubled, the same results.
 
 A trial makes a batch of fake runs (tests/fake_runs.py), kills it, one of its workers or its scheduler some times with SIGKILL, and goes on
 each time. Local batches also meet power cuts: all their processes are killed, and of the folder only that stays which was synced, by the
-strict reading of tests/power_cut.py. At the end the records are those of a batch that nobody disturbed.
+strict reading of tests/power_cut.py. At the end the records are those of a batch that nobody disturbed. Runs and studies are real ones,
+killed with their workers and begun again; what they write in the end has the bytes of those that nobody disturbed.
 """
 
 import os
@@ -18,25 +19,59 @@ from pathlib import Path
 from typing import Any
 
 from campaigns.driver import Trial
+from campaigns.fuzz import LIFELONG, ROBOT
 from power_cut import cut
 
+from mrp_sumo.core.children import kill_family
 from mrp_sumo.io.results import CSV, TABLE, records_in, tables_are_whole
+from mrp_sumo.maps.generate import GENERATORS
 
 TESTS = Path(__file__).resolve().parents[1]
 SUITE = "base: office_5\ngrid_search: {robots.count: [1, 2], seed: 0..19}\n"
 NUM_RUNS = 40
+COMMAND = (sys.executable, "-P", "-m", "mrp_sumo")
+MATERIAL = ("small.building.yaml", "lifelong.yaml", "cart.yaml")
+
+
+COMMANDS = {  # a command that is killed, and what it writes the same each time
+    "run": (
+        ("run", "lifelong.yaml", "--out", "out"),
+        ("plan.json", "trajectory.parquet", "visits.parquet", "tasks.parquet", "events.jsonl"),
+    ),
+    "capacity": (
+        (
+            "capacity",
+            "lifelong.yaml",
+            "--quick",
+            "--robots",
+            "1..2",
+            "--horizon",
+            "1min",
+            "--budget",
+            "30min",
+            "--workers",
+            "1",
+            "--out",
+            "out",
+        ),
+        ("answer.json",),
+    ),
+}
 
 
 class Kills:
-    """Local workers three times in four, else a Dask cluster."""
+    """Runs and capacity studies two times in five; of batches local workers three times in four, else a Dask cluster."""
 
     size = None
 
     def __init__(self, seed: int) -> None:
         self._seed = seed
+        self._undisturbed: dict[str, tuple[dict[str, bytes], float]] = {}  # what a command writes, and how many seconds it takes
 
     def trial(self, number: int, folder: Path) -> Trial:
         chance = random.Random(f"{self._seed} {number}")
+        if chance.random() < 0.4:
+            return self._command(chance.choice(sorted(COMMANDS)), chance, folder)
         (folder / "study.yaml").write_text(SUITE)
         out = folder / "out"
         dask = chance.random() < 0.25
@@ -80,6 +115,47 @@ class Kills:
         return Trial(
             f"{kind}, power cuts" if cuts else kind, f"{kills} kills", tuple(faults), "python tests/drive_batch.py study.yaml out 2"
         )
+
+    def _command(self, name: str, chance: random.Random, folder: Path) -> Trial:
+        """Kill a command and all its processes some times, let it end, and compare what it wrote."""
+        words, files = COMMANDS[name]
+        if name not in self._undisturbed:
+            began = time.monotonic()
+            whole = _make_lifelong(folder / "undisturbed")
+            subprocess.run([*COMMAND, *words], cwd=whole, check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+            self._undisturbed[name] = {file: (whole / "out" / file).read_bytes() for file in files}, time.monotonic() - began
+        expected, took_s = self._undisturbed[name]
+        place, kills, faults = _make_lifelong(folder / "killed"), 0, []
+        for _ in range(chance.randint(1, 4)):
+            process = subprocess.Popen(
+                [*COMMAND, *words], cwd=place, start_new_session=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+            )
+            with suppress(subprocess.TimeoutExpired):
+                process.wait(chance.uniform(0.0, took_s))
+            kills += process.poll() is None
+            kill_family(process.pid)
+            process.wait()
+            if name == "run" and (place / "out").is_dir() and not (place / "out" / "result.json").is_file():
+                faults.append("half a run folder is left")
+        ended = subprocess.run([*COMMAND, *words], cwd=place, capture_output=True, text=True)
+        if ended.returncode not in (0, 1):
+            faults.append(f"exit code {ended.returncode}: {ended.stderr[-300:]}")
+        faults += [
+            f"{file} is not what it is undisturbed"
+            for file, data in expected.items()
+            if not (place / "out" / file).is_file() or (place / "out" / file).read_bytes() != data
+        ]
+        faults += [f"left behind: {path.name}" for path in place.iterdir() if path.name not in (*MATERIAL, "out")]
+        return Trial(name, f"{kills} kills", tuple(faults), f"mrp-sumo {' '.join(words)}")
+
+
+def _make_lifelong(folder: Path) -> Path:
+    """A folder with a small scenario with work."""
+    folder.mkdir()
+    GENERATORS["grid"](9).write(folder / "small.building.yaml")
+    (folder / "lifelong.yaml").write_text(LIFELONG)
+    (folder / "cart.yaml").write_text(ROBOT)
+    return folder
 
 
 def _keys(out: Path) -> set[str]:
