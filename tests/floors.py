@@ -56,10 +56,10 @@ def scenario(map_path: Path, tasks, *, robots: int = 1, starts=None, shape=None,
     return scenario_of(values, map_path.parent, map_path.stem)
 
 
-def driven(file, **options):
+def driven(file):
     """The result of a run."""
     with MapCache() as maps:
-        return carry_out(file, maps, **options)
+        return carry_out(file, maps)
 
 
 def written(file, out: Path) -> Path:

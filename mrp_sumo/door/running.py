@@ -256,7 +256,7 @@ def simulate(
     plan: Solution | Plan,
     policy: str | Mapping[str, Any] | None = None,
     *,
-    progress: StageReport = silent,
+    progress: StageReport | None = None,
     **execution: Any,
 ) -> Run:
     """Drive a plan in SUMO, and measure it.
@@ -301,10 +301,10 @@ def simulate(
     keys: Mapping[str, Any] = execution if policy is None else {"policy": policy, **execution}
     places: dict[Place, tuple[str, Any]] = {("execution", key): (f"simulate: {key}", value) for key, value in keys.items()}
     setup = driven_as(solution.setup, changed(solution.setup.file, places))
-    return Run(finish(setup, solution, shared_maps(), RunOptions(progress=progress)))
+    return Run(finish(setup, solution, shared_maps(), RunOptions(progress=progress or silent)))
 
 
-def run(scenario: Scenario, *, progress: StageReport = silent) -> Run:
+def run(scenario: Scenario, *, progress: StageReport | None = None) -> Run:
     """Plan, drive and measure a scenario.
 
     Parameters
@@ -329,7 +329,7 @@ def run(scenario: Scenario, *, progress: StageReport = silent) -> Run:
     >>> ms.run(ms.Scenario(map="office", robots=9)).save("runs/office")
     """
     required(scenario, Scenario, "run", "a Scenario; ms.Scenario.read(...) reads a file")
-    return Run(carry_out(scenario.file, shared_maps(), RunOptions(progress=progress)))
+    return Run(carry_out(scenario.file, shared_maps(), RunOptions(progress=progress or silent)))
 
 
 def load_run(folder: str | Path) -> Run:
