@@ -45,6 +45,10 @@ class ExecutionError(MrpSumoError):
     """An execution that is refused before the first step, or that SUMO ended."""
 
 
+class OptionError(MrpSumoError, ValueError):
+    """An option out of bounds, or one that contradicts another. What reads files names its place, as it does for any ValueError."""
+
+
 class BatchError(MrpSumoError):
     """A batch or a folder of results that is refused, or a batch that cannot go on."""
 

@@ -6,14 +6,14 @@ import shlex
 from dataclasses import fields
 from importlib import import_module
 from pathlib import Path
-from typing import get_args
 
 import pytest
 import yaml
-from pydantic import BaseModel
 from test_architecture import FLOORS, tool
 
 from mrp_sumo.cli.main import COMMANDS
+from mrp_sumo.io.documents import declared_in
+from mrp_sumo.io.documents import keys_of as keys_of_declared
 from mrp_sumo.io.scenario.model import ScenarioModel
 from planners import PLUGINS
 
@@ -149,20 +149,12 @@ def undocumented(keys, pages):
 
 def keys_of_model(model, above=""):
     """Dotted keys of a model of scenarios, those of models inside it too."""
-    for name, field in model.model_fields.items():
-        inner = list(models_in(field.annotation))
+    for name, field in keys_of_declared(model).items():
+        inner = list(declared_in(field.annotation))
         if not inner:
             yield above + name
         for part in inner:
             yield from keys_of_model(part, f"{above}{name}.")
-
-
-def models_in(kind):
-    """The models that an annotation names."""
-    if isinstance(kind, type) and issubclass(kind, BaseModel):
-        yield kind
-    for part in get_args(kind):
-        yield from models_in(part)
 
 
 PAGES_OF_KEYS = [(PROJECT / "docs" / name).read_text(encoding="utf-8") for name in ("scenario.md", "people.md", "robots.md")]

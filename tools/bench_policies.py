@@ -26,11 +26,11 @@ import bench
 import numpy as np
 import yaml
 
+from mrp_sumo.core.disturbances import Disturbances
 from mrp_sumo.core.execution import BOOKINGS
 from mrp_sumo.core.fleet import Fleet
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.core.problem import Problem
-from mrp_sumo.drive.disturbances import Disturbances
 from mrp_sumo.drive.loop import simulate
 from mrp_sumo.drive.policy import policy_of
 from mrp_sumo.drive.settings import ExecutionSettings

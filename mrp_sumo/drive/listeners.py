@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from mrp_sumo.core.disturbances import Intervention
 from mrp_sumo.core.execution import Event, GrantLog
 from mrp_sumo.core.graph import FloatArray, IntArray, frozen
-from mrp_sumo.drive.disturbances import Intervention
 from mrp_sumo.drive.ledger import Ledger
 from mrp_sumo.drive.state import Facilities
 from mrp_sumo.engines.protocol import Engine

@@ -5,8 +5,8 @@ Only what is recorded changes. Robots drive along their true poses, as robots on
 
 import numpy as np
 
+from mrp_sumo.core.disturbances import Disturbances
 from mrp_sumo.core.graph import FloatArray
-from mrp_sumo.drive.disturbances import Disturbances
 
 LOCALISATION = 37  # purpose of the stream of chance, beside those of drive.world
 

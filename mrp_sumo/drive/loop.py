@@ -90,6 +90,7 @@ def simulate(
     world = World(
         *(settings.disturbances, problem.graph, problem.num_robots, dt, problem.step_s),
         *(float(problem.fleet.radius_m.max()), settings.seed, facilities_of(problem.graph, ledger.resources), around.seen),
+        closed_lanes=settings.closed_lanes,
     )
     work = dispatcher_of(settings.dispatcher, settings.dispatcher_parameters)
     # a plan in steps lets robots be early, one with the times of real motion does not

@@ -83,18 +83,18 @@ class Recovery:
         state, keeps_order = self.ledger.state, len(self.ledger.needs.passing) > 0
         barred = self._barred(now_s)
         self._ring_since = {ring: self._ring_since.get(ring, now_s) for ring in sorted(self.watch.known)}
-        if self.settings.give_way and not keeps_order:
+        if self.settings.recovery.give_way and not keeps_order:
             for ring in self._ring_since:
                 if self._asked[frozenset(ring)] < SAME_RING:
                     yield request_for(now_s, around, ring, GIVE_WAY)
-        patience_s = self.settings.patience_s
+        patience_s = self.settings.recovery.patience_s
         stuck = state.waits.stuck & (now_s - state.waits.mark_s >= patience_s)
         late = np.flatnonzero(barred | (stuck & self._for_good(barred))).tolist()
         if late and not keeps_order:
             yield request_for(now_s, around, late, DETOUR)
         opened = self._cut_off and np.count_nonzero(self.world.closed) < self._num_closed
         old = any(now_s - since >= patience_s for since in self._ring_since.values())
-        if self.settings.replanner and (late or old or opened) and now_s >= self._again_s:
+        if self.settings.recovery.replanner and (late or old or opened) and now_s >= self._again_s:
             yield request_for(now_s, around, range(self.ledger.num_robots), REPLAN)
 
     def answer(self, request: Request, around: Surroundings) -> Replan | None:
@@ -106,7 +106,7 @@ class Recovery:
             return self._drive_around(now_s, robots, around)
         try:
             found = situation(now_s, around, self.world.broken | around.work.serving, self.ledger.end_of_tasks)
-            answer = replan(found, around, self.settings.replanner, {}, AnswerLimits())
+            answer = replan(found, around, self.settings.recovery.replanner or "", {}, AnswerLimits())
         except PlanError as error:
             self.refused(error, now_s)
             return None
@@ -123,7 +123,7 @@ class Recovery:
             self._ring_since.clear()
             return
         self._failures, self._cut_off = 0, self._cut_off_then
-        self._again_s = now_s + self.settings.patience_s
+        self._again_s = now_s + self.settings.recovery.patience_s
         self._num_closed = int(np.count_nonzero(self.world.closed))
         self._ring_since.clear()
         self._events.append(Event(now_s, "resolved", -1, text=answer.text))
@@ -132,7 +132,7 @@ class Recovery:
         """There is no new plan, or nobody can keep its order."""
         why = str(error)
         self._failures += 1
-        self._again_s = now_s + self.settings.patience_s * 2**self._failures
+        self._again_s = now_s + self.settings.recovery.patience_s * 2**self._failures
         if why not in self._reported:
             self._reported.add(why)
             self._events.append(Event(now_s, "unresolved", -1, text=why))
@@ -168,7 +168,7 @@ class Recovery:
         at_closed = (state.grants.cause == _causes.DISTURBED) & (self.world.hold_until <= now_s) & ~state.grants.on_lane
         at_closed &= closed[visits.lane[ahead]] & (state.motion.speed_mps == 0)
         self._barred_since[:] = np.where(at_closed, np.minimum(self._barred_since, now_s), np.inf)
-        waited: BoolArray = now_s - self._barred_since >= self.settings.patience_s
+        waited: BoolArray = now_s - self._barred_since >= self.settings.recovery.patience_s
         return waited
 
     def _for_good(self, barred: BoolArray) -> BoolArray:

@@ -7,12 +7,12 @@ is planned is what is driven, but for what disturbs a run. Vertices and order st
 
 import numpy as np
 
+from mrp_sumo.core.disturbances import NONE
 from mrp_sumo.core.graph import frozen
 from mrp_sumo.core.plan import Plan, as_planned_in_steps
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.drive import _retime
 from mrp_sumo.drive.controller import Controller
-from mrp_sumo.drive.disturbances import NONE
 from mrp_sumo.drive.facilities import facilities_of
 from mrp_sumo.drive.fit import resources_for
 from mrp_sumo.drive.ledger import Ledger

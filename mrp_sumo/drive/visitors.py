@@ -10,8 +10,8 @@ from itertools import permutations
 
 import numpy as np
 
+from mrp_sumo.core.disturbances import Disturbances
 from mrp_sumo.drive._facilities import BOARDING, IN_SERVICE
-from mrp_sumo.drive.disturbances import Disturbances
 from mrp_sumo.drive.state import Facilities
 
 RIDES, PASSAGES = 37, 38  # purposes of the streams of chance, beside those of the world

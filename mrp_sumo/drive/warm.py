@@ -4,13 +4,13 @@ from functools import cache
 
 import numpy as np
 
+from mrp_sumo.core.disturbances import NONE
 from mrp_sumo.core.fleet import RobotType, fleet_of
 from mrp_sumo.core.graph import nav_graph, plan_graph
 from mrp_sumo.core.plan import Plan, plan_of_paths
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.drive.controller import Controller
 from mrp_sumo.drive.deadlock import DeadlockWatch
-from mrp_sumo.drive.disturbances import NONE
 from mrp_sumo.drive.facilities import facilities_of
 from mrp_sumo.drive.fit import resources_for
 from mrp_sumo.drive.ledger import Ledger

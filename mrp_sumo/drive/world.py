@@ -9,10 +9,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from mrp_sumo.core.disturbances import Breakdown, ClosedLane, Disturbances, Obstacle, end_s
 from mrp_sumo.core.execution import Event
 from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, NavGraph
 from mrp_sumo.drive import _facilities
-from mrp_sumo.drive.disturbances import Breakdown, Closure, Disturbances, Obstacle
 from mrp_sumo.drive.facilities import door_names, lift_names
 from mrp_sumo.drive.people import nobody
 from mrp_sumo.drive.state import Conditions, Facilities, Grants, PeopleState
@@ -51,6 +51,7 @@ class World:
     seed: int
     facilities: Facilities
     people: PeopleState | None = None  # nobody by default
+    closed_lanes: tuple[ClosedLane, ...] = ()
     factor: FloatArray = field(init=False)  # [R] on the robots' speeds
     hold_until: FloatArray = field(init=False)  # [R] s
     told_m: FloatArray = field(init=False)  # [R] how far robots know they may drive
@@ -78,13 +79,13 @@ class World:
             if not 0 <= breakdown.robot < num_robots:
                 raise ExecutionError(f"disturbances: a breakdown of robot {breakdown.robot}, but there are {num_robots}")
         none = np.zeros(0, np.int64)
-        self._barriers = [Barrier(c.begin_s, c.begin_s + c.duration_s, self._lanes_of(c), none) for c in what.closures]
-        self._barriers += [Barrier(o.begin_s, o.begin_s + o.duration_s, *self._near(o)) for o in what.obstacles]
+        self._barriers = [Barrier(c.begin_s, end_s(c), self._lanes_of(c), none) for c in self.closed_lanes]
+        self._barriers += [Barrier(o.begin_s, end_s(o), *self._near(o)) for o in what.obstacles]
         self._barriers += self._of_facilities()
         self._visitors = Visitors(what, self.facilities, self.seed)
         self._closing: list[Barrier] = []
         prompt = not (what.latency_s or what.message_loss)
-        self.is_calm = not what.any  # nothing comes up by itself
+        self.is_calm = not (what.any or self.closed_lanes)  # nothing comes up by itself
         around = self.people or nobody(self.num_robots)
         self.conditions = Conditions(self.factor, self.hold_until, self.told_m, self.closed, prompt, self.facilities, around)
 
@@ -119,19 +120,20 @@ class World:
         begun = [breakdown for breakdown in self._pending if breakdown.begin_s <= now + 1e-9]
         self._pending = [breakdown for breakdown in self._pending if breakdown.begin_s > now + 1e-9]
         for breakdown in begun:
-            self.broken[breakdown.robot] |= breakdown.duration_s == np.inf
-            self.down_until_s[breakdown.robot] = max(self.down_until_s[breakdown.robot], now + breakdown.duration_s)
-            events.append(self._hold(breakdown.robot, now, breakdown.duration_s, "breaks down"))
+            lasts_s = np.inf if breakdown.duration_s is None else breakdown.duration_s
+            self.broken[breakdown.robot] |= breakdown.duration_s is None
+            self.down_until_s[breakdown.robot] = max(self.down_until_s[breakdown.robot], now + lasts_s)
+            events.append(self._hold(breakdown.robot, now, lasts_s, "breaks down"))
         self._visitors.update(now)
         return events + self._update_closures(now, grants)
 
-    def add(self, what: Breakdown | Closure) -> None:
+    def add(self, what: Breakdown | ClosedLane) -> None:
         """Have a disturbance that nobody knew of."""
         self.is_calm = False
         if isinstance(what, Breakdown):
             self._pending.append(what)
         else:
-            self._barriers.append(Barrier(what.begin_s, what.begin_s + what.duration_s, self._lanes_of(what), np.zeros(0, np.int64)))
+            self._barriers.append(Barrier(what.begin_s, end_s(what), self._lanes_of(what), np.zeros(0, np.int64)))
 
     def strand(self, robot: int, now: float) -> Event:
         """A robot's battery is empty: it stands still for good."""
@@ -196,7 +198,7 @@ class World:
         lifts, doors, levels = lift_names(self.graph), door_names(self.graph), self.graph.level_names
         gates = [facilities.gate_lane[facilities.gate_lift == f] for f in range(len(lifts))]
         for outage in self.what.outages:
-            span = outage.begin_s, outage.begin_s + outage.duration_s
+            span = outage.begin_s, end_s(outage)
             if outage.lift:
                 f = lifts.index(outage.lift)
                 found.append(Barrier(*span, gates[f], none, f"lift '{outage.lift}' is out of service", lift=f))
@@ -207,10 +209,10 @@ class World:
         for fire in self.what.fires:
             for f, name in enumerate(lifts):
                 said = f"fire: lift '{name}' goes to {levels[facilities.recall[f]]}"
-                found.append(Barrier(fire.begin_s, fire.begin_s + fire.duration_s, gates[f], none, said, lift=f, service=_facilities.FIRE))
+                found.append(Barrier(fire.begin_s, end_s(fire), gates[f], none, said, lift=f, service=_facilities.FIRE))
         return found
 
-    def _lanes_of(self, closure: Closure) -> IntArray:
+    def _lanes_of(self, closure: ClosedLane) -> IntArray:
         lanes = [self.graph.lane_between(closure.tail, closure.head), self.graph.lane_between(closure.head, closure.tail)]
         lanes = [lane for lane in lanes if lane >= 0]
         if not lanes:

@@ -10,18 +10,17 @@ from dataclasses import dataclass, field, replace
 from queue import SimpleQueue
 from typing import Any
 
-from pydantic import BaseModel
-
+from mrp_sumo.core.disturbances import Breakdown, Closure, Intervention
 from mrp_sumo.core.stream import TaskList
-from mrp_sumo.drive.disturbances import Breakdown, Intervention
 from mrp_sumo.drive.listeners import Listener
 from mrp_sumo.errors import MrpSumoError
-from mrp_sumo.experiments.staging.lanes import closures_of
+from mrp_sumo.experiments.staging.lanes import closed_lanes
 from mrp_sumo.experiments.staging.set_up import SetUp
 from mrp_sumo.experiments.staging.tasks import task_sources
-from mrp_sumo.io.scenario.disturbances import BreakdownChoice, ClosureChoice
 from mrp_sumo.io.scenario.file import ScenarioFile
 from mrp_sumo.io.scenario.tasks import TaskChoice
+
+Done = Breakdown | Closure | TaskChoice  # as the scenario says it
 
 NEVER_S = 1e9  # where a task that is only checked is released
 
@@ -31,8 +30,8 @@ class Interventions(Listener):
     """Those of one run."""
 
     setup: SetUp
-    _asked: "SimpleQueue[Callable[[float], tuple[BaseModel, tuple[Intervention, ...]]]]" = field(default_factory=SimpleQueue)
-    _done: list[BaseModel] = field(default_factory=list)
+    _asked: "SimpleQueue[Callable[[float], tuple[Done, tuple[Intervention, ...]]]]" = field(default_factory=SimpleQueue)
+    _done: list[Done] = field(default_factory=list)
 
     def ask(self, order: Mapping[str, Any]) -> str:
         """Have something done at the next step. Returns why not, '' where it will be.
@@ -72,21 +71,21 @@ class Interventions(Listener):
             file = _with(file, choice)
         return file
 
-    def _ask(self, made: Callable[[float], tuple[BaseModel, tuple[Intervention, ...]]]) -> None:
+    def _ask(self, made: Callable[[float], tuple[Done, tuple[Intervention, ...]]]) -> None:
         made(NEVER_S)  # what is wrong with it is reported to the one who asks
         self._asked.put(made)
 
-    def _broken(self, robot: int, now_s: float, lasts_s: float | None) -> tuple[BaseModel, tuple[Intervention, ...]]:
-        return BreakdownChoice(robot=robot, begin_s=now_s, duration_s=lasts_s), (Breakdown(robot, now_s, lasts_s or math.inf),)
+    def _broken(self, robot: int, now_s: float, lasts_s: float | None) -> tuple[Done, tuple[Intervention, ...]]:
+        return (broken := Breakdown(robot, now_s, lasts_s)), (broken,)
 
-    def _closed(self, between: tuple[str, str], now_s: float, lasts_s: float | None) -> tuple[BaseModel, tuple[Intervention, ...]]:
-        choice = ClosureChoice(between=between, begin_s=now_s, duration_s=lasts_s)
+    def _closed(self, between: tuple[str, str], now_s: float, lasts_s: float | None) -> tuple[Done, tuple[Intervention, ...]]:
+        choice = Closure(between, now_s, lasts_s)
         execution = self.setup.scenario.execution
-        alone = execution.model_copy(update={"disturbances": execution.disturbances.model_copy(update={"closures": [choice]})})
+        alone = execution.model_copy(update={"disturbances": replace(execution.disturbances, closures=(choice,))})
         file = replace(self.setup.file, scenario=self.setup.scenario.model_copy(update={"execution": alone}))
-        return choice, closures_of(file, self.setup.map.nav, self.setup.problem.graph)
+        return choice, closed_lanes(file, self.setup.map.nav, self.setup.problem.graph)
 
-    def _added(self, stops: tuple[str, ...], now_s: float) -> tuple[BaseModel, tuple[Intervention, ...]]:
+    def _added(self, stops: tuple[str, ...], now_s: float) -> tuple[Done, tuple[Intervention, ...]]:
         tasks = self.setup.scenario.tasks
         if tasks is None or tasks.open is not None:
             raise MrpSumoError("this run has goals instead of tasks" if tasks is None else "tasks of this run have no times of their own")
@@ -106,7 +105,7 @@ def _lasts(more: Mapping[str, Any]) -> float | None:
     return found
 
 
-def _with(file: ScenarioFile, choice: BaseModel) -> ScenarioFile:
+def _with(file: ScenarioFile, choice: Done) -> ScenarioFile:
     """A scenario with one key more."""
     scenario = file.scenario
     if isinstance(choice, TaskChoice):
@@ -114,7 +113,9 @@ def _with(file: ScenarioFile, choice: BaseModel) -> ScenarioFile:
         tasks = scenario.tasks.model_copy(update={"list": (*scenario.tasks.list, choice)})
         return replace(file, scenario=scenario.model_copy(update={"tasks": tasks}))
     what = scenario.execution.disturbances
-    key = "breakdowns" if isinstance(choice, BreakdownChoice) else "closures"
-    what = what.model_copy(update={key: [*getattr(what, key), choice]})
+    if isinstance(choice, Breakdown):
+        what = replace(what, breakdowns=(*what.breakdowns, choice))
+    else:
+        what = replace(what, closures=(*what.closures, choice))
     execution = scenario.execution.model_copy(update={"disturbances": what})
     return replace(file, scenario=scenario.model_copy(update={"execution": execution}))

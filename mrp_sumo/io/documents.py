@@ -8,13 +8,17 @@ import difflib
 import os
 import re
 from collections.abc import Iterator, Mapping
+from functools import cache
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, get_args
 
 import yaml
 from pydantic import BaseModel, ValidationError
+from pydantic.dataclasses import dataclass as checked_dataclass
+from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
+from mrp_sumo.core.options import Options
 from mrp_sumo.errors import MapError, ScenarioError, nearest
 from mrp_sumo.files.reading import read_text, shortened
 from mrp_sumo.maps.yaml_text import Text, parse
@@ -101,14 +105,28 @@ def validated(document: Document, model: type[Model], content: Any = None, optio
         raise ScenarioError(*(_fault(document, model, options or {}, e) for e in error.errors())) from None
 
 
-def _fault(document: Document, model: type[BaseModel], options: Mapping[Place, str], error: ErrorDetails) -> str:
+@cache
+def keys_of(declared: type) -> Mapping[str, FieldInfo]:
+    """Keys of a model, or of a dataclass that declares options."""
+    return declared.model_fields if issubclass(declared, BaseModel) else checked_dataclass(frozen=True)(declared).__pydantic_fields__
+
+
+def declared_in(annotation: Any) -> Iterator[type]:
+    """The models and the dataclasses of options that an annotation names, however deep."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel | Options):
+        yield annotation
+    for part in get_args(annotation):
+        yield from declared_in(part)
+
+
+def _fault(document: Document, model: type, options: Mapping[Place, str], error: ErrorDetails) -> str:
     place = tuple(error["loc"])
     where = options.get(place) or document.at(place)
     found = error.get("input")
     match error["type"]:
-        case "extra_forbidden":
-            parent = _model_at(model, error["loc"][:-1])
-            known = list(parent.model_fields) if parent else []
+        case "extra_forbidden" | "unexpected_keyword_argument":
+            parent = _declared_at(model, error["loc"][:-1])
+            known = list(keys_of(parent)) if parent else []
             return f"{where}: unknown key{nearest(str(place[-1]), known, limit=20)}"
         case "missing":
             return f"{where}: missing"
@@ -117,7 +135,7 @@ def _fault(document: Document, model: type[BaseModel], options: Mapping[Place, s
             meant = difflib.get_close_matches(str(found), expected, n=1)
             hint = f"did you mean '{meant[0]}'?" if meant else f"known: {', '.join(expected)}"
             return f"{where}: unknown value {found!r} ({hint})"
-        case "model_type" | "dict_type":
+        case "model_type" | "dataclass_type" | "dict_type":
             number = "a number of robots, such as 4, or " if place[-1:] == ("robots",) else ""
             return f"{where}: found {_kind(found)}, expected {number}keys and values"
         case "string_pattern_mismatch":
@@ -127,6 +145,8 @@ def _fault(document: Document, model: type[BaseModel], options: Mapping[Place, s
             return f"{where}: found {_kind(found)}, expected {_number(str(place[-1]), str(found), error['type'].startswith('int'))}"
         case "value_error":
             return f"{where}: {error['ctx']['error']}"
+        case "tuple_type":
+            return f"{where}: found {_kind(found)}, expected list"
         case _:
             expected = error["msg"].removeprefix("Input should be ").removeprefix("a valid ")
             return f"{where}: found {_kind(found)}, expected {expected}"
@@ -142,15 +162,13 @@ def _number(key: str, found: str, whole: bool) -> str:
     return "a whole number" if whole else "a number"
 
 
-def _model_at(model: type[BaseModel], loc: tuple[str | int, ...]) -> type[BaseModel] | None:
-    at: Any = model
-    for key in loc:
-        if not (isinstance(at, type) and issubclass(at, BaseModel) and key in at.model_fields):
+def _declared_at(model: type, place: Place) -> type | None:
+    at: type | None = model
+    for key in place:
+        if at is None or key not in keys_of(at):
             return None
-        annotation = at.model_fields[str(key)].annotation
-        options = [annotation, *getattr(annotation, "__args__", ())]
-        at = next((o for o in options if isinstance(o, type) and issubclass(o, BaseModel)), None)
-    return at  # type: ignore[no-any-return]
+        at = next(declared_in(keys_of(at)[str(key)].annotation), None)
+    return at
 
 
 def _kind(value: Any) -> str:

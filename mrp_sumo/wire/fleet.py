@@ -16,12 +16,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mrp_sumo.core.disturbances import NONE
 from mrp_sumo.core.fleet import batteries_of
 from mrp_sumo.core.graph import BoolArray, PlanGraph, frozen
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.drive.batteries import Batteries
 from mrp_sumo.drive.controller import Controller
-from mrp_sumo.drive.disturbances import NONE
 from mrp_sumo.drive.facilities import facilities_of
 from mrp_sumo.drive.fit import check_groups, check_room
 from mrp_sumo.drive.ledger import Ledger

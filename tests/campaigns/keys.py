@@ -14,12 +14,12 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 import annotated_types
 import yaml
 from campaigns.driver import Trial
-from pydantic import BaseModel
 
 from mrp_sumo.drive.policy import policies
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.experiments.run import run_scenario
 from mrp_sumo.io.columns import put
+from mrp_sumo.io.documents import declared_in, keys_of
 from mrp_sumo.io.run_reader import load_run
 from mrp_sumo.io.scenario.model import ScenarioModel
 from mrp_sumo.io.scenario.read import read_scenario
@@ -85,13 +85,13 @@ DRAWS = 4
 Case = dict[str, Any]  # values by dotted key
 
 
-def keys(model: type[BaseModel] = ScenarioModel, above: str = "") -> dict[str, list[Any]]:
+def keys(model: type = ScenarioModel, above: str = "") -> dict[str, list[Any]]:
     """Sample values of every key, by dotted key; keys of a list's items stand below the list's own."""
     found: dict[str, list[Any]] = {}
-    for name, field in model.model_fields.items():
+    for name, field in keys_of(model).items():
         key = above + name
         kind = Annotated[field.annotation, *field.metadata] if field.metadata else field.annotation
-        inner = _models_in(kind) if key not in WHOLE else []
+        inner = list(declared_in(kind)) if key not in WHOLE else []
         if not inner or key in NAMED:
             found[key] = NAMED.get(key) or _values(kind, key)
         for part in inner:
@@ -116,7 +116,7 @@ def document_of(case: Case) -> dict[str, Any]:
         else:
             put(document, key.split("."), value)
     for parent, given in items.items():
-        needed = {name: known[f"{parent}.{name}"][0] for name, field in lists[parent][0].model_fields.items() if field.is_required()}
+        needed = {name: known[f"{parent}.{name}"][0] for name, field in keys_of(lists[parent][0]).items() if field.is_required()}
         item = {**needed, **given}
         put(document, parent.split("."), [item, item] if lists[parent][1] else item)  # two of the same: equal begin and duration
     if ("robots.fleet" in case or "robots.starts" in case) and "robots.count" not in case:
@@ -196,24 +196,18 @@ def _faults_of_refusal(error: MrpSumoError, case: Case) -> list[str]:
     return [] if any(word in str(error) for word in words) else [f"refused, but for what? {line}"]
 
 
-def _lists() -> dict[str, tuple[type[BaseModel], bool]]:
+def _lists() -> dict[str, tuple[type, bool]]:
     """Keys whose values are models: in a list, or beside a name (no list)."""
 
-    def below(model: type[BaseModel], above: str) -> Any:
-        for name, field in model.model_fields.items():
-            for part in _models_in(field.annotation):
+    def below(model: type, above: str) -> Any:
+        for name, field in keys_of(model).items():
+            for part in declared_in(field.annotation):
                 listed = get_origin(field.annotation) in (list, tuple)
                 if listed or field.annotation is not part:
                     yield f"{above}{name}", (part, listed)
                 yield from below(part, f"{above}{name}.")
 
     return dict(below(ScenarioModel, ""))
-
-
-def _models_in(kind: Any) -> list[type[BaseModel]]:
-    if isinstance(kind, type) and issubclass(kind, BaseModel):
-        return [kind]
-    return [model for part in get_args(kind) for model in _models_in(part)] if get_origin(kind) is not Literal else []
 
 
 def _values(kind: Any, key: str) -> list[Any]:

@@ -24,6 +24,8 @@ import shapely
 from campaigns.driver import Trial
 from scipy.spatial import Delaunay, cKDTree
 
+from mrp_sumo.core.disturbances import Breakdown, ClosedLane, Disturbances, Fire, Obstacle, Outage
+from mrp_sumo.core.driving import RecoveryOptions
 from mrp_sumo.core.execution import Execution
 from mrp_sumo.core.fleet import Fleet, RobotType, fleet_of, fleet_of_types
 from mrp_sumo.core.graph import PlanGraph, nav_graph
@@ -32,7 +34,6 @@ from mrp_sumo.core.problem import Problem
 from mrp_sumo.crowd.floor import floor_of
 from mrp_sumo.crowd.model import People, joint_places
 from mrp_sumo.drive import replanning
-from mrp_sumo.drive.disturbances import Breakdown, Closure, Disturbances, Fire, Obstacle, Outage
 from mrp_sumo.drive.facilities import door_names, lift_names
 from mrp_sumo.drive.loop import simulate
 from mrp_sumo.drive.policy import needs_sound_plan, policies
@@ -218,10 +219,10 @@ class Worlds:
         return graph
 
 
-def disturbed(rng: np.random.Generator, graph: PlanGraph, num_robots: int) -> Disturbances:
-    """One run in ten is not disturbed."""
+def disturbed(rng: np.random.Generator, graph: PlanGraph, num_robots: int) -> tuple[Disturbances, tuple[ClosedLane, ...]]:
+    """Disturbances, and lanes that are closed; one run in ten is not disturbed."""
     if rng.random() < 0.1:
-        return Disturbances()
+        return Disturbances(), ()
     what = Disturbances(
         speed_spread=float(rng.choice([0.0, 0.08])),
         speed_noise=float(rng.choice([0.0, 0.05, 0.2])),
@@ -234,32 +235,37 @@ def disturbed(rng: np.random.Generator, graph: PlanGraph, num_robots: int) -> Di
     if rng.random() < 0.2:
         what = replace(what, localisation_m=0.05, localisation_rad=0.05, localisation_tau_s=1.0)
     if rng.random() < 0.2:
-        broken = [Breakdown(int(rng.integers(num_robots)), 20.0, float(rng.choice([20.0, np.inf]))) for _ in range(int(rng.integers(1, 4)))]
+        broken = [Breakdown(int(rng.integers(num_robots)), 20.0, _lasts_s(rng, 20.0)) for _ in range(int(rng.integers(1, 4)))]
         what = replace(what, breakdowns=tuple(broken))
     if rng.random() < 0.2:
         x, y = graph.xy[int(rng.integers(graph.num_vertices))].tolist()
-        what = replace(what, obstacles=(Obstacle(x, y, float(rng.uniform(0, 40)), float(rng.choice([15.0, np.inf]))),))
+        what = replace(what, obstacles=(Obstacle(x, y, float(rng.uniform(0, 40)), _lasts_s(rng, 15.0)),))
     if lifts := lift_names(graph):
         what = replace(what, lift_rides_per_h=float(rng.choice([0.0, 20.0, 60.0])), door_passages_per_h=float(rng.choice([0.0, 30.0])))
-        span = float(rng.uniform(0, 100)), float(rng.choice([20.0, 60.0, np.inf]))
+        span = {"begin_s": float(rng.uniform(0, 100)), "duration_s": _lasts_s(rng, 20.0, 60.0)}
         if rng.random() < 0.2:
-            what = replace(what, outages=(Outage(str(rng.choice(lifts)), *span),))
+            what = replace(what, outages=(Outage(str(rng.choice(lifts)), **span),))
         elif (doors := door_names(graph)) and rng.random() < 0.2:
-            what = replace(what, outages=(Outage("", *span, door=str(rng.choice(doors))),))
+            what = replace(what, outages=(Outage(door=str(rng.choice(doors)), **span),))
         elif rng.random() < 0.1:
-            what = replace(what, fires=(Fire(*span),))
+            what = replace(what, fires=(Fire(**span),))
     if rng.random() < 0.2:
         lane = int(rng.integers(graph.num_lanes))
-        closure = Closure(int(graph.tail[lane]), int(graph.head[lane]), float(rng.uniform(0, 40)), float(rng.choice([15.0, np.inf])))
-        what = replace(what, closures=(closure,))
-    return what
+        return what, (ClosedLane(int(graph.tail[lane]), int(graph.head[lane]), float(rng.uniform(0, 40)), _lasts_s(rng, 15.0)),)
+    return what, ()
 
 
-def kinds_of(what: Disturbances) -> list[str]:
+def _lasts_s(rng: np.random.Generator, *durations_s: float) -> float | None:
+    """One of some durations, or for good."""
+    drawn = float(rng.choice([*durations_s, np.inf]))
+    return drawn if np.isfinite(drawn) else None
+
+
+def kinds_of(what: Disturbances, closed: tuple[ClosedLane, ...]) -> list[str]:
     """What there is of it."""
-    return [
+    return ["closures"] * bool(closed) + [
         name
-        for name in (*NOISE, "breakdowns", "obstacles", "closures", "outages", "fires", "lift_rides_per_h", "door_passages_per_h")
+        for name in (*NOISE, "breakdowns", "obstacles", "outages", "fires", "lift_rides_per_h", "door_passages_per_h")
         if getattr(what, name)
     ]
 
@@ -350,7 +356,7 @@ def draw(number: int, worlds: Worlds) -> Drawn | dict[str, Any]:
     if robot is BOX and chance.random() < MIXED:
         fleet = fleet_of_types([BOX, BURGER], chance.integers(0, 2, num))
         engine = str(chance.choice(["sumo", "kinematic"]))
-    what = disturbed(rng, graph, num)
+    what, closed = disturbed(rng, graph, num)
     settings = ExecutionSettings(
         policy=policy,
         step_length_s=dt,
@@ -358,15 +364,23 @@ def draw(number: int, worlds: Worlds) -> Drawn | dict[str, Any]:
         record_period_s=dt,
         seed=number,
         disturbances=what,
+        closed_lanes=closed,
         on_deadlock=on_deadlock,
-        give_way=give_way,
+        recovery=RecoveryOptions(give_way=give_way),
         engine=engine,
     )
     if world[0] == "building" and chance.random() < PEOPLED:
         settings = replace(settings, people=worlds.people(world, graph, chance, number))
     row["people"] = settings.people.count if settings.people else 0
     types = " and ".join(sorted(set(fleet.type_name)))
-    row |= {"kind": graph.kind, "robots": num, "robot": types, "engine": engine, "on_deadlock": on_deadlock, "disturbed_by": kinds_of(what)}
+    row |= {
+        "kind": graph.kind,
+        "robots": num,
+        "robot": types,
+        "engine": engine,
+        "on_deadlock": on_deadlock,
+        "disturbed_by": kinds_of(what, closed),
+    }
     step_s = step_s or graph.cell_m / float(fleet.max_speed_mps.min()) + 1.0
     problem = Problem(graph, fleet, start, goal, np.arange(num), step_s, seed=number, drivable=needs_sound_plan(policy))
     return Drawn(row, problem, settings, lambda: worlds.network(world, graph, robot), walls, methods(rng))
@@ -489,8 +503,8 @@ def uncounted(run: Execution, problem: Problem) -> list[str]:
 def idle(run: Execution, settings: ExecutionSettings, events: Any) -> list[str]:
     """A run at whose end nobody moves any more, though some are not at their goals and nothing is known to stand in the way for good."""
     what = settings.disturbances
-    listed = (*what.breakdowns, *what.obstacles, *what.closures, *what.outages, *what.fires)
-    lasting = any(not np.isfinite(d.duration_s) for d in listed)
+    listed = (*what.breakdowns, *what.obstacles, *settings.closed_lanes, *what.outages, *what.fires)
+    lasting = any(d.duration_s is None for d in listed)
     seen = {"deadlock", "unresolved", "blocked_for_good"} & set(events)
     last = run.t_s > run.t_s[-1] - 60.0
     moved = np.hypot(np.ptp(run.x_m[last], axis=0), np.ptp(run.y_m[last], axis=0)).max(initial=0.0)

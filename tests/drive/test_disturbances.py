@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from worlds import BURGER, cross, drive, graph_of, kinds, least_distance_m, line, square_grid
 
+from mrp_sumo.core.disturbances import Breakdown, ClosedLane, Disturbances, Obstacle
+from mrp_sumo.core.driving import RecoveryOptions
 from mrp_sumo.core.execution import BOOKINGS, Outcome
-from mrp_sumo.drive.disturbances import Breakdown, Closure, Disturbances, Obstacle
-from mrp_sumo.errors import ExecutionError
+from mrp_sumo.errors import ExecutionError, OptionError
 from mrp_sumo.metrics.audit import audit
 
 DISTURBED = BOOKINGS.index("disturbed")
@@ -25,7 +26,8 @@ STRAIGHT = [[0, 1, 2, 3, 4, 5]]
 
 
 def time_with(tmp_path, **what):
-    return drive(tmp_path, line(6), STRAIGHT, disturbances=Disturbances(**what), seed=2)
+    closed_lanes = what.pop("closed_lanes", ())
+    return drive(tmp_path, line(6), STRAIGHT, disturbances=Disturbances(**what), closed_lanes=closed_lanes, seed=2)
 
 
 @pytest.mark.parametrize(
@@ -37,7 +39,7 @@ def time_with(tmp_path, **what):
         {"start_delay_s": 8.0},
         {"delay_probability": 0.5},
         {"breakdowns": (Breakdown(0, 2.0, 5.0),)},
-        {"closures": (Closure(3, 4, 0.0, 15.0),)},
+        {"closed_lanes": (ClosedLane(3, 4, 0.0, 15.0),)},
         {"obstacles": (Obstacle(1.6, 0.0, 0.0, 15.0, 0.1),)},
     ],
     ids=lambda what: next(iter(what)),
@@ -102,16 +104,16 @@ def fleet_of_burgers(num_robots):
 
 
 def test_parameters_out_of_range_are_refused(tmp_path):
-    with pytest.raises(ExecutionError, match=r"speed_noise is -0\.1"):
+    with pytest.raises(OptionError, match=r"speed_noise is -0\.1"):
         Disturbances(speed_noise=-0.1)
-    with pytest.raises(ExecutionError, match="message_loss is 1"):
+    with pytest.raises(OptionError, match="message_loss is 1"):
         Disturbances(message_loss=1)
-    with pytest.raises(ExecutionError, match="delay_steps_min"):
+    with pytest.raises(OptionError, match="delay_steps_min"):
         Disturbances(delay_steps_min=3, delay_steps_max=2)
     with pytest.raises(ExecutionError, match="breakdown of robot 7, but there are 1"):
         time_with(tmp_path, breakdowns=(Breakdown(7, 1.0),))
     with pytest.raises(ExecutionError, match="lane from vertex 0 to 3, which does not exist"):
-        time_with(tmp_path, closures=(Closure(0, 3, 1.0),))
+        time_with(tmp_path, closed_lanes=(ClosedLane(0, 3, 1.0),))
     assert not Disturbances().any and dataclasses.replace(Disturbances(), latency_s=1.0).any
 
 
@@ -126,7 +128,7 @@ def test_a_deadlock_can_end_the_run(tmp_path):
 
 
 def test_a_deadlock_beside_a_siding_is_resolved(tmp_path):
-    run = drive(tmp_path, SIDING, HEAD_ON, "open_loop", on_deadlock="resolve", give_way=False)
+    run = drive(tmp_path, SIDING, HEAD_ON, "open_loop", on_deadlock="resolve", recovery=RecoveryOptions(give_way=False))
     assert run.all_at_goal and run.outcome is Outcome.COMPLETED
     assert "deadlock" in kinds(run) and "resolved" in kinds(run) and "gave_way" not in kinds(run)
     assert least_distance_m(run) >= 0.325
@@ -150,7 +152,7 @@ def test_robots_drive_around_one_that_broke_down_for_good(tmp_path):
         [[0, 1, 2, 5], [1, 2, 5, 8]],
         disturbances=Disturbances(breakdowns=(Breakdown(1, 0.0),)),
         on_deadlock="resolve",
-        patience_s=15.0,
+        recovery=RecoveryOptions(patience_s=15.0),
     )
     assert np.isnan(run.goal_s[1])
     assert np.isfinite(run.goal_s[0])
@@ -166,7 +168,7 @@ def test_unknown_wishes_about_deadlocks_are_refused(tmp_path):
 def test_a_new_plan_that_first_turns_back_is_the_one_that_is_driven(tmp_path):
     # robot_0 has passed the siding when they meet: it has to drive back over the edge it came by, then forward on it again
     graph = graph_of([(0.4 * k, 0) for k in range(6)] + [(0.4, 0.4)], [(k, k + 1) for k in range(5)] + [(1, 6)])
-    run = drive(tmp_path, graph, HEAD_ON, "open_loop", on_deadlock="resolve", give_way=False)
+    run = drive(tmp_path, graph, HEAD_ON, "open_loop", on_deadlock="resolve", recovery=RecoveryOptions(give_way=False))
     assert run.all_at_goal
     assert least_distance_m(run) >= 0.325
     assert (run.x_m[-1, 0], run.x_m[-1, 1]) == pytest.approx((2.0, 0.0), abs=0.002)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from worlds import drive, line, problem_of
 
+from mrp_sumo.core.disturbances import Disturbances, Outage
 from mrp_sumo.core.facilities import DOOR_STATES, PEOPLE
-from mrp_sumo.drive.disturbances import Disturbances, Outage
 from mrp_sumo.drive.loop import simulate
 from mrp_sumo.drive.retime import retime
 from mrp_sumo.drive.settings import ExecutionSettings

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from worlds import problem_of, two_levels
 
+from mrp_sumo.core.disturbances import Disturbances, Fire, Outage
+from mrp_sumo.core.driving import RecoveryOptions
 from mrp_sumo.core.facilities import LIFT_MODES, LIFT_STATES, PEOPLE
-from mrp_sumo.drive.disturbances import Disturbances, Fire, Outage
 from mrp_sumo.drive.loop import simulate
 from mrp_sumo.drive.retime import retime
 from mrp_sumo.drive.settings import ExecutionSettings
@@ -76,7 +77,7 @@ def test_without_an_order_the_lift_is_for_who_asked_first(tmp_path):
 
 
 def test_a_lift_out_of_service_is_entered_when_it_is_back(tmp_path):
-    out = Disturbances(outages=(Outage("goods", 0.0, 30.0),))
+    out = Disturbances(outages=(Outage("goods", duration_s=30.0),))
     planned, run = planned_and_driven(tmp_path, ONE_BY_ONE, engine="kinematic", disturbances=out)
     late_s = run.arrived_s - planned.arrive_s
     assert late_s[:2] == pytest.approx([0, 0], abs=0.2)  # up to the lift
@@ -87,8 +88,13 @@ def test_a_lift_out_of_service_is_entered_when_it_is_back(tmp_path):
 def test_robots_that_are_resolved_take_the_other_lift(tmp_path):
     graph = two_levels(RIDE_S, STEP_S, lifts=("goods", "people"))
     problem, plan = problem_of(graph, [[1, 2, 3, 13, 14, 15, 4, 5, 6]])
-    out = Disturbances(outages=(Outage("goods", 0.0),))
-    run = simulate(problem, plan, ExecutionSettings(engine="kinematic", disturbances=out, on_deadlock="resolve", patience_s=2.0), tmp_path)
+    out = Disturbances(outages=(Outage("goods"),))
+    run = simulate(
+        problem,
+        plan,
+        ExecutionSettings(engine="kinematic", disturbances=out, on_deadlock="resolve", recovery=RecoveryOptions(patience_s=2.0)),
+        tmp_path,
+    )
     assert run.all_at_goal
     names = run.facilities.lift_name
     assert {

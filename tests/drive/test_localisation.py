@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from worlds import cross, drive
 
+from mrp_sumo.core.disturbances import Disturbances
 from mrp_sumo.core.execution import as_believed
-from mrp_sumo.drive.disturbances import Disturbances
 from mrp_sumo.drive.localisation import believed_poses
 from mrp_sumo.errors import ExecutionError
 

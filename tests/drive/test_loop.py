@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from worlds import BURGER, cross, drive, graph_of, kinds, least_distance_m, line, problem_of, square_grid
 
+from mrp_sumo.core.disturbances import Breakdown, Disturbances
 from mrp_sumo.core.execution import Outcome
-from mrp_sumo.drive.disturbances import Breakdown, Disturbances
 from mrp_sumo.drive.listeners import Listener, ProgressReport
 from mrp_sumo.drive.loop import simulate
 from mrp_sumo.drive.settings import ExecutionSettings
@@ -157,7 +157,7 @@ def test_a_final_blocking_ends_the_run_where_that_is_asked_for(tmp_path):
 
 def test_who_waits_behind_a_broken_robot_in_a_ring_is_blocked_for_good(tmp_path):
     # robot_0 and robot_1 meet on a line, robot_2 comes behind robot_1, which breaks down there
-    broken = Disturbances(breakdowns=(Breakdown(1, 25.0, np.inf),))
+    broken = Disturbances(breakdowns=(Breakdown(1, 25.0),))
     run = drive(tmp_path, line(8), [[2, 3, 4, 5], [5, 4, 3, 2], [7, 6, 5, 4]], "open_loop", time_limit_s=40.0, disturbances=broken)
     texts = {event.robot: event.text for event in run.events if event.kind == "blocked_for_good"}
     assert texts[2] == texts[0] == "behind robot_1, which is broken"

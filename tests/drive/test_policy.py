@@ -3,7 +3,7 @@
 import pytest
 from worlds import cross, drive, least_distance_m, line
 
-from mrp_sumo.drive.disturbances import Breakdown, Disturbances
+from mrp_sumo.core.disturbances import Breakdown, Disturbances
 from mrp_sumo.drive.policy import needs_sound_plan, policy_of
 from mrp_sumo.errors import PlugInError, ScenarioError
 from mrp_sumo.plugins import registry

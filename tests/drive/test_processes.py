@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from worlds import cross, drive, square_grid
 
-from mrp_sumo.drive.disturbances import Breakdown, Disturbances
+from mrp_sumo.core.disturbances import Breakdown, Disturbances
 
 CROSSING = (cross(), [[1, 0, 7, 8], [4, 4, 0, 10, 11]])
 GRID = (square_grid(4), [[0, 1, 2, 3, 7, 11], [12, 8, 4, 5, 6], [15, 14, 13, 9, 10]])

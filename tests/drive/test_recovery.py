@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 from worlds import BURGER, cross, drive, graph_of, kinds, least_distance_m, line, square_grid
 
+from mrp_sumo.core.disturbances import Breakdown, ClosedLane, Disturbances, Obstacle
+from mrp_sumo.core.driving import RecoveryOptions
 from mrp_sumo.core.execution import BOOKINGS, Outcome
 from mrp_sumo.core.fleet import fleet_of
-from mrp_sumo.drive.disturbances import Breakdown, Closure, Disturbances, Obstacle
 from mrp_sumo.engines.sumo.session import Sumo
 from mrp_sumo.errors import ExecutionError, PlanError
 from mrp_sumo.metrics.audit import audit
@@ -104,7 +105,7 @@ def test_on_a_long_lane_a_robot_turns_back(tmp_path):
 def test_two_that_swap_pass_at_a_side_vertex(tmp_path):
     # neither may step aside over a vertex where the other ends, so a planner has to tell both
     graph = graph_of([(0, 0), (0.4, 0), (0.4, 0.4), (0.8, 0)], [(0, 1), (1, 2), (1, 3)])
-    run = recovered(tmp_path, graph, [[0, 1], [1, 0]], patience_s=5.0)
+    run = recovered(tmp_path, graph, [[0, 1], [1, 0]], recovery=RecoveryOptions(patience_s=5.0))
     assert run.all_at_goal and "gave_way" not in kinds(run)
     (deadlock,), (resolved,) = events(run, "deadlock"), events(run, "resolved")
     assert deadlock.t_s <= 1.0 and resolved.t_s == pytest.approx(deadlock.t_s + 5.0)
@@ -141,7 +142,7 @@ def test_at_a_merge_the_one_that_asks_first_goes_first(tmp_path):
 
 def test_who_blocks_a_goal_is_moved_aside_by_a_new_plan(tmp_path):
     # robot_0 is at home at 2, robot_1 has to pass; the siding at 2 lets it, if robot_0 steps aside and comes back
-    run = recovered(tmp_path, corridor(5, 2), [[2], [0, 1, 2, 3]], patience_s=10.0)
+    run = recovered(tmp_path, corridor(5, 2), [[2], [0, 1, 2, 3]], recovery=RecoveryOptions(patience_s=10.0))
     assert run.all_at_goal
     (resolved,) = events(run, "resolved")
     assert 10.0 <= resolved.t_s <= CELL_S + 10.0 + 2.0
@@ -153,7 +154,8 @@ def test_who_had_come_to_stay_is_put_back_where_it_stood_when_it_is_sent_on(tmp_
     take_out = Sumo.take_out
     monkeypatch.setattr(Sumo, "take_out", lambda sumo, robot: out.append(robot) or take_out(sumo, robot))
     sumo, kinematic = (
-        recovered(tmp_path, corridor(5, 2), [[2], [0, 1, 2, 3]], patience_s=10.0, engine=engine) for engine in ("sumo", "kinematic")
+        recovered(tmp_path, corridor(5, 2), [[2], [0, 1, 2, 3]], recovery=RecoveryOptions(patience_s=10.0), engine=engine)
+        for engine in ("sumo", "kinematic")
     )
     assert out == [0, 1]  # robot_0 stands there from the beginning, and goes aside when it is in the way
     assert sumo.events == kinematic.events
@@ -173,8 +175,8 @@ def test_a_robot_that_is_sent_aside_and_never_leaves_stands_on_its_goal(tmp_path
 
 def test_a_closed_lane_is_driven_around_after_the_patience(tmp_path):
     # 3 x 3: robot_0 goes along the lower edge and finds the second lane closed for good
-    closed = Disturbances(closures=(Closure(1, 2, 0.0),))
-    run = recovered(tmp_path, square_grid(3), [[0, 1, 2]], disturbances=closed, patience_s=10.0)
+    closed = (ClosedLane(1, 2, 0.0),)
+    run = recovered(tmp_path, square_grid(3), [[0, 1, 2]], closed_lanes=closed, recovery=RecoveryOptions(patience_s=10.0))
     assert run.all_at_goal
     (detour,) = events(run, "detour")
     assert (detour.robot, detour.vertex, detour.text) == (0, 2, "drives around a closed lane")
@@ -186,8 +188,8 @@ def test_a_closed_lane_is_driven_around_after_the_patience(tmp_path):
 
 @pytest.mark.parametrize("policy", ["open_loop", "adg", "adg_timed"])
 def test_a_closed_lane_without_a_way_around_is_waited_for(tmp_path, policy):
-    closed = Disturbances(closures=(Closure(1, 2, 0.0, 30.0),))
-    run = recovered(tmp_path, line(4), [[0, 1, 2, 3]], policy, disturbances=closed)
+    closed = (ClosedLane(1, 2, 0.0, 30.0),)
+    run = recovered(tmp_path, line(4), [[0, 1, 2, 3]], policy, closed_lanes=closed)
     assert run.all_at_goal and "detour" not in kinds(run)
     assert run.goal_s[0] == pytest.approx(30.0 + 2 * CELL_S, abs=1.0)
 
@@ -195,8 +197,8 @@ def test_a_closed_lane_without_a_way_around_is_waited_for(tmp_path, policy):
 @pytest.mark.parametrize("policy", ["adg", "adg_timed"])
 def test_around_a_closed_lane_orders_are_made_anew(tmp_path, policy):
     # robot_1 follows robot_0 in the plan; both get a new way around the closed lane, and a new order
-    closed = Disturbances(closures=(Closure(1, 2, 0.0),))
-    run = recovered(tmp_path, square_grid(3), [[1, 2, 5], [0, 1, 2]], policy, disturbances=closed)
+    closed = (ClosedLane(1, 2, 0.0),)
+    run = recovered(tmp_path, square_grid(3), [[1, 2, 5], [0, 1, 2]], policy, closed_lanes=closed)
     assert run.all_at_goal
     assert events(run, "resolved") and not events(run, "deadlock")
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from worlds import BURGER, CART, cross, graph_of, kinds, least_distance_m, line, problem_of, random_grid, square_grid
 
+from mrp_sumo.core.disturbances import Breakdown, Disturbances
 from mrp_sumo.core.execution import BOOKINGS
 from mrp_sumo.core.fleet import RobotType
 from mrp_sumo.core.plan import Plan, paths_of_plan
-from mrp_sumo.drive.disturbances import Breakdown, Disturbances
 from mrp_sumo.drive.loop import simulate
 from mrp_sumo.drive.retime import retime
 from mrp_sumo.drive.settings import ExecutionSettings

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from worlds import BURGER, drive, ending_there, line, problem_of, problem_on, square_grid
 
+from mrp_sumo.core.driving import Planning
 from mrp_sumo.core.execution import BOOKINGS, Outcome
 from mrp_sumo.core.plan import PlanResult, Status
 from mrp_sumo.core.stream import Arrivals, ServiceTime, TaskList, TaskStream
@@ -20,7 +21,7 @@ from mrp_sumo.drive.listeners import Listener
 from mrp_sumo.drive.loop import simulate
 from mrp_sumo.drive.policy import policy_of
 from mrp_sumo.drive.reroute import first_of
-from mrp_sumo.drive.settings import ExecutionSettings, Planning
+from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.drive.state import Kinematics
 from mrp_sumo.errors import ExecutionError, PlanningOverrun
 from mrp_sumo.planning import registry
@@ -196,4 +197,4 @@ def test_a_run_that_its_user_stops_ends_with_what_there_is(tmp_path):
 
 def test_a_window_shorter_than_what_passes_until_there_is_another_is_refused():
     with pytest.raises(ExecutionError, match=r"planning\.window_s is 2, expected more than 4"):
-        Planning(budget_s=2.0, window_s=2.0)
+        ExecutionSettings(planning=Planning(budget_s=2.0, window_s=2.0))

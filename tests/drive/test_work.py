@@ -5,11 +5,11 @@ import pytest
 from worlds import BURGER, drive, line, square_grid
 
 from mrp_sumo.core.battery import Battery, Charging
+from mrp_sumo.core.driving import Planning
 from mrp_sumo.core.execution import Outcome
 from mrp_sumo.core.fleet import fleet_of
 from mrp_sumo.core.stream import Arrivals, ClosedLoop, ServiceTime, TaskList, TaskStream
 from mrp_sumo.core.task import Station, Stop, Task
-from mrp_sumo.drive.settings import Planning
 from mrp_sumo.metrics.audit import audit
 
 CELL_S = 0.4 / 0.22

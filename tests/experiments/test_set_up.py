@@ -5,8 +5,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from mrp_sumo.core.disturbances import ClosedLane
+from mrp_sumo.core.driving import RecoveryOptions
 from mrp_sumo.core.fleet import RobotType
-from mrp_sumo.drive.disturbances import Closure
 from mrp_sumo.drive.facilities import door_names, lift_names
 from mrp_sumo.errors import MrpSumoError, ScenarioError
 from mrp_sumo.experiments.map_cache import MapCache
@@ -28,20 +29,20 @@ def problem_of(tmp_path, execution):
 def test_recovery_is_what_the_scenario_says(tmp_path):
     keys = ["on_deadlock: resolve", "recovery: {give_way: false, patience_s: 7, replanner: pibt}"]
     settings = problem_of(tmp_path, keys).settings
-    assert (settings.on_deadlock, settings.give_way, settings.patience_s, settings.replanner) == ("resolve", False, 7.0, "pibt")
-    assert problem_of(tmp_path, ["recovery: {replanner: null}"]).settings.replanner == ""
+    assert (settings.on_deadlock, settings.recovery) == ("resolve", RecoveryOptions(give_way=False, patience_s=7.0, replanner="pibt"))
+    assert problem_of(tmp_path, ["recovery: {replanner: null}"]).settings.recovery.replanner is None
     with pytest.raises(MrpSumoError, match=r"execution.recovery.replanner: .*'lacamm'.*did you mean 'lacam'"):
         problem_of(tmp_path, ["recovery: {replanner: lacamm}"])
 
 
 def test_a_closed_stretch_is_every_step_between_two_vertices(tmp_path):
     setup = problem_of(tmp_path, ["disturbances: {closures: [{between: [entrance, lobby], begin_s: 5, duration_s: 60}]}"])
-    graph, closures = setup.problem.graph, setup.settings.disturbances.closures
+    graph, closures = setup.problem.graph, setup.settings.closed_lanes
     ends = [int(graph.vertex_of_station[setup.map.nav.vertex_of_name[name]]) for name in ("entrance", "lobby")]
     assert [closures[0].tail, closures[-1].head] == ends
     assert all(a.head == b.tail for a, b in pairwise(closures))
     assert all(
-        isinstance(c, Closure) and (c.begin_s, c.duration_s) == (5.0, 60.0) and graph.lane_between(c.tail, c.head) >= 0 for c in closures
+        isinstance(c, ClosedLane) and (c.begin_s, c.duration_s) == (5.0, 60.0) and graph.lane_between(c.tail, c.head) >= 0 for c in closures
     )
     with pytest.raises(MrpSumoError, match=r"closures\[0\].between\[1\]: 'loby' is not a vertex of 'office' \(did you mean 'lobby'\?\)"):
         problem_of(tmp_path, ["disturbances: {closures: [{between: [entrance, loby]}]}"])

@@ -1,10 +1,12 @@
 """Scenario files: what is read, and the line a person gets for each fault."""
 
+from dataclasses import asdict
+
 import pytest
 
+from mrp_sumo.core.disturbances import NAMED_DISTURBANCES, Disturbances
 from mrp_sumo.errors import ScenarioError
 from mrp_sumo.io.columns import put
-from mrp_sumo.io.scenario.disturbances import NAMED_DISTURBANCES, DisturbanceChoice
 from mrp_sumo.io.scenario.model import ScenarioModel
 from mrp_sumo.io.scenario.read import changed, read_scenario, scenario_of
 from mrp_sumo.io.scenario.robots import RobotShape, robot_type
@@ -157,7 +159,7 @@ def test_name_of_a_set_stands_for_its_disturbances_which_other_keys_change(tmp_p
     text = "map: office\nrobots: 2\nexecution: {disturbances: %s}\n"
     short = read_scenario(written(tmp_path, text % "nav2_like")).scenario.execution.disturbances
     assert short.speed_noise == NAMED_DISTURBANCES["nav2_like"]["speed_noise"] > 0
-    assert short == DisturbanceChoice(**short.model_dump())  # as a run folder keeps it
+    assert short == Disturbances(**asdict(short))  # as a run folder keeps it
     more = read_scenario(written(tmp_path, text % "{name: nav2_like, speed_noise: 0.2, seed: 7}")).scenario.execution.disturbances
     assert (more.speed_noise, more.seed) == (0.2, 7)
     assert lines_for(tmp_path, text % "nav_like") == [

@@ -3,20 +3,17 @@
 Refuses names that are not there, wrong parameters, and programs that are not trusted.
 """
 
-import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from mrp_sumo.core.fleet import RobotType
 from mrp_sumo.drive.dispatchers import NEAREST, ONE_SHOT
-from mrp_sumo.drive.disturbances import Breakdown, Disturbances, Fire, Obstacle, Outage
 from mrp_sumo.drive.policy import policy_of
-from mrp_sumo.drive.settings import ExecutionSettings, Planning
+from mrp_sumo.drive.settings import AT_ONCE, ExecutionSettings
 from mrp_sumo.errors import ScenarioError
 from mrp_sumo.io.documents import Place
-from mrp_sumo.io.scenario.disturbances import BreakdownChoice, DisturbanceChoice, FireChoice, ObstacleChoice, OutageChoice
 from mrp_sumo.io.scenario.file import ScenarioFile
 from mrp_sumo.io.scenario.model import ScenarioModel
 from mrp_sumo.io.scenario.programs import require_trust
@@ -138,7 +135,7 @@ def settings_of(file: ScenarioFile) -> ExecutionSettings:
     tasks = file.scenario.tasks
     dispatcher = execution.dispatcher.name or (ONE_SHOT if tasks is None else NEAREST)
     _plug_in(file, ("execution", "dispatcher"), "dispatchers", _checked_dispatcher, dispatcher, execution.dispatcher.parameters)
-    recovery, replanner = execution.recovery, execution.recovery.replanner or ""
+    disturbances, replanner = execution.disturbances, execution.recovery.replanner or ""
     if replanner:
         place = ("execution", "recovery", "replanner")
         with file.located(*place):
@@ -154,18 +151,16 @@ def settings_of(file: ScenarioFile) -> ExecutionSettings:
             dispatcher_parameters=execution.dispatcher.parameters,
             step_length_s=execution.step_length_s,
             time_limit_s=execution.time_limit_s or (LEAST_TIME_LIMIT_S if tasks is None else TASKS_TIME_LIMIT_S),
-            planning=Planning(**execution.planning.model_dump()) if tasks else Planning(),
+            planning=execution.planning if tasks else AT_ONCE,
             blocking_window_s=execution.blocking_window_s,
             goal_tolerance_m=execution.goal_tolerance_m,
             record_period_s=file.scenario.record.period_s,
-            seed=file.scenario.seed if execution.disturbances.seed is None else execution.disturbances.seed,
+            seed=file.scenario.seed if disturbances.seed is None else disturbances.seed,
             on_deadlock=execution.on_deadlock,
-            give_way=recovery.give_way,
             planner=resolved(file.scenario.planner.name, file.folder),
             planner_parameters=file.scenario.planner.parameters,
-            patience_s=recovery.patience_s,
-            replanner=resolved(replanner, file.folder),
-            disturbances=_disturbances(execution.disturbances),
+            recovery=replace(execution.recovery, replanner=resolved(replanner, file.folder) or None),
+            disturbances=replace(disturbances, outages=tuple(each for each in disturbances.outages if not each.is_from_the_start)),
         )
 
 
@@ -191,24 +186,3 @@ def _assigner(file: ScenarioFile) -> Assigner | None:
     with file.located(*place):
         find("assigners", choice.solver, file.folder)
     return None
-
-
-def _disturbances(choice: DisturbanceChoice) -> Disturbances:
-    """A duration that is not given is for good."""
-
-    def parts(listed: Sequence[BreakdownChoice | ObstacleChoice | OutageChoice | FireChoice], kind: Callable[..., Any]) -> tuple[Any, ...]:
-        return tuple(kind(**each.model_dump(exclude={"duration_s"}), duration_s=each.duration_s or math.inf) for each in listed)
-
-    scalars = choice.model_dump(exclude={"name", "seed", "breakdowns", "obstacles", "closures", "outages", "fires"})
-    return Disturbances(
-        **scalars,
-        breakdowns=parts(choice.breakdowns, Breakdown),
-        obstacles=parts(choice.obstacles, Obstacle),
-        outages=parts([o for o in choice.outages if not from_the_start(o)], Outage),
-        fires=parts(choice.fires, Fire),
-    )
-
-
-def from_the_start(outage: OutageChoice) -> bool:
-    """True if a lift or a door is never in service, so that planners need not count on it."""
-    return outage.begin_s == 0 and outage.duration_s is None

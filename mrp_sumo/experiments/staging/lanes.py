@@ -3,19 +3,17 @@
 Refuses names that the map does not have, and ways that do not exist.
 """
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 
+from mrp_sumo.core.disturbances import ClosedLane
 from mrp_sumo.core.graph import NavGraph, Options, PlanGraph, with_lanes
-from mrp_sumo.drive.disturbances import Closure
 from mrp_sumo.drive.facilities import door_names, lift_names
 from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.errors import ScenarioError, nearest
-from mrp_sumo.experiments.staging.choices import from_the_start
 from mrp_sumo.experiments.staging.places import as_drawn, looked_up
 from mrp_sumo.io.documents import Place
 from mrp_sumo.io.scenario.file import ScenarioFile
@@ -98,7 +96,7 @@ def in_service(file: ScenarioFile, graph: PlanGraph) -> PlanGraph:
         if outage.lift not in known:
             place = file.at("execution", "disturbances", "outages", i, "lift")
             raise ScenarioError(f"{place}: '{outage.lift}' is no lift that joins levels of '{graph.name}'{nearest(outage.lift, known)}")
-        if from_the_start(outage):
+        if outage.is_from_the_start:
             out.add(outage.lift)
     return with_lanes(graph, np.array([options.get("lift") not in out for options in graph.lane_options])) if out else graph
 
@@ -126,7 +124,7 @@ def without_shut_doors(file: ScenarioFile, graph: PlanGraph) -> tuple[PlanGraph,
     if manual:
         options = [{**o, "door_manual": True} if o.get("door") in manual else o for o in graph.lane_options]
         graph = replace(graph, lane_options=tuple(options))
-    shut = {outage.door: "locked" for _, outage in listed if from_the_start(outage)}
+    shut = {outage.door: "locked" for _, outage in listed if outage.is_from_the_start}
     if not execution.disturbances.door_passages_per_h:
         shut = {str(o["door"]): "manual, and people never open it" for o in graph.lane_options if o.get("door_manual")} | shut
     if not shut:
@@ -139,18 +137,17 @@ def without_shut_doors(file: ScenarioFile, graph: PlanGraph) -> tuple[PlanGraph,
 
 def with_closures(file: ScenarioFile, nav: NavGraph, graph: PlanGraph, settings: ExecutionSettings) -> ExecutionSettings:
     """The settings with the stretches that are closed, which only the map can tell."""
-    closures = closures_of(file, nav, graph)
-    return replace(settings, disturbances=replace(settings.disturbances, closures=closures)) if closures else settings
+    return replace(settings, closed_lanes=closed_lanes(file, nav, graph))
 
 
-def closures_of(file: ScenarioFile, nav: NavGraph, graph: PlanGraph) -> tuple[Closure, ...]:
+def closed_lanes(file: ScenarioFile, nav: NavGraph, graph: PlanGraph) -> tuple[ClosedLane, ...]:
     """Every lane of the stretches that are closed."""
     found = []
     for i, choice in enumerate(file.scenario.execution.disturbances.closures):
         key = ("execution", "disturbances", "closures", i)
         ends = looked_up(file, nav, graph, (*key, "between"), choice.between).tolist()
         route = _way(file, graph, key, choice.between, ends)
-        found += [Closure(a, b, choice.begin_s, choice.duration_s or math.inf) for a, b in pairwise(route)]
+        found += [ClosedLane(a, b, choice.begin_s, choice.duration_s) for a, b in pairwise(route)]
     return tuple(found)
 
 

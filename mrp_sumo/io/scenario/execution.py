@@ -4,16 +4,10 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, SerializerFunctionWrapHandler, field_validator, model_serializer
 
-from mrp_sumo.io.scenario.disturbances import DisturbanceChoice
+from mrp_sumo.core.disturbances import NAMED_DISTURBANCES, NONE, Disturbances
+from mrp_sumo.core.driving import Planning, RecoveryOptions
+from mrp_sumo.errors import nearest
 from mrp_sumo.io.scenario.strict import Positive, Strict
-
-
-class RecoveryChoice(Strict):
-    """What `on_deadlock: resolve` does, mildest first."""
-
-    give_way: bool = Field(True, description="First come first served, one of a ring of waiting robots steps aside or backs out.")
-    patience_s: Positive = Field(10.0, description="Time blocked for good before a robot drives around, or all are replanned.")
-    replanner: str | None = Field("lacam", description="Any planner, by name or FILE.py:CLASS; null: none.")
 
 
 class PolicyChoice(Strict):
@@ -34,26 +28,6 @@ class DispatcherChoice(PolicyChoice):
     parameters: dict[str, Any] = Field(default_factory=dict, description="Of the dispatcher.")
 
 
-class PlanningChoice(Strict):
-    """How the planner is asked again and again while robots drive, in simulated time."""
-
-    budget_s: Annotated[float, Field(ge=0)] = Field(
-        1.0, description="An answer takes effect so long after it was asked for; until then robots keep their plan."
-    )
-    period_s: Annotated[float, Field(ge=0)] = Field(
-        0.0, description="The least time between two requests; else there is one when a task comes or a stop is made."
-    )
-    window_s: Annotated[float, Field(ge=0, le=1e6)] | None = Field(
-        None,
-        description="Plans reach so far ahead: beyond, robots need not keep clear of each other. 0: to the end. "
-        "By default the way into the longest aisle and back and 10 planned steps, at least 20, for planners that support windows, "
-        "to the end for others.",
-    )
-    effort: Annotated[int, Field(ge=1)] = Field(
-        1_000_000, description="Labels that a planner may make for an answer: what ends its search."
-    )
-
-
 class ExecutionChoice(Strict):
     """How the plan is driven."""
 
@@ -68,7 +42,7 @@ class ExecutionChoice(Strict):
         DispatcherChoice(),
         description="Who decides what robots do next, once the first plan is being driven: by name, or name and parameters.",
     )
-    planning: PlanningChoice = Field(PlanningChoice(), description="Of plans that are made while robots drive, for `tasks`.")
+    planning: Planning = Field(Planning(), description="Of plans that are made while robots drive, for `tasks`.")
     invalid_plan: Literal["open_loop", "refuse"] = Field(
         "open_loop", description="What to do with a plan that the referee or the schedule rejects under a policy that needs a sound one."
     )
@@ -81,7 +55,7 @@ class ExecutionChoice(Strict):
     )
     blocking_window_s: Positive = Field(10.0, description="A robot without a cell of progress along its path for so long is blocked.")
     on_deadlock: Literal["report", "stop", "resolve"] = Field("report", description="'resolve': see recovery.")
-    recovery: RecoveryChoice = RecoveryChoice()
+    recovery: RecoveryOptions = RecoveryOptions()
     mutex_groups: dict[str, list[str]] = Field(
         {}, description="Vertices on which, together, one robot at a time may be, by the group's name; lanes between them are in it too."
     )
@@ -95,12 +69,18 @@ class ExecutionChoice(Strict):
     manual_doors: list[str] = Field(
         [], description="Doors that only people open, beside those that the map gives no plugin: robots pass while people keep them open."
     )
-    disturbances: DisturbanceChoice = DisturbanceChoice()
+    disturbances: Disturbances = NONE
 
-    @field_validator("disturbances", mode="before", json_schema_input_type=str | DisturbanceChoice)
+    @field_validator("disturbances", mode="before", json_schema_input_type=str | Disturbances)
     @classmethod
-    def _short_disturbances(cls, found: Any) -> Any:
-        return {"name": found} if isinstance(found, str) else found
+    def _of_a_set(cls, given: Any) -> Any:
+        """The values of a named set, and what a file says beside its name."""
+        values = {"name": given} if isinstance(given, str) else given
+        if not isinstance(values, dict) or not isinstance(name := values.get("name"), str) or not name:
+            return values
+        if name not in NAMED_DISTURBANCES:
+            raise ValueError(f"'{name}' is no named set of disturbances{nearest(name, NAMED_DISTURBANCES)}")
+        return {**NAMED_DISTURBANCES[name], **values}
 
     @field_validator("policy", mode="before", json_schema_input_type=str | PolicyChoice)
     @classmethod

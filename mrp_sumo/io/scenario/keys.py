@@ -2,26 +2,24 @@
 
 import difflib
 from collections.abc import Iterable, Iterator
-from typing import Any
-
-from pydantic import BaseModel
 
 from mrp_sumo.errors import nearest
+from mrp_sumo.io.documents import declared_in, keys_of
 from mrp_sumo.io.scenario.model import ScenarioModel
 
 
 def unknown_key(key: str) -> str:
     """Fault in a dotted key of scenarios, '' if there is none."""
-    model: Any = ScenarioModel
+    at: type | None = ScenarioModel
     for i, part in enumerate(parts := key.split(".")):
-        if model is None or model is dict:
-            return "" if model is dict else f"'{'.'.join(parts[:i])}' has no keys"
-        if part not in model.model_fields:
+        if at is None:
+            return f"'{'.'.join(parts[:i])}' has no keys"
+        if part not in keys_of(at):
             return f"unknown key{nearest_key(key)}"
-        annotation = model.model_fields[part].annotation
-        kinds = [annotation, *getattr(annotation, "__args__", ())]
-        inner = [k for k in kinds if isinstance(k, type) and issubclass(k, BaseModel)]
-        model = inner[0] if inner else dict if str(annotation).startswith("dict") else None
+        annotation = keys_of(at)[part].annotation
+        if str(annotation).startswith("dict"):
+            return ""
+        at = next(declared_in(annotation), None)
     return ""
 
 
@@ -43,8 +41,9 @@ def nearest_key(key: str, others: Iterable[str] = ()) -> str:
     return f" (did you mean '{close[0]}'?)" if close else nearest(key, known, limit=20)
 
 
-def _all_keys(model: type[BaseModel], above: str = "") -> Iterator[str]:
-    for name, field in model.model_fields.items():
+def _all_keys(declared: type, above: str = "") -> Iterator[str]:
+    for name, field in keys_of(declared).items():
         yield above + name
-        if isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel):
-            yield from _all_keys(field.annotation, f"{above}{name}.")
+        if isinstance(field.annotation, type):
+            for inner in declared_in(field.annotation):
+                yield from _all_keys(inner, f"{above}{name}.")

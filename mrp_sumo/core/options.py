@@ -1,0 +1,47 @@
+"""Options, declared once: frozen dataclasses whose fields say default, bounds and meaning.
+
+From that one declaration come the check of scenario files and of `--set`, the JSON schema, the documentation and the check of values that
+Python gives. pydantic reads the metadata of fields by the names of its own arguments; nothing here imports it.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import field, fields
+from typing import Any, ClassVar
+
+from mrp_sumo.errors import OptionError
+
+BOUNDS = {"gt": "above {:g}", "ge": "from {:g} up", "lt": "below {:g}", "le": "up to {:g}"}
+
+
+class Options:
+    """Base of declarations. Unknown keys of files are refused, and so is what is out of bounds, wherever it comes from."""
+
+    __pydantic_config__: ClassVar[Mapping[str, Any]] = {"extra": "forbid", "allow_inf_nan": False}
+
+    def __post_init__(self) -> None:
+        for each in fields(self):  # type: ignore[arg-type]  # whose subclasses are dataclasses
+            value, bounds = getattr(self, each.name), each.metadata
+            if isinstance(value, float | int) and not _within(value, bounds):
+                expected = " and ".join(says.format(bounds[bound]) for bound, says in BOUNDS.items() if bound in bounds)
+                raise OptionError(f"{each.name} is {value:g}, expected a number {expected}".rstrip())
+
+
+def meaning(says: str = "", **bounds: float) -> dict[str, Any]:
+    """Metadata of a field: a sentence on what it means, and its bounds by `gt`, `ge`, `lt`, `le`."""
+    return {"description": says, **bounds} if says else dict(bounds)
+
+
+def option(default: Any, says: str = "", **bounds: float) -> Any:
+    """A field with a default and its `meaning`."""
+    return field(default=default, metadata=meaning(says, **bounds))
+
+
+def _within(value: float, bounds: Mapping[str, Any]) -> bool:
+    return (
+        math.isfinite(value)
+        and value > bounds.get("gt", -math.inf)
+        and value >= bounds.get("ge", -math.inf)
+        and value < bounds.get("lt", math.inf)
+        and value <= bounds.get("le", math.inf)
+    )
