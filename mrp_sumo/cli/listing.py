@@ -73,7 +73,10 @@ def _files(what: str) -> list[Entry]:
         from mrp_sumo.io.scenario.robots import robot_type
 
         types = [robot_type(path.stem, folder, folder) for path in files]
-        return [{**{key: value for key, value in asdict(one).items() if key != "source"}, "summary": one.source} for one in types]
+        return [
+            {"name": one.name, **{key: value for key, value in asdict(one).items() if key != "source"}, "summary": one.source}
+            for one in types
+        ]
     if what == "suites":
         from mrp_sumo.experiments.suite import read_suite
 

@@ -2,38 +2,34 @@
 
 The model is Open-RMF's (rmf_battery): power for acceleration, braking and turning, friction and devices, at a constant voltage; charging
 at a constant current. The levels at which robots charge are those of a VDA 5050 factsheet (`batteryCharging`), as shares.
-Refuses figures that no battery has.
 """
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from mrp_sumo.core.graph import FloatArray
+from mrp_sumo.core.options import Options, meaning, option
 from mrp_sumo.core.task import Station
-from mrp_sumo.errors import ScenarioError
 
 GRAVITY_MPS2 = 9.81
 HOUR_S = 3600.0
 
 
+OF_BATTERY = {"ge": 1e-5, "le": 1e5}
+
+
 @dataclass(frozen=True)
-class Battery:
+class Battery(Options):
     """The battery of a type of robots, and what drains it."""
 
-    voltage_v: float
-    capacity_ah: float
-    charging_a: float
-    mass_kg: float
-    inertia_kgm2: float  # around the vertical axis
-    friction: float  # coefficient
-    device_w: float  # computer and sensors
-
-    def __post_init__(self) -> None:
-        for key in (field.name for field in fields(self)):
-            value, least = getattr(self, key), 0.0
-            if not (np.isfinite(value) and value >= least) or (value == 0 and key in ("voltage_v", "capacity_ah", "charging_a")):
-                raise ScenarioError(f"battery: {key} is {value}, expected a number above 0")
+    voltage_v: float = field(metadata=meaning(**OF_BATTERY))
+    capacity_ah: float = field(metadata=meaning(**OF_BATTERY))
+    charging_a: float = field(metadata=meaning(**OF_BATTERY))
+    mass_kg: float = field(metadata=meaning(**OF_BATTERY))
+    inertia_kgm2: float = field(metadata=meaning("Around the vertical axis.", ge=0, le=1e5))
+    friction: float = field(metadata=meaning("Coefficient.", ge=0, le=10))
+    device_w: float = option(0.0, "Drawn by computer and sensors all the time.", ge=0, le=1e5)
 
     @property
     def energy_j(self) -> float:

@@ -27,12 +27,12 @@ class Options:
                 raise OptionError(f"{each.name} is {value:g}, expected a number {expected}".rstrip())
 
 
-def meaning(says: str = "", **bounds: float) -> dict[str, Any]:
+def meaning(says: str = "", /, **bounds: float) -> dict[str, Any]:
     """Metadata of a field: a sentence on what it means, and its bounds by `gt`, `ge`, `lt`, `le`."""
     return {"description": says, **bounds} if says else dict(bounds)
 
 
-def option(default: Any, says: str = "", **bounds: float) -> Any:
+def option(default: Any, says: str = "", /, **bounds: float) -> Any:
     """A field with a default and its `meaning`."""
     return field(default=default, metadata=meaning(says, **bounds))
 

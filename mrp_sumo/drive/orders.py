@@ -22,6 +22,8 @@ from mrp_sumo.core.task import (
     PICKED,
     RELEASED,
     TASK_TIMES,
+    Cancel,
+    Retry,
     Stop,
     Task,
     TaskLog,
@@ -40,17 +42,10 @@ NEXT = {  # what may come after what
 
 @dataclass(frozen=True)
 class OrderRules:
-    """When orders are withdrawn, and what becomes of those whose robot is lost with them on board."""
+    """When orders are withdrawn, and what becomes of those whose robot is lost with them on board: they fail by default."""
 
-    cancel_overdue: bool = False  # those that nobody has picked when they are due
-    cancel_after_s: float = np.inf  # those that nobody has picked so long after their release
-    retries: int = 0  # how often an order is begun anew whose robot is lost
-    hand_over: bool = False  # another robot fetches the load instead
-
-    @property
-    def cancels(self) -> bool:
-        """Whether any order may be withdrawn."""
-        return self.cancel_overdue or self.cancel_after_s < np.inf
+    cancel: Cancel | None = None
+    retry: Retry | None = None
 
 
 KEPT = OrderRules()  # nothing is withdrawn, and what is lost has failed
@@ -98,7 +93,7 @@ class Orders:
     @property
     def not_picked(self) -> list[int]:
         """Those that are still to be picked; empty where none is ever cancelled."""
-        if not self.rules.cancels:
+        if self.rules.cancel is None:
             return []
         return [k for k in sorted(self._open) if self.status[k] in (RELEASED, ASSIGNED) and k not in self._handed]
 
@@ -112,8 +107,11 @@ class Orders:
 
     def last_chance_s(self, task: int) -> float:
         """When it is cancelled unless somebody has picked it by then; inf: never."""
-        due_s = self.tasks[task].due_s if self.rules.cancel_overdue else np.inf
-        return min(due_s, self._times["released_s"][task] + self.rules.cancel_after_s)
+        cancel = self.rules.cancel
+        if cancel is None:
+            return np.inf
+        due_s = self.tasks[task].due_s if cancel.overdue else np.inf
+        return due_s if cancel.after_s is None else min(due_s, self._times["released_s"][task] + cancel.after_s)
 
     def add(self, task: Task) -> None:
         """Have one that nobody knew of, among those that are listed with times of their own."""

@@ -403,13 +403,13 @@ class Work:
 
     def _lose_load(self, robot: int, task: int, now_s: float, why: str, visits: Visits) -> None:
         """What becomes of an order whose robot is lost after its first stop."""
-        orders, rules, stops = self.orders, self.orders.rules, self.tasks[task].stops
+        orders, retry, stops = self.orders, self.orders.rules.retry, self.tasks[task].stops
         name = self.tasks[task].name
-        if rules.hand_over:
+        if retry and retry.hand_over:
             fetch = self._place_to_hand_over(robot, stops[0], visits)
             orders.hand_over(task, (fetch, *stops[int(self.stop[robot]) :]), why)
             self._events.append(Event(now_s, "handed_over", robot, fetch.vertex, text=f"order '{name}': {why}; another is to fetch it"))
-        elif orders.tries[task] < rules.retries:
+        elif retry and orders.tries[task] < retry.times:
             orders.begin_anew(task, why)
             self._events.append(Event(now_s, "begun_anew", robot, text=f"order '{name}': {why}; it is begun anew"))
         else:
@@ -839,7 +839,7 @@ class Work:
         """When something will have changed that is known by now."""
         ends_s = np.where(self.busy & ~self.out, self._until_s - self.lead_s, self._until_s)
         times = [self._again_s, self.orders.next_release_s, *ends_s[~self.out].tolist()]
-        if self.orders.rules.cancels:
+        if self.orders.rules.cancel:
             times += [self.orders.last_chance_s(k) for k in self.orders.not_picked]
         for r in self._passing(visits):
             if state.motion.speed_mps[r] > 0:

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, TypeVar, get_args
 
 import yaml
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass as checked_dataclass
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
@@ -28,7 +28,7 @@ UNITS = {  # end of a key -> its unit, and what others are of it
     "_s": ("seconds", {"s": 1.0, "sec": 1.0, "min": 60.0, "m": 60.0, "h": 3600.0, "ms": 0.001}),
     "_m": ("metres", {"m": 1.0, "cm": 0.01, "mm": 0.001}),
 }
-Model = TypeVar("Model", bound=BaseModel)
+Model = TypeVar("Model", bound=BaseModel | Options)
 Place = tuple[str | int, ...]  # keys and list positions from the top of a document
 
 
@@ -100,7 +100,7 @@ def validated(document: Document, model: type[Model], content: Any = None, optio
         One line per fault.
     """
     try:
-        return model.model_validate(document.content if content is None else content)
+        return TypeAdapter(model).validate_python(document.content if content is None else content)
     except ValidationError as error:
         raise ScenarioError(*(_fault(document, model, options or {}, e) for e in error.errors())) from None
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mrp_sumo.core.battery import Battery
-from mrp_sumo.errors import ScenarioError
+from mrp_sumo.errors import OptionError
 
 TINY = {
     "voltage_v": 12.0,
@@ -32,5 +32,5 @@ def test_braking_and_turning_cost_too():
 
 
 def test_what_no_battery_has_is_refused():
-    with pytest.raises(ScenarioError, match=r"battery: capacity_ah is 0\.0, expected a number above 0"):
+    with pytest.raises(OptionError, match="capacity_ah is 0, expected a number from 1e-05 up"):
         Battery(**TINY | {"capacity_ah": 0.0})

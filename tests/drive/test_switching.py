@@ -187,7 +187,7 @@ def situation(file: Path):
     left = np.concatenate([np.arange(a + state, b) for a, b, state in zip(whole.first, whole.first[1:], data["states"])])
     first = np.concatenate([[0], np.cumsum(np.diff(whole.first) - data["states"])])
     plan = Plan(first, whole.vertex[left], whole.arrive_s[left], whole.depart_s[left])
-    quick = RobotType("point", 0.1, 0.1, 1.0, 1e9, 1e9, 1e9)
+    quick = RobotType("point", 0.1, 0.1, 1.0, 1e3, 1e3, 1e3)
     begins, ends = plan.vertex[first[:-1]], plan.last_vertex
     problem = Problem(graph, fleet_of(quick, len(cells)), begins, ends, np.arange(len(cells)), 1.0)
     net, live = net_and_plan(problem, plan, [])

@@ -5,11 +5,12 @@ from dataclasses import asdict
 import pytest
 
 from mrp_sumo.core.disturbances import NAMED_DISTURBANCES, Disturbances
+from mrp_sumo.core.fleet import RobotShape
 from mrp_sumo.errors import ScenarioError
 from mrp_sumo.io.columns import put
 from mrp_sumo.io.scenario.model import ScenarioModel
 from mrp_sumo.io.scenario.read import changed, read_scenario, scenario_of
-from mrp_sumo.io.scenario.robots import RobotShape, robot_type
+from mrp_sumo.io.scenario.robots import robot_type
 
 GOOD = """\
 map: office

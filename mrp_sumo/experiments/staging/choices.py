@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from mrp_sumo.core.fleet import RobotType
+from mrp_sumo.core.fleet import RobotShape, RobotType
 from mrp_sumo.drive.dispatchers import NEAREST, ONE_SHOT
 from mrp_sumo.drive.policy import policy_of
 from mrp_sumo.drive.settings import AT_ONCE, ExecutionSettings
@@ -17,7 +17,7 @@ from mrp_sumo.io.documents import Place
 from mrp_sumo.io.scenario.file import ScenarioFile
 from mrp_sumo.io.scenario.model import ScenarioModel
 from mrp_sumo.io.scenario.programs import require_trust
-from mrp_sumo.io.scenario.robots import RobotShape, robot_type
+from mrp_sumo.io.scenario.robots import robot_type
 from mrp_sumo.maps.catalogue import bundled_folder
 from mrp_sumo.planning.protocol import Assigner, Planner
 from mrp_sumo.planning.registry import assigner, planner, planners_that

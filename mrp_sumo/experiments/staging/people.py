@@ -8,7 +8,7 @@ import numpy as np
 from mrp_sumo.core.graph import IntArray, NavGraph, PlanGraph
 from mrp_sumo.core.stream import HOUR_S, Arrivals
 from mrp_sumo.crowd.floor import BEFORE_LIFT_M, SNAP_M, Floor, floor_of
-from mrp_sumo.crowd.model import Flow, Group, LaneSpeeds, People, ProtectiveFields, joint_places
+from mrp_sumo.crowd.model import EVERYBODY, Flow, LaneSpeeds, People, joint_places
 from mrp_sumo.errors import ScenarioError, nearest
 from mrp_sumo.io.documents import Place
 from mrp_sumo.io.scenario.file import ScenarioFile
@@ -40,8 +40,8 @@ def people_of(file: ScenarioFile, map_: Map, graph: PlanGraph) -> People | LaneS
         place=np.array(places.cells, np.int64),
         count=choice.count or 0,
         flows=tuple(flow for flow in flows if flow.arrivals.rate_per_h > 0 and max(flow.arrivals.profile, default=1.0) > 0),
-        groups=tuple(Group(group.share, group.speed_mps, group.spread_mps) for group in choice.groups) or (Group(1.0),),
-        fields=ProtectiveFields(**choice.fields.model_dump(exclude={"active"})) if choice.fields.active else None,
+        groups=choice.groups or EVERYBODY,
+        fields=choice.fields if choice.fields.active else None,
         seed=seed,
     )
     reachable = joint_places(people)

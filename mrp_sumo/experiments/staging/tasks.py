@@ -3,7 +3,6 @@
 Refuses tasks that no robot can do, places in lifts, and charging without batteries.
 """
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -17,7 +16,6 @@ from mrp_sumo.errors import ScenarioError
 from mrp_sumo.experiments.staging.errands import unreachable
 from mrp_sumo.formats.lorr import read_map
 from mrp_sumo.io.scenario.file import ScenarioFile
-from mrp_sumo.io.scenario.tasks import TasksChoice
 from mrp_sumo.io.tasks import TaskNames, charging_of, parking_of, sources_of
 from mrp_sumo.maps.catalogue import find_map
 
@@ -38,20 +36,9 @@ def with_tasks(
         tasks=task_sources(file, nav, problem),
         charging=charging_of(choice, site),
         parking=parking_of(choice, site),
-        rules=_rules_of(choice),
+        rules=OrderRules(choice.cancel, choice.retry),
         batteries=batteries_of(models),
         start_level=(start[0] / 100, start[1] / 100),
-    )
-
-
-def _rules_of(choice: TasksChoice) -> OrderRules:
-    """When orders are withdrawn, and what becomes of those whose robot is lost."""
-    cancel, retry = choice.cancel, choice.retry
-    return OrderRules(
-        cancel_overdue=cancel is not None and cancel.overdue,
-        cancel_after_s=math.inf if cancel is None or cancel.after_s is None else cancel.after_s,
-        retries=retry.times if retry else 0,
-        hand_over=retry is not None and retry.hand_over,
     )
 
 

@@ -4,9 +4,9 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, field_validator, model_validator
 
-from mrp_sumo.io.scenario.robots import OfRobot
 from mrp_sumo.io.scenario.strict import Positive, Strict
 
+Size = Annotated[float, Field(ge=1e-4, le=1e3)]
 GraphIndex = Annotated[int, Field(ge=0, le=9)]
 
 
@@ -14,8 +14,8 @@ class FurnitureChoice(Strict):
     """The size of a model that stands in a building."""
 
     model: str = Field(description="The `model_name` in the building file.")
-    length_m: OfRobot = Field(description="Along the model's x.")
-    width_m: OfRobot
+    length_m: Size = Field(description="Along the model's x.")
+    width_m: Size
 
 
 class MapChoice(Strict):

@@ -4,13 +4,13 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, field_validator, model_validator
 
+from mrp_sumo.crowd.model import Group, ProtectiveFields
 from mrp_sumo.io.scenario.strict import Strict
 
 Count = Annotated[int, Field(ge=1, le=5000)]
 Rate = Annotated[float, Field(ge=0, le=1e6)]
 Factor = Annotated[float, Field(ge=0, le=1e3)]
 Walking = Annotated[float, Field(gt=0, le=5)]
-OfField = Annotated[float, Field(ge=0, le=5)]
 
 
 class FlowChoice(Strict):
@@ -27,32 +27,6 @@ class FlowChoice(Strict):
         return [found] if isinstance(found, str) else found
 
 
-class GroupChoice(Strict):
-    """People who walk alike."""
-
-    name: str = ""
-    share: Annotated[float, Field(gt=0, le=1e6)] = Field(1.0, description="Of all people, beside the shares of other groups.")
-    speed_mps: Walking = Field(1.34, description="Mean of the speeds that they like.")
-    spread_mps: Annotated[float, Field(ge=0, le=2)] = Field(0.26, description="Standard deviation; cut off at two of them.")
-
-
-class FieldsChoice(Strict):
-    """The warning and protective fields of robots."""
-
-    active: bool = Field(True, description="Whether robots have them; else they take no notice of people.")
-    scanner_s: OfField = Field(0.1, description="Until the scanner has seen somebody.")
-    control_s: OfField = Field(0.1, description="And the brakes take hold.")
-    tolerance_m: OfField = Field(0.1, description="TZ, of the scanner's distances.")
-    reflection_m: OfField = Field(0.2, description="Z_R, for reflectors nearby.")
-    ground_m: OfField = Field(0.05, description="Z_F, for want of ground clearance.")
-    braking_m: OfField = Field(0.1, description="Z_B, for brakes that have worn.")
-    side_m: OfField = Field(0.1, description="Beside the footprint, and around a robot that turns.")
-    slowest_mps: Walking = Field(0.1, description="To which somebody in the warning field slows a robot down.")
-    restart_s: Annotated[float, Field(ge=0, le=60)] = Field(
-        2.0, description="For which the protective field has to be free before the robot goes on."
-    )
-
-
 class PeopleChoice(Strict):
     """Who walks among the robots."""
 
@@ -67,9 +41,9 @@ class PeopleChoice(Strict):
     )
     profile: list[Factor] = Field([], description="Factors on the rates, in equal parts of a day.")
     clock_h: Annotated[float, Field(ge=0, lt=24)] = Field(8.0, description="The hour of the day at which the run begins.")
-    groups: list[GroupChoice] = Field([], description="Who walks how fast; by default 1.34 m/s, standard deviation 0.26 m/s.")
+    groups: tuple[Group, ...] = Field((), description="Who walks how fast; by default 1.34 m/s, standard deviation 0.26 m/s.")
     corridor_m: Annotated[float, Field(gt=0.5, le=100)] = Field(2.0, description="Width of the way along lanes, on maps without walls.")
-    fields: FieldsChoice = Field(FieldsChoice(), description="What robots do about people.")
+    fields: ProtectiveFields = Field(ProtectiveFields(), description="What robots do about people.")
     lane_speeds: tuple[Walking, Walking, Walking] = Field(
         (0.274, 0.508, 0.63), description="Least, usual and greatest speed of model lane_speeds, m/s."
     )

@@ -6,42 +6,13 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, field_validator, model_validator
 
-from mrp_sumo.core.battery import Battery
-from mrp_sumo.core.fleet import RobotType
+from mrp_sumo.core.fleet import RobotShape, RobotType
 from mrp_sumo.errors import ScenarioError, nearest
 from mrp_sumo.files.reading import shortened
 from mrp_sumo.io.documents import read_document, validated
 from mrp_sumo.io.scenario.strict import Strict
 
-OfRobot = Annotated[float, Field(ge=1e-4, le=1e3, allow_inf_nan=False)]  # sizes and speeds, generously
-OfBattery = Annotated[float, Field(ge=1e-5, le=1e5, allow_inf_nan=False)]  # and of what it weighs
 Heading = Annotated[float, Field(ge=-360, le=360, allow_inf_nan=False)]
-
-
-class BatteryShape(Strict):
-    """The battery of a robot type, and what drains it, after Open-RMF's model."""
-
-    voltage_v: OfBattery
-    capacity_ah: OfBattery
-    charging_a: OfBattery
-    mass_kg: OfBattery
-    inertia_kgm2: OfBattery
-    friction: float = Field(ge=0, le=10, description="Coefficient.")
-    device_w: float = Field(0.0, ge=0, le=1e5, description="Drawn by computer and sensors all the time.")
-
-
-class RobotShape(Strict):
-    """A robot type written out; see the files in robots/."""
-
-    length_m: OfRobot
-    width_m: OfRobot
-    max_speed_mps: OfRobot
-    accel_mps2: OfRobot
-    decel_mps2: OfRobot
-    turn_rate_rad_s: OfRobot
-    gap_m: float = Field(0.1, ge=0, le=1e3, description="Kept between robots, on top of their radii.")
-    source: str = ""
-    battery: BatteryShape | None = None
 
 
 class RobotGroup(Strict):
@@ -160,16 +131,11 @@ def robot_type(choice: str | RobotShape, folder: Path, beside: Path) -> RobotTyp
         For an unknown type and a flawed file.
     """
     if isinstance(choice, RobotShape):
-        return _robot_type("custom", choice)
+        return RobotType("custom", **vars(choice))
     path = folder / f"{choice}.yaml"
     if not os.path.isfile(path):  # noqa: PTH113
         path = beside / choice
         if not os.path.lexists(path):
             known = nearest(choice, (p.stem for p in sorted(folder.glob("*.yaml"))))
             raise ScenarioError(f"'{shortened(Path(choice))}' is neither a robot type nor a file{known}")
-    return _robot_type(path.stem, validated(read_document(path), RobotShape))
-
-
-def _robot_type(name: str, shape: RobotShape) -> RobotType:
-    battery = Battery(**shape.battery.model_dump()) if shape.battery else None
-    return RobotType(name=name, **shape.model_dump(exclude={"battery"}), battery=battery)
+    return RobotType(path.stem, **vars(validated(read_document(path), RobotShape)))

@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
+from mrp_sumo.core.task import Cancel, Retry
 from mrp_sumo.io.scenario.strict import Strict
 
 MAX_TASKS = 1_000_000  # of a stream with an end
@@ -143,34 +144,6 @@ class ChargingChoice(Strict):
         return self
 
 
-class CancelChoice(Strict):
-    """When orders are withdrawn that no robot has picked up."""
-
-    overdue: bool = Field(False, description="When they are due.")
-    after_s: Positive | None = Field(None, description="So long after their release.")
-
-    @model_validator(mode="after")
-    def _some(self) -> "CancelChoice":
-        if not self.overdue and self.after_s is None:
-            raise ValueError("cancels nothing: give overdue: true, after_s, or both")
-        return self
-
-
-class RetryChoice(Strict):
-    """What becomes of an order whose robot breaks down for good or runs empty with it on board; without this it fails."""
-
-    times: Annotated[int, Field(ge=0, le=1000)] = Field(0, description="So often it is begun anew, whole, by another robot.")
-    hand_over: bool = Field(False, description="Another robot fetches the load beside the one that is lost, and makes the other stops.")
-
-    @model_validator(mode="after")
-    def _some(self) -> "RetryChoice":
-        if not self.times and not self.hand_over:
-            raise ValueError("retries nothing: give times, or hand_over: true")
-        if self.times and self.hand_over:
-            raise ValueError("gives times and hand_over, expected one: a load that is handed over is not begun anew")
-        return self
-
-
 class TasksChoice(Strict):
     """Work that comes while robots drive."""
 
@@ -189,8 +162,8 @@ class TasksChoice(Strict):
     )
     charging: ChargingChoice | None = Field(None, description="Robots with a battery charge; without, theirs drain all the same.")
     parking: tuple[str, ...] = Field((), description="Groups, stations or vertices where robots without a task go.")
-    cancel: CancelChoice | None = Field(None, description="When orders are withdrawn that no robot has picked up; never by default.")
-    retry: RetryChoice | None = Field(None, description="What becomes of orders whose robot is lost with them; they fail by default.")
+    cancel: Cancel | None = Field(None, description="When orders are withdrawn that no robot has picked up; never by default.")
+    retry: Retry | None = Field(None, description="What becomes of orders whose robot is lost with them; they fail by default.")
 
     @model_validator(mode="before")
     @classmethod
