@@ -282,14 +282,14 @@ def _proposal(map_values: Mapping[str, Any], name: str, setup: SetUp, stations: 
     if "charger" in groups and all(model.battery is not None for model in robot_types(setup.file)):
         tasks["charging"] = {"stations": ["charger"], "policy": "opportunity"}
         why["charging"] = "robots charge when they have nothing else to do; they begin with full batteries"
-    written = setup.scenario.robots.type
+    robots = setup.scenario.robots
     if "parking" in groups:
         tasks["parking"] = ["parking"]
     values = {
         "name": name,
         "map": dict(map_values),
         "discretisation": {"kind": choice.kind, "cell_m": choice.cell_m},
-        "robots": {"count": num_robots, "type": written if isinstance(written, str) else written.model_dump(exclude_defaults=True)},
+        "robots": {"count": num_robots, "type": robots.model_dump(exclude_defaults=True).get("type", robots.type)},
         "planner": "auto",
         "tasks": tasks,
         "execution": {
