@@ -3,7 +3,7 @@
 import argparse
 import re
 import shlex
-from dataclasses import fields
+from dataclasses import dataclass, fields
 from importlib import import_module
 from pathlib import Path
 
@@ -12,8 +12,10 @@ import yaml
 from test_architecture import FLOORS, tool
 
 from mrp_sumo.cli.main import COMMANDS
-from mrp_sumo.io.documents import declared_in
-from mrp_sumo.io.documents import keys_of as keys_of_declared
+from mrp_sumo.core.driving import Planning
+from mrp_sumo.core.options import option
+from mrp_sumo.io.documents import declared_in, keys_of
+from mrp_sumo.io.scenario.execution import ExecutionChoice
 from mrp_sumo.io.scenario.model import ScenarioModel
 from planners import PLUGINS
 
@@ -113,80 +115,35 @@ def test_every_parameter_of_planners_is_explained():
         assert {field.name for field in fields(getattr(import_module(module), kind))} <= explained, name
 
 
-def documented(text):
-    """Keys of a page's YAML by dotted path, those included that the comment of a key beside or above names."""
-    paths = set()
-    for block in re.findall(r"^```yaml.*?\n(.*?)^```$", text, re.M | re.S):
-        lines = block.splitlines()
-        for path, line in keys_of(yaml.compose(block)):
-            paths.add(path)
-            comment = lines[line].partition("# ")[2]
-            while line + 1 < len(lines) and lines[line + 1].strip().startswith("#"):  # goes on
-                line += 1
-                comment += " " + lines[line].partition("# ")[2]
-            for name in re.findall(r"\w+(?=:)", comment):
-                paths |= {f"{path}.{name}", ".".join([*path.split(".")[:-1], name])}
-    return paths
+def without_a_sentence(keys):
+    """Dotted names of keys that say nothing about themselves."""
+    return [name for name, field in keys if not field.description]
 
 
-def keys_of(node, above=()):
-    """Dotted paths of a YAML document and their lines; items of lists stand below the list's own key."""
-    if isinstance(node, yaml.SequenceNode):
-        for item in node.value:
-            yield from keys_of(item, above)
-    elif isinstance(node, yaml.MappingNode):
-        for key, value in node.value:
-            path = (*above, key.value)
-            yield ".".join(path), key.start_mark.line
-            yield from keys_of(value, path)
+def test_every_section_of_scenarios_has_a_table_and_every_key_a_sentence():
+    tables = tool("doc_tables")
+    text = (PROJECT / "docs" / "keys.md").read_text(encoding="utf-8")
+    sections = [name for name, field in keys_of(ScenarioModel).items() if any(declared_in(field.annotation))]
+    assert re.findall(r"^<!-- table: keys_?(\w*) -->$", text, re.M) == ["", *sections]
+    assert [key for section in ("", *sections) for key in without_a_sentence(tables.keys_in(section))] == []
 
 
-def undocumented(keys, pages):
-    """Keys of scenarios that no page shows in its place."""
-    shown = set().union(*(documented(text) for text in pages))
-    return [key for key in keys if key not in shown]
+def test_key_without_a_sentence_is_noticed_and_a_new_key_changes_the_page(monkeypatch):
+    @dataclass(frozen=True)
+    class More(Planning):
+        flux: float = option(0.0)
 
-
-def keys_of_model(model, above=""):
-    """Dotted keys of a model of scenarios, those of models inside it too."""
-    for name, field in keys_of_declared(model).items():
-        inner = list(declared_in(field.annotation))
-        if not inner:
-            yield above + name
-        for part in inner:
-            yield from keys_of_model(part, f"{above}{name}.")
-
-
-PAGES_OF_KEYS = [(PROJECT / "docs" / name).read_text(encoding="utf-8") for name in ("scenario.md", "people.md", "robots.md")]
-UNDER_ANOTHER_KEY = {  # where a page shows the keys of a model that several keys have
-    "robots.type.": "",
-    "robots.fleet.type.": "",
-    "tasks.stations.": "tasks.stations.packing.",
-}
-
-
-def place_of(key):
-    """Where the pages show a key: robot types have files of their own."""
-    above = next((above for above in UNDER_ANOTHER_KEY if key.startswith(above)), None)
-    return key if above is None else UNDER_ANOTHER_KEY[above] + key.removeprefix(above)
-
-
-def test_every_key_of_scenarios_is_documented():
-    assert undocumented([place_of(key) for key in keys_of_model(ScenarioModel)], PAGES_OF_KEYS) == []
-
-
-@pytest.mark.parametrize(
-    "key", ["execution.recovery.count", "record.seed", "tasks.charging.name", "execution.flux_capacity", "people.fields.count"]
-)
-def test_key_without_words_is_noticed_though_another_section_has_its_name(key):
-    assert undocumented([key], PAGES_OF_KEYS) == [key]
+    monkeypatch.setattr(ExecutionChoice.model_fields["planning"], "annotation", More)
+    tables = tool("doc_tables")
+    assert without_a_sentence(tables.keys_in("execution")) == ["execution.planning.flux"]
+    assert "`execution.planning.flux`" in tables.with_tables("<!-- table: keys_execution -->\n<!-- end -->")
 
 
 EXAMPLES = ("name", "map.file", "robots.count", "robots.starts", "robots.goals", "execution.policy")
 
 
 def test_documented_defaults_are_those_of_the_code():
-    block = re.search(r"^```yaml\n(name:.*?)^```$", PAGES_OF_KEYS[0], re.M | re.S)[1]
+    block = re.search(r"^```yaml\n(name:.*?)^```$", (PROJECT / "docs" / "scenario.md").read_text(encoding="utf-8"), re.M | re.S)[1]
     shown = yaml.safe_load(block)
     code = ScenarioModel.model_validate({"map": "office", "robots": 9}).model_dump(mode="json")
     assert list(differing(shown, code)) == []

@@ -1,4 +1,4 @@
-"""Tables of the documentation that the code makes: plug-ins with their parameters, metrics, bundled suites and scenarios.
+"""Tables of the documentation that the code makes: keys of scenarios, plug-ins, metrics, bundled suites and scenarios.
 
     .venv/bin/python tools/doc_tables.py          # write them into docs/*.md
     .venv/bin/python tools/doc_tables.py --check  # exit code 1 when a page differs
@@ -7,17 +7,25 @@ A page says `<!-- table: NAME -->`, and what stands from there to `<!-- end -->`
 """
 
 import argparse
+import json
 import re
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, get_args, get_origin
+
+from pydantic import BaseModel
+from pydantic.fields import FieldInfo
 
 from mrp_sumo.cli.listing import _files, _plug_ins, _shown
+from mrp_sumo.core.options import BOUNDS, Options
+from mrp_sumo.io.documents import declared_in, keys_of
+from mrp_sumo.io.scenario.model import SECTIONS, ScenarioModel
 from mrp_sumo.metrics import registry
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
+TECHNICAL = 1e9  # bounds from here on are nobody's concern
 PLACE = re.compile(r"(<!-- table: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
 
 
@@ -98,7 +106,50 @@ def metrics(of: str) -> str:
     return _table(("metric", "better", "formula"), rows)
 
 
+def keys(section: str = "") -> str:
+    """Keys of a section of scenario files, as they are declared; those without sections of their own where none is named."""
+    rows = ((f"`{key}`", _default(field), _possible(field), str(field.description)) for key, field in keys_in(section))
+    return _table(("key", "default", "values", "meaning"), rows)
+
+
+def keys_in(section: str) -> Iterator[tuple[str, FieldInfo]]:
+    """Keys of a section; `[]` marks lists. What several keys are declared by is shown at the first of them."""
+    shown: set[type] = set()
+
+    def below(declared: type, above: str) -> Iterator[tuple[str, FieldInfo]]:
+        for name, field in keys_of(declared).items():
+            listed = any(get_origin(kind) in (list, tuple) for kind in (field.annotation, *get_args(field.annotation)))
+            yield above + name, field
+            for inner in declared_in(field.annotation):
+                if inner not in shown:
+                    shown.add(inner)
+                    yield from below(inner, f"{above}{name}{'[]' * listed}.")
+
+    for name, field in keys_of(ScenarioModel).items():
+        inner = next(declared_in(field.annotation), None)
+        if name == section and inner:
+            yield from below(inner, f"{name}.")
+        elif not section and not inner:
+            yield name, field
+
+
+def _default(field: FieldInfo) -> str:
+    if field.is_required():
+        return "required"
+    value = field.get_default(call_default_factory=True)
+    return "" if isinstance(value, BaseModel | Options) else f"`{json.dumps(value)}`"
+
+
+def _possible(field: FieldInfo) -> str:
+    """Choices, or the kind of value and its bounds."""
+    parts = [field.annotation, *get_args(field.annotation)]
+    choices = [f"`{value}`" for part in parts if get_origin(part) is Literal for value in get_args(part)]
+    bounds = [(says, getattr(part, key)) for part in field.metadata for key, says in BOUNDS.items() if hasattr(part, key)]
+    return ", ".join(choices) or " and ".join(says.format(bound) for says, bound in bounds if bound < TECHNICAL)
+
+
 TABLES: dict[str, Callable[[], str]] = {one.__name__: one for one in (planners, policies, dispatchers, suites, scenarios)}
+TABLES |= {"keys": keys} | {f"keys_{section}": partial(keys, section) for section in SECTIONS}
 TABLES |= {f"metrics_{of}": partial(metrics, of) for of in registry.TABLES}
 
 

@@ -23,10 +23,10 @@ OF_BATTERY = {"ge": 1e-5, "le": 1e5}
 class Battery(Options):
     """The battery of a type of robots, and what drains it."""
 
-    voltage_v: float = field(metadata=meaning(**OF_BATTERY))
-    capacity_ah: float = field(metadata=meaning(**OF_BATTERY))
-    charging_a: float = field(metadata=meaning(**OF_BATTERY))
-    mass_kg: float = field(metadata=meaning(**OF_BATTERY))
+    voltage_v: float = field(metadata=meaning("Nominal.", **OF_BATTERY))
+    capacity_ah: float = field(metadata=meaning("Of a full battery.", **OF_BATTERY))
+    charging_a: float = field(metadata=meaning("Current of the charger.", **OF_BATTERY))
+    mass_kg: float = field(metadata=meaning("Of the robot with its load.", **OF_BATTERY))
     inertia_kgm2: float = field(metadata=meaning("Around the vertical axis.", ge=0, le=1e5))
     friction: float = field(metadata=meaning("Coefficient.", ge=0, le=10))
     device_w: float = option(0.0, "Drawn by computer and sensors all the time.", ge=0, le=1e5)

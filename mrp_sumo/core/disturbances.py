@@ -13,7 +13,7 @@ from mrp_sumo.core.task import Task
 from mrp_sumo.errors import OptionError
 
 DURATION: dict[str, float] = {"gt": 0, "le": 1e9}
-FOR_GOOD = "For good by default."
+BEGIN, FOR_GOOD = "When it begins, in simulated time.", "How long it lasts; for good by default."
 NAMED_DISTURBANCES: dict[str, dict[str, float]] = {  # how they were found: docs/paper.md
     "nav2_like": {"speed_noise": 0.053, "speed_noise_tau_s": 2.0},
 }
@@ -23,8 +23,8 @@ NAMED_DISTURBANCES: dict[str, dict[str, float]] = {  # how they were found: docs
 class Breakdown(Options):
     """A robot that stands still for a while."""
 
-    robot: int = field(metadata=meaning(ge=0))
-    begin_s: float
+    robot: int = field(metadata=meaning("Its number, from 0.", ge=0))
+    begin_s: float = field(metadata=meaning(BEGIN))
     duration_s: float | None = option(None, FOR_GOOD, **DURATION)
 
 
@@ -34,11 +34,11 @@ class Obstacle(Options):
     are closed. It comes when no robot is on them or may enter them: robots are seen by those who walk.
     """
 
-    x_m: float
-    y_m: float
-    begin_s: float
+    x_m: float = field(metadata=meaning("Of its centre."))
+    y_m: float = field(metadata=meaning("Of its centre."))
+    begin_s: float = field(metadata=meaning(BEGIN))
     duration_s: float | None = option(None, FOR_GOOD, **DURATION)
-    radius_m: float = option(0.3, gt=0, le=1e9)
+    radius_m: float = option(0.3, "Of what it covers.", gt=0, le=1e9)
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class Closure(Options):
     between: tuple[str, str] = field(
         metadata=meaning("Names of two vertices: the shortest path between them is closed in both directions.")
     )
-    begin_s: float = option(0.0, ge=0)
+    begin_s: float = option(0.0, BEGIN, ge=0)
     duration_s: float | None = option(None, FOR_GOOD, **DURATION)
 
 
@@ -68,7 +68,7 @@ class Outage(Options):
 
     lift: str = option("", "Its name.")
     door: str = option("", "Its name, where doors are automatic.")
-    begin_s: float = option(0.0, ge=0)
+    begin_s: float = option(0.0, BEGIN, ge=0)
     duration_s: float | None = option(
         None, "For good by default; planners know of what is out of service from the start for good.", **DURATION
     )
@@ -88,7 +88,7 @@ class Outage(Options):
 class Fire(Options):
     """A fire alarm: lifts end their rides, go to the levels where they stood at first, and stay there with open doors, for nobody."""
 
-    begin_s: float = field(metadata=meaning(ge=0))
+    begin_s: float = field(metadata=meaning(BEGIN, ge=0))
     duration_s: float | None = option(None, FOR_GOOD, **DURATION)
 
 
@@ -113,8 +113,8 @@ class Disturbances(Options):
     delay_probability: float = option(
         0.0, "In each planned step, of being held for some steps, as in the League of Robot Runners.", ge=0, lt=1
     )
-    delay_steps_min: int = option(1, ge=1)
-    delay_steps_max: int = option(5, ge=1)
+    delay_steps_min: int = option(1, "The least number of such steps.", ge=1)
+    delay_steps_max: int = option(5, "The greatest number of such steps.", ge=1)
     latency_s: float = option(0.0, "Before a robot learns what it may enter.", ge=0)
     message_loss: float = option(0.0, "Share of messages that are lost; they are repeated every step.", ge=0, lt=1)
     localisation_m: float = option(

@@ -20,11 +20,11 @@ OF_ROBOT = {"ge": 1e-4, "le": 1e3}  # sizes and speeds, generously
 class RobotShape(Options):
     """A model of robot as a file of robots/ has it. The footprint is a rectangle around the centre, which is what drives along lanes."""
 
-    length_m: float = field(metadata=meaning(**OF_ROBOT))
-    width_m: float = field(metadata=meaning(**OF_ROBOT))
-    max_speed_mps: float = field(metadata=meaning(**OF_ROBOT))
-    accel_mps2: float = field(metadata=meaning(**OF_ROBOT))
-    decel_mps2: float = field(metadata=meaning(**OF_ROBOT))
+    length_m: float = field(metadata=meaning("Along the lane.", **OF_ROBOT))
+    width_m: float = field(metadata=meaning("Across it.", **OF_ROBOT))
+    max_speed_mps: float = field(metadata=meaning("Top speed.", **OF_ROBOT))
+    accel_mps2: float = field(metadata=meaning("Speeding up.", **OF_ROBOT))
+    decel_mps2: float = field(metadata=meaning("Braking.", **OF_ROBOT))
     turn_rate_rad_s: float = field(metadata=meaning("Turning in place.", **OF_ROBOT))
     gap_m: float = option(0.1, "Kept between robots, on top of their radii.", ge=0, le=1e3)
     source: str = option("", "Where the figures come from.")

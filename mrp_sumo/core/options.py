@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 
 from mrp_sumo.errors import OptionError
 
-BOUNDS = {"gt": "above {:g}", "ge": "from {:g} up", "lt": "below {:g}", "le": "up to {:g}"}
+BOUNDS = {"gt": "above {:g}", "ge": "at least {:g}", "lt": "below {:g}", "le": "at most {:g}"}
 
 
 class Options:
@@ -24,7 +24,7 @@ class Options:
             value, bounds = getattr(self, each.name), each.metadata
             if isinstance(value, float | int) and not _within(value, bounds):
                 expected = " and ".join(says.format(bounds[bound]) for bound, says in BOUNDS.items() if bound in bounds)
-                raise OptionError(f"{each.name} is {value:g}, expected a number {expected}".rstrip())
+                raise OptionError(f"{each.name} is {value:g}, expected {expected or 'a finite number'}")
 
 
 def meaning(says: str = "", /, **bounds: float) -> dict[str, Any]:

@@ -32,5 +32,5 @@ def test_braking_and_turning_cost_too():
 
 
 def test_what_no_battery_has_is_refused():
-    with pytest.raises(OptionError, match="capacity_ah is 0, expected a number from 1e-05 up"):
+    with pytest.raises(OptionError, match="capacity_ah is 0, expected at least 1e-05"):
         Battery(**TINY | {"capacity_ah": 0.0})

@@ -13,7 +13,7 @@ from mrp_sumo.io.scenario.strict import Positive, Strict
 class PolicyChoice(Strict):
     """The execution policy; its name alone is short for one without parameters."""
 
-    name: str = "adg"
+    name: str = Field("adg", description="Of a policy, or FILE.py:CLASS.")
     parameters: dict[str, Any] = Field(default_factory=dict, description="Of the policy.")
 
     @model_serializer(mode="wrap")
@@ -46,7 +46,7 @@ class ExecutionChoice(Strict):
     invalid_plan: Literal["open_loop", "refuse"] = Field(
         "open_loop", description="What to do with a plan that the referee or the schedule rejects under a policy that needs a sound one."
     )
-    step_length_s: Annotated[float, Field(gt=0, le=1)] = 0.1
+    step_length_s: Annotated[float, Field(gt=0, le=1)] = Field(0.1, description="Of the simulation.")
     time_limit_s: Positive | None = Field(
         None, description="Simulated time; by default 1.5 times the planned makespan, at least 300 s. What was used is in result.json."
     )
@@ -55,7 +55,7 @@ class ExecutionChoice(Strict):
     )
     blocking_window_s: Positive = Field(10.0, description="A robot without a cell of progress along its path for so long is blocked.")
     on_deadlock: Literal["report", "stop", "resolve"] = Field("report", description="'resolve': see recovery.")
-    recovery: RecoveryOptions = RecoveryOptions()
+    recovery: RecoveryOptions = Field(RecoveryOptions(), description="What `on_deadlock: resolve` does, mildest first.")
     mutex_groups: dict[str, list[str]] = Field(
         {}, description="Vertices on which, together, one robot at a time may be, by the group's name; lanes between them are in it too."
     )
@@ -69,7 +69,7 @@ class ExecutionChoice(Strict):
     manual_doors: list[str] = Field(
         [], description="Doors that only people open, beside those that the map gives no plugin: robots pass while people keep them open."
     )
-    disturbances: Disturbances = NONE
+    disturbances: Disturbances = Field(NONE, description="What goes wrong; the name of a set alone is short for it.")
 
     @field_validator("disturbances", mode="before", json_schema_input_type=str | Disturbances)
     @classmethod

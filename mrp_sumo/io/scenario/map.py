@@ -15,7 +15,7 @@ class FurnitureChoice(Strict):
 
     model: str = Field(description="The `model_name` in the building file.")
     length_m: Size = Field(description="Along the model's x.")
-    width_m: Size
+    width_m: Size = Field(description="Along the model's y.")
 
 
 class MapChoice(Strict):

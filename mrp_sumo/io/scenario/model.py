@@ -23,7 +23,7 @@ class Assignment(Strict):
 
     mode: Literal["optimal", "random", "fixed"] = Field("optimal", description="'fixed': robot i to goal i.")
     solver: str = Field("linear_sum_assignment", description="Assigner for 'optimal', such as mip or cp_sat, or FILE.py:CLASS.")
-    cost: Literal["euclidean", "manhattan", "path"] = "euclidean"
+    cost: Literal["euclidean", "manhattan", "path"] = Field("euclidean", description="What 'optimal' makes small, from start to goal.")
     parameters: dict[str, Any] = Field(default_factory=dict, description="Of the assigner.")
 
 
@@ -41,7 +41,9 @@ class PlannerChoice(Strict):
     """The planner and what it may spend."""
 
     name: str = Field("auto", description="Of a registered planner, or FILE.py:CLASS, the file relative to the scenario.")
-    time_limit_s: Positive = 60.0
+    time_limit_s: Positive = Field(
+        60.0, description="CPU time. A plan that it may have shaped is marked in result.json: plan.clock_limited."
+    )
     budget: Annotated[int, Field(ge=1, le=10**12)] | None = Field(
         None,
         description="Labels that the search may make, beside the time limit: what ends it at the same place on every machine, under any "
@@ -60,7 +62,7 @@ class Recording(Strict):
     """What is kept of a run."""
 
     period_s: Positive = Field(0.1, description="Between samples of the trajectory; a multiple of the step length.")
-    bag: bool = True
+    bag: bool = Field(True, description="Whether a rosbag is written.")
     storage: Literal["mcap", "sqlite3"] = Field(
         "mcap", description="Of the bag: 'mcap' with zstd, or 'sqlite3' as MRP-Bench's analyser reads it."
     )
@@ -86,8 +88,8 @@ class ScenarioModel(Strict):
     name: Annotated[str, AfterValidator(folder_name)] = Field(
         "", pattern=r"^[\w.+-]*$", description="Of the run folder; the file's name by default."
     )
-    seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
-    map: MapChoice
+    seed: Annotated[int, Field(ge=0, lt=2**63)] = Field(0, description="Of all random numbers.")
+    map: MapChoice = Field(description="Which part of which map.")
     discretisation: Discretisation = Discretisation()
     robots: Robots
     assignment: Assignment = Assignment()

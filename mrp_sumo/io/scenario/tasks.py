@@ -28,7 +28,7 @@ class StationChoice(Strict):
 class ServiceChoice(Strict):
     """How long a stop takes; a number is short for constant_s."""
 
-    constant_s: NotNegative | None = None
+    constant_s: NotNegative | None = Field(None, description="Always as long.")
     triangular_s: tuple[NotNegative, NotNegative, NotNegative] | None = Field(None, description="Least, usual and most.")
     lognormal: tuple[Positive, NotNegative] | None = Field(None, description="Median in s, and sigma of the logarithm.")
 
@@ -53,11 +53,11 @@ TaskTime = Annotated[float, Field(ge=0, le=1e9)]  # seconds: 30 years
 class TaskChoice(Strict):
     """One task."""
 
-    name: str = ""
+    name: str = Field("", description="Of its own; made of its number by default.")
     stops: list[str] = Field(min_length=1, description="Names of stations or vertices.")
-    release_s: TaskTime = 0.0
-    due_s: TaskTime | None = None
-    priority: int = 0
+    release_s: TaskTime = Field(0.0, description="When it becomes known.")
+    due_s: TaskTime | None = Field(None, description="When it is late.")
+    priority: int = Field(0, description="More is more urgent.")
     service_s: TaskTime | list[TaskTime] = Field(0.0, description="At each stop, or one for each.")
     robot_type: str = Field("", description="The only type of robot that can do it; by default any can.")
 
@@ -96,8 +96,8 @@ class ArrivalsChoice(Strict):
 class StreamChoice(Strict):
     """Tasks drawn with the scenario's seed: the same for every fleet."""
 
-    name: str = Field("task", pattern=r"^[\w.+-]+$")
-    arrivals: ArrivalsChoice
+    name: str = Field("task", pattern=r"^[\w.+-]+$", description="Of the stream; its tasks are called name_0, name_1, ...")
+    arrivals: ArrivalsChoice = Field(description="When tasks become known; exactly one kind.")
     count: Annotated[int, Field(ge=1, le=MAX_TASKS)] | None = Field(None, description="Tasks in all; without end by default.")
     stops: list[str] | None = Field(None, min_length=1, description="One of each of these groups, stations or vertices, in this order.")
     zipf: NotNegative = Field(0.0, description="Of groups: the k-th station is drawn with weight 1 / k ** zipf.")
@@ -155,7 +155,7 @@ class TasksChoice(Strict):
         description="CSV with the columns release_s, stops (parted by blanks) and more of a task's keys; YAML with a list `tasks`; "
         "JSON with task requests of Open-RMF; or .tasks of the League of Robot Runners, for a MovingAI map.",
     )
-    streams: tuple[StreamChoice, ...] = ()
+    streams: tuple[StreamChoice, ...] = Field((), description="Tasks drawn with the scenario's seed: the same for every fleet.")
     open: Annotated[int, Field(ge=1, le=MAX_OPEN)] | None = Field(
         None,
         description="So many tasks of all streams together are always known and not done, in the order of their arrival.",
