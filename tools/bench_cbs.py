@@ -118,7 +118,7 @@ def summary(rows: list[bench.Row], options: argparse.Namespace) -> str:
         if solved:
             cpu_s = [row["cpu_s"] for row in solved]
             text += f"   CPU s median {median(cpu_s):8.3f}  mean {mean(cpu_s):8.3f}  max {max(cpu_s):8.3f}"
-            text += f"   nodes {over(solved, 'expanded', median):8g}"
+            text += f"   nodes {over(solved, 'expanded', median) or 0:8g}"
         lines.append(f"{text}   longest {max(row['own_s'] for row in mine):.2f} s")
     return "\n".join(lines)
 

@@ -167,10 +167,10 @@ def measure(asked: dict[str, Planner], folder: Path, name: str, robots: int, tim
     ]
 
 
-def over(rows: Iterable[bench.Row], key: str, of: Callable[[list[float]], float]) -> float:
-    """A median, mean or maximum of a column, NaN without values."""
+def over(rows: Iterable[bench.Row], key: str, of: Callable[[list[float]], float]) -> float | None:
+    """A median, mean or maximum of a column, None without values."""
     values = [row[key] for row in rows if row[key] is not None]
-    return of(values) if values else float("nan")
+    return of(values) if values else None
 
 
 def answered(chosen: Planner, problem: Problem, time_limit_s: float) -> bench.Row:

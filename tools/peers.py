@@ -13,7 +13,6 @@ Programs with other formats (pibt2, EPIBT, CCBS) can take part by a small progra
 """
 
 import argparse
-import math
 import sys
 from datetime import date
 from pathlib import Path
@@ -122,11 +121,12 @@ def table(sizes: dict[str, list[Row]]) -> str:
 def _cell(row: Row) -> str:
     asked = row["instances"] - row["refused"]
     missing = "" if row["solved"] == asked else f" ({row['solved']} of {asked})"
-    return f"{_number(1e3 * row['cpu_median_s'])} / {_number(1e3 * row['cpu_max_s'])}, {_number(row['cost'])}{missing}"
+    ms = [None if row[key] is None else 1e3 * row[key] for key in ("cpu_median_s", "cpu_max_s")]
+    return f"{_number(ms[0])} / {_number(ms[1])}, {_number(row['cost'])}{missing}"
 
 
-def _number(value: float) -> str:
-    return "–" if math.isnan(value) else f"{value:.0f}" if value >= 1000 else f"{value:.1f}"
+def _number(value: float | None) -> str:
+    return "–" if value is None else f"{value:.0f}" if value >= 1000 else f"{value:.1f}"
 
 
 def write(text: str) -> None:
