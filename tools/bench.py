@@ -104,7 +104,8 @@ def compared(script: str, words: list[str], other: Path, repeat: int) -> Iterato
     for here, there in zip(zip(*made[TOOLS.parent]), zip(*made[other])):
         both = {key: [[row[key] for row in runs if key in row] for runs in (here, there)] for key in here[0] if key in there[0]}
         measured = {key: values for key, values in both.items() if is_measured([*values[0], *values[1]])}
-        label = ", ".join(f"{key} {in_words(here[0][key])}" for key in both if key not in measured)
+        before = list(both).index(next(iter(measured))) if measured else 0  # what stands before the first figure is the row's name
+        label = ", ".join(f"{key} {in_words(here[0][key])}" for key in list(both)[:before])
         for key, values in measured.items():
             ours, theirs = map(statistics.median, values)
             yield {"row": label, "figure": key, "here": ours, "there": theirs, "here / there": round(ours / theirs, 3) if theirs else None}

@@ -1,6 +1,6 @@
 """From a map to an answer: `mrp-sumo run FILE` and nothing else on every map of some folders.
 
-    .venv/bin/python tools/bench_field.py MAPS MORE_MAPS > table.md
+    .venv/bin/python tools/bench_field.py MAPS MORE_MAPS --out table.md
     .venv/bin/python tools/bench_field.py MAPS --types turtlebot3 amr_600 forklift
     .venv/bin/python tools/bench_field.py MAPS --init        # init, run what it wrote, capacity --quick
 
@@ -138,14 +138,20 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--types", nargs="+", default=[""], metavar="NAME", help="types of robots (default: run's own)")
     parser.add_argument("--init", action="store_true", help="init, run and capacity --quick instead of run alone")
     parser.add_argument("--cpu-s", type=int, default=240, metavar="S", help="CPU time of one command (default: 240)")
+    parser.add_argument("--out", type=Path, metavar="FILE", help="a file for the table, too, after each row")
     parser.add_argument("--together", action="store_true", help="all commands in this process: sooner, and CPU times are without start")
 
 
 def rows(options: argparse.Namespace) -> Iterator[bench.Row]:
     """A row for each map and command."""
-    call = _called_here if options.together else _called
+    call, made = _called_here if options.together else _called, []
     for path in maps_in(options.folders):
-        yield from _chain(path, call, options.cpu_s) if options.init else _types(path, call, options.types, options.cpu_s)
+        for row in _chain(path, call, options.cpu_s) if options.init else _types(path, call, options.types, options.cpu_s):
+            made.append(row)
+            if options.out:
+                lines = [bench.line(row), "|" + "---|" * len(row), *(bench.line(map(bench.in_words, one.values())) for one in made)]
+                options.out.write_text("\n".join([*lines, "", summary(made, options), ""]), encoding="utf-8")
+            yield row
 
 
 if __name__ == "__main__":
