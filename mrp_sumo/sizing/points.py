@@ -105,9 +105,22 @@ class Point:
 
     @cached_property
     def warm_up_s(self) -> float:
-        """Warm-up, left out of every run: MSER-5 on `series`, and half of it where that cannot be told."""
+        """Warm-up, left out of every run: MSER-5 on `series`, and half of it where that cannot be told.
+
+        At least until there have been as many orders done as robots: each begins with a whole order before it, while in a steady state
+        they are at all points of one. With few orders a run, MSER-5 does not see that.
+        """
         length = warm_up_length(self.series)
-        return self.until_s * (0.5 if length is None else length / BINS)
+        if length is None:
+            return self.until_s / 2
+        return max(self.until_s * length / BINS, min(self.first_round_s, self.until_s / 2))
+
+    @property
+    def first_round_s(self) -> float:
+        """Time by which as many orders are done as there are robots, the mean over runs; inf where one does fewer."""
+        done_s = [np.sort(run["done_s"]) for run in self.observed]
+        rounds_s = [of_run[self.robots - 1] if len(of_run) >= self.robots else np.inf for of_run in done_s]
+        return float(np.mean(rounds_s)) if rounds_s else np.inf
 
     @cached_property
     def per_h(self) -> FloatArray:

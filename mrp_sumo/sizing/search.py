@@ -175,7 +175,7 @@ def coarse(desk: Desk, planner: str = "") -> Curve:
     curve = Curve(desk, SATURATED, planner=planner)
     sizes = grid(desk.question)
     for k, n in enumerate(sizes):
-        if not curve.ask({n: desk.question.effort.seeds}, f"fleets from {n} robots on") or _fell(curve):
+        if not curve.ask({n: desk.question.effort.seeds}, f"fleets of {n} and more") or _fell(curve):
             break
         if _without_plans(curve) or all(size in curve.unfit for size in sizes[max(k - 1, 0) : k + 1]):
             break
@@ -375,7 +375,7 @@ def one_shot(desk: Desk) -> Served:
 
     def judge(n: int) -> int | None:
         return _judge(
-            curve, n, question.effort, f"fleets from {n} robots on", lambda p: wilson(p.num_succeeded, len(p.records), ONE_SIDED), target
+            curve, n, question.effort, f"fleets of {n} and more", lambda p: wilson(p.num_succeeded, len(p.records), ONE_SIDED), target
         )
 
     fails = None

@@ -71,9 +71,23 @@ def test_a_fleet_is_ruled_out_by_the_upper_limit_of_what_it_can_do(off, low):
 
 
 def test_equal_counts_have_limits_too():
+    """116 orders in 3481 s, once four robots have done one each."""
     point = Point(4, 3600.0, tuple(record_with(np.arange(1, 121) * 30.0 - 1.0, 3600.0) for _ in range(3)))
     limits = point.throughput
-    assert limits.value == 120.0 and limits.high - limits.value == pytest.approx(4.303 * 0.5 / 3**0.5, rel=1e-3)
+    assert limits.value == pytest.approx(116 * 3600 / 3481)
+    assert limits.high - limits.value == pytest.approx(4.303 * 0.5 * (3600 / 3481) / 3**0.5, rel=1e-3)
+
+
+@pytest.mark.parametrize(("robots", "per_h"), [(1, 43.2), (14, 42.0), (15, 42.0)])
+def test_the_first_round_of_a_fleet_is_warm_up(robots, per_h):
+    """One robot goes round a ring in 83 s, 43.4 times an hour, and begins anywhere before the place where an order begins: 42 in all.
+
+    A fleet that has not done an order a robot by the middle of the run is measured in its second half alone.
+    """
+    runs = tuple(record_with(np.arange(55.0 + before_s, 1200.0, 83.0), 1200.0) for before_s in np.linspace(2.0, 38.0, 10))
+    point = Point(robots, 1200.0, runs)
+    assert point.warm_up_s == (pytest.approx(75.0) if robots == 1 else 600.0)
+    assert point.throughput.value == pytest.approx(per_h, abs=0.01)
 
 
 def test_sizes_are_measured_on_other_runs_than_they_were_chosen_on():
