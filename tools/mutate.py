@@ -39,7 +39,10 @@ ROOMS = {  # the files of each, and the tests that hold it
         ["tests/traffic/test_reorder.py", "tests/traffic/test_schedule.py"],
     ),
     "ledger": (["mrp_sumo/drive/ledger.py"], ["tests/drive/test_ledger.py"]),
-    "controller": (["mrp_sumo/drive/controller.py", "mrp_sumo/drive/_controller.py"], ["tests/drive/test_loop.py"]),
+    "controller": (
+        ["mrp_sumo/drive/controller.py", "mrp_sumo/drive/cycle.py", "mrp_sumo/drive/_grants.py", "mrp_sumo/drive/_observe.py"],
+        ["tests/drive/test_loop.py"],
+    ),
     "work": (
         ["mrp_sumo/drive/work.py", "mrp_sumo/drive/orders.py", "mrp_sumo/drive/duties.py"],
         ["tests/drive/test_dispatchers.py", "tests/drive/test_work.py"],

@@ -117,7 +117,7 @@ class LiveBag:
 
 def ways_ahead(ledger: Ledger) -> Plan:
     """The ways that robots are still to drive, without times."""
-    reached, vertex = ledger.visits.reached, ledger.column("vertex")
+    reached, vertex = ledger.visits.reached, ledger.visits.vertex
     ways = [vertex[ledger.ids(r, int(reached[r]))] for r in range(ledger.num_robots)]
     first = np.concatenate([[0], np.cumsum([len(path) for path in ways])]).astype(np.int64)
     times = frozen(np.zeros(int(first[-1])))

@@ -7,6 +7,8 @@ brake, and closes when nobody is near any more, nor comes before it could close 
 
 import numpy as np
 
+from mrp_sumo.drive._observe import get_on
+from mrp_sumo.drive.state import RideRequests
 from mrp_sumo.search._bodies import TIE_M
 from mrp_sumo.search._kernel import kernel
 
@@ -19,15 +21,16 @@ SHUT, OPENING, STANDS_OPEN, CLOSING = range(4)  # doors
 IN_TIME_S = 1e-9
 
 
-@kernel
-def run_facilities(now, dt, kinematics, visits, needs, state, facilities):
+@kernel(allocates=False)
+def run_facilities(now, scene):
     """Bring lifts and doors up to the step that begins now."""
-    note_requests(dt, kinematics, visits, needs, state, facilities)
+    visits, state, facilities = scene.visits, scene.state, scene.conditions.facilities
+    note_requests(scene.rules.step_s, scene.kinematics, visits, scene.needs, state, facilities)
     run_lifts(now, visits, state, facilities)
     run_doors(now, facilities)
 
 
-@kernel
+@kernel(allocates=False)
 def note_requests(dt, kinematics, visits, needs, state, facilities):
     """Who calls which lift, and which doors are asked for: robots that may pass already, and those that come near."""
     following, reached, granted, rank = visits.next, visits.reached, visits.granted, visits.rank
@@ -65,7 +68,7 @@ def note_requests(dt, kinematics, visits, needs, state, facilities):
             k = following[k]
 
 
-@kernel(inline="always")
+@kernel(inline="always", allocates=False)
 def is_next(robot, visit, lift, needs, grants, facilities):
     """Whether a robot may be the next in a lift."""
     q = facilities.resource[lift]
@@ -76,18 +79,18 @@ def is_next(robot, visit, lift, needs, grants, facilities):
     return found
 
 
-@kernel
+@kernel(allocates=False)
 def run_lifts(now, visits, state, facilities):
     """Where cabins are, and whether robots may enter them."""
     mode, car, target, until_s, session = facilities.mode, facilities.car, facilities.target, facilities.until_s, facilities.session
     ride_s, level, service, calls = facilities.ride_s, facilities.level, facilities.service, facilities.calls
-    holder, reached, vertex, mark_s = state.grants.holder, visits.reached, visits.vertex, state.waits.mark_s
+    holder, reached, vertex = state.grants.holder, visits.reached, visits.vertex
     wish = facilities.wish
     for f in range(len(mode)):
         r = holder[facilities.resource[f]]
         if r >= 0 and facilities.vertex_lift[vertex[reached[r]]] == f:
             mode[f], car[f], session[f] = TAKEN, level[vertex[reached[r]]], r
-            mark_s[r] = now  # a ride is progress
+            get_on(r, now, state.waits)
         elif mode[f] == TAKEN:
             mode[f], session[f] = OPEN, NOBODY
         if mode[f] == COMING and now >= until_s[f] - IN_TIME_S:
@@ -120,7 +123,7 @@ def run_lifts(now, visits, state, facilities):
         facilities.shut[facilities.gate_lane[g]] = mode[f] != OPEN or car[f] != facilities.gate_level[g]
 
 
-@kernel(inline="always")
+@kernel(inline="always", allocates=False)
 def come(now, lift, wanted, facilities):
     """Send a lift that stands to a level, where it will stand with open doors."""
     mode, car, until_s = facilities.mode, facilities.car, facilities.until_s
@@ -132,7 +135,7 @@ def come(now, lift, wanted, facilities):
         mode[lift], facilities.target[lift], until_s[lift] = COMING, wanted, now + facilities.open_s[lift, wanted]
 
 
-@kernel
+@kernel(allocates=False)
 def run_doors(now, facilities):
     """Whether robots may go through doors."""
     mode, until_s, asked, soon, door_s = (
@@ -159,3 +162,9 @@ def run_doors(now, facilities):
             mode[d], until_s[d] = CLOSING, now + door_s[d]
     for i in range(len(facilities.through)):
         facilities.shut[facilities.through[i]] = mode[facilities.through_door[i]] != STANDS_OPEN
+
+
+def ask_for_ride(wish: RideRequests, lift: int, levels: tuple[int, int], since_s: float, hold_s: float) -> None:
+    """People want to ride a lift from one level to another; the one before is over."""
+    wish.begin[lift], wish.end[lift] = levels
+    wish.hold_s[lift], wish.stage[lift], wish.since_s[lift] = hold_s, BOARDING, since_s

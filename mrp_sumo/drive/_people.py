@@ -21,9 +21,10 @@ def book_lost(dt, people):
         people.lost_s[r] += dt * people.lost_share[r]
 
 
-@kernel(allocates=False)
-def heed(r, wanted, now, dt, kinematics, visits, motion, people):
+@kernel(inline="always", allocates=False)
+def heed(r, wanted, now, scene):
     """The speed for the next step, at most `wanted`, that people and lanes leave a robot."""
+    dt, kinematics, visits, motion, people = scene.rules.step_s, scene.kinematics, scene.visits, scene.state.motion, scene.conditions.people
     halted, since, free_since, share = people.halted, people.since_s, people.free_since_s, people.lost_share
     v, turns = min(wanted, people.cap_mps[r]), motion.turning[r] and motion.moved_m[r] == 0.0
     speed_mps = in_grains(motion.speed_mps[r])
@@ -111,7 +112,7 @@ def room_ahead(r, most, visits, motion, people):
 @kernel(allocates=False)
 def is_clear_around(r, visits, motion, people):
     """Whether nobody is where a robot that turns in place could touch them."""
-    x, y = place_of(r, in_grains(motion.s_m[r]), visits.reached[r], visits.next, visits.at_m, visits.lane, visits.vertex, people)
+    x, y = place_of(in_grains(motion.s_m[r]), visits.reached[r], visits, people)
     most = np.hypot(people.half_length_m[r], people.half_width_m[r]) + people.side_m + people.body_m
     for row in range(bin_row(y - most, people), bin_row(y + most, people) + 1):
         begin = people.first[row * people.columns + bin_column(x - most, people)]
@@ -136,8 +137,9 @@ def bin_column(x, people):
 
 
 @kernel(inline="always", allocates=False)
-def place_of(r, s, reached, following, at_m, lane, vertex, people):
+def place_of(s, reached, visits, people):
     """Where a robot is that has driven so far."""
+    following, at_m, lane, vertex = visits.next, visits.at_m, visits.lane, visits.vertex
     k = following[reached]
     while k >= 0 and s > at_m[k] and following[k] >= 0:
         reached, k = k, following[k]
@@ -158,10 +160,10 @@ def in_grains(where):
 @kernel(allocates=False)
 def see_robots(dt, driven_m, visits, motion, people):
     """Where people see robots that have driven `driven_m` [R]: where these are when the step is over, headings one step old."""
-    following, at_m, lane, vertex = visits.next, visits.at_m, visits.lane, visits.vertex
+    following, at_m, lane = visits.next, visits.at_m, visits.lane
     for r in range(len(driven_m)):
         reached, s, was = visits.reached[r], in_grains(driven_m[r]), in_grains(motion.s_m[r])
-        people.robot_x[r], people.robot_y[r] = place_of(r, s, reached, following, at_m, lane, vertex, people)
+        people.robot_x[r], people.robot_y[r] = place_of(s, reached, visits, people)
         people.robot_yaw[r] = motion.yaw_rad[r]
         along = (s - was) / dt
         k = following[reached]

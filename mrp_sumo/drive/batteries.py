@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from mrp_sumo.core.battery import Battery, BatteryLog
+from mrp_sumo.core.fleet import Fleet
 from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, frozen
 
 BATTERIES = 43  # purpose of the stream of chance
@@ -33,26 +34,59 @@ class Batteries:
         """Samples [K, R] of what robots did, one period after the other."""
         self._samples.append(np.stack([yaw_rad, speed_mps], 1))
 
+    @property
+    def num_samples(self) -> int:
+        """Samples since the last look, and the last before it."""
+        return sum(map(len, self._samples))
+
     def observe(self, now_s: float, charging: BoolArray) -> list[int]:
         """Drain and fill batteries by what robots have done since the last look. Returns those that have run empty in it."""
+        return self.observe_each([now_s], [self.num_samples], charging)
+
+    def observe_each(self, looks_s: Sequence[float], num_samples: Sequence[int], charging: BoolArray) -> list[int]:
+        """`observe` at several times, of which each comes after so many of the samples; the first is the last before the first look.
+
+        Returns those that have run empty in the last.
+        """
         samples, dt = np.concatenate(self._samples), self._period_s
         yaw_rad, speed_mps = samples[:, 0], samples[:, 1]
         turn_rate = ((np.diff(yaw_rad, axis=0) + np.pi) % (2 * np.pi) - np.pi) / dt
         turning = np.diff(turn_rate, axis=0, prepend=self._rate) / dt
         mean_mps, accel = (speed_mps[1:] + speed_mps[:-1]) / 2, np.diff(speed_mps, axis=0) / dt
-        drawn_j = np.zeros(len(self.level))
-        for battery, mine in self._of_kind:
-            drawn_j[mine] = battery.power_w(mean_mps[:, mine], accel[:, mine], turn_rate[:, mine], turning[:, mine]).sum(0) * dt
-        before, filled = self.level, np.where(charging, len(turn_rate) * dt / self._full_s, 0.0)
+        powers_w = [
+            (mine, battery.power_w(mean_mps[:, mine], accel[:, mine], turn_rate[:, mine], turning[:, mine]))
+            for battery, mine in self._of_kind
+        ]
+        begin, emptied = 0, np.zeros(0, np.int64)
+        for look_s, count in zip(looks_s, num_samples):
+            drawn_j = np.zeros(len(self.level))
+            for mine, power_w in powers_w:
+                drawn_j[mine] = power_w[begin : count - 1].sum(0) * dt
+            emptied = self._take(drawn_j, (count - 1 - begin) * dt, charging)
+            begin = count - 1
+            if look_s >= len(self._t_s) * SAMPLE_S - 1e-9:
+                self._note(look_s)
+        self._samples, self._rate = [samples[begin:]], np.concatenate([self._rate, turn_rate])[begin : begin + 1]
+        return emptied.tolist()
+
+    def _take(self, drawn_j: FloatArray, charged_s: float, charging: BoolArray) -> IntArray:
+        """Robots have drawn so much [R], or have been charged for so long. Returns those that have run empty."""
+        before, filled = self.level, np.where(charging, charged_s / self._full_s, 0.0)
         drained = ~charging & (drawn_j > 0) & (drawn_j >= before * self._energy_j)
         used_j = np.where(charging, 0.0, np.minimum(drawn_j, before * self._energy_j))  # no more than there is
         self.level = np.where(drained, 0.0, np.clip(before - used_j / self._energy_j + filled, 0.0, 1.0))
         self._used_j += used_j
         self._charged_j += (np.minimum(before + filled, 1.0) - before) * charging * self._energy_j
-        self._samples, self._rate = [samples[-1:]], np.concatenate([self._rate, turn_rate])[-1:]
-        if now_s >= len(self._t_s) * SAMPLE_S - 1e-9:
-            self._note(now_s)
-        return np.flatnonzero((self.level <= 0) & (before > 0)).tolist()
+        return np.flatnonzero((self.level <= 0) & (before > 0))
+
+    def most_per_s(self, fleet: Fleet) -> FloatArray:
+        """[R] shares of their capacity that robots draw in a second at most, or that they are charged by."""
+        share = 1 / self._full_s
+        for battery, mine in self._of_kind:
+            accel, rate = np.maximum(fleet.accel_mps2, fleet.decel_mps2)[mine], fleet.turn_rate_rad_s[mine]
+            most_w = battery.power_w(fleet.max_speed_mps[mine], accel, rate, 2 * rate / self._period_s)
+            share[mine] = np.maximum(share[mine], most_w / self._energy_j[mine])
+        return share
 
     def log(self, now_s: float, critical: float) -> BatteryLog:
         """What has become of them until now."""

@@ -7,11 +7,11 @@ import numpy as np
 
 from mrp_sumo.core.execution import Event
 from mrp_sumo.core.visits import Visits
-from mrp_sumo.drive import _causes, _controller, _onward
+from mrp_sumo.drive import _causes, _cycle, _grants
 from mrp_sumo.drive.ledger import Ledger
 from mrp_sumo.drive.policy import Policy
 from mrp_sumo.drive.settings import ExecutionSettings
-from mrp_sumo.drive.state import Conditions, Kinematics, Rules, Tape, empty_log, empty_news
+from mrp_sumo.drive.state import Conditions, Kinematics, Rules, StepArrays, Tape, empty_log, empty_news
 from mrp_sumo.engines.kinematic.engine import KinematicEngine
 from mrp_sumo.engines.protocol import Bodies, Engine
 from mrp_sumo.search.entry import entry_for
@@ -31,11 +31,12 @@ WHY = {
 class Controller:
     """Grants what the ledger allows under a policy, which may change with a new plan."""
 
-    def __init__(self, ledger: Ledger, policy: Policy, settings: ExecutionSettings, *, paced: bool = True) -> None:
-        """`paced` says whether robots that are early may be slowed down where the policy asks for it."""
+    def __init__(self, ledger: Ledger, policy: Policy, settings: ExecutionSettings, *, paced: bool = True, books: bool = True) -> None:
+        """`paced` says whether robots that are early may be slowed down where the policy asks for it, `books`, whether somebody wants to
+        know what their time is spent on.
+        """
         fleet, dt = ledger.problem.fleet, settings.step_length_s
         self.ledger = ledger
-        self.dt = dt
         self.kinematics = Kinematics(
             speed_mps=fleet.max_speed_mps,
             decel_mps2=fleet.decel_mps2,
@@ -45,7 +46,7 @@ class Controller:
             gap_m=fleet.gap_m,
         )
         self._cell_m = ledger.graph.cell_m - A_CELL_LESS_M
-        self._settings, self._paced = settings, paced
+        self._settings, self._paced, self._books = settings, paced, books
         self.follow(policy)
         self._log, self._news = empty_log(ledger.num_robots), empty_news(ledger.num_robots)
         self._num_changed = self._num_due = 0
@@ -56,10 +57,16 @@ class Controller:
     def follow(self, policy: Policy) -> None:
         """Grant by this policy from now on."""
         self.policy = policy
-        settings = self._settings
-        asks_late = getattr(policy, "asks_late", False)
-        of_policy = (policy.look_ahead + self._braking_lanes(), policy.paced and self._paced, asks_late)
-        self.rules = Rules(self._cell_m, settings.blocking_window_s, WAIT_LEAST_S, *of_policy)
+        self.rules = Rules(
+            step_s=self._settings.step_length_s,
+            books=self._books,
+            cell_m=self._cell_m,
+            window_s=self._settings.blocking_window_s,
+            wait_least_s=WAIT_LEAST_S,
+            look_ahead=policy.look_ahead + self._braking_lanes(),
+            paced=policy.paced and self._paced,
+            asks_late=getattr(policy, "asks_late", False),
+        )
 
     def _braking_lanes(self) -> int:
         """How many whole lanes robots may need to come to a stop: who may not claim so many never reaches full speed."""
@@ -69,14 +76,12 @@ class Controller:
 
     def advance(self, now_s: float, bodies: Bodies, conditions: Conditions, *, observe: bool) -> list[Event]:
         """Observe the step that ended now (not before the first one), grant, and set speeds. Returns what happened."""
-        ledger = self.ledger
-        step = (observe, now_s, self.dt, bodies.driven_m, self.kinematics, self.rules)
-        arrays = (ledger.visits, ledger.needs, ledger.state, conditions, bodies.routed, self._log, self._news)
-        num_logged, self._num_changed, self._num_due = self._call(_controller.advance, *step, *arrays)
+        step = observe, now_s, bodies.driven_m, bodies.routed
+        num_logged, self._num_changed, self._num_due = self._call(_cycle.advance, *step, self._scene(conditions))
         return self._events(num_logged) if num_logged else []
 
     def drive_on(
-        self, step: int, most: int, sample_every: int, bodies: KinematicEngine, conditions: Conditions, tape: Tape
+        self, step: int, most: int, bodies: KinematicEngine, conditions: Conditions, tape: Tape
     ) -> tuple[list[Event], int, int, int]:
         """`advance` for the step that bodies have made, and for as many more, at most, as nothing happens in but on the tape.
 
@@ -85,11 +90,15 @@ class Controller:
         events, made, num_samples, num_grants
             What happened in the last of these steps, the steps made by bodies, and what of the tape has been filled in.
         """
-        ledger = self.ledger
-        arrays = (ledger.visits, ledger.needs, ledger.state, conditions, bodies.routed, self._log, self._news, tape)
-        arguments = (step, most, self.dt, sample_every, bodies.bodies, self.kinematics, self.rules, *arrays)
-        made, num_logged, self._num_changed, self._num_due, num_samples, num_grants = self._call(_onward.drive_on, *arguments)
+        on = step, most, bodies.bodies, bodies.routed
+        made, num_logged, self._num_changed, self._num_due, num_samples, num_grants = self._call(
+            _cycle.drive_on, *on, self._scene(conditions), tape
+        )
         return self._events(num_logged) if num_logged else [], made, num_samples, num_grants
+
+    def _scene(self, conditions: Conditions) -> StepArrays:
+        ledger = self.ledger
+        return StepArrays(self.kinematics, self.rules, ledger.visits, ledger.needs, ledger.state, conditions, self._log, self._news)
 
     def _call(self, kernel: Callable[..., Any], *arguments: Any) -> tuple[int, ...]:
         """Call a kernel with the ledger's arrays, whose types are looked at when these are new ones."""
@@ -112,7 +121,7 @@ class Controller:
 
     def send_again(self) -> None:
         """Speeds that were set in this step may be set again: send them all."""
-        self.ledger.state.grants.command_mps[:] = -1.0
+        _grants.send_again(self.ledger.state.grants)
 
     def divert(self, replan_robots: list[int], backs: list[int], bodies: Engine) -> None:
         """Robots have been sent other ways."""
@@ -135,7 +144,7 @@ class Controller:
     def deadlock(self, t_s: float, cycle: tuple[int, ...]) -> Event:
         """A deadlock with its cycle by robot and the vertex each wants."""
         names, wanted = self.ledger.problem.fleet.robot_name, self.ledger.state.grants.wanted
-        vertex = self.ledger.column("vertex")[wanted[list(cycle)]].tolist()
+        vertex = self.ledger.visits.vertex[wanted[list(cycle)]].tolist()
         text = " waits for ".join(f"{names[r]} (to '{self.ledger.graph.known_as(v)}')" for r, v in zip(cycle, vertex))
         return Event(t_s, "deadlock", cycle[0], vertex[0], cycle[1 % len(cycle)], 0.0, f"{text} waits for {names[cycle[0]]}")
 
@@ -144,12 +153,12 @@ class Controller:
         return self._event(kind, robot, int(waits.cause[robot]), int(waits.where[robot]), int(waits.other[robot]), begin_s, end_s)
 
     def _events(self, num_logged: int) -> list[Event]:
-        columns = (column[:num_logged].tolist() for column in self._log)
+        columns = (column[:num_logged].tolist() for column in self._log[1:])
         return [self._event(*entry) for entry in zip(*columns)]
 
     def _event(self, kind: int, robot: int, cause: int, visit: int, other: int, begin_s: float, end_s: float) -> Event:
         begin_s, end_s = round(begin_s, 9), round(end_s, 9)
-        vertex = int(self.ledger.column("vertex")[visit]) if visit >= 0 else -1
+        vertex = int(self.ledger.visits.vertex[visit]) if visit >= 0 else -1
         if kind == _causes.SET_OUT:
             return Event(begin_s, "started", robot, vertex)
         if kind == _causes.ARRIVED_AT_GOAL:
@@ -161,6 +170,6 @@ class Controller:
 
     def _facility(self, visit: int) -> str:
         """The lift or door for which a robot waits that is to make a visit."""
-        lane = int(self.ledger.column("lane")[visit])
+        lane = int(self.ledger.visits.lane[visit])
         options = self.ledger.graph.lane_options[lane]
         return f"door '{options['door']}'" if options.get("door") else f"lift '{options.get('cabin', '')}'"

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from mrp_sumo.core.graph import IntArray
-from mrp_sumo.drive import _controller
+from mrp_sumo.drive import _observe
 from mrp_sumo.drive._causes import ARRIVED_M
 from mrp_sumo.drive.state import State
 from mrp_sumo.search._bodies import TIE_M
@@ -26,7 +26,7 @@ class DeadlockWatch:
         if not (since_s < np.inf).any():
             self.known.clear()
             return []
-        label = _controller.waiting_cycles(other, since_s)
+        label = _observe.waiting_cycles(other, since_s)
         found = {_cycle(label, other, number) for number in range(1, int(label.max()) + 1)}
         new = sorted(found - self.known)
         self.known = found

@@ -31,8 +31,11 @@ def door_names(graph: NavGraph) -> list[str]:
     return sorted({str(options["door"]) for options in graph.lane_options if options.get("door")})
 
 
-def facilities_of(graph: NavGraph, resources: Resources) -> Facilities:
-    """The lifts and doors of a graph, closed; cabins are where robots or the map have them at first."""
+def facilities_of(graph: NavGraph, resources: Resources, *, people_open: bool = True) -> Facilities:
+    """The lifts and doors of a graph, closed; cabins are where robots or the map have them at first.
+
+    Manual doors open for people only, or, without `people_open`, for robots like others.
+    """
     lifts, doors = lift_names(graph), door_names(graph)
     tail, head = graph.tail, graph.head
     vertex_lift = _numbered([options.get("in_lift") for options in graph.vertex_options] if lifts else [], lifts, graph.num_vertices)
@@ -45,7 +48,7 @@ def facilities_of(graph: NavGraph, resources: Resources) -> Facilities:
     vertex_door = np.full(graph.num_vertices, -1)
     for k in np.flatnonzero(lane_door >= 0).tolist():
         door_s[lane_door[k]] = graph.lane_options[k]["door_s"]
-        manual[lane_door[k]] = graph.lane_options[k].get("door_manual", False)
+        manual[lane_door[k]] = people_open and graph.lane_options[k].get("door_manual", False)
     for v, options in enumerate(graph.vertex_options if doors else ()):
         if options.get("door"):
             vertex_door[v] = doors.index(options["door"])

@@ -115,7 +115,7 @@ def _place(around: Surroundings, robot: int, others: tuple[int, ...]) -> tuple[f
 
 def _giving_way(around: Surroundings, robot: int, others: tuple[int, ...], out: list[int], now: float) -> tuple[GivingWay, Reroute]:
     graph, ledger, granted = around.graph, around.ledger, around.granted(robot)
-    vertex, arrive_s, depart_s = ledger.column("vertex"), ledger.column("arrive_s"), ledger.column("depart_s")
+    vertex, arrive_s, depart_s = ledger.visits.vertex, ledger.visits.arrive_s, ledger.visits.depart_s
     turns_back = bool(around.state.grants.on_lane[robot])
     there = out if turns_back else out[1:]
     home = out[-2::-1]  # the way back, after the place

@@ -20,6 +20,7 @@ from mrp_sumo.core.plan import Plan
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.core.task import Task
 from mrp_sumo.core.visits import Visits
+from mrp_sumo.drive import _grants, _observe
 from mrp_sumo.drive._causes import DISTURBED, TURNED_RAD
 from mrp_sumo.drive.live_plan import LivePlan, in_grains
 from mrp_sumo.drive.motion_plan import Departure, MotionPlan, motion_plan
@@ -32,17 +33,16 @@ from mrp_sumo.traffic.passages import Needs, Schedule, in_places, order_of
 from mrp_sumo.traffic.resources import Resources
 from mrp_sumo.traffic.schedule import check_order
 
-VISIT_COLUMNS = {  # of `Visits`, by what an empty place holds
+NO_VISIT = {  # what a place in the arrays [N] of `Visits` holds where there is no visit
     **dict.fromkeys(("next", "lane"), -1),
     **dict.fromkeys(("rank", "vertex"), 0),
     **dict.fromkeys(("from_m", "at_m", "heading_rad", "arrive_s", "depart_s", "earliest_s", "due_s", "short_of_m"), 0.0),
     "turns": False,
     "arrived_s": np.nan,
 }
-EMPTY = VISIT_COLUMNS | {"robot": 0}  # and of the ledger alone
+NO_NEED = {"resource": 0, "on_lane": False, "left_at_m": 0.0, "freed": False, "passage": 0, "closes": True}  # the same of `VisitNeeds` [M]
 LOGGED = ("vertex", "arrive_s", "depart_s", "arrived_s")
 MANY = 20_000  # visits, before which nothing is forgotten
-NEED_COLUMNS = {"resource": 0, "on_lane": False, "left_at_m": 0.0, "freed": False, "passage": 0, "closes": True}
 
 
 @dataclass(frozen=True)
@@ -91,23 +91,19 @@ class Ledger:
         self._cut: IntArray | None = None  # [R] the visits beyond which nobody is granted anything, while there is a cut
         self._pause_before = np.zeros(0, np.int64)
         self._pieces = [[(r, r + 1)] for r in range(num_robots)]  # of each robot's way: ids [a, b)
-        self._columns = {name: np.zeros(0, np.asarray(empty).dtype) for name, empty in EMPTY.items()}
-        self._need_columns = {name: np.zeros(0, np.asarray(empty).dtype) for name, empty in NEED_COLUMNS.items()}
-        self._need_first = np.zeros(1, np.int64)
-        self._passing: IntArray = frozen(np.zeros(0, np.int64))
         start = np.arange(num_robots)
-        self._of_robot: dict[str, NDArray[Any]] = {name: start.copy() for name in ("first", "last", "reached", "granted")}
+        self.visits = Visits(
+            **_room(NO_VISIT), first=start, last=start.copy(), reached=start.copy(), granted=start.copy(), reverse=graph.reverse
+        )
+        self.needs = VisitNeeds(first=np.zeros(1, np.int64), **_room(NO_NEED), passing=frozen(np.zeros(0, np.int64)))
         self._goal, self._facing_rad = problem.target, problem.heading_at_target
         at_rest = Departure.at_rest(problem.heading_at_start)
         laid_out = motion_plan(graph, resources, _at_starts(problem.start), at_rest, np.zeros(0, np.int64), problem.fleet.kind)
         self._write(laid_out, np.ones(num_robots, np.bool_))
-        self._columns["robot"][:num_robots] = start
-        self._columns["arrived_s"][:num_robots] = 0.0
         self.state = state_at_rest(num_robots, laid_out.needs.num_resources, graph.num_lanes, start)
-        self.state.motion.yaw_rad[:] = problem.heading_at_start  # others face the way that they are sent first
+        _observe.begin(self.visits, self.state.motion, problem.heading_at_start)
         for r in range(num_robots):
-            self._hold(r, r)
-        self._show()
+            _grants.hold(self.state.grants, r, self._resources_of(r))
 
     @property
     def graph(self) -> PlanGraph:
@@ -126,16 +122,12 @@ class Ledger:
 
     def all_ids(self, robot: int) -> IntArray:
         """All visits of a robot that it has made or is still to make."""
-        return self.ids(robot, int(self._of_robot["first"][robot]))
-
-    def column(self, name: str) -> NDArray[Any]:
-        """[N] of all visits: a field of `Visits`, or robot."""
-        return self._columns[name][: self.num_visits]
+        return self.ids(robot, int(self.visits.first[robot]))
 
     def resources_from(self, robot: int, since: int) -> IntArray:
         """Resources that a robot holds, or needs on its way from a visit on."""
         needs = self._needs_of(self.ids(robot, since))[1]
-        resource: IntArray = self._need_columns["resource"][needs]
+        resource: IntArray = self.needs.resource[needs]
         return resource
 
     @property
@@ -147,7 +139,7 @@ class Ledger:
     @property
     def joint(self) -> IntArray:
         """[R] the visits after which new ways begin: those of the cut while there is one, else the last that robots have been granted."""
-        return self._of_robot["granted"].copy() if self._cut is None else self._cut
+        return self.visits.granted.copy() if self._cut is None else self._cut
 
     @property
     def committed(self) -> tuple[tuple[int, ...], ...]:
@@ -178,10 +170,10 @@ class Ledger:
         stays
             [R] robots that are granted nothing more.
         """
-        self._cut = self._grown(lead_s, kinematics, closed, stays) if len(self._passing) else self._of_robot["granted"].copy()
+        self._cut = self._grown(lead_s, kinematics, closed, stays) if len(self.needs.passing) else self.visits.granted.copy()
         pause = self.state.yielding.pause
         self._pause_before = pause.copy()
-        np.minimum(pause, self._columns["rank"][self._cut], out=pause)
+        np.minimum(pause, self.visits.rank[self._cut], out=pause)
 
     def lift(self) -> None:
         """Robots may be granted what comes after the cut."""
@@ -191,12 +183,12 @@ class Ledger:
 
     def _grown(self, lead_s: float, kinematics: Kinematics, closed: BoolArray, stays: BoolArray) -> IntArray:
         """[R] the cut: visits are added as long as those who pass before are within it."""
-        columns, of_robot, grants = self._columns, self._of_robot, self.state.grants
-        rank, following, at_m, lane = columns["rank"], columns["next"], columns["at_m"], columns["lane"]
-        cut = of_robot["granted"].copy()
+        visits, grants = self.visits, self.state.grants
+        rank, following, at_m, lane = visits.rank, visits.next, visits.at_m, visits.lane
+        cut = visits.granted.copy()
         top, pause = kinematics.speed_mps, self.state.yielding.pause
         to_m = self.state.motion.s_m + top * lead_s + top**2 / (2 * kinematics.decel_mps2) + kinematics.reach_m
-        needs, turn = self._need_columns, grants.turn
+        needs, turn = self.needs, grants.turn
         left = self._left_ranks()
         growing = [r for r in range(self.num_robots) if not stays[r]]
         grown = True
@@ -206,14 +198,14 @@ class Ledger:
                 while True:
                     m = int(cut[r])
                     k = int(following[m])
-                    entered = m == of_robot["granted"][r] and grants.on_lane[r]
+                    entered = m == visits.granted[r] and grants.on_lane[r]
                     if k < 0 or rank[m] >= pause[r] or (at_m[m] >= to_m[r] - TIE_M and not entered) or (closed[lane[k]] and not entered):
                         break
-                    mine = slice(self._need_first[k], self._need_first[k + 1])
+                    mine = slice(needs.first[k], needs.first[k + 1])
                     before = (
-                        j for q, p in zip(needs["resource"][mine].tolist(), needs["passage"][mine].tolist()) for j in range(int(turn[q]), p)
+                        j for q, p in zip(needs.resource[mine].tolist(), needs.passage[mine].tolist()) for j in range(int(turn[q]), p)
                     )
-                    if not all((other := int(self._passing[j])) == r or rank[cut[other]] >= left[j] for j in before):
+                    if not all((other := int(needs.passing[j])) == r or rank[cut[other]] >= left[j] for j in before):
                         still.append(r)
                         break
                     cut[r], grown = k, True
@@ -224,10 +216,10 @@ class Ledger:
         """[E] rank of the visit at whose arrival each passage is over; 0 where it is."""
         ids = np.concatenate([self.ids(r, oldest) for r, oldest in enumerate(self.state.grants.oldest.tolist())])
         first, at = self._needs_of(ids)
-        needs, rank = self._need_columns, np.repeat(self._columns["rank"][ids], np.diff(first))
-        closes = needs["closes"][at]
-        left = np.zeros(len(self._passing), np.int64)
-        left[needs["passage"][at[closes]]] = (rank + ~needs["on_lane"][at])[closes]
+        needs, rank = self.needs, np.repeat(self.visits.rank[ids], np.diff(first))
+        closes = needs.closes[at]
+        left = np.zeros(len(self.needs.passing), np.int64)
+        left[needs.passage[at[closes]]] = (rank + ~needs.on_lane[at])[closes]
         return left
 
     def append(self, replan: Replan, policy: Policy, now_s: float) -> None:
@@ -242,7 +234,7 @@ class Ledger:
         ways = [replan.reroute[r] for r in robots.tolist()]
         joints = self.joint
         joint = joints[robots]
-        plan = _from_joints(ways, self._columns["vertex"][joint], now_s)
+        plan = _from_joints(ways, self.visits.vertex[joint], now_s)
         departure = self._departure(robots, joint, ways)
         needless = np.flatnonzero(np.isin(robots, sorted(replan.left_alone)))
         laid_out = motion_plan(self.graph, self.resources, plan, departure, needless, self.problem.fleet.kind[robots])
@@ -259,10 +251,9 @@ class Ledger:
             schedule = policy.order(self.problem, live, self._plan_needs(at))
         except PlanError:
             self.num_visits, self.num_needs = before
-            self._show()  # room may have been made
             raise
         self.lift()
-        since, count = self._columns["rank"][joint], np.diff(plan.first) - 1
+        since, count = self.visits.rank[joint], np.diff(plan.first) - 1
         self.entries.append(Entry(now_s, replan.reason, replan.text, before[0], self.num_visits, robots, since, count))
         self._face(robots, laid_out.heading_rad[plan.first[:-1]], np.diff(plan.first) > 1)
         self._turn_back([r for r, way in zip(robots.tolist(), ways) if way.back])
@@ -274,14 +265,13 @@ class Ledger:
             self._set_out_anew(r, way, now_s)
         for r, vertex in replan.ends.items():
             self.end_of_tasks[r] = vertex
-        self.state.home[:] = self._columns["vertex"][self._of_robot["last"]] == self.end_of_tasks
+        self.state.home[:] = self.visits.vertex[self.visits.last] == self.end_of_tasks
         self.state.facing_rad[:] = np.where(self.state.home & (self.end_of_tasks == self._goal), self._facing_rad, np.nan)
-        goal_s = self.state.waits.goal_s
-        stays = self.state.home & (self._of_robot["last"] == self._of_robot["reached"]) & self.turned
-        goal_s[robots] = np.where(stays[robots], np.where(np.isfinite(goal_s[robots]), goal_s[robots], now_s), np.nan)
+        goal_s = self.state.waits.goal_s[robots]
+        stays = (self.state.home & (self.visits.last == self.visits.reached) & self.turned)[robots]
+        _observe.stand_at_goal(self.state.waits, robots, np.where(stays, np.where(np.isfinite(goal_s), goal_s, now_s), np.nan))
         for r in sorted(replan.left_alone):
-            self.state.yielding.pause[r] = self._columns["rank"][self._of_robot["granted"][r]]
-        self._show()
+            self.state.yielding.pause[r] = self.visits.rank[self.visits.granted[r]]
 
     @property
     def is_full(self) -> bool:
@@ -296,38 +286,37 @@ class Ledger:
         needed
             [R] visits, of which neither they are forgotten nor what comes after them.
         """
-        rank, ids = self._columns["rank"], []
+        visits, needs, ids = self.visits, self.needs, []
         for r, oldest in enumerate(self.state.grants.oldest.tolist()):
-            mine, reached = self.all_ids(r), int(self._of_robot["reached"][r])
-            since = int(np.searchsorted(rank[mine], min(rank[reached], rank[oldest], rank[needed[r]])))
+            mine, reached = self.all_ids(r), int(visits.reached[r])
+            since = int(np.searchsorted(visits.rank[mine], min(visits.rank[reached], visits.rank[oldest], visits.rank[needed[r]])))
             ids.append(mine[max(0, since - 1) :])  # robots stop a little short of what they have reached
         keep = np.zeros(self.num_visits, np.bool_)
         keep[np.concatenate(ids)] = True
         for entry in self.entries:
             self._log(entry, keep)
-        new = np.cumsum(keep) - 1
+        new = np.append(np.where(keep, np.cumsum(keep) - 1, -1), -1)  # the last place is that of -1, no visit
         new_begin = np.append(0, np.cumsum(keep))
         for entry in self.entries:
             entry.begin, entry.end = int(new_begin[entry.begin]), int(new_begin[entry.end])
-        count = np.diff(self._need_first[: self.num_visits + 1])
-        need = np.repeat(keep, count)
-        self._columns = {name: column[: self.num_visits][keep] for name, column in self._columns.items()}
-        self._need_columns = {name: column[: self.num_needs][need] for name, column in self._need_columns.items()}
-        self._need_first = np.concatenate([[0], np.cumsum(count[keep])]).astype(np.int64)
-        following = self._columns["next"]
-        following[following >= 0] = new[following[following >= 0]]
         for r, mine in enumerate(ids):
-            self._of_robot["first"][r] = mine[0]
             breaks = np.flatnonzero(np.diff(mine) != 1) + 1
             self._pieces[r] = [(int(new[part[0]]), int(new[part[-1]]) + 1) for part in np.split(mine, breaks)]
-        waits, grants = self.state.waits, self.state.grants
-        cut = [] if self._cut is None else [self._cut]
-        of_robots = (*self._of_robot.values(), needed, grants.oldest, grants.wanted, waits.where, *cut)
-        for visits in of_robots:
-            visits[:] = np.where((visits >= 0) & keep[np.maximum(visits, 0)], new[np.maximum(visits, 0)], -1)
+        count = np.diff(needs.first[: self.num_visits + 1])
+        need = np.repeat(keep, count)
+        of_visit = {name: getattr(visits, name)[: self.num_visits][keep] for name in NO_VISIT}
+        of_robot = {name: new[getattr(visits, name)] for name in ("last", "reached", "granted")}
+        first = np.array([new[mine[0]] for mine in ids], np.int64)
+        self.visits = Visits(**of_visit | {"next": new[of_visit["next"]]}, first=first, **of_robot, reverse=visits.reverse)
+        of_need = {name: getattr(needs, name)[: self.num_needs][need] for name in NO_NEED}
+        self.needs = needs._replace(first=np.concatenate([[0], np.cumsum(count[keep])]).astype(np.int64), **of_need)
+        _grants.renumber(self.state.grants, new)
+        _observe.renumber(self.state.waits, new)
+        needed[:] = new[needed]
+        if self._cut is not None:
+            self._cut = new[self._cut]
         self.num_visits = self._num_kept = int(keep.sum())
         self.num_needs = int(need.sum())
-        self._show()
 
     def _log(self, entry: Entry, keep: BoolArray) -> None:
         """Write down what is forgotten of an entry."""
@@ -335,20 +324,20 @@ class Ledger:
         if keep[mine].all():
             return
         if entry.past is None:
-            entry.past, entry.live = {name: self._columns[name][mine].copy() for name in LOGGED}, np.arange(entry.end - entry.begin)
+            entry.past, entry.live = {name: getattr(self.visits, name)[mine].copy() for name in LOGGED}, np.arange(entry.end - entry.begin)
         assert entry.live is not None
         for name in ("depart_s", "arrived_s"):
-            entry.past[name][entry.live] = self._columns[name][mine]
+            entry.past[name][entry.live] = getattr(self.visits, name)[mine]
         entry.live = entry.live[keep[mine]]
 
     def logged(self, entry: Entry) -> dict[str, NDArray[Any]]:
         """[N] `LOGGED` of the visits of an entry, as they are now or were when they were forgotten."""
         mine = slice(entry.begin, entry.end)
         if entry.past is None or entry.live is None:
-            return {name: self._columns[name][mine] for name in LOGGED}
+            return {name: getattr(self.visits, name)[mine] for name in LOGGED}
         columns = {name: column.copy() for name, column in entry.past.items()}
         for name in ("depart_s", "arrived_s"):
-            columns[name][entry.live] = self._columns[name][mine]
+            columns[name][entry.live] = getattr(self.visits, name)[mine]
         return columns
 
     def decide(self, policy: DecidingPolicy, now_s: float) -> bool:
@@ -359,16 +348,16 @@ class Ledger:
         PlanError
             When its order cannot be kept, or lets somebody pass before a robot that has been granted the passage already.
         """
-        granted_ids = self._of_robot["granted"].tolist()
+        granted_ids = self.visits.granted.tolist()
         ahead = {r: self.ids(r, visit)[1:] for r, visit in enumerate(granted_ids)}
-        leave_s = dict(enumerate(self._columns["depart_s"][granted_ids].tolist()))
-        live, ids = self._live(ahead, self._of_robot["granted"], leave_s, -1.0)
+        leave_s = dict(enumerate(self.visits.depart_s[granted_ids].tolist()))
+        live, ids = self._live(ahead, self.visits.granted, leave_s, -1.0)
         needs = self._plan_needs(ids)
         schedule = policy.decide(self.problem, self._under_way(live, ids, needs, now_s), needs, now_s)
         if schedule is None:
             return False
         check_order(self.problem, live, schedule)
-        granted = self._columns["rank"][ids] <= self._columns["rank"][self._of_robot["granted"]][live.robot]
+        granted = self.visits.rank[ids] <= self.visits.rank[self.visits.granted][live.robot]
         behind = schedule.robot[1:] != schedule.robot[:-1]
         behind[schedule.first[1:-1][(schedule.first[1:-1] > 0) & (schedule.first[1:-1] < schedule.num_passages)] - 1] = False
         late = np.flatnonzero(behind & granted[schedule.visit[1:]] & ~granted[schedule.visit[:-1]])
@@ -377,20 +366,19 @@ class Ledger:
             one, other = names[schedule.robot[k]], names[schedule.robot[k + 1]]
             raise PlanError(f"the new order lets {one} pass before {other}, which is on its way already")
         self._take_order(ids, schedule)
-        self._show()
         return True
 
     def _under_way(self, plan: Plan, ids: IntArray, needs: Needs, now_s: float) -> LivePlan:
         """What is left of the plan, the order in force, and where robots are."""
-        columns, reached, motion = self._columns, self._of_robot["reached"], self.state.motion
-        ahead = columns["next"][reached]
-        late_s = columns["arrived_s"][reached] - columns["arrive_s"][reached]
-        place = self._need_columns["passage"][self._needs_of(ids)[1]]
+        visits, reached, motion = self.visits, self.visits.reached, self.state.motion
+        ahead = visits.next[reached]
+        late_s = visits.arrived_s[reached] - visits.arrive_s[reached]
+        place = self.needs.passage[self._needs_of(ids)[1]]
         return LivePlan(
             **vars(plan),
-            order=in_places(order_of(plan, needs), place) if len(self._passing) else None,
-            driven_m=frozen(in_grains(motion.s_m - columns["at_m"][reached])),
-            late_s=frozen(in_grains(np.where(ahead >= 0, np.maximum(late_s, now_s - columns["arrive_s"][ahead]), late_s))),
+            order=in_places(order_of(plan, needs), place) if len(self.needs.passing) else None,
+            driven_m=frozen(in_grains(motion.s_m - visits.at_m[reached])),
+            late_s=frozen(in_grains(np.where(ahead >= 0, np.maximum(late_s, now_s - visits.arrive_s[ahead]), late_s))),
             held=frozen(self.state.grants.cause == DISTURBED),
         )
 
@@ -402,29 +390,28 @@ class Ledger:
         need_begin, need_count = self.num_needs, int(kept.sum())
         self._make_room(begin + count, need_begin + need_count)
         part = slice(begin, begin + count)
-        for name in ("lane", "from_m", "at_m", "heading_rad", "turns", "short_of_m"):
-            self._columns[name][part] = getattr(laid_out, name)[fresh]
-        for name in ("vertex", "arrive_s", "depart_s"):
-            self._columns[name][part] = getattr(plan, name)[fresh]
-        self._columns["arrived_s"][part] = np.nan
+        visits = self.visits
+        visits.vertex[part], visits.arrive_s[part], visits.depart_s[part] = plan.vertex[fresh], plan.arrive_s[fresh], plan.depart_s[fresh]
+        visits.lane[part], visits.from_m[part], visits.at_m[part] = laid_out.lane[fresh], laid_out.from_m[fresh], laid_out.at_m[fresh]
+        visits.heading_rad[part], visits.turns[part] = laid_out.heading_rad[fresh], laid_out.turns[fresh]
+        visits.short_of_m[part] = laid_out.short_of_m[fresh]
         of_visit = np.bincount(needs.visit, minlength=plan.num_visits)[fresh]
-        self._need_first[begin + 1 : begin + count + 1] = need_begin + np.cumsum(of_visit)
+        self.needs.first[begin + 1 : begin + count + 1] = need_begin + np.cumsum(of_visit)
         part = slice(need_begin, need_begin + need_count)
-        self._need_columns["resource"][part] = needs.resource[kept]
-        self._need_columns["on_lane"][part] = needs.on_lane[kept]
-        self._need_columns["left_at_m"][part] = laid_out.left_at_m[kept]
-        self._need_columns["freed"][part] = False
+        self.needs.resource[part] = needs.resource[kept]
+        self.needs.on_lane[part] = needs.on_lane[kept]
+        self.needs.left_at_m[part] = laid_out.left_at_m[kept]
         self.num_visits, self.num_needs = begin + count, need_begin + need_count
         ids: IntArray = begin + np.cumsum(fresh) - 1
         return ids
 
     def _make_room(self, num_visits: int, num_needs: int) -> None:
         """Arrays twice as long where they do not suffice, so that appending takes constant time a visit."""
-        if num_visits > len(self._columns["next"]):
-            self._columns = {name: _longer(column, num_visits, EMPTY[name]) for name, column in self._columns.items()}
-            self._need_first = _longer(self._need_first, num_visits + 1, 0)
-        if num_needs > len(self._need_columns["resource"]):
-            self._need_columns = {name: _longer(column, num_needs, NEED_COLUMNS[name]) for name, column in self._need_columns.items()}
+        if num_visits > len(self.visits.next):
+            self.visits = self.visits._replace(**{k: _longer(getattr(self.visits, k), num_visits, empty) for k, empty in NO_VISIT.items()})
+            self.needs = self.needs._replace(first=_longer(self.needs.first, num_visits + 1, 0))
+        if num_needs > len(self.needs.resource):
+            self.needs = self.needs._replace(**{k: _longer(getattr(self.needs, k), num_needs, empty) for k, empty in NO_NEED.items()})
 
     def _live(self, new: Mapping[int, IntArray], joints: IntArray, leave_s: Mapping[int, float], before_s: float) -> tuple[Plan, IntArray]:
         """The plan from the last visits that robots have reached on, and [N] the ids of its visits.
@@ -432,14 +419,14 @@ class Ledger:
         Robots with an entry in `new` leave their joints at `leave_s` for these. What they have been granted is planned for
         `before_s`, so that it comes first; what they have not been granted up to their joints comes next, in its order, within a second.
         """
-        columns, reached, granted = self._columns, self._of_robot["reached"], self._of_robot["granted"]
+        visits, reached, granted = self.visits, self.visits.reached, self.visits.granted
         ids, granted_already, not_granted, leaves, first = [], [], [], [], [0]
         for r in range(self.num_robots):
             way = self.ids(r, int(reached[r]))
             if r in new:
-                ranks = columns["rank"][way]
-                kept = way[: int(np.searchsorted(ranks, columns["rank"][joints[r]])) + 1]
-                num_granted = int(np.searchsorted(ranks, columns["rank"][granted[r]])) + 1
+                ranks = visits.rank[way]
+                kept = way[: int(np.searchsorted(ranks, visits.rank[joints[r]])) + 1]
+                num_granted = int(np.searchsorted(ranks, visits.rank[granted[r]])) + 1
                 way = np.concatenate([kept, new[r]])
                 granted_already.append(np.arange(len(way)) < num_granted)
                 not_granted.append((np.arange(len(way)) >= num_granted) & (np.arange(len(way)) < len(kept)))
@@ -450,8 +437,8 @@ class Ledger:
             ids.append(way)
             first.append(first[-1] + len(way))
         at, before = np.concatenate(ids), np.concatenate(granted_already)
-        arrive_s = np.where(before, before_s, columns["arrive_s"][at])
-        depart_s = np.where(before, before_s, columns["depart_s"][at])
+        arrive_s = np.where(before, before_s, visits.arrive_s[at])
+        depart_s = np.where(before, before_s, visits.depart_s[at])
         due = np.flatnonzero(np.concatenate(not_granted))
         if len(due):
             entry = np.searchsorted([entry.begin for entry in self.entries], at[due], side="right")
@@ -461,7 +448,7 @@ class Ledger:
             depart_s[place] = time_s
         plan = Plan(
             first=frozen(np.array(first, np.int64)),
-            vertex=frozen(columns["vertex"][at]),
+            vertex=frozen(visits.vertex[at]),
             arrive_s=frozen(arrive_s),
             depart_s=frozen(depart_s),
         )
@@ -469,134 +456,122 @@ class Ledger:
 
     def _needs_of(self, ids: IntArray) -> tuple[IntArray, IntArray]:
         """Of some visits [K], what they still need: CSR offsets [K + 1], and the needs."""
-        begin, end = self._need_first[ids], self._need_first[ids + 1]
+        begin, end = self.needs.first[ids], self.needs.first[ids + 1]
         count = end - begin
         needs = np.repeat(begin - np.cumsum(count) + count, count) + np.arange(int(count.sum()))
-        kept = ~self._need_columns["freed"][needs]
+        kept = ~self.needs.freed[needs]
         left = np.bincount(np.repeat(np.arange(len(ids)), count)[kept], minlength=len(ids))
         return np.concatenate([[0], np.cumsum(left)]).astype(np.int64), needs[kept]
 
     def _plan_needs(self, ids: IntArray) -> Needs:
         """What some visits still need, as policies see it."""
         first, kept = self._needs_of(ids)
-        columns = self._need_columns
-        return Needs(frozen(first), columns["resource"][kept], columns["on_lane"][kept], len(self.state.grants.holder))
+        return Needs(frozen(first), self.needs.resource[kept], self.needs.on_lane[kept], len(self.state.grants.holder))
 
     def _keep_order(self, policy: Policy, plan: Plan, ids: IntArray, schedule: Schedule | None) -> None:
         """Let the visits that are still to be made be driven as the policy says."""
-        columns = self._columns
-        columns["earliest_s"][ids] = policy.earliest_s(plan)
-        columns["due_s"][ids] = plan.arrive_s if policy.paced else 0.0
+        self.visits.earliest_s[ids] = policy.earliest_s(plan)
+        self.visits.due_s[ids] = plan.arrive_s if policy.paced else 0.0
         self._take_order(ids, schedule)
 
     def _take_order(self, ids: IntArray, schedule: Schedule | None) -> None:
         """Robots pass in this order from now on; without one, first come, first served."""
-        needs = self._need_columns
-        self._passing = frozen(np.zeros(0, np.int64)) if schedule is None else schedule.robot
+        needs = self.needs = self.needs._replace(passing=frozen(np.zeros(0, np.int64)) if schedule is None else schedule.robot)
         first, at = self._needs_of(ids)
         if schedule is None:
-            needs["closes"][at] = True
-            self.state.grants.turn[:] = 0
+            needs.closes[at] = True
+            _grants.take_turns(self.state.grants, 0)
             return
-        needs["passage"][at] = schedule.passage_of_need
-        needs["closes"][at] = schedule.last_visit[schedule.passage_of_need] == np.repeat(np.arange(len(ids)), np.diff(first))
-        self.state.grants.turn[:] = schedule.first[:-1]
+        needs.passage[at] = schedule.passage_of_need
+        needs.closes[at] = schedule.last_visit[schedule.passage_of_need] == np.repeat(np.arange(len(ids)), np.diff(first))
+        _grants.take_turns(self.state.grants, schedule.first[:-1])
 
     def _departure(self, robots: IntArray, joint: IntArray, ways: Sequence[Reroute]) -> Departure:
         """From where these robots leave the last visits that they have been granted."""
-        columns, motion = self._columns, self.state.motion
-        stands = self._of_robot["reached"][robots] == joint
+        visits, motion = self.visits, self.state.motion
+        stands = self.visits.reached[robots] == joint
         back = np.array([way.back for way in ways], np.bool_)
-        lane = np.where(back, columns["lane"][columns["next"][joint]], 0)  # a last visit has no next one, and no lane to it
+        lane = np.where(back, visits.lane[visits.next[joint]], 0)  # a last visit has no next one, and no lane to it
         return Departure(
-            at_m=columns["at_m"][joint],
-            heading_rad=np.where(stands, motion.yaw_rad[robots], columns["heading_rad"][joint]),
+            at_m=visits.at_m[joint],
+            heading_rad=np.where(stands, motion.yaw_rad[robots], visits.heading_rad[joint]),
             back_lane=np.where(back, self.graph.reverse[lane], -1),
-            back_m=np.where(back, motion.s_m[robots] - columns["at_m"][joint], 0.0),
+            back_m=np.where(back, motion.s_m[robots] - visits.at_m[joint], 0.0),
         )
 
     def _face(self, robots: IntArray, heading_rad: FloatArray, goes: BoolArray) -> None:
         """Robots whose headings are not known face the way that they go [K]; those that go nowhere, as they are to stay, or east."""
-        yaw_rad = self.state.motion.yaw_rad
-        new = np.isnan(yaw_rad[robots])
+        motion = self.state.motion
+        new = np.isnan(motion.yaw_rad[robots])
         heading_rad = np.where(goes | np.isnan(self._facing_rad[robots]), heading_rad, self._facing_rad[robots])
-        yaw_rad[robots[new]] = heading_rad[new]
-        yaw_rad[np.isnan(yaw_rad)] = 0.0
-        self._columns["heading_rad"][self._of_robot["first"][robots[new]]] = heading_rad[new]
+        _observe.face(motion, robots[new], heading_rad[new])
+        _observe.face(motion, np.flatnonzero(np.isnan(motion.yaw_rad)), 0.0)
+        self.visits.heading_rad[self.visits.first[robots[new]]] = heading_rad[new]
 
     def _turn_back(self, robots: Sequence[int]) -> None:
         """Remember where robots turn round on their lanes."""
-        columns, xy = self._columns, self.graph.xy
+        visits, xy = self.visits, self.graph.xy
         for r in robots:
-            behind = int(self._of_robot["granted"][r])
-            ahead = int(columns["next"][behind])
+            behind = int(self.visits.granted[r])
+            ahead = int(visits.next[behind])
             at_m = float(self.state.motion.s_m[r])
-            share = (at_m - columns["at_m"][behind]) / (columns["at_m"][ahead] - columns["at_m"][behind])
-            begin, end = xy[columns["vertex"][behind]], xy[columns["vertex"][ahead]]
+            share = (at_m - visits.at_m[behind]) / (visits.at_m[ahead] - visits.at_m[behind])
+            begin, end = xy[visits.vertex[behind]], xy[visits.vertex[ahead]]
             self.turn_backs.append(TurnBack(r, at_m, begin + share * (end - begin)))
 
     def _take_over_joints(self, laid_out: MotionPlan, ids: IntArray, back: Sequence[bool]) -> None:
         """Robots leave joints by other lanes: where they turn there, and when they have left what they need there, is new."""
-        columns, needs, plan = self._columns, self._need_columns, laid_out.plan
+        visits, needs, plan = self.visits, self.needs, laid_out.plan
         for i, turns_back in enumerate(back):
             place = int(plan.first[i])
             joint = int(ids[place])
-            columns["depart_s"][joint] = plan.depart_s[place]
-            columns["turns"][joint] = laid_out.turns[place]
+            visits.depart_s[joint] = plan.depart_s[place]
+            visits.turns[joint] = laid_out.turns[place]
             if turns_back:  # it is clear of the joint already, and comes to it again
                 continue
-            mine = np.arange(self._need_first[joint], self._need_first[joint + 1])
-            mine = mine[~needs["on_lane"][mine]]
-            needs["left_at_m"][mine] = laid_out.left_at_m[laid_out.needs.first[place] : laid_out.needs.first[place + 1]]
+            mine = np.arange(self.needs.first[joint], self.needs.first[joint + 1])
+            mine = mine[~needs.on_lane[mine]]
+            needs.left_at_m[mine] = laid_out.left_at_m[laid_out.needs.first[place] : laid_out.needs.first[place + 1]]
 
     def _link(self, robot: int, joint: int, new: IntArray) -> None:
         """Put visits in the place of those that came after a joint."""
-        columns, pieces, oldest = self._columns, self._pieces[robot], self.state.grants.oldest
-        if columns["rank"][oldest[robot]] > columns["rank"][joint]:  # it is among those that are cut off
-            oldest[robot] = joint
+        visits, pieces, oldest = self.visits, self._pieces[robot], int(self.state.grants.oldest[robot])
+        if visits.rank[oldest] > visits.rank[joint]:  # it is among those that are cut off
+            _grants.may_hold_from(self.state.grants, robot, joint)
         k = next(i for i, (a, b) in enumerate(pieces) if a <= joint < b)
         pieces[k:] = [(pieces[k][0], joint + 1)] + ([(int(new[0]), int(new[-1]) + 1)] if len(new) else [])
-        columns["next"][joint] = new[0] if len(new) else -1
-        columns["next"][new[:-1]] = new[1:]
-        columns["next"][new[-1:]] = -1
-        columns["rank"][new] = columns["rank"][joint] + 1 + np.arange(len(new))
-        columns["robot"][new] = robot
-        self._of_robot["last"][robot] = new[-1] if len(new) else joint
+        visits.next[joint] = new[0] if len(new) else -1
+        visits.next[new[:-1]] = new[1:]
+        visits.next[new[-1:]] = -1
+        visits.rank[new] = visits.rank[joint] + 1 + np.arange(len(new))
+        self.visits.last[robot] = new[-1] if len(new) else joint
 
     def _set_out_anew(self, robot: int, way: Reroute, now_s: float) -> None:
         """What a robot waited for is over; it asks again on its new way."""
-        grants, waits, yielding, motion = self.state.grants, self.state.waits, self.state.yielding, self.state.motion
-        granted = int(self._of_robot["granted"][robot])
+        granted, yielding, grants = int(self.visits.granted[robot]), self.state.yielding, self.state.grants
         yielding.gives_way[robot], yielding.pause_for[robot] = way.pause >= 0, -1
-        yielding.pause[robot] = self._columns["rank"][granted] + way.pause if way.pause >= 0 else NEVER
+        yielding.pause[robot] = self.visits.rank[granted] + way.pause if way.pause >= 0 else NEVER
+        s_m = float(self.state.motion.s_m[robot])
         if way.back:
-            self._keep_behind(robot)
-        grants.cause[robot], grants.other[robot], grants.asked_s[robot], grants.wanted[robot] = 0, -1, np.inf, granted
-        waits.since_s[robot], waits.cause[robot], waits.other[robot], waits.where[robot] = np.inf, 0, -1, -1
-        waits.mark_m[robot], waits.mark_s[robot], waits.stuck[robot] = motion.s_m[robot], now_s, False
+            behind = int(self.visits.next[granted])
+            _grants.turn_back(grants, robot, s_m, int(self.visits.lane[behind]), self._resources_of(behind))
+        _grants.ask_anew(grants, robot, granted)
+        _observe.go_elsewhere(self.state.waits, robot, s_m, now_s)
 
-    def _keep_behind(self, robot: int) -> None:
-        """Nobody is to come to the vertex behind a robot while it turns round on its lane, nor on either side of the lane."""
-        grants, columns = self.state.grants, self._columns
-        behind = int(columns["next"][self._of_robot["granted"][robot]])
-        lane = int(columns["lane"][behind])
-        grants.turned_back[robot] = True
-        grants.allowed_m[robot] = self.state.motion.s_m[robot]
-        grants.claims[lane] += 1
-        grants.claimer[lane] = robot
-        grants.holder[self._need_columns["resource"][self._need_first[behind] : self._need_first[behind + 1]]] = robot
+    def let_pass(self, robot: int, other: int) -> None:
+        """A robot that gives way lets another one pass; -1: it goes on."""
+        yielding = self.state.yielding
+        yielding.pause_for[robot] = other
+        if other < 0:
+            yielding.pause[robot], yielding.gives_way[robot] = NEVER, False
 
-    def _hold(self, robot: int, visit: int) -> None:
-        """Give a robot what a visit needs."""
-        resource = self._need_columns["resource"][self._need_first[visit] : self._need_first[visit + 1]]
-        self.state.grants.holder[resource] = robot
-        self.state.grants.held[resource] += 1
+    def stay_facing(self, robot: int, yaw_rad: float) -> None:
+        """A robot is to face so at the end of its way, NaN: as it comes."""
+        self.state.facing_rad[robot] = yaw_rad
 
-    def _show(self) -> None:
-        """`visits` and `needs` as kernels see them, after arrays have been reallocated."""
-        columns = {name: self._columns[name] for name in VISIT_COLUMNS}
-        self.visits = Visits(**columns, **self._of_robot, reverse=self.graph.reverse)
-        self.needs = VisitNeeds(first=self._need_first, **self._need_columns, passing=self._passing)
+    def _resources_of(self, visit: int) -> IntArray:
+        """All that a visit needs, or has needed."""
+        return self.needs.resource[self.needs.first[visit] : self.needs.first[visit + 1]]
 
 
 def planned_arrivals(ledger: Ledger) -> FloatArray:
@@ -641,6 +616,11 @@ def _squeezed(entry: IntArray, time_s: FloatArray, begin_s: float) -> FloatArray
     squeezed = np.empty(len(order))
     squeezed[order] = begin_s + 0.05 + 0.9 * place / (place[-1] + 1)
     return squeezed
+
+
+def _room(empty: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
+    """Arrays without places, of the types of what these will hold."""
+    return {name: np.zeros(0, np.asarray(value).dtype) for name, value in empty.items()}
 
 
 def _longer(column: NDArray[Any], needed: int, empty: Any) -> NDArray[Any]:

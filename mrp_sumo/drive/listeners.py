@@ -43,7 +43,7 @@ class Moment(NamedTuple):
 class Listener:
     """Somebody who watches an execution, and may step in or end it. By itself it does neither: override what is of use."""
 
-    is_patient = False  # content to hear about once a simulated second, so that steps in which nothing happens may be taken together
+    is_patient = False  # content to hear of what happens, and else every ten simulated seconds: other steps may be taken together
 
     def hear(self, moment: Moment) -> None:
         """Take note of a step that has passed."""
@@ -53,7 +53,7 @@ class Listener:
         return ()
 
     def wants_end(self) -> bool:
-        """Whether the execution is to end, with outcome INTERRUPTED; asked at least twice a simulated second."""
+        """Whether the execution is to end, with outcome INTERRUPTED; asked as often as it hears of a sample."""
         return False
 
 
@@ -137,7 +137,7 @@ def way_of(ledger: Ledger, robot: int) -> tuple[FloatArray, FloatArray, IntArray
     These are its visits, where it turned round on a lane, and where rides in lifts are half over.
     """
     graph, ids = ledger.graph, ledger.all_ids(robot)
-    vertex, at_m = ledger.column("vertex")[ids], ledger.column("at_m")[ids]
+    vertex, at_m = ledger.visits.vertex[ids], ledger.visits.at_m[ids]
     xy, level = graph.xy[vertex], graph.level[vertex]
     turns = [turn for turn in ledger.turn_backs if turn.robot == robot and turn.at_m >= at_m[0]]
     place = np.searchsorted(at_m, [turn.at_m for turn in turns])
@@ -159,7 +159,7 @@ def way_of(ledger: Ledger, robot: int) -> tuple[FloatArray, FloatArray, IntArray
 
 def _at_stops(ledger: Ledger, ids: IntArray, xy: FloatArray, level: IntArray) -> tuple[FloatArray, IntArray]:
     """[N, 2] where robots are at visits, who ride in lifts at the stops of these; and the visits to which levels change."""
-    graph, lane = ledger.graph, ledger.column("lane")[ids]
+    graph, lane = ledger.graph, ledger.visits.lane[ids]
     riding = (lane >= 0) & graph.is_ride[lane]
     xy = xy.copy()
     edges = np.flatnonzero(np.diff(np.concatenate([[False], riding, [False]])))
@@ -236,7 +236,7 @@ class Witness(Listener):
 
 @dataclass
 class ProgressReport(Listener):
-    """Reports about once a simulated second."""
+    """Reports about once a simulated second, less often while nothing happens."""
 
     report: AtGoalReport
     due_s: float = 1.0

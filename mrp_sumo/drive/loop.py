@@ -8,7 +8,7 @@ obstacles; nothing is ever teleported. Same input, same trajectory, bit for bit.
 
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import AbstractContextManager, closing, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -25,6 +25,7 @@ from mrp_sumo.core.task import Task
 from mrp_sumo.drive.arrivals import with_goals_within
 from mrp_sumo.drive.batteries import Batteries
 from mrp_sumo.drive.controller import Controller
+from mrp_sumo.drive.cycle import DriveCycle
 from mrp_sumo.drive.deadlock import LOOK_EVERY_S
 from mrp_sumo.drive.dispatcher import Dispatcher, OneShot, dispatcher_of
 from mrp_sumo.drive.duties import EMPTY
@@ -40,7 +41,7 @@ from mrp_sumo.drive.recovery import Recovery
 from mrp_sumo.drive.reroute import Replan, first_of
 from mrp_sumo.drive.rolling import Rolling, steps_ahead
 from mrp_sumo.drive.settings import ExecutionSettings
-from mrp_sumo.drive.state import Tape
+from mrp_sumo.drive.state import NEVER, Tape, tape_for
 from mrp_sumo.drive.surroundings import Surroundings
 from mrp_sumo.drive.work import STALLED_S, Work, WorkRequest
 from mrp_sumo.drive.world import World
@@ -84,34 +85,26 @@ def simulate(
     PlanError
         When the policy keeps the plan's order and that is cyclic.
     """
-    dt, policy = settings.step_length_s, policy_of(settings.policy, settings.policy_parameters)
+    policy = policy_of(settings.policy, settings.policy_parameters)
     ledger = Ledger(problem, resources_for(problem, plan))
     around = Bystanders(settings.people, problem.graph, problem.fleet)
-    world = World(
-        *(settings.disturbances, problem.graph, problem.num_robots, dt, problem.step_s),
-        *(float(problem.fleet.radius_m.max()), settings.seed, facilities_of(problem.graph, ledger.resources), around.seen),
-        closed_lanes=settings.closed_lanes,
-    )
+    world = World(problem, settings, facilities_of(problem.graph, ledger.resources), around.seen)
     work = dispatcher_of(settings.dispatcher, settings.dispatcher_parameters)
     # a plan in steps lets robots be early, one with the times of real motion does not
     controller = Controller(ledger, policy, settings, paced=as_planned_in_steps(plan, problem.step_s) is plan)
     recovery = Recovery(ledger, world, settings)
     drive = Drive(settings, ledger, world, controller, work, recovery, policy, plan, around, listeners)
     drive.set_out()
-    log, witness, grants = EventLog(), Witness(), GrantRecorder(problem.num_robots)
-    facilities = FacilityRecorder(problem.graph, world.facilities) if world.facilities.any else None
-    people = PeopleRecorder(around) if around.any else None
     only_first = type(work) is OneShot and settings.on_deadlock != "resolve"  # nobody is ever sent another way
     ways = (plan.vertex, lanes_along(problem.graph, plan)[0]) if only_first else None
-    with closing(Recorder(problem.num_robots, levels=bool(problem.graph.is_ride.any()))) as recorder:
+    with closing(Records(problem, world, around)) as records:
         with engine or _engine(problem, settings, network, gui, ways) as bodies:
             bodies.place(ledger.visits)
-            shown = PeopleInGui(around.crowd) if gui and around.crowd is not None else None
-            also = [listener for listener in (facilities, people, shown) if listener is not None]
-            is_shown = also or gui or engine or not all(listener.is_patient for listener in listeners)
-            alone = None if is_shown else Alone(recorder, grants, witness)
-            drive.run(bodies, [log, recorder, witness, grants, *listeners, *also], recorder.settle, alone)
-        return _execution(drive, plan, log, recorder, witness, grants, facilities, people)
+            shown = [PeopleInGui(around.crowd)] if gui and around.crowd is not None else []
+            alone = isinstance(bodies, KinematicEngine) and records.few and not (shown or engine)
+            alone = alone and all(listener.is_patient for listener in listeners)
+            drive.run(DriveCycle(world, controller, bodies, around), records, [*listeners, *shown], alone=alone)
+        return _execution(drive, plan, records)
 
 
 def _engine(
@@ -122,13 +115,29 @@ def _engine(
     return sumo_engine(problem.graph, problem.fleet, network, settings.step_length_s, settings.seed, gui, ways=ways)
 
 
-@dataclass(frozen=True)
-class Alone:
-    """Who hears of a run of which nobody else does, so that steps in which nothing happens need not be shown one by one."""
+class Records:
+    """What is kept of an execution."""
 
-    recorder: Recorder
-    grants: GrantRecorder
-    witness: Witness
+    def __init__(self, problem: Problem, world: World, people: Bystanders) -> None:
+        self.events, self.witness, self.grants = EventLog(), Witness(), GrantRecorder(problem.num_robots)
+        self.samples = Recorder(problem.num_robots, levels=bool(problem.graph.is_ride.any()))
+        self.facilities = FacilityRecorder(problem.graph, world.facilities) if world.facilities.any else None
+        self.people = PeopleRecorder(people) if people.any else None
+
+    @property
+    def few(self) -> bool:
+        """Whether nothing is kept of what changes in steps in which nothing happens to robots."""
+        return self.facilities is None and self.people is None
+
+    @property
+    def listeners(self) -> list[Listener]:
+        """Those who keep it."""
+        always: list[Listener] = [self.events, self.samples, self.witness, self.grants]
+        return always + [each for each in (self.facilities, self.people) if each is not None]
+
+    def close(self) -> None:
+        """Let go of files."""
+        self.samples.close()
 
 
 @dataclass
@@ -148,7 +157,7 @@ class Drive:
     events: list[Event] = field(default_factory=list)  # since the last moment that listeners heard of
     findings: list[str] = field(default_factory=list)  # what the engine finds wrong
     outcome: Outcome = Outcome.TIME_LIMIT
-    now_s: float = 0.0
+    cycle: DriveCycle = field(init=False)
     wall_s: float = 0.0
     cpu_s: float = 0.0
 
@@ -166,14 +175,13 @@ class Drive:
         )
         self.batteries: Batteries | None = None
         if settings.tasks and settings.batteries:
-            self.batteries = Batteries(
-                *(settings.batteries, self.ledger.problem.fleet.kind, settings.start_level, settings.seed),
-                settings.steps_per_sample * settings.step_length_s,
-            )
+            fleet, period_s = self.ledger.problem.fleet, settings.steps_per_sample * settings.step_length_s
+            self.batteries = Batteries(settings.batteries, fleet.kind, settings.start_level, settings.seed, period_s)
+            self._most_per_s = self.batteries.most_per_s(fleet)
         self.around = Surroundings(self.ledger, self.world, self.tasks, self._plan)
         self.rolling = Rolling(self.settings, self.around, self.work, self.controller.kinematics)
         self._reported: set[str] = set()  # why there was no plan
-        self._tape_grants: tuple[FloatArray, IntArray, IntArray] | None = None  # room for what is granted in steps that nobody is shown
+        self._tape: Tape | None = None  # room for what is kept of steps that nobody is shown
 
     def set_out(self) -> None:
         """Have the first plan in the ledger, in which all robots have their ways.
@@ -189,55 +197,49 @@ class Drive:
             if answer is not None:
                 self.ledger.append(answer, self.controller.policy, 0.0)
 
-    def run(
-        self, bodies: Engine, listeners: Sequence[Listener], before_forgetting: Callable[[Ledger], None], alone: Alone | None = None
-    ) -> None:
+    @property
+    def now_s(self) -> float:
+        return self.cycle.now_s
+
+    def run(self, cycle: DriveCycle, records: Records, listeners: Sequence[Listener], *, alone: bool) -> None:
         """Until all tasks are done, or time is up. The ledger forgets what is over, once every listener that needs it has been called.
 
-        Where `alone` says that nobody wants every moment, bodies that are ours take the steps in which nothing happens by themselves.
+        Where nobody else wants every moment (`alone`), bodies that are ours take the steps in which nothing happens by themselves.
         """
-        settings, dt, state, conditions = self.settings, self.settings.step_length_s, self.ledger.state, self.world.conditions
-        look_every, sample_every = max(1, round(LOOK_EVERY_S / dt)), settings.steps_per_sample
-        self.people.begin(dt, self.ledger, bodies.driven_m)
-        wall, cpu, step = time.perf_counter(), time.process_time(), 0
-        seen: list[Event] | None = None  # what happened in this step, where the controller has seen it already
+        self.cycle, state = cycle, self.ledger.state
+        wall, cpu = time.perf_counter(), time.process_time()
+        hear = [*records.listeners, *listeners]
         while True:
             self._take_wishes()
-            self.events += self.world.update(self.now_s, state.grants)
-            self.events += self.controller.advance(self.now_s, bodies, conditions, observe=step > 0) if seen is None else seen
-            if self.people.any:
-                self.events += self.people.notice(self.now_s)
-            is_sample = step % sample_every == 0
+            self.events += cycle.look()
+            is_sample = cycle.step % self.settings.steps_per_sample == 0
             if is_sample and self.batteries is not None:
                 self.batteries.add(state.motion.yaw_rad[None], state.motion.speed_mps[None])
             is_last = is_sample and self._is_over()
             if is_last:
                 self._close()
-            moment = Moment(step, self.now_s, is_sample, is_last, bodies, self.ledger, self.events, self.tasks, self.world.facilities)
+            about = self.ledger, self.events, self.tasks, self.world.facilities
+            moment = Moment(cycle.step, cycle.now_s, is_sample, is_last, cycle.bodies, *about)
             self.events = []
-            for listener in listeners:
+            for listener in hear:
                 listener.hear(moment)
             if is_last:
                 break
             if self.ledger.is_full:
-                before_forgetting(self.ledger)
-                self.ledger.forget(self.tasks.seen)
-                bodies.divert((), self.ledger.visits)
-            decided = step > 0 and self._decide(step)
-            due = step % look_every == 0 or self.now_s >= self._wake_s - 1e-9
-            if (due and self._dispatch(bodies)) or decided:
-                self.controller.advance(self.now_s, bodies, conditions, observe=False)
-            self.controller.command(bodies)
-            moving = (state.grants.command_mps > 0) | (state.motion.speed_mps > 0)
-            found = bodies.step(moving)
-            if self.people.any:
-                self.people.settle(self.now_s, dt, self.ledger, bodies.driven_m)
-            step, seen = step + 1, None
-            if alone is not None and isinstance(bodies, KinematicEngine):
-                step, seen = self._drive_on(step, bodies, alone)
-            self.now_s = round(step * dt, 9)
-            self.findings += [f"{self.now_s:.2f} s: {finding}" for finding in found]
+                records.samples.settle(self.ledger)
+                cycle.forget(self.tasks.seen)
+            wrong = cycle.go(sent=self._send_robots_on())
+            self.findings += [f"{cycle.now_s:.2f} s: {each}" for each in wrong]
+            if alone and self.world.is_calm:
+                self._go_on(records)
         self.wall_s, self.cpu_s = time.perf_counter() - wall, time.process_time() - cpu
+
+    def _send_robots_on(self) -> bool:
+        """Let who decides do so, where something is due. Returns whether robots are to go elsewhere, or in another order."""
+        step = self.cycle.step
+        decided = step > 0 and self._decide(step)
+        due = step % self._look_every == 0 or self.now_s >= self._wake_s - 1e-9
+        return (due and self._dispatch(self.cycle.bodies)) or decided
 
     def _take_wishes(self) -> None:
         """Tasks and disturbances that nobody knew of."""
@@ -248,33 +250,70 @@ class Drive:
                 else:
                     self.world.add(wish)
 
-    def _drive_on(self, step: int, bodies: KinematicEngine, alone: Alone) -> tuple[int, list[Event] | None]:
-        """Take steps from `step` on, as long as nothing happens in them. Returns the step that is to be shown next, and what happened in
-        it, None where the controller has not seen it.
-        """
-        settings, ledger, dt = self.settings, self.ledger, self.settings.step_length_s
-        sample_every, calm = settings.steps_per_sample, self.world.is_calm and not self.people.any
-        if not calm or self.outcome is not Outcome.TIME_LIMIT or self.work.finished(self.now_s, self.around):
-            return step, None
-        row, robots = alone.recorder.room(ledger), ledger.num_robots
-        periods_s = [LOOK_EVERY_S, 1.0, getattr(self.controller.policy, "decides_every_s", None) or LOOK_EVERY_S]
-        until = min(-(-step // every) * every for every in (max(1, round(period_s / dt)) for period_s in periods_s))
-        for due_s in (settings.time_limit_s, alone.witness.due_s, self._wake_s):
+    def _go_on(self, records: Records) -> None:
+        """Take steps as long as nothing happens in them."""
+        if self.outcome is not Outcome.TIME_LIMIT or self.work.finished(self.now_s, self.around):
+            return
+        settings, cycle, dt = self.settings, self.cycle, self.settings.step_length_s
+        row = records.samples.room(self.ledger)
+        decides_every_s, quiet_until_s = getattr(self.controller.policy, "decides_every_s", None), self._quiet_until_s
+        quiet = quiet_until_s > cycle.now_s
+        until = cycle.step + len(row) * settings.steps_per_sample
+        for every in (max(1, round(decides_every_s / dt)) if decides_every_s else until, until if quiet else self._look_every):
+            until = min(until, -(-cycle.step // every) * every)
+        for due_s in (settings.time_limit_s, records.witness.due_s, self._wake_s, quiet_until_s if quiet else np.inf):
             until = min(until, math.ceil(due_s / dt - 1e-9)) if due_s < np.inf else until
-        most = min(until - step, len(row) * sample_every)
-        if most < 1:
-            return step, None
-        if self._tape_grants is None or len(self._tape_grants[0]) < most * robots:
-            self._tape_grants = np.zeros(most * robots), np.zeros(most * robots, np.int64), np.zeros(most * robots, np.int64)
-        tape = Tape(row, alone.grants.known, *self._tape_grants)
-        seen, made, num_samples, num_grants = self.controller.drive_on(step, most, sample_every, bodies, self.world.conditions, tape)
-        alone.recorder.add(num_samples)
+        if until <= cycle.step:
+            return
+        begin, tape = cycle.step, self._tape_for(until - cycle.step, row, records.grants, quiet=quiet)
+        num_samples, num_grants = cycle.go_on(until - begin, tape)
+        records.samples.add(num_samples)
         if self.batteries is not None:
             self.batteries.add(row[:num_samples, 1], row[:num_samples, 2])
         if num_grants:
-            t_s, robot, granted = self._tape_grants
-            alone.grants.add(t_s[:num_grants].copy(), robot[:num_grants].copy(), granted[:num_grants].copy())
-        return step + made, seen
+            part = slice(num_grants)
+            records.grants.add(tape.grant_s[part].copy(), tape.grant_robot[part].copy(), tape.granted[part].copy())
+        if quiet and settings.tasks:
+            self._pass_over(begin, num_samples)
+
+    def _pass_over(self, begin: int, num_samples: int) -> None:
+        """Make up for the looks that nobody took since the step `begin`, with as many samples since."""
+        every, sample_every, dt = self._look_every, self.settings.steps_per_sample, self.settings.step_length_s
+        looks = range(-(-begin // every) * every, self.cycle.step, every)
+        looks_s = [round(look * dt, 9) for look in looks]
+        if self.batteries is not None and looks:
+            before = self.batteries.num_samples - num_samples
+            first = -(-begin // sample_every)
+            self.batteries.observe_each(looks_s, [before + look // sample_every - first + 1 for look in looks], self.tasks.at_charger)
+        self.tasks.pass_over(looks_s[-2:], None if self.batteries is None else self.batteries.level)
+
+    def _tape_for(self, most: int, samples: FloatArray, grants: GrantRecorder, *, quiet: bool) -> Tape:
+        """Room for what is kept of so many steps."""
+        robots, tape = self.ledger.num_robots, self._tape
+        if tape is None or len(tape.granted) < most * robots:
+            tape = self._tape = tape_for(robots, most * robots, self.settings.steps_per_sample)
+        rests, watched = np.ones(robots, np.bool_), np.full(robots, -1)
+        if quiet and self.settings.tasks:
+            rests, watched = self.tasks.rests, np.where(self.tasks.watched, self.tasks.seen, -1)
+        return tape._replace(
+            samples=samples, known=grants.known, look_every=self._look_every if quiet else NEVER, rests=rests, watched=watched
+        )
+
+    @property
+    def _quiet_until_s(self) -> float:
+        """Until when nobody has anything to do before robots wait, or stand that should not, or something is known to be due."""
+        if not self.recovery.is_quiet:
+            return -np.inf
+        if not self.settings.tasks:
+            return np.inf if type(self.work) is OneShot else -np.inf
+        if not self.tasks.is_quiet(self.now_s, self.ledger.visits, self.ledger.state):
+            return -np.inf
+        charge_s = np.inf if self.batteries is None else self.tasks.charge_wake_s(self.now_s, self._most_per_s)
+        return min(self.rolling.window_over_s, charge_s)
+
+    @property
+    def _look_every(self) -> int:
+        return max(1, round(LOOK_EVERY_S / self.settings.step_length_s))
 
     @property
     def _wake_s(self) -> float:
@@ -427,19 +466,10 @@ class Drive:
         return [policy_of("adg"), policy_of("open_loop")]
 
 
-def _execution(
-    drive: Drive,
-    plan: Plan,
-    log: EventLog,
-    recorder: Recorder,
-    witness: Witness,
-    grants: GrantRecorder,
-    facilities: FacilityRecorder | None,
-    people: PeopleRecorder | None,
-) -> Execution:
+def _execution(drive: Drive, plan: Plan, records: Records) -> Execution:
     """All that was recorded."""
     settings, ledger, what = drive.settings, drive.ledger, drive.settings.disturbances
-    x, y, yaw, speed, level = recorder.samples(ledger)
+    x, y, yaw, speed, level = records.samples.samples(ledger)
     believed = None
     if what.localisation_m or what.localisation_rad:
         believed = frozen(believed_poses(x, y, yaw, settings.record_period_s, what, settings.seed))
@@ -461,7 +491,7 @@ def _execution(
         sim_time_s=drive.now_s,
         wall_time_s=drive.wall_s,
         cpu_time_s=drive.cpu_s,
-        events=tuple(sorted(log.events, key=lambda event: (event.t_s, event.robot, event.kind))),
+        events=tuple(sorted(records.events.events, key=lambda event: (event.t_s, event.robot, event.kind))),
         findings=tuple(drive.findings),
         booked_s=frozen(ledger.state.waits.booked_s),
         tasks=drive.tasks.log() if settings.tasks else None,
@@ -469,13 +499,13 @@ def _execution(
         robot_states=drive.tasks.robot_states(drive.now_s) if settings.tasks else None,
         calls=drive.rolling.calls if settings.tasks else None,
         batteries=drive.batteries.log(drive.now_s, settings.charging.critical if settings.charging else 0.0) if drive.batteries else None,
-        facilities=facilities.log() if facilities else None,
-        people=people.log(ledger.graph) if people else None,
+        facilities=records.facilities.log() if records.facilities else None,
+        people=records.people.log(ledger.graph) if records.people else None,
         level=None if level is None else frozen(level),
         believed=believed,
-        sumo_t_s=frozen(np.array(witness.t_s)),
-        sumo_xy_m=frozen(np.array(witness.xy_m)),
+        sumo_t_s=frozen(np.array(records.witness.t_s)),
+        sumo_xy_m=frozen(np.array(records.witness.xy_m)),
         replies=replies_of(ledger),
-        grants=grants.log(),
+        grants=records.grants.log(),
     )
     return driven if settings.tasks else with_goals_within(driven, ledger.graph.xy, ledger.end_of_tasks, settings.goal_tolerance_m)

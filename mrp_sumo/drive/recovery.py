@@ -25,7 +25,6 @@ from mrp_sumo.drive.ledger import Ledger
 from mrp_sumo.drive.replanning import AnswerLimits, lanes_needing, replan, request_for, situation
 from mrp_sumo.drive.reroute import Replan, Reroute
 from mrp_sumo.drive.settings import ExecutionSettings
-from mrp_sumo.drive.state import NEVER
 from mrp_sumo.drive.surroundings import Surroundings
 from mrp_sumo.drive.world import World
 from mrp_sumo.errors import PlanError
@@ -57,6 +56,11 @@ class Recovery:
         """It has no work of its own."""
         return True
 
+    @property
+    def is_quiet(self) -> bool:
+        """Whether nobody gives way, and nobody is in a ring of waiting or blocked for good."""
+        return not (self._giving or self.watch.known or self._ring_since or self._reported_blocked.any())
+
     def finally_blocked(self, now_s: float) -> list[Event]:
         """Robots that have come to be blocked for good since the last look: by one that is broken, done, or has given up."""
         if not self.ledger.state.waits.stuck.any():
@@ -72,7 +76,7 @@ class Recovery:
         other, last = int(state.grants.other[robot]), self._end_of_chain(robot, self._stays())
         why = "is broken" if self.world.broken[last] else "stays at its goal" if self.ledger.state.home[last] else "stays"
         behind = f"behind {names[other]}" + (f", which waits for {names[last]}" if last != other else "")
-        vertex = int(self.ledger.column("vertex")[state.grants.wanted[robot]])
+        vertex = int(self.ledger.visits.vertex[state.grants.wanted[robot]])
         return Event(now_s, "blocked_for_good", robot, vertex, other, 0.0, f"{behind}, which {why}")
 
     def due(self, now_s: float, around: Surroundings) -> Iterator[Request]:
@@ -149,13 +153,11 @@ class Recovery:
 
     def _let_go(self, now_s: float, around: Surroundings) -> None:
         """Robots that have let others pass go on."""
-        yielding = self.ledger.state.yielding
         for giving in list(self._giving):
-            yielding.pause_for[giving.robot] = still_to_pass(around, giving, self.world.broken)
-            if yielding.pause_for[giving.robot] < 0:
+            other = still_to_pass(around, giving, self.world.broken)
+            self.ledger.let_pass(giving.robot, other)
+            if other < 0:
                 self._end(giving, now_s)
-                yielding.pause[giving.robot] = NEVER
-                yielding.gives_way[giving.robot] = False
 
     def _barred(self, now_s: float) -> BoolArray:
         """[R] who has stood before a closed lane for the patience."""
@@ -165,7 +167,7 @@ class Recovery:
             return np.zeros(self.ledger.num_robots, np.bool_)
         ahead = visits.next[visits.granted]
         ahead = np.where(ahead >= 0, ahead, visits.last)
-        at_closed = (state.grants.cause == _causes.DISTURBED) & (self.world.hold_until <= now_s) & ~state.grants.on_lane
+        at_closed = (state.grants.cause == _causes.DISTURBED) & (self.world.hold_until_s <= now_s) & ~state.grants.on_lane
         at_closed &= closed[visits.lane[ahead]] & (state.motion.speed_mps == 0)
         self._barred_since[:] = np.where(at_closed, np.minimum(self._barred_since, now_s), np.inf)
         waited: BoolArray = now_s - self._barred_since >= self.settings.recovery.patience_s
@@ -195,7 +197,7 @@ class Recovery:
         return at
 
     def _give_way(self, now_s: float, ring: tuple[int, ...], around: Surroundings) -> Replan | None:
-        found = who_gives_way(around, ring, (self.world.hold_until > now_s) | around.work.serving, now_s)
+        found = who_gives_way(around, ring, (self.world.hold_until_s > now_s) | around.work.serving, now_s)
         if found is None:
             return None
         giving, way = found
@@ -225,7 +227,7 @@ class Recovery:
         holder, stays = state.grants.holder, self.world.broken | (state.grants.cause == _causes.FINISHED)
         ways = {}
         for r in late:
-            if not around.stands(r) or self.world.hold_until[r] > now_s or state.yielding.gives_way[r]:
+            if not around.stands(r) or self.world.hold_until_s[r] > now_s or state.yielding.gives_way[r]:
                 continue
             held = (holder >= 0) & (stays & (np.arange(len(stays)) != r))[holder]
             blocked = around.barred(r) | lanes_needing(graph, around.resources, held)

@@ -55,7 +55,7 @@ class Rolling:
         self.answer: WindowAnswer | None = None  # that has not taken effect yet
         self._window_steps = window_of(settings, around.ledger.problem)
         self._next_s = 0.0  # no request before
-        self._window_over_s = np.inf  # a new plan is to be there by then
+        self.window_over_s = np.inf  # a new plan is to be there by then
         self._failures = 0  # running
         self._events: list[Event] = []
         self.refused_since_s = np.inf  # since when there have been no plans; inf: the last request had one
@@ -65,7 +65,7 @@ class Rolling:
         planning, around = self._settings.planning, self._around
         if self.answer is not None or now_s < self._next_s - 1e-9:
             return
-        if now_s >= self._window_over_s - 1e-9:
+        if now_s >= self.window_over_s - 1e-9:
             around.work.news = True
         if self._settings.tasks and not around.work.news:
             return
@@ -127,7 +127,7 @@ class Rolling:
             work.accepted(answer.request, now_s, self._around.ledger.visits, self._around.state)
         short = not self._around.state.home.all()
         window_s = self._window_steps * self._around.ledger.problem.step_s
-        self._window_over_s = now_s + window_s / 2 - self._settings.planning.budget_s if short and window_s else np.inf
+        self.window_over_s = now_s + window_s / 2 - self._settings.planning.budget_s if short and window_s else np.inf
 
     def drop(self, now_s: float, *, failed: bool) -> None:
         """An answer does not take effect: there is none, it cannot be driven, or robots have been sent other ways meanwhile."""

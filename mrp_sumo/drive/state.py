@@ -1,20 +1,22 @@
-"""What changes while robots drive, by its owner: every array is written in one place.
+"""What changes while robots drive, by its owner: every array is written in one module, which `OWNERS` names.
 
-The ledger's visits and needs are in `core.visits` and here; distances are along each robot's way since its start.
+The ledger's visits are in `core.visits`, its needs here; distances are along each robot's way since its start.
 """
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
 
 from mrp_sumo.core.execution import BOOKINGS
 from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray
+from mrp_sumo.core.visits import Visits
 
 NEVER = 2**62
 
 
 class VisitNeeds(NamedTuple):
-    """What visits need, [M] unless said. The ledger lays them out, the controller frees them."""
+    """What visits need, [M] unless said."""
 
     first: IntArray  # [N + 1] CSR: visit k needs first[k]:first[k + 1]
     resource: IntArray
@@ -27,7 +29,7 @@ class VisitNeeds(NamedTuple):
 
 
 class Motion(NamedTuple):
-    """Where robots are and how fast, [R]. Written when a step of the engine is observed."""
+    """Where robots are and how fast, [R]."""
 
     s_m: FloatArray  # driven
     moved_m: FloatArray  # in the last step
@@ -37,7 +39,7 @@ class Motion(NamedTuple):
 
 
 class Grants(NamedTuple):
-    """Who may drive where, and at which speed; [R] unless said. Written by the controller."""
+    """Who may drive where, and at which speed; [R] unless said."""
 
     allowed_m: FloatArray  # how far
     on_lane: BoolArray  # whether it may enter the lane after its last granted visit without having won its end
@@ -48,6 +50,7 @@ class Grants(NamedTuple):
     other: IntArray  # the robot it waits for, -1: none
     wanted: IntArray  # the visit it waits for
     asked_s: FloatArray  # since when it asks for its next visit, inf: it does not
+    queue: IntArray  # the robots in the order in which they may claim, where nobody keeps an order
     command_mps: FloatArray  # speed for the next step; negative: to be sent again
     holder: IntArray  # [Q] robot that holds each resource, -1: none
     held: IntArray  # [Q] by how many of its needs
@@ -57,7 +60,7 @@ class Grants(NamedTuple):
 
 
 class Waits(NamedTuple):
-    """What became of each robot's time, [R] unless said. Written by the observer."""
+    """What became of each robot's time, [R] unless said."""
 
     category: IntArray  # how the last step is booked
     waiting: BoolArray  # whether it was spent on waiting for another robot
@@ -73,7 +76,7 @@ class Waits(NamedTuple):
 
 
 class Yielding(NamedTuple):
-    """Who lets others pass, [R]. Written by the dispatcher."""
+    """Who lets others pass, [R]."""
 
     pause: IntArray  # rank of the visit beyond which a robot that gives way claims nothing; NEVER where it does not
     pause_for: IntArray  # the robot it lets pass, -1: none
@@ -87,8 +90,8 @@ class State(NamedTuple):
     grants: Grants
     waits: Waits
     yielding: Yielding
-    home: BoolArray  # [R] whether the robot's way ends where its tasks do. Written by the ledger
-    facing_rad: FloatArray  # [R] how the robot is to stay at the end of its way, NaN: as it comes. Written by the ledger
+    home: BoolArray  # [R] whether the robot's way ends where its tasks do
+    facing_rad: FloatArray  # [R] how the robot is to stay at the end of its way, NaN: as it comes
 
 
 class Kinematics(NamedTuple):
@@ -105,6 +108,8 @@ class Kinematics(NamedTuple):
 class Rules(NamedTuple):
     """Figures of an execution that do not change but for the policy's."""
 
+    step_s: float  # length of a step
+    books: bool  # whether somebody wants to know what robots' time is spent on
     cell_m: float  # progress by less is none
     window_s: float  # without progress in it a robot is blocked
     wait_least_s: float  # shorter waits are booked, but are no events
@@ -114,7 +119,7 @@ class Rules(NamedTuple):
 
 
 class RideRequests(NamedTuple):
-    """People who want to ride, [F]: the next of each lift. Written by the world; `_facilities` writes how far they are."""
+    """People who want to ride, [F]: the next of each lift."""
 
     since_s: FloatArray  # inf: nobody
     begin: IntArray  # level
@@ -124,7 +129,7 @@ class RideRequests(NamedTuple):
 
 
 class Facilities(NamedTuple):
-    """F lifts and D doors, K levels, as kernels see them. What changes is written by `_facilities`, and for people by the world."""
+    """F lifts and D doors, K levels, as kernels see them."""
 
     any: bool  # whether there are facilities at all; else all below is empty, but for `shut`
     shut: BoolArray  # [L] lanes on which nobody may set out before a lift or a door is open
@@ -147,7 +152,7 @@ class Facilities(NamedTuple):
     caller: IntArray  # [F] the robot that is next, and
     calls: IntArray  # [F] its visit in the cabin, -1: none
     since_s: FloatArray  # [F] when it asked, below 0: it may enter
-    service: IntArray  # [F] whether it is in service. Written by the world
+    service: IntArray  # [F] whether it is in service
     recall: IntArray  # [F] the level to which it goes when there is a fire
     wish: RideRequests
     lane_door: IntArray  # [L] the door that a lane leads through or near, -1: none
@@ -160,16 +165,14 @@ class Facilities(NamedTuple):
     asked: BoolArray  # [D] whether a robot is near
     soon: BoolArray  # [D] whether one comes before it could close and open again
     door_robot: IntArray  # [D] for whom it is open: a robot, or people
-    door_service: IntArray  # [D] whether it is locked. Written by the world
+    door_service: IntArray  # [D] whether it is locked
     manual: BoolArray  # [D] whether only people open it
-    held_until_s: FloatArray  # [D] people keep it open. Written by the world
+    held_until_s: FloatArray  # [D] people keep it open
     longest_s: float  # of `call_s`, and of a door's closing and opening
 
 
 class PeopleState(NamedTuple):
-    """N people whom R robots see, on L lanes and V vertices, in B bins; `halted` to `lost_share` are written by `_people`, the rest by
-    `drive.people`.
-    """
+    """N people whom R robots see, on L lanes and V vertices, in B bins; where people are is written by the crowd."""
 
     any: bool  # whether there are people, or speeds drawn for lanes; else all below is empty, but for `halted`
     watches: bool  # whether robots have fields
@@ -210,6 +213,17 @@ class PeopleState(NamedTuple):
     robot_along: FloatArray  # [R] speed towards where the robot faces
 
 
+class Margin(NamedTuple):
+    """How much later what robots leave is free for others; rings of the last P steps. Used to find out the times of a plan."""
+
+    steps: IntArray  # [K] after 0, 1, ... visits; they never decrease. Empty: it is free at once
+    step: IntArray  # [1] how many have been observed
+    past_m: FloatArray  # [P, R] where robots were in the last steps
+    past_steps: IntArray  # [P, R] how long what they had left then has to stay theirs
+    seen: IntArray  # [R] the last step that is as long ago as that
+    left_m: FloatArray  # [R] and where robots were then
+
+
 class Conditions(NamedTuple):
     """What the world lets robots do."""
 
@@ -220,11 +234,13 @@ class Conditions(NamedTuple):
     prompt: bool  # whether robots know at once what they are granted
     facilities: Facilities
     people: PeopleState
+    margin: Margin
 
 
 class Log(NamedTuple):
     """What happened in one step."""
 
+    num_entries: IntArray  # [1]
     kind: IntArray
     robot: IntArray
     cause: IntArray
@@ -241,14 +257,34 @@ class News(NamedTuple):
     due: IntArray  # whose route ends soon
 
 
-class Tape(NamedTuple):
-    """What is kept of steps in which nothing else happened."""
+class StepArrays(NamedTuple):
+    """All that the kernels of a step look at and change."""
 
+    kinematics: Kinematics
+    rules: Rules
+    visits: Visits
+    needs: VisitNeeds
+    state: State
+    conditions: Conditions
+    log: Log
+    news: News
+
+
+class Tape(NamedTuple):
+    """What is kept of steps in which nothing else happened, and when somebody has to look at robots though nothing does."""
+
+    sample_every: int  # steps
     samples: FloatArray  # [K, 3, R] distance, heading, speed
-    known: IntArray  # [R] twice the rank of the last visit that each robot is known to have been granted, one more where it enters a lane
+    known: IntArray  # [R] twice the rank of the last visit that each robot is known to have been granted, one more where it enters a
+    # lane; empty: nobody wants to know
     grant_s: FloatArray  # [G] when robots were granted more
     grant_robot: IntArray  # [G]
     granted: IntArray  # [G] what they were granted then, as in `known`
+    before: IntArray  # [2, R] visits that robots had reached before the step, and had been granted
+    left_s: FloatArray  # [N] when robots set out from visits; empty: nobody wants to know
+    look_every: int  # steps, at which somebody looks at robots
+    rests: BoolArray  # [R] robots that may stand
+    watched: IntArray  # [R] the visits of robots from which they must not go on unseen, -1: they may
 
 
 def state_at_rest(num_robots: int, num_resources: int, num_lanes: int, first: IntArray) -> State:
@@ -275,6 +311,7 @@ def state_at_rest(num_robots: int, num_resources: int, num_lanes: int, first: In
             other=index(-1),
             wanted=first.copy(),
             asked_s=of(np.inf),
+            queue=np.arange(num_robots),
             command_mps=of(0.0),
             holder=np.full(num_resources, -1, np.int64),
             held=np.zeros(num_resources, np.int64),
@@ -305,9 +342,53 @@ def empty_log(num_robots: int) -> Log:
     """Room for what can happen in a step: at most a blocking, a wait, a departure and an arrival a robot."""
     room = 4 * num_robots
     kind, robot, cause, visit, other = (np.zeros(room, np.int64) for _ in range(5))
-    return Log(kind, robot, cause, visit, other, np.zeros(room), np.zeros(room))
+    return Log(np.zeros(1, np.int64), kind, robot, cause, visit, other, np.zeros(room), np.zeros(room))
 
 
 def empty_news(num_robots: int) -> News:
     """Room for all robots."""
     return News(np.zeros(num_robots, np.int64), np.zeros(num_robots, np.int64))
+
+
+def margin_of(steps: IntArray, num_robots: int) -> Margin:
+    """Steps [K] by which what robots leave is free later, after 0, 1, ... visits."""
+    num_past = int(steps[-1]) + 1 if len(steps) else 0
+    past_steps, seen = np.zeros((num_past, num_robots), np.int64), np.zeros(num_robots, np.int64)
+    return Margin(steps, np.zeros(1, np.int64), np.zeros((num_past, num_robots)), past_steps, seen, np.zeros(num_robots))
+
+
+def tape_for(num_robots: int, num_grants: int, sample_every: int) -> Tape:
+    """Room for so many grants; samples, and when somebody has to look, are yet to be said."""
+    robot, granted, before = np.zeros(num_grants, np.int64), np.zeros(num_grants, np.int64), np.zeros((2, num_robots), np.int64)
+    none = np.zeros(0, np.int64)
+    return Tape(
+        sample_every=sample_every,
+        samples=np.zeros((0, 3, num_robots)),
+        known=none,
+        grant_s=np.zeros(num_grants),
+        grant_robot=robot,
+        granted=granted,
+        before=before,
+        left_s=np.zeros(0),
+        look_every=1,
+        rests=np.zeros(0, np.bool_),
+        watched=none,
+    )
+
+
+OBSERVER, CONTROLLER, LEDGER, WORLD = "_observe", "_grants", "ledger", "world"
+OWNERS: Mapping[str, str | Mapping[str, str]] = {  # the module of `drive` that writes the arrays of a record, or each of them
+    "Visits": {"reached": OBSERVER, "arrived_s": OBSERVER, "granted": CONTROLLER, "": LEDGER},
+    "VisitNeeds": {"freed": CONTROLLER, "": LEDGER},
+    "Motion": OBSERVER,
+    "Grants": CONTROLLER,
+    "Waits": OBSERVER,
+    "Yielding": LEDGER,
+    "State": LEDGER,
+    "Margin": "_cycle",
+    "Conditions": WORLD,
+    "RideRequests": "_facilities",
+    "Facilities": {"service": WORLD, "door_service": WORLD, "held_until_s": "visitors", "": "_facilities"},
+    "PeopleState": {"cap_mps": "people", "": "_people"},
+    "Log": OBSERVER,
+}

@@ -11,7 +11,7 @@ from itertools import permutations
 import numpy as np
 
 from mrp_sumo.core.disturbances import Disturbances
-from mrp_sumo.drive._facilities import BOARDING, IN_SERVICE
+from mrp_sumo.drive._facilities import IN_SERVICE, ask_for_ride
 from mrp_sumo.drive.state import Facilities
 
 RIDES, PASSAGES = 37, 38  # purposes of the streams of chance, beside those of the world
@@ -61,9 +61,7 @@ class Visitors:
                 self._next_passage_s[d] += _gap_s(rng, what.door_passages_per_h)
 
     def _ask(self, lift: int, wish: RideRequest) -> None:
-        kernel = self._facilities.wish
-        kernel.begin[lift], kernel.end[lift], kernel.hold_s[lift] = wish.begin, wish.end, wish.hold_s
-        kernel.stage[lift], kernel.since_s[lift] = BOARDING, wish.since_s
+        ask_for_ride(self._facilities.wish, lift, (wish.begin, wish.end), wish.since_s, wish.hold_s)
 
 
 def _gap_s(rng: np.random.Generator, rate_per_h: float) -> float:

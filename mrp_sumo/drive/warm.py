@@ -4,13 +4,12 @@ from functools import cache
 
 import numpy as np
 
-from mrp_sumo.core.disturbances import NONE
 from mrp_sumo.core.fleet import RobotType, fleet_of
 from mrp_sumo.core.graph import nav_graph, plan_graph
 from mrp_sumo.core.plan import Plan, plan_of_paths
 from mrp_sumo.core.problem import Problem
+from mrp_sumo.drive import _observe
 from mrp_sumo.drive.controller import Controller
-from mrp_sumo.drive.deadlock import DeadlockWatch
 from mrp_sumo.drive.facilities import facilities_of
 from mrp_sumo.drive.fit import resources_for
 from mrp_sumo.drive.ledger import Ledger
@@ -18,7 +17,7 @@ from mrp_sumo.drive.policy import policy_of
 from mrp_sumo.drive.reroute import first_of
 from mrp_sumo.drive.retime import retime
 from mrp_sumo.drive.settings import ExecutionSettings
-from mrp_sumo.drive.state import Tape
+from mrp_sumo.drive.state import tape_for
 from mrp_sumo.drive.world import World
 from mrp_sumo.engines.kinematic.engine import KinematicEngine
 
@@ -31,16 +30,14 @@ def prepare(engine: str = "sumo") -> None:
     ledger = Ledger(problem, resources_for(problem, plan))
     ledger.append(first_of(plan), policy, 0.0)
     controller = Controller(ledger, policy, settings)
-    conditions = World(NONE, problem.graph, 1, 0.1, 1.0, 0.1, 0, facilities_of(problem.graph, ledger.resources)).conditions
+    conditions = World(problem, settings, facilities_of(problem.graph, ledger.resources)).conditions
     bodies = KinematicEngine(problem.graph, problem.fleet, 0.1)
     bodies.place(ledger.visits)
     for step in range(2):
         controller.advance(step * 0.1, bodies, conditions, observe=step > 0)
     if engine == "kinematic":
-        grants = np.zeros(1), np.zeros(1, np.int64), np.zeros(1, np.int64)
-        controller.drive_on(2, 0, 1, bodies, conditions, Tape(np.zeros((1, 3, 1)), np.zeros(1, np.int64), *grants))
-    ledger.state.waits.since_s[:] = 0.0
-    DeadlockWatch().look(ledger.state)
+        controller.drive_on(2, 0, bodies, conditions, tape_for(1, 1, 1))
+    _observe.waiting_cycles(np.zeros(1, np.int64), np.zeros(1))
     prepare_retime()
 
 

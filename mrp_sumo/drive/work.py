@@ -54,6 +54,7 @@ SLACK_S = 0.5  # so much earlier than a robot would have to brake for a stop wit
 LEAST_CHARGE_S = 60.0  # for less nobody goes to charge that need not
 PLACES_TO_HAND_OVER = 4  # beside a robot that is lost
 WHY_LOST = {BROKEN: "broke down", EMPTY: "ran empty"}
+STEP_S = 1.0  # more than between two looks: so much before a level comes to where something is decided, every look counts
 TRY_AGAIN_S = 2.0  # after a request that had no answer
 
 
@@ -223,6 +224,56 @@ class Work:
             self.news, self._again_s = True, np.inf
         self._looked_before_s, self._looked_s = self._looked_s, now_s
         self.wake_s = self._next_change_s(now_s, visits, state)
+
+    def is_quiet(self, now_s: float, visits: Visits, state: State) -> bool:
+        """Whether `update` changes nothing before `wake_s` but the time since which robots have got on (see `pass_over`), as long as no
+        robot stands but those that `rests` has, nor goes on that is `watched`.
+        """
+        if self.news or self._charging is not None or self.duties.are(STALLED, *LOST).any() or self._work_stands:
+            return False
+        if any(state.motion.speed_mps[r] == 0 for r in self._passing(visits)):  # nobody knows when they are near
+            return False
+        return now_s - self._made_s < STANDS_S / 2 or self._gets_done
+
+    @property
+    def rests(self) -> BoolArray:
+        """[R] robots that stand for the work's sake, or without any."""
+        rests: BoolArray = self.serving | (self.current == NONE)
+        return rests
+
+    @property
+    def watched(self) -> BoolArray:
+        """[R] robots that make a stop in passing, or come to wait in line, on their way."""
+        passes = [any(not self._takes_s(leg) for leg in legs) for legs in self._legs]
+        watched: BoolArray = np.array(passes, np.bool_) | ((self._wait_at != NONE) & np.isinf(self._came_s))
+        return watched
+
+    def charge_wake_s(self, now_s: float, most_per_s: FloatArray) -> float:
+        """Until when no level comes to where it is decided who charges, as robots draw and are charged by at most so much a second [R]."""
+        charging, level, out, at_charger = self._charging, self.level, self.out, self.at_charger
+        gaps = [np.where(out | at_charger, np.inf, level)]  # to an empty battery
+        if charging is not None:
+            gaps.append(np.where(out | at_charger, np.inf, level - charging.critical))
+            full_s = np.array([self._charge_s(r, 1.0) for r in range(len(level))])
+            enough = charging.maximum - max(charging.least_s, LEAST_CHARGE_S) / np.maximum(full_s, 1e-9)
+            gaps.append(np.where((self.current == NONE) & ~out, level - enough, np.inf))
+            gaps.append(np.where(at_charger, charging.minimum - level, np.inf))
+        gap = np.min([np.where(each > 0, each, np.inf) for each in gaps], 0)
+        wake_s = now_s + float((gap / most_per_s).min(initial=np.inf)) - STEP_S
+        if charging is not None:
+            ready_s = (self._begun_s(r) + charging.least_s for r in np.flatnonzero(at_charger).tolist())
+            wake_s = min(wake_s, min((each for each in ready_s if each > now_s), default=np.inf))
+        return wake_s
+
+    def pass_over(self, looks_s: Sequence[float], level: FloatArray | None) -> None:
+        """`update` was not called at some times, of which these are the last two, since it `is_quiet`; with states of charge [R] then."""
+        if level is not None and len(looks_s):
+            self.level = level
+        for now_s in looks_s:
+            self._moved_s[:] = now_s
+            if self._gets_done:
+                self._made_s = now_s
+            self._looked_before_s, self._looked_s = self._looked_s, now_s
 
     def request(self, now_s: float, committed: Sequence[Sequence[int]], closed: BoolArray, given: Mapping[int, int]) -> WorkRequest:
         """The request for the ways of all robots that are not at work.
@@ -801,9 +852,8 @@ class Work:
 
     def _see_whether_work_stands(self, now_s: float) -> None:
         """Say once that no stop has been made for long, though robots have orders and none is served or about to be mended."""
-        mended_later = (self.duties.are(BROKEN) & (self._resumes < BROKEN)).any()
         at_work = np.flatnonzero((self.current != NONE) & ~self.out).tolist()
-        if self.serving.any() or mended_later or np.isinf(self.orders.open_since_s) or not at_work:
+        if self._gets_done:
             self._made_s = now_s
         stood_s = now_s - self._made_s
         if stood_s < STANDS_S or self._work_stands:
@@ -815,6 +865,13 @@ class Work:
             self._work_stands = True
             text = f"no stop has been made since {self._made_s:.0f} s, and {self.orders.num_open} orders are open"
             self._events.append(Event(now_s, "stalled", NOBODY, text=text))
+
+    @property
+    def _gets_done(self) -> bool:
+        """Whether robots are being served, will be mended, or have no orders."""
+        mended_later = (self.duties.are(BROKEN) & (self._resumes < BROKEN)).any()
+        at_work = (self.current != NONE) & ~self.out
+        return bool(self.serving.any() or mended_later or np.isinf(self.orders.open_since_s) or not at_work.any())
 
     def _waits_for_work(self, robot: int, state: State, lost_at: set[int]) -> bool:
         """Whether a robot that stands will get on by itself: the last of those that it waits for gets on, or is being served."""

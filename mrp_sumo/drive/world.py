@@ -5,17 +5,19 @@ policy alike and one kind can be switched off without changing the others. Refus
 not exist.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
-from mrp_sumo.core.disturbances import Breakdown, ClosedLane, Disturbances, Obstacle, end_s
+from mrp_sumo.core.disturbances import Breakdown, ClosedLane, Obstacle, end_s
 from mrp_sumo.core.execution import Event
-from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, NavGraph
+from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray
+from mrp_sumo.core.problem import Problem
 from mrp_sumo.drive import _facilities
 from mrp_sumo.drive.facilities import door_names, lift_names
 from mrp_sumo.drive.people import nobody
-from mrp_sumo.drive.state import Conditions, Facilities, Grants, PeopleState
+from mrp_sumo.drive.settings import ExecutionSettings
+from mrp_sumo.drive.state import Conditions, Facilities, Grants, Margin, PeopleState, margin_of
 from mrp_sumo.drive.visitors import Visitors
 from mrp_sumo.errors import ExecutionError
 
@@ -38,85 +40,101 @@ class Barrier:
     service: int = _facilities.OUT_OF_SERVICE
 
 
-@dataclass
 class World:
     """The surroundings of one execution as they change; its arrays are read by the controller's kernels."""
 
-    what: Disturbances
-    graph: NavGraph
-    num_robots: int
-    step_length_s: float
-    planned_step_s: float
-    robot_radius_m: float
-    seed: int
-    facilities: Facilities
-    people: PeopleState | None = None  # nobody by default
-    closed_lanes: tuple[ClosedLane, ...] = ()
-    factor: FloatArray = field(init=False)  # [R] on the robots' speeds
-    hold_until: FloatArray = field(init=False)  # [R] s
-    told_m: FloatArray = field(init=False)  # [R] how far robots know they may drive
-    closed: BoolArray = field(init=False)  # [L] lanes nobody may set out on
-    broken: BoolArray = field(init=False)  # [R] whether a robot stands still for good
-    down_until_s: FloatArray = field(init=False)  # [R] when each breakdown is over, inf: never
-
-    def __post_init__(self) -> None:
-        what, num_robots = self.what, self.num_robots
-        self._stream = {purpose: np.random.default_rng([self.seed, purpose]) for purpose in range(SPREAD, MESSAGES + 1)}
+    def __init__(
+        self,
+        problem: Problem,
+        settings: ExecutionSettings,
+        facilities: Facilities,
+        people: PeopleState | None = None,
+        margin: Margin | None = None,
+    ) -> None:
+        """Disturbed as the settings say; by default there is nobody, and what robots leave is free at once."""
+        num_robots, what = problem.num_robots, settings.disturbances
+        self.what, self.graph, self.facilities = what, problem.graph, facilities
+        self.broken = np.zeros(num_robots, np.bool_)  # [R] whether a robot stands still for good
+        self.down_until_s = np.zeros(num_robots)  # [R] when each breakdown is over, inf: never
+        self._num_robots, self._step_s, self._planned_step_s = num_robots, settings.step_length_s, problem.step_s
+        self._radius_m = float(problem.fleet.radius_m.max())
+        self._stream = {purpose: np.random.default_rng([settings.seed, purpose]) for purpose in range(SPREAD, MESSAGES + 1)}
         spread = self._stream[SPREAD].normal(1.0, what.speed_spread, num_robots)
         self._own = np.clip(spread, SLOWEST_ROBOT, 1.0) if what.speed_spread else np.ones(num_robots)
-        self.factor = self._own.copy()
-        self.hold_until = self._stream[STARTS].uniform(0.0, what.start_delay_s, num_robots) if what.start_delay_s else np.zeros(num_robots)
-        self.told_m = np.zeros(num_robots)
-        self.closed = np.zeros(self.graph.num_lanes, np.bool_)
-        self.broken = np.zeros(num_robots, np.bool_)
-        self.down_until_s = np.zeros(num_robots)
+        starts_s = self._stream[STARTS].uniform(0.0, what.start_delay_s, num_robots) if what.start_delay_s else np.zeros(num_robots)
         self._u = np.zeros(num_robots)
-        self._late = max(1, round(what.latency_s / self.step_length_s))  # steps; the loop sends what the step before allowed
+        self._late = max(1, round(what.latency_s / self._step_s))  # steps; the loop sends what the step before allowed
         self._sent: list[FloatArray] = []
-        self._next_step_s = self.planned_step_s
+        self._next_step_s = self._planned_step_s
         self._pending = list(what.breakdowns)
         for breakdown in self._pending:
             if not 0 <= breakdown.robot < num_robots:
                 raise ExecutionError(f"disturbances: a breakdown of robot {breakdown.robot}, but there are {num_robots}")
         none = np.zeros(0, np.int64)
-        self._barriers = [Barrier(c.begin_s, end_s(c), self._lanes_of(c), none) for c in self.closed_lanes]
+        self._barriers = [Barrier(c.begin_s, end_s(c), self._lanes_of(c), none) for c in settings.closed_lanes]
         self._barriers += [Barrier(o.begin_s, end_s(o), *self._near(o)) for o in what.obstacles]
         self._barriers += self._of_facilities()
-        self._visitors = Visitors(what, self.facilities, self.seed)
+        self._visitors = Visitors(what, self.facilities, settings.seed)
         self._closing: list[Barrier] = []
-        prompt = not (what.latency_s or what.message_loss)
-        self.is_calm = not (what.any or self.closed_lanes)  # nothing comes up by itself
-        around = self.people or nobody(self.num_robots)
-        self.conditions = Conditions(self.factor, self.hold_until, self.told_m, self.closed, prompt, self.facilities, around)
+        self.is_calm = not (what.any or settings.closed_lanes)  # nothing comes up by itself
+        self.conditions = Conditions(
+            factor=self._own.copy(),
+            hold_until_s=starts_s,
+            told_m=np.zeros(num_robots),
+            closed=np.zeros(self.graph.num_lanes, np.bool_),
+            prompt=not (what.latency_s or what.message_loss),
+            facilities=self.facilities,
+            people=people or nobody(num_robots),
+            margin=margin or margin_of(np.zeros(0, np.int64), num_robots),
+        )
+
+    @property
+    def closed(self) -> BoolArray:
+        """[L] lanes nobody may set out on."""
+        return self.conditions.closed
+
+    @property
+    def hold_until_s(self) -> FloatArray:
+        """[R] before which robots stand still."""
+        return self.conditions.hold_until_s
 
     def inform(self, robots: list[int], allowed_m: FloatArray) -> None:
         """These robots know how far they may drive, allowed_m [R], whatever they were sent before."""
-        for known in (self.told_m, *self._sent):
-            known[robots] = allowed_m[robots]
+        self.conditions.told_m[robots] = allowed_m[robots]
+        for sent in self._sent:
+            sent[robots] = allowed_m[robots]
+
+    def slow(self, robot: int, factor: float) -> None:
+        """A robot drives at this share of its speed."""
+        self.conditions.factor[robot] = factor
+
+    def hold(self, robot: int, until_s: float) -> None:
+        """A robot stands still until then."""
+        self.conditions.hold_until_s[robot] = until_s
 
     def update(self, now: float, grants: Grants) -> list[Event]:
         """Bring everything up to the step that begins at `now`. Returns what happened."""
         if self.is_calm:
             return []
-        what, dt, events = self.what, self.step_length_s, []
+        what, dt, events = self.what, self._step_s, []
         if what.latency_s or what.message_loss:
             self._deliver(grants.allowed_m)
         if what.speed_noise:
-            normal = self._stream[NOISE].normal(size=self.num_robots)
+            normal = self._stream[NOISE].normal(size=self._num_robots)
             self._u += -self._u * dt / what.speed_noise_tau_s + what.speed_noise * np.sqrt(2 * dt / what.speed_noise_tau_s) * normal
-            np.multiply(self._own, np.clip(1 - np.abs(self._u), SLOWEST_MOMENT, 1.0), out=self.factor)
+            np.multiply(self._own, np.clip(1 - np.abs(self._u), SLOWEST_MOMENT, 1.0), out=self.conditions.factor)
         if what.stops_per_s:
-            chance = self._stream[STOPS].random((2, self.num_robots))
-            stops = (chance[0] < what.stops_per_s * dt) & (self.hold_until <= now)
+            chance = self._stream[STOPS].random((2, self._num_robots))
+            stops = (chance[0] < what.stops_per_s * dt) & (self.hold_until_s <= now)
             for robot in np.flatnonzero(stops).tolist():
                 duration = float(self._stream[STOPS].lognormal(np.log(what.stop_median_s), what.stop_sigma))
                 events.append(self._hold(robot, now, duration, "stops at random"))
         if what.delay_probability and now >= self._next_step_s - 1e-9:
-            self._next_step_s += self.planned_step_s
-            delayed = self._stream[DELAYS].random(self.num_robots) < what.delay_probability
-            steps = self._stream[DELAYS].integers(what.delay_steps_min, what.delay_steps_max + 1, self.num_robots)
-            late = np.flatnonzero(delayed & (self.hold_until <= now)).tolist()
-            events += [self._hold(robot, now, float(steps[robot] * self.planned_step_s), "is delayed") for robot in late]
+            self._next_step_s += self._planned_step_s
+            delayed = self._stream[DELAYS].random(self._num_robots) < what.delay_probability
+            steps = self._stream[DELAYS].integers(what.delay_steps_min, what.delay_steps_max + 1, self._num_robots)
+            late = np.flatnonzero(delayed & (self.hold_until_s <= now)).tolist()
+            events += [self._hold(robot, now, float(steps[robot] * self._planned_step_s), "is delayed") for robot in late]
         begun = [breakdown for breakdown in self._pending if breakdown.begin_s <= now + 1e-9]
         self._pending = [breakdown for breakdown in self._pending if breakdown.begin_s > now + 1e-9]
         for breakdown in begun:
@@ -137,7 +155,7 @@ class World:
 
     def strand(self, robot: int, now: float) -> Event:
         """A robot's battery is empty: it stands still for good."""
-        self.broken[robot], self.hold_until[robot] = True, np.inf
+        self.broken[robot], self.conditions.hold_until_s[robot] = True, np.inf
         return Event(now, "battery_empty", robot, text="its battery is empty")
 
     def _deliver(self, allowed_m: FloatArray) -> None:
@@ -147,12 +165,13 @@ class World:
             return
         arrives = self._sent.pop(0)
         if self.what.message_loss:
-            lost = self._stream[MESSAGES].random(self.num_robots) < self.what.message_loss
-            arrives = np.where(lost, self.told_m, arrives)
-        np.maximum(self.told_m, arrives, out=self.told_m)
+            lost = self._stream[MESSAGES].random(self._num_robots) < self.what.message_loss
+            arrives = np.where(lost, self.conditions.told_m, arrives)
+        np.maximum(self.conditions.told_m, arrives, out=self.conditions.told_m)
 
     def _hold(self, robot: int, now: float, duration: float, text: str) -> Event:
-        self.hold_until[robot] = max(self.hold_until[robot], now + duration)
+        hold_until_s = self.conditions.hold_until_s
+        hold_until_s[robot] = max(hold_until_s[robot], now + duration)
         return Event(now, "disturbed", robot, duration_s=duration, text=text)
 
     def _update_closures(self, now: float, grants: Grants) -> list[Event]:
@@ -168,7 +187,7 @@ class World:
                 waiting.append(barrier)
             else:
                 self._closing.append(barrier)
-                self.closed[lanes] = True
+                self.conditions.closed[lanes] = True
                 self._serve(barrier, barrier.service)
                 head = int(self.graph.head[lanes[0]]) if len(lanes) else -1
                 text = (
@@ -180,9 +199,9 @@ class World:
             for over in self._closing:
                 self._serve(over, _facilities.IN_SERVICE)
             self._closing = [closing for closing in self._closing if closing.end_s > now + 1e-9]
-            self.closed[:] = False
+            self.conditions.closed[:] = False
             for closing in self._closing:
-                self.closed[closing.lanes] = True
+                self.conditions.closed[closing.lanes] = True
                 self._serve(closing, closing.service)
         return events
 
@@ -224,6 +243,6 @@ class World:
         graph, place = self.graph, np.array([obstacle.x_m, obstacle.y_m])
         begin, along = graph.xy[graph.tail], graph.xy[graph.head] - graph.xy[graph.tail]
         u = np.clip(((place - begin) * along).sum(1) / (along**2).sum(1), 0, 1)
-        reach = obstacle.radius_m + self.robot_radius_m
+        reach = obstacle.radius_m + self._radius_m
         lanes = np.flatnonzero(np.hypot(*(begin + u[:, None] * along - place).T) < reach)
         return lanes, np.flatnonzero(np.hypot(*(graph.xy - place).T) < reach)

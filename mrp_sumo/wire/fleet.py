@@ -22,6 +22,7 @@ from mrp_sumo.core.graph import BoolArray, PlanGraph, frozen
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.drive.batteries import Batteries
 from mrp_sumo.drive.controller import Controller
+from mrp_sumo.drive.cycle import DriveCycle
 from mrp_sumo.drive.facilities import facilities_of
 from mrp_sumo.drive.fit import check_groups, check_room
 from mrp_sumo.drive.ledger import Ledger
@@ -156,16 +157,15 @@ class VirtualFleet:
             For a fault of a vehicle that is not there.
         """
         problem, settings = setup.problem, setup.settings
-        self.settings: ExecutionSettings = replace(settings, disturbances=NONE, people=None)
+        self.settings: ExecutionSettings = replace(settings, disturbances=NONE, closed_lanes=(), people=None)
         self.link, self.dialect, self.reporting = link, dialect, reporting
         self.site = GraphSite(problem.graph, setup.map.level_shift_m)
         check_room(problem)
         resources = resources_of(problem.graph, problem.fleet.apart_m)
         check_groups(problem, resources)
         self.ledger = Ledger(problem, resources)
-        dt, radius_m = settings.step_length_s, float(problem.fleet.radius_m.max())
         facilities = facilities_of(problem.graph, resources)
-        self.world = World(NONE, problem.graph, problem.num_robots, dt, problem.step_s, radius_m, settings.seed, facilities)
+        self.world = World(problem, self.settings, facilities)
         self.policy = policy_of("open_loop")
         self.controller = Controller(self.ledger, self.policy, self.settings, paced=False)
         self.batteries: Batteries | None = None
@@ -177,7 +177,8 @@ class VirtualFleet:
         for fault in self.faults:
             if fault.kind not in FAULTS:
                 raise MrpSumoError(f"fault '{fault.kind}': expected one of {', '.join(FAULTS)}")
-        self.now_s, self.step_count, self.sent = 0.0, 0, 0
+        self._cycle: DriveCycle | None = None
+        self.sent = 0
         self._ways = [OrderRoute() for _ in self.serials]
         self._to_send = np.zeros(problem.num_robots)  # when each is to report at the latest
         self._to_show = 0.0
@@ -195,6 +196,7 @@ class VirtualFleet:
 
     def __enter__(self) -> "VirtualFleet":
         self.bodies: Engine = self._engine_context.__enter__()
+        self._cycle = DriveCycle(self.world, self.controller, self.bodies)
         robots = range(self.problem.num_robots)
         self._append({r: Reroute(*_nothing(), leave_s=math.inf) for r in robots})
         self.bodies.place(self.ledger.visits)
@@ -229,22 +231,21 @@ class VirtualFleet:
         """Take messages, report, and let a step of time pass."""
         for serial, kind, payload in messages:
             receive(self.vehicles[self.robot_of[serial]], kind, payload, self.now_s)
-        self.world.update(self.now_s, self.ledger.state.grants)
-        self.controller.advance(self.now_s, self.bodies, self.world.conditions, observe=self.step_count > 0)
+        cycle = self._cycle
+        assert cycle is not None, "vehicles stand on the map"
+        cycle.look()
         self._observe()
         self._report()
-        if self._send_on():
-            self.controller.advance(self.now_s, self.bodies, self.world.conditions, observe=False)
+        cycle.go(sent=self._send_on())
         self._hold()
-        self.controller.command(self.bodies)
-        state = self.ledger.state
-        self.bodies.step((state.grants.command_mps > 0) | (state.motion.speed_mps > 0))
-        self.step_count += 1
-        self.now_s = round(self.step_count * self.settings.step_length_s, 9)
         if self.ledger.is_full:
             self.ledger.entries = self.ledger.entries[-1:]
-            self.ledger.forget(self.ledger.visits.reached.copy())
-            self.bodies.divert((), self.ledger.visits)
+            cycle.forget(self.ledger.visits.reached.copy())
+
+    @property
+    def now_s(self) -> float:
+        """Simulated time; 0 before vehicles stand on the map."""
+        return self._cycle.now_s if self._cycle else 0.0
 
     def _observe(self) -> None:
         """Tell the vehicles what has become of their bodies, and what time does."""
@@ -308,7 +309,7 @@ class VirtualFleet:
         """A robot's way beyond what it has been granted, with more nodes at its end."""
         visits, path = self.ledger.visits, self._ways[robot]
         granted = int(visits.granted[robot])
-        vertices = self.ledger.column("vertex")[self.ledger.ids(robot, granted)[1:]].tolist()
+        vertices = self.ledger.visits.vertex[self.ledger.ids(robot, granted)[1:]].tolist()
         rank, at = int(visits.rank[granted]) + len(vertices), int(visits.vertex[visits.last[robot]])
         label = self.problem.graph.label
         for node, edge in new:
@@ -329,7 +330,7 @@ class VirtualFleet:
         granted = int(visits.granted[robot])
         ahead = self.ledger.ids(robot, granted)[1:]
         base = ahead[: int(grants.on_lane[robot])]
-        return None if len(base) == len(ahead) else _way_along(self.ledger.column("vertex")[base].tolist(), self.now_s)
+        return None if len(base) == len(ahead) else _way_along(self.ledger.visits.vertex[base].tolist(), self.now_s)
 
     def _append(self, ways: Mapping[int, Reroute]) -> None:
         ends = {r: int(path.vertex[-1]) for r, path in ways.items() if len(path.vertex)}
@@ -339,14 +340,13 @@ class VirtualFleet:
 
     def _hold(self) -> None:
         """Bodies stand still where their vehicles have them, keep the limits of their edges, and face as the nodes say where they end."""
-        hold_until, factor, state = self.world.hold_until, self.world.factor, self.ledger.state
-        top = self.controller.kinematics.speed_mps
+        state, top = self.ledger.state, self.controller.kinematics.speed_mps
         for r, vehicle in enumerate(self.vehicles):
-            hold_until[r] = math.inf if vehicle.holds else 0.0
+            self.world.hold(r, math.inf if vehicle.holds else 0.0)
             yaw_rad = float(state.motion.yaw_rad[r])
-            state.facing_rad[r] = yaw_rad if vehicle.holds else self._ways[r].turns_to(yaw_rad)
+            self.ledger.stay_facing(r, yaw_rad if vehicle.holds else self._ways[r].turns_to(yaw_rad))
             limit = self._ways[r].limit_mps
-            factor[r] = min(1.0, limit[0] / top[r]) if limit else 1.0
+            self.world.slow(r, min(1.0, limit[0] / top[r]) if limit else 1.0)
 
     def _report(self) -> None:
         """Send what is due."""

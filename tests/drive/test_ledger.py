@@ -25,19 +25,24 @@ def way(*vertices, leave_s=0.0, **other):
     return Reroute(np.array(vertices, np.int64), times, np.append(times[1:], np.inf)[: len(vertices)], leave_s, **other)
 
 
+def column(ledger, name):
+    """[N] a field of all visits."""
+    return getattr(ledger.visits, name)[: ledger.num_visits]
+
+
 def content(ledger):
     """All that the ledger holds; its arrays may be longer."""
-    names = ("vertex", "lane", "at_m", "next", "rank", "arrive_s", "depart_s", "turns", "robot")
+    names = ("vertex", "lane", "at_m", "next", "rank", "arrive_s", "depart_s", "turns")
     state = [array.tobytes() for part in ledger.state[:-1] for array in part]
     first, *needs, passing = ledger.needs
     needs = [first[: ledger.num_visits + 1], *(array[: ledger.num_needs] for array in needs), passing]
-    return [ledger.column(name).tobytes() for name in names], state, [array.tobytes() for array in needs], len(ledger.entries)
+    return [column(ledger, name).tobytes() for name in names], state, [array.tobytes() for array in needs], len(ledger.entries)
 
 
 def test_a_ledger_begins_with_robots_that_hold_their_starts_and_have_nothing_to_do():
     problem, plan = problem_of(line(4), [[0, 1], [3, 2]], BURGER)
     ledger = Ledger(problem, resources_for(problem, plan))
-    assert ledger.column("vertex").tolist() == [0, 3] and ledger.column("next").tolist() == [-1, -1]
+    assert column(ledger, "vertex").tolist() == [0, 3] and column(ledger, "next").tolist() == [-1, -1]
     assert ledger.state.grants.holder.tolist()[:4] == [0, -1, -1, 1]
     assert ledger.entries == [] and not ledger.state.home.any()
 
@@ -45,7 +50,7 @@ def test_a_ledger_begins_with_robots_that_hold_their_starts_and_have_nothing_to_
 def test_the_first_plan_is_the_first_entry_and_begins_at_the_starts():
     ledger, plan = ledger_of(line(4), [[0, 1], [3, 2]])
     assert ledger.all_ids(0).tolist() == [0, 2] and ledger.all_ids(1).tolist() == [1, 3]
-    assert ledger.column("next").tolist() == [2, 3, -1, -1]
+    assert column(ledger, "next").tolist() == [2, 3, -1, -1]
     assert ledger.state.motion.yaw_rad == pytest.approx([0.0, np.pi])  # robots face the way that they go
     assert planned_arrivals(ledger)[plan.first[:-1]].tolist() == [0.0, 0.0] and len(planned_arrivals(ledger)) == plan.num_visits
     assert replies_of(ledger) == ()
@@ -64,14 +69,14 @@ def test_a_first_plan_that_nobody_can_keep_leaves_the_ledger_empty():
 def test_new_visits_are_linked_in_the_place_of_those_that_are_cut_off():
     # vertex y * 3 + x: straight on along the bottom, then up and over the top instead
     ledger, plan = ledger_of(square_grid(3), [[0, 1, 2, 5]])
-    before = ledger.column("at_m").copy()
+    before = column(ledger, "at_m").copy()
     ledger.append(Replan({0: way(3, 4, 5)}, "detour"), policy_of("adg"), 1.0)
     assert ledger.num_visits == 7  # those that are cut off stay in the ledger
     assert ledger.all_ids(0).tolist() == [0, 4, 5, 6]
-    assert ledger.column("vertex").tolist() == [0, 1, 2, 5, 3, 4, 5]
-    assert ledger.column("at_m")[:4].tolist() == before.tolist()
-    assert ledger.column("at_m")[4:] == pytest.approx([0.4, 0.8, 1.2])
-    assert ledger.column("turns")[0] and ledger.state.home.all()
+    assert column(ledger, "vertex").tolist() == [0, 1, 2, 5, 3, 4, 5]
+    assert column(ledger, "at_m")[:4].tolist() == before.tolist()
+    assert column(ledger, "at_m")[4:] == pytest.approx([0.4, 0.8, 1.2])
+    assert column(ledger, "turns")[0] and ledger.state.home.all()
     (reply,) = replies_of(ledger)
     (after,) = plans_in_force(plan, [reply])
     assert after.vertex.tolist() == [0, 3, 4, 5]
@@ -81,7 +86,7 @@ def test_a_robot_that_is_given_nothing_more_stays_and_is_not_at_its_goal():
     ledger, plan = ledger_of(line(3), [[0, 1, 2]])
     ledger.append(Replan({0: way(leave_s=np.inf)}, "replan"), policy_of("adg"), 1.0)
     assert ledger.all_ids(0).tolist() == [0] and not ledger.state.home.any()
-    assert ledger.column("next")[0] == -1
+    assert column(ledger, "next")[0] == -1
     assert next(plans_in_force(plan, replies_of(ledger))).vertex.tolist() == [0]
 
 
@@ -92,7 +97,7 @@ def test_an_order_that_nobody_can_keep_leaves_the_ledger_as_it_was():
         ledger.append(Replan({0: way(1), 1: way(1)}, "replan"), policy_of("adg"), 1.0)
     assert content(ledger) == before
     for seen, name in ((ledger.visits.arrived_s, "arrived_s"), (ledger.visits.next, "next")):  # kernels write where the ledger reads
-        assert np.shares_memory(seen, ledger.column(name))
+        assert np.shares_memory(seen, column(ledger, name))
     ledger.append(Replan({0: way(1, 3), 1: way(2, 0)}, "replan"), policy_of("adg"), 1.0)
     assert len(ledger.entries) == 2
 
@@ -116,9 +121,9 @@ def test_a_robot_that_turns_back_comes_to_the_vertex_behind_it_again():
     ledger.state.grants.claims[lane], ledger.state.grants.holder[0] = 1, -1  # and has left the vertex behind it
     ledger.append(Replan({0: way(0, 2, back=True)}, "give_way"), policy_of("open_loop"), 3.0)
     behind = int(ledger.all_ids(0)[1])
-    assert ledger.column("lane")[behind] == graph.reverse[lane]
-    assert ledger.column("at_m")[behind] == pytest.approx(1.0)  # half a metre there, half a metre back
-    assert ledger.column("from_m")[behind] == pytest.approx(-1.0)  # as if it had come from the lane's other end
+    assert column(ledger, "lane")[behind] == graph.reverse[lane]
+    assert column(ledger, "at_m")[behind] == pytest.approx(1.0)  # half a metre there, half a metre back
+    assert column(ledger, "from_m")[behind] == pytest.approx(-1.0)  # as if it had come from the lane's other end
     assert ledger.state.grants.claims[[lane, graph.reverse[lane]]].tolist() == [1, 1]
     assert ledger.state.grants.holder[0] == 0  # nobody else is to come there
     assert ledger.turn_backs[0].xy == pytest.approx([0.5, 0.0])
@@ -126,7 +131,7 @@ def test_a_robot_that_turns_back_comes_to_the_vertex_behind_it_again():
 
 def passing(ledger, vertex):
     """Robots in the order in which they are to pass a vertex."""
-    visits = [(r, k) for r in range(ledger.num_robots) for k in ledger.all_ids(r) if ledger.column("vertex")[k] == vertex]
+    visits = [(r, k) for r in range(ledger.num_robots) for k in ledger.all_ids(r) if column(ledger, "vertex")[k] == vertex]
     return [r for r, _ in sorted(visits, key=lambda visit: ledger.needs.passage[ledger.needs.first[visit[1]]])]
 
 
@@ -168,13 +173,13 @@ def test_times_are_squeezed_into_a_second_in_their_order_entry_by_entry():
 def test_a_robot_that_is_sent_another_way_leaves_when_the_new_plan_says(leave_s):
     """It was to leave 0 at 3 s."""
     ledger, _ = ledger_of(square_grid(3), [[0, 0, 1, 2]], "timed")
-    assert (ledger.column("depart_s")[0], ledger.column("earliest_s")[0]) == (3.0, 3.0)
+    assert (column(ledger, "depart_s")[0], column(ledger, "earliest_s")[0]) == (3.0, 3.0)
     ledger.append(Replan({0: way(3, 6, leave_s=leave_s)}, "detour"), policy_of("timed"), 1.0)
-    assert (ledger.column("depart_s")[0], ledger.column("earliest_s")[0]) == (leave_s, leave_s)
-    assert ledger.column("earliest_s")[ledger.all_ids(0)[1]] == 2.0  # as planned
+    assert (column(ledger, "depart_s")[0], column(ledger, "earliest_s")[0]) == (leave_s, leave_s)
+    assert column(ledger, "earliest_s")[ledger.all_ids(0)[1]] == 2.0  # as planned
 
 
 def test_robots_that_are_not_sent_elsewhere_keep_when_they_leave():
     ledger, _ = ledger_of(square_grid(3), [[0, 0, 1], [8, 8, 8, 7]], "timed")
     ledger.append(Replan({0: way(3, leave_s=7.0)}, "detour"), policy_of("timed"), 1.0)
-    assert [float(ledger.column("earliest_s")[ledger.all_ids(r)[0]]) for r in (0, 1)] == [7.0, 6.0]
+    assert [float(column(ledger, "earliest_s")[ledger.all_ids(r)[0]]) for r in (0, 1)] == [7.0, 6.0]

@@ -1,0 +1,171 @@
+"""The kernels of the cycle: all between two steps of an engine, and steps in which nothing happens that anybody else has to see.
+
+Runs, retimings and virtual fleets are driven by these.
+"""
+
+from mrp_sumo.drive._facilities import run_facilities
+from mrp_sumo.drive._grants import command, grant, release
+from mrp_sumo.drive._observe import is_turned, observe
+from mrp_sumo.drive._people import book_lost
+from mrp_sumo.search._bodies import lane_limits, move_bodies
+from mrp_sumo.search._kernel import kernel
+
+AT_VERTEX_M = 1e-6  # beyond it by more, a robot has left a vertex
+
+
+@kernel(allocates=False)
+def advance(look, now, s_m, routed, scene):
+    """All between two steps of the engine: observe, run lifts and doors, grant, command.
+
+    One call, since handing the arrays over costs more than the work for few robots.
+
+    Parameters
+    ----------
+    look
+        Whether a step has been made since the last call.
+    now
+        Simulated time, s.
+    s_m
+        [R] what the engine says robots have driven.
+    routed
+        [R] rank of the last visit that the engine knows the way to.
+
+    Returns
+    -------
+    num_logged, num_changed, num_due
+        Entries in the log, robots with another speed, robots whose routes end soon.
+    """
+    visits, needs, state, conditions = scene.visits, scene.needs, scene.state, scene.conditions
+    if look:
+        observe(now, s_m, scene)
+        if len(conditions.margin.steps) > 0:
+            look_late(s_m, visits, conditions.margin)
+            release(conditions.margin.left_m, visits, needs, state.grants)
+        else:
+            release(s_m, visits, needs, state.grants)
+        if conditions.people.any:
+            book_lost(scene.rules.step_s, conditions.people)
+    if conditions.facilities.any:
+        run_facilities(now, scene)
+    grant(now, scene)
+    num_changed = command(now, scene)
+    num_due = 0
+    for r in range(len(s_m)):
+        if visits.rank[visits.granted[r]] + state.grants.on_lane[r] >= routed[r]:
+            scene.news.due[num_due] = r
+            num_due += 1
+    return scene.log.num_entries[0] if look else 0, num_changed, num_due
+
+
+@kernel(allocates=False)
+def drive_on(step, most, bodies, routed, scene, tape):
+    """See the step `step`, which bodies have just made, and go on with it for `most` more steps at most, while nothing happens.
+
+    Parameters
+    ----------
+    bodies
+        See `engines.kinematic.engine.Moving`.
+    tape
+        See `drive.state.Tape`. What is known of grants, and what is added to it, is written there.
+
+    Returns
+    -------
+    made, num_logged, num_changed, num_due, num_samples, num_grants
+        Steps beyond `step`; what `advance` returned after the last of them, whose commands have not been given, and which is not on
+        the tape; samples and grants on the tape.
+    """
+    s_m, visits, state, dt, news = bodies.s_m, scene.visits, scene.state, scene.rules.step_s, scene.news
+    made, num_samples, num_grants = 0, 0, 0
+    ended = num_ended(visits, state)
+    while True:
+        now = (step + made) * dt
+        if len(tape.left_s) == 0:
+            now = round(now, 9)  # as everybody else knows it; the times of plans have all their digits
+        else:
+            depart(now - dt, s_m, visits, state.motion, tape)
+        num_logged, num_changed, num_due = advance(True, now, s_m, routed, scene)
+        if len(tape.left_s) > 0:
+            pass_through(now, visits, tape)
+        is_over = num_logged > 0 or made == most or num_ended(visits, state) != ended
+        if is_over or ((step + made) % tape.look_every == 0 and has_to_look(visits, state, tape)):
+            return made, num_logged, num_changed, num_due, num_samples, num_grants
+        for r in range(len(tape.known)):
+            may = 2 * visits.rank[visits.granted[r]] + state.grants.on_lane[r]
+            if may != tape.known[r]:
+                tape.known[r] = may
+                tape.grant_s[num_grants], tape.grant_robot[num_grants], tape.granted[num_grants] = now, r, may
+                num_grants += 1
+        if (step + made) % tape.sample_every == 0:
+            for r in range(len(s_m)):
+                tape.samples[num_samples, 0, r] = state.motion.s_m[r]
+                tape.samples[num_samples, 1, r] = state.motion.yaw_rad[r]
+                tape.samples[num_samples, 2, r] = state.motion.speed_mps[r]
+            num_samples += 1
+        for i in range(num_changed):
+            bodies.wanted_mps[news.changed[i]] = state.grants.command_mps[news.changed[i]]
+        decel = scene.kinematics.decel_mps2
+        if bodies.has_limits:
+            of_visits = visits.next, visits.reached, visits.at_m, visits.lane
+            lane_limits(dt, bodies.limit_mps, decel, *of_visits, bodies.speed_mps, s_m, bodies.cap_mps)
+        move_bodies(dt, bodies.wanted_mps, bodies.accel_mps2, decel, bodies.cap_mps, bodies.speed_mps, s_m)
+        made += 1
+
+
+@kernel(allocates=False)
+def num_ended(visits, state):
+    """How many robots have come to the ends of their ways, and stand there as they are to."""
+    count = 0
+    for r in range(len(visits.reached)):
+        if visits.next[visits.reached[r]] < 0 and is_turned(state.motion.yaw_rad[r], state.facing_rad[r]):
+            count += 1
+    return count
+
+
+@kernel(allocates=False)
+def has_to_look(visits, state, tape):
+    """Whether somebody waits for another robot, stands though it should not, or has come farther than it may unseen."""
+    waits, motion = state.waits, state.motion
+    for r in range(len(tape.rests)):
+        if waits.waiting[r] or waits.stuck[r] or (tape.watched[r] >= 0 and visits.reached[r] != tape.watched[r]):
+            return True
+        if not (tape.rests[r] or motion.speed_mps[r] > 0.0 or motion.turning[r]):
+            return True
+    return False
+
+
+@kernel(allocates=False)
+def look_late(s_m, visits, margin):
+    """Where robots were at the last step that is as long ago as what they had left then has to stay theirs."""
+    past_m, past_steps, num_past = margin.past_m, margin.past_steps, len(margin.past_m)
+    margin.step[0] += 1
+    step = margin.step[0]
+    for r in range(len(s_m)):
+        past_m[step % num_past, r] = s_m[r]
+        past_steps[step % num_past, r] = margin.steps[visits.rank[visits.reached[r]]]
+        k = margin.seen[r]
+        while k < step and k + 1 + past_steps[(k + 1) % num_past, r] <= step:
+            k += 1
+        margin.seen[r] = k
+        margin.left_m[r] = past_m[k % num_past, r]
+
+
+@kernel(allocates=False)
+def depart(began, s_m, visits, motion, tape):
+    """Who stood on a vertex and set out in the step that began at `began`, before it is observed."""
+    for r in range(len(s_m)):
+        m = visits.reached[r]
+        tape.before[0, r], tape.before[1, r] = m, visits.granted[r]
+        if s_m[r] > motion.s_m[r] and motion.speed_mps[r] == 0.0 and motion.s_m[r] <= visits.at_m[m] + AT_VERTEX_M:
+            tape.left_s[m] = began
+
+
+@kernel(allocates=False)
+def pass_through(now, visits, tape):
+    """Visits that were made in this step are left at once, unless the robot stops there: then at the end of the step, or later."""
+    for r in range(len(visits.reached)):
+        k = tape.before[0, r]
+        while k != visits.reached[r]:
+            k = visits.next[k]
+            tape.left_s[k] = visits.arrived_s[k]
+        if k != tape.before[0, r] and k == tape.before[1, r]:
+            tape.left_s[k] = now

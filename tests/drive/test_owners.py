@@ -1,0 +1,77 @@
+"""Each array of a running execution is written in one module, which `state.OWNERS` names: read from the sources, see tests/writers.py."""
+
+from pathlib import Path
+
+import pytest
+
+from mrp_sumo.drive import state
+from tests.writers import Records, writers
+
+PROJECT = Path(__file__).resolve().parents[2]
+ROOMS = ("core", "crowd", "drive", "engines", "search", "wire")  # and whoever else imports the drive
+
+
+def sources():
+    paths = sorted(p for folder in ("mrp_sumo", "planners") for p in (PROJECT / folder).rglob("*.py"))
+    texts = {p.relative_to(PROJECT).as_posix(): p.read_text() for p in paths}
+    return {path: text for path, text in texts.items() if path.split("/")[1] in ROOMS or "mrp_sumo.drive" in text}
+
+
+def owner(record, field):
+    """The path of the module that is to write an array."""
+    of_record = state.OWNERS[record]
+    return f"mrp_sumo/drive/{of_record if isinstance(of_record, str) else of_record.get(field, of_record[''])}.py"
+
+
+def test_each_array_is_written_by_its_owner_alone():
+    written = writers(sources())
+    wrong = [
+        f"{record}.{field} is written by {sorted(paths)}, expected {owner(record, field)} alone"
+        for (record, field), paths in sorted(written.items())
+        if paths != {owner(record, field)}
+    ]
+    assert not wrong, "\n".join(wrong)
+    assert {record for record, _ in written} == set(state.OWNERS)  # and none is overlooked
+
+
+def test_every_array_of_motion_grants_and_waits_is_found_to_be_written():
+    written, fields = writers(sources()), Records(sources()).fields
+    for record in ("Motion", "Grants", "Waits", "Yielding", "Margin"):
+        assert {field for field in fields[record] if (record, field) not in written} <= {"steps"}  # of margins: given
+
+
+SECOND = {  # ways to write an array beside its owner
+    "an element": "def other(state):\n    state.grants.holder[0] = 1",
+    "another name": "def other(self):\n    held = self.ledger.state.grants.holder\n    held[2:] += 1",
+    "a name for a part": "def other(grants):\n    some = grants.holder[3:]\n    some[0] = 1",
+    "in place": "def other(grants):\n    grants.holder += 1",
+    "out": "import numpy as np\ndef other(scene):\n    np.add(1, 2, out=scene.state.grants.holder)",
+    "a method": "def other(grants):\n    grants.holder.fill(1)",
+    "a function of NumPy": "import numpy as np\ndef other(grants):\n    np.add.at(grants.holder, [0], 1)",
+    "a kernel": "def inner(into):\n    into[0] = 1\n\ndef middle(a):\n    inner(a)\n\ndef other(grants):\n    middle(grants.holder)",
+    "a record under another name": "def inner(record):\n    record.holder[0] = 1\n\ndef other(grants):\n    inner(grants)",
+    "its class": "def other(record: Grants) -> None:\n    record.holder[0] = 1",
+    "one of some": "def other(grants, waits):\n    for each in (grants.holder, waits.where):\n        each[:] = 0",
+    "all together": "def other(grants):\n    (grants.held[0], grants.holder[0]) = (1, 2)",
+}
+
+
+@pytest.mark.parametrize("how", SECOND)
+def test_a_second_writer_is_seen(how):
+    path = "mrp_sumo/drive/state.py"
+    texts = {path: (PROJECT / path).read_text(), "mrp_sumo/drive/other.py": SECOND[how]}
+    assert writers(texts)["Grants", "holder"] == {"mrp_sumo/drive/other.py"}
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "def other(grants):\n    holder = grants.holder.copy()\n    holder[0] = 1",
+        "def other(grants):\n    some = grants.holder[[0, 1]]\n    some[0] = 1",
+        "def other(waits: list) -> None:\n    waits[0] = 1",
+        "def inner(into, values):\n    into[0] = values[0]\n\ndef other(grants, into):\n    inner(into, grants.holder)",
+    ],
+)
+def test_copies_and_reading_are_no_writing(text):
+    path = "mrp_sumo/drive/state.py"
+    assert not writers({path: (PROJECT / path).read_text(), "mrp_sumo/drive/other.py": text})
