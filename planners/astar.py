@@ -29,7 +29,7 @@ class AStar:
 
     def plan(self, problem: Problem, time_limit_s: float) -> PlanResult:
         """See `Planner`. SOLVED whether or not the paths collide, which the referee judges."""
-        from planners._astar import shortest_path
+        from mrp_sumo.search._distance import shortest_path
 
         require_limit(time_limit_s)
         began = process_time()

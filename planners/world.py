@@ -25,6 +25,7 @@ from planners.configuration._pibt_instance import PibtInstance, PibtScratch
 TABLE_CELLS = 10_000_000  # tables of steps larger than this are packed
 WHOLE_CELLS = 100_000_000  # and larger than this are begun only about the robots' ways
 TILE = 16  # side of a tile in steps: 256 vertices are one line of 64 bytes
+MOVES_A_LANE = 2.25  # along shortest ways, from which on there is no way past the others
 SLICE_S = 0.02  # how long a kernel runs until the clock is read
 
 
@@ -158,23 +159,15 @@ def _unwritten(num_rows: int, num_columns: int) -> np.ndarray:
 
 def steps_table(problem: Problem, deadline_s: float) -> np.ndarray | None:
     """[R, V] int32 steps from each vertex to each robot's goal, read-only; None when the deadline passes first."""
-    known, target = distances(problem.graph), problem.target
-    at_once = max(1, 4_000_000 // max(problem.graph.num_vertices, 1))
-    if 0 < problem.num_robots <= at_once:
-        return known.to_all(target) if process_time() <= deadline_s else None
-    table = np.empty((problem.num_robots, problem.graph.num_vertices), np.int32)
-    for a in range(0, problem.num_robots, at_once):
+
+    def check() -> None:
         if process_time() > deadline_s:
-            return None
-        known.fill(target[a : a + at_once], table[a : a + at_once])
-    return frozen(table)
+            raise TimeoutError
 
-
-def whole_table(problem: Problem) -> np.ndarray:
-    """As `steps_table`, however long it takes."""
-    table = steps_table(problem, math.inf)
-    assert table is not None
-    return table
+    try:
+        return distances(problem.graph).to_all(problem.target, check)
+    except TimeoutError:
+        return None
 
 
 def build_scratch(world: PibtInstance) -> PibtScratch:

@@ -153,3 +153,8 @@ def test_no_two_classes_share_a_name():
                 homes[node.name].append(path)
     shared = {name: paths for name, paths in homes.items() if len(paths) > 1}
     assert set(shared) == {"Problem"}, shared  # the one of the scripting interface has a scenario, the planners' has none
+
+
+def test_files_with_an_underscore_hold_kernels_or_their_constants():
+    wrong = [path for path in sources() if path.match("_[!_]*.py") and "@kernel" not in (text := path.read_text()) and "def " in text]
+    assert not wrong, wrong

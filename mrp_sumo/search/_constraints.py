@@ -1,4 +1,4 @@
-"""The constraints of a record, laid out for a search, and the room that searches work in."""
+"""The constraints of a record, laid out for a search; the room that searches work in, and its queues of states by bucket."""
 
 from typing import NamedTuple
 
@@ -140,3 +140,23 @@ def is_forbidden(scratch, stamp, last_must, u, v, step):
 def forbidden(scratch, u, v, step):
     """Whether the constraints laid out forbid to come from u to v at this step, or to be at v = u at the first."""
     return is_forbidden(scratch, scratch.number[STAMP], scratch.limit[LAST_MUST], u, v, step)
+
+
+@kernel(inline="always", allocates=False)
+def put(state, top, k, vertex, step, before, label, bucket):
+    """Write state k, and put it on top of a bucket: a list, of which the last state put in comes out first.
+
+    Parameters
+    ----------
+    state, top
+        See `ConstraintScratch`.
+    k
+        The state's number.
+    vertex, step, before, label
+        What is written; `before` is the state that it was reached from.
+    bucket
+        Where it goes.
+    """
+    state[k, VERTEX], state[k, STEP], state[k, BEFORE] = vertex, step, before
+    state[k, LABEL], state[k, BELOW] = label, top[bucket]
+    top[bucket] = k

@@ -57,11 +57,15 @@ def steps_to(goal, first_in, tail_in, distance, queue):
 
 
 @kernel
-def steps_to_all(goals, first_in, tail_in):
-    """[G, V] int32 steps from each vertex to each goal."""
-    num_vertices = len(first_in) - 1
-    distance = np.empty((len(goals), num_vertices), np.int32)
-    queue = np.empty(num_vertices, np.int64)
-    for g in range(len(goals)):
-        steps_to(goals[g], first_in, tail_in, distance[g], queue)
-    return distance
+def shortest_path(first, head, distance, start):
+    """Vertices of a shortest path by a [V] table of steps to its end: the lowest lane first."""
+    path = np.empty(distance[start] + 1, np.int64)
+    v = start
+    path[0] = v
+    for step in range(1, len(path)):
+        for lane in range(first[v], first[v + 1]):
+            if distance[head[lane]] < distance[v]:
+                v = head[lane]
+                break
+        path[step] = v
+    return path

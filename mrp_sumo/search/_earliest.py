@@ -6,7 +6,6 @@ constraints cut a vertex's time into intervals; of two arrivals in one interval 
 
 import numpy as np
 
-from mrp_sumo.search._buckets import put
 from mrp_sumo.search._constraints import (
     ALIKE,
     BELOW,
@@ -25,6 +24,7 @@ from mrp_sumo.search._constraints import (
     VERTEX,
     elsewhere,
     forbidden,
+    put,
 )
 from mrp_sumo.search._distance import UNREACHABLE
 from mrp_sumo.search._kernel import kernel

@@ -1,4 +1,4 @@
-"""A binary heap of int64 keys in a flat array: the smallest key on top. The caller keeps the count."""
+"""Binary heaps in flat arrays, of int64 keys or of entries by key: the smallest key on top. The caller keeps the count."""
 
 from mrp_sumo.search._kernel import kernel
 
@@ -34,4 +34,37 @@ def pop(heap, count):
         heap[k] = heap[down]
         k = down
     heap[k] = key
+    return top
+
+
+@kernel(allocates=False)
+def push_by(keys, entries, count, key, entry):
+    """Add an entry with its key to the first `count`; both arrays have room for one more."""
+    k = count
+    while k > 0:
+        up = (k - 1) >> 1
+        if keys[up] <= key:
+            break
+        keys[k], entries[k] = keys[up], entries[up]
+        k = up
+    keys[k], entries[k] = key, entry
+
+
+@kernel(allocates=False)
+def pop_by(keys, entries, count):
+    """Take the entry with the smallest of `count` keys away and return it."""
+    top, last = entries[0], count - 1
+    key, entry = keys[last], entries[last]
+    k = 0
+    while True:
+        down = 2 * k + 1
+        if down >= last:
+            break
+        if down + 1 < last and keys[down + 1] < keys[down]:
+            down += 1
+        if keys[down] >= key:
+            break
+        keys[k], entries[k] = keys[down], entries[down]
+        k = down
+    keys[k], entries[k] = key, entry
     return top

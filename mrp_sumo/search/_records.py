@@ -12,7 +12,7 @@ from mrp_sumo.core.clashes import Clashes
 from mrp_sumo.search._kernel import kernel
 
 FOREVER = 1 << 30
-OK, NO_PATH, STORE_FULL, SCRATCH_FULL, TOO_LATE, OUT_OF_BUDGET = 0, 1, 2, 3, 4, 5  # what kernels return
+OK, NO_PATH, STORE_FULL, SCRATCH_FULL, TOO_LATE, OUT_OF_BUDGET = 0, 1, 2, 3, 4, 5  # what searches return
 
 # columns of Store.meta
 PARENT, ROW0, ROW1, ORIGIN, PATH0, COST, BOUND, MDD0, ROBOT = 0, 1, 2, 3, 4, 5, 6, 7, 8

@@ -14,9 +14,9 @@ from mrp_sumo.search._clashing import move_of
 from mrp_sumo.search._distance import UNREACHABLE
 from mrp_sumo.search._heap import pop, push
 from mrp_sumo.search._kernel import kernel
+from mrp_sumo.search._records import NO_PATH, OK, SCRATCH_FULL
 
 FOREVER = 1 << 40
-FOUND, NO_PATH, FULL = 0, 1, 2
 
 
 class Intervals(NamedTuple):
@@ -233,7 +233,7 @@ def find_path(first, head, distance, start, goal, following, clashes, intervals,
     Returns
     -------
     code, length
-        FOUND and the number of steps written, NO_PATH, or FULL when path or heap are too short.
+        OK and the number of steps written, NO_PATH, or SCRATCH_FULL when path or heap are too short.
     """
     scratch.searches[0] += 1
     now = scratch.searches[0]
@@ -280,7 +280,7 @@ def find_path(first, head, distance, start, goal, following, clashes, intervals,
                     latest = -1
                 if arrive <= latest and (scratch.stamp[b] != now or arrive < scratch.arrival[b]):
                     if count >= len(heap):
-                        return FULL, 0
+                        return SCRATCH_FULL, 0
                     scratch.arrival[b] = arrive
                     scratch.parent[b] = a
                     scratch.stamp[b] = now
@@ -291,11 +291,11 @@ def find_path(first, head, distance, start, goal, following, clashes, intervals,
         return NO_PATH, 0
     length = scratch.arrival[end] + 1
     if length > len(path):
-        return FULL, length
+        return SCRATCH_FULL, length
     until = length
     while end >= 0:
         for step in range(scratch.arrival[end], until):
             path[step] = intervals.vertex[end]
         until = scratch.arrival[end]
         end = scratch.parent[end]
-    return FOUND, length
+    return OK, length

@@ -11,7 +11,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mrp_sumo.search._buckets import put
 from mrp_sumo.search._constraints import (
     BEFORE,
     BELOW,
@@ -25,6 +24,7 @@ from mrp_sumo.search._constraints import (
     VERTEX,
     is_forbidden,
     load,
+    put,
 )
 from mrp_sumo.search._disturbance import count_visits_from, is_taken, num_disturbed, num_too_close
 from mrp_sumo.search._earliest import earliest_arrival

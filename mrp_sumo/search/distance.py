@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from mrp_sumo.core.graph import IntArray, NavGraph, frozen
 from mrp_sumo.core.problem import Problem
-from mrp_sumo.search._distance import UNREACHABLE, reversed_lanes, steps_to, steps_to_all
+from mrp_sumo.search._distance import UNREACHABLE, reversed_lanes, steps_to
 
 __all__ = ["UNREACHABLE", "Distances", "distances"]
 
@@ -45,45 +45,22 @@ class Distances:
         check
             Called before every few tables that are made; may raise to give up.
         """
-        goals = np.asarray(goals, np.int64)
-        if check is not None:
-            made = np.empty((len(goals), len(self.first) - 1), np.int32)
-            for k in range(0, len(goals), TABLES_AT_ONCE):
-                check()
-                self.fill(goals[k : k + TABLES_AT_ONCE], made[k : k + TABLES_AT_ONCE])
-            made.setflags(write=False)
-            return made
-        missing = np.array(sorted({int(g) for g in goals} - self._table.keys()), np.int64)
-        if len(missing) == len(goals) and (missing == goals).all():  # nothing known, in order: no copy
-            tables: StepArray = steps_to_all(goals, self.first_in, self.tail_in)
-            tables.setflags(write=False)
-            self._keep(goals, tables)
-            return tables
-        steps_of = dict(zip(missing.tolist(), steps_to_all(missing, self.first_in, self.tail_in)))
-        tables = np.empty((len(goals), len(self.first) - 1), np.int32)
-        for k, goal in enumerate(goals.tolist()):
-            tables[k] = self._table[goal] if goal in self._table else steps_of[goal]
-        for table in steps_of.values():
-            table.setflags(write=False)
-        self._keep(missing, [steps_of[int(g)] for g in missing])
-        tables.setflags(write=False)
-        return tables
-
-    def fill(self, goals: IntArray, tables: StepArray) -> None:
-        """Write [G, V] steps from each vertex to each goal to `tables`, which nobody may change afterwards."""
+        tables: StepArray = np.empty((len(goals), len(self.first) - 1), np.int32)
         queue = np.empty(len(self.first) - 1, np.int64)
-        for goal, table in zip(goals.tolist(), tables):
+        most = KEPT_BYTES // (4 * (len(self.first) - 1))
+        for k, goal in enumerate(np.asarray(goals).tolist()):
+            if check is not None and k % TABLES_AT_ONCE == 0:
+                check()
             if goal in self._table:
-                table[:] = self._table[goal]
+                tables[k] = self._table[goal]
                 continue
+            table = tables[k]
             steps_to(goal, self.first_in, self.tail_in, table, queue)
             table.setflags(write=False)
-            self._keep(np.array([goal]), [table])
-
-    def _keep(self, goals: IntArray, tables: StepArray | list[StepArray]) -> None:
-        room = KEPT_BYTES // (4 * (len(self.first) - 1)) - len(self._table)
-        for goal, table in zip(goals[: max(room, 0)].tolist(), tables):
-            self._table[goal] = table
+            if len(self._table) < most:
+                self._table[goal] = table
+        tables.setflags(write=False)
+        return tables
 
 
 def prepare() -> None:

@@ -12,7 +12,7 @@ from planners.configuration._flow import LaneFlow
 from planners.configuration._local_guidance import DEAREST, LocalGuidance
 from planners.configuration._pibt_instance import PibtInstance
 from planners.configuration._ways import StepPaths
-from planners.neighbourhood.refinement import MOVES_A_LANE
+from planners.world import MOVES_A_LANE
 
 MOST_MOVES = 10_000_000  # of all ways in all rounds; more take too much memory
 GUIDE_CELLS = 40_000_000  # robots times vertices; guides by flow that are larger take too long

@@ -12,14 +12,13 @@ from mrp_sumo.core.problem import Problem
 from mrp_sumo.planning.answers import without_effort
 from mrp_sumo.planning.registry import planner
 from planners._compass import SLACK_STEPS, extend_all
-from planners.configuration import _lacam, _traffic_map
+from planners.configuration import _flow, _lacam
 from planners.configuration._lacam import LacamMemory
-from planners.configuration._traffic_map import TrafficMap
 from planners.configuration.guides import is_room_for_flow, local_guidance, traffic_guide
 from planners.configuration.pibt_search import steps_of_window
-from planners.configuration.search_start import SearchStart, search_start, task_on
+from planners.configuration.search_start import SearchStart, search_start
 from planners.neighbourhood._traffic import RepairTask
-from planners.neighbourhood.refinement import FOREVER, SPARE_STEPS, Refinement, polishing_labels, room_bytes, threads_with_room
+from planners.neighbourhood.refinement import FOREVER, SPARE_STEPS, Refinement, polishing_labels, room_bytes, task_on, threads_with_room
 from planners.world import SLICE_S, build_scratch, sum_of_costs, timed_out
 
 CHANCE = 12  # purpose of the stream of chance
@@ -120,12 +119,12 @@ def _in_window(lacam: Any, start: SearchStart) -> PlanResult | None:
 def _searched_again(lacam: Any, start: SearchStart, path: np.ndarray, cost: int) -> tuple[np.ndarray, int]:
     """The cheapest of the solution and of further ones, each guided by the traffic in all before."""
     num_lanes = start.problem.graph.num_lanes
-    traffic = TrafficMap(np.zeros(num_lanes, np.int64), np.zeros(num_lanes, np.int64))
+    traffic = _flow.TrafficMap(np.zeros(num_lanes, np.int64), np.zeros(num_lanes, np.int64))
     found = path
     for _ in range(lacam.traffic):
-        _traffic_map.observe(start.world, traffic, found)
+        _flow.observe(start.world, traffic, found)
         toll = np.empty(num_lanes, np.int64)
-        _traffic_map.write_tolls(traffic, toll)
+        _flow.write_tolls(traffic, toll)
         guide = traffic_guide(start.problem, toll, start.deadline_s)
         if guide is None:
             break

@@ -11,9 +11,6 @@ from mrp_sumo.core.problem import Problem
 from mrp_sumo.planning.answers import order_clash
 from planners.configuration._pibt_instance import PibtInstance
 from planners.configuration.guides import are_thin, guide_of
-from planners.neighbourhood._traffic import RepairTask
-from planners.neighbourhood.first_paths import first_paths
-from planners.neighbourhood.refinement import packed_task, task_of
 from planners.world import build_world, checked_deadline, is_large, is_vast, solved, sum_of_costs, tiled, timed_out, without_search
 
 FEW = 16  # vertices for each robot, from which on there is a way past the others, however long ways are
@@ -102,12 +99,10 @@ def search_start(
     path, labels = None, 0
     thin = are_thin(problem, steps) or FEW * problem.num_robots <= problem.graph.num_vertices
     if paths_mb and ways and thin and not problem.window_steps:
+        from planners.neighbourhood.first_paths import first_paths
+        from planners.neighbourhood.refinement import task_on
+
         task, kind = task_on(problem, world), {"following": following, "rotations": rotations}
         path, labels = first_paths(task, rng, 0.5 * (process_time() + deadline_s), **kind, effort=problem.effort, memory_mb=paths_mb)
     guided = guide_of(problem, world, ways, flow, deadline_s, rng) if path is None and problem.num_robots > 1 else world
     return SearchStart(given, problem, original, world, guided, path, labels, steps, rng, begin_s, deadline_s)
-
-
-def task_on(problem: Problem, world: PibtInstance) -> RepairTask:
-    """The problem as neighbourhoods need it, with the distances that PIBT has."""
-    return packed_task(problem, world.steps, world.code) if world.packed else task_of(problem, world.table)

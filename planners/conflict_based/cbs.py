@@ -5,6 +5,10 @@ prioritised conflicts and bypass: Boyarski et al., "ICBS", IJCAI 2015; the WDG h
 symmetries: Li et al., AIJ 2021, and mutex propagation: Zhang et al., AIJ 2022; disjoint splitting: Li et al., ICAPS 2019;
 an order of splits that minds f: Boyarski et al., "f-aware conflict prioritization & improved heuristics for conflict-based search",
 AAAI 2021, here by pseudo-costs; clusters: Shen et al., "Beyond pairwise reasoning in multi-agent path finding", ICAPS 2023.
+
+With task assignment: Hönig, Kiesel, Tinka, Durham, Ayanian, "Conflict-based search with optimal task assignment", AAMAS 2018: a
+forest, with a root for each assignment, the next-best one made when a root is taken. Here a root waits as the
+cost of its assignment alone until it is taken.
 """
 
 from dataclasses import dataclass
@@ -53,3 +57,33 @@ class Cbs:
             time_limit_s,
             lambda forest: BestFirst(forest, heuristic=self.heuristic, bypass=self.bypass, disjoint=self.disjoint),
         )
+
+
+@dataclass(frozen=True)
+class CbsTa:
+    """Conflict-based search with task assignment: assigns and plans at once."""
+
+    heuristic: bool = True  # WDG, weighted pairwise dependencies: what each pair in conflict will cost more
+    symmetries: bool = True  # rectangles, corridors, targets
+    bypass: bool = True  # take a path of equal cost with fewer conflicts instead of splitting
+    following: bool = False  # following conflicts count too
+    memory_mb: int = 4000  # for tables and nodes; beyond it gives up
+
+    assigns: ClassVar[bool] = True
+    guarantee: ClassVar[str] = "optimal with assignment"
+
+    def __post_init__(self) -> None:
+        check_tree(self.memory_mb)
+
+    def prepare(self) -> None:
+        """See `Planner`."""
+        from planners.conflict_based.warm import warm
+
+        warm(self)
+
+    def plan(self, problem: Problem, time_limit_s: float) -> PlanResult:
+        """See `Planner`."""
+        from planners.conflict_based.best_first import BestFirst
+        from planners.conflict_based.frame import search
+
+        return search(self, problem, time_limit_s, lambda forest: BestFirst(forest, heuristic=self.heuristic, bypass=self.bypass))

@@ -11,12 +11,13 @@ import numpy as np
 
 from mrp_sumo.core.graph import IntArray
 from mrp_sumo.core.problem import Problem
+from mrp_sumo.search.distance import distances
 from planners.neighbourhood import _lns
 from planners.neighbourhood._collisions import find_collisions
 from planners.neighbourhood._traffic import path_of
 from planners.neighbourhood.refinement import Refinement, room_bytes, room_to_repair, task_of
 from planners.neighbourhood.refinement import prepare as prepare_refinement
-from planners.world import small_problem, sum_of_costs, whole_table
+from planners.world import small_problem, sum_of_costs
 
 CHANCE = 14  # purpose of the stream of chance
 NEIGHBOURHOOD = 8  # robots planned again at a time while there are collisions, half of it afterwards
@@ -103,7 +104,7 @@ def _horizon(problem: Problem, table: np.ndarray) -> int:
 def prepare() -> None:
     """Compile or load the kernels."""
     problem = small_problem()
-    table = whole_table(problem)
+    table = distances(problem.graph).to_all(problem.target)
     task = task_of(problem, table)
     traffic, labels, hood = room_to_repair(task, 32, 2)
     _lns.repair(task, traffic, labels, hood, 2, find_collisions(task, traffic, hood), 0, np.random.default_rng(0))

@@ -43,13 +43,14 @@ class Lns2:
 
     def prepare(self) -> None:
         """Compile or load the kernels."""
+        from mrp_sumo.search.distance import distances
         from planners.neighbourhood import _lns
         from planners.neighbourhood._collisions import find_collisions
         from planners.neighbourhood.refinement import prepare, room_to_repair, task_of
-        from planners.world import small_problem, whole_table
+        from planners.world import small_problem
 
         problem = small_problem()
-        task = task_of(problem, whole_table(problem))
+        task = task_of(problem, distances(problem.graph).to_all(problem.target))
         rng = np.random.default_rng(0)
         traffic, labels, hood = room_to_repair(task, 32, 2)
         _lns.plan_all(task, traffic, labels, np.arange(2), 0, 2, True)

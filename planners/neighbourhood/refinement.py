@@ -8,19 +8,20 @@ from time import process_time
 import numpy as np
 
 from mrp_sumo.core.problem import Problem
+from mrp_sumo.search.distance import distances
 from mrp_sumo.traffic.clashes import clashes_of
-from planners.neighbourhood import _lns, _merging
+from planners.configuration._pibt_instance import PibtInstance
+from planners.neighbourhood import _lns
 from planners.neighbourhood._cells import is_sparse, slots_for
 from planners.neighbourhood._collisions import find_collisions
 from planners.neighbourhood._neighbourhoods import Neighbourhood, room_for_hood
 from planners.neighbourhood._sipps import Labels, labels_for, room_for_labels
 from planners.neighbourhood._traffic import WORD, RepairTask, Traffic, empty_traffic, path_of, traffic_of
-from planners.world import SLICE_S, small_problem, whole_table
+from planners.world import MOVES_A_LANE, SLICE_S, small_problem
 
 IN_WINDOWS = 6  # times less polishing
 SPARE_STEPS = 8  # room beyond the longest path
 FOREVER = 1 << 62
-MOVES_A_LANE = 2.25  # along shortest ways, from which on there is no way past the others
 VERTICES_A_ROBOT = 5  # at least, where there is room for everybody
 AT_ONCE = 16  # neighbourhoods between looks at the effort
 MOST_AT_ONCE = 1 << 16  # neighbourhoods between looks at the clock
@@ -37,9 +38,11 @@ def task_of(problem: Problem, table: np.ndarray) -> RepairTask:
     return _task(problem, table[robots, problem.start].astype(np.int64), table, np.zeros((len(robots), 0), np.uint8))
 
 
-def packed_task(problem: Problem, least: np.ndarray, code: np.ndarray) -> RepairTask:
-    """The problem as arrays, to refine paths; `least` [R] is the steps from start to goal, `code` which way is nearer."""
-    return _task(problem, least, np.zeros((problem.num_robots, 0), np.int32), code)
+def task_on(problem: Problem, world: PibtInstance) -> RepairTask:
+    """The problem as arrays, with the distances that PIBT has."""
+    if not world.packed:
+        return task_of(problem, world.table)
+    return _task(problem, world.steps, np.zeros((problem.num_robots, 0), np.int32), world.code)
 
 
 def _task(problem: Problem, least: np.ndarray, table: np.ndarray, code: np.ndarray) -> RepairTask:
@@ -123,12 +126,12 @@ def prepare(threads: int) -> None:
     """Compile or load the kernels of a refinement by so many threads."""
     problem = small_problem()
     detour = np.array([[0, 2], [0, 2], [1, 2], [3, 2], [3, 1], [3, 0], [1, 0], [2, 0]])
-    task = task_of(problem, whole_table(problem))
+    task = task_of(problem, distances(problem.graph).to_all(problem.target))
     refinement = Refinement(task, detour, 2, np.random.default_rng(0), threads=threads)
     refinement.until(np.inf, most_labels=20)
     for refiner in refinement.refiners[1:]:
-        _merging.take_over(task, refiner.traffic, refiner.hood, refiner.gains)
-        _merging.catch_up(task, refiner.traffic, refiner.hood, refinement.refiners[0].traffic)
+        _lns.take_over(task, refiner.traffic, refiner.hood, refiner.gains)
+        _lns.catch_up(task, refiner.traffic, refiner.hood, refinement.refiners[0].traffic)
 
 
 def threads_with_room(threads: int, task: RepairTask, path: np.ndarray, memory_mb: int, taken: int) -> int:
@@ -212,8 +215,8 @@ class Refinement:
         self._best = best = min(self.refiners, key=lambda refiner: refiner.cost)  # the first of the best
         others = [refiner for refiner in self.refiners if refiner is not best]
         for refiner in others:
-            _merging.take_over(self._task, best.traffic, best.hood, refiner.gains)
-        _at_a_time(pool, [partial(_merging.catch_up, self._task, refiner.traffic, refiner.hood, best.traffic) for refiner in others])
+            _lns.take_over(self._task, best.traffic, best.hood, refiner.gains)
+        _at_a_time(pool, [partial(_lns.catch_up, self._task, refiner.traffic, refiner.hood, best.traffic) for refiner in others])
         for refiner in self.refiners:
             refiner.gains.num[0] = 0
 
@@ -239,7 +242,7 @@ class _Refiner:
         self._task, self._size, self._rng = task, size, rng
         self._room = room_for_labels(len(task.first) - 1, len(task.head), horizon)
         self.hood = room_for_hood(task, horizon, size, with_hits=False, bandit=bandit)
-        self.gains = _merging.room_for_gains(task, MOST_GAINS if shared else 0, size, horizon)
+        self.gains = _lns.room_for_gains(task, MOST_GAINS if shared else 0, size, horizon)
         self._at_once = 1
 
     @property

@@ -8,8 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mrp_sumo.search._heap import pop_by, push_by
 from mrp_sumo.search._kernel import kernel
-from planners.safe_interval._discs import DiscPaths, add_rule, conflicts, copy_rules, find, lift, new_ways, rule_against, take, write_way
+from planners.safe_interval._discs import DiscPaths, add_rule, conflicts, copy_rules, find, new_ways, rule_against, write_way
 
 EPS = 1e-6  # s
 MOST_CONFLICTS = 4  # that are looked at in a node
@@ -27,7 +28,8 @@ class Pair(NamedTuple):
     cost: np.ndarray  # [N, 2] s, inf: that robot has no way
     bound: np.ndarray  # [N] s
     child: np.ndarray  # [N] the first of two, 0: not known yet, -1: the node is a solution
-    heap: np.ndarray  # [N]
+    key: np.ndarray  # [N] s, of a heap
+    heap: np.ndarray  # [N] its nodes
     found: np.ndarray  # [MOST_CONFLICTS, 3]
     ways: DiscPaths
 
@@ -37,7 +39,7 @@ def new_pair(nodes: int, moves: int) -> Pair:
     index = [np.zeros(nodes, np.int64) for _ in range(4)]
     return Pair(
         *index, np.zeros((nodes, 2)), np.zeros((nodes, 2), np.int64), np.zeros((nodes, 2)), np.zeros(nodes),
-        np.zeros(nodes, np.int64), np.zeros(nodes, np.int64), np.zeros((MOST_CONFLICTS, 3), np.int64), new_ways(moves),
+        np.zeros(nodes, np.int64), np.zeros(nodes), np.zeros(nodes, np.int64), np.zeros((MOST_CONFLICTS, 3), np.int64), new_ways(moves),
     )  # fmt: skip
 
 
@@ -60,9 +62,10 @@ def least_cost(lanes, left_s, start, goal, given, reach, pair, rules, scratch):
         if not fits:
             return 0.0
     pair.bound[0] = pair.cost[0, 0] + pair.cost[0, 1]
-    pair.child[0] = pair.heap[0] = 0
+    pair.child[0] = 0
+    push_by(pair.key, pair.heap, 0, pair.bound[0], 0)
     while count:
-        n = take(pair.bound, pair.heap, count)
+        n = pop_by(pair.key, pair.heap, count)
         count -= 1
         bound = pair.bound[n]
         if not bound < np.inf:
@@ -74,14 +77,14 @@ def least_cost(lanes, left_s, start, goal, given, reach, pair, rules, scratch):
             made += 2
             pair.bound[n] = max(bound, min(total(pair, made - 2), total(pair, made - 1)))
             if pair.bound[n] > bound + EPS:
-                lift(pair.bound, pair.heap, count, n)
+                push_by(pair.key, pair.heap, count, pair.bound[n], n)
                 count += 1
                 continue
         for c in range(pair.child[n], pair.child[n] + 2):
             pair.bound[c] = max(pair.bound[n], total(pair, c))
             if pair.bound[c] < np.inf:
                 pair.child[c] = 0
-                lift(pair.bound, pair.heap, count, c)
+                push_by(pair.key, pair.heap, count, pair.bound[c], c)
                 count += 1
     return np.inf
 

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mrp_sumo.search._heap import pop_by, push_by
 from mrp_sumo.search._kernel import kernel
 
 NEVER = 1e15  # s: after all finite times; who leaves a vertex before this leaves it, who stays until inf is there to stay
@@ -66,8 +67,8 @@ class DiscScratch(NamedTuple):
     parent: np.ndarray  # [N]
     lane: np.ndarray  # [N]
     left: np.ndarray  # [N] s
-    key: np.ndarray  # [N] s
-    heap: np.ndarray  # [N]
+    key: np.ndarray  # [N] s, of a heap
+    heap: np.ndarray  # [N] its entries
 
 
 def new_scratch(num_vertices: int, num_lanes: int, room: int) -> DiscScratch:
@@ -218,37 +219,6 @@ def conflicts_with_all(lanes, ways, one, others, reach, most, found, of):
 
 
 @kernel(allocates=False)
-def lift(key, heap, count, entry):
-    """Add an entry to a binary heap of `count`, the smallest key on top."""
-    k = count
-    while k > 0:
-        up = (k - 1) >> 1
-        if key[heap[up]] <= key[entry]:
-            break
-        heap[k] = heap[up]
-        k = up
-    heap[k] = entry
-
-
-@kernel(allocates=False)
-def take(key, heap, count):
-    """Take the entry with the smallest key away."""
-    top, entry, last, k = heap[0], heap[count - 1], count - 1, 0
-    while True:
-        down = 2 * k + 1
-        if down >= last:
-            break
-        if down + 1 < last and key[heap[down + 1]] < key[heap[down]]:
-            down += 1
-        if key[heap[down]] >= key[entry]:
-            break
-        heap[k] = heap[down]
-        k = down
-    heap[k] = entry
-    return top
-
-
-@kernel(allocates=False)
 def find(lanes, left_s, start, goal, rules, scratch):
     """The earliest way to a goal, to stay, for a robot that is at its start from 0 on.
 
@@ -301,7 +271,7 @@ def search(lanes, left_s, start, goal, rules, scratch):
         return -1
     entries = count = 1
     while count:
-        n = take(scratch.key, scratch.heap, count)
+        n = pop_by(scratch.key, scratch.heap, count)
         count -= 1
         v, t, until = scratch.vertex[n], scratch.arrived[n], scratch.until[n]
         if t > scratch.best[scratch.state[n]]:
@@ -333,8 +303,7 @@ def search(lanes, left_s, start, goal, rules, scratch):
                     scratch.state[entries], scratch.vertex[entries], scratch.until[entries] = state, w, stays_until
                     scratch.arrived[entries], scratch.parent[entries] = there, n
                     scratch.lane[entries], scratch.left[entries] = e, at
-                    scratch.key[entries] = there + left_s[w]
-                    lift(scratch.key, scratch.heap, count, entries)
+                    push_by(scratch.key, scratch.heap, count, there + left_s[w], entries)
                     entries += 1
                     count += 1
                 if not inside:

@@ -13,8 +13,9 @@ import numpy as np
 
 from mrp_sumo.search._heap import pop, push
 from mrp_sumo.search._kernel import kernel
+from mrp_sumo.search._records import FOREVER, NO_PATH, OK, OUT_OF_BUDGET, SCRATCH_FULL
 from planners.safe_interval._rays import steps_of_last_turn, steps_of_turn
-from planners.safe_interval._table import FOREVER, first_after, next_begin
+from planners.safe_interval._table import first_after, next_begin
 
 GUARD = 2  # steps before which what is needed is taken
 FAR = 1 << 29  # no way to the goal
@@ -22,7 +23,6 @@ LAST_ENTRY = 0xFFFFFF
 NEVER = 1 << 22  # steps no plan takes
 ROUNDED = 2  # steps by which two runs may differ from what they take without steps
 AT_ONCE = 40  # runs that are worse by so many steps are looked at together
-FOUND, NO_WAY, FULL, ENOUGH = 0, 1, 2, 3
 EXPAND, TURN = -1, -2
 MOST_GAPS = 64
 MOST_PENDING = 1024
@@ -292,12 +292,12 @@ def find(moves, table, start, start_heading, goal, goal_heading, at_rest, facing
     Returns
     -------
     code, state
-        FOUND and the last state, NO_WAY, FULL, or ENOUGH. The steps of the last turn are in `scratch.work[4]`.
+        OK and the last state, NO_PATH, SCRATCH_FULL or OUT_OF_BUDGET. The steps of the last turn are in `scratch.work[4]`.
     """
     scratch.searches[0] += 1
     until = safe_until(moves, table, start, 0)
     if until <= 0:
-        return NO_WAY, 0
+        return NO_PATH, 0
     scratch.lane[0] = -1
     scratch.arrived[0] = 0
     scratch.until[0] = until
@@ -305,12 +305,12 @@ def find(moves, table, start, start_heading, goal, goal_heading, at_rest, facing
     scratch.work[2] = free_for_ever(moves, table, goal)
     scratch.work[3] = min(latest, NEVER - 1)
     if scratch.work[2] > scratch.work[3]:
-        return NO_WAY, 0
+        return NO_PATH, 0
     scratch.work[4] = 0
     if start == goal and until >= FOREVER:
         scratch.work[4] = steps_of_last_turn(goal_heading - start_heading, moves.turn_rad)
         if scratch.work[4] == 0:
-            return FOUND, 0
+            return OK, 0
     scratch.entry[0, 0] = 0
     scratch.entry[0, 1] = EXPAND
     push(scratch.heap, 0, LAST_ENTRY)
@@ -329,12 +329,12 @@ def find(moves, table, start, start_heading, goal, goal_heading, at_rest, facing
         looked += 1
         if looked > most:
             scratch.work[1] += looked
-            return ENOUGH, 0
+            return OUT_OF_BUDGET, 0
         if ray == TURN:
             scratch.work[0] += states
             scratch.work[1] += looked
             scratch.work[4] = scratch.entry[e, 4]
-            return FOUND, state
+            return OK, state
         if ray == EXPAND:
             if lane >= 0:
                 v = moves.head[lane]
@@ -347,7 +347,7 @@ def find(moves, table, start, start_heading, goal, goal_heading, at_rest, facing
                         scratch.work[0] += states
                         scratch.work[1] += looked
                         scratch.work[4] = last_turn
-                        return FOUND, state
+                        return OK, state
                     # it would be sooner to come again by another lane, if nobody is in the way
                     entries, count = push_last_turn(scratch, state, arrived, last_turn, weight, entries, count)
             else:
@@ -374,11 +374,11 @@ def find(moves, table, start, start_heading, goal, goal_heading, at_rest, facing
                 count += 1
             continue
         if entries + 4 * moves.length[ray] + 64 >= len(scratch.entry) or states + 2 * moves.length[ray] + 64 >= len(scratch.lane):
-            return FULL, 0
+            return SCRATCH_FULL, 0
         states, entries, count = expand_ray(moves, table, at_rest, e, now, mask, weight, states, entries, count, scratch)
     scratch.work[0] += states
     scratch.work[1] += looked
-    return NO_WAY, 0
+    return NO_PATH, 0
 
 
 @kernel(inline="always", allocates=False)

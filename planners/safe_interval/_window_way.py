@@ -1,8 +1,9 @@
-"""Kernels of the best way of one robot through a window of steps, by its stops, around the ways of others.
+"""Kernels of ways through a window of steps: the best one by a robot's stops, around others', and shorter ways for all.
 
 Sources: Li, Tinka, Kiesel, Durham, Kumar, Koenig, "Lifelong multi-agent path finding in large-scale warehouses", AAAI 2021 (windows;
-states that count the stops made); Silver, "Cooperative pathfinding", AIIDE 2005 (A* in space and time). Beyond the window a way is as
-long as the shortest one by the stops that are left. Of the shortest ways it is the one that crosses fewest others.
+states that count the stops made); Silver, "Cooperative pathfinding", AIIDE 2005 (A* in space and time); Li, Chen, Harabor, Stuckey,
+Koenig, "Anytime multi-agent path finding via large neighborhood search", IJCAI 2021. Beyond the window a way is as long as the shortest
+one by the stops that are left. Of the shortest ways it is the one that crosses fewest others.
 """
 
 from typing import NamedTuple
@@ -10,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mrp_sumo.core.clashes import Clashes
-from mrp_sumo.search._clashing import move_of
+from mrp_sumo.search._clashing import move_of, too_close
 from mrp_sumo.search._distance import UNREACHABLE
 from mrp_sumo.search._kernel import kernel
 
@@ -202,3 +203,194 @@ def find_way(task, room, at, robot):
     top[: highest + 1] = -1
     room.count[1] += labels
     return found
+
+
+@kernel
+def find_all(task, room, at, cost):
+    """Each robot's best way, which may cross others'. Whether everybody has one."""
+    complete = True
+    for r in range(len(task.start)):
+        cost[r] = find_way(task, room, at, r)
+        if cost[r] == NO_WAY:
+            complete = False
+            break
+        enter(room.others, at, r)
+    room.others[:] = NOBODY
+    return complete
+
+
+@kernel
+def find_below(task, room, above, at, cost, robots):
+    """Other ways for the first of some robots, and for those of the others that meet somebody above them; whether everybody has one.
+
+    Each comes after those above it.
+    """
+    num_robots = len(task.start)
+    for k in range(len(robots)):
+        r = robots[k]
+        if k > 0 and not _is_hindered(task, at, above, r):
+            continue
+        for other in range(num_robots):
+            if other != r:
+                enter(room.above if above[other, r] else room.others, at, other)
+        cost[r] = find_way(task, room, at, r)
+        leave(room.above, at, num_robots)
+        leave(room.others, at, num_robots)
+        if cost[r] == NO_WAY:
+            return False
+    return True
+
+
+@kernel(allocates=False)
+def first_conflict(task, holder, above, at):
+    """The two robots that meet first; -1 where nobody does. `holder` [2, V] is scratch: NOBODY between calls."""
+    before, now, num_robots = holder[0], holder[1], len(at)
+    one, other = np.int64(-1), np.int64(-1)
+    for r in range(num_robots):
+        before[at[r, 0]] = r
+    for t in range(1, at.shape[1]):
+        for r in range(num_robots):
+            if now[at[r, t]] != NOBODY:
+                one, other = np.int64(now[at[r, t]]), np.int64(r)
+                break
+            now[at[r, t]] = r
+        if one < 0:
+            for r in range(num_robots):
+                other = _met(task, before, now, above, at, r, t)
+                if other >= 0:
+                    one = np.int64(r)
+                    break
+        for r in range(num_robots):
+            before[at[r, t - 1]], now[at[r, t]] = NOBODY, NOBODY
+        if one >= 0:
+            break
+        for r in range(num_robots):
+            before[at[r, t]] = r
+    for r in range(num_robots):
+        before[at[r, at.shape[1] - 1]] = NOBODY
+    return one, other
+
+
+@kernel(allocates=False)
+def _met(task, before, now, above, at, r, t):
+    """Somebody that a robot meets on its way to step t, where all are on vertices of their own; -1: nobody."""
+    clashes = task.clashes
+    u, v = np.int64(at[r, t - 1]), np.int64(at[r, t])
+    ahead = np.int64(before[v])
+    if u != v and ahead >= 0:
+        if at[ahead, t] == u:
+            return ahead
+        if not clashes.rotations:
+            behind, x = ahead, np.int64(at[ahead, t])
+            for _ in range(len(at)):
+                if x == u:
+                    return ahead if not above[r, ahead] and not above[ahead, r] else behind
+                behind = np.int64(before[x])
+                if behind < 0 or at[behind, t] == x:
+                    break
+                x = np.int64(at[behind, t])
+    if clashes.any:
+        move = move_of(task.first, task.head, u, v)
+        for k in range(clashes.vertex_first[move], clashes.vertex_first[move + 1]):
+            w = clashes.vertex[k]
+            for found in (np.int64(before[w]), np.int64(now[w])):
+                if found >= 0 and found != r:
+                    return found
+        for k in range(clashes.lane_first[move], clashes.lane_first[move + 1]):
+            lane = clashes.lane[k]
+            found = np.int64(before[task.tail[lane]])
+            if found >= 0 and found != r and at[found, t] == task.head[lane]:
+                return found
+    return np.int64(-1)
+
+
+@kernel(allocates=False)
+def _is_hindered(task, at, above, r):
+    """Whether a robot meets one of those above it on its way, or moves in a ring."""
+    for other in range(len(at)):
+        if above[other, r]:
+            for t in range(1, at.shape[1]):
+                if at[other, t] == at[r, t] or (at[other, t] == at[r, t - 1] and at[other, t - 1] == at[r, t]):
+                    return True
+                if task.clashes.any:
+                    u, v = np.int64(at[other, t - 1]), np.int64(at[other, t])
+                    move = move_of(task.first, task.head, np.int64(at[r, t - 1]), np.int64(at[r, t]))
+                    if too_close(task.clashes, move, move_of(task.first, task.head, u, v), u, v):
+                        return True
+    return False
+
+
+@kernel
+def polish(task, room, at, cost, least, size, rounds, most_labels, rng):
+    """Plan a late robot again with those in its way, and keep what is shorter, time and again.
+
+    Parameters
+    ----------
+    at, cost
+        [R, W + 1] and [R] the ways of all, and their steps.
+    least
+        [R] steps of each robot's shortest way.
+    size
+        Robots at a time, at most.
+    rounds, most_labels
+        Tries; labels after which there are no more.
+    rng
+        Chance.
+    """
+    num_robots = len(task.start)
+    saved, saved_cost, chosen = np.zeros((size, at.shape[1]), np.int32), np.zeros(size, np.int64), np.zeros(size, np.int64)
+    for r in range(num_robots):
+        enter(room.above, at, r)
+    for _ in range(rounds):
+        late = (cost - least).sum()
+        if late == 0 or room.count[1] >= most_labels:
+            break
+        drawn, r = np.int64(rng.random() * late), np.int64(0)
+        while drawn >= cost[r] - least[r]:
+            drawn -= cost[r] - least[r]
+            r += 1
+        num = _around(task, room, at, r, chosen, saved)
+        old = np.int64(0)
+        for k in range(num):
+            other = np.int64(rng.random() * (num - k)) + k
+            chosen[k], chosen[other] = chosen[other], chosen[k]
+            saved[k], saved_cost[k] = at[chosen[k]], cost[chosen[k]]
+            old += saved_cost[k]
+        for k in range(num):
+            for t in range(at.shape[1]):
+                room.above[t, at[chosen[k], t]] = NOBODY
+        new, planned = np.int64(0), 0
+        while planned < num:
+            steps = find_way(task, room, at, chosen[planned])
+            new += steps
+            if new > old:
+                break
+            cost[chosen[planned]] = steps
+            enter(room.above, at, chosen[planned])
+            planned += 1
+        if planned < num:
+            for k in range(planned):
+                for t in range(at.shape[1]):
+                    room.above[t, at[chosen[k], t]] = NOBODY
+            for k in range(num):
+                at[chosen[k]], cost[chosen[k]] = saved[k], saved_cost[k]
+                enter(room.above, at, chosen[k])
+    leave(room.above, at, num_robots)
+
+
+@kernel(allocates=False)
+def _around(task, room, at, robot, chosen, saved):
+    """A robot and those that hold vertices beside its way while it is near; how many."""
+    chosen[0], num = robot, 1
+    for t in range(1, at.shape[1]):
+        u = at[robot, t - 1]
+        for lane in range(task.first[u], task.first[u + 1]):
+            other = room.above[t, task.head[lane]]
+            if other >= 0 and num < len(chosen):
+                known = False
+                for k in range(num):
+                    known = known or chosen[k] == other
+                if not known:
+                    chosen[num] = other
+                    num += 1
+    return num

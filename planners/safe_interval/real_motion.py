@@ -1,15 +1,16 @@
-"""The robots' real motion, for conflict-based search: ways of `Timetable`, which conflict where two hold one resource in one step."""
+"""The robots' real motion, for conflict-based and priority-based search: ways of `Timetable`, in conflict where two hold one resource."""
 
 from collections.abc import Sequence
 from time import process_time
 
 import numpy as np
 
+from mrp_sumo.core.graph import BoolArray, IntArray
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.planning.answers import used_up
-from planners.safe_interval import _table
-from planners.safe_interval._overlaps import overlaps
+from mrp_sumo.search._records import FOREVER
+from planners.safe_interval._table import first_overlap, overlaps, settle
 from planners.safe_interval.conflict_tree import OutOfTime, TimedConflict, TimedTree
 from planners.safe_interval.first_ways import first_ways
 from planners.safe_interval.improvement import Improvement
@@ -22,6 +23,7 @@ MOST_FIRST = 1_000_000  # entries in which first ways are looked for
 NEIGHBOURHOOD, ENTRIES = 6, 1000  # see `continuous`
 MOST_NODES = 100  # of a tree over two robots
 MOST_OVERLAPS = 4096
+MOST_BELOW = 200_000  # entries that a search in priority-based search looks at
 
 
 class RealMotion:
@@ -77,7 +79,7 @@ class RealMotion:
             num = overlaps(one.resource, one.begin, one.end, two.resource, two.begin, two.end, self._found)
             if num:
                 resource, begin, end = self._found[:num].T
-                chosen = {int(np.argmin(begin)), int(np.argmax(np.minimum(end, _table.FOREVER - 1) - begin))}
+                chosen = {int(np.argmin(begin)), int(np.argmax(np.minimum(end, FOREVER - 1) - begin))}
                 found += [TimedConflict(robot, other, way, its, (int(resource[k]), int(end[k]) - 1)) for k in sorted(chosen)]
         return found
 
@@ -116,3 +118,57 @@ class RealMotion:
         for robot, way in enumerate(their_ways):
             self._timetable.add(robot, self._ways[way])
         return self._timetable.plan()
+
+
+class PrioritisedRuns:
+    """A problem in the robots' own motion, for priority-based search; see `PriorityMotion`."""
+
+    most_open = 1 << 30
+
+    def __init__(self, problem: Problem, step_length_s: float) -> None:
+        self._timetable = timetable = Timetable(problem, step_length_s)
+        for robot in range(timetable.num_robots):
+            timetable.look_back(robot)
+        self.least_steps = float(np.maximum(timetable.alone - 1, 0).sum() * step_length_s / problem.step_s)  # arrivals are within a step
+
+    def counters(self) -> dict[str, float]:
+        return {"entries": float(self._timetable.work)}
+
+    def alone(self) -> list[TimedPath]:
+        return [self._timetable.ideal(robot) for robot in range(self._timetable.num_robots)]
+
+    def first_conflict(self, ways: list[TimedPath], above: BoolArray) -> tuple[int, int] | None:
+        """The two robots that hold one resource at once the earliest."""
+        earliest, pair = FOREVER, None
+        for i, one in enumerate(ways):
+            for j in range(i + 1, len(ways)):
+                other = ways[j]
+                overlap = first_overlap(one.resource, one.begin, one.end, other.resource, other.begin, other.end)
+                if overlap < earliest:
+                    earliest, pair = overlap, (j, i)
+        return pair
+
+    def replanned(self, ways: list[TimedPath], above: BoolArray, robots: IntArray) -> list[TimedPath] | None:
+        timetable, ways = self._timetable, list(ways)
+        for robot in robots.tolist():
+            timetable.clear()
+            for other in np.flatnonzero(above[:, robot]).tolist():
+                timetable.add(other, ways[other])
+            settle(timetable.table)
+            if len(timetable.hinders(robot, ways[robot])):
+                way = timetable.search(robot, MOST_BELOW)
+                if way is None:
+                    return None
+                ways[robot] = way
+        return ways
+
+    def cost(self, ways: list[TimedPath]) -> int:
+        return sum(way.steps for way in ways)
+
+    def plan(self, ways: list[TimedPath]) -> tuple[Plan, dict[str, float]]:
+        timetable = self._timetable
+        timetable.clear()
+        for robot, way in enumerate(ways):
+            timetable.add(robot, way)
+        cost, bound = timetable.steps.sum(), timetable.alone.sum()
+        return timetable.plan(), {"cost_s": float(cost * timetable.dt), "lower_bound_s": float(bound * timetable.dt)}

@@ -5,7 +5,8 @@ import numpy as np
 from mrp_sumo.core.clashes import no_clashes
 from mrp_sumo.core.graph import IntArray, frozen
 from mrp_sumo.core.problem import Problem
-from mrp_sumo.search._sipp import FOREVER, FOUND, FULL, find_path, new_intervals, reserve, reset, with_double_room
+from mrp_sumo.search._records import OK, SCRATCH_FULL
+from mrp_sumo.search._sipp import FOREVER, find_path, new_intervals, reserve, reset, with_double_room
 from mrp_sumo.search.distance import steps_to_targets
 from mrp_sumo.traffic.clashes import clashes_of
 
@@ -42,9 +43,9 @@ class Reservations:
             )  # fmt: skip
             kept = min(length, self._window + 1) if self._window else length
             until = self._window or FOREVER
-            if code == FOUND and reserve(self._first, self._head, self._clashes, self._intervals, self._path, kept, until):
+            if code == OK and reserve(self._first, self._head, self._clashes, self._intervals, self._path, kept, until):
                 return self._path[:kept].copy()
-            if code not in (FOUND, FULL):
+            if code not in (OK, SCRATCH_FULL):
                 return None
             self._grow()
 

@@ -8,10 +8,11 @@ import numpy as np
 from mrp_sumo.core.graph import FloatArray, IntArray, PlanGraph, frozen
 from mrp_sumo.core.plan import Plan, plan_of_visits
 from mrp_sumo.core.problem import Problem
+from mrp_sumo.search._records import FOREVER, NO_PATH, OK, SCRATCH_FULL
 from mrp_sumo.traffic.resources import Resources, resources_of
 from planners.safe_interval import _search, _table
-from planners.safe_interval._moves import Moves, moves_of
 from planners.safe_interval._rays import ARRIVED_M, steps_of_last_turn, steps_of_turn
+from planners.safe_interval.moves import Moves, moves_of
 
 WHOLE = 1 << 40  # more entries than any search has
 
@@ -88,7 +89,7 @@ class Timetable:
             steps.append(steps_of_last_turn(self._goal_rad[robot] - at_start, moves.turn_rad))
         self.alone[robot] = min(steps, default=_search.FAR)
 
-    def search(self, robot: int, most: int = WHOLE, latest: int = _table.FOREVER, weight: float = 1.0) -> TimedPath | None:
+    def search(self, robot: int, most: int = WHOLE, latest: int = FOREVER, weight: float = 1.0) -> TimedPath | None:
         """The earliest way of a robot that is not in the table; None where there is none, or it takes too long to find."""
         self._expose(robot)
         found = self._search(self.table, robot, most, latest, weight)
@@ -97,7 +98,7 @@ class Timetable:
 
     def ideal(self, robot: int) -> TimedPath:
         """The way of a robot without others."""
-        found = self._search(self._nobody, robot, WHOLE, _table.FOREVER, 1.0)
+        found = self._search(self._nobody, robot, WHOLE, FOREVER, 1.0)
         assert found is not None
         return found
 
@@ -117,7 +118,7 @@ class Timetable:
             return self.ideal(robot)
         lane, driven, left = self._ends(robot, way)[run - 1]
         at = int(moves.head[lane]), float(moves.heading_rad[lane]), left + int(moves.time[driven])
-        found = self._search(self._nobody, robot, WHOLE, _table.FOREVER, 1.0, at)
+        found = self._search(self._nobody, robot, WHOLE, FOREVER, 1.0, at)
         assert found is not None
         return found
 
@@ -135,7 +136,7 @@ class Timetable:
         """The earliest way of a robot that holds none of some resources from some step on until another [H]. The table has only these."""
         self.clear()
         self._reserve(-1, (resource, begin, end))
-        return self._search(self.table, robot, WHOLE, _table.FOREVER, 1.0)
+        return self._search(self.table, robot, WHOLE, FOREVER, 1.0)
 
     def passing(self, resource: int) -> IntArray:
         """The robots that hold a resource, in order."""
@@ -156,11 +157,11 @@ class Timetable:
                 *(self.at_rest[robot], self.facing[robot], most, latest, weight, self.scratch),
             )
             self.work += int(self.scratch.work[1]) - before
-            if code != _search.FULL:
+            if code != SCRATCH_FULL:
                 break
             self.scratch = _search.new_scratch(4 * len(self.scratch.lane), len(self.scratch.seen))
-        self.exhausted = code == _search.NO_WAY
-        if code != _search.FOUND:
+        self.exhausted = code == NO_PATH
+        if code != OK:
             return None
         return self._way(moves, start, since, state)
 
@@ -187,10 +188,10 @@ class Timetable:
 
     def hinders(self, robot: int, way: TimedPath) -> IntArray:
         """The robots in the table that a way would get in conflict with, in the order of the conflicts."""
-        found = np.full(self.num_robots, _table.FOREVER)
+        found = np.full(self.num_robots, FOREVER)
         _table.holders(self.table, way.resource, way.begin, way.end, len(way.resource), robot, found)
         order = np.argsort(found, kind="stable")
-        return order[found[order] < _table.FOREVER]
+        return order[found[order] < FOREVER]
 
     def add(self, robot: int, way: TimedPath) -> None:
         """Put a way into the table."""

@@ -1,12 +1,11 @@
 """The literature's motion: discs of one radius that drive at one speed and turn at once."""
 
 from collections.abc import Sequence
-from heapq import heappop, heappush
 from time import process_time
 
 import numpy as np
 
-from mrp_sumo.core.graph import FloatArray, PlanGraph
+from mrp_sumo.core.graph import FloatArray, IntArray, PlanGraph
 from mrp_sumo.core.plan import Plan, plan_of_visits
 from mrp_sumo.core.problem import Problem
 from planners.safe_interval import _disc_pairs, _disc_ways, _discs
@@ -32,7 +31,7 @@ class UnitMotion:
         self.nothing = _discs.new_rules(0, 0)
         duration_s = graph.length_m / speed_mps
         self._lanes = _discs.Lanes(graph.first, graph.tail, graph.head, graph.xy, duration_s)
-        self._left_s = np.stack([seconds_left(graph, duration_s, goal) for goal in self._goal])
+        self._left_s = seconds_left(graph, duration_s, problem.target)
         self._scratch = _discs.new_scratch(graph.num_vertices, graph.num_lanes, 1 << 13)
         self._ways = _discs.new_ways(64)
         self._num_ways = 0
@@ -187,20 +186,11 @@ class UnitMotion:
         return plan_of_visits(visits)
 
 
-def seconds_left(graph: PlanGraph, duration_s: FloatArray, goal: int) -> FloatArray:
-    """[V] to a goal without others."""
-    left_s = np.full(graph.num_vertices, np.inf)
-    left_s[goal] = 0.0
-    by_head = np.argsort(graph.head, kind="stable")
-    into = np.searchsorted(graph.head[by_head], np.arange(graph.num_vertices + 1))
-    heap = [(0.0, goal)]
-    while heap:
-        t, v = heappop(heap)
-        if t > left_s[v]:
-            continue
-        for e in by_head[into[v] : into[v + 1]].tolist():
-            u = int(graph.tail[e])
-            if t + duration_s[e] < left_s[u]:
-                left_s[u] = t + duration_s[e]
-                heappush(heap, (float(left_s[u]), u))
+def seconds_left(graph: PlanGraph, duration_s: FloatArray, goal: IntArray) -> FloatArray:
+    """[G, V] from everywhere to each goal without others, inf where there is no way."""
+    from scipy.sparse import csr_array
+    from scipy.sparse.csgraph import dijkstra
+
+    backwards = csr_array((duration_s, (graph.head, graph.tail)), shape=(graph.num_vertices,) * 2)
+    left_s: FloatArray = dijkstra(backwards, indices=goal)
     return left_s

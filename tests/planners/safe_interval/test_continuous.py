@@ -24,8 +24,8 @@ from mrp_sumo.search._motion import stepped_run, turn_steps
 from mrp_sumo.traffic.draw import uniform_draw
 from mrp_sumo.traffic.referee import judge
 from mrp_sumo.traffic.resources import resources_of
-from planners.safe_interval._moves import moves_of
 from planners.safe_interval._search import FAR, step_of_run, steps_left
+from planners.safe_interval.moves import moves_of
 
 pytestmark = pytest.mark.kernel
 

@@ -9,7 +9,7 @@ from mrp_sumo.core.plan import Status, paths_of_plan
 from mrp_sumo.planning.registry import planner
 from mrp_sumo.traffic.referee import judge
 from planners.safe_interval._window_way import MOST_CROSSED, room_for
-from planners.safe_interval.window_search import task_of
+from planners.safe_interval.window_motion import task_of
 
 
 def test_a_way_goes_by_the_stops_before_the_goal():

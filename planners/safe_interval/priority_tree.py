@@ -1,0 +1,109 @@
+"""The tree of priority-based search over any motion: nodes say which robots go before which, and each robot's way keeps to that."""
+
+from dataclasses import dataclass
+from time import process_time
+from typing import Generic, Protocol, TypeVar
+
+import numpy as np
+
+from mrp_sumo.core.graph import BoolArray, IntArray
+from mrp_sumo.core.plan import Plan, PlanResult, Status
+from mrp_sumo.core.problem import Problem
+from mrp_sumo.planning.answers import used_up, without_effort
+
+Ways = TypeVar("Ways")
+
+
+class PriorityMotion(Protocol[Ways]):
+    """How robots move, with ways of all robots in a form of its own."""
+
+    most_open: int  # nodes still to be looked at; beyond, the worse of two children is dropped
+    least_steps: float  # a lower bound on the sum of costs
+
+    def counters(self) -> dict[str, float]:
+        """The labels or entries of searches so far, and nothing else."""
+
+    def alone(self) -> Ways | None:
+        """The ways of robots of which none goes before another; None where somebody has none."""
+
+    def first_conflict(self, ways: Ways, above: BoolArray) -> tuple[int, int] | None:
+        """The two robots that meet first; of two orders that cost the same, the one in which the first goes first is looked at first."""
+
+    def replanned(self, ways: Ways, above: BoolArray, robots: IntArray) -> Ways | None:
+        """The ways where some robots, of which each comes after those above it, look for others if those above them are in their way."""
+
+    def cost(self, ways: Ways) -> int:
+        """Of all robots."""
+
+    def plan(self, ways: Ways) -> tuple[Plan, dict[str, float]]:
+        """The plan of ways without conflicts, made shorter or as they are, and what it costs."""
+
+
+@dataclass(frozen=True, eq=False)
+class PriorityNode(Generic[Ways]):
+    """Priorities, and ways that keep them."""
+
+    above: BoolArray  # [R, R] whether one robot goes before another, as far as that is decided
+    ways: Ways
+
+    def below(self, motion: PriorityMotion[Ways], first: int, second: int) -> "PriorityNode[Ways] | None":
+        """The node in which one robot goes before another; None where that is decided otherwise, or somebody finds no way.
+
+        Whoever is in conflict with those above looks for another way. Those above may be in conflict with each other still.
+        """
+        if self.above[second, first]:
+            return None
+        above = self.above.copy()
+        over, under = above[:, first].copy(), above[second].copy()
+        over[first] = under[second] = True
+        above |= over[:, None] & under[None, :]
+        robots = np.flatnonzero(under)
+        robots = robots[np.argsort(above.sum(0)[robots], kind="stable")]  # the relation is transitive: who is above has fewer above
+        ways = motion.replanned(self.ways, above, robots)
+        return None if ways is None else PriorityNode(above, ways)
+
+
+def search(motion: PriorityMotion[Ways], problem: Problem, began: float, time_limit_s: float, max_nodes: int) -> PlanResult:
+    """Look at nodes depth first, the cheaper child first, until one has no conflict.
+
+    Parameters
+    ----------
+    motion, problem
+        How robots of the problem move.
+    began, time_limit_s
+        On the clock of `process_time`, and how long from then on.
+    max_nodes
+        Nodes to look at.
+    """
+    alone = motion.alone()
+    stack = [] if alone is None else [PriorityNode(np.zeros((problem.num_robots, problem.num_robots), np.bool_), alone)]
+    nodes = 0
+    status = Status.GAVE_UP
+    while stack and nodes < max_nodes:
+        if process_time() - began > time_limit_s:
+            status = Status.TIMED_OUT
+            break
+        if used_up(problem, sum(motion.counters().values())):
+            return without_effort(problem, began, motion.least_steps, nodes=float(nodes))
+        node = stack.pop()
+        nodes += 1
+        pair = motion.first_conflict(node.ways, node.above)
+        if pair is None:
+            stats = {"nodes": float(nodes), **motion.counters()}
+            plan, costs = motion.plan(node.ways)
+            return PlanResult(
+                Status.SOLVED,
+                plan,
+                planning_time_s=process_time() - began,
+                lower_bound_steps=motion.least_steps,
+                stats=stats | costs,
+            )
+        children = [child for above, below in (pair[::-1], pair) if (child := node.below(motion, above, below))]
+        children.sort(key=lambda child: -motion.cost(child.ways))
+        stack += children if len(stack) + len(children) <= motion.most_open else children[-1:]
+    return PlanResult(
+        status,
+        planning_time_s=process_time() - began,
+        stats={"nodes": float(nodes), **motion.counters()},
+        message=f"no plan among {nodes} orders of priorities",
+    )
