@@ -10,7 +10,7 @@ from typing import ClassVar
 
 from mrp_sumo.core.plan import PlanResult, Status, plan_of_paths
 from mrp_sumo.core.problem import Problem
-from mrp_sumo.planning.answers import impossible, require_limit
+from mrp_sumo.planning.answers import deadline_of, impossible
 from mrp_sumo.search.distance import distances
 
 
@@ -23,16 +23,16 @@ class AStar:
 
     def prepare(self) -> None:
         """See `Planner`."""
-        from planners.conflict_based.warm import warm
+        from planners.world import small_problem
 
-        warm(self)
+        self.plan(small_problem(), 1.0)
 
     def plan(self, problem: Problem, time_limit_s: float) -> PlanResult:
         """See `Planner`. SOLVED whether or not the paths collide, which the referee judges."""
         from mrp_sumo.search._distance import shortest_path
 
-        require_limit(time_limit_s)
         began = process_time()
+        deadline_of(time_limit_s)  # refuses what is none; there is no need for it
         if refusal := impossible(problem):
             return refusal
         tables = distances(problem.graph)

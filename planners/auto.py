@@ -13,7 +13,7 @@ from typing import ClassVar
 from mrp_sumo.core.plan import PlanResult, Status
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError, nearest
-from mrp_sumo.planning.answers import as_supported, require_limit
+from mrp_sumo.planning.answers import as_supported, deadline_of
 from mrp_sumo.planning.registry import planner, planner_names
 
 NOT_IN_IT = ("auto", "external", "plan_file")  # nothing without a program or a file, nor itself
@@ -59,12 +59,11 @@ class Auto:
 
     def plan(self, problem: Problem, time_limit_s: float) -> PlanResult:
         """The best plan of those that are compared; where there is none, the answer of the last, and what the others said."""
-        require_limit(time_limit_s)
-        began = process_time()
+        began, until_s = process_time(), deadline_of(time_limit_s)
         portfolio = Portfolio(self.planners, 1, "as the scenario says") if self.planners else portfolio_for(problem)
         best: tuple[str, PlanResult] | None = None
         refusals: list[str] = []
-        for k, name, result, final in self._answers(portfolio, problem, time_limit_s):
+        for k, name, result, final in self._answers(portfolio, problem, time_limit_s, until_s):
             if result.status is Status.SOLVED and (best is None or _above_bound(result, problem) < _above_bound(best[1], problem)):
                 best = name, result
             if final or (best and (k >= portfolio.compared or _above_bound(best[1], problem) <= NEAR)):
@@ -76,11 +75,13 @@ class Auto:
                 refusals.append(f"{name} {str(result.status).replace('_', ' ')}")
         raise AssertionError("the last answer is final")
 
-    def _answers(self, portfolio: Portfolio, problem: Problem, time_limit_s: float) -> Iterator[tuple[int, str, PlanResult, bool]]:
+    def _answers(
+        self, portfolio: Portfolio, problem: Problem, time_limit_s: float, until_s: float
+    ) -> Iterator[tuple[int, str, PlanResult, bool]]:
         """How many have been asked, who, the answer, and whether it ends the search: a proof that there is no plan, or the last."""
-        until, effort = process_time() + time_limit_s, problem.effort
+        effort = problem.effort
         for k, name in enumerate(portfolio.names, 1):
-            left_s = until - process_time()
+            left_s = until_s - process_time()
             last = k == len(portfolio.names)
             part = 0 if not effort else effort if last else max(1, int(self.share * effort))
             if name == "pbs" and not self.planners and not problem.window_steps:
@@ -90,7 +91,7 @@ class Auto:
             result = chosen.plan(supported, left_s if last else self.share * left_s)
             effort -= min(effort, part)
             proof = result.status is Status.INFEASIBLE and supported is bounded
-            over = last or until - process_time() <= 0.01 * time_limit_s
+            over = last or until_s - process_time() <= 0.01 * time_limit_s
             yield k, name, result, proof or over
             if proof or over:
                 return

@@ -1,7 +1,4 @@
-"""The arrays that PIBT, LaCAM and LNS2 plan on, made from a problem, and the answers that need no search.
-
-Refuses time limits that are not positive numbers.
-"""
+"""The arrays that PIBT, LaCAM and LNS2 plan on, made from a problem, and the answers that need no search."""
 
 import math
 from dataclasses import replace
@@ -15,9 +12,8 @@ from mrp_sumo.core.fleet import RobotType, fleet_of
 from mrp_sumo.core.graph import IntArray, PlanGraph, frozen, nav_graph, plan_graph
 from mrp_sumo.core.plan import PlanResult, Status, plan_of_paths
 from mrp_sumo.core.problem import Problem
-from mrp_sumo.errors import PlanError
-from mrp_sumo.planning.answers import goals_clash
-from mrp_sumo.search.distance import UNREACHABLE, distances
+from mrp_sumo.planning.answers import goals_clash, unplanned
+from mrp_sumo.search.distance import UNREACHABLE, steps_to_targets
 from mrp_sumo.traffic.clashes import clashes_of
 from planners._compass import SLACK_STEPS, extend_all
 from planners.configuration._pibt_instance import PibtInstance, PibtScratch
@@ -27,19 +23,6 @@ WHOLE_CELLS = 100_000_000  # and larger than this are begun only about the robot
 TILE = 16  # side of a tile in steps: 256 vertices are one line of 64 bytes
 MOVES_A_LANE = 2.25  # along shortest ways, from which on there is no way past the others
 SLICE_S = 0.02  # how long a kernel runs until the clock is read
-
-
-def checked_deadline(time_limit_s: float) -> float:
-    """The end of a time limit that begins now, on the clock of `process_time`.
-
-    Raises
-    ------
-    PlanError
-        When the limit is not a number above 0.
-    """
-    if math.isnan(time_limit_s) or time_limit_s <= 0:
-        raise PlanError(f"the time limit is {time_limit_s:g} s, expected a number above 0")
-    return process_time() + time_limit_s
 
 
 def is_large(problem: Problem) -> bool:
@@ -165,7 +148,7 @@ def steps_table(problem: Problem, deadline_s: float) -> np.ndarray | None:
             raise TimeoutError
 
     try:
-        return distances(problem.graph).to_all(problem.target, check)
+        return steps_to_targets(problem, check)
     except TimeoutError:
         return None
 
@@ -189,18 +172,6 @@ def build_scratch(world: PibtInstance) -> PibtScratch:
     )
 
 
-def timed_out(begin_s: float, lower_bound: float, message: str, **stats: float) -> PlanResult:
-    """TIMED_OUT without a plan."""
-    return PlanResult(
-        Status.TIMED_OUT, planning_time_s=process_time() - begin_s, lower_bound_steps=lower_bound, stats=stats, message=message
-    )
-
-
-def gave_up(begin_s: float, lower_bound: float, message: str, **stats: float) -> PlanResult:
-    """GAVE_UP before the time was up."""
-    return PlanResult(Status.GAVE_UP, planning_time_s=process_time() - begin_s, lower_bound_steps=lower_bound, stats=stats, message=message)
-
-
 def without_search(problem: Problem, steps: IntArray, begin_s: float) -> PlanResult | None:
     """The result where none has to be searched for: goals that clash or are out of reach, or everybody at home already."""
     if clash := goals_clash(problem):
@@ -208,13 +179,9 @@ def without_search(problem: Problem, steps: IntArray, begin_s: float) -> PlanRes
     if (steps < 0).any():
         robot = int(np.flatnonzero(steps < 0)[0])
         graph = problem.graph
-        return PlanResult(
-            Status.INFEASIBLE,
-            planning_time_s=process_time() - begin_s,
-            lower_bound_steps=math.inf,
-            message=f"{problem.fleet.robot_name[robot]} cannot reach its goal '{graph.known_as(problem.target[robot])}' "
-            f"from '{graph.known_as(problem.start[robot])}'",
-        )
+        places = f"'{graph.known_as(problem.target[robot])}' from '{graph.known_as(problem.start[robot])}'"
+        message = f"{problem.fleet.robot_name[robot]} cannot reach its goal {places}"
+        return unplanned(Status.INFEASIBLE, begin_s, message, math.inf)
     if not steps.any():
         return solved(problem, problem.start[None, :], begin_s, 0.0)
     return None

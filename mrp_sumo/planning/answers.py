@@ -130,23 +130,23 @@ def used_up(problem: Problem, labels: float) -> bool:
 
 
 def without_effort(problem: Problem, began: float, lower_bound_steps: float = 0.0, **stats: float) -> PlanResult:
-    """TIMED_OUT: the effort is used up; `began` is on the clock of `process_time`."""
-    return PlanResult(
-        Status.TIMED_OUT,
-        planning_time_s=process_time() - began,
-        lower_bound_steps=lower_bound_steps,
-        stats=stats,
-        message=f"no plan within an effort of {problem.effort} labels",
-    )
+    """TIMED_OUT: the effort is used up; see `unplanned`."""
+    return unplanned(Status.TIMED_OUT, began, f"no plan within an effort of {problem.effort} labels", lower_bound_steps, **stats)
 
 
-def require_limit(time_limit_s: float) -> None:
-    """Refuse a time limit that is not above 0.
+def unplanned(status: Status, began: float, message: str, lower_bound_steps: float = 0.0, **stats: float) -> PlanResult:
+    """A result without a plan; `began` is on the clock of `process_time`."""
+    return PlanResult(status, planning_time_s=process_time() - began, lower_bound_steps=lower_bound_steps, stats=stats, message=message)
+
+
+def deadline_of(time_limit_s: float) -> float:
+    """The end of a time limit that begins now, on the clock of `process_time`.
 
     Raises
     ------
     PlanError
-        When it is not above 0, or NaN.
+        When the limit is not above 0, or NaN.
     """
     if not time_limit_s > 0:
-        raise PlanError(f"the time limit is {time_limit_s} s, expected a number above 0")
+        raise PlanError(f"the time limit is {time_limit_s:g} s, expected a number above 0")
+    return process_time() + time_limit_s

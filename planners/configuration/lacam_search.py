@@ -9,7 +9,7 @@ import numpy as np
 
 from mrp_sumo.core.plan import PlanResult, Status
 from mrp_sumo.core.problem import Problem
-from mrp_sumo.planning.answers import without_effort
+from mrp_sumo.planning.answers import unplanned, without_effort
 from mrp_sumo.planning.registry import planner
 from planners._compass import SLACK_STEPS, extend_all
 from planners.configuration import _flow, _lacam
@@ -19,7 +19,7 @@ from planners.configuration.pibt_search import steps_of_window
 from planners.configuration.search_start import SearchStart, search_start
 from planners.neighbourhood._traffic import RepairTask
 from planners.neighbourhood.refinement import FOREVER, SPARE_STEPS, Refinement, polishing_labels, room_bytes, task_on, threads_with_room
-from planners.world import SLICE_S, build_scratch, sum_of_costs, timed_out
+from planners.world import SLICE_S, build_scratch, sum_of_costs
 
 CHANCE = 12  # purpose of the stream of chance
 USED_UP = -1  # how a search ends whose effort is bounded, beside RUNNING, REACHED, EXHAUSTED and FULL
@@ -54,12 +54,12 @@ def plan_by_lacam(lacam: Any, problem: Problem, time_limit_s: float, packed: boo
         return plan
     if state == _lacam.EXHAUSTED:
         message = "the search has seen every configuration that can be reached"
-        return PlanResult(Status.INFEASIBLE, None, None, process_time() - begin_s, 0.0, np.inf, search.counters(), message)
+        return unplanned(Status.INFEASIBLE, begin_s, message, np.inf, **search.counters())
     if state == USED_UP:
         return without_effort(problem, begin_s, lower_bound, **search.counters())
     if state != _lacam.REACHED:
         why = f"{time_limit_s:g} s" if state == _lacam.RUNNING else f"{lacam.memory_mb} MB"
-        return timed_out(begin_s, lower_bound, f"no solution within {why}", **search.counters())
+        return unplanned(Status.TIMED_OUT, begin_s, f"no solution within {why}", lower_bound, **search.counters())
     path = search.path() if start.path is None else start.path
     cost = sum_of_costs(path, start.world.goal)
     stats = {"first_solution_time_s": process_time() - begin_s, "first_solution_cost": float(cost)}

@@ -5,13 +5,13 @@ from typing import Any
 
 import numpy as np
 
-from mrp_sumo.core.plan import PlanResult
+from mrp_sumo.core.plan import PlanResult, Status
 from mrp_sumo.core.problem import Problem
-from mrp_sumo.planning.answers import used_up, without_effort
+from mrp_sumo.planning.answers import unplanned, used_up, without_effort
 from planners.configuration import _pibt
 from planners.configuration.guides import local_guidance
 from planners.configuration.search_start import SearchStart, search_start
-from planners.world import SLICE_S, build_scratch, gave_up, timed_out
+from planners.world import SLICE_S, build_scratch
 
 CHANCE = 11  # purpose of the stream of chance
 
@@ -48,7 +48,9 @@ def plan_by_pibt(pibt: Any, problem: Problem, time_limit_s: float, packed: bool 
         t = 0
         while t < max_steps:
             if process_time() > start.deadline_s:
-                return timed_out(start.begin_s, start.lower_bound, f"no solution within {time_limit_s:g} s", attempts=attempt)
+                return unplanned(
+                    Status.TIMED_OUT, start.begin_s, f"no solution within {time_limit_s:g} s", start.lower_bound, attempts=attempt
+                )
             if t == len(path) - 1:
                 path = np.concatenate((path, np.empty((min(len(path), max_steps + 1 - len(path)), num_robots), np.int32)))
             slice_s = process_time()
@@ -62,7 +64,7 @@ def plan_by_pibt(pibt: Any, problem: Problem, time_limit_s: float, packed: bool 
                 return without_effort(problem, start.begin_s, start.lower_bound, attempts=attempt)
             at_once = max(1, int((t - last) * SLICE_S / max(process_time() - slice_s, 1e-6)))
     message = f"no solution in {pibt.num_attempts} attempts of {max_steps} steps each"
-    return gave_up(start.begin_s, start.lower_bound, message, attempts=pibt.num_attempts)
+    return unplanned(Status.GAVE_UP, start.begin_s, message, start.lower_bound, attempts=pibt.num_attempts)
 
 
 def steps_of_window(start: SearchStart, hindrance: bool, local: int) -> np.ndarray | None:

@@ -6,12 +6,12 @@ from time import process_time
 import numpy as np
 
 from mrp_sumo.core.graph import IntArray
-from mrp_sumo.core.plan import PlanResult
+from mrp_sumo.core.plan import PlanResult, Status
 from mrp_sumo.core.problem import Problem
-from mrp_sumo.planning.answers import order_clash
+from mrp_sumo.planning.answers import deadline_of, order_clash, unplanned
 from planners.configuration._pibt_instance import PibtInstance
 from planners.configuration.guides import are_thin, guide_of
-from planners.world import build_world, checked_deadline, is_large, is_vast, solved, sum_of_costs, tiled, timed_out, without_search
+from planners.world import build_world, is_large, is_vast, solved, sum_of_costs, tiled, without_search
 
 FEW = 16  # vertices for each robot, from which on there is a way past the others, however long ways are
 
@@ -83,14 +83,14 @@ def search_start(
         Megabytes for finding paths without collisions, see `first_paths`, where robots use lanes little; 0 for no such paths.
     """
     begin_s = process_time()
-    deadline_s = checked_deadline(time_limit_s)
+    deadline_s = deadline_of(time_limit_s)
     given, original = problem, None
     packed = is_large(problem) if packed is None else packed
     if packed and is_vast(problem):
         problem, original = tiled(problem)
     built = build_world(problem, deadline_s, packed=packed, following=following, rotations=rotations)
     if built is None:
-        return timed_out(begin_s, 0.0, "the time limit passed while distances were computed")
+        return unplanned(Status.TIMED_OUT, begin_s, "the time limit passed while distances were computed")
     world, steps = built
     known = without_search(given, steps, begin_s) or order_clash(given)
     if known:

@@ -40,11 +40,11 @@ class Eecbs:
 
     def prepare(self) -> None:
         """See `Planner`."""
-        from planners.conflict_based import incumbent
         from planners.conflict_based.warm import warm
+        from planners.neighbourhood.refinement import prepare
 
         warm(self)
-        incumbent.prepare()
+        prepare(1)
 
     def plan(self, problem: Problem, time_limit_s: float) -> PlanResult:
         """See `Planner`."""

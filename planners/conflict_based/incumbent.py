@@ -11,13 +11,11 @@ import numpy as np
 
 from mrp_sumo.core.graph import IntArray
 from mrp_sumo.core.problem import Problem
-from mrp_sumo.search.distance import distances
 from planners.neighbourhood import _lns
 from planners.neighbourhood._collisions import find_collisions
 from planners.neighbourhood._traffic import path_of
 from planners.neighbourhood.refinement import Refinement, room_bytes, room_to_repair, task_of
-from planners.neighbourhood.refinement import prepare as prepare_refinement
-from planners.world import small_problem, sum_of_costs
+from planners.world import sum_of_costs
 
 CHANCE = 14  # purpose of the stream of chance
 NEIGHBOURHOOD = 8  # robots planned again at a time while there are collisions, half of it afterwards
@@ -99,14 +97,3 @@ def _horizon(problem: Problem, table: np.ndarray) -> int:
     """Steps to plan for: twice the longest way, and some."""
     longest = int(table[np.arange(problem.num_robots), problem.start].max(initial=0))
     return (2 * longest + 128 + problem.num_robots // 2 + 31) // 32 * 32
-
-
-def prepare() -> None:
-    """Compile or load the kernels."""
-    problem = small_problem()
-    table = distances(problem.graph).to_all(problem.target)
-    task = task_of(problem, table)
-    traffic, labels, hood = room_to_repair(task, 32, 2)
-    _lns.repair(task, traffic, labels, hood, 2, find_collisions(task, traffic, hood), 0, np.random.default_rng(0))
-    Incumbent(problem, table, np.inf).work(LABELS_AT_ONCE, 0.0)
-    prepare_refinement(1)

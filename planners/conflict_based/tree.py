@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from mrp_sumo.core.graph import IntArray, PlanGraph
 from mrp_sumo.core.plan import Status
 from mrp_sumo.core.problem import Problem
-from mrp_sumo.planning.answers import require_limit
+from mrp_sumo.planning.answers import deadline_of
 from mrp_sumo.search import _records as st
 from mrp_sumo.search._conflicts import A0, A1, B0, B1, KIND, MEET, ONE, OTHER, PRIORITY, STEP, SWAP, WIDTH
 from mrp_sumo.search._constraints import EXPANSIONS
@@ -77,8 +77,7 @@ def limits(time_limit_s: float, memory_mb: int, effort: int = 0) -> SearchLimits
     PlanError
         When the time is not above 0.
     """
-    require_limit(time_limit_s)
-    return SearchLimits(time_limit_s, memory_mb, process_time() + time_limit_s, effort)
+    return SearchLimits(time_limit_s, memory_mb, deadline_of(time_limit_s), effort)
 
 
 @dataclass(slots=True, eq=False)

@@ -10,7 +10,6 @@ from time import process_time
 
 import numpy as np
 
-from mrp_sumo.core.graph import IntArray
 from planners.neighbourhood import _lns
 from planners.neighbourhood._collisions import find_collisions
 from planners.neighbourhood._traffic import RepairTask, path_of
@@ -22,12 +21,6 @@ LABELS_A_STEP = 64  # of shortest ways: where paths take more to find, the map i
 MOST_DETOUR = 0.1  # of shortest ways: where paths have longer ones, first solutions of LaCAM are as cheap
 REPAIRS = 32  # times AT_ONCE neighbourhoods
 SIZE = 8  # robots in a neighbourhood
-
-
-def _short_first(task: RepairTask, rng: np.random.Generator) -> IntArray:
-    """[R] robots by the length of their shortest ways, those of one length in random order."""
-    order = rng.permutation(len(task.least))
-    return order[np.argsort(task.least[order], kind="stable")]
 
 
 def first_paths(
@@ -56,7 +49,8 @@ def first_paths(
     most = LABELS_A_STEP * int(task.least.sum() + len(task.goal))
     most = min(most, effort) if effort else most
     traffic, labels, hood = room = room_to_repair(task, horizon, SIZE, following=following, rotations=rotations, most_labels=MOST_LABELS)
-    order = _short_first(task, rng)
+    order = rng.permutation(len(task.least))
+    order = order[np.argsort(task.least[order], kind="stable")]  # those of one length in random order
     left = MOST_DETOUR * task.least.sum()
     for a, robot in enumerate(order.tolist()):
         if left < 0 or labels.stamp[1] > most or process_time() > deadline_s:

@@ -11,10 +11,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from mrp_sumo.core.plan import PlanResult
+from mrp_sumo.core.plan import PlanResult, Status
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError
-from mrp_sumo.planning.answers import order_clash, used_up, without_effort
+from mrp_sumo.planning.answers import deadline_of, order_clash, unplanned, used_up, without_effort
 
 CHANCE = 13  # purpose of the stream of chance
 
@@ -43,18 +43,8 @@ class Lns2:
 
     def prepare(self) -> None:
         """Compile or load the kernels."""
-        from mrp_sumo.search.distance import distances
-        from planners.neighbourhood import _lns
-        from planners.neighbourhood._collisions import find_collisions
-        from planners.neighbourhood.refinement import prepare, room_to_repair, task_of
-        from planners.world import small_problem
+        from planners.neighbourhood.refinement import prepare
 
-        problem = small_problem()
-        task = task_of(problem, distances(problem.graph).to_all(problem.target))
-        rng = np.random.default_rng(0)
-        traffic, labels, hood = room_to_repair(task, 32, 2)
-        _lns.plan_all(task, traffic, labels, np.arange(2), 0, 2, True)
-        _lns.repair(task, traffic, labels, hood, 2, find_collisions(task, traffic, hood), 3, rng)
         prepare(self.threads)
 
     def plan(self, problem: Problem, time_limit_s: float) -> PlanResult:
@@ -73,22 +63,19 @@ class Lns2:
             threads_with_room,
         )
         from planners.world import (
-            checked_deadline,
-            gave_up,
             solved,
             steps_table,
             sum_of_costs,
-            timed_out,
             without_search,
         )
 
         begin_s = process_time()
-        deadline_s = checked_deadline(time_limit_s)
+        deadline_s = deadline_of(time_limit_s)
         if 4 * problem.num_robots * problem.graph.num_vertices > self.memory_mb * 1_000_000:
-            return gave_up(begin_s, 0.0, f"tables of distances take more than {self.memory_mb} MB")
+            return unplanned(Status.GAVE_UP, begin_s, f"tables of distances take more than {self.memory_mb} MB")
         table = steps_table(problem, deadline_s)
         if table is None:
-            return timed_out(begin_s, 0.0, "the time limit passed while distances were computed")
+            return unplanned(Status.TIMED_OUT, begin_s, "the time limit passed while distances were computed")
         steps = table[np.arange(problem.num_robots), problem.start].astype(np.int64)
         steps[steps >= UNREACHABLE] = -1
         known = without_search(problem, steps, begin_s) or order_clash(problem)
@@ -100,9 +87,8 @@ class Lns2:
         horizon = self.horizon or 2 * int(steps.max()) + 128 + problem.num_robots // 2
         horizon = max(horizon, int(steps.max()) + 2, problem.window_steps + 2)
         if (need := table.nbytes + room_bytes(task, horizon) + problem.num_robots**2) > self.memory_mb * 1_000_000:
-            return gave_up(
-                begin_s, lower_bound, f"tables of {horizon} steps take {need / 1e6:.0f} MB, expected at most {self.memory_mb} MB"
-            )
+            message = f"tables of {horizon} steps take {need / 1e6:.0f} MB, expected at most {self.memory_mb} MB"
+            return unplanned(Status.GAVE_UP, begin_s, message, lower_bound)
         window = problem.window_steps
         kind = {"following": self.following, "rotations": self.rotations}
         room = room_to_repair(task, horizon, self.neighbourhood, window=window, **kind)
@@ -110,9 +96,9 @@ class Lns2:
         planned = plan_in_order(task, room, order, deadline_s)
         if planned < len(order):
             if process_time() > deadline_s:
-                return timed_out(begin_s, lower_bound, f"no solution within {time_limit_s:g} s")
+                return unplanned(Status.TIMED_OUT, begin_s, f"no solution within {time_limit_s:g} s", lower_bound)
             name = problem.fleet.robot_name[order[planned]]
-            return gave_up(begin_s, lower_bound, f"{name} has no path within {horizon} steps, collisions allowed")
+            return unplanned(Status.GAVE_UP, begin_s, f"{name} has no path within {horizon} steps, collisions allowed", lower_bound)
         first_pairs, pairs = repair(task, room, self.neighbourhood, rng, deadline_s, problem.effort)
         stats = {"initial_pairs": float(first_pairs)}
         labels = int(room[1].stamp[1])
@@ -120,7 +106,7 @@ class Lns2:
             return without_effort(problem, begin_s, lower_bound, pairs=float(pairs), **stats)
         if pairs:
             message = f"{pairs} pairs of robots are left in collision after {time_limit_s:g} s"
-            return timed_out(begin_s, lower_bound, message, pairs=float(pairs), **stats)
+            return unplanned(Status.TIMED_OUT, begin_s, message, lower_bound, pairs=float(pairs), **stats)
         path = path_of(room[0])
         left = max(1, problem.effort - labels) if problem.effort else 0
         cost = sum_of_costs(path, task.goal)

@@ -123,10 +123,13 @@ def room_bytes(task: RepairTask, horizon: int, most_labels: int = FOREVER) -> in
 
 
 def prepare(threads: int) -> None:
-    """Compile or load the kernels of a refinement by so many threads."""
+    """Compile or load the kernels of repair, and of a refinement by so many threads."""
     problem = small_problem()
     detour = np.array([[0, 2], [0, 2], [1, 2], [3, 2], [3, 1], [3, 0], [1, 0], [2, 0]])
     task = task_of(problem, distances(problem.graph).to_all(problem.target))
+    traffic, labels, hood = room_to_repair(task, 32, 2)
+    _lns.plan_all(task, traffic, labels, np.arange(2), 0, 2, True)
+    _lns.repair(task, traffic, labels, hood, 2, find_collisions(task, traffic, hood), 3, np.random.default_rng(0))
     refinement = Refinement(task, detour, 2, np.random.default_rng(0), threads=threads)
     refinement.until(np.inf, most_labels=20)
     for refiner in refinement.refiners[1:]:

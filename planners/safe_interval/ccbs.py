@@ -25,7 +25,7 @@ from mrp_sumo.core.graph import nav_graph, plan_graph
 from mrp_sumo.core.plan import PlanResult, Status, plan_of_paths
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError
-from mrp_sumo.planning.answers import impossible, require_limit, without_effort
+from mrp_sumo.planning.answers import deadline_of, impossible, without_effort
 
 if TYPE_CHECKING:
     from planners.safe_interval.conflict_tree import LowLevel
@@ -77,10 +77,9 @@ class Ccbs:
         """See `Planner`. GAVE_UP when the tree has `max_nodes`."""
         from planners.safe_interval.conflict_tree import OutOfTime, TimedTree
 
-        require_limit(time_limit_s)
-        began = process_time()
+        began, deadline_s = process_time(), deadline_of(time_limit_s)
         counted = problem.effort > 0 and self.motion == "real"
-        deadline_s = np.inf if counted else began + time_limit_s
+        deadline_s = np.inf if counted else deadline_s
         if refusal := impossible(problem):
             return refusal
         if not problem.num_robots:

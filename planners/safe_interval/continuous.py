@@ -18,7 +18,7 @@ import numpy as np
 from mrp_sumo.core.plan import PlanResult, Status, plan_of_paths
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError
-from mrp_sumo.planning.answers import impossible, require_limit
+from mrp_sumo.planning.answers import deadline_of, impossible
 from mrp_sumo.planning.registry import planner
 
 CHANCE = 12  # purpose of the stream of chance
@@ -73,9 +73,7 @@ class Continuous:
         from planners.safe_interval.improvement import Improvement
         from planners.safe_interval.timetable import Timetable
 
-        require_limit(time_limit_s)
-        began = process_time()
-        deadline_s = began + time_limit_s
+        began, deadline_s = process_time(), deadline_of(time_limit_s)
         single_until_s = deadline_s if problem.effort else began + SHARE * time_limit_s  # a bounded effort knows no clock
         if refusal := impossible(problem):
             return refusal

@@ -14,7 +14,7 @@ from typing import ClassVar
 from mrp_sumo.core.plan import PlanResult, Status, plan_of_paths
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError
-from mrp_sumo.planning.answers import impossible, require_limit
+from mrp_sumo.planning.answers import deadline_of, impossible
 
 
 @dataclass(frozen=True)
@@ -47,12 +47,11 @@ class Pbs:
         from planners.safe_interval.real_motion import PrioritisedRuns
         from planners.safe_interval.window_motion import WindowSteps
 
-        require_limit(time_limit_s)
-        began = process_time()
+        began, deadline_s = process_time(), deadline_of(time_limit_s)
         if refusal := impossible(problem):
             return refusal
         if not problem.num_robots:
             return PlanResult(Status.SOLVED, plan_of_paths([], problem.step_s), planning_time_s=process_time() - began)
         if problem.window_steps:
-            return search(WindowSteps(problem.for_any()), problem, began, time_limit_s, self.max_nodes)
-        return search(PrioritisedRuns(problem, self.step_length_s), problem, began, time_limit_s, self.max_nodes)
+            return search(WindowSteps(problem.for_any()), problem, began, deadline_s, self.max_nodes)
+        return search(PrioritisedRuns(problem, self.step_length_s), problem, began, deadline_s, self.max_nodes)

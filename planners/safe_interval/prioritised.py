@@ -15,7 +15,7 @@ from mrp_sumo.core.graph import IntArray
 from mrp_sumo.core.plan import PlanResult, Status, plan_of_paths
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError
-from mrp_sumo.planning.answers import impossible, require_limit, used_up, without_effort
+from mrp_sumo.planning.answers import deadline_of, impossible, used_up, without_effort
 
 ORDERS = 3  # purpose of the stream of chance
 
@@ -49,8 +49,7 @@ class Prioritised:
         """See `Planner`. GAVE_UP when all restarts are used up."""
         from planners.safe_interval.reservations import Reservations
 
-        require_limit(time_limit_s)
-        began = process_time()
+        began, deadline_s = process_time(), deadline_of(time_limit_s)
         if refusal := impossible(problem):
             return refusal
         reservations = Reservations(problem, following=self.following)
@@ -68,12 +67,12 @@ class Prioritised:
                 if path is None:
                     break
                 paths[robot] = path
-                if process_time() - began > time_limit_s:
+                if process_time() > deadline_s:
                     break
             if len(paths) == problem.num_robots:
                 status, plan = Status.SOLVED, plan_of_paths([paths[r] for r in range(problem.num_robots)], problem.step_s)
                 break
-            if process_time() - began > time_limit_s:
+            if process_time() > deadline_s:
                 status = Status.TIMED_OUT
                 break
             if used_up(problem, reservations.labels):

@@ -9,7 +9,7 @@ import numpy as np
 from mrp_sumo.core.graph import BoolArray, IntArray
 from mrp_sumo.core.plan import Plan, PlanResult, Status
 from mrp_sumo.core.problem import Problem
-from mrp_sumo.planning.answers import used_up, without_effort
+from mrp_sumo.planning.answers import unplanned, used_up, without_effort
 
 Ways = TypeVar("Ways")
 
@@ -63,15 +63,15 @@ class PriorityNode(Generic[Ways]):
         return None if ways is None else PriorityNode(above, ways)
 
 
-def search(motion: PriorityMotion[Ways], problem: Problem, began: float, time_limit_s: float, max_nodes: int) -> PlanResult:
+def search(motion: PriorityMotion[Ways], problem: Problem, began: float, deadline_s: float, max_nodes: int) -> PlanResult:
     """Look at nodes depth first, the cheaper child first, until one has no conflict.
 
     Parameters
     ----------
     motion, problem
         How robots of the problem move.
-    began, time_limit_s
-        On the clock of `process_time`, and how long from then on.
+    began, deadline_s
+        On the clock of `process_time`.
     max_nodes
         Nodes to look at.
     """
@@ -80,7 +80,7 @@ def search(motion: PriorityMotion[Ways], problem: Problem, began: float, time_li
     nodes = 0
     status = Status.GAVE_UP
     while stack and nodes < max_nodes:
-        if process_time() - began > time_limit_s:
+        if process_time() > deadline_s:
             status = Status.TIMED_OUT
             break
         if used_up(problem, sum(motion.counters().values())):
@@ -91,19 +91,10 @@ def search(motion: PriorityMotion[Ways], problem: Problem, began: float, time_li
         if pair is None:
             stats = {"nodes": float(nodes), **motion.counters()}
             plan, costs = motion.plan(node.ways)
-            return PlanResult(
-                Status.SOLVED,
-                plan,
-                planning_time_s=process_time() - began,
-                lower_bound_steps=motion.least_steps,
-                stats=stats | costs,
-            )
+            took_s = process_time() - began
+            return PlanResult(Status.SOLVED, plan, None, took_s, lower_bound_steps=motion.least_steps, stats=stats | costs)
         children = [child for above, below in (pair[::-1], pair) if (child := node.below(motion, above, below))]
         children.sort(key=lambda child: -motion.cost(child.ways))
         stack += children if len(stack) + len(children) <= motion.most_open else children[-1:]
-    return PlanResult(
-        status,
-        planning_time_s=process_time() - began,
-        stats={"nodes": float(nodes), **motion.counters()},
-        message=f"no plan among {nodes} orders of priorities",
-    )
+    message = f"no plan among {nodes} orders of priorities"
+    return unplanned(status, began, message, motion.least_steps, nodes=float(nodes), **motion.counters())
