@@ -1,25 +1,25 @@
 """Kernels that find conflicts between the paths of records.
 
-A conflict is a row of WIDTH numbers: robots ONE and OTHER, what kind, where and when; then, filled in by those who
-choose between conflicts, its priority and the constraints to split on: rows A0..A1 for ONE, B0..B1 for OTHER.
+A conflict says of which robots, `one` and `other`, what kind, where and when; then, filled in by those who choose between conflicts, its
+priority and the constraints to split on: rows a0..a1 for `one`, b0..b1 for `other`.
 """
 
 import numpy as np
 
-from mrp_sumo.search._arrays import write_over
 from mrp_sumo.search._clashing import move_of
 from mrp_sumo.search._kernel import kernel
 from mrp_sumo.search._occupancy import steps_known, visitor
-from mrp_sumo.search._records import COST, PATH0, place
+from mrp_sumo.search._records import place
 
-WIDTH = 11
-ONE, OTHER, KIND, TAIL, AT, STEP, PRIORITY, A0, A1, B0, B1 = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10
-MEET = 0  # both are at AT at STEP
-SWAP = 1  # ONE comes from TAIL to AT at STEP, OTHER the other way
-TARGET = 2  # ONE stays at AT, its goal, when OTHER is there at STEP
-FOLLOW = 3  # ONE is at AT at STEP, OTHER is there one step later
-CLASH = 4  # the moves that lead to STEP clash
-CLASH_AT_TARGET = 5  # ONE stays at AT, its goal, when OTHER makes a move that clashes with it, which leads to STEP
+CONFLICT = np.dtype(
+    (np.record, [(name, np.int32) for name in ("one", "other", "kind", "tail", "at", "step", "priority", "a0", "a1", "b0", "b1")])
+)
+MEET = 0  # both are at `at` at `step`
+SWAP = 1  # one comes from tail to at at step, other the other way
+TARGET = 2  # one stays at at, its goal, when other is there at step
+FOLLOW = 3  # one is at at at step, other is there one step later
+CLASH = 4  # the moves that lead to step clash
+CLASH_AT_TARGET = 5  # one stays at at, its goal, when other makes a move that clashes with it, which leads to step
 UNKNOWN = -1  # a priority not yet looked at
 
 
@@ -30,24 +30,24 @@ def conflicts_of(instance, store, occupancy, robot, record, old):
     Parameters
     ----------
     old
-        [K, WIDTH] the conflicts before.
+        [K] CONFLICT before.
 
     Returns
     -------
     conflicts
-        [K', WIDTH] in a new array.
+        [K'] CONFLICT in a new array.
     """
-    conflicts = np.empty((len(old) + 16, WIDTH), np.int32)
+    conflicts = np.empty(len(old) + 16, CONFLICT)
     end = 0
     for k in range(len(old)):
-        if old[k, ONE] != robot and old[k, OTHER] != robot:
-            write_over(conflicts[end], old[k])
+        if old[k].one != robot and old[k].other != robot:
+            conflicts[end] = old[k]
             end += 1
     count = _find(instance, store, occupancy, robot, record, conflicts, end)
     if count > len(conflicts):
-        longer = np.empty((count, WIDTH), np.int32)
+        longer = np.empty(count, CONFLICT)
         for k in range(end):
-            write_over(longer[k], conflicts[k])
+            longer[k] = conflicts[k]
         conflicts = longer
         count = _find(instance, store, occupancy, robot, record, conflicts, end)
     return conflicts[:count]
@@ -56,11 +56,11 @@ def conflicts_of(instance, store, occupancy, robot, record, old):
 @kernel(allocates=False)
 def _find(instance, store, occupancy, robot, record, conflicts, count):
     """Add the conflicts of a robot, step by step, to the first `count`; how many there are then, also where they do not fit."""
-    path0, cost, following, near = store.meta[record, PATH0], store.meta[record, COST], instance.following, instance.clashes.any
+    path0, cost, following, near = store.meta[record].path0, store.meta[record].cost, instance.following, instance.clashes.any
     latest = np.int64(0)
     for r in range(len(occupancy.record)):
         if occupancy.record[r] >= 0:
-            latest = max(latest, store.meta[occupancy.record[r], COST])
+            latest = max(latest, store.meta[occupancy.record[r]].cost)
     u = np.int64(store.path[path0])
     for t in range(max(cost, latest) + 1):
         v = np.int64(store.path[path0 + min(t, cost)])
@@ -170,14 +170,14 @@ def _clashes(instance, store, occupancy, robot, cost, u, v, t, conflicts, count)
 def _add_clash(store, occupancy, robot, other, cost, t, v, conflicts, before, count):
     """Write the clash of two robots at a step unless it has been, since there were `before` conflicts."""
     for k in range(before, min(count, len(conflicts))):
-        if conflicts[k, ONE] + conflicts[k, OTHER] == robot + other and (conflicts[k, ONE] == other or conflicts[k, OTHER] == other):
+        if conflicts[k].one + conflicts[k].other == robot + other and (conflicts[k].one == other or conflicts[k].other == other):
             return count
     if count > len(conflicts):  # they are only counted, and again when there is room
         return count + 1
     record = occupancy.record[other]
     if cost < t:
         return _add(conflicts, count, robot, other, CLASH_AT_TARGET, -1, v, t)
-    if store.meta[record, COST] < t:
+    if store.meta[record].cost < t:
         return _add(conflicts, count, other, robot, CLASH_AT_TARGET, -1, place(store, record, t), t)
     return _add(conflicts, count, min(robot, other), max(robot, other), CLASH, -1, v, t)
 
@@ -187,6 +187,6 @@ def _add(conflicts, count, one, other, kind, tail, at, step):
     """Write a conflict where there is room for it; the number of conflicts with it."""
     if count < len(conflicts):
         row = conflicts[count]
-        row[ONE], row[OTHER], row[KIND], row[TAIL], row[AT], row[STEP], row[PRIORITY] = one, other, kind, tail, at, step, UNKNOWN
-        row[A0], row[A1], row[B0], row[B1] = 0, 0, 0, 0
+        row.one, row.other, row.kind, row.tail, row.at, row.step, row.priority = one, other, kind, tail, at, step, UNKNOWN
+        row.a0, row.a1, row.b0, row.b1 = 0, 0, 0, 0
     return count + 1

@@ -12,22 +12,18 @@ from mrp_sumo.search._records import (
     MIN_COST,
     NO_PATH,
     OK,
-    PARENT,
     RANGE,
-    ROBOT,
-    ROW0,
-    ROW1,
     SCRATCH_FULL,
     TOO_LATE,
 )
 
-# columns of Scratch.rule
-NEXT, FROM, TO, TAIL = 0, 1, 2, 3
-# columns of Scratch.state
-VERTEX, STEP, BEFORE, LABEL, BELOW, ALIKE = 0, 1, 2, 3, 4, 5
-# entries of Scratch.number
+# after: the vertex's next rule or -1; begin, end: steps, both included; tail: -1 for all
+RULE = np.dtype((np.record, [(name, np.int32) for name in ("after", "begin", "end", "tail")]))
+# before: the state that it was reached from; below: the next in its bucket; alike: the vertex's state before it
+SEARCH_STATE = np.dtype((np.record, [(name, np.int32) for name in ("vertex", "step", "before", "label", "below", "alike")]))
+# entries of ConstraintScratch.number
 STAMP, EXPANSIONS, NUM_RULES, MARK = 0, 1, 2, 3
-# entries of Scratch.limit, what the constraints say
+# entries of ConstraintScratch.limit, what the constraints say
 LAST_MUST, EARLIEST, LATEST, OPEN_FROM = 0, 1, 2, 3
 
 
@@ -36,10 +32,10 @@ class ConstraintScratch(NamedTuple):
 
     touched: np.ndarray  # [V] int32, stamp of vertices with constraints
     rule_at: np.ndarray  # [V] int32, the first rule of a vertex that is touched
-    rule: np.ndarray  # [C, 4] int32: the vertex's next rule or -1, from step, to step, tail or -1 for all
+    rule: np.ndarray  # [C] RULE
     must: np.ndarray  # [T] int64, stamp << 32 | the vertex to be at
     visited: np.ndarray  # [C] int32, states by vertex and delay; only what the state named says too holds
-    state: np.ndarray  # [N, 6] int32
+    state: np.ndarray  # [N] SEARCH_STATE
     top: np.ndarray  # [B] int32, the last state put into each bucket, -1 for none; empty between searches
     later: np.ndarray  # [T + 1] int32, visits of others at the goal from this step on
     mark: np.ndarray  # [V] int64, stamps of level sets
@@ -60,7 +56,7 @@ def load(instance, store, scratch, record):
     code
         OK, NO_PATH when they contradict each other, TOO_LATE or SCRATCH_FULL.
     """
-    goal = instance.goal[store.meta[record, ROBOT]]
+    goal = instance.goal[store.meta[record].robot]
     number, limit, rule, touched, rule_at = scratch.number, scratch.limit, scratch.rule, scratch.touched, scratch.rule_at
     number[STAMP] += 1
     stamp = number[STAMP]
@@ -68,10 +64,10 @@ def load(instance, store, scratch, record):
     open_from, earliest, latest = np.int64(0), np.int64(0), np.int64(FOREVER)
     last_must, last_must_vertex = np.int64(-1), np.int64(-1)
     while record >= 0:
-        for k in range(store.meta[record, ROW0], store.meta[record, ROW1]):
-            kind = store.rows[k, 0]
-            v = np.int64(store.rows[k, 1])
-            begin, end = np.int64(store.rows[k, 3]), np.int64(store.rows[k, 4])
+        for k in range(store.meta[record].row0, store.meta[record].row1):
+            kind = store.rows[k].kind
+            v = np.int64(store.rows[k].vertex)
+            begin, end = np.int64(store.rows[k].begin), np.int64(store.rows[k].end)
             if kind in (RANGE, EDGE):
                 if kind == RANGE and v == goal:
                     if end >= FOREVER:
@@ -79,9 +75,9 @@ def load(instance, store, scratch, record):
                     open_from = max(open_from, end + 1)
                 if num_rules >= len(rule):
                     return SCRATCH_FULL
-                rule[num_rules, NEXT] = rule_at[v] if touched[v] == stamp else -1
-                rule[num_rules, FROM], rule[num_rules, TO] = begin, end
-                rule[num_rules, TAIL] = store.rows[k, 2] if kind == EDGE else -1
+                rule[num_rules].after = rule_at[v] if touched[v] == stamp else -1
+                rule[num_rules].begin, rule[num_rules].end = begin, end
+                rule[num_rules].tail = store.rows[k].tail if kind == EDGE else -1
                 touched[v] = stamp
                 rule_at[v] = num_rules
                 num_rules += 1
@@ -98,7 +94,7 @@ def load(instance, store, scratch, record):
                 scratch.must[begin] = (stamp << 32) | v
                 if begin > last_must:
                     last_must, last_must_vertex = begin, v
-        record = store.meta[record, PARENT]
+        record = store.meta[record].parent
     for t in range(last_must + 1):  # the robot may only end after every place it must pass
         old = scratch.must[t]
         if old >> 32 == stamp and (old & 0xFFFFFFFF) != goal:
@@ -122,9 +118,9 @@ def barred(rule, rule_at, u, v, step):
     """Whether a rule of a touched vertex v forbids to come from u at this step."""
     k = rule_at[v]
     while k >= 0:
-        if rule[k, FROM] <= step <= rule[k, TO] and (rule[k, TAIL] < 0 or rule[k, TAIL] == u):
+        if rule[k].begin <= step <= rule[k].end and (rule[k].tail < 0 or rule[k].tail == u):
             return True
-        k = rule[k, NEXT]
+        k = rule[k].after
     return False
 
 
@@ -157,6 +153,6 @@ def put(state, top, k, vertex, step, before, label, bucket):
     bucket
         Where it goes.
     """
-    state[k, VERTEX], state[k, STEP], state[k, BEFORE] = vertex, step, before
-    state[k, LABEL], state[k, BELOW] = label, top[bucket]
+    state[k].vertex, state[k].step, state[k].before = vertex, step, before
+    state[k].label, state[k].below = label, top[bucket]
     top[bucket] = k

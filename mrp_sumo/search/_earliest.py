@@ -7,21 +7,12 @@ constraints cut a vertex's time into intervals; of two arrivals in one interval 
 import numpy as np
 
 from mrp_sumo.search._constraints import (
-    ALIKE,
-    BELOW,
     EARLIEST,
     EXPANSIONS,
-    FROM,
-    LABEL,
     LAST_MUST,
     LATEST,
-    NEXT,
     OPEN_FROM,
     STAMP,
-    STEP,
-    TAIL,
-    TO,
-    VERTEX,
     elsewhere,
     forbidden,
     put,
@@ -43,9 +34,9 @@ def _free_until(rule, first_rule, must, stamp, last_must, v, step):
     until = np.int64(FOREVER)
     k = first_rule
     while k >= 0:
-        if rule[k, TAIL] < 0 and rule[k, FROM] > step:
-            until = min(until, np.int64(rule[k, FROM]) - 1)
-        k = rule[k, NEXT]
+        if rule[k].tail < 0 and rule[k].begin > step:
+            until = min(until, np.int64(rule[k].begin) - 1)
+        k = rule[k].after
     for t in range(step + 1, min(last_must, until) + 1):
         if elsewhere(must, stamp, t, v):
             return np.int64(t - 1)
@@ -62,12 +53,12 @@ def _entry(rule, first_rule, must, stamp, last_must, u, v, step, latest):
         begin = np.int64(0)
         k = first_rule
         while k >= 0:
-            if rule[k, FROM] <= step <= rule[k, TO] and (rule[k, TAIL] < 0 or rule[k, TAIL] == u):
-                step = np.int64(rule[k, TO]) + 1
+            if rule[k].begin <= step <= rule[k].end and (rule[k].tail < 0 or rule[k].tail == u):
+                step = np.int64(rule[k].end) + 1
                 again = True
-            elif rule[k, TAIL] < 0 and rule[k, TO] < step:
-                begin = max(begin, np.int64(rule[k, TO]) + 1)
-            k = rule[k, NEXT]
+            elif rule[k].tail < 0 and rule[k].end < step:
+                begin = max(begin, np.int64(rule[k].end) + 1)
+            k = rule[k].after
         while step <= min(last_must, latest) and elsewhere(must, stamp, step, v):
             step += 1
             again = True
@@ -82,7 +73,7 @@ def _entry(rule, first_rule, must, stamp, last_must, u, v, step, latest):
 def _last_state_at(state, at, num_states, v):
     """The state last put at v by this search, -1 for none."""
     k = np.int64(at[v])
-    if k >= num_states or state[k, VERTEX] != v:
+    if k >= num_states or state[k].vertex != v:
         k = np.int64(-1)
     return k
 
@@ -92,8 +83,8 @@ def _entered_before(state, e, begin, arrive):
     """Whether an interval of a vertex, whose last state is e, was entered as early before."""
     known = False
     while e >= 0 and not known:
-        known = state[e, LABEL] == begin and state[e, STEP] <= arrive
-        e = np.int64(state[e, ALIKE])
+        known = state[e].label == begin and state[e].step <= arrive
+        e = np.int64(state[e].alike)
     return known
 
 
@@ -139,7 +130,7 @@ def earliest_arrival(instance, scratch, start, goal, distance, stay, ban_u, ban_
     open_from = limit[OPEN_FROM] if stay else np.int64(0)
     # a bucket for each delay; LABEL is the first step of the state's interval, ALIKE the vertex's state before this one
     put(state, top, 0, start, 0, -1, 0, 0)
-    state[0, ALIKE] = -1
+    state[0].alike = -1
     at[start] = 0
     num_states = 1
     delay, longest = 0, 0
@@ -151,8 +142,8 @@ def earliest_arrival(instance, scratch, start, goal, distance, stay, ban_u, ban_
         if delay > longest:
             break
         k = np.int64(top[delay])
-        top[delay] = state[k, BELOW]
-        u, t = np.int64(state[k, VERTEX]), np.int64(state[k, STEP])
+        top[delay] = state[k].below
+        u, t = np.int64(state[k].vertex), np.int64(state[k].step)
         least = max(least, shortest + delay) if stay else shortest + delay
         if u == goal and t >= open_from:
             code, end = OK, k
@@ -185,7 +176,7 @@ def earliest_arrival(instance, scratch, start, goal, distance, stay, ban_u, ban_
                         code = SCRATCH_FULL
                         break
                     put(state, top, num_states, v, arrive, k, begin, bucket)
-                    state[num_states, ALIKE] = last
+                    state[num_states].alike = last
                     at[v] = num_states
                     longest = max(longest, bucket)
                     num_states += 1

@@ -8,19 +8,14 @@ import numpy as np
 from mrp_sumo.search._constraints import EARLIEST, LAST_MUST, MARK, STAMP, forbidden, load
 from mrp_sumo.search._kernel import kernel
 from mrp_sumo.search._records import (
-    BOUND,
-    COST,
     EDGE,
     FOREVER,
     LEVELS,
-    MDD0,
     MEMBERS,
     MIN_COST,
     MUST,
     OK,
-    ORIGIN,
     RANGE,
-    ROBOT,
     SCRATCH_FULL,
     STORE_FULL,
 )
@@ -112,14 +107,14 @@ def mdd_of(instance, store, scratch, record):
     code
         OK, STORE_FULL or SCRATCH_FULL.
     """
-    origin = store.meta[record, ORIGIN]
-    if store.meta[origin, MDD0] == -1:
+    origin = store.meta[record].origin
+    if store.meta[origin].mdd0 == -1:
         code = load(instance, store, scratch, record)
         if code != OK:
             return code
-        robot = store.meta[record, ROBOT]
+        robot = store.meta[record].robot
         distance = instance.distance[instance.row[robot]]
-        cost = max(store.meta[origin, BOUND], scratch.limit[EARLIEST])
+        cost = max(store.meta[origin].bound, scratch.limit[EARLIEST])
         total = _levels(instance, scratch, instance.start[robot], instance.goal[robot], distance, cost)
         while total == 0:
             cost += 1
@@ -127,7 +122,7 @@ def mdd_of(instance, store, scratch, record):
         if total == -2:
             return SCRATCH_FULL
         if total == -1:
-            store.meta[origin, MDD0] = TOO_LARGE
+            store.meta[origin].mdd0 = TOO_LARGE
         else:
             first, at = store.used[LEVELS], store.used[MEMBERS]
             if first + cost + 2 > len(store.level) or at + total > len(store.member):
@@ -141,23 +136,23 @@ def mdd_of(instance, store, scratch, record):
                     at += 1
             store.level[first + cost + 1] = at
             store.used[LEVELS], store.used[MEMBERS] = first + cost + 2, at
-            store.meta[origin, MDD0] = first
-            store.meta[origin, BOUND] = cost
-    store.meta[record, MDD0] = store.meta[origin, MDD0]
-    store.meta[record, BOUND] = max(store.meta[record, BOUND], min(store.meta[origin, BOUND], store.meta[record, COST]))
+            store.meta[origin].mdd0 = first
+            store.meta[origin].bound = cost
+    store.meta[record].mdd0 = store.meta[origin].mdd0
+    store.meta[record].bound = max(store.meta[record].bound, min(store.meta[origin].bound, store.meta[record].cost))
     return OK
 
 
 @kernel
 def mdd_cost(store, record):
     """The cost of the record's MDD."""
-    return store.meta[store.meta[record, ORIGIN], BOUND]
+    return store.meta[store.meta[record].origin].bound
 
 
 @kernel
 def only(store, record, step):
     """The vertex of a level with one member, else -1; the last level's after the end."""
-    mdd = store.meta[record, MDD0]
+    mdd = store.meta[record].mdd0
     if mdd < 0:
         return np.int64(-1)
     k = mdd + min(step, mdd_cost(store, record))
@@ -169,29 +164,29 @@ def only(store, record, step):
 @kernel
 def raises_cost(instance, store, scratch, record, row0, row1):
     """Whether these constraints cut through all paths of the record's MDD. False also when it is too large."""
-    mdd = store.meta[record, MDD0]
+    mdd = store.meta[record].mdd0
     cost = mdd_cost(store, record)
     begin, end = FOREVER, -1
     for r in range(row0, row1):
-        kind = store.rows[r, 0]
+        kind = store.rows[r].kind
         if kind == MIN_COST:
-            if store.rows[r, 3] > cost:
+            if store.rows[r].begin > cost:
                 return True
         elif kind in (RANGE, EDGE, MUST):
-            begin = min(begin, np.int64(store.rows[r, 3]))
-            end = max(end, np.int64(store.rows[r, 4]))
+            begin = min(begin, np.int64(store.rows[r].begin))
+            end = max(end, np.int64(store.rows[r].end))
     if mdd < 0 or begin > end or begin > cost:
         # after its end the robot is at its goal
         if begin <= end and end > cost:
-            goal = instance.goal[store.meta[record, ROBOT]]
+            goal = instance.goal[store.meta[record].robot]
             for r in range(row0, row1):
-                if store.rows[r, 0] == RANGE and store.rows[r, 1] == goal and store.rows[r, 4] >= cost:
+                if store.rows[r].kind == RANGE and store.rows[r].vertex == goal and store.rows[r].end >= cost:
                     return True
         return False
     if end > cost:
-        goal = instance.goal[store.meta[record, ROBOT]]
+        goal = instance.goal[store.meta[record].robot]
         for r in range(row0, row1):
-            if store.rows[r, 0] == RANGE and store.rows[r, 1] == goal and store.rows[r, 4] >= cost:
+            if store.rows[r].kind == RANGE and store.rows[r].vertex == goal and store.rows[r].end >= cost:
                 return True
     end = min(end, cost)
     begin = max(begin, 1)
@@ -214,14 +209,14 @@ def raises_cost(instance, store, scratch, record, row0, row1):
                     continue
                 barred = False
                 for r in range(row0, row1):
-                    if store.rows[r, 3] <= t <= store.rows[r, 4]:
-                        kind = store.rows[r, 0]
+                    if store.rows[r].begin <= t <= store.rows[r].end:
+                        kind = store.rows[r].kind
                         if kind == RANGE:
-                            barred = barred or store.rows[r, 1] == v
+                            barred = barred or store.rows[r].vertex == v
                         elif kind == EDGE:
-                            barred = barred or (store.rows[r, 1] == v and store.rows[r, 2] == u)
+                            barred = barred or (store.rows[r].vertex == v and store.rows[r].tail == u)
                         elif kind == MUST:
-                            barred = barred or store.rows[r, 1] != v
+                            barred = barred or store.rows[r].vertex != v
                 if not barred:
                     mark[v] = -now
         count = 0

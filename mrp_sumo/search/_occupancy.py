@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mrp_sumo.search._kernel import kernel
-from mrp_sumo.search._records import COST, FOREVER, OK, PATH0, ROBOT, TOO_LATE
+from mrp_sumo.search._records import FOREVER, OK, TOO_LATE
 
 WORD = 32  # steps in a word of bits
 ONE, MANY = np.uint64(1), np.uint64(1 << WORD)  # bits of a word's first step
@@ -74,7 +74,7 @@ def _install(store, occupancy, record):
     """Put a robot on its path; False when the path is longer than the tables."""
     busy, visit, after = occupancy.busy, occupancy.visit, occupancy.after
     num_robots, words = len(occupancy.record), len(busy) // len(occupancy.since)
-    robot, path0, cost = store.meta[record, ROBOT], store.meta[record, PATH0], store.meta[record, COST]
+    robot, path0, cost = store.meta[record].robot, store.meta[record].path0, store.meta[record].cost
     if cost >= WORD * words:
         return False
     for t in range(cost):
@@ -99,7 +99,7 @@ def uninstall(store, occupancy, robot):
         return
     busy, visit, after = occupancy.busy, occupancy.visit, occupancy.after
     num_robots, words = len(occupancy.record), len(busy) // len(occupancy.since)
-    path0, cost = store.meta[record, PATH0], store.meta[record, COST]
+    path0, cost = store.meta[record].path0, store.meta[record].cost
     for t in range(cost):
         word = np.int64(store.path[path0 + t]) * words + (t >> 5)
         low = t * num_robots

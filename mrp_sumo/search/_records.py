@@ -14,10 +14,13 @@ from mrp_sumo.search._kernel import kernel
 FOREVER = 1 << 30
 OK, NO_PATH, STORE_FULL, SCRATCH_FULL, TOO_LATE, OUT_OF_BUDGET = 0, 1, 2, 3, 4, 5  # what searches return
 
-# columns of Store.meta
-PARENT, ROW0, ROW1, ORIGIN, PATH0, COST, BOUND, MDD0, ROBOT = 0, 1, 2, 3, 4, 5, 6, 7, 8
-# kinds of rows: (kind, vertex, tail, from step, to step)
-RANGE, EDGE, MIN_COST, MAX_COST, MUST = 0, 1, 2, 3, 4
+RANGE, EDGE, MIN_COST, MAX_COST, MUST = 0, 1, 2, 3, 4  # kinds of constraints
+CONSTRAINT = np.dtype((np.record, [(name, np.int32) for name in ("kind", "vertex", "tail", "begin", "end")]))  # steps, both included
+# parent: the record before in its chain, -1 for none; row0, row1: the constraints that it adds; origin: the first record with the same
+# constraints; path0, cost: its path; bound: on its cost; mdd0: where the levels of its MDD begin, -1: not built yet
+RECORD = np.dtype(
+    (np.record, [(name, np.int64) for name in ("parent", "row0", "row1", "origin", "path0", "cost", "bound", "mdd0", "robot")])
+)
 # entries of Store.used
 RECORDS, ROWS, PATH, LEVELS, MEMBERS = 0, 1, 2, 3, 4
 
@@ -43,8 +46,8 @@ class SearchInstance(NamedTuple):
 class Store(NamedTuple):
     """Records and their pools; only ever appended to (or cut off at the end)."""
 
-    meta: np.ndarray  # [N, 9] int64
-    rows: np.ndarray  # [C, 5] int32 constraints
+    meta: np.ndarray  # [N] RECORD
+    rows: np.ndarray  # [C] CONSTRAINT
     path: np.ndarray  # [P] int32 vertices by step
     level: np.ndarray  # [M] int64, where each level of an MDD begins in `member`
     member: np.ndarray  # [Q] int32 vertices
@@ -54,7 +57,7 @@ class Store(NamedTuple):
 @kernel(allocates=False)
 def place(store, record, step):
     """The vertex of a record's robot at a step."""
-    return np.int64(store.path[store.meta[record, PATH0] + min(step, store.meta[record, COST])])
+    return np.int64(store.path[store.meta[record].path0 + min(step, store.meta[record].cost)])
 
 
 @kernel
@@ -63,11 +66,11 @@ def add_row(store, kind, vertex, tail, from_step, to_step):
     k = store.used[ROWS]
     if k >= len(store.rows):
         return False
-    store.rows[k, 0] = kind
-    store.rows[k, 1] = vertex
-    store.rows[k, 2] = tail
-    store.rows[k, 3] = from_step
-    store.rows[k, 4] = to_step
+    store.rows[k].kind = kind
+    store.rows[k].vertex = vertex
+    store.rows[k].tail = tail
+    store.rows[k].begin = from_step
+    store.rows[k].end = to_step
     store.used[ROWS] = k + 1
     return True
 
@@ -80,6 +83,6 @@ def add_record(store, parent, robot, row0, row1):
         return -1
     store.used[RECORDS] = k + 1
     meta = store.meta[k]
-    meta[PARENT], meta[ROW0], meta[ROW1], meta[ORIGIN] = parent, row0, row1, k
-    meta[PATH0], meta[COST], meta[BOUND], meta[MDD0], meta[ROBOT] = 0, 0, 0, -1, robot
+    meta.parent, meta.row0, meta.row1, meta.origin = parent, row0, row1, k
+    meta.path0, meta.cost, meta.bound, meta.mdd0, meta.robot = 0, 0, 0, -1, robot
     return k

@@ -12,16 +12,11 @@ from typing import NamedTuple
 import numpy as np
 
 from mrp_sumo.search._constraints import (
-    BEFORE,
-    BELOW,
     EARLIEST,
     EXPANSIONS,
-    LABEL,
     LAST_MUST,
     LATEST,
     STAMP,
-    STEP,
-    VERTEX,
     is_forbidden,
     load,
     put,
@@ -30,7 +25,7 @@ from mrp_sumo.search._disturbance import count_visits_from, is_taken, num_distur
 from mrp_sumo.search._earliest import earliest_arrival
 from mrp_sumo.search._kernel import kernel
 from mrp_sumo.search._occupancy import uninstall
-from mrp_sumo.search._records import BOUND, COST, FOREVER, NO_PATH, OK, OUT_OF_BUDGET, PATH, PATH0, ROBOT, SCRATCH_FULL, STORE_FULL
+from mrp_sumo.search._records import FOREVER, NO_PATH, OK, OUT_OF_BUDGET, PATH, SCRATCH_FULL, STORE_FULL
 
 PATIENCE = 500  # expansions that are always spent on disturbing few robots
 HURRY = 8  # steps of delay that a robot takes then to disturb one robot less
@@ -80,8 +75,8 @@ def _bucket(window, hurry, num_buckets, delay, to_go, disturbs):
 def _is_no_better(state, e, num_states, vertex, step, disturbs):
     """Whether state e is the same vertex and step, and is expanded already or disturbs no more robots."""
     known = False
-    if e < num_states and state[e, VERTEX] == vertex and state[e, STEP] == step:
-        label = state[e, LABEL]
+    if e < num_states and state[e].vertex == vertex and state[e].step == step:
+        label = state[e].label
         known = label & 3 == EXPANDED or label >> 2 <= disturbs
     return known
 
@@ -132,16 +127,16 @@ def find_path(instance, store, occupancy, scratch, robot, least, bound, hurry, b
         if bucket > highest:
             break
         k = np.int64(top[bucket])
-        top[bucket] = state[k, BELOW]
-        label = state[k, LABEL]
+        top[bucket] = state[k].below
+        label = state[k].label
         if label & 3 == FINISH:
             code, end = OK, k
             break
-        u, t = np.int64(state[k, VERTEX]), np.int64(state[k, STEP])
+        u, t = np.int64(state[k].vertex), np.int64(state[k].step)
         if visited[(u << window.shift) + t + distance[u] - shortest] != k:
             continue
         disturbs = np.int64(label >> 2)
-        state[k, LABEL] = label | EXPANDED
+        state[k].label = label | EXPANDED
         lanes_begin, lanes_end = first[u], first[u + 1]
         if num_states + lanes_end - lanes_begin + 2 >= len(state):
             code = SCRATCH_FULL
@@ -206,7 +201,7 @@ def replan(instance, store, occupancy, scratch, record, w, lower, patience, budg
     code
         OK, or why there is none (yet).
     """
-    robot = store.meta[record, ROBOT]
+    robot = store.meta[record].robot
     code = load(instance, store, scratch, record)
     if code != OK:
         return code
@@ -222,10 +217,10 @@ def replan(instance, store, occupancy, scratch, record, w, lower, patience, budg
     state = scratch.state
     cost = until = least
     while end >= 0:
-        for t in range(state[end, STEP], until + 1):
-            store.path[begin + t] = state[end, VERTEX]
-        until = state[end, STEP] - 1
-        end = state[end, BEFORE]
+        for t in range(state[end].step, until + 1):
+            store.path[begin + t] = state[end].vertex
+        until = state[end].step - 1
+        end = state[end].before
     if patience > 0:
         bound = np.int64(min(w * max(least, lower) + 1e-9, FOREVER // 4))
         polite = min(budget, PATIENCE + patience * least)
@@ -233,18 +228,18 @@ def replan(instance, store, occupancy, scratch, record, w, lower, patience, budg
         if code == OUT_OF_BUDGET:
             code, end = find_path(instance, store, occupancy, scratch, robot, least, bound, True, polite)
         if code == OK:
-            if state[end, LABEL] & 3 == FINISH:
-                end = state[end, BEFORE]
-            cost = np.int64(state[end, STEP])
+            if state[end].label & 3 == FINISH:
+                end = state[end].before
+            cost = np.int64(state[end].step)
             if begin + cost + 1 > len(store.path):
                 return STORE_FULL
             for t in range(cost, -1, -1):
-                store.path[begin + t] = state[end, VERTEX]
-                end = state[end, BEFORE]
+                store.path[begin + t] = state[end].vertex
+                end = state[end].before
         elif code != OUT_OF_BUDGET:  # out of patience: the robot takes its earliest path, whomever it disturbs
             return code
     store.used[PATH] = begin + cost + 1
-    store.meta[record, PATH0] = begin
-    store.meta[record, COST] = cost
-    store.meta[record, BOUND] = min(max(least, lower), cost)
+    store.meta[record].path0 = begin
+    store.meta[record].cost = cost
+    store.meta[record].bound = min(max(least, lower), cost)
     return OK

@@ -19,7 +19,7 @@ import numpy as np
 from mrp_sumo.search._constraints import MARK, forbidden, load
 from mrp_sumo.search._kernel import kernel
 from mrp_sumo.search._mdd import mdd_cost
-from mrp_sumo.search._records import COST, MDD0, MIN_COST, OK, PATH0, RANGE, ROWS, STORE_FULL, add_row
+from mrp_sumo.search._records import MIN_COST, OK, RANGE, ROWS, STORE_FULL, add_row
 
 APART, TOGETHER, LOST = 0, 1, 2  # nowhere near each other; a pair of shortest paths is without conflict; none is
 UNKNOWN_YET = 3  # an MDD is too large
@@ -28,7 +28,7 @@ UNKNOWN_YET = 3  # an MDD is too large
 @kernel(inline="always", allocates=False)
 def _level(store, record, cost, step):
     """(first, end) of the members of a level; after the end the robot stays."""
-    k = store.meta[record, MDD0] + min(step, cost)
+    k = store.meta[record].mdd0 + min(step, cost)
     return store.level[k], store.level[k + 1]
 
 
@@ -203,7 +203,7 @@ def joint_paths(instance, store, scratch, one, other, splits):
         wanted, one side of which each pair of paths without a conflict keeps.
     """
     nothing = np.int64(0)
-    if store.meta[one, MDD0] < 0 or store.meta[other, MDD0] < 0:
+    if store.meta[one].mdd0 < 0 or store.meta[other].mdd0 < 0:
         return OK, UNKNOWN_YET, nothing, nothing, nothing
     first, last = _near(instance, store, scratch, one, other)
     if last == 0:
@@ -298,10 +298,10 @@ def _bar_lost(store, lost, cost):
 @kernel(allocates=False)
 def breaks(store, record, row0, row1):
     """Whether the path of a record does not keep these constraints, RANGE and MIN_COST."""
-    path0, cost = store.meta[record, PATH0], store.meta[record, COST]
+    path0, cost = store.meta[record].path0, store.meta[record].cost
     for r in range(row0, row1):
-        v, begin, end = store.rows[r, 1], np.int64(store.rows[r, 3]), np.int64(store.rows[r, 4])
-        if store.rows[r, 0] == MIN_COST:
+        v, begin, end = store.rows[r].vertex, np.int64(store.rows[r].begin), np.int64(store.rows[r].end)
+        if store.rows[r].kind == MIN_COST:
             if cost < begin:
                 return True
         elif begin <= cost:

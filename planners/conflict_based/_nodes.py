@@ -5,7 +5,7 @@ import numpy as np
 from mrp_sumo.search._conflicts import conflicts_of
 from mrp_sumo.search._kernel import kernel
 from mrp_sumo.search._occupancy import install_all
-from mrp_sumo.search._records import MDD0, OK, ORIGIN, PARENT, RECORDS, ROW0, ROW1, STORE_FULL, add_record
+from mrp_sumo.search._records import CONSTRAINT, OK, RECORDS, STORE_FULL, add_record
 from mrp_sumo.search._space_time import replan
 
 
@@ -18,7 +18,7 @@ def branch(instance, store, occupancy, scratch, records, conflicts, robot, row0,
     records
         [R] of the node, -1 for robots that do not count yet.
     conflicts
-        [K, WIDTH] of the node.
+        [K] CONFLICT of the node.
     row0, row1
         The constraints to add.
     w, lower, patience, budget
@@ -43,20 +43,20 @@ def branch(instance, store, occupancy, scratch, records, conflicts, robot, row0,
 
 @kernel
 def all_rows(store, record):
-    """[N, 5] the constraints that a record's chain adds up to."""
+    """[N] CONSTRAINT, those that a record's chain adds up to."""
     count = 0
     link = record
     while link >= 0:
-        count += store.meta[link, ROW1] - store.meta[link, ROW0]
-        link = store.meta[link, PARENT]
-    rows = np.empty((count, 5), np.int32)
+        count += store.meta[link].row1 - store.meta[link].row0
+        link = store.meta[link].parent
+    rows = np.empty(count, CONSTRAINT)
     count = 0
     link = record
     while link >= 0:
-        for k in range(store.meta[link, ROW0], store.meta[link, ROW1]):
+        for k in range(store.meta[link].row0, store.meta[link].row1):
             rows[count] = store.rows[k]
             count += 1
-        link = store.meta[link, PARENT]
+        link = store.meta[link].parent
     return rows
 
 
@@ -77,10 +77,10 @@ def same_path(store, record, robot, path_of, like, row0, row1):
     """
     new = add_record(store, record, robot, row0, row1)
     if new >= 0:
-        for column in (4, 5, 6):  # PATH0, COST, BOUND
-            store.meta[new, column] = store.meta[path_of, column]
+        store.meta[new].path0, store.meta[new].cost = store.meta[path_of].path0, store.meta[path_of].cost
+        store.meta[new].bound = store.meta[path_of].bound
         if like >= 0:
-            store.meta[new, ORIGIN] = store.meta[like, ORIGIN]
-            store.meta[new, MDD0] = store.meta[like, MDD0]
-            store.meta[new, 6] = min(store.meta[like, 6], store.meta[path_of, 5])
+            store.meta[new].origin = store.meta[like].origin
+            store.meta[new].mdd0 = store.meta[like].mdd0
+            store.meta[new].bound = min(store.meta[like].bound, store.meta[path_of].cost)
     return new

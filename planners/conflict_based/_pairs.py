@@ -8,12 +8,12 @@ their joint MDD says that there are paths without conflict.
 import numpy as np
 
 from mrp_sumo.search._arrays import write_over
-from mrp_sumo.search._conflicts import A0, A1, B0, B1, PRIORITY, WIDTH, conflicts_of
+from mrp_sumo.search._conflicts import CONFLICT, conflicts_of
 from mrp_sumo.search._heap import pop, push
 from mrp_sumo.search._kernel import kernel
 from mrp_sumo.search._mdd import mdd_of
 from mrp_sumo.search._occupancy import install_all
-from mrp_sumo.search._records import COST, MDD0, NO_PATH, OK, ROBOT, STORE_FULL, add_record
+from mrp_sumo.search._records import NO_PATH, OK, STORE_FULL, add_record
 from mrp_sumo.search._space_time import replan
 from planners.conflict_based._symmetry import CARDINAL, choose
 
@@ -39,7 +39,7 @@ def pair_weight(instance, store, occupancy, scratch, one, other, most_nodes, bud
     code, weight
     """
     for record in (one, other):  # before the mark, so that their MDDs are kept
-        if store.meta[record, MDD0] == -1:
+        if store.meta[record].mdd0 == -1:
             code = mdd_of(instance, store, scratch, record)
             if code != OK:
                 return code, np.int64(0)
@@ -52,10 +52,10 @@ def pair_weight(instance, store, occupancy, scratch, one, other, most_nodes, bud
 @kernel
 def _solve_pair(instance, store, occupancy, scratch, one, other, most_nodes, budget):
     num_robots = len(instance.start)
-    i, j = store.meta[one, ROBOT], store.meta[other, ROBOT]
-    base = store.meta[one, COST] + store.meta[other, COST]
+    i, j = store.meta[one].robot, store.meta[other].robot
+    base = store.meta[one].cost + store.meta[other].cost
     records = np.full(num_robots, -1, np.int64)
-    nothing = np.empty((0, WIDTH), np.int32)
+    nothing = np.empty(0, CONFLICT)
     node = np.empty((2 * most_nodes + 3, 2), np.int64)
     heap = np.empty(2 * most_nodes + 3, np.int64)
     node[0, 0], node[0, 1] = one, other
@@ -86,11 +86,11 @@ def _solve_pair(instance, store, occupancy, scratch, one, other, most_nodes, bud
         if code != OK:
             break
         row = conflicts[chosen]
-        if row[PRIORITY] < 4 * CARDINAL and is_told and store.meta[records[i], MDD0] >= 0 and store.meta[records[j], MDD0] >= 0:
+        if row.priority < 4 * CARDINAL and is_told and store.meta[records[i]].mdd0 >= 0 and store.meta[records[j]].mdd0 >= 0:
             break  # there are paths without conflict at this cost
         for side in range(2):
-            robot = row[side]
-            row0, row1 = (row[A0], row[A1]) if side == 0 else (row[B0], row[B1])
+            robot = row.one if side == 0 else row.other
+            row0, row1 = (row.a0, row.a1) if side == 0 else (row.b0, row.b1)
             parent = records[robot]
             record = add_record(store, parent, robot, row0, row1)
             if record < 0:
@@ -99,7 +99,7 @@ def _solve_pair(instance, store, occupancy, scratch, one, other, most_nodes, bud
             code = install_all(store, occupancy, records, robot)
             if code != OK:
                 break
-            code = replan(instance, store, occupancy, scratch, record, 1.0, store.meta[parent, COST], patience, budget)
+            code = replan(instance, store, occupancy, scratch, record, 1.0, store.meta[parent].cost, patience, budget)
             if code == NO_PATH:
                 code = OK
                 continue
@@ -108,7 +108,7 @@ def _solve_pair(instance, store, occupancy, scratch, one, other, most_nodes, bud
             third = records[j] if robot == i else records[i]
             node[num_nodes, 0] = record if robot == i else third
             node[num_nodes, 1] = third if robot == i else record
-            push(heap, count, ((store.meta[record, COST] + store.meta[third, COST]) << 32) | num_nodes)
+            push(heap, count, ((store.meta[record].cost + store.meta[third].cost) << 32) | num_nodes)
             num_nodes += 1
             count += 1
         if code != OK:

@@ -15,21 +15,10 @@ import numpy as np
 
 from mrp_sumo.search._clashing import move_of, too_close
 from mrp_sumo.search._conflicts import (
-    A0,
-    A1,
-    AT,
-    B0,
-    B1,
     CLASH,
     CLASH_AT_TARGET,
-    KIND,
     MEET,
-    ONE,
-    OTHER,
-    PRIORITY,
-    STEP,
     SWAP,
-    TAIL,
     TARGET,
     UNKNOWN,
 )
@@ -39,14 +28,11 @@ from mrp_sumo.search._earliest import earliest_arrival
 from mrp_sumo.search._kernel import kernel
 from mrp_sumo.search._mdd import mdd_cost, mdd_of, only, raises_cost
 from mrp_sumo.search._records import (
-    COST,
     EDGE,
     FOREVER,
-    MDD0,
     MIN_COST,
     NO_PATH,
     OK,
-    PATH0,
     RANGE,
     ROWS,
     STORE_FULL,
@@ -70,7 +56,7 @@ def choose(instance, store, scratch, records, conflicts, symmetries, shortest):
     records
         [R] of the node.
     conflicts
-        [K, WIDTH], K > 0; priorities and splits are written.
+        [K] CONFLICT, K > 0; priorities and splits are written.
     symmetries
         Whether to look for rectangles, corridors and targets.
     shortest
@@ -87,23 +73,23 @@ def choose(instance, store, scratch, records, conflicts, symmetries, shortest):
     num_joint = 0
     for k in range(len(conflicts)):
         row = conflicts[k]
-        if row[PRIORITY] == UNKNOWN:
-            one, other = records[row[ONE]], records[row[OTHER]]
+        if row.priority == UNKNOWN:
+            one, other = records[row.one], records[row.other]
             for record in (one, other):
-                if store.meta[record, MDD0] == -1:
+                if store.meta[record].mdd0 == -1:
                     code = mdd_of(instance, store, scratch, record)
                     if code != OK:
                         return code, -1
             code = _split(instance, store, scratch, one, other, row, symmetries)
-            if code == OK and symmetries and shortest and row[PRIORITY] < 4 * CARDINAL:
+            if code == OK and symmetries and shortest and row.priority < 4 * CARDINAL:
                 code, num_joint = _split_joint(instance, store, scratch, one, other, row, joint, num_joint)
             if code != OK:
-                row[PRIORITY] = UNKNOWN
+                row.priority = UNKNOWN
                 return code, -1
         if (
             chosen < 0
-            or row[PRIORITY] > conflicts[chosen, PRIORITY]
-            or (row[PRIORITY] == conflicts[chosen, PRIORITY] and row[STEP] < conflicts[chosen, STEP])
+            or row.priority > conflicts[chosen].priority
+            or (row.priority == conflicts[chosen].priority and row.step < conflicts[chosen].step)
         ):
             chosen = k
     return OK, chosen
@@ -115,12 +101,12 @@ def _split_joint(instance, store, scratch, one, other, row, joint, num_joint):
 
     `joint` holds what was found of other pairs; (code, how many it holds) is returned.
     """
-    low, high = min(row[ONE], row[OTHER]), max(row[ONE], row[OTHER])
+    low, high = min(row.one, row.other), max(row.one, row.other)
     k = 0
     while k < num_joint and (joint[k, 0] != low or joint[k, 1] != high):
         k += 1
     if k == num_joint:
-        first, second = (one, other) if row[ONE] == low else (other, one)
+        first, second = (one, other) if row.one == low else (other, one)
         code, found, row0, middle, row1 = joint_paths(instance, store, scratch, first, second, True)
         if code != OK:
             return code, num_joint
@@ -129,18 +115,18 @@ def _split_joint(instance, store, scratch, one, other, row, joint, num_joint):
         joint[k, 0], joint[k, 1], joint[k, 2], joint[k, 3], joint[k, 4], joint[k, 5] = low, high, found, row0, middle, row1
         num_joint += 1
     if joint[k, 2] == LOST:
-        if row[ONE] == low:
-            row[A0], row[A1], row[B0], row[B1] = joint[k, 3], joint[k, 4], joint[k, 4], joint[k, 5]
+        if row.one == low:
+            row.a0, row.a1, row.b0, row.b1 = joint[k, 3], joint[k, 4], joint[k, 4], joint[k, 5]
         else:
-            row[A0], row[A1], row[B0], row[B1] = joint[k, 4], joint[k, 5], joint[k, 3], joint[k, 4]
-        row[PRIORITY] = 4 * CARDINAL + RECTANGLE
+            row.a0, row.a1, row.b0, row.b1 = joint[k, 4], joint[k, 5], joint[k, 3], joint[k, 4]
+        row.priority = 4 * CARDINAL + RECTANGLE
     return OK, num_joint
 
 
 @kernel
 def _split(instance, store, scratch, one, other, row, symmetries):
     """Write the best split of one conflict."""
-    kind, at, step = row[KIND], row[AT], row[STEP]
+    kind, at, step = row.kind, row.at, row.step
     begin = store.used[ROWS]
     if begin + 4 > len(store.rows):
         return STORE_FULL
@@ -161,14 +147,14 @@ def _split(instance, store, scratch, one, other, row, symmetries):
         middle = store.used[ROWS]
         add_row(store, RANGE, at, -1, step, step)
     elif kind == SWAP:
-        add_row(store, EDGE, at, row[TAIL], step, step)
+        add_row(store, EDGE, at, row.tail, step, step)
         middle = store.used[ROWS]
-        add_row(store, EDGE, row[TAIL], at, step, step)
+        add_row(store, EDGE, row.tail, at, step, step)
     else:
         add_row(store, RANGE, at, -1, step, step)
         middle = store.used[ROWS]
         add_row(store, RANGE, at, -1, step + 1, step + 1)
-    row[A0], row[A1], row[B0], row[B1] = begin, middle, middle, store.used[ROWS]
+    row.a0, row.a1, row.b0, row.b1 = begin, middle, middle, store.used[ROWS]
     rank = _rank(instance, store, scratch, one, other, row)
     if symmetries and kind in (MEET, SWAP):
         corridor = np.empty(4, np.int64)
@@ -189,7 +175,7 @@ def _split(instance, store, scratch, one, other, row, symmetries):
                 store.used[ROWS] = kept
             else:
                 return code
-    row[PRIORITY] = 4 * rank + sort
+    row.priority = 4 * rank + sort
     return OK
 
 
@@ -201,11 +187,11 @@ def _split_clash(instance, store, one, other, row):
     Koenig, "Multi-agent path finding for large agents", AAAI 2019. Of two robots in a plan one keeps its side, since
     everything on the one side clashes with everything on the other.
     """
-    clashes, first, head, step = instance.clashes, instance.first, instance.head, np.int64(row[STEP])
-    if row[KIND] == CLASH_AT_TARGET:
-        fits = add_row(store, MIN_COST, row[AT], -1, step + 1, step + 1)
+    clashes, first, head, step = instance.clashes, instance.first, instance.head, np.int64(row.step)
+    if row.kind == CLASH_AT_TARGET:
+        fits = add_row(store, MIN_COST, row.at, -1, step + 1, step + 1)
         middle = store.used[ROWS]
-        return middle if fits and _bar(instance, store, len(head) + row[AT], step - 1, FOREVER, step, FOREVER) else np.int64(-1)
+        return middle if fits and _bar(instance, store, len(head) + row.at, step - 1, FOREVER, step, FOREVER) else np.int64(-1)
     moves = np.empty((2, 3), np.int64)
     for side in range(2):
         record = one if side == 0 else other
@@ -251,9 +237,9 @@ def _bar(instance, store, move, begin, end, arrive, until):
 def _rank(instance, store, scratch, one, other, row):
     """2 for a cardinal split, 1 for a semi-cardinal one, else 0."""
     rank = 0
-    if raises_cost(instance, store, scratch, one, row[A0], row[A1]):
+    if raises_cost(instance, store, scratch, one, row.a0, row.a1):
         rank += 1
-    if raises_cost(instance, store, scratch, other, row[B0], row[B1]):
+    if raises_cost(instance, store, scratch, other, row.b0, row.b1):
         rank += 1
     return rank
 
@@ -275,11 +261,11 @@ def _corridor_of(instance, store, one, other, row, corridor):
     `corridor` becomes: the end at which ONE comes out, the end at which OTHER comes out, its length in lanes,
     and the vertex before ONE's end.
     """
-    at, step = row[AT], row[STEP]
+    at, step = row.at, row.step
     ends = np.empty(2, np.int64)
-    one_goal, other_goal = instance.goal[row[ONE]], instance.goal[row[OTHER]]
-    one_start, other_start = instance.start[row[ONE]], instance.start[row[OTHER]]
-    if row[KIND] == MEET:
+    one_goal, other_goal = instance.goal[row.one], instance.goal[row.other]
+    one_start, other_start = instance.start[row.one], instance.start[row.other]
+    if row.kind == MEET:
         if not _between(instance, at, ends) or at in (one_goal, other_goal, one_start, other_start):
             return False
         # the robots came from either side
@@ -295,7 +281,7 @@ def _corridor_of(instance, store, one, other, row, corridor):
         length = 2
         last, previous = at, at
     else:
-        ahead, behind = at, row[TAIL]
+        ahead, behind = at, row.tail
         length = 1
         last, previous = behind, ahead
     before = last
@@ -324,7 +310,7 @@ def _corridor_of(instance, store, one, other, row, corridor):
 @kernel
 def _first_at(store, record, vertex, step):
     """When the path is at a vertex, from a step on; -1 for never."""
-    path0, cost = store.meta[record, PATH0], store.meta[record, COST]
+    path0, cost = store.meta[record].path0, store.meta[record].cost
     for t in range(step, cost + 1):
         if store.path[path0 + t] == vertex:
             return t
@@ -362,18 +348,18 @@ def _arrival(instance, scratch, start, end, ban_u, ban_v):
 def _split_corridor(instance, store, scratch, one, other, row, corridor):
     """Range constraints at the ends of a corridor; NO_PATH when they would not end the conflict."""
     one_end, other_end, length = corridor[0], corridor[1], corridor[2]
-    if row[KIND] == MEET:
+    if row.kind == MEET:
         cut_u, cut_v = corridor[3], one_end
     else:
-        cut_u, cut_v = row[TAIL], row[AT]
-    one_at = _first_at(store, one, one_end, row[STEP])
-    other_at = _first_at(store, other, other_end, row[STEP])
+        cut_u, cut_v = row.tail, row.at
+    one_at = _first_at(store, one, one_end, row.step)
+    other_at = _first_at(store, other, other_end, row.step)
     if one_at < 0 or other_at < 0:
         return NO_PATH
     code = load(instance, store, scratch, one)
     if code != OK:
         return code
-    one_start = instance.start[row[ONE]]
+    one_start = instance.start[row.one]
     one_through = _arrival(instance, scratch, one_start, one_end, -1, -1)
     one_around = _arrival(instance, scratch, one_start, one_end, cut_u, cut_v)
     if one_at >= one_around:
@@ -381,7 +367,7 @@ def _split_corridor(instance, store, scratch, one, other, row, corridor):
     code = load(instance, store, scratch, other)
     if code != OK:
         return code
-    other_start = instance.start[row[OTHER]]
+    other_start = instance.start[row.other]
     other_through = _arrival(instance, scratch, other_start, other_end, -1, -1)
     other_around = _arrival(instance, scratch, other_start, other_end, cut_u, cut_v)
     one_until = min(one_around - 1, other_through + length)
@@ -393,7 +379,7 @@ def _split_corridor(instance, store, scratch, one, other, row, corridor):
         return STORE_FULL
     if not add_row(store, RANGE, other_end, -1, 0, other_until):
         return STORE_FULL
-    row[A0], row[A1], row[B0], row[B1] = begin, begin + 1, begin + 1, begin + 2
+    row.a0, row.a1, row.b0, row.b1 = begin, begin + 1, begin + 1, begin + 2
     return OK
 
 
@@ -429,8 +415,8 @@ def _ways(instance, store, record, at, direction, step, ways):
 @kernel
 def _split_rectangle(instance, store, one, other, row):
     """Barrier constraints of a rectangle around a meeting; NO_PATH when there is none."""
-    at, step = row[AT], row[STEP]
-    if store.meta[one, MDD0] < 0 or store.meta[other, MDD0] < 0:
+    at, step = row.at, row.step
+    if store.meta[one].mdd0 < 0 or store.meta[other].mdd0 < 0:
         return NO_PATH
     if step > mdd_cost(store, one) or step > mdd_cost(store, other):
         return NO_PATH
@@ -469,7 +455,7 @@ def _split_rectangle(instance, store, one, other, row):
 @kernel
 def _barriers(instance, store, one, other, row, from_one, from_other, to_one, to_other, ways):
     """The barriers for these corners; NO_PATH when they make no rectangle or a path does not break its barrier."""
-    at, step = row[AT], row[STEP]
+    at, step = row.at, row.step
     right, up = 0, 0  # the directions in which both travel
     for k in range(4):
         if ways[k, 0] * right < 0 or ways[k, 1] * up < 0:
@@ -498,7 +484,7 @@ def _barriers(instance, store, one, other, row, from_one, from_other, to_one, to
     bounds[0] = begin
     for k in range(2):
         record = one if k == 0 else other
-        path0, cost = store.meta[record, PATH0], store.meta[record, COST]
+        path0, cost = store.meta[record].path0, store.meta[record].cost
         mdd_end = mdd_cost(store, record)
         vertical = one_from_left == (k == 0)  # who enters from the left leaves through the right side
         broken = False
@@ -508,7 +494,7 @@ def _barriers(instance, store, one, other, row, from_one, from_other, to_one, to
             t = step + (x + y) - (x_at + y_at)
             if t < 0 or t > mdd_end:
                 continue
-            mdd = store.meta[record, MDD0]
+            mdd = store.meta[record].mdd0
             for p in range(store.level[mdd + t], store.level[mdd + t + 1]):
                 v = store.member[p]
                 if right * instance.column[v] == x and up * instance.line[v] == y:
@@ -521,5 +507,5 @@ def _barriers(instance, store, one, other, row, from_one, from_other, to_one, to
         if not broken:
             store.used[ROWS] = begin
             return NO_PATH
-    row[A0], row[A1], row[B0], row[B1] = bounds[0], bounds[1], bounds[1], bounds[2]
+    row.a0, row.a1, row.b0, row.b1 = bounds[0], bounds[1], bounds[1], bounds[2]
     return OK

@@ -4,9 +4,9 @@ from typing import Any
 
 import numpy as np
 
-from mrp_sumo.search._constraints import EXPANSIONS, ConstraintScratch
+from mrp_sumo.search._constraints import EXPANSIONS, RULE, SEARCH_STATE, ConstraintScratch
 from mrp_sumo.search._occupancy import WORD, Occupancy, empty_occupancy
-from mrp_sumo.search._records import Store
+from mrp_sumo.search._records import CONSTRAINT, RECORD, Store
 
 DELAYS = 256  # distinct states of a vertex, at first
 MOST_VISITED = 1 << 24  # states of all vertices, at first
@@ -18,8 +18,8 @@ class Buffers:
     def __init__(self, num_vertices: int, num_robots: int, horizon: int) -> None:
         self._num_vertices, self._num_robots, self._horizon = num_vertices, num_robots, -(-horizon // WORD) * WORD
         self.store = Store(
-            np.empty((4096, 9), np.int64),
-            np.empty((1 << 14, 5), np.int32),
+            np.empty(4096, RECORD),
+            np.empty(1 << 14, CONSTRAINT),
             np.empty(1 << 18, np.int32),
             np.empty(1 << 16, np.int64),
             np.empty(1 << 18, np.int32),
@@ -76,10 +76,10 @@ class Buffers:
         self.scratch = ConstraintScratch(
             np.zeros(num_vertices, np.int32),
             np.zeros(num_vertices, np.int32),
-            np.empty((max(1024, self._states >> 4), 4), np.int32),
+            np.empty(max(1024, self._states >> 4), RULE),
             np.zeros(horizon, np.int64),
             np.zeros(self._visited, np.int32),
-            np.empty((self._states, 6), np.int32),
+            np.empty(self._states, SEARCH_STATE),
             np.full(self._states, -1, np.int32),
             np.empty(horizon + 1, np.int32),
             np.zeros(num_vertices, np.int64),
@@ -98,6 +98,6 @@ class Buffers:
 
 
 def _longer(array: Any) -> Any:
-    longer = np.empty((2 * len(array), *array.shape[1:]), array.dtype)
+    longer = np.empty(2 * len(array), array.dtype)
     longer[: len(array)] = array
     return longer

@@ -20,7 +20,7 @@ from mrp_sumo.core.plan import Status
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.planning.answers import deadline_of
 from mrp_sumo.search import _records as st
-from mrp_sumo.search._conflicts import A0, A1, B0, B1, KIND, MEET, ONE, OTHER, PRIORITY, STEP, SWAP, WIDTH
+from mrp_sumo.search._conflicts import CONFLICT, MEET, SWAP
 from mrp_sumo.search._constraints import EXPANSIONS
 from mrp_sumo.search.distance import distances
 from mrp_sumo.search.solvable import unsolvable
@@ -41,7 +41,7 @@ SPLITS_BEFORE_DOUBT = 300  # then a small problem is searched for whether it can
 SPLITS_BEFORE_LEARNING = 20  # easier problems do without
 UNKNOWN_GAIN = ((0.0, 0.0), (0.0, 1.0), (0.5, 1.0))  # by rank, what splits on robots that nothing is known of are taken to raise f by
 LEAST_GAIN, MOST_GAIN = 0.1, 8.0  # added to each of a split's two gains before they are multiplied; the most that counts of one
-NO_CONFLICTS = np.empty((0, WIDTH), np.int32)
+NO_CONFLICTS = np.empty(0, CONFLICT)
 
 
 class OutOfReach(Exception):
@@ -86,7 +86,7 @@ class ConflictNode:
 
     tree: "Tree"
     records: IntArray  # [R]
-    conflicts: NDArray[np.int32]  # [K, WIDTH]
+    conflicts: np.ndarray  # [K] CONFLICT
     cost: int  # sum of the paths' costs
     bound: int  # sum of the paths' lower bounds
     h: int = 0  # admissible: what a solution below costs more than `cost` (w = 1) or `bound`
@@ -198,20 +198,20 @@ class Tree:
         """For each conflict of some robots with another one, that one."""
         sides = self._sides(node, robots)
         beside = sides[:, 0] != sides[:, 1]
-        found: list[int] = node.conflicts[beside, :2][~sides[beside]].tolist()
+        found: list[int] = _pairs_of(node.conflicts[beside])[~sides[beside]].tolist()
         return found
 
     def _sides(self, node: ConflictNode, robots: set[int]) -> NDArray[np.bool_]:
         """[K, 2] whether the one, and the other, robot of each conflict is one of some robots."""
         inside = np.zeros(self.num_robots, np.bool_)
         inside[list(robots)] = True
-        return inside[node.conflicts[:, :2]]
+        return inside[_pairs_of(node.conflicts)]
 
-    def _most_promising(self, conflicts: NDArray[np.int32], chosen: int) -> int:
+    def _most_promising(self, conflicts: np.ndarray, chosen: int) -> int:
         """The conflict whose splits promise to raise f most, by what those on its robots raised it so far; `chosen` where none is known."""
         if not self._gain:
             return chosen
-        one, other, rank = conflicts[:, ONE].tolist(), conflicts[:, OTHER].tolist(), (conflicts[:, PRIORITY] >> 2).tolist()
+        one, other, rank = conflicts["one"].tolist(), conflicts["other"].tolist(), (conflicts["priority"] >> 2).tolist()
         best = self._promise(one[chosen], other[chosen], rank[chosen]) + 1e-9
         for k in range(len(one)):
             promise = self._promise(one[k], other[k], rank[k])
@@ -245,11 +245,11 @@ class Tree:
     def split(self, node: ConflictNode, chosen: int, w: float = 1.0, disjoint: bool = False) -> list[ConflictNode]:
         """The children: one side's constraints each."""
         row = node.conflicts[chosen]
-        if disjoint and row[PRIORITY] % 4 == 0 and row[KIND] in (MEET, SWAP):
+        if disjoint and row["priority"] % 4 == 0 and row["kind"] in (MEET, SWAP):
             return self._split_disjoint(node, row, w)
         children = [
-            self._branch(node, int(row[ONE]), int(row[A0]), int(row[A1]), w),
-            self._branch(node, int(row[OTHER]), int(row[B0]), int(row[B1]), w),
+            self._branch(node, int(row["one"]), int(row["a0"]), int(row["a1"]), w),
+            self._branch(node, int(row["other"]), int(row["b0"]), int(row["b1"]), w),
         ]
         return [child for child in children if child is not None]
 
@@ -323,12 +323,12 @@ class Tree:
         old, new = int(node.records[robot]), int(child.records[robot])
         record = self._record(old, robot, new, old, 0, 0)
         store = self._buffers.store
-        node.cost += int(store.meta[record, st.COST] - store.meta[old, st.COST])
+        node.cost += int(store.meta["cost"][record] - store.meta["cost"][old])
         node.records = node.records.copy()
         node.records[robot] = record
         node.bound = self._bound(node.records)
         node.conflicts = child.conflicts
-        node.conflicts[(node.conflicts[:, ONE] == robot) | (node.conflicts[:, OTHER] == robot), PRIORITY] = -1
+        node.conflicts["priority"][(_pairs_of(node.conflicts) == robot).any(axis=1)] = -1
 
     def _may_adopt(self, node: ConflictNode, child: ConflictNode, w: float, lower: float | None) -> bool:
         """Whether the node stays within the bounds, its robots' and the tree's, with its child's paths."""
@@ -336,7 +336,7 @@ class Tree:
             return child.cost == node.cost
         robot = int(np.flatnonzero(node.records != child.records)[0])
         meta = self._buffers.store.meta
-        cost, bound = meta[child.records[robot], st.COST], meta[node.records[robot], st.BOUND]
+        cost, bound = meta["cost"][child.records[robot]], meta["bound"][node.records[robot]]
         return bool(child.cost <= w * lower + 1e-9 and cost <= w * bound + 1e-9)
 
     def heuristic(self, node: ConflictNode, within: set[int] | None = None) -> int:
@@ -344,10 +344,10 @@ class Tree:
         if self._unsolvable:
             return 0
         records = node.records.tolist()
-        alike = self._buffers.store.meta[node.records, st.ORIGIN].tolist()  # stands for a robot's constraints
+        alike = self._buffers.store.meta["origin"][node.records].tolist()  # stands for a robot's constraints
         groups: dict[tuple[int, ...], int] = {}
         conflicts = node.conflicts if within is None else node.conflicts[self.conflicts_within(node, within)]
-        for pair in sorted({(one, other) if one < other else (other, one) for one, other in conflicts[:, :2].tolist()}):
+        for pair in sorted({(one, other) if one < other else (other, one) for one, other in _pairs_of(conflicts).tolist()}):
             key = (alike[pair[0]], alike[pair[1]])
             found = self._weights.get(key)
             if found is None:
@@ -387,18 +387,18 @@ class Tree:
         for pair in combinations(robots, 2):
             self._clusters.setdefault(pair, {})[robots] = known
         self.num_clusters += 1
-        known[tuple(self._buffers.store.meta[node.records[list(robots)], st.ORIGIN].tolist())] = weight
+        known[tuple(self._buffers.store.meta["origin"][node.records[list(robots)]].tolist())] = weight
 
     def cost_of(self, node: ConflictNode, robots: Collection[int]) -> int:
         """What the paths of some robots cost in sum."""
-        return int(self._buffers.store.meta[node.records[list(robots)], st.COST].sum())
+        return int(self._buffers.store.meta["cost"][node.records[list(robots)]].sum())
 
     def paths(self, node: ConflictNode) -> list[IntArray]:
         """[R] the vertex of each robot at each step."""
         store = self._buffers.store
         found = []
         for record in node.records:
-            begin, cost = store.meta[record, st.PATH0], store.meta[record, st.COST]
+            begin, cost = store.meta["path0"][record], store.meta["cost"][record]
             found.append(store.path[begin : begin + cost + 1].astype(np.int64))
         return found
 
@@ -411,7 +411,7 @@ class Tree:
     def _branch(self, node: ConflictNode, robot: int, row0: int, row1: int, w: float) -> ConflictNode | None:
         store = self._buffers.store
         old = int(node.records[robot])
-        lower = int(store.meta[old, st.BOUND]) if old >= 0 else 0
+        lower = int(store.meta["bound"][old]) if old >= 0 else 0
         found = self._call(
             branch, node.records, node.conflicts, robot, row0, row1, w, lower, min(PATIENCE + self._num_split, MOST_PATIENCE), budget=True
         )
@@ -421,25 +421,25 @@ class Tree:
             return None
         record, conflicts = found
         if self._window:
-            conflicts = conflicts[conflicts[:, STEP] <= self._window]
+            conflicts = conflicts[conflicts["step"] <= self._window]
         self._buffers.node_bytes += conflicts.nbytes + node.records.nbytes + NODE_BYTES
         store = self._buffers.store
         self._share(record, robot)
         records = node.records.copy()
         records[robot] = record
-        cost = node.cost + int(store.meta[record, st.COST]) - (int(store.meta[old, st.COST]) if old >= 0 else 0)
+        cost = node.cost + int(store.meta["cost"][record]) - (int(store.meta["cost"][old]) if old >= 0 else 0)
         return ConflictNode(self, records, conflicts, cost, self._bound(records), depth=node.depth + 1)
 
     def _bound(self, records: IntArray) -> int:
         """Sum of the lower bounds: computed again, since building an MDD may raise a record's."""
-        return int(self._buffers.store.meta[records[records >= 0], st.BOUND].sum())
+        return int(self._buffers.store.meta["bound"][records[records >= 0]].sum())
 
-    def _split_disjoint(self, node: ConflictNode, row: NDArray[np.int32], w: float) -> list[ConflictNode]:
+    def _split_disjoint(self, node: ConflictNode, row: np.void, w: float) -> list[ConflictNode]:
         """One child where a robot is not there then, one where it is and nobody else (Li et al., ICAPS 2019)."""
-        one, other = int(row[ONE]), int(row[OTHER])
-        children = [self._branch(node, one, int(row[A0]), int(row[A1]), w)]
-        at, step, tail = int(row[4]), int(row[5]), int(row[3])
-        swap = row[KIND] == SWAP
+        one, other = int(row["one"]), int(row["other"])
+        children = [self._branch(node, one, int(row["a0"]), int(row["a1"]), w)]
+        at, step, tail = int(row["at"]), int(row["step"]), int(row["tail"])
+        swap = row["kind"] == SWAP
         must = self._rows([(st.MUST, at, -1, step, step)] + ([(st.MUST, tail, -1, step - 1, step - 1)] if swap else []))
         barred = [(st.RANGE, at, -1, step, step)]
         if swap:
@@ -492,13 +492,13 @@ class Tree:
         """Let a new record have the MDD, and the pairs' weights, of an earlier one with the same constraints."""
         meta = self._buffers.store.meta
         rows = all_rows(self._buffers.store, record)
-        text, width = rows.tobytes(), rows.itemsize * rows.shape[1]
+        text, width = rows.tobytes(), rows.itemsize
         different = sorted({text[k : k + width] for k in range(0, len(text), width)})
         key = (robot, int(self.instance.goal[robot]), blake2b(b"".join(different), digest_size=16).digest())
         first = self._alike.setdefault(key, record)
         if first != record:
-            meta[record, st.ORIGIN], meta[record, st.MDD0] = first, meta[first, st.MDD0]
-            meta[record, st.BOUND] = max(meta[record, st.BOUND], min(meta[first, st.BOUND], meta[record, st.COST]))
+            meta["origin"][record], meta["mdd0"][record] = first, meta["mdd0"][first]
+            meta["bound"][record] = max(meta["bound"][record], min(meta["bound"][first], meta["cost"][record]))
 
     def _pair_weight(self, one: int, other: int) -> int:
         buffers = self._buffers
@@ -538,9 +538,14 @@ class Tree:
         return budget
 
 
-def _pair(row: NDArray[np.int32]) -> tuple[int, int]:
+def _pairs_of(conflicts: np.ndarray) -> NDArray[np.int32]:
+    """[K, 2] the robots of each conflict."""
+    return np.stack([conflicts["one"], conflicts["other"]], axis=1)
+
+
+def _pair(row: np.void) -> tuple[int, int]:
     """The robots of a conflict, in order."""
-    one, other = int(row[ONE]), int(row[OTHER])
+    one, other = int(row["one"]), int(row["other"])
     return (one, other) if one < other else (other, one)
 
 

@@ -10,7 +10,7 @@ from mrp_sumo.core.fleet import fleet_of
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.maps.grid import grid_graph
 from mrp_sumo.search import _records as st
-from mrp_sumo.search._constraints import BEFORE, LABEL, VERTEX, load
+from mrp_sumo.search._constraints import load
 from mrp_sumo.search._occupancy import MANY, ONE, WORD, install_all, steps_known, uninstall
 from mrp_sumo.search._space_time import FINISH, find_path
 from planners.conflict_based.tree import Tree, limits
@@ -27,7 +27,7 @@ def root_of(free, start, goal, *, following=False):
 
 
 def path_of(store, record):
-    begin, cost = store.meta[record, st.PATH0], store.meta[record, st.COST]
+    begin, cost = store.meta[record].path0, store.meta[record].cost
     return store.path[begin : begin + cost + 1].tolist()
 
 
@@ -84,12 +84,12 @@ def test_search_disturbs_as_many_as_can_be_counted_on_its_path(seed, following):
         code, end = find_path(tree.instance, store, occupancy, scratch, robot, least, least + 2, False, 1 << 20)
         assert code == st.OK
         state = scratch.state
-        if state[end, LABEL] & 3 == FINISH:  # counts besides who comes to the goal later
-            end = state[end, BEFORE]
-        disturbed, mine = state[end, LABEL] >> 2, []
+        if state[end].label & 3 == FINISH:  # counts besides who comes to the goal later
+            end = state[end].before
+        disturbed, mine = state[end].label >> 2, []
         while end >= 0:
-            mine.insert(0, int(state[end, VERTEX]))
-            end = state[end, BEFORE]
+            mine.insert(0, int(state[end].vertex))
+            end = state[end].before
         counted = 0
         for other in (path for k, path in enumerate(paths) if k != robot):
             for t in range(len(mine) - 1):
