@@ -18,18 +18,23 @@ from mrp_sumo.search._records import NO_PATH, OK, SCRATCH_FULL
 
 FOREVER = 1 << 40
 
+# begin, end: first and last free step; after: the next interval of the vertex, -1 at the end; leaver: where the robot that freed the vertex
+# went as the interval began, -1 for none
+INTERVAL = np.dtype((np.record, [(name, np.int64) for name in ("begin", "end", "after", "vertex", "leaver")]))
+# begin, end: arrivals from and to which nobody may drive along a lane; before: the lane's entry before, -1 for none
+BARRED = np.dtype((np.record, [(name, np.int64) for name in ("begin", "end", "before")]))
+# step, to: when a robot arrived elsewhere, and where; before: the vertex's entry before, -1 for none
+DEPARTURE = np.dtype((np.record, [(name, np.int64) for name in ("step", "to", "before")]))
+
 
 class Intervals(NamedTuple):
     """Safe intervals of all vertices. The list of v begins at interval v; others follow by `after`, in time."""
 
-    span: np.ndarray  # [N, 2] int64, first and last free step
-    after: np.ndarray  # [N] int64, next interval of the vertex, -1 at the end
-    vertex: np.ndarray  # [N] int64
-    leaver: np.ndarray  # [N] int64, where the robot that freed the vertex went as the interval began, -1 for none
+    span: np.ndarray  # [N] INTERVAL
     barred_first: np.ndarray  # [L] int64, the last entry of a lane in `barred`, -1 for none
-    barred: np.ndarray  # [B, 3] int64, arrivals from and to which nobody may drive along a lane, and its entry before, -1 for none
+    barred: np.ndarray  # [B] BARRED
     left_first: np.ndarray  # [V] int64, the last entry of a vertex in `left`, -1 for none
-    left: np.ndarray  # [D, 3] int64, when a robot arrived elsewhere, and where; the vertex's entry before, -1 for none
+    left: np.ndarray  # [D] DEPARTURE
     count: np.ndarray  # [3] int64, intervals, entries of `barred` and of `left` in use
 
 
@@ -47,14 +52,11 @@ def new_intervals(num_vertices: int, num_lanes: int, capacity: int, clashes: Cla
     """Intervals of a graph without robots after `reset`, and scratch, with room for `capacity` intervals."""
     capacity = max(capacity, num_vertices)
     intervals = Intervals(
-        np.zeros((capacity, 2), np.int64),
-        np.zeros(capacity, np.int64),
-        np.zeros(capacity, np.int64),
-        np.zeros(capacity, np.int64),
+        np.zeros(capacity, INTERVAL),
         np.zeros(num_lanes, np.int64),
-        np.zeros((capacity if clashes.any else 1, 3), np.int64),
+        np.zeros(capacity if clashes.any else 1, BARRED),
         np.zeros(num_vertices, np.int64),
-        np.zeros((1 if clashes.rotations else capacity, 3), np.int64),
+        np.zeros(1 if clashes.rotations else capacity, DEPARTURE),
         np.zeros(3, np.int64),
     )
     scratch = SippScratch(
@@ -69,7 +71,7 @@ def new_intervals(num_vertices: int, num_lanes: int, capacity: int, clashes: Cla
 
 def with_double_room(intervals: Intervals, scratch: SippScratch) -> tuple[Intervals, SippScratch]:
     """The same, with the same intervals in use, and room for twice as many."""
-    grow = ("span", "after", "vertex", "leaver", "barred", "left")
+    grow = ("span", "barred", "left")
     return (
         intervals._replace(**{name: _twice(getattr(intervals, name)) for name in grow}),
         SippScratch(*(_twice(array) for array in scratch[:-1]), scratch.searches),
@@ -77,40 +79,42 @@ def with_double_room(intervals: Intervals, scratch: SippScratch) -> tuple[Interv
 
 
 def _twice(array: np.ndarray) -> np.ndarray:
-    return np.concatenate([array, np.zeros_like(array)])
+    longer = np.zeros(2 * len(array), array.dtype)
+    longer[: len(array)] = array
+    return longer
 
 
 @kernel
 def reset(num_vertices, intervals):
     """Free every vertex for ever."""
     for v in range(num_vertices):
-        intervals.span[v, 0] = 0
-        intervals.span[v, 1] = FOREVER
-        intervals.after[v] = -1
-        intervals.vertex[v] = v
-        intervals.leaver[v] = -1
+        span = intervals.span[v]
+        span.begin, span.end, span.after, span.vertex, span.leaver = 0, FOREVER, -1, v, -1
     intervals.barred_first[:] = -1
     intervals.left_first[:] = -1
     intervals.count[0], intervals.count[1], intervals.count[2] = num_vertices, 0, 0
+
+
+@kernel(allocates=False)
+def _append(intervals, before, new, v, begin, end, leaver):
+    """Put a new interval of a vertex behind another one in its list."""
+    span = intervals.span[new]
+    span.begin, span.end, span.after, span.vertex, span.leaver = begin, end, intervals.span[before].after, v, leaver
+    intervals.span[before].after = new
 
 
 @kernel
 def _occupy(intervals, v, begin, end, went_to):
     """Take steps begin..end of v away; the robot then goes to `went_to`. Empty intervals stay in the list, begin > end."""
     k = v
-    while intervals.span[k, 1] < begin or intervals.span[k, 0] > intervals.span[k, 1]:
-        k = intervals.after[k]
-    last = intervals.span[k, 1]
+    while intervals.span[k].end < begin or intervals.span[k].begin > intervals.span[k].end:
+        k = intervals.span[k].after
+    last = intervals.span[k].end
     if end < last:
         new = intervals.count[0]
         intervals.count[0] += 1
-        intervals.span[new, 0] = end + 1
-        intervals.span[new, 1] = last
-        intervals.after[new] = intervals.after[k]
-        intervals.vertex[new] = v
-        intervals.leaver[new] = went_to
-        intervals.after[k] = new
-    intervals.span[k, 1] = begin - 1
+        _append(intervals, k, new, v, end + 1, last, went_to)
+    intervals.span[k].end = begin - 1
 
 
 @kernel
@@ -118,22 +122,19 @@ def _block(intervals, v, begin, end):
     """Take steps begin..end of v away as far as they are free."""
     k = v
     while k >= 0:
-        first, last = intervals.span[k, 0], intervals.span[k, 1]
+        first, last = intervals.span[k].begin, intervals.span[k].end
         if first <= min(last, end) and last >= begin:
             if first < begin:
-                intervals.span[k, 1] = begin - 1
+                intervals.span[k].end = begin - 1
                 if last > end:
                     new = intervals.count[0]
                     intervals.count[0] += 1
-                    intervals.span[new, 0], intervals.span[new, 1] = end + 1, last
-                    intervals.after[new] = intervals.after[k]
-                    intervals.vertex[new], intervals.leaver[new] = v, -1
-                    intervals.after[k] = new
+                    _append(intervals, k, new, v, end + 1, last, -1)
             elif last > end:
-                intervals.span[k, 0], intervals.leaver[k] = end + 1, -1
+                intervals.span[k].begin, intervals.span[k].leaver = end + 1, -1
             else:
-                intervals.span[k, 1] = first - 1
-        k = intervals.after[k]
+                intervals.span[k].end = first - 1
+        k = intervals.span[k].after
 
 
 @kernel
@@ -146,7 +147,7 @@ def reserve(first, head, clashes, intervals, path, length, until):
             vertices += clashes.vertex_first[move + 1] - clashes.vertex_first[move]
             lanes += clashes.lane_first[move + 1] - clashes.lane_first[move]
     count = intervals.count
-    if count[0] + vertices > len(intervals.after) or count[1] + lanes > len(intervals.barred):
+    if count[0] + vertices > len(intervals.span) or count[1] + lanes > len(intervals.barred):
         return False
     if not clashes.rotations and count[2] + length > len(intervals.left):
         return False
@@ -158,7 +159,7 @@ def reserve(first, head, clashes, intervals, path, length, until):
             if not clashes.rotations:
                 new = count[2]
                 count[2] += 1
-                intervals.left[new, 0], intervals.left[new, 1], intervals.left[new, 2] = t, path[t], intervals.left_first[path[t - 1]]
+                intervals.left[new].step, intervals.left[new].to, intervals.left[new].before = t, path[t], intervals.left_first[path[t - 1]]
                 intervals.left_first[path[t - 1]] = new
     _occupy(intervals, path[length - 1], begin, until, -1)
     if clashes.any:
@@ -174,8 +175,8 @@ def reserve(first, head, clashes, intervals, path, length, until):
             for k in range(clashes.lane_first[move], clashes.lane_first[move + 1]):
                 new = count[1]
                 count[1] += 1
-                intervals.barred[new, 0], intervals.barred[new, 1] = t, end
-                intervals.barred[new, 2] = intervals.barred_first[clashes.lane[k]]
+                intervals.barred[new].begin, intervals.barred[new].end = t, end
+                intervals.barred[new].before = intervals.barred_first[clashes.lane[k]]
                 intervals.barred_first[clashes.lane[k]] = new
             t = end + 1
     return True
@@ -189,10 +190,10 @@ def _not_barred(intervals, lane, step, latest):
         again = False
         k = intervals.barred_first[lane]
         while k >= 0:
-            if intervals.barred[k, 0] <= step <= intervals.barred[k, 1]:
-                step = intervals.barred[k, 1] + 1
+            if intervals.barred[k].begin <= step <= intervals.barred[k].end:
+                step = intervals.barred[k].end + 1
                 again = True
-            k = intervals.barred[k, 2]
+            k = intervals.barred[k].before
     return step
 
 
@@ -201,11 +202,11 @@ def _closes_ring(intervals, u, v, step):
     """Whether a move from u that arrives on v completes a ring of robots that move at once."""
     while v != u:
         k = intervals.left_first[v]
-        while k >= 0 and intervals.left[k, 0] != step:
-            k = intervals.left[k, 2]
+        while k >= 0 and intervals.left[k].step != step:
+            k = intervals.left[k].before
         if k < 0:
             return False
-        v = intervals.left[k, 1]
+        v = intervals.left[k].to
     return True
 
 
@@ -237,7 +238,7 @@ def find_path(first, head, distance, start, goal, following, clashes, intervals,
     """
     scratch.searches[0] += 1
     now = scratch.searches[0]
-    if distance[start] >= UNREACHABLE or intervals.span[start, 0] != 0 or intervals.span[start, 1] < 0:
+    if distance[start] >= UNREACHABLE or intervals.span[start].begin != 0 or intervals.span[start].end < 0:
         return NO_PATH, 0
     scratch.arrival[start] = 0
     scratch.parent[start] = -1
@@ -250,11 +251,11 @@ def find_path(first, head, distance, start, goal, following, clashes, intervals,
         key = pop(heap, count)
         count -= 1
         a = key & 0xFFFFFFFF
-        u = intervals.vertex[a]
+        u = intervals.span[a].vertex
         t = scratch.arrival[a]
         if (key >> 32) != t + distance[u]:
             continue  # reached earlier meanwhile
-        last = intervals.span[a, 1]
+        last = intervals.span[a].end
         if u == goal and last == FOREVER:
             end = a
             break
@@ -264,7 +265,7 @@ def find_path(first, head, distance, start, goal, following, clashes, intervals,
                 continue
             b = v
             while b >= 0:
-                begin, until = intervals.span[b, 0], intervals.span[b, 1]
+                begin, until = intervals.span[b].begin, intervals.span[b].end
                 if begin > last + 1:
                     break
                 arrive = max(t + 1, begin)
@@ -272,7 +273,7 @@ def find_path(first, head, distance, start, goal, following, clashes, intervals,
                 if following:
                     arrive = max(t + 1, begin + 1) if begin > 0 else t + 1
                     latest = min(last, until)
-                elif arrive == begin and begin > 0 and intervals.leaver[b] == u:
+                elif arrive == begin and begin > 0 and intervals.span[b].leaver == u:
                     latest = -1  # a swap: u is taken from this step on
                 if clashes.any:
                     arrive = _not_barred(intervals, lane, arrive, latest)
@@ -286,7 +287,7 @@ def find_path(first, head, distance, start, goal, following, clashes, intervals,
                     scratch.stamp[b] = now
                     push(heap, count, ((arrive + distance[v]) << 32) | b)
                     count += 1
-                b = intervals.after[b]
+                b = intervals.span[b].after
     if end < 0:
         return NO_PATH, 0
     length = scratch.arrival[end] + 1
@@ -295,7 +296,7 @@ def find_path(first, head, distance, start, goal, following, clashes, intervals,
     until = length
     while end >= 0:
         for step in range(scratch.arrival[end], until):
-            path[step] = intervals.vertex[end]
+            path[step] = intervals.span[end].vertex
         until = scratch.arrival[end]
         end = scratch.parent[end]
     return OK, length

@@ -27,6 +27,10 @@ EXPAND, TURN = -1, -2
 MOST_GAPS = 64
 MOST_PENDING = 1024
 
+# ray: or EXPAND, the state itself, or TURN, its last turn; lanes: of the run, 0: any; bound, step: from which on
+ENTRY = np.dtype((np.record, [(name, np.int64) for name in ("state", "ray", "lanes", "bound", "step")]))
+ARRIVAL = np.dtype((np.record, [(name, np.int64) for name in ("search", "step", "until")]))
+
 
 class IntervalScratch(NamedTuple):
     """Room for a search of N states, E entries and a table of H places."""
@@ -38,7 +42,7 @@ class IntervalScratch(NamedTuple):
     ray: np.ndarray  # [N] the first lane of the run that led here, and its number of lanes
     lanes: np.ndarray  # [N]
     left: np.ndarray  # [N] step at which it set out
-    entry: np.ndarray  # [E, 5] state, ray (EXPAND: the state, TURN: its last turn), lanes (0: any), from which bound on, from which step on
+    entry: np.ndarray  # [E] ENTRY
     heap: np.ndarray  # [E]
     key: np.ndarray  # [H] of each state
     place: np.ndarray  # [H] its number
@@ -47,7 +51,7 @@ class IntervalScratch(NamedTuple):
     gap: np.ndarray  # [4, MOST_GAPS] steps from which on and until when the robot may set out; room for those still to be split
     pending: np.ndarray  # [2, MOST_PENDING] resource, and the step at which it is taken
     pending_m: np.ndarray  # [MOST_PENDING] where along the ray it is left
-    seen: np.ndarray  # [L, 3] of the last state at the end of each lane: search, step, end of the safe interval
+    seen: np.ndarray  # [L] ARRIVAL, of the last state at the end of each lane
     work: np.ndarray  # [5] states and entries so far, over all searches; of `find` when the goal is free for ever, `latest`, last turn
 
 
@@ -57,7 +61,7 @@ def new_scratch(states: int, num_lanes: int) -> IntervalScratch:
     places = 1 << (4 * states - 1).bit_length()
     return IntervalScratch(
         *index,
-        entry=np.zeros((4 * states, 5), np.int64),
+        entry=np.zeros(4 * states, ENTRY),
         heap=np.zeros(4 * states, np.int64),
         key=np.zeros(places, np.int64),
         place=np.zeros(places, np.int64),
@@ -66,7 +70,7 @@ def new_scratch(states: int, num_lanes: int) -> IntervalScratch:
         gap=np.zeros((4, MOST_GAPS), np.int64),
         pending=np.zeros((2, MOST_PENDING), np.int64),
         pending_m=np.zeros(MOST_PENDING),
-        seen=np.zeros((num_lanes, 3), np.int64),
+        seen=np.zeros(num_lanes, ARRIVAL),
         work=np.zeros(5, np.int64),
     )
 
@@ -311,8 +315,7 @@ def find(moves, table, start, start_heading, goal, goal_heading, at_rest, facing
         scratch.work[4] = steps_of_last_turn(goal_heading - start_heading, moves.turn_rad)
         if scratch.work[4] == 0:
             return OK, 0
-    scratch.entry[0, 0] = 0
-    scratch.entry[0, 1] = EXPAND
+    scratch.entry[0].state, scratch.entry[0].ray = 0, EXPAND
     push(scratch.heap, 0, LAST_ENTRY)
     states = entries = count = 1
     if scratch.work[4]:
@@ -324,7 +327,7 @@ def find(moves, table, start, start_heading, goal, goal_heading, at_rest, facing
         key = pop(scratch.heap, count)
         count -= 1
         e = LAST_ENTRY - (key & LAST_ENTRY)
-        state, ray = scratch.entry[e, 0], scratch.entry[e, 1]
+        state, ray = scratch.entry[e].state, scratch.entry[e].ray
         lane, arrived = scratch.lane[state], scratch.arrived[state]
         looked += 1
         if looked > most:
@@ -333,7 +336,7 @@ def find(moves, table, start, start_heading, goal, goal_heading, at_rest, facing
         if ray == TURN:
             scratch.work[0] += states
             scratch.work[1] += looked
-            scratch.work[4] = scratch.entry[e, 4]
+            scratch.work[4] = scratch.entry[e].step
             return OK, state
         if ray == EXPAND:
             if lane >= 0:
@@ -364,14 +367,9 @@ def find(moves, table, start, start_heading, goal, goal_heading, at_rest, facing
                 bound = arrived + turn + facing[out]
                 if bound > scratch.work[3]:
                     continue
-                scratch.entry[entries, 0] = state
-                scratch.entry[entries, 1] = out
-                scratch.entry[entries, 2] = 0
-                scratch.entry[entries, 3] = bound
-                scratch.entry[entries, 4] = arrived + turn
-                push(scratch.heap, count, (priority(arrived, turn + facing[out], weight, scratch.work[2]) << 24) | (LAST_ENTRY - entries))
-                entries += 1
-                count += 1
+                entries, count = push_entry(
+                    scratch, state, out, 0, bound, arrived + turn, arrived, turn + facing[out], weight, entries, count
+                )
             continue
         if entries + 4 * moves.length[ray] + 64 >= len(scratch.entry) or states + 2 * moves.length[ray] + 64 >= len(scratch.lane):
             return SCRATCH_FULL, 0
@@ -388,15 +386,20 @@ def priority(spent, left, weight, floor):
 
 
 @kernel(inline="always", allocates=False)
+def push_entry(scratch, state, ray, lanes, bound, step, spent, left, weight, entries, count):
+    """Add an entry, for which there is room, by what is spent when the robot goes on and what is left."""
+    entry = scratch.entry[entries]
+    entry.state, entry.ray, entry.lanes, entry.bound, entry.step = state, ray, lanes, bound, step
+    push(scratch.heap, count, (priority(spent, left, weight, scratch.work[2]) << 24) | (LAST_ENTRY - entries))
+    return entries + 1, count + 1
+
+
+@kernel(inline="always", allocates=False)
 def push_last_turn(scratch, state, arrived, turn, weight, entries, count):
     """Add an entry for a robot that stays at its goal and turns there, if that is of use and there is room."""
     if arrived + turn > scratch.work[3] or entries >= len(scratch.entry):
         return entries, count
-    scratch.entry[entries, 0] = state
-    scratch.entry[entries, 1] = TURN
-    scratch.entry[entries, 4] = turn
-    push(scratch.heap, count, (priority(arrived, turn, weight, scratch.work[2]) << 24) | (LAST_ENTRY - entries))
-    return entries + 1, count + 1
+    return push_entry(scratch, state, TURN, 0, 0, turn, arrived, turn, weight, entries, count)
 
 
 @kernel(inline="always", allocates=False)
@@ -417,8 +420,8 @@ def key_place(scratch, key, now, mask):
 @kernel(allocates=False)
 def expand_ray(moves, table, at_rest, e, now, mask, weight, states, entries, count, scratch):
     """Add the states at the ends of those runs of a ray that could be the best by now, and an entry for the others."""
-    state, ray, only = scratch.entry[e, 0], scratch.entry[e, 1], scratch.entry[e, 2]
-    bound, ready = scratch.entry[e, 3], scratch.entry[e, 4]
+    state, ray, only = scratch.entry[e].state, scratch.entry[e].ray, scratch.entry[e].lanes
+    bound, ready = scratch.entry[e].bound, scratch.entry[e].step
     arrived = scratch.arrived[state]
     first_run = moves.run_first[moves.course[ray]]
     last, following = 0, FAR
@@ -482,8 +485,10 @@ def expand_ray(moves, table, at_rest, e, now, mask, weight, states, entries, cou
         found = ready + moves.time[run] + at_rest[lane]
         if at_rest[lane] < FAR and (only == lanes or (only == 0 and bound <= found <= worst)):
             earliest = gap[0, 0] + moves.time[run]
-            if scratch.seen[lane, 0] == now and scratch.seen[lane, 1] <= earliest < scratch.seen[lane, 2]:  # no better than that one
-                later = scratch.seen[lane, 2] + 1 - taken
+            if (
+                scratch.seen[lane].search == now and scratch.seen[lane].step <= earliest < scratch.seen[lane].until
+            ):  # no better than that one
+                later = scratch.seen[lane].until + 1 - taken
                 if later <= gap[1, num - 1]:
                     entries, count = push_later(scratch, state, ray, lanes, later, moves.time[run], at_rest[lane], weight, entries, count)
             else:
@@ -494,14 +499,7 @@ def expand_ray(moves, table, at_rest, e, now, mask, weight, states, entries, cou
         before = lane
         lane = moves.onward[lane]
     if following <= scratch.work[3]:
-        scratch.entry[entries, 0] = state
-        scratch.entry[entries, 1] = ray
-        scratch.entry[entries, 2] = 0
-        scratch.entry[entries, 3] = following
-        scratch.entry[entries, 4] = ready
-        push(scratch.heap, count, (priority(arrived, following - arrived, weight, scratch.work[2]) << 24) | (LAST_ENTRY - entries))
-        entries += 1
-        count += 1
+        entries, count = push_entry(scratch, state, ray, 0, following, ready, arrived, following - arrived, weight, entries, count)
     return states, entries, count
 
 
@@ -555,15 +553,9 @@ def arrive(moves, table, at_rest, state, ray, lanes, lane, taken, num, waiting, 
                 scratch.ray[states] = ray
                 scratch.lanes[states] = lanes
                 scratch.left[states] = at
-                scratch.entry[entries, 0] = states
-                scratch.entry[entries, 1] = EXPAND
-                push(scratch.heap, count, (priority(there, at_rest[lane], weight, scratch.work[2]) << 24) | (LAST_ENTRY - entries))
-                scratch.seen[lane, 0] = now
-                scratch.seen[lane, 1] = there
-                scratch.seen[lane, 2] = until
+                entries, count = push_entry(scratch, states, EXPAND, 0, 0, 0, there, at_rest[lane], weight, entries, count)
+                scratch.seen[lane].search, scratch.seen[lane].step, scratch.seen[lane].until = now, there, until
                 states += 1
-                entries += 1
-                count += 1
             later = until + 1 - taken  # at the earliest: what ends the safe interval takes a step at least
             if later <= latest and until < FOREVER:
                 entries, count = push_later(scratch, state, ray, lanes, later, time, at_rest[lane], weight, entries, count)
@@ -576,13 +568,7 @@ def push_later(scratch, state, ray, lanes, later, time, left, weight, entries, c
     """Add an entry for a run that sets out at a step or later, takes so long, and after which so much is left."""
     if later + time + left > scratch.work[3]:
         return entries, count
-    scratch.entry[entries, 0] = state
-    scratch.entry[entries, 1] = ray
-    scratch.entry[entries, 2] = lanes
-    scratch.entry[entries, 3] = later + time + left
-    scratch.entry[entries, 4] = later
-    push(scratch.heap, count, (priority(later + time, left, weight, scratch.work[2]) << 24) | (LAST_ENTRY - entries))
-    return entries + 1, count + 1
+    return push_entry(scratch, state, ray, lanes, later + time + left, later, later + time, left, weight, entries, count)
 
 
 @kernel
