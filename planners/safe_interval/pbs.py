@@ -36,10 +36,13 @@ class Pbs:
 
     def prepare(self) -> None:
         """Compile or load the kernels."""
+        from planners.safe_interval.priority_tree import take_each_step
+        from planners.safe_interval.real_motion import PrioritisedRuns
+        from planners.safe_interval.window_motion import WindowSteps
         from planners.world import small_problem
 
-        self.plan(small_problem(), 60.0)
-        self.plan(replace(small_problem(), window_steps=4), 60.0)
+        take_each_step(PrioritisedRuns(small_problem(), self.step_length_s))
+        take_each_step(WindowSteps(replace(small_problem(), window_steps=4)))
 
     def plan(self, problem: Problem, time_limit_s: float) -> PlanResult:
         """See `Planner`. GAVE_UP when the tree is searched, or has `max_nodes`."""

@@ -98,3 +98,13 @@ def search(motion: PriorityMotion[Ways], problem: Problem, began: float, deadlin
         stack += children if len(stack) + len(children) <= motion.most_open else children[-1:]
     message = f"no plan among {nodes} orders of priorities"
     return unplanned(status, began, message, motion.least_steps, nodes=float(nodes), **motion.counters())
+
+
+def take_each_step(motion: PriorityMotion[Ways]) -> None:
+    """Have all kernels of two robots' motion compiled or loaded, whether they are in each other's way or not."""
+    ways = motion.alone()
+    assert ways is not None
+    node = PriorityNode(np.zeros((2, 2), np.bool_), ways)
+    motion.first_conflict(ways, node.above)
+    node.below(motion, 0, 1)
+    motion.plan(ways)
