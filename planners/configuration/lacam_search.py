@@ -1,6 +1,7 @@
 """The search of LaCAM: its memory, driven by the clock, and what improves its solutions."""
 
 from dataclasses import replace
+from functools import partial
 from itertools import count, cycle
 from time import process_time
 from typing import Any
@@ -14,10 +15,12 @@ from mrp_sumo.planning.registry import planner
 from planners._compass import SLACK_STEPS, extend_all
 from planners.configuration import _flow, _lacam
 from planners.configuration._lacam import LacamMemory
+from planners.configuration._pibt_instance import PibtInstance
 from planners.configuration.guides import is_room_for_flow, local_guidance, traffic_guide
 from planners.configuration.pibt_search import steps_of_window
 from planners.configuration.search_start import SearchStart, search_start
 from planners.neighbourhood._traffic import RepairTask
+from planners.neighbourhood.first_paths import first_paths
 from planners.neighbourhood.refinement import FOREVER, SPARE_STEPS, Refinement, polishing_labels, room_bytes, task_on, threads_with_room
 from planners.world import SLICE_S, build_scratch, sum_of_costs
 
@@ -44,7 +47,7 @@ def plan_by_lacam(lacam: Any, problem: Problem, time_limit_s: float, packed: boo
     """
     start = search_start(
         problem, time_limit_s, CHANCE, ways=lacam.ways, flow=lacam.flow, following=lacam.following, rotations=lacam.rotations,
-        packed=packed, paths_mb=lacam.memory_mb,
+        packed=packed, easy=partial(_easy_paths, lacam),
     )  # fmt: skip
     if isinstance(start, PlanResult):
         return start
@@ -82,6 +85,14 @@ def plan_by_lacam(lacam: Any, problem: Problem, time_limit_s: float, packed: boo
     stats |= search.counters()
     del search  # the plan may take as much memory
     return start.solved(path, **stats)
+
+
+def _easy_paths(
+    lacam: Any, problem: Problem, world: PibtInstance, rng: np.random.Generator, until_s: float
+) -> tuple[np.ndarray | None, int]:
+    """See `first_paths`."""
+    kind = {"following": lacam.following, "rotations": lacam.rotations}
+    return first_paths(task_on(problem, world), rng, until_s, **kind, effort=problem.effort, memory_mb=lacam.memory_mb)
 
 
 def _first(lacam: Any, start: SearchStart) -> "tuple[LacamSearch, int]":

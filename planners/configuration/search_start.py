@@ -1,5 +1,6 @@
 """How PIBT and LaCAM begin: distances, answers that need no search, paths without collisions where they are easy to find, else a guide."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from time import process_time
 
@@ -63,7 +64,7 @@ def search_start(
     following: bool,
     rotations: bool,
     packed: bool | None,
-    paths_mb: int = 0,
+    easy: Callable[[Problem, PibtInstance, np.random.Generator, float], tuple[np.ndarray | None, int]] | None = None,
 ) -> SearchStart | PlanResult:
     """Where the search for a problem begins, or the result where none is needed or the time is up already.
 
@@ -79,8 +80,8 @@ def search_start(
         See `PibtInstance`.
     packed
         Whether to pack distances; None to see for itself.
-    paths_mb
-        Megabytes for finding paths without collisions, see `first_paths`, where robots use lanes little; 0 for no such paths.
+    easy
+        Looks for paths without collisions where robots use lanes little, until a time: see `first_paths`; None for no such paths.
     """
     begin_s = process_time()
     deadline_s = deadline_of(time_limit_s)
@@ -98,11 +99,7 @@ def search_start(
     rng = np.random.default_rng([problem.seed, chance])
     path, labels = None, 0
     thin = are_thin(problem, steps) or FEW * problem.num_robots <= problem.graph.num_vertices
-    if paths_mb and ways and thin and not problem.window_steps:
-        from planners.neighbourhood.first_paths import first_paths
-        from planners.neighbourhood.refinement import task_on
-
-        task, kind = task_on(problem, world), {"following": following, "rotations": rotations}
-        path, labels = first_paths(task, rng, 0.5 * (process_time() + deadline_s), **kind, effort=problem.effort, memory_mb=paths_mb)
+    if easy and ways and thin and not problem.window_steps:
+        path, labels = easy(problem, world, rng, 0.5 * (process_time() + deadline_s))
     guided = guide_of(problem, world, ways, flow, deadline_s, rng) if path is None and problem.num_robots > 1 else world
     return SearchStart(given, problem, original, world, guided, path, labels, steps, rng, begin_s, deadline_s)
