@@ -1,15 +1,9 @@
-"""Kernels of guides by traffic: what is left to the goal, where driving against others costs more, or where others lost time.
+"""Kernels of guides by traffic flow: what is left to the goal, where driving against others costs more.
 
 After Chen, Harabor, Li, Stuckey, "Traffic flow optimisation for lifelong multi-agent path finding", AAAI 2024: one
 robot after another is given a way on lanes that cost more the more ways already given run against them, and again when
 all have one. What differs: the price is linear in the ways against, up to a most, and a robot follows not its one way
 but the costs that all ways together leave behind, from wherever others have pushed it.
-
-A traffic map makes lanes dear by what a search has seen of traffic, for the searches after it. After the abstract of Shen, Zhang, Chen,
-Harabor, "A lightweight traffic map for efficient anytime LaCAM*", 2026 (arXiv 2603.07891): the map is made by the search itself, of what
-PIBT did in configurations that it generated, instead of by searching for robots one by one before it begins. Details are ours: a step in
-which a robot comes no nearer its goal is a delay on the lane that it would have taken, and a lane costs what robots took on the average to
-get over it, in all solutions so far.
 """
 
 from typing import NamedTuple
@@ -17,7 +11,6 @@ from typing import NamedTuple
 import numpy as np
 
 from mrp_sumo.search._kernel import kernel
-from planners.configuration._pibt_instance import nearer
 
 STEP = 10  # what a lane costs that nobody runs against
 AGAINST = 1  # and each way against it
@@ -42,13 +35,6 @@ class LaneFlow(NamedTuple):
     entry_vertex: np.ndarray  # [L + 1] int64
     entry_next: np.ndarray  # [L + 1] int64
     left: np.ndarray  # [V] int32 scratch
-
-
-class TrafficMap(NamedTuple):
-    """What was seen on L lanes."""
-
-    passages: np.ndarray  # [L] int64 moves along a lane
-    delay: np.ndarray  # [L] int64 steps lost by robots that would have taken it
 
 
 @kernel(allocates=False)
@@ -126,28 +112,3 @@ def write_left(flow, goal, until, left):
                     num += 1
                     waiting += 1
         d += 1
-
-
-@kernel(allocates=False)
-def observe(world, traffic, path):
-    """Enter what robots did on the way [T, R] to their goals."""
-    for t in range(len(path) - 1):
-        for i in range(path.shape[1]):
-            v, u = np.int64(path[t, i]), np.int64(path[t + 1, i])
-            if v == world.goal[i]:
-                continue
-            lost = 1 + nearer(world, i, u, v)
-            for lane in range(world.first[v], world.first[v + 1]):
-                if lost == 0 and world.head[lane] == u:
-                    traffic.passages[lane] += 1
-                if lost > 0 and nearer(world, i, world.head[lane], v) < 0:
-                    traffic.delay[lane] += lost
-                    break
-
-
-@kernel(allocates=False)
-def write_tolls(traffic, toll):
-    """[L] int64 what lanes cost, STEP to MOST."""
-    for lane in range(len(toll)):
-        seen = traffic.passages[lane] + 1
-        toll[lane] = min(STEP + STEP * traffic.delay[lane] // seen, MOST)

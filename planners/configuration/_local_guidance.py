@@ -11,7 +11,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mrp_sumo.search._clashing import move_of
 from mrp_sumo.search._kernel import kernel
 from planners.configuration._flow import STEP
 from planners.configuration._pibt_instance import nearer, next_on_way
@@ -100,7 +99,7 @@ def _is_best(world, local, i):
             if v != world.goal[i]:
                 return False
             continue
-        lane = move_of(world.first, world.head, v, u)
+        lane = _lane(world, v, u)
         if _loss(world, i, v, u, lane) > 0 or _num_on_lane(world, local, lane, u, t) > 0:
             return False
     return True
@@ -171,7 +170,7 @@ def _turn(world, i, v, rng):
     num_lanes = world.first[v + 1] - world.first[v]
     onward = next_on_way(world, i, v)
     if onward >= 0:
-        return move_of(world.first, world.head, v, onward) - world.first[v] + 1
+        return _lane(world, v, onward) - world.first[v] + 1
     return np.int64(rng.random() * (num_lanes + 1))
 
 
@@ -230,4 +229,13 @@ def _count_lane(world, local, i, t, change):
     mask = local.path.shape[1] - 1
     v, u = np.int64(local.path[i, (t - 1) & mask]), np.int64(local.path[i, t & mask])
     if v != u:
-        local.num_on[t & mask, move_of(world.first, world.head, v, u)] += np.int64(change)
+        local.num_on[t & mask, _lane(world, v, u)] += np.int64(change)
+
+
+@kernel(allocates=False)
+def _lane(world, v, u):
+    """The lane from v to u, which are neighbours."""
+    lane = world.first[v]
+    while world.head[lane] != u:
+        lane += 1
+    return lane

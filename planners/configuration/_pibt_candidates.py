@@ -3,16 +3,12 @@
 Nearest to the goal first. Ties are broken by the way that a robot has of its own, then by hindrance, how many neighbours a robot would
 hinder there (Okumura, "Engineering LaCAM*", AAMAS 2024), then by chance. A robot that makes way for a swap takes them in the opposite
 order. Where somebody waits until nobody is near, robots go last.
-
-The swap operation has two robots that meet in a corridor change places at the next fork (Okumura, "Improving LaCAM for scalable eventually
-optimal multi-agent pathfinding", IJCAI 2023, section 4).
 """
-
-import numpy as np
 
 from mrp_sumo.search._kernel import kernel
 from planners._compass import SLACK_STEPS, UNKNOWN, extend, read_code
 from planners.configuration._pibt_instance import nearer, next_on_way, prefers
+from planners.configuration._pibt_swap import swap_partner
 
 IN_THE_WAY = 1e12  # beyond any other key
 GUIDED = 1e6  # more than any step
@@ -54,7 +50,7 @@ def sort_candidates(world, scratch, here, to, i, hindrance, rng):
     scratch.choice[i] = 0
     scratch.partner[i] = -1
     if world.two_way and num > 1:
-        partner = _swap_partner(world, scratch, here, to, i)
+        partner = swap_partner(world, scratch, here, to, i)
         scratch.partner[i] = partner
         if partner >= 0:
             for k in range(num // 2):
@@ -73,72 +69,3 @@ def _num_hindered(world, scratch, i, u):
         if j >= 0 and j != i and prefers(world, j, u, w):
             num += 1
     return num
-
-
-@kernel(allocates=False)
-def _swap_partner(world, scratch, here, to, i):
-    """The robot that i has to change places with in a corridor, and can; -1 for none."""
-    v, best = here[i], scratch.candidate[i, 0]
-    if best == v:
-        return -1
-    j = scratch.now[best]
-    if j >= 0 and to[j] < 0 and _swap_required(world, scratch, i, j, v, best) and _swap_possible(world, scratch, best, v):
-        return j
-    for k in range(world.first[v], world.first[v + 1]):
-        u = world.head[k]
-        j = scratch.now[u]
-        if j < 0 or u == best:
-            continue
-        if _swap_required(world, scratch, j, i, v, best) and _swap_possible(world, scratch, best, v):
-            return j
-    return -1
-
-
-@kernel(allocates=False)
-def _swap_required(world, scratch, pusher, puller, at, ahead):
-    """Follow the corridor through which the pusher would push the puller: does each want to get to the other's side?"""
-    steps = 0
-    while prefers(world, pusher, ahead, at):
-        num, onward = _ways_on(world, scratch, at, ahead)
-        if num >= 2:
-            return False
-        if num <= 0:
-            break
-        at, ahead = ahead, onward
-        steps += 1
-        if steps > len(scratch.now):
-            return False
-    pusher_there = at == world.goal[pusher]
-    return prefers(world, puller, at, ahead) and (pusher_there or prefers(world, pusher, ahead, at))
-
-
-@kernel(allocates=False)
-def _swap_possible(world, scratch, begin, at):
-    """Follow the corridor the other way: is there a fork where one of the two can step aside?"""
-    before, here = begin, at
-    steps = 0
-    while here != begin and steps <= len(scratch.now):
-        num, onward = _ways_on(world, scratch, before, here)
-        if num >= 2:
-            return True
-        if num <= 0:
-            return False
-        before, here = here, onward
-        steps += 1
-    return False
-
-
-@kernel(allocates=False)
-def _ways_on(world, scratch, before, at):
-    """How many ways lead on from `at`, and the last of them; not back to `before`, nor into a dead end whose robot is at its goal."""
-    num, onward = 0, np.int64(-1)
-    for k in range(world.first[at], world.first[at + 1]):
-        u = world.head[k]
-        if u == before:
-            continue
-        j = scratch.now[u]
-        if j >= 0 and world.first[u + 1] - world.first[u] == 1 and world.goal[j] == u:
-            continue
-        num += 1
-        onward = u
-    return num, onward

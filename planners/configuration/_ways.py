@@ -10,7 +10,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mrp_sumo.search._clashing import move_of
 from mrp_sumo.search._kernel import kernel
 from planners._compass import step_towards
 
@@ -119,7 +118,10 @@ def _hold(ways, robot, change):
         ways.held[_slot(ways, v, step)] += change
         if step > 0:
             u = np.int64(way[step - 1])
-            ways.held[_slot(ways, len(first) - 1 + move_of(first, head, u, v), step)] += change
+            for lane in range(first[u], first[u + 1]):
+                if head[lane] == v:
+                    ways.held[_slot(ways, len(first) - 1 + lane, step)] += change
+                    break
     ways.held_from[way[steps]] = steps if change > 0 else NEVER
 
 

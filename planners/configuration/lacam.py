@@ -40,7 +40,7 @@ class Lacam:
     ways: int = 2  # rounds of giving robots shortest ways that meet few others, where lanes are little used; 0 for none
     flow: int = 1  # rounds of giving robots guide paths that avoid oncoming traffic, elsewhere; 0 for none
     local: int = 14  # steps of short paths that robots are given before each step, around each other's; 0 for none
-    traffic: int = 0  # further solutions, guided by the traffic in those before, see `_flow`; 0 for none
+    traffic: int = 0  # further solutions, guided by the traffic in those before, see `_traffic_map`; 0 for none
     polish: int = 1800  # labels per robot to spend on improving the first solution, see `polishing_labels`; 0 for none
     neighbourhood: int = 4  # robots replanned at a time
     memory_mb: int = 2000  # for the search, and for neighbourhoods; beyond it gives up, or keeps what it has

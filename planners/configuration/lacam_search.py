@@ -13,7 +13,7 @@ from mrp_sumo.core.problem import Problem
 from mrp_sumo.planning.answers import unplanned, without_effort
 from mrp_sumo.planning.registry import planner
 from planners._compass import SLACK_STEPS, extend_all
-from planners.configuration import _flow, _lacam
+from planners.configuration import _lacam, _traffic_map
 from planners.configuration._lacam import LacamMemory
 from planners.configuration._pibt_instance import PibtInstance
 from planners.configuration.guides import is_room_for_flow, local_guidance, traffic_guide
@@ -130,12 +130,12 @@ def _in_window(lacam: Any, start: SearchStart) -> PlanResult | None:
 def _searched_again(lacam: Any, start: SearchStart, path: np.ndarray, cost: int) -> tuple[np.ndarray, int]:
     """The cheapest of the solution and of further ones, each guided by the traffic in all before."""
     num_lanes = start.problem.graph.num_lanes
-    traffic = _flow.TrafficMap(np.zeros(num_lanes, np.int64), np.zeros(num_lanes, np.int64))
+    traffic = _traffic_map.TrafficMap(np.zeros(num_lanes, np.int64), np.zeros(num_lanes, np.int64))
     found = path
     for _ in range(lacam.traffic):
-        _flow.observe(start.world, traffic, found)
+        _traffic_map.observe(start.world, traffic, found)
         toll = np.empty(num_lanes, np.int64)
-        _flow.write_tolls(traffic, toll)
+        _traffic_map.write_tolls(traffic, toll)
         guide = traffic_guide(start.problem, toll, start.deadline_s)
         if guide is None:
             break

@@ -5,7 +5,7 @@ import numpy as np
 from mrp_sumo.search._clashing import move_of
 from mrp_sumo.search._kernel import kernel
 from planners.neighbourhood._cells import anyone_in, num_in
-from planners.neighbourhood._traffic import closes_ring, holds
+from planners.neighbourhood._traffic import closes_ring, holds, lane_between
 
 
 @kernel(allocates=False)
@@ -37,7 +37,7 @@ def collide(task, traffic, hood, robot):
         if t > 0 and v != before:
             if traffic.following and num_in(traffic.on, before, t) > 1:
                 new += _hit_holders(traffic, hood, robot, before, t)
-            back = move_of(task.first, task.head, v, before)
+            back = lane_between(task.first, task.head, v, before)
             if back >= 0 and num_in(traffic.arrivals, back, t) > 0:
                 for other in range(len(traffic.at)):
                     crossed = traffic.at[other, t] == before and traffic.at[other, t - 1] == v and traffic.end[other] >= 0
@@ -68,7 +68,7 @@ def _hit_near(task, traffic, hood, robot, u, v, t):
             for other in range(len(traffic.at)):
                 if other != robot and traffic.end[other] >= 0 and traffic.at[other, t] == task.head[lane] and not hood.hit[robot, other]:
                     w = np.int64(traffic.at[other, t - 1])
-                    if w != task.head[lane] and move_of(task.first, task.head, w, task.head[lane]) == lane:
+                    if w != task.head[lane] and lane_between(task.first, task.head, w, task.head[lane]) == lane:
                         new += _hit(hood, robot, other)
     return new
 

@@ -3,20 +3,13 @@
 Sources: Li, Chen, Harabor, Stuckey, Koenig, "Anytime multi-agent path finding via large neighborhood search",
 IJCAI 2021 (`improve`: fewer steps, never a collision), and "MAPF-LNS2", AAAI 2022 (`repair`: fewer pairs of robots
 in collision). Both choose among three kinds of neighbourhoods by how much each has gained lately.
-
-What several threads have gained on copies of the same paths is brought together after Chan, Chen, Lin, Zhang, Harabor, Huang, Koenig,
-Phan, "Anytime multi-agent path finding using operation parallelism in large neighborhood search", AAMAS 2024 (DROP-LNS). There
-threads update one best solution as they come; here they do in rounds and in order, so that chance and work decide the outcome and the
-scheduler does not.
 """
-
-from typing import NamedTuple
 
 import numpy as np
 
-from mrp_sumo.search._clashing import move_of
 from mrp_sumo.search._kernel import kernel
 from planners.neighbourhood._collisions import collide, find_collisions, forget
+from planners.neighbourhood._merging import keep_gain
 from planners.neighbourhood._neighbourhoods import (
     DECAY,
     around_collision,
@@ -29,17 +22,7 @@ from planners.neighbourhood._neighbourhoods import (
     pick_kind,
 )
 from planners.neighbourhood._sipps import plan_one
-from planners.neighbourhood._traffic import RepairTask, add_path, closes_ring, remove_path
-
-
-class Gains(NamedTuple):
-    """Neighbourhoods whose paths became shorter, in order. Room for N of K robots over T steps; [0, ...] where nobody asks."""
-
-    num: np.ndarray  # [1] int64 how many there are
-    size: np.ndarray  # [N] int64 robots in each
-    robot: np.ndarray  # [N, K] int64
-    end: np.ndarray  # [N, K] int64 when they arrive now
-    at: np.ndarray  # [N, K, T] int32 their new paths
+from planners.neighbourhood._traffic import add_path, remove_path
 
 
 @kernel(nogil=True)
@@ -89,16 +72,21 @@ def improve(task, traffic, labels, hood, gains, size, iterations, most_labels, r
             slack += traffic.end[robot] - task.least[robot]
         gain = np.int64(0)
         if slack > 0:
-            _shuffle(hood, num, rng)
-            _take_out(task, traffic, hood, num)
+            _take_out(task, traffic, hood, num, rng)
             gain = slack
             planned = 0
             while planned < num:
                 robot = hood.robot[planned]
-                end = _plan(task, traffic, labels, robot, min(task.least[robot] + gain, horizon - 2), False)
+                least = task.least[robot]
+                limit = min(least + gain, horizon - 2)
+                end = plan_one(
+                    task.first, task.head, task.reverse, traffic, labels, robot,
+                    task.start[robot], task.goal[robot], task.least[robot], task.steps[robot], task.code[robot],
+                    limit, False, len(labels.vertex),
+                )  # fmt: skip
                 if end < 0:
                     break
-                gain -= end - task.least[robot]
+                gain -= end - least
                 add_path(task, traffic, robot)
                 planned += 1
             if planned < num:
@@ -106,7 +94,7 @@ def improve(task, traffic, labels, hood, gains, size, iterations, most_labels, r
                 _put_back(task, traffic, hood, num, planned)
         gained += gain
         if gain > 0 and len(gains.size) > 0:
-            _keep_gain(traffic, gains, hood.robot, num)
+            keep_gain(traffic, gains, hood.robot, num)
         if bandit:
             hood.tried[seed, 1 if gain > 0 else 0] += 1
         hood.record[kind] = (1 - DECAY) * hood.record[kind] + DECAY * max(gain, 0.05)
@@ -119,12 +107,11 @@ def plan_all(task, traffic, labels, order, begin, end, clear):
 
     Where most have a path `clear` of all others it is sooner found by a search for such a path alone: both are as short.
     """
-    latest = traffic.at.shape[1] - 2
     for k in range(begin, end):
         robot = order[k]
-        arrival = _plan(task, traffic, labels, robot, latest, False) if clear else np.int64(-1)
+        arrival = _plan(task, traffic, labels, robot, False) if clear else np.int64(-1)
         if arrival < 0:
-            arrival = _plan(task, traffic, labels, robot, latest, True)
+            arrival = _plan(task, traffic, labels, robot, True)
         if arrival < 0:
             return False
         add_path(task, traffic, robot)
@@ -132,12 +119,12 @@ def plan_all(task, traffic, labels, order, begin, end, clear):
 
 
 @kernel
-def _plan(task, traffic, labels, robot, latest, crossing):
-    """The arrival of a robot's best path, at the latest at a step; -1 where it has none."""
+def _plan(task, traffic, labels, robot, crossing):
+    """The arrival of a robot's best path; -1 where it has none."""
     return plan_one(
         task.first, task.head, task.reverse, traffic, labels, robot,
         task.start[robot], task.goal[robot], task.least[robot], task.steps[robot], task.code[robot],
-        latest, crossing, len(labels.vertex),
+        traffic.at.shape[1] - 2, crossing, len(labels.vertex),
     )  # fmt: skip
 
 
@@ -158,9 +145,8 @@ def repair_each(task, traffic, labels, hood, pairs, rng):
         hood.chosen[robot] = True
         hood.robot[0] = robot
         forget(hood, robot)
-        _shuffle(hood, 1, rng)
-        _take_out(task, traffic, hood, 1)
-        if _plan(task, traffic, labels, robot, traffic.at.shape[1] - 2, True) >= 0:
+        _take_out(task, traffic, hood, 1, rng)
+        if _plan(task, traffic, labels, robot, True) >= 0:
             add_path(task, traffic, robot)
         else:
             _put_back(task, traffic, hood, 1, 0)
@@ -187,12 +173,11 @@ def repair(task, traffic, labels, hood, size, pairs, iterations, rng):
             old += forget(hood, hood.robot[k])
         new = np.int64(0)
         if old > 0:
-            _shuffle(hood, num, rng)
-            _take_out(task, traffic, hood, num)
+            _take_out(task, traffic, hood, num, rng)
             planned = 0
             while planned < num:
                 robot = hood.robot[planned]
-                end = _plan(task, traffic, labels, robot, traffic.at.shape[1] - 2, True)
+                end = _plan(task, traffic, labels, robot, True)
                 if end < 0:
                     break
                 add_path(task, traffic, robot)
@@ -215,17 +200,11 @@ def repair(task, traffic, labels, hood, size, pairs, iterations, rng):
 
 
 @kernel
-def _shuffle(hood, num, rng):
-    """Put the chosen robots into any order."""
+def _take_out(task, traffic, hood, num, rng):
+    """Save and remove the chosen robots' paths, and shuffle the robots."""
     for k in range(num):
         other = np.int64(rng.random() * (num - k)) + k
         hood.robot[k], hood.robot[other] = hood.robot[other], hood.robot[k]
-
-
-@kernel
-def _take_out(task, traffic, hood, num):
-    """Save and remove the chosen robots' paths."""
-    for k in range(num):
         robot = hood.robot[k]
         hood.saved[k] = traffic.at[robot]
         hood.saved_end[k] = traffic.end[robot]
@@ -244,102 +223,3 @@ def _put_back(task, traffic, hood, num, planned):
         traffic.at[robot] = hood.saved[k]
         traffic.end[robot] = hood.saved_end[k]
         add_path(task, traffic, robot)
-
-
-@kernel
-def _keep_gain(traffic, gains, robots, num):
-    """Note the new paths of the first `num` of `robots`."""
-    n = gains.num[0]
-    gains.num[0] += 1
-    gains.size[n] = num
-    for k in range(num):
-        robot = robots[k]
-        gains.robot[n, k] = robot
-        gains.end[n, k] = traffic.end[robot]
-        gains.at[n, k] = traffic.at[robot]
-
-
-@kernel(nogil=True)
-def take_over(task, traffic, hood, gains):
-    """Replan by another's gains, those that still are gains and cross nobody here; how many do."""
-    taken = 0
-    for n in range(gains.num[0]):
-        num = gains.size[n]
-        gain = np.int64(0)
-        for k in range(num):
-            gain += traffic.end[gains.robot[n, k]] - gains.end[n, k]
-        if gain <= 0:
-            continue
-        for k in range(num):
-            hood.robot[k] = gains.robot[n, k]
-        _take_out(task, traffic, hood, num)
-        entered = 0
-        while entered < num:
-            robot = hood.robot[entered]
-            traffic.at[robot] = gains.at[n, entered]
-            if not _is_free(task, traffic, robot):
-                break
-            traffic.end[robot] = gains.end[n, entered]
-            add_path(task, traffic, robot)
-            entered += 1
-        if entered == num:
-            taken += 1
-        else:
-            _put_back(task, traffic, hood, num, entered)
-    return taken
-
-
-@kernel(allocates=False)
-def _is_free(task, traffic, robot):
-    """Whether a robot that is not in the traffic could follow its row of `at` without crossing anybody."""
-    at = traffic.at[robot]
-    rings = not traffic.rotations and not traffic.following
-    before = np.int64(at[0])
-    for t in range(traffic.window):
-        v = np.int64(at[t])
-        if (traffic.busy[v, t >> 5] >> (t & 31)) & 1:
-            return False
-        if v != before:
-            lane = move_of(task.first, task.head, before, v)
-            back = task.reverse[lane]
-            if back >= 0 and (traffic.along[back, t >> 5] >> (t & 31)) & 1:
-                return False
-            if len(traffic.num_near) > 1 and (traffic.barred[lane, t >> 5] >> (t & 31)) & 1:
-                return False
-            if traffic.following and (traffic.busy[before, t >> 5] >> (t & 31)) & 1:
-                return False
-            if rings and closes_ring(traffic, before, v, t):
-                return False
-        before = v
-    return True
-
-
-@kernel(nogil=True)
-def catch_up(task, traffic, hood, best):
-    """Replan all whose paths are others in the traffic `best`."""
-    steps = traffic.at.shape[1]
-    for robot in range(len(task.goal)):
-        t = steps - 1  # they mostly differ late, if at all
-        while t >= 0 and traffic.at[robot, t] == best.at[robot, t]:
-            t -= 1
-        hood.chosen[robot] = t >= 0
-        if t >= 0:
-            remove_path(task, traffic, robot)
-            traffic.end[robot] = -1
-    for robot in range(len(task.goal)):
-        if hood.chosen[robot]:
-            traffic.at[robot] = best.at[robot]
-            traffic.end[robot] = best.end[robot]
-            add_path(task, traffic, robot)
-
-
-def room_for_gains(task: RepairTask, most: int, size: int, horizon: int) -> Gains:
-    """Room for so many neighbourhoods of `size` robots over `horizon` steps."""
-    size = min(size, len(task.goal))
-    return Gains(
-        num=np.zeros(1, np.int64),
-        size=np.zeros(most, np.int64),
-        robot=np.zeros((most, size), np.int64),
-        end=np.zeros((most, size), np.int64),
-        at=np.zeros((most, size, horizon), np.int32),
-    )

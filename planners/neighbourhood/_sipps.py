@@ -10,7 +10,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mrp_sumo.search._heap import pop_by, push_by
 from mrp_sumo.search._kernel import kernel
 from planners._compass import UNKNOWN
 from planners.neighbourhood._cells import is_sparse, slots_for
@@ -210,9 +209,8 @@ def _search(first, head, reverse, traffic, labels, robot, start, goal, least, st
     labels.heap_key[0] = _rank(0, 0, least)
     labels.heap_label[0] = 0
     while num_heap > 0:
-        left = labels.heap_key[0] & 0xFFFFF
-        x = pop_by(labels.heap_key, labels.heap_label, num_heap)
-        num_heap -= 1
+        x, left = labels.heap_label[0], labels.heap_key[0] & 0xFFFFF
+        num_heap = _pop(labels.heap_key, labels.heap_label, num_heap)
         final = x < 0
         if final:
             x = -1 - x
@@ -234,8 +232,7 @@ def _search(first, head, reverse, traffic, labels, robot, start, goal, least, st
             if later == cost:  # nobody comes by any more
                 _write(labels, traffic, robot, x)
                 return low, num_labels
-            push_by(labels.heap_key, labels.heap_label, num_heap, _rank(later, low, 0), -1 - x)
-            num_heap += 1
+            num_heap = _push(labels.heap_key, labels.heap_label, num_heap, _rank(later, low, 0), -1 - x)
         if num_labels + 8 * (first[v + 1] - first[v] + 1) > room or num_heap + 8 * (first[v + 1] - first[v] + 1) > room:
             return np.int64(-1), num_labels
         if high + 1 + left <= limit:
@@ -285,8 +282,8 @@ def _reach(labels, num_labels, num_heap, stamp, parent, v, low, high, cost, to_g
     labels.high[num_labels] = high
     labels.cost[num_labels] = cost
     labels.parent[num_labels] = parent
-    push_by(labels.heap_key, labels.heap_label, num_heap, _rank(cost, low, to_go), num_labels)
-    return num_labels + 1, num_heap + 1
+    num_heap = _push(labels.heap_key, labels.heap_label, num_heap, _rank(cost, low, to_go), num_labels)
+    return num_labels + 1, num_heap
 
 
 @kernel(allocates=False)
@@ -299,6 +296,38 @@ def _write(labels, traffic, robot, x):
         at[labels.low[x] : end] = labels.vertex[x]
         end = labels.low[x]
         x = labels.parent[x]
+
+
+@kernel(allocates=False)
+def _push(keys, heap, num, key, label):
+    k = num
+    while k > 0:
+        up = (k - 1) >> 1
+        if keys[up] <= key:
+            break
+        keys[k], heap[k] = keys[up], heap[up]
+        k = up
+    keys[k], heap[k] = key, label
+    return num + 1
+
+
+@kernel(allocates=False)
+def _pop(keys, heap, num):
+    num -= 1
+    key, label = keys[num], heap[num]
+    k = 0
+    while True:
+        down = 2 * k + 1
+        if down >= num:
+            break
+        if down + 1 < num and keys[down + 1] < keys[down]:
+            down += 1
+        if keys[down] >= key:
+            break
+        keys[k], heap[k] = keys[down], heap[down]
+        k = down
+    keys[k], heap[k] = key, label
+    return num
 
 
 def labels_for(num_vertices: int, num_lanes: int) -> int:

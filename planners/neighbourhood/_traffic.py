@@ -70,6 +70,15 @@ def run_end(bits, t):
 
 
 @kernel(allocates=False)
+def lane_between(first, head, u, v):
+    """The lane from u to v, -1 where there is none."""
+    for lane in range(first[u], first[u + 1]):
+        if head[lane] == v:
+            return lane
+    return np.int64(-1)
+
+
+@kernel(allocates=False)
 def add_path(task, traffic, robot):
     """Enter the robot's row of `at` in the rest of the traffic."""
     first, head = task.first, task.head
@@ -81,7 +90,7 @@ def add_path(task, traffic, robot):
         on.who[enter(on, v, t)] = robot
         busy[v, t >> 5] |= bit
         if t > 0 and v != before:
-            lane = move_of(first, head, before, v)
+            lane = lane_between(first, head, before, v)
             enter(traffic.arrivals, lane, t)
             traffic.along[lane, t >> 5] |= bit
             if following:
@@ -143,7 +152,7 @@ def remove_path(task, traffic, robot):
         v = np.int64(at[t])
         _let_go(traffic, robot, v, t)
         if t > 0 and v != before:
-            lane = move_of(first, head, before, v)
+            lane = lane_between(first, head, before, v)
             if leave(traffic.arrivals, lane, t) == 0:
                 traffic.along[lane, t >> 5] &= ~(np.int64(1) << (t & 31))
             if following:

@@ -11,7 +11,7 @@ from mrp_sumo.core.problem import Problem
 from mrp_sumo.search.distance import distances
 from mrp_sumo.traffic.clashes import clashes_of
 from planners.configuration._pibt_instance import PibtInstance
-from planners.neighbourhood import _lns
+from planners.neighbourhood import _lns, _merging
 from planners.neighbourhood._cells import is_sparse, slots_for
 from planners.neighbourhood._collisions import find_collisions
 from planners.neighbourhood._neighbourhoods import Neighbourhood, room_for_hood
@@ -133,8 +133,8 @@ def prepare(threads: int) -> None:
     refinement = Refinement(task, detour, 2, np.random.default_rng(0), threads=threads)
     refinement.until(np.inf, most_labels=20)
     for refiner in refinement.refiners[1:]:
-        _lns.take_over(task, refiner.traffic, refiner.hood, refiner.gains)
-        _lns.catch_up(task, refiner.traffic, refiner.hood, refinement.refiners[0].traffic)
+        _merging.take_over(task, refiner.traffic, refiner.hood, refiner.gains)
+        _merging.catch_up(task, refiner.traffic, refiner.hood, refinement.refiners[0].traffic)
 
 
 def threads_with_room(threads: int, task: RepairTask, path: np.ndarray, memory_mb: int, taken: int) -> int:
@@ -218,8 +218,8 @@ class Refinement:
         self._best = best = min(self.refiners, key=lambda refiner: refiner.cost)  # the first of the best
         others = [refiner for refiner in self.refiners if refiner is not best]
         for refiner in others:
-            _lns.take_over(self._task, best.traffic, best.hood, refiner.gains)
-        _at_a_time(pool, [partial(_lns.catch_up, self._task, refiner.traffic, refiner.hood, best.traffic) for refiner in others])
+            _merging.take_over(self._task, best.traffic, best.hood, refiner.gains)
+        _at_a_time(pool, [partial(_merging.catch_up, self._task, refiner.traffic, refiner.hood, best.traffic) for refiner in others])
         for refiner in self.refiners:
             refiner.gains.num[0] = 0
 
@@ -245,7 +245,7 @@ class _Refiner:
         self._task, self._size, self._rng = task, size, rng
         self._room = room_for_labels(len(task.first) - 1, len(task.head), horizon)
         self.hood = room_for_hood(task, horizon, size, with_hits=False, bandit=bandit)
-        self.gains = _lns.room_for_gains(task, MOST_GAINS if shared else 0, size, horizon)
+        self.gains = _merging.room_for_gains(task, MOST_GAINS if shared else 0, size, horizon)
         self._at_once = 1
 
     @property
