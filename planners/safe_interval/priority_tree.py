@@ -10,6 +10,7 @@ from mrp_sumo.core.graph import BoolArray, IntArray
 from mrp_sumo.core.plan import Plan, PlanResult, Status
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.planning.answers import unplanned, used_up, without_effort
+from planners.safe_interval._priorities import put_before
 
 Ways = TypeVar("Ways")
 
@@ -54,12 +55,7 @@ class PriorityNode(Generic[Ways]):
         if self.above[second, first]:
             return None
         above = self.above.copy()
-        over, under = above[:, first].copy(), above[second].copy()
-        over[first] = under[second] = True
-        above |= over[:, None] & under[None, :]
-        robots = np.flatnonzero(under)
-        robots = robots[np.argsort(above.sum(0)[robots], kind="stable")]  # the relation is transitive: who is above has fewer above
-        ways = motion.replanned(self.ways, above, robots)
+        ways = motion.replanned(self.ways, above, put_before(above, first, second))
         return None if ways is None else PriorityNode(above, ways)
 
 
