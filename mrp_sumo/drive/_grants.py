@@ -5,8 +5,8 @@ needs no more than its deceleration. At the end are the changes of grants that n
 """
 
 import numpy as np
+from numpy.typing import NDArray
 
-from mrp_sumo.core.graph import IntArray
 from mrp_sumo.drive._causes import DISTURBED, FACILITY, FINISHED, FREE, LETTING_PASS, MARGIN_M, ONCOMING, OTHER, PLANNED, TURNING
 from mrp_sumo.drive._people import heed
 from mrp_sumo.drive.state import Grants
@@ -220,13 +220,13 @@ def release(s_m, visits, needs, grants):
                 oldest[r] = k
 
 
-def hold(grants: Grants, robot: int, resource: IntArray) -> None:
+def hold(grants: Grants, robot: int, resource: NDArray[np.int64]) -> None:
     """A robot holds these resources, once more."""
     grants.holder[resource] = robot
     grants.held[resource] += 1
 
 
-def turn_back(grants: Grants, robot: int, at_m: float, lane: int, behind: IntArray) -> None:
+def turn_back(grants: Grants, robot: int, at_m: float, lane: int, behind: NDArray[np.int64]) -> None:
     """A robot turns round on its lane: nobody is to come to the vertex behind it, which needs the resources `behind`, nor on either side
     of the lane.
     """
@@ -247,7 +247,7 @@ def may_hold_from(grants: Grants, robot: int, visit: int) -> None:
     grants.oldest[robot] = visit
 
 
-def take_turns(grants: Grants, turn: IntArray | int) -> None:
+def take_turns(grants: Grants, turn: NDArray[np.int64] | int) -> None:
     """[Q] The passages whose turn it is are others."""
     grants.turn[:] = turn
 
@@ -257,6 +257,6 @@ def send_again(grants: Grants) -> None:
     grants.command_mps[:] = -1.0
 
 
-def renumber(grants: Grants, new: IntArray) -> None:
+def renumber(grants: Grants, new: NDArray[np.int64]) -> None:
     """Visits have other ids, those that are forgotten -1; `new` [N] by the old ones, the last place for -1."""
     grants.oldest[:], grants.wanted[:] = new[grants.oldest], new[grants.wanted]

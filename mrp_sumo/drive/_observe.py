@@ -4,8 +4,8 @@ Each stage is a pass over all robots. At the end are the changes of what is know
 """
 
 import numpy as np
+from numpy.typing import NDArray
 
-from mrp_sumo.core.graph import FloatArray, IntArray
 from mrp_sumo.core.visits import Visits
 from mrp_sumo.drive._causes import (
     ARRIVED_AT_GOAL,
@@ -206,13 +206,13 @@ def waiting_cycles(other, since_s):
     return label
 
 
-def begin(visits: Visits, motion: Motion, yaw_rad: FloatArray) -> None:
+def begin(visits: Visits, motion: Motion, yaw_rad: NDArray[np.float64]) -> None:
     """Robots have been at their first visits from 0 s on, and face so [R], NaN: the way that they are sent first."""
     visits.arrived_s[visits.first] = 0.0
     motion.yaw_rad[:] = yaw_rad
 
 
-def face(motion: Motion, robots: IntArray, yaw_rad: FloatArray | float) -> None:
+def face(motion: Motion, robots: NDArray[np.int64], yaw_rad: NDArray[np.float64] | float) -> None:
     """Robots that have not driven yet face so [K]."""
     motion.yaw_rad[robots] = yaw_rad
 
@@ -223,11 +223,11 @@ def go_elsewhere(waits: Waits, robot: int, s_m: float, now_s: float) -> None:
     waits.mark_m[robot], waits.mark_s[robot], waits.stuck[robot] = s_m, now_s, False
 
 
-def stand_at_goal(waits: Waits, robots: IntArray, goal_s: FloatArray) -> None:
+def stand_at_goal(waits: Waits, robots: NDArray[np.int64], goal_s: NDArray[np.float64]) -> None:
     """When robots came to stand where their tasks end [K], NaN: they do not."""
     waits.goal_s[robots] = goal_s
 
 
-def renumber(waits: Waits, new: IntArray) -> None:
+def renumber(waits: Waits, new: NDArray[np.int64]) -> None:
     """Visits have other ids, those that are forgotten -1; `new` [N] by the old ones, the last place for -1."""
     waits.where[:] = new[waits.where]

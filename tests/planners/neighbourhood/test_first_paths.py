@@ -7,8 +7,9 @@ from worlds import on_a_circle, problem_on, random_grid
 from mrp_sumo.core.plan import paths_of_plan, plan_of_paths
 from mrp_sumo.traffic.referee import judge
 from planners.configuration.lacam import Lacam
-from planners.configuration.search_start import search_start, task_on
+from planners.configuration.search_start import search_start
 from planners.neighbourhood.first_paths import first_paths
+from planners.neighbourhood.refinement import task_on
 from planners.world import build_world
 
 pytestmark = pytest.mark.kernel
@@ -56,7 +57,11 @@ def test_search_that_takes_too_much_work_or_memory_or_finds_long_paths_ends_with
 
 def test_lacam_takes_such_paths_for_its_first_solution_where_the_map_is_used_thinly():
     thin = random_grid(12, 10, 1)
-    start = search_start(thin, np.inf, 0, ways=2, flow=1, following=False, rotations=True, packed=None, paths_mb=100)
+
+    def easy(problem, world, rng, until_s):
+        return first_paths(task_on(problem, world), rng, until_s, following=False, rotations=True, effort=0, memory_mb=100)
+
+    start = search_start(thin, np.inf, 0, ways=2, flow=1, following=False, rotations=True, packed=None, easy=easy)
     assert is_valid(thin, start.path)
     result = Lacam(polish=0).plan(thin, 10.0)
     assert result.stats["expansions"] == 0 and judge(thin, result.plan).valid
