@@ -51,6 +51,8 @@ def work_runs() -> Iterator[Run]:
         scenario = yaml.safe_load(path.read_text())
         if not any(key in scenario for key in ("tasks", "people")) and "doors" not in scenario.get("execution", {}):
             continue
+        if isinstance(scenario["map"], str) and (file := path.parent / scenario["map"]).is_file():
+            scenario["map"] = str(file.resolve())
         for planner, engine in (("prioritised", "sumo"), ("lacam", "kinematic")):
             execution = {**scenario.get("execution", {}), "time_limit_s": WORK_S, "engine": engine}
             yield f"work {path.stem} {planner}", {**scenario, "planner": planner, "execution": execution}

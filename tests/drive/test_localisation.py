@@ -7,7 +7,7 @@ from worlds import cross, drive
 from mrp_sumo.core.disturbances import Disturbances
 from mrp_sumo.core.execution import as_believed
 from mrp_sumo.drive.localisation import believed_poses
-from mrp_sumo.errors import ExecutionError
+from mrp_sumo.errors import OptionError
 
 PATHS = [[1, 0, 7], [4, 4, 0, 10]]
 
@@ -42,6 +42,6 @@ def test_errors_are_as_large_and_as_lasting_as_they_should_be(tau_s):
 
 
 def test_negative_errors_are_refused():
-    with pytest.raises(ExecutionError, match=r"localisation_m is -0\.1, expected a number from 0 up"):
+    with pytest.raises(OptionError, match=r"localisation_m is -0\.1, expected at least 0"):
         Disturbances(localisation_m=-0.1)
     assert not Disturbances(localisation_m=0.1).any

@@ -167,7 +167,7 @@ def test_who_had_come_to_stay_is_put_back_where_it_stood_when_it_is_sent_on(tmp_
 def test_a_robot_that_is_sent_aside_and_never_leaves_stands_on_its_goal(tmp_path, tolerance_m):
     # as above, but robot_0 breaks down before it leaves, and is not repaired before time is up
     broken = Disturbances(breakdowns=(Breakdown(0, 7.2, 1000.0),))
-    settings = {"patience_s": 5.0, "time_limit_s": 40.0, "goal_tolerance_m": tolerance_m, "disturbances": broken}
+    settings = {"recovery": RecoveryOptions(patience_s=5.0), "time_limit_s": 40.0, "goal_tolerance_m": tolerance_m, "disturbances": broken}
     run = recovered(tmp_path, corridor(5, 2), [[2], [0, 1, 2, 3]], **settings)
     assert events(run, "resolved") and run.outcome is Outcome.TIME_LIMIT
     assert np.isfinite(run.goal_s).tolist() == [True, False]
