@@ -67,11 +67,14 @@ LINES = {  # at least one of every command; {run} and {batch} are made beforehan
     "completion": "completion bash",
     "schema": "schema",
 }
-COLD = (  # what compiles kernels
-    "run office_5 --planner prioritised",
-    "plan office_5 --planner prioritised",
-    "batch suite.yaml --workers 1",
-    "capacity warehouse_lifelong --engine kinematic --quick --robots 1..2 --budget 1min --horizon 1min --workers 1",
+COLD = (  # what compiles kernels, minutes each: one of them in CI, the others by night
+    pytest.param("run office_5 --planner prioritised", marks=pytest.mark.slow),
+    pytest.param("plan office_5 --planner prioritised", marks=pytest.mark.campaign),
+    pytest.param("batch suite.yaml --workers 1", marks=pytest.mark.campaign),
+    pytest.param(
+        "capacity warehouse_lifelong --engine kinematic --quick --robots 1..2 --budget 1min --horizon 1min --workers 1",
+        marks=pytest.mark.campaign,
+    ),
 )
 
 
@@ -174,7 +177,6 @@ def test_process_of_ours_runs_nothing_of_the_folder_though_python_would(folder):
     assert opened == {"matplotlibrc"}
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("line", COLD)
 def test_cold_cache_runs_nothing_of_the_folder(folder, tmp_path, monkeypatch, line):
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))

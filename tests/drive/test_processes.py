@@ -21,7 +21,8 @@ def digest(case):
     """Of all that an execution says."""
     world, policy, seed = case
     what = Disturbances(
-        *(0.08, 0.1, 2.0, 1 / 20), start_delay_s=2.0, delay_probability=0.1, latency_s=0.5, message_loss=0.2, localisation_m=0.05,
+        speed_spread=0.08, speed_noise=0.1, speed_noise_tau_s=2.0, stops_per_s=1 / 20, start_delay_s=2.0, delay_probability=0.1,
+        latency_s=0.5, message_loss=0.2, localisation_m=0.05,
         breakdowns=(Breakdown(0, 5.0, 8.0),),
     )  # fmt: skip
     with tempfile.TemporaryDirectory() as folder:
