@@ -74,7 +74,7 @@ def test_fleets_that_places_to_charge_do_not_keep_going_are_not_tried(tmp_path, 
 @pytest.mark.slow
 def test_what_confirms_is_made_when_the_budget_is_over(tmp_path, monkeypatch):
     (tmp_path / "one.yaml").write_text(CHARGING.partition("  charging")[0])
-    effort = replace(QUICK, horizon_s=60.0)
+    effort = replace(QUICK, horizon_s=240.0)
     question = Question(read_scenario(tmp_path / "one.yaml"), (1, 2), effort, confirm=True)
     folder = tmp_path / "new"
     monkeypatch.setattr(study, "monotonic", lambda: 1e9 if len(list(folder.glob("runs/*/*.json"))) >= 2 * effort.seeds else 0.0)
