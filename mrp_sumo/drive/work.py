@@ -54,7 +54,7 @@ SLACK_S = 0.5  # so much earlier than a robot would have to brake for a stop wit
 LEAST_CHARGE_S = 60.0  # for less nobody goes to charge that need not
 PLACES_TO_HAND_OVER = 4  # beside a robot that is lost
 WHY_LOST = {BROKEN: "broke down", EMPTY: "ran empty"}
-STEP_S = 1.0  # more than between two looks: so much before a level comes to where something is decided, every look counts
+STEP_S = 1.0  # more than between two looks: so much before a battery may be empty, every look counts
 TRY_AGAIN_S = 2.0  # after a request that had no answer
 
 
@@ -248,22 +248,10 @@ class Work:
         watched: BoolArray = np.array(passes, np.bool_) | ((self._wait_at != NONE) & np.isinf(self._came_s))
         return watched
 
-    def charge_wake_s(self, now_s: float, most_per_s: FloatArray) -> float:
-        """Until when no level comes to where it is decided who charges, as robots draw and are charged by at most so much a second [R]."""
-        charging, level, out, at_charger = self._charging, self.level, self.out, self.at_charger
-        gaps = [np.where(out | at_charger, np.inf, level)]  # to an empty battery
-        if charging is not None:
-            gaps.append(np.where(out | at_charger, np.inf, level - charging.critical))
-            full_s = np.array([self._charge_s(r, 1.0) for r in range(len(level))])
-            enough = charging.maximum - max(charging.least_s, LEAST_CHARGE_S) / np.maximum(full_s, 1e-9)
-            gaps.append(np.where((self.current == NONE) & ~out, level - enough, np.inf))
-            gaps.append(np.where(at_charger, charging.minimum - level, np.inf))
-        gap = np.min([np.where(each > 0, each, np.inf) for each in gaps], 0)
-        wake_s = now_s + float((gap / most_per_s).min(initial=np.inf)) - STEP_S
-        if charging is not None:
-            ready_s = (self._begun_s(r) + charging.least_s for r in np.flatnonzero(at_charger).tolist())
-            wake_s = min(wake_s, min((each for each in ready_s if each > now_s), default=np.inf))
-        return wake_s
+    def empty_wake_s(self, now_s: float, most_per_s: FloatArray) -> float:
+        """Until when no battery runs empty, as robots draw at most so much a second [R]; for robots that nobody charges."""
+        left = np.where(~self.out & (self.level > 0), self.level, np.inf)
+        return now_s + float((left / most_per_s).min(initial=np.inf)) - STEP_S
 
     def pass_over(self, looks_s: Sequence[float], level: FloatArray | None) -> None:
         """`update` was not called at some times, of which these are the last two, since it `is_quiet`; with states of charge [R] then."""
