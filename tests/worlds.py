@@ -15,7 +15,7 @@ from mrp_sumo.drive.loop import simulate
 from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.engines.sumo.network import build_network
 from mrp_sumo.io.record import RunRecord
-from mrp_sumo.io.run_folder import write_run
+from mrp_sumo.io.run_folder import EndedRun, write_run
 from mrp_sumo.io.scenario.model import ScenarioModel
 from mrp_sumo.maps.costmap import Costmap
 from mrp_sumo.maps.grid import grid_graph
@@ -208,12 +208,9 @@ def run_of_four(out, network, *, executed=True, **changes):
         "execution": record.execution if executed else None,
         "metrics": {"min_distance_m": np.float64(1.5), "real_time_factor": float("inf"), "time_blocked_s": [0.0, 1.0], "flag": np.True_},
         "audit": {"passed": True} if executed else None,
-        "network": network,
         "nav": record.nav,
-        "costmap": record.costmap,
-        "write_bag": write_recorded_bag,
     }
-    return write_run(out, **{"zones": None, **given, **changes})
+    return write_run(out, EndedRun(**{**given, **changes}), network=network, costmap=record.costmap, write_bag=write_recorded_bag)
 
 
 def record_of_two(names=("a", "b"), num_samples=41):

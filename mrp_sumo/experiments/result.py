@@ -16,7 +16,7 @@ from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.experiments.solve import Solution
 from mrp_sumo.experiments.staging.set_up import SetUp
 from mrp_sumo.io.record import RunRecord, record_of
-from mrp_sumo.io.run_folder import result_document, write_run, write_trace_files
+from mrp_sumo.io.run_folder import EndedRun, result_document, write_run, write_trace_files
 from mrp_sumo.maps.levels import shifts_of
 
 if TYPE_CHECKING:
@@ -155,24 +155,26 @@ class RunResult:
     @cached_property
     def result(self) -> dict[str, Any]:
         """Content of `result.json`, but for its list of files."""
-        return result_document(**self._told)
+        return result_document(self._ended)
 
     @property
-    def _told(self) -> dict[str, Any]:
-        """What the run folder says of the run."""
-        return {
-            "status": self.status,
-            "note": self.note,
-            "scenario": self.setup.scenario,
-            "problem": self.solution.problem,
-            "result": self.solution.result,
-            "verdict": self.solution.verdict,
-            "execution": self.execution,
-            "metrics": self.metrics,
-            "audit": self.audit,
-            "operations_audit": self.operations_audit,
-            "lanes": self.lanes,
-        }
+    def _ended(self) -> EndedRun:
+        return EndedRun(
+            status=self.status,
+            note=self.note,
+            scenario=self.setup.scenario,
+            problem=self.solution.problem,
+            result=self.solution.result,
+            verdict=self.solution.verdict,
+            execution=self.execution,
+            metrics=self.metrics,
+            audit=self.audit,
+            operations_audit=self.operations_audit,
+            lanes=self.lanes,
+            zones=self.zones,
+            nav=self.nav,
+            levels=self.levels,
+        )
 
     def write(self, out: Path, maps: MapCache) -> None:
         """Write the run folder; one that is there already is replaced.
@@ -192,17 +194,8 @@ class RunResult:
         from mrp_sumo.bags.writer import write_recorded_bag
 
         graph = self.solution.problem.graph  # that of a recorded fleet of which nobody moved has no lanes
-        write_run(
-            out,
-            **self._told,
-            zones=self.zones,
-            network=maps.network(graph) if graph.num_lanes else None,
-            nav=self.setup.map.nav,
-            costmap=self.costmap,
-            outline=self.outline,
-            levels=self.levels,
-            write_bag=write_recorded_bag,
-        )
+        network = maps.network(graph) if graph.num_lanes else None
+        write_run(out, self._ended, network=network, costmap=self.costmap, outline=self.outline, write_bag=write_recorded_bag)
 
     @property
     def trace(self) -> "Trace | None":
@@ -210,5 +203,5 @@ class RunResult:
         from mrp_sumo.io.trace import trace_of
 
         with TemporaryDirectory(prefix="mrp_sumo_trace_") as folder:
-            write_trace_files(Path(folder), **self._told, nav=self.nav, levels=self.levels)
+            write_trace_files(Path(folder), self._ended)
             return trace_of(Path(folder))

@@ -20,6 +20,7 @@ from mrp_sumo.core.graph import IntArray, PlanGraph, frozen
 from mrp_sumo.io.arrow import dictionary, numbers, texts
 from mrp_sumo.io.tables import read_table
 
+REPLANS = "replans.parquet"
 ROWS_AT_ONCE = 200_000  # about, of a long run's table
 
 

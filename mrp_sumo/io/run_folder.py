@@ -11,6 +11,7 @@ import json
 import os
 import shutil
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from platform import python_version
@@ -19,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mrp_sumo import __version__
-from mrp_sumo.core.execution import Execution, as_believed, let_go_of_samples
+from mrp_sumo.core.execution import Execution
 from mrp_sumo.core.graph import NavGraph
 from mrp_sumo.core.plan import PlanResult, Status
 from mrp_sumo.core.problem import Problem
@@ -27,7 +28,6 @@ from mrp_sumo.core.zone_log import ZoneLog
 from mrp_sumo.errors import MrpSumoError, sentence
 from mrp_sumo.files.reading import shortened
 from mrp_sumo.formats.plan_json import write_plan
-from mrp_sumo.io.events import write_events
 from mrp_sumo.io.floor_plan import write_floor, write_walls
 from mrp_sumo.io.outline import Outline, write_outline
 from mrp_sumo.io.record import RunRecord, record_of
@@ -69,26 +69,33 @@ def check_replaceable(out: Path) -> None:
         raise MrpSumoError(f"{out}: is not empty and not a run folder (no {RESULT} of a run), so it is not replaced; choose another place")
 
 
+@dataclass(frozen=True, eq=False, kw_only=True)
+class EndedRun:
+    """A run as its folder has it. No plan: no `plan.json`; no execution: no trajectory, events and bag; no tasks: no operations audit."""
+
+    status: str  # how it ended, for machines
+    note: str  # and for people
+    scenario: "ScenarioModel"  # as it was run, overrides applied
+    problem: Problem
+    result: PlanResult
+    verdict: Verdict | None
+    execution: Execution | None
+    metrics: Mapping[str, Any]
+    audit: Mapping[str, Any] | None
+    operations_audit: Mapping[str, Any] | None = None
+    lanes: Mapping[str, float] | None = None  # how far robots drove off them
+    zones: ZoneLog | None = None  # how occupied they were, where that is known
+    nav: NavGraph | None  # the map as drawn
+    levels: "Levels | None" = None  # where robots change them
+
+
 def write_run(
     out: Path,
+    run: EndedRun,
     *,
-    status: str,
-    note: str,
-    scenario: "ScenarioModel",
-    problem: Problem,
-    result: PlanResult,
-    verdict: Verdict | None,
-    execution: Execution | None,
-    metrics: Mapping[str, Any],
-    audit: Mapping[str, Any] | None,
-    operations_audit: Mapping[str, Any] | None = None,
-    lanes: Mapping[str, float] | None = None,
-    zones: ZoneLog | None,
     network: Path | None,
-    nav: NavGraph | None,
     costmap: "Costmap | None",
     outline: Outline | None = None,
-    levels: "Levels | None" = None,
     write_bag: "WriteBag | None" = None,
 ) -> dict[str, Any]:
     """Write the run folder.
@@ -97,21 +104,12 @@ def write_run(
     ----------
     out
         Where; a run folder that is there already is replaced.
-    status, note
-        How the run ended, for machines and for people.
-    scenario
-        As it was run, overrides applied.
-    problem, result, verdict, execution, metrics, audit, operations_audit, lanes
-        Of the run. No plan: no `plan.json`; no execution: no trajectory, events and bag; no tasks: no operations audit.
-        `lanes` is how far robots drove off them.
-    zones
-        How occupied they were, where that is known.
+    run
+        What is written.
     network
         The SUMO network, copied; None for a graph without lanes, which has none.
-    nav, costmap, outline
-        The map as drawn, and its walls as sensors see them and as drawn.
-    levels
-        Where robots change them.
+    costmap, outline
+        The walls as sensors see them, and as drawn.
     write_bag
         Writes the bag where the scenario asks for one.
 
@@ -129,23 +127,24 @@ def write_run(
     out = out.resolve()
     new = out.parent / f".{out.name}.new-{os.getpid()}"
     _clear_leftovers(out)
-    from mrp_sumo.io.zones_table import write_zones
+    from mrp_sumo.io.logs import ZONES, write_zones
 
+    scenario, execution = run.scenario, run.execution
     try:
         new.mkdir(parents=True)
-        document = result_document(status, note, scenario, problem, result, verdict, execution, metrics, audit, operations_audit, lanes)
+        document = result_document(run)
         if network is not None:
             shutil.copyfile(network, new / "network.net.xml")
         if costmap is not None:
             write_walls(new, costmap)
         if outline is not None:
             write_outline(new / "building.json", outline)
-        _write_evidence(new, scenario, problem, result, execution, nav, levels)
+        _write_evidence(new, run)
         if write_bag and execution is not None and scenario.record.bag and len(execution.t_s):
-            record = record_of(scenario, problem, result.plan, execution, nav, costmap, levels)
+            record = record_of(scenario, run.problem, run.result.plan, execution, run.nav, costmap, run.levels)
             write_bag(new / "bag", record, scenario.record)
-        if zones is not None:
-            write_zones(new, zones)
+        if run.zones is not None:
+            write_zones(new / ZONES, run.zones)
         document["files"] = files_in(new)
         (new / RESULT).write_text(laid_out(document) + "\n", encoding="utf-8")
         put_in_place(new, out)
@@ -156,38 +155,27 @@ def write_run(
     return document
 
 
-def result_document(
-    status: str,
-    note: str,
-    scenario: "ScenarioModel",
-    problem: Problem,
-    result: PlanResult,
-    verdict: Verdict | None,
-    execution: Execution | None,
-    metrics: Mapping[str, Any],
-    audit: Mapping[str, Any] | None,
-    operations_audit: Mapping[str, Any] | None = None,
-    lanes: Mapping[str, float] | None = None,
-) -> dict[str, Any]:
-    """The content of `result.json` without its list of files; the parameters are those of `write_run`."""
+def result_document(run: EndedRun) -> dict[str, Any]:
+    """The content of `result.json` without its list of files."""
+    scenario, problem, execution = run.scenario, run.problem, run.execution
     document: dict[str, Any] = plain(
         {
             "schema_version": SCHEMA_VERSION,
-            "status": status,
-            "note": note,
+            "status": run.status,
+            "note": run.note,
             "policy": execution.policy if execution else None,
             "engine": scenario.execution.engine if execution else None,
             "outcome": str(execution.outcome) if execution else None,
             "scenario": scenario.model_dump(mode="json"),
             "seed": scenario.seed,
             "versions": versions(),
-            "metrics": metrics,
-            "audit": audit,
-            **({} if operations_audit is None else {"operations_audit": operations_audit}),
+            "metrics": run.metrics,
+            "audit": run.audit,
+            **({} if run.operations_audit is None else {"operations_audit": run.operations_audit}),
             "discretisation": {"kind": problem.graph.kind, "cell_m": problem.graph.cell_m},
-            "lanes": lanes,
-            "plan": _answers(problem, result, verdict) | {"clock_limited": _clock_limited(scenario, result)},
-            **_portfolio(scenario, result, execution),
+            "lanes": run.lanes,
+            "plan": _answers(problem, run.result, run.verdict) | {"clock_limited": _clock_limited(scenario, run.result)},
+            **_portfolio(scenario, run.result, execution),
             "robots": _robots(problem, execution, has_goals=scenario.tasks is None),
             "findings": list(execution.findings) if execution else [],
         }
@@ -232,85 +220,24 @@ def laid_out(value: Any, depth: int = 0) -> str:
     return json.dumps(value, ensure_ascii=False, allow_nan=False)
 
 
-def write_trace_files(
-    folder: Path,
-    *,
-    status: str,
-    note: str,
-    scenario: "ScenarioModel",
-    problem: Problem,
-    result: PlanResult,
-    verdict: Verdict | None,
-    execution: Execution | None,
-    metrics: Mapping[str, Any],
-    audit: Mapping[str, Any] | None,
-    operations_audit: Mapping[str, Any] | None = None,
-    lanes: Mapping[str, float] | None,
-    nav: NavGraph | None,
-    levels: "Levels | None" = None,
-) -> None:
+def write_trace_files(folder: Path, run: EndedRun) -> None:
     """Write what metrics are computed from into a folder: a run folder without what its map alone gives, and without a bag."""
-    document = result_document(status, note, scenario, problem, result, verdict, execution, metrics, audit, operations_audit, lanes)
-    _write_evidence(folder, scenario, problem, result, execution, nav, levels)
+    document = result_document(run)
+    _write_evidence(folder, run)
     document["files"] = {path.name: {} for path in sorted(folder.iterdir())}
     (folder / RESULT).write_text(json.dumps(document, ensure_ascii=False, allow_nan=False), encoding="utf-8")
 
 
-def _write_evidence(
-    folder: Path,
-    scenario: "ScenarioModel",
-    problem: Problem,
-    result: PlanResult,
-    execution: Execution | None,
-    nav: NavGraph | None,
-    levels: "Levels | None",
-) -> None:
+def _write_evidence(folder: Path, run: EndedRun) -> None:
     """Graphs, fleet, plan and logs."""
-    write_floor(folder / "floor.json", problem.graph, problem.fleet, nav)
-    if result.plan is not None:
-        write_plan(folder / "plan.json", problem, result.plan, has_goals=scenario.tasks is None)
-    if execution is not None:
-        _write_logs(folder, scenario, problem, result, execution, levels)
+    write_floor(folder / "floor.json", run.problem.graph, run.problem.fleet, run.nav)
+    if run.result.plan is not None:
+        write_plan(folder / "plan.json", run.problem, run.result.plan, has_goals=run.scenario.tasks is None)
+    if run.execution is not None:
+        from mrp_sumo.io.logs import write_logs
 
-
-def _write_logs(
-    folder: Path, scenario: "ScenarioModel", problem: Problem, result: PlanResult, execution: Execution, levels: "Levels | None"
-) -> None:
-    """Trajectory, visits and events."""
-    from mrp_sumo.io.battery_table import write_batteries
-    from mrp_sumo.io.facilities import write_facilities
-    from mrp_sumo.io.grants import write_grants
-    from mrp_sumo.io.people_table import PEOPLE, write_people
-    from mrp_sumo.io.replans import write_replans
-    from mrp_sumo.io.robot_states import ROBOT_STATES_TABLE, write_robot_states
-    from mrp_sumo.io.tasks_table import write_stops, write_tasks
-    from mrp_sumo.io.trajectory import write_trajectory
-    from mrp_sumo.io.visits import write_visits
-
-    about = {"scenario": scenario.name, "seed": scenario.seed, "versions": versions()}
-    write_trajectory(folder / "trajectory.parquet", execution, problem.fleet.robot_name, about, levels)
-    let_go_of_samples(execution)
-    if execution.believed is not None:
-        write_trajectory(folder / "believed.parquet", as_believed(execution), problem.fleet.robot_name, about, levels)
-    if result.plan is not None:
-        write_visits(folder / "visits.parquet", problem, result.plan, execution)
-    if execution.grants is not None:
-        write_grants(folder / "grants.parquet", execution.grants, problem.fleet.robot_name)
-    if execution.replies:
-        write_replans(folder / "replans.parquet", execution.replies, problem.graph, problem.fleet.robot_name)
-    if execution.tasks is not None:
-        write_tasks(folder, execution.tasks, problem.fleet.robot_name)
-    if execution.tasks is not None and execution.stops is not None:
-        write_stops(folder / "stops.parquet", execution.stops, execution.tasks, problem.fleet.robot_name, problem.graph.label)
-    if execution.tasks is not None and execution.robot_states is not None:
-        write_robot_states(folder / ROBOT_STATES_TABLE, execution.robot_states, execution.tasks, problem.fleet.robot_name)
-    if execution.batteries is not None:
-        write_batteries(folder / "battery.parquet", execution.batteries, problem.fleet.robot_name)
-    if execution.facilities is not None:
-        write_facilities(folder, execution.facilities, problem.fleet.robot_name, problem.graph.level_names)
-    if execution.people is not None:
-        write_people(folder / PEOPLE, execution.people, execution.t_s, levels)
-    write_events(folder / "events.jsonl", execution, problem.fleet, problem.graph)
+        about = {"scenario": run.scenario.name, "seed": run.scenario.seed, "versions": versions()}
+        write_logs(folder, run.problem, run.result.plan, run.execution, run.levels, about)
 
 
 def _answers(problem: Problem, result: PlanResult, verdict: Verdict | None) -> dict[str, Any]:

@@ -11,15 +11,10 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from mrp_sumo.core.battery import BatteryLog
-from mrp_sumo.core.execution import Execution, GrantLog, Outcome, PlannerCalls, Reply
-from mrp_sumo.core.facilities import FacilityLog
+from mrp_sumo.core.execution import Execution, Outcome, PlannerCalls, Reply
 from mrp_sumo.core.fleet import Fleet
 from mrp_sumo.core.graph import IntArray, NavGraph, PlanGraph, frozen
-from mrp_sumo.core.people import PeopleLog
 from mrp_sumo.core.plan import Plan
-from mrp_sumo.core.robot_states import RobotStateLog
-from mrp_sumo.core.task import StopLog, TaskLog
 from mrp_sumo.errors import MrpSumoError, first_line
 from mrp_sumo.files.reading import read_json
 from mrp_sumo.formats.plan_json import goal_headings, read_plan
@@ -29,7 +24,7 @@ from mrp_sumo.io.record import RunRecord, constants_of
 from mrp_sumo.io.tables import read_table
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterator, Sequence
 
     import pandas
 
@@ -124,7 +119,7 @@ class RunFolder:
     @property
     def executed(self) -> bool:
         """True if there is a trajectory. Raises MrpSumoError where it is lost."""
-        return self._has("trajectory.parquet")
+        return self.has("trajectory.parquet")
 
     @cached_property
     @_whole
@@ -163,7 +158,7 @@ class RunFolder:
     @_whole
     def plan(self) -> Plan | None:
         """Visits as arrays; None when there is no plan."""
-        plan = read_plan(self.folder / "plan.json", self.fleet.robot_name) if self._has("plan.json") else None
+        plan = read_plan(self.folder / "plan.json", self.fleet.robot_name) if self.has("plan.json") else None
         if plan is not None and not ((plan.vertex >= 0) & (plan.vertex < self.graph.num_vertices)).all():
             raise MrpSumoError(f"{self.folder / 'plan.json'}: a visit of a vertex that floor.json does not have")
         return plan
@@ -189,23 +184,33 @@ class RunFolder:
         from mrp_sumo.io.trajectory import read_trajectory
 
         path = self.folder / "believed.parquet"
-        return read_trajectory(path) if self._has(path.name) else None
+        return read_trajectory(path) if self.has(path.name) else None
 
     @cached_property
     @_whole
     def execution(self) -> Execution:
         """Trajectory, arrivals and events as the simulation gave them; clocks from the metrics."""
-        from mrp_sumo.io.visits import read_arrivals
+        from mrp_sumo.io.facilities import DOORS, LIFTS, read_facilities
+        from mrp_sumo.io.logs import BATTERY, GRANTS, STATES, read_batteries, read_grants, read_robot_states
+        from mrp_sumo.io.people_table import PEOPLE, read_people
+        from mrp_sumo.io.replans import REPLANS, read_replans
+        from mrp_sumo.io.tasks_table import STOPS, TASKS, read_stops, read_tasks
+        from mrp_sumo.io.visits import VISITS, read_arrivals
 
-        samples, believed, metrics = self.samples, self.believed, self.metrics
-        documents = read_events(self.folder / "events.jsonl")
+        folder, fleet, graph, metrics = self.folder, self.fleet, self.graph, self.metrics
+        names, num_robots, samples, believed = fleet.robot_name, fleet.num_robots, self.samples, self.believed
+        documents = read_events(folder / "events.jsonl")
         goal_s = [robot["goal_s"] for robot in self.result["robots"]]
-        if len(goal_s) != self.fleet.num_robots:
-            raise MrpSumoError(f"{self.folder / RESULT}: robots: found {len(goal_s)}, expected {self.fleet.num_robots}")
-        arrived_s = read_arrivals(self.folder / "visits.parquet")
+        if len(goal_s) != num_robots:
+            raise MrpSumoError(f"{folder / RESULT}: robots: found {len(goal_s)}, expected {num_robots}")
+        arrived_s = read_arrivals(folder / VISITS)
         if self.plan is not None and len(arrived_s) != self.plan.num_visits:
             line = f"found {len(arrived_s)} rows, expected one for each of the plan's {self.plan.num_visits} visits"
-            raise MrpSumoError(f"{self.folder / 'visits.parquet'}: {line}")
+            raise MrpSumoError(f"{folder / VISITS}: {line}")
+        replies = read_replans(folder / REPLANS, graph, names) if self.has(REPLANS) else ()
+        tasks = read_tasks(folder, names) if self.has(TASKS) else None
+        num_orders = 0 if tasks is None else int(tasks.is_order.sum())
+        has_lifts, has_doors = self.has(LIFTS), self.has(DOORS)
         return Execution(
             t_s=frozen(samples.t_s),
             x_m=frozen(samples.x_m),
@@ -219,19 +224,19 @@ class RunFolder:
             sim_time_s=metrics["sim_time_s"],
             wall_time_s=metrics["wall_time_s"] or 0.0,
             cpu_time_s=metrics["cpu_time_s"] or 0.0,
-            events=events_of_documents(documents, self.fleet, self.graph),
+            events=events_of_documents(documents, fleet, graph),
             findings=tuple(self.result["findings"]),
             level=None if samples.level is None else frozen(samples.level),
-            facilities=self._facilities(),
-            people=self._people(),
+            facilities=read_facilities(folder, names, graph.level_names) if has_lifts or has_doors else None,
+            people=read_people(folder / PEOPLE, samples.t_ns, samples.levels, num_robots) if self.has(PEOPLE) else None,
             believed=frozen(np.stack((believed.x_m, believed.y_m, believed.yaw_rad))) if believed else None,
-            replies=self._replies(),
-            grants=self._grants(),
-            tasks=self._tasks(),
-            stops=self._stops(),
-            robot_states=self._robot_states(),
-            calls=self._calls(),
-            batteries=self._batteries(),
+            replies=replies,
+            grants=read_grants(folder / GRANTS, names, num_visits(self, replies)) if self.has(GRANTS) else None,
+            tasks=tasks,
+            stops=read_stops(folder / STOPS, tasks, names, graph.vertex_of_name) if tasks and self.has(STOPS) else None,
+            robot_states=read_robot_states(folder / STATES, names, num_orders) if tasks and self.has(STATES) else None,
+            calls=_calls(self),
+            batteries=read_batteries(folder / BATTERY, num_robots) if self.has(BATTERY) else None,
         )
 
     @property
@@ -274,85 +279,7 @@ class RunFolder:
         frame: pandas.DataFrame = read_table(self.folder / "visits.parquet").as_written().to_pandas()
         return frame
 
-    def _replies(self) -> tuple[Reply, ...]:
-        if not self._has("replans.parquet"):
-            return ()
-        from mrp_sumo.io.replans import read_replans
-
-        return read_replans(self.folder / "replans.parquet", self.graph, self.fleet.robot_name)
-
-    def _grants(self) -> GrantLog | None:
-        if not self._has("grants.parquet"):
-            return None
-        from mrp_sumo.io.grants import read_grants
-
-        return read_grants(self.folder / "grants.parquet", self.fleet.robot_name, self._num_visits())
-
-    def _num_visits(self) -> IntArray:
-        """[R] visits of each robot along its whole way, replans included."""
-        num = np.zeros(self.fleet.num_robots, np.int64) if self.plan is None else np.diff(self.plan.first)
-        now = num.copy()
-        for reply in self._replies():
-            if (reply.since >= now[reply.robot]).any():
-                raise MrpSumoError(
-                    f"{self.folder / 'replans.parquet'}: at {reply.t_s:g} s a robot goes on from a visit that it does not have"
-                )
-            now[reply.robot] = reply.since + 1 + np.diff(reply.first)
-            num = np.maximum(num, now)
-        return num
-
-    def _tasks(self) -> TaskLog | None:
-        if not self._has("tasks.parquet"):
-            return None
-        from mrp_sumo.io.tasks_table import read_tasks
-
-        return read_tasks(self.folder, self.fleet.robot_name)
-
-    def _stops(self) -> StopLog | None:
-        tasks = self._tasks()
-        if tasks is None or not self._has("stops.parquet"):
-            return None
-        from mrp_sumo.io.tasks_table import read_stops
-
-        return read_stops(self.folder / "stops.parquet", tasks, self.fleet.robot_name, self.graph.vertex_of_name)
-
-    def _robot_states(self) -> RobotStateLog | None:
-        from mrp_sumo.io.robot_states import ROBOT_STATES_TABLE, read_robot_states
-
-        tasks = self._tasks() if self._has(ROBOT_STATES_TABLE) else None
-        if tasks is None:
-            return None
-        return read_robot_states(self.folder / ROBOT_STATES_TABLE, self.fleet.robot_name, int(tasks.is_order.sum()))
-
-    def _batteries(self) -> BatteryLog | None:
-        if not self._has("battery.parquet"):
-            return None
-        from mrp_sumo.io.battery_table import read_batteries
-
-        return read_batteries(self.folder / "battery.parquet", self.fleet.num_robots)
-
-    def _facilities(self) -> FacilityLog | None:
-        from mrp_sumo.io.facilities import DOORS, LIFTS, read_facilities
-
-        there = [self._has(name) for name in (LIFTS, DOORS)]
-        return read_facilities(self.folder, self.fleet.robot_name, self.graph.level_names) if any(there) else None
-
-    def _people(self) -> PeopleLog | None:
-        from mrp_sumo.io.people_table import PEOPLE, read_people
-
-        samples = self.samples
-        return read_people(self.folder / PEOPLE, samples.t_ns, samples.levels, self.fleet.num_robots) if self._has(PEOPLE) else None
-
-    def _calls(self) -> PlannerCalls | None:
-        metrics = self.metrics
-        if metrics.get("planner_calls") is None:
-            return None
-        kinds = ("late", "failed", "stepped", "stopped")
-        counts = {name: int(metrics.get(f"planner_calls_{name}") or 0) for name in kinds}
-        plans_of = (self.result.get("planner") or {}).get("plans", {})
-        return PlannerCalls(metrics["planner_calls"], **counts, plans_of=plans_of)
-
-    def _has(self, name: str) -> bool:
+    def has(self, name: str) -> bool:
         """Whether a file is there; raises for one that the run wrote and that is lost."""
         there = (self.folder / name).is_file()
         if not there and name in self.result.get("files", ()):
@@ -372,3 +299,24 @@ class RunFolder:
     def _require_trajectory(self) -> None:
         if not self.executed:
             raise MrpSumoError(f"{self.folder}: the run was not executed ({self.result['status']}), so it has no trajectory")
+
+
+def num_visits(run: RunFolder, replies: "Sequence[Reply]") -> IntArray:
+    """[R] visits of each robot along its whole way, replans included."""
+    num = np.zeros(run.fleet.num_robots, np.int64) if run.plan is None else np.diff(run.plan.first)
+    now = num.copy()
+    for reply in replies:
+        if (reply.since >= now[reply.robot]).any():
+            raise MrpSumoError(f"{run.folder / 'replans.parquet'}: at {reply.t_s:g} s a robot goes on from a visit that it does not have")
+        now[reply.robot] = reply.since + 1 + np.diff(reply.first)
+        num = np.maximum(num, now)
+    return num
+
+
+def _calls(run: RunFolder) -> PlannerCalls | None:
+    """How often the planner was called while robots drove, which the metrics say."""
+    metrics = run.metrics
+    if metrics.get("planner_calls") is None:
+        return None
+    counts = {name: int(metrics.get(f"planner_calls_{name}") or 0) for name in ("late", "failed", "stepped", "stopped")}
+    return PlannerCalls(metrics["planner_calls"], **counts, plans_of=(run.result.get("planner") or {}).get("plans", {}))

@@ -23,7 +23,7 @@ from mrp_sumo.core.task import CHARGE, NOBODY, ORDER, TASK_STATES, TASK_TIMES, S
 from mrp_sumo.io.arrow import dictionary, numbers, texts
 from mrp_sumo.io.tables import read_table
 
-TASKS, CHARGES = "tasks.parquet", "charges.parquet"
+TASKS, CHARGES, STOPS = "tasks.parquet", "charges.parquet", "stops.parquet"
 STOP_TIMES = ("since_s", "begin_s", "end_s", "stood_s", "queued_s", "due_s")
 
 

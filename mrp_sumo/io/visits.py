@@ -17,6 +17,8 @@ from mrp_sumo.core.problem import Problem
 from mrp_sumo.io.arrow import dictionary, numbers, texts
 from mrp_sumo.io.tables import read_table
 
+VISITS = "visits.parquet"
+
 
 def write_visits(path: Path, problem: Problem, plan: Plan, execution: Execution) -> None:
     """Write the table.

@@ -15,7 +15,7 @@ from worlds import record_of_four, run_of_four
 from mrp_sumo.bags.writer import write_bag
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.formats.plan_json import read_plan
-from mrp_sumo.io import run_folder
+from mrp_sumo.io import logs, run_folder
 from mrp_sumo.io.floor_plan import read_floor, read_walls
 from mrp_sumo.io.run_folder import check_replaceable, laid_out, plain
 from mrp_sumo.io.run_reader import load_run
@@ -146,7 +146,7 @@ def test_nothing_stays_when_the_disk_is_full(tmp_path, monkeypatch):
     out = tmp_path / "run"
     run_of_four(out, tmp_path / "x.net.xml")
     before = (out / "result.json").read_bytes()
-    monkeypatch.setattr(run_folder, "write_events", full)
+    monkeypatch.setattr(logs, "write_events", full)
     with pytest.raises(MrpSumoError, match="run: cannot be written: the disk is full"):
         run_of_four(out, tmp_path / "x.net.xml")
     assert (out / "result.json").read_bytes() == before

@@ -20,7 +20,7 @@ def test_still_is_drawn_and_the_same_again(folder, tmp_path, capsys):
 
 
 def test_a_name_is_no_formula(folder, tmp_path):
-    from mrp_sumo.io.grants import read_grants, write_grants
+    from mrp_sumo.io.logs import read_grants, write_grants
     from mrp_sumo.io.trajectory import read_trajectory, write_trajectory
 
     shutil.copytree(folder, tmp_path / "run")
