@@ -280,7 +280,7 @@ class RunFolder:
         return frame
 
     def has(self, name: str) -> bool:
-        """Whether a file is there; raises for one that the run wrote and that is lost."""
+        """True where a file is there; raises for one that the run wrote and that is lost."""
         there = (self.folder / name).is_file()
         if not there and name in self.result.get("files", ()):
             raise MrpSumoError(f"{self.folder / name}: lost, the run wrote it")
