@@ -8,10 +8,11 @@ from time import process_time
 
 import numpy as np
 
-from mrp_sumo.core.fleet import RobotType, fleet_of
+from mrp_sumo.core.fleet import fleet_of
 from mrp_sumo.core.graph import IntArray, PlanGraph, frozen, nav_graph, plan_graph
 from mrp_sumo.core.plan import PlanResult, Status, plan_of_paths
 from mrp_sumo.core.problem import Problem
+from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.planning.answers import goals_clash, unplanned
 from mrp_sumo.search.distance import UNREACHABLE, steps_to_targets
 from mrp_sumo.traffic.clashes import clashes_of

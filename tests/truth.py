@@ -8,9 +8,10 @@ from itertools import product
 import numpy as np
 from worlds import on_a_circle
 
-from mrp_sumo.core.fleet import RobotType, fleet_of
+from mrp_sumo.core.fleet import fleet_of
 from mrp_sumo.core.graph import nav_graph, plan_graph
 from mrp_sumo.core.problem import Problem
+from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.maps.grid import grid_graph
 from mrp_sumo.traffic.resources import resources_of
 

@@ -7,10 +7,11 @@ from scipy.spatial.distance import pdist
 
 from mrp_sumo.bags.writer import write_recorded_bag
 from mrp_sumo.core.execution import Event, Execution, Outcome
-from mrp_sumo.core.fleet import RobotType, fleet_of
+from mrp_sumo.core.fleet import fleet_of
 from mrp_sumo.core.graph import nav_graph, plan_graph
 from mrp_sumo.core.plan import PlanResult, Status, plan_of_paths
 from mrp_sumo.core.problem import Problem
+from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.drive.loop import simulate
 from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.engines.sumo.network import build_network

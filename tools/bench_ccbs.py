@@ -22,9 +22,10 @@ from xml.etree import ElementTree
 import bench
 import numpy as np
 
-from mrp_sumo.core.fleet import RobotType, fleet_of
+from mrp_sumo.core.fleet import fleet_of
 from mrp_sumo.core.graph import IntArray, PlanGraph, nav_graph, plan_graph
 from mrp_sumo.core.problem import Problem
+from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.planning.registry import planner
 

@@ -27,9 +27,10 @@ import bench
 import numpy as np
 from bench_execution import draw, warehouse
 
-from mrp_sumo.core.fleet import RobotType, fleet_of
+from mrp_sumo.core.fleet import fleet_of
 from mrp_sumo.core.plan import Plan, as_planned_in_steps
 from mrp_sumo.core.problem import Problem
+from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.drive.loop import simulate
 from mrp_sumo.drive.retime import retime
 from mrp_sumo.drive.settings import ENGINES, ExecutionSettings

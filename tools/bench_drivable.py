@@ -20,10 +20,11 @@ from pathlib import Path
 import bench
 import numpy as np
 
-from mrp_sumo.core.fleet import RobotType, fleet_of
+from mrp_sumo.core.fleet import fleet_of
 from mrp_sumo.core.graph import PlanGraph
 from mrp_sumo.core.plan import Status
 from mrp_sumo.core.problem import Problem
+from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.drive.motion_plan import lanes_along
 from mrp_sumo.errors import MrpSumoError, PlanError
 from mrp_sumo.maps.catalogue import bundled_maps

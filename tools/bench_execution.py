@@ -28,10 +28,11 @@ from pathlib import Path
 import bench
 import numpy as np
 
-from mrp_sumo.core.fleet import RobotType, fleet_of
+from mrp_sumo.core.fleet import fleet_of
 from mrp_sumo.core.graph import PlanGraph
 from mrp_sumo.core.plan import Plan, PlanResult
 from mrp_sumo.core.problem import Problem
+from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.drive import warm
 from mrp_sumo.drive.listeners import ProgressReport
 from mrp_sumo.drive.loop import simulate

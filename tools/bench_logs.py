@@ -18,9 +18,10 @@ import numpy as np
 
 from mrp_sumo.bags.writer import BagOptions, write_bag
 from mrp_sumo.core.execution import Event, Execution, Outcome
-from mrp_sumo.core.fleet import RobotType, fleet_of
+from mrp_sumo.core.fleet import fleet_of
 from mrp_sumo.core.graph import nav_graph, plan_graph
 from mrp_sumo.core.plan import plan_of_paths
+from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.io.record import RunRecord
 from mrp_sumo.io.trajectory import read_trajectory, write_trajectory
 from mrp_sumo.metrics.audit import audit

@@ -22,9 +22,10 @@ from statistics import mean, median
 import bench
 import numpy as np
 
-from mrp_sumo.core.fleet import RobotType, fleet_of
+from mrp_sumo.core.fleet import fleet_of
 from mrp_sumo.core.plan import Status
 from mrp_sumo.core.problem import Problem
+from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.maps.grid import grid_graph
 from mrp_sumo.maps.readers.movingai import occupancy, read_problem_file, vertices_at

@@ -22,10 +22,11 @@ import bench
 import numpy as np
 
 from mrp_sumo.core.execution import Event, Execution, Outcome
-from mrp_sumo.core.fleet import RobotType, fleet_of
+from mrp_sumo.core.fleet import fleet_of
 from mrp_sumo.core.graph import IntArray, PlanGraph
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.core.problem import Problem
+from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.formats.plan_json import write_plan
 from mrp_sumo.io.events import write_events
 from mrp_sumo.io.floor_plan import write_floor

@@ -17,7 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from mrp_sumo.core.fleet import RobotType, fleet_of
+from mrp_sumo.core.fleet import fleet_of
+from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.drive.loop import simulate
 from mrp_sumo.drive.retime import retime
 from mrp_sumo.drive.settings import ExecutionSettings

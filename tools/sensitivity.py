@@ -15,7 +15,7 @@ from statistics import mean
 from typing import Any
 
 import mrp_sumo as ms
-from mrp_sumo.core.fleet import RobotType
+from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.drive import motion_plan
 from mrp_sumo.io.scenario.robots import robot_type
 from mrp_sumo.maps.catalogue import bundled_folder

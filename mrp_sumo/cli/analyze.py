@@ -164,10 +164,13 @@ def analysed(bag: Path, config: Path | None, generation: str | None, overrides: 
     MrpSumoError
         When something is missing, in one line.
     """
+    from mrp_sumo.errors import MrpSumoError, nearest
+
+    if not bag.exists():  # said before anything large is loaded
+        raise MrpSumoError(f"{bag}: no such bag")
     import numpy as np
 
     from mrp_sumo.bags.reader import read_fleet_log
-    from mrp_sumo.errors import MrpSumoError, nearest
     from mrp_sumo.metrics.mrp_bench import execution_metrics
 
     bag = bag if bag.name else bag.resolve()  # '.'

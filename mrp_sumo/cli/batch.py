@@ -52,9 +52,6 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the batch, or say what it would do."""
-    from mrp_sumo.cli.analyze import measure_named, named_metrics
-    from mrp_sumo.experiments.archive import ARCHIVE, archive_worst
-    from mrp_sumo.experiments.batch import BROKEN, run_batch, summary
     from mrp_sumo.experiments.suite import find_suite, read_suite
     from mrp_sumo.plugins.trust import trust_everything
 
@@ -68,6 +65,10 @@ def run(options: argparse.Namespace) -> int:
     if options.trust:
         trust_everything()
     file = read_suite(find_suite(options.suite))
+    from mrp_sumo.cli.analyze import measure_named, named_metrics
+    from mrp_sumo.experiments.archive import ARCHIVE, archive_worst  # with all that runs: after the suite is known to be one
+    from mrp_sumo.experiments.batch import BROKEN, run_batch, summary
+
     folder = Path(options.out) if options.out else Path("runs") / file.name
     if options.dry_run:
         _print_plan(file, folder, workers, options)

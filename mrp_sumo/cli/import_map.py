@@ -25,7 +25,7 @@ from mrp_sumo.cli.map_choice import add_choice, chosen_map
 from mrp_sumo.errors import MapError, sentence
 
 if TYPE_CHECKING:
-    from mrp_sumo.core.fleet import RobotType
+    from mrp_sumo.core.robot_type import RobotType
     from mrp_sumo.maps.finding import MapFinding
     from mrp_sumo.maps.map import Map
 

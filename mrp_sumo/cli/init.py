@@ -51,11 +51,12 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Propose, try, write, and say what to do with it."""
-    from mrp_sumo.experiments.proposal import propose
     from mrp_sumo.maps.catalogue import find_map
-    from mrp_sumo.maps.readers.reader import map_name
 
     path = find_map(options.map, Path())
+    from mrp_sumo.experiments.proposal import propose  # with all that drives: after the map is known to be there
+    from mrp_sumo.maps.readers.reader import map_name
+
     name = folder_name(map_name(path))
     out: Path = options.out or Path(name)
     _require_free(out)

@@ -70,13 +70,14 @@ def run(options: argparse.Namespace) -> int:
 def _planned(options: argparse.Namespace) -> dict[str, Any]:
     """Plan, judge and write; what is printed."""
     from mrp_sumo.cli.plan_choice import kind_of, write
-    from mrp_sumo.core.plan import Status
 
     if options.scenario is not None and (options.scen or options.assignment):
         raise MrpSumoError("a scenario says itself who goes where: --scen and --assignment are for --map")
     scenario_choice.require_sound(options)
     kind = kind_of(options.out, options.format) if options.out else ""
     name, problem, result, verdict, cells = _scenario(options) if options.scenario is not None else _instance(options)
+    from mrp_sumo.core.plan import Status
+
     summary = _summary(problem, result, name, verdict)
     if options.out and result.plan is not None:
         write(options.out, kind, problem, result.plan, cells)
@@ -87,12 +88,12 @@ def _planned(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def _scenario(options: argparse.Namespace) -> "Planned":
-    from mrp_sumo.experiments.map_cache import MapCache
+    file = scenario_choice.chosen_scenario(options)
+    from mrp_sumo.experiments.map_cache import MapCache  # with all that plans: after the scenario is known to be one
     from mrp_sumo.experiments.solve import solve
     from mrp_sumo.experiments.staging.set_up import set_up
     from mrp_sumo.formats.peers import cells_of
 
-    file = scenario_choice.chosen_scenario(options)
     with MapCache() as maps:
         solution = solve(set_up(file, maps))
     return file.scenario.planner.name, solution.problem, solution.result, solution.verdict, cells_of(solution.problem.graph)

@@ -10,6 +10,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from mrp_sumo.cli.result_folder import result_folder
 from mrp_sumo.errors import MrpSumoError
 
 if TYPE_CHECKING:
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
 def arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `mrp-sumo reproduce`."""
     add = parser.add_argument
-    add("folder", type=Path, metavar="RUN|BATCH", help="folder of a run or a batch")
+    add("folder", type=result_folder, metavar="RUN|BATCH", help="folder of a run or a batch")
     add("--base", type=Path, default=Path(), metavar="DIR", help="where the scenario's relative paths begin (default: here)")
     add("--runs", type=int, metavar="N", help="so many runs of a batch, spread over it (default: all)")
     add("--json", action="store_true", help="print what was found as a line of JSON")
@@ -32,7 +33,7 @@ def run(options: argparse.Namespace) -> int:
 
     if options.trust:
         trust_everything()
-    folder: Path = options.folder
+    folder = options.folder = Path(options.folder)
     is_batch = (folder / "runs").is_dir() and not (folder / "result.json").exists()
     if options.runs is not None and (not is_batch or options.runs < 1):
         raise MrpSumoError(f"--runs: found {options.runs}, expected 1 or more runs of a batch")

@@ -159,11 +159,14 @@ def with_set(options: argparse.Namespace, file: "ScenarioFile") -> "ScenarioFile
     Raises
     ------
     MrpSumoError
-        One line a fault, with the option.
+        One line a fault, with the option; and for names in the scenario that are not there.
     """
+    from mrp_sumo.io.scenario.names import require_known
     from mrp_sumo.io.scenario.read import changed
 
-    return changed(file, _set(options, file))
+    chosen = changed(file, _set(options, file))
+    require_known(chosen)
+    return chosen
 
 
 def _of_instance(options: argparse.Namespace) -> "ScenarioFile":
@@ -260,7 +263,7 @@ def _named(options: argparse.Namespace) -> dict[tuple[str | int, ...], Override]
     if options.robots is not None:
         said["robots", "count"] = ("--robots", options.robots)
     if getattr(options, "robot", None) is not None:
-        said["robots", "type"] = ("--robot", _robot(options.robot))
+        said["robots", "type"] = ("--type", _robot(options.robot))
     if options.planner is not None:
         said["planner", "name"] = ("--planner", resolved(options.planner, Path()))
     if options.command:
@@ -294,13 +297,14 @@ def _set(options: argparse.Namespace, file: "ScenarioFile") -> dict[tuple[str | 
     from mrp_sumo.io.scenario.keys import unknown_key
     from mrp_sumo.io.scenario.model import SECTIONS
     from mrp_sumo.io.scenario.programs import is_plug_in
-    from mrp_sumo.planning.registry import parameter_names
     from mrp_sumo.plugins.source import resolved
 
     said: dict[tuple[str | int, ...], Override] = {}
     for key, value in pairs(options):
         option = f"--set {key}"
         if "." not in key and key not in SECTIONS:
+            from mrp_sumo.planning.registry import parameter_names  # with what planners need
+
             name = file.scenario.planner.name
             _require_parameter(key, name, parameter_names(name))
             said["planner", "parameters", key] = (option, value)

@@ -1,50 +1,12 @@
-"""Batteries: what driving and standing take from them, what charging gives, and when robots go to charge.
+"""Charging: at which levels and where, and the states of charge of a run.
 
-The model is Open-RMF's (rmf_battery): power for acceleration, braking and turning, friction and devices, at a constant voltage; charging
-at a constant current. The levels at which robots charge are those of a VDA 5050 factsheet (`batteryCharging`), as shares.
+The levels at which robots charge are those of a VDA 5050 factsheet (`batteryCharging`), as shares.
 """
 
-from dataclasses import dataclass, field
-
-import numpy as np
+from dataclasses import dataclass
 
 from mrp_sumo.core.graph import FloatArray
-from mrp_sumo.core.options import Options, meaning, option
 from mrp_sumo.core.task import Station
-
-GRAVITY_MPS2 = 9.81
-HOUR_S = 3600.0
-
-
-OF_BATTERY = {"ge": 1e-5, "le": 1e5}
-
-
-@dataclass(frozen=True)
-class Battery(Options):
-    """The battery of a type of robots, and what drains it."""
-
-    voltage_v: float = field(metadata=meaning("Nominal.", **OF_BATTERY))
-    capacity_ah: float = field(metadata=meaning("Of a full battery.", **OF_BATTERY))
-    charging_a: float = field(metadata=meaning("Current of the charger.", **OF_BATTERY))
-    mass_kg: float = field(metadata=meaning("Of the robot with its load.", **OF_BATTERY))
-    inertia_kgm2: float = field(metadata=meaning("Around the vertical axis.", ge=0, le=1e5))
-    friction: float = field(metadata=meaning("Coefficient.", ge=0, le=10))
-    device_w: float = option(0.0, "Drawn by computer and sensors all the time.", ge=0, le=1e5)
-
-    @property
-    def energy_j(self) -> float:
-        """Of a full battery."""
-        return self.voltage_v * self.capacity_ah * HOUR_S
-
-    def power_w(self, speed_mps: FloatArray, accel_mps2: FloatArray, turn_rate_rad_s: FloatArray, turn_rad_s2: FloatArray) -> FloatArray:
-        """[R] what robots draw; braking costs as much as accelerating."""
-        drives = self.mass_kg * (np.abs(accel_mps2) + self.friction * GRAVITY_MPS2) * np.abs(speed_mps)
-        power: FloatArray = drives + self.inertia_kgm2 * np.abs(turn_rad_s2 * turn_rate_rad_s) + self.device_w
-        return power
-
-    def charge_s(self, share: float) -> float:
-        """How long charging by a share of the capacity takes."""
-        return share * self.capacity_ah * HOUR_S / self.charging_a
 
 
 @dataclass(frozen=True)

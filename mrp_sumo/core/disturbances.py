@@ -5,11 +5,9 @@ a policy promises, it promises under all of them.
 """
 
 from dataclasses import dataclass, field
-
-import numpy as np
+from math import inf
 
 from mrp_sumo.core.options import Options, meaning, option
-from mrp_sumo.core.task import Task
 from mrp_sumo.errors import OptionError
 
 DURATION: dict[str, float] = {"gt": 0, "le": 1e9}
@@ -92,9 +90,6 @@ class Fire(Options):
     duration_s: float | None = option(None, FOR_GOOD, **DURATION)
 
 
-Intervention = Breakdown | ClosedLane | Task  # by somebody who watches
-
-
 @dataclass(frozen=True, kw_only=True)
 class Disturbances(Options):
     """What goes wrong, drawn with a seed. Nothing by default; the name of a set alone is short for it."""
@@ -153,4 +148,4 @@ NONE = Disturbances()
 
 def end_s(what: Breakdown | Obstacle | ClosedLane | Outage | Fire) -> float:
     """Until when something lasts; inf for good."""
-    return np.inf if what.duration_s is None else what.begin_s + what.duration_s
+    return inf if what.duration_s is None else what.begin_s + what.duration_s

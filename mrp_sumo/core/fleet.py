@@ -1,50 +1,12 @@
-"""Robots: their sizes and limits, as arrays by robot so that fleets may be mixed.
-
-Refuses sizes, speeds and accelerations that are out of bounds.
-"""
+"""Robots: their sizes and limits, as arrays by robot so that fleets may be mixed."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 
-from mrp_sumo.core.battery import Battery
 from mrp_sumo.core.graph import FloatArray, IntArray, frozen
-from mrp_sumo.core.options import Options, meaning, option
-
-OF_ROBOT = {"ge": 1e-4, "le": 1e3}  # sizes and speeds, generously
-
-
-@dataclass(frozen=True)
-class RobotShape(Options):
-    """A model of robot as a file of robots/ has it. The footprint is a rectangle around the centre, which is what drives along lanes."""
-
-    length_m: float = field(metadata=meaning("Along the lane.", **OF_ROBOT))
-    width_m: float = field(metadata=meaning("Across it.", **OF_ROBOT))
-    max_speed_mps: float = field(metadata=meaning("Top speed.", **OF_ROBOT))
-    accel_mps2: float = field(metadata=meaning("Speeding up.", **OF_ROBOT))
-    decel_mps2: float = field(metadata=meaning("Braking.", **OF_ROBOT))
-    turn_rate_rad_s: float = field(metadata=meaning("Turning in place.", **OF_ROBOT))
-    gap_m: float = option(0.1, "Kept between robots, on top of their radii.", ge=0, le=1e3)
-    source: str = option("", "Where the figures come from.")
-    battery: Battery | None = field(default=None, metadata=meaning("Without one, a robot never runs empty."))
-
-    @property
-    def radius_m(self) -> float:
-        """Of the circle around the footprint."""
-        return float(np.hypot(self.length_m, self.width_m)) / 2
-
-
-@dataclass(frozen=True, init=False)
-class RobotType(RobotShape):
-    """A model of robot with its name, which is the first argument; the others are those of `RobotShape`."""
-
-    name: str = ""
-
-    def __init__(self, name: str, *figures: Any, **more: Any) -> None:
-        object.__setattr__(self, "name", name)
-        super().__init__(*figures, **more)
+from mrp_sumo.core.robot_type import Battery, RobotType
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,39 +10,10 @@ from typing import Any
 import numpy as np
 
 from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, frozen
-from mrp_sumo.core.options import Options, option
-from mrp_sumo.errors import OptionError, PlanError
+from mrp_sumo.errors import PlanError
 
 ORDER, CHARGE = "order", "charge"  # kinds of tasks
 NOBODY = -1  # a task that no robot has been given
-
-
-@dataclass(frozen=True)
-class Cancel(Options):
-    """When orders are withdrawn that no robot has picked up."""
-
-    overdue: bool = option(False, "When they are due.")
-    after_s: float | None = option(None, "So long after their release.", gt=0)
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if not self.overdue and self.after_s is None:
-            raise OptionError("cancels nothing: give overdue: true, after_s, or both")
-
-
-@dataclass(frozen=True)
-class Retry(Options):
-    """What becomes of an order whose robot breaks down for good or runs empty with it on board; without this it fails."""
-
-    times: int = option(0, "So often it is begun anew, whole, by another robot.", ge=0, le=1000)
-    hand_over: bool = option(False, "Another robot fetches the load beside the one that is lost, and makes the other stops.")
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if not self.times and not self.hand_over:
-            raise OptionError("retries nothing: give times, or hand_over: true")
-        if self.times and self.hand_over:
-            raise OptionError("gives times and hand_over, expected one: a load that is handed over is not begun anew")
 
 
 @dataclass(frozen=True)

@@ -4,9 +4,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mrp_sumo.core.battery import Battery, BatteryLog
+from mrp_sumo.core.battery import BatteryLog
 from mrp_sumo.core.fleet import Fleet
 from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, frozen
+from mrp_sumo.core.robot_type import Battery
 
 BATTERIES = 43  # purpose of the stream of chance
 SAMPLE_S = 10.0

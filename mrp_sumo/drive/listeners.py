@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from mrp_sumo.core.disturbances import Intervention
+from mrp_sumo.core.disturbances import Breakdown, ClosedLane
 from mrp_sumo.core.execution import Event, GrantLog
 from mrp_sumo.core.graph import FloatArray, IntArray, frozen
+from mrp_sumo.core.task import Task
 from mrp_sumo.drive.ledger import Ledger
 from mrp_sumo.drive.state import Facilities
 from mrp_sumo.engines.protocol import Engine
@@ -23,6 +24,7 @@ MOST_BLOCKS = 64  # until positions are worked out
 HALF_OVER_M = 1e-9  # after the half of a ride, as driven, a robot is at the other stop
 IN_MEMORY = 16_000_000  # bytes of each of the four columns, beyond which they are on the disk
 COMPARE_EVERY_S = 10.0  # the engine's own positions are kept this often for the audit, and at the end
+Intervention = Breakdown | ClosedLane | Task  # by somebody who watches
 AtGoalReport = Callable[[float, int], None]  # simulated time in s, robots that are where their tasks end
 
 

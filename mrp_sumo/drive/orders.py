@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mrp_sumo.core.graph import frozen
+from mrp_sumo.core.order_rules import Cancel, Retry
 from mrp_sumo.core.stream import TaskList, TaskSource
 from mrp_sumo.core.task import (
     ASSIGNED,
@@ -22,8 +23,6 @@ from mrp_sumo.core.task import (
     PICKED,
     RELEASED,
     TASK_TIMES,
-    Cancel,
-    Retry,
     Stop,
     Task,
     TaskLog,

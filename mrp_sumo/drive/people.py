@@ -15,7 +15,8 @@ from mrp_sumo.core.graph import FloatArray, IntArray, PlanGraph, frozen
 from mrp_sumo.core.people import PeopleLog
 from mrp_sumo.crowd._walk import BIN_M
 from mrp_sumo.crowd.crowd import Crowd
-from mrp_sumo.crowd.model import LaneSpeeds, People, ProtectiveFields
+from mrp_sumo.crowd.model import LaneSpeeds, People
+from mrp_sumo.crowd.options import ProtectiveFields
 from mrp_sumo.crowd.state import BODY_M
 from mrp_sumo.drive import _people
 from mrp_sumo.drive.ledger import Ledger

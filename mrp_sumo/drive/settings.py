@@ -6,9 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from mrp_sumo.core.battery import Battery, Charging
+from mrp_sumo.core.battery import Charging
 from mrp_sumo.core.disturbances import NONE, ClosedLane, Disturbances
 from mrp_sumo.core.driving import Planning, RecoveryOptions
+from mrp_sumo.core.robot_type import Battery
 from mrp_sumo.core.stream import TaskSource
 from mrp_sumo.crowd.model import LaneSpeeds, People
 from mrp_sumo.drive.orders import KEPT, OrderRules

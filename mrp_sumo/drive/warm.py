@@ -4,10 +4,11 @@ from functools import cache
 
 import numpy as np
 
-from mrp_sumo.core.fleet import RobotType, fleet_of
+from mrp_sumo.core.fleet import fleet_of
 from mrp_sumo.core.graph import nav_graph, plan_graph
 from mrp_sumo.core.plan import Plan, plan_of_paths
 from mrp_sumo.core.problem import Problem
+from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.drive import _observe
 from mrp_sumo.drive.controller import Controller
 from mrp_sumo.drive.facilities import facilities_of

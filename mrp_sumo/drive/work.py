@@ -14,13 +14,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mrp_sumo.core.battery import Battery, Charging
+from mrp_sumo.core.battery import Charging
 from mrp_sumo.core.digraph import strong_components
 from mrp_sumo.core.execution import BOOKINGS, Event
 from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, frozen
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.core.request import Request, with_stops_before
 from mrp_sumo.core.robot_states import RobotStateLog
+from mrp_sumo.core.robot_type import Battery
 from mrp_sumo.core.stream import TaskSource
 from mrp_sumo.core.task import CHARGE, NOBODY, Station, Stop, StopLog, Task, TaskLog
 from mrp_sumo.core.visits import Visits

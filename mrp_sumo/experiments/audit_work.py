@@ -11,11 +11,11 @@ from mrp_sumo.core.fleet import batteries_of, fleet_of_types
 from mrp_sumo.core.graph import FloatArray, NavGraph, PlanGraph
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.experiments.result import RunResult
-from mrp_sumo.experiments.staging.choices import robot_types
 from mrp_sumo.experiments.staging.tasks import sources_on
 from mrp_sumo.io.outline import outline_of
 from mrp_sumo.io.run_reader import RunFolder
 from mrp_sumo.io.scenario.file import ScenarioFile
+from mrp_sumo.io.scenario.names import robot_types
 from mrp_sumo.io.scenario.read import scenario_of
 from mrp_sumo.metrics.operations.evidence import Logs, Terms
 

@@ -10,9 +10,9 @@ from dataclasses import dataclass, field, replace
 from queue import SimpleQueue
 from typing import Any
 
-from mrp_sumo.core.disturbances import Breakdown, Closure, Intervention
+from mrp_sumo.core.disturbances import Breakdown, Closure
 from mrp_sumo.core.stream import TaskList
-from mrp_sumo.drive.listeners import Listener
+from mrp_sumo.drive.listeners import Intervention, Listener
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.experiments.staging.lanes import closed_lanes
 from mrp_sumo.experiments.staging.set_up import SetUp

@@ -7,8 +7,8 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any, TypeVar
 
 if TYPE_CHECKING:  # loaded with the first map: workers are there at once
-    from mrp_sumo.core.fleet import RobotType
     from mrp_sumo.core.graph import PlanGraph
+    from mrp_sumo.core.robot_type import RobotType
     from mrp_sumo.io.scenario.map import Discretisation, MapChoice
     from mrp_sumo.maps.building import Building
     from mrp_sumo.maps.clearance import Narrow

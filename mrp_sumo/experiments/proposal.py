@@ -16,9 +16,9 @@ from mrp_sumo.errors import MapError, MrpSumoError
 from mrp_sumo.experiments.first_fleet import STATIONS_A_ROBOT
 from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.experiments.run import carry_out
-from mrp_sumo.experiments.staging.choices import robot_types
 from mrp_sumo.experiments.staging.set_up import SetUp, set_up
 from mrp_sumo.io.scenario.file import ScenarioFile
+from mrp_sumo.io.scenario.names import robot_types
 from mrp_sumo.io.scenario.read import scenario_of
 from mrp_sumo.io.scenario.robots import robot_type
 from mrp_sumo.maps.catalogue import bundled_folder

@@ -14,10 +14,11 @@ import numpy as np
 
 from mrp_sumo.core.battery import BatteryLog
 from mrp_sumo.core.execution import RECORDED, Event, Execution, Outcome
-from mrp_sumo.core.fleet import LIMITS, Fleet, RobotType, fleet_of_types
+from mrp_sumo.core.fleet import LIMITS, Fleet, fleet_of_types
 from mrp_sumo.core.graph import FloatArray, IntArray, NavGraph, Options, PlanGraph, frozen, nav_graph, plan_graph
 from mrp_sumo.core.plan import Plan, PlanResult, Status, plan_of_visits
 from mrp_sumo.core.problem import Problem
+from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.experiments.result import RunResult
 from mrp_sumo.experiments.solve import Solution

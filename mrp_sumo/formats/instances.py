@@ -13,9 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from mrp_sumo.core.fleet import RobotType, fleet_of
+from mrp_sumo.core.fleet import fleet_of
 from mrp_sumo.core.graph import IntArray, PlanGraph, nav_graph, plan_graph
 from mrp_sumo.core.problem import Problem
+from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.errors import MapError, PlanError, nearest
 from mrp_sumo.formats.peers import Cells, cells_of
 from mrp_sumo.maps.grid import MAX_CELLS, grid_graph

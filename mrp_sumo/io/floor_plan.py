@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import yaml
 
-from mrp_sumo.core.fleet import LIMITS, Fleet, RobotType, fleet_of_types
+from mrp_sumo.core.fleet import LIMITS, Fleet, fleet_of_types
 from mrp_sumo.core.graph import NO_OPTIONS, BoolArray, NavGraph, PlanGraph, frozen, nav_graph, plan_graph
+from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.errors import MrpSumoError, first_line
 from mrp_sumo.files.reading import read_json, require_regular
 from mrp_sumo.maps.yaml_text import parse

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mrp_sumo.core.fleet import RobotType
 from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, NavGraph, PlanGraph, frozen, with_lanes
+from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.errors import MapError
 from mrp_sumo.maps.boxes import overlapping
 from mrp_sumo.maps.building import WALL_THICKNESS_M, Building, Level

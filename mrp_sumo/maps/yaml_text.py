@@ -9,10 +9,10 @@ import gc
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import accumulate
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import yaml
 
 from mrp_sumo.errors import MapError
@@ -22,6 +22,8 @@ from mrp_sumo.maps.finding import MapFinding, RefusedMap
 MAX_BYTES = 64 * 2**20
 MAX_DEPTH = 30
 MAX_ALIASED = 100_000  # values that aliases repeat, all together
+NO_BRACKETS = bytes(set(range(256)) - set(b"[]{}"))
+BRACKETS = bytes.maketrans(b"[{]}", b"\2\2\0\0")  # one more than what they add to the depth
 
 _Loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 _CONFLICT = re.compile(r"^(?:<<<<<<<|>>>>>>>)(?: |\r?$)", re.MULTILINE)
@@ -98,10 +100,8 @@ def parse_json(text: str) -> Any:
 
 def _deepest(text: str) -> int:
     """How deep brackets are nested, those in strings counted too."""
-    data = np.frombuffer(text.encode(errors="replace"), np.uint8)
-    data = data[(data == ord("[")) | (data == ord("{")) | (data == ord("]")) | (data == ord("}"))]
-    opens = (data == ord("[")) | (data == ord("{"))
-    return int(np.cumsum(np.where(opens, 1, -1)).max(initial=0))
+    brackets = text.encode(errors="replace").translate(BRACKETS, NO_BRACKETS)
+    return max(accumulate(byte - 1 for byte in brackets), default=0)
 
 
 def line_of(text: str, keys: tuple[str | int, ...]) -> int:

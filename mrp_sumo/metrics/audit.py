@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 
 from mrp_sumo.core.execution import Execution, Outcome, positions_at
-from mrp_sumo.core.fleet import Fleet, RobotType, fleet_of
+from mrp_sumo.core.fleet import Fleet, fleet_of
 from mrp_sumo.core.graph import FloatArray, IntArray
+from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.maps.boxes import overlapping
 from mrp_sumo.metrics import _audit, _people, _walls
 from mrp_sumo.metrics.metric import TOGETHER

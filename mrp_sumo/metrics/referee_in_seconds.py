@@ -25,10 +25,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mrp_sumo.core.fleet import Fleet, RobotType, fleet_of
+from mrp_sumo.core.fleet import Fleet, fleet_of
 from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, NavGraph, nav_graph, plan_graph
 from mrp_sumo.core.plan import Plan, plan_of_paths
 from mrp_sumo.core.problem import Problem
+from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.metrics import _whereabouts as kernels
 from mrp_sumo.traffic.resources import groups_of
 

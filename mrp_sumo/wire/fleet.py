@@ -34,7 +34,6 @@ from mrp_sumo.engines.kinematic.engine import KinematicEngine
 from mrp_sumo.engines.protocol import Engine
 from mrp_sumo.engines.sumo.engine import sumo_engine
 from mrp_sumo.errors import MrpSumoError
-from mrp_sumo.experiments.staging.choices import robot_types
 from mrp_sumo.experiments.staging.set_up import SetUp
 from mrp_sumo.formats.vda.abilities import ABILITIES, FAULTS, LIMITS
 from mrp_sumo.formats.vda.inbox import receive
@@ -42,6 +41,7 @@ from mrp_sumo.formats.vda.messages import MANUFACTURER, Dialect, Json, Sender, f
 from mrp_sumo.formats.vda.order import Edge, Node
 from mrp_sumo.formats.vda.report import state_of, view_of
 from mrp_sumo.formats.vda.vehicle import FACES_RAD, Body, Vehicle
+from mrp_sumo.io.scenario.names import robot_types
 from mrp_sumo.maps.levels import shifts_of
 from mrp_sumo.search.route import shortest_route
 from mrp_sumo.traffic.resources import resources_of

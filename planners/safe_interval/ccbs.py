@@ -20,10 +20,11 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from mrp_sumo.core.fleet import RobotType, fleet_of
+from mrp_sumo.core.fleet import fleet_of
 from mrp_sumo.core.graph import nav_graph, plan_graph
 from mrp_sumo.core.plan import PlanResult, Status, plan_of_paths
 from mrp_sumo.core.problem import Problem
+from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.errors import PlanError
 from mrp_sumo.planning.answers import deadline_of, impossible, without_effort
 

@@ -17,10 +17,11 @@ import numpy as np
 import shapely
 from campaigns.driver import Trial
 
-from mrp_sumo.core.fleet import RobotType, fleet_of
+from mrp_sumo.core.fleet import fleet_of
 from mrp_sumo.core.graph import PlanGraph
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.core.problem import Problem
+from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.maps.grid import grid_graph
 from mrp_sumo.planning.registry import planner
 from mrp_sumo.traffic.referee import judge

@@ -21,9 +21,10 @@ import shapely
 from campaigns.driver import Trial
 from scipy.optimize import linprog
 
-from mrp_sumo.core.fleet import Fleet, RobotType, fleet_of
+from mrp_sumo.core.fleet import Fleet, fleet_of
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.core.problem import Problem
+from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.drive.retime import retime
 from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.errors import PlanError

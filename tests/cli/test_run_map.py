@@ -74,7 +74,7 @@ def test_robots_that_could_only_stay_where_they_are_are_refused(tmp_path, capsys
     ("arguments", "line"),
     [
         (["FILE", "--robots", "9"], "--robots: 9 robots, but 'turn' has 4 stations that reach each other"),
-        (["FILE", "--type", "amr_6000"], "--robot: 'amr_6000' is neither a robot type nor a file (did you mean 'amr_600'?)"),
+        (["FILE", "--type", "amr_6000"], "--type: 'amr_6000' is neither a robot type nor a file (did you mean 'amr_600'?)"),
         (["FILE", "--set", "robots.cuont=3"], "--set robots.cuont: unknown key"),
         (["office_5", "--meters-per-pixel", "0.1"], "--meters-per-pixel is for a map"),
         (["PIXELS"], "pixels.building.yaml: no measurement, coordinates would be pixels"),

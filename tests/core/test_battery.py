@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mrp_sumo.core.battery import Battery
+from mrp_sumo.core.robot_type import Battery
 from mrp_sumo.errors import OptionError
 
 TINY = {

@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 from mrp_sumo.core.execution import Execution, Outcome, positions_at
-from mrp_sumo.core.fleet import RobotType, fleet_of
+from mrp_sumo.core.fleet import fleet_of
 from mrp_sumo.core.graph import nav_graph, plan_graph
 from mrp_sumo.core.plan import Plan, paths_of_plan, plan_of_paths
 from mrp_sumo.core.problem import Problem
+from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.errors import MrpSumoError, PlanError
 
 ROBOT = RobotType("small", 0.3, 0.4, 1.0, 1.0, 1.0, 1.0)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mrp_sumo.core.battery import Battery
+from mrp_sumo.core.robot_type import Battery
 from mrp_sumo.drive.batteries import Batteries
 
 SMALL = Battery(10.0, 1.0, 36.0, 1.0, 0.0, 0.0, 36.0)  # 36 kJ: a thousandth a second at rest, one more to accelerate; charged in 100 s

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from golden import DATA
 
-from mrp_sumo.core.fleet import RobotType, fleet_of
+from mrp_sumo.core.fleet import fleet_of
+from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.drive.retime import retime
 from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.formats.instances import problem_of_places, read_instance

@@ -8,8 +8,8 @@ from worlds import BURGER, CART, cross, graph_of, kinds, least_distance_m, line,
 
 from mrp_sumo.core.disturbances import Breakdown, Disturbances
 from mrp_sumo.core.execution import BOOKINGS
-from mrp_sumo.core.fleet import RobotType
 from mrp_sumo.core.plan import Plan, paths_of_plan
+from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.drive.loop import simulate
 from mrp_sumo.drive.retime import retime
 from mrp_sumo.drive.settings import ExecutionSettings

@@ -12,13 +12,14 @@ import pytest
 from floors import BATTERY, driven, ring, scenario
 from worlds import BURGER, drive, line, problem_on, square_grid
 
-from mrp_sumo.core.battery import Battery
 from mrp_sumo.core.disturbances import Breakdown, Disturbances
 from mrp_sumo.core.execution import Outcome
 from mrp_sumo.core.fleet import fleet_of
+from mrp_sumo.core.order_rules import Cancel, Retry
 from mrp_sumo.core.robot_states import ROBOT_STATES
+from mrp_sumo.core.robot_type import Battery
 from mrp_sumo.core.stream import TaskList
-from mrp_sumo.core.task import Cancel, Retry, Station, Stop, Task
+from mrp_sumo.core.task import Station, Stop, Task
 from mrp_sumo.drive import rolling
 from mrp_sumo.drive.duties import LEAVING, NAMES, TO_STOP
 from mrp_sumo.drive.duties import NEXT as DUTIES

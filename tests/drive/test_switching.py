@@ -10,9 +10,10 @@ import pytest
 from worlds import BURGER, cross, drive, least_distance_m, problem_of, square_grid
 
 from mrp_sumo.core.disturbances import Breakdown, Disturbances
-from mrp_sumo.core.fleet import RobotType, fleet_of
+from mrp_sumo.core.fleet import fleet_of
 from mrp_sumo.core.plan import Plan, plan_of_paths
 from mrp_sumo.core.problem import Problem
+from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.drive.live_plan import LivePlan
 from mrp_sumo.drive.loop import simulate
 from mrp_sumo.drive.policy import Adg

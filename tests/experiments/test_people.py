@@ -2,7 +2,8 @@
 
 import pytest
 
-from mrp_sumo.crowd.model import LaneSpeeds, ProtectiveFields
+from mrp_sumo.crowd.model import LaneSpeeds
+from mrp_sumo.crowd.options import ProtectiveFields
 from mrp_sumo.errors import ScenarioError
 from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.experiments.staging.set_up import set_up

@@ -7,7 +7,7 @@ import pytest
 from wire.worlds import driven
 
 from mrp_sumo.cli.main import main
-from mrp_sumo.core.fleet import RobotType
+from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.experiments.recorded import recorded_run
 from mrp_sumo.io.run_reader import load_run
 

@@ -5,7 +5,7 @@ from dataclasses import asdict
 import pytest
 
 from mrp_sumo.core.disturbances import NAMED_DISTURBANCES, Disturbances
-from mrp_sumo.core.fleet import RobotShape
+from mrp_sumo.core.robot_type import RobotShape
 from mrp_sumo.errors import ScenarioError
 from mrp_sumo.io.columns import put
 from mrp_sumo.io.scenario.model import ScenarioModel

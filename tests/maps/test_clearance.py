@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from shapely import geometry
 
-from mrp_sumo.core.fleet import RobotType
 from mrp_sumo.core.graph import nav_graph
+from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.errors import MapError
 from mrp_sumo.maps.building import Building, Door, Level
 from mrp_sumo.maps.clearance import clearance, narrow, point_distances, pruned, segment_distances, standing_walls

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mrp_sumo.core.fleet import RobotType
+from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.errors import MapError
 from mrp_sumo.maps.clearance import narrow, standing_walls
 from mrp_sumo.maps.furniture import with_furniture

@@ -5,7 +5,8 @@ import pytest
 from shapely import affinity, geometry
 
 from mrp_sumo.core.execution import Execution, Outcome
-from mrp_sumo.core.fleet import RobotType, fleet_of
+from mrp_sumo.core.fleet import fleet_of
+from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.metrics._audit import rectangle_distance
 from mrp_sumo.metrics.audit import audit, beside_lifts
 

@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 from mrp_sumo.core.execution import Event, Execution, Outcome
-from mrp_sumo.core.fleet import RobotType, fleet_of
+from mrp_sumo.core.fleet import fleet_of
 from mrp_sumo.core.graph import nav_graph, plan_graph
 from mrp_sumo.core.plan import PlanResult, Status, plan_of_paths
 from mrp_sumo.core.problem import Problem
+from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.metrics.audit import audit
 from mrp_sumo.metrics.evaluate import evaluate
 from mrp_sumo.metrics.registry import MACHINE_DEPENDENT

@@ -5,8 +5,9 @@ import sys
 import numpy as np
 import pytest
 
-from mrp_sumo.core.fleet import RobotType, fleet_of
+from mrp_sumo.core.fleet import fleet_of
 from mrp_sumo.core.problem import Problem
+from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.maps.grid import grid_graph
 from mrp_sumo.planning.registry import planner, planner_names
 from mrp_sumo.search import distance

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from truth import crowded_problem, least_cost
 
-from mrp_sumo.core.fleet import RobotType, fleet_of
+from mrp_sumo.core.fleet import fleet_of
 from mrp_sumo.core.graph import nav_graph
 from mrp_sumo.core.problem import Problem
+from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.maps.roadmap import cut_lanes
 from mrp_sumo.search.solvable import order_broken, unsolvable
 from mrp_sumo.traffic.clashes import clashes_of

@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
-from mrp_sumo.core.fleet import RobotType, fleet_of
+from mrp_sumo.core.fleet import fleet_of
 from mrp_sumo.core.graph import nav_graph, plan_graph
 from mrp_sumo.core.plan import Plan, plan_of_paths
 from mrp_sumo.core.problem import Problem
+from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.traffic.referee import describe, judge
 
 STEP_S = 2.0

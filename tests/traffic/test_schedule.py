@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from worlds import graph_of, problem_of
 
-from mrp_sumo.core.fleet import RobotType
+from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.errors import PlanError
 from mrp_sumo.traffic.passages import Needs, order_of
 from mrp_sumo.traffic.schedule import schedule_of, waiting_cycle

@@ -8,16 +8,15 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from mrp_sumo.core.fleet import RobotShape, RobotType
+from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.drive.dispatchers import NEAREST, ONE_SHOT
 from mrp_sumo.drive.policy import policy_of
 from mrp_sumo.drive.settings import AT_ONCE, ExecutionSettings
 from mrp_sumo.errors import ScenarioError
-from mrp_sumo.io.documents import Place
 from mrp_sumo.io.scenario.file import ScenarioFile
 from mrp_sumo.io.scenario.model import ScenarioModel
+from mrp_sumo.io.scenario.names import require_known, robot_types
 from mrp_sumo.io.scenario.programs import require_trust
-from mrp_sumo.io.scenario.robots import robot_type
 from mrp_sumo.maps.catalogue import bundled_folder
 from mrp_sumo.planning.protocol import Assigner, Planner
 from mrp_sumo.planning.registry import assigner, planner, planners_that
@@ -40,6 +39,7 @@ def choices(file: ScenarioFile, *, run_programs: bool = True) -> tuple[tuple[Rob
     scenario = file.scenario
     if run_programs:
         require_trust(file)
+    require_known(file)
     for i, name in enumerate(scenario.record.metrics):
         with file.located("record", "metrics", i):
             _check_metric(name, file.folder, run_programs)
@@ -74,29 +74,12 @@ def named_files(scenario: ScenarioModel, folder: Path) -> list[Path]:
     return found
 
 
-def robot_types(file: ScenarioFile) -> tuple[RobotType, ...]:
-    """The type of each group of robots; those that are written out are told apart by their numbers."""
-    groups, found = file.scenario.robots.groups, []
-    for i, group in enumerate(groups):
-        with file.located(*type_at(file, i)):
-            model = robot_type(group.type, bundled_folder("robots"), file.folder)
-        found.append(replace(model, name=f"custom_{i}") if isinstance(group.type, RobotShape) and len(groups) > 1 else model)
-    return tuple(found)
-
-
-def type_at(file: ScenarioFile, kind: int) -> Place:
-    """Key under which a scenario says the type of its robots, or of a group of them."""
-    return ("robots", "type") if file.scenario.robots.fleet is None else ("robots", "fleet", kind, "type")
-
-
 def _check_metric(name: str, folder: Path, run_programs: bool) -> None:
-    """Refuse what is no metric; without `run_programs`, what is not there."""
-    if not run_programs:
-        find("metrics", name, folder)
-        return
-    from mrp_sumo.metrics.own import own_metric  # loads all metrics
+    """Refuse what is no metric, as far as that can be told without running it if not `run_programs`."""
+    if run_programs:
+        from mrp_sumo.metrics.own import own_metric  # loads all metrics
 
-    own_metric(name, folder)
+        own_metric(name, folder)
 
 
 def _plan_path(scenario: ScenarioModel, folder: Path) -> Path | None:
@@ -183,6 +166,4 @@ def _assigner(file: ScenarioFile) -> Assigner | None:
     if choice.parameters or (choice.mode == "optimal" and file.scenario.tasks is None):
         made: Assigner = _plug_in(file, place, "assigners", assigner, choice.solver, choice.parameters)
         return made
-    with file.located(*place):
-        find("assigners", choice.solver, file.folder)
     return None

@@ -9,8 +9,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from mrp_sumo.core.fleet import RobotType, fleet_of_types
+from mrp_sumo.core.fleet import fleet_of_types
 from mrp_sumo.core.graph import NavGraph, PlanGraph, with_lanes
+from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.io.scenario.file import ScenarioFile
 from mrp_sumo.io.scenario.map import Discretisation
 from mrp_sumo.maps.beside_lanes import beside_lanes

@@ -8,12 +8,13 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from mrp_sumo.core.fleet import RobotType, fleet_of, fleet_of_types
+from mrp_sumo.core.fleet import fleet_of, fleet_of_types
 from mrp_sumo.core.graph import BoolArray, NavGraph, PlanGraph
+from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.errors import ScenarioError
 from mrp_sumo.experiments.map_cache import MapCache
-from mrp_sumo.experiments.staging.choices import type_at
 from mrp_sumo.io.scenario.file import ScenarioFile
+from mrp_sumo.io.scenario.names import type_at
 from mrp_sumo.maps.chains import chains_of
 from mrp_sumo.maps.clearance import Narrow
 from mrp_sumo.maps.load import Map

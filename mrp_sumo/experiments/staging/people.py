@@ -8,7 +8,8 @@ import numpy as np
 from mrp_sumo.core.graph import IntArray, NavGraph, PlanGraph
 from mrp_sumo.core.stream import HOUR_S, Arrivals
 from mrp_sumo.crowd.floor import BEFORE_LIFT_M, SNAP_M, Floor, floor_of
-from mrp_sumo.crowd.model import EVERYBODY, Flow, LaneSpeeds, People, joint_places
+from mrp_sumo.crowd.model import Flow, LaneSpeeds, People, joint_places
+from mrp_sumo.crowd.options import EVERYBODY
 from mrp_sumo.errors import ScenarioError, nearest
 from mrp_sumo.io.documents import Place
 from mrp_sumo.io.scenario.file import ScenarioFile

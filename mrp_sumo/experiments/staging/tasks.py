@@ -6,9 +6,10 @@ Refuses tasks that no robot can do, places in lifts, and charging without batter
 from collections.abc import Sequence
 from dataclasses import replace
 
-from mrp_sumo.core.fleet import Fleet, RobotType, batteries_of
+from mrp_sumo.core.fleet import Fleet, batteries_of
 from mrp_sumo.core.graph import BoolArray, NavGraph, PlanGraph
 from mrp_sumo.core.problem import Problem
+from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.core.stream import TaskList, TaskSource
 from mrp_sumo.drive.orders import OrderRules
 from mrp_sumo.drive.settings import ExecutionSettings

@@ -4,7 +4,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, field_validator, model_validator
 
-from mrp_sumo.crowd.model import Group, ProtectiveFields
+from mrp_sumo.crowd.options import Group, ProtectiveFields
 from mrp_sumo.io.scenario.strict import Strict
 
 Count = Annotated[int, Field(ge=1, le=5000)]

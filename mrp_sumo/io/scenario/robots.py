@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, field_validator, model_validator
 
-from mrp_sumo.core.fleet import RobotShape, RobotType
+from mrp_sumo.core.robot_type import RobotShape, RobotType
 from mrp_sumo.errors import ScenarioError, nearest
 from mrp_sumo.files.reading import shortened
 from mrp_sumo.io.documents import read_document, validated

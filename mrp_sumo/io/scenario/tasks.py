@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from mrp_sumo.core.task import Cancel, Retry
+from mrp_sumo.core.order_rules import Cancel, Retry
 from mrp_sumo.io.scenario.strict import Strict
 
 MAX_TASKS = 1_000_000  # of a stream with an end

@@ -4,8 +4,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from mrp_sumo.core.battery import Battery
 from mrp_sumo.core.graph import FloatArray, IntArray
+from mrp_sumo.core.robot_type import Battery
 from mrp_sumo.metrics.metric import TOGETHER
 from mrp_sumo.metrics.operations.evidence import LOST, Finding, Logs
 

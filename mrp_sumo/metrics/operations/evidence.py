@@ -8,12 +8,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mrp_sumo.core.battery import Battery
 from mrp_sumo.core.execution import Execution
 from mrp_sumo.core.fleet import Fleet
 from mrp_sumo.core.graph import FloatArray, IntArray, PlanGraph
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.core.robot_states import BROKEN, EMPTY
+from mrp_sumo.core.robot_type import Battery
 from mrp_sumo.core.stream import TaskSource
 from mrp_sumo.core.task import NOBODY, StopLog, Task, TaskLog
 from mrp_sumo.metrics.metric import TOGETHER

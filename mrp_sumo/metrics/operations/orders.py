@@ -8,19 +8,7 @@ import numpy as np
 from mrp_sumo.core.execution import Outcome
 from mrp_sumo.core.robot_states import BROKEN
 from mrp_sumo.core.stream import TaskSource
-from mrp_sumo.core.task import (
-    ASSIGNED,
-    CANCELLED,
-    DONE,
-    FAILED,
-    HANDED_OVER,
-    NOBODY,
-    PICKED,
-    RELEASED,
-    TASK_STATES,
-    TASK_TIMES,
-    Task,
-)
+from mrp_sumo.core.task import ASSIGNED, CANCELLED, DONE, FAILED, HANDED_OVER, NOBODY, PICKED, RELEASED, TASK_STATES, TASK_TIMES, Task
 from mrp_sumo.metrics.operations.evidence import EPS_S, LOST, Finding, Logs
 
 REVEALED_S = 2.0  # at most until the next order of a closed loop is known

@@ -8,9 +8,9 @@ import pytest
 import yaml
 from worlds import drive
 
-from mrp_sumo.core.fleet import RobotType
 from mrp_sumo.core.graph import nav_graph, plan_graph
 from mrp_sumo.core.motion import run_profile, time_s, turn_time_s
+from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.search._motion import first_step_at, stepped_way, turn_steps
 
 DT_S = 0.1
