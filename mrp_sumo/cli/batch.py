@@ -171,34 +171,29 @@ def stoppable() -> Iterator[Callable[[], int]]:
             signal.signal(number, handler)
 
 
-class _Quiet:
-    """For a pipe: warnings, and a line now and then."""
-
-    def __init__(self) -> None:
-        self.num_runs = self.num_done = self.num_failed = 0
-        self.said = time.monotonic()
-
-    def begin(self, num_runs: int, num_done: int) -> None:
-        self.num_runs, self.num_done = num_runs, num_done
-        if num_done:
-            print(f"mrp-sumo: going on: {num_done} of {num_runs} runs done", file=sys.stderr)
-
-    def ended(self, record: dict[str, Any]) -> None:
-        self.num_done += 1
-        self.num_failed += not record["success"]
-        if time.monotonic() - self.said > SAY_EVERY_S:
-            self.said = time.monotonic()
-            self.report(f"{self.num_done} of {self.num_runs} runs done, {self.num_failed} without success")
-
-    def report(self, line: str) -> None:
-        print(f"mrp-sumo: {line}", file=sys.stderr)
-
-
 @contextmanager
 def watcher() -> "Iterator[Watcher]":
     """A progress bar on a terminal, a line now and then in a pipe."""
+    from mrp_sumo.experiments.batch import Watcher
+
+    class Quiet(Watcher):
+        said = time.monotonic()
+
+        def begin(self, num_runs: int, num_done: int) -> None:
+            super().begin(num_runs, num_done)
+            if num_done:
+                self.report(f"going on: {num_done} of {num_runs} runs done")
+
+        def report(self, line: str) -> None:
+            print(f"mrp-sumo: {line}", file=sys.stderr)
+
+        def show(self) -> None:
+            if time.monotonic() - self.said > SAY_EVERY_S:
+                self.said = time.monotonic()
+                self.report(f"{self.num_done} of {self.num_runs} runs done, {self.num_failed} without success")
+
     if not sys.stderr.isatty():
-        yield _Quiet()
+        yield Quiet()
         return
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
@@ -216,21 +211,17 @@ def watcher() -> "Iterator[Watcher]":
     with Progress(*columns, console=Console(stderr=True)) as bar:
         task = bar.add_task("", total=None, rate="", failures="")
 
-        class Shown:
-            num_ended = num_failed = 0
-
+        class Shown(Watcher):
             def begin(self, num_runs: int, num_done: int) -> None:
-                bar.update(task, total=num_runs, completed=num_done)
+                super().begin(num_runs, num_done)
                 if num_done:
                     bar.console.print(f"going on: {num_done} of {num_runs} runs done")
 
-            def ended(self, record: dict[str, Any]) -> None:
-                self.num_ended += 1
-                self.num_failed += not record["success"]
+            def show(self) -> None:
                 elapsed = bar.tasks[task].elapsed or 0.0
-                rate = f"{self.num_ended / elapsed:.1f}/s" if elapsed else ""
+                rate = f"{self.num_made / elapsed:.1f}/s" if elapsed and self.num_made else ""
                 failures = f"[yellow]{self.num_failed} without success[/]" if self.num_failed else ""
-                bar.update(task, advance=1, rate=rate, failures=failures)
+                bar.update(task, total=self.num_runs, completed=self.num_done, rate=rate, failures=failures)
 
             def report(self, line: str) -> None:
                 bar.console.print(line, style="yellow", highlight=False, markup=False)

@@ -12,13 +12,14 @@ import re
 import shlex
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from mrp_sumo.cli import scenario_choice
 from mrp_sumo.cli.batch import duration, stoppable
 from mrp_sumo.errors import BatchError, MrpSumoError
 
 if TYPE_CHECKING:
+    from mrp_sumo.experiments.batch import Watcher
     from mrp_sumo.sizing.answer import Answer
     from mrp_sumo.sizing.question import Question
     from mrp_sumo.sizing.study import Study
@@ -87,7 +88,7 @@ def run(options: argparse.Namespace) -> int:
     if options.dry_run:
         return 0
     with stoppable() as stop:
-        answer = study.run(folder, _Watcher(), workers=workers, scheduler=options.scheduler, stop=stop)
+        answer = study.run(folder, _watcher(), workers=workers, scheduler=options.scheduler, stop=stop)
     if answer is None:
         print(f"mrp-sumo: interrupted; to go on: {question.command} --out {shlex.quote(str(folder))}", file=sys.stderr)
         return 130
@@ -207,22 +208,16 @@ def _in_words(answer: "Answer", page: Path) -> str:
     return "\n".join([*lines, f"{page}"])
 
 
-class _Watcher:
+def _watcher() -> "Watcher":
     """A line on a terminal that says how far the study is; in a pipe, warnings only."""
+    from mrp_sumo.experiments.batch import Watcher
 
-    num_runs = num_done = 0
+    class StudyLine(Watcher):
+        def report(self, line: str) -> None:
+            print(f"mrp-sumo: {line}", file=sys.stderr)
 
-    def begin(self, num_runs: int, num_done: int) -> None:
-        self.num_runs, self.num_done = num_runs, num_done
-        self._show()
+        def show(self) -> None:
+            if sys.stderr.isatty():
+                print(f"\r{self.num_done} of {self.num_runs} runs, more as they are needed ", end="", file=sys.stderr, flush=True)
 
-    def ended(self, record: dict[str, Any]) -> None:
-        self.num_done += 1
-        self._show()
-
-    def report(self, line: str) -> None:
-        print(f"mrp-sumo: {line}", file=sys.stderr)
-
-    def _show(self) -> None:
-        if sys.stderr.isatty():
-            print(f"\r{self.num_done} of {self.num_runs} runs, more as they are needed ", end="", file=sys.stderr, flush=True)
+    return StudyLine()

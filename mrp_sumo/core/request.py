@@ -12,7 +12,6 @@ import numpy as np
 from mrp_sumo.core.fleet import some_of
 from mrp_sumo.core.graph import BoolArray, IntArray, frozen, with_lanes
 from mrp_sumo.core.problem import Problem
-from mrp_sumo.core.task import Task
 from mrp_sumo.errors import PlanError
 
 
@@ -44,13 +43,6 @@ class Request:
 
 
 AnyRequest = TypeVar("AnyRequest", bound=Request)
-
-
-def stops_ahead(tasks: Sequence[Sequence[Task]]) -> tuple[IntArray, IntArray]:
-    """[K + 1], [S] the stops of each robot's tasks in CSR form."""
-    stops = [[stop.vertex for task in of_robot for stop in task.stops] for of_robot in tasks]
-    first = np.cumsum([0, *map(len, stops)])
-    return frozen(first.astype(np.int64)), frozen(np.array([v for of_robot in stops for v in of_robot], np.int64))
 
 
 def next_stops(request: Request) -> Request:

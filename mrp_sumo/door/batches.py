@@ -6,10 +6,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from mrp_sumo.errors import BatchError
-from mrp_sumo.experiments.batch import BatchFolder, run_batch
+from mrp_sumo.experiments.batch import BatchFolder, Watcher, run_batch
 from mrp_sumo.experiments.batch import summary as standing
 from mrp_sumo.experiments.suite import find_suite, read_suite
 from mrp_sumo.io.results import load_results
@@ -132,23 +132,17 @@ def run_suite(
     return Batch(file.name, folder, len(made.runs), dict(made.counts()), standing(made))
 
 
-class Watching:
-    """Hands on how a batch goes, and warns of what a person should know."""
+class Watching(Watcher):
+    """Hands on how far a batch is, and warns of what a person should know."""
 
     def __init__(self, progress: Callable[[int, int], None] | None) -> None:
-        self.progress, self.num_runs, self.num_done = progress, 0, 0
-
-    def begin(self, num_runs: int, num_done: int) -> None:
-        self.num_runs, self.num_done = num_runs, num_done
-        self._report()
-
-    def ended(self, record: dict[str, Any]) -> None:
-        self.num_done += 1
-        self._report()
+        self.progress = progress
 
     def report(self, line: str) -> None:
+        """See Watcher."""
         warnings.warn(line, stacklevel=2)
 
-    def _report(self) -> None:
+    def show(self) -> None:
+        """See Watcher."""
         if self.progress:
             self.progress(self.num_done, self.num_runs)

@@ -14,7 +14,6 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Protocol
 
 from mrp_sumo.errors import BatchError, sentence
 from mrp_sumo.experiments.cluster import Cluster
@@ -45,17 +44,29 @@ LONG_DRIVE_S = 1800.0  # wall time for a drive whose limit follows from its plan
 GO_ON, FINISH, NOW = 0, 1, 2  # what `stop` asks for
 
 
-class Watcher(Protocol):
-    """Callbacks of a running batch."""
+class Watcher:
+    """Callbacks of running batches, which count their runs."""
+
+    num_runs = num_done = 0  # of the batch that is under way
+    num_made = num_failed = 0  # since the first
 
     def begin(self, num_runs: int, num_done: int) -> None:
-        """Called once, before the first run."""
+        """Called before the first run, and when more are known to be wanted."""
+        self.num_runs, self.num_done = num_runs, num_done
+        self.show()
 
     def ended(self, record: BatchRecord) -> None:
         """Called when a run has ended and is kept."""
+        self.num_done += 1
+        self.num_made += 1
+        self.num_failed += not record["success"]
+        self.show()
 
     def report(self, line: str) -> None:
         """Called with a line for the user."""
+
+    def show(self) -> None:
+        """Called when the counts have changed."""
 
 
 @dataclass

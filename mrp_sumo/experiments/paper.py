@@ -66,23 +66,6 @@ class Kinds:
     num_seeds: int  # looked at
 
 
-class _Counting:
-    """Callbacks of all batches, counted."""
-
-    def __init__(self, watcher: Watcher) -> None:
-        self._watcher, self.num_made = watcher, 0
-
-    def begin(self, num_runs: int, num_done: int) -> None:
-        self._watcher.begin(num_runs, num_done)
-
-    def ended(self, record: dict[str, Any]) -> None:
-        self.num_made += 1
-        self._watcher.ended(record)
-
-    def report(self, line: str) -> None:
-        self._watcher.report(line)
-
-
 def run_campaign(
     campaign: Campaign, watcher: Watcher, *, workers: int, suites: tuple[str, ...] = SUITES, stop: Callable[[], int] = lambda: GO_ON
 ) -> Made:
@@ -107,7 +90,6 @@ def run_campaign(
         For a folder that holds something else or was made by another version, and maps that are not there.
     """
     begin = time.monotonic()
-    counting = _Counting(watcher)
     maps = maps_in(campaign.maps) if campaign.maps else {}
     num_runs = num_broken = 0
     for name in suites:
@@ -116,12 +98,12 @@ def run_campaign(
         if name == "replicability_five":
             suite = _of_kinds(suite, kinds_of(load_results(campaign.results("paper_table_3"))))
         write_whole(path, yaml.safe_dump(suite, sort_keys=False, width=120).encode())
-        batch = run_batch(read_suite(path), campaign.results(name), counting, workers=workers, stop=stop)
+        batch = run_batch(read_suite(path), campaign.results(name), watcher, workers=workers, stop=stop)
         num_runs += len(batch.runs)
         num_broken += sum(batch.counts()[status] for status in BROKEN)
         if len(batch.status) < len(batch.runs):
-            return Made(num_runs, counting.num_made, num_broken, time.monotonic() - begin, False)
-    return Made(num_runs, counting.num_made, num_broken, time.monotonic() - begin, True)
+            return Made(num_runs, watcher.num_made, num_broken, time.monotonic() - begin, False)
+    return Made(num_runs, watcher.num_made, num_broken, time.monotonic() - begin, True)
 
 
 def maps_in(folder: Path) -> dict[str, str]:

@@ -1,4 +1,4 @@
-"""Statistics of replications: means with limits, batch means of one long run, and alternatives compared on common random numbers.
+"""Statistics of replications: means with limits, and alternatives compared on common random numbers.
 
 A replication is a run with a seed of its own; runs of two alternatives with the same seed meet the same orders, and are a pair. Law,
 "Simulation Modeling and Analysis", 5th ed., chapters 9 and 10. Rates have Wilson's limits, and several tests Holm's adjustment
@@ -12,22 +12,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mrp_sumo.experiments.statistics import Interval
-
-INDEPENDENT = 0.2  # lag-1 autocorrelation below which batches count as independent
-
-
-@dataclass(frozen=True)
-class BatchMeans:
-    """The mean of one long run."""
-
-    mean: Interval
-    lag_1: float  # autocorrelation of neighbouring batches
-    num_batches: int
-
-    @property
-    def independent(self) -> bool:
-        """True if the limits can be trusted: neighbouring batches hardly depend on each other."""
-        return abs(self.lag_1) < INDEPENDENT
 
 
 @dataclass(frozen=True)
@@ -69,26 +53,6 @@ def t_mean(values: ArrayLike, confidence: float = 0.95, resolution: float = 0.0)
     deviation = max(float(x.std(ddof=1)), resolution / 2)
     half = _quantile((1 + confidence) / 2, len(x) - 1) * deviation / math.sqrt(len(x))
     return Interval(mean, mean - half, mean + half, len(x))
-
-
-def batch_means(series: ArrayLike, num_batches: int = 20, confidence: float = 0.95) -> BatchMeans:
-    """The mean of a long steady series, from the means of equal batches; what does not fill a batch is left out at the beginning.
-
-    Parameters
-    ----------
-    series
-        [N] observations in the order of time, at least one a batch.
-    num_batches
-        20 to 30 are usual (Schmeiser, Operations Research 30, 1982).
-    """
-    x = np.asarray(series, np.float64)
-    length = len(x) // num_batches
-    if not length:
-        raise ValueError(f"{len(x)} observations are fewer than {num_batches} batches")
-    means = x[len(x) - length * num_batches :].reshape(num_batches, length).mean(1)
-    d = means - means.mean()
-    square = float((d * d).sum())
-    return BatchMeans(t_mean(means, confidence), float((d[1:] * d[:-1]).sum()) / square if square else 0.0, num_batches)
 
 
 def paired_t(first: ArrayLike, second: ArrayLike, confidence: float = 0.95, resolution: float = 0.0) -> PairedMeans:

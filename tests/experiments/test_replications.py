@@ -7,7 +7,7 @@ import pytest
 from queues import coverage, mean_wait_s, waits_s
 from scipy import stats
 
-from mrp_sumo.experiments.replications import batch_means, paired_t, t_mean
+from mrp_sumo.experiments.replications import paired_t, t_mean
 
 
 def test_limits_are_students():
@@ -41,14 +41,6 @@ def test_erlangs_formula_is_within_the_limits_of_replications():
     limits = t_mean(runs)
     assert limits.low <= mean_wait_s(2.4, 1.0, 3) <= limits.high
     assert limits.high - limits.low < 0.5 * limits.value
-
-
-def test_long_batches_are_independent_and_short_ones_are_not():
-    waits = waits_s(np.random.default_rng(2), 1, 60_000, 1.4, 1.0, 2)[0]
-    long, short = batch_means(waits, 20), batch_means(waits[:2000], 200)
-    assert long.independent
-    assert long.mean.low <= mean_wait_s(1.4, 1.0, 2) <= long.mean.high
-    assert not short.independent
 
 
 def test_limits_cover_the_truth_as_often_as_they_say():

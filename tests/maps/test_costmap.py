@@ -4,7 +4,8 @@ import pytest
 
 from mrp_sumo.errors import MapError
 from mrp_sumo.maps.costmap import costmap
-from mrp_sumo.maps.readers.rmf.building_yaml import read_building
+from mrp_sumo.maps.readers.rmf.building_yaml import building_of
+from mrp_sumo.maps.yaml_text import parse, read_text
 
 WALL = """
 name: room
@@ -20,7 +21,8 @@ levels:
 def building(tmp_path):
     path = tmp_path / "room.building.yaml"
     path.write_text(WALL)
-    return read_building(path)
+    text = read_text(path)
+    return building_of(parse(text), text)
 
 
 def test_a_wall_is_ten_centimetres_thick(building):

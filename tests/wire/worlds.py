@@ -13,7 +13,7 @@ from mrp_sumo.experiments.staging.set_up import set_up
 from mrp_sumo.formats.vda.messages import Dialect, Sender, action, node
 from mrp_sumo.io.scenario.read import read_scenario
 from mrp_sumo.wire.fleet import Reporting, VirtualFleet
-from mrp_sumo.wire.link import loopback
+from mrp_sumo.wire.link import Received
 
 # a corridor with a way round
 LANES = """from,to,from_x_m,from_y_m,to_x_m,to_y_m,both_ways
@@ -99,6 +99,28 @@ class Master:
         """Where a vehicle says that it is."""
         place = self.states[serial][self.dialect.place_key]
         return round(place["x"], 1), round(place["y"], 1)
+
+
+class Loopback:
+    """One of two ends of a link within a process."""
+
+    def __init__(self):
+        self.inbox, self.other = [], None
+
+    def publish(self, serial, kind, payload):
+        self.other.inbox.append(Received(serial, kind, payload))
+
+    def receive(self, wait_s):
+        messages, self.inbox = self.inbox, []
+        return messages
+
+    def close(self): ...
+
+
+def loopback():
+    one, other = Loopback(), Loopback()
+    one.other, other.other = other, one
+    return one, other
 
 
 @contextmanager

@@ -20,6 +20,8 @@ NUMBER, INT, TEXT, FLAG, LIST, OBJECT = (int, float), int, str, bool, list, dict
 HEADER = {"headerId": int, "timestamp": TEXT, "version": TEXT, "manufacturer": TEXT, "serialNumber": TEXT}
 NODE = {"nodeId": TEXT, "sequenceId": int, "released": FLAG, "actions": LIST}
 EDGE = {"edgeId": TEXT, "sequenceId": int, "released": FLAG, "actions": LIST}
+ENDS = {"startNodeId": TEXT, "endNodeId": TEXT}  # of edges of 2.x
+ACTION = {"actionType": TEXT, "actionId": TEXT, "blockingType": TEXT}
 STATE = {
     **{"orderId": TEXT, "orderUpdateId": int, "lastNodeId": TEXT, "lastNodeSequenceId": int, "nodeStates": LIST, "edgeStates": LIST},
     **{"driving": FLAG, "actionStates": LIST, "operatingMode": TEXT, "errors": LIST, "safetyState": OBJECT},
@@ -238,7 +240,7 @@ class _Message:
 
     def _instantActions(self) -> Iterator[str]:
         for i, action in enumerate(self.payload["actions"]):
-            wrong = list(members(action, {"actionType": TEXT, "actionId": TEXT, "blockingType": TEXT}, f"actions[{i}]"))
+            wrong = list(members(action, ACTION, f"actions[{i}]"))
             yield from wrong
             if not wrong:
                 if action["actionId"] in self.vehicle.instant:
@@ -247,52 +249,20 @@ class _Message:
 
     def _order(self) -> Iterator[str]:
         nodes, edges = self.payload["nodes"], self.payload["edges"]
-        ends = {"startNodeId": TEXT, "endNodeId": TEXT} if self.rules == "2" else {}
+        ends = ENDS if self.rules == "2" else {}
         wrong = [
             text
             for what, items, needed in (("node", nodes, NODE), ("edge", edges, EDGE | ends))
             for i, one in enumerate(items)
             for text in members(one, needed, f"{what}s[{i}]", ALLOWED[self.rules][what])
         ]
-        if not nodes:
-            wrong.append("nodes: an order has one at least")
-        elif len(edges) != len(nodes) - 1:
-            wrong.append(f"{len(edges)} edges, expected {len(nodes) - 1} for {len(nodes)} nodes")
         yield from wrong
-        if wrong:
+        if not wrong:
+            yield from disorder(nodes, edges, has_ends=self.rules == "2")
+        if wrong or len(edges) != len(nodes) - 1:
             return
-        yield from self._sequence(nodes, edges)
-        yield from self._released(nodes, edges)
-        if self.rules == "2":
-            for i, edge in enumerate(edges):
-                for key, of in (("startNodeId", nodes[i]), ("endNodeId", nodes[i + 1])):
-                    if edge[key] != of["nodeId"]:
-                        yield f"edges[{i}].{key} '{edge[key][:WORDS]}', but the node there is '{of['nodeId'][:WORDS]}'"
         yield from self._succession(nodes)
         yield from self._kept(nodes, edges)
-
-    def _sequence(self, nodes: list[Any], edges: list[Any]) -> Iterator[str]:
-        first = nodes[0]["sequenceId"]
-        if first % 2:
-            yield f"nodes[0].sequenceId is {first}, expected an even number"
-        for what, items, begin in (("nodes", nodes, first), ("edges", edges, first + 1)):
-            for i, one in enumerate(items):
-                if one["sequenceId"] != begin + 2 * i:
-                    yield f"{what}[{i}].sequenceId is {one['sequenceId']}, expected {begin + 2 * i}"
-                    break
-
-    def _released(self, nodes: list[Any], edges: list[Any]) -> Iterator[str]:
-        flags = [n["released"] for n in nodes]
-        if not flags[0]:
-            yield "nodes[0].released is false: an order begins in its base"
-        for i in range(1, len(nodes)):
-            if flags[i] and not flags[i - 1]:
-                yield f"nodes[{i}].released is true behind one that is not: the base is what comes first"
-                break
-        for i, edge in enumerate(edges):
-            if edge["released"] != (flags[i] and flags[i + 1]):
-                yield f"edges[{i}].released is {str(edge['released']).lower()}, though its nodes say otherwise"
-                break
 
     def _succession(self, nodes: list[Any]) -> Iterator[str]:
         """How an order follows the one before."""
@@ -328,7 +298,7 @@ class _Message:
         for one in both:
             place = (vehicle.order_id, one["sequenceId"])
             for action in one["actions"]:
-                wrong = list(members(action, {"actionType": TEXT, "actionId": TEXT, "blockingType": TEXT}, "actions"))
+                wrong = list(members(action, ACTION, "actions"))
                 yield from wrong
                 if not wrong and vehicle.actions.setdefault(action["actionId"], place) != place:
                     yield f"actionId '{action['actionId'][:WORDS]}' was used before"
@@ -466,6 +436,41 @@ def seconds_of(stamp: object) -> float | None:
         return datetime.fromisoformat(stamp).timestamp()
     except ValueError:
         return None
+
+
+def disorder(nodes: list[Any], edges: list[Any], *, has_ends: bool) -> Iterator[str]:
+    """Faults in how nodes and edges of an order follow each other, and in its base; `has_ends` where edges name their nodes."""
+    if not nodes:
+        yield "nodes: an order has one at least"
+        return
+    if len(edges) != len(nodes) - 1:
+        yield f"{len(edges)} edges, expected {len(nodes) - 1} for {len(nodes)} nodes"
+        return
+    first, released = nodes[0]["sequenceId"], [node["released"] for node in nodes]
+    if first % 2:
+        yield f"nodes[0].sequenceId is {first}, expected an even number"
+    for what, items, begin in (("nodes", nodes, first), ("edges", edges, first + 1)):
+        for i, one in enumerate(items):
+            if one["sequenceId"] != begin + 2 * i:
+                yield f"{what}[{i}].sequenceId is {one['sequenceId']}, expected {begin + 2 * i}"
+                break
+    if not released[0]:
+        yield "nodes[0].released is false: an order begins in its base"
+    behind = [i for i in range(1, len(nodes)) if released[i] and not released[i - 1]]
+    if behind:
+        yield f"nodes[{behind[0]}].released is true behind one that is not: the base is what comes first"
+    yield from _disorder_of_edges(nodes, edges, released, has_ends)
+
+
+def _disorder_of_edges(nodes: list[Any], edges: list[Any], released: list[bool], has_ends: bool) -> Iterator[str]:
+    for i, edge in enumerate(edges):
+        if edge["released"] != (released[i] and released[i + 1]):
+            yield f"edges[{i}].released is {str(edge['released']).lower()}, though its nodes say otherwise"
+            break
+    for i, edge in enumerate(edges if has_ends else ()):
+        for key, node in (("startNodeId", nodes[i]), ("endNodeId", nodes[i + 1])):
+            if edge[key] != node["nodeId"]:
+                yield f"edges[{i}].{key} is '{edge[key][:WORDS]}', but the node there is '{node['nodeId'][:WORDS]}'"
 
 
 def members(document: Any, needed: Mapping[str, Any], at: str, allowed: tuple[str, ...] | None = None) -> Iterator[str]:

@@ -9,7 +9,23 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from mrp_sumo.files.reading import json_value
-from mrp_sumo.formats.vda.check import EDGE, FLAG, HEADER, LARGEST_NUMBER, LIST, NODE, NUMBER, OBJECT, STAMP, TEXT, WORDS, members
+from mrp_sumo.formats.vda.check import (
+    ACTION,
+    EDGE,
+    ENDS,
+    FLAG,
+    HEADER,
+    LARGEST_NUMBER,
+    LIST,
+    NODE,
+    NUMBER,
+    OBJECT,
+    STAMP,
+    TEXT,
+    WORDS,
+    disorder,
+    members,
+)
 from mrp_sumo.formats.vda.errors import MALFORMED, TOO_LARGE, RefusalError
 from mrp_sumo.formats.vda.messages import Dialect, Json
 
@@ -20,7 +36,6 @@ MOST_ACTIONS = 100  # of a node, an edge, or a message of instant actions
 MOST_PARAMETERS = 50
 LARGEST = 2**32  # of numbers
 BLOCKING = (("NONE", "SOFT", "HARD"), ("NONE", "SINGLE", "SOFT", "HARD"))  # in 2.x, and in 3.0
-ACTION = {"actionType": TEXT, "actionId": TEXT, "blockingType": TEXT}
 OPTIONAL: dict[str, dict[str, Any]] = {  # members that may be there, with their types
     "node": {"nodePosition": OBJECT, "nodeDescription": TEXT, "nodeDescriptor": TEXT},
     "edge": {
@@ -181,8 +196,14 @@ def check_sequence(order: Order) -> None:
     RefusalError
         With the JSON path.
     """
-    for text in _disorder(order):
+    has_ends = any(edge.ends for edge in order.edges)
+    for text in disorder(order.document["nodes"], order.document["edges"], has_ends=has_ends):
         raise RefusalError(MALFORMED, text, order.references)
+    both: list[Node | Edge] = [*order.nodes, *order.edges]
+    names = [action.name for one in both for action in one.actions]
+    if len(set(names)) != len(names):
+        twice = next(name for k, name in enumerate(names) if name in names[:k])
+        raise RefusalError(MALFORMED, f"actionId '{twice[:WORDS]}' is there twice", order.references)
 
 
 def read_actions(document: Json, dialect: Dialect) -> list[Action]:
@@ -195,44 +216,6 @@ def read_actions(document: Json, dialect: Dialect) -> list[Action]:
     """
     _require(document, {"actions": LIST}, "")
     return list(_actions(document["actions"], "actions", dialect))
-
-
-def _disorder(order: Order) -> Iterator[str]:
-    nodes, edges = order.nodes, order.edges
-    if not nodes:
-        yield "nodes: an order has one at least"
-        return
-    if len(edges) != len(nodes) - 1:
-        yield f"edges: {len(edges)}, expected {len(nodes) - 1} for {len(nodes)} nodes"
-        return
-    begin = nodes[0].sequence
-    if begin % 2:
-        yield f"nodes[0].sequenceId is {begin}, expected an even number"
-    for i, node in enumerate(nodes):
-        if node.sequence != begin + 2 * i:
-            yield f"nodes[{i}].sequenceId is {node.sequence}, expected {begin + 2 * i}"
-        if node.released and i and not nodes[i - 1].released:
-            yield f"nodes[{i}].released is true behind one that is not: the base is what comes first"
-    if not nodes[0].released:
-        yield "nodes[0].released is false: an order begins in its base"
-    yield from _disorder_of_edges(order)
-    both: list[Node | Edge] = [*nodes, *edges]
-    names = [action.name for one in both for action in one.actions]
-    if len(set(names)) != len(names):
-        twice = next(name for k, name in enumerate(names) if name in names[:k])
-        yield f"actionId '{twice[:WORDS]}' is there twice"
-
-
-def _disorder_of_edges(order: Order) -> Iterator[str]:
-    nodes, begin = order.nodes, order.nodes[0].sequence
-    for i, edge in enumerate(order.edges):
-        if edge.sequence != begin + 2 * i + 1:
-            yield f"edges[{i}].sequenceId is {edge.sequence}, expected {begin + 2 * i + 1}"
-        if edge.released != nodes[i + 1].released:
-            yield f"edges[{i}].released is {str(edge.released).lower()}, though its nodes say otherwise"
-        for key, name, end in zip(("startNodeId", "endNodeId"), edge.ends or (), (nodes[i].name, nodes[i + 1].name)):
-            if name != end:
-                yield f"edges[{i}].{key} is '{name[:WORDS]}', but the node there is '{end[:WORDS]}'"
 
 
 def _node(one: Any, at: str, dialect: Dialect) -> Node:
@@ -266,8 +249,7 @@ def _deviation(position: Json, at: str, dialect: Dialect) -> float:
 
 
 def _edge(one: Any, at: str, dialect: Dialect) -> Edge:
-    ends = {} if dialect.is_new else {"startNodeId": TEXT, "endNodeId": TEXT}
-    _require(one, EDGE | ends, at, OPTIONAL["edge"])
+    _require(one, EDGE if dialect.is_new else EDGE | ENDS, at, OPTIONAL["edge"])
     _require_id(one["edgeId"], f"{at}.edgeId")
     _within(one, {"orientation": (-PI, PI)}, at)
     _says(one, at, dialect)

@@ -24,7 +24,6 @@ from mrp_sumo.maps.readers.reader import MapFile, Selection, refuse_choice
 LEVEL = "L1"
 OFF_END_M = 0.05  # a drawn line that begins further from its vertex is not followed
 LANE_KEYS = ("kind", "tail", "head", "is_bidirectional", "length_m", "speed_mps")
-NAV2_KEYS = ("id", "startid", "endid", "frame", "metadata", "cost", "overridable", "operations")
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,6 @@ broken), scales that cannot be computed. What Open-RMF would accept although no 
 
 import math
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -22,7 +21,7 @@ from mrp_sumo.maps.building import Building, Lift, Model
 from mrp_sumo.maps.finding import MapFinding, Notes, RefusedMap
 from mrp_sumo.maps.readers.rmf.level import LevelDraft, LevelReader, draft_of, shown
 from mrp_sumo.maps.readers.rmf.placement import Placement, georeference, origin_of, placements_of, project
-from mrp_sumo.maps.yaml_text import Text, parse, read_text
+from mrp_sumo.maps.yaml_text import Text
 
 HUMAN_GRAPH = 9
 SYSTEMS = ("reference_image", "cartesian_meters", "wgs84", "web_mercator")
@@ -35,27 +34,14 @@ def is_building(document: Any) -> bool:
     )
 
 
-def read_building(path: Path, meters_per_pixel: float | None = None) -> Building:
-    """Read a building file.
-
-    Parameters
-    ----------
-    path
-        The file.
-    meters_per_pixel
-        Scale of the reference level's drawing, instead of its measurements.
+def building_of(document: Any, source: Text, meters_per_pixel: float | None = None) -> Building:
+    """The building of a parsed document; `meters_per_pixel` is the scale of the reference level's drawing, instead of its measurements.
 
     Raises
     ------
     MapError
         As the module refuses, with line, level and index. Findings of severity `refuse` do not raise here.
     """
-    source = read_text(path)
-    return building_of(parse(source), source, meters_per_pixel)
-
-
-def building_of(document: Any, source: Text, meters_per_pixel: float | None = None) -> Building:
-    """The building of a parsed document; see `read_building`."""
     name, system, reference, documents = _header(document, source, meters_per_pixel)
     reader = LevelReader(source, Notes())
     parameters = reader.options(document.get("parameters"), "parameters", ("parameters",))

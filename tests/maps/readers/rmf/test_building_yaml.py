@@ -11,8 +11,9 @@ from mrp_sumo.maps.check import findings_of
 from mrp_sumo.maps.lifts import travel_s
 from mrp_sumo.maps.load import load_map
 from mrp_sumo.maps.readers.nav_graph import graph_of_document
-from mrp_sumo.maps.readers.rmf.building_yaml import read_building
+from mrp_sumo.maps.readers.rmf.building_yaml import building_of
 from mrp_sumo.maps.readers.rmf.generated_graph import nav_graph_documents
+from mrp_sumo.maps.yaml_text import parse, read_text
 
 NAMES = [file.relative_to(MAPS).as_posix() for file in sorted(MAPS.rglob("*.building.yaml"))]
 
@@ -74,10 +75,15 @@ lifts:
 """
 
 
+def built(path, meters_per_pixel=None):
+    text = read_text(path)
+    return building_of(parse(text), text, meters_per_pixel)
+
+
 def building(tmp_path, text=TINY, **keys):
     path = tmp_path / "tiny.building.yaml"
     path.write_text(text)
-    return read_building(path, **keys)
+    return built(path, **keys)
 
 
 def refusal(tmp_path, old, new, text=TINY):
@@ -101,7 +107,7 @@ def test_nav_graphs_equal_the_reference(name):
         with pytest.raises(MapError):
             load_map(file)
         return
-    found = nav_graph_documents(read_building(file))
+    found = nav_graph_documents(built(file))
     assert set(found) == set(references)
     for graph, reference in references.items():
         document = found[graph]
