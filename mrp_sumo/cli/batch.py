@@ -2,22 +2,21 @@
 
 Started again with the same suite and folder, it goes on where it was. Ctrl-C ends it after the runs under
 way, a second Ctrl-C at once. Exit code 0 when every run has a result, 1 when some crashed, took too much or
-cannot be run, or --keep-worst kept none, 2 for bad input, 130 when it was interrupted.
+cannot be run, or --keep-worst kept none, 2 for bad input, 130 or 143 when it was interrupted by Ctrl-C or SIGTERM.
 """
 
 import argparse
 import json
 import os
 import shlex
-import signal
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from types import FrameType
 from typing import TYPE_CHECKING, Any
 
+from mrp_sumo.cli.ending import stoppable
 from mrp_sumo.errors import BatchError
 
 if TYPE_CHECKING:
@@ -96,7 +95,7 @@ def run(options: argparse.Namespace) -> int:
                 shown.report(f"the worst {'run is' if num_kept == 1 else f'{num_kept} runs are'} kept in {folder / ARCHIVE}")
     if len(batch.status) < len(batch.runs):
         print(f"mrp-sumo: interrupted: {summary(batch)}; to go on: {shlex.join(options.command_line)}", file=sys.stderr)
-        return 130
+        return stop.exit_code
     if options.json:
         print(json.dumps({"suite": file.name, "folder": str(folder), "runs": len(batch.runs), "statuses": dict(batch.counts())}))
     else:
@@ -150,25 +149,6 @@ def duration(seconds: float) -> str:
     if seconds < 90:
         return f"{seconds:.0f} s"
     return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
-
-
-@contextmanager
-def stoppable() -> Iterator[Callable[[], int]]:
-    """Ctrl-C or SIGTERM once: finish what runs; twice: stop now."""
-    num_interrupts = 0
-
-    def ask(number: int, frame: FrameType | None) -> None:
-        nonlocal num_interrupts
-        num_interrupts += 1
-        if num_interrupts == 1:
-            print("\nmrp-sumo: ending after the runs under way; once more to stop now", file=sys.stderr)
-
-    before = {number: signal.signal(number, ask) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield lambda: min(num_interrupts, 2)
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
 
 
 @contextmanager

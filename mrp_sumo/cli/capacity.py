@@ -2,7 +2,7 @@
 
 The study chooses its own runs and says beforehand how long it takes. Started again with the same question and folder, it goes on where it
 was; Ctrl-C ends it after the runs under way. The same question has the same answer, however often it was interrupted. Exit code 0 with an
-answer, 2 for bad input, 130 when it was interrupted.
+answer, 2 for bad input, 130 or 143 when it was interrupted.
 """
 
 import argparse
@@ -15,7 +15,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mrp_sumo.cli import scenario_choice
-from mrp_sumo.cli.batch import duration, stoppable
+from mrp_sumo.cli.batch import duration
+from mrp_sumo.cli.ending import stoppable
 from mrp_sumo.errors import BatchError, MrpSumoError
 
 if TYPE_CHECKING:
@@ -91,7 +92,7 @@ def run(options: argparse.Namespace) -> int:
         answer = study.run(folder, _watcher(), workers=workers, scheduler=options.scheduler, stop=stop)
     if answer is None:
         print(f"mrp-sumo: interrupted; to go on: {question.command} --out {shlex.quote(str(folder))}", file=sys.stderr)
-        return 130
+        return stop.exit_code
     from mrp_sumo.reports.capacity.page import write_capacity_page
     from mrp_sumo.sizing.replays import keep
 

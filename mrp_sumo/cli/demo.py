@@ -5,6 +5,7 @@ Everything is made on this machine as `run`, `replay`, `render`, `batch` and `re
 
 import argparse
 import json
+import shlex
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -26,7 +27,8 @@ def run(options: argparse.Namespace) -> int:
     """Make it, and open the page."""
     import webbrowser
 
-    from mrp_sumo.cli.batch import stoppable, watcher
+    from mrp_sumo.cli.batch import watcher
+    from mrp_sumo.cli.ending import stoppable
     from mrp_sumo.experiments.batch import run_batch
     from mrp_sumo.experiments.suite import read_suite
     from mrp_sumo.reports.replay.page import write_page
@@ -47,6 +49,9 @@ def run(options: argparse.Namespace) -> int:
     _say(f"\ntwo planners on the same draws\n  $ mrp-sumo batch {suite} --out {out / 'planners'}", options)
     with stoppable() as stop, watcher() as shown:
         batch = run_batch(read_suite(suite), out / "planners", shown, workers=2, stop=stop)
+    if len(batch.status) < len(batch.runs):
+        print(f"mrp-sumo: interrupted; to go on: {shlex.join(options.command_line)}", file=sys.stderr)
+        return stop.exit_code
     _say(f"\nwho is better, and is it certain?\n  $ mrp-sumo report {out / 'planners'}", options)
     write_report(out / "planners", None)
     done = warehouse.metrics

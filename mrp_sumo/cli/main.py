@@ -1,6 +1,6 @@
 """The command `mrp-sumo`: finds the subcommand's module, turns expected failures into one line and an exit code.
 
-0: done. 1: the run finished without all robots at their goals, or a check failed. 2: bad input.
+0: done. 1: the run finished without all robots at their goals, or a check failed. 2: bad input. 130: Ctrl-C. 143: SIGTERM.
 A subcommand is a module of this folder with `arguments(parser)` and `run(options) -> exit code`; `options.command_line` are its words.
 """
 
@@ -10,16 +10,15 @@ import errno
 import gc
 import os
 import re
-import signal
 import sys
 from collections.abc import Callable, Sequence
 from functools import partial
 from importlib import import_module
 from pathlib import Path
-from types import FrameType
 from typing import Any, NoReturn
 
 from mrp_sumo import __version__
+from mrp_sumo.cli.ending import exit_code, heed_signals, without_loss
 from mrp_sumo.core.children import leave_current_folder
 from mrp_sumo.errors import MrpSumoError, PlugInError, nearest, sentence
 
@@ -52,7 +51,6 @@ COMMANDS = {  # subcommand -> (module, help): help stays here so that --help imp
     "schema": ("mrp_sumo.cli.schema", "print the JSON schema of scenario files"),
 }
 SLOW = ("run", "init", "plan", "capacity", "batch", "reproduce", "paper", "report", "demo", "vda5050")  # to start, for their libraries
-ENDED = "ended by SIGTERM"
 MOST = 2**63  # of whole numbers; no number of anything is as large
 OBEYED = re.compile("\x1b(?!\\[[0-9;]*m)|[\x00-\x08\x0b\x0c\x0e-\x1a\x1c-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]")
 COLLECT = (100_000, 20, 100)  # rarely: loading libraries makes many objects and no garbage
@@ -100,7 +98,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit code."""
     gc.set_threshold(*COLLECT)
     try:
-        return _dispatch(_of_the_process() if arguments is None else list(arguments))
+        return without_loss(lambda: _dispatch(_of_the_process() if arguments is None else list(arguments)))
     except PlugInError as error:
         print(f"mrp-sumo: {error}", file=sys.stderr)
         return 1
@@ -110,7 +108,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 2
     except KeyboardInterrupt as error:
         print(f"mrp-sumo: {str(error) or 'interrupted'}", file=sys.stderr)
-        return 143 if str(error) == ENDED else 130
+        return exit_code(error)
     except MemoryError:
         print("mrp-sumo: out of memory: there are too many robots, orders or cells for this machine", file=sys.stderr)
         return 1
@@ -137,15 +135,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _of_the_process() -> list[str]:
     """The arguments of this process, which ends with the command: it need not look for garbage then in all that it has loaded."""
     leave_current_folder()
-    signal.signal(signal.SIGTERM, _end)
+    heed_signals()
     setattr(sys.stdout, "write", partial(_write, sys.stdout.write))  # noqa: B010  mypy knows it as a method
     atexit.register(_keep_garbage)
     return sys.argv[1:]
-
-
-def _end(number: int, frame: FrameType | None) -> None:
-    """End as Ctrl-C does: what is under way is kept or removed, temporary files go."""
-    raise KeyboardInterrupt(ENDED)
 
 
 def _write(write: Callable[[str], int], text: str) -> int:

@@ -2,7 +2,7 @@
 
 DIR gets paper.json, index.html, figures/ as SVG and PNG, tables/ as CSV, Markdown and LaTeX, and results/ with the runs. Started again,
 it goes on where it was. Exit code 0 when every run has a result, 1 when some crashed, took too much or cannot be run, 2 for bad input,
-130 when it was interrupted.
+130 or 143 when it was interrupted.
 """
 
 import argparse
@@ -12,7 +12,8 @@ import shlex
 import sys
 from pathlib import Path
 
-from mrp_sumo.cli.batch import stoppable, watcher
+from mrp_sumo.cli.batch import watcher
+from mrp_sumo.cli.ending import stoppable
 from mrp_sumo.errors import MrpSumoError
 
 
@@ -40,7 +41,7 @@ def run(options: argparse.Namespace) -> int:
         made = run_campaign(campaign, shown, workers=workers, stop=stop)
     if not made.finished:
         print(f"mrp-sumo: interrupted; to go on: {_command(options)}", file=sys.stderr)
-        return 130
+        return stop.exit_code
     comparison = compare_with_paper(campaign)
     page = write_paper(campaign, comparison, made)
     agree = sum(bool(row.agrees) for row in comparison.compared)

@@ -163,7 +163,8 @@ def test_worst_runs_are_kept_and_linked_in_the_report(study, capsys):
 
 
 @pytest.mark.slow
-def test_interrupted_batch_finishes_what_runs_and_says_how_to_go_on(study, tmp_path):
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_interrupted_batch_finishes_what_runs_and_says_how_to_go_on(study, tmp_path, number, code):
     (tmp_path / "long.yaml").write_text(SUITE.replace("name: study", "name: long").replace("3000..3002", "3000..3400"))
     command = [
         sys.executable,
@@ -176,16 +177,16 @@ def test_interrupted_batch_finishes_what_runs_and_says_how_to_go_on(study, tmp_p
         "--workers",
         "1",
     ]
-    code = "import sys; from mrp_sumo.cli.main import main; sys.exit(main(sys.argv[1:]))"
+    program = "import sys; from mrp_sumo.cli.main import main; sys.exit(main(sys.argv[1:]))"
     process = subprocess.Popen(
-        [command[0], "-c", code, *command[3:]], stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=os.environ
+        [command[0], "-c", program, *command[3:]], stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=os.environ
     )
     deadline = time.monotonic() + 60
     while len(list((tmp_path / "out").glob("runs/*/*.json"))) < 2 and time.monotonic() < deadline:
         time.sleep(0.02)
-    process.send_signal(signal.SIGINT)
+    process.send_signal(number)
     told = process.communicate(timeout=60)[1]
-    assert process.returncode == 130
+    assert process.returncode == code
     assert "ending after the runs under way" in told
     assert f"to go on: mrp-sumo batch {tmp_path / 'long.yaml'} --out {tmp_path / 'out'}" in told
     assert len(mrp_sumo.load_results(tmp_path / "out")) >= 2
