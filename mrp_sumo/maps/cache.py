@@ -1,7 +1,8 @@
 """What maps and networks cost to make is kept in the user's cache folder, by content: the same bytes in, the same thing out.
 
-The folder is `$XDG_CACHE_HOME/mrp-sumo` or `~/.cache/mrp-sumo`; it may be deleted at any time. Entries are
-used only if they belong to the user; without a folder to write to, nothing is kept, silently.
+The folder is `$XDG_CACHE_HOME/mrp-sumo` or `~/.cache/mrp-sumo`; it may be deleted at any time. Reading a pickle runs what it says, so
+the same holds as for stored kernels: only a folder that nobody else can write to is used, entries are the user's own and begin with their
+checksum, and the least recently used go first. Without such a folder nothing is kept, silently.
 """
 
 import contextlib
@@ -10,6 +11,7 @@ import hashlib
 import os
 import pickle
 import tempfile
+import zlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
@@ -18,7 +20,8 @@ from mrp_sumo import __version__
 
 T = TypeVar("T")
 
-MAX_BYTES = 2**30  # the least recently used entries go first
+MAX_BYTES = 2**28  # of all entries
+CHECKSUM_BYTES = 4
 
 
 def remembered(kind: str, content: bytes, make: Callable[[], T]) -> T:
@@ -33,7 +36,10 @@ def remembered(kind: str, content: bytes, make: Callable[[], T]) -> T:
     make
         Makes it; its result must pickle.
     """
-    path = _folder() / f"{kind}-{hashlib.sha256(_program() + content).hexdigest()[:40]}.pickle"
+    folder = _folder()
+    if folder is None:
+        return make()
+    path = folder / f"{kind}-{hashlib.sha256(_program() + content).hexdigest()[:40]}.pickle"
     hit, value = _read(path)
     if hit:
         stored: T = value
@@ -43,9 +49,16 @@ def remembered(kind: str, content: bytes, make: Callable[[], T]) -> T:
     return made
 
 
-def _folder() -> Path:
+def _folder() -> Path | None:
+    """The folder of entries; None where there is none that this user alone can write to."""
     base = os.environ.get("XDG_CACHE_HOME")
-    return (Path(base) if base else Path.home() / ".cache") / "mrp-sumo"
+    folder = (Path(base) if base else Path.home() / ".cache") / "mrp-sumo"
+    try:
+        folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+        status = folder.stat()
+    except OSError:
+        return None
+    return folder if status.st_uid == os.getuid() and not status.st_mode & 0o022 else None
 
 
 def _program() -> bytes:
@@ -62,8 +75,11 @@ def _read(path: Path) -> tuple[bool, Any]:
         with path.open("rb") as file:
             if os.fstat(file.fileno()).st_uid != os.getuid():
                 return False, None  # a pickle of somebody else's is a program of somebody else's
-            gc.disable()
-            value = pickle.load(file)
+            checksum, content = file.read(CHECKSUM_BYTES), file.read()
+        if checksum != _checksum(content):
+            return False, None
+        gc.disable()
+        value = pickle.loads(content)
         with contextlib.suppress(OSError):
             os.utime(path)
         return True, value
@@ -74,12 +90,16 @@ def _read(path: Path) -> tuple[bool, Any]:
             gc.enable()
 
 
+def _checksum(content: bytes) -> bytes:
+    return zlib.crc32(content).to_bytes(CHECKSUM_BYTES)
+
+
 def _keep(path: Path, value: Any) -> None:
     try:
-        path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
         with tempfile.NamedTemporaryFile(dir=path.parent, prefix=".", delete=False) as file:
             try:
-                pickle.dump(value, file, protocol=5)
+                content = pickle.dumps(value, protocol=5)
+                file.write(_checksum(content) + content)
             except BaseException:
                 Path(file.name).unlink(missing_ok=True)
                 raise
@@ -91,7 +111,7 @@ def _keep(path: Path, value: Any) -> None:
 
 def _prune(folder: Path) -> None:
     total = 0
-    entries = [(entry.stat(), entry) for entry in folder.glob("*.pickle")]
+    entries = [(entry.stat(), entry) for entry in folder.iterdir() if entry.is_file()]  # drafts of killed processes, too
     for stat, entry in sorted(entries, key=lambda e: e[0].st_mtime, reverse=True):
         total += stat.st_size
         if total > MAX_BYTES:

@@ -44,6 +44,24 @@ def test_damaged_entries_are_made_again(folder, make):
     assert remembered("thing", b"a", make) == ["made", 2]
 
 
+def test_entry_with_a_changed_byte_is_made_again(folder, make):
+    remembered("thing", b"a", make)
+    (entry,) = folder.iterdir()
+    content = entry.read_bytes()
+    entry.write_bytes(content.replace(b"made", b"fake"))  # still a pickle
+    assert remembered("thing", b"a", make) == ["made", 2]
+    assert remembered("thing", b"a", make) == ["made", 2]
+
+
+@pytest.mark.parametrize(("mode", "calls"), [(0o700, 1), (0o755, 1), (0o775, 2), (0o702, 2)])
+def test_folder_that_others_can_write_to_is_not_used(folder, make, mode, calls):
+    folder.mkdir(parents=True)
+    folder.chmod(mode)
+    remembered("thing", b"a", make)
+    remembered("thing", b"a", make)
+    assert make.calls == calls
+
+
 def test_without_a_place_to_keep_things_they_are_made_every_time(tmp_path, monkeypatch, make):
     (tmp_path / "file").write_text("")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
