@@ -2,7 +2,7 @@
 
 Walls are the strokes of a building's drawing, without thickness; where a door is drawn on one, it is open. Grid maps have no building:
 their free cells are those with room already. A robot needs half its width beside a lane, and at a vertex, where it may turn, the radius
-of the circle around it.
+of the circle around it, and the millimetre by which it stops short of the vertex.
 """
 
 from collections.abc import Collection
@@ -19,6 +19,7 @@ from mrp_sumo.maps.building import WALL_THICKNESS_M, Building, Level
 ON_WALL_M = WALL_THICKNESS_M  # a door this near to a wall, and along it, is drawn on it
 SAME_WAY = np.cos(np.radians(15))  # a door on a wall has its direction, about
 SHORTEST_M = 1e-6  # of what doors leave of a wall
+STOPS_SHORT_M = 0.001  # of a vertex: where robots wait and turn
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,11 +103,12 @@ def narrow(graph: NavGraph, building: Building | None, robot: RobotType) -> Narr
     if building is None:
         far = np.full(graph.num_lanes, np.inf), np.full(graph.num_vertices, np.inf)
         return Narrow(robot, graph, *far, *(np.isnan(distance) for distance in far))
-    clearances = clearance(graph, building, robot.radius_m)
+    clearances = clearance(graph, building, robot.radius_m + STOPS_SHORT_M)
     driven = np.zeros(graph.num_vertices, np.bool_)
     driven[graph.tail] = driven[graph.head] = True
     lanes = (clearances.lane_m == 0) | (clearances.lane_m < robot.width_m / 2 - SHORTEST_M)
-    return Narrow(robot, graph, clearances.lane_m, clearances.vertex_m, lanes, driven & (clearances.vertex_m < robot.radius_m - SHORTEST_M))
+    vertices = driven & (clearances.vertex_m < robot.radius_m + STOPS_SHORT_M)
+    return Narrow(robot, graph, clearances.lane_m, clearances.vertex_m, lanes, vertices)
 
 
 def pruned(graph: PlanGraph, without: Narrow) -> PlanGraph:

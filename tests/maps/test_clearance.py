@@ -6,9 +6,10 @@ from shapely import geometry
 
 from mrp_sumo.core.graph import nav_graph
 from mrp_sumo.core.robot_type import RobotType
+from mrp_sumo.drive._causes import MARGIN_M
 from mrp_sumo.errors import MapError
 from mrp_sumo.maps.building import Building, Door, Level
-from mrp_sumo.maps.clearance import clearance, narrow, point_distances, pruned, segment_distances, standing_walls
+from mrp_sumo.maps.clearance import STOPS_SHORT_M, clearance, narrow, point_distances, pruned, segment_distances, standing_walls
 from mrp_sumo.maps.roadmap import cut_lanes
 
 CART = RobotType("cart", 1.0, 0.5, max_speed_mps=1.0, accel_mps2=1.0, decel_mps2=1.0, turn_rate_rad_s=1.0)  # 0.559 m radius
@@ -62,6 +63,13 @@ def test_driving_takes_half_the_width_and_turning_the_radius():
     assert narrow(graph(*ALONG), building(level(CORRIDOR)), slim).notes == ()
     wide = RobotType("wide", 0.2, 1.1, 1.0, 1.0, 1.0, 1.0)
     assert narrow(graph(*ALONG), building(level(CORRIDOR)), wide).lanes.tolist() == [0]
+
+
+@pytest.mark.parametrize(("away_m", "narrow_vertices"), [(0.4, [0, 1]), (0.402, [])])
+def test_robot_that_stops_short_of_a_vertex_needs_a_millimetre_more(away_m, narrow_vertices):
+    round_one = RobotType("round", 0.48, 0.64, 1.0, 1.0, 1.0, 1.0)  # 0.4 m radius
+    assert STOPS_SHORT_M == MARGIN_M
+    assert narrow(graph(*ALONG), building(level([((0, 0.5 + away_m), (10, 0.5 + away_m))])), round_one).vertices.tolist() == narrow_vertices
 
 
 def test_a_lane_through_a_wall_is_named():
