@@ -17,7 +17,7 @@ AGAIN_S = 0.05  # by then a callback is over
 
 
 @dataclass
-class Stop:
+class StopRequest:
     """Whether a command with many runs is to end: 0 no, 1 after the runs under way, 2 now."""
 
     num_signals: int = 0
@@ -35,9 +35,9 @@ class Stop:
 
 
 @contextmanager
-def stoppable() -> Iterator[Stop]:
+def stoppable() -> Iterator[StopRequest]:
     """Ctrl-C or SIGTERM once: finish what runs; twice: stop now."""
-    stop = Stop()
+    stop = StopRequest()
     before = {number: signal.signal(number, stop.note) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
         yield stop
