@@ -18,7 +18,7 @@ AGAIN_S = 0.05  # by then a callback is over
 
 @dataclass
 class StopRequest:
-    """Whether a command with many runs is to end: 0 no, 1 after the runs under way, 2 now."""
+    """End of a command with many runs, as signals ask for it: 0 not yet, 1 after the runs under way, 2 now."""
 
     num_signals: int = 0
     exit_code: int = 0  # of the last signal
