@@ -36,7 +36,7 @@ class Batch:
         return load_results(self.folder)
 
     def query(self, sql: str) -> "pandas.DataFrame":
-        """What SQL says of the table `results`.
+        """The rows that SQL selects of the table `results`.
 
         Raises
         ------

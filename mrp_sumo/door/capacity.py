@@ -1,4 +1,4 @@
-"""How many robots fit: the study of `mrp-sumo capacity`, with its results as frames."""
+"""The number of robots that fit: the study of `mrp-sumo capacity`, with its results as frames."""
 
 import html
 import os
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Capacity:
-    """What a study has found."""
+    """The answer of a study."""
 
     found: Answer
     page: Path  # one HTML file for any browser

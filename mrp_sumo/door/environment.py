@@ -61,7 +61,7 @@ class StepWiseEnv(ParallelEnv):  # type: ignore[misc]  # PettingZoo has no types
 
     @property
     def problem(self) -> StepWiseProblem:
-        """What is being done."""
+        """The problem that is being solved."""
         return self._world.problem
 
     @property

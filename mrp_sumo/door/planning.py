@@ -84,7 +84,7 @@ Function = Callable[[Problem, float], PlanResult | Plan | Paths]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Judgement:
-    """What the referee says of a plan; true when the plan is valid."""
+    """The referee's judgement of a plan; true when the plan is valid."""
 
     problem: core.Problem
     verdict: referee.Verdict | None  # None where there is no plan
@@ -92,7 +92,7 @@ class Judgement:
 
     @property
     def valid(self) -> bool:
-        """Whether it is a plan for the problem, without vertex and edge conflicts."""
+        """True for a plan of the problem without vertex and edge conflicts."""
         return self.verdict is not None and self.verdict.valid
 
     @property
@@ -107,7 +107,7 @@ class Judgement:
 
     @property
     def following(self) -> tuple[Conflict, ...]:
-        """Where a robot enters a vertex before the one on it has arrived elsewhere, by time; no plan is invalid for them."""
+        """Entries of robots into a vertex before the one on it has arrived elsewhere, by time; no plan is invalid for them."""
         return self.verdict.following if self.verdict else ()
 
     @property

@@ -50,7 +50,7 @@ class Run:
 
     @property
     def status(self) -> str:
-        """How it ended, in one word: 'completed', 'time_limit', 'refused', 'planning_timed_out', ..."""
+        """Its end in one word: 'completed', 'time_limit', 'refused', 'planning_timed_out', ..."""
         return str(self.result["status"])
 
     @property
@@ -65,7 +65,7 @@ class Run:
 
     @property
     def audit(self) -> dict[str, Any] | None:
-        """What the audit of the trajectory found; None where nothing was driven."""
+        """The audit of the trajectory; None where nothing was driven."""
         return self.kept.audit
 
     @property
@@ -80,12 +80,12 @@ class Run:
 
     @property
     def source(self) -> str:
-        """Where it is from: the folder, or the scenario's name."""
+        """Its origin: the folder, or the scenario's name."""
         return self.kept.source
 
     @property
     def executed(self) -> bool:
-        """Whether there is a trajectory."""
+        """True where there is a trajectory."""
         return self.kept.executed
 
     @property
@@ -139,7 +139,7 @@ class Run:
 
     @property
     def believed(self) -> "Trajectory | None":
-        """Where robots took themselves to be, [T, R]; None where that is where they were."""
+        """The poses that robots believed to have, [T, R]; None where these are the true ones."""
         return self.kept.believed
 
     @property

@@ -183,7 +183,7 @@ class Scenario:
 
 
 def places_of(changes: Section) -> dict[Place, Any]:
-    """Where changes go in a scenario, and their values."""
+    """Places of changes in a scenario, with their values."""
     places: dict[Place, Any] = {}
     for key, value in changes.items():
         if isinstance(value, Site):

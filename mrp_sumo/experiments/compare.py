@@ -100,10 +100,10 @@ def compare(
     of = {**BY_NAME, **{metric.name: metric for metric in own}}
     sign = {name: WORSE_BY[of[name].sense if name in of else COLUMNS.get(name, Sense.NONE)] for name in there}
     flags = {name for name in there if name == "success" or (name in of and of[name].unit == YES_NO)}
-    found = [(name, *pair) for name in there if (pair := _paired(a_rows[name], b_rows[name], name, sign=sign[name], is_flag=name in flags))]
-    adjusted = holm([paired.p_value for _, paired, _ in found])
+    tests = [(name, *pair) for name in there if (pair := _paired(a_rows[name], b_rows[name], name, sign=sign[name], is_flag=name in flags))]
+    adjusted = holm([paired.p_value for _, paired, _ in tests])
     differences = []
-    for (metric, paired, worse_by), p_value in zip(found, adjusted, strict=True):
+    for (metric, paired, worse_by), p_value in zip(tests, adjusted, strict=True):
         allowed = 0.0 if isinstance(paired, PairedRates) else tolerance
         overall = sign[metric] * (paired.second - paired.first) > allowed * abs(paired.first)
         num_worse = int(np.count_nonzero(worse_by > allowed))

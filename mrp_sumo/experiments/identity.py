@@ -86,12 +86,12 @@ def plug_in_hash(scenario: ScenarioModel, folder: Path) -> str:
     ScenarioError
         For a plug-in that is not there.
     """
-    found = []
+    digests = []
     for place, kind, name in plug_ins_of(scenario):
         source = find(kind, name, folder)
         if not source.ours:
-            found.append(f"{'.'.join(map(str, place))} {digest(source)}")
-    return _digest("\n".join(found).encode()) if found else ""
+            digests.append(f"{'.'.join(map(str, place))} {digest(source)}")
+    return _digest("\n".join(digests).encode()) if digests else ""
 
 
 @cache
@@ -114,13 +114,13 @@ def code_version() -> str:
 @cache
 def library_versions() -> dict[str, str]:
     """Versions of the libraries that may change results, '' where one is missing."""
-    found = {}
+    versions = {}
     for name in _LIBRARIES:
         try:
-            found[name] = version(name)
+            versions[name] = version(name)
         except PackageNotFoundError:
-            found[name] = ""
-    return found
+            versions[name] = ""
+    return versions
 
 
 def _digest(data: bytes) -> str:

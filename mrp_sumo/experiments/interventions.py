@@ -99,10 +99,10 @@ class Interventions(Listener):
 
 
 def _lasts(more: Mapping[str, Any]) -> float | None:
-    found = more.get("duration_s")
-    if found is not None and (type(found) not in (int, float) or not 0 < found < math.inf):
+    duration_s = more.get("duration_s")
+    if duration_s is not None and (type(duration_s) not in (int, float) or not 0 < duration_s < math.inf):
         raise ValueError("duration_s: expected seconds above 0, or null for good")
-    return found
+    return duration_s
 
 
 def _with(file: ScenarioFile, choice: Done) -> ScenarioFile:

@@ -100,25 +100,25 @@ def measure_batch(folder: Path, metrics: Sequence[Metric], report: Callable[[str
     keys = [key for key in planned if record_path(folder, key).is_file()]
     if is_under_way(folder):
         raise BatchError(f"{folder}: a batch is under way there")
-    found: dict[str, Metrics] = {}
+    metrics_of: dict[str, Metrics] = {}
     fault = ""
     for key in keys:
         if trace_path(folder, key).is_file():
             try:
                 with TemporaryDirectory(prefix="mrp_sumo_trace_") as place:
                     read_trace(folder, key, Path(place))
-                    found[key] = plain(measure_run(load_run(place), metrics))
+                    metrics_of[key] = plain(measure_run(load_run(place), metrics))
             except MrpSumoError as error:
                 report(f"{error}; left out")
                 fault = fault or str(error)
-    if not found:
+    if not metrics_of:
         if fault:
             raise BatchError(f"{folder}: no trace of a run can be read: {fault}")
         raise BatchError(f"{folder}: no run has a trace: no run came to a plan, or another version made the batch")
     drop_tables(folder)
-    for key, values in found.items():
+    for key, values in metrics_of.items():
         record = read_record(record_path(folder, key))
         write_record(folder, {**record, "metrics": {**record["metrics"], **values}})
     if len(keys) == len(planned):  # tables are there only where they hold every run
         write_tables(folder, (read_record(record_path(folder, key)) for key in keys))
-    return len(found), len(keys)
+    return len(metrics_of), len(keys)

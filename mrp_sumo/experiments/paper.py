@@ -114,13 +114,13 @@ def maps_in(folder: Path) -> dict[str, str]:
     MrpSumoError
         When one is missing.
     """
-    found = {}
+    files_of = {}
     for ours, theirs in MRP_BENCH.items():
         files = sorted(folder.rglob(f"{theirs}.building.yaml"))
         if not files:
             raise MrpSumoError(f"{folder}: there is no {theirs}.building.yaml in it, expected an MRP-Bench checkout")
-        found[ours] = str(files[0].resolve())
-    return found
+        files_of[ours] = str(files[0].resolve())
+    return files_of
 
 
 def suite_of(name: str, num_seeds: int | None, maps: dict[str, str]) -> dict[str, Any]:

@@ -63,8 +63,8 @@ class Stations:
     def stops(self) -> list[str]:
         """The two groups between which orders go."""
         ways = (("pick", "drop"), ("pick", "place"), ("place", "drop"), ("place", "place"), ("pick", "pick"), ("drop", "drop"))
-        return next((list(way) for way in ways if len({name for group in way for name in getattr(self, group)}) > 1 and
-                     all(getattr(self, group) for group in way)), [])  # fmt: skip
+        return next((list(roles) for roles in ways if len({name for group in roles for name in getattr(self, group)}) > 1 and
+                     all(getattr(self, group) for group in roles)), [])  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -134,20 +134,20 @@ def stations_of(nav: NavGraph, graph: PlanGraph) -> Stations:
     roles: dict[str, list[str]] = {role: [] for role in ("pick", "drop", "place", "charger", "parking")}
     for v in named:
         roles[_role(nav, v)].append(_name(nav, v))
-    found = Stations(**{role: tuple(dict.fromkeys(names)) for role, names in roles.items()})
-    if not found.stops and found.parking:  # as on maps where every station is a parking spot
-        found = replace(found, place=found.place + found.parking, parking=())
-    if not found.stops and found.charger:
-        found = replace(found, place=found.place + found.charger)
-    if not found.stops:
+    stations = Stations(**{role: tuple(dict.fromkeys(names)) for role, names in roles.items()})
+    if not stations.stops and stations.parking:  # as on maps where every station is a parking spot
+        stations = replace(stations, place=stations.place + stations.parking, parking=())
+    if not stations.stops and stations.charger:
+        stations = replace(stations, place=stations.place + stations.charger)
+    if not stations.stops:
         is_named = set(named)
         unnamed = [v for v in usable if v not in is_named]
         if graph.kind == "grid":  # of free floor, whose cells with one neighbour are chance
             ends = [unnamed[k] for k in spread(nav.xy[unnamed], NUM_SPREAD)]
         else:
             ends = [v for v in unnamed if np.count_nonzero(nav.tail == v) == 1]
-        found = replace(found, place=found.place + tuple(nav.label(v) for v in (ends if len(ends) > 1 else unnamed)))
-    return found
+        stations = replace(stations, place=stations.place + tuple(nav.label(v) for v in (ends if len(ends) > 1 else unnamed)))
+    return stations
 
 
 def spread(xy: FloatArray, count: int) -> list[int]:

@@ -120,15 +120,15 @@ def _graph(
                 places[node] = _pose_at(vehicle, t_s)
     edges, starts, visits = {e for e in log.edges if all(n in places for n in e)}, set[str](), []
     for vehicle in vehicles:
-        way = [(node, max(0.0, t_s - begin_s)) for t_s, node, _, _ in vehicle.passed]
-        way = [here for k, here in enumerate(way) if not k or here[0] != way[k - 1][0]]
-        if not way or way[0][0] in starts:
+        nodes = [(node, max(0.0, t_s - begin_s)) for t_s, node, _, _ in vehicle.passed]
+        nodes = [here for k, here in enumerate(nodes) if not k or here[0] != nodes[k - 1][0]]
+        if not nodes or nodes[0][0] in starts:
             own = f"{vehicle.serial} begins"
             places[own] = _pose_at(vehicle, vehicle.t_s[0])
-            way.insert(0, (own, max(0.0, vehicle.t_s[0] - begin_s)))
-        starts.add(way[0][0])
-        edges |= {(a, b) for (a, _), (b, _) in pairwise(way)}
-        visits.append(way)
+            nodes.insert(0, (own, max(0.0, vehicle.t_s[0] - begin_s)))
+        starts.add(nodes[0][0])
+        edges |= {(a, b) for (a, _), (b, _) in pairwise(nodes)}
+        visits.append(nodes)
     names = list(places)
     number = {node: k for k, node in enumerate(names)}
     level_names = sorted({map_id for _, _, map_id in places.values()} | {m for vehicle in vehicles for m in vehicle.map_id}) or ["map"]
@@ -152,7 +152,7 @@ def _graph(
         shift = {key: drawn.level_shift_m[key] for key in shift}
     nav = replace(nav, xy=frozen(xy + shifts_of(level_names, shift)[level]))
     graph = plan_graph(nav, kind="roadmap", cell_m=round(float(np.median(length_m)), 3) if lanes else 1.0)
-    ways = [(np.array([number[node] for node, _ in way], np.int64), _ascending([t for _, t in way])) for way in visits]
+    ways = [(np.array([number[node] for node, _ in nodes], np.int64), _ascending([t for _, t in nodes])) for nodes in visits]
     return graph, shift, ways
 
 
@@ -238,8 +238,8 @@ def _derived_mps(x_m: FloatArray, y_m: FloatArray, level: IntArray) -> FloatArra
     if len(x_m) < 2:
         return np.zeros(len(x_m))
     moves = np.where(np.diff(level) != 0, 0.0, np.stack((np.diff(x_m), np.diff(y_m))))
-    around = np.concatenate([moves[:, :1], (moves[:, :-1] + moves[:, 1:]) / 2, moves[:, -1:]], 1)
-    speed: FloatArray = np.hypot(*around) / SAMPLE_S
+    moved = np.concatenate([moves[:, :1], (moves[:, :-1] + moves[:, 1:]) / 2, moves[:, -1:]], 1)
+    speed: FloatArray = np.hypot(*moved) / SAMPLE_S
     return speed
 
 

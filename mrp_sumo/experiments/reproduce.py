@@ -72,8 +72,8 @@ def reproduce_run(folder: Path, base: Path, progress: StageReport = silent) -> R
         again = Path(place) / "run"
         run_scenario(file, again, RunOptions(progress=progress))
         after = json.loads((again / RESULT).read_text())
-        found = {name: about["sha256"] for name, about in files_in(folder).items() if name in before["files"]}
-        lines = [f"{name}: was changed after the run" for name, digest in found.items() if digest != before["files"][name]["sha256"]]
+        digests = {name: about["sha256"] for name, about in files_in(folder).items() if name in before["files"]}
+        lines = [f"{name}: was changed after the run" for name, digest in digests.items() if digest != before["files"][name]["sha256"]]
         lines += list(_files_that_differ(before["files"], after["files"], folder, again))
     lines += [f"{RESULT}: {line}" for line in _differences(_without_clocks(before), _without_clocks(after))]
     causes = [
@@ -105,9 +105,9 @@ def reproduce_batch(records: list[BatchRecord], base: Path) -> Reproduction:
             outcome = carry_out(file, maps, RunOptions(execute=record["until"] == "execution"))
             before = {"status": record["status"], **_timeless(record["metrics"])}
             after = {"status": outcome.status, **_timeless(outcome.metrics)}
-            found = list(_differences(before, json.loads(json.dumps(after))))
-            lines += [f"{record['key']}: {line}" for line in found]
-            differ += bool(found)
+            differing = list(_differences(before, json.loads(json.dumps(after))))
+            lines += [f"{record['key']}: {line}" for line in differing]
+            differ += bool(differing)
     causes = [f"made with mrp_sumo {version}, here is {code_version()}" for version in sorted(codes)]
     if any(record["status"] in CLOCK_LIMITED for record in records):
         causes.append("some runs ended with the clock's limit, which another machine or load may not reach")
@@ -130,8 +130,8 @@ def _without_clocks(result: dict[str, Any]) -> dict[str, Any]:
     stats = plan.get("stats")
     if isinstance(stats, dict):
         stats = {key: value for key, value in stats.items() if not key.endswith(OF_CLOCKS)}
-    kept = {key: value for key, value in result.items() if key not in CLOCKS}
-    return {**kept, "metrics": _timeless(result["metrics"]), "plan": {**plan, "stats": stats}}
+    same = {key: value for key, value in result.items() if key not in CLOCKS}
+    return {**same, "metrics": _timeless(result["metrics"]), "plan": {**plan, "stats": stats}}
 
 
 def _timeless(metrics: Mapping[str, Any]) -> dict[str, Any]:

@@ -40,7 +40,7 @@ Watch = Callable[[SetUp, Solution], Listener]  # makes the listener of a run tha
 
 @dataclass(frozen=True)
 class RunOptions:
-    """How a run is made, beside what its scenario says."""
+    """Options of a run, beside what its scenario says."""
 
     execute: bool = True  # drive the plan; without, a plan that was found ends the run with status `planned`
     gui: bool = False  # drive in sumo-gui, for people to look at

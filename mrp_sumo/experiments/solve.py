@@ -106,13 +106,13 @@ class Solution:
 
     @property
     def _summary(self) -> Summary:
-        found = "" if self.verdict is None else self.verdict.summary(self.problem)
+        judged = "" if self.verdict is None else self.verdict.summary(self.problem)
         cost = None if self.cost_steps is None else f"{self.cost_steps:g} steps (sum of costs)"
         rows = [
             ("planner", self.setup.scenario.planner.name + (f": {self.result.chosen}, {self.result.why}" if self.result.chosen else "")),
             ("status", str(self.status).replace("_", " ")),
             ("why", self.message),
-            ("referee", found),
+            ("referee", judged),
             ("cost", cost),
             ("lower bound", self._bound),
             ("makespan", seconds(self.makespan_s)),
@@ -242,14 +242,14 @@ def _assignment(setup: SetUp) -> IntArray:
             return np.arange(problem.num_robots, dtype=np.int64)
         case "random":
             rng, robot_kind = np.random.default_rng([problem.seed, ASSIGNMENT]), problem.fleet.kind
-            given = np.full(problem.num_robots, -1)
+            goal_of = np.full(problem.num_robots, -1)
             for k in np.unique(robot_kind).tolist() if problem.goal_kind is not None else [-1]:
                 robots = np.flatnonzero((robot_kind == k) | (k < 0))
                 goals = np.arange(len(problem.goal)) if k < 0 else np.flatnonzero(problem.goal_kind == k)
                 drawn = np.full(max(len(robots), len(goals)), -1)
                 drawn[: len(goals)] = goals[rng.permutation(len(goals))]
-                given[robots] = drawn[: len(robots)]
-            return given
+                goal_of[robots] = drawn[: len(robots)]
+            return goal_of
         case _:
             cost = costs_of(problem, choice.cost)
             assert setup.assigner is not None

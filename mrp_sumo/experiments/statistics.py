@@ -131,13 +131,13 @@ def _bootstrap(
     rng = np.random.default_rng([seed, len(x)])
     share = max(1, 2_000_000 // len(x))  # resamples at a time: bounded memory
     drawn = (x[rng.integers(0, len(x), (min(share, resamples - at), len(x)))] for at in range(0, resamples, share))
-    found = np.concatenate([statistic(rows) for rows in drawn])
-    below = np.clip((np.count_nonzero(found < value) + np.count_nonzero(found == value) / 2) / resamples, 1e-6, 1 - 1e-6)
+    resampled = np.concatenate([statistic(rows) for rows in drawn])
+    below = np.clip((np.count_nonzero(resampled < value) + np.count_nonzero(resampled == value) / 2) / resamples, 1e-6, 1 - 1e-6)
     bias = NORMAL.inv_cdf(float(below))
     away = without.mean() - without
     acceleration = (away**3).sum() / (6 * (away**2).sum() ** 1.5)
     ends = (bias + NORMAL.inv_cdf(share) for share in ((1 - confidence) / 2, (1 + confidence) / 2))
-    low, high = np.quantile(found, [NORMAL.cdf(bias + z / (1 - acceleration * z)) for z in ends])
+    low, high = np.quantile(resampled, [NORMAL.cdf(bias + z / (1 - acceleration * z)) for z in ends])
     return Interval(value, float(low), float(high), len(x))
 
 
@@ -306,15 +306,15 @@ def rates(results: "pandas.DataFrame", by: Sequence[str], confidence: float = 0.
 
     rows = []
     for values, group in results.groupby(list(by), sort=False, dropna=False):
-        found = _flags(group, "plan_success")
-        planned = found & _flags(group, "plan_valid")
+        has_plan = _flags(group, "plan_success")
+        planned = has_plan & _flags(group, "plan_valid")
         normalised, overall = success_rates(planned, _flags(group, "success"), confidence)
         row: dict[str, Any] = dict(zip(by, values, strict=True)) | {"num_runs": len(group)}
         for name, rate in (
             ("planning", wilson(int(planned.sum()), len(group), confidence)),
             ("normalised", normalised),
             ("overall", overall),
-            ("mrp_bench_planning", wilson(int(found.sum()), len(group), confidence)),
+            ("mrp_bench_planning", wilson(int(has_plan.sum()), len(group), confidence)),
         ):
             row |= {name: rate.value, f"{name}_low": rate.low, f"{name}_high": rate.high}
         limit_s = float(group["planner.time_limit_s"].max())

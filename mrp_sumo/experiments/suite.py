@@ -232,10 +232,10 @@ def _expanded(values: list[Any] | str) -> Iterator[Any]:
     """
     if isinstance(values, str) and not _RANGE.fullmatch(values):
         raise ValueError(f"found {values!r}, expected a list or a range such as 0..53")
-    found = [values] if isinstance(values, str) else values
-    if not found:
+    listed = [values] if isinstance(values, str) else values
+    if not listed:
         raise ValueError("an empty list: give at least one value")
-    for value in found:
+    for value in listed:
         if isinstance(value, str) and (span := _RANGE.fullmatch(value)):
             first, last = int(span[1]), int(span[2])
             if last < first:
@@ -265,8 +265,8 @@ def _base(document: Document, suite: Suite, path: Path) -> tuple[dict[str, Any],
         if isinstance(value := group["type"], str) and (file.folder / value).is_file():
             group["type"] = Path(os.path.relpath(file.folder / value, path.parent)).as_posix()
     for place, _, name in plug_ins_of(file.scenario):
-        if found := place_in_file(name):
-            rename(base, place, f"{Path(os.path.relpath(file.folder / found[0], path.parent)).as_posix()}:{found[1]}")
+        if source := place_in_file(name):
+            rename(base, place, f"{Path(os.path.relpath(file.folder / source[0], path.parent)).as_posix()}:{source[1]}")
     return base, file.folder
 
 

@@ -108,11 +108,11 @@ def _map_facts(file: Any, maps: MapCache) -> dict[str, Any]:
 
     scenario = file.scenario
     cell_m = scenario.discretisation.cell_m
-    found = facts(maps.map(scenario.map, file.folder, cell_m, max(model.radius_m for model in choices(file)[0])), cell_m)
-    grid = found["grid"] or {}
+    counted = facts(maps.map(scenario.map, file.folder, cell_m, max(model.radius_m for model in choices(file)[0])), cell_m)
+    grid = counted["grid"] or {}
     return {
-        **{f"num_{name}": found[name] for name in ("vertices", "edges", "components")},
-        **dict(zip(("extent_x_m", "extent_y_m"), found["extent_m"])),
+        **{f"num_{name}": counted[name] for name in ("vertices", "edges", "components")},
+        **dict(zip(("extent_x_m", "extent_y_m"), counted["extent_m"])),
         **{f"num_cells_{name}": grid.get(name) for name in ("total", "free", "blocked")},
         **{f"grid_{name}_cells": grid.get(name) for name in ("width", "height")},
     }

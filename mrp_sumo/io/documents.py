@@ -122,7 +122,7 @@ def declared_in(annotation: Any) -> Iterator[type]:
 def _fault(document: Document, model: type, options: Mapping[Place, str], error: ErrorDetails) -> str:
     place = tuple(error["loc"])
     where = options.get(place) or document.at(place)
-    found = error.get("input")
+    value = error.get("input")
     match error["type"]:
         case "extra_forbidden" | "unexpected_keyword_argument":
             parent = _declared_at(model, error["loc"][:-1])
@@ -132,31 +132,31 @@ def _fault(document: Document, model: type, options: Mapping[Place, str], error:
             return f"{where}: missing"
         case "literal_error":
             expected = error["ctx"]["expected"].replace(" or ", ", ").replace("'", "").split(", ")
-            meant = difflib.get_close_matches(str(found), expected, n=1)
+            meant = difflib.get_close_matches(str(value), expected, n=1)
             hint = f"did you mean '{meant[0]}'?" if meant else f"known: {', '.join(expected)}"
-            return f"{where}: unknown value {found!r} ({hint})"
+            return f"{where}: unknown value {value!r} ({hint})"
         case "model_type" | "dataclass_type" | "dict_type":
             number = "a number of robots, such as 4, or " if place[-1:] == ("robots",) else ""
-            return f"{where}: found {_kind(found)}, expected {number}keys and values"
+            return f"{where}: found {_kind(value)}, expected {number}keys and values"
         case "string_pattern_mismatch":
-            like = re.sub(r"[^\w.+-]+", "_", str(found)).strip("_")
-            return f"{where}: found {_kind(found)}, expected letters, digits and _ . + - only{f', such as {like!r}' if like else ''}"
+            like = re.sub(r"[^\w.+-]+", "_", str(value)).strip("_")
+            return f"{where}: found {_kind(value)}, expected letters, digits and _ . + - only{f', such as {like!r}' if like else ''}"
         case "float_parsing" | "int_parsing" | "float_type" | "int_type":
-            return f"{where}: found {_kind(found)}, expected {_number(str(place[-1]), str(found), error['type'].startswith('int'))}"
+            return f"{where}: found {_kind(value)}, expected {_number(str(place[-1]), str(value), error['type'].startswith('int'))}"
         case "value_error":
             return f"{where}: {error['ctx']['error']}"
         case "tuple_type":
-            return f"{where}: found {_kind(found)}, expected list"
+            return f"{where}: found {_kind(value)}, expected list"
         case _:
             expected = error["msg"].removeprefix("Input should be ").removeprefix("a valid ")
-            return f"{where}: found {_kind(found)}, expected {expected}"
+            return f"{where}: found {_kind(value)}, expected {expected}"
 
 
-def _number(key: str, found: str, whole: bool) -> str:
+def _number(key: str, text: str, whole: bool) -> str:
     """The number that a key takes, in words, worked out where the text has another unit."""
     for suffix, (name, factors) in UNITS.items():
         if key.endswith(suffix):
-            match = re.fullmatch(r"(\d{1,9}(?:\.\d{1,9})?)\s*([a-z]+)", found)
+            match = re.fullmatch(r"(\d{1,9}(?:\.\d{1,9})?)\s*([a-z]+)", text)
             value = f", such as {float(match[1]) * factors[match[2]]:g}" if match and match[2] in factors else ""
             return f"a number of {name}{value}"
     return "a whole number" if whole else "a number"

@@ -50,9 +50,9 @@ def read_floor(path: Path) -> tuple[PlanGraph, Fleet, NavGraph | None]:
         For a file that is missing, damaged, or of another schema.
     """
     document = read_json(path)
-    found = document.get("schema_version") if isinstance(document, dict) else None
-    if found != SCHEMA_VERSION:
-        raise MrpSumoError(f"{path}: schema version {found}, expected {SCHEMA_VERSION}")
+    version = document.get("schema_version") if isinstance(document, dict) else None
+    if version != SCHEMA_VERSION:
+        raise MrpSumoError(f"{path}: schema version {version}, expected {SCHEMA_VERSION}")
     plan, fleet, nav = document["plan_graph"], document["fleet"], document["nav_graph"]
     graph = plan_graph(_graph(plan), kind=plan["kind"], cell_m=plan["cell_m"], vertex_of_station=plan["vertex_of_station"])
     return graph, _fleet(fleet), _graph(nav) if nav else None

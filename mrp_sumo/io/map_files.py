@@ -47,8 +47,8 @@ def write_map(map_: Map, path: Path, cell_m: float = 0.4) -> list[str]:
     """
     suffix = next((suffix for suffix in SUFFIXES if path.name.endswith(suffix) and path.name != suffix), None)
     if suffix is None:
-        found = "".join(path.suffixes[-2:]) or path.name
-        raise MapError(f"{path.name}: no map format ends in '{found}'{nearest(found, SUFFIXES)}")
+        ending = "".join(path.suffixes[-2:]) or path.name
+        raise MapError(f"{path.name}: no map format ends in '{ending}'{nearest(ending, SUFFIXES)}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with written_whole(path) as part:
@@ -132,14 +132,14 @@ _WRITE = {
 
 def _option_losses(nav: NavGraph, of_vertices: tuple[str, ...], of_lanes: tuple[str, ...]) -> list[str]:
     """How many vertices and lanes have each property that is lost."""
-    found: dict[tuple[str, str], int] = {}
-    for what, kept, given in (("vertex", of_vertices, nav.vertex_options), ("lane", of_lanes, nav.lane_options)):
-        for options in given:
+    lost: dict[tuple[str, str], int] = {}
+    for what, held, options_of in (("vertex", of_vertices, nav.vertex_options), ("lane", of_lanes, nav.lane_options)):
+        for options in options_of:
             for name in options:
-                if name not in kept:
-                    found[name, what] = found.get((name, what), 0) + 1
+                if name not in held:
+                    lost[name, what] = lost.get((name, what), 0) + 1
     many = {"vertex": "vertices", "lane": "lanes"}
-    return [_count(count, f"{what} with {name}", f"{many[what]} with {name}") for (name, what), count in found.items()]
+    return [_count(count, f"{what} with {name}", f"{many[what]} with {name}") for (name, what), count in lost.items()]
 
 
 def _graphs_left_out(map_: Map) -> list[str]:

@@ -86,7 +86,7 @@ def read_outline(path: Path) -> Outline | None:
 
 
 def _points(values: Any) -> FloatArray:
-    found = np.array(values, np.float64)
-    if not (np.abs(found) <= FARTHEST_M).all():
+    array = np.array(values, np.float64)
+    if not (np.abs(array) <= FARTHEST_M).all():
         raise ValueError(f"a coordinate beyond {FARTHEST_M:g} m")
-    return found
+    return array

@@ -84,12 +84,12 @@ def task_names_at(record: RunRecord, t_s: FloatArray) -> NDArray[np.object_]:
     tasks, num_robots = record.execution.tasks, record.fleet.num_robots
     if tasks is None:
         return np.tile(np.array([goal_name(record, r) for r in range(num_robots)], object), (len(t_s), 1))
-    found = np.full((len(t_s), num_robots), "", object)
+    names = np.full((len(t_s), num_robots), "", object)
     for name, robot, assigned_s, done_s in zip(tasks.name, tasks.robot.tolist(), tasks.assigned_s, tasks.done_s):
         if len(t_s) and assigned_s <= t_s[-1] and not done_s < t_s[0]:  # NaN: it never was
             end = np.searchsorted(t_s, done_s) if np.isfinite(done_s) else len(t_s)
-            found[np.searchsorted(t_s, assigned_s) : end, robot] = name
-    return found
+            names[np.searchsorted(t_s, assigned_s) : end, robot] = name
+    return names
 
 
 def battery_percent_at(record: RunRecord, t_s: FloatArray) -> FloatArray:
@@ -102,21 +102,21 @@ def battery_percent_at(record: RunRecord, t_s: FloatArray) -> FloatArray:
 
 def charging_at(record: RunRecord, t_s: FloatArray) -> BoolArray:
     """[K, R] who is being charged at some times."""
-    found, tasks, stops = np.zeros((len(t_s), record.fleet.num_robots), np.bool_), record.execution.tasks, record.execution.stops
+    charging, tasks, stops = np.zeros((len(t_s), record.fleet.num_robots), np.bool_), record.execution.tasks, record.execution.stops
     if tasks is not None and stops is not None:
         for k in np.flatnonzero(~tasks.is_order[stops.task]).tolist():
-            found[np.searchsorted(t_s, stops.begin_s[k]) : np.searchsorted(t_s, stops.end_s[k]), stops.robot[k]] = True
-    return found
+            charging[np.searchsorted(t_s, stops.begin_s[k]) : np.searchsorted(t_s, stops.end_s[k]), stops.robot[k]] = True
+    return charging
 
 
 def constants_of(scenario: Mapping[str, Any]) -> dict[str, float]:
     """MRP-Bench's constants in a complete scenario; one that was not driven may have no time limit."""
-    found = {
+    constants = {
         "cellSize": scenario["discretisation"]["cell_m"],
         "locationTolerance": scenario["execution"]["goal_tolerance_m"],
         "recordingTimeout": scenario["execution"]["time_limit_s"],
     }
-    return {name: float(value) for name, value in found.items() if value is not None}
+    return {name: float(value) for name, value in constants.items() if value is not None}
 
 
 def robot_states(execution: Execution, t_s: FloatArray) -> NDArray[np.int8]:

@@ -185,13 +185,13 @@ def result_document(run: EndedRun) -> dict[str, Any]:
 
 def versions() -> dict[str, str]:
     """Versions of Python, of this package and of the libraries that shape results."""
-    found = {"python": python_version(), "mrp_sumo": __version__}
+    versions_of = {"python": python_version(), "mrp_sumo": __version__}
     for name in LIBRARIES:
         try:
-            found[name] = version(name)
+            versions_of[name] = version(name)
         except PackageNotFoundError:
             continue
-    return found
+    return versions_of
 
 
 def plain(value: Any) -> Any:
@@ -291,12 +291,12 @@ def _robots(problem: Problem, execution: Execution | None, has_goals: bool) -> l
 
 def files_in(folder: Path) -> dict[str, dict[str, Any]]:
     """Size and SHA-256 of every file, by its path in the folder."""
-    found = {}
+    files = {}
     for path in sorted(p for p in folder.rglob("*") if p.is_file()):
         with path.open("rb") as stream:
             digest = hashlib.file_digest(stream, "sha256").hexdigest()
-        found[path.relative_to(folder).as_posix()] = {"bytes": path.stat().st_size, "sha256": digest}
-    return found
+        files[path.relative_to(folder).as_posix()] = {"bytes": path.stat().st_size, "sha256": digest}
+    return files
 
 
 def _is_run(folder: Path) -> bool:

@@ -68,10 +68,10 @@ def load_run(folder: str | Path) -> "RunFolder":
     for key, kinds in KINDS.items():
         if key in result and not isinstance(result[key], kinds):
             raise MrpSumoError(f"{path}: {key}: found {type(result[key]).__name__}, expected {kinds[0].__name__}")
-    if (found := result.get("schema_version", SCHEMA_VERSION)) != SCHEMA_VERSION:
+    if (schema := result.get("schema_version", SCHEMA_VERSION)) != SCHEMA_VERSION:
         made = result.get("versions")
         by = f", written by mrp_sumo {made['mrp_sumo']}" if isinstance(made, dict) and "mrp_sumo" in made else ""
-        raise MrpSumoError(f"{path}: schema version {found}{by}, expected {SCHEMA_VERSION}")
+        raise MrpSumoError(f"{path}: schema version {schema}{by}, expected {SCHEMA_VERSION}")
     return RunFolder(folder, result)
 
 
@@ -293,8 +293,8 @@ class RunFolder:
         goals = [robot["goal"] for robot in self.result["robots"]]
         if all(goal is None for goal in goals):  # tasks come instead
             return frozen(np.zeros(0, np.int64))
-        found = [v if v >= 0 and graph.label(v) == goal else graph.vertex_of_name[goal] for v, goal in zip(ends, goals)]
-        return frozen(np.array(found, np.int64))
+        vertices = [v if v >= 0 and graph.label(v) == goal else graph.vertex_of_name[goal] for v, goal in zip(ends, goals)]
+        return frozen(np.array(vertices, np.int64))
 
     def _require_trajectory(self) -> None:
         if not self.executed:

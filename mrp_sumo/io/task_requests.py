@@ -38,10 +38,10 @@ def tasks_of_requests(content: Any, where: str) -> list[dict[str, Any]]:
     requests = [_request(each, f"{where}: [{n}]") for n, each in enumerate(listed)]
     millis = [_number(request, EARLIEST, f"{where}: [{n}]") for n, request in enumerate(requests)]
     first = min((t for t in millis if t is not None), default=0.0)
-    found = []
+    tasks = []
     for n, (request, at) in enumerate(zip(requests, millis)):
         stops = list(_stops(request, f"{where}: [{n}]"))
-        found.append(
+        tasks.append(
             {
                 "name": next((label for label in _labels(request, f"{where}: [{n}]") if not _is_robot_type(label)), f"task_{n}"),
                 "stops": [name for name, _ in stops],
@@ -51,14 +51,14 @@ def tasks_of_requests(content: Any, where: str) -> list[dict[str, Any]]:
                 "robot_type": _robot_type(_labels(request, f"{where}: [{n}]")),
             }
         )
-    return found
+    return tasks
 
 
 def _request(content: Any, where: str) -> Mapping[str, Any]:
-    found = content.get("request", content) if isinstance(content, dict) else None
-    if not isinstance(found, dict) or "category" not in found:
+    request = content.get("request", content) if isinstance(content, dict) else None
+    if not isinstance(request, dict) or "category" not in request:
         raise ScenarioError(f"{where}: found no task request, expected an object with category and description")
-    return found
+    return request
 
 
 def _labels(request: Mapping[str, Any], where: str) -> list[str]:
@@ -76,9 +76,9 @@ def _robot_type(labels: Sequence[str]) -> str:
 
 def _priority(request: Mapping[str, Any], where: str) -> int:
     """Open-RMF's binary priority, or a number."""
-    found = request.get("priority")
-    if isinstance(found, dict):
-        return int(_number(found, "value", f"{where}.priority") or 0)
+    priority = request.get("priority")
+    if isinstance(priority, dict):
+        return int(_number(priority, "value", f"{where}.priority") or 0)
     return int(_number(request, "priority", where) or 0)
 
 
@@ -123,15 +123,15 @@ def _activity(activity: Any, where: str) -> list[tuple[str, float]]:
 
 def _merged(phases: Sequence[Sequence[tuple[str, float]]], where: str) -> list[tuple[str, float]]:
     """Stops where waiting is counted to the place before."""
-    found: list[tuple[str, float]] = []
+    stops: list[tuple[str, float]] = []
     for name, seconds in (stop for phase in phases for stop in phase):
-        if name and not (found and found[-1][0] == name):
-            found.append((name, seconds))
-        elif found:
-            found[-1] = found[-1][0], found[-1][1] + seconds
+        if name and not (stops and stops[-1][0] == name):
+            stops.append((name, seconds))
+        elif stops:
+            stops[-1] = stops[-1][0], stops[-1][1] + seconds
         else:
             raise ScenarioError(f"{where}: begins where the robot happens to be, expected a place first")
-    return found
+    return stops
 
 
 def _place(what: Any, where: str) -> str:
@@ -153,16 +153,16 @@ def _member(what: Any, key: str, where: str) -> Any:
 
 
 def _list(what: Any, key: str, where: str) -> list[Any]:
-    found = _member(what, key, where)
-    if not isinstance(found, list) or not found:
-        raise ScenarioError(f"{where}.{key}: found {found!r}, expected a list")
-    return found
+    value = _member(what, key, where)
+    if not isinstance(value, list) or not value:
+        raise ScenarioError(f"{where}.{key}: found {value!r}, expected a list")
+    return value
 
 
 def _number(what: Any, key: str, where: str) -> float | None:
-    found = what.get(key) if isinstance(what, dict) else None
-    if found is None:
+    value = what.get(key) if isinstance(what, dict) else None
+    if value is None:
         return None
-    if isinstance(found, bool) or not isinstance(found, int | float) or not abs(found) <= FARTHEST:
-        raise ScenarioError(f"{where}.{key}: found {found!r}, expected a number of at most {FARTHEST:g}")
-    return float(found)
+    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= FARTHEST:
+        raise ScenarioError(f"{where}.{key}: found {value!r}, expected a number of at most {FARTHEST:g}")
+    return float(value)

@@ -62,18 +62,18 @@ def sources_of(choice: TasksChoice, site: TaskNames, seed: int, step_s: float, n
         One line, for a name that is not known and a file that cannot be read.
     """
     names = _Names(choice, site)
-    found: list[TaskSource] = []
+    sources: list[TaskSource] = []
     listed = [(("tasks", "list", i), task) for i, task in enumerate(choice.list)]
     if listed:
-        found.append(_listed([_task(names, place, task, n) for n, (place, task) in enumerate(listed)]))
+        sources.append(_listed([_task(names, place, task, n) for n, (place, task) in enumerate(listed)]))
     if choice.file is not None:
-        found.append(_file(names, site, site.folder / choice.file, num_robots, len(listed)))
+        sources.append(_file(names, site, site.folder / choice.file, num_robots, len(listed)))
     for i, stream in enumerate(choice.streams):
-        is_named = "name" in stream.model_fields_set or not (i or found)
-        found.append(
+        is_named = "name" in stream.model_fields_set or not (i or sources)
+        sources.append(
             _stream(names, ("tasks", "streams", i), stream, i, seed, step_s, stream.name if is_named else f"{stream.name}_{i + 1}")
         )
-    return tuple(found) if choice.open is None else (ClosedLoop(tuple(found), choice.open),)
+    return tuple(sources) if choice.open is None else (ClosedLoop(tuple(sources), choice.open),)
 
 
 def charging_of(choice: TasksChoice, site: TaskNames) -> Charging | None:
@@ -204,7 +204,7 @@ def _checked(names: _Names, path: Path, content: Any, begin: int) -> list[Task]:
     """Tasks of a document."""
     if not isinstance(content, list) or not content:
         raise ScenarioError(f"{shortened(path)}: found no tasks, expected a list of them")
-    found = []
+    tasks = []
     for number, item in enumerate(content):
         line = f"{shortened(path)}: [{number}]"
         try:
@@ -214,8 +214,8 @@ def _checked(names: _Names, path: Path, content: Any, begin: int) -> list[Task]:
             key = "".join(f".{part}" for part in first["loc"])
             found_instead = f", found {first['input']!r}" if key else ""
             raise ScenarioError(f"{line}{key}: {first['msg'].removeprefix('Value error, ')}{found_instead}") from None
-        found.append(_task(names.of_line(line), (), task, begin + number))
-    return found
+        tasks.append(_task(names.of_line(line), (), task, begin + number))
+    return tasks
 
 
 def _read(names: _Names, path: Path, begin: int) -> list[Task]:
@@ -228,18 +228,18 @@ def _read(names: _Names, path: Path, begin: int) -> list[Task]:
         raise ScenarioError(
             f"{shortened(path)}:1: unknown column '{sorted(odd)[0]}'{nearest(sorted(odd)[0], TaskChoice.model_fields, limit=9)}"
         )
-    found = []
+    tasks = []
     for number, row in enumerate(rows, begin):
         line = f"{shortened(path)}:{rows.line_num}"
-        given: Mapping[str, Any] = {key: value for key, value in row.items() if value not in (None, "")}
+        values: Mapping[str, Any] = {key: value for key, value in row.items() if value not in (None, "")}
         try:
-            task = TaskChoice.model_validate({**given, "stops": str(given.get("stops", "")).split()})
+            task = TaskChoice.model_validate({**values, "stops": str(values.get("stops", "")).split()})
         except ValueError as error:
             first = error.errors()[0] if hasattr(error, "errors") else {"loc": (), "msg": str(error)}
             key, says = ".".join(map(str, first["loc"])), str(first["msg"]).removeprefix("Value error, ")
             raise ScenarioError(f"{line}: {key}: {says}, found {row.get(key)!r}" if key else f"{line}: {says}") from None
-        found.append(_task(names.of_line(line), (), task, number))
-    return found
+        tasks.append(_task(names.of_line(line), (), task, number))
+    return tasks
 
 
 def _stream(names: _Names, place: Place, stream: StreamChoice, number: int, seed: int, step_s: float, name: str) -> TaskStream:
@@ -260,9 +260,9 @@ def _stream(names: _Names, place: Place, stream: StreamChoice, number: int, seed
         if (num_ways := math.prod(map(len, groups))) > MAX_ROUTES:
             raise ScenarioError(f"{names.at(*place, 'stops')}: {num_ways} ways from group to group, expected at most {MAX_ROUTES}")
         all_weights = reduce(np.multiply.outer, [zipf_weights(len(group), stream.zipf) for group in groups]).reshape(-1)
-        kept = [(route, weight) for route, weight in zip(product(*groups), all_weights.tolist()) if all(map(_differ, route, route[1:]))]
-        routes = tuple(route for route, _ in kept)
-        weights = np.array([weight for _, weight in kept], np.float64)
+        weighted = [(route, weight) for route, weight in zip(product(*groups), all_weights.tolist()) if all(map(_differ, route, route[1:]))]
+        routes = tuple(route for route, _ in weighted)
+        weights = np.array([weight for _, weight in weighted], np.float64)
     if not routes:
         raise ScenarioError(f"{names.at(*place)}: no way leads from a station to another")
     chosen = stream.arrivals

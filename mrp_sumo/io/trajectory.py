@@ -163,8 +163,8 @@ def read_trajectory(path: Path) -> Trajectory:
     table = read_table(path)
     about = table.about
     if not isinstance(about, dict) or about.get("schema_version") != SCHEMA_VERSION:
-        found = about.get("schema_version") if isinstance(about, dict) else "no trajectory"
-        raise table.fault(f"schema version {found}, expected {SCHEMA_VERSION}")
+        version = about.get("schema_version") if isinstance(about, dict) else "no trajectory"
+        raise table.fault(f"schema version {version}, expected {SCHEMA_VERSION}")
     names, t_ns = table.about_texts("robots"), _stamps(table, about)
     robot, time = table.indices("robot", names), table.integers("t_ns")
     row = np.searchsorted(t_ns, time)

@@ -1,4 +1,4 @@
-"""Which boxes overlap: the broad phase of every geometric check, in time about linear in the number of boxes."""
+"""Pairs of boxes that overlap: the broad phase of every geometric check, in time about linear in the number of boxes."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""What maps and networks cost to make is kept in the user's cache folder, by content: the same bytes in, the same thing out.
+"""Maps and networks that were made are kept in the user's cache folder, by content: the same bytes in, the same thing out.
 
 The folder is `$XDG_CACHE_HOME/mrp-sumo` or `~/.cache/mrp-sumo`; it may be deleted at any time. Reading a pickle runs what it says, so
 the same holds as for stored kernels: only a folder that nobody else can write to is used, entries are the user's own and begin with their
@@ -25,7 +25,7 @@ CHECKSUM_BYTES = 4
 
 
 def remembered(kind: str, content: bytes, make: Callable[[], T]) -> T:
-    """What `make` returns; from the cache if it was made of the same content before.
+    """The result of `make`; from the cache if it was made of the same content before.
 
     Parameters
     ----------

@@ -71,7 +71,7 @@ def _apart(nav: NavGraph, ways: list[list[int]]) -> list[list[int]]:
     """The ways, those halved at a bend that would be a second lane between two vertices, or the reverse of another line."""
     taken: dict[tuple[int, int], list[int]] = {}
     halves = []
-    for chain in sorted(ways, key=lambda way: (len(way) > 1, way[0])):  # straight lanes have no bend to be halved at
+    for chain in sorted(ways, key=lambda points: (len(points) > 1, points[0])):  # straight lanes have no bend to be halved at
         tail, head = int(nav.tail[chain[0]]), int(nav.head[chain[-1]])
         back = taken.get((head, tail))
         same_line = back is None or [int(nav.reverse[lane]) for lane in reversed(chain)] == back

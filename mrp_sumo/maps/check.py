@@ -1,4 +1,4 @@
-"""What is odd about a building's nav graphs: pieces, near misses, crossings, lifts out of plumb, stations without a lane.
+"""Oddities of a building's nav graphs: pieces, near misses, crossings, lifts out of plumb, stations without a lane.
 
 Everything is measured graph by graph on the graphs as drawn, levels joined by lifts. Distances in m.
 """

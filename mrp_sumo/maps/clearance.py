@@ -1,4 +1,4 @@
-"""How much room walls leave: the distance of every lane and vertex of a graph from the nearest wall of its level.
+"""Room that walls leave: the distance of every lane and vertex of a graph from the nearest wall of its level.
 
 Walls are the strokes of a building's drawing, without thickness; where a door is drawn on one, it is open. Grid maps have no building:
 their free cells are those with room already. A robot needs half its width beside a lane, and at a vertex, where it may turn, the radius
@@ -32,7 +32,7 @@ class Clearance:
 
 @dataclass(frozen=True, eq=False)
 class Narrow:
-    """Where a type of robot has no room beside the walls. Read-only."""
+    """Lanes and vertices without room beside the walls for a type of robot. Read-only."""
 
     robot: RobotType
     graph: NavGraph
@@ -99,7 +99,7 @@ class Narrow:
 
 
 def narrow(graph: NavGraph, building: Building | None, robot: RobotType) -> Narrow:
-    """Where a robot has no room on a graph; everywhere there is some where there is no building."""
+    """Places of a graph without room for a robot; none without a building."""
     if building is None:
         far = np.full(graph.num_lanes, np.inf), np.full(graph.num_vertices, np.inf)
         return Narrow(robot, graph, *far, *(np.isnan(distance) for distance in far))
@@ -132,7 +132,7 @@ def standing_walls(building: Building, level_names: Collection[str]) -> FloatArr
 
 
 def clearance(graph: NavGraph, building: Building, within_m: float) -> Clearance:
-    """How far the lanes and vertices of a graph are from walls.
+    """Distances of the lanes and vertices of a graph from walls.
 
     Parameters
     ----------

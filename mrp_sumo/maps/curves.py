@@ -25,7 +25,7 @@ def bezier_knots(degree: int, pieces: int = 1) -> tuple[float, ...]:
 
 
 def fault_of_curve(degree: float, knots: Sequence[float], num_points: int) -> str:
-    """What is wrong with a NURBS, in words; '' for nothing."""
+    """Fault of a NURBS, in words; '' for none."""
     if degree != int(degree) or not 1 <= degree <= 9:
         return f"degree {degree:g}, expected 1 to 9"
     if num_points < degree + 1:

@@ -19,7 +19,7 @@ TURN_RAD = np.pi / 2  # of a hinged leaf
 
 
 def opening_s(kind: str, width_m: float) -> float:
-    """How long a door takes to open, or to close: hinged, double_hinged, sliding, double_sliding; one of no known kind slides."""
+    """Time that a door takes to open, or to close: hinged, double_hinged, sliding, double_sliding; one of no known kind slides."""
     if kind.endswith("hinged"):
         distance, speed, accel = TURN_RAD, HINGED_RAD_S, HINGED_RAD_S2
     else:

@@ -1,4 +1,4 @@
-"""What an import tells about a map: findings, and the refusal that carries them."""
+"""Findings of an import about a map, and the refusal that carries them."""
 
 from dataclasses import dataclass
 from typing import Any, Literal

@@ -25,7 +25,7 @@ def level_choice(levels: Any, level: str | None, file: str) -> list[str]:
 
 
 def laid_out(nav: NavGraph, building: Building | None) -> dict[str, tuple[float, float]]:
-    """How far to move each level so that those the graph is on do not overlap; nothing for one level.
+    """Shift of each level, so that those the graph is on do not overlap; nothing for one level.
 
     They lie in rows, the first where it is drawn, in as many columns as show them largest on a screen; moved by whole metres.
     """

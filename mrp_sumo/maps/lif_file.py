@@ -35,7 +35,7 @@ def write_lif(map_: Map, path: Path) -> None:
     bends = drawn.having("is_bend")
 
     def starts_of(lane: int) -> IntArray:
-        """Where the pieces of a lane begin."""
+        """Places where the pieces of a lane begin."""
         return drawn.tail[chains.piece[chains.first[lane] : chains.first[lane + 1]]] if chains else drawn.tail[:0]
 
     layouts = []

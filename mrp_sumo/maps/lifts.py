@@ -28,12 +28,12 @@ Shift = Mapping[str, tuple[float, float]]
 
 
 def door_s(width_m: float) -> float:
-    """How long the two leaves of a lift's door take to open or close."""
+    """Time that the two leaves of a lift's door take to open or close."""
     return float(run_time_s(np.float64(width_m / 2), np.float64(DOOR_MPS), np.float64(DOOR_MPS2), np.float64(DOOR_MPS2)))
 
 
 def travel_s(height_m: float) -> float:
-    """How long a cabin takes from one level to another."""
+    """Time that a cabin takes from one level to another."""
     return float(run_time_s(np.float64(height_m), np.float64(CABIN_MPS), np.float64(CABIN_MPS2), np.float64(CABIN_MPS2)))
 
 

@@ -12,7 +12,7 @@ from mrp_sumo.maps.finding import MapFinding
 
 @dataclass(frozen=True, eq=False)
 class FloorPixels:
-    """What of a plan is floor, in pixels."""
+    """The part of a plan that is floor, in pixels."""
 
     clear: BoolArray  # [h, w], row 0 has the lowest y
     resolution_m: float

@@ -1,4 +1,4 @@
-"""What a careful eye sees on a building's drawing beyond the findings of a check: notes, none of which changes the import.
+"""Notes on a building's drawing beyond the findings of a check, none of which changes the import.
 
 Lanes that lie on each other, go through a wall or through several doors; vertices almost at one place; doors and
 lifts that cannot be distinguished. Kept apart from the findings, which are a fixed list that others compare with.

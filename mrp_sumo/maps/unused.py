@@ -1,4 +1,4 @@
-"""What a map says that has no effect here: known, kept where a format can hold it, and reported in one line."""
+"""Content of a map that has no effect here: known, kept where a format can hold it, and reported in one line."""
 
 from mrp_sumo.maps.map import Map
 

@@ -267,5 +267,5 @@ def _complaint(text: str, error: yaml.YAMLError) -> str:
 
 
 def looks_like_html(text: str) -> bool:
-    """Whether a page was saved instead of the file."""
+    """True for a page that was saved instead of the file."""
     return text.lstrip()[:200].lower().startswith(("<!doctype html", "<html", "<head", "<!--"))

@@ -1,1 +1,1 @@
-"""What others add: one registry for planners, assigners, dispatchers, policies, metrics and map readers."""
+"""Plug-ins: one registry for planners, assigners, dispatchers, policies, metrics and map readers."""

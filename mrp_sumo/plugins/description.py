@@ -1,4 +1,4 @@
-"""What a plug-in is, for people: its summary, its parameters with defaults, and what it says of itself."""
+"""A plug-in described for people: its summary, its parameters with defaults, and what it says of itself."""
 
 import inspect
 from collections.abc import Mapping

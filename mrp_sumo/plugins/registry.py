@@ -32,7 +32,7 @@ def names(kind: str) -> tuple[str, ...]:
 
 
 def find(kind: str, name: str, beside: Path | None = None) -> Source:
-    """Where a plug-in is. A file's is read, not executed.
+    """The source of a plug-in. A file's is read, not executed.
 
     Parameters
     ----------

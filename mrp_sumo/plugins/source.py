@@ -29,7 +29,7 @@ _loaded: dict[Path, tuple[str, ModuleType]] = {}  # files with the hash of what 
 
 @dataclass(frozen=True)
 class Source:
-    """Where a plug-in is."""
+    """The place of a plug-in."""
 
     name: str  # as the scenario says
     module: str  # '' for a file

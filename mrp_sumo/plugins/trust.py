@@ -1,4 +1,4 @@
-"""Which programs of strangers may run: plug-in files, and commands of external planners, that scenarios and suites name.
+"""Programs of strangers that may run: plug-in files, and commands of external planners, that scenarios and suites name.
 
 A program runs when the user has named it (on the command line, or in a call), when everything is trusted (`--trust`), or when the
 file that names it lies in a folder that was trusted once. Worker processes trust what they are handed: who hands it out has asked.
@@ -28,7 +28,7 @@ class Program:
 
     @property
     def shown(self) -> str:
-        """What would be run, in one line."""
+        """The program in one line."""
         text = str(self.path) if self.path else self.command
         return "".join(c if c.isprintable() else "?" for c in text[:300])
 
@@ -56,7 +56,7 @@ def everything_trusted(wanted: bool = True) -> Iterator[None]:
 
 
 def is_trusted(program: Program) -> bool:
-    """Whether a program may run."""
+    """True for a program that may run."""
     return _everything or program in _named
 
 
@@ -73,7 +73,7 @@ def require_trusted(program: Program) -> None:
 
 
 def in_trusted_folder(folder: Path) -> bool:
-    """Whether a folder, or one above it, was trusted once."""
+    """True for a folder that was trusted once, or is in one that was."""
     place = folder.resolve()
     return any(place.is_relative_to(trusted) for trusted in trusted_folders())
 

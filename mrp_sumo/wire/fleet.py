@@ -64,7 +64,7 @@ class InjectedFault(NamedTuple):
 
 @dataclass(frozen=True)
 class Reporting:
-    """How often vehicles report, in simulated time."""
+    """Periods of vehicles' reports, in simulated time."""
 
     state_s: float = 1.0  # besides what happens; the standard has 30 s at most
     view_s: float = 1.0  # visualization; 0: none
@@ -128,7 +128,7 @@ class GraphSite:
 
 @dataclass
 class OrderRoute:
-    """What a body has been sent to: nodes of its order, with the numbers of their visits along its whole way."""
+    """The route of a body: nodes of its order, with the numbers of their visits along its whole way."""
 
     rank: list[int] = field(default_factory=list)
     sequence: list[int] = field(default_factory=list)
@@ -136,7 +136,7 @@ class OrderRoute:
     node: list[Node] = field(default_factory=list)
 
     def turns_to(self, yaw_rad: float) -> float:
-        """How a body that stands at the end is to face; as it does where the last node says nothing, or there is none."""
+        """The heading of a body that stands at the end; the one that it has where the last node says nothing, or there is none."""
         theta_rad = self.node[-1].theta_rad if self.node else math.nan
         return yaw_rad if math.isnan(theta_rad) else theta_rad
 
@@ -222,7 +222,7 @@ class VirtualFleet:
         return vehicle.sender.message("connection", self.now_s, {"connectionState": said})
 
     def last_will(self, vehicle: Vehicle) -> Json:
-        """What the broker says when a connection breaks; it does not count as sent."""
+        """The message that the broker sends when a connection breaks; it does not count as sent."""
         said = self.connection(vehicle, "CONNECTION_BROKEN" if self.dialect.is_new else "CONNECTIONBROKEN")
         vehicle.sender.count["connection"] -= 1
         return said

@@ -64,7 +64,7 @@ class FoxgloveView:
 
     @property
     def app(self) -> str:
-        """Where Foxglove opens it."""
+        """The address at which Foxglove opens it."""
         return f"https://app.foxglove.dev/?ds=foxglove-websocket&ds.url={self.address}"
 
     def __enter__(self) -> Self:
@@ -177,10 +177,10 @@ def _listener(websocket: Any, playback: Playback) -> Any:
         def on_unsubscribe(self, client: Any, channel: Any) -> None:
             playback.leaves(client.id, channel.topic)
 
-        def on_playback_control_request(self, asked: Any) -> Any:
-            to_ns = None if asked.seek_time is None else asked.seek_time - EPOCH_NS
-            position = playback.control(asked.playback_command == websocket.PlaybackCommand.Play, asked.playback_speed, to_ns)
-            return _state(websocket, position, to_ns is not None, asked.request_id)
+        def on_playback_control_request(self, request: Any) -> Any:
+            to_ns = None if request.seek_time is None else request.seek_time - EPOCH_NS
+            position = playback.control(request.playback_command == websocket.PlaybackCommand.Play, request.playback_speed, to_ns)
+            return _state(websocket, position, to_ns is not None, request.request_id)
 
     return FoxgloveListener()
 

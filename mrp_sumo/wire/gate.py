@@ -52,7 +52,7 @@ class LocalServer(ThreadingHTTPServer):
 
     @property
     def address(self) -> str:
-        """Where its page is."""
+        """The address of its page."""
         return f"http://{HOST}:{self.server_port}/{self.token}/"
 
     def process_request(self, request: Any, client_address: Any) -> None:
@@ -81,7 +81,7 @@ class LocalHandler(BaseHTTPRequestHandler):
     origins: Collection[str] = ()  # of pages that are let in beside the server's own
 
     def place(self) -> str | None:
-        """What is asked for, without the token; None where nobody is to be let in, who has been told so then."""
+        """The place that is asked for, without the token; None where nobody is to be let in, and the refusal has been sent."""
         token, _, place = self.path.split("?")[0].removeprefix("/").partition("/")
         if urlsplit(f"//{self.headers.get('Host', '')}").hostname not in HERE:
             reason = "this server is for this machine alone"

@@ -1,4 +1,4 @@
-"""What carries messages of VDA 5050 between vehicles and their master, whatever it is: the face.
+"""The face of whatever carries messages of VDA 5050 between vehicles and their master.
 
 Both ends are named by serial number and kind of message; how topics are written is the dialect's.
 """
@@ -24,7 +24,7 @@ class Link(Protocol):
         """Send a message of or to a vehicle. One that cannot be sent now is lost, as the standard has it."""
 
     def receive(self, wait_s: float) -> list[Received]:
-        """What has come in, waiting for the first so long."""
+        """Messages that have come in, waiting for the first so long."""
 
     def close(self) -> None:
         """Say good-bye."""

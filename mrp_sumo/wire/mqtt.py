@@ -32,7 +32,7 @@ MQTT_PORT, MQTTS_PORT = 1883, 8883
 
 @dataclass(frozen=True)
 class Broker:
-    """Where the broker is and how one is let in."""
+    """The broker's address, and credentials for it."""
 
     host: str
     port: int

@@ -26,7 +26,7 @@ class Pace:
         self.begun_s = time.monotonic()
 
     def wait(self, now_s: float, receive: Callable[[float], list[Received]]) -> list[Received]:
-        """What comes in before the step at a simulated time is due."""
+        """Messages that come in before the step at a simulated time is due."""
         due = self.begun_s + now_s / self.speed
         messages = receive(0.0)
         while (left := due - time.monotonic()) > 0:

@@ -21,7 +21,7 @@ Send = Callable[[str, int, bytes], None]  # topic, ns of the run, message
 
 
 class Position(NamedTuple):
-    """Where viewers are."""
+    """The viewers' place in a run."""
 
     now_ns: int
     playing: bool
@@ -65,7 +65,7 @@ class MessageLog:
 
 
 class Playback:
-    """What has been said of a run, and where viewers are in it."""
+    """The messages of a run so far, and the viewers' place in it."""
 
     def __init__(self, send: Send, tick: Callable[[Position], None], speed: float = 1.0) -> None:
         """`tick` is called when viewers have got further; `speed`: simulated seconds a second."""

@@ -110,7 +110,7 @@ class Logging(Listener):
     num_waits: int = 0  # lines that are shown now
 
     def floor(self, setup: SetUp) -> None:
-        """What does not change."""
+        """Log the floor, which does not change."""
         rr, building, nav, graph = self.rerun, setup.map.building, setup.map.nav, self.record.graph
         log = self.recording.log
         if building:

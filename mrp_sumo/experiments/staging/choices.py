@@ -62,16 +62,16 @@ def named_files(scenario: ScenarioModel, folder: Path) -> list[Path]:
     folder
         Where relative paths begin.
     """
-    found = []
+    paths = []
     for group in scenario.robots.groups:
         if isinstance(group.type, str):
             bundled = bundled_folder("robots") / f"{group.type}.yaml"
-            found.append(bundled if bundled.is_file() else folder / group.type)
+            paths.append(bundled if bundled.is_file() else folder / group.type)
     if path := _plan_path(scenario, folder):
-        found.append(path)
+        paths.append(path)
     if scenario.tasks is not None and scenario.tasks.file is not None:
-        found.append(folder / scenario.tasks.file)
-    return found
+        paths.append(folder / scenario.tasks.file)
+    return paths
 
 
 def _check_metric(name: str, folder: Path, run_programs: bool) -> None:

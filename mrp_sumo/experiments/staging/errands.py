@@ -15,14 +15,14 @@ from mrp_sumo.search.distance import UNREACHABLE, distances
 
 def unreachable(sources: Sequence[TaskSource], problem: Problem) -> str:
     """Tasks that no robot can do, in words; '' where all tasks can be done."""
-    found = [strong_components(graph.num_vertices, graph.tail, graph.head) for graph in problem.graph_of_kind]
-    if not any(piece.any() for piece in found):  # all is one piece
+    component_of = [strong_components(graph.num_vertices, graph.tail, graph.head) for graph in problem.graph_of_kind]
+    if not any(piece.any() for piece in component_of):  # all is one piece
         return ""
     of_start = zip(problem.fleet.kind.tolist(), problem.start.tolist())
-    starts = {(k, int(found[k][v])): v for k, v in reversed(list(of_start))}  # one robot of each type and piece
+    starts = {(k, int(component_of[k][v])): v for k, v in reversed(list(of_start))}  # one robot of each type and piece
     checked: set[tuple[Station, ...]] = set()
     for name, route in _routes(sources):
-        pieces = {(0, int(found[0][v])) for station in route for v in station.places}
+        pieces = {(0, int(component_of[0][v])) for station in route for v in station.places}
         if route in checked or (len(starts) == 1 and pieces == set(starts)):  # the usual case: one piece
             continue
         checked.add(route)
@@ -35,24 +35,24 @@ def unreachable(sources: Sequence[TaskSource], problem: Problem) -> str:
 
 def oddities(sources: Sequence[TaskSource], problem: Problem, end_s: float) -> tuple[str, ...]:
     """A line each for people: orders that are released after the end of a run, and last stops from which robots do not come back."""
-    found = []
+    errands = []
     listed = [task for source in sources if isinstance(source, TaskList) for task in source.listed]
     late = [task for task in listed if task.release_s >= end_s]
     if late:
         first = f"the first is '{late[0].name}' at {late[0].release_s:g} s"
-        found.append(f"{len(late)} of {len(listed)} orders are released after the run's end at {end_s:g} s, {first}")
+        errands.append(f"{len(late)} of {len(listed)} orders are released after the run's end at {end_s:g} s, {first}")
     graph, steps = problem.graph, distances(problem.graph)
     if not strong_components(graph.num_vertices, graph.tail, graph.head).any():
-        return tuple(found)
+        return tuple(errands)
     routes = dict.fromkeys((name, route[0], route[-1]) for name, route in _routes(sources))
     begins = {v for _, first_station, _ in routes for v in first_station.places}
     ends = {station.name: (name, station.places) for name, _, station in routes}
     for station, (name, places) in ends.items():
         if all(int(steps.to(u)[v]) >= UNREACHABLE for v in places for u in begins):
-            found.append(
+            errands.append(
                 f"no way leads from '{station}', the last stop of '{name}', to where an order begins: a robot stays there for good"
             )
-    return tuple(found)
+    return tuple(errands)
 
 
 def _stops_made(graph: PlanGraph, start: int, route: Sequence[Station]) -> int:

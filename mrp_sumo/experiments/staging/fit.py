@@ -67,11 +67,11 @@ def _remedy(nav: NavGraph, cell_m: float, needed_m: float) -> str:
     joined, _ = join_short(nav, millimetres)
     left = np.flatnonzero(joined.length_m < needed_m - 1e-9)
     if not left.size:
-        found = f"map.join_short_m: {millimetres:g} would join its ends"
+        hint = f"map.join_short_m: {millimetres:g} would join its ends"
         step_m = joined.length_m / np.maximum(np.rint(joined.length_m / cell_m), 1)
         if step_m.min(initial=np.inf) >= needed_m - 1e-9:
-            return found
-        return f"{found}, with discretisation.cell_m: {cell_that_fits(joined.length_m, needed_m):g}"
+            return hint
+        return f"{hint}, with discretisation.cell_m: {cell_that_fits(joined.length_m, needed_m):g}"
     lane = int(left[0])
     ends = f"'{joined.known_as(int(joined.tail[lane]))}' - '{joined.known_as(int(joined.head[lane]))}'"
     return (

@@ -24,14 +24,14 @@ ONE_WAY_CELLS = 1.1  # from a one-way's route within which lanes belong to it
 
 def doubled(file: ScenarioFile, nav: NavGraph) -> frozenset[int]:
     """Lanes of the stretches that get a second track."""
-    found: set[int] = set()
+    lanes: set[int] = set()
     for i, names in enumerate(file.scenario.discretisation.doubled):
         key = ("discretisation", "doubled", i)
         if isinstance(nav, PlanGraph):
             raise ScenarioError(f"{file.at(*key)}: '{nav.name}' is a grid, whose aisles are as wide as they are drawn")
         steps = set(pairwise(_way(file, nav, key, names, as_drawn(file, nav, key, names))))
-        found |= {k for k, step in enumerate(zip(nav.tail.tolist(), nav.head.tolist())) if step in steps}
-    return frozenset(found)
+        lanes |= {k for k, step in enumerate(zip(nav.tail.tolist(), nav.head.tolist())) if step in steps}
+    return frozenset(lanes)
 
 
 def with_one_ways(file: ScenarioFile, nav: NavGraph, graph: PlanGraph) -> PlanGraph:
@@ -72,14 +72,14 @@ def with_mutex_groups(file: ScenarioFile, nav: NavGraph, graph: PlanGraph) -> Pl
 
 def _steps_of(nav: NavGraph, graph: PlanGraph, lanes: list[int]) -> list[int]:
     """The lanes of a plan graph that these lanes of its nav graph were cut into; of a grid none but direct ones."""
-    found: list[int] = []
+    doubled: list[int] = []
     for lane in lanes:
         of = {lane, int(nav.reverse[lane])}
         between = {v for v in range(graph.num_vertices) if int(graph.nav_lane[v]) in of} if len(graph.nav_lane) else set()
         ends = {int(graph.vertex_of_station[nav.tail[lane]]), int(graph.vertex_of_station[nav.head[lane]])}
         both = between | ends
-        found += [k for k, (a, b) in enumerate(zip(graph.tail.tolist(), graph.head.tolist())) if a in both and b in both]
-    return found
+        doubled += [k for k, (a, b) in enumerate(zip(graph.tail.tolist(), graph.head.tolist())) if a in both and b in both]
+    return doubled
 
 
 def in_service(file: ScenarioFile, graph: PlanGraph) -> PlanGraph:
@@ -142,13 +142,13 @@ def with_closures(file: ScenarioFile, nav: NavGraph, graph: PlanGraph, settings:
 
 def closed_lanes(file: ScenarioFile, nav: NavGraph, graph: PlanGraph) -> tuple[ClosedLane, ...]:
     """Every lane of the stretches that are closed."""
-    found = []
+    closed = []
     for i, choice in enumerate(file.scenario.execution.disturbances.closures):
         key = ("execution", "disturbances", "closures", i)
         ends = looked_up(file, nav, graph, (*key, "between"), choice.between).tolist()
         route = _way(file, graph, key, choice.between, ends)
-        found += [ClosedLane(a, b, choice.begin_s, choice.duration_s) for a, b in pairwise(route)]
-    return tuple(found)
+        closed += [ClosedLane(a, b, choice.begin_s, choice.duration_s) for a, b in pairwise(route)]
+    return tuple(closed)
 
 
 def _way(file: ScenarioFile, graph: NavGraph, key: Place, names: Sequence[str], ends: Sequence[int]) -> list[int]:

@@ -67,10 +67,10 @@ class _Places:
         if vertex is None:
             known = [n for n in self.nav.vertex_name if n]
             raise ScenarioError(f"{self._file.at(*place)}: '{name}' is not a vertex of '{self.nav.name}'{nearest(name, known)}")
-        found = self.at(vertex)
-        if found < 0:
+        v = self.at(vertex)
+        if v < 0:
             raise ScenarioError(f"{self._file.at(*place)}: there is no room for people within a metre of '{name}'")
-        return found
+        return v
 
     def at(self, vertex: int) -> int:
         """The place at a vertex; -1 where there is no room."""
@@ -92,13 +92,13 @@ def _drawn(file: ScenarioFile, choice: PeopleChoice, places: _Places, seed: int)
     nav = places.nav
     named = [v for v in range(nav.num_vertices) if nav.vertex_name[v]]
     order: IntArray = np.random.default_rng([seed, DRAW]).permutation(named if len(named) > 1 else nav.num_vertices)
-    found: list[int] = []
+    vertices: list[int] = []
     for vertex in order.tolist():
-        if len(found) == MOST_PLACES:
+        if len(vertices) == MOST_PLACES:
             break
         if (place := places.at(vertex)) >= 0:
-            found.append(place)
-    return found
+            vertices.append(place)
+    return vertices
 
 
 def _flow(file: ScenarioFile, key: Place, choice: PeopleChoice, flow: FlowChoice, places: _Places, drawn: list[int]) -> Flow:

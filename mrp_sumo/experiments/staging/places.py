@@ -52,21 +52,21 @@ def places_by_type(
     file: ScenarioFile, nav: NavGraph, graph: PlanGraph, barred: BoolArray | None, kind: IntArray, separation_m: float
 ) -> tuple[IntArray, IntArray]:
     """Plan vertices of starts and goals, group by group; those that are not named are drawn where the robots have room."""
-    scenario, given = file.scenario, []
+    scenario, fixed = file.scenario, []
     for key in ("starts", "goals"):
-        found = np.full(len(kind), -1)
+        vertex = np.full(len(kind), -1)
         for k, group in enumerate(scenario.robots.groups):
             if names := getattr(group, key):
-                found[kind == k] = looked_up(file, nav, graph, ("robots", "fleet", k, key), names)
-        values, times = np.unique(found[found >= 0], return_counts=True)
+                vertex[kind == k] = looked_up(file, nav, graph, ("robots", "fleet", k, key), names)
+        values, times = np.unique(vertex[vertex >= 0], return_counts=True)
         if (times > 1).any():
             raise ScenarioError(
                 f"{file.at('robots', 'fleet')}: '{graph.known_as(int(values[times > 1][0]))}' is the {key[:-1]} of two robots"
             )
-        given.append(found)
+        fixed.append(vertex)
     graphs, anywhere = graphs_of_kinds(graph, barred, int(kind.max()) + 1), scenario.robots.draw == "anywhere"
     with file.located("robots", "fleet"):
-        given_start, given_goal = given
+        given_start, given_goal = fixed
         start, goal = draw_by_type(graphs, kind, given_start, given_goal, scenario.seed, separation_m, anywhere=anywhere)
     return (start, start) if scenario.tasks is not None else (start, goal)
 
@@ -97,7 +97,7 @@ def looked_up(file: ScenarioFile, nav: NavGraph, graph: PlanGraph, key: tuple[st
 
 def as_drawn(file: ScenarioFile, nav: NavGraph, key: tuple[str | int, ...], names: Sequence[str]) -> list[int]:
     """Vertices of the nav graph by their names."""
-    faults, found = [], []
+    faults, vertices = [], []
     for i, name in enumerate(names):
         vertex = nav.vertex_of_name.get(name)
         if vertex is None and (number := name.removeprefix("v")).isdecimal() and int(number) < nav.num_vertices:
@@ -106,10 +106,10 @@ def as_drawn(file: ScenarioFile, nav: NavGraph, key: tuple[str | int, ...], name
             known = [n for n in nav.vertex_name if n]
             faults.append(f"{file.at(*key, i)}: '{name}' is not a vertex of '{nav.name}'{nearest(name, known)}")
         else:
-            found.append(vertex)
+            vertices.append(vertex)
     if faults:
         raise ScenarioError(*faults)
-    return found
+    return vertices
 
 
 def named_places(scenario: ScenarioModel) -> bool:
@@ -145,11 +145,11 @@ def goal_headings(scenario: ScenarioModel, graph: PlanGraph, goal: IntArray) -> 
     """[G] as the scenario says, else as the map does, where robots can face so without turning aside from all lanes."""
     if scenario.robots.goal_heading_deg is not None or scenario.tasks is not None:
         return headings(scenario.robots.goal_heading_deg, len(goal))
-    found = np.array([float(graph.vertex_options[v].get("theta_rad", np.nan)) for v in goal.tolist()])
-    for i in np.flatnonzero(~np.isnan(found)).tolist():
-        if not _along_a_lane(graph, int(goal[i]), found[i]):
-            found[i] = np.nan
-    return None if np.isnan(found).all() else frozen(found)
+    theta_rad = np.array([float(graph.vertex_options[v].get("theta_rad", np.nan)) for v in goal.tolist()])
+    for i in np.flatnonzero(~np.isnan(theta_rad)).tolist():
+        if not _along_a_lane(graph, int(goal[i]), theta_rad[i]):
+            theta_rad[i] = np.nan
+    return None if np.isnan(theta_rad).all() else frozen(theta_rad)
 
 
 def require_headings(file: ScenarioFile, problem: Problem) -> None:

@@ -29,7 +29,7 @@ class DispatcherChoice(PolicyChoice):
 
 
 class ExecutionChoice(Strict):
-    """How the plan is driven."""
+    """Execution of the plan."""
 
     engine: Literal["sumo", "kinematic"] = Field(
         "sumo", description="What moves the bodies: SUMO, or the robots' limits alone, which takes a fraction of the time."
@@ -73,9 +73,9 @@ class ExecutionChoice(Strict):
 
     @field_validator("disturbances", mode="before", json_schema_input_type=str | Disturbances)
     @classmethod
-    def _of_a_set(cls, given: Any) -> Any:
+    def _of_a_set(cls, value: Any) -> Any:
         """The values of a named set, and what a file says beside its name."""
-        values = {"name": given} if isinstance(given, str) else given
+        values = {"name": value} if isinstance(value, str) else value
         if not isinstance(values, dict) or not isinstance(name := values.get("name"), str) or not name:
             return values
         if name not in NAMED_DISTURBANCES:
@@ -84,10 +84,10 @@ class ExecutionChoice(Strict):
 
     @field_validator("policy", mode="before", json_schema_input_type=str | PolicyChoice)
     @classmethod
-    def _short_policy(cls, found: Any) -> Any:
-        return {"name": found} if isinstance(found, str) else found
+    def _short_policy(cls, value: Any) -> Any:
+        return {"name": value} if isinstance(value, str) else value
 
     @field_validator("dispatcher", mode="before", json_schema_input_type=str | DispatcherChoice)
     @classmethod
-    def _short_dispatcher(cls, found: Any) -> Any:
-        return {"name": found} if isinstance(found, str) else found
+    def _short_dispatcher(cls, value: Any) -> Any:
+        return {"name": value} if isinstance(value, str) else value

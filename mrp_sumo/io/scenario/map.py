@@ -19,7 +19,7 @@ class FurnitureChoice(Strict):
 
 
 class MapChoice(Strict):
-    """Which part of which map."""
+    """The map, and the part of it that is used."""
 
     file: str = Field(description="A map file, relative to the scenario, or the name of a bundled map.")
     reader: str | None = Field(None, description="A map reader by name, or FILE.py:CLASS; by default the one that recognises the file.")
@@ -43,15 +43,15 @@ class MapChoice(Strict):
 
     @field_validator("graph", mode="before")
     @classmethod
-    def _one_or_several(cls, found: Any) -> Any:
-        several = found if isinstance(found, list | tuple) and found else [found]
-        if found not in (None, "all") and not all(type(number) is int and 0 <= number <= 9 for number in several):
-            raise ValueError(f"found {found!r}, expected a number from 0 to 9, a list of them, or 'all'")
-        return found
+    def _one_or_several(cls, value: Any) -> Any:
+        several = value if isinstance(value, list | tuple) and value else [value]
+        if value not in (None, "all") and not all(type(number) is int and 0 <= number <= 9 for number in several):
+            raise ValueError(f"found {value!r}, expected a number from 0 to 9, a list of them, or 'all'")
+        return value
 
 
 class Discretisation(Strict):
-    """How the nav graph becomes a graph of unit steps."""
+    """The graph of unit steps that is made of the nav graph."""
 
     kind: Literal["auto", "grid", "roadmap"] = Field(
         "auto",

@@ -19,7 +19,7 @@ from mrp_sumo.io.scenario.tasks import TasksChoice
 
 
 class Assignment(Strict):
-    """Who goes to which goal."""
+    """Assignment of goals to robots."""
 
     mode: Literal["optimal", "random", "fixed"] = Field("optimal", description="'fixed': robot i to goal i.")
     solver: str = Field("linear_sum_assignment", description="Assigner for 'optimal', such as mip or cp_sat, or FILE.py:CLASS.")
@@ -28,7 +28,7 @@ class Assignment(Strict):
 
 
 class RetimeChoice(Strict):
-    """How a plan gets the times of real motion."""
+    """Retiming: a plan with the times of real motion."""
 
     margin_s: Annotated[float, Field(ge=0)] = Field(0.0, description="What a robot leaves is planned to be free this much later.")
     spread_s: Annotated[float, Field(ge=0)] = Field(
@@ -59,7 +59,7 @@ class PlannerChoice(Strict):
 
 
 class Recording(Strict):
-    """What is kept of a run."""
+    """Records that are kept of a run."""
 
     period_s: Positive = Field(0.1, description="Between samples of the trajectory; a multiple of the step length.")
     bag: bool = Field(True, description="Whether a rosbag is written.")

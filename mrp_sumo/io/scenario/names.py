@@ -29,12 +29,12 @@ def require_known(file: ScenarioFile) -> None:
 
 def robot_types(file: ScenarioFile) -> tuple[RobotType, ...]:
     """The type of each group of robots; those that are written out are told apart by their numbers."""
-    groups, found = file.scenario.robots.groups, []
+    groups, models = file.scenario.robots.groups, []
     for i, group in enumerate(groups):
         with file.located(*type_at(file, i)):
             model = robot_type(group.type, bundled_folder("robots"), file.folder)
-        found.append(replace(model, name=f"custom_{i}") if isinstance(group.type, RobotShape) and len(groups) > 1 else model)
-    return tuple(found)
+        models.append(replace(model, name=f"custom_{i}") if isinstance(group.type, RobotShape) and len(groups) > 1 else model)
+    return tuple(models)
 
 
 def type_at(file: ScenarioFile, kind: int) -> Place:

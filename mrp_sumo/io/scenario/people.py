@@ -23,12 +23,12 @@ class FlowChoice(Strict):
 
     @field_validator("origin", "destination", mode="before", json_schema_input_type=str | list[str] | None)
     @classmethod
-    def _one_or_several(cls, found: Any) -> Any:
-        return [found] if isinstance(found, str) else found
+    def _one_or_several(cls, value: Any) -> Any:
+        return [value] if isinstance(value, str) else value
 
 
 class PeopleChoice(Strict):
-    """Who walks among the robots."""
+    """People who walk among the robots."""
 
     model: Literal["social_force", "lane_speeds"] = Field(
         "social_force", description="'lane_speeds': nobody walks, but each robot's speed is drawn anew on each lane."
@@ -50,13 +50,13 @@ class PeopleChoice(Strict):
 
     @model_validator(mode="after")
     def _one_number(self) -> "PeopleChoice":
-        given = [key for key in ("count", "rate_per_h", "flows") if getattr(self, key) is not None]
+        keys = [key for key in ("count", "rate_per_h", "flows") if getattr(self, key) is not None]
         if self.model == "lane_speeds":
-            if given:
-                raise ValueError(f"{given[0]} and model: lane_speeds exclude each other: nobody walks")
+            if keys:
+                raise ValueError(f"{keys[0]} and model: lane_speeds exclude each other: nobody walks")
             least, usual, most = self.lane_speeds
             if not (least <= usual <= most and least < most):
                 raise ValueError("lane_speeds: expected least <= usual <= greatest, not all equal")
-        elif len(given) != 1:
-            raise ValueError(f"{' and '.join(given)} exclude each other" if given else "give count, rate_per_h or flows")
+        elif len(keys) != 1:
+            raise ValueError(f"{' and '.join(keys)} exclude each other" if keys else "give count, rate_per_h or flows")
         return self

@@ -25,7 +25,7 @@ class RobotGroup(Strict):
 
     @property
     def size(self) -> int:
-        """How many robots."""
+        """Number of robots."""
         return self.count or len(self.starts or self.goals or ())
 
     @model_validator(mode="after")
@@ -69,15 +69,15 @@ class Robots(Strict):
 
     @field_validator("start_heading_deg", "goal_heading_deg", mode="before")
     @classmethod
-    def _one_or_each(cls, found: Any) -> Any:
-        for heading in found if isinstance(found, list | tuple) else [found]:
+    def _one_or_each(cls, value: Any) -> Any:
+        for heading in value if isinstance(value, list | tuple) else [value]:
             if heading is not None and (type(heading) not in (int, float) or not -360 <= heading <= 360):
                 raise ValueError(f"found {heading!r:.40}, expected degrees from -360 to 360, or a list of them, null where any will do")
-        return found
+        return value
 
     @property
     def size(self) -> int:
-        """How many robots."""
+        """Number of robots."""
         return sum(group.size for group in self.fleet) if self.fleet else self.count or len(self.starts or ())
 
     @property
@@ -88,10 +88,10 @@ class Robots(Strict):
     @model_validator(mode="after")
     def _enough(self) -> "Robots":
         if self.fleet is not None:
-            given = [key for key in ("count", "starts", "goals") if getattr(self, key) is not None]
-            given += ["type"] if self.type != Robots.model_fields["type"].default else []
-            if given or self.draw == "mrp_bench":
-                raise ValueError(f"fleet and {given[0] if given else 'draw: mrp_bench'} exclude each other: its groups have their own")
+            keys = [key for key in ("count", "starts", "goals") if getattr(self, key) is not None]
+            keys += ["type"] if self.type != Robots.model_fields["type"].default else []
+            if keys or self.draw == "mrp_bench":
+                raise ValueError(f"fleet and {keys[0] if keys else 'draw: mrp_bench'} exclude each other: its groups have their own")
             return self._with_headings()
         if (self.starts is None) != (self.goals is None):
             raise ValueError("starts and goals go together: give both or neither")

@@ -19,14 +19,14 @@ Percent = Annotated[float, Field(ge=0, le=100, allow_inf_nan=False)]
 
 
 class StationChoice(Strict):
-    """Where stops are made."""
+    """A place where stops are made."""
 
     places: list[str] = Field(min_length=1, description="Names of vertices; one robot at a time is served at each.")
     queue: list[str] = Field([], description="Names of vertices where robots wait for a place.")
 
 
 class ServiceChoice(Strict):
-    """How long a stop takes; a number is short for constant_s."""
+    """Duration of a stop; a number is short for constant_s."""
 
     constant_s: NotNegative | None = Field(None, description="Always as long.")
     triangular_s: tuple[NotNegative, NotNegative, NotNegative] | None = Field(None, description="Least, usual and most.")
@@ -34,14 +34,14 @@ class ServiceChoice(Strict):
 
     @model_validator(mode="before")
     @classmethod
-    def _short_form(cls, found: Any) -> Any:
-        return {"constant_s": found} if isinstance(found, int | float) and not isinstance(found, bool) else found
+    def _short_form(cls, value: Any) -> Any:
+        return {"constant_s": value} if isinstance(value, int | float) and not isinstance(value, bool) else value
 
     @model_validator(mode="after")
     def _one(self) -> "ServiceChoice":
-        given = [key for key in ("constant_s", "triangular_s", "lognormal") if getattr(self, key) is not None]
-        if len(given) != 1:
-            raise ValueError(f"give one of constant_s, triangular_s, lognormal; found {', '.join(given) or 'none'}")
+        keys = [key for key in ("constant_s", "triangular_s", "lognormal") if getattr(self, key) is not None]
+        if len(keys) != 1:
+            raise ValueError(f"give one of constant_s, triangular_s, lognormal; found {', '.join(keys) or 'none'}")
         if self.triangular_s and not self.triangular_s[0] <= self.triangular_s[1] <= self.triangular_s[2]:
             raise ValueError(f"triangular_s is {list(self.triangular_s)}, expected least, usual and most in ascending order")
         return self
@@ -71,7 +71,7 @@ class TaskChoice(Strict):
 
 
 class ArrivalsChoice(Strict):
-    """When tasks become known; exactly one kind."""
+    """Arrivals of tasks; exactly one kind."""
 
     rate_per_h: Annotated[Positive, Field(le=MAX_RATE_PER_H)] | None = Field(None, description="Poisson arrivals.")
     profile: list[NotNegative] = Field([], description="Of Poisson arrivals: factors on the rate in equal parts of a day.")
@@ -83,9 +83,9 @@ class ArrivalsChoice(Strict):
 
     @model_validator(mode="after")
     def _one(self) -> "ArrivalsChoice":
-        given = [key for key in ("rate_per_h", "open", "per_step") if getattr(self, key) is not None] + ["at_once"] * self.at_once
-        if len(given) != 1:
-            raise ValueError(f"give one of rate_per_h, open, per_step, at_once; found {', '.join(given) or 'none'}")
+        keys = [key for key in ("rate_per_h", "open", "per_step") if getattr(self, key) is not None] + ["at_once"] * self.at_once
+        if len(keys) != 1:
+            raise ValueError(f"give one of rate_per_h, open, per_step, at_once; found {', '.join(keys) or 'none'}")
         if self.profile and (self.rate_per_h is None or max(self.profile) <= 0):
             raise ValueError("profile goes with rate_per_h, and needs a factor above 0")
         if self.per_step is not None and self.per_step > 1 and self.per_step != round(self.per_step):
@@ -119,7 +119,7 @@ class StreamChoice(Strict):
 
 
 class ChargingChoice(Strict):
-    """When and where robots charge; levels in percent, with the names of a VDA 5050 factsheet."""
+    """Charging of robots; levels in percent, with the names of a VDA 5050 factsheet."""
 
     stations: list[str] = Field(min_length=1, description="Names of groups, stations or vertices: a place each.")
     policy: Literal["threshold", "opportunity"] = Field(
@@ -167,8 +167,8 @@ class TasksChoice(Strict):
 
     @model_validator(mode="before")
     @classmethod
-    def _short_forms(cls, found: Any) -> Any:
-        return {"list": found} if isinstance(found, list | tuple) else {"file": found} if isinstance(found, str) else found
+    def _short_forms(cls, value: Any) -> Any:
+        return {"list": value} if isinstance(value, list | tuple) else {"file": value} if isinstance(value, str) else value
 
     @model_validator(mode="after")
     def _any(self) -> "TasksChoice":

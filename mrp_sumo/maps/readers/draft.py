@@ -36,7 +36,7 @@ class _Lane(NamedTuple):
 
 @dataclass
 class Draft:
-    """What was gathered so far. Vertices are numbered as they come, bends among them."""
+    """A map under construction. Vertices are numbered as they come, bends among them."""
 
     source: Text
     notes: Notes = field(default_factory=Notes)
@@ -127,7 +127,7 @@ class Draft:
         self._nowhere.append(f"{at}: {what}")
 
     def note_angle(self, what: str, angle: float) -> bool:
-        """Whether an angle must be degrees, since no turn in radians is so large; that is noted."""
+        """True for an angle that must be degrees, since no turn in radians is so large; that is noted."""
         if abs(angle) > TURN_RAD:
             self.notes.add("theta_in_degrees", f"{what} is {angle:g}")
             return True
@@ -297,7 +297,7 @@ def building_of_walls(
     doors: Mapping[str, Sequence[Any]] = MappingProxyType({}),
     elevation_m: Mapping[str, float] = MappingProxyType({}),
 ) -> Building:
-    """What is drawn around the lanes of a draft, by level.
+    """The building that is drawn around the lanes of a draft, by level.
 
     Parameters
     ----------

@@ -33,7 +33,7 @@ MAX_DEPTH = 16  # of blocks in blocks
 
 @dataclass(frozen=True)
 class DxfContent:
-    """What was read."""
+    """Lines and faults of a plan."""
 
     strokes: FloatArray  # [N, 2, 2] m, the two ends of each
     unit: str

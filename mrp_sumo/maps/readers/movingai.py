@@ -71,12 +71,12 @@ class MovingAiScen:
 
 
 def is_grid(text: str) -> bool:
-    """Whether a text is meant as a `.map`."""
+    """True for a text that is meant as a `.map`."""
     return text[:200].lstrip().lower().startswith("type ")
 
 
 def is_problem_set(text: str) -> bool:
-    """Whether a text is meant as a `.scen`."""
+    """True for a text that is meant as a `.scen`."""
     head = text[:200].lstrip().splitlines()
     return bool(head) and head[0].lower().split()[:1] == ["version"] and ":" not in head[0]
 

@@ -73,7 +73,7 @@ class PicturePlan:
         return plan_kind(file.head) == "picture"
 
     def read(self, file: MapFile, selection: Selection) -> Map:
-        """What is dark as walls, and a grid between them."""
+        """Dark pixels as walls, and a grid between them."""
         refuse_choice(file.source, selection, "meters_per_pixel")
         scale_m = selection.meters_per_pixel
         if scale_m is None:

@@ -1,4 +1,4 @@
-"""What a map reader is: one class for each format, which recognises it by content and makes a `Map` of it."""
+"""Map readers: one class for each format, which recognises it by content and makes a `Map` of it."""
 
 import re
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ ROBOT_RADIUS_M = 0.1126  # circumscribed circle of a TurtleBot3 Burger, 0.138 x 
 
 @dataclass(frozen=True)
 class Selection:
-    """What of a map file is taken; see `load_map`."""
+    """The part of a map file that is taken; see `load_map`."""
 
     graph: GraphChoice = None
     level: str | None = None
@@ -83,7 +83,7 @@ class Reader(Protocol):
         """Of its files, for people: the content decides."""
 
     def detects(self, file: MapFile) -> bool:
-        """Whether a file is meant as this format."""
+        """True for a file that is meant as this format."""
 
     def read(self, file: MapFile, selection: Selection) -> Map:
         """The map. Raises MapError where the format allows none."""

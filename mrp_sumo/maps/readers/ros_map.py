@@ -52,7 +52,7 @@ class RosMap:
 
 
 def is_ros_map(document: Any) -> bool:
-    """Whether a YAML document is meant for map_server."""
+    """True for a YAML document that is meant for map_server."""
     return isinstance(document, Mapping) and "image" in document and "resolution" in document
 
 

@@ -48,7 +48,7 @@ _KINDS = tuple((re.compile(mark, re.DOTALL), what, cure) for mark, what, cure in
 
 
 def advice(head: bytes) -> str:
-    """What a file is and what could be done with it, in half a sentence; '' for what is not known."""
+    """The kind of a file and what could be done with it, in half a sentence; '' for what is not known."""
     for mark, what, cure in _KINDS:
         if mark.match(head.removeprefix(b"\xef\xbb\xbf")):
             return f"{what}: {cure}"

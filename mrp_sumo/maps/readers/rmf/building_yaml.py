@@ -28,7 +28,7 @@ SYSTEMS = ("reference_image", "cartesian_meters", "wgs84", "web_mercator")
 
 
 def is_building(document: Any) -> bool:
-    """Whether a YAML document is meant as a building."""
+    """True for a YAML document that is meant as a building."""
     return (
         isinstance(document, Mapping) and "levels" in document and not ("building_name" in document and _is_nav_graph(document["levels"]))
     )

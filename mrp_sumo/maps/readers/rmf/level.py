@@ -234,7 +234,7 @@ def _fiducials(
 
 
 def shown(value: Any) -> str:
-    """What a wrong value is, for a message."""
+    """A wrong value in words, for a message."""
     if isinstance(value, Mapping):
         return "a mapping"
     if isinstance(value, list):

@@ -1,4 +1,4 @@
-"""Where the levels of an RMF building lie: pixels to metres by measurements, levels onto each other by fiducials, degrees to metres.
+"""Places of the levels of an RMF building: pixels to metres by measurements, levels onto each other by fiducials, degrees to metres.
 
 Refuses measurements without length, and coordinate reference systems that cannot be used.
 """
@@ -34,7 +34,7 @@ class Placement:
 def placements_of(
     reader: LevelReader, drafts: Mapping[str, LevelDraft], reference: str, system: str, meters_per_pixel: float | None
 ) -> dict[str, Placement]:
-    """Where each level lies: the reference level by its measurements, the others by fiducials they share with it."""
+    """The place of each level: the reference level by its measurements, the others by fiducials they share with it."""
     if system != "reference_image":
         return dict.fromkeys(drafts, Placement())
     placements = {}
@@ -135,7 +135,7 @@ def project(source: Text, degrees: FloatArray, crs_name: str) -> FloatArray:
 
 
 def origin_of(xy: FloatArray, offset: tuple[float, float] | None) -> tuple[float, float]:
-    """What to subtract from coordinates [N, 2]: the file's offset, where that brings them nearer to zero.
+    """The origin to subtract from coordinates [N, 2]: the file's offset, where that brings them nearer to zero.
 
     Files disagree whether coordinates contain the offset; a simulator wants small numbers.
     """
