@@ -173,7 +173,7 @@ def _ends(logs: Logs, task: int, first: int, rows: Sequence[int], made: int, ord
 def loads(logs: Logs) -> Iterator[Finding]:
     """A robot that has picked one order makes no stop of another until it is done with it, and is served once at a time."""
     stops, tasks = logs.stops, logs.tasks
-    order = np.lexsort((stops.end_s, stops.begin_s, stops.robot))
+    order = np.lexsort((tasks.opened_s[stops.task], stops.end_s, stops.begin_s, stops.robot))  # of one instant: who was picked first
     for one, other in zip(order.tolist(), order.tolist()[1:]):
         if stops.robot[one] != stops.robot[other]:
             continue
