@@ -32,10 +32,10 @@ class Operations:
     """One run a trial."""
 
     size = None
+    _maps: MapCache | None = None  # of each child its own, since it counts its files
 
     def __init__(self, seed: int) -> None:
         self._first, self._paths = seed * 10_000_000, sorted({*bundled_maps().values(), *MAPS.rglob("*.building.yaml")})
-        self._maps = MapCache()
         self._nav: dict[Path, Any] = {}
 
     def trial(self, number: int, folder: Path) -> Trial:
@@ -47,6 +47,7 @@ class Operations:
                 return Trial(path.parent.name, "no places")
             values = drawn(rng, path, places, self._nav[path])
             (folder / "scenario.json").write_text(json.dumps(values, indent=1))
+            self._maps = self._maps or MapCache()
             result = carry_out(scenario_of(values, folder, "operations"), self._maps)
         except MrpSumoError as error:  # such as places that walls cut off
             return Trial("refused", f"{' '.join(str(error).split(': ', 2)[-1].split()[:3])}")
