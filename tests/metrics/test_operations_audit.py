@@ -9,7 +9,7 @@ from floors import BATTERY, driven, ring, scenario
 from mrp_sumo.core.execution import Event, Outcome
 from mrp_sumo.core.facilities import LIFT_STATES, FacilityLog
 from mrp_sumo.core.graph import nav_graph, plan_graph
-from mrp_sumo.core.robot_states import IDLE, RobotStateLog
+from mrp_sumo.core.robot_states import IDLE, STALLED, WORKING, RobotStateLog
 from mrp_sumo.core.task import StopLog
 from mrp_sumo.experiments.audit_work import logs_of
 from mrp_sumo.metrics.operations import energy, orders, places, robots
@@ -260,18 +260,21 @@ def test_who_waits_first_is_served_first(queue):
     assert finding.order not in [f.order for f in places.waits(urgent)]
 
 
-def starved(queue, since_s=0.0, away_m=0.0):
-    """The rows of robot_1's stops are gone, as if it had driven, and stood from then on where it waits at first, or farther away."""
+def starved(queue, since_s=0.0, at_m=(2.0, 0.0), state=WORKING):
+    """The rows of robot_1's stops are gone, as if it had driven, and stood from then on 3 m before A, or elsewhere."""
     stops, run = queue.stops, queue.execution
     kept = stops.robot == 0
-    columns = {key: getattr(stops, key)[kept] for key in StopLog.__dataclass_fields__ if key != "station"}
-    some = replace(stops, station=tuple(name for name, keep in zip(stops.station, kept.tolist()) if keep), **columns)
+    of_stops = {key: getattr(stops, key)[kept] for key in StopLog.__dataclass_fields__ if key != "station"}
+    some = replace(stops, station=tuple(name for name, keep in zip(stops.station, kept.tolist()) if keep), **of_stops)
     mine = int(np.flatnonzero(queue.tasks.robot == 1)[0])
     ended_s = queue.tasks.ended_s.copy()
     ended_s[mine] = np.nan
     speed_mps = np.where(run.t_s[:, None] < since_s, 0.5, 0.0) + np.zeros(run.x_m.shape)
     tasks = replace(queue.tasks, ended_s=ended_s)
-    logs = replace(queue, execution=replace(run, stops=some, tasks=tasks, speed_mps=speed_mps, x_m=run.x_m + away_m))
+    states = RobotStateLog(np.arange(2), np.array([WORKING, state]), np.zeros(2), np.full(2, queue.end_s), np.array([0, mine]))
+    columns = {"stops": some, "tasks": tasks, "speed_mps": speed_mps, "robot_states": states}
+    columns |= {key: np.where([True, False], getattr(run, key), at) for key, at in zip(("x_m", "y_m"), at_m)}
+    logs = replace(queue, execution=replace(run, **columns))
     return [f.robot for f in places.waits(logs) if f.order == queue.tasks.name[mine]]
 
 
@@ -283,7 +286,12 @@ def test_who_is_never_served_waits_to_the_end(queue):
 def test_who_sets_out_first_and_comes_later_is_served_later(queue, served_after, findings):
     """Three that set out after it has come are too many, from wherever it stands."""
     since_s = np.sort(queue.stops.since_s[queue.stops.robot == 0])[-served_after] - 2.0
-    assert starved(queue, since_s, away_m=100.0) == findings
+    assert starved(queue, since_s, at_m=(100.0, 0.0)) == findings
+
+
+@pytest.mark.parametrize(("x_m", "findings"), [(2.0, ["robot_1"]), (100.0, [])])
+def test_a_robot_that_stalls_far_away_is_in_no_line(queue, x_m, findings):
+    assert starved(queue, at_m=(x_m, 0.0), state=STALLED) == findings
 
 
 def test_nobody_is_idle_beside_work_for_long_unsaid(logs):
@@ -352,3 +360,12 @@ def test_findings_of_a_rule_are_listed_up_to_a_limit(logs):
     found = operations_audit(late)
     assert len(found["findings"]) == min(LISTED, int(logs.tasks.is_order[logs.stops.task].sum()))
     assert in_words(found).startswith("robot_") and f"and {len(found['findings']) - 1} more findings" in in_words(found)
+
+
+def test_a_load_is_dropped_before_one_is_picked_at_the_same_instant(tmp_path):
+    """The order that is listed first begins where the more urgent one ends, and nothing takes time there."""
+    listed = [{"name": "later", "stops": ["B", "A"]}, {"name": "urgent", "stops": ["A", "B"], "priority": 1}]
+    logs = logs_of(driven(scenario(ring(tmp_path), {"list": listed}, starts=["c4"])))
+    row, other = (first_stop(logs, k) for k in (0, 1))
+    assert logs.stops.begin_s[row] == logs.stops.end_s[other + 1]
+    assert not list(orders.loads(logs))

@@ -7,6 +7,7 @@ import numpy as np
 
 from mrp_sumo.core.facilities import DOOR_STATES, LIFT_STATES
 from mrp_sumo.core.graph import FloatArray
+from mrp_sumo.core.robot_states import STALLED
 from mrp_sumo.metrics.operations.evidence import EPS_S, LOST, Finding, Logs
 
 BESIDE_M = 0.05  # of a place, where a robot stands at it: bodies stop within millimetres, SUMO rounds lengths
@@ -112,7 +113,7 @@ def _left(logs: Logs) -> Iterator[Wish]:
 def _waits_since_s(logs: Logs, wish: Wish, until_s: float) -> float:
     """When a robot began to stand near where it wanted to, or to stand longest of one that stood for most of its time; inf: never.
 
-    Who set out first need not have come first: robots come from near and far.
+    Who set out first need not have come first: robots come from near and far. One that stalls far away is in no line, and is said to stall.
     """
     stands = logs.standing[wish.robot]
     some = stands[(stands[:, 1] > wish.since_s) & (stands[:, 0] < until_s)]
@@ -124,7 +125,7 @@ def _waits_since_s(logs: Logs, wish: Wish, until_s: float) -> float:
     away_m = np.hypot(*(at[:, None] - wish.xy[None]).transpose(2, 0, 1)).min(1)
     near = (away_m < NEAR * float(logs.fleet.apart_m.max())) & (lasts_s > LATER_S)
     near_s = float(since_s[near][0]) if near.any() else np.inf
-    stood = float(lasts_s.sum() / (until_s - wish.since_s)) > STOOD
+    stood = float(lasts_s.sum() / (until_s - wish.since_s)) > STOOD and not logs.was_in((STALLED,), wish.robot, wish.since_s, until_s)
     return min(near_s, float(since_s[lasts_s.argmax()])) if stood else near_s
 
 
