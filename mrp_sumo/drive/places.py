@@ -9,7 +9,7 @@ vertices.
 import heapq
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cache
-from itertools import chain
+from itertools import chain, combinations
 
 import numpy as np
 
@@ -76,6 +76,7 @@ class RobotPlaces:
         blocked, taken = set(start[stays].tolist()), set(start[stays].tolist())
         waits: set[int] = set()  # vertices where somebody is to wait
         ways: list[tuple[Stop, list[int]]] = []  # of those who have a place
+        lines: dict[tuple[int, ...], dict[int, set[int]]] = {}  # robots that wait for the same places; where each may not
         stuck: list[int] = []
         for r in turn:
             at, stop = int(start[r]), stops[r]
@@ -87,10 +88,14 @@ class RobotPlaces:
             elif (wait := self._where_to_wait(r, at, stop, taken | past, blocked, waits)) is not None:
                 vertex[r] = wait
                 waits.add(wait)
+                if wait not in stop.queue:
+                    lines.setdefault(stop.places, {})[r] = past
             else:
                 stuck.append(r)
                 continue
             taken.add(int(vertex[r]))
+        for line in lines.values():
+            self._keep_order(line, start, vertex)
         rest = [r for r in range(len(start)) if not stays[r] and r not in stops]
         parked = set[int]()
         for r in rest:
@@ -107,6 +112,22 @@ class RobotPlaces:
             vertex[r] = self._resting_place(r, int(start[r]), taken, stood_on)
             taken.add(int(vertex[r]))
         return vertex, makes
+
+    def _keep_order(self, line: Mapping[int, set[int]], start: IntArray, vertex: IntArray) -> None:
+        """Swap where robots of a line wait as long as one stands on the way of another, and the sum of the squares of their steps falls."""
+
+        def squares(r: int, v: int) -> float:
+            return float("inf") if v in line[r] else float(self._distances(r).to(v)[start[r]]) ** 2
+
+        swapped = True
+        while swapped:
+            swapped = False
+            for r, s in combinations(line, 2):
+                one, other = int(vertex[r]), int(vertex[s])
+                if squares(r, other) + squares(s, one) >= squares(r, one) + squares(s, other):
+                    continue
+                if start[s] in self._way(r, int(start[r]), one) or start[r] in self._way(s, int(start[s]), other):
+                    vertex[r], vertex[s], swapped = other, one, True
 
     def _distances(self, robot: int) -> Distances:
         return distances(self._graph(robot))

@@ -50,6 +50,7 @@ STANDS = [BOOKINGS.index(name) for name in ("planned_wait", "dependency_wait", "
 AT_GOAL = BOOKINGS.index("at_goal")
 STALLED_S = 60.0  # for which a robot with work has not got on, nor stood for the work's sake
 STANDS_S = 360.0  # for which a robot has not got on, or no stop was made, in a run that counts as stalled
+PATIENCE = 2  # who set out later and are served first, until one that waits no longer lets by whom it can pass
 LATE = 3.0  # so many times the longest way to a stop is more than robots need for it
 SLACK_S = 0.5  # so much earlier than a robot would have to brake for a stop without service, its way on is asked for
 LEAST_CHARGE_S = 60.0  # for less nobody goes to charge that need not
@@ -127,6 +128,7 @@ class Work:
         self._legs: list[list[Leg]] = [[] for _ in range(num_robots)]  # stops that each robot's way leads to, in their order
         self._wait_at = np.full(num_robots, NONE)  # [R] vertex where it is to wait for a place
         self._came_s = np.full(num_robots, np.inf)  # [R] since when it has waited as near as there
+        self._num_before = np.zeros(num_robots, np.int64)  # [R] who set out later, and were served where it waits
         self._until_s = np.full(num_robots, np.inf)  # [R] when the service is over that it is at
         self._over_s = np.full(num_robots, -np.inf)  # [R] when its last one was
         self._since_s = np.zeros(num_robots)  # [R] when it was given the task, or was done with the stop before
@@ -570,7 +572,9 @@ class Work:
             nearer = [s for s in wished[n + 1 :] if s not in order and away[s] < away[r] and stops[s].places == stops[r].places]
             if nearer:
                 way = self._places.way(r, int(start[r]), stops[r])
-                later = [s for s in nearer if np.isinf(self._came_s[s]) and self._sets_out_s(s, task[s]) > self._came_s[r]]
+                aged = self._num_before[r] >= PATIENCE
+                new = [s for s in nearer if aged or np.isinf(self._came_s[s])]
+                later = [s for s in new if self._sets_out_s(s, task[s]) > self._came_s[r]]
                 ahead = [s for s in nearer if int(start[s]) in way]
                 stuck = [s for s in ahead if s not in later or not self._places.can_let_pass(s, int(start[s]), way, stands)]
                 order += sorted(stuck, key=lambda s: away[s])
@@ -647,12 +651,19 @@ class Work:
         self._until_s[r] = begins_s + takes_s
         self._moved_s[r], self._came_s[r], self._wait_at[r] = begins_s, np.inf, NONE
         self._made_s = max(self._made_s, begins_s)
+        places = self.tasks[task].stops[leg.nth].places
+        self._num_before[[s for s in self._in_line(places) if self._came_s[s] < self._since_s[r]]] += 1
         self._note_stop(r, leg.vertex, begins_s, now_s, booked_s)
         if takes_s:
             if self._is_charge(r):
                 self.duties.enter(r, CHARGING, begins_s)
             else:
                 self.duties.enter(r, IN_SERVICE, begins_s, task)
+
+    def _in_line(self, places: Sequence[int]) -> list[int]:
+        """Robots that wait for some places."""
+        waiting = np.flatnonzero(np.isfinite(self._came_s)).tolist()
+        return [s for s in waiting if self.tasks[int(self.current[s])].stops[int(self.stop[s])].places == places]
 
     def _end_stop(self, r: int, booked_s: FloatArray) -> None:
         """A service is over; so is the task with its last."""
@@ -787,7 +798,7 @@ class Work:
             reached, stop = int(visits.reached[r]), self.tasks[int(self.current[r])].stops[int(self.stop[r])]
             away, at_most = (self._places.away(r, int(v), stop) for v in (visits.vertex[reached], self._wait_at[r]))
             if away <= at_most:
-                self._came_s[r] = max(float(visits.arrived_s[reached]), float(self._since_s[r]))
+                self._came_s[r], self._num_before[r] = max(float(visits.arrived_s[reached]), float(self._since_s[r])), 0
 
     def _see_who_leaves(self, now_s: float, visits: Visits, state: State) -> None:
         """Robots whose ways on can be asked for: they will be done with what they are at when what is asked for now takes effect."""

@@ -56,6 +56,12 @@ def test_a_robot_waits_for_a_place_as_near_as_it_can_but_on_no_doorstep(doorstep
     assert chosen(row(9, *doorsteps, ring=True), [0, 4], {0: 4}, stays=[1]) == ([waits_at, 4], [False, False])
 
 
+@pytest.mark.parametrize(("start", "waits_at"), [((0, 2), [2, 3]), ((2, 0), [3, 2])])
+def test_robots_that_wait_in_line_need_not_pass_each_other(start, waits_at):
+    """robot_0 is the next to be served at 4, but may stand behind robot_1."""
+    assert chosen(row(9, ring=True), [*start, 4], {0: 4, 1: 4}, stays=[2])[0] == [*waits_at, 4]
+
+
 def test_nobody_waits_where_the_robot_that_is_served_could_not_get_past():
     """In a row robot_1 cannot, wherever robot_0 waits."""
     assert chosen(row(9), [0, 4], {0: 4}, stays=[1]) == ([0, 4], [False, False])

@@ -36,3 +36,18 @@ def test_three_robots_take_turns_at_one_charger(tmp_path):
     in_turn = charges[np.argsort(run.stops.begin_s[charges])]
     assert run.stops.robot[in_turn].tolist()[:6] == [1, 0, 2, 1, 0, 2]
     assert result.operations_audit["passed"], result.operations_audit
+
+
+def test_nobody_is_passed_over_again_and_again_in_narrow_traffic(tmp_path):
+    """Six robots on twelve crossings without a way round: one that has been passed over twice is let by."""
+    xy = {f"p{x}{y}": (4.0 * x, 4.0 * y) for x in range(4) for y in range(3)}
+    pairs = "p12-p22 p22-p32 p32-p31 p22-p21 p31-p30 p12-p11 p30-p20 p20-p10 p11-p01 p01-p00 p01-p02"
+    tasks = {
+        "groups": {"from": ["p20"], "to": ["p22", "p30"]},
+        "streams": [{"name": "a", "stops": ["from", "to"], "service": [3.0, 0.0], "arrivals": {"open": 7}}],
+    }
+    execution = {"dispatcher": "regret", "time_limit_s": 600.0, "step_length_s": 0.2, "planning": {"budget_s": 0.0}}
+    other = {"planner": "pbs", "seed": 345, "record": {"bag": False, "period_s": 0.2}}
+    floor = lanes(tmp_path / "floor.csv", xy, (pair.split("-") for pair in pairs.split()), True)
+    result = driven(scenario(floor, tasks, robots=6, shape={"turn_rate_rad_s": 1.5}, execution=execution, **other))
+    assert result.operations_audit["passed"], result.operations_audit
