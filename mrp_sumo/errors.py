@@ -88,14 +88,14 @@ _SENTENCES = {
 
 
 def sentence(error: OSError) -> str:
-    """What the system reports, in words for people; where a message is about a path, it goes before."""
+    """An error of the system in words for people; where a message is about a path, it goes before."""
     if error.errno is None:
         return " ".join(str(error).split()) or type(error).__name__
     return _SENTENCES.get(error.errno, (error.strerror or str(error)).lower())
 
 
 def first_line(error: Exception) -> str:
-    """What a library's error says, in a line: its kind where it says nothing."""
+    """The text of a library's error in a line: its kind where it says nothing."""
     return next(iter(str(error).splitlines()), type(error).__name__)
 
 

@@ -11,7 +11,7 @@ from mrp_sumo.core.task import Station
 
 @dataclass(frozen=True)
 class Charging:
-    """When and where robots charge. Levels are shares of the capacity."""
+    """Charging of robots. Levels are shares of the capacity."""
 
     station: Station
     opportunity: bool  # whether robots charge, too, when there is nothing to do

@@ -1,4 +1,4 @@
-"""Which moves two robots cannot make in one planning step because they would come too close, as kernels of planners see it."""
+"""Moves that two robots cannot make in one planning step because they would come too close, as kernels of planners see it."""
 
 from typing import NamedTuple
 

@@ -49,7 +49,7 @@ def strong_components(num_nodes: int, tail: IntArray, head: IntArray) -> IntArra
 
 
 def has_cycle(num_nodes: int, tail: IntArray, head: IntArray) -> bool:
-    """Whether arcs lead from some node back to itself: nodes that no arc enters are taken away until there are none."""
+    """True where arcs lead from some node back to itself: nodes that no arc enters are taken away until there are none."""
     count = partial(np.bincount, minlength=num_nodes)
     order = np.argsort(tail, kind="stable")
     head = head[order]

@@ -1,4 +1,4 @@
-"""What goes wrong in real fleets: noise, stops, delays, breakdowns, closed lanes, people in the way, late messages.
+"""Disturbances of real fleets: noise, stops, delays, breakdowns, closed lanes, people in the way, late messages.
 
 `execution.disturbances` of a scenario; `drive.world` makes it happen. Disturbances only ever slow robots down or hold them back: what
 a policy promises, it promises under all of them.
@@ -92,7 +92,7 @@ class Fire(Options):
 
 @dataclass(frozen=True, kw_only=True)
 class Disturbances(Options):
-    """What goes wrong, drawn with a seed. Nothing by default; the name of a set alone is short for it."""
+    """Disturbances, drawn with a seed. None by default; the name of a set alone is short for it."""
 
     name: str = option("", f"A named set, whose values other keys change: {', '.join(NAMED_DISTURBANCES)}.")
     seed: int | None = option(None, "By default the scenario's.", ge=0, lt=2**63)
@@ -136,7 +136,7 @@ class Disturbances(Options):
 
     @property
     def any(self) -> bool:
-        """Whether anything disturbs the robots themselves."""
+        """True where anything disturbs the robots themselves."""
         strengths = (self.speed_spread, self.speed_noise, self.stops_per_s, self.start_delay_s, self.delay_probability)
         listed = (self.breakdowns, self.obstacles, self.closures, self.outages, self.fires)
         visitors = (self.lift_rides_per_h, self.door_passages_per_h)

@@ -7,7 +7,7 @@ from mrp_sumo.core.options import Options, option
 
 @dataclass(frozen=True, kw_only=True)
 class Planning(Options):
-    """How the planner is asked again and again while robots drive, in simulated time."""
+    """Planning while robots drive, again and again, in simulated time."""
 
     budget_s: float = option(1.0, "An answer takes effect so long after it was asked for; until then robots keep their plan.", ge=0)
     period_s: float = option(0.0, "The least time between two requests; else there is one when a task comes or a stop is made.", ge=0)
@@ -23,7 +23,7 @@ class Planning(Options):
 
 @dataclass(frozen=True, kw_only=True)
 class RecoveryOptions(Options):
-    """What `on_deadlock: resolve` does, mildest first."""
+    """Remedies of `on_deadlock: resolve`, mildest first."""
 
     give_way: bool = option(True, "First come first served, one of a ring of waiting robots steps aside or backs out.")
     patience_s: float = option(10.0, "Time blocked for good before a robot drives around, or all are replanned.", gt=0, le=1e9)

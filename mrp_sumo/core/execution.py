@@ -1,4 +1,4 @@
-"""What happened: trajectories and events of an execution."""
+"""Trajectories and events of an execution."""
 
 import mmap
 from collections.abc import Iterator, Mapping, Sequence
@@ -22,7 +22,7 @@ RECORDED = "recorded"  # in the place of a policy: the run was not driven here, 
 
 
 class Outcome(StrEnum):
-    """How an execution ended."""
+    """The end of an execution."""
 
     COMPLETED = "completed"  # every robot stands at its goal
     TIME_LIMIT = "time_limit"
@@ -63,7 +63,7 @@ class Reply:
 
 @dataclass(frozen=True, eq=False)
 class GrantLog:
-    """When robots were granted more of their ways: G rows by time."""
+    """Grants of visits to robots: G rows by time."""
 
     t_s: FloatArray  # [G]
     robot: IntArray  # [G]
@@ -73,7 +73,7 @@ class GrantLog:
 
 @dataclass(frozen=True)
 class PlannerCalls:
-    """How often the planner was asked for tasks while robots drove."""
+    """Counts of the planner's answers while robots drove to tasks."""
 
     asked: int = 0
     late: int = 0  # used up their effort without a plan: robots kept what they had

@@ -1,4 +1,4 @@
-"""What lifts and doors did in a run."""
+"""States of lifts and doors in a run."""
 
 from dataclasses import dataclass
 

@@ -148,7 +148,7 @@ class NavGraph:
 
     @cached_property
     def has_stations(self) -> bool:
-        """Whether the map says which of its vertices are stations; else all that have a name are."""
+        """True where the map says which of its vertices are stations; else all that have a name are."""
         return any("station" in options for options in self.vertex_options)
 
     @cached_property

@@ -31,7 +31,7 @@ def digraph_of(graph: Any) -> "networkx.DiGraph":
 
 
 def parts_of(digraph: "networkx.Graph", name: str) -> dict[str, Any]:
-    """What `nav_graph` makes a NavGraph of, from a graph of networkx; as `NavGraph.from_networkx`."""
+    """Arguments of `nav_graph`, from a graph of networkx; as `NavGraph.from_networkx`."""
     number = {node: v for v, node in enumerate(digraph)}
     nodes = [attributes for _, attributes in digraph.nodes(data=True)]
     level_names = list(digraph.graph.get("level_names", ())) or list(dict.fromkeys(a.get("level", "L1") for a in nodes)) or ["L1"]

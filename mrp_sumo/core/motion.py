@@ -1,4 +1,4 @@
-"""How robots move: straight runs, turns in place, starts and stops, as closed forms of time.
+"""Motion of robots: straight runs, turns in place, starts and stops, as closed forms of time.
 
 A robot accelerates and brakes at constant rates, never drives faster than its type can or a lane allows, and turns in place at a constant
 rate. `Profile` is one run, from rest to rest over lanes with limits of their own. The executor and SUMO move robots in steps;
@@ -15,12 +15,12 @@ SHORTEST_S = 1e-9  # of a phase
 
 
 def braking_distance_m(speed_mps: FloatArray, decel_mps2: FloatArray) -> FloatArray:
-    """How far a robot drives until it stands: v^2 / 2d."""
+    """Distance that a robot drives until it stands: v^2 / 2d."""
     return np.square(speed_mps) / (2 * decel_mps2)
 
 
 def turn_time_s(angle_rad: FloatArray, turn_rate_rad_s: FloatArray) -> FloatArray:
-    """How long a turn in place by an angle of -pi to pi takes."""
+    """Duration of a turn in place by an angle of -pi to pi."""
     return np.abs(angle_rad) / turn_rate_rad_s
 
 
@@ -109,20 +109,20 @@ def run_profile(length_m: FloatArray, limit_mps: FloatArray, speed_mps: float, a
 
 
 def position_m(profile: Profile, t_s: FloatArray) -> FloatArray:
-    """Where a robot is `t_s` after it set out; it stays where it stops."""
+    """Place of a robot `t_s` after it set out; it stays where it stops."""
     p, since = _phase(profile.t_s, t_s)
     speed, rate = profile.speed_mps[p], _rates(profile)[p]
     return profile.at_m[p] + since * (speed + rate * since / 2)
 
 
 def speed_mps(profile: Profile, t_s: FloatArray) -> FloatArray:
-    """How fast it is then."""
+    """Its speed then."""
     p, since = _phase(profile.t_s, t_s)
     return profile.speed_mps[p] + _rates(profile)[p] * since
 
 
 def time_s(profile: Profile, at_m: FloatArray) -> FloatArray:
-    """When a robot comes to places along its run; inf for places beyond its end."""
+    """Times at which a robot comes to places along its run; inf for places beyond its end."""
     at_m = np.asarray(at_m, np.float64)
     p, along = _phase(profile.at_m, at_m)
     speed, rate = profile.speed_mps[p], _rates(profile)[p]
@@ -133,7 +133,7 @@ def time_s(profile: Profile, at_m: FloatArray) -> FloatArray:
 
 
 def taken_s(profile: Profile, until_m: FloatArray, decel_mps2: float) -> FloatArray:
-    """When the way beyond `until_m` has to be free, so that a robot need not brake for it: when it could just stop there.
+    """Time from which the way beyond `until_m` has to be free, so that a robot need not brake for it: when it could just stop there.
 
     That is where s + v^2 / 2d is `until_m`: at the start of the run for 0, and inf for places from its stop on. What a robot needs for
     its k-th visit of a run it takes at `until_m` of the visit before; it has left it at `time_s` of `left_after_m` (`traffic.resources`).

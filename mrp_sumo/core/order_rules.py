@@ -8,7 +8,7 @@ from mrp_sumo.errors import OptionError
 
 @dataclass(frozen=True)
 class Cancel(Options):
-    """When orders are withdrawn that no robot has picked up."""
+    """Withdrawal of orders that no robot has picked up."""
 
     overdue: bool = option(False, "When they are due.")
     after_s: float | None = option(None, "So long after their release.", gt=0)
@@ -21,7 +21,7 @@ class Cancel(Options):
 
 @dataclass(frozen=True)
 class Retry(Options):
-    """What becomes of an order whose robot breaks down for good or runs empty with it on board; without this it fails."""
+    """The fate of an order whose robot breaks down for good or runs empty with it on board; without this it fails."""
 
     times: int = option(0, "So often it is begun anew, whole, by another robot.", ge=0, le=1000)
     hand_over: bool = option(False, "Another robot fetches the load beside the one that is lost, and makes the other stops.")

@@ -1,4 +1,4 @@
-"""What people did in a run, and what they cost robots."""
+"""Ways of people in a run, and what they cost robots."""
 
 from dataclasses import dataclass
 

@@ -18,7 +18,7 @@ MOST_STEPS = 1_000_000  # of a plan that is written out step by step
 
 
 class Status(StrEnum):
-    """How planning ended. Every one of them is a result."""
+    """The end of planning. Every one of them is a result."""
 
     SOLVED = "solved"
     TIMED_OUT = "timed_out"
@@ -69,7 +69,7 @@ class Plan:
 
 @dataclass(frozen=True, eq=False)
 class PlanResult:
-    """What a planner came to. `plan` is there when SOLVED, and when TIMED_OUT with an anytime planner."""
+    """A planner's answer. `plan` is there when SOLVED, and when TIMED_OUT with an anytime planner."""
 
     status: Status
     plan: Plan | None = None

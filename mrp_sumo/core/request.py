@@ -1,4 +1,4 @@
-"""What a planner is asked while robots drive: from where each is committed to be, by which stops, over which lanes.
+"""Requests to a planner while robots drive: from where each is committed to be, by which stops, over which lanes.
 
 One-shot planning is the request of time 0, in which every robot stands at its start and has one stop.
 """

@@ -1,4 +1,4 @@
-"""What the robots of a run with tasks were at, without gaps."""
+"""States of the robots of a run with tasks, without gaps."""
 
 from dataclasses import dataclass
 

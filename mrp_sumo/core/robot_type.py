@@ -46,7 +46,7 @@ class Battery(Options):
         return power
 
     def charge_s(self, share: float) -> float:
-        """How long charging by a share of the capacity takes."""
+        """Duration of charging by a share of the capacity."""
         return share * self.capacity_ah * HOUR_S / self.charging_a
 
 

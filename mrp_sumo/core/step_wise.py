@@ -25,7 +25,7 @@ ActionArray = NDArray[np.int8]
 
 @dataclass(frozen=True, eq=False)
 class StepWiseProblem:
-    """What is to be done. Cells are row x width + column; row 0 is the uppermost. All robots begin heading east."""
+    """A step-wise problem. Cells are row x width + column; row 0 is the uppermost. All robots begin heading east."""
 
     name: str
     free: BoolArray  # [H, W]
@@ -79,7 +79,7 @@ class StepWiseProblem:
 
 @dataclass(frozen=True, eq=False)
 class StepWiseSolution:
-    """What robots did, and which tasks they had. Step t leads from time t to time t + 1. By the rules of 2026 steps are ticks."""
+    """Actions of robots, and the tasks that they had. Step t leads from time t to time t + 1. By the rules of 2026 steps are ticks."""
 
     start: IntArray  # [R] cells
     heading: IntArray  # [R] at time 0

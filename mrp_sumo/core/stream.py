@@ -21,11 +21,11 @@ HOUR_S = 3600.0
 
 
 class TaskSource(Protocol):
-    """Where tasks come from."""
+    """A source of tasks."""
 
     @property
     def num_open(self) -> int:
-        """How many of its tasks are always known and not done; 0 where tasks have times of their own."""
+        """Number of its tasks that are always known and not done; 0 where tasks have times of their own."""
 
     def tasks(self) -> Iterator[Task]:
         """The tasks by release."""
@@ -61,7 +61,7 @@ class TaskPool:
 
 @dataclass(frozen=True)
 class ServiceTime:
-    """How long a stop takes."""
+    """The duration of a stop."""
 
     kind: str = "constant"  # 'constant', 'triangular' or 'lognormal'
     least_s: float = 0.0  # of 'triangular'
@@ -86,7 +86,7 @@ class ServiceTime:
 
 @dataclass(frozen=True, eq=False)
 class Arrivals:
-    """When tasks become known."""
+    """The times at which tasks become known."""
 
     kind: str  # 'poisson', 'at_once', 'per_step' or 'open' (so many are always known and not done)
     rate_per_h: float = 0.0  # of 'poisson'

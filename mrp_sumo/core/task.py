@@ -18,7 +18,7 @@ NOBODY = -1  # a task that no robot has been given
 
 @dataclass(frozen=True)
 class Station:
-    """Where stops are made: places that serve one robot each, and places to wait for one."""
+    """A station, at which stops are made: places that serve one robot each, and places to wait for one."""
 
     name: str
     places: tuple[int, ...]  # vertices
@@ -97,7 +97,7 @@ TASK_TIMES = ("released_s", "assigned_s", "opened_s", "done_s", "ended_s")  # of
 
 @dataclass(frozen=True, eq=False)
 class TaskLog:
-    """What became of K tasks of a run, by release. Times in s, NaN: not yet, or never."""
+    """The fate of K tasks of a run, by release. Times in s, NaN: not yet, or never."""
 
     name: tuple[str, ...]
     robot: IntArray  # [K] that has or had it, -1: none

@@ -1,4 +1,4 @@
-"""How occupied the zones of a building were in a run."""
+"""Occupation of the zones of a building in a run."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""Who walks in a building: how many, between which places, at which times of day and how fast; and what robots do about it."""
+"""People who walk in a building: how many, between which places, at which times of day and how fast; and what robots do about it."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -24,7 +24,7 @@ class Flow:
 
 @dataclass(frozen=True, eq=False)
 class People:
-    """Who walks where. Either `count` people are there all the time, or they come by `flows`."""
+    """People and their ways. Either `count` people are there all the time, or they come by `flows`."""
 
     floor: "Floor"
     place: IntArray  # [K] cells of the places between which people walk

@@ -1,4 +1,4 @@
-"""What a crowd is made of, as its kernels see it."""
+"""A crowd as its kernels see it."""
 
 from typing import NamedTuple
 

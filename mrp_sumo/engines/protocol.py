@@ -1,4 +1,4 @@
-"""What moves bodies: the face of an engine, as the drive's loop uses it."""
+"""The face of an engine, which moves bodies, as the drive's loop uses it."""
 
 from collections.abc import Sequence
 from typing import Protocol

@@ -7,7 +7,7 @@ _CONTROL = re.compile("[\x00-\x1f\x7f-\x9f]")
 
 
 def fault_of(name: str) -> str:
-    """What is wrong with a name, in words that follow its key; '' for nothing."""
+    """Fault of a name, in words that follow its key; '' for nothing."""
     if _CONTROL.search(name):
         return f"found {name[:40]!r}, expected a name without control characters"
     if len(name.encode(errors="surrogatepass")) > MAX_BYTES:

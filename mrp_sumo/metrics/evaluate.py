@@ -16,7 +16,7 @@ Metrics = dict[str, Any]
 
 
 def succeeded(status: str, metrics: Mapping[str, Any]) -> bool:
-    """Whether a run with a plan, driven or not, is a success: a valid plan and, where it was driven, all robots at their goals, or at
+    """True for a run with a plan, driven or not, that is a success: a valid plan and, where it was driven, all robots at their goals, or at
     work until the end, without an overlap.
     """
     arrived = status == "completed" and bool(metrics.get("all_goals_reached") or metrics.get("tasks_done") is not None)

@@ -14,7 +14,7 @@ BUSY = [LIFT_STATES.index(state) for state in ("coming", "taken", "held")]
 
 @dataclass(frozen=True)
 class LiftUse:
-    """What a lift had to do."""
+    """The work of a lift."""
 
     name: str
     busy_share: float  # of the time: taken by a robot or people, or coming to them
@@ -23,7 +23,7 @@ class LiftUse:
 
 
 def lift_use(execution: Execution, graph: NavGraph, since_s: float = 0.0) -> list[LiftUse]:
-    """What the lifts of a run had to do from a time on."""
+    """The work of the lifts of a run from a time on."""
     log, parts = execution.facilities, []
     over_s = execution.sim_time_s - since_s
     if log is None or over_s <= 0:

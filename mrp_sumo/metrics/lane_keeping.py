@@ -1,4 +1,4 @@
-"""How far robots drove off the lanes of their map and against its one-ways, told from where they were.
+"""Distances that robots drove off the lanes of their map and against its one-ways, by where they were.
 
 Knows the trajectory and the lanes as drawn; nothing of plans, planners and policies.
 """
@@ -17,7 +17,7 @@ SAMPLES = 200_000  # looked at together
 
 
 def on_lane_m(track_apart_m: float) -> float:
-    """How far from a lane robots are on it whose two tracks are so far apart."""
+    """Distance from a lane within which robots are on it, where its two tracks are so far apart."""
     return max(ON_LANE_M, track_apart_m / 2 + NOISE_M)
 
 

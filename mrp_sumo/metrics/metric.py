@@ -1,4 +1,4 @@
-"""What a metric is: one function of what a run came to, with its name, unit, sense and formula."""
+"""Metrics: one function of what a run came to, with its name, unit, sense and formula."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -24,7 +24,7 @@ T = TypeVar("T")
 
 
 class Sense(StrEnum):
-    """Which values are better."""
+    """The better values of a metric."""
 
     MORE = "more"
     LESS = "less"
@@ -56,11 +56,11 @@ class Evidence:
 
     @property
     def has_tasks(self) -> bool:
-        """Whether work came while robots drove, so that there was no plan of all that they did, and no goal of each."""
+        """True where work came while robots drove, so that there was no plan of all that they did, and no goal of each."""
         return self.execution is not None and self.execution.tasks is not None
 
     def once(self, work: Callable[["Evidence"], T]) -> T:
-        """What `work` finds in this evidence, worked out the first time: several metrics may share it."""
+        """The result of `work` on this evidence, worked out the first time: several metrics may share it."""
         if work not in self._found:
             self._found[work] = work(self)
         value: T = self._found[work]
@@ -150,7 +150,7 @@ def part(parts: Callable[[Evidence], Mapping[str, Any]], name: str) -> Function:
 
 
 def of_execution(read: Callable[[Execution], Any]) -> Function:
-    """What there is to read of an execution; None where nothing was driven."""
+    """All that can be read of an execution; None where nothing was driven."""
     return lambda run: None if run.execution is None else read(run.execution)
 
 
@@ -179,7 +179,7 @@ def count_of(steps: float) -> float | int | None:
 
 
 def is_value(value: Any) -> bool:
-    """Whether a metric may have this value: a finite number, a yes or no, a list of numbers, or None."""
+    """True for a value that a metric may have: a finite number, a yes or no, a list of numbers, or None."""
     if isinstance(value, list | tuple):
         return all(is_value(each) and each is not None for each in value)
     if value is None or isinstance(value, bool | np.bool_):

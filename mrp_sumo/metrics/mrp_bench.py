@@ -41,7 +41,7 @@ def execution_metrics(
     window: int = WINDOW,
     recording_timeout_s: float = RECORDING_TIMEOUT_S,
 ) -> dict[str, Any]:
-    """What MRP-Bench's analyser says of T fleet states of R assigned robots.
+    """Figures of MRP-Bench's analyser for T fleet states of R assigned robots.
 
     Parameters
     ----------

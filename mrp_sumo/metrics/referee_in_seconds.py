@@ -55,7 +55,7 @@ class Meeting:
 
 @dataclass(frozen=True)
 class Drivability:
-    """Whether robots can drive a plan at its own times."""
+    """The judgement of whether robots can drive a plan at its own times."""
 
     faults: tuple[str, ...]  # times that no robot can keep, one line each
     meetings: tuple[Meeting, ...]  # by time; of each two robots and each visit of theirs the first

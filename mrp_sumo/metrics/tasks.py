@@ -20,7 +20,7 @@ HOUR_S = 3600.0
 
 
 def steady_from(tasks: TaskLog) -> float | None:
-    """When the warm-up ends, s; None where the run is too short to tell: it would be more than half of the tasks done."""
+    """End of the warm-up, s; None where the run is too short to tell: it would be more than half of the tasks done."""
     done = np.flatnonzero(np.isfinite(tasks.done_s))
     done = done[np.argsort(tasks.done_s[done], kind="stable")]
     cut = warm_up_length(tasks.lead_time_s[done])

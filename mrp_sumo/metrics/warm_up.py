@@ -12,7 +12,7 @@ LEAST_BATCHES = 4  # below which nothing can be said
 
 
 def warm_up_length(series: ArrayLike) -> int | None:
-    """How many observations are left out so that the standard error of the mean of the rest is least.
+    """Number of observations to leave out so that the standard error of the mean of the rest is least.
 
     Parameters
     ----------

@@ -17,7 +17,7 @@ LOOK_S = 1.0  # between looks at where robots are
 
 
 def occupancy(execution: Execution, graph: PlanGraph, nav: NavGraph) -> ZoneLog:
-    """How occupied each zone was. Looks at some samples at a time.
+    """Occupation of each zone. Looks at some samples at a time.
 
     Parameters
     ----------

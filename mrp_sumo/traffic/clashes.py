@@ -1,4 +1,4 @@
-"""Which moves clash on a graph: the executor's zones and mutex groups, as planners in steps need them.
+"""Moves that clash on a graph: the executor's zones and mutex groups, as planners in steps need them.
 
 A plan without clashes and rotations can be driven in its order. In each step a robot holds what its visits need: the
 places of its move. No two robots hold places of one zone or group in one step, so that where passages of a zone follow

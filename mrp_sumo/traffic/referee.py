@@ -36,7 +36,7 @@ class Conflict:
 
 @dataclass(frozen=True)
 class Verdict:
-    """What the referee found. A plan is valid without faults and without vertex and edge conflicts."""
+    """The referee's judgement. A plan is valid without faults and without vertex and edge conflicts."""
 
     faults: tuple[str, ...]  # not a plan for this problem at all: one line each
     conflicts: tuple[Conflict, ...]  # vertex and edge, by time

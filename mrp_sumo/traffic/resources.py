@@ -1,4 +1,4 @@
-"""What robots must not share: vertices, zones where two places of the graph are closer than two robots may be, groups.
+"""Resources that robots must not share: vertices, zones where two places of the graph are closer than two robots may be, groups.
 
 A place is a vertex or a track (the straight line of a lane, both directions). Two places closer than the
 fleet's separation R, neither an end of the other nor tracks that meet at a vertex, are a zone, with one robot at a
@@ -124,7 +124,7 @@ def _resources_of(graph: NavGraph, num_kinds: int, apart: bytes) -> Resources:
 
 
 def needs_of(graph: NavGraph, plan: Plan, lane: IntArray, resources: Resources, kind: IntArray) -> Needs:
-    """What every visit needs: its vertex, the zones of its vertex and those of the track that leads to it.
+    """The needs of every visit: its vertex, the zones of its vertex and those of the track that leads to it.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Who passes before whom, derived from a plan: an order at every resource, proven to be executable.
+"""The order in which robots pass, derived from a plan: an order at every resource, proven to be executable.
 
 A resource is a vertex, or a zone where robots could touch without meeting at a vertex. Robots that
 keep the order at every resource execute the plan without deadlock however late each of them is, since

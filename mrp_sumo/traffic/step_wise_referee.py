@@ -23,7 +23,7 @@ from mrp_sumo.traffic.ticks import PlanFault, in_ticks, place_of
 
 @dataclass(frozen=True)
 class StepWiseVerdict:
-    """What the referee found."""
+    """The referee's judgement of a solution."""
 
     fault: str  # the first, '' where there is none
     tasks_done: int  # up to the fault
@@ -31,12 +31,12 @@ class StepWiseVerdict:
 
     @property
     def valid(self) -> bool:
-        """Whether there is no fault."""
+        """True without a fault."""
         return not self.fault
 
 
 class Pool:
-    """Which tasks are revealed and not finished, who has them, and how far they are: the rules for tasks, for the referee and for runs."""
+    """Tasks that are revealed and not finished, who has them, and how far they are: the rules for tasks, for the referee and for runs."""
 
     def __init__(self, problem: StepWiseProblem) -> None:
         self.problem = problem

@@ -1,4 +1,4 @@
-"""How robots move by the rules of the League of Robot Runners of 2026: an action takes several ticks, and robots are squares.
+"""Moves by the rules of the League of Robot Runners of 2026: an action takes several ticks, and robots are squares.
 
 In a tick a robot makes progress with its action, or none: W, by its own choice, for a delay, or because progress would not be safe. An
 action that is begun is finished before the next. What a robot's square sweeps in a tick, from where it was to where it is, overlaps with

@@ -77,7 +77,7 @@ def build_network(graph: NavGraph, path: Path, building: Building | None = None)
 
 
 def backdrop_of(path: Path) -> Path:
-    """Where floors and walls of the network at `path` are drawn, if they are."""
+    """The file in which floors and walls of the network at `path` are drawn, if they are."""
     return path.with_name(path.name.removesuffix(".net.xml").removesuffix(".xml") + ".poly.xml")
 
 

@@ -141,7 +141,7 @@ class Sumo:
         self._turned.append((robot, driven_m))
 
     def collisions(self) -> list[tuple[str, str, str]]:
-        """What SUMO reports of the last step: collider, victim, kind."""
+        """Collisions that SUMO reports of the last step: collider, victim, kind."""
         return [(c.collider, c.victim, c.type) for c in self._api.simulation.getCollisions()]
 
     def positions(self) -> FloatArray:

@@ -1,4 +1,4 @@
-"""What the operations audit looks at: the logs of a run and what its scenario asks for; and what it finds."""
+"""Evidence of the operations audit, the logs of a run and what its scenario asks for, and its findings."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -25,7 +25,7 @@ STANDS_MPS = 1e-3  # slower is standing
 
 @dataclass(frozen=True, eq=False)
 class Terms:
-    """What the scenario of a run asks for, beside what stands in the logs."""
+    """Terms of a run's scenario, beside what stands in the logs."""
 
     sources: tuple[TaskSource, ...]  # of orders
     type_name: tuple[str, ...]  # [R]
@@ -148,7 +148,7 @@ class Logs:
         return slice(max(first, 0), max(first, int(np.ceil(min(end_s, self.end_s) / self.period_s - 1e-6))))
 
     def strays_m(self, robot: int, begin_s: float, end_s: float, xy: FloatArray) -> tuple[float, float]:
-        """How far from a point a robot is at most at the samples within a time, and when; 0 where there is none."""
+        """Distance of a robot from a point, at most, at the samples within a time, and when; 0 where there is none."""
         some = self.samples_between(begin_s, end_s)
         x, y = self.execution.x_m[some, robot], self.execution.y_m[some, robot]
         if not len(x):
