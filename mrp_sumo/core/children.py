@@ -71,17 +71,23 @@ def start(
 
 
 def connection_to_parent() -> "Connection":
-    """The connection that this process inherited. The system kills it when its parent ends; elsewhere than on Linux its socket tells it."""
+    """The connection that this process inherited. It ends with its parent; elsewhere than on Linux its socket tells it."""
     from multiprocessing.connection import Connection
 
-    descriptor, parent = int(sys.argv.pop(1)), int(sys.argv.pop(1))
+    descriptor = int(sys.argv.pop(1))
+    end_with_parent()
+    return Connection(descriptor)
+
+
+def end_with_parent() -> None:
+    """Have the system kill this process when its parent ends, whose number is the first word."""
+    parent = int(sys.argv.pop(1))
     if sys.platform == "linux":
         import ctypes
 
         ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
     if os.getppid() != parent:
         sys.exit("the parent is gone")
-    return Connection(descriptor)
 
 
 def kill_family(leader: int) -> None:

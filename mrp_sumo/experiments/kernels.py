@@ -1,5 +1,6 @@
 """Compiling the kernels of a run, on a machine that has never done it: two processes, and a count for people to see."""
 
+import os
 import subprocess
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -61,9 +62,15 @@ def prepare_driving() -> None:
     audit.prepare()
 
 
+def prepare_driving_apart() -> None:
+    """The same in a process of its own, which ends with its parent."""
+    children.end_with_parent()
+    prepare_driving()
+
+
 def _compile_apart() -> "subprocess.Popen[bytes]":
     return subprocess.Popen(
-        children.command("mrp_sumo.experiments.kernels:prepare_driving"),
+        children.command("mrp_sumo.experiments.kernels:prepare_driving_apart", str(os.getpid())),
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
