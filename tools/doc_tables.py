@@ -10,7 +10,7 @@ import argparse
 import json
 import re
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any, Literal, get_args, get_origin
@@ -20,6 +20,7 @@ from pydantic.fields import FieldInfo
 
 from mrp_sumo.cli.listing import _files, _plug_ins, _shown
 from mrp_sumo.core.options import BOUNDS, Options
+from mrp_sumo.drive.robot_work import Change
 from mrp_sumo.io.documents import declared_in, keys_of
 from mrp_sumo.io.scenario.model import SECTIONS, ScenarioModel
 from mrp_sumo.metrics import registry
@@ -100,6 +101,17 @@ def scenarios() -> str:
     return _table(("a goal for each robot", "orders"), (names,))
 
 
+def robot_changes() -> str:
+    """Changes of what a robot of a run with tasks is at: of its duty and of its condition."""
+
+    def arrows(changes: Mapping[Any, Any] | None) -> str:
+        then = {after: [f"`{before}`" for before, there in (changes or {}).items() if there is after] for after in (changes or {}).values()}
+        return "; ".join(f"{', '.join(before)} → `{after}`" for after, before in then.items() if before != [f"`{after}`"])
+
+    rules = [change.value for change in Change]
+    return _table(("change", "duty", "condition"), ((rule.when, arrows(rule.duty), arrows(rule.condition)) for rule in rules))
+
+
 def metrics(of: str) -> str:
     """Metrics of a table of `mrp_sumo.metrics`."""
     rows = ((f"`{one.name}`{' *' * one.of_machine}", one.sense, one.formula) for one in registry.TABLES[of])
@@ -148,7 +160,7 @@ def _possible(field: FieldInfo) -> str:
     return ", ".join(choices) or " and ".join(says.format(bound) for says, bound in bounds if bound < TECHNICAL)
 
 
-TABLES: dict[str, Callable[[], str]] = {one.__name__: one for one in (planners, policies, dispatchers, suites, scenarios)}
+TABLES: dict[str, Callable[[], str]] = {one.__name__: one for one in (planners, policies, dispatchers, suites, scenarios, robot_changes)}
 TABLES |= {"keys": keys} | {f"keys_{section}": partial(keys, section) for section in SECTIONS}
 TABLES |= {f"metrics_{of}": partial(metrics, of) for of in registry.TABLES}
 

@@ -44,7 +44,9 @@ ROOMS = {  # the files of each, and the tests that hold it
         ["tests/drive/test_loop.py"],
     ),
     "work": (
-        ["mrp_sumo/drive/work.py", "mrp_sumo/drive/orders.py", "mrp_sumo/drive/duties.py"],
+        [
+            *(f"mrp_sumo/drive/{name}.py" for name in ("work", "crew", "robot_work", "work_request", "stalling", "charging", "orders")),
+        ],
         ["tests/drive/test_dispatchers.py", "tests/drive/test_work.py"],
     ),
     "places": (

@@ -15,6 +15,7 @@ from mrp_sumo.core.graph import FloatArray, IntArray
 from mrp_sumo.drive.facilities import FacilityRecorder
 from mrp_sumo.drive.ledger import Ledger
 from mrp_sumo.drive.listeners import Moment, way_of
+from mrp_sumo.drive.robot_work import stop_log
 from mrp_sumo.io.record import RunRecord
 
 CLOCK, FLEET = ("/clock", "rosgraph_msgs/Clock"), ("/fleet_states", "rmf_fleet_msgs/FleetState")
@@ -68,9 +69,9 @@ class LiveMessages:
             speed_mps=motion.speed_mps[None].copy(),
             goal_s=np.where(ledger.state.home, ledger.state.waits.goal_s, np.nan) if execution.tasks is None else execution.goal_s,
             level=None if execution.level is None else level[None],
-            tasks=None if execution.tasks is None else state.tasks.log(),
-            stops=None if execution.tasks is None else state.tasks.stops_made(),
-            batteries=BatteryLog(np.array([state.now_s]), state.tasks.level[None].copy(), none, none, 0.0),
+            tasks=None if execution.tasks is None else state.crew.orders.log(),
+            stops=None if execution.tasks is None else stop_log(state.crew.robots),
+            batteries=BatteryLog(np.array([state.now_s]), state.crew.level[None].copy(), none, none, 0.0),
         )
 
     def _places(self, ledger: Ledger) -> tuple[FloatArray, FloatArray, IntArray]:

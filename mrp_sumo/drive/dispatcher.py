@@ -28,7 +28,7 @@ class Dispatcher(Protocol):
         Parameters
         ----------
         around
-            What is known: `around.ledger` has the robots' visits, `around.work` the tasks, `around.closed` the lanes nobody may use.
+            What is known: `around.ledger` has the robots' visits, `around.crew` robots and tasks, `around.closed` the lanes nobody may use.
         """
 
     def answer(self, request: Request, around: Surroundings) -> Replan | None:

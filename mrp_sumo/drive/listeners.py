@@ -17,7 +17,7 @@ from mrp_sumo.drive.state import Facilities
 from mrp_sumo.engines.protocol import Engine
 
 if TYPE_CHECKING:
-    from mrp_sumo.drive.work import Work
+    from mrp_sumo.drive.crew import Crew
 
 ROWS = 256  # samples are kept in blocks of this many
 MOST_BLOCKS = 64  # until positions are worked out
@@ -38,7 +38,7 @@ class Moment(NamedTuple):
     bodies: Engine
     ledger: Ledger
     events: Sequence[Event]  # what has happened since the moment before; some of it is known only when it is over
-    tasks: "Work"  # what has become of them
+    crew: "Crew"  # robots and the tasks that are known
     facilities: Facilities  # lifts and doors as they are
 
 

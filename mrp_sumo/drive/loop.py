@@ -25,10 +25,10 @@ from mrp_sumo.core.task import Task
 from mrp_sumo.drive.arrivals import with_goals_within
 from mrp_sumo.drive.batteries import Batteries
 from mrp_sumo.drive.controller import Controller
+from mrp_sumo.drive.crew import Crew
 from mrp_sumo.drive.cycle import DriveCycle
 from mrp_sumo.drive.deadlock import LOOK_EVERY_S
 from mrp_sumo.drive.dispatcher import Dispatcher, OneShot, dispatcher_of
-from mrp_sumo.drive.duties import EMPTY
 from mrp_sumo.drive.facilities import FacilityRecorder, facilities_of
 from mrp_sumo.drive.fit import resources_for
 from mrp_sumo.drive.ledger import Ledger, planned_arrivals, replies_of
@@ -39,11 +39,14 @@ from mrp_sumo.drive.people import Bystanders, PeopleInGui, PeopleRecorder
 from mrp_sumo.drive.policy import DecidingPolicy, Policy, policy_of
 from mrp_sumo.drive.recovery import Recovery
 from mrp_sumo.drive.reroute import Replan, first_of
+from mrp_sumo.drive.robot_work import Change, state_log, stop_log
 from mrp_sumo.drive.rolling import Rolling, steps_ahead
 from mrp_sumo.drive.settings import ExecutionSettings
+from mrp_sumo.drive.stalling import STALLED_S
 from mrp_sumo.drive.state import NEVER, Tape, tape_for
 from mrp_sumo.drive.surroundings import Surroundings
-from mrp_sumo.drive.work import STALLED_S, Work, WorkRequest
+from mrp_sumo.drive.work import Work
+from mrp_sumo.drive.work_request import WorkRequest, still_fits
 from mrp_sumo.drive.world import World
 from mrp_sumo.engines.kinematic.engine import KinematicEngine
 from mrp_sumo.engines.protocol import Engine
@@ -163,16 +166,8 @@ class Drive:
 
     def __post_init__(self) -> None:
         settings = self.settings
-        self.tasks = Work(
-            settings.tasks,
-            self.ledger.problem,
-            settings.planning.budget_s,
-            rules=settings.rules,
-            parking=settings.parking,
-            batteries=settings.batteries,
-            charging=settings.charging,
-            ahead_steps=steps_ahead(settings, self.ledger.problem),
-        )
+        self.crew = Crew(self.ledger, settings, steps_ahead(settings, self.ledger.problem))
+        self.tasks = Work(self.crew)
         self.batteries: Batteries | None = None
         if settings.tasks and settings.batteries:
             fleet, period_s = self.ledger.problem.fleet, settings.steps_per_sample * settings.step_length_s
@@ -218,7 +213,7 @@ class Drive:
             is_last = is_sample and self._is_over()
             if is_last:
                 self._close()
-            about = self.ledger, self.events, self.tasks, self.world.facilities
+            about = self.ledger, self.events, self.crew, self.world.facilities
             moment = Moment(cycle.step, cycle.now_s, is_sample, is_last, cycle.bodies, *about)
             self.events = []
             for listener in hear:
@@ -227,7 +222,7 @@ class Drive:
                 break
             if self.ledger.is_full:
                 records.samples.settle(self.ledger)
-                cycle.forget(self.tasks.seen)
+                cycle.forget(self.crew.seen)
             wrong = cycle.go(sent=self._send_robots_on())
             self.findings += [f"{cycle.now_s:.2f} s: {each}" for each in wrong]
             if alone and self.world.is_calm:
@@ -284,7 +279,7 @@ class Drive:
         if self.batteries is not None and looks:
             before = self.batteries.num_samples - num_samples
             first = -(-begin // sample_every)
-            self.batteries.observe_each(looks_s, [before + look // sample_every - first + 1 for look in looks], self.tasks.at_charger)
+            self.batteries.observe_each(looks_s, [before + look // sample_every - first + 1 for look in looks], self.crew.at_charger)
         self.tasks.pass_over(looks_s[-2:], None if self.batteries is None else self.batteries.level)
 
     def _tape_for(self, most: int, samples: FloatArray, grants: GrantRecorder, *, quiet: bool) -> Tape:
@@ -294,7 +289,7 @@ class Drive:
             tape = self._tape = tape_for(robots, most * robots, self.settings.steps_per_sample)
         rests, watched = np.ones(robots, np.bool_), np.full(robots, -1)
         if quiet and self.settings.tasks:
-            rests, watched = self.tasks.rests, np.where(self.tasks.watched, self.tasks.seen, -1)
+            rests, watched = self.crew.rests, np.where(self.tasks.watched, self.crew.seen, -1)
         return tape._replace(
             samples=samples, known=grants.known, look_every=self._look_every if quiet else NEVER, rests=rests, watched=watched
         )
@@ -306,7 +301,7 @@ class Drive:
             return -np.inf
         if not self.settings.tasks:
             return np.inf if type(self.work) is OneShot else -np.inf
-        if not self.tasks.is_quiet(self.now_s, self.ledger.visits, self.ledger.state):
+        if not self.tasks.is_quiet(self.now_s):
             return -np.inf
         empty_s = np.inf if self.batteries is None else self.tasks.empty_wake_s(self.now_s, self._most_per_s)
         return min(self.rolling.window_over_s, empty_s)
@@ -341,10 +336,10 @@ class Drive:
             return True
         if self.now_s < self.settings.time_limit_s - 1e-9:
             return False
-        if self.settings.tasks and self.tasks.has_stalled(self.now_s):
+        if self.settings.tasks and self.tasks.progress.has_stalled(self.now_s):
             refused = self.now_s - self.rolling.refused_since_s >= STALLED_S
             self.outcome = Outcome.PLANNER_STALLED if refused else Outcome.STALLED
-        elif self.settings.tasks and self.tasks.endless:
+        elif self.settings.tasks and self.crew.orders.endless:
             self.outcome = Outcome.COMPLETED  # there is always more to do: the run ends when its time is over
         return True
 
@@ -391,14 +386,14 @@ class Drive:
 
     def _update_tasks(self) -> None:
         """Note what robots have done, and what that took from their batteries. Those that have run empty stay where they are."""
-        state, level = self.ledger.state, None
+        level = None
         if self.batteries is not None:
-            for robot in self.batteries.observe(self.now_s, self.tasks.at_charger):
+            for robot in self.batteries.observe(self.now_s, self.crew.at_charger):
                 self.events.append(self.world.strand(robot, self.now_s))
-                self.tasks.lose(robot, self.now_s, EMPTY, self.ledger.visits)
+                self.crew.lose(self.crew.robots[robot], self.now_s, Change.EMPTIED)
             level = self.batteries.level
-        self.tasks.update(self.now_s, self.ledger.visits, state, level, self.world.down_until_s)
-        self.events += self.tasks.drain()
+        self.tasks.update(self.now_s, level, self.world.down_until_s)
+        self.events += self.crew.drain()
 
     def _deliver(self, bodies: Engine) -> bool:
         """Have the ledger take the answer that is due. Returns whether it has."""
@@ -407,7 +402,7 @@ class Drive:
             return False
         if answer.ways is not None and isinstance(answer.request, WorkRequest):
             moved = {r for r, way in answer.ways.reroute.items() if len(way.vertex)}
-            if not self.tasks.fits(answer.request, moved):
+            if not still_fits(self.crew, answer.request, moved):
                 self.rolling.drop(self.now_s, failed=False)
                 return False
         if answer.ways is None or not self._append(answer.ways, bodies):
@@ -494,9 +489,9 @@ def _execution(drive: Drive, plan: Plan, records: Records) -> Execution:
         events=tuple(sorted(records.events.events, key=lambda event: (event.t_s, event.robot, event.kind))),
         findings=tuple(drive.findings),
         booked_s=frozen(ledger.state.waits.booked_s),
-        tasks=drive.tasks.log() if settings.tasks else None,
-        stops=drive.tasks.stops_made() if settings.tasks else None,
-        robot_states=drive.tasks.robot_states(drive.now_s) if settings.tasks else None,
+        tasks=drive.crew.orders.log() if settings.tasks else None,
+        stops=stop_log(drive.crew.robots) if settings.tasks else None,
+        robot_states=state_log(drive.crew.robots, drive.now_s) if settings.tasks else None,
         calls=drive.rolling.calls if settings.tasks else None,
         batteries=drive.batteries.log(drive.now_s, settings.charging.critical if settings.charging else 0.0) if drive.batteries else None,
         facilities=records.facilities.log() if records.facilities else None,

@@ -13,6 +13,7 @@ from itertools import chain, combinations
 
 import numpy as np
 
+from mrp_sumo.core.digraph import strong_components
 from mrp_sumo.core.graph import BoolArray, IntArray, PlanGraph
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.core.task import Stop
@@ -28,6 +29,7 @@ class RobotPlaces:
         """Robots without work go to `parking`, as far as there is room."""
         self._problem, self._parking = problem, parking
         self._outwards: dict[tuple[PlanGraph, int], tuple[int, ...]] = {}  # vertices by their distance from one
+        self._piece: dict[int, IntArray] = {}  # [V] strong components of the graphs of types
         fleet = problem.fleet
         self._apart_m = 2 * float(fleet.radius_m.max()) + float(fleet.gap_m.max())
 
@@ -57,6 +59,24 @@ class RobotPlaces:
         reach = self._reach(robot, at, blocked | {way[-1]})
         reach[list({*way, *blocked})] = UNREACHABLE
         return bool((reach < UNREACHABLE).any())
+
+    def has_room(self, robot: int, stops: Sequence[Stop]) -> bool:
+        """Whether a robot's type can come from its start to some stops and back."""
+        if self._problem.barred is None:
+            return True
+        kind = int(self._problem.fleet.kind[robot])
+        if kind not in self._piece:
+            graph = self._problem.graph_of_kind[kind]
+            self._piece[kind] = strong_components(graph.num_vertices, graph.tail, graph.head)
+        piece, start = self._piece[kind], int(self._problem.start[robot])
+        return all(any(piece[v] == piece[start] for v in stop.places) for stop in stops)
+
+    def beside(self, stands: IntArray) -> list[int]:
+        """Vertices, those clear of a robot on or between some others first; of these the nearest."""
+        graph = self._problem.graph
+        away_m = np.hypot(*(graph.xy[:, None] - graph.xy[stands][None]).transpose(2, 0, 1))
+        near: list[int] = np.argsort(np.where((away_m >= self._apart_m).all(1), away_m.sum(1), np.inf), kind="stable").tolist()
+        return near
 
     def choose(self, start: IntArray, stays: BoolArray, stops: Mapping[int, Stop], turn: Iterable[int]) -> tuple[IntArray, BoolArray]:
         """[R] vertices where robots are to go, and whether they can make their stops there.

@@ -109,7 +109,7 @@ class Recovery:
         if request.reason == DETOUR:
             return self._drive_around(now_s, robots, around)
         try:
-            found = situation(now_s, around, self.world.broken | around.work.serving, self.ledger.end_of_tasks)
+            found = situation(now_s, around, self.world.broken | around.crew.serving, self.ledger.end_of_tasks)
             answer = replan(found, around, self.settings.recovery.replanner or "", {}, AnswerLimits())
         except PlanError as error:
             self.refused(error, now_s)
@@ -197,7 +197,7 @@ class Recovery:
         return at
 
     def _give_way(self, now_s: float, ring: tuple[int, ...], around: Surroundings) -> Replan | None:
-        found = who_gives_way(around, ring, (self.world.hold_until_s > now_s) | around.work.serving, now_s)
+        found = who_gives_way(around, ring, (self.world.hold_until_s > now_s) | around.crew.serving, now_s)
         if found is None:
             return None
         giving, way = found

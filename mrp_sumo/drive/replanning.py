@@ -142,7 +142,7 @@ def planned(
     request = request if limits.window_steps and "stops" in supports_of(planner, parameters) else next_stops(request)
     stays, end = np.ones(around.ledger.num_robots, np.bool_), around.ledger.end_of_tasks.copy()
     stays[request.robot], end[request.robot] = False, request.end
-    stays |= around.work.busy
+    stays |= around.crew.busy
     found = situation(begin_s, around, stays | around.world.broken, end)
     if len(request.stop) > len(request.robot):
         via = dict(zip(request.robot.tolist(), request.via))

@@ -28,7 +28,7 @@ from mrp_sumo.drive.reroute import Replan
 from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.drive.state import Kinematics
 from mrp_sumo.drive.surroundings import Surroundings
-from mrp_sumo.drive.work import WorkRequest
+from mrp_sumo.drive.work_request import WorkRequest
 from mrp_sumo.errors import PlanError, ScenarioError
 from mrp_sumo.plugins.registry import find
 
@@ -66,8 +66,8 @@ class Rolling:
         if self.answer is not None or now_s < self._next_s - 1e-9:
             return
         if now_s >= self.window_over_s - 1e-9:
-            around.work.news = True
-        if self._settings.tasks and not around.work.news:
+            around.crew.is_changed = True
+        if self._settings.tasks and not around.crew.is_changed:
             return
         if planning.budget_s:
             stays = around.world.broken | around.entering
@@ -124,7 +124,7 @@ class Rolling:
         self.answer, work = None, self._around.work
         self._end_series(now_s)
         if isinstance(answer.request, WorkRequest):
-            work.accepted(answer.request, now_s, self._around.ledger.visits, self._around.state)
+            work.accepted(answer.request, now_s)
         short = not self._around.state.home.all()
         window_s = self._window_steps * self._around.ledger.problem.step_s
         self.window_over_s = now_s + window_s / 2 - self._settings.planning.budget_s if short and window_s else np.inf
@@ -143,7 +143,7 @@ class Rolling:
         if failed:
             self._around.work.failed(now_s)
         else:
-            self._around.work.news = True
+            self._around.crew.is_changed = True
 
     def close(self, now_s: float) -> list[Event]:
         """The run is over. Returns what has not been reported yet."""

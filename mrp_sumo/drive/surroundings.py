@@ -8,6 +8,7 @@ import numpy as np
 from mrp_sumo.core.graph import BoolArray, IntArray, PlanGraph
 from mrp_sumo.core.request import Request
 from mrp_sumo.drive._causes import ARRIVED_M
+from mrp_sumo.drive.crew import Crew
 from mrp_sumo.drive.ledger import Ledger
 from mrp_sumo.drive.reroute import Replan
 from mrp_sumo.drive.state import State
@@ -27,13 +28,18 @@ class Surroundings:
 
     ledger: Ledger
     world: World
-    work: Work  # the tasks that are known
+    work: Work
     plan: Planning  # asks the planner of this run
 
     @property
     def closed(self) -> BoolArray:
         """[L] lanes that nobody may set out on."""
         return self.world.closed
+
+    @property
+    def crew(self) -> Crew:
+        """Robots and the tasks that are known."""
+        return self.work.crew
 
     @property
     def graph(self) -> PlanGraph:

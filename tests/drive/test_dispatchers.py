@@ -10,10 +10,14 @@ from worlds import line, problem_on
 
 from mrp_sumo.core.stream import TaskList
 from mrp_sumo.core.task import Station, Stop, Task
+from mrp_sumo.drive.crew import Crew
 from mrp_sumo.drive.dispatcher import dispatcher_of
 from mrp_sumo.drive.dispatchers.estimates import FAR_S, choice
+from mrp_sumo.drive.robot_work import Change
+from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.drive.state import state_at_rest
 from mrp_sumo.drive.work import Work
+from mrp_sumo.drive.work_request import work_request
 from mrp_sumo.errors import PlugInError
 
 ALL = ("nearest", "hungarian", "central", "min_cost_flow", "regret", "token_passing", "tpts")
@@ -38,10 +42,12 @@ class Fleet:
         self.state, number = state_at_rest(len(at), 1, 1, np.arange(len(at))), np.arange(len(at))
         columns = dict.fromkeys(("reached", "last", "granted"), number)
         self.visits = SimpleNamespace(**columns, vertex=np.array(at), next=np.full(len(at), -1), arrived_s=np.zeros(len(at)))
-        self.work = Work([TaskList(tuple(listed))], problem)
-        ledger = SimpleNamespace(problem=problem, committed=[(v,) for v in at])
+        ledger = SimpleNamespace(problem=problem, committed=[(v,) for v in at], visits=self.visits, state=self.state)
+        self.crew = Crew(ledger, ExecutionSettings(tasks=(TaskList(tuple(listed)),)))
+        self.work = Work(self.crew)
         self.around = SimpleNamespace(
             work=self.work,
+            crew=self.crew,
             ledger=ledger,
             graph=problem.graph,
             closed=np.zeros(problem.graph.num_lanes, np.bool_),
@@ -50,15 +56,15 @@ class Fleet:
 
     def decides(self, dispatcher, now_s=0.0, **parameters):
         """Who has which task after a decision, before anybody moves."""
-        self.work.orders.reveal(now_s)
-        self.work.news = True
+        self.crew.orders.reveal(now_s)
+        self.crew.is_changed = True
         (request,) = dispatcher_of(dispatcher, parameters).due(now_s, self.around)
-        self.work.accepted(request, now_s, self.visits, self.state)
-        return {r: k for r, k in enumerate(self.work.current.tolist()) if k >= 0}
+        self.work.accepted(request, now_s)
+        return {r: k for r, k in enumerate(robot.task for robot in self.crew.robots) if k >= 0}
 
     def choice(self, now_s=0.0, most=99, **options):
         """What can be decided."""
-        self.work.orders.reveal(now_s)
+        self.crew.orders.reveal(now_s)
         return choice(now_s, self.around, most, **{"reassign": False, **options})
 
 
@@ -78,9 +84,9 @@ def test_a_task_goes_to_a_robot_of_the_type_that_it_needs_or_waits(dispatcher):
 
 def test_a_dispatcher_that_gives_a_task_to_a_robot_of_another_type_is_named():
     fleet = Fleet([2, 15], (0.0, (3, 4), 0, "lift"), types=("cart", "lift"))
-    fleet.work.orders.reveal(0.0)
+    fleet.crew.orders.reveal(0.0)
     with pytest.raises(PlugInError, match="task '' needs a robot of type 'lift', robot_0 is none"):
-        fleet.work.request(0.0, fleet.around.ledger.committed, fleet.around.closed, {0: 0})
+        work_request(fleet.crew, 0.0, fleet.around.closed, {0: 0})
 
 
 @pytest.mark.parametrize("dispatcher", ALL)
@@ -114,11 +120,14 @@ def test_a_task_is_taken_from_a_robot_only_by_one_that_is_nearer(dispatcher, at,
 
 
 @pytest.mark.parametrize("dispatcher", REASSIGN)
-@pytest.mark.parametrize(("came_s", "who_takes"), [(np.inf, 1), (0.5, 0)])
-def test_a_task_is_not_taken_from_a_robot_that_waits_in_line_for_its_place(dispatcher, came_s, who_takes):
+@pytest.mark.parametrize(("in_line", "who_takes"), [(False, 1), (True, 0)])
+def test_a_task_is_not_taken_from_a_robot_that_waits_in_line_for_its_place(dispatcher, in_line, who_takes):
     fleet = Fleet([5, 19], (0.0, (10, 11)))
     fleet.decides(dispatcher)
-    fleet.around.start[1], fleet.work._came_s[0] = 12, came_s
+    fleet.around.start[1] = 12
+    if in_line:
+        fleet.crew.robots[0].came_s = 0.5
+        fleet.crew.robots[0].on(Change.LINED_UP, 0.5)
     assert fleet.decides(dispatcher, 1.0) == {who_takes: 0}
 
 
@@ -171,7 +180,7 @@ def test_a_robot_at_work_is_ready_when_its_services_are_over_and_the_one_under_w
     """Stops at 3 and 8, 10 s each: in service for 4 s, or still on the way there. Others in the way cost half as much again."""
     fleet = Fleet([at], (0.0, (3, 8)), (0.0, (10, 11)), service_s=10.0)
     fleet.decides("nearest")
-    assert bool(fleet.work.serving[0]) == (at == 3)
+    assert bool(fleet.crew.serving[0]) == (at == 3)
     now_s = 4.0 if at == 3 else 0.0
     left = fleet.choice(now_s, busy=True)
     assert left.able.tolist() == [] and left.task == [1]

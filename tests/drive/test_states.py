@@ -21,13 +21,16 @@ from mrp_sumo.core.robot_type import Battery
 from mrp_sumo.core.stream import TaskList
 from mrp_sumo.core.task import Station, Stop, Task
 from mrp_sumo.drive import rolling
-from mrp_sumo.drive.duties import LEAVING, NAMES, TO_STOP
-from mrp_sumo.drive.duties import NEXT as DUTIES
+from mrp_sumo.drive.crew import Crew
+from mrp_sumo.drive.ledger import Ledger
 from mrp_sumo.drive.orders import NEXT, OrderRules, Orders
 from mrp_sumo.drive.replanning import planned
-from mrp_sumo.drive.work import StopRow, Work
+from mrp_sumo.drive.robot_work import Change, Condition, Duty, RobotWork, StopRow
+from mrp_sumo.drive.settings import ExecutionSettings
+from mrp_sumo.drive.work_request import still_fits
 from mrp_sumo.errors import PlanError
 from mrp_sumo.metrics.audit import audit
+from mrp_sumo.traffic.resources import resources_of
 
 SMALL = Battery(10.0, 1.0, 36.0, 1.0, 0.0, 0.0, 36.0)  # a thousandth of it goes in a second
 
@@ -236,12 +239,11 @@ def test_a_robot_that_breaks_down_at_a_charger_is_not_charged_meanwhile(tmp_path
 @pytest.mark.parametrize(("asked_s", "fits"), [(9.0, False), (10.5, True)])
 def test_who_has_begun_a_short_service_since_it_was_sent_away_stays(asked_s, fits):
     """Leaving at once, since it will be over when the next answer takes effect."""
-    work = Work([TaskList(())], problem_on(line(3), [1], [1]), 3.0)
-    work.duties.enter(0, TO_STOP, 0.0)
-    work.duties.enter(0, LEAVING, 10.0)
-    work._stops.append(StopRow(0, 0, "", 1, 0.0, 10.0, 12.0, 0.0, 0.0, np.nan))
-    work._until_s[0] = 12.0
-    assert work.fits(SimpleNamespace(now_s=asked_s, robot=np.array([0])), {0}) is fits
+    problem = problem_on(line(3), [1], [1])
+    crew = Crew(Ledger(problem, resources_of(problem.graph, problem.fleet.apart_m)), ExecutionSettings())
+    robot = crew.robots[0]
+    robot.making, robot.leaves = StopRow(0, 0, "", 1, 0.0, 10.0, 12.0, 0.0, 0.0, np.nan), True
+    assert still_fits(crew, SimpleNamespace(now_s=asked_s, robot=np.array([0])), {0}) is fits
 
 
 def test_states_change_by_the_table_alone():
@@ -257,6 +259,45 @@ def test_states_change_by_the_table_alone():
 def test_the_documented_transitions_are_those_of_the_code():
     lines = (Path(__file__).resolve().parents[2] / "docs" / "lifelong.md").read_text().splitlines()
     rows = {cells[0].strip(): cells[-1] for line in lines if line.startswith("| `") and (cells := line.strip("| ").split("|"))}
-    for tables in ({name: then for name, then in NEXT.items() if then}, {NAMES[k]: [NAMES[n] for n in then] for k, then in DUTIES.items()}):
-        for name, then in tables.items():
-            assert re.findall("`([^`]+)`", rows[f"`{name}`"]) == list(then), name
+    for name, then in NEXT.items():
+        assert not then or re.findall("`([^`]+)`", rows[f"`{name}`"]) == list(then), name
+
+
+def test_a_robot_changes_by_the_table_alone():
+    robot = RobotWork(0)
+    for change in (Change.SERVED, Change.FREED, Change.LINED_UP, Change.MENDED, Change.GETS_ON):
+        with pytest.raises(AssertionError, match=change.name):
+            robot.on(change, 0.0)
+    assert (robot.duty, robot.condition) == (Duty.IDLE, Condition.SOUND)
+
+
+@pytest.mark.parametrize(("befalls", "over"), [(Change.BREAKS, Change.MENDED), (Change.STALLS, Change.GETS_ON)])
+def test_a_robot_that_waits_in_line_does_so_still_when_what_befell_it_is_over(befalls, over):
+    robot = RobotWork(0)
+    robot.begin(3, 0.0, 0.0, (0.0, 0.0), charges=False)
+    for change in (Change.LINED_UP, befalls, over):
+        robot.on(change, 1.0)
+    assert (robot.duty, robot.condition) == (Duty.WAITING, Condition.SOUND)
+
+
+def test_a_service_shows_that_a_robot_is_not_stalled_and_who_is_broken_ends_none():
+    robot = RobotWork(0)
+    robot.begin(3, 0.0, 0.0, (0.0, 0.0), charges=False)
+    robot.on(Change.STALLS, 1.0)
+    robot.on(Change.SERVED, 2.0)
+    assert (robot.duty, robot.condition) == (Duty.IN_SERVICE, Condition.SOUND)
+    robot.on(Change.BREAKS, 3.0)
+    with pytest.raises(AssertionError, match="FREED: broken"):
+        robot.on(Change.FREED, 4.0)
+
+
+def test_who_breaks_down_for_good_while_it_is_broken_is_lost_with_its_order(tmp_path):
+    run = work(tmp_path, square_grid(3), [1, 7], order("a", 0, 8), broken=[(0, 12.0, 50.0), (0, 20.0)])
+    assert run.tasks.status == ("failed",) and run.tasks.ended_s[0] == pytest.approx(20.0, abs=0.1)
+    assert run.outcome is Outcome.COMPLETED and states(run, 0) == ["working", "broken", "broken"]  # with it, and without
+
+
+def test_a_robot_is_idle_from_when_its_order_is_withdrawn_though_that_is_between_two_steps(tmp_path):
+    run = work(tmp_path, line(9), [0], order("far", 8), rules=OrderRules(cancel=Cancel(after_s=3.333)))
+    idle = run.robot_states.state == ROBOT_STATES.index("idle")
+    assert run.tasks.status == ("cancelled",) and run.robot_states.begin_s[idle].tolist() == [3.333] == run.tasks.ended_s.tolist()

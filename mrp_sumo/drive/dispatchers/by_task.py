@@ -10,6 +10,7 @@ from mrp_sumo.core.request import Request
 from mrp_sumo.drive.dispatchers.estimates import oldest_first
 from mrp_sumo.drive.reroute import Replan
 from mrp_sumo.drive.surroundings import Surroundings
+from mrp_sumo.drive.work_request import work_request
 
 
 class ByTask(ABC):
@@ -21,13 +22,13 @@ class ByTask(ABC):
 
     def finished(self, now_s: float, around: Surroundings) -> bool:
         """See Dispatcher."""
-        return around.work.all_done
+        return around.crew.all_done
 
     def due(self, now_s: float, around: Surroundings) -> Iterable[Request]:
         """See Dispatcher."""
-        if around.work.news:
+        if around.crew.is_changed:
             given = oldest_first(self.given(now_s, around), around)
-            yield around.work.request(now_s, around.ledger.committed, around.closed, given)
+            yield work_request(around.crew, now_s, around.closed, given)
 
     def answer(self, request: Request, around: Surroundings) -> Replan | None:
         """See Dispatcher."""

@@ -20,7 +20,7 @@ class Central(ByTask):
         """See ByTask."""
         from scipy.optimize import linear_sum_assignment
 
-        found = choice(now_s, around, len(around.work.current), reassign=True)
+        found = choice(now_s, around, len(around.crew.robots), reassign=True)
         held(found.pick_up_s, found, around)
         pick_up_s = found.pick_up_s[found.able]
         robots, columns = linear_sum_assignment(pick_up_s + found.later_s)

@@ -45,27 +45,27 @@ def choice(now_s: float, around: Surroundings, most: int, *, reassign: bool, bus
     busy
         Whether robots at work count from when they will be done; `FAR_S` otherwise.
     """
-    work = around.work
-    num_robots, at = len(work.current), around.start.copy()
-    holder = {int(work.current[r]): r for r in range(num_robots) if reassign and work.may_pass_on(r)}
-    able = np.array(sorted({*work.free.tolist(), *holder.values()}), np.int64)
+    crew = around.crew
+    num_robots, at = len(crew.robots), around.start.copy()
+    holder = crew.holder if reassign else {}
+    able = np.array(sorted({*crew.free, *holder.values()}), np.int64)
     ready_s = np.zeros(num_robots)
     for r in sorted(set(range(num_robots)) - set(able.tolist())):
         ready_s[r] = FAR_S
-        if busy and work.current[r] >= 0:  # else it is lost
+        if busy and crew.robots[r].task >= 0:  # else it is lost
             remaining_s, at[r] = _remaining(now_s, around, r)
             ready_s[r] = LATER * remaining_s
-    waiting = sorted([*holder, *work.unassigned], key=lambda k: (-work.tasks[k].priority, k))
-    typed = any(work.some_cannot(k) for k in waiting)  # then those left out might be all that some robot can do
+    waiting = sorted([*holder, *crew.unassigned], key=lambda k: (-crew.tasks[k].priority, k))
+    typed = any(crew.some_cannot(k) for k in waiting)  # then those left out might be all that some robot can do
     if len(waiting) > most and not typed:
-        waiting = [k for k in waiting if work.tasks[k].priority >= work.tasks[waiting[most]].priority]
+        waiting = [k for k in waiting if crew.tasks[k].priority >= crew.tasks[waiting[most]].priority]
     pick_up_s = np.minimum(ready_s[:, None] + steps_of(around, at, waiting) * around.ledger.problem.step_s, FAR_S)
-    priority = np.array([work.tasks[k].priority for k in waiting], np.int64)
+    priority = np.array([crew.tasks[k].priority for k in waiting], np.int64)
     later_s: FloatArray = np.multiply(np.unique(-priority, return_inverse=True)[1].reshape(-1), LESS_URGENT_S, dtype=np.float64)
-    step_s, ends = around.ledger.problem.step_s, np.array([work.tasks[k].stops[-1].places[0] for k in waiting], np.int64)
+    step_s, ends = around.ledger.problem.step_s, np.array([crew.tasks[k].stops[-1].places[0] for k in waiting], np.int64)
     place, times = np.unique(ends, return_counts=True)  # thousands of tasks may wait, with few places
     between_s = times @ steps_to(around, place, waiting) / max(len(waiting), 1) * step_s
-    rest_s = np.array([task_s(around, work.tasks[k]) for k in waiting], np.float64)
+    rest_s = np.array([task_s(around, crew.tasks[k]) for k in waiting], np.float64)
     return Choice(waiting, holder, able, pick_up_s, ready_s, rest_s, between_s, later_s, typed)
 
 
@@ -73,16 +73,16 @@ def steps_to(around: Surroundings, at: IntArray, tasks: Sequence[int]) -> FloatA
     """[N, K] steps from vertices to the first stops of tasks; `FAR_S` where there is no way."""
     steps, found = distances(around.graph), np.empty((len(at), len(tasks)))
     for column, k in enumerate(tasks):
-        found[:, column] = np.minimum.reduce([steps.to(v)[at] for v in around.work.tasks[k].stops[0].places])
+        found[:, column] = np.minimum.reduce([steps.to(v)[at] for v in around.crew.tasks[k].stops[0].places])
     return np.where(found < UNREACHABLE, found, FAR_S)
 
 
 def steps_of(around: Surroundings, at: IntArray, tasks: Sequence[int]) -> FloatArray:
     """[R, K] steps of robots from where they are, or will be, to the first stops of tasks; `FAR_S` for tasks that they cannot do."""
-    found, work = steps_to(around, at, tasks), around.work
+    found, crew = steps_to(around, at, tasks), around.crew
     for column, k in enumerate(tasks):
-        if work.some_cannot(k):
-            found[[not work.can_do(r, k) for r in range(len(at))], column] = FAR_S
+        if crew.some_cannot(k):
+            found[[not crew.can_do(r, k) for r in range(len(at))], column] = FAR_S
     return found
 
 
@@ -104,16 +104,16 @@ def oldest_first(given: Mapping[int, int], around: Surroundings) -> dict[int, in
 
     Those are of the same stops, priority and type of robot, and of no longer service.
     """
-    work, waiting = around.work, dict[Hashable, list[int]]()
-    passed_on = [int(work.current[r]) for r in given if work.may_pass_on(r)]
-    for k in sorted({*work.unassigned, *given.values(), *passed_on}) if given else ():
-        waiting.setdefault(_kind(work.tasks[k]), []).append(k)
+    crew, waiting = around.crew, dict[Hashable, list[int]]()
+    passed_on = [task for task, r in crew.holder.items() if r in given]
+    for k in sorted({*crew.unassigned, *given.values(), *passed_on}) if given else ():
+        waiting.setdefault(_kind(crew.tasks[k]), []).append(k)
     oldest = {}
     for r, task in sorted(given.items(), key=lambda pair: pair[1]):
-        alike, lasts_s = waiting[_kind(work.tasks[task])], _service_s(work.tasks[task])
-        oldest[r] = next(k for k in alike if _service_s(work.tasks[k]) <= lasts_s)
+        alike, lasts_s = waiting[_kind(crew.tasks[task])], _service_s(crew.tasks[task])
+        oldest[r] = next(k for k in alike if _service_s(crew.tasks[k]) <= lasts_s)
         alike.remove(oldest[r])
-    return {r: k for r, k in oldest.items() if int(work.current[r]) != k}
+    return {r: k for r, k in oldest.items() if crew.robots[r].task != k}
 
 
 def _kind(task: Task) -> Hashable:
@@ -127,12 +127,12 @@ def _service_s(task: Task) -> float:
 
 def _remaining(now_s: float, around: Surroundings, robot: int) -> tuple[float, int]:
     """Time in s until a robot is done with its task, and where that is."""
-    work, at = around.work, int(around.start[robot])
-    task, stop = work.tasks[int(work.current[robot])], int(work.stop[robot])
-    if not work.serving[robot]:
-        return _onward(around, at, task, stop)
-    onward_s, place = _onward(around, at, task, stop + 1)
-    return work.serving_until_s(robot) - now_s + onward_s, place
+    at, has = int(around.start[robot]), around.crew.robots[robot]
+    task = around.crew.tasks[has.task]
+    if has.making is None:
+        return _onward(around, at, task, has.stop)
+    onward_s, place = _onward(around, at, task, has.stop + 1)
+    return has.making.end_s - now_s + onward_s, place
 
 
 def _onward(around: Surroundings, at: int, task: Task, stop: int) -> tuple[float, int]:

@@ -21,7 +21,7 @@ class Hungarian(ByTask):
         """See ByTask."""
         from scipy.optimize import linear_sum_assignment
 
-        found = choice(now_s, around, len(around.work.current), reassign=self.reassign, busy=self.busy)
+        found = choice(now_s, around, len(around.crew.robots), reassign=self.reassign, busy=self.busy)
         cost_s = found.pick_up_s + found.rest_s + found.later_s
         held(cost_s, found, around)
         matched = zip(*(side.tolist() for side in linear_sum_assignment(cost_s))) if found.task else ()

@@ -30,7 +30,7 @@ class MinCostFlow(ByTask):
 
     def given(self, now_s: float, around: Surroundings) -> dict[int, int]:
         """See ByTask."""
-        num_robots = len(around.work.current)
+        num_robots = len(around.crew.robots)
         found = choice(now_s, around, self.depth * num_robots, reassign=self.reassign, busy=True)
         depth = max(1, min(self.depth, -(-len(found.task) // num_robots)))  # no longer rows than all need
         first_s = found.pick_up_s - found.ready_s[:, None]  # [R, K]

@@ -15,14 +15,14 @@ class Nearest(ByTask):
 
     def given(self, now_s: float, around: Surroundings) -> dict[int, int]:
         """See ByTask."""
-        work = around.work
+        crew = around.crew
         steps, start = distances(around.graph), around.start
-        free, given = set(work.free.tolist()), {}
-        for task in work.unassigned:
+        free, given = set(crew.free), {}
+        for task in crew.unassigned:
             if not free:
                 break
-            to_place = steps.to_all(np.array(work.tasks[task].stops[0].places)).min(0)
-            able = (r for r in free if work.can_do(r, task))
+            to_place = steps.to_all(np.array(crew.tasks[task].stops[0].places)).min(0)
+            able = (r for r in free if crew.can_do(r, task))
             robot = min(able, key=lambda r: (int(to_place[start[r]]), r), default=None)
             if robot is not None and to_place[start[robot]] < UNREACHABLE:
                 given[robot] = task

@@ -17,7 +17,7 @@ class Regret(ByTask):
 
     def given(self, now_s: float, around: Surroundings) -> dict[int, int]:
         """See ByTask."""
-        found, given = choice(now_s, around, len(around.work.free), reassign=False), dict[int, int]()
+        found, given = choice(now_s, around, len(around.crew.free), reassign=False), dict[int, int]()
         free = found.able.tolist()
         done_s = found.pick_up_s + found.rest_s + found.later_s
         soonest = done_s[free].min(0, initial=FAR_S).argsort(kind="stable")

@@ -3,7 +3,7 @@
 The choice of TP: Ma, Li, Kumar and Koenig, "Lifelong multi-agent path finding for online pickup and delivery tasks", AAMAS 2017,
 algorithm 1. There a robot only takes a task if no other's way ends at its pick-up or delivery, since ways are planned one by one and end
 there for good. Here the run's planner plans all together and makes room, so such tasks are merely taken last: where many tasks end at
-few stations, the paper's rule leaves most robots without work.
+few stations, the paper's rule leaves most robots without crew.
 """
 
 from dataclasses import dataclass
@@ -24,20 +24,20 @@ class TokenPassing(ByTask):
 
     def given(self, now_s: float, around: Surroundings) -> dict[int, int]:
         """See ByTask."""
-        work = around.work
-        start, given, waiting = around.start, dict[int, int](), list(work.unassigned)
+        crew = around.crew
+        start, given, waiting = around.start, dict[int, int](), list(crew.unassigned)
         away = dict(zip(waiting, steps_of(around, start, waiting).T))
-        ends = [work.tasks[k].stops[-1].places for k in work.current.tolist() if k >= 0]
+        ends = [crew.tasks[k].stops[-1].places for k in [robot.task for robot in crew.robots] if k >= 0]
         nearest = np.min([*away.values()], 0) if away else np.zeros(len(start))
-        for r in sorted(work.free.tolist(), key=lambda r: (nearest[r], r)):
+        for r in sorted(crew.free, key=lambda r: (nearest[r], r)):
             token = {v for places in ends for v in places}
             near = [k for k in waiting if away[k][r] < FAR_S]
-            free = [k for k in near if not _touches(work.tasks[k], token)]
-            best = min(free or ([] if self.exclusive else near), key=lambda k: (-work.tasks[k].priority, away[k][r], k), default=None)
+            free = [k for k in near if not _touches(crew.tasks[k], token)]
+            best = min(free or ([] if self.exclusive else near), key=lambda k: (-crew.tasks[k].priority, away[k][r], k), default=None)
             if best is not None:
                 given[r] = best
                 waiting.remove(best)
-                ends.append(work.tasks[best].stops[-1].places)
+                ends.append(crew.tasks[best].stops[-1].places)
         return given
 
 

@@ -19,15 +19,14 @@ class Tpts(ByTask):
 
     def given(self, now_s: float, around: Surroundings) -> dict[int, int]:
         """See ByTask."""
-        work = around.work
-        start = around.start
-        holder = {int(work.current[r]): r for r in range(len(work.current)) if work.may_pass_on(r)}
-        tasks = [*holder, *work.unassigned]
+        crew, start = around.crew, around.start
+        holder = crew.holder
+        tasks = [*holder, *crew.unassigned]
         away = dict(zip(tasks, steps_of(around, start, tasks).T))
-        turn = work.free.tolist()
+        turn = crew.free
         while turn:
             r = turn.pop(0)
-            for task in sorted(tasks, key=lambda k: (-work.tasks[k].priority, away[k][r], k)):
+            for task in sorted(tasks, key=lambda k: (-crew.tasks[k].priority, away[k][r], k)):
                 if away[task][r] >= FAR_S:
                     continue
                 if task in holder and away[task][holder[task]] <= away[task][r] + WORTH_STEPS:

@@ -11,6 +11,7 @@ from mrp_sumo.core.execution import Event
 from mrp_sumo.drive._causes import DISTURBED, LETTING_PASS, PLANNED
 from mrp_sumo.drive.ledger import planned_arrivals
 from mrp_sumo.drive.listeners import Listener, Moment
+from mrp_sumo.drive.robot_work import stop_log
 from mrp_sumo.experiments.interventions import Interventions
 from mrp_sumo.experiments.outset import record_at_outset
 from mrp_sumo.experiments.result import RunResult
@@ -149,8 +150,8 @@ class Telling(Listener):
         moving = (np.abs(state.motion.speed_mps) >= STANDING_MPS) | state.motion.turning
         row["state"] = np.where(moving, MOVING, np.where(state.waits.stuck, BLOCKED, WAITING))
         if self._has_tasks:
-            tasks = shown.tasks
-            row["state"][(row["state"] == WAITING) & ((tasks.current < 0) | tasks.serving)] = AT_GOAL
+            crew = shown.crew
+            row["state"][(row["state"] == WAITING) & crew.rests] = AT_GOAL
         else:
             row["state"][~moving & np.isfinite(state.waits.goal_s)] = AT_GOAL
         row["waits"] = state.grants.other
@@ -161,7 +162,7 @@ class Telling(Listener):
     def _report(self, state: Moment) -> None:
         """What changes more slowly: tasks, or which visits of the plan have been reached."""
         if self._has_tasks:
-            self._report_tasks(task_document(state.tasks.log(), state.tasks.stops_made()))
+            self._report_tasks(task_document(state.crew.orders.log(), stop_log(state.crew.robots)))
             return
         arrived = planned_arrivals(state.ledger)
         new = np.flatnonzero(np.isfinite(arrived) & np.isnan(self._arrived))

@@ -1,0 +1,305 @@
+"""The robots of a run at their tasks: who has which, and what becomes of both as stops are made and robots are lost.
+
+A robot makes its task's stops one after the other. It stays for the service time, and goes by where that is none.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from mrp_sumo.core.execution import BOOKINGS, Event
+from mrp_sumo.core.graph import BoolArray, FloatArray
+from mrp_sumo.core.task import CHARGE, NOBODY, Station, Stop, Task
+from mrp_sumo.drive.ledger import Ledger
+from mrp_sumo.drive.orders import Orders
+from mrp_sumo.drive.places import RobotPlaces
+from mrp_sumo.drive.robot_work import NONE, Change, RobotWork, StopRow
+from mrp_sumo.drive.settings import ExecutionSettings
+
+STANDS = [BOOKINGS.index(name) for name in ("planned_wait", "dependency_wait", "yielding", "blocked", "disturbed")]
+AT_GOAL = BOOKINGS.index("at_goal")
+PLACES_TO_HAND_OVER = 4  # beside a robot that is lost
+WHY_LOST = {Change.LOST: "broke down", Change.EMPTIED: "ran empty"}
+
+
+class Crew:
+    """R robots and the tasks that are known by now."""
+
+    def __init__(self, ledger: Ledger, settings: ExecutionSettings, ahead_steps: int = 0) -> None:
+        """`ahead_steps` is how far the planner wants to know stops at which nothing is to be done; with 0 robots stop at each."""
+        num_robots = ledger.problem.num_robots
+        self.ledger, self.problem, self.settings, self.ahead_steps = ledger, ledger.problem, settings, ahead_steps
+        self.orders = Orders(settings.tasks, settings.rules)
+        self.places = RobotPlaces(self.problem, settings.parking)
+        self.robots = [RobotWork(r) for r in range(num_robots)]
+        self.seen = np.arange(num_robots)  # [R] the last visit of each robot that has been looked at
+        self.level: FloatArray = np.ones(num_robots)  # [R] states of charge
+        self.is_changed = True  # whether something has changed since the last request
+        self.made_s = 0.0  # when a stop was last made
+        self.looks_s = (-np.inf, -np.inf)  # the last two
+        self.events: list[Event] = []
+        self._num_charges = 0
+
+    @property
+    def tasks(self) -> Sequence[Task]:
+        """Those that are known by now, numbered by release."""
+        return self.orders.tasks
+
+    @property
+    def unassigned(self) -> Sequence[int]:
+        """Tasks that no robot has: the most urgent first, then the oldest."""
+        return sorted(self.orders.waiting, key=lambda k: (-self.tasks[k].priority, k))
+
+    @property
+    def free(self) -> list[int]:
+        """Robots without a task, ascending; also those that will be done with theirs when what is asked for now takes effect."""
+        return [robot.number for robot in self.robots if robot.is_free or (robot.leaves and self._is_last(robot))]
+
+    @property
+    def holder(self) -> dict[int, int]:
+        """Robots that may pass on their orders, by these."""
+        return {robot.task: robot.number for robot in self.robots if self.may_pass_on(robot)}
+
+    @property
+    def serving(self) -> BoolArray:
+        """[R] robots that are at a stop, or at a charger."""
+        return np.array([robot.making is not None for robot in self.robots], np.bool_)
+
+    @property
+    def rests(self) -> BoolArray:
+        """[R] robots that stand for the work's sake, or without any."""
+        return np.array([robot.making is not None or robot.task == NONE for robot in self.robots], np.bool_)
+
+    @property
+    def busy(self) -> BoolArray:
+        """[R] who is being served, and still will be when what is asked for now takes effect."""
+        return np.array([robot.is_busy for robot in self.robots], np.bool_)
+
+    @property
+    def at_charger(self) -> BoolArray:
+        """[R] robots that are being charged."""
+        return np.array([robot.is_charging for robot in self.robots], np.bool_)
+
+    @property
+    def all_done(self) -> bool:
+        """True if no task is left, and none will come."""
+        has_order = any(k != NONE and self.orders.is_order(k) for robot in self.robots for k in (robot.task, robot.then))
+        return not self.orders.waiting and not has_order and not self.orders.endless
+
+    def drain(self) -> list[Event]:
+        """Events of orders and robots since this was last called."""
+        events, self.events = self.events, []
+        return events
+
+    def next_stop(self, robot: RobotWork) -> Stop:
+        """The stop that a robot with a task is to make next, or makes."""
+        return self.tasks[robot.task].stops[robot.stop]
+
+    def can_do(self, robot: int, task: int) -> bool:
+        """True if a robot is of the type that a task needs, and has room on the way to its stops."""
+        needed, types = self.tasks[task].robot_type, self.problem.fleet.type_name
+        return (not needed or types[robot] == needed) and self.places.has_room(robot, self.tasks[task].stops)
+
+    def some_cannot(self, task: int) -> bool:
+        """True if a task is not for every robot."""
+        return bool(self.tasks[task].robot_type) or self.problem.barred is not None
+
+    def has_yet_to_begin(self, robot: RobotWork) -> bool:
+        """True if a robot has an order and has not come to its first stop, nor is about to."""
+        return robot.task != NONE and not (robot.charges or robot.leaves) and robot.stop == 0 and robot.making is None
+
+    def may_pass_on(self, robot: RobotWork) -> bool:
+        """True if a robot has an order and has not come to its first stop, nor is about to, nor waits in line for it."""
+        return self.has_yet_to_begin(robot) and robot.in_line_since_s == np.inf
+
+    def _is_last(self, robot: RobotWork) -> bool:
+        """True if nothing is left for a robot that leaves, after what it is about to have made."""
+        made = 1 if robot.making else len(robot.legs)
+        return robot.stop + made == len(self.tasks[robot.task].stops) and robot.then == NONE
+
+    def follow(self, robot: RobotWork, now_s: float) -> None:
+        """End a robot's service that is over, and have it make the stops to which it has come."""
+        if robot.is_out:
+            return
+        if robot.making is not None:
+            if robot.making.end_s > now_s + 1e-9:
+                return
+            self.end_stop(robot)
+        visits, r = self.ledger.visits, robot.number
+        reached, k = int(visits.reached[r]), int(self.seen[r])
+        stands = k == reached == int(visits.granted[r])
+        here = k if stands else int(visits.next[k]) if k != reached else NONE
+        while here != NONE and robot.legs:
+            while robot.legs and self._comes_to(robot, here):
+                if self._begin_stop(robot, here, now_s) > now_s + 1e-9:
+                    return
+                self.end_stop(robot)
+            here = int(visits.next[here]) if here != reached else NONE
+
+    def give(self, robot: RobotWork, task: int, since_s: float, earliest_s: float) -> None:
+        """A robot has a task from a time on; its first stop begins no earlier than another."""
+        charges = not self.orders.is_order(task)
+        robot.begin(task, since_s, earliest_s, self._idle_s(robot), charges=charges)
+
+    def charge(self, robot: RobotWork, station: Station, now_s: float) -> None:
+        """A robot gets the task to charge."""
+        stop = Stop(station.places[0], self.charge_s(robot, 1.0 - float(self.level[robot.number])), CHARGE, station)
+        task = self.orders.charge(robot.number, stop, f"{CHARGE}_{self._num_charges}", now_s)
+        self._num_charges += 1
+        self.give(robot, task, now_s, now_s)
+        self.is_changed = True
+
+    def charge_s(self, robot: RobotWork, share: float) -> float:
+        """Time in s that charging by a share of the capacity takes a robot."""
+        batteries = self.settings.batteries
+        return batteries[int(self.problem.fleet.kind[robot.number])].charge_s(share) if batteries else 0.0
+
+    def set_free(self, robot: RobotWork, at_s: float) -> None:
+        """A robot has nothing to do."""
+        robot.legs = []
+        robot.drop(Change.FREED, at_s)
+
+    def take_back(self, robot: RobotWork, now_s: float) -> int:
+        """The robot's task, which has not been begun, waits again."""
+        task = robot.task
+        self.orders.take_back(task)
+        self.set_free(robot, now_s)
+        return task
+
+    def give_up_next(self, robot: RobotWork) -> None:
+        """The task that a robot was to go on with waits again."""
+        if robot.then != NONE:
+            self.orders.take_back(robot.then)
+            robot.then = NONE
+
+    def end_stop(self, robot: RobotWork, cut_s: float | None = None) -> None:
+        """A service is over, or cut short; so is the task with its last."""
+        assert robot.making is not None
+        over_s, task = robot.making.end_s if cut_s is None else cut_s, robot.task
+        robot.made.append(robot.making._replace(end_s=over_s))
+        robot.making = None
+        robot.over_s = robot.since_s = robot.earliest_s = robot.moved_s = over_s
+        robot.idle_s = self._idle_s(robot)
+        robot.stop += 1
+        self.is_changed |= not robot.leaves  # else what comes next has been asked for
+        if robot.stop < len(self.tasks[task].stops):
+            robot.on(Change.ONWARD, over_s)
+            return
+        self.orders.finish(task, over_s)
+        robot.drop(Change.FREED, over_s)
+        if robot.then != NONE:
+            task, robot.then = robot.then, NONE
+            self.orders.begin(task, over_s)
+            self.give(robot, task, over_s, over_s)
+
+    def cancel(self, task: int, why: str) -> None:
+        """Withdraw an order that nobody has picked."""
+        robot, at_s = self.orders.robot[task], self.orders.last_chance_s(task)
+        if robot != NOBODY and self.robots[robot].then == task:
+            self.robots[robot].then = NONE
+        elif robot != NOBODY:
+            self.set_free(self.robots[robot], at_s)
+        self.orders.cancel(task, at_s, why)
+        self._say("cancelled", at_s, robot, task, why)
+        self.is_changed = True
+
+    def fail(self, task: int, now_s: float, why: str, robot: int = NOBODY) -> None:
+        """An order will not be done."""
+        self.orders.fail(task, now_s, why)
+        self._say("failed", now_s, robot, task, why)
+
+    def fail_if_nobody_can(self, task: int, now_s: float) -> None:
+        """An order that is for none of the robots that are left will not be done; without any left the run has come to a stand."""
+        left = [robot.number for robot in self.robots if not robot.is_gone]
+        if left and self.some_cannot(task) and not any(self.can_do(r, task) for r in left):
+            self.fail(task, now_s, "no robot that can do it is left")
+
+    def lose(self, robot: RobotWork, now_s: float, change: Change) -> None:
+        """A robot will never go on: what it has goes to others, or fails, by the rules of the orders."""
+        task, charged, why = robot.task, robot.charges, f"{self.problem.fleet.robot_name[robot.number]} {WHY_LOST[change]}"
+        self.give_up_next(robot)
+        if charged and robot.making is not None:
+            robot.made.append(robot.making)
+        robot.making, robot.legs = None, []
+        robot.drop(change, now_s)
+        if task != NONE and charged:
+            self.orders.fail(task, now_s, why)
+        elif task != NONE and robot.stop == 0:
+            self.orders.take_back(task)
+        elif task != NONE:
+            self._lose_load(robot, task, now_s, f"{why} with it on board")
+        self.is_changed = True
+        for waiting in list(self.orders.waiting):
+            self.fail_if_nobody_can(waiting, now_s)
+
+    def _lose_load(self, robot: RobotWork, task: int, now_s: float, why: str) -> None:
+        """What becomes of an order whose robot is lost after its first stop."""
+        orders, retry, stops = self.orders, self.orders.rules.retry, self.tasks[task].stops
+        if retry and retry.hand_over:
+            fetch = self._place_to_hand_over(robot.number, stops[0])
+            orders.hand_over(task, (fetch, *stops[robot.stop :]), why)
+            self._say("handed_over", now_s, robot.number, task, f"{why}; another is to fetch it", fetch.vertex)
+        elif retry and orders.tries[task] < retry.times:
+            orders.begin_anew(task, why)
+            self._say("begun_anew", now_s, robot.number, task, f"{why}; it is begun anew")
+        else:
+            self.fail(task, now_s, why, robot.number)
+
+    def _place_to_hand_over(self, robot: int, first: Stop) -> Stop:
+        """A stop beside a robot that stands for good, which takes as long as the first."""
+        visits = self.ledger.visits
+        here = int(visits.reached[robot])
+        ahead = int(visits.next[here])
+        stands = visits.vertex[[here, ahead if ahead >= 0 else here]]
+        near = self.places.beside(stands)[:PLACES_TO_HAND_OVER]
+        station = Station(f"beside {self.problem.fleet.robot_name[robot]}", tuple(near))
+        return Stop(station.places[0], first.service_s, "pickup", station)
+
+    def _comes_to(self, robot: RobotWork, visit: int) -> bool:
+        """True if a robot makes the next stop on its way at a visit."""
+        leg, visits = robot.legs[0], self.ledger.visits
+        if leg.vertex != visits.vertex[visit] or leg.task != robot.task:
+            return False
+        return bool(visit == visits.last[robot.number] or not self.tasks[leg.task].stops[leg.nth].service_s)
+
+    def _begin_stop(self, robot: RobotWork, visit: int, now_s: float) -> float:
+        """A service begins, also one that takes no time. Returns when it is over."""
+        leg, visits = robot.legs.pop(0), self.ledger.visits
+        begin_s, takes_s = max(float(visits.arrived_s[visit]), robot.earliest_s), self._service_s(robot)
+        if leg.nth == 0:
+            self.orders.pick(leg.task, begin_s)
+        robot.making = self._row(robot, leg.vertex, (begin_s, begin_s + takes_s), now_s)
+        robot.moved_s, robot.wait_at = begin_s, NONE
+        self.made_s = max(self.made_s, begin_s)
+        for other in self.robots:  # those who wait for it
+            if other.in_line_since_s < robot.since_s and self.next_stop(other).places == self.next_stop(robot).places:
+                other.num_before += 1
+        if takes_s:
+            robot.on(Change.PLUGGED_IN if robot.charges else Change.SERVED, begin_s)
+        return robot.making.end_s
+
+    def _service_s(self, robot: RobotWork) -> float:
+        """How long the service at a robot's next stop takes."""
+        if not robot.charges:
+            return self.next_stop(robot).service_s
+        charging = self.settings.charging
+        assert charging is not None
+        missing = max(charging.maximum - float(self.level[robot.number]), 0.0)
+        return max(charging.least_s, self.charge_s(robot, missing))
+
+    def _row(self, robot: RobotWork, vertex: int, span_s: tuple[float, float], now_s: float) -> StopRow:
+        """A service of a robot. What was booked since it began, until now, is none of the way there."""
+        task, stop, (begin_s, end_s), since_s = self.tasks[robot.task], self.next_stop(robot), span_s, robot.since_s
+        stood_s, queued_s = (now - then for now, then in zip(self._idle_s(robot), robot.idle_s))
+        queued_s = min(max(queued_s - (now_s - begin_s), 0.0), begin_s - since_s)
+        stood_s = min(stood_s, begin_s - since_s - queued_s)
+        station = stop.station.name if stop.station else ""
+        return StopRow(task.id, robot.number, station, vertex, since_s, begin_s, end_s, stood_s, queued_s, task.due_s)
+
+    def _idle_s(self, robot: RobotWork) -> tuple[float, float]:
+        """For how long a robot has stood on its way, and where it was sent."""
+        booked_s = self.ledger.state.waits.booked_s[robot.number]
+        return float(booked_s[STANDS].sum()), float(booked_s[AT_GOAL])
+
+    def _say(self, kind: str, at_s: float, robot: int, task: int, text: str, vertex: int = NONE) -> None:
+        self.events.append(Event(at_s, kind, robot, vertex, text=f"order '{self.tasks[task].name}': {text}"))

@@ -1,0 +1,225 @@
+"""Requests for ways to the stops of tasks, and what robots have to do when they are on these ways.
+
+Who comes to a station first is served first, unless orders differ in priority; others drive up behind (`drive.places`). Robots without
+work stay where they are, unless somebody has to come there.
+"""
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import dropwhile
+
+import numpy as np
+
+from mrp_sumo.core.graph import BoolArray, IntArray, frozen
+from mrp_sumo.core.request import Request, with_stops_before
+from mrp_sumo.core.task import NOBODY, Stop
+from mrp_sumo.drive.crew import Crew
+from mrp_sumo.drive.robot_work import NONE, Leg, RobotWork
+from mrp_sumo.errors import PlugInError
+from mrp_sumo.search.distance import distances
+
+PATIENCE = 2  # who set out later and are served first, until one that waits no longer lets by whom it can pass
+
+
+@dataclass(frozen=True, eq=False)
+class WorkRequest(Request):
+    """A request for ways to the stops of tasks."""
+
+    assigned: Mapping[int, int] = field(default_factory=dict)  # tasks, by the robots that are to have them
+    legs: Mapping[int, Sequence[Leg]] = field(default_factory=dict)  # stops on the ways of its robots
+    waits: Mapping[int, int] = field(default_factory=dict)  # vertices where robots are to wait for a place
+    at_once: frozenset[int] = frozenset()  # robots that may begin with what they are given as soon as they are done with what they have
+
+
+def work_request(crew: Crew, now_s: float, closed: BoolArray, assigned: Mapping[int, int]) -> WorkRequest:
+    """The request for the ways of all robots that are not at work.
+
+    Parameters
+    ----------
+    closed
+        [L] lanes that nobody may use.
+    assigned
+        Tasks for robots that have none, or have one that they may pass on. It goes back to those that wait, if nobody is given it.
+
+    Raises
+    ------
+    PlugInError
+        For a task that needs a robot of another type.
+    """
+    _check(crew, assigned)
+    crew.is_changed = False
+    committed = crew.ledger.committed
+    start = np.array([vertices[-1] for vertices in committed], np.int64)
+    stays = np.array([robot.is_busy or robot.is_out for robot in crew.robots], np.bool_)
+    robots, passed_on = np.flatnonzero(~stays), set(assigned.values())
+    on_the_way: dict[int, list[Leg]] = {}  # stops that robots make on what they are committed to
+    legs: dict[int, list[Leg]] = {}  # and on their new ways
+    stop: dict[int, Stop] = {}
+    for r in robots.tolist():
+        on_the_way[r], task, nth = _after_committed(crew, crew.robots[r], committed[r])
+        if r in assigned or task in passed_on:
+            task, nth = assigned.get(r, NONE), 0
+        legs[r] = []
+        if task != NONE:
+            legs[r] = _in_passing(crew, int(start[r]), task, nth)
+            nth += len(legs[r])
+            stop[r] = crew.tasks[task].stops[nth]
+            legs[r].append(Leg(task, nth, NONE))
+    turn = _turn(crew, start, stop, {r: legs[r][-1].task for r in stop}, stays)
+    vertex, makes = crew.places.choose(start, stays, stop, turn)
+    via = [list(dropwhile(start[r].__eq__, (leg.vertex for leg in legs[r][:-1]))) for r in robots.tolist()]
+    for r in stop:
+        last = legs[r].pop()
+        if makes[r]:
+            legs[r].append(last._replace(vertex=int(vertex[r])))
+    request = WorkRequest(
+        now_s=now_s,
+        site=crew.problem,
+        robot=frozen(robots),
+        start=frozen(start[robots]),
+        stop_first=np.arange(len(robots) + 1),
+        stop=frozen(vertex[robots]),
+        closed=closed.copy(),
+        reason="tasks",
+        assigned=dict(assigned),
+        legs={r: (*on_the_way[r], *legs[r]) for r in robots.tolist()},
+        waits={r: int(vertex[r]) for r in stop if not makes[r]},
+        at_once=frozenset(r for r in assigned if crew.robots[r].leaves or _is_just_done(crew, crew.robots[r])),
+    )
+    return with_stops_before(request, via)
+
+
+def still_fits(crew: Crew, request: WorkRequest, moved: Collection[int]) -> bool:
+    """True if those robots of a request that are sent on may still leave: a service may have begun, or a robot be lost."""
+    return not any(_stays(crew, crew.robots[r], request.now_s) for r in request.robot.tolist() if r in moved)
+
+
+def take_over(crew: Crew, request: WorkRequest, now_s: float) -> None:
+    """Robots are on the ways that were asked for."""
+    robots = crew.robots
+    assigned = {r: k for r, k in request.assigned.items() if _may_take(crew, robots[r], k)}
+    taken_back = {other for r, task in assigned.items() for other in (r, crew.orders.robot[task]) if other != NOBODY}
+    freed = [crew.take_back(robots[r], now_s) for r in sorted(taken_back) if crew.may_pass_on(robots[r])]
+    for r, task in assigned.items():
+        _give(crew, robots[r], task, now_s, request)
+    crew.is_changed |= len(assigned) < len(request.assigned) or any(crew.orders.robot[k] == NOBODY for k in freed)
+    for robot in (robots[r] for r in request.robot.tolist()):
+        if robot.making is not None or robot.is_out:
+            continue
+        if robot.charges:  # nobody charges before the answer is there, even at a charger
+            robot.earliest_s = max(robot.earliest_s, now_s)
+        robot.legs = [leg for leg in request.legs[robot.number] if _is_ahead(robot, leg)]
+        robot.wait_at = request.waits.get(robot.number, NONE) if robot.task != NONE else NONE
+        robot.leaves = False
+        crew.follow(robot, now_s)
+
+
+def _check(crew: Crew, assigned: Mapping[int, int]) -> None:
+    """Refuse tasks for robots that cannot do them. Raises PlugInError."""
+    if (wrong := next(((r, k) for r, k in assigned.items() if not crew.can_do(r, k)), None)) is not None:
+        name, needs = crew.problem.fleet.robot_name[wrong[0]], crew.tasks[wrong[1]]
+        if crew.places.has_room(wrong[0], needs.stops):
+            raise PlugInError(f"task '{needs.name}' needs a robot of type '{needs.robot_type}', {name} is none")
+        raise PlugInError(f"task '{needs.name}' is nothing for {name}, which has no room on the way")
+
+
+def _after_committed(crew: Crew, robot: RobotWork, committed: Sequence[int]) -> tuple[list[Leg], int, int]:
+    """Stops that a robot makes on what it is committed to; then the task that it goes on with, and which of its stops."""
+    task, nth, legs = robot.task, robot.stop, list[Leg]()
+    if task == NONE:
+        return legs, NONE, 0
+    if robot.leaves and robot.making is not None:
+        nth += 1
+    else:
+        at = 0
+        for leg in robot.legs[: len(robot.legs) - (not robot.leaves)]:
+            if leg.vertex not in committed[at:]:
+                break
+            at = list(committed).index(leg.vertex, at)
+            legs.append(leg)
+            task, nth = leg.task, leg.nth + 1
+    if nth == len(crew.tasks[task].stops):
+        task, nth = robot.then if task == robot.task else NONE, 0
+    return legs, task, nth
+
+
+def _in_passing(crew: Crew, at: int, task: int, nth: int) -> list[Leg]:
+    """Stops of a task that are made in passing, from a vertex and one of its stops on."""
+    passed, left = list[Leg](), crew.ahead_steps
+    stops = crew.tasks[task].stops
+    while left > 0 and nth + 1 < len(stops) and not stops[nth].service_s and len(stops[nth].places) == 1:
+        v = stops[nth].places[0]
+        left -= int(distances(crew.problem.graph).to(v)[at])
+        if left > 0:
+            passed.append(Leg(task, nth, v))
+            at, nth = v, nth + 1
+    return passed
+
+
+def _turn(crew: Crew, start: IntArray, stops: Mapping[int, Stop], task: Mapping[int, int], stays: BoolArray) -> list[int]:
+    """Robots in the order in which they choose where to make their stops.
+
+    The most urgent first; then who came first and waits; then who is nearest. Nobody comes before those who stand on its way there,
+    but for those who set out when it waited already, if they can let it pass.
+    """
+    places = crew.places
+    stands = set(start[stays].tolist())
+    away = {r: places.away(r, int(start[r]), stop) for r, stop in stops.items()}
+    came_s = {r: crew.robots[r].in_line_since_s for r in stops}
+    wished = sorted(stops, key=lambda r: (-crew.tasks[task[r]].priority, came_s[r], away[r], task[r]))
+    order: list[int] = []
+    for n, r in enumerate(wished):
+        if r in order:
+            continue
+        nearer = [s for s in wished[n + 1 :] if s not in order and away[s] < away[r] and stops[s].places == stops[r].places]
+        if nearer:
+            route = places.way(r, int(start[r]), stops[r])
+            aged = crew.robots[r].num_before >= PATIENCE
+            new = [s for s in nearer if aged or came_s[s] == np.inf]
+            later = [s for s in new if _sets_out_s(crew, s, task[s]) > came_s[r]]
+            ahead = [s for s in nearer if int(start[s]) in route]
+            stuck = [s for s in ahead if s not in later or not places.can_let_pass(s, int(start[s]), route, stands)]
+            order += sorted(stuck, key=lambda s: away[s])
+        order.append(r)
+    return order
+
+
+def _sets_out_s(crew: Crew, robot: int, task: int) -> float:
+    """Since when a robot has been on the way to the stop of a task, inf: not yet."""
+    return crew.robots[robot].since_s if crew.robots[robot].task == task else np.inf
+
+
+def _is_just_done(crew: Crew, robot: RobotWork) -> bool:
+    """True if a robot's last service ended since the look before, and what is asked for now takes effect now."""
+    return not crew.settings.planning.budget_s and robot.over_s > crew.looks_s[0]
+
+
+def _stays(crew: Crew, robot: RobotWork, since_s: float) -> bool:
+    """True if a robot is out, or at a stop; if its service is short and began after a time, it may be leaving already."""
+    return robot.is_busy or robot.is_out or (robot.making is not None and robot.making.begin_s > since_s)
+
+
+def _may_take(crew: Crew, robot: RobotWork, task: int) -> bool:
+    """True if a robot may still be given a task: both may have come to a first stop since it was decided, or be gone."""
+    holder = crew.orders.robot[task]
+    if robot.is_out or not (task in crew.orders.waiting or (holder != NOBODY and crew.may_pass_on(crew.robots[holder]))):
+        return False
+    return robot.task == NONE or (robot.leaves and robot.then == NONE) or crew.may_pass_on(robot)
+
+
+def _give(crew: Crew, robot: RobotWork, task: int, now_s: float, request: WorkRequest) -> None:
+    """A robot has a task, or will have it when it comes to the last stop of the one it has."""
+    orders = crew.orders
+    if robot.task != NONE:
+        robot.then = task
+        orders.assign(task, robot.number, now_s)
+        return
+    at_once = robot.number in request.at_once
+    since_s = max(robot.over_s, orders.released_s(task)) if at_once else request.now_s
+    orders.assign(task, robot.number, since_s)
+    crew.give(robot, task, since_s, since_s if at_once else now_s)
+
+
+def _is_ahead(robot: RobotWork, leg: Leg) -> bool:
+    """True if a stop is still to be made."""
+    return leg.task == robot.then or (leg.task == robot.task and leg.nth >= robot.stop)
