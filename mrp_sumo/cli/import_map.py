@@ -21,7 +21,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mrp_sumo.cli.map_choice import add_choice, chosen_map
+from mrp_sumo.cli.map_choice import add_choice, chosen_map, drawn_map
 from mrp_sumo.errors import MapError, sentence
 
 if TYPE_CHECKING:
@@ -111,21 +111,12 @@ def _check(options: argparse.Namespace) -> int:
     from mrp_sumo.maps.catalogue import find_map
     from mrp_sumo.maps.check import findings_of
     from mrp_sumo.maps.clearance import narrow
-    from mrp_sumo.maps.load import load_map
     from mrp_sumo.maps.oddities import oddities
     from mrp_sumo.maps.unused import unused
 
     path, model = find_map(options.file, Path()), _robot_type(options.robot)
     try:
-        map_ = load_map(
-            path,
-            meters_per_pixel=options.meters_per_pixel,
-            cell_m=options.cell,
-            vehicle_type=options.vehicle_type,
-            layers=options.layers,
-            unit=options.unit,
-            reader=options.reader,
-        )
+        map_ = drawn_map(path, options)
         findings, notes, without_effect = map_.findings, oddities(map_.building) if map_.building else (), unused(map_)
         clearance = narrow(map_.nav, map_.building, model)
         room, lanes = clearance.notes, clearance.lane_notes

@@ -3,7 +3,7 @@
 import argparse
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from mrp_sumo.cli.scenario_choice import trust_named
 
@@ -43,22 +43,9 @@ def add_choice(parser: argparse.ArgumentParser) -> None:
 def chosen_map(file: str, options: argparse.Namespace) -> "Map":
     """The map named on the command line, as chosen and repaired; repairs are reported on stderr."""
     from mrp_sumo.maps.catalogue import find_map
-    from mrp_sumo.maps.load import load_map
     from mrp_sumo.maps.repair import repair
 
-    radius = {} if options.robot_radius is None else {"robot_radius_m": options.robot_radius}
-    map_ = load_map(
-        find_map(file, Path()),
-        graph=options.graph,
-        level=options.level,
-        meters_per_pixel=options.meters_per_pixel,
-        cell_m=options.cell,
-        vehicle_type=options.vehicle_type,
-        layers=options.layers,
-        unit=options.unit,
-        reader=options.reader,
-        **radius,
-    )
+    map_ = drawn_map(find_map(file, Path()), options, graph=options.graph, level=options.level)
     if options.snap is None and options.join_short is None and not options.split_crossings and not options.largest_component:
         return map_
     map_, changes = repair(
@@ -71,6 +58,16 @@ def chosen_map(file: str, options: argparse.Namespace) -> "Map":
     for change in changes or ("nothing to repair",):
         print(f"repair: {change}", file=sys.stderr)
     return map_
+
+
+def drawn_map(path: Path, options: argparse.Namespace, **part: Any) -> "Map":
+    """The map in a file, as it is drawn; `part` of it, as `load_map` has it."""
+    from mrp_sumo.maps.load import load_map
+
+    chosen = {name: getattr(options, name) for name in ("meters_per_pixel", "vehicle_type", "layers", "unit")}
+    if options.robot_radius is not None:
+        chosen["robot_radius_m"] = options.robot_radius
+    return load_map(path, reader=options.reader, cell_m=options.cell, **chosen, **part)
 
 
 def _layers(text: str) -> tuple[str, ...]:

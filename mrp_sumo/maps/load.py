@@ -4,7 +4,7 @@ Refuses formats that no reader recognises, maps with nothing to drive on, and gr
 """
 
 from pathlib import Path
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from mrp_sumo.files.reading import shortened
 from mrp_sumo.maps.cache import remembered
 from mrp_sumo.maps.finding import MapFinding
 from mrp_sumo.maps.map import Map
-from mrp_sumo.maps.readers.reader import ROBOT_RADIUS_M, GraphChoice, MapFile, Reader, Selection, map_file
+from mrp_sumo.maps.readers.reader import MapFile, Reader, Selection, map_file
 from mrp_sumo.maps.readers.registry import OF_TEXT, OURS
 from mrp_sumo.maps.readers.strangers import advice
 from mrp_sumo.plugins import registry
@@ -28,44 +28,19 @@ __all__ = ["Map", "MapFinding", "files_of", "load_map"]
 LARGE = 1_000_000  # characters; larger YAML files are remembered
 
 
-def load_map(
-    path: Path,
-    *,
-    graph: GraphChoice = None,
-    level: str | None = None,
-    meters_per_pixel: float | None = None,
-    cell_m: float = 0.4,
-    robot_radius_m: float = ROBOT_RADIUS_M,
-    vehicle_type: str | None = None,
-    layers: tuple[str, ...] | None = None,
-    unit: str | None = None,
-    reader: str | None = None,
-    beside: Path | None = None,
-) -> Map:
+def load_map(path: Path, *, reader: str | None = None, beside: Path | None = None, **chosen: Any) -> Map:
     """Load a map.
 
     Parameters
     ----------
     path
         A file of any format that `mrp-sumo list readers` names.
-    graph
-        Which graph of a building; several, or "all", are united as MRP-Bench does. By default the only or lowest one with lanes.
-    level
-        Which level; by default all that the graph is on, joined by lifts and laid side by side.
-    meters_per_pixel
-        Scale of a building's drawing, instead of its measurements.
-    cell_m
-        Side of the cells of a MovingAI grid, which has no unit, and of those laid over an occupancy map.
-    robot_radius_m
-        How much room a robot needs on an occupancy map.
-    vehicle_type
-        Only the lanes of this type of vehicle, where a format knows types; those of all by default.
-    layers, unit
-        Of a drawing in DXF: the layers that hold its walls, by default all that are shown; and mm, cm, m, in or ft, by default as it says.
     reader
         The reader, by name or as `FILE.py:CLASS`; by default the first that recognises the file.
     beside
         Where the reader's relative path begins; the current folder by default.
+    chosen
+        The part of it that is taken: fields of a `Selection`, by name.
 
     Raises
     ------
@@ -74,7 +49,7 @@ def load_map(
     PlugInError
         For a reader from outside that breaks its contract.
     """
-    selection = Selection(graph, level, meters_per_pixel, cell_m, robot_radius_m, vehicle_type, layers, unit)
+    selection = Selection(**chosen)
     file = map_file(Path(path))
     if reader is not None or len(file.text) < LARGE or any(_reader(name).detects(file) for name in OF_TEXT):
         return _named(file, _read(reader or _detected(file), file, selection, beside))

@@ -26,14 +26,16 @@ ROBOT_RADIUS_M = 0.1126  # circumscribed circle of a TurtleBot3 Burger, 0.138 x 
 class Selection:
     """The part of a map file that is taken; see `load_map`."""
 
-    graph: GraphChoice = None
-    level: str | None = None
-    meters_per_pixel: float | None = None
-    cell_m: float = 0.4
-    robot_radius_m: float = ROBOT_RADIUS_M
-    vehicle_type: str | None = None
-    layers: tuple[str, ...] | None = None
-    unit: str | None = None
+    graph: GraphChoice = (
+        None  # of a building; several, or "all", are united as MRP-Bench does; by default the only or lowest one with lanes
+    )
+    level: str | None = None  # by default all that the graph is on, joined by lifts and laid side by side
+    meters_per_pixel: float | None = None  # of a building's drawing, instead of its measurements
+    cell_m: float = 0.4  # side of the cells of a MovingAI grid, which has no unit, and of those laid over an occupancy map
+    robot_radius_m: float = ROBOT_RADIUS_M  # the room that a robot needs on an occupancy map
+    vehicle_type: str | None = None  # only the lanes of this type of vehicle, where a format knows types; those of all by default
+    layers: tuple[str, ...] | None = None  # of a DXF, those that hold its walls; by default all that are shown
+    unit: str | None = None  # of a DXF: mm, cm, dm, m, in or ft; by default as it says
 
 
 @dataclass(frozen=True)
