@@ -3,6 +3,7 @@
 import argparse
 import json
 import sys
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -27,19 +28,21 @@ def is_problem(name: str | None) -> bool:
 
 
 def plan(options: argparse.Namespace) -> int:
-    """Plan step by step, judge, print, write; exit code 0 for a valid solution."""
+    """Plan step by step, judge, print, write; exit code 0 for a valid solution that does not stall."""
     from mrp_sumo.files.writing import write_text
     from mrp_sumo.formats.lorr import print_solution, read_problem
     from mrp_sumo.planning.step_wise import run_step_wise
-    from mrp_sumo.traffic.step_wise_referee import judge_step_wise
+    from mrp_sumo.traffic.step_wise_referee import judge_step_wise, pace_of
 
     _require_sound(options)
     name, planner = _chosen(options)
     problem = read_problem(Path(options.scenario))
     planner.prepare()
     run = run_step_wise(problem, planner, options.steps, options.seed or 0, _show if sys.stderr.isatty() else None)
-    verdict = judge_step_wise(problem, run.solution)
-    summary = {
+    verdict, pace = judge_step_wise(problem, run.solution), pace_of(problem, run.solution)
+    stalled = pace.stalled_since_step is not None
+    summary: dict[str, object] = {
+        "status": "stalled" if verdict.valid and stalled else "completed" if verdict.valid else "invalid",
         "valid": verdict.valid,
         "planner": name,
         "robots": problem.num_robots,
@@ -51,13 +54,14 @@ def plan(options: argparse.Namespace) -> int:
         "begin_cpu_s": run.begin_time_s,
         "mean_step_cpu_s": sum(run.plan_time_s) / run.solution.num_steps,
         "max_step_cpu_s": max(run.plan_time_s),
-        "message": verdict.fault,
+        **asdict(pace),
+        "message": verdict.fault or (f"no errand is done after step {pace.stalled_since_step}" if stalled else ""),
     }
     if options.out:
         write_text(options.out, print_solution(problem, run.solution, run.plan_time_s))
         summary["plan"] = str(options.out)
     _print(summary, options.json)
-    return 0 if verdict.valid else 1
+    return 0 if verdict.valid and not stalled else 1
 
 
 def validate(options: argparse.Namespace) -> int:
@@ -116,5 +120,6 @@ def _print(summary: dict[str, object], as_json: bool) -> None:
         print(json.dumps(summary, allow_nan=False))
         return
     for key, value in summary.items():
-        if value != "":
+        if value not in ("", None):
+            value = " ".join(map(str, value)) if isinstance(value, tuple) else value
             print(f"{key}: {value:.6g}" if isinstance(value, float) else f"{key}: {value}")

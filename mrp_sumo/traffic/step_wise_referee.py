@@ -17,8 +17,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from mrp_sumo.core.graph import IntArray
-from mrp_sumo.core.step_wise import EAST, FORWARD, LEFT, NOTHING, RIGHT, StepWiseProblem, StepWiseSolution, cell_ahead
+from mrp_sumo.core.step_wise import EAST, FORWARD, LEFT, NOTHING, RIGHT, WAIT, StepWiseProblem, StepWiseSolution, cell_ahead
 from mrp_sumo.traffic.ticks import PlanFault, in_ticks, place_of
+
+CROSSINGS = 3  # of the map, height and width, in the time of which a robot should have done an errand
 
 
 @dataclass(frozen=True)
@@ -33,6 +35,15 @@ class StepWiseVerdict:
     def valid(self) -> bool:
         """True without a fault."""
         return not self.fault
+
+
+@dataclass(frozen=True)
+class CrowdProgress:
+    """How a step-wise solution gets on."""
+
+    errands_by_tenth: tuple[int, ...]  # errands done in each tenth of its time
+    wait_share: float  # of all actions
+    stalled_since_step: int | None  # the step (or tick) of the last errand, if none follows for long; 0: there was none
 
 
 class Pool:
@@ -106,6 +117,17 @@ def judge_step_wise(problem: StepWiseProblem, solution: StepWiseSolution) -> Ste
     except PlanFault as fault:
         return StepWiseVerdict(str(fault), pool.num_finished, pool.num_errands)
     return StepWiseVerdict("", pool.num_finished, pool.num_errands)
+
+
+def pace_of(problem: StepWiseProblem, solution: StepWiseSolution) -> CrowdProgress:
+    """How a solution gets on. It has stalled if no errand is done in its last tenth, and robots could cross the map three times in it."""
+    time, end = solution.event[:, 0], solution.num_steps
+    tenths = np.bincount((time - 1) * 10 // max(end, 1), minlength=10)
+    last = int(time.max(initial=0))
+    crossing = CROSSINGS * sum(problem.free.shape) * max(problem.ticks, 1)
+    stalled = end - last >= max(end / 10, crossing)
+    waits = float((solution.action == WAIT).mean()) if solution.action.size else 0.0
+    return CrowdProgress(tuple(tenths.tolist()), waits, last if stalled else None)
 
 
 def _require_start(problem: StepWiseProblem, solution: StepWiseSolution) -> None:

@@ -29,6 +29,16 @@ def test_plan_prints_what_was_done_and_validate_accepts_it(planned, capsys):
     assert json.loads(capsys.readouterr().out)["tasks_done"] == printed["tasks_done"]
 
 
+def test_a_crowd_that_stands_still_is_no_success(tmp_path, capsys):
+    """Two robots in a row of three cells want to pass each other."""
+    problem = write_problem(tmp_path, ["..."], [0, 2], [[2], [0]])
+    assert main(["plan", str(problem), "--steps", "40", "--set", "tasks=in_turn", "--json"]) == 1
+    printed = json.loads(capsys.readouterr().out)
+    assert printed["valid"] and printed["status"] == "stalled" and printed["wait_share"] > 0.8
+    assert printed["stalled_since_step"] < 20 and sum(printed["errands_by_tenth"]) == printed["errands_done"]
+    assert printed["message"] == f"no errand is done after step {printed['stalled_since_step']}"
+
+
 def test_validate_names_the_first_fault(planned, capsys):
     problem, out, _ = planned
     document = json.loads(out.read_text())

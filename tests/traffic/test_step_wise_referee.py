@@ -5,7 +5,7 @@ import pytest
 from step_wise_worlds import ROUND, problem_of, solution_of
 
 from mrp_sumo.core.step_wise import FORWARD, LEFT, RIGHT, WAIT, StepWiseSolution
-from mrp_sumo.traffic.step_wise_referee import judge_step_wise
+from mrp_sumo.traffic.step_wise_referee import CrowdProgress, judge_step_wise, pace_of
 
 
 def by_hand(problem, paths, schedule=(), events=(), released=None, done=0):
@@ -173,3 +173,26 @@ def test_waiting_for_ever_is_valid():
     problem = problem_of(["..."], [0, 2], [[1]])
     idle = np.full((2, 9), WAIT, np.int8)
     assert fault(problem, replace(by_hand(problem, ["W", "W"]), action=idle)) == ""
+
+
+@pytest.mark.parametrize(("steps", "since"), [(16, None), (17, 2), (100, 2)])
+def test_a_crowd_without_errands_for_three_crossings_of_the_map_has_stalled(steps, since):
+    """The map is one by four cells: the robot does its only errand at step 2, and stands."""
+    problem = problem_of(["...."], [0], [[2, 0]])
+    pace = pace_of(problem, by_hand(problem, ["FF" + "W" * (steps - 2)], [(1, 0, 0)], [(2, 0, 0, 1)]))
+    assert pace.stalled_since_step == since and pace.wait_share == (steps - 2) / steps
+    assert sum(pace.errands_by_tenth) == 1
+
+
+def test_errands_of_each_tenth():
+    """Two robots in twenty steps, which do errands at steps 1, 2, 3 and 20."""
+    problem = problem_of(["....", "...."], [0, 4], [[0]])
+    events = [(1, 0, 0, 1), (2, 1, 0, 1), (3, 0, 0, 1), (20, 0, 0, 1)]
+    pace = pace_of(problem, by_hand(problem, ["W" * 20, "R" * 20], (), events))
+    assert pace == CrowdProgress((2, 1, 0, 0, 0, 0, 0, 0, 0, 1), 0.5, None)
+
+
+def test_a_run_in_which_nothing_is_ever_done_has_stalled_from_the_start():
+    problem = problem_of(["...."], [0], [[2]])
+    assert pace_of(problem, by_hand(problem, ["W" * 15])).stalled_since_step == 0
+    assert pace_of(problem, by_hand(problem, ["W" * 14])).stalled_since_step is None
