@@ -20,7 +20,7 @@ from mrp_sumo.core.visits import Visits
 from mrp_sumo.drive._causes import MARGIN_M
 from mrp_sumo.engines.kinematic.engine import KinematicEngine
 from mrp_sumo.errors import ExecutionError
-from mrp_sumo.formats.vda.errors import NAMES, RefusalError
+from mrp_sumo.formats.vda.errors import Reason, RefusalError
 from mrp_sumo.formats.vda.messages import MANUFACTURER, Dialect, Json, Sender, action, node, serials_of
 from mrp_sumo.formats.vda.order import read_document
 from mrp_sumo.formats.vda.orders import VehicleOrders, edge_of
@@ -66,7 +66,7 @@ class DrivenVehicles(KinematicEngine):
         headings = np.full(len(problem.goal), np.nan) if problem.goal_heading_rad is None else problem.goal_heading_rad
         self._facing_rad = dict(zip(problem.goal.tolist(), headings.tolist()))  # of goals, NaN: any way
         self._speed, self._steps, self._changed = speed, 0, set(range(len(serials)))
-        self._refusals = {name for pair in NAMES.values() for name, _ in pair}
+        self._refusals = {name for reason in Reason for name, _ in reason.value}
         self._pace: Pace | None = None
         self._known_m = np.zeros(len(serials))  # how far the vehicles say they have come
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from mrp_sumo.formats.vda.abilities import EMERGENCY_STOP, LOST
-from mrp_sumo.formats.vda.errors import NAMES
+from mrp_sumo.formats.vda.errors import Reason
 from mrp_sumo.formats.vda.inbox import receive
 from mrp_sumo.formats.vda.messages import Dialect, Sender, action, node
 from mrp_sumo.formats.vda.order import LONGEST_PAYLOAD, MOST_NODES, check_sequence, read_document, read_order
@@ -191,7 +191,7 @@ def test_emergency_stop_holds_for_as_long_as_was_asked(world):
 
 
 def name_of(world, reason):
-    return NAMES[reason][world.dialect.is_new]
+    return Reason[reason.upper()].value[world.dialect.is_new]
 
 
 def broken(order, path, value):

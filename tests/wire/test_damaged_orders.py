@@ -14,7 +14,7 @@ import pytest
 from wire.worlds import PLACES, carts
 
 from mrp_sumo.formats.vda.check import check
-from mrp_sumo.formats.vda.errors import NAMES
+from mrp_sumo.formats.vda.errors import Reason
 from mrp_sumo.formats.vda.messages import action, line_of, node
 
 SCHEMAS = Path(__file__).resolve().parents[3] / "shared" / "reference" / "data" / "vda5050"
@@ -100,7 +100,7 @@ def torment(folder, version, count, seed):
     }
     rng, refused, driven = np.random.default_rng(seed), 0, 0
     with carts(folder, version) as master:
-        dialect, named = master.dialect, {pair[master.dialect.is_new][0] for pair in NAMES.values()}
+        dialect, named = master.dialect, {reason.value[master.dialect.is_new][0] for reason in Reason}
         for number in range(count):
             serial = "robot_0" if rng.random() < 0.5 else "robot_1"
             vehicle = master.fleet.vehicles[master.fleet.robot_of[serial]]

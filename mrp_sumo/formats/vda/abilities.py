@@ -4,8 +4,7 @@ import math
 from collections.abc import Sequence, Set
 from typing import Any, Protocol
 
-from mrp_sumo.formats.vda import errors
-from mrp_sumo.formats.vda.errors import RefusalError
+from mrp_sumo.formats.vda.errors import Reason, RefusalError
 from mrp_sumo.formats.vda.messages import VehicleLimits
 from mrp_sumo.formats.vda.order import LONGEST_ID, LONGEST_PAYLOAD, MOST_ACTIONS, MOST_NODES, Action, Edge, Node, Order
 
@@ -65,7 +64,7 @@ def check_order(order: Order, site: VehicleMap, start: str, used: Set[str]) -> N
     """
     if order.zone_set:
         text = "zoneSetId: this vehicle knows no zones"
-        raise RefusalError(errors.UNSUPPORTED, text, {**order.references, "zoneSetId": order.zone_set})
+        raise RefusalError(Reason.UNSUPPORTED, text, {**order.references, "zoneSetId": order.zone_set})
     _check_route(order, site, start)
     _check_actions(order, used)
 
@@ -75,25 +74,25 @@ def _check_route(order: Order, site: VehicleMap, start: str) -> None:
     for i, node in enumerate(order.nodes):
         place = site.place(node.name)
         if node.position is not None and node.position["mapId"] not in site.maps:
-            raise RefusalError(errors.MAP, f"nodes[{i}].nodePosition.mapId '{node.position['mapId'][:60]}' is unknown", references)
+            raise RefusalError(Reason.MAP, f"nodes[{i}].nodePosition.mapId '{node.position['mapId'][:60]}' is unknown", references)
         if i == 0:
             continue
         if place is None:
             text = f"nodes[{i}].nodeId '{node.name[:60]}' is no node of the map"
-            raise RefusalError(errors.ROUTE, text, {**references, "nodeId": node.name})
+            raise RefusalError(Reason.ROUTE, text, {**references, "nodeId": node.name})
         if node.position is not None:
             off_m = math.hypot(node.position["x"] - place[0], node.position["y"] - place[1])
             if off_m > SAME_PLACE_M + node.deviation_m or node.position["mapId"] != place[2]:
                 text = f"nodes[{i}].nodePosition is {off_m:.2f} m from where the map has '{node.name[:60]}'"
-                raise RefusalError(errors.ROUTE, text, {**references, "nodeId": node.name})
+                raise RefusalError(Reason.ROUTE, text, {**references, "nodeId": node.name})
         if node.name != before and not site.is_joined(before, node.name):
             text = f"edges[{i - 1}]: no lane leads from '{before[:60]}' to '{node.name[:60]}'"
-            raise RefusalError(errors.ROUTE, text, {**references, "edgeId": order.edges[i - 1].name})
+            raise RefusalError(Reason.ROUTE, text, {**references, "edgeId": order.edges[i - 1].name})
         before = node.name
     for i, edge in enumerate(order.edges):
         if edge.has_trajectory:
             text = f"edges[{i}].trajectory: this vehicle keeps to the lanes of its map"
-            raise RefusalError(errors.UNSUPPORTED, text, {**references, "edgeId": edge.name, "trajectory": ""})
+            raise RefusalError(Reason.UNSUPPORTED, text, {**references, "edgeId": edge.name, "trajectory": ""})
 
 
 def _check_actions(order: Order, used: Set[str]) -> None:
@@ -108,11 +107,11 @@ def _check_actions(order: Order, used: Set[str]) -> None:
                 at, to = f"{kind}[{i}].actions[{k}]", {**references, "actionId": action.name}
                 if action.kind not in known:
                     text = f"{at}.actionType '{action.kind[:60]}' is not known here"
-                    raise RefusalError(errors.ORDER_ACTION, text, {**to, "actionType": action.kind})
+                    raise RefusalError(Reason.ORDER_ACTION, text, {**to, "actionType": action.kind})
                 if wrong := _duration_fault(action):
-                    raise RefusalError(errors.ORDER_ACTION, f"{at}.{wrong}", {**to, "duration": ""})
+                    raise RefusalError(Reason.ORDER_ACTION, f"{at}.{wrong}", {**to, "duration": ""})
                 if action.name in used:
-                    raise RefusalError(errors.ORDER_ACTION, f"{at}.actionId '{action.name[:60]}' was used before", to)
+                    raise RefusalError(Reason.ORDER_ACTION, f"{at}.actionId '{action.name[:60]}' was used before", to)
 
 
 def duration_s(action: Action) -> float:

@@ -6,7 +6,7 @@ from typing import Any
 
 from mrp_sumo.formats.vda import errors
 from mrp_sumo.formats.vda.abilities import FAULTS, INSTANT, LOST
-from mrp_sumo.formats.vda.errors import RefusalError, error_of
+from mrp_sumo.formats.vda.errors import Reason, RefusalError, error_of
 from mrp_sumo.formats.vda.order import Action, check_header, read_actions, read_document, read_order
 from mrp_sumo.formats.vda.vehicle import FAILED, FINISHED, RUNNING, ActionProgress, Vehicle
 
@@ -41,12 +41,12 @@ def _do(vehicle: Vehicle, action: Action, now_s: float) -> None:
     references = {"actionId": action.name, "actionType": action.kind}
     try:
         if action.kind not in INSTANT:
-            raise RefusalError(errors.INSTANT_ACTION, f"instant action '{action.kind[:60]}' is not known here", references)
+            raise RefusalError(Reason.INSTANT_ACTION, f"instant action '{action.kind[:60]}' is not known here", references)
         DO[action.kind](vehicle, doing, now_s)
     except RefusalError as refusal:
         doing.end(FAILED, refusal.text[: errors.LONGEST_TEXT])
         refusal.references = {"topic": "instantActions", **references, **refusal.references}
-        vehicle.refused["cancelOrder" if refusal.reason == errors.NO_ORDER else "instantActions"] = error_of(
+        vehicle.refused["cancelOrder" if refusal.reason == Reason.NO_ORDER else "instantActions"] = error_of(
             vehicle.dialect.is_new, refusal
         )
     else:
@@ -75,7 +75,7 @@ def _factsheet_request(vehicle: Vehicle, doing: ActionProgress, now_s: float) ->
 
 def _start_charging(vehicle: Vehicle, doing: ActionProgress, now_s: float) -> None:
     if vehicle.body.moves:
-        raise RefusalError(errors.INSTANT_ACTION, "the vehicle drives")
+        raise RefusalError(Reason.INSTANT_ACTION, "the vehicle drives")
     vehicle.charging = True
     doing.end(FINISHED)
 
@@ -88,7 +88,7 @@ def _stop_charging(vehicle: Vehicle, doing: ActionProgress, now_s: float) -> Non
 def _cancel_order(vehicle: Vehicle, doing: ActionProgress, now_s: float) -> None:
     wanted = doing.action.parameters.get("orderId")
     if not vehicle.is_busy or vehicle.cancels or (wanted is not None and vehicle.order and wanted != vehicle.order.name):
-        raise RefusalError(errors.NO_ORDER, "there is no such order to cancel")
+        raise RefusalError(Reason.NO_ORDER, "there is no such order to cancel")
     vehicle.cancels = doing.action.name
     for other in vehicle.doings.values():
         if not other.is_over:
@@ -100,11 +100,11 @@ def _init_position(vehicle: Vehicle, doing: ActionProgress, now_s: float) -> Non
     parameters, body = doing.action.parameters, vehicle.body
     numbers: list[Any] = [parameters.get(key) for key in ("x", "y", "theta")]
     if not all(type(value) in (int, float) and abs(value) < 1e9 for value in numbers):
-        raise RefusalError(errors.INSTANT_ACTION, "expected the numbers x, y and theta")
+        raise RefusalError(Reason.INSTANT_ACTION, "expected the numbers x, y and theta")
     x, y, theta = numbers
     off_m, off_rad = math.hypot(x - body.x_m, y - body.y_m), abs(math.remainder(theta - body.yaw_rad, 2 * math.pi))
     if off_m > SAME_POSE_M or off_rad > SAME_POSE_RAD or parameters.get("mapId", body.map_id) != body.map_id:
-        raise RefusalError(errors.INSTANT_ACTION, f"that is {off_m:.2f} m and {off_rad:.2f} rad from where the vehicle is")
+        raise RefusalError(Reason.INSTANT_ACTION, f"that is {off_m:.2f} m and {off_rad:.2f} rad from where the vehicle is")
     vehicle.faults.pop(LOST, None)
     doing.end(FINISHED)
 
@@ -112,7 +112,7 @@ def _init_position(vehicle: Vehicle, doing: ActionProgress, now_s: float) -> Non
 def _simulate_fault(vehicle: Vehicle, doing: ActionProgress, now_s: float) -> None:
     kind, lasts_s = _fault(doing.action), doing.action.parameters.get("duration", math.inf)
     if type(lasts_s) not in (int, float) or not lasts_s > 0:
-        raise RefusalError(errors.INSTANT_ACTION, "duration: expected seconds above 0")
+        raise RefusalError(Reason.INSTANT_ACTION, "duration: expected seconds above 0")
     vehicle.fail(kind, now_s + float(min(lasts_s, 1e9)) if lasts_s < math.inf else math.inf)
     doing.end(FINISHED)
 
@@ -125,7 +125,7 @@ def _clear_fault(vehicle: Vehicle, doing: ActionProgress, now_s: float) -> None:
 def _fault(action: Action) -> str:
     fault = action.parameters.get("fault")
     if fault not in FAULTS:
-        raise RefusalError(errors.INSTANT_ACTION, f"fault: expected one of {', '.join(FAULTS)}")
+        raise RefusalError(Reason.INSTANT_ACTION, f"fault: expected one of {', '.join(FAULTS)}")
     return str(fault)
 
 

@@ -26,7 +26,7 @@ from mrp_sumo.formats.vda.check import (
     disorder,
     members,
 )
-from mrp_sumo.formats.vda.errors import MALFORMED, TOO_LARGE, RefusalError
+from mrp_sumo.formats.vda.errors import Reason, RefusalError
 from mrp_sumo.formats.vda.messages import Dialect, Json
 
 LONGEST_PAYLOAD = 2**20  # bytes
@@ -137,13 +137,13 @@ def read_document(payload: bytes) -> Json:
         For what is too large, not JSON, or no object.
     """
     if len(payload) > LONGEST_PAYLOAD:
-        raise RefusalError(TOO_LARGE, f"a payload of {len(payload)} bytes; more than {LONGEST_PAYLOAD} are not read")
+        raise RefusalError(Reason.TOO_LARGE, f"a payload of {len(payload)} bytes; more than {LONGEST_PAYLOAD} are not read")
     try:
         document = json_value(payload, largest=LARGEST_NUMBER)
     except (ValueError, RecursionError):
-        raise RefusalError(MALFORMED, f"not JSON with numbers up to {LARGEST_NUMBER:g}") from None
+        raise RefusalError(Reason.MALFORMED, f"not JSON with numbers up to {LARGEST_NUMBER:g}") from None
     if not isinstance(document, dict):
-        raise RefusalError(MALFORMED, "expected an object")
+        raise RefusalError(Reason.MALFORMED, "expected an object")
     return document
 
 
@@ -152,12 +152,14 @@ def check_header(document: Json, dialect: Dialect, manufacturer: str, serial: st
     _require(document, HEADER, "")
     for key, expected in (("manufacturer", manufacturer), ("serialNumber", serial)):
         if document[key] != expected:
-            raise RefusalError(MALFORMED, f"{key} is '{document[key][:WORDS]}', expected '{expected}'", {"headerId": document["headerId"]})
+            raise RefusalError(
+                Reason.MALFORMED, f"{key} is '{document[key][:WORDS]}', expected '{expected}'", {"headerId": document["headerId"]}
+            )
     if not STAMP.fullmatch(document["timestamp"]):
-        raise RefusalError(MALFORMED, f"timestamp is '{document['timestamp'][:WORDS]}', expected YYYY-MM-DDTHH:mm:ss.fffZ")
+        raise RefusalError(Reason.MALFORMED, f"timestamp is '{document['timestamp'][:WORDS]}', expected YYYY-MM-DDTHH:mm:ss.fffZ")
     major = dialect.version.partition(".")[0]
     if document["version"].partition(".")[0] != major:
-        raise RefusalError(MALFORMED, f"version is '{document['version'][:WORDS]}', expected {major}.x")
+        raise RefusalError(Reason.MALFORMED, f"version is '{document['version'][:WORDS]}', expected {major}.x")
 
 
 def read_order(document: Json, dialect: Dialect) -> Order:
@@ -174,7 +176,7 @@ def read_order(document: Json, dialect: Dialect) -> Order:
         _require_id(document["orderId"], "orderId")
         for key in ("nodes", "edges"):
             if len(document[key]) > MOST_NODES:
-                raise RefusalError(TOO_LARGE, f"{key}: {len(document[key])}, expected {MOST_NODES} at most")
+                raise RefusalError(Reason.TOO_LARGE, f"{key}: {len(document[key])}, expected {MOST_NODES} at most")
         return Order(
             document["orderId"],
             document["orderUpdateId"],
@@ -198,12 +200,12 @@ def check_sequence(order: Order) -> None:
     """
     has_ends = any(edge.ends for edge in order.edges)
     for text in disorder(order.document["nodes"], order.document["edges"], has_ends=has_ends):
-        raise RefusalError(MALFORMED, text, order.references)
+        raise RefusalError(Reason.MALFORMED, text, order.references)
     both: list[Node | Edge] = [*order.nodes, *order.edges]
     names = [action.name for one in both for action in one.actions]
     if len(set(names)) != len(names):
         twice = next(name for k, name in enumerate(names) if name in names[:k])
-        raise RefusalError(MALFORMED, f"actionId '{twice[:WORDS]}' is there twice", order.references)
+        raise RefusalError(Reason.MALFORMED, f"actionId '{twice[:WORDS]}' is there twice", order.references)
 
 
 def read_actions(document: Json, dialect: Dialect) -> list[Action]:
@@ -260,7 +262,7 @@ def _edge(one: Any, at: str, dialect: Dialect) -> Edge:
         _says(one["corridor"], inside, dialect)
     limit_mps = float(one.get("maximumSpeed" if dialect.is_new else "maxSpeed", math.inf))
     if limit_mps <= 0:
-        raise RefusalError(MALFORMED, f"{at}: a highest speed of {limit_mps:g} m/s, expected more than 0")
+        raise RefusalError(Reason.MALFORMED, f"{at}: a highest speed of {limit_mps:g} m/s, expected more than 0")
     return Edge(
         one["edgeId"],
         one["sequenceId"],
@@ -275,22 +277,22 @@ def _edge(one: Any, at: str, dialect: Dialect) -> Edge:
 
 def _actions(documents: list[Any], at: str, dialect: Dialect) -> Iterator[Action]:
     if len(documents) > MOST_ACTIONS:
-        raise RefusalError(TOO_LARGE, f"{at}: {len(documents)}, expected {MOST_ACTIONS} at most")
+        raise RefusalError(Reason.TOO_LARGE, f"{at}: {len(documents)}, expected {MOST_ACTIONS} at most")
     for i, one in enumerate(documents):
         _require(one, ACTION, f"{at}[{i}]", OPTIONAL["action"])
         for key in ("actionId", "actionType"):
             _require_id(one[key], f"{at}[{i}].{key}")
         if one["blockingType"] not in BLOCKING[dialect.is_new]:
             kinds = ", ".join(BLOCKING[dialect.is_new])
-            raise RefusalError(MALFORMED, f"{at}[{i}].blockingType is '{one['blockingType'][:WORDS]}', expected one of {kinds}")
+            raise RefusalError(Reason.MALFORMED, f"{at}[{i}].blockingType is '{one['blockingType'][:WORDS]}', expected one of {kinds}")
         parameters: dict[str, Any] = {}
         listed = one.get("actionParameters", [])
         if len(listed) > MOST_PARAMETERS:
-            raise RefusalError(TOO_LARGE, f"{at}[{i}].actionParameters: {len(listed)}, expected {MOST_PARAMETERS} at most")
+            raise RefusalError(Reason.TOO_LARGE, f"{at}[{i}].actionParameters: {len(listed)}, expected {MOST_PARAMETERS} at most")
         for k, pair in enumerate(listed):
             _require(pair, {"key": TEXT}, f"{at}[{i}].actionParameters[{k}]")
             if pair.get("value") is None:
-                raise RefusalError(MALFORMED, f"{at}[{i}].actionParameters[{k}].value is missing")
+                raise RefusalError(Reason.MALFORMED, f"{at}[{i}].actionParameters[{k}].value is missing")
             parameters[pair["key"]] = pair["value"]
         yield Action(one["actionType"], one["actionId"], one["blockingType"], parameters)
 
@@ -299,11 +301,11 @@ def _require(document: Any, needed: Mapping[str, Any], at: str, optional: Mappin
     """Refuse an object that lacks a member, has one of another type, or a number without end."""
     present = {key: kind for key, kind in (optional or {}).items() if isinstance(document, dict) and key in document}
     for text in members(document, {**needed, **present}, at):
-        raise RefusalError(MALFORMED, text)
+        raise RefusalError(Reason.MALFORMED, text)
     for key, kind in {**needed, **present}.items():
         value = document[key]
         if kind in (int, NUMBER) and not abs(value) <= LARGEST:
-            raise RefusalError(MALFORMED, f"{at}{'.' if at else ''}{key} is {str(value)[:WORDS]}, expected at most {LARGEST}")
+            raise RefusalError(Reason.MALFORMED, f"{at}{'.' if at else ''}{key} is {str(value)[:WORDS]}, expected at most {LARGEST}")
 
 
 def _within(document: Json, ranges: Mapping[str, tuple[float, float]], at: str) -> None:
@@ -312,16 +314,16 @@ def _within(document: Json, ranges: Mapping[str, tuple[float, float]], at: str) 
         if key in document and not least <= document[key] <= most:
             expected = f"{least:g} to {most:g}" if most < math.inf else f"{least:g} or more"
             hint = ": radians" if PI in (most, 2 * most) else ""
-            raise RefusalError(MALFORMED, f"{at}.{key} is {document[key]:g}, expected {expected}{hint}")
+            raise RefusalError(Reason.MALFORMED, f"{at}.{key} is {document[key]:g}, expected {expected}{hint}")
 
 
 def _says(document: Json, at: str, dialect: Dialect) -> None:
     """Refuse words that are none of those that are listed."""
     for key, words in WORDS_FOR[dialect.is_new].items():
         if key in document and document[key] not in words:
-            raise RefusalError(MALFORMED, f"{at}.{key} is '{document[key][:WORDS]}', expected one of {', '.join(words)}")
+            raise RefusalError(Reason.MALFORMED, f"{at}.{key} is '{document[key][:WORDS]}', expected one of {', '.join(words)}")
 
 
 def _require_id(text: str, at: str) -> None:
     if not text or len(text) > LONGEST_ID:
-        raise RefusalError(MALFORMED, f"{at} has {len(text)} characters, expected 1 to {LONGEST_ID}")
+        raise RefusalError(Reason.MALFORMED, f"{at} has {len(text)} characters, expected 1 to {LONGEST_ID}")

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 from mrp_sumo.formats.vda import errors
 from mrp_sumo.formats.vda.abilities import BREAKDOWN, EMERGENCY_STOP, FIELD, LOST
-from mrp_sumo.formats.vda.errors import RefusalError, error, error_of
+from mrp_sumo.formats.vda.errors import Reason, RefusalError, error, error_of
 from mrp_sumo.formats.vda.messages import Json, StateContent, state, states_of
 from mrp_sumo.formats.vda.order import Edge, Node
 from mrp_sumo.formats.vda.vehicle import ActionProgress, Vehicle
@@ -57,7 +57,7 @@ def view_of(vehicle: Vehicle, now_s: float) -> Json:
 def _errors(vehicle: Vehicle) -> Iterator[Json]:
     yield from vehicle.refused.values()
     if LOST in vehicle.faults:
-        lost = RefusalError(errors.LOCALIZATION, "the vehicle does not know where it is: initPosition says it")
+        lost = RefusalError(Reason.LOCALIZATION, "the vehicle does not know where it is: initPosition says it")
         yield error_of(vehicle.dialect.is_new, lost)
     if BREAKDOWN in vehicle.faults:
         yield error(BREAKDOWN, errors.FATAL, "the vehicle is broken down", {})

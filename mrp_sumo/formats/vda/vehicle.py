@@ -10,9 +10,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from mrp_sumo.formats.vda import errors
 from mrp_sumo.formats.vda.abilities import BREAKDOWN, FAULTS, LOST, VehicleMap, check_order, duration_s
-from mrp_sumo.formats.vda.errors import RefusalError
+from mrp_sumo.formats.vda.errors import Reason, RefusalError
 from mrp_sumo.formats.vda.messages import STANDING_MPS, Dialect, Json, Sender
 from mrp_sumo.formats.vda.order import Action, Edge, Node, Order, check_sequence
 
@@ -182,10 +181,10 @@ class Vehicle:
         current = self.order
         if current is not None and order.name == current.name:
             if order.update < current.update:
-                raise RefusalError(errors.OUTDATED, f"orderUpdateId is {order.update}, after {current.update}", order.references)
+                raise RefusalError(Reason.OUTDATED, f"orderUpdateId is {order.update}, after {current.update}", order.references)
             if order.update == current.update:
                 if (order.nodes, order.edges) != (current.nodes, current.edges):
-                    raise RefusalError(errors.SAME_UPDATE, f"update {order.update} was another before", order.references)
+                    raise RefusalError(Reason.SAME_UPDATE, f"update {order.update} was another before", order.references)
                 return
             self._take_update(order)
         else:
@@ -197,12 +196,12 @@ class Vehicle:
 
     def _take_update(self, order: Order) -> None:
         if self.cancels or self.is_cancelled:
-            raise RefusalError(errors.AFTER_CANCEL, f"'{order.name}' is cancelled", order.references)
+            raise RefusalError(Reason.AFTER_CANCEL, f"'{order.name}' is cancelled", order.references)
         end, first = self.base_end, order.nodes[0]
         if end is None or (first.name, first.sequence) != (end.name, end.sequence):
             expected = f"'{end.name}' with sequenceId {end.sequence}" if end else "none"
             text = f"nodes[0] is '{first.name}' with sequenceId {first.sequence}, expected the end of the base, {expected}"
-            raise RefusalError(errors.NOT_CONTINUED, text, order.references)
+            raise RefusalError(Reason.NOT_CONTINUED, text, order.references)
         known = self._name_on_map(end) if self.nodes and self.nodes[0].sequence <= end.sequence else self.at
         done = {action.name for action in first.actions}
         used = {name for name in self.doings if self._is_base(name)} - done
@@ -219,15 +218,15 @@ class Vehicle:
     def _take_order(self, order: Order) -> None:
         if self.is_busy:
             active = self.order.name if self.order else ""
-            raise RefusalError(errors.OTHER_ACTIVE, f"'{active}' is not done", order.references)
+            raise RefusalError(Reason.OTHER_ACTIVE, f"'{active}' is not done", order.references)
         if BREAKDOWN in self.faults or LOST in self.faults or self.is_empty:  # of level FATAL: no new order is taken
-            raise RefusalError(errors.NOT_AVAILABLE, "a fault has to be mended before", order.references)
+            raise RefusalError(Reason.NOT_AVAILABLE, "a fault has to be mended before", order.references)
         if self.dialect.is_new and order.update:
-            raise RefusalError(errors.MALFORMED, f"orderUpdateId is {order.update} of a new order, expected 0", order.references)
+            raise RefusalError(Reason.MALFORMED, f"orderUpdateId is {order.update} of a new order, expected 0", order.references)
         first = order.nodes[0]
         if not self._stands_near(first):
             text = f"nodes[0]: '{first.name}' is not where the vehicle stands, at '{self.at}'"
-            raise RefusalError(errors.START, text, {**order.references, "nodeId": first.name})
+            raise RefusalError(Reason.START, text, {**order.references, "nodeId": first.name})
         check_order(order, self.site, self.at, set())
         self.doings, self.is_cancelled = {}, False
         self.instants = {name: doing for name, doing in self.instants.items() if not doing.is_over}

@@ -22,6 +22,7 @@ from matplotlib.transforms import Affine2D
 from mrp_sumo.core.digraph import weak_components
 from mrp_sumo.core.graph import FloatArray, NavGraph, PlanGraph
 from mrp_sumo.errors import MapError
+from mrp_sumo.io.summary import count
 from mrp_sumo.maps.building import Building, Level
 from mrp_sumo.maps.check import FOUND_ON_GRAPHS
 from mrp_sumo.maps.facts import num_lift_lanes
@@ -197,15 +198,15 @@ def _component_colours(nav: NavGraph, legend: dict[str, Artist]) -> np.ndarray:
     colours = np.full(nav.num_vertices, BLUE, dtype="<U7")
     on_lanes = np.zeros(nav.num_vertices, np.bool_)
     on_lanes[nav.tail] = on_lanes[nav.head] = True
-    names, count = np.unique(nav.component[on_lanes], return_counts=True)
+    names, size = np.unique(nav.component[on_lanes], return_counts=True)
     if len(names) < 2:
         return colours
-    order = np.argsort(-count, kind="stable")
+    order = np.argsort(-size, kind="stable")
     for rank, i in enumerate(order):
         colour = COMPONENTS[min(rank, len(COMPONENTS) - 1)]
         colours[nav.component == names[i]] = colour
         if rank < len(COMPONENTS) - 1:
-            legend[f"component of {count[i]} vertices" + f" ({rank + 1})"] = Line2D([], [], color=colour, lw=2)
+            legend[f"component of {size[i]} vertices" + f" ({rank + 1})"] = Line2D([], [], color=colour, lw=2)
     if len(names) >= len(COMPONENTS):
         legend[f"{len(names) - len(COMPONENTS) + 1} smaller components"] = Line2D([], [], color=COMPONENTS[-1], lw=2)
     return colours
@@ -439,21 +440,17 @@ def _title(figure: Figure, map_: Map, panels: list[Panel], findings: bool) -> No
     num_components = len(np.unique(nav.component[on_lanes]))
     bends = int(nav.having("is_bend").sum())  # of curves, which are one edge each
     facts = [
-        _count(nav.num_vertices - bends, "vertex", "vertices"),
-        _count(nav.num_edges - bends - num_lift_lanes(nav) // 2, "edge", "edges"),
+        count(nav.num_vertices - bends, "vertex", "vertices"),
+        count(nav.num_edges - bends - num_lift_lanes(nav) // 2, "edge", "edges"),
     ]
-    facts.append(_count(num_components, "component", "components"))
-    facts.append("{:.1f} x {:.1f} m".format(*panels[0].extent) if len(panels) == 1 else _count(len(panels), "level", "levels"))
+    facts.append(count(num_components, "component", "components"))
+    facts.append("{:.1f} x {:.1f} m".format(*panels[0].extent) if len(panels) == 1 else count(len(panels), "level", "levels"))
     num_findings = sum(finding.severity == "warn" for finding in map_.findings)
     if findings and num_findings:
-        facts.append(_count(num_findings, "warning", "warnings"))
+        facts.append(count(num_findings, "warning", "warnings"))
     left = 0.35 / figure.get_figwidth()
     figure.text(left, 1 - 0.42 / height, map_.name, fontsize=17, fontweight="bold", color=INK, va="center")
     figure.text(left, 1 - 0.70 / height, "   ·   ".join(facts), fontsize=9.5, color=MUTED, va="center")
-
-
-def _count(count: int, one: str, more: str) -> str:
-    return f"{count:,} {one if count == 1 else more}"
 
 
 def _draw_legend(figure: Figure, legend: dict[str, Artist]) -> None:
