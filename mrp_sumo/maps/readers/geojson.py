@@ -146,9 +146,7 @@ def _nav2_edge(fields: Fields, draft: Draft, at: str, properties: Mapping[str, A
 
 def _features(fields: Fields, document: Mapping[str, Any]) -> Iterator[tuple[str, Mapping[str, Any], Mapping[str, Any]]]:
     """Path, properties and geometry of every feature."""
-    for i, feature in enumerate(fields.list(document, "features", "")):
-        at = f"features[{i}]"
-        fields.mapping(feature, at)
+    for at, feature in fields.each(document, "features", ""):
         yield at, fields.object(feature, "properties", at), fields.object(feature, "geometry", at, {})
 
 

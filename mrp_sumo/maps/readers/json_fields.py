@@ -1,6 +1,6 @@
 """Members of JSON objects in a map file, with their types checked; a fault names its path, `layouts[0].nodes[2].nodePosition.x`."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -38,6 +38,28 @@ class Fields:
         if value is not default and not isinstance(value, list):
             raise self.fault(_path(at, key), f"found {_shown(value)}, expected an array")
         return value
+
+    def each(self, holder: Mapping[str, Any], key: str, at: str, default: Any = NOTHING) -> Iterator[tuple[str, Mapping[str, Any]]]:
+        """Path and object of each element of the array under a key."""
+        for i, element in enumerate(self.list(holder, key, at, default)):
+            path = f"{_path(at, key)}[{i}]"
+            yield path, self.mapping(element, path)
+
+    def members(self, holder: Mapping[str, Any], key: str, at: str, default: Any = NOTHING) -> Iterator[tuple[str, str, Mapping[str, Any]]]:
+        """Name, path and object of each member of the object under a key."""
+        for name, member in self.object(holder, key, at, default).items():
+            path = f"{_path(at, key)}.{name}"
+            yield name, path, self.mapping(member, path)
+
+    def identified(
+        self, holder: Mapping[str, Any], key: str, at: str, identifier: str, known: dict[Any, str], default: Any = NOTHING
+    ) -> Iterator[tuple[str, str, Mapping[str, Any]]]:
+        """Identifier, path and object of each element of the array under a key; `known` gets the paths by identifier, each once."""
+        for path, element in self.each(holder, key, at, default):
+            name = self.text(element, identifier, path)
+            self.unique(known, name, f"{path}.{identifier}")
+            known[name] = path
+            yield name, path, element
 
     def text(self, holder: Mapping[str, Any], key: str, at: str, default: Any = NOTHING) -> Any:
         """The text under a key."""

@@ -83,31 +83,22 @@ class _Layouts:
         """Every layout with its path."""
         holders = [("", document)]
         if "origins" in document:
-            origins = self.fields.list(document, "origins", "")
-            holders = [(f"origins[{i}]", self.fields.mapping(o, f"origins[{i}]")) for i, o in enumerate(origins)]
+            holders = list(self.fields.each(document, "origins", ""))
         if len(holders) > 1:
             self.draft.notes.add("several_origins", f"{len(holders)} origins, whose frames the format does not relate, in one")
         known: dict[Any, str] = {}
         for above, holder in holders:
-            for i, layout in enumerate(self.fields.list(holder, "layouts", above)):
-                at = f"{above}.layouts[{i}]" if above else f"layouts[{i}]"
-                name = self.fields.text(self.fields.mapping(layout, at), "layoutId", at)
-                self.fields.unique(known, name, f"{at}.layoutId")
-                known[name] = at
+            for _, at, layout in self.fields.identified(holder, "layouts", above, "layoutId", known):
                 yield at, layout
 
     def _nodes(self, layout: Mapping[str, Any], above: str) -> None:
         fields, draft = self.fields, self.draft
         floor = fields.text(layout, "layoutLevelId", above, None)
-        for i, node in enumerate(fields.list(layout, "nodes", above)):
-            at = f"{above}.nodes[{i}]"
-            name = fields.text(fields.mapping(node, at), "nodeId", at)
-            fields.unique(draft.path_of, name, f"{at}.nodeId")
+        for name, at, node in fields.identified(layout, "nodes", above, "nodeId", draft.path_of):
             place = fields.object(node, "nodePosition", at)
             level = floor or fields.text(node, "mapId", at, None) or layout["layoutId"]
             xy = (fields.number(place, "x", f"{at}.nodePosition"), fields.number(place, "y", f"{at}.nodePosition"))
             v = draft.add_vertex(name, name, xy, level)
-            draft.path_of[name] = at
             self.usable[v] = set()
             for where, types, properties in self._properties(node, NODE_TYPES, at):
                 self.usable[v].update(types)
@@ -121,12 +112,7 @@ class _Layouts:
 
     def _edges(self, layout: Mapping[str, Any], above: str) -> None:
         fields, draft = self.fields, self.draft
-        known: dict[str, str] = {}
-        for i, edge in enumerate(fields.list(layout, "edges", above)):
-            at = f"{above}.edges[{i}]"
-            name = fields.text(fields.mapping(edge, at), "edgeId", at)
-            fields.unique(known, name, f"{at}.edgeId")
-            known[name] = at
+        for name, at, edge in fields.identified(layout, "edges", above, "edgeId", {}):
             ends = [draft.vertex.get(fields.text(edge, key, at), -1) for key in ("startNodeId", "endNodeId")]
             if -1 in ends:
                 key = "startNodeId" if ends[0] < 0 else "endNodeId"
@@ -206,9 +192,8 @@ class _Layouts:
         degree = fields.number(curve, "degree", at, 1)
         knots = [fields.finite(k, f"{at}.knotVector[{i}]") for i, k in enumerate(knots)]
         places, weights = [], []
-        for i, point in enumerate(points):
-            on = f"{at}.controlPoints[{i}]"
-            places.append((fields.number(fields.mapping(point, on), "x", on), fields.number(point, "y", on)))
+        for on, point in fields.each(curve, "controlPoints", at):
+            places.append((fields.number(point, "x", on), fields.number(point, "y", on)))
             weights.append(fields.number(point, "weight", on, 1.0))
         fault = fault_of_curve(degree, knots, len(places))
         if not fault and min(weights) <= 0:
@@ -226,12 +211,7 @@ class _Layouts:
 
     def _stations(self, layout: Mapping[str, Any], above: str) -> None:
         fields, draft = self.fields, self.draft
-        known: dict[str, str] = {}
-        for i, station in enumerate(fields.list(layout, "stations", above, [])):
-            at = f"{above}.stations[{i}]"
-            name = fields.text(fields.mapping(station, at), "stationId", at)
-            fields.unique(known, name, f"{at}.stationId")
-            known[name] = at
+        for name, at, station in fields.identified(layout, "stations", above, "stationId", {}, []):
             nodes = fields.list(station, "interactionNodeIds", at)
             if not nodes:
                 draft.notes.add("dangling_reference", f"{at}.interactionNodeIds: '{name}' has no node")
@@ -247,9 +227,7 @@ class _Layouts:
         """Options for what vehicles do at a node."""
         kinds: list[str] = []
         for key in ACTIONS:
-            for i, action in enumerate(self.fields.list(properties, key, where, [])):
-                at = f"{where}.{key}[{i}]"
-                kinds.append(self.fields.text(self.fields.mapping(action, at), "actionType", at))
+            kinds += [self.fields.text(action, "actionType", at) for at, action in self.fields.each(properties, key, where, [])]
         options: dict[str, Any] = {"actions": ", ".join(kinds)} if kinds else {}
         if any("charg" in kind.lower() for kind in kinds):
             options["is_charger"] = True
@@ -259,9 +237,7 @@ class _Layouts:
         """What a node or edge says of types of vehicles: path, the types, and their properties."""
         fields = self.fields
         key = keys[1] if keys[1] in holder else keys[0]
-        for i, properties in enumerate(fields.list(holder, key, at)):
-            where = f"{at}.{key}[{i}]"
-            fields.mapping(properties, where)
+        for where, properties in fields.each(holder, key, at):
             if "vehicleTypeId" in properties:
                 yield where, [fields.text(properties, "vehicleTypeId", where)], properties
                 continue

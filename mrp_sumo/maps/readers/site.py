@@ -57,9 +57,8 @@ class _Site:
     def read(self, selection: Selection) -> Map:
         fields, document = self.fields, self.document
         self.shared = self._anchors(fields.object(document, "anchors", "", {}), "anchors")
-        for key, level in fields.object(document, "levels", "").items():
-            at = f"levels.{key}"
-            about = fields.object(fields.mapping(level, at), "properties", at)
+        for key, at, level in fields.members(document, "levels", ""):
+            about = fields.object(level, "properties", at)
             name = fields.text(about, "name", f"{at}.properties")
             if name in self.elevation_m:
                 raise fields.fault(f"{at}.properties.name", f"'{name[:60]}' is the name of another level, too")
@@ -103,9 +102,8 @@ class _Site:
 
     def _lanes(self, guided: Mapping[str, Any], graph: str | None) -> None:
         fields = self.fields
-        for key, lane in fields.object(guided, "lanes", "navigation.guided", {}).items():
-            at = f"navigation.guided.lanes.{key}"
-            if not self._included(fields.mapping(lane, at), graph, at):
+        for _, at, lane in fields.members(guided, "lanes", "navigation.guided", {}):
+            if not self._included(lane, graph, at):
                 continue
             ends = fields.list(lane, "anchors", at)
             if len(ends) != 2:
@@ -156,9 +154,8 @@ class _Site:
 
     def _locations(self, guided: Mapping[str, Any], graph: str | None) -> None:
         fields, draft = self.fields, self.draft
-        for key, location in fields.object(guided, "locations", "navigation.guided", {}).items():
-            at = f"navigation.guided.locations.{key}"
-            if not self._included(fields.mapping(location, at), graph, at):
+        for _, at, location in fields.members(guided, "locations", "navigation.guided", {}):
+            if not self._included(location, graph, at):
                 continue
             anchor = str(location.get("anchor"))
             name = fields.text(location, "name", at, "")
@@ -177,9 +174,8 @@ class _Site:
     def _lifts(self) -> None:
         """Anchors in cabins, in the frame of the site: a cabin lies behind the line of its two reference anchors."""
         fields = self.fields
-        for key, lift in fields.object(self.document, "lifts", "", {}).items():
-            at = f"lifts.{key}"
-            about = fields.object(fields.mapping(lift, at), "properties", at)
+        for key, at, lift in fields.members(self.document, "lifts", "", {}):
+            about = fields.object(lift, "properties", at)
             inside = fields.object(lift, "cabin_anchors", at, {})
             ends = [self._flat(str(a)) for a in fields.list(about, "reference_anchors", f"{at}.properties")]
             if len(ends) != 2 or None in ends:
@@ -202,9 +198,8 @@ class _Site:
         for key, level in fields.object(self.document, "levels", "").items():
             name = self.level_name[key]
             for kind, lines in (("walls", walls), ("doors", doors)):
-                for of, what in fields.object(level, kind, f"levels.{key}", {}).items():
-                    at = f"levels.{key}.{kind}.{of}"
-                    ends = [self._flat(str(a)) for a in fields.list(fields.mapping(what, at), "anchors", at)]
+                for _, at, what in fields.members(level, kind, f"levels.{key}", {}):
+                    ends = [self._flat(str(a)) for a in fields.list(what, "anchors", at)]
                     if len(ends) != 2 or None in ends:
                         self.draft.notes.add("dangling_reference", f"{at}.anchors: expected two anchors that are there")
                         continue

@@ -115,9 +115,8 @@ class NodeLink:
         """Nodes and links."""
         refuse_choice(file.source, selection, "level")
         fields, draft, document = Fields(file.source), Draft(file.source), file.document
-        for i, node in enumerate(document["nodes"]):
-            at = f"nodes[{i}]"
-            key = _key(fields, fields.mapping(node, at), "id", at)
+        for at, node in fields.each(document, "nodes", ""):
+            key = _key(fields, node, "id", at)
             fields.unique(draft.path_of, key, f"{at}.id")
             draft.path_of[key] = at
             name = node["name"] if isinstance(node.get("name"), str) else key if isinstance(key, str) else ""
@@ -125,9 +124,8 @@ class NodeLink:
             draft.add_vertex(key, name, _place_of(fields, node, at), level, **plain_options(node, NODE_KEYS))
         links = "links" if isinstance(document.get("links"), list) else "edges"
         both = document.get("directed") is False
-        for i, link in enumerate(document[links]):
-            at = f"{links}[{i}]"
-            ends = [draft.vertex.get(_key(fields, fields.mapping(link, at), key, at), -1) for key in ("source", "target")]
+        for at, link in fields.each(document, links, ""):
+            ends = [draft.vertex.get(_key(fields, link, key, at), -1) for key in ("source", "target")]
             if -1 in ends:
                 key = ("source", "target")[ends.index(-1)]
                 draft.note_nowhere(f"{at}.{key}", f"no node {str(link[key])[:60]!r}")
