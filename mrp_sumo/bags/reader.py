@@ -4,9 +4,10 @@ Message definitions in the bag are used where there are any; otherwise the gener
 messages back to the same bytes. Refuses bags without the topic, and damaged ones, in one line.
 """
 
+import resource
 import sqlite3
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import closing
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -24,6 +25,7 @@ from mrp_sumo.files.reading import require_regular
 FLEET_STATES = "/fleet_states"
 PATH_REQUESTS = "/robot_path_requests"
 MAX_BYTES = 2**40  # of a bag, which is read message by message
+LEAST_BYTES, TIMES_SIZE = 2**30, 128  # of memory to read a bag, beside what the program has; messages are large as Python has them
 CHECKED = 20  # messages that are encoded again to recognise the generation
 EMPTY_BYTES = 100  # a fleet without robots looks the same in all of them
 Place = tuple[float, float]
@@ -65,14 +67,37 @@ def read_fleet_log(path: Path, generation: str | None = None) -> FleetLog:
     reasons = []
     for name in known:
         try:
-            return _fleet_log(path, list(_messages(path, name)))
+            with _bounded_memory(path):
+                return _fleet_log(path, list(_messages(path, name)))
         except _WrongGeneration as error:
             reasons.append(f"{name}: {error}")
         except MrpSumoError:
             raise
+        except MemoryError:
+            raise MrpSumoError(f"{path}: takes more memory than a bag of {_size_bytes(path) / 1e6:.1f} MB may: damaged") from None
         except Exception as error:  # a damaged bag: whatever the reader stumbles over
             raise MrpSumoError(f"{path}: cannot be read as a bag: {type(error).__name__}: {_first_line(error)}") from None
     raise MrpSumoError(f"{path}: {FLEET_STATES} fits no generation of rmf_fleet_msgs ({'; '.join(reasons)})")
+
+
+def _size_bytes(path: Path) -> int:
+    return sum(file.stat().st_size for file in (path.iterdir() if path.is_dir() else (path,)) if file.is_file())
+
+
+@contextmanager
+def _bounded_memory(path: Path) -> Iterator[None]:
+    """Have the system refuse what a bag of this size does not take: a compressed chunk may say little of what is in it."""
+    used = Path("/proc/self/statm")  # on Linux
+    if not used.exists():
+        yield
+        return
+    before, hard = resource.getrlimit(resource.RLIMIT_AS)
+    limit = int(used.read_text().split()[0]) * resource.getpagesize() + LEAST_BYTES + TIMES_SIZE * _size_bytes(path)
+    resource.setrlimit(resource.RLIMIT_AS, (min(limit, *(each for each in (before, hard) if each != resource.RLIM_INFINITY), limit), hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_AS, (before, hard))
 
 
 class _WrongGeneration(Exception):
