@@ -47,7 +47,7 @@ ROOMS = {  # the files of each, and the tests that hold it
         [
             *(f"mrp_sumo/drive/{name}.py" for name in ("work", "crew", "robot_work", "work_request", "stalling", "charging", "orders")),
         ],
-        ["tests/drive/test_dispatchers.py", "tests/drive/test_work.py"],
+        ["tests/drive/test_dispatchers.py", "tests/drive/test_states.py", "tests/drive/test_work.py"],
     ),
     "places": (
         ["mrp_sumo/drive/places.py", "mrp_sumo/drive/clearing.py"],

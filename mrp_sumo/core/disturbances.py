@@ -4,7 +4,7 @@
 a policy promises, it promises under all of them.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from math import inf
 
 from mrp_sumo.core.options import Options, meaning, option
@@ -12,6 +12,7 @@ from mrp_sumo.errors import OptionError
 
 DURATION: dict[str, float] = {"gt": 0, "le": 1e9}
 BEGIN, FOR_GOOD = "When it begins, in simulated time.", "How long it lasts; for good by default."
+ONLY_RECORDED = "localisation"  # options that begin so change what robots believe, not what they do
 NAMED_DISTURBANCES: dict[str, dict[str, float]] = {  # how they were found: docs/paper.md
     "nav2_like": {"speed_noise": 0.053, "speed_noise_tau_s": 2.0},
 }
@@ -137,10 +138,8 @@ class Disturbances(Options):
     @property
     def any(self) -> bool:
         """True where anything disturbs the robots themselves."""
-        strengths = (self.speed_spread, self.speed_noise, self.stops_per_s, self.start_delay_s, self.delay_probability)
-        listed = (self.breakdowns, self.obstacles, self.closures, self.outages, self.fires)
-        visitors = (self.lift_rides_per_h, self.door_passages_per_h)
-        return any(strengths) or any(listed) or any(visitors) or bool(self.latency_s or self.message_loss)
+        kinds = (each.name for each in fields(self) if each.default in (0.0, ()) and not each.name.startswith(ONLY_RECORDED))
+        return any(getattr(self, kind) for kind in kinds)
 
 
 NONE = Disturbances()

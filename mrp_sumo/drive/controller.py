@@ -1,7 +1,7 @@
 """The controller: turns what the ledger allows into speeds, step by step, and the kernels' log into events."""
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -26,6 +26,18 @@ WHY = {
     _causes.LETTING_PASS: "lets {other} pass",
     _causes.FACILITY: "waits for {facility}",
 }
+
+
+class Logged(NamedTuple):
+    """A row of the kernels' `Log`."""
+
+    kind: int
+    robot: int
+    cause: int
+    visit: int
+    other: int
+    begin_s: float
+    end_s: float
 
 
 class Controller:
@@ -150,14 +162,16 @@ class Controller:
 
     def _wait(self, kind: int, robot: int, begin_s: float, end_s: float) -> Event:
         waits = self.ledger.state.waits
-        return self._event(kind, robot, int(waits.cause[robot]), int(waits.where[robot]), int(waits.other[robot]), begin_s, end_s)
+        because = int(waits.cause[robot]), int(waits.where[robot]), int(waits.other[robot])
+        return self._event(Logged(kind, robot, *because, begin_s, end_s))
 
     def _events(self, num_logged: int) -> list[Event]:
         columns = (column[:num_logged].tolist() for column in self._log[1:])
-        return [self._event(*entry) for entry in zip(*columns)]
+        return [self._event(Logged(*entry)) for entry in zip(*columns)]
 
-    def _event(self, kind: int, robot: int, cause: int, visit: int, other: int, begin_s: float, end_s: float) -> Event:
-        begin_s, end_s = round(begin_s, 9), round(end_s, 9)
+    def _event(self, logged: Logged) -> Event:
+        kind, robot, cause, visit, other, *times_s = logged
+        begin_s, end_s = (round(t_s, 9) for t_s in times_s)
         vertex = int(self.ledger.visits.vertex[visit]) if visit >= 0 else -1
         if kind == _causes.SET_OUT:
             return Event(begin_s, "started", robot, vertex)

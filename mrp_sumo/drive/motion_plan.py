@@ -11,7 +11,7 @@ from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, NavGraph, froze
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.engines.sumo.network import SHORTEST_M
 from mrp_sumo.traffic.passages import Needs
-from mrp_sumo.traffic.resources import Resources, left_after_m, needs_of
+from mrp_sumo.traffic.resources import Course, Resources, left_after_m, needs_of
 
 TURNS_RAD = 0.2  # a bend beyond this is turned in place, a lesser one while driving
 STANDING_ROOM_M = 0.004  # the least stretch of a lane on which a robot may wait
@@ -85,7 +85,7 @@ def motion_plan(graph: NavGraph, resources: Resources, plan: Plan, departure: De
     turns[:-1] = np.abs(_wrapped(heading[1:] - heading[:-1])) > TURNS_RAD
     turns[last] = False
     needs = needs_of(graph, plan, lane, resources, kind)
-    left_at = left_after_m(graph, plan, lane, from_m, at_m, stretch, needs, resources, kind)
+    left_at = left_after_m(graph, resources, Course(plan, lane, from_m, at_m, stretch, kind), needs)
     if len(needless):
         kept = ~np.isin(needs.visit, last[needless])
         first = np.searchsorted(needs.visit[kept], np.arange(plan.num_visits + 1)).astype(np.int64)

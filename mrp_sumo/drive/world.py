@@ -1,8 +1,7 @@
 """The world as it is now: which lanes are closed, what holds robots back. Makes disturbances happen, step by step.
 
-Every kind has its own stream of chance, `default_rng([seed, purpose])`, so that the same seed disturbs every
-policy alike and one kind can be switched off without changing the others. Refuses robots and lanes that do
-not exist.
+Every kind is a method in `World._kinds`, and has its own stream of chance, `default_rng([seed, purpose])`, so that the same seed disturbs
+every policy alike and one kind can be switched off without changing the others. Refuses robots and lanes that do not exist.
 """
 
 from dataclasses import dataclass
@@ -76,6 +75,7 @@ class World:
         self._barriers += self._of_facilities()
         self._visitors = Visitors(what, self.facilities, settings.seed)
         self._closing: list[Barrier] = []
+        self._kinds = (self._deliver, self._slow_down, self._stop_some, self._delay_some, self._break_some, self._visit, self._close_some)
         self.is_calm = not (what.any or settings.closed_lanes)  # nothing comes up by itself
         self.conditions = Conditions(
             factor=self._own.copy(),
@@ -114,27 +114,40 @@ class World:
 
     def update(self, now: float, grants: Grants) -> list[Event]:
         """Bring everything up to the step that begins at `now`. Returns what happened."""
-        if self.is_calm:
-            return []
-        what, dt, events = self.what, self._step_s, []
-        if what.latency_s or what.message_loss:
-            self._deliver(grants.allowed_m)
+        return [] if self.is_calm else [event for kind in self._kinds for event in kind(now, grants)]
+
+    def _slow_down(self, now: float, grants: Grants) -> list[Event]:
+        """Robots lose a share of their speed that comes and goes."""
+        what, dt = self.what, self._step_s
         if what.speed_noise:
             normal = self._stream[NOISE].normal(size=self._num_robots)
             self._u += -self._u * dt / what.speed_noise_tau_s + what.speed_noise * np.sqrt(2 * dt / what.speed_noise_tau_s) * normal
             np.multiply(self._own, np.clip(1 - np.abs(self._u), SLOWEST_MOMENT, 1.0), out=self.conditions.factor)
-        if what.stops_per_s:
-            chance = self._stream[STOPS].random((2, self._num_robots))
-            stops = (chance[0] < what.stops_per_s * dt) & (self.hold_until_s <= now)
-            for robot in np.flatnonzero(stops).tolist():
-                duration = float(self._stream[STOPS].lognormal(np.log(what.stop_median_s), what.stop_sigma))
-                events.append(self._hold(robot, now, duration, "stops at random"))
-        if what.delay_probability and now >= self._next_step_s - 1e-9:
-            self._next_step_s += self._planned_step_s
-            delayed = self._stream[DELAYS].random(self._num_robots) < what.delay_probability
-            steps = self._stream[DELAYS].integers(what.delay_steps_min, what.delay_steps_max + 1, self._num_robots)
-            late = np.flatnonzero(delayed & (self.hold_until_s <= now)).tolist()
-            events += [self._hold(robot, now, float(steps[robot] * self._planned_step_s), "is delayed") for robot in late]
+        return []
+
+    def _stop_some(self, now: float, grants: Grants) -> list[Event]:
+        """Robots stop at random."""
+        what, chance = self.what, self._stream[STOPS]
+        if not what.stops_per_s:
+            return []
+        stops = (chance.random((2, self._num_robots))[0] < what.stops_per_s * self._step_s) & (self.hold_until_s <= now)
+        lasts_s = [float(chance.lognormal(np.log(what.stop_median_s), what.stop_sigma)) for _ in range(np.count_nonzero(stops))]
+        return [self._hold(robot, now, each_s, "stops at random") for robot, each_s in zip(np.flatnonzero(stops).tolist(), lasts_s)]
+
+    def _delay_some(self, now: float, grants: Grants) -> list[Event]:
+        """Robots are held for some planned steps."""
+        what, chance = self.what, self._stream[DELAYS]
+        if not what.delay_probability or now < self._next_step_s - 1e-9:
+            return []
+        self._next_step_s += self._planned_step_s
+        delayed = chance.random(self._num_robots) < what.delay_probability
+        steps = chance.integers(what.delay_steps_min, what.delay_steps_max + 1, self._num_robots)
+        late = np.flatnonzero(delayed & (self.hold_until_s <= now)).tolist()
+        return [self._hold(robot, now, float(steps[robot] * self._planned_step_s), "is delayed") for robot in late]
+
+    def _break_some(self, now: float, grants: Grants) -> list[Event]:
+        """Robots break down whose time has come."""
+        events = []
         begun = [breakdown for breakdown in self._pending if breakdown.begin_s <= now + 1e-9]
         self._pending = [breakdown for breakdown in self._pending if breakdown.begin_s > now + 1e-9]
         for breakdown in begun:
@@ -142,8 +155,7 @@ class World:
             self.broken[breakdown.robot] |= breakdown.duration_s is None
             self.down_until_s[breakdown.robot] = max(self.down_until_s[breakdown.robot], now + lasts_s)
             events.append(self._hold(breakdown.robot, now, lasts_s, "breaks down"))
-        self._visitors.update(now)
-        return events + self._update_closures(now, grants)
+        return events
 
     def add(self, what: Breakdown | ClosedLane) -> None:
         """Have a disturbance that nobody knew of."""
@@ -158,23 +170,32 @@ class World:
         self.broken[robot], self.conditions.hold_until_s[robot] = True, np.inf
         return Event(now, "battery_empty", robot, text="its battery is empty")
 
-    def _deliver(self, allowed_m: FloatArray) -> None:
+    def _deliver(self, now: float, grants: Grants) -> list[Event]:
         """Robots hear what they may drive late, or not this time. What they know never shrinks."""
-        self._sent.append(allowed_m.copy())
+        if self.conditions.prompt:
+            return []
+        self._sent.append(grants.allowed_m.copy())
         if len(self._sent) < self._late:
-            return
+            return []
         arrives = self._sent.pop(0)
         if self.what.message_loss:
             lost = self._stream[MESSAGES].random(self._num_robots) < self.what.message_loss
             arrives = np.where(lost, self.conditions.told_m, arrives)
         np.maximum(self.conditions.told_m, arrives, out=self.conditions.told_m)
+        return []
 
     def _hold(self, robot: int, now: float, duration: float, text: str) -> Event:
         hold_until_s = self.conditions.hold_until_s
         hold_until_s[robot] = max(hold_until_s[robot], now + duration)
         return Event(now, "disturbed", robot, duration_s=duration, text=text)
 
-    def _update_closures(self, now: float, grants: Grants) -> list[Event]:
+    def _visit(self, now: float, grants: Grants) -> list[Event]:
+        """People ride lifts and go through doors."""
+        self._visitors.update(now)
+        return []
+
+    def _close_some(self, now: float, grants: Grants) -> list[Event]:
+        """Lanes are closed when nobody may enter them, and open again."""
         events: list[Event] = []
         waiting: list[Barrier] = []
         for barrier in self._barriers:

@@ -19,6 +19,7 @@ Together: a robot that holds the vertices and zones of its visits is R away from
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
@@ -160,30 +161,20 @@ def needs_of(graph: NavGraph, plan: Plan, lane: IntArray, resources: Resources, 
     )
 
 
-def left_after_m(
-    graph: NavGraph,
-    plan: Plan,
-    lane: IntArray,
-    from_m: FloatArray,
-    at_m: FloatArray,
-    stretch: FloatArray,
-    needs: Needs,
-    resources: Resources,
-    kind: IntArray,
-) -> FloatArray:
-    """[M] how far along its path a robot has left what it needed, inf where it stays.
+class Course(NamedTuple):
+    """N visits of a plan of R robots along their paths."""
 
-    Parameters
-    ----------
-    lane
-        [N] by which a visit is reached, -1 for first visits.
-    from_m, at_m
-        [N] where that lane begins along its robot's path, and where the visit is.
-    stretch
-        [L] how much longer a lane is on that path than in the graph: 1 but for lanes SUMO takes for longer.
-    kind
-        [R] types of the plan's robots.
-    """
+    plan: Plan
+    lane: IntArray  # [N] by which a visit is reached, -1 for first visits
+    from_m: FloatArray  # [N] where that lane begins along its robot's path
+    at_m: FloatArray  # [N] where the visit is
+    stretch: FloatArray  # [L] how much longer a lane is on that path than in the graph: 1 but for lanes SUMO takes for longer
+    kind: IntArray  # [R] types of the robots
+
+
+def left_after_m(graph: NavGraph, resources: Resources, course: Course, needs: Needs) -> FloatArray:
+    """[M] how far along its path a robot has left what it needed, inf where it stays."""
+    plan, lane, from_m, at_m, stretch, kind = course
     num_vertices = graph.num_vertices
     visit, resource = needs.visit, needs.resource
     onward = np.append(lane[1:], -1)[visit]  # lane by which the visit's vertex is left, -1: never

@@ -11,7 +11,7 @@ import numpy as np
 
 from mrp_sumo.core.graph import FloatArray, IntArray, NavGraph, frozen
 from mrp_sumo.core.plan import Plan
-from mrp_sumo.traffic.resources import Resources, left_after_m, needs_of
+from mrp_sumo.traffic.resources import Course, Resources, left_after_m, needs_of
 from planners.safe_interval._rays import STRAIGHT_RAD, lay_course, lay_tails, steps_of_turns
 
 SHORTEST_M = 0.1  # shorter lanes are driven as if they were so long
@@ -216,7 +216,7 @@ def _left_on(
     at_m = np.stack([np.zeros(num_lanes), driven], 1).reshape(-1)
     kinds = np.full(num_lanes, kind)
     needs = needs_of(graph, plan, lane, resources, kinds)
-    left = left_after_m(graph, plan, lane, np.zeros(2 * num_lanes), at_m, driven / graph.length_m, needs, resources, kinds)
+    left = left_after_m(graph, resources, Course(plan, lane, np.zeros(2 * num_lanes), at_m, driven / graph.length_m, kinds), needs)
     visit = needs.visit
     off, on = visit % 2 == 0, (visit % 2 == 1) & needs.on_lane
     lanes = np.arange(num_lanes + 1)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from worlds import BURGER, cross, drive, graph_of, kinds, least_distance_m, line, square_grid
 
-from mrp_sumo.core.disturbances import Breakdown, ClosedLane, Disturbances, Obstacle
+from mrp_sumo.core.disturbances import Breakdown, ClosedLane, Disturbances, Fire, Obstacle
 from mrp_sumo.core.driving import RecoveryOptions
 from mrp_sumo.core.execution import BOOKINGS, Outcome
 from mrp_sumo.errors import ExecutionError, OptionError
@@ -115,6 +115,8 @@ def test_parameters_out_of_range_are_refused(tmp_path):
     with pytest.raises(ExecutionError, match="lane from vertex 0 to 3, which does not exist"):
         time_with(tmp_path, closed_lanes=(ClosedLane(0, 3, 1.0),))
     assert not Disturbances().any and dataclasses.replace(Disturbances(), latency_s=1.0).any
+    assert Disturbances(fires=(Fire(5.0),)).any and Disturbances(door_passages_per_h=6.0).any
+    assert not Disturbances(localisation_m=0.1, localisation_tau_s=2.0, stop_median_s=9.0).any  # robots do as without
 
 
 SIDING = graph_of([(0.4 * k, 0) for k in range(6)] + [(0.8, 0.4)], [(k, k + 1) for k in range(5)] + [(2, 6)])
