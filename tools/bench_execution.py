@@ -46,6 +46,7 @@ from mrp_sumo.maps.grid import grid_graph, paper_grid
 from mrp_sumo.maps.load import load_map
 from mrp_sumo.metrics.audit import audit
 from mrp_sumo.metrics.evaluate import evaluate
+from mrp_sumo.metrics.metric import Evidence
 from mrp_sumo.planning.registry import planner
 from mrp_sumo.traffic.referee import judge
 from mrp_sumo.traffic.resources import needs_of, resources_of
@@ -110,7 +111,7 @@ def drive(
     driven = time.process_time()
     verdict = audit(run, problem.fleet)
     audited = time.process_time()
-    evaluate(problem, PlanResult("solved", plan), None, run, verdict, assignment_time_s=0.0, time_limit_s=limit_s, tolerance_m=0.1)
+    evaluate(Evidence(problem, PlanResult("solved", plan), None, run, verdict, 0.0, 0.1, limit_s))
     done, robot_s = time.process_time(), problem.num_robots * run.sim_time_s
     return {
         "case": case,

@@ -28,7 +28,7 @@ WHY = {
 }
 
 
-class Logged(NamedTuple):
+class LogRow(NamedTuple):
     """A row of the kernels' `Log`."""
 
     kind: int
@@ -163,13 +163,13 @@ class Controller:
     def _wait(self, kind: int, robot: int, begin_s: float, end_s: float) -> Event:
         waits = self.ledger.state.waits
         because = int(waits.cause[robot]), int(waits.where[robot]), int(waits.other[robot])
-        return self._event(Logged(kind, robot, *because, begin_s, end_s))
+        return self._event(LogRow(kind, robot, *because, begin_s, end_s))
 
     def _events(self, num_logged: int) -> list[Event]:
         columns = (column[:num_logged].tolist() for column in self._log[1:])
-        return [self._event(Logged(*entry)) for entry in zip(*columns)]
+        return [self._event(LogRow(*entry)) for entry in zip(*columns)]
 
-    def _event(self, logged: Logged) -> Event:
+    def _event(self, logged: LogRow) -> Event:
         kind, robot, cause, visit, other, *times_s = logged
         begin_s, end_s = (round(t_s, 9) for t_s in times_s)
         vertex = int(self.ledger.visits.vertex[visit]) if visit >= 0 else -1

@@ -15,7 +15,7 @@ from mrp_sumo.io.run_folder import plain
 from mrp_sumo.io.run_reader import RunFolder, damage_in, load_run
 from mrp_sumo.io.trace import read_trace, trace_path
 from mrp_sumo.metrics.evaluate import Metrics, evaluate
-from mrp_sumo.metrics.metric import Metric
+from mrp_sumo.metrics.metric import Evidence, Metric
 from mrp_sumo.metrics.zones import occupancy
 from mrp_sumo.traffic.referee import judge
 
@@ -60,7 +60,7 @@ def _measured(run: RunFolder, metrics: Sequence[Metric]) -> Metrics:
         message=run.result["plan"]["message"],
         stats=run.result["plan"]["stats"],
     )
-    return evaluate(
+    evidence = Evidence(
         problem,
         result,
         judge(problem, plan),
@@ -70,8 +70,8 @@ def _measured(run: RunFolder, metrics: Sequence[Metric]) -> Metrics:
         tolerance_m=scenario["execution"]["goal_tolerance_m"],
         time_limit_s=recorded.get("execution_time_limit_s") or scenario["execution"]["time_limit_s"] or 0.0,
         zones=occupancy(execution, run.graph, run.nav) if execution and execution.tasks and run.nav else None,
-        metrics=metrics,
     )
+    return evaluate(evidence, metrics)
 
 
 def measure_batch(folder: Path, metrics: Sequence[Metric], report: Callable[[str], None]) -> tuple[int, int]:

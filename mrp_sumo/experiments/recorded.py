@@ -60,6 +60,7 @@ def recorded_run(path: Path, model: RobotType, drawn: Map | None = None) -> RunR
     """
     from mrp_sumo.metrics.audit import audit
     from mrp_sumo.metrics.evaluate import evaluate
+    from mrp_sumo.metrics.metric import Evidence
     from mrp_sumo.traffic.referee import judge
 
     log = read_log(path)
@@ -92,7 +93,7 @@ def recorded_run(path: Path, model: RobotType, drawn: Map | None = None) -> RunR
     verdict = judge(problem, plan, in_seconds=True)
     walls = standing_walls(drawn.building, graph.level_names) if drawn and drawn.building else None
     audited = audit(execution, fleet, graph.level[problem.start], walls)
-    metrics = evaluate(problem, result, verdict, execution, audited, time_limit_s=settings.time_limit_s)
+    metrics = evaluate(Evidence(problem, result, verdict, execution, audited, time_limit_s=settings.time_limit_s))
     status = "audit_failed" if audited["num_overlaps"] else "completed"
     note = f"recorded: {len(vehicles)} vehicles of {path.name}, {span_s:.0f} s"
     return RunResult(setup, status, note, Solution(setup, problem, result, verdict, 0.0), execution, audited, plain(metrics))

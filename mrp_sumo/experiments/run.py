@@ -145,6 +145,7 @@ def finish(setup: SetUp, solution: Solution, maps: MapCache, options: RunOptions
     from mrp_sumo.metrics.evaluate import evaluate
     from mrp_sumo.metrics.fleet_use import ran_empty, stalled_robots
     from mrp_sumo.metrics.lane_keeping import lane_keeping, on_lane_m
+    from mrp_sumo.metrics.metric import Evidence
     from mrp_sumo.metrics.own import guarded
     from mrp_sumo.metrics.registry import METRICS
     from mrp_sumo.metrics.tasks import overload
@@ -187,18 +188,18 @@ def finish(setup: SetUp, solution: Solution, maps: MapCache, options: RunOptions
     faults: list[PlugInError] = []
     own = [guarded(name, setup.file.folder, faults.append) for name in setup.scenario.record.metrics]
     zones = occupancy(execution, problem.graph, setup.map.nav) if execution and execution.tasks and len(execution.t_s) else None
-    metrics = evaluate(
+    evidence = Evidence(
         solution.problem,
         solution.result,
         solution.verdict,
         execution,
         audited,
-        assignment_time_s=solution.assignment_time_s,
-        time_limit_s=setup.settings.time_limit_s,
-        tolerance_m=choice.goal_tolerance_m,
-        zones=zones,
-        metrics=(*METRICS, *own),
+        solution.assignment_time_s,
+        choice.goal_tolerance_m,
+        setup.settings.time_limit_s,
+        zones,
     )
+    metrics = evaluate(evidence, (*METRICS, *own))
     if faults:
         note, details = "; ".join(filter(None, (note, *map(str, faults)))), details or faults[0].details
     status = broken or (_status(solution, execution, audited, metrics) if execute or solution.result.plan is None else "planned")

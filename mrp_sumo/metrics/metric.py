@@ -18,6 +18,8 @@ from mrp_sumo.traffic.referee import Verdict
 YES_NO = "yes/no"  # the unit of what is true or false
 UNITS = {"_s": "s", "_m": "m", "_mps": "m/s", "_steps": "steps", "_j": "J"}  # by the end of a name
 
+TOLERANCE_M = 0.7  # MRP-Bench's locationTolerance
+RECORDING_TIMEOUT_S = 600.0  # its recordingTimeout
 TOGETHER = 4096  # samples of a run to look at together, so that long runs take little memory
 
 T = TypeVar("T")
@@ -42,11 +44,10 @@ class Evidence:
     result: PlanResult  # of the planner
     verdict: Verdict | None  # of the referee on the plan; None without a plan
     execution: Execution | None  # None when nothing was driven
-    audit: dict[str, Any] | None  # of the execution
-    assignment_time_s: float | None  # wall time; None when there was nothing to assign
-    cell_m: float  # MRP-Bench's cellSize
-    tolerance_m: float  # execution.goal_tolerance_m
-    time_limit_s: float  # of the execution, simulated
+    audit: dict[str, Any] | None = None  # of the execution, as `metrics.audit.audit` gives it
+    assignment_time_s: float | None = None  # wall time; None when there was nothing to assign
+    tolerance_m: float = TOLERANCE_M  # execution.goal_tolerance_m
+    time_limit_s: float = RECORDING_TIMEOUT_S  # of the execution, simulated
     zones: ZoneLog | None = None  # how occupied they were, of runs with tasks
     _found: dict[Callable[..., Any], Any] = field(default_factory=dict, init=False, repr=False)
 

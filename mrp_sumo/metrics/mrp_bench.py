@@ -18,13 +18,11 @@ from mrp_sumo.core.graph import FloatArray, IntArray
 from mrp_sumo.core.near import least_distance_m
 from mrp_sumo.core.plan import paths_of_plan
 from mrp_sumo.errors import MrpSumoError, PlanError
-from mrp_sumo.metrics.metric import LESS, MORE, NONE, YES_NO, Evidence, Function, Metric, count_of, part
+from mrp_sumo.metrics.metric import LESS, MORE, NONE, RECORDING_TIMEOUT_S, TOLERANCE_M, YES_NO, Evidence, Function, Metric, count_of, part
 from mrp_sumo.metrics.planning import steps_to_goal
 
 CELL_M = 0.35  # cellSize
-TOLERANCE_M = 0.7  # locationTolerance
 WINDOW = 10  # samples
-RECORDING_TIMEOUT_S = 600.0  # recordingTimeout
 NO_PAIR_M = 99999.9  # the minimum distance where there never are two robots
 RATE_HZ = 2.0  # of /fleet_states
 
@@ -185,7 +183,7 @@ def _analysed(run: Evidence) -> dict[str, Any]:
         return {}
     t_ns, x, y, _ = fleet_states(run.execution)
     xy = run.problem.graph.xy
-    limits = {"cell_m": run.cell_m, "tolerance_m": run.tolerance_m, "recording_timeout_s": run.time_limit_s}
+    limits = {"cell_m": run.problem.graph.cell_m, "tolerance_m": run.tolerance_m, "recording_timeout_s": run.time_limit_s}
     return execution_metrics(t_ns, x, y, xy[run.problem.start], xy[run.problem.target], **limits)  # type: ignore[arg-type]
 
 

@@ -11,6 +11,7 @@ from mrp_sumo.core.problem import Problem
 from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.metrics.audit import audit
 from mrp_sumo.metrics.evaluate import evaluate
+from mrp_sumo.metrics.metric import Evidence
 from mrp_sumo.metrics.registry import MACHINE_DEPENDENT
 from mrp_sumo.traffic.referee import judge
 
@@ -78,15 +79,8 @@ def driven(problem, plan, late_s):
 def test_every_metric_is_there_and_right():
     problem, result = corridors(), planned()
     execution = driven(problem, result.plan, late_s=2.0)
-    found = evaluate(
-        problem,
-        result,
-        judge(problem, result.plan),
-        execution,
-        audit(execution, problem.fleet),
-        assignment_time_s=0.1,
-        time_limit_s=300,
-    )
+    judged = judge(problem, result.plan), execution, audit(execution, problem.fleet)
+    found = evaluate(Evidence(problem, result, *judged, assignment_time_s=0.1, time_limit_s=300))
     assert set(NAMES) <= set(found)
     assert set(MACHINE_DEPENDENT) <= set(found)
     expected = {
@@ -126,7 +120,7 @@ def test_every_metric_is_there_and_right():
 
 def test_without_a_plan_there_is_nothing_to_measure_and_names_stay():
     problem = corridors()
-    found = evaluate(problem, PlanResult(Status.TIMED_OUT, planning_time_s=60.0), None, None)
+    found = evaluate(Evidence(problem, PlanResult(Status.TIMED_OUT, planning_time_s=60.0), None, None))
     assert set(NAMES) <= set(found)
     assert found["plan_success"] is False
     assert {k for k, v in found.items() if v is not None} == {
@@ -139,7 +133,7 @@ def test_a_robot_that_stands_short_of_its_goal_is_blocked_and_times_out():
     execution = driven(problem, result.plan, late_s=0.0)
     x = np.minimum(execution.x_m, [5.0, 3.0])  # the second stops two cells early
     execution = Execution(**{**vars(execution), "x_m": x, "goal_s": np.array([5.0, np.nan])})
-    found = evaluate(problem, result, judge(problem, result.plan), execution, time_limit_s=300)
+    found = evaluate(Evidence(problem, result, judge(problem, result.plan), execution, time_limit_s=300))
     assert found["goals_reached"] == found["robots_at_goal"] == 1
     assert found["execution_timed_out"] and found["execution_time_s"] == 300
     assert found["time_blocked_s"][0] == 0 < found["time_blocked_s"][1] == found["time_blocked_total_s"]
@@ -149,11 +143,11 @@ def test_seconds_blocked_add_up_without_a_trace_of_binary_fractions():
     problem, result = corridors(), planned()
     events = tuple(Event(0.0, "blocked", robot, duration_s=duration_s) for robot, duration_s in ((0, 0.1), (1, 0.2), (0, 4 - 0.1)))
     execution = Execution(**{**vars(driven(problem, result.plan, late_s=0.0)), "events": events})
-    assert repr(evaluate(problem, result, None, execution)["blocked_s"]) == "4.2"
+    assert repr(evaluate(Evidence(problem, result, None, execution))["blocked_s"]) == "4.2"
 
 
 def test_positions_are_those_of_float32_messages():
     problem, result = corridors(), planned()
     execution = driven(problem, result.plan, late_s=0.0)
     moved = Execution(**{**vars(execution), "y_m": np.add(execution.y_m, [0.0, 1e-9])})  # float32 does not see a nanometre
-    assert evaluate(problem, result, None, moved)["min_distance_m"] == 1.0
+    assert evaluate(Evidence(problem, result, None, moved))["min_distance_m"] == 1.0
