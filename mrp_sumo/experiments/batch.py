@@ -22,6 +22,7 @@ from mrp_sumo.experiments.processes import Makers, Processes
 from mrp_sumo.experiments.suite import PlannedRun, SuiteFile, runs_of
 from mrp_sumo.experiments.worker import BAD_INPUT, CRASHED, MEASURE, OUT_OF_MEMORY, OUT_OF_TIME, Answer, Job
 from mrp_sumo.files.reading import shortened
+from mrp_sumo.files.writing import write_whole
 from mrp_sumo.io.results import (
     PLAN,
     BatchRecord,
@@ -34,7 +35,6 @@ from mrp_sumo.io.results import (
     tables_are_whole,
     write_record,
     write_tables,
-    write_whole,
 )
 from mrp_sumo.io.trace import Trace, write_trace
 

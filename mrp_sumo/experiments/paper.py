@@ -15,7 +15,8 @@ import yaml
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.experiments.batch import BROKEN, GO_ON, Watcher, run_batch
 from mrp_sumo.experiments.suite import find_suite, read_suite
-from mrp_sumo.io.results import load_results, write_whole
+from mrp_sumo.files.writing import write_whole
+from mrp_sumo.io.results import load_results
 
 if TYPE_CHECKING:
     import pandas

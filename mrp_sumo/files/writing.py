@@ -1,5 +1,6 @@
 """Files that are written whole or not at all."""
 
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -17,7 +18,7 @@ def written_whole(path: Path) -> Iterator[Path]:
     OSError
         As the system reports it.
     """
-    part = path.with_name(f".part.{path.name}")
+    part = path.with_name(f".{os.getpid()}.{path.name}")
     try:
         yield part
         part.replace(path)
@@ -40,3 +41,35 @@ def write_text(path: Path, text: str) -> None:
     """Write a file, whole or not at all. Raises MrpSumoError where it cannot be written."""
     with written_for_user(path) as part:
         part.write_text(text, encoding="utf-8")
+
+
+def write_whole(path: Path, data: bytes) -> None:
+    """Write a file whole or not at all, even when the power fails.
+
+    Raises
+    ------
+    OSError
+        As the system reports it; nothing of the file is left then.
+    """
+    new = [folder for folder in path.parents if not folder.exists()]
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with written_whole(path) as part, part.open("wb") as file:
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
+    except OSError as error:
+        if error.errno is not None:
+            error.filename = str(path)  # a full disk names no file, and the other name is nobody's business
+        raise
+    for folder in (path.parent, *(folder.parent for folder in new)):  # a folder is there for good once the one above is synced
+        sync_folder(folder)
+
+
+def sync_folder(folder: Path) -> None:
+    """Have the disk keep which files are in a folder."""
+    opened = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(opened)
+    finally:
+        os.close(opened)

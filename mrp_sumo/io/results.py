@@ -18,12 +18,13 @@ import os
 import re
 import zlib
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mrp_sumo.errors import BatchError, MrpSumoError, sentence
 from mrp_sumo.files.reading import read_bytes, shortened
+from mrp_sumo.files.writing import sync_folder, write_whole
 from mrp_sumo.io.batch_record import fault_of_record
 from mrp_sumo.io.columns import SECTIONS, parameter_columns
 
@@ -48,41 +49,6 @@ _HEAD, _TAIL = b'{"crc32":"%08x","record":', b"}\n"
 _BEGIN = re.compile(rb'\{"key":"(\w+)","status":"(\w+)","attempts":(\d+),')
 
 BatchRecord = dict[str, Any]
-
-
-def write_whole(path: Path, data: bytes) -> None:
-    """Write a file whole or not at all, even when the power fails.
-
-    Raises
-    ------
-    OSError
-        As the system reports it; nothing of the file is left then.
-    """
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        new = [folder for folder in path.parents if not folder.exists()]
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with temporary.open("wb") as file:
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-        temporary.replace(path)
-    except BaseException as error:
-        with suppress(OSError):
-            temporary.unlink(missing_ok=True)
-        if isinstance(error, OSError) and error.errno is not None:
-            error.filename = str(path)  # a full disk names no file, and the other name is nobody's business
-        raise
-    for folder in (path.parent, *(folder.parent for folder in new)):  # a folder is there for good once the one above is synced
-        _sync(folder)
-
-
-def _sync(folder: Path) -> None:
-    opened = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(opened)
-    finally:
-        os.close(opened)
 
 
 def record_path(folder: Path, key: str) -> Path:
@@ -264,7 +230,7 @@ def drop_tables(folder: Path) -> None:
     """Remove the tables, before there is a record that they do not cover."""
     for name in (SUMS, TABLE, CSV):
         (folder / name).unlink(missing_ok=True)
-    _sync(folder)  # or they come back with the power
+    sync_folder(folder)  # or they come back with the power
 
 
 def load_results(path: str | Path, report: Callable[[str], None] | None = None) -> "pandas.DataFrame":

@@ -16,7 +16,8 @@ from pathlib import Path
 
 from mrp_sumo.errors import BatchError, first_line
 from mrp_sumo.files.reading import read_bytes
-from mrp_sumo.io.results import record_path, write_whole
+from mrp_sumo.files.writing import write_whole
+from mrp_sumo.io.results import record_path
 
 FLOOR = "floor.json"
 FLOORS = "floors"

@@ -5,14 +5,14 @@ file that names it lies in a folder that was trusted once. Worker processes trus
 """
 
 import os
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from mrp_sumo.errors import MrpSumoError
+from mrp_sumo.errors import MrpSumoError, sentence
 from mrp_sumo.files.reading import read_text
+from mrp_sumo.files.writing import write_whole
 
 MAX_BYTES = 1_000_000  # of the list of folders
 _named: set["Program"] = set()
@@ -129,13 +129,8 @@ def _list_file() -> Path:
 
 
 def _write(folders: set[Path]) -> None:
-    """The list, whole or not at all."""
     path = _list_file()
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=path.parent, prefix=".trusted.") as scratch:
-        new = Path(scratch) / "trusted"
-        with new.open("w", encoding="utf-8") as file:
-            file.write("".join(f"{folder}\n" for folder in sorted(folders)))
-            file.flush()
-            os.fsync(file.fileno())
-        new.replace(path)
+    try:
+        write_whole(path, "".join(f"{folder}\n" for folder in sorted(folders)).encode())
+    except OSError as error:
+        raise MrpSumoError(f"{path}: cannot be written: {sentence(error)}") from None

@@ -132,6 +132,13 @@ def test_what_cannot_be_trusted_is_one_line(folder, capsys, arguments):
     refusal(capsys, folder)
 
 
+def test_list_that_cannot_be_written_is_one_line(folder, capsys, tmp_path, monkeypatch):
+    (tmp_path / "file").touch()
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "file"))
+    assert main(["trust", "."]) == 2
+    assert f"{tmp_path / 'file' / 'mrp-sumo' / 'trusted'}: cannot be written" in capsys.readouterr().err
+
+
 def test_call_in_python_names_a_program_and_a_file_does_not(folder):
     with pytest.raises(ms.MrpSumoError, match="would run"):
         ms.run(ms.Scenario.read("planner.yaml"))

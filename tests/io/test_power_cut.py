@@ -5,7 +5,8 @@ import os
 import pytest
 from power_cut import cut, watch
 
-from mrp_sumo.io.results import CSV, SUMS, TABLE, drop_tables, write_whole
+from mrp_sumo.files.writing import write_whole
+from mrp_sumo.io.results import CSV, SUMS, TABLE, drop_tables
 
 
 @pytest.fixture

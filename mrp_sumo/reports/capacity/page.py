@@ -11,7 +11,7 @@ from pathlib import Path
 
 from mrp_sumo import __version__
 from mrp_sumo.experiments.identity import library_versions
-from mrp_sumo.io.results import write_whole
+from mrp_sumo.files.writing import write_whole
 from mrp_sumo.reports.capacity.charts import floor, flow, parts, service, success, throughput
 from mrp_sumo.reports.page import Tile, chart_row, document, gap_list, rows_of, tile_list
 from mrp_sumo.reports.replay.page import write_replay
