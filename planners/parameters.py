@@ -5,14 +5,6 @@ from mrp_sumo.errors import PlanError
 LONGEST_LOCAL = 126  # steps of a path of local guidance: its tables have a slot for each step and vertex
 
 
-def check_tree(memory_mb: int, w: float = 1.0) -> None:
-    """Refuse, of conflict-based search, a factor below 1 or without end, and less than 1 MB."""
-    if not 1 <= w < float("inf"):
-        raise PlanError(f"w is {w}, expected a finite number of 1 or more")
-    if memory_mb < 1:
-        raise PlanError(f"memory_mb is {memory_mb}, expected 1 or more")
-
-
 def check_local(name: str, local: int) -> None:
     """Refuse a window of local guidance that there is no room for, in the name of a planner."""
     if not 0 <= local <= LONGEST_LOCAL:

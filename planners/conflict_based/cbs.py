@@ -12,78 +12,97 @@ cost of its assignment alone until it is taken.
 """
 
 from dataclasses import dataclass
+from heapq import heappop, heappush
+from itertools import count
 from typing import ClassVar
 
-from mrp_sumo.core.plan import PlanResult
-from mrp_sumo.core.problem import Problem
-from planners.parameters import check_tree
+from planners.conflict_based.clusters import find_cluster
+from planners.conflict_based.frame import Forest, OpenNodes, TreePlanner
+from planners.conflict_based.tree import ConflictNode
 
 
 @dataclass(frozen=True)
-class Cbs:
+class CbsTa(TreePlanner):
+    """Conflict-based search with task assignment: assigns and plans at once."""
+
+    heuristic: bool = True  # WDG, weighted pairwise dependencies: what each pair in conflict will cost more
+    bypass: bool = True  # take a path of equal cost with fewer conflicts instead of splitting
+
+    assigns: ClassVar[bool] = True
+    guarantee: ClassVar[str] = "optimal with assignment"
+
+    def open_nodes(self, forest: Forest) -> OpenNodes:
+        """See `TreePlanner`."""
+        return BestFirst(forest, heuristic=self.heuristic, bypass=self.bypass)
+
+
+@dataclass(frozen=True)
+class Cbs(CbsTa):
     """Conflict-based search, with improvements that can be switched off.
 
     Nodes are expanded best first by cost plus heuristic; each expansion splits on a conflict.
     """
 
-    heuristic: bool = True  # WDG, weighted pairwise dependencies: what each pair in conflict will cost more
-    symmetries: bool = True  # rectangles, corridors, targets
-    bypass: bool = True  # take a path of equal cost with fewer conflicts instead of splitting
     disjoint: bool = False  # split into a constraint that forbids and one that demands, for one robot
-    following: bool = False  # following conflicts count too
-    memory_mb: int = 4000  # for tables and nodes; beyond it gives up
 
     assigns: ClassVar[bool] = False
     guarantee: ClassVar[str] = "optimal"
     supports: ClassVar[frozenset[str]] = frozenset({"effort"})
 
-    def __post_init__(self) -> None:
-        check_tree(self.memory_mb)
-
-    def prepare(self) -> None:
-        """See `Planner`."""
-        from planners.conflict_based.warm import warm
-
-        warm(self)
-
-    def plan(self, problem: Problem, time_limit_s: float) -> PlanResult:
-        """See `Planner`."""
-        from planners.conflict_based.best_first import BestFirst
-        from planners.conflict_based.frame import search
-
-        return search(
-            self,
-            problem,
-            time_limit_s,
-            lambda forest: BestFirst(forest, heuristic=self.heuristic, bypass=self.bypass, disjoint=self.disjoint),
-        )
+    def open_nodes(self, forest: Forest) -> OpenNodes:
+        """See `TreePlanner`."""
+        return BestFirst(forest, heuristic=self.heuristic, bypass=self.bypass, disjoint=self.disjoint)
 
 
-@dataclass(frozen=True)
-class CbsTa:
-    """Conflict-based search with task assignment: assigns and plans at once."""
+class BestFirst:
+    """OPEN: best first by f = g + h, g the cost and h the WDG heuristic, among equals the fewest conflicts.
 
-    heuristic: bool = True  # WDG, weighted pairwise dependencies: what each pair in conflict will cost more
-    symmetries: bool = True  # rectangles, corridors, targets
-    bypass: bool = True  # take a path of equal cost with fewer conflicts instead of splitting
-    following: bool = False  # following conflicts count too
-    memory_mb: int = 4000  # for tables and nodes; beyond it gives up
+    h is looked up when a node is taken out, which is put back where that makes it worse.
+    """
 
-    assigns: ClassVar[bool] = True
-    guarantee: ClassVar[str] = "optimal with assignment"
+    def __init__(self, forest: Forest, *, heuristic: bool, bypass: bool, disjoint: bool = False) -> None:
+        self.lower = 0.0
+        self._forest = forest
+        self._heuristic, self._bypass, self._disjoint = heuristic, bypass, disjoint
+        self._number = count()
+        self._open: list[tuple[int, int, int, ConflictNode]] = []  # (f, conflicts, newest first, node)
 
-    def __post_init__(self) -> None:
-        check_tree(self.memory_mb)
+    def select(self) -> ConflictNode | None:
+        """See `OpenNodes`. A root is made when no node is better than its assignment."""
+        while True:
+            self._forest.check_clock()
+            next_cost = self._forest.next_cost
+            if next_cost is not None and (not self._open or self._open[0][0] > next_cost):
+                self.lower = max(self.lower, next_cost)
+                if root := self._forest.plant():
+                    self._insert(root)
+                continue
+            if not self._open:
+                return None
+            f, _, _, node = heappop(self._open)
+            self.lower = max(self.lower, float(f))
+            if not self._heuristic or not len(node.conflicts):
+                return node
+            node.tree.look_at(node)
+            if node.f <= f:
+                return node
+            self._insert(node)
 
-    def prepare(self) -> None:
-        """See `Planner`."""
-        from planners.conflict_based.warm import warm
+    def expand(self, node: ConflictNode) -> None:
+        """See `OpenNodes`. No solution below a child costs less than below its parent."""
+        children = node.tree.children(node, bypass=self._bypass, disjoint=self._disjoint)
+        if self._heuristic and node.tree.is_hard:
+            node.tree.learn(node, children)
+            stays = node.split_on is not None and any(child.f == node.f for child in children)
+            if stays and find_cluster(node, bypass=self._bypass):
+                node.tree.look_at(node)
+        for child in children:
+            child.h = max(child.h, node.f - child.cost)
+            self._insert(child)
 
-        warm(self)
+    def counters(self) -> dict[str, float]:
+        """See `OpenNodes`."""
+        return {}
 
-    def plan(self, problem: Problem, time_limit_s: float) -> PlanResult:
-        """See `Planner`."""
-        from planners.conflict_based.best_first import BestFirst
-        from planners.conflict_based.frame import search
-
-        return search(self, problem, time_limit_s, lambda forest: BestFirst(forest, heuristic=self.heuristic, bypass=self.bypass))
+    def _insert(self, node: ConflictNode) -> None:
+        heappush(self._open, (node.f, len(node.conflicts), -next(self._number), node))

@@ -1,21 +1,30 @@
-"""What all conflict-based planners share: constraint trees, the loop, the clock, the result. A planner's own file is its order of nodes.
+"""What all conflict-based planners share: parameters, constraint trees, the loop, the result. A planner's own file is its order of nodes.
 
 The trees are a forest with a root for each assignment, from the cheapest up (Hoenig et al., AAMAS 2018); where goals are
 assigned already it is a single tree. The next root is made when an order asks for it; until then its cost is a lower bound
 of all that it leads to.
 """
 
-from collections.abc import Callable, Iterator
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from dataclasses import dataclass
 from time import process_time
-from typing import Protocol
+from typing import ClassVar, Protocol
+
+import numpy as np
 
 from mrp_sumo.core.graph import IntArray
 from mrp_sumo.core.plan import PlanResult, Status, plan_of_paths
 from mrp_sumo.core.problem import Problem
+from mrp_sumo.errors import PlanError
 from mrp_sumo.planning.answers import goals_clash, impossible
 from mrp_sumo.planning.costs import costs_of
 from mrp_sumo.planning.ranking import ranked_assignments
+from mrp_sumo.search.solvable import unsolvable
+from planners.conflict_based._cover import cover
 from planners.conflict_based.tree import ConflictNode, OutOfReach, SearchLimits, Tree, limits
+from planners.world import small_problem
 
 Paths = list[IntArray]  # [R] the vertex of each robot at each step
 
@@ -92,76 +101,90 @@ class OpenNodes(Protocol):
         """What the order adds to the result's statistics."""
 
 
-class Face(Protocol):
-    """What the search asks of a planner: the parameters that all have."""
+@dataclass(frozen=True)
+class TreePlanner(ABC):
+    """A planner that expands the nodes of constraint trees, in an order of its own."""
+
+    symmetries: bool = True  # rectangles, corridors, targets
+    following: bool = False  # following conflicts count too
+    memory_mb: int = 4000  # for tables and nodes; beyond it gives up
+
+    assigns: ClassVar[bool] = False
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.factor < math.inf:
+            raise PlanError(f"w is {self.factor}, expected a finite number of 1 or more")
+        if self.memory_mb < 1:
+            raise PlanError(f"memory_mb is {self.memory_mb}, expected 1 or more")
 
     @property
-    def assigns(self) -> bool: ...
+    def factor(self) -> float:
+        """How many times the optimum a plan may cost."""
+        return 1.0
 
-    @property
-    def following(self) -> bool: ...
+    @abstractmethod
+    def open_nodes(self, forest: Forest) -> OpenNodes:
+        """The open nodes of a forest, in this planner's order."""
 
-    @property
-    def symmetries(self) -> bool: ...
+    def prepare(self) -> None:
+        """Compile or load the kernels: plan a swap beside a siding, and take every step of a tree on it."""
+        problem = small_problem()
+        self.plan(problem, math.inf)
+        tree = Tree(problem, limits(math.inf, 1000))
+        root = tree.root()
+        assert root is not None
+        tree.heuristic(root)
+        chosen = tree.choose(root)
+        children = tree.split(root, chosen)
+        tree.split(root, chosen, disjoint=True)
+        tree.adopt(root, children[0])
+        cover(3, np.array([0, 2, 4]), np.array([0, 1, 1, 2]), np.array([1, 1]))
+        unsolvable(problem, tree.instance.clashes)
 
-    @property
-    def memory_mb(self) -> int: ...
+    def plan(self, problem: Problem, time_limit_s: float) -> PlanResult:
+        """Expand nodes in order, until one without conflicts costs at most `factor` times the lower bound.
 
-
-def search(planner: Face, problem: Problem, time_limit_s: float, order_of: Callable[[Forest], OpenNodes], *, w: float = 1.0) -> PlanResult:
-    """Expand nodes in a planner's order, until one without conflicts costs at most w times the lower bound.
-
-    Parameters
-    ----------
-    planner
-        Who asks; where it `assigns` and goals are not assigned, every assignment of them will do.
-    problem, time_limit_s
-        As `Planner.plan` takes them; in a window, only conflicts within it are resolved.
-    order_of
-        The order of a forest's nodes.
-    w
-        The factor.
-    """
-    began = process_time()
-    assigns = planner.assigns and not problem.is_assigned  # goals that are given are kept
-    limit = limits(time_limit_s, planner.memory_mb, problem.effort)
-    try:
-        if refusal := goals_clash(problem) if assigns else impossible(problem, limit.check):
-            return refusal
-        forest = Forest(problem, limit, assigns=assigns, following=planner.following, symmetries=planner.symmetries)
-    except OutOfReach as reached:
-        return PlanResult(reached.status, planning_time_s=process_time() - began, message=str(reached))
-    order = order_of(forest)
-    expanded = 0
-    paths: Paths | None = None
-    goal_of: IntArray | None = None
-    status, message = Status.SOLVED, ""
-    try:
-        while paths is None:
-            node = order.select()
-            if node is None:
-                why = "for any assignment of the goals" if assigns else ": every way to end the conflicts fails"
-                status, message = Status.INFEASIBLE, f"no plan exists{' ' if assigns else ''}{why}"
-                break
-            if isinstance(node, list):
-                paths = node
-            elif not len(node.conflicts) and node.cost <= w * order.lower + 1e-9 and not node.tree.ring(node):
-                paths, goal_of = node.tree.paths(node), node.tree.problem.goal_of
-            else:
-                expanded += 1
-                order.expand(node)
-    except OutOfReach as reached:
-        status, message = reached.status, str(reached)
-    if paths is not None and problem.window_steps:
-        paths = [path[: problem.window_steps + 1] for path in paths]  # beyond, robots are not kept apart
-    first = forest.first
-    counted = {"roots": forest.num_roots} if assigns else {"generated": forest.tree.generated}
-    return PlanResult(
-        status,
-        plan=plan_of_paths(paths, problem.step_s) if paths is not None else None,
-        goal_of=goal_of if assigns else None,
-        planning_time_s=process_time() - began,
-        lower_bound_steps=float(order.lower),
-        stats={"expanded": expanded, **counted, "low_level_expansions": first.expansions if first else 0, **order.counters()},
-        message=message,
-    )
+        Where it `assigns` and goals are not assigned, every assignment of them will do; in a window, only conflicts within it are resolved.
+        """
+        began = process_time()
+        assigns = self.assigns and not problem.is_assigned  # goals that are given are kept
+        limit = limits(time_limit_s, self.memory_mb, problem.effort)
+        try:
+            if refusal := goals_clash(problem) if assigns else impossible(problem, limit.check):
+                return refusal
+            forest = Forest(problem, limit, assigns=assigns, following=self.following, symmetries=self.symmetries)
+        except OutOfReach as reached:
+            return PlanResult(reached.status, planning_time_s=process_time() - began, message=str(reached))
+        nodes, expanded = self.open_nodes(forest), 0
+        paths: Paths | None = None
+        goal_of: IntArray | None = None
+        status, message = Status.SOLVED, ""
+        try:
+            while paths is None:
+                node = nodes.select()
+                if node is None:
+                    why = "for any assignment of the goals" if assigns else ": every way to end the conflicts fails"
+                    status, message = Status.INFEASIBLE, f"no plan exists{' ' if assigns else ''}{why}"
+                    break
+                if isinstance(node, list):
+                    paths = node
+                elif not len(node.conflicts) and node.cost <= self.factor * nodes.lower + 1e-9 and not node.tree.ring(node):
+                    paths, goal_of = node.tree.paths(node), node.tree.problem.goal_of
+                else:
+                    expanded += 1
+                    nodes.expand(node)
+        except OutOfReach as reached:
+            status, message = reached.status, str(reached)
+        if paths is not None and problem.window_steps:
+            paths = [path[: problem.window_steps + 1] for path in paths]  # beyond, robots are not kept apart
+        counted = {"roots": forest.num_roots} if assigns else {"generated": forest.tree.generated}
+        low_level = forest.first.expansions if forest.first else 0
+        return PlanResult(
+            status,
+            plan=plan_of_paths(paths, problem.step_s) if paths is not None else None,
+            goal_of=goal_of if assigns else None,
+            planning_time_s=process_time() - began,
+            lower_bound_steps=float(nodes.lower),
+            stats={"expanded": expanded, **counted, "low_level_expansions": low_level, **nodes.counters()},
+            message=message,
+        )
