@@ -1,7 +1,8 @@
-"""The arrays that PIBT, LaCAM and LNS2 plan on, made from a problem, and the answers that need no search."""
+"""How PIBT, LaCAM and LNS2 begin and end: distances, answers that need no search, paths that are easy to find, else a guide; plans."""
 
 import math
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from functools import cache
 from mmap import mmap
 from time import process_time
@@ -13,17 +14,120 @@ from mrp_sumo.core.graph import IntArray, PlanGraph, frozen, nav_graph, plan_gra
 from mrp_sumo.core.plan import PlanResult, Status, plan_of_paths
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.core.robot_type import RobotType
-from mrp_sumo.planning.answers import goals_clash, unplanned
+from mrp_sumo.errors import PlanError
+from mrp_sumo.planning.answers import deadline_of, goals_clash, order_clash, unplanned
 from mrp_sumo.search.distance import UNREACHABLE, steps_to_targets
 from mrp_sumo.traffic.clashes import clashes_of
-from planners._compass import SLACK_STEPS, extend_all
-from planners.configuration._pibt_instance import PibtInstance, PibtScratch
+from planners.configuration._pibt_instance import SLACK_STEPS, Compass, PibtInstance, extend_all
+from planners.configuration.guides import are_thin, guide_of
 
 TABLE_CELLS = 10_000_000  # tables of steps larger than this are packed
 WHOLE_CELLS = 100_000_000  # and larger than this are begun only about the robots' ways
 TILE = 16  # side of a tile in steps: 256 vertices are one line of 64 bytes
-MOVES_A_LANE = 2.25  # along shortest ways, from which on there is no way past the others
 SLICE_S = 0.02  # how long a kernel runs until the clock is read
+FEW = 16  # vertices for each robot, from which on there is a way past the others, however long ways are
+LONGEST_LOCAL = 126  # steps of a path of local guidance: its tables have a slot for each step and vertex
+
+
+@dataclass(frozen=True)
+class ByConfigurations:
+    """What PIBT and LaCAM have in common: the moves that robots may make at once, and what guides them."""
+
+    following: bool = False  # avoid following conflicts too: nobody enters a vertex in the step its holder leaves
+    rotations: bool = True  # rings of robots may move at once
+    hindrance: bool = True  # prefer, among equally near vertices, those that fewer neighbours want
+    ways: int = 2  # rounds of giving robots shortest ways that meet few others, where lanes are little used; 0 for none
+    flow: int = 1  # rounds of giving robots guide paths that avoid oncoming traffic, elsewhere; 0 for none
+    local: int = 14  # steps of short paths that robots are given before each step, around each other's; 0 for none
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.local <= LONGEST_LOCAL:
+            raise PlanError(f"{type(self).__name__.lower()}: local is {self.local}, expected 0 to {LONGEST_LOCAL}")
+
+
+EasyPaths = Callable[[Problem, PibtInstance, np.random.Generator, float], tuple[np.ndarray | None, int]]
+
+
+@dataclass(frozen=True)
+class SearchStart:
+    """Where a search begins."""
+
+    given: Problem
+    problem: Problem  # the same, or with its vertices renumbered
+    original: IntArray | None  # [V] the given number of each vertex, None where they are the same
+    world: PibtInstance  # without a guide
+    guided: PibtInstance  # with one, or the same
+    path: np.ndarray | None  # [T, R] paths without collisions, where they were looked for and easy to find
+    labels: int  # made to find them
+    steps: IntArray  # [R] from start to goal
+    rng: np.random.Generator
+    begin_s: float
+    deadline_s: float
+
+    @property
+    def lower_bound(self) -> float:
+        return float(self.steps.sum())
+
+    @property
+    def num_guided(self) -> int:
+        """Steps after which the guide has done its work: the longest way.
+
+        It keeps robots from each other on their long ways, and could keep the last ones from their goals.
+        """
+        return int(self.steps.max())
+
+    def solved(self, path: np.ndarray, **stats: float) -> PlanResult:
+        """SOLVED with the plan of `path` [T, R], in the problem's own numbers."""
+        stats = {"cost": float(sum_of_costs(path, self.world.goal))} | stats
+        path = path if self.original is None else self.original[path]
+        window = self.given.window_steps
+        path = path[: window + 1] if window else path
+        return solved(self.given, path, self.begin_s, self.lower_bound, **stats)
+
+
+def search_start(
+    planner: ByConfigurations,
+    problem: Problem,
+    time_limit_s: float,
+    chance: int,
+    packed: bool | None,
+    easy: EasyPaths | None = None,
+) -> SearchStart | PlanResult:
+    """Where the search for a problem begins, or the result where none is needed or the time is up already.
+
+    Parameters
+    ----------
+    planner, problem, time_limit_s
+        Who is asked, and what.
+    chance
+        Purpose of the stream of chance.
+    packed
+        Whether to pack distances; None to see for itself.
+    easy
+        Looks for paths without collisions where robots use lanes little, until a time: see `first_paths`; None for no such paths.
+    """
+    begin_s = process_time()
+    deadline_s = deadline_of(time_limit_s)
+    given, original = problem, None
+    packed = is_large(problem) if packed is None else packed
+    if packed and is_vast(problem):
+        problem, original = tiled(problem)
+    built = build_world(problem, deadline_s, packed=packed, rules=planner)
+    if built is None:
+        return unplanned(Status.TIMED_OUT, begin_s, "the time limit passed while distances were computed")
+    world, steps = built
+    known = without_search(given, steps, begin_s) or order_clash(given)
+    if known:
+        return known
+    rng = np.random.default_rng([problem.seed, chance])
+    path, labels = None, 0
+    thin = are_thin(problem, steps) or FEW * problem.num_robots <= problem.graph.num_vertices
+    if easy and planner.ways and thin and not problem.window_steps:
+        path, labels = easy(problem, world, rng, 0.5 * (process_time() + deadline_s))
+    guided = world
+    if path is None and problem.num_robots > 1:
+        guided = guide_of(problem, world, planner.ways, planner.flow, deadline_s, rng)
+    return SearchStart(given, problem, original, world, guided, path, labels, steps, rng, begin_s, deadline_s)
 
 
 def is_large(problem: Problem) -> bool:
@@ -71,7 +175,7 @@ def tiled(problem: Problem) -> tuple[Problem, IntArray]:
 
 
 def build_world(
-    problem: Problem, deadline_s: float, *, packed: bool, following: bool = False, rotations: bool = True
+    problem: Problem, deadline_s: float, *, packed: bool, rules: ByConfigurations = ByConfigurations()
 ) -> tuple[PibtInstance, IntArray] | None:
     """The instance and [R] steps from start to goal, -1 where there is no way; None when the deadline passes first.
 
@@ -83,31 +187,24 @@ def build_world(
         On the clock of `process_time`.
     packed
         Whether to keep two bits a vertex; all lanes must have opposites.
-    following, rotations
-        See PibtInstance.
+    rules
+        Which moves robots may make at once.
     """
     graph, target, clashes = problem.graph, np.array(problem.target), clashes_of(problem)
     num_robots, num_vertices = problem.num_robots, graph.num_vertices
-    two_way = bool((graph.reverse >= 0).all())
-    steps = np.full(num_robots, -1, np.int64)
-    table = frozen(np.zeros((1, 1), np.int32))
-    code = _unwritten(num_robots, (num_vertices + 3) // 4) if packed else np.zeros((1, 1), np.uint8)
-    first_packed = graph.first.astype(np.int32) if packed else np.zeros(1, np.int32)
-    head_packed = graph.head.astype(np.int32) if packed else np.zeros(1, np.int32)
-    queue = np.zeros(num_vertices if packed else 1, np.int32)
-    bound = _bound(graph) if packed else np.zeros((1, 2), np.float32)
+    steps, table = np.full(num_robots, -1, np.int64), frozen(np.zeros((1, 1), np.int32))
+    compass = _compass(graph, num_robots) if packed else _compass(None, 1)
     if packed:
         at_once, slack = max(1, 2_000_000 // num_vertices), SLACK_STEPS if is_vast(problem) else num_vertices
         for a in range(0, num_robots, at_once):
             if process_time() > deadline_s:
                 return None
-            b = min(a + at_once, num_robots)
-            extend_all(first_packed, head_packed, target, np.array(problem.start), a, b, code, queue, bound, slack, steps)
+            extend_all(compass, target, np.array(problem.start), a, min(a + at_once, num_robots), slack, steps)
     else:
-        found = steps_table(problem, deadline_s)
-        if found is None:
+        known = steps_table(problem, deadline_s)
+        if known is None:
             return None
-        table = found
+        table = known
         steps[:] = table[np.arange(num_robots), problem.start]
         steps[steps >= UNREACHABLE] = -1
     world = PibtInstance(
@@ -116,24 +213,33 @@ def build_world(
         tail=graph.tail,
         goal=target,
         steps=steps,
+        base_order=np.argsort(-steps, kind="stable"),
         table=table,
         packed=packed,
-        code=code,
-        first_packed=first_packed,
-        head_packed=head_packed,
-        queue=queue,
-        bound=bound,
-        two_way=two_way,
+        compass=compass,
+        two_way=bool((graph.reverse >= 0).all()),
         guided=False,
         guide=np.zeros((1, 1), np.int32),
         toll=np.zeros(1, np.int64),
         way=np.zeros((0, 1), np.int32),
-        following=following,
-        rotations=rotations and clashes.rotations,
+        following=rules.following,
+        rotations=rules.rotations and clashes.rotations,
+        hindrance=rules.hindrance,
         near=clashes.any,
         clashes=clashes,
     )
     return world, steps
+
+
+def _compass(graph: PlanGraph | None, num_robots: int) -> Compass:
+    """Nothing known yet; without a graph, what stands where distances are in a table."""
+    if graph is None:
+        one = np.zeros(1, np.int32)
+        return Compass(np.zeros((1, 1), np.uint8), one, one, one, np.zeros((1, 2), np.float32))
+    longest = np.abs(graph.xy[graph.head] - graph.xy[graph.tail]).sum(1).max(initial=0)
+    bound = np.array(graph.xy / longest if longest > 0 else graph.xy, np.float32)
+    code = _unwritten(num_robots, (graph.num_vertices + 3) // 4)
+    return Compass(code, graph.first.astype(np.int32), graph.head.astype(np.int32), np.zeros(graph.num_vertices, np.int32), bound)
 
 
 def _unwritten(num_rows: int, num_columns: int) -> np.ndarray:
@@ -152,25 +258,6 @@ def steps_table(problem: Problem, deadline_s: float) -> np.ndarray | None:
         return steps_to_targets(problem, check)
     except TimeoutError:
         return None
-
-
-def build_scratch(world: PibtInstance) -> PibtScratch:
-    """Room for PIBT's steps."""
-    num_vertices, num_robots = len(world.first) - 1, len(world.goal)
-    width = int(np.diff(world.first).max(initial=0)) + 1
-    return PibtScratch(
-        now=np.full(num_vertices, -1, np.int64),
-        next=np.full(num_vertices, -1, np.int64),
-        wished=np.full(num_vertices if world.near else 1, -1, np.int64),
-        onward=np.full(num_robots, -1, np.int64),
-        wish=np.full(num_robots, -1, np.int64),
-        stack=np.zeros(num_robots + 1, np.int64),
-        choice=np.zeros(num_robots, np.int64),
-        candidate=np.zeros((num_robots, width), np.int64),
-        num=np.zeros(num_robots, np.int64),
-        partner=np.zeros(num_robots, np.int64),
-        key=np.zeros(width, np.float64),
-    )
 
 
 def without_search(problem: Problem, steps: IntArray, begin_s: float) -> PlanResult | None:
@@ -217,9 +304,3 @@ def small_problem() -> Problem:
     graph = plan_graph(nav, kind="roadmap", cell_m=1.0)
     fleet = fleet_of(RobotType("any", 0.1, 0.1, 1.0, 1.0, 1.0, 1.0), 2)
     return Problem(graph, fleet, np.array([0, 2]), np.array([2, 0]), np.array([0, 1]), 1.0)
-
-
-def _bound(graph: PlanGraph) -> np.ndarray:
-    """[V, 2] float32 coordinates scaled such that every lane is at most 1 long by the sum of absolute differences."""
-    longest = np.abs(graph.xy[graph.head] - graph.xy[graph.tail]).sum(1).max(initial=0)
-    return np.array(graph.xy / longest if longest > 0 else graph.xy, np.float32)

@@ -4,6 +4,11 @@ After Chen, Harabor, Li, Stuckey, "Traffic flow optimisation for lifelong multi-
 robot after another is given a way on lanes that cost more the more ways already given run against them, and again when
 all have one. What differs: the price is linear in the ways against, up to a most, and a robot follows not its one way
 but the costs that all ways together leave behind, from wherever others have pushed it.
+
+Costs can also come of what a search has seen of traffic, after the abstract of Shen, Zhang, Chen, Harabor, "A lightweight traffic map for
+efficient anytime LaCAM*", 2026 (arXiv 2603.07891): of what PIBT did in configurations that it generated. Details are ours: a step in which
+a robot comes no nearer its goal is a delay on the lane that it would have taken, and a lane costs what robots took on the average to get
+over it, in all solutions so far.
 """
 
 from typing import NamedTuple
@@ -11,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mrp_sumo.search._kernel import kernel
+from planners.configuration._pibt_instance import nearer
 
 STEP = 10  # what a lane costs that nobody runs against
 AGAINST = 1  # and each way against it
@@ -27,6 +33,8 @@ class LaneFlow(NamedTuple):
     first_in: np.ndarray  # [V + 1] int64, lanes that enter a vertex: numbers in `entering`
     entering: np.ndarray  # [L] int64
     tail: np.ndarray  # [L] int64
+    start: np.ndarray  # [R] int64
+    goal: np.ndarray  # [R] int64
     cost: np.ndarray  # [L] int64
     num: np.ndarray  # [L] int64 ways along a lane
     way: np.ndarray  # [R, N] int32 lanes of each robot's way
@@ -38,11 +46,10 @@ class LaneFlow(NamedTuple):
 
 
 @kernel(allocates=False)
-def give_ways(flow, start, goal, order, begin, end):
-    """Give robots order[begin:end] the cheapest ways, in the place of those they have."""
-    first, head, cost, left = flow.first, flow.head, flow.cost, flow.left
-    for k in range(begin, end):
-        robot = order[k]
+def give_ways(flow, robots):
+    """Give robots the cheapest ways, in the place of those they have."""
+    first, head, cost, left, start, goal = flow.first, flow.head, flow.cost, flow.left, flow.start, flow.goal
+    for robot in robots:
         for n in range(flow.length[robot]):
             _count(flow, flow.way[robot, n], -1)
         write_left(flow, goal[robot], start[robot], left)
@@ -70,10 +77,10 @@ def _count(flow, lane, change):
 
 
 @kernel(allocates=False)
-def write_guide(flow, goal, guide, begin, end):
+def write_guide(flow, guide, begin, end):
     """[R, V] what is left to each robot's goal from everywhere, for robots begin to end - 1."""
     for robot in range(begin, end):
-        write_left(flow, goal[robot], np.int64(-1), guide[robot])
+        write_left(flow, flow.goal[robot], np.int64(-1), guide[robot])
 
 
 @kernel(allocates=False)
@@ -112,3 +119,35 @@ def write_left(flow, goal, until, left):
                     num += 1
                     waiting += 1
         d += 1
+
+
+class TrafficMap(NamedTuple):
+    """What was seen on L lanes."""
+
+    passages: np.ndarray  # [L] int64 moves along a lane
+    delay: np.ndarray  # [L] int64 steps lost by robots that would have taken it
+
+
+@kernel(allocates=False)
+def observe(world, traffic, path):
+    """Enter what robots did on the way [T, R] to their goals."""
+    for t in range(len(path) - 1):
+        for i in range(path.shape[1]):
+            v, u = np.int64(path[t, i]), np.int64(path[t + 1, i])
+            if v == world.goal[i]:
+                continue
+            lost = 1 + nearer(world, i, u, v)
+            for lane in range(world.first[v], world.first[v + 1]):
+                if lost == 0 and world.head[lane] == u:
+                    traffic.passages[lane] += 1
+                if lost > 0 and nearer(world, i, world.head[lane], v) < 0:
+                    traffic.delay[lane] += lost
+                    break
+
+
+@kernel(allocates=False)
+def write_tolls(traffic, toll):
+    """[L] int64 what lanes cost, STEP to MOST."""
+    for lane in range(len(toll)):
+        seen = traffic.passages[lane] + 1
+        toll[lane] = min(STEP + STEP * traffic.delay[lane] // seen, MOST)

@@ -50,25 +50,27 @@ class LacamMemory(NamedTuple):
     open: np.ndarray  # [O] int64 stack of nodes
     relax: np.ndarray  # [N] int64 stack of nodes to relax
     relaxing: np.ndarray  # [N] bool
+    to: np.ndarray  # [R] int32 scratch: a configuration that is being generated
+    best: np.ndarray  # [R] int32 scratch: the best of those that were
     count: np.ndarray  # [6] int64
 
 
 @kernel
-def begin(world, search, start, order, h):
+def begin(world, search, start, h):
     """Put the start in the empty search."""
     n = search.count
     n[:] = 0
     n[GOAL] = NONE
     search.slot[:] = NONE
     node = _create(search, start, _digest(start), h)
-    search.order[node] = order
+    search.order[node] = world.base_order
     search.g[node] = 0
     search.open[0] = node
     n[OPEN] = 1
 
 
 @kernel
-def search_on(world, scratch, local, search, base_order, to, best, num_tries, hindrance, iterations, rng):
+def search_on(world, scratch, search, num_tries, iterations, rng):
     """Go on for a number of iterations.
 
     Parameters
@@ -77,14 +79,8 @@ def search_on(world, scratch, local, search, base_order, to, best, num_tries, hi
         Of PIBT.
     search
         After `begin`.
-    base_order
-        [R] priorities among robots at their goals.
-    to, best
-        [R] scratch.
     num_tries
         Configurations generated for a visit, of which the best is kept.
-    hindrance
-        Of PIBT.
     iterations
         Visits at most.
     rng
@@ -96,7 +92,7 @@ def search_on(world, scratch, local, search, base_order, to, best, num_tries, hi
         RUNNING: iterations are used up. REACHED: the goal was just reached for the first time, or at less cost.
         EXHAUSTED: there is no more, so that the best solution is optimal, or there is none. FULL: room is needed.
     """
-    n = search.count
+    n, best = search.count, search.best
     goal_g = search.g[n[GOAL]] if n[GOAL] >= 0 else np.int64(-1)
     for _ in range(iterations):
         if n[OPEN] == 0:
@@ -120,9 +116,9 @@ def search_on(world, scratch, local, search, base_order, to, best, num_tries, hi
             continue
         search.first_branch[node] = search.branch_next[branch]
         _grow_tree(world, search, node, branch, rng)
-        if local.window > 0:
-            guide_locally(world, scratch, local, here, search.order[node], rng)
-        if not _generate(world, scratch, search, node, branch, to, best, num_tries, hindrance, rng):
+        if scratch.local.window > 0:
+            guide_locally(world, scratch, here, search.order[node], rng)
+        if not _generate(world, scratch, search, node, branch, num_tries, rng):
             continue
         cost, h_change = _transition(world, here, best)
         digest = _digest(best)
@@ -137,7 +133,7 @@ def search_on(world, scratch, local, search, base_order, to, best, num_tries, hi
         else:
             other = _create(search, best, digest, search.h[node] + h_change)
             search.order[other] = search.order[node]
-            reorder(world, search.config[other], search.order[other], base_order, search.order[other])
+            reorder(world, search.config[other], search.order[other], search.order[other])
             search.g[other] = search.g[node] + cost
             search.parent[other] = node
             _connect(search, node, other, cost)
@@ -153,7 +149,7 @@ def search_on(world, scratch, local, search, base_order, to, best, num_tries, hi
 
 
 @kernel
-def insert_path(world, scratch, search, path, base_order):
+def insert_path(world, scratch, search, path):
     """Make a solution found elsewhere, [T, R] rows from start to goal, part of the search. False when room is needed."""
     n = search.count
     node = np.int64(0)
@@ -168,7 +164,7 @@ def insert_path(world, scratch, search, path, base_order):
         if other < 0:
             other = _create(search, path[t], digest, search.h[node] + h_change)
             search.order[other] = search.order[node]
-            reorder(world, search.config[other], search.order[other], base_order, search.order[other])
+            reorder(world, search.config[other], search.order[other], search.order[other])
             search.g[other] = search.g[node] + cost
             search.parent[other] = node
             if search.h[other] == 0 and n[GOAL] < 0:
@@ -283,9 +279,9 @@ def _grow_tree(world, search, node, branch, rng):
 
 
 @kernel
-def _generate(world, scratch, search, node, branch, to, best, num_tries, hindrance, rng):
-    """Generate configurations that keep to the branch; `best` is the one of least cost to come. False when there is none."""
-    here, order = search.config[node], search.order[node]
+def _generate(world, scratch, search, node, branch, num_tries, rng):
+    """Generate configurations that keep to the branch; `search.best` is the one of least cost to come. False when there is none."""
+    here, order, to = search.config[node], search.order[node], search.to
     least = np.int64(-1)
     for _ in range(num_tries):
         to[:] = NONE
@@ -293,12 +289,12 @@ def _generate(world, scratch, search, node, branch, to, best, num_tries, hindran
         while search.branch_depth[b] > 0:
             to[order[search.branch_depth[b] - 1]] = search.branch_vertex[b]
             b = search.branch_parent[b]
-        if not step(world, scratch, here, to, order, hindrance, rng):
+        if not step(world, scratch, here, to, order, rng):
             continue
         cost, h_change = _transition(world, here, to)
         if least < 0 or cost + h_change < least:
             least = cost + h_change
-            best[:] = to
+            search.best[:] = to
     return least >= 0
 
 
@@ -358,3 +354,54 @@ def _relax_from(search, node):
                     search.open[n[OPEN]] = u
                     n[OPEN] += 1
             e = search.edge_next[e]
+
+
+def room_for_nodes(num_robots: int, width: int, nodes: int) -> LacamMemory:
+    """Memory for a number of nodes, and in proportion for the rest; `width` is the most candidates of a robot."""
+    branches, edges, opened = nodes * (width + 2) + width, 3 * nodes, 4 * nodes
+    return LacamMemory(
+        config=np.empty((nodes, num_robots), np.int32),
+        order=np.empty((nodes, num_robots), np.int32),
+        **{
+            name: np.empty(nodes, np.int64) for name in ("g", "h", "parent", "digest", "first_branch", "last_branch", "first_edge", "relax")
+        },
+        relaxing=np.empty(nodes, np.bool_),
+        **{name: np.empty(num_robots, np.int32) for name in ("to", "best")},
+        **{name: np.empty(branches, np.int64) for name in ("branch_parent", "branch_next")},
+        **{name: np.empty(branches, np.int32) for name in ("branch_vertex", "branch_depth")},
+        edge_to=np.empty(edges, np.int64),
+        edge_cost=np.empty(edges, np.int32),
+        edge_next=np.empty(edges, np.int64),
+        slot=np.full(1 << (2 * nodes - 1).bit_length(), -1, np.int64),
+        open=np.empty(opened, np.int64),
+        count=np.zeros(6, np.int64),
+    )
+
+
+def larger_room(search: LacamMemory, memory_mb: int) -> LacamMemory | None:
+    """The same search with twice the room where room is short; None when that is more memory than allowed."""
+    n = search.count
+    num_nodes, num_robots = search.config.shape
+    nodes = ("config", "order", "g", "h", "parent", "first_branch", "last_branch", "first_edge", "relax", "digest", "relaxing")
+    groups = {
+        (n[NODES], num_nodes): nodes,
+        (n[BRANCHES], len(search.branch_next)): ("branch_parent", "branch_next", "branch_vertex", "branch_depth"),
+        (n[EDGES], len(search.edge_to)): ("edge_to", "edge_cost", "edge_next"),
+        (n[OPEN] + n[NODES], len(search.open)): ("open",),
+    }
+    grown: dict[str, np.ndarray] = {}
+    for (used, room), names in groups.items():
+        if 4 * used < 3 * room:
+            continue
+        for name in names:
+            old = getattr(search, name)
+            if name in ("config", "order") and 2 * 2 * room * num_robots * 4 > memory_mb * 1_000_000:
+                return None
+            grown[name] = np.empty((2 * len(old), *old.shape[1:]), old.dtype)  # what is not written takes no memory
+            grown[name][: len(old)] = old
+    if "config" in grown:
+        grown["slot"] = np.empty(2 * len(search.slot), np.int64)
+    larger = search._replace(**grown)
+    if "config" in grown:
+        fill_slots(larger)
+    return larger

@@ -42,15 +42,13 @@ class LocalGuidance(NamedTuple):
 
 
 @kernel(allocates=False)
-def guide_locally(world, scratch, local, here, order, rng):
+def guide_locally(world, scratch, here, order, rng):
     """Write robots' next steps to `scratch.onward`.
 
     Parameters
     ----------
     world, scratch
-        Of PIBT.
-    local
-        The paths from where robots were before; those of robots that are on their paths go on.
+        Of PIBT. `scratch.local` has the paths from where robots were before; those of robots that are on their paths go on.
     here
         [R] where robots are.
     order
@@ -58,6 +56,7 @@ def guide_locally(world, scratch, local, here, order, rng):
     rng
         Chooses among equally good paths.
     """
+    local = scratch.local
     mask = local.path.shape[1] - 1
     last, now = local.count[NOW] & mask, (local.count[NOW] + 1) & mask
     as_before = True

@@ -1,24 +1,58 @@
 """Kernels of priority inheritance with backtracking (PIBT): one step of all robots at once.
 
 Source: Okumura, Machida, Défago, Tamura, "Priority inheritance with backtracking for iterative multi-agent
-path finding", AIJ 2022, algorithm 1; the paper's names are in brackets. `pibt.Step` is the same algorithm in plain
-Python. Here the recursion is a stack, since a compiled recursive function cannot be stored.
+path finding", AIJ 2022, algorithm 1; the paper's names are in brackets; two robots that meet in a corridor change
+places at the next fork after Okumura, "Improving LaCAM for scalable eventually optimal multi-agent pathfinding", IJCAI 2023. `pibt.Step`
+is the same algorithm in plain Python. Here the recursion is a stack, since a compiled recursive function cannot be stored.
 
 Where rings may not move at once, a move that would close one is refused when it is proposed. Where following is
 refused, a robot still pushes whoever stands on the vertex that it wants, but waits until that robot has gone. It does so too
 where somebody stands too close to its move (a clash): it waits, those who push it wait, and meanwhile nobody else comes near.
 """
 
+from typing import NamedTuple
+
+import numpy as np
+
 from mrp_sumo.search._clashing import move_of
 from mrp_sumo.search._kernel import kernel
-from planners.configuration._local_guidance import guide_locally
-from planners.configuration._pibt_candidates import sort_candidates
+from planners.configuration._local_guidance import LocalGuidance, guide_locally
+from planners.configuration._pibt_instance import (
+    SLACK_STEPS,
+    UNKNOWN,
+    PibtInstance,
+    extend,
+    nearer,
+    next_on_way,
+    prefers,
+    read_code,
+)
 
 NOBODY, CHOSEN = -1, -2  # who is too close
+IN_THE_WAY = 1e12  # in the order of candidates, beyond any other key
+GUIDED = 1e6  # more than any step
+ON_WAY = 32.0  # more than any hindrance, less than a step
+
+
+class PibtScratch(NamedTuple):
+    """Room for a step. `now`, `next` and `wished` are -1 everywhere between calls."""
+
+    now: np.ndarray  # [V] robot on each vertex
+    next: np.ndarray  # [V] robot that has reserved it
+    wished: np.ndarray  # [V] robot that waits until nobody is there; [1] where there are no clashes
+    onward: np.ndarray  # [R] where local guidance leads each robot, -1: nowhere, see _local_guidance
+    wish: np.ndarray  # [R] the lane for which each robot waits, -1: none
+    stack: np.ndarray  # [R] robots that inherited priority
+    choice: np.ndarray  # [R] position in the robot's candidates
+    candidate: np.ndarray  # [R, D + 1] vertices from the most preferred down; D the largest out-degree
+    num: np.ndarray  # [R] of them
+    partner: np.ndarray  # [R] robot to swap with, -1 for none
+    key: np.ndarray  # [D + 1] what candidates are sorted by
+    local: LocalGuidance
 
 
 @kernel(allocates=False)
-def step(world, scratch, here, to, order, hindrance, rng):
+def step(world, scratch, here, to, order, rng):
     """Choose every robot's next vertex.
 
     Parameters
@@ -31,10 +65,8 @@ def step(world, scratch, here, to, order, hindrance, rng):
         [R] out: where they go next (Q_to). In: -1, or a vertex that is imposed on the robot.
     order
         [R] robots, the highest priority first.
-    hindrance
-        Whether ties are broken in favour of vertices that fewer neighbours want.
     rng
-        Breaks the other ties.
+        Breaks the ties that hindrance leaves.
 
     Returns
     -------
@@ -55,7 +87,7 @@ def step(world, scratch, here, to, order, hindrance, rng):
             to[i] = here[i]
             reserved[here[i]] = i
         else:
-            valid = _pibt(world, scratch, here, to, i, hindrance, rng)
+            valid = _pibt(world, scratch, here, to, i, rng)
     for i in range(len(here)):
         now[here[i]] = -1
         reserved[here[i]] = -1
@@ -68,12 +100,12 @@ def step(world, scratch, here, to, order, hindrance, rng):
 
 
 @kernel(allocates=False)
-def _pibt(world, scratch, here, to, root, hindrance, rng):
+def _pibt(world, scratch, here, to, root, rng):
     """Find a next vertex for `root`, and for whoever it pushes (the function PIBT). False when `root` cannot even stay."""
     now, reserved, stack, choice = scratch.now, scratch.next, scratch.stack, scratch.choice
     depth = 0
     stack[0] = root
-    sort_candidates(world, scratch, here, to, root, hindrance, rng)
+    _sort_candidates(world, scratch, here, to, root, rng)
     while depth >= 0:
         i = stack[depth]  # (a_i)
         while choice[i] < scratch.num[i] and _refused(world, scratch, here, to, i, scratch.candidate[i, choice[i]]):
@@ -99,7 +131,7 @@ def _pibt(world, scratch, here, to, root, hindrance, rng):
                 reserved[here[k]] = i  # k may not stay
                 depth += 1
                 stack[depth] = k
-                sort_candidates(world, scratch, here, to, k, hindrance, rng)
+                _sort_candidates(world, scratch, here, to, k, rng)
                 continue
         reserved[v] = i
         to[i] = v
@@ -110,7 +142,7 @@ def _pibt(world, scratch, here, to, root, hindrance, rng):
         if k >= 0 and k != i and to[k] < 0:  # priority inheritance
             depth += 1
             stack[depth] = k
-            sort_candidates(world, scratch, here, to, k, hindrance, rng)
+            _sort_candidates(world, scratch, here, to, k, rng)
             continue
         for d in range(depth, -1, -1):  # (valid) all on the stack move
             _pull_partner(world, scratch, here, to, stack[d])
@@ -230,11 +262,141 @@ def _wait_all(scratch, here, to, depth):
 
 
 @kernel(allocates=False)
-def run(world, scratch, local, path, begin, end, order, base_order, hindrance, rng):
+def _sort_candidates(world, scratch, here, to, i, rng):
+    """List the candidates of robot i, the preferred first, and find its partner for a swap.
+
+    Nearest to the goal first. Ties are broken by the way that a robot has of its own, then by hindrance, how many neighbours a robot would
+    hinder there (Okumura, "Engineering LaCAM*", AAMAS 2024), then by chance. A robot that makes way for a swap takes them in the opposite
+    order. Where somebody waits until nobody is near, robots go last.
+    """
+    v = here[i]
+    a, b = world.first[v], world.first[v + 1]
+    if world.packed:
+        unknown = read_code(world.compass.code, i, v) == UNKNOWN
+        for k in range(a, b):
+            unknown = unknown or read_code(world.compass.code, i, world.head[k]) == UNKNOWN
+        if unknown:
+            extend(world.compass, world.goal[i], i, v, SLACK_STEPS)
+    num = b - a + 1
+    onward = next_on_way(world, i, v)
+    for k in range(num):
+        u = world.head[a + k] if k < num - 1 else v
+        key = rng.random() + (world.guide[i, u] if world.guided else 64.0 * nearer(world, i, u, v))
+        if world.hindrance and num > 2:
+            key += _num_hindered(world, scratch, i, u)
+        if u == onward:
+            key -= ON_WAY
+        if u == scratch.onward[i]:
+            key -= GUIDED
+        if world.near and scratch.wished[u] >= 0 and scratch.wished[u] != i:
+            key += IN_THE_WAY
+        p = k
+        while p > 0 and scratch.key[p - 1] > key:
+            scratch.key[p] = scratch.key[p - 1]
+            scratch.candidate[i, p] = scratch.candidate[i, p - 1]
+            p -= 1
+        scratch.key[p] = key
+        scratch.candidate[i, p] = u
+    scratch.num[i] = num
+    scratch.choice[i] = 0
+    scratch.partner[i] = -1
+    if world.two_way and num > 1:
+        partner = _swap_partner(world, scratch, here, to, i)
+        scratch.partner[i] = partner
+        if partner >= 0:
+            for k in range(num // 2):
+                u = scratch.candidate[i, k]
+                scratch.candidate[i, k] = scratch.candidate[i, num - 1 - k]
+                scratch.candidate[i, num - 1 - k] = u
+
+
+@kernel(allocates=False)
+def _num_hindered(world, scratch, i, u):
+    """How many other robots prefer u to where they are."""
+    num = 0
+    for k in range(world.first[u], world.first[u + 1]):
+        w = world.head[k]
+        j = scratch.now[w]
+        if j >= 0 and j != i and prefers(world, j, u, w):
+            num += 1
+    return num
+
+
+@kernel(allocates=False)
+def _swap_partner(world, scratch, here, to, i):
+    """The robot that i has to change places with in a corridor, and can; -1 for none (Okumura, IJCAI 2023, section 4)."""
+    v, best = here[i], scratch.candidate[i, 0]
+    if best == v:
+        return -1
+    j = scratch.now[best]
+    if j >= 0 and to[j] < 0 and _swap_required(world, scratch, i, j, v, best) and _swap_possible(world, scratch, best, v):
+        return j
+    for k in range(world.first[v], world.first[v + 1]):
+        u = world.head[k]
+        j = scratch.now[u]
+        if j < 0 or u == best:
+            continue
+        if _swap_required(world, scratch, j, i, v, best) and _swap_possible(world, scratch, best, v):
+            return j
+    return -1
+
+
+@kernel(allocates=False)
+def _swap_required(world, scratch, pusher, puller, at, ahead):
+    """Follow the corridor through which the pusher would push the puller: does each want to get to the other's side?"""
+    steps = 0
+    while prefers(world, pusher, ahead, at):
+        num, onward = _ways_on(world, scratch, at, ahead)
+        if num >= 2:
+            return False
+        if num <= 0:
+            break
+        at, ahead = ahead, onward
+        steps += 1
+        if steps > len(scratch.now):
+            return False
+    pusher_there = at == world.goal[pusher]
+    return prefers(world, puller, at, ahead) and (pusher_there or prefers(world, pusher, ahead, at))
+
+
+@kernel(allocates=False)
+def _swap_possible(world, scratch, begin, at):
+    """Follow the corridor the other way: is there a fork where one of the two can step aside?"""
+    before, here = begin, at
+    steps = 0
+    while here != begin and steps <= len(scratch.now):
+        num, onward = _ways_on(world, scratch, before, here)
+        if num >= 2:
+            return True
+        if num <= 0:
+            return False
+        before, here = here, onward
+        steps += 1
+    return False
+
+
+@kernel(allocates=False)
+def _ways_on(world, scratch, before, at):
+    """How many ways lead on from `at`, and the last of them; not back to `before`, nor into a dead end whose robot is at its goal."""
+    num, onward = 0, np.int64(-1)
+    for k in range(world.first[at], world.first[at + 1]):
+        u = world.head[k]
+        if u == before:
+            continue
+        j = scratch.now[u]
+        if j >= 0 and world.first[u + 1] - world.first[u] == 1 and world.goal[j] == u:
+            continue
+        num += 1
+        onward = u
+    return num, onward
+
+
+@kernel(allocates=False)
+def run(world, scratch, path, begin, end, order, rng):
     """PIBT over time: fill rows begin + 1 to end of `path` [T, R], or up to where all are at their goals.
 
     `order` [R] is the priorities at `begin` and is kept up to date: robots not yet at their goals in the order
-    they have it in, those at their goals after them in `base_order`. Returns (last row filled, all at their goals).
+    they have it in, those at their goals after them. Returns (last row filled, all at their goals).
     """
     for t in range(begin, end + 1):
         home = True
@@ -242,23 +404,43 @@ def run(world, scratch, local, path, begin, end, order, base_order, hindrance, r
             home = home and path[t, i] == world.goal[i]
         if home or t == end:
             return t, home
-        if local.window > 0:
-            guide_locally(world, scratch, local, path[t], order, rng)
+        if scratch.local.window > 0:
+            guide_locally(world, scratch, path[t], order, rng)
         path[t + 1, :] = -1
-        step(world, scratch, path[t], path[t + 1], order, hindrance, rng)
-        reorder(world, path[t + 1], order, base_order, order)
+        step(world, scratch, path[t], path[t + 1], order, rng)
+        reorder(world, path[t + 1], order, order)
     return end, False
 
 
 @kernel(allocates=False)
-def reorder(world, here, order, base_order, out):
+def reorder(world, here, order, out):
     """Priorities after a step: elapsed time since a robot was last at its goal. `out` may be `order`."""
     k = 0
     for i in order:
         if here[i] != world.goal[i]:
             out[k] = i
             k += 1
-    for i in base_order:
+    for i in world.base_order:
         if here[i] == world.goal[i]:
             out[k] = i
             k += 1
+
+
+def room_for_steps(world: PibtInstance, local: LocalGuidance) -> PibtScratch:
+    """Room for PIBT's steps."""
+    num_vertices, num_robots = len(world.first) - 1, len(world.goal)
+    width = int(np.diff(world.first).max(initial=0)) + 1
+    return PibtScratch(
+        now=np.full(num_vertices, -1, np.int64),
+        next=np.full(num_vertices, -1, np.int64),
+        wished=np.full(num_vertices if world.near else 1, -1, np.int64),
+        onward=np.full(num_robots, -1, np.int64),
+        wish=np.full(num_robots, -1, np.int64),
+        stack=np.zeros(num_robots + 1, np.int64),
+        choice=np.zeros(num_robots, np.int64),
+        candidate=np.zeros((num_robots, width), np.int64),
+        num=np.zeros(num_robots, np.int64),
+        partner=np.zeros(num_robots, np.int64),
+        key=np.zeros(width, np.float64),
+        local=local,
+    )

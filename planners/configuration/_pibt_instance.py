@@ -1,4 +1,12 @@
-"""What the kernels of PIBT and LaCAM plan on, and how near vertices are to a robot's goal."""
+"""What the kernels of PIBT and LaCAM plan on, and how near vertices are to a robot's goal: in tables of steps, or packed.
+
+Packed, it takes two bits a vertex to say which way is nearer, for thousands of robots on large maps. On a graph whose lanes all run both
+ways, steps to a goal differ by at most one between neighbours, so the distance modulo 3 tells which of two neighbours is nearer: a quarter
+of a byte a vertex instead of two to four. Where one distance is known, those along any way from there follow. Distances are found by a
+breadth-first search from the goal, which goes everywhere or keeps to the vertices v with d(v) + h(v, robot) <= d(robot) + slack, h an
+admissible guess of what is left: they are exact there, since no shortest path from such a vertex leaves the region.
+A robot that comes to the region's edge has it extended. What is not known is 0, so that memory that nobody wrote is never made.
+"""
 
 from typing import NamedTuple
 
@@ -6,24 +14,33 @@ import numpy as np
 
 from mrp_sumo.core.clashes import Clashes
 from mrp_sumo.search._kernel import kernel
-from planners._compass import read_code, step_towards
+
+UNKNOWN = 0
+SLACK_STEPS = 10
+
+
+class Compass(NamedTuple):
+    """Packed distances of R robots, and what is needed to extend them; all are of length 1 where steps are in a table."""
+
+    code: np.ndarray  # [R, ceil(V / 4)] uint8, distances modulo 3
+    first: np.ndarray  # [V + 1] int32, lanes that leave a vertex; every lane has its opposite
+    head: np.ndarray  # [L] int32
+    queue: np.ndarray  # [V] int32, scratch
+    bound: np.ndarray  # [V, 2] float32 coordinates, scaled such that no lane is longer than 1 by the sum of absolute differences
 
 
 class PibtInstance(NamedTuple):
-    """What does not change while planning. V vertices, L lanes, R robots; arrays are only read (but `code`, which grows)."""
+    """What does not change while planning. V vertices, L lanes, R robots; arrays are only read (but the compass's code, which grows)."""
 
     first: np.ndarray  # [V + 1] int64, lanes that leave a vertex
     head: np.ndarray  # [L] int64
     tail: np.ndarray  # [L] int64
     goal: np.ndarray  # [R] int64
     steps: np.ndarray  # [R] int64 from each robot's start to its goal
+    base_order: np.ndarray  # [R] int64 robots, the farthest from its goal first
     table: np.ndarray  # [R, V] steps to the robot's goal, or [1, 1] when packed
-    packed: bool  # distances are looked up in `code` instead: only which way is nearer is known
-    code: np.ndarray  # [R, ceil(V / 4)] uint8, see _compass
-    first_packed: np.ndarray  # `first` and `head` in int32, a queue and coordinates: see _compass; [1] and [1, 2] unless packed
-    head_packed: np.ndarray
-    queue: np.ndarray
-    bound: np.ndarray
+    packed: bool  # distances are looked up in `compass` instead: only which way is nearer is known
+    compass: Compass
     two_way: bool  # every lane has its opposite: robots can swap in corridors
     guided: bool  # robots go by `guide`, not by steps
     guide: np.ndarray  # [R, V] int32 what is left to the goal, see _flow; [1, 1] where there is no guide
@@ -31,24 +48,9 @@ class PibtInstance(NamedTuple):
     way: np.ndarray  # [R, N + 1] int32 vertices of shortest ways that meet few others, see _ways; [0, 1] where there are none
     following: bool  # nobody may enter a vertex in the step in which another leaves it
     rotations: bool  # rings of robots may move at once
+    hindrance: bool  # ties are broken in favour of vertices that fewer neighbours want
     near: bool  # there are clashes
     clashes: Clashes  # which moves robots cannot make in one step because they would come too close
-
-
-class PibtScratch(NamedTuple):
-    """Room for a step. `now`, `next` and `wished` are -1 everywhere between calls."""
-
-    now: np.ndarray  # [V] robot on each vertex
-    next: np.ndarray  # [V] robot that has reserved it
-    wished: np.ndarray  # [V] robot that waits until nobody is there; [1] where there are no clashes
-    onward: np.ndarray  # [R] where local guidance leads each robot, -1: nowhere, see _local_guidance
-    wish: np.ndarray  # [R] the lane for which each robot waits, -1: none
-    stack: np.ndarray  # [R] robots that inherited priority
-    choice: np.ndarray  # [R] position in the robot's candidates
-    candidate: np.ndarray  # [R, D + 1] vertices from the most preferred down; D the largest out-degree
-    num: np.ndarray  # [R] of them
-    partner: np.ndarray  # [R] robot to swap with, -1 for none
-    key: np.ndarray  # [D + 1] what candidates are sorted by
 
 
 @kernel(allocates=False)
@@ -56,7 +58,7 @@ def nearer(world, robot, u, v):
     """Steps to the goal of `robot` from u less those from v. u and v are neighbours or the same."""
     if not world.packed:
         return np.int64(world.table[robot, u]) - np.int64(world.table[robot, v])
-    return step_towards(world.code, robot, u, v)
+    return step_towards(world.compass.code, robot, u, v)
 
 
 @kernel(allocates=False)
@@ -76,7 +78,101 @@ def next_on_way(world, robot, v):
     if not world.packed:
         step = world.steps[robot] - np.int64(world.table[robot, v])
         return np.int64(way[step + 1]) if 0 <= step < len(way) - 1 and way[step] == v else np.int64(-1)
-    for step in range((world.steps[robot] - read_code(world.code, robot, v) + 1) % 3, world.steps[robot], 3):
+    for step in range((world.steps[robot] - read_code(world.compass.code, robot, v) + 1) % 3, world.steps[robot], 3):
         if way[step] == v:
             return np.int64(way[step + 1])
     return np.int64(-1)
+
+
+@kernel(allocates=False)
+def read_code(code, robot, v):
+    """Distance modulo 3 and 1, or UNKNOWN."""
+    return np.int64((code[robot, v >> 2] >> (2 * (v & 3))) & 3)
+
+
+@kernel(allocates=False)
+def step_towards(code, robot, u, v):
+    """Steps to the goal of `robot` from u less those from v, neighbours or the same: -1, 0 or 1; 0 where one is not known."""
+    a, b = read_code(code, robot, u), read_code(code, robot, v)
+    if a == UNKNOWN or b == UNKNOWN:
+        return np.int64(0)
+    d = (a - b + 3) % 3
+    return np.int64(d if d < 2 else -1)
+
+
+@kernel(allocates=False)
+def extend(compass, goal, robot, at, slack):
+    """Search again for a robot at vertex `at`, with four times the room each time until it and its neighbours are known.
+
+    Parameters
+    ----------
+    compass
+        The robot's row of its code is overwritten.
+    goal, robot, at
+        Where the robot goes, who it is, where it is.
+    slack
+        Of the first search; V or more is everywhere.
+
+    Returns
+    -------
+    int
+        Steps from `at` to the goal, -1 when it cannot be reached.
+    """
+    first, head, code = compass.first, compass.head, compass.code
+    num_vertices = len(first) - 1
+    while True:
+        distance, whole = _search(compass, goal, robot, at, slack)
+        if whole:
+            return distance
+        known = distance >= 0
+        for k in range(first[at], first[at + 1]):
+            known = known and read_code(code, robot, head[k]) != UNKNOWN
+        if known:
+            return distance
+        slack = slack * 4 if slack < num_vertices else 4 * num_vertices
+
+
+@kernel(allocates=False)
+def _search(compass, goal, robot, at, slack):
+    """One breadth-first search in the region of `slack`; (steps from `at` or -1, whether the region was everything)."""
+    code, first, head, queue, bound = compass
+    row = code[robot]
+    if read_code(code, robot, goal) != UNKNOWN:
+        row[:] = 0
+    queue[0] = goal
+    row[goal >> 2] |= np.uint8(1 << (2 * (goal & 3)))
+    x, y = bound[at, 0], bound[at, 1]
+    limit = abs(bound[goal, 0] - x) + abs(bound[goal, 1] - y) + np.float32(slack + 0.01)
+    begin, end, whole, nearby = 0, 1, True, slack < len(first) - 1
+    found = np.int64(0) if goal == at else np.int64(-1)
+    d = 0
+    while begin < end:
+        d += 1
+        mark = d % 3 + 1
+        left = limit - np.float32(d)
+        level_end = end
+        while begin < level_end:
+            v = queue[begin]
+            begin += 1
+            for k in range(first[v], first[v + 1]):
+                u = head[k]
+                shift = 2 * (u & 3)
+                if (row[u >> 2] >> shift) & 3 != UNKNOWN:
+                    continue
+                if nearby and abs(bound[u, 0] - x) + abs(bound[u, 1] - y) > left:
+                    whole = False
+                    continue
+                row[u >> 2] |= np.uint8(mark << shift)
+                if u == at:
+                    found = np.int64(d)
+                queue[end] = u
+                end += 1
+    return found, whole
+
+
+@kernel(allocates=False)
+def extend_all(compass, goal, at, begin, end, slack, steps):
+    """`extend` for those of robots begin to end - 1 whose own vertices are not known, with their steps to the goal in `steps`."""
+    for robot in range(begin, end):
+        if read_code(compass.code, robot, at[robot]) == UNKNOWN:
+            steps[robot] = extend(compass, goal[robot], robot, at[robot], slack)

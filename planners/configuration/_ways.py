@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mrp_sumo.search._kernel import kernel
-from planners._compass import step_towards
+from planners.configuration._pibt_instance import step_towards
 
 COUNT = 16  # bits of a slot that count who holds it
 MOST_MET = 63  # beyond, ways are equally bad
@@ -24,14 +24,16 @@ class StepPaths(NamedTuple):
     first: np.ndarray  # [V + 1] int64, lanes that leave a vertex
     head: np.ndarray  # [L] int64
     reverse: np.ndarray  # [L] int64
+    start: np.ndarray  # [R] int64
+    goal: np.ndarray  # [R] int64
     steps: np.ndarray  # [R] int64 from each robot's start to its goal
     table: np.ndarray  # [R, V] steps to each robot's goal; [1, 1] when packed
     packed: bool  # distances are in `code` instead
-    code: np.ndarray  # [R, ceil(V / 4)] uint8, see _compass
+    code: np.ndarray  # [R, ceil(V / 4)] uint8, see _pibt_instance
     way: np.ndarray  # [R, N + 1] int32 vertices; -1 before there is one
     held: (
         np.ndarray
-    )  # [H] int64 what is held at which step (vertices, then lanes) and by how many; 0: nothing. A hash table, never half full
+    )  # [H] int64 vertices, then lanes, with the step and by how many they are held; 0: nothing. A hash table, never half full
     held_from: np.ndarray  # [V] int32 the step at which the robot arrives that stays there
     stamp: np.ndarray  # [V] int64 search in which the rest was last written
     step: np.ndarray  # [V] int32 steps to a vertex from the start
@@ -44,19 +46,20 @@ class StepPaths(NamedTuple):
 
 
 @kernel(allocates=False)
-def give_ways(ways, start, goal, order, begin, end, search, rng):
-    """Give robots order[begin:end] ways in the place of those they have; `search` is a number that grows from call to call."""
-    for k in range(begin, end):
-        robot = order[k]
+def give_ways(ways, robots, search, rng):
+    """Give robots ways in the place of those they have; `search` is the number of the first one's search, never used before."""
+    for k in range(len(robots)):
+        robot = robots[k]
         if ways.way[robot, 0] >= 0:
             _hold(ways, robot, -1)
-        _find(ways, robot, start[robot], goal[robot], search + k, rng)
+        _find(ways, robot, search + k, rng)
         _hold(ways, robot, 1)
 
 
 @kernel(allocates=False)
-def _find(ways, robot, start, goal, search, rng):
+def _find(ways, robot, search, rng):
     """Write the shortest way that meets the fewest others, the deepest vertex first among equals."""
+    start, goal = ways.start[robot], ways.goal[robot]
     first, head, reverse, bucket = ways.first, ways.head, ways.reverse, ways.bucket
     bucket[:] = -1
     bucket[0] = 0

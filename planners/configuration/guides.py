@@ -12,8 +12,8 @@ from planners.configuration._flow import LaneFlow
 from planners.configuration._local_guidance import DEAREST, LocalGuidance
 from planners.configuration._pibt_instance import PibtInstance
 from planners.configuration._ways import StepPaths
-from planners.world import MOVES_A_LANE
 
+MOVES_A_LANE = 2.25  # along shortest ways, from which on there is no way past the others
 MOST_MOVES = 10_000_000  # of all ways in all rounds; more take too much memory
 GUIDE_CELLS = 40_000_000  # robots times vertices; guides by flow that are larger take too long
 LONGEST_WAY = 4096  # lanes of a way that count in the flow
@@ -57,8 +57,8 @@ def guide_of(problem: Problem, world: PibtInstance, ways: int, flow: int, deadli
         way = own_ways(problem, ways, world, 0.5 * (process_time() + deadline_s), rng)
         return world if way is None else world._replace(way=way)
     if flow and room_for_flow:
-        found = flow_guide(problem, flow, deadline_s, rng)
-        return world if found is None else world._replace(guided=True, guide=found[0], toll=found[1])
+        by_flow = flow_guide(problem, flow, deadline_s, rng)
+        return world if by_flow is None else world._replace(guided=True, guide=by_flow[0], toll=by_flow[1])
     return world
 
 
@@ -78,18 +78,19 @@ def own_ways(problem: Problem, rounds: int, world: PibtInstance, deadline_s: flo
     rng
         Chance: the order of robots, and among equally good ways.
     """
-    graph, num_robots = problem.graph, problem.num_robots
-    start, goal, steps = np.array(problem.start), world.goal, world.steps
+    graph, num_robots, steps = problem.graph, problem.num_robots, world.steps
     num_held = rounds * int((2 * steps + 1).sum())  # what rounds before held stays in the table, by nobody
     slots = 1 << (2 * num_held).bit_length()
     ways = StepPaths(
         first=graph.first,
         head=graph.head,
         reverse=graph.reverse,
+        start=np.array(problem.start),
+        goal=world.goal,
         steps=steps,
         table=world.table,
         packed=world.packed,
-        code=world.code,
+        code=world.compass.code,
         way=np.full((num_robots, int(steps.max()) + 1), -1, np.int32),
         held=np.zeros(slots, np.int64),
         held_from=np.full(graph.num_vertices, _ways.NEVER, np.int32),
@@ -107,7 +108,7 @@ def own_ways(problem: Problem, rounds: int, world: PibtInstance, deadline_s: flo
         for a in range(0, num_robots, AT_ONCE):
             if process_time() > deadline_s:
                 return None
-            _ways.give_ways(ways, start, goal, order, a, min(a + AT_ONCE, num_robots), n * num_robots, rng)
+            _ways.give_ways(ways, order[a : a + AT_ONCE], n * num_robots + a, rng)
     return ways.way
 
 
@@ -144,7 +145,6 @@ def flow_guide(problem: Problem, rounds: int, deadline_s: float, rng: np.random.
         Chance: the order of robots.
     """
     num_robots = problem.num_robots
-    start, goal = np.array(problem.start), np.array(problem.target)
     flow = _flow_of(problem, num_robots)
     at_once = max(1, 200_000 // problem.graph.num_vertices)
     for _ in range(rounds):
@@ -152,14 +152,14 @@ def flow_guide(problem: Problem, rounds: int, deadline_s: float, rng: np.random.
         for a in range(0, num_robots, at_once):
             if process_time() > deadline_s:
                 return None
-            _flow.give_ways(flow, start, goal, order, a, min(a + at_once, num_robots))
-    guide = _guide_by(flow, goal, deadline_s)
+            _flow.give_ways(flow, order[a : a + at_once])
+    guide = _guide_by(flow, deadline_s)
     return None if guide is None else (guide, flow.cost)
 
 
 def traffic_guide(problem: Problem, toll: IntArray, deadline_s: float) -> np.ndarray | None:
     """[R, V] int32 what is left to each goal where lanes cost `toll` [L]; None when the deadline passes."""
-    return _guide_by(_flow_of(problem, 0)._replace(cost=toll), np.array(problem.target), deadline_s)
+    return _guide_by(_flow_of(problem, 0)._replace(cost=toll), deadline_s)
 
 
 def _flow_of(problem: Problem, num_ways: int) -> LaneFlow:
@@ -173,6 +173,8 @@ def _flow_of(problem: Problem, num_ways: int) -> LaneFlow:
         first_in=np.concatenate(([0], np.cumsum(np.bincount(graph.head, minlength=num_vertices)))),
         entering=np.argsort(graph.head, kind="stable"),
         tail=graph.tail,
+        start=np.array(problem.start),
+        goal=np.array(problem.target),
         cost=np.full(num_lanes, _flow.STEP, np.int64),
         num=np.zeros(num_lanes, np.int64),
         way=np.empty((num_ways, min(num_vertices, LONGEST_WAY)), np.int32),
@@ -184,12 +186,12 @@ def _flow_of(problem: Problem, num_ways: int) -> LaneFlow:
     )
 
 
-def _guide_by(flow: LaneFlow, goal: IntArray, deadline_s: float) -> np.ndarray | None:
-    num_robots, num_vertices = len(goal), len(flow.left)
+def _guide_by(flow: LaneFlow, deadline_s: float) -> np.ndarray | None:
+    num_robots, num_vertices = len(flow.goal), len(flow.left)
     guide = np.empty((num_robots, num_vertices), np.int32)
     at_once = max(1, 200_000 // num_vertices)
     for a in range(0, num_robots, at_once):
         if process_time() > deadline_s:
             return None
-        _flow.write_guide(flow, goal, guide, a, min(a + at_once, num_robots))
+        _flow.write_guide(flow, guide, a, min(a + at_once, num_robots))
     return guide

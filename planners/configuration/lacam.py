@@ -8,16 +8,47 @@ converges to the least sum of loss.
 
 import math
 from dataclasses import dataclass, replace
+from functools import partial
+from itertools import count, cycle
+from time import process_time
 from typing import ClassVar
 
-from mrp_sumo.core.plan import PlanResult
+import numpy as np
+
+from mrp_sumo.core.plan import PlanResult, Status
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError
-from planners.parameters import check_local
+from mrp_sumo.planning.answers import unplanned, without_effort
+from mrp_sumo.planning.registry import planner
+from planners.configuration import _lacam, _pibt
+from planners.configuration._flow import TrafficMap, observe, write_tolls
+from planners.configuration._pibt_instance import SLACK_STEPS, PibtInstance, extend_all
+from planners.configuration.guides import is_room_for_flow, local_guidance, traffic_guide
+from planners.neighbourhood._traffic import RepairTask
+from planners.neighbourhood.refinement import (
+    FOREVER,
+    SPARE_STEPS,
+    Refinement,
+    first_paths,
+    polishing_labels,
+    prepare,
+    room_bytes,
+    task_on,
+    threads_with_room,
+)
+from planners.world import SLICE_S, ByConfigurations, SearchStart, search_start, small_problem, sum_of_costs
+
+CHANCE = 12  # purpose of the stream of chance
+USED_UP = -1  # how a search ends whose effort is bounded, beside RUNNING, REACHED, EXHAUSTED and FULL
+MOST_POLISHED = 4000  # robots; more are polished only if there is time for that
+SEARCH_TURN_S, REFINEMENT_TURN_S, LONGEST_TURN_S = 0.05, 0.1, 2.0  # the shortest turns of an anytime search, and the longest
+LABELS = 2  # of a low-level search, for each robot of an expanded configuration
+SEARCHES_IN_WINDOW = 2  # one with local guidance, one without
+RESTARTS = 20  # orders in which robots are planned one after another, where there was no plan in a window
 
 
 @dataclass(frozen=True)
-class Lacam:
+class Lacam(ByConfigurations):
     """LaCAM; with `anytime` LaCAM*, which uses all its time unless it proves optimality.
 
     Where robots use the map thinly, the first solution is one of prioritised planning, see `first_paths`. Elsewhere robots are guided by
@@ -33,14 +64,8 @@ class Lacam:
     supports: ClassVar[frozenset[str]] = frozenset({"effort", "window"})
 
     anytime: bool = False
-    following: bool = False  # avoid following conflicts too: nobody enters a vertex in the step its holder leaves
-    rotations: bool = True  # rings of robots may move at once
     num_tries: int = 1  # configurations generated each time, of which the best is kept
-    hindrance: bool = True  # prefer, among equally near vertices, those that fewer neighbours want
-    ways: int = 2  # rounds of giving robots shortest ways that meet few others, where lanes are little used; 0 for none
-    flow: int = 1  # rounds of giving robots guide paths that avoid oncoming traffic, elsewhere; 0 for none
-    local: int = 14  # steps of short paths that robots are given before each step, around each other's; 0 for none
-    traffic: int = 0  # further solutions, guided by the traffic in those before, see `_traffic_map`; 0 for none
+    traffic: int = 0  # further solutions, guided by the traffic in those before, see `_flow`; 0 for none
     polish: int = 1800  # labels per robot to spend on improving the first solution, see `polishing_labels`; 0 for none
     neighbourhood: int = 4  # robots replanned at a time
     memory_mb: int = 2000  # for the search, and for neighbourhoods; beyond it gives up, or keeps what it has
@@ -48,32 +73,260 @@ class Lacam:
     bandit: bool = False  # improve around late robots for whom it has paid, instead of by three kinds of neighbourhoods
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         for key in ("num_tries", "neighbourhood", "memory_mb", "threads"):
             if getattr(self, key) < 1:
                 raise PlanError(f"lacam: {key} is {getattr(self, key)}, expected 1 or more")
         for key in ("ways", "flow", "traffic", "polish"):
             if getattr(self, key) < 0:
                 raise PlanError(f"lacam: {key} is {getattr(self, key)}, expected 0 or more")
-        check_local("lacam", self.local)
 
     def prepare(self) -> None:
         """Compile or load the kernels."""
-        from planners.configuration.lacam_search import prepare_to_grow
-        from planners.neighbourhood.refinement import prepare
-        from planners.world import small_problem
-
         replace(self, ways=0, flow=1, polish=10, anytime=True)._plan(small_problem(), math.inf, False)
         replace(self, ways=1, flow=0, polish=0)._plan(small_problem(), math.inf, False)
         replace(self, ways=0, flow=0, traffic=1, polish=0)._plan(small_problem(), math.inf, False)
         self._plan(small_problem(), math.inf, True)
         prepare(self.threads)
-        prepare_to_grow()
+        _lacam.fill_slots(_lacam.room_for_nodes(1, 1, nodes=1))  # needed when memory is short
 
     def plan(self, problem: Problem, time_limit_s: float) -> PlanResult:
         """SOLVED, with the best plan found if anytime; INFEASIBLE with proof; TIMED_OUT."""
         return self._plan(problem, time_limit_s, None)
 
     def _plan(self, problem: Problem, time_limit_s: float, packed: bool | None) -> PlanResult:
-        from planners.configuration.lacam_search import plan_by_lacam
+        start = search_start(self, problem, time_limit_s, CHANCE, packed, partial(_easy_paths, self))
+        if isinstance(start, PlanResult):
+            return start
+        begin_s, deadline_s, lower_bound = start.begin_s, start.deadline_s, start.lower_bound
+        search, state = (LacamSearch(self, start, 0), _lacam.REACHED) if start.path is not None else _first(self, start)
+        if state != _lacam.REACHED and problem.window_steps and (plan := _in_window(self, start)) is not None:
+            return plan
+        if state == _lacam.EXHAUSTED:
+            message = "the search has seen every configuration that can be reached"
+            return unplanned(Status.INFEASIBLE, begin_s, message, np.inf, **search.counters())
+        if state == USED_UP:
+            return without_effort(problem, begin_s, lower_bound, **search.counters())
+        if state != _lacam.REACHED:
+            why = f"{time_limit_s:g} s" if state == _lacam.RUNNING else f"{self.memory_mb} MB"
+            return unplanned(Status.TIMED_OUT, begin_s, f"no solution within {why}", lower_bound, **search.counters())
+        path = search.path() if start.path is None else start.path
+        cost = sum_of_costs(path, start.world.goal)
+        stats = {"first_solution_time_s": process_time() - begin_s, "first_solution_cost": float(cost)}
+        if self.traffic and cost > lower_bound and is_room_for_flow(problem) and not (problem.effort or problem.window_steps):
+            path, cost = _searched_again(self, start, path, cost)
+        tables = _task(start)
+        task = tables if room_bytes(tables, len(path) + SPARE_STEPS) <= self.memory_mb * 1_000_000 else None
+        polished = None
+        if task and self.polish and cost > lower_bound and (problem.num_robots <= MOST_POLISHED or self.anytime):
+            polished = _refinement(self, task, path, start)
+            labels = polishing_labels(self.polish, problem.num_robots, problem.window_steps)
+            if problem.effort:
+                left = max(1, problem.effort - search.labels)
+                labels = left if self.anytime else min(labels, left)
+            polished.until(deadline_s - _to_write(path), most_labels=labels)
+            path, cost = polished.path(), polished.cost
+            stats |= {"polished_time_s": process_time() - begin_s, "polished_cost": float(cost)}
+        if self.anytime and cost > lower_bound and not problem.effort:
+            path = _improved(self, search, polished, task, path, start)
+        stats |= search.counters()
+        del search  # the plan may take as much memory
+        return start.solved(path, **stats)
 
-        return plan_by_lacam(self, problem, time_limit_s, packed)
+
+def _easy_paths(
+    lacam: Lacam, problem: Problem, world: PibtInstance, rng: np.random.Generator, until_s: float
+) -> tuple[np.ndarray | None, int]:
+    """See `first_paths`."""
+    return first_paths(task_on(problem, world), rng, until_s, problem.effort, lacam.memory_mb)
+
+
+def _first(lacam: Lacam, start: SearchStart) -> "tuple[LacamSearch, int]":
+    """A search that has reached the goal, or why none has: EXHAUSTED, FULL, RUNNING, USED_UP.
+
+    Where it wanders about it restarts with other random choices, each time after twice as many expansions, so that it
+    stays complete; every other time without local guidance, which may be what keeps it there.
+    """
+    expansions, done, effort = 200 + 10 * start.num_guided, 0, start.given.effort
+    most = max(1, effort // (LABELS * len(start.steps))) if effort else FOREVER
+    windows = cycle((lacam.local, 0))
+    for searches in count(1):
+        search = LacamSearch(lacam, start, next(windows))
+        state = search.until(start.deadline_s, first=True, expansions=min(expansions, most - done))
+        done += search.expansions
+        search.labels = start.labels + LABELS * len(start.steps) * done
+        if state != _lacam.RUNNING or process_time() >= start.deadline_s:
+            return search, state
+        if done >= most or (start.given.window_steps and searches == SEARCHES_IN_WINDOW):
+            return search, USED_UP
+        expansions *= 2
+    raise AssertionError("searches end")
+
+
+def _in_window(lacam: Lacam, start: SearchStart) -> PlanResult | None:
+    """A plan for a window beyond which there is none, or none was found: that of robots one after another, else of PIBT's steps."""
+    prioritised = planner("prioritised", {"restarts": RESTARTS, "following": lacam.following})
+    by_turns = prioritised.plan(start.given, max(1e-3, start.deadline_s - process_time()))
+    if by_turns.status is Status.SOLVED:
+        return replace(by_turns, planning_time_s=process_time() - start.begin_s)
+    path = _steps_of_window(start, lacam.local)
+    return None if path is None else start.solved(path)
+
+
+def _steps_of_window(start: SearchStart, local: int) -> np.ndarray | None:
+    """[T, R] PIBT's steps through a window, or fewer where all are at their goals sooner; None when the time is up."""
+    window, order = start.given.window_steps, start.world.base_order.copy()
+    path = np.empty((window + 1, len(start.steps)), np.int32)
+    path[0] = start.problem.start
+    scratch, t, home = _pibt.room_for_steps(start.world, local_guidance(start.problem, local)), 0, False
+    while t < window and not home:
+        if process_time() > start.deadline_s:
+            return None
+        world, until = (start.guided, min(start.num_guided, window)) if t < start.num_guided else (start.world, window)
+        t, home = _pibt.run(world, scratch, path, t, until, order, start.rng)
+    return path[: t + 1]
+
+
+def _searched_again(lacam: Lacam, start: SearchStart, path: np.ndarray, cost: int) -> tuple[np.ndarray, int]:
+    """The cheapest of the solution and of further ones, each guided by the traffic in all before."""
+    num_lanes = start.problem.graph.num_lanes
+    traffic = TrafficMap(np.zeros(num_lanes, np.int64), np.zeros(num_lanes, np.int64))
+    other = path
+    for _ in range(lacam.traffic):
+        observe(start.world, traffic, other)
+        toll = np.empty(num_lanes, np.int64)
+        write_tolls(traffic, toll)
+        guide = traffic_guide(start.problem, toll, start.deadline_s)
+        if guide is None:
+            break
+        guided = start.guided._replace(guided=True, guide=guide, toll=toll)
+        search = LacamSearch(lacam, replace(start, guided=guided), lacam.local)
+        if search.until(start.deadline_s, first=True, expansions=2 * len(path)) != _lacam.REACHED:
+            break
+        other = search.path()
+        if (other_cost := sum_of_costs(other, start.world.goal)) < cost:
+            path, cost = other, other_cost
+    return path, cost
+
+
+def _task(start: SearchStart) -> RepairTask:
+    """What to refine paths on. Codes may be known about other vertices than the start, where a robot was driven away."""
+    problem, world = start.problem, start.world
+    if world.packed and start.path is None:
+        at, again = np.array(problem.start), np.empty(problem.num_robots, np.int64)
+        extend_all(world.compass, world.goal, at, 0, len(at), SLACK_STEPS, again)
+    return task_on(problem, world)
+
+
+def _refinement(lacam: Lacam, task: RepairTask, path: np.ndarray, start: SearchStart) -> Refinement:
+    threads = threads_with_room(lacam.threads, task, path, lacam.memory_mb, 0)
+    return Refinement(task, path, lacam.neighbourhood, start.rng, threads=threads, bandit=lacam.bandit)
+
+
+def _improved(
+    lacam: Lacam, search: "LacamSearch", refinement: Refinement | None, task: RepairTask | None, path: np.ndarray, start: SearchStart
+) -> np.ndarray:
+    """The best path at the deadline, or when none can be better.
+
+    Search and refinement take turns. A turn with a gain is followed by one twice as long, one without by one half as long: on large
+    instances the search rarely gains, and on small ones there comes a time when only the search does.
+    """
+    lower_bound, goal = start.lower_bound, search.world.goal
+    if refinement is None and task:
+        refinement = _refinement(lacam, task, path, start)
+    best, learned, searching = sum_of_costs(path, goal), 0, True
+    search_s, refine_s = SEARCH_TURN_S if refinement else LONGEST_TURN_S, REFINEMENT_TURN_S
+    deadline_s = start.deadline_s - _to_write(path)
+    while (now_s := process_time()) < deadline_s and best > lower_bound and (searching or refinement):
+        if searching:
+            if refinement and learned != best and len(path) < 4000:
+                search.learn(refinement.path())
+                learned = best
+            state = search.until(min(deadline_s, now_s + search_s), first=False)
+            if state == _lacam.EXHAUSTED:
+                break
+            cost = sum_of_costs(search.path(), goal) if state == _lacam.REACHED else best
+            if refinement:
+                search_s = _turn_after(search_s, SEARCH_TURN_S, gained=cost < best)
+            if cost < best:
+                path, best = search.path(), cost
+                refinement = _refinement(lacam, task, path, start) if task else None
+            searching = state != _lacam.FULL
+        if refinement:
+            refinement.until(min(deadline_s, process_time() + refine_s))
+            refine_s = _turn_after(refine_s, REFINEMENT_TURN_S, gained=refinement.cost < best)
+            if refinement.cost < best:
+                path, best = refinement.path(), refinement.cost
+    return path
+
+
+def _turn_after(turn_s: float, least_s: float, *, gained: bool) -> float:
+    return min(2 * turn_s, LONGEST_TURN_S) if gained else max(turn_s / 2, least_s)
+
+
+def _to_write(path: np.ndarray) -> float:
+    """Seconds, about, that it takes to make a plan of a path."""
+    return 0.01 + 1e-7 * path.size
+
+
+class LacamSearch:
+    """LaCAM's search, as it stands."""
+
+    def __init__(self, settings: Lacam, start: SearchStart, window: int) -> None:
+        self.world = start.world
+        self._scratch = _pibt.room_for_steps(start.world, local_guidance(start.problem, window))
+        self._settings, self._rng, self._guided, self._num_guided = settings, start.rng, start.guided, start.num_guided
+        self._memory = _lacam.room_for_nodes(len(start.steps), self._scratch.candidate.shape[1], nodes=256)
+        self._at_once = 1
+        self.labels = start.labels  # what has been done to get here
+        _lacam.begin(self.world, self._memory, start.problem.start.astype(np.int32), int(start.steps.sum()))
+
+    def until(self, deadline_s: float, *, first: bool, expansions: int = FOREVER) -> int:
+        """Search until the deadline or so many expansions in all.
+
+        REACHED at the first solution, or at the end if a better one was found; else RUNNING, EXHAUSTED, FULL.
+        """
+        better = False
+        while (slice_s := process_time()) < deadline_s and (before := int(self._memory.count[_lacam.EXPANSIONS])) < expansions:
+            world, most = (self._guided, self._num_guided) if before < self._num_guided else (self.world, expansions)
+            iterations = min(self._at_once, most - before)
+            state: int = _lacam.search_on(world, self._scratch, self._memory, self._settings.num_tries, iterations, self._rng)
+            if state == _lacam.REACHED and first:
+                return state
+            if state == _lacam.EXHAUSTED:
+                return _lacam.REACHED if better else state
+            if state == _lacam.FULL and not self._grow():
+                return _lacam.REACHED if better else state
+            better = better or state == _lacam.REACHED
+            done = self._memory.count[_lacam.EXPANSIONS] - before
+            self._at_once = max(1, int(done * SLICE_S / max(process_time() - slice_s, 1e-6)))
+        return _lacam.REACHED if better else _lacam.RUNNING
+
+    def learn(self, path: np.ndarray) -> None:
+        """Make a solution found elsewhere part of the search."""
+        while not _lacam.insert_path(self.world, self._scratch, self._memory, path):
+            if not self._grow():
+                return
+
+    def path(self) -> np.ndarray:
+        """[T, R] configurations from the start to the goal."""
+        memory = self._memory
+        nodes = [memory.count[_lacam.GOAL]]
+        while memory.parent[nodes[-1]] >= 0:
+            nodes.append(memory.parent[nodes[-1]])
+        return memory.config[nodes[::-1]]
+
+    @property
+    def expansions(self) -> int:
+        return int(self._memory.count[_lacam.EXPANSIONS])
+
+    def counters(self) -> dict[str, float]:
+        """For the result's statistics."""
+        count = self._memory.count
+        return {"nodes": float(count[_lacam.NODES]), "expansions": float(count[_lacam.EXPANSIONS])}
+
+    def _grow(self) -> bool:
+        larger = _lacam.larger_room(self._memory, self._settings.memory_mb)
+        if larger is not None:
+            self._memory = larger
+        return larger is not None

@@ -12,14 +12,20 @@ may push each other about for ever: the planner gives up at a step limit, and tr
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from time import process_time
 from typing import ClassVar
 
 import numpy as np
 
-from mrp_sumo.core.plan import PlanResult
+from mrp_sumo.core.plan import PlanResult, Status
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError
-from planners.parameters import check_local
+from mrp_sumo.planning.answers import unplanned, used_up, without_effort
+from planners.configuration import _pibt
+from planners.configuration.guides import local_guidance
+from planners.world import SLICE_S, ByConfigurations, search_start, small_problem
+
+CHANCE = 11  # purpose of the stream of chance
 
 
 @dataclass
@@ -107,31 +113,23 @@ class Step:
 
 
 @dataclass(frozen=True)
-class Pibt:
+class Pibt(ByConfigurations):
     """PIBT: fast, incomplete, no bound on the cost."""
 
     assigns: ClassVar[bool] = False
     guarantee: ClassVar[str] = "valid, not complete"
     supports: ClassVar[frozenset[str]] = frozenset({"effort", "window"})
 
-    following: bool = False  # avoid following conflicts too: nobody enters a vertex in the step its holder leaves
-    rotations: bool = True  # rings of robots may move at once
     max_steps: int = 0  # give up an attempt after so many steps; 0: 20 x the longest path + 10 x robots, 1,000 to 20,000
     num_attempts: int = 10
-    hindrance: bool = True  # prefer, among equally near vertices, those that fewer neighbours want
-    ways: int = 2  # rounds of giving robots shortest ways that meet few others, where lanes are little used; 0 for none
-    flow: int = 1  # rounds of giving robots guide paths that avoid oncoming traffic, elsewhere; 0 for none
-    local: int = 14  # steps of short paths that robots are given before each step, around each other's; 0 for none
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if min(self.max_steps, self.ways, self.flow) < 0 or self.num_attempts < 1:
             raise PlanError("pibt: expected max_steps, ways and flow of 0 or more and num_attempts of 1 or more")
-        check_local("pibt", self.local)
 
     def prepare(self) -> None:
         """Compile or load the kernels."""
-        from planners.world import small_problem
-
         for ways, packed in ((1, False), (0, False), (0, True)):
             replace(self, ways=ways, flow=1)._plan(small_problem(), np.inf, packed)
 
@@ -140,6 +138,36 @@ class Pibt:
         return self._plan(problem, time_limit_s, None)
 
     def _plan(self, problem: Problem, time_limit_s: float, packed: bool | None) -> PlanResult:
-        from planners.configuration.pibt_search import plan_by_pibt
-
-        return plan_by_pibt(self, problem, time_limit_s, packed)
+        start = search_start(self, problem, time_limit_s, CHANCE, packed)
+        if isinstance(start, PlanResult):
+            return start
+        steps, num_robots = start.steps, problem.num_robots
+        window = problem.window_steps
+        max_steps = window or self.max_steps or int(min(max(1000, 20 * steps.max() + 10 * num_robots), 20_000))
+        room, at_once = _pibt.room_for_steps(start.world, local_guidance(start.problem, 0)), 1
+        for attempt in range(1, self.num_attempts + 1):
+            order = start.world.base_order.copy()
+            local = local_guidance(start.problem, self.local if attempt % 2 else 0)  # it can keep the last ones from their goals, too
+            scratch = room._replace(local=local, onward=np.full(num_robots, -1, np.int64))
+            path = np.empty((min(max_steps, 2 * int(steps.max()) + 64) + 1, num_robots), np.int32)
+            path[0] = start.problem.start
+            t = 0
+            while t < max_steps:
+                if process_time() > start.deadline_s:
+                    return unplanned(
+                        Status.TIMED_OUT, start.begin_s, f"no solution within {time_limit_s:g} s", start.lower_bound, attempts=attempt
+                    )
+                if t == len(path) - 1:
+                    path = np.concatenate((path, np.empty((min(len(path), max_steps + 1 - len(path)), num_robots), np.int32)))
+                slice_s = process_time()
+                last = t
+                world, until = (start.guided, start.num_guided) if t < start.num_guided else (start.world, max_steps)
+                until = min(t + at_once, len(path) - 1, until)
+                t, home = _pibt.run(world, scratch, path, t, until, order, start.rng)
+                if home or t == window > 0:
+                    return start.solved(path[: t + 1], attempts=attempt)
+                if used_up(problem, t * num_robots):
+                    return without_effort(problem, start.begin_s, start.lower_bound, attempts=attempt)
+                at_once = max(1, int((t - last) * SLICE_S / max(process_time() - slice_s, 1e-6)))
+        message = f"no solution in {self.num_attempts} attempts of {max_steps} steps each"
+        return unplanned(Status.GAVE_UP, start.begin_s, message, start.lower_bound, attempts=self.num_attempts)

@@ -11,10 +11,8 @@ import numpy as np
 
 from mrp_sumo.core.graph import IntArray
 from mrp_sumo.core.problem import Problem
-from planners.neighbourhood import _lns
-from planners.neighbourhood._collisions import find_collisions
 from planners.neighbourhood._traffic import path_of
-from planners.neighbourhood.refinement import Refinement, room_bytes, room_to_repair, task_of
+from planners.neighbourhood.refinement import Refinement, Repair, room_bytes, task_of
 from planners.world import sum_of_costs
 
 CHANCE = 14  # purpose of the stream of chance
@@ -68,22 +66,20 @@ class Incumbent:
         if room_bytes(task, horizon) > MOST_BYTES:
             return
         rng = np.random.default_rng([problem.seed, CHANCE])
-        traffic, labels, hood = room_to_repair(task, horizon, NEIGHBOURHOOD)
-        before = 0
-        order = rng.permutation(problem.num_robots)
-        for robot in range(problem.num_robots):
-            if not _lns.plan_all(task, traffic, labels, order, robot, robot + 1, False):
+        paths, before = Repair(task, horizon, NEIGHBOURHOOD), 0
+        for robot in rng.permutation(problem.num_robots):
+            if not paths.plan(np.array([robot])):
                 return
-            yield int(labels.stamp[1]) - before
-            before = int(labels.stamp[1])
-        pairs = find_collisions(task, traffic, hood)
+            yield paths.labels - before
+            before = paths.labels
+        pairs = paths.num_pairs()
         while pairs:
-            pairs = _lns.repair(task, traffic, labels, hood, NEIGHBOURHOOD, pairs, AT_ONCE, rng)
-            yield int(labels.stamp[1]) - before
-            before = int(labels.stamp[1])
-        self._path = path_of(traffic)
+            pairs = paths.repair(pairs, AT_ONCE, rng)
+            yield paths.labels - before
+            before = paths.labels
+        self._path = path_of(paths.traffic)
         self.cost = sum_of_costs(self._path, task.goal)
-        del traffic, labels, hood
+        del paths
         self._refinement = refinement = Refinement(task, self._path, NEIGHBOURHOOD // 2, rng)
         made = 0
         while self.cost > int(steps.sum()):

@@ -1,4 +1,4 @@
-"""Which robots are planned again together: kinds of neighbourhoods, chosen by what each has gained lately.
+"""Which robots are planned again together: those in collision, and kinds of neighbourhoods, chosen by what each has gained lately.
 
 Sources: Li, Chen, Harabor, Stuckey, Koenig, "Anytime multi-agent path finding via large neighborhood search", IJCAI
 2021 (a robot that is late and those in its way; robots about one place; any), and "MAPF-LNS2", AAAI 2022 (robots in
@@ -10,13 +10,23 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mrp_sumo.search._clashing import move_of
 from mrp_sumo.search._kernel import kernel
-from planners.neighbourhood._cells import anyone_in, num_in
 from planners.neighbourhood._sipps import steps_from
-from planners.neighbourhood._traffic import RepairTask, holds
+from planners.neighbourhood._traffic import RepairTask, anyone_in, closes_ring, holds, lane_between, num_in
 
 DECAY = 0.01  # of a neighbourhood kind's record
 LATEST = 32  # robots that a bandit chooses from
+
+
+class Gains(NamedTuple):
+    """Neighbourhoods whose paths became shorter, in order. Room for N of K robots over T steps; [0, ...] where nobody asks for them."""
+
+    num: np.ndarray  # [1] int64 how many there are
+    size: np.ndarray  # [N] int64 robots in each
+    robot: np.ndarray  # [N, K] int64
+    end: np.ndarray  # [N, K] int64 when they arrive now
+    at: np.ndarray  # [N, K, T] int32 their new paths
 
 
 class Neighbourhood(NamedTuple):
@@ -35,6 +45,106 @@ class Neighbourhood(NamedTuple):
 
 
 @kernel(allocates=False)
+def find_collisions(traffic, hood):
+    """Fill `hit`; the number of pairs."""
+    task = traffic.task
+    hood.hit[:] = False
+    hood.num_hits[:] = 0
+    pairs = 0
+    for robot in range(len(task.goal)):
+        pairs += collide(traffic, hood, robot)
+    return pairs
+
+
+@kernel(allocates=False)
+def collide(traffic, hood, robot):
+    """Enter the pairs of a robot whose path is in the traffic; how many were not known.
+
+    Of a ring the robot and the one ahead of it are such a pair. It stays one until one of the two is planned again,
+    also when the ring is broken elsewhere; and where several hold a vertex only one of them is followed. So rings have
+    to be looked for again when no pair is left.
+    """
+    task = traffic.task
+    new = 0
+    before = np.int64(-1)
+    for t in range(traffic.at.shape[1]):
+        v = np.int64(traffic.at[robot, t])
+        if num_in(traffic.on, v, t) > 1:
+            new += _hit_holders(traffic, hood, robot, v, t)
+        if t > 0 and v != before:
+            if traffic.task.following and num_in(traffic.on, before, t) > 1:
+                new += _hit_holders(traffic, hood, robot, before, t)
+            back = lane_between(task.first, task.head, v, before)
+            if back >= 0 and num_in(traffic.arrivals, back, t) > 0:
+                for other in range(len(traffic.at)):
+                    crossed = traffic.at[other, t] == before and traffic.at[other, t - 1] == v and traffic.end[other] >= 0
+                    if crossed and not hood.hit[robot, other]:
+                        new += _hit(hood, robot, other)
+            ahead = anyone_in(traffic.on, v, t - 1) if task.rings else np.int64(-1)
+            if ahead >= 0 and ahead != robot and not hood.hit[robot, ahead] and closes_ring(traffic, before, v, t):
+                new += _hit(hood, robot, ahead)
+        if task.clashes.any and t > 0:
+            new += _hit_near(traffic, hood, robot, before, v, t)
+        before = v
+    return new
+
+
+@kernel(allocates=False)
+def _hit_near(traffic, hood, robot, u, v, t):
+    """Enter the pairs of a robot that goes from u to v, or waits, and all others that come too close in that step."""
+    task = traffic.task
+    clashes, new = task.clashes, 0
+    move = move_of(task.first, task.head, u, v)
+    for k in range(clashes.vertex_first[move], clashes.vertex_first[move + 1]):
+        w = clashes.vertex[k]
+        for step in range(t - 1, t + 1):
+            if num_in(traffic.on, w, step) > 0:
+                new += _hit_holders(traffic, hood, robot, w, step)
+    for k in range(clashes.lane_first[move], clashes.lane_first[move + 1]):
+        lane = clashes.lane[k]
+        if num_in(traffic.arrivals, lane, t) > 0:
+            for other in range(len(traffic.at)):
+                if other != robot and traffic.end[other] >= 0 and traffic.at[other, t] == task.head[lane] and not hood.hit[robot, other]:
+                    w = np.int64(traffic.at[other, t - 1])
+                    if w != task.head[lane] and lane_between(task.first, task.head, w, task.head[lane]) == lane:
+                        new += _hit(hood, robot, other)
+    return new
+
+
+@kernel(allocates=False)
+def _hit_holders(traffic, hood, robot, v, t):
+    """Enter the pairs of a robot and all others that hold a vertex at a step."""
+    new = 0
+    for other in range(len(traffic.at)):
+        if other != robot and not hood.hit[robot, other] and holds(traffic, other, v, t):
+            new += _hit(hood, robot, other)
+    return new
+
+
+@kernel(allocates=False)
+def _hit(hood, robot, other):
+    hood.hit[robot, other] = True
+    hood.hit[other, robot] = True
+    hood.num_hits[robot] += 1
+    hood.num_hits[other] += 1
+    return 1
+
+
+@kernel(allocates=False)
+def forget(hood, robot):
+    """Drop the pairs of a robot; how many there were."""
+    num = hood.num_hits[robot]
+    if num > 0:
+        for other in range(len(hood.num_hits)):
+            if hood.hit[robot, other]:
+                hood.hit[robot, other] = False
+                hood.hit[other, robot] = False
+                hood.num_hits[other] -= 1
+        hood.num_hits[robot] = 0
+    return num
+
+
+@kernel(allocates=False)
 def pick_kind(hood, rng):
     x = rng.random() * (hood.record[0] + hood.record[1] + hood.record[2])
     if x < hood.record[0]:
@@ -44,8 +154,8 @@ def pick_kind(hood, rng):
 
 @kernel(allocates=False)
 def _choose(hood, num, robot):
-    """Add a robot to the neighbourhood unless it is in it."""
-    if hood.chosen[robot]:
+    """Add a robot to the neighbourhood unless it is in it or that is full; how many there are then."""
+    if num >= len(hood.robot) or hood.chosen[robot]:
         return num
     hood.chosen[robot] = True
     hood.robot[num] = robot
@@ -53,18 +163,16 @@ def _choose(hood, num, robot):
 
 
 @kernel(allocates=False)
-def fill_any(hood, num, size, rng):
+def fill_any(hood, num, rng):
     """Fill up with any robots."""
-    num_robots = len(hood.chosen)
-    size = min(size, num_robots)
-    while num < size:
-        num = _choose(hood, num, np.int64(rng.random() * num_robots))
+    while num < len(hood.robot):
+        num = _choose(hood, num, np.int64(rng.random() * len(hood.chosen)))
     return num
 
 
 @kernel(allocates=False)
 def fill_by_hits(hood, num, size, rng):
-    """Fill up with robots by the number of their collisions."""
+    """Fill up to a size with robots by the number of their collisions."""
     num_robots = len(hood.chosen)
     total = np.int64(0)
     for robot in range(num_robots):
@@ -78,29 +186,32 @@ def fill_by_hits(hood, num, size, rng):
             x -= hood.num_hits[robot] + 1
             robot += 1
         num = _choose(hood, num, np.int64(robot))
-    return fill_any(hood, num, size, rng)
+    while num < min(size, num_robots):
+        num = _choose(hood, num, np.int64(rng.random() * num_robots))
+    return num
 
 
 @kernel(allocates=False)
-def around_late(task, traffic, hood, size, rng):
+def around_late(traffic, hood, rng):
     """A robot that is late, and those met on random walks that would bring it home earlier."""
+    task = traffic.task
     num_robots = len(task.goal)
-    size = min(size, num_robots)
     late, latest = np.int64(0), np.int64(-1)
     for _ in range(1 + num_robots // 16):
         robot = np.int64(rng.random() * num_robots)
         delay = traffic.end[robot] - task.least[robot]
         if delay > latest:
             late, latest = robot, delay
-    return _fill_around(task, traffic, hood, size, late, rng)
+    return _fill_around(traffic, hood, late, rng)
 
 
 @kernel(allocates=False)
-def around_promising(task, traffic, hood, size, rng):
+def around_promising(traffic, hood, rng):
     """One of the latest robots, by Thompson sampling (Beta posteriors of its successes), and those met on random walks.
 
     The robot comes first in `hood.robot`.
     """
+    task = traffic.task
     num_late = 0
     for robot in range(len(task.goal)):  # the latest by insertion
         delay = traffic.end[robot] - task.least[robot]
@@ -118,32 +229,32 @@ def around_promising(task, traffic, hood, size, rng):
         promise = rng.beta(1.0 + hood.tried[robot, 1], 1.0 + hood.tried[robot, 0])
         if promise > most:
             best, most = robot, promise
-    return _fill_around(task, traffic, hood, size, best, rng)
+    return _fill_around(traffic, hood, best, rng)
 
 
 @kernel(allocates=False)
-def _fill_around(task, traffic, hood, size, late, rng):
+def _fill_around(traffic, hood, late, rng):
     """A robot, those met on random walks that would bring it home earlier, and any."""
-    size = min(size, len(task.goal))
     num = _choose(hood, 0, late)
     for _ in range(10):
-        if num >= size:
+        if num >= len(hood.robot):
             break
         robot = hood.robot[np.int64(rng.random() * num)] if rng.random() < 0.5 else late
-        num = _walk(task, traffic, hood, num, size, robot, traffic.end[robot], rng)
-    return fill_any(hood, num, size, rng)
+        num = _walk(traffic, hood, num, robot, traffic.end[robot], rng)
+    return fill_any(hood, num, rng)
 
 
 @kernel(allocates=False)
-def _walk(task, traffic, hood, num, size, robot, before, rng):
+def _walk(traffic, hood, num, robot, before, rng):
     """Walk from a random step of a robot's path, so that it could still arrive `before`; choose whom it meets."""
+    task = traffic.task
     if traffic.end[robot] <= 0:
         return num
     t = np.int64(rng.random() * traffic.end[robot])
     v = np.int64(traffic.at[robot, t])
-    to_go = _to_go(task, traffic, robot, t)
+    to_go = _to_go(traffic, robot, t)
     for _ in range(traffic.at.shape[1]):
-        if num >= size or t + 2 >= traffic.at.shape[1]:
+        if num >= len(hood.robot) or t + 2 >= traffic.at.shape[1]:
             break
         a, b = task.first[v], task.first[v + 1]
         count = b - a + 1
@@ -157,11 +268,11 @@ def _walk(task, traffic, hood, num, size, robot, before, rng):
                 continue
             moved = True
             if (traffic.busy[u, (t + 1) >> 5] >> ((t + 1) & 31)) & 1:
-                num = _choose_about(task, traffic, hood, num, size, u, t + 1)
-            if num < size and at < b and task.reverse[at] >= 0:
+                num = _choose_about(traffic, hood, num, u, t + 1)
+            if num < len(hood.robot) and at < b and task.reverse[at] >= 0:
                 back = task.reverse[at]
                 if (traffic.along[back, (t + 1) >> 5] >> ((t + 1) & 31)) & 1:
-                    num = _choose_on(traffic, hood, num, size, v, t + 1)
+                    num = _choose_on(traffic, hood, num, v, t + 1)
             v, to_go = u, onward
             break
         if not moved:
@@ -171,8 +282,9 @@ def _walk(task, traffic, hood, num, size, robot, before, rng):
 
 
 @kernel(allocates=False)
-def _to_go(task, traffic, robot, t):
+def _to_go(traffic, robot, t):
     """Steps to a robot's goal from where it is at t."""
+    task = traffic.task
     if task.steps.shape[1] > 0:
         return np.int64(task.steps[robot, traffic.at[robot, t]])
     to_go, at = task.least[robot], traffic.at[robot]
@@ -182,112 +294,113 @@ def _to_go(task, traffic, robot, t):
 
 
 @kernel(allocates=False)
-def _choose_on(traffic, hood, num, size, v, t):
+def _choose_on(traffic, hood, num, v, t):
     """Choose the robots that hold a vertex at a step."""
     there = num_in(traffic.on, v, t)
-    if there == 1 and num < size:
+    if there == 1 and num < len(hood.robot):
         return _choose(hood, num, anyone_in(traffic.on, v, t))
     if there > 1:
         for robot in range(len(traffic.at)):
-            if num < size and holds(traffic, robot, v, t):
+            if num < len(hood.robot) and holds(traffic, robot, v, t):
                 num = _choose(hood, num, np.int64(robot))
     return num
 
 
 @kernel(allocates=False)
-def _choose_about(task, traffic, hood, num, size, v, t):
+def _choose_about(traffic, hood, num, v, t):
     """Choose the robots that hold a vertex at a step, or stand too close to it."""
-    num = _choose_on(traffic, hood, num, size, v, t)
+    task = traffic.task
+    num = _choose_on(traffic, hood, num, v, t)
     clashes = task.clashes
     if clashes.any:
         move = len(task.head) + v
         for k in range(clashes.vertex_first[move], clashes.vertex_first[move + 1]):
-            num = _choose_on(traffic, hood, num, size, clashes.vertex[k], t)
+            num = _choose_on(traffic, hood, num, clashes.vertex[k], t)
         for k in range(clashes.lane_first[move], clashes.lane_first[move + 1]):
-            if num < size and num_in(traffic.arrivals, clashes.lane[k], t) > 0:
-                num = _choose_on(traffic, hood, num, size, task.head[clashes.lane[k]], t)
+            if num < len(hood.robot) and num_in(traffic.arrivals, clashes.lane[k], t) > 0:
+                num = _choose_on(traffic, hood, num, task.head[clashes.lane[k]], t)
     return num
 
 
 @kernel(allocates=False)
-def around_place(task, traffic, hood, size, rng):
+def around_place(traffic, hood, rng):
     """Robots that are about a place at about one time: around a random robot's position at a random step."""
+    task = traffic.task
     num_robots = len(traffic.at)
-    size = min(size, num_robots)
     robot = np.int64(rng.random() * num_robots)
     t = np.int64(rng.random() * (traffic.end[robot] + 1))
     num = _choose(hood, 0, robot)
     begin, end = 0, 1
     hood.queue[0] = traffic.at[robot, t]
-    while begin < end and num < size:
+    while begin < end and num < len(hood.robot):
         v = hood.queue[begin]
         begin += 1
         for d in range(-3, 4):
             if 0 <= t + d < traffic.at.shape[1] and (traffic.busy[v, (t + d) >> 5] >> ((t + d) & 31)) & 1:
-                num = _choose_about(task, traffic, hood, num, size, v, t + d)
+                num = _choose_about(traffic, hood, num, v, t + d)
         a, b = task.first[v], task.first[v + 1]
         shift = np.int64(rng.random() * (b - a)) if b > a else np.int64(0)
         for k in range(b - a):
             if end < len(hood.queue):  # vertices may come twice: that is cheaper than to remember them
                 hood.queue[end] = task.head[a + (k + shift) % (b - a)]
                 end += 1
-    return fill_any(hood, num, size, rng)
+    return fill_any(hood, num, rng)
 
 
 @kernel(allocates=False)
-def around_collision(task, traffic, hood, size, rng):
+def around_collision(traffic, hood, rng):
     """Robots of one component of the graph of collisions: all, and whom they meet on walks, or some on a random walk in it."""
+    task = traffic.task
     num_robots = len(task.goal)
-    size = min(size, num_robots)
     root = np.int64(rng.random() * num_robots)
     while hood.num_hits[root] == 0:
         root = (root + 1) % num_robots
     num = _choose(hood, 0, root)
     k = 0
-    while k < num and num < size:  # breadth first, others in a random rotation
+    while k < num and num < len(hood.robot):  # breadth first, others in a random rotation
         shift = np.int64(rng.random() * num_robots)
         for j in range(num_robots):
             other = (j + shift) % num_robots
-            if hood.hit[hood.robot[k], other] and num < size:
+            if hood.hit[hood.robot[k], other] and num < len(hood.robot):
                 num = _choose(hood, num, other)
         k += 1
     for _ in range(10):
-        if num >= size:
+        if num >= len(hood.robot):
             break
         robot = hood.robot[np.int64(rng.random() * num)]
-        num = _walk(task, traffic, hood, num, size, robot, np.int64(traffic.at.shape[1]), rng)
-    return fill_any(hood, num, size, rng)
+        num = _walk(traffic, hood, num, robot, np.int64(traffic.at.shape[1]), rng)
+    return fill_any(hood, num, rng)
 
 
 @kernel(allocates=False)
-def around_failure(task, traffic, hood, size, rng):
+def around_failure(traffic, hood, rng):
     """A robot in collision, those that stand for good on its way, and those that pass its goal after it."""
-    num_robots = len(task.goal)
-    size = min(size, num_robots)
+    task = traffic.task
     num = fill_by_hits(hood, 0, 1, rng)
     robot = hood.robot[0]
     if task.steps.shape[1] > 0:
-        num = _fill_by_goals_on_the_way(task, traffic, hood, num, size, robot, rng)
+        num = _fill_by_goals_on_the_way(traffic, hood, num, robot, rng)
     else:  # steps between other places are not known: those that it meets
         for t in range(traffic.end[robot]):
-            if num < size and num_in(traffic.on, np.int64(traffic.at[robot, t]), t) > 1:
-                num = _choose_on(traffic, hood, num, size, np.int64(traffic.at[robot, t]), t)
+            if num < len(hood.robot) and num_in(traffic.on, np.int64(traffic.at[robot, t]), t) > 1:
+                num = _choose_on(traffic, hood, num, np.int64(traffic.at[robot, t]), t)
     for t in range(traffic.end[robot], traffic.at.shape[1]):
-        if num >= size:
+        if num >= len(hood.robot):
             break
         if num_in(traffic.on, task.goal[robot], t) > 1:
-            num = _choose_on(traffic, hood, num, size, task.goal[robot], t)
-    return fill_any(hood, num, size, rng)
+            num = _choose_on(traffic, hood, num, task.goal[robot], t)
+    return fill_any(hood, num, rng)
 
 
 @kernel(allocates=False)
-def _fill_by_goals_on_the_way(task, traffic, hood, num, size, robot, rng):
+def _fill_by_goals_on_the_way(traffic, hood, num, robot, rng):
     """Those that are at their goals before the robot is at its own, if their goals are on a shortest way of the robot."""
+    task = traffic.task
     num_robots = len(task.goal)
     shift = np.int64(rng.random() * num_robots)
     for j in range(num_robots):
         other = (j + shift) % num_robots
-        if num >= size:
+        if num >= len(hood.robot):
             break
         end = traffic.end[other]
         blocks = end <= traffic.end[robot] and task.least[robot] == (
@@ -303,7 +416,7 @@ def room_for_hood(task: RepairTask, horizon: int, size: int, *, with_hits: bool,
     num_robots = len(task.goal)
     hits = num_robots if with_hits else 1
     return Neighbourhood(
-        robot=np.zeros(size, np.int64),
+        robot=np.zeros(min(size, num_robots), np.int64),
         chosen=np.zeros(num_robots, np.bool_),
         saved=np.zeros((size, horizon), np.int32),
         saved_end=np.zeros(size, np.int64),
@@ -313,4 +426,16 @@ def room_for_hood(task: RepairTask, horizon: int, size: int, *, with_hits: bool,
         num_hits=np.zeros(num_robots, np.int64),
         tried=np.zeros((num_robots if bandit else 0, 2), np.float64),
         latest=np.zeros(LATEST, np.int64),
+    )
+
+
+def room_for_gains(task: RepairTask, most: int, size: int, horizon: int) -> Gains:
+    """Room for so many neighbourhoods of `size` robots over `horizon` steps."""
+    shape = most, min(size, len(task.goal))
+    return Gains(
+        num=np.zeros(1, np.int64),
+        size=np.zeros(most, np.int64),
+        robot=np.zeros(shape, np.int64),
+        end=np.zeros(shape, np.int64),
+        at=np.zeros((*shape, horizon), np.int32),
     )

@@ -3,6 +3,10 @@
 Where following is refused, a robot holds the vertex it leaves in the step of its move too: any two robots that come too
 near then hold one vertex at one step, and swaps and rings need no rules of their own.
 
+How many robots hold a vertex at a step, or arrive by a lane, is in tables over rows and steps: every cell has its slot, or, where that
+would take too much memory, only cells in use have one. Sparse tables are hashed: slots lie at the number of a cell, mixed, or behind it
+(Knuth, The Art of Computer Programming, volume 3, section 6.4: linear probing, algorithm R for deletion).
+
 Where moves clash, a robot bars the vertices and lanes that are too close to its own: vertices are then busy as if it held them.
 """
 
@@ -13,8 +17,8 @@ import numpy as np
 from mrp_sumo.core.clashes import Clashes
 from mrp_sumo.search._clashing import move_of
 from mrp_sumo.search._kernel import kernel
-from planners.neighbourhood._cells import RowOccupancy, anyone_in, cells_of, enter, leave, num_in, slot_of
 
+MOST_CELLS = 1 << 22  # of a table in which every cell has its slot
 WORD = 32  # steps in a word of a bit set; reckoned with as an int64, so that nothing overflows
 _LOWEST = np.zeros(32, np.int64)  # position of the lowest bit by de Bruijn's sequence
 for _k in range(32):
@@ -31,13 +35,26 @@ class RepairTask(NamedTuple):
     goal: np.ndarray  # [R] int64
     least: np.ndarray  # [R] int64 steps from each robot's start to its goal
     steps: np.ndarray  # [R, V] int32 to each robot's goal; [R, 0] where only `code` is known
-    code: np.ndarray  # [R, ceil(V / 4)] uint8 which way is nearer, see _compass; [R, 0] where `steps` are
+    code: np.ndarray  # [R, ceil(V / 4)] uint8 which way is nearer, see _pibt_instance; [R, 0] where `steps` are
     clashes: Clashes
+    following: bool  # nobody may enter a vertex in the step in which another leaves it
+    rings: bool  # rings of robots may not move at once, and there is no rule about following that keeps them from it
+    window: int  # steps for which robots keep clear of each other; 0: always
+
+
+class RowOccupancy(NamedTuple):
+    """How many robots there are on each row at each of T steps, over K slots."""
+
+    key: np.ndarray  # [K] int64 number of the cell and 1, 0 of an empty slot; [0] where every cell has its slot
+    num: np.ndarray  # [K] uint8
+    who: np.ndarray  # [K] int32 one of them; [1] where nobody asks
+    steps: int  # T
 
 
 class Traffic(NamedTuple):
     """Who is where. V vertices, L lanes, R robots, T steps, W = T / WORD. Robots stay at their goals up to step T - 1."""
 
+    task: RepairTask
     at: np.ndarray  # [R, T] int32 position of each robot, -1 where a robot has no path
     end: np.ndarray  # [R] int64 step at which each arrives to stay, -1 without a path
     on: RowOccupancy  # robots that hold a vertex
@@ -47,9 +64,94 @@ class Traffic(NamedTuple):
     along: np.ndarray  # [L, W] uint32 bits: somebody does
     num_barred: np.ndarray  # [L, T] uint16 moves that bar arrivals by a lane at a step; [1, 1] without clashes
     barred: np.ndarray  # [L, W] uint32 bits: some do; [1, 1] without clashes
-    following: bool  # nobody may enter a vertex in the step in which another leaves it
-    rotations: bool  # rings of robots may move at once
     window: int  # paths count up to the step before this one only
+
+
+@kernel(allocates=False)
+def home(key, mask):
+    """Where the slot of a cell is looked for first."""
+    return (((key ^ (key >> 17)) & 0x7FFFFFFF) * 0x9E3779B1 >> 20) & mask
+
+
+@kernel(allocates=False)
+def _find_slot(keys, key):
+    """The slot of a cell among hashed ones, -1 where it has none."""
+    mask = len(keys) - 1
+    k = home(key, mask)
+    while keys[k] != 0:
+        if keys[k] == key + 1:
+            return k
+        k = (k + 1) & mask
+    return np.int64(-1)
+
+
+@kernel(allocates=False)
+def _make_slot(keys, num, key):
+    """The slot of a cell among hashed ones, made where it has none."""
+    mask = len(keys) - 1
+    k = home(key, mask)
+    while keys[k] != 0 and keys[k] != key + 1:
+        k = (k + 1) & mask
+    if keys[k] == 0:
+        keys[k] = key + 1
+        num[k] = 0
+    return k
+
+
+@kernel(allocates=False)
+def _empty_slot(keys, num, who, k):
+    """Empty a slot, and move up those behind it that would not be found any more."""
+    mask = len(keys) - 1
+    behind = (k + 1) & mask
+    while keys[behind] != 0:
+        if (behind - home(keys[behind] - 1, mask)) & mask >= (behind - k) & mask:
+            keys[k], num[k] = keys[behind], num[behind]
+            if len(who) > 1:
+                who[k] = who[behind]
+            k = behind
+        behind = (behind + 1) & mask
+    keys[k] = 0
+
+
+@kernel(inline="always")
+def slot_of(cells, row, t):
+    """The slot of a cell, -1 where nobody is."""
+    key = np.int64(row) * cells.steps + t
+    return key if len(cells.key) == 0 else _find_slot(cells.key, key)
+
+
+@kernel(inline="always")
+def num_in(cells, row, t):
+    """How many robots there are in a cell."""
+    k = slot_of(cells, row, t)
+    return np.int64(cells.num[k]) if k >= 0 else np.int64(0)
+
+
+@kernel(inline="always")
+def anyone_in(cells, row, t):
+    """One of the robots in a cell, -1 where there is none."""
+    k = slot_of(cells, row, t)
+    return np.int64(cells.who[k]) if k >= 0 and cells.num[k] > 0 else np.int64(-1)
+
+
+@kernel(inline="always")
+def enter(cells, row, t):
+    """One robot more in a cell; its slot."""
+    key = np.int64(row) * cells.steps + t
+    k = key if len(cells.key) == 0 else _make_slot(cells.key, cells.num, key)
+    cells.num[k] += 1
+    return k
+
+
+@kernel(inline="always")
+def leave(cells, row, t):
+    """One robot fewer in a cell; how many are left."""
+    k = slot_of(cells, row, t)
+    cells.num[k] -= 1
+    left = np.int64(cells.num[k])
+    if left == 0 and len(cells.key) > 0:
+        _empty_slot(cells.key, cells.num, cells.who, k)
+    return left
 
 
 @kernel(allocates=False)
@@ -79,10 +181,11 @@ def lane_between(first, head, u, v):
 
 
 @kernel(allocates=False)
-def add_path(task, traffic, robot):
+def add_path(traffic, robot):
     """Enter the robot's row of `at` in the rest of the traffic."""
+    task = traffic.task
     first, head = task.first, task.head
-    at, on, busy, following = traffic.at[robot], traffic.on, traffic.busy, traffic.following
+    at, on, busy, following = traffic.at[robot], traffic.on, traffic.busy, traffic.task.following
     before = np.int64(-1)
     for t in range(traffic.window):
         v = np.int64(at[t])
@@ -98,12 +201,13 @@ def add_path(task, traffic, robot):
                 busy[before, t >> 5] |= bit
         before = v
     if task.clashes.any:
-        _bar(task, traffic, robot)
+        _bar(traffic, robot)
 
 
 @kernel(allocates=False)
-def _bar(task, traffic, robot):
+def _bar(traffic, robot):
     """Bar what is too close to the robot's moves."""
+    task = traffic.task
     clashes, at, num_near, busy, num_barred, barred = (
         task.clashes, traffic.at[robot], traffic.num_near, traffic.busy, traffic.num_barred, traffic.barred,
     )  # fmt: skip
@@ -120,8 +224,9 @@ def _bar(task, traffic, robot):
 
 
 @kernel(allocates=False)
-def _unbar(task, traffic, robot):
+def _unbar(traffic, robot):
     """Take back what `_bar` did."""
+    task = traffic.task
     clashes, at, on, num_near, busy, num_barred, barred = (
         task.clashes, traffic.at[robot], traffic.on, traffic.num_near, traffic.busy, traffic.num_barred, traffic.barred,
     )  # fmt: skip
@@ -141,32 +246,40 @@ def _unbar(task, traffic, robot):
 
 
 @kernel(allocates=False)
-def remove_path(task, traffic, robot):
+def remove_path(traffic, robot):
     """Take the robot's path out of the traffic; its row of `at` stays."""
-    first, head = task.first, task.head
+    task, at, on = traffic.task, traffic.at[robot], traffic.on
     if task.clashes.any:
-        _unbar(task, traffic, robot)
-    at, following = traffic.at[robot], traffic.following
+        _unbar(traffic, robot)
     before = np.int64(-1)
     for t in range(traffic.window):
         v = np.int64(at[t])
-        _let_go(traffic, robot, v, t)
+        if leave(on, v, t) == 0:
+            _set_free(traffic, v, t)
+        else:
+            _hand_over(traffic, robot, v, t)
         if t > 0 and v != before:
-            lane = lane_between(first, head, before, v)
+            lane = lane_between(task.first, task.head, before, v)
             if leave(traffic.arrivals, lane, t) == 0:
                 traffic.along[lane, t >> 5] &= ~(np.int64(1) << (t & 31))
-            if following:
-                _let_go(traffic, robot, before, t)
+            if task.following:
+                if leave(on, before, t) == 0:
+                    _set_free(traffic, before, t)
+                else:
+                    _hand_over(traffic, robot, before, t)
         before = v
 
 
+@kernel(inline="always")
+def _set_free(traffic, v, t):
+    """Nobody holds v any more at t."""
+    if len(traffic.num_near) == 1 or traffic.num_near[v, t] == 0:
+        traffic.busy[v, t >> 5] &= ~(np.int64(1) << (t & 31))
+
+
 @kernel(allocates=False)
-def _let_go(traffic, robot, v, t):
-    """The robot holds v no longer at t."""
-    if leave(traffic.on, v, t) == 0:
-        if len(traffic.num_near) == 1 or traffic.num_near[v, t] == 0:
-            traffic.busy[v, t >> 5] &= ~(np.int64(1) << (t & 31))
-        return
+def _hand_over(traffic, robot, v, t):
+    """Of those that still hold v at t let another one be known of than this robot."""
     k = slot_of(traffic.on, v, t)
     if traffic.on.who[k] == robot:
         for other in range(len(traffic.at)):
@@ -180,7 +293,7 @@ def holds(traffic, robot, v, t):
     """Whether a robot with a path holds a vertex at a step."""
     if traffic.end[robot] < 0 or t >= traffic.window:
         return False
-    return traffic.at[robot, t] == v or (traffic.following and t > 0 and traffic.at[robot, t - 1] == v)
+    return traffic.at[robot, t] == v or (traffic.task.following and t > 0 and traffic.at[robot, t - 1] == v)
 
 
 @kernel(allocates=False)
@@ -201,18 +314,38 @@ def closes_ring(traffic, v, u, t):
 
 
 @kernel(allocates=False)
-def enter_all(task, traffic):
+def enter_all(traffic):
     """Put all paths of `at` into the empty traffic."""
+    task = traffic.task
     for robot in range(len(task.goal)):
-        add_path(task, traffic, robot)
+        add_path(traffic, robot)
 
 
-def empty_traffic(task: RepairTask, horizon: int, *, following: bool, rotations: bool, window: int = 0) -> Traffic:
-    """Traffic without paths over `horizon` steps, a multiple of WORD; they count for `window` steps, 0: for all."""
+def cells_of(num_rows: int, num_steps: int, most: int, *, with_who: bool) -> RowOccupancy:
+    """Empty cells, of which at most so many are in use at a time."""
+    sparse = is_sparse(num_rows, num_steps)
+    num_slots = slots_for(most) if sparse else num_rows * num_steps
+    key = np.zeros(num_slots if sparse else 0, np.int64)
+    return RowOccupancy(key, np.zeros(num_slots, np.uint8), np.zeros(num_slots if with_who else 1, np.int32), num_steps)
+
+
+def is_sparse(num_rows: int, num_steps: int) -> bool:
+    """Whether only cells in use have a slot."""
+    return num_rows * num_steps > MOST_CELLS
+
+
+def slots_for(most: int) -> int:
+    """A power of two, of which so many are at most two thirds."""
+    return 1 << max(4, int(np.ceil(np.log2(1.5 * most))))
+
+
+def empty_traffic(task: RepairTask, horizon: int) -> Traffic:
+    """Traffic without paths over `horizon` steps, a multiple of WORD."""
     num_vertices, num_lanes, num_robots = len(task.first) - 1, len(task.head), len(task.goal)
     near = (num_vertices, num_lanes, horizon) if task.clashes.any else (1, 1, 1)
-    held = num_robots * horizon * (2 if following else 1)
+    held = num_robots * horizon * (2 if task.following else 1)
     return Traffic(
+        task,
         at=np.full((num_robots, horizon), -1, np.int32),
         end=np.full(num_robots, -1, np.int64),
         on=cells_of(num_vertices, horizon, held, with_who=True),
@@ -222,21 +355,18 @@ def empty_traffic(task: RepairTask, horizon: int, *, following: bool, rotations:
         along=np.zeros((num_lanes, horizon // WORD), np.uint32),
         num_barred=np.zeros((near[1], near[2]), np.uint16),
         barred=np.zeros((near[1], (near[2] + WORD - 1) // WORD), np.uint32),
-        following=following,
-        rotations=rotations and task.clashes.rotations,
-        window=min(window + 1, horizon) if window else horizon,
+        window=min(task.window + 1, horizon) if task.window else horizon,
     )
 
 
-def traffic_of(task: RepairTask, path: np.ndarray, spare: int, *, following: bool, rotations: bool, window: int = 0) -> Traffic:
+def traffic_of(task: RepairTask, path: np.ndarray, spare: int) -> Traffic:
     """Traffic of the paths [T, R], with `spare` steps or more of room."""
-    horizon = (len(path) + spare + 2 + WORD - 1) // WORD * WORD
-    traffic = empty_traffic(task, horizon, following=following, rotations=rotations, window=window)
+    traffic = empty_traffic(task, (len(path) + spare + 2 + WORD - 1) // WORD * WORD)
     traffic.at[:, : len(path)] = path.T
     traffic.at[:, len(path) :] = path[-1][:, None]
     away = path != task.goal
     traffic.end[:] = np.where(away.any(axis=0), len(path) - np.argmax(away[::-1], axis=0), 0)
-    enter_all(task, traffic)
+    enter_all(traffic)
     return traffic
 
 

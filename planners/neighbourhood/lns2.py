@@ -15,6 +15,21 @@ from mrp_sumo.core.plan import PlanResult, Status
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError
 from mrp_sumo.planning.answers import deadline_of, order_clash, unplanned, used_up, without_effort
+from mrp_sumo.search.distance import UNREACHABLE
+from planners.neighbourhood._traffic import path_of
+from planners.neighbourhood.refinement import (
+    AT_ONCE,
+    Refinement,
+    Repair,
+    first_order,
+    is_roomy,
+    polishing_labels,
+    prepare,
+    room_bytes,
+    task_of,
+    threads_with_room,
+)
+from planners.world import SLICE_S, solved, steps_table, sum_of_costs, without_search
 
 CHANCE = 13  # purpose of the stream of chance
 
@@ -43,32 +58,10 @@ class Lns2:
 
     def prepare(self) -> None:
         """Compile or load the kernels."""
-        from planners.neighbourhood.refinement import prepare
-
         prepare(self.threads)
 
     def plan(self, problem: Problem, time_limit_s: float) -> PlanResult:
         """SOLVED, TIMED_OUT with the number of pairs left in collision, GAVE_UP at the horizon, INFEASIBLE where nobody could plan."""
-        from mrp_sumo.search.distance import UNREACHABLE
-        from planners.neighbourhood._traffic import path_of
-        from planners.neighbourhood.refinement import (
-            Refinement,
-            first_order,
-            plan_in_order,
-            polishing_labels,
-            repair,
-            room_bytes,
-            room_to_repair,
-            task_of,
-            threads_with_room,
-        )
-        from planners.world import (
-            solved,
-            steps_table,
-            sum_of_costs,
-            without_search,
-        )
-
         begin_s = process_time()
         deadline_s = deadline_of(time_limit_s)
         if 4 * problem.num_robots * problem.graph.num_vertices > self.memory_mb * 1_000_000:
@@ -83,43 +76,55 @@ class Lns2:
             return known
         lower_bound = float(steps.sum())
         rng = np.random.default_rng([problem.seed, CHANCE])
-        task = task_of(problem, table)
+        task = task_of(problem, table, following=self.following, rotations=self.rotations)
         horizon = self.horizon or 2 * int(steps.max()) + 128 + problem.num_robots // 2
         horizon = max(horizon, int(steps.max()) + 2, problem.window_steps + 2)
         if (need := table.nbytes + room_bytes(task, horizon) + problem.num_robots**2) > self.memory_mb * 1_000_000:
             message = f"tables of {horizon} steps take {need / 1e6:.0f} MB, expected at most {self.memory_mb} MB"
             return unplanned(Status.GAVE_UP, begin_s, message, lower_bound)
-        window = problem.window_steps
-        kind = {"following": self.following, "rotations": self.rotations}
-        room = room_to_repair(task, horizon, self.neighbourhood, window=window, **kind)
-        order = first_order(task, rng)
-        planned = plan_in_order(task, room, order, deadline_s)
-        if planned < len(order):
-            if process_time() > deadline_s:
-                return unplanned(Status.TIMED_OUT, begin_s, f"no solution within {time_limit_s:g} s", lower_bound)
-            name = problem.fleet.robot_name[order[planned]]
-            return unplanned(Status.GAVE_UP, begin_s, f"{name} has no path within {horizon} steps, collisions allowed", lower_bound)
-        first_pairs, pairs = repair(task, room, self.neighbourhood, rng, deadline_s, problem.effort)
+        paths = Repair(task, horizon, self.neighbourhood)
+        order, clear = first_order(task, rng), is_roomy(task)
+        for k, robot in enumerate(order):
+            if process_time() > deadline_s or not paths.plan(order[k : k + 1], clear=clear):
+                name = problem.fleet.robot_name[robot]
+                is_late, late = process_time() > deadline_s, f"no solution within {time_limit_s:g} s"
+                message = late if is_late else f"{name} has no path within {horizon} steps, collisions allowed"
+                return unplanned(Status.TIMED_OUT if is_late else Status.GAVE_UP, begin_s, message, lower_bound)
+        first_pairs = paths.num_pairs()
+        pairs = self._repaired(paths, first_pairs, rng, deadline_s, problem.effort)
         stats = {"initial_pairs": float(first_pairs)}
-        labels = int(room[1].stamp[1])
-        if pairs and used_up(problem, labels):
+        if pairs and used_up(problem, paths.labels):
             return without_effort(problem, begin_s, lower_bound, pairs=float(pairs), **stats)
         if pairs:
             message = f"{pairs} pairs of robots are left in collision after {time_limit_s:g} s"
             return unplanned(Status.TIMED_OUT, begin_s, message, lower_bound, pairs=float(pairs), **stats)
-        path = path_of(room[0])
-        left = max(1, problem.effort - labels) if problem.effort else 0
+        path, left = path_of(paths.traffic), max(1, problem.effort - paths.labels) if problem.effort else 0
+        del paths  # polishing takes as much memory
         cost = sum_of_costs(path, task.goal)
         stats |= {"first_solution_time_s": process_time() - begin_s, "first_solution_cost": float(cost)}
-        del room
         if (self.polish or self.anytime) and cost > lower_bound:
             threads = threads_with_room(self.threads, task, path, self.memory_mb, table.nbytes)
-            size = (self.neighbourhood + 1) // 2
-            refinement = Refinement(task, path, size, rng, window=window, threads=threads, bandit=self.bandit, **kind)
-            polish = polishing_labels(self.polish, problem.num_robots, window)
-            refinement.until(deadline_s, most_labels=left if left and (self.anytime or left < polish) else polish)
-            while self.anytime and not left and refinement.cost > lower_bound and process_time() < deadline_s:
-                refinement.until(min(deadline_s - 0.02, process_time() + 0.5))
+            refinement = Refinement(task, path, (self.neighbourhood + 1) // 2, rng, threads=threads, bandit=self.bandit)
+            self._polish(refinement, problem, left, deadline_s)
             path, cost = refinement.path(), refinement.cost
-        path = path[: window + 1] if window else path
+        path = path[: problem.window_steps + 1] if problem.window_steps else path
         return solved(problem, path, begin_s, lower_bound, cost=float(cost), **stats)
+
+    def _repaired(self, paths: Repair, pairs: int, rng: np.random.Generator, deadline_s: float, effort: int) -> int:
+        """Replan neighbourhoods until nobody collides, or time or effort are up; how many pairs are left.
+
+        Where the effort in labels is bounded (not 0), it is looked at as often on every machine.
+        """
+        at_once = AT_ONCE if effort else 1  # neighbourhoods between two looks at the clock
+        while pairs and (slice_s := process_time()) <= deadline_s and not 0 < effort <= paths.labels:
+            pairs = paths.repair(pairs, at_once, rng)
+            if not effort:
+                at_once = max(1, int(at_once * min(SLICE_S / max(process_time() - slice_s, 1e-6), 2.0)))
+        return pairs
+
+    def _polish(self, refinement: Refinement, problem: Problem, left: int, deadline_s: float) -> None:
+        """Make paths shorter for a fixed amount of work, of which no more than `left` labels (0: any) may be done; anytime, to the end."""
+        polish = polishing_labels(self.polish, problem.num_robots, problem.window_steps)
+        refinement.until(deadline_s, most_labels=left if left and (self.anytime or left < polish) else polish)
+        while self.anytime and not left and refinement.cost > refinement.least and process_time() < deadline_s:
+            refinement.until(min(deadline_s - 0.02, process_time() + 0.5))

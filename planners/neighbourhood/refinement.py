@@ -1,4 +1,8 @@
-"""Large neighbourhood search over the paths of a problem, driven by the clock or by the work done."""
+"""Large neighbourhood search over the paths of a problem, driven by the clock or by the work done.
+
+`Repair` plans robots past each other and brings collisions down to none, `first_paths` does so where that is easy, `Refinement` makes paths
+without collisions shorter.
+"""
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -7,17 +11,17 @@ from time import process_time
 
 import numpy as np
 
+from mrp_sumo.core.graph import IntArray
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.search.distance import distances
 from mrp_sumo.traffic.clashes import clashes_of
 from planners.configuration._pibt_instance import PibtInstance
-from planners.neighbourhood import _lns, _merging
-from planners.neighbourhood._cells import is_sparse, slots_for
-from planners.neighbourhood._collisions import find_collisions
-from planners.neighbourhood._neighbourhoods import Neighbourhood, room_for_hood
-from planners.neighbourhood._sipps import Labels, labels_for, room_for_labels
-from planners.neighbourhood._traffic import WORD, RepairTask, Traffic, empty_traffic, path_of, traffic_of
-from planners.world import MOVES_A_LANE, SLICE_S, small_problem
+from planners.configuration.guides import MOVES_A_LANE
+from planners.neighbourhood import _lns
+from planners.neighbourhood._neighbourhoods import find_collisions, room_for_gains, room_for_hood
+from planners.neighbourhood._sipps import labels_for, room_for_labels
+from planners.neighbourhood._traffic import WORD, RepairTask, Traffic, empty_traffic, is_sparse, path_of, slots_for, traffic_of
+from planners.world import SLICE_S, small_problem
 
 IN_WINDOWS = 6  # times less polishing
 SPARE_STEPS = 8  # room beyond the longest path
@@ -28,48 +32,81 @@ MOST_AT_ONCE = 1 << 16  # neighbourhoods between looks at the clock
 ROUND_LABELS = 1 << 14  # of a refiner between two times that threads bring together what they have gained, or more:
 ROUND_LABELS_A_VERTEX = 1  # on large maps every search makes many
 MOST_GAINS = 64  # neighbourhoods of a refiner in a round
+# of first paths:
+SPARE = 64  # steps beyond the longest shortest way
+MOST_LABELS = 1 << 19  # of a search; so few stay in the processor's cache on any map
+LABELS_A_STEP = 64  # of shortest ways: where paths take more to find, the map is not used thinly
+MOST_DETOUR = 0.1  # of shortest ways: where paths have longer ones, first solutions of LaCAM are as cheap
+REPAIRS = 32  # times AT_ONCE neighbourhoods
+SIZE = 8  # robots in a neighbourhood
 
-Room = tuple[Traffic, Labels, Neighbourhood]
 
+def task_of(problem: Problem, table: np.ndarray, *, following: bool = False, rotations: bool = True) -> RepairTask:
+    """The problem as arrays.
 
-def task_of(problem: Problem, table: np.ndarray) -> RepairTask:
-    """The problem as arrays; `table` [R, V] is the steps to each robot's goal."""
+    Parameters
+    ----------
+    problem
+        With an assignment; in a window, robots keep clear of each other until it ends.
+    table
+        [R, V] steps to each robot's goal.
+    following, rotations
+        Whether following conflicts count, and whether rings of robots may move at once.
+    """
     robots = np.arange(problem.num_robots)
-    return _task(problem, table[robots, problem.start].astype(np.int64), table, np.zeros((len(robots), 0), np.uint8))
+    least = table[robots, problem.start].astype(np.int64)
+    return _task(problem, (least, table, np.zeros((len(robots), 0), np.uint8)), following, rotations)
 
 
 def task_on(problem: Problem, world: PibtInstance) -> RepairTask:
-    """The problem as arrays, with the distances that PIBT has."""
+    """The problem as arrays, with the distances that PIBT has, and its rules."""
+    rules = bool(world.following), bool(world.rotations)
     if not world.packed:
-        return task_of(problem, world.table)
-    return _task(problem, world.steps, np.zeros((problem.num_robots, 0), np.int32), world.code)
+        return task_of(problem, world.table, following=rules[0], rotations=rules[1])
+    return _task(problem, (world.steps, np.zeros((problem.num_robots, 0), np.int32), world.compass.code), *rules)
 
 
-def _task(problem: Problem, least: np.ndarray, table: np.ndarray, code: np.ndarray) -> RepairTask:
-    graph = problem.graph
-    return RepairTask(
-        graph.first, graph.head, graph.reverse, np.array(problem.start), np.array(problem.target), least, table, code, clashes_of(problem)
-    )
+def _task(problem: Problem, steps: tuple[np.ndarray, np.ndarray, np.ndarray], following: bool, rotations: bool) -> RepairTask:
+    graph, clashes = problem.graph, clashes_of(problem)
+    rings = not (rotations and clashes.rotations) and not following
+    ends = np.array(problem.start), np.array(problem.target)
+    return RepairTask(graph.first, graph.head, graph.reverse, *ends, *steps, clashes, following, rings, problem.window_steps)
 
 
-def room_to_repair(
-    task: RepairTask,
-    horizon: int,
-    size: int,
-    *,
-    following: bool = False,
-    rotations: bool = True,
-    window: int = 0,
-    most_labels: int = FOREVER,
-) -> Room:
-    """Traffic without paths over `horizon` steps or some more, and room to plan and repair it, `size` robots at a time.
+class Repair:
+    """Paths that may collide: planned one by one, past each other where it has to be, then again until nobody collides."""
 
-    Robots keep clear of each other for `window` steps, 0: always. A search makes `most_labels`, or fewer on small maps.
-    """
-    horizon = (horizon + WORD - 1) // WORD * WORD
-    traffic = empty_traffic(task, horizon, following=following, rotations=rotations, window=window)
-    labels = room_for_labels(len(task.first) - 1, len(task.head), horizon, most_labels)
-    return traffic, labels, room_for_hood(task, horizon, size, with_hits=True)
+    def __init__(self, task: RepairTask, horizon: int, size: int, most_labels: int = FOREVER) -> None:
+        """Paths may take `horizon` steps or some more; `size` robots are planned again at a time.
+
+        A search makes `most_labels`, or fewer on small maps.
+        """
+        horizon = -(-horizon // WORD) * WORD
+        self.traffic = empty_traffic(task, horizon)
+        self.room = room_for_labels(len(task.first) - 1, len(task.head), horizon, most_labels)
+        self._hood = room_for_hood(task, horizon, size, with_hits=True)
+
+    @property
+    def labels(self) -> int:
+        """Made since the beginning."""
+        return int(self.room.stamp[1])
+
+    def plan(self, robots: IntArray, *, clear: bool = False) -> bool:
+        """Plan robots one after another; False when one has no path or room. See `_lns.plan_all` for `clear`."""
+        return bool(_lns.plan_all(self.traffic, self.room, robots, clear))
+
+    def num_pairs(self) -> int:
+        """Pairs of robots in collision."""
+        return int(find_collisions(self.traffic, self._hood))
+
+    def repair_each(self, pairs: int, rng: np.random.Generator) -> int:
+        """Plan each robot of the `pairs` in collision again; how many are left."""
+        _lns.repair_each(self.traffic, self.room, self._hood, pairs, rng)
+        return self.num_pairs()
+
+    def repair(self, pairs: int, times: int, rng: np.random.Generator) -> int:
+        """Plan so many neighbourhoods again, or until nobody collides; how many `pairs` are left."""
+        return int(_lns.repair(self.traffic, self.room, self._hood, pairs, times, rng))
 
 
 def is_roomy(task: RepairTask) -> bool:
@@ -87,31 +124,6 @@ def first_order(task: RepairTask, rng: np.random.Generator) -> np.ndarray:
     return np.argsort(task.least * rng.uniform(0.75, 1.25, len(task.least)), kind="stable")
 
 
-def plan_in_order(task: RepairTask, room: Room, order: np.ndarray, deadline_s: float) -> int:
-    """Plan robots one after another, crossing others where it has to be; how many have a path when one has none, or no time is left."""
-    traffic, labels, _ = room
-    clear = is_roomy(task)
-    for a in range(len(order)):
-        if process_time() > deadline_s or not _lns.plan_all(task, traffic, labels, order, a, a + 1, clear):
-            return a
-    return len(order)
-
-
-def repair(task: RepairTask, room: Room, size: int, rng: np.random.Generator, deadline_s: float, effort: int) -> tuple[int, int]:
-    """Replan neighbourhoods of `size` robots until nobody collides; how many pairs did, and how many are left when time is up.
-
-    Where the `effort` in labels is bounded (not 0), it is looked at as often on every machine.
-    """
-    first = pairs = find_collisions(task, room[0], room[2])
-    at_once = AT_ONCE if effort else 1  # neighbourhoods between two looks at the clock
-    while pairs and (slice_s := process_time()) <= deadline_s and not 0 < effort <= room[1].stamp[1]:
-        pairs = _lns.repair(task, *room, size, pairs, at_once, rng)
-        if effort:
-            continue
-        at_once = max(1, int(at_once * min(SLICE_S / max(process_time() - slice_s, 1e-6), 2.0)))
-    return first, pairs
-
-
 def room_bytes(task: RepairTask, horizon: int, most_labels: int = FOREVER) -> int:
     """Memory for traffic and searches over so many steps."""
     vertices, lanes, robots = len(task.first), len(task.head), len(task.goal)
@@ -122,19 +134,66 @@ def room_bytes(task: RepairTask, horizon: int, most_labels: int = FOREVER) -> in
     return horizon * ((vertices + lanes) // 8 + 4 * robots) + 5 * on + 3 * along + 16 * runs + 64 * labels + clashes
 
 
+def first_paths(
+    task: RepairTask, rng: np.random.Generator, deadline_s: float, effort: int, memory_mb: int
+) -> tuple[np.ndarray | None, int]:
+    """[T, R] paths without collisions, None where they take too much work to find or are too long; and the labels that were made.
+
+    After MAPF-LNS2 (Li et al., AAAI 2022), whose paths cross others' where it has to be. What differs: robots with short ways plan first.
+    One that is at its goal to stay is then in the way of longer paths only, which go around it; with longer paths first it would have to
+    wait until the last of them has passed its goal. Where robots use the map thinly next to nobody collides, and paths are hardly longer
+    than shortest ones. Those that do collide are planned again, each alone, then in neighbourhoods.
+
+    Parameters
+    ----------
+    task
+        The problem.
+    rng
+        Chance.
+    deadline_s
+        On the clock of `process_time`.
+    effort
+        Labels that may be made, 0: as many as are worth it.
+    memory_mb
+        For tables.
+    """
+    horizon = int(task.least.max()) + SPARE
+    if room_bytes(task, horizon, MOST_LABELS) + len(task.goal) ** 2 > memory_mb * 1_000_000:
+        return None, 0
+    most = LABELS_A_STEP * int(task.least.sum() + len(task.goal))
+    most = min(most, effort) if effort else most
+    paths = Repair(task, horizon, SIZE, MOST_LABELS)
+    order = rng.permutation(len(task.least))
+    order = order[np.argsort(task.least[order], kind="stable")]  # those of one length in random order
+    left = MOST_DETOUR * task.least.sum()
+    for robot in order:
+        if left < 0 or paths.labels > most or process_time() > deadline_s or not paths.plan(np.array([robot])):
+            return None, paths.labels
+        left -= paths.traffic.end[robot] - task.least[robot]
+    pairs = paths.num_pairs()
+    if 0 < pairs <= len(order):
+        pairs = paths.repair_each(pairs, rng)
+    for _ in range(REPAIRS):
+        if pairs == 0 or pairs > len(order) or paths.labels > most or process_time() > deadline_s:
+            break
+        pairs = paths.repair(pairs, AT_ONCE, rng)
+    done = pairs == 0 and paths.traffic.end.sum() - task.least.sum() <= MOST_DETOUR * task.least.sum()
+    return path_of(paths.traffic) if done else None, paths.labels
+
+
 def prepare(threads: int) -> None:
     """Compile or load the kernels of repair, and of a refinement by so many threads."""
-    problem = small_problem()
+    problem, rng = small_problem(), np.random.default_rng(0)
     detour = np.array([[0, 2], [0, 2], [1, 2], [3, 2], [3, 1], [3, 0], [1, 0], [2, 0]])
     task = task_of(problem, distances(problem.graph).to_all(problem.target))
-    traffic, labels, hood = room_to_repair(task, 32, 2)
-    _lns.plan_all(task, traffic, labels, np.arange(2), 0, 2, True)
-    _lns.repair(task, traffic, labels, hood, 2, find_collisions(task, traffic, hood), 3, np.random.default_rng(0))
-    refinement = Refinement(task, detour, 2, np.random.default_rng(0), threads=threads)
+    paths = Repair(task, 32, 2)
+    paths.plan(np.arange(2), clear=True)
+    paths.repair(paths.num_pairs(), 3, rng)
+    refinement = Refinement(task, detour, 2, rng, threads=threads)
     refinement.until(np.inf, most_labels=20)
     for refiner in refinement.refiners[1:]:
-        _merging.take_over(task, refiner.traffic, refiner.hood, refiner.gains)
-        _merging.catch_up(task, refiner.traffic, refiner.hood, refinement.refiners[0].traffic)
+        _lns.take_over(refiner.traffic, refiner.hood, refiner.gains)
+        _lns.catch_up(refiner.traffic, refiner.hood, refinement.refiners[0].traffic)
 
 
 def threads_with_room(threads: int, task: RepairTask, path: np.ndarray, memory_mb: int, taken: int) -> int:
@@ -162,31 +221,18 @@ class Refinement:
     """
 
     def __init__(
-        self,
-        task: RepairTask,
-        path: np.ndarray,
-        size: int,
-        rng: np.random.Generator,
-        *,
-        following: bool = False,
-        rotations: bool = True,
-        window: int = 0,
-        threads: int = 1,
-        bandit: bool = False,
+        self, task: RepairTask, path: np.ndarray, size: int, rng: np.random.Generator, *, threads: int = 1, bandit: bool = False
     ) -> None:
         """`path` is [T, R], everybody at the goal in the last row; `size` robots are planned again at a time.
 
-        Robots keep clear of each other for `window` steps, 0: always. With a bandit, neighbourhoods are those of late robots
-        that were worth it.
+        With a bandit, neighbourhoods are those of late robots that were worth it.
         """
-        self._task = task
-        self._least = int(task.least.sum())
+        self.least = int(task.least.sum())
         self._round_labels = max(ROUND_LABELS, ROUND_LABELS_A_VERTEX * len(task.first))
         chances = [rng, *(rng.spawn(threads - 1) if threads > 1 else ())]
-        self.refiners = []
-        for chance in chances:
-            traffic = traffic_of(task, path, SPARE_STEPS, following=following, rotations=rotations, window=window)
-            self.refiners.append(_Refiner(task, traffic, size, chance, shared=threads > 1, bandit=bandit))
+        self.refiners = [
+            _Refiner(traffic_of(task, path, SPARE_STEPS), size, chance, shared=threads > 1, bandit=bandit) for chance in chances
+        ]
         self._best = self.refiners[0]
 
     @property
@@ -200,12 +246,12 @@ class Refinement:
         All refiners' labels count.
         """
         if len(self.refiners) == 1:
-            self._best.work(deadline_s, most_labels, self._least)
+            self._best.work(deadline_s, most_labels, self.least)
             return
         with ThreadPoolExecutor(len(self.refiners) - 1) as pool:
-            while self.cost > self._least and (left := most_labels - self._labels) > 0 and process_time() < deadline_s:
+            while self.cost > self.least and (left := most_labels - self._labels) > 0 and process_time() < deadline_s:
                 share = min(self._round_labels, -(-left // len(self.refiners)))
-                _at_a_time(pool, [partial(refiner.work, deadline_s, refiner.labels + share, self._least) for refiner in self.refiners])
+                _at_a_time(pool, [partial(refiner.work, deadline_s, refiner.labels + share, self.least) for refiner in self.refiners])
                 if any(refiner.gains.num[0] for refiner in self.refiners):
                     self._bring_together(pool)
 
@@ -218,8 +264,8 @@ class Refinement:
         self._best = best = min(self.refiners, key=lambda refiner: refiner.cost)  # the first of the best
         others = [refiner for refiner in self.refiners if refiner is not best]
         for refiner in others:
-            _merging.take_over(self._task, best.traffic, best.hood, refiner.gains)
-        _at_a_time(pool, [partial(_merging.catch_up, self._task, refiner.traffic, refiner.hood, best.traffic) for refiner in others])
+            _lns.take_over(best.traffic, best.hood, refiner.gains)
+        _at_a_time(pool, [partial(_lns.catch_up, refiner.traffic, refiner.hood, best.traffic) for refiner in others])
         for refiner in self.refiners:
             refiner.gains.num[0] = 0
 
@@ -239,14 +285,12 @@ def _at_a_time(pool: ThreadPoolExecutor, calls: list[Callable[[], None]]) -> Non
 class _Refiner:
     """What one thread works on."""
 
-    def __init__(self, task: RepairTask, traffic: Traffic, size: int, rng: np.random.Generator, *, shared: bool, bandit: bool) -> None:
-        self.traffic = traffic
-        horizon = traffic.at.shape[1]
-        self._task, self._size, self._rng = task, size, rng
+    def __init__(self, traffic: Traffic, size: int, rng: np.random.Generator, *, shared: bool, bandit: bool) -> None:
+        task, horizon = traffic.task, traffic.at.shape[1]
+        self.traffic, self._rng, self._at_once = traffic, rng, 1
         self._room = room_for_labels(len(task.first) - 1, len(task.head), horizon)
         self.hood = room_for_hood(task, horizon, size, with_hits=False, bandit=bandit)
-        self.gains = _merging.room_for_gains(task, MOST_GAINS if shared else 0, size, horizon)
-        self._at_once = 1
+        self.gains = room_for_gains(task, MOST_GAINS if shared else 0, size, horizon)
 
     @property
     def cost(self) -> int:
@@ -259,8 +303,8 @@ class _Refiner:
 
     def work(self, deadline_s: float, most_labels: int, least: int) -> None:
         """Go on until the deadline, until so many labels, until the cost is the `least`, or until there is no room for more gains."""
-        full = len(self.gains.size) or -1
-        while self.cost > least and self.labels < most_labels and self.gains.num[0] != full and (slice_s := process_time()) < deadline_s:
-            _lns.improve(self._task, self.traffic, self._room, self.hood, self.gains, self._size, self._at_once, most_labels, self._rng)
+        num, full = self.gains.num, len(self.gains.size) or -1
+        while self.cost > least and self.labels < most_labels and num[0] != full and (slice_s := process_time()) < deadline_s:
+            _lns.improve(self.traffic, self._room, self.hood, self.gains, self._at_once, most_labels, self._rng)
             pace = SLICE_S / max(process_time() - slice_s, 1e-6)
             self._at_once = min(max(1, int(self._at_once * min(pace, 2.0))), MOST_AT_ONCE)

@@ -13,7 +13,6 @@ from mrp_sumo.errors import PlanError
 from mrp_sumo.traffic.referee import judge
 from mrp_sumo.traffic.schedule import schedule_of
 from planners import world
-from planners.configuration import search_start
 from planners.configuration.lacam import Lacam
 from planners.configuration.pibt import Pibt
 from planners.neighbourhood.lns2 import Lns2
@@ -50,8 +49,7 @@ def test_packed_distances_lead_to_the_same_plans(planner):
 @pytest.mark.parametrize("planner", [Pibt(), Lacam()])
 @pytest.mark.parametrize("num_robots", [60, 400])
 def test_distances_about_the_ways_alone_lead_to_valid_plans(planner, num_robots, monkeypatch):
-    for module in (world, search_start):
-        monkeypatch.setattr(module, "is_vast", lambda problem: True)
+    monkeypatch.setattr(world, "is_vast", lambda problem: True)
     problem = random_grid(40, num_robots, 2)
     assert judge(problem, planner._plan(problem, 20.0, True).plan).valid
 

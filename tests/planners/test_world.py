@@ -7,7 +7,7 @@ import pytest
 from worlds import random_grid
 
 from mrp_sumo.search.distance import UNREACHABLE, Distances, distances
-from planners._compass import UNKNOWN, read_code
+from planners.configuration._pibt_instance import UNKNOWN, read_code
 from planners.configuration.pibt import Pibt
 from planners.world import build_world, is_large, steps_table, tiled
 
@@ -27,7 +27,7 @@ def test_packed_distances_tell_which_neighbour_is_nearer(seed, vast, monkeypatch
     assert (steps == plain_steps).all()
     graph = problem.graph
     for robot in range(6):
-        known = np.array([read_code(world.code, robot, v) for v in range(graph.num_vertices)])
+        known = np.array([read_code(world.compass.code, robot, v) for v in range(graph.num_vertices)])
         inside = known != UNKNOWN
         assert inside[problem.start[robot]]
         assert (known[inside] == table.table[robot][inside] % 3 + 1).all()

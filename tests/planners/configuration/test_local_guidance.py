@@ -11,10 +11,11 @@ from mrp_sumo.errors import PlanError
 from mrp_sumo.traffic.referee import judge
 from planners.configuration._flow import STEP
 from planners.configuration._local_guidance import COLLISION, SEARCH, guide_locally
+from planners.configuration._pibt import room_for_steps
 from planners.configuration.guides import local_guidance
 from planners.configuration.lacam import Lacam
 from planners.configuration.pibt import Pibt
-from planners.world import build_scratch, build_world
+from planners.world import ByConfigurations, build_world
 
 WINDOW = 4
 
@@ -36,12 +37,13 @@ class Guided:
     """Robots led step by step, or put elsewhere."""
 
     def __init__(self, problem, **rules):
-        self.world = build_world(problem, np.inf, packed=False, **rules)[0]
-        self.scratch, self.local, self.num_robots = build_scratch(self.world), local_guidance(problem, WINDOW), problem.num_robots
+        self.world = build_world(problem, np.inf, packed=False, rules=ByConfigurations(**rules))[0]
+        self.local, self.num_robots = local_guidance(problem, WINDOW), problem.num_robots
+        self.scratch = room_for_steps(self.world, self.local)
         self.rng = np.random.default_rng(0)
 
     def next(self, here):
-        guide_locally(self.world, self.scratch, self.local, np.array(here, np.int32), np.arange(self.num_robots, dtype=np.int32), self.rng)
+        guide_locally(self.world, self.scratch, np.array(here, np.int32), np.arange(self.num_robots, dtype=np.int32), self.rng)
         return self.scratch.onward.tolist()
 
     @property

@@ -5,8 +5,9 @@ import pytest
 from worlds import corridor, problem_on, random_grid
 
 from planners.configuration import _pibt
+from planners.configuration.guides import local_guidance
 from planners.configuration.pibt import Pibt, Step
-from planners.world import build_scratch, build_world, steps_table
+from planners.world import ByConfigurations, build_world, steps_table
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -14,17 +15,22 @@ def compiled():
     Pibt().prepare()
 
 
+def stepping(problem, *, packed=False, hindrance=False):
+    """World and scratch for PIBT's steps."""
+    world, _ = build_world(problem, np.inf, packed=packed, rules=ByConfigurations(hindrance=hindrance))
+    return world, _pibt.room_for_steps(world, local_guidance(problem, 0))
+
+
 @pytest.mark.parametrize("packed", [False, True])
 @pytest.mark.parametrize("seed", range(4))
 def test_a_step_of_pibt_moves_everybody_without_collision(seed, packed):
     problem = random_grid(10, 40, seed)
-    world, _ = build_world(problem, np.inf, packed=packed)
-    scratch, rng = build_scratch(world), np.random.default_rng(seed)
+    (world, scratch), rng = stepping(problem, packed=packed, hindrance=True), np.random.default_rng(seed)
     here, order = problem.start.copy(), np.arange(40)
     lanes = set(zip(problem.graph.tail.tolist(), problem.graph.head.tolist(), strict=True))
     for _ in range(30):
         to = np.full(40, -1)
-        assert _pibt.step(world, scratch, here, to, order, True, rng)
+        assert _pibt.step(world, scratch, here, to, order, rng)
         assert len(set(to.tolist())) == 40
         moves = {(a, b) for a, b in zip(here.tolist(), to.tolist(), strict=True) if a != b}
         assert moves <= lanes
@@ -35,13 +41,12 @@ def test_a_step_of_pibt_moves_everybody_without_collision(seed, packed):
 
 def test_imposed_vertices_are_kept_or_refused():
     problem = problem_on(corridor(3), [0, 1], [2, 0])
-    world, _ = build_world(problem, np.inf, packed=False)
-    scratch, rng = build_scratch(world), np.random.default_rng(0)
+    (world, scratch), rng = stepping(problem), np.random.default_rng(0)
     to = np.array([0, -1])
-    assert _pibt.step(world, scratch, problem.start, to, np.arange(2), False, rng)
+    assert _pibt.step(world, scratch, problem.start, to, np.arange(2), rng)
     assert to[0] == 0
-    assert not _pibt.step(world, scratch, problem.start, np.array([1, 0]), np.arange(2), False, rng)  # a swap
-    assert not _pibt.step(world, scratch, problem.start, np.array([1, 1]), np.arange(2), False, rng)
+    assert not _pibt.step(world, scratch, problem.start, np.array([1, 0]), np.arange(2), rng)  # a swap
+    assert not _pibt.step(world, scratch, problem.start, np.array([1, 1]), np.arange(2), rng)
     assert (scratch.now == -1).all() and (scratch.next == -1).all()
 
 
@@ -61,17 +66,16 @@ def test_kernels_choose_what_the_algorithm_in_plain_python_chooses(seed):
         draw = np.random.default_rng([seed, 7])
         num_robots = min(seed - 6, graph.num_vertices)
         problem = problem_on(graph, draw.permutation(graph.num_vertices)[:num_robots], draw.permutation(graph.num_vertices)[:num_robots])
-    world, _ = build_world(problem, np.inf, packed=False)
-    scratch, rng, same_rng = build_scratch(world), np.random.default_rng(seed), np.random.default_rng(seed)
+    (world, scratch), rng, same_rng = stepping(problem), np.random.default_rng(seed), np.random.default_rng(seed)
     neighbours, steps = neighbours_and_steps(problem)
-    here, order, base_order = problem.start.copy(), np.arange(problem.num_robots), np.arange(problem.num_robots)
+    here, order = problem.start.copy(), np.arange(problem.num_robots)
     for _ in range(60):
         to = np.full(problem.num_robots, -1)
-        assert _pibt.step(world, scratch, here, to, order, False, rng)
+        assert _pibt.step(world, scratch, here, to, order, rng)
         step = Step(neighbours, steps, problem.target.tolist(), here.tolist(), same_rng.random)
         assert step.choose(order.tolist()) == to.tolist()
         here = to
-        _pibt.reorder(world, here, order, base_order, order)
+        _pibt.reorder(world, here, order, order)
 
 
 def test_two_robots_in_a_corridor_swap_at_its_fork():

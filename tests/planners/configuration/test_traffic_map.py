@@ -7,8 +7,7 @@ from worlds import graph_of, problem_on
 from mrp_sumo.maps.grid import grid_graph
 from mrp_sumo.traffic.draw import uniform_draw
 from mrp_sumo.traffic.referee import judge
-from planners.configuration._flow import MOST, STEP
-from planners.configuration._traffic_map import TrafficMap, observe, write_tolls
+from planners.configuration._flow import MOST, STEP, TrafficMap, observe, write_tolls
 from planners.configuration.lacam import Lacam
 from planners.world import build_world
 

@@ -11,8 +11,7 @@ from mrp_sumo.traffic.referee import judge
 from planners.configuration.guides import are_thin, own_ways
 from planners.configuration.lacam import Lacam
 from planners.configuration.pibt import Pibt
-from planners.configuration.search_start import search_start
-from planners.world import build_world, small_problem
+from planners.world import ByConfigurations, build_world, search_start, small_problem
 
 pytestmark = pytest.mark.kernel
 
@@ -72,6 +71,6 @@ def test_crowds_are_guided_by_the_flow():
     ring = on_a_circle([lane for i in range(10) for lane in ((i, (i + 1) % 10), ((i + 1) % 10, i))], 10)
     crowd = problem_on(ring, list(range(10)), [(i + 5) % 10 for i in range(10)])  # 50 moves for 20 lanes
     assert not are_thin(crowd, np.full(10, 5))
-    opening = search_start(crowd, np.inf, 0, ways=2, flow=1, following=False, rotations=True, packed=False)
+    opening = search_start(ByConfigurations(), crowd, np.inf, 0, False)
     assert not len(opening.guided.way) and opening.guided.guided
     assert are_thin(small_problem(), np.array([2, 2]))  # so that both are compiled ahead

@@ -7,18 +7,15 @@ from worlds import on_a_circle, problem_on, random_grid
 from mrp_sumo.core.plan import paths_of_plan, plan_of_paths
 from mrp_sumo.traffic.referee import judge
 from planners.configuration.lacam import Lacam
-from planners.configuration.search_start import search_start
-from planners.neighbourhood.first_paths import first_paths
-from planners.neighbourhood.refinement import task_on
-from planners.world import build_world
+from planners.neighbourhood.refinement import first_paths, task_on
+from planners.world import ByConfigurations, build_world, search_start
 
 pytestmark = pytest.mark.kernel
 
 
 def paths_for(problem, packed=False, effort=0, memory_mb=100):
     world, _ = build_world(problem, np.inf, packed=packed)
-    kind = {"following": False, "rotations": True}
-    path, labels = first_paths(task_on(problem, world), np.random.default_rng(1), np.inf, **kind, effort=effort, memory_mb=memory_mb)
+    path, labels = first_paths(task_on(problem, world), np.random.default_rng(1), np.inf, effort, memory_mb)
     return path, labels, world.steps
 
 
@@ -59,9 +56,9 @@ def test_lacam_takes_such_paths_for_its_first_solution_where_the_map_is_used_thi
     thin = random_grid(12, 10, 1)
 
     def easy(problem, world, rng, until_s):
-        return first_paths(task_on(problem, world), rng, until_s, following=False, rotations=True, effort=0, memory_mb=100)
+        return first_paths(task_on(problem, world), rng, until_s, effort=0, memory_mb=100)
 
-    start = search_start(thin, np.inf, 0, ways=2, flow=1, following=False, rotations=True, packed=None, easy=easy)
+    start = search_start(ByConfigurations(), thin, np.inf, 0, None, easy)
     assert is_valid(thin, start.path)
     result = Lacam(polish=0).plan(thin, 10.0)
     assert result.stats["expansions"] == 0 and judge(thin, result.plan).valid

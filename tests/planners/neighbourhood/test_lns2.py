@@ -8,10 +8,9 @@ from mrp_sumo.core.plan import Status, paths_of_plan, plan_of_paths
 from mrp_sumo.traffic.referee import judge
 from mrp_sumo.traffic.schedule import schedule_of
 from planners.configuration.lacam import Lacam
-from planners.neighbourhood import _lns, _sipps, _traffic
-from planners.neighbourhood._collisions import find_collisions
+from planners.neighbourhood import _sipps, _traffic
 from planners.neighbourhood.lns2 import Lns2
-from planners.neighbourhood.refinement import Refinement, first_order, room_to_repair, task_of
+from planners.neighbourhood.refinement import Refinement, Repair, first_order, task_of
 from planners.world import steps_table, sum_of_costs
 
 
@@ -33,19 +32,18 @@ def test_runs_of_bits_end_where_they_end():
             assert _traffic.run_end(words, t) == (bits[t], end)
 
 
-def traffic_for(problem, num_planned, horizon=64):
-    """Traffic of the first robots, planned one after another with collisions allowed."""
-    task = task_of(problem, steps_table(problem, np.inf))
-    traffic, labels, hood = room_to_repair(task, horizon, 4)
-    assert _lns.plan_all(task, traffic, labels, np.arange(num_planned), 0, num_planned, False)
-    return task, traffic, labels, hood
+def repair_of(problem, num_planned, **kind):
+    """Paths of the first robots, planned one after another with collisions allowed."""
+    repair = Repair(task_of(problem, steps_table(problem, np.inf), **kind), 64, 4)
+    assert repair.plan(np.arange(num_planned))
+    return repair
 
 
 @pytest.mark.parametrize("seed", range(6))
 def test_search_over_intervals_arrives_as_early_as_search_over_steps(seed):
     problem = random_grid(8, 16, seed, blocked=0.15)
-    task, traffic, labels, _ = traffic_for(problem, 15)
-    at, robot = traffic.at[:15].T.astype(int), 15
+    repair = repair_of(problem, 15)
+    at, robot = repair.traffic.at[:15].T.astype(int), 15
     start, goal = int(problem.start[robot]), int(problem.target[robot])
     graph = problem.graph
     reached, earliest = {start}, -1
@@ -60,14 +58,8 @@ def test_search_over_intervals_arrives_as_early_as_search_over_steps(seed):
                 if not swap and not (at[t + 1] == u).any():
                     onward.add(u)
         reached = onward
-    found, crossing = (
-        _sipps.plan_one(
-            task.first, task.head, task.reverse, traffic, labels, robot,
-            start, goal, task.least[robot], task.steps[robot], task.code[robot], 62, may_cross, 10**6,
-        )
-        for may_cross in (False, True)
-    )  # fmt: skip
-    assert found == earliest
+    clear, crossing = (_sipps.plan_one(repair.traffic, repair.room, robot, 62, may_cross) for may_cross in (False, True))
+    assert clear == earliest
     assert earliest < 0 or crossing == earliest
 
 
@@ -84,18 +76,18 @@ def test_robots_with_short_ways_are_planned_first_where_there_is_room():
 @pytest.mark.parametrize("seed", range(4))
 def test_pairs_in_collision_are_those_the_referee_sees(seed):
     problem = random_grid(8, 24, seed, blocked=0.1)
-    task, traffic, labels, hood = traffic_for(problem, 24)
-    pairs = find_collisions(task, traffic, hood)
+    repair = repair_of(problem, 24)
+    pairs = repair.num_pairs()
 
     def seen():
-        verdict = judge(problem, plan_of_paths(list(traffic.at), 1.0))
+        verdict = judge(problem, plan_of_paths(list(repair.traffic.at), 1.0))
         assert not verdict.faults
         return len({(c.robot, c.other) for c in verdict.conflicts})
 
     assert pairs == seen()
-    left = _lns.repair(task, traffic, labels, hood, 4, pairs, 20, np.random.default_rng(seed))
+    left = repair.repair(pairs, 20, np.random.default_rng(seed))
     assert left <= pairs
-    assert left == seen() == find_collisions(task, traffic, hood)
+    assert left == seen() == repair.num_pairs()
 
 
 def solved_by_lacam(problem, **kind):
@@ -111,7 +103,8 @@ def test_refinement_only_ever_lowers_the_cost_of_valid_plans(more):
     problem = random_grid(10, 30, 1, blocked=0.2 if "following" not in more else 0.05)
     kind = {key: value for key, value in more.items() if key in ("following", "rotations")}
     path = solved_by_lacam(problem, **kind)
-    refinement = Refinement(task_of(problem, steps_table(problem, np.inf)), path, 5, np.random.default_rng(0), **more)
+    others = {key: value for key, value in more.items() if key not in kind}
+    refinement = Refinement(task_of(problem, steps_table(problem, np.inf), **kind), path, 5, np.random.default_rng(0), **others)
     costs = [sum_of_costs(path, problem.target)]
     for labels in (2_000, 20_000, 100_000):
         refinement.until(np.inf, most_labels=labels)
@@ -166,16 +159,13 @@ def test_bandit_tries_the_late_robot_that_has_been_worth_it():
 @pytest.mark.parametrize("seed", range(3))
 def test_pairs_in_collision_are_found_where_following_or_rings_count(kind, seed):
     problem = random_grid(8, 24, seed, blocked=0.1)
-    task = task_of(problem, steps_table(problem, np.inf))
-    traffic, labels, hood = room_to_repair(task, 64, 4, **kind)
-    assert _lns.plan_all(task, traffic, labels, np.arange(24), 0, 24, False)
-    pairs = find_collisions(task, traffic, hood)
-    left = _lns.repair(task, traffic, labels, hood, 4, pairs, 2000, np.random.default_rng(seed))
-    verdict = judge(problem, plan_of_paths(list(traffic.at), 1.0))
+    repair = repair_of(problem, 24, **kind)
+    left = repair.repair(repair.num_pairs(), 2000, np.random.default_rng(seed))
+    verdict = judge(problem, plan_of_paths(list(repair.traffic.at), 1.0))
     met = {(c.robot, c.other) for c in (*verdict.conflicts, *(verdict.following if "following" in kind else ()))}
     assert not verdict.faults
     assert len(met) <= left
-    assert (left == 0) == (find_collisions(task, traffic, hood) == 0)
+    assert (left == 0) == (repair.num_pairs() == 0)
     if "following" in kind:
         assert left == len(met)
 
