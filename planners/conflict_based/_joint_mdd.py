@@ -119,17 +119,15 @@ def _places(store, scratch, record, step, of, of_step, found):
 
 
 @kernel(allocates=False)
-def _advance(following, pair, after, row, moves, begins, sizes, swaps):
-    """Fill `after` with the pairs that both can be at a step after those of `pair`.
+def _advance(following, pairs, moves, begins, sizes, swaps):
+    """Find the pairs that both can be at a step after others.
 
     Parameters
     ----------
     following
         Whether following conflicts count.
-    pair, after
-        [A, B] uint8 before and after.
-    row
-        [B] scratch.
+    pairs
+        [A, B] uint8 before and after, which is filled; [B] scratch.
     moves
         (first, to) of ONE and (first, to) of OTHER, see `_moves`.
     begins
@@ -139,6 +137,7 @@ def _advance(following, pair, after, row, moves, begins, sizes, swaps):
     swaps
         For the places of ONE: where OTHER is at the new place before; where OTHER is at the old place after; both at once.
     """
+    pair, after, row = pairs
     one_first, one_to, other_first, other_to = moves
     theirs, mine_after, meets = swaps
     after[: sizes[1], : sizes[3]] = 0
@@ -170,8 +169,21 @@ def _advance(following, pair, after, row, moves, begins, sizes, swaps):
 
 
 @kernel
-def _note_lost(store, lost, count, kept, kept_after, moves_first, moves_to, begin, size, low, t):
-    """Write the lost places of a robot that it reaches from one that is not; the number written so far."""
+def _note_lost(store, lost, count, both_kept, moves, level):
+    """Write the lost places of a robot that it reaches from one that is not; the number written so far.
+
+    Parameters
+    ----------
+    lost, count
+        [N, 2] vertices and steps, and how many there are.
+    both_kept
+        Which places are not lost before, and after.
+    moves
+        (first, to), see `_moves`.
+    level
+        The first member of the level before, its members, the first member of the level after, its step.
+    """
+    (kept, kept_after), (moves_first, moves_to), (begin, size, low, t) = both_kept, moves, level
     for a in range(size):
         if kept[a]:
             for m in range(moves_first[begin + a], moves_first[begin + a + 1]):
@@ -242,9 +254,7 @@ def joint_paths(instance, store, scratch, one, other, splits):
         _places(store, scratch, other, t, one, t, meets)
         _advance(
             instance.following,
-            pair,
-            after,
-            row,
+            (pair, after, row),
             (one_first, one_to, other_first, other_to),
             (one_begin, other_begin),
             (one_size, one_next, other_size, other_next),
@@ -258,10 +268,10 @@ def joint_paths(instance, store, scratch, one, other, splits):
                     one_kept_after[a], other_kept_after[b] = 1, 1
                     num_kept += 1
         if splits:
-            num_one = _note_lost(store, one_lost, num_one, one_kept, one_kept_after, one_first, one_to, one_begin, one_size, one_low, t)
-            num_other = _note_lost(
-                store, other_lost, num_other, other_kept, other_kept_after, other_first, other_to, other_begin, other_size, other_low, t
-            )
+            level = one_begin, one_size, one_low, t
+            num_one = _note_lost(store, one_lost, num_one, (one_kept, one_kept_after), (one_first, one_to), level)
+            level = other_begin, other_size, other_low, t
+            num_other = _note_lost(store, other_lost, num_other, (other_kept, other_kept_after), (other_first, other_to), level)
         if num_kept == 0:
             found = LOST
             break

@@ -1,16 +1,37 @@
 """Kernel of a constraint tree's step: one robot replanned under more constraints, and whom it is in conflict with then."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from mrp_sumo.search._conflicts import conflicts_of
+from mrp_sumo.search._constraints import ConstraintScratch
 from mrp_sumo.search._kernel import kernel
-from mrp_sumo.search._occupancy import install_all
-from mrp_sumo.search._records import CONSTRAINT, OK, RECORDS, STORE_FULL, add_record
+from mrp_sumo.search._occupancy import Occupancy, install_all
+from mrp_sumo.search._records import CONSTRAINT, OK, RECORDS, STORE_FULL, SearchInstance, Store, add_record
 from mrp_sumo.search._space_time import replan
 
 
+class TreeTables(NamedTuple):
+    """What a tree's kernels work on."""
+
+    instance: SearchInstance
+    store: Store
+    occupancy: Occupancy
+    scratch: ConstraintScratch
+
+
+class ReplanEffort(NamedTuple):
+    """What a robot is replanned with; see `replan`."""
+
+    w: float
+    lower: int
+    patience: int
+    budget: int
+
+
 @kernel
-def branch(instance, store, occupancy, scratch, records, conflicts, robot, row0, row1, w, lower, patience, budget):
+def branch(tables, records, conflicts, robot, rows, effort):
     """Replan a robot of a node with constraints on top of those it has.
 
     Parameters
@@ -19,22 +40,23 @@ def branch(instance, store, occupancy, scratch, records, conflicts, robot, row0,
         [R] of the node, -1 for robots that do not count yet.
     conflicts
         [K] CONFLICT of the node.
-    row0, row1
-        The constraints to add.
-    w, lower, patience, budget
-        See `replan`.
+    rows
+        The first of the constraints to add, and the one after the last.
+    effort
+        See `ReplanEffort`.
 
     Returns
     -------
     code, record, conflicts
         OK, the new record of the robot, the conflicts of the node with it; nothing is kept otherwise.
     """
-    record = add_record(store, records[robot], robot, row0, row1)
+    instance, store, occupancy, scratch = tables
+    record = add_record(store, records[robot], robot, rows[0], rows[1])
     if record < 0:
         return STORE_FULL, record, conflicts
     code = install_all(store, occupancy, records, robot)
     if code == OK:
-        code = replan(instance, store, occupancy, scratch, record, w, lower, patience, budget)
+        code = replan(instance, store, occupancy, scratch, record, effort.w, effort.lower, effort.patience, effort.budget)
     if code != OK:
         store.used[RECORDS] -= 1
         return code, np.int64(-1), conflicts

@@ -22,13 +22,13 @@ IMPOSSIBLE = 1 << 28  # the weight of a pair that cannot be solved under its con
 
 
 @kernel
-def pair_weight(instance, store, occupancy, scratch, one, other, most_nodes, budget):
+def pair_weight(tables, one, other, most_nodes, budget):
     """The least sum of costs of two robots without conflicts, minus that of their paths.
 
     Parameters
     ----------
-    occupancy
-        Used for these two; nobody else may be installed.
+    tables
+        The occupancy is used for these two; nobody else may be installed.
     one, other
         Records with shortest paths.
     most_nodes
@@ -38,19 +38,21 @@ def pair_weight(instance, store, occupancy, scratch, one, other, most_nodes, bud
     -------
     code, weight
     """
+    instance, store, _, scratch = tables
     for record in (one, other):  # before the mark, so that their MDDs are kept
         if store.meta[record].mdd0 == -1:
             code = mdd_of(instance, store, scratch, record)
             if code != OK:
                 return code, np.int64(0)
     mark = store.used.copy()
-    code, weight = _solve_pair(instance, store, occupancy, scratch, one, other, most_nodes, budget)
+    code, weight = _solve_pair(tables, one, other, most_nodes, budget)
     write_over(store.used, mark)  # what the search appended is dropped
     return code, weight
 
 
 @kernel
-def _solve_pair(instance, store, occupancy, scratch, one, other, most_nodes, budget):
+def _solve_pair(tables, one, other, most_nodes, budget):
+    instance, store, occupancy, scratch = tables
     num_robots = len(instance.start)
     i, j = store.meta[one].robot, store.meta[other].robot
     base = store.meta[one].cost + store.meta[other].cost

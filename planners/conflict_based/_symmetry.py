@@ -69,8 +69,7 @@ def choose(instance, store, scratch, records, conflicts, symmetries, shortest):
         kind, then the earliest.
     """
     chosen = -1
-    joint = np.empty((len(conflicts), 6), np.int64)  # pairs of robots asked, what was found, and the constraints
-    num_joint = 0
+    joint = np.empty((len(conflicts), 6), np.int64), np.zeros(1, np.int64)  # pairs of robots asked, what came of it, constraints; how many
     for k in range(len(conflicts)):
         row = conflicts[k]
         if row.priority == UNKNOWN:
@@ -82,7 +81,7 @@ def choose(instance, store, scratch, records, conflicts, symmetries, shortest):
                         return code, -1
             code = _split(instance, store, scratch, one, other, row, symmetries)
             if code == OK and symmetries and shortest and row.priority < 4 * CARDINAL:
-                code, num_joint = _split_joint(instance, store, scratch, one, other, row, joint, num_joint)
+                code = _split_joint(instance, store, scratch, one, other, row, joint)
             if code != OK:
                 row.priority = UNKNOWN
                 return code, -1
@@ -96,31 +95,32 @@ def choose(instance, store, scratch, records, conflicts, symmetries, shortest):
 
 
 @kernel
-def _split_joint(instance, store, scratch, one, other, row, joint, num_joint):
+def _split_joint(instance, store, scratch, one, other, row, known):
     """Where all shortest paths of the two are in conflict, write the split that raises the cost of both.
 
-    `joint` holds what was found of other pairs; (code, how many it holds) is returned.
+    `known` holds what came of other pairs, and how many it holds.
     """
+    joint, num_joint = known
     low, high = min(row.one, row.other), max(row.one, row.other)
     k = 0
-    while k < num_joint and (joint[k, 0] != low or joint[k, 1] != high):
+    while k < num_joint[0] and (joint[k, 0] != low or joint[k, 1] != high):
         k += 1
-    if k == num_joint:
+    if k == num_joint[0]:
         first, second = (one, other) if row.one == low else (other, one)
         code, found, row0, middle, row1 = joint_paths(instance, store, scratch, first, second, True)
         if code != OK:
-            return code, num_joint
+            return code
         if found == LOST and not (breaks(store, first, row0, middle) and breaks(store, second, middle, row1)):
             found = UNKNOWN_YET  # a path that is not among the shortest may go on as it is
         joint[k, 0], joint[k, 1], joint[k, 2], joint[k, 3], joint[k, 4], joint[k, 5] = low, high, found, row0, middle, row1
-        num_joint += 1
+        num_joint[0] += 1
     if joint[k, 2] == LOST:
         if row.one == low:
             row.a0, row.a1, row.b0, row.b1 = joint[k, 3], joint[k, 4], joint[k, 4], joint[k, 5]
         else:
             row.a0, row.a1, row.b0, row.b1 = joint[k, 4], joint[k, 5], joint[k, 3], joint[k, 4]
         row.priority = 4 * CARDINAL + RECTANGLE
-    return OK, num_joint
+    return OK
 
 
 @kernel
@@ -191,7 +191,7 @@ def _split_clash(instance, store, one, other, row):
     if row.kind == CLASH_AT_TARGET:
         fits = add_row(store, MIN_COST, row.at, -1, step + 1, step + 1)
         middle = store.used[ROWS]
-        return middle if fits and _bar(instance, store, len(head) + row.at, step - 1, FOREVER, step, FOREVER) else np.int64(-1)
+        return middle if fits and _bar(instance, store, len(head) + row.at, (step - 1, FOREVER, step, FOREVER)) else np.int64(-1)
     moves = np.empty((2, 3), np.int64)
     for side in range(2):
         record = one if side == 0 else other
@@ -202,27 +202,33 @@ def _split_clash(instance, store, one, other, row):
         for end in range(1, -1, -1):
             v, t = mine[end], step - 1 + end
             if too_close(clashes, len(head) + v, theirs[2], theirs[0], theirs[1]):
-                return _two_sides(instance, store, side, RANGE, v, -1, t, len(head) + v, max(t - 1, 0), t + 1, t, t + 1)
-    return _two_sides(instance, store, 0, EDGE, moves[0, 1], moves[0, 0], step, moves[0, 2], step - 1, step, step, step)
+                return _two_sides(instance, store, side, (RANGE, v, -1, t), len(head) + v, (max(t - 1, 0), t + 1, t, t + 1))
+    edge = EDGE, moves[0, 1], moves[0, 0], step
+    return _two_sides(instance, store, 0, edge, moves[0, 2], (step - 1, step, step, step))
 
 
 @kernel
-def _two_sides(instance, store, side, kind, v, u, t, move, begin, end, arrive, until):
-    """Keep the robot of a side from v at t, the other from what clashes with `move`; where OTHER's rows begin, -1 without room."""
+def _two_sides(instance, store, side, where, move, span):
+    """Keep the robot of a side from a place (kind, v, u, t), the other from what clashes with `move`; see `_bar` for `span`.
+
+    Returns the row at which those of OTHER begin, -1 where there is no room.
+    """
+    kind, v, u, t = where
     if side == 0:
         fits = add_row(store, kind, v, u, t, t)
         middle = store.used[ROWS]
-        fits = fits and _bar(instance, store, move, begin, end, arrive, until)
+        fits = fits and _bar(instance, store, move, span)
     else:
-        fits = _bar(instance, store, move, begin, end, arrive, until)
+        fits = _bar(instance, store, move, span)
         middle = store.used[ROWS]
         fits = fits and add_row(store, kind, v, u, t, t)
     return middle if fits else np.int64(-1)
 
 
 @kernel
-def _bar(instance, store, move, begin, end, arrive, until):
-    """Keep a robot from what clashes with a move: vertices from step `begin` to `end`, lanes for arrivals from `arrive` to `until`."""
+def _bar(instance, store, move, span):
+    """Keep a robot from what clashes with a move. `span`: the steps from and to which vertices are barred, and arrivals by lanes."""
+    begin, end, arrive, until = span
     clashes = instance.clashes
     fits = True
     for k in range(clashes.vertex_first[move], clashes.vertex_first[move + 1]):
@@ -435,26 +441,18 @@ def _split_rectangle(instance, store, one, other, row):
                     _ways(instance, store, other, at, -1, from_other[b], ways[1])
                     _ways(instance, store, one, at, 1, to_one[c], ways[2])
                     _ways(instance, store, other, at, 1, to_other[d], ways[3])
-                    code = _barriers(
-                        instance,
-                        store,
-                        one,
-                        other,
-                        row,
-                        only(store, one, from_one[a]),
-                        only(store, other, from_other[b]),
-                        only(store, one, to_one[c]),
-                        only(store, other, to_other[d]),
-                        ways,
-                    )
+                    begins = only(store, one, from_one[a]), only(store, other, from_other[b])
+                    ends = only(store, one, to_one[c]), only(store, other, to_other[d])
+                    code = _barriers(instance, store, one, other, row, (begins, ends), ways)
                     if code != NO_PATH:
                         return code
     return NO_PATH
 
 
 @kernel
-def _barriers(instance, store, one, other, row, from_one, from_other, to_one, to_other, ways):
+def _barriers(instance, store, one, other, row, corners, ways):
     """The barriers for these corners; NO_PATH when they make no rectangle or a path does not break its barrier."""
+    (from_one, from_other), (to_one, to_other) = corners
     at, step = row.at, row.step
     right, up = 0, 0  # the directions in which both travel
     for k in range(4):

@@ -4,13 +4,12 @@ Kernels work in fixed room and say when it does not suffice; here it is made lar
 The clock is looked at between kernel calls, and a search that takes long is broken off to look at it.
 """
 
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from hashlib import blake2b
 from itertools import combinations
 from time import process_time
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +25,7 @@ from mrp_sumo.search.distance import distances
 from mrp_sumo.search.solvable import unsolvable
 from mrp_sumo.traffic.clashes import clashes_of
 from planners.conflict_based._cover import cover
-from planners.conflict_based._nodes import all_rows, branch, same_path
+from planners.conflict_based._nodes import ReplanEffort, TreeTables, all_rows, branch, same_path
 from planners.conflict_based._pairs import IMPOSSIBLE, pair_weight
 from planners.conflict_based._symmetry import choose
 from planners.conflict_based.buffers import Buffers
@@ -412,14 +411,13 @@ class Tree:
         store = self._buffers.store
         old = int(node.records[robot])
         lower = int(store.meta["bound"][old]) if old >= 0 else 0
-        found = self._call(
-            branch, node.records, node.conflicts, robot, row0, row1, w, lower, min(PATIENCE + self._num_split, MOST_PATIENCE), budget=True
-        )
+        patience = min(PATIENCE + self._num_split, MOST_PATIENCE)
+        made = self._replanned(node, robot, (row0, row1), ReplanEffort(w, lower, patience, FIRST_BUDGET))
         self.generated += 1
         self._buffers.generated += 1
-        if found is None:
+        if made is None:
             return None
-        record, conflicts = found
+        record, conflicts = made
         if self._window:
             conflicts = conflicts[conflicts["step"] <= self._window]
         self._buffers.node_bytes += conflicts.nbytes + node.records.nbytes + NODE_BYTES
@@ -505,24 +503,24 @@ class Tree:
         budget = FIRST_BUDGET
         while True:
             self.check_clock()
-            code, weight = pair_weight(self.instance, buffers.store, buffers.pair, buffers.scratch, one, other, PAIR_NODES, budget)
+            tables = TreeTables(self.instance, buffers.store, buffers.pair, buffers.scratch)
+            code, weight = pair_weight(tables, one, other, PAIR_NODES, budget)
             if code == st.OK:
                 return int(weight)
             budget = self._enlarge(code, budget)
 
-    def _call(self, kernel: Callable[..., Any], *arguments: Any, budget: bool = False) -> Any:
-        """What the kernel returns after its code, None for NO_PATH."""
+    def _replanned(self, node: ConflictNode, robot: int, rows: tuple[int, int], effort: ReplanEffort) -> tuple[int, np.ndarray] | None:
+        """The robot's new record, and the conflicts of the node with it; None where it has no path."""
         buffers = self._buffers
-        allowed = FIRST_BUDGET
         while True:
             self.check_clock()
-            more = (allowed,) if budget else ()
-            code, *found = kernel(self.instance, buffers.store, buffers.occupancy, buffers.scratch, *arguments, *more)
+            tables = TreeTables(self.instance, buffers.store, buffers.occupancy, buffers.scratch)
+            code, record, conflicts = branch(tables, node.records, node.conflicts, robot, rows, effort)
             if code == st.OK:
-                return found
+                return record, conflicts
             if code == st.NO_PATH:
                 return None
-            allowed = self._enlarge(code, allowed)
+            effort = effort._replace(budget=self._enlarge(code, effort.budget))
 
     def _enlarge(self, code: int, budget: int) -> int:
         if code == st.STORE_FULL:

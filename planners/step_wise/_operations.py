@@ -35,6 +35,8 @@ class CrowdStep(NamedTuple):
     stack: np.ndarray  # [R] int32, scratch: who pushes whom
     choice: np.ndarray  # [R] int64, scratch: position in the order, for each robot on the stack
     before: np.ndarray  # [R] int16, scratch: what it had chosen
+    moved_up: np.ndarray  # [O] int16, what is left of each operation after a step
+    fixed: np.ndarray  # [R] bool, scratch: robots that may not be pushed
 
 
 @kernel
@@ -57,7 +59,7 @@ def appraise(crowd, table, slot, goal, onward):
     for r in range(len(crowd.state)):
         n = 0
         for o in range(len(crowd.action)):
-            cost = _cost(crowd, table, slot[r, 0], slot[r, 1], goal[r], onward[r], r, o)
+            cost = _cost(crowd, table, slot[r], goal[r], onward[r], r, o)
             if cost < 0:
                 continue
             crowd.cost[r, o] = cost
@@ -71,9 +73,9 @@ def appraise(crowd, table, slot, goal, onward):
 
 
 @kernel
-def _cost(crowd, table, slot, next_slot, goal, onward, r, o):
+def _cost(crowd, table, slots, goal, onward, r, o):
     """The steps left after an operation, and a little for those left during it; -1 where it cannot be done. Writes its path."""
-    depth = crowd.action.shape[1]
+    depth, slot, next_slot = crowd.action.shape[1], slots[0], slots[1]
     state = crowd.state[r]
     crowd.path[r, o, 0] = state >> 2
     left, late, reached = 0, 0, False
@@ -102,17 +104,13 @@ def _cost(crowd, table, slot, next_slot, goal, onward, r, o):
 
 
 @kernel
-def plan_step(crowd, priority, moved_up, fixed, limit, most_visits, num_tries, rng):
+def plan_step(crowd, priority, limit, most_visits, num_tries, rng):
     """Choose an operation for each robot; `crowd` is appraised.
 
     Parameters
     ----------
     priority
         [R] robots, the first first.
-    moved_up
-        [O] what is left of each operation after a step.
-    fixed
-        [R] scratch.
     limit, most_visits
         See `_push`.
     num_tries
@@ -120,29 +118,27 @@ def plan_step(crowd, priority, moved_up, fixed, limit, most_visits, num_tries, r
     rng
         Draws.
     """
-    num_robots = len(crowd.state)
+    num_robots, fixed = len(crowd.state), crowd.fixed
     crowd.used[:] = -1
     for r in range(num_robots):
         crowd.used[0, crowd.state[r] >> 2] = r
     for r in range(num_robots):
-        _occupy(crowd, r, moved_up[crowd.chosen[r]])
+        _occupy(crowd, r, crowd.moved_up[crowd.chosen[r]])
     fixed[:] = False
     for r in priority:
-        _push(crowd, r, fixed, False, limit, most_visits)
+        _push(crowd, r, False, limit, most_visits)
         fixed[r] = True
     fixed[:] = False
     for _ in range(num_tries):
-        _push(crowd, rng.integers(0, num_robots), fixed, True, limit, most_visits)
+        _push(crowd, rng.integers(0, num_robots), True, limit, most_visits)
 
 
 @kernel
-def _push(crowd, root, fixed, all_gain, limit, most_visits):
+def _push(crowd, root, all_gain, limit, most_visits):
     """Have `root` take the best operation that it can, if it is not worse than what it has, and others make way.
 
     Parameters
     ----------
-    fixed
-        [R] robots that may not be pushed.
     all_gain
         Whether the costs of all together have to fall.
     limit
@@ -172,7 +168,7 @@ def _push(crowd, root, fixed, all_gain, limit, most_visits):
                 if not all_gain or gained + change < 0:
                     done = True
                     break
-            elif j >= 0 and not crowd.on_stack[j] and not fixed[j] and crowd.visits[j] < most_visits:
+            elif j >= 0 and not crowd.on_stack[j] and not crowd.fixed[j] and crowd.visits[j] < most_visits:
                 pushed = j
                 break
             choice[depth] += 1

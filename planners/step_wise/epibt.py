@@ -48,4 +48,4 @@ class Epibt:
         depth = self.depth or (3 if share > CROWDED else 4)
         limit = self.limit or (1000 if share > CROWDED else 3000)
         tries = self.tries if self.tries >= 0 else 3 * problem.num_robots if share < DENSE else 0
-        return OperationStepper(problem, seed, depth, limit, tries, self.tasks, self.memory_mb)
+        return OperationStepper(problem, seed, (depth, limit, tries), self.tasks, self.memory_mb)

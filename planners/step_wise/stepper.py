@@ -15,15 +15,15 @@ MOST_VISITS = 10  # how often one robot may be pushed when another one chooses
 class OperationStepper:
     """Robots choose operations of `depth` actions; see `_operations`."""
 
-    def __init__(self, problem: StepWiseProblem, seed: int, depth: int, limit: int, tries: int, tasks: Choice, memory_mb: int) -> None:
+    def __init__(self, problem: StepWiseProblem, seed: int, effort: tuple[int, int, int], tasks: Choice, memory_mb: int) -> None:
+        """`effort` is the actions of an operation, how many operations are looked at, and how many tries there are; see `Epibt`."""
         from planners.step_wise._operations import CrowdStep
 
         self._ground = FreeCells(problem, memory_mb)
         self._tasks = InTurn(problem.num_robots) if tasks == "in_turn" else NearestGoal()
-        self._limit, self._tries = limit, tries
+        depth, self._limit, self._tries = effort
         self._rng = np.random.default_rng([seed, 13])
         action = operations(depth)
-        self._moved_up = moved_up(action)
         num_robots, num_ops, num_cells = problem.num_robots, len(action), self._ground.num_cells
 
         def zeros(*shape: int) -> NDArray[np.int32]:
@@ -45,8 +45,9 @@ class OperationStepper:
             stack=zeros(num_robots),
             choice=np.zeros(num_robots, np.int64),
             before=np.zeros(num_robots, np.int16),
+            moved_up=moved_up(action),
+            fixed=np.zeros(num_robots, np.bool_),
         )
-        self._fixed = np.zeros(num_robots, np.bool_)
 
     def step(self, seen: Observation) -> Decision:
         """What robots do in the next step, and which tasks they have."""
@@ -59,7 +60,7 @@ class OperationStepper:
         appraise(crowd, ground.table, slot, goal, onward)
         steps = np.where(slot[:, 0] >= 0, ground.table[slot[:, 0], crowd.state], FAR)
         nearest_first = np.argsort(steps, kind="stable")
-        plan_step(crowd, nearest_first, self._moved_up, self._fixed, self._limit, MOST_VISITS, self._tries, self._rng)
+        plan_step(crowd, nearest_first, self._limit, MOST_VISITS, self._tries, self._rng)
         return Decision(crowd.action[crowd.chosen, 0], task_of)
 
     def _errands(self, seen: Observation, task_of: IntArray) -> tuple[IntArray, IntArray, IntArray]:
