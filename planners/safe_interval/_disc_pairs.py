@@ -10,10 +10,34 @@ import numpy as np
 
 from mrp_sumo.search._heap import pop_by, push_by
 from mrp_sumo.search._kernel import kernel
-from planners.safe_interval._discs import DiscPaths, add_rule, conflicts, copy_rules, find, new_ways, rule_against, write_way
+from planners.safe_interval._discs import (
+    DiscConstraints,
+    DiscPaths,
+    DiscScratch,
+    Lanes,
+    add_rule,
+    conflicts,
+    copy_rules,
+    find,
+    new_ways,
+    rule_against,
+    write_way,
+)
 
 EPS = 1e-6  # s
 MOST_CONFLICTS = 4  # that are looked at in a node
+
+
+class PairTask(NamedTuple):
+    """Two robots; see `_discs.find`."""
+
+    lanes: Lanes
+    left_s: np.ndarray  # [2, V]
+    start: np.ndarray  # [2]
+    goal: np.ndarray  # [2]
+    forbidden: tuple[DiscConstraints, DiscConstraints]
+    rules: DiscConstraints  # room for all that one may not do
+    scratch: DiscScratch
 
 
 class Pair(NamedTuple):
@@ -44,21 +68,13 @@ def new_pair(nodes: int, moves: int) -> Pair:
 
 
 @kernel(allocates=False)
-def least_cost(lanes, left_s, start, goal, given, reach, pair, rules, scratch):
-    """A bound on the sum of costs of two robots, exact where there is room to find them.
-
-    Parameters
-    ----------
-    left_s, start, goal, given
-        Two each: see `_discs.find`.
-    rules
-        Room for all that one may not do.
-    """
+def least_cost(task, pair):
+    """A bound on the sum of costs of two robots, exact where there is room to find them."""
     pair.ways.first[0] = 0
     pair.parent[0] = -1
     used, made, count = 0, 1, 1
     for k in range(2):
-        used, fits = add_way(lanes, left_s, start, goal, given, 0, k, pair, rules, scratch, used)
+        used, fits = add_way(task, pair, 0, k, used)
         if not fits:
             return 0.0
     pair.bound[0] = pair.cost[0, 0] + pair.cost[0, 1]
@@ -71,7 +87,7 @@ def least_cost(lanes, left_s, start, goal, given, reach, pair, rules, scratch):
         if not bound < np.inf:
             return np.inf
         if pair.child[n] == 0:
-            used, fits = split(lanes, left_s, start, goal, given, reach, n, made, pair, rules, scratch, used)
+            used, fits = split(task, pair, n, made, used)
             if not fits or pair.child[n] < 0:
                 return bound
             made += 2
@@ -96,27 +112,26 @@ def total(pair, n):
 
 
 @kernel(allocates=False)
-def split(lanes, left_s, start, goal, given, reach, node, made, pair, rules, scratch, used):
+def split(task, pair, node, made, used):
     """Make the children (`made`, and the next) for that conflict of a node of which the cheaper one costs most.
 
     Returns the number of ways by then, and whether there is room.
     """
     ways, best, chosen = pair.ways, -1.0, made
     one, other = pair.way[node, 0], pair.way[node, 1]
-    num = conflicts(lanes, ways, one, other, reach, MOST_CONFLICTS, pair.found, 0)
+    num = conflicts(task.lanes, ways, one, other, MOST_CONFLICTS, pair.found, 0)
     if made + 4 > len(pair.parent):
         return used, False
     for c in range(num):
         low = np.inf
         for k in range(2):
             n = chosen + k
-            is_stay, place, t0, t1 = rule_against(
-                lanes, ways, pair.found[c, 0], one, pair.found[c, 1], other, pair.found[c, 2], reach, k == 1
-            )
+            conflict = pair.found[c, 0], pair.found[c, 1], pair.found[c, 2]
+            is_stay, place, t0, t1 = rule_against(task.lanes, ways, conflict, one, other, k == 1)
             pair.parent[n], pair.robot[n], pair.is_stay[n], pair.place[n] = node, k, is_stay, place
             pair.times[n, 0], pair.times[n, 1] = t0, t1
             pair.way[n, 1 - k], pair.cost[n, 1 - k] = pair.way[node, 1 - k], pair.cost[node, 1 - k]
-            used, fits = add_way(lanes, left_s, start, goal, given, n, k, pair, rules, scratch, used)
+            used, fits = add_way(task, pair, n, k, used)
             if not fits:
                 return used, False
             low = min(low, total(pair, n))
@@ -144,10 +159,10 @@ def copy_node(pair, n, into):
 
 
 @kernel(allocates=False)
-def add_way(lanes, left_s, start, goal, given, n, k, pair, rules, scratch, used):
+def add_way(task, pair, n, k, used):
     """Let one of both drive at a node. Returns the number of ways by then, and whether there is room."""
-    base = given[0] if k == 0 else given[1]
-    copy_rules(base, rules)
+    rules, scratch = task.rules, task.scratch
+    copy_rules(task.forbidden[0] if k == 0 else task.forbidden[1], rules)
     at = n
     while at > 0:
         if pair.robot[at] == k:
@@ -155,11 +170,11 @@ def add_way(lanes, left_s, start, goal, given, n, k, pair, rules, scratch, used)
                 return used, False
             add_rule(rules, pair.is_stay[at], pair.place[at], pair.times[at, 0], pair.times[at, 1])
         at = pair.parent[at]
-    entry = find(lanes, left_s[k], start[k], goal[k], rules, scratch)
+    entry = find(task.lanes, task.left_s[k], task.start[k], task.goal[k], rules, scratch)
     if entry == -2:
         return used, False
     pair.cost[n, k] = scratch.arrived[entry] if entry >= 0 else np.inf
-    if entry >= 0 and not write_way(entry, scratch, start[k], used, pair.ways):
+    if entry >= 0 and not write_way(entry, scratch, task.start[k], used, pair.ways):
         return used, False
     pair.way[n, k] = used
     return used + (1 if entry >= 0 else 0), True

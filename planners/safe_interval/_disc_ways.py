@@ -7,7 +7,7 @@ from planners.safe_interval._discs import arrival, collide, passes, stands_at
 
 
 @kernel
-def forbidden_by(lanes, ways, way, reach, room):
+def forbidden_by(lanes, ways, way, room):
     """What nobody may do so as not to conflict with a way: [2, 3, N] of departures and stays, see `Rules`, and how many of each.
 
     Without the room, the numbers are -1.
@@ -21,12 +21,12 @@ def forbidden_by(lanes, ways, way, reach, room):
         for e in range(len(lanes.tail)):
             if num_moves + 2 > room:
                 return rows, -1, -1
-            low, high = passes(lanes, e, u, reach)
+            low, high = passes(lanes, e, u)
             if high > low:
                 rows[0, 0, num_moves], rows[0, 1, num_moves], rows[0, 2, num_moves] = e, begin - high, end - low
                 num_moves += 1
             if not last:
-                low, high = collide(lanes, ways.lane[k], e, reach)
+                low, high = collide(lanes, ways.lane[k], e)
                 if high > low:
                     rows[0, 0, num_moves], rows[0, 1, num_moves], rows[0, 2, num_moves] = e, end + low, end + high
                     num_moves += 1
@@ -35,7 +35,7 @@ def forbidden_by(lanes, ways, way, reach, room):
         for v in range(len(lanes.first) - 1):
             if num_stays + 1 > room:
                 return rows, -1, -1
-            low, high = passes(lanes, ways.lane[k], v, reach)
+            low, high = passes(lanes, ways.lane[k], v)
             if high > low:
                 rows[1, 0, num_stays], rows[1, 1, num_stays], rows[1, 2, num_stays] = v, end + high, end + low
                 num_stays += 1

@@ -24,6 +24,7 @@ class Lanes(NamedTuple):
     head: np.ndarray  # [L]
     xy: np.ndarray  # [V, 2] m
     duration: np.ndarray  # [L] s
+    reach: float  # m that two must keep from each other
 
 
 class DiscPaths(NamedTuple):
@@ -95,8 +96,9 @@ def too_close_on(cx, cy, ux, uy, long, reach):
 
 
 @kernel(allocates=False)
-def passes(lanes, e, v, reach):
+def passes(lanes, e, v):
     """When a robot on lane e is too close to vertex v, after it has set out: an open interval, empty as (0, 0)."""
+    reach = lanes.reach
     a, b, long = lanes.tail[e], lanes.head[e], lanes.duration[e]
     x, y = lanes.xy[v, 0], lanes.xy[v, 1]
     if (
@@ -109,12 +111,13 @@ def passes(lanes, e, v, reach):
 
 
 @kernel(allocates=False)
-def collide(lanes, e, f, reach):
+def collide(lanes, e, f):
     """How much later the one on lane f sets out than the one on lane e when they collide: an open interval, empty as (0, 0).
 
     The extremes of t - s over the pairs of moments (t on e, s on f) at which they are too close: on a border of the rectangle of all
     pairs, or where a line of equal t - s touches the ellipse.
     """
+    reach = lanes.reach
     a, b, c, d = lanes.tail[e], lanes.head[e], lanes.tail[f], lanes.head[f]
     long, other_long = lanes.duration[e], lanes.duration[f]
     ax, ay, cx, cy = lanes.xy[a, 0], lanes.xy[a, 1], lanes.xy[c, 0], lanes.xy[c, 1]
@@ -151,7 +154,7 @@ def collide(lanes, e, f, reach):
 
 
 @kernel(allocates=False)
-def conflicts(lanes, ways, one, other, reach, most, found, num):
+def conflicts(lanes, ways, one, other, most, found, num):
     """Write the conflicts of two ways to `found` from row `num` on, by time: kind, and which move or stay of each. Returns the new number.
 
     Stay k of a way is the one before its move k. Rows are as many as there is room for.
@@ -165,18 +168,18 @@ def conflicts(lanes, ways, one, other, reach, most, found, num):
         end = left + lanes.duration[ways.lane[i]] if i < b else np.inf
         other_end = other_left + lanes.duration[ways.lane[j]] if j < d else np.inf
         if i < b and j < d and left < other_end and other_left < end:
-            low, high = collide(lanes, ways.lane[i], ways.lane[j], reach)
+            low, high = collide(lanes, ways.lane[i], ways.lane[j])
             if low + EPS < other_left - left < high - EPS:
                 found[num, 0], found[num, 1], found[num, 2] = MOVES, i - a, j - c
                 num += 1
         if i < b and num < most and left < other_left and other_begin < end and other_left > other_begin + EPS:
             v = stands_at(lanes, ways, other, j)
-            if meets_stay(lanes, ways.lane[i], left, v, other_begin, other_left, reach):
+            if meets_stay(lanes, ways.lane[i], left, v, other_begin, other_left):
                 found[num, 0], found[num, 1], found[num, 2] = STAYS_OTHER, i - a, j - c
                 num += 1
         if j < d and num < most and other_left < left and begin < other_end and left > begin + EPS:
             v = stands_at(lanes, ways, one, i)
-            if meets_stay(lanes, ways.lane[j], other_left, v, begin, left, reach):
+            if meets_stay(lanes, ways.lane[j], other_left, v, begin, left):
                 found[num, 0], found[num, 1], found[num, 2] = STAYS_ONE, i - a, j - c
                 num += 1
         if i >= b and j >= d:
@@ -189,9 +192,9 @@ def conflicts(lanes, ways, one, other, reach, most, found, num):
 
 
 @kernel(allocates=False)
-def meets_stay(lanes, lane, left, vertex, begin, until, reach):
+def meets_stay(lanes, lane, left, vertex, begin, until):
     """Whether a move that sets out at `left` comes too close to a stay at a vertex from `begin` until `until`."""
-    low, high = passes(lanes, lane, vertex, reach)
+    low, high = passes(lanes, lane, vertex)
     return high > low and begin < left + high - EPS and until > left + low + EPS
 
 
@@ -208,12 +211,12 @@ def arrival(lanes, ways, way, k):
 
 
 @kernel(allocates=False)
-def conflicts_with_all(lanes, ways, one, others, reach, most, found, of):
+def conflicts_with_all(lanes, ways, one, others, most, found, of):
     """The conflicts of a way with others [N]; `of` says with which of them. Returns how many."""
     num = 0
     for k in range(len(others)):
         before = num
-        num = conflicts(lanes, ways, one, others[k], reach, most, found, num)
+        num = conflicts(lanes, ways, one, others[k], most, found, num)
         of[before:num] = k
     return num
 
@@ -381,22 +384,23 @@ def sort_in(where, first, second, k, place, t0, t1):
 
 
 @kernel(allocates=False)
-def rule_against(lanes, ways, kind, one, i, other, j, reach, second):
-    """What a conflict forbids the first of two robots, or the second: is_stay, place, two times (see `Rules`).
+def rule_against(lanes, ways, conflict, one, other, second):
+    """What a conflict (kind, and which move or stay of each way) forbids the first of two robots, or the second: is_stay, place, two times.
 
     Each pair of an action that is forbidden the one and one that is forbidden the other collides. Where both move, either may not depart
     until it no longer collides with the other's departure as it is. Where one stays, the mover may not depart until the stay is over; the
     other may not begin a stay before the mover has passed that lasts as long as it lasts now.
     """
+    kind, i, j = conflict
     a, b = ways.first[one] + i, ways.first[other] + j
     if kind == MOVES:
         e, f, t, u = ways.lane[a], ways.lane[b], ways.left[a], ways.left[b]
-        low, high = collide(lanes, e, f, reach)
+        low, high = collide(lanes, e, f)
         return (0, f, u, t + high) if second else (0, e, t, u - low)
     if kind == STAYS_ONE:
         one, other, a, b, second = other, one, b, a, not second
     e, t = ways.lane[a], ways.left[a]
     v = stands_at(lanes, ways, other, b)
     until = ways.left[b] if b < ways.first[other + 1] else np.inf
-    low, high = passes(lanes, e, v, reach)
+    low, high = passes(lanes, e, v)
     return (1, v, t + high, min(until, NEVER)) if second else (0, e, t, until - low)

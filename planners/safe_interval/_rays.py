@@ -5,6 +5,8 @@ k-th lane brakes at the very step before which it would have had to be let on to
 and each of its runs a tail of its own.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from mrp_sumo.search._kernel import kernel
@@ -13,6 +15,17 @@ from mrp_sumo.search._motion import approach_speed, stop_speed, turn_steps
 MARGIN_M = 0.001  # a robot is stopped this far before the end of what it may drive
 STRAIGHT_RAD = 0.2  # lesser bends are driven through
 ARRIVED_M = 0.002  # and has arrived this close to it
+
+
+class DrivenRay(NamedTuple):
+    """A ray of K lanes, and who drives along it."""
+
+    end_m: np.ndarray  # [K] where each lane ends
+    limit_mps: np.ndarray  # [K]
+    top_mps: float
+    accel_mps2: float
+    decel_mps2: float
+    dt: float  # s
 
 
 @kernel(allocates=False)
@@ -39,8 +52,9 @@ def steps_of_turns(first, head, heading_rad, turn_first, turn_rad, out):
 
 
 @kernel(allocates=False)
-def next_speed(s, v, here, dist, limit, num, top, accel, decel, dt):
-    """Speed in the next step where nothing ends: acceleration, top speed, the limit of this lane and those of the lanes ahead."""
+def next_speed(course, s, v, here, num):
+    """Speed in the next step where nothing ends: acceleration, top speed, the limit of this lane and those ahead, of `num` lanes."""
+    dist, limit, top, accel, decel, dt = course
     v = min(v + accel * dt, min(top, limit[here]))
     reach = v * v / (2.0 * decel) + 2.0 * v * dt
     for k in range(here + 1, num):
@@ -52,17 +66,17 @@ def next_speed(s, v, here, dist, limit, num, top, accel, decel, dt):
 
 
 @kernel(allocates=False)
-def lay_course(dist, limit, top, accel, decel, dt, s_out, v_out):
+def lay_course(course, s_out, v_out):
     """Positions after 0, 1, ... steps from rest, and the speed of the step that follows, until the ray's end is passed.
 
     Returns how many, or -1 where there is no room for them.
     """
-    num = len(dist)
+    dist, dt, num = course.end_m, course.dt, len(course.end_m)
     s, v, n, here = -MARGIN_M, 0.0, 0, 0
     while n < len(s_out):
         while here < num - 1 and s >= dist[here]:
             here += 1
-        v = next_speed(s, v, here, dist, limit, num, top, accel, decel, dt)
+        v = next_speed(course, s, v, here, num)
         s_out[n] = s
         v_out[n] = v
         n += 1
@@ -73,11 +87,12 @@ def lay_course(dist, limit, top, accel, decel, dt, s_out, v_out):
 
 
 @kernel(allocates=False)
-def lay_tails(dist, limit, top, accel, decel, dt, s_in, v_in, brake, time, tail_first, tail_s):
+def lay_tails(course, s_in, v_in, brake, time, tail_first, tail_s):
     """Of each run: the step before which it brakes, the step after which it has arrived, and its positions from the first to the second.
 
     Returns how many positions there are, or -1 where there is no room for them.
     """
+    dist, decel, dt = course.end_m, course.decel_mps2, course.dt
     n, used = 0, 0
     for k in range(len(dist)):
         free = dist[k] - MARGIN_M
@@ -96,7 +111,7 @@ def lay_tails(dist, limit, top, accel, decel, dt, s_in, v_in, brake, time, tail_
                 return -1
             tail_s[used] = s
             used += 1
-            v = min(stop_speed(free - s, decel, dt), next_speed(s, v, here, dist, limit, k + 1, top, accel, decel, dt))
+            v = min(stop_speed(free - s, decel, dt), next_speed(course, s, v, here, k + 1))
             s += v * dt
             m += 1
         tail_s[used] = s

@@ -76,14 +76,14 @@ def next_begin(table, q, t):
 
 
 @kernel
-def reserve(table, resource, begin, end, num, robot):
+def reserve(table, resource, begin, end, robot):
     """Add a robot's reservations. Returns whether there is room for them; if not, it has none afterwards."""
-    for i in range(num):
+    for i in range(len(resource)):
         q = resource[i]
         if table.count[q] == table.room[q]:
             used, room = table.used[0], max(4, 2 * table.room[q])
             if used + room > len(table.begin):
-                release(table, resource, i, robot)
+                release(table, resource[:i], robot)
                 return False
             a, n = table.row[q], table.count[q]
             table.begin[used : used + n] = table.begin[a : a + n]
@@ -114,10 +114,9 @@ def settle(table):
 
 
 @kernel(allocates=False)
-def release(table, resource, num, robot):
+def release(table, resource, robot):
     """Take a robot's reservations of these resources away."""
-    for i in range(num):
-        q = resource[i]
+    for q in resource:
         a = table.row[q]
         kept = a
         for k in range(a, a + table.count[q]):
@@ -130,10 +129,10 @@ def release(table, resource, num, robot):
 
 
 @kernel(allocates=False)
-def holders(table, resource, begin, end, num, robot, found):
+def holders(table, resource, begin, end, robot, found):
     """Write to `found` [R], of the robots but this one, the first step at which a reservation overlaps with these. Returns how many do."""
     overlaps = 0
-    for i in range(num):
+    for i in range(len(resource)):
         q = resource[i]
         k = first_after(table, q, begin[i])
         last = table.row[q] + table.count[q]
@@ -153,7 +152,7 @@ def overlaps(one_resource, one_begin, one_end, other_resource, other_begin, othe
     """
     i, j, num = 0, 0, 0
     while num < len(found):
-        k, begin, end, i, j = next_overlap(one_resource, one_begin, one_end, other_resource, other_begin, other_end, i, j)
+        k, begin, end, i, j = next_overlap((one_resource, one_begin, one_end), (other_resource, other_begin, other_end), i, j)
         if k < 0:
             break
         found[num, 0], found[num, 1], found[num, 2] = one_resource[k], begin, end
@@ -166,15 +165,22 @@ def first_overlap(one_resource, one_begin, one_end, other_resource, other_begin,
     """The first step at which two robots hold one resource, FOREVER if never."""
     i, j, first = 0, 0, FOREVER
     while True:
-        k, begin, _, i, j = next_overlap(one_resource, one_begin, one_end, other_resource, other_begin, other_end, i, j)
+        k, begin, _, i, j = next_overlap((one_resource, one_begin, one_end), (other_resource, other_begin, other_end), i, j)
         if k < 0:
             return first
         first = min(first, begin)
 
 
 @kernel(allocates=False)
-def next_overlap(one_resource, one_begin, one_end, other_resource, other_begin, other_end, i, j):
+def next_overlap(one, other, i, j):
     """The next time that both hold one resource, from entries i and j on.
+
+    Parameters
+    ----------
+    one, other
+        What each holds: resources, first steps, and steps after the last.
+    i, j
+        Where to begin.
 
     Returns
     -------
@@ -185,6 +191,7 @@ def next_overlap(one_resource, one_begin, one_end, other_resource, other_begin, 
     i, j
         Where to go on.
     """
+    (one_resource, one_begin, one_end), (other_resource, other_begin, other_end) = one, other
     while i < len(one_resource) and j < len(other_resource):
         if one_resource[i] != other_resource[j]:
             if one_resource[i] < other_resource[j]:

@@ -14,9 +14,11 @@ from mrp_sumo.core.clashes import Clashes
 from mrp_sumo.search._clashing import move_of, too_close
 from mrp_sumo.search._distance import UNREACHABLE
 from mrp_sumo.search._kernel import kernel
+from planners.safe_interval._priorities import put_before
 
 NOBODY, SEVERAL = -1, -2
 NO_WAY = 1 << 40
+AT_A_TIME = 6  # robots planned again
 MOST_CROSSED = 31  # ways that cross more others count as equal
 
 
@@ -32,6 +34,7 @@ class WindowTask(NamedTuple):
     stop: np.ndarray  # [S] in the order in which they are made; each robot has one or more
     steps: np.ndarray  # [S, V] int32 to each stop
     after: np.ndarray  # [S] steps from each stop by those after it to the robot's last
+    least: np.ndarray  # [R] steps of each robot's shortest way
     window: int
 
 
@@ -82,14 +85,12 @@ def leave(table, at, num_robots):
 
 
 @kernel(inline="always", allocates=False)
-def meets(task, table, u, v, t):
-    """Whether a robot meets somebody of a table that goes from u to v, or waits, and arrives at step t."""
-    found = table[t, v] != NOBODY
-    if not found and u != v and table[t - 1, v] != NOBODY and table[t, u] != NOBODY:
-        found = table[t - 1, v] == SEVERAL or table[t - 1, v] == table[t, u]
-    if not found and task.clashes.any:
-        found = comes_too_close(task, table, u, v, t)
-    return found
+def meets(table, u, v, t):
+    """Whether a robot that goes from u to v, or waits, and arrives at step t meets somebody of a table; clashes are not looked at."""
+    met = table[t, v] != NOBODY
+    if not met and u != v and table[t - 1, v] != NOBODY and table[t, u] != NOBODY:
+        met = table[t - 1, v] == SEVERAL or table[t - 1, v] == table[t, u]
+    return met
 
 
 @kernel(allocates=False)
@@ -124,10 +125,10 @@ def closes_ring(room, at, robot, u, v, t):
 
 
 @kernel(inline="always", allocates=False)
-def _to_go(task, begin, num_stops, made, v):
+def _to_go(steps, after, begin, num_stops, made, v):
     """Steps from a vertex by the stops that have not been made, or back to the last."""
     row = begin + min(made, num_stops - 1)
-    return np.int64(task.steps[row, v]) + (task.after[row] if made < num_stops else 0)
+    return np.int64(steps[row, v]) + (after[row] if made < num_stops else 0)
 
 
 @kernel(allocates=False)
@@ -139,70 +140,74 @@ def find_way(task, room, at, robot):
     int
         Its steps, with those that it takes beyond the window; NO_WAY where there is none.
     """
-    first, head, window = task.first, task.head, task.window
-    top, state, below = room.top, room.state, room.below
+    first, head, window, stop, steps_to, after = task.first, task.head, task.window, task.stop, task.steps, task.after
+    top, state, below, above, others = room.top, room.state, room.below, room.above, room.others
+    mark, steps_of, crossed_by, before = room.mark, room.steps, room.crossed, room.before
     begin, num_stops = task.stop_first[robot], task.stop_first[robot + 1] - task.stop_first[robot]
-    end, rings = task.stop[begin + num_stops - 1], not task.clashes.rotations
-    layer = (num_stops + 1) * (len(first) - 1)
+    end, rings, near = stop[begin + num_stops - 1], not task.clashes.rotations, task.clashes.any
+    num_vertices = len(first) - 1
+    layer = (num_stops + 1) * num_vertices
     room.count[0] += 1
     now = room.count[0]
     start, made = task.start[robot], np.int64(0)
-    while made < num_stops and task.stop[begin + made] == start:
+    while made < num_stops and stop[begin + made] == start:
         made += 1
-    least = _to_go(task, begin, num_stops, made, start)
+    least = _to_go(steps_to, after, begin, num_stops, made, start)
     if least >= UNREACHABLE:
         return NO_WAY
-    x = made * (len(first) - 1) + start
-    room.mark[x], room.steps[x], room.crossed[x], room.before[x] = now, 0, 0, -1
+    x = made * num_vertices + start
+    mark[x], steps_of[x], crossed_by[x], before[x] = now, 0, 0, -1
     top[0], state[0], below[0] = 0, x, -1
     num, bucket, highest = np.int64(1), np.int64(0), np.int64(0)
     labels = 0
-    found = NO_WAY
+    length = NO_WAY
     while True:
         while bucket <= highest and top[bucket] < 0:
             bucket += 1
         if bucket > highest:
+            length = NO_WAY
             break
         x = np.int64(state[top[bucket]])
         top[bucket] = below[top[bucket]]
-        t, made, u = x // layer, x % layer // (len(first) - 1), x % (len(first) - 1)
-        cost, crossed = np.int64(room.steps[x]), np.int64(room.crossed[x])
-        length = cost + _to_go(task, begin, num_stops, made, u)
+        t, made, u = x // layer, x % layer // num_vertices, x % num_vertices
+        cost, crossed = np.int64(steps_of[x]), np.int64(crossed_by[x])
+        length = cost + _to_go(steps_to, after, begin, num_stops, made, u)
         if bucket != (length - least) * (MOST_CROSSED + 1) + crossed:
             continue  # reached better meanwhile
         if t == window:
-            found = length
             while x >= 0:
-                at[robot, x // layer] = x % (len(first) - 1)
-                x = np.int64(room.before[x])
+                at[robot, x // layer] = x % num_vertices
+                x = np.int64(before[x])
             break
         labels += 1
         if num + first[u + 1] - first[u] + 1 > len(state):
+            length = NO_WAY
             break
         row = begin + min(made, num_stops - 1)
         for lane in range(first[u], first[u + 1] + 1):
             v = np.int64(head[lane]) if lane < first[u + 1] else u
-            if task.steps[row, v] >= UNREACHABLE or meets(task, room.above, u, v, t + 1):
+            if steps_to[row, v] >= UNREACHABLE or meets(above, u, v, t + 1) or (near and comes_too_close(task, above, u, v, t + 1)):
                 continue
             if rings and v != u and closes_ring(room, at, robot, u, v, t + 1):
                 continue
             there = made
-            while there < num_stops and task.stop[begin + there] == v:
+            while there < num_stops and stop[begin + there] == v:
                 there += 1
             steps = cost + (0 if made == num_stops and v == u and v == end else 1)
-            price = min(crossed + (1 if meets(task, room.others, u, v, t + 1) else 0), MOST_CROSSED)
-            y = (t + 1) * layer + there * (len(first) - 1) + v
-            if room.mark[y] == now and (room.steps[y] < steps or (room.steps[y] == steps and room.crossed[y] <= price)):
+            crosses = meets(others, u, v, t + 1) or (near and comes_too_close(task, others, u, v, t + 1))
+            price = min(crossed + (1 if crosses else 0), MOST_CROSSED)
+            y = (t + 1) * layer + there * num_vertices + v
+            if mark[y] == now and (steps_of[y] < steps or (steps_of[y] == steps and crossed_by[y] <= price)):
                 continue
-            room.mark[y], room.steps[y], room.crossed[y], room.before[y] = now, steps, price, x
-            to = (steps + _to_go(task, begin, num_stops, there, v) - least) * (MOST_CROSSED + 1) + price
+            mark[y], steps_of[y], crossed_by[y], before[y] = now, steps, price, x
+            to = (steps + _to_go(steps_to, after, begin, num_stops, there, v) - least) * (MOST_CROSSED + 1) + price
             state[num], below[num] = y, top[to]
             top[to] = num
             num += 1
             highest, bucket = max(highest, to), min(bucket, to)
     top[: highest + 1] = -1
     room.count[1] += labels
-    return found
+    return length
 
 
 @kernel
@@ -220,12 +225,36 @@ def find_all(task, room, at, cost):
 
 
 @kernel
-def find_below(task, room, above, at, cost, robots):
-    """Other ways for the first of some robots, and for those of the others that meet somebody above them; whether everybody has one.
+def branch(task, room, holder, above, at, cost):
+    """Let either of the two robots that meet first go before the other, the second before the first at first.
 
-    Each comes after those above it.
+    Parameters
+    ----------
+    holder
+        [2, V] scratch, NOBODY between calls.
+    above, at, cost
+        [2, R, R], [2, R, W + 1] and [2, R] priorities, ways and their steps, of the node for both orders; written.
+
+    Returns
+    -------
+    meets, one, other
+        False where nobody meets; whether everybody has a way in the one order, and in the other.
     """
-    num_robots = len(task.start)
+    first, second = first_conflict(task, holder, above[0], at[0])
+    if first < 0:
+        return False, False, False
+    one = not above[0, first, second] and find_below(task, room, above[0], at[0], cost[0], (second, first))
+    other = not above[1, second, first] and find_below(task, room, above[1], at[1], cost[1], (first, second))
+    return True, one, other
+
+
+@kernel
+def find_below(task, room, above, at, cost, pair):
+    """Let the first of two robots go before the second; whether everybody has a way.
+
+    The second looks for another way, and of those below it those that meet somebody above them; each after those above it.
+    """
+    num_robots, robots = len(task.start), put_before(above, pair[0], pair[1])
     for k in range(len(robots)):
         r = robots[k]
         if k > 0 and not _is_hindered(task, at, above, r):
@@ -321,35 +350,32 @@ def _is_hindered(task, at, above, r):
 
 
 @kernel
-def polish(task, room, at, cost, least, size, rounds, most_labels, rng):
+def polish(task, room, at, cost, most_labels, rng):
     """Plan a late robot again with those in its way, and keep what is shorter, time and again.
 
     Parameters
     ----------
     at, cost
         [R, W + 1] and [R] the ways of all, and their steps.
-    least
-        [R] steps of each robot's shortest way.
-    size
-        Robots at a time, at most.
-    rounds, most_labels
-        Tries; labels after which there are no more.
+    most_labels
+        Labels after which there are no more tries.
     rng
         Chance.
     """
-    num_robots = len(task.start)
-    saved, saved_cost, chosen = np.zeros((size, at.shape[1]), np.int32), np.zeros(size, np.int64), np.zeros(size, np.int64)
+    num_robots, least = len(task.start), task.least
+    saved, saved_cost = np.zeros((AT_A_TIME, at.shape[1]), np.int32), np.zeros(AT_A_TIME, np.int64)
+    chosen = np.zeros(AT_A_TIME, np.int64)
     for r in range(num_robots):
         enter(room.above, at, r)
-    for _ in range(rounds):
+    while room.count[1] < most_labels:
         late = (cost - least).sum()
-        if late == 0 or room.count[1] >= most_labels:
+        if late == 0:
             break
         drawn, r = np.int64(rng.random() * late), np.int64(0)
         while drawn >= cost[r] - least[r]:
             drawn -= cost[r] - least[r]
             r += 1
-        num = _around(task, room, at, r, chosen, saved)
+        num = _around(task, room, at, r, chosen)
         old = np.int64(0)
         for k in range(num):
             other = np.int64(rng.random() * (num - k)) + k
@@ -379,7 +405,7 @@ def polish(task, room, at, cost, least, size, rounds, most_labels, rng):
 
 
 @kernel(allocates=False)
-def _around(task, room, at, robot, chosen, saved):
+def _around(task, room, at, robot, chosen):
     """A robot and those that hold vertices beside its way while it is near; how many."""
     chosen[0], num = robot, 1
     for t in range(1, at.shape[1]):

@@ -12,7 +12,7 @@ import numpy as np
 from mrp_sumo.core.graph import FloatArray, IntArray, NavGraph, frozen
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.traffic.resources import Course, Resources, left_after_m, needs_of
-from planners.safe_interval._rays import STRAIGHT_RAD, lay_course, lay_tails, steps_of_turns
+from planners.safe_interval._rays import STRAIGHT_RAD, DrivenRay, lay_course, lay_tails, steps_of_turns
 
 SHORTEST_M = 0.1  # shorter lanes are driven as if they were so long
 LONGEST_RAY = 1000  # lanes
@@ -188,10 +188,11 @@ def _ray(onward: IntArray, lane: int, length: IntArray) -> IntArray:
 def _runs(driven: FloatArray, limit: FloatArray, limits: tuple[float, float, float], dt: float) -> tuple[np.ndarray, ...]:
     """Of one course: end_m, brake, time, tail_first, tail_m, along_m."""
     end_m, num = np.cumsum(driven), len(driven)
+    driven_ray = DrivenRay(end_m, limit, *limits, dt)
     room = 64 + int(2 * (driven / limit).sum() / dt) + 4 * int(limits[0] / min(limits[1:]) / dt)
     while True:
         s, v = np.empty(room), np.empty(room)
-        count = lay_course(end_m, limit, *limits, dt, s, v)
+        count = lay_course(driven_ray, s, v)
         if count >= 0:
             break
         room *= 2
@@ -199,7 +200,7 @@ def _runs(driven: FloatArray, limit: FloatArray, limits: tuple[float, float, flo
     room = 16 * num + 64
     while True:
         tail = np.empty(room)
-        used = lay_tails(end_m, limit, *limits, dt, s, v, brake, time, first, tail)
+        used = lay_tails(driven_ray, s, v, brake, time, first, tail)
         if used >= 0:
             return end_m, brake, time, first, tail[:used], s[:count]
         room *= 2

@@ -11,6 +11,8 @@ from dataclasses import dataclass, replace
 from time import process_time
 from typing import ClassVar
 
+import numpy as np
+
 from mrp_sumo.core.plan import PlanResult, Status, plan_of_paths
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError
@@ -36,13 +38,20 @@ class Pbs:
 
     def prepare(self) -> None:
         """Compile or load the kernels."""
-        from planners.safe_interval.priority_tree import take_each_step
+        from planners.safe_interval.priority_tree import branched_on
         from planners.safe_interval.real_motion import PrioritisedRuns
         from planners.safe_interval.window_motion import WindowSteps
         from planners.world import small_problem
 
-        take_each_step(PrioritisedRuns(small_problem(), self.step_length_s))
-        take_each_step(WindowSteps(replace(small_problem(), window_steps=4)))
+        nobody = np.zeros((2, 2), np.bool_)
+        runs, steps = PrioritisedRuns(small_problem(), self.step_length_s), WindowSteps(replace(small_problem(), window_steps=4))
+        branched_on((0, 1), runs.alone(), nobody, runs.replanned)
+        runs.branched(runs.alone(), nobody)
+        runs.plan(runs.alone())
+        ways = steps.alone()
+        assert ways is not None
+        steps.branched(ways, nobody)
+        steps.plan(ways)
 
     def plan(self, problem: Problem, time_limit_s: float) -> PlanResult:
         """See `Planner`. GAVE_UP when the tree is searched, or has `max_nodes`."""

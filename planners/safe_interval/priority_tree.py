@@ -1,5 +1,6 @@
 """The tree of priority-based search over any motion: nodes say which robots go before which, and each robot's way keeps to that."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from time import process_time
 from typing import Generic, Protocol, TypeVar
@@ -27,11 +28,11 @@ class PriorityMotion(Protocol[Ways]):
     def alone(self) -> Ways | None:
         """The ways of robots of which none goes before another; None where somebody has none."""
 
-    def first_conflict(self, ways: Ways, above: BoolArray) -> tuple[int, int] | None:
-        """The two robots that meet first; of two orders that cost the same, the one in which the first goes first is looked at first."""
+    def branched(self, ways: Ways, above: BoolArray) -> list[tuple[BoolArray, Ways]] | None:
+        """The orders, with ways in them, in which one of the two robots that meet first goes before the other; None where nobody meets.
 
-    def replanned(self, ways: Ways, above: BoolArray, robots: IntArray) -> Ways | None:
-        """The ways where some robots, of which each comes after those above it, look for others if those above them are in their way."""
+        The order in which the second of both goes first comes first; one in which somebody finds no way is left out. See `branched_on`.
+        """
 
     def cost(self, ways: Ways) -> int:
         """Of all robots."""
@@ -47,16 +48,30 @@ class PriorityNode(Generic[Ways]):
     above: BoolArray  # [R, R] whether one robot goes before another, as far as that is decided
     ways: Ways
 
-    def below(self, motion: PriorityMotion[Ways], first: int, second: int) -> "PriorityNode[Ways] | None":
-        """The node in which one robot goes before another; None where that is decided otherwise, or somebody finds no way.
 
-        Whoever is in conflict with those above looks for another way. Those above may be in conflict with each other still.
-        """
-        if self.above[second, first]:
-            return None
-        above = self.above.copy()
-        ways = motion.replanned(self.ways, above, put_before(above, first, second))
-        return None if ways is None else PriorityNode(above, ways)
+def branched_on(
+    pair: tuple[int, int], ways: Ways, above: BoolArray, replanned: Callable[[Ways, BoolArray, IntArray], Ways | None]
+) -> list[tuple[BoolArray, Ways]]:
+    """See `PriorityMotion.branched`.
+
+    Parameters
+    ----------
+    pair
+        Two robots that meet.
+    ways, above
+        Of the node.
+    replanned
+        The ways in an order where some robots, of which each comes after those above it, look for others if those above them are in their
+        way; None where somebody finds none. Those above may be in conflict with each other still.
+    """
+    orders = []
+    for first, second in (pair[::-1], pair):
+        if not above[second, first]:
+            order = above.copy()
+            new = replanned(ways, order, put_before(order, first, second))
+            if new is not None:
+                orders.append((order, new))
+    return orders
 
 
 def search(motion: PriorityMotion[Ways], problem: Problem, began: float, deadline_s: float, max_nodes: int) -> PlanResult:
@@ -83,24 +98,14 @@ def search(motion: PriorityMotion[Ways], problem: Problem, began: float, deadlin
             return without_effort(problem, began, motion.least_steps, nodes=float(nodes))
         node = stack.pop()
         nodes += 1
-        pair = motion.first_conflict(node.ways, node.above)
-        if pair is None:
+        orders = motion.branched(node.ways, node.above)
+        if orders is None:
             stats = {"nodes": float(nodes), **motion.counters()}
             plan, costs = motion.plan(node.ways)
             took_s = process_time() - began
             return PlanResult(Status.SOLVED, plan, None, took_s, lower_bound_steps=motion.least_steps, stats=stats | costs)
-        children = [child for above, below in (pair[::-1], pair) if (child := node.below(motion, above, below))]
+        children = [PriorityNode(above, ways) for above, ways in orders]
         children.sort(key=lambda child: -motion.cost(child.ways))
         stack += children if len(stack) + len(children) <= motion.most_open else children[-1:]
     message = f"no plan among {nodes} orders of priorities"
     return unplanned(status, began, message, motion.least_steps, nodes=float(nodes), **motion.counters())
-
-
-def take_each_step(motion: PriorityMotion[Ways]) -> None:
-    """Have all kernels of two robots' motion compiled or loaded, whether they are in each other's way or not."""
-    ways = motion.alone()
-    assert ways is not None
-    node = PriorityNode(np.zeros((2, 2), np.bool_), ways)
-    motion.first_conflict(ways, node.above)
-    node.below(motion, 0, 1)
-    motion.plan(ways)

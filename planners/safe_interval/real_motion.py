@@ -14,6 +14,7 @@ from planners.safe_interval._table import first_overlap, overlaps, settle
 from planners.safe_interval.conflict_tree import OutOfTime, TimedConflict, TimedTree
 from planners.safe_interval.first_ways import first_ways
 from planners.safe_interval.improvement import Improvement
+from planners.safe_interval.priority_tree import branched_on
 from planners.safe_interval.timetable import TimedPath, Timetable
 
 Held = tuple[tuple[int, int], ...]  # (resource, step) that a robot may not hold
@@ -137,8 +138,8 @@ class PrioritisedRuns:
     def alone(self) -> list[TimedPath]:
         return [self._timetable.ideal(robot) for robot in range(self._timetable.num_robots)]
 
-    def first_conflict(self, ways: list[TimedPath], above: BoolArray) -> tuple[int, int] | None:
-        """The two robots that hold one resource at once the earliest."""
+    def branched(self, ways: list[TimedPath], above: BoolArray) -> list[tuple[BoolArray, list[TimedPath]]] | None:
+        """For the two robots that hold one resource at once the earliest."""
         earliest, pair = FOREVER, None
         for i, one in enumerate(ways):
             for j in range(i + 1, len(ways)):
@@ -146,9 +147,10 @@ class PrioritisedRuns:
                 overlap = first_overlap(one.resource, one.begin, one.end, other.resource, other.begin, other.end)
                 if overlap < earliest:
                     earliest, pair = overlap, (j, i)
-        return pair
+        return None if pair is None else branched_on(pair, ways, above, self.replanned)
 
     def replanned(self, ways: list[TimedPath], above: BoolArray, robots: IntArray) -> list[TimedPath] | None:
+        """See `branched_on`."""
         timetable, ways = self._timetable, list(ways)
         for robot in robots.tolist():
             timetable.clear()

@@ -188,10 +188,10 @@ class Timetable:
 
     def hinders(self, robot: int, way: TimedPath) -> IntArray:
         """The robots in the table that a way would get in conflict with, in the order of the conflicts."""
-        found = np.full(self.num_robots, FOREVER)
-        _table.holders(self.table, way.resource, way.begin, way.end, len(way.resource), robot, found)
-        order = np.argsort(found, kind="stable")
-        return order[found[order] < FOREVER]
+        since = np.full(self.num_robots, FOREVER)
+        _table.holders(self.table, way.resource, way.begin, way.end, robot, since)
+        order = np.argsort(since, kind="stable")
+        return order[since[order] < FOREVER]
 
     def add(self, robot: int, way: TimedPath) -> None:
         """Put a way into the table."""
@@ -202,10 +202,10 @@ class Timetable:
     def _expose(self, robot: int) -> None:
         if self._protected_steps and self.way[robot] is None:
             resource = self._start_of(robot)[0]
-            _table.release(self.table, resource, len(resource), robot)
+            _table.release(self.table, resource, robot)
 
     def _reserve(self, robot: int, held: tuple[IntArray, IntArray, IntArray]) -> None:
-        while not _table.reserve(self.table, *held, len(held[0]), robot):
+        while not _table.reserve(self.table, *held, robot):
             larger = _table.empty_table(len(self.table.row), 2 * len(self.table.begin))
             _table.copied(self.table, larger)
             self.table = larger
@@ -214,7 +214,7 @@ class Timetable:
         """Take a robot's way out of the table."""
         way = self.way[robot]
         if way is not None:
-            _table.release(self.table, way.resource, len(way.resource), robot)
+            _table.release(self.table, way.resource, robot)
             self.way[robot] = None
             self._protect(robot)
         return way

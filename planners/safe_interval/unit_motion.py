@@ -27,10 +27,10 @@ class UnitMotion:
     def __init__(self, problem: Problem, radius_m: float, speed_mps: float) -> None:
         graph = problem.graph
         self.problem = problem
-        self.reach_m, self._start, self._goal = 2 * radius_m, problem.start.tolist(), problem.target.tolist()
+        self._start, self._goal = problem.start.tolist(), problem.target.tolist()
         self.nothing = _discs.new_rules(0, 0)
         duration_s = graph.length_m / speed_mps
-        self._lanes = _discs.Lanes(graph.first, graph.tail, graph.head, graph.xy, duration_s)
+        self._lanes = _discs.Lanes(graph.first, graph.tail, graph.head, graph.xy, duration_s, 2 * radius_m)
         self._left_s = seconds_left(graph, duration_s, problem.target)
         self._scratch = _discs.new_scratch(graph.num_vertices, graph.num_lanes, 1 << 13)
         self._ways = _discs.new_ways(64)
@@ -48,7 +48,7 @@ class UnitMotion:
         problem, xy = self.problem, self._lanes.xy
         for what, place in (("start", problem.start), ("have to end", problem.target)):
             for robot in range(1, problem.num_robots):
-                near = np.flatnonzero(np.hypot(*(xy[place[:robot]] - xy[place[robot]]).T) < self.reach_m - 1e-9)
+                near = np.flatnonzero(np.hypot(*(xy[place[:robot]] - xy[place[robot]]).T) < self._lanes.reach - 1e-9)
                 if len(near):
                     names, label = problem.fleet.robot_name, problem.graph.label
                     both = f"'{label(int(place[near[0]]))}' and '{label(int(place[robot]))}'"
@@ -78,9 +78,7 @@ class UnitMotion:
         return way
 
     def conflicts(self, robot: int, way: int, others: Sequence[int], their_ways: Sequence[int]) -> list[TimedConflict]:
-        num = _discs.conflicts_with_all(
-            self._lanes, self._ways, way, np.array(their_ways, np.int64), self.reach_m, PER_PAIR, self._found, self._of
-        )
+        num = _discs.conflicts_with_all(self._lanes, self._ways, way, np.array(their_ways, np.int64), PER_PAIR, self._found, self._of)
         return [
             TimedConflict(robot, others[k], way, their_ways[k], found)
             for k, found in zip(self._of[:num].tolist(), map(tuple, self._found[:num].tolist()))
@@ -90,9 +88,8 @@ class UnitMotion:
         self, conflict: TimedConflict, ours: _discs.DiscConstraints, theirs: _discs.DiscConstraints
     ) -> tuple[_discs.DiscConstraints, _discs.DiscConstraints]:
         """What to forbid either robot: see `_discs.rule_against`."""
-        kind, i, j = conflict.what
-        given = self._lanes, self._ways, kind, conflict.way, i, conflict.other_way, j, self.reach_m
-        return _discs.with_rule(ours, *_discs.rule_against(*given, False)), _discs.with_rule(theirs, *_discs.rule_against(*given, True))
+        both = self._lanes, self._ways, conflict.what, conflict.way, conflict.other_way
+        return _discs.with_rule(ours, *_discs.rule_against(*both, False)), _discs.with_rule(theirs, *_discs.rule_against(*both, True))
 
     def least_cost_s(self, robot: int, other: int, ours: _discs.DiscConstraints, theirs: _discs.DiscConstraints) -> float:
         """What two robots cost at least that are forbidden this."""
@@ -100,8 +97,9 @@ class UnitMotion:
         room = max(ours.count.max(), theirs.count.max()) + MOST_RULES
         if len(self._rules.lane) < room:
             self._rules = _discs.new_rules(2 * room, 2 * room)
-        given = self._left_s[both], self._starts[both], self._goals[both], (ours, theirs), self.reach_m
-        return float(_disc_pairs.least_cost(self._lanes, *given, self._pair, self._rules, self._scratch))
+        ends = self._left_s[both], self._starts[both], self._goals[both]
+        task = _disc_pairs.PairTask(self._lanes, *ends, (ours, theirs), self._rules, self._scratch)
+        return float(_disc_pairs.least_cost(task, self._pair))
 
     def some_ways(self, rng: np.random.Generator, enough_s: float, deadline_s: float) -> list[int] | None:
         """Ways without conflicts, not the best: prioritised planning, then neighbourhoods planned again, annealed."""
@@ -168,7 +166,7 @@ class UnitMotion:
         """[3, K] departures and [3, M] stays, see `_disc_ways.forbidden_by`."""
         if way not in self._forbidden:
             while True:
-                rows, num_moves, num_stays = _disc_ways.forbidden_by(self._lanes, self._ways, way, self.reach_m, self._room)
+                rows, num_moves, num_stays = _disc_ways.forbidden_by(self._lanes, self._ways, way, self._room)
                 if num_moves >= 0:
                     break
                 self._room *= 4

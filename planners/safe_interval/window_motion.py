@@ -14,11 +14,10 @@ from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError
 from mrp_sumo.search.distance import distances
 from mrp_sumo.traffic.clashes import clashes_of
-from planners.safe_interval._window_way import NOBODY, WindowTask, find_all, find_below, first_conflict, polish, room_for
+from planners.safe_interval._window_way import NOBODY, WindowTask, branch, find_all, polish, room_for
 
 CHANCE = 43  # purpose of the stream of chance
 POLISH_LABELS = 2000  # a robot
-AT_A_TIME = 6  # robots planned again
 MOST_STEPS = 1000
 MOST_DEEP = 64 << 20  # bytes of nodes that are kept; beyond, the worse of two children is dropped
 
@@ -40,9 +39,7 @@ class WindowSteps:
             raise PlanError(f"pbs plans in windows of at most {MOST_STEPS} steps, found {problem.window_steps}")
         robots = problem.num_robots
         self._problem, self._task = problem, task_of(problem)
-        row = self._task.stop_first[:-1]
-        self._least = self._task.steps[row, problem.start] + self._task.after[row]
-        self.least_steps = float(self._least.sum())
+        self.least_steps = float(self._task.least.sum())
         self.most_open = max(8, min(4 * robots, MOST_DEEP // max(robots * (robots + 4 * problem.window_steps + 12), 1)))
         self._room = room_for(self._task)
         self._holder = np.full((2, problem.graph.num_vertices), NOBODY, np.int32)
@@ -55,13 +52,11 @@ class WindowSteps:
         ways = StepWays(np.zeros(shape, np.int32), np.zeros(shape[0], np.int64))
         return ways if find_all(self._task, self._room, ways.at, ways.cost) else None
 
-    def first_conflict(self, ways: StepWays, above: BoolArray) -> tuple[int, int] | None:
-        one, other = first_conflict(self._task, self._holder, above, ways.at)
-        return (one, other) if one >= 0 else None
-
-    def replanned(self, ways: StepWays, above: BoolArray, robots: IntArray) -> StepWays | None:
-        ways = StepWays(ways.at.copy(), ways.cost.copy())
-        return ways if find_below(self._task, self._room, above, ways.at, ways.cost, robots) else None
+    def branched(self, ways: StepWays, above: BoolArray) -> list[tuple[BoolArray, StepWays]] | None:
+        """By one kernel: to be called takes it longer than to work."""
+        orders, at, cost = (np.repeat(one[None], 2, axis=0) for one in (above, ways.at, ways.cost))
+        meets, one, other = branch(self._task, self._room, self._holder, orders, at, cost)
+        return [(orders[k], StepWays(at[k], cost[k])) for k, has_ways in enumerate((one, other)) if has_ways] if meets else None
 
     def cost(self, ways: StepWays) -> int:
         return int(ways.cost.sum())
@@ -72,7 +67,7 @@ class WindowSteps:
         most = int(self._room.count[1]) + POLISH_LABELS * problem.num_robots
         rng = np.random.default_rng([problem.seed, CHANCE])
         most = min(most, problem.effort or most)
-        polish(self._task, self._room, ways.at, ways.cost, self._least, AT_A_TIME, 1 << 30, most, rng)
+        polish(self._task, self._room, ways.at, ways.cost, most, rng)
         plan = plan_of_paths(list(ways.at.astype(np.int64)), problem.step_s)
         return plan, {"first_solution_cost": float(first_cost), "cost": float(self.cost(ways))}
 
@@ -88,6 +83,7 @@ def task_of(problem: Problem) -> WindowTask:
     for begin, end in zip(first[:-1].tolist(), first[1:].tolist()):
         for k in range(end - 2, begin - 1, -1):
             after[k] = after[k + 1] + steps[k + 1, stop[k]]
+    least = steps[first[:-1], problem.start] + after[first[:-1]]
     return WindowTask(
-        graph.first, graph.head, graph.tail, clashes_of(problem), problem.start, first, stop, steps, after, problem.window_steps
+        graph.first, graph.head, graph.tail, clashes_of(problem), problem.start, first, stop, steps, after, least, problem.window_steps
     )

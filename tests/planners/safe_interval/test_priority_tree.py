@@ -5,7 +5,7 @@ import pytest
 from worlds import line, problem_on
 
 from mrp_sumo.core.plan import Status, plan_of_paths
-from planners.safe_interval.priority_tree import PriorityNode, search
+from planners.safe_interval.priority_tree import branched_on, search
 
 
 class Talk:
@@ -22,12 +22,10 @@ class Talk:
     def alone(self):
         return 0
 
-    def first_conflict(self, ways, above):
+    def branched(self, ways, above):
         self.seen.append(above.tolist())
-        return next(((a, b) for a, b in self.pairs if not above[a, b] and not above[b, a]), None)
-
-    def replanned(self, ways, above, robots):
-        return self.price(above)
+        pair = next(((a, b) for a, b in self.pairs if not above[a, b] and not above[b, a]), None)
+        return None if pair is None else branched_on(pair, ways, above, lambda ways, above, robots: self.price(above))
 
     def cost(self, ways):
         return ways
@@ -60,15 +58,16 @@ def test_who_goes_before_a_robot_goes_before_those_after_it():
 
 
 def test_an_order_that_is_decided_is_not_turned_round():
-    node = PriorityNode(np.array([[False, True], [False, False]]), 0)
-    assert node.below(Talk([]), 1, 0) is None and node.below(Talk([]), 0, 1) is not None
+    above = np.array([[False, True], [False, False]])
+    (order,) = branched_on((1, 0), "ways", above, lambda ways, above, robots: robots.tolist())
+    assert order[0].tolist() == above.tolist() and order[1] == [1]
 
 
 @pytest.mark.parametrize(("most_open", "status", "nodes"), [(2, Status.SOLVED, 4), (1, Status.GAVE_UP, 2)])
 def test_without_room_for_both_the_order_that_comes_second_is_dropped(most_open, status, nodes):
     """Nobody finds a way where 0 goes before 1 and 2 has met them: then 1 has to go first."""
     motion = Talk([(0, 1), (1, 2)], most_open=most_open)
-    motion.replanned = lambda ways, above, robots: None if above[0, 1] and (above[1, 2] or above[2, 1]) else 0
+    motion.price = lambda above: None if above[0, 1] and (above[1, 2] or above[2, 1]) else 0
     result, _ = above_after(motion)
     assert (result.status, result.stats["nodes"]) == (status, nodes)
 
