@@ -12,6 +12,7 @@ With --audit, BAG is a run folder with tasks, and its work is judged again by it
 
 import argparse
 import json
+import shlex
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -104,10 +105,9 @@ def _audit(options: argparse.Namespace) -> int:
 def _measure(options: argparse.Namespace) -> int:
     """Compute metrics of a run, or of a batch, from what their folders keep. Exit code 1 when one failed."""
     from mrp_sumo.experiments.measure_later import measure_run
-    from mrp_sumo.io.results import PLAN
-    from mrp_sumo.io.run_reader import RESULT, load_run
+    from mrp_sumo.io.run_reader import load_run
 
-    if (options.bag / PLAN).is_file() and not (options.bag / RESULT).is_file():
+    if _is_batch(options.bag):
         return measure_named(options.bag, options.metric, as_json=options.json)
     metrics, faults = named_metrics(options.metric)
     values = measure_run(load_run(options.bag), metrics)
@@ -117,6 +117,10 @@ def _measure(options: argparse.Namespace) -> int:
         for metric in metrics:
             print(f"{metric.name:35} {values[metric.name]} {metric.unit}".rstrip())
     return _failed(faults)
+
+
+def _is_batch(folder: Path) -> bool:
+    return (folder / "plan.json").is_file() and (folder / "runs").is_dir() and not (folder / "result.json").is_file()
 
 
 def measure_named(folder: Path, names: list[str], quiet: bool = False, as_json: bool = False) -> int:
@@ -168,6 +172,8 @@ def analysed(bag: Path, config: Path | None, generation: str | None, overrides: 
 
     if not bag.exists():  # said before anything large is loaded
         raise MrpSumoError(f"{bag}: no such bag")
+    if _is_batch(bag):
+        raise MrpSumoError(f"{bag}: a batch, expected a bag or a run; add --metric NAME, or see `mrp-sumo report {shlex.quote(str(bag))}`")
     import numpy as np
 
     from mrp_sumo.bags.reader import read_fleet_log

@@ -8,6 +8,7 @@ import argparse
 import atexit
 import errno
 import gc
+import logging
 import os
 import re
 import sys
@@ -135,6 +136,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _of_the_process() -> list[str]:
     """The arguments of this process, which ends with the command: it need not look for garbage then in all that it has loaded."""
     leave_current_folder()
+    logging.getLogger("matplotlib").setLevel(logging.ERROR)  # without a home it does without a cache, and says so at length
     heed_signals()
     setattr(sys.stdout, "write", partial(_write, sys.stdout.write))  # noqa: B010  mypy knows it as a method
     atexit.register(_keep_garbage)

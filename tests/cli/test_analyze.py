@@ -109,6 +109,7 @@ def rows_of_two():
     ("arguments", "line"),
     [
         (["nowhere"], "nowhere: no such bag"),
+        (["study"], "study: a batch, expected a bag or a run; add --metric NAME, or see `mrp-sumo report study`"),
         (["empty"], "empty: no metadata.yaml: not a bag, or its writer was interrupted"),
         (["other"], "other: no topic /fleet_states (did you mean '/fleet_state'?)"),
         (["good"], "good: no starts and goals beside it and no /robot_path_requests in it; give them with --config"),
@@ -123,6 +124,8 @@ def rows_of_two():
 def test_bad_input_is_told_in_one_line(tmp_path, capsys, monkeypatch, arguments, line):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "empty").mkdir()
+    (tmp_path / "study" / "runs").mkdir(parents=True)
+    (tmp_path / "study" / "plan.json").write_text("{}")
     fleet_bag(tmp_path / "good", rows_of_two())
     fleet_bag(tmp_path / "other", rows_of_two(), topic="/fleet_state")
     fleet_bag(tmp_path / "broken", rows_of_two(), storage=StoragePlugin.MCAP)

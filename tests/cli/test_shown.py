@@ -1,5 +1,6 @@
 """Text of anybody's files on a terminal: nothing in it ends a line, moves the cursor or forges a line of ours; and how a command ends."""
 
+import os
 import signal
 import subprocess
 import sys
@@ -133,3 +134,16 @@ def test_sigterm_ends_with_a_word_and_leaves_no_temporary_files(tmp_path):
     told = process.communicate(timeout=120)[1]
     assert process.returncode == 143 and "SIGTERM" in told and "Traceback" not in told
     assert not list(tmp_path.glob("mrp_sumo_*"))
+
+
+def test_user_without_a_home_hears_nothing_of_it(tmp_path):
+    nowhere = {"HOME": "/proc/nowhere", "XDG_CACHE_HOME": "/proc/nowhere", "MPLCONFIGDIR": "/proc/nowhere"}
+    drawn = subprocess.run(
+        [CONSOLE, "import", "office", "--out", "site"],
+        cwd=tmp_path,
+        env={**os.environ, **nowhere},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (drawn.returncode, drawn.stderr) == (0, "") and list(tmp_path.glob("site/**/*.png"))
