@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from floors import BATTERY, driven, ring, scenario
+from floors import BATTERY, driven, lanes, ring, scenario
 
 from mrp_sumo.core.execution import Event, Outcome
 from mrp_sumo.core.facilities import LIFT_STATES, FacilityLog
@@ -14,6 +14,7 @@ from mrp_sumo.core.task import StopLog
 from mrp_sumo.experiments.audit_work import logs_of
 from mrp_sumo.metrics.operations import energy, orders, places, robots
 from mrp_sumo.metrics.operations.audit import LISTED, in_words, operations_audit
+from mrp_sumo.metrics.operations.places import LATER_ONES
 
 
 @pytest.fixture(scope="module")
@@ -369,3 +370,26 @@ def test_a_load_is_dropped_before_one_is_picked_at_the_same_instant(tmp_path):
     row, other = (first_stop(logs, k) for k in (0, 1))
     assert logs.stops.begin_s[row] == logs.stops.end_s[other + 1]
     assert not list(orders.loads(logs))
+
+
+@pytest.mark.parametrize(("charger", "findings"), [("c", 0), ("d", 1)])
+def test_a_robot_that_another_one_cuts_off_is_passed_over_by_nobody(tmp_path, charger, findings):
+    """On a line A, b, c, e with a dead end d off b, robot_1 charges at c, between A and robot_0 at e, or at d, beside the way."""
+    xy = {"A": (0.0, 0.0), "b": (4.0, 0.0), "c": (8.0, 0.0), "e": (12.0, 0.0), "d": (4.0, 4.0)}
+    floor = lanes(tmp_path / "floor.csv", xy, [("A", "b"), ("b", "c"), ("c", "e"), ("b", "d")], True)
+    tasks = {"streams": [{"name": "o", "stops": ["A"], "service": [5], "arrivals": {"open": 1}}]}
+    run = driven(scenario(floor, tasks, starts=["A", charger, "e"], execution={"time_limit_s": 100.0}))
+    logs = logs_of(run)
+    stops, names = logs.stops, logs.graph.vertex_name
+    served = np.flatnonzero(stops.robot == 0)
+    assert len(served) > LATER_ONES + 2
+    columns = {key: getattr(stops, key).copy() for key in StopLog.__dataclass_fields__ if key != "station"}
+    first, charges = served[0], served[1]
+    # by hand: the robot at e is to come from the start, and the other one charges all the time
+    columns["robot"][[first, charges]] = 2, 1
+    columns["since_s"][first], columns["begin_s"][first] = 0.0, logs.end_s
+    columns["vertex"][charges] = names.index(charger)
+    columns["begin_s"][charges], columns["end_s"][charges] = 0.0, logs.end_s
+    cut = replace(logs, execution=replace(logs.execution, stops=replace(stops, **columns)))
+    waits = [finding for finding in places.waits(cut) if finding.robot == "robot_2"]
+    assert len(waits) == findings

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mrp_sumo.core.digraph import weak_components
 from mrp_sumo.core.facilities import DOOR_STATES, LIFT_STATES
 from mrp_sumo.core.graph import FloatArray
 from mrp_sumo.core.robot_states import STALLED
@@ -15,6 +16,7 @@ CORNER = 0.5  # of the way between two samples that a straight line may cut off 
 NEAR = 5.0  # robots' least distances, as far from a place as who waits for it may stand
 LATER_S = 1.0  # after another has come to wait
 LATER_ONES = 3  # that are served before one that waits: fewer may have stood in its way
+MOST = 0.5  # of its time, of one round whose place there is no way
 STOOD = 0.8  # of its time, of one that waits farther away
 
 
@@ -60,7 +62,7 @@ class Wish(NamedTuple):
     task: int
     robot: int
     place: str
-    xy: FloatArray  # [P, 2] m, of the places where it can be made
+    vertices: list[int]  # the places where it can be made
     since_s: float  # when the robot set out for it
     begin_s: float  # of the service, inf: never
 
@@ -83,7 +85,9 @@ def waits(logs: Logs) -> Iterator[Finding]:
             if since_s + LATER_S < each.since_s and each.begin_s < until_s - EPS_S and each.robot != wish.robot
             if urgent.get(each.task, 0) <= urgent.get(wish.task, 0)
         ]
-        if len(first) >= LATER_ONES and not logs.was_in(LOST, wish.robot, wish.since_s, until_s):
+        if len(first) < LATER_ONES or logs.was_in(LOST, wish.robot, wish.since_s, until_s):
+            continue
+        if not _is_cut_off(logs, wish, since_s, until_s):
             who, order = logs.robot(wish.robot), logs.tasks.name[wish.task]
             served = f"{len(first)} that set out later are served, at first order '{logs.tasks.name[first[0].task]}'"
             text = f"{who}, order '{order}' at {wish.place}: waits from {since_s:.2f} s to {until_s:.2f} s while {served}"
@@ -92,10 +96,9 @@ def waits(logs: Logs) -> Iterator[Finding]:
 
 def _made(logs: Logs) -> Iterator[Wish]:
     """The stops that were made."""
-    stops, xy = logs.stops, logs.graph.xy
+    stops = logs.stops
     for row, (task, robot) in enumerate(zip(stops.task.tolist(), stops.robot.tolist())):
-        where = xy[stops.vertex[row]][None]
-        yield Wish(task, robot, logs.place(row), where, float(stops.since_s[row]), float(stops.begin_s[row]))
+        yield Wish(task, robot, logs.place(row), [int(stops.vertex[row])], float(stops.since_s[row]), float(stops.begin_s[row]))
 
 
 def _left(logs: Logs) -> Iterator[Wish]:
@@ -107,7 +110,20 @@ def _left(logs: Logs) -> Iterator[Wish]:
             continue
         stop, since_s = order.stops[len(rows)], float(stops.end_s[rows].max(initial=tasks.assigned_s[task]))
         place = stop.station.name if stop.station else logs.graph.label(stop.vertex)
-        yield Wish(task, int(tasks.robot[task]), place, logs.graph.xy[list(stop.places)], since_s, np.inf)
+        yield Wish(task, int(tasks.robot[task]), place, list(stop.places), since_s, np.inf)
+
+
+def _is_cut_off(logs: Logs, wish: Wish, since_s: float, until_s: float) -> bool:
+    """True if there is no way round a robot that is served somewhere else for most of the time, such as one that charges in an aisle."""
+    stops, graph = logs.stops, logs.graph
+    share = (np.minimum(stops.end_s, until_s) - np.maximum(stops.begin_s, since_s)) / (until_s - since_s)
+    away_m = np.hypot(*(graph.xy - logs.xy_at(np.array([wish.robot]), np.array([since_s]))).T)
+    for v in set(stops.vertex[(share > MOST) & (stops.robot != wish.robot)].tolist()) - set(wish.vertices):
+        leads = (graph.tail != v) & (graph.head != v)
+        piece = weak_components(graph.num_vertices, graph.tail[leads], graph.head[leads])
+        if piece[int(away_m.argmin())] not in piece[wish.vertices]:
+            return True
+    return False
 
 
 def _waits_since_s(logs: Logs, wish: Wish, until_s: float) -> float:
@@ -122,7 +138,7 @@ def _waits_since_s(logs: Logs, wish: Wish, until_s: float) -> float:
     since_s = np.maximum(some[:, 0], wish.since_s)
     lasts_s = np.minimum(some[:, 1], until_s) - since_s
     at = logs.xy_at(np.full(len(some), wish.robot), since_s)
-    away_m = np.hypot(*(at[:, None] - wish.xy[None]).transpose(2, 0, 1)).min(1)
+    away_m = np.hypot(*(at[:, None] - logs.graph.xy[wish.vertices][None]).transpose(2, 0, 1)).min(1)
     near = (away_m < NEAR * float(logs.fleet.apart_m.max())) & (lasts_s > LATER_S)
     near_s = float(since_s[near][0]) if near.any() else np.inf
     stood = float(lasts_s.sum() / (until_s - wish.since_s)) > STOOD and not logs.was_in((STALLED,), wish.robot, wish.since_s, until_s)
