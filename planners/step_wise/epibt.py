@@ -3,7 +3,8 @@
 Enhanced PIBT (AAAI 2026) has robots choose sequences of a few actions rather than the next one: a robot that has to turn first, or to
 wait for another that turns, can say so. Operations are inherited from step to step, and a robot may be pushed again while another
 one chooses. Here they are improved too, a counted number of times: a robot that is drawn takes another operation, pushing others,
-where the steps that are left fall for all together. Written from the description alone. No guarantee: robots may block each other.
+where the steps that are left fall for all together. Robots choose in the order of the steps to the ends of their tasks, shuffled a
+little: in a fixed order those that stand off do so for good. Written from the description alone. No guarantee: robots may block each other.
 """
 
 from dataclasses import dataclass, replace

@@ -1,5 +1,7 @@
 """A planner over operations at work on a problem: what is kept from step to step."""
 
+from itertools import accumulate, pairwise
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,6 +11,7 @@ from mrp_sumo.planning.step_wise import Decision, Observation
 from planners.step_wise.ground import FAR, FreeCells, moved_up, operations
 from planners.step_wise.tasks import Choice, InTurn, NearestGoal
 
+SHUFFLE = 20  # steps that chance may put a robot before another in the order of a step
 MOST_VISITS = 10  # how often one robot may be pushed when another one chooses
 
 
@@ -23,6 +26,7 @@ class OperationStepper:
         self._tasks = InTurn(problem.num_robots) if tasks == "in_turn" else NearestGoal()
         depth, self._limit, self._tries = effort
         self._rng = np.random.default_rng([seed, 13])
+        self._left: dict[int, list[int]] = {}  # of the tasks that robots have: steps from each errand to the end
         action = operations(depth)
         num_robots, num_ops, num_cells = problem.num_robots, len(action), self._ground.num_cells
 
@@ -56,22 +60,31 @@ class OperationStepper:
         ground, crowd = self._ground, self._crowd
         crowd.state[:] = 4 * ground.number[seen.cell] + seen.heading
         task_of = self._tasks.choose(seen, ground, crowd.state)
-        slot, goal, onward = self._errands(seen, task_of)
+        slot, goal, onward, rest = self._errands(seen, task_of)
         appraise(crowd, ground.table, slot, goal, onward)
-        steps = np.where(slot[:, 0] >= 0, ground.table[slot[:, 0], crowd.state], FAR)
-        nearest_first = np.argsort(steps, kind="stable")
-        plan_step(crowd, nearest_first, self._limit, MOST_VISITS, self._tries, self._rng)
+        steps = np.where(slot[:, 0] >= 0, ground.table[slot[:, 0], crowd.state] + rest, FAR)
+        shuffled = steps + self._rng.integers(0, SHUFFLE, len(steps))  # else the same robots stand off for good
+        plan_step(crowd, np.argsort(shuffled, kind="stable"), self._limit, MOST_VISITS, self._tries, self._rng)
         return Decision(crowd.action[crowd.chosen, 0], task_of)
 
-    def _errands(self, seen: Observation, task_of: IntArray) -> tuple[IntArray, IntArray, IntArray]:
-        """Tables of the next two errands [R, 2], the next one's cell [R], and the steps between them [R]."""
+    def _errands(self, seen: Observation, task_of: IntArray) -> tuple[IntArray, IntArray, IntArray, IntArray]:
+        """Tables of the next two errands [R, 2], the cell of the next, the steps between them, and those from it to the task's end [R]."""
         ground, num_robots = self._ground, len(task_of)
-        slot, goal, onward = np.full((num_robots, 2), -1), np.full(num_robots, -1), np.zeros(num_robots, np.int64)
+        slot, (goal, onward, rest) = np.full((num_robots, 2), -1), np.array([[-1], [0], [0]]).repeat(num_robots, 1)
+        held = task_of[task_of != NOTHING].tolist()
+        self._left = {task: self._left.get(task) or self._steps_left(seen, task) for task in held}
         for r in np.flatnonzero(task_of != NOTHING).tolist():
-            cells = ground.number[seen.errands_left(int(task_of[r]))].tolist()
-            goal[r] = cells[0]
+            task = int(task_of[r])
+            cells, left = ground.number[seen.errands_left(task)].tolist(), self._left[task][seen.pool[task] :]
+            goal[r], rest[r] = cells[0], left[0]
             slot[r, 0] = ground.slot(cells[0])
             if len(cells) > 1:
-                onward[r] = ground.steps_between(cells[0], cells[1])
+                onward[r] = left[0] - left[1]
                 slot[r, 1] = ground.slot(cells[1])
-        return slot, goal, onward
+        return slot, goal, onward, rest
+
+    def _steps_left(self, seen: Observation, task: int) -> list[int]:
+        """Steps from each errand of a task through all that come after."""
+        cells = self._ground.number[seen.problem.errands_of(task)].tolist()
+        steps = [self._ground.steps_between(a, b) for a, b in pairwise(cells)]
+        return [*accumulate(reversed(steps), initial=0)][::-1]

