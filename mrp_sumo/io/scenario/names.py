@@ -23,7 +23,7 @@ def require_known(file: ScenarioFile) -> None:
         find_map(file.scenario.map.file, file.folder)
     robot_types(file)
     for place, kind, name in plug_ins_of(file.scenario):
-        with file.located(*place):
+        with file.located(*(place[:-1] if kind in ("policies", "dispatchers") else place)):  # which are mostly written as a word
             find(kind, name, file.folder)
 
 
