@@ -2,8 +2,8 @@
 
 import pytest
 
+from mrp_sumo.maps.load import load_map
 from mrp_sumo.maps.oddities import oddities
-from mrp_sumo.maps.readers.rmf.building_yaml import read_building
 
 LANE = "{graph_idx: [2, 0], bidirectional: [4, true]}"
 
@@ -15,7 +15,7 @@ def notes(tmp_path, vertices, lanes, more="", lifts="{}"):
         f"name: odd\ncoordinate_system: cartesian_meters\nlifts: {lifts}\n"
         f"levels:\n  L1:\n    vertices: {vertices}\n    lanes: [{drawn}]\n{more}"
     )
-    return oddities(read_building(path))
+    return oddities(load_map(path).building)
 
 
 def test_a_plain_corner_is_not_odd(tmp_path):
