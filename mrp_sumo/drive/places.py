@@ -146,7 +146,8 @@ class RobotPlaces:
                 one, other = int(vertex[r]), int(vertex[s])
                 if squares(r, other) + squares(s, one) >= squares(r, one) + squares(s, other):
                     continue
-                if start[s] in self._way(r, int(start[r]), one) or start[r] in self._way(s, int(start[s]), other):
+                ways = [self._way(q, int(start[q]), v) for q, v in ((r, one), (s, other), (r, other), (s, one))]
+                if (start[s] in ways[0] or start[r] in ways[1]) and one not in ways[2][1:] and other not in ways[3][1:]:
                     vertex[r], vertex[s], swapped = other, one, True
 
     def _distances(self, robot: int) -> Distances:
