@@ -91,9 +91,7 @@ def _plan_path(scenario: ScenarioModel, folder: Path) -> Path | None:
 def _plug_in(
     file: ScenarioFile, place: tuple[str, ...], kind: str, make: Callable[..., Any], name: str, parameters: Mapping[str, Any]
 ) -> Any:
-    """The plug-in of a name; the code of those from outside is not executed yet. A wrong parameter is reported at its place."""
-    with file.located(*place):
-        find(kind, name, file.folder)
+    """The plug-in of a known name; the code of those from outside is not executed yet. A wrong parameter is reported at its place."""
     section = place if kind in ("policies", "dispatchers") else place[:-1]
     with file.located(*((*section, "parameters") if parameters else place)):
         return make(name, parameters, file.folder)
@@ -119,12 +117,8 @@ def settings_of(file: ScenarioFile) -> ExecutionSettings:
     dispatcher = execution.dispatcher.name or (ONE_SHOT if tasks is None else NEAREST)
     _plug_in(file, ("execution", "dispatcher"), "dispatchers", _checked_dispatcher, dispatcher, execution.dispatcher.parameters)
     disturbances, replanner = execution.disturbances, execution.recovery.replanner or ""
-    if replanner:
-        place = ("execution", "recovery", "replanner")
-        with file.located(*place):
-            find("planners", replanner, file.folder)
-        if execution.on_deadlock == "resolve":  # else it is not needed, and slow to load
-            _plug_in(file, place, "planners", planner, replanner, {})
+    if replanner and execution.on_deadlock == "resolve":  # else it is not needed, and slow to load
+        _plug_in(file, ("execution", "recovery", "replanner"), "planners", planner, replanner, {})
     with file.located("execution"):
         return ExecutionSettings(
             engine=execution.engine,
