@@ -3,7 +3,8 @@
 Tables of distances are made when they are asked for; beyond a number of megabytes, the least recently used are forgotten.
 """
 
-from itertools import product
+from collections.abc import Sequence
+from itertools import accumulate, pairwise, product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,6 +52,11 @@ class FreeCells:
     def steps_between(self, begin: int, end: int) -> int:
         """The fewest steps from a cell, in the best heading, to another."""
         return int(self.table[self.slot(end), 4 * begin : 4 * begin + 4].min())
+
+    def steps_left(self, cells: Sequence[int]) -> list[int]:
+        """The steps from each of some cells through all that come after."""
+        steps = [self.steps_between(a, b) for a, b in pairwise(cells)]
+        return [*accumulate(reversed(steps), initial=0)][::-1]
 
 
 def operations(depth: int) -> NDArray[np.int8]:

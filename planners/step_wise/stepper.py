@@ -1,7 +1,5 @@
 """A planner over operations at work on a problem: what is kept from step to step."""
 
-from itertools import accumulate, pairwise
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -71,8 +69,9 @@ class OperationStepper:
         """Tables of the next two errands [R, 2], the cell of the next, the steps between them, and those from it to the task's end [R]."""
         ground, num_robots = self._ground, len(task_of)
         slot, (goal, onward, rest) = np.full((num_robots, 2), -1), np.array([[-1], [0], [0]]).repeat(num_robots, 1)
-        held = task_of[task_of != NOTHING].tolist()
-        self._left = {task: self._left.get(task) or self._steps_left(seen, task) for task in held}
+        known, cells_of = self._left, seen.problem.errands_of
+        held = task_of[task_of != NOTHING].tolist()  # theirs first: what is asked for here may make others' tables forgotten
+        self._left = {task: known.get(task) or ground.steps_left(ground.number[cells_of(task)].tolist()) for task in held}
         for r in np.flatnonzero(task_of != NOTHING).tolist():
             task = int(task_of[r])
             cells, left = ground.number[seen.errands_left(task)].tolist(), self._left[task][seen.pool[task] :]
@@ -82,9 +81,3 @@ class OperationStepper:
                 onward[r] = left[0] - left[1]
                 slot[r, 1] = ground.slot(cells[1])
         return slot, goal, onward, rest
-
-    def _steps_left(self, seen: Observation, task: int) -> list[int]:
-        """Steps from each errand of a task through all that come after."""
-        cells = self._ground.number[seen.problem.errands_of(task)].tolist()
-        steps = [self._ground.steps_between(a, b) for a, b in pairwise(cells)]
-        return [*accumulate(reversed(steps), initial=0)][::-1]
