@@ -134,7 +134,10 @@ class RobotPlaces:
         return vertex, makes
 
     def _keep_order(self, line: Mapping[int, set[int]], start: IntArray, vertex: IntArray) -> None:
-        """Swap where robots of a line wait as long as one stands on the way of another, and the sum of the squares of their steps falls."""
+        """Swap where robots of a line wait, so that none has to pass another.
+
+        Two swap if one stands on the other's way, the sum of the squares of their steps falls, and neither then passes the other's place.
+        """
 
         def squares(r: int, v: int) -> float:
             return float("inf") if v in line[r] else float(self._distances(r).to(v)[start[r]]) ** 2
