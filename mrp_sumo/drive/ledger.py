@@ -142,6 +142,14 @@ class Ledger:
         return self.visits.granted.copy() if self._cut is None else self._cut
 
     @property
+    def is_driving_back(self) -> BoolArray:
+        """[R] whether a robot has turned round on its lane, and has not been granted the vertex behind it yet, to which it is to come."""
+        visits, joint = self.visits, self.joint
+        ahead = visits.next[joint]
+        again: BoolArray = self.state.grants.turned_back & (ahead >= 0) & (visits.vertex[ahead] == visits.vertex[joint])
+        return again
+
+    @property
     def committed(self) -> tuple[tuple[int, ...], ...]:
         """[R] vertices that each robot is to pass whatever comes, from the last that it has come to, to where new ways begin."""
         visits, ways = self.visits, []
@@ -257,7 +265,7 @@ class Ledger:
         self.entries.append(Entry(now_s, replan.reason, replan.text, before[0], self.num_visits, robots, since, count))
         self._face(robots, laid_out.heading_rad[plan.first[:-1]], np.diff(plan.first) > 1)
         self._turn_back([r for r, way in zip(robots.tolist(), ways) if way.back])
-        self._take_over_joints(laid_out, ids, [way.back for way in ways])
+        self._take_over_joints(laid_out, ids, departure.back_lane >= 0)
         for r, visits in new.items():
             self._link(r, int(joints[r]), visits)
         self._keep_order(policy, live, at, schedule)
@@ -490,13 +498,16 @@ class Ledger:
         """From where these robots leave the last visits that they have been granted."""
         visits, motion = self.visits, self.state.motion
         stands = self.visits.reached[robots] == joint
-        back = np.array([way.back for way in ways], np.bool_)
-        lane = np.where(back, visits.lane[visits.next[joint]], 0)  # a last visit has no next one, and no lane to it
+        back, turned = np.array([way.back for way in ways], np.bool_), self.is_driving_back[robots]
+        ahead = np.where(back | turned, visits.next[joint], joint)  # a last visit has no next one, and no lane to it
+        lane = np.where(back, self.graph.reverse[visits.lane[ahead]], np.where(turned, visits.lane[ahead], -1))
         return Departure(
             at_m=visits.at_m[joint],
             heading_rad=np.where(stands, motion.yaw_rad[robots], visits.heading_rad[joint]),
-            back_lane=np.where(back, self.graph.reverse[lane], -1),
-            back_m=np.where(back, motion.s_m[robots] - visits.at_m[joint], 0.0),
+            back_lane=lane,
+            back_m=np.where(
+                turned, (visits.at_m[ahead] - visits.at_m[joint]) / 2, np.where(back, motion.s_m[robots] - visits.at_m[joint], 0.0)
+            ),
         )
 
     def _face(self, robots: IntArray, heading_rad: FloatArray, goes: BoolArray) -> None:
@@ -519,10 +530,10 @@ class Ledger:
             begin, end = xy[visits.vertex[behind]], xy[visits.vertex[ahead]]
             self.turn_backs.append(TurnBack(r, at_m, begin + share * (end - begin)))
 
-    def _take_over_joints(self, laid_out: MotionPlan, ids: IntArray, back: Sequence[bool]) -> None:
+    def _take_over_joints(self, laid_out: MotionPlan, ids: IntArray, back: BoolArray) -> None:
         """Robots leave joints by other lanes: where they turn there, and when they have left what they need there, is new."""
         visits, needs, plan = self.visits, self.needs, laid_out.plan
-        for i, turns_back in enumerate(back):
+        for i, turns_back in enumerate(back.tolist()):
             place = int(plan.first[i])
             joint = int(ids[place])
             visits.depart_s[joint] = plan.depart_s[place]

@@ -82,7 +82,11 @@ def _fault_of_way(way: Reroute, around: Surroundings, robot: int) -> str:
     if outside.any():
         return f"to vertex {int(vertex[outside][0])}, which does not exist"
     before = int(around.ledger.visits.vertex[around.granted(robot)])
-    if way.back:
+    if around.ledger.is_driving_back[robot]:
+        if not len(vertex) or int(vertex[0]) != before:
+            return f"elsewhere than back to '{graph.known_as(before)}', to which it has turned round on its lane"
+        vertex = vertex[1:]
+    elif way.back:
         if not len(vertex) or int(vertex[0]) != before or not around.state.grants.on_lane[robot]:
             return "back on a lane on which it does not stand"
         vertex = vertex[1:]

@@ -5,11 +5,18 @@ import pytest
 from worlds import BURGER, cross, graph_of, line, problem_of, square_grid
 
 from mrp_sumo.core.execution import plans_in_force
+from mrp_sumo.drive.crew import Crew
+from mrp_sumo.drive.facilities import facilities_of
 from mrp_sumo.drive.fit import resources_for
 from mrp_sumo.drive.ledger import Ledger, _squeezed, planned_arrivals, replies_of
 from mrp_sumo.drive.policy import policy_of
+from mrp_sumo.drive.replanning import situation
 from mrp_sumo.drive.reroute import Replan, Reroute, first_of
+from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.drive.state import Kinematics
+from mrp_sumo.drive.surroundings import Surroundings
+from mrp_sumo.drive.work import Work
+from mrp_sumo.drive.world import World
 from mrp_sumo.errors import PlanError
 
 
@@ -127,6 +134,14 @@ def test_a_robot_that_turns_back_comes_to_the_vertex_behind_it_again():
     assert ledger.state.grants.claims[[lane, graph.reverse[lane]]].tolist() == [1, 1]
     assert ledger.state.grants.holder[0] == 0  # nobody else is to come there
     assert ledger.turn_backs[0].xy == pytest.approx([0.5, 0.0])
+    ledger.append(
+        Replan({0: way(0, 1)}, "replan"), policy_of("open_loop"), 4.0
+    )  # another way before it has set out: it is still to come back
+    again = ledger.all_ids(0).tolist()
+    assert column(ledger, "vertex")[again].tolist() == [0, 0, 1]
+    assert column(ledger, "lane")[again].tolist() == [-1, graph.reverse[lane], lane]
+    assert column(ledger, "at_m")[again] == pytest.approx([0.0, 1.0, 3.0])
+    assert ledger.state.grants.claims[[lane, graph.reverse[lane]]].tolist() == [1, 1] and len(ledger.turn_backs) == 1
 
 
 def passing(ledger, vertex):
@@ -183,3 +198,21 @@ def test_robots_that_are_not_sent_elsewhere_keep_when_they_leave():
     ledger, _ = ledger_of(square_grid(3), [[0, 0, 1], [8, 8, 8, 7]], "timed")
     ledger.append(Replan({0: way(3, leave_s=7.0)}, "detour"), policy_of("timed"), 1.0)
     assert [float(column(ledger, "earliest_s")[ledger.all_ids(r)[0]]) for r in (0, 1)] == [7.0, 6.0]
+
+
+def test_who_waits_behind_another_on_a_lane_is_not_sent_past_it():
+    """Two wait on the lane to vertex 2, robot 0 behind robot 1; in either order of names, who is in front is sent on."""
+    for behind, front in ((0, 1), (1, 0)):
+        starts = {behind: [0, 1, 2, 3], front: [1, 2, 3]}
+        graph = line(5, 2.0)
+        ledger, _ = ledger_of(graph, [starts[0], starts[1]], "open_loop")
+        lane, settings, visits = int(graph.lane_between(1, 2)), ExecutionSettings(), ledger.visits
+        first = int(visits.next[visits.first[behind]])  # of the one behind, at vertex 1
+        visits.granted[behind] = visits.reached[behind] = first
+        ledger.state.motion.s_m[behind] = visits.at_m[first] + 0.5
+        ledger.state.motion.s_m[front] = 1.2
+        ledger.state.grants.on_lane[:], ledger.state.grants.holder[:], ledger.state.grants.claims[lane] = True, -1, 2
+        world = World(ledger.problem, settings, facilities_of(graph, ledger.resources))
+        around = Surroundings(ledger, world, Work(Crew(ledger, settings, 3)), lambda _: pytest.fail("asked"))
+        asked = situation(9.0, around, np.zeros(2, np.bool_), ledger.end_of_tasks)
+        assert asked.request.robot.tolist() == [front] and asked.request.start.tolist() == [2] and asked.left_alone == {behind}
