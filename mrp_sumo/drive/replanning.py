@@ -92,9 +92,14 @@ def situation(now_s: float, around: Surroundings, stays: BoolArray, end: IntArra
     for r in np.flatnonzero(joint != visits.granted).tolist():
         taken[around.of_vertex(r, int(start[r]))] = r
     waits = stays | around.entering
-    for r in np.flatnonzero(on_lane & ~waits).tolist():
+    in_front: dict[int, int] = {}  # of those on each lane, who is to leave it first
+    for r in sorted(np.flatnonzero(on_lane).tolist(), key=around.rest_of_lane_m):
         ahead = around.ahead(r)
-        on, behind = around.of_lane(r, int(visits.lane[ahead])), around.of_vertex(r, int(start[r]))
+        lane = int(visits.lane[ahead])
+        if in_front.setdefault(lane, r) != r or waits[r]:
+            waits[r] = True
+            continue
+        on, behind = around.of_lane(r, lane), around.of_vertex(r, int(start[r]))
         if ((taken[on] < 0) | (taken[on] == r)).all():
             taken[on], start[r] = r, visits.vertex[ahead]
         elif around.stands(r) and ((taken[behind] < 0) | (taken[behind] == r)).all():

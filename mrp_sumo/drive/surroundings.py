@@ -67,6 +67,10 @@ class Surroundings:
         """The visit after that, -1: none."""
         return int(self.ledger.visits.next[self.granted(robot)])
 
+    def rest_of_lane_m(self, robot: int) -> float:
+        """How far it is to the visit ahead."""
+        return float(self.ledger.visits.at_m[self.ahead(robot)] - self.state.motion.s_m[robot])
+
     def of_lane(self, robot: int, lane: int) -> IntArray:
         """What a robot needs to drive on a lane to its end."""
         head, track = int(self.graph.head[lane]), int(self.resources.track[lane])
