@@ -18,7 +18,7 @@ from mrp_sumo.drive.robot_work import NONE, Leg, RobotWork
 from mrp_sumo.errors import PlugInError
 from mrp_sumo.search.distance import distances
 
-PATIENCE = 2  # who set out later and are served first, until one that waits no longer lets by whom it can pass
+PATIENCE = 1  # who set out later and are served first, until one that waits no longer lets by whom it can pass
 
 
 @dataclass(frozen=True, eq=False)

@@ -114,16 +114,26 @@ def _left(logs: Logs) -> Iterator[Wish]:
 
 
 def _is_cut_off(logs: Logs, wish: Wish, since_s: float, until_s: float) -> bool:
-    """True if there is no way round a robot that is served somewhere else for most of the time, such as one that charges in an aisle."""
+    """True if there is no way round a robot that stands for most of the time where it is lost, or served, as at a charger in an aisle."""
     stops, graph = logs.stops, logs.graph
-    share = (np.minimum(stops.end_s, until_s) - np.maximum(stops.begin_s, since_s)) / (until_s - since_s)
-    away_m = np.hypot(*(graph.xy - logs.xy_at(np.array([wish.robot]), np.array([since_s]))).T)
-    for v in set(stops.vertex[(share > MOST) & (stops.robot != wish.robot)].tolist()) - set(wish.vertices):
+    served = (stops.vertex, stops.robot, stops.begin_s, stops.end_s)
+    lost = [
+        (_vertex_at(logs, r, begin_s), r, begin_s, end_s) for r in range(logs.fleet.num_robots) for begin_s, end_s in logs.times_in(LOST, r)
+    ]
+    vertex, robot, begin_s, end_s = (np.concatenate([known, np.array(more)]) for known, more in zip(served, zip(*lost))) if lost else served
+    share = (np.minimum(end_s, until_s) - np.maximum(begin_s, since_s)) / (until_s - since_s)
+    at = _vertex_at(logs, wish.robot, since_s)
+    for v in set(vertex[(share > MOST) & (robot != wish.robot)].tolist()) - set(wish.vertices):
         leads = (graph.tail != v) & (graph.head != v)
         piece = weak_components(graph.num_vertices, graph.tail[leads], graph.head[leads])
-        if piece[int(away_m.argmin())] not in piece[wish.vertices]:
+        if piece[at] not in piece[wish.vertices]:
             return True
     return False
+
+
+def _vertex_at(logs: Logs, robot: int, t_s: float) -> int:
+    """The vertex nearest to where a robot is at a time."""
+    return int(np.hypot(*(logs.graph.xy - logs.xy_at(np.array([robot]), np.array([t_s]))).T).argmin())
 
 
 def _waits_since_s(logs: Logs, wish: Wish, until_s: float) -> float:
