@@ -177,7 +177,7 @@ class Crew:
         assert robot.making is not None
         over_s, task = robot.making.end_s if cut_s is None else cut_s, robot.task
         robot.made.append(robot.making._replace(end_s=over_s))
-        robot.making = None
+        robot.making, robot.num_before = None, 0
         robot.over_s = robot.since_s = robot.earliest_s = robot.moved_s = over_s
         robot.idle_s = self._idle_s(robot)
         robot.stop += 1
@@ -271,8 +271,8 @@ class Crew:
         robot.making = self._row(robot, leg.vertex, (begin_s, begin_s + takes_s), now_s)
         robot.moved_s, robot.wait_at = begin_s, NONE
         self.made_s = max(self.made_s, begin_s)
-        for other in self.robots:  # those who wait for it
-            if other.in_line_since_s < robot.since_s and self.next_stop(other).places == self.next_stop(robot).places:
+        for other in self.robots:  # those who drive or wait for it
+            if other.is_on_the_road and other.since_s < robot.since_s and self.next_stop(other).places == self.next_stop(robot).places:
                 other.num_before += 1
         if takes_s:
             robot.on(Change.PLUGGED_IN if robot.charges else Change.SERVED, begin_s)

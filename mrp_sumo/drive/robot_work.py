@@ -118,7 +118,7 @@ class RobotWork:
     legs: list[Leg] = field(default_factory=list)  # stops that its way leads to, in their order
     wait_at: int = NONE  # vertex where it is to wait for a place
     came_s: float = np.inf  # since when it has waited as near as there
-    num_before: int = 0  # who set out later than that, and were served where it waits
+    num_before: int = 0  # who set out for the same stop later, and were served
     making: StopRow | None = None  # the stop that it is at
     made: list[StopRow] = field(default_factory=list)  # those before
     over_s: float = -np.inf  # when the last of them was over
@@ -187,7 +187,7 @@ class RobotWork:
         """It has a task."""
         self.task, self.charges, self.stop, self.since_s, self.idle_s = task, charges, 0, since_s, idle_s
         self.earliest_s = self.moved_s = earliest_s
-        self.wait_at = NONE
+        self.wait_at, self.num_before = NONE, 0
         self.on(Change.GIVEN, earliest_s)
 
     def drop(self, change: Change, at_s: float) -> None:

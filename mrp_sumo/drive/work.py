@@ -138,7 +138,7 @@ class Work:
                 reached, stop = int(visits.reached[robot.number]), crew.next_stop(robot)
                 away, at_most = (crew.places.away(robot.number, int(v), stop) for v in (visits.vertex[reached], robot.wait_at))
                 if away <= at_most:
-                    robot.came_s, robot.num_before = max(float(visits.arrived_s[reached]), robot.since_s), 0
+                    robot.came_s = max(float(visits.arrived_s[reached]), robot.since_s)
                     robot.on(Change.LINED_UP, now_s)
 
     def _see_who_leaves(self, now_s: float) -> None:

@@ -18,7 +18,7 @@ from mrp_sumo.drive.robot_work import NONE, Leg, RobotWork
 from mrp_sumo.errors import PlugInError
 from mrp_sumo.search.distance import distances
 
-PATIENCE = 1  # who set out later and are served first, until one that waits no longer lets by whom it can pass
+PATIENCE = 1  # who set out later and are served first, until one in line goes before all that can let it pass
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,9 +174,10 @@ def _turn(crew: Crew, start: IntArray, stops: Mapping[int, Stop], task: Mapping[
         nearer = [s for s in wished[n + 1 :] if s not in order and away[s] < away[r] and stops[s].places == stops[r].places]
         if nearer:
             route = places.way(r, int(start[r]), stops[r])
-            aged = crew.robots[r].num_before >= PATIENCE
+            aged = came_s[r] < np.inf and crew.robots[r].num_before >= PATIENCE
             new = [s for s in nearer if aged or came_s[s] == np.inf]
-            later = [s for s in new if _sets_out_s(crew, s, task[s]) > came_s[r]]
+            since_s = crew.robots[r].since_s if aged else came_s[r]
+            later = [s for s in new if _sets_out_s(crew, s, task[s]) > since_s]
             ahead = [s for s in nearer if int(start[s]) in route]
             stuck = [s for s in ahead if s not in later or not places.can_let_pass(s, int(start[s]), route, stands)]
             order += sorted(stuck, key=lambda s: away[s])
