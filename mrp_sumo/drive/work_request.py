@@ -18,7 +18,7 @@ from mrp_sumo.drive.robot_work import NONE, Leg, RobotWork
 from mrp_sumo.errors import PlugInError
 from mrp_sumo.search.distance import distances
 
-PATIENCE = 1  # who set out later and are served first, until one in line goes before all that can let it pass
+PATIENCE = 2  # who set out later and are served first, until one in line goes before all that can let it pass
 
 
 @dataclass(frozen=True, eq=False)

@@ -39,7 +39,7 @@ def test_three_robots_take_turns_at_one_charger(tmp_path):
 
 
 def test_nobody_is_passed_over_again_and_again_in_narrow_traffic(tmp_path):
-    """Six robots on twelve crossings without a way round: one that has been passed over is let by."""
+    """Six robots on twelve crossings without a way round: one that has been passed over twice is let by."""
     xy = {f"p{x}{y}": (4.0 * x, 4.0 * y) for x in range(4) for y in range(3)}
     pairs = "p12-p22 p22-p32 p32-p31 p22-p21 p31-p30 p12-p11 p30-p20 p20-p10 p11-p01 p01-p00 p01-p02"
     tasks = {
