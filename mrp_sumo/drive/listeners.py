@@ -162,13 +162,14 @@ def way_of(ledger: Ledger, robot: int) -> tuple[FloatArray, FloatArray, IntArray
 def _at_stops(ledger: Ledger, ids: IntArray, xy: FloatArray, level: IntArray) -> tuple[FloatArray, IntArray]:
     """[N, 2] where robots are at visits, who ride in lifts at the stops of these; and the visits to which levels change.
 
-    A robot that is called back before it has left the cabin has ridden twice, first as far as where it turned.
+    A ride ends where robots can get out, and where one that is called back turns: it may ride again without leaving the cabin.
     """
-    graph, lane = ledger.graph, ledger.visits.lane[ids]
+    graph, vertex, lane = ledger.graph, ledger.visits.vertex[ids], ledger.visits.lane[ids]
     xy, riding = xy.copy(), (lane >= 0) & graph.is_ride[lane]
-    turned = np.append(False, riding[:-1] & (lane[1:] == graph.reverse[lane[:-1]]))
-    begins = np.flatnonzero(riding & (turned | ~np.append(False, riding[:-1])))
-    ends = np.flatnonzero(riding & np.append((turned | ~riding)[1:], True)) + 1
+    leads_out = np.isin(vertex, graph.tail[~graph.is_ride])
+    again = np.append(False, riding[:-1] & (leads_out[:-1] | (lane[1:] == graph.reverse[lane[:-1]])))
+    begins = np.flatnonzero(riding & (again | ~np.append(False, riding[:-1])))
+    ends = np.flatnonzero(riding & np.append((again | ~riding)[1:], True)) + 1
     for begin, end in zip(begins.tolist(), ends.tolist()):
         before, last = max(begin - 1, 0), end - 1
         there = level[begin:last] == level[last]

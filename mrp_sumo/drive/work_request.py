@@ -106,7 +106,7 @@ def take_over(crew: Crew, request: WorkRequest, now_s: float) -> None:
     for robot in (robots[r] for r in request.robot.tolist()):
         if robot.making is not None or robot.is_out:
             continue
-        if robot.charges:  # nobody charges before the answer is there, even at a charger
+        if robot.charges or robot.wait_at != NONE:  # nobody charges, or has a place, before the answer is there, even if it stands there
             robot.earliest_s = max(robot.earliest_s, now_s)
         robot.legs = [leg for leg in request.legs[robot.number] if _is_ahead(robot, leg)]
         robot.wait_at = request.waits.get(robot.number, NONE) if robot.task != NONE else NONE
@@ -205,7 +205,7 @@ def _may_take(crew: Crew, robot: RobotWork, task: int) -> bool:
     holder = crew.orders.robot[task]
     if robot.is_out or not (task in crew.orders.waiting or (holder != NOBODY and crew.may_pass_on(crew.robots[holder]))):
         return False
-    return robot.task == NONE or (robot.leaves and robot.then == NONE) or crew.may_pass_on(robot)
+    return robot.task == NONE or (robot.number in crew.free and robot.then == NONE) or crew.may_pass_on(robot)
 
 
 def _give(crew: Crew, robot: RobotWork, task: int, now_s: float, request: WorkRequest) -> None:

@@ -13,7 +13,7 @@ from mrp_sumo.core.task import Station, Stop, Task
 from mrp_sumo.drive.crew import Crew
 from mrp_sumo.drive.dispatcher import dispatcher_of
 from mrp_sumo.drive.dispatchers.estimates import FAR_S, choice
-from mrp_sumo.drive.robot_work import Change
+from mrp_sumo.drive.robot_work import NONE, Change, Leg
 from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.drive.state import state_at_rest
 from mrp_sumo.drive.work import Work
@@ -196,3 +196,26 @@ def test_a_robot_that_is_lost_before_it_has_ever_had_a_task_is_given_none(tmp_pa
     alone, both = (driven(scenario(ring(tmp_path), tasks, starts=starts, execution=what)) for starts in (["c4"], ["c4", "c1"]))
     assert alone.status == "stalled" and alone.execution.tasks.status == ("released",)
     assert both.status == "completed" and both.execution.tasks.robot.tolist() == [1]
+
+
+@pytest.mark.parametrize(("num_legs", "then"), [(1, NONE), (2, 1)], ids=("on the way to its first stop", "to both"))
+def test_who_is_about_to_come_to_a_stop_takes_another_order_only_behind_its_last_one(num_legs, then):
+    """It was to swap orders, but comes to its first stop before the answer is there."""
+    fleet = Fleet([2], (0.0, (3, 19)), (0.0, (5, 6)), service_s=0.0)
+    assert fleet.decides("nearest") == {0: 0}
+    robot = fleet.crew.robots[0]
+    swap = work_request(fleet.crew, 0.0, fleet.around.closed, {0: 1})
+    robot.leaves, robot.legs = True, [Leg(0, 0, 3), Leg(0, 1, 19)][:num_legs]
+    fleet.work.accepted(swap, 3.0)
+    assert (robot.task, robot.then) == (0, then)
+
+
+def test_who_waits_at_a_place_is_served_when_it_is_given_it_not_before():
+    fleet = Fleet([3], (0.0, (3, 4)))
+    fleet.crew.orders.reveal(0.0)
+    robot = fleet.crew.robots[0]
+    fleet.crew.orders.assign(0, 0, 0.0)
+    fleet.crew.give(robot, 0, 0.0, 0.0)
+    robot.wait_at = 3  # though it is free, as when another was to come there
+    fleet.work.accepted(work_request(fleet.crew, 6.0, fleet.around.closed, {}), 7.0)
+    assert robot.making.begin_s == 7.0

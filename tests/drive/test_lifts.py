@@ -143,6 +143,8 @@ def test_lifts_go_home_and_take_nobody_while_there_is_a_fire(tmp_path):
 
 def test_who_is_called_back_in_the_cabin_was_on_the_level_to_which_it_rode(tmp_path):
     """It rides up, and down again without leaving the cabin: on each level where the lift stops there, 50 m apart in the picture."""
-    _, run = planned_and_driven(tmp_path, [[2, 3, 10, 11, 12, 11, 10, 3, 2]])
-    assert set(run.level[:, 0].tolist()) == {0, 1}
-    assert np.array_equal(run.x_m[:, 0] > 25.0, run.level[:, 0] == 1)
+    for turns in (12, 4):  # in the shaft, where the level has changed, and at the upper stop
+        there = [2, *UP[: UP.index(turns) + 1]]
+        _, run = planned_and_driven(tmp_path, [[*there, *there[-2::-1]]])
+        assert set(run.level[:, 0].tolist()) == {0, 1}
+        assert np.array_equal(run.x_m[:, 0] > 25.0, run.level[:, 0] == 1)
