@@ -45,7 +45,7 @@ class Auto:
     supports: ClassVar[frozenset[str]] = frozenset({"seconds", "effort", "types", "window"})
 
     def __post_init__(self) -> None:
-        known = [name for name in planner_names() if name not in NOT_IN_IT]
+        known = [name for name in planner_names() if name not in NOT_IN_IT] if self.planners else []
         for name in self.planners:
             if name not in known:
                 raise PlanError(f"auto: no planner '{name}' for a portfolio{nearest(name, known, limit=len(known))}")

@@ -1,8 +1,10 @@
-"""States of lifts and doors in a run."""
+"""Lifts and doors: their names, and their states in a run."""
 
 from dataclasses import dataclass
 
-from mrp_sumo.core.graph import FloatArray, IntArray
+import numpy as np
+
+from mrp_sumo.core.graph import NO_OPTIONS, FloatArray, IntArray, NavGraph
 
 LIFT_STATES = ("closed", "coming", "open", "taken", "held")
 """Of lifts: one that is coming closes its doors, travels, and opens them again; a robot takes one, people hold its doors open."""
@@ -32,3 +34,15 @@ class FacilityLog:
     door: IntArray  # [M]
     door_state: IntArray  # [M] in DOOR_STATES
     door_robot: IntArray  # [M] for whom it is open, -1: nobody, or PEOPLE
+
+
+def lift_names(graph: NavGraph) -> list[str]:
+    """Of the lifts that robots can ride."""
+    return sorted({str(graph.lane_options[k]["lift"]) for k in np.flatnonzero(graph.is_ride).tolist()})
+
+
+def door_names(graph: NavGraph) -> list[str]:
+    """Of the doors that open for robots."""
+    if graph.lane_options.count(NO_OPTIONS) == graph.num_lanes:  # the common case, quickly
+        return []
+    return sorted({str(options["door"]) for options in graph.lane_options if options.get("door")})

@@ -5,8 +5,8 @@ A lift is what rides and the vertices in its cabin say (`maps.lifts`), a door wh
 
 import numpy as np
 
-from mrp_sumo.core.facilities import FacilityLog
-from mrp_sumo.core.graph import NO_OPTIONS, FloatArray, IntArray, NavGraph, frozen
+from mrp_sumo.core.facilities import FacilityLog, door_names, lift_names
+from mrp_sumo.core.graph import FloatArray, IntArray, NavGraph, frozen
 from mrp_sumo.drive import _facilities
 from mrp_sumo.drive.listeners import Listener, Moment
 from mrp_sumo.drive.state import Facilities, RideRequests
@@ -17,18 +17,6 @@ AGV, HUMAN, FIRE, OFFLINE = range(4)  # `core.facilities.LIFT_MODES`
 SOON_S = 1e-6
 AT_STOP_M = 1e-6  # from it by more, a ride has begun
 UNKNOWN = -9  # no state of anything
-
-
-def lift_names(graph: NavGraph) -> list[str]:
-    """Of the lifts that robots can ride."""
-    return sorted({str(graph.lane_options[k]["lift"]) for k in np.flatnonzero(graph.is_ride).tolist()})
-
-
-def door_names(graph: NavGraph) -> list[str]:
-    """Of the doors that open for robots."""
-    if graph.lane_options.count(NO_OPTIONS) == graph.num_lanes:  # the common case, quickly
-        return []
-    return sorted({str(options["door"]) for options in graph.lane_options if options.get("door")})
 
 
 def facilities_of(graph: NavGraph, resources: Resources, *, people_open: bool = True) -> Facilities:

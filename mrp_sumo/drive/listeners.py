@@ -12,12 +12,12 @@ from mrp_sumo.core.disturbances import Breakdown, ClosedLane
 from mrp_sumo.core.execution import Event, GrantLog
 from mrp_sumo.core.graph import FloatArray, IntArray, frozen
 from mrp_sumo.core.task import Task
-from mrp_sumo.drive.ledger import Ledger
-from mrp_sumo.drive.state import Facilities
-from mrp_sumo.engines.protocol import Engine
 
 if TYPE_CHECKING:
     from mrp_sumo.drive.crew import Crew
+    from mrp_sumo.drive.ledger import Ledger
+    from mrp_sumo.drive.state import Facilities
+    from mrp_sumo.engines.protocol import Engine
 
 ROWS = 256  # samples are kept in blocks of this many
 MOST_BLOCKS = 64  # until positions are worked out
@@ -35,11 +35,11 @@ class Moment(NamedTuple):
     now_s: float
     is_sample: bool  # whether it is recorded
     is_last: bool
-    bodies: Engine
-    ledger: Ledger
+    bodies: "Engine"
+    ledger: "Ledger"
     events: Sequence[Event]  # what has happened since the moment before; some of it is known only when it is over
     crew: "Crew"  # robots and the tasks that are known
-    facilities: Facilities  # lifts and doors as they are
+    facilities: "Facilities"  # lifts and doors as they are
 
 
 class Listener:
@@ -82,7 +82,7 @@ class Recorder(Listener):
         row[0], row[1], row[2] = motion.s_m, motion.yaw_rad, motion.speed_mps
         self.add(1)
 
-    def room(self, ledger: Ledger) -> FloatArray:
+    def room(self, ledger: "Ledger") -> FloatArray:
         """[K, 3, R] for the next samples, at least one: distances, yaws and speeds, to be `add`ed when they have been filled in."""
         row = self._count % ROWS
         if row == 0 and len(self._blocks) * ROWS == self._count:
@@ -95,7 +95,7 @@ class Recorder(Listener):
         """Keep as many samples more."""
         self._count += num_samples
 
-    def settle(self, ledger: Ledger) -> None:
+    def settle(self, ledger: "Ledger") -> None:
         """Work out the positions of what has been heard so far."""
         num_samples, num_robots = self._shape
         s_m, yaw, speed = (
@@ -112,7 +112,7 @@ class Recorder(Listener):
         self._shape = num_samples + self._count, num_robots
         self._blocks, self._count = [], 0
 
-    def samples(self, ledger: Ledger) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, IntArray | None]:
+    def samples(self, ledger: "Ledger") -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, IntArray | None]:
         """x, y, yaw, speed and, where they are kept, levels, [T, R] each."""
         self.settle(ledger)
         x, y, yaw, speed, *level = (_read(file, self._shape) for file in self._columns)
@@ -133,7 +133,7 @@ def _read(file: "SpooledTemporaryFile[bytes]", shape: tuple[int, int]) -> FloatA
     return np.memmap(file, np.float64, "r", shape=shape).view(np.ndarray)
 
 
-def way_of(ledger: Ledger, robot: int) -> tuple[FloatArray, FloatArray, IntArray]:
+def way_of(ledger: "Ledger", robot: int) -> tuple[FloatArray, FloatArray, IntArray]:
     """[K] distances along a robot's way as far as the ledger knows it, ascending, [K, 2] where it is then, and [K] on which level.
 
     These are its visits, where it turned round on a lane, and where rides in lifts are half over.
@@ -159,7 +159,7 @@ def way_of(ledger: Ledger, robot: int) -> tuple[FloatArray, FloatArray, IntArray
     return at_m, xy, level
 
 
-def _at_stops(ledger: Ledger, ids: IntArray, xy: FloatArray, level: IntArray) -> tuple[FloatArray, IntArray]:
+def _at_stops(ledger: "Ledger", ids: IntArray, xy: FloatArray, level: IntArray) -> tuple[FloatArray, IntArray]:
     """[N, 2] where robots are at visits, who ride in lifts at the stops of these; and the visits to which levels change.
 
     A ride ends where robots can get out, and where one that is called back turns: it may ride again without leaving the cabin.

@@ -10,10 +10,10 @@ import numpy as np
 
 from mrp_sumo.core.disturbances import Breakdown, ClosedLane, Obstacle, end_s
 from mrp_sumo.core.execution import Event
+from mrp_sumo.core.facilities import door_names, lift_names
 from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.drive import _facilities
-from mrp_sumo.drive.facilities import door_names, lift_names
 from mrp_sumo.drive.people import nobody
 from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.drive.state import Conditions, Facilities, Grants, Margin, PeopleState, margin_of

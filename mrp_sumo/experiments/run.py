@@ -10,19 +10,16 @@ from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 from threading import current_thread, main_thread
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from mrp_sumo.core.execution import Execution, let_go_of_samples
 from mrp_sumo.core.plan import Status
 from mrp_sumo.drive.listeners import Listener, ProgressReport
-from mrp_sumo.drive.outside_dispatcher import DispatcherError
 from mrp_sumo.drive.policy import policy_of
 from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.engines.protocol import Engine
 from mrp_sumo.errors import PlanError, PlanningOverrun, PlugInError
-from mrp_sumo.experiments.interventions import Interventions
 from mrp_sumo.experiments.map_cache import MapCache
-from mrp_sumo.experiments.result import RunResult
 from mrp_sumo.experiments.solve import Solution, StageReport, silent, solve
 from mrp_sumo.experiments.staging.set_up import SetUp, set_up, with_time_limit
 from mrp_sumo.io.run_folder import check_replaceable, plain
@@ -30,6 +27,9 @@ from mrp_sumo.io.scenario.file import ScenarioFile
 from mrp_sumo.maps.clearance import standing_walls
 from mrp_sumo.maps.facts import driven_levels
 from mrp_sumo.maps.lifts import cabins_of
+
+if TYPE_CHECKING:
+    from mrp_sumo.experiments.result import RunResult
 
 POLICY_FAILED, DISPATCHER_FAILED = "policy_failed", "dispatcher_failed"  # statuses of runs whose plug-in broke its contract
 PLUG_IN_FAILED = (str(Status.PLANNER_FAILED), POLICY_FAILED, DISPATCHER_FAILED)
@@ -53,7 +53,7 @@ class RunOptions:
 DEFAULT = RunOptions()
 
 
-def run_scenario(file: ScenarioFile, out: Path, options: RunOptions = DEFAULT) -> RunResult:
+def run_scenario(file: ScenarioFile, out: Path, options: RunOptions = DEFAULT) -> "RunResult":
     """Run a scenario and write its run folder. Ctrl-C while robots drive keeps what there is of a run with tasks.
 
     Parameters
@@ -109,7 +109,7 @@ def interrupts() -> Iterator[Interrupt]:
         signal.signal(signal.SIGINT, usual)
 
 
-def carry_out(file: ScenarioFile, maps: MapCache, options: RunOptions = DEFAULT) -> RunResult:
+def carry_out(file: ScenarioFile, maps: MapCache, options: RunOptions = DEFAULT) -> "RunResult":
     """Run a scenario and measure it; writes nothing.
 
     Parameters
@@ -131,7 +131,7 @@ def carry_out(file: ScenarioFile, maps: MapCache, options: RunOptions = DEFAULT)
     return finish(setup, solve(setup, execute=options.execute, progress=options.progress), maps, options)
 
 
-def finish(setup: SetUp, solution: Solution, maps: MapCache, options: RunOptions = DEFAULT) -> RunResult:
+def finish(setup: SetUp, solution: Solution, maps: MapCache, options: RunOptions = DEFAULT) -> "RunResult":
     """Drive what was planned, if there is a plan, and measure it.
 
     Parameters
@@ -141,6 +141,9 @@ def finish(setup: SetUp, solution: Solution, maps: MapCache, options: RunOptions
     maps, options
         As for `carry_out`.
     """
+    from mrp_sumo.drive.outside_dispatcher import DispatcherError
+    from mrp_sumo.experiments.interventions import Interventions
+    from mrp_sumo.experiments.result import RunResult
     from mrp_sumo.metrics.audit import at_walls, audit, beside_lifts
     from mrp_sumo.metrics.evaluate import evaluate
     from mrp_sumo.metrics.fleet_use import ran_empty, stalled_robots
@@ -207,7 +210,7 @@ def finish(setup: SetUp, solution: Solution, maps: MapCache, options: RunOptions
     return _with_work_judged(result) if execution and execution.tasks is not None else result
 
 
-def _with_work_judged(result: RunResult) -> RunResult:
+def _with_work_judged(result: "RunResult") -> "RunResult":
     """The result with what the operations audit says."""
     from mrp_sumo.experiments.audit_work import logs_of
     from mrp_sumo.metrics.operations.audit import in_words, operations_audit

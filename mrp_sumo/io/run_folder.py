@@ -31,7 +31,6 @@ from mrp_sumo.formats.plan_json import write_plan
 from mrp_sumo.io.floor_plan import write_floor, write_walls
 from mrp_sumo.io.outline import Outline, write_outline
 from mrp_sumo.io.record import RunRecord, record_of
-from mrp_sumo.io.run_reader import SCHEMA_VERSION
 from mrp_sumo.traffic.referee import Conflict, Verdict
 
 if TYPE_CHECKING:  # of scenarios, too: what reads run folders needs no model of them
@@ -40,6 +39,7 @@ if TYPE_CHECKING:  # of scenarios, too: what reads run folders needs no model of
     from mrp_sumo.maps.costmap import Costmap
 
 RESULT = "result.json"
+SCHEMA_VERSION = 1  # of it
 LIBRARIES = ("libsumo", "numpy", "scipy", "numba", "ortools", "rosbags", "pyarrow")  # libraries that shape results
 LISTED_CONFLICTS = 20
 FIRST_LOOK = 0.5  # of its time limit: before, no planner does anything that depends on the clock

@@ -21,6 +21,7 @@ from mrp_sumo.formats.plan_json import goal_headings, read_plan
 from mrp_sumo.io.events import events_frame, events_of_documents, read_events
 from mrp_sumo.io.floor_plan import read_floor, read_walls
 from mrp_sumo.io.record import RunRecord, constants_of
+from mrp_sumo.io.run_folder import RESULT, SCHEMA_VERSION
 from mrp_sumo.io.tables import read_table
 
 if TYPE_CHECKING:
@@ -33,8 +34,6 @@ if TYPE_CHECKING:
     from mrp_sumo.maps.costmap import Costmap
 
 T = TypeVar("T")
-RESULT = "result.json"
-SCHEMA_VERSION = 1  # of it
 KINDS: dict[str, tuple[type, ...]] = {  # key of it -> types of its value
     **{"status": (str,), "scenario": (dict,), "metrics": (dict,), "files": (dict,), "versions": (dict,)},
     "plan": (dict, type(None)),

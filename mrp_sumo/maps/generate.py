@@ -8,9 +8,6 @@ from collections.abc import Callable
 from math import ceil, log, pi, sqrt
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import minimum_spanning_tree
-from scipy.spatial import Delaunay, cKDTree
 
 from mrp_sumo.core.graph import FloatArray, IntArray
 from mrp_sumo.errors import MapError
@@ -122,6 +119,9 @@ def random_roads(num_vertices: int, *, seed: int = 0, spacing_m: float = 4.0) ->
     Sensible are the lanes of the Gabriel graph (Gabriel and Sokal, Systematic Zoology 18, 1969): no third vertex in the circle over
     the lane, so that lanes neither cross nor pass close by a vertex. It contains the minimum spanning tree.
     """
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import minimum_spanning_tree
+
     _check_size("random", num_vertices, least=8, spacing_m=spacing_m)
     rng = np.random.default_rng([seed, 0x67656E])
     num_columns = ceil(sqrt(1.4 * num_vertices))
@@ -180,6 +180,8 @@ def _warehouse_shape(num_vertices: int, one_way: bool, cross_aisles: int | None,
 
 def _gabriel_pairs(xy: FloatArray) -> IntArray:
     """[E, 2] pairs a < b of the Gabriel graph, in ascending order."""
+    from scipy.spatial import Delaunay, cKDTree
+
     corners = Delaunay(xy).simplices
     pairs = np.unique(np.sort(np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]]), axis=1), axis=0)
     a, b = xy[pairs[:, 0]], xy[pairs[:, 1]]

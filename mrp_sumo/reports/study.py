@@ -19,7 +19,8 @@ from mrp_sumo.core.graph import FloatArray
 from mrp_sumo.errors import BatchError, MrpSumoError
 from mrp_sumo.io.columns import SECTIONS, parameter_columns
 from mrp_sumo.io.results import PLAN, load_results, read_plan
-from mrp_sumo.io.run_reader import RESULT, RunFolder, load_run
+from mrp_sumo.io.run_folder import RESULT
+from mrp_sumo.io.run_reader import RunFolder, load_run
 from mrp_sumo.metrics.evaluate import succeeded
 from mrp_sumo.metrics.registry import FLAGS as METRIC_FLAGS
 from mrp_sumo.metrics.registry import NUMBERS as METRIC_NUMBERS

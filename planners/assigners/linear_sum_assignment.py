@@ -7,7 +7,6 @@ Programming 71, 1995. Rectangular matrices are filled up to a square with partne
 from dataclasses import dataclass
 
 import numpy as np
-from ortools.graph.python.linear_sum_assignment import SimpleLinearSumAssignment
 
 from mrp_sumo.core.graph import FloatArray, IntArray
 from mrp_sumo.errors import PlanError
@@ -22,6 +21,8 @@ class LinearSumAssignment:
 
     def assign(self, cost: FloatArray, time_limit_s: float) -> IntArray:
         """See `Assigner`. The time limit is not needed: a matrix of 1000 x 1000 takes a fraction of a second."""
+        from ortools.graph.python.linear_sum_assignment import SimpleLinearSumAssignment
+
         robot, goal, whole = candidates(cost, self.objective)
         num_robots, num_goals = cost.shape
         size = max(num_robots, num_goals)

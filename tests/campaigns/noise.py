@@ -27,6 +27,7 @@ from scipy.spatial import Delaunay, cKDTree
 from mrp_sumo.core.disturbances import Breakdown, ClosedLane, Disturbances, Fire, Obstacle, Outage
 from mrp_sumo.core.driving import RecoveryOptions
 from mrp_sumo.core.execution import Execution
+from mrp_sumo.core.facilities import door_names, lift_names
 from mrp_sumo.core.fleet import Fleet, fleet_of, fleet_of_types
 from mrp_sumo.core.graph import PlanGraph, nav_graph
 from mrp_sumo.core.plan import Plan
@@ -35,7 +36,6 @@ from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.crowd.floor import floor_of
 from mrp_sumo.crowd.model import People, joint_places
 from mrp_sumo.drive import replanning
-from mrp_sumo.drive.facilities import door_names, lift_names
 from mrp_sumo.drive.loop import simulate
 from mrp_sumo.drive.policy import needs_sound_plan, policies
 from mrp_sumo.drive.settings import ExecutionSettings

@@ -26,7 +26,8 @@ def test_place_that_may_be_meant_is_named(tmp_path, monkeypatch, capsys, line, n
     "line",
     [
         *("report nowhere", "render nowhere --at 0 --out x.png", "compare a b", "query nowhere", "capacity nowhere", "run nowhere"),
-        *("render . --at 0", "render . --video x.gif --size 1x1"),
+        *("render . --at 0", "render . --video x.gif --size 1x1", "generate nope", "run office_9 --robots 5000"),
+        "run office --robots 4 --set discretisation.kind=grid --set discretisation.cell_m=40",
     ],
 )
 def test_refusal_loads_nothing_that_reads_draws_or_drives(line):

@@ -7,8 +7,8 @@ import pytest
 
 from mrp_sumo.core.disturbances import ClosedLane
 from mrp_sumo.core.driving import RecoveryOptions
+from mrp_sumo.core.facilities import door_names, lift_names
 from mrp_sumo.core.robot_type import RobotType
-from mrp_sumo.drive.facilities import door_names, lift_names
 from mrp_sumo.errors import MrpSumoError, ScenarioError
 from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.experiments.staging.set_up import set_up

@@ -10,8 +10,8 @@ from itertools import pairwise
 import numpy as np
 
 from mrp_sumo.core.disturbances import ClosedLane
+from mrp_sumo.core.facilities import door_names, lift_names
 from mrp_sumo.core.graph import NavGraph, Options, PlanGraph, with_lanes
-from mrp_sumo.drive.facilities import door_names, lift_names
 from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.errors import ScenarioError, nearest
 from mrp_sumo.experiments.staging.places import as_drawn, looked_up
