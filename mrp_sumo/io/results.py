@@ -19,6 +19,7 @@ import re
 import zlib
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -161,9 +162,8 @@ def read_plan(folder: Path) -> dict[str, Any]:
         plan = json.loads(read_bytes(path, error=BatchError))
         if plan["format"] != 1:
             raise BatchError(f"{path}: format {plan['format']!r:.20}, expected 1")
-        if not all(isinstance(plan[key], str) for key in ("suite", "code")) or not all(isinstance(key, str) for key in plan["keys"]):
-            raise TypeError
-        if not all(isinstance(text, str) for pair in plan["views"].items() for text in pair):
+        texts = [plan[key] for key in ("suite", "description", "code", "until")]
+        if not all(isinstance(text, str) for text in (*texts, *plan["keys"], *chain(*plan["views"].items()))):
             raise TypeError
     except OSError as error:
         raise BatchError(f"{shortened(path)}: {sentence(error)}") from None

@@ -124,7 +124,7 @@ def read_study(path: Path) -> ReportedRuns:
         frame = load_results(path, gaps.append)
         if path.is_dir():
             plan = read_plan(path)
-            name, description, until = str(plan["suite"]), " ".join(str(plan["description"]).split()), str(plan["until"])
+            name, description, until = plan["suite"], " ".join(plan["description"].split()), plan["until"]
             missing = len(plan["keys"]) - len(frame)
             if missing:
                 gaps.append(f"{missing} of {len(plan['keys'])} runs have no result yet; this report is of the others")

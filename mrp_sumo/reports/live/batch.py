@@ -20,7 +20,7 @@ class BatchView:
     def __init__(self, folder: Path, port: int = 0) -> None:
         """Raises BatchError for a folder of no batch, MrpSumoError where the port cannot be had."""
         plan = read_plan(folder)
-        self.folder, self.suite = folder, str(plan["suite"])
+        self.folder, self.suite = folder, plan["suite"]
         self._number = {key: k for k, key in enumerate(plan["keys"])}
         self._seen: set[str] = set()  # files
         self._ended: list[str] = []  # when runs did
