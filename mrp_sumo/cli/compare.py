@@ -10,6 +10,7 @@ import sys
 from pathlib import Path
 
 from mrp_sumo.cli.result_folder import result_folder
+from mrp_sumo.cli.table import print_table
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -60,7 +61,6 @@ def run(options: argparse.Namespace) -> int:
     if options.json:
         print(json.dumps({**asdict(comparison), "worse": comparison.worse}, indent=2))
         return int(comparison.worse)
-    from rich.console import Console
     from rich.table import Table
 
     from mrp_sumo.experiments.statistics import PairedRates
@@ -84,5 +84,5 @@ def run(options: argparse.Namespace) -> int:
             str(d.num_worse),
             verdict,
         )
-    Console(highlight=False, width=None if sys.stdout.isatty() else 140).print(table)
+    print_table(table, 140)
     return int(comparison.worse)

@@ -15,13 +15,13 @@ import argparse
 import json
 import shlex
 import shutil
-import sys
 import tempfile
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mrp_sumo.cli.map_choice import add_choice, chosen_map, drawn_map
+from mrp_sumo.cli.table import print_table
 from mrp_sumo.errors import MapError, sentence
 
 if TYPE_CHECKING:
@@ -221,14 +221,12 @@ def _run_command(map_: "Map", out: Path, options: argparse.Namespace) -> list[st
 
 def _print(map_: "Map", known: dict[str, Any], options: argparse.Namespace) -> None:
     """A short table."""
-    from rich.console import Console
     from rich.markup import escape
     from rich.table import Table
 
     from mrp_sumo.maps.oddities import oddities
     from mrp_sumo.maps.unused import unused
 
-    console = Console(highlight=False, width=None if sys.stdout.isatty() else 120)
     table = Table(show_header=False, box=None, padding=(0, 2, 0, 0), title=escape(map_.name), title_style="bold", title_justify="left")
     table.add_column(style="dim", no_wrap=True)
     table.add_column(overflow="fold")
@@ -258,7 +256,7 @@ def _print(map_: "Map", known: dict[str, Any], options: argparse.Namespace) -> N
     out: Path = options.out
     row("files", str(out))
     row("next", shlex.join(_run_command(map_, out, options)))
-    console.print(table)
+    print_table(table, 120)
 
 
 def _shortened(notes: tuple[str, ...]) -> tuple[str, ...]:

@@ -11,6 +11,7 @@ from collections.abc import Iterable
 from dataclasses import asdict
 from typing import Any
 
+from mrp_sumo.cli.table import print_table
 from mrp_sumo.errors import MrpSumoError, PlugInError, nearest
 from mrp_sumo.plugins.kinds import KINDS
 
@@ -98,15 +99,15 @@ def _formats() -> str:
 
 def _print(entries: list[Entry]) -> None:
     """One row per entry: its name, what it is, and its parameters."""
-    from rich.console import Console
     from rich.table import Table
+    from rich.text import Text
 
     table = Table(box=None, padding=(0, 2, 0, 0), show_header=False)
     table.add_column(no_wrap=True, style="bold")
     table.add_column(overflow="fold", ratio=1)
     for entry in entries:
-        table.add_row(entry["name"], "\n".join(_lines(entry)))
-    Console(highlight=False, markup=False, width=None if sys.stdout.isatty() else 120).print(table)
+        table.add_row(Text(entry["name"]), Text("\n".join(_lines(entry))))
+    print_table(table, 120)
 
 
 def _lines(entry: Entry) -> Iterable[str]:

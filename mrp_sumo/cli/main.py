@@ -53,7 +53,8 @@ COMMANDS = {  # subcommand -> (module, help): help stays here so that --help imp
 }
 SLOW = ("run", "init", "plan", "capacity", "batch", "reproduce", "paper", "report", "demo", "vda5050")  # to start, for their libraries
 MOST = 2**63  # of whole numbers; no number of anything is as large
-OBEYED = re.compile("\x1b(?!\\[[0-9;]*m)|[\x00-\x08\x0b\x0c\x0e-\x1a\x1c-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]")
+COLOURS = "\x1b(?!\\[(?:(?:[0-4]|3[1-6])?;?)*m)"  # bold, dim, red, ..., but nothing that hides text
+OBEYED = re.compile(f"{COLOURS}|[\x00-\x08\x0b\x0c\x0e-\x1a\x1c-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]")
 COLLECT = (100_000, 20, 100)  # rarely: loading libraries makes many objects and no garbage
 
 
@@ -144,7 +145,7 @@ def _of_the_process() -> list[str]:
 
 
 def _write(write: Callable[[str], int], text: str) -> int:
-    """Write a text without what a terminal would obey, but for its colours: names in it may be anybody's."""
+    """Write a text without what a terminal would obey, but for the colours of our tables: names in it may be anybody's."""
     return write(OBEYED.sub(lambda match: repr(match[0])[1:-1], text))
 
 

@@ -10,6 +10,7 @@ import sys
 from pathlib import Path
 
 from mrp_sumo.cli.result_folder import result_folder
+from mrp_sumo.cli.table import print_table
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -22,7 +23,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Print what the query selects."""
-    from mrp_sumo.errors import BatchError, nearest
+    from mrp_sumo.errors import BatchError, nearest, shown
     from mrp_sumo.io.results import load_results, query, read_plan
 
     def warn(line: str) -> None:
@@ -47,15 +48,15 @@ def run(options: argparse.Namespace) -> int:
     if options.csv:
         frame.to_csv(sys.stdout, index=False)
         return 0
-    from rich.console import Console
     from rich.table import Table
+    from rich.text import Text
 
     table = Table(box=None, padding=(0, 2, 0, 0))
     for name, kind in frame.dtypes.items():
-        table.add_column(str(name), justify="right" if kind.kind in "iuf" else "left")
+        table.add_column(Text(shown(str(name))), justify="right" if kind.kind in "iuf" else "left")
     for row in frame.itertuples(index=False):
-        table.add_row(*map(_cell, row))
-    Console(highlight=False, width=None if sys.stdout.isatty() else 200).print(table)
+        table.add_row(*(Text(shown(_cell(value))) for value in row))
+    print_table(table, 200)
     return 0
 
 

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 
 from mrp_sumo.cli import scenario_choice
 from mrp_sumo.cli.failure import print_failure
+from mrp_sumo.cli.table import print_table
 from mrp_sumo.errors import MrpSumoError
 
 if TYPE_CHECKING:
@@ -201,7 +202,6 @@ def print_json(result: "RunResult", out: Path) -> None:
 
 def print_result(result: "RunResult", out: Path, verbose: bool) -> None:
     """A short table."""
-    from rich.console import Console
     from rich.markup import escape
     from rich.table import Table
 
@@ -209,7 +209,6 @@ def print_result(result: "RunResult", out: Path, verbose: bool) -> None:
 
     summary, status = run_summary(result.result), result.status.replace("_", " ")
     colour = "red" if result.status != "completed" else "green" if result.metrics["plan_valid"] else "yellow"
-    console = Console(highlight=False, width=None if sys.stdout.isatty() else 100)
     table = Table(show_header=False, box=None, padding=(0, 2, 0, 0), title=escape(summary.title), title_style="bold", title_justify="left")
     table.add_column(style="dim", no_wrap=True)
     table.add_column(overflow="fold")
@@ -221,12 +220,12 @@ def print_result(result: "RunResult", out: Path, verbose: bool) -> None:
             shown = shown.replace(NO_PLAN, f"[red]{NO_PLAN}[/]").replace(CONFLICTS, f"[yellow]{CONFLICTS}[/]")
         table.add_row(name, shown)
     table.add_row("files", escape(str(out)))
-    console.print(table)
+    print_table(table, 100)
     if verbose:
         detail = Table(box=None, padding=(0, 2, 0, 0), show_header=False)
         for name, value in result.metrics.items():
-            detail.add_row(name, str(value))
-        console.print(detail)
+            detail.add_row(name, escape(str(value)))
+        print_table(detail, 100)
 
 
 def _print_next(result: "RunResult", out: Path, options: argparse.Namespace) -> None:

@@ -5,6 +5,7 @@ form that Nav2's map_server reads. Reading them back gives the same arrays. Refu
 """
 
 import json
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -58,12 +59,19 @@ def read_floor(path: Path) -> tuple[PlanGraph, Fleet, NavGraph | None]:
     return graph, _fleet(fleet), _graph(nav) if nav else None
 
 
+def _texts(names: Sequence[str]) -> tuple[str, ...]:
+    for name in names:
+        if not isinstance(name, str):
+            raise TypeError(f"a name is {str(name)[:40]}, expected text")
+    return tuple(names)
+
+
 def _fleet(document: dict[str, Any]) -> Fleet:
     """Robots with equal figures are of one type."""
     columns = np.array([document[key] for key in LIMITS], np.float64).T
     rows, kind = np.unique(columns, axis=0, return_inverse=True)
     types = [RobotType("", **dict(zip(LIMITS, row.tolist()))) for row in rows]
-    return replace(fleet_of_types(types, kind.reshape(-1)), robot_name=tuple(document["robot_name"]), type_name=())
+    return replace(fleet_of_types(types, kind.reshape(-1)), robot_name=_texts(document["robot_name"]), type_name=())
 
 
 def write_walls(folder: Path, costmap: "Costmap") -> None:
@@ -132,6 +140,7 @@ def _graph_document(graph: NavGraph) -> dict[str, Any]:
 
 def _graph(document: dict[str, Any]) -> NavGraph:
     names, options = document["vertex_name"], document.get("vertex_options", {})
+    _texts([document["name"], *document["level_names"], *names.values()])
     return nav_graph(
         name=document["name"],
         level_names=document["level_names"],

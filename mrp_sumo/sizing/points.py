@@ -77,7 +77,10 @@ class Point:
             what = "robots overlapped" if broken[0]["status"] == "audit_failed" else f"{broken[0]['status']}: {broken[0]['reason']}"
             return f"{len(broken)} of {len(self.records)} runs do not count: {what}"
         if self.observed and np.isnan(self.throughput.value):
-            return f"robots ran empty after {self.until_s / MINUTE_S:.0f} min, before a steady state was reached"
+            until = f"{self.until_s / MINUTE_S:.3g} min"
+            if self.until_s < self.horizon_s:
+                return f"robots ran empty after {until}, before a steady state was reached"
+            return f"{until} are too short: {LEAST_S:.0f} s are measured once a warm-up is over, see --horizon"
         return ""
 
     @property

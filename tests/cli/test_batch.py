@@ -90,6 +90,8 @@ def test_query_answers_sql_and_views(study, capsys):
     assert capsys.readouterr().out == "planner,n\nastar,3\ncbs,3\n"
     assert main(["query", str(study / "out"), "select quantile_cont(soc_steps, [0.1, 0.9]) as q, null as n from results"]) == 0
     assert "[" in capsys.readouterr().out
+    assert main(["query", str(study / "out"), "select '[/]' || chr(27) || '[8m:bomb:' as \"[a]\""]) == 0
+    assert capsys.readouterr().out.split() == ["[a]", r"[/]\x1b[8m:bomb:"]
     assert main(["query", str(study / "out"), "cost"]) == 0
     assert capsys.readouterr().out.split()[:2] == ["planner", "cost"]
     assert main(["query", str(study / "out")]) == 0

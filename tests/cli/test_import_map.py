@@ -3,6 +3,7 @@
 import json
 
 import pytest
+import yaml
 
 from mrp_sumo.cli.main import main
 
@@ -126,3 +127,13 @@ def test_lanes_without_room_for_a_robot_are_reported(capsys):
     assert (room["robot"], room["lanes"], room["vertices"], len(room["notes"])) == ("forklift", 0, 10, 1)
     assert main(["import", "office", "--check", "--robot", "forklif"]) == 2
     assert "'forklif' is neither a robot type nor a file (did you mean 'forklift'?)" in capsys.readouterr().err
+
+
+def test_keys_of_a_nav_graph_that_are_no_text_are_written_as_they_were(tmp_path):
+    (tmp_path / "odd.nav.yaml").write_text(
+        "1: one\nbuilding_name: odd\nlevels:\n  L1:\n    lanes:\n    - [0, 1, {1.5: true, speed_limit: 1}]\n    - [1, 0, {}]\n"
+        "    vertices:\n    - [0, 0, {name: a}]\n    - [4, 0, {name: b}]\n"
+    )
+    assert main(["import", str(tmp_path / "odd.nav.yaml"), "--out", str(tmp_path / "out")]) == 0
+    written = yaml.safe_load((tmp_path / "out" / "0.nav.yaml").read_text())
+    assert written[1] == "one" and written["levels"]["L1"]["lanes"][0][2] == {1.5: True, "speed_limit": 1}

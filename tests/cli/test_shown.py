@@ -53,9 +53,12 @@ def test_map_forges_no_line(tmp_path, monkeypatch, capsys, line):
 
 def test_text_of_a_file_that_is_printed_moves_no_cursor(tmp_path):
     (tmp_path / "results.csv").write_text("")
-    code = "import sys; from mrp_sumo.cli import main as m; m._of_the_process(); print('a\\x1b[2Jb\\x1b[31mred\\x1b[0m\\x9b')"
+    code = (
+        "import sys; from mrp_sumo.cli import main as m; m._of_the_process(); print('a\\x1b[2Jb\\x1b[1;31mred\\x1b[0m\\x9b\\x1b[8mhidden')"
+    )
     assert (
-        subprocess.run([sys.executable, "-P", "-c", code], capture_output=True, text=True).stdout == "a\\x1b[2Jb\x1b[31mred\x1b[0m\\x9b\n"
+        subprocess.run([sys.executable, "-P", "-c", code], capture_output=True, text=True).stdout
+        == "a\\x1b[2Jb\x1b[1;31mred\x1b[0m\\x9b\\x1b[8mhidden\n"
     )
 
 

@@ -91,6 +91,13 @@ def test_a_run_that_was_not_executed_says_so(tmp_path):
         ("floor.json", None, "graph", r"floor\.json: no such file"),
         ("floor.json", "{", "graph", r"floor\.json: not JSON"),
         ("floor.json", "{}", "graph", r"floor\.json: schema version None, expected 1"),
+        (
+            "floor.json",
+            '{"schema_version": 1, "fleet": {}, "nav_graph": {}, "plan_graph": {"kind": "grid", "cell_m": 1, "vertex_of_station": [], '
+            '"name": "a", "level_names": ["L1"], "xy": [[0, 0]], "level": null, "vertex_name": {"0": [1]}, "lanes": [], "length_m": null}}',
+            "graph",
+            r"damaged, or of another version: TypeError: a name is \[1\], expected text",
+        ),
         ("plan.json", "[1", "plan", r"plan\.json: not JSON"),
         ("plan.json", '{"schema_version": 9}', "plan", r"plan\.json: schema version 9, expected 1"),
         (

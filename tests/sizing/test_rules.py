@@ -209,3 +209,13 @@ def test_a_study_that_is_closed_where_limits_are_still_wide_asks_for_no_more():
     assert "the budget did not buy closer limits" in answer.notes
     more, trials = answer_of(asked, runs)
     assert {trial.seed for trial in trials} > {0, 1, 2, 3} and more.limits.measured
+
+
+@pytest.mark.parametrize(
+    ("horizon_s", "empty_s", "why"), [(90.0, None, "1.5 min are too short"), (3600.0, 90.0, "ran empty after 1.5 min")]
+)
+def test_a_size_with_too_little_to_measure_says_whether_the_horizon_or_a_battery_ended_it(horizon_s, empty_s, why):
+    record = record_with(np.zeros(0), horizon_s)
+    batteries = {"empty_s": empty_s, "empty": 1, "charging": 0.0, "most_charging": 0}
+    record = {**record, "observed": {**record["observed"], "batteries": batteries}}
+    assert why in Point(1, horizon_s, (record,)).fault

@@ -138,8 +138,8 @@ def _lines(document: Document) -> Iterator[str]:
             flow[key] = text.split("      - ", 1)[1].rstrip("\n")
         return flow[key]
 
-    before = {key: value for key, value in document.items() if key < "levels"}
-    after = {key: value for key, value in document.items() if key > "levels"}
+    before = {key: value for key, value in document.items() if str(key) < "levels"}
+    after = {key: value for key, value in document.items() if str(key) > "levels"}
     yield _dumped(before)
     yield "levels:\n" if document["levels"] else "levels: {}\n"
     for name, level in sorted(document["levels"].items(), key=lambda item: str(item[0])):
@@ -156,9 +156,9 @@ def _lines(document: Document) -> Iterator[str]:
 def _plain(options: Options) -> str:
     """Options that need neither quotes nor a second line; '' for others."""
     parts = []
-    for key in sorted(options):
+    for key in sorted(options, key=str):
         value = options[key]
-        if not PLAIN_NAME.match(key) or not (isinstance(value, bool) or (isinstance(value, str) and PLAIN_NAME.match(value))):
+        if not PLAIN_NAME.match(str(key)) or not (isinstance(value, bool) or (isinstance(value, str) and PLAIN_NAME.match(value))):
             return ""
         parts.append(f"{key}: {str(value).lower() if isinstance(value, bool) else value}")
     text = ", ".join(parts)
