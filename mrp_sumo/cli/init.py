@@ -71,12 +71,13 @@ def run(options: argparse.Namespace) -> int:
     try:
         with map_alone(out.resolve() / file, options.map):
             proposal = propose({"file": file, **scale}, out.resolve(), name, wishes)
-    except MrpSumoError:
+        if options.orders is not None:
+            write_text(out / ORDERS, _orders(proposal, options.orders))
+        write_text(out / SCENARIO, text_of(proposal, path.name))
+    except (MrpSumoError, KeyboardInterrupt):
+        (out / ORDERS).unlink(missing_ok=True)
         _remove_empty(out)
         raise
-    write_text(out / SCENARIO, text_of(proposal, path.name))
-    if options.orders is not None:
-        write_text(out / ORDERS, _orders(proposal, options.orders))
     _print(proposal, out, name, options.orders)
     return 0
 

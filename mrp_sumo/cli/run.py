@@ -26,6 +26,9 @@ if TYPE_CHECKING:
     from mrp_sumo.io.scenario.file import ScenarioFile
 
 
+SET_AS = {"--planner": ("planner", "planner.name"), "--time-limit": ("planner.time_limit_s",)}  # keys that options stand for
+
+
 def arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `mrp-sumo run`."""
     parser.add_argument(
@@ -234,8 +237,9 @@ def _print_next(result: "RunResult", out: Path, options: argparse.Namespace) -> 
 
     folder = shlex.quote(str(out))
     if result.plan is None:
-        chosen = result.result["scenario"]["planner"]
-        lines = [_again(options, "--time-limit", f"{max(300.0, 10 * chosen['time_limit_s']):g}"), "mrp-sumo list planners"]
+        chosen, lines = result.result["scenario"]["planner"], ["mrp-sumo list planners"]
+        if result.status == "planning_timed_out":
+            lines.insert(0, _again(options, "--time-limit", f"{max(300.0, 10 * chosen['time_limit_s']):g}"))
         if other := other_planner(chosen["name"]):
             lines.insert(0, _again(options, "--planner", other))
     else:
@@ -246,8 +250,15 @@ def _print_next(result: "RunResult", out: Path, options: argparse.Namespace) -> 
 
 
 def _again(options: argparse.Namespace, option: str, value: str) -> str:
-    """The command line of this run with an option that is other; `--set` comes besides what is set."""
-    words = options.command_line
-    if option != "--set":
-        words = [word for i, word in enumerate(words) if option not in (word, words[i - 1]) and not word.startswith(f"{option}=")]
-    return shlex.join([*words, option, value])
+    """The command line of this run with an option that is other, also where `--set` said the same; `--set` comes besides what is set."""
+    kept: list[str] = []
+    words = iter(options.command_line)
+    for word in words:
+        name, joined, said = word.partition("=")
+        if name not in (option, "--set"):
+            kept.append(word)
+            continue
+        said = said if joined else next(words)
+        if option == "--set" or (name == "--set" and said.partition("=")[0] not in SET_AS[option]):
+            kept += [name, said]
+    return shlex.join([*kept, option, value])

@@ -7,6 +7,7 @@ import os
 import socket
 from dataclasses import dataclass
 from pathlib import Path
+from shutil import disk_usage
 from types import TracebackType
 from typing import Any, Self
 from urllib.parse import urlsplit
@@ -31,6 +32,8 @@ PERIOD_S = 0.1  # between poses
 PAPER = [245, 245, 245]
 WALL, DOOR, LANE, STATION, PLAN, WAIT = (70, 76, 88), (190, 130, 60), (170, 178, 192), (90, 98, 112), (70, 130, 220, 110), (220, 50, 45)
 WORDS = {"goal": "reached its goal", "blocked": "is blocked", "waited": "waits", "yielded": "yields", "started": "sets off"}
+LEAST_FREE_BYTES = 2**20  # on the disk, before a recording is begun
+PATIENCE_S = 20.0  # with a recording that is to be ended
 MOST_NAMED = 60  # robots that carry their names
 
 
@@ -70,15 +73,18 @@ class RerunView:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None) -> None:
-        if self._recording is not None:
-            try:
-                self._recording.flush()
-                self._recording.disconnect()
-            except RuntimeError as fault:  # such as a full disk
-                if self.is_file:
-                    Path(self.to).unlink(missing_ok=True)
-                if error is None:
-                    raise MrpSumoError(f"{self.to}: {first_line(fault)}") from None
+        if self._recording is None:
+            return
+        fault: Exception | None = None
+        try:
+            self._recording.flush(timeout_sec=PATIENCE_S)  # a full disk ends the thread that it waits for
+            self._recording.disconnect()
+        except (RuntimeError, ValueError) as raised:
+            fault = raised
+        if self.is_file and (fault or isinstance(error, MrpSumoError)):
+            Path(self.to).unlink(missing_ok=True)
+        if fault and error is None:
+            raise MrpSumoError(f"--rerun {self.to}: cannot be written: {first_line(fault)}")
 
     def watch(self, setup: SetUp, solution: Solution) -> Listener:
         """The listener of a run that is about to be driven."""
@@ -87,7 +93,10 @@ class RerunView:
         recording.disable_timeline("log_time")
         blueprint = _blueprint(record)
         if self.is_file:
-            Path(self.to).parent.mkdir(parents=True, exist_ok=True)
+            folder = Path(self.to).parent
+            folder.mkdir(parents=True, exist_ok=True)
+            if disk_usage(folder).free < LEAST_FREE_BYTES:  # where it fails, Rerun may wait for ever
+                raise MrpSumoError(f"--rerun {self.to}: the disk is full")
             recording.save(self.to, default_blueprint=blueprint)
         else:
             recording.connect_grpc(self.to, default_blueprint=blueprint)

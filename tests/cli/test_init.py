@@ -8,6 +8,7 @@ import yaml
 
 from mrp_sumo.cli.main import main
 from mrp_sumo.core.graph import nav_graph
+from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.experiments.proposal import spread, stations_of
 from mrp_sumo.maps.catalogue import bundled_folder
 from mrp_sumo.maps.roadmap import cut_lanes
@@ -176,3 +177,13 @@ def test_places_are_for_what_the_map_says_else_their_names(names, options, role)
     )
     stations = stations_of(nav, cut_lanes(nav, 0.4))
     assert {key: value for key, value in vars(stations).items() if value} == role
+
+
+def test_a_scenario_that_cannot_be_written_leaves_nothing(shop, monkeypatch, capsys):
+    def write(path, text):
+        raise MrpSumoError(f"{path.name}: cannot be written: the disk is full")
+
+    monkeypatch.setattr("mrp_sumo.cli.init.write_text", write)
+    assert main(["init", "shop.building.yaml", "--type", "turtlebot3"]) == 2
+    assert capsys.readouterr().err == "mrp-sumo: scenario.yaml: cannot be written: the disk is full\n"
+    assert [path.name for path in shop.iterdir()] == ["shop.building.yaml"]

@@ -313,3 +313,14 @@ def test_run_as_json_is_one_line_that_names_its_folder(tmp_path, capsys):
     said = json.loads(capsys.readouterr().out)
     assert said["status"] == "completed" and said["folder"] == str(tmp_path / "run")
     assert said["metrics"] == json.loads((tmp_path / "run" / "result.json").read_text())["metrics"]
+
+
+def test_command_after_a_timeout_says_another_planner_and_limit_also_where_set_said_them(tmp_path, capsys):
+    out = str(tmp_path / "out")
+    line = ["run", "office_9", "--set", "planner.time_limit_s=0.000001", "--set=planner.name=lacam", "--set", "seed=1", "--out", out]
+    assert main(line) == 1
+    assert capsys.readouterr().out.partition("next: ")[2].splitlines() == [
+        f"mrp-sumo run office_9 --set planner.time_limit_s=0.000001 --set seed=1 --out {out} --planner auto",
+        f"      mrp-sumo run office_9 --set planner.name=lacam --set seed=1 --out {out} --time-limit 300",
+        "      mrp-sumo list planners",
+    ]

@@ -3,10 +3,12 @@
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from mrp_sumo.cli.main import main
+from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.wire.rerun import RerunView
 
 pytest.importorskip("rerun")
@@ -40,3 +42,17 @@ def test_rerun_that_is_not_to_be_had_is_one_line(tmp_path, capsys, monkeypatch):
     with pytest.raises(Exception, match=r"--rerun needs rerun-sdk: pip install 'mrp-sumo\[rerun\]'"):
         RerunView("x.rrd")
     assert not Path("x.rrd").exists() and not (tmp_path / "run").exists()
+
+
+def test_recording_on_a_full_disk_is_refused_in_a_line_and_none_is_left_of_a_run_that_cannot_be_written(tmp_path, capsys, monkeypatch):
+    run = ["run", "office_5", "--rerun", str(tmp_path / "x.rrd"), "--out", str(tmp_path / "out")]
+    monkeypatch.setattr("mrp_sumo.wire.rerun.disk_usage", lambda folder: SimpleNamespace(free=0))
+    assert main(run) == 2
+    assert capsys.readouterr().err == f"mrp-sumo: --rerun {tmp_path / 'x.rrd'}: the disk is full\n"
+    monkeypatch.undo()
+
+    def fail(*_, **__):
+        raise MrpSumoError("cannot be written")
+
+    monkeypatch.setattr("mrp_sumo.experiments.result.write_run", fail)
+    assert main(run) == 2 and not list(tmp_path.iterdir())
