@@ -27,6 +27,13 @@ def written_whole(path: Path) -> Iterator[Path]:
             part.unlink(missing_ok=True)
 
 
+def remove_parts(folder: Path) -> None:
+    """Remove what a process that was killed has left of files that `written_whole` was to write into a folder."""
+    for part in folder.glob(".[0-9]*.*"):
+        if part.name.split(".")[1].isdigit():
+            part.unlink(missing_ok=True)
+
+
 @contextmanager
 def written_for_user(path: Path) -> Iterator[Path]:
     """As `written_whole`, for a place that a user has named. Raises MrpSumoError where it cannot be written."""

@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Any
 
 from mrp_sumo.errors import BatchError, MrpSumoError, sentence
 from mrp_sumo.files.reading import read_bytes, shortened
-from mrp_sumo.files.writing import sync_folder, write_whole
+from mrp_sumo.files.writing import remove_parts, sync_folder, write_whole
 from mrp_sumo.io.batch_record import fault_of_record
 from mrp_sumo.io.columns import SECTIONS, parameter_columns
 
@@ -104,9 +104,8 @@ def standings_in(folder: Path, report: Callable[[str], None], *, quarantine: boo
         report(f"{reason}; moved to quarantine, the run is made again")
 
     if quarantine:
-        for pattern in ("runs/*/.*.json.*", "runs/*/.*.trace.*", "floors/.*", *(f".{name}.*" for name in (PLAN, TABLE, CSV, SUMS))):
-            for left in folder.glob(pattern):
-                left.unlink(missing_ok=True)
+        for written in (folder, folder / "floors", *folder.glob("runs/*")):
+            remove_parts(written)
     for body in _bodies(folder, aside):
         begin = _BEGIN.match(body)
         assert begin  # its content was checked

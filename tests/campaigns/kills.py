@@ -186,7 +186,7 @@ def _leave_parts(out: Path, chance: random.Random) -> None:
     shards = [path for path in (out / "runs").glob("*") if path.is_dir()]
     for _ in range(chance.randint(1, 3)):
         place = chance.choice([out, *shards])
-        name = f".{chance.choice([TABLE, CSV, 'plan.json'])}.77" if place == out else f".{place.name}{chance.randrange(10**6)}.json.77"
+        name = f".77.{chance.choice([TABLE, CSV, 'plan.json'])}" if place == out else f".77.{place.name}{chance.randrange(10**6)}.json"
         (place / name).write_bytes(b'{"crc32":"'[: chance.randrange(11)]) if place.is_dir() else None
 
 

@@ -20,6 +20,7 @@ from mrp_sumo.errors import BatchError
 from mrp_sumo.experiments import batch as batches
 from mrp_sumo.experiments.batch import FINISH, GO_ON, open_batch, run_batch
 from mrp_sumo.experiments.suite import read_suite
+from mrp_sumo.files.writing import written_whole
 from mrp_sumo.io.results import MACHINE_COLUMNS, drop_tables, read_record, record_path, records_in, write_record
 from mrp_sumo.metrics.registry import MACHINE_DEPENDENT
 
@@ -284,8 +285,13 @@ def test_folder_with_other_files_is_refused(tmp_path):
 def test_files_half_written_by_a_killed_batch_are_removed(tmp_path):
     file = suite(tmp_path, "grid_search: {seed: 0..1}\n")
     (tmp_path / "out" / "runs" / "ab").mkdir(parents=True)
-    (tmp_path / "out" / "runs" / "ab" / ".ab12.json.77").write_text("{")
-    (tmp_path / "out" / ".plan.json.77").write_text("{")
+    (tmp_path / "out" / "floors").mkdir()
+    for name in ("plan.json", "floors/12.json.gz", "runs/ab/ab12.json", "runs/ab/ab12.trace"):
+        with written_whole(tmp_path / "out" / name) as part:
+            part.write_text("{")
+            os.link(part, tmp_path / "left")
+        (tmp_path / "left").rename(part)  # as it is when the process is killed then
+        (tmp_path / "out" / name).unlink()
     (tmp_path / "out" / "plan.json").write_text("{}")
     with pytest.raises(BatchError, match=r"plan.json: not the plan of a batch; move it away and start the batch again, no result is lost"):
         make(file, tmp_path / "out")
