@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mrp_sumo.errors import BatchError, MrpSumoError, sentence
-from mrp_sumo.files.reading import read_bytes, shortened
+from mrp_sumo.files.reading import json_value, read_bytes, shortened
 from mrp_sumo.files.writing import remove_parts, sync_folder, write_whole
 from mrp_sumo.io.batch_record import fault_of_record
 from mrp_sumo.io.columns import SECTIONS, parameter_columns
@@ -158,7 +158,7 @@ def read_plan(folder: Path) -> dict[str, Any]:
     try:
         if not path.exists():
             raise BatchError(f"{folder}: not the folder of a batch: there is no {PLAN}")
-        plan = json.loads(read_bytes(path, error=BatchError))
+        plan = json_value(read_bytes(path, error=BatchError))
         if plan["format"] != 1:
             raise BatchError(f"{path}: format {plan['format']!r:.20}, expected 1")
         texts = [plan[key] for key in ("suite", "description", "code", "until")]

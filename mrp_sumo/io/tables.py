@@ -4,7 +4,6 @@ A table is refused before it is read where it would take much more memory than i
 come, so that rows cannot multiply them. Rows are counted from 0 in messages.
 """
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -17,7 +16,7 @@ import pyarrow.parquet as pq
 
 from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, frozen
 from mrp_sumo.errors import MrpSumoError, first_line, nearest
-from mrp_sumo.files.reading import MAX_BYTES, require_regular, shortened
+from mrp_sumo.files.reading import MAX_BYTES, json_value, require_regular, shortened
 
 MIN_BYTES_REFUSED = 2**31  # in memory; tables below may be as much larger than their files as they like
 MAX_RATIO = 100  # of memory to file, of larger ones; trajectories of moving robots have 5, of parked ones 50
@@ -167,7 +166,7 @@ class Table:
     def about(self) -> Any:
         """The document in the table's metadata; None where there is none."""
         try:
-            return json.loads((self.content.schema.metadata or {}).get(KEY, b"null"))
+            return json_value((self.content.schema.metadata or {}).get(KEY, b"null"))
         except (ValueError, RecursionError):
             raise self.error(f"{shortened(self.path)}: its metadata '{KEY.decode()}' are not JSON") from None
 

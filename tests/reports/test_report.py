@@ -348,7 +348,8 @@ def test_a_report_is_replaced_and_nothing_else_is(tmp_path):
     assert sorted(p.name for p in tmp_path.iterdir()) == ["precious", "report", "results.parquet"]
 
 
-NO_UNTIL = b'{"format": 1, "suite": "a", "description": "", "code": "0", "axes": {}, "repeat": 1, "views": {}, "keys": []}'
+WITHOUT_UNTIL = b'{"format": 1, "suite": "a", "description": "", "code": "0", "axes": {}, "repeat": 1, "views": {}, "keys": []}'
+WITH_HALF_A_CHARACTER = WITHOUT_UNTIL.replace(b'"description": ""', b'"description": "\\ud800", "until": "plan"')
 
 
 @pytest.mark.parametrize(
@@ -360,7 +361,8 @@ NO_UNTIL = b'{"format": 1, "suite": "a", "description": "", "code": "0", "axes":
         (lambda p: _written(p / "result.json", b"{").parent, "not JSON"),
         (lambda p: _written(p / "result.json", b"[]").parent, "not the result of a run"),
         (lambda p: _written(p / "plan.json", b"{}").parent, "not the plan of a batch"),
-        (lambda p: _written(p / "plan.json", NO_UNTIL).parent, "not the plan of a batch"),
+        (lambda p: _written(p / "plan.json", WITHOUT_UNTIL).parent, "not the plan of a batch"),
+        (lambda p: _written(p / "plan.json", WITH_HALF_A_CHARACTER).parent, "not the plan of a batch"),
         (lambda p: _frame(p / "results.parquet", pd.DataFrame({"a": [1]})), "no column 'status'"),
         (lambda p: _frame(p / "results.parquet", results().head(0)), "no rows"),
     ],
