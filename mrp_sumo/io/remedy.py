@@ -55,4 +55,4 @@ def _audit(result: Mapping[str, Any], metrics: Mapping[str, Any]) -> str:
     if metrics.get("num_overlaps"):
         return "a planner with valid plans and a policy that keeps their order, such as adg"
     findings = (result.get("operations_audit") or {}).get("findings") or ()
-    return "see `mrp-sumo analyze RUN --audit`: the log of work does not add up" if findings else ""
+    return "see mrp-sumo analyze RUN --audit: the log of work does not add up" if findings else ""

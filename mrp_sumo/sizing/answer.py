@@ -47,7 +47,7 @@ class Answer:
     reasons: tuple[Reasons, ...]  # of every size, ascending
     gains: tuple[Gain, ...]  # the best first
     confirmed: tuple[Confirmation, ...]  # sizes that were driven in SUMO, too
-    left_out: tuple[str, ...]  # what the budget did not buy
+    left_out: tuple[str, ...]  # what the budget was too small for
     spent_s: float  # predicted, of the budget
     in_time: bool = True  # whether all runs that were wanted had ended when the clock reached the budget
 
@@ -127,7 +127,7 @@ class Answer:
         if self.planner != own and self.question.has_tasks:
             found.append(f"planned with {self.planner}, since {own} left more than 1 % of its requests unanswered")
         found += [f"{_robots(point.robots)}: not counted; {point.fault}" for point in self.unfit]
-        found += [f"the budget did not buy {text}" for text in self.left_out]
+        found += [f"the budget was too small for {text}" for text in self.left_out]
         if self.limits and not self.limits.rises:
             found.append("throughput does not rise steadily up to its peak, so sizes between those of the grid were not tried")
         if self.limits and self.points and not self.limits.measured:

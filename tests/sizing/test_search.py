@@ -129,4 +129,4 @@ def test_a_budget_that_is_spent_is_said():
     asked = question((4, 90), replace(EFFORT, budget_s=150.0), demand_per_h=280.0)
     answer, _ = answer_of(asked, Fleets(rises_and_falls, asked))
     assert answer.spent_s <= 150.0
-    assert any("the budget did not buy" in note for note in answer.notes)
+    assert any("the budget was too small for" in note for note in answer.notes)
