@@ -101,7 +101,8 @@ def run(options: argparse.Namespace) -> int:
         maps = stack.enter_context(MapCache())
         setup = set_up(scenario_choice.chosen_scenario(options), maps)
         log = None if options.log is None else stack.enter_context(options.log.open("x", encoding="utf-8"))
-        session = Session(options, setup, maps, Connections(broker, dialect, options.manufacturer), dialect, log)
+        connections = Connections(broker, dialect, options.manufacturer, lambda line: print(f"mrp-sumo: {line}", file=sys.stderr))
+        session = Session(options, setup, maps, connections, dialect, log)
         return (_drive if options.part == "master" else _be_driven)(session, stack)
 
 

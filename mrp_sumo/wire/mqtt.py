@@ -9,7 +9,7 @@ import selectors
 import socket
 import ssl
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -70,7 +70,8 @@ def password_of(path: Path | None) -> str:
 class Connections:
     """Connections to a broker, by name. See `wire.link.Link`."""
 
-    def __init__(self, broker: Broker, dialect: Dialect, manufacturer: str) -> None:
+    def __init__(self, broker: Broker, dialect: Dialect, manufacturer: str, report: Callable[[str], None] = lambda line: None) -> None:
+        """`report` is called with a line when the broker is gone, and when it is back."""
         try:
             from paho.mqtt import client
         except ImportError:
@@ -85,6 +86,7 @@ class Connections:
         self._inbox: list[Received] = []
         self._selector = selectors.DefaultSelector()
         self._next_round = self._next_try = 0.0
+        self._report, self._is_away = report, False
         self.lost = 0  # messages for which there was no connection, or no room
 
     def add(self, name: str, topics: tuple[str, ...], *, will: tuple[str, bytes] | None = None) -> None:
@@ -234,9 +236,15 @@ class Connections:
             if name not in watched:
                 try:
                     self._connect(name)
-                except (OSError, ValueError):
+                except (OSError, ValueError) as error:
                     self._next_try = now + RETRY_S
+                    if not self._is_away:
+                        self._report(f"no connection to the broker {self.broker}: {_why(error)}; trying again")
+                    self._is_away = True
                     return
+        if self._is_away:
+            self._report(f"the broker {self.broker} is back")
+        self._is_away = False
 
     def _on_connect(self, client: "Client", name: str, flags: object, reason: Any, properties: object) -> None:
         if reason.is_failure:

@@ -266,6 +266,26 @@ def test_bad_input_is_a_line(options, said, tmp_path, monkeypatch, capsys):
     assert said in line and line.count("\n") == 1
 
 
+def test_broker_that_is_gone_is_said_once_and_that_it_is_back(tmp_path):
+    said = []
+    with running(tmp_path, one_user(tmp_path)) as port:
+        connections = Connections(Broker("127.0.0.1", port, "fleet", "secret"), Dialect("2.1"), "us", said.append)
+        connections.add("one", ())
+
+    def wait(lines):
+        until = time.monotonic() + 30
+        while len(said) < lines and time.monotonic() < until:
+            connections.receive(0.05)
+
+    wait(1)
+    for _ in range(100):
+        connections.receive(0.05)
+    with socket.create_server(("127.0.0.1", port)):
+        wait(2)
+    at = f"the broker 127.0.0.1:{port}"
+    assert said == [f"no connection to {at}: connection refused; trying again", f"{at} is back"]
+
+
 def test_addresses():
     assert [(b.host, b.port) for b in map(broker_at, ("h", "h:1", "[::1]:2", "::1"))] == [("h", 1883), ("h", 1), ("::1", 2), ("::1", 1883)]
     assert broker_at("h", tls=True).port == 8883
