@@ -438,7 +438,7 @@ def _of_demand(served: Served, question: Question) -> str:
         return f"Whether a{wanted[1:]} is met cannot be told from runs this short."
     if found.estimate is None:
         return f"{wanted} is not met by any fleet that was tried on it, up to {_robots(served.curve.sizes[-1])}."
-    sure = _between(found) if found.high is not None else _span(found)
+    sure = _between(found) if found.high is not None else "or more" if found.low == found.estimate else _span(found)
     return f"{wanted} is met from {_robots(found.estimate)} on" + (f" ({sure})." if sure != str(found.estimate) else ".")
 
 

@@ -70,11 +70,14 @@ def test_a_fleet_is_ruled_out_by_the_upper_limit_of_what_it_can_do(off, low):
     assert answer.served.smallest.low == low
 
 
-@pytest.mark.parametrize(("high", "words"), [(6, "6 robots on (5 to 6)."), (None, "6 robots on (5 or more).")])
-def test_a_fleet_for_the_demand_that_is_not_sure_is_said_to_be_open_above(high, words):
+@pytest.mark.parametrize(
+    ("low", "high", "words"),
+    [(5, 6, "6 robots on (5 to 6)."), (5, None, "6 robots on (5 or more)."), (6, None, "6 robots on (or more)."), (6, 6, "6 robots on.")],
+)
+def test_a_fleet_for_the_demand_that_is_not_sure_is_said_to_be_open_above(low, high, words):
     asked = question((4, 9), FEW, demand_per_h=200.0)
     answer, _ = answer_of(asked, Known(asked, {4: (150, SURE), 6: (200, SURE), 9: (200, SURE)}))
-    served = replace(answer.served, smallest=replace(answer.served.smallest, high=high))
+    served = replace(answer.served, smallest=replace(answer.served.smallest, low=low, high=high))
     assert replace(answer, served=served).sentence.endswith(words)
 
 
