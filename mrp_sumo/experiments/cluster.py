@@ -9,6 +9,7 @@ import queue
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from time import monotonic
 from typing import Any
 
 from mrp_sumo.errors import BatchError
@@ -17,6 +18,7 @@ from mrp_sumo.experiments.processes import Processes
 from mrp_sumo.experiments.worker import CRASHED, Answer, Job, failure, machine
 
 PATIENCE_S = 10.0  # for the scheduler to answer
+WITHOUT_WORKERS_S = 60.0  # after which a batch ends
 _WRONG_VERSION = "wrong_version"
 
 _here: dict[int, Processes] = {}  # of each thread of a Dask worker
@@ -54,6 +56,7 @@ class Cluster:
         self._under_way: dict[Any, Job] = {}
         self._ended: queue.SimpleQueue[Any] = queue.SimpleQueue()
         self._count = 0
+        self._next_look_s = self._worker_seen_s = monotonic()
 
     @property
     def running(self) -> int:
@@ -84,7 +87,19 @@ class Cluster:
                 pass
             if not ended and self._client.status != "running":
                 raise self._gone()
+            if not ended:
+                self._require_workers(monotonic())
         return ended
+
+    def _require_workers(self, now_s: float) -> None:
+        """Runs of workers that are lost wait for others, which may never come."""
+        if now_s < self._next_look_s:
+            return
+        self._next_look_s = now_s + 1.0
+        if self._client.scheduler_info(n_workers=1)["workers"]:
+            self._worker_seen_s = now_s
+        elif now_s > self._worker_seen_s + WITHOUT_WORKERS_S:
+            raise BatchError(f"the Dask scheduler at '{self._address}' has no workers any more; start again to go on")
 
     def close(self) -> None:
         if self._client.status == "running":

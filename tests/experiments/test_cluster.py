@@ -20,7 +20,7 @@ pytest.importorskip("distributed")
 
 @pytest.fixture
 def cluster(tmp_path, workers_find_fake_runs):  # noqa: F811
-    """Address of a scheduler with a worker of two threads, and the scheduler's process."""
+    """Address of a scheduler with a worker of two threads, and the processes of both."""
     told = tmp_path / "scheduler.json"
     options = ["--scheduler-file", str(told), "--no-dashboard"]
     quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
@@ -46,7 +46,7 @@ def cluster(tmp_path, workers_find_fake_runs):  # noqa: F811
         deadline = time.monotonic() + 30
         while not told.exists() and time.monotonic() < deadline:
             time.sleep(0.05)
-        yield json.loads(told.read_text())["address"], scheduler
+        yield json.loads(told.read_text())["address"], scheduler, worker
     finally:
         for process in (worker, scheduler):
             process.kill()
@@ -59,7 +59,7 @@ def drive(folder, out, scheduler, **environment):
 
 
 def test_cluster_gives_the_results_of_one_worker_and_survives_crashes(tmp_path, cluster):
-    address, scheduler = cluster
+    address, scheduler, _ = cluster
     file = suite(tmp_path, f"grid_search: {{seed: [0..7, {fake_runs.SEGFAULTS}]}}\n")
     make(file, tmp_path / "here")
     process = drive(tmp_path, tmp_path / "there", address)
@@ -77,6 +77,17 @@ def test_cluster_gives_the_results_of_one_worker_and_survives_crashes(tmp_path, 
     assert process.communicate(timeout=60)[1] == f"the Dask scheduler at '{address}' is gone; start again to go on\n"
     assert process.returncode == 2
     assert len(told_by(tmp_path / "there")) >= 11
+
+
+def test_cluster_whose_workers_are_lost_for_good_ends_the_batch(cluster, monkeypatch):
+    monkeypatch.setattr("mrp_sumo.experiments.cluster.WITHOUT_WORKERS_S", 1.0)
+    address, _, worker = cluster
+    made = Cluster(address, "fake_runs:make")
+    worker.kill()
+    with pytest.raises(BatchError, match=f"^the Dask scheduler at '{address}' has no workers any more; start again to go on$"):
+        for _ in range(200):
+            made.wait(0.2)
+    made.close()
 
 
 def test_worker_with_another_version_makes_no_run():
