@@ -71,8 +71,8 @@ def run(options: argparse.Namespace) -> int:
         return 0
     for key, unit in ROWS.items():
         value = metrics[key]
-        text = f"{value:.3f}" if isinstance(value, float) else str(value)
-        print(f"{key:35} {text} {unit}".rstrip())
+        text = "-" if value is None else f"{value:.3f} {unit}" if isinstance(value, float) else f"{value} {unit}"
+        print(f"{key:35} {text}".rstrip())
     blocked = sorted((v, k) for k, v in metrics["timeBlockedPerAgent"].items() if v > 0)
     for value, name in blocked[::-1][:10]:
         print(f"  blocked {name:25} {value:.3f} s")

@@ -138,10 +138,12 @@ def test_bad_input_is_told_in_one_line(tmp_path, capsys, monkeypatch, arguments,
     assert told.out == "" and told.err.startswith(f"mrp-sumo: {line}") and told.err.count("\n") == 1
 
 
-def test_a_table_for_people(tmp_path, capsys):
+@pytest.mark.parametrize("name", ["bag", "folder.bag"])
+def test_a_table_for_people(tmp_path, capsys, name):
     fleet_bag(tmp_path / "bag", rows_of_two())
-    (tmp_path / "bag.yaml").write_text("robots: {r0: {start: [0, 0], goal: [3, 0]}, r1: {start: [0, 1], goal: [3, 1]}}")
-    assert main(["analyze", str(tmp_path / "bag")]) == 0
+    (tmp_path / "bag").rename(tmp_path / name)
+    (tmp_path / "config.yaml").write_text("robots: {r0: {start: [0, 0], goal: [3, 0]}, r1: {start: [0, 1], goal: [3, 1]}}")
+    assert main(["analyze", str(tmp_path / name), "--config", str(tmp_path / "config.yaml")]) == 0
     told = capsys.readouterr().out
     assert "goalsReached                        2\n" in told and "minDistanceBetweenTwoAgents         1.000 m\n" in told
     assert np.isfinite(float(told.split("totalTimeForScheduleExecution")[1].split()[0]))
