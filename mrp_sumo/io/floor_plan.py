@@ -141,6 +141,8 @@ def _graph_document(graph: NavGraph) -> dict[str, Any]:
 def _graph(document: dict[str, Any]) -> NavGraph:
     names, options = document["vertex_name"], document.get("vertex_options", {})
     _texts([document["name"], *document["level_names"], *names.values()])
+    if not set(document["level"] or ()) <= set(range(len(document["level_names"]))):
+        raise ValueError("a vertex is on no level")
     return nav_graph(
         name=document["name"],
         level_names=document["level_names"],

@@ -98,6 +98,13 @@ def test_a_run_that_was_not_executed_says_so(tmp_path):
             "graph",
             r"damaged, or of another version: TypeError: a name is \[1\], expected text",
         ),
+        (
+            "floor.json",
+            '{"schema_version": 1, "fleet": {}, "nav_graph": {}, "plan_graph": {"kind": "grid", "cell_m": 1, "vertex_of_station": [], '
+            '"name": "a", "level_names": ["L1"], "xy": [[0, 0]], "level": [1], "vertex_name": {}, "lanes": [], "length_m": null}}',
+            "graph",
+            r"damaged, or of another version: ValueError: a vertex is on no level",
+        ),
         ("plan.json", "[1", "plan", r"plan\.json: not JSON"),
         ("plan.json", '{"schema_version": 9}', "plan", r"plan\.json: schema version 9, expected 1"),
         (
