@@ -18,6 +18,11 @@ class Chargers:
         first = (np.arange(len(crew.robots) + 1) * charging.first_share + 0.5).astype(np.int64)
         self._go_first: BoolArray = np.diff(first) > 0  # [R] robots that go to charge whatever their level
 
+    @property
+    def watches(self) -> bool:
+        """True if a look may change more than whose battery is low: robots that nobody needs may go to charge, others be called off."""
+        return self._charging.opportunity and any(robot.is_charging or robot.is_free for robot in self._crew.robots)
+
     def look(self, now_s: float) -> None:
         """Send robots to chargers whose batteries are low, and with `opportunity` those that have nothing to do; call others off."""
         crew, charging = self._crew, self._charging

@@ -303,8 +303,8 @@ class Drive:
             return np.inf if type(self.work) is OneShot else -np.inf
         if not self.tasks.is_quiet(self.now_s):
             return -np.inf
-        empty_s = np.inf if self.batteries is None else self.tasks.empty_wake_s(self.now_s, self._most_per_s)
-        return min(self.rolling.window_over_s, empty_s)
+        level_s = np.inf if self.batteries is None else self.tasks.level_wake_s(self.now_s, self._most_per_s)
+        return min(self.rolling.window_over_s, level_s)
 
     @property
     def _look_every(self) -> int:

@@ -30,13 +30,13 @@ class Progress:
     def gets_done(self) -> bool:
         """True if robots are being served, will be mended, or have no orders."""
         robots = self._crew.robots
-        if np.isinf(self._crew.orders.open_since_s) or not any(_is_at_work(robot) for robot in robots):
+        if not self._crew.orders.num_open or not any(_is_at_work(robot) for robot in robots):
             return True
         return any(robot.making is not None or robot.condition is Condition.BROKEN for robot in robots)
 
     def is_steady(self, now_s: float) -> bool:
-        """True if a look would see nothing but that the others get on: nobody is stalled or out, and stops are being made."""
-        if self._stands or any(robot.condition is not Condition.SOUND for robot in self._crew.robots):
+        """True if a look would see nothing but that others get on: nobody is stalled or broken for a while, and stops are being made."""
+        if self._stands or any(robot.condition in (Condition.STALLED, Condition.BROKEN) for robot in self._crew.robots):
             return False
         return now_s - self.made_s < STANDS_S / 2 or self.gets_done
 

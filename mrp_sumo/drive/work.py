@@ -68,22 +68,25 @@ class Work:
         """True if `update` changes nothing before `wake_s` but the time since which robots have got on (see `pass_over`), as long as no
         robot stands but those that `rests` has, nor goes on that is `watched`.
         """
-        if self.crew.is_changed or self._chargers is not None or not self.progress.is_steady(now_s):
+        if self.crew.is_changed or not self.progress.is_steady(now_s) or (self._chargers is not None and self._chargers.watches):
             return False
         speed_mps = self.crew.ledger.state.motion.speed_mps
         return all(speed_mps[robot.number] > 0 for robot in self._passing())  # else nobody knows when they are near
 
     @property
     def watched(self) -> BoolArray:
-        """[R] robots that make a stop in passing, or come to wait in line, on their way."""
-        lines_up = (robot.duty is Duty.DRIVING and robot.wait_at != NONE for robot in self.crew.robots)
+        """[R] robots that make a stop in passing, come to wait in line, or come to a charger, on their way."""
+        lines_up = (robot.duty is Duty.DRIVING and (robot.wait_at != NONE or robot.charges) for robot in self.crew.robots)
         passes = (any(not self._takes_s(leg.task, leg.nth) for leg in robot.legs) for robot in self.crew.robots)
         return np.array([a or b for a, b in zip(lines_up, passes)], np.bool_)
 
-    def empty_wake_s(self, now_s: float, most_per_s: FloatArray) -> float:
-        """Until when no battery runs empty, as robots draw at most so much a second [R]; for robots that nobody charges."""
-        level, is_out = self.crew.level, np.array([robot.is_out for robot in self.crew.robots], np.bool_)
-        left = np.where(~is_out & (level > 0), level, np.inf)
+    def level_wake_s(self, now_s: float, most_per_s: FloatArray) -> float:
+        """Until when no battery runs empty, nor so low that its robot is to charge, as robots draw at most so much a second [R]."""
+        level, charging = self.crew.level, self.crew.settings.charging
+        left = np.where(level > 0, level, np.inf)
+        if charging is not None:
+            left = np.where(level > charging.critical, level - charging.critical, left)
+        left[[robot.is_out for robot in self.crew.robots]] = np.inf
         return now_s + float((left / most_per_s).min(initial=np.inf)) - STEP_S
 
     def pass_over(self, looks_s: Sequence[float], level: FloatArray | None) -> None:

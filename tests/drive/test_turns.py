@@ -4,9 +4,10 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from floors import BATTERY, driven, lanes, scenario, tee
+from floors import BATTERY, driven, lanes, ring, scenario, tee
 
 from mrp_sumo.drive.dispatchers import OURS
+from mrp_sumo.drive.work import Work
 
 DISPATCHERS = [name for name in OURS if name != "one_shot"]
 
@@ -36,6 +37,30 @@ def test_three_robots_take_turns_at_one_charger(tmp_path):
     in_turn = charges[np.argsort(run.stops.begin_s[charges])]
     assert run.stops.robot[in_turn].tolist()[:6] == [1, 0, 2, 1, 0, 2]
     assert result.operations_audit["passed"], result.operations_audit
+
+
+def test_a_run_whose_looks_are_left_out_while_nobody_needs_them_is_the_same(tmp_path, monkeypatch):
+    """Batteries come to the level at which their robots are to charge, with looks twice a second and without."""
+    charging = {"stations": ["c3"], "critical_low_charging_level": 50, "maximum_desired_charging_level": 60, "start_level": [52, 58]}
+    tasks = {"streams": [{"name": "o", "stops": ["A", "B"], "service": [30, 5], "arrivals": {"open": 2}}], "charging": charging}
+    other = {"shape": {"battery": BATTERY}, "execution": {"time_limit_s": 1500.0}}
+    looks, runs, update = [], [], Work.update
+    for quiet in (True, False):
+        looks.append(0)
+
+        def counted(work, *arguments, **named):
+            looks[-1] += 1
+            update(work, *arguments, **named)
+
+        monkeypatch.setattr(Work, "update", counted)
+        if not quiet:
+            monkeypatch.setattr(Work, "is_quiet", lambda *_: False)
+        runs.append(driven(scenario(ring(tmp_path), tasks, starts=["A"], **other)).execution)
+    one, same = runs
+    assert looks[0] < looks[1] / 2 and (~one.tasks.is_order).sum() > 2
+    for name in ("x_m", "y_m", "yaw_rad", "speed_mps"):
+        assert getattr(one, name).tobytes() == getattr(same, name).tobytes(), name
+    assert one.stops.begin_s.tobytes() == same.stops.begin_s.tobytes() and one.batteries.level.tobytes() == same.batteries.level.tobytes()
 
 
 def test_nobody_is_passed_over_again_and_again_in_narrow_traffic(tmp_path):
