@@ -16,7 +16,7 @@ from mrp_sumo.drive.stalling import Progress
 from mrp_sumo.drive.work_request import WorkRequest, take_over
 
 SLACK_S = 0.5  # so much earlier than a robot would have to brake for a stop without service, its way on is asked for
-STEP_S = 1.0  # more than between two looks: so much before a battery may be empty, every look counts
+STEP_S = 1.0  # more than between two looks: so much before a battery may be empty or low, every look counts
 TRY_AGAIN_S = 2.0  # after a request that had no answer
 
 

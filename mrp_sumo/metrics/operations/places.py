@@ -116,14 +116,16 @@ def _left(logs: Logs) -> Iterator[Wish]:
 def _is_cut_off(logs: Logs, wish: Wish, since_s: float, until_s: float) -> bool:
     """True if there is no way round a robot that stands for most of the time where it is lost, or served, as at a charger in an aisle."""
     stops, graph = logs.stops, logs.graph
-    served = (stops.vertex, stops.robot, stops.begin_s, stops.end_s)
-    lost = [
-        (_vertex_at(logs, r, begin_s), r, begin_s, end_s) for r in range(logs.fleet.num_robots) for begin_s, end_s in logs.times_in(LOST, r)
-    ]
-    vertex, robot, begin_s, end_s = (np.concatenate([known, np.array(more)]) for known, more in zip(served, zip(*lost))) if lost else served
-    share = (np.minimum(end_s, until_s) - np.maximum(begin_s, since_s)) / (until_s - since_s)
+    stood = [*zip(stops.vertex.tolist(), stops.robot.tolist(), stops.begin_s.tolist(), stops.end_s.tolist())]
+    for robot in range(logs.fleet.num_robots):
+        stood += [(_vertex_at(logs, robot, begin_s), robot, begin_s, end_s) for begin_s, end_s in logs.times_in(LOST, robot)]
+    vertices = {
+        vertex
+        for vertex, robot, begin_s, end_s in stood
+        if robot != wish.robot and (min(end_s, until_s) - max(begin_s, since_s)) / (until_s - since_s) > MOST
+    }
     at = _vertex_at(logs, wish.robot, since_s)
-    for v in set(vertex[(share > MOST) & (robot != wish.robot)].tolist()) - set(wish.vertices):
+    for v in vertices - set(wish.vertices):
         leads = (graph.tail != v) & (graph.head != v)
         piece = weak_components(graph.num_vertices, graph.tail[leads], graph.head[leads])
         if piece[at] not in piece[wish.vertices]:
