@@ -7,7 +7,7 @@ folder, too. Options win over files.
 With --metric, BAG is a run folder or the folder of a batch, and the metrics are those that are named: bundled ones, or
 FILE.py:FUNCTION of your own. A batch's results get them as columns.
 
-With --audit, BAG is a run folder with tasks, and its work is judged again by its tables as they are now. Exit code 1 for findings.
+With --audit, BAG is a run folder, and bodies and work are judged again by its tables as they are now. Exit code 1 for findings.
 """
 
 import argparse
@@ -49,7 +49,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--window", dest="windowSize", type=int, metavar="N", help="its windowSize (default: 10)")
     parser.add_argument("--timeout", dest="recordingTimeout", type=float, metavar="S", help="its recordingTimeout (default: 600)")
     parser.add_argument("--metric", action="append", metavar="NAME", help="compute this metric of a run or a batch; may be repeated")
-    parser.add_argument("--audit", action="store_true", help="judge the work of a run again, by the tables in its folder")
+    parser.add_argument("--audit", action="store_true", help="judge bodies and work of a run again, by the tables in its folder")
     parser.add_argument("--json", action="store_true", help="print JSON, all keys by MRP-Bench's names")
 
 
@@ -80,26 +80,29 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _audit(options: argparse.Namespace) -> int:
-    """Judge the work of a run by the tables in its folder. Exit code 1 when something is found."""
+    """Judge a run again by its tables: bodies, and work where there is any. Exit code 1 when something is found."""
     from mrp_sumo.errors import MrpSumoError
     from mrp_sumo.experiments.audit_work import logs_in
     from mrp_sumo.io.run_folder import plain
     from mrp_sumo.io.run_reader import load_run
+    from mrp_sumo.metrics.audit import audit, first_findings
     from mrp_sumo.metrics.operations.audit import operations_audit
 
     if options.metric:
         raise MrpSumoError("--audit and --metric: expected one of them")
-    logs = logs_in(load_run(options.bag))
-    if logs is None:
-        raise MrpSumoError(f"{options.bag}: a run without tasks, whose work the operations audit does not know")
-    audited = operations_audit(logs)
+    run = load_run(options.bag)
+    level = None if run.plan is None else run.graph.level[run.plan.vertex[run.plan.first[:-1]]]
+    findings = [finding._asdict() for finding in first_findings(audit(run.execution, run.fleet, level))]
+    logs = logs_in(run)
+    if logs is not None:
+        findings += operations_audit(logs)["findings"]
     if options.json:
-        print(json.dumps(plain(audited), indent=2, ensure_ascii=False))
-    elif audited["passed"]:
-        print(f"{options.bag}: operations audit passed")
-    for finding in () if options.json else audited["findings"]:
+        print(json.dumps(plain({"passed": not findings, "findings": findings}), indent=2, ensure_ascii=False))
+    elif not findings:
+        print(f"{options.bag}: audit of bodies {'passed, a run without tasks' if logs is None else 'and operations audit passed'}")
+    for finding in () if options.json else findings:
         print(f"{finding['t_s']:10.2f} s  {finding['rule']}: {finding['text']}")
-    return 0 if audited["passed"] else 1
+    return 1 if findings else 0
 
 
 def _measure(options: argparse.Namespace) -> int:

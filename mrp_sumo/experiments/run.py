@@ -144,7 +144,7 @@ def finish(setup: SetUp, solution: Solution, maps: MapCache, options: RunOptions
     from mrp_sumo.drive.outside_dispatcher import DispatcherError
     from mrp_sumo.experiments.interventions import Interventions
     from mrp_sumo.experiments.result import RunResult
-    from mrp_sumo.metrics.audit import at_walls, audit, beside_lifts
+    from mrp_sumo.metrics.audit import audit, in_words
     from mrp_sumo.metrics.evaluate import evaluate
     from mrp_sumo.metrics.fleet_use import ran_empty, stalled_robots
     from mrp_sumo.metrics.lane_keeping import lane_keeping, on_lane_m
@@ -183,8 +183,8 @@ def finish(setup: SetUp, solution: Solution, maps: MapCache, options: RunOptions
     flat = ran_empty(execution.batteries, names) if execution and execution.batteries else ""
     stalled = stalled_robots(execution, names) if execution else ""
     unanswered = _unanswered(execution) if execution else ""
-    seen = (at_walls(audited), beside_lifts(audited)) if audited else ()
-    note = "; ".join(filter(None, (note, *seen, busy, flat, stalled, unanswered, *setup.notes)))
+    seen = in_words(audited) if audited else ""
+    note = "; ".join(filter(None, (note, seen, busy, flat, stalled, unanswered, *setup.notes)))
     lanes = lane_keeping(execution, setup.map.nav, on_lane_m(_tracks_apart_m(setup))) if execution else None
     if execution:
         let_go_of_samples(execution)

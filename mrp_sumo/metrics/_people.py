@@ -67,6 +67,10 @@ def meet_people(x, y, yaw, speed, period_s, half_length, half_width, decel, firs
             next_x, next_y = (x[after, r] - x[k, r], y[after, r] - y[k, r]) if going else (0.0, 0.0)
             turn = (yaw[after, r] - yaw[k, r] + np.pi) % (2.0 * np.pi) - np.pi if going else 0.0
             ux, uy = (moved_x / moved, moved_y / moved) if moved > MOVES_M else (0.0, 0.0)
+            heading_x, heading_y = np.cos(yaw[k, r]), np.sin(yaw[k, r])
+            if moved > MOVES_M and abs(moved_x * heading_y - moved_y * heading_x) <= SLACK_M:  # a short way tells less than the heading
+                sign = 1.0 if moved_x * heading_x + moved_y * heading_y >= 0.0 else -1.0
+                ux, uy = sign * heading_x, sign * heading_y
             around = np.hypot(half_length[r], half_width[r])
             look = around + radius + 1.0 + speed[k, r] ** 2 / (2.0 * decel[r]) + speed[k, r] * (reaction + period_s) + max(extra, 0.0)
             for p in range(first[k], first[k + 1]):

@@ -5,6 +5,7 @@ policies, so it can disagree with all of them. Between samples it takes robots t
 at all of that way, not only at the samples.
 """
 
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -17,6 +18,7 @@ from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.maps.boxes import overlapping
 from mrp_sumo.metrics import _audit, _people, _walls
 from mrp_sumo.metrics.metric import TOGETHER
+from mrp_sumo.metrics.operations.evidence import Finding
 
 LISTED = 20  # findings of a kind that are listed one by one
 ELSEWHERE_M = 0.02  # SUMO rounds shapes and lengths
@@ -33,6 +35,15 @@ KINDS = {  # of violations: the count they go to, in the order of the kernel's n
     "jump": "num_jumps",
     "heading_jump": "num_heading_jumps",
 }
+IN_WORDS = (  # kinds of findings: where they are listed, what counts them, the words between robot and place
+    ("overlaps", ("num_overlaps",), "overlap"),
+    ("wall_contacts", ("num_wall_contacts",), "{at_wall}"),
+    ("person_contacts", ("num_person_contacts",), "drives into person {person}"),
+    ("field_violations", ("num_field_violations",), "drives {speed_mps:.2f} m/s, faster than its protective field allows,"),
+    ("rides_outside", ("num_rides_outside",), "rides a lift outside its cabin"),
+    ("violations", tuple(KINDS.values()), "breaks its limit of {kind}: {value:.3g} where {limit:.3g} is the most,"),
+    ("sumo_disagreements", ("num_sumo_disagreements",), "is {apart_m:.3f} m from where SUMO has it"),
+)
 
 
 def audit(
@@ -106,23 +117,24 @@ def audit(
     }
 
 
-def at_walls(audited: dict[str, Any]) -> str:
-    """In words, what an audit found at walls; '' for nothing."""
-    if not audited["num_wall_contacts"]:
-        return ""
-    first, more = audited["wall_contacts"][0], audited["num_wall_contacts"] - 1
-    what = "drives through a wall" if first["crosses"] else "touches a wall"
-    others = f", and {more} more contact{'s' if more > 1 else ''}" if more else ""
-    return f"{first['robot']} {what} at ({first['x_m']:.2f}, {first['y_m']:.2f}) after {first['t_s']:.1f} s{others}"
+def first_findings(audited: dict[str, Any]) -> Iterator[Finding]:
+    """What an audit found, the first of each kind, with how many more there are."""
+    for listed, counts, words in IN_WORDS:
+        if count := sum(audited[name] or 0 for name in counts):
+            first = audited[listed][0]
+            robots = first.get("robots") or [first["robot"]]
+            place = f" at ({first['x_m']:.2f}, {first['y_m']:.2f})" if "x_m" in first else ""
+            at_wall = "drives through a wall" if first.get("crosses") else "touches a wall"
+            more = f", and {count - 1} more" if count > 1 else ""
+            text = f"{' and '.join(robots)} {words.format(**first, at_wall=at_wall)}{place} after {first['t_s']:.1f} s{more}"
+            yield Finding("bodies", first["t_s"], text, robot=robots[0])
+    for text in audited["sumo_collisions"][:1]:
+        yield Finding("bodies", 0.0, text)
 
 
-def beside_lifts(audited: dict[str, Any]) -> str:
-    """In words, what an audit found at lifts; '' for nothing."""
-    if not audited["num_rides_outside"]:
-        return ""
-    first, more = audited["rides_outside"][0], audited["num_rides_outside"] - 1
-    others = f", and {more} more" if more else ""
-    return f"{first['robot']} rides a lift outside its cabin at ({first['x_m']:.2f}, {first['y_m']:.2f}) after {first['t_s']:.1f} s{others}"
+def in_words(audited: dict[str, Any]) -> str:
+    """The first finding of each kind; '' for none."""
+    return "; ".join(finding.text for finding in first_findings(audited))
 
 
 def prepare() -> None:

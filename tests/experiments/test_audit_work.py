@@ -69,6 +69,7 @@ def first(folder, table, column, wanted):
         ("stops.parquet", "begin_s", lambda t: t > 0, lambda t: t - 1.5, "service"),
         ("stops.parquet", "station", lambda s: s == "A", lambda s: "B", "stops in order"),
         ("trajectory.parquet", "x_m", lambda x: True, lambda x: x + 3.0, "visits"),
+        ("trajectory.parquet", "speed_mps", lambda v: True, lambda v: v + 9.0, "bodies"),
         ("visits.parquet", "arrived_s", lambda t: t is not None, lambda t: t + 150.0, "visits"),
         ("replans.parquet", "arrived_s", lambda t: t is not None, lambda t: t + 30.0, "visits"),
         ("battery.parquet", "battery_percent", lambda p: p < 95, lambda p: p + 1.0, "batteries"),
@@ -101,3 +102,13 @@ def test_bad_input_is_one_line(folder, tmp_path, capsys):
     assert main(["analyze", str(other), "--audit"]) == 2
     assert "robot_7" in capsys.readouterr().err
     assert np.isfinite(load_run(folder).metrics["tasks_done"])
+
+
+def test_run_without_tasks_has_its_bodies_judged(tmp_path, capsys):
+    file = scenario(ring(tmp_path), None, robots=2, execution={"time_limit_s": 60.0})
+    place = written(file, tmp_path / "run")
+    assert main(["analyze", str(place), "--audit"]) == 0
+    assert "audit of bodies passed, a run without tasks" in capsys.readouterr().out
+    change(place / "trajectory.parquet", "x_m", 0, lambda x: x + 9.0)
+    assert main(["analyze", str(place), "--audit"]) == 1
+    assert "bodies: robot_0" in capsys.readouterr().out

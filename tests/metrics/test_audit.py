@@ -8,7 +8,7 @@ from mrp_sumo.core.execution import Execution, Outcome
 from mrp_sumo.core.fleet import fleet_of
 from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.metrics._audit import rectangle_distance
-from mrp_sumo.metrics.audit import audit, beside_lifts
+from mrp_sumo.metrics.audit import audit, in_words
 
 pytestmark = pytest.mark.kernel
 
@@ -222,7 +222,7 @@ def test_who_changes_levels_is_in_a_cabin(x_m, outside):
     assert (found["num_rides_outside"], found["passed"]) == (outside, not outside)
     if outside:
         assert found["rides_outside"] == [{"robot": "robot_0", "t_s": 1.0, "x_m": x_m, "y_m": 0.0, "level": 0}]
-        assert beside_lifts(found) == f"robot_0 rides a lift outside its cabin at ({x_m:.2f}, 0.00) after 1.0 s"
+        assert in_words(found) == f"robot_0 rides a lift outside its cabin at ({x_m:.2f}, 0.00) after 1.0 s"
 
 
 def test_who_stays_on_a_level_needs_no_cabin():

@@ -11,7 +11,7 @@ from mrp_sumo.core.people import PeopleLog
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.io.people_table import read_people, write_people
 from mrp_sumo.io.trajectory import Levels
-from mrp_sumo.metrics.audit import audit
+from mrp_sumo.metrics.audit import audit, in_words
 
 FIELDS = {"radius_m": 0.25, "extra_m": 0.45, "reaction_s": 0.2, "side_m": 0.1, "slowest_mps": 0.1}
 
@@ -36,13 +36,14 @@ def sightings(x, y):
     )
 
 
-def audited(robot_x, person_x, person_y):
+def audited(robot_x, person_x, person_y, robot_y=0.0):
     """What is found of a cart that drives along x with samples each 0.1 s, and a person."""
     run, x = record_of_four().execution, np.asarray(robot_x, np.float64)[:, None]
     still, t = np.zeros_like(x), np.arange(len(x)) * 0.1
+    y = still + np.reshape(robot_y, (-1, 1))
     speed = np.diff(x, axis=0, prepend=x[:1]) / 0.1
     log = sightings(np.broadcast_to(person_x, len(x)).astype(float), np.broadcast_to(person_y, len(x)).astype(float))
-    return audit(replace(run, t_s=t, x_m=x, y_m=still, yaw_rad=still, speed_mps=speed, people=log), fleet_of(CART, 1))
+    return audit(replace(run, t_s=t, x_m=x, y_m=y, yaw_rad=still, speed_mps=speed, people=log), fleet_of(CART, 1))
 
 
 def braking(from_mps, to_m):
@@ -65,6 +66,18 @@ def test_robot_that_is_too_fast_near_somebody_is_a_failure_without_a_contact():
     found = audited(x, 3.0, 0.0)
     assert found["num_person_contacts"] == 0 and found["num_field_violations"] > 0 and not found["passed"]
     assert audited(x, 3.0, 0.0)["min_person_distance_m"] == pytest.approx(0.1, abs=1e-5)
+
+
+@pytest.mark.parametrize(("outside_m", "finds"), [(0.002, False), (-0.002, True)])
+def test_millimetre_aside_turns_no_field(outside_m, finds):
+    """A cart sets out at 0.5 m/s beside somebody who comes into its field only then: a rounded place is no other direction."""
+    x = np.concatenate([np.zeros(5), np.arange(1, 10) * 0.05])
+    y = np.where(np.arange(len(x)) >= 5, 0.001, 0.0)
+    wide_m = 0.001 + CART.width_m / 2 + FIELDS["side_m"] + FIELDS["radius_m"]
+    person_y = np.where(np.arange(len(x)) == 5, wide_m + outside_m, np.where(np.isin(np.arange(len(x)), [6, 7]), wide_m - 0.1, 5.0))
+    found = audited(x, CART.length_m / 2 + 0.5, person_y, y)
+    assert bool(found["num_field_violations"]) == finds
+    assert ("robot_0 drives 0.50 m/s, faster than its protective field allows, after 0.7 s" in in_words(found)) == finds
 
 
 def test_robot_that_brakes_from_when_somebody_steps_before_it_is_none():

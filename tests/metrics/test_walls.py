@@ -7,7 +7,7 @@ from shapely import affinity, geometry
 from mrp_sumo.core.execution import Execution, Outcome
 from mrp_sumo.core.fleet import fleet_of
 from mrp_sumo.core.robot_type import RobotType
-from mrp_sumo.metrics.audit import at_walls, audit
+from mrp_sumo.metrics.audit import audit, in_words
 
 pytestmark = pytest.mark.kernel
 
@@ -25,7 +25,7 @@ def look(walls, x, y=0.0, yaw=0.0, dt=1.0, robot=CART):
 
 def test_a_cart_in_a_corridor_leaves_half_of_what_it_is_narrower():
     found = look([((-5, 0.5), (15, 0.5)), ((-5, -0.5), (15, -0.5))], np.arange(10.0)[:, None])
-    assert found["passed"] and found["num_wall_contacts"] == 0 and at_walls(found) == ""
+    assert found["passed"] and found["num_wall_contacts"] == 0 and in_words(found) == ""
     assert found["min_wall_clearance_m"] == pytest.approx(0.25)
     assert found["min_wall_clearance"] == {"robot": "robot_0", "t_s": 0.0}
 
@@ -36,7 +36,7 @@ def test_driving_through_a_wall_between_two_samples_is_seen():
     (contact,) = found["wall_contacts"]
     assert contact["robot"] == "robot_0" and contact["crosses"]
     assert contact["x_m"] == pytest.approx(4.5, abs=1e-2) and contact["t_s"] == pytest.approx(4.5 / 8, abs=1e-2)  # its front is first
-    assert at_walls(found) == "robot_0 drives through a wall at (4.50, 0.00) after 0.6 s"
+    assert in_words(found) == "robot_0 drives through a wall at (4.50, 0.00) after 0.6 s"
     assert found["min_wall_clearance_m"] == 0
 
 
@@ -45,7 +45,7 @@ def test_a_footprint_that_grazes_a_wall_touches_it_and_its_centre_does_not():
         found = look([((2, 0.25 - shared_m), (3, 0.25 - shared_m))], [[0.0], [8.0]])
         assert (found["num_wall_contacts"], found["num_wall_crossings"]) == (contacts, 0)
         assert found["min_wall_clearance_m"] == pytest.approx(max(0, -shared_m), abs=2e-4)
-    assert at_walls(look([((2, 0.2), (3, 0.2))], [[0.0], [8.0]])).startswith("robot_0 touches a wall at (1.5")
+    assert in_words(look([((2, 0.2), (3, 0.2))], [[0.0], [8.0]])).startswith("robot_0 touches a wall at (1.5")
 
 
 def test_a_turning_cart_sweeps_a_corner_that_it_misses_at_both_samples():
@@ -78,7 +78,7 @@ def test_without_a_drawing_nothing_is_said_of_walls():
     assert run["passed"] and run["num_wall_contacts"] == 0 and run["min_wall_clearance_m"] is None
     x = np.zeros((2, 1))
     bare = audit(Execution(np.arange(2.0), x, x, x, x, np.zeros(0), np.zeros(1), Outcome.COMPLETED, "adg", 1, 1, 1), fleet_of(CART, 1))
-    assert bare["passed"] and bare["num_wall_contacts"] is None and at_walls(bare) == ""
+    assert bare["passed"] and bare["num_wall_contacts"] is None and in_words(bare) == ""
 
 
 def test_contacts_equal_those_of_shapely():
