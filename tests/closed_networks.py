@@ -4,6 +4,7 @@ All times are exponential, so the networks have product form: `throughput_per_h`
 load, Communications of the ACM 16, 1973; the same numbers as mean value analysis). `Studied` draws the runs that a capacity study asks for.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -40,30 +41,9 @@ class Network:
         return float(total[robots - 1] / total[robots]) / 100.0 * 3600.0
 
     @property
-    def truth(self) -> dict[str, float]:
-        """Peak, knee and collapse of the sizes that are asked about; NaN: none."""
-        sizes = range(self.sizes[0], self.sizes[1] + 1)
-        of = {n: self.throughput_per_h(n) for n in sizes}
-        best = max(of.values())
-        peak = next(n for n in sizes if of[n] >= best * (1 - 1e-9))
-        knee = next(n for n in sizes if of[n] >= 0.95 * best)
-        collapse = next((n for n in sizes if n > peak and of[n] < 0.95 * best), np.nan)
-        return {"peak": peak, "knee": knee, "collapse": collapse, "best_per_h": best}
-
-    def held(self, answer) -> dict[str, list[bool]]:
-        """Which limits of a study's answer hold the truth. A collapse that is not there is *invented*; one not seen claims nothing."""
-        curve, truth = answer.curve, self.truth
-        sizes = {n: _holds(curve.points[n].throughput, self.throughput_per_h(n)) for n in curve.sizes}
-        there = not np.isnan(truth["collapse"])
-        return {
-            "size": list(sizes.values()),
-            "best": [sizes[curve.best]],
-            "peak": [_holds(answer.peak, truth["peak"])],
-            "knee": [_holds(answer.knee, truth["knee"])],
-            "collapse": [_holds(answer.collapse, truth["collapse"])] if there and answer.collapse.estimate is not None else [],
-            "seen": [answer.collapse.estimate is not None] if there else [],
-            "invented": [] if there else [answer.collapse.estimate is not None],
-        }
+    def per_h(self) -> dict[int, float]:
+        """Throughput of the sizes that are asked about."""
+        return {n: self.throughput_per_h(n) for n in range(self.sizes[0], self.sizes[1] + 1)}
 
 
 # One state is stable in each: where robots jam the floor, stations take them all at once. (A floor that a crowd jams and a station that a
@@ -76,6 +56,36 @@ NETWORKS = (
     Network("long ways", 600.0, ((12.0, 1),), (4, 100)),
     Network("still rising", 900.0, ((15.0, 2),), (4, 40)),
 )
+
+
+def truth(per_h: Mapping[int, float]) -> dict[str, float]:
+    """Peak, knee and collapse of fleets by size, ascending; NaN: none."""
+    best = max(per_h.values())
+    peak = next(n for n, of in per_h.items() if of >= best * (1 - 1e-9))
+    knee = next(n for n, of in per_h.items() if of >= 0.95 * best)
+    collapse = next((n for n, of in per_h.items() if n > peak and of < 0.95 * best), np.nan)
+    return {"peak": peak, "knee": knee, "collapse": collapse}
+
+
+def held(answer, per_h: Mapping[int, float]) -> dict[str, list[bool]]:
+    """Which limits of a study's answer hold the truth. A collapse that is not there is *invented*; one not seen claims nothing."""
+    curve, true = answer.curve, truth(per_h)
+    sizes = {n: _holds(curve.points[n].throughput, per_h[n]) for n in curve.sizes}
+    there = not np.isnan(true["collapse"])
+    return {
+        "size": list(sizes.values()),
+        "best": [sizes[curve.best]],
+        "peak": [_holds(answer.peak, true["peak"])],
+        "knee": [_holds(answer.knee, true["knee"])],
+        "collapse": [_holds(answer.collapse, true["collapse"])] if there and answer.collapse.estimate is not None else [],
+        "seen": [answer.collapse.estimate is not None] if there else [],
+        "invented": [] if there else [answer.collapse.estimate is not None],
+    }
+
+
+def by_hand(answer, per_h: Mapping[int, float]) -> list[bool]:
+    """Whether limits of sizes hold what is known of them by hand."""
+    return [_holds(answer.curve.points[n].throughput, of) for n, of in per_h.items() if n in answer.curve.points]
 
 
 def agree(one, other) -> bool:

@@ -1,13 +1,16 @@
 """Trust in the answers of capacity studies, and their cost.
 
-    python tools/bench_capacity.py [coverage] [agreement] [saving] [kills] [--studies 200] [--pairs 7] [--kills 20] [--json]
+    python tools/bench_capacity.py [coverage] [driven] [agreement] [saving] [kills] [--studies 200] [--pairs 7] [--kills 20] [--seeds 80]
+                                   [--pool DIR] [--json]
 
 `coverage`: of how many studies, with the search in them, limits hold the truth, on six closed networks whose throughput is known exactly
 (`tests/closed_networks.py`): of every size, of the size with the most, of peak, knee and collapse; and how many invent a collapse where
-there is none; nothing in the search was tuned on them. `agreement`: of how many pairs a study with --quick and a long one agree within
-their limits. `saving`: runs of the search beside a grid of every third size with as many seeds, on made-up fleets whose peak
-is known. `kills`: a small study is killed again and again at random moments, and its answer compared, byte for byte, with that of one that
-was left alone; also the CPU time of the search beside that of the runs. --json prints an object a line.
+there is none; nothing in the search was tuned on them. `driven`: the same on three small floors that are driven for real
+(`tests/driven_floors.py`), --seeds runs of every size, whose mean is the truth and from which studies draw theirs; --pool keeps them.
+`agreement`: of how many pairs a study with --quick and a long one agree within their limits. `saving`: runs of the search beside a grid
+of every third size with as many seeds, on made-up fleets whose peak is known. `kills`: a small study is killed again and again at random
+moments, and its answer compared, byte for byte, with that of one that was left alone; also the CPU time of the search beside that of the
+runs. --json prints an object a line.
 """
 
 import argparse
@@ -20,8 +23,9 @@ import sys
 import tempfile
 import time
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 import bench
 
@@ -34,19 +38,36 @@ def coverage(studies: int) -> Iterator[Row]:
     from closed_networks import NETWORKS, Studied
 
     from mrp_sumo.sizing.question import FULL
-    from mrp_sumo.sizing.search import Desk, coarse, limits
 
     for network in NETWORKS:
-        began, held, runs = time.process_time(), defaultdict[str, list[bool]](list), 0
-        for study in range(studies):
-            studied = Studied(network, study, FULL)
-            desk = Desk(studied.question, studied)
-            answer = limits(coarse(desk))
-            runs += len(desk.asked)
-            for name, holds in network.held(answer).items():
-                held[name] += holds
-        shares = {name: 100 * sum(of) / len(of) for name, of in sorted(held.items()) if of}
-        yield {"system": network.name, "studies": studies, **shares, "runs": runs / studies, "cpu_s": time.process_time() - began}
+        yield {"system": network.name, **_counted((Studied(network, study, FULL) for study in range(studies)), network.per_h)}
+
+
+def driven(studies: int, seeds: int, folder: Path) -> Iterator[Row]:
+    """The same of studies of floors that are driven, and of how many limits hold what is known by hand."""
+    from driven_floors import FLOORS, Drawn, pool
+
+    for floor in FLOORS:
+        of = pool(floor, folder / floor.name.replace(" ", "_"), seeds, workers=2)
+        known = {f"true_per_h_{n}": round(per_h, 1) for n, per_h in of.per_h.items()}
+        yield {"system": floor.name, **_counted((Drawn(of, study) for study in range(studies)), of.per_h, floor.known_per_h), **known}
+
+
+def _counted(studies: Iterable[Any], per_h: Mapping[int, float], known_per_h: Mapping[int, float] | None = None) -> Row:
+    """Shares of limits that hold the truth, of studies of one system."""
+    from closed_networks import by_hand, held
+
+    from mrp_sumo.sizing.search import Desk, coarse, limits
+
+    began, shares, runs, count = time.process_time(), defaultdict[str, list[bool]](list), 0, 0
+    for studied in studies:
+        desk = Desk(studied.question, studied)
+        answer = limits(coarse(desk))
+        count, runs = count + 1, runs + len(desk.asked)
+        for name, holds in {**held(answer, per_h), "by_hand": by_hand(answer, known_per_h or {})}.items():
+            shares[name] += holds
+    found = {name: 100 * sum(of) / len(of) for name, of in sorted(shares.items()) if of}
+    return {"studies": count, **found, "runs": runs / count, "cpu_s": time.process_time() - began}
 
 
 def agreement(pairs: int) -> Iterator[Row]:
@@ -120,6 +141,7 @@ def _command(out: Path) -> list[str]:
 
 MEASURES = {
     "coverage": lambda options: coverage(options.studies),
+    "driven": lambda options: driven(options.studies, options.seeds, options.pool),
     "agreement": lambda options: agreement(options.pairs),
     "saving": lambda options: iter([saving()]),
     "kills": lambda options: iter([kills(options.kills)]),
@@ -132,6 +154,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--studies", type=int, default=200)
     parser.add_argument("--pairs", type=int, default=7)
     parser.add_argument("--kills", type=int, default=20)
+    parser.add_argument("--seeds", type=int, default=80)
+    parser.add_argument("--pool", type=Path, default=Path("runs/driven_floors"))
 
 
 def rows(options: argparse.Namespace) -> Iterator[bench.Row]:

@@ -72,13 +72,11 @@ class Answer:
 
     @property
     def limit(self) -> Share | None:
-        """Limit that binds: the planner where it has no plans for the next larger fleets, else as at the peak."""
+        """Limit that binds: what the next larger fleets do not count for, planner or chargers, else as at the peak."""
         if not self.points:
-            return (
-                Share("planner", "", self.unfit[0].unanswered_share) if self.unfit and self.unfit[0].unanswered_share > UNANSWERED else None
-            )
-        if self.limits and self.limits.peak.estimate is None and (beyond := self._without_plans):
-            return Share("planner", "", beyond.unanswered_share)
+            return reasons(self.unfit[0]).limit if self.unfit and _tells_a_limit(self.unfit[0]) else None
+        if self.limits and self.limits.peak.estimate is None and (beyond := self._beyond):
+            return reasons(beyond).limit
         if (
             self._kept_from_more
             and self.limits
@@ -94,10 +92,10 @@ class Answer:
         return self.question.most_robots < self.question.sizes[1]
 
     @property
-    def _without_plans(self) -> Point | None:
-        """The smallest fleet above those that count for which the planner had no plans."""
+    def _beyond(self) -> Point | None:
+        """The smallest fleet above those that count for which the planner had no plans, or that ran empty."""
         last = self.points[-1].robots if self.points else 0
-        return next((point for point in self.unfit if point.robots > last and point.unanswered_share > UNANSWERED), None)
+        return next((point for point in self.unfit if point.robots > last and _tells_a_limit(point)), None)
 
     @property
     def at_peak(self) -> Reasons | None:
@@ -174,8 +172,6 @@ class Answer:
                 f"a charge takes {_minutes(cycle.charge_s)}, longer than a run of {_minutes(self.question.effort.horizon_s)}: robots start "
                 f"at all points of a cycle of driving ({_minutes(cycle.drive_s)}) and charging, and none is followed through it"
             )
-        if dead := sum(of["empty"] for of in charging):
-            found.append(f"{dead} batteries ran empty in {len(charging)} runs with {_robots(point.robots)}: too few places to charge")
         return found
 
     @property
@@ -190,10 +186,10 @@ class Answer:
         parts = [_of_peak(self.limits)]
         if self._kept_from_more:
             parts.append(_of_places_to_charge(self.question))
-        if beyond := self._without_plans:
+        if beyond := self._beyond:
             parts.append(f"With {_robots(beyond.robots)} {beyond.fault}.")
         if self.served and self.question.demand_per_h:
-            parts.append(_of_demand(self.served, self.question))
+            parts.append(_of_demand(self.served, self.question, self.points[-1].robots))
         if (collapse := self.limits.collapse).estimate is not None:
             parts.append(f"From {_between(collapse)} robots on they are in each other's way: throughput falls by more than 5 %.")
         return " ".join(parts)
@@ -233,6 +229,11 @@ def answer_of(question: Question, recorded: Recorded, *, closed: bool = False) -
     except Missing:
         return None, tuple(desk.asked)
     return found, tuple(desk.asked)
+
+
+def _tells_a_limit(point: Point) -> bool:
+    """Whether a fleet does not count for a reason that is a limit of fleets."""
+    return point.unanswered_share > UNANSWERED or point.num_empty > 0
 
 
 def _one_shot(desk: Desk) -> Answer:
@@ -378,7 +379,8 @@ def _of_peak(found: Limits) -> str:
     if len(curve.sizes) == 1:
         return f"{_robots_do(curve.best)} {most}; other fleets were not tried."
     if knee.estimate is None:
-        return f"More robots bring more up to {curve.best}, the most that were tried: {most} there."
+        tried = "were tried" if max(curve.unfit, default=0) < curve.best else "count"
+        return f"More robots bring more up to {curve.best}, the most that {tried}: {most} there."
     sure = "" if (knee.low or 1) == knee.high else f" ({_span(knee)})"
     few = _robots_do(knee.estimate, sure)
     if knee.estimate == curve.best:
@@ -430,12 +432,14 @@ def _minutes(seconds: float) -> str:
     return " ".join([*([f"{hours} h"] if hours else []), *([f"{rest} min"] if rest or not hours else [])])
 
 
-def _of_demand(served: Served, question: Question) -> str:
+def _of_demand(served: Served, question: Question, most_robots: int) -> str:
     found, wanted = served.smallest, f"A demand of {question.demand_per_h:.0f} orders an hour"
     if not served.curve.points:
         return f"Whether a{wanted[1:]} is met was not tried."
     if _too_short(served):
         return f"Whether a{wanted[1:]} is met cannot be told from runs this short."
+    if found.estimate is None and served.curve.sizes[-1] < most_robots:
+        return f"{wanted} is not met by {_robots(served.curve.sizes[-1])}; larger fleets were not tried on it."
     if found.estimate is None:
         return f"{wanted} is not met by any fleet that was tried on it, up to {_robots(served.curve.sizes[-1])}."
     sure = _between(found) if found.high is not None else "or more" if found.low == found.estimate else _span(found)

@@ -3,6 +3,7 @@
 Worker processes call `observe`; it is JSON, so that a study can be resumed and asked again from what it has on disk.
 """
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -63,7 +64,7 @@ def observation(result: RunResult) -> dict[str, Any]:
         "stations": _stations(stops, steady_s, execution.sim_time_s),
         "causes": [[kind, name, round(of.waited_s, 1), round(of.share, 4)] for (kind, name), of in sorted(pressed.items())],
         "idle_share": _idle_share(execution, steady_s, num_robots=x.shape[1]),
-        "batteries": _batteries(execution, steady_s),
+        "batteries": _batteries(execution, steady_s, charging.station.places if (charging := result.setup.settings.charging) else ()),
         "vertices": [[int(v), round(float(wait_s[v]), 1)] for v in heaviest if wait_s[v] > 0],
         "minutes": _minutes(execution, orders, stops, x, y, every),
         "lane_m": round(float(graph.length_m[(graph.reverse < 0) | (graph.reverse > np.arange(graph.num_lanes))].sum()), 2),
@@ -134,7 +135,7 @@ def _idle_share(execution: Execution, since_s: float, num_robots: int) -> float:
     return round(max(0.0, 1 - float(busy_s) / (over_s * num_robots)), 4)
 
 
-def _batteries(execution: Execution, since_s: float) -> dict[str, Any] | None:
+def _batteries(execution: Execution, since_s: float, places: Sequence[object]) -> dict[str, Any] | None:
     """What became of batteries, None where robots have none."""
     log, tasks, stops = execution.batteries, execution.tasks, execution.stops
     if log is None or tasks is None or stops is None:
@@ -149,6 +150,7 @@ def _batteries(execution: Execution, since_s: float) -> dict[str, Any] | None:
         "empty": int(flat.any(0).sum()),
         "charging": round(float(np.clip(end_s - np.maximum(begin_s, since_s), 0, None).sum()) / over_s, 3),
         "most_charging": int(at_once.max(initial=0)),
+        "places": len(places),
     }
 
 

@@ -72,6 +72,8 @@ class Point:
             return f"the planner found no plan in {unanswered} of {asked} requests: not a property of your floor"
         if operations := [text for run in self.observed for text in run["operations"]]:
             return f"the operations audit failed: {operations[0]}"
+        if self.num_empty:
+            return f"batteries ran empty in {self.num_empty} of {len(self.records)} runs: places to charge are too few or too far"
         broken = [record for record in self.records if record["status"] not in DRIVEN]
         if broken:
             what = "robots overlapped" if broken[0]["status"] == "audit_failed" else f"{broken[0]['status']}: {broken[0]['reason']}"
@@ -88,11 +90,16 @@ class Point:
         """Runs that broke, or in which robots overlapped."""
         return sum(record["status"] not in DRIVEN for record in self.records)
 
+    @property
+    def num_empty(self) -> int:
+        """Runs in which a robot ran empty, although there are places to charge."""
+        return sum(bool(of["empty"] and of["places"]) for run in self.observed if (of := run["batteries"]))
+
     @cached_property
     def until_s(self) -> float:
-        """Time at which the first robot of any run ran empty, else the end: what is driven after a death is nobody's throughput."""
-        deaths = [run["batteries"]["empty_s"] for run in self.observed if run["batteries"] and run["batteries"]["empty_s"] is not None]
-        return min([self.horizon_s, *deaths])
+        """Time at which the first of robots that cannot charge ran empty, in any run, else the end."""
+        deaths_s = [of["empty_s"] for run in self.observed if (of := run["batteries"]) and of["empty_s"] is not None and not of["places"]]
+        return min([self.horizon_s, *deaths_s])
 
     @cached_property
     def series(self) -> FloatArray:

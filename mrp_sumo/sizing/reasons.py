@@ -75,18 +75,17 @@ def reasons(point: Point) -> Reasons:
 
 
 def _limit(point: Point, places: Sequence[Share], fleet: Share) -> Share:
-    """The planner where it has no plans; orders where robots stand idle for want of them; else what costs most, if it is pressed or the
-    waiting is much; else the fleet itself. `places` are sorted, the worst first.
+    """The planner where it has no plans; chargers where robots run empty; orders where robots stand idle for want of them; else what costs
+    most, if it is pressed or the waiting is much; else the fleet itself. `places` are sorted, the worst first.
     """
     if point.unanswered_share > UNANSWERED:
         return Share("planner", "", point.unanswered_share)
+    if point.num_empty:
+        return next((share for share in places if share.kind == "charger"), Share("charger", "charger", 0.0))
     idle = mean_of([run["idle_share"] for run in point.observed])
     lost = {share: share.waited_s_per_h / HOUR_S / point.robots for share in places}
     if idle >= CROWDED and idle > sum(lost.values()):
         return Share("orders", "", 1 - idle)
-    if any(run["batteries"] and run["batteries"]["empty"] and run["batteries"]["most_charging"] for run in point.observed):
-        chargers = [share for share in places if share.kind == "charger"]
-        return chargers[0] if chargers else fleet
     full = [share for share in places if share.utilisation >= FULL and (share.kind in SERVERS or lost[share] >= FELT)]
     if full or (places and sum(lost.values()) >= CROWDED):
         return full[0] if full else places[0]

@@ -47,6 +47,7 @@ from mrp_sumo.sizing.search import grid
 from mrp_sumo.sizing.what_if import AUTO, values_of_change
 
 PILOT_S, PILOT_ROBOTS = 120.0, 24  # simulated, and at most
+LOADING_S = 20.0  # simulated before a pilot is measured
 LEAST_ROBOTS, MOST_ROBOTS = 4, 200  # by default; fewer where the map holds fewer
 
 
@@ -170,7 +171,7 @@ class Study:
     @property
     def estimate(self) -> Estimate:
         """Likely time of the study, stated before it begins."""
-        question = self._with_charging
+        question = self.charged
         kind, sizes, spent_s = SATURATED if question.has_tasks else ONE_SHOT, [], 0.0
         slower = self.pilot.slower if question.has_tasks else 1.0
         for n in grid(question):
@@ -185,12 +186,13 @@ class Study:
 
     @cached_property
     def pilot(self) -> Pilot:
-        """Two simulated minutes of a small fleet. Kernels are compiled meanwhile, so that no run of the study has to."""
+        """Two simulated minutes of a small fleet, after some seconds that are not measured: kernels are compiled and loaded in them."""
         sizes = [n for n in grid(self.question) if n <= PILOT_ROBOTS] or [self.question.sizes[0]]
         trial, question = Trial(SATURATED, sizes[-1], 0), replace(self.question, engine="kinematic")
-        values = {**values_of(trial, question, {}), ("execution", "time_limit_s"): ("capacity", min(PILOT_S, question.effort.horizon_s))}
         with MapCache() as maps:
-            execution = carry_out(changed(question.file, values), maps).execution
+            for until_s in (LOADING_S, min(PILOT_S, question.effort.horizon_s)):
+                values = {**values_of(trial, question, {}), ("execution", "time_limit_s"): ("capacity", until_s)}
+                execution = carry_out(changed(question.file, values), maps).execution
         if execution is None or not execution.sim_time_s:
             return Pilot(trial.robots, 1.0, 0.0)
         robot_s = execution.sim_time_s * trial.robots
@@ -198,7 +200,7 @@ class Study:
         return Pilot(trial.robots, execution.cpu_time_s / driving_cpu_s(trial.robots, execution.sim_time_s), used_j / robot_s)
 
     @cached_property
-    def _with_charging(self) -> Question:
+    def charged(self) -> Question:
         """The question, with how long robots drive and charge where they have batteries."""
         return replace(self.question, charging=self._cycle())
 
@@ -245,7 +247,7 @@ class Study:
         MrpSumoError
             As `run_batch` does.
         """
-        self.question = self._with_charging
+        self.question = self.charged
         answer: Answer | None = None
         clock = _Clock(self._began_s + self.question.effort.budget_s, stop)
 

@@ -1,6 +1,7 @@
 """The runs of a capacity study."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 
@@ -9,7 +10,7 @@ from mrp_sumo.io.scenario.read import read_scenario
 from mrp_sumo.sizing import study
 from mrp_sumo.sizing.question import DEMAND, QUICK, SATURATED, Cycle, Question, Trial, values_of
 from mrp_sumo.sizing.search import grid
-from mrp_sumo.sizing.study import Pilot, Study
+from mrp_sumo.sizing.study import Pilot, Study, driving_cpu_s
 
 
 @pytest.mark.parametrize(("robots", "counts"), [(1, [1]), (2, [1, 1]), (5, [3, 2]), (10, [6, 4]), (33, [20, 13])])
@@ -54,7 +55,7 @@ def test_a_cycle_ends_at_the_level_from_which_robots_are_called_off(tmp_path, mo
     (tmp_path / "charging.yaml").write_text(CHARGING.replace("{stations", extra))
     question = Question(read_scenario(tmp_path / "charging.yaml"), (1, 2), QUICK, 60.0)
     monkeypatch.setattr(Study, "pilot", Pilot(2, 1.0, 10.0))
-    cycle = Study(question)._with_charging.charging
+    cycle = Study(question).charged.charging
     battery = Study(question).setup.settings.batteries[0]
     assert (cycle.highest, cycle.places) == (highest, 1)
     assert cycle.drive_s == pytest.approx((highest - 0.2) * battery.energy_j / 10.0)
@@ -80,3 +81,17 @@ def test_what_confirms_is_made_when_the_budget_is_over(tmp_path, monkeypatch):
     monkeypatch.setattr(study, "monotonic", lambda: 1e9 if len(list(folder.glob("runs/*/*.json"))) >= 2 * effort.seeds else 0.0)
     answer = Study(question).run(folder, _watcher(), workers=1)
     assert not answer.in_time and [size.name for size in answer.confirmed]
+
+
+def test_a_pilot_is_measured_once_what_it_needs_is_loaded(tmp_path, monkeypatch):
+    """The first run takes 9 s of CPU time to load kernels; the second takes twice as long as predicted."""
+    (tmp_path / "charging.yaml").write_text(CHARGING)
+    took_s = iter([9.0, 2 * driving_cpu_s(2, 120.0)])
+
+    def driven(file, maps):
+        execution = SimpleNamespace(sim_time_s=file.scenario.execution.time_limit_s, cpu_time_s=next(took_s), batteries=None)
+        return SimpleNamespace(execution=execution)
+
+    monkeypatch.setattr(study, "carry_out", driven)
+    pilot = Study(Question(read_scenario(tmp_path / "charging.yaml"), (1, 2), QUICK, 60.0)).pilot
+    assert (pilot.robots, pilot.slower) == (2, pytest.approx(2.0))

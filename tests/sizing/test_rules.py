@@ -195,11 +195,64 @@ def test_a_study_in_whose_runs_no_order_was_done_says_so_instead_of_a_size():
 def test_what_is_driven_after_a_battery_ran_empty_is_not_throughput(empty_s, per_h):
     """240 orders an hour for half an hour, and none after that."""
     record = record_with(np.arange(1, 121) * 15.0, 3600.0)
-    batteries = {"empty_s": empty_s, "empty": 1, "charging": 0.0, "most_charging": 0}
+    batteries = {"empty_s": empty_s, "empty": 1, "charging": 0.0, "most_charging": 0, "places": 0}
     record = {**record, "observed": {**record["observed"], "batteries": batteries if empty_s else None}}
     point = Point(4, 3600.0, (record, record))
     assert point.until_s == (empty_s or 3600.0)
     assert point.per_h.tolist() == pytest.approx([per_h] * 2, abs=3) if empty_s else point.per_h.max() < 240
+
+
+@pytest.mark.parametrize(("is_made", "words"), [(False, "by 4 robots; larger fleets were not tried on it."), (True, "from 5 robots on.")])
+def test_a_demand_on_which_larger_fleets_were_not_tried_is_not_said_to_be_met_by_none(is_made, words):
+    """Orders take 10 min with 4 robots, three times too long. The clock ends the study before larger fleets are tried, or it does not."""
+    asked = question((4, 9), FEW, demand_per_h=170.0)
+    runs = Known(asked, {4: (180, SURE), 5: (220, SURE), 6: (240, SURE), 9: (240, SURE)})
+
+    def made(trial):
+        if trial.kind != DEMAND or trial.robots > 4:
+            return runs(trial) if trial.kind != DEMAND or is_made else None
+        record = runs(trial)
+        return {**record, "observed": {**record["observed"], "released_s": record["observed"]["done_s"] - 600.0}}
+
+    answer, _ = answer_of(asked, made, closed=True)
+    assert answer.sentence.endswith(words), answer.sentence
+
+
+def ran_empty(places):
+    """Of a run in which two robots ran empty after 3 min."""
+    return {"empty_s": 180.0, "empty": 2, "charging": 1.0, "most_charging": 1, "places": places}
+
+
+@pytest.mark.parametrize(("places", "counts"), [(2, False), (0, True)])
+def test_a_size_in_whose_runs_robots_that_can_charge_ran_empty_does_not_count(places, counts):
+    """Before they did, 200 orders an hour were done; and what binds is the charger."""
+    asked = question((4, 6), FEW)
+    runs = Known(asked, {4: (150, SURE), 6: (200, SURE)}, causes={6: [["charger", "p1", 60.0, 0.9]]})
+
+    def one_ran_empty(trial):
+        record, empty = runs(trial), trial.robots == 6 and trial.seed == 2
+        return {**record, "observed": {**record["observed"], "batteries": ran_empty(places)}} if empty else record
+
+    answer, _ = answer_of(asked, one_ran_empty)
+    assert [point.robots for point in answer.points] == ([4, 6] if counts else [4])
+    if not counts:
+        assert answer.unfit[0].fault == "batteries ran empty in 1 of 4 runs: places to charge are too few or too far"
+        assert "With 6 robots batteries ran empty in 1 of 4 runs" in answer.sentence
+        assert answer.document["answer"]["limit"] == {"kind": "charger", "name": "p1", "utilisation": 0.9}
+
+
+@pytest.mark.parametrize(("first_empty", "sizes"), [(8, [4, 6, 7]), (11, [4, 6, 9, 10])])
+def test_where_batteries_begin_to_run_empty_is_looked_for(first_empty, sizes):
+    asked = question((4, 14), replace(FEW, gap=1.1))
+    runs = Known(asked, {n: (20 * n, SURE) for n in range(4, 15)})
+
+    def observed(trial):
+        record, empty = runs(trial), trial.robots >= first_empty
+        return {**record, "observed": {**record["observed"], "batteries": ran_empty(2)}} if empty else record
+
+    answer, _ = answer_of(asked, observed)
+    assert [point.robots for point in answer.points] == sizes
+    assert answer.sentence.startswith(f"More robots bring more up to {first_empty - 1}, the most that count: ")
 
 
 def test_a_study_that_is_closed_answers_from_what_there_is():
@@ -227,6 +280,6 @@ def test_a_study_that_is_closed_where_limits_are_still_wide_asks_for_no_more():
 )
 def test_a_size_with_too_little_to_measure_says_whether_the_horizon_or_a_battery_ended_it(horizon_s, empty_s, why):
     record = record_with(np.zeros(0), horizon_s)
-    batteries = {"empty_s": empty_s, "empty": 1, "charging": 0.0, "most_charging": 0}
+    batteries = {"empty_s": empty_s, "empty": 1, "charging": 0.0, "most_charging": 0, "places": 0}
     record = {**record, "observed": {**record["observed"], "batteries": batteries}}
     assert why in Point(1, horizon_s, (record,)).fault
