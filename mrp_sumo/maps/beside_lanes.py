@@ -20,7 +20,9 @@ class BesideLanes(NamedTuple):
     against_m: FloatArray  # of one-way lanes that lead about the opposite direction
 
 
-def beside_lanes(nav: NavGraph, begin: FloatArray, end: FloatArray, within_m: float, level: IntArray | None = None) -> BesideLanes:
+def beside_lanes(
+    nav: NavGraph, begin: FloatArray, end: FloatArray, within_m: float, level: IntArray | None = None, against: float = AGAINST
+) -> BesideLanes:
     """Distances of straight motions, from their middle, to the lanes of a map; rides in lifts are none.
 
     Parameters
@@ -33,6 +35,8 @@ def beside_lanes(nav: NavGraph, begin: FloatArray, end: FloatArray, within_m: fl
         How far lanes are looked for.
     level
         [N] of each motion, which only lanes on its level are beside; None: on the plane on which levels are laid out.
+    against
+        Cosine of the angle to a lane from which a motion goes against it.
     """
     lanes = np.flatnonzero(~nav.is_ride)
     a, b = nav.xy[nav.tail[lanes]], nav.xy[nav.head[lanes]]
@@ -54,7 +58,7 @@ def beside_lanes(nav: NavGraph, begin: FloatArray, end: FloatArray, within_m: fl
         return least
 
     every = np.ones(len(motion), np.bool_)
-    return BesideLanes(least_m(every), least_m(cosine > -AGAINST), least_m((cosine < AGAINST) & one_way[lane]))
+    return BesideLanes(least_m(every), least_m(cosine > -AGAINST), least_m((cosine < against) & one_way[lane]))
 
 
 def _near(middle: FloatArray, boxes: FloatArray) -> tuple[IntArray, IntArray]:

@@ -12,6 +12,7 @@ from mrp_sumo.core.graph import FloatArray, NavGraph, PlanGraph
 from mrp_sumo.maps.beside_lanes import beside_lanes
 
 ON_LANE_M = 0.3  # from the middle of a lane within which a robot is on it
+OPPOSITE = -0.7  # cosine of the angle to a lane from which a robot goes against it: one that merely crosses it does not
 NOISE_M = 1e-3  # by which another lane has to be nearer
 SAMPLES = 200_000  # looked at together
 
@@ -25,7 +26,7 @@ def lane_keeping(execution: Execution, nav: NavGraph, on_lane_m: float = ON_LANE
     """Metres off lanes, and against one-ways; None for a map that has no lanes, or none that are driven on.
 
     Between samples robots are taken to move straight; each such motion counts where its middle is. It goes against a one-way that
-    leads about the opposite way, where no lane is as near that leads about its own.
+    leads the opposite way within 45 degrees, where no lane is as near that leads about its own.
 
     Parameters
     ----------
@@ -45,7 +46,7 @@ def lane_keeping(execution: Execution, nav: NavGraph, on_lane_m: float = ON_LANE
         return None
     driven_m = off_m = against_m = 0.0
     for begin, end in _motions(execution):
-        long_m, lanes = np.hypot(*(end - begin).T), beside_lanes(nav, begin, end, on_lane_m)
+        long_m, lanes = np.hypot(*(end - begin).T), beside_lanes(nav, begin, end, on_lane_m, against=OPPOSITE)
         driven_m += float(long_m.sum())
         off_m += float(long_m[np.isinf(lanes.any_m)].sum())
         against_m += float(long_m[lanes.against_m < lanes.along_m - NOISE_M].sum())

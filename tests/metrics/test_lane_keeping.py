@@ -46,6 +46,13 @@ def test_of_two_one_ways_side_by_side_the_nearer_one_counts():
     assert lane_keeping(driven([(10, 0.05), (0, 0.05)]), pair)["against_one_way_m"] == 10
 
 
+@pytest.mark.parametrize(("turned_deg", "against_m"), [(110, 0), (134, 0), (136, 4)])
+def test_who_crosses_a_one_way_at_an_obtuse_angle_does_not_drive_against_it(turned_deg, against_m):
+    way = [5 + 2 * np.cos(np.radians(turned_deg)), 2 * np.sin(np.radians(turned_deg))]
+    back = [10 - way[0], -way[1]]
+    assert lane_keeping(driven([back, way]), EAST, on_lane_m=2)["against_one_way_m"] == pytest.approx(against_m)
+
+
 def test_robots_add_up_and_rides_do_not_count():
     counts = lane_keeping(driven([(0, 0), (10, 0)], [(10, 0), (0, 0)]), EAST)
     assert counts == {"driven_m": 20, "off_m": 0, "against_one_way_m": 10}
