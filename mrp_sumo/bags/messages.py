@@ -161,7 +161,7 @@ class Messages:
         ]
         for v in (v for v in range(nav.num_vertices) if nav.vertex_name[v]):
             x, y = nav.xy[v] + LABEL_OFFSET
-            pose, text = self.pose(float(x), float(y)), nav.vertex_name[v]
+            pose, text = self.pose(float(x), float(y)), nav.known_as(v)
             look = {"scale": (0.0, 0.0, 0.35), "color": (0.15, 0.15, 0.20, 1.0)}
             markers.append(self.marker(ns, "map", "names", v, 9, **look, pose=pose, text=text))
         return self.serialised(self.make("visualization_msgs/MarkerArray", markers))

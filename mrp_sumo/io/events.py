@@ -1,6 +1,6 @@
 """Events of an execution as JSON lines, one object per line, for `jq`, pandas and editors.
 
-Robots and vertices appear by name; a key without a value is left out. JSON has no infinity: what lasts for good has
+Robots and vertices appear by name, and a station by its own where that is another; a key without a value is left out. JSON has no infinity: what lasts for good has
 `for_good: true` and no `duration_s`.
 """
 
@@ -23,12 +23,14 @@ LATEST_S = 4e8  # no event is later: bags begin in 2023, and count seconds from 
 
 
 def event_document(event: Event, fleet: Fleet, graph: NavGraph) -> dict[str, Any]:
-    """An event by names: t_s, kind, robot, and if there are any vertex, x_m, y_m, other, duration_s or for_good, text."""
+    """An event by names: t_s, kind, robot, and if there are any vertex, station, x_m, y_m, other, duration_s or for_good, text."""
     document: dict[str, Any] = {"t_s": float(event.t_s), "kind": event.kind}
     if event.robot >= 0:
         document["robot"] = fleet.robot_name[event.robot]
     if event.vertex >= 0:
         document["vertex"] = graph.label(event.vertex)
+        if (name := graph.known_as(event.vertex)) != document["vertex"]:
+            document["station"] = name
         document["x_m"], document["y_m"] = (float(c) for c in graph.xy[event.vertex])
     if event.other >= 0:
         document["other"] = fleet.robot_name[event.other]
@@ -56,7 +58,7 @@ def events_frame(documents: list[dict[str, Any]]) -> "pandas.DataFrame":
     """One row per event; NaN where an event lacks a value."""
     import pandas as pd
 
-    return pd.DataFrame(documents, columns=["t_s", "kind", "robot", "vertex", "x_m", "y_m", "other", "duration_s", "text"])
+    return pd.DataFrame(documents, columns=["t_s", "kind", "robot", "vertex", "station", "x_m", "y_m", "other", "duration_s", "text"])
 
 
 def read_events(path: Path) -> list[dict[str, Any]]:

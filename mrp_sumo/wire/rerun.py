@@ -133,7 +133,7 @@ class Logging(Listener):
         named = [v for v in range(nav.num_vertices) if nav.vertex_name[v]]
         if named:
             places = rr.Points3D(
-                _lifted(nav.xy[named]), colors=STATION, radii=0.08, labels=[nav.vertex_name[v] for v in named], show_labels=False
+                _lifted(nav.xy[named]), colors=STATION, radii=0.08, labels=[nav.known_as(v) for v in named], show_labels=False
             )
             log("floor/stations", places, static=True)
         for state, name in enumerate(STATE_NAMES):

@@ -105,6 +105,13 @@ def test_lanes_without_room_are_left_out_and_what_that_cuts_off_is_named(tmp_pat
     assert np.ptp(setup.problem.graph.xy[np.unique(setup.problem.graph.tail), 0]) > 7  # beyond the gap, too
 
 
+def test_of_what_is_cut_off_places_with_names_come_first(tmp_path):
+    both = "{bidirectional: [4, true], graph_idx: [2, 0]}"
+    far = GAP.replace('0, east]', '0, ""]').replace('3, 0, ""]]', '3, 0, ""], [9, 0, 0, east]]').replace("lanes: [", f"lanes: [[2, 7, {both}], ")
+    setup = chosen(tmp_path, "gap.building.yaml", far, robots={"count": 1, "type": "amr_600"})
+    assert setup.notes[0].endswith("; cut off by that: east, v0")
+
+
 def test_a_map_that_holds_fewer_robots_says_how_many_and_what_else_would_do(tmp_path):
     line = (
         r"robots.count: 9 robots, but 'square' has 4 stations that reach each other and on which robots may stand at once, "

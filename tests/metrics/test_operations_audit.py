@@ -143,6 +143,17 @@ def test_a_stop_at_another_place_by_another_robot_or_out_of_turn(logs):
     assert "stops in order" in rules(changed(logs, "stops", "task", row, int(logs.stops.task[row + 2])))
 
 
+def test_findings_name_places_as_people_know_them(logs):
+    row = first_stop(logs, done(logs, 1))
+    elsewhere = int(logs.stops.vertex[row + 1])
+    moved = changed(changed(logs, "stops", "vertex", row, elsewhere), "stops", "station", row, "")
+    known = [dict(options) for options in logs.graph.vertex_options]
+    known[elsewhere]["station"] = "Storage 01"
+    findings = operations_audit(replace(moved, graph=replace(logs.graph, vertex_options=tuple(known))))["findings"]
+    assert {f["place"] for f in findings if f["rule"] == "stops in order"} == {"Storage 01"}
+    assert any("at Storage 01, expected" in f["text"] for f in findings)
+
+
 def test_a_place_serves_one_robot_at_a_time(logs):
     one = first_stop(logs, done(logs))
     other = next(k for k in np.argsort(logs.stops.begin_s).tolist() if logs.stops.begin_s[k] > logs.stops.end_s[one] and k != one)

@@ -128,8 +128,8 @@ def _left_out(nav: NavGraph, graph: PlanGraph, left: PlanGraph, narrow: Narrow) 
     """A line on the lanes that walls leave no room on, and on the stations that robots cannot reach and leave any more."""
     before, after = (np.isin(np.arange(each.num_vertices), main_piece(each)) for each in (graph, left))
     station = graph.vertex_of_station
-    cut_off = [nav.label(v) for v in range(nav.num_vertices) if before[station[v]] and not after[station[v]]]
-    cut_off.sort(key=lambda name: name not in nav.vertex_of_name)
+    lost = [v for v in range(nav.num_vertices) if before[station[v]] and not after[station[v]]]
+    cut_off = [nav.known_as(v) for v in sorted(lost, key=lambda v: nav.known_as(v) == f"v{v}")]  # those with a name first
     what = f"{graph.num_lanes - left.num_lanes} of {graph.num_lanes} {'steps' if graph.kind == 'grid' else 'pieces of lanes'} left out"
     names = ", ".join(cut_off[:NAMED]) + (f" and {len(cut_off) - NAMED} more" if len(cut_off) > NAMED else "")
     return f"{what}: {', '.join(narrow.notes)}" + (f"; cut off by that: {names}" if cut_off else "")

@@ -115,7 +115,7 @@ class Logs:
 
     def place(self, stop: int) -> str:
         """The name of a stop's station, or of its vertex."""
-        return self.stops.station[stop] or self.graph.label(int(self.stops.vertex[stop]))
+        return self.stops.station[stop] or self.graph.known_as(int(self.stops.vertex[stop]))
 
     def of_stop(self, rule: str, stop: int, text: str, t_s: float | None = None) -> Finding:
         """A finding at a row of the stops; by default when its service begins."""

@@ -140,8 +140,8 @@ def _as_asked(logs: Logs, row: int, order: Task, nth: int) -> Iterator[Finding]:
     stop, takes_s = order.stops[nth], float(stops.end_s[row] - stops.begin_s[row])
     name = stop.station.name if stop.station else ""
     if int(stops.vertex[row]) not in stop.places or stops.station[row] != name:
-        wanted = name or logs.graph.label(stop.vertex)
-        yield logs.of_stop("stops in order", row, f"stop {nth + 1} at {logs.graph.label(int(stops.vertex[row]))}, expected {wanted}")
+        wanted = name or logs.graph.known_as(stop.vertex)
+        yield logs.of_stop("stops in order", row, f"stop {nth + 1} at {logs.graph.known_as(int(stops.vertex[row]))}, expected {wanted}")
     if takes_s < stop.service_s - EPS_S:
         yield logs.of_stop("service", row, f"is served for {takes_s:.2f} s, which takes {stop.service_s:.2f} s")
     elif takes_s > stop.service_s + EPS_S and logs.was_in((BROKEN,), int(stops.robot[row]), stops.begin_s[row], stops.end_s[row]) is False:

@@ -109,7 +109,7 @@ def _left(logs: Logs) -> Iterator[Wish]:
         if order is None or tasks.reason[task] or len(rows) >= len(order.stops):
             continue
         stop, since_s = order.stops[len(rows)], float(stops.end_s[rows].max(initial=tasks.assigned_s[task]))
-        place = stop.station.name if stop.station else logs.graph.label(stop.vertex)
+        place = stop.station.name if stop.station else logs.graph.known_as(stop.vertex)
         yield Wish(task, int(tasks.robot[task]), place, list(stop.places), since_s, np.inf)
 
 
