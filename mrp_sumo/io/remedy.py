@@ -11,6 +11,15 @@ BY_STATUS = {
     "planning_gave_up": "{another_planner}fewer robots",
     "planning_infeasible": "other goals, fewer robots, or lanes where two can pass (discretisation.lanes: two_way)",
 }
+BY_RULE = {  # of the operations audit, about decisions; the others are about whether the log contradicts itself
+    "first come, first served": "fewer robots, or more places at {place}: robots are passed over there",
+    "idle beside work": "another execution.dispatcher: robots stand idle beside orders",
+    "oldest first": "another execution.dispatcher, or fewer orders: the oldest are passed over",
+}
+CONTRADICTION = (
+    "another planner or execution.dispatcher: the log of work contradicts itself ({rule}), by a fault of one of them or of mrp_sumo, "
+    "which is worth a report"
+)
 CONFLICTS = "a planner that coordinates robots, such as lacam: this plan has conflicts"
 
 
@@ -55,4 +64,5 @@ def _audit(result: Mapping[str, Any], metrics: Mapping[str, Any]) -> str:
     if metrics.get("num_overlaps"):
         return "a planner with valid plans and a policy that keeps their order, such as adg"
     findings = (result.get("operations_audit") or {}).get("findings") or ()
-    return "see mrp-sumo analyze RUN --audit: the log of work does not add up" if findings else ""
+    worst = next((f for f in findings if f["rule"] not in BY_RULE), findings[0] if findings else None)
+    return "" if worst is None else BY_RULE.get(worst["rule"], CONTRADICTION).format(**worst)

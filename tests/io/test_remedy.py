@@ -32,10 +32,22 @@ def test_remedy_names_what_to_change(status, metrics, words):
     assert bool(line) == bool(words)
 
 
-def test_log_of_work_that_does_not_add_up_is_named():
-    findings = {"operations_audit": {"passed": False, "findings": ["two robots at one place"]}}
-    line = remedy({"status": "audit_failed", "metrics": GOOD} | findings | planned_by("cbs"))
-    assert "--audit" in line
+PASSED_OVER = {"rule": "first come, first served", "place": "Storage 01"}
+
+
+@pytest.mark.parametrize(
+    ("findings", "words"),
+    [
+        ([PASSED_OVER], "more places at Storage 01"),
+        ([{"rule": "idle beside work", "place": ""}], "another execution.dispatcher: "),
+        ([{"rule": "oldest first", "place": ""}], "or fewer orders"),
+        ([PASSED_OVER, {"rule": "loads", "place": "A"}], "contradicts itself (loads)"),  # which counts for more
+    ],
+)
+def test_remedy_for_work_is_a_change_that_a_user_can_make(findings, words):
+    said = {"operations_audit": {"passed": False, "findings": findings}}
+    line = remedy({"status": "audit_failed", "metrics": GOOD} | said | planned_by("cbs"))
+    assert words in line
     assert "`" not in line  # pages show it as plain text
 
 
