@@ -21,7 +21,7 @@ class App {
     this.scene = new Scene(run, this.motion, this.events);
     const few = this.motion.numRobots <= 60;
     const still = matchMedia("(prefers-reduced-motion: reduce)").matches;
-    this.view = { t: 0, playing: false, speed: SPEEDS.find((s) => s >= 1 && this.motion.end / s <= 90) || 16, selected: -1, task: -1, aisle: null, apart: [], hovered: -1, only: -1, trails: true, ghosts: few && this.motion.hasPlan, heat: "", labels: true, follow: false, found: null, still };
+    this.view = { t: 0, playing: false, speed: SPEEDS.find((s) => s >= 1 && this.motion.end / s <= 90) || 16, selected: -1, task: -1, aisle: null, apart: [], hovered: -1, only: -1, trails: true, ghosts: few && this.motion.hasPlan, heat: "", labels: true, follow: false, level: "", found: null, still };
     this.live = this.events.live = run.live ? window.liveOf(this) : null;
     this.speeds = run.live ? this.live.speeds : SPEEDS;
     if (run.live) Object.assign(this.view, { playing: true, speed: 1 });
@@ -41,6 +41,7 @@ class App {
     if (this.motion.hasPlan) this.motion.seekPlan(this.view.t);
     this.panel.open(this.view.selected >= 0 ? "robots" : "run");
     this.listen();
+    if (this.isPhone() && this.run.map.levels.length) this.showLevel(this.busiestLevel()); // all of them would be small
     this.showToggles();
     if (this.live) {
       this.live.connect();
@@ -74,7 +75,7 @@ class App {
       $("legend").append(make("span", { className: "people", title: "People who are there now" }, make("span", { className: "dot" }), "people", this.peopleCount));
     }
     $("levels").hidden = !run.map.levels.length;
-    $("levels").replaceChildren(...[undefined, ...run.map.levels].map((level) => make("button", { textContent: level ? level.name : "all levels", onclick: () => this.showLevel(level) })));
+    $("levels").replaceChildren(...[undefined, ...run.map.levels].map((level) => make("button", { textContent: level ? level.name : "all levels", value: level ? level.name : "", onclick: () => this.showLevel(level) })));
     $("speed").replaceChildren(...this.speeds.map((s) => make("option", { value: String(s), textContent: s === Infinity ? "fast" : `${s}×`, selected: s === this.view.speed })));
     $("track").setAttribute("aria-valuemax", motion.end.toFixed(1));
   }
@@ -240,9 +241,21 @@ class App {
     }, "image/png");
   }
 
+  /* The level of the selected robot, else the one on which most robots are. */
+  busiestLevel() {
+    const { motion, view } = this, { levels } = this.run.map, count = levels.map(() => 0);
+    for (let r = 0; r < motion.numRobots; r++) {
+      if (view.selected >= 0 && r !== view.selected) continue;
+      const x = motion.pose[3 * r], y = motion.pose[3 * r + 1];
+      const at = levels.findIndex((l) => x >= l.x - 1 && x <= l.x + l.width + 1 && y <= l.y + 1 && y >= l.y - l.height - 1);
+      if (at >= 0) count[at]++;
+    }
+    return levels[count.indexOf(Math.max(...count))];
+  }
+
   /* A level alone; all of them without one. */
   showLevel(level) {
-    this.view.follow = false;
+    Object.assign(this.view, { follow: false, level: level ? level.name : "" });
     this.scene.fit(level);
     this.showToggles();
     this.touch();
@@ -339,6 +352,7 @@ class App {
     document.querySelector('[data-toggle="follow"]').disabled = view.selected < 0;
     document.querySelector('[data-toggle="ghosts"]').disabled = !this.motion.hasPlan || this.motion.isPlanOnly;
     for (const button of $("legend").querySelectorAll("button")) button.setAttribute("aria-pressed", String(view.only === Number(button.dataset.state)));
+    for (const button of $("levels").children) button.setAttribute("aria-pressed", String(button.value === view.level));
   }
 
   isPhone() {
@@ -358,7 +372,7 @@ class App {
 
   do(what) {
     const { scene, view } = this;
-    if (what === "fit") view.follow = false, scene.fit(), this.showToggles();
+    if (what === "fit") this.showLevel();
     if (what === "zoom-in") scene.zoomAt(scene.width / 2, scene.height / 2, 1.5);
     if (what === "zoom-out") scene.zoomAt(scene.width / 2, scene.height / 2, 1 / 1.5);
     if (what === "start") this.seek(0);

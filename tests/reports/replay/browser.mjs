@@ -169,6 +169,14 @@ try {
   say("no console error on a phone", phone.problems.length === 0, phone.problems);
   await phone.context().close();
 
+  const chosen = [];
+  for (const width of [390, 1200]) {
+    const floors = await opened(`${folder}/levels.html`, { viewport: { width, height: 844 } });
+    chosen.push(await floors.textContent('#levels [aria-pressed="true"]'));
+    await floors.context().close();
+  }
+  say("a phone begins with the level of most robots, a wide screen with all", String(chosen) === "L2,all levels", chosen);
+
   const odd = await opened(nasty);
   await odd.click('[data-tab="robots"]');
   const shown = await odd.locator(".rows .row .what").first().textContent();

@@ -7,11 +7,13 @@ import json
 import os
 import shutil
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from worlds import NASTY, record_of_two
 
+from mrp_sumo.core.graph import nav_graph
 from mrp_sumo.experiments.run import run_scenario
 from mrp_sumo.io.run_reader import load_run
 from mrp_sumo.io.scenario.file import find_scenario
@@ -54,6 +56,7 @@ CLAIMS = (
     "a phone needs no sideways scrolling",
     "a pinch zooms",
     "no console error on a phone",
+    "a phone begins with the level of most robots, a wide screen with all",
     "names are text",
     "two runs open at a moment, and what differs is marked",
     "says that it needs WebGL",
@@ -69,6 +72,8 @@ def test_page_does_what_people_expect(tmp_path):  # one test: the browser is sta
     run_scenario(read_scenario(find_scenario("office_5"), overrides), tmp_path / "run")
     page = write_replay(tmp_path / "run", tmp_path / "page.html")
     (tmp_path / "nasty.html").write_text(replay_page(record_of_two(names=(NASTY, "b")), About(NASTY, note=NASTY)), encoding="utf-8")
+    two = nav_graph(name="two", xy=[[-9, 0], [-4, 0], [0, 0], [4, 2]], lanes=[[0, 1], [2, 3]], level_names=("L1", "L2"), level=[0, 0, 1, 1])
+    (tmp_path / "levels.html").write_text(replay_page(replace(record_of_two(), nav=two), About("levels")), encoding="utf-8")
     late = overrides | {("execution", "disturbances", "start_delay_s"): ("", 20.0), ("execution", "disturbances", "seed"): ("", 1)}
     run_scenario(read_scenario(find_scenario("office_5"), late), tmp_path / "late")
     (tmp_path / "both.html").write_text(page_of_two(load_run(tmp_path / "run"), load_run(tmp_path / "late")), encoding="utf-8")
