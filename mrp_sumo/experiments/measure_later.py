@@ -89,7 +89,7 @@ def measure_batch(folder: Path, metrics: Sequence[Metric], report: Callable[[str
     Returns
     -------
     num_measured, num_runs
-        Of the runs that have ended.
+        Of the runs that have ended; those count as measured for which any of the metrics has a value.
 
     Raises
     ------
@@ -121,4 +121,4 @@ def measure_batch(folder: Path, metrics: Sequence[Metric], report: Callable[[str
         write_record(folder, {**record, "metrics": {**record["metrics"], **values}})
     if len(keys) == len(planned):  # tables are there only where they hold every run
         write_tables(folder, (read_record(record_path(folder, key)) for key in keys))
-    return len(metrics_of), len(keys)
+    return sum(any(value is not None for value in values.values()) for values in metrics_of.values()), len(keys)

@@ -196,6 +196,14 @@ def test_invalid_plans_are_no_success_and_stand_beside_as_mrp_benchs_count(study
     assert "valid plans" in text
 
 
+@pytest.mark.parametrize(("building", "of_paper"), [("warehouse", True), ("my hall", False)])
+def test_words_of_the_paper_are_for_what_it_prints_figures_of(tmp_path, building, of_paper):
+    page, text = reported(tmp_path, results(map=building))
+    assert [word in text for word in ("Table III: execution", "Figure 5", "MRP-Bench success")] == [of_paper] * 3
+    assert ("MRP-Bench success %" in table(page, "table_3_execution")[0]) is of_paper
+    assert of_paper or "Execution success within 300 s" in text
+
+
 @pytest.mark.parametrize(("anytime", "name"), [(None, "LaCAM"), (False, "LaCAM"), (True, "LaCAM*")])
 def test_lacam_is_called_lacam_star_only_where_it_is_anytime(tmp_path, anytime, name):
     frame = results(planners=("cbs", "lacam"))

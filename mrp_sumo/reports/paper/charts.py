@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from mrp_sumo.core.graph import FloatArray
 from mrp_sumo.reports.charts.chart import COLOURS, MAX_SERIES, Chart, draw, file_name, key, log_seconds, printable, series_style
-from mrp_sumo.reports.paper.tables import commonly_solved
+from mrp_sumo.reports.paper.tables import commonly_solved, titled
 from mrp_sumo.reports.pictures.map_picture import INK, PAPER
 from mrp_sumo.reports.study import PLANNER_NAMES, ReportedRuns, numbers
 
@@ -37,7 +37,7 @@ def figure_5(study: ReportedRuns) -> list[Chart]:
             "farthest within 1.5 boxes; dots: beyond."
         )
         where = f", {name}" if len(study.maps) > 1 else ""
-        charts.append(draw(f"figure_5_{len(charts) + 1}", f"Figure 5: planning time{where}", caption, paint, size=_size(values)))
+        charts.append(draw(f"figure_5_{len(charts) + 1}", titled(study, "Figure 5", f"planning time{where}"), caption, paint, size=_size(values)))
     return charts
 
 

@@ -1,4 +1,4 @@
-"""Tables I to IV of the MRP-Bench paper for any runs, beside the paper's printed numbers; `–` where it prints none."""
+"""Tables I to IV of the MRP-Bench paper for any runs: beside the paper's numbers, in its words, where it prints any for them."""
 
 import math
 from typing import Any
@@ -13,6 +13,17 @@ from mrp_sumo.reports.study import ReportedRuns, numbers
 from mrp_sumo.reports.tables.table import Cell, ReportTable, between, percent, table_of, whole
 
 QUANTITIES = ("vertices", "edges", "width_m", "height_m", "cells", "free_cells")  # of Table I
+
+
+def is_of_paper(study: ReportedRuns) -> bool:
+    """Whether the paper prints figures for a map and planner of these runs."""
+    planners = study.frame["planner"].unique()
+    return any(printed("table_2", map_of_paper(name), str(planner)) is not None for name in study.maps for planner in planners)
+
+
+def titled(study: ReportedRuns, place: str, title: str) -> str:
+    """A title with its place in the paper, such as 'Table I', for runs that stand beside it."""
+    return f"{place}: {title}" if is_of_paper(study) else title[0].upper() + title[1:]
 
 
 def table_1(study: ReportedRuns) -> ReportTable | None:
@@ -34,7 +45,7 @@ def table_1(study: ReportedRuns) -> ReportTable | None:
         return None
     return ReportTable(
         "table_1_maps",
-        "Table I: the maps",
+        titled(study, "Table I", "the maps"),
         ("map", "cell m", "vertices", "edges", "components", "width m", "height m", "cells", "free cells"),
         rows,
         "Vertices and undirected edges of the nav graph, extent of lanes and walls, cells of the occupancy grid.",
@@ -75,6 +86,7 @@ def table_2(study: ReportedRuns) -> ReportTable | None:
     if not study.is_planned:
         return None
     rows: list[dict[str, Cell]] = []
+    of_paper = is_of_paper(study)
     for (name, robots, series), runs in study.groups("_map", "_robots", "_series"):
         valid = runs["_valid"].to_numpy(np.bool_)
         time_s = runs["planning_time_s"].to_numpy(np.float64, na_value=np.nan)
@@ -87,7 +99,7 @@ def table_2(study: ReportedRuns) -> ReportTable | None:
                 "planner": series,
                 "runs": len(runs),
                 "success %": percent(wilson(int(valid.sum()), len(runs))),
-                "MRP-Bench success %": 100 * float(runs["_planned"].mean()),
+                "MRP-Bench success %": 100 * float(runs["_planned"].mean()) if of_paper else None,
                 "paper %": printed("table_2", map_of_paper(name), _planner(runs)),
                 "mean ms": between(bootstrap_mean(solved_s * 1e3)),
                 "median ms": float(np.median(solved_s) * 1e3) if len(solved_s) else None,
@@ -97,10 +109,10 @@ def table_2(study: ReportedRuns) -> ReportTable | None:
         )
     return table_of(
         "table_2_planning",
-        "Table II: planning success and time",
+        titled(study, "Table II", "planning success and time"),
         rows,
-        "Success: a valid plan within the time limit. MRP-Bench success: any plan, valid or not, which is what MRP-Bench and the paper "
-        "count. Times are of runs with a valid plan. PAR2: mean time in which a run without one counts as twice the limit. "
+        "Success: a valid plan within the time limit. Times are of runs with one. PAR2: mean time in which a run without one counts as "
+        "twice the limit." + of_paper * " MRP-Bench success: any plan, valid or not, which is what MRP-Bench and the paper count. "
         "The paper's rates are of plans within 60 s, over 5 and 9 robots together.",
         labels=3,
         digits={"success %": 0, "MRP-Bench success %": 0, "paper %": 0},
@@ -112,6 +124,7 @@ def table_3(study: ReportedRuns) -> ReportTable | None:
     if not study.is_executed:
         return None
     rows: list[dict[str, Cell]] = []
+    of_paper = is_of_paper(study)
     for (name, robots, series), runs in study.groups("_map", "_robots", "_series"):
         normalised, overall = success_rates(runs["_valid"], runs["_succeeded"])
         time = bootstrap_mean(runs.loc[runs["_succeeded"], "execution_time_s"].to_numpy(np.float64, na_value=np.nan))
@@ -125,7 +138,7 @@ def table_3(study: ReportedRuns) -> ReportTable | None:
                 "runs": len(runs),
                 "normalised %": percent(normalised),
                 "overall %": percent(overall),
-                "MRP-Bench success %": 100 * float(runs["all_goals_reached"].fillna(False).mean()),
+                "MRP-Bench success %": 100 * float(runs["all_goals_reached"].fillna(False).mean()) if of_paper else None,
                 "robots at goal %": 100 * float(np.nanmean(share)) if np.isfinite(share).any() else None,
                 "mean time s": between(time),
                 **{f"paper {rate} %": value for rate, value in theirs.items()},
@@ -134,12 +147,13 @@ def table_3(study: ReportedRuns) -> ReportTable | None:
     limits = sorted({f"{v:g}" for v in _time_limits(study.frame).dropna().unique()}, key=float)
     return table_of(
         "table_3_execution",
-        f"Table III: execution success within {' or '.join(limits) or '300'} s",
+        titled(study, "Table III", f"execution success within {' or '.join(limits) or '300'} s"),
         rows,
         "Success: a valid plan, all robots at their goals, and no two ever overlapping. Normalised: of the runs with a valid plan; "
-        "overall: of all runs. MRP-Bench success: all robots at their goals, of all runs, whatever the plan. "
-        "Mean time: of the runs that succeeded. The paper's rates are MRP-Bench's, over 5 and 9 robots together, driven by Nav2, which "
-        "avoids others and keeps no order; its normalised ones are of the scenarios for which every planner found a plan.",
+        "overall: of all runs. Mean time: of the runs that succeeded."
+        + of_paper * " MRP-Bench success: all robots at their goals, of all runs, whatever the plan. The paper's rates are MRP-Bench's, over "
+        "5 and 9 robots together, driven by Nav2, which avoids others and keeps no order; its normalised ones are of the scenarios for "
+        "which every planner found a plan.",
         labels=3,
         digits={name: 0 for name in (rows[0] if rows else ()) if name.endswith("%")} | {"mean time s": 1},
     )
@@ -178,11 +192,12 @@ def table_4(study: ReportedRuns) -> ReportTable | None:
             )
     return table_of(
         "table_4_cost",
-        "Table IV: makespan and cost where every planner found a plan",
+        titled(study, "Table IV", "makespan and cost where every planner found a plan"),
         rows,
         "Means over the instances for which all series of the block found a plan, valid or not, in cells with the start included, as "
-        "MRP-Bench counts; smoothed as it smooths. The paper's are over 39 scenarios of other seeds; they stand beside the warehouse "
-        "with nine robots, where costs are of their size.",
+        "MRP-Bench counts; smoothed as it smooths."
+        + is_of_paper(study) * " The paper's are over 39 scenarios of other seeds; they stand beside the warehouse with nine robots, where "
+        "costs are of their size.",
         labels=3,
         digits=dict.fromkeys(list(rows[0])[4:] if rows else (), 1),
     )
