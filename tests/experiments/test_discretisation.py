@@ -107,7 +107,11 @@ def test_lanes_without_room_are_left_out_and_what_that_cuts_off_is_named(tmp_pat
 
 def test_of_what_is_cut_off_places_with_names_come_first(tmp_path):
     both = "{bidirectional: [4, true], graph_idx: [2, 0]}"
-    far = GAP.replace('0, east]', '0, ""]').replace('3, 0, ""]]', '3, 0, ""], [9, 0, 0, east]]').replace("lanes: [", f"lanes: [[2, 7, {both}], ")
+    far = (
+        GAP.replace("0, east]", '0, ""]')
+        .replace('3, 0, ""]]', '3, 0, ""], [9, 0, 0, east]]')
+        .replace("lanes: [", f"lanes: [[2, 7, {both}], ")
+    )
     setup = chosen(tmp_path, "gap.building.yaml", far, robots={"count": 1, "type": "amr_600"})
     assert setup.notes[0].endswith("; cut off by that: east, v0")
 

@@ -37,7 +37,9 @@ def figure_5(study: ReportedRuns) -> list[Chart]:
             "farthest within 1.5 boxes; dots: beyond."
         )
         where = f", {name}" if len(study.maps) > 1 else ""
-        charts.append(draw(f"figure_5_{len(charts) + 1}", titled(study, "Figure 5", f"planning time{where}"), caption, paint, size=_size(values)))
+        charts.append(
+            draw(f"figure_5_{len(charts) + 1}", titled(study, "Figure 5", f"planning time{where}"), caption, paint, size=_size(values))
+        )
     return charts
 
 

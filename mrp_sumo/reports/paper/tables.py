@@ -151,7 +151,8 @@ def table_3(study: ReportedRuns) -> ReportTable | None:
         rows,
         "Success: a valid plan, all robots at their goals, and no two ever overlapping. Normalised: of the runs with a valid plan; "
         "overall: of all runs. Mean time: of the runs that succeeded."
-        + of_paper * " MRP-Bench success: all robots at their goals, of all runs, whatever the plan. The paper's rates are MRP-Bench's, over "
+        + of_paper
+        * " MRP-Bench success: all robots at their goals, of all runs, whatever the plan. The paper's rates are MRP-Bench's, over "
         "5 and 9 robots together, driven by Nav2, which avoids others and keeps no order; its normalised ones are of the scenarios for "
         "which every planner found a plan.",
         labels=3,
@@ -196,7 +197,8 @@ def table_4(study: ReportedRuns) -> ReportTable | None:
         rows,
         "Means over the instances for which all series of the block found a plan, valid or not, in cells with the start included, as "
         "MRP-Bench counts; smoothed as it smooths."
-        + is_of_paper(study) * " The paper's are over 39 scenarios of other seeds; they stand beside the warehouse with nine robots, where "
+        + is_of_paper(study)
+        * " The paper's are over 39 scenarios of other seeds; they stand beside the warehouse with nine robots, where "
         "costs are of their size.",
         labels=3,
         digits=dict.fromkeys(list(rows[0])[4:] if rows else (), 1),
