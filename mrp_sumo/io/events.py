@@ -1,7 +1,7 @@
 """Events of an execution as JSON lines, one object per line, for `jq`, pandas and editors.
 
-Robots and vertices appear by name, and a station by its own where that is another; a key without a value is left out. JSON has no infinity: what lasts for good has
-`for_good: true` and no `duration_s`.
+Robots and vertices appear by name, and a station by its own where that is another; a key without a value is left out. JSON has no
+infinity: what lasts for good has `for_good: true` and no `duration_s`.
 """
 
 import json
