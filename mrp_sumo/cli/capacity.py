@@ -41,7 +41,11 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         help="share of orders that are to be on time, such as 95%% (the default); without due times, of orders that are done at all; "
         "of a scenario without orders, share of draws that are to succeed (default: 80%%)",
     )
-    parser.add_argument("--robots", metavar="A..B", help="sizes of fleets (default: 4 to what the map holds, at most 200)")
+    parser.add_argument(
+        "--robots",
+        metavar="A..B",
+        help="sizes of fleets (default: 4, or those of the scenario if fewer, to what the map holds, at most 200)",
+    )
     parser.add_argument(
         "--quick", action="store_true", help="3 seeds of 20 simulated minutes at first, wider limits, about 3 min on two cores"
     )

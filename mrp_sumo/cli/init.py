@@ -1,6 +1,6 @@
 """Write a first scenario with work for a map: stations, orders, fleet, charging and parking, as far as the map says; the rest is guessed.
 
-It asks nothing that it can read, says in comments what it guessed, and has driven what it writes for ten simulated seconds.
+It asks nothing that it can read, says in comments what it guessed, and has driven what it writes for ten simulated minutes.
 """
 
 import argparse
@@ -38,7 +38,7 @@ QUESTIONS = (  # wish, question: what matters most for an answer
 def arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `mrp-sumo init`."""
     parser.add_argument("map", metavar="FILE", help="map of any format that `mrp-sumo import` reads, or the name of a bundled one")
-    parser.add_argument("--out", type=Path, metavar="DIR", help="folder of the scenario (default: the map's name)")
+    parser.add_argument("--out", type=Path, metavar="DIR", help="folder of the scenario, or a .yaml file (default: the map's name)")
     parser.add_argument("--type", dest="robot_type", default="", metavar="NAME", help="type of robots (default: the largest that fits)")
     parser.add_argument("--robots", dest="num_robots", type=int, metavar="N", help="how many (default: by what fits)")
     parser.add_argument(
@@ -59,7 +59,9 @@ def run(options: argparse.Namespace) -> int:
 
     name = folder_name(map_name(path))
     out: Path = options.out or Path(name)
-    _require_free(out)
+    scenario = out if out.suffix.lower() in (".yaml", ".yml") and not out.is_dir() else out / SCENARIO
+    out = scenario.parent
+    _require_free(scenario)
     if options.orders is not None and not 1 <= options.orders <= 100_000:
         raise MrpSumoError(f"--orders: found {options.orders}, expected 1 to 100000")
     file = os.path.relpath(path.resolve(), out.resolve()) if Path(options.map).is_file() else options.map
@@ -67,34 +69,30 @@ def run(options: argparse.Namespace) -> int:
     wishes = _asked(options) if options.interactive else _wishes({key: getattr(options, key) for key in WISHED})
     if Path(wishes.robot_type or "").is_file():
         wishes = replace(wishes, robot_type=os.path.relpath(wishes.robot_type, out))  # as the scenario says it
+    is_new = not out.exists()
     out.mkdir(parents=True, exist_ok=True)
     try:
         with map_alone(out.resolve() / file, options.map):
             proposal = propose({"file": file, **scale}, out.resolve(), name, wishes)
         if options.orders is not None:
             write_text(out / ORDERS, _orders(proposal, options.orders))
-        write_text(out / SCENARIO, text_of(proposal, path.name))
+        write_text(scenario, text_of(proposal, path.name))
     except (MrpSumoError, KeyboardInterrupt):
         (out / ORDERS).unlink(missing_ok=True)
-        _remove_empty(out)
+        if is_new and not any(out.iterdir()):
+            out.rmdir()
         raise
-    _print(proposal, out, name, options.orders)
+    _print(proposal, scenario, name, options.orders)
     return 0
 
 
-def _require_free(out: Path) -> None:
+def _require_free(scenario: Path) -> None:
     """Refuse to replace what may be somebody's work."""
-    if out.exists() and not out.is_dir():
-        raise MrpSumoError(f"--out {out}: is a file, expected a folder")
-    for name in (SCENARIO, ORDERS):
-        if (out / name).exists():
-            raise MrpSumoError(f"{out / name}: is there already, and may be yours: choose another --out")
-
-
-def _remove_empty(out: Path) -> None:
-    """Take back a folder that nothing came into."""
-    if not any(out.iterdir()):
-        out.rmdir()
+    if scenario.parent.exists() and not scenario.parent.is_dir():
+        raise MrpSumoError(f"--out {scenario.parent}: is a file, expected a folder or a .yaml file")
+    for path in (scenario, scenario.parent / ORDERS):
+        if path.exists():
+            raise MrpSumoError(f"{path}: is there already, and may be yours: choose another --out")
 
 
 def _wishes(values: dict[str, Any]) -> "Wishes":
@@ -177,20 +175,20 @@ def _orders(proposal: "Proposal", count: int) -> str:
     return "\n".join(rows) + "\n"
 
 
-def _print(proposal: "Proposal", out: Path, name: str, orders: int | None) -> None:
+def _print(proposal: "Proposal", path: Path, name: str, orders: int | None) -> None:
     """What was found, and three commands."""
     tasks, robots = proposal.values["tasks"], proposal.values["robots"]
     groups = ", ".join(f"{len(names)} {group}" for group, names in tasks["groups"].items())
     stops, rate = " to ".join(tasks["streams"][0]["stops"]), tasks["streams"][0]["arrivals"]["rate_per_h"]
-    scenario, folder = shlex.quote(str(out / SCENARIO)), shlex.quote(str(Path("runs") / name))
+    scenario, folder = shlex.quote(str(path)), shlex.quote(str(Path("runs") / name))
     count, model = robots["count"], robots["type"]
     size = model if isinstance(model, str) else f"{model['length_m']:g} x {model['width_m']:g} m and {model['max_speed_mps']:g} m/s"
     kind = f"robot{'s' * (count > 1)} of {'type ' * isinstance(model, str)}{size}"
-    print(f"{out / SCENARIO}: {count} {kind}, {rate:g} order{'s' * (rate != 1)} an hour from {stops}")
+    print(f"{path}: {count} {kind}, {rate:g} order{'s' * (rate != 1)} an hour from {stops}")
     print(f"places: {groups}")
-    print("driven for 10 simulated seconds: it runs")
+    print("driven for 10 simulated minutes: it runs")
     if orders:
-        print(f"your orders: fill {out / ORDERS}, then mrp-sumo run {scenario} --set 'tasks.streams=[]' --set tasks.file={ORDERS}")
+        print(f"your orders: fill {path.parent / ORDERS}, then mrp-sumo run {scenario} --set 'tasks.streams=[]' --set tasks.file={ORDERS}")
     print(f"next: mrp-sumo run {scenario}")
     print(f"      mrp-sumo capacity {scenario} --quick")
     print(f"      mrp-sumo replay {folder} --serve")

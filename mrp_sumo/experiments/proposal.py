@@ -31,7 +31,7 @@ NUM_SPREAD = 24  # places of a floor that names none
 SERVICE_S = (10.0, 20.0, 40.0)  # at a stop: least, usual and most
 ORDERS_A_ROBOT = 5  # that a run has time for, at the least
 BUSY = 0.25  # share of their time that robots would work if nobody were in their way
-TRIAL_S = 10.0  # simulated
+TRIAL_S = 600.0  # simulated: robots that stand in each other's way for good have been seen by then
 ENDS = 20  # of each of two groups, whose ways to each other are measured
 LARGE, MEDIUM, SMALL = "forklift", "amr_600", "turtlebot3"
 SLENDER = 0.7  # width of a vehicle of which the map says its length alone, in lengths
@@ -87,7 +87,7 @@ class Proposal:
 
 
 def propose(map_values: Mapping[str, Any], folder: Path, name: str, wishes: Wishes) -> Proposal:
-    """A scenario with work for a map, which was driven for ten simulated seconds.
+    """A scenario with work for a map, which was driven for ten simulated minutes.
 
     Parameters
     ----------
@@ -109,7 +109,10 @@ def propose(map_values: Mapping[str, Any], folder: Path, name: str, wishes: Wish
         setup, why_type = _fitting_type(map_values, folder, maps, wishes.robot_type)
         stations = stations_of(setup.map.nav, setup.problem.graph)
         if not stations.stops:
-            raise MapError(f"'{setup.map.name}' has fewer than two stations that reach each other: there is nothing to carry")
+            raise MapError(
+                f"'{setup.map.name}' has fewer than two stations that reach each other: there is nothing to carry; "
+                "`mrp-sumo import` with --check says where lanes end or have no way back"
+            )
         num_robots, why_number = _num_robots(setup, wishes.num_robots)
         fault = ""
         while num_robots:
@@ -117,9 +120,11 @@ def propose(map_values: Mapping[str, Any], folder: Path, name: str, wishes: Wish
             fault = _fault(scenario_of(proposal.values, folder, name), maps)
             if not fault or wishes.num_robots is not None:
                 break
+            why_number = f"fewer than guessed first, as {num_robots} did not get on with their work in ten simulated minutes"
             num_robots = num_robots * 2 // 3
     if fault:
-        raise MapError(f"'{setup.map.name}': what was proposed does not run: {fault}")
+        fewer = "; try fewer --robots" if (wishes.num_robots or 1) > 1 else ""
+        raise MapError(f"'{setup.map.name}': what was proposed does not run: {fault}{fewer}")
     reasons = {**proposal.reasons, "type": why_type, "count": why_number}
     return replace(proposal, reasons=reasons)
 
@@ -315,7 +320,7 @@ def _trip_s(setup: SetUp, groups: Sequence[Sequence[str]]) -> float:
 
 
 def _fault(file: ScenarioFile, maps: MapCache) -> str:
-    """Why a scenario does not run for ten simulated seconds; '' where it does."""
+    """Why a scenario does not run for ten simulated minutes; '' where it does."""
     execution = file.scenario.execution.model_copy(update={"time_limit_s": TRIAL_S, "engine": "kinematic"})
     record = file.scenario.record.model_copy(update={"bag": False})
     trial = replace(file, scenario=file.scenario.model_copy(update={"execution": execution, "record": record}))

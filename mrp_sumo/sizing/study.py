@@ -84,7 +84,8 @@ def asked(
     require_answerable(question)
     if robots is None:
         most = max(1, most_robots(question, MOST_ROBOTS))
-        question = replace(question, sizes=(min(LEAST_ROBOTS, most), most))
+        least = min(LEAST_ROBOTS, most, max(1, file.scenario.robots.size))  # what the scenario runs is tried
+        question = replace(question, sizes=(least, most))
     return question
 
 

@@ -137,7 +137,8 @@ def test_orders_come_as_robots_that_drive_as_fast_as_each_lane_allows_can_do_a_q
         (["shop.building.yaml", "--robots", "99"], "99 robots, but 'shop' has"),
         (["shop.building.yaml", "--rate", "0"], "--rate: found 0, expected"),
         (["shop.building.yaml", "--orders", "0"], "--orders: found 0, expected"),
-        (["shop.building.yaml", "--out", "shop.building.yaml"], "is a file, expected a folder"),
+        (["shop.building.yaml", "--out", "shop.building.yaml"], "is there already, and may be yours"),
+        (["shop.building.yaml", "--out", "shop.building.yaml/new"], "is a file, expected a folder"),
         (["one.building.yaml"], "fewer than two stations"),
         (["office_5"], "no map 'office_5'"),
     ],
@@ -177,6 +178,28 @@ def test_places_are_for_what_the_map_says_else_their_names(names, options, role)
     )
     stations = stations_of(nav, cut_lanes(nav, 0.4))
     assert {key: value for key, value in vars(stations).items() if value} == role
+
+
+def test_out_may_name_the_file(shop, capsys):
+    assert main(["init", "shop.building.yaml", "--type", "turtlebot3", "--out", "sites/first.yaml"]) == 0
+    assert [path.name for path in (shop / "sites").iterdir()] == ["first.yaml"]
+    assert "next: mrp-sumo run sites/first.yaml" in capsys.readouterr().out
+    assert yaml.safe_load((shop / "sites" / "first.yaml").read_text())["map"]["file"] == "../shop.building.yaml"
+    assert main(["init", "shop.building.yaml", "--out", "sites/first.yaml"]) == 2
+    assert "sites/first.yaml: is there already" in capsys.readouterr().err
+
+
+def test_robots_that_would_stand_in_each_others_way_for_good_are_not_proposed(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    places = "".join(f"      - [{4 * k}, 0, 0, place_{k}]\n" for k in range(4))  # in a row, on a single track
+    lanes = "".join(f"      - [{k}, {k + 1}, {{bidirectional: [4, true], graph_idx: [2, 0]}}]\n" for k in range(3))
+    levels = f"levels:\n  L1:\n    vertices:\n{places}    lanes:\n{lanes}"
+    (tmp_path / "row.building.yaml").write_text(f"name: row\ncoordinate_system: cartesian_meters\n{levels}")
+    assert main(["init", "row.building.yaml", "--type", "amr_600"]) == 0
+    text = (tmp_path / "row" / "scenario.yaml").read_text()
+    assert "count: 1  # fewer than guessed first, as 2 did not get on" in text
+    assert main(["init", "row.building.yaml", "--type", "amr_600", "--robots", "2", "--out", "two"]) == 2
+    assert capsys.readouterr().err.endswith("; try fewer --robots\n") and not (tmp_path / "two").exists()
 
 
 def test_a_scenario_that_cannot_be_written_leaves_nothing(shop, monkeypatch, capsys):

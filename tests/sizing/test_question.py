@@ -27,6 +27,13 @@ def test_places_to_charge_keep_as_many_robots_going_as_they_charge_in_time(charg
     assert Cycle(100.0, charge_s, 3).most_robots == most
 
 
+@pytest.mark.parametrize(("robots", "least"), [(1, 1), (3, 3), (5, 4)])
+def test_fleets_as_small_as_the_scenarios_own_are_tried(tmp_path, robots, least):
+    tasks = "{streams: [{arrivals: {rate_per_h: 60}, stops: [office_1]}]}"
+    (tmp_path / "small.yaml").write_text(f"map: office\nrobots: {robots}\ntasks: {tasks}\n")
+    assert study.asked(read_scenario(tmp_path / "small.yaml")).sizes[0] == least
+
+
 CHARGING = """
 map: office
 robots: 4
