@@ -3,8 +3,8 @@
 One-shot planning is the request of time 0, in which every robot stands at its start and has one stop.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
 import numpy as np
@@ -30,6 +30,7 @@ class Request:
     stop: IntArray  # [S] vertices
     closed: BoolArray  # [L] lanes that nobody may use
     reason: str = ""  # why it is made, for people
+    there_s: Mapping[int, float] = field(default_factory=dict)  # robots that are where they have their stop, and how long that takes
 
     @property
     def end(self) -> IntArray:

@@ -4,6 +4,7 @@ Robots go on driving what they have been granted. One that can reach its goal no
 """
 
 from collections.abc import Collection, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cache
 from time import process_time
@@ -131,7 +132,8 @@ def planned(
 ) -> Replan:
     """The answer of a planner to a request, from where robots are committed to be.
 
-    Robots that the request leaves out stay where they are. Those that cannot reach their stops now, too.
+    Robots that the request leaves out stay where they are. Those that cannot reach their stops now, too, and those that have reached
+    theirs, if the planner has them back later than their stops take.
 
     Parameters
     ----------
@@ -145,10 +147,29 @@ def planned(
     """
     a_stop_each(request)
     request = request if limits.window_steps and "stops" in supports_of(planner, parameters) else next_stops(request)
-    stays, end = np.ones(around.ledger.num_robots, np.bool_), around.ledger.end_of_tasks.copy()
-    stays[request.robot], end[request.robot] = False, request.end
-    stays |= around.crew.busy
-    found = situation(begin_s, around, stays | around.world.broken, end)
+    stays = around.crew.busy | around.world.broken
+    ways = _ways(request, begin_s, around, stays, planner, parameters, limits)
+    sent_off = [r for r, takes_s in request.there_s.items() if r in ways.reroute and _back_after_s(ways.reroute[r]) > takes_s]
+    if sent_off:
+        stays[sent_off] = True
+        with suppress(PlanError):  # who can be sent off only keeps the first answer
+            ways = _ways(request, begin_s, around, stays, planner, parameters, limits)
+    return ways
+
+
+def _ways(
+    request: Request,
+    begin_s: float,
+    around: Surroundings,
+    stays: BoolArray,
+    planner: str,
+    parameters: Mapping[str, Any],
+    limits: AnswerLimits,
+) -> Replan:
+    """As `planned`, with robots [R] that stay."""
+    left_out, end = np.ones(around.ledger.num_robots, np.bool_), around.ledger.end_of_tasks.copy()
+    left_out[request.robot], end[request.robot] = False, request.end
+    found = situation(begin_s, around, left_out | stays, end)
     if len(request.stop) > len(request.robot):
         via = dict(zip(request.robot.tolist(), request.via))
         reached = zip(found.request.robot.tolist(), found.request.stop.tolist())
@@ -157,6 +178,13 @@ def planned(
     answer = replan(found, around, planner, parameters, limits)
     ends = dict(zip(request.robot.tolist(), request.end.tolist()))
     return replace(answer, reason=request.reason, text="", ends=ends)
+
+
+def _back_after_s(way: Reroute) -> float:
+    """How long a robot is away from a place that its way leaves and comes back to."""
+    if not len(way.vertex):
+        return 0.0
+    return float(way.arrive_s[-1] - (way.arrive_s[0] if way.vertex[0] == way.vertex[-1] else way.leave_s))
 
 
 def supports_of(planner: str, parameters: Mapping[str, Any]) -> Collection[str]:

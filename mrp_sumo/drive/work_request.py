@@ -81,6 +81,7 @@ def work_request(crew: Crew, now_s: float, closed: BoolArray, assigned: Mapping[
         stop=frozen(vertex[robots]),
         closed=closed.copy(),
         reason="tasks",
+        there_s={r: stop[r].service_s for r in stop if [leg.vertex for leg in legs[r]] == [start[r]]},
         assigned=dict(assigned),
         legs={r: (*on_the_way[r], *legs[r]) for r in robots.tolist()},
         waits={r: int(vertex[r]) for r in stop if not makes[r]},

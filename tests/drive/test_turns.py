@@ -23,6 +23,17 @@ def test_two_robots_take_turns_at_a_dead_end(tmp_path, dispatcher):
     assert [run.tasks.name[k] for k in run.stops.task[first].tolist()] == [f"o_{k}" for k in range(len(robots))]
 
 
+@pytest.mark.parametrize(("robots", "service_s"), [(3, (10, 3)), (4, (3, 20))])
+def test_robot_at_its_place_is_not_sent_round_the_ring(tmp_path, robots, service_s):
+    """Nobody can pass on a one-way ring, so no planner gets more out of it: one that plans the others first does not send a robot off."""
+    orders = [{"name": name, "stops": [name], "service": [s], "arrivals": {"open": 4}} for name, s in zip("AB", service_s)]
+    done = [
+        int(np.isfinite(driven(scenario(ring(tmp_path), {"streams": orders}, robots=robots, planner=planner)).execution.tasks.done_s).sum())
+        for planner in ("prioritised", "pbs")
+    ]
+    assert done[0] == done[1] > 35, done
+
+
 def test_three_robots_take_turns_at_one_charger(tmp_path):
     """A charge takes 5 minutes. They come from 4, 10 and 14 m away, and again in the order in which they left."""
     xy = {"west": (0.0, 0.0), "mid": (6.0, 0.0), "east": (16.0, 0.0), "X": (6.0, 4.0)}
