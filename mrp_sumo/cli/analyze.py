@@ -108,9 +108,10 @@ def _audit(options: argparse.Namespace) -> int:
 def _measure(options: argparse.Namespace) -> int:
     """Compute metrics of a run, or of a batch, from what their folders keep. Exit code 1 when one failed."""
     from mrp_sumo.experiments.measure_later import measure_run
+    from mrp_sumo.io.results import is_batch
     from mrp_sumo.io.run_reader import load_run
 
-    if _is_batch(options.bag):
+    if is_batch(options.bag):
         return measure_named(options.bag, options.metric, as_json=options.json)
     metrics, faults = named_metrics(options.metric)
     values = measure_run(load_run(options.bag), metrics)
@@ -120,10 +121,6 @@ def _measure(options: argparse.Namespace) -> int:
         for metric in metrics:
             print(f"{metric.name:35} {values[metric.name]} {metric.unit}".rstrip())
     return _failed(faults)
-
-
-def _is_batch(folder: Path) -> bool:
-    return (folder / "plan.json").is_file() and (folder / "runs").is_dir() and not (folder / "result.json").is_file()
 
 
 def measure_named(folder: Path, names: list[str], quiet: bool = False, as_json: bool = False) -> int:
@@ -172,10 +169,11 @@ def analysed(bag: Path, config: Path | None, generation: str | None, overrides: 
         When something is missing, in one line.
     """
     from mrp_sumo.errors import MrpSumoError, nearest
+    from mrp_sumo.io.results import is_batch
 
     if not bag.exists():  # said before anything large is loaded
         raise MrpSumoError(f"{bag}: no such bag")
-    if _is_batch(bag):
+    if is_batch(bag):
         raise MrpSumoError(f"{bag}: a batch, expected a bag or a run; add --metric NAME, or see `mrp-sumo report {shlex.quote(str(bag))}`")
     import numpy as np
 

@@ -34,10 +34,12 @@ def run(options: argparse.Namespace) -> int:
     if options.trust:
         trust_everything()
     folder = options.folder = Path(options.folder)
-    is_batch = (folder / "runs").is_dir() and not (folder / "result.json").exists()
-    if options.runs is not None and (not is_batch or options.runs < 1):
+    from mrp_sumo.io.results import is_batch
+
+    of_batch = is_batch(folder)
+    if options.runs is not None and (not of_batch or options.runs < 1):
         raise MrpSumoError(f"--runs: found {options.runs}, expected 1 or more runs of a batch")
-    comparison, what = _batch(options) if is_batch else (_run(options), "file")
+    comparison, what = _batch(options) if of_batch else (_run(options), "file")
     if options.json:
         print(json.dumps({"same": comparison.same, "equal": comparison.equal, "of": what, "differences": list(comparison.differences)}))
         return 0 if comparison.same else 1

@@ -52,6 +52,11 @@ _BEGIN = re.compile(rb'\{"key":"(\w+)","status":"(\w+)","attempts":(\d+),')
 BatchRecord = dict[str, Any]
 
 
+def is_batch(folder: Path) -> bool:
+    """Whether a folder is that of a batch: with a plan and runs, and without the result that folders of runs have."""
+    return (folder / PLAN).is_file() and (folder / "runs").is_dir() and not (folder / "result.json").is_file()
+
+
 def record_path(folder: Path, key: str) -> Path:
     """Path of the record of a run."""
     return folder / "runs" / key[:2] / f"{key}.json"

@@ -65,3 +65,10 @@ def test_bad_input_is_one_line(finished, tmp_path, capsys):
     for arguments in ([str(tmp_path)], [str(tmp_path / "none")], [str(finished), "--runs", "3"]):
         assert main(["reproduce", *arguments]) == 2
         assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_a_folder_of_runs_without_the_plan_of_a_batch_is_none_here_as_elsewhere(tmp_path, capsys):
+    (tmp_path / "runs").mkdir()
+    for command in (["reproduce"], ["analyze", "--metric", "makespan_s"]):
+        assert main([*command, str(tmp_path)]) == 2
+        assert "no run has a result" not in (said := capsys.readouterr().err) and said.count("\n") == 1
