@@ -57,7 +57,7 @@ class DxfPlan:
         notes = Notes()
         shown = ", ".join(f"{layer} ({count})" for layer, count in drawing.layers.items())
         left = f"; left out: {', '.join(drawing.left_out)}" if drawing.left_out else "; --layers chooses" if len(drawing.layers) > 1 else ""
-        notes.add("walls_of_layers", f"{shown} in {drawing.unit}{left}")
+        notes.add("walls_of_layers", f"{shown}; unit {drawing.unit}{left}")
         return _plan(file, selection, FloorPixels(clear, resolution_m, (float(low[0]), float(low[1]))), drawing.strokes, notes)
 
 
@@ -106,7 +106,7 @@ def _plan(file: MapFile, selection: Selection, floor: FloorPixels, walls: FloatA
         left_m2, all_m2 = ((n * nav.cell_m**2) for n in (pieces.sum() - pieces.max(), pieces.sum()))
         notes.add(
             "pieces_left_out",
-            f"{len(pieces) - 1} piece{'s' * (len(pieces) > 2)}, {left_m2:.2g} m2 of {all_m2:.0f}, which a robot of radius "
+            f"{len(pieces) - 1} piece{'s' * (len(pieces) > 2)}, {left_m2:.{0 if left_m2 >= 10 else 1}f} m2 of {all_m2:.0f}, which a robot of radius "
             f"{selection.robot_radius_m:g} m cannot reach: the inside of racks, or rooms whose doors are drawn shut",
         )
         number = np.cumsum(free.ravel()).reshape(free.shape) - 1

@@ -146,6 +146,16 @@ def test_a_picture_with_a_scale_has_walls_and_a_grid(tmp_path, name, mode):
     assert len(rack) == 8
 
 
+def test_a_large_piece_that_is_left_out_is_written_in_plain_numbers(tmp_path):
+    image = Image.new("L", (240, 160), "white")
+    ImageDraw.Draw(image).rectangle((0, 0, 239, 159), outline="black")
+    ImageDraw.Draw(image).rectangle((60, 40, 119, 119), outline="black")  # 30 x 40 m that nobody gets into
+    image.save(tmp_path / "hall.png")
+    found = load_map(tmp_path / "hall.png", meters_per_pixel=0.5, cell_m=1.0, robot_radius_m=0.2)
+    (line,) = (f.details[0] for f in found.findings if f.kind == "pieces_left_out")
+    assert line.startswith("1 piece, 1064 m2 of 8998, which")
+
+
 @pytest.mark.parametrize("cell_m", [float("nan"), float("inf"), 0.0])
 def test_cells_of_no_length_are_refused(tmp_path, cell_m):
     with pytest.raises(MapError, match=r"the cell length is \S+ m, expected at least 0.01 m"):
