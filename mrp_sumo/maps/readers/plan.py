@@ -106,8 +106,8 @@ def _plan(file: MapFile, selection: Selection, floor: FloorPixels, walls: FloatA
         left_m2, all_m2 = ((n * nav.cell_m**2) for n in (pieces.sum() - pieces.max(), pieces.sum()))
         notes.add(
             "pieces_left_out",
-            f"{len(pieces) - 1} piece{'s' * (len(pieces) > 2)}, {left_m2:.{0 if left_m2 >= 10 else 1}f} m2 of {all_m2:.0f}, which a robot of radius "
-            f"{selection.robot_radius_m:g} m cannot reach: the inside of racks, or rooms whose doors are drawn shut",
+            f"{len(pieces) - 1} piece{'s' * (len(pieces) > 2)}, {left_m2:.{0 if left_m2 >= 10 else 1}f} m2 of {all_m2:.0f}, which a robot "
+            f"of radius {selection.robot_radius_m:g} m cannot reach: the inside of racks, or rooms whose doors are drawn shut",
         )
         number = np.cumsum(free.ravel()).reshape(free.shape) - 1
         inside = free & (nav.component == pieces.argmax())[number]
