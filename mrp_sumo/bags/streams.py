@@ -1,14 +1,13 @@
-"""Topics with a message per moment: templates of serialised messages whose numbers are overwritten each time."""
+"""Topics with a message per moment: copies of serialised messages whose numbers are set, many moments at a time."""
 
-import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mrp_sumo.bags.messages import EPOCH_NS, FLEET_NAME, Messages
-from mrp_sumo.bags.template import Template
+from mrp_sumo.bags.template import Copies, Template
 from mrp_sumo.core.execution import positions_at
 from mrp_sumo.core.graph import BoolArray, IntArray
 from mrp_sumo.core.near import least_distance_m
@@ -38,6 +37,7 @@ CLOUD = np.dtype(
     }
 )
 ABSENT = -1  # as a level
+TOGETHER_BYTES = 2**20  # of messages that are made at once
 CDR_HEADER = b"\x00\x01\x00\x00"  # little endian; alignment counts from its end
 
 
@@ -57,14 +57,17 @@ class Samples:
         self.there: BoolArray = np.isfinite(self.x) & np.isfinite(self.y)
 
 
+Fill = Callable[[Copies, slice, Any], None]
+
+
 class Stream:
-    """Messages over time from a template, which is rebuilt whenever robots appear, disappear, or change level or task."""
+    """Messages over time, asked for in their order; the template is rebuilt when robots appear, disappear, or change level or task."""
 
     def __init__(
         self,
         samples: Samples,
         template: Callable[[IntArray, NDArray[Any]], Template],
-        fill: Callable[[Template, int, Any], None],
+        fill: Fill,
         *,
         nanosec: bool = True,
         only: int | None = None,
@@ -76,22 +79,36 @@ class Stream:
         self._now: NDArray[Any] | None = None
         self._template: Template | None = None
         self._robots: Any = slice(None)
+        self._copies: Copies | None = None
+        self._at = self._next = 0  # the first of the copies, and the message that follows the last one asked for
 
     def message(self, k: int) -> bytes | None:
         """The message at the k-th time; None for no message."""
-        there, now = self.samples.there[k], self._all[k]
-        if self._only is not None and not there[self._only]:
-            return None
+        if self._copies is None or k != self._next or k >= self._at + len(self._copies):
+            self._at, self._copies = k, self._from(k)
+        self._next = k + 1
+        is_there = self._only is None or self.samples.there[k, self._only]
+        return self._copies.message(k - self._at) if is_there else None
+
+    def _from(self, k: int) -> Copies:
+        """The messages from the k-th on, as many as have its layout and are made together."""
+        now = self._all[k]
         if self._template is None or self._now is None or (self._only is None and not np.array_equal(now, self._now)):
-            robots = np.flatnonzero(there)
-            self._now, self._robots = now, slice(None) if there.all() else robots
-            self._template = self._make(robots, now)
-        sec, nanosec = divmod(EPOCH_NS + int(self.samples.t_ns[k]), 10**9)
-        self._template.set("<i4", sec)
+            there = self.samples.there[k]
+            self._now, self._robots = now, slice(None) if there.all() else np.flatnonzero(there)
+            self._template = self._make(np.flatnonzero(there), now)
+        following = self._all[k + 1 : k + max(1, TOGETHER_BYTES // self._template.size)]
+        if self._only is None:
+            differ = (following != now).reshape(len(following), now.size).any(1)
+            following = following[: int(differ.argmax()) if differ.any() else len(differ)]
+        part = slice(k, k + 1 + len(following))
+        copies = self._template.copies(1 + len(following))
+        sec, nanosec = np.divmod(EPOCH_NS + self.samples.t_ns[part], 10**9)
+        copies.set("<i4", sec[:, None])
         if self._nanosec:
-            self._template.set("<u4", nanosec)
-        self._fill(self._template, k, self._robots)
-        return self._template.message()
+            copies.set("<u4", nanosec[:, None])
+        self._fill(copies, part, self._robots)
+        return copies
 
 
 def transforms(m: Messages, samples: Samples) -> Stream:
@@ -134,14 +151,19 @@ def poses(m: Messages, samples: Samples) -> Stream:
     return Stream(samples, template, _fill_poses(samples))
 
 
-def _fill_poses(samples: Samples) -> Callable[[Template, int, Any], None]:
+def _fill_poses(samples: Samples) -> Fill:
     """Sets x, y and the turn about z (quaternion z, w) of each robot."""
 
-    def fill(t: Template, k: int, robots: Any) -> None:
-        half = samples.yaw[k, robots] / 2
-        t.set("<f8", np.stack((samples.x[k, robots], samples.y[k, robots], np.sin(half), np.cos(half)), 1).ravel())
+    def fill(copies: Copies, part: slice, robots: Any) -> None:
+        half = samples.yaw[part, robots] / 2
+        copies.set("<f8", _by_robot(samples.x[part, robots], samples.y[part, robots], np.sin(half), np.cos(half)))
 
     return fill
+
+
+def _by_robot(*columns: NDArray[Any]) -> NDArray[Any]:
+    """[K, N R] numbers of K messages: those of the first robot, then of the second, from [K, R] each."""
+    return np.stack(columns, 2).reshape(len(columns[0]), -1)
 
 
 def fleet_states(m: Messages, samples: Samples) -> Stream:
@@ -179,13 +201,12 @@ def fleet_states(m: Messages, samples: Samples) -> Stream:
         kinds = ("<u8", "<u4", "<i4", "<u4", "<f4", "<f4", "<f4", "<f4")
         return Template(m.typestore, "rmf_fleet_msgs/msg/FleetState", make, kinds * len(robots))
 
-    def fill(t: Template, k: int, robots: Any) -> None:
-        nanosec = int(samples.t_ns[k]) % 10**9
-        now = np.where(charging[k, robots], RMF_CHARGING, mode[samples.state[k, robots]])
-        t.set("<u8", samples.first + k)
-        t.set("<u4", np.stack((now, np.full(len(now), nanosec)), 1).ravel())
-        columns = (battery, x, y, samples.yaw)
-        t.set("<f4", np.stack([column[k, robots] for column in columns], 1).ravel())
+    def fill(copies: Copies, part: slice, robots: Any) -> None:
+        now = np.where(charging[part, robots], RMF_CHARGING, mode[samples.state[part, robots]])
+        nanosec = np.broadcast_to(samples.t_ns[part, None] % 10**9, now.shape)
+        copies.set("<u8", samples.first + np.arange(part.start, part.stop)[:, None])
+        copies.set("<u4", _by_robot(now, nanosec))
+        copies.set("<f4", _by_robot(*(column[part, robots] for column in (battery, x, y, samples.yaw))))
 
     return Stream(samples, template, fill, nanosec=False, now=now)
 
@@ -205,13 +226,13 @@ def cloud(m: Messages, samples: Samples) -> Stream:
 
         return Template(m.typestore, "sensor_msgs/msg/PointCloud2", make, ("<i4", "<u4"))
 
-    def fill(t: Template, k: int, robots: Any) -> None:
-        state = samples.state[k, robots]
-        points = np.zeros(len(state), CLOUD)
-        points["x"], points["y"], points["yaw"] = samples.x[k, robots], samples.y[k, robots], samples.yaw[k, robots]
-        points["speed"], points["rgb"], points["blocked"] = samples.speed[k, robots], rgb[state], state == BLOCKED
+    def fill(copies: Copies, part: slice, robots: Any) -> None:
+        state = samples.state[part, robots]
+        points = np.zeros(state.shape, CLOUD)
+        points["x"], points["y"], points["yaw"] = samples.x[part, robots], samples.y[part, robots], samples.yaw[part, robots]
+        points["speed"], points["rgb"], points["blocked"] = samples.speed[part, robots], rgb[state], state == BLOCKED
         points["id"] = np.arange(samples.x.shape[1])[robots]
-        t.bytes_before_end(points.nbytes, after=1)[:] = points.view(np.uint8)
+        copies.set_before_end(points.view(np.uint8).reshape(len(points), -1), after=1)
 
     return Stream(samples, template, fill)
 
@@ -239,10 +260,10 @@ def odometry(m: Messages, samples: Samples, robot: int) -> Stream:
 
         return Template(m.typestore, "nav_msgs/msg/Odometry", make, ("<i4", "<u4") + ("<f8",) * 6)
 
-    def fill(t: Template, k: int, _: Any) -> None:
-        half = samples.yaw[k, robot] / 2
-        now = samples.x[k, robot], samples.y[k, robot], math.sin(half), math.cos(half), samples.speed[k, robot], turn_rate[k]
-        t.set("<f8", now)
+    def fill(copies: Copies, part: slice, _: Any) -> None:
+        half = samples.yaw[part, robot] / 2
+        x, y, speed = (column[part, robot] for column in (samples.x, samples.y, samples.speed))
+        copies.set("<f8", np.stack((x, y, np.sin(half), np.cos(half), speed, turn_rate[part]), 1))
 
     return Stream(samples, template, fill, only=robot)
 
@@ -254,16 +275,23 @@ class Diagnostics:
         self.samples = samples
         states = range(len(STATE_NAMES))
         self._statuses = [[_status(m, robot, state) for state in states] for robot in range(len(m.robots))]
+        self._said: tuple[tuple[int, int], ...] | None = None  # robots and their states of the last message
+        self._body = b""  # and what follows its stamp
 
     def message(self, k: int) -> bytes:
         """The message at the k-th time."""
-        samples = self.samples
-        robots = np.flatnonzero(samples.there[k])
-        sec, nanosec = divmod(EPOCH_NS + int(samples.t_ns[k]), 10**9)
-        parts = bytearray(CDR_HEADER)
-        parts += sec.to_bytes(4, "little") + nanosec.to_bytes(4, "little") + _padded(_string(""))
-        parts += len(robots).to_bytes(4, "little")
-        for robot, state in zip(robots.tolist(), samples.state[k, robots].tolist()):
+        robots = np.flatnonzero(self.samples.there[k])
+        now = tuple(zip(robots.tolist(), self.samples.state[k, robots].tolist()))
+        if now != self._said:
+            self._said, self._body = now, self._listed(now)
+        sec, nanosec = divmod(EPOCH_NS + int(self.samples.t_ns[k]), 10**9)
+        return CDR_HEADER + sec.to_bytes(4, "little") + nanosec.to_bytes(4, "little") + self._body
+
+    def _listed(self, now: Sequence[tuple[int, int]]) -> bytes:
+        """The frame of a message, and robots with their states; it begins on a multiple of four."""
+        parts = bytearray(_padded(_string("")))
+        parts += len(now).to_bytes(4, "little")
+        for robot, state in now:
             parts.append(1 if state == BLOCKED else 0)  # level WARN or OK
             parts += bytes(-len(parts) % 4) + self._statuses[robot][state]
         return bytes(parts)

@@ -1,11 +1,11 @@
-"""Fast CDR: a message of fixed layout is serialised once, and from then on only its numbers are overwritten.
+"""Fast CDR: a message of fixed layout is serialised once, and copies of it differ in their numbers only.
 
 The layout of a message does not change while its strings and array lengths stay the same. A template
 has the library serialise one with random numbers, finds where they went, and remembers the places. The
 bytes are the library's own; tests compare them for every type written.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -16,7 +16,7 @@ HEADER = 4  # bytes before the body; CDR aligns from the end of them
 
 
 class Template:
-    """A serialised message whose numbers can be set by kind, in the order in which `make` takes them.
+    """A serialised message, of which many can be made whose numbers are set by kind, in the order in which `make` takes them.
 
     Parameters
     ----------
@@ -51,12 +51,11 @@ class Template:
             drawn = rng.uniform(1e6, 9e6, count) if kind[1] == "f" else rng.integers(2**20, 2**31 - 1, count)
             marks[kind_of == kind] = list(drawn.astype(kind))
         raw = bytes(typestore.serialize_cdr(make(list(marks)), typename))
-        self._size = len(raw)
+        self.size = len(raw)
         # the body begins at byte 8 here, so that views of 8-byte numbers are aligned as CDR aligns them
-        self._buffer = np.zeros(2 * HEADER + -(-self._size // 8) * 8, np.uint8)
-        self._buffer[HEADER : HEADER + self._size] = np.frombuffer(raw, np.uint8)
+        self._buffer = np.zeros(2 * HEADER + -(-self.size // 8) * 8, np.uint8)
+        self._buffer[HEADER : HEADER + self.size] = np.frombuffer(raw, np.uint8)
         body = self._buffer[2 * HEADER :]
-        self._view: dict[str, NDArray[Any]] = {}
         self._index: dict[str, Any] = {}
         for kind in np.unique(kind_of):
             size = np.dtype(kind).itemsize
@@ -67,23 +66,37 @@ class Template:
                 return False
             step = np.diff(at)
             regular = len(at) > 1 and step[0] > 0 and (step == step[0]).all()
-            self._view[str(kind)] = view
             self._index[str(kind)] = slice(int(at[0]), int(at[-1]) + 1, int(step[0])) if regular else at
         return True
 
-    def set(self, kind: str, values: Any) -> None:
-        """Set all numbers of a kind, in order; a scalar sets them all. A message may have none."""
-        if kind in self._view:
-            self._view[kind][self._index[kind]] = values
+    def copies(self, count: int) -> "Copies":
+        """As many messages, whose numbers are to be set."""
+        return Copies(np.tile(self._buffer, (count, 1)), self._index, self.size)
 
-    def message(self) -> bytes:
-        """The serialised message with its present numbers."""
-        return self._buffer[HEADER : HEADER + self._size].tobytes()
 
-    def bytes_before_end(self, count: int, after: int) -> NDArray[np.uint8]:
-        """View of the `count` bytes that are followed by the last `after` bytes: a payload to overwrite."""
-        end = HEADER + self._size - after
-        return self._buffer[end - count : end]
+class Copies:
+    """K serialised messages of one layout, [K, B] bytes."""
+
+    def __init__(self, rows: NDArray[np.uint8], index: Mapping[str, Any], size: int) -> None:
+        self._rows, self._index, self.size = rows, index, size
+
+    def __len__(self) -> int:
+        return len(self._rows)
+
+    def set(self, kind: str, values: NDArray[Any]) -> None:
+        """Set all numbers of a kind, in order: [K, N], or [K, 1] for one value a message. Messages may have none."""
+        if kind in self._index:
+            view = self._rows.view(kind)
+            view[:, 2 * HEADER // view.itemsize :][:, self._index[kind]] = values
+
+    def message(self, k: int) -> bytes:
+        """The k-th serialised message."""
+        return self._rows[k, HEADER : HEADER + self.size].tobytes()
+
+    def set_before_end(self, values: NDArray[np.uint8], after: int) -> None:
+        """Overwrite a payload [K, N] that is followed by the last `after` bytes."""
+        end = HEADER + self.size - after
+        self._rows[:, end - values.shape[1] : end] = values
 
 
 MARKS = (0x51A2B3C1, 0x52A3B4C2, 0x53A4B5C3)
