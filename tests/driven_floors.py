@@ -12,6 +12,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
+from floors import BATTERY, SMALL
 
 from mrp_sumo.experiments.batch import Watcher, run_batch
 from mrp_sumo.io.scenario.read import scenario_of
@@ -22,16 +23,7 @@ from mrp_sumo.sizing.search import NEW_SEEDS
 from mrp_sumo.sizing.study import Study, asked
 
 EFFORT = replace(FULL, horizon_s=1200.0, budget_s=1e9)
-CART = {"length_m": 0.4, "width_m": 0.4, "max_speed_mps": 1.0, "accel_mps2": 1.0, "decel_mps2": 1.0, "turn_rate_rad_s": 3.0}
-BATTERY = {
-    "voltage_v": 10.0,
-    "capacity_ah": 0.4,
-    "charging_a": 2.0,
-    "mass_kg": 10.0,
-    "inertia_kgm2": 0.5,
-    "friction": 0.05,
-    "device_w": 10.0,
-}
+LIGHT = {**BATTERY, "capacity_ah": 0.4, "charging_a": 2.0, "mass_kg": 10.0, "inertia_kgm2": 0.5, "friction": 0.05}
 AT = {"A": (5, 0), "c1": (10, 0), "c2": (10, 10), "B": (5, 10), "c3": (0, 10), "c4": (0, 0), "w": (10, 8), "P": (10, 24)}
 AT |= {"p1": (13, 0), "p2": (13, 10)}
 RING = "A c1 w c2 B c3 c4 A"  # 40 m, one way
@@ -47,7 +39,7 @@ class Floor:
     one_way: str  # names of vertices in the order in which they are driven through
     both_ways: tuple[str, ...]
     tasks: Mapping
-    robot: Mapping = field(default_factory=lambda: CART)
+    robot: Mapping = field(default_factory=lambda: SMALL)
     known_per_h: Mapping[int, float] = field(default_factory=dict)  # by hand, of some sizes
 
     def study(self, folder: Path) -> Study:
@@ -85,7 +77,7 @@ FLOORS = (
             [{"triangular_s": [5, 10, 20]}, 5],
             charging={"stations": ["p1", "p2"], "critical_low_charging_level": 60, "minimum_desired_charging_level": 60},
         ),
-        {**CART, "battery": BATTERY},
+        {**SMALL, "battery": LIGHT},
     ),
 )
 
