@@ -152,7 +152,7 @@ def planned(
     sent_off = [r for r, takes_s in request.there_s.items() if r in ways.reroute and _back_after_s(ways.reroute[r]) > takes_s]
     if sent_off:
         stays[sent_off] = True
-        with suppress(PlanError):  # who can be sent off only keeps the first answer
+        with suppress(PlanError):  # without another answer the first one stands
             ways = _ways(request, begin_s, around, stays, planner, parameters, limits)
     return ways
 
