@@ -1,8 +1,8 @@
 """Motion of robots: straight runs, turns in place, starts and stops, as closed forms of time.
 
 A robot accelerates and brakes at constant rates, never drives faster than its type can or a lane allows, and turns in place at a constant
-rate. `Profile` is one run, from rest to rest over lanes with limits of their own. The executor and SUMO move robots in steps;
-`mrp_sumo.search._motion` has the exact counterparts of that, up to a step away from these.
+rate. `Profile` is one run, from rest to rest over lanes with limits of their own. The executor and SUMO move robots in steps,
+with speeds of `mrp_sumo.search._motion`, up to a step away from these.
 """
 
 from dataclasses import dataclass
@@ -12,16 +12,6 @@ import numpy as np
 from mrp_sumo.core.graph import FloatArray, IntArray, frozen
 
 SHORTEST_S = 1e-9  # of a phase
-
-
-def braking_distance_m(speed_mps: FloatArray, decel_mps2: FloatArray) -> FloatArray:
-    """Distance that a robot drives until it stands: v^2 / 2d."""
-    return np.square(speed_mps) / (2 * decel_mps2)
-
-
-def turn_time_s(angle_rad: FloatArray, turn_rate_rad_s: FloatArray) -> FloatArray:
-    """Duration of a turn in place by an angle of -pi to pi."""
-    return np.abs(angle_rad) / turn_rate_rad_s
 
 
 def run_time_s(
@@ -108,15 +98,8 @@ def run_profile(length_m: FloatArray, limit_mps: FloatArray, speed_mps: float, a
     )
 
 
-def position_m(profile: Profile, t_s: FloatArray) -> FloatArray:
-    """Place of a robot `t_s` after it set out; it stays where it stops."""
-    p, since = _phase(profile.t_s, t_s)
-    speed, rate = profile.speed_mps[p], _rates(profile)[p]
-    return profile.at_m[p] + since * (speed + rate * since / 2)
-
-
 def speed_mps(profile: Profile, t_s: FloatArray) -> FloatArray:
-    """Its speed then."""
+    """Speed of a robot `t_s` after it set out."""
     p, since = _phase(profile.t_s, t_s)
     return profile.speed_mps[p] + _rates(profile)[p] * since
 
@@ -130,24 +113,6 @@ def time_s(profile: Profile, at_m: FloatArray) -> FloatArray:
     pace = speed + then  # of which half is the mean speed
     t_s = profile.t_s[p] + np.divide(2 * along, pace, out=np.zeros(along.shape), where=pace > 0)
     return np.where(at_m > profile.at_m[-1] + 1e-9, np.inf, t_s)
-
-
-def taken_s(profile: Profile, until_m: FloatArray, decel_mps2: float) -> FloatArray:
-    """Time from which the way beyond `until_m` has to be free, so that a robot need not brake for it: when it could just stop there.
-
-    That is where s + v^2 / 2d is `until_m`: at the start of the run for 0, and inf for places from its stop on. What a robot needs for
-    its k-th visit of a run it takes at `until_m` of the visit before; it has left it at `time_s` of `left_after_m` (`traffic.resources`).
-    """
-    until_m = np.asarray(until_m, np.float64)
-    stops_at = profile.at_m + np.square(profile.speed_mps) / (2 * decel_mps2)  # [P + 1] ascending
-    p = np.clip(np.searchsorted(stops_at, until_m, side="left") - 1, 0, len(profile.t_s) - 2)
-    rate = _rates(profile)[p]
-    speed, missing = profile.speed_mps[p], until_m - stops_at[p]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        then = np.sqrt(np.square(speed) + missing / (1 / (2 * rate) + 1 / (2 * decel_mps2)))
-        since = np.where(rate > 0, (then - speed) / rate, missing / speed)
-    times_s = profile.t_s[p] + np.maximum(since, 0.0)
-    return np.where(until_m <= 0, 0.0, np.where(until_m >= profile.at_m[-1] - 1e-9, np.inf, times_s))
 
 
 def _phase(begins: FloatArray, at: FloatArray) -> tuple[IntArray, FloatArray]:

@@ -5,7 +5,6 @@ goes on from there, and recovery (`drive.recovery`) beside it.
 """
 
 from collections.abc import Iterable, Mapping
-from pathlib import Path
 from typing import Any, Protocol, cast
 
 from mrp_sumo.core.request import Request
@@ -61,7 +60,7 @@ def dispatchers() -> tuple[str, ...]:
     return registry.names("dispatchers")
 
 
-def dispatcher_of(name: str, parameters: Mapping[str, Any], beside: Path | None = None) -> Dispatcher:
+def dispatcher_of(name: str, parameters: Mapping[str, Any]) -> Dispatcher:
     """A dispatcher of this name, for one run.
 
     Parameters
@@ -70,8 +69,6 @@ def dispatcher_of(name: str, parameters: Mapping[str, Any], beside: Path | None 
         As registered, or `FILE.py:CLASS`.
     parameters
         Values for its parameters; their defaults otherwise.
-    beside
-        Where a relative path begins; the current folder by default.
 
     Raises
     ------
@@ -80,6 +77,6 @@ def dispatcher_of(name: str, parameters: Mapping[str, Any], beside: Path | None 
     PlugInError
         For a plug-in that cannot be loaded, or is no dispatcher.
     """
-    source = registry.find("dispatchers", name, beside)
-    made = registry.make("dispatchers", name, parameters, beside)
+    source = registry.find("dispatchers", name)
+    made = registry.make("dispatchers", name, parameters)
     return cast(Dispatcher, made if source.ours else OutsideDispatcher(made, source))

@@ -7,7 +7,6 @@ a file of its own; see `mrp_sumo.plugins.registry`.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, ClassVar, Protocol, cast
 
 import numpy as np
@@ -151,7 +150,7 @@ def policies() -> tuple[str, ...]:
     return registry.names("policies")
 
 
-def policy_of(name: str, parameters: Mapping[str, Any] | None = None, beside: Path | None = None) -> Policy:
+def policy_of(name: str, parameters: Mapping[str, Any] | None = None) -> Policy:
     """The policy of this name.
 
     Parameters
@@ -160,8 +159,6 @@ def policy_of(name: str, parameters: Mapping[str, Any] | None = None, beside: Pa
         As registered, or `FILE.py:CLASS`.
     parameters
         Values for its parameters; their defaults otherwise.
-    beside
-        Where a relative path begins; the current folder by default.
 
     Raises
     ------
@@ -170,15 +167,10 @@ def policy_of(name: str, parameters: Mapping[str, Any] | None = None, beside: Pa
     PlugInError
         For a plug-in that cannot be loaded, or is no policy.
     """
-    policy = registry.make("policies", name, parameters or {}, beside)
-    source = registry.find("policies", name, beside)
+    policy = registry.make("policies", name, parameters or {})
+    source = registry.find("policies", name)
     if source.ours:
         return cast(Policy, policy)
     if hasattr(policy, "decide") or hasattr(policy, "decides_every_s"):
         check_face(policy, DecidingPolicy, "policy that decides while driving")
     return cast(Policy, OutsidePolicy(policy, source))
-
-
-def needs_sound_plan(name: str) -> bool:
-    """Whether the policy refuses plans with conflicts, and orders that cannot be kept."""
-    return policy_of(name).sound_plan_only

@@ -67,9 +67,7 @@ class Kinds:
     num_seeds: int  # looked at
 
 
-def run_campaign(
-    campaign: Campaign, watcher: Watcher, *, workers: int, suites: tuple[str, ...] = SUITES, stop: Callable[[], int] = lambda: GO_ON
-) -> Made:
+def run_campaign(campaign: Campaign, watcher: Watcher, *, workers: int, stop: Callable[[], int] = lambda: GO_ON) -> Made:
     """Make all runs that have no result yet.
 
     Parameters
@@ -80,8 +78,6 @@ def run_campaign(
         Callbacks of every batch.
     workers
         Processes.
-    suites
-        Names of the suites.
     stop
         As for `run_batch`.
 
@@ -93,7 +89,7 @@ def run_campaign(
     begin = time.monotonic()
     maps = maps_in(campaign.maps) if campaign.maps else {}
     num_runs = num_broken = 0
-    for name in suites:
+    for name in SUITES:
         path = campaign.folder / "suites" / f"{name}.yaml"
         suite = suite_of(name, campaign.num_seeds, maps)
         if name == "replicability_five":

@@ -15,7 +15,6 @@ from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.experiments.identity import code_version
 from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.experiments.run import RunOptions, carry_out, run_scenario
-from mrp_sumo.experiments.solve import StageReport, silent
 from mrp_sumo.io.documents import Document, validated
 from mrp_sumo.io.file_difference import first_difference
 from mrp_sumo.io.results import BatchRecord
@@ -43,7 +42,7 @@ class Reproduction:
         return not self.differences
 
 
-def reproduce_run(folder: Path, base: Path, progress: StageReport = silent) -> Reproduction:
+def reproduce_run(folder: Path, base: Path) -> Reproduction:
     """Make a run again, in a folder that is removed, and compare it file by file.
 
     Parameters
@@ -52,8 +51,6 @@ def reproduce_run(folder: Path, base: Path, progress: StageReport = silent) -> R
         Of the run.
     base
         Where the relative paths of its scenario begin.
-    progress
-        As for `run_scenario`.
 
     Raises
     ------
@@ -70,7 +67,7 @@ def reproduce_run(folder: Path, base: Path, progress: StageReport = silent) -> R
     file = ScenarioFile(scenario, Document(base / RESULT, before["scenario"], {}), {})
     with tempfile.TemporaryDirectory(prefix="mrp_sumo_") as place:
         again = Path(place) / "run"
-        run_scenario(file, again, RunOptions(progress=progress))
+        run_scenario(file, again, RunOptions())
         after = json.loads((again / RESULT).read_text())
         digests = {name: about["sha256"] for name, about in files_in(folder).items() if name in before["files"]}
         lines = [f"{name}: was changed after the run" for name, digest in digests.items() if digest != before["files"][name]["sha256"]]

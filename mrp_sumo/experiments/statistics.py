@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     import pandas
 
 NORMAL = NormalDist()
+RESAMPLES = 10_000  # of a bootstrap
 MAX_EXACT = 1000  # runs that differ up to which the sign test counts in whole numbers
 MAX_ENUMERATED = 13  # pairs up to which the signed-rank test looks at every assignment of signs
 MAX_WALSH = 1500  # pairs up to which the Hodges-Lehmann estimate is taken of all averages
@@ -78,7 +79,7 @@ def wilson(successes: int, count: int, confidence: float = 0.95) -> Interval:
     return Interval(rate, low, 1.0 if successes == count else (middle + half) / scale, count)
 
 
-def bootstrap_mean(values: ArrayLike, confidence: float = 0.95, resamples: int = 10_000, seed: int = 0) -> Interval:
+def bootstrap_mean(values: ArrayLike, confidence: float = 0.95, seed: int = 0) -> Interval:
     """A mean with its bias-corrected and accelerated bootstrap interval (Efron, JASA 1987); NaN values are left out."""
     x = _finite(values)
     if not len(x):
@@ -86,17 +87,17 @@ def bootstrap_mean(values: ArrayLike, confidence: float = 0.95, resamples: int =
     mean = float(x.mean())
     if len(x) == 1:
         return Interval(mean, math.nan, math.nan, 1)
-    return _bootstrap(x, mean, lambda rows: rows.mean(1), (x.sum() - x) / (len(x) - 1), confidence, resamples, seed)
+    return _bootstrap(x, mean, lambda rows: rows.mean(1), (x.sum() - x) / (len(x) - 1), confidence, seed)
 
 
-def bootstrap_deviation(values: ArrayLike, confidence: float = 0.95, resamples: int = 10_000, seed: int = 0) -> Interval:
+def bootstrap_deviation(values: ArrayLike) -> Interval:
     """A sample's standard deviation with its interval, as `bootstrap_mean`; NaN of fewer than three values."""
     x = _finite(values)
     if len(x) < 3:
         return Interval(math.nan, math.nan, math.nan, len(x))
     squares = (x - x.mean()) ** 2
     left = np.maximum(squares.sum() - squares * len(x) / (len(x) - 1), 0)  # sums of squares, each without one
-    return _bootstrap(x, float(x.std(ddof=1)), lambda rows: rows.std(1, ddof=1), np.sqrt(left / (len(x) - 2)), confidence, resamples, seed)
+    return _bootstrap(x, float(x.std(ddof=1)), lambda rows: rows.std(1, ddof=1), np.sqrt(left / (len(x) - 2)))
 
 
 def _finite(values: ArrayLike) -> FloatArray:
@@ -109,9 +110,8 @@ def _bootstrap(
     value: float,
     statistic: Callable[[FloatArray], FloatArray],
     without: FloatArray,
-    confidence: float,
-    resamples: int,
-    seed: int,
+    confidence: float = 0.95,
+    seed: int = 0,
 ) -> Interval:
     """The interval of a statistic of at least two values.
 
@@ -123,16 +123,14 @@ def _bootstrap(
         Of the rows of [n, N] resampled values.
     without
         [N] jackknife: the statistic without each value.
-    confidence, resamples, seed
-        As for `bootstrap_mean`.
     """
     if np.ptp(x) == 0:
         return Interval(value, value, value, len(x))
     rng = np.random.default_rng([seed, len(x)])
     share = max(1, 2_000_000 // len(x))  # resamples at a time: bounded memory
-    drawn = (x[rng.integers(0, len(x), (min(share, resamples - at), len(x)))] for at in range(0, resamples, share))
+    drawn = (x[rng.integers(0, len(x), (min(share, RESAMPLES - at), len(x)))] for at in range(0, RESAMPLES, share))
     resampled = np.concatenate([statistic(rows) for rows in drawn])
-    below = np.clip((np.count_nonzero(resampled < value) + np.count_nonzero(resampled == value) / 2) / resamples, 1e-6, 1 - 1e-6)
+    below = np.clip((np.count_nonzero(resampled < value) + np.count_nonzero(resampled == value) / 2) / RESAMPLES, 1e-6, 1 - 1e-6)
     bias = NORMAL.inv_cdf(float(below))
     away = without.mean() - without
     acceleration = (away**3).sum() / (6 * (away**2).sum() ** 1.5)
@@ -141,7 +139,7 @@ def _bootstrap(
     return Interval(value, float(low), float(high), len(x))
 
 
-def mcnemar(first: ArrayLike, second: ArrayLike, confidence: float = 0.95) -> PairedRates:
+def mcnemar(first: ArrayLike, second: ArrayLike) -> PairedRates:
     """McNemar's exact test of whether two yes-or-no outcomes of the same runs differ.
 
     The interval of the difference is Newcombe's tenth (Statistics in Medicine 17, 1998, 2635-2650).
@@ -150,8 +148,6 @@ def mcnemar(first: ArrayLike, second: ArrayLike, confidence: float = 0.95) -> Pa
     ----------
     first, second
         [N] outcomes, run by run.
-    confidence
-        Of the interval.
     """
     a, b = np.asarray(first, np.bool_), np.asarray(second, np.bool_)
     n = len(a)
@@ -161,7 +157,7 @@ def mcnemar(first: ArrayLike, second: ArrayLike, confidence: float = 0.95) -> Pa
         return PairedRates(0, math.nan, math.nan, 0, 0, nothing, math.nan, 1.0)
     p_value = _sign_test(only_a, only_b)
     odds = math.nan if not only_a + only_b else math.inf if not only_a else only_b / only_a
-    one, two = wilson(both + only_a, n, confidence), wilson(both + only_b, n, confidence)
+    one, two = wilson(both + only_a, n), wilson(both + only_b, n)
     margins = (both + only_a) * (only_b + neither) * (both + only_b) * (only_a + neither)
     excess = both * neither - only_a * only_b
     corrected = max(excess - n / 2, 0.0) if excess > 0 else excess

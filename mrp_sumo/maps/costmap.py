@@ -3,7 +3,6 @@
 Refuses levels that do not exist and resolutions that make too many cells.
 """
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +13,7 @@ from mrp_sumo.maps.building import WALL_THICKNESS_M, Building
 
 MARGIN_M = 0.5  # free cells around everything
 MAX_CELLS = 200_000_000
+RESOLUTION_M = 0.05  # side of a cell
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,8 +25,8 @@ class Costmap:
     occupied: BoolArray  # [H, W], row 0 has the lowest y
 
 
-def costmap(building: Building, level: str, resolution_m: float = 0.05) -> Costmap:
-    """Rasterise the walls of a level; they are 0.1 m thick, and at least one cell.
+def costmap(building: Building, level: str) -> Costmap:
+    """Rasterise the walls of a level; they are 0.1 m thick.
 
     Parameters
     ----------
@@ -34,8 +34,6 @@ def costmap(building: Building, level: str, resolution_m: float = 0.05) -> Costm
         Any.
     level
         Its name.
-    resolution_m
-        Side of a cell.
 
     Raises
     ------
@@ -44,24 +42,22 @@ def costmap(building: Building, level: str, resolution_m: float = 0.05) -> Costm
     """
     if level not in building.levels:
         raise MapError(f"{building.path.name} has no level '{level}'{nearest(level, building.levels)}")
-    if not (math.isfinite(resolution_m) and resolution_m > 0):
-        raise MapError(f"the costmap's resolution is {resolution_m} m, expected a number above 0")
     storey = building.levels[level]
     walls = storey.wall_xy
     points = np.concatenate([walls.reshape(-1, 2), storey.xy[storey.lane_vertices]])
     if not len(points):
         points = np.zeros((1, 2))
-    low = np.floor((points.min(axis=0) - MARGIN_M) / resolution_m) * resolution_m
-    width, height = np.ceil((points.max(axis=0) + MARGIN_M - low) / resolution_m).astype(np.int64).tolist()
+    low = np.floor((points.min(axis=0) - MARGIN_M) / RESOLUTION_M) * RESOLUTION_M
+    width, height = np.ceil((points.max(axis=0) + MARGIN_M - low) / RESOLUTION_M).astype(np.int64).tolist()
     if width * height > MAX_CELLS:
         raise MapError(
-            f"level '{level}' of {building.path.name} would need {width} x {height} cells of {resolution_m:g} m, too many for a costmap"
+            f"level '{level}' of {building.path.name} would need {width} x {height} cells of {RESOLUTION_M:g} m, too many for a costmap"
         )
     occupied = np.zeros((height, width), np.bool_)
-    half = max(WALL_THICKNESS_M, resolution_m) / 2 + 1e-9
-    for a, b in (walls - low) / resolution_m:
-        _fill(occupied, a, b, half / resolution_m)
-    return Costmap((float(low[0]), float(low[1])), resolution_m, frozen(occupied))
+    half = WALL_THICKNESS_M / 2 + 1e-9
+    for a, b in (walls - low) / RESOLUTION_M:
+        _fill(occupied, a, b, half / RESOLUTION_M)
+    return Costmap((float(low[0]), float(low[1])), RESOLUTION_M, frozen(occupied))
 
 
 def _fill(occupied: BoolArray, a: np.ndarray, b: np.ndarray, half: float) -> None:

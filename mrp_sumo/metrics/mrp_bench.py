@@ -132,18 +132,6 @@ def _least_distances(x_m: FloatArray, y_m: FloatArray) -> FloatArray:
     return np.array([least_distance_m(np.column_stack((x[seen], y[seen]))) for x, y, seen in zip(x_m, y_m, there)])
 
 
-def planning_counts(paths: Sequence[Sequence[int]]) -> tuple[int, int]:
-    """Makespan and cost before smoothing: the largest and the sum of the list lengths, starts included.
-
-    Parameters
-    ----------
-    paths
-        [R] vertices at steps 0, 1, ..., ending with the arrival.
-    """
-    lengths = [len(path) for path in paths]
-    return max(lengths, default=0), sum(lengths)
-
-
 def smoothed_counts(paths: Sequence[Sequence[int]], cell: IntArray) -> tuple[int, int]:
     """Makespan and cost after MRP-Bench's smoothing (`bench_node.py`, lines 324-338).
 
@@ -153,7 +141,7 @@ def smoothed_counts(paths: Sequence[Sequence[int]], cell: IntArray) -> tuple[int
     Parameters
     ----------
     paths
-        As for `planning_counts`.
+        [R] vertices at steps 0, 1, ..., starts included, ending with the arrival.
     cell
         [V, 2] grid cell of each vertex.
     """

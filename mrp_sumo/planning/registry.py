@@ -69,11 +69,6 @@ def planners_that(support: str) -> str:
     return ", ".join(name for name in ours if support in getattr(planner_class(name), "supports", ()))
 
 
-def assigner_names() -> tuple[str, ...]:
-    """All registered assigners, sorted."""
-    return registry.names("assigners")
-
-
 def planner_class(name: str) -> type:
     """The class behind a name, to read its `guarantee` or its fields.
 

@@ -24,7 +24,8 @@ from mrp_sumo.io.run_reader import load_run
 from mrp_sumo.io.scenario.model import ScenarioModel
 from mrp_sumo.io.scenario.read import read_scenario
 from mrp_sumo.maps.generate import GENERATORS
-from mrp_sumo.planning.registry import assigner_names, planner_names
+from mrp_sumo.planning.registry import planner_names
+from mrp_sumo.plugins import registry
 from mrp_sumo.reports.replay.page import write_replay
 
 MAP, METRIC = "small.building.yaml", "own.py"
@@ -46,7 +47,7 @@ NAMED: dict[str, list[Any]] = {
     "robots.goals": [["crossing_4_3", "crossing_1_1"]],
     "robots.start_heading_deg": [90, [-45.5, None]],
     "robots.goal_heading_deg": [[None, None], [90, None]],
-    "assignment.solver": list(assigner_names()),
+    "assignment.solver": list(registry.names("assigners")),
     "assignment.parameters": [{}],
     "planner.name": [name for name in planner_names() if name not in ("external", "plan_file")],
     "planner.parameters": [{}],

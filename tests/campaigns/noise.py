@@ -37,7 +37,7 @@ from mrp_sumo.crowd.floor import floor_of
 from mrp_sumo.crowd.model import People, joint_places
 from mrp_sumo.drive import replanning
 from mrp_sumo.drive.loop import simulate
-from mrp_sumo.drive.policy import needs_sound_plan, policies
+from mrp_sumo.drive.policy import policies, policy_of
 from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.engines.sumo.network import build_network
 from mrp_sumo.errors import ExecutionError, MrpSumoError, PlanError
@@ -383,7 +383,7 @@ def draw(number: int, worlds: Worlds) -> Drawn | dict[str, Any]:
         "disturbed_by": kinds_of(what, closed),
     }
     step_s = step_s or graph.cell_m / float(fleet.max_speed_mps.min()) + 1.0
-    problem = Problem(graph, fleet, start, goal, np.arange(num), step_s, seed=number, drivable=needs_sound_plan(policy))
+    problem = Problem(graph, fleet, start, goal, np.arange(num), step_s, seed=number, drivable=policy_of(policy).sound_plan_only)
     return Drawn(row, problem, settings, lambda: worlds.network(world, graph, robot), walls, methods(rng))
 
 
@@ -415,10 +415,10 @@ def findings(run: Execution, plan: Plan, problem: Problem, settings: ExecutionSe
     events = collections.Counter(event.kind for event in run.events)
     if abs(run.booked_s.sum(1) - run.sim_time_s).max() > 1e-6:
         wrong.append("bookings do not add up")
-    if needs_sound_plan(policy) and events["deadlock"] and not events["resolved"]:  # a new plan may be driven otherwise
+    if policy_of(policy).sound_plan_only and events["deadlock"] and not events["resolved"]:  # a new plan may be driven otherwise
         wrong.append("deadlock in plan order")
     wrong += overlaps(run, fleet, level) + in_walls(run, fleet, walls)
-    if needs_sound_plan(policy) and policy != SWITCHES and not run.replies:
+    if policy_of(policy).sound_plan_only and policy != SWITCHES and not run.replies:
         wrong += out_of_order(run, plan)
     wrong += uncounted(run, problem) + idle(run, settings, events)
     most_short, short = 0.004, ""

@@ -3,16 +3,7 @@
 import numpy as np
 import pytest
 
-from mrp_sumo.core.motion import (
-    braking_distance_m,
-    position_m,
-    run_profile,
-    run_time_s,
-    speed_mps,
-    taken_s,
-    time_s,
-    turn_time_s,
-)
+from mrp_sumo.core.motion import run_profile, run_time_s, speed_mps, time_s
 
 
 def test_run_that_reaches_top_speed_accelerates_cruises_and_brakes():
@@ -40,11 +31,6 @@ def test_runs_of_several_distances_and_robots_at_once():
     assert found[:, 0] == pytest.approx([3.0, 11.0])
 
 
-def test_turn_and_braking_distance():
-    assert turn_time_s(-np.pi / 2, np.pi) == pytest.approx(0.5)
-    assert braking_distance_m(2.0, 0.5) == pytest.approx(4.0)
-
-
 def test_robot_slows_down_before_a_slower_lane_and_speeds_up_after_it():
     profile = run_profile(np.array([4.0, 1.0, 4.0]), np.array([np.inf, 1.0, np.inf]), 2.0, 1.0, 1.0)
     at_ends = speed_mps(profile, time_s(profile, np.array([4.0, 5.0])))
@@ -65,11 +51,11 @@ def test_profile_keeps_all_limits_and_wastes_no_time(seed):
     length, limit, top, accel, decel = random_run(np.random.default_rng(seed))
     profile = run_profile(length, limit, top, accel, decel)
     t = np.linspace(0.0, profile.end_s, 20001)
-    s, v = position_m(profile, t), speed_mps(profile, t)
+    v = speed_mps(profile, t)
+    s = np.append(0.0, np.cumsum((v[1:] + v[:-1]) / 2 * np.diff(t)))
     assert s[-1] == pytest.approx(length.sum())
     assert v[-1] == pytest.approx(0.0, abs=1e-9)
-    assert np.diff(s) == pytest.approx((v[1:] + v[:-1]) / 2 * np.diff(t), abs=1e-6)
-    assert np.abs(time_s(profile, s) - t)[s < s[-1] - 1e-6].max() < 1e-4
+    assert np.abs(time_s(profile, s) - t)[s < s[-1] - 1e-4].max() < 1e-3
     rate = np.diff(v) / np.diff(t)
     assert rate.max() <= accel + 1e-6
     assert rate.min() >= -decel - 1e-6
@@ -87,15 +73,3 @@ def test_one_lane_of_a_profile_takes_as_long_as_the_formula_says(seed):
     distance, top, accel, decel = rng.uniform(0.05, 20.0), *rng.uniform(0.3, 2.0, 3)
     profile = run_profile(np.array([distance]), np.array([np.inf]), top, accel, decel)
     assert profile.end_s == pytest.approx(float(run_time_s(distance, top, accel, decel)))
-
-
-@pytest.mark.parametrize("seed", range(20))
-def test_what_lies_ahead_is_taken_when_the_robot_could_just_stop_before_it(seed):
-    rng = np.random.default_rng(seed)
-    length, limit, top, accel, decel = random_run(rng)
-    profile = run_profile(length, limit, top, accel, decel)
-    until = rng.uniform(0.0, length.sum(), 5)
-    t = taken_s(profile, until, decel)
-    assert position_m(profile, t) + braking_distance_m(speed_mps(profile, t), decel) == pytest.approx(until, abs=1e-6)
-    assert taken_s(profile, np.array([0.0]), decel).tolist() == [0.0]
-    assert taken_s(profile, np.array([length.sum()]), decel).tolist() == [np.inf]

@@ -4,7 +4,7 @@ import pytest
 from worlds import cross, drive, least_distance_m, line
 
 from mrp_sumo.core.disturbances import Breakdown, Disturbances
-from mrp_sumo.drive.policy import needs_sound_plan, policy_of
+from mrp_sumo.drive.policy import policy_of
 from mrp_sumo.errors import PlugInError, ScenarioError
 from mrp_sumo.plugins import registry
 
@@ -45,7 +45,7 @@ def test_a_policy_is_one_file_of_any_package(tmp_path, package):
     assert run.policy == "late_start"
     assert run.goal_s[0] == pytest.approx(usual.goal_s[0] + 10.0, abs=0.2)
     assert run.booked_s[0, 2] == pytest.approx(10.0, abs=0.2)  # planned wait
-    assert needs_sound_plan("late_start")
+    assert policy_of("late_start").sound_plan_only
 
 
 def test_a_policy_that_is_missing_is_told(package):

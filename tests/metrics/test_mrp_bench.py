@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mrp_sumo.errors import MrpSumoError
-from mrp_sumo.metrics.mrp_bench import execution_metrics, planning_counts, smoothed_counts
+from mrp_sumo.metrics.mrp_bench import execution_metrics, smoothed_counts
 
 CASES = sorted(folder.name for folder in METRICS.iterdir() if folder.is_dir())
 
@@ -89,9 +89,8 @@ def test_a_log_without_messages_is_refused():
         execution_metrics(np.zeros(0, np.int64), np.zeros((0, 1)), np.zeros((0, 1)), np.zeros((1, 2)), np.zeros((1, 2)))
 
 
-def test_counts_are_list_lengths_and_smoothing_drops_corners_and_waits():
+def test_smoothing_drops_corners_and_waits():
     cell = np.array([[0, 0], [1, 0], [1, 1], [2, 1]])  # a staircase
-    assert planning_counts([[0, 1, 2, 3], [3]]) == (4, 5)
     # 0 -> 2 is diagonal: 1 dropped; 2 -> beyond the end; 3 kept
     assert smoothed_counts([[0, 1, 2, 3], [3]], cell) == (3, 4)
     # waiting twice at 0: 0, 0, 0 -> the middle one goes

@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+from stepped_motion import first_step_at, stepped_run, stepped_way, taken_step, turn_steps
 
-from mrp_sumo.search._motion import approach_speed, first_step_at, stepped_run, stepped_way, stop_speed, taken_step, turn_steps
+from mrp_sumo.search._motion import approach_speed, stop_speed
 
 pytestmark = pytest.mark.kernel
 

@@ -139,7 +139,7 @@ class Draft:
     def place(self, v: int) -> tuple[float, float]:
         return self._xy[v]
 
-    def to_map(self, level: str | None = None, building: Building | None = None, name: str | None = None) -> Map:
+    def to_map(self, level: str | None = None, building: Building | None = None) -> Map:
         """The map, checked.
 
         Parameters
@@ -148,8 +148,6 @@ class Draft:
             Only this level; all by default, side by side where there are several.
         building
             What is drawn around the lanes, in the same coordinates.
-        name
-            Of the map; the file's by default.
 
         Raises
         ------
@@ -164,7 +162,7 @@ class Draft:
             self.notes.add("no_lanes", f"{len(self._xy)} vertices")
             message = f"{shortened(self.source.path)}: no lanes: nothing to drive on ({len(self._xy)} vertices)"
             raise RefusedMap(message, self.notes.findings())
-        nav = self._nav(name or map_name(self.source.path), level)
+        nav = self._nav(map_name(self.source.path), level)
         shift = laid_out(nav, building)
         elevation_m = {k: lv.elevation_m for k, lv in building.levels.items()} if building else {}
         self._note_extent(nav)

@@ -79,7 +79,7 @@ class Panel:
         return self.high - self.low
 
 
-def draw_map(map_: Map, path: Path, *others: Path, findings: bool = True, dpi: float = 150) -> Path:
+def draw_map(map_: Map, path: Path, *others: Path) -> Path:
     """Draw the map.
 
     Parameters
@@ -90,10 +90,6 @@ def draw_map(map_: Map, path: Path, *others: Path, findings: bool = True, dpi: f
         Ends in .png or .svg.
     others
         Further files for the same picture.
-    findings
-        Whether to ring the places of warnings.
-    dpi
-        Of the PNG.
 
     Returns
     -------
@@ -107,9 +103,9 @@ def draw_map(map_: Map, path: Path, *others: Path, findings: bool = True, dpi: f
     """
     for file in (path, *others):
         require_suffix(file, MapError)
-    figure = map_picture(map_, findings=findings)
+    figure = map_picture(map_)
     for file in (*others, path):
-        figure.write(file, dpi)
+        figure.write(file)
     return path
 
 

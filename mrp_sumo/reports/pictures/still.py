@@ -25,6 +25,7 @@ from mrp_sumo.reports.replay.constants import STATE_COLOURS
 
 STATES = tuple(LIGHT[name] for name in STATE_COLOURS)
 MARGIN_M = 0.6
+WIDTH_IN = 12.0  # of the page
 TRAIL_S = 20.0
 LEVEL_PT = 10.0  # names of levels
 ROBOT_PT = 7.5  # names of robots
@@ -32,7 +33,7 @@ NAMED = 60  # number of robots up to which they are named and the plan is drawn
 LEAST_PT = (8.0, 4.5)  # least length of a robot on the page: up to NAMED robots, and beyond
 
 
-def render_still(run: AnyRun, at_s: float, path: Path, *, dpi: float = 150, width_in: float = 12.0) -> Path:
+def render_still(run: AnyRun, at_s: float, path: Path, *, dpi: float = 150) -> Path:
     """Draw the run at a moment.
 
     Parameters
@@ -45,8 +46,6 @@ def render_still(run: AnyRun, at_s: float, path: Path, *, dpi: float = 150, widt
         Ends in .png or .svg.
     dpi
         Of the PNG.
-    width_in
-        Of the page.
 
     Raises
     ------
@@ -54,7 +53,7 @@ def render_still(run: AnyRun, at_s: float, path: Path, *, dpi: float = 150, widt
         For another suffix, a time outside the run, a run with nothing to show, and a place that cannot be written.
     """
     require_suffix(path)
-    figure = still(run, at_s, width_in=width_in)
+    figure = still(run, at_s)
     try:
         figure.write(path, dpi)
     except OSError as error:
@@ -62,7 +61,7 @@ def render_still(run: AnyRun, at_s: float, path: Path, *, dpi: float = 150, widt
     return path
 
 
-def still(run: AnyRun, at_s: float, *, width_in: float = 12.0) -> Picture:
+def still(run: AnyRun, at_s: float) -> Picture:
     """The picture of a run at a moment; the parameters are those of `render_still`.
 
     Raises
@@ -78,7 +77,7 @@ def still(run: AnyRun, at_s: float, *, width_in: float = 12.0) -> Picture:
     end_s = float(execution.t_s[-1])
     if not 0 <= at_s <= end_s + 1e-9:
         raise MrpSumoError(f"{at_s:g} s is outside the run, which lasts from 0 to {end_s:g} s")
-    figure, ax, points_per_m = _page(record, outline, width_in)
+    figure, ax, points_per_m = _page(record, outline)
     draw_floor(ax, record, outline, points_per_m)
     for name, x, y in level_corners(record, outline):
         ax.text(x, y + 3 / points_per_m, name, fontsize=LEVEL_PT, color=LIGHT["ink"], va="bottom", zorder=3).set_parse_math(False)
@@ -98,7 +97,7 @@ def planned_at(plan: Plan, graph: PlanGraph, at_s: float) -> FloatArray:
     return xy
 
 
-def _page(record: RunRecord, outline: Outline | None, width_in: float) -> tuple[Picture, Axes, float]:
+def _page(record: RunRecord, outline: Outline | None) -> tuple[Picture, Axes, float]:
     nav, execution = record.nav or record.graph, record.execution
     points = [nav.xy, np.column_stack([c[np.isfinite(c)][[0, 0]] for c in (execution.x_m, execution.y_m)])]
     points += [np.array([(f(execution.x_m), f(execution.y_m)) for f in (np.nanmin, np.nanmax)])]
@@ -107,7 +106,7 @@ def _page(record: RunRecord, outline: Outline | None, width_in: float) -> tuple[
     every = np.concatenate(points)
     low, high = every.min(axis=0) - MARGIN_M, every.max(axis=0) + MARGIN_M
     w, h = high - low
-    inch_per_m = float(min((width_in - 0.4) / w, 14 / h))
+    inch_per_m = float(min((WIDTH_IN - 0.4) / w, 14 / h))
     head_in, foot_in = 0.75 if len(np.unique(nav.level)) == 1 else 0.95, 0.45
     page = (max(w * inch_per_m + 0.4, 6.0), h * inch_per_m + head_in + foot_in)
     figure = Picture(*page, LIGHT["paper"])

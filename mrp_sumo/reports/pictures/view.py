@@ -27,6 +27,7 @@ AT_REST = "idle or served"  # what AT_GOAL is called in runs with tasks
 MAP_FILES = (".building.yaml", ".nav.yaml", ".yaml", ".map")  # ends of names
 TURNING_RAD = 0.02  # a sample
 MARGIN_M = 0.6  # around all that is drawn
+PERIOD_S = 0.2  # between samples of a plan that was not driven
 MANY_NAMES = 80  # from which on not all that have one are stations
 NARROW_M = 3.0  # closed walls narrower than this are furniture
 
@@ -173,7 +174,7 @@ def extent(record: RunRecord, outline: "Outline | None") -> tuple[FloatArray, Fl
     return every.min(axis=0) - MARGIN_M, every.max(axis=0) + MARGIN_M
 
 
-def plan_as_execution(plan: Plan, graph: PlanGraph, period_s: float = 0.2) -> Execution:
+def plan_as_execution(plan: Plan, graph: PlanGraph) -> Execution:
     """A plan as if it had been driven exactly, for runs that were not executed.
 
     Parameters
@@ -182,11 +183,9 @@ def plan_as_execution(plan: Plan, graph: PlanGraph, period_s: float = 0.2) -> Ex
         R robots.
     graph
         Its vertices.
-    period_s
-        Between samples.
     """
     end_s = float(plan.end_s.max(initial=0.0))
-    t_s = np.arange(math.ceil(end_s / period_s) + 2) * period_s
+    t_s = np.arange(math.ceil(end_s / PERIOD_S) + 2) * PERIOD_S
     x, y, yaw, speed = (np.zeros((len(t_s), plan.num_robots)) for _ in range(4))
     for r in range(plan.num_robots):
         visits = slice(int(plan.first[r]), int(plan.first[r + 1]))
@@ -197,7 +196,7 @@ def plan_as_execution(plan: Plan, graph: PlanGraph, period_s: float = 0.2) -> Ex
         step = np.diff(xy, axis=0)
         course = np.arctan2(step[:, 1], step[:, 0]) if len(step) else np.zeros(1)
         yaw[:, r] = course[np.clip(np.searchsorted(depart, t_s, side="left") - 1, 0, len(course) - 1)]
-        speed[1:, r] = np.hypot(np.diff(x[:, r]), np.diff(y[:, r])) / period_s
+        speed[1:, r] = np.hypot(np.diff(x[:, r]), np.diff(y[:, r])) / PERIOD_S
     return Execution(
         t_s=t_s,
         x_m=x,

@@ -15,9 +15,10 @@ from mrp_sumo.reports.tables.table import Cell, FileLink, ReportTable, between, 
 MAX_PAIRS = 45  # pairs of series that are compared
 WORST = 12  # runs
 REASONS = 15
+ENOUGH = 0.95  # share of runs that have to succeed
 
 
-def capacity(study: ReportedRuns, enough: float = 0.95) -> ReportTable | None:
+def capacity(study: ReportedRuns) -> ReportTable | None:
     """The largest fleet up to which a series succeeded often enough, by map."""
     if not study.is_executed or len(study.robots) < 2:
         return None
@@ -28,14 +29,14 @@ def capacity(study: ReportedRuns, enough: float = 0.95) -> ReportTable | None:
         for name in study.maps:
             most, tried = 0, [n for n in study.robots if (name, series, n) in rates.index]
             for n in tried:
-                if rates[(name, series, n)] < enough:
+                if rates[(name, series, n)] < ENOUGH:
                     break
                 most = n
             row.append(None if not tried else "none" if not most else f"{most}" if most < tried[-1] else f"≥ {most}")
         rows.append(row)
     return ReportTable(
         "capacity",
-        f"Largest fleet up to which at least {100 * enough:g} % of the runs succeed",
+        f"Largest fleet up to which at least {100 * ENOUGH:g} % of the runs succeed",
         ("planner", *study.maps),
         rows,
         f"Of the fleets that were tried: {', '.join(map(str, study.robots))} robots. ≥: no larger one was tried.",

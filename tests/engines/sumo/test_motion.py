@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from stepped_motion import first_step_at, stepped_way, turn_steps
 from worlds import drive
 
 from mrp_sumo.core.graph import nav_graph, plan_graph
-from mrp_sumo.core.motion import run_profile, time_s, turn_time_s
+from mrp_sumo.core.motion import run_profile, time_s
 from mrp_sumo.core.robot_type import RobotType
-from mrp_sumo.search._motion import first_step_at, stepped_way, turn_steps
 
 DT_S = 0.1
 STOPS_BEFORE_M = 0.001  # a robot stops this far before the end of what it may drive
@@ -70,7 +70,7 @@ def closed(graph, robot):
     for length, limit, angle in runs(graph):
         profile = run_profile(length, limit, robot.max_speed_mps, *rates(robot))
         arrive += (now + time_s(profile, np.cumsum(length))).tolist()
-        now += profile.end_s + float(turn_time_s(angle, robot.turn_rate_rad_s))
+        now += profile.end_s + abs(angle) / robot.turn_rate_rad_s
     return np.array(arrive)
 
 

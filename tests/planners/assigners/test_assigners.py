@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from mrp_sumo.errors import PlanError, ScenarioError
-from mrp_sumo.planning.registry import assigner, assigner_names
+from mrp_sumo.planning.registry import assigner
+from mrp_sumo.plugins import registry
 
-ALL = assigner_names()
+ALL = registry.names("assigners")
 
 
 def cost_of(cost, goal_of):

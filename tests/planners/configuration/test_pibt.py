@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
+from plain_pibt import Step
 from worlds import corridor, problem_on, random_grid
 
 from planners.configuration import _pibt
 from planners.configuration.guides import local_guidance
-from planners.configuration.pibt import Pibt, Step
+from planners.configuration.pibt import Pibt
 from planners.world import ByConfigurations, build_world, steps_table
 
 

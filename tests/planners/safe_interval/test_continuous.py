@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from campaigns.noise import Worlds
 from scipy.spatial.distance import pdist
+from stepped_motion import stepped_run, turn_steps
 from worlds import BURGER, CART, cross, graph_of, line, random_grid, square_grid
 
 from mrp_sumo.core.fleet import fleet_of
@@ -20,7 +21,6 @@ from mrp_sumo.errors import ScenarioError
 from mrp_sumo.metrics.audit import audit
 from mrp_sumo.metrics.referee_in_seconds import judge_in_seconds
 from mrp_sumo.planning.registry import planner
-from mrp_sumo.search._motion import stepped_run, turn_steps
 from mrp_sumo.traffic.draw import uniform_draw
 from mrp_sumo.traffic.referee import judge
 from mrp_sumo.traffic.resources import resources_of

@@ -16,7 +16,7 @@ from mrp_sumo.maps.generate import rack_warehouse
 from mrp_sumo.maps.load import load_map
 from mrp_sumo.maps.map import Map
 from mrp_sumo.reports.pictures.labels import place_labels
-from mrp_sumo.reports.pictures.map_picture import draw_map
+from mrp_sumo.reports.pictures.map_picture import draw_map, map_picture
 
 
 def small_map(tmp_path: Path, *, one_way: bool = False, second_piece: bool = False) -> Map:
@@ -35,7 +35,7 @@ def small_map(tmp_path: Path, *, one_way: bool = False, second_piece: bool = Fal
 
 def words(map_: Map, tmp_path: Path, findings: bool = True) -> Sequence[str]:
     """The texts of the picture as SVG."""
-    svg = draw_map(map_, tmp_path / "map.svg", findings=findings).read_text()
+    svg = map_picture(map_, findings=findings).write(tmp_path / "map.svg").read_text()
     return [piece.split("</text>")[0].split(">")[-1] for piece in svg.split("<text")[1:]]
 
 
@@ -87,7 +87,7 @@ def test_long_map_gives_a_long_picture(tmp_path: Path) -> None:
     drawing.box(0, 0, 280, 60)
     drawing.lane(drawing.station(10, 30), drawing.station(270, 30))
     drawing.write(tmp_path / "long.building.yaml")
-    with Image.open(draw_map(load_map(tmp_path / "long.building.yaml"), tmp_path / "long.png", dpi=50)) as picture:
+    with Image.open(map_picture(load_map(tmp_path / "long.building.yaml")).write(tmp_path / "long.png", 50)) as picture:
         assert 800 < picture.width <= 1100
         assert 2 < picture.width / picture.height < 4
 
