@@ -65,7 +65,7 @@ def work_request(crew: Crew, now_s: float, closed: BoolArray, assigned: Mapping[
             nth += len(legs[r])
             stop[r] = crew.tasks[task].stops[nth]
             legs[r].append(Leg(task, nth, NONE))
-    turn = _turn(crew, start, stop, {r: legs[r][-1].task for r in stop}, stays)
+    turn = in_turn(crew, start, stop, {r: legs[r][-1].task for r in stop}, stays)
     vertex, makes = crew.places.choose(start, stays, stop, turn)
     via = [list(dropwhile(start[r].__eq__, (leg.vertex for leg in legs[r][:-1]))) for r in robots.tolist()]
     for r in stop:
@@ -81,7 +81,7 @@ def work_request(crew: Crew, now_s: float, closed: BoolArray, assigned: Mapping[
         stop=frozen(vertex[robots]),
         closed=closed.copy(),
         reason="tasks",
-        there_s={r: stop[r].service_s for r in stop if [leg.vertex for leg in legs[r]] == [start[r]]},
+        there_s={r: stop[r].service_s for r in stop if makes[r] and [leg.vertex for leg in legs[r]] == [start[r]]},
         assigned=dict(assigned),
         legs={r: (*on_the_way[r], *legs[r]) for r in robots.tolist()},
         waits={r: int(vertex[r]) for r in stop if not makes[r]},
@@ -157,7 +157,7 @@ def _in_passing(crew: Crew, at: int, task: int, nth: int) -> list[Leg]:
     return passed
 
 
-def _turn(crew: Crew, start: IntArray, stops: Mapping[int, Stop], task: Mapping[int, int], stays: BoolArray) -> list[int]:
+def in_turn(crew: Crew, start: IntArray, stops: Mapping[int, Stop], task: Mapping[int, int], stays: BoolArray) -> list[int]:
     """Robots in the order in which they choose where to make their stops.
 
     The most urgent first; then who came first and waits; then who is nearest. Nobody comes before those who stand on its way there,
@@ -166,7 +166,8 @@ def _turn(crew: Crew, start: IntArray, stops: Mapping[int, Stop], task: Mapping[
     places = crew.places
     stands = set(start[stays].tolist())
     away = {r: places.away(r, int(start[r]), stop) for r, stop in stops.items()}
-    came_s = {r: crew.robots[r].in_line_since_s for r in stops}
+    aged = {r for r in stops if crew.robots[r].num_before >= PATIENCE}
+    came_s = {r: crew.robots[r].since_s if r in aged else crew.robots[r].in_line_since_s for r in stops}
     wished = sorted(stops, key=lambda r: (-crew.tasks[task[r]].priority, came_s[r], away[r], task[r]))
     order: list[int] = []
     for n, r in enumerate(wished):
@@ -175,10 +176,8 @@ def _turn(crew: Crew, start: IntArray, stops: Mapping[int, Stop], task: Mapping[
         nearer = [s for s in wished[n + 1 :] if s not in order and away[s] < away[r] and stops[s].places == stops[r].places]
         if nearer:
             route = places.way(r, int(start[r]), stops[r])
-            aged = came_s[r] < np.inf and crew.robots[r].num_before >= PATIENCE
-            new = [s for s in nearer if aged or came_s[s] == np.inf]
-            since_s = crew.robots[r].since_s if aged else came_s[r]
-            later = [s for s in new if _sets_out_s(crew, s, task[s]) > since_s]
+            new = [s for s in nearer if r in aged or came_s[s] == np.inf]
+            later = [s for s in new if _sets_out_s(crew, s, task[s]) > came_s[r]]
             ahead = [s for s in nearer if int(start[s]) in route]
             stuck = [s for s in ahead if s not in later or not places.can_let_pass(s, int(start[s]), route, stands)]
             order += sorted(stuck, key=lambda s: away[s])

@@ -219,3 +219,14 @@ def test_who_waits_at_a_place_is_served_when_it_is_given_it_not_before():
     robot.wait_at = 3  # though it is free, as when another was to come there
     fleet.work.accepted(work_request(fleet.crew, 6.0, fleet.around.closed, {}), 7.0)
     assert robot.making.begin_s == 7.0
+
+
+def test_a_robot_that_waits_for_a_place_is_not_there_though_it_makes_a_stop_where_it_is():
+    """robot_0 makes its first stop in passing, at 3 where it stands, and robot_1 is before it at 5; robot_1 is there."""
+    fleet = Fleet([3, 5], (0.0, (3, 5)), (0.0, (5,)), service_s=(1.0, 7.0))
+    crew = fleet.crew
+    crew.orders.reveal(0.0)
+    crew.ahead_steps, (first, last) = 9, crew.tasks[0].stops
+    crew.tasks[0] = replace(crew.tasks[0], stops=(replace(first, service_s=0.0), last))
+    request = work_request(crew, 0.0, fleet.around.closed, {0: 0, 1: 1})
+    assert [leg.vertex for leg in request.legs[0]] == [3] and list(request.waits) == [0] and request.there_s == {1: 7.0}

@@ -1,5 +1,7 @@
 """Robots go to places where they are no trouble; each case by hand, on a line."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from worlds import CELL_M, problem_on
@@ -7,6 +9,7 @@ from worlds import CELL_M, problem_on
 from mrp_sumo.core.graph import nav_graph, plan_graph
 from mrp_sumo.core.task import Station, Stop
 from mrp_sumo.drive.places import RobotPlaces
+from mrp_sumo.drive.work_request import in_turn
 
 
 def row(length, *doorsteps, ring=False):
@@ -77,3 +80,15 @@ def test_who_stands_ahead_of_one_that_waits_lets_it_pass_where_it_can(waits, ser
     """It stands at 3, the place is at 4: there is room behind who waits at 1, but not behind one at 0, nor where another is served."""
     where, way = RobotPlaces(problem_on(row(9), [waits, 3], [waits, 3])), list(range(waits, 5))
     assert where.can_let_pass(1, 3, way, {served}) == lets_pass
+
+
+@pytest.mark.parametrize(("num_before", "turn"), [(1, [1, 0]), (2, [0, 1])])
+def test_one_that_was_passed_over_twice_goes_first_though_it_is_in_no_line(num_before, turn):
+    """robot_0 comes from 0 and is sent off again and again, while robot_1 sets out for 5, later and from nearer; it can make room at 6."""
+    lanes = [lane for a, b in [(0, 1), (1, 2), (2, 3), (3, 4), (4, 5), (1, 6)] for lane in ((a, b), (b, a))]
+    xy = [(v * CELL_M, 0.0) for v in range(6)] + [(CELL_M, CELL_M)]
+    graph = plan_graph(nav_graph(name="dead end", xy=xy, lanes=lanes), kind="roadmap", cell_m=CELL_M)
+    robots = [SimpleNamespace(num_before=n, since_s=s, in_line_since_s=np.inf, task=0) for n, s in ((num_before, 5.0), (0, 9.0))]
+    start = np.array([0, 3])
+    crew = SimpleNamespace(places=RobotPlaces(problem_on(graph, start, start), ()), robots=robots, tasks=[SimpleNamespace(priority=0)])
+    assert in_turn(crew, start, dict.fromkeys((0, 1), Stop(5, 1.0)), {0: 0, 1: 0}, np.zeros(2, np.bool_)) == turn
