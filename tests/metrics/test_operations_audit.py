@@ -272,10 +272,13 @@ def test_who_waits_first_is_served_first(queue):
     assert finding.order not in [f.order for f in places.waits(urgent)]
 
 
-def starved(queue, since_s=0.0, at_m=(2.0, 0.0), state=WORKING):
-    """The rows of robot_1's stops are gone, as if it had driven, and stood from then on 3 m before A, or elsewhere."""
+def starved(queue, since_s=0.0, at_m=(2.0, 0.0), state=WORKING, urgent=()):
+    """The rows of robot_1's stops are gone, as if it had driven, and stood from then on 3 m before A, or elsewhere.
+
+    Orders of `urgent` robots are more urgent.
+    """
     stops, run = queue.stops, queue.execution
-    kept = stops.robot == 0
+    kept, others = stops.robot != 1, np.arange(run.x_m.shape[1]) != 1
     of_stops = {key: getattr(stops, key)[kept] for key in StopLog.__dataclass_fields__ if key != "station"}
     some = replace(stops, station=tuple(name for name, keep in zip(stops.station, kept.tolist()) if keep), **of_stops)
     mine = int(np.flatnonzero(queue.tasks.robot == 1)[0])
@@ -285,8 +288,10 @@ def starved(queue, since_s=0.0, at_m=(2.0, 0.0), state=WORKING):
     tasks = replace(queue.tasks, ended_s=ended_s)
     states = RobotStateLog(np.arange(2), np.array([WORKING, state]), np.zeros(2), np.full(2, queue.end_s), np.array([0, mine]))
     columns = {"stops": some, "tasks": tasks, "speed_mps": speed_mps, "robot_states": states}
-    columns |= {key: np.where([True, False], getattr(run, key), at) for key, at in zip(("x_m", "y_m"), at_m)}
+    columns |= {key: np.where(others, getattr(run, key), at) for key, at in zip(("x_m", "y_m"), at_m)}
     logs = replace(queue, execution=replace(run, **columns))
+    robot = queue.tasks.robot.tolist()
+    logs.__dict__["ordered"] = {task: replace(order, priority=int(robot[task] in urgent)) for task, order in queue.ordered.items()}
     return [f.robot for f in places.waits(logs) if f.order == queue.tasks.name[mine]]
 
 
@@ -304,6 +309,20 @@ def test_who_sets_out_first_and_comes_later_is_served_later(queue, served_after,
 @pytest.mark.parametrize(("x_m", "findings"), [(2.0, ["robot_1"]), (100.0, [])])
 def test_a_robot_that_stalls_far_away_is_in_no_line(queue, x_m, findings):
     assert starved(queue, at_m=(x_m, 0.0), state=STALLED) == findings
+
+
+@pytest.mark.parametrize(("takes_s", "findings"), [(0.5, ["robot_1"]), (0.0, [])])
+def test_nobody_is_in_line_for_a_stop_that_takes_no_time(queue, takes_s, findings):
+    stops = replace(queue.stops, end_s=queue.stops.begin_s + takes_s)
+    assert starved(replace(queue, execution=replace(queue.execution, stops=stops))) == findings
+
+
+@pytest.mark.parametrize(("urgent", "findings"), [((2,), []), ((), ["robot_1"]), ((0, 2), [])], ids=("one behind", "none", "all"))
+def test_who_stands_before_a_more_urgent_one_goes_first(tmp_path, urgent, findings):
+    """robot_0 and robot_2 come to A in turn, each behind the other, while robot_1 stands before it."""
+    tasks = {"streams": [{"name": "o", "stops": ["A"], "service": [40], "arrivals": {"open": 6}}]}
+    run = driven(scenario(ring(tmp_path), tasks, starts=["c4", "B", "c3"], execution={"time_limit_s": 600.0}))
+    assert starved(logs_of(run), urgent=urgent) == findings
 
 
 def test_nobody_is_idle_beside_work_for_long_unsaid(logs):

@@ -65,10 +65,14 @@ class Wish(NamedTuple):
     vertices: list[int]  # the places where it can be made
     since_s: float  # when the robot set out for it
     begin_s: float  # of the service, inf: never
+    end_s: float
 
 
 def waits(logs: Logs) -> Iterator[Finding]:
-    """Nobody waits near a place while several are served there who set out for it later, unless their orders are more urgent."""
+    """Nobody waits near a place while several are served there who set out for it later, unless their orders are more urgent.
+
+    One that stands before a more urgent one in line has to go first. Stops without service are made in passing: nobody is in line for them.
+    """
     wishes = [*_made(logs), *_left(logs)]
     at_place: dict[str, list[Wish]] = {}
     for wish in wishes:
@@ -82,10 +86,14 @@ def waits(logs: Logs) -> Iterator[Finding]:
         first = [
             each
             for each in at_place[wish.place]
-            if since_s + LATER_S < each.since_s and each.begin_s < until_s - EPS_S and each.robot != wish.robot
+            if since_s + LATER_S < each.since_s and each.begin_s < min(until_s - EPS_S, each.end_s) and each.robot != wish.robot
             if urgent.get(each.task, 0) <= urgent.get(wish.task, 0)
         ]
         if len(first) < LATER_ONES or logs.was_in(LOST, wish.robot, wish.since_s, until_s):
+            continue
+        behind = [each for each in at_place[wish.place] if urgent.get(each.task, 0) > urgent.get(wish.task, 0)]
+        behind_s = [(_waits_since_s(logs, each, min(each.begin_s, logs.end_s)), each.begin_s) for each in behind]
+        if sum(not any(came_s < each.begin_s < served_s for came_s, served_s in behind_s) for each in first) < LATER_ONES:
             continue
         if not _is_cut_off(logs, wish, since_s, until_s):
             who, order = logs.robot(wish.robot), logs.tasks.name[wish.task]
@@ -98,7 +106,8 @@ def _made(logs: Logs) -> Iterator[Wish]:
     """The stops that were made."""
     stops = logs.stops
     for row, (task, robot) in enumerate(zip(stops.task.tolist(), stops.robot.tolist())):
-        yield Wish(task, robot, logs.place(row), [int(stops.vertex[row])], float(stops.since_s[row]), float(stops.begin_s[row]))
+        times_s = (float(column[row]) for column in (stops.since_s, stops.begin_s, stops.end_s))
+        yield Wish(task, robot, logs.place(row), [int(stops.vertex[row])], *times_s)
 
 
 def _left(logs: Logs) -> Iterator[Wish]:
@@ -110,7 +119,7 @@ def _left(logs: Logs) -> Iterator[Wish]:
             continue
         stop, since_s = order.stops[len(rows)], float(stops.end_s[rows].max(initial=tasks.assigned_s[task]))
         place = stop.station.name if stop.station else logs.graph.known_as(stop.vertex)
-        yield Wish(task, int(tasks.robot[task]), place, list(stop.places), since_s, np.inf)
+        yield Wish(task, int(tasks.robot[task]), place, list(stop.places), since_s, np.inf, np.inf)
 
 
 def _is_cut_off(logs: Logs, wish: Wish, since_s: float, until_s: float) -> bool:
@@ -118,7 +127,9 @@ def _is_cut_off(logs: Logs, wish: Wish, since_s: float, until_s: float) -> bool:
     stops, graph = logs.stops, logs.graph
     stood = [*zip(stops.vertex.tolist(), stops.robot.tolist(), stops.begin_s.tolist(), stops.end_s.tolist())]
     for robot in range(logs.fleet.num_robots):
-        stood += [(_vertex_at(logs, robot, begin_s), robot, begin_s, end_s) for begin_s, end_s in logs.times_in(LOST, robot)]
+        for begin_s, end_s in logs.times_in(LOST, robot):  # it keeps the next vertex, too, if it was granted that
+            v = _vertex_at(logs, robot, begin_s)
+            stood += [(u, robot, begin_s, end_s) for u in (v, *graph.head[graph.tail == v].tolist())]
     vertices = {
         vertex
         for vertex, robot, begin_s, end_s in stood
