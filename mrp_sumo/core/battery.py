@@ -1,25 +1,66 @@
 """Charging: at which levels and where, and the states of charge of a run.
 
-The levels at which robots charge are those of a VDA 5050 factsheet (`batteryCharging`), as shares.
+The levels at which robots charge are those of a VDA 5050 factsheet (`batteryCharging`).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Annotated, Literal
 
 from mrp_sumo.core.graph import FloatArray
-from mrp_sumo.core.task import Station
+from mrp_sumo.core.options import Options, Within, meaning, option
+from mrp_sumo.errors import OptionError
+
+PERCENT: dict[str, float] = {"ge": 0, "le": 100}
+Percent = Annotated[float, Within(**PERCENT)]
 
 
-@dataclass(frozen=True)
-class Charging:
-    """Charging of robots. Levels are shares of the capacity."""
+@dataclass(frozen=True, kw_only=True)
+class Charging(Options):
+    """Charging of robots; levels in percent, with the names of a VDA 5050 factsheet."""
 
-    station: Station
-    opportunity: bool  # whether robots charge, too, when there is nothing to do
-    critical: float  # at or below it a robot without a load goes to charge
-    minimum: float  # charged to it, a robot may be called off for a task, with `opportunity`
-    maximum: float  # charging ends
-    least_s: float  # charging takes, however little is missing
-    first_share: float = 0.0  # of the robots, evenly spread, that begin with a charge
+    stations: tuple[str, ...] = field(metadata=meaning("Names of groups, stations or vertices: a place each.", min_length=1))
+    policy: Literal["threshold", "opportunity"] = option(
+        "threshold", "'threshold': robots charge when they have to; 'opportunity': when they have nothing else to do, too."
+    )
+    critical_low_charging_level: float = option(20.0, "At or below it a robot without a load goes to charge.", **PERCENT)
+    minimum_desired_charging_level: float = option(50.0, "From it on 'opportunity' calls robots off when tasks wait.", **PERCENT)
+    maximum_desired_charging_level: float = option(100.0, "Charging ends.", **PERCENT)
+    minimum_charging_time_s: float = option(0.0, "For which a robot stays at least.", ge=0)
+    start_level: tuple[Percent, Percent] = option((100.0, 100.0), "Each robot's at the start, drawn evenly between these.")
+    start_charging: float = option(0.0, "Share of the robots that go to charge first, whatever their level.", **PERCENT)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        levels = [self.critical_low_charging_level, self.minimum_desired_charging_level, self.maximum_desired_charging_level]
+        if not levels[0] < levels[2] or not levels[0] <= levels[1] <= levels[2]:
+            raise OptionError(f"levels are {levels}, expected critical_low, minimum_desired and maximum_desired in ascending order")
+        if self.opportunity and levels[0] == levels[1]:  # who is called off would have to charge again at once
+            raise OptionError(f"levels are {levels}, expected with policy opportunity a minimum_desired above critical_low")
+        if self.start_level[0] > self.start_level[1]:
+            raise OptionError(f"start_level is {list(self.start_level)}, expected the least and the most")
+
+    @property
+    def opportunity(self) -> bool:
+        return self.policy == "opportunity"
+
+    @property
+    def critical(self) -> float:
+        """Share of the capacity, as the next two."""
+        return self.critical_low_charging_level / 100
+
+    @property
+    def minimum(self) -> float:
+        return self.minimum_desired_charging_level / 100
+
+    @property
+    def maximum(self) -> float:
+        return self.maximum_desired_charging_level / 100
+
+
+def start_shares(charging: Charging | None) -> tuple[float, float]:
+    """Shares of the capacity between which robots begin."""
+    least, most = charging.start_level if charging else (100.0, 100.0)
+    return least / 100, most / 100
 
 
 @dataclass(frozen=True, eq=False)

@@ -66,7 +66,10 @@ class Crowd:
         self._row: dict[int, int] = {}  # of the ways to a place, the least recently used first
         self._look_again_s = 0.0
         self._outside: list[tuple[int, int]] = []  # trips of those who have not found room yet: from place to place
-        times = [flow.arrivals.times(np.random.default_rng([people.seed, ARRIVALS, k])) for k, flow in enumerate(people.flows)]
+        times = [
+            flow.arrivals.times(np.random.default_rng([people.seed, ARRIVALS, k]), clock_s=people.clock_s)
+            for k, flow in enumerate(people.flows)
+        ]
         self._next = [(next(some), some) for some in times]  # by flow: when somebody sets out, and those after it
 
     def begin(self) -> None:

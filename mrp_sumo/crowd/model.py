@@ -30,6 +30,7 @@ class People:
     place: IntArray  # [K] cells of the places between which people walk
     count: int = 0
     flows: tuple[Flow, ...] = ()
+    clock_s: float = 0.0  # how much of the day is over as the run begins
     groups: tuple[Group, ...] = EVERYBODY
     fields: ProtectiveFields | None = USUAL_FIELDS  # None: robots take no notice of people
     seed: int = 0

@@ -4,6 +4,7 @@ import numpy as np
 
 from mrp_sumo.core.battery import Charging
 from mrp_sumo.core.graph import BoolArray
+from mrp_sumo.core.task import Station
 from mrp_sumo.drive.crew import Crew
 from mrp_sumo.drive.robot_work import NONE, RobotWork
 
@@ -13,9 +14,9 @@ LEAST_CHARGE_S = 60.0  # for less nobody goes to charge that need not
 class Chargers:
     """Sends the robots of a crew to charge."""
 
-    def __init__(self, crew: Crew, charging: Charging) -> None:
-        self._crew, self._charging = crew, charging
-        first = (np.arange(len(crew.robots) + 1) * charging.first_share + 0.5).astype(np.int64)
+    def __init__(self, crew: Crew, charging: Charging, station: Station) -> None:
+        self._crew, self._charging, self._station = crew, charging, station
+        first = (np.arange(len(crew.robots) + 1) * charging.start_charging / 100 + 0.5).astype(np.int64)
         self._go_first: BoolArray = np.diff(first) > 0  # [R] robots that go to charge whatever their level
 
     @property
@@ -32,7 +33,7 @@ class Chargers:
                 if crew.has_yet_to_begin(robot):
                     crew.take_back(robot, now_s)
                 if robot.task == NONE:
-                    crew.charge(robot, charging.station, now_s)
+                    crew.charge(robot, self._station, now_s)
         if charging.opportunity:
             free = [robot for robot in crew.robots if robot.task == NONE and not robot.is_out]
             self._use_chargers(free, now_s)
@@ -42,11 +43,11 @@ class Chargers:
         """Send robots that nobody needs, as long as there are chargers; the emptiest first."""
         crew, charging = self._crew, self._charging
         idle = max(0, len(free) - len(crew.orders.waiting))
-        room = len(charging.station.places) - sum(robot.charges for robot in crew.robots)
+        room = len(self._station.places) - sum(robot.charges for robot in crew.robots)
         for robot in sorted(free, key=lambda robot: (crew.level[robot.number], robot.number))[: max(0, min(idle, room))]:
             missing = charging.maximum - float(crew.level[robot.number])
-            if crew.charge_s(robot, missing) >= max(charging.least_s, LEAST_CHARGE_S):
-                crew.charge(robot, charging.station, now_s)
+            if crew.charge_s(robot, missing) >= max(charging.minimum_charging_time_s, LEAST_CHARGE_S):
+                crew.charge(robot, self._station, now_s)
 
     def _call_off(self, wanted: int, now_s: float) -> None:
         """End the charging of as many as are wanted and full enough; the fullest first."""
@@ -56,7 +57,7 @@ class Chargers:
             for robot in crew.robots
             if robot.is_charging
             and crew.level[robot.number] >= charging.minimum
-            and now_s - crew.orders.opened_s(robot.task) >= charging.least_s
+            and now_s - crew.orders.opened_s(robot.task) >= charging.minimum_charging_time_s
         ]
         for robot in sorted(ready, key=lambda robot: (-crew.level[robot.number], robot.number))[:wanted]:
             crew.end_stop(robot, now_s)

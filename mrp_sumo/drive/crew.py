@@ -285,7 +285,7 @@ class Crew:
         charging = self.settings.charging
         assert charging is not None
         missing = max(charging.maximum - float(self.level[robot.number]), 0.0)
-        return max(charging.least_s, self.charge_s(robot, missing))
+        return max(charging.minimum_charging_time_s, self.charge_s(robot, missing))
 
     def _row(self, robot: RobotWork, vertex: int, span_s: tuple[float, float], now_s: float) -> StopRow:
         """A service of a robot. What was booked since it began, until now, is none of the way there."""

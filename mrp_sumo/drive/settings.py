@@ -11,6 +11,7 @@ from mrp_sumo.core.disturbances import NONE, ClosedLane, Disturbances
 from mrp_sumo.core.driving import Planning, RecoveryOptions
 from mrp_sumo.core.robot_type import Battery
 from mrp_sumo.core.stream import TaskSource
+from mrp_sumo.core.task import Station
 from mrp_sumo.crowd.model import LaneSpeeds, People
 from mrp_sumo.drive.orders import KEPT, OrderRules
 from mrp_sumo.errors import ExecutionError, nearest
@@ -36,6 +37,7 @@ class ExecutionSettings:
     parking: tuple[int, ...] = ()  # vertices where robots without a task go
     batteries: tuple[Battery, ...] = ()  # of each type of robots, if they have some; in runs with tasks
     charging: Charging | None = None
+    chargers: Station | None = None  # where, if they do
     start_level: tuple[float, float] = (1.0, 1.0)  # of batteries, drawn evenly between them
     planning: Planning = AT_ONCE
     step_length_s: float = 0.1

@@ -25,7 +25,8 @@ class Work:
 
     def __init__(self, crew: Crew) -> None:
         self.crew, self.progress = crew, Progress(crew)
-        self._chargers = None if crew.settings.charging is None else Chargers(crew, crew.settings.charging)
+        charging, station = crew.settings.charging, crew.settings.chargers
+        self._chargers = None if charging is None or station is None else Chargers(crew, charging, station)
         self._lead_s = crew.settings.planning.budget_s  # what is asked for takes effect so much later
         self.wake_s = 0.0  # when something will have changed that is known already
         self._again_s = 0.0

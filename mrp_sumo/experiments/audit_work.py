@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from mrp_sumo.core.battery import start_shares
 from mrp_sumo.core.fleet import batteries_of, fleet_of_types
 from mrp_sumo.core.graph import FloatArray, NavGraph, PlanGraph
 from mrp_sumo.errors import MrpSumoError
@@ -58,12 +59,11 @@ def _terms(file: ScenarioFile, graph: PlanGraph, nav: NavGraph, num_robots: int,
     assert tasks is not None
     fleet = fleet_of_types(models, kind)
     batteries = batteries_of(models)
-    start = tasks.charging.start_level if tasks.charging else (100.0, 100.0)
     return Terms(
         sources=sources_on(file, nav, graph, fleet, step_s),
         type_name=fleet.type_name,
         batteries=tuple(batteries[k] for k in kind.tolist()) if batteries else (),
-        start_level=(start[0] / 100, start[1] / 100),
+        start_level=start_shares(tasks.charging),
         waits_s=planning.budget_s + planning.period_s,
         doors_xy=doors_xy,
     )

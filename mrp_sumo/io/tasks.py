@@ -17,14 +17,13 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 
-from mrp_sumo.core.battery import Charging
 from mrp_sumo.core.graph import BoolArray
-from mrp_sumo.core.stream import Arrivals, ClosedLoop, ServiceTime, TaskList, TaskPool, TaskSource, TaskStream, zipf_weights
+from mrp_sumo.core.stream import ClosedLoop, TaskList, TaskPool, TaskSource, TaskStream, zipf_weights
 from mrp_sumo.core.task import Station, Stop, Task
 from mrp_sumo.errors import ScenarioError, nearest
 from mrp_sumo.files.reading import read_json, read_text, shortened
 from mrp_sumo.io.documents import Place, read_document
-from mrp_sumo.io.scenario.tasks import ServiceChoice, StreamChoice, TaskChoice, TasksChoice
+from mrp_sumo.io.scenario.tasks import StreamChoice, TaskChoice, TasksChoice
 from mrp_sumo.io.task_requests import tasks_of_requests
 
 MAX_BYTES = 64_000_000
@@ -76,19 +75,11 @@ def sources_of(choice: TasksChoice, site: TaskNames, seed: int, step_s: float, n
     return tuple(sources) if choice.open is None else (ClosedLoop(tuple(sources), choice.open),)
 
 
-def charging_of(choice: TasksChoice, site: TaskNames) -> Charging | None:
-    """Charging of a scenario's robots. As `sources_of`."""
-    if (chosen := choice.charging) is None:
+def chargers_of(choice: TasksChoice, site: TaskNames) -> Station | None:
+    """Where robots of a scenario charge. As `sources_of`."""
+    if choice.charging is None:
         return None
-    return Charging(
-        station=Station("charger", _places(choice, site, ("tasks", "charging", "stations"), chosen.stations)),
-        opportunity=chosen.policy == "opportunity",
-        critical=chosen.critical_low_charging_level / 100,
-        minimum=chosen.minimum_desired_charging_level / 100,
-        maximum=chosen.maximum_desired_charging_level / 100,
-        least_s=chosen.minimum_charging_time_s,
-        first_share=chosen.start_charging / 100,
-    )
+    return Station("charger", _places(choice, site, ("tasks", "charging", "stations"), choice.charging.stations))
 
 
 def parking_of(choice: TasksChoice, site: TaskNames) -> tuple[int, ...]:
@@ -265,37 +256,21 @@ def _stream(names: _Names, place: Place, stream: StreamChoice, number: int, seed
         weights = np.array([weight for _, weight in weighted], np.float64)
     if not routes:
         raise ScenarioError(f"{names.at(*place)}: no way leads from a station to another")
-    chosen = stream.arrivals
-    kind = "poisson" if chosen.rate_per_h else "open" if chosen.open else "per_step" if chosen.per_step else "at_once"
     return TaskStream(
         name=name,
-        arrivals=Arrivals(
-            kind,
-            rate_per_h=chosen.rate_per_h or 0.0,
-            profile=tuple(chosen.profile),
-            per_step=chosen.per_step or 0.0,
-            step_s=step_s,
-            num_open=chosen.open or 0,
-        ),
+        arrivals=stream.arrivals,
         routes=routes,
         weight=weights,
-        service=tuple(_service(each) for each in stream.service),
+        service=stream.service,
         count=stream.count or 0,
         due_after_s=stream.due_after_s or math.inf,
         priority=stream.priority,
         robot_type=names.robot_type((*place, "robot_type"), stream.robot_type),
         seed=seed,
         number=number,
+        step_s=step_s,
     )
 
 
 def _differ(one: Station, other: Station) -> bool:
     return one != other
-
-
-def _service(choice: ServiceChoice) -> ServiceTime:
-    if choice.triangular_s:
-        return ServiceTime("triangular", *choice.triangular_s)
-    if choice.lognormal:
-        return ServiceTime("lognormal", usual_s=choice.lognormal[0], sigma=choice.lognormal[1])
-    return ServiceTime(usual_s=choice.constant_s or 0.0)

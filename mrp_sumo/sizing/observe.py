@@ -64,7 +64,7 @@ def observation(result: RunResult) -> dict[str, Any]:
         "stations": _stations(stops, steady_s, execution.sim_time_s),
         "causes": [[kind, name, round(of.waited_s, 1), round(of.share, 4)] for (kind, name), of in sorted(pressed.items())],
         "idle_share": _idle_share(execution, steady_s, num_robots=x.shape[1]),
-        "batteries": _batteries(execution, steady_s, charging.station.places if (charging := result.setup.settings.charging) else ()),
+        "batteries": _batteries(execution, steady_s, chargers.places if (chargers := result.setup.settings.chargers) else ()),
         "vertices": [[int(v), round(float(wait_s[v]), 1)] for v in heaviest if wait_s[v] > 0],
         "minutes": _minutes(execution, orders, stops, x, y, every),
         "lane_m": round(float(graph.length_m[(graph.reverse < 0) | (graph.reverse > np.arange(graph.num_lanes))].sum()), 2),

@@ -207,7 +207,7 @@ def _busiest(streams: tuple[StreamChoice, ...]) -> list[float]:
 
 
 def _rate(stream: StreamChoice, part: float) -> float:
-    profile = stream.arrivals.profile or [1.0]
+    profile = stream.arrivals.profile or (1.0,)
     return (stream.arrivals.rate_per_h or 0.0) * profile[int(part * len(profile))]
 
 

@@ -210,12 +210,13 @@ class Study:
         batteries = [battery for battery in self.setup.settings.batteries if battery.energy_j > 0]
         if not (self.question.has_tasks and batteries) or self.pilot.power_w <= 0:
             return None
-        battery, charging = max(batteries, key=lambda battery: battery.charge_s(1.0)), self.setup.settings.charging
-        if charging is None:
+        battery = max(batteries, key=lambda battery: battery.charge_s(1.0))
+        charging, chargers = self.setup.settings.charging, self.setup.settings.chargers
+        if charging is None or chargers is None:
             return Cycle(battery.energy_j / self.pilot.power_w, 0.0, 0)
         highest = charging.minimum if charging.opportunity else charging.maximum  # where orders always wait
         share = highest - charging.critical
-        return Cycle(share * battery.energy_j / self.pilot.power_w, battery.charge_s(share), len(charging.station.places), highest)
+        return Cycle(share * battery.energy_j / self.pilot.power_w, battery.charge_s(share), len(chargers.places), highest)
 
     def run(
         self,

@@ -30,7 +30,7 @@ from mrp_sumo.traffic.referee import judge
 
 REPLY_COLUMNS = ("robot", "first", "since", "vertex", "arrive_s", "depart_s", "arrived_s")
 ROUTES = tuple(tuple(Station(f"at {v}", (v,)) for v in route) for route in [(0, 24), (4, 20), (20, 4), (24, 0), (2, 22)])
-STREAM = TaskStream("order", Arrivals("open", num_open=6), ROUTES, np.ones(5), (ServiceTime(usual_s=2.0),))
+STREAM = TaskStream("order", Arrivals(open=6), ROUTES, np.ones(5), (ServiceTime(constant_s=2.0),))
 STARTS = [1, 6, 12, 18, 23]
 
 

@@ -19,10 +19,10 @@ CELL_S = 0.4 / 0.22
 def orders(routes, arrivals=None, service_s=5.0, **other):
     return TaskStream(
         "order",
-        arrivals or Arrivals("at_once"),
+        arrivals or Arrivals(at_once=True),
         tuple(tuple(Station(f"at {v}", (v,)) if isinstance(v, int) else v for v in route) for route in routes),
         np.ones(len(routes)),
-        (ServiceTime(usual_s=service_s),),
+        (ServiceTime(constant_s=service_s),),
         **other,
     )
 
@@ -62,7 +62,7 @@ def test_a_robot_in_the_way_makes_room(tmp_path):
 
 
 def test_orders_are_the_same_for_any_fleet(tmp_path):
-    stream = orders([(0, 8), (2, 6), (6, 0)], Arrivals("poisson", rate_per_h=300), count=6)
+    stream = orders([(0, 8), (2, 6), (6, 0)], Arrivals(rate_per_h=300), count=6)
     one, three = (work(tmp_path, square_grid(3), starts, stream, time_limit_s=400.0) for starts in ([4], [1, 3, 7]))
     assert one.tasks.name == three.tasks.name
     assert one.tasks.released_s.tolist() == three.tasks.released_s.tolist()
@@ -70,7 +70,7 @@ def test_orders_are_the_same_for_any_fleet(tmp_path):
 
 
 def test_closed_loop_keeps_so_many_open_until_the_time_is_over(tmp_path):
-    stream = orders([(0, 8), (2, 6), (6, 0), (8, 2)], Arrivals("open", num_open=3), service_s=2.0)
+    stream = orders([(0, 8), (2, 6), (6, 0), (8, 2)], Arrivals(open=3), service_s=2.0)
     run = work(tmp_path, square_grid(3), [1, 4], stream, time_limit_s=120.0)
     assert run.outcome is Outcome.COMPLETED and run.sim_time_s == pytest.approx(120)
     known = [(run.tasks.released_s <= t).sum() - (run.tasks.done_s <= t).sum() for t in (1.0, 60.0, 119.0)]
@@ -93,19 +93,19 @@ def test_the_planner_takes_its_simulated_time(tmp_path):
 
 
 def test_the_same_run_twice_is_the_same(tmp_path):
-    stream = orders([(0, 8), (2, 6), (6, 0), (8, 2)], Arrivals("poisson", rate_per_h=400), service_s=2.0)
+    stream = orders([(0, 8), (2, 6), (6, 0), (8, 2)], Arrivals(rate_per_h=400), service_s=2.0)
     one, other = (work(tmp_path, square_grid(3), [1, 4, 7], stream, time_limit_s=90.0, planning=Planning(budget_s=1.0)) for _ in range(2))
     assert one.x_m.tobytes() == other.x_m.tobytes() and one.tasks.done_s.tobytes() == other.tasks.done_s.tobytes()
 
 
 def test_a_robot_at_work_is_not_sent_away_by_recovery(tmp_path):
-    stream = orders([(0, 8), (2, 6), (6, 0), (8, 2)], Arrivals("open", num_open=4), service_s=6.0)
+    stream = orders([(0, 8), (2, 6), (6, 0), (8, 2)], Arrivals(open=4), service_s=6.0)
     run = work(tmp_path, square_grid(3), [1, 4, 7], stream, time_limit_s=100.0, on_deadlock="resolve", policy="open_loop")
     assert run.tasks.status.count("done") >= 3
 
 
 def test_the_parts_of_a_cycle_add_up_to_it(tmp_path):
-    stream = orders([(0, 8), (2, 6), (6, 0), (8, 2)], Arrivals("poisson", rate_per_h=500), service_s=4.0, count=8)
+    stream = orders([(0, 8), (2, 6), (6, 0), (8, 2)], Arrivals(rate_per_h=500), service_s=4.0, count=8)
     run = work(tmp_path, square_grid(3), [1, 4, 7], stream, planning=Planning(budget_s=1.0))
     tasks, stops = run.tasks, run.stops
     assert set(tasks.status) == {"done"} and stops.task.tolist() == [k for k in range(8) for _ in range(2)]
@@ -171,7 +171,7 @@ def test_every_dispatcher_does_all_tasks(tmp_path, dispatcher):
 
 
 def test_orders_in_a_closed_loop_are_due_after_they_become_known(tmp_path):
-    stream = orders([(0, 8), (2, 6), (6, 0), (8, 2)], Arrivals("poisson", rate_per_h=1.0), due_after_s=50.0)
+    stream = orders([(0, 8), (2, 6), (6, 0), (8, 2)], Arrivals(rate_per_h=1.0), due_after_s=50.0)
     run = work(tmp_path, square_grid(3), [1, 4], ClosedLoop((stream,), 2), time_limit_s=100.0)
     done = run.tasks.done_s[run.stops.task]
     assert (run.stops.due_s == run.tasks.released_s[run.stops.task] + 50.0).all() and np.isfinite(done).any()
@@ -181,11 +181,17 @@ SMALL = Battery(10.0, 1.0, 36.0, 1.0, 0.0, 0.0, 36.0)  # a thousandth of it goes
 
 
 def charging(at, *, opportunity=False, least_s=0.0):
-    return Charging(Station("charger", (at,)), opportunity, 0.3, 0.5, 1.0, least_s)
+    rules = Charging(
+        stations=("charger",),
+        policy="opportunity" if opportunity else "threshold",
+        critical_low_charging_level=30,
+        minimum_charging_time_s=least_s,
+    )
+    return {"charging": rules, "chargers": Station("charger", (at,))}
 
 
 def test_a_robot_with_little_left_charges_before_it_takes_a_task(tmp_path):
-    run = work(tmp_path, line(5), [0], listed((2, 0.0, 1.0)), batteries=(SMALL,), charging=charging(4), start_level=(0.25, 0.25))
+    run = work(tmp_path, line(5), [0], listed((2, 0.0, 1.0)), batteries=(SMALL,), **charging(4), start_level=(0.25, 0.25))
     tasks = run.tasks
     assert tasks.name == ("t0", "charge_0") and set(tasks.status) == {"done"}
     assert tasks.done_s[1] - tasks.opened_s[1] == pytest.approx(76, abs=2)  # from 24 % at its arrival
@@ -196,7 +202,7 @@ def test_a_robot_with_little_left_charges_before_it_takes_a_task(tmp_path):
 def test_a_robot_that_charges_for_want_of_work_is_called_off(tmp_path):
     late = listed((2, 40.0, 1.0))
     kept, called = (
-        work(tmp_path, line(5), [0], late, batteries=(SMALL,), charging=charging(4, opportunity=True, least_s=s), start_level=(0.35, 0.35))
+        work(tmp_path, line(5), [0], late, batteries=(SMALL,), **charging(4, opportunity=True, least_s=s), start_level=(0.35, 0.35))
         for s in (60.0, 0.0)
     )
     assert called.tasks.name[0] == "charge_0" and called.tasks.assigned_s[1] == pytest.approx(40.5, abs=0.6)
@@ -210,7 +216,7 @@ def test_nobody_is_called_off_a_charger_for_an_order_that_another_is_free_for(tm
     """robot_0 charges from 2 s on and would until 67 s, robot_1 has nothing to do when one order comes, or two."""
     late = listed(*[(4, 40.0, 1.0), (6, 40.0, 1.0)][:num_orders])
     charger = charging(0, opportunity=True)
-    run = work(tmp_path, line(9), [1, 8], late, batteries=(SMALL,), charging=charger, start_level=(0.35, 0.35), time_limit_s=90.0)
+    run = work(tmp_path, line(9), [1, 8], late, batteries=(SMALL,), **charger, start_level=(0.35, 0.35), time_limit_s=90.0)
     done_s = dict(zip(run.tasks.name, run.tasks.done_s.tolist()))
     assert (done_s["charge_0"] < 45) == called_off and run.tasks.robot[run.tasks.name.index("charge_0")] == 0
     assert set(run.tasks.robot[1 : 1 + num_orders].tolist()) == ({0, 1} if called_off else {1})
@@ -228,8 +234,8 @@ def test_robots_without_a_task_go_to_park(tmp_path):
         tmp_path,
         line(7),
         [1],
-        orders([(2,)], Arrivals("at_once"), count=1, service_s=1.0),
-        orders([(2,)], Arrivals("poisson", rate_per_h=0.001), number=1, service_s=1.0),
+        orders([(2,)], Arrivals(at_once=True), count=1, service_s=1.0),
+        orders([(2,)], Arrivals(rate_per_h=0.001), number=1, service_s=1.0),
         parking=(6,),
         time_limit_s=60.0,
     )

@@ -27,7 +27,7 @@ def test_flows_go_between_named_places_at_the_rates_of_the_hour(tmp_path):
     found = people(tmp_path, {"flows": flows, "clock_h": 11, "groups": [{"name": "staff", "speed_mps": 1.5}]})
     (flow,) = found.flows
     assert len(flow.origins) == 1 and len(flow.destinations) == 2 and found.groups[0].speed_mps == 1.5
-    assert flow.arrivals.clock_s == 11 * 3600 and flow.arrivals.profile == (0, 1)
+    assert found.clock_s == 11 * 3600 and flow.arrivals.profile == (0, 1)
 
 
 def test_lane_speeds_need_no_free_space(tmp_path):

@@ -9,12 +9,13 @@ import pytest
 from pydantic import ValidationError
 
 from mrp_sumo.cli.main import main
+from mrp_sumo.core.battery import Charging
 from mrp_sumo.core.task import log_of_times
-from mrp_sumo.errors import ScenarioError
+from mrp_sumo.errors import OptionError, ScenarioError
 from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.experiments.staging.set_up import set_up
 from mrp_sumo.io.scenario.read import read_scenario
-from mrp_sumo.io.scenario.tasks import ChargingChoice, TasksChoice
+from mrp_sumo.io.scenario.tasks import TasksChoice
 from mrp_sumo.io.tasks import TaskNames, sources_of
 from mrp_sumo.io.tasks_table import read_tasks, write_tasks
 
@@ -207,8 +208,8 @@ def test_what_contradicts_itself_is_refused(choice, says):
 @pytest.mark.parametrize(("policy", "minimum", "fits"), [("opportunity", 50, False), ("opportunity", 51, True), ("threshold", 50, True)])
 def test_who_is_called_off_a_charger_need_not_go_back_at_once(policy, minimum, fits):
     levels = {"critical_low_charging_level": 50, "minimum_desired_charging_level": minimum}
-    with nullcontext() if fits else pytest.raises(ValidationError, match="with policy opportunity a minimum_desired above critical_low"):
-        ChargingChoice.model_validate({"stations": ["c"], "policy": policy, **levels})
+    with nullcontext() if fits else pytest.raises(OptionError, match="with policy opportunity a minimum_desired above critical_low"):
+        Charging(stations=("c",), policy=policy, **levels)
 
 
 def test_the_table_keeps_what_became_of_tasks(tmp_path):

@@ -52,7 +52,7 @@ def test_runs_begin_at_all_points_of_driving_and_charging(tmp_path, robots, shar
     question = Question(file, (1, 40), QUICK, 60.0, charging=Cycle(3000.0, 1000.0, 1, 0.9))
     charging = values_of(Trial(kind, robots, 0), question, {})["tasks",][1]["charging"]
     assert (charging["start_level"], charging["start_charging"]) == ([20.0, 90.0], share)
-    assert charging["stations"] == ["charger_1"]
+    assert charging["stations"] == ("charger_1",)
 
 
 @pytest.mark.parametrize(("minimum", "policy", "highest"), [(50, "threshold", 0.9), (50, "opportunity", 0.5)])

@@ -13,11 +13,12 @@ from mrp_sumo.crowd.options import EVERYBODY
 from mrp_sumo.errors import ScenarioError, nearest
 from mrp_sumo.io.documents import Place
 from mrp_sumo.io.scenario.file import ScenarioFile
-from mrp_sumo.io.scenario.people import FlowChoice, PeopleChoice
+from mrp_sumo.io.scenario.people import PeopleChoice
 from mrp_sumo.maps.map import Map
 
 MOST_PLACES = 40  # that are drawn
 DRAW = 50  # purpose of the stream of chance
+IntPlaces = tuple[int, ...]
 
 
 def people_of(file: ScenarioFile, map_: Map, graph: PlanGraph) -> People | LaneSpeeds | None:
@@ -30,17 +31,22 @@ def people_of(file: ScenarioFile, map_: Map, graph: PlanGraph) -> People | LaneS
     floor = floor_of(map_, graph, choice.corridor_m)
     if not floor.free.any():
         raise ScenarioError(f"{file.at('people')}: '{graph.name}' has no room for people: nowhere are 0.5 m free between walls")
-    places, flows = _Places(file, map_.nav, floor), list[Flow]()
-    drawn = _drawn(file, choice, places, seed)
+    places = _Places(file, map_.nav, floor)
+    drawn = tuple(_drawn(file, choice, places, seed))
+    ends, flows = list[tuple[IntPlaces, IntPlaces]](), list[Flow]()
     for i, each in enumerate(choice.flows or ()):
-        flows.append(_flow(file, ("people", "flows", i), choice, each, places, drawn))
+        key = ("people", "flows", i)
+        ends.append((places.all_of((*key, "origin"), each.origin, drawn), places.all_of((*key, "destination"), each.destination, drawn)))
+        flows += _flow(*ends[-1], each.rate_per_h, choice.profile if each.profile is None else each.profile)
     if choice.rate_per_h is not None:
-        flows.append(Flow(tuple(drawn), tuple(drawn), _arrivals(choice.rate_per_h, choice.profile, choice.clock_h)))
+        ends.append((drawn, drawn))
+        flows += _flow(drawn, drawn, choice.rate_per_h, choice.profile)
     people = People(
         floor=floor,
         place=np.array(places.cells, np.int64),
         count=choice.count or 0,
-        flows=tuple(flow for flow in flows if flow.arrivals.rate_per_h > 0 and max(flow.arrivals.profile, default=1.0) > 0),
+        flows=tuple(flows),
+        clock_s=choice.clock_h * HOUR_S,
         groups=choice.groups or EVERYBODY,
         fields=choice.fields if choice.fields.active else None,
         seed=seed,
@@ -48,8 +54,8 @@ def people_of(file: ScenarioFile, map_: Map, graph: PlanGraph) -> People | LaneS
     reachable = joint_places(people)
     if not any(reachable):
         raise ScenarioError(f"{file.at('people')}: nobody can walk anywhere on '{graph.name}': no two places are joined by free space")
-    for i, flow in enumerate(flows):
-        if not any(end in reachable[origin] for origin in flow.origins for end in flow.destinations):
+    for i, (origins, destinations) in enumerate(ends):
+        if not any(end in reachable[origin] for origin in origins for end in destinations):
             raise ScenarioError(f"{file.at('people', 'flows', i)}: no way leads from its origins to its destinations")
     return people
 
@@ -71,6 +77,10 @@ class _Places:
         if v < 0:
             raise ScenarioError(f"{self._file.at(*place)}: there is no room for people within a metre of '{name}'")
         return v
+
+    def all_of(self, place: Place, names: list[str] | None, drawn: IntPlaces) -> IntPlaces:
+        """The places at the vertices of names, or those that are drawn."""
+        return drawn if names is None else tuple(self.named((*place, i), name) for i, name in enumerate(names))
 
     def at(self, vertex: int) -> int:
         """The place at a vertex; -1 where there is no room."""
@@ -101,15 +111,8 @@ def _drawn(file: ScenarioFile, choice: PeopleChoice, places: _Places, seed: int)
     return vertices
 
 
-def _flow(file: ScenarioFile, key: Place, choice: PeopleChoice, flow: FlowChoice, places: _Places, drawn: list[int]) -> Flow:
-    def ends(field: str, names: list[str] | None) -> tuple[int, ...]:
-        if names is None:
-            return tuple(drawn)
-        return tuple(places.named((*key, field, i), name) for i, name in enumerate(names))
-
-    arrivals = _arrivals(flow.rate_per_h, choice.profile if flow.profile is None else flow.profile, choice.clock_h)
-    return Flow(ends("origin", flow.origin), ends("destination", flow.destination), arrivals)
-
-
-def _arrivals(rate_per_h: float, profile: list[float], clock_h: float) -> Arrivals:
-    return Arrivals("poisson", rate_per_h, tuple(profile), clock_s=clock_h * HOUR_S)
+def _flow(origins: IntPlaces, destinations: IntPlaces, rate_per_h: float, profile: list[float]) -> list[Flow]:
+    """People between places, if there are any at such a rate."""
+    if not rate_per_h or not max(profile, default=1.0):
+        return []
+    return [Flow(origins, destinations, Arrivals(rate_per_h=rate_per_h, profile=tuple(profile)))]

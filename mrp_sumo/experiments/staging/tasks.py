@@ -6,6 +6,7 @@ Refuses tasks that no robot can do, places in lifts, and charging without batter
 from collections.abc import Sequence
 from dataclasses import replace
 
+from mrp_sumo.core.battery import start_shares
 from mrp_sumo.core.fleet import Fleet, batteries_of
 from mrp_sumo.core.graph import BoolArray, NavGraph, PlanGraph
 from mrp_sumo.core.problem import Problem
@@ -17,7 +18,7 @@ from mrp_sumo.errors import ScenarioError
 from mrp_sumo.experiments.staging.errands import unreachable
 from mrp_sumo.formats.lorr import read_map
 from mrp_sumo.io.scenario.file import ScenarioFile
-from mrp_sumo.io.tasks import TaskNames, charging_of, parking_of, sources_of
+from mrp_sumo.io.tasks import TaskNames, chargers_of, parking_of, sources_of
 from mrp_sumo.maps.catalogue import find_map
 
 
@@ -30,16 +31,16 @@ def with_tasks(
     without = next((model.name for model in models if model.battery is None), None)
     if choice.charging is not None and without is not None:
         raise ScenarioError(f"{file.at('tasks', 'charging')}: robot type '{without}' has no battery, see robots/turtlebot3.yaml")
-    start = choice.charging.start_level if choice.charging else (100.0, 100.0)
     site = _site_of_tasks(file, nav, problem.graph, problem.fleet)
     return replace(
         settings,
         tasks=task_sources(file, nav, problem),
-        charging=charging_of(choice, site),
+        charging=choice.charging,
+        chargers=chargers_of(choice, site),
         parking=parking_of(choice, site),
         rules=OrderRules(choice.cancel, choice.retry),
         batteries=batteries_of(models),
-        start_level=(start[0] / 100, start[1] / 100),
+        start_level=start_shares(choice.charging),
     )
 
 
