@@ -4,11 +4,13 @@ The levels at which robots charge are those of a VDA 5050 factsheet (`batteryCha
 """
 
 from dataclasses import dataclass, field
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
-from mrp_sumo.core.graph import FloatArray
 from mrp_sumo.core.options import Options, Within, meaning, option
 from mrp_sumo.errors import OptionError
+
+if TYPE_CHECKING:
+    from mrp_sumo.core.graph import FloatArray
 
 PERCENT: dict[str, float] = {"ge": 0, "le": 100}
 Percent = Annotated[float, Within(**PERCENT)]
@@ -67,8 +69,8 @@ def start_shares(charging: Charging | None) -> tuple[float, float]:
 class BatteryLog:
     """States of charge of R robots at K times of a run."""
 
-    t_s: FloatArray  # [K]
-    level: FloatArray  # [K, R] shares of the capacity
-    used_j: FloatArray  # [R] drawn in the whole run
-    charged_j: FloatArray  # [R]
+    t_s: "FloatArray"  # [K]
+    level: "FloatArray"  # [K, R] shares of the capacity
+    used_j: "FloatArray"  # [R] drawn in the whole run
+    charged_j: "FloatArray"  # [R]
     critical: float  # the level at which robots go to charge; 0 where they do not

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mrp_sumo.core.arrivals import Arrivals
 from mrp_sumo.core.graph import IntArray
-from mrp_sumo.core.stream import Arrivals
 from mrp_sumo.crowd.options import EVERYBODY, USUAL_FIELDS, Group, ProtectiveFields
 
 if TYPE_CHECKING:  # loads kernels

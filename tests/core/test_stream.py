@@ -5,7 +5,8 @@ from itertools import islice
 import numpy as np
 import pytest
 
-from mrp_sumo.core.stream import Arrivals, ClosedLoop, ServiceTime, TaskStream, zipf_weights
+from mrp_sumo.core.arrivals import Arrivals, ServiceTime
+from mrp_sumo.core.stream import ClosedLoop, TaskStream, zipf_weights
 from mrp_sumo.core.task import Station, Stop, Task
 from mrp_sumo.errors import PlanError
 

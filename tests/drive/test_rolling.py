@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from worlds import BURGER, drive, ending_there, line, problem_of, problem_on, square_grid
 
+from mrp_sumo.core.arrivals import Arrivals, ServiceTime
 from mrp_sumo.core.driving import Planning
 from mrp_sumo.core.execution import BOOKINGS, Outcome
 from mrp_sumo.core.plan import PlanResult, Status
-from mrp_sumo.core.stream import Arrivals, ServiceTime, TaskList, TaskStream
+from mrp_sumo.core.stream import TaskList, TaskStream
 from mrp_sumo.core.task import Station, Stop, Task
 from mrp_sumo.drive import ledger as ledger_module
 from mrp_sumo.drive import replanning

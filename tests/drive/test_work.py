@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 from worlds import BURGER, drive, line, square_grid
 
+from mrp_sumo.core.arrivals import Arrivals, ServiceTime
 from mrp_sumo.core.battery import Charging
 from mrp_sumo.core.driving import Planning
 from mrp_sumo.core.execution import Outcome
 from mrp_sumo.core.fleet import fleet_of
 from mrp_sumo.core.robot_type import Battery
-from mrp_sumo.core.stream import Arrivals, ClosedLoop, ServiceTime, TaskList, TaskStream
+from mrp_sumo.core.stream import ClosedLoop, TaskList, TaskStream
 from mrp_sumo.core.task import Station, Stop, Task
 from mrp_sumo.metrics.audit import audit
 

@@ -5,8 +5,8 @@ Refuses names that the map does not have, places without room, and maps on which
 
 import numpy as np
 
+from mrp_sumo.core.arrivals import HOUR_S, Arrivals
 from mrp_sumo.core.graph import IntArray, NavGraph, PlanGraph
-from mrp_sumo.core.stream import HOUR_S, Arrivals
 from mrp_sumo.crowd.floor import BEFORE_LIFT_M, SNAP_M, Floor, floor_of
 from mrp_sumo.crowd.model import Flow, LaneSpeeds, People, joint_places
 from mrp_sumo.crowd.options import EVERYBODY

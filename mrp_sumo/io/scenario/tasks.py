@@ -7,9 +7,9 @@ from typing import Annotated, Any
 
 from pydantic import BeforeValidator, Field, model_validator
 
+from mrp_sumo.core.arrivals import MAX_OPEN, Arrivals, ServiceTime
 from mrp_sumo.core.battery import Charging
 from mrp_sumo.core.order_rules import Cancel, Retry
-from mrp_sumo.core.stream import MAX_OPEN, Arrivals, ServiceTime
 from mrp_sumo.io.scenario.strict import Strict
 
 MAX_TASKS = 1_000_000  # of a stream with an end
