@@ -133,7 +133,7 @@ def test_key_without_a_sentence_is_noticed_and_a_new_key_changes_the_page(monkey
     class More(Planning):
         flux: float = option(0.0)
 
-    monkeypatch.setattr(ExecutionChoice.model_fields["planning"], "annotation", More)
+    monkeypatch.setattr(keys_of(ExecutionChoice)["planning"], "annotation", More)
     tables = tool("doc_tables")
     assert without_a_sentence(tables.keys_in("execution")) == ["execution.planning.flux"]
     assert "`execution.planning.flux`" in tables.with_tables("<!-- table: keys_execution -->\n<!-- end -->")

@@ -1,8 +1,10 @@
-"""Options of how a plan is driven: of planning while robots drive, and of recovery. Parts of `execution` of a scenario."""
+"""Options of how a plan is driven. Parts of `execution` of a scenario."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Literal
 
-from mrp_sumo.core.options import Options, option
+from mrp_sumo.core.disturbances import NONE, Disturbances
+from mrp_sumo.core.options import Options, meaning, option
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,3 +30,18 @@ class RecoveryOptions(Options):
     give_way: bool = option(True, "First come first served, one of a ring of waiting robots steps aside or backs out.")
     patience_s: float = option(10.0, "Time blocked for good before a robot drives around, or all are replanned.", gt=0, le=1e9)
     replanner: str | None = option("lacam", "Any planner, by name or FILE.py:CLASS; null: none.")
+
+
+@dataclass(frozen=True, kw_only=True)
+class DrivingOptions(Options):
+    """Options that reach whoever drives as a scenario has them."""
+
+    engine: Literal["sumo", "kinematic"] = option(
+        "sumo", "What moves the bodies: SUMO, or the robots' limits alone, which takes a fraction of the time."
+    )
+    planning: Planning = field(default=Planning(), metadata=meaning("Of plans that are made while robots drive, for `tasks`."))
+    step_length_s: float = option(0.1, "Of the simulation.", gt=0, le=1)
+    blocking_window_s: float = option(10.0, "A robot without a cell of progress along its path for so long is blocked.", gt=0, le=1e9)
+    on_deadlock: Literal["report", "stop", "resolve"] = option("report", "'resolve': see recovery.")
+    recovery: RecoveryOptions = field(default=RecoveryOptions(), metadata=meaning("What `on_deadlock: resolve` does, mildest first."))
+    disturbances: Disturbances = field(default=NONE, metadata=meaning("What goes wrong; the name of a set alone is short for it."))

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from mrp_sumo.core.battery import Charging
-from mrp_sumo.core.disturbances import NONE, ClosedLane, Disturbances
-from mrp_sumo.core.driving import Planning, RecoveryOptions
+from mrp_sumo.core.disturbances import ClosedLane
+from mrp_sumo.core.driving import DrivingOptions, Planning
 from mrp_sumo.core.robot_type import Battery
 from mrp_sumo.core.stream import TaskSource
 from mrp_sumo.core.task import Station
@@ -22,10 +22,9 @@ AT_ONCE = Planning(budget_s=0.0)
 
 
 @dataclass(frozen=True, kw_only=True)
-class ExecutionSettings:
+class ExecutionSettings(DrivingOptions):
     """Policy, clock and recording of an execution."""
 
-    engine: str = "sumo"  # what moves the bodies
     policy: str = "adg"
     policy_parameters: Mapping[str, Any] = field(default_factory=dict)
     dispatcher: str = "one_shot"  # who goes on when the first plan is there
@@ -40,24 +39,20 @@ class ExecutionSettings:
     chargers: Station | None = None  # where, if they do
     start_level: tuple[float, float] = (1.0, 1.0)  # of batteries, drawn evenly between them
     planning: Planning = AT_ONCE
-    step_length_s: float = 0.1
     time_limit_s: float = 300.0  # simulated
     goal_tolerance_m: float = 0.0  # a robot that stands this near its goal when the run ends has reached it
     record_period_s: float = 0.1  # a whole number of steps
     seed: int = 0  # of what chance decides while driving
-    blocking_window_s: float = 10.0  # without a cell of progress in it a robot is blocked
-    on_deadlock: str = "report"  # 'stop': end the run; 'resolve': give way, drive around, replan from where robots are
-    recovery: RecoveryOptions = field(default_factory=RecoveryOptions)
-    disturbances: Disturbances = NONE
     closed_lanes: tuple[ClosedLane, ...] = ()  # of the disturbances' closures
     people: People | LaneSpeeds | None = None  # who walks among the robots, or the speeds that they are drawn instead
 
     def __post_init__(self) -> None:
-        for key in ("step_length_s", "time_limit_s", "record_period_s", "blocking_window_s"):
+        super().__post_init__()
+        for key in ("time_limit_s", "record_period_s"):
             value = getattr(self, key)
             if not (np.isfinite(value) and value > 0):
                 raise ExecutionError(f"{key} is {value}, expected a number of seconds above 0")
-        if not 0.001 <= self.step_length_s <= 1.0:
+        if self.step_length_s < 0.001:
             raise ExecutionError(f"step_length_s is {self.step_length_s}, expected 0.001 to 1")
         for key, possible in (("on_deadlock", ON_DEADLOCK), ("engine", ENGINES)):
             if getattr(self, key) not in possible:

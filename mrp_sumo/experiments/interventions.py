@@ -81,7 +81,7 @@ class Interventions(Listener):
     def _closed(self, between: tuple[str, str], now_s: float, lasts_s: float | None) -> tuple[Done, tuple[Intervention, ...]]:
         choice = Closure(between, now_s, lasts_s)
         execution = self.setup.scenario.execution
-        alone = execution.model_copy(update={"disturbances": replace(execution.disturbances, closures=(choice,))})
+        alone = replace(execution, disturbances=replace(execution.disturbances, closures=(choice,)))
         file = replace(self.setup.file, scenario=self.setup.scenario.model_copy(update={"execution": alone}))
         return choice, closed_lanes(file, self.setup.map.nav, self.setup.problem.graph)
 
@@ -117,5 +117,5 @@ def _with(file: ScenarioFile, choice: Done) -> ScenarioFile:
         what = replace(what, breakdowns=(*what.breakdowns, choice))
     else:
         what = replace(what, closures=(*what.closures, choice))
-    execution = scenario.execution.model_copy(update={"disturbances": what})
+    execution = replace(scenario.execution, disturbances=what)
     return replace(file, scenario=scenario.model_copy(update={"execution": execution}))

@@ -321,7 +321,7 @@ def _trip_s(setup: SetUp, groups: Sequence[Sequence[str]]) -> float:
 
 def _fault(file: ScenarioFile, maps: MapCache) -> str:
     """Why a scenario does not run for ten simulated minutes; '' where it does."""
-    execution = file.scenario.execution.model_copy(update={"time_limit_s": TRIAL_S, "engine": "kinematic"})
+    execution = replace(file.scenario.execution, time_limit_s=TRIAL_S, engine="kinematic")
     record = file.scenario.record.model_copy(update={"bag": False})
     trial = replace(file, scenario=file.scenario.model_copy(update={"execution": execution, "record": record}))
     try:

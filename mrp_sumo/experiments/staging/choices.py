@@ -4,10 +4,11 @@ Refuses names that are not there, wrong parameters, and programs that are not tr
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
+from mrp_sumo.core.driving import DrivingOptions
 from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.drive.dispatchers import NEAREST, ONE_SHOT
 from mrp_sumo.drive.policy import policy_of
@@ -120,24 +121,23 @@ def settings_of(file: ScenarioFile) -> ExecutionSettings:
     if replanner and execution.on_deadlock == "resolve":  # else it is not needed, and slow to load
         _plug_in(file, ("execution", "recovery", "replanner"), "planners", planner, replanner, {})
     with file.located("execution"):
+        options: dict[str, Any] = {each.name: getattr(execution, each.name) for each in fields(DrivingOptions)} | {
+            "planning": execution.planning if tasks else AT_ONCE,
+            "recovery": replace(execution.recovery, replanner=resolved(replanner, file.folder) or None),
+            "disturbances": replace(disturbances, outages=tuple(each for each in disturbances.outages if not each.is_from_the_start)),
+        }
         return ExecutionSettings(
-            engine=execution.engine,
+            **options,
             policy=resolved(execution.policy.name, file.folder),
             policy_parameters=execution.policy.parameters,
             dispatcher=resolved(dispatcher, file.folder),
             dispatcher_parameters=execution.dispatcher.parameters,
-            step_length_s=execution.step_length_s,
             time_limit_s=execution.time_limit_s or (LEAST_TIME_LIMIT_S if tasks is None else TASKS_TIME_LIMIT_S),
-            planning=execution.planning if tasks else AT_ONCE,
-            blocking_window_s=execution.blocking_window_s,
             goal_tolerance_m=execution.goal_tolerance_m,
             record_period_s=file.scenario.record.period_s,
             seed=file.scenario.seed if disturbances.seed is None else disturbances.seed,
-            on_deadlock=execution.on_deadlock,
             planner=resolved(file.scenario.planner.name, file.folder),
             planner_parameters=file.scenario.planner.parameters,
-            recovery=replace(execution.recovery, replanner=resolved(replanner, file.folder) or None),
-            disturbances=replace(disturbances, outages=tuple(each for each in disturbances.outages if not each.is_from_the_start)),
         )
 
 

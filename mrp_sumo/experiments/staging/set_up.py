@@ -174,7 +174,7 @@ def with_time_limit(setup: SetUp, plan: Plan) -> SetUp:
     limit_s = (
         TASKS_TIME_LIMIT_S if scenario.tasks else max(LEAST_TIME_LIMIT_S, math.ceil(TIMES_MAKESPAN * float(plan.end_s.max(initial=0.0))))
     )
-    execution = scenario.execution.model_copy(update={"time_limit_s": float(limit_s)})
+    execution = replace(scenario.execution, time_limit_s=float(limit_s))
     file = replace(setup.file, scenario=scenario.model_copy(update={"execution": execution}))
     return replace(setup, file=file, settings=replace(setup.settings, time_limit_s=float(limit_s)))
 
