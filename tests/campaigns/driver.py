@@ -4,7 +4,7 @@
     OUT/failed/<campaign>-<seed>-<number>/   the files of a trial with a fault; `command.sh` shows it
 
 A campaign is a class with `trial(number, folder)`. What a trial is follows from the seed and its number alone. The campaign's process
-loads modules and starts no thread; it forks a child with 4 GB, which makes some thousand trials, one after the other. A trial that
+loads modules and starts no thread; it forks a child with 6 GB, which makes some thousand trials, one after the other. A trial that
 takes too long or kills the process is a fault, and the next child goes on.
 """
 
@@ -21,8 +21,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
-MEMORY_BYTES = 4 << 30
-GROWTH_BYTES = 1 << 29  # after which a child ends, so that no trial suffers for those before it
+MEMORY_BYTES = 6 << 30
+GROWTH_BYTES = 3 << 29  # after which a child ends, so that no trial suffers for those before it
 TRIALS_PER_CHILD = 5000
 STARTING_S = 900.0
 MEMORY_DISK = Path("/dev/shm")  # trials write there, where syncing costs nothing

@@ -140,7 +140,8 @@ class Reading:
 STUDY = ("lifelong.yaml", "--quick", "--robots", "1..2", "--horizon", "1min", "--workers", "1", "--out", "study", "--budget")
 SLOW = {"report": 0.01, "analyze": 0.05, "query": 0.05, "compare": 0.05, "render": 0.05, "run": 0.1, "export": 0.1, "import": 0.1}
 SLOW |= {"replay": 0.1, "batch": 0.3, "reproduce": 0.05, "init": 0.02}
-SLOW_BELOW = SLOW | {"report": 0.03, "analyze": 0.3, "query": 0.3, "compare": 0.2, "render": 0.1, "export": 0.3, "capacity": 0.02}
+SLOW_BELOW = SLOW | {"report": 0.03, "analyze": 0.3, "query": 0.05, "compare": 0.1, "render": 0.1, "export": 0.2, "capacity": 0.01}
+SLOW_BELOW |= {"--vda5050": 0.02, "status": 0.3}
 
 PLANS = ("plan.json", "plan.yaml", "plan.txt", "plan.lacam", "plan.smart")
 MAPS = ("small.lif.json", "small.xml", "small.site.json", "route.geojson", "small.geojson", "small.net.xml", "lanes.csv", "link.json")
@@ -346,7 +347,7 @@ class Fuzz:
 
     def _deep(self, chance: random.Random, folder: Path) -> Trial:
         """Damage a folder below its checksums."""
-        ((name, damage, command),) = chance.choices(DEEP, [SLOW_BELOW.get(command[0], 1.0) for _, _, command in DEEP])
+        ((name, damage, command),) = chance.choices(DEEP, [min(SLOW_BELOW.get(word, 1.0) for word in command) for _, _, command in DEEP])
         shutil.copytree(self._material / name, folder / name)
         for other in ("lifelong.yaml", "small.building.yaml", "cart.yaml", "scenario.yaml", "small.map", "small.scen"):
             shutil.copy(self._material / other, folder)
