@@ -116,17 +116,26 @@ def question_of(options: argparse.Namespace) -> "Question":
     from mrp_sumo.io.scenario.file import find_scenario
     from mrp_sumo.io.scenario.read import read_scenario
 
+    robots = _sizes(options.robots) if options.robots else None
+    demand_per_h = _rate_per_h(options.demand) if options.demand else None
+    on_time = _share(options.on_time) if options.on_time else None
+    budget_s = _duration_s("--budget", options.budget) if options.budget else None
+    horizon_s = _duration_s("--horizon", options.horizon) if options.horizon else None
     file = scenario_choice.with_set(options, read_scenario(find_scenario(options.scenario)))
-    from mrp_sumo.sizing.study import asked  # which loads what a study needs: after the scenario is known to be one
+    if horizon_s and file.scenario.tasks is None:
+        raise MrpSumoError(
+            f"--horizon: '{file.scenario.name}' has no orders: its runs end once all robots are at their goals; leave it out"
+        )
+    from mrp_sumo.sizing.study import asked  # which loads what a study needs: after all that can be told without
 
     return asked(
         file,
-        robots=_sizes(options.robots) if options.robots else None,
-        demand_per_h=_rate_per_h(options.demand) if options.demand else None,
-        on_time=_share(options.on_time) if options.on_time else None,
+        robots=robots,
+        demand_per_h=demand_per_h,
+        on_time=on_time,
         quick=options.quick,
-        budget_s=_duration_s("--budget", options.budget) if options.budget else None,
-        horizon_s=_duration_s("--horizon", options.horizon) if options.horizon else None,
+        budget_s=budget_s,
+        horizon_s=horizon_s,
         engine=options.engine,
         seed=options.seed,
         what_if=options.what_if,
@@ -139,6 +148,8 @@ def _sizes(text: str) -> tuple[int, int]:
     match = re.fullmatch(r"(\d{1,6})\.\.(\d{1,6})", text)
     if not match:
         raise MrpSumoError(f"--robots {text}: expected the least and the most, such as 5..60")
+    if not 1 <= int(match[1]) <= int(match[2]):
+        raise MrpSumoError(f"--robots {text}: expected at least one robot, and the smaller number first, such as 5..60")
     return int(match[1]), int(match[2])
 
 

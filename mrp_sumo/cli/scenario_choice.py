@@ -101,7 +101,6 @@ def _is_scenario(path: Path) -> bool:
 
 def _of_map(options: argparse.Namespace) -> "ScenarioFile":
     """The scenario of a map alone: as many robots as fit, goals drawn, everything else by default."""
-    from mrp_sumo.experiments.first_fleet import with_first_fleet
     from mrp_sumo.io.scenario.read import changed, scenario_of
     from mrp_sumo.maps.catalogue import bundled_maps
     from mrp_sumo.maps.readers.reader import map_name
@@ -122,6 +121,8 @@ def _of_map(options: argparse.Namespace) -> "ScenarioFile":
     if robots.fleet or robots.starts or chosen.scenario.planner.name in ("plan_file", "external"):
         return chosen
     count = robots.count if ("robots", "count") in changes else None
+    from mrp_sumo.experiments.first_fleet import with_first_fleet  # with all that plans: after all names are known to be right
+
     with map_alone(Path(file), options.scenario):
         first, refused = with_first_fleet(chosen, count, chosen.scenario.seed if ("seed",) in changes else None)
     if refused:

@@ -148,8 +148,15 @@ def _fault(document: Document, model: type, options: Mapping[Place, str], error:
         case "tuple_type":
             return f"{where}: found {_kind(value)}, expected list"
         case _:
-            expected = error["msg"].removeprefix("Input should be ").removeprefix("a valid ")
-            return f"{where}: found {_kind(value)}, expected {expected}"
+            return f"{where}: found {_kind(value)}, {in_words(error['msg'])}"
+
+
+def in_words(message: str) -> str:
+    """A message of pydantic as the end of a line of ours."""
+    if (expected := message.removeprefix("Input should be ")) == message:
+        return message.removeprefix("Value error, ")
+    expected = re.sub("greater than or equal to (.*)", r"\1 or more", re.sub("less than or equal to (.*)", r"\1 or less", expected))
+    return f"expected {expected.removeprefix('a valid ')}"
 
 
 def _number(key: str, text: str, whole: bool) -> str:

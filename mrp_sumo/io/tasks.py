@@ -22,7 +22,7 @@ from mrp_sumo.core.stream import ClosedLoop, TaskList, TaskPool, TaskSource, Tas
 from mrp_sumo.core.task import Station, Stop, Task
 from mrp_sumo.errors import ScenarioError, nearest
 from mrp_sumo.files.reading import read_json, read_text, shortened
-from mrp_sumo.io.documents import Place, read_document
+from mrp_sumo.io.documents import Place, in_words, read_document
 from mrp_sumo.io.scenario.tasks import StreamChoice, TaskChoice, TasksChoice
 from mrp_sumo.io.task_requests import tasks_of_requests
 
@@ -204,7 +204,7 @@ def _checked(names: _Names, path: Path, content: Any, begin: int) -> list[Task]:
             first = error.errors()[0]
             key = "".join(f".{part}" for part in first["loc"])
             found_instead = f", found {first['input']!r}" if key else ""
-            raise ScenarioError(f"{line}{key}: {first['msg'].removeprefix('Value error, ')}{found_instead}") from None
+            raise ScenarioError(f"{line}{key}: {in_words(first['msg'])}{found_instead}") from None
         tasks.append(_task(names.of_line(line), (), task, begin + number))
     return tasks
 
@@ -227,7 +227,7 @@ def _read(names: _Names, path: Path, begin: int) -> list[Task]:
             task = TaskChoice.model_validate({**values, "stops": str(values.get("stops", "")).split()})
         except ValueError as error:
             first = error.errors()[0] if hasattr(error, "errors") else {"loc": (), "msg": str(error)}
-            key, says = ".".join(map(str, first["loc"])), str(first["msg"]).removeprefix("Value error, ")
+            key, says = ".".join(map(str, first["loc"])), in_words(str(first["msg"]))
             raise ScenarioError(f"{line}: {key}: {says}, found {row.get(key)!r}" if key else f"{line}: {says}") from None
         tasks.append(_task(names.of_line(line), (), task, number))
     return tasks

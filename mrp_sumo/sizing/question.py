@@ -219,10 +219,7 @@ def require_answerable(question: Question) -> None:
     MrpSumoError
         One line, with what would do.
     """
-    low, high = question.sizes
     name, tasks = question.file.scenario.name, question.file.scenario.tasks
-    if not 1 <= low <= high:
-        raise MrpSumoError(f"--robots {low}..{high}: expected at least one robot, and the smaller number first, such as 5..60")
     if question.confirm and question.engine == "sumo":
         raise MrpSumoError("--confirm sumo: with --engine sumo every run is driven in SUMO already; leave one of them out")
     if tasks is None:

@@ -43,6 +43,9 @@ def test_the_answer_is_the_same_after_an_interruption(tmp_path, capsys):
     ("arguments", "line"),
     [
         (["warehouse_9", "--demand", "100/h"], "'warehouse_9' has no orders to count; give it tasks"),
+        (["warehouse_9", "--horizon", "10"], "--horizon: 'warehouse_9' has no orders: its runs end once all robots are at their goals"),
+        (["warehouse_lifelong", "--robots", "5..2"], "--robots 5..2: expected at least one robot, and the smaller number first"),
+        (["warehouse_lifelong", "--robots", "0..2"], "--robots 0..2: expected at least one robot"),
         (["warehouse_lifelong", "--robots", "5..2000"], "robots.count: 857 fits); 5..857 would do"),
         (["warehouse_lifelong", "--budget", "1s"], "--budget 1s: too little to say anything"),
         (["warehouse_lifelong", "--what-if", "stations.pak: +1"], "'pak' is no station or group (did you mean 'pack'?)"),

@@ -171,7 +171,7 @@ def test_path_in_a_base_file_is_relative_to_that_file(tmp_path):
             "base: office_5\ngrid_search:\n  planner.parameters: [{bypass: false}, {bypas: false}]\n",
             "study.yaml:3: grid_search.planner.parameters: planner 'cbs': unknown parameter 'bypas' (did you mean 'bypass'?)",
         ),
-        ("base: office_5\ngrid_search:\n  seed: [-1]\n", "study.yaml:3: grid_search.seed: found -1, expected greater than or equal to 0"),
+        ("base: office_5\ngrid_search:\n  seed: [-1]\n", "study.yaml:3: grid_search.seed: found -1, expected 0 or more"),
         ("base: {map: office, robots: {cont: 5}}\nrepeat: 2\n", "study.yaml:1: base.robots.cont: unknown key (did you mean 'count'?)"),
         ("base: office_5\ngrid_search: {seed: 0..3}\nexclude: [{seed: 9}]\n", "study.yaml:3: exclude[0]: no run has these values"),
         (

@@ -46,7 +46,7 @@ def test_number_of_robots_alone_stands_for_their_count(tmp_path):
     assert lines_for(tmp_path, "map: office\nrobots: yes\n") == [
         "case.yaml:2: robots: found True, expected a number of robots, such as 4, or keys and values"
     ]
-    assert lines_for(tmp_path, "map: office\nrobots: 0\n") == ["case.yaml:2: robots.count: found 0, expected greater than or equal to 1"]
+    assert lines_for(tmp_path, "map: office\nrobots: 0\n") == ["case.yaml:2: robots.count: found 0, expected 1 or more"]
 
 
 def test_scenario_needs_no_file(tmp_path):
@@ -60,7 +60,7 @@ def test_changed_scenario_keeps_its_name_and_blames_the_option(tmp_path):
     file = read_scenario(written(tmp_path, GOOD, "two words.yaml"))
     other = changed(file, {("planner", "name"): ("--planner", "pibt")})
     assert (other.scenario.name, other.scenario.planner.name, file.scenario.planner.name) == ("two words", "pibt", "cbs")
-    with pytest.raises(ScenarioError, match=r"^--seed: found -1, expected greater than or equal to 0$"):
+    with pytest.raises(ScenarioError, match=r"^--seed: found -1, expected 0 or more$"):
         changed(other, {("seed",): ("--seed", -1)})
 
 
@@ -73,7 +73,7 @@ def test_a_map_may_be_united_and_repaired(tmp_path):
 def test_every_fault_is_one_line_with_its_line_number(tmp_path):
     assert lines_for(tmp_path, "map: {file: office, grph: 0}\nrobots:\n  count: 0\nplaner: cbs\nexecution: 3\n") == [
         "case.yaml:1: map.grph: unknown key (did you mean 'graph'?)",
-        "case.yaml:3: robots.count: found 0, expected greater than or equal to 1",
+        "case.yaml:3: robots.count: found 0, expected 1 or more",
         "case.yaml:5: execution: found 3, expected keys and values",
         "case.yaml:4: planer: unknown key (did you mean 'planner'?)",
     ]
@@ -127,7 +127,7 @@ def test_command_line_overrides_are_checked_and_named(tmp_path):
     assert (file.scenario.seed, file.scenario.robots.count) == (7, 5)
     assert file.at("robots", "count") == "--robots"
     assert file.at("planner", "name") == "case.yaml:5: planner.name"
-    with pytest.raises(ScenarioError, match=r"^--robots: found -1, expected greater than or equal to 1$"):
+    with pytest.raises(ScenarioError, match=r"^--robots: found -1, expected 1 or more$"):
         read_scenario(path, {("robots", "count"): ("--robots", -1)})
 
 

@@ -131,9 +131,7 @@ def test_streams_without_measure_are_refused(tmp_path, monkeypatch, capsys):
         "map: two.map\nrobots: {starts: [v0]}\ntasks:\n  streams:\n  - {arrivals: {open: 100000000000}, stops: [v1]}\n"
     )
     assert main(["run", "much.yaml", "--out", "out"]) == 2
-    assert (
-        "much.yaml:5: tasks.streams[0].arrivals.open: found 100000000000, expected less than or equal to 100000" in capsys.readouterr().err
-    )
+    assert "much.yaml:5: tasks.streams[0].arrivals.open: found 100000000000, expected 100000 or less" in capsys.readouterr().err
 
 
 def test_tasks_of_the_league_are_a_pool_in_their_order(tmp_path):
@@ -174,7 +172,7 @@ def test_a_task_that_no_robot_can_do_is_refused(tmp_path, monkeypatch, capsys):
         ({"streams": [{**STREAM, "stops": ["a", "a"]}]}, "tasks.streams.0: no way leads"),
         ("none.csv", "none.csv: no such file"),
         ("bad.csv", r"bad.csv:3: release_s: .*found 'soon'"),
-        ("far.csv", r"far.csv:2: release_s: .*less than or equal to 1000000000, found '1e306'"),
+        ("far.csv", r"far.csv:2: release_s: expected 1000000000 or less, found '1e306'"),
         ("lacks.csv", "lacks.csv:1: has no column 'stops'"),
         ("name.csv", "name.csv:2: 'zz' is no station"),
     ],

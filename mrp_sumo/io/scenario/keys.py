@@ -15,6 +15,8 @@ def unknown_key(key: str) -> str:
         if at is None:
             return f"'{'.'.join(parts[:i])}' has no keys"
         if part not in keys_of(at):
+            if "parameters" in keys_of(at) and not difflib.get_close_matches(part, keys_of(at)):
+                return f"unknown key (did you mean '{'.'.join([*parts[:i], 'parameters', *parts[i:]])}'?)"
             return f"unknown key{nearest_key(key)}"
         annotation = keys_of(at)[part].annotation
         if str(annotation).startswith("dict"):
