@@ -132,7 +132,7 @@ class StopLog:
     since_s: FloatArray  # [S] the robot was given the task, or was done with the stop before
     begin_s: FloatArray  # [S] of the service
     end_s: FloatArray  # [S] of the service, which may be after the run
-    stood_s: FloatArray  # [S] for which it stood on the way there, for others or for what was closed
+    stood_s: FloatArray  # [S] for which it stood on the way there, for others or for what was closed; not while it gave way
     queued_s: FloatArray  # [S] for which it stood at a place to wait
     due_s: FloatArray  # [S] of the task, inf: never
 

@@ -16,7 +16,7 @@ from mrp_sumo.drive.places import RobotPlaces
 from mrp_sumo.drive.robot_work import NONE, Change, RobotWork, StopRow
 from mrp_sumo.drive.settings import ExecutionSettings
 
-STANDS = [BOOKINGS.index(name) for name in ("planned_wait", "dependency_wait", "yielding", "blocked", "disturbed")]
+STANDS = [BOOKINGS.index(name) for name in ("planned_wait", "dependency_wait", "blocked", "disturbed")]
 AT_GOAL = BOOKINGS.index("at_goal")
 PLACES_TO_HAND_OVER = 4  # beside a robot that is lost
 WHY_LOST = {Change.LOST: "broke down", Change.EMPTIED: "ran empty"}

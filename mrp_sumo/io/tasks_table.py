@@ -5,8 +5,8 @@ not yet, or never), `ended_s` (it was done, failed or cancelled; null: not yet),
 `reason` (why it failed, was cancelled or handed over). Robots that went to charge have rows of the same columns in `charges.parquet`.
 
 `stops.parquet` has the stops that were made, by task. Columns: `task`, `robot`, `station`, `vertex`, `since_s` (when the robot set out for
-it), `begin_s` and `end_s` of the service, `stood_s` and `queued_s` (s for which it stood on its way, and at a place to wait), `due_s` of
-the task (null: never).
+it), `begin_s` and `end_s` of the service, `stood_s` and `queued_s` (s for which it stood on its way, giving way apart, and at a place to
+wait), `due_s` of the task (null: never).
 """
 
 from collections.abc import Callable, Mapping, Sequence

@@ -8,6 +8,7 @@ import pytest
 from floors import driven, ring, scenario
 from worlds import line, problem_on
 
+from mrp_sumo.core.execution import BOOKINGS
 from mrp_sumo.core.stream import TaskList
 from mrp_sumo.core.task import Station, Stop, Task
 from mrp_sumo.drive.crew import Crew
@@ -230,3 +231,16 @@ def test_a_robot_that_waits_for_a_place_is_not_there_though_it_makes_a_stop_wher
     crew.tasks[0] = replace(crew.tasks[0], stops=(replace(first, service_s=0.0), last))
     request = work_request(crew, 0.0, fleet.around.closed, {0: 0, 1: 1})
     assert [leg.vertex for leg in request.legs[0]] == [3] and list(request.waits) == [0] and request.there_s == {1: 7.0}
+
+
+@pytest.mark.parametrize(("spent_on", "stood_s"), [("dependency_wait", 7.0), ("yielding", 0.0), ("moving", 0.0)])
+def test_who_gives_way_drives_and_does_not_stand(spent_on, stood_s):
+    fleet = Fleet([3], (0.0, (3, 4)))
+    crew, robot = fleet.crew, fleet.crew.robots[0]
+    crew.orders.reveal(0.0)
+    crew.orders.assign(0, 0, 0.0)
+    crew.give(robot, 0, 0.0, 0.0)
+    fleet.state.waits.booked_s[0, BOOKINGS.index(spent_on)] += 7.0
+    fleet.visits.arrived_s[0] = 10.0
+    fleet.work.accepted(work_request(crew, 10.0, fleet.around.closed, {}), 10.0)
+    assert robot.making.begin_s == 10.0 and robot.making.stood_s == stood_s
