@@ -69,7 +69,11 @@ def read_document(path: Path) -> Document:
         content = parse(Text(path, text))  # nothing nested deep, no aliases that swell
     except MapError as error:
         raise ScenarioError(str(error)) from None
-    node = yaml.compose(text, Loader=yaml.CSafeLoader)  # for the lines of keys
+    try:
+        node = yaml.compose(text, Loader=yaml.CSafeLoader)  # for the lines of keys
+    except yaml.MarkedYAMLError as error:  # the one fault that only this one refuses
+        line = error.problem_mark.line + 1 if error.problem_mark else 1
+        raise ScenarioError(f"{path.name}:{line}: an anchor that is there already, expected another name") from None
     if not isinstance(content, dict) or not isinstance(node, yaml.MappingNode):
         raise ScenarioError(f"{path.name}: found {_kind(content)}, expected keys and values")
     numbers: dict[Place, int] = {}

@@ -10,16 +10,17 @@ Refuses names that are not known, each in one line.
 """
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
 from mrp_sumo.core.graph import NavGraph
 from mrp_sumo.core.places import BETWEEN
-from mrp_sumo.errors import MrpSumoError, nearest
+from mrp_sumo.errors import MapError, MrpSumoError, nearest
 from mrp_sumo.io.scenario.keys import unknown_key
 from mrp_sumo.io.scenario.tasks import TasksChoice
+from mrp_sumo.maps.yaml_text import Text, parse
 from mrp_sumo.sizing.question import Question, Values
 from mrp_sumo.sizing.reasons import Reasons
 
@@ -49,8 +50,8 @@ def values_of_change(text: str, question: Question, nav: NavGraph) -> Values:
     key, colon, rest = text.partition(":")
     key = key.strip()
     try:
-        value = yaml.safe_load(rest)
-    except yaml.YAMLError:
+        value = parse(Text(Path(option), rest))
+    except MapError:
         colon = ""
     if not colon or not key or value is None:
         raise MrpSumoError(f"{option}: expected a key and a value, such as 'planner: lacam' or 'stations.pack: +1'")

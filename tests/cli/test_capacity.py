@@ -50,6 +50,7 @@ def test_the_answer_is_the_same_after_an_interruption(tmp_path, capsys):
         (["warehouse_lifelong", "--budget", "1s"], "--budget 1s: too little to say anything"),
         (["warehouse_lifelong", "--what-if", "stations.pak: +1"], "'pak' is no station or group (did you mean 'pack'?)"),
         (["warehouse_lifelong", "--what-if", "planer: pibt"], "unknown key (did you mean 'planner'?)"),
+        (["warehouse_lifelong", "--what-if", f"planner: {'[' * 3000}"], "expected a key and a value, such as 'planner: lacam'"),
         (["warehouse_lifelong", "--set", "planner=lakam"], "--set planner: unknown planner 'lakam' (did you mean 'lacam'?)"),
         (["warehouse_lifelong", "--engine", "sumo", "--confirm", "sumo"], "every run is driven in SUMO already"),
         (["warehouse_lifelong", "--demand", "fast"], "expected orders in a time, such as 180/h"),

@@ -79,6 +79,11 @@ def test_every_fault_is_one_line_with_its_line_number(tmp_path):
     ]
 
 
+def test_anchor_given_twice_is_one_line(tmp_path):
+    twice = "map: &a office\nrobots: &a {count: 2}\n"
+    assert lines_for(tmp_path, twice) == ["case.yaml:2: an anchor that is there already, expected another name"]
+
+
 @pytest.mark.parametrize(
     ("text", "line"),
     [
