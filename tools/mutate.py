@@ -29,6 +29,7 @@ import yaml
 
 ROOT = Path(__file__).resolve().parents[1]
 LISTED = ROOT / "tools/mutants.yaml"
+KERNELS = ("conflicts", "constraints", "disturbance", "earliest", "heap", "mdd", "motion", "occupancy", "sipp", "space_time")
 ROOMS = {  # the files of each, and the tests that hold it
     "referee": (
         ["mrp_sumo/traffic/referee.py", "mrp_sumo/traffic/step_wise_referee.py", "mrp_sumo/traffic/clashes.py"],
@@ -71,6 +72,11 @@ ROOMS = {  # the files of each, and the tests that hold it
     "bounds": (
         ["mrp_sumo/metrics/planning.py", "mrp_sumo/planning/costs.py", "mrp_sumo/planning/answer_check.py"],
         ["tests/planning/test_answers.py", "tests/metrics/test_evaluate.py"],
+    ),
+    "searches": ([f"mrp_sumo/search/_{name}.py" for name in KERNELS], ["tests/search", "tests/planners/conflict_based"]),
+    "bodies": (
+        ["mrp_sumo/metrics/_audit.py", "mrp_sumo/metrics/_walls.py", "mrp_sumo/metrics/_people.py"],
+        ["tests/metrics/test_audit.py", "tests/metrics/test_walls.py", "tests/metrics/test_people.py"],
     ),
 }
 LEFT_OUT = ("RemoveDecorator", "VariableReplacer", "VariableInserter")  # of the operators: decorators are @njit and @dataclass

@@ -28,3 +28,15 @@ def test_speeding_up_and_braking_between_two_looks_draw_both(looks):
         batteries.add(np.zeros((many, 1)), speed_mps[first : first + many])
         batteries.observe(first * 0.5, np.array([False]))
     assert batteries.log(1.0, 0.2).used_j == pytest.approx([37.0])
+
+
+@pytest.mark.parametrize("begin_rad", [0.0, np.pi - 0.1, -np.pi + 0.1])
+@pytest.mark.parametrize("by_rad", [0.2, -0.2])
+def test_a_turn_draws_as_much_wherever_the_robot_faces(begin_rad, by_rad):
+    """1 kg m2 to 0.4 rad/s in half a second and back to rest: 0.8 rad/s2 times 0.4 rad/s, for half a second."""
+    turns = Battery(10.0, 1.0, 36.0, 1.0, 1.0, 0.0, 0.0)
+    batteries = Batteries([turns], np.zeros(1, np.int64), (0.5, 0.5), 0, 0.5)
+    yaw_rad = (begin_rad + np.array([[0.0], [by_rad], [by_rad]]) + np.pi) % (2 * np.pi) - np.pi
+    batteries.add(yaw_rad, np.zeros((3, 1)))
+    batteries.observe(1.0, np.array([False]))
+    assert batteries.log(1.0, 0.2).used_j == pytest.approx([0.16])

@@ -2,6 +2,7 @@
 
 import sys
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -120,6 +121,13 @@ def test_wrong_answer_is_a_line_with_the_method(problem, of, says):
     assert result.status is Status.PLANNER_FAILED
     assert f"mine.py:{line_of(text, 'def plan')}: {says}" in result.message
     assert "\n" not in result.message
+
+
+def test_planner_that_assigns_has_to_say_whom_it_sends_where(problem, of):
+    text = PLANNER.replace("assigns: ClassVar[bool] = False", "assigns: ClassVar[bool] = True")
+    free = replace(problem, goal_of=np.full(2, -1))
+    assert "returned no goal_of, expected the assignment that the plan is for" in of(text).plan(free, 5.0).message
+    assert of(text).plan(problem, 5.0).status is Status.SOLVED  # it is known there
 
 
 EXCEPTIONS = {

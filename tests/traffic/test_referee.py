@@ -93,6 +93,9 @@ def test_lane_driven_too_fast_is_a_fault():
     problem = world([0], [1])
     plan = Plan(np.array([0, 2]), np.array([0, 1]), np.array([0.0, 1.0]), np.array([0.0, np.inf]))
     assert "needs 1 s" in judge(problem, plan).faults[0]
+    problem = world([0], [2])  # its second lane, which takes two seconds
+    plan = Plan(np.array([0, 3]), np.arange(3), np.array([0.0, 3.0, 5.5]), np.array([1.0, 4.0, np.inf]))
+    assert judge(problem, plan).faults == ("robot_0 needs 1.5 s from 'v1' to 'v2' at 4 s, a lane takes 2 s",)
 
 
 def test_overtaking_on_a_lane_is_an_edge_conflict_in_continuous_time():

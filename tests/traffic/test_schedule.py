@@ -50,6 +50,9 @@ def test_a_rotation_without_a_gap_is_refused():
     problem, plan = world(*square, [[0, 1], [1, 2], [2, 3], [3, 0]])
     with pytest.raises(PlanError, match="cyclic"):
         schedule_of(problem, plan)
+    problem, plan = world(*square, [[0, 1, 2], [1, 2, 3], [2, 3, 0], [3, 0, 1]])
+    with pytest.raises(PlanError, match=r"cyclic: .*; they rotate, which the planner's parameters rotations: false"):
+        schedule_of(problem, plan)
 
 
 def test_a_rotation_with_a_gap_is_a_train():
