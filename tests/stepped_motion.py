@@ -5,7 +5,6 @@ import numpy as np
 from mrp_sumo.search._motion import approach_speed, stop_speed
 
 STANDS_MPS = 1e-9  # a lower speed is none
-TURNED_RAD = 1e-9  # what is left of a turn that a last step does on top of its own
 
 
 def stepped_run(distance_m, speed_mps, accel_mps2, decel_mps2, dt, out_s):
@@ -86,9 +85,3 @@ def taken_step(run_s, num_steps, until_m, decel_mps2, dt):
             return k
         s = run_s[k]
     return num_steps
-
-
-def turn_steps(angle_rad, turn_rate_rad_s, dt):
-    """Number of steps that a turn in place takes."""
-    most = turn_rate_rad_s * dt
-    return int(max(0.0, np.ceil((abs(angle_rad) - TURNED_RAD) / most)))

@@ -21,9 +21,9 @@ from mrp_sumo.core.problem import Problem
 from mrp_sumo.planning.registry import planner
 from mrp_sumo.search import _records as records
 from mrp_sumo.search._constraints import EXPANSIONS, load
-from mrp_sumo.search._earliest import earliest_arrival
+from mrp_sumo.search._earliest import NO_EDGE, earliest_arrival
 from mrp_sumo.search._occupancy import install_all, uninstall
-from mrp_sumo.search._space_time import find_path
+from mrp_sumo.search._space_time import TreeTables, find_path
 from planners.conflict_based.incumbent import Incumbent
 from planners.conflict_based.tree import Tree, limits
 
@@ -40,6 +40,7 @@ def focal(problem: Problem) -> tuple[int, float]:
     for _ in range(6):  # so much room that no search is broken off for want of it
         tree._buffers.grow_scratch()
     store, occupancy, scratch = tree._buffers.store, tree._buffers.occupancy, tree._buffers.scratch
+    tables = TreeTables(tree.instance, store, occupancy, scratch)
     seconds, before = 0.0, int(scratch.number[EXPANSIONS])
     for robot, record in enumerate(root.records.tolist()):
         install_all(store, occupancy, root.records, -1)
@@ -47,10 +48,10 @@ def focal(problem: Problem) -> tuple[int, float]:
         load(tree.instance, store, scratch, record)
         least = int(tree.instance.distance[robot, tree.instance.start[robot]])
         began = process_time()
-        find_path(tree.instance, store, occupancy, scratch, robot, least, int(W * least), False, PLENTY)
+        find_path(tables, robot, least, int(W * least), False, PLENTY)
         seconds += process_time() - began
         began = process_time()  # what the call from Python costs is not the search's: one that may do nothing is taken off
-        find_path(tree.instance, store, occupancy, scratch, robot, least, int(W * least), False, 0)
+        find_path(tables, robot, least, int(W * least), False, 0)
         seconds -= process_time() - began
         before += 1
     return int(scratch.number[EXPANSIONS]) - before, seconds
@@ -69,7 +70,7 @@ def earliest(problem: Problem) -> tuple[int, float]:
         record = records.add_record(store, -1, robot, begin, end)
         load(world, store, scratch, record)
         began = process_time()
-        earliest_arrival(world, scratch, world.start[robot], goal, world.distance[robot], True, -1, -1, PLENTY)
+        earliest_arrival(world, scratch, world.start[robot], world.distance[robot], True, NO_EDGE, PLENTY)
         seconds += process_time() - began
     return int(scratch.number[EXPANSIONS]), seconds
 

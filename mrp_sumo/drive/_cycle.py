@@ -105,8 +105,7 @@ def drive_on(step, most, bodies, routed, scene, tape):
             bodies.wanted_mps[news.changed[i]] = state.grants.command_mps[news.changed[i]]
         decel = scene.kinematics.decel_mps2
         if bodies.has_limits:
-            of_visits = visits.next, visits.reached, visits.at_m, visits.lane
-            lane_limits(dt, bodies.limit_mps, decel, *of_visits, bodies.speed_mps, s_m, bodies.cap_mps)
+            lane_limits(dt, bodies.limit_mps, decel, visits, bodies.speed_mps, s_m, bodies.cap_mps)
         move_bodies(dt, bodies.wanted_mps, bodies.accel_mps2, decel, bodies.cap_mps, bodies.speed_mps, s_m)
         made += 1
 

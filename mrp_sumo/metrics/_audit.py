@@ -5,6 +5,8 @@ of two footprints then changes by no more than their points move against each ot
 aside, or halved, until nothing in it can matter.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from mrp_sumo.search._arrays import write_over
@@ -20,12 +22,38 @@ JUMP_SLACK_M = 1e-3
 TURN_SLACK_RAD = 1e-6
 
 
+class Poses(NamedTuple):
+    """Centres and headings of R robots in T samples; x is NaN where a robot is not on the floor."""
+
+    x: np.ndarray  # [T, R] m
+    y: np.ndarray  # [T, R]
+    yaw: np.ndarray  # [T, R] rad
+
+
+class Bodies(NamedTuple):
+    """Footprints of R robots, and the circles around them."""
+
+    radius: np.ndarray  # [R] m
+    half_length: np.ndarray  # [R]
+    half_width: np.ndarray  # [R]
+
+
+class Limits(NamedTuple):
+    """The most that R robots can do."""
+
+    speed: np.ndarray  # [R] m/s
+    accel: np.ndarray  # [R] m/s2
+    decel: np.ndarray  # [R]
+    turn_rate: np.ndarray  # [R] rad/s
+
+
 @kernel
-def rectangle_distance(dx, dy, yaw_a, yaw_b, long_a, wide_a, long_b, wide_b):
+def rectangle_distance(dx, dy, yaw_a, yaw_b, size_a, size_b):
     """Distance of two rectangles, b's centre at (dx, dy) of a's; where they overlap, minus the depth they share.
 
-    `long` and `wide` are half lengths and half widths, m.
+    Sizes are half lengths and half widths, m.
     """
+    (long_a, wide_a), (long_b, wide_b) = size_a, size_b
     cos_a, sin_a, cos_b, sin_b = np.cos(yaw_a), np.sin(yaw_a), np.cos(yaw_b), np.sin(yaw_b)
     bx, by = cos_a * dx + sin_a * dy, cos_a * dy - sin_a * dx  # b seen from a
     ax, ay = -cos_b * dx - sin_b * dy, sin_b * dx - cos_b * dy  # a seen from b
@@ -54,17 +82,13 @@ def short_way(turn):
 
 
 @kernel
-def closeness(x, y, yaw, level, radius, half_length, half_width):
+def closeness(poses, level, bodies):
     """How near footprints come in T samples of R robots.
 
     Parameters
     ----------
-    x, y, yaw
-        [T, R], NaN where a robot is not on the floor.
     level
         [R] robots on different levels never meet.
-    radius, half_length, half_width
-        [R] of footprints and the circles around them.
 
     Returns
     -------
@@ -74,10 +98,10 @@ def closeness(x, y, yaw, level, radius, half_length, half_width):
     hits
         [H, 4] the same for every pair that overlaps, once.
     """
-    num_samples, num_robots = x.shape
+    x, y, radius, (num_samples, num_robots) = poses.x, poses.y, bodies.radius, poses.x.shape
     where, hits, num_hits = np.zeros(4), np.empty((64, 4)), 0
     known = {np.int64(-1)}
-    best = _bound(x, y, yaw, level, radius, half_length, half_width, where)
+    best = _bound(poses, level, bodies, where)
     if best == np.inf:
         return best, where, hits[:0]
     size = 1
@@ -86,7 +110,8 @@ def closeness(x, y, yaw, level, radius, half_length, half_width):
     begin, free, order = np.zeros(size + 1, np.int64), np.zeros(size, np.int64), np.empty(num_robots, np.int64)
     bucket, column, row = np.empty(num_robots, np.int64), np.empty(num_robots, np.int64), np.empty(num_robots, np.int64)
     mid_x, mid_y, reach = np.empty(num_robots), np.empty(num_robots), np.empty(num_robots)
-    stack, found = np.empty((128, 4)), np.empty(3)
+    scratch = np.empty((128, 4)), np.empty(3)
+    found = scratch[1]
     for k in range(max(1, num_samples - 1)):
         after = min(k + 1, num_samples - 1)
         # where each robot is in this interval: a circle; -1: nowhere
@@ -129,7 +154,7 @@ def closeness(x, y, yaw, level, radius, half_length, half_width):
                             continue
                         one, two = min(i, j), max(i, j)
                         pair = one * num_robots + two
-                        _meet(x, y, yaw, k, after, one, two, radius, half_length, half_width, best, pair in known, stack, found)
+                        _meet(poses, bodies, k, (one, two), best, pair in known, scratch)
                         if found[0] < best:
                             best = found[0]
                             where[0], where[1], where[2], where[3] = k, found[1], one, two
@@ -143,9 +168,9 @@ def closeness(x, y, yaw, level, radius, half_length, half_width):
 
 
 @kernel
-def _bound(x, y, yaw, level, radius, half_length, half_width, where):
+def _bound(poses, level, bodies, where):
     """The least distance at the first sample with two robots on a floor, which bounds that of the whole run. Sets `where`."""
-    num_samples, num_robots = x.shape
+    (x, y, yaw), radius, (num_samples, num_robots) = poses, bodies.radius, poses.x.shape
     best = np.inf
     for k in range(num_samples):
         for i in range(num_robots):
@@ -155,7 +180,7 @@ def _bound(x, y, yaw, level, radius, half_length, half_width, where):
                 dx, dy = x[k, j] - x[k, i], y[k, j] - y[k, i]
                 if level[i] != level[j] or not np.hypot(dx, dy) - radius[i] - radius[j] < best:
                     continue
-                d = rectangle_distance(dx, dy, yaw[k, i], yaw[k, j], half_length[i], half_width[i], half_length[j], half_width[j])
+                d = rectangle_distance(dx, dy, yaw[k, i], yaw[k, j], _size(bodies, i), _size(bodies, j))
                 if max(d, 0.0) < best:
                     best = max(d, 0.0)
                     where[0], where[1], where[2], where[3] = k, 0.0, i, j
@@ -165,12 +190,19 @@ def _bound(x, y, yaw, level, radius, half_length, half_width, where):
 
 
 @kernel
-def _meet(x, y, yaw, k, after, i, j, radius, half_length, half_width, best, known, stack, found):
-    """Two robots in one interval: `found` becomes the least distance (as far as it is below `best`), when, and when
+def _size(bodies, r):
+    return bodies.half_length[r], bodies.half_width[r]
+
+
+@kernel
+def _meet(poses, bodies, k, pair, best, known, scratch):
+    """Two robots in one interval: the second of `scratch` becomes the least distance (as far as it is below `best`), when, and when
     an overlap is seen first (-1: not, or it is known).
     """
+    (x, y, yaw), radius, (i, j), (stack, found) = poses, bodies.radius, pair, scratch
+    after = min(k + 1, len(x) - 1)
     found[0], found[1], found[2] = np.inf, 0.0, -1.0
-    long_i, wide_i, long_j, wide_j = half_length[i], half_width[i], half_length[j], half_width[j]
+    size_i, size_j = _size(bodies, i), _size(bodies, j)
     yaw_i, yaw_j, dx, dy = yaw[k, i], yaw[k, j], x[k, j] - x[k, i], y[k, j] - y[k, i]
     move_x, move_y = x[after, j] - x[after, i] - dx, y[after, j] - y[after, i] - dy
     turn_i, turn_j = short_way(yaw[after, i] - yaw_i), short_way(yaw[after, j] - yaw_j)
@@ -180,7 +212,7 @@ def _meet(x, y, yaw, k, after, i, j, radius, half_length, half_width, best, know
             f = 1.0
             dx, dy, yaw_i, yaw_j = x[after, j] - x[after, i], y[after, j] - y[after, i], yaw[after, i], yaw[after, j]
         if np.isfinite(dx + dy):
-            d = rectangle_distance(dx, dy, yaw_i, yaw_j, long_i, wide_i, long_j, wide_j)
+            d = rectangle_distance(dx, dy, yaw_i, yaw_j, size_i, size_j)
             found[0], found[1] = max(d, 0.0), f
             if d < -TOUCH_M and not known:
                 found[2] = f
@@ -191,7 +223,7 @@ def _meet(x, y, yaw, k, after, i, j, radius, half_length, half_width, best, know
     circles = np.hypot(dx + f * move_x, dy + f * move_y) - radius[i] - radius[j]
     if circles > 0.0 and circles >= best:
         return
-    first = rectangle_distance(dx, dy, yaw_i, yaw_j, long_i, wide_i, long_j, wide_j)
+    first = rectangle_distance(dx, dy, yaw_i, yaw_j, size_i, size_j)
     found[0] = max(first, 0.0)
     if first < -TOUCH_M and not known:
         found[2] = 0.0
@@ -199,7 +231,7 @@ def _meet(x, y, yaw, k, after, i, j, radius, half_length, half_width, best, know
     pace = moved + radius[i] * abs(turn_i) + radius[j] * abs(turn_j)  # m their points move against each other at most
     if pace == 0.0:
         return
-    last = rectangle_distance(dx + move_x, dy + move_y, yaw_i + turn_i, yaw_j + turn_j, long_i, wide_i, long_j, wide_j)
+    last = rectangle_distance(dx + move_x, dy + move_y, yaw_i + turn_i, yaw_j + turn_j, size_i, size_j)
     if max(last, 0.0) < found[0]:
         found[0], found[1] = max(last, 0.0), 1.0
     if last < -TOUCH_M and not known:
@@ -215,7 +247,7 @@ def _meet(x, y, yaw, k, after, i, j, radius, half_length, half_width, best, know
         if not (nearer or (least <= 0.0 and not known)) or pace * (b - a) <= TOUCH_M:
             continue
         f = (a + b) / 2.0
-        d = rectangle_distance(dx + f * move_x, dy + f * move_y, yaw_i + f * turn_i, yaw_j + f * turn_j, long_i, wide_i, long_j, wide_j)
+        d = rectangle_distance(dx + f * move_x, dy + f * move_y, yaw_i + f * turn_i, yaw_j + f * turn_j, size_i, size_j)
         if max(d, 0.0) < found[0]:
             found[0], found[1] = max(d, 0.0), f
         if d < -TOUCH_M and not known:
@@ -228,10 +260,11 @@ def _meet(x, y, yaw, k, after, i, j, radius, half_length, half_width, best, know
 
 
 @kernel
-def over_limits(t, x, y, yaw, speed, max_speed, accel, decel, turn_rate, first):
+def over_limits(t, poses, speed, limits, first):
     """[6] how many samples of each kind are over the limits; the first of each go to `first` [6, F, 4]: sample, robot,
     value, limit.
     """
+    (x, y, yaw), (max_speed, accel, decel, turn_rate) = poses, limits
     count = np.zeros(6, np.int64)
     for k in range(len(t)):
         for r in range(x.shape[1]):

@@ -4,6 +4,8 @@ Sees nothing but samples: where people were, and where footprints were, how fast
 taken to move on straight lines, which are looked at in four parts.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from mrp_sumo.search._kernel import kernel
@@ -16,22 +18,32 @@ SLACK_M = 2e-3
 STANDING, LAWFUL, TOO_FAST = range(3)  # what a robot did that was touched
 
 
+class Sightings(NamedTuple):
+    """People in T samples in CSR form, see `core.people.PeopleLog`."""
+
+    first: np.ndarray  # [T + 1]
+    person: np.ndarray  # number of each
+    x: np.ndarray  # m
+    y: np.ndarray
+    radius: float  # of people
+
+
 @kernel
-def meet_people(x, y, yaw, speed, period_s, half_length, half_width, decel, first, person, px, py, radius, fields):
+def meet_people(poses, speed, period_s, bodies, decel, people, fields):
     """Robots and people in T samples of R robots.
 
     Parameters
     ----------
-    x, y, yaw, speed
-        [T, R], NaN where a robot is not on the floor.
+    poses, bodies
+        See `_audit`.
+    speed
+        [T, R]
     period_s
         Between samples.
-    half_length, half_width, decel
+    decel
         [R]
-    first, person, px, py
-        Sightings of people in CSR form, by number in each sample, see `core.people.PeopleLog`.
-    radius
-        Of people.
+    people
+        Where they are seen.
     fields
         [4] `extra_m`, NaN for none, `reaction_s`, `side_m`, `slowest_mps`.
 
@@ -44,7 +56,8 @@ def meet_people(x, y, yaw, speed, period_s, half_length, half_width, decel, firs
     nearest
         [3] least distance of a moving footprint from a body (inf: none), sample and robot.
     """
-    num_samples, num_robots = x.shape
+    (x, y, yaw), (first, person, px, py, radius), (num_samples, num_robots) = poses, people, poses.x.shape
+    half_length, half_width = bodies.half_length, bodies.half_width
     extra, reaction, side, slowest = fields[0], fields[1], fields[2], fields[3]
     has_fields = extra == extra
     window = max(1, int(np.ceil(reaction / period_s - 1e-9)))
@@ -71,7 +84,7 @@ def meet_people(x, y, yaw, speed, period_s, half_length, half_width, decel, firs
             if moved > MOVES_M and abs(moved_x * heading_y - moved_y * heading_x) <= SLACK_M:  # a short way tells less than the heading
                 sign = 1.0 if moved_x * heading_x + moved_y * heading_y >= 0.0 else -1.0
                 ux, uy = sign * heading_x, sign * heading_y
-            around = np.hypot(half_length[r], half_width[r])
+            around = bodies.radius[r]
             look = around + radius + 1.0 + speed[k, r] ** 2 / (2.0 * decel[r]) + speed[k, r] * (reaction + period_s) + max(extra, 0.0)
             for p in range(first[k], first[k + 1]):
                 dx, dy = px[p] - x[k, r], py[p] - y[k, r]

@@ -10,15 +10,13 @@ from mrp_sumo.search._kernel import kernel
 
 
 @kernel
-def wall_closeness(x, y, yaw, half_length, half_width, cell, first, listed, walls, best):
+def wall_closeness(poses, bodies, cell, first, listed, walls, best):
     """How near footprints come to walls in T samples of R robots.
 
     Parameters
     ----------
-    x, y, yaw
-        [T, R], NaN where a robot is not on the floor.
-    half_length, half_width
-        [R] of footprints.
+    poses, bodies
+        See `_audit`.
     cell
         [T, R] the place each robot is at, -1 where there is no wall near.
     first, listed
@@ -36,11 +34,12 @@ def wall_closeness(x, y, yaw, half_length, half_width, cell, first, listed, wall
     hits
         [H, 5] the same for the first contact of every robot with every wall, and 1 where its centre ever crosses that wall.
     """
-    num_samples, num_robots = x.shape
+    (x, y, yaw), (num_samples, num_robots) = poses, poses.x.shape
     num_walls = len(walls)
     where, hits, num_hits = np.full(4, -1.0), np.empty((64, 5)), 0
     known, crossed = {np.int64(-1)}, {np.int64(-1)}
-    stack, found = np.empty((128, 4)), np.empty(3)
+    scratch = np.empty((128, 4)), np.empty(3)
+    found = scratch[1]
     for k in range(num_samples):
         after = min(k + 1, num_samples - 1)
         for r in range(num_robots):
@@ -49,7 +48,7 @@ def wall_closeness(x, y, yaw, half_length, half_width, cell, first, listed, wall
             if k > 0 and x[k, r] == x[after, r] and y[k, r] == y[after, r] and yaw[k, r] == yaw[after, r] and x[k - 1, r] == x[k, r]:
                 continue  # it stands: the interval before ended as this one goes on
             moved = np.hypot(x[after, r] - x[k, r], y[after, r] - y[k, r])
-            reach = np.hypot(half_length[r], half_width[r]) + (moved if np.isfinite(moved) else 0.0)
+            reach = bodies.radius[r] + (moved if np.isfinite(moved) else 0.0)
             for at in range(first[cell[k, r]], first[cell[k, r] + 1]):
                 wall = listed[at]
                 # the circle around it, wherever it is in this interval, first
@@ -58,7 +57,7 @@ def wall_closeness(x, y, yaw, half_length, half_width, cell, first, listed, wall
                 if along**2 + (cos * dy - sin * dx) ** 2 > outside**2:
                     continue
                 pair = np.int64(r) * num_walls + wall
-                _meet_wall(x, y, yaw, k, after, r, half_length[r], half_width[r], walls[wall], best, pair in known, stack, found)
+                _meet_wall(poses, bodies, (k, r), walls[wall], best, pair in known, scratch)
                 if _crosses(x[k, r], y[k, r], x[after, r], y[after, r], walls[wall]):
                     crossed.add(pair)
                 if found[0] < best:
@@ -87,24 +86,26 @@ def _crosses(x0, y0, x1, y1, wall):
 
 
 @kernel
-def _meet_wall(x, y, yaw, k, after, r, half_length, half_width, wall, best, known, stack, found):
-    """A robot and a wall in one interval: `found` becomes the least distance (as far as it is below `best`), when, and
-    when the robot touches it first (-1: not, or it is known).
+def _meet_wall(poses, bodies, at, wall, best, known, scratch):
+    """A robot and a wall in one interval, `at`: the second of `scratch` becomes the least distance (as far as it is below `best`), when,
+    and when the robot touches it first (-1: not, or it is known).
     """
+    (x, y, yaw), (k, r), (stack, found) = poses, at, scratch
+    after, size, wall_size = min(k + 1, len(x) - 1), (bodies.half_length[r], bodies.half_width[r]), (wall[3], 0.0)
     found[0], found[1], found[2] = np.inf, 0.0, -1.0
-    dx, dy, yaw_r, yaw_w, half_wall = wall[0] - x[k, r], wall[1] - y[k, r], yaw[k, r], wall[2], wall[3]
+    dx, dy, yaw_r, yaw_w = wall[0] - x[k, r], wall[1] - y[k, r], yaw[k, r], wall[2]
     move_x, move_y, turn = x[k, r] - x[after, r], y[k, r] - y[after, r], short_way(yaw[after, r] - yaw_r)
     if not np.isfinite(move_x + move_y):  # it goes: it is looked at where it was
         move_x, move_y, turn = 0.0, 0.0, 0.0
-    begin = rectangle_distance(dx, dy, yaw_r, yaw_w, half_length, half_width, half_wall, 0.0)
+    begin = rectangle_distance(dx, dy, yaw_r, yaw_w, size, wall_size)
     found[0] = max(begin, 0.0)
     if begin < -TOUCH_M and not known:
         found[2] = 0.0
         return
-    pace = np.hypot(move_x, move_y) + np.hypot(half_length, half_width) * abs(turn)  # m its points move at most
+    pace = np.hypot(move_x, move_y) + bodies.radius[r] * abs(turn)  # m its points move at most
     if pace == 0.0:
         return
-    end = rectangle_distance(dx + move_x, dy + move_y, yaw_r + turn, yaw_w, half_length, half_width, half_wall, 0.0)
+    end = rectangle_distance(dx + move_x, dy + move_y, yaw_r + turn, yaw_w, size, wall_size)
     if max(end, 0.0) < found[0]:
         found[0], found[1] = max(end, 0.0), 1.0
     depth, touched = 1, 2.0
@@ -119,7 +120,7 @@ def _meet_wall(x, y, yaw, k, after, r, half_length, half_width, wall, best, know
         if a >= touched or not (nearer or (least <= 0.0 and not known)) or pace * (b - a) <= TOUCH_M:
             continue
         f = (a + b) / 2.0
-        d = rectangle_distance(dx + f * move_x, dy + f * move_y, yaw_r + f * turn, yaw_w, half_length, half_width, half_wall, 0.0)
+        d = rectangle_distance(dx + f * move_x, dy + f * move_y, yaw_r + f * turn, yaw_w, size, wall_size)
         if max(d, 0.0) < found[0]:
             found[0], found[1] = max(d, 0.0), f
         if d < -TOUCH_M and not known:

@@ -5,6 +5,8 @@ places along the lane then, and the accelerations of the phases that begin then.
 visits that keep the limits form a convex set, and so do their speeds at its ends.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from mrp_sumo.search._kernel import kernel
@@ -12,6 +14,34 @@ from mrp_sumo.search._kernel import kernel
 FINE, TOO_EARLY, TOO_LATE = range(3)
 HALVINGS = 60
 LEAST_S = 0.005  # two bodies are looked at this often at least when they are near each other
+
+
+class Rides(NamedTuple):
+    """The lane to each of N visits of R robots, and when it is driven."""
+
+    first: np.ndarray  # [R + 1] visits of each robot
+    begins: np.ndarray  # [N] s
+    ends: np.ndarray  # [N]
+    stands: np.ndarray  # [N] whether the robot stands at the visit
+    length: np.ndarray  # [N] m
+    top: np.ndarray  # [N] m/s
+
+
+class Limits(NamedTuple):
+    """What R robots can do."""
+
+    accel: np.ndarray  # [R] m/s2
+    decel: np.ndarray  # [R]
+    slack: np.ndarray  # [R] how far robots may be off, m
+    stop: np.ndarray  # [R] speeds at which they may end when they come to stand, m/s
+
+
+class Speeds(NamedTuple):
+    """Speeds that robots can have at N visits, and whether there are some."""
+
+    low: np.ndarray  # [N] m/s
+    high: np.ndarray  # [N]
+    verdict: np.ndarray  # [N] FINE, TOO_EARLY or TOO_LATE
 
 
 @kernel
@@ -34,18 +64,18 @@ def most_m(u, w, t, top, accel, decel):
 
 
 @kernel
-def speeds_after(low, high, length, slack, t, top, most, accel, decel):
+def speeds_after(between, length, slack, t, tops, accel, decel):
     """Speeds that a robot can have at the end of a lane.
 
     Parameters
     ----------
-    low, high
-        Speeds that it can have at its beginning.
+    between
+        The lowest and the highest speed that it can have at its beginning.
     length, slack
         Of the lane, m, and by how much that may be wrong.
     t
         In which it drives it, s.
-    top, most
+    tops
         Speeds that it may have on it, and at its end.
 
     Returns
@@ -53,6 +83,7 @@ def speeds_after(low, high, length, slack, t, top, most, accel, decel):
     low, high, verdict
         Speeds, and whether it cannot be there so early, or so late.
     """
+    (low, high), (top, most) = between, tops
     if t <= 0.0:
         return 0.0, most, TOO_EARLY
     floor, ceiling = max(0.0, low - decel * t), min(most, high + accel * t)
@@ -85,48 +116,35 @@ def speeds_after(low, high, length, slack, t, top, most, accel, decel):
 
 
 @kernel
-def speeds(first, begins, ends, stands, length, top, accel, decel, slack, stop, low, high, verdict):
-    """Speeds of all robots at all visits, forward and back again.
-
-    Parameters
-    ----------
-    first
-        [R + 1] visits of each robot.
-    begins, ends
-        [N] when the lane to each visit is driven.
-    stands
-        [N] whether it stands at the visit.
-    length, top
-        [N] of the lane to each visit, m and m/s.
-    accel, decel, slack, stop
-        [R] limits; how far robots may be off; speeds at which they may end when they come to stand.
-    low, high, verdict
-        [N] written.
-    """
+def find_speeds(rides, limits, speeds):
+    """Speeds of all robots at all visits, forward and back again; written to `speeds`."""
+    first, begins, ends, stands, length, top = rides
+    (accel, decel, slack, stop), (low, high, verdict) = limits, speeds
     for r in range(len(first) - 1):
         a, b = first[r], first[r + 1]
         low[a] = high[a] = 0.0
         for k in range(a + 1, b):
-            v0, v1 = (0.0, 0.0) if stands[k - 1] else (low[k - 1], high[k - 1])
+            between = (0.0, 0.0) if stands[k - 1] else (low[k - 1], high[k - 1])
             most = min(top[k], stop[r]) if stands[k] else min(top[k], top[k + 1])
-            found = speeds_after(v0, v1, length[k], slack[r], ends[k] - begins[k], top[k], most, accel[r], decel[r])
+            found = speeds_after(between, length[k], slack[r], ends[k] - begins[k], (top[k], most), accel[r], decel[r])
             low[k], high[k], verdict[k] = found
         for k in range(b - 1, a + 1, -1):
             if stands[k - 1] or verdict[k] != FINE:
                 continue
             most = min(top[k], top[k - 1])
-            back = speeds_after(low[k], high[k], length[k], slack[r], ends[k] - begins[k], top[k], most, decel[r], accel[r])
+            back = speeds_after((low[k], high[k]), length[k], slack[r], ends[k] - begins[k], (top[k], most), decel[r], accel[r])
             if back[2] == FINE:
                 low[k - 1] = min(max(low[k - 1], back[0]), high[k - 1])
                 high[k - 1] = max(min(high[k - 1], back[1]), low[k - 1])
 
 
 @kernel
-def hurried(u, w, length, t, top, accel, decel, at_s, at_m):
-    """The motion that is farthest along a lane early on, and then waits: moments [6] and places [6] from 0, ends at `length` at t.
+def hurried(speeds, length, t, top, accel, decel, motion):
+    """The motion that is farthest along a lane early on, and then waits: times and places from 0, ends at `length` at t.
 
-    Accelerate, cruise, brake to a low speed or to a stand, wait, accelerate to w.
+    Accelerate from the first of the speeds, cruise, brake to a low speed or to a stand, wait, accelerate to the second.
     """
+    (u, w), at_s, at_m = speeds, motion[0], motion[1]
     peak = max(u, np.sqrt(max(0.0, 2 * (length + (u * u - w * w) / (2 * accel)) / (1 / accel + 1 / decel))))
     cruise, low, stand = 0.0, 0.0, 0.0
     if peak > top:
@@ -163,8 +181,10 @@ def hurried(u, w, length, t, top, accel, decel, at_s, at_m):
 
 
 @kernel
-def motions(first, begins, ends, stands, length, top, accel, decel, low, high, verdict, early, late):
+def motions(rides, limits, speeds, early, late):
     """The farthest and the nearest that robots can be at every moment on the lane to each visit, [N, 3, 6] each."""
+    first, begins, ends, stands, length, top = rides
+    (accel, decel, _, _), (low, high, verdict) = limits, speeds
     for r in range(len(first) - 1):
         for k in range(first[r] + 1, first[r + 1]):
             t = ends[k] - begins[k]
@@ -174,11 +194,11 @@ def motions(first, begins, ends, stands, length, top, accel, decel, low, high, v
                     early[k, 1, p] = late[k, 1, p] = length[k] * p / 5
                 continue
             u, w = (0.0, 0.0) if stands[k - 1] else (low[k - 1], high[k - 1])
-            hurried(min(w, low[k] + decel[r] * t), low[k], length[k], t, top[k], accel[r], decel[r], early[k, 0], early[k, 1])
+            hurried((min(w, low[k] + decel[r] * t), low[k]), length[k], t, top[k], accel[r], decel[r], early[k])
             early[k, 0] += begins[k]
             early[k, 2, 0] = early[k, 2, 4] = accel[r]
             early[k, 2, 2] = -decel[r]
-            hurried(min(high[k], u + accel[r] * t), u, length[k], t, top[k], decel[r], accel[r], late[k, 0], late[k, 1])
+            hurried((min(high[k], u + accel[r] * t), u), length[k], t, top[k], decel[r], accel[r], late[k])
             late[k, 0] = ends[k] - late[k, 0, ::-1].copy()
             late[k, 1] = length[k] - late[k, 1, ::-1].copy()
             late[k, 2, 0] = late[k, 2, 4] = -decel[r]
@@ -230,9 +250,9 @@ def where(piece, e, t, waits):
 
 
 @kernel
-def nearest(piece, e, f, begin, end, apart, e_waits, f_waits):
+def nearest(piece, e, f, apart, e_waits, f_waits):
     """When two bodies first come closer than `apart`, and how close they come in all; inf if never."""
-    pace = piece.top[e] + piece.top[f]
+    begin, end, pace = max(piece.begin[e], piece.begin[f]), min(piece.end[e], piece.end[f]), piece.top[e] + piece.top[f]
     t, found, least = begin, np.inf, np.inf
     while True:
         ex, ey = where(piece, e, t, e_waits)
@@ -247,7 +267,7 @@ def nearest(piece, e, f, begin, end, apart, e_waits, f_waits):
 
 
 @kernel
-def meetings(order, cell, piece, apart, kind, found, found_s, found_m):
+def meetings(order, cell, piece, apart, kind, pairs, seen):
     """Pieces in one cell, at one time, whose bodies come too close. Returns how many; writes as many as there is room for.
 
     Parameters
@@ -260,7 +280,7 @@ def meetings(order, cell, piece, apart, kind, found, found_s, found_m):
         [K, K] least distances by type.
     kind
         [R] types.
-    found, found_s, found_m
+    pairs, seen
         [M, 2] pieces; when, and the least distance.
     """
     count = 0
@@ -275,17 +295,16 @@ def meetings(order, cell, piece, apart, kind, found, found_s, found_m):
             if cell[i, 0] != max(piece.corner[e, 0], piece.corner[f, 0]) or cell[i, 1] != max(piece.corner[e, 1], piece.corner[f, 1]):
                 continue  # they meet in other cells too, and are looked at in one
             least = apart[kind[piece.robot[e]], kind[piece.robot[f]]]
-            begin, end = max(piece.begin[e], piece.begin[f]), min(piece.end[e], piece.end[f])
-            t, m = nearest(piece, e, f, begin, end, least, False, False)
+            t, m = nearest(piece, e, f, least, False, False)
             roomy_e, roomy_f = piece.short_of[e] < np.inf, piece.short_of[f] < np.inf
             if t < np.inf and roomy_e:
-                t, m = nearest(piece, e, f, begin, end, least, True, False)
+                t, m = nearest(piece, e, f, least, True, False)
             if t < np.inf and roomy_f:
-                t, m = nearest(piece, e, f, begin, end, least, False, True)
+                t, m = nearest(piece, e, f, least, False, True)
             if t < np.inf and roomy_e and roomy_f:
-                t, m = nearest(piece, e, f, begin, end, least, True, True)
+                t, m = nearest(piece, e, f, least, True, True)
             if t < np.inf:
-                if count < len(found):
-                    found[count, 0], found[count, 1], found_s[count], found_m[count] = e, f, t, m
+                if count < len(pairs):
+                    pairs[count, 0], pairs[count, 1], seen[count, 0], seen[count, 1] = e, f, t, m
                 count += 1
     return count

@@ -144,6 +144,15 @@ def prepare() -> None:
     audit(run, fleet_of(RobotType("dot", 0.1, 0.1, 1.0, 1.0, 1.0, 1.0), 2), walls=np.array([[(0.0, 1.0), (1.0, 1.0)]]))
 
 
+def _poses(execution: Execution) -> _audit.Poses:
+    return _audit.Poses(_rows(execution.x_m), _rows(execution.y_m), _rows(execution.yaw_rad))
+
+
+def _bodies(fleet: Fleet) -> _audit.Bodies:
+    half_length, half_width = fleet.length_m / 2, fleet.width_m / 2
+    return _audit.Bodies(np.hypot(half_length, half_width), half_length, half_width)
+
+
 def _outside_cabins(execution: Execution, fleet: Fleet, cabins: FloatArray | None) -> list[dict[str, Any]] | None:
     """Changes of level outside all cabins, by time; None where nobody knows of cabins or levels."""
     level = execution.level
@@ -178,12 +187,11 @@ def _apart(execution: Execution) -> Execution:
 
 def _closeness(execution: Execution, fleet: Fleet, level: IntArray | None) -> tuple[list[dict[str, Any]], dict[str, Any] | None]:
     """The first overlap of every pair, by time, and the least clearance."""
-    x, y, yaw = _rows(execution.x_m), _rows(execution.y_m), _rows(execution.yaw_rad)
-    if not len(x):
+    poses = _poses(execution)
+    if not len(poses.x):
         return [], None
-    floor = np.zeros(x.shape[1], np.int64) if level is None else level.astype(np.int64)
-    half_length, half_width = fleet.length_m / 2, fleet.width_m / 2
-    best, where, hits = _audit.closeness(x, y, yaw, floor, np.hypot(half_length, half_width), half_length, half_width)
+    floor = np.zeros(fleet.num_robots, np.int64) if level is None else level.astype(np.int64)
+    best, where, hits = _audit.closeness(poses, floor, _bodies(fleet))
     if not np.isfinite(best) or best > FAR_M / 2:
         return [], None
 
@@ -239,8 +247,8 @@ def _among_people(execution: Execution, fleet: Fleet) -> dict[str, Any]:
         return dict.fromkeys((*names, "num_field_violations", "field_violations", "min_person_distance_m"))
     period_s = float(execution.t_s[1] - execution.t_s[0]) if len(execution.t_s) > 1 else 1.0
     touches, fast, nearest = _people.meet_people(
-        *(_rows(execution.x_m), _rows(execution.y_m), _rows(execution.yaw_rad), _rows(execution.speed_mps), period_s),
-        *(fleet.length_m / 2, fleet.width_m / 2, _rows(fleet.decel_mps2), log.first, log.person, log.x_m, log.y_m, log.radius_m),
+        *(_poses(execution), _rows(execution.speed_mps), period_s, _bodies(fleet), _rows(fleet.decel_mps2)),
+        _people.Sightings(log.first, log.person, log.x_m, log.y_m, log.radius_m),
         np.array([log.extra_m, log.reaction_s, log.side_m, log.slowest_mps]),
     )
     kinds, num_fast = ("standing", "braking", "too_fast"), int((touches[:, 3] == _people.TOO_FAST).sum())
@@ -261,25 +269,24 @@ def _among_people(execution: Execution, fleet: Fleet) -> dict[str, Any]:
 
 def _nearest_walls(execution: Execution, fleet: Fleet, walls: FloatArray) -> tuple[float, FloatArray, FloatArray]:
     """What the kernel finds; robots are looked at with the walls of the square that they are in, and farther ones where there are none."""
-    x, y, yaw = _rows(execution.x_m), _rows(execution.y_m), _rows(execution.yaw_rad)
-    if not len(walls) or (extent := _extent(x, y)) is None:
+    poses, bodies = _poses(execution), _bodies(fleet)
+    if not len(walls) or (extent := _extent(poses.x, poses.y)) is None:
         return np.inf, np.zeros(4), np.zeros((0, 5))
     low, high, moved_m = extent
-    half_length, half_width = fleet.length_m / 2, fleet.width_m / 2
     side_m = max(PLACE_M, float((high - low).max()) / MOST_PLACES)
-    cell, corner = _squares(x, y, low, high, side_m)
+    cell, corner = _squares(poses.x, poses.y, low, high, side_m)
     along = walls[:, 1] - walls[:, 0]
     bearing = np.arctan2(along[:, 1], along[:, 0])
     strokes = np.column_stack([walls.mean(axis=1), bearing, np.hypot(*along.T) / 2, np.cos(bearing), np.sin(bearing)])
     boxes = np.concatenate([walls.min(axis=1), walls.max(axis=1)], axis=1)
-    around_m = float(np.hypot(half_length, half_width).max()) + moved_m
+    around_m = float(bodies.radius.max()) + moved_m
     everything = np.concatenate([[low, high], walls.reshape(-1, 2)])
     farthest_m, look_m = float(np.hypot(*np.ptp(everything, axis=0))) + around_m, LOOK_M
     while True:
         near_m = around_m + look_m
         i, j = overlapping(np.concatenate([corner - near_m, corner + side_m + near_m], axis=1), boxes)
         first = np.searchsorted(i, np.arange(len(corner) + 1))
-        best, where, hits = _walls.wall_closeness(x, y, yaw, half_length, half_width, cell, first, j, strokes, look_m)
+        best, where, hits = _walls.wall_closeness(poses, bodies, cell, first, j, strokes, look_m)
         if where[2] >= 0:
             return best, where, hits
         if look_m > farthest_m:
@@ -323,9 +330,8 @@ def _motion(execution: Execution, fleet: Fleet) -> tuple[dict[str, int], list[di
     """Counts of samples over the limits, and the first of them."""
     first = np.zeros((len(KINDS), LISTED, 4))
     t, speed = _rows(execution.t_s), _rows(execution.speed_mps)
-    x, y, yaw = _rows(execution.x_m), _rows(execution.y_m), _rows(execution.yaw_rad)
-    fastest, accel, decel, turn_rate = (_rows(v) for v in (fleet.max_speed_mps, fleet.accel_mps2, fleet.decel_mps2, fleet.turn_rate_rad_s))
-    counts = _audit.over_limits(t, x, y, yaw, speed, fastest, accel, decel, turn_rate, first).tolist()
+    limits = (_rows(v) for v in (fleet.max_speed_mps, fleet.accel_mps2, fleet.decel_mps2, fleet.turn_rate_rad_s))
+    counts = _audit.over_limits(t, _poses(execution), speed, _audit.Limits(*limits), first).tolist()
     violations = [
         {"kind": kind, "robot": fleet.robot_name[int(r)], "t_s": float(execution.t_s[int(k)]), "value": value, "limit": limit}
         for kind, count, rows in zip(KINDS, counts, first.tolist())

@@ -34,15 +34,15 @@ def own_metric(name: str, beside: Path | None = None) -> tuple[Metric, Source]:
     PlugInError
         When it cannot be loaded, or is no function.
     """
-    source, found = find("metrics", name, beside), target("metrics", name, beside)
-    if not isinstance(found, Metric):
-        if not callable(found) or isinstance(found, type):
+    source, metric = find("metrics", name, beside), target("metrics", name, beside)
+    if not isinstance(metric, Metric):
+        if not callable(metric) or isinstance(metric, type):
             where = shown(source.path) if source.path else source.module
-            raise PlugInError(f"{where}: {source.attribute} is {type(found).__name__}, expected a function of the run's evidence")
-        found = metric_of(found)
-    if found.name in BY_NAME and not source.ours:
-        raise ScenarioError(f"metric '{name}': '{found.name}' is the name of a bundled metric, choose another")
-    return found, source
+            raise PlugInError(f"{where}: {source.attribute} is {type(metric).__name__}, expected a function of the run's evidence")
+        metric = metric_of(metric)
+    if metric.name in BY_NAME and not source.ours:
+        raise ScenarioError(f"metric '{name}': '{metric.name}' is the name of a bundled metric, choose another")
+    return metric, source
 
 
 def guarded(name: str, beside: Path | None, report: Callable[[PlugInError], None]) -> Metric:

@@ -169,12 +169,13 @@ def _runs(problem: Problem, plan: Plan, step_length_s: float) -> _Runs:
     jumps = np.minimum(accel * step_length_s, fleet.max_speed_mps) + np.minimum(decel * step_length_s, fleet.max_speed_mps)
     slack = ARRIVES_M + jumps * step_length_s / 8  # a polygon through the middles of steps is this close to the steps
     stop = decel * step_length_s + np.sqrt(2 * decel * ARRIVES_M)
-    low, high, verdict = np.zeros(num_visits), np.zeros(num_visits), np.zeros(num_visits, np.int64)
+    speeds = kernels.Speeds(np.zeros(num_visits), np.zeros(num_visits), np.zeros(num_visits, np.int64))
     early, late = np.zeros((num_visits, 3, 6)), np.zeros((num_visits, 3, 6))
-    inputs = plan.first, begin_s, plan.arrive_s, stands, length_m, top_mps, accel, decel
-    kernels.speeds(*inputs, slack, stop, low, high, verdict)
-    kernels.motions(*inputs, low, high, verdict, early, late)
-    return _Runs(lane, length_m, top_mps, begin_s, stands, leave_s, verdict, early, late)
+    rides = kernels.Rides(plan.first, begin_s, plan.arrive_s, stands, length_m, top_mps)
+    limits = kernels.Limits(accel, decel, slack, stop)
+    kernels.find_speeds(rides, limits, speeds)
+    kernels.motions(rides, limits, speeds, early, late)
+    return _Runs(lane, length_m, top_mps, begin_s, stands, leave_s, speeds.verdict, early, late)
 
 
 def _lanes(graph: NavGraph, plan: Plan) -> tuple[IntArray, FloatArray]:
@@ -290,13 +291,13 @@ def _too_close(plan: Plan, pieces: Pieces, apart: FloatArray, kind: IntArray, ce
     order, cell = _in_cells(pieces, cells)
     room = ROOM
     while True:
-        pairs, found_s, found_m = np.zeros((room, 2), np.int64), np.zeros(room), np.zeros(room)
-        count = kernels.meetings(order, cell, pieces, apart, kind, pairs, found_s, found_m)
+        pairs, seen = np.zeros((room, 2), np.int64), np.zeros((room, 2))
+        count = kernels.meetings(order, cell, pieces, apart, kind, pairs, seen)
         if count <= room:
             break
         room = count
     first: dict[tuple[int, int, int, int], Meeting] = {}
-    for (e, f), t_s, distance_m in zip(pairs[:count].tolist(), found_s[:count].tolist(), found_m[:count].tolist()):
+    for (e, f), (t_s, distance_m) in zip(pairs[:count].tolist(), seen[:count].tolist()):
         e, f = (e, f) if pieces.robot[e] < pieces.robot[f] else (f, e)
         a, b = int(plan.vertex[pieces.visit[e]]), int(plan.vertex[pieces.visit[f]])
         key = int(pieces.robot[e]), int(pieces.robot[f]), int(pieces.visit[e]), int(pieces.visit[f])

@@ -9,7 +9,7 @@ TIE_M = 1e-9  # engines round otherwise: who has come this near to a place has p
 
 
 @kernel
-def lane_limits(dt, limit_mps, decel, next_visit, reached, at_m, lane, speed, s_m, cap_mps):
+def lane_limits(dt, limit_mps, decel, visits, speed, s_m, cap_mps):
     """The highest speeds for the next step that lanes allow: the one that each robot is on, and slower ones ahead.
 
     Parameters
@@ -20,17 +20,16 @@ def lane_limits(dt, limit_mps, decel, next_visit, reached, at_m, lane, speed, s_
         [L] of lanes, inf without one.
     decel
         [R] m/s2.
-    next_visit, at_m, lane
-        [N] of visits, as in `core.visits`.
-    reached
-        [R] visits.
+    visits
+        See `core.visits`.
     speed, s_m
         [R] speeds, and distances driven.
     cap_mps
         [R] written.
     """
+    next_visit, at_m, lane = visits.next, visits.at_m, visits.lane
     for r in range(len(s_m)):
-        k = reached[r]
+        k = visits.reached[r]
         if lane[k] < 0 or s_m[r] >= at_m[k] - TIE_M:  # else it has arrived, but is still on the lane to there
             k = next_visit[k]
         if k < 0:

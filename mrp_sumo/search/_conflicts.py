@@ -4,6 +4,8 @@ A conflict says of which robots, `one` and `other`, what kind, where and when; t
 priority and the constraints to split on: rows a0..a1 for `one`, b0..b1 for `other`.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from mrp_sumo.search._clashing import move_of
@@ -21,6 +23,16 @@ FOLLOW = 3  # one is at at at step, other is there one step later
 CLASH = 4  # the moves that lead to step clash
 CLASH_AT_TARGET = 5  # one stays at at, its goal, when other makes a move that clashes with it, which leads to step
 UNKNOWN = -1  # a priority not yet looked at
+
+
+class _Move(NamedTuple):
+    """A robot's move from u to v, which ends at step t; its path has `cost` steps."""
+
+    robot: int
+    cost: int
+    u: int
+    v: int
+    t: int
 
 
 @kernel
@@ -64,111 +76,117 @@ def _find(instance, store, occupancy, robot, record, conflicts, count):
     u = np.int64(store.path[path0])
     for t in range(max(cost, latest) + 1):
         v = np.int64(store.path[path0 + min(t, cost)])
-        count = _meetings(occupancy, robot, cost, v, t, conflicts, count)
+        move = _Move(robot, cost, u, v, np.int64(t))
+        count = _meetings(occupancy, move, conflicts, count)
         if u != v and following:
-            count = _entered_too_early(store, occupancy, robot, v, t, conflicts, count)
-            count = _left_too_late(store, occupancy, robot, u, v, t, conflicts, count)
+            count = _entered_too_early(store, occupancy, move, conflicts, count)
+            count = _left_too_late(store, occupancy, move, conflicts, count)
         elif u != v:
-            count = _swaps(store, occupancy, robot, u, v, t, conflicts, count)
+            count = _swaps(store, occupancy, move, conflicts, count)
         if near and t > 0:
-            count = _clashes(instance, store, occupancy, robot, cost, u, v, t, conflicts, count)
+            count = _clashes(instance, store, occupancy, move, conflicts, count)
         u = v
     return count
 
 
 @kernel(inline="always", allocates=False)
-def _meetings(occupancy, robot, cost, v, t, conflicts, count):
+def _meetings(occupancy, move, conflicts, count):
     """Others that are at v, where the robot is at t: on their way, or at their goals for good."""
+    robot, cost, _, v, t = move
     if t < steps_known(occupancy):
         visit = visitor(occupancy, v, t, 0)
         while visit:
             other = visit - t * len(occupancy.record) - 1
             if t < cost:
-                count = _add(conflicts, count, min(robot, other), max(robot, other), MEET, -1, v, t)
+                count = _add(conflicts, count, (min(robot, other), max(robot, other)), MEET, -1, v, t)
             else:
-                count = _add(conflicts, count, robot, other, TARGET, -1, v, t)
+                count = _add(conflicts, count, (robot, other), TARGET, -1, v, t)
             visit = visitor(occupancy, v, t, visit)
     if t <= cost and occupancy.since[v] <= t:
-        count = _add(conflicts, count, np.int64(occupancy.parked[v]), robot, TARGET, -1, v, t)
+        count = _add(conflicts, count, (np.int64(occupancy.parked[v]), robot), TARGET, -1, v, t)
     return count
 
 
 @kernel(inline="always", allocates=False)
-def _swaps(store, occupancy, robot, u, v, t, conflicts, count):
+def _swaps(store, occupancy, move, conflicts, count):
     """Others that go from v to u as the robot goes from u to v."""
+    robot, _, u, v, t = move
     if t - 1 < steps_known(occupancy):
         visit = visitor(occupancy, v, t - 1, 0)
         while visit:
             other = visit - (t - 1) * len(occupancy.record) - 1
             if place(store, occupancy.record[other], t) == u:
                 if robot < other:
-                    count = _add(conflicts, count, robot, other, SWAP, u, v, t)
+                    count = _add(conflicts, count, (robot, other), SWAP, u, v, t)
                 else:
-                    count = _add(conflicts, count, other, robot, SWAP, v, u, t)
+                    count = _add(conflicts, count, (other, robot), SWAP, v, u, t)
             visit = visitor(occupancy, v, t - 1, visit)
     return count
 
 
 @kernel(inline="always", allocates=False)
-def _entered_too_early(store, occupancy, robot, v, t, conflicts, count):
+def _entered_too_early(store, occupancy, move, conflicts, count):
     """Others that leave v as the robot enters it."""
+    robot, _, _, v, t = move
     if t - 1 < steps_known(occupancy):
         visit = visitor(occupancy, v, t - 1, 0)
         while visit:
             other = visit - (t - 1) * len(occupancy.record) - 1
             if place(store, occupancy.record[other], t) != v:
-                count = _add(conflicts, count, other, robot, FOLLOW, -1, v, t - 1)
+                count = _add(conflicts, count, (other, robot), FOLLOW, -1, v, t - 1)
             visit = visitor(occupancy, v, t - 1, visit)
     return count
 
 
 @kernel(inline="always", allocates=False)
-def _left_too_late(store, occupancy, robot, u, v, t, conflicts, count):
+def _left_too_late(store, occupancy, move, conflicts, count):
     """Others that enter u as the robot leaves it for v; of two that swap, `_entered_too_early` finds the conflict."""
+    robot, _, u, v, t = move
     if t < steps_known(occupancy):
         visit = visitor(occupancy, u, t, 0)
         while visit:
             other = visit - t * len(occupancy.record) - 1
             came = place(store, occupancy.record[other], t - 1)
             if came != u and came != v:
-                count = _add(conflicts, count, robot, other, FOLLOW, -1, u, t - 1)
+                count = _add(conflicts, count, (robot, other), FOLLOW, -1, u, t - 1)
             visit = visitor(occupancy, u, t, visit)
     parked = np.int64(occupancy.parked[u])
     if parked >= 0 and occupancy.since[u] == t and place(store, occupancy.record[parked], t - 1) != v:
-        count = _add(conflicts, count, robot, parked, FOLLOW, -1, u, t - 1)
+        count = _add(conflicts, count, (robot, parked), FOLLOW, -1, u, t - 1)
     return count
 
 
 @kernel(allocates=False)
-def _clashes(instance, store, occupancy, robot, cost, u, v, t, conflicts, count):
+def _clashes(instance, store, occupancy, move, conflicts, count):
     """Others whose moves to step t clash with the robot's from u to v."""
-    clashes, num_robots, before = instance.clashes, len(occupancy.record), count
-    move = move_of(instance.first, instance.head, u, v)
-    for k in range(clashes.vertex_first[move], clashes.vertex_first[move + 1]):
+    clashes, num_robots, before, t = instance.clashes, len(occupancy.record), count, move.t
+    own = move_of(instance.first, instance.head, move.u, move.v)
+    for k in range(clashes.vertex_first[own], clashes.vertex_first[own + 1]):
         w = clashes.vertex[k]
         for step in range(t - 1, t + 1):
             if step < steps_known(occupancy):
                 visit = visitor(occupancy, w, step, 0)
                 while visit:
-                    count = _add_clash(store, occupancy, robot, visit - step * num_robots - 1, cost, t, v, conflicts, before, count)
+                    count = _add_clash(store, occupancy, move, visit - step * num_robots - 1, conflicts, before, count)
                     visit = visitor(occupancy, w, step, visit)
         if occupancy.since[w] <= t:
-            count = _add_clash(store, occupancy, robot, np.int64(occupancy.parked[w]), cost, t, v, conflicts, before, count)
-    for k in range(clashes.lane_first[move], clashes.lane_first[move + 1]):
+            count = _add_clash(store, occupancy, move, np.int64(occupancy.parked[w]), conflicts, before, count)
+    for k in range(clashes.lane_first[own], clashes.lane_first[own + 1]):
         lane = clashes.lane[k]
         if t - 1 < steps_known(occupancy):
             visit = visitor(occupancy, instance.tail[lane], t - 1, 0)
             while visit:
                 other = visit - (t - 1) * num_robots - 1
                 if place(store, occupancy.record[other], t) == instance.head[lane]:
-                    count = _add_clash(store, occupancy, robot, other, cost, t, v, conflicts, before, count)
+                    count = _add_clash(store, occupancy, move, other, conflicts, before, count)
                 visit = visitor(occupancy, instance.tail[lane], t - 1, visit)
     return count
 
 
 @kernel(allocates=False)
-def _add_clash(store, occupancy, robot, other, cost, t, v, conflicts, before, count):
+def _add_clash(store, occupancy, move, other, conflicts, before, count):
     """Write the clash of two robots at a step unless it has been, since there were `before` conflicts."""
+    robot, cost, _, v, t = move
     for k in range(before, min(count, len(conflicts))):
         if conflicts[k].one + conflicts[k].other == robot + other and (conflicts[k].one == other or conflicts[k].other == other):
             return count
@@ -176,17 +194,18 @@ def _add_clash(store, occupancy, robot, other, cost, t, v, conflicts, before, co
         return count + 1
     record = occupancy.record[other]
     if cost < t:
-        return _add(conflicts, count, robot, other, CLASH_AT_TARGET, -1, v, t)
+        return _add(conflicts, count, (robot, other), CLASH_AT_TARGET, -1, v, t)
     if store.meta[record].cost < t:
-        return _add(conflicts, count, other, robot, CLASH_AT_TARGET, -1, place(store, record, t), t)
-    return _add(conflicts, count, min(robot, other), max(robot, other), CLASH, -1, v, t)
+        return _add(conflicts, count, (other, robot), CLASH_AT_TARGET, -1, place(store, record, t), t)
+    return _add(conflicts, count, (min(robot, other), max(robot, other)), CLASH, -1, v, t)
 
 
 @kernel(allocates=False)
-def _add(conflicts, count, one, other, kind, tail, at, step):
+def _add(conflicts, count, robots, kind, tail, at, step):
     """Write a conflict where there is room for it; the number of conflicts with it."""
     if count < len(conflicts):
         row = conflicts[count]
-        row.one, row.other, row.kind, row.tail, row.at, row.step, row.priority = one, other, kind, tail, at, step, UNKNOWN
+        row.one, row.other = robots
+        row.kind, row.tail, row.at, row.step, row.priority = kind, tail, at, step, UNKNOWN
         row.a0, row.a1, row.b0, row.b1 = 0, 0, 0, 0
     return count + 1

@@ -139,12 +139,12 @@ def forbidden(scratch, u, v, step):
 
 
 @kernel(inline="always", allocates=False)
-def put(state, top, k, vertex, step, before, label, bucket):
+def put(scratch, k, vertex, step, before, label, bucket):
     """Write state k, and put it on top of a bucket: a list, of which the last state put in comes out first.
 
     Parameters
     ----------
-    state, top
+    scratch
         See `ConstraintScratch`.
     k
         The state's number.
@@ -153,6 +153,7 @@ def put(state, top, k, vertex, step, before, label, bucket):
     bucket
         Where it goes.
     """
+    state, top = scratch.state, scratch.top
     state[k].vertex, state[k].step, state[k].before = vertex, step, before
     state[k].label, state[k].below = label, top[bucket]
     top[bucket] = k

@@ -11,29 +11,25 @@ from mrp_sumo.search._records import place
 
 
 @kernel(inline="always", allocates=False)
-def is_taken(occupancy, words, vertex, step):
-    """Whether another robot is at a vertex at a step, on its way or for good; False beyond the steps that are known.
-
-    `words` is W of the occupancy: to divide here would cost as much as the rest.
-    """
+def is_taken(occupancy, vertex, step):
+    """Whether another robot is at a vertex at a step, on its way or for good; False beyond the steps that are known."""
+    words = occupancy.words
     on_way = step < words * WORD and ((occupancy.busy[vertex * words + (step >> 5)] >> np.uint64(step & 31)) & ONE) != 0
     return on_way or (step < words * WORD and occupancy.since[vertex] <= step)
 
 
 @kernel(inline="always", allocates=False)
-def num_disturbed(store, occupancy, words, u, v, step, u_is_taken, following):
+def num_disturbed(store, occupancy, u, v, step, u_is_taken, following):
     """How many robots are disturbed by a move from u that arrives at v at a step, or by waiting at u = v.
 
     Parameters
     ----------
-    words
-        W of the occupancy.
     u_is_taken
         Whether another robot is at u at this step, see `is_taken`: only then can it have changed places with this one.
     following
         Whether following conflicts count.
     """
-    busy, visit = occupancy.busy, occupancy.visit
+    busy, visit, words = occupancy.busy, occupancy.visit, occupancy.words
     num = np.int64(0)
     if occupancy.since[v] <= step:
         num += 1
@@ -52,16 +48,16 @@ def num_disturbed(store, occupancy, words, u, v, step, u_is_taken, following):
 
 
 @kernel(allocates=False)
-def num_too_close(instance, occupancy, words, move, step):
+def num_too_close(instance, occupancy, move, step):
     """How many places that clash with a move to `step` are taken by others, about: one robot may count more than once."""
     clashes = instance.clashes
     num = np.int64(0)
     for k in range(clashes.vertex_first[move], clashes.vertex_first[move + 1]):
         v = clashes.vertex[k]
-        num += is_taken(occupancy, words, v, step) or is_taken(occupancy, words, v, step - 1)
+        num += is_taken(occupancy, v, step) or is_taken(occupancy, v, step - 1)
     for k in range(clashes.lane_first[move], clashes.lane_first[move + 1]):
         lane = clashes.lane[k]
-        num += is_taken(occupancy, words, instance.tail[lane], step - 1) and is_taken(occupancy, words, instance.head[lane], step)
+        num += is_taken(occupancy, instance.tail[lane], step - 1) and is_taken(occupancy, instance.head[lane], step)
     return num
 
 
@@ -110,7 +106,7 @@ def _who_follow(store, occupancy, visit, v, step):
 @kernel(allocates=False)
 def count_visits_from(occupancy, goal, begin, later):
     """Fill `later` with the visits of others at the goal from each step on, from `begin`; the last step with one, -1 for none."""
-    words, num_robots = len(occupancy.busy) // len(occupancy.since), len(occupancy.record)
+    words, num_robots = occupancy.words, len(occupancy.record)
     low, last = goal * words, np.int64(-1)
     for word in range(words - 1, (begin >> 5) - 1, -1):
         if occupancy.busy[low + word] == 0:

@@ -21,6 +21,8 @@ from mrp_sumo.search._distance import UNREACHABLE
 from mrp_sumo.search._kernel import kernel
 from mrp_sumo.search._records import FOREVER, NO_PATH, OK, OUT_OF_BUDGET, SCRATCH_FULL
 
+NO_EDGE = (-1, -1)
+
 
 @kernel(inline="always", allocates=False)
 def _first_rule(touched, rule_at, stamp, v):
@@ -29,8 +31,9 @@ def _first_rule(touched, rule_at, stamp, v):
 
 
 @kernel(allocates=False)
-def _free_until(rule, first_rule, must, stamp, last_must, v, step):
+def _free_until(scratch, first_rule, v, step):
     """The last step until which a robot that is at v can stay there."""
+    rule, must, stamp, last_must = scratch.rule, scratch.must, scratch.number[STAMP], scratch.limit[LAST_MUST]
     until = np.int64(FOREVER)
     k = first_rule
     while k >= 0:
@@ -44,8 +47,9 @@ def _free_until(rule, first_rule, must, stamp, last_must, v, step):
 
 
 @kernel(allocates=False)
-def _entry(rule, first_rule, must, stamp, last_must, u, v, step, latest):
+def _entry(scratch, first_rule, u, v, step, latest):
     """(when v can be entered from u, not before `step`; the first step of its interval then)."""
+    rule, must, stamp, last_must = scratch.rule, scratch.must, scratch.number[STAMP], scratch.limit[LAST_MUST]
     begin = np.int64(0)
     again = True
     while again and step <= latest:
@@ -89,27 +93,27 @@ def _entered_before(state, e, begin, arrive):
 
 
 @kernel(inline="always", allocates=False)
-def _banned(u, v, ban_u, ban_v):
+def _banned(u, v, banned):
     """Whether a lane is the banned edge, in either direction."""
-    return ban_u >= 0 and ((u == ban_u and v == ban_v) or (u == ban_v and v == ban_u))
+    return banned[0] >= 0 and ((u == banned[0] and v == banned[1]) or (u == banned[1] and v == banned[0]))
 
 
 @kernel(allocates=False)
-def earliest_arrival(instance, scratch, start, goal, distance, stay, ban_u, ban_v, budget):
+def earliest_arrival(instance, scratch, start, distance, stay, banned, budget):
     """The least cost under the constraints laid out.
 
     Parameters
     ----------
     instance, scratch
         The graph; the constraints and buffers.
-    start, goal
-        Vertices.
+    start
+        Vertex.
     distance
-        [V] steps to the goal.
+        [V] steps to the goal, where it is 0.
     stay
         Whether the robot stays at the goal, so that the constraints on ending hold.
-    ban_u, ban_v
-        An edge that must not be used, in either direction; -1 for none.
+    banned
+        The two ends of an edge that must not be used, in either direction; see `NO_EDGE`.
     budget
         Expansions allowed.
 
@@ -121,7 +125,7 @@ def earliest_arrival(instance, scratch, start, goal, distance, stay, ban_u, ban_
     """
     first, head = instance.first, instance.head
     limit, state, top, at = scratch.limit, scratch.state, scratch.top, scratch.visited
-    touched, rule_at, rule, must = scratch.touched, scratch.rule_at, scratch.rule, scratch.must
+    touched, rule_at = scratch.touched, scratch.rule_at
     stamp, last_must = scratch.number[STAMP], limit[LAST_MUST]
     shortest = np.int64(distance[start])
     least = max(shortest, limit[EARLIEST]) if stay else shortest
@@ -129,7 +133,7 @@ def earliest_arrival(instance, scratch, start, goal, distance, stay, ban_u, ban_
         return NO_PATH, least, np.int64(-1)
     open_from = limit[OPEN_FROM] if stay else np.int64(0)
     # a bucket for each delay; LABEL is the first step of the state's interval, ALIKE the vertex's state before this one
-    put(state, top, 0, start, 0, -1, 0, 0)
+    put(scratch, 0, start, 0, -1, 0, 0)
     state[0].alike = -1
     at[start] = 0
     num_states = 1
@@ -145,7 +149,7 @@ def earliest_arrival(instance, scratch, start, goal, distance, stay, ban_u, ban_
         top[delay] = state[k].below
         u, t = np.int64(state[k].vertex), np.int64(state[k].step)
         least = max(least, shortest + delay) if stay else shortest + delay
-        if u == goal and t >= open_from:
+        if distance[u] == 0 and t >= open_from:
             code, end = OK, k
             break
         spent += 1
@@ -154,19 +158,19 @@ def earliest_arrival(instance, scratch, start, goal, distance, stay, ban_u, ban_
             break
         until = np.int64(FOREVER)
         if touched[u] == stamp or t < last_must:
-            until = _free_until(rule, _first_rule(touched, rule_at, stamp, u), must, stamp, last_must, u, t)
+            until = _free_until(scratch, _first_rule(touched, rule_at, stamp, u), u, t)
         latest = min(until + 1, FOREVER - 1)
         for lane in range(first[u], first[u + 1]):
             v = head[lane]
             to_go = np.int64(distance[v])
-            if to_go >= UNREACHABLE or _banned(u, v, ban_u, ban_v):
+            if to_go >= UNREACHABLE or _banned(u, v, banned):
                 continue
             constrained = touched[v] == stamp or last_must >= 0  # a place that the robot had to be at ends intervals of all others
             first_rule = _first_rule(touched, rule_at, stamp, v)
             arrive, begin = t + 1, np.int64(0)
             while arrive <= latest:  # one interval of v after another
                 if constrained:
-                    arrive, begin = _entry(rule, first_rule, must, stamp, last_must, u, v, arrive, latest)
+                    arrive, begin = _entry(scratch, first_rule, u, v, arrive, latest)
                     if arrive > latest:
                         break
                 last = _last_state_at(state, at, num_states, v)
@@ -175,14 +179,14 @@ def earliest_arrival(instance, scratch, start, goal, distance, stay, ban_u, ban_
                     if num_states >= len(state) or bucket >= len(top):
                         code = SCRATCH_FULL
                         break
-                    put(state, top, num_states, v, arrive, k, begin, bucket)
+                    put(scratch, num_states, v, arrive, k, begin, bucket)
                     state[num_states].alike = last
                     at[v] = num_states
                     longest = max(longest, bucket)
                     num_states += 1
                 if not constrained:
                     break
-                arrive = _free_until(rule, first_rule, must, stamp, last_must, v, arrive) + 1  # the next interval, if u can be held so long
+                arrive = _free_until(scratch, first_rule, v, arrive) + 1  # the next interval, if u can be held so long
     top[: longest + 1] = -1
     scratch.number[EXPANSIONS] += spent
     if code == OK and stay and least > limit[LATEST]:

@@ -25,25 +25,27 @@ class Occupancy(NamedTuple):
     since: np.ndarray  # [V] int32 from when on a robot is there for good, FOREVER for nobody
     parked: np.ndarray  # [V] int32 which
     record: np.ndarray  # [R] int64 installed, -1 for none
+    words: int  # W
 
 
 def empty_occupancy(num_vertices: int, num_robots: int, horizon: int) -> Occupancy:
     """Nobody anywhere; `horizon` is a multiple of WORD."""
-    words = num_vertices * (horizon // WORD)
+    words = horizon // WORD
     return Occupancy(
-        np.zeros(words, np.uint64),
-        np.zeros(words, np.int32),
+        np.zeros(num_vertices * words, np.uint64),
+        np.zeros(num_vertices * words, np.int32),
         np.empty(horizon * num_robots + 1, np.int32),
         np.full(num_vertices, FOREVER, np.int32),
         np.full(num_vertices, -1, np.int32),
         np.full(num_robots, -1, np.int64),
+        words,
     )
 
 
 @kernel(allocates=False)
 def steps_known(occupancy):
     """T: robots on their way are known of before this step."""
-    return WORD * (len(occupancy.busy) // len(occupancy.since))
+    return WORD * occupancy.words
 
 
 @kernel(inline="always", allocates=False)
@@ -60,7 +62,7 @@ def visitor(occupancy, vertex, step, visit):
     """The next visit at a vertex and step after `visit` (0: the first one), 0 when there is none; step is below T."""
     num_robots = len(occupancy.record)
     if visit == 0:
-        word = vertex * (len(occupancy.busy) // len(occupancy.since)) + (step >> 5)
+        word = vertex * occupancy.words + (step >> 5)
         if not (occupancy.busy[word] >> np.uint64(step & 31)) & ONE:
             return np.int64(0)
         k = np.int64(occupancy.visit[word])
@@ -73,7 +75,7 @@ def visitor(occupancy, vertex, step, visit):
 def _install(store, occupancy, record):
     """Put a robot on its path; False when the path is longer than the tables."""
     busy, visit, after = occupancy.busy, occupancy.visit, occupancy.after
-    num_robots, words = len(occupancy.record), len(busy) // len(occupancy.since)
+    num_robots, words = len(occupancy.record), occupancy.words
     robot, path0, cost = store.meta[record].robot, store.meta[record].path0, store.meta[record].cost
     if cost >= WORD * words:
         return False
@@ -98,7 +100,7 @@ def uninstall(store, occupancy, robot):
     if record < 0:
         return
     busy, visit, after = occupancy.busy, occupancy.visit, occupancy.after
-    num_robots, words = len(occupancy.record), len(busy) // len(occupancy.since)
+    num_robots, words = len(occupancy.record), occupancy.words
     path0, cost = store.meta[record].path0, store.meta[record].cost
     for t in range(cost):
         word = np.int64(store.path[path0 + t]) * words + (t >> 5)

@@ -38,6 +38,15 @@ class Intervals(NamedTuple):
     count: np.ndarray  # [3] int64, intervals, entries of `barred` and of `left` in use
 
 
+class UnitLanes(NamedTuple):
+    """Lanes of a graph that are driven in one step each, and what must not happen on them at once."""
+
+    first: np.ndarray  # [V + 1] int64, lanes that leave each vertex
+    head: np.ndarray  # [L] int64
+    clashes: Clashes
+    following: bool  # whether a vertex must be free for a step before it is entered
+
+
 class SippScratch(NamedTuple):
     """Scratch of a search, by interval."""
 
@@ -138,16 +147,17 @@ def _block(intervals, v, begin, end):
 
 
 @kernel
-def reserve(first, head, clashes, intervals, path, length, until):
+def reserve(lanes, intervals, path, length, until):
     """Take the vertices of a path away, the last one until a step, and what clashes with its moves; False when there is no room."""
-    vertices, lanes = length, 0
+    first, head, clashes, _ = lanes
+    num_vertices, num_lanes = length, 0
     if clashes.any:
         for t in range(1, length + 1):
             move = move_of(first, head, path[t - 1], path[min(t, length - 1)])
-            vertices += clashes.vertex_first[move + 1] - clashes.vertex_first[move]
-            lanes += clashes.lane_first[move + 1] - clashes.lane_first[move]
+            num_vertices += clashes.vertex_first[move + 1] - clashes.vertex_first[move]
+            num_lanes += clashes.lane_first[move + 1] - clashes.lane_first[move]
     count = intervals.count
-    if count[0] + vertices > len(intervals.span) or count[1] + lanes > len(intervals.barred):
+    if count[0] + num_vertices > len(intervals.span) or count[1] + num_lanes > len(intervals.barred):
         return False
     if not clashes.rotations and count[2] + length > len(intervals.left):
         return False
@@ -211,21 +221,15 @@ def _closes_ring(intervals, u, v, step):
 
 
 @kernel
-def find_path(first, head, distance, start, goal, following, clashes, intervals, scratch, path):
+def find_path(lanes, distance, start, goal, intervals, scratch, path):
     """The earliest way to the goal, to stay.
 
     Parameters
     ----------
-    first, head
-        Lanes that leave each vertex.
     distance
         [V] steps to the goal.
     start, goal
         Vertices.
-    following
-        Whether a vertex must be free for a step before it is entered.
-    clashes
-        Of the moves of the graph.
     intervals, scratch
         Where others are not.
     path
@@ -236,6 +240,7 @@ def find_path(first, head, distance, start, goal, following, clashes, intervals,
     code, length
         OK and the number of steps written, NO_PATH, or SCRATCH_FULL when path or heap are too short.
     """
+    first, head, clashes, following = lanes
     scratch.searches[0] += 1
     now = scratch.searches[0]
     if distance[start] >= UNREACHABLE or intervals.span[start].begin != 0 or intervals.span[start].end < 0:

@@ -17,15 +17,16 @@ from mrp_sumo.search._constraints import (
     LAST_MUST,
     LATEST,
     STAMP,
+    ConstraintScratch,
     is_forbidden,
     load,
     put,
 )
 from mrp_sumo.search._disturbance import count_visits_from, is_taken, num_disturbed, num_too_close
-from mrp_sumo.search._earliest import earliest_arrival
+from mrp_sumo.search._earliest import NO_EDGE, earliest_arrival
 from mrp_sumo.search._kernel import kernel
-from mrp_sumo.search._occupancy import uninstall
-from mrp_sumo.search._records import FOREVER, NO_PATH, OK, OUT_OF_BUDGET, PATH, SCRATCH_FULL, STORE_FULL
+from mrp_sumo.search._occupancy import Occupancy, uninstall
+from mrp_sumo.search._records import FOREVER, NO_PATH, OK, OUT_OF_BUDGET, PATH, SCRATCH_FULL, STORE_FULL, SearchInstance, Store
 
 PATIENCE = 500  # expansions that are always spent on disturbing few robots
 HURRY = 8  # steps of delay that a robot takes then to disturb one robot less
@@ -33,6 +34,24 @@ MOST_DISTURBED = 255  # beyond, paths count as equal, whomever they disturb
 
 # what a state's label ends in, after the number of robots disturbed
 WAITING, EXPANDED, FINISH = 0, 1, 2
+
+
+class TreeTables(NamedTuple):
+    """What a constraint tree's kernels work on: the graph, the records, where robots are, and buffers."""
+
+    instance: SearchInstance
+    store: Store
+    occupancy: Occupancy
+    scratch: ConstraintScratch
+
+
+class ReplanEffort(NamedTuple):
+    """What a robot is replanned with."""
+
+    w: float  # the path costs at most w times the least cost, or w times `lower`
+    lower: int  # a known lower bound
+    patience: int  # expansions a step of the least cost to spend on disturbing few robots, before the first path there is is taken
+    budget: int  # expansions allowed for finding that
 
 
 class _Window(NamedTuple):
@@ -82,13 +101,13 @@ def _is_no_better(state, e, num_states, vertex, step, disturbs):
 
 
 @kernel(allocates=False)
-def find_path(instance, store, occupancy, scratch, robot, least, bound, hurry, budget):
+def find_path(tables, robot, least, bound, hurry, budget):
     """The path of a cost of at most `bound` that disturbs fewest, under the constraints laid out.
 
     Parameters
     ----------
-    instance, store, occupancy, scratch
-        The graph, the records, the other robots, buffers; the searching robot is not installed.
+    tables
+        See `TreeTables`; the searching robot is not installed.
     robot
         Who searches.
     least
@@ -105,17 +124,17 @@ def find_path(instance, store, occupancy, scratch, robot, least, bound, hurry, b
     code, state
         OK and the last state, from which `BEFORE` leads back.
     """
+    instance, store, occupancy, scratch = tables
     start, goal, distance = instance.start[robot], instance.goal[robot], instance.distance[instance.row[robot]]
     first, head, following, near = instance.first, instance.head, instance.following, instance.clashes.any
     state, top, visited, later = scratch.state, scratch.top, scratch.visited, scratch.later
     stamp, last_must, earliest = scratch.number[STAMP], scratch.limit[LAST_MUST], scratch.limit[EARLIEST]
-    words = len(occupancy.busy) // len(occupancy.since)
     shortest = np.int64(distance[start])
     fits, window = _window(scratch, len(first) - 1, shortest, np.int64(least), np.int64(bound))
     if not fits:
         return SCRATCH_FULL, np.int64(-1)
     last_visit = count_visits_from(occupancy, goal, shortest, later)
-    put(state, top, 0, start, 0, -1, WAITING, 0)
+    put(scratch, 0, start, 0, -1, WAITING, 0)
     visited[start << window.shift] = 0
     num_states = 1
     bucket, highest = np.int64(0), np.int64(0)
@@ -148,7 +167,7 @@ def find_path(instance, store, occupancy, scratch, robot, least, bound, hurry, b
             # the robot may stay in the way, or go on
             disturbs_here = disturbs + later[t]
             to = _bucket(window, hurry, len(top), t - shortest, 0, disturbs_here)
-            put(state, top, num_states, u, t, k, (disturbs_here << 2) | FINISH, to)
+            put(scratch, num_states, u, t, k, (disturbs_here << 2) | FINISH, to)
             highest, bucket = max(highest, to), min(bucket, to)
             num_states += 1
         spent += 1
@@ -156,21 +175,21 @@ def find_path(instance, store, occupancy, scratch, robot, least, bound, hurry, b
             code = OUT_OF_BUDGET
             break
         step = t + 1
-        u_is_taken = is_taken(occupancy, words, u, step)
+        u_is_taken = is_taken(occupancy, u, step)
         for lane in range(lanes_begin, lanes_end + 1):
             v = head[lane] if lane < lanes_end else u
             to_go = np.int64(distance[v])
             delay = step + to_go - shortest
             if delay > window.latest - shortest or is_forbidden(scratch, stamp, last_must, u, v, step):
                 continue
-            disturbs_there = disturbs + num_disturbed(store, occupancy, words, u, v, step, u_is_taken, following)
+            disturbs_there = disturbs + num_disturbed(store, occupancy, u, v, step, u_is_taken, following)
             if near:
-                disturbs_there += num_too_close(instance, occupancy, words, lane if lane < lanes_end else len(head) + u, step)
+                disturbs_there += num_too_close(instance, occupancy, lane if lane < lanes_end else len(head) + u, step)
             cell = (v << window.shift) + delay
             if _is_no_better(state, np.int64(visited[cell]), num_states, v, step, disturbs_there):
                 continue
             to = _bucket(window, hurry, len(top), delay, to_go, disturbs_there)
-            put(state, top, num_states, v, step, k, disturbs_there << 2, to)
+            put(scratch, num_states, v, step, k, disturbs_there << 2, to)
             highest, bucket = max(highest, to), min(bucket, to)
             visited[cell] = num_states
             num_states += 1
@@ -180,27 +199,24 @@ def find_path(instance, store, occupancy, scratch, robot, least, bound, hurry, b
 
 
 @kernel(allocates=False)
-def replan(instance, store, occupancy, scratch, record, w, lower, patience, budget):
+def replan(tables, record, effort):
     """Find the path of a record under its constraints, and write it to the store.
 
     Parameters
     ----------
-    instance, store, occupancy, scratch
-        As above.
+    tables
+        See `TreeTables`.
     record
         With its constraints.
-    w, lower
-        The path costs at most w times the least cost, or w times `lower`, a known lower bound.
-    patience
-        Expansions a step of the least cost to spend on disturbing few robots, before the first path there is is taken.
-    budget
-        Expansions allowed for finding that.
+    effort
+        What may be spent on it.
 
     Returns
     -------
     code
         OK, or why there is none (yet).
     """
+    instance, store, occupancy, scratch = tables
     robot = store.meta[record].robot
     code = load(instance, store, scratch, record)
     if code != OK:
@@ -208,7 +224,7 @@ def replan(instance, store, occupancy, scratch, record, w, lower, patience, budg
     if occupancy.record[robot] >= 0:
         uninstall(store, occupancy, robot)
     distance = instance.distance[instance.row[robot]]
-    code, least, end = earliest_arrival(instance, scratch, instance.start[robot], instance.goal[robot], distance, True, -1, -1, budget)
+    code, least, end = earliest_arrival(instance, scratch, instance.start[robot], distance, True, NO_EDGE, effort.budget)
     if code != OK:
         return code
     begin = store.used[PATH]
@@ -221,12 +237,12 @@ def replan(instance, store, occupancy, scratch, record, w, lower, patience, budg
             store.path[begin + t] = state[end].vertex
         until = state[end].step - 1
         end = state[end].before
-    if patience > 0:
-        bound = np.int64(min(w * max(least, lower) + 1e-9, FOREVER // 4))
-        polite = min(budget, PATIENCE + patience * least)
-        code, end = find_path(instance, store, occupancy, scratch, robot, least, bound, False, polite)
+    if effort.patience > 0:
+        bound = np.int64(min(effort.w * max(least, effort.lower) + 1e-9, FOREVER // 4))
+        polite = min(effort.budget, PATIENCE + effort.patience * least)
+        code, end = find_path(tables, robot, least, bound, False, polite)
         if code == OUT_OF_BUDGET:
-            code, end = find_path(instance, store, occupancy, scratch, robot, least, bound, True, polite)
+            code, end = find_path(tables, robot, least, bound, True, polite)
         if code == OK:
             if state[end].label & 3 == FINISH:
                 end = state[end].before
@@ -241,5 +257,5 @@ def replan(instance, store, occupancy, scratch, record, w, lower, patience, budg
     store.used[PATH] = begin + cost + 1
     store.meta[record].path0 = begin
     store.meta[record].cost = cost
-    store.meta[record].bound = min(max(least, lower), cost)
+    store.meta[record].bound = min(max(least, effort.lower), cost)
     return OK

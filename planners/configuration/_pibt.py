@@ -2,8 +2,9 @@
 
 Source: Okumura, Machida, Défago, Tamura, "Priority inheritance with backtracking for iterative multi-agent
 path finding", AIJ 2022, algorithm 1; the paper's names are in brackets; two robots that meet in a corridor change
-places at the next fork after Okumura, "Improving LaCAM for scalable eventually optimal multi-agent pathfinding", IJCAI 2023. `pibt.Step`
-is the same algorithm in plain Python. Here the recursion is a stack, since a compiled recursive function cannot be stored.
+places at the next fork after Okumura, "Improving LaCAM for scalable eventually optimal multi-agent pathfinding", IJCAI 2023.
+`tests/plain_pibt.py` is the same algorithm in plain Python. Here the recursion is a stack, since a compiled recursive function cannot be
+stored.
 
 Where rings may not move at once, a move that would close one is refused when it is proposed. Where following is
 refused, a robot still pushes whoever stands on the vertex that it wants, but waits until that robot has gone. It does so too

@@ -1,33 +1,12 @@
 """Kernel of a constraint tree's step: one robot replanned under more constraints, and whom it is in conflict with then."""
 
-from typing import NamedTuple
-
 import numpy as np
 
 from mrp_sumo.search._conflicts import conflicts_of
-from mrp_sumo.search._constraints import ConstraintScratch
 from mrp_sumo.search._kernel import kernel
-from mrp_sumo.search._occupancy import Occupancy, install_all
-from mrp_sumo.search._records import CONSTRAINT, OK, RECORDS, STORE_FULL, SearchInstance, Store, add_record
+from mrp_sumo.search._occupancy import install_all
+from mrp_sumo.search._records import CONSTRAINT, OK, RECORDS, STORE_FULL, add_record
 from mrp_sumo.search._space_time import replan
-
-
-class TreeTables(NamedTuple):
-    """What a tree's kernels work on."""
-
-    instance: SearchInstance
-    store: Store
-    occupancy: Occupancy
-    scratch: ConstraintScratch
-
-
-class ReplanEffort(NamedTuple):
-    """What a robot is replanned with; see `replan`."""
-
-    w: float
-    lower: int
-    patience: int
-    budget: int
 
 
 @kernel
@@ -50,13 +29,13 @@ def branch(tables, records, conflicts, robot, rows, effort):
     code, record, conflicts
         OK, the new record of the robot, the conflicts of the node with it; nothing is kept otherwise.
     """
-    instance, store, occupancy, scratch = tables
+    instance, store, occupancy, _ = tables
     record = add_record(store, records[robot], robot, rows[0], rows[1])
     if record < 0:
         return STORE_FULL, record, conflicts
     code = install_all(store, occupancy, records, robot)
     if code == OK:
-        code = replan(instance, store, occupancy, scratch, record, effort.w, effort.lower, effort.patience, effort.budget)
+        code = replan(tables, record, effort)
     if code != OK:
         store.used[RECORDS] -= 1
         return code, np.int64(-1), conflicts

@@ -14,7 +14,7 @@ from mrp_sumo.search._kernel import kernel
 from mrp_sumo.search._mdd import mdd_of
 from mrp_sumo.search._occupancy import install_all
 from mrp_sumo.search._records import NO_PATH, OK, STORE_FULL, add_record
-from mrp_sumo.search._space_time import replan
+from mrp_sumo.search._space_time import ReplanEffort, replan
 from planners.conflict_based._symmetry import CARDINAL, choose
 
 PAIR_PATIENCE = 20
@@ -101,7 +101,7 @@ def _solve_pair(tables, one, other, most_nodes, budget):
             code = install_all(store, occupancy, records, robot)
             if code != OK:
                 break
-            code = replan(instance, store, occupancy, scratch, record, 1.0, store.meta[parent].cost, patience, budget)
+            code = replan(tables, record, ReplanEffort(1.0, store.meta[parent].cost, patience, budget))
             if code == NO_PATH:
                 code = OK
                 continue

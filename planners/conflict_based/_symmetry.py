@@ -346,7 +346,7 @@ def _steps_without(instance, scratch, end, ban_u, ban_v):
 def _arrival(instance, scratch, start, end, ban_u, ban_v):
     """The earliest step at `end` under the loaded constraints, FOREVER if never; a lower bound when it takes too long."""
     _steps_without(instance, scratch, end, ban_u, ban_v)
-    code, cost, _ = earliest_arrival(instance, scratch, start, end, scratch.reach, False, ban_u, ban_v, CORRIDOR_BUDGET)
+    code, cost, _ = earliest_arrival(instance, scratch, start, scratch.reach, False, (ban_u, ban_v), CORRIDOR_BUDGET)
     return np.int64(FOREVER) if code == NO_PATH else np.int64(cost)
 
 

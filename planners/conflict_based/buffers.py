@@ -94,7 +94,7 @@ class Buffers:
 
     def _measure(self) -> None:
         tables = (*self.store, *self.scratch, *self.occupancy, *(self._pair or ()))
-        self._table_bytes: int = sum(array.nbytes for array in tables)
+        self._table_bytes: int = sum(table.nbytes for table in tables if isinstance(table, np.ndarray))
 
 
 def _longer(array: Any) -> Any:

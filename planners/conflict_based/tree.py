@@ -21,11 +21,12 @@ from mrp_sumo.planning.answers import deadline_of
 from mrp_sumo.search import _records as st
 from mrp_sumo.search._conflicts import CONFLICT, MEET, SWAP
 from mrp_sumo.search._constraints import EXPANSIONS
+from mrp_sumo.search._space_time import ReplanEffort, TreeTables
 from mrp_sumo.search.distance import distances
 from mrp_sumo.search.solvable import unsolvable
 from mrp_sumo.traffic.clashes import clashes_of
 from planners.conflict_based._cover import cover
-from planners.conflict_based._nodes import ReplanEffort, TreeTables, all_rows, branch, same_path
+from planners.conflict_based._nodes import all_rows, branch, same_path
 from planners.conflict_based._pairs import IMPOSSIBLE, pair_weight
 from planners.conflict_based._symmetry import choose
 from planners.conflict_based.buffers import Buffers
@@ -197,8 +198,8 @@ class Tree:
         """For each conflict of some robots with another one, that one."""
         sides = self._sides(node, robots)
         beside = sides[:, 0] != sides[:, 1]
-        found: list[int] = _pairs_of(node.conflicts[beside])[~sides[beside]].tolist()
-        return found
+        pairs: list[int] = _pairs_of(node.conflicts[beside])[~sides[beside]].tolist()
+        return pairs
 
     def _sides(self, node: ConflictNode, robots: set[int]) -> NDArray[np.bool_]:
         """[K, 2] whether the one, and the other, robot of each conflict is one of some robots."""
@@ -348,13 +349,13 @@ class Tree:
         conflicts = node.conflicts if within is None else node.conflicts[self.conflicts_within(node, within)]
         for pair in sorted({(one, other) if one < other else (other, one) for one, other in _pairs_of(conflicts).tolist()}):
             key = (alike[pair[0]], alike[pair[1]])
-            found = self._weights.get(key)
-            if found is None:
-                found = self._weights[key] = self._pair_weight(records[pair[0]], records[pair[1]])
-            if found >= IMPOSSIBLE:
-                return found
-            if found:
-                groups[pair] = found
+            weight = self._weights.get(key)
+            if weight is None:
+                weight = self._weights[key] = self._pair_weight(records[pair[0]], records[pair[1]])
+            if weight >= IMPOSSIBLE:
+                return weight
+            if weight:
+                groups[pair] = weight
             for robots, known in self._clusters.get(pair, {}).items():
                 if robots not in groups and (not within or within.issuperset(robots)):
                     weight = known.get(tuple([alike[robot] for robot in robots]))
@@ -395,11 +396,11 @@ class Tree:
     def paths(self, node: ConflictNode) -> list[IntArray]:
         """[R] the vertex of each robot at each step."""
         store = self._buffers.store
-        found = []
+        paths = []
         for record in node.records:
             begin, cost = store.meta["path0"][record], store.meta["cost"][record]
-            found.append(store.path[begin : begin + cost + 1].astype(np.int64))
-        return found
+            paths.append(store.path[begin : begin + cost + 1].astype(np.int64))
+        return paths
 
     def check_clock(self) -> None:
         """Raise OutOfReach when the time is up, memory runs short, or the effort is used up."""

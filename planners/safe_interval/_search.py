@@ -15,7 +15,8 @@ from mrp_sumo.search._heap import pop, push
 from mrp_sumo.search._kernel import kernel
 from mrp_sumo.search._records import FOREVER, NO_PATH, OK, OUT_OF_BUDGET, SCRATCH_FULL
 from planners.safe_interval._rays import steps_of_last_turn, steps_of_turn
-from planners.safe_interval._table import first_after, next_begin
+from planners.safe_interval._table import ReservationTable, first_after, next_begin
+from planners.safe_interval.moves import Moves
 
 GUARD = 2  # steps before which what is needed is taken
 FAR = 1 << 29  # no way to the goal
@@ -55,6 +56,25 @@ class IntervalScratch(NamedTuple):
     work: np.ndarray  # [5] states and entries so far, over all searches; of `find` when the goal is free for ever, `latest`, last turn
 
 
+class Trip(NamedTuple):
+    """Where a robot is, and where it is to stand."""
+
+    start: int
+    start_heading: float  # rad, NaN where the robot is turned as it sets out
+    goal: int
+    goal_heading: float  # rad, to which it turns at its goal, NaN where it stays as it comes
+
+
+class Ground(NamedTuple):
+    """What a search goes by: the moves of a robot on L lanes, what others hold, and what is left to the goal, see `steps_left`."""
+
+    moves: Moves
+    table: ReservationTable
+    at_rest: np.ndarray  # [L] int32
+    facing: np.ndarray  # [L] int32
+    weight: float  # the way takes at most so many times the steps of the earliest one
+
+
 def new_scratch(states: int, num_lanes: int) -> IntervalScratch:
     """Room for so many states, and four times as many entries, on a graph of so many lanes."""
     index = [np.zeros(states, np.int64) for _ in range(7)]
@@ -76,15 +96,17 @@ def new_scratch(states: int, num_lanes: int) -> IntervalScratch:
 
 
 @kernel(allocates=False)
-def steps_left(moves, goal, goal_heading, at_rest, facing, lanes_best, stack, heap):
+def steps_left(moves, end, at_rest, facing, lanes_best, stack, heap):
     """Steps to the goal without others: `at_rest` [L] after each lane, `facing` [L] at its tail and turned towards it.
 
-    `goal_heading` is NaN where any will do; `lanes_best` [L] and `stack` [L + 1] are scratch. Returns False where the heap has no room.
+    `end` are the goal and the heading there, NaN where any will do; `lanes_best` [L] and `stack` [L + 1] are scratch. Returns False where
+    the heap has no room.
 
     Where all lanes have one speed limit, a longer run takes fewer steps for each lane more, and no run fewer than at top speed. So where
     a run along a ray is no better than a longer one, neither is it from any place behind; nor where it is worse than a shorter one by
     more than the latter has saved by not driving at top speed yet.
     """
+    goal, goal_heading = end
     at_rest[:] = FAR
     facing[:] = FAR
     count = 0
@@ -207,7 +229,7 @@ def without(table, q, taken, left, gap, num):
             gap[1, count] = high
             count += 1
             continue
-        return split(table, q, taken, left, gap, num, i, count)
+        return split(table, q, (taken, left), gap, num, i, count)
     return count
 
 
@@ -219,8 +241,9 @@ def is_held_after(table, q, t):
 
 
 @kernel(allocates=False)
-def split(table, q, taken, left, gap, num, i, count):
+def split(table, q, needed, gap, num, i, count):
     """The rest of `without`, from gap i on, where some has to be taken away."""
+    taken, left = needed
     for j in range(i, num):
         gap[2, j] = gap[0, j]
         gap[3, j] = gap[1, j]
@@ -275,29 +298,22 @@ def latest_start(moves, table, scratch, state, ray, lanes):
 
 
 @kernel(allocates=False)
-def find(moves, table, start, start_heading, goal, goal_heading, at_rest, facing, most, latest, weight, scratch):
+def find(ground, trip, most, latest, scratch):
     """The earliest way to a goal, to stay, for a robot that stands at its start from step 0 on.
 
     Parameters
     ----------
-    start_heading
-        NaN where the robot is turned as it sets out.
-    goal_heading
-        To which it turns at its goal, NaN where it stays as it comes.
-    at_rest, facing
-        See `steps_left`.
     most
         Entries to look at before the search is given up.
     latest
         Step after which it is of no use to be there.
-    weight
-        The way takes at most so many times the steps of the earliest one.
 
     Returns
     -------
     code, state
         OK and the last state, NO_PATH, SCRATCH_FULL or OUT_OF_BUDGET. The steps of the last turn are in `scratch.work[4]`.
     """
+    (moves, table, at_rest, facing, weight), (start, start_heading, goal, goal_heading) = ground, trip
     scratch.searches[0] += 1
     until = safe_until(moves, table, start, 0)
     if until <= 0:
@@ -367,13 +383,12 @@ def find(moves, table, start, start_heading, goal, goal_heading, at_rest, facing
                 bound = arrived + turn + facing[out]
                 if bound > scratch.work[3]:
                     continue
-                entries, count = push_entry(
-                    scratch, state, out, 0, bound, arrived + turn, arrived, turn + facing[out], weight, entries, count
-                )
+                rank = priority(arrived, turn + facing[out], weight, scratch.work[2])
+                entries, count = push_entry(scratch, (state, out, 0), bound, arrived + turn, rank, entries, count)
             continue
         if entries + 4 * moves.length[ray] + 64 >= len(scratch.entry) or states + 2 * moves.length[ray] + 64 >= len(scratch.lane):
             return SCRATCH_FULL, 0
-        states, entries, count = expand_ray(moves, table, at_rest, e, now, mask, weight, states, entries, count, scratch)
+        states, entries, count = expand_ray(ground, scratch, e, states, entries, count)
     scratch.work[0] += states
     scratch.work[1] += looked
     return NO_PATH, 0
@@ -386,11 +401,12 @@ def priority(spent, left, weight, floor):
 
 
 @kernel(inline="always", allocates=False)
-def push_entry(scratch, state, ray, lanes, bound, step, spent, left, weight, entries, count):
-    """Add an entry, for which there is room, by what is spent when the robot goes on and what is left."""
+def push_entry(scratch, run, bound, step, rank, entries, count):
+    """Add an entry, for which there is room, by its `priority`. A run is a state, a ray and a number of lanes."""
     entry = scratch.entry[entries]
-    entry.state, entry.ray, entry.lanes, entry.bound, entry.step = state, ray, lanes, bound, step
-    push(scratch.heap, count, (priority(spent, left, weight, scratch.work[2]) << 24) | (LAST_ENTRY - entries))
+    entry.state, entry.ray, entry.lanes = run
+    entry.bound, entry.step = bound, step
+    push(scratch.heap, count, (rank << 24) | (LAST_ENTRY - entries))
     return entries + 1, count + 1
 
 
@@ -399,7 +415,7 @@ def push_last_turn(scratch, state, arrived, turn, weight, entries, count):
     """Add an entry for a robot that stays at its goal and turns there, if that is of use and there is room."""
     if arrived + turn > scratch.work[3] or entries >= len(scratch.entry):
         return entries, count
-    return push_entry(scratch, state, TURN, 0, 0, turn, arrived, turn, weight, entries, count)
+    return push_entry(scratch, (state, TURN, 0), 0, turn, priority(arrived, turn, weight, scratch.work[2]), entries, count)
 
 
 @kernel(inline="always", allocates=False)
@@ -418,8 +434,9 @@ def key_place(scratch, key, now, mask):
 
 
 @kernel(allocates=False)
-def expand_ray(moves, table, at_rest, e, now, mask, weight, states, entries, count, scratch):
+def expand_ray(ground, scratch, e, states, entries, count):
     """Add the states at the ends of those runs of a ray that could be the best by now, and an entry for the others."""
+    moves, table, at_rest, weight, now = ground.moves, ground.table, ground.at_rest, ground.weight, scratch.searches[0]
     state, ray, only = scratch.entry[e].state, scratch.entry[e].ray, scratch.entry[e].lanes
     bound, ready = scratch.entry[e].bound, scratch.entry[e].step
     arrived = scratch.arrived[state]
@@ -490,23 +507,41 @@ def expand_ray(moves, table, at_rest, e, now, mask, weight, states, entries, cou
             ):  # no better than that one
                 later = scratch.seen[lane].until + 1 - taken
                 if later <= gap[1, num - 1]:
-                    entries, count = push_later(scratch, state, ray, lanes, later, moves.time[run], at_rest[lane], weight, entries, count)
+                    takes = moves.time[run], np.int64(at_rest[lane])
+                    entries, count = push_later(scratch, (state, ray, lanes), later, takes, weight, entries, count)
             else:
-                states, entries, count = arrive(
-                    moves, table, at_rest, state, ray, lanes, lane, taken, num, waiting, now, mask, weight, states, entries, count, scratch
-                )
+                sizes = states, entries, count
+                states, entries, count = arrive(ground, scratch, (state, ray, lanes), taken, num, waiting, sizes)
         begin_m = end_m
         before = lane
         lane = moves.onward[lane]
     if following <= scratch.work[3]:
-        entries, count = push_entry(scratch, state, ray, 0, following, ready, arrived, following - arrived, weight, entries, count)
+        rank = priority(arrived, following - arrived, weight, scratch.work[2])
+        entries, count = push_entry(scratch, (state, ray, 0), following, ready, rank, entries, count)
     return states, entries, count
 
 
 @kernel(allocates=False)
-def arrive(moves, table, at_rest, state, ray, lanes, lane, taken, num, waiting, now, mask, weight, states, entries, count, scratch):
-    """Add the earliest state at the end of one run, and an entry for the later ones."""
+def arrive(ground, scratch, way, taken, num, waiting, sizes):
+    """Add the earliest state at the end of one run, and an entry for the later ones.
+
+    Parameters
+    ----------
+    way
+        State, ray and number of lanes.
+    taken
+        Step of the run at which its last lane is taken.
+    num, waiting
+        How many gaps there are, and resources that are held at the end of the run.
+    sizes
+        Numbers of states, entries and keys of the heap, which are returned as they are then.
+    """
+    (moves, table, at_rest, _, weight), (state, ray, lanes), (states, entries, count) = ground, way, sizes
+    now, mask = scratch.searches[0], len(scratch.key) - 1
     run = moves.run_first[moves.course[ray]] + lanes - 1
+    lane = ray
+    for _ in range(lanes - 1):
+        lane = np.int64(moves.onward[lane])
     time, v = moves.time[run], moves.head[lane]
     latest = latest_start(moves, table, scratch, state, ray, lanes)
     gap, pending, pending_m = scratch.gap, scratch.pending, scratch.pending_m
@@ -553,22 +588,25 @@ def arrive(moves, table, at_rest, state, ray, lanes, lane, taken, num, waiting, 
                 scratch.ray[states] = ray
                 scratch.lanes[states] = lanes
                 scratch.left[states] = at
-                entries, count = push_entry(scratch, states, EXPAND, 0, 0, 0, there, at_rest[lane], weight, entries, count)
+                rank = priority(there, np.int64(at_rest[lane]), weight, scratch.work[2])
+                entries, count = push_entry(scratch, (states, EXPAND, 0), 0, 0, rank, entries, count)
                 scratch.seen[lane].search, scratch.seen[lane].step, scratch.seen[lane].until = now, there, until
                 states += 1
             later = until + 1 - taken  # at the earliest: what ends the safe interval takes a step at least
             if later <= latest and until < FOREVER:
-                entries, count = push_later(scratch, state, ray, lanes, later, time, at_rest[lane], weight, entries, count)
+                entries, count = push_later(scratch, way, later, (time, np.int64(at_rest[lane])), weight, entries, count)
             return states, entries, count
     return states, entries, count
 
 
 @kernel(inline="always", allocates=False)
-def push_later(scratch, state, ray, lanes, later, time, left, weight, entries, count):
-    """Add an entry for a run that sets out at a step or later, takes so long, and after which so much is left."""
-    if later + time + left > scratch.work[3]:
+def push_later(scratch, run, later, takes, weight, entries, count):
+    """Add an entry for a run that sets out at a step or later; it takes so long, and so much is left after it."""
+    time, left = takes
+    bound = later + time + left
+    if bound > scratch.work[3]:
         return entries, count
-    return push_entry(scratch, state, ray, lanes, later + time + left, later, later + time, left, weight, entries, count)
+    return push_entry(scratch, run, bound, later, priority(later + time, left, weight, scratch.work[2]), entries, count)
 
 
 @kernel

@@ -6,7 +6,7 @@ from mrp_sumo.core.clashes import no_clashes
 from mrp_sumo.core.graph import IntArray, frozen
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.search._records import OK, SCRATCH_FULL
-from mrp_sumo.search._sipp import FOREVER, find_path, new_intervals, reserve, reset, with_double_room
+from mrp_sumo.search._sipp import FOREVER, UnitLanes, find_path, new_intervals, reserve, reset, with_double_room
 from mrp_sumo.search.distance import steps_to_targets
 from mrp_sumo.traffic.clashes import clashes_of
 
@@ -17,12 +17,12 @@ class Reservations:
     def __init__(self, problem: Problem, *, following: bool) -> None:
         """`following` is whether a vertex must be free for a step before it is entered."""
         self._window = problem.window_steps
-        self._first, self._head, self._table = problem.graph.first, problem.graph.head, steps_to_targets(problem)
-        self._start, self._goal, self._following = problem.start, problem.target, following
-        self._num_vertices, self._clashes = problem.graph.num_vertices, clashes_of(problem)
+        self._table, self._start, self._goal = steps_to_targets(problem), problem.start, problem.target
+        self._lanes = UnitLanes(problem.graph.first, problem.graph.head, clashes_of(problem), following)
+        self._num_vertices = problem.graph.num_vertices
         self.least = self._table[np.arange(problem.num_robots), problem.start]  # [R] steps of each robot's shortest path
         room = 4 * (self._num_vertices + int(self.least.sum()) + 64)
-        self._intervals, self._scratch = new_intervals(self._num_vertices, problem.graph.num_lanes, room, self._clashes)
+        self._intervals, self._scratch = new_intervals(self._num_vertices, problem.graph.num_lanes, room, self._lanes.clashes)
         self._path = np.empty(2 * self._num_vertices + int(self.least.max(initial=0)) + 64, np.int64)
         self.labels = 0  # of all searches, each counted as one for each vertex
 
@@ -37,13 +37,11 @@ class Reservations:
         """
         self.labels += self._num_vertices
         while True:
-            code, length = find_path(
-                self._first, self._head, self._table[robot], self._start[robot], self._goal[robot], self._following,
-                self._clashes, self._intervals, self._scratch, self._path,
-            )  # fmt: skip
+            ends = self._start[robot], self._goal[robot]
+            code, length = find_path(self._lanes, self._table[robot], *ends, self._intervals, self._scratch, self._path)
             kept = min(length, self._window + 1) if self._window else length
             until = self._window or FOREVER
-            if code == OK and reserve(self._first, self._head, self._clashes, self._intervals, self._path, kept, until):
+            if code == OK and reserve(self._lanes, self._intervals, self._path, kept, until):
                 return self._path[:kept].copy()
             if code not in (OK, SCRATCH_FULL):
                 return None
@@ -61,6 +59,6 @@ def prepare(*, following: bool) -> None:
     intervals, scratch = new_intervals(2, 1, 16, clashes)
     reset(2, intervals)
     path = np.zeros(8, np.int64)
-    lanes, distance = (frozen(np.array([0, 1, 1])), frozen(np.array([1]))), frozen(np.array([1, 0], np.int32))
-    find_path(*lanes, distance, np.int64(0), np.int64(1), following, clashes, intervals, scratch, path)
-    reserve(*lanes, clashes, intervals, path, 2, np.int64(FOREVER))
+    lanes, distance = UnitLanes(frozen(np.array([0, 1, 1])), frozen(np.array([1])), clashes, following), frozen(np.array([1, 0], np.int32))
+    find_path(lanes, distance, np.int64(0), np.int64(1), intervals, scratch, path)
+    reserve(lanes, intervals, path, 2, np.int64(FOREVER))

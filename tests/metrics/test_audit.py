@@ -178,7 +178,7 @@ def test_distances_of_turned_rectangles_equal_those_of_polygons():
         dx, dy = rng.uniform(-2, 2, 2)
         yaw_a, yaw_b = rng.uniform(-4, 4, 2)
         half_a, half_b = rng.uniform(0.1, 1.0, (2, 2))
-        signed = rectangle_distance(dx, dy, yaw_a, yaw_b, *half_a, *half_b)
+        signed = rectangle_distance(dx, dy, yaw_a, yaw_b, tuple(half_a), tuple(half_b))
         a, b = polygon(0, 0, yaw_a, half_a), polygon(dx, dy, yaw_b, half_b)
         assert max(signed, 0) == pytest.approx(a.distance(b), abs=1e-9)
         assert (signed < 0) == (a.intersection(b).area > 0)
@@ -202,7 +202,7 @@ def test_the_search_misses_no_pair_at_no_time(area_m, crowded):
             centres = np.hypot(xs[:, j] - xs[:, i], ys[:, j] - ys[:, i])
             moment = np.flatnonzero(centres < np.nanmin(centres) + 1.2)  # their circles' radii sum up to less
             columns = (v[moment] for v in (xs[:, j] - xs[:, i], ys[:, j] - ys[:, i], yaws[:, i], yaws[:, j]))
-            nearest[f"robot_{i}", f"robot_{j}"] = min(rectangle_distance(*row, 0.5, 0.25, 0.5, 0.25) for row in zip(*columns))
+            nearest[f"robot_{i}", f"robot_{j}"] = min(rectangle_distance(*row, (0.5, 0.25), (0.5, 0.25)) for row in zip(*columns))
     seen = {pair for pair, d in nearest.items() if d < -1e-6}
     told = {tuple(overlap["robots"]) for overlap in found["overlaps"]}
     assert (len(seen) > 5) == crowded and len(told) == found["num_overlaps"] < 20

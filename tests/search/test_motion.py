@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from stepped_motion import first_step_at, stepped_run, stepped_way, taken_step, turn_steps
+from stepped_motion import first_step_at, stepped_run, stepped_way, taken_step
 
-from mrp_sumo.search._motion import approach_speed, stop_speed
+from mrp_sumo.search._motion import approach_speed, stop_speed, turn_steps
 
 pytestmark = pytest.mark.kernel
 

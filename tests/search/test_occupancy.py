@@ -12,7 +12,7 @@ from mrp_sumo.maps.grid import grid_graph
 from mrp_sumo.search import _records as st
 from mrp_sumo.search._constraints import load
 from mrp_sumo.search._occupancy import MANY, ONE, WORD, install_all, steps_known, uninstall
-from mrp_sumo.search._space_time import FINISH, find_path
+from mrp_sumo.search._space_time import FINISH, TreeTables, find_path
 from planners.conflict_based.tree import Tree, limits
 
 pytestmark = pytest.mark.kernel
@@ -81,7 +81,7 @@ def test_search_disturbs_as_many_as_can_be_counted_on_its_path(seed, following):
         uninstall(store, occupancy, robot)
         assert load(tree.instance, store, scratch, record) == st.OK
         least = int(tree.instance.distance[robot, tree.instance.start[robot]])
-        code, end = find_path(tree.instance, store, occupancy, scratch, robot, least, least + 2, False, 1 << 20)
+        code, end = find_path(TreeTables(tree.instance, store, occupancy, scratch), robot, least, least + 2, False, 1 << 20)
         assert code == st.OK
         state = scratch.state
         if state[end].label & 3 == FINISH:  # counts besides who comes to the goal later

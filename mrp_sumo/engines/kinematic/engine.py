@@ -61,11 +61,9 @@ class KinematicEngine:
 
     def step(self, moving: BoolArray) -> list[str]:
         """See Engine."""
-        fleet, visits, speed, driven = self._fleet, self._visits, self._speed_mps, self.driven_m
+        fleet, speed, driven = self._fleet, self._speed_mps, self.driven_m
         if self._has_limits:
-            limits = self._graph.speed_mps
-            of_visits = (visits.next, visits.reached, visits.at_m, visits.lane)
-            lane_limits(self._dt, limits, fleet.decel_mps2, *of_visits, speed, driven, self._cap_mps)
+            lane_limits(self._dt, self._graph.speed_mps, fleet.decel_mps2, self._visits, speed, driven, self._cap_mps)
         move_bodies(self._dt, self._wanted_mps, fleet.accel_mps2, fleet.decel_mps2, self._cap_mps, speed, driven)
         return []
 

@@ -115,9 +115,8 @@ class SumoEngine:
 
     def _keep_limits(self) -> None:
         """Send speeds no higher than the lanes that robots are on, and those ahead, allow in the next step."""
-        visits, limits = self._visits, self._graph.speed_mps
-        of_visits = (visits.next, visits.reached, visits.at_m, visits.lane)
-        lane_limits(self._dt, limits, self._fleet.decel_mps2, *of_visits, self._speed_mps, self.driven_m, self._cap_mps)
+        limits, decel = self._graph.speed_mps, self._fleet.decel_mps2
+        lane_limits(self._dt, limits, decel, self._visits, self._speed_mps, self.driven_m, self._cap_mps)
         speed_mps = np.minimum(self._wanted_mps, self._cap_mps)
         self._send(np.flatnonzero(speed_mps != self._sent_mps).tolist(), speed_mps)
         self._sent_mps = speed_mps

@@ -44,9 +44,9 @@ def operations_audit(logs: Logs) -> dict[str, Any]:
         `passed`, and `findings` by time, of each rule at most `LISTED`: `rule`, `t_s`, `robot`, `place`, `order` (names, None where there
         is none) and `text`, a line for people.
     """
-    found = [finding for rule in RULES for finding in islice(rule(logs), LISTED)]
-    found.sort(key=lambda finding: finding.t_s)
-    return {"passed": not found, "findings": [finding._asdict() for finding in found]}
+    findings = [finding for rule in RULES for finding in islice(rule(logs), LISTED)]
+    findings.sort(key=lambda finding: finding.t_s)
+    return {"passed": not findings, "findings": [finding._asdict() for finding in findings]}
 
 
 def in_words(audited: dict[str, Any]) -> str:

@@ -138,9 +138,9 @@ class Logs:
         k = np.clip(np.floor(at + 1e-9).astype(np.int64), 0, len(t) - 1)
         after = np.minimum(k + 1, len(t) - 1)
         share = np.clip(at - k, 0.0, 1.0)
-        found = np.stack([column[k, robot] + share * (column[after, robot] - column[k, robot]) for column in (x, y)], 1)
-        found[~((t_s >= -EPS_S) & (t_s <= t[-1] + self.period_s))] = np.nan
-        return found
+        values = np.stack([column[k, robot] + share * (column[after, robot] - column[k, robot]) for column in (x, y)], 1)
+        values[~((t_s >= -EPS_S) & (t_s <= t[-1] + self.period_s))] = np.nan
+        return values
 
     def samples_between(self, begin_s: float, end_s: float) -> slice:
         """Those within a time, both ends left out where they are samples."""

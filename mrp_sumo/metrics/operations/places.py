@@ -221,8 +221,8 @@ def _cross(a: FloatArray, b: FloatArray, door: FloatArray) -> FloatArray:
     with np.errstate(divide="ignore", invalid="ignore"):
         u = (to[:, 0] * across[1] - to[:, 1] * across[0]) / turn
         w = (to[:, 0] * along[:, 1] - to[:, 1] * along[:, 0]) / turn
-    found: FloatArray = (u > 0) & (u <= 1) & (w >= 0) & (w <= 1)
-    return found
+    crosses: FloatArray = (u > 0) & (u <= 1) & (w >= 0) & (w <= 1)
+    return crosses
 
 
 def _passes(logs: Logs, door: FloatArray) -> Iterator[tuple[int, float]]:

@@ -6,12 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from stepped_motion import first_step_at, stepped_way, turn_steps
+from stepped_motion import first_step_at, stepped_way
 from worlds import drive
 
 from mrp_sumo.core.graph import nav_graph, plan_graph
 from mrp_sumo.core.motion import run_profile, time_s
 from mrp_sumo.core.robot_type import RobotType
+from mrp_sumo.search._motion import turn_steps
 
 DT_S = 0.1
 STOPS_BEFORE_M = 0.001  # a robot stops this far before the end of what it may drive

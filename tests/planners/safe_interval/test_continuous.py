@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from campaigns.noise import Worlds
 from scipy.spatial.distance import pdist
-from stepped_motion import stepped_run, turn_steps
+from stepped_motion import stepped_run
 from worlds import BURGER, CART, cross, graph_of, line, random_grid, square_grid
 
 from mrp_sumo.core.fleet import fleet_of
@@ -21,6 +21,7 @@ from mrp_sumo.errors import ScenarioError
 from mrp_sumo.metrics.audit import audit
 from mrp_sumo.metrics.referee_in_seconds import judge_in_seconds
 from mrp_sumo.planning.registry import planner
+from mrp_sumo.search._motion import turn_steps
 from mrp_sumo.traffic.draw import uniform_draw
 from mrp_sumo.traffic.referee import judge
 from mrp_sumo.traffic.resources import resources_of
@@ -70,7 +71,7 @@ def test_steps_left_are_the_least_over_all_sequences_of_runs_and_turns(limits, g
     moves = moves_of(graph, resources_of(graph, 0.5), limits, 0.1)
     at_rest, facing, lanes_best = (np.zeros(graph.num_lanes, np.int64) for _ in range(3))
     stack = np.zeros(graph.num_lanes + 1, np.int64)
-    assert steps_left(moves, 5, goal_heading, at_rest, facing, lanes_best, stack, np.zeros(4000, np.int64))
+    assert steps_left(moves, (5, goal_heading), at_rest, facing, lanes_best, stack, np.zeros(4000, np.int64))
     left = [0 if np.isnan(goal_heading) else turn_steps(wrapped(goal_heading - a), limits[3], 0.1) for a in moves.heading_rad]
     expected = np.where(graph.head == 5, left, FAR)
     for _ in range(40):  # Bellman's equations, over and over
