@@ -103,7 +103,7 @@ class Answer:
         if not (self.limits and self.reasons):
             return None
         best = self.limits.curve.best
-        return next(found for found in self.reasons if found.robots == best)
+        return next(reasons for reasons in self.reasons if reasons.robots == best)
 
     @property
     def spreadsheet(self) -> float | None:
@@ -116,41 +116,41 @@ class Answer:
     @property
     def notes(self) -> tuple[str, ...]:
         """Caveats that a reader should know before believing the figures."""
-        found = (
+        notes = (
             []
             if self.in_time
             else [f"{_minutes(self.question.effort.budget_s)} were over before all runs were made; the answer is from those that were"]
         )
         own = self.question.file.scenario.planner.name
         if self.planner != own and self.question.has_tasks:
-            found.append(f"planned with {self.planner}, since {own} left more than 1 % of its requests unanswered")
-        found += [f"{_robots(point.robots)}: not counted; {point.fault}" for point in self.unfit]
-        found += [f"the budget was too small for {text}" for text in self.left_out]
+            notes.append(f"planned with {self.planner}, since {own} left more than 1 % of its requests unanswered")
+        notes += [f"{_robots(point.robots)}: not counted; {point.fault}" for point in self.unfit]
+        notes += [f"the budget was too small for {text}" for text in self.left_out]
         if self.limits and not self.limits.rises:
-            found.append("throughput does not rise steadily up to its peak, so sizes between those of the grid were not tried")
+            notes.append("throughput does not rise steadily up to its peak, so sizes between those of the grid were not tried")
         if self.limits and self.points and not self.limits.measured:
-            found.append("the limits are of the runs on which sizes were chosen, and may be too narrow: there were no new ones")
+            notes.append("the limits are of the runs on which sizes were chosen, and may be too narrow: there were no new ones")
         if self.limits and self.served and _too_short(self.served):
-            found.append("runs are too short to tell whether orders are on time: most are due after the end; give a longer --horizon")
+            notes.append("runs are too short to tell whether orders are on time: most are due after the end; give a longer --horizon")
         short = [p.robots for p in self.points if self.limits and not p.is_steady]
         if short:
-            found.append(f"runs are too short to tell the warm-up with {_listed(short)} robots; the first half is left out there")
+            notes.append(f"runs are too short to tell the warm-up with {_listed(short)} robots; the first half is left out there")
         if self.limits and self.limits.first_deadlock is not None:
             point = self.limits.curve.points[self.limits.first_deadlock]
-            found.append(
+            notes.append(
                 f"robots blocked each other for good in {point.num_deadlocked} of {len(point.records)} runs with {point.robots} robots, "
                 "and in none with fewer"
             )
         if stalled := [f"{p.num_stalled} of {len(p.records)} runs with {_robots(p.robots)}" for p in self.points if p.num_stalled]:
-            found.append(f"work came to a stand for good in {', '.join(stalled)}, which count with what they did until then")
-        found += self.of_batteries
-        found += [
+            notes.append(f"work came to a stand for good in {', '.join(stalled)}, which count with what they did until then")
+        notes += self.of_batteries
+        notes += [
             f"SUMO does not confirm the {size.name} at {_robots(size.robots)}: {size.difference.second:.4g} instead of "
             f"{size.difference.first:.4g}"
             for size in self.confirmed
             if not size.agrees
         ]
-        return tuple(found)
+        return tuple(notes)
 
     @property
     def of_batteries(self) -> list[str]:
@@ -166,13 +166,13 @@ class Answer:
         point = self.limits.curve.points[self.limits.curve.best]
         charging = [run["batteries"] for run in point.observed if run["batteries"]]
         at_once = mean_of([of["charging"] for of in charging])
-        found = [f"{at_once:.1f} of {_robots(point.robots)} charge at a time, at {_places(cycle.places)}"]
+        lines = [f"{at_once:.1f} of {_robots(point.robots)} charge at a time, at {_places(cycle.places)}"]
         if cycle.charge_s > self.question.effort.horizon_s:
-            found.append(
+            lines.append(
                 f"a charge takes {_minutes(cycle.charge_s)}, longer than a run of {_minutes(self.question.effort.horizon_s)}: robots start "
                 f"at all points of a cycle of driving ({_minutes(cycle.drive_s)}) and charging, and none is followed through it"
             )
-        return found
+        return lines
 
     @property
     def sentence(self) -> str:
@@ -225,10 +225,10 @@ def answer_of(question: Question, recorded: Recorded, *, closed: bool = False) -
     """The answer, or None while runs are missing, and the trials that are wanted; of a study that is closed, from what there is."""
     desk = Desk(question, recorded, closed=closed)
     try:
-        found = _one_shot(desk) if not question.has_tasks else _lifelong(desk)
+        answer = _one_shot(desk) if not question.has_tasks else _lifelong(desk)
     except Missing:
         return None, tuple(desk.asked)
-    return found, tuple(desk.asked)
+    return answer, tuple(desk.asked)
 
 
 def _tells_a_limit(point: Point) -> bool:
@@ -268,7 +268,7 @@ def _require_driven(points: Iterable[Point]) -> None:
 def _gains(desk: Desk, limit: Limits, why: Sequence[Reasons]) -> tuple[Gain, ...]:
     """Changes tried at the peak, on the seeds that it has."""
     question, best = desk.question, limit.curve.best
-    at_peak = next(found for found in why if found.robots == best)
+    at_peak = next(reasons for reasons in why if reasons.robots == best)
     changes = list(dict.fromkeys(c for text in question.what_if for c in (obvious(question, at_peak) if text == AUTO else (text,))))
     base = limit.curve.points[best]
     tried = {}
@@ -283,11 +283,11 @@ def _gains(desk: Desk, limit: Limits, why: Sequence[Reasons]) -> tuple[Gain, ...
     }
     tests = {change: compared(base, point) for change, point in points.items()}
     adjusted = holm([test.p_value for test in tests.values()])
-    found = [
+    reasons = [
         Gain(change, test, p, "" if test.difference.count else str(points[change].records[0]["reason"]))
         for (change, test), p in zip(tests.items(), adjusted)
     ]
-    return tuple(sorted(found, key=lambda gain: (bool(gain.refusal), -gain.difference.difference.value if not gain.refusal else 0.0)))
+    return tuple(sorted(reasons, key=lambda gain: (bool(gain.refusal), -gain.difference.difference.value if not gain.refusal else 0.0)))
 
 
 def _row(point: Point, question: Question) -> dict[str, Any]:
@@ -308,12 +308,12 @@ def _row(point: Point, question: Question) -> dict[str, Any]:
     }
 
 
-def _bracket(found: Bracket) -> dict[str, int | None]:
-    return {"estimate": found.estimate, "low": found.low, "high": found.high}
+def _bracket(bracket: Bracket) -> dict[str, int | None]:
+    return {"estimate": bracket.estimate, "low": bracket.low, "high": bracket.high}
 
 
-def _share(found: Share) -> dict[str, Any]:
-    return {"kind": PLAIN.get(found.kind, found.kind), "name": found.name, "utilisation": round(found.utilisation, 4)}
+def _share(share: Share) -> dict[str, Any]:
+    return {"kind": PLAIN.get(share.kind, share.kind), "name": share.name, "utilisation": round(share.utilisation, 4)}
 
 
 def _gain(gain: Gain) -> dict[str, Any]:
@@ -363,15 +363,15 @@ def _robots_do(count: int, limits: str = "") -> str:
     return f"{_robots(count)}{limits} {'does' if count == 1 else 'do'}"
 
 
-def _between(found: Bracket) -> str:
+def _between(bracket: Bracket) -> str:
     """'34', or '32 to 36': an interval, where that is what is known."""
-    if found.low is not None and found.high is not None and found.low < found.high:
-        return f"{found.low} to {found.high}"
-    return str(found.estimate)
+    if bracket.low is not None and bracket.high is not None and bracket.low < bracket.high:
+        return f"{bracket.low} to {bracket.high}"
+    return str(bracket.estimate)
 
 
-def _of_peak(found: Limits) -> str:
-    curve, knee, peak = found.curve, found.knee, found.peak
+def _of_peak(limits: Limits) -> str:
+    curve, knee, peak = limits.curve, limits.knee, limits.peak
     best = curve.points[curve.best].throughput
     most = f"{best.value:.0f} orders an hour"
     if best.low > -inf:
@@ -387,7 +387,7 @@ def _of_peak(found: Limits) -> str:
         text = f"{few} the most that was found, {most}."
     else:
         text = f"{few} 95 % of the most that was found, {most} with {curve.best}."
-    if found.collapse.estimate is None:
+    if limits.collapse.estimate is None:
         last = curve.sizes[-1]
         text += f" More add little, and up to {last}, the most that were tried, nothing is lost." if last > knee.estimate else ""
     elif peak.high is not None and peak.high > knee.estimate:
@@ -395,11 +395,11 @@ def _of_peak(found: Limits) -> str:
     return text
 
 
-def _span(found: Bracket) -> str:
+def _span(bracket: Bracket) -> str:
     """'32 to 36', 'up to 36' or 'from 32 on'."""
-    if found.low is None:
-        return f"at most {found.high}"
-    return f"{found.low} to {found.high}" if found.high is not None else f"{found.low} or more"
+    if bracket.low is None:
+        return f"at most {bracket.high}"
+    return f"{bracket.low} to {bracket.high}" if bracket.high is not None else f"{bracket.low} or more"
 
 
 def _of_nothing(answer: Answer) -> str:
@@ -433,17 +433,17 @@ def _minutes(seconds: float) -> str:
 
 
 def _of_demand(served: Served, question: Question, most_robots: int) -> str:
-    found, wanted = served.smallest, f"A demand of {question.demand_per_h:.0f} orders an hour"
+    smallest, wanted = served.smallest, f"A demand of {question.demand_per_h:.0f} orders an hour"
     if not served.curve.points:
         return f"Whether a{wanted[1:]} is met was not tried."
     if _too_short(served):
         return f"Whether a{wanted[1:]} is met cannot be told from runs this short."
-    if found.estimate is None and served.curve.sizes[-1] < most_robots:
+    if smallest.estimate is None and served.curve.sizes[-1] < most_robots:
         return f"{wanted} is not met by {_robots(served.curve.sizes[-1])}; larger fleets were not tried on it."
-    if found.estimate is None:
+    if smallest.estimate is None:
         return f"{wanted} is not met by any fleet that was tried on it, up to {_robots(served.curve.sizes[-1])}."
-    sure = _between(found) if found.high is not None else "or more" if found.low == found.estimate else _span(found)
-    return f"{wanted} is met from {_robots(found.estimate)} on" + (f" ({sure})." if sure != str(found.estimate) else ".")
+    sure = _between(smallest) if smallest.high is not None else "or more" if smallest.low == smallest.estimate else _span(smallest)
+    return f"{wanted} is met from {_robots(smallest.estimate)} on" + (f" ({sure})." if sure != str(smallest.estimate) else ".")
 
 
 def _too_short(served: Served) -> bool:
@@ -455,9 +455,9 @@ def _of_one_shot(answer: Answer) -> str:
     served = answer.served
     if served is None or not served.curve.points:
         return "Nothing is known."
-    found, target = served.smallest, f"in at least {100 * served.target:.0f} % of draws"
-    if found.estimate is None:
+    largest, target = served.smallest, f"in at least {100 * served.target:.0f} % of draws"
+    if largest.estimate is None:
         return f"Not even {_robots(served.curve.sizes[0])} have plans that are found and driven in time {target}."
-    most = f", {found.high + 1} do not" if found.high is not None else ", the most that were tried"
-    sure = f" (certain up to {found.low})" if found.low is not None and found.low < found.estimate else ""
-    return f"Plans of up to {_robots(found.estimate)} are found and driven in time {target}{sure}{most}."
+    most = f", {largest.high + 1} do not" if largest.high is not None else ", the most that were tried"
+    sure = f" (certain up to {largest.low})" if largest.low is not None and largest.low < largest.estimate else ""
+    return f"Plans of up to {_robots(largest.estimate)} are found and driven in time {target}{sure}{most}."

@@ -87,11 +87,11 @@ def causes(execution: Execution, graph: PlanGraph, places: Places, since_s: floa
                 waited[cause] += 1
                 pressed[cause].add(k)
     each_s = (execution.sim_time_s - since_s) / len(t_s)
-    found = {cause: Pressed(waited[cause] * each_s, len(looks) / len(t_s)) for cause, looks in pressed.items()}
+    pressed_by = {cause: Pressed(waited[cause] * each_s, len(looks) / len(t_s)) for cause, looks in pressed.items()}
     for lift in lift_use(execution, graph, since_s):
-        before = found.get(("lift", lift.name), Pressed(0.0, 0.0))
-        found["lift", lift.name] = Pressed(before.waited_s, max(before.share, lift.busy_share))
-    return found
+        before = pressed_by.get(("lift", lift.name), Pressed(0.0, 0.0))
+        pressed_by["lift", lift.name] = Pressed(before.waited_s, max(before.share, lift.busy_share))
+    return pressed_by
 
 
 class _Look:
@@ -214,7 +214,7 @@ def _doing(execution: Execution, graph: PlanGraph, places: Places, t_s: FloatArr
 
 def _one_lane_on(graph: PlanGraph, vertex: IntArray, towards: IntArray) -> IntArray:
     """[K, R] of the vertices one lane from where robots are, the one nearest to where they were seen next."""
-    found = towards.copy()
+    ahead = towards.copy()
     pairs = np.unique(np.stack([vertex.reshape(-1), towards.reshape(-1)], 1), axis=0)
     step: dict[tuple[int, int], int] = {}
     for v, w in pairs.tolist():
@@ -222,5 +222,5 @@ def _one_lane_on(graph: PlanGraph, vertex: IntArray, towards: IntArray) -> IntAr
         if w != NONE and len(ends):
             step[v, w] = int(ends[np.hypot(*(graph.xy[ends] - graph.xy[w]).T).argmin()])
     for (v, w), on in step.items():
-        found[(vertex == v) & (towards == w)] = on
-    return found
+        ahead[(vertex == v) & (towards == w)] = on
+    return ahead

@@ -40,11 +40,11 @@ def confirmations(desk: Desk, limit: Limits | None, served: Served | None) -> tu
     records = iter(desk.records([trial for of_size in trials.values() for trial in of_size]))
     horizon_s, within_s = desk.question.effort.horizon_s, served.within_s if served else 0.0
     points = {size: Point(size[1], horizon_s, tuple(next(records) for _ in of_size), of_size[0].seed) for size, of_size in trials.items()}
-    found = []
+    confirmed = []
     for name, kind, n, curve in asked:
         measure, before, after = _measured(kind, curve.points[n], points[kind, n], within_s)
-        found.append(Confirmation(name, n, measure, paired_t(before[: len(after)], after)))
-    return tuple(found)
+        confirmed.append(Confirmation(name, n, measure, paired_t(before[: len(after)], after)))
+    return tuple(confirmed)
 
 
 def _in_sumo(kind: str, point: Point, planner: str) -> list[Trial]:

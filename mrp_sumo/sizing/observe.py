@@ -91,20 +91,20 @@ def _orders(tasks: TaskLog, stops: StopLog) -> dict[str, Any]:
 
 
 def _stations(stops: StopLog, since_s: float, end_s: float) -> dict[str, dict[str, float]]:
-    found: dict[str, dict[str, float]] = {}
+    by_name: dict[str, dict[str, float]] = {}
     served = np.clip(np.minimum(stops.end_s, end_s) - np.maximum(stops.begin_s, since_s), 0, None)
     later = stops.begin_s >= since_s
     names = np.array(stops.station)
     for name in dict.fromkeys(stops.station):
         rows = names == name
-        found[name] = {
+        by_name[name] = {
             "places": len(np.unique(stops.vertex[rows])),
             "served_s": round(float(served[rows].sum()), 2),
             "queued_s": round(float(stops.queued_s[rows & later].sum()), 2),
             "stops": int((rows & later).sum()),
             "over_s": round(end_s - since_s, 2),
         }
-    return found
+    return by_name
 
 
 def _looks(execution: Execution) -> tuple[FloatArray, FloatArray, int]:

@@ -31,7 +31,7 @@ def keep(study: Study, answer: Answer, folder: Path) -> list[ReplayedRun]:
     MrpSumoError
         When a run folder cannot be written.
     """
-    limits, found = answer.limits, []
+    limits, replayed = answer.limits, []
     if limits is None:
         return []
     for name, bracket in (("knee", limits.knee), ("collapse", limits.collapse)):
@@ -43,5 +43,5 @@ def keep(study: Study, answer: Answer, folder: Path) -> list[ReplayedRun]:
         minutes = runs[0]["minutes"] if runs else []
         speed = [metres / robots if robots else 0.0 for robots, metres in minutes[1:]]
         slowest = 1 + speed.index(min(speed)) if speed else 0
-        found.append(ReplayedRun(name, bracket.estimate, place, MINUTE_S * slowest))
-    return found
+        replayed.append(ReplayedRun(name, bracket.estimate, place, MINUTE_S * slowest))
+    return replayed

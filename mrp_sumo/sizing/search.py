@@ -84,10 +84,10 @@ class Desk:
             if trial not in self.asked:
                 self.asked[trial] = None
                 self.spent_s += predicted_cpu_s(trial, self.question) / CORES
-        found = [self.recorded(trial) for trial in trials]
-        if missing := [trial for trial, record in zip(trials, found) if record is None]:
+        records = [self.recorded(trial) for trial in trials]
+        if missing := [trial for trial, record in zip(trials, records) if record is None]:
             raise Missing(missing)
-        return [record for record in found if record is not None]
+        return [record for record in records if record is not None]
 
 
 @dataclass
@@ -206,9 +206,9 @@ def limits(curve: Curve) -> Limits:
         while (wanted := _next(curve, curve.desk.question.effort)) and curve.ask(wanted, "closer limits"):
             pass
         measured = _Measured(curve)
-        found = measured.limits()
+        answer = measured.limits()
         if not measured.again.unfit:
-            return found
+            return answer
         curve.unfit |= measured.again.unfit
         for n in measured.again.unfit:
             del curve.points[n]
@@ -383,16 +383,16 @@ def one_shot(desk: Desk) -> Served:
 
     fails = None
     for n in grid(question):
-        if (found := judge(n)) is None or found < 0:
-            fails = n if found is not None else None
+        if (verdict := judge(n)) is None or verdict < 0:
+            fails = n if verdict is not None else None
             break
     good = max((n for n in curve.sizes if n != fails and _succeeded(curve, n) >= target), default=None)
     while good is not None and fails is not None and fails > max(good + 1, good * question.effort.gap):
         middle = (good + fails) // 2
-        found = judge(middle)
-        if found is None:
+        verdict = judge(middle)
+        if verdict is None:
             break
-        good, fails = (good, middle) if found < 0 or _succeeded(curve, middle) < target else (middle, fails)
+        good, fails = (good, middle) if verdict < 0 or _succeeded(curve, middle) < target else (middle, fails)
     if good is None:
         return Served(curve, Bracket(None, None, None if fails is None else max(0, fails - 1)), target)
     sure = max((n for n in curve.sizes if n <= good and _sure(curve, n, target)), default=least if good == least else None)
@@ -415,11 +415,11 @@ def _judge(curve: Curve, n: int, effort: Effort, reason: str, interval: Callable
             return None if n not in curve.points else 0
         if n not in curve.points:
             return None
-        found = interval(curve.points[n])
-        if isnan(found.value):
+        mean = interval(curve.points[n])
+        if isnan(mean.value):
             return None  # no run is long enough to tell
-        if found.low >= target or found.high < target:
-            return 1 if found.value >= target else -1
+        if mean.low >= target or mean.high < target:
+            return 1 if mean.value >= target else -1
     return 0
 
 
@@ -449,8 +449,8 @@ def _smallest(
     """Bracket and bisect a yes-or-no question that turns to yes once as fleets grow."""
     (least, most), effort, target = sizes, curve.desk.question.effort, curve.desk.question.on_time
     no, yes, at = least - 1, None, guess
-    while (found := judge(at)) is not None:
-        if found > 0 or (found == 0 and share(curve.points[at]).value >= target):
+    while (verdict := judge(at)) is not None:
+        if verdict > 0 or (verdict == 0 and share(curve.points[at]).value >= target):
             yes = at
         else:
             no = at
@@ -463,6 +463,6 @@ def _smallest(
         else:
             break
     limits = {n: share(curve.points[n]) for n in curve.sizes}
-    low = max((n for n, found in limits.items() if found.high < target and (yes is None or n < yes)), default=least - 1)
-    sure = min((n for n, found in limits.items() if found.low >= target and n > low), default=None)
+    low = max((n for n, mean in limits.items() if mean.high < target and (yes is None or n < yes)), default=least - 1)
+    sure = min((n for n, mean in limits.items() if mean.low >= target and n > low), default=None)
     return Bracket(yes, low + 1, sure)

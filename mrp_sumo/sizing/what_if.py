@@ -69,17 +69,17 @@ def values_of_change(text: str, question: Question, nav: NavGraph) -> Values:
     return {place: (option, value)}
 
 
-def obvious(question: Question, found: Reasons) -> tuple[str, ...]:
+def obvious(question: Question, reasons: Reasons) -> tuple[str, ...]:
     """Changes worth trying for a fleet: the busiest stations once more, the worst aisle otherwise, another planner, policy, dispatcher."""
     scenario, tasks = question.file.scenario, question.file.scenario.tasks
     assert tasks is not None
     grown = []
-    for station in found.stations:
+    for station in reasons.stations:
         name = next((group for group, members in tasks.groups.items() if station.name in members), station.name)
         if (name in tasks.stations or name in tasks.groups) and name not in grown:
             grown.append(name)
     changes = [f"stations.{name}: +1" for name in grown[:NUM_STATIONS]]
-    aisle = next((place for place in found.places if place.kind == "aisle"), None)
+    aisle = next((place for place in reasons.places if place.kind == "aisle"), None)
     if aisle:
         single = scenario.discretisation.kind != "grid" and scenario.discretisation.lanes == "single_track"
         ends = ", ".join(aisle.name.split(BETWEEN))

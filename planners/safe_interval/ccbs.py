@@ -71,7 +71,7 @@ class Ccbs:
             replace(self, w=w, radius_m=min(self.radius_m, 0.4)).plan(problem, 600.0)
         motion = self._motion(problem, np.inf)
         motion.clash()
-        motion.some_ways(np.random.default_rng(0), 0.0, np.inf)
+        motion.some_paths(np.random.default_rng(0), 0.0, np.inf)
         TimedTree(motion, range(2), np.inf).focal([motion.nothing] * 2, 1.0, 4, np.random.default_rng(0))
 
     def plan(self, problem: Problem, time_limit_s: float) -> PlanResult:
@@ -88,15 +88,15 @@ class Ccbs:
         motion = self._motion(problem, deadline_s)
         tree = TimedTree(motion, range(problem.num_robots), deadline_s)
         forbidden = [motion.nothing] * problem.num_robots
-        ways, message = None, ""
+        paths, message = None, ""
         try:
             if clash := motion.clash():
                 return PlanResult(Status.INFEASIBLE, planning_time_s=process_time() - began, message=clash)
             if self.w > 1:
-                ways = tree.focal(forbidden, self.w, self.max_nodes, np.random.default_rng([problem.seed, CHANCE]))
+                paths = tree.focal(forbidden, self.w, self.max_nodes, np.random.default_rng([problem.seed, CHANCE]))
             else:
-                ways = tree.best_first(forbidden, self.max_nodes)
-            status = Status.SOLVED if ways else Status.INFEASIBLE if tree.bound_s == float("inf") else Status.GAVE_UP
+                paths = tree.best_first(forbidden, self.max_nodes)
+            status = Status.SOLVED if paths else Status.INFEASIBLE if tree.bound_s == float("inf") else Status.GAVE_UP
             message = {Status.INFEASIBLE: "no plan exists", Status.GAVE_UP: f"no plan among {tree.nodes} nodes"}.get(status, "")
         except OutOfTime:
             if counted:
@@ -105,10 +105,10 @@ class Ccbs:
         stats = {"nodes": float(tree.nodes), "lower_bound_s": tree.bound_s if status is not Status.INFEASIBLE else 0.0}
         return PlanResult(
             status,
-            plan=motion.plan(ways) if ways else None,
+            plan=motion.plan(paths) if paths else None,
             planning_time_s=process_time() - began,
             lower_bound_steps=self._sure_s(stats["lower_bound_s"], problem.num_robots) / problem.step_s,
-            stats=stats | ({"cost_s": sum(map(motion.cost_s, ways))} if ways else {}),
+            stats=stats | ({"cost_s": sum(map(motion.cost_s, paths))} if paths else {}),
             message=message,
         )
 

@@ -19,8 +19,8 @@ class TimedConflict:
 
     robot: int
     other: int
-    way: int
-    other_way: int
+    path: int
+    other_path: int
     what: tuple[int, ...]  # in the motion's terms
     sides: "tuple[Side, Side] | None" = None  # how either gives way, once that has been looked for
 
@@ -31,7 +31,7 @@ class Side:
 
     robot: int
     forbidden: Any
-    way: int | None  # None: there is none
+    path: int | None  # None: there is none
     more_s: float  # than it costs now
 
 
@@ -46,10 +46,10 @@ class LowLevel(Protocol):
     def search(self, robot: int, forbidden: Any) -> int | None:
         """The earliest way of a robot."""
 
-    def cost_s(self, way: int) -> float:
+    def cost_s(self, path: int) -> float:
         """When the robot is at its goal to stay."""
 
-    def conflicts(self, robot: int, way: int, others: Sequence[int], their_ways: Sequence[int]) -> list[TimedConflict]:
+    def conflicts(self, robot: int, path: int, others: Sequence[int], their_paths: Sequence[int]) -> list[TimedConflict]:
         """A robot's conflicts with others."""
 
     def split(self, conflict: TimedConflict, ours: Any, theirs: Any) -> tuple[Any, Any]:
@@ -58,10 +58,10 @@ class LowLevel(Protocol):
     def least_cost_s(self, robot: int, other: int, ours: Any, theirs: Any) -> float:
         """What two robots cost at least that are forbidden this and must not conflict."""
 
-    def some_ways(self, rng: np.random.Generator, enough_s: float, deadline_s: float) -> list[int] | None:
+    def some_paths(self, rng: np.random.Generator, enough_s: float, deadline_s: float) -> list[int] | None:
         """Ways of all robots without conflicts, not the best, if they are found; a cost of `enough_s` will do."""
 
-    def plan(self, their_ways: Sequence[int]) -> Plan:
+    def plan(self, their_paths: Sequence[int]) -> Plan:
         """The robots' ways as a plan."""
 
 
@@ -70,7 +70,7 @@ class TimedNode:
     """What robots are forbidden, how they drive then, and which conflicts they have."""
 
     forbidden: list[Any]
-    ways: list[int]
+    paths: list[int]
     cost_s: float
     bound_s: float  # on the costs of all below
     conflicts: list[TimedConflict]
@@ -103,7 +103,7 @@ class TimedTree:
         while heap:
             self.bound_s, _, _, node = heappop(heap)
             if not node.conflicts:
-                return node.ways
+                return node.paths
             if not node.estimated:
                 self._estimate(node)
                 if node.bound_s > self.bound_s + EPS:
@@ -123,7 +123,7 @@ class TimedTree:
         node, known = self._root(forbidden), None
         if node is not None:
             self._estimate(node)
-            known = self.motion.some_ways(rng, w * node.bound_s, (process_time() + self.deadline_s) / 2)
+            known = self.motion.some_paths(rng, w * node.bound_s, (process_time() + self.deadline_s) / 2)
         known_s = np.inf if known is None else sum(map(self.motion.cost_s, known))
         least = [] if node is None else [(node.bound_s, 0, node)]
         beyond = [] if node is None else [(node.cost_s, 0, node)]
@@ -147,7 +147,7 @@ class TimedTree:
                 heappop(near)
             node = least[0][2] if self.nodes % 2 or not near else heappop(near)[3]
             if not node.conflicts:
-                return node.ways
+                return node.paths
             if self.nodes >= max_nodes:
                 return None
             node.closed = True
@@ -161,16 +161,16 @@ class TimedTree:
         return self._serial
 
     def _root(self, forbidden: list[Any]) -> TimedNode | None:
-        ways: list[int] = []
-        found: list[TimedConflict] = []
+        paths: list[int] = []
+        conflicts: list[TimedConflict] = []
         for k, (robot, its) in enumerate(zip(self.robots, forbidden)):
-            way = self.motion.search(robot, its)
-            if way is None:
+            path = self.motion.search(robot, its)
+            if path is None:
                 return None
-            found += self.motion.conflicts(k, way, range(k), ways)
-            ways.append(way)
-        cost_s = sum(map(self.motion.cost_s, ways))
-        return TimedNode(forbidden, ways, cost_s, cost_s, found)
+            conflicts += self.motion.conflicts(k, path, range(k), paths)
+            paths.append(path)
+        cost_s = sum(map(self.motion.cost_s, paths))
+        return TimedNode(forbidden, paths, cost_s, cost_s, conflicts)
 
     def _children(self, node: TimedNode) -> list[TimedNode]:
         self.nodes += 1
@@ -195,19 +195,19 @@ class TimedTree:
         return conflict.sides
 
     def _side(self, node: TimedNode, k: int, forbidden: Any) -> Side:
-        way = self.motion.search(self.robots[k], forbidden)
-        return Side(k, forbidden, way, np.inf if way is None else self.motion.cost_s(way) - self.motion.cost_s(node.ways[k]))
+        path = self.motion.search(self.robots[k], forbidden)
+        return Side(k, forbidden, path, np.inf if path is None else self.motion.cost_s(path) - self.motion.cost_s(node.paths[k]))
 
     def _child(self, node: TimedNode, side: Side) -> TimedNode | None:
-        if side.way is None:
+        if side.path is None:
             return None
-        k, forbidden, ways = side.robot, list(node.forbidden), list(node.ways)
-        forbidden[k], ways[k] = side.forbidden, side.way
-        others = [m for m in range(len(ways)) if m != k]
-        found = [conflict for conflict in node.conflicts if k not in (conflict.robot, conflict.other)]
-        found += self.motion.conflicts(k, side.way, others, [ways[m] for m in others])
+        k, forbidden, paths = side.robot, list(node.forbidden), list(node.paths)
+        forbidden[k], paths[k] = side.forbidden, side.path
+        others = [m for m in range(len(paths)) if m != k]
+        conflicts = [conflict for conflict in node.conflicts if k not in (conflict.robot, conflict.other)]
+        conflicts += self.motion.conflicts(k, side.path, others, [paths[m] for m in others])
         cost_s = node.cost_s + side.more_s
-        return TimedNode(forbidden, ways, cost_s, max(cost_s, node.bound_s), found)
+        return TimedNode(forbidden, paths, cost_s, max(cost_s, node.bound_s), conflicts)
 
     def _estimate(self, node: TimedNode) -> None:
         node.estimated = True
@@ -232,7 +232,7 @@ class TimedTree:
                 raise OutOfTime
             self._alive += [ours, theirs]
             self._together[key] = self.motion.least_cost_s(self.robots[k], self.robots[m], ours, theirs)
-        return self._together[key] - self.motion.cost_s(node.ways[k]) - self.motion.cost_s(node.ways[m])
+        return self._together[key] - self.motion.cost_s(node.paths[k]) - self.motion.cost_s(node.paths[m])
 
 
 def cover_s(more: dict[tuple[int, int], float]) -> float:

@@ -34,14 +34,14 @@ def first_ways(timetable: Timetable, order: IntArray, protected_steps: int, dead
         if process_time() > deadline_s or timetable.work > most_work or raised.sum() > RAISES * len(order) + 20:
             return False
         robot = waiting.pop(0)
-        way = _first_way(timetable, robot)
+        path = _first_way(timetable, robot)
         evicted: list[int] = []
-        if way is None:
+        if path is None:
             raised[robot] += 1
-            way, evicted = _raise(timetable, robot, raised)
-        if way is None:
+            path, evicted = _raise(timetable, robot, raised)
+        if path is None:
             return False
-        timetable.add(robot, way)
+        timetable.add(robot, path)
         waiting = sorted(evicted, key=rank.__getitem__) + waiting
     return True
 
@@ -49,8 +49,8 @@ def first_ways(timetable: Timetable, order: IntArray, protected_steps: int, dead
 def _first_way(timetable: Timetable, robot: int) -> TimedPath | None:
     """The earliest way, or where that takes long to find, one that is good."""
     for most, weight in EFFORTS:
-        if way := timetable.search(robot, most, weight=weight):
-            return way
+        if path := timetable.search(robot, most, weight=weight):
+            return path
         if timetable.exhausted:
             break
     return None
@@ -58,28 +58,28 @@ def _first_way(timetable: Timetable, robot: int) -> TimedPath | None:
 
 def _raise(timetable: Timetable, robot: int, raised: IntArray) -> tuple[TimedPath | None, list[int]]:
     """A way around those only that have been raised as often, or around nobody; and who has lost his way by that."""
-    with_way = [r for r, way in enumerate(timetable.way) if way is not None]
-    lower = [r for r in with_way if raised[r] < raised[robot]]
+    with_path = [r for r, path in enumerate(timetable.path) if path is not None]
+    lower = [r for r in with_path if raised[r] < raised[robot]]
     lost: list[int] = []  # whom the starts of others, protected again for a moment, kept from their ways
-    for others in (lower, with_way) if len(lower) < len(with_way) else (lower,):
-        removed = [(r, way) for r in others if (way := timetable.remove(r)) is not None]
-        found = _first_way(timetable, robot)
-        if found is None:
+    for others in (lower, with_path) if len(lower) < len(with_path) else (lower,):
+        removed = [(r, path) for r in others if (path := timetable.remove(r)) is not None]
+        path = _first_way(timetable, robot)
+        if path is None:
             lost += _put_back(timetable, removed)
             continue
-        timetable.add(robot, found)
+        timetable.add(robot, path)
         evicted = lost + _put_back(timetable, removed)
         timetable.remove(robot)
-        return found, evicted
+        return path, evicted
     return None, []
 
 
 def _put_back(timetable: Timetable, removed: list[tuple[int, TimedPath]]) -> list[int]:
     """Robots get their ways again, but for those where somebody else is in the way."""
     evicted = []
-    for robot, way in removed:
-        if len(timetable.hinders(robot, way)):
+    for robot, path in removed:
+        if len(timetable.hinders(robot, path)):
             evicted.append(robot)
         else:
-            timetable.add(robot, way)
+            timetable.add(robot, path)
     return evicted

@@ -46,21 +46,21 @@ class Improvement:
         """Other ways for these robots, found in this order, if they are no worse. Returns the steps that are gained."""
         timetable = self.timetable
         alone = timetable.alone
-        before = [(robot, way) for robot in robots if (way := timetable.remove(robot)) is not None]
-        room = sum(way.steps - int(alone[robot]) for robot, way in before)
+        before = [(robot, path) for robot in robots if (path := timetable.remove(robot)) is not None]
+        room = sum(path.steps - int(alone[robot]) for robot, path in before)
         gained = room
-        found: list[int] = []
+        placed: list[int] = []
         for robot in robots:
-            way = timetable.search(robot, MOST, int(alone[robot]) + gained, WEIGHT)
-            if way is None or process_time() > deadline_s:
-                for other in found:
+            path = timetable.search(robot, MOST, int(alone[robot]) + gained, WEIGHT)
+            if path is None or process_time() > deadline_s:
+                for other in placed:
                     timetable.remove(other)
                 for other, old in before:
                     timetable.add(other, old)
                 return 0
-            gained -= way.steps - int(alone[robot])
-            timetable.add(robot, way)
-            found.append(robot)
+            gained -= path.steps - int(alone[robot])
+            timetable.add(robot, path)
+            placed.append(robot)
         return gained
 
     def _by_delay(self) -> list[int]:
@@ -82,9 +82,9 @@ class Improvement:
         timetable, rng = self.timetable, self._rng
         chosen: list[int] = []
         robot = int(rng.integers(timetable.num_robots))
-        way = timetable.way[robot]
-        assert way is not None
-        for q in rng.permutation(way.resource)[:4].tolist():
+        path = timetable.path[robot]
+        assert path is not None
+        for q in rng.permutation(path.resource)[:4].tolist():
             passing = timetable.passing(q)
             at = int(np.flatnonzero(passing == robot)[0])
             begin = max(0, at - self._size // 2)

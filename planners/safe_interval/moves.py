@@ -141,9 +141,9 @@ def _straight_on(graph: NavGraph, heading: FloatArray) -> IntArray:
     fits = (bend <= STRAIGHT_RAD) & (graph.head[following] != graph.tail[lane])
     lane, following, bend = lane[fits], following[fits], bend[fits]
     order = np.lexsort((following, np.round(bend, 9), lane))[::-1]
-    found = np.full(graph.num_lanes, -1, np.int64)
-    found[lane[order]] = following[order]  # of several assignments the last one stands
-    return found
+    onward = np.full(graph.num_lanes, -1, np.int64)
+    onward[lane[order]] = following[order]  # of several assignments the last one stands
+    return onward
 
 
 def _ray_lengths(onward: IntArray, *, alike: bool) -> IntArray:
@@ -178,11 +178,11 @@ def _courses(onward: IntArray, length: IntArray, driven: FloatArray, limit: Floa
 
 
 def _ray(onward: IntArray, lane: int, length: IntArray) -> IntArray:
-    way = np.empty(length[lane], np.int64)
-    for k in range(len(way)):
-        way[k] = lane
+    path = np.empty(length[lane], np.int64)
+    for k in range(len(path)):
+        path[k] = lane
         lane = onward.item(lane)
-    return way
+    return path
 
 
 def _runs(driven: FloatArray, limit: FloatArray, limits: tuple[float, float, float], dt: float) -> tuple[np.ndarray, ...]:

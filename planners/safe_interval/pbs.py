@@ -48,10 +48,10 @@ class Pbs:
         branched_on((0, 1), runs.alone(), nobody, runs.replanned)
         runs.branched(runs.alone(), nobody)
         runs.plan(runs.alone())
-        ways = steps.alone()
-        assert ways is not None
-        steps.branched(ways, nobody)
-        steps.plan(ways)
+        paths = steps.alone()
+        assert paths is not None
+        steps.branched(paths, nobody)
+        steps.plan(paths)
 
     def plan(self, problem: Problem, time_limit_s: float) -> PlanResult:
         """See `Planner`. GAVE_UP when the tree is searched, or has `max_nodes`."""

@@ -28,16 +28,16 @@ class PriorityMotion(Protocol[Ways]):
     def alone(self) -> Ways | None:
         """The ways of robots of which none goes before another; None where somebody has none."""
 
-    def branched(self, ways: Ways, above: BoolArray) -> list[tuple[BoolArray, Ways]] | None:
+    def branched(self, paths: Ways, above: BoolArray) -> list[tuple[BoolArray, Ways]] | None:
         """The orders, with ways in them, in which one of the two robots that meet first goes before the other; None where nobody meets.
 
         The order in which the second of both goes first comes first; one in which somebody finds no way is left out. See `branched_on`.
         """
 
-    def cost(self, ways: Ways) -> int:
+    def cost(self, paths: Ways) -> int:
         """Of all robots."""
 
-    def plan(self, ways: Ways) -> tuple[Plan, dict[str, float]]:
+    def plan(self, paths: Ways) -> tuple[Plan, dict[str, float]]:
         """The plan of ways without conflicts, made shorter or as they are, and what it costs."""
 
 
@@ -46,11 +46,11 @@ class PriorityNode(Generic[Ways]):
     """Priorities, and ways that keep them."""
 
     above: BoolArray  # [R, R] whether one robot goes before another, as far as that is decided
-    ways: Ways
+    paths: Ways
 
 
 def branched_on(
-    pair: tuple[int, int], ways: Ways, above: BoolArray, replanned: Callable[[Ways, BoolArray, IntArray], Ways | None]
+    pair: tuple[int, int], paths: Ways, above: BoolArray, replanned: Callable[[Ways, BoolArray, IntArray], Ways | None]
 ) -> list[tuple[BoolArray, Ways]]:
     """See `PriorityMotion.branched`.
 
@@ -68,7 +68,7 @@ def branched_on(
     for first, second in (pair[::-1], pair):
         if not above[second, first]:
             order = above.copy()
-            new = replanned(ways, order, put_before(order, first, second))
+            new = replanned(paths, order, put_before(order, first, second))
             if new is not None:
                 orders.append((order, new))
     return orders
@@ -98,14 +98,14 @@ def search(motion: PriorityMotion[Ways], problem: Problem, began: float, deadlin
             return without_effort(problem, began, motion.least_steps, nodes=float(nodes))
         node = stack.pop()
         nodes += 1
-        orders = motion.branched(node.ways, node.above)
+        orders = motion.branched(node.paths, node.above)
         if orders is None:
             stats = {"nodes": float(nodes), **motion.counters()}
-            plan, costs = motion.plan(node.ways)
+            plan, costs = motion.plan(node.paths)
             took_s = process_time() - began
             return PlanResult(Status.SOLVED, plan, None, took_s, lower_bound_steps=motion.least_steps, stats=stats | costs)
-        children = [PriorityNode(above, ways) for above, ways in orders]
-        children.sort(key=lambda child: -motion.cost(child.ways))
+        children = [PriorityNode(above, paths) for above, paths in orders]
+        children.sort(key=lambda child: -motion.cost(child.paths))
         stack += children if len(stack) + len(children) <= motion.most_open else children[-1:]
     message = f"no plan among {nodes} orders of priorities"
     return unplanned(status, began, message, motion.least_steps, nodes=float(nodes), **motion.counters())

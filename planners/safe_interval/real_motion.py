@@ -35,7 +35,7 @@ class RealMotion:
     def __init__(self, problem: Problem, step_length_s: float, deadline_s: float) -> None:
         self.problem = problem
         self._timetable, self._deadline_s = Timetable(problem, step_length_s), deadline_s
-        self._ways: list[TimedPath] = []
+        self._paths: list[TimedPath] = []
         self._found = np.zeros((MOST_OVERLAPS, 3), np.int64)
 
     def clash(self) -> str:
@@ -61,28 +61,28 @@ class RealMotion:
         if used_up(self.problem, self._timetable.work):
             raise OutOfTime
         resource, step = (np.array([place[k] for place in forbidden], np.int64) for k in range(2))
-        way = self._timetable.search_around(robot, resource, step, step + 1)
-        if way is None:
+        path = self._timetable.search_without(robot, resource, step, step + 1)
+        if path is None:
             return None
-        self._ways.append(way)
-        return len(self._ways) - 1
+        self._paths.append(path)
+        return len(self._paths) - 1
 
-    def cost_s(self, way: int) -> float:
+    def cost_s(self, path: int) -> float:
         """When the robot stands at its goal."""
-        return self._ways[way].steps * self._timetable.dt
+        return self._paths[path].steps * self._timetable.dt
 
-    def conflicts(self, robot: int, way: int, others: Sequence[int], their_ways: Sequence[int]) -> list[TimedConflict]:
+    def conflicts(self, robot: int, path: int, others: Sequence[int], their_paths: Sequence[int]) -> list[TimedConflict]:
         """The first and the longest overlap with each other robot, of what both hold."""
-        found = []
-        one = self._ways[way]
-        for other, its in zip(others, their_ways):
-            two = self._ways[its]
+        conflicts = []
+        one = self._paths[path]
+        for other, its in zip(others, their_paths):
+            two = self._paths[its]
             num = overlaps(one.resource, one.begin, one.end, two.resource, two.begin, two.end, self._found)
             if num:
                 resource, begin, end = self._found[:num].T
                 chosen = {int(np.argmin(begin)), int(np.argmax(np.minimum(end, FOREVER - 1) - begin))}
-                found += [TimedConflict(robot, other, way, its, (int(resource[k]), int(end[k]) - 1)) for k in sorted(chosen)]
-        return found
+                conflicts += [TimedConflict(robot, other, path, its, (int(resource[k]), int(end[k]) - 1)) for k in sorted(chosen)]
+        return conflicts
 
     def split(self, conflict: TimedConflict, ours: Held, theirs: Held) -> tuple[Held, Held]:
         """Neither may hold the resource in the last step in which both do."""
@@ -95,7 +95,7 @@ class RealMotion:
         tree.best_first([ours, theirs], MOST_NODES)
         return tree.bound_s
 
-    def some_ways(self, rng: np.random.Generator, enough_s: float, deadline_s: float) -> list[int] | None:
+    def some_paths(self, rng: np.random.Generator, enough_s: float, deadline_s: float) -> list[int] | None:
         """Ways without conflicts, not the best: those of `continuous`; None where efforts are bounded, for these are not."""
         if self.problem.effort:
             return None
@@ -109,15 +109,15 @@ class RealMotion:
             return None
         if timetable.steps.sum() * timetable.dt > enough_s and process_time() < deadline_s:
             Improvement(timetable, NEIGHBOURHOOD, rng).until(deadline_s, ENTRIES * timetable.num_robots)
-        ways = [way for way in timetable.way if way is not None]
-        self._ways += ways
-        return list(range(len(self._ways) - len(ways), len(self._ways)))
+        paths = [path for path in timetable.path if path is not None]
+        self._paths += paths
+        return list(range(len(self._paths) - len(paths), len(self._paths)))
 
-    def plan(self, their_ways: Sequence[int]) -> Plan:
+    def plan(self, their_paths: Sequence[int]) -> Plan:
         """The robots' ways as timed visits."""
         self._timetable.clear()
-        for robot, way in enumerate(their_ways):
-            self._timetable.add(robot, self._ways[way])
+        for robot, path in enumerate(their_paths):
+            self._timetable.add(robot, self._paths[path])
         return self._timetable.plan()
 
 
@@ -138,39 +138,39 @@ class PrioritisedRuns:
     def alone(self) -> list[TimedPath]:
         return [self._timetable.ideal(robot) for robot in range(self._timetable.num_robots)]
 
-    def branched(self, ways: list[TimedPath], above: BoolArray) -> list[tuple[BoolArray, list[TimedPath]]] | None:
+    def branched(self, paths: list[TimedPath], above: BoolArray) -> list[tuple[BoolArray, list[TimedPath]]] | None:
         """For the two robots that hold one resource at once the earliest."""
         earliest, pair = FOREVER, None
-        for i, one in enumerate(ways):
-            for j in range(i + 1, len(ways)):
-                other = ways[j]
+        for i, one in enumerate(paths):
+            for j in range(i + 1, len(paths)):
+                other = paths[j]
                 overlap = first_overlap(one.resource, one.begin, one.end, other.resource, other.begin, other.end)
                 if overlap < earliest:
                     earliest, pair = overlap, (j, i)
-        return None if pair is None else branched_on(pair, ways, above, self.replanned)
+        return None if pair is None else branched_on(pair, paths, above, self.replanned)
 
-    def replanned(self, ways: list[TimedPath], above: BoolArray, robots: IntArray) -> list[TimedPath] | None:
+    def replanned(self, paths: list[TimedPath], above: BoolArray, robots: IntArray) -> list[TimedPath] | None:
         """See `branched_on`."""
-        timetable, ways = self._timetable, list(ways)
+        timetable, paths = self._timetable, list(paths)
         for robot in robots.tolist():
             timetable.clear()
             for other in np.flatnonzero(above[:, robot]).tolist():
-                timetable.add(other, ways[other])
+                timetable.add(other, paths[other])
             settle(timetable.table)
-            if len(timetable.hinders(robot, ways[robot])):
-                way = timetable.search(robot, MOST_BELOW)
-                if way is None:
+            if len(timetable.hinders(robot, paths[robot])):
+                path = timetable.search(robot, MOST_BELOW)
+                if path is None:
                     return None
-                ways[robot] = way
-        return ways
+                paths[robot] = path
+        return paths
 
-    def cost(self, ways: list[TimedPath]) -> int:
-        return sum(way.steps for way in ways)
+    def cost(self, paths: list[TimedPath]) -> int:
+        return sum(path.steps for path in paths)
 
-    def plan(self, ways: list[TimedPath]) -> tuple[Plan, dict[str, float]]:
+    def plan(self, paths: list[TimedPath]) -> tuple[Plan, dict[str, float]]:
         timetable = self._timetable
         timetable.clear()
-        for robot, way in enumerate(ways):
-            timetable.add(robot, way)
+        for robot, path in enumerate(paths):
+            timetable.add(robot, path)
         cost, bound = timetable.steps.sum(), timetable.alone.sum()
         return timetable.plan(), {"cost_s": float(cost * timetable.dt), "lower_bound_s": float(bound * timetable.dt)}

@@ -43,7 +43,7 @@ class Timetable:
         self.at_rest = np.full((num_robots, num_lanes), _search.FAR, np.int32)
         self.facing = np.full((num_robots, num_lanes), _search.FAR, np.int32)
         self.alone = np.zeros(num_robots, np.int64)  # [R] steps without others, FAR: no way
-        self.way: list[TimedPath | None] = [None] * num_robots
+        self.path: list[TimedPath | None] = [None] * num_robots
         self._start, self._goal = problem.start.tolist(), problem.target.tolist()
         self._start_rad, self._goal_rad = problem.heading_at_start.tolist(), problem.heading_at_target.tolist()
         self.table = _table.empty_table(graph.num_vertices + self.resources.num_zones, 64 * graph.num_vertices)
@@ -62,7 +62,7 @@ class Timetable:
     @property
     def steps(self) -> IntArray:
         """[R] until each robot stands at its goal, -1 where it has no way."""
-        return np.array([-1 if way is None else way.steps for way in self.way], np.int64)
+        return np.array([-1 if path is None else path.steps for path in self.path], np.int64)
 
     @property
     def steps_of_a_lane(self) -> int:
@@ -78,7 +78,7 @@ class Timetable:
         """Find out how far it is to a robot's goal from everywhere, without others."""
         moves, start, goal = self.moves[self.kind[robot]], self._start[robot], self._goal[robot]
         room = self.at_rest[robot], self.facing[robot], self._lanes, self._stack
-        while not _search.steps_left(moves, goal, self._goal_rad[robot], *room, self._heap):
+        while not _search.steps_left(moves, (goal, self._goal_rad[robot]), *room, self._heap):
             self._heap = np.zeros(2 * len(self._heap), np.int64)
         ahead, at_start = self.facing[robot], self._start_rad[robot]
         steps = [
@@ -92,47 +92,47 @@ class Timetable:
     def search(self, robot: int, most: int = WHOLE, latest: int = FOREVER, weight: float = 1.0) -> TimedPath | None:
         """The earliest way of a robot that is not in the table; None where there is none, or it takes too long to find."""
         self._expose(robot)
-        found = self._search(self.table, robot, most, latest, weight)
+        path = self._search(self.table, robot, most, latest, weight)
         self._protect(robot)
-        return found
+        return path
 
     def ideal(self, robot: int) -> TimedPath:
         """The way of a robot without others."""
-        found = self._search(self._nobody, robot, WHOLE, FOREVER, 1.0)
-        assert found is not None
-        return found
+        path = self._search(self._nobody, robot, WHOLE, FOREVER, 1.0)
+        assert path is not None
+        return path
 
     def delay_at_stops(self, robot: int) -> IntArray:
         """[K] of the stops at the ends of a robot's runs, how many steps it will be later than alone if nothing delays it from there on."""
-        moves, way = self.moves[self.kind[robot]], self.way[robot]
-        assert way is not None
-        steps = [left + int(moves.time[run]) + int(self.at_rest[robot, lane]) for lane, run, left in self._ends(robot, way)]
+        moves, path = self.moves[self.kind[robot]], self.path[robot]
+        assert path is not None
+        steps = [left + int(moves.time[run]) + int(self.at_rest[robot, lane]) for lane, run, left in self._ends(robot, path)]
         delay: IntArray = np.array(steps, np.int64) - self.alone[robot]
         return delay
 
     def ideal_from(self, robot: int, run: int) -> TimedPath:
         """The way of a robot without others from where one of its runs begins, when it has come to stand there."""
-        moves, way = self.moves[self.kind[robot]], self.way[robot]
-        assert way is not None
+        moves, path = self.moves[self.kind[robot]], self.path[robot]
+        assert path is not None
         if not run:
             return self.ideal(robot)
-        lane, driven, left = self._ends(robot, way)[run - 1]
+        lane, driven, left = self._ends(robot, path)[run - 1]
         at = int(moves.head[lane]), float(moves.heading_rad[lane]), left + int(moves.time[driven])
-        found = self._search(self._nobody, robot, WHOLE, FOREVER, 1.0, at)
-        assert found is not None
-        return found
+        rest = self._search(self._nobody, robot, WHOLE, FOREVER, 1.0, at)
+        assert rest is not None
+        return rest
 
-    def _ends(self, robot: int, way: TimedPath) -> list[tuple[int, int, int]]:
+    def _ends(self, robot: int, path: TimedPath) -> list[tuple[int, int, int]]:
         """Of each run its last lane, its number, and the step at which the robot sets out."""
-        moves, found = self.moves[self.kind[robot]], []
-        for ray, lanes, left in way.runs.tolist():
+        moves, ends = self.moves[self.kind[robot]], []
+        for ray, lanes, left in path.runs.tolist():
             lane = ray
             for _ in range(lanes - 1):
                 lane = moves.onward.item(lane)
-            found.append((lane, moves.run_first.item(moves.course.item(ray)) + lanes - 1, left))
-        return found
+            ends.append((lane, moves.run_first.item(moves.course.item(ray)) + lanes - 1, left))
+        return ends
 
-    def search_around(self, robot: int, resource: IntArray, begin: IntArray, end: IntArray) -> TimedPath | None:
+    def search_without(self, robot: int, resource: IntArray, begin: IntArray, end: IntArray) -> TimedPath | None:
         """The earliest way of a robot that holds none of some resources from some step on until another [H]. The table has only these."""
         self.clear()
         self._reserve(-1, (resource, begin, end))
@@ -148,14 +148,13 @@ class Timetable:
         self, table: _table.ReservationTable, robot: int, most: int, latest: int, weight: float, begin: tuple[int, float, int] | None = None
     ) -> TimedPath | None:
         """From a vertex, a heading and a step on; by default from the robot's start at step 0."""
-        moves, goal, goal_rad = self.moves[self.kind[robot]], self._goal[robot], self._goal_rad[robot]
+        moves = self.moves[self.kind[robot]]
         start, heading, since = begin or (self._start[robot], self._start_rad[robot], 0)
+        trip = _search.Trip(start, heading, self._goal[robot], self._goal_rad[robot])
         while True:
             before = int(self.scratch.work[1])
-            code, state = _search.find(
-                *(moves, table, start, heading, goal, goal_rad),
-                *(self.at_rest[robot], self.facing[robot], most, latest, weight, self.scratch),
-            )
+            ground = _search.Ground(moves, table, self.at_rest[robot], self.facing[robot], weight)
+            code, state = _search.find(ground, trip, most, latest, self.scratch)
             self.work += int(self.scratch.work[1]) - before
             if code != SCRATCH_FULL:
                 break
@@ -163,9 +162,9 @@ class Timetable:
         self.exhausted = code == NO_PATH
         if code != OK:
             return None
-        return self._way(moves, start, since, state)
+        return self._path(moves, start, since, state)
 
-    def _way(self, moves: Moves, start: int, since: int, state: int) -> TimedPath:
+    def _path(self, moves: Moves, start: int, since: int, state: int) -> TimedPath:
         room = 64
         while True:
             runs = np.empty((room, 3), np.int64)
@@ -186,21 +185,21 @@ class Timetable:
         steps = int(self.scratch.arrived[state]) + int(self.scratch.work[4]) + since
         return TimedPath(runs, resource[:held].copy(), begin, end[:held].copy(), steps)
 
-    def hinders(self, robot: int, way: TimedPath) -> IntArray:
+    def hinders(self, robot: int, path: TimedPath) -> IntArray:
         """The robots in the table that a way would get in conflict with, in the order of the conflicts."""
         since = np.full(self.num_robots, FOREVER)
-        _table.holders(self.table, way.resource, way.begin, way.end, robot, since)
+        _table.holders(self.table, path.resource, path.begin, path.end, robot, since)
         order = np.argsort(since, kind="stable")
         return order[since[order] < FOREVER]
 
-    def add(self, robot: int, way: TimedPath) -> None:
+    def add(self, robot: int, path: TimedPath) -> None:
         """Put a way into the table."""
         self._expose(robot)
-        self._reserve(robot, (way.resource, way.begin, way.end))
-        self.way[robot] = way
+        self._reserve(robot, (path.resource, path.begin, path.end))
+        self.path[robot] = path
 
     def _expose(self, robot: int) -> None:
-        if self._protected_steps and self.way[robot] is None:
+        if self._protected_steps and self.path[robot] is None:
             resource = self._start_of(robot)[0]
             _table.release(self.table, resource, robot)
 
@@ -212,17 +211,17 @@ class Timetable:
 
     def remove(self, robot: int) -> TimedPath | None:
         """Take a robot's way out of the table."""
-        way = self.way[robot]
-        if way is not None:
-            _table.release(self.table, way.resource, robot)
-            self.way[robot] = None
+        path = self.path[robot]
+        if path is not None:
+            _table.release(self.table, path.resource, robot)
+            self.path[robot] = None
             self._protect(robot)
-        return way
+        return path
 
     def clear(self, protected_steps: int = 0) -> None:
         """Nobody has a way. The starts of robots without ways are nobody's for others for so many steps."""
         _table.clear(self.table)
-        self.way = [None] * self.num_robots
+        self.path = [None] * self.num_robots
         self._protected_steps = protected_steps
         for robot in range(self.num_robots):
             self._protect(robot)
@@ -245,9 +244,9 @@ class Timetable:
     def plan(self) -> Plan:
         """The ways as timed visits; all robots have one."""
         visits = []
-        for robot, way in enumerate(self.way):
-            assert way is not None
-            visits.append(self._visits(robot, way))
+        for robot, path in enumerate(self.path):
+            assert path is not None
+            visits.append(self._visits(robot, path))
         plan = plan_of_visits(visits)
         if self.problem.goal_heading_rad is None:
             return plan
@@ -255,11 +254,11 @@ class Timetable:
         need_not_turn = turned_s - plan.end_s < self.dt - 1e-9  # arrivals are within their steps
         return replace(plan, turned_s=frozen(np.where(need_not_turn, plan.end_s, turned_s)))
 
-    def _visits(self, robot: int, way: TimedPath) -> tuple[IntArray, FloatArray, FloatArray]:
+    def _visits(self, robot: int, path: TimedPath) -> tuple[IntArray, FloatArray, FloatArray]:
         """Vertices with the times at which a robot arrives and sets out."""
         moves, dt = self.moves[self.kind[robot]], self.dt
         vertex, arrive, depart = [int(self.problem.start[robot])], [0.0], [np.inf]
-        for ray, lanes, left in way.runs.tolist():
+        for ray, lanes, left in path.runs.tolist():
             course = int(moves.course[ray])
             run = int(moves.run_first[course]) + np.arange(lanes)
             brake, time, begin = int(moves.brake[run[-1]]), int(moves.time[run[-1]]), int(moves.along_first[course])

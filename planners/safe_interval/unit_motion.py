@@ -33,7 +33,7 @@ class UnitMotion:
         self._lanes = _discs.Lanes(graph.first, graph.tail, graph.head, graph.xy, duration_s, 2 * radius_m)
         self._left_s = seconds_left(graph, duration_s, problem.target)
         self._scratch = _discs.new_scratch(graph.num_vertices, graph.num_lanes, 1 << 13)
-        self._ways = _discs.new_ways(64)
+        self._paths = _discs.new_ways(64)
         self._num_ways = 0
         self._arrival: list[float] = []  # of each way
         self._starts, self._goals = problem.start, problem.target
@@ -55,8 +55,8 @@ class UnitMotion:
                     return f"{names[near[0]]} and {names[robot]} {what} at {both}, which are too close to each other"
         return ""
 
-    def cost_s(self, way: int) -> float:
-        return self._arrival[way]
+    def cost_s(self, path: int) -> float:
+        return self._arrival[path]
 
     def search(self, robot: int, forbidden: _discs.DiscConstraints) -> int | None:
         start = self._start[robot]
@@ -68,19 +68,19 @@ class UnitMotion:
         return None if entry < 0 else self._kept(start, entry)
 
     def _kept(self, start: int, entry: int) -> int:
-        way, ways = self._num_ways, self._ways
+        path, paths = self._num_ways, self._paths
         while True:
-            if _discs.write_way(entry, self._scratch, start, way, ways):
+            if _discs.write_way(entry, self._scratch, start, path, paths):
                 break
-            ways = self._ways = _discs.DiscPaths(*(np.concatenate([column, np.zeros_like(column)]) for column in ways))
+            paths = self._paths = _discs.DiscPaths(*(np.concatenate([column, np.zeros_like(column)]) for column in paths))
         self._num_ways += 1
         self._arrival.append(float(self._scratch.arrived[entry]))
-        return way
+        return path
 
-    def conflicts(self, robot: int, way: int, others: Sequence[int], their_ways: Sequence[int]) -> list[TimedConflict]:
-        num = _discs.conflicts_with_all(self._lanes, self._ways, way, np.array(their_ways, np.int64), PER_PAIR, self._found, self._of)
+    def conflicts(self, robot: int, path: int, others: Sequence[int], their_paths: Sequence[int]) -> list[TimedConflict]:
+        num = _discs.conflicts_with_all(self._lanes, self._paths, path, np.array(their_paths, np.int64), PER_PAIR, self._found, self._of)
         return [
-            TimedConflict(robot, others[k], way, their_ways[k], found)
+            TimedConflict(robot, others[k], path, their_paths[k], found)
             for k, found in zip(self._of[:num].tolist(), map(tuple, self._found[:num].tolist()))
         ]
 
@@ -88,7 +88,7 @@ class UnitMotion:
         self, conflict: TimedConflict, ours: _discs.DiscConstraints, theirs: _discs.DiscConstraints
     ) -> tuple[_discs.DiscConstraints, _discs.DiscConstraints]:
         """What to forbid either robot: see `_discs.rule_against`."""
-        both = self._lanes, self._ways, conflict.what, conflict.way, conflict.other_way
+        both = self._lanes, self._paths, conflict.what, conflict.path, conflict.other_path
         return _discs.with_rule(ours, *_discs.rule_against(*both, False)), _discs.with_rule(theirs, *_discs.rule_against(*both, True))
 
     def least_cost_s(self, robot: int, other: int, ours: _discs.DiscConstraints, theirs: _discs.DiscConstraints) -> float:
@@ -101,12 +101,12 @@ class UnitMotion:
         task = _disc_pairs.PairTask(self._lanes, *ends, (ours, theirs), self._rules, self._scratch)
         return float(_disc_pairs.least_cost(task, self._pair))
 
-    def some_ways(self, rng: np.random.Generator, enough_s: float, deadline_s: float) -> list[int] | None:
+    def some_paths(self, rng: np.random.Generator, enough_s: float, deadline_s: float) -> list[int] | None:
         """Ways without conflicts, not the best: prioritised planning, then neighbourhoods planned again, annealed."""
         num_robots = len(self._start)
         order = np.argsort([-self._left_s[r, v] for r, v in enumerate(self._start)], kind="stable").tolist()
         for k in range(ORDERS):
-            found, failed = self._in_order(order, {})
+            path_of, failed = self._in_order(order, {})
             if failed is None:
                 break
             if process_time() > deadline_s:
@@ -114,47 +114,47 @@ class UnitMotion:
             order = rng.permutation(num_robots).tolist() if k % 8 == 7 else [failed, *(r for r in order if r != failed)]
         else:
             return None
-        ideal = [way for robot in range(num_robots) if (way := self.search(robot, self.nothing)) is not None]
-        best, cost_s = found, sum(map(self.cost_s, found.values()))
+        ideal = [path for robot in range(num_robots) if (path := self.search(robot, self.nothing)) is not None]
+        best, cost_s = path_of, sum(map(self.cost_s, path_of.values()))
         best_s = cost_s
         for k in range(NEIGHBOURHOODS):
             if best_s <= enough_s or process_time() > deadline_s:
                 break
-            robots = self._neighbourhood(found, ideal, rng)
-            other, failed = self._in_order(robots, {r: way for r, way in found.items() if r not in robots})
+            robots = self._neighbourhood(path_of, ideal, rng)
+            other, failed = self._in_order(robots, {r: path for r, path in path_of.items() if r not in robots})
             other_s = sum(map(self.cost_s, other.values()))
             if failed is None and other_s < cost_s + rng.exponential(WORSE * cost_s * (1 - k / NEIGHBOURHOODS)):
-                found, cost_s = other, other_s
+                path_of, cost_s = other, other_s
             if cost_s < best_s:
-                best, best_s = found, cost_s
-            self._forbidden = {way: self._forbidden[way] for way in found.values() if way in self._forbidden}
+                best, best_s = path_of, cost_s
+            self._forbidden = {path: self._forbidden[path] for path in path_of.values() if path in self._forbidden}
         return [best[robot] for robot in range(num_robots)]
 
-    def _neighbourhood(self, ways: dict[int, int], ideal: list[int], rng: np.random.Generator) -> list[int]:
+    def _neighbourhood(self, paths: dict[int, int], ideal: list[int], rng: np.random.Generator) -> list[int]:
         """Robots to be planned again, in this order: a late one and some of those in its ideal way, or any."""
-        num_robots = len(ways)
+        num_robots = len(paths)
         if rng.random() < ANY:
             return list(map(int, rng.permutation(num_robots)[: rng.integers(2, NEIGHBOURHOOD + 1)]))
-        late = np.array([self.cost_s(ways[robot]) - self._left_s[robot, v] for robot, v in enumerate(self._start)]) + 1e-6
+        late = np.array([self.cost_s(paths[robot]) - self._left_s[robot, v] for robot, v in enumerate(self._start)]) + 1e-6
         robot = int(rng.choice(num_robots, p=late / late.sum()))
         others = [r for r in range(num_robots) if r != robot]
-        blockers = {c.other for c in self.conflicts(robot, ideal[robot], others, [ways[r] for r in others])}
+        blockers = {c.other for c in self.conflicts(robot, ideal[robot], others, [paths[r] for r in others])}
         chosen = rng.permutation(sorted(blockers) or others)[: rng.integers(1, NEIGHBOURHOOD)]
         return list(map(int, rng.permutation([robot, *chosen])))
 
-    def _in_order(self, robots: list[int], ways: dict[int, int]) -> tuple[dict[int, int], int | None]:
+    def _in_order(self, robots: list[int], paths: dict[int, int]) -> tuple[dict[int, int], int | None]:
         """The ways, and those of more robots, each around all before it; and the robot that has found none."""
-        ways = dict(ways)
+        paths = dict(paths)
         for robot in robots:
-            way = self.search(robot, self._around(list(ways.values())))
-            if way is None:
-                return ways, robot
-            ways[robot] = way
-        return ways, None
+            path = self.search(robot, self._around(list(paths.values())))
+            if path is None:
+                return paths, robot
+            paths[robot] = path
+        return paths, None
 
-    def _around(self, ways: list[int]) -> _discs.DiscConstraints:
+    def _around(self, paths: list[int]) -> _discs.DiscConstraints:
         """What a robot may not do among others on these ways."""
-        rows = [self._forbidden_by(way) for way in ways]
+        rows = [self._forbidden_by(path) for path in paths]
         columns = [
             column
             for kind, places in enumerate((len(self._lanes.tail), len(self._lanes.first) - 1))
@@ -162,23 +162,23 @@ class UnitMotion:
         ]
         return _discs.DiscConstraints(np.array([len(columns[0]), len(columns[3])]), *columns)
 
-    def _forbidden_by(self, way: int) -> tuple[FloatArray, FloatArray]:
+    def _forbidden_by(self, path: int) -> tuple[FloatArray, FloatArray]:
         """[3, K] departures and [3, M] stays, see `_disc_ways.forbidden_by`."""
-        if way not in self._forbidden:
+        if path not in self._forbidden:
             while True:
-                rows, num_moves, num_stays = _disc_ways.forbidden_by(self._lanes, self._ways, way, self._room)
+                rows, num_moves, num_stays = _disc_ways.forbidden_by(self._lanes, self._paths, path, self._room)
                 if num_moves >= 0:
                     break
                 self._room *= 4
-            self._forbidden[way] = rows[0, :, :num_moves].copy(), rows[1, :, :num_stays].copy()
-        return self._forbidden[way]
+            self._forbidden[path] = rows[0, :, :num_moves].copy(), rows[1, :, :num_stays].copy()
+        return self._forbidden[path]
 
-    def plan(self, their_ways: Sequence[int]) -> Plan:
-        ways, visits = self._ways, []
-        for way in their_ways:
-            moves = slice(int(ways.first[way]), int(ways.first[way + 1]))
-            lane, left = ways.lane[moves], ways.left[moves]
-            vertex = np.append(ways.start[way], self._lanes.head[lane])
+    def plan(self, their_paths: Sequence[int]) -> Plan:
+        paths, visits = self._paths, []
+        for path in their_paths:
+            moves = slice(int(paths.first[path]), int(paths.first[path + 1]))
+            lane, left = paths.lane[moves], paths.left[moves]
+            vertex = np.append(paths.start[path], self._lanes.head[lane])
             arrive = np.append(0.0, left + self._lanes.duration[lane])
             visits.append((vertex, arrive, np.append(left, np.inf)))
         return plan_of_visits(visits)

@@ -49,27 +49,27 @@ class WindowSteps:
 
     def alone(self) -> StepWays | None:
         shape = self._problem.num_robots, self._problem.window_steps + 1
-        ways = StepWays(np.zeros(shape, np.int32), np.zeros(shape[0], np.int64))
-        return ways if find_all(self._task, self._room, ways.at, ways.cost) else None
+        paths = StepWays(np.zeros(shape, np.int32), np.zeros(shape[0], np.int64))
+        return paths if find_all(self._task, self._room, paths.at, paths.cost) else None
 
-    def branched(self, ways: StepWays, above: BoolArray) -> list[tuple[BoolArray, StepWays]] | None:
+    def branched(self, paths: StepWays, above: BoolArray) -> list[tuple[BoolArray, StepWays]] | None:
         """By one kernel: to be called takes it longer than to work."""
-        orders, at, cost = (np.repeat(one[None], 2, axis=0) for one in (above, ways.at, ways.cost))
+        orders, at, cost = (np.repeat(one[None], 2, axis=0) for one in (above, paths.at, paths.cost))
         meets, one, other = branch(self._task, self._room, self._holder, orders, at, cost)
         return [(orders[k], StepWays(at[k], cost[k])) for k, has_ways in enumerate((one, other)) if has_ways] if meets else None
 
-    def cost(self, ways: StepWays) -> int:
-        return int(ways.cost.sum())
+    def cost(self, paths: StepWays) -> int:
+        return int(paths.cost.sum())
 
-    def plan(self, ways: StepWays) -> tuple[Plan, dict[str, float]]:
+    def plan(self, paths: StepWays) -> tuple[Plan, dict[str, float]]:
         """The plan of ways that have been made shorter."""
-        problem, first_cost = self._problem, self.cost(ways)
+        problem, first_cost = self._problem, self.cost(paths)
         most = int(self._room.count[1]) + POLISH_LABELS * problem.num_robots
         rng = np.random.default_rng([problem.seed, CHANCE])
         most = min(most, problem.effort or most)
-        polish(self._task, self._room, ways.at, ways.cost, most, rng)
-        plan = plan_of_paths(list(ways.at.astype(np.int64)), problem.step_s)
-        return plan, {"first_solution_cost": float(first_cost), "cost": float(self.cost(ways))}
+        polish(self._task, self._room, paths.at, paths.cost, most, rng)
+        plan = plan_of_paths(list(paths.at.astype(np.int64)), problem.step_s)
+        return plan, {"first_solution_cost": float(first_cost), "cost": float(self.cost(paths))}
 
 
 def task_of(problem: Problem) -> WindowTask:
