@@ -30,7 +30,7 @@ class Poses(NamedTuple):
     yaw: np.ndarray  # [T, R] rad
 
 
-class Bodies(NamedTuple):
+class Footprints(NamedTuple):
     """Footprints of R robots, and the circles around them."""
 
     radius: np.ndarray  # [R] m
@@ -38,7 +38,7 @@ class Bodies(NamedTuple):
     half_width: np.ndarray  # [R]
 
 
-class Limits(NamedTuple):
+class MotionLimits(NamedTuple):
     """The most that R robots can do."""
 
     speed: np.ndarray  # [R] m/s

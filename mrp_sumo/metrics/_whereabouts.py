@@ -27,7 +27,7 @@ class Rides(NamedTuple):
     top: np.ndarray  # [N] m/s
 
 
-class Limits(NamedTuple):
+class RideLimits(NamedTuple):
     """What R robots can do."""
 
     accel: np.ndarray  # [R] m/s2

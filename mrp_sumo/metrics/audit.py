@@ -148,9 +148,9 @@ def _poses(execution: Execution) -> _audit.Poses:
     return _audit.Poses(_rows(execution.x_m), _rows(execution.y_m), _rows(execution.yaw_rad))
 
 
-def _bodies(fleet: Fleet) -> _audit.Bodies:
+def _bodies(fleet: Fleet) -> _audit.Footprints:
     half_length, half_width = fleet.length_m / 2, fleet.width_m / 2
-    return _audit.Bodies(np.hypot(half_length, half_width), half_length, half_width)
+    return _audit.Footprints(np.hypot(half_length, half_width), half_length, half_width)
 
 
 def _outside_cabins(execution: Execution, fleet: Fleet, cabins: FloatArray | None) -> list[dict[str, Any]] | None:
@@ -331,7 +331,7 @@ def _motion(execution: Execution, fleet: Fleet) -> tuple[dict[str, int], list[di
     first = np.zeros((len(KINDS), LISTED, 4))
     t, speed = _rows(execution.t_s), _rows(execution.speed_mps)
     limits = (_rows(v) for v in (fleet.max_speed_mps, fleet.accel_mps2, fleet.decel_mps2, fleet.turn_rate_rad_s))
-    counts = _audit.over_limits(t, _poses(execution), speed, _audit.Limits(*limits), first).tolist()
+    counts = _audit.over_limits(t, _poses(execution), speed, _audit.MotionLimits(*limits), first).tolist()
     violations = [
         {"kind": kind, "robot": fleet.robot_name[int(r)], "t_s": float(execution.t_s[int(k)]), "value": value, "limit": limit}
         for kind, count, rows in zip(KINDS, counts, first.tolist())

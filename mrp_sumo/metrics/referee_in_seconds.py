@@ -172,7 +172,7 @@ def _runs(problem: Problem, plan: Plan, step_length_s: float) -> _Runs:
     speeds = kernels.Speeds(np.zeros(num_visits), np.zeros(num_visits), np.zeros(num_visits, np.int64))
     early, late = np.zeros((num_visits, 3, 6)), np.zeros((num_visits, 3, 6))
     rides = kernels.Rides(plan.first, begin_s, plan.arrive_s, stands, length_m, top_mps)
-    limits = kernels.Limits(accel, decel, slack, stop)
+    limits = kernels.RideLimits(accel, decel, slack, stop)
     kernels.find_speeds(rides, limits, speeds)
     kernels.motions(rides, limits, speeds, early, late)
     return _Runs(lane, length_m, top_mps, begin_s, stands, leave_s, speeds.verdict, early, late)

@@ -65,7 +65,7 @@ class Trip(NamedTuple):
     goal_heading: float  # rad, to which it turns at its goal, NaN where it stays as it comes
 
 
-class Ground(NamedTuple):
+class RunGround(NamedTuple):
     """What a search goes by: the moves of a robot on L lanes, what others hold, and what is left to the goal, see `steps_left`."""
 
     moves: Moves

@@ -153,7 +153,7 @@ class Timetable:
         trip = _search.Trip(start, heading, self._goal[robot], self._goal_rad[robot])
         while True:
             before = int(self.scratch.work[1])
-            ground = _search.Ground(moves, table, self.at_rest[robot], self.facing[robot], weight)
+            ground = _search.RunGround(moves, table, self.at_rest[robot], self.facing[robot], weight)
             code, state = _search.find(ground, trip, most, latest, self.scratch)
             self.work += int(self.scratch.work[1]) - before
             if code != SCRATCH_FULL:
