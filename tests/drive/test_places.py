@@ -10,6 +10,7 @@ from mrp_sumo.core.graph import nav_graph, plan_graph
 from mrp_sumo.core.task import Station, Stop
 from mrp_sumo.drive.places import RobotPlaces
 from mrp_sumo.drive.work_request import in_turn
+from mrp_sumo.search.distance import UNREACHABLE
 
 
 def row(length, *doorsteps, ring=False):
@@ -92,3 +93,12 @@ def test_one_that_was_passed_over_twice_goes_first_though_it_is_in_no_line(num_b
     start = np.array([0, 3])
     crew = SimpleNamespace(places=RobotPlaces(problem_on(graph, start, start), ()), robots=robots, tasks=[SimpleNamespace(priority=0)])
     assert in_turn(crew, start, dict.fromkeys((0, 1), Stop(5, 1.0)), {0: 0, 1: 0}, np.zeros(2, np.bool_)) == turn
+
+
+def test_to_a_place_that_no_way_leads_to_a_robot_does_not_set_out():
+    """0 leads to 1, and 1 nowhere."""
+    nav = nav_graph(name="one way", xy=[(0, 0), (CELL_M, 0)], lanes=[(0, 1)])
+    where = RobotPlaces(problem_on(plan_graph(nav, kind="roadmap", cell_m=CELL_M), [0], [0]))
+    stops = [Stop(v, 1.0, "", Station(f"at {v}", (v,))) for v in (0, 1)]
+    assert (where.way(0, 0, stops[1]), where.away(0, 0, stops[1])) == ([0, 1], 1)
+    assert (where.way(0, 1, stops[0]), where.away(0, 1, stops[0])) == ([1], UNREACHABLE)

@@ -181,12 +181,13 @@ def test_orders_in_a_closed_loop_are_due_after_they_become_known(tmp_path):
 SMALL = Battery(10.0, 1.0, 36.0, 1.0, 0.0, 0.0, 36.0)  # a thousandth of it goes in a second; it is charged in 100 s
 
 
-def charging(at, *, opportunity=False, least_s=0.0):
+def charging(at, *, opportunity=False, least_s=0.0, first_percent=0.0):
     rules = Charging(
         stations=("charger",),
         policy="opportunity" if opportunity else "threshold",
         critical_low_charging_level=30,
         minimum_charging_time_s=least_s,
+        start_charging=first_percent,
     )
     return {"charging": rules, "chargers": Station("charger", (at,))}
 
@@ -198,6 +199,13 @@ def test_a_robot_with_little_left_charges_before_it_takes_a_task(tmp_path):
     assert tasks.done_s[1] - tasks.opened_s[1] == pytest.approx(76, abs=2)  # from 24 % at its arrival
     assert tasks.assigned_s[0] >= tasks.done_s[1] and run.stops.station[1] == "charger"
     assert run.batteries.level.min() > 0.2 and run.batteries.level.max() == pytest.approx(1.0, abs=0.01)
+
+
+@pytest.mark.parametrize(("first_percent", "robots"), [(0, []), (50, [0]), (100, [0, 1])])
+def test_a_share_of_the_robots_begins_with_a_charge_though_nobody_has_to(tmp_path, first_percent, robots):
+    place = charging(4, first_percent=first_percent)
+    run = work(tmp_path, line(9), [1, 7], listed((0, 50.0, 1.0)), batteries=(SMALL,), **place, start_level=(0.9, 0.9), time_limit_s=40.0)
+    assert run.tasks.robot[[name.startswith("charge") for name in run.tasks.name]].tolist() == robots
 
 
 def test_a_robot_that_charges_for_want_of_work_is_called_off(tmp_path):

@@ -1,0 +1,21 @@
+"""Answers of capacity studies in words."""
+
+from types import SimpleNamespace
+
+import pytest
+
+from mrp_sumo.sizing.answer import _of_one_shot
+from mrp_sumo.sizing.search import Bracket, Served
+
+
+@pytest.mark.parametrize(
+    ("largest", "says"),
+    [
+        (Bracket(8, 6, 9), "Plans of up to 8 robots are found and driven in time in at least 95 % of draws (certain up to 6), 10 do not."),
+        (Bracket(8, 8, None), "Plans of up to 8 robots are found and driven in time in at least 95 % of draws, the most that were tried."),
+        (Bracket(None, None, 3), "Not even 4 robots have plans that are found and driven in time in at least 95 % of draws."),
+    ],
+)
+def test_the_largest_fleet_that_succeeds_is_told_with_how_sure_it_is_and_what_does_not(largest, says):
+    curve = SimpleNamespace(points={4: None, 8: None}, sizes=[4, 8])
+    assert _of_one_shot(SimpleNamespace(served=Served(curve, largest, 0.95))) == says
