@@ -68,8 +68,8 @@ LINES = {  # at least one of every command; {run} and {batch} are made beforehan
     "schema": "schema",
 }
 COLD = (  # what compiles kernels, minutes each: one of them in CI, the others by night
-    pytest.param("run office_5 --planner prioritised", marks=pytest.mark.slow),
-    pytest.param("plan office_5 --planner prioritised", marks=pytest.mark.campaign),
+    pytest.param("plan office_5 --planner prioritised", marks=pytest.mark.slow),
+    pytest.param("run office_5 --planner prioritised", marks=pytest.mark.campaign),
     pytest.param("batch suite.yaml --workers 1", marks=pytest.mark.campaign),
     pytest.param(
         "capacity warehouse_lifelong --engine kinematic --quick --robots 1..2 --budget 1min --horizon 1min --workers 1",
@@ -180,7 +180,7 @@ def test_process_of_ours_runs_nothing_of_the_folder_though_python_would(folder):
 @pytest.mark.parametrize("line", COLD)
 def test_cold_cache_runs_nothing_of_the_folder(folder, tmp_path, monkeypatch, line):
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    ended = check_nothing_is_opened(folder, [CONSOLE, *line.split(), "--out", str(tmp_path / "out")])
+    ended = check_nothing_is_opened(folder, [CONSOLE, *line.split(), "--out", str(tmp_path / "out.json")])
     assert ended.returncode in (0, 1) or "--budget" in line  # which compiling may use up
     assert list(tmp_path.glob("mrp-sumo/kernels/*/*/*.nbc"))
 

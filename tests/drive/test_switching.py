@@ -166,6 +166,7 @@ def test_nobody_waits_for_ever_and_nobody_touches(tmp_path, seed):
     assert (run.x_m == again.x_m).all() and (run.goal_s == again.goal_s).all()
 
 
+@pytest.mark.compiled
 @pytest.mark.skipif(not STPG.exists(), reason="instances of Jiang et al. are not at hand")
 @pytest.mark.parametrize("name", ["map_random-32-32-10_ins_1_an_60", "map_random-32-32-10_ins_10_an_80"])
 def test_published_situations_get_better_and_stay_free_of_circles(name):

@@ -162,6 +162,7 @@ def test_same_seed_gives_the_same_plan(name):
 CROSSING = "..0.3 .d... 1...b .2... c.a.."
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize("name", [n for n in COORDINATED if "following" in {f.name for f in fields(planner_class(n))}])
 def test_nobody_enters_a_vertex_while_another_leaves_it_where_that_is_asked(name):
     problem = world(CROSSING)

@@ -148,6 +148,7 @@ def test_discs_cost_what_the_best_of_all_ways_costs(seed, robots):
     assert cost - 1e-6 <= bounded.stats["cost_s"] <= 1.3 * cost
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize("w", [1.0, 1.2])
 def test_discs_are_never_too_close(w):
     solutions = 0
@@ -168,6 +169,7 @@ def test_discs_are_never_too_close(w):
     assert solutions >= 4
 
 
+@pytest.mark.compiled
 def test_real_motion_is_drivable_and_costs_no_more_than_pbs_and_continuous():
     for seed in range(5):
         rng = np.random.default_rng(seed)

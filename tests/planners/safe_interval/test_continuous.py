@@ -167,6 +167,7 @@ def crowds():
     yield pytest.param(problem_of(beside, [0, 5], [1, 5]), id="beside each other")
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize("problem", list(crowds()))
 @pytest.mark.parametrize("name", ["continuous", "pbs"])
 def test_bodies_never_come_too_close(name, problem):
@@ -183,6 +184,7 @@ def test_bodies_never_come_too_close(name, problem):
     assert min(pdist(frame).min() for frame in at) > problem.fleet.separation_m - 0.01
 
 
+@pytest.mark.compiled
 def test_robots_that_cannot_go_one_by_one_get_a_plan_in_steps_that_can_be_driven():
     problem = problem_of(cross(arm=3), [3, 6, 9], [6, 9, 3])
     chosen = planner("continuous", {})
@@ -192,6 +194,7 @@ def test_robots_that_cannot_go_one_by_one_get_a_plan_in_steps_that_can_be_driven
     assert retime(problem, result.plan, ExecutionSettings()).vertex.tolist() == result.plan.vertex.tolist()
 
 
+@pytest.mark.compiled
 def test_most_crowds_have_plans():
     solved = [planner("continuous", {}).plan(case.values[0], 60.0).status is Status.SOLVED for case in crowds()]
     assert sum(solved) >= 13
@@ -214,6 +217,7 @@ def test_bad_parameters_are_refused():
         planner("continuous", {"step_length_s": 2.0})
 
 
+@pytest.mark.compiled
 def test_who_is_kept_from_its_way_by_a_start_that_is_protected_again_looks_for_another(tmp_path):
     """Others make room for a robot in vain and go back to their ways; one of them crosses the start of another that is still away."""
     graph = Worlds(None, tmp_path).graph(("tangle", "543"))
