@@ -4,6 +4,7 @@ import ast
 import subprocess
 import sys
 from collections import defaultdict
+from functools import cache
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 
@@ -70,9 +71,15 @@ def sources():
     return sorted(p for folder in ("mrp_sumo", "planners") for p in (PROJECT / folder).rglob("*.py"))
 
 
+@cache
+def statements(path):
+    """Imports and classes of a file, wherever they stand."""
+    return [node for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.Import | ast.ImportFrom | ast.ClassDef)]
+
+
 def imports(path, each_name=False):
-    """(line, module) of every import of a file, wherever it stands; with `each_name` what is imported from a module may be one."""
-    for node in ast.walk(ast.parse(path.read_text())):
+    """(line, module) of every import of a file; with `each_name` what is imported from a module may be one."""
+    for node in statements(path):
         if isinstance(node, ast.Import):
             yield from ((node.lineno, alias.name) for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
@@ -181,7 +188,7 @@ def test_sources_name_no_path_of_a_machine():
 def test_no_two_classes_share_a_name():
     homes = defaultdict(list)
     for path in sources():
-        for node in ast.walk(ast.parse(path.read_text())):
+        for node in statements(path):
             if isinstance(node, ast.ClassDef):
                 homes[node.name].append(path)
     shared = {name: paths for name, paths in homes.items() if len(paths) > 1}
