@@ -14,7 +14,8 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import chdir, contextmanager, redirect_stderr, redirect_stdout, suppress
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,7 @@ from campaigns.driver import Trial
 from campaigns.fuzz import LIFELONG, ROBOT
 from power_cut import cut
 
+from mrp_sumo.cli.main import main
 from mrp_sumo.core.children import kill_family
 from mrp_sumo.io.results import CSV, TABLE, records_in, tables_are_whole
 from mrp_sumo.maps.generate import GENERATORS
@@ -29,7 +31,6 @@ from mrp_sumo.maps.generate import GENERATORS
 TESTS = Path(__file__).resolve().parents[1]
 SUITE = "base: office_5\ngrid_search: {robots.count: [1, 2], seed: 0..19}\n"
 NUM_RUNS = 40
-COMMAND = (sys.executable, "-P", "-m", "mrp_sumo")
 MATERIAL = ("small.building.yaml", "lifelong.yaml", "cart.yaml")
 
 
@@ -120,26 +121,29 @@ class Kills:
         """Kill a command and all its processes some times, let it end, and compare what it wrote."""
         words, files = COMMANDS[name]
         if name not in self._undisturbed:
-            began = time.monotonic()
             whole = _make_lifelong(folder / "undisturbed")
-            subprocess.run([*COMMAND, *words], cwd=whole, check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+            with chdir(whole), redirect_stdout(StringIO()), redirect_stderr(StringIO()):
+                main(words)  # here, so that those to be killed begin with all that it loads
+            whole, began = _make_lifelong(folder / "again"), time.monotonic()
+            os.waitpid(_forked(words, whole), 0)
             self._undisturbed[name] = {file: (whole / "out" / file).read_bytes() for file in files}, time.monotonic() - began
         expected, took_s = self._undisturbed[name]
         place, kills, faults = _make_lifelong(folder / "killed"), 0, []
-        for _ in range(chance.randint(1, 4)):
-            process = subprocess.Popen(
-                [*COMMAND, *words], cwd=place, start_new_session=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
-            )
-            with suppress(subprocess.TimeoutExpired):
-                process.wait(chance.uniform(0.0, took_s))
-            kills += process.poll() is None
-            kill_family(process.pid)
-            process.wait()
+        for _ in range(chance.randint(1, 8)):
+            pid = _forked(words, place)
+            until, ended = time.monotonic() + chance.uniform(0.0, took_s), 0
+            while time.monotonic() < until and not ended:
+                time.sleep(0.005)
+                ended = os.waitpid(pid, os.WNOHANG)[0]
+            if not ended:
+                kills += 1
+                kill_family(pid)
+                os.waitpid(pid, 0)
             if name == "run" and (place / "out").is_dir() and not (place / "out" / "result.json").is_file():
                 faults.append("half a run folder is left")
-        ended = subprocess.run([*COMMAND, *words], cwd=place, capture_output=True, text=True)
-        if ended.returncode not in (0, 1):
-            faults.append(f"exit code {ended.returncode}: {ended.stderr[-300:]}")
+        code = os.waitstatus_to_exitcode(os.waitpid(_forked(words, place), 0)[1])
+        if code not in (0, 1):
+            faults.append(f"exit code {code}")
         faults += [
             f"{file} is not what it is undisturbed"
             for file, data in expected.items()
@@ -147,6 +151,22 @@ class Kills:
         ]
         faults += [f"left behind: {path.name}" for path in place.iterdir() if path.name not in (*MATERIAL, "out")]
         return Trial(name, f"{kills} kills", tuple(faults), f"mrp-sumo {' '.join(words)}")
+
+
+def _forked(words: tuple[str, ...], place: Path) -> int:
+    """A process of its own that runs a command in a folder, with the libraries and kernels that this one has loaded."""
+    if pid := os.fork():
+        return pid
+    code = 3
+    try:
+        os.setsid()
+        os.chdir(place)
+        quiet = os.open(os.devnull, os.O_RDWR)
+        for stream in (1, 2):
+            os.dup2(quiet, stream)
+        code = main(words)
+    finally:
+        os._exit(code)
 
 
 def _make_lifelong(folder: Path) -> Path:
