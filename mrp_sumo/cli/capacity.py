@@ -101,7 +101,7 @@ def run(options: argparse.Namespace) -> int:
     from mrp_sumo.sizing.replays import keep
 
     page = write_capacity_page(study, answer, folder, keep(study, answer, folder) if options.replays else ())
-    print(json.dumps(answer.document, indent=2) if options.json else _in_words(answer, page))
+    print(json.dumps(answer.document, indent=2) if options.json else _in_words(study, answer, page))
     return 0
 
 
@@ -205,12 +205,12 @@ def _beforehand(study: "Study") -> str:
     )
 
 
-def _in_words(answer: "Answer", page: Path) -> str:
+def _in_words(study: "Study", answer: "Answer", page: Path) -> str:
     from mrp_sumo.sizing.reasons import in_words
 
     lines = [answer.sentence, *(f"note: {note}" for note in answer.notes)]
     if limit := answer.limit:
-        lines.append(f"What binds: {in_words(limit)}.")
+        lines.append(f"What binds: {in_words(limit, study.nav)}.")
     for gain in answer.gains:
         mean = gain.difference.difference
         gained = f"{mean.value:+.1f} orders an hour ({mean.low:+.1f} to {mean.high:+.1f})"

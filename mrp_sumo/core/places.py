@@ -41,6 +41,19 @@ def places_of(graph: PlanGraph, nav: NavGraph) -> Places:
     return Places(name, kind, frozen(of_vertex.reshape(-1).astype(np.int64)))
 
 
+def beside(nav: NavGraph, name: str) -> str:
+    """The nearest vertex of the map with a name, and how far it is from a crossing or an aisle without one; '' of other places."""
+    ends = [nav.vertex_of_name[end] for end in name.split(BETWEEN) if end in nav.vertex_of_name]
+    named = np.array([v for v in range(nav.num_vertices) if nav.known_as(v) != f"v{v}"], np.int64)
+    if not ends or not set(ends).isdisjoint(named.tolist()):
+        return ""
+    named = named[nav.level[named] == nav.level[ends[0]]]
+    if not len(named):
+        return ""
+    away_m = np.hypot(*(nav.xy[named] - nav.xy[ends].mean(0)).T)
+    return f"{away_m.min():.1f} m from {nav.known_as(int(named[away_m.argmin()]))}"
+
+
 def _squares(graph: PlanGraph) -> Places:
     """Squares of cells."""
     side = SQUARE * graph.cell_m

@@ -10,7 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mrp_sumo.core.graph import FloatArray
+from mrp_sumo.core.graph import FloatArray, NavGraph
+from mrp_sumo.core.places import beside
 from mrp_sumo.sizing.points import UNANSWERED, Point
 
 MINUTE_S, HOUR_S = 60.0, 3600.0
@@ -92,8 +93,8 @@ def _limit(point: Point, places: Sequence[Share], fleet: Share) -> Share:
     return fleet
 
 
-def in_words(share: Share) -> str:
-    """Limit that binds, and how much, in words."""
+def in_words(share: Share, nav: NavGraph) -> str:
+    """Limit that binds, where on the map, and how much, in words."""
     percent = f"{100 * share.utilisation:.0f} %"
     match share.kind:
         case "fleet":
@@ -105,7 +106,8 @@ def in_words(share: Share) -> str:
         case "planner" if not share.waited_s_per_h:
             return f"the planner, which found no plan in {percent} of its requests: not a property of your floor"
     waited = f", {share.waited_s_per_h / MINUTE_S:.0f} robot-minutes waited an hour" if share.waited_s_per_h >= 90 else ""
-    return f"{f'the {share.kind} {share.name}'.strip()}, in use or waited for {percent} of the time{waited}"
+    place = ", ".join(filter(None, (f"the {share.kind} {share.name}".strip(), beside(nav, share.name))))
+    return f"{place}, in use or waited for {percent} of the time{waited}"
 
 
 def cycle(point: Point) -> dict[str, float]:
