@@ -10,6 +10,7 @@ only: anything else in the way is refused.
 
 import os
 import shutil
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ import numpy as np
 import pandas as pd
 
 from mrp_sumo import __version__
+from mrp_sumo.core.task import some_tasks
 from mrp_sumo.errors import BatchError, MrpSumoError, sentence
 from mrp_sumo.files.reading import shortened
 from mrp_sumo.io.remedy import remedy
@@ -159,7 +161,7 @@ def _of_run(study: ReportedRuns, out: Path) -> tuple[str, list[Section]]:
         )
         if robots
         else None,
-        _tasks_table(run),
+        *_task_tables(run),
     )
     note = str(run.result.get("note", ""))
     page_of = replay_of(run)
@@ -178,16 +180,23 @@ def _known_as(run: RunFolder, label: Any) -> str:
     return str(label) if vertex is None else run.graph.known_as(vertex)
 
 
-def _tasks_table(run: RunFolder) -> ReportTable | None:
-    """What became of the orders of a run, by release."""
+def _task_tables(run: RunFolder) -> Iterator[ReportTable]:
+    """What became of the orders of a run, by release, and of its charges."""
     if run.metrics.get("tasks_done") is None or (tasks := run.record.execution.tasks) is None:
-        return None
-    names, columns = run.fleet.robot_name, (tasks.released_s, tasks.assigned_s, tasks.opened_s, tasks.done_s)
-    times = [[None if np.isnan(t) else float(t) for t in column] for column in columns]
-    robots = ["" if r < 0 else names[r] for r in tasks.robot.tolist()]
-    rows: list[list[Cell]] = [list(row) for row in zip(tasks.name, robots, *times, tasks.status, tasks.reason)]
-    head = ("order", "robot", "released s", "assigned s", "opened s", "done s", "status", "reason")
-    return ReportTable("tasks", "Orders", head, rows, labels=2, folded=len(rows) > 30, digits=dict.fromkeys(head[2:6], 1))
+        return
+    for name, title, word, wanted in (
+        ("tasks", "Orders", "order", tasks.is_order),
+        ("charges", "Charging", "charge", ~tasks.is_order),
+    ):
+        some = some_tasks(tasks, wanted)
+        times = [
+            [None if np.isnan(t) else float(t) for t in column] for column in (some.released_s, some.assigned_s, some.opened_s, some.done_s)
+        ]
+        robots = ["" if r < 0 else run.fleet.robot_name[r] for r in some.robot.tolist()]
+        rows: list[list[Cell]] = [list(row) for row in zip(some.name, robots, *times, some.status, some.reason)]
+        head = (word, "robot", "released s", "assigned s", "opened s", "done s", "status", "reason")
+        if rows or word == "order":
+            yield ReportTable(name, title, head, rows, labels=2, folded=len(rows) > 30, digits=dict.fromkeys(head[2:6], 1))
 
 
 def _link_table(name: str, title: str, target: str) -> ReportTable:

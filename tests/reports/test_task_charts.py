@@ -1,9 +1,12 @@
 """Charts of tasks, from logs whose figures are known by hand."""
 
+from types import SimpleNamespace
+
 import numpy as np
 
 from mrp_sumo.core.task import CHARGE, ORDER, log_of_times
 from mrp_sumo.reports.charts.task_charts import _known, task_charts
+from mrp_sumo.reports.report import _task_tables
 
 
 def log(released_s, done_s, kind=()):
@@ -27,3 +30,12 @@ def test_charts_say_what_they_count():
 def test_charging_is_no_task_of_anybodys_and_few_tasks_make_no_distribution():
     assert task_charts(log([0, 1], [5, 6], (CHARGE, CHARGE)), 60.0, None, "run") == []
     assert [chart.name for chart in task_charts(log([0, 1], [5, np.nan], (ORDER, CHARGE)), 60.0, None, "run")] == ["run_open_tasks"]
+
+
+def test_charges_stand_in_a_table_of_their_own():
+    tasks = log([0, 1, 2], [5, 6, 7], (ORDER, CHARGE, ORDER))
+    run = SimpleNamespace(metrics={"tasks_done": 2}, fleet=SimpleNamespace(robot_name=("robot_0",)))
+    run.record = SimpleNamespace(execution=SimpleNamespace(tasks=tasks))
+    assert [(table.title, [row[0] for row in table.rows]) for table in _task_tables(run)] == [("Orders", ["0", "2"]), ("Charging", ["1"])]
+    run.record.execution.tasks = log([0], [5], (ORDER,))
+    assert [table.title for table in _task_tables(run)] == ["Orders"]

@@ -65,7 +65,9 @@ def _lifelong(study: Study, answer: Answer, replays: Sequence[tuple[ReplayedRun,
     if reasons:
         if reasons.worst:
             lines.append(f"<p>With {reasons.robots} robot{'s' * (reasons.robots > 1)} most time is lost to:</p>")
-            lines.append('<ol class="places">' + "".join(f"<li>{_text(in_words(place, study.nav))}</li>" for place in reasons.worst) + "</ol>")
+            lines.append(
+                '<ol class="places">' + "".join(f"<li>{_text(in_words(place, study.nav))}</li>" for place in reasons.worst) + "</ol>"
+            )
         lines += chart_row([parts(answer.points), floor(study.setup, reasons)])
     if replays:
         links = (f'<a href="{_text(path)}#t={run.at_s:.0f}">at the {run.name}, {run.robots} robots</a>' for run, path in replays)

@@ -332,7 +332,7 @@ def _per_hour(value: float | None) -> str | None:
 def _lateness(value: float | None) -> str | None:
     if value is None:
         return None
-    return "none" if abs(value) < 0.05 else f"{abs(value):.1f} s {'early' if value < 0 else 'late'}"
+    return "0.0 s" if abs(value) < 0.05 else f"{abs(value):.1f} s {'early' if value < 0 else 'late'}"
 
 
 def _add_motion(columns: Columns, execution: Execution, frame: PageFrame) -> dict[str, Any]:
