@@ -54,7 +54,7 @@ class WindowSteps:
 
     def branched(self, paths: StepWays, above: BoolArray) -> list[tuple[BoolArray, StepWays]] | None:
         """By one kernel: to be called takes it longer than to work."""
-        orders, at, cost = (np.repeat(one[None], 2, axis=0) for one in (above, paths.at, paths.cost))
+        orders, at, cost = (np.array((each, each)) for each in (above, paths.at, paths.cost))
         meets, one, other = branch(self._task, self._room, self._holder, orders, at, cost)
         return [(orders[k], StepWays(at[k], cost[k])) for k, has_ways in enumerate((one, other)) if has_ways] if meets else None
 
