@@ -26,7 +26,7 @@ FIRST_EFFORT = 150_000  # entries that planning real motion may look at: about a
 
 @dataclass(frozen=True)
 class Portfolio:
-    """Who is asked, and why."""
+    """Planners to be asked, and why."""
 
     names: tuple[str, ...]  # in this order
     compared: int  # of the first so many the cheapest plan is taken; of the others the first
@@ -98,7 +98,7 @@ class Auto:
 
 
 def portfolio_for(problem: Problem) -> Portfolio:
-    """Who is asked about a problem."""
+    """Planners to be asked about a problem."""
     robots = problem.num_robots
     if problem.window_steps:
         if problem.graph.num_vertices >= THIN * robots:

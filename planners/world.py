@@ -1,4 +1,4 @@
-"""How PIBT, LaCAM and LNS2 begin and end: distances, answers that need no search, paths that are easy to find, else a guide; plans."""
+"""Beginnings and ends of PIBT, LaCAM and LNS2: distances, answers that need no search, paths that are easy to find, else a guide; plans."""
 
 import math
 from collections.abc import Callable
@@ -31,7 +31,7 @@ LONGEST_LOCAL = 126  # steps of a path of local guidance: its tables have a slot
 
 @dataclass(frozen=True)
 class ByConfigurations:
-    """What PIBT and LaCAM have in common: the moves that robots may make at once, and what guides them."""
+    """Parameters that PIBT and LaCAM have in common: the moves that robots may make at once, and what guides them."""
 
     following: bool = False  # avoid following conflicts too: nobody enters a vertex in the step its holder leaves
     rotations: bool = True  # rings of robots may move at once
@@ -50,7 +50,7 @@ EasyPaths = Callable[[Problem, PibtInstance, np.random.Generator, float], tuple[
 
 @dataclass(frozen=True)
 class SearchStart:
-    """Where a search begins."""
+    """Beginning of a search."""
 
     given: Problem
     problem: Problem  # the same, or with its vertices renumbered
@@ -93,7 +93,7 @@ def search_start(
     packed: bool | None,
     easy: EasyPaths | None = None,
 ) -> SearchStart | PlanResult:
-    """Where the search for a problem begins, or the result where none is needed or the time is up already.
+    """Beginning of the search for a problem, or the result where none is needed or the time is up already.
 
     Parameters
     ----------
@@ -131,7 +131,7 @@ def search_start(
 
 
 def is_large(problem: Problem) -> bool:
-    """Whether tables of steps would take much memory, and distances can be packed instead.
+    """True if tables of steps would take much memory, and distances can be packed instead.
 
     Later than otherwise in a window: who plans again and again has most of the tables from before.
     """
@@ -140,7 +140,7 @@ def is_large(problem: Problem) -> bool:
 
 
 def is_vast(problem: Problem) -> bool:
-    """Whether it would take long to pack distances everywhere."""
+    """True if it would take long to pack distances everywhere."""
     return problem.num_robots * problem.graph.num_vertices > WHOLE_CELLS
 
 

@@ -92,7 +92,7 @@ def is_map(name_or_path: str) -> bool:
 
 
 def _is_scenario(path: Path) -> bool:
-    """Whether a file names a map, or is YAML with none of a map's keys."""
+    """True if a file names a map, or is YAML with none of a map's keys."""
     from mrp_sumo.files.reading import read_head
 
     head = read_head(path, HEAD, MrpSumoError)

@@ -1,4 +1,4 @@
-"""When tasks arrive and how long their stops last: options of the streams of a scenario, and draws from them."""
+"""Arrivals of tasks and durations of their stops: options of the streams of a scenario, and draws from them."""
 
 import math
 from collections.abc import Iterator

@@ -143,7 +143,7 @@ class Crowd:
         return None
 
     def _has_room(self, xy: FloatArray) -> bool:
-        """Whether nobody is near a point, and no robot, the less so the faster it drives."""
+        """True if nobody is near a point, and no robot, the less so the faster it drives."""
         walkers, robots = self.walkers, self.robots
         if np.hypot(walkers.x_m[: self.count] - xy[0], walkers.y_m[: self.count] - xy[1]).min(initial=np.inf) < 2 * BODY_M + ROOM_M:
             return False

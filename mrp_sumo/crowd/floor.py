@@ -196,7 +196,7 @@ def _edges(mask: BoolArray) -> FloatArray:
 
 
 def _crosses(a: FloatArray, b: FloatArray, walls: FloatArray) -> bool:
-    """Whether the way from a to b [2] leads through one of some walls [W, 4]."""
+    """True if the way from a to b [2] leads through one of some walls [W, 4]."""
     if not len(walls):
         return False
     ends = walls.reshape(-1, 2, 2)

@@ -1,4 +1,4 @@
-"""Who has reached its goal: those that arrived at it, and those that stand within the scenario's tolerance of it when the run ends.
+"""Robots at their goals: those that arrived there, and those that stand within the scenario's tolerance of it when the run ends.
 
 The execution itself drives robots to their goals and stops nobody short of one, however wide the tolerance.
 """

@@ -90,7 +90,7 @@ class Batteries:
         return share
 
     def log(self, now_s: float, critical: float) -> BatteryLog:
-        """What has become of them until now."""
+        """The log of all batteries until now."""
         if not self._t_s or now_s > self._t_s[-1]:
             self._note(now_s)
         level = np.ceil(np.array(self._levels) * 1e6) / 1e6  # as tables keep it; what is not empty stays so

@@ -19,10 +19,10 @@ class Dispatcher(Protocol):
     """Decides what robots do next. One is made for every run; its fields are its parameters."""
 
     def finished(self, now_s: float, around: Surroundings) -> bool:
-        """Whether all is done that there is to do. The run ends then, if recovery has nothing under way."""
+        """True if all is done that there is to do. The run ends then, if recovery has nothing under way."""
 
     def due(self, now_s: float, around: Surroundings) -> Iterable[Request]:
-        """What has to be decided now, what matters most first; nothing more is asked once one of them has been answered.
+        """Requests to be decided now, the most important first; nothing more is asked once one of them has been answered.
 
         Parameters
         ----------

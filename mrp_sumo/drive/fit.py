@@ -15,7 +15,7 @@ from mrp_sumo.traffic.resources import Resources, resources_of
 
 
 def resources_for(problem: Problem, plan: Plan) -> Resources:
-    """What the robots must not share, if they can drive the plan.
+    """Resources that robots must not share, if they can drive the plan.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Who gives way in a deadlock, where to, and until when.
+"""Giving way in a deadlock: by whom, where to, and until when.
 
 The rule of right of way: of the robots in a ring of waiting, the one gives way that has the shortest way to a place
 where it is in none of the others' way; on a tie the one with the higher number. Its way there must be free, lead
@@ -37,7 +37,7 @@ class GivingWay:
 
 
 def who_gives_way(around: Surroundings, ring: Sequence[int], disturbed: BoolArray, now: float) -> tuple[GivingWay, Reroute] | None:
-    """Who of a ring of waiting robots gives way and how; None if nobody can."""
+    """The robot of a ring of waiting ones that gives way, and how; None if nobody can."""
     for asked in (list(ring), _behind(around.state, ring)):
         best: tuple[float, int, list[int], tuple[int, ...]] | None = None
         for robot in asked:

@@ -71,7 +71,7 @@ class Entry:
 
 
 class Ledger:
-    """What R robots have been given to do, and the state they are in.
+    """Visits that R robots have been given to make, and the state they are in.
 
     `visits`, `needs` and `state` are what kernels see; the arrays of visits and needs may be longer than there are visits.
     """
@@ -283,7 +283,7 @@ class Ledger:
 
     @property
     def is_full(self) -> bool:
-        """Whether most visits are over, and there are many."""
+        """True if most visits are over, and there are many."""
         return self.num_visits > max(MANY, 4 * self._num_kept)
 
     def forget(self, needed: IntArray) -> None:
@@ -590,7 +590,7 @@ def planned_arrivals(ledger: Ledger) -> FloatArray:
 
 
 def replies_of(ledger: Ledger) -> tuple[Reply, ...]:
-    """What came after the first plan, as it was driven."""
+    """Replies after the first plan, as they were driven."""
     replies = []
     for entry in ledger.entries[1:]:
         columns = {name: frozen(column) for name, column in ledger.logged(entry).items()}

@@ -55,7 +55,7 @@ class Listener:
         return ()
 
     def wants_end(self) -> bool:
-        """Whether the execution is to end, with outcome INTERRUPTED; asked as often as it hears of a sample."""
+        """True if the execution is to end, with outcome INTERRUPTED; asked as often as it hears of a sample."""
         return False
 
 
@@ -209,7 +209,7 @@ class GrantRecorder(Listener):
         self._rows.append((t_s, robot, granted))
 
     def log(self) -> GrantLog:
-        """What was kept."""
+        """The log of what was seen."""
         t_s = np.concatenate([np.zeros(0), *(row[0] for row in self._rows)])
         none = [np.zeros(0, np.int64)]
         robot, granted = (np.concatenate([row[k] for row in self._rows] or none) for k in (1, 2))

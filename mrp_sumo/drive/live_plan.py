@@ -12,7 +12,7 @@ from mrp_sumo.traffic.passages import Schedule
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class LivePlan(Plan):
-    """What is left of a plan: the visits from the last one that each robot has reached on, and where robots are.
+    """The rest of a plan: the visits from the last one that each robot has reached on, and where robots are.
 
     `arrive_s` and `depart_s` are as planned, and below 0 for what robots have been granted already.
     """

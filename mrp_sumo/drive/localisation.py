@@ -1,4 +1,4 @@
-"""Where robots take themselves to be: their true poses and an error that localisation makes.
+"""Poses that robots believe to have: their true ones and an error that localisation makes.
 
 Only what is recorded changes. Robots drive along their true poses, as robots on rails would, and so does the audit.
 """

@@ -119,7 +119,7 @@ def _engine(
 
 
 class Records:
-    """What is kept of an execution."""
+    """Records of an execution."""
 
     def __init__(self, problem: Problem, world: World, people: Bystanders) -> None:
         self.events, self.witness, self.grants = EventLog(), Witness(), GrantRecorder(problem.num_robots)
@@ -129,7 +129,7 @@ class Records:
 
     @property
     def few(self) -> bool:
-        """Whether nothing is kept of what changes in steps in which nothing happens to robots."""
+        """True if nothing is kept of what changes in steps in which nothing happens to robots."""
         return self.facilities is None and self.people is None
 
     @property

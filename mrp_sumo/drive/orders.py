@@ -41,7 +41,7 @@ NEXT = {  # what may come after what
 
 @dataclass(frozen=True)
 class OrderRules:
-    """When orders are withdrawn, and what becomes of those whose robot is lost with them on board: they fail by default."""
+    """Rules for withdrawing orders, and for those whose robot is lost with them on board: they fail by default."""
 
     cancel: Cancel | None = None
     retry: Retry | None = None
@@ -70,23 +70,23 @@ class Orders:
 
     @property
     def endless(self) -> bool:
-        """Whether more will come."""
+        """True if more will come."""
         return any(source.next is not None for source in self._sources)
 
     @property
     def next_release_s(self) -> float:
-        """When the next comes that has a time of its own; inf: none."""
+        """Time of the next that has one of its own; inf: none."""
         times = (source.next.release_s for source in self._sources if source.next is not None and not source.num_open)
         return min(times, default=np.inf)
 
     @property
     def open_since_s(self) -> float:
-        """When the oldest became known of those that have not ended; inf: all have."""
+        """Time at which the oldest became known of those that have not ended; inf: all have."""
         return min((self._times["released_s"][k] for k in self._open), default=np.inf)
 
     @property
     def num_open(self) -> int:
-        """How many are known and have not ended."""
+        """Number of orders that are known and have not ended."""
         return len(self._open)
 
     @property
@@ -97,15 +97,15 @@ class Orders:
         return [k for k in sorted(self._open) if self.status[k] in (RELEASED, ASSIGNED) and k not in self._handed]
 
     def opened_s(self, task: int) -> float:
-        """When its first stop was reached, NaN: not yet."""
+        """Time at which its first stop was reached, NaN: not yet."""
         return self._times["opened_s"][task]
 
     def released_s(self, task: int) -> float:
-        """When it became known."""
+        """Time at which it became known."""
         return self._times["released_s"][task]
 
     def last_chance_s(self, task: int) -> float:
-        """When it is cancelled unless somebody has picked it by then; inf: never."""
+        """Time at which it is cancelled unless somebody has picked it by then; inf: never."""
         cancel = self.rules.cancel
         if cancel is None:
             return np.inf
@@ -160,7 +160,7 @@ class Orders:
         self._wait(task)
 
     def begin_anew(self, task: int, why: str) -> None:
-        """What was done of it is lost; it waits again, whole."""
+        """Let it wait again, whole: what was done of it is lost."""
         self._enter(task, RELEASED)
         self._times["assigned_s"][task] = self._times["opened_s"][task] = np.nan
         self.tries[task] += 1
@@ -194,14 +194,14 @@ class Orders:
         self._end(task, at_s)
 
     def log(self) -> TaskLog:
-        """What has become of them."""
+        """The log of all orders."""
         times = {name: frozen(np.array(column, np.float64)) for name, column in self._times.items()}
         names, kinds = (tuple(getattr(task, key) for task in self.tasks) for key in ("name", "kind"))
         robot = frozen(np.array(self.robot, np.int64))
         return TaskLog(names, robot, **times, status=tuple(self.status), reason=tuple(self._reason), kind=kinds)
 
     def is_order(self, task: int) -> bool:
-        """Whether somebody wants it done, rather than the fleet itself."""
+        """True if somebody wants it done, rather than the fleet itself."""
         return self.tasks[task].kind == ORDER
 
     def _know(self, task: Task) -> int:

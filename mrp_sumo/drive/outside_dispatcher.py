@@ -59,7 +59,7 @@ class OutsideDispatcher:
 
 
 def fault(reply: Replan, around: Surroundings) -> str:
-    """What is wrong with a reply, '' if it can be driven."""
+    """Fault of a reply, '' if it can be driven."""
     names = around.ledger.problem.fleet.robot_name
     for robot, way in reply.reroute.items():
         if not isinstance(robot, int | np.integer) or not 0 <= robot < len(names):

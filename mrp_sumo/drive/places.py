@@ -1,4 +1,4 @@
-"""Where robots are to go: to places where their stops are made, to places to wait for one, or out of the others' way.
+"""Places that robots are to go to: those where their stops are made, to places to wait for one, or out of the others' way.
 
 A robot for which no place is free, or which cannot come to one since somebody stands in between, drives up as near as it can and waits
 there: at the station's places to wait, in their order, where it has some, else at the nearest vertex from which who is being served can
@@ -23,7 +23,7 @@ from mrp_sumo.search.distance import UNREACHABLE, Distances, StepArray, distance
 
 
 class RobotPlaces:
-    """Where the robots of a problem can go."""
+    """Places that the robots of a problem can go to."""
 
     def __init__(self, problem: Problem, parking: Sequence[int] = ()) -> None:
         """Robots without work go to `parking`, as far as there is room."""
@@ -50,18 +50,18 @@ class RobotPlaces:
         return self._way(robot, at, place) if away < UNREACHABLE else [at]
 
     def can_come(self, robot: int, at: int, stop: Stop, blocked: set[int]) -> bool:
-        """Whether a robot can come from a vertex to a place of a stop without passing some others."""
+        """True if a robot can come from a vertex to a place of a stop without passing some others."""
         reach = self._reach(robot, at, blocked - {at})
         return any(reach[v] < UNREACHABLE for v in stop.places)
 
     def can_let_pass(self, robot: int, at: int, way: Sequence[int], blocked: set[int]) -> bool:
-        """Whether a robot that stands on another's way can get off it, but for the way's end, without passing some others."""
+        """True if a robot that stands on another's way can get off it, but for the way's end, without passing some others."""
         reach = self._reach(robot, at, blocked | {way[-1]})
         reach[list({*way, *blocked})] = UNREACHABLE
         return bool((reach < UNREACHABLE).any())
 
     def has_room(self, robot: int, stops: Sequence[Stop]) -> bool:
-        """Whether a robot's type can come from its start to some stops and back."""
+        """True if a robot's type can come from its start to some stops and back."""
         if self._problem.barred is None:
             return True
         kind = int(self._problem.fleet.kind[robot])
@@ -208,12 +208,12 @@ class RobotPlaces:
         return list(dict.fromkeys([place, *([first] if (first := next(ahead, None)) is not None else [])]))
 
     def _is_near(self, graph: PlanGraph, vertex: int, others: IntArray) -> bool:
-        """Whether a robot on a vertex would stand too near to one on another."""
+        """True if a robot on a vertex would stand too near to one on another."""
         away_m = np.hypot(*(graph.xy[others] - graph.xy[vertex]).T)
         return bool(((away_m < self._apart_m) & (graph.level[others] == graph.level[vertex])).any())
 
     def _leaves_way_out(self, robot: int, place: int, vertex: int, waits: set[int]) -> bool:
-        """Whether who is at a place can still get out, and clear of the way in, if a robot waits at a vertex and others at theirs.
+        """True if who is at a place can still get out, and clear of the way in, if a robot waits at a vertex and others at theirs.
 
         Getting out is not enough where it is a dead end: from there the rest of the floor must be in reach without the place.
         """

@@ -23,26 +23,26 @@ from mrp_sumo.traffic.schedule import schedule_of
 
 
 class Policy(Protocol):
-    """How a plan is executed. Implementations have no state; their fields are their parameters."""
+    """Rules by which a plan is executed. Implementations have no state; their fields are their parameters."""
 
     @property
     def look_ahead(self) -> int:
-        """How many visits ahead of its position a robot may claim at most, beside those that it needs to brake."""
+        """Number of visits ahead of its position that a robot may claim at most, beside those that it needs to brake."""
 
     @property
     def paced(self) -> bool:
-        """Whether a robot that is early drives slower."""
+        """True if a robot that is early drives slower."""
 
     @property
     def keeps_order(self) -> bool:
-        """Whether `order` gives one."""
+        """True if `order` gives one."""
 
     @property
     def sound_plan_only(self) -> bool:
-        """Whether plans with conflicts, and orders that cannot be kept, are refused."""
+        """True if plans with conflicts, and orders that cannot be kept, are refused."""
 
     def order(self, problem: Problem, plan: Plan, needs: Needs) -> Schedule | None:
-        """Who passes before whom at every resource; None: first come, first served. PlanError when it cannot be kept."""
+        """Order in which robots pass every resource; None: first come, first served. PlanError when it cannot be kept."""
 
     def earliest_s(self, plan: Plan) -> FloatArray:
         """[N] before which no robot leaves a visit."""

@@ -35,7 +35,7 @@ SAME_RING = 3  # so many times a ring of the same robots is asked to give way, b
 
 
 class Recovery:
-    """What is asked, and answered, where robots do not get on in the course of one execution; see `drive.dispatcher.Dispatcher`."""
+    """Requests, and answers to them, where robots do not get on in the course of one execution; see `drive.dispatcher.Dispatcher`."""
 
     def __init__(self, ledger: Ledger, world: World, settings: ExecutionSettings) -> None:
         self.ledger, self.world, self.settings = ledger, world, settings
@@ -58,7 +58,7 @@ class Recovery:
 
     @property
     def is_quiet(self) -> bool:
-        """Whether nobody gives way, and nobody is in a ring of waiting or blocked for good."""
+        """True if nobody gives way, and nobody is in a ring of waiting or blocked for good."""
         return not (self._giving or self.watch.known or self._ring_since or self._reported_blocked.any())
 
     def finally_blocked(self, now_s: float) -> list[Event]:
@@ -147,7 +147,7 @@ class Recovery:
         return self.drain()
 
     def drain(self) -> list[Event]:
-        """What happened since this was last asked."""
+        """Events since this was last asked."""
         events, self._events = self._events, []
         return events
 

@@ -9,7 +9,7 @@ from mrp_sumo.core.plan import Plan
 
 @dataclass(frozen=True, eq=False)
 class Reroute:
-    """Where a robot goes from the last visit it has been granted, instead of on as it was to."""
+    """The way of a robot from the last visit it has been granted, instead of on as it was to."""
 
     vertex: IntArray  # the visits that follow
     arrive_s: FloatArray

@@ -111,7 +111,7 @@ def _drive_out(cycle: DriveCycle, most_steps: int, stuck_after: int) -> FloatArr
 
 
 def _can_go_on(ledger: Ledger) -> bool:
-    """Whether a robot that has not come to its end moves, or will by itself."""
+    """True if a robot that has not come to its end moves, or will by itself."""
     visits, motion, grants = ledger.visits, ledger.state.motion, ledger.state.grants
     under_way = (visits.next[visits.reached] >= 0) | ~ledger.turned
     goes = (grants.command_mps > 0) | (motion.speed_mps > 0) | motion.turning | np.isin(grants.cause, (PLANNED, FACILITY))

@@ -1,4 +1,4 @@
-"""When the planner is asked while robots drive, from where, and what becomes of its answers. All in simulated time.
+"""Requests to the planner while robots drive, and its answers. All in simulated time.
 
 What is asked for at t takes effect at t + budget: what robots will be granted until then is frozen (`Ledger.cut`), and the plan
 begins at its ends. The planner works on it at once, with an effort that is counted and not timed, so that every machine gives the same
@@ -151,7 +151,7 @@ class Rolling:
         return self.drain()
 
     def drain(self) -> list[Event]:
-        """What happened since this was last asked."""
+        """Events since this was last asked."""
         events, self._events = self._events, []
         return events
 
@@ -169,7 +169,7 @@ class Rolling:
 
 
 def _is_in_this_process(planner: str) -> bool:
-    """Whether a planner answers here: one of ours, or an object that was handed over from Python, which has no registered name."""
+    """True if a planner answers here: one of ours, or an object that was handed over from Python, which has no registered name."""
     try:
         return find("planners", planner).ours
     except ScenarioError:

@@ -1,4 +1,4 @@
-"""How an execution is run. Refuses values that no run could use."""
+"""Settings of an execution. Refuses values that no run could use."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field

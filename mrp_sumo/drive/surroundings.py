@@ -1,4 +1,4 @@
-"""What is known while robots drive: the ledger, the world, and whom to ask for a plan."""
+"""Knowledge while robots drive: the ledger, the world, and whom to ask for a plan."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ Planning = Callable[[Request], Replan]  # raises PlanError where there is no pla
 
 @dataclass(frozen=True, eq=False)
 class Surroundings:
-    """What is known now to those who decide what robots do next."""
+    """Knowledge of those who decide what robots do next."""
 
     ledger: Ledger
     world: World
@@ -68,16 +68,16 @@ class Surroundings:
         return int(self.ledger.visits.next[self.granted(robot)])
 
     def rest_of_lane_m(self, robot: int) -> float:
-        """How far it is to the visit ahead."""
+        """Distance to the visit ahead."""
         return float(self.ledger.visits.at_m[self.ahead(robot)] - self.state.motion.s_m[robot])
 
     def of_lane(self, robot: int, lane: int) -> IntArray:
-        """What a robot needs to drive on a lane to its end."""
+        """Resources that a robot needs to drive on a lane to its end."""
         head, track = int(self.graph.head[lane]), int(self.resources.track[lane])
         return np.concatenate([self.of_vertex(robot, head), self._zones(robot, self.graph.num_vertices + track)])
 
     def of_vertex(self, robot: int, vertex: int) -> IntArray:
-        """What a robot needs to stand on a vertex."""
+        """Resources that a robot needs to stand on a vertex."""
         return np.concatenate([[vertex], self._zones(robot, vertex)])
 
     def _zones(self, robot: int, place: int) -> IntArray:
@@ -98,7 +98,7 @@ class Surroundings:
         return self.ledger.resources_from(robot, int(self.state.grants.oldest[robot]))
 
     def can_turn_back(self, robot: int) -> bool:
-        """Whether a robot that waits on a lane has the lane for itself and may drive back."""
+        """True if a robot that waits on a lane has the lane for itself and may drive back."""
         visits, claims = self.ledger.visits, self.state.grants.claims
         lane = int(visits.lane[self.ahead(robot)])
         back = int(visits.reverse[lane])
@@ -114,12 +114,12 @@ class Surroundings:
         return waits
 
     def enters_by_itself(self, robot: int) -> bool:
-        """Whether a robot has not left its start, and no lane leads there: then SUMO has it on its first lane already."""
+        """True if a robot has not left its start, and no lane leads there: then SUMO has it on its first lane already."""
         visits, visit = self.ledger.visits, self.granted(robot)
         return visit == visits.first[robot] and not (self.graph.head == visits.vertex[visit]).any()
 
     def stands(self, robot: int) -> bool:
-        """Whether a robot stands at a vertex, or on a lane on which it can turn back, with nothing ahead that it may drive."""
+        """True if a robot stands at a vertex, or on a lane on which it can turn back, with nothing ahead that it may drive."""
         visits, motion, granted = self.ledger.visits, self.state.motion, self.granted(robot)
         if self.enters_by_itself(robot) or motion.speed_mps[robot] > 0 or visits.reached[robot] != granted or visits.next[granted] < 0:
             return False

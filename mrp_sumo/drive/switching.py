@@ -49,7 +49,7 @@ def switched(problem: Problem, plan: LivePlan, now_s: float, *, hold_s: float, l
 
 
 def net_of(problem: Problem, plan: LivePlan, schedule: Schedule, now_s: float, hold_s: float) -> Net:
-    """What is left of a plan as a graph with durations."""
+    """The rest of a plan as a graph with durations."""
     graph, fleet, robot, first = problem.graph, problem.fleet, plan.robot, plan.first[:-1]
     lane, _ = lanes_along(graph, plan)
     moved = lane >= 0

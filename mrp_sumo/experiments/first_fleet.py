@@ -97,7 +97,7 @@ def _counts(setup: SetUp) -> list[int]:
 
 
 def _is_solved(setup: SetUp) -> bool:
-    """Whether the planner finds a valid plan in the time of a trial."""
+    """True if the planner finds a valid plan in the time of a trial."""
     planner = setup.scenario.planner
     limited = planner.model_copy(update={"time_limit_s": min(TRIAL_S, planner.time_limit_s)})
     scenario = setup.scenario.model_copy(update={"planner": limited})

@@ -166,7 +166,7 @@ def spread(xy: FloatArray, count: int) -> list[int]:
 
 
 def _is_passed(nav: NavGraph, graph: PlanGraph, v: int) -> bool:
-    """Whether robots do not stop at a vertex: bends, cabins of lifts, and what the map marks so."""
+    """True if robots do not stop at a vertex: bends, cabins of lifts, and what the map marks so."""
     options = nav.vertex_options[v]
     is_cabin = bool(graph.vertex_options[int(graph.vertex_of_station[v])].get("cabin"))
     return is_cabin or any(options.get(key) for key in ("is_bend", "is_passthrough_point", "cabin", "lift_cabin", "lift"))

@@ -223,7 +223,7 @@ def retimed(solution: Solution, report: StageReport = silent) -> Solution:
 
 
 def _keeps_order(setup: SetUp) -> bool:
-    """Whether robots will keep the plan's order. A policy that cannot be made is reported when it has to drive."""
+    """True if robots will keep the plan's order. A policy that cannot be made is reported when it has to drive."""
     try:
         return policy_of(setup.settings.policy, setup.settings.policy_parameters).keeps_order
     except MrpSumoError:

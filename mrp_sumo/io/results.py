@@ -53,7 +53,7 @@ BatchRecord = dict[str, Any]
 
 
 def is_batch(folder: Path) -> bool:
-    """Whether a folder is that of a batch: with a plan and runs, and without the result that folders of runs have."""
+    """True if a folder is that of a batch: with a plan and runs, and without the result that folders of runs have."""
     return (folder / PLAN).is_file() and (folder / "runs").is_dir() and not (folder / "result.json").is_file()
 
 

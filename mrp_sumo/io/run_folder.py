@@ -275,7 +275,7 @@ def _portfolio(scenario: "ScenarioModel", result: PlanResult, execution: Executi
 
 
 def _clock_limited(scenario: "ScenarioModel", result: PlanResult) -> bool:
-    """Whether the time limit may have shaped the answer, so that another machine need not give it again."""
+    """True if the time limit may have shaped the answer, so that another machine need not give it again."""
     used_s = result.planning_time_s if result.planning_cpu_s is None else result.planning_cpu_s
     if scenario.planner.budget:
         return used_s >= scenario.planner.time_limit_s

@@ -76,7 +76,7 @@ def sources_of(choice: TasksChoice, site: TaskNames, seed: int, step_s: float, n
 
 
 def chargers_of(choice: TasksChoice, site: TaskNames) -> Station | None:
-    """Where robots of a scenario charge. As `sources_of`."""
+    """The station where robots of a scenario charge. As `sources_of`."""
     if choice.charging is None:
         return None
     return Station("charger", _places(choice, site, ("tasks", "charging", "stations"), choice.charging.stations))

@@ -98,7 +98,7 @@ def _reader(name: str, beside: Path | None = None) -> Reader:
 
 
 def _asked(name: str, file: MapFile) -> bool:
-    """Whether a reader from outside recognises a file."""
+    """True if a reader from outside recognises a file."""
     reader = _reader(name)
     try:
         with limited():

@@ -118,7 +118,7 @@ def audit(
 
 
 def first_findings(audited: dict[str, Any]) -> Iterator[Finding]:
-    """What an audit found, the first of each kind, with how many more there are."""
+    """Findings of an audit, the first of each kind, with how many more there are."""
     for listed, counts, words in IN_WORDS:
         if count := sum(audited[name] or 0 for name in counts):
             first = audited[listed][0]

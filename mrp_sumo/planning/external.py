@@ -53,7 +53,7 @@ def check_command(command: str) -> None:
 
 
 def assigns(command: str) -> bool:
-    """Whether the program chooses the goals' robots itself."""
+    """True if the program chooses the goals' robots itself."""
     return "{yaml_free}" in command
 
 

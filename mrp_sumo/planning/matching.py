@@ -1,4 +1,4 @@
-"""What every assigner does before and after its solver: check the costs, reduce a bottleneck to a sum, read pairs.
+"""The work of every assigner before and after its solver: check the costs, reduce a bottleneck to a sum, read pairs.
 
 Refuses costs that are NaN or -inf, and matrices in which min(R, G) goals cannot be served at all.
 """

@@ -27,14 +27,14 @@ class _Server:
     source: Source
 
     def load(self, kind: str, source: Source, parameters: dict[str, Any]) -> dict[str, Any]:
-        """What the caller needs to know of it."""
+        """Facts that the caller needs of it."""
         self.source = source
         self.plug_in = made(KINDS[kind], source, parameters)
         places = {name: place_of(getattr(self.plug_in, name)) for name in ("prepare", "plan", "assign") if hasattr(self.plug_in, name)}
         return {"places": places, **{name: getattr(self.plug_in, name, None) for name in ("assigns", "guarantee")}}
 
     def describe(self, kind: str, source: Source, parameters: dict[str, Any]) -> dict[str, Any]:
-        """What `mrp-sumo list` prints about it."""
+        """The entry of `mrp-sumo list` about it."""
         self.source = source
         return {"described": describe(KINDS[kind], source)}
 

@@ -63,7 +63,7 @@ class PlugInProcess:
 
     @property
     def alive(self) -> bool:
-        """Whether it can be asked."""
+        """True if it can be asked."""
         return self.close.alive and self._process.poll() is None
 
     def ask(self, call: str, arguments: tuple[Any, ...], limit_s: float) -> tuple[Any, float]:
@@ -120,7 +120,7 @@ def _end(process: "subprocess.Popen[bytes]", connection: "Connection") -> None:
 
 
 def ends_within(pid: int, limit_s: float, ended: Callable[[float], bool]) -> bool:
-    """Whether something ends before a process has had its time, whatever else the machine does.
+    """True if something ends before a process has had its time, whatever else the machine does.
 
     Parameters
     ----------
@@ -147,7 +147,7 @@ def _starved_s(pid: int) -> float:
 
 
 def await_end(pid: int, limit_s: float) -> bool:
-    """Whether a child ends within its limit, see `ends_within`. Its end is seen at once, where `Popen.wait` looks every 50 ms."""
+    """True if a child ends within its limit, see `ends_within`. Its end is seen at once, where `Popen.wait` looks every 50 ms."""
     watch = os.pidfd_open(pid)
     try:
         poll = select.poll()

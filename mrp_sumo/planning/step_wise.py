@@ -19,7 +19,7 @@ from mrp_sumo.traffic.step_wise_referee import Pool
 
 @dataclass(frozen=True, eq=False)
 class Observation:
-    """What a planner sees before a step."""
+    """Observation of a planner before a step."""
 
     time: int
     cell: IntArray  # [R]
@@ -35,7 +35,7 @@ class Observation:
 
 @dataclass(frozen=True, eq=False)
 class Decision:
-    """What a planner answers."""
+    """Answer of a planner."""
 
     action: ActionArray  # [R]
     task_of: IntArray  # [R] task or NOTHING
@@ -45,7 +45,7 @@ class Stepper(Protocol):
     """A planner at work on a problem."""
 
     def step(self, seen: Observation) -> Decision | ActionArray:
-        """What robots do in the next step, and which tasks they have; an action for each alone leaves their tasks to `tasks_in_turn`.
+        """Actions of robots in the next step, and their tasks; an action for each alone leaves their tasks to `tasks_in_turn`.
 
         A planner at work whose time is not that of this process has a method `cpu_s`, its CPU time so far.
         """
@@ -64,7 +64,7 @@ class StepPlanner(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class StepWiseRun:
-    """What came of it."""
+    """Result of a step-wise run."""
 
     solution: StepWiseSolution
     plan_time_s: list[float]  # [T] CPU time of each step's planning
@@ -89,7 +89,7 @@ class StepWiseWorld:
         self._events: list[tuple[int, int, int, int]] = []
 
     def seen(self) -> Observation:
-        """What there is to see."""
+        """The observation of the next step."""
         task_of = np.array(self.pool.task_of, np.int64)
         return Observation(self.time, self.cell.copy(), self.heading.copy(), task_of, dict(self.pool.done), self.problem)
 

@@ -111,7 +111,7 @@ def _hints(target: Callable[..., Any]) -> dict[str, Any]:
 
 
 def _fitted(value: Any, hint: Any) -> tuple[bool, Any]:
-    """Whether a value from a file is of a type, and the value as that type."""
+    """True if a value from a file is of a type, and the value as that type."""
     if hint is Any:
         return True, value
     origin, inside = get_origin(hint), get_args(hint)

@@ -269,7 +269,7 @@ def _top(path: Path) -> Path:
 
 
 def _is_own(path: Path, source: Source) -> bool:
-    """Whether a file is the plug-in's, or of its package or folder."""
+    """True if a file is the plug-in's, or of its package or folder."""
     if source.path is None or not path.is_absolute():
         return False
     if path == source.path:

@@ -64,7 +64,7 @@ def _along(problem: Problem, vertices: IntArray) -> tuple[dict[int, int], bool]:
 
 
 def unsolvable(problem: Problem, clashes: Clashes, following: bool = False) -> bool:
-    """Whether a search of all joint states, where it is small, finds no way. False for large problems.
+    """True if a search of all joint states, where it is small, finds no way. False for large problems.
 
     Parameters
     ----------

@@ -88,7 +88,7 @@ class Answer:
 
     @property
     def _kept_from_more(self) -> bool:
-        """Whether larger fleets were not tried since the places to charge keep no more robots going."""
+        """True if larger fleets were not tried since the places to charge keep no more robots going."""
         return self.question.most_robots < self.question.sizes[1]
 
     @property
@@ -232,7 +232,7 @@ def answer_of(question: Question, recorded: Recorded, *, closed: bool = False) -
 
 
 def _tells_a_limit(point: Point) -> bool:
-    """Whether a fleet does not count for a reason that is a limit of fleets."""
+    """True if a fleet does not count for a reason that is a limit of fleets."""
     return point.unanswered_share > UNANSWERED or point.num_empty > 0
 
 

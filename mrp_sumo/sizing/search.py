@@ -183,7 +183,7 @@ def coarse(desk: Desk, planner: str = "") -> Curve:
 
 
 def _without_plans(curve: Curve) -> bool:
-    """Whether the planner had no plans for a size."""
+    """True if the planner had no plans for a size."""
     return any(point.unanswered_share > UNANSWERED for point in curve.unfit.values())
 
 
@@ -225,7 +225,7 @@ def side(curve: Curve, n: int) -> int:
 
 
 def _fell(curve: Curve) -> bool:
-    """Whether the last two sizes are clearly beyond the collapse: one alone may be a dip."""
+    """True if the last two sizes are clearly beyond the collapse: one alone may be a dip."""
     last = curve.sizes[-2:]
     if len(last) < 2:
         return False
@@ -269,7 +269,7 @@ def _is_vague(curve: Curve, n: int, effort: Effort) -> bool:
 
 
 def _rises(curve: Curve) -> bool:
-    """Whether no size below the peak has clearly less throughput than a smaller one."""
+    """True if no size below the peak has clearly less throughput than a smaller one."""
     rising = [n for n in curve.sizes if n <= curve.best]
     return all(compared(curve.points[a], curve.points[b]).difference.high >= 0 for a, b in pairwise(rising))
 
@@ -333,7 +333,7 @@ def _reaches(curve: Curve, n: int) -> bool:
 
 
 def _is_worse(curve: Curve, n: int) -> bool:
-    """Whether a size has clearly less throughput than the best."""
+    """True if a size has clearly less throughput than the best."""
     return n != curve.best and compared(curve.points[curve.best], curve.points[n], 1.0, ONE_SIDED).difference.high < 0
 
 

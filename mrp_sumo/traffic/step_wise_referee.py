@@ -39,7 +39,7 @@ class StepWiseVerdict:
 
 @dataclass(frozen=True)
 class CrowdProgress:
-    """How a step-wise solution gets on."""
+    """Progress of a step-wise solution."""
 
     errands_by_tenth: tuple[int, ...]  # errands done in each tenth of its time
     wait_share: float  # of all actions
@@ -120,7 +120,7 @@ def judge_step_wise(problem: StepWiseProblem, solution: StepWiseSolution) -> Ste
 
 
 def pace_of(problem: StepWiseProblem, solution: StepWiseSolution) -> CrowdProgress:
-    """How a solution gets on. It has stalled if no errand is done in its last tenth, and robots could cross the map three times in it."""
+    """Progress of a solution. It has stalled if no errand is done in its last tenth, and robots could cross the map three times in it."""
     time, end = solution.event[:, 0], solution.num_steps
     tenths = np.bincount((time - 1) * 10 // max(end, 1), minlength=10)
     last = int(time.max(initial=0))

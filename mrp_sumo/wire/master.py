@@ -158,7 +158,7 @@ class DrivenVehicles(KinematicEngine):
                 self._send(serial, "order", order)
 
     def _is_over(self, vehicle: Driven) -> bool:
-        """Whether the vehicle says that its order is done."""
+        """True if the vehicle says that its order is done."""
         said = vehicle.state or {}
         return said.get("orderId") == vehicle.orders.name and not said.get("nodeStates")
 
@@ -235,7 +235,7 @@ class DrivenVehicles(KinematicEngine):
 
 
 def _is_about(error: Json, orders: VehicleOrders) -> bool:
-    """Whether an error is about the last order that was sent, if there was one."""
+    """True if an error is about the last order that was sent, if there was one."""
     named = {str(one.get("referenceKey")): one.get("referenceValue") for one in _objects(error.get("errorReferences"))}
     same_update = named.get("orderUpdateId", str(orders.update)) == str(orders.update)
     return bool(orders.name) and named.get("orderId") == orders.name and same_update

@@ -1,4 +1,4 @@
-"""What guides robots beside their distances: ways of their own where lanes are little used, the traffic flow where they are much used, and
+"""Guidance of robots beside their distances: ways of their own where lanes are little used, the traffic flow where they are much used, and
 before each step local guidance."""
 
 from time import process_time
@@ -22,7 +22,7 @@ AT_ONCE = 64  # robots between looks at the clock
 
 
 def are_thin(problem: Problem, steps: IntArray) -> bool:
-    """Whether robots that are `steps` [R] from their goals use lanes so little that each can have a way of its own.
+    """True if robots that are `steps` [R] from their goals use lanes so little that each can have a way of its own.
 
     Not where they take more than every second vertex.
     """
@@ -31,7 +31,7 @@ def are_thin(problem: Problem, steps: IntArray) -> bool:
 
 
 def is_room_for_flow(problem: Problem) -> bool:
-    """Whether what is left to each goal from everywhere is found soon enough."""
+    """True if what is left to each goal from everywhere is found soon enough."""
     return problem.num_robots * problem.graph.num_vertices <= GUIDE_CELLS
 
 

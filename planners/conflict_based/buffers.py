@@ -44,7 +44,7 @@ class Buffers:
 
     @property
     def num_bytes(self) -> int:
-        """What tables and nodes take."""
+        """Bytes that tables and nodes take."""
         return self._table_bytes + self.node_bytes
 
     def grow_store(self) -> None:

@@ -19,7 +19,7 @@ MOST_NODES = 40  # expanded for a cluster: what it costs more is a lower bound w
 
 
 def find_cluster(node: ConflictNode, *, bypass: bool) -> bool:
-    """Whether the robots that a node was split on, with others, cost more than was known; remembered then."""
+    """True if the robots that a node was split on, with others, cost more than was known; remembered then."""
     assert node.split_on is not None
     tree = node.tree
     with tree.passing_nodes():

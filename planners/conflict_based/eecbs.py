@@ -112,11 +112,11 @@ class ExplicitEstimation:
             incumbent.work(int(TURNS * incumbent.labels), 0.0)
 
     def _would_do(self, incumbent: Incumbent) -> bool:
-        """Whether the incumbent's plan is an answer."""
+        """True if the incumbent's plan is an answer."""
         return incumbent.cost is not None and incumbent.cost <= self._w * self.lower + 1e-9
 
     def _is_over(self) -> bool:
-        """Whether there is an incumbent that would do, and the tree has had its time."""
+        """True if there is an incumbent that would do, and the tree has had its time."""
         if not (self._until and self._incumbent and self._would_do(self._incumbent)):
             return False
         try:

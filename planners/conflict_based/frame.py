@@ -1,4 +1,4 @@
-"""What all conflict-based planners share: parameters, constraint trees, the loop, the result. A planner's own file is its order of nodes.
+"""The frame of all conflict-based planners: parameters, constraint trees, the loop, the result. A planner's own file is its order of nodes.
 
 The trees are a forest with a root for each assignment, from the cheapest up (Hoenig et al., AAMAS 2018); where goals are
 assigned already it is a single tree. The next root is made when an order asks for it; until then its cost is a lower bound
@@ -49,7 +49,7 @@ class Forest:
 
     @property
     def next_cost(self) -> float | None:
-        """What the cheapest assignment without a root costs, whatever robots stand in each other's way; None when all have one."""
+        """Cost of the cheapest assignment without a root, whatever robots stand in each other's way; None when all have one."""
         if not self._asked:
             self._next, self._asked = next(self._assignments, None), True
         return None if self._next is None else self._next[0]
@@ -98,7 +98,7 @@ class OpenNodes(Protocol):
         """Split a node and insert its children."""
 
     def counters(self) -> dict[str, float]:
-        """What the order adds to the result's statistics."""
+        """Statistics that the order adds to the result."""
 
 
 @dataclass(frozen=True)
@@ -119,7 +119,7 @@ class TreePlanner(ABC):
 
     @property
     def factor(self) -> float:
-        """How many times the optimum a plan may cost."""
+        """Factor on the optimum that a plan may cost."""
         return 1.0
 
     @abstractmethod

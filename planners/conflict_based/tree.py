@@ -54,7 +54,7 @@ class OutOfReach(Exception):
 
 @dataclass(frozen=True, slots=True)
 class SearchLimits:
-    """What a search may take, from now on."""
+    """Limits of a search, from now on."""
 
     time_limit_s: float
     memory_mb: int
@@ -148,7 +148,7 @@ class Tree:
 
     @property
     def least(self) -> int:
-        """What the shortest ways cost in sum: a lower bound before there is a node."""
+        """Sum of the costs of the shortest ways: a lower bound before there is a node."""
         return int(self.instance.distance[np.arange(self.num_robots), self.instance.start].sum())
 
     @property
@@ -239,7 +239,7 @@ class Tree:
 
     @property
     def is_hard(self) -> bool:
-        """Whether so many splits have not been enough that it pays to learn from each."""
+        """True if so many splits have not been enough that it pays to learn from each."""
         return self._num_split > SPLITS_BEFORE_LEARNING
 
     def split(self, node: ConflictNode, chosen: int, w: float = 1.0, disjoint: bool = False) -> list[ConflictNode]:
@@ -331,7 +331,7 @@ class Tree:
         node.conflicts["priority"][(_pairs_of(node.conflicts) == robot).any(axis=1)] = -1
 
     def _may_adopt(self, node: ConflictNode, child: ConflictNode, w: float, lower: float | None) -> bool:
-        """Whether the node stays within the bounds, its robots' and the tree's, with its child's paths."""
+        """True if the node stays within the bounds, its robots' and the tree's, with its child's paths."""
         if lower is None:
             return child.cost == node.cost
         robot = int(np.flatnonzero(node.records != child.records)[0])
@@ -376,7 +376,7 @@ class Tree:
 
     @contextmanager
     def passing_nodes(self) -> Iterator[None]:
-        """What the nodes take that are made meanwhile is given back."""
+        """Give back what the nodes take that are made meanwhile."""
         before = self._buffers.node_bytes
         yield
         self._buffers.node_bytes = before
@@ -390,7 +390,7 @@ class Tree:
         known[tuple(self._buffers.store.meta["origin"][node.records[list(robots)]].tolist())] = weight
 
     def cost_of(self, node: ConflictNode, robots: Collection[int]) -> int:
-        """What the paths of some robots cost in sum."""
+        """Sum of the costs of the paths of some robots."""
         return int(self._buffers.store.meta["cost"][node.records[list(robots)]].sum())
 
     def paths(self, node: ConflictNode) -> list[IntArray]:

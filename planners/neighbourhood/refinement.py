@@ -110,7 +110,7 @@ class Repair:
 
 
 def is_roomy(task: RepairTask) -> bool:
-    """Whether most robots have a path that crosses nobody: few moves for each lane, and vertices enough to stand on."""
+    """True if most robots have a path that crosses nobody: few moves for each lane, and vertices enough to stand on."""
     return bool(task.least.sum() < MOVES_A_LANE * len(task.head) and len(task.first) > VERTICES_A_ROBOT * len(task.goal))
 
 
@@ -197,13 +197,13 @@ def prepare(threads: int) -> None:
 
 
 def threads_with_room(threads: int, task: RepairTask, path: np.ndarray, memory_mb: int, taken: int) -> int:
-    """How many threads, up to `threads`, can refine paths [T, R] within the memory, of which `taken` bytes are in use; at least one."""
+    """Threads, up to `threads`, that can refine paths [T, R] within the memory, of which `taken` bytes are in use; at least one."""
     room = room_bytes(task, len(path) + SPARE_STEPS + WORD)
     return min(threads, max(1, (memory_mb * 1_000_000 - taken) // room))
 
 
 def polishing_labels(a_robot: int, num_robots: int, window: int) -> int:
-    """How many labels may be made: so many a robot for 100 robots or fewer, more, to the power of 3/4, for more.
+    """Number of labels that may be made: so many a robot for 100 robots or fewer, more, to the power of 3/4, for more.
 
     In a window a sixth of that: robots are planned again long before its end, and were no sooner done with tasks for more.
     The work is bounded by labels and not by time so that the same seed gives the same plan.

@@ -36,7 +36,7 @@ class Side:
 
 
 class LowLevel(Protocol):
-    """How robots move. It keeps the ways that it finds, by number."""
+    """Motion of robots. It keeps the paths that it finds, by number."""
 
     nothing: Any  # what robots are forbidden at first
 
@@ -47,16 +47,16 @@ class LowLevel(Protocol):
         """The earliest way of a robot."""
 
     def cost_s(self, path: int) -> float:
-        """When the robot is at its goal to stay."""
+        """Time at which the robot is at its goal to stay."""
 
     def conflicts(self, robot: int, path: int, others: Sequence[int], their_paths: Sequence[int]) -> list[TimedConflict]:
         """A robot's conflicts with others."""
 
     def split(self, conflict: TimedConflict, ours: Any, theirs: Any) -> tuple[Any, Any]:
-        """What either robot is forbidden where it gives way; whatever both are newly forbidden would conflict."""
+        """Constraints of either robot where it gives way; whatever both are newly forbidden would conflict."""
 
     def least_cost_s(self, robot: int, other: int, ours: Any, theirs: Any) -> float:
-        """What two robots cost at least that are forbidden this and must not conflict."""
+        """Least cost of two robots that are forbidden this and must not conflict."""
 
     def some_paths(self, rng: np.random.Generator, enough_s: float, deadline_s: float) -> list[int] | None:
         """Ways of all robots without conflicts, not the best, if they are found; a cost of `enough_s` will do."""
@@ -67,7 +67,7 @@ class LowLevel(Protocol):
 
 @dataclass(eq=False)
 class TimedNode:
-    """What robots are forbidden, how they drive then, and which conflicts they have."""
+    """Constraints of robots, their paths under them, and their conflicts."""
 
     forbidden: list[Any]
     paths: list[int]

@@ -1,4 +1,4 @@
-"""What robots of one type can do on a graph: turn in place, drive straight runs from rest to rest, wait; and what each of it needs, when.
+"""Moves of robots of one type on a graph: turn in place, drive straight runs from rest to rest, wait; and what each of it needs, when.
 
 Times are whole steps of the simulation, so that a plan is kept exactly. A run is a number of lanes of a ray, see `_rays`. Needs are the
 executor's: the vertex, zones and groups of `traffic.resources`. What the lane alone needs is left on it, what a vertex needs on the lane

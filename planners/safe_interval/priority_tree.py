@@ -17,7 +17,7 @@ Ways = TypeVar("Ways")
 
 
 class PriorityMotion(Protocol[Ways]):
-    """How robots move, with ways of all robots in a form of its own."""
+    """Motion of robots, with paths of all in a form of its own."""
 
     most_open: int  # nodes still to be looked at; beyond, the worse of two children is dropped
     least_steps: float  # a lower bound on the sum of costs

@@ -39,7 +39,7 @@ class RealMotion:
         self._found = np.zeros((MOST_OVERLAPS, 3), np.int64)
 
     def clash(self) -> str:
-        """Who stands at its goal for ever in somebody's way there."""
+        """Robots that stand at their goals for ever in somebody's way there."""
         timetable, problem = self._timetable, self.problem
         for robot in range(timetable.num_robots):
             if process_time() > self._deadline_s:
@@ -68,7 +68,7 @@ class RealMotion:
         return len(self._paths) - 1
 
     def cost_s(self, path: int) -> float:
-        """When the robot stands at its goal."""
+        """Time at which the robot stands at its goal."""
         return self._paths[path].steps * self._timetable.dt
 
     def conflicts(self, robot: int, path: int, others: Sequence[int], their_paths: Sequence[int]) -> list[TimedConflict]:
@@ -90,7 +90,7 @@ class RealMotion:
         return (*ours, place), (*theirs, place)
 
     def least_cost_s(self, robot: int, other: int, ours: Held, theirs: Held) -> float:
-        """What two robots cost at least that must not conflict, by a tree of their own."""
+        """Least cost of two robots that must not conflict, by a tree of their own."""
         tree = TimedTree(self, (robot, other), self._deadline_s, pairs=False)
         tree.best_first([ours, theirs], MOST_NODES)
         return tree.bound_s

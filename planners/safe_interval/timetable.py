@@ -1,4 +1,4 @@
-"""Who drives when: the ways of robots found one by one, each around those that are there, taken out again, and made a Plan."""
+"""Timetable of robots: their paths, found one by one, each around those that are there, taken out again, and made a Plan."""
 
 from dataclasses import dataclass, replace
 from weakref import WeakKeyDictionary
@@ -19,7 +19,7 @@ WHOLE = 1 << 40  # more entries than any search has
 
 @dataclass(frozen=True, eq=False)
 class TimedPath:
-    """How one robot drives: its runs, and what it holds."""
+    """Path of one robot: its runs, and what it holds."""
 
     runs: IntArray  # [K, 3] first lane, number of lanes, step at which it sets out
     resource: IntArray  # [H]

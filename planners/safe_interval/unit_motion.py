@@ -44,7 +44,7 @@ class UnitMotion:
         self._found, self._of = np.zeros((MOST, 3), np.int64), np.zeros(MOST, np.int64)
 
     def clash(self) -> str:
-        """Whose starts or goals are too close to each other."""
+        """Robots whose starts or goals are too close to each other."""
         problem, xy = self.problem, self._lanes.xy
         for what, place in (("start", problem.start), ("have to end", problem.target)):
             for robot in range(1, problem.num_robots):
@@ -87,12 +87,12 @@ class UnitMotion:
     def split(
         self, conflict: TimedConflict, ours: _discs.DiscConstraints, theirs: _discs.DiscConstraints
     ) -> tuple[_discs.DiscConstraints, _discs.DiscConstraints]:
-        """What to forbid either robot: see `_discs.rule_against`."""
+        """Constraints on either robot: see `_discs.rule_against`."""
         both = self._lanes, self._paths, conflict.what, conflict.path, conflict.other_path
         return _discs.with_rule(ours, *_discs.rule_against(*both, False)), _discs.with_rule(theirs, *_discs.rule_against(*both, True))
 
     def least_cost_s(self, robot: int, other: int, ours: _discs.DiscConstraints, theirs: _discs.DiscConstraints) -> float:
-        """What two robots cost at least that are forbidden this."""
+        """Least cost of two robots that are forbidden this."""
         both = [robot, other]
         room = max(ours.count.max(), theirs.count.max()) + MOST_RULES
         if len(self._rules.lane) < room:

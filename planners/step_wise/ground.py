@@ -39,7 +39,7 @@ class FreeCells:
         return len(self.ahead) // 4
 
     def slot(self, goal: int) -> int:
-        """Which table is a goal's. Others may be forgotten for it: those that were asked for longest ago."""
+        """The table of a goal. Others may be forgotten for it: those that were asked for longest ago."""
         found = self._slot.pop(goal, -1)
         if found < 0:
             from planners.step_wise._distance import fill_distance

@@ -52,7 +52,7 @@ class OperationStepper:
         )
 
     def step(self, seen: Observation) -> Decision:
-        """What robots do in the next step, and which tasks they have."""
+        """Actions of robots in the next step, and their tasks."""
         from planners.step_wise._operations import appraise, plan_step
 
         ground, crowd = self._ground, self._crowd

@@ -1,4 +1,4 @@
-"""Who does which task: the choices of step-wise planners.
+"""Tasks of robots: the choices of step-wise planners.
 
 `nearest` gives the robots that have not opened a task those tasks of the pool for which the sum of steps, to their first errands and
 through all of them, is least; it decides again in each step, until tasks are opened (in large problems, every tenth step).

@@ -1,4 +1,4 @@
-"""What dispatchers of tasks share: they decide when there is news, and the run's planner has ways for all robots.
+"""Parts that dispatchers of tasks share: they decide when there is news, and the run's planner has ways for all robots.
 
 Each dispatcher says in `given` who gets which task.
 """

@@ -1,4 +1,4 @@
-"""What dispatchers know and estimate: tasks that can be given, robots that can take them, and how long each would be.
+"""Knowledge and estimates of dispatchers: tasks that can be given, robots that can take them, and how long each would be.
 
 Times are steps along shortest ways, each the planned time of a step, and service times: others on the way cost nothing.
 """
@@ -34,7 +34,7 @@ class Choice:
 
 
 def choice(now_s: float, around: Surroundings, most: int, *, reassign: bool, busy: bool = False) -> Choice:
-    """What can be decided now.
+    """Tasks and robots that can be decided on now.
 
     Parameters
     ----------
@@ -100,7 +100,7 @@ def held(cost_s: FloatArray, found: Choice, around: Surroundings) -> None:
 
 
 def oldest_first(given: Mapping[int, int], around: Surroundings) -> dict[int, int]:
-    """What is given, less what robots have already, with the oldest of tasks that are alike.
+    """The assignment less what robots have already, with the oldest of tasks that are alike.
 
     Those are of the same stops, priority and type of robot, and of no longer service.
     """

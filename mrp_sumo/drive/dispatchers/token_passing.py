@@ -42,5 +42,5 @@ class TokenPassing(ByTask):
 
 
 def _touches(task: Task, token: set[int]) -> bool:
-    """Whether all places of its first or of its last stop are ends of others."""
+    """True if all places of its first or of its last stop are ends of others."""
     return token.issuperset(task.stops[0].places) or token.issuperset(task.stops[-1].places)

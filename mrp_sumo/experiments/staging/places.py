@@ -171,6 +171,6 @@ def require_headings(file: ScenarioFile, problem: Problem) -> None:
 
 
 def _along_a_lane(graph: PlanGraph, vertex: int, heading_rad: float) -> bool:
-    """Whether robots at a vertex face so on a lane that leads to it or away from it."""
+    """True if robots at a vertex face so on a lane that leads to it or away from it."""
     there = graph.heading_rad[(graph.head == vertex) | (graph.tail == vertex)]
     return bool((np.abs((there - heading_rad + np.pi) % (2 * np.pi) - np.pi) <= TURNS_RAD).any())

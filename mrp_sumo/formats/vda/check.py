@@ -353,7 +353,7 @@ class _Message:
                 yield f"{key} are {_listed(said)}, but of the order are left {_listed(left)}"
 
     def _crosses_order(self) -> bool:
-        """Whether a state may have been sent before the vehicle had the last order: it is of the one before, which was a moment ago."""
+        """True if a state may have been sent before the vehicle had the last order: it is of the one before, which was a moment ago."""
         payload, vehicle = self.payload, self.vehicle
         said = payload["orderId"], payload["orderUpdateId"]
         is_new = self.t_s - vehicle.ordered_s > MOST_LATE_S

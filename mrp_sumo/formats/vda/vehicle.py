@@ -246,12 +246,12 @@ class Vehicle:
         self.base_end = [node for node in order.nodes if node.released][-1]
 
     def _is_base(self, name: str) -> bool:
-        """Whether an action of the order is in its base, or done."""
+        """True if an action of the order is in its base, or done."""
         both: list[Node | Edge] = [*self.nodes, *self.edges]
         return not any(action.name == name for one in both if not one.released for action in one.actions)
 
     def _stands_near(self, node: Node) -> bool:
-        """Whether a vehicle that has nothing to do is within the deviation of the first node of an order."""
+        """True if a vehicle that has nothing to do is within the deviation of the first node of an order."""
         if node.name == self.at:
             return True
         where = self.site.place(node.name)
@@ -267,7 +267,7 @@ class Vehicle:
         return zip(self.nodes, self.edges, [*self.edges[1:], None])
 
     def _stands_at(self, node: Node, after: Edge | None) -> bool:
-        """Whether the vehicle has to stand at a node before it goes on."""
+        """True if the vehicle has to stand at a node before it goes on."""
         actions = (*node.actions, *(after.actions if after and after.released else ()))
         return any(action.stops and not self.doings[action.name].is_over for action in actions)
 

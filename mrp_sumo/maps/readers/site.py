@@ -90,7 +90,7 @@ class _Site:
         return order[number] if order else None
 
     def _included(self, document: Mapping[str, Any], graph: str | None, at: str) -> bool:
-        """Whether a lane or location is in a graph."""
+        """True if a lane or location is in a graph."""
         rule = document.get("graphs", "All")
         if rule == "All" or graph is None:
             return True

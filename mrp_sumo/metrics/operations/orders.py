@@ -68,7 +68,7 @@ def _closed_loop(logs: Logs, source: TaskSource, known: Sequence[int]) -> Iterat
 
 
 def _goes_on(source: TaskSource, count: int) -> bool:
-    """Whether a source has more tasks than that."""
+    """True if a source has more tasks than that."""
     return any(n == count for n, _ in enumerate(source.tasks()))
 
 
@@ -199,7 +199,7 @@ def told(logs: Logs) -> Iterator[Finding]:
 
 
 def _all_open_end(logs: Logs) -> bool:
-    """Whether no order is open, or more would have come: a run is over when all is done, or with its time."""
+    """True if no order is open, or more would have come: a run is over when all is done, or with its time."""
     tasks = logs.tasks
     if not (np.isnan(tasks.ended_s) & tasks.is_order).any() or not logs.terms.sources:
         return True

@@ -49,7 +49,7 @@ def places(logs: Logs) -> Iterator[Finding]:
 
 
 def shares(logs: Logs) -> Iterator[Finding]:
-    """What is recorded as a share of a time is one."""
+    """Shares of a time are shares."""
     for name, value in logs.metrics.items():
         is_share = name.startswith(("station_utilisation", "robot_")) and name.endswith(("_share", "_max", "_mean"))
         if is_share and isinstance(value, int | float) and not -1e-9 <= value <= 1 + 1e-9:
@@ -169,7 +169,7 @@ def _waits_since_s(logs: Logs, wish: Wish, until_s: float) -> float:
 
 
 def lifts(logs: Logs) -> Iterator[Finding]:
-    """Who changes levels rides a lift that has it then; nobody else does with it."""
+    """Rides: a robot that changes levels is in a lift then, alone."""
     log, level, t = logs.execution.facilities, logs.execution.level, logs.execution.t_s
     if level is None or len(t) < 2:
         return
@@ -181,7 +181,7 @@ def lifts(logs: Logs) -> Iterator[Finding]:
 
 
 def _has(logs: Logs, lift: int, robot: int, t_s: float) -> bool:
-    """Whether a robot has a lift at a time."""
+    """True if a robot has a lift at a time."""
     log = logs.execution.facilities
     assert log is not None
     rows = np.flatnonzero(log.lift == lift)
@@ -191,7 +191,7 @@ def _has(logs: Logs, lift: int, robot: int, t_s: float) -> bool:
 
 
 def doors(logs: Logs) -> Iterator[Finding]:
-    """Who drives through a door finds it open."""
+    """Doors are open when robots drive through them."""
     log, graph = logs.execution.facilities, logs.graph
     if log is None or not log.door_name or not len(logs.terms.doors_xy):
         return

@@ -23,7 +23,7 @@ NOBODY_WORKS = (Outcome.STALLED, Outcome.PLANNER_STALLED, Outcome.DEADLOCK)
 
 
 def states(logs: Logs) -> Iterator[Finding]:
-    """What a robot is at has no gaps, and is what its orders and stops say."""
+    """States of robots have no gaps, and are what orders and stops say."""
     log, stops, tasks = logs.execution.robot_states, logs.stops, logs.tasks
     if log is None:
         return
@@ -80,7 +80,7 @@ def _held(logs: Logs) -> Iterator[Finding]:
 
 
 def conservation(logs: Logs) -> Iterator[Finding]:
-    """What is recorded of a run counts what its tables hold; waits are no longer than robots stood."""
+    """Counts of a run are those of its tables; waits are no longer than robots stood."""
     tasks, stops, orders = logs.tasks, logs.stops, logs.tasks.is_order
     counts = {
         "tasks_done": int((np.isfinite(tasks.done_s) & orders).sum()),
@@ -189,7 +189,7 @@ def passed_over(logs: Logs) -> Iterator[Finding]:
 
 
 def _was_sound(logs: Logs, task: int, until_s: float) -> bool:
-    """Whether no robot was lost that had an order, from its release on."""
+    """True if no robot was lost that had an order, from its release on."""
     log, tasks = logs.execution.robot_states, logs.tasks
     assert log is not None
     holders = {int(tasks.robot[task]), *log.robot[log.task == task].tolist()} - {NOBODY}

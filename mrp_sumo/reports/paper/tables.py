@@ -16,7 +16,7 @@ QUANTITIES = ("vertices", "edges", "width_m", "height_m", "cells", "free_cells")
 
 
 def is_of_paper(study: ReportedRuns) -> bool:
-    """Whether the paper prints figures for a map and planner of these runs."""
+    """True if the paper prints figures for a map and planner of these runs."""
     planners = study.frame["planner"].unique()
     return any(printed("table_2", map_of_paper(name), str(planner)) is not None for name in study.maps for planner in planners)
 

@@ -237,7 +237,7 @@ def _note_names(notes: Notes, drafts: Mapping[str, LevelDraft]) -> None:
 
 
 def _is_nav_graph(levels: Any) -> bool:
-    """Whether lanes carry plain options, as in nav graphs, instead of typed parameters."""
+    """True if lanes carry plain options, as in nav graphs, instead of typed parameters."""
     if not isinstance(levels, Mapping):
         return False
     for level in levels.values():
