@@ -1,4 +1,4 @@
-"""Kernel for robots that turn on a grid: how many steps each state is from a goal, breadth first."""
+"""Kernel for robots that turn on a grid: what the way from each state to a goal costs, bucket by bucket (Dial)."""
 
 from mrp_sumo.search._kernel import kernel
 
@@ -6,39 +6,52 @@ FAR = 65535  # no way
 
 
 @kernel
-def fill_distance(ahead, goal, distance, queue):
-    """How many steps it takes at least from each state to a goal cell, in any heading.
+def fill_distance(ahead, price, goal, distance, bucket, size):
+    """What the cheapest way costs from each state to a goal cell, in any heading; a turn costs 1.
 
     Parameters
     ----------
     ahead
         [S] the cell ahead of a state, 4 x cell + heading, or -1.
+    price
+        [S] int32, of driving there, 1 to B - 1.
     goal
         A cell.
     distance
         [S] out, uint16; FAR where there is no way.
-    queue
-        [S] scratch.
+    bucket, size
+        [B, S], [B] scratch: states by what is left to do, in turn.
     """
+    num_buckets = len(size)
     distance[:] = FAR
+    size[:] = 0
     for heading in range(4):
         distance[4 * goal + heading] = 0
-        queue[heading] = 4 * goal + heading
-    begin, end = 0, 4
-    while begin < end:
-        state = queue[begin]
-        begin += 1
-        cell, heading = state >> 2, state & 3
-        steps = min(distance[state] + 1, FAR - 1)
-        behind = ahead[4 * cell + ((heading + 2) & 3)]
-        for k in range(3):
-            if k == 2:
-                if behind < 0:
-                    continue
-                before = 4 * behind + heading
-            else:
-                before = 4 * cell + ((heading + 1 + 2 * k) & 3)
-            if distance[before] == FAR:
-                distance[before] = steps
-                queue[end] = before
-                end += 1
+        bucket[0, heading] = 4 * goal + heading
+    size[0] = 4
+    spent, empty = 0, 0
+    while empty < num_buckets:
+        now = spent % num_buckets
+        empty = empty + 1 if size[now] == 0 else 0
+        for i in range(size[now]):
+            state = bucket[now, i]
+            if distance[state] != spent:
+                continue
+            cell, heading = state >> 2, state & 3
+            behind = ahead[4 * cell + ((heading + 2) & 3)]
+            for k in range(3):
+                if k == 2:
+                    if behind < 0:
+                        continue
+                    before = 4 * behind + heading
+                    cost = spent + price[before]
+                else:
+                    before = 4 * cell + ((heading + 1 + 2 * k) & 3)
+                    cost = spent + 1
+                if cost < min(distance[before], FAR):
+                    distance[before] = cost
+                    to = cost % num_buckets
+                    bucket[to, size[to]] = before
+                    size[to] += 1
+        size[now] = 0
+        spent += 1

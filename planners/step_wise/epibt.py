@@ -4,7 +4,8 @@ Enhanced PIBT (AAAI 2026) has robots choose sequences of a few actions rather th
 wait for another that turns, can say so. Operations are inherited from step to step, and a robot may be pushed again while another
 one chooses. Here they are improved too, a counted number of times: a robot that is drawn takes another operation, pushing others,
 where the steps that are left fall for all together. Robots choose in the order of the steps to the ends of their tasks, shuffled a
-little: in a fixed order those that stand off do so for good. Written from the description alone. No guarantee: robots may block each other.
+little: in a fixed order those that stand off do so for good. In crowds rows and columns have directions, and ways against them count as
+longer, so that streams form (as guidance graphs do). Written from the description alone. No guarantee: robots may block each other.
 """
 
 from dataclasses import dataclass, replace
@@ -14,10 +15,13 @@ import numpy as np
 from mrp_sumo.core.step_wise import StepWiseProblem
 from mrp_sumo.errors import PlanError
 from mrp_sumo.planning.step_wise import run_step_wise
+from planners.step_wise.ground import FreeCells
 from planners.step_wise.stepper import OperationStepper
 from planners.step_wise.tasks import Choice
 
 DENSE = 0.3  # robots per free cell from which changes that all gain by end in stand-offs
+GUIDED = 0.02  # robots per free cell from which rows and columns have directions, for some twenty robots
+FEW = 20
 CROWDED = 0.9  # robots per free cell from which operations are shorter: longer ones collide with more than one other
 
 
@@ -29,13 +33,14 @@ class Epibt:
     tries: int = -1  # how many times a step a robot that is drawn may change its operation where all gain by it; -1: 3 per robot, or 0
     limit: int = 0  # operations that are looked at when one robot chooses, with all that it pushes; 0: 3,000, or 1,000 in such crowds
     tasks: Choice = "nearest"  # or "in_turn": robot r of R has the tasks r, r + R, ...
+    against: int = -1  # what a step against the direction of a row or column counts more; -1: 2 from 0.02 robots per free cell on, or 0
     memory_mb: int = 3000  # for tables of distances
 
     def __post_init__(self) -> None:
         if not 0 <= self.depth <= 6:
             raise PlanError(f"depth is {self.depth}, expected 0 to 6")
-        if self.tries < -1 or self.limit < 0 or self.memory_mb < 1:
-            raise PlanError("expected tries of -1 or more, limit of 0 or more and memory_mb of 1 or more")
+        if self.tries < -1 or self.limit < 0 or self.memory_mb < 1 or not -1 <= self.against <= 100:
+            raise PlanError("expected tries of -1 or more, limit of 0 or more, memory_mb of 1 or more and against of -1 to 100")
 
     def prepare(self) -> None:
         """Compile or load the kernels, by a few steps on a map of four cells."""
@@ -49,4 +54,6 @@ class Epibt:
         depth = self.depth or (3 if share > CROWDED else 4)
         limit = self.limit or (1000 if share > CROWDED else 3000)
         tries = self.tries if self.tries >= 0 else 3 * problem.num_robots if share < DENSE else 0
-        return OperationStepper(problem, seed, (depth, limit, tries), self.tasks, self.memory_mb)
+        guided = share >= GUIDED and problem.num_robots >= FEW
+        ground = FreeCells(problem, self.memory_mb, self.against if self.against >= 0 else 2 * guided)
+        return OperationStepper(problem, seed, (depth, limit, tries), self.tasks, ground)

@@ -16,22 +16,27 @@ FAR = 65535  # in tables: no way
 
 
 class FreeCells:
-    """A problem's free cells, numbered from 0, with tables of steps to those that are goals. A state is 4 x cell + heading."""
+    """A problem's free cells, numbered from 0, with tables of steps to those that are goals. A state is 4 x cell + heading.
 
-    def __init__(self, problem: StepWiseProblem, memory_mb: int) -> None:
+    Rows lead east and west in turn, columns north and south: a step against that counts as `against` more.
+    """
+
+    def __init__(self, problem: StepWiseProblem, memory_mb: int, against: int = 0) -> None:
         free = np.flatnonzero(problem.free.reshape(-1))
         self.number = np.full(problem.free.size, -1, np.int64)  # [H x W] of each cell
         self.number[free] = np.arange(len(free))
         ahead = cell_ahead(problem.free)[free]
         self.ahead = np.where(ahead < 0, -1, self.number[ahead]).astype(np.int32).reshape(-1)  # [S]
-        num_states = len(self.ahead)
+        num_states, (row, column) = len(self.ahead), np.divmod(free, problem.free.shape[1])
+        turned = np.stack([row % 2 == 1, column % 2 == 1, row % 2 == 0, column % 2 == 0], 1)  # by heading
+        self._price = np.where(turned.reshape(-1), 1 + against, 1).astype(np.int32)  # [S]
         num_slots = min(len(free), memory_mb * 1_000_000 // (2 * num_states))
         if num_slots < min(len(free), 2 * problem.num_robots + 2):
             raise PlanError(f"{problem.name}: memory_mb is {memory_mb}, too little for two tables a robot of {2 * num_states} bytes")
         self.table: NDArray[np.uint16] = np.empty((num_slots, num_states), np.uint16)  # steps; FAR where there is no way
         self._slot: dict[int, int] = {}  # goal -> its table; the least recently used first
         self._unused = list(range(num_slots - 1, -1, -1))
-        self._queue = np.empty(num_states, np.int32)
+        self._bucket, self._size = np.empty((against + 2, num_states), np.int32), np.empty(against + 2, np.int64)
 
     @property
     def num_cells(self) -> int:
@@ -45,7 +50,7 @@ class FreeCells:
             from planners.step_wise._distance import fill_distance
 
             found = self._unused.pop() if self._unused else self._slot.pop(next(iter(self._slot)))
-            fill_distance(self.ahead, goal, self.table[found], self._queue)
+            fill_distance(self.ahead, self._price, goal, self.table[found], self._bucket, self._size)
         self._slot[goal] = found
         return found
 

@@ -16,11 +16,11 @@ MOST_VISITS = 10  # how often one robot may be pushed when another one chooses
 class OperationStepper:
     """Robots choose operations of `depth` actions; see `_operations`."""
 
-    def __init__(self, problem: StepWiseProblem, seed: int, effort: tuple[int, int, int], tasks: Choice, memory_mb: int) -> None:
+    def __init__(self, problem: StepWiseProblem, seed: int, effort: tuple[int, int, int], tasks: Choice, ground: FreeCells) -> None:
         """`effort` is the actions of an operation, how many operations are looked at, and how many tries there are; see `Epibt`."""
         from planners.step_wise._operations import CrowdStep
 
-        self._ground = FreeCells(problem, memory_mb)
+        self._ground = ground
         self._tasks = InTurn(problem.num_robots) if tasks == "in_turn" else NearestGoal()
         depth, self._limit, self._tries = effort
         self._rng = np.random.default_rng([seed, 13])

@@ -79,6 +79,14 @@ def test_distances_count_turns():
     assert ground.steps_between(0, 3) == 3
 
 
+@pytest.mark.kernel
+@pytest.mark.parametrize(("goal", "costs"), [(2, [1, 2, 3, 2]), (0, [8, 7, 6, 7])], ids=("with", "against"))
+def test_steps_against_the_direction_of_a_row_cost_more(goal, costs):
+    """From the middle of the upper row, which leads east, by heading; a step west costs 1 + 5, and the way round no less."""
+    ground = FreeCells(problem_of(["...", "..."], [0], [[0]]), 1, against=5)
+    assert ground.table[ground.slot(goal)][4:8].tolist() == costs
+
+
 def test_forgotten_tables_are_made_again():
     problem = problem_of(["." * 200] * 20, [0], [[3]])
     ground = FreeCells(problem, 1)
@@ -115,7 +123,7 @@ def test_operations_beat_single_actions():
 
 
 @pytest.mark.parametrize(
-    ("name", "parameters"), [("epibt", {"depth": 7}), ("epibt", {"tries": -2}), ("epibt", {"tasks": "none"}), ("epibt", {"limit": -1})]
+    ("name", "parameters"), [("epibt", wrong) for wrong in ({"depth": 7}, {"tries": -2}, {"tasks": "none"}, {"limit": -1}, {"against": -2})]
 )
 def test_parameters_out_of_range_are_refused(name, parameters):
     from mrp_sumo.errors import ScenarioError
