@@ -178,14 +178,14 @@ def _orders(proposal: "Proposal", count: int) -> str:
 def _print(proposal: "Proposal", path: Path, name: str, orders: int | None) -> None:
     """What was found, and three commands."""
     tasks, robots = proposal.values["tasks"], proposal.values["robots"]
-    groups = ", ".join(f"{len(names)} {group}" for group, names in tasks["groups"].items())
+    groups = ", ".join(f"{group} ({len(names)})" for group, names in tasks["groups"].items())
     stops, rate = " to ".join(tasks["streams"][0]["stops"]), tasks["streams"][0]["arrivals"]["rate_per_h"]
     scenario, folder = shlex.quote(str(path)), shlex.quote(str(Path("runs") / name))
     count, model = robots["count"], robots["type"]
     size = model if isinstance(model, str) else f"{model['length_m']:g} x {model['width_m']:g} m and {model['max_speed_mps']:g} m/s"
     kind = f"robot{'s' * (count > 1)} of {'type ' * isinstance(model, str)}{size}"
     print(f"{path}: {count} {kind}, {rate:g} order{'s' * (rate != 1)} an hour from {stops}")
-    print(f"places: {groups}")
+    print(f"groups of places: {groups}")
     print("driven for 10 simulated minutes: it runs")
     if orders:
         print(f"your orders: fill {path.parent / ORDERS}, then mrp-sumo run {scenario} --set 'tasks.streams=[]' --set tasks.file={ORDERS}")

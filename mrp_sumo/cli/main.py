@@ -11,6 +11,7 @@ import gc
 import logging
 import os
 import re
+import shlex
 import sys
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -164,6 +165,8 @@ def _dispatch(arguments: list[str]) -> int:
     if name in ("-V", "--version"):
         print(f"mrp-sumo {__version__}")
         return 0
+    if name not in COMMANDS and Path(name).is_file():
+        raise MrpSumoError(f"expected a command before the file, such as `mrp-sumo run {shlex.quote(name)}`")
     if name not in COMMANDS:
         raise MrpSumoError(f"unknown command '{name}'{nearest(name, COMMANDS, limit=len(COMMANDS))}")
     module, summary = COMMANDS[name]

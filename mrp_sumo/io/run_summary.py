@@ -96,7 +96,7 @@ def _then(value: str, what: str) -> str:
 
 def _lateness(value: float | None) -> str:
     if value is None or abs(value) < ON_TIME_S:
-        return "" if value is None else "none"
+        return "" if value is None else seconds(0)
     return f"{seconds(abs(value))} {'early' if value < 0 else 'late'}"
 
 

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+from pathlib import Path
 
 import pytest
 
@@ -208,6 +209,13 @@ def test_schema_is_json(capsys):
 def test_unknown_command_names_the_nearest(capsys):
     assert main(["imprt"]) == 2
     assert capsys.readouterr().err == "mrp-sumo: unknown command 'imprt' (did you mean 'import'?)\n"
+
+
+def test_file_without_a_command_is_told_what_it_lacks(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    Path("my plant.xml").touch()
+    assert main(["my plant.xml"]) == 2
+    assert capsys.readouterr().err == "mrp-sumo: expected a command before the file, such as `mrp-sumo run 'my plant.xml'`\n"
 
 
 def test_robots_choose_among_more_goals_than_there_are_robots(tmp_path):

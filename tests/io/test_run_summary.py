@@ -28,6 +28,11 @@ def test_run_is_told_in_order_without_what_is_not_known():
     )
 
 
+def test_lateness_of_less_than_is_shown_is_0_s():
+    metrics = {**RESULT["metrics"], "lateness_mean_s": 1e-13, "lateness_max_s": None}
+    assert dict(run_summary({**RESULT, "metrics": metrics}).rows)["lateness"] == "mean 0 s"
+
+
 def test_plug_ins_go_by_the_stems_of_their_files():
     scenario = RESULT["scenario"] | {"planner": {"name": "./my/greedy.py:Greedy"}}
     rows = dict(run_summary({**RESULT, "scenario": scenario, "policy": "/work/late.py:LateStart"}).rows)
