@@ -61,7 +61,7 @@ COMMANDS = {  # a command that is killed, and what it writes the same each time
 
 
 class Kills:
-    """Runs and capacity studies nine times in ten, which take a second; of batches local workers three times in four, else a Dask cluster."""
+    """Runs and capacity studies nine times in ten; of batches local workers three times in four, else a Dask cluster."""
 
     size = None
 
