@@ -50,7 +50,9 @@ class Doing:
     onward: IntArray  # [K, R, 2] the next two places that they went to, NONE: no other
 
 
-def causes(execution: Execution, graph: PlanGraph, places: Places, since_s: float, planning_share: float) -> dict[Cause, Pressed]:
+def causes(
+    execution: Execution, graph: PlanGraph, places: Places, since_s: float, planning_share: float, num_chargers: int
+) -> dict[Cause, Pressed]:
     """Causes for which robots stood from a time on, and how much of that time each was pressed.
 
     Parameters
@@ -63,6 +65,8 @@ def causes(execution: Execution, graph: PlanGraph, places: Places, since_s: floa
         The warm-up is left out.
     planning_share
         Of the time, for which the planner was at work.
+    num_chargers
+        Places to charge, those that nobody went to included.
     """
     stops, tasks = execution.stops, execution.tasks
     if stops is None or tasks is None or execution.sim_time_s <= since_s:
@@ -70,7 +74,7 @@ def causes(execution: Execution, graph: PlanGraph, places: Places, since_s: floa
     charges = ~tasks.is_order[stops.task] if len(stops.task) else np.zeros(0, np.bool_)
     name: list[Cause] = [("charger" if c else "station", s) for s, c in zip(stops.station, charges.tolist())]
     of_place = dict(zip(stops.vertex.tolist(), name))
-    room = Counter(of_place.values())
+    room = {cause: num_chargers if cause[0] == "charger" else num for cause, num in Counter(of_place.values()).items()}
     t_s, look = _looks(execution, since_s)
     doing = _doing(execution, graph, places, t_s, look)
     floor = _floor(graph, places)

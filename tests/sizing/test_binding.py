@@ -147,6 +147,14 @@ def test_chargers_bind_where_there_are_too_few(tmp_path, places, kind):
     assert bound(tmp_path, WITH_SPURS, 2, round_trips([5, 5], charging=charging), robot={**CART, "battery": BATTERY}).limit.kind == kind
 
 
+@pytest.mark.parametrize(("places", "is_pressed"), [(["p1"], True), (["p1", "p2"], False)])
+def test_place_to_charge_that_nobody_drives_to_is_one_of_them(tmp_path, places, is_pressed):
+    """A single robot charges at the nearest, and the other is free all the time."""
+    charging = {"stations": places, "critical_low_charging_level": 40, "start_level": [40, 100]}
+    result = driven(tmp_path, WITH_SPURS, 1, round_trips([5, 5], charging=charging), robot={**CART, "battery": BATTERY})
+    assert any(kind == "charger" for kind, *_ in observation(result)["causes"]) == is_pressed
+
+
 @pytest.mark.parametrize(("share", "first"), [(0, 0), (50, 2), (62, 2), (63, 3)])
 def test_a_share_of_the_robots_begins_with_a_charge(tmp_path, share, first):
     charging = {"stations": ["p1", "p2", "p3"], "start_charging": share}
