@@ -39,7 +39,7 @@ ROOMS = {  # the files of each, and the tests that hold it
         ["mrp_sumo/traffic/reorder.py", "mrp_sumo/traffic/schedule.py", "mrp_sumo/traffic/passages.py"],
         ["tests/traffic/test_reorder.py", "tests/traffic/test_schedule.py"],
     ),
-    "ledger": (["mrp_sumo/drive/ledger.py"], ["tests/drive/test_ledger.py"]),
+    "ledger": (["mrp_sumo/drive/ledger.py"], ["tests/drive/test_ledger.py", "tests/drive/test_turns.py"]),
     "controller": (
         ["mrp_sumo/drive/controller.py", "mrp_sumo/drive/cycle.py", "mrp_sumo/drive/_grants.py", "mrp_sumo/drive/_observe.py"],
         ["tests/drive/test_loop.py"],
@@ -71,7 +71,7 @@ ROOMS = {  # the files of each, and the tests that hold it
     ),
     "bounds": (
         ["mrp_sumo/metrics/planning.py", "mrp_sumo/planning/costs.py", "mrp_sumo/planning/answer_check.py"],
-        ["tests/planning/test_answers.py", "tests/metrics/test_evaluate.py"],
+        ["tests/planning", "tests/metrics/test_evaluate.py"],
     ),
     "searches": ([f"mrp_sumo/search/_{name}.py" for name in KERNELS], ["tests/search", "tests/planners/conflict_based"]),
     "bodies": (

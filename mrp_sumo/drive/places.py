@@ -1,4 +1,4 @@
-"""Places that robots are to go to: those where their stops are made, to places to wait for one, or out of the others' way.
+"""Places that robots are to go to: those where their stops are made, where they wait for one, or where they are out of the others' way.
 
 A robot for which no place is free, or which cannot come to one since somebody stands in between, drives up as near as it can and waits
 there: at the station's places to wait, in their order, where it has some, else at the nearest vertex from which who is being served can

@@ -103,7 +103,8 @@ class _Look:
 
     def __init__(self, doing: Doing, k: int, places: Places) -> None:
         self.vertex, self.towards, self.aim = doing.vertex[k].tolist(), doing.towards[k].tolist(), doing.aim[k].tolist()
-        self.served, self.last = doing.served[k].tolist(), doing.last[k].tolist()
+        self.served: list[int] = doing.served[k].tolist()
+        self.last: list[int] = doing.last[k].tolist()
         self.stands, self.busy = doing.stands[k].tolist(), doing.busy[k].tolist()
         self.at = {v: r for r, v in enumerate(self.vertex)}
         self.place: list[int] = places.of_vertex[doing.vertex[k]].tolist()

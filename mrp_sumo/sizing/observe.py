@@ -171,5 +171,5 @@ def _minutes(execution: Execution, tasks: TaskLog, stops: StopLog, x: FloatArray
 
 def _count(begin_s: FloatArray, end_s: FloatArray, t_s: FloatArray) -> FloatArray:
     """[K] how many spans are under way at each time."""
-    under_way: FloatArray = np.searchsorted(np.sort(begin_s), t_s, "right") - np.searchsorted(np.sort(end_s), t_s, "right") + 0.0
-    return under_way
+    under_way = np.searchsorted(np.sort(begin_s), t_s, "right") - np.searchsorted(np.sort(end_s), t_s, "right")
+    return under_way.astype(np.float64)

@@ -99,7 +99,7 @@ class Point:
     def until_s(self) -> float:
         """Time at which the first of robots that cannot charge ran empty, in any run, else the end."""
         deaths_s = [of["empty_s"] for run in self.observed if (of := run["batteries"]) and of["empty_s"] is not None and not of["places"]]
-        return min([self.horizon_s, *deaths_s])
+        return float(min([self.horizon_s, *deaths_s]))
 
     @cached_property
     def series(self) -> FloatArray:

@@ -16,7 +16,7 @@ the new runs confirm it; where they do not, the next size outwards is tried.
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from math import isnan
+from math import isnan, sqrt
 
 from mrp_sumo.experiments.replications import t_mean
 from mrp_sumo.experiments.statistics import Interval, wilson
@@ -260,7 +260,7 @@ def _next(curve: Curve, effort: Effort) -> dict[int, int]:
 
 
 def _middle(a: int, b: int) -> int:
-    return round((a * b) ** 0.5)
+    return round(sqrt(a * b))
 
 
 def _is_vague(curve: Curve, n: int, effort: Effort) -> bool:

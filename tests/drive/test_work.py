@@ -220,6 +220,15 @@ def test_a_robot_that_charges_for_want_of_work_is_called_off(tmp_path):
     assert made["charger"] == called.tasks.done_s[0] < 41  # the log says when it left, not when it would have
 
 
+@pytest.mark.parametrize(("num_orders", "num_charge"), [(1, 1), (2, 0)])
+def test_nobody_goes_to_charge_that_need_not_while_there_is_an_order_for_each(tmp_path, num_orders, num_charge):
+    """Both have 35 % left: a minute of charging and more."""
+    orders = listed(*[(2, 0.0, 30.0), (6, 0.0, 30.0)][:num_orders])
+    place = charging(4, opportunity=True)
+    run = work(tmp_path, line(9), [1, 8], orders, batteries=(SMALL,), **place, start_level=(0.35, 0.35), time_limit_s=20.0)
+    assert sum(name.startswith("charge") for name in run.tasks.name) == num_charge
+
+
 @pytest.mark.parametrize(("num_orders", "called_off"), [(1, False), (2, True)])
 def test_nobody_is_called_off_a_charger_for_an_order_that_another_is_free_for(tmp_path, num_orders, called_off):
     """robot_0 charges from 2 s on and would until 67 s, robot_1 has nothing to do when one order comes, or two."""

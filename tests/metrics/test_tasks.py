@@ -1,10 +1,13 @@
 """The warm-up is what comes before a run is steady, and is told only where that can be seen."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
-from mrp_sumo.core.task import log_of_times
-from mrp_sumo.metrics.tasks import overload, steady_from
+from mrp_sumo.core.task import StopLog, log_of_times
+from mrp_sumo.metrics.metric import Evidence
+from mrp_sumo.metrics.tasks import METRICS, overload, steady_from
 
 
 def log_of(service_s):
@@ -46,3 +49,29 @@ def test_a_stream_that_is_faster_than_the_fleet_is_reported():
 def test_a_queue_that_does_not_grow_is_no_overload():
     released_s = np.arange(0.0, 400.0, 10.0)
     assert overload(waiting(released_s, released_s + 60.0), 400.0, 5) == ""
+
+
+def metrics_of(tasks, due_s):
+    """The metrics of tasks with a stop each."""
+    num = len(tasks.name)
+    none, zeros = np.zeros(num, np.int64), np.zeros(num)
+    stops = StopLog(np.arange(num), none, ("A",) * num, none, tasks.assigned_s, tasks.done_s - 2, tasks.done_s, zeros, zeros, due_s)
+    execution = SimpleNamespace(tasks=tasks, stops=stops, sim_time_s=float(tasks.done_s[-1]))
+    run = Evidence(None, None, None, execution)
+    return {
+        metric.name: metric.function(run)
+        for metric in METRICS
+        if metric.name in ("on_time_share", "throughput_per_h", "service_time_mean_s")
+    }
+
+
+def test_orders_count_from_the_end_of_the_warm_up_on():
+    """The first twenty, of 9 s, are the warm-up, until 200 s. Of the 150 after it every third is due, and each tenth of these late."""
+    lead_s = np.concatenate([np.full(20, 9.0), np.tile([1.0, 3.0, 2.0, 2.0, 2.0], 30)])
+    tasks = log_of(lead_s)
+    due_s = np.where(np.arange(170) % 3 == 2, tasks.done_s, np.inf)
+    due_s[20::30] -= 0.5
+    shown = metrics_of(tasks, due_s)
+    assert shown["throughput_per_h"] == pytest.approx(360.0) and shown["service_time_mean_s"] == pytest.approx(2.0)
+    assert shown["on_time_share"] == pytest.approx(0.9)
+    assert metrics_of(tasks, np.full(170, np.inf))["on_time_share"] is None
