@@ -231,7 +231,7 @@ def _expanded(values: list[Any] | str) -> Iterator[Any]:
         For what is neither a list nor a range, and for nothing.
     """
     if isinstance(values, str) and not _RANGE.fullmatch(values):
-        raise ValueError(f"found {values!r}, expected a list or a range such as 0..53")
+        raise ValueError(f"found {values!r}, expected a list, such as [{values}], or a range, such as 0..53")
     listed = [values] if isinstance(values, str) else values
     if not listed:
         raise ValueError("an empty list: give at least one value")

@@ -157,7 +157,7 @@ def test_path_in_a_base_file_is_relative_to_that_file(tmp_path):
         ("base: office_5\ngrid_search: {seed: 9..0}\n", "study.yaml:2: grid_search.seed: the range 9..0 is empty"),
         (
             "base: office_5\ngrid_search: {seed: many}\n",
-            "study.yaml:2: grid_search.seed: found 'many', expected a list or a range such as 0..53",
+            "study.yaml:2: grid_search.seed: found 'many', expected a list, such as [many], or a range, such as 0..53",
         ),
         (
             "base: office_5\ngrid_search:\n  seed: [0]\n  planner: [cbs, cbss]\n",
