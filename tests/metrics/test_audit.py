@@ -52,6 +52,12 @@ def test_robots_that_touch_do_not_overlap():
     assert found["num_overlaps"] == 0 and found["min_clearance_m"] == pytest.approx(0, abs=1e-9)
 
 
+def test_a_pair_is_found_behind_one_in_the_same_square_that_is_too_far():
+    """robot_1 is 1.4 m away, in the square of both; circles of two carts meet within 1.12 m."""
+    found = audit(driven([[0.05, 1.05, 0.45]], [[0.05, 1.05, 0.05]]), fleet_of(CART, 3))
+    assert [o["robots"] for o in found["overlaps"]] == [["robot_0", "robot_2"]]
+
+
 def test_a_pair_is_one_overlap_however_long_it_lasts():
     x = np.tile([0, 5, 5.5], (30, 1))
     found = audit(driven(x, 0.0), fleet_of(CART, 3))
