@@ -57,6 +57,8 @@ def find(kind: str, name: str, beside: Path | None = None) -> Source:
     if name in (ours := _ours(kind)):  # without a look at what is installed, which takes a while
         return ours[name]
     known = _registered(kind)
+    if name not in known and name.endswith(".py"):
+        raise ScenarioError(f"{one} '{name}' is a file: expected the name in it, too, as in {name}:NAME")
     if name not in known:
         raise ScenarioError(f"unknown {one} '{name}'{nearest(name, sorted(known), limit=20)}")
     return known[name]

@@ -117,6 +117,8 @@ def read_study(path: Path) -> ReportedRuns:
     MrpSumoError
         When there is nothing to report on.
     """
+    if path.is_file() and path.suffix != ".parquet":
+        raise BatchError(f"{path}: expected a folder of results, or its results.parquet")
     gaps: list[str] = []
     folders: dict[str, RunFolder] = {}
     name, description, until = path.resolve().name, "", ""

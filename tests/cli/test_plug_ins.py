@@ -136,6 +136,7 @@ def test_program_does_not_end_with_a_plug_in(folder):
     [
         (["--planner", "mien.py:Mine"], "--planner: planner '{folder}/mien.py:Mine': no such file: mien.py (did you mean 'mine.py'?)"),
         (["--planner", "mine.py:Mien"], "--planner: planner '{folder}/mine.py:Mien': mine.py has no 'Mien' (did you mean 'Mine'?)"),
+        (["--planner", "mine.py"], "--planner: planner 'mine.py' is a file: expected the name in it, too, as in mine.py:NAME"),
         (["--set", "patients=3"], "--set patients: planner './mine.py:Mine': unknown parameter 'patients' (did you mean 'patience'?)"),
         (["--set", "patience=long"], "--set patience: planner './mine.py:Mine': patience is 'long', expected a whole number"),
         (["--set", "execution.polcy=adg"], "--set execution.polcy: unknown key (did you mean 'execution.policy'?)"),

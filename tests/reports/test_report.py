@@ -14,7 +14,7 @@ import pandas as pd
 import pytest
 
 from mrp_sumo.cli.main import main
-from mrp_sumo.errors import MrpSumoError
+from mrp_sumo.errors import BatchError, MrpSumoError
 from mrp_sumo.experiments.run import run_scenario
 from mrp_sumo.io.scenario.read import read_scenario
 from mrp_sumo.reports.report import write_report
@@ -452,3 +452,9 @@ def test_nothing_on_the_page_is_wider_than_a_phone(study, run_folder, tmp_path, 
             picture.parent.mkdir(parents=True, exist_ok=True)
             subprocess.run([*command, f"--screenshot={picture}", f"--window-size={size}", shown.as_uri()], capture_output=True, timeout=120)
             assert picture.read_bytes().startswith(b"\x89PNG")
+
+
+def test_file_that_is_no_table_of_results_is_refused_in_a_line(tmp_path):
+    (tmp_path / "suite.yaml").write_text("base: office_5\n")
+    with pytest.raises(BatchError, match=r"suite.yaml: expected a folder of results, or its results.parquet$"):
+        write_report(tmp_path / "suite.yaml")
