@@ -7,6 +7,7 @@ done. Draws are in a fixed order (arrival, route, service times), each kind from
 import heapq
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import chain
 from math import inf
 from typing import Protocol
 
@@ -30,6 +31,9 @@ class TaskSource(Protocol):
     def tasks(self) -> Iterator[Task]:
         """The tasks by release."""
 
+    def stations(self) -> Iterator[Station]:
+        """Stations at which their stops are made."""
+
 
 @dataclass(frozen=True)
 class TaskList:
@@ -46,6 +50,10 @@ class TaskList:
         """See TaskSource."""
         return iter(self.listed)
 
+    def stations(self) -> Iterator[Station]:
+        """See TaskSource."""
+        return (stop.station for task in self.listed for stop in task.stops if stop.station)
+
 
 @dataclass(frozen=True)
 class TaskPool:
@@ -57,6 +65,10 @@ class TaskPool:
     def tasks(self) -> Iterator[Task]:
         """See TaskSource."""
         return iter(self.listed)
+
+    def stations(self) -> Iterator[Station]:
+        """See TaskSource."""
+        return (stop.station for task in self.listed for stop in task.stops if stop.station)
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,6 +93,10 @@ class TaskStream:
     def num_open(self) -> int:
         """See TaskSource."""
         return self.arrivals.open or 0
+
+    def stations(self) -> Iterator[Station]:
+        """See TaskSource."""
+        return chain.from_iterable(self.routes)
 
     def tasks(self) -> Iterator[Task]:
         """The tasks by release. Their ids count from 0 within the stream."""
@@ -110,6 +126,10 @@ class ClosedLoop:
     def tasks(self) -> Iterator[Task]:
         """See TaskSource. Sources without times of their own take turns, in proportion to how many of their tasks are open."""
         return heapq.merge(*(self._spread(source) for source in self.sources), key=_release)
+
+    def stations(self) -> Iterator[Station]:
+        """See TaskSource."""
+        return chain.from_iterable(source.stations() for source in self.sources)
 
     @staticmethod
     def _spread(source: TaskSource) -> Iterator[Task]:

@@ -10,6 +10,7 @@ Where a robot goes next is read from where it went. Nothing is taken from plans,
 """
 
 from collections import Counter, defaultdict
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -51,7 +52,7 @@ class Doing:
 
 
 def causes(
-    execution: Execution, graph: PlanGraph, places: Places, since_s: float, planning_share: float, num_chargers: int
+    execution: Execution, graph: PlanGraph, places: Places, since_s: float, planning_share: float, num_places: Mapping[str, int]
 ) -> dict[Cause, Pressed]:
     """Causes for which robots stood from a time on, and how much of that time each was pressed.
 
@@ -65,8 +66,8 @@ def causes(
         The warm-up is left out.
     planning_share
         Of the time, for which the planner was at work.
-    num_chargers
-        Places to charge, those that nobody went to included.
+    num_places
+        Places of each station, and to charge, those that nobody went to included.
     """
     stops, tasks = execution.stops, execution.tasks
     if stops is None or tasks is None or execution.sim_time_s <= since_s:
@@ -74,7 +75,7 @@ def causes(
     charges = ~tasks.is_order[stops.task] if len(stops.task) else np.zeros(0, np.bool_)
     name: list[Cause] = [("charger" if c else "station", s) for s, c in zip(stops.station, charges.tolist())]
     of_place = dict(zip(stops.vertex.tolist(), name))
-    room = {cause: num_chargers if cause[0] == "charger" else num for cause, num in Counter(of_place.values()).items()}
+    room = {cause: num_places.get(cause[1], num) for cause, num in Counter(of_place.values()).items()}
     t_s, look = _looks(execution, since_s)
     doing = _doing(execution, graph, places, t_s, look)
     floor = _floor(graph, places)

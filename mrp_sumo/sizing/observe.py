@@ -3,7 +3,7 @@
 Worker processes call `observe`; it is JSON, so that a study can be resumed and asked again from what it has on disk.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -44,7 +44,7 @@ def observation(result: RunResult) -> dict[str, Any]:
         findings of the operations audit; `steady_s`.
         Of one without, nothing.
     """
-    execution, graph = result.execution, result.graph
+    execution, graph, settings = result.execution, result.graph, result.setup.settings
     assert execution is not None
     if execution.tasks is None or execution.stops is None:
         return {}
@@ -53,16 +53,18 @@ def observation(result: RunResult) -> dict[str, Any]:
     steady_s = steady_from(orders) or 0.0
     x, y, every = _looks(execution)
     calls = execution.calls or PlannerCalls()
-    planning_share = min(1.0, calls.asked * result.setup.settings.planning.budget_s / execution.sim_time_s)
+    planning_share = min(1.0, calls.asked * settings.planning.budget_s / execution.sim_time_s)
     places = places_of(graph, result.nav)
-    chargers = charging.places if (charging := result.setup.settings.chargers) else ()
-    pressed = causes(execution, graph, places, steady_s, planning_share, len(chargers))
+    num_places = {station.name: len(station.places) for source in settings.tasks for station in source.stations()}
+    chargers = settings.chargers.places if settings.chargers else ()
+    num_places |= {settings.chargers.name: len(chargers)} if settings.chargers else {}
+    pressed = causes(execution, graph, places, steady_s, planning_share, num_places)
     wait_s = _waiting(execution, graph, steady_s)
     heaviest = np.argsort(-wait_s, kind="stable")[:NUM_VERTICES]
     return {
         **_orders(orders, stops),
         "steady_s": steady_s,
-        "stations": _stations(stops, steady_s, execution.sim_time_s),
+        "stations": _stations(stops, num_places, steady_s, execution.sim_time_s),
         "causes": [[kind, name, round(of.waited_s, 1), round(of.share, 4)] for (kind, name), of in sorted(pressed.items())],
         "idle_share": _idle_share(execution, steady_s, num_robots=x.shape[1]),
         "batteries": _batteries(execution, steady_s, chargers),
@@ -91,7 +93,7 @@ def _orders(tasks: TaskLog, stops: StopLog) -> dict[str, Any]:
     }
 
 
-def _stations(stops: StopLog, since_s: float, end_s: float) -> dict[str, dict[str, float]]:
+def _stations(stops: StopLog, num_places: Mapping[str, int], since_s: float, end_s: float) -> dict[str, dict[str, float]]:
     by_name: dict[str, dict[str, float]] = {}
     served = np.clip(np.minimum(stops.end_s, end_s) - np.maximum(stops.begin_s, since_s), 0, None)
     later = stops.begin_s >= since_s
@@ -99,7 +101,7 @@ def _stations(stops: StopLog, since_s: float, end_s: float) -> dict[str, dict[st
     for name in dict.fromkeys(stops.station):
         rows = names == name
         by_name[name] = {
-            "places": len(np.unique(stops.vertex[rows])),
+            "places": num_places.get(name, len(np.unique(stops.vertex[rows]))),
             "served_s": round(float(served[rows].sum()), 2),
             "queued_s": round(float(stops.queued_s[rows & later].sum()), 2),
             "stops": int((rows & later).sum()),

@@ -155,6 +155,15 @@ def test_place_to_charge_that_nobody_drives_to_is_one_of_them(tmp_path, places, 
     assert any(kind == "charger" for kind, *_ in observation(result)["causes"]) == is_pressed
 
 
+@pytest.mark.parametrize(("places", "is_pressed"), [(["A"], True), (["A", "p1"], False)])
+def test_place_of_a_station_that_nobody_drives_to_is_one_of_them(tmp_path, places, is_pressed):
+    """A single robot is served at the nearest for nearly all the time, and the other is free."""
+    tasks = {"streams": [{"name": "o", "stops": ["S"], "service": [200], "arrivals": {"open": 2}}], "stations": {"S": {"places": places}}}
+    result = driven(tmp_path, WITH_SPURS, 1, tasks)
+    assert observation(result)["stations"]["S"]["places"] == len(places)
+    assert any(kind == "station" and share > 0.8 for kind, _, _, share in observation(result)["causes"]) == is_pressed
+
+
 @pytest.mark.parametrize(("share", "first"), [(0, 0), (50, 2), (62, 2), (63, 3)])
 def test_a_share_of_the_robots_begins_with_a_charge(tmp_path, share, first):
     charging = {"stations": ["p1", "p2", "p3"], "start_charging": share}
