@@ -145,12 +145,14 @@ def question_of(options: argparse.Namespace) -> "Question":
 
 
 def _sizes(text: str) -> tuple[int, int]:
+    from mrp_sumo.sizing.question import require_sizes
+
     match = re.fullmatch(r"(\d{1,6})\.\.(\d{1,6})", text)
     if not match:
         raise MrpSumoError(f"--robots {text}: expected the least and the most, such as 5..60")
-    if not 1 <= int(match[1]) <= int(match[2]):
-        raise MrpSumoError(f"--robots {text}: expected at least one robot, and the smaller number first, such as 5..60")
-    return int(match[1]), int(match[2])
+    low, high = int(match[1]), int(match[2])
+    require_sizes(low, high)
+    return low, high
 
 
 def _command(options: argparse.Namespace) -> str:

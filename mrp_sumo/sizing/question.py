@@ -211,6 +211,12 @@ def _rate(stream: StreamChoice, part: float) -> float:
     return (stream.arrivals.rate_per_h or 0.0) * profile[int(part * len(profile))]
 
 
+def require_sizes(low: int, high: int) -> None:
+    """Refuse fleets of nobody, and a range that ends before it begins. Raises MrpSumoError."""
+    if not 1 <= low <= high:
+        raise MrpSumoError(f"--robots {low}..{high}: expected at least one robot, and the smaller number first, such as 5..60")
+
+
 def require_answerable(question: Question) -> None:
     """Refuse what the scenario cannot answer.
 
@@ -220,6 +226,7 @@ def require_answerable(question: Question) -> None:
         One line, with what would do.
     """
     name, tasks = question.file.scenario.name, question.file.scenario.tasks
+    require_sizes(*question.sizes)
     if question.confirm and question.engine == "sumo":
         raise MrpSumoError("--confirm sumo: with --engine sumo every run is driven in SUMO already; leave one of them out")
     if tasks is None:

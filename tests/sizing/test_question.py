@@ -1,11 +1,13 @@
 """The runs of a capacity study."""
 
+from contextlib import nullcontext
 from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
 
 from mrp_sumo.cli.capacity import _watcher
+from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.io.scenario.read import read_scenario
 from mrp_sumo.sizing import study
 from mrp_sumo.sizing.question import DEMAND, QUICK, SATURATED, Cycle, Question, Trial, values_of
@@ -32,6 +34,14 @@ def test_fleets_as_small_as_the_scenarios_own_are_tried(tmp_path, robots, least)
     tasks = "{streams: [{arrivals: {rate_per_h: 60}, stops: [office_1]}]}"
     (tmp_path / "small.yaml").write_text(f"map: office\nrobots: {robots}\ntasks: {tasks}\n")
     assert study.asked(read_scenario(tmp_path / "small.yaml")).sizes[0] == least
+
+
+@pytest.mark.parametrize(("robots", "is_refused"), [((0, 2), True), ((5, 2), True), ((2, 2), False)])
+def test_sizes_are_checked_whoever_asks(tmp_path, robots, is_refused):
+    (tmp_path / "small.yaml").write_text("map: office\nrobots: 2\n")
+    file = read_scenario(tmp_path / "small.yaml")
+    with pytest.raises(MrpSumoError, match="at least one robot") if is_refused else nullcontext():
+        assert study.asked(file, robots=robots).sizes == robots
 
 
 CHARGING = """
