@@ -33,8 +33,10 @@ def fill_distance(ahead, price, goal, distance, bucket, size):
     while empty < num_buckets:
         now = spent % num_buckets
         empty = empty + 1 if size[now] == 0 else 0
-        for i in range(size[now]):
+        i = 0
+        while i < size[now]:
             state = bucket[now, i]
+            i += 1
             if distance[state] != spent:
                 continue
             cell, heading = state >> 2, state & 3
@@ -44,11 +46,11 @@ def fill_distance(ahead, price, goal, distance, bucket, size):
                     if behind < 0:
                         continue
                     before = 4 * behind + heading
-                    cost = spent + price[before]
+                    cost = min(spent + price[before], FAR - 1)
                 else:
                     before = 4 * cell + ((heading + 1 + 2 * k) & 3)
-                    cost = spent + 1
-                if cost < min(distance[before], FAR):
+                    cost = min(spent + 1, FAR - 1)
+                if cost < distance[before]:
                     distance[before] = cost
                     to = cost % num_buckets
                     bucket[to, size[to]] = before

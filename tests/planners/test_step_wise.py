@@ -87,6 +87,12 @@ def test_steps_against_the_direction_of_a_row_cost_more(goal, costs):
     assert ground.table[ground.slot(goal)][4:8].tolist() == costs
 
 
+def test_what_is_farther_than_a_table_can_say_is_far_and_not_cut_off():
+    ground = FreeCells(problem_of(["." * 66_000], [0], [[65_990]]), 3)
+    table = ground.table[ground.slot(65_990)]
+    assert table[4 * 65_000] == 990 and table[4 * 500] == 65_490 and table[0] == 65_534
+
+
 def test_forgotten_tables_are_made_again():
     problem = problem_of(["." * 200] * 20, [0], [[3]])
     ground = FreeCells(problem, 1)
