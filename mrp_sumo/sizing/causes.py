@@ -52,7 +52,7 @@ class Doing:
 
 
 def causes(
-    execution: Execution, graph: PlanGraph, places: Places, since_s: float, planning_share: float, num_places: Mapping[str, int]
+    execution: Execution, graph: PlanGraph, places: Places, since_s: float, planning_share: float, num_places: Mapping[Cause, int]
 ) -> dict[Cause, Pressed]:
     """Causes for which robots stood from a time on, and how much of that time each was pressed.
 
@@ -67,7 +67,7 @@ def causes(
     planning_share
         Of the time, for which the planner was at work.
     num_places
-        Places of each station, and to charge, those that nobody went to included.
+        Places of stations, and to charge, those that nobody went to included.
     """
     stops, tasks = execution.stops, execution.tasks
     if stops is None or tasks is None or execution.sim_time_s <= since_s:
@@ -75,7 +75,7 @@ def causes(
     charges = ~tasks.is_order[stops.task] if len(stops.task) else np.zeros(0, np.bool_)
     name: list[Cause] = [("charger" if c else "station", s) for s, c in zip(stops.station, charges.tolist())]
     of_place = dict(zip(stops.vertex.tolist(), name))
-    room = {cause: num_places.get(cause[1], num) for cause, num in Counter(of_place.values()).items()}
+    room = {cause: num_places.get(cause, num) for cause, num in Counter(of_place.values()).items()}
     t_s, look = _looks(execution, since_s)
     doing = _doing(execution, graph, places, t_s, look)
     floor = _floor(graph, places)

@@ -16,7 +16,7 @@ from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.experiments.result import RunResult
 from mrp_sumo.experiments.worker import Answer, Job, measure
 from mrp_sumo.metrics.tasks import steady_from
-from mrp_sumo.sizing.causes import causes
+from mrp_sumo.sizing.causes import Cause, causes
 
 FUNCTION = f"{__name__}:observe"
 MINUTE_S = 60.0
@@ -55,9 +55,9 @@ def observation(result: RunResult) -> dict[str, Any]:
     calls = execution.calls or PlannerCalls()
     planning_share = min(1.0, calls.asked * settings.planning.budget_s / execution.sim_time_s)
     places = places_of(graph, result.nav)
-    num_places = {station.name: len(station.places) for source in settings.tasks for station in source.stations()}
-    chargers = settings.chargers.places if settings.chargers else ()
-    num_places |= {settings.chargers.name: len(chargers)} if settings.chargers else {}
+    stations = [("station", station) for source in settings.tasks for station in source.stations()]
+    stations += [("charger", settings.chargers)] if settings.chargers else []
+    num_places = {(kind, station.name): len(station.places) for kind, station in stations}
     pressed = causes(execution, graph, places, steady_s, planning_share, num_places)
     wait_s = _waiting(execution, graph, steady_s)
     heaviest = np.argsort(-wait_s, kind="stable")[:NUM_VERTICES]
@@ -67,7 +67,7 @@ def observation(result: RunResult) -> dict[str, Any]:
         "stations": _stations(stops, num_places, steady_s, execution.sim_time_s),
         "causes": [[kind, name, round(of.waited_s, 1), round(of.share, 4)] for (kind, name), of in sorted(pressed.items())],
         "idle_share": _idle_share(execution, steady_s, num_robots=x.shape[1]),
-        "batteries": _batteries(execution, steady_s, chargers),
+        "batteries": _batteries(execution, steady_s, settings.chargers.places if settings.chargers else ()),
         "vertices": [[int(v), round(float(wait_s[v]), 1)] for v in heaviest if wait_s[v] > 0],
         "minutes": _minutes(execution, orders, stops, x, y, every),
         "lane_m": round(float(graph.length_m[(graph.reverse < 0) | (graph.reverse > np.arange(graph.num_lanes))].sum()), 2),
@@ -93,7 +93,7 @@ def _orders(tasks: TaskLog, stops: StopLog) -> dict[str, Any]:
     }
 
 
-def _stations(stops: StopLog, num_places: Mapping[str, int], since_s: float, end_s: float) -> dict[str, dict[str, float]]:
+def _stations(stops: StopLog, num_places: Mapping[Cause, int], since_s: float, end_s: float) -> dict[str, dict[str, float]]:
     by_name: dict[str, dict[str, float]] = {}
     served = np.clip(np.minimum(stops.end_s, end_s) - np.maximum(stops.begin_s, since_s), 0, None)
     later = stops.begin_s >= since_s
@@ -101,7 +101,7 @@ def _stations(stops: StopLog, num_places: Mapping[str, int], since_s: float, end
     for name in dict.fromkeys(stops.station):
         rows = names == name
         by_name[name] = {
-            "places": num_places.get(name, len(np.unique(stops.vertex[rows]))),
+            "places": num_places.get(("station", name), len(np.unique(stops.vertex[rows]))),
             "served_s": round(float(served[rows].sum()), 2),
             "queued_s": round(float(stops.queued_s[rows & later].sum()), 2),
             "stops": int((rows & later).sum()),

@@ -164,6 +164,14 @@ def test_place_of_a_station_that_nobody_drives_to_is_one_of_them(tmp_path, place
     assert any(kind == "station" and share > 0.8 for kind, _, _, share in observation(result)["causes"]) == is_pressed
 
 
+def test_a_station_may_be_called_charger(tmp_path):
+    charging = {"stations": ["p1", "p2"], "critical_low_charging_level": 40, "start_level": [40, 100]}
+    streams = [{"name": "o", "stops": ["charger"], "service": [5], "arrivals": {"open": 2}}]
+    tasks = {"streams": streams, "stations": {"charger": {"places": ["A"]}}, "charging": charging}
+    result = driven(tmp_path, WITH_SPURS, 1, tasks, robot={**CART, "battery": BATTERY})
+    assert observation(result)["stations"]["charger"]["places"] == 1
+
+
 @pytest.mark.parametrize(("share", "first"), [(0, 0), (50, 2), (62, 2), (63, 3)])
 def test_a_share_of_the_robots_begins_with_a_charge(tmp_path, share, first):
     charging = {"stations": ["p1", "p2", "p3"], "start_charging": share}
