@@ -37,30 +37,10 @@ class TaskSource(Protocol):
 
 @dataclass(frozen=True)
 class TaskList:
-    """Tasks that are listed one by one."""
-
-    listed: tuple[Task, ...]  # by release
-
-    @property
-    def num_open(self) -> int:
-        """None: they have times of their own."""
-        return 0
-
-    def tasks(self) -> Iterator[Task]:
-        """See TaskSource."""
-        return iter(self.listed)
-
-    def stations(self) -> Iterator[Station]:
-        """See TaskSource."""
-        return (stop.station for task in self.listed for stop in task.stops if stop.station)
-
-
-@dataclass(frozen=True)
-class TaskPool:
-    """Tasks that are listed in order, of which so many are always known and not done."""
+    """Tasks that are listed one by one, by release; or in order, if so many are always known and not done."""
 
     listed: tuple[Task, ...]
-    num_open: int
+    num_open: int = 0  # see TaskSource
 
     def tasks(self) -> Iterator[Task]:
         """See TaskSource."""

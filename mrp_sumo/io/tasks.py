@@ -18,7 +18,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from mrp_sumo.core.graph import BoolArray
-from mrp_sumo.core.stream import ClosedLoop, TaskList, TaskPool, TaskSource, TaskStream, zipf_weights
+from mrp_sumo.core.stream import ClosedLoop, TaskList, TaskSource, TaskStream, zipf_weights
 from mrp_sumo.core.task import Station, Stop, Task
 from mrp_sumo.errors import ScenarioError, nearest
 from mrp_sumo.files.reading import read_json, read_text, shortened
@@ -168,7 +168,7 @@ def _file(names: _Names, site: TaskNames, path: Path, num_robots: int, begin: in
     if not path.is_file():
         raise ScenarioError(f"{site.at('tasks', 'file')}: {shortened(path)}: no such file")
     if path.suffix == ".tasks":
-        return TaskPool(tuple(_league(names, path, site.cells(), begin)), max(1, int(REVEALED * num_robots)))
+        return TaskList(tuple(_league(names, path, site.cells(), begin)), max(1, int(REVEALED * num_robots)))
     if path.suffix == ".json":
         return _listed(_checked(names, path, tasks_of_requests(read_json(path, MAX_BYTES, ScenarioError), str(shortened(path))), begin))
     if path.suffix in (".yaml", ".yml"):

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from mrp_sumo.core.digraph import strong_components
 from mrp_sumo.core.graph import PlanGraph
 from mrp_sumo.core.problem import Problem
-from mrp_sumo.core.stream import ClosedLoop, TaskList, TaskPool, TaskSource, TaskStream
+from mrp_sumo.core.stream import ClosedLoop, TaskList, TaskSource, TaskStream
 from mrp_sumo.core.task import Station
 from mrp_sumo.search.distance import UNREACHABLE, distances
 
@@ -72,6 +72,6 @@ def _routes(sources: Sequence[TaskSource]) -> Iterator[tuple[str, tuple[Station,
             yield from _routes(source.sources)
         elif isinstance(source, TaskStream):
             yield from ((source.name, route) for route in source.routes)
-        elif isinstance(source, TaskList | TaskPool):
+        elif isinstance(source, TaskList):
             for task in source.listed:
                 yield task.name, tuple(stop.station or Station("", (stop.vertex,)) for stop in task.stops)
