@@ -25,15 +25,7 @@ def stepped_run(distance_m, speed_mps, accel_mps2, decel_mps2, dt, out_s):
     int
         Number of steps until the robot stands, also where it is more than `out_s` has room for.
     """
-    s, v, num_steps = 0.0, 0.0, 0
-    while True:
-        v = min(min(stop_speed(distance_m - s, decel_mps2, dt), v + accel_mps2 * dt), speed_mps)
-        if v < STANDS_MPS:
-            return num_steps
-        s += v * dt
-        if num_steps < len(out_s):
-            out_s[num_steps] = s
-        num_steps += 1
+    return stepped_way(np.array([distance_m]), np.array([np.inf]), distance_m, speed_mps, accel_mps2, decel_mps2, dt, out_s)
 
 
 def stepped_way(end_m, limit_mps, distance_m, speed_mps, accel_mps2, decel_mps2, dt, out_s):

@@ -283,11 +283,11 @@ def _gains(desk: Desk, limit: Limits, why: Sequence[Reasons]) -> tuple[Gain, ...
     }
     tests = {change: compared(base, point) for change, point in points.items()}
     adjusted = holm([test.p_value for test in tests.values()])
-    reasons = [
+    gains = [
         Gain(change, test, p, "" if test.difference.count else str(points[change].records[0]["reason"]))
         for (change, test), p in zip(tests.items(), adjusted)
     ]
-    return tuple(sorted(reasons, key=lambda gain: (bool(gain.refusal), -gain.difference.difference.value if not gain.refusal else 0.0)))
+    return tuple(sorted(gains, key=lambda gain: (bool(gain.refusal), -gain.difference.difference.value if not gain.refusal else 0.0)))
 
 
 def _row(point: Point, question: Question) -> dict[str, Any]:

@@ -175,7 +175,7 @@ def _range(row: Beside | None) -> Range | None:
 
 
 def _verdict(*rows: Beside | None) -> str | None:
-    """True if the paper's numbers lie in our intervals."""
+    """'yes' if the paper's numbers lie in our intervals, else 'no'; None: nothing can be said."""
     verdicts = [row.agrees for row in rows if row and row.agrees is not None]
     return None if not verdicts else "yes" if all(verdicts) else "no"
 
