@@ -119,6 +119,35 @@ def test_arrays_grow_and_ids_stay():
     assert needs == [[2]]
 
 
+@pytest.mark.parametrize(("off_rad", "turned"), [(0.0, True), (2 * np.pi, True), (1e-6, False), (-np.pi / 2, False), (np.nan, True)])
+def test_a_robot_has_turned_when_it_faces_as_it_is_to_stay_whatever_turns_it_made_before(off_rad, turned):
+    ledger, _ = ledger_of(line(2), [[0, 1]])
+    ledger.state.motion.yaw_rad[0], ledger.state.facing_rad[0] = 3.0, 3.0 + off_rad
+    assert ledger.turned.tolist() == [turned]
+
+
+def test_a_robot_drives_back_until_it_is_granted_the_vertex_behind_it_though_it_goes_no_farther():
+    ledger, _ = ledger_of(line(2, 2.0), [[0, 1]], "open_loop")
+    ledger.state.motion.s_m[0], ledger.state.grants.on_lane[0] = 0.5, True
+    ledger.state.grants.claims[ledger.graph.lane_between(0, 1)] = 1
+    ledger.append(Replan({0: way(0, back=True)}, "give_way"), policy_of("open_loop"), 3.0)
+    assert ledger.is_driving_back.tolist() == [True]
+    ledger.visits.granted[0] = ledger.visits.last[0]
+    assert ledger.is_driving_back.tolist() == [False]
+
+
+def test_what_is_over_is_forgotten_and_the_rest_has_new_ids():
+    """The robot has come to vertex 3; the visit before it is kept, since it stops a little short."""
+    ledger, _ = ledger_of(line(6), [[0, 1, 2, 3, 4, 5]])
+    ledger.visits.reached[0] = ledger.visits.granted[0] = ledger.state.grants.oldest[0] = 3
+    needed = np.array([4])
+    ledger.forget(needed)
+    assert column(ledger, "vertex").tolist() == [2, 3, 4, 5] and column(ledger, "next").tolist() == [1, 2, 3, -1]
+    of_robot = (ledger.visits.first, ledger.visits.reached, ledger.visits.granted, ledger.visits.last, ledger.state.grants.oldest, needed)
+    assert [int(ids[0]) for ids in of_robot] == [0, 1, 1, 3, 1, 2]
+    assert ledger.logged(ledger.entries[0])["vertex"].tolist() == [1, 2, 3, 4, 5]  # the log knows all
+
+
 def test_a_robot_that_turns_back_comes_to_the_vertex_behind_it_again():
     graph = graph_of([(0, 0), (2, 0), (0, 1)], [(0, 1), (0, 2)])
     ledger, _ = ledger_of(graph, [[0, 1]], "open_loop")
@@ -126,7 +155,9 @@ def test_a_robot_that_turns_back_comes_to_the_vertex_behind_it_again():
     ledger.state.grants.on_lane[0] = True
     lane = int(graph.lane_between(0, 1))
     ledger.state.grants.claims[lane], ledger.state.grants.holder[0] = 1, -1  # and has left the vertex behind it
+    assert not ledger.is_driving_back[0]
     ledger.append(Replan({0: way(0, 2, back=True)}, "give_way"), policy_of("open_loop"), 3.0)
+    assert ledger.is_driving_back[0]
     behind = int(ledger.all_ids(0)[1])
     assert column(ledger, "lane")[behind] == graph.reverse[lane]
     assert column(ledger, "at_m")[behind] == pytest.approx(1.0)  # half a metre there, half a metre back

@@ -8,8 +8,13 @@ from worlds import BURGER, cross, drive, graph_of, kinds, least_distance_m, line
 
 from mrp_sumo.core.disturbances import Breakdown, Disturbances
 from mrp_sumo.core.execution import Outcome
+from mrp_sumo.drive.controller import Controller
+from mrp_sumo.drive.fit import resources_for
+from mrp_sumo.drive.ledger import Ledger
 from mrp_sumo.drive.listeners import Listener, ProgressReport
 from mrp_sumo.drive.loop import simulate
+from mrp_sumo.drive.policy import policy_of
+from mrp_sumo.drive.reroute import first_of
 from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.engines.sumo import engine, network
 from mrp_sumo.engines.sumo.network import build_network
@@ -145,6 +150,22 @@ def test_a_wait_goes_on_after_a_disturbance_of_the_one_that_waits(tmp_path):
     waits = [(event.t_s, event.t_s + event.duration_s) for event in run.events if event.kind == "waited"]
     assert waits[-1] == pytest.approx((9.0, 40.0), abs=0.3)
     assert "blocked_for_good" in kinds(run)
+
+
+def test_a_robot_that_breaks_down_on_its_way_comes_as_much_later(tmp_path):
+    broken = Disturbances(breakdowns=(Breakdown(0, 2.0, 4.0),))
+    run = drive(tmp_path, line(5), [[0, 1, 2, 3, 4]], disturbances=broken)
+    assert run.goal_s[0] == pytest.approx(1.6 / 0.22 + 4.0, abs=0.2)
+
+
+def test_the_waits_of_those_who_are_sent_another_way_end_and_those_of_others_go_on():
+    problem, plan = problem_of(line(5), [[0, 1], [4, 3]], BURGER)
+    ledger = Ledger(problem, resources_for(problem, plan))
+    ledger.append(first_of(plan), policy_of("adg"), 0.0)
+    ledger.state.waits.since_s[:] = 2.0
+    controller = Controller(ledger, policy_of("adg"), ExecutionSettings())
+    waits = [[event.robot for event in controller.unfinished_waits(5.0, robots)] for robots in ([1], [], None)]
+    assert waits == [[1], [], [0, 1]]
 
 
 def test_a_final_blocking_ends_the_run_where_that_is_asked_for(tmp_path):

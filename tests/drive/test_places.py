@@ -102,3 +102,11 @@ def test_to_a_place_that_no_way_leads_to_a_robot_does_not_set_out():
     stops = [Stop(v, 1.0, "", Station(f"at {v}", (v,))) for v in (0, 1)]
     assert (where.way(0, 0, stops[1]), where.away(0, 0, stops[1])) == ([0, 1], 1)
     assert (where.way(0, 1, stops[0]), where.away(0, 1, stops[0])) == ([1], UNREACHABLE)
+
+
+def test_a_robot_without_work_stays_where_no_way_leads_to_a_place_to_park():
+    """0 leads to 1, and 1 nowhere."""
+    nav = nav_graph(name="one way", xy=[(0, 0), (CELL_M, 0)], lanes=[(0, 1)])
+    graph = plan_graph(nav, kind="roadmap", cell_m=CELL_M)
+    assert chosen(graph, [1], {}, parking=(0,))[0] == [1]
+    assert chosen(graph, [0], {}, parking=(1,))[0] == [1]

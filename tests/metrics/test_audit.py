@@ -125,6 +125,12 @@ def test_a_robot_that_sweeps_its_neighbour_while_it_turns_overlaps():
     assert clear["passed"] and clear["min_clearance_m"] == pytest.approx(0.56 - np.hypot(0.5, 0.25), abs=1e-4)
 
 
+def test_robots_that_touch_overlap_from_when_one_turns():
+    # side by side they touch at both samples; half-way through half a turn the one reaches far into the other
+    found = audit(driven([[0.0, 0.0]] * 2, [[0.0, 0.5]] * 2, [[0.0, 0.0], [np.pi, 0.0]], dt=np.pi), fleet_of(CART, 2))
+    assert found["num_overlaps"] == 1 and found["overlaps"][0]["t_s"] == pytest.approx(np.pi / 2)
+
+
 def test_a_corner_that_is_clipped_for_a_moment_is_found():
     # a square of 1 m passes another's corner on a diagonal; they share 1 mm of it, in the middle of the interval
     square = RobotType("square", 1.0, 1.0, 10.0, 10.0, 10.0, 10.0)

@@ -16,7 +16,7 @@ from mrp_sumo.metrics.audit import audit, in_words
 FIELDS = {"radius_m": 0.25, "extra_m": 0.45, "reaction_s": 0.2, "side_m": 0.1, "slowest_mps": 0.1}
 
 
-def sightings(x, y):
+def sightings(x, y, **fields):
     """One person who is at x, y [T]; NaN: not there."""
     there = np.isfinite(x)
     none = np.zeros(0)
@@ -32,17 +32,17 @@ def sightings(x, y):
         stop_s=none,
         stop_duration_s=none,
         stop_in_motion=none.astype(np.bool_),
-        **FIELDS,
+        **FIELDS | fields,
     )
 
 
-def audited(robot_x, person_x, person_y, robot_y=0.0):
+def audited(robot_x, person_x, person_y, robot_y=0.0, **fields):
     """What is found of a cart that drives along x with samples each 0.1 s, and a person."""
     run, x = record_of_four().execution, np.asarray(robot_x, np.float64)[:, None]
     still, t = np.zeros_like(x), np.arange(len(x)) * 0.1
     y = still + np.reshape(robot_y, (-1, 1))
     speed = np.diff(x, axis=0, prepend=x[:1]) / 0.1
-    log = sightings(np.broadcast_to(person_x, len(x)).astype(float), np.broadcast_to(person_y, len(x)).astype(float))
+    log = sightings(np.broadcast_to(person_x, len(x)).astype(float), np.broadcast_to(person_y, len(x)).astype(float), **fields)
     return audit(replace(run, t_s=t, x_m=x, y_m=y, yaw_rad=still, speed_mps=speed, people=log), fleet_of(CART, 1))
 
 
@@ -87,6 +87,15 @@ def test_robot_that_brakes_as_hard_as_it_can_from_when_somebody_steps_before_it_
     person_y = np.where(np.arange(len(x)) >= k, 0.0, 3.0)
     found = audited(x, x[k] + 0.3 + 0.25 + 0.8, person_y)
     assert (found["num_field_violations"] == found["num_person_contacts"] == 0) == is_fine
+
+
+@pytest.mark.parametrize(("slowest_mps", "is_fine"), [(0.19, True), (0.21, False)])
+def test_robot_that_may_drive_no_slower_than_its_slowest_has_to_stand(slowest_mps, is_fine):
+    """It drives at 0.2 m/s behind somebody, for whom its field allows just that."""
+    x = np.arange(40) * 0.02
+    ahead_m = FIELDS["extra_m"] + 0.2**2 / 2 + 0.2 * FIELDS["reaction_s"]
+    found = audited(x, x + CART.length_m / 2 + FIELDS["radius_m"] + ahead_m, 0.0, slowest_mps=slowest_mps)
+    assert (found["num_field_violations"] == 0) == is_fine
 
 
 def test_person_who_walks_into_a_robot_that_stands_has_done_it():
