@@ -15,26 +15,21 @@ put `taskset -c 1` before this script, so that peers with threads have one core 
 import argparse
 import sys
 from collections.abc import Callable, Iterable, Iterator
-from functools import cache
 from pathlib import Path
 from statistics import mean, median
 
 import bench
-import numpy as np
 
-from mrp_sumo.core.fleet import fleet_of
 from mrp_sumo.core.plan import Status
 from mrp_sumo.core.problem import Problem
-from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.errors import MrpSumoError
-from mrp_sumo.maps.grid import grid_graph
-from mrp_sumo.maps.readers.movingai import occupancy, read_problem_file, vertices_at
+from mrp_sumo.formats.instances import read_instance
+from mrp_sumo.maps.readers.movingai import read_problem_set
 from mrp_sumo.maps.yaml_text import read_text
 from mrp_sumo.planning.protocol import Planner
 from mrp_sumo.planning.registry import planner
 from mrp_sumo.traffic.referee import judge
 
-ROBOT = RobotType("cell", 0.3, 0.3, 1.0, 1.0, 1.0, 1.0)
 PAPER = {
     "office_0.4": (9,),
     "warehouse_0.4": (5, 9),
@@ -58,30 +53,15 @@ def made(text: str) -> Planner:
 def scens(folder: Path, name: str, robots: int) -> list[Path]:
     """The problem files of a map that have so many robots."""
     files = sorted([*folder.glob(f"{name}_n{robots}_s*.scen"), *folder.glob(f"{name}_i*.scen"), *folder.glob(f"{name}-random-1.scen")])
-    return [path for path in files if len(read_problem_file(path).start) >= robots]
+    return [path for path in files if len(read_problem_set(read_text(path)).start) >= robots]
 
 
 def problem_of(folder: Path, name: str, scen: Path, robots: int) -> Problem | None:
     """The problem of the first robots of a file; None where it is refused."""
-    rows = read_problem_file(scen)
-    graph = grid_graph(free_cells(folder / f"{name}.map"), 1.0, (0.0, 0.0), name=name)
     try:
-        return Problem(
-            graph=graph,
-            fleet=fleet_of(ROBOT, robots),
-            start=vertices_at(graph, rows.start[:robots], rows.height),
-            goal=vertices_at(graph, rows.goal[:robots], rows.height),
-            goal_of=np.arange(robots),
-            step_s=1.0,
-        )
+        return read_instance(folder / f"{name}.map", scen, robots).problem
     except MrpSumoError:
         return None
-
-
-@cache
-def free_cells(path: Path) -> np.ndarray:
-    """[H, W] of a map."""
-    return occupancy(read_text(path))
 
 
 def value(text: str) -> object:

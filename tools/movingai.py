@@ -36,7 +36,8 @@ from mrp_sumo.core.plan import Plan, Status, paths_of_plan
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.formats.instances import Instance, read_instance
 from mrp_sumo.formats.peers import Cells
-from mrp_sumo.maps.readers.movingai import read_problem_file
+from mrp_sumo.maps.readers.movingai import read_problem_set
+from mrp_sumo.maps.yaml_text import read_text
 from mrp_sumo.search.distance import distances
 from mrp_sumo.traffic.referee import judge
 
@@ -164,7 +165,7 @@ def climb(ladder: Ladder, map_path: Path, scen_path: Path, first: int, options: 
     """Plan with more and more robots, and put a record of each into `found`."""
     planner = made(ladder.planner)
     planner.prepare()
-    available = len(read_problem_file(scen_path).start)
+    available = len(read_problem_set(read_text(scen_path)).start)
     for robots in range(first, min(available, options.most) + 1, options.step):
         about = {**ladder._asdict(), "robots": robots, "time_limit_s": options.time_limit, "step": options.step}
         try:

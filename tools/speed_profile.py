@@ -3,11 +3,12 @@
     python tools/speed_profile.py docs/pictures/speed_profile.png
     python tools/speed_profile.py OUT --scenario office_9 --type turtlebot3 --cell 0.4 --robot 4
 
-The planned speed is the closed form of each run, from rest to rest, that sets out when the plan says so (`mrp_sumo.core.motion`); the
+The planned speed is the closed form of each run, from rest to rest, that sets out when the plan says so (`Profile`); the
 driven one is SUMO's, step by step.
 """
 
 import argparse
+from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -15,11 +16,91 @@ from typing import Any
 import numpy as np
 
 import mrp_sumo as ms
-from mrp_sumo.core.motion import Profile, run_profile, speed_mps
+from mrp_sumo.core.graph import FloatArray, IntArray, frozen
 
 LIGHT, DARK, GREY = "#8fbfe6", "#16283a", "#7d838c"
 TURNS_RAD = 0.2
+SHORTEST_S = 1e-9  # of a phase
 CLOSE_S = 0.25  # of a run whose planned end is farther from the closed form, something was in the way
+
+
+@dataclass(frozen=True, eq=False)
+class Profile:
+    """Speed over time of one run, in P phases of constant acceleration."""
+
+    t_s: FloatArray  # [P + 1] when phases begin, and the last ends; from 0
+    at_m: FloatArray  # [P + 1] where
+    speed_mps: FloatArray  # [P + 1] how fast
+
+    @property
+    def end_s(self) -> float:
+        return float(self.t_s[-1])
+
+
+def run_profile(length_m: FloatArray, limit_mps: FloatArray, speed_mps: float, accel_mps2: float, decel_mps2: float) -> Profile:
+    """The fastest run from rest to rest over K lanes, one after the other.
+
+    The speed at a lane's end is the most that both lanes' limits, accelerating from the start and braking to the stop allow; between two
+    ends a robot accelerates, cruises and brakes.
+
+    Parameters
+    ----------
+    length_m
+        [K] above 0.
+    limit_mps
+        [K] of the lanes, inf without one.
+    """
+    top = np.minimum(limit_mps, speed_mps)
+    square = np.concatenate([[0.0], np.square(np.minimum(top[:-1], top[1:])), [0.0]])  # [K + 1] of speeds at lanes' ends
+    for k, length in enumerate(length_m.tolist()):
+        square[k + 1] = min(square[k + 1], square[k] + 2 * accel_mps2 * length)
+    for k, length in reversed(list(enumerate(length_m.tolist()))):
+        square[k] = min(square[k], square[k + 1] + 2 * decel_mps2 * length)
+    enters, leaves = square[:-1], square[1:]
+    free = (2 * accel_mps2 * decel_mps2 * length_m + decel_mps2 * enters + accel_mps2 * leaves) / (accel_mps2 + decel_mps2)
+    peak = np.minimum(np.square(top), free)
+    speeds_up_m, brakes_m = (peak - enters) / (2 * accel_mps2), (peak - leaves) / (2 * decel_mps2)
+    cruises_m = np.maximum(length_m - speeds_up_m - brakes_m, 0.0)
+    peak, low, high = np.sqrt(peak), np.sqrt(enters), np.sqrt(leaves)
+    phase_s = np.stack([(peak - low) / accel_mps2, cruises_m / peak, (peak - high) / decel_mps2], 1).reshape(-1)
+    phase_m = np.stack([speeds_up_m, cruises_m, brakes_m], 1).reshape(-1)
+    speed = np.append(0.0, np.stack([peak, peak, high], 1).reshape(-1))
+    keep = phase_s > SHORTEST_S
+    return Profile(
+        t_s=frozen(np.append(0.0, np.cumsum(phase_s[keep]))),
+        at_m=frozen(np.append(0.0, np.cumsum(phase_m[keep]))),
+        speed_mps=frozen(np.append(0.0, speed[1:][keep])),
+    )
+
+
+def speed_mps(profile: Profile, t_s: FloatArray) -> FloatArray:
+    """Speed of a robot `t_s` after it set out."""
+    p, since = _phase(profile.t_s, t_s)
+    return profile.speed_mps[p] + _rates(profile)[p] * since
+
+
+def time_s(profile: Profile, at_m: FloatArray) -> FloatArray:
+    """Times at which a robot comes to places along its run; inf for places beyond its end."""
+    at_m = np.asarray(at_m, np.float64)
+    p, along = _phase(profile.at_m, at_m)
+    speed, rate = profile.speed_mps[p], _rates(profile)[p]
+    then = np.sqrt(np.maximum(np.square(speed) + 2 * rate * along, 0.0))
+    pace = speed + then  # of which half is the mean speed
+    t_s = profile.t_s[p] + np.divide(2 * along, pace, out=np.zeros(along.shape), where=pace > 0)
+    return np.where(at_m > profile.at_m[-1] + 1e-9, np.inf, t_s)
+
+
+def _phase(begins: FloatArray, at: FloatArray) -> tuple[IntArray, FloatArray]:
+    """The phase in which each value lies, and how far in it."""
+    at = np.clip(at, 0.0, begins[-1])
+    p = np.clip(np.searchsorted(begins, at, side="right") - 1, 0, len(begins) - 2)
+    return p, at - begins[p]
+
+
+def _rates(profile: Profile) -> FloatArray:
+    """[P] accelerations."""
+    rates: FloatArray = np.diff(profile.speed_mps) / np.diff(profile.t_s)
+    return rates
 
 
 def main() -> None:

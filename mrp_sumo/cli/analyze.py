@@ -13,10 +13,11 @@ With --audit, BAG is a run folder, and bodies and work are judged again by its t
 import argparse
 import json
 import shlex
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from mrp_sumo.cli.printing import warn
 
 if TYPE_CHECKING:
     from mrp_sumo.metrics.metric import Metric
@@ -63,9 +64,7 @@ def run(options: argparse.Namespace) -> int:
     from mrp_sumo.io.tasks_table import TASKS
 
     if (options.bag / TASKS).is_file():
-        print(
-            f"mrp-sumo: {options.bag}: a run with orders, of which these know none: mrp-sumo report shows its own figures", file=sys.stderr
-        )
+        warn(f"{options.bag}: a run with orders, of which these know none: mrp-sumo report shows its own figures")
     if options.json:
         print(json.dumps(metrics, indent=2, ensure_ascii=False, allow_nan=False))
         return 0
@@ -149,7 +148,7 @@ def named_metrics(names: list[str]) -> "tuple[list[Metric], list[str]]":
 
 def _failed(faults: list[str]) -> int:
     for line in dict.fromkeys(faults):
-        print(f"mrp-sumo: {line}", file=sys.stderr)
+        warn(line)
     return 1 if faults else 0
 
 

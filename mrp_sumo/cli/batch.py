@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mrp_sumo.cli.ending import stoppable
+from mrp_sumo.cli.printing import warn
 from mrp_sumo.errors import BatchError
 
 if TYPE_CHECKING:
@@ -54,10 +55,9 @@ def run(options: argparse.Namespace) -> int:
     from mrp_sumo.experiments.suite import find_suite, read_suite
     from mrp_sumo.plugins.trust import trust_everything
 
-    workers = len(os.sched_getaffinity(0)) if options.workers is None else options.workers
-    for name, value, least in (("--workers", workers, 1), ("--retries", options.retries, 0), ("--keep-worst", options.keep_worst, 0)):
-        if value < least:
-            raise BatchError(f"{name}: found {value}, expected {least} or more")
+    workers = workers_of(options)
+    require_least("--retries", options.retries, 0)
+    require_least("--keep-worst", options.keep_worst, 0)
     for name, limit in (("--time-limit", options.time_limit), ("--memory-limit", options.memory_limit)):
         if limit is not None and not limit > 0:
             raise BatchError(f"{name}: found {limit:g}, expected more than 0")
@@ -94,7 +94,7 @@ def run(options: argparse.Namespace) -> int:
             if num_kept:
                 shown.report(f"the worst {'run is' if num_kept == 1 else f'{num_kept} runs are'} kept in {folder / ARCHIVE}")
     if len(batch.status) < len(batch.runs):
-        print(f"mrp-sumo: interrupted: {summary(batch)}; to go on: {shlex.join(options.command_line)}", file=sys.stderr)
+        warn(f"interrupted: {summary(batch)}; to go on: {shlex.join(options.command_line)}")
         return stop.exit_code
     if options.json:
         print(json.dumps({"suite": file.name, "folder": str(folder), "runs": len(batch.runs), "statuses": dict(batch.counts())}))
@@ -107,7 +107,7 @@ def run(options: argparse.Namespace) -> int:
 def _print_plan(file: "SuiteFile", folder: Path, workers: int, options: argparse.Namespace) -> None:
     from mrp_sumo.experiments.batch import estimate_s, open_batch
 
-    batch = open_batch(file, folder, lambda line: print(f"mrp-sumo: {line}", file=sys.stderr))
+    batch = open_batch(file, folder, warn)
     todo = batch.todo(options.retries)
     print(f"{file.name}: {len(batch.runs)} runs, {len(batch.runs) - len(todo)} done, {len(todo)} to make")
     if file.suite.description:
@@ -144,6 +144,18 @@ def _shown(value: object) -> str:
     return str(value)
 
 
+def workers_of(options: argparse.Namespace) -> int:
+    """Processes that make runs, by default one a core."""
+    require_least("--workers", options.workers, 1)
+    return int(options.workers or len(os.sched_getaffinity(0)))
+
+
+def require_least(option: str, value: int | None, least: int) -> None:
+    """Refuse a number that is too small."""
+    if value is not None and value < least:
+        raise BatchError(f"{option}: found {value}, expected {least} or more")
+
+
 def duration(seconds: float) -> str:
     """A predicted time, for people."""
     if seconds < 90:
@@ -165,7 +177,7 @@ def watcher() -> "Iterator[Watcher]":
                 self.report(f"going on: {num_done} of {num_runs} runs done")
 
         def report(self, line: str) -> None:
-            print(f"mrp-sumo: {line}", file=sys.stderr)
+            warn(line)
 
         def show(self) -> None:
             if time.monotonic() - self.said > SAY_EVERY_S:

@@ -7,7 +7,6 @@ answer, 2 for bad input, 130 or 143 when it was interrupted.
 
 import argparse
 import json
-import os
 import re
 import shlex
 import sys
@@ -15,9 +14,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mrp_sumo.cli import scenario_choice
-from mrp_sumo.cli.batch import duration
+from mrp_sumo.cli.batch import duration, workers_of
 from mrp_sumo.cli.ending import stoppable
-from mrp_sumo.errors import BatchError, MrpSumoError
+from mrp_sumo.cli.printing import warn
+from mrp_sumo.errors import MrpSumoError
 
 if TYPE_CHECKING:
     from mrp_sumo.experiments.batch import Watcher
@@ -81,21 +81,19 @@ def run(options: argparse.Namespace) -> int:
 
     if options.trust:
         trust_everything()
-    workers = len(os.sched_getaffinity(0)) if options.workers is None else options.workers
-    if workers < 1:
-        raise BatchError(f"--workers: found {workers}, expected 1 or more")
+    workers = workers_of(options)
     question = question_of(options)
     from mrp_sumo.sizing.study import Study
 
     study = Study(question)
     folder = Path(options.out) if options.out else Path("runs") / study.variations.suite.name
-    print(f"mrp-sumo: {_beforehand(study)}; into {folder}", file=sys.stderr)
+    warn(f"{_beforehand(study)}; into {folder}")
     if options.dry_run:
         return 0
     with stoppable() as stop:
         answer = study.run(folder, _watcher(), workers=workers, scheduler=options.scheduler, stop=stop)
     if answer is None:
-        print(f"mrp-sumo: interrupted; to go on: {question.command} --out {shlex.quote(str(folder))}", file=sys.stderr)
+        warn(f"interrupted; to go on: {question.command} --out {shlex.quote(str(folder))}")
         return stop.exit_code
     from mrp_sumo.reports.capacity.page import write_capacity_page
     from mrp_sumo.sizing.replays import keep
@@ -232,7 +230,7 @@ def _watcher() -> "Watcher":
 
     class StudyLine(Watcher):
         def report(self, line: str) -> None:
-            print(f"mrp-sumo: {line}", file=sys.stderr)
+            warn(line)
 
         def show(self) -> None:
             if sys.stderr.isatty():

@@ -6,11 +6,10 @@ the tolerance and that is unlikely by chance; with --strict, when any single run
 
 import argparse
 import json
-import sys
 from pathlib import Path
 
+from mrp_sumo.cli.printing import print_table, warn
 from mrp_sumo.cli.result_folder import result_folder
-from mrp_sumo.cli.table import print_table
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -47,9 +46,6 @@ def run(options: argparse.Namespace) -> int:
         raise BatchError(f"--alpha: found {options.alpha:g}, expected a number between 0 and 1")
     if not options.tolerance >= 0:
         raise BatchError(f"--tolerance: found {options.tolerance:g}, expected 0 or more")
-
-    def warn(line: str) -> None:
-        print(f"mrp-sumo: {line}", file=sys.stderr)
 
     a, b = (load_results(Path(path), warn) for path in (options.first, options.second))
     for name in options.metric or ():

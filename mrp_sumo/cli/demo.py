@@ -10,6 +10,8 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from mrp_sumo.cli.printing import warn
+
 if TYPE_CHECKING:
     from mrp_sumo.experiments.result import RunResult
 
@@ -50,7 +52,7 @@ def run(options: argparse.Namespace) -> int:
     with stoppable() as stop, watcher() as shown:
         batch = run_batch(read_suite(suite), out / "planners", shown, workers=2, stop=stop)
     if len(batch.status) < len(batch.runs):
-        print(f"mrp-sumo: interrupted; to go on: {shlex.join(options.command_line)}", file=sys.stderr)
+        warn(f"interrupted; to go on: {shlex.join(options.command_line)}")
         return stop.exit_code
     _say(f"\nwho is better, and is it certain?\n  $ mrp-sumo report {out / 'planners'}", options)
     write_report(out / "planners", None)

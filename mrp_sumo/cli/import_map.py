@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mrp_sumo.cli.map_choice import add_choice, chosen_map, drawn_map
-from mrp_sumo.cli.table import print_table
+from mrp_sumo.cli.printing import print_table
 from mrp_sumo.errors import MapError, sentence
 
 if TYPE_CHECKING:

@@ -6,12 +6,11 @@ scenarios and suites are those that come with this program. Exit code 1 when a p
 
 import argparse
 import json
-import sys
 from collections.abc import Iterable
 from dataclasses import asdict
 from typing import Any
 
-from mrp_sumo.cli.table import print_table
+from mrp_sumo.cli.printing import print_table, warn
 from mrp_sumo.errors import MrpSumoError, PlugInError, nearest
 from mrp_sumo.plugins.kinds import KINDS
 
@@ -41,7 +40,7 @@ def run(options: argparse.Namespace) -> int:
     if options.what == "maps" and not options.json:
         print(f"Other maps are read from files: {_formats()}")
     for line in faults:
-        print(f"mrp-sumo: {line}", file=sys.stderr)
+        warn(line)
     return 1 if faults else 0
 
 

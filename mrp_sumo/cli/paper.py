@@ -7,14 +7,12 @@ it goes on where it was. Exit code 0 when every run has a result, 1 when some cr
 
 import argparse
 import json
-import os
 import shlex
-import sys
 from pathlib import Path
 
-from mrp_sumo.cli.batch import watcher
+from mrp_sumo.cli.batch import require_least, watcher, workers_of
 from mrp_sumo.cli.ending import stoppable
-from mrp_sumo.errors import MrpSumoError
+from mrp_sumo.cli.printing import warn
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -32,15 +30,13 @@ def run(options: argparse.Namespace) -> int:
     from mrp_sumo.experiments.paper import Campaign, run_campaign
     from mrp_sumo.reports.paper.page import compare_with_paper, write_paper
 
-    workers = len(os.sched_getaffinity(0)) if options.workers is None else options.workers
-    for name, value in (("--workers", workers), ("--seeds", options.seeds)):
-        if value is not None and value < 1:
-            raise MrpSumoError(f"{name}: found {value}, expected 1 or more")
+    workers = workers_of(options)
+    require_least("--seeds", options.seeds, 1)
     campaign = Campaign(Path(options.out), options.maps, options.seeds)
     with stoppable() as stop, watcher() as shown:
         made = run_campaign(campaign, shown, workers=workers, stop=stop)
     if not made.finished:
-        print(f"mrp-sumo: interrupted; to go on: {_command(options)}", file=sys.stderr)
+        warn(f"interrupted; to go on: {_command(options)}")
         return stop.exit_code
     comparison = compare_with_paper(campaign)
     page = write_paper(campaign, comparison, made)

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mrp_sumo.cli import plan_list, scenario_choice, step_wise
-from mrp_sumo.cli.failure import print_failure
+from mrp_sumo.cli.printing import print_failure
 from mrp_sumo.errors import MrpSumoError, PlugInError
 
 if TYPE_CHECKING:

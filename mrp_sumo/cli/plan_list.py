@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from mrp_sumo.cli import step_wise
+from mrp_sumo.cli.printing import warn
 from mrp_sumo.cli.scenario_choice import pairs
 from mrp_sumo.errors import MrpSumoError
 
@@ -47,7 +48,7 @@ def run(
         if options.json:
             print(json.dumps({"line": place, **summary}, allow_nan=False), flush=True)
         elif refused:
-            print(f"mrp-sumo: {place}: {summary['message']}", file=sys.stderr, flush=True)
+            warn(f"{place}: {summary['message']}")
         else:
             print(_in_a_line(place, summary), flush=True)
     return code

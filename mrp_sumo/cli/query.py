@@ -9,8 +9,8 @@ import argparse
 import sys
 from pathlib import Path
 
+from mrp_sumo.cli.printing import print_table, warn
 from mrp_sumo.cli.result_folder import result_folder
-from mrp_sumo.cli.table import print_table
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -25,9 +25,6 @@ def run(options: argparse.Namespace) -> int:
     """Print what the query selects."""
     from mrp_sumo.errors import BatchError, nearest, shown
     from mrp_sumo.io.results import load_results, query, read_plan
-
-    def warn(line: str) -> None:
-        print(f"mrp-sumo: {line}", file=sys.stderr)
 
     folder = Path(options.folder)
     views = read_plan(folder)["views"] if folder.is_dir() else {}

@@ -6,10 +6,10 @@ run only when they are trusted. Exit code 0 when all is the same, 1 with a line 
 
 import argparse
 import json
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from mrp_sumo.cli.printing import warn
 from mrp_sumo.cli.result_folder import result_folder
 from mrp_sumo.errors import MrpSumoError
 
@@ -47,7 +47,7 @@ def run(options: argparse.Namespace) -> int:
         print(line)
     if not comparison.same:
         for line in comparison.causes or ("nothing is known that would explain it",):
-            print(f"mrp-sumo: {line}", file=sys.stderr)
+            warn(line)
         return 1
     every = "every byte is the same" if what == "file" else "every result is the same"
     print(f"{folder}: {every}, {comparison.equal} {what}{'s' if comparison.equal != 1 else ''}")
@@ -64,7 +64,7 @@ def _batch(options: argparse.Namespace) -> "tuple[Reproduction, str]":
     from mrp_sumo.experiments.reproduce import reproduce_batch
     from mrp_sumo.io.results import records_in
 
-    records = sorted(records_in(options.folder, lambda line: print(f"mrp-sumo: {line}", file=sys.stderr)), key=lambda record: record["key"])
+    records = sorted(records_in(options.folder, warn), key=lambda record: record["key"])
     if not records:
         raise MrpSumoError(f"{options.folder}: no run has a result")
     step = max(1, len(records) // options.runs) if options.runs else 1

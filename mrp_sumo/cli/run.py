@@ -15,8 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mrp_sumo.cli import scenario_choice
-from mrp_sumo.cli.failure import print_failure
-from mrp_sumo.cli.table import print_table
+from mrp_sumo.cli.printing import print_failure, print_table
 from mrp_sumo.errors import MrpSumoError
 
 if TYPE_CHECKING:

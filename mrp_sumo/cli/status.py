@@ -5,11 +5,11 @@ Exit code 0 when every run has a result, 1 when some are missing, 2 for bad inpu
 
 import argparse
 import json
-import sys
 import time
 from collections import Counter
 from pathlib import Path
 
+from mrp_sumo.cli.printing import warn
 from mrp_sumo.cli.result_folder import result_folder
 from mrp_sumo.errors import MrpSumoError
 
@@ -39,7 +39,7 @@ def run(options: argparse.Namespace) -> int:
     statuses: Counter[str] = Counter()
     reasons: dict[str, str] = {}
     wall_s = 0.0
-    for record in records_in(folder, lambda line: print(f"mrp-sumo: {line}", file=sys.stderr)):
+    for record in records_in(folder, warn):
         if record["key"] in keys:
             statuses[record["status"]] += 1
             wall_s += record["run_wall_s"] or 0.0
@@ -73,7 +73,7 @@ def _watch(folder: Path, port: int) -> None:
         print(f"{view.server.address} (Ctrl+C ends)", flush=True)
         webbrowser.open(view.server.address)
         while True:
-            view.look(lambda line: print(f"mrp-sumo: {line}", file=sys.stderr))
+            view.look(warn)
             time.sleep(EVERY_S)
     except KeyboardInterrupt:
         print()

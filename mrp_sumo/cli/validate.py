@@ -14,11 +14,11 @@ code 0 for a valid plan, 1 for one with faults or conflicts (the first are print
 
 import argparse
 import json
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mrp_sumo.cli import step_wise
+from mrp_sumo.cli.printing import warn
 
 if TYPE_CHECKING:
     from mrp_sumo.core.problem import Problem
@@ -69,7 +69,7 @@ def run(options: argparse.Namespace) -> int:
         cells = cells_of(problem.graph)
     plan, note = read_plan_file(options.plan, problem, cells)
     if note:
-        print(f"mrp-sumo: {note}", file=sys.stderr)
+        warn(note)
     goal_of = None if problem.is_assigned else goals_reached(problem, plan)
     in_steps = as_planned_in_steps(plan, problem.step_s)
     verdict = judge(problem, plan, goal_of, in_seconds=in_steps is None)

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
 from mrp_sumo.cli import scenario_choice
+from mrp_sumo.cli.printing import warn
 
 if TYPE_CHECKING:
     from mrp_sumo.experiments.map_cache import MapCache
@@ -101,7 +102,7 @@ def run(options: argparse.Namespace) -> int:
         maps = stack.enter_context(MapCache())
         setup = set_up(scenario_choice.chosen_scenario(options), maps)
         log = None if options.log is None else stack.enter_context(options.log.open("x", encoding="utf-8"))
-        connections = Connections(broker, dialect, options.manufacturer, lambda line: print(f"mrp-sumo: {line}", file=sys.stderr))
+        connections = Connections(broker, dialect, options.manufacturer, warn)
         session = Session(options, setup, maps, connections, dialect, log)
         return (_drive if options.part == "master" else _be_driven)(session, stack)
 
@@ -149,7 +150,7 @@ def _be_driven(session: Session, stack: ExitStack) -> int:
     else:
         print(f"{fleet.now_s:.1f} s simulated, {fleet.sent} messages sent, {connections.lost} lost, {share:.0%} of a core")
     if pace.behind_s > 0.5:
-        print(f"mrp-sumo: up to {pace.behind_s:.1f} s behind the clock", file=sys.stderr)
+        warn(f"up to {pace.behind_s:.1f} s behind the clock")
     return 0
 
 

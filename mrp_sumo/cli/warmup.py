@@ -12,6 +12,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 from typing import TYPE_CHECKING
 
+from mrp_sumo.cli.printing import warn
+
 if TYPE_CHECKING:
     from mrp_sumo.experiments.map_cache import MapCache
     from mrp_sumo.experiments.worker import Answer, Job
@@ -40,7 +42,7 @@ def run(options: argparse.Namespace) -> int:
     answers = _prepared(names, sys.stderr.isatty() and not options.quiet)
     for name in names:
         if reason := answers[name]["reason"]:  # one plug-in that fails must not keep the others cold
-            print(f"mrp-sumo: planner '{name}': {reason}", file=sys.stderr)
+            warn(f"planner '{name}': {reason}")
     spent = {name: answers[name]["run_wall_s"] for name in names}
     if options.json:
         print(json.dumps({name: round(time_s, 3) for name, time_s in spent.items()}, indent=2))

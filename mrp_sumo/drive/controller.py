@@ -14,7 +14,7 @@ from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.drive.state import Conditions, Kinematics, Rules, StepArrays, Tape, empty_log, empty_news
 from mrp_sumo.engines.kinematic.engine import KinematicEngine
 from mrp_sumo.engines.protocol import Bodies, Engine
-from mrp_sumo.search.entry import entry_for
+from mrp_sumo.search._kernel import Kernel
 
 A_CELL_LESS_M = 0.0100003  # robots stop a millimetre before a vertex, and have advanced by a cell; uneven, so that no distance is equal
 WAIT_LEAST_S = 0.5  # shorter waits are booked, but are no events
@@ -113,7 +113,10 @@ class Controller:
         return StepArrays(self.kinematics, self.rules, ledger.visits, ledger.needs, ledger.state, conditions, self._log, self._news)
 
     def _call(self, kernel: Callable[..., Any], *arguments: Any) -> tuple[int, ...]:
-        """Call a kernel with the ledger's arrays, whose types are looked at when these are new ones."""
+        """Call a kernel with the ledger's arrays, whose types are looked at when these are new ones.
+
+        To find the types of eighty arrays takes as long as the controller's work for a hundred robots.
+        """
         ledger = self.ledger
         if self._visits is not ledger.visits:
             arrays = ((column.dtype, column.flags.writeable, column.flags.c_contiguous) for column in (*ledger.visits, *ledger.needs))
@@ -121,7 +124,8 @@ class Controller:
             self._visits = ledger.visits
         entry = self._entries.get(kernel.__name__)
         if entry is None:
-            entry = self._entries[kernel.__name__] = entry_for(kernel, *arguments)
+            entry = kernel.entry(*arguments) if isinstance(kernel, Kernel) else kernel  # Python's with NUMBA_DISABLE_JIT
+            self._entries[kernel.__name__] = entry
         return entry(*arguments)
 
     def command(self, bodies: Engine) -> None:

@@ -29,7 +29,7 @@ class Crew:
         """`ahead_steps` is how far the planner wants to know stops at which nothing is to be done; with 0 robots stop at each."""
         num_robots = ledger.problem.num_robots
         self.ledger, self.problem, self.settings, self.ahead_steps = ledger, ledger.problem, settings, ahead_steps
-        self.orders = Orders(settings.tasks, settings.rules)
+        self.orders = Orders(settings.tasks, settings.cancel)
         self.places = RobotPlaces(self.problem, settings.parking)
         self.robots = [RobotWork(r) for r in range(num_robots)]
         self.seen = np.arange(num_robots)  # [R] the last visit of each robot that has been looked at
@@ -234,7 +234,7 @@ class Crew:
 
     def _lose_load(self, robot: RobotWork, task: int, now_s: float, why: str) -> None:
         """What becomes of an order whose robot is lost after its first stop."""
-        orders, retry, stops = self.orders, self.orders.rules.retry, self.tasks[task].stops
+        orders, retry, stops = self.orders, self.settings.retry, self.tasks[task].stops
         if retry and retry.hand_over:
             fetch = self._place_to_hand_over(robot.number, stops[0])
             orders.hand_over(task, (fetch, *stops[robot.stop :]), why)

@@ -4,12 +4,12 @@ A state changes by one table. Robots and where they are, are nobody's business h
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from mrp_sumo.core.graph import frozen
-from mrp_sumo.core.order_rules import Cancel, Retry
+from mrp_sumo.core.order_rules import Cancel
 from mrp_sumo.core.stream import TaskList, TaskSource
 from mrp_sumo.core.task import (
     ASSIGNED,
@@ -39,22 +39,11 @@ NEXT = {  # what may come after what
 }
 
 
-@dataclass(frozen=True)
-class OrderRules:
-    """Rules for withdrawing orders, and for those whose robot is lost with them on board: they fail by default."""
-
-    cancel: Cancel | None = None
-    retry: Retry | None = None
-
-
-KEPT = OrderRules()  # nothing is withdrawn, and what is lost has failed
-
-
 class Orders:
     """Tasks by release; their numbers are those of the log."""
 
-    def __init__(self, sources: Sequence[TaskSource], rules: OrderRules = KEPT) -> None:
-        self.rules = rules
+    def __init__(self, sources: Sequence[TaskSource], cancel: Cancel | None = None) -> None:
+        self._cancel = cancel  # None: nothing is withdrawn
         self.tasks: list[Task] = []
         self.status: list[str] = []
         self.robot: list[int] = []  # that has or had it
@@ -92,7 +81,7 @@ class Orders:
     @property
     def not_picked(self) -> list[int]:
         """Those that are still to be picked; empty where none is ever cancelled."""
-        if self.rules.cancel is None:
+        if self._cancel is None:
             return []
         return [k for k in sorted(self._open) if self.status[k] in (RELEASED, ASSIGNED) and k not in self._handed]
 
@@ -106,7 +95,7 @@ class Orders:
 
     def last_chance_s(self, task: int) -> float:
         """Time at which it is cancelled unless somebody has picked it by then; inf: never."""
-        cancel = self.rules.cancel
+        cancel = self._cancel
         if cancel is None:
             return np.inf
         due_s = self.tasks[task].due_s if cancel.overdue else np.inf

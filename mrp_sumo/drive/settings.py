@@ -9,11 +9,11 @@ import numpy as np
 from mrp_sumo.core.battery import Charging
 from mrp_sumo.core.disturbances import ClosedLane
 from mrp_sumo.core.driving import DrivingOptions, Planning
+from mrp_sumo.core.order_rules import Cancel, Retry
 from mrp_sumo.core.robot_type import Battery
 from mrp_sumo.core.stream import TaskSource
 from mrp_sumo.core.task import Station
 from mrp_sumo.crowd.model import LaneSpeeds, People
-from mrp_sumo.drive.orders import KEPT, OrderRules
 from mrp_sumo.errors import ExecutionError, nearest
 
 ON_DEADLOCK = ("report", "stop", "resolve")
@@ -32,7 +32,8 @@ class ExecutionSettings(DrivingOptions):
     planner: str = "lacam"  # that the dispatcher asks for more plans
     planner_parameters: Mapping[str, Any] = field(default_factory=dict)
     tasks: tuple[TaskSource, ...] = ()
-    rules: OrderRules = KEPT  # of orders that nobody picks, or whose robot is lost
+    cancel: Cancel | None = None  # orders that nobody picks; None: they wait
+    retry: Retry | None = None  # orders whose robot is lost with them on board; None: they have failed
     parking: tuple[int, ...] = ()  # vertices where robots without a task go
     batteries: tuple[Battery, ...] = ()  # of each type of robots, if they have some; in runs with tasks
     charging: Charging | None = None

@@ -16,7 +16,6 @@ from mrp_sumo.experiments.identity import code_version
 from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.experiments.run import RunOptions, carry_out, run_scenario
 from mrp_sumo.io.documents import Document, validated
-from mrp_sumo.io.file_difference import first_difference
 from mrp_sumo.io.results import BatchRecord
 from mrp_sumo.io.run_folder import RESULT, files_in, versions
 from mrp_sumo.io.run_reader import load_run
@@ -118,7 +117,7 @@ def _files_that_differ(before: Mapping[str, Any], after: Mapping[str, Any], old:
         elif name not in before:
             yield f"{name}: was not written"
         elif before[name]["sha256"] != after[name]["sha256"]:
-            yield f"{name}: {first_difference(old / name, new / name)}"
+            yield f"{name}: {_first_difference(old / name, new / name)}"
 
 
 def _without_clocks(result: dict[str, Any]) -> dict[str, Any]:
@@ -142,3 +141,24 @@ def _differences(before: Any, after: Any, place: str = "") -> Iterator[str]:
             yield from _differences(before.get(key), after.get(key), f"{place}.{key}" if place else key)
     elif before != after:
         yield f"{place} is {json.dumps(after)[:60]}, was {json.dumps(before)[:60]}"
+
+
+def _first_difference(old: Path, new: Path) -> str:
+    """In words, how the bytes of two files differ: the first value of a table or line of a text, the sizes of others."""
+    if not old.is_file():
+        return "is missing"
+    if old.suffix == ".parquet":
+        from mrp_sumo.io.tables import read_table
+
+        a, b = read_table(old).content, read_table(new).content
+        if a.column_names != b.column_names or a.num_rows != b.num_rows:
+            return f"{a.num_rows} rows of {len(a.column_names)} columns became {b.num_rows} of {len(b.column_names)}"
+        for name in a.column_names:
+            for row, (x, y) in enumerate(zip(a[name].to_pylist(), b[name].to_pylist())):
+                if repr(x) != repr(y):
+                    return f"{name} in row {row} is {y}, was {x}"
+    if old.suffix in (".json", ".jsonl", ".yaml", ".xml"):
+        for number, (x, y) in enumerate(zip(old.read_bytes().splitlines(), new.read_bytes().splitlines()), 1):
+            if x != y:
+                return f"line {number} differs"
+    return f"{old.stat().st_size} bytes became {new.stat().st_size}"

@@ -2,8 +2,11 @@
 
 import numpy as np
 import pytest
+from test_architecture import tool
 
-from mrp_sumo.core.motion import run_profile, run_time_s, speed_mps, time_s
+from mrp_sumo.core.motion import run_time_s
+
+CLOSED = tool("speed_profile")  # runs as closed forms
 
 
 def test_run_that_reaches_top_speed_accelerates_cruises_and_brakes():
@@ -32,8 +35,8 @@ def test_runs_of_several_distances_and_robots_at_once():
 
 
 def test_robot_slows_down_before_a_slower_lane_and_speeds_up_after_it():
-    profile = run_profile(np.array([4.0, 1.0, 4.0]), np.array([np.inf, 1.0, np.inf]), 2.0, 1.0, 1.0)
-    at_ends = speed_mps(profile, time_s(profile, np.array([4.0, 5.0])))
+    profile = CLOSED.run_profile(np.array([4.0, 1.0, 4.0]), np.array([np.inf, 1.0, np.inf]), 2.0, 1.0, 1.0)
+    at_ends = CLOSED.speed_mps(profile, CLOSED.time_s(profile, np.array([4.0, 5.0])))
     assert at_ends == pytest.approx([1.0, 1.0])
     assert profile.speed_mps.max() == pytest.approx(2.0)
     # 2 m to 2 m/s, 0.5 m at it, 1.5 m down to 1 m/s; 1 m at that; and back
@@ -49,13 +52,13 @@ def random_run(rng):
 @pytest.mark.parametrize("seed", range(30))
 def test_profile_keeps_all_limits_and_wastes_no_time(seed):
     length, limit, top, accel, decel = random_run(np.random.default_rng(seed))
-    profile = run_profile(length, limit, top, accel, decel)
+    profile = CLOSED.run_profile(length, limit, top, accel, decel)
     t = np.linspace(0.0, profile.end_s, 20001)
-    v = speed_mps(profile, t)
+    v = CLOSED.speed_mps(profile, t)
     s = np.append(0.0, np.cumsum((v[1:] + v[:-1]) / 2 * np.diff(t)))
     assert s[-1] == pytest.approx(length.sum())
     assert v[-1] == pytest.approx(0.0, abs=1e-9)
-    assert np.abs(time_s(profile, s) - t)[s < s[-1] - 1e-4].max() < 1e-3
+    assert np.abs(CLOSED.time_s(profile, s) - t)[s < s[-1] - 1e-4].max() < 1e-3
     rate = np.diff(v) / np.diff(t)
     assert rate.max() <= accel + 1e-6
     assert rate.min() >= -decel - 1e-6
@@ -71,5 +74,5 @@ def test_profile_keeps_all_limits_and_wastes_no_time(seed):
 def test_one_lane_of_a_profile_takes_as_long_as_the_formula_says(seed):
     rng = np.random.default_rng(seed)
     distance, top, accel, decel = rng.uniform(0.05, 20.0), *rng.uniform(0.3, 2.0, 3)
-    profile = run_profile(np.array([distance]), np.array([np.inf]), top, accel, decel)
+    profile = CLOSED.run_profile(np.array([distance]), np.array([np.inf]), top, accel, decel)
     assert profile.end_s == pytest.approx(float(run_time_s(distance, top, accel, decel)))

@@ -23,7 +23,7 @@ from mrp_sumo.core.task import Station, Stop, Task
 from mrp_sumo.drive import rolling
 from mrp_sumo.drive.crew import Crew
 from mrp_sumo.drive.ledger import Ledger
-from mrp_sumo.drive.orders import NEXT, OrderRules, Orders
+from mrp_sumo.drive.orders import NEXT, Orders
 from mrp_sumo.drive.replanning import planned
 from mrp_sumo.drive.robot_work import Change, Condition, Duty, RobotWork, StopRow
 from mrp_sumo.drive.settings import ExecutionSettings
@@ -87,19 +87,17 @@ def test_a_robot_that_is_mended_goes_on_with_its_order(tmp_path):
 
 
 def test_an_order_is_begun_anew_as_often_as_the_rule_says(tmp_path):
-    once = work(tmp_path, square_grid(3), [1, 7], order("a", 0, 8), broken=[(0, 12.0)], rules=OrderRules(retry=Retry(times=1)))
+    once = work(tmp_path, square_grid(3), [1, 7], order("a", 0, 8), broken=[(0, 12.0)], retry=Retry(times=1))
     assert once.tasks.status == ("done",) and once.tasks.robot.tolist() == [1] and len(events(once, "begun_anew")) == 1
     assert once.tasks.opened_s[0] > 12.0  # the load is picked up again, where it was
     assert [name for name, r in zip(once.stops.station, once.stops.robot.tolist()) if r == 1] == ["at 0", "at 8"]
     again_s = once.tasks.opened_s[0] + 6.0
-    twice = work(
-        tmp_path / "2", square_grid(3), [1, 7], order("a", 0, 8), broken=[(0, 12.0), (1, again_s)], rules=OrderRules(retry=Retry(times=1))
-    )
+    twice = work(tmp_path / "2", square_grid(3), [1, 7], order("a", 0, 8), broken=[(0, 12.0), (1, again_s)], retry=Retry(times=1))
     assert twice.tasks.status == ("failed",) and twice.tasks.reason == ("robot_1 broke down with it on board",)
 
 
 def test_a_load_is_handed_over_beside_the_robot_that_is_lost(tmp_path):
-    run = work(tmp_path, square_grid(3), [1, 7], order("a", 0, 8), broken=[(0, 12.0)], rules=OrderRules(retry=Retry(hand_over=True)))
+    run = work(tmp_path, square_grid(3), [1, 7], order("a", 0, 8), broken=[(0, 12.0)], retry=Retry(hand_over=True))
     assert run.tasks.status == ("done",) and run.tasks.robot.tolist() == [1] and len(events(run, "handed_over")) == 1
     made = [name for name, r in zip(run.stops.station, run.stops.robot.tolist()) if r == 1]
     assert made == ["beside robot_0", "at 8"] and run.tasks.opened_s[0] < 12.0
@@ -108,7 +106,7 @@ def test_a_load_is_handed_over_beside_the_robot_that_is_lost(tmp_path):
 
 
 def test_nobody_is_left_to_fetch_a_load(tmp_path):
-    run = work(tmp_path, square_grid(3), [1], order("a", 0, 8), broken=[(0, 12.0)], rules=OrderRules(retry=Retry(hand_over=True)))
+    run = work(tmp_path, square_grid(3), [1], order("a", 0, 8), broken=[(0, 12.0)], retry=Retry(hand_over=True))
     assert run.tasks.status == ("handed over",) and run.outcome is Outcome.STALLED
 
 
@@ -116,7 +114,7 @@ def test_nobody_is_left_to_fetch_a_load(tmp_path):
 def test_orders_are_withdrawn_that_nobody_has_picked_up_in_time(tmp_path, after_s, status):
     # the only robot is served for 60 s
     tasks = order("long", 2, service_s=60.0), order("waits", 4)
-    run = work(tmp_path, line(5), [0], *tasks, rules=OrderRules(cancel=Cancel(after_s=after_s)))
+    run = work(tmp_path, line(5), [0], *tasks, cancel=Cancel(after_s=after_s))
     assert run.tasks.status == ("done", status) and run.outcome is Outcome.COMPLETED
     if status == "cancelled":
         assert run.tasks.ended_s[1] == 20.0 and run.tasks.reason[1] == "not picked up by 20 s"
@@ -127,14 +125,14 @@ def test_orders_are_withdrawn_that_nobody_has_picked_up_in_time(tmp_path, after_
 @pytest.mark.parametrize("due_s, status", [(30.0, "cancelled"), (90.0, "done")])
 def test_orders_are_withdrawn_when_they_are_due(tmp_path, due_s, status):
     tasks = order("long", 2, service_s=60.0), order("waits", 4, due_s=due_s)
-    run = work(tmp_path, line(5), [0], *tasks, rules=OrderRules(cancel=Cancel(overdue=True)))
+    run = work(tmp_path, line(5), [0], *tasks, cancel=Cancel(overdue=True))
     assert run.tasks.status == ("done", status)
     kept = work(tmp_path / "kept", line(5), [0], *tasks)
     assert kept.tasks.status == ("done", "done")
 
 
 def test_a_robot_on_its_way_is_freed_when_its_order_is_withdrawn(tmp_path):
-    run = work(tmp_path, line(12), [0], order("far", 11), order("near", 10, release_s=10.0), rules=OrderRules(cancel=Cancel(after_s=15.0)))
+    run = work(tmp_path, line(12), [0], order("far", 11), order("near", 10, release_s=10.0), cancel=Cancel(after_s=15.0))
     assert run.tasks.status == ("cancelled", "done") and run.tasks.ended_s[0] == 15.0
     assert states(run, 0)[0] == "working" and run.tasks.assigned_s[1] == pytest.approx(15.0, abs=0.11)
 
@@ -157,7 +155,7 @@ def test_an_order_fails_that_no_robot_can_do(tmp_path, robot_type, status):
 
 def test_an_order_fails_at_whose_only_place_a_lost_robot_stands(tmp_path):
     # robot_0 breaks down while it leaves vertex 0, where the order is to be begun anew; at 12 s it is clear of it
-    run = work(tmp_path, square_grid(3), [1, 7], order("a", 0, 8), broken=[(0, 10.0)], rules=OrderRules(retry=Retry(times=1)))
+    run = work(tmp_path, square_grid(3), [1, 7], order("a", 0, 8), broken=[(0, 10.0)], retry=Retry(times=1))
     assert run.tasks.status == ("failed",) and run.tasks.reason == ("a robot that is lost stands where its next stop is",)
     assert states(run, 1)[-1] == "idle" and run.outcome is Outcome.COMPLETED
 
@@ -298,6 +296,6 @@ def test_who_breaks_down_for_good_while_it_is_broken_is_lost_with_its_order(tmp_
 
 
 def test_a_robot_is_idle_from_when_its_order_is_withdrawn_though_that_is_between_two_steps(tmp_path):
-    run = work(tmp_path, line(9), [0], order("far", 8), rules=OrderRules(cancel=Cancel(after_s=3.333)))
+    run = work(tmp_path, line(9), [0], order("far", 8), cancel=Cancel(after_s=3.333))
     idle = run.robot_states.state == ROBOT_STATES.index("idle")
     assert run.tasks.status == ("cancelled",) and run.robot_states.begin_s[idle].tolist() == [3.333] == run.tasks.ended_s.tolist()

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from campaigns.referee_in_seconds import RefereeInSeconds
+from test_architecture import tool
 from worlds import CART, cross, graph_of, line, random_grid
 
 from mrp_sumo.core.fleet import fleet_of, fleet_of_types
 from mrp_sumo.core.graph import nav_graph, plan_graph
-from mrp_sumo.core.motion import run_profile, time_s
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.drive.retime import retime
@@ -17,6 +17,8 @@ from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.errors import PlanError
 from mrp_sumo.metrics.referee_in_seconds import Drivability, describe_meeting, judge_in_seconds
 from mrp_sumo.planning.registry import planner
+
+CLOSED = tool("speed_profile")  # runs as closed forms
 
 SEPARATION_M = 2 * CART.radius_m + CART.gap_m  # 0.82 m; 1 m/s, 1 m/s2 both ways, turns at 1 rad/s
 
@@ -36,8 +38,8 @@ def judged(graph, *ways, fleet=None, step_s=0.01):
 
 def run(vertices, lengths, begin=0.0, robot=CART):
     """Visits of a run at full speed that sets out at `begin`."""
-    profile = run_profile(np.array(lengths), np.full(len(lengths), np.inf), robot.max_speed_mps, robot.accel_mps2, robot.decel_mps2)
-    at = [0.0, *time_s(profile, np.cumsum(lengths)).tolist()]
+    profile = CLOSED.run_profile(np.array(lengths), np.full(len(lengths), np.inf), robot.max_speed_mps, robot.accel_mps2, robot.decel_mps2)
+    at = [0.0, *CLOSED.time_s(profile, np.cumsum(lengths)).tolist()]
     times = [begin + t for t in at]
     return [(vertices[0], 0.0, begin), *((v, t, t) for v, t in zip(vertices[1:-1], times[1:-1])), (vertices[-1], times[-1], np.inf)]
 

@@ -12,7 +12,6 @@ from mrp_sumo.core.graph import BoolArray, NavGraph, PlanGraph
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.core.stream import TaskList, TaskSource
-from mrp_sumo.drive.orders import OrderRules
 from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.errors import ScenarioError
 from mrp_sumo.experiments.staging.errands import unreachable
@@ -38,7 +37,8 @@ def with_tasks(
         charging=choice.charging,
         chargers=chargers_of(choice, site),
         parking=parking_of(choice, site),
-        rules=OrderRules(choice.cancel, choice.retry),
+        cancel=choice.cancel,
+        retry=choice.retry,
         batteries=batteries_of(models),
         start_level=start_shares(choice.charging),
     )

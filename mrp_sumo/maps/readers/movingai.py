@@ -166,33 +166,12 @@ def map_of_problem_set(source: Text) -> Path:
     return beside
 
 
-def vertices_at(graph: PlanGraph, cells: IntArray, height: int) -> IntArray:
-    """[N] vertices of a grid read from a `.map` with `height` rows at cells [N, 2] of its `.scen`.
-
-    Raises
-    ------
-    MapError
-        For a cell that is blocked.
-    """
-    number = {tuple(c): v for v, c in enumerate(np.floor(graph.xy / graph.cell_m).astype(np.int64).tolist())}
-    vertices = [number.get((int(x), height - 1 - int(y)), -1) for x, y in cells]
-    if -1 in vertices:
-        x, y = cells[vertices.index(-1)]
-        raise MapError(f"{graph.name}: cell ({x}, {y}) is blocked")
-    return np.array(vertices, np.int64)
-
-
 def write_grid(free: BoolArray, path: Path) -> None:
     """Write free cells [H, W], row 0 the lowest, as `.map`."""
     height, width = free.shape
     rows = np.where(free[::-1], np.uint8(ord(".")), np.uint8(ord("@")))
     text = f"type octile\nheight {height}\nwidth {width}\nmap\n" + "\n".join(row.tobytes().decode() for row in rows) + "\n"
     path.write_text(text, encoding="ascii")
-
-
-def read_problem_file(path: Path) -> ProblemSet:
-    """The rows of a `.scen` file."""
-    return read_problem_set(read_text(path))
 
 
 def _fault(source: Text, line: int, message: str) -> MapError:

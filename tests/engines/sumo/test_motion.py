@@ -7,12 +7,14 @@ import numpy as np
 import pytest
 import yaml
 from stepped_motion import first_step_at, stepped_way
+from test_architecture import tool
 from worlds import drive
 
 from mrp_sumo.core.graph import nav_graph, plan_graph
-from mrp_sumo.core.motion import run_profile, time_s
 from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.search._motion import turn_steps
+
+CLOSED = tool("speed_profile")  # runs as closed forms
 
 DT_S = 0.1
 STOPS_BEFORE_M = 0.001  # a robot stops this far before the end of what it may drive
@@ -69,8 +71,8 @@ def closed(graph, robot):
     """Arrivals by the closed forms."""
     arrive, now = [0.0], 0.0
     for length, limit, angle in runs(graph):
-        profile = run_profile(length, limit, robot.max_speed_mps, *rates(robot))
-        arrive += (now + time_s(profile, np.cumsum(length))).tolist()
+        profile = CLOSED.run_profile(length, limit, robot.max_speed_mps, *rates(robot))
+        arrive += (now + CLOSED.time_s(profile, np.cumsum(length))).tolist()
         now += profile.end_s + abs(angle) / robot.turn_rate_rad_s
     return np.array(arrive)
 

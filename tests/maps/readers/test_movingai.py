@@ -3,10 +3,10 @@
 import pytest
 
 from mrp_sumo.errors import MapError
+from mrp_sumo.formats.instances import read_instance
 from mrp_sumo.io.map_files import write_map
 from mrp_sumo.maps.facts import facts
 from mrp_sumo.maps.load import load_map
-from mrp_sumo.maps.readers.movingai import read_problem_file, vertices_at
 
 GRID = "type octile\nheight 3\nwidth 4\nmap\n@@@@\n..G@\n.T.@\n"
 PROBLEMS = "version 1\n0\tmaps/small.map\t4\t3\t0\t1\t2\t2\t3.0\n0\tmaps/small.map\t4\t3\t2\t1\t0\t2\t3.0\n"
@@ -30,11 +30,10 @@ def test_the_last_row_is_the_lowest(grid):
 def test_problem_sets_name_cells_from_the_top(grid):
     path = grid.with_suffix(".scen")
     path.write_text(PROBLEMS)
-    problems = read_problem_file(path)
-    graph = load_map(path, cell_m=1.0).nav  # of the map beside it
-    assert graph.name == "small"
-    assert graph.xy[vertices_at(graph, problems.start, problems.height)].tolist() == [[0.5, 1.5], [2.5, 1.5]]
-    assert graph.xy[vertices_at(graph, problems.goal, problems.height)].tolist() == [[2.5, 0.5], [0.5, 0.5]]
+    assert load_map(path, cell_m=1.0).name == "small"  # of the map beside it
+    problem = read_instance(grid, path).problem
+    assert problem.graph.xy[problem.start].tolist() == [[0.5, 1.5], [2.5, 1.5]]
+    assert problem.graph.xy[problem.target].tolist() == [[2.5, 0.5], [0.5, 0.5]]
 
 
 def test_what_is_written_reads_the_same(grid, tmp_path):
@@ -80,11 +79,3 @@ def test_broken_problem_sets_are_refused(grid, old, new, message):
     with pytest.raises(MapError) as error:
         load_map(path)
     assert message.replace("map 'maps/other.map' of", "") in str(error.value) or message in str(error.value)
-
-
-def test_problems_on_blocked_cells_are_refused(grid):
-    path = grid.with_suffix(".scen")
-    path.write_text(PROBLEMS.replace("\t2\t1\t0", "\t3\t1\t0"))
-    problems = read_problem_file(path)
-    with pytest.raises(MapError, match=r"cell \(3, 1\) is blocked"):
-        vertices_at(load_map(grid).nav, problems.start, problems.height)
