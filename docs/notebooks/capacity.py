@@ -18,7 +18,7 @@ for robots in (2, 6, 12):
         execution={"engine": "kinematic", "time_limit_s": 600},
     )
     found = ms.run(scenario).metrics
-    names = ("throughput_per_h", "service_time_mean_s")
+    names = ("throughput_per_h", "lead_time_mean_s")
     rows.append({"robots": robots} | {name: found[name] for name in names})
 table = pd.DataFrame(rows).set_index("robots")
 table

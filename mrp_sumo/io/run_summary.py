@@ -5,10 +5,9 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from mrp_sumo.io.remedy import remedy
-from mrp_sumo.io.summary import Summary, count, seconds, summary
+from mrp_sumo.io.summary import Summary, count, lateness, seconds, summary
 from mrp_sumo.plugins.source import short_name
 
-ON_TIME_S = 1e-6
 NO_PLAN, CONFLICTS = "no plan", "plan has conflicts"
 
 
@@ -47,12 +46,11 @@ def _rows(result: Mapping[str, Any]) -> Iterator[tuple[str, ...]]:
         _count(None if m["soc_steps"] is None else m["lower_bound_steps"] or None, "steps lower bound"),
     )
     if m["tasks_done"] is not None:
-        ends = (f"{m[f'tasks_{end}']} {end}" for end in ("failed", "cancelled") if m[f"tasks_{end}"])
-        yield "orders", f"{m['tasks_done']} done, {m['tasks_open']} open", *ends, _count(m["throughput_per_h"], "an hour")
+        yield "orders", orders_in_words(m), _count(m["throughput_per_h"], "an hour")
         yield (
             "lead time",
-            _given("mean", seconds(m["service_time_mean_s"])),
-            _given("95 % below", seconds(m["service_time_p95_s"])),
+            _given("mean", seconds(m["lead_time_mean_s"])),
+            _given("95 % below", seconds(m["lead_time_p95_s"])),
             "run too short to tell the warm-up" if m["warm_up_s"] is None else f"after a warm-up of {seconds(m['warm_up_s'])}",
         )
     if work := result.get("operations_audit"):
@@ -82,8 +80,15 @@ def _rows(result: Mapping[str, Any]) -> Iterator[tuple[str, ...]]:
                 count(m["num_person_contacts"], "contact"),
             )
         yield "blocked time", seconds(m["blocked_s"])
-        yield "lateness", _given("mean", _lateness(m["lateness_mean_s"])), _given("maximum", _lateness(m["lateness_max_s"]))
+        yield "lateness", _given("mean", lateness(m["lateness_mean_s"])), _given("maximum", lateness(m["lateness_max_s"]))
         yield "real-time factor", _count(m["real_time_factor"]), _count(m["robot_seconds_per_cpu_second"], "robot-seconds a CPU-second")
+
+
+def orders_in_words(metrics: Mapping[str, Any]) -> str:
+    """Counts of a run's orders; empty for one without."""
+    counts = {end: metrics.get(f"tasks_{end}") for end in ("done", "open", "failed", "cancelled")}
+    shown = (f"{number} {end}" for end, number in counts.items() if number or end in ("done", "open"))
+    return "" if counts["done"] is None else ", ".join(shown)
 
 
 def _given(name: str, value: str) -> str:
@@ -92,12 +97,6 @@ def _given(name: str, value: str) -> str:
 
 def _then(value: str, what: str) -> str:
     return f"{value} {what}" if value else ""
-
-
-def _lateness(value: float | None) -> str:
-    if value is None or abs(value) < ON_TIME_S:
-        return "" if value is None else seconds(0)
-    return f"{seconds(abs(value))} {'early' if value < 0 else 'late'}"
 
 
 def _metres(value: float | None) -> str:

@@ -4,6 +4,8 @@ import html
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+ON_TIME_S = 1e-6
+
 
 @dataclass(frozen=True)
 class Summary:
@@ -44,3 +46,10 @@ def seconds(value: float | None) -> str:
     if value is None:
         return ""
     return "0 s" if value == 0 else f"{value * 1000:.1f} ms" if abs(value) < 0.5 else f"{value:.1f} s"
+
+
+def lateness(value: float | None) -> str:
+    """A lateness in words; empty for None."""
+    if value is None or abs(value) < ON_TIME_S:
+        return "" if value is None else seconds(0)
+    return f"{seconds(abs(value))} {'early' if value < 0 else 'late'}"

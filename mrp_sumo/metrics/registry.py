@@ -26,8 +26,8 @@ ORDER = """
     driven_makespan_s driven_flowtime_s min_distance_m min_distance_at_start_m min_distance_delta_m time_blocked_total_s time_blocked_s
     run_invalid lateness_mean_s lateness_p95_s lateness_max_s min_clearance_m num_overlaps min_wall_clearance_m num_wall_contacts
     sim_time_s wall_time_s cpu_time_s real_time_factor robot_seconds_per_cpu_second blocked_s execution_time_limit_s throughput_per_h
-    tasks_done tasks_open tasks_failed tasks_cancelled tasks_handed_over tasks_begun_anew service_time_mean_s service_time_p95_s
-    warm_up_s service_time_p50_s service_time_max_s cycle_assignment_s cycle_empty_travel_s cycle_loaded_travel_s cycle_standing_s
+    tasks_done tasks_open tasks_failed tasks_cancelled tasks_handed_over tasks_begun_anew lead_time_mean_s lead_time_p95_s
+    warm_up_s lead_time_p50_s lead_time_max_s cycle_assignment_s cycle_empty_travel_s cycle_loaded_travel_s cycle_standing_s
     cycle_queue_s cycle_serving_s on_time_share station_utilisation_mean station_utilisation_max robot_busy_share planner_calls
     planner_calls_late planner_calls_failed planner_calls_stepped planner_calls_stopped waiting_time_p50_s waiting_time_p95_s
     task_time_p50_s task_time_p95_s robot_working_share robot_blocked_share robot_charging_share robot_idle_share robot_lost_share

@@ -150,7 +150,7 @@ def _on_time_share(run: Evidence) -> float | None:
     return float((tasks.done_s[due] <= due_s[due]).mean()) if len(due) else None
 
 
-_SERVICE_S = _steady(lambda tasks: tasks.lead_time_s)
+_LEAD_TIME_S = _steady(lambda tasks: tasks.lead_time_s)
 _WAITING_S = _steady(lambda tasks: tasks.assigned_s - tasks.released_s)
 _TASK_S = _steady(lambda tasks: tasks.done_s - tasks.assigned_s)
 
@@ -169,15 +169,15 @@ METRICS = (
            _events("handed_over")),
     Metric("tasks_begun_anew", "", LESS, "how often a task was begun anew, since its robot was lost (`tasks.retry.times`)",
            _events("begun_anew")),
-    Metric("service_time_mean_s", "s", LESS, "mean time from release to done of the tasks done after the warm-up",
-           statistic(_SERVICE_S, np.mean)),
-    Metric("service_time_p50_s", "s", LESS, "median of the same", quantile(_SERVICE_S, 0.5)),
-    Metric("service_time_p95_s", "s", LESS, "95th percentile of the same", quantile(_SERVICE_S, 0.95)),
-    Metric("service_time_max_s", "s", LESS, "maximum of the same", statistic(_SERVICE_S, np.max)),
+    Metric("lead_time_mean_s", "s", LESS, "mean time from release to done of the tasks done after the warm-up",
+           statistic(_LEAD_TIME_S, np.mean)),
+    Metric("lead_time_p50_s", "s", LESS, "median of the same", quantile(_LEAD_TIME_S, 0.5)),
+    Metric("lead_time_p95_s", "s", LESS, "95th percentile of the same", quantile(_LEAD_TIME_S, 0.95)),
+    Metric("lead_time_max_s", "s", LESS, "maximum of the same", statistic(_LEAD_TIME_S, np.max)),
     Metric("warm_up_s", "s", NONE, "when the warm-up ends, by MSER-5 on lead times; null where the run is too short to tell",
            _of_tasks(steady_from)),
     Metric("cycle_assignment_s", "s", LESS,
-           "mean time that these tasks waited for a robot; this and the next five add up to `service_time_mean_s`",
+           "mean time that these tasks waited for a robot; this and the next five add up to `lead_time_mean_s`",
            part(_cycle, "assignment")),
     Metric("cycle_empty_travel_s", "s", LESS, "mean time for which robots drove to the first stops of these tasks, standing left out",
            part(_cycle, "empty")),

@@ -242,8 +242,8 @@ def _run_tiles(study: ReportedRuns) -> list[Tile]:
         ("blocked, all robots", "blocked_s", 1, "s"),
         ("least clearance", "min_clearance_m", 100, "cm"),
         ("orders done an hour", "throughput_per_h", 1, ""),
-        ("mean lead time of orders", "service_time_mean_s", 1, "s"),
-        ("lead time, 95 % below", "service_time_p95_s", 1, "s"),
+        ("mean lead time of orders", "lead_time_mean_s", 1, "s"),
+        ("lead time, 95 % below", "lead_time_p95_s", 1, "s"),
     ):
         if column in row and not pd.isna(row[column]):
             tiles.append(Tile(label, f"{scale * float(row[column]):.1f}", unit))

@@ -238,7 +238,7 @@ def test_a_scenario_with_tasks_is_run_from_the_command_line(tmp_path, monkeypatc
     assert metrics["tasks_open"] == 2 and metrics["num_overlaps"] == 0
     assert metrics["goals_reached"] is None and metrics["makespan_s"] is None and result["robots"][0]["goal"] is None
     parts = [value for name, value in metrics.items() if name.startswith("cycle_")]
-    assert sum(parts) == pytest.approx(metrics["service_time_mean_s"])
+    assert sum(parts) == pytest.approx(metrics["lead_time_mean_s"])
     assert metrics["throughput_per_h"] == pytest.approx(metrics["tasks_done"] * 3600 / 120)
     assert pq.read_table(tmp_path / "out" / "tasks.parquet").num_rows == metrics["tasks_done"] + 2
 

@@ -59,9 +59,7 @@ def metrics_of(tasks, due_s):
     execution = SimpleNamespace(tasks=tasks, stops=stops, sim_time_s=float(tasks.done_s[-1]))
     run = Evidence(None, None, None, execution)
     return {
-        metric.name: metric.function(run)
-        for metric in METRICS
-        if metric.name in ("on_time_share", "throughput_per_h", "service_time_mean_s")
+        metric.name: metric.function(run) for metric in METRICS if metric.name in ("on_time_share", "throughput_per_h", "lead_time_mean_s")
     }
 
 
@@ -72,6 +70,6 @@ def test_orders_count_from_the_end_of_the_warm_up_on():
     due_s = np.where(np.arange(170) % 3 == 2, tasks.done_s, np.inf)
     due_s[20::30] -= 0.5
     shown = metrics_of(tasks, due_s)
-    assert shown["throughput_per_h"] == pytest.approx(360.0) and shown["service_time_mean_s"] == pytest.approx(2.0)
+    assert shown["throughput_per_h"] == pytest.approx(360.0) and shown["lead_time_mean_s"] == pytest.approx(2.0)
     assert shown["on_time_share"] == pytest.approx(0.9)
     assert metrics_of(tasks, np.full(170, np.inf))["on_time_share"] is None

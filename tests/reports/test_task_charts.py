@@ -22,9 +22,9 @@ def test_open_tasks_are_counted_from_release_to_done():
 
 def test_charts_say_what_they_count():
     charts = {chart.name: chart for chart in task_charts(log(range(0, 120, 10), range(60, 180, 10)), 360.0, None, "run")}
-    assert set(charts) == {"run_throughput", "run_open_tasks", "run_service_time"}
+    assert set(charts) == {"run_throughput", "run_open_tasks", "run_lead_time"}
     assert charts["run_throughput"].caption == "By the hour, in 2 parts of 180 s each. Dashed: the mean, 120."
-    assert "; 0 at the end" in charts["run_open_tasks"].caption and "12 orders" in charts["run_service_time"].caption
+    assert "; 0 at the end" in charts["run_open_tasks"].caption and "12 orders" in charts["run_lead_time"].caption
 
 
 def test_charging_is_no_task_of_anybodys_and_few_tasks_make_no_distribution():

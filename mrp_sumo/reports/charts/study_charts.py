@@ -32,7 +32,7 @@ from mrp_sumo.reports.study import ReportedRuns, numbers
 
 OF_TASKS = (  # metric, title, axis
     ("throughput_per_h", "Throughput", "orders done an hour"),
-    ("service_time_p95_s", "Lead time of orders", "release to done, 95 % below (s)"),
+    ("lead_time_p95_s", "Lead time of orders", "release to done, 95 % below (s)"),
     ("tasks_open", "Orders not done at the end", "orders"),
 )
 MAX_MAPS = 6  # drawn one by one; more are drawn together

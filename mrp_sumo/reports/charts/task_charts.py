@@ -10,7 +10,7 @@ from mrp_sumo.reports.pictures.map_picture import BLUE, INK, MUTED, ORANGE, VERM
 
 HOUR_S = 3600.0
 MOST_BARS, TASKS_A_BAR = 48, 6  # of throughput over time
-THROUGHPUT, OPEN, SERVICE = "throughput", "open_tasks", "service_time"
+THROUGHPUT, OPEN, LEAD_TIME = "throughput", "open_tasks", "lead_time"
 
 
 def task_charts(tasks: TaskLog, end_s: float, warm_up_s: float | None, tag: str) -> list[Chart]:
@@ -88,7 +88,7 @@ def _service(orders: TaskLog, tag: str) -> Chart | None:
         key(figure, ax)
         ax.set(xlim=(0, None), xlabel=f"from release to done ({unit})", ylabel="orders")
 
-    return draw(f"{tag}_{SERVICE}", "Lead time", f"Of the {len(took_s)} orders that were done.", paint, size=NARROW)
+    return draw(f"{tag}_{LEAD_TIME}", "Lead time", f"Of the {len(took_s)} orders that were done.", paint, size=NARROW)
 
 
 def _known(from_s: FloatArray, until_s: FloatArray, end_s: float) -> tuple[FloatArray, FloatArray]:

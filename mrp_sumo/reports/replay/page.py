@@ -11,7 +11,6 @@ import json
 import math
 import re
 import zlib
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -29,6 +28,8 @@ from mrp_sumo.io.outline import Outline
 from mrp_sumo.io.record import RunRecord
 from mrp_sumo.io.remedy import remedy
 from mrp_sumo.io.run_reader import damage_in, load_run
+from mrp_sumo.io.run_summary import orders_in_words
+from mrp_sumo.io.summary import lateness, seconds
 from mrp_sumo.metrics.evaluate import succeeded
 from mrp_sumo.plugins.source import short_name
 from mrp_sumo.reports.pictures.view import (
@@ -271,27 +272,27 @@ def about_run(run: AnyRun, record: RunRecord) -> About:
         "Assignment": scenario["assignment"]["mode"] if is_planned else None,
         "Policy": short_name(run.result.get("policy") or "") or None,
         "Seed": run.result["seed"] if is_planned else None,
-        "Orders": _tasks(metrics),
+        "Orders": orders_in_words(metrics),
         "Throughput": f"{metrics['throughput_per_h']:.0f} an hour" if metrics.get("throughput_per_h") is not None else None,
-        "Lead time": _seconds(metrics.get("service_time_mean_s")),
+        "Lead time": seconds(metrics.get("lead_time_mean_s")),
         "People": f"{metrics['num_people']}" if metrics.get("num_people") is not None else None,
         "Goals reached": f"{metrics['goals_reached']} of {num_robots}" if metrics.get("goals_reached") is not None else None,
-        "Planned makespan": _seconds(metrics.get("makespan_s")) if is_planned else None,
-        "Driven makespan": _seconds(metrics.get("driven_makespan_s")),
+        "Planned makespan": seconds(metrics.get("makespan_s")) if is_planned else None,
+        "Driven makespan": seconds(metrics.get("driven_makespan_s")),
     }
     bound, in_steps = metrics.get("lower_bound_steps"), metrics.get("soc_steps") is not None  # plans in seconds have no such bound
     numbers = {
-        "Planning time": _seconds(metrics.get("planning_time_s")) if is_planned else None,
-        "Planning time, CPU": _seconds(metrics.get("planning_cpu_s")) if is_planned else None,
+        "Planning time": seconds(metrics.get("planning_time_s")) if is_planned else None,
+        "Planning time, CPU": seconds(metrics.get("planning_cpu_s")) if is_planned else None,
         "Sum of costs": f"{metrics['soc_steps']:.0f} steps" if metrics.get("soc_steps") is not None else None,
         "Lower bound": f"{bound:.0f} steps" if bound and in_steps else None,
-        "Blocked in all": _seconds(metrics.get("blocked_s")),
-        "Mean lateness": _lateness(metrics.get("lateness_mean_s")),
-        "Largest lateness": _lateness(metrics.get("lateness_max_s")),
+        "Blocked in all": seconds(metrics.get("blocked_s")),
+        "Mean lateness": lateness(metrics.get("lateness_mean_s")),
+        "Largest lateness": lateness(metrics.get("lateness_max_s")),
         "Least clearance": f"{metrics['min_clearance_m']:.3f} m" if metrics.get("min_clearance_m") is not None else None,
         "Overlaps": metrics.get("num_overlaps"),
         "Wall contacts": metrics.get("num_wall_contacts"),
-        "Lost to people": _seconds(metrics.get("lost_to_people_s")),
+        "Lost to people": seconds(metrics.get("lost_to_people_s")),
         "Protective stops": _per_hour(metrics.get("protective_stops_per_robot_h")),
         "Least distance to a person": f"{metrics['min_person_distance_m']:.3f} m"
         if metrics.get("min_person_distance_m") is not None
@@ -304,35 +305,15 @@ def about_run(run: AnyRun, record: RunRecord) -> About:
         is_good=succeeded(run.result["status"], metrics),
         remedy=remedy(run.result),
         note=run.result.get("note") or ("" if run.executed else "The run was not executed: this is the plan, driven exactly."),
-        facts=tuple((name, str(value)) for name, value in facts.items() if value is not None),
-        metrics=tuple((name, str(value)) for name, value in numbers.items() if value is not None),
+        facts=tuple((name, str(value)) for name, value in facts.items() if value not in (None, "")),
+        metrics=tuple((name, str(value)) for name, value in numbers.items() if value not in (None, "")),
         outline=run.outline,
         is_plan_only=not run.executed,
     )
 
 
-def _tasks(metrics: Mapping[str, Any]) -> str | None:
-    """What became of the tasks of a run with some."""
-    if metrics.get("tasks_done") is None:
-        return None
-    ends = [f"{metrics[f'tasks_{end}']} {end}" for end in ("failed", "cancelled") if metrics.get(f"tasks_{end}")]
-    return ", ".join([f"{metrics['tasks_done']} done", f"{metrics['tasks_open']} open", *ends])
-
-
-def _seconds(value: float | None) -> str | None:
-    if value is None:
-        return None
-    return f"{value * 1000:.1f} ms" if 0 < abs(value) < 0.5 else f"{value:.1f} s"
-
-
 def _per_hour(value: float | None) -> str | None:
     return None if value is None else f"{value:.1f} per robot and hour"
-
-
-def _lateness(value: float | None) -> str | None:
-    if value is None:
-        return None
-    return "0.0 s" if abs(value) < 0.05 else f"{abs(value):.1f} s {'early' if value < 0 else 'late'}"
 
 
 def _add_motion(columns: Columns, execution: Execution, frame: PageFrame) -> dict[str, Any]:
