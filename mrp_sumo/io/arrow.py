@@ -1,11 +1,17 @@
-"""Arrow columns of arrays and texts, as `pyarrow.array` makes them, but without its import of pandas."""
+"""Arrow columns of arrays and texts, as `pyarrow.array` makes them, but without its import of pandas; and tables of them in files."""
 
-from collections.abc import Iterable, Sequence
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.parquet as pq
 
 from mrp_sumo.core.graph import BoolArray
+
+KEY = b"mrp_sumo"  # of the document in a table's metadata
 
 
 def numbers(values: np.ndarray, there: BoolArray | None = None) -> pa.Array:
@@ -34,3 +40,9 @@ def dictionary(values: Sequence[str]) -> pa.DictionaryArray:
     """An Arrow array of texts that keeps each text once, in the order in which they come first."""
     index = {value: k for k, value in enumerate(dict.fromkeys(values))}
     return pa.DictionaryArray.from_arrays(numbers(np.array([index[value] for value in values], np.int32)), texts(index))
+
+
+def write_table(path: Path, columns: Mapping[str, pa.Array], about: Any = None) -> None:
+    """Write a table, with a document in its metadata."""
+    table = pa.table(dict(columns))
+    pq.write_table(table.replace_schema_metadata({KEY: json.dumps(about)}) if about else table, path, compression="zstd")

@@ -6,18 +6,15 @@ fire, offline). `doors.parquet`: `t_s`, `door`, `state` (closed, opening, open, 
 lifts and doors stand in the files' metadata.
 """
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 
 from mrp_sumo.core.facilities import DOOR_STATES, LIFT_DOORS, LIFT_MODES, LIFT_STATES, MOTIONS, PEOPLE, FacilityLog
 from mrp_sumo.core.graph import IntArray, frozen
-from mrp_sumo.io.arrow import dictionary, numbers
-from mrp_sumo.io.tables import KEY, Names, Table, read_table
+from mrp_sumo.io.arrow import dictionary, numbers, write_table
+from mrp_sumo.io.tables import Names, Table, read_table
 
 LIFTS, DOORS = "lifts.parquet", "doors.parquet"
 WHO_ELSE = {-1: "", PEOPLE: "(people)"}
@@ -48,7 +45,7 @@ def write_facilities(folder: Path, log: FacilityLog, robot_name: Sequence[str], 
     }
     for name, columns, known in ((LIFTS, lifts, log.lift_name), (DOORS, doors, log.door_name)):
         if known:
-            pq.write_table(pa.table(columns).replace_schema_metadata({KEY: json.dumps(list(known))}), folder / name, compression="zstd")
+            write_table(folder / name, columns, list(known))
 
 
 def read_facilities(folder: Path, robot_name: Sequence[str], level_name: Sequence[str]) -> FacilityLog | None:

@@ -13,14 +13,12 @@ Larger tables have modules of their own; the small ones are here:
   `area`), `occupied_share` of the time, `robots_mean`, `robots_max`.
 """
 
-import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.parquet as pq
 
 from mrp_sumo.core.battery import BatteryLog
 from mrp_sumo.core.execution import Execution, GrantLog, as_believed, let_go_of_samples
@@ -30,12 +28,12 @@ from mrp_sumo.core.problem import Problem
 from mrp_sumo.core.robot_states import ROBOT_STATES, RobotStateLog
 from mrp_sumo.core.task import TaskLog
 from mrp_sumo.core.zone_log import ZoneLog
-from mrp_sumo.io.arrow import dictionary, numbers, texts
+from mrp_sumo.io.arrow import dictionary, numbers, texts, write_table
 from mrp_sumo.io.events import write_events
 from mrp_sumo.io.facilities import write_facilities
 from mrp_sumo.io.people_table import PEOPLE, write_people
 from mrp_sumo.io.replans import REPLANS, write_replans
-from mrp_sumo.io.tables import KEY, read_table
+from mrp_sumo.io.tables import read_table
 from mrp_sumo.io.tasks_table import STOPS, write_stops, write_tasks
 from mrp_sumo.io.trajectory import write_trajectory
 from mrp_sumo.io.visits import VISITS, write_visits
@@ -79,7 +77,7 @@ def write_logs(
 def write_grants(path: Path, grants: GrantLog, robot_name: Sequence[str]) -> None:
     """Write the table of grants."""
     robot = pa.DictionaryArray.from_arrays(numbers(grants.robot.astype(np.int32)), texts(robot_name))
-    _write(path, {"t_s": numbers(grants.t_s), "robot": robot, "visit": numbers(grants.visit), "enters": pa.array(grants.enters)})
+    write_table(path, {"t_s": numbers(grants.t_s), "robot": robot, "visit": numbers(grants.visit), "enters": pa.array(grants.enters)})
 
 
 def read_grants(path: Path, robot_name: Sequence[str], num_visits: IntArray) -> GrantLog:
@@ -104,7 +102,7 @@ def write_robot_states(path: Path, log: RobotStateLog, tasks: TaskLog, robot_nam
         "end_s": numbers(log.end_s),
         "task": pa.array(row[log.task], pa.int64()),
     }
-    _write(path, columns)
+    write_table(path, columns)
 
 
 def read_robot_states(path: Path, robot_name: Sequence[str], num_tasks: int) -> RobotStateLog:
@@ -121,7 +119,7 @@ def write_batteries(path: Path, log: BatteryLog, robot_name: Sequence[str]) -> N
         "robot": dictionary(list(robot_name) * len(log.t_s)),
         "battery_percent": numbers(np.round(100 * log.level.reshape(-1), 4)),
     }
-    _write(path, columns, {"used_j": log.used_j.tolist(), "charged_j": log.charged_j.tolist(), "critical": log.critical})
+    write_table(path, columns, {"used_j": log.used_j.tolist(), "charged_j": log.charged_j.tolist(), "critical": log.critical})
 
 
 def read_batteries(path: Path, num_robots: int) -> BatteryLog:
@@ -138,10 +136,4 @@ def read_batteries(path: Path, num_robots: int) -> BatteryLog:
 def write_zones(path: Path, zones: ZoneLog) -> None:
     """Write the table of zones."""
     figures = {name: numbers(getattr(zones, name)) for name in ("occupied_share", "robots_mean", "robots_max")}
-    _write(path, {"zone": texts(zones.name), "kind": dictionary(zones.kind), **figures})
-
-
-def _write(path: Path, columns: Mapping[str, pa.Array], about: Mapping[str, Any] | None = None) -> None:
-    """Write a table, with a document in its metadata."""
-    table = pa.table(dict(columns))
-    pq.write_table(table.replace_schema_metadata({KEY: json.dumps(about)}) if about else table, path, compression="zstd")
+    write_table(path, {"zone": texts(zones.name), "kind": dictionary(zones.kind), **figures})

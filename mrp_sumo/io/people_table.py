@@ -15,8 +15,8 @@ import pyarrow.parquet as pq
 
 from mrp_sumo.core.graph import FloatArray, IntArray, frozen
 from mrp_sumo.core.people import PeopleLog
-from mrp_sumo.io.arrow import numbers, texts
-from mrp_sumo.io.tables import KEY, read_table
+from mrp_sumo.io.arrow import KEY, numbers, texts
+from mrp_sumo.io.tables import read_table
 
 if TYPE_CHECKING:
     from mrp_sumo.io.trajectory import Levels

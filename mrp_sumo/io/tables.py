@@ -17,11 +17,11 @@ import pyarrow.parquet as pq
 from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, frozen
 from mrp_sumo.errors import MrpSumoError, first_line, nearest
 from mrp_sumo.files.reading import MAX_BYTES, json_value, require_regular, shortened
+from mrp_sumo.io.arrow import KEY
 
 MIN_BYTES_REFUSED = 2**31  # in memory; tables below may be as much larger than their files as they like
 MAX_RATIO = 100  # of memory to file, of larger ones; trajectories of moving robots have 5, of parked ones 50
 VALUE_BYTES = 8
-KEY = b"mrp_sumo"  # of the document in a table's metadata
 DAMAGE = (pa.ArrowException, OSError, ValueError, KeyError, NotImplementedError, RecursionError)
 
 Names = Mapping[str, int] | Sequence[str]

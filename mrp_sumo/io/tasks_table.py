@@ -16,11 +16,10 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.parquet as pq
 
 from mrp_sumo.core.graph import frozen
 from mrp_sumo.core.task import CHARGE, NOBODY, ORDER, TASK_STATES, TASK_TIMES, StopLog, TaskLog, log_of_times, some_tasks
-from mrp_sumo.io.arrow import dictionary, numbers, texts
+from mrp_sumo.io.arrow import dictionary, numbers, texts, write_table
 from mrp_sumo.io.tables import read_table
 
 TASKS, CHARGES, STOPS = "tasks.parquet", "charges.parquet", "stops.parquet"
@@ -44,7 +43,7 @@ def _write(path: Path, tasks: TaskLog, robot_name: Sequence[str]) -> None:
         "status": dictionary(list(tasks.status)),
         "reason": texts(tasks.reason),
     }
-    pq.write_table(pa.table(table), path, compression="zstd")
+    write_table(path, table)
 
 
 def read_tasks(folder: Path, robot_name: Sequence[str]) -> TaskLog:
@@ -78,7 +77,7 @@ def write_stops(path: Path, stops: StopLog, tasks: TaskLog, robot_name: Sequence
         "vertex": texts([vertex_name(v) for v in stops.vertex.tolist()]),
         **{name: numbers(column, np.isfinite(column)) for name in STOP_TIMES for column in [getattr(stops, name)]},
     }
-    pq.write_table(pa.table(table), path, compression="zstd")
+    write_table(path, table)
 
 
 def read_stops(path: Path, tasks: TaskLog, robot_name: Sequence[str], vertex_of_name: Mapping[str, int]) -> StopLog:
