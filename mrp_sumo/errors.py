@@ -109,7 +109,7 @@ def nearest(name: str, known: Iterable[str], limit: int = 5) -> str:
     known
         The right names, in any order.
     limit
-        How many known names to list when none is close.
+        How many known names to list when none is close; 0 lists none.
     """
     names = list(known)
     close = get_close_matches(name, names, n=1, cutoff=0.6)
@@ -118,7 +118,7 @@ def nearest(name: str, known: Iterable[str], limit: int = 5) -> str:
         close = [plain[k] for k in get_close_matches("".join(c for c in name.lower() if c.isalnum()), plain, n=1)]
     if close:
         return f" (did you mean '{close[0]}'?)"
-    if not names:
+    if not names or not limit:
         return ""
     listed = ", ".join(names[:limit]) + (", ..." if len(names) > limit else "")
     return f" (known: {listed})"

@@ -11,13 +11,12 @@ With --audit, BAG is a run folder, and bodies and work are judged again by its t
 """
 
 import argparse
-import json
 import shlex
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mrp_sumo.cli.printing import warn
+from mrp_sumo.cli.printing import say, say_json, warn
 
 if TYPE_CHECKING:
     from mrp_sumo.metrics.metric import Metric
@@ -66,15 +65,15 @@ def run(options: argparse.Namespace) -> int:
     if (options.bag / TASKS).is_file():
         warn(f"{options.bag}: a run with orders, of which these know none: mrp-sumo report shows its own figures")
     if options.json:
-        print(json.dumps(metrics, indent=2, ensure_ascii=False, allow_nan=False))
+        say_json(metrics, indent=2)
         return 0
     for key, unit in ROWS.items():
         value = metrics[key]
         text = "-" if value is None else f"{value:.3f} {unit}" if isinstance(value, float) else f"{value} {unit}"
-        print(f"{key:35} {text}".rstrip())
+        say(f"{key:35} {text}".rstrip())
     blocked = sorted((v, k) for k, v in metrics["timeBlockedPerAgent"].items() if v > 0)
     for value, name in blocked[::-1][:10]:
-        print(f"  blocked {name:25} {value:.3f} s")
+        say(f"  blocked {name:25} {value:.3f} s")
     return 0
 
 
@@ -96,11 +95,11 @@ def _audit(options: argparse.Namespace) -> int:
     if logs is not None:
         findings += operations_audit(logs)["findings"]
     if options.json:
-        print(json.dumps(plain({"passed": not findings, "findings": findings}), indent=2, ensure_ascii=False))
+        say_json(plain({"passed": not findings, "findings": findings}), indent=2)
     elif not findings:
-        print(f"{options.bag}: audit of bodies {'passed, a run without tasks' if logs is None else 'and operations audit passed'}")
+        say(f"{options.bag}: audit of bodies {'passed, a run without tasks' if logs is None else 'and operations audit passed'}")
     for finding in () if options.json else findings:
-        print(f"{finding['t_s']:10.2f} s  {finding['rule']}: {finding['text']}")
+        say(f"{finding['t_s']:10.2f} s  {finding['rule']}: {finding['text']}")
     return 1 if findings else 0
 
 
@@ -115,10 +114,10 @@ def _measure(options: argparse.Namespace) -> int:
     metrics, faults = named_metrics(options.metric)
     values = measure_run(load_run(options.bag), metrics)
     if options.json:
-        print(json.dumps(values, indent=2))
+        say_json(values, indent=2)
     else:
         for metric in metrics:
-            print(f"{metric.name:35} {values[metric.name]} {metric.unit}".rstrip())
+            say(f"{metric.name:35} {values[metric.name]} {metric.unit}".rstrip())
     return _failed(faults)
 
 
@@ -129,9 +128,9 @@ def measure_named(folder: Path, names: list[str], quiet: bool = False, as_json: 
     metrics, faults = named_metrics(names)
     num_measured, num_runs = measure_batch(folder, metrics, faults.append)
     if as_json:
-        print(json.dumps({"metrics": [m.name for m in metrics], "measured": num_measured, "runs": num_runs}))
+        say_json({"metrics": [m.name for m in metrics], "measured": num_measured, "runs": num_runs})
     elif not quiet:
-        print(f"{folder}: {', '.join(m.name for m in metrics)} of {num_measured} of {num_runs} runs, in results.parquet and results.csv")
+        say(f"{folder}: {', '.join(m.name for m in metrics)} of {num_measured} of {num_runs} runs, in results.parquet and results.csv")
     return _failed(faults)
 
 

@@ -17,8 +17,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mrp_sumo.cli.ending import stoppable
-from mrp_sumo.cli.printing import warn
-from mrp_sumo.errors import BatchError
+from mrp_sumo.cli.printing import say, say_json, warn
+from mrp_sumo.errors import BatchError, shown
 
 if TYPE_CHECKING:
     from mrp_sumo.experiments.batch import BatchFolder, Watcher
@@ -97,9 +97,9 @@ def run(options: argparse.Namespace) -> int:
         warn(f"interrupted: {summary(batch)}; to go on: {shlex.join(options.command_line)}")
         return stop.exit_code
     if options.json:
-        print(json.dumps({"suite": file.name, "folder": str(folder), "runs": len(batch.runs), "statuses": dict(batch.counts())}))
+        say_json({"suite": file.name, "folder": str(folder), "runs": len(batch.runs), "statuses": dict(batch.counts())})
     else:
-        print(f"{file.name}: {summary(batch)}; {folder}/results.parquet, {folder}/results.csv")
+        say(f"{file.name}: {summary(batch)}; {folder}/results.parquet, {folder}/results.csv")
     failed = measure_named(folder, options.metric, quiet=options.json) if options.metric else 0
     return 1 if failed or kept_none or any(batch.counts()[status] for status in BROKEN) else 0
 
@@ -109,24 +109,23 @@ def _print_plan(file: "SuiteFile", folder: Path, workers: int, options: argparse
 
     batch = open_batch(file, folder, warn)
     todo = batch.todo(options.retries)
-    print(f"{file.name}: {len(batch.runs)} runs, {len(batch.runs) - len(todo)} done, {len(todo)} to make")
+    say(f"{file.name}: {len(batch.runs)} runs, {len(batch.runs) - len(todo)} done, {len(todo)} to make")
     if file.suite.description:
-        print(" ".join(file.suite.description.split()))
+        say(" ".join(file.suite.description.split()))
     for key, values in file.axes:
         listed = [_shown(value) for value in values]
-        print(f"  {key}: {', '.join(listed if len(listed) <= 8 else [*listed[:3], '...', listed[-1]])} ({len(listed)})")
+        say(f"  {key}: {', '.join(listed if len(listed) <= 8 else [*listed[:3], '...', listed[-1]])} ({len(listed)})")
     if file.suite.repeat > 1:
-        print(f"  each {file.suite.repeat} times")
+        say(f"  each {file.suite.repeat} times")
     shown = batch.runs if options.verbose or len(batch.runs) <= 12 else [*batch.runs[:5], None, *batch.runs[-2:]]
     for planned in shown:
-        print(f"    {planned.key}  {_differs(batch, planned)}" if planned else "    ... (-v lists all)")
+        say(f"    {planned.key}  {_differs(batch, planned)}" if planned else "    ... (-v lists all)")
     seconds, source = estimate_s(batch, workers, options.retries)
-    print(f"about {duration(seconds)} on {workers} workers ({source}); into {folder}")
+    say(f"about {duration(seconds)} on {workers} workers ({source}); into {folder}")
 
 
 def _differs(batch: "BatchFolder", planned: Any) -> str:
     """The values of a run that the suite varies."""
-    import json
 
     from mrp_sumo.io.columns import parameter_columns
 
@@ -216,6 +215,6 @@ def watcher() -> "Iterator[Watcher]":
                 bar.update(task, total=self.num_runs, completed=self.num_done, rate=rate, failures=failures)
 
             def report(self, line: str) -> None:
-                bar.console.print(line, style="yellow", highlight=False, markup=False)
+                bar.console.print(shown(line), style="yellow", highlight=False, markup=False)
 
         yield Shown()

@@ -6,17 +6,15 @@ answer, 2 for bad input, 130 or 143 when it was interrupted.
 """
 
 import argparse
-import json
 import re
 import shlex
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mrp_sumo.cli import scenario_choice
 from mrp_sumo.cli.batch import duration, workers_of
 from mrp_sumo.cli.ending import stoppable
-from mrp_sumo.cli.printing import warn
+from mrp_sumo.cli.printing import say, say_json, say_progress, warn
 from mrp_sumo.errors import MrpSumoError
 
 if TYPE_CHECKING:
@@ -99,7 +97,10 @@ def run(options: argparse.Namespace) -> int:
     from mrp_sumo.sizing.replays import keep
 
     page = write_capacity_page(study, answer, folder, keep(study, answer, folder) if options.replays else ())
-    print(json.dumps(answer.document, indent=2) if options.json else _in_words(study, answer, page))
+    if options.json:
+        say_json(answer.document, indent=2)
+    else:
+        say(*_in_words(study, answer, page))
     return 0
 
 
@@ -205,7 +206,7 @@ def _beforehand(study: "Study") -> str:
     )
 
 
-def _in_words(study: "Study", answer: "Answer", page: Path) -> str:
+def _in_words(study: "Study", answer: "Answer", page: Path) -> list[str]:
     from mrp_sumo.sizing.reasons import in_words
 
     lines = [answer.sentence, *(f"note: {note}" for note in answer.notes)]
@@ -221,7 +222,7 @@ def _in_words(study: "Study", answer: "Answer", page: Path) -> str:
             f"SUMO {'confirms' if size.agrees else 'does not confirm'} the {size.name} at {size.robots}: {size.measure} "
             f"{size.difference.second:.4g}, {size.difference.first:.4g} without it ({mean.low:+.3g} to {mean.high:+.3g})."
         )
-    return "\n".join([*lines, f"{page}"])
+    return [*lines, f"{page}"]
 
 
 def _watcher() -> "Watcher":
@@ -233,7 +234,6 @@ def _watcher() -> "Watcher":
             warn(line)
 
         def show(self) -> None:
-            if sys.stderr.isatty():
-                print(f"\r{self.num_done} of {self.num_runs} runs, more as they are needed ", end="", file=sys.stderr, flush=True)
+            say_progress(f"{self.num_done} of {self.num_runs} runs, more as they are needed ")
 
     return StudyLine()

@@ -5,10 +5,9 @@ the tolerance and that is unlikely by chance; with --strict, when any single run
 """
 
 import argparse
-import json
 from pathlib import Path
 
-from mrp_sumo.cli.printing import print_table, warn
+from mrp_sumo.cli.printing import print_table, say, say_json, warn
 from mrp_sumo.cli.result_folder import result_folder
 
 
@@ -55,13 +54,13 @@ def run(options: argparse.Namespace) -> int:
     tolerance = options.tolerance / 100
     comparison = compare(a, b, metrics, alpha=options.alpha, tolerance=tolerance, strict=options.strict, own=tuple(own.values()))
     if options.json:
-        print(json.dumps({**asdict(comparison), "worse": comparison.worse}, indent=2))
+        say_json({**asdict(comparison), "worse": comparison.worse}, indent=2)
         return int(comparison.worse)
     from rich.table import Table
 
     from mrp_sumo.experiments.statistics import PairedRates
 
-    print(f"{comparison.num_pairs} runs in common, {comparison.num_only_first} only in A, {comparison.num_only_second} only in B")
+    say(f"{comparison.num_pairs} runs in common, {comparison.num_only_first} only in A, {comparison.num_only_second} only in B")
     table = Table(box=None, padding=(0, 2, 0, 0))
     for name in ("metric", "runs", "A", "B", "B - A [95 %]", "effect", "p", "worse runs", ""):
         table.add_column(name, justify="left" if name in ("metric", "") else "right", no_wrap=True)

@@ -7,6 +7,8 @@ fish: mrp-sumo completion fish > ~/.config/fish/completions/mrp-sumo.fish
 import argparse
 from importlib import import_module
 
+from mrp_sumo.cli.printing import say
+
 BASH = """_mrp_sumo() {{
   local word=${{COMP_WORDS[COMP_CWORD]}} words=""
   if [ "$COMP_CWORD" -eq 1 ]; then
@@ -39,19 +41,19 @@ def run(options: argparse.Namespace) -> int:
     accepted = {name: _options(module) for name, (module, _) in COMMANDS.items()}
     known = _names()
     if options.shell == "fish":
-        print("complete -c mrp-sumo -n __fish_use_subcommand -f")
+        say("complete -c mrp-sumo -n __fish_use_subcommand -f")
         for name, (_, about) in COMMANDS.items():
-            print(f"complete -c mrp-sumo -n __fish_use_subcommand -a {name} -d '{about.replace(chr(39), '')}'")
+            say(f"complete -c mrp-sumo -n __fish_use_subcommand -a {name} -d '{about.replace(chr(39), '')}'")
             inside = f"complete -c mrp-sumo -n '__fish_seen_subcommand_from {name}'"
             if name in known:
-                print(f"{inside} -a '{' '.join(known[name])}'")
+                say(f"{inside} -a '{' '.join(known[name])}'")
             for option in accepted[name]:
-                print(f"{inside} {'-l' if option.startswith('--') else '-s'} {option.lstrip('-')}")
+                say(f"{inside} {'-l' if option.startswith('--') else '-s'} {option.lstrip('-')}")
         return 0
     cases = "\n".join(f'      {name}) words="{" ".join(words)}" ;;' for name, words in accepted.items())
     names = "\n".join(f'      {name}) words="{" ".join(words)}" ;;' for name, words in known.items())
     script = BASH.format(commands=" ".join(COMMANDS), cases=cases, names=names)
-    print((ZSH if options.shell == "zsh" else "") + script, end="")
+    say(*((ZSH if options.shell == "zsh" else "") + script).splitlines())
     return 0
 
 

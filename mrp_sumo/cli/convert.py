@@ -6,10 +6,10 @@ Plans: .json (this program's; needs --map), .yaml (libMultiRobotPlanning), .txt 
 """
 
 import argparse
-import json
 from pathlib import Path
 
 from mrp_sumo.cli.map_choice import add_choice, chosen_map
+from mrp_sumo.cli.printing import say, say_json
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -33,9 +33,9 @@ def run(options: argparse.Namespace) -> int:
     else:
         losses = write_map(chosen_map(options.source, options), options.destination, options.cell)
     if options.json:
-        print(json.dumps({"written": str(options.destination), "lost": losses}, indent=2))
+        say_json({"written": str(options.destination), "lost": losses}, indent=2)
         return 0
-    print("\n".join([f"{options.destination}: written", *(f"lost: {loss}" for loss in losses)]))
+    say(f"{options.destination}: written", *(f"lost: {loss}" for loss in losses))
     return 0
 
 

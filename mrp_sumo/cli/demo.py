@@ -4,13 +4,11 @@ Everything is made on this machine as `run`, `replay`, `render`, `batch` and `re
 """
 
 import argparse
-import json
 import shlex
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mrp_sumo.cli.printing import warn
+from mrp_sumo.cli.printing import say, say_json, warn
 
 if TYPE_CHECKING:
     from mrp_sumo.experiments.result import RunResult
@@ -84,9 +82,9 @@ def run(options: argparse.Namespace) -> int:
     page = write_page(tour_page(stops), out / "index.html")
     if options.json:
         folders = {name: str(out / name) for name in ("office", "warehouse", "planners")}
-        print(json.dumps({"page": str(page), **folders, "runs": 2 + len(batch.runs)}))
+        say_json({"page": str(page), **folders, "runs": 2 + len(batch.runs)})
         return 0
-    print(page)
+    say(page)
     if not options.no_open:
         webbrowser.open(page.resolve().as_uri())
     return 0
@@ -94,7 +92,7 @@ def run(options: argparse.Namespace) -> int:
 
 def _say(text: str, options: argparse.Namespace) -> None:
     """Tell people what is being done, beside what is printed for machines."""
-    print(text, file=sys.stderr if options.json else sys.stdout, flush=True)
+    say(*text.split("\n"), to_stderr=options.json)
 
 
 def _run(name: str, out: Path, *, at_s: float, limit_s: float | None = None) -> "RunResult":

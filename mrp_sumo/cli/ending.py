@@ -12,6 +12,8 @@ from dataclasses import dataclass
 from threading import Timer
 from types import FrameType
 
+from mrp_sumo.cli.printing import say
+
 ENDED = "ended by SIGTERM"
 AGAIN_S = 0.05  # by then a callback is over
 
@@ -31,7 +33,7 @@ class StopRequest:
         self.num_signals += 1
         self.exit_code = 128 + number
         if self.num_signals == 1:
-            print("\nmrp-sumo: ending after the runs under way; once more to stop now", file=sys.stderr)
+            say("", "mrp-sumo: ending after the runs under way; once more to stop now", to_stderr=True)
 
 
 @contextmanager

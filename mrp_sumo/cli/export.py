@@ -5,10 +5,10 @@ what exists is not replaced.
 """
 
 import argparse
-import json
 from math import inf
 from pathlib import Path
 
+from mrp_sumo.cli.printing import say, say_json
 from mrp_sumo.cli.result_folder import result_folder
 
 FORMATS = {  # option -> (name of the file or folder, help)
@@ -96,5 +96,8 @@ def run(options: argparse.Namespace) -> int:
             "fcd": exports.write_fcd,
             "viewers": exports.write_viewers,
         }[options.format](out, record)
-    print(json.dumps({"file": str(out)}) if options.json else out)
+    if options.json:
+        say_json({"file": str(out)})
+    else:
+        say(out)
     return 0

@@ -1,10 +1,10 @@
 """Make a map of any size for scale studies, as a building file that imports like any other."""
 
 import argparse
-import json
 from inspect import signature
 from pathlib import Path
 
+from mrp_sumo.cli.printing import say, say_json
 from mrp_sumo.errors import MapError, sentence
 from mrp_sumo.maps.generate import GENERATORS, VERTICES_A_ROBOT
 
@@ -58,5 +58,8 @@ def run(options: argparse.Namespace) -> int:
         "room_for_robots": len(drawing.stations) // VERTICES_A_ROBOT,
     }
     words = "{written}: {vertices} vertices, {edges} edges, {width_m:.1f} x {height_m:.1f} m, room for {room_for_robots} robots"
-    print(json.dumps(facts, indent=2) if options.json else words.format(**facts))
+    if options.json:
+        say_json(facts, indent=2)
+    else:
+        say(words.format(**facts))
     return 0

@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mrp_sumo.cli.map_choice import add_choice, chosen_map, drawn_map
-from mrp_sumo.cli.printing import print_table
+from mrp_sumo.cli.printing import print_table, say, say_json
 from mrp_sumo.errors import MapError, sentence
 
 if TYPE_CHECKING:
@@ -75,7 +75,7 @@ def run(options: argparse.Namespace) -> int:
     if options.out is not None:
         _write(map_, written, options.out)
     if options.json:
-        print(json.dumps(written if options.robot else known, indent=2))
+        say_json(written if options.robot else known, indent=2)
     else:
         _print(map_, written, options)
     return 0
@@ -101,7 +101,7 @@ def _import_stream(options: argparse.Namespace) -> int:
         result = recorded_run(Path(options.file), _robot_type(options.robot), drawn)
         result.write(options.out, maps)
     if options.json:
-        print(json.dumps({"status": result.status, "note": result.note, "folder": str(options.out), "metrics": result.metrics}))
+        say_json({"status": result.status, "note": result.note, "folder": str(options.out), "metrics": result.metrics})
     else:
         print_result(result, options.out, False)
     return 0 if result.status == "completed" else 1
@@ -126,16 +126,16 @@ def _check(options: argparse.Namespace) -> int:
     if options.json:
         warnings = [finding.document() for finding in findings]
         document = {"file": path.name, "refused": refused, "warnings": warnings, "notes": notes, "unused": without_effect}
-        print(json.dumps({**document, "clearance": room, "narrow_lanes": lanes} if options.robot else document, indent=2))
+        say_json({**document, "clearance": room, "narrow_lanes": lanes} if options.robot else document, indent=2)
     elif not findings and not notes and not room and not without_effect:
-        print(f"{path.name}: nothing to report")
+        say(f"{path.name}: nothing to report")
     else:
         for finding in findings:
-            print(f"{path.name}: {finding.severity}: {finding.line}")
+            say(f"{path.name}: {finding.severity}: {finding.line}")
         for note in (*notes, *room, *(lanes if len(lanes) > 1 else ())):
-            print(f"{path.name}: note: {note}")
+            say(f"{path.name}: note: {note}")
         if without_effect:
-            print(f"{path.name}: info: {without_effect}")
+            say(f"{path.name}: info: {without_effect}")
     return 2 if refused else 0
 
 

@@ -11,6 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from mrp_sumo.cli.printing import say
 from mrp_sumo.cli.scenario_choice import folder_name, map_alone, scale_argument
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.files.writing import write_text
@@ -184,11 +185,11 @@ def _print(proposal: "Proposal", path: Path, name: str, orders: int | None) -> N
     count, model = robots["count"], robots["type"]
     size = model if isinstance(model, str) else f"{model['length_m']:g} x {model['width_m']:g} m and {model['max_speed_mps']:g} m/s"
     kind = f"robot{'s' * (count > 1)} of {'type ' * isinstance(model, str)}{size}"
-    print(f"{path}: {count} {kind}, {rate:g} order{'s' * (rate != 1)} an hour from {stops}")
-    print(f"groups of places: {groups}")
-    print("driven for 10 simulated minutes: it runs")
+    say(f"{path}: {count} {kind}, {rate:g} order{'s' * (rate != 1)} an hour from {stops}")
+    say(f"groups of places: {groups}")
+    say("driven for 10 simulated minutes: it runs")
     if orders:
-        print(f"your orders: fill {path.parent / ORDERS}, then mrp-sumo run {scenario} --set 'tasks.streams=[]' --set tasks.file={ORDERS}")
-    print(f"next: mrp-sumo run {scenario}")
-    print(f"      mrp-sumo capacity {scenario} --quick")
-    print(f"      mrp-sumo replay {folder} --serve")
+        say(f"your orders: fill {path.parent / ORDERS}, then mrp-sumo run {scenario} --set 'tasks.streams=[]' --set tasks.file={ORDERS}")
+    say(f"next: mrp-sumo run {scenario}")
+    say(f"      mrp-sumo capacity {scenario} --quick")
+    say(f"      mrp-sumo replay {folder} --serve")

@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from dataclasses import asdict
 from typing import Any
 
-from mrp_sumo.cli.printing import print_table, warn
+from mrp_sumo.cli.printing import print_table, say, say_json, warn
 from mrp_sumo.errors import MrpSumoError, PlugInError, nearest
 from mrp_sumo.plugins.kinds import KINDS
 
@@ -32,13 +32,13 @@ def run(options: argparse.Namespace) -> int:
     faults: list[str] = []
     entries = _plug_ins(options.what, faults) if options.what in KINDS else _files(options.what)
     if options.json:
-        print(json.dumps(entries, indent=2, allow_nan=False))
+        say_json(entries, indent=2)
     elif entries:
         _print(entries)
     else:
-        print(f"no {options.what}")
+        say(f"no {options.what}")
     if options.what == "maps" and not options.json:
-        print(f"Other maps are read from files: {_formats()}")
+        say(f"Other maps are read from files: {_formats()}")
     for line in faults:
         warn(line)
     return 1 if faults else 0

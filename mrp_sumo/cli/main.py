@@ -13,6 +13,7 @@ import os
 import re
 import shlex
 import sys
+import warnings
 from collections.abc import Callable, Sequence
 from functools import partial
 from importlib import import_module
@@ -21,6 +22,7 @@ from typing import Any, NoReturn
 
 from mrp_sumo import __version__
 from mrp_sumo.cli.ending import exit_code, heed_signals, without_loss
+from mrp_sumo.cli.printing import say, say_progress, warn
 from mrp_sumo.core.children import leave_current_folder
 from mrp_sumo.errors import MrpSumoError, PlugInError, nearest, sentence
 
@@ -55,7 +57,7 @@ COMMANDS = {  # subcommand -> (module, help): help stays here so that --help imp
 SLOW = ("run", "init", "plan", "capacity", "batch", "reproduce", "paper", "report", "demo", "vda5050")  # to start, for their libraries
 MOST = 2**63  # of whole numbers; no number of anything is as large
 COLOURS = "\x1b(?!\\[(?:(?:[0-4]|3[1-6])?;?)*m)"  # bold, dim, red, ..., but nothing that hides text
-OBEYED = re.compile(f"{COLOURS}|[\x00-\x08\x0b\x0c\x0e-\x1a\x1c-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]")
+OBEYED = re.compile(f"{COLOURS}|[\x00-\x08\x0b-\x1a\x1c-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]")
 COLLECT = (100_000, 20, 100)  # rarely: loading libraries makes many objects and no garbage
 
 
@@ -103,17 +105,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         return without_loss(lambda: _dispatch(_of_the_process() if arguments is None else list(arguments)))
     except PlugInError as error:
-        print(f"mrp-sumo: {error}", file=sys.stderr)
+        warn(error)
         return 1
     except MrpSumoError as error:
         for line in str(error).split("\n"):
-            print(f"mrp-sumo: {line}", file=sys.stderr)
+            warn(line)
         return 2
     except KeyboardInterrupt as error:
-        print(f"mrp-sumo: {str(error) or 'interrupted'}", file=sys.stderr)
+        warn(f"{str(error) or 'interrupted'}")
         return exit_code(error)
     except MemoryError:
-        print("mrp-sumo: out of memory: there are too many robots, orders or cells for this machine", file=sys.stderr)
+        warn("out of memory: there are too many robots, orders or cells for this machine")
         return 1
     except BrokenPipeError:  # `mrp-sumo ... | head`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -121,7 +123,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except RuntimeError as error:
         if not str(error).startswith("Symlink loop"):  # as Path.resolve reports one
             raise
-        print(f"mrp-sumo: {sentence(OSError(errno.ELOOP, ''))}: {str(error).removeprefix('Symlink loop from ')}", file=sys.stderr)
+        warn(f"{sentence(OSError(errno.ELOOP, ''))}: {str(error).removeprefix('Symlink loop from ')}")
         return 2
     except OSError as error:
         if error.errno is None:  # none of the system's
@@ -129,9 +131,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         from mrp_sumo.files.reading import shortened
 
         if isinstance(error.filename, str | bytes | os.PathLike):
-            print(f"mrp-sumo: {shortened(Path(os.fsdecode(error.filename)))}: {sentence(error)}", file=sys.stderr)
+            warn(f"{shortened(Path(os.fsdecode(error.filename)))}: {sentence(error)}")
         else:  # about a file that is open, or a temporary one
-            print(f"mrp-sumo: {error.strerror if error.errno == errno.ENOENT else sentence(error)}", file=sys.stderr)
+            warn(f"{error.strerror if error.errno == errno.ENOENT else sentence(error)}")
         return 2
 
 
@@ -139,6 +141,7 @@ def _of_the_process() -> list[str]:
     """The arguments of this process, which ends with the command: it need not look for garbage then in all that it has loaded."""
     leave_current_folder()
     logging.getLogger("matplotlib").setLevel(logging.ERROR)  # without a home it does without a cache, and says so at length
+    warnings.filterwarnings("ignore", r"Glyph \d+", UserWarning)  # a picture shows boxes for letters that its font lacks
     heed_signals()
     setattr(sys.stdout, "write", partial(_write, sys.stdout.write))  # noqa: B010  mypy knows it as a method
     atexit.register(_keep_garbage)
@@ -163,15 +166,15 @@ def _dispatch(arguments: list[str]) -> int:
         raise MrpSumoError(f"{odd[:80]!r} holds a null byte, which no name or path does")
     name = arguments[0]
     if name in ("-V", "--version"):
-        print(f"mrp-sumo {__version__}")
+        say(f"mrp-sumo {__version__}")
         return 0
     if name not in COMMANDS and Path(name).is_file():
         raise MrpSumoError(f"expected a command before the file, such as `mrp-sumo run {shlex.quote(name)}`")
     if name not in COMMANDS:
         raise MrpSumoError(f"unknown command '{name}'{nearest(name, COMMANDS, limit=len(COMMANDS))}")
     module, summary = COMMANDS[name]
-    if name in SLOW and sys.stderr.isatty():
-        print(f"{name} ...", end="\r", file=sys.stderr, flush=True)  # whatever comes next is written over it
+    if name in SLOW:
+        say_progress(f"{name} ...")
     command = import_module(module)
     parser = Parser(prog=f"mrp-sumo {name}", description=command.__doc__ or summary, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.set_defaults(command_line=["mrp-sumo", *arguments])  # for lines that tell how to go on
@@ -180,8 +183,8 @@ def _dispatch(arguments: list[str]) -> int:
 
 
 def _print_help() -> None:
-    print("usage: mrp-sumo COMMAND ...\n\nBenchmark and co-simulation of AGV fleets.\n\ncommands:")
+    say("usage: mrp-sumo COMMAND ...", "", "Benchmark and co-simulation of AGV fleets.", "", "commands:")
     width = max(map(len, COMMANDS))
     for name, (_, summary) in COMMANDS.items():
-        print(f"  {name:<{width}}  {summary}")
-    print("\n`mrp-sumo COMMAND --help` explains a command; `mrp-sumo --version` prints the version.")
+        say(f"  {name:<{width}}  {summary}")
+    say("", "`mrp-sumo COMMAND --help` explains a command; `mrp-sumo --version` prints the version.")

@@ -1,10 +1,10 @@
 """Arguments that all commands about a map file share: which part of it is used, and how it is repaired."""
 
 import argparse
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from mrp_sumo.cli.printing import say
 from mrp_sumo.cli.scenario_choice import trust_named
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ def chosen_map(file: str, options: argparse.Namespace) -> "Map":
         only_largest=options.largest_component,
     )
     for change in changes or ("nothing to repair",):
-        print(f"repair: {change}", file=sys.stderr)
+        say(f"repair: {change}", to_stderr=True)
     return map_
 
 

@@ -6,13 +6,12 @@ it goes on where it was. Exit code 0 when every run has a result, 1 when some cr
 """
 
 import argparse
-import json
 import shlex
 from pathlib import Path
 
 from mrp_sumo.cli.batch import require_least, watcher, workers_of
 from mrp_sumo.cli.ending import stoppable
-from mrp_sumo.cli.printing import warn
+from mrp_sumo.cli.printing import say, say_json, warn
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -43,10 +42,10 @@ def run(options: argparse.Namespace) -> int:
     agree = sum(bool(row.agrees) for row in comparison.compared)
     if options.json:
         said = {"file": str(page), "agree": agree, "compared": len(comparison.compared), "runs": made.num_runs, "broken": made.num_broken}
-        print(json.dumps(said))
+        say_json(said)
         return 1 if made.num_broken else 0
-    print(f"{agree} of {len(comparison.compared)} numbers of the paper lie in our 95 % intervals")
-    print(f"{page}; {made.num_runs} runs, {made.num_made} made now, in {_duration(made.seconds)}")
+    say(f"{agree} of {len(comparison.compared)} numbers of the paper lie in our 95 % intervals")
+    say(f"{page}; {made.num_runs} runs, {made.num_made} made now, in {_duration(made.seconds)}")
     return 1 if made.num_broken else 0
 
 

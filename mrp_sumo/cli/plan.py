@@ -12,13 +12,12 @@ Exit code 0 with a valid plan, 1 without (with --many: of any), 2 for bad input.
 """
 
 import argparse
-import json
 import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mrp_sumo.cli import plan_list, scenario_choice, step_wise
-from mrp_sumo.cli.printing import print_failure
+from mrp_sumo.cli.printing import print_failure, say, say_json
 from mrp_sumo.errors import MrpSumoError, PlugInError
 
 if TYPE_CHECKING:
@@ -59,11 +58,11 @@ def run(options: argparse.Namespace) -> int:
         return step_wise.plan(options)
     summary = _planned(options)
     if options.json:
-        print(json.dumps(summary, allow_nan=False))
+        say_json(summary)
     else:
         for key, value in summary.items():
             if value not in ("", None):
-                print(f"{key}: {value:.6g}" if isinstance(value, float) else f"{key}: {value}")
+                say(f"{key}: {value:.6g}" if isinstance(value, float) else f"{key}: {value}")
     return 0 if summary["valid"] else 1
 
 

@@ -5,7 +5,6 @@ Refuses lists that name programs, unless the command line trusts them.
 """
 
 import argparse
-import json
 import shlex
 import sys
 from collections.abc import Callable, Iterator
@@ -14,7 +13,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from mrp_sumo.cli import step_wise
-from mrp_sumo.cli.printing import warn
+from mrp_sumo.cli.printing import say, say_json, warn
 from mrp_sumo.cli.scenario_choice import pairs
 from mrp_sumo.errors import MrpSumoError
 
@@ -46,11 +45,11 @@ def run(
         refused = summary["status"] == "refused"
         code = max(code, 2 if refused else 0 if summary["valid"] else 1)
         if options.json:
-            print(json.dumps({"line": place, **summary}, allow_nan=False), flush=True)
+            say_json({"line": place, **summary})
         elif refused:
             warn(f"{place}: {summary['message']}")
         else:
-            print(_in_a_line(place, summary), flush=True)
+            say(_in_a_line(place, summary))
     return code
 
 

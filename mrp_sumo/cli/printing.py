@@ -1,26 +1,52 @@
-"""Printing: lines beside the output, and tables."""
+"""Lines of the commands on the terminal. Names in them may be anybody's: nothing in them ends a line or moves the cursor.
+
+All that a command prints goes through here; `tests/cli/test_shown.py` reads the sources and proves it.
+"""
 
 import sys
 from typing import TYPE_CHECKING
+
+from mrp_sumo.errors import shown
 
 if TYPE_CHECKING:
     from rich.table import Table
 
 
+def say(*lines: object, to_stderr: bool = False) -> None:
+    """Print each argument as one line."""
+    for line in lines:
+        print(shown(str(line)), file=sys.stderr if to_stderr else sys.stdout, flush=True)
+
+
+def say_json(value: object, indent: int | None = None) -> None:
+    """Print a value as JSON, on one line unless it is indented; what is not ASCII is escaped."""
+    import json
+
+    print(json.dumps(value, indent=indent), flush=True)
+
+
+def say_progress(text: str, *, is_last: bool = False) -> None:
+    """Print a line on a terminal that the next one is printed over, unless it is the last; nothing in a pipe."""
+    if sys.stderr.isatty():
+        print(shown(text), end="\n" if is_last else "\r", file=sys.stderr, flush=True)
+
+
 def print_table(table: "Table", width: int) -> None:
     """Print a table, as wide as the terminal or, in a pipe, at most `width` columns. A name such as `:bomb:` stays what it is."""
     from rich.console import Console
+    from rich.segment import Segment, Segments
 
-    Console(highlight=False, emoji=False, width=None if sys.stdout.isatty() else width).print(table)
+    console = Console(highlight=False, emoji=False, width=None if sys.stdout.isatty() else width)
+    parts = (part if part.text == "\n" else Segment(shown(part.text), part.style, part.control) for part in console.render(table))
+    console.print(Segments(parts), end="")
 
 
-def warn(line: str) -> None:
-    """Print a line to stderr."""
-    print(f"mrp-sumo: {line}", file=sys.stderr)
+def warn(line: object) -> None:
+    """Print a line to stderr, with the program's name before it."""
+    say(f"mrp-sumo: {line}", to_stderr=True)
 
 
 def print_failure(what: str, line: str, details: str) -> None:
     """Print a line about a plug-in that failed to stderr, after the traceback if there is one to show."""
-    if details:
-        print(details.rstrip(), file=sys.stderr)
+    say(*details.rstrip().split("\n") if details else (), to_stderr=True)
     warn(f"{what}: {line}")

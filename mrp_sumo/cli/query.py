@@ -9,7 +9,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from mrp_sumo.cli.printing import print_table, warn
+from mrp_sumo.cli.printing import print_table, say, warn
 from mrp_sumo.cli.result_folder import result_folder
 
 
@@ -30,17 +30,17 @@ def run(options: argparse.Namespace) -> int:
     views = read_plan(folder)["views"] if folder.is_dir() else {}
     if options.sql is None:
         frame = load_results(folder, warn)
-        print(f"{len(frame)} rows; columns:")
+        say(f"{len(frame)} rows; columns:")
         for name, kind in frame.dtypes.items():
-            print(f"  {name}  ({kind})")
+            say(f"  {name}  ({kind})")
         for name, sql in views.items():
-            print(f"view {name}: {' '.join(sql.split())}")
+            say(f"view {name}: {' '.join(sql.split())}")
         return 0
     if len(options.sql.split()) == 1 and options.sql not in views:
         raise BatchError(f"'{options.sql}' is neither SQL nor a view of the suite{nearest(options.sql, views)}")
     frame = query(folder, views.get(options.sql, options.sql), warn)
     if options.json:
-        print(frame.to_json(orient="records", lines=True), end="")
+        say(*frame.to_json(orient="records", lines=True).splitlines())
         return 0
     if options.csv:
         frame.to_csv(sys.stdout, index=False)

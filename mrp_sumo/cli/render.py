@@ -5,12 +5,11 @@ MP4 needs the extra `video`: pip install 'mrp-sumo[video]'.
 """
 
 import argparse
-import json
 import math
 import re
-import sys
 from pathlib import Path
 
+from mrp_sumo.cli.printing import say, say_json, say_progress
 from mrp_sumo.cli.result_folder import result_folder
 from mrp_sumo.errors import MrpSumoError
 
@@ -46,7 +45,10 @@ def run(options: argparse.Namespace) -> int:
     from mrp_sumo.reports.pictures.still import render_still
 
     file = render_still(load_run(options.run[0]), options.at, Path(options.out), dpi=options.dpi)
-    print(json.dumps({"file": str(file)}) if options.json else file)
+    if options.json:
+        say_json({"file": str(file)})
+    else:
+        say(file)
     return 0
 
 
@@ -72,11 +74,14 @@ def _video(options: argparse.Namespace) -> int:
     )
 
     def report(done: int, of: int) -> None:
-        if sys.stderr.isatty() and (done % 10 == 0 or done == of):
-            print(f"\rframe {done} of {of}", end="\n" if done == of else "", file=sys.stderr, flush=True)
+        if done % 10 == 0 or done == of:
+            say_progress(f"frame {done} of {of}", is_last=done == of)
 
     about, poster = render_video([load_run(folder) for folder in options.run], options.video, wanted, report)
-    print(json.dumps({"file": options.video, "poster": str(poster)}) if options.json else f"{about}, poster {poster}")
+    if options.json:
+        say_json({"file": options.video, "poster": str(poster)})
+    else:
+        say(f"{about}, poster {poster}")
     return 0
 
 

@@ -4,9 +4,9 @@
 """
 
 import argparse
-import json
 from pathlib import Path
 
+from mrp_sumo.cli.printing import say, say_json
 from mrp_sumo.cli.result_folder import result_folder
 
 
@@ -37,9 +37,9 @@ def run(options: argparse.Namespace) -> int:
     else:
         page = write_replay(first, out)
     if options.json:
-        print(json.dumps({"file": str(page), "bytes": page.stat().st_size}))
+        say_json({"file": str(page), "bytes": page.stat().st_size})
     else:
-        print(f"{page} ({page.stat().st_size / 1e6:.1f} MB)")
+        say(f"{page} ({page.stat().st_size / 1e6:.1f} MB)")
     if options.serve:
         _serve(page.read_bytes(), options.port)
     return 0
@@ -58,8 +58,8 @@ def _serve(page: bytes, port: int) -> None:
 
     with LocalServer(port, ReplayHandler) as server:
         try:
-            print(f"{server.address} (Ctrl+C ends)", flush=True)
+            say(f"{server.address} (Ctrl+C ends)")
             webbrowser.open(server.address)
             server.serve_forever()
         except KeyboardInterrupt:
-            print()
+            say("")

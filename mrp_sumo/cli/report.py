@@ -4,9 +4,9 @@ OUT gets index.html, which needs no network, figures/ as SVG and PNG, and tables
 """
 
 import argparse
-import json
 from pathlib import Path
 
+from mrp_sumo.cli.printing import say, say_json
 from mrp_sumo.cli.result_folder import result_folder
 
 
@@ -25,7 +25,7 @@ def run(options: argparse.Namespace) -> int:
 
     page = write_report(Path(options.folder), Path(options.out) if options.out else None)
     if options.json:
-        print(json.dumps({"file": str(page), "bytes": page.stat().st_size}))
+        say_json({"file": str(page), "bytes": page.stat().st_size})
     else:
-        print(f"{page} ({page.stat().st_size / 1e6:.1f} MB)")
+        say(f"{page} ({page.stat().st_size / 1e6:.1f} MB)")
     return 0

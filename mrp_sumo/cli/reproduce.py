@@ -5,11 +5,10 @@ run only when they are trusted. Exit code 0 when all is the same, 1 with a line 
 """
 
 import argparse
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mrp_sumo.cli.printing import warn
+from mrp_sumo.cli.printing import say, say_json, warn
 from mrp_sumo.cli.result_folder import result_folder
 from mrp_sumo.errors import MrpSumoError
 
@@ -41,16 +40,16 @@ def run(options: argparse.Namespace) -> int:
         raise MrpSumoError(f"--runs: found {options.runs}, expected 1 or more runs of a batch")
     comparison, what = _batch(options) if of_batch else (_run(options), "file")
     if options.json:
-        print(json.dumps({"same": comparison.same, "equal": comparison.equal, "of": what, "differences": list(comparison.differences)}))
+        say_json({"same": comparison.same, "equal": comparison.equal, "of": what, "differences": list(comparison.differences)})
         return 0 if comparison.same else 1
     for line in comparison.differences:
-        print(line)
+        say(line)
     if not comparison.same:
         for line in comparison.causes or ("nothing is known that would explain it",):
             warn(line)
         return 1
     every = "every byte is the same" if what == "file" else "every result is the same"
-    print(f"{folder}: {every}, {comparison.equal} {what}{'s' if comparison.equal != 1 else ''}")
+    say(f"{folder}: {every}, {comparison.equal} {what}{'s' if comparison.equal != 1 else ''}")
     return 0
 
 

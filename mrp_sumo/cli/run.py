@@ -5,7 +5,6 @@ that, 2 for bad input.
 """
 
 import argparse
-import json
 import math
 import shlex
 import sys
@@ -15,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mrp_sumo.cli import scenario_choice
-from mrp_sumo.cli.printing import print_failure, print_table
+from mrp_sumo.cli.printing import print_failure, print_table, say, say_json
 from mrp_sumo.errors import MrpSumoError
 
 if TYPE_CHECKING:
@@ -138,7 +137,7 @@ def _watches(options: argparse.Namespace, stack: ExitStack) -> "list[Watch]":
 
         port = PORT if options.live or options.port is None else options.port
         foxglove = stack.enter_context(FoxgloveView(port, options.speed or 1.0))
-        print(f"{foxglove.address}, in Foxglove: {foxglove.app} (Ctrl+C ends)", flush=True)
+        say(f"{foxglove.address}, in Foxglove: {foxglove.app} (Ctrl+C ends)")
         watches.append(foxglove.watch)
     elif options.dds and not options.live:
         from mrp_sumo.wire.pace import Pace, Paced
@@ -162,7 +161,7 @@ def _run_live(file: "ScenarioFile", out: Path, options: argparse.Namespace, watc
     from mrp_sumo.reports.live.watch import LiveView
 
     live = LiveView(options.port or 0)
-    print(f"{live.address} (Ctrl+C ends)", flush=True)
+    say(f"{live.address} (Ctrl+C ends)")
     webbrowser.open(live.address)
     try:
         how = RunOptions(gui=options.gui, progress=live.stage, watches=[*watches, live.watch, live.steer])
@@ -199,7 +198,7 @@ def progress_bar() -> "Iterator[StageReport]":
 def print_json(result: "RunResult", out: Path) -> None:
     """Print what came of a run as a line of JSON."""
     said = {"status": result.status, "note": result.note, "folder": str(out), "metrics": result.metrics}
-    print(json.dumps(said, allow_nan=False))
+    say_json(said)
 
 
 def print_result(result: "RunResult", out: Path, verbose: bool) -> None:
@@ -245,7 +244,7 @@ def _print_next(result: "RunResult", out: Path, options: argparse.Namespace) -> 
         lines = [f"mrp-sumo replay {folder} --serve", f"mrp-sumo render {folder} --video run.gif --to 20", f"mrp-sumo report {folder}"]
         if result.status == "deadlock":
             lines[2] = _again(options, "--set", "execution.on_deadlock=resolve")
-    print("next: " + "\n      ".join(lines))
+    say(f"next: {lines[0]}", *(f"      {line}" for line in lines[1:]))
 
 
 def _again(options: argparse.Namespace, option: str, value: str) -> str:

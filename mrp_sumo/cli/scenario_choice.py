@@ -3,12 +3,12 @@
 import argparse
 import math
 import re
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from mrp_sumo.cli.printing import warn
 from mrp_sumo.errors import MrpSumoError, PlugInError
 
 if TYPE_CHECKING:
@@ -126,10 +126,7 @@ def _of_map(options: argparse.Namespace) -> "ScenarioFile":
     with map_alone(Path(file), options.scenario):
         first, refused = with_first_fleet(chosen, count, chosen.scenario.seed if ("seed",) in changes else None)
     if refused:
-        print(
-            f"mrp-sumo: {_robots(first.scenario.robots.size)}, as more are refused: {refused.rpartition('robots.type: ')[2]}",
-            file=sys.stderr,
-        )
+        warn(f"{_robots(first.scenario.robots.size)}, as more are refused: {refused.rpartition('robots.type: ')[2]}")
     return first
 
 

@@ -1,7 +1,8 @@
 """Print the JSON schema of scenario files, for editors that complete and check YAML."""
 
 import argparse
-import json
+
+from mrp_sumo.cli.printing import say_json
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -13,5 +14,5 @@ def run(options: argparse.Namespace) -> int:
     from mrp_sumo.io.scenario.model import ScenarioModel
 
     schema = ScenarioModel.model_json_schema()
-    print(json.dumps({"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}, indent=2))
+    say_json({"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}, indent=2)
     return 0

@@ -4,12 +4,11 @@ Exit code 0 when every run has a result, 1 when some are missing, 2 for bad inpu
 """
 
 import argparse
-import json
 import time
 from collections import Counter
 from pathlib import Path
 
-from mrp_sumo.cli.printing import warn
+from mrp_sumo.cli.printing import say, say_json, warn
 from mrp_sumo.cli.result_folder import result_folder
 from mrp_sumo.errors import MrpSumoError
 
@@ -48,17 +47,17 @@ def run(options: argparse.Namespace) -> int:
     done = statuses.total()
     state = "under way" if is_under_way(folder) else "complete" if done == len(keys) else "not under way"
     if options.json:
-        print(json.dumps({"suite": plan["suite"], "runs": len(keys), "done": done, "state": state, "statuses": dict(statuses)}))
+        say_json({"suite": plan["suite"], "runs": len(keys), "done": done, "state": state, "statuses": dict(statuses)})
         return 0 if done == len(keys) else 1
-    print(f"{plan['suite']}: {done} of {len(keys)} runs done, {state} (mrp_sumo {plan['code']})")
+    say(f"{plan['suite']}: {done} of {len(keys)} runs done, {state} (mrp_sumo {plan['code']})")
     for status, count in statuses.most_common():
         example = f"  such as {reasons[status]}" if status in reasons else ""
-        print(f"  {count:>7}  {status.replace('_', ' ')}{example}")
+        say(f"  {count:>7}  {status.replace('_', ' ')}{example}")
     if done:
-        print(f"  {wall_s / done:.2f} s a run on average")
+        say(f"  {wall_s / done:.2f} s a run on average")
     quarantined = len(list((folder / "quarantine").glob("*"))) if (folder / "quarantine").is_dir() else 0
     if quarantined:
-        print(f"  {quarantined} result files in quarantine")
+        say(f"  {quarantined} result files in quarantine")
     return 0 if done == len(keys) else 1
 
 
@@ -70,12 +69,12 @@ def _watch(folder: Path, port: int) -> None:
 
     view = BatchView(folder, port)
     try:
-        print(f"{view.server.address} (Ctrl+C ends)", flush=True)
+        say(f"{view.server.address} (Ctrl+C ends)")
         webbrowser.open(view.server.address)
         while True:
             view.look(warn)
             time.sleep(EVERY_S)
     except KeyboardInterrupt:
-        print()
+        say("")
     finally:
         view.close()

@@ -1,12 +1,12 @@
 """`plan` and `validate` for step-wise lifelong problems of the League of Robot Runners."""
 
 import argparse
-import json
 import sys
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from mrp_sumo.cli.printing import say, say_json, say_progress
 from mrp_sumo.errors import MrpSumoError
 
 if TYPE_CHECKING:
@@ -76,9 +76,9 @@ def validate(options: argparse.Namespace) -> int:
         summary = {"valid": verdict.valid, "robots": problem.num_robots, "steps": solution.num_steps}
         _print(summary | {"tasks_done": verdict.tasks_done, "errands_done": verdict.errands_done, "message": verdict.fault}, True)
     elif verdict.valid:
-        print(f"valid: {problem.num_robots} robots, {solution.num_steps} steps, {verdict.tasks_done} tasks done")
+        say(f"valid: {problem.num_robots} robots, {solution.num_steps} steps, {verdict.tasks_done} tasks done")
     else:
-        print(verdict.fault)
+        say(verdict.fault)
     return 0 if verdict.valid else 1
 
 
@@ -112,14 +112,14 @@ def _chosen(options: argparse.Namespace) -> "tuple[str, StepPlanner]":
 
 
 def _show(now: int, num_done: int) -> None:
-    print(f"\rstep {now}: {num_done} orders done ", end="", file=sys.stderr, flush=True)
+    say_progress(f"step {now}: {num_done} orders done ")
 
 
 def _print(summary: dict[str, object], as_json: bool) -> None:
     if as_json:
-        print(json.dumps(summary, allow_nan=False))
+        say_json(summary)
         return
     for key, value in summary.items():
         if value not in ("", None):
             value = " ".join(map(str, value)) if isinstance(value, tuple) else value
-            print(f"{key}: {value:.6g}" if isinstance(value, float) else f"{key}: {value}")
+            say(f"{key}: {value:.6g}" if isinstance(value, float) else f"{key}: {value}")

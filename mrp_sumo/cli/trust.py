@@ -5,9 +5,9 @@ kept in the user's configuration, $XDG_CONFIG_HOME/mrp-sumo/trusted.
 """
 
 import argparse
-import json
 from pathlib import Path
 
+from mrp_sumo.cli.printing import say, say_json
 from mrp_sumo.errors import MrpSumoError
 
 
@@ -32,7 +32,7 @@ def run(options: argparse.Namespace) -> int:
     else:
         lines = [str(folder) for folder in trusted_folders()]
     if options.json:
-        lines = [json.dumps({"trusted": [str(folder) for folder in trusted_folders()]}, indent=2)]
-    for line in lines:
-        print(line)
+        say_json({"trusted": [str(folder) for folder in trusted_folders()]}, indent=2)
+    else:
+        say(*lines)
     return 0

@@ -13,12 +13,11 @@ code 0 for a valid plan, 1 for one with faults or conflicts (the first are print
 """
 
 import argparse
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mrp_sumo.cli import step_wise
-from mrp_sumo.cli.printing import warn
+from mrp_sumo.cli.printing import say, say_json, warn
 
 if TYPE_CHECKING:
     from mrp_sumo.core.problem import Problem
@@ -92,25 +91,25 @@ def run(options: argparse.Namespace) -> int:
             "drivable": judged.drivable if judged else None,
             "hindrances": hindrances[: options.limit],
         }
-        print(json.dumps(summary, allow_nan=False))
+        say_json(summary)
         return 0 if valid else 1
     if valid:
-        print(f"valid: {plan.num_robots} robots, sum of costs {cost:g}, {verdict.count('following')} following conflicts")
+        say(f"valid: {plan.num_robots} robots, sum of costs {cost:g}, {verdict.count('following')} following conflicts")
     else:
         _print_some(lines, options.limit)
     if judged and judged.drivable:
-        print(f"drivable: the last robot arrives at {plan.end_s.max(initial=0.0):.2f} s")
+        say(f"drivable: the last robot arrives at {plan.end_s.max(initial=0.0):.2f} s")
     elif judged:
-        print("not drivable at these times:")
+        say("not drivable at these times:")
         _print_some(hindrances, options.limit)
     return 0 if valid else 1
 
 
 def _print_some(lines: list[str], limit: int) -> None:
     for line in lines[:limit]:
-        print(line)
+        say(line)
     if len(lines) > limit:
-        print(f"... and {len(lines) - limit} more")
+        say(f"... and {len(lines) - limit} more")
 
 
 def _messages(options: argparse.Namespace) -> int:
@@ -132,11 +131,11 @@ def _messages(options: argparse.Namespace) -> int:
     count = len(shown) + more
     if options.json:
         faulty = [{"line": fault.line, "topic": fault.topic, "text": fault.text} for fault in shown]
-        print(json.dumps({"valid": not count, "faults": count, "first": faulty}, indent=2))
+        say_json({"valid": not count, "faults": count, "first": faulty}, indent=2)
     else:
         for fault in shown:
-            print(f"{options.vda5050.name}: {fault}")
-        print(f"{shortened(options.vda5050)}: " + (f"{count} fault{'s' if count > 1 else ''}" if count else "keeps the standard"))
+            say(f"{options.vda5050.name}: {fault}")
+        say(f"{shortened(options.vda5050)}: " + (f"{count} fault{'s' if count > 1 else ''}" if count else "keeps the standard"))
     return 1 if count else 0
 
 

@@ -6,9 +6,7 @@ folder is written. This program calls the broker and listens nowhere. See docs/f
 """
 
 import argparse
-import json
 import math
-import sys
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -17,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
 from mrp_sumo.cli import scenario_choice
-from mrp_sumo.cli.printing import warn
+from mrp_sumo.cli.printing import say, say_json, warn
 
 if TYPE_CHECKING:
     from mrp_sumo.experiments.map_cache import MapCache
@@ -128,7 +126,7 @@ def _be_driven(session: Session, stack: ExitStack) -> int:
         if isinstance(link, Logged):
             link.note(vehicle.sender.serial, "connection", online)
     where = f"{len(fleet.vehicles)} vehicles at {connections.broker}, {dialect.topic('+', '+', options.manufacturer)} (Ctrl+C ends)"
-    print(where, file=sys.stderr if options.json else sys.stdout, flush=True)
+    say(where, to_stderr=options.json)
     stack.enter_context(fleet)
     interrupt = stack.enter_context(interrupts())
     until_s, pace = options.duration or math.inf, Pace(options.speed)
@@ -146,9 +144,9 @@ def _be_driven(session: Session, stack: ExitStack) -> int:
             "share_of_a_core": share,
             "behind_s": pace.behind_s,
         }
-        print(json.dumps(said))
+        say_json(said)
     else:
-        print(f"{fleet.now_s:.1f} s simulated, {fleet.sent} messages sent, {connections.lost} lost, {share:.0%} of a core")
+        say(f"{fleet.now_s:.1f} s simulated, {fleet.sent} messages sent, {connections.lost} lost, {share:.0%} of a core")
     if pace.behind_s > 0.5:
         warn(f"up to {pace.behind_s:.1f} s behind the clock")
     return 0

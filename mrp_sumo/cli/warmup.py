@@ -4,7 +4,6 @@ Takes a minute or two on a machine that has never done it, seconds afterwards. N
 """
 
 import argparse
-import json
 import math
 import os
 import sys
@@ -12,7 +11,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 from typing import TYPE_CHECKING
 
-from mrp_sumo.cli.printing import warn
+from mrp_sumo.cli.printing import say, say_json, warn
 
 if TYPE_CHECKING:
     from mrp_sumo.experiments.map_cache import MapCache
@@ -45,10 +44,10 @@ def run(options: argparse.Namespace) -> int:
             warn(f"planner '{name}': {reason}")
     spent = {name: answers[name]["run_wall_s"] for name in names}
     if options.json:
-        print(json.dumps({name: round(time_s, 3) for name, time_s in spent.items()}, indent=2))
+        say_json({name: round(time_s, 3) for name, time_s in spent.items()}, indent=2)
     elif not options.quiet:
         for name, time_s in spent.items():
-            print(f"{name:<12} {time_s:6.1f} s")
+            say(f"{name:<12} {time_s:6.1f} s")
     return 0
 
 

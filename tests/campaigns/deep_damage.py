@@ -19,7 +19,7 @@ import pyarrow.parquet as pq
 Damage = Callable[[bytes, random.Random], bytes]
 
 NUMBERS = (0, -1, 1, 2**15, 2**31, 2**62, -(2**62), 1e308, -1e-320, 0.5, float("nan"), float("inf"))
-TEXTS = ("", "a", "robot_0", "robot_99", "L1", "\x1b[31m", "x" * 3000, "done", "nobody", "²")
+TEXTS = ("", "a", "robot_0", "robot_99", "L1", "a\x1b[2J\r\x9b1m\u202e\nforged line", "x" * 3000, "done", "nobody", "²")
 
 
 def damaged_table(data: bytes, chance: random.Random) -> bytes:

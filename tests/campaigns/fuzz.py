@@ -1,8 +1,8 @@
 """Damaged files of every format, through every command that reads them, and arguments nobody gives.
 
-Expected: exit code 0, 1 or 2; a refusal in lines that begin with `mrp-sumo:` and leaves nothing behind; no traceback; the trial's limits
-of time and memory hold. Commands run in the campaign's process, by `mrp_sumo.cli.main.main`, thousands one after the other; those that
-take long are drawn less often.
+Expected: exit code 0, 1 or 2; a refusal in lines that begin with `mrp-sumo:` and leaves nothing behind; no traceback; nothing printed that
+a terminal obeys, and no forged line; the trial's limits of time and memory hold. Commands run in the campaign's process, by
+`mrp_sumo.cli.main.main`, thousands one after the other; those that take long are drawn less often.
 """
 
 import contextlib
@@ -31,6 +31,8 @@ from step_wise_worlds import ROUND, write_problem
 from mrp_sumo.cli.main import COMMANDS, main
 
 LIMIT_S = 30  # CPU time of a command
+FORGED = "\x1b[2J\r\x9b1m\u202e\nforged line"
+OBEYED = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]|^forged", re.MULTILINE)
 PROJECT = Path(__file__).resolve().parents[2]
 WORD = re.compile(rb"[^\s,\[\]{}:()\"'>-]+")
 JUNK = (
@@ -39,12 +41,13 @@ JUNK = (
     b"-9223372036854775809", b"[]", b"{}", b'"', b"'", b"[", b"{", b"]", b"}", b": ", b"- ", b"&a", b"*a", b"true", b"~", b"a", b"..",
     b"/", b"\x00",
     b"\x1b[31m", b"\r", b"\x0b", b"\x85", b"\xff\xfe", "²".encode(), "٣".encode(), "\u2028".encode(), b"2020-01-01", b"0x1F", b"1_000",
+    FORGED.encode(), json.dumps(f"a{FORGED}").encode(),
     b"1.5", b"!!python/object:os.system",
     b"<<: *a", b"L1", b"\t", b"#", b"|", b"%", b"@", b"Agent 0:", b"1:2:3", b"[" * 500, b"{a: " * 200, b"[" * 100_000, b"9" * 5000,
 )  # fmt: skip
 VALUES: tuple[Any, ...] = (
     None, True, False, 0, -1, 1, 2**31, 2**63, -(2**63) - 1, 10**400, 1e308, -1e308, 1e-320, 0.5, float("nan"), float("inf"),
-    "", "a", "\x00", "..", "x" * 5000,
+    "", "a", "\x00", "..", "x" * 5000, f"a{FORGED}",
     [], {}, [[]], [None], {"": None}, {"a": {"b": []}}, "2020-01-01", "\ud800",
 )  # fmt: skip
 
@@ -397,6 +400,8 @@ def attempt(command: list[str], folder: Path, kind: str) -> Trial:
         tempfile.tempdir = previous
         os.chdir(home)
     if not faults:
+        if obeyed := OBEYED.search(out.getvalue() + err.getvalue()):
+            faults.append(f"printed for a terminal to obey: {obeyed[0]!r}")
         faults += _faults_of(code, err.getvalue(), sorted(_files(folder) - before))
         faults += [f"left in the temporary folder: {path.name}" for path in scratch.iterdir()]
     shutil.rmtree(scratch, ignore_errors=True)

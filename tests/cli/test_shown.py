@@ -1,6 +1,8 @@
 """Text of anybody's files on a terminal: nothing in it ends a line, moves the cursor or forges a line of ours; and how a command ends."""
 
+import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -8,11 +10,15 @@ import time
 from pathlib import Path
 
 import pytest
+from rich.table import Table
+from rich.text import Text
 
 from mrp_sumo.cli.main import main
+from mrp_sumo.cli.printing import print_failure, print_table, say, warn
 from mrp_sumo.errors import MapError, MrpSumoError, ScenarioError, shown
 
 CONSOLE = Path(sys.executable).with_name("mrp-sumo")
+EVIL_TEXT = "\x1b[2J\x1b[31m\rCR\x9b1m\u202e"
 EVIL = """\
 name: evil
 levels:
@@ -53,13 +59,55 @@ def test_map_forges_no_line(tmp_path, monkeypatch, capsys, line):
 
 def test_text_of_a_file_that_is_printed_moves_no_cursor(tmp_path):
     (tmp_path / "results.csv").write_text("")
-    code = (
-        "import sys; from mrp_sumo.cli import main as m; m._of_the_process(); print('a\\x1b[2Jb\\x1b[1;31mred\\x1b[0m\\x9b\\x1b[8mhidden')"
-    )
+    code = "from mrp_sumo.cli import main as m; m._of_the_process(); print('a\\x1b[2J\\rb\\x1b[1;31mred\\x1b[0m\\x9b\\x1b[8mhidden')"
     assert (
         subprocess.run([sys.executable, "-P", "-c", code], capture_output=True, text=True).stdout
-        == "a\\x1b[2Jb\x1b[1;31mred\x1b[0m\\x9b\\x1b[8mhidden\n"
+        == "a\\x1b[2J\\rb\x1b[1;31mred\x1b[0m\\x9b\\x1b[8mhidden\n"
     )
+
+
+def test_whatever_a_command_prints_goes_through_one_file():
+    prints = re.compile(r"(?<![\w.])print\(|std(out|err)\.write\(")
+    folder = Path(say.__code__.co_filename).parent
+    assert [path.name for path in sorted(folder.glob("*.py")) if prints.search(path.read_text())] == ["printing.py"]
+
+
+def test_line_stays_one_line_and_a_table_moves_no_cursor(capsys):
+    table = Table(box=None, show_header=False)
+    table.add_row(Text(f"name{EVIL_TEXT}"), "second")
+    say(f"name{EVIL_TEXT}", "next")
+    print_table(table, 100)
+    warn(f"name{EVIL_TEXT}")
+    print_failure("planner failed", f"name{EVIL_TEXT}", f"Traceback:\n  {EVIL_TEXT}")
+    printed = capsys.readouterr()
+    assert not re.search("[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028-\u202e]", printed.out + printed.err)
+    assert printed.out.splitlines()[:2] == ["name\\x1b[2J\\x1b[31m\\rCR\\x9b1m\\u202e", "next"] and printed.err.startswith(
+        "mrp-sumo: name\\x1b[2J"
+    )
+
+
+@pytest.mark.parametrize(
+    ("file", "old", "line"),
+    [
+        ("plan.json", '"suite": "s"', "status results"),
+        ("plan.json", '"views": {"v"', "query results"),
+        ("plan.json", '"views": {"v": "select 1', "query results"),
+    ],
+)
+def test_results_of_a_stranger_forge_no_line(tmp_path, monkeypatch, capsys, file, old, line):
+    (tmp_path / "s.yaml").write_text(
+        "name: s\nbase: {map: office, robots: 1, planner: astar}\ngrid_search: {seed: 0..1}\nuntil: plan\nviews: {v: select 1 as one}\n"
+    )
+    monkeypatch.chdir(tmp_path)
+    assert main(["batch", "s.yaml", "--out", "results", "--workers", "1"]) == 0
+    path = tmp_path / "results" / file
+    text = json.dumps(json.loads(path.read_text()))
+    assert old in text
+    path.write_text(text.replace(old, old[:-1] + json.dumps(EVIL_TEXT + "\nFORGED")[1:-1] + old[-1]))
+    capsys.readouterr()
+    main(line.split())
+    printed = capsys.readouterr().out
+    assert "FORGED" in printed and not re.search("[\x1b\r\x9b\u202e]|^FORGED", printed, re.MULTILINE)
 
 
 @pytest.mark.parametrize(
@@ -104,6 +152,7 @@ def test_line_about_a_value_says_what_to_write(tmp_path, monkeypatch, capsys, te
         ("run office_5 --time-limit 5min", "--time-limit: found '5min', expected a number of seconds, such as 300"),
         ("vda5050 office_5 --broker x --duration soon", "--duration: found 'soon', expected a number;"),
         ("run office_5 --planner", "--planner: expected a value after it"),
+        ("run office_5 --max-time 20", "unrecognized arguments: --max-time 20; see"),
         ("run office_5 -planner cbs", "unrecognized arguments: -planner cbs (did you mean '--planner'?)"),
         ("generate wherehouse --out x", "kind: found 'wherehouse', expected one of 'warehouse', 'grid', 'ring', 'random'"),
         ("run office_5.yml", "office_5.yml: no such file (did you mean 'office_5'?)"),
