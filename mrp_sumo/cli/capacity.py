@@ -125,9 +125,9 @@ def question_of(options: argparse.Namespace) -> "Question":
         raise MrpSumoError(
             f"--horizon: '{file.scenario.name}' has no orders: its runs end once all robots are at their goals; leave it out"
         )
-    from mrp_sumo.sizing.study import asked  # which loads what a study needs: after all that can be told without
+    from mrp_sumo.sizing.study import study_question  # which loads what a study needs: after all that can be told without
 
-    return asked(
+    return study_question(
         file,
         robots=robots,
         demand_per_h=demand_per_h,

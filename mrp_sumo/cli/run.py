@@ -249,14 +249,14 @@ def _print_next(result: "RunResult", out: Path, options: argparse.Namespace) -> 
 
 def _again(options: argparse.Namespace, option: str, value: str) -> str:
     """The command line of this run with an option that is other, also where `--set` said the same; `--set` comes besides what is set."""
-    kept: list[str] = []
-    words = iter(options.command_line)
-    for word in words:
+    words: list[str] = []
+    rest = iter(options.command_line)
+    for word in rest:
         name, joined, said = word.partition("=")
         if name not in (option, "--set"):
-            kept.append(word)
+            words.append(word)
             continue
-        said = said if joined else next(words)
+        said = said if joined else next(rest)
         if option == "--set" or (name == "--set" and said.partition("=")[0] not in SET_AS[option]):
-            kept += [name, said]
-    return shlex.join([*kept, option, value])
+            words += [name, said]
+    return shlex.join([*words, option, value])

@@ -14,7 +14,7 @@ from mrp_sumo.io.scenario.read import read_scenario
 from mrp_sumo.io.summary import Summary, summary
 from mrp_sumo.sizing.answer import Answer
 from mrp_sumo.sizing.reasons import PARTS, cycle
-from mrp_sumo.sizing.study import Study, asked
+from mrp_sumo.sizing.study import Study, study_question
 
 if TYPE_CHECKING:
     import pandas
@@ -154,7 +154,7 @@ def capacity(
     if workers < 1:
         raise BatchError(f"workers: found {workers}, expected 1 or more")
     study = Study(
-        asked(
+        study_question(
             file,
             robots=robots,
             demand_per_h=demand_per_h,

@@ -27,9 +27,9 @@ class DeadlockWatch:
             self.known.clear()
             return []
         label = _observe.waiting_cycles(other, since_s)
-        found = {_cycle(label, other, number) for number in range(1, int(label.max()) + 1)}
-        new = sorted(found - self.known)
-        self.known = found
+        cycles = {_cycle(label, other, number) for number in range(1, int(label.max()) + 1)}
+        new = sorted(cycles - self.known)
+        self.known = cycles
         return new
 
     def forget(self, robots: set[int]) -> None:

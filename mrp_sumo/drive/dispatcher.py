@@ -18,41 +18,41 @@ from mrp_sumo.plugins import registry
 class Dispatcher(Protocol):
     """Decides what robots do next. One is made for every run; its fields are its parameters."""
 
-    def finished(self, now_s: float, around: Surroundings) -> bool:
+    def finished(self, now_s: float, context: Surroundings) -> bool:
         """True if all is done that there is to do. The run ends then, if recovery has nothing under way."""
 
-    def due(self, now_s: float, around: Surroundings) -> Iterable[Request]:
+    def due(self, now_s: float, context: Surroundings) -> Iterable[Request]:
         """Requests to be decided now, the most important first; nothing more is asked once one of them has been answered.
 
         Parameters
         ----------
-        around
-            What is known: `around.ledger` has the robots' visits, `around.crew` robots and tasks, `around.closed` the lanes nobody may use.
+        context
+            `context.ledger` has the robots' visits, `context.crew` robots and tasks, `context.closed` the lanes that nobody may use.
         """
 
-    def answer(self, request: Request, around: Surroundings) -> Replan | None:
+    def answer(self, request: Request, context: Surroundings) -> Replan | None:
         """Ways for robots, from the last visits that they have been granted; None: they go on as they are.
 
-        `around.plan(request)` has them from the planner of the run. Raises PlanError where there are none.
+        `context.plan(request)` has them from the planner of the run. Raises PlanError where there are none.
         """
 
 
 class OneShot:
     """All tasks are there at the start: a plan for all robots at once, and done when each stands where its tasks end."""
 
-    def finished(self, now_s: float, around: Surroundings) -> bool:
+    def finished(self, now_s: float, context: Surroundings) -> bool:
         """See Dispatcher."""
-        visits = around.ledger.visits
-        return bool((visits.reached == visits.last).all() and around.state.home.all() and around.ledger.turned.all())
+        visits = context.ledger.visits
+        return bool((visits.reached == visits.last).all() and context.state.home.all() and context.ledger.turned.all())
 
-    def due(self, now_s: float, around: Surroundings) -> Iterable[Request]:
+    def due(self, now_s: float, context: Surroundings) -> Iterable[Request]:
         """See Dispatcher."""
-        if not around.ledger.entries:
-            yield request_for(now_s, around, range(around.ledger.num_robots), "plan")
+        if not context.ledger.entries:
+            yield request_for(now_s, context, range(context.ledger.num_robots), "plan")
 
-    def answer(self, request: Request, around: Surroundings) -> Replan | None:
+    def answer(self, request: Request, context: Surroundings) -> Replan | None:
         """See Dispatcher."""
-        return around.plan(request)
+        return context.plan(request)
 
 
 def dispatchers() -> tuple[str, ...]:

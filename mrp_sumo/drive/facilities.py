@@ -130,13 +130,15 @@ class FacilityRecorder(Listener):
         self._door_was = np.full((len(self._names[1]), 2), UNKNOWN)
         self._from = facilities.car.copy()  # levels where rides begin
 
-    def hear(self, moment: Moment) -> None:
+    def hear(self, snapshot: Moment) -> None:
         """See Listener."""
         now = self._facilities
         target = np.where(now.mode == _facilities.COMING, now.target, now.car)
         doors, motion = np.where(now.mode == _facilities.CLOSED, 0, OPEN), np.zeros(len(target), np.int64)
         for f in np.flatnonzero((now.mode == _facilities.COMING) | (now.mode == _facilities.TAKEN)).tolist():
-            left_s, target[f] = (now.until_s[f] - moment.now_s, target[f]) if now.mode[f] == _facilities.COMING else self._ride(f, moment)
+            left_s, target[f] = (
+                (now.until_s[f] - snapshot.now_s, target[f]) if now.mode[f] == _facilities.COMING else self._ride(f, snapshot)
+            )
             if now.mode[f] == _facilities.COMING:
                 self._from[f] = now.car[f]
             if left_s > 0:
@@ -148,14 +150,14 @@ class FacilityRecorder(Listener):
         lift = np.stack([now.mode, now.car, target, now.session, doors, motion, runs_for], 1)
         door = np.stack([now.door_mode, np.where(now.door_mode == _facilities.SHUT, _facilities.NOBODY, now.door_robot)], 1)
         for f in np.flatnonzero((lift != self._lift_was).any(1)).tolist():
-            self._lifts.append((moment.now_s, f, *lift[f].tolist()))
+            self._lifts.append((snapshot.now_s, f, *lift[f].tolist()))
         for d in np.flatnonzero((door != self._door_was).any(1)).tolist():
-            self._doors.append((moment.now_s, d, *door[d].tolist()))
+            self._doors.append((snapshot.now_s, d, *door[d].tolist()))
         self._lift_was, self._door_was = lift, door
 
-    def _ride(self, f: int, moment: Moment) -> tuple[float, int]:
+    def _ride(self, f: int, snapshot: Moment) -> tuple[float, int]:
         """How long the ride of who is in a lift still lasts, 0 before and after it, and to which level it leads."""
-        now, ledger = self._facilities, moment.ledger
+        now, ledger = self._facilities, snapshot.ledger
         visits, graph, robot = ledger.visits, ledger.graph, int(now.session[f])
         s_m, k, left_s, level = float(ledger.state.motion.s_m[robot]), int(visits.next[visits.reached[robot]]), 0.0, int(now.car[f])
         begun = graph.is_ride[visits.lane[visits.reached[robot]]] or (k >= 0 and s_m > visits.from_m[k] + AT_STOP_M)

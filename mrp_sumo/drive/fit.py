@@ -38,8 +38,8 @@ def check_lanes(problem: Problem, plan: Plan) -> None:
     elsewhere = np.flatnonzero(plan.vertex[begin] != problem.start)
     if len(elsewhere):
         r = int(elsewhere[0])
-        found, expected = graph.known_as(int(plan.vertex[begin[r]])), graph.known_as(int(problem.start[r]))
-        raise ExecutionError(f"the plan of {names[r]} begins at '{found}', expected its start '{expected}'")
+        begins_at, expected = graph.known_as(int(plan.vertex[begin[r]])), graph.known_as(int(problem.start[r]))
+        raise ExecutionError(f"the plan of {names[r]} begins at '{begins_at}', expected its start '{expected}'")
     missing = lanes_along(graph, plan)[1]
     if missing.any():
         k = int(np.flatnonzero(missing)[0])

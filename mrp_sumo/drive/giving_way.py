@@ -36,62 +36,62 @@ class GivingWay:
     back: IntArray  # resources of its way back
 
 
-def who_gives_way(around: Surroundings, ring: Sequence[int], disturbed: BoolArray, now: float) -> tuple[GivingWay, Reroute] | None:
+def who_gives_way(context: Surroundings, ring: Sequence[int], disturbed: BoolArray, now: float) -> tuple[GivingWay, Reroute] | None:
     """The robot of a ring of waiting ones that gives way, and how; None if nobody can."""
-    for asked in (list(ring), _behind(around.state, ring)):
+    for asked in (list(ring), _behind(context.state, ring)):
         best: tuple[float, int, list[int], tuple[int, ...]] | None = None
         for robot in asked:
-            if disturbed[robot] or not around.stands(robot):
+            if disturbed[robot] or not context.stands(robot):
                 continue
             others = tuple(other for other in ring if other != robot)
-            found = _place(around, robot, others)
-            if found is None:
+            place = _place(context, robot, others)
+            if place is None:
                 continue
-            cost, out = found
+            cost, out = place
             if best is None or (round(cost, 6), -robot) < (round(best[0], 6), -best[1]):
                 best = (cost, robot, out, others)
         if best is not None:
             _, robot, out, others = best
-            return _giving_way(around, robot, others, out, now)
+            return _giving_way(context, robot, others, out, now)
     return None
 
 
-def still_to_pass(around: Surroundings, giving: GivingWay, broken: BoolArray) -> int:
+def still_to_pass(context: Surroundings, giving: GivingWay, broken: BoolArray) -> int:
     """One of the others that is to pass the way back yet, -1: none."""
-    visits = around.ledger.visits
+    visits = context.ledger.visits
     for other in giving.others:
         if broken[other] or visits.next[visits.reached[other]] < 0:
             continue
-        if np.isin(around.still_needed(other), giving.back).any():
+        if np.isin(context.still_needed(other), giving.back).any():
             return other
     return -1
 
 
 def _behind(state: State, ring: Sequence[int]) -> list[int]:
     """Robots that wait for one of the ring, or for one who does, nearest first."""
-    found, known = [], set(ring)
+    behind, known = [], set(ring)
     front = list(ring)
     waits = state.waits.since_s < np.inf
     while front:
         front = [r for r in np.flatnonzero(waits & np.isin(state.grants.other, front)).tolist() if r not in known]
         known.update(front)
-        found += front
-    return found
+        behind += front
+    return behind
 
 
-def _place(around: Surroundings, robot: int, others: tuple[int, ...]) -> tuple[float, list[int]] | None:
+def _place(context: Surroundings, robot: int, others: tuple[int, ...]) -> tuple[float, list[int]] | None:
     """The nearest place in nobody's way: metres, and the vertices from where the robot stands to it."""
-    graph, grants, visits, granted = around.graph, around.state.grants, around.ledger.visits, around.granted(robot)
+    graph, grants, visits, granted = context.graph, context.state.grants, context.ledger.visits, context.granted(robot)
     avoid, goals = np.zeros(len(grants.holder), np.bool_), np.zeros(len(grants.holder), np.bool_)
     for other in others:
-        avoid[around.still_needed(other)] = True
-        goals[around.of_vertex(other, int(visits.vertex[visits.last[other]]))] = True
+        avoid[context.still_needed(other)] = True
+        goals[context.of_vertex(other, int(visits.vertex[visits.last[other]]))] = True
     start = int(visits.vertex[granted])
-    begin = float(in_grains(around.state.motion.s_m[robot] - visits.at_m[granted])) if grants.on_lane[robot] else 0.0
-    if not around.free_for(robot, around.of_vertex(robot, start)):
+    begin = float(in_grains(context.state.motion.s_m[robot] - visits.at_m[granted])) if grants.on_lane[robot] else 0.0
+    if not context.free_for(robot, context.of_vertex(robot, start)):
         return None
     came: dict[int, int] = {}
-    barred = around.barred(robot)
+    barred = context.barred(robot)
     heap = [(begin, start, -1)]
     while heap and len(came) < SEARCHED:
         cost, vertex, before = heapq.heappop(heap)
@@ -100,7 +100,7 @@ def _place(around: Surroundings, robot: int, others: tuple[int, ...]) -> tuple[f
         came[vertex] = before
         if goals[vertex]:
             continue  # it could not come back from beyond
-        if not avoid[around.of_vertex(robot, vertex)].any():
+        if not avoid[context.of_vertex(robot, vertex)].any():
             out = [vertex]
             while (vertex := came[vertex]) >= 0:
                 out.append(vertex)
@@ -108,15 +108,15 @@ def _place(around: Surroundings, robot: int, others: tuple[int, ...]) -> tuple[f
         for lane in range(int(graph.first[vertex]), int(graph.first[vertex + 1])):
             head, back = int(graph.head[lane]), int(graph.reverse[lane])
             usable = head not in came and back >= 0 and not barred[lane] and not grants.claims[back]
-            if usable and around.free_for(robot, around.of_lane(robot, lane)):
+            if usable and context.free_for(robot, context.of_lane(robot, lane)):
                 heapq.heappush(heap, (cost + float(graph.length_m[lane]), head, vertex))
     return None
 
 
-def _giving_way(around: Surroundings, robot: int, others: tuple[int, ...], out: list[int], now: float) -> tuple[GivingWay, Reroute]:
-    graph, ledger, granted = around.graph, around.ledger, around.granted(robot)
+def _giving_way(context: Surroundings, robot: int, others: tuple[int, ...], out: list[int], now: float) -> tuple[GivingWay, Reroute]:
+    graph, ledger, granted = context.graph, context.ledger, context.granted(robot)
     vertex, arrive_s, depart_s = ledger.visits.vertex, ledger.visits.arrive_s, ledger.visits.depart_s
-    turns_back = bool(around.state.grants.on_lane[robot])
+    turns_back = bool(context.state.grants.on_lane[robot])
     there = out if turns_back else out[1:]
     home = out[-2::-1]  # the way back, after the place
     rest = ledger.ids(robot, granted)[1:]
@@ -126,7 +126,7 @@ def _giving_way(around: Surroundings, robot: int, others: tuple[int, ...], out: 
         home, rest = [], rest[1:]
     new = np.array(there + home, np.int64)
     times = np.full(len(new), now)
-    way = Reroute(
+    route = Reroute(
         vertex=np.concatenate([new, vertex[rest]]),
         arrive_s=np.concatenate([times, arrive_s[rest]]),
         depart_s=np.concatenate([times, depart_s[rest]]) if len(rest) else np.append(times[1:], np.inf),
@@ -134,8 +134,8 @@ def _giving_way(around: Surroundings, robot: int, others: tuple[int, ...], out: 
         back=turns_back,
         pause=len(there),
     )
-    passed = [around.of_vertex(robot, v) for v in out[:-1]]
-    passed += [around.of_lane(robot, graph.lane_between(a, b)) for a, b in zip(out[1:], out[:-1])]
+    passed = [context.of_vertex(robot, v) for v in out[:-1]]
+    passed += [context.of_lane(robot, graph.lane_between(a, b)) for a, b in zip(out[1:], out[:-1])]
     back = np.unique(np.concatenate(passed)) if passed else np.zeros(0, np.int64)
-    held = np.isin(back, around.of_vertex(robot, out[-1]))  # needed at the place itself
-    return GivingWay(robot, others, out[-1], now, back[~held]), way
+    held = np.isin(back, context.of_vertex(robot, out[-1]))  # needed at the place itself
+    return GivingWay(robot, others, out[-1], now, back[~held]), route

@@ -154,11 +154,11 @@ class Ledger:
         """[R] vertices that each robot is to pass whatever comes, from the last that it has come to, to where new ways begin."""
         visits, ways = self.visits, []
         for k, end in zip(visits.reached.tolist(), self.joint.tolist()):
-            way = [int(visits.vertex[k])]
+            route = [int(visits.vertex[k])]
             while k != end:
                 k = int(visits.next[k])
-                way.append(int(visits.vertex[k]))
-            ways.append(tuple(way))
+                route.append(int(visits.vertex[k]))
+            ways.append(tuple(route))
         return tuple(ways)
 
     def cut(self, lead_s: float, kinematics: Kinematics, closed: BoolArray, stays: BoolArray) -> None:
@@ -264,13 +264,13 @@ class Ledger:
         since, count = self.visits.rank[joint], np.diff(plan.first) - 1
         self.entries.append(Entry(now_s, replan.reason, replan.text, before[0], self.num_visits, robots, since, count))
         self._face(robots, laid_out.heading_rad[plan.first[:-1]], np.diff(plan.first) > 1)
-        self._turn_back([r for r, way in zip(robots.tolist(), ways) if way.back])
+        self._turn_back([r for r, route in zip(robots.tolist(), ways) if route.back])
         self._take_over_joints(laid_out, ids, departure.back_lane >= 0)
         for r, visits in new.items():
             self._link(r, int(joints[r]), visits)
         self._keep_order(policy, live, at, schedule)
-        for r, way in zip(robots.tolist(), ways):
-            self._set_out_anew(r, way, now_s)
+        for r, route in zip(robots.tolist(), ways):
+            self._set_out_anew(r, route, now_s)
         for r, vertex in replan.ends.items():
             self.end_of_tasks[r] = vertex
         self.state.home[:] = self.visits.vertex[self.visits.last] == self.end_of_tasks
@@ -394,8 +394,8 @@ class Ledger:
         """Append the fresh visits with their needs. Returns [N] the ids of the plan's visits, where fresh."""
         plan, needs = laid_out.plan, laid_out.needs
         begin, count = self.num_visits, int(fresh.sum())
-        kept = fresh[needs.visit]
-        need_begin, need_count = self.num_needs, int(kept.sum())
+        needed = fresh[needs.visit]
+        need_begin, need_count = self.num_needs, int(needed.sum())
         self._make_room(begin + count, need_begin + need_count)
         part = slice(begin, begin + count)
         visits = self.visits
@@ -406,9 +406,9 @@ class Ledger:
         of_visit = np.bincount(needs.visit, minlength=plan.num_visits)[fresh]
         self.needs.first[begin + 1 : begin + count + 1] = need_begin + np.cumsum(of_visit)
         part = slice(need_begin, need_begin + need_count)
-        self.needs.resource[part] = needs.resource[kept]
-        self.needs.on_lane[part] = needs.on_lane[kept]
-        self.needs.left_at_m[part] = laid_out.left_at_m[kept]
+        self.needs.resource[part] = needs.resource[needed]
+        self.needs.on_lane[part] = needs.on_lane[needed]
+        self.needs.left_at_m[part] = laid_out.left_at_m[needed]
         self.num_visits, self.num_needs = begin + count, need_begin + need_count
         ids: IntArray = begin + np.cumsum(fresh) - 1
         return ids
@@ -430,20 +430,20 @@ class Ledger:
         visits, reached, granted = self.visits, self.visits.reached, self.visits.granted
         ids, granted_already, not_granted, leaves, first = [], [], [], [], [0]
         for r in range(self.num_robots):
-            way = self.ids(r, int(reached[r]))
+            route = self.ids(r, int(reached[r]))
             if r in new:
-                ranks = visits.rank[way]
-                kept = way[: int(np.searchsorted(ranks, visits.rank[joints[r]])) + 1]
+                ranks = visits.rank[route]
+                begun = route[: int(np.searchsorted(ranks, visits.rank[joints[r]])) + 1]
                 num_granted = int(np.searchsorted(ranks, visits.rank[granted[r]])) + 1
-                way = np.concatenate([kept, new[r]])
-                granted_already.append(np.arange(len(way)) < num_granted)
-                not_granted.append((np.arange(len(way)) >= num_granted) & (np.arange(len(way)) < len(kept)))
-                leaves.append((first[-1] + len(kept) - 1, leave_s[r]))
+                route = np.concatenate([begun, new[r]])
+                granted_already.append(np.arange(len(route)) < num_granted)
+                not_granted.append((np.arange(len(route)) >= num_granted) & (np.arange(len(route)) < len(begun)))
+                leaves.append((first[-1] + len(begun) - 1, leave_s[r]))
             else:
-                granted_already.append(np.zeros(len(way), np.bool_))
-                not_granted.append(np.zeros(len(way), np.bool_))
-            ids.append(way)
-            first.append(first[-1] + len(way))
+                granted_already.append(np.zeros(len(route), np.bool_))
+                not_granted.append(np.zeros(len(route), np.bool_))
+            ids.append(route)
+            first.append(first[-1] + len(route))
         at, before = np.concatenate(ids), np.concatenate(granted_already)
         arrive_s = np.where(before, before_s, visits.arrive_s[at])
         depart_s = np.where(before, before_s, visits.depart_s[at])
@@ -467,14 +467,14 @@ class Ledger:
         begin, end = self.needs.first[ids], self.needs.first[ids + 1]
         count = end - begin
         needs = np.repeat(begin - np.cumsum(count) + count, count) + np.arange(int(count.sum()))
-        kept = ~self.needs.freed[needs]
-        left = np.bincount(np.repeat(np.arange(len(ids)), count)[kept], minlength=len(ids))
-        return np.concatenate([[0], np.cumsum(left)]).astype(np.int64), needs[kept]
+        needed = ~self.needs.freed[needs]
+        left = np.bincount(np.repeat(np.arange(len(ids)), count)[needed], minlength=len(ids))
+        return np.concatenate([[0], np.cumsum(left)]).astype(np.int64), needs[needed]
 
     def _plan_needs(self, ids: IntArray) -> Needs:
         """What some visits still need, as policies see it."""
-        first, kept = self._needs_of(ids)
-        return Needs(frozen(first), self.needs.resource[kept], self.needs.on_lane[kept], len(self.state.grants.holder))
+        first, needed = self._needs_of(ids)
+        return Needs(frozen(first), self.needs.resource[needed], self.needs.on_lane[needed], len(self.state.grants.holder))
 
     def _keep_order(self, policy: Policy, plan: Plan, ids: IntArray, schedule: Schedule | None) -> None:
         """Let the visits that are still to be made be driven as the policy says."""
@@ -498,7 +498,7 @@ class Ledger:
         """From where these robots leave the last visits that they have been granted."""
         visits, motion = self.visits, self.state.motion
         stands = self.visits.reached[robots] == joint
-        back, turned = np.array([way.back for way in ways], np.bool_), self.is_driving_back[robots]
+        back, turned = np.array([route.back for route in ways], np.bool_), self.is_driving_back[robots]
         ahead = np.where(back | turned, visits.next[joint], joint)  # a last visit has no next one, and no lane to it
         lane = np.where(back, self.graph.reverse[visits.lane[ahead]], np.where(turned, visits.lane[ahead], -1))
         return Departure(
@@ -555,13 +555,13 @@ class Ledger:
         visits.rank[new] = visits.rank[joint] + 1 + np.arange(len(new))
         self.visits.last[robot] = new[-1] if len(new) else joint
 
-    def _set_out_anew(self, robot: int, way: Reroute, now_s: float) -> None:
+    def _set_out_anew(self, robot: int, route: Reroute, now_s: float) -> None:
         """What a robot waited for is over; it asks again on its new way."""
         granted, yielding, grants = int(self.visits.granted[robot]), self.state.yielding, self.state.grants
-        yielding.gives_way[robot], yielding.pause_for[robot] = way.pause >= 0, -1
-        yielding.pause[robot] = self.visits.rank[granted] + way.pause if way.pause >= 0 else NEVER
+        yielding.gives_way[robot], yielding.pause_for[robot] = route.pause >= 0, -1
+        yielding.pause[robot] = self.visits.rank[granted] + route.pause if route.pause >= 0 else NEVER
         s_m = float(self.state.motion.s_m[robot])
-        if way.back:
+        if route.back:
             behind = int(self.visits.next[granted])
             _grants.turn_back(grants, robot, s_m, int(self.visits.lane[behind]), self._resources_of(behind))
         _grants.ask_anew(grants, robot, granted)
@@ -607,13 +607,13 @@ def _at_starts(start: IntArray) -> Plan:
 
 def _from_joints(ways: Sequence[Reroute], vertex: IntArray, now_s: float) -> Plan:
     """The plan of K robots that leave the vertices [K] of their joints."""
-    first = np.cumsum([0] + [len(way.vertex) + 1 for way in ways])
+    first = np.cumsum([0] + [len(route.vertex) + 1 for route in ways])
     before = now_s - 1.0
     return Plan(
         first=frozen(first.astype(np.int64)),
-        vertex=frozen(np.concatenate([part for v, way in zip(vertex.tolist(), ways) for part in ([v], way.vertex)]).astype(np.int64)),
-        arrive_s=frozen(np.concatenate([part for way in ways for part in ([before], way.arrive_s)]).astype(np.float64)),
-        depart_s=frozen(np.concatenate([part for way in ways for part in ([way.leave_s], way.depart_s)]).astype(np.float64)),
+        vertex=frozen(np.concatenate([part for v, route in zip(vertex.tolist(), ways) for part in ([v], route.vertex)]).astype(np.int64)),
+        arrive_s=frozen(np.concatenate([part for route in ways for part in ([before], route.arrive_s)]).astype(np.float64)),
+        depart_s=frozen(np.concatenate([part for route in ways for part in ([route.leave_s], route.depart_s)]).astype(np.float64)),
     )
 
 

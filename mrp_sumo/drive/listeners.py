@@ -47,7 +47,7 @@ class Listener:
 
     is_patient = False  # content to hear of what happens, and else every ten simulated seconds: other steps may be taken together
 
-    def hear(self, moment: Moment) -> None:
+    def hear(self, snapshot: Moment) -> None:
         """Take note of a step that has passed."""
 
     def interventions(self, now_s: float) -> Sequence[Intervention]:
@@ -74,11 +74,11 @@ class Recorder(Listener):
         self._levels = levels
         self._columns = tuple(SpooledTemporaryFile(max_size=IN_MEMORY) for _ in range(4 + levels))  # noqa: SIM115 they are read at the end
 
-    def hear(self, moment: Moment) -> None:
+    def hear(self, snapshot: Moment) -> None:
         """See Listener."""
-        if not moment.is_sample:
+        if not snapshot.is_sample:
             return
-        motion, row = moment.ledger.state.motion, self.room(moment.ledger)[0]
+        motion, row = snapshot.ledger.state.motion, self.room(snapshot.ledger)[0]
         row[0], row[1], row[2] = motion.s_m, motion.yaw_rad, motion.speed_mps
         self.add(1)
 
@@ -183,9 +183,9 @@ class EventLog(Listener):
 
     events: list[Event] = field(default_factory=list)
 
-    def hear(self, moment: Moment) -> None:
+    def hear(self, snapshot: Moment) -> None:
         """See Listener."""
-        self.events += moment.events
+        self.events += snapshot.events
 
 
 class GrantRecorder(Listener):
@@ -195,13 +195,13 @@ class GrantRecorder(Listener):
         self.known = np.full(num_robots, -1, np.int64)  # twice the rank of the last visit granted, one more where its next lane is entered
         self._rows: list[tuple[FloatArray, IntArray, IntArray]] = []
 
-    def hear(self, moment: Moment) -> None:
+    def hear(self, snapshot: Moment) -> None:
         """See Listener."""
-        visits = moment.ledger.visits
-        granted = 2 * visits.rank[visits.granted] + moment.ledger.state.grants.on_lane
+        visits = snapshot.ledger.visits
+        granted = 2 * visits.rank[visits.granted] + snapshot.ledger.state.grants.on_lane
         more = np.flatnonzero(granted != self.known)
         if len(more):
-            self.add(np.full(len(more), moment.now_s), more, granted[more])
+            self.add(np.full(len(more), snapshot.now_s), more, granted[more])
             self.known[more] = granted[more]
 
     def add(self, t_s: FloatArray, robot: IntArray, granted: IntArray) -> None:
@@ -228,16 +228,16 @@ class Witness(Listener):
         """The time of the next sample that is compared, at the earliest."""
         return len(self.t_s) * COMPARE_EVERY_S
 
-    def hear(self, moment: Moment) -> None:
+    def hear(self, snapshot: Moment) -> None:
         """See Listener."""
-        if moment.is_sample and (moment.is_last or moment.now_s >= self.due_s):
-            visits, graph = moment.ledger.visits, moment.ledger.graph
-            xy_m = moment.bodies.positions()
+        if snapshot.is_sample and (snapshot.is_last or snapshot.now_s >= self.due_s):
+            visits, graph = snapshot.ledger.visits, snapshot.ledger.graph
+            xy_m = snapshot.bodies.positions()
             if graph.is_ride.any():
                 ahead = visits.next[visits.reached]
                 for lane in (np.where(ahead >= 0, visits.lane[ahead], -1), visits.lane[visits.reached]):  # of who stands just before a stop
                     xy_m[(lane >= 0) & graph.is_ride[lane]] = np.nan
-            self.t_s.append(moment.now_s)
+            self.t_s.append(snapshot.now_s)
             self.xy_m.append(xy_m)
 
 
@@ -249,8 +249,8 @@ class ProgressReport(Listener):
     due_s: float = 1.0
     is_patient = True
 
-    def hear(self, moment: Moment) -> None:
+    def hear(self, snapshot: Moment) -> None:
         """See Listener."""
-        if moment.now_s >= self.due_s and not moment.is_last:
-            self.due_s = math.floor(moment.now_s) + 1.0
-            self.report(moment.now_s, int(np.isfinite(moment.ledger.state.waits.goal_s).sum()))
+        if snapshot.now_s >= self.due_s and not snapshot.is_last:
+            self.due_s = math.floor(snapshot.now_s) + 1.0
+            self.report(snapshot.now_s, int(np.isfinite(snapshot.ledger.state.waits.goal_s).sum()))

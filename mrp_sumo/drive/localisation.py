@@ -29,10 +29,10 @@ def believed_poses(x_m: FloatArray, y_m: FloatArray, yaw_rad: FloatArray, period
     """
     rng = np.random.default_rng([seed, LOCALISATION])
     error = rng.normal(size=(len(x_m), 3, x_m.shape[1]))
-    kept = np.exp(-period_s / what.localisation_tau_s) if what.localisation_tau_s else 0.0
-    if kept:
+    share = np.exp(-period_s / what.localisation_tau_s) if what.localisation_tau_s else 0.0
+    if share:
         for k in range(1, len(error)):
-            error[k] = kept * error[k - 1] + np.sqrt(1 - kept**2) * error[k]
+            error[k] = share * error[k - 1] + np.sqrt(1 - share**2) * error[k]
     error *= np.array([what.localisation_m, what.localisation_m, what.localisation_rad])[:, None]
     poses: FloatArray = np.stack((x_m, y_m, yaw_rad)) + error.transpose(1, 0, 2)
     poses[2] = (poses[2] + np.pi) % (2 * np.pi) - np.pi

@@ -90,23 +90,23 @@ def simulate(
     """
     policy = policy_of(settings.policy, settings.policy_parameters)
     ledger = Ledger(problem, resources_for(problem, plan))
-    around = Bystanders(settings.people, problem.graph, problem.fleet)
-    world = World(problem, settings, facilities_of(problem.graph, ledger.resources), around.seen)
+    bystanders = Bystanders(settings.people, problem.graph, problem.fleet)
+    world = World(problem, settings, facilities_of(problem.graph, ledger.resources), bystanders.seen)
     work = dispatcher_of(settings.dispatcher, settings.dispatcher_parameters)
     # a plan in steps lets robots be early, one with the times of real motion does not
     controller = Controller(ledger, policy, settings, paced=as_planned_in_steps(plan, problem.step_s) is plan)
     recovery = Recovery(ledger, world, settings)
-    drive = Drive(settings, ledger, world, controller, work, recovery, policy, plan, around, listeners)
+    drive = Drive(settings, ledger, world, controller, work, recovery, policy, plan, bystanders, listeners)
     drive.set_out()
     only_first = type(work) is OneShot and settings.on_deadlock != "resolve"  # nobody is ever sent another way
     ways = (plan.vertex, lanes_along(problem.graph, plan)[0]) if only_first else None
-    with closing(Records(problem, world, around)) as records:
+    with closing(Records(problem, world, bystanders)) as records:
         with engine or _engine(problem, settings, network, gui, ways) as bodies:
             bodies.place(ledger.visits)
-            shown = [PeopleInGui(around.crowd)] if gui and around.crowd is not None else []
+            shown = [PeopleInGui(bystanders.crowd)] if gui and bystanders.crowd is not None else []
             alone = isinstance(bodies, KinematicEngine) and records.few and not (shown or engine)
             alone = alone and all(listener.is_patient for listener in listeners)
-            drive.run(DriveCycle(world, controller, bodies, around), records, [*listeners, *shown], alone=alone)
+            drive.run(DriveCycle(world, controller, bodies, bystanders), records, [*listeners, *shown], alone=alone)
         return _execution(drive, plan, records)
 
 
@@ -173,8 +173,8 @@ class Drive:
             fleet, period_s = self.ledger.problem.fleet, settings.steps_per_sample * settings.step_length_s
             self.batteries = Batteries(settings.batteries, fleet.kind, settings.start_level, settings.seed, period_s)
             self._most_per_s = self.batteries.most_per_s(fleet)
-        self.around = Surroundings(self.ledger, self.world, self.tasks, self._plan)
-        self.rolling = Rolling(self.settings, self.around, self.work, self.controller.kinematics)
+        self.context = Surroundings(self.ledger, self.world, self.tasks, self._plan)
+        self.rolling = Rolling(self.settings, self.context, self.work, self.controller.kinematics)
         self._reported: set[str] = set()  # why there was no plan
         self._tape: Tape | None = None  # room for what is kept of steps that nobody is shown
 
@@ -187,8 +187,8 @@ class Drive:
             When the policy keeps an order and the plan's cannot be kept.
         """
         first = OneShot()
-        for request in first.due(0.0, self.around):
-            answer = first.answer(request, self.around)
+        for request in first.due(0.0, self.context):
+            answer = first.answer(request, self.context)
             if answer is not None:
                 self.ledger.append(answer, self.controller.policy, 0.0)
 
@@ -214,10 +214,10 @@ class Drive:
             if is_last:
                 self._close()
             about = self.ledger, self.events, self.crew, self.world.facilities
-            moment = Moment(cycle.step, cycle.now_s, is_sample, is_last, cycle.bodies, *about)
+            snapshot = Moment(cycle.step, cycle.now_s, is_sample, is_last, cycle.bodies, *about)
             self.events = []
             for listener in hear:
-                listener.hear(moment)
+                listener.hear(snapshot)
             if is_last:
                 break
             if self.ledger.is_full:
@@ -247,7 +247,7 @@ class Drive:
 
     def _go_on(self, records: Records) -> None:
         """Take steps as long as nothing happens in them."""
-        if self.outcome is not Outcome.TIME_LIMIT or self.work.finished(self.now_s, self.around):
+        if self.outcome is not Outcome.TIME_LIMIT or self.work.finished(self.now_s, self.context):
             return
         settings, cycle, dt = self.settings, self.cycle, self.settings.step_length_s
         row = records.samples.room(self.ledger)
@@ -331,7 +331,7 @@ class Drive:
         if any(listener.wants_end() for listener in self.listeners):
             self.outcome = Outcome.INTERRUPTED
             return True
-        if all(dispatcher.finished(self.now_s, self.around) for dispatcher in (self.work, self.recovery)):
+        if all(dispatcher.finished(self.now_s, self.context) for dispatcher in (self.work, self.recovery)):
             self.outcome = Outcome.COMPLETED
             return True
         if self.now_s < self.settings.time_limit_s - 1e-9:
@@ -359,11 +359,11 @@ class Drive:
 
     def _dispatch(self, bodies: Engine) -> bool:
         """Report new deadlocks and final blockings, and send robots that do not get on other ways. Returns whether any were sent."""
-        found = self.recovery.watch.look(self.ledger.state)
-        self.events += [self.controller.deadlock(self.now_s, cycle) for cycle in found]
+        cycles = self.recovery.watch.look(self.ledger.state)
+        self.events += [self.controller.deadlock(self.now_s, cycle) for cycle in cycles]
         blocked = self.recovery.finally_blocked(self.now_s) if self.settings.on_deadlock != "resolve" else []
         self.events += blocked
-        if (found or blocked) and self.settings.on_deadlock == "stop":
+        if (cycles or blocked) and self.settings.on_deadlock == "stop":
             self.outcome = Outcome.DEADLOCK
         sent = self._send_others(bodies)
         self.events += self.recovery.drain()
@@ -374,7 +374,7 @@ class Drive:
         if self.settings.tasks:
             self._update_tasks()
         sent = self._deliver(bodies)
-        for request in () if sent else self.recovery.due(self.now_s, self.around):
+        for request in () if sent else self.recovery.due(self.now_s, self.context):
             answer = self._answer(self.recovery, request)
             if answer is not None and self._append(answer, bodies):
                 self.rolling.drop(self.now_s, failed=False)
@@ -401,7 +401,7 @@ class Drive:
         if answer is None:
             return False
         if answer.ways is not None and isinstance(answer.request, WorkRequest):
-            moved = {r for r, way in answer.ways.reroute.items() if len(way.vertex)}
+            moved = {r for r, route in answer.ways.reroute.items() if len(route.vertex)}
             if not still_fits(self.crew, answer.request, moved):
                 self.rolling.drop(self.now_s, failed=False)
                 return False
@@ -419,7 +419,7 @@ class Drive:
 
     def _answer(self, dispatcher: Dispatcher, request: Request) -> Replan | None:
         try:
-            return dispatcher.answer(request, self.around)
+            return dispatcher.answer(request, self.context)
         except PlanError as error:  # robots go on as they are
             self._report(str(error))
             return None

@@ -87,9 +87,9 @@ def motion_plan(graph: NavGraph, resources: Resources, plan: Plan, departure: De
     needs = needs_of(graph, plan, lane, resources, kind)
     left_at = left_after_m(graph, resources, Course(plan, lane, from_m, at_m, stretch, kind), needs)
     if len(needless):
-        kept = ~np.isin(needs.visit, last[needless])
-        first = np.searchsorted(needs.visit[kept], np.arange(plan.num_visits + 1)).astype(np.int64)
-        needs, left_at = Needs(frozen(first), needs.resource[kept], needs.on_lane[kept], needs.num_resources), left_at[kept]
+        needed = ~np.isin(needs.visit, last[needless])
+        first = np.searchsorted(needs.visit[needed], np.arange(plan.num_visits + 1)).astype(np.int64)
+        needs, left_at = Needs(frozen(first), needs.resource[needed], needs.on_lane[needed], needs.num_resources), left_at[needed]
     short_of = _short_of(resources, lane, from_m, at_m, stretch, np.repeat(kind, np.diff(plan.first)))
     return MotionPlan(plan, lane, from_m, at_m, heading, turns, short_of, needs, left_at)
 

@@ -26,27 +26,27 @@ class OutsideDispatcher:
     def __init__(self, dispatcher: Any, source: Source) -> None:
         self._dispatcher, self._source = dispatcher, source
 
-    def finished(self, now_s: float, around: Surroundings) -> bool:
+    def finished(self, now_s: float, context: Surroundings) -> bool:
         """See `Dispatcher`."""
-        return bool(self._guarded(self._dispatcher.finished, now_s, around))
+        return bool(self._guarded(self._dispatcher.finished, now_s, context))
 
-    def due(self, now_s: float, around: Surroundings) -> Iterable[Request]:
+    def due(self, now_s: float, context: Surroundings) -> Iterable[Request]:
         """See `Dispatcher`."""
-        found = self._guarded(lambda: tuple(self._dispatcher.due(now_s, around)))
-        odd = next((type(each).__name__ for each in found if not isinstance(each, Request)), "")
+        requests = self._guarded(lambda: tuple(self._dispatcher.due(now_s, context)))
+        odd = next((type(each).__name__ for each in requests if not isinstance(each, Request)), "")
         if odd:
             raise DispatcherError(f"{place_of(self._dispatcher.due)}: due() gave {odd}, expected a Request")
-        return tuple(found)
+        return tuple(requests)
 
-    def answer(self, request: Request, around: Surroundings) -> Replan | None:
+    def answer(self, request: Request, context: Surroundings) -> Replan | None:
         """See `Dispatcher`."""
-        found = self._guarded(self._dispatcher.answer, request, around)
-        if found is None:
+        reply = self._guarded(self._dispatcher.answer, request, context)
+        if reply is None:
             return None
-        wrong = f"returned {type(found).__name__}, expected a Replan or None" if not isinstance(found, Replan) else fault(found, around)
+        wrong = f"returned {type(reply).__name__}, expected a Replan or None" if not isinstance(reply, Replan) else fault(reply, context)
         if wrong:
             raise DispatcherError(f"{place_of(self._dispatcher.answer)}: answer() {wrong}")
-        return found  # type: ignore[no-any-return]
+        return reply  # type: ignore[no-any-return]
 
     def _guarded(self, call: Callable[..., Any], *arguments: Any) -> Any:
         try:
@@ -58,36 +58,36 @@ class OutsideDispatcher:
             raise DispatcherError(str(wrong), details=wrong.details) from error
 
 
-def fault(reply: Replan, around: Surroundings) -> str:
+def fault(reply: Replan, context: Surroundings) -> str:
     """Fault of a reply, '' if it can be driven."""
-    names = around.ledger.problem.fleet.robot_name
-    for robot, way in reply.reroute.items():
+    names = context.ledger.problem.fleet.robot_name
+    for robot, route in reply.reroute.items():
         if not isinstance(robot, int | np.integer) or not 0 <= robot < len(names):
             return f"sends robot {robot!r}, expected 0 to {len(names) - 1}"
-        if not isinstance(way, Reroute):
-            return f"sends {names[robot]} by {type(way).__name__}, expected a Reroute"
-        if wrong := _fault_of_way(way, around, robot):
+        if not isinstance(route, Reroute):
+            return f"sends {names[robot]} by {type(route).__name__}, expected a Reroute"
+        if wrong := _fault_of_way(route, context, robot):
             return f"sends {names[robot]} {wrong}"
     return ""
 
 
-def _fault_of_way(way: Reroute, around: Surroundings, robot: int) -> str:
-    graph = around.graph
-    vertex, times = np.asarray(way.vertex), [np.asarray(way.arrive_s), np.asarray(way.depart_s)]
+def _fault_of_way(route: Reroute, context: Surroundings, robot: int) -> str:
+    graph = context.graph
+    vertex, times = np.asarray(route.vertex), [np.asarray(route.arrive_s), np.asarray(route.depart_s)]
     if vertex.ndim != 1 or (len(vertex) and vertex.dtype.kind not in "iu") or any(t.shape != vertex.shape for t in times):
         return "by arrays that are not one vertex, one arrival and one departure for each visit"
-    if any(np.isnan(t).any() for t in times) or np.isnan(way.leave_s):
+    if any(np.isnan(t).any() for t in times) or np.isnan(route.leave_s):
         return "at times that are no times"
     outside = (vertex < 0) | (vertex >= graph.num_vertices)
     if outside.any():
         return f"to vertex {int(vertex[outside][0])}, which does not exist"
-    before = int(around.ledger.visits.vertex[around.granted(robot)])
-    if around.ledger.is_driving_back[robot]:
+    before = int(context.ledger.visits.vertex[context.granted(robot)])
+    if context.ledger.is_driving_back[robot]:
         if not len(vertex) or int(vertex[0]) != before:
             return f"elsewhere than back to '{graph.known_as(before)}', to which it has turned round on its lane"
         vertex = vertex[1:]
-    elif way.back:
-        if not len(vertex) or int(vertex[0]) != before or not around.state.grants.on_lane[robot]:
+    elif route.back:
+        if not len(vertex) or int(vertex[0]) != before or not context.state.grants.on_lane[robot]:
             return "back on a lane on which it does not stand"
         vertex = vertex[1:]
     for v in vertex.tolist():

@@ -27,40 +27,42 @@ class OutsidePolicy:
 
     def __getattr__(self, name: str) -> Any:
         """Attributes as they are, methods guarded."""
-        found = getattr(self._policy, name)
-        return self._guarded(found) if callable(found) else found
+        answer = getattr(self._policy, name)
+        return self._guarded(answer) if callable(answer) else answer
 
     def order(self, problem: Problem, plan: Plan, needs: Needs) -> Schedule | None:
         """See `Policy`."""
-        found = self._guarded(self._policy.order)(problem, plan, needs)
-        if found is None and not self._policy.keeps_order:
+        answer = self._guarded(self._policy.order)(problem, plan, needs)
+        if answer is None and not self._policy.keeps_order:
             return None
-        return self._checked(found, self._policy.order, plan, needs)
+        return self._checked(answer, self._policy.order, plan, needs)
 
     def earliest_s(self, plan: Plan) -> FloatArray:
         """See `Policy`."""
-        found = np.asarray(self._guarded(self._policy.earliest_s)(plan))
-        if found.shape != (plan.num_visits,) or found.dtype.kind not in "iuf" or np.isnan(found).any():
+        answer = np.asarray(self._guarded(self._policy.earliest_s)(plan))
+        if answer.shape != (plan.num_visits,) or answer.dtype.kind not in "iuf" or np.isnan(answer).any():
             raise PlugInError(
-                f"{place_of(self._policy.earliest_s)}: earliest_s() returned an array of shape {list(found.shape)} and {found.dtype}, "
+                f"{place_of(self._policy.earliest_s)}: earliest_s() returned an array of shape {list(answer.shape)} and {answer.dtype}, "
                 f"expected a time in s for each of the {plan.num_visits} visits"
             )
-        return frozen(found.astype(np.float64))
+        return frozen(answer.astype(np.float64))
 
     def decide(self, problem: Problem, plan: LivePlan, needs: Needs, now_s: float) -> Schedule | None:
         """See `DecidingPolicy`."""
-        found = self._guarded(self._policy.decide)(problem, plan, needs, now_s)
-        return None if found is None else self._checked(found, self._policy.decide, plan, needs)
+        answer = self._guarded(self._policy.decide)(problem, plan, needs, now_s)
+        return None if answer is None else self._checked(answer, self._policy.decide, plan, needs)
 
-    def _checked(self, found: Any, method: Callable[..., Any], plan: Plan, needs: Needs) -> Schedule:
+    def _checked(self, answer: Any, method: Callable[..., Any], plan: Plan, needs: Needs) -> Schedule:
         """The answer of a method as a schedule that kernels can drive by."""
         wrong = (
-            "" if isinstance(found, Schedule) else f"returned {type(found).__name__}, expected a Schedule, since the policy keeps an order"
+            ""
+            if isinstance(answer, Schedule)
+            else f"returned {type(answer).__name__}, expected a Schedule, since the policy keeps an order"
         )
-        wrong = wrong or _fault(found, plan, needs)
+        wrong = wrong or _fault(answer, plan, needs)
         if wrong:
             raise PlugInError(f"{place_of(method)}: {method.__name__}() {wrong}")
-        return Schedule(**{name: frozen(np.asarray(value, np.int64)) for name, value in vars(found).items()})
+        return Schedule(**{name: frozen(np.asarray(value, np.int64)) for name, value in vars(answer).items()})
 
     def _guarded(self, method: Callable[..., Any]) -> Callable[..., Any]:
         def call(*arguments: Any) -> Any:

@@ -161,14 +161,14 @@ def _stretches(graph: PlanGraph) -> IntArray:
 class PeopleRecorder(Listener):
     """Keeps where people are."""
 
-    around: Bystanders
+    bystanders: Bystanders
     counts: list[int] = field(default_factory=lambda: [0])
     rows: list[tuple[Any, ...]] = field(default_factory=list)
 
-    def hear(self, moment: Moment) -> None:
+    def hear(self, snapshot: Moment) -> None:
         """See Listener."""
-        crowd = self.around.crowd
-        if moment.is_sample and crowd is not None:
+        crowd = self.bystanders.crowd
+        if snapshot.is_sample and crowd is not None:
             who, n = crowd.walkers, crowd.count
             order = np.argsort(who.person[:n], kind="stable")
             self.rows.append(tuple(column[:n][order].astype(kind) for column, kind in zip((who.person, who.x_m, who.y_m), KINDS)))
@@ -176,12 +176,12 @@ class PeopleRecorder(Listener):
 
     def log(self, graph: PlanGraph) -> PeopleLog | None:
         """All of it."""
-        crowd, seen = self.around.crowd, self.around.seen
+        crowd, seen = self.bystanders.crowd, self.bystanders.seen
         if crowd is None:
             return None
         none = tuple(np.zeros(0, kind) for kind in KINDS)
         person, x_m, y_m = (np.concatenate([none[k], *(row[k] for row in self.rows)]) for k in range(3))
-        stops = sorted(self.around.stops, key=lambda stop: (stop[1], stop[0]))
+        stops = sorted(self.bystanders.stops, key=lambda stop: (stop[1], stop[0]))
         robot, since_s, duration_s, moved = (np.array([stop[k] for stop in stops]) for k in range(4))
         level = np.zeros(len(crowd.waited_s), np.int64)
         if len(graph.level_names) > 1 and len(person):
@@ -217,10 +217,10 @@ class PeopleInGui(Listener):
 
     crowd: Crowd
 
-    def hear(self, moment: Moment) -> None:
+    def hear(self, snapshot: Moment) -> None:
         """See Listener."""
         who, n = self.crowd.walkers, self.crowd.count
-        cast(SumoEngine, moment.bodies).show_people(np.stack([who.x_m[:n], who.y_m[:n]], 1), BODY_M)
+        cast(SumoEngine, snapshot.bodies).show_people(np.stack([who.x_m[:n], who.y_m[:n]], 1), BODY_M)
 
 
 KINDS = np.int32, np.float32, np.float32  # of person, x, y

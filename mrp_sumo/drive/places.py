@@ -286,9 +286,9 @@ def _without(graph: PlanGraph, vertices: set[int], *, tails: bool = False) -> tu
         return graph.first, graph.head
     barred = np.zeros(graph.num_vertices, np.bool_)
     barred[list(vertices)] = True
-    kept = ~(barred[graph.head] | barred[graph.tail]) if tails else ~barred[graph.head]
-    count = np.bincount(graph.tail[kept], minlength=graph.num_vertices)
-    return np.concatenate([[0], np.cumsum(count)]).astype(np.int64), graph.head[kept]
+    open_lanes = ~(barred[graph.head] | barred[graph.tail]) if tails else ~barred[graph.head]
+    count = np.bincount(graph.tail[open_lanes], minlength=graph.num_vertices)
+    return np.concatenate([[0], np.cumsum(count)]).astype(np.int64), graph.head[open_lanes]
 
 
 def _outwards(graph: PlanGraph, start: int) -> Iterator[int]:

@@ -52,7 +52,7 @@ class Recovery:
         self._cut_off = False  # a robot waits for a lane to open
         self._num_closed = 0
 
-    def finished(self, now_s: float, around: Surroundings) -> bool:
+    def finished(self, now_s: float, context: Surroundings) -> bool:
         """It has no work of its own."""
         return True
 
@@ -79,42 +79,42 @@ class Recovery:
         vertex = int(self.ledger.visits.vertex[state.grants.wanted[robot]])
         return Event(now_s, "blocked_for_good", robot, vertex, other, 0.0, f"{behind}, which {why}")
 
-    def due(self, now_s: float, around: Surroundings) -> Iterator[Request]:
+    def due(self, now_s: float, context: Surroundings) -> Iterator[Request]:
         """See Dispatcher; the mildest first."""
         if self.settings.on_deadlock != "resolve":
             return
-        self._let_go(now_s, around)
+        self._let_go(now_s, context)
         state, keeps_order = self.ledger.state, len(self.ledger.needs.passing) > 0
         barred = self._barred(now_s)
         self._ring_since = {ring: self._ring_since.get(ring, now_s) for ring in sorted(self.watch.known)}
         if self.settings.recovery.give_way and not keeps_order:
             for ring in self._ring_since:
                 if self._asked[frozenset(ring)] < SAME_RING:
-                    yield request_for(now_s, around, ring, GIVE_WAY)
+                    yield request_for(now_s, context, ring, GIVE_WAY)
         patience_s = self.settings.recovery.patience_s
         stuck = state.waits.stuck & (now_s - state.waits.mark_s >= patience_s)
         late = np.flatnonzero(barred | (stuck & self._for_good(barred))).tolist()
         if late and not keeps_order:
-            yield request_for(now_s, around, late, DETOUR)
+            yield request_for(now_s, context, late, DETOUR)
         opened = self._cut_off and np.count_nonzero(self.world.closed) < self._num_closed
         old = any(now_s - since >= patience_s for since in self._ring_since.values())
         if self.settings.recovery.replanner and (late or old or opened) and now_s >= self._again_s:
-            yield request_for(now_s, around, range(self.ledger.num_robots), REPLAN)
+            yield request_for(now_s, context, range(self.ledger.num_robots), REPLAN)
 
-    def answer(self, request: Request, around: Surroundings) -> Replan | None:
+    def answer(self, request: Request, context: Surroundings) -> Replan | None:
         """See Dispatcher."""
         now_s, robots = request.now_s, tuple(request.robot.tolist())
         if request.reason == GIVE_WAY:
-            return self._give_way(now_s, robots, around)
+            return self._give_way(now_s, robots, context)
         if request.reason == DETOUR:
-            return self._drive_around(now_s, robots, around)
+            return self._drive_around(now_s, robots, context)
         try:
-            found = situation(now_s, around, self.world.broken | around.crew.serving, self.ledger.end_of_tasks)
-            answer = replan(found, around, self.settings.recovery.replanner or "", {}, AnswerLimits())
+            standing = situation(now_s, context, self.world.broken | context.crew.serving, self.ledger.end_of_tasks)
+            answer = replan(standing, context, self.settings.recovery.replanner or "", {}, AnswerLimits())
         except PlanError as error:
             self.refused(error, now_s)
             return None
-        self._cut_off_then = bool(found.cut_off)
+        self._cut_off_then = bool(standing.cut_off)
         return answer
 
     def accepted(self, answer: Replan, now_s: float) -> None:
@@ -151,10 +151,10 @@ class Recovery:
         events, self._events = self._events, []
         return events
 
-    def _let_go(self, now_s: float, around: Surroundings) -> None:
+    def _let_go(self, now_s: float, context: Surroundings) -> None:
         """Robots that have let others pass go on."""
         for giving in list(self._giving):
-            other = still_to_pass(around, giving, self.world.broken)
+            other = still_to_pass(context, giving, self.world.broken)
             self.ledger.let_pass(giving.robot, other)
             if other < 0:
                 self._end(giving, now_s)
@@ -175,11 +175,11 @@ class Recovery:
 
     def _for_good(self, barred: BoolArray) -> BoolArray:
         """[R] whose chain of waiting ends at a robot that stays: broken, at its goal, or given up; not one barred itself."""
-        found, stays = np.zeros(self.ledger.num_robots, np.bool_), self._stays()
+        for_good, stays = np.zeros(self.ledger.num_robots, np.bool_), self._stays()
         for r in np.flatnonzero(self.ledger.state.waits.stuck).tolist():
             last = self._end_of_chain(r, stays)
-            found[r] = stays[last] and not barred[last]
-        return found
+            for_good[r] = stays[last] and not barred[last]
+        return for_good
 
     def _stays(self) -> BoolArray:
         """[R] who is broken, at its goal, or has given up."""
@@ -196,16 +196,16 @@ class Recovery:
             at = int(other[at])
         return at
 
-    def _give_way(self, now_s: float, ring: tuple[int, ...], around: Surroundings) -> Replan | None:
-        found = who_gives_way(around, ring, (self.world.hold_until_s > now_s) | around.crew.serving, now_s)
-        if found is None:
+    def _give_way(self, now_s: float, ring: tuple[int, ...], context: Surroundings) -> Replan | None:
+        agreed = who_gives_way(context, ring, (self.world.hold_until_s > now_s) | context.crew.serving, now_s)
+        if agreed is None:
             return None
-        giving, way = found
+        giving, route = agreed
         self._asked[frozenset(ring)] += 1
         for before in [g for g in self._giving if g.robot == giving.robot]:
             self._end(before, now_s)
         self._giving.append(giving)
-        return Replan({giving.robot: way}, GIVE_WAY, self._lets_pass(giving))
+        return Replan({giving.robot: route}, GIVE_WAY, self._lets_pass(giving))
 
     def _end(self, giving: GivingWay, now_s: float) -> None:
         self._giving.remove(giving)
@@ -221,24 +221,24 @@ class Recovery:
         names = self.ledger.problem.fleet.robot_name
         return f"lets {', '.join(names[r] for r in giving.others)} pass at '{self.ledger.graph.known_as(giving.place)}'"
 
-    def _drive_around(self, now_s: float, late: tuple[int, ...], around: Surroundings) -> Replan | None:
+    def _drive_around(self, now_s: float, late: tuple[int, ...], context: Surroundings) -> Replan | None:
         """Shorter ways than waiting, for all of these that have one."""
-        graph, state, visits, closed = around.graph, around.state, around.ledger.visits, self.world.closed
+        graph, state, visits, closed = context.graph, context.state, context.ledger.visits, self.world.closed
         holder, stays = state.grants.holder, self.world.broken | (state.grants.cause == _causes.FINISHED)
         ways = {}
         for r in late:
-            if not around.stands(r) or self.world.hold_until_s[r] > now_s or state.yielding.gives_way[r]:
+            if not context.stands(r) or self.world.hold_until_s[r] > now_s or state.yielding.gives_way[r]:
                 continue
             held = (holder >= 0) & (stays & (np.arange(len(stays)) != r))[holder]
-            blocked = around.barred(r) | lanes_needing(graph, around.resources, held)
-            granted = around.granted(r)
+            blocked = context.barred(r) | lanes_needing(graph, context.resources, held)
+            granted = context.granted(r)
             ahead = visits.lane[self.ledger.ids(r, granted)[1:]]
             if not blocked[ahead].any():
                 continue
             back = bool(state.grants.on_lane[r])
             start, goal = int(visits.vertex[granted]), int(visits.vertex[visits.last[r]])
             route = shortest_route(graph, ~blocked, start, goal)
-            if route is None or (back and not around.free_for(r, around.of_vertex(r, start))):
+            if route is None or (back and not context.free_for(r, context.of_vertex(r, start))):
                 continue
             follows = np.array(route if back else route[1:], np.int64)
             times = np.full(len(follows), now_s)
@@ -248,6 +248,6 @@ class Recovery:
             other = int(state.grants.other[r])
             names = self.ledger.problem.fleet.robot_name
             what = "a closed lane" if closed[ahead[0]] else f"what {names[other] if other >= 0 else 'another robot'} holds"
-            vertex = int(visits.vertex[around.ahead(r)])
+            vertex = int(visits.vertex[context.ahead(r)])
             self._events.append(Event(round(now_s - waited_s, 9), "detour", r, vertex, other, waited_s, f"drives around {what}"))
         return Replan(ways, DETOUR, "drives around what stays") if ways else None

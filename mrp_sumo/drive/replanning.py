@@ -51,7 +51,7 @@ class Situation:
     cut_off: tuple[int, ...]  # robots that cannot reach where their tasks end
 
 
-def request_for(now_s: float, around: Surroundings, robots: Sequence[int], reason: str, stop: IntArray | None = None) -> Request:
+def request_for(now_s: float, context: Surroundings, robots: Sequence[int], reason: str, stop: IntArray | None = None) -> Request:
     """The request for other ways of K robots, from the last visits that they have been granted.
 
     Parameters
@@ -63,20 +63,20 @@ def request_for(now_s: float, around: Surroundings, robots: Sequence[int], reaso
     stop
         [K] vertices that they are to reach; by default where their tasks end.
     """
-    ledger, some = around.ledger, np.array(robots, np.int64)
+    ledger, some = context.ledger, np.array(robots, np.int64)
     return Request(
         now_s=now_s,
         site=ledger.problem,
         robot=some,
-        start=around.start[some],
+        start=context.start[some],
         stop_first=np.arange(len(some) + 1),
         stop=ledger.end_of_tasks[some] if stop is None else stop,
-        closed=around.closed.copy(),
+        closed=context.closed.copy(),
         reason=reason,
     )
 
 
-def situation(now_s: float, around: Surroundings, stays: BoolArray, end: IntArray) -> Situation:
+def situation(now_s: float, context: Surroundings, stays: BoolArray, end: IntArray) -> Situation:
     """What a planner is to be asked.
 
     Parameters
@@ -86,31 +86,31 @@ def situation(now_s: float, around: Surroundings, stays: BoolArray, end: IntArra
     end
         [R] vertices that the others are to reach.
     """
-    ledger, graph, grants = around.ledger, around.graph, around.state.grants
+    ledger, graph, grants = context.ledger, context.graph, context.state.grants
     visits, taken, joint = ledger.visits, grants.holder.copy(), ledger.joint
     start, back = visits.vertex[joint].copy(), np.zeros(len(stays), np.bool_)
     on_lane = grants.on_lane & (joint == visits.granted)
     for r in np.flatnonzero(joint != visits.granted).tolist():
-        taken[around.of_vertex(r, int(start[r]))] = r
-    waits = stays | around.entering
+        taken[context.of_vertex(r, int(start[r]))] = r
+    waits = stays | context.entering
     in_front: dict[int, int] = {}  # of those on each lane, who is to leave it first
-    for r in sorted(np.flatnonzero(on_lane).tolist(), key=around.rest_of_lane_m):
-        ahead = around.ahead(r)
+    for r in sorted(np.flatnonzero(on_lane).tolist(), key=context.rest_of_lane_m):
+        ahead = context.ahead(r)
         lane = int(visits.lane[ahead])
         if in_front.setdefault(lane, r) != r or waits[r]:
             waits[r] = True
             continue
-        on, behind = around.of_lane(r, lane), around.of_vertex(r, int(start[r]))
+        on, behind = context.of_lane(r, lane), context.of_vertex(r, int(start[r]))
         if ((taken[on] < 0) | (taken[on] == r)).all():
             taken[on], start[r] = r, visits.vertex[ahead]
-        elif around.stands(r) and ((taken[behind] < 0) | (taken[behind] == r)).all():
+        elif context.stands(r) and ((taken[behind] < 0) | (taken[behind] == r)).all():
             taken[behind], back[r] = r, True
         else:
             waits[r] = True
     alone = frozenset(np.flatnonzero(waits & on_lane).tolist())
-    blocked = around.closed | lanes_needing(graph, ledger.resources, (grants.holder >= 0) & waits[grants.holder])
+    blocked = context.closed | lanes_needing(graph, ledger.resources, (grants.holder >= 0) & waits[grants.holder])
     for r in alone:
-        lane = int(visits.lane[around.ahead(r)])
+        lane = int(visits.lane[context.ahead(r)])
         blocked[[lane, *([int(graph.reverse[lane])] if graph.reverse[lane] >= 0 else [])]] = True
     robots = np.flatnonzero(~waits)
     goal, cut_off = _goals(ledger.problem, robots, ~blocked, start[robots], end[robots])
@@ -128,7 +128,7 @@ def situation(now_s: float, around: Surroundings, stays: BoolArray, end: IntArra
 
 
 def planned(
-    request: Request, begin_s: float, around: Surroundings, planner: str, parameters: Mapping[str, Any], limits: AnswerLimits
+    request: Request, begin_s: float, context: Surroundings, planner: str, parameters: Mapping[str, Any], limits: AnswerLimits
 ) -> Replan:
     """The answer of a planner to a request, from where robots are committed to be.
 
@@ -147,44 +147,44 @@ def planned(
     """
     a_stop_each(request)
     request = request if limits.window_steps and "stops" in supports_of(planner, parameters) else next_stops(request)
-    stays = around.crew.busy | around.world.broken
-    ways = _ways(request, begin_s, around, stays, planner, parameters, limits)
+    stays = context.crew.busy | context.world.broken
+    ways = _ways(request, begin_s, context, stays, planner, parameters, limits)
     sent_off = [r for r, takes_s in request.there_s.items() if r in ways.reroute and _back_after_s(ways.reroute[r]) > takes_s]
     if sent_off:
         stays[sent_off] = True
         with suppress(PlanError):  # without another answer the first one stands
-            ways = _ways(request, begin_s, around, stays, planner, parameters, limits)
+            ways = _ways(request, begin_s, context, stays, planner, parameters, limits)
     return ways
 
 
 def _ways(
     request: Request,
     begin_s: float,
-    around: Surroundings,
+    context: Surroundings,
     stays: BoolArray,
     planner: str,
     parameters: Mapping[str, Any],
     limits: AnswerLimits,
 ) -> Replan:
     """As `planned`, with robots [R] that stay."""
-    left_out, end = np.ones(around.ledger.num_robots, np.bool_), around.ledger.end_of_tasks.copy()
+    left_out, end = np.ones(context.ledger.num_robots, np.bool_), context.ledger.end_of_tasks.copy()
     left_out[request.robot], end[request.robot] = False, request.end
-    found = situation(begin_s, around, left_out | stays, end)
+    standing = situation(begin_s, context, left_out | stays, end)
     if len(request.stop) > len(request.robot):
         via = dict(zip(request.robot.tolist(), request.via))
-        reached = zip(found.request.robot.tolist(), found.request.stop.tolist())
+        reached = zip(standing.request.robot.tolist(), standing.request.stop.tolist())
         passed = [via.get(r, ()) if goal == end[r] else () for r, goal in reached]
-        found = replace(found, request=with_stops_before(found.request, passed))
-    answer = replan(found, around, planner, parameters, limits)
+        standing = replace(standing, request=with_stops_before(standing.request, passed))
+    answer = replan(standing, context, planner, parameters, limits)
     ends = dict(zip(request.robot.tolist(), request.end.tolist()))
     return replace(answer, reason=request.reason, text="", ends=ends)
 
 
-def _back_after_s(way: Reroute) -> float:
+def _back_after_s(route: Reroute) -> float:
     """How long a robot is away from a place that its way leaves and comes back to."""
-    if not len(way.vertex):
+    if not len(route.vertex):
         return 0.0
-    return float(way.arrive_s[-1] - (way.arrive_s[0] if way.vertex[0] == way.vertex[-1] else way.leave_s))
+    return float(route.arrive_s[-1] - (route.arrive_s[0] if route.vertex[0] == route.vertex[-1] else route.leave_s))
 
 
 def supports_of(planner: str, parameters: Mapping[str, Any]) -> Collection[str]:
@@ -194,7 +194,7 @@ def supports_of(planner: str, parameters: Mapping[str, Any]) -> Collection[str]:
     return cast(Collection[str], getattr(make(planner, parameters), "supports", ()))
 
 
-def replan(found: Situation, around: Surroundings, planner: str, parameters: Mapping[str, Any], limits: AnswerLimits) -> Replan:
+def replan(standing: Situation, context: Surroundings, planner: str, parameters: Mapping[str, Any], limits: AnswerLimits) -> Replan:
     """Ask a planner.
 
     Raises
@@ -204,15 +204,15 @@ def replan(found: Situation, around: Surroundings, planner: str, parameters: Map
     PlanningOverrun
         When it takes so long that the run is given up.
     """
-    request, visits = found.request, around.ledger.visits
-    on_lane = around.state.grants.on_lane & (around.ledger.joint == visits.granted)
+    request, visits = standing.request, context.ledger.visits
+    on_lane = context.state.grants.on_lane & (context.ledger.joint == visits.granted)
     now_s, result = request.now_s, answer(request, planner, parameters, limits) if len(request.robot) else None
     plan, by = (None, planner) if result is None else (result.plan, result.chosen or planner)
     ways = {}
-    for r in range(len(found.waits)):
-        if found.waits[r]:
-            if r in found.left_alone:
-                ahead = around.ahead(r)
+    for r in range(len(standing.waits)):
+        if standing.waits[r]:
+            if r in standing.left_alone:
+                ahead = context.ahead(r)
                 ways[r] = Reroute(visits.vertex[ahead : ahead + 1].copy(), np.array([now_s]), np.array([np.inf]), now_s)
             else:
                 ways[r] = Reroute(np.zeros(0, np.int64), np.zeros(0), np.zeros(0), np.inf)
@@ -222,14 +222,14 @@ def replan(found: Situation, around: Surroundings, planner: str, parameters: Map
         part = slice(plan.first[i], plan.first[i + 1])
         vertex, arrive_s, depart_s = plan.vertex[part], plan.arrive_s[part] + now_s, plan.depart_s[part] + now_s
         if on_lane[r]:
-            ways[r] = Reroute(vertex, arrive_s, depart_s, now_s - 1.0, bool(found.back[r]))
+            ways[r] = Reroute(vertex, arrive_s, depart_s, now_s - 1.0, bool(standing.back[r]))
         else:
             ways[r] = Reroute(vertex[1:], arrive_s[1:], depart_s[1:], float(depart_s[0]))
     text = f"{by} planned anew"
-    if found.cut_off:
-        names = [around.ledger.problem.fleet.robot_name[r] for r in found.cut_off]
+    if standing.cut_off:
+        names = [context.ledger.problem.fleet.robot_name[r] for r in standing.cut_off]
         text += f"; without a way to their goals: {', '.join(names[:5])}{', ...' if len(names) > 5 else ''}"
-    return Replan(ways, "replan", text, reordered=True, left_alone=found.left_alone, planner=by)
+    return Replan(ways, "replan", text, reordered=True, left_alone=standing.left_alone, planner=by)
 
 
 def answer(request: Request, planner: str, parameters: Mapping[str, Any], limits: AnswerLimits) -> PlanResult:

@@ -49,11 +49,11 @@ class WindowAnswer:
 class Rolling:
     """Asks the planner of a run, again and again."""
 
-    def __init__(self, settings: ExecutionSettings, around: Surroundings, dispatcher: Dispatcher, kinematics: Kinematics) -> None:
-        self._settings, self._around, self._dispatcher, self._kinematics = settings, around, dispatcher, kinematics
+    def __init__(self, settings: ExecutionSettings, context: Surroundings, dispatcher: Dispatcher, kinematics: Kinematics) -> None:
+        self._settings, self._around, self._dispatcher, self._kinematics = settings, context, dispatcher, kinematics
         self.calls = PlannerCalls(cpu_time_s=0.0 if _is_in_this_process(settings.planner) else None)
         self.answer: WindowAnswer | None = None  # that has not taken effect yet
-        self._window_steps = window_of(settings, around.ledger.problem)
+        self._window_steps = window_of(settings, context.ledger.problem)
         self._next_s = 0.0  # no request before
         self.window_over_s = np.inf  # a new plan is to be there by then
         self._failures = 0  # running
@@ -62,23 +62,23 @@ class Rolling:
 
     def ask(self, now_s: float, report: Callable[[str], None]) -> None:
         """Have what is due answered, if nothing is under way; `report` hears why there is no plan."""
-        planning, around = self._settings.planning, self._around
+        planning, context = self._settings.planning, self._around
         if self.answer is not None or now_s < self._next_s - 1e-9:
             return
         if now_s >= self.window_over_s - 1e-9:
-            around.crew.is_changed = True
-        if self._settings.tasks and not around.crew.is_changed:
+            context.crew.is_changed = True
+        if self._settings.tasks and not context.crew.is_changed:
             return
         if planning.budget_s:
-            stays = around.world.broken | around.entering
-            around.ledger.cut(planning.budget_s, self._kinematics, around.closed, stays)
-        request = next(iter(self._dispatcher.due(now_s, around)), None)
+            stays = context.world.broken | context.entering
+            context.ledger.cut(planning.budget_s, self._kinematics, context.closed, stays)
+        request = next(iter(self._dispatcher.due(now_s, context)), None)
         if request is None:
-            around.ledger.lift()
+            context.ledger.lift()
             return
         began, cpu_began_s = perf_counter(), _cpu_s()
         try:
-            ways = self._dispatcher.answer(request, around)
+            ways = self._dispatcher.answer(request, context)
             if ways is not None and ways.planner:
                 plans_of = self.calls.plans_of
                 self.calls = replace(self.calls, plans_of={**plans_of, ways.planner: plans_of.get(ways.planner, 0) + 1})
@@ -94,20 +94,20 @@ class Rolling:
 
     def plan(self, request: Request, begin_s: float) -> Replan:
         """The answer of the planner of this run; of PIBT where that has failed before, and fails again. Raises PlanError."""
-        settings, around = self._settings, self._around
+        settings, context = self._settings, self._around
         limits = AnswerLimits(
             settings.planning.effort if settings.tasks else AnswerLimits().effort, self._window_steps if settings.tasks else 0
         )
         begin_s += settings.planning.budget_s
         try:
-            return planned(request, begin_s, around, settings.planner, settings.planner_parameters, limits)
+            return planned(request, begin_s, context, settings.planner, settings.planner_parameters, limits)
         except PlanError as error:
             if not self._failures:
                 raise
             late = isinstance(error, LatePlanError)
             self._count(late=late, failed=not late)
         try:
-            ways = planned(request, begin_s, around, STEPWISE, {}, replace(limits, window_steps=self._window_steps or WINDOW_STEPS))
+            ways = planned(request, begin_s, context, STEPWISE, {}, replace(limits, window_steps=self._window_steps or WINDOW_STEPS))
         except PlanError as error:
             self._count(stopped=1, failed=-1)  # the caller counts it as failed
             raise PlanError(f"{error}; robots stop at the ends of their ways") from error

@@ -234,23 +234,23 @@ class World:
 
     def _of_facilities(self) -> list[Barrier]:
         """Lifts out of service, locked doors, fires."""
-        facilities, none, found = self.facilities, np.zeros(0, np.int64), []
+        facilities, none, barriers = self.facilities, np.zeros(0, np.int64), []
         lifts, doors, levels = lift_names(self.graph), door_names(self.graph), self.graph.level_names
         gates = [facilities.gate_lane[facilities.gate_lift == f] for f in range(len(lifts))]
         for outage in self.what.outages:
             span = outage.begin_s, end_s(outage)
             if outage.lift:
                 f = lifts.index(outage.lift)
-                found.append(Barrier(*span, gates[f], none, f"lift '{outage.lift}' is out of service", lift=f))
+                barriers.append(Barrier(*span, gates[f], none, f"lift '{outage.lift}' is out of service", lift=f))
             else:
                 d = doors.index(outage.door)
                 through = facilities.through[facilities.through_door == d]
-                found.append(Barrier(*span, through, none, f"door '{outage.door}' is locked", door=d))
+                barriers.append(Barrier(*span, through, none, f"door '{outage.door}' is locked", door=d))
         for fire in self.what.fires:
             for f, name in enumerate(lifts):
                 said = f"fire: lift '{name}' goes to {levels[facilities.recall[f]]}"
-                found.append(Barrier(fire.begin_s, end_s(fire), gates[f], none, said, lift=f, service=_facilities.FIRE))
-        return found
+                barriers.append(Barrier(fire.begin_s, end_s(fire), gates[f], none, said, lift=f, service=_facilities.FIRE))
+        return barriers
 
     def _lanes_of(self, closure: ClosedLane) -> IntArray:
         lanes = [self.graph.lane_between(closure.tail, closure.head), self.graph.lane_between(closure.head, closure.tail)]

@@ -98,7 +98,7 @@ def plan_externally(command: str, problem: Problem, time_limit_s: float) -> Plan
             "time_limit": str(ceil(time_limit_s)),
             "seed": str(problem.seed),
         }
-        words = [re.sub(r"\{(\w+)\}", lambda found: values[found[1]], word) for word in shlex.split(command)]
+        words = [re.sub(r"\{(\w+)\}", lambda place: values[place[1]], word) for word in shlex.split(command)]
         ran = _run(words, folder, time_limit_s + max(0.08, 0.04 * time_limit_s))
         text = files["out"].read_text(errors="replace") if files["out"].is_file() else ""
     program = Path(words[0]).name

@@ -35,13 +35,13 @@ class Confirmation:
 
 def confirmations(desk: Desk, limit: Limits | None, served: Served | None) -> tuple[Confirmation, ...]:
     """Have the sizes of the answer driven in SUMO, and compare. Raises Missing."""
-    asked = list(_named(limit, served))
-    trials = {(kind, n): _in_sumo(kind, curve.points[n], curve.planner) for _, kind, n, curve in asked}
+    sizes = list(_named(limit, served))
+    trials = {(kind, n): _in_sumo(kind, curve.points[n], curve.planner) for _, kind, n, curve in sizes}
     records = iter(desk.records([trial for of_size in trials.values() for trial in of_size]))
     horizon_s, within_s = desk.question.effort.horizon_s, served.within_s if served else 0.0
     points = {size: Point(size[1], horizon_s, tuple(next(records) for _ in of_size), of_size[0].seed) for size, of_size in trials.items()}
     confirmed = []
-    for name, kind, n, curve in asked:
+    for name, kind, n, curve in sizes:
         measure, before, after = _measured(kind, curve.points[n], points[kind, n], within_s)
         confirmed.append(Confirmation(name, n, measure, paired_t(before[: len(after)], after)))
     return tuple(confirmed)

@@ -56,20 +56,20 @@ class Point:
     def requests(self) -> tuple[int, int]:
         """Asked of the planner while robots drove, and not answered, in all runs."""
         counts = [run["requests"] for run in self.observed]
-        return sum(asked for asked, _ in counts), sum(unanswered for _, unanswered in counts)
+        return sum(num for num, _ in counts), sum(unanswered for _, unanswered in counts)
 
     @property
     def unanswered_share(self) -> float:
         """Of what the planner was asked."""
-        asked, unanswered = self.requests
-        return unanswered / asked if asked else 0.0
+        num_requests, unanswered = self.requests
+        return unanswered / num_requests if num_requests else 0.0
 
     @property
     def fault(self) -> str:
         """Why the size supports no answer, '' where it does: all its runs were driven, passed the audits, and were planned."""
-        asked, unanswered = self.requests
+        num_requests, unanswered = self.requests
         if self.unanswered_share > UNANSWERED or any(record["status"] == "planner_stalled" for record in self.records):
-            return f"the planner found no plan in {unanswered} of {asked} requests: not a property of your floor"
+            return f"the planner found no plan in {unanswered} of {num_requests} requests: not a property of your floor"
         if operations := [text for run in self.observed for text in run["operations"]]:
             return f"the operations audit failed: {operations[0]}"
         if self.num_empty:
@@ -163,9 +163,9 @@ class Point:
         def share(t: Mapping[str, FloatArray]) -> float:
             due_s = np.where(np.isfinite(t["due_s"]), t["due_s"], t["released_s"] + within_s)
             settled = (t["released_s"] >= SETTLE * self.horizon_s) & (t["released_s"] <= self.horizon_s)
-            asked = settled & (due_s <= self.horizon_s)
-            enough = asked.any() and asked.sum() >= TELLING * settled.sum()
-            return float((t["done_s"][asked] <= due_s[asked]).mean()) if enough else np.nan
+            due = settled & (due_s <= self.horizon_s)
+            enough = due.any() and due.sum() >= TELLING * settled.sum()
+            return float((t["done_s"][due] <= due_s[due]).mean()) if enough else np.nan
 
         return self._by_run(share)
 

@@ -51,7 +51,7 @@ LOADING_S = 20.0  # simulated before a pilot is measured
 LEAST_ROBOTS, MOST_ROBOTS = 4, 200  # by default; fewer where the map holds fewer
 
 
-def asked(
+def study_question(
     file: ScenarioFile,
     *,
     robots: tuple[int, int] | None = None,

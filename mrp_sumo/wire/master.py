@@ -43,7 +43,7 @@ class Driven:
 
     sender: Sender
     orders: VehicleOrders
-    way: list[int] = field(default_factory=list)  # vertices of all its visits
+    route: list[int] = field(default_factory=list)  # vertices of all its visits
     reached: int = 0  # number of the visit that it passed last
     beyond_m: float = 0.0  # since then
     state: Json | None = None
@@ -134,9 +134,9 @@ class DrivenVehicles(KinematicEngine):
             if r not in robots:
                 continue
             visit = int(visits.granted[r])
-            del vehicle.way[int(visits.rank[visit]) :]
+            del vehicle.route[int(visits.rank[visit]) :]
             while visit >= 0:
-                vehicle.way.append(int(visits.vertex[visit]))
+                vehicle.route.append(int(visits.vertex[visit]))
                 visit = int(visits.next[visit])
             self._changed.add(r)
 
@@ -152,7 +152,7 @@ class DrivenVehicles(KinematicEngine):
             if orders.is_driven(vehicle.reached) and not done:
                 self._changed.add(r)  # the vehicle has not said yet that it is done
                 continue
-            length = min(len(vehicle.way), granted[r] + 1 + HORIZON)
+            length = min(len(vehicle.route), granted[r] + 1 + HORIZON)
             order = orders.next(length, granted[r], vehicle.reached, done, self._node_maker(vehicle), self._edge_maker(vehicle))
             if order is not None:
                 self._send(serial, "order", order)
@@ -164,7 +164,7 @@ class DrivenVehicles(KinematicEngine):
 
     def _node_maker(self, vehicle: Driven) -> Any:
         def made(k: int, sequence: int, released: bool) -> Json:
-            name = self._problem.graph.label(vehicle.way[k])
+            name = self._problem.graph.label(vehicle.route[k])
             place = self._site.place(name)
             assert place is not None
             return node(name, sequence, released, place[:2], place[2], yaw_rad=self._heading(vehicle, k))
@@ -173,11 +173,11 @@ class DrivenVehicles(KinematicEngine):
 
     def _heading(self, vehicle: Driven, k: int) -> float:
         """How a vehicle has to face at a visit: where its way ends at a goal, as robots are to stay there."""
-        return self._facing_rad.get(vehicle.way[k], math.nan) if k == len(vehicle.way) - 1 else math.nan
+        return self._facing_rad.get(vehicle.route[k], math.nan) if k == len(vehicle.route) - 1 else math.nan
 
     def _edge_maker(self, vehicle: Driven) -> Any:
         def made(k: int, sequence: int, released: bool) -> Json:
-            return edge_of(self._dialect, self._problem.graph, vehicle.way[k], vehicle.way[k + 1], sequence, released)
+            return edge_of(self._dialect, self._problem.graph, vehicle.route[k], vehicle.route[k + 1], sequence, released)
 
         return made
 

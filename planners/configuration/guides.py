@@ -54,8 +54,8 @@ def guide_of(problem: Problem, world: PibtInstance, ways: int, flow: int, deadli
     room_for_flow = is_room_for_flow(problem)
     few = ways * int(world.steps.sum()) < MOST_MOVES
     if ways and few and (are_thin(problem, world.steps) or not room_for_flow):
-        way = own_ways(problem, ways, world, 0.5 * (process_time() + deadline_s), rng)
-        return world if way is None else world._replace(way=way)
+        shortest = own_ways(problem, ways, world, 0.5 * (process_time() + deadline_s), rng)
+        return world if shortest is None else world._replace(way=shortest)
     if flow and room_for_flow:
         by_flow = flow_guide(problem, flow, deadline_s, rng)
         return world if by_flow is None else world._replace(guided=True, guide=by_flow[0], toll=by_flow[1])

@@ -124,10 +124,10 @@ class Reservations:
         while True:
             ends = self._start[robot], self._goal[robot]
             code, length = find_path(self._lanes, self._table[robot], *ends, self._intervals, self._scratch, self._path)
-            kept = min(length, self._window + 1) if self._window else length
+            num_steps = min(length, self._window + 1) if self._window else length
             until = self._window or FOREVER
-            if code == OK and reserve(self._lanes, self._intervals, self._path, kept, until):
-                return self._path[:kept].copy()
+            if code == OK and reserve(self._lanes, self._intervals, self._path, num_steps, until):
+                return self._path[:num_steps].copy()
             if code not in (OK, SCRATCH_FULL):
                 return None
             self._grow()

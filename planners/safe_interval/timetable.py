@@ -284,10 +284,10 @@ _known: WeakKeyDictionary[PlanGraph, dict[tuple[float, ...], Moves]] = WeakKeyDi
 def known_moves(problem: Problem, resources: Resources, limits: tuple[float, ...], dt: float, kind: int) -> Moves:
     """The moves of a type of robots on its lanes, laid out once for as long as these live."""
     graph = problem.graph_of_kind[kind]
-    kept = _known.setdefault(graph, {})
+    moves_by_key = _known.setdefault(graph, {})
     key = (kind, *resources.apart_m.reshape(-1).tolist(), dt, *limits)
-    if key not in kept:
+    if key not in moves_by_key:
         top, accel, decel, turn_rate = limits
         own = resources if graph is problem.graph or problem.barred is None else resources.on_lanes(~problem.barred[kind])
-        kept[key] = moves_of(graph, own, (top, accel, decel, turn_rate), dt, kind)
-    return kept[key]
+        moves_by_key[key] = moves_of(graph, own, (top, accel, decel, turn_rate), dt, kind)
+    return moves_by_key[key]

@@ -80,8 +80,8 @@ class UnitMotion:
     def conflicts(self, robot: int, path: int, others: Sequence[int], their_paths: Sequence[int]) -> list[TimedConflict]:
         num = _discs.conflicts_with_all(self._lanes, self._paths, path, np.array(their_paths, np.int64), PER_PAIR, self._found, self._of)
         return [
-            TimedConflict(robot, others[k], path, their_paths[k], found)
-            for k, found in zip(self._of[:num].tolist(), map(tuple, self._found[:num].tolist()))
+            TimedConflict(robot, others[k], path, their_paths[k], what)
+            for k, what in zip(self._of[:num].tolist(), map(tuple, self._found[:num].tolist()))
         ]
 
     def split(

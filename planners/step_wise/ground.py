@@ -45,14 +45,14 @@ class FreeCells:
 
     def slot(self, goal: int) -> int:
         """The table of a goal. Others may be forgotten for it: those that were asked for longest ago."""
-        found = self._slot.pop(goal, -1)
-        if found < 0:
+        slot = self._slot.pop(goal, -1)
+        if slot < 0:
             from planners.step_wise._distance import fill_distance
 
-            found = self._unused.pop() if self._unused else self._slot.pop(next(iter(self._slot)))
-            fill_distance(self.ahead, self._price, goal, self.table[found], self._bucket, self._size)
-        self._slot[goal] = found
-        return found
+            slot = self._unused.pop() if self._unused else self._slot.pop(next(iter(self._slot)))
+            fill_distance(self.ahead, self._price, goal, self.table[slot], self._bucket, self._size)
+        self._slot[goal] = slot
+        return slot
 
     def steps_between(self, begin: int, end: int) -> int:
         """The fewest steps from a cell, in the best heading, to another."""
@@ -69,12 +69,12 @@ def operations(depth: int) -> NDArray[np.int8]:
 
     None turns back and forth or twice to the left, or three times to the right. None but single actions ends by turning.
     """
-    found = []
+    useful = []
     for actions in product((WAIT, FORWARD, RIGHT, LEFT), repeat=depth):
         letters = "".join(ACTION_LETTERS[a] for a in actions)
         if (depth == 1 or letters.rstrip("W")[-1:] in ("", "F")) and not any(part in letters for part in ("RC", "CR", "CC", "RRR")):
-            found.append(actions)
-    return np.array(found, np.int8)
+            useful.append(actions)
+    return np.array(useful, np.int8)
 
 
 def moved_up(action: NDArray[np.int8]) -> NDArray[np.int16]:

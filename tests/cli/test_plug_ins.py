@@ -187,8 +187,8 @@ def test_policy_that_fails_is_a_line_a_status_a_result_and_exit_code_1(folder, c
 
 def test_dispatcher_that_fails_is_a_line_a_status_a_result_and_exit_code_1(folder, capsys):
     (folder / "mine.py").write_text(
-        "class Mine:\n    def finished(self, now_s, around): return False\n"
-        "    def due(self, now_s, around): return 1 / 0\n    def answer(self, request, around): return None\n"
+        "class Mine:\n    def finished(self, now_s, context): return False\n"
+        "    def due(self, now_s, context): return 1 / 0\n    def answer(self, request, context): return None\n"
     )
     (folder / "mine.yaml").write_text(SCENARIO + "planner: lacam\n")
     assert main(["run", "mine.yaml", "--set", "execution.dispatcher=mine.py:Mine", "--out", "out"]) == 1

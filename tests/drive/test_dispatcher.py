@@ -23,22 +23,22 @@ class Patrol:
     def __init__(self, trips: int = 1):
         self.trips = trips
 
-    def finished(self, now_s, around):
-        visits = around.ledger.visits
+    def finished(self, now_s, context):
+        visits = context.ledger.visits
         return self.trips == 0 and bool((visits.reached == visits.last).all())
 
-    def due(self, now_s, around):
-        ledger, visits = around.ledger, around.ledger.visits
+    def due(self, now_s, context):
+        ledger, visits = context.ledger, context.ledger.visits
         if self.trips and (visits.reached == visits.last).all():
             start = visits.vertex[visits.reached]
             yield Request(
                 now_s=now_s, site=ledger.problem, robot=np.arange(ledger.num_robots), start=start,
-                stop_first=np.arange(ledger.num_robots + 1), stop=visits.vertex[visits.first], closed=around.closed, reason="patrol",
+                stop_first=np.arange(ledger.num_robots + 1), stop=visits.vertex[visits.first], closed=context.closed, reason="patrol",
             )
 
-    def answer(self, request, around):
+    def answer(self, request, context):
         self.trips -= 1
-        return around.plan(request)
+        return context.plan(request)
 '''
 
 
@@ -84,9 +84,9 @@ def test_one_shot_is_listed_and_asks_once(tmp_path):
 def test_what_cannot_be_driven_is_one_line(tmp_path, answer, said):
     text = f"""
 class Mine:
-    def finished(self, now_s, around): return False
-    def due(self, now_s, around): return [request_for(now_s, around, [0], 'x')] if now_s > 4 else []
-    def answer(self, request, around): return {answer}
+    def finished(self, now_s, context): return False
+    def due(self, now_s, context): return [request_for(now_s, context, [0], 'x')] if now_s > 4 else []
+    def answer(self, request, context): return {answer}
 
 
 import numpy as np
@@ -104,17 +104,17 @@ def way(*vertices):
 def test_what_is_due_has_to_be_requests(tmp_path):
     text = """
 class Mine:
-    def finished(self, now_s, around): return False
-    def due(self, now_s, around): return [1]
-    def answer(self, request, around): return None
+    def finished(self, now_s, context): return False
+    def due(self, now_s, context): return [1]
+    def answer(self, request, context): return None
 """
     with pytest.raises(DispatcherError, match=r"mine.py:4: due\(\) gave int, expected a Request"):
         run_with(tmp_path, text)
 
 
 def test_a_missing_method_is_named(tmp_path):
-    (tmp_path / "mine.py").write_text("class Mine:\n    def finished(self, now_s, around): return True\n")
-    with pytest.raises(PlugInError, match=r"mine.py:1: Mine is no dispatcher: it has no method due\(now_s, around\)"):
+    (tmp_path / "mine.py").write_text("class Mine:\n    def finished(self, now_s, context): return True\n")
+    with pytest.raises(PlugInError, match=r"mine.py:1: Mine is no dispatcher: it has no method due\(now_s, context\)"):
         dispatcher_of(f"{tmp_path / 'mine.py'}:Mine", {})
 
 

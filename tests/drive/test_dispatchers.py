@@ -46,7 +46,7 @@ class Fleet:
         ledger = SimpleNamespace(problem=problem, committed=[(v,) for v in at], visits=self.visits, state=self.state)
         self.crew = Crew(ledger, ExecutionSettings(tasks=(TaskList(tuple(listed)),)))
         self.work = Work(self.crew)
-        self.around = SimpleNamespace(
+        self.context = SimpleNamespace(
             work=self.work,
             crew=self.crew,
             ledger=ledger,
@@ -59,14 +59,14 @@ class Fleet:
         """Who has which task after a decision, before anybody moves."""
         self.crew.orders.reveal(now_s)
         self.crew.is_changed = True
-        (request,) = dispatcher_of(dispatcher, parameters).due(now_s, self.around)
+        (request,) = dispatcher_of(dispatcher, parameters).due(now_s, self.context)
         self.work.accepted(request, now_s)
         return {r: k for r, k in enumerate(robot.task for robot in self.crew.robots) if k >= 0}
 
     def choice(self, now_s=0.0, most=99, **options):
         """What can be decided."""
         self.crew.orders.reveal(now_s)
-        return choice(now_s, self.around, most, **{"reassign": False, **options})
+        return choice(now_s, self.context, most, **{"reassign": False, **options})
 
 
 @pytest.mark.parametrize("dispatcher", [name for name in ALL if name != "nearest"])
@@ -87,7 +87,7 @@ def test_a_dispatcher_that_gives_a_task_to_a_robot_of_another_type_is_named():
     fleet = Fleet([2, 15], (0.0, (3, 4), 0, "lift"), types=("cart", "lift"))
     fleet.crew.orders.reveal(0.0)
     with pytest.raises(PlugInError, match="task '' needs a robot of type 'lift', robot_0 is none"):
-        work_request(fleet.crew, 0.0, fleet.around.closed, {0: 0})
+        work_request(fleet.crew, 0.0, fleet.context.closed, {0: 0})
 
 
 @pytest.mark.parametrize("dispatcher", ALL)
@@ -105,7 +105,7 @@ def test_of_equally_near_tasks_the_short_one_goes_first(dispatcher):
 def test_a_robot_that_comes_free_takes_the_task_that_another_is_far_from(dispatcher):
     fleet = Fleet([10, 19], (0.0, (0, 1)), (5.0, (19, 18)))
     assert fleet.decides(dispatcher) == {0: 0}
-    fleet.around.start[:] = [9, 3]  # robot_1 has come nearer meanwhile
+    fleet.context.start[:] = [9, 3]  # robot_1 has come nearer meanwhile
     assert fleet.decides(dispatcher, 1.0) == {1: 0}
     assert fleet.decides(dispatcher, 5.0) == {0: 1, 1: 0}
 
@@ -116,7 +116,7 @@ def test_a_task_is_taken_from_a_robot_only_by_one_that_is_nearer(dispatcher, at,
     """robot_0 is on its way from 5 to 10 when robot_1 comes to `at`; nobody takes it where that saves but a step."""
     fleet = Fleet([5, 19], (0.0, (10, 11)))
     assert fleet.decides(dispatcher) == {0: 0}
-    fleet.around.start[1] = at
+    fleet.context.start[1] = at
     assert fleet.decides(dispatcher, 1.0) == {int(dispatcher in who_takes): 0}
 
 
@@ -125,7 +125,7 @@ def test_a_task_is_taken_from_a_robot_only_by_one_that_is_nearer(dispatcher, at,
 def test_a_task_is_not_taken_from_a_robot_that_waits_in_line_for_its_place(dispatcher, in_line, who_takes):
     fleet = Fleet([5, 19], (0.0, (10, 11)))
     fleet.decides(dispatcher)
-    fleet.around.start[1] = 12
+    fleet.context.start[1] = 12
     if in_line:
         fleet.crew.robots[0].came_s = 0.5
         fleet.crew.robots[0].on(Change.LINED_UP, 0.5)
@@ -205,7 +205,7 @@ def test_who_is_about_to_come_to_a_stop_takes_another_order_only_behind_its_last
     fleet = Fleet([2], (0.0, (3, 19)), (0.0, (5, 6)), service_s=0.0)
     assert fleet.decides("nearest") == {0: 0}
     robot = fleet.crew.robots[0]
-    swap = work_request(fleet.crew, 0.0, fleet.around.closed, {0: 1})
+    swap = work_request(fleet.crew, 0.0, fleet.context.closed, {0: 1})
     robot.leaves, robot.legs = True, [Leg(0, 0, 3), Leg(0, 1, 19)][:num_legs]
     fleet.work.accepted(swap, 3.0)
     assert (robot.task, robot.then) == (0, then)
@@ -218,7 +218,7 @@ def test_who_waits_at_a_place_is_served_when_it_is_given_it_not_before():
     fleet.crew.orders.assign(0, 0, 0.0)
     fleet.crew.give(robot, 0, 0.0, 0.0)
     robot.wait_at = 3  # though it is free, as when another was to come there
-    fleet.work.accepted(work_request(fleet.crew, 6.0, fleet.around.closed, {}), 7.0)
+    fleet.work.accepted(work_request(fleet.crew, 6.0, fleet.context.closed, {}), 7.0)
     assert robot.making.begin_s == 7.0
 
 
@@ -229,7 +229,7 @@ def test_a_robot_that_waits_for_a_place_is_not_there_though_it_makes_a_stop_wher
     crew.orders.reveal(0.0)
     crew.ahead_steps, (first, last) = 9, crew.tasks[0].stops
     crew.tasks[0] = replace(crew.tasks[0], stops=(replace(first, service_s=0.0), last))
-    request = work_request(crew, 0.0, fleet.around.closed, {0: 0, 1: 1})
+    request = work_request(crew, 0.0, fleet.context.closed, {0: 0, 1: 1})
     assert [leg.vertex for leg in request.legs[0]] == [3] and list(request.waits) == [0] and request.there_s == {1: 7.0}
 
 
@@ -242,5 +242,5 @@ def test_who_gives_way_drives_and_does_not_stand(spent_on, stood_s):
     crew.give(robot, 0, 0.0, 0.0)
     fleet.state.waits.booked_s[0, BOOKINGS.index(spent_on)] += 7.0
     fleet.visits.arrived_s[0] = 10.0
-    fleet.work.accepted(work_request(crew, 10.0, fleet.around.closed, {}), 10.0)
+    fleet.work.accepted(work_request(crew, 10.0, fleet.context.closed, {}), 10.0)
     assert robot.making.begin_s == 10.0 and robot.making.stood_s == stood_s

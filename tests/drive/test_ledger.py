@@ -244,6 +244,6 @@ def test_who_waits_behind_another_on_a_lane_is_not_sent_past_it():
         ledger.state.motion.s_m[front] = 1.2
         ledger.state.grants.on_lane[:], ledger.state.grants.holder[:], ledger.state.grants.claims[lane] = True, -1, 2
         world = World(ledger.problem, settings, facilities_of(graph, ledger.resources))
-        around = Surroundings(ledger, world, Work(Crew(ledger, settings, 3)), lambda _: pytest.fail("asked"))
-        asked = situation(9.0, around, np.zeros(2, np.bool_), ledger.end_of_tasks)
+        context = Surroundings(ledger, world, Work(Crew(ledger, settings, 3)), lambda _: pytest.fail("asked"))
+        asked = situation(9.0, context, np.zeros(2, np.bool_), ledger.end_of_tasks)
         assert asked.request.robot.tolist() == [front] and asked.request.start.tolist() == [2] and asked.left_alone == {behind}

@@ -17,19 +17,19 @@ class ByTask(ABC):
     """Gives tasks to robots; everything is replanned when a task comes or a stop is made."""
 
     @abstractmethod
-    def given(self, now_s: float, around: Surroundings) -> Mapping[int, int]:
+    def assigned(self, now_s: float, context: Surroundings) -> Mapping[int, int]:
         """Tasks, by the robots that are to have them from now on; also what they have already."""
 
-    def finished(self, now_s: float, around: Surroundings) -> bool:
+    def finished(self, now_s: float, context: Surroundings) -> bool:
         """See Dispatcher."""
-        return around.crew.all_done
+        return context.crew.all_done
 
-    def due(self, now_s: float, around: Surroundings) -> Iterable[Request]:
+    def due(self, now_s: float, context: Surroundings) -> Iterable[Request]:
         """See Dispatcher."""
-        if around.crew.is_changed:
-            given = oldest_first(self.given(now_s, around), around)
-            yield work_request(around.crew, now_s, around.closed, given)
+        if context.crew.is_changed:
+            assigned = oldest_first(self.assigned(now_s, context), context)
+            yield work_request(context.crew, now_s, context.closed, assigned)
 
-    def answer(self, request: Request, around: Surroundings) -> Replan | None:
+    def answer(self, request: Request, context: Surroundings) -> Replan | None:
         """See Dispatcher."""
-        return around.plan(request)
+        return context.plan(request)

@@ -16,13 +16,13 @@ from mrp_sumo.drive.surroundings import Surroundings
 class Central(ByTask):
     """All robots that carry nothing and all tasks not begun are matched again each time; the sum of times to pick-ups is least."""
 
-    def given(self, now_s: float, around: Surroundings) -> dict[int, int]:
+    def assigned(self, now_s: float, context: Surroundings) -> dict[int, int]:
         """See ByTask."""
         from scipy.optimize import linear_sum_assignment
 
-        found = choice(now_s, around, len(around.crew.robots), reassign=True)
-        held(found.pick_up_s, found, around)
-        pick_up_s = found.pick_up_s[found.able]
-        robots, columns = linear_sum_assignment(pick_up_s + found.later_s)
-        matched = [(int(found.able[i]), found.task[c]) for i, c in zip(robots, columns) if pick_up_s[i, c] < FAR_S]
+        options = choice(now_s, context, len(context.crew.robots), reassign=True)
+        held(options.pick_up_s, options, context)
+        pick_up_s = options.pick_up_s[options.able]
+        robots, columns = linear_sum_assignment(pick_up_s + options.later_s)
+        matched = [(int(options.able[i]), options.task[c]) for i, c in zip(robots, columns) if pick_up_s[i, c] < FAR_S]
         return dict(matched)

@@ -33,7 +33,7 @@ class Choice:
     typed: bool  # whether some need a type of robot
 
 
-def choice(now_s: float, around: Surroundings, most: int, *, reassign: bool, busy: bool = False) -> Choice:
+def choice(now_s: float, context: Surroundings, most: int, *, reassign: bool, busy: bool = False) -> Choice:
     """Tasks and robots that can be decided on now.
 
     Parameters
@@ -45,71 +45,71 @@ def choice(now_s: float, around: Surroundings, most: int, *, reassign: bool, bus
     busy
         Whether robots at work count from when they will be done; `FAR_S` otherwise.
     """
-    crew = around.crew
-    num_robots, at = len(crew.robots), around.start.copy()
+    crew = context.crew
+    num_robots, at = len(crew.robots), context.start.copy()
     holder = crew.holder if reassign else {}
     able = np.array(sorted({*crew.free, *holder.values()}), np.int64)
     ready_s = np.zeros(num_robots)
     for r in sorted(set(range(num_robots)) - set(able.tolist())):
         ready_s[r] = FAR_S
         if busy and crew.robots[r].task >= 0:  # else it is lost
-            remaining_s, at[r] = _remaining(now_s, around, r)
+            remaining_s, at[r] = _remaining(now_s, context, r)
             ready_s[r] = LATER * remaining_s
     waiting = sorted([*holder, *crew.unassigned], key=lambda k: (-crew.tasks[k].priority, k))
     typed = any(crew.some_cannot(k) for k in waiting)  # then those left out might be all that some robot can do
     if len(waiting) > most and not typed:
         waiting = [k for k in waiting if crew.tasks[k].priority >= crew.tasks[waiting[most]].priority]
-    pick_up_s = np.minimum(ready_s[:, None] + steps_of(around, at, waiting) * around.ledger.problem.step_s, FAR_S)
+    pick_up_s = np.minimum(ready_s[:, None] + steps_of(context, at, waiting) * context.ledger.problem.step_s, FAR_S)
     priority = np.array([crew.tasks[k].priority for k in waiting], np.int64)
     later_s: FloatArray = np.multiply(np.unique(-priority, return_inverse=True)[1].reshape(-1), LESS_URGENT_S, dtype=np.float64)
-    step_s, ends = around.ledger.problem.step_s, np.array([crew.tasks[k].stops[-1].places[0] for k in waiting], np.int64)
+    step_s, ends = context.ledger.problem.step_s, np.array([crew.tasks[k].stops[-1].places[0] for k in waiting], np.int64)
     place, times = np.unique(ends, return_counts=True)  # thousands of tasks may wait, with few places
-    between_s = times @ steps_to(around, place, waiting) / max(len(waiting), 1) * step_s
-    rest_s = np.array([task_s(around, crew.tasks[k]) for k in waiting], np.float64)
+    between_s = times @ steps_to(context, place, waiting) / max(len(waiting), 1) * step_s
+    rest_s = np.array([task_s(context, crew.tasks[k]) for k in waiting], np.float64)
     return Choice(waiting, holder, able, pick_up_s, ready_s, rest_s, between_s, later_s, typed)
 
 
-def steps_to(around: Surroundings, at: IntArray, tasks: Sequence[int]) -> FloatArray:
+def steps_to(context: Surroundings, at: IntArray, tasks: Sequence[int]) -> FloatArray:
     """[N, K] steps from vertices to the first stops of tasks; `FAR_S` where there is no way."""
-    steps, found = distances(around.graph), np.empty((len(at), len(tasks)))
+    steps, least = distances(context.graph), np.empty((len(at), len(tasks)))
     for column, k in enumerate(tasks):
-        found[:, column] = np.minimum.reduce([steps.to(v)[at] for v in around.crew.tasks[k].stops[0].places])
-    return np.where(found < UNREACHABLE, found, FAR_S)
+        least[:, column] = np.minimum.reduce([steps.to(v)[at] for v in context.crew.tasks[k].stops[0].places])
+    return np.where(least < UNREACHABLE, least, FAR_S)
 
 
-def steps_of(around: Surroundings, at: IntArray, tasks: Sequence[int]) -> FloatArray:
+def steps_of(context: Surroundings, at: IntArray, tasks: Sequence[int]) -> FloatArray:
     """[R, K] steps of robots from where they are, or will be, to the first stops of tasks; `FAR_S` for tasks that they cannot do."""
-    found, crew = steps_to(around, at, tasks), around.crew
+    least, crew = steps_to(context, at, tasks), context.crew
     for column, k in enumerate(tasks):
         if crew.some_cannot(k):
-            found[[not crew.can_do(r, k) for r in range(len(at))], column] = FAR_S
-    return found
+            least[[not crew.can_do(r, k) for r in range(len(at))], column] = FAR_S
+    return least
 
 
-def task_s(around: Surroundings, task: Task) -> float:
+def task_s(context: Surroundings, task: Task) -> float:
     """Time in s from the beginning of a task's first service to the end of its last."""
     place = task.stops[0].places[0]
-    return task.stops[0].service_s + _onward(around, place, task, 1)[0]
+    return task.stops[0].service_s + _onward(context, place, task, 1)[0]
 
 
-def held(cost_s: FloatArray, found: Choice, around: Surroundings) -> None:
+def held(cost_s: FloatArray, options: Choice, context: Surroundings) -> None:
     """Of equals the robot that is on its way: tasks cost their holders a step less, in place [R, ..., K]."""
-    for column, task in enumerate(found.task):
-        if task in found.holder:
-            cost_s[found.holder[task], ..., column] -= around.ledger.problem.step_s
+    for column, task in enumerate(options.task):
+        if task in options.holder:
+            cost_s[options.holder[task], ..., column] -= context.ledger.problem.step_s
 
 
-def oldest_first(given: Mapping[int, int], around: Surroundings) -> dict[int, int]:
+def oldest_first(assigned: Mapping[int, int], context: Surroundings) -> dict[int, int]:
     """The assignment less what robots have already, with the oldest of tasks that are alike.
 
     Those are of the same stops, priority and type of robot, and of no longer service.
     """
-    crew, waiting = around.crew, dict[Hashable, list[int]]()
-    passed_on = [task for task, r in crew.holder.items() if r in given]
-    for k in sorted({*crew.unassigned, *given.values(), *passed_on}) if given else ():
+    crew, waiting = context.crew, dict[Hashable, list[int]]()
+    passed_on = [task for task, r in crew.holder.items() if r in assigned]
+    for k in sorted({*crew.unassigned, *assigned.values(), *passed_on}) if assigned else ():
         waiting.setdefault(_kind(crew.tasks[k]), []).append(k)
     oldest = {}
-    for r, task in sorted(given.items(), key=lambda pair: pair[1]):
+    for r, task in sorted(assigned.items(), key=lambda pair: pair[1]):
         alike, lasts_s = waiting[_kind(crew.tasks[task])], _service_s(crew.tasks[task])
         oldest[r] = next(k for k in alike if _service_s(crew.tasks[k]) <= lasts_s)
         alike.remove(oldest[r])
@@ -125,19 +125,19 @@ def _service_s(task: Task) -> float:
     return sum(stop.service_s for stop in task.stops)
 
 
-def _remaining(now_s: float, around: Surroundings, robot: int) -> tuple[float, int]:
+def _remaining(now_s: float, context: Surroundings, robot: int) -> tuple[float, int]:
     """Time in s until a robot is done with its task, and where that is."""
-    at, has = int(around.start[robot]), around.crew.robots[robot]
-    task = around.crew.tasks[has.task]
+    at, has = int(context.start[robot]), context.crew.robots[robot]
+    task = context.crew.tasks[has.task]
     if has.making is None:
-        return _onward(around, at, task, has.stop)
-    onward_s, place = _onward(around, at, task, has.stop + 1)
+        return _onward(context, at, task, has.stop)
+    onward_s, place = _onward(context, at, task, has.stop + 1)
     return has.making.end_s - now_s + onward_s, place
 
 
-def _onward(around: Surroundings, at: int, task: Task, stop: int) -> tuple[float, int]:
+def _onward(context: Surroundings, at: int, task: Task, stop: int) -> tuple[float, int]:
     """Time in s from a vertex through the stops of a task from one on, and where that ends."""
-    steps, step_s, total_s = distances(around.graph), around.ledger.problem.step_s, 0.0
+    steps, step_s, total_s = distances(context.graph), context.ledger.problem.step_s, 0.0
     for each in task.stops[stop:]:
         away, place = min((int(steps.to(v)[at]), v) for v in each.places)
         total_s, at = total_s + min(away * step_s, FAR_S) + each.service_s, place

@@ -17,13 +17,13 @@ class Hungarian(ByTask):
     reassign: bool = True  # tasks may go to others until their first stops are made
     busy: bool = True  # a task may wait for a robot that is at work
 
-    def given(self, now_s: float, around: Surroundings) -> dict[int, int]:
+    def assigned(self, now_s: float, context: Surroundings) -> dict[int, int]:
         """See ByTask."""
         from scipy.optimize import linear_sum_assignment
 
-        found = choice(now_s, around, len(around.crew.robots), reassign=self.reassign, busy=self.busy)
-        cost_s = found.pick_up_s + found.rest_s + found.later_s
-        held(cost_s, found, around)
-        matched = zip(*(side.tolist() for side in linear_sum_assignment(cost_s))) if found.task else ()
-        able = set(found.able.tolist())
-        return {r: found.task[c] for r, c in matched if r in able and found.pick_up_s[r, c] < FAR_S}
+        options = choice(now_s, context, len(context.crew.robots), reassign=self.reassign, busy=self.busy)
+        cost_s = options.pick_up_s + options.rest_s + options.later_s
+        held(cost_s, options, context)
+        matched = zip(*(side.tolist() for side in linear_sum_assignment(cost_s))) if options.task else ()
+        able = set(options.able.tolist())
+        return {r: options.task[c] for r, c in matched if r in able and options.pick_up_s[r, c] < FAR_S}

@@ -28,23 +28,23 @@ class MinCostFlow(ByTask):
         if self.depth < 1:
             raise ScenarioError(f"depth is {self.depth}, expected 1 or more")
 
-    def given(self, now_s: float, around: Surroundings) -> dict[int, int]:
+    def assigned(self, now_s: float, context: Surroundings) -> dict[int, int]:
         """See ByTask."""
-        num_robots = len(around.crew.robots)
-        found = choice(now_s, around, self.depth * num_robots, reassign=self.reassign, busy=True)
-        depth = max(1, min(self.depth, -(-len(found.task) // num_robots)))  # no longer rows than all need
-        first_s = found.pick_up_s - found.ready_s[:, None]  # [R, K]
-        after_s = np.broadcast_to(found.between_s, first_s.shape)  # from the end of a task that is not known yet
+        num_robots = len(context.crew.robots)
+        options = choice(now_s, context, self.depth * num_robots, reassign=self.reassign, busy=True)
+        depth = max(1, min(self.depth, -(-len(options.task) // num_robots)))  # no longer rows than all need
+        first_s = options.pick_up_s - options.ready_s[:, None]  # [R, K]
+        after_s = np.broadcast_to(options.between_s, first_s.shape)  # from the end of a task that is not known yet
         way_s = np.stack([first_s if k == depth else after_s for k in range(depth, 0, -1)], 1)
         last = np.arange(depth, 0, -1)[None, :, None]  # a slot's number from the last
-        cost_s = found.ready_s[:, None, None] + last * (way_s + found.rest_s)  # [R, slot, K]
-        held(cost_s, found, around)
-        cost_s[np.broadcast_to((found.pick_up_s >= FAR_S)[:, None], cost_s.shape)] = FAR_S  # not later in the row, either
-        slots = (np.minimum(cost_s, FAR_S) + found.later_s).reshape(num_robots * depth, len(found.task))
+        cost_s = options.ready_s[:, None, None] + last * (way_s + options.rest_s)  # [R, slot, K]
+        held(cost_s, options, context)
+        cost_s[np.broadcast_to((options.pick_up_s >= FAR_S)[:, None], cost_s.shape)] = FAR_S  # not later in the row, either
+        slots = (np.minimum(cost_s, FAR_S) + options.later_s).reshape(num_robots * depth, len(options.task))
         column_of = registry.make("assigners", "min_cost_flow", {}).assign(slots, np.inf).reshape(num_robots, depth)
-        given = {}
-        for r in found.able.tolist():
-            row = [c for c in column_of[r].tolist() if c >= 0 and found.pick_up_s[r, c] < FAR_S]
+        assigned = {}
+        for r in options.able.tolist():
+            row = [c for c in column_of[r].tolist() if c >= 0 and options.pick_up_s[r, c] < FAR_S]
             if row:
-                given[r] = found.task[min(row, key=lambda c: found.later_s[c])]  # the first in the row of the most urgent
-        return given
+                assigned[r] = options.task[min(row, key=lambda c: options.later_s[c])]  # the first in the row of the most urgent
+        return assigned

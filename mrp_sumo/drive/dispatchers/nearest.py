@@ -13,11 +13,11 @@ from mrp_sumo.search.distance import UNREACHABLE, distances
 class Nearest(ByTask):
     """Each task goes to the free robot nearest to its first stop; everything is replanned when a task comes or a stop is made."""
 
-    def given(self, now_s: float, around: Surroundings) -> dict[int, int]:
+    def assigned(self, now_s: float, context: Surroundings) -> dict[int, int]:
         """See ByTask."""
-        crew = around.crew
-        steps, start = distances(around.graph), around.start
-        free, given = set(crew.free), {}
+        crew = context.crew
+        steps, start = distances(context.graph), context.start
+        free, assigned = set(crew.free), {}
         for task in crew.unassigned:
             if not free:
                 break
@@ -25,6 +25,6 @@ class Nearest(ByTask):
             able = (r for r in free if crew.can_do(r, task))
             robot = min(able, key=lambda r: (int(to_place[start[r]]), r), default=None)
             if robot is not None and to_place[start[robot]] < UNREACHABLE:
-                given[robot] = task
+                assigned[robot] = task
                 free.remove(robot)
-        return given
+        return assigned

@@ -15,20 +15,20 @@ from mrp_sumo.drive.surroundings import Surroundings
 class Regret(ByTask):
     """Of the tasks that free robots can do soonest, the one that loses most with its second best robot goes first."""
 
-    def given(self, now_s: float, around: Surroundings) -> dict[int, int]:
+    def assigned(self, now_s: float, context: Surroundings) -> dict[int, int]:
         """See ByTask."""
-        found, given = choice(now_s, around, len(around.crew.free), reassign=False), dict[int, int]()
-        free = found.able.tolist()
-        done_s = found.pick_up_s + found.rest_s + found.later_s
+        options, assigned = choice(now_s, context, len(context.crew.free), reassign=False), dict[int, int]()
+        free = options.able.tolist()
+        done_s = options.pick_up_s + options.rest_s + options.later_s
         soonest = done_s[free].min(0, initial=FAR_S).argsort(kind="stable")
-        left = sorted(soonest[: None if found.typed else len(free)].tolist())  # as many tasks as robots
+        left = sorted(soonest[: None if options.typed else len(free)].tolist())  # as many tasks as robots
         while left and free:
             ranked = {c: sorted((float(done_s[r, c]), r) for r in free) for c in left}
             second = {c: of[1][0] if len(of) > 1 else FAR_S for c, of in ranked.items()}
             c = max(left, key=lambda c: (second[c] - ranked[c][0][0], -c))
             left.remove(c)
             robot = ranked[c][0][1]
-            if found.pick_up_s[robot, c] < FAR_S:
-                given[robot] = found.task[c]
+            if options.pick_up_s[robot, c] < FAR_S:
+                assigned[robot] = options.task[c]
                 free.remove(robot)
-        return given
+        return assigned

@@ -22,11 +22,11 @@ class TokenPassing(ByTask):
 
     exclusive: bool = False  # as in the paper, never another
 
-    def given(self, now_s: float, around: Surroundings) -> dict[int, int]:
+    def assigned(self, now_s: float, context: Surroundings) -> dict[int, int]:
         """See ByTask."""
-        crew = around.crew
-        start, given, waiting = around.start, dict[int, int](), list(crew.unassigned)
-        away = dict(zip(waiting, steps_of(around, start, waiting).T))
+        crew = context.crew
+        start, assigned, waiting = context.start, dict[int, int](), list(crew.unassigned)
+        away = dict(zip(waiting, steps_of(context, start, waiting).T))
         ends = [crew.tasks[k].stops[-1].places for k in [robot.task for robot in crew.robots] if k >= 0]
         nearest = np.min([*away.values()], 0) if away else np.zeros(len(start))
         for r in sorted(crew.free, key=lambda r: (nearest[r], r)):
@@ -35,10 +35,10 @@ class TokenPassing(ByTask):
             free = [k for k in near if not _touches(crew.tasks[k], token)]
             best = min(free or ([] if self.exclusive else near), key=lambda k: (-crew.tasks[k].priority, away[k][r], k), default=None)
             if best is not None:
-                given[r] = best
+                assigned[r] = best
                 waiting.remove(best)
                 ends.append(crew.tasks[best].stops[-1].places)
-        return given
+        return assigned
 
 
 def _touches(task: Task, token: set[int]) -> bool:

@@ -17,12 +17,12 @@ WORTH_STEPS = 1  # by more than which a robot is nearer to a task that it takes 
 class Tpts(ByTask):
     """Free robots in turn take the nearest task, also from one that would be at its first stop more than a step later; that one is next."""
 
-    def given(self, now_s: float, around: Surroundings) -> dict[int, int]:
+    def assigned(self, now_s: float, context: Surroundings) -> dict[int, int]:
         """See ByTask."""
-        crew, start = around.crew, around.start
+        crew, start = context.crew, context.start
         holder = crew.holder
         tasks = [*holder, *crew.unassigned]
-        away = dict(zip(tasks, steps_of(around, start, tasks).T))
+        away = dict(zip(tasks, steps_of(context, start, tasks).T))
         turn = crew.free
         while turn:
             r = turn.pop(0)

@@ -107,7 +107,7 @@ def excerpt(text: str, graph: NavGraph, lanes: IntArray, onward: IntArray) -> st
             return element[0] if (before, after) in passed else ""
         if vertex not in touched:
             return ""
-        return INCOMING.sub(lambda found: " ".join(lane for lane in found[0].split() if lane.removesuffix("_0") in edges), element[0])
+        return INCOMING.sub(lambda match: " ".join(lane for lane in match[0].split() if lane.removesuffix("_0") in edges), element[0])
 
     return ELEMENT.sub(shorten, text)
 

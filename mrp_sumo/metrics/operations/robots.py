@@ -215,13 +215,13 @@ def _drive_s(logs: Logs, robot: int, at_s: float, order: Task) -> float:
     start = int(np.hypot(*(graph.xy - here).T).argmin())
     everywhere = np.ones(graph.num_lanes, np.bool_)
     ways = [shortest_route(graph, everywhere, start, place) for place in order.stops[0].places]
-    return min((_way_s(logs, robot, way) for way in ways if way is not None), default=np.inf)
+    return min((_route_s(logs, robot, route) for route in ways if route is not None), default=np.inf)
 
 
-def _way_s(logs: Logs, robot: int, way: list[int]) -> float:
-    """How long a robot takes along a way, turning at each vertex by a quarter at most."""
+def _route_s(logs: Logs, robot: int, route: list[int]) -> float:
+    """How long a robot takes along a route, turning at each vertex by a quarter at most."""
     graph, top = logs.graph, float(logs.fleet.max_speed_mps[robot])
-    lanes = [graph.lane_between(a, b) for a, b in pairwise(way)]
+    lanes = [graph.lane_between(a, b) for a, b in pairwise(route)]
     drives: FloatArray = graph.length_m[lanes] / np.minimum(graph.speed_mps[lanes], top) if lanes else np.zeros(0)
     return float(drives.sum())
 
