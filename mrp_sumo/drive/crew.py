@@ -271,8 +271,10 @@ class Crew:
         robot.making = self._row(robot, leg.vertex, (begin_s, begin_s + takes_s), now_s)
         robot.moved_s, robot.wait_at = begin_s, NONE
         self.made_s = max(self.made_s, begin_s)
+        urgent = self.tasks[robot.task].priority
         for other in self.robots:  # those who drive or wait for it
-            if other.is_on_the_road and other.since_s < robot.since_s and self.next_stop(other).places == self.next_stop(robot).places:
+            is_passed = other.is_on_the_road and other.since_s < robot.since_s and urgent <= self.tasks[other.task].priority
+            if is_passed and self.next_stop(other).places == self.next_stop(robot).places:
                 other.num_before += 1
         if takes_s:
             robot.on(Change.PLUGGED_IN if robot.charges else Change.SERVED, begin_s)

@@ -43,11 +43,14 @@ class RobotPlaces:
         steps = np.minimum.reduce([self._distances(robot).to(v) for v in stop.places])
         return int(steps[steps < UNREACHABLE].max(initial=0))
 
-    def way(self, robot: int, at: int, stop: Stop) -> list[int]:
-        """The vertices of a shortest way from one to the nearest place of a stop, both included; just the first where there is none."""
-        known = self._distances(robot)
-        away, place = min((int(known.to(v)[at]), v) for v in stop.places)
-        return self._way(robot, at, place) if away < UNREACHABLE else [at]
+    def way(self, robot: int, at: int, stop: Stop, blocked: set[int]) -> list[int]:
+        """The vertices of a shortest way from one to the nearest place of a stop, both included; just the first where there is none.
+
+        It passes no `blocked` vertex unless every way does.
+        """
+        reach = self._reach(robot, at, blocked - {at})
+        _, away, place = min((int(reach[v]), int(self._distances(robot).to(v)[at]), v) for v in stop.places)
+        return self._way(robot, at, place, blocked) if away < UNREACHABLE else [at]
 
     def can_come(self, robot: int, at: int, stop: Stop, blocked: set[int]) -> bool:
         """True if a robot can come from a vertex to a place of a stop without passing some others."""
@@ -55,8 +58,8 @@ class RobotPlaces:
         return any(reach[v] < UNREACHABLE for v in stop.places)
 
     def can_let_pass(self, robot: int, at: int, way: Sequence[int], blocked: set[int]) -> bool:
-        """True if a robot that stands on another's way can get off it, but for the way's end, without passing some others."""
-        reach = self._reach(robot, at, blocked | {way[-1]})
+        """True if a robot that stands on another's way can get off it, without passing the other, the way's end, or some more."""
+        reach = self._reach(robot, at, blocked | {way[0], way[-1]})
         reach[list({*way, *blocked})] = UNREACHABLE
         return bool((reach < UNREACHABLE).any())
 
@@ -101,10 +104,10 @@ class RobotPlaces:
         for r in turn:
             at, stop = int(start[r]), stops[r]
             place = self._place(r, at, stop, taken, blocked)
-            past = {v for other, way in ways if other.places == stop.places and at in way for v in way}
+            past = self._before(r, at, [route for other, route in ways if other.places == stop.places], blocked)
             if place is not None:
                 vertex[r], makes[r] = place, True
-                ways.append((stop, self._way(r, at, place)))
+                ways.append((stop, self._way(r, at, place, blocked)))
             elif (wait := self._where_to_wait(r, at, stop, taken | past, blocked, waits)) is not None:
                 vertex[r] = wait
                 waits.add(wait)
@@ -132,6 +135,13 @@ class RobotPlaces:
             vertex[r] = self._resting_place(r, int(start[r]), taken, stood_on)
             taken.add(int(vertex[r]))
         return vertex, makes
+
+    def _before(self, robot: int, at: int, routes: Sequence[Sequence[int]], blocked: set[int]) -> set[int]:
+        """Vertices on the ways of others where a robot would be before them, and in their way; all of a way on which it stands."""
+        if not routes:
+            return set()
+        reach = self._reach(robot, at, blocked)
+        return {v for route in routes for n, v in enumerate(route) if at in route or reach[v] <= n}
 
     def _keep_order(self, line: Mapping[int, set[int]], start: IntArray, vertex: IntArray) -> None:
         """Swap where robots of a line wait, so that none has to pass another.
@@ -191,9 +201,11 @@ class RobotPlaces:
                 return v
         occupied = self._occupied(robot, at, place, blocked)
         steps, held = known.to(place), np.array(sorted(taken), np.int64)
+        rank = 2 * steps.astype(np.int64)
+        rank[at] -= 1  # of vertices that are as near, the one where it is
         for reach in (behind, past):
             there = (reach < UNREACHABLE) & (steps < UNREACHABLE)
-            for v in np.argsort(np.where(there, steps, UNREACHABLE), kind="stable").tolist()[: there.sum()]:
+            for v in np.argsort(np.where(there, rank, 2 * UNREACHABLE), kind="stable").tolist()[: there.sum()]:
                 if v in taken or v in stop.places or graph.vertex_options[v].get("is_passthrough_point"):
                     continue
                 if len(held) and self._is_near(graph, v, held):
@@ -235,9 +247,15 @@ class RobotPlaces:
         steps_to(at, first, head, steps, queue)
         return steps
 
-    def _way(self, robot: int, start: int, end: int) -> list[int]:
-        """The vertices of a shortest way, both ends included."""
+    def _way(self, robot: int, start: int, end: int, blocked: set[int] | None = None) -> list[int]:
+        """The vertices of a shortest way, both ends included; it passes no `blocked` vertex unless every way does."""
         graph, steps, way = self._graph(robot), self._distances(robot).to(end), [start]
+        if blocked:
+            clear = np.empty(graph.num_vertices, np.int32)
+            steps_to(end, *reversed_lanes(*_without(graph, blocked)), clear, np.empty(graph.num_vertices, np.int64))
+            if clear[start] < UNREACHABLE:
+                clear[list(blocked - {start, end})] = UNREACHABLE
+                steps = clear
         while way[-1] != end:
             v = way[-1]
             way.append(min(graph.head[graph.first[v] : graph.first[v + 1]].tolist(), key=lambda u: (int(steps[u]), u)))

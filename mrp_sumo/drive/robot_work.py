@@ -118,7 +118,7 @@ class RobotWork:
     legs: list[Leg] = field(default_factory=list)  # stops that its way leads to, in their order
     wait_at: int = NONE  # vertex where it is to wait for a place
     came_s: float = np.inf  # since when it has waited as near as there
-    num_before: int = 0  # who set out for the same stop later, and were served
+    num_before: int = 0  # who set out for the same stop later, with orders no more urgent, and were served
     making: StopRow | None = None  # the stop that it is at
     made: list[StopRow] = field(default_factory=list)  # those before
     over_s: float = -np.inf  # when the last of them was over

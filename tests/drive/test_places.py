@@ -76,11 +76,29 @@ def test_of_two_robots_for_one_place_the_one_whose_turn_it_is_makes_its_stop():
     assert chosen(row(9), [0, 8], {1: 4, 0: 4})[1] == [False, True]
 
 
-@pytest.mark.parametrize(("waits", "served", "lets_pass"), [(1, 8, True), (0, 8, False), (1, 0, False)])
-def test_who_stands_ahead_of_one_that_waits_lets_it_pass_where_it_can(waits, served, lets_pass):
-    """It stands at 3, the place is at 4: there is room behind who waits at 1, but not behind one at 0, nor where another is served."""
-    where, way = RobotPlaces(problem_on(row(9), [waits, 3], [waits, 3])), list(range(waits, 5))
-    assert where.can_let_pass(1, 3, way, {served}) == lets_pass
+@pytest.mark.parametrize(("aside", "served", "lets_pass"), [(2, 7, True), (1, 7, True), (0, 7, False), (2, 1, True), (1, 1, False)])
+def test_who_stands_ahead_of_one_that_waits_lets_it_pass_where_it_can(aside, served, lets_pass):
+    """One waits at 0 for a place at 4, the other stands at 3: there is room at 6, beside one of the vertices between, or behind who waits.
+
+    Who is served, at 1 or beyond the place, may stand before that room.
+    """
+    lanes = [lane for a, b in [(0, 1), (1, 2), (2, 3), (3, 4), (4, 5), (5, 7), (aside, 6)] for lane in ((a, b), (b, a))]
+    xy = [(v * CELL_M, 0.0) for v in range(6)] + [(aside * CELL_M, CELL_M), (6 * CELL_M, 0.0)]
+    graph = plan_graph(nav_graph(name="aside", xy=xy, lanes=lanes), kind="roadmap", cell_m=CELL_M)
+    assert RobotPlaces(problem_on(graph, [0, 3], [0, 3])).can_let_pass(1, 3, [0, 1, 2, 3, 4], {served}) == lets_pass
+
+
+def test_nobody_waits_where_it_would_be_before_one_that_has_the_place():
+    """One from 0 has the place at 4 of a ring: another, from beyond, stays at 5, though 3 is as near. One from behind waits at 3."""
+    assert chosen(row(9, ring=True), [0, 5], {0: 4, 1: 4}) == ([4, 5], [True, False])
+    assert chosen(row(9, ring=True), [0, 3], {1: 4, 0: 4}) == ([3, 4], [False, True])
+
+
+@pytest.mark.parametrize(("stays", "way"), [(1, [0, 5, 4, 3]), (4, [0, 1, 2, 3]), (2, [0, 5, 4, 3])])
+def test_the_way_to_a_place_is_that_round_who_stays(stays, way):
+    """A ring of six: from 0 to 3 there are two ways."""
+    where = RobotPlaces(problem_on(row(6, ring=True), [0], [0]))
+    assert where.way(0, 0, Stop(3, 1.0, "", Station("at 3", (3,))), {stays}) == way
 
 
 @pytest.mark.parametrize(("num_before", "turn"), [(1, [1, 0]), (2, [0, 1])])
@@ -100,8 +118,8 @@ def test_to_a_place_that_no_way_leads_to_a_robot_does_not_set_out():
     nav = nav_graph(name="one way", xy=[(0, 0), (CELL_M, 0)], lanes=[(0, 1)])
     where = RobotPlaces(problem_on(plan_graph(nav, kind="roadmap", cell_m=CELL_M), [0], [0]))
     stops = [Stop(v, 1.0, "", Station(f"at {v}", (v,))) for v in (0, 1)]
-    assert (where.way(0, 0, stops[1]), where.away(0, 0, stops[1])) == ([0, 1], 1)
-    assert (where.way(0, 1, stops[0]), where.away(0, 1, stops[0])) == ([1], UNREACHABLE)
+    assert (where.way(0, 0, stops[1], set()), where.away(0, 0, stops[1])) == ([0, 1], 1)
+    assert (where.way(0, 1, stops[0], set()), where.away(0, 1, stops[0])) == ([1], UNREACHABLE)
 
 
 def test_a_robot_without_work_stays_where_no_way_leads_to_a_place_to_park():

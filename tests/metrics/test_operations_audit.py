@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from floors import BATTERY, driven, lanes, ring, scenario
+from floors import BATTERY, driven, lanes, ring, scenario, tee
 
 from mrp_sumo.core.execution import Event, Outcome
 from mrp_sumo.core.facilities import LIFT_STATES, FacilityLog
@@ -272,10 +272,10 @@ def test_who_waits_first_is_served_first(queue):
     assert finding.order not in [f.order for f in places.waits(urgent)]
 
 
-def starved(queue, since_s=0.0, at_m=(2.0, 0.0), state=WORKING, urgent=()):
+def starved(queue, since_s=0.0, at_m=(2.0, 0.0), state=WORKING, urgent=(), others_m=None):
     """The rows of robot_1's stops are gone, as if it had driven, and stood from then on 3 m before A, or elsewhere.
 
-    Orders of `urgent` robots are more urgent.
+    Orders of `urgent` robots are more urgent. The others are where they were, or at `others_m`.
     """
     stops, run = queue.stops, queue.execution
     kept, others = stops.robot != 1, np.arange(run.x_m.shape[1]) != 1
@@ -288,7 +288,8 @@ def starved(queue, since_s=0.0, at_m=(2.0, 0.0), state=WORKING, urgent=()):
     tasks = replace(queue.tasks, ended_s=ended_s)
     states = RobotStateLog(np.arange(2), np.array([WORKING, state]), np.zeros(2), np.full(2, queue.end_s), np.array([0, mine]))
     columns = {"stops": some, "tasks": tasks, "speed_mps": speed_mps, "robot_states": states}
-    columns |= {key: np.where(others, getattr(run, key), at) for key, at in zip(("x_m", "y_m"), at_m)}
+    for key, mine_m, theirs_m in zip(("x_m", "y_m"), at_m, others_m or (None, None)):
+        columns[key] = np.where(others, getattr(run, key) if theirs_m is None else np.full_like(run.x_m, theirs_m), mine_m)
     logs = replace(queue, execution=replace(run, **columns))
     robot = queue.tasks.robot.tolist()
     logs.__dict__["ordered"] = {task: replace(order, priority=int(robot[task] in urgent)) for task, order in queue.ordered.items()}
@@ -304,6 +305,20 @@ def test_who_sets_out_first_and_comes_later_is_served_later(queue, served_after,
     """Three that set out after it has come are too many, from wherever it stands."""
     since_s = np.sort(queue.stops.since_s[queue.stops.robot == 0])[-served_after] - 2.0
     assert starved(queue, since_s, at_m=(100.0, 0.0)) == findings
+
+
+@pytest.mark.parametrize(("x_m", "findings"), [(4.0, []), (1.0, ["robot_1"]), (5.0, ["robot_1"])], ids=("between", "behind", "at A"))
+def test_who_stands_between_on_the_only_way_has_to_go_first(queue, x_m, findings):
+    """robot_0 sets out for A again and again from there, and robot_1, 3 m before A, could not pass it; there is no room on the ring."""
+    assert starved(queue, others_m=(x_m, 0.0)) == findings
+
+
+def test_who_stands_between_can_get_off_where_there_is_room(tmp_path):
+    """As before, on a dead end from the west over 'mid' to X: whoever is at 'mid' can go east."""
+    tasks = {"streams": [{"name": "o", "stops": ["X"], "service": [60], "arrivals": {"open": 4}}]}
+    run = logs_of(driven(scenario(tee(tmp_path), tasks, starts=["west", "east"], execution={"time_limit_s": 500.0})))
+    assert starved(run, at_m=(4.0, 0.0), others_m=(5.0, 0.0)) == ["robot_1"]
+    assert starved(run, at_m=(5.0, 1.0), others_m=(5.0, 2.0)) == []  # beyond 'mid'
 
 
 @pytest.mark.parametrize(("x_m", "findings"), [(2.0, ["robot_1"]), (100.0, [])])

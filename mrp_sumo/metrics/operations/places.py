@@ -10,6 +10,7 @@ from mrp_sumo.core.facilities import DOOR_STATES, LIFT_STATES
 from mrp_sumo.core.graph import FloatArray
 from mrp_sumo.core.robot_states import STALLED
 from mrp_sumo.metrics.operations.evidence import EPS_S, LOST, Finding, Logs
+from mrp_sumo.search.route import reach_m, shortest_route
 
 BESIDE_M = 0.05  # of a place, where a robot stands at it: bodies stop within millimetres, SUMO rounds lengths
 CORNER = 0.5  # of the way between two samples that a straight line may cut off at a corner
@@ -71,7 +72,8 @@ class Wish(NamedTuple):
 def waits(logs: Logs) -> Iterator[Finding]:
     """Nobody waits near a place while several are served there who set out for it later, unless their orders are more urgent.
 
-    One that stands before a more urgent one in line has to go first. Stops without service are made in passing: nobody is in line for them.
+    One that stands before a more urgent one in line has to go first, and so has one that stands between in an aisle without room.
+    Stops without service are made in passing: nobody is in line for them.
     """
     wishes = [*_made(logs), *_left(logs)]
     at_place: dict[str, list[Wish]] = {}
@@ -93,7 +95,8 @@ def waits(logs: Logs) -> Iterator[Finding]:
             continue
         behind = [each for each in at_place[wish.place] if urgent.get(each.task, 0) > urgent.get(wish.task, 0)]
         behind_s = [(_waits_since_s(logs, each, min(each.begin_s, logs.end_s)), each.begin_s) for each in behind]
-        if sum(not any(came_s < each.begin_s < served_s for came_s, served_s in behind_s) for each in first) < LATER_ONES:
+        first = [each for each in first if not any(came_s < each.begin_s < served_s for came_s, served_s in behind_s)]
+        if len(first) < LATER_ONES or sum(not _stands_between(logs, wish, each) for each in first) < LATER_ONES:
             continue
         if not _is_cut_off(logs, wish, since_s, until_s):
             who, order = logs.robot(wish.robot), logs.tasks.name[wish.task]
@@ -142,6 +145,26 @@ def _is_cut_off(logs: Logs, wish: Wish, since_s: float, until_s: float) -> bool:
         if piece[at] not in piece[wish.vertices]:
             return True
     return False
+
+
+def _stands_between(logs: Logs, wish: Wish, other: Wish) -> bool:
+    """True if one that sets out later is on every way of a robot to its place then, and has no room to get off before the place.
+
+    Nobody passes robots that are lost.
+    """
+    graph, t_s = logs.graph, other.since_s
+    at, ahead = (_vertex_at(logs, each.robot, t_s) for each in (wish, other))
+    spans = ((robot, span) for robot in range(logs.fleet.num_robots) for span in logs.times_in(LOST, robot))
+    lost = [_vertex_at(logs, robot, begin_s) for robot, (begin_s, end_s) in spans if begin_s <= t_s < end_s]
+    free = ~np.isin(graph.head, lost) & ~np.isin(graph.tail, lost)
+    past = free & (graph.tail != ahead) & (graph.head != ahead)
+    if ahead in (at, *wish.vertices) or np.isfinite(reach_m(graph, past, np.array([at]))[0, wish.vertices]).any():
+        return False
+    routes = [route for v in wish.vertices if (route := shortest_route(graph, free, at, v)) is not None]
+    before = free & ~np.isin(graph.head, [at, *wish.vertices])
+    room = np.flatnonzero(np.isfinite(reach_m(graph, before, np.array([ahead]))[0]))
+    shortest: list[int] = min(routes, key=len, default=[])
+    return set(room.tolist()) <= set(shortest)
 
 
 def _vertex_at(logs: Logs, robot: int, t_s: float) -> int:
