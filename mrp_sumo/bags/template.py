@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-KINDS = ("<f8", "<f4", "<i4", "<u4", "<u8")
 HEADER = 4  # bytes before the body; CDR aligns from the end of them
 
 
@@ -27,7 +26,7 @@ class Template:
     make
         Builds a message from a list of numbers.
     kinds
-        The dtype of each of these numbers, one of KINDS.
+        The dtype of each of these numbers: <f8, <f4, <i4, <u4 or <u8.
 
     Raises
     ------

@@ -7,7 +7,7 @@ write leaves complete chunks in the mcap file but no index.
 
 import json
 import sqlite3
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -57,7 +57,7 @@ def write_recorded_bag(folder: Path, record: RunRecord, choice: Recording) -> No
     write_bag(folder, record, options)
 
 
-def write_bag(folder: Path, record: RunRecord, options: BagOptions = BagOptions(), about: Mapping[str, str] | None = None) -> None:
+def write_bag(folder: Path, record: RunRecord, options: BagOptions = BagOptions()) -> None:
     """Write the bag of a run.
 
     Parameters
@@ -68,8 +68,6 @@ def write_bag(folder: Path, record: RunRecord, options: BagOptions = BagOptions(
         With at least one sample.
     options
         Storage, message generation, topics.
-    about
-        More entries for the metadata's `custom_data`.
 
     Raises
     ------
@@ -97,7 +95,7 @@ def write_bag(folder: Path, record: RunRecord, options: BagOptions = BagOptions(
     folder.parent.mkdir(parents=True, exist_ok=True)
     with plain_path(folder) as place:
         try:
-            with PartedWriter(place, options.storage, {**custom, **(about or {})}, parted=options.split_s > 0) as writer:
+            with PartedWriter(place, options.storage, custom, parted=options.split_s > 0) as writer:
                 _write(writer, messages, record, options, chosen)
         except sqlite3.Error as error:  # a full disk, above all
             raise OSError(str(error)) from error

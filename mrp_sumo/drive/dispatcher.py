@@ -55,11 +55,6 @@ class OneShot:
         return context.plan(request)
 
 
-def dispatchers() -> tuple[str, ...]:
-    """The names of all registered dispatchers, sorted."""
-    return registry.names("dispatchers")
-
-
 def dispatcher_of(name: str, parameters: Mapping[str, Any]) -> Dispatcher:
     """A dispatcher of this name, for one run.
 

@@ -18,7 +18,6 @@ from mrp_sumo.files.reading import json_value, read_text
 if TYPE_CHECKING:
     import pandas
 
-SCHEMA_VERSION = 1
 LATEST_S = 4e8  # no event is later: bags begin in 2023, and count seconds from 1970 in 31 bits
 
 

@@ -5,9 +5,10 @@ import pytest
 from worlds import drive, kinds, line
 
 from mrp_sumo.core.execution import Outcome
-from mrp_sumo.drive.dispatcher import dispatcher_of, dispatchers
+from mrp_sumo.drive.dispatcher import dispatcher_of
 from mrp_sumo.drive.outside_dispatcher import DispatcherError
 from mrp_sumo.errors import PlugInError, ScenarioError
+from mrp_sumo.plugins import registry
 
 PATROL = '''
 """patrol.py: robots go on from their goals to their starts, and back, as often as wanted."""
@@ -63,7 +64,7 @@ def test_parameters_reach_a_file(tmp_path):
 
 
 def test_one_shot_is_listed_and_asks_once(tmp_path):
-    assert "one_shot" in dispatchers()
+    assert "one_shot" in registry.names("dispatchers")
     run = drive(tmp_path, line(4), [[0, 1, 2, 3]])
     assert run.outcome is Outcome.COMPLETED and run.replies == ()
 

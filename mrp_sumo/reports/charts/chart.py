@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import matplotlib as mpl
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.backends.backend_agg import FigureCanvasAgg, RendererAgg
@@ -19,6 +20,7 @@ from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
+from mrp_sumo.core.graph import FloatArray
 from mrp_sumo.reports.pictures.map_picture import BLUE, GREEN, INK, MUTED, ORANGE, PAPER, PURPLE, SKY, VERMILION
 
 GRID, SOFT = "#d9dce1", "#eceef1"
@@ -201,6 +203,18 @@ def key(figure: Figure, ax: Axes) -> None:
     longest = max(map(len, labels)) * 5.0 + 34
     columns = max(1, min(len(labels), int(width / longest)))
     figure.legend(handles, labels, loc="outside lower left", ncols=columns, handlelength=2.6, columnspacing=1.4)
+
+
+def distribution(figure: Figure, values: FloatArray, unit: str, second_colour: str = INK) -> Axes:
+    """Axes with a histogram of [N] values, their median and what 95 % of them are below, and the legend."""
+    ax = figure.add_subplot()
+    counts, edges = np.histogram(values, bins=min(40, max(8, len(values) // 12)))
+    ax.stairs(counts, edges, fill=True, color=BLUE, alpha=0.85)
+    for q, name, line, colour in ((0.5, "median", (0, (5, 2)), INK), (0.95, "95 % are below", (0, (1.5, 1.5)), second_colour)):
+        value = float(np.quantile(values, q))
+        ax.axvline(value, color=colour, lw=1.3, ls=line, label=f"{name}: {unit.format(value)}")
+    key(figure, ax)
+    return ax
 
 
 def around_zero(low: float, high: float) -> tuple[float, float]:

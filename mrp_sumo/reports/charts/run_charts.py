@@ -22,7 +22,7 @@ from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.io.outline import Outline, read_outline
 from mrp_sumo.io.record import AT_GOAL, BLOCKED, MOVING, STANDING_MPS, WAITING, RunRecord, robot_states
 from mrp_sumo.io.run_reader import RunFolder
-from mrp_sumo.reports.charts.chart import COLOURS, GRID, NARROW, Chart, around_zero, draw, file_name, key, printable
+from mrp_sumo.reports.charts.chart import COLOURS, GRID, NARROW, Chart, around_zero, distribution, draw, file_name, printable
 from mrp_sumo.reports.charts.task_charts import task_charts
 from mrp_sumo.reports.pictures.map_picture import BLUE, FLOOR, INK, MUTED, ORANGE, VERMILION, WALL
 
@@ -420,13 +420,7 @@ def _lateness(record: RunRecord, tag: str) -> Chart | None:
         return None
 
     def paint(figure: Figure) -> None:
-        ax = figure.add_subplot()
-        counts, edges = np.histogram(late, bins=min(40, max(8, len(late) // 12)))
-        ax.stairs(counts, edges, fill=True, color=BLUE, alpha=0.85)
-        for q, name, line in ((0.5, "median", (0, (5, 2))), (0.95, "95 % are below", (0, (1.5, 1.5)))):
-            value = float(np.quantile(late, q))
-            ax.axvline(value, color=INK, lw=1.3, ls=line, label=f"{name}: {value:.1f} s")
-        key(figure, ax)
+        ax = distribution(figure, late, "{:.1f} s")
         ax.set(xlabel="lateness (s)", ylabel="visits", xlim=around_zero(*ax.get_xlim()))
 
     return draw(

@@ -5,7 +5,7 @@ from matplotlib.figure import Figure
 
 from mrp_sumo.core.graph import FloatArray
 from mrp_sumo.core.task import TaskLog, some_tasks
-from mrp_sumo.reports.charts.chart import NARROW, Chart, draw, key
+from mrp_sumo.reports.charts.chart import NARROW, Chart, distribution, draw, key
 from mrp_sumo.reports.pictures.map_picture import BLUE, INK, MUTED, ORANGE, VERMILION
 
 HOUR_S = 3600.0
@@ -78,14 +78,8 @@ def _service(orders: TaskLog, tag: str) -> Chart | None:
         return None
 
     def paint(figure: Figure) -> None:
-        ax = figure.add_subplot()
         scale, unit = _scale(float(took_s.max()))
-        counts, edges = np.histogram(took_s / scale, bins=min(40, max(8, len(took_s) // 12)))
-        ax.stairs(counts, edges, fill=True, color=BLUE, alpha=0.85)
-        for q, name, line, colour in ((0.5, "median", (0, (5, 2)), INK), (0.95, "95 % are below", (0, (1.5, 1.5)), VERMILION)):
-            value = float(np.quantile(took_s, q)) / scale
-            ax.axvline(value, color=colour, lw=1.3, ls=line, label=f"{name}: {value:.3g} {unit}")
-        key(figure, ax)
+        ax = distribution(figure, took_s / scale, f"{{:.3g}} {unit}", VERMILION)
         ax.set(xlim=(0, None), xlabel=f"from release to done ({unit})", ylabel="orders")
 
     return draw(f"{tag}_{LEAD_TIME}", "Lead time", f"Of the {len(took_s)} orders that were done.", paint, size=NARROW)
