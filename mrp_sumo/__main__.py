@@ -2,7 +2,7 @@
 
 import sys
 
-from mrp_sumo.cli.main import main
+from mrp_sumo.cli.start import main
 
 if __name__ == "__main__":
     sys.exit(main())

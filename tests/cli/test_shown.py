@@ -188,6 +188,24 @@ def test_sigterm_ends_with_a_word_and_leaves_no_temporary_files(tmp_path):
     assert not list(tmp_path.glob("mrp_sumo_*"))
 
 
+@pytest.mark.parametrize(("number", "told"), [(signal.SIGINT, "mrp-sumo: interrupted\n"), (signal.SIGTERM, "mrp-sumo: ended by SIGTERM\n")])
+def test_signal_while_the_command_is_being_loaded_ends_it_with_a_line(number, told):
+    code = f"""
+import os, sys
+class Sending:
+    def find_spec(self, name, *others):
+        if name == "mrp_sumo.cli.main":
+            os.kill(os.getpid(), {int(number)})
+sys.meta_path.insert(0, Sending())
+sys.argv = ["mrp-sumo", "--version"]
+from mrp_sumo.cli.start import main
+sys.exit(main())"""
+    ended = subprocess.run([sys.executable, "-P", "-c", code], capture_output=True, text=True)
+    assert (ended.returncode, ended.stdout, ended.stderr) == (128 + number, "", told)
+    ignored = f"import signal; signal.signal({int(number)}, signal.SIG_IGN)\n{code}"
+    assert subprocess.run([sys.executable, "-P", "-c", ignored], capture_output=True).returncode == 0
+
+
 def test_user_without_a_home_hears_nothing_of_it(tmp_path):
     nowhere = {"HOME": "/proc/nowhere", "XDG_CACHE_HOME": "/proc/nowhere", "MPLCONFIGDIR": "/proc/nowhere"}
     drawn = subprocess.run(

@@ -6,6 +6,7 @@ jump. SUMO does not protect vertices in such a network: the executor does. Refus
 lanes; vertices without lanes are left out.
 """
 
+import errno
 import os
 import re
 import subprocess
@@ -64,6 +65,8 @@ def build_network(graph: NavGraph, path: Path, building: Building | None = None)
     ------
     MapError
         For a graph without lanes, and when netconvert fails.
+    OSError
+        Where the temporary folder's disk is full.
     """
     path = Path(path)
     if not graph.num_lanes:
@@ -122,6 +125,8 @@ def _network(graph: NavGraph) -> str:
         (work / "x.con.xml").write_text(_document("connections", _connections(graph, edges)))
         _netconvert(work)
         text = (work / "x.net.xml").read_text()
+    if not text.rstrip().endswith("</net>"):  # netconvert says nothing of what it could not write
+        raise OSError(errno.ENOSPC, "", tempfile.gettempdir())
     text = re.sub(r"<!--.*?-->\s*", "", text, count=1, flags=re.DOTALL)  # netconvert's header carries date and paths
     return _straight(text, graph, edges)
 

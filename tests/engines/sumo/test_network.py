@@ -1,6 +1,9 @@
 """The SUMO network has the graph's lanes, exactly, and nothing of the machine that made it."""
 
+import errno
 import re
+import subprocess
+import tempfile
 
 import libsumo
 import pytest
@@ -74,3 +77,22 @@ def test_vertices_a_centimetre_apart_are_joined_by_the_shortest_edge_sumo_has(tm
     text = build_network(near, tmp_path / "near.net.xml").read_text()
     assert re.findall(r'<lane id="e0_1_0"[^>]* length="([^"]+)"', text) == ["0.100000"]
     assert len(re.findall("<edge ", text)) == 4
+
+
+def test_half_a_network_of_a_full_disk_is_neither_used_nor_kept(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    run = subprocess.run
+
+    def fills_the_disk(command, cwd, **options):
+        done = run(command, cwd=cwd, **options)
+        file = cwd / "x.net.xml"
+        file.write_text(file.read_text()[:-20])
+        return done
+
+    monkeypatch.setattr(subprocess, "run", fills_the_disk)
+    with pytest.raises(OSError, match="28") as refused:
+        build_network(GRAPH, tmp_path / "tee.net.xml")
+    assert (refused.value.errno, refused.value.filename) == (errno.ENOSPC, tempfile.gettempdir())
+    assert not list(tmp_path.rglob("*.net.xml"))
+    monkeypatch.undo()
+    assert build_network(GRAPH, tmp_path / "tee.net.xml").read_text().endswith("</net>\n")
