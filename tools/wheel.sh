@@ -17,7 +17,7 @@ pip_of env install --no-deps "$wheel"
 
 mkdir "$scratch/work"
 cd "$scratch/work"
-export PATH="$scratch/env/bin:$PATH" PYTHONPATH='' NUMBA_CACHE_DIR="$scratch/kernels"
+export PATH="$scratch/env/bin:$PATH" PYTHONPATH=''
 cat > longest.py <<'PY'
 """The longest wait for another robot."""
 

@@ -21,6 +21,8 @@ from mrp_sumo.io.results import MACHINE_COLUMNS
 from mrp_sumo.metrics.registry import MACHINE_DEPENDENT
 from mrp_sumo.reports.live.batch import BatchView
 
+pytestmark = pytest.mark.slow
+
 SUITES = sorted((Path(__file__).parents[2] / "scenarios/suites").glob("*.yaml"))
 SUITE = """
 name: study

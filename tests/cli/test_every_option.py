@@ -200,7 +200,7 @@ def started(case, folder, port):
     )
 
 
-@pytest.mark.slow
+@pytest.mark.campaign
 @pytest.mark.parametrize("case", LINES)
 def test_line_works_and_says_nothing_beside(case, material, tmp_path, open_port):  # noqa: F811
     folder = shutil.copytree(material, tmp_path / "work")

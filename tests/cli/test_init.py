@@ -98,6 +98,7 @@ def test_a_type_of_which_one_alone_fits_is_not_proposed_where_two_smaller_ones_d
     assert yaml.safe_load((tmp_path / "shop" / "scenario.yaml").read_text())["robots"]["type"] == robots
 
 
+@pytest.mark.slow
 def test_on_a_floor_without_names_places_lie_far_apart_and_large_robots_that_cover_it_are_proposed(tmp_path, monkeypatch):
     """A hall of 8 x 8 m with a nook of 0.6 x 0.6 m, whose cells are of 0.4 m for small robots and of 0.95 m for larger ones."""
     pixels = np.zeros((160, 160), np.uint8)
@@ -189,6 +190,7 @@ def test_out_may_name_the_file(shop, capsys):
     assert "sites/first.yaml: is there already" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_robots_that_would_stand_in_each_others_way_for_good_are_not_proposed(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     places = "".join(f"      - [{4 * k}, 0, 0, place_{k}]\n" for k in range(4))  # in a row, on a single track

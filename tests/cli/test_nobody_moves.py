@@ -7,6 +7,8 @@ import pytest
 
 from mrp_sumo.cli.main import main
 
+pytestmark = pytest.mark.slow
+
 STILL = """\
 map: office
 discretisation: {kind: roadmap, cell_m: 0.4}

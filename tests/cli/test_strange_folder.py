@@ -68,7 +68,7 @@ LINES = {  # at least one of every command; {run} and {batch} are made beforehan
     "schema": "schema",
 }
 COLD = (  # what compiles kernels, minutes each: one of them in CI, the others by night
-    pytest.param("plan office_5 --planner prioritised", marks=pytest.mark.slow),
+    pytest.param("plan office_5 --planner astar", marks=pytest.mark.slow),
     pytest.param("run office_5 --planner prioritised", marks=pytest.mark.campaign),
     pytest.param("batch suite.yaml --workers 1", marks=pytest.mark.campaign),
     pytest.param(

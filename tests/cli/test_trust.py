@@ -74,6 +74,7 @@ def test_validate_and_dry_run_run_no_program_even_when_trusted(folder, capsys, n
     assert not (folder / "RAN").exists()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "arguments",
     [
@@ -104,6 +105,7 @@ def test_option_beside_a_program_does_not_trust_it(folder, capsys):
     assert "would run" in refusal(capsys, folder)
 
 
+@pytest.mark.slow
 def test_folder_is_trusted_once_and_can_be_forgotten(folder, capsys):
     assert main(["trust", "."]) == 0
     assert main(["trust", "--list"]) == 0
@@ -139,6 +141,7 @@ def test_list_that_cannot_be_written_is_one_line(folder, capsys, tmp_path, monke
     assert f"{tmp_path / 'file' / 'mrp-sumo' / 'trusted'}: cannot be written" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_call_in_python_names_a_program_and_a_file_does_not(folder):
     with pytest.raises(ms.MrpSumoError, match="would run"):
         ms.run(ms.Scenario.read("planner.yaml"))
@@ -152,6 +155,7 @@ def test_call_in_python_names_a_program_and_a_file_does_not(folder):
     assert (folder / "RAN").exists()
 
 
+@pytest.mark.slow
 def test_suite_trusted_in_python_is_trusted_for_its_batch_only(folder):
     assert ms.run_suite("suite_planner.yaml", "out", workers=1, trust=True).counts == {"planned": 2}
     with pytest.raises(ms.MrpSumoError, match="would run"):

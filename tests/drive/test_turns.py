@@ -34,6 +34,7 @@ def test_robot_at_its_place_is_not_sent_round_the_ring(tmp_path, robots, service
     assert done[0] == done[1] > 35, done
 
 
+@pytest.mark.slow
 def test_three_robots_take_turns_at_one_charger(tmp_path):
     """A charge takes 5 minutes. They come from 4, 10 and 14 m away, and again in the order in which they left."""
     xy = {"west": (0.0, 0.0), "mid": (6.0, 0.0), "east": (16.0, 0.0), "X": (6.0, 4.0)}

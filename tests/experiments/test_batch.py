@@ -70,6 +70,7 @@ def test_longer_suite_keeps_the_results_there_are(tmp_path):
     assert any("3 results are of runs that the suite does not have" in line for line in watcher.lines)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("seed", "status", "reason"),
     [
@@ -98,6 +99,7 @@ def test_crashes_are_counted_over_sessions(tmp_path):
     assert record_of(make(file, tmp_path / "out", retries=2), fake_runs.RAISES)["attempts"] == 3
 
 
+@pytest.mark.slow
 def test_run_that_takes_too_long_is_killed_with_its_children(tmp_path):
     batch = make(suite(tmp_path, f"grid_search: {{seed: [{fake_runs.HANGS}, 0]}}\n"), tmp_path / "out", wall_s=1.0)
     record = record_of(batch, fake_runs.HANGS)
@@ -106,6 +108,7 @@ def test_run_that_takes_too_long_is_killed_with_its_children(tmp_path):
     assert record_of(batch, 0)["status"] == "completed"
 
 
+@pytest.mark.slow
 def test_run_that_takes_too_much_memory_is_killed(tmp_path):
     batch = make(suite(tmp_path, f"grid_search: {{seed: [0, {fake_runs.GROWS}, 1]}}\n"), tmp_path / "out", memory_mb=500, wall_s=60)
     assert record_of(batch, fake_runs.GROWS)["status"] == "out_of_memory"
@@ -134,6 +137,7 @@ def test_unfinished_batch_can_be_read(tmp_path):
     assert not (tmp_path / "out" / "results.parquet").exists()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "spoil",
     [
@@ -161,6 +165,7 @@ def test_spoiled_record_is_put_aside_and_made_again(tmp_path, spoil):
     assert told_by(tmp_path / "out") == whole
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("key", "value"),
     [
@@ -400,6 +405,7 @@ def test_batch_that_is_killed_twenty_times_ends_with_the_same_results(tmp_path):
     pytest.fail(f"only {kills} kills hit a running batch")
 
 
+@pytest.mark.slow
 def test_workers_end_with_a_killed_batch(tmp_path):
     suite(tmp_path, f"grid_search: {{seed: [{fake_runs.HANGS}]}}\n")
     command = [sys.executable, str(DRIVER), str(tmp_path / "study.yaml"), str(tmp_path / "out"), "1"]

@@ -55,6 +55,7 @@ def test_effort_is_shared():
     assert some.chosen == "prioritised"
 
 
+@pytest.mark.slow
 @pytest.mark.compiled
 def test_by_rule_everybody_gets_an_answer():
     for drivable in (False, True):

@@ -59,6 +59,7 @@ def refused(server, **headers):
         return True
 
 
+@pytest.mark.slow
 def test_connections_beyond_the_limit_are_closed_and_there_is_room_again_afterwards(serving):
     server = serving(LocalServer(0, Page))
     address = ("127.0.0.1", server.server_port)
