@@ -154,7 +154,7 @@ def _require_replaceable(out: Path) -> None:
 def _write(map_: "Map", known: dict[str, Any], out: Path) -> None:
     """Write everything to a folder beside `out`, then put it in its place."""
     from mrp_sumo.engines.sumo.network import build_network
-    from mrp_sumo.io.floor_plan import write_floor_plan
+    from mrp_sumo.io.floor_plan import write_costmap
     from mrp_sumo.maps.readers.nav_graph import write_nav_graph
     from mrp_sumo.reports.pictures.map_picture import draw_map
 
@@ -169,7 +169,7 @@ def _write(map_: "Map", known: dict[str, Any], out: Path) -> None:
                     write_nav_graph(document, work / f"{name}.nav.yaml")
                 draw_map(map_, work / f"{map_.name}.png", work / f"{map_.name}.svg")
                 if map_.floor is not None:
-                    write_floor_plan(work, f"{map_.name}_map", map_.floor)
+                    write_costmap(work, f"{map_.name}_map", map_.floor)
                 network.result()
             (work / FACTS).write_text(json.dumps({**known, **_frame(map_)}, indent=2) + "\n", encoding="utf-8")
             if out.exists():

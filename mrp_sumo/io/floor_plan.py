@@ -14,7 +14,7 @@ import numpy as np
 import yaml
 
 from mrp_sumo.core.fleet import LIMITS, Fleet, fleet_of_types
-from mrp_sumo.core.graph import NO_OPTIONS, BoolArray, NavGraph, PlanGraph, frozen, nav_graph, plan_graph
+from mrp_sumo.core.graph import NO_OPTIONS, NavGraph, PlanGraph, frozen, nav_graph, plan_graph
 from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.errors import MrpSumoError, first_line
 from mrp_sumo.files.reading import read_json, require_regular
@@ -23,7 +23,6 @@ from mrp_sumo.maps.yaml_text import read_text as read_map_text
 
 if TYPE_CHECKING:
     from mrp_sumo.maps.costmap import Costmap
-    from mrp_sumo.maps.map import FloorPixels
 
 SCHEMA_VERSION = 1
 FARTHEST_M = 1e9
@@ -74,25 +73,16 @@ def _fleet(document: dict[str, Any]) -> Fleet:
     return replace(fleet_of_types(types, kind.reshape(-1)), robot_name=_texts(document["robot_name"]), type_name=())
 
 
-def write_walls(folder: Path, costmap: "Costmap") -> None:
-    """Write `map.png` and `map.yaml` into a folder."""
-    _write_ros_map(folder, "map", ~costmap.occupied, costmap.resolution_m, costmap.origin_m)
-
-
-def write_floor_plan(folder: Path, name: str, floor: "FloorPixels") -> None:
-    """Write `NAME.png` and `NAME.yaml` into a folder: a map whose free pixels are the floor."""
-    _write_ros_map(folder, name, floor.clear, floor.resolution_m, floor.origin_m)
-
-
-def _write_ros_map(folder: Path, name: str, clear: BoolArray, resolution_m: float, origin_m: tuple[float, float]) -> None:
+def write_costmap(folder: Path, name: str, costmap: "Costmap") -> None:
+    """Write `NAME.png` and `NAME.yaml` into a folder, as ROS has maps."""
     from PIL import Image
 
-    Image.fromarray(clear[::-1]).save(folder / f"{name}.png")  # a picture's first row is the highest y
+    Image.fromarray(~costmap.occupied[::-1]).save(folder / f"{name}.png")  # a picture's first row is the highest y
     about = {
         "image": f"{name}.png",
         "mode": "trinary",
-        "resolution": float(resolution_m),
-        "origin": [float(origin_m[0]), float(origin_m[1]), 0.0],
+        "resolution": float(costmap.resolution_m),
+        "origin": [*map(float, costmap.origin_m), 0.0],
         "negate": 0,
         "occupied_thresh": 0.65,
         "free_thresh": 0.25,

@@ -28,7 +28,7 @@ from mrp_sumo.core.zone_log import ZoneLog
 from mrp_sumo.errors import MrpSumoError, sentence
 from mrp_sumo.files.reading import shortened
 from mrp_sumo.formats.plan_json import write_plan
-from mrp_sumo.io.floor_plan import write_floor, write_walls
+from mrp_sumo.io.floor_plan import write_costmap, write_floor
 from mrp_sumo.io.outline import Outline, write_outline
 from mrp_sumo.io.record import RunRecord, record_of
 from mrp_sumo.traffic.referee import Conflict, Verdict
@@ -136,7 +136,7 @@ def write_run(
         if network is not None:
             shutil.copyfile(network, new / "network.net.xml")
         if costmap is not None:
-            write_walls(new, costmap)
+            write_costmap(new, "map", costmap)
         if outline is not None:
             write_outline(new / "building.json", outline)
         _write_evidence(new, run)

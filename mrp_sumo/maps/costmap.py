@@ -1,4 +1,4 @@
-"""The binary costmap of a level: the cells its walls cover, what a robot's range sensor would see.
+"""Binary costmaps: of a level, the cells its walls cover, what a robot's range sensor would see; of a plan, all but its floor.
 
 Refuses levels that do not exist and resolutions that make too many cells.
 """

@@ -7,16 +7,8 @@ from typing import Any
 
 from mrp_sumo.core.graph import BoolArray, NavGraph
 from mrp_sumo.maps.building import Building
+from mrp_sumo.maps.costmap import Costmap
 from mrp_sumo.maps.finding import MapFinding
-
-
-@dataclass(frozen=True, eq=False)
-class FloorPixels:
-    """The part of a plan that is floor, in pixels."""
-
-    clear: BoolArray  # [h, w], row 0 has the lowest y
-    resolution_m: float
-    origin_m: tuple[float, float]  # lower left corner of pixel (0, 0)
 
 
 @dataclass(frozen=True)
@@ -47,4 +39,4 @@ class Map:
     free: BoolArray | None = None  # [H, W] cells of a map that is a grid, row 0 has the lowest y
     num_vehicles: int = 0  # that the file lists; 0 where it lists none
     vehicle: ListedVehicle | None = None  # the longest of them that has a length and a speed
-    floor: FloorPixels | None = None  # of a plan of a floor
+    floor: Costmap | None = None  # of a plan of a floor

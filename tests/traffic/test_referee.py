@@ -80,6 +80,11 @@ def test_jump_is_a_fault(paths, words):
     assert words in found.faults[0]
 
 
+def test_the_first_vertex_that_the_graph_does_not_have_is_a_fault():
+    found = judge(world([0], [2]), plan_of_paths([[0, 12, 99, 2]], STEP_S))
+    assert found.faults == ("robot_0 visits vertex 12, which the graph does not have",)
+
+
 def test_wrong_start_and_goal_are_faults():
     problem = world([0, 4], [1, 5])
     found = judge(problem, plan_of_paths([[1], [4, 5, 6]], STEP_S))

@@ -57,3 +57,9 @@ def test_a_circle_through_two_zones_is_undone_in_both():
     before, schedule = schedules([[4, 0, 2, 5], [2, 2, 2, 2, 1, 3]], {0, 1}, {0, 1})
     assert passing(before, 6) == passing(before, 7) == [0, 1]
     assert passing(schedule, 6) == passing(schedule, 7) == [1, 0]
+
+
+def test_a_pair_that_may_go_either_way_does_not_keep_those_after_it_from_being_decided():
+    """robot_0 and robot_1 wait for each other; robot_2 passes the zone before and after them."""
+    before, schedule = schedules([[2, 3, 1, 4], [4, 4, 0, 2, 5], [5, 1, 5, 3, 1]], {0, 1})
+    assert passing(before) == [2, 0, 1, 2] and passing(schedule) == [2, 1, 0, 2]

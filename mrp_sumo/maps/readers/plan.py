@@ -12,8 +12,9 @@ from typing import ClassVar
 import numpy as np
 
 from mrp_sumo.core.graph import BoolArray, FloatArray
+from mrp_sumo.maps.costmap import Costmap
 from mrp_sumo.maps.finding import Notes
-from mrp_sumo.maps.map import FloorPixels, Map
+from mrp_sumo.maps.map import Map
 from mrp_sumo.maps.readers.draft import Draft, building_of_walls
 from mrp_sumo.maps.readers.reader import MapFile, Selection, map_name, plan_kind, refuse_choice
 from mrp_sumo.maps.readers.ros_map import MAX_PIXELS, floor_grid, picture
@@ -53,12 +54,14 @@ class DxfPlan:
                 f"the drawing is {width:.4g} x {height:.4g} m in {drawing.unit}: state another with mrp-sumo import --unit, "
                 f"or choose --layers ({', '.join(list(drawing.layers)[:8])})"
             )
-        clear = _rasterised(drawing.strokes, low, resolution_m, math.ceil(width / resolution_m) + 1, math.ceil(height / resolution_m) + 1)
+        occupied = _rasterised(
+            drawing.strokes, low, resolution_m, math.ceil(width / resolution_m) + 1, math.ceil(height / resolution_m) + 1
+        )
         notes = Notes()
         shown = ", ".join(f"{layer} ({count})" for layer, count in drawing.layers.items())
         left = f"; left out: {', '.join(drawing.left_out)}" if drawing.left_out else "; --layers chooses" if len(drawing.layers) > 1 else ""
         notes.add("walls_of_layers", f"{shown}; unit {drawing.unit}{left}")
-        return _plan(file, selection, FloorPixels(clear, resolution_m, (float(low[0]), float(low[1]))), drawing.strokes, notes)
+        return _plan(file, selection, Costmap((float(low[0]), float(low[1])), resolution_m, occupied), drawing.strokes, notes)
 
 
 @dataclass(frozen=True)
@@ -89,16 +92,16 @@ class PicturePlan:
         if len(walls) > MAX_TRACED:
             notes.add("walls_not_traced", f"{len(walls)} strokes: the grid alone keeps robots off what is dark")
             walls = walls[:0]
-        return _plan(file, selection, FloorPixels(clear, scale_m, (0.0, 0.0)), walls, notes)
+        return _plan(file, selection, Costmap((0.0, 0.0), scale_m, ~clear), walls, notes)
 
 
-def _plan(file: MapFile, selection: Selection, floor: FloorPixels, walls: FloatArray, notes: Notes) -> Map:
+def _plan(file: MapFile, selection: Selection, floor: Costmap, walls: FloatArray, notes: Notes) -> Map:
     """The grid between walls [N, 2, 2], without what is outside and the smaller pieces."""
     pixel_m2 = floor.resolution_m**2
-    outside = _outside(floor.clear)
+    outside = _outside(~floor.occupied)
     if outside.any():
         notes.add("outside_left_out", f"{np.count_nonzero(outside) * pixel_m2:.0f} m2 that the walls do not enclose")
-        floor = replace(floor, clear=floor.clear & ~outside)
+        floor = replace(floor, occupied=floor.occupied | outside)
     radius_m = selection.robot_radius_m + ROUNDING_PX * floor.resolution_m
     nav, free = floor_grid(file.source, floor, map_name(file.path), selection.cell_m, radius_m)
     pieces = np.bincount(nav.component)
@@ -111,7 +114,7 @@ def _plan(file: MapFile, selection: Selection, floor: FloorPixels, walls: FloatA
         )
         number = np.cumsum(free.ravel()).reshape(free.shape) - 1
         inside = free & (nav.component == pieces.argmax())[number]
-        floor = replace(floor, clear=_piece(floor, nav.xy[pieces.argmax() == nav.component][0]))
+        floor = replace(floor, occupied=~_piece(floor, nav.xy[pieces.argmax() == nav.component][0]))
         nav, free = floor_grid(file.source, floor, map_name(file.path), selection.cell_m, radius_m, inside)
     draft = Draft(file.source, level_names=[LEVEL])
     building = building_of_walls(draft, {LEVEL: walls.tolist()}) if len(walls) else None
@@ -129,24 +132,24 @@ def _outside(clear: BoolArray) -> BoolArray:
     return outside if inside >= ENCLOSED * clear.size else np.zeros_like(clear)
 
 
-def _piece(floor: FloorPixels, xy: FloatArray) -> BoolArray:
+def _piece(floor: Costmap, xy: FloatArray) -> BoolArray:
     """[h, w] the pixels that are joined to a place."""
     from scipy.ndimage import label
 
-    part, _ = label(floor.clear)
+    part, _ = label(~floor.occupied)
     column, row = ((xy - floor.origin_m) / floor.resolution_m).astype(int)
     piece: BoolArray = part == part[row, column]
     return piece
 
 
 def _rasterised(strokes: FloatArray, low: FloatArray, resolution_m: float, width: int, height: int) -> BoolArray:
-    """[h, w] pixels that no stroke touches."""
+    """[h, w] pixels that strokes touch."""
     from PIL import Image, ImageDraw
 
-    image = Image.new("1", (width, height), 1)
+    image = Image.new("1", (width, height), 0)
     draw = ImageDraw.Draw(image)
     for x0, y0, x1, y1 in ((strokes - low) / resolution_m).reshape(-1, 4).tolist():
-        draw.line((int(x0), int(y0), int(x1), int(y1)), fill=0)
+        draw.line((int(x0), int(y0), int(x1), int(y1)), fill=1)
     return np.array(image, np.bool_)
 
 

@@ -17,8 +17,9 @@ import numpy as np
 from mrp_sumo.core.graph import BoolArray, PlanGraph
 from mrp_sumo.errors import MapError, first_line, sentence
 from mrp_sumo.files.reading import require_regular
+from mrp_sumo.maps.costmap import Costmap
 from mrp_sumo.maps.grid import grid_graph
-from mrp_sumo.maps.map import FloorPixels, Map
+from mrp_sumo.maps.map import Map
 from mrp_sumo.maps.readers.reader import ROBOT_RADIUS_M, MapFile, Selection, grid_map, map_name, refuse_choice
 from mrp_sumo.maps.roadmap import check_cell
 from mrp_sumo.maps.yaml_text import MAX_BYTES, Text
@@ -70,16 +71,16 @@ def read_ros_map(
         raise source.fault(f"origin is {str(origin)[:40]}, expected [x, y, yaw]", "origin")
     if len(origin) == 3 and abs(origin[2]) > 1e-6:
         raise source.fault(f"origin has a yaw of {origin[2]:g}: turn the image instead", "origin")
-    clear = _clear_pixels(document, source)
-    return floor_grid(source, FloorPixels(clear, resolution_m, (float(origin[0]), float(origin[1]))), name, cell_m, robot_radius_m)
+    floor = Costmap((float(origin[0]), float(origin[1])), resolution_m, ~_clear_pixels(document, source))
+    return floor_grid(source, floor, name, cell_m, robot_radius_m)
 
 
 def floor_grid(
-    source: Text, floor: FloorPixels, name: str, cell_m: float, robot_radius_m: float, only: BoolArray | None = None
+    source: Text, floor: Costmap, name: str, cell_m: float, robot_radius_m: float, only: BoolArray | None = None
 ) -> tuple[PlanGraph, BoolArray]:
     """The grid of cells of `cell_m` where a robot has room on a floor, and those cells [H, W]; with `only`, none but these [H, W]."""
     check_cell(cell_m)
-    clear, resolution_m = floor.clear, floor.resolution_m
+    clear, resolution_m = ~floor.occupied, floor.resolution_m
     reach = _distance_px(clear) * resolution_m - resolution_m / 2  # [h, w] m to the nearest edge that is not clear
     height, width = (max(int(n * resolution_m / cell_m + 1e-9), 0) for n in clear.shape)
     if not width or not height:
