@@ -2,6 +2,7 @@
 
     ./tools/docs.sh                        # site/; its search needs a server: python -m http.server --directory site
     ./tools/docs.sh --check [try.md ...]   # only run what the pages show
+    ./tools/docs.sh --build                # only build the site
 
 The pages of TUTORIALS are followed as a reader follows them, on a machine without a display, in an empty folder and in the order of the
 page: code blocks with a title are files, `bash` blocks are commands, which must end with exit code 0, and `python` blocks are one script.
@@ -39,18 +40,20 @@ def main() -> int:
     """Run, add, build. Exit code 1 when something that a page shows does not work."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--check", nargs="*", metavar="PAGE", help="only run what the pages show, all or these")
+    parser.add_argument("--build", action="store_true", help="only build the site, and do not run what the pages show")
     options = parser.parse_args()
-    failed = [line for page in options.check or TUTORIALS for line in followed(page)]
+    pages = () if options.build else options.check or TUTORIALS
+    failed = [line for page in pages for line in followed(page)]
     for line in failed:
         print(f"docs: {line}", file=sys.stderr)
     if failed or options.check is not None:
         return 1 if failed else 0
     with tempfile.TemporaryDirectory() as scratch:
-        pages = Path(scratch) / "docs"
-        shutil.copytree(DOCS, pages)
-        add_runs(pages / "runs", Path(scratch))
-        make_notebooks(pages / "notebooks")
-        environment = {**os.environ, "MRP_SUMO_DOCS": str(pages), "PYTHONPATH": str(PROJECT), "NO_MKDOCS_2_WARNING": "1"}
+        folder = Path(scratch) / "docs"
+        shutil.copytree(DOCS, folder)
+        add_runs(folder / "runs", Path(scratch))
+        make_notebooks(folder / "notebooks")
+        environment = {**os.environ, "MRP_SUMO_DOCS": str(folder), "PYTHONPATH": str(PROJECT), "NO_MKDOCS_2_WARNING": "1"}
         command = [
             sys.executable,
             "-m",

@@ -1,8 +1,17 @@
 #!/usr/bin/env bash
 # Build the wheel, install it with its locked dependencies into an empty environment, and use it from a folder far from the sources: a run, a
-# batch, a report, a replay page, a plug-in from a file, and the tour of the README, line by line. Prints the size of the environment and its ten largest packages.
-#   tools/wheel.sh [--keep DIR]    # leaves the wheel in DIR
+# batch, a report, a replay page, a plug-in from a file. Prints the size of the environment and its ten largest packages.
+#   tools/wheel.sh [--tour] [--keep DIR]    # --tour: follows the README, too, line by line; --keep leaves the wheel in DIR
 set -euo pipefail
+tour='' keep=''
+while [ $# -gt 0 ]; do
+  case $1 in
+    --tour) tour=yes ;;
+    --keep) keep=$2; shift ;;
+    *) echo "wheel: '$1' is no option, expected --tour or --keep DIR" >&2; exit 2 ;;
+  esac
+  shift
+done
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 project=$PWD
 scratch=$(mktemp -d)
@@ -44,8 +53,8 @@ mrp-sumo run office_5 --set map=nowhere 2> refusal.txt && exit 1
 test "$(wc -l < refusal.txt)" = 1
 if mrp-sumo render run --video run.mp4 2> refusal.txt; then exit 1; fi
 grep -q 'mrp-sumo\[video\]' refusal.txt
-python "$project/tools/docs.py" --check README.md
+[ -z "$tour" ] || python "$project/tools/docs.py" --check README.md
 cd "$project"
-if [ "${1:-}" = --keep ]; then mkdir -p "$2" && cp "$wheel" "$2"; fi
+if [ -n "$keep" ]; then mkdir -p "$keep" && cp "$wheel" "$keep"; fi
 echo "wheel: $(du -h "$wheel" | cut -f1), environment: $(du -sh "$scratch/env" | cut -f1)"
 du -sm "$scratch"/env/lib/python*/site-packages/* | sort -rn | awk 'NR <= 10 {sub(".*/", "", $2); printf "  %5d MB  %s\n", $1, $2}'
