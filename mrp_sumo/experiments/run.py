@@ -146,12 +146,10 @@ def finish(setup: SetUp, solution: Solution, maps: MapCache, options: RunOptions
     from mrp_sumo.experiments.result import RunResult
     from mrp_sumo.metrics.audit import audit, in_words
     from mrp_sumo.metrics.evaluate import evaluate
-    from mrp_sumo.metrics.fleet_use import ran_empty, stalled_robots
     from mrp_sumo.metrics.lane_keeping import lane_keeping, on_lane_m
     from mrp_sumo.metrics.metric import Evidence
     from mrp_sumo.metrics.own import guarded
     from mrp_sumo.metrics.registry import METRICS
-    from mrp_sumo.metrics.tasks import overload
     from mrp_sumo.metrics.zones import occupancy
 
     execute, report = options.execute, options.progress
@@ -178,13 +176,8 @@ def finish(setup: SetUp, solution: Solution, maps: MapCache, options: RunOptions
     building, level_names = setup.map.building, problem.graph.level_names
     cabins = cabins_of(building, level_names, setup.map.level_shift_m) if building and building.lifts else None
     audited = audit(execution, problem.fleet, problem.graph.level[problem.start], walls, cabins) if execution else None
-    busy = overload(execution.tasks, execution.sim_time_s, problem.num_robots) if execution and execution.tasks else ""
-    names = problem.fleet.robot_name
-    flat = ran_empty(execution.batteries, names) if execution and execution.batteries else ""
-    stalled = stalled_robots(execution, names) if execution else ""
-    unanswered = _unanswered(execution) if execution else ""
     seen = in_words(audited) if audited else ""
-    note = "; ".join(filter(None, (note, seen, busy, flat, stalled, unanswered, *setup.notes)))
+    note = "; ".join(filter(None, (note, seen, *(_remarks(execution, problem.fleet.robot_name) if execution else ()), *setup.notes)))
     lanes = lane_keeping(execution, setup.map.nav, on_lane_m(_tracks_apart_m(setup))) if execution else None
     if execution:
         let_go_of_samples(execution)
@@ -208,6 +201,17 @@ def finish(setup: SetUp, solution: Solution, maps: MapCache, options: RunOptions
     status = broken or (_status(solution, execution, audited, metrics) if execute or solution.result.plan is None else "planned")
     result = RunResult(setup, status, note, solution, execution, audited, plain(metrics), details, zones, lanes, tuple(map(str, faults)))
     return _with_work_judged(result) if execution and execution.tasks is not None else result
+
+
+def _remarks(execution: Execution, names: Sequence[str]) -> Iterator[str]:
+    """What a run's note says of orders, batteries, robots and the planner's answers; some are empty."""
+    from mrp_sumo.metrics.fleet_use import ran_empty, stalled_robots
+    from mrp_sumo.metrics.tasks import overload
+
+    yield overload(execution.tasks, execution.sim_time_s, len(names)) if execution.tasks else ""
+    yield ran_empty(execution.batteries, names) if execution.batteries else ""
+    yield stalled_robots(execution, names)
+    yield _unanswered(execution)
 
 
 def _with_work_judged(result: "RunResult") -> "RunResult":

@@ -85,19 +85,10 @@ def execution_metrics(
     left = (to_start > tolerance_m).any(1)
     execution_time_s: float | None = recording_timeout_s
     if all_arrived and num_robots:
-        moved = bool(left.any())
-        execution_time_s = (int(t_ns[arrival.max()]) - int(t_ns[left.argmax()])) / 1e9 if moved else None
+        execution_time_s = (int(t_ns[arrival.max()]) - int(t_ns[left.argmax()])) / 1e9 if left.any() else None
 
     counts = ((to_start > cell_m) | (to_goal < cell_m)) & (np.arange(num_samples)[:, None] <= arrival)
-    blocked: dict[int, float] = {}
-    for robot in np.flatnonzero(counts.any(0)):
-        distance = to_goal[counts[:, robot], robot]
-        steps = (
-            np.count_nonzero(np.abs(distance[window - 1 :] - distance[: len(distance) - window + 1]) <= cell_m)
-            if window <= len(distance)
-            else 0
-        )
-        blocked[int(robot)] = int(steps) * period_s
+    blocked = {int(robot): _stuck(to_goal[counts[:, robot], robot], window, cell_m) * period_s for robot in np.flatnonzero(counts.any(0))}
 
     seen = np.isfinite(x_m).sum(1)
     most_seen = np.maximum.accumulate(seen)
@@ -122,6 +113,12 @@ def execution_metrics(
         "minDistanceBetweenTwoAgentsDelta": at_start - minimum,
         "agentsAtGoal": at_goal.tolist(),
     }
+
+
+def _stuck(to_goal: FloatArray, window: int, progress_m: float) -> int:
+    """Windows of samples of one robot from whose first to whose last it comes no nearer, and no farther, than this."""
+    apart = min(window - 1, len(to_goal))
+    return int(np.count_nonzero(np.abs(to_goal[apart:] - to_goal[: len(to_goal) - apart]) <= progress_m))
 
 
 def _least_distances(x_m: FloatArray, y_m: FloatArray) -> FloatArray:
