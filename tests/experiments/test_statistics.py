@@ -7,7 +7,18 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from mrp_sumo.experiments.statistics import bootstrap_mean, holm, mcnemar, pairs, par2, rates, success_rates, wilcoxon, wilson
+from mrp_sumo.experiments.statistics import (
+    bootstrap_deviation,
+    bootstrap_mean,
+    holm,
+    mcnemar,
+    pairs,
+    par2,
+    rates,
+    success_rates,
+    wilcoxon,
+    wilson,
+)
 
 
 @pytest.mark.parametrize(
@@ -75,6 +86,18 @@ def test_bootstrap_interval_is_that_of_scipy():
     assert ours.value == x.mean()
     assert (ours.low, ours.high) == pytest.approx((theirs.low, theirs.high), abs=0.02)
     assert bootstrap_mean(x) == ours  # the same every time
+
+
+def test_bootstrap_interval_of_a_deviation_is_that_of_scipy():
+    x = np.random.default_rng(2).normal(size=60)
+
+    def deviation(rows, axis):
+        return np.std(rows, ddof=1, axis=axis)
+
+    ours, theirs = bootstrap_deviation(x), stats.bootstrap((x,), deviation, rng=0).confidence_interval
+    assert ours.value == x.std(ddof=1)
+    assert (ours.low, ours.high) == pytest.approx((theirs.low, theirs.high), abs=0.01)
+    assert math.isnan(bootstrap_deviation([1.0, 2.0]).value)
 
 
 def test_bootstrap_of_one_value_or_equal_ones():
