@@ -107,6 +107,11 @@ class Lift:
         along, across = self._beyond(xy)
         return np.hypot(np.maximum(along, 0.0), np.maximum(across, 0.0))
 
+    def room_m(self, xy: FloatArray) -> FloatArray:
+        """[N] of points in the cabin to its nearest wall, negative outside."""
+        room: FloatArray = -self._beyond(xy).max(axis=0)
+        return room
+
     def _beyond(self, xy: FloatArray) -> FloatArray:
         """[2, N] how far points are outside the cabin's side walls, and its front and back; negative inside."""
         dx, dy = (xy - (self.x_m, self.y_m)).T

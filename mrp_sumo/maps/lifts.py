@@ -60,7 +60,8 @@ def with_rides(graph: PlanGraph, step_s: float, radius_m: float, building: Build
     step_s
         That planners plan for a lane.
     radius_m
-        Of the largest robot: this near to a cabin it is in the way of the doors.
+        Of the largest robot: it rides this far from the walls of a cabin where there is room, and this near to one it is in the way of
+        the doors.
     building
         Of the map, where there is one.
     shift_m
@@ -73,7 +74,7 @@ def with_rides(graph: PlanGraph, step_s: float, radius_m: float, building: Build
     """
     if not graph.is_ride.any():
         return graph
-    graph = _stopping_inside(graph, building, shift_m)
+    graph = _stopping_inside(graph, radius_m, building, shift_m)
     driven = np.flatnonzero(~graph.is_ride)
     xy, level = [*graph.xy], graph.level.tolist()
     pairs = list(zip(graph.tail[driven].tolist(), graph.head[driven].tolist()))
@@ -128,8 +129,8 @@ def cabins_of(building: Building, level_names: Sequence[str], shift_m: Shift) ->
     return np.array(rows, np.float64).reshape(-1, 6)
 
 
-def _stopping_inside(graph: PlanGraph, building: Building | None, shift_m: Shift) -> PlanGraph:
-    """The graph with rides from cabin to cabin: a cell whose centre is outside gets a vertex at the cabin's centre beside it.
+def _stopping_inside(graph: PlanGraph, radius_m: float, building: Building | None, shift_m: Shift) -> PlanGraph:
+    """The graph with rides from cabin to cabin: a vertex where a robot stands out of the cabin gets one at the cabin's centre beside it.
 
     Robots drive there from the cell, over a lane as long as it is far.
     """
@@ -141,7 +142,8 @@ def _stopping_inside(graph: PlanGraph, building: Building | None, shift_m: Shift
         lift = building.lifts.get(name)
         for v in {int(graph.tail[k]), int(graph.head[k])} if lift else ():
             shift = np.array(shift_m.get(graph.level_names[graph.level[v]], (0.0, 0.0))) - building.origin_m
-            if (v, name) not in inside and lift.distance_m(graph.xy[[v]] - shift)[0] > BESIDE_M:
+            needed_m = min(radius_m, min(lift.width_m, lift.depth_m) / 2)  # from the walls; no more is there at the centre
+            if (v, name) not in inside and lift.room_m(graph.xy[[v]] - shift)[0] < needed_m - BESIDE_M:
                 inside[v, name] = len(xy)
                 xy.append(shift + np.array([lift.x_m, lift.y_m]))
     if not inside:

@@ -79,7 +79,7 @@ def audit(
         stands, or brakes as its field demands, `person_contacts`, the first of both (robot, t_s, person, kind),
         `num_field_violations`, samples of robots that are faster than their fields allow and do not brake, `field_violations`, the
         first of them, and `min_person_distance_m`, the least distance of a moving footprint from a person, all None without people;
-        `num_rides_outside`, changes of level by robots whose centre is not in a cabin before and after, and `rides_outside`, the first of
+        `num_rides_outside`, changes of level by robots whose body is not in a cabin before and after, and `rides_outside`, the first of
         them (robot, t_s, x_m, y_m, level), None without cabins;
         counts of samples over the limits of speed, acceleration, deceleration and turn rate; `num_jumps`, steps longer than the
         robot can drive in the time between two samples, and `num_heading_jumps`, turns of more than twice what it can turn;
@@ -154,7 +154,7 @@ def _bodies(fleet: Fleet) -> _audit.Footprints:
 
 
 def _outside_cabins(execution: Execution, fleet: Fleet, cabins: FloatArray | None) -> list[dict[str, Any]] | None:
-    """Changes of level outside all cabins, by time; None where nobody knows of cabins or levels."""
+    """Changes of level by bodies that are not wholly in a cabin, by time; None where nobody knows of cabins or levels."""
     level = execution.level
     if cabins is None or not len(cabins) or level is None:
         return None
@@ -163,14 +163,24 @@ def _outside_cabins(execution: Execution, fleet: Fleet, cabins: FloatArray | Non
     for k, r in zip(at.tolist(), robot.tolist()):
         for sample in (k, k + 1):
             here = cabins[cabins[:, 0] == level[sample, r]]
-            x_m, y_m = float(execution.x_m[sample, r]), float(execution.y_m[sample, r])
-            dx, dy, c, s = x_m - here[:, 1], y_m - here[:, 2], np.cos(here[:, 3]), np.sin(here[:, 3])
-            beyond = np.maximum(np.abs(c * dx + s * dy) - here[:, 4] / 2, np.abs(c * dy - s * dx) - here[:, 5] / 2)
-            if not (beyond <= CABIN_M).any():
+            x_m, y_m, yaw_rad = (float(column[sample, r]) for column in (execution.x_m, execution.y_m, execution.yaw_rad))
+            if not (beyond_cabin_m(here, x_m, y_m, yaw_rad, float(fleet.length_m[r]), float(fleet.width_m[r])) <= CABIN_M).any():
                 place = {"x_m": x_m, "y_m": y_m, "level": int(level[sample, r])}
                 outside.append({"robot": fleet.robot_name[r], "t_s": float(execution.t_s[sample]), **place})
                 break
     return outside
+
+
+def beyond_cabin_m(cabins: FloatArray, x_m: float, y_m: float, yaw_rad: float, length_m: float, width_m: float) -> FloatArray:
+    """[C] how far a body stands out of each cabin on its level, negative where it is wholly inside; see `audit` for `cabins`."""
+    turned_rad = yaw_rad - cabins[:, 3]
+    c, s = np.abs(np.cos(turned_rad)), np.abs(np.sin(turned_rad))
+    dx, dy, along, across = x_m - cabins[:, 1], y_m - cabins[:, 2], np.cos(cabins[:, 3]), np.sin(cabins[:, 3])
+    beyond: FloatArray = np.maximum(
+        np.abs(along * dx + across * dy) + (c * length_m + s * width_m) / 2 - cabins[:, 4] / 2,
+        np.abs(along * dy - across * dx) + (s * length_m + c * width_m) / 2 - cabins[:, 5] / 2,
+    )
+    return beyond
 
 
 def _on_floors(execution: Execution, level: IntArray) -> Execution:

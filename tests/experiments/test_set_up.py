@@ -294,3 +294,21 @@ def test_doors_that_are_locked_for_good_or_that_nobody_opens_are_no_way(tmp_path
 def test_what_a_building_lacks_is_refused_in_one_line(tmp_path, execution, line):
     with pytest.raises(MrpSumoError, match=line):
         problem_of(tmp_path, [execution])
+
+
+def test_robots_that_stand_out_of_the_cabin_of_a_lift_are_refused(tmp_path):  # of 2.4 m x 2.4 m
+    def set_up_with(width_m):
+        size = f"length_m: 0.5, width_m: {width_m}, max_speed_mps: 1.0, accel_mps2: 0.5, decel_mps2: 0.5, turn_rate_rad_s: 1.0"
+        path = tmp_path / "scenario.yaml"
+        path.write_text(
+            f"map: hospital_levels\ndiscretisation: {{kind: roadmap, cell_m: 1.2, clearance: ignore}}\n"
+            f"robots: {{starts: [L1_kitchen], goals: [L3_ward_31], type: {{{size}}}}}\n"
+        )
+        with MapCache() as maps:
+            return set_up(read_scenario(path), maps)
+
+    assert set_up_with(2.0).problem.num_robots == 1
+    with pytest.raises(
+        ScenarioError, match=r"robots.type: '.*', 0.5 x 2.8 m, stands 0.\d+ m out of the cabin of lift 'lift_\w+', 2.4 x 2.4 m"
+    ):
+        set_up_with(2.8)

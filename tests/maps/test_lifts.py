@@ -59,8 +59,8 @@ def test_a_cell_beside_its_cabin_gets_a_vertex_inside():
     assert cabins_of(building, ("L1", "L2"), {"L2": (50.0, 0.0)}).tolist() == [[0, 1.4, 0, 0, 1, 1], [1, 51.4, 0, 0, 1, 1]]
 
 
-def test_a_cell_inside_its_cabin_is_where_robots_ride():
-    graph, _ = two_cells(0.3)
+@pytest.mark.parametrize(("cabin_x_m", "rides_there"), [(0.24, True), (0.26, False)])  # 0.5 m less that leave a robot of 0.3 m, and 0.05
+def test_a_cell_where_the_body_is_inside_the_cabin_is_where_robots_ride(cabin_x_m, rides_there):
+    graph, _ = two_cells(cabin_x_m)
     ends = {int(v) for k in np.flatnonzero(graph.is_ride) for v in (graph.tail[k], graph.head[k])}
-    assert {0, 1} <= ends
-    assert graph.is_ride.all()
+    assert ({0, 1} <= ends, graph.is_ride.all()) == (rides_there, rides_there)

@@ -227,10 +227,12 @@ def test_the_search_misses_no_pair_at_no_time(area_m, crowded):
 CABIN = np.array([[0, 10.0, 0.0, 0.0, 2.0, 1.5], [1, 10.0, 0.0, 0.0, 2.0, 1.5]])  # of one lift on two levels, 2 m along x
 
 
-@pytest.mark.parametrize(("x_m", "outside"), [(9.1, 0), (11.0, 0), (8.9, 1), (11.4, 1)])
-def test_who_changes_levels_is_in_a_cabin(x_m, outside):
+@pytest.mark.parametrize(
+    ("x_m", "yaw_rad", "outside"), [(9.5, 0.0, 0), (10.5, 0.0, 0), (9.4, 0.0, 1), (10.6, 0.0, 1), (9.3, np.pi / 2, 0), (9.15, np.pi / 2, 1)]
+)
+def test_body_that_changes_levels_is_wholly_in_a_cabin(x_m, yaw_rad, outside):  # of 1 m x 0.5 m
     level = np.array([[0], [0], [1], [1]], np.int16)
-    found = audit(driven([[x_m]] * 4, [[0.0]] * 4, level=level), fleet_of(CART, 1), cabins=CABIN)
+    found = audit(driven([[x_m]] * 4, [[0.0]] * 4, yaw_rad, level=level), fleet_of(CART, 1), cabins=CABIN)
     assert (found["num_rides_outside"], found["passed"]) == (outside, not outside)
     if outside:
         assert found["rides_outside"] == [{"robot": "robot_0", "t_s": 1.0, "x_m": x_m, "y_m": 0.0, "level": 0}]

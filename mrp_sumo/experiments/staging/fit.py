@@ -17,9 +17,11 @@ from mrp_sumo.io.scenario.file import ScenarioFile
 from mrp_sumo.io.scenario.names import type_at
 from mrp_sumo.maps.chains import chains_of
 from mrp_sumo.maps.clearance import Narrow
+from mrp_sumo.maps.lifts import cabins_of
 from mrp_sumo.maps.load import Map
 from mrp_sumo.maps.repair import join_short
 from mrp_sumo.maps.roadmap import cell_that_fits
+from mrp_sumo.metrics.audit import CABIN_M, beyond_cabin_m
 from mrp_sumo.planning.protocol import Planner
 from mrp_sumo.traffic.draw import main_piece
 
@@ -59,6 +61,26 @@ def require_fit(file: ScenarioFile, nav: NavGraph, graph: PlanGraph, models: Seq
         )
     cell_m = cell_that_fits(length_m, needed_m)
     raise ScenarioError(f"{what}the shortest step of '{graph.name}' is {shortest_m:.3f} m (discretisation.cell_m: {cell_m:g} would do)")
+
+
+def require_cabins(file: ScenarioFile, map_: Map, graph: PlanGraph, models: Sequence[RobotType]) -> None:
+    """Every type of robots rides wholly inside the cabins of lifts, as it faces there."""
+    if map_.building is None or not map_.building.lifts:
+        return
+    lifts = [*map_.building.lifts]
+    cabins = cabins_of(map_.building, graph.level_names, map_.level_shift_m)
+    rides = [k for k in np.flatnonzero(graph.is_ride).tolist() if graph.lane_options[k]["lift"] in lifts]
+    for kind, model in enumerate(models):
+        for lane, v in ((k, int(v)) for k in rides for v in (graph.tail[k], graph.head[k])):
+            name = str(graph.lane_options[lane]["lift"])
+            row = cabins[[int(graph.level[v]) * len(lifts) + lifts.index(name)]]
+            x_m, y_m, heading_rad = (float(a) for a in (*graph.xy[v], graph.heading_rad[lane]))
+            if (beyond_m := beyond_cabin_m(row, x_m, y_m, heading_rad, model.length_m, model.width_m)[0]) > CABIN_M:
+                size = f"'{model.name}', {model.length_m:g} x {model.width_m:g} m"
+                raise ScenarioError(
+                    f"{file.at(*type_at(file, kind))}: {size}, stands {beyond_m:.2f} m out of the cabin of lift '{name}', "
+                    f"{row[0, 4]:g} x {row[0, 5]:g} m: name a smaller type, or one level with map.level"
+                )
 
 
 def _remedy(nav: NavGraph, cell_m: float, needed_m: float) -> str:

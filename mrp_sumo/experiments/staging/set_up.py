@@ -18,7 +18,7 @@ from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.experiments.staging.choices import LEAST_TIME_LIMIT_S, TASKS_TIME_LIMIT_S, TIMES_MAKESPAN, choices, settings_of
 from mrp_sumo.experiments.staging.discretisation import as_discretised, loaded_cell_m, with_drawn_one_ways
 from mrp_sumo.experiments.staging.errands import oddities
-from mrp_sumo.experiments.staging.fit import require_brakes, require_fit, with_room, without_room
+from mrp_sumo.experiments.staging.fit import require_brakes, require_cabins, require_fit, with_room, without_room
 from mrp_sumo.experiments.staging.lanes import doubled, in_service, with_closures, with_mutex_groups, with_one_ways, without_shut_doors
 from mrp_sumo.experiments.staging.people import people_of
 from mrp_sumo.experiments.staging.places import (
@@ -91,6 +91,7 @@ def set_up(file: ScenarioFile, maps: MapCache, *, run_programs: bool = True) -> 
     graph = with_mutex_groups(file, map_.nav, graph)
     step_s = scenario.planner.step_s or planned_step_s(graph, one_of_each, scenario.execution.step_length_s)
     graph = maps.with_rides(map_, in_service(file, graph), step_s, radius_m)  # rides are as many lanes as they take steps
+    require_cabins(file, map_, graph, models)
     if scenario.execution.doors == "automatic":
         graph = maps.with_doors(map_, graph, radius_m)
     graph, shut = without_shut_doors(file, graph)
