@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from mrp_sumo.core.battery import Charging
 from mrp_sumo.core.robot_type import Battery
 from mrp_sumo.errors import OptionError
 
@@ -34,3 +35,15 @@ def test_braking_and_turning_cost_too():
 def test_what_no_battery_has_is_refused():
     with pytest.raises(OptionError, match="capacity_ah is 0, expected at least 1e-05"):
         Battery(**TINY | {"capacity_ah": 0.0})
+
+
+@pytest.mark.parametrize("levels", [(30.0, 20.0, 90.0), (30.0, 95.0, 90.0), (90.0, 90.0, 90.0)])
+def test_levels_that_do_not_ascend_are_refused(levels):
+    critical, minimum, maximum = levels
+    with pytest.raises(OptionError, match="in ascending order"):
+        Charging(
+            stations=("dock",),
+            critical_low_charging_level=critical,
+            minimum_desired_charging_level=minimum,
+            maximum_desired_charging_level=maximum,
+        )

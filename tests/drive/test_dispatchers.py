@@ -147,6 +147,13 @@ def test_token_passing_avoids_the_ends_of_others_and_as_in_the_paper_waits_for_t
     assert Fleet([1, 5], *tasks[:2]).decides("token_passing", exclusive=True) == {0: 0}
 
 
+@pytest.mark.parametrize(("parameters", "then"), [({}, {0: 0}), ({"busy": False}, {0: 0, 1: 1})])
+def test_hungarian_lets_a_task_wait_for_a_robot_at_work_that_will_be_there_sooner(parameters, then):
+    fleet = Fleet([3, 19], (0.0, (3, 4)), (1.0, (4, 5)), service_s=5.0)
+    assert fleet.decides("hungarian") == {0: 0}
+    assert fleet.decides("hungarian", 1.0, **parameters) == then
+
+
 def test_min_cost_flow_looks_beyond_the_next_task_of_each_robot():
     # three short tasks near robot_0, the oldest far from both
     tasks = [(0.0, (19, 18)), (0.0, (0, 5)), (0.0, (2, 1)), (0.0, (3, 2))]

@@ -71,6 +71,13 @@ def test_nobody_waits_where_the_robot_that_is_served_could_not_get_past():
     assert chosen(row(9), [0, 4], {0: 4}, stays=[1]) == ([0, 4], [False, False])
 
 
+def test_of_the_places_of_a_stop_a_robot_goes_to_one_that_nobody_who_stays_shuts_off():
+    where, start = RobotPlaces(problem_on(row(9), [4, 3], [4, 3])), np.array([4, 3])
+    stop = Stop(2, 1.0, "", Station("both", (2, 7)))
+    vertex, makes = where.choose(start, np.array([False, True]), {0: stop}, [0])
+    assert (vertex[0], makes[0]) == (7, True)
+
+
 def test_of_two_robots_for_one_place_the_one_whose_turn_it_is_makes_its_stop():
     assert chosen(row(9), [0, 8], {0: 4, 1: 4})[1] == [True, False]
     assert chosen(row(9), [0, 8], {1: 4, 0: 4})[1] == [False, True]

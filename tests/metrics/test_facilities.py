@@ -1,12 +1,15 @@
-"""What lifts had to do, on a ride with times known by hand."""
+"""What lifts and doors had to do, on a ride with times known by hand."""
 
+from types import SimpleNamespace
+
+import numpy as np
 import pytest
 from worlds import problem_of, two_levels
 
 from mrp_sumo.drive.loop import simulate
 from mrp_sumo.drive.retime import retime
 from mrp_sumo.drive.settings import ExecutionSettings
-from mrp_sumo.metrics.facilities import lift_use
+from mrp_sumo.metrics.facilities import METRICS, lift_use
 
 
 def test_a_lift_is_busy_while_it_comes_and_while_a_robot_is_in_it(tmp_path):
@@ -24,3 +27,10 @@ def test_a_lift_is_busy_while_it_comes_and_while_a_robot_is_in_it(tmp_path):
     assert (use.name, use.queue) == ("goods", 1)
     assert use.waited_s == pytest.approx(sum(e.duration_s for e in run.events if e.kind == "waited" and e.vertex == up[0]))
     assert lift_use(run, graph, since_s=run.sim_time_s) == []
+
+
+@pytest.mark.parametrize(("doors", "openings"), [(("glass",), 2), ((), None)])
+def test_a_door_opens_when_it_begins_to(doors, openings):
+    (metric,) = (metric for metric in METRICS if metric.name == "door_openings")
+    log = SimpleNamespace(door_name=doors, door_state=np.array([1, 2, 3, 0, 1, 2]))
+    assert metric.function(SimpleNamespace(execution=SimpleNamespace(facilities=log))) == openings
