@@ -58,27 +58,31 @@ class Batteries:
             (mine, battery.power_w(mean_mps[:, mine], accel[:, mine], turn_rate[:, mine], turning[:, mine]))
             for battery, mine in self._of_kind
         ]
-        begin, emptied = 0, np.zeros(0, np.int64)
-        for look_s, count in zip(looks_s, num_samples):
-            drawn_j = np.zeros(len(self.level))
-            for mine, power_w in powers_w:
-                drawn_j[mine] = power_w[begin : count - 1].sum(0) * dt
-            emptied = self._take(drawn_j, (count - 1 - begin) * dt, charging)
-            begin = count - 1
+        after = np.array(num_samples) - 1
+        begin = np.append(0, after[:-1])
+        drawn_j = np.zeros((len(looks_s), len(self.level)))
+        for mine, power_w in powers_w:
+            drawn_j[:, mine] = np.array([power_w[a:b].sum(0) for a, b in zip(begin.tolist(), after.tolist())]) * dt
+        level = self._take(drawn_j, (after - begin) * dt, charging)
+        for k, look_s in enumerate(looks_s):
             if look_s >= len(self._t_s) * SAMPLE_S - 1e-9:
-                self._note(look_s)
-        self._samples, self._rate = [samples[begin:]], np.concatenate([self._rate, turn_rate])[begin : begin + 1]
-        return emptied.tolist()
+                self._note(look_s, level[k + 1])
+        self.level = level[-1]
+        self._samples, self._rate = [samples[after[-1] :]], np.concatenate([self._rate, turn_rate])[after[-1] : after[-1] + 1]
+        emptied: list[int] = np.flatnonzero((level[-1] <= 0) & (level[-2] > 0)).tolist()
+        return emptied
 
-    def _take(self, drawn_j: FloatArray, charged_s: float, charging: BoolArray) -> IntArray:
-        """Robots have drawn so much [R], or have been charged for so long. Returns those that have run empty."""
-        before, filled = self.level, np.where(charging, charged_s / self._full_s, 0.0)
-        drained = ~charging & (drawn_j > 0) & (drawn_j >= before * self._energy_j)
-        used_j = np.where(charging, 0.0, np.minimum(drawn_j, before * self._energy_j))  # no more than there is
-        self.level = np.where(drained, 0.0, np.clip(before - used_j / self._energy_j + filled, 0.0, 1.0))
-        self._used_j += used_j
-        self._charged_j += (np.minimum(before + filled, 1.0) - before) * charging * self._energy_j
-        return np.flatnonzero((self.level <= 0) & (before > 0))
+    def _take(self, drawn_j: FloatArray, charged_s: FloatArray, charging: BoolArray) -> FloatArray:
+        """Robots draw so much [K, R] between looks, or are charged for so long [K]. Returns their levels [K + 1, R] from the last look on."""
+        filled = np.where(charging, charged_s[:, None] / self._full_s, 0.0)
+        change = np.where(charging, filled, -drawn_j / self._energy_j)
+        level = np.minimum(_sums(self.level, change), 1.0)
+        drained = np.logical_or.accumulate(~charging & (drawn_j > 0) & (drawn_j >= level[:-1] * self._energy_j))
+        level[1:][drained] = 0.0
+        used_j = np.where(charging, 0.0, np.minimum(drawn_j, level[:-1] * self._energy_j))  # no more than there is
+        charged_j = (level[1:] - level[:-1]) * charging * self._energy_j
+        self._used_j, self._charged_j = _sums(self._used_j, used_j)[-1], _sums(self._charged_j, charged_j)[-1]
+        return level
 
     def most_per_s(self, fleet: Fleet) -> FloatArray:
         """[R] shares of their capacity that robots draw in a second at most, or that they are charged by."""
@@ -92,10 +96,15 @@ class Batteries:
     def log(self, now_s: float, critical: float) -> BatteryLog:
         """The log of all batteries until now."""
         if not self._t_s or now_s > self._t_s[-1]:
-            self._note(now_s)
+            self._note(now_s, self.level)
         level = np.ceil(np.array(self._levels) * 1e6) / 1e6  # as tables keep it; what is not empty stays so
         return BatteryLog(frozen(np.array(self._t_s)), frozen(level), frozen(self._used_j), frozen(self._charged_j), critical)
 
-    def _note(self, now_s: float) -> None:
+    def _note(self, now_s: float, level: FloatArray) -> None:
         self._t_s.append(now_s)
-        self._levels.append(self.level.copy())
+        self._levels.append(level.copy())
+
+
+def _sums(begin: FloatArray, added: FloatArray) -> FloatArray:
+    """[K + 1, R] sums of what was there [R] and what is added [K, R], one after the other: as exact as single steps."""
+    return np.add.accumulate(np.concatenate([begin[None], added]))

@@ -125,7 +125,8 @@ class Answer:
         if self.planner != own and self.question.has_tasks:
             notes.append(f"planned with {self.planner}, since {own} left more than 1 % of its requests unanswered")
         notes += [f"{_robots(point.robots)}: not counted; {point.fault}" for point in self.unfit]
-        notes += [f"the budget was too small for {text}" for text in self.left_out]
+        if self.left_out:
+            notes.append(f"the budget was too small for {', and for '.join(self.left_out)}")
         if self.limits and not self.limits.rises:
             notes.append("throughput does not rise steadily up to its peak, so sizes between those of the grid were not tried")
         if self.limits and self.points and not self.limits.measured:
