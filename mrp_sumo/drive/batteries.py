@@ -73,7 +73,7 @@ class Batteries:
         return emptied
 
     def _take(self, drawn_j: FloatArray, charged_s: FloatArray, charging: BoolArray) -> FloatArray:
-        """Robots draw so much [K, R] between looks, or are charged for so long [K]. Returns their levels [K + 1, R] from the last look on."""
+        """Robots draw so much [K, R] between looks, or are charged for so long [K]. Returns levels [K + 1, R] from the last look on."""
         filled = np.where(charging, charged_s[:, None] / self._full_s, 0.0)
         change = np.where(charging, filled, -drawn_j / self._energy_j)
         level = np.minimum(_sums(self.level, change), 1.0)

@@ -7,6 +7,9 @@ import pytest
 
 from mrp_sumo.errors import PlugInError, ScenarioError
 from mrp_sumo.plugins import registry
+from mrp_sumo.plugins.face import check_face, check_methods
+from mrp_sumo.plugins.kinds import KINDS
+from mrp_sumo.plugins.parameters import REQUIRED, parameters_of
 from mrp_sumo.plugins.source import digest
 
 PLANNER = """
@@ -190,3 +193,20 @@ def test_whole_number_is_a_number_unless_no_number_holds_it():
     assert registry.make("planners", "ecbs", {"w": 10**3}).w == 1000.0
     with pytest.raises(ScenarioError, match=r"planner 'ecbs': w is 10+, expected a number"):
         registry.make("planners", "ecbs", {"w": 10**400})
+
+
+def ours():
+    """Every plug-in that comes with this program, of the kinds with a face: kind and name."""
+    return [(kind, name) for kind, each in KINDS.items() if each.face and each.ours for name in registry._ours(kind)]
+
+
+@pytest.mark.parametrize(("kind", "name"), ours())
+def test_ours_have_what_their_kind_needs(kind, name):
+    each, plug_in = KINDS[kind], registry.target(kind, name)
+    if each.made:
+        check_methods(plug_in, registry.face_of(each), each.one)
+        known = {parameter.name: parameter.default for parameter in parameters_of(plug_in)}
+        if REQUIRED in known.values():
+            return
+        plug_in = plug_in(**({"command": "program"} if "command" in known else {}))
+    check_face(plug_in, registry.face_of(each), each.one)
