@@ -208,5 +208,5 @@ def test_ours_have_what_their_kind_needs(kind, name):
         known = {parameter.name: parameter.default for parameter in parameters_of(plug_in)}
         if REQUIRED in known.values():
             return
-        plug_in = plug_in(**({"command": "program"} if "command" in known else {}))
+        plug_in = plug_in(**({"command": "program {map} {out}"} if "command" in known else {}))
     check_face(plug_in, registry.face_of(each), each.one)
