@@ -111,8 +111,8 @@ def _check(options: argparse.Namespace) -> int:
     from mrp_sumo.maps.catalogue import find_map
     from mrp_sumo.maps.check import findings_of
     from mrp_sumo.maps.clearance import narrow
+    from mrp_sumo.maps.map import unused
     from mrp_sumo.maps.oddities import oddities
-    from mrp_sumo.maps.unused import unused
 
     path, model = find_map(options.file, Path()), _robot_type(options.robot)
     try:
@@ -224,8 +224,8 @@ def _print(map_: "Map", known: dict[str, Any], options: argparse.Namespace) -> N
     from rich.markup import escape
     from rich.table import Table
 
+    from mrp_sumo.maps.map import unused
     from mrp_sumo.maps.oddities import oddities
-    from mrp_sumo.maps.unused import unused
 
     table = Table(show_header=False, box=None, padding=(0, 2, 0, 0), title=escape(map_.name), title_style="bold", title_justify="left")
     table.add_column(style="dim", no_wrap=True)

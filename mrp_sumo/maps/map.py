@@ -1,4 +1,7 @@
-"""A map as the rest of the program takes it: its nav graph, its building where there is one, and what was found."""
+"""A map as the rest of the program takes it: its nav graph, its building where there is one, and what was found.
+
+Content of a map that has no effect here is kept where a format can hold it, and reported in one line.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -9,6 +12,14 @@ from mrp_sumo.core.graph import BoolArray, NavGraph
 from mrp_sumo.maps.building import Building
 from mrp_sumo.maps.costmap import Costmap
 from mrp_sumo.maps.finding import MapFinding
+
+UNUSED_OF_VERTICES = {  # options that are read, by why nothing comes of them
+    "dock_name": "docking takes no time of its own",
+    "merge_radius": "robots start on vertices",
+    "is_cleaning_zone": "",
+    "human_goal_set_name": "",
+    "spawn_robot_name": "a scenario says where robots start",
+}
 
 
 @dataclass(frozen=True)
@@ -40,3 +51,12 @@ class Map:
     num_vehicles: int = 0  # that the file lists; 0 where it lists none
     vehicle: ListedVehicle | None = None  # the longest of them that has a length and a speed
     floor: Costmap | None = None  # of a plan of a floor
+
+
+def unused(map_: Map) -> str:
+    """One line of what has no effect, '' where everything that the map says is used."""
+    lines = list(map_.building.unused) if map_.building else []
+    for option, why in UNUSED_OF_VERTICES.items():
+        if count := sum(bool(options.get(option)) for options in map_.nav.vertex_options):
+            lines.append(f"{option}: {count}{f' ({why})' if why else ''}")
+    return f"not used: {', '.join(lines)}" if lines else ""

@@ -8,7 +8,7 @@ from mrp_sumo.errors import MapError
 from mrp_sumo.maps.clearance import narrow, standing_walls
 from mrp_sumo.maps.furniture import with_furniture
 from mrp_sumo.maps.load import load_map
-from mrp_sumo.maps.unused import unused
+from mrp_sumo.maps.map import unused
 
 ROOM = """
 name: room

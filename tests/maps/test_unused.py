@@ -2,7 +2,7 @@
 
 from mrp_sumo.maps.drawing import Drawing
 from mrp_sumo.maps.load import load_map
-from mrp_sumo.maps.unused import unused
+from mrp_sumo.maps.map import unused
 
 CROWD = "crowd_sim:\n  agent_groups:\n  - {agents_number: 0}\n  - {agents_number: 3}\n"
 
