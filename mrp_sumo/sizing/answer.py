@@ -12,7 +12,7 @@ from mrp_sumo.sizing.confirmation import Confirmation, confirmations
 from mrp_sumo.sizing.points import UNANSWERED, Point, compared
 from mrp_sumo.sizing.question import SATURATED, Question, Trial, spendable
 from mrp_sumo.sizing.reasons import Reasons, Share, mean_of, reasons, undisturbed_s
-from mrp_sumo.sizing.search import Bracket, Curve, Desk, Limits, Missing, Recorded, Served, demand, limits, one_shot, planned
+from mrp_sumo.sizing.search import Bracket, Curve, Desk, Limits, Missing, Recorded, Served, demand, demand_first, limits, one_shot, planned
 from mrp_sumo.sizing.what_if import AUTO, obvious
 
 PLAIN = {"door": "aisle", "area": "crossing"}  # kinds of places as `limit.kind` has them
@@ -119,7 +119,10 @@ class Answer:
         notes = (
             []
             if self.in_time
-            else [f"{_minutes(self.question.effort.budget_s)} were over before all runs were made; the answer is from those that were"]
+            else [
+                f"{_minutes(self.question.effort.budget_s)} were over before all runs were made; the answer is from those that were; "
+                "the same command with a larger --budget goes on from there"
+            ]
         )
         own = self.question.file.scenario.planner.name
         if self.planner != own and self.question.has_tasks:
@@ -246,6 +249,7 @@ def _one_shot(desk: Desk) -> Answer:
 def _lifelong(desk: Desk) -> Answer:
     question = desk.question
     desk.share, before_changes = spendable(question)
+    demand_first(desk)
     curve = planned(desk)
     _require_driven([*curve.points.values(), *curve.unfit.values()])
     desk.share = before_changes

@@ -371,6 +371,20 @@ def demand(desk: Desk, saturated: Curve) -> Served:
     return Served(curve, _smallest(judge, share, curve, (least, most), max(least, _guess(saturated, question))), target, within_s)
 
 
+def demand_first(desk: Desk) -> None:
+    """Have the runs for a demand before those of larger fleets, where the smallest fleet has the throughput: a study that is over early
+    has that answer at least. They are those that `demand` wants in the end, so what they cost is added to the share of the coarse grid.
+    """
+    curve, wanted = Curve(desk, SATURATED), desk.question.demand_per_h
+    smallest = grid(desk.question)[:1]
+    if wanted is None or not smallest or not curve.ask({smallest[0]: desk.question.effort.seeds}, f"fleets of {smallest[0]} and more"):
+        return
+    before_s = desk.spent_s
+    if curve.points and curve.points[smallest[0]].throughput.value >= wanted:
+        demand(desk, curve)
+    desk.share = min(1.0, desk.share + (desk.spent_s - before_s) / desk.question.effort.budget_s)
+
+
 def one_shot(desk: Desk) -> Served:
     """The largest fleet whose plans are found and driven in time, in at least the wanted share of draws."""
     question, curve = desk.question, Curve(desk, ONE_SHOT)

@@ -130,3 +130,20 @@ def test_a_budget_that_is_spent_is_said():
     answer, _ = answer_of(asked, Fleets(rises_and_falls, asked))
     assert answer.spent_s <= 150.0
     assert any("the budget was too small for" in note for note in answer.notes)
+
+
+@pytest.mark.parametrize(("demand_per_h", "first"), [(30.0, True), (60.0, False)])  # of 40 orders an hour that the smallest fleet does
+def test_a_demand_that_the_smallest_fleet_has_the_throughput_for_is_tried_before_larger_fleets(demand_per_h, first):
+    asked = question((4, 60), demand_per_h=demand_per_h)
+    fleets = Fleets(rises_and_falls, asked)
+    answer, order = answer_of(asked, fleets)
+    larger = next(i for i, trial in enumerate(order) if trial.kind == SATURATED and trial.robots > 4)
+    tried = [i for i, trial in enumerate(order) if trial.kind == DEMAND]
+    assert all(i < larger for i in tried) == first
+
+    def until_larger(trial):  # the clock is over before a larger fleet was driven
+        return fleets(trial) if trial in order[:larger] else None
+
+    closed, _ = answer_of(asked, until_larger, closed=True)
+    assert (closed.served.smallest == answer.served.smallest) == first
+    assert any("larger --budget goes on" in note for note in closed.notes)
