@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mrp_sumo.cli.ending import stoppable
-from mrp_sumo.cli.printing import say, say_json, warn
+from mrp_sumo.cli.printing import say, say_json, warn, warn_of_kernels
 from mrp_sumo.errors import BatchError, shown
 
 if TYPE_CHECKING:
@@ -74,6 +74,7 @@ def run(options: argparse.Namespace) -> int:
         return 0
     if options.metric:
         named_metrics(options.metric)  # what is none is refused before anything runs
+    warn_of_kernels()
     kept_none = False
     with stoppable() as stop, watcher() as shown:
         batch = run_batch(

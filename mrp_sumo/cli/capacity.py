@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from mrp_sumo.cli import scenario_choice
 from mrp_sumo.cli.batch import duration, workers_of
 from mrp_sumo.cli.ending import stoppable
-from mrp_sumo.cli.printing import say, say_json, say_progress, warn
+from mrp_sumo.cli.printing import say, say_json, say_progress, warn, warn_of_kernels
 from mrp_sumo.errors import MrpSumoError
 
 if TYPE_CHECKING:
@@ -83,6 +83,7 @@ def run(options: argparse.Namespace) -> int:
     question = question_of(options)
     from mrp_sumo.sizing.study import Study
 
+    warn_of_kernels()
     study = Study(question)
     folder = Path(options.out) if options.out else Path("runs") / study.variations.suite.name
     warn(f"{_beforehand(study)}; into {folder}")

@@ -11,7 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mrp_sumo.cli.printing import say
+from mrp_sumo.cli.printing import say, warn_of_kernels
 from mrp_sumo.cli.scenario_choice import folder_name, map_alone, scale_argument
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.files.writing import write_text
@@ -58,6 +58,7 @@ def run(options: argparse.Namespace) -> int:
     from mrp_sumo.experiments.proposal import propose  # with all that drives: after the map is known to be there
     from mrp_sumo.maps.readers.reader import map_name
 
+    warn_of_kernels()
     name = folder_name(map_name(path))
     out: Path = options.out or Path(name)
     scenario = out if out.suffix.lower() in (".yaml", ".yml") and not out.is_dir() else out / SCENARIO

@@ -112,7 +112,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             warn(line)
         return 2
     except KeyboardInterrupt as error:
-        warn(f"{str(error) or 'interrupted'}")
+        warn(str(error) or "interrupted")
         return exit_code(error)
     except MemoryError:
         warn("out of memory: there are too many robots, orders or cells for this machine")

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mrp_sumo.cli import plan_list, scenario_choice, step_wise
-from mrp_sumo.cli.printing import print_failure, say, say_json
+from mrp_sumo.cli.printing import print_failure, say, say_json, warn_of_kernels
 from mrp_sumo.errors import MrpSumoError, PlugInError
 
 if TYPE_CHECKING:
@@ -93,6 +93,7 @@ def _scenario(options: argparse.Namespace) -> "Planned":
     from mrp_sumo.experiments.staging.set_up import set_up
     from mrp_sumo.formats.peers import cells_of
 
+    warn_of_kernels()
     with MapCache() as maps:
         solution = solve(set_up(file, maps))
     return file.scenario.planner.name, solution.problem, solution.result, solution.verdict, cells_of(solution.problem.graph)

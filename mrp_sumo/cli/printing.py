@@ -46,6 +46,14 @@ def warn(line: object) -> None:
     say(f"mrp-sumo: {line}", to_stderr=True)
 
 
+def warn_of_kernels() -> None:
+    """Say so where compiled kernels cannot be kept, before minutes go by in silence."""
+    from mrp_sumo.experiments.kernels import why_not_kept
+
+    if reason := why_not_kept():
+        warn(reason)
+
+
 def print_failure(what: str, line: str, details: str) -> None:
     """Print a line about a plug-in that failed to stderr, after the traceback if there is one to show."""
     say(*details.rstrip().split("\n") if details else (), to_stderr=True)

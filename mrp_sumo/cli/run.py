@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mrp_sumo.cli import scenario_choice
-from mrp_sumo.cli.printing import print_failure, print_table, say, say_json
+from mrp_sumo.cli.printing import print_failure, print_table, say, say_json, warn_of_kernels
 from mrp_sumo.errors import MrpSumoError
 
 if TYPE_CHECKING:
@@ -86,6 +86,7 @@ def run(options: argparse.Namespace) -> int:
     _check_watching(options)
     from mrp_sumo.experiments.run import PLUG_IN_FAILED  # with all that drives: after the scenario is known to be one
 
+    warn_of_kernels()
     with ExitStack() as stack:
         result = (_run_live if options.live else _run)(file, out, options, _watches(options, stack))
     if options.json:

@@ -53,6 +53,19 @@ def compiling(report: Callable[[str, float, float], None], *, execute: bool) -> 
             helper.wait()
 
 
+def why_not_kept() -> str:
+    """Why compiled kernels cannot be kept, and what to do; '' where they can."""
+    from mrp_sumo.search import _kernel
+
+    if not _kernel.is_compiled() or _kernel.room_folder("mrp_sumo/search") is not None:
+        return ""
+    setting = next((name for name in ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME") if os.environ.get(name)), "")
+    place = f"{setting}={os.environ[setting]}" if setting else "~/.cache"
+    return (
+        f"{place}: no folder that you alone can write to, so kernels are compiled anew each time, for minutes: set NUMBA_CACHE_DIR to one"
+    )
+
+
 def prepare_driving() -> None:
     """Compile or load the kernels that driving a plan takes."""
     from mrp_sumo.drive import warm

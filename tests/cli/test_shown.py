@@ -217,3 +217,15 @@ def test_user_without_a_home_hears_nothing_of_it(tmp_path):
         check=False,
     )
     assert (drawn.returncode, drawn.stderr) == (0, "") and list(tmp_path.glob("site/**/*.png"))
+
+
+@pytest.mark.parametrize("writable", [True, False])
+def test_folder_in_which_kernels_cannot_be_kept_is_named_before_they_are_compiled(tmp_path, writable):
+    (tmp_path / "mrp-sumo").mkdir()
+    (tmp_path / "mrp-sumo").chmod(0o700 if writable else 0o777)  # where anybody can write, nothing is run
+    code = "from mrp_sumo.cli.printing import warn_of_kernels; warn_of_kernels()"
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path), "NUMBA_DISABLE_JIT": "0"}
+    told = subprocess.run([sys.executable, "-P", "-c", code], capture_output=True, text=True, env=environment).stderr
+    assert (
+        told == "" if writable else re.fullmatch(rf"mrp-sumo: NUMBA_CACHE_DIR={re.escape(str(tmp_path))}: .*set NUMBA_CACHE_DIR.*\n", told)
+    )
