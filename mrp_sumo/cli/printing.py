@@ -4,6 +4,7 @@ All that a command prints goes through here; `tests/cli/test_shown.py` reads the
 """
 
 import sys
+from functools import cache
 from typing import TYPE_CHECKING
 
 from mrp_sumo.errors import shown
@@ -46,8 +47,9 @@ def warn(line: object) -> None:
     say(f"mrp-sumo: {line}", to_stderr=True)
 
 
+@cache
 def warn_of_kernels() -> None:
-    """Say so where compiled kernels cannot be kept, before minutes go by in silence."""
+    """Say so, once, where compiled kernels cannot be kept, before minutes go by in silence."""
     from mrp_sumo.experiments.kernels import why_not_kept
 
     if reason := why_not_kept():

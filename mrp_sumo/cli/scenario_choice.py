@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mrp_sumo.cli.printing import warn
+from mrp_sumo.cli.printing import warn, warn_of_kernels
 from mrp_sumo.errors import MrpSumoError, PlugInError
 
 if TYPE_CHECKING:
@@ -123,6 +123,7 @@ def _of_map(options: argparse.Namespace) -> "ScenarioFile":
     count = robots.count if ("robots", "count") in changes else None
     from mrp_sumo.experiments.first_fleet import with_first_fleet  # with all that plans: after all names are known to be right
 
+    warn_of_kernels()
     with map_alone(Path(file), options.scenario):
         first, refused = with_first_fleet(chosen, count, chosen.scenario.seed if ("seed",) in changes else None)
     if refused:
