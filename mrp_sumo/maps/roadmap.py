@@ -116,7 +116,11 @@ def _cuts(nav: NavGraph, cell_m: float, two_way: BoolArray) -> _Cuts:
     owner = np.where(shared, nav.reverse, lane)
     own = owner == lane
     if steps[own].sum() + num_vertices > MAX_VERTICES:
-        raise MapError(f"cells of {cell_m:g} m would cut '{nav.name}' into more than {MAX_VERTICES:.0e} pieces")
+        length_m = float(nav.length_m[own & ~nav.is_ride].sum())
+        raise MapError(
+            f"cells of {cell_m:g} m would cut the {length_m / 1000:.4g} km of lanes of '{nav.name}' into more than {MAX_VERTICES:,} "
+            "pieces: is the map's scale right? Larger cells: discretisation.cell_m"
+        )
     steps = steps[owner].astype(np.int64)
     first = np.zeros(num_lanes, np.int64)
     first[own] = num_vertices + np.concatenate([[0], np.cumsum(steps[own] - 1)[:-1]]) if num_lanes else 0

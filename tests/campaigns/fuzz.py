@@ -85,7 +85,7 @@ grid_search: {seed: 0..1, planner: [astar, cbs]}
 exclude: [{planner: astar, seed: 1}]
 repeat: 1
 until: plan
-limits: {wall_s: 60, memory_mb: 2000}
+limits: {wall_s: 600, memory_mb: 2000}
 views: {cost: 'select planner, avg(soc_steps) from results group by planner'}
 """
 LIFELONG = """\

@@ -83,3 +83,9 @@ def test_cell_that_fits_leaves_no_step_shorter_than_asked(length_m):
 
 def test_cell_of_a_grid_that_fits_is_the_next_centimetre():
     assert cell_that_fits(np.array([np.inf]), 0.331) == 0.34
+
+
+def test_lanes_of_a_map_in_the_wrong_scale_are_not_cut_into_millions_of_pieces():
+    far = nav_graph(name="far", xy=[(0, 0), (3e6, 0)], lanes=[(0, 1), (1, 0)])
+    with pytest.raises(MapError, match="would cut the 3000 km of lanes of 'far' into more than 2,000,000 pieces: is the map's scale right"):
+        cut_lanes(far, 0.4)
