@@ -31,7 +31,7 @@ def across(problem, time_limit_s):
     return [[0, 1, 2, 3, 4], [4, 3, 2, 1, 0]]
 
 
-def context(problem, time_limit_s):
+def around(problem, time_limit_s):
     """The second robot takes the other row."""
     return [[0, 1, 2, 3, 4], [4, 9, 8, 7, 6, 5, 0]]
 
@@ -89,7 +89,7 @@ def test_unknown_names_are_refused_with_the_nearest(problem):
 
 
 def test_function_plans(problem):
-    plan = ms.plan(problem, context)
+    plan = ms.plan(problem, around)
     assert ms.judge(problem, plan) and plan.cost_steps == 10
     assert plan.setup.scenario.planner.name == "around" and plan.planning_time_s > 0
     assert refusal(lambda: ms.plan(problem, lambda problem, time_limit_s: 3)) == (
@@ -122,7 +122,7 @@ def test_planner_of_ones_own_is_given_the_problem_with_goals_assigned(problem):
 
 
 def test_plan_of_a_function_can_be_sent_to_another_process(problem):
-    assert pickle.loads(pickle.dumps(ms.plan(problem, context).problem)).num_robots == 2
+    assert pickle.loads(pickle.dumps(ms.plan(problem, around).problem)).num_robots == 2
 
 
 def test_object_plans_under_its_own_name(problem):
