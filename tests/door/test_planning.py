@@ -38,7 +38,7 @@ def around(problem, time_limit_s):
 
 @dataclass(frozen=True)
 class Around:
-    """As `context`, but the first robot sets out late: right into the other."""
+    """As `around`, but the first robot sets out late: right into the other."""
 
     delay: int = 0
     assigns: ClassVar[bool] = False
@@ -48,7 +48,7 @@ class Around:
         """Nothing to compile."""
 
     def plan(self, problem, time_limit_s):
-        first, second = context(problem, time_limit_s)
+        first, second = around(problem, time_limit_s)
         return ms.PlanResult(ms.Status.SOLVED, ms.plan_of_paths([[0] * self.delay + first, second], problem.step_s))
 
 
@@ -115,7 +115,7 @@ def test_class_in_a_file_plans(problem, tmp_path):
 
 def test_planner_of_ones_own_is_given_the_problem_with_goals_assigned(problem):
     given = []
-    ms.plan(problem, lambda problem, time_limit_s: given.append((problem, time_limit_s)) or context(problem, 1), time_limit_s=7)
+    ms.plan(problem, lambda problem, time_limit_s: given.append((problem, time_limit_s)) or around(problem, 1), time_limit_s=7)
     (found, limit_s), *more = given
     assert isinstance(found, ms.Problem) and found.target.tolist() == [4, 0] and found.starts == problem.starts
     assert limit_s == 7 and not more
@@ -150,7 +150,7 @@ def test_verdict_of_a_valid_plan(problem):
 
 def test_bare_plan_is_judged_by_where_its_robots_end(problem):
     free = ms.problem(problem.scenario.replace(assignment={"mode": "optimal"}))
-    plan = ms.plan_of_paths(context(free, 1), free.step_s)
+    plan = ms.plan_of_paths(around(free, 1), free.step_s)
     assert ms.judge(free, plan) and ms.judge(problem, plan)
     stay = ms.plan_of_paths([[0], [4]], free.step_s)
     assert ms.judge(free, stay) and not ms.judge(problem, stay)
