@@ -95,8 +95,9 @@ class Sumo:
 
     def step(self) -> None:
         self._api.simulationStep()
-        for robot, driven_m in self._turned:
-            self._base[robot] = self._vehicle.getDistance(self._name[robot]) - driven_m
+        for robot, driven_m in self._turned:  # one that faces the way back already has set out in this step
+            set_out_m = self._vehicle.getSpeed(self._name[robot]) * self._api.simulation.getDeltaT()
+            self._base[robot] = self._vehicle.getDistance(self._name[robot]) - driven_m - set_out_m
         self._turned.clear()
 
     def read_driven(self, driven_m: FloatArray, moving: BoolArray) -> None:
@@ -129,7 +130,7 @@ class Sumo:
         self._plan_now(name)
 
     def turn_back(self, robot: int, edge: str, onward: list[str], stops: bool, driven_m: float) -> None:
-        """Put a standing robot at the same place of the opposite edge. Its odometer shows `driven_m` after the next step."""
+        """Put a standing robot at the same place of the opposite edge, with `driven_m` on its odometer."""
         name = self._name[robot]
         here, length = self._vehicle.getRoadID(name), self._api.lane.getLength(edge + "_0")
         along = self._vehicle.getLanePosition(name)
