@@ -18,6 +18,7 @@ from mrp_sumo.drive.settings import ExecutionSettings
 
 STANDS = [BOOKINGS.index(name) for name in ("planned_wait", "dependency_wait", "blocked", "disturbed")]
 AT_GOAL = BOOKINGS.index("at_goal")
+PATIENCE = 2  # who set out later and are served first, until one in line goes before all that can let it pass, or passes its order on
 PLACES_TO_HAND_OVER = 4  # beside a robot that is lost
 WHY_LOST = {Change.LOST: "broke down", Change.EMPTIED: "ran empty"}
 
@@ -109,8 +110,8 @@ class Crew:
         return robot.task != NONE and not (robot.charges or robot.leaves) and robot.stop == 0 and robot.making is None
 
     def may_pass_on(self, robot: RobotWork) -> bool:
-        """True if a robot has an order and has not come to its first stop, nor is about to, nor waits in line for it."""
-        return self.has_yet_to_begin(robot) and robot.in_line_since_s == np.inf
+        """True if a robot has an order and has not come to its first stop, nor is about to, nor waits in line for it, but in vain."""
+        return self.has_yet_to_begin(robot) and (robot.in_line_since_s == np.inf or robot.num_before >= PATIENCE)
 
     def _is_last(self, robot: RobotWork) -> bool:
         """True if nothing is left for a robot that leaves, after what it is about to have made."""

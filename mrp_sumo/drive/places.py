@@ -21,6 +21,8 @@ from mrp_sumo.drive.clearing import cleared
 from mrp_sumo.search._distance import reversed_lanes, steps_to
 from mrp_sumo.search.distance import UNREACHABLE, Distances, StepArray, distances
 
+CROSSING = 3  # lanes from a vertex where two robots can change places
+
 
 class RobotPlaces:
     """Places that the robots of a problem can go to."""
@@ -57,9 +59,14 @@ class RobotPlaces:
         reach = self._reach(robot, at, blocked - {at})
         return any(reach[v] < UNREACHABLE for v in stop.places)
 
-    def can_let_pass(self, robot: int, at: int, way: Sequence[int], blocked: set[int]) -> bool:
-        """True if a robot that stands on another's way can get off it, without passing the other, the way's end, or some more."""
-        reach = self._reach(robot, at, blocked | {way[0], way[-1]})
+    def can_let_pass(self, robot: int, at: int, way: Sequence[int], blocked: set[int], *, back: bool = False) -> bool:
+        """True if a robot that stands on another's way can get off it without passing the way's end or some others.
+
+        It passes the other one only if both may drive `back`, to a crossing of three lanes or more.
+        """
+        reach = self._reach(robot, at, blocked | ({way[-1]} if back else {way[0], way[-1]}))
+        if back and not (np.diff(self._graph(robot).first)[reach < UNREACHABLE] >= CROSSING).any():
+            return False
         reach[list({*way, *blocked})] = UNREACHABLE
         return bool((reach < UNREACHABLE).any())
 

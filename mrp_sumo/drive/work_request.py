@@ -13,12 +13,10 @@ import numpy as np
 from mrp_sumo.core.graph import BoolArray, IntArray, frozen
 from mrp_sumo.core.request import Request, with_stops_before
 from mrp_sumo.core.task import NOBODY, Stop
-from mrp_sumo.drive.crew import Crew
+from mrp_sumo.drive.crew import PATIENCE, Crew
 from mrp_sumo.drive.robot_work import NONE, Leg, RobotWork
 from mrp_sumo.errors import PlugInError
 from mrp_sumo.search.distance import distances
-
-PATIENCE = 2  # who set out later and are served first, until one in line goes before all that can let it pass
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,6 +64,8 @@ def work_request(crew: Crew, now_s: float, closed: BoolArray, assigned: Mapping[
             stop[r] = crew.tasks[task].stops[nth]
             legs[r].append(Leg(task, nth, NONE))
     turn = in_turn(crew, start, stop, {r: legs[r][-1].task for r in stop}, stays)
+    if swapped := older_first(crew, turn, stop, legs, assigned):
+        return work_request(crew, now_s, closed, {**assigned, **swapped})
     vertex, makes = crew.places.choose(start, stays, stop, turn)
     via = [list(dropwhile(start[r].__eq__, (leg.vertex for leg in legs[r][:-1]))) for r in robots.tolist()]
     for r in stop:
@@ -161,7 +161,7 @@ def in_turn(crew: Crew, start: IntArray, stops: Mapping[int, Stop], task: Mappin
     """Robots in the order in which they choose where to make their stops.
 
     The most urgent first; then who came first and waits; then who is nearest. Nobody comes before those who stand on its way there,
-    but for those who set out when it waited already, if they can let it pass.
+    but for those who set out when it waited already, if they can let it pass: beside its way, or behind it where it was passed over often.
     """
     places = crew.places
     stands = set(start[stays].tolist())
@@ -179,10 +179,34 @@ def in_turn(crew: Crew, start: IntArray, stops: Mapping[int, Stop], task: Mappin
             new = [s for s in nearer if r in aged or came_s[s] == np.inf]
             later = [s for s in new if _sets_out_s(crew, s, task[s]) > came_s[r]]
             ahead = [s for s in nearer if int(start[s]) in route]
-            stuck = [s for s in ahead if s not in later or not places.can_let_pass(s, int(start[s]), route, stands)]
+            stuck = [s for s in ahead if s not in later or not places.can_let_pass(s, int(start[s]), route, stands, back=r in aged)]
             order += sorted(stuck, key=lambda s: away[s])
         order.append(r)
     return order
+
+
+def older_first(
+    crew: Crew, turn: Sequence[int], stops: Mapping[int, Stop], legs: Mapping[int, Sequence[Leg]], assigned: Mapping[int, int]
+) -> dict[int, int]:
+    """Orders of two robots, each for the other: one that was passed over often has the older one, and the other goes before it.
+
+    Where nobody can pass, as on a line, whoever is nearest has to serve all, the oldest first. Orders that are begun stay where they are.
+    """
+
+    def is_unbegun(r: int) -> bool:
+        return len(legs[r]) == 1 and legs[r][0].nth == 0 and (r in assigned or crew.may_pass_on(crew.robots[r]))
+
+    for n, r in enumerate(turn):
+        if r in assigned or crew.robots[r].num_before < PATIENCE or not is_unbegun(r):
+            continue
+        older = legs[r][0].task
+        for s in (s for s in turn[:n] if stops[s].places == stops[r].places and is_unbegun(s)):
+            newer = legs[s][0].task
+            is_later = (crew.orders.released_s(older), older) < (crew.orders.released_s(newer), newer)
+            is_urgent = crew.tasks[newer].priority > crew.tasks[older].priority
+            if is_later and not is_urgent and crew.can_do(s, older) and crew.can_do(r, newer):
+                return {s: older, r: newer}
+    return {}
 
 
 def _sets_out_s(crew: Crew, robot: int, task: int) -> float:

@@ -9,7 +9,8 @@ from worlds import CELL_M, problem_on
 from mrp_sumo.core.graph import nav_graph, plan_graph
 from mrp_sumo.core.task import Station, Stop
 from mrp_sumo.drive.places import RobotPlaces
-from mrp_sumo.drive.work_request import in_turn
+from mrp_sumo.drive.robot_work import Leg
+from mrp_sumo.drive.work_request import in_turn, older_first
 from mrp_sumo.search.distance import UNREACHABLE
 
 
@@ -83,16 +84,28 @@ def test_of_two_robots_for_one_place_the_one_whose_turn_it_is_makes_its_stop():
     assert chosen(row(9), [0, 8], {1: 4, 0: 4})[1] == [False, True]
 
 
-@pytest.mark.parametrize(("aside", "served", "lets_pass"), [(2, 7, True), (1, 7, True), (0, 7, False), (2, 1, True), (1, 1, False)])
-def test_who_stands_ahead_of_one_that_waits_lets_it_pass_where_it_can(aside, served, lets_pass):
-    """One waits at 0 for a place at 4, the other stands at 3: there is room at 6, beside one of the vertices between, or behind who waits.
+@pytest.mark.parametrize(
+    ("aside", "served", "back", "lets_pass"),
+    [(2, 7, False, True), (1, 7, False, True), (0, 7, False, False), (2, 1, False, True), (1, 1, True, False)],
+)
+def test_who_stands_ahead_of_one_that_waits_lets_it_pass_where_it_can(aside, served, back, lets_pass):
+    """One waits at 0 for a place at 4, the other stands at 3: there is room at 6, beside one of the vertices between, or beside who waits.
 
-    Who is served, at 1 or beyond the place, may stand before that room.
+    Who is served, at 1 or beyond the place, may stand before that room; both drive back only where they may.
     """
     lanes = [lane for a, b in [(0, 1), (1, 2), (2, 3), (3, 4), (4, 5), (5, 7), (aside, 6)] for lane in ((a, b), (b, a))]
     xy = [(v * CELL_M, 0.0) for v in range(6)] + [(aside * CELL_M, CELL_M), (6 * CELL_M, 0.0)]
     graph = plan_graph(nav_graph(name="aside", xy=xy, lanes=lanes), kind="roadmap", cell_m=CELL_M)
-    assert RobotPlaces(problem_on(graph, [0, 3], [0, 3])).can_let_pass(1, 3, [0, 1, 2, 3, 4], {served}) == lets_pass
+    assert RobotPlaces(problem_on(graph, [0, 3], [0, 3])).can_let_pass(1, 3, [0, 1, 2, 3, 4], {served}, back=back) == lets_pass
+
+
+@pytest.mark.parametrize(("pairs", "lets_pass"), [([(0, 1)], False), ([(0, 1), (1, 5)], True)], ids=("line", "siding"))
+def test_nobody_drives_back_to_let_another_pass_where_nobody_can(pairs, lets_pass):
+    """One waits at 2 for a place at 4, the other stands at 3; behind the one are 1 and 0, and a siding 5 beside 1."""
+    xy = [(v * CELL_M, 0.0) for v in range(5)] + [(CELL_M, CELL_M)]
+    lanes = [lane for a, b in [*pairs, (1, 2), (2, 3), (3, 4)] for lane in ((a, b), (b, a))]
+    graph = plan_graph(nav_graph(name="behind", xy=xy, lanes=lanes), kind="roadmap", cell_m=CELL_M)
+    assert RobotPlaces(problem_on(graph, [2, 3], [2, 3])).can_let_pass(1, 3, [2, 3, 4], set(), back=True) == lets_pass
 
 
 def test_nobody_waits_where_it_would_be_before_one_that_has_the_place():
@@ -118,6 +131,22 @@ def test_one_that_was_passed_over_twice_goes_first_though_it_is_in_no_line(num_b
     start = np.array([0, 3])
     crew = SimpleNamespace(places=RobotPlaces(problem_on(graph, start, start), ()), robots=robots, tasks=[SimpleNamespace(priority=0)])
     assert in_turn(crew, start, dict.fromkeys((0, 1), Stop(5, 1.0)), {0: 0, 1: 0}, np.zeros(2, np.bool_)) == turn
+
+
+@pytest.mark.parametrize(
+    ("num_before", "priorities", "begun", "swapped"),
+    [(2, (0, 0), 0, {1: 0, 0: 1}), (1, (0, 0), 0, {}), (2, (0, 1), 0, {}), (2, (1, 0), 0, {1: 0, 0: 1}), (2, (0, 0), 1, {})],
+    ids=("twice", "once", "more urgent", "less urgent", "begun"),
+)
+def test_one_that_was_passed_over_twice_gives_the_older_order_to_the_one_that_goes_first(num_before, priorities, begun, swapped):
+    """robot_1 goes before robot_0, which has order 0; order 1 is younger."""
+    robots = [SimpleNamespace(num_before=n) for n in (num_before, 0)]
+    orders = SimpleNamespace(released_s=(0.0, 5.0).__getitem__)
+    tasks = [SimpleNamespace(priority=priority) for priority in priorities]
+    crew = SimpleNamespace(robots=robots, orders=orders, tasks=tasks, may_pass_on=lambda robot: True, can_do=lambda robot, task: True)
+    legs = {0: [Leg(0, 0, -1)], 1: [Leg(1, begun, -1)]}
+    assert older_first(crew, [1, 0], dict.fromkeys((0, 1), Stop(5, 1.0)), legs, {}) == swapped
+    assert older_first(crew, [0, 1], dict.fromkeys((0, 1), Stop(5, 1.0)), legs, {}) == {}
 
 
 def test_to_a_place_that_no_way_leads_to_a_robot_does_not_set_out():
