@@ -1,10 +1,12 @@
 """The operations audit finds what cannot be, and nothing where it can: each rule fires on a change by hand, and not on its neighbour."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from floors import BATTERY, driven, lanes, ring, scenario, tee
+from worlds import line
 
 from mrp_sumo.core.execution import Event, Outcome
 from mrp_sumo.core.facilities import LIFT_STATES, FacilityLog
@@ -438,3 +440,21 @@ def test_a_robot_that_another_one_cuts_off_is_passed_over_by_nobody(tmp_path, ch
     cut = replace(logs, execution=replace(logs.execution, stops=replace(stops, **columns)))
     waits = [finding for finding in places.waits(cut) if finding.robot == "robot_2"]
     assert len(waits) == findings
+
+
+@pytest.mark.parametrize(("later_at", "cut_off"), [(0, True), (4, False)])
+def test_who_is_cut_off_by_a_lost_robot_is_so_where_it_waits_then(later_at, cut_off):
+    """On a row of six, with the place at 5, a robot is lost at 2 from 100 s on: another waits at 4 at first, and then there or at 0."""
+    graph, none = line(6), np.zeros(0)
+
+    def xy_at(robot, t_s):
+        return graph.xy[np.where(robot == 1, 2, np.where(t_s < 100.0, 4, later_at))]
+
+    logs = SimpleNamespace(
+        stops=SimpleNamespace(vertex=none, robot=none, begin_s=none, end_s=none),
+        graph=graph,
+        fleet=SimpleNamespace(num_robots=2),
+        times_in=lambda states, robot: [(100.0, 600.0)] * robot,
+        xy_at=xy_at,
+    )
+    assert places._is_cut_off(logs, places.Wish(0, 0, "at 5", [5], 0.0, np.inf, np.inf), 50.0, 600.0) == cut_off

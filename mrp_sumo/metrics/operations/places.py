@@ -133,16 +133,13 @@ def _is_cut_off(logs: Logs, wish: Wish, since_s: float, until_s: float) -> bool:
         for begin_s, end_s in logs.times_in(LOST, robot):  # it keeps the next vertex, too, if it was granted that
             v = _vertex_at(logs, robot, begin_s)
             stood += [(u, robot, begin_s, end_s) for u in (v, *graph.head[graph.tail == v].tolist())]
-    vertices = {
-        vertex
-        for vertex, robot, begin_s, end_s in stood
-        if robot != wish.robot and (min(end_s, until_s) - max(begin_s, since_s)) / (until_s - since_s) > MOST
-    }
-    at = _vertex_at(logs, wish.robot, since_s)
-    for v in vertices - set(wish.vertices):
+    for v, robot, begin_s, end_s in stood:
+        from_s = max(begin_s, since_s)
+        if robot == wish.robot or v in wish.vertices or not (min(end_s, until_s) - from_s) / (until_s - since_s) > MOST:
+            continue
         leads = (graph.tail != v) & (graph.head != v)
         piece = weak_components(graph.num_vertices, graph.tail[leads], graph.head[leads])
-        if piece[at] not in piece[wish.vertices]:
+        if piece[_vertex_at(logs, wish.robot, from_s)] not in piece[wish.vertices]:
             return True
     return False
 
