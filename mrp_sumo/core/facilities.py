@@ -13,6 +13,7 @@ LIFT_DOORS = ("closed", "moving", "open")  # of cabins
 MOTIONS = ("stopped", "up", "down")
 DOOR_STATES = ("closed", "opening", "open", "closing")
 PEOPLE = -2  # in the place of a robot
+CABIN_M = 0.05  # outside a cabin that is taken for inside, as Open-RMF does
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,3 +47,23 @@ def door_names(graph: NavGraph) -> list[str]:
     if graph.lane_options.count(NO_OPTIONS) == graph.num_lanes:  # the common case, quickly
         return []
     return sorted({str(options["door"]) for options in graph.lane_options if options.get("door")})
+
+
+def beyond_cabin_m(cabins: FloatArray, x_m: float, y_m: float, yaw_rad: float, length_m: float, width_m: float) -> FloatArray:
+    """[C] how far a body stands out of each cabin, m, negative where it is wholly inside.
+
+    Parameters
+    ----------
+    cabins
+        [C, 6] level, middle x and y in m, heading in radians, depth and width in m.
+    x_m, y_m, yaw_rad, length_m, width_m
+        The body.
+    """
+    turned_rad = yaw_rad - cabins[:, 3]
+    c, s = np.abs(np.cos(turned_rad)), np.abs(np.sin(turned_rad))
+    dx, dy, along, across = x_m - cabins[:, 1], y_m - cabins[:, 2], np.cos(cabins[:, 3]), np.sin(cabins[:, 3])
+    beyond: FloatArray = np.maximum(
+        np.abs(along * dx + across * dy) + (c * length_m + s * width_m) / 2 - cabins[:, 4] / 2,
+        np.abs(along * dy - across * dx) + (s * length_m + c * width_m) / 2 - cabins[:, 5] / 2,
+    )
+    return beyond

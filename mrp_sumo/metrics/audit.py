@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from mrp_sumo.core.execution import Execution, Outcome, positions_at
+from mrp_sumo.core.facilities import CABIN_M, beyond_cabin_m
 from mrp_sumo.core.fleet import Fleet, fleet_of
 from mrp_sumo.core.graph import FloatArray, IntArray
 from mrp_sumo.core.robot_type import RobotType
@@ -24,7 +25,6 @@ LISTED = 20  # findings of a kind that are listed one by one
 ELSEWHERE_M = 0.02  # SUMO rounds shapes and lengths
 PLACE_M = 1.0  # side of the squares for which walls are listed
 MOST_PLACES = 2000  # along either side of the floor
-CABIN_M = 0.05  # outside a cabin that is taken for inside, as Open-RMF does
 FAR_M = 1e6  # between levels
 LOOK_M = 1.0  # how far walls are looked for at first
 KINDS = {  # of violations: the count they go to, in the order of the kernel's numbers
@@ -169,18 +169,6 @@ def _outside_cabins(execution: Execution, fleet: Fleet, cabins: FloatArray | Non
                 outside.append({"robot": fleet.robot_name[r], "t_s": float(execution.t_s[sample]), **place})
                 break
     return outside
-
-
-def beyond_cabin_m(cabins: FloatArray, x_m: float, y_m: float, yaw_rad: float, length_m: float, width_m: float) -> FloatArray:
-    """[C] how far a body stands out of each cabin on its level, negative where it is wholly inside; see `audit` for `cabins`."""
-    turned_rad = yaw_rad - cabins[:, 3]
-    c, s = np.abs(np.cos(turned_rad)), np.abs(np.sin(turned_rad))
-    dx, dy, along, across = x_m - cabins[:, 1], y_m - cabins[:, 2], np.cos(cabins[:, 3]), np.sin(cabins[:, 3])
-    beyond: FloatArray = np.maximum(
-        np.abs(along * dx + across * dy) + (c * length_m + s * width_m) / 2 - cabins[:, 4] / 2,
-        np.abs(along * dy - across * dx) + (s * length_m + c * width_m) / 2 - cabins[:, 5] / 2,
-    )
-    return beyond
 
 
 def _on_floors(execution: Execution, level: IntArray) -> Execution:

@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from mrp_sumo.core.facilities import CABIN_M, beyond_cabin_m
 from mrp_sumo.core.fleet import fleet_of, fleet_of_types
 from mrp_sumo.core.graph import BoolArray, NavGraph, PlanGraph
 from mrp_sumo.core.robot_type import RobotType
@@ -21,7 +22,6 @@ from mrp_sumo.maps.lifts import cabins_of
 from mrp_sumo.maps.load import Map
 from mrp_sumo.maps.repair import join_short
 from mrp_sumo.maps.roadmap import cell_that_fits
-from mrp_sumo.metrics.audit import CABIN_M, beyond_cabin_m
 from mrp_sumo.planning.protocol import Planner
 from mrp_sumo.traffic.draw import main_piece
 
