@@ -55,7 +55,7 @@ def beyond_cabin_m(cabins: FloatArray, x_m: float, y_m: float, yaw_rad: float, l
     Parameters
     ----------
     cabins
-        [C, 6] level, middle x and y in m, heading in radians, depth and width in m.
+        [C, 6] level, x and y of the centre in m, yaw in rad, width and depth in m.
     x_m, y_m, yaw_rad, length_m, width_m
         The body.
     """
