@@ -110,12 +110,13 @@ class RobotPlaces:
         stuck: list[int] = []
         for r in turn:
             at, stop = int(start[r]), stops[r]
-            place = self._place(r, at, stop, taken, blocked)
-            past = self._before(r, at, [route for other, route in ways if other.places == stop.places], blocked)
+            reach = self._reach(r, at, blocked)
+            place = self._nearest(r, at, [v for v in stop.places if reach[v] < UNREACHABLE], taken)
+            past = _before(at, [route for other, route in ways if other.places == stop.places], reach)
             if place is not None:
                 vertex[r], makes[r] = place, True
                 ways.append((stop, self._way(r, at, place, blocked)))
-            elif (wait := self._where_to_wait(r, at, stop, taken | past, blocked, waits)) is not None:
+            elif (wait := self._where_to_wait(r, at, stop, taken | past, blocked, waits, reach)) is not None:
                 vertex[r] = wait
                 waits.add(wait)
                 if wait not in stop.queue:
@@ -142,13 +143,6 @@ class RobotPlaces:
             vertex[r] = self._resting_place(r, int(start[r]), taken, stood_on)
             taken.add(int(vertex[r]))
         return vertex, makes
-
-    def _before(self, robot: int, at: int, routes: Sequence[Sequence[int]], blocked: set[int]) -> set[int]:
-        """Vertices on the ways of others where a robot would be before them, and in their way; all of a way on which it stands."""
-        if not routes:
-            return set()
-        reach = self._reach(robot, at, blocked)
-        return {v for route in routes for n, v in enumerate(route) if at in route or reach[v] <= n}
 
     def _keep_order(self, line: Mapping[int, set[int]], start: IntArray, vertex: IntArray) -> None:
         """Swap where robots of a line wait, so that none has to pass another.
@@ -182,18 +176,12 @@ class RobotPlaces:
         away, v = min(((int(known.to(v)[at]), v) for v in choice if v not in taken), default=(UNREACHABLE, -1))
         return v if away < UNREACHABLE else None
 
-    def _place(self, robot: int, at: int, stop: Stop, taken: set[int], blocked: set[int]) -> int | None:
-        """The nearest free place of a stop that the robot can come to."""
-        free = [v for v in stop.places if v not in taken]
-        if not free:
-            return None
-        if blocked:
-            reach = self._reach(robot, at, blocked)
-            free = [int(v) for v in free if reach[v] < UNREACHABLE]
-        return self._nearest(robot, at, free, taken)
-
-    def _where_to_wait(self, robot: int, at: int, stop: Stop, taken: set[int], blocked: set[int], waits: set[int]) -> int | None:
+    def _where_to_wait(
+        self, robot: int, at: int, stop: Stop, taken: set[int], blocked: set[int], waits: set[int], past: StepArray
+    ) -> int | None:
         """The first free place to wait of a stop's station; elsewhere the nearest vertex that leaves the way out open.
+
+        `past` are the steps from the robot to each vertex without passing those that are blocked.
 
         It is best behind those who wait already: on a one-way ring they would have to drive once round to let this one pass.
         """
@@ -201,7 +189,6 @@ class RobotPlaces:
         away, place = min((int(known.to(v)[at]), v) for v in stop.places)
         if away >= UNREACHABLE:
             return None
-        past = self._reach(robot, at, blocked)
         behind = self._reach(robot, at, blocked | waits - {at}) if waits else past
         for v in stop.queue:
             if v not in taken and past[v] < UNREACHABLE:
@@ -256,17 +243,16 @@ class RobotPlaces:
 
     def _way(self, robot: int, start: int, end: int, blocked: set[int] | None = None) -> list[int]:
         """The vertices of a shortest way, both ends included; it passes no `blocked` vertex unless every way does."""
-        graph, steps, way = self._graph(robot), self._distances(robot).to(end), [start]
-        if blocked:
-            clear = np.empty(graph.num_vertices, np.int32)
-            steps_to(end, *reversed_lanes(*_without(graph, blocked)), clear, np.empty(graph.num_vertices, np.int64))
-            if clear[start] < UNREACHABLE:
-                clear[list(blocked - {start, end})] = UNREACHABLE
-                steps = clear
-        while way[-1] != end:
-            v = way[-1]
-            way.append(min(graph.head[graph.first[v] : graph.first[v + 1]].tolist(), key=lambda u: (int(steps[u]), u)))
-        return way
+        graph = self._graph(robot)
+        way = _downhill(graph, start, end, self._distances(robot).to(end))
+        if not blocked or blocked.isdisjoint(way[1:]):
+            return way
+        steps, queue = np.empty(graph.num_vertices, np.int32), np.empty(graph.num_vertices, np.int64)
+        steps_to(end, *reversed_lanes(*_without(graph, blocked)), steps, queue)
+        if steps[start] >= UNREACHABLE:
+            return way
+        steps[list(blocked - {start, end})] = UNREACHABLE
+        return _downhill(graph, start, end, steps)
 
     def _sent_on(self, start: IntArray, vertex: IntArray, rest: Sequence[int], blocked: set[int], taken: set[int]) -> dict[int, int]:
         """Vertices, off the ways of others, of those who rest where there is no way round them."""
@@ -303,6 +289,23 @@ class RobotPlaces:
         nearest = next(free)
         clear = (v for v in chain((nearest,), free) if not graph.vertex_options[v].get("is_passthrough_point"))
         return next((v for v in clear if v not in stood_on), nearest)
+
+
+def _before(at: int, routes: Sequence[Sequence[int]], reach: StepArray) -> set[int]:
+    """Vertices on the ways of others where a robot would be before them, and in their way; all of a way on which it stands.
+
+    `reach` are its steps to each vertex.
+    """
+    return {v for route in routes for n, v in enumerate(route) if at in route or reach[v] <= n}
+
+
+def _downhill(graph: PlanGraph, start: int, end: int, steps: StepArray) -> list[int]:
+    """The vertices of a way on which the steps to its end become fewer, both ends included."""
+    way = [start]
+    while way[-1] != end:
+        v = way[-1]
+        way.append(min(graph.head[graph.first[v] : graph.first[v + 1]].tolist(), key=lambda u: (int(steps[u]), u)))
+    return way
 
 
 def _without(graph: PlanGraph, vertices: set[int], *, tails: bool = False) -> tuple[IntArray, IntArray]:

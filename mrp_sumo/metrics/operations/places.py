@@ -129,10 +129,8 @@ def _is_cut_off(logs: Logs, wish: Wish, since_s: float, until_s: float) -> bool:
     """True if there is no way round a robot that stands for most of the time where it is lost, or served, as at a charger in an aisle."""
     stops, graph = logs.stops, logs.graph
     stood = [*zip(stops.vertex.tolist(), stops.robot.tolist(), stops.begin_s.tolist(), stops.end_s.tolist())]
-    for robot in range(logs.fleet.num_robots):
-        for begin_s, end_s in logs.times_in(LOST, robot):  # it keeps the next vertex, too, if it was granted that
-            v = _vertex_at(logs, robot, begin_s)
-            stood += [(u, robot, begin_s, end_s) for u in (v, *graph.head[graph.tail == v].tolist())]
+    for v, *rest in _lost(logs):  # it keeps the next vertex, too, if it was granted that
+        stood += [(u, *rest) for u in (v, *graph.head[graph.tail == v].tolist())]
     for v, robot, begin_s, end_s in stood:
         from_s = max(begin_s, since_s)
         if robot == wish.robot or v in wish.vertices or not (min(end_s, until_s) - from_s) / (until_s - since_s) > MOST:
@@ -151,8 +149,7 @@ def _stands_between(logs: Logs, wish: Wish, other: Wish) -> bool:
     """
     graph, t_s = logs.graph, other.since_s
     at, ahead = (_vertex_at(logs, each.robot, t_s) for each in (wish, other))
-    spans = ((robot, span) for robot in range(logs.fleet.num_robots) for span in logs.times_in(LOST, robot))
-    lost = [_vertex_at(logs, robot, begin_s) for robot, (begin_s, end_s) in spans if begin_s <= t_s < end_s]
+    lost = [v for v, _, begin_s, end_s in _lost(logs) if begin_s <= t_s < end_s]
     free = ~np.isin(graph.head, lost) & ~np.isin(graph.tail, lost)
     past = free & (graph.tail != ahead) & (graph.head != ahead)
     if ahead in (at, *wish.vertices) or np.isfinite(reach_m(graph, past, np.array([at]))[0, wish.vertices]).any():
@@ -162,6 +159,13 @@ def _stands_between(logs: Logs, wish: Wish, other: Wish) -> bool:
     room = np.flatnonzero(np.isfinite(reach_m(graph, before, np.array([ahead]))[0]))
     shortest: list[int] = min(routes, key=len, default=[])
     return set(room.tolist()) <= set(shortest)
+
+
+def _lost(logs: Logs) -> Iterator[tuple[int, int, float, float]]:
+    """Robots that are lost: vertex, robot, from when and until when."""
+    for robot in range(logs.fleet.num_robots):
+        for begin_s, end_s in logs.times_in(LOST, robot):
+            yield _vertex_at(logs, robot, begin_s), robot, begin_s, end_s
 
 
 def _vertex_at(logs: Logs, robot: int, t_s: float) -> int:
