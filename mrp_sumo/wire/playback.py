@@ -84,14 +84,15 @@ class Playback:
     def control(self, playing: bool, speed: float, to_ns: int | None) -> Position:
         """Do what a viewer asks for. Times beyond what was driven are reached as fast as the run can be driven."""
         with self._changed:
-            self._at_ns, self._since = self._now_ns(), time.monotonic()
+            wall_s = time.monotonic()
+            self._at_ns, self._since = self._now_ns(wall_s), wall_s
             self._playing = playing
             if LEAST_SPEED <= speed <= MOST_SPEED:
                 self._speed = speed
             if to_ns is not None:
                 self._to_ns = min(max(0, to_ns), self._newest_ns) if self._ended else max(0, to_ns)
             self._changed.notify_all()
-            return self._position()
+            return self._position(self._at_ns)
 
     def listens(self, viewer: int, topic: str) -> None:
         """Somebody has begun to listen to a topic: what was last said there is said again."""
@@ -124,7 +125,9 @@ class Playback:
             self._to_ns = None if self._to_ns is None else min(self._to_ns, self._newest_ns)
         while not (self._catch_up() and self._playing):
             self._wait()
-        self._tick(self._position())
+        with self._changed:
+            position = self._position(self._now_ns(time.monotonic()))
+        self._tick(position)
 
     def close(self) -> None:
         """Forget what was said."""
@@ -134,11 +137,12 @@ class Playback:
         """Say what is due; whether viewers are at the newest moment, or want to be beyond it."""
         with self._changed:
             again: list[int] = []
+            wall_s = time.monotonic()  # read once: at a thousand times the speed the run goes on by seconds between two looks
             if self._to_ns is not None:
                 if self._to_ns > self._newest_ns:
                     return True
-                self._at_ns, self._since = self._to_ns, time.monotonic()
-            now_ns = self._now_ns()
+                self._at_ns, self._since = self._to_ns, wall_s
+            now_ns = self._now_ns(wall_s)
             due = bisect_right(self._kept.t_ns, now_ns)
             if self._to_ns is not None:
                 again, self._sent, self._to_ns = self._kept.last_of_each(due), due, None
@@ -149,8 +153,8 @@ class Playback:
             self._sent = due
             if there := now_ns >= self._newest_ns:
                 spare_ns = 0.0 if self._ended else 1e9 * MOST_BEHIND_S * self._speed
-                self._at_ns, self._since = min(now_ns, self._newest_ns + spare_ns), time.monotonic()
-            position = self._position()
+                self._at_ns, self._since = min(now_ns, self._newest_ns + spare_ns), wall_s
+            position = self._position(now_ns)
         for k in again:
             topic, t_ns, message = self._kept.message(k)
             self._send(topic, max(t_ns, position.now_ns), message)  # to viewers time does not go back once more
@@ -163,14 +167,14 @@ class Playback:
     def _wait(self) -> None:
         """Wait until there may be something to do."""
         with self._changed:
-            left_s = max(0.0, self._newest_ns - self._now_ns()) / 1e9 / self._speed
+            left_s = max(0.0, self._newest_ns - self._now_ns(time.monotonic())) / 1e9 / self._speed
             self._changed.wait(min(BEAT_S, left_s) if self._playing and left_s else BEAT_S)
 
-    def _now_ns(self) -> float:
-        """Where viewers are by the clock."""
-        return self._at_ns + (1e9 * self._speed * (time.monotonic() - self._since) if self._playing else 0.0)
+    def _now_ns(self, wall_s: float) -> float:
+        """Where viewers are when the clock shows `wall_s`."""
+        return self._at_ns + (1e9 * self._speed * (wall_s - self._since) if self._playing else 0.0)
 
-    def _position(self) -> Position:
+    def _position(self, now_ns: float) -> Position:
         buffering = self._to_ns is not None and self._to_ns > self._newest_ns
-        now_ns = min(self._now_ns(), self._newest_ns) if self._to_ns is None else self._to_ns
+        now_ns = min(now_ns, self._newest_ns) if self._to_ns is None else self._to_ns
         return Position(round(now_ns), self._playing, self._speed, buffering, self._ended and now_ns >= self._newest_ns)

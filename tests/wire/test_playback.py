@@ -1,6 +1,8 @@
 """Viewers who go back and forth in a run that is driven meanwhile."""
 
+import itertools
 import threading
+import time
 
 import pytest
 
@@ -32,8 +34,20 @@ def driven():
     playback.close()
 
 
-def test_viewer_who_goes_back_sees_what_was_said_and_then_what_comes(driven):
+def stands(thread, got, count):
+    """Whether a thread has said `count` messages, and waits."""
+    until = time.monotonic() + 10
+    while len(got) < count and time.monotonic() < until:
+        thread.join(0.01)
+    thread.join(0.1)
+    return thread.is_alive()
+
+
+@pytest.mark.parametrize("look_s", [None, 0.003], ids=["a clock", "a clock that goes on at each look"])
+def test_viewer_who_goes_back_sees_what_was_said_and_then_what_comes(driven, look_s, monkeypatch):
     playback, got, drive = driven
+    if look_s is not None:
+        monkeypatch.setattr("time.monotonic", lambda looks=itertools.count(time.monotonic(), look_s): next(looks))
     playback.control(True, 1000.0, None)
     drive(0, 6).join(10)
     assert got == [("/map", 0, b"m"), *(("/tf", t, b"%d" % t) for t in range(1, 6))]
@@ -48,9 +62,7 @@ def test_viewer_who_goes_ahead_has_the_run_driven_there_and_is_shown_nothing_bet
     playback, got, drive = driven
     position = playback.control(False, 1.0, 4 * SECOND_NS)
     assert (position.now_ns, position.buffering) == (4 * SECOND_NS, True)
-    thread = drive(0, 9)
-    thread.join(0.3)
-    assert thread.is_alive()  # as it is paused there
+    assert stands(drive(0, 9), got, 2)  # as it is paused there
     assert got == [("/map", 4, b"m"), ("/tf", 4, b"4")]
 
 
@@ -58,8 +70,7 @@ def test_run_goes_on_when_the_viewer_who_paused_it_leaves(driven):
     playback, got, drive = driven
     playback.control(False, 1000.0, None)
     thread = drive(0, 3)
-    thread.join(0.2)
-    assert thread.is_alive() and got == [("/map", 0, b"m")]
+    assert stands(thread, got, 1) and got == [("/map", 0, b"m")]
     playback.leaves(1, "/tf")
     thread.join(10)
     assert not thread.is_alive()

@@ -4,6 +4,7 @@ import base64
 import json
 import socket
 import threading
+import time
 import urllib.error
 import urllib.request
 
@@ -67,7 +68,10 @@ def test_paused_run_makes_one_sample_for_each_step_that_is_asked_for():
     driver.start()
     broadcast.control({"do": "step"})
     broadcast.control({"do": "step"})
-    driver.join(0.5)
+    until = time.monotonic() + 10
+    while len(broadcast._samples) < 3 and time.monotonic() < until:
+        driver.join(0.01)
+    driver.join(0.1)
     assert driver.is_alive() and broadcast._samples == b"\0\1\2"  # the third is out, and holds the run
     broadcast.control({"do": "play"})
     driver.join(10)
