@@ -7,7 +7,7 @@ vertices.
 """
 
 import heapq
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from functools import cache
 from itertools import chain, combinations
 
@@ -88,7 +88,9 @@ class RobotPlaces:
         near: list[int] = np.argsort(np.where((away_m >= self._apart_m).all(1), away_m.sum(1), np.inf), kind="stable").tolist()
         return near
 
-    def choose(self, start: IntArray, stays: BoolArray, stops: Mapping[int, Stop], turn: Iterable[int]) -> tuple[IntArray, BoolArray]:
+    def choose(
+        self, start: IntArray, stays: BoolArray, stops: Mapping[int, Stop], turn: Iterable[int], aged: Collection[int] = ()
+    ) -> tuple[IntArray, BoolArray]:
         """[R] vertices where robots are to go, and whether they can make their stops there.
 
         Parameters
@@ -101,6 +103,8 @@ class RobotPlaces:
             By robots that are to make one.
         turn
             These robots, in the order in which they choose.
+        aged
+            Robots that were passed over often: who leaves the place of one does not push it away, but steps aside where it can.
         """
         vertex, makes = start.copy(), np.zeros(len(start), np.bool_)
         blocked, taken = set(start[stays].tolist()), set(start[stays].tolist())
@@ -111,6 +115,11 @@ class RobotPlaces:
         for r in turn:
             at, stop = int(start[r]), stops[r]
             reach = self._reach(r, at, blocked)
+            comes = next((a for a in aged if makes[a] and vertex[a] == at), None)
+            if comes is not None and (aside := self._aside(r, at, stop, blocked, int(start[comes]), taken)) is not None:
+                vertex[r] = aside
+                taken.add(aside)
+                continue
             place = self._nearest(r, at, [v for v in stop.places if reach[v] < UNREACHABLE], taken)
             past = _before(at, [route for other, route in ways if other.places == stop.places], reach)
             if place is not None:
@@ -143,6 +152,15 @@ class RobotPlaces:
             vertex[r] = self._resting_place(r, int(start[r]), taken, stood_on)
             taken.add(int(vertex[r]))
         return vertex, makes
+
+    def _aside(self, robot: int, at: int, stop: Stop, blocked: set[int], comes: int, taken: set[int]) -> int | None:
+        """The vertex nearest to a robot that is none of the way of another that comes to where it is; None: its own way is none of it."""
+        if comes not in self.way(robot, at, stop, blocked):
+            return None
+        reach = self._reach(robot, at, blocked | {comes})
+        reach[list({at, *taken, *self._way(robot, comes, at)})] = UNREACHABLE
+        v = int(reach.argmin())
+        return v if reach[v] < UNREACHABLE else None
 
     def _keep_order(self, line: Mapping[int, set[int]], start: IntArray, vertex: IntArray) -> None:
         """Swap where robots of a line wait, so that none has to pass another.

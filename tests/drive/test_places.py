@@ -22,11 +22,11 @@ def row(length, *doorsteps, ring=False):
     return plan_graph(nav, kind="roadmap", cell_m=CELL_M)
 
 
-def chosen(graph, start, stops, parking=(), stays=()):
+def chosen(graph, start, stops, parking=(), stays=(), aged=()):
     """Where robots go that begin at `start`, and who of them makes a stop there; `stops` are vertices by robot."""
     where = RobotPlaces(problem_on(graph, start, start), parking)
     at = {r: Stop(v, 1.0, "", Station(f"at {v}", (v,))) for r, v in stops.items()}
-    vertex, makes = where.choose(np.array(start), np.isin(np.arange(len(start)), stays), at, list(stops))
+    vertex, makes = where.choose(np.array(start), np.isin(np.arange(len(start)), stays), at, list(stops), aged)
     return vertex.tolist(), makes.tolist()
 
 
@@ -114,6 +114,16 @@ def test_nobody_waits_where_it_would_be_before_one_that_has_the_place():
     assert chosen(row(9, ring=True), [0, 3], {1: 4, 0: 4}) == ([3, 4], [False, True])
 
 
+@pytest.mark.parametrize(
+    ("ring", "leaves_for", "aged", "goes"),
+    [(True, 7, [0], [4, 3]), (True, 7, [], [4, 7]), (True, 1, [0], [4, 1]), (False, 7, [0], [4, 3])],
+    ids=("passed over often", "not yet", "not on its way", "line"),
+)
+def test_who_leaves_steps_aside_for_one_that_was_passed_over_often(ring, leaves_for, aged, goes):
+    """robot_0 waits at 5 for the place at 4, which robot_1 leaves for 7, past it; at 3 it is out of the way."""
+    assert chosen(row(9, ring=ring), [5, 4], {0: 4, 1: leaves_for}, aged=aged)[0] == goes
+
+
 @pytest.mark.parametrize(("stays", "way"), [(1, [0, 5, 4, 3]), (4, [0, 1, 2, 3]), (2, [0, 5, 4, 3])])
 def test_the_way_to_a_place_is_that_round_who_stays(stays, way):
     """A ring of six: from 0 to 3 there are two ways."""
@@ -121,13 +131,17 @@ def test_the_way_to_a_place_is_that_round_who_stays(stays, way):
     assert where.way(0, 0, Stop(3, 1.0, "", Station("at 3", (3,))), {stays}) == way
 
 
-@pytest.mark.parametrize(("num_before", "turn"), [(1, [1, 0]), (2, [0, 1])])
-def test_one_that_was_passed_over_twice_goes_first_though_it_is_in_no_line(num_before, turn):
-    """robot_0 comes from 0 and is sent off again and again, while robot_1 sets out for 5, later and from nearer; it can make room at 6."""
+@pytest.mark.parametrize(("num_before", "on_the_way", "turn"), [(1, True, [1, 0]), (2, True, [0, 1]), (2, False, [1, 0])])
+def test_one_that_was_passed_over_twice_goes_first_though_it_is_in_no_line(num_before, on_the_way, turn):
+    """robot_0 comes from 0 and is sent off again and again, while robot_1 sets out for 5, later and from nearer; it can make room at 6.
+
+    How often it was passed over on the way to the stop where it still is counts no more.
+    """
     lanes = [lane for a, b in [(0, 1), (1, 2), (2, 3), (3, 4), (4, 5), (1, 6)] for lane in ((a, b), (b, a))]
     xy = [(v * CELL_M, 0.0) for v in range(6)] + [(CELL_M, CELL_M)]
     graph = plan_graph(nav_graph(name="dead end", xy=xy, lanes=lanes), kind="roadmap", cell_m=CELL_M)
-    robots = [SimpleNamespace(num_before=n, since_s=s, in_line_since_s=np.inf, task=0) for n, s in ((num_before, 5.0), (0, 9.0))]
+    came = SimpleNamespace(num_before=num_before, since_s=5.0, in_line_since_s=np.inf, task=0, making=None if on_the_way else object())
+    robots = [came, SimpleNamespace(num_before=0, since_s=9.0, in_line_since_s=np.inf, task=0, making=None)]
     start = np.array([0, 3])
     crew = SimpleNamespace(places=RobotPlaces(problem_on(graph, start, start), ()), robots=robots, tasks=[SimpleNamespace(priority=0)])
     assert in_turn(crew, start, dict.fromkeys((0, 1), Stop(5, 1.0)), {0: 0, 1: 0}, np.zeros(2, np.bool_)) == turn
