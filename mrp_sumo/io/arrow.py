@@ -15,17 +15,18 @@ KEY = b"mrp_sumo"  # of the document in a table's metadata
 
 
 def numbers(values: np.ndarray, there: BoolArray | None = None) -> pa.Array:
-    """An Arrow array that shares the memory of an array.
+    """An Arrow array that shares the memory of an array. `pa.array` would load pandas first.
 
     Parameters
     ----------
     values
-        [N] numbers.
+        [N] numbers, or truth values, which are copied.
     there
         [N] whether a value is there; the others are null. By default all are.
     """
     bits = None if there is None else pa.py_buffer(np.packbits(there, bitorder="little"))
-    data = pa.py_buffer(np.ascontiguousarray(values))
+    is_truth = values.dtype == np.bool_
+    data = pa.py_buffer(np.packbits(values, bitorder="little") if is_truth else np.ascontiguousarray(values))
     return pa.Array.from_buffers(pa.from_numpy_dtype(values.dtype), len(values), [bits, data])
 
 

@@ -77,7 +77,7 @@ def write_logs(
 def write_grants(path: Path, grants: GrantLog, robot_name: Sequence[str]) -> None:
     """Write the table of grants."""
     robot = pa.DictionaryArray.from_arrays(numbers(grants.robot.astype(np.int32)), texts(robot_name))
-    write_table(path, {"t_s": numbers(grants.t_s), "robot": robot, "visit": numbers(grants.visit), "enters": pa.array(grants.enters)})
+    write_table(path, {"t_s": numbers(grants.t_s), "robot": robot, "visit": numbers(grants.visit), "enters": numbers(grants.enters)})
 
 
 def read_grants(path: Path, robot_name: Sequence[str], num_visits: IntArray) -> GrantLog:
@@ -100,7 +100,7 @@ def write_robot_states(path: Path, log: RobotStateLog, tasks: TaskLog, robot_nam
         "state": dictionary([ROBOT_STATES[k] for k in log.state.tolist()]),
         "begin_s": numbers(log.begin_s),
         "end_s": numbers(log.end_s),
-        "task": pa.array(row[log.task], pa.int64()),
+        "task": numbers(row[log.task].astype(np.int64)),
     }
     write_table(path, columns)
 

@@ -59,6 +59,8 @@ def write_csv(path: Path, record: RunRecord) -> None:
     import pyarrow as pa
     from pyarrow import csv
 
+    from mrp_sumo.io.arrow import numbers
+
     execution = record.execution
     names, states = pa.array(list(record.fleet.robot_name), pa.string()), pa.array(list(STATE_NAMES), pa.string())
     fields = [("t_s", pa.float64()), ("robot", pa.string())]
@@ -74,9 +76,9 @@ def write_csv(path: Path, record: RunRecord) -> None:
             t_s = np.rint(execution.t_s[rows] * 1e9) / 1e9  # 0.3, not 0.30000000000000004
             there = (np.isfinite(execution.x_m[rows]) & np.isfinite(execution.y_m[rows])).ravel()
             robot = np.tile(np.arange(num_robots), len(t_s))[there]
-            columns = [pa.array(np.repeat(t_s, num_robots)[there]), names.take(pa.array(robot))]
-            columns += [pa.array(getattr(execution, name)[rows].ravel()[there]) for name in ("x_m", "y_m", "yaw_rad", "speed_mps")]
-            columns.append(states.take(pa.array(robot_states(execution, execution.t_s[rows]).ravel()[there])))
+            columns = [numbers(np.repeat(t_s, num_robots)[there]), names.take(numbers(robot))]
+            columns += [numbers(getattr(execution, name)[rows].ravel()[there]) for name in ("x_m", "y_m", "yaw_rad", "speed_mps")]
+            columns.append(states.take(numbers(robot_states(execution, execution.t_s[rows]).ravel()[there])))
             out.write_table(pa.Table.from_arrays(columns, schema=pa.schema(fields)))
 
 
