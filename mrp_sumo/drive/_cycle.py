@@ -70,44 +70,65 @@ def drive_on(step, most, bodies, routed, scene, tape):
 
     Returns
     -------
-    made, num_logged, num_changed, num_due, num_samples, num_grants
+    made, num_logged, num_changed, num_due
         Steps beyond `step`; what `advance` returned after the last of them, whose commands have not been given, and which is not on
-        the tape; samples and grants on the tape.
+        the tape.
     """
-    s_m, visits, state, dt, news = bodies.s_m, scene.visits, scene.state, scene.rules.step_s, scene.news
-    made, num_samples, num_grants = 0, 0, 0
-    ended = num_ended(visits, state)
+    s_m, state, dt, decel, made = bodies.s_m, scene.state, scene.rules.step_s, scene.kinematics.decel_mps2, 0
     while True:
-        now = (step + made) * dt
-        if len(tape.left_s) == 0:
-            now = round(now, 9)  # as everybody else knows it; the times of plans have all their digits
-        else:
-            depart(now - dt, s_m, visits, state.motion, tape)
-        num_logged, num_changed, num_due = advance(True, now, s_m, routed, scene)
-        if len(tape.left_s) > 0:
-            pass_through(now, visits, tape)
-        is_over = num_logged > 0 or made == most or num_ended(visits, state) != ended
-        if is_over or ((step + made) % tape.look_every == 0 and has_to_look(visits, state, tape)):
-            return made, num_logged, num_changed, num_due, num_samples, num_grants
-        for r in range(len(tape.known)):
-            may = 2 * visits.rank[visits.granted[r]] + state.grants.on_lane[r]
-            if may != tape.known[r]:
-                tape.known[r] = may
-                tape.grant_s[num_grants], tape.grant_robot[num_grants], tape.granted[num_grants] = now, r, may
-                num_grants += 1
-        if (step + made) % tape.sample_every == 0:
-            for r in range(len(s_m)):
-                tape.samples[num_samples, 0, r] = state.motion.s_m[r]
-                tape.samples[num_samples, 1, r] = state.motion.yaw_rad[r]
-                tape.samples[num_samples, 2, r] = state.motion.speed_mps[r]
-            num_samples += 1
+        goes_on, num_logged, num_changed, num_due = watch(step + made, made == most, s_m, routed, scene, tape)
+        if not goes_on:
+            return made, num_logged, num_changed, num_due
         for i in range(num_changed):
-            bodies.wanted_mps[news.changed[i]] = state.grants.command_mps[news.changed[i]]
-        decel = scene.kinematics.decel_mps2
+            r = scene.news.changed[i]
+            bodies.wanted_mps[r] = state.grants.command_mps[r]
         if bodies.has_limits:
-            lane_limits(dt, bodies.limit_mps, decel, visits, bodies.speed_mps, s_m, bodies.cap_mps)
+            lane_limits(dt, bodies.limit_mps, decel, scene.visits, bodies.speed_mps, s_m, bodies.cap_mps)
         move_bodies(dt, bodies.wanted_mps, bodies.accel_mps2, decel, bodies.cap_mps, bodies.speed_mps, s_m)
         made += 1
+
+
+@kernel(allocates=False)
+def watch(step, is_last, s_m, routed, scene, tape):
+    """`advance` for the step `step`, which the engine has just made. It goes on the tape, and the next one may follow if nothing happens.
+
+    Parameters
+    ----------
+    is_last
+        Whether no other is to follow.
+    tape
+        See `drive.state.Tape`. What is known of grants, and what is added to it, is written there.
+
+    Returns
+    -------
+    goes_on, num_logged, num_changed, num_due
+        Whether the next one may follow, and what `advance` returned. The last step is not on the tape.
+    """
+    visits, state, dt, filled = scene.visits, scene.state, scene.rules.step_s, tape.filled
+    now, ended = step * dt, num_ended(visits, state)
+    if len(tape.left_s) == 0:
+        now = round(now, 9)  # as everybody else knows it; the times of plans have all their digits
+    else:
+        depart(now - dt, s_m, visits, state.motion, tape)
+    num_logged, num_changed, num_due = advance(True, now, s_m, routed, scene)
+    if len(tape.left_s) > 0:
+        pass_through(now, visits, tape)
+    is_over = num_logged > 0 or is_last or num_ended(visits, state) != ended
+    if is_over or (step % tape.look_every == 0 and has_to_look(visits, state, tape)):
+        return False, num_logged, num_changed, num_due
+    for r in range(len(tape.known)):
+        may = 2 * visits.rank[visits.granted[r]] + state.grants.on_lane[r]
+        if may != tape.known[r]:
+            tape.known[r], n = may, filled[1]
+            tape.grant_s[n], tape.grant_robot[n], tape.granted[n] = now, r, may
+            filled[1] += 1
+    if step % tape.sample_every == 0:
+        for r in range(len(s_m)):
+            tape.samples[filled[0], 0, r] = state.motion.s_m[r]
+            tape.samples[filled[0], 1, r] = state.motion.yaw_rad[r]
+            tape.samples[filled[0], 2, r] = state.motion.speed_mps[r]
+        filled[0] += 1
+    return True, num_logged, num_changed, num_due
 
 
 @kernel(allocates=False)

@@ -92,21 +92,17 @@ class Controller:
         num_logged, self._num_changed, self._num_due = self._call(_cycle.advance, *step, self._scene(conditions))
         return self._events(num_logged) if num_logged else []
 
-    def drive_on(
-        self, step: int, most: int, bodies: KinematicEngine, conditions: Conditions, tape: Tape
-    ) -> tuple[list[Event], int, int, int]:
-        """`advance` for the step that bodies have made, and for as many more, at most, as nothing happens in but on the tape.
+    def watch(self, step: int, bodies: Bodies, conditions: Conditions, tape: Tape, *, is_last: bool) -> list[Event] | None:
+        """`advance` for the step `step`, on the tape. None: nothing happened in it, and unless it `is_last` the next may follow."""
+        on = step, is_last, bodies.driven_m, bodies.routed
+        goes_on, num_logged, self._num_changed, self._num_due = self._call(_cycle.watch, *on, self._scene(conditions), tape)
+        return None if goes_on else self._events(num_logged) if num_logged else []
 
-        Returns
-        -------
-        events, made, num_samples, num_grants
-            What happened in the last of these steps, the steps made by bodies, and what of the tape has been filled in.
-        """
+    def drive_on(self, step: int, most: int, bodies: KinematicEngine, conditions: Conditions, tape: Tape) -> tuple[list[Event], int]:
+        """`watch` the step that bodies have made, and as many more, at most, as nothing happens in. Returns what then happens, and how many."""
         on = step, most, bodies.bodies, bodies.routed
-        made, num_logged, self._num_changed, self._num_due, num_samples, num_grants = self._call(
-            _cycle.drive_on, *on, self._scene(conditions), tape
-        )
-        return self._events(num_logged) if num_logged else [], made, num_samples, num_grants
+        made, num_logged, self._num_changed, self._num_due = self._call(_cycle.drive_on, *on, self._scene(conditions), tape)
+        return self._events(num_logged) if num_logged else [], made
 
     def _scene(self, conditions: Conditions) -> StepArrays:
         ledger = self.ledger

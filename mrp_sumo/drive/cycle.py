@@ -58,15 +58,23 @@ class DriveCycle:
         self._pass(1)
         return wrong
 
-    def go_on(self, most: int, tape: Tape) -> tuple[int, int]:
-        """Let as many more steps pass, at most, as nothing happens in but on the tape. Returns the samples and grants on it.
+    def go_on(self, most: int, tape: Tape) -> Sequence[str]:
+        """Let as many more steps pass, at most, as nothing happens in but on the tape. Returns what is wrong with bodies after the last.
 
-        For a calm world without people, with bodies that are ours.
+        For a calm world without people.
         """
-        assert isinstance(self.bodies, KinematicEngine)
-        self._seen, made, num_samples, num_grants = self.controller.drive_on(self.step, most, self.bodies, self.world.conditions, tape)
-        self._pass(made)
-        return num_samples, num_grants
+        tape.filled[:] = 0
+        if isinstance(self.bodies, KinematicEngine):
+            self._seen, made = self.controller.drive_on(self.step, most, self.bodies, self.world.conditions, tape)
+            self._pass(made)
+            return ()
+        last = self.step + most
+        while True:
+            self._seen = self.controller.watch(self.step, self.bodies, self.world.conditions, tape, is_last=self.step == last)
+            if self._seen is not None:
+                return ()
+            if wrong := self.go(sent=False):
+                return wrong
 
     def forget(self, needed: IntArray) -> None:
         """Have the ledger forget what is over, but for the visits `needed` [R] and what comes after them."""

@@ -104,7 +104,7 @@ def simulate(
         with engine or _engine(problem, settings, network, gui, ways) as bodies:
             bodies.place(ledger.visits)
             shown = [PeopleInGui(bystanders.crowd)] if gui and bystanders.crowd is not None else []
-            alone = isinstance(bodies, KinematicEngine) and records.few and not (shown or engine)
+            alone = records.few and not (shown or engine)
             alone = alone and all(listener.is_patient for listener in listeners)
             drive.run(DriveCycle(world, controller, bodies, bystanders), records, [*listeners, *shown], alone=alone)
         return _execution(drive, plan, records)
@@ -199,7 +199,7 @@ class Drive:
     def run(self, cycle: DriveCycle, records: Records, listeners: Sequence[Listener], *, alone: bool) -> None:
         """Until all tasks are done, or time is up. The ledger forgets what is over, once every listener that needs it has been called.
 
-        Where nobody else wants every moment (`alone`), bodies that are ours take the steps in which nothing happens by themselves.
+        Where nobody else wants every moment (`alone`), nobody is called for steps in which nothing happens.
         """
         self.cycle, state = cycle, self.ledger.state
         wall, cpu = time.perf_counter(), time.process_time()
@@ -223,11 +223,14 @@ class Drive:
             if self.ledger.is_full:
                 records.samples.settle(self.ledger)
                 cycle.forget(self.crew.seen)
-            wrong = cycle.go(sent=self._send_robots_on())
-            self.findings += [f"{cycle.now_s:.2f} s: {each}" for each in wrong]
+            self._find(cycle.go(sent=self._send_robots_on()))
             if alone and self.world.is_calm:
                 self._go_on(records)
         self.wall_s, self.cpu_s = time.perf_counter() - wall, time.process_time() - cpu
+
+    def _find(self, wrong: Sequence[str]) -> None:
+        """Note what the engine finds wrong now."""
+        self.findings += [f"{self.now_s:.2f} s: {each}" for each in wrong]
 
     def _send_robots_on(self) -> bool:
         """Let who decides do so, where something is due. Returns whether robots are to go elsewhere, or in another order."""
@@ -261,7 +264,8 @@ class Drive:
         if until <= cycle.step:
             return
         begin, tape = cycle.step, self._tape_for(until - cycle.step, row, records.grants, quiet=quiet)
-        num_samples, num_grants = cycle.go_on(until - begin, tape)
+        self._find(cycle.go_on(until - begin, tape))
+        num_samples, num_grants = tape.filled.tolist()
         records.samples.add(num_samples)
         if self.batteries is not None:
             self.batteries.add(row[:num_samples, 1], row[:num_samples, 2])

@@ -273,6 +273,7 @@ class StepArrays(NamedTuple):
 class Tape(NamedTuple):
     """What is kept of steps in which nothing else happened, and when somebody has to look at robots though nothing does."""
 
+    filled: IntArray  # [2] how many samples and grants are on it
     sample_every: int  # steps
     samples: FloatArray  # [K, 3, R] distance, heading, speed
     known: IntArray  # [R] twice the rank of the last visit that each robot is known to have been granted, one more where it enters a
@@ -362,6 +363,7 @@ def tape_for(num_robots: int, num_grants: int, sample_every: int) -> Tape:
     robot, granted, before = np.zeros(num_grants, np.int64), np.zeros(num_grants, np.int64), np.zeros((2, num_robots), np.int64)
     none = np.zeros(0, np.int64)
     return Tape(
+        filled=np.zeros(2, np.int64),
         sample_every=sample_every,
         samples=np.zeros((0, 3, num_robots)),
         known=none,

@@ -25,7 +25,7 @@ from mrp_sumo.engines.kinematic.engine import KinematicEngine
 
 @cache  # once a process, and not to push the resources of real graphs out of memory
 def prepare(engine: str = "sumo") -> None:
-    """Let the controller look at one robot on one lane, twice, and with the engine `kinematic` drive it on by itself."""
+    """Let the controller look at one robot on one lane, twice, and watch it, or with the engine `kinematic` drive it on by itself."""
     problem, plan = _one_robot()
     policy, settings = policy_of("adg"), ExecutionSettings()
     ledger = Ledger(problem, resources_for(problem, plan))
@@ -36,8 +36,11 @@ def prepare(engine: str = "sumo") -> None:
     bodies.place(ledger.visits)
     for step in range(2):
         controller.advance(step * 0.1, bodies, conditions, observe=step > 0)
+    tape = tape_for(1, 1, 1)
     if engine == "kinematic":
-        controller.drive_on(2, 0, bodies, conditions, tape_for(1, 1, 1))
+        controller.drive_on(2, 0, bodies, conditions, tape)
+    else:
+        controller.watch(2, bodies, conditions, tape, is_last=True)
     _observe.waiting_cycles(np.zeros(1, np.int64), np.zeros(1))
     prepare_retime()
 

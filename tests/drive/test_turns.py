@@ -7,6 +7,7 @@ import pytest
 from floors import BATTERY, driven, lanes, ring, scenario, tee
 
 from mrp_sumo.drive.dispatchers import OURS
+from mrp_sumo.drive.loop import Records
 from mrp_sumo.drive.work import Work
 
 DISPATCHERS = [name for name in OURS if name != "one_shot"]
@@ -51,13 +52,14 @@ def test_three_robots_take_turns_at_one_charger(tmp_path):
     assert result.operations_audit["passed"], result.operations_audit
 
 
-def test_a_run_whose_looks_are_left_out_while_nobody_needs_them_is_the_same(tmp_path, monkeypatch):
-    """Batteries come to the level at which their robots are to charge, with looks twice a second and without."""
+@pytest.mark.parametrize("engine", ["kinematic", "sumo"])
+def test_a_run_whose_looks_are_left_out_while_nobody_needs_them_is_the_same(tmp_path, monkeypatch, engine):
+    """Batteries come to the level at which their robots are to charge: without looks, with looks twice a second, and with all steps seen."""
     charging = {"stations": ["c3"], "critical_low_charging_level": 50, "maximum_desired_charging_level": 60, "start_level": [52, 58]}
     tasks = {"streams": [{"name": "o", "stops": ["A", "B"], "service": [30, 5], "arrivals": {"open": 2}}], "charging": charging}
-    other = {"shape": {"battery": BATTERY}, "execution": {"time_limit_s": 1500.0}}
+    other = {"shape": {"battery": BATTERY}, "execution": {"time_limit_s": 700.0, "engine": engine}}
     looks, runs, update = [], [], Work.update
-    for quiet in (True, False):
+    for leaves_out in ("looks", "steps", "nothing"):
         looks.append(0)
 
         def counted(work, *arguments, **named):
@@ -65,14 +67,19 @@ def test_a_run_whose_looks_are_left_out_while_nobody_needs_them_is_the_same(tmp_
             update(work, *arguments, **named)
 
         monkeypatch.setattr(Work, "update", counted)
-        if not quiet:
+        if leaves_out != "looks":
             monkeypatch.setattr(Work, "is_quiet", lambda *_: False)
+        if leaves_out == "nothing":
+            monkeypatch.setattr(Records, "few", False)
         runs.append(driven(scenario(ring(tmp_path), tasks, starts=["A"], **other)).execution)
-    one, same = runs
-    assert looks[0] < looks[1] / 2 and (~one.tasks.is_order).sum() > 2
-    for name in ("x_m", "y_m", "yaw_rad", "speed_mps"):
-        assert getattr(one, name).tobytes() == getattr(same, name).tobytes(), name
-    assert one.stops.begin_s.tobytes() == same.stops.begin_s.tobytes() and one.batteries.level.tobytes() == same.batteries.level.tobytes()
+    one, *others = runs
+    assert looks[0] < looks[1] / 2 and (~one.tasks.is_order).sum() > 1
+    for same in others:
+        for name in ("x_m", "y_m", "yaw_rad", "speed_mps"):
+            assert getattr(one, name).tobytes() == getattr(same, name).tobytes(), name
+        assert one.stops.begin_s.tobytes() == same.stops.begin_s.tobytes()
+        assert one.batteries.level.tobytes() == same.batteries.level.tobytes()
+        assert all((a == b).all() for a, b in zip(vars(one.grants).values(), vars(same.grants).values()))
 
 
 def test_nobody_is_passed_over_again_and_again_in_narrow_traffic(tmp_path):

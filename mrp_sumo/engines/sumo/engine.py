@@ -123,6 +123,9 @@ class SumoEngine:
 
     def _rest(self, moving: BoolArray) -> None:
         """Take out who has come to the end of its way."""
+        if moving.all():
+            self._rested[:] = 0
+            return
         self._rested += 1
         self._rested[moving] = 0
         rested = np.flatnonzero(self._rested == REST_STEPS)
