@@ -104,7 +104,7 @@ def simulate(
         with engine or _engine(problem, settings, network, gui, ways) as bodies:
             bodies.place(ledger.visits)
             shown = [PeopleInGui(bystanders.crowd)] if gui and bystanders.crowd is not None else []
-            alone = records.few and not (shown or engine)
+            alone = records.few and not (gui or engine)
             alone = alone and all(listener.is_patient for listener in listeners)
             drive.run(DriveCycle(world, controller, bodies, bystanders), records, [*listeners, *shown], alone=alone)
         return _execution(drive, plan, records)

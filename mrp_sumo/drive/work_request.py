@@ -4,7 +4,7 @@ Who comes to a station first is served first, unless orders differ in priority; 
 work stay where they are, unless somebody has to come there.
 """
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import dropwhile
 
@@ -66,7 +66,7 @@ def work_request(crew: Crew, now_s: float, closed: BoolArray, assigned: Mapping[
     turn = in_turn(crew, start, stop, {r: legs[r][-1].task for r in stop}, stays)
     if swapped := older_first(crew, turn, stop, legs, assigned):
         return work_request(crew, now_s, closed, {**assigned, **swapped})
-    vertex, makes = crew.places.choose(start, stays, stop, turn, _aged(crew, {r: legs[r][-1].task for r in stop}))
+    vertex, makes = crew.places.choose(start, stays, stop, turn, _aged(crew, stop))
     via = [list(dropwhile(start[r].__eq__, (leg.vertex for leg in legs[r][:-1]))) for r in robots.tolist()]
     for r in stop:
         last = legs[r].pop()
@@ -166,7 +166,7 @@ def in_turn(crew: Crew, start: IntArray, stops: Mapping[int, Stop], task: Mappin
     places = crew.places
     stands = set(start[stays].tolist())
     away = {r: places.away(r, int(start[r]), stop) for r, stop in stops.items()}
-    aged = _aged(crew, task)
+    aged = _aged(crew, stops)
     came_s = {r: crew.robots[r].since_s if r in aged else crew.robots[r].in_line_since_s for r in stops}
     wished = sorted(stops, key=lambda r: (-crew.tasks[task[r]].priority, came_s[r], away[r], task[r]))
     order: list[int] = []
@@ -185,10 +185,9 @@ def in_turn(crew: Crew, start: IntArray, stops: Mapping[int, Stop], task: Mappin
     return order
 
 
-def _aged(crew: Crew, task: Mapping[int, int]) -> set[int]:
-    """Robots that were passed over often on the way to a stop of the task that they go on with."""
-    on_the_way = (r for r in task if crew.robots[r].task == task[r] and crew.robots[r].making is None)
-    return {r for r in on_the_way if crew.robots[r].num_before >= PATIENCE}
+def _aged(crew: Crew, robots: Iterable[int]) -> set[int]:
+    """Robots that were passed over often on the way to their next stop; on the way to the one where they are counts no more."""
+    return {r for r in robots if crew.robots[r].num_before >= PATIENCE and crew.robots[r].making is None}
 
 
 def older_first(

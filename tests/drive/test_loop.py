@@ -279,9 +279,13 @@ def test_a_network_of_another_graph_is_refused(tmp_path):
     assert good.all_at_goal
 
 
-def test_progress_is_told_once_a_second(tmp_path):
+@pytest.mark.parametrize(
+    ("others", "seconds"), [([Listener()], [1.0, 2.0, 3.0]), ([], [])], ids=("every moment is heard", "nothing happens")
+)
+def test_progress_is_told_once_a_second_while_something_happens(tmp_path, others, seconds):
     told = []
     problem, plan = problem_of(line(3), [[0, 1, 2]], BURGER)
     network = build_network(line(3), tmp_path / "world.net.xml")
-    simulate(problem, plan, ExecutionSettings(), network, listeners=[ProgressReport(lambda t_s, at_goal: told.append((t_s, at_goal)))])
-    assert told == [(1.0, 0), (2.0, 0), (3.0, 0)]
+    progress = ProgressReport(lambda t_s, at_goal: told.append((t_s, at_goal)))
+    simulate(problem, plan, ExecutionSettings(), network, listeners=[*others, progress])
+    assert told == [(second, 0) for second in seconds]
