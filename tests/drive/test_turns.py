@@ -54,7 +54,7 @@ def test_three_robots_take_turns_at_one_charger(tmp_path):
 
 @pytest.mark.parametrize("engine", ["kinematic", "sumo"])
 def test_a_run_whose_looks_are_left_out_while_nobody_needs_them_is_the_same(tmp_path, monkeypatch, engine):
-    """Batteries come to the level at which their robots are to charge: without looks, with looks twice a second, and with all steps seen."""
+    """Batteries come to the level at which their robots are to charge: with all steps seen, with looks twice a second, and without."""
     charging = {"stations": ["c3"], "critical_low_charging_level": 50, "maximum_desired_charging_level": 60, "start_level": [52, 58]}
     tasks = {"streams": [{"name": "o", "stops": ["A", "B"], "service": [30, 5], "arrivals": {"open": 2}}], "charging": charging}
     other = {"shape": {"battery": BATTERY}, "execution": {"time_limit_s": 700.0, "engine": engine}}
