@@ -99,7 +99,7 @@ class Controller:
         return None if goes_on else self._events(num_logged) if num_logged else []
 
     def drive_on(self, step: int, most: int, bodies: KinematicEngine, conditions: Conditions, tape: Tape) -> tuple[list[Event], int]:
-        """`watch` the step that bodies have made, and more, at most so many, while nothing happens. Returns what then does, and how many."""
+        """`watch` the step that bodies have made, and at most so many more while nothing happens. Returns what then does, and how many."""
         on = step, most, bodies.bodies, bodies.routed
         made, num_logged, self._num_changed, self._num_due = self._call(_cycle.drive_on, *on, self._scene(conditions), tape)
         return self._events(num_logged) if num_logged else [], made
