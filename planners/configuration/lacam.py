@@ -83,10 +83,16 @@ class Lacam(ByConfigurations):
 
     def prepare(self) -> None:
         """Compile or load the kernels."""
-        replace(self, ways=0, flow=1, polish=10, anytime=True)._plan(small_problem(), math.inf, False)
+        replace(self, ways=0, flow=1, polish=10)._plan(small_problem(), math.inf, False)
         replace(self, ways=1, flow=0, polish=0)._plan(small_problem(), math.inf, False)
         replace(self, ways=0, flow=0, traffic=1, polish=0)._plan(small_problem(), math.inf, False)
         self._plan(small_problem(), math.inf, True)
+        start = search_start(self, small_problem(), math.inf, CHANCE, False, partial(_easy_paths, self))
+        assert not isinstance(start, PlanResult)
+        search, _ = _first(self, start)
+        search.learn(
+            _refinement(self, _task(start), search.path(), start).path()
+        )  # as when anytime, without its turns of a tenth of a second
         prepare(self.threads)
         _lacam.fill_slots(_lacam.room_for_nodes(1, 1, nodes=1))  # needed when memory is short
 
