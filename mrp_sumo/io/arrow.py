@@ -24,17 +24,20 @@ def numbers(values: np.ndarray, there: BoolArray | None = None) -> pa.Array:
     there
         [N] whether a value is there; the others are null. By default all are.
     """
-    bits = None if there is None else pa.py_buffer(np.packbits(there, bitorder="little"))
-    is_truth = values.dtype == np.bool_
-    data = pa.py_buffer(np.packbits(values, bitorder="little") if is_truth else np.ascontiguousarray(values))
-    return pa.Array.from_buffers(pa.from_numpy_dtype(values.dtype), len(values), [bits, data])
+    data = _bits(values) if values.dtype == np.bool_ else pa.py_buffer(np.ascontiguousarray(values))
+    return pa.Array.from_buffers(pa.from_numpy_dtype(values.dtype), len(values), [None if there is None else _bits(there), data])
 
 
-def texts(values: Iterable[str]) -> pa.StringArray:
-    """An Arrow array of texts."""
-    encoded = [value.encode() for value in values]
-    ends = np.cumsum([0, *map(len, encoded)], dtype=np.int32)
-    return pa.StringArray.from_buffers(len(encoded), pa.py_buffer(ends), pa.py_buffer(b"".join(encoded)))
+def _bits(flags: BoolArray) -> pa.Buffer:
+    return pa.py_buffer(np.packbits(flags, bitorder="little"))
+
+
+def texts(values: Iterable[str | None]) -> pa.StringArray:
+    """An Arrow array of texts; None is null."""
+    encoded = [None if value is None else value.encode() for value in values]
+    ends = np.cumsum([0, *(len(value or b"") for value in encoded)], dtype=np.int32)
+    bits = _bits(np.array([value is not None for value in encoded], np.bool_)) if None in encoded else None
+    return pa.StringArray.from_buffers(len(encoded), pa.py_buffer(ends), pa.py_buffer(b"".join(filter(None, encoded))), bits)
 
 
 def dictionary(values: Sequence[str]) -> pa.DictionaryArray:

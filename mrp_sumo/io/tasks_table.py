@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
 
 from mrp_sumo.core.graph import frozen
 from mrp_sumo.core.task import CHARGE, NOBODY, ORDER, TASK_STATES, TASK_TIMES, StopLog, TaskLog, log_of_times, some_tasks
@@ -35,10 +34,9 @@ def write_tasks(folder: Path, tasks: TaskLog, robot_name: Sequence[str]) -> None
 
 def _write(path: Path, tasks: TaskLog, robot_name: Sequence[str]) -> None:
     columns = {name: getattr(tasks, name) for name in TASK_TIMES}
-    robot = pa.array([robot_name[r] if r != NOBODY else None for r in tasks.robot.tolist()], pa.string())
     table = {
         "task": texts(tasks.name),
-        "robot": robot,
+        "robot": texts(robot_name[r] if r != NOBODY else None for r in tasks.robot.tolist()),
         **{name: numbers(column, np.isfinite(column)) for name, column in columns.items()},
         "status": dictionary(list(tasks.status)),
         "reason": texts(tasks.reason),
