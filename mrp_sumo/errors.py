@@ -37,6 +37,10 @@ class MapError(MrpSumoError):
     """A map that is refused."""
 
 
+class ChoiceError(MapError):
+    """A part or a property of a map that is asked for, and that the map does not have."""
+
+
 class PlanError(MrpSumoError):
     """A problem, plan or schedule that is refused."""
 

@@ -16,6 +16,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from mrp_sumo.cli.option_rules import only_for
 from mrp_sumo.cli.printing import say, say_json, warn
 
 if TYPE_CHECKING:
@@ -55,10 +56,13 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Print the metrics."""
-    if options.audit:
-        return _audit(options)
-    if options.metric:
-        return _measure(options)
+    from mrp_sumo.errors import MrpSumoError
+
+    if options.audit or options.metric:
+        if options.audit and options.metric:
+            raise MrpSumoError("--audit and --metric: expected one of them")
+        only_for("MRP-Bench's metrics, without --metric and --audit", **_said(options))
+        return (_audit if options.audit else _measure)(options)
     metrics = analysed(options.bag, options.config, options.rmf, {key: getattr(options, key) for key in DEFAULTS})
     from mrp_sumo.io.tasks_table import TASKS
 
@@ -77,17 +81,21 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
+def _said(options: argparse.Namespace) -> dict[str, object]:
+    """What is said of MRP-Bench's metrics, by the options' names."""
+    constants = ("cellSize", "locationTolerance", "windowSize", "recordingTimeout")
+    values = dict(zip(("cell", "tolerance", "window", "timeout"), (getattr(options, name) for name in constants)))
+    return {"config": options.config, "rmf": options.rmf, **values}
+
+
 def _audit(options: argparse.Namespace) -> int:
     """Judge a run again by its tables: bodies, and work where there is any. Exit code 1 when something is found."""
-    from mrp_sumo.errors import MrpSumoError
     from mrp_sumo.experiments.audit_work import logs_in
     from mrp_sumo.io.run_folder import plain
     from mrp_sumo.io.run_reader import load_run
     from mrp_sumo.metrics.audit import audit, first_findings
     from mrp_sumo.metrics.operations.audit import operations_audit
 
-    if options.metric:
-        raise MrpSumoError("--audit and --metric: expected one of them")
     run = load_run(options.bag)
     level = None if run.plan is None else run.graph.level[run.plan.vertex[run.plan.first[:-1]]]
     findings = [finding._asdict() for finding in first_findings(audit(run.execution, run.fleet, level))]

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mrp_sumo.cli.ending import stoppable
+from mrp_sumo.cli.option_rules import only_for, require_least
 from mrp_sumo.cli.printing import say, say_json, warn, warn_of_kernels
 from mrp_sumo.errors import BatchError, shown
 
@@ -61,6 +62,10 @@ def run(options: argparse.Namespace) -> int:
     for name, limit in (("--time-limit", options.time_limit), ("--memory-limit", options.memory_limit)):
         if limit is not None and not limit > 0:
             raise BatchError(f"{name}: found {limit:g}, expected more than 0")
+    if not options.dry_run:
+        only_for("--dry-run", verbose=options.verbose)
+    elif options.json:
+        raise BatchError("--dry-run runs nothing, and --json prints how runs ended: leave out one of the two")
     if options.trust:
         trust_everything()
     file = read_suite(find_suite(options.suite))
@@ -69,11 +74,11 @@ def run(options: argparse.Namespace) -> int:
     from mrp_sumo.experiments.batch import BROKEN, run_batch, summary
 
     folder = Path(options.out) if options.out else Path("runs") / file.name
+    if options.metric:
+        named_metrics(options.metric)  # what is none is refused before anything runs
     if options.dry_run:
         _print_plan(file, folder, workers, options)
         return 0
-    if options.metric:
-        named_metrics(options.metric)  # what is none is refused before anything runs
     warn_of_kernels()
     kept_none = False
     with stoppable() as stop, watcher() as shown:
@@ -147,13 +152,9 @@ def _shown(value: object) -> str:
 def workers_of(options: argparse.Namespace) -> int:
     """Processes that make runs, by default one a core."""
     require_least("--workers", options.workers, 1)
+    if options.scheduler is not None and options.workers is not None:
+        raise BatchError("--workers is for this machine: a Dask scheduler has workers of its own; leave out one of the two")
     return int(options.workers or len(os.sched_getaffinity(0)))
-
-
-def require_least(option: str, value: int | None, least: int) -> None:
-    """Refuse a number that is too small."""
-    if value is not None and value < least:
-        raise BatchError(f"{option}: found {value}, expected {least} or more")
 
 
 def duration(seconds: float) -> str:

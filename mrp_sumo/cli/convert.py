@@ -9,6 +9,7 @@ import argparse
 from pathlib import Path
 
 from mrp_sumo.cli.map_choice import add_choice, chosen_map
+from mrp_sumo.cli.option_rules import only_for
 from mrp_sumo.cli.printing import say, say_json
 
 
@@ -28,9 +29,11 @@ def run(options: argparse.Namespace) -> int:
     from mrp_sumo.io.map_files import write_map
 
     if is_plan(Path(options.source)):
+        only_for("maps", **{name: getattr(options, name) for name in ("graph", "level", "snap", "join_short", "reader", "robot_radius")})
         _convert_plan(Path(options.source), options.destination, options.format, options.map)
         losses = []
     else:
+        only_for("plans", map=options.map, format=options.format)
         losses = write_map(chosen_map(options.source, options), options.destination, options.cell)
     if options.json:
         say_json({"written": str(options.destination), "lost": losses}, indent=2)

@@ -8,6 +8,7 @@ import argparse
 from math import inf
 from pathlib import Path
 
+from mrp_sumo.cli.option_rules import only_for
 from mrp_sumo.cli.printing import say, say_json
 from mrp_sumo.cli.result_folder import result_folder
 
@@ -36,13 +37,13 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         help="messages of VDA 5050, 2.1 or 3.0 (the default), by vehicle and all in time order (folder)",
     )
     parser.add_argument("--out", metavar="PATH", type=Path, help="file or folder to make")
-    parser.add_argument("--storage", default="mcap", metavar="NAME", help="of a ROS 2 bag: mcap (default) or sqlite3")
-    parser.add_argument("--rmf", default="jazzy", metavar="NAME", help="generation of rmf_fleet_msgs: galactic, jazzy (default) or kilted")
-    parser.add_argument("--robots", default="", metavar="A,B", help="robots that get topics of their own in a bag: odom and plan")
+    parser.add_argument("--storage", metavar="NAME", help="of a ROS 2 bag: mcap (default) or sqlite3")
+    parser.add_argument("--rmf", metavar="NAME", help="generation of rmf_fleet_msgs: galactic, jazzy (default) or kilted")
+    parser.add_argument("--robots", metavar="A,B", help="robots that get topics of their own in a bag: odom and plan")
     parser.add_argument("--poses", action="store_true", help="put /robot_poses into a bag: what /tf says, as a PoseArray")
-    parser.add_argument("--split", type=float, default=0.0, metavar="S", help="a file of a ROS 2 bag for each S seconds (default: one)")
+    parser.add_argument("--split", type=float, metavar="S", help="a file of a ROS 2 bag for each S seconds (default: one)")
     parser.add_argument(
-        "--repeat-latched", type=float, default=0.0, metavar="S", help="say map and markers again every S seconds (for play --start-offset)"
+        "--repeat-latched", type=float, metavar="S", help="say map and markers again every S seconds (for play --start-offset)"
     )
     parser.add_argument("--json", action="store_true", help="print the path as a line of JSON")
 
@@ -53,13 +54,16 @@ def run(options: argparse.Namespace) -> int:
     from mrp_sumo.io.run_reader import load_run
     from mrp_sumo.reports import exports
 
+    bag_alone = {name: getattr(options, name) for name in ("robots", "poses", "rmf", "repeat_latched")}
+    if options.format not in ("bag", "ros1"):
+        only_for("bags: --bag, --ros1", **bag_alone)
+    if options.format != "bag":
+        only_for("ROS 2 bags: --bag", storage=options.storage, split=options.split)
+    for name, seconds in (("--repeat-latched", options.repeat_latched), ("--split", options.split)):
+        if seconds is not None and not 0 <= seconds < inf:
+            raise MrpSumoError(f"{name}: found {seconds:g}, expected seconds of 0 or more")
     loaded = load_run(options.run)
     out = options.out or Path(options.run) / ("vda5050" if options.vda5050 else FORMATS[options.format][0])
-    for name, seconds in (("--repeat-latched", options.repeat_latched), ("--split", options.split)):
-        if not 0 <= seconds < inf:
-            raise MrpSumoError(f"{name}: found {seconds}, expected seconds of 0 or more")
-    if options.split and options.format == "ros1":
-        raise MrpSumoError("--split: a ROS 1 bag is one file; use it with --bag")
     if out.exists():
         raise MrpSumoError(f"{out}: exists already; choose another place with --out")
     record = loaded.record
@@ -72,14 +76,14 @@ def run(options: argparse.Namespace) -> int:
     elif options.format in ("bag", "ros1"):
         from mrp_sumo.bags.writer import BagOptions, write_bag
 
-        robots = tuple(name.strip() for name in options.robots.split(",") if name.strip())
+        robots = tuple(name.strip() for name in (options.robots or "").split(",") if name.strip())
         choice = BagOptions(
-            storage=options.storage,
-            rmf=options.rmf,
+            storage=options.storage or "mcap",
+            rmf=options.rmf or "jazzy",
             robots=robots,
             poses=options.poses,
-            repeat_latched_s=options.repeat_latched,
-            split_s=options.split,
+            repeat_latched_s=options.repeat_latched or 0.0,
+            split_s=options.split or 0.0,
         )
         if options.format == "ros1":
             exports.write_ros1(out, record, lambda folder: write_bag(folder, record, choice))

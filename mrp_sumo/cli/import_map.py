@@ -4,8 +4,8 @@ FILE is an RMF building or nav graph, a LIF, an openTCS model, a route graph, a 
 plan of a floor (DXF with --layers and --unit, PNG with --metres-per-pixel), or the name of a bundled map. --out gets NAME.net.xml
 (and NAME.poly.xml, what stands behind it in sumo-gui), one GRAPH.nav.yaml for each chosen graph (NAME.nav.yaml after repairs),
 NAME.png, NAME.svg and facts.json, and of a plan NAME_map.yaml, which a scenario names as its map; whole or not at all. With
---check only findings are printed, and the exit code is 2 if the map is refused. Lanes and vertices where walls leave a robot no
-room are notes.
+--check only findings are printed, of the chosen part and after repairs, and the exit code is 2 if the map is refused. Lanes and
+vertices where walls leave a robot no room are notes.
 
 A FILE.jsonl is a recorded stream of VDA 5050 messages, `{"t_s":, "topic":, "payload": {}}` a line: --out gets a run folder, for `replay`,
 `render`, `report` and `export`, with the audit of what was driven; --map says which map has its walls.
@@ -20,9 +20,10 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mrp_sumo.cli.map_choice import add_choice, chosen_map, drawn_map
+from mrp_sumo.cli.map_choice import add_choice, chosen_map
+from mrp_sumo.cli.option_rules import only_for
 from mrp_sumo.cli.printing import print_table, say, say_json
-from mrp_sumo.errors import MapError, sentence
+from mrp_sumo.errors import ChoiceError, MapError, sentence
 
 if TYPE_CHECKING:
     from mrp_sumo.core.robot_type import RobotType
@@ -57,8 +58,7 @@ def run(options: argparse.Namespace) -> int:
 
     if Path(options.file).suffix == ".jsonl":
         return _import_stream(options)
-    if options.map is not None:
-        raise MapError("--map is for a recorded stream, FILE.jsonl")
+    only_for("a recorded stream, FILE.jsonl", map=options.map)
     if options.check:
         return _check(options)
     if options.out is None and not options.json:
@@ -114,12 +114,16 @@ def _check(options: argparse.Namespace) -> int:
     from mrp_sumo.maps.map import unused
     from mrp_sumo.maps.oddities import oddities
 
+    if options.out is not None:
+        raise MapError("--check writes nothing: leave out --out")
     path, model = find_map(options.file, Path()), _robot_type(options.robot)
     try:
-        map_ = drawn_map(path, options)
+        map_ = chosen_map(options.file, options)
         findings, notes, without_effect = map_.findings, oddities(map_.building) if map_.building else (), unused(map_)
         clearance = narrow(map_.nav, map_.building, model)
         room, lanes = clearance.notes, clearance.lane_notes
+    except ChoiceError:
+        raise
     except MapError as error:
         findings, notes, room, lanes, without_effect = findings_of(error), (), (), (), ""
     refused = any(finding.severity == "refuse" for finding in findings)

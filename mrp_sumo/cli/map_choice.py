@@ -1,11 +1,13 @@
 """Arguments that all commands about a map file share: which part of it is used, and how it is repaired."""
 
 import argparse
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mrp_sumo.cli.printing import say
 from mrp_sumo.cli.scenario_choice import trust_named
+from mrp_sumo.errors import ChoiceError
 
 if TYPE_CHECKING:
     from mrp_sumo.maps.map import Map
@@ -26,17 +28,17 @@ def add_choice(parser: argparse.ArgumentParser) -> None:
         "--meters-per-pixel",
         "--metres-per-pixel",
         metavar="S",
-        type=float,
+        type=_above_0,
         help="scale of a picture of a floor, or of a building's drawing instead of its measurements",
     )
     add("--layers", metavar="NAME,NAME", type=_layers, help="of a DXF: the layers that hold its walls (default: all that are shown)")
     add("--unit", metavar="U", help="of a DXF: mm, cm, dm, m, in or ft (default: as it says)")
     add("--vehicle-type", metavar="NAME", help="of a LIF: only the edges for this type of vehicle (default: all)")
-    add("--cell", metavar="M", type=float, default=0.4, help="side of a grid's cells (default: 0.4 m)")
-    add("--robot-radius", metavar="M", type=float, help="room a robot needs on a ROS map (default: a TurtleBot3 Burger's, 0.1126 m)")
-    add("--snap", metavar="M", type=float, help="repair: join ends that lie this close to a vertex or lane they are not on")
+    add("--cell", metavar="M", type=_above_0, default=0.4, help="side of a grid's cells (default: 0.4 m)")
+    add("--robot-radius", metavar="M", type=_above_0, help="room a robot needs on a ROS map (default: a TurtleBot3 Burger's, 0.1126 m)")
+    add("--snap", metavar="M", type=_above_0, help="repair: join ends that lie this close to a vertex or lane they are not on")
     add("--split-crossings", action="store_true", help="repair: put a vertex where lanes cross without one")
-    add("--join-short", metavar="M", type=float, help="repair: join the ends of lanes shorter than this, where one end is unnamed")
+    add("--join-short", metavar="M", type=_above_0, help="repair: join the ends of lanes shorter than this, where one end is unnamed")
     add("--largest-component", action="store_true", help="repair: keep the largest connected piece only")
 
 
@@ -67,7 +69,20 @@ def drawn_map(path: Path, options: argparse.Namespace, **part: Any) -> "Map":
     chosen = {name: getattr(options, name) for name in ("meters_per_pixel", "vehicle_type", "layers", "unit")}
     if options.robot_radius is not None:
         chosen["robot_radius_m"] = options.robot_radius
-    return load_map(path, reader=options.reader, cell_m=options.cell, **chosen, **part)
+    map_ = load_map(path, reader=options.reader, cell_m=options.cell, **chosen, **part)
+    if options.robot_radius is not None and (map_.free is None or path.suffix in (".map", ".scen")):
+        raise ChoiceError(f"{path.name}: --robot-radius is for occupancy maps and plans of a floor; --robot tells where it has no room")
+    return map_
+
+
+def _above_0(text: str) -> float:
+    try:
+        number = float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"found '{text}', expected a number") from None
+    if not 0 < number < math.inf:
+        raise argparse.ArgumentTypeError(f"found {text}, expected more than 0")
+    return number
 
 
 def _layers(text: str) -> tuple[str, ...]:

@@ -9,8 +9,9 @@ import argparse
 import shlex
 from pathlib import Path
 
-from mrp_sumo.cli.batch import require_least, watcher, workers_of
+from mrp_sumo.cli.batch import watcher, workers_of
 from mrp_sumo.cli.ending import stoppable
+from mrp_sumo.cli.option_rules import require_least
 from mrp_sumo.cli.printing import say, say_json, warn
 
 

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mrp_sumo.cli import plan_list, scenario_choice, step_wise
+from mrp_sumo.cli.option_rules import only_for
 from mrp_sumo.cli.printing import print_failure, say, say_json, warn_of_kernels
 from mrp_sumo.errors import MrpSumoError, PlugInError
 
@@ -54,8 +55,9 @@ def run(options: argparse.Namespace) -> int:
         return plan_list.run(options, arguments, _planned)
     if (options.scenario is None) == (options.map is None):
         raise MrpSumoError("expected either a scenario or --map")
-    if options.steps is not None or step_wise.is_problem(options.scenario):
+    if step_wise.is_problem(options.scenario):
         return step_wise.plan(options)
+    only_for("problems of the League of Robot Runners (.json)", steps=options.steps)
     summary = _planned(options)
     if options.json:
         say_json(summary)
@@ -73,6 +75,8 @@ def _planned(options: argparse.Namespace) -> dict[str, Any]:
     if options.scenario is not None and (options.scen or options.assignment):
         raise MrpSumoError("a scenario says itself who goes where: --scen and --assignment are for --map")
     scenario_choice.require_sound(options)
+    if options.out is None:
+        only_for("--out", format=options.format)
     kind = kind_of(options.out, options.format) if options.out else ""
     name, problem, result, verdict, cells = _scenario(options) if options.scenario is not None else _instance(options)
     from mrp_sumo.core.plan import Status

@@ -9,6 +9,7 @@ import argparse
 import sys
 from pathlib import Path
 
+from mrp_sumo.cli.option_rules import only_for
 from mrp_sumo.cli.printing import print_table, say, warn
 from mrp_sumo.cli.result_folder import result_folder
 
@@ -17,8 +18,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `mrp-sumo query`."""
     parser.add_argument("folder", metavar="DIR", type=result_folder, help="folder of a batch, or a results.parquet")
     parser.add_argument("sql", nargs="?", metavar="SQL", help="a query, or the name of a view of the suite")
-    parser.add_argument("--json", action="store_true", help="print a line of JSON for each row")
-    parser.add_argument("--csv", action="store_true", help="print CSV instead of a table")
+    form = parser.add_mutually_exclusive_group()
+    form.add_argument("--json", action="store_true", help="print a line of JSON for each row")
+    form.add_argument("--csv", action="store_true", help="print CSV instead of a table")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -29,6 +31,7 @@ def run(options: argparse.Namespace) -> int:
     folder = Path(options.folder)
     views = read_plan(folder)["views"] if folder.is_dir() else {}
     if options.sql is None:
+        only_for("what SQL selects: add a query, or the name of a view", json=options.json, csv=options.csv)
         frame = load_results(folder, warn)
         say(f"{len(frame)} rows; columns:")
         for name, kind in frame.dtypes.items():

@@ -9,6 +9,7 @@ import math
 import re
 from pathlib import Path
 
+from mrp_sumo.cli.option_rules import only_for
 from mrp_sumo.cli.printing import say, say_json, say_progress
 from mrp_sumo.cli.result_folder import result_folder
 from mrp_sumo.errors import MrpSumoError
@@ -19,9 +20,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("run", nargs="+", type=result_folder, help="run folder, as `mrp-sumo run --out` makes it; up to four for a video")
     parser.add_argument("--at", type=float, metavar="T", help="simulated time in s, for a picture")
     parser.add_argument("--out", metavar="FILE", help="the picture, .png or .svg")
-    parser.add_argument("--dpi", type=float, default=150.0, metavar="N", help="of a PNG (default: 150)")
+    parser.add_argument("--dpi", type=float, metavar="N", help="of a PNG (default: 150)")
     parser.add_argument("--video", metavar="FILE", help="the video, .mp4, .gif or .webp; or FOLDER/ for a PNG file of each frame")
-    parser.add_argument("--from", dest="from_s", type=float, default=0.0, metavar="T", help="simulated time at which it begins, in s")
+    parser.add_argument("--from", dest="from_s", type=float, metavar="T", help="simulated time at which it begins, in s")
     parser.add_argument("--to", dest="to_s", type=float, metavar="T", help="and ends (default: with the run)")
     parser.add_argument("--speed", type=float, metavar="X", help="times real time (default: 1, or what makes it a minute)")
     parser.add_argument("--size", metavar="WxH", help="pixels (default: 1920x1080; of .gif and .webp 960x540)")
@@ -39,12 +40,17 @@ def run(options: argparse.Namespace) -> int:
         raise MrpSumoError("expected --at T and --out FILE for a picture, or --video FILE; see `mrp-sumo render --help`")
     if len(options.run) > 1:
         raise MrpSumoError("a picture shows one run; --video shows several beside each other")
-    if not (math.isfinite(options.dpi) and 10 <= options.dpi <= 1200):
-        raise MrpSumoError(f"--dpi {options.dpi:g}: expected 10 to 1200")
+    of_video = {name: getattr(options, name) for name in ("speed", "size", "robots", "level", "titles")}
+    only_for("--video", from_=options.from_s, to=options.to_s, **of_video)
+    if options.dpi is not None and options.out.lower().endswith(".svg"):
+        raise MrpSumoError("--dpi is for PNG files: an SVG has no pixels")
+    dpi = 150.0 if options.dpi is None else options.dpi
+    if not (math.isfinite(dpi) and 10 <= dpi <= 1200):
+        raise MrpSumoError(f"--dpi {dpi:g}: expected 10 to 1200")
     from mrp_sumo.io.run_reader import load_run
     from mrp_sumo.reports.pictures.still import render_still
 
-    file = render_still(load_run(options.run[0]), options.at, Path(options.out), dpi=options.dpi)
+    file = render_still(load_run(options.run[0]), options.at, Path(options.out), dpi=dpi)
     if options.json:
         say_json({"file": str(file)})
     else:
@@ -55,6 +61,7 @@ def run(options: argparse.Namespace) -> int:
 def _video(options: argparse.Namespace) -> int:
     if options.at is not None or options.out is not None:
         raise MrpSumoError("--video: --at and --out are for a picture; a video has --from and --to")
+    only_for("a picture; a video has --size", dpi=options.dpi)
     if options.speed is not None and not (math.isfinite(options.speed) and 0.01 <= options.speed <= 10_000):
         raise MrpSumoError(f"--speed {options.speed:g}: expected 0.01 to 10000")
     size = _size(options.size) if options.size else None
@@ -64,7 +71,7 @@ def _video(options: argparse.Namespace) -> int:
 
     kind_of(options.video)
     wanted = Wanted(
-        from_s=options.from_s,
+        from_s=options.from_s or 0.0,
         to_s=options.to_s,
         speed=options.speed,
         size=size,

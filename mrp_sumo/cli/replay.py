@@ -6,6 +6,7 @@
 import argparse
 from pathlib import Path
 
+from mrp_sumo.cli.option_rules import only_for
 from mrp_sumo.cli.printing import say, say_json
 from mrp_sumo.cli.result_folder import result_folder
 
@@ -18,7 +19,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", metavar="FILE", help="the page (default: RUN/replay.html, of two RUN/beside_OTHER.html)")
     parser.add_argument("--serve", action="store_true", help="open it in a browser, from a small web server on this machine")
     parser.add_argument("--json", action="store_true", help="print file and size as a line of JSON")
-    parser.add_argument("--port", type=int, default=0, metavar="N", help="of --serve (default: any free port)")
+    parser.add_argument("--port", type=int, metavar="N", help="of --serve (default: any free port)")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -30,6 +31,10 @@ def run(options: argparse.Namespace) -> int:
 
     first, *others = map(Path, options.run)
     out = Path(options.out) if options.out else None
+    if not options.serve:
+        only_for("--serve", port=options.port)
+    if out is not None and out.suffix.lower() not in (".html", ".htm"):
+        raise MrpSumoError(f"--out {out}: a page for a browser, expected a name that ends in .html")
     if len(others) > 1:
         raise MrpSumoError(f"{len(options.run)} runs, expected one or two")
     if others:
@@ -41,7 +46,7 @@ def run(options: argparse.Namespace) -> int:
     else:
         say(f"{page} ({page.stat().st_size / 1e6:.1f} MB)")
     if options.serve:
-        _serve(page.read_bytes(), options.port)
+        _serve(page.read_bytes(), options.port or 0)
     return 0
 
 

@@ -32,6 +32,8 @@ def run(options: argparse.Namespace) -> int:
 
     if options.trust:
         trust_everything()
+    if not options.base.is_dir():
+        raise MrpSumoError(f"--base {options.base}: no such folder")
     folder = options.folder = Path(options.folder)
     from mrp_sumo.io.results import is_batch
 

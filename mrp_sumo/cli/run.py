@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mrp_sumo.cli import scenario_choice
+from mrp_sumo.cli.option_rules import only_for
 from mrp_sumo.cli.printing import print_failure, print_table, say, say_json, warn_of_kernels
 from mrp_sumo.errors import MrpSumoError
 
@@ -109,15 +110,14 @@ def run(options: argparse.Namespace) -> int:
 
 def _check_watching(options: argparse.Namespace) -> None:
     """Refuse options of what is not asked for."""
-    if options.port is not None and not (options.live or options.foxglove):
-        raise MrpSumoError("--port is for --live and --foxglove")
-    for name in ("domain", "interface"):
-        if getattr(options, name) is not None and not options.dds:
-            raise MrpSumoError(f"--{name} is for --dds")
-    if options.speed is not None and not (options.dds or options.foxglove):
-        raise MrpSumoError("--speed is for --dds and --foxglove")
-    if options.speed is not None and options.live:
-        raise MrpSumoError("--speed is for --dds and --foxglove without --live, whose page has a speed of its own")
+    if not (options.live or options.foxglove):
+        only_for("--live and --foxglove", port=options.port)
+    if not options.dds:
+        only_for("--dds", domain=options.domain, interface=options.interface)
+    if not (options.dds or options.foxglove):
+        only_for("--dds and --foxglove", speed=options.speed)
+    if options.live:
+        only_for("--dds and --foxglove without --live, whose page has a speed of its own", speed=options.speed)
     if options.speed is not None and not 0.001 <= options.speed < math.inf:
         raise MrpSumoError(f"--speed: found {options.speed:g}, expected 0.001 or more")
 

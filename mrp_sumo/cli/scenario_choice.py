@@ -246,10 +246,16 @@ def require_sound(options: argparse.Namespace) -> None:
     """
     if options.time_limit is not None and not (options.time_limit > 0 and math.isfinite(options.time_limit)):
         raise MrpSumoError(f"--time-limit is {options.time_limit:g}, expected a number of seconds above 0")
+    if options.command == "":
+        raise MrpSumoError("--command: found nothing, expected a command line, such as 'lacam3 -m {map} -i {scen} -o {out}'")
     if options.command and (options.planner or options.set):
         raise MrpSumoError("--command is a planner of its own: leave out --planner and --set")
-    if getattr(options, "plan", None) and (options.planner or options.command):
-        raise MrpSumoError("--plan is a plan that is there already: leave out --planner and --command")
+    if getattr(options, "plan", None):
+        for name, value in (("--planner", options.planner), ("--command", options.command), ("--time-limit", options.time_limit)):
+            if value is not None:
+                raise MrpSumoError(f"--plan is a plan that is there already: leave out {name}")
+        if any(key == "planner" or key.startswith("planner.") for key, _ in pairs(options)):
+            raise MrpSumoError("--plan is a plan that is there already: leave out --set of the planner")
 
 
 def _named(options: argparse.Namespace) -> dict[tuple[str | int, ...], Override]:
@@ -332,4 +338,6 @@ def _require_parameter(key: str, planner: str, known: tuple[str, ...] | None) ->
     from mrp_sumo.io.scenario.keys import nearest_key
 
     if known is not None and key not in known:
-        raise MrpSumoError(f"--set {key}: neither a key of scenarios nor a parameter of '{planner}'{nearest_key(key, known)}")
+        raise MrpSumoError(
+            f"--set {key}: neither a key of scenarios (`mrp-sumo schema`) nor a parameter of '{planner}'{nearest_key(key, known)}"
+        )

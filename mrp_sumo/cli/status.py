@@ -8,6 +8,7 @@ import time
 from collections import Counter
 from pathlib import Path
 
+from mrp_sumo.cli.option_rules import only_for
 from mrp_sumo.cli.printing import say, say_json, warn
 from mrp_sumo.cli.result_folder import result_folder
 from mrp_sumo.errors import MrpSumoError
@@ -29,8 +30,10 @@ def run(options: argparse.Namespace) -> int:
     from mrp_sumo.io.results import read_plan, records_in
 
     folder = Path(options.folder)
-    if options.port is not None and not options.live:
-        raise MrpSumoError("--port is for --live")
+    if not options.live:
+        only_for("--live", port=options.port)
+    elif options.json:
+        raise MrpSumoError("--live shows the batch in a browser: leave out --json")
     if options.live:
         _watch(folder, options.port or 0)
     plan = read_plan(folder)

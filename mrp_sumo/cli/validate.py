@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mrp_sumo.cli import step_wise
+from mrp_sumo.cli.option_rules import only_for, require_least
 from mrp_sumo.cli.printing import say, say_json, warn
 
 if TYPE_CHECKING:
@@ -48,13 +49,17 @@ def run(options: argparse.Namespace) -> int:
     from mrp_sumo.metrics.referee_in_seconds import describe_meeting, judge_in_seconds
     from mrp_sumo.traffic.referee import describe, judge
 
+    require_least("--limit", options.limit, 0)
     if options.vda5050 is not None:
         return _messages(options)
     if options.plan is None:
         raise MrpSumoError("expected a PLAN, or --vda5050 FILE")
     if sum(source is not None for source in (options.map, options.scenario, options.problem)) != 1:
         raise MrpSumoError("expected either --map (with --scen), --scenario or --problem")
+    if options.map is None:
+        only_for("--map", scen=options.scen)
     if options.problem is not None:
+        only_for("--map and --scenario", robots=options.robots, seed=options.seed, following=options.following)
         return step_wise.validate(options)
     text_of(options.plan)  # a plan that cannot be read is reported before the map is loaded
     if options.map is not None:
@@ -122,6 +127,7 @@ def _messages(options: argparse.Namespace) -> int:
 
     if options.plan is not None or options.map is not None or options.scenario is not None or options.problem is not None:
         raise MrpSumoError("--vda5050 stands by itself: no PLAN, --map, --scenario or --problem")
+    only_for("plans", scen=options.scen, robots=options.robots, seed=options.seed, following=options.following)
     require_regular(options.vda5050, 2**40)
     with options.vda5050.open(encoding="utf-8", errors="replace") as file:
         lines = iter(lambda: file.readline(LONGEST_LINE + 1), "")

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
 from mrp_sumo.cli import scenario_choice
+from mrp_sumo.cli.option_rules import only_for
 from mrp_sumo.cli.printing import say, say_json, warn
 
 if TYPE_CHECKING:
@@ -91,10 +92,10 @@ def run(options: argparse.Namespace) -> int:
             raise MrpSumoError(f"--{option.replace('_', '-')}: found {value:g}, expected {least:g} or more")
     if not SERIAL.fullmatch(options.manufacturer):
         raise MrpSumoError(f"--manufacturer {options.manufacturer[:80]}: expected letters, digits and _ . : -")
-    if options.part == "master" and (options.fault or options.duration):
-        raise MrpSumoError(f"--{'fault' if options.fault else 'duration'} is for --as fleet")
-    if options.part == "fleet" and options.out:
-        raise MrpSumoError("--out is for --as master")
+    if options.part == "master":
+        only_for("--as fleet", fault=options.fault, duration=options.duration)
+    else:
+        only_for("--as master", out=options.out)
     warm.prepare()
     with ExitStack() as stack:
         maps = stack.enter_context(MapCache())
@@ -191,13 +192,12 @@ def _broker(options: argparse.Namespace) -> "Broker":
     from mrp_sumo.errors import MrpSumoError
     from mrp_sumo.wire.mqtt import broker_at, password_of
 
-    for name in ("ca", "cert", "key"):
-        if getattr(options, name) is not None and not options.tls:
-            raise MrpSumoError(f"--{name} is for --tls")
+    if not options.tls:
+        only_for("--tls", ca=options.ca, cert=options.cert, key=options.key)
     if (options.cert is None) != (options.key is None):
         raise MrpSumoError("--cert and --key belong together")
-    if options.password_file is not None and not options.user:
-        raise MrpSumoError("--password-file is for --user")
+    if not options.user:
+        only_for("--user", password_file=options.password_file)
     files = {"ca": options.ca, "certificate": options.cert, "key": options.key}
     return broker_at(options.broker, tls=options.tls, user=options.user, password=password_of(options.password_file), **files)
 

@@ -25,8 +25,9 @@ LOOK_S = 0.2
 def arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `mrp-sumo warmup`."""
     parser.add_argument("planner", nargs="*", help=f"planners to prepare, or '{EXECUTION}' (default: all)")
-    parser.add_argument("--quiet", action="store_true", help="print nothing")
-    parser.add_argument("--json", action="store_true", help="print the seconds that each took as JSON")
+    form = parser.add_mutually_exclusive_group()
+    form.add_argument("--quiet", action="store_true", help="print nothing")
+    form.add_argument("--json", action="store_true", help="print the seconds that each took as JSON")
 
 
 def run(options: argparse.Namespace) -> int:

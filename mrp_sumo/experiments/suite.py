@@ -18,6 +18,7 @@ from pydantic import AliasChoices, Field
 from mrp_sumo.errors import MrpSumoError, ScenarioError, nearest, sentence
 from mrp_sumo.experiments.identity import input_hash, plug_in_hash, run_key, scenario_key
 from mrp_sumo.files.names import fault_of_folder
+from mrp_sumo.files.reading import shortened
 from mrp_sumo.io.columns import parameter_columns, put, short_key
 from mrp_sumo.io.documents import Document, Place, read_document, validated
 from mrp_sumo.io.scenario.file import ScenarioFile, find_scenario
@@ -125,6 +126,8 @@ def read_suite(path: Path) -> SuiteFile:
         One line a fault.
     """
     document = read_document(path)
+    if isinstance(document.content, dict) and "map" in document.content and "base" not in document.content:
+        raise ScenarioError(f"{shortened(path)}: a scenario, expected a suite, with `base` and `grid_search`; see `mrp-sumo run`")
     suite = validated(document, Suite)
     if fault := fault_of_folder(suite.name or document.path.stem):
         raise ScenarioError(f"{document.at(('name',))}: {fault}")

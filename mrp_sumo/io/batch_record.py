@@ -7,6 +7,8 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 
+from mrp_sumo.io.documents import in_words
+
 
 class _Strict(BaseModel):
     model_config = ConfigDict(strict=True)
@@ -60,5 +62,5 @@ def fault_of_record(body: bytes) -> str:
         _Record.__pydantic_validator__.validate_json(body)
     except ValidationError as error:
         first = error.errors(include_url=False, include_context=False)[0]
-        return f"{'.'.join(map(str, first['loc'])) or 'it'}: {first['msg']}"
+        return f"{'.'.join(map(str, first['loc'])) or 'it'}: {in_words(first['msg'])}"
     return ""

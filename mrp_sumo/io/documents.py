@@ -28,6 +28,15 @@ UNITS = {  # end of a key -> its unit, and what others are of it
     "_s": ("seconds", {"s": 1.0, "sec": 1.0, "min": 60.0, "m": 60.0, "h": 3600.0, "ms": 0.001}),
     "_m": ("metres", {"m": 1.0, "cm": 0.01, "mm": 0.001}),
 }
+KINDS = (  # what pydantic says was expected begins so -> what is said
+    ("a valid integer", "a whole number"),
+    ("a valid number", "a number"),
+    ("a valid boolean", "true or false"),
+    ("a valid list", "a list"),
+    ("a valid tuple", "a list"),
+    ("a valid string", "text"),
+    ("a valid dictionary", "keys and values"),
+)
 Model = TypeVar("Model", bound=BaseModel | Options)
 Place = tuple[str | int, ...]  # keys and list positions from the top of a document
 
@@ -145,12 +154,12 @@ def _fault(document: Document, model: type, options: Mapping[Place, str], error:
         case "string_pattern_mismatch":
             like = re.sub(r"[^\w.+-]+", "_", str(value)).strip("_")
             return f"{where}: found {_kind(value)}, expected letters, digits and _ . + - only{f', such as {like!r}' if like else ''}"
-        case "float_parsing" | "int_parsing" | "float_type" | "int_type":
+        case "float_parsing" | "int_parsing" | "float_type" | "int_type" | "int_from_float":
             return f"{where}: found {_kind(value)}, expected {_number(str(place[-1]), str(value), error['type'].startswith('int'))}"
         case "value_error":
             return f"{where}: {error['ctx']['error']}"
         case "tuple_type":
-            return f"{where}: found {_kind(value)}, expected list"
+            return f"{where}: found {_kind(value)}, expected a list"
         case _:
             return f"{where}: found {_kind(value)}, {in_words(error['msg'])}"
 
@@ -158,7 +167,10 @@ def _fault(document: Document, model: type, options: Mapping[Place, str], error:
 def in_words(message: str) -> str:
     """A message of pydantic as the end of a line of ours."""
     if (expected := message.removeprefix("Input should be ")) == message:
-        return message.removeprefix("Value error, ")
+        return message.removeprefix("Value error, ").replace("Field required", "missing")
+    for begin, words in KINDS:
+        if expected.startswith(begin):
+            return f"expected {words}"
     expected = re.sub("greater than or equal to (.*)", r"\1 or more", re.sub("less than or equal to (.*)", r"\1 or less", expected))
     return f"expected {expected.removeprefix('a valid ')}"
 

@@ -131,6 +131,9 @@ def _graph_document(graph: NavGraph) -> dict[str, Any]:
 def _graph(document: dict[str, Any]) -> NavGraph:
     names, options = document["vertex_name"], document.get("vertex_options", {})
     _texts([document["name"], *document["level_names"], *names.values()])
+    for of_vertex in options.values():
+        if not isinstance(of_vertex, dict):
+            raise TypeError(f"options of a vertex are {of_vertex!r:.40}, expected keys and values")
     if not set(document["level"] or ()) <= set(range(len(document["level_names"]))):
         raise ValueError("a vertex is on no level")
     return nav_graph(

@@ -161,6 +161,8 @@ def read_plan(folder: Path) -> dict[str, Any]:
     """
     path = folder / PLAN
     try:
+        if (folder / "result.json").is_file():
+            raise BatchError(f"{folder}: a run, expected a batch; `mrp-sumo analyze` and `mrp-sumo report` measure and show a run")
         if not path.exists():
             raise BatchError(f"{folder}: not the folder of a batch: there is no {PLAN}")
         plan = json_value(read_bytes(path, error=BatchError))

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from mrp_sumo.core.graph import FloatArray, NavGraph, nav_graph
-from mrp_sumo.errors import MapError, nearest
+from mrp_sumo.errors import ChoiceError, nearest
 from mrp_sumo.maps.building import Building, Lift
 from mrp_sumo.maps.lifts import LEAST_TRAVEL_M, Shift, ride_of
 
@@ -20,7 +20,7 @@ def level_choice(levels: Any, level: str | None, file: str) -> list[str]:
     """Names of the chosen levels: all by default."""
     names = [str(name) for name in levels] if isinstance(levels, Mapping) else []
     if level is not None and level not in names:
-        raise MapError(f"{file} has no level '{level}'{nearest(level, names)}")
+        raise ChoiceError(f"{file} has no level '{level}'{nearest(level, names)}")
     return names if level is None else [level]
 
 

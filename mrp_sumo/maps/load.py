@@ -17,7 +17,7 @@ from mrp_sumo.maps.finding import MapFinding
 from mrp_sumo.maps.map import Map
 from mrp_sumo.maps.readers.reader import MapFile, Reader, Selection, map_file
 from mrp_sumo.maps.readers.registry import OF_TEXT, OURS
-from mrp_sumo.maps.readers.strangers import advice
+from mrp_sumo.maps.readers.strangers import advice, lacking
 from mrp_sumo.plugins import registry
 from mrp_sumo.plugins.face import place_of
 from mrp_sumo.plugins.limit import limited
@@ -87,6 +87,8 @@ def _detected(file: MapFile) -> str:
         raise file.source.fault(stranger)
     if file.fault:
         raise file.fault
+    if missing := lacking(file.path.name):
+        raise file.source.fault(missing)
     known = ", ".join(dict.fromkeys(f"{reader.name} ({' '.join(reader.suffixes)})" for reader in map(_reader, registry.names("readers"))))
     raise file.source.fault(
         f"not a map this program reads: {known}; a table of lanes or a plan of the floor (DXF, PNG) can be made of most drawings"

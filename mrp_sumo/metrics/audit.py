@@ -201,6 +201,8 @@ def _closeness(execution: Execution, fleet: Fleet, level: IntArray | None) -> tu
     overlaps = []
     for t_s, a, b in pairs:
         (xs,), (ys,), _ = positions_at(execution, np.array([t_s]))
+        last = int(np.searchsorted(execution.t_s, t_s, side="right")) - 1  # where a robot is that is in a lift at the next sample
+        xs, ys = np.where(np.isnan(xs), execution.x_m[last], xs), np.where(np.isnan(ys), execution.y_m[last], ys)
         x_m = float(xs[a] + xs[b]) / 2
         place = {"x_m": x_m if execution.level is None else x_m - FAR_M * round(x_m / FAR_M), "y_m": float(ys[a] + ys[b]) / 2}
         overlaps.append({"robots": [fleet.robot_name[a], fleet.robot_name[b]], "t_s": t_s, **place})

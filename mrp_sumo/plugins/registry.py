@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
 
 TABLES = ("mrp_sumo.plugins", "mrp_sumo.planners")  # groups whose entry points are tables by kind
+MANY = 20  # names that a line can hold
 SINGLE = {"policies": "mrp_sumo.policies"}  # groups whose entry points are plug-ins of a kind
 
 
@@ -60,7 +61,8 @@ def find(kind: str, name: str, beside: Path | None = None) -> Source:
     if name not in known and name.endswith(".py"):
         raise ScenarioError(f"{one} '{name}' is a file: expected the name in it, too, as in {name}:NAME")
     if name not in known:
-        raise ScenarioError(f"unknown {one} '{name}'{nearest(name, sorted(known), limit=20)}")
+        listed = nearest(name, sorted(known), limit=0 if len(known) > MANY else MANY) or f"; `mrp-sumo list {kind}` names them all"
+        raise ScenarioError(f"unknown {one} '{name}'{listed}")
     return known[name]
 
 

@@ -229,6 +229,7 @@ def _study(name: str, description: str, until: str, frame: pd.DataFrame, gaps: l
         and c.split(".")[0] not in ("record", "map")
         and pd.api.types.is_numeric_dtype(frame[c])
         and not pd.api.types.is_bool_dtype(frame[c])
+        and np.isfinite(frame[c].dropna().to_numpy(np.float64)).all()
     )
     return ReportedRuns(
         name=name,

@@ -90,7 +90,7 @@ def test_frame_and_repairs_are_recorded(square, tmp_path):
         (["--json", "--graph", "1"], "square.building.yaml has no lane in graph 1; graphs with lanes: 0 (2 lanes), 2 (1 lanes)"),
         (["--json", "--level", "L7"], "square.building.yaml has no level 'L7' (known: L1)"),
         (["--json", "--graph", "x"], "'x' is neither a number nor 'all'"),
-        (["--json", "--cell", "0"], "the cell length is 0 m, expected at least 0.01 m"),
+        (["--json", "--cell", "0"], "--cell: found 0, expected more than 0"),
         ([], "say where to write with --out DIR"),
         (["--out", "occupied"], "occupied exists and is no folder of an earlier import"),
     ],

@@ -105,6 +105,14 @@ def test_a_run_that_was_not_executed_says_so(tmp_path):
             "graph",
             r"damaged, or of another version: ValueError: a vertex is on no level",
         ),
+        (
+            "floor.json",
+            '{"schema_version": 1, "fleet": {}, "nav_graph": {}, "plan_graph": {"kind": "grid", "cell_m": 1, "vertex_of_station": [], '
+            '"name": "a", "level_names": ["L1"], "xy": [[0, 0]], "level": null, "vertex_name": {}, "vertex_options": {"0": []}, '
+            '"lanes": [], "length_m": null}}',
+            "graph",
+            r"damaged, or of another version: TypeError: options of a vertex are \[\], expected keys and values",
+        ),
         ("plan.json", "[1", "plan", r"plan\.json: not JSON"),
         ("plan.json", '{"schema_version": 9}', "plan", r"plan\.json: schema version 9, expected 1"),
         (

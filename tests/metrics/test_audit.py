@@ -103,6 +103,12 @@ def test_only_the_first_of_a_kind_are_told_one_by_one():
     assert [v["t_s"] for v in found["violations"]] == list(range(20))
 
 
+def test_overlap_before_one_of_both_is_in_a_lift_has_a_place():
+    # both stand in one place, until one of them is in a lift at 1 s and on the other floor at 2 s
+    found = audit(driven([[2.0, 2.0]] * 3, 0.0, level=np.array([[0, 0], [0, 0], [0, 1]])), fleet_of(CART, 2))
+    assert found["overlaps"] == [{"robots": ["robot_0", "robot_1"], "t_s": 0.0, "x_m": 2.0, "y_m": 0.0}]
+
+
 def test_robots_that_pass_through_each_other_between_two_samples_overlap():
     # head on at 1 m/s each: 1.2 m of air at both samples, bodies meet at 0.6 s and have passed at 1.6 s of 2 s
     x = [[0.0, 2.2], [2.2, 0.0]]

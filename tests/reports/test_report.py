@@ -280,8 +280,9 @@ def test_names_are_text_never_markup(tmp_path):
         results(status="crashed", success=False, plan_success=None, planning_time_s=None, sim_time_s=None, reason="boom"),
         results()[["key", "status", "success", "planner", "map"]],
         results(seeds=1, execution_time_s=np.nan, min_clearance_m=np.nan),
+        pd.concat([results(**{"execution.patience_s": s}) for s in (0.0, np.inf)], ignore_index=True),
     ],
-    ids=["one run", "all crashed", "few columns", "nothing measured"],
+    ids=["one run", "all crashed", "few columns", "nothing measured", "infinite factor"],
 )
 def test_results_with_little_in_them_are_reported(tmp_path, frame):
     _, text = reported(tmp_path, frame)

@@ -17,7 +17,7 @@ def unknown_key(key: str) -> str:
         if part not in keys_of(at):
             if "parameters" in keys_of(at) and not difflib.get_close_matches(part, keys_of(at)):
                 return f"unknown key (did you mean '{'.'.join([*parts[:i], 'parameters', *parts[i:]])}'?)"
-            return f"unknown key{nearest_key(key)}"
+            return f"unknown key{nearest_key(key, ('.'.join([*parts[:i], name]) for name in keys_of(at)))}"
         annotation = keys_of(at)[part].annotation
         if str(annotation).startswith("dict"):
             return ""
@@ -33,14 +33,17 @@ def nearest_key(key: str, others: Iterable[str] = ()) -> str:
     key
         What the user wrote.
     others
-        More keys that would have been right.
+        Keys that would have been right, too: those that are listed where none is close.
     """
-    known = [*others, *_all_keys(ScenarioModel)]
+    others = list(others)
+    known = [name for name in (*others, *_all_keys(ScenarioModel)) if not key.startswith(f"{name}.")]
     by_last = {name.rpartition(".")[2]: name for name in reversed(known)}
     close = difflib.get_close_matches(key, known, n=1, cutoff=0.75) or [
         by_last[name] for name in difflib.get_close_matches(key.rpartition(".")[2], by_last, n=1, cutoff=0.75)
     ]
-    return f" (did you mean '{close[0]}'?)" if close else nearest(key, known, limit=20)
+    if close:
+        return f" (did you mean '{close[0]}'?)"
+    return nearest(key.rpartition(".")[2], (name.rpartition(".")[2] for name in others), limit=20)
 
 
 def _all_keys(declared: type, above: str = "") -> Iterator[str]:

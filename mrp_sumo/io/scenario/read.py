@@ -31,6 +31,8 @@ def read_scenario(path: Path, overrides: Mapping[Place, tuple[str, Any]] | None 
         One line a fault, with file and line.
     """
     document = read_document(path)
+    if isinstance(document.content, dict) and "base" in document.content and "map" not in document.content:
+        raise ScenarioError(f"{shortened(path)}: a suite, expected a scenario, with `map` and `robots`; see `mrp-sumo batch`")
     scenario = validated(document, ScenarioModel)
     if not scenario.name:
         try:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, Literal, Protocol
 
 from mrp_sumo.core.graph import BoolArray, PlanGraph
-from mrp_sumo.errors import MapError
+from mrp_sumo.errors import ChoiceError, MapError
 from mrp_sumo.files.reading import read_head, shortened
 from mrp_sumo.maps.check import check_graph
 from mrp_sumo.maps.map import Map
@@ -145,4 +145,4 @@ def refuse_choice(source: Text, selection: Selection, *known: str) -> None:
     for field, what in names.items():
         choice = getattr(selection, field)
         if field not in known and choice is not None and not (field == "graph" and choice in (0, "all")):
-            raise source.fault(f"this kind of map has no {what} to choose")
+            raise ChoiceError(f"{source.path.name}: this kind of map has no {what} to choose")

@@ -44,6 +44,14 @@ KINDS = (  # what the first bytes are like, what the file is, what to do
     ),
     (rb"(?:<\?xml[^>]*\?>|\s)*<transportOrders\b", "a list of openTCS's transport orders", "import the plant model that it belongs to"),
 )
+NEEDED = {  # end of a name -> the format that it stands for, what makes a file of it one
+    ".lif.json": ("LIF", "'metaInformation' with a 'lifVersion', and 'layouts'"),
+    ".site.json": ("RMF site", "'format_version' or 'anchors', and 'levels'"),
+    ".building.yaml": ("RMF building", "'levels' with 'vertices' and 'lanes'"),
+    ".nav.yaml": ("RMF nav graph", "'levels' with 'vertices' and 'lanes'"),
+    ".net.xml": ("SUMO network", "a root <net>"),
+    ".geojson": ("route graph", "features with an 'id' (Nav2), or with a 'kind' (this program's)"),
+}
 _KINDS = tuple((re.compile(mark, re.DOTALL), what, cure) for mark, what, cure in KINDS)
 
 
@@ -52,4 +60,12 @@ def advice(head: bytes) -> str:
     for mark, what, cure in _KINDS:
         if mark.match(head.removeprefix(b"\xef\xbb\xbf")):
             return f"{what}: {cure}"
+    return ""
+
+
+def lacking(name: str) -> str:
+    """What a file lacks that its name promises, in half a sentence; '' for names that promise nothing."""
+    for suffix, (what, expected) in NEEDED.items():
+        if name.lower().endswith(suffix):
+            return f"its name says {what}, but it is none: expected {expected}"
     return ""

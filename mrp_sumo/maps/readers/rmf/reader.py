@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
-from mrp_sumo.errors import MapError
+from mrp_sumo.errors import ChoiceError
 from mrp_sumo.maps.building import Building
 from mrp_sumo.maps.check import check_building, check_graph
 from mrp_sumo.maps.finding import CURE, RefusedMap, ordered
@@ -69,7 +69,7 @@ def _from_building(building: Building, graph: GraphChoice, level: str | None) ->
             counts[lane.graph] = counts.get(lane.graph, 0) + 1
     if not counts:
         with_lanes = ", ".join(f"'{n}'" for n, lv in building.levels.items() if lv.lanes)
-        raise MapError(f"{building.path.name}: level '{level}' has no lane; levels with lanes: {with_lanes}")
+        raise ChoiceError(f"{building.path.name}: level '{level}' has no lane; levels with lanes: {with_lanes}")
     if graph == "all":
         chosen = tuple(sorted(counts))
     elif graph is None:
@@ -79,7 +79,7 @@ def _from_building(building: Building, graph: GraphChoice, level: str | None) ->
     if missing := [g for g in chosen if g not in counts]:
         where = f"level '{level}' of " if level else ""
         graphs = ", ".join(f"{g} ({n} lanes)" for g, n in sorted(counts.items()))
-        raise MapError(f"{where}{building.path.name} has no lane in graph {missing[0]}; graphs with lanes: {graphs}")
+        raise ChoiceError(f"{where}{building.path.name} has no lane in graph {missing[0]}; graphs with lanes: {graphs}")
     documents = {g: d for g, d in nav_graph_documents(building).items() if g in chosen}
     name, source = map_name(building.path), str(building.path)
     if len(documents) == 1:

@@ -1,0 +1,92 @@
+"""Options that have no effect beside the others, or values out of range, are refused in one line: nothing is ignored in silence."""
+
+import re
+import shlex
+
+import pytest
+
+from mrp_sumo.cli.main import main
+
+SUITE = "name: few\nbase: {map: office, robots: 2}\ngrid_search: {seed: 0..1}\n"
+CASES = (
+    ("import office --check --graph 7", "office.building.yaml has no lane in graph 7; graphs with lanes: 0 (32 lanes)"),
+    ("import office --check --level L9", "office.building.yaml has no level 'L9' (known: L1)"),
+    ("import office --check --snap -1", "--snap: found -1, expected more than 0; see `mrp-sumo import --help`"),
+    ("import office --check --cell nan", "--cell: found nan, expected more than 0; see `mrp-sumo import --help`"),
+    ("import office --check --join-short x", "--join-short: found 'x', expected a number; see `mrp-sumo import --help`"),
+    (
+        "import office --check --robot-radius 0.3",
+        "office.building.yaml: --robot-radius is for occupancy maps and plans of a floor; --robot tells where it has no room",
+    ),
+    ("import office --check --unit mm", "office.building.yaml: this kind of map has no unit to choose"),
+    ("import office --check --out new", "--check writes nothing: leave out --out"),
+    ("import office --check --map office", "--map is for a recorded stream, FILE.jsonl"),
+    ("convert office new.nav.yaml --format json", "--format is for plans"),
+    ("convert paths.txt new.yaml --graph 0", "--graph is for maps"),
+    ("export . --csv --robots nobody", "--robots is for bags: --bag, --ros1"),
+    ("export . --geojson --repeat-latched 5", "--repeat-latched is for bags: --bag, --ros1"),
+    ("export . --vda5050 --poses", "--poses is for bags: --bag, --ros1"),
+    ("export . --ros1 --storage mcap", "--storage is for ROS 2 bags: --bag"),
+    ("export . --bag --split nan", "--split: found nan, expected seconds of 0 or more"),
+    ("query . --csv", "{here}: not the folder of a batch: there is no plan.json"),
+    ("status . --live --json", "--live shows the batch in a browser: leave out --json"),
+    ("reproduce . --base nowhere", "--base nowhere: no such folder"),
+    ("analyze . --metric makespan_s --cell 0.5", "--cell is for MRP-Bench's metrics, without --metric and --audit"),
+    ("analyze . --audit --config few.yaml", "--config is for MRP-Bench's metrics, without --metric and --audit"),
+    ("run office_5 --plan paths.txt --time-limit 3", "--plan is a plan that is there already: leave out --time-limit"),
+    (
+        "run office_5 --plan paths.txt --set planner.time_limit_s=3",
+        "--plan is a plan that is there already: leave out --set of the planner",
+    ),
+    ("run office_5 --command ''", "--command: found nothing, expected a command line, such as 'lacam3 -m {map} -i {scen} -o {out}'"),
+    ("run few.yaml", "few.yaml: a suite, expected a scenario, with `map` and `robots`; see `mrp-sumo batch`"),
+    ("plan office_5 --steps 5", "--steps is for problems of the League of Robot Runners (.json)"),
+    ("plan office_5 --format json", "--format is for --out"),
+    ("validate paths.txt --scenario office_5 --scen few.scen", "--scen is for --map"),
+    ("validate --vda5050 few.yaml --robots 3", "--robots is for plans"),
+    ("validate --vda5050 few.yaml --limit -1", "--limit: found -1, expected 0 or more"),
+    ("batch few.yaml --verbose", "--verbose is for --dry-run"),
+    ("batch few.yaml --dry-run --json", "--dry-run runs nothing, and --json prints how runs ended: leave out one of the two"),
+    ("batch few.yaml --dry-run --metric nope", "unknown metric 'nope'; `mrp-sumo list metrics` names them all"),
+    (
+        "batch few.yaml --workers 2 --scheduler localhost:1",
+        "--workers is for this machine: a Dask scheduler has workers of its own; leave out one of the two",
+    ),
+    ("batch small.yaml", "small.yaml: a scenario, expected a suite, with `base` and `grid_search`; see `mrp-sumo run`"),
+    ("replay . --port 8000", "--port is for --serve"),
+    ("replay . --out page.txt", "--out page.txt: a page for a browser, expected a name that ends in .html"),
+    ("render . --at 5 --out new.png --from 0", "--from is for --video"),
+    ("render . --at 5 --out new.png --robots robot_0", "--robots is for --video"),
+    ("render . --at 5 --out new.svg --dpi 300", "--dpi is for PNG files: an SVG has no pixels"),
+    ("render . --video new.gif --dpi 100", "--dpi is for a picture; a video has --size"),
+)
+
+
+@pytest.mark.parametrize(("words", "line"), CASES)
+def test_option_without_effect_is_refused_in_a_line(tmp_path, monkeypatch, capsys, words, line):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "few.yaml").write_text(SUITE)
+    (tmp_path / "small.yaml").write_text("map: office\nrobots: 2\n")
+    (tmp_path / "paths.txt").write_text("Agent 0: (0,0)->(0,1)->\n")
+    before = sorted(tmp_path.rglob("*"))
+    assert main(shlex.split(words)) == 2
+    assert capsys.readouterr() == ("", f"mrp-sumo: {line.replace('{here}', '.')}\n")
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+@pytest.mark.parametrize("command", ["query", "status"])
+def test_run_in_place_of_a_batch_is_called_a_run(tmp_path, capsys, command):
+    for name in ("plan.json", "result.json"):
+        (tmp_path / name).write_text("{}")
+    assert main([command, str(tmp_path)]) == 2
+    assert re.fullmatch(r"mrp-sumo: .*: a run, expected a batch; `mrp-sumo analyze` and .*\n", capsys.readouterr().err)
+
+
+def test_check_looks_at_the_repaired_map(tmp_path, capsys):
+    vertices, lanes = "[[0, 0, {}], [10, 0, {}], [5, 0.05, {}], [5, 5, {}]]", "[[0, 1, {}], [1, 0, {}], [2, 3, {}], [3, 2, {}]]"
+    (tmp_path / "cross.nav.yaml").write_text(f"building_name: cross\nlevels: {{L1: {{vertices: {vertices}, lanes: {lanes}}}}}\n")
+    line = ["import", str(tmp_path / "cross.nav.yaml"), "--check"]
+    assert main(line) == 0
+    assert "t junction near miss" in capsys.readouterr().out
+    assert main([*line, "--snap", "0.1"]) == 0
+    assert "t junction near miss" not in capsys.readouterr().out
