@@ -82,7 +82,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _said(options: argparse.Namespace) -> dict[str, object]:
-    """What is said of MRP-Bench's metrics, by the options' names."""
+    """Options of MRP-Bench's metrics by their names."""
     constants = ("cellSize", "locationTolerance", "windowSize", "recordingTimeout")
     values = dict(zip(("cell", "tolerance", "window", "timeout"), (getattr(options, name) for name in constants)))
     return {"config": options.config, "rmf": options.rmf, **values}

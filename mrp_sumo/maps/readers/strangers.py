@@ -64,7 +64,7 @@ def advice(head: bytes) -> str:
 
 
 def lacking(name: str) -> str:
-    """What a file lacks that its name promises, in half a sentence; '' for names that promise nothing."""
+    """Content that a name promises and a file lacks, in half a sentence; "" for names that promise nothing."""
     for suffix, (what, expected) in NEEDED.items():
         if name.lower().endswith(suffix):
             return f"its name says {what}, but it is none: expected {expected}"
