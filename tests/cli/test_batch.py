@@ -185,11 +185,11 @@ def test_interrupted_batch_finishes_what_runs_and_says_how_to_go_on(study, tmp_p
     process = subprocess.Popen(
         [command[0], "-c", program, *command[3:]], stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=os.environ
     )
-    deadline = time.monotonic() + 60
+    deadline = time.monotonic() + 120
     while len(list((tmp_path / "out").glob("runs/*/*.json"))) < 2 and time.monotonic() < deadline:
         time.sleep(0.02)
     process.send_signal(number)
-    told = process.communicate(timeout=60)[1]
+    told = process.communicate(timeout=120)[1]
     assert process.returncode == code
     assert "ending after the runs under way" in told
     assert f"to go on: mrp-sumo batch {tmp_path / 'long.yaml'} --out {tmp_path / 'out'}" in told
@@ -219,7 +219,7 @@ def test_page_of_a_batch_fills_as_runs_end(study, tmp_path):
     (tmp_path / "out" / "runs" / "zz").mkdir()
     (tmp_path / "out" / "runs" / "zz" / "zz.json").write_text("{}")
     view.look(odd.append)
-    with urllib.request.urlopen(view.server.address, timeout=10) as page:
+    with urllib.request.urlopen(view.server.address, timeout=60) as page:
         assert b"<h1>study</h1>" in page.read()
     view.broadcast.end()
     said = [json.loads(text.split("data: ")[1]) for text, _ in view.broadcast.stream() if text.startswith("event: runs")]

@@ -143,7 +143,7 @@ def survive(path):
     facts(map_)
 
 
-@settings(max_examples=250, deadline=10_000, derandomize=True, suppress_health_check=list(HealthCheck))
+@settings(max_examples=250, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
 @given(mutilated())
 def test_mutilated_text_gives_a_map_or_one_line(tmp_path_factory, text):
     folder = tmp_path_factory.getbasetemp() / "fuzz"
@@ -155,7 +155,7 @@ def test_mutilated_text_gives_a_map_or_one_line(tmp_path_factory, text):
     survive(path)
 
 
-@settings(max_examples=60, deadline=10_000, derandomize=True, suppress_health_check=list(HealthCheck))
+@settings(max_examples=60, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
 @given(st.binary(max_size=300))
 def test_bytes_give_one_line(tmp_path_factory, data):
     path = tmp_path_factory.getbasetemp() / "bytes.yaml"
@@ -163,7 +163,7 @@ def test_bytes_give_one_line(tmp_path_factory, data):
     survive(path)
 
 
-@settings(max_examples=60, deadline=10_000, derandomize=True, suppress_health_check=list(HealthCheck))
+@settings(max_examples=60, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
 @given(st.integers(0, len(PICTURE)), st.binary(max_size=12))
 def test_damaged_pictures_give_a_map_or_one_line(tmp_path_factory, at, data):
     folder = tmp_path_factory.getbasetemp() / "pictures"
@@ -174,7 +174,7 @@ def test_damaged_pictures_give_a_map_or_one_line(tmp_path_factory, at, data):
 
 
 @pytest.mark.campaign
-@settings(max_examples=20_000, deadline=10_000, suppress_health_check=list(HealthCheck))
+@settings(max_examples=20_000, deadline=None, suppress_health_check=list(HealthCheck))
 @given(mutilated())
 def test_mutilated_text_for_a_long_time(tmp_path_factory, text):
     test_mutilated_text_gives_a_map_or_one_line.hypothesis.inner_test(tmp_path_factory, text)

@@ -36,7 +36,7 @@ def serving():
 
 
 def status(server, path=None, **headers):
-    connection = http.client.HTTPConnection("127.0.0.1", server.server_port, timeout=10)
+    connection = http.client.HTTPConnection("127.0.0.1", server.server_port, timeout=60)
     connection.request("GET", f"/{server.token}/" if path is None else path, headers=headers)
     return connection.getresponse().status
 
@@ -64,7 +64,7 @@ def test_connections_beyond_the_limit_are_closed_and_there_is_room_again_afterwa
     server = serving(LocalServer(0, Page))
     address = ("127.0.0.1", server.server_port)
     waiting = [socket.create_connection(address) for _ in range(MOST_CONNECTIONS)]
-    with socket.create_connection(address, timeout=10) as beyond:
+    with socket.create_connection(address, timeout=60) as beyond:
         assert beyond.recv(1) == b""
     for each in waiting:
         each.sendall(b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n")
@@ -92,7 +92,7 @@ def test_relay_hands_on_what_foxgloves_pages_say_and_nothing_of_others(serving):
         behind = behind if behind.fileno() >= 0 else socket.create_server(relay.behind)
         thread = threading.Thread(target=echo)
         thread.start()
-        with socket.create_connection(("127.0.0.1", relay.server_port), timeout=10) as viewer:
+        with socket.create_connection(("127.0.0.1", relay.server_port), timeout=60) as viewer:
             head = f"GET /{relay.token}/ HTTP/1.1\r\nHost: localhost\r\nOrigin: {origin}\r\nUpgrade: websocket\r\n\r\n"
             viewer.sendall(head.encode())
             assert viewer.recv(1000).startswith(b"HTTP/1.1 101")

@@ -62,7 +62,7 @@ def running(folder, plugins, **listener):
     (folder / "broker.yaml").write_text(yaml.safe_dump(settings))
     command = [sys.executable, "-m", "amqtt.scripts.broker_script", "-c", str(folder / "broker.yaml")]
     with (folder / "log").open("w") as log, subprocess.Popen(command, stdout=log, stderr=log) as process:
-        for _ in range(200):
+        for _ in range(1200):
             try:
                 socket.create_connection(("127.0.0.1", port), 0.1).close()
                 break
@@ -109,7 +109,7 @@ def test_the_master_of_others_drives_our_vehicles(open_port, tmp_path):
         with theirs("master.cjs", open_port, json.dumps(PLACES)) as master:
             said = master.stdout.read().splitlines()
         fleet.send_signal(signal.SIGINT)
-        assert fleet.wait(20) == 0
+        assert fleet.wait(120) == 0
     assert [line for line in said if "robot_0" in line] == [
         *("action robot_0 WAITING", "node robot_0 a", "node robot_0 b", "node robot_0 c"),
         *("action robot_0 RUNNING", "action robot_0 FINISHED", "processed robot_0 ok false false"),
@@ -117,9 +117,9 @@ def test_the_master_of_others_drives_our_vehicles(open_port, tmp_path):
     assert "processed robot_1 ok false false" in said
 
 
-def heard(link, wanted, seconds=5.0):
+def heard(link, wanted):
     """What comes in until all that is wanted has, by vehicle and kind."""
-    found, until = [], time.monotonic() + seconds
+    found, until = [], time.monotonic() + 60
     while time.monotonic() < until and not wanted <= {(one.serial, one.kind) for one in found}:
         found += link.receive(0.05)
     return found
@@ -146,7 +146,7 @@ def test_broken_connection_is_said_by_the_broker(broker):
 
 def heard_while(master, vehicles):
     """What the master hears while vehicles come back."""
-    found, until = [], time.monotonic() + 5.0
+    found, until = [], time.monotonic() + 60
     while time.monotonic() < until and not found:
         vehicles.receive(0.05)
         found += master.receive(0.05)
@@ -179,7 +179,7 @@ def test_our_master_drives_our_vehicles_through_a_broker_to_all_goals(broker, tm
         assert "2 vehicles" in fleet.stdout.readline()
         assert main([*at, "--as", "master", "--out", str(tmp_path / "run"), "--log", str(tmp_path / "master.jsonl")]) == 0
         fleet.send_signal(signal.SIGINT)
-        assert fleet.wait(20) == 0
+        assert fleet.wait(120) == 0
     found = json.loads((tmp_path / "run" / "result.json").read_text())
     assert found["status"] == "completed" and found["audit"]["num_overlaps"] == 0
     for name in ("fleet.jsonl", "master.jsonl"):
@@ -273,7 +273,7 @@ def test_broker_that_is_gone_is_said_once_and_that_it_is_back(tmp_path):
         connections.add("one", ())
 
     def wait(lines):
-        until = time.monotonic() + 30
+        until = time.monotonic() + 120
         while len(said) < lines and time.monotonic() < until:
             connections.receive(0.05)
 

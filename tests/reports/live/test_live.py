@@ -23,7 +23,7 @@ from mrp_sumo.reports.live.watch import SAMPLE, LiveView
 
 def messages_of(address):
     """(name, data) of everything that a viewer is sent."""
-    with urllib.request.urlopen(f"{address}events", timeout=30) as stream:
+    with urllib.request.urlopen(f"{address}events", timeout=60) as stream:
         text = stream.read().decode()
     parts = [part.split("\n") for part in text.split("\n\n") if part.startswith("event")]
     return [(name.removeprefix("event: "), data.removeprefix("data: ")) for name, data in parts]
@@ -36,7 +36,7 @@ def test_watched_run_has_the_same_files_and_says_every_sample(folder, tmp_path):
     live.broadcast.control({"do": "speed", "speed": None})
     overrides = {("planner", "name"): ("--planner", "prioritised"), ("record", "bag"): ("", False)}
     result = run_scenario(read_scenario(find_scenario("office_5"), overrides), tmp_path / "run", RunOptions(watches=[live.watch]))
-    with urllib.request.urlopen(live.address, timeout=30) as page:
+    with urllib.request.urlopen(live.address, timeout=60) as page:
         assert b'"live":true' in page.read()
     live.finish(result)
     viewer.join()
@@ -68,14 +68,14 @@ def test_paused_run_makes_one_sample_for_each_step_that_is_asked_for():
     driver.start()
     broadcast.control({"do": "step"})
     broadcast.control({"do": "step"})
-    until = time.monotonic() + 10
+    until = time.monotonic() + 60
     while len(broadcast._samples) < 3 and time.monotonic() < until:
         driver.join(0.01)
     driver.join(0.1)
     assert driver.is_alive() and broadcast._samples == b"\0\1\2"  # the third is out, and holds the run
     broadcast.control({"do": "play"})
-    driver.join(10)
-    viewer.join(10)
+    driver.join(60)
+    viewer.join(60)
     assert b"".join(samples for _, samples in seen) == b"\0\1\2"
 
 
@@ -94,7 +94,7 @@ def test_only_who_knows_the_address_may_watch_and_steer():
 
     def status(address, order=None):
         try:
-            with urllib.request.urlopen(address, data=order, timeout=10) as answer:
+            with urllib.request.urlopen(address, data=order, timeout=60) as answer:
                 return answer.status
         except urllib.error.HTTPError as error:
             return error.code

@@ -210,12 +210,12 @@ def test_serve_answers_until_interrupted(folder):
         try:
             server.stdout.readline()
             address = server.stdout.readline().split()[0]
-            with urllib.request.urlopen(address, timeout=20) as answer:
+            with urllib.request.urlopen(address, timeout=120) as answer:
                 assert answer.read() == (folder / "replay.html").read_bytes()
                 assert answer.headers["Content-Type"] == "text/html; charset=utf-8"
         finally:
             server.send_signal(signal.SIGINT)
-            server.communicate(timeout=20)
+            server.communicate(timeout=120)
     assert server.returncode == 0
 
 
