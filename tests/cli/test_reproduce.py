@@ -53,6 +53,7 @@ def test_budget_is_refused_for_a_planner_that_does_not_count(tmp_path, capsys):
     assert "'cbs_ta' does not count its labels, expected one that does (auto, cbs, " in said
 
 
+@pytest.mark.slow
 def test_a_batch_is_the_same_again(tmp_path, capsys):
     suite = tmp_path / "two.yaml"
     suite.write_text("name: two\nbase: office_5\nuntil: plan\ngrid_search: {seed: 3000..3001}\n")

@@ -86,28 +86,21 @@ def test_line_stays_one_line_and_a_table_moves_no_cursor(capsys):
     )
 
 
-@pytest.mark.parametrize(
-    ("file", "old", "line"),
-    [
-        ("plan.json", '"suite": "s"', "status results"),
-        ("plan.json", '"views": {"v"', "query results"),
-        ("plan.json", '"views": {"v": "select 1', "query results"),
-    ],
-)
-def test_results_of_a_stranger_forge_no_line(tmp_path, monkeypatch, capsys, file, old, line):
+def test_results_of_a_stranger_forge_no_line(tmp_path, monkeypatch, capsys):
     (tmp_path / "s.yaml").write_text(
         "name: s\nbase: {map: office, robots: 1, planner: astar}\ngrid_search: {seed: 0..1}\nuntil: plan\nviews: {v: select 1 as one}\n"
     )
     monkeypatch.chdir(tmp_path)
     assert main(["batch", "s.yaml", "--out", "results", "--workers", "1"]) == 0
-    path = tmp_path / "results" / file
+    path = tmp_path / "results" / "plan.json"
     text = json.dumps(json.loads(path.read_text()))
-    assert old in text
-    path.write_text(text.replace(old, old[:-1] + json.dumps(EVIL_TEXT + "\nFORGED")[1:-1] + old[-1]))
-    capsys.readouterr()
-    main(line.split())
-    printed = capsys.readouterr().out
-    assert "FORGED" in printed and not re.search("[\x1b\r\x9b\u202e]|^FORGED", printed, re.MULTILINE)
+    for old, command in (('"suite": "s"', "status"), ('"views": {"v"', "query"), ('"views": {"v": "select 1', "query")):
+        assert old in text
+        path.write_text(text.replace(old, old[:-1] + json.dumps(EVIL_TEXT + "\nFORGED")[1:-1] + old[-1]))
+        capsys.readouterr()
+        main([command, "results"])
+        printed = capsys.readouterr().out
+        assert "FORGED" in printed and not re.search("[\x1b\r\x9b\u202e]|^FORGED", printed, re.MULTILINE), old
 
 
 @pytest.mark.parametrize(
@@ -206,6 +199,7 @@ sys.exit(main())"""
     assert subprocess.run([sys.executable, "-P", "-c", ignored], capture_output=True).returncode == 0
 
 
+@pytest.mark.slow
 def test_user_without_a_home_hears_nothing_of_it(tmp_path):
     nowhere = {"HOME": "/proc/nowhere", "XDG_CACHE_HOME": "/proc/nowhere", "MPLCONFIGDIR": "/proc/nowhere"}
     drawn = subprocess.run(

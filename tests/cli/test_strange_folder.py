@@ -8,6 +8,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cache
 from importlib.metadata import packages_distributions
 from pathlib import Path
 
@@ -19,7 +20,14 @@ from mrp_sumo.core import children
 PROJECT = Path(__file__).parents[2]
 CONSOLE = Path(sys.executable).with_name("mrp-sumo")
 OURS = {"mrp_sumo", "planners"}
-MODULES = {*sys.stdlib_module_names, *packages_distributions(), *OURS, "sitecustomize", "usercustomize"}
+
+
+@cache
+def modules():
+    """Names of all modules that there are, and of some that Python looks for."""
+    return {*sys.stdlib_module_names, *packages_distributions(), *OURS, "sitecustomize", "usercustomize"}
+
+
 CONFIGURATIONS = {  # whatever libraries might look for, of which some would be refused
     "matplotlibrc": "text.usetex: True\nbackend: none such\nfont.size: x\n",
     ".numba_config.yaml": "disable_jit: 1\nopt: none such\n",
@@ -82,7 +90,7 @@ COLD = (  # what compiles kernels, minutes each: one of them in CI, the others b
 def folder(tmp_path_factory):
     """A folder that holds a module and a package of every name that anything imports, each of which ends who imports it."""
     folder = tmp_path_factory.mktemp("strange")
-    for name in MODULES:
+    for name in modules():
         (folder / name).mkdir()
         for file in (folder / f"{name}.py", folder / name / "__init__.py"):
             file.write_text(f"raise SystemExit({name!r})\n")
@@ -108,12 +116,12 @@ def opened_in(folder: Path) -> Iterator[set[str]]:
     kernel = ctypes.CDLL(None, use_errno=True)
     watcher = kernel.inotify_init1(os.O_NONBLOCK)
     names = {}
-    for path in (folder, *(folder / name for name in MODULES)):
+    for path in (folder, *(folder / name for name in modules())):
         watch = kernel.inotify_add_watch(watcher, bytes(path), IN_OPEN)
         assert watch >= 0, os.strerror(ctypes.get_errno())
         names[watch] = path.name
     opened: set[str] = set()
-    planted = {*CONFIGURATIONS, *(f"{name}.py" for name in MODULES)}
+    planted = {*CONFIGURATIONS, *(f"{name}.py" for name in modules())}
     try:
         yield opened
         for watch, name in _events(watcher):

@@ -52,7 +52,13 @@ def slowed(monkeypatch, times):
 
 @pytest.mark.parametrize(
     ("planner", "parameters"),
-    [("lns2", {"anytime": True}), ("lacam", {"anytime": True}), ("prioritised", {}), ("eecbs", {}), ("continuous", {"anytime": True})],
+    [
+        ("lns2", {"anytime": True}),
+        ("lacam", {"anytime": True}),
+        ("prioritised", {}),
+        ("eecbs", {}),
+        pytest.param("continuous", {"anytime": True}, marks=pytest.mark.slow),
+    ],
 )
 def test_plans_do_not_depend_on_the_speed_of_the_machine(tmp_path, monkeypatch, planner, parameters):
     planner_of(planner, parameters).prepare()

@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 import time
+from importlib.util import find_spec
 
 import fake_runs
 import pytest
@@ -13,9 +14,7 @@ from batches import DRIVER, make, suite, told_by, workers_find_fake_runs  # noqa
 from mrp_sumo.errors import BatchError
 from mrp_sumo.experiments.cluster import Cluster, make_here
 
-pytestmark = pytest.mark.slow
-
-pytest.importorskip("distributed")
+pytestmark = [pytest.mark.slow, pytest.mark.skipif(find_spec("distributed") is None, reason="no distributed")]
 
 
 @pytest.fixture

@@ -334,12 +334,12 @@ def test_nobody_is_in_line_for_a_stop_that_takes_no_time(queue, takes_s, finding
     assert starved(replace(queue, execution=replace(queue.execution, stops=stops))) == findings
 
 
-@pytest.mark.parametrize(("urgent", "findings"), [((2,), []), ((), ["robot_1"]), ((0, 2), [])], ids=("one behind", "none", "all"))
-def test_who_stands_before_a_more_urgent_one_goes_first(tmp_path, urgent, findings):
+def test_who_stands_before_a_more_urgent_one_goes_first(tmp_path):
     """robot_0 and robot_2 come to A in turn, each behind the other, while robot_1 stands before it."""
     tasks = {"streams": [{"name": "o", "stops": ["A"], "service": [40], "arrivals": {"open": 6}}]}
     run = driven(scenario(ring(tmp_path), tasks, starts=["c4", "B", "c3"], execution={"time_limit_s": 600.0}))
-    assert starved(logs_of(run), urgent=urgent) == findings
+    for urgent, findings in (((2,), []), ((), ["robot_1"]), ((0, 2), [])):
+        assert starved(logs_of(run), urgent=urgent) == findings, urgent
 
 
 def test_nobody_is_idle_beside_work_for_long_unsaid(logs):

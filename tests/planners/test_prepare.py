@@ -40,7 +40,7 @@ def test_planning_compiles_nothing_after_prepare(name, side, robots):
     distance.prepare()
     chosen.prepare()
     before = compiled()
-    chosen.plan(problem, 1.0)
+    chosen.plan(problem, 0.4)
     assert {kernel: n for kernel, n in compiled().items() if n != before.get(kernel, 0)} == {}
 
 

@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -11,7 +12,7 @@ from mrp_sumo.cli.main import main
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.wire.rerun import RerunView
 
-pytest.importorskip("rerun")
+pytestmark = pytest.mark.skipif(find_spec("rerun") is None, reason="no rerun-sdk")
 
 
 @pytest.mark.slow

