@@ -152,7 +152,7 @@ def _shown(value: object) -> str:
 def workers_of(options: argparse.Namespace) -> int:
     """Processes that make runs, by default one a core."""
     require_least("--workers", options.workers, 1)
-    if options.scheduler is not None and options.workers is not None:
+    if options.workers is not None and getattr(options, "scheduler", None) is not None:
         raise BatchError("--workers is for this machine: a Dask scheduler has workers of its own; leave out one of the two")
     return int(options.workers or len(os.sched_getaffinity(0)))
 

@@ -25,7 +25,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Make it, and open the page."""
-    import webbrowser
+    out = Path(options.out)
+    out.mkdir(parents=True, exist_ok=True)
+    import webbrowser  # and all that runs and draws: after there is a place for it
 
     from mrp_sumo.cli.batch import watcher
     from mrp_sumo.cli.ending import stoppable
@@ -35,8 +37,6 @@ def run(options: argparse.Namespace) -> int:
     from mrp_sumo.reports.report import write_report
     from mrp_sumo.reports.tour import TourPage, tour_page
 
-    out = Path(options.out)
-    out.mkdir(parents=True, exist_ok=True)
     _say(f"\nnine robots cross an office\n  $ mrp-sumo run office_9 --out {out / 'office'} --replay", options)
     office = _run("office_9", out / "office", at_s=15.0)
     _say(f"  {office.status}", options)

@@ -55,10 +55,8 @@ def run(options: argparse.Namespace) -> int:
     from mrp_sumo.maps.catalogue import find_map
 
     path = find_map(options.map, Path())
-    from mrp_sumo.experiments.proposal import propose  # with all that drives: after the map is known to be there
     from mrp_sumo.maps.readers.reader import map_name
 
-    warn_of_kernels()
     name = folder_name(map_name(path))
     out: Path = options.out or Path(name)
     scenario = out if out.suffix.lower() in (".yaml", ".yml") and not out.is_dir() else out / SCENARIO
@@ -66,6 +64,11 @@ def run(options: argparse.Namespace) -> int:
     _require_free(scenario)
     if options.orders is not None and not 1 <= options.orders <= 100_000:
         raise MrpSumoError(f"--orders: found {options.orders}, expected 1 to 100000")
+    for key, (option, least, most) in BOUNDS.items():
+        _require_within(option, getattr(options, key, None), least, most)
+    from mrp_sumo.experiments.proposal import propose  # with all that drives: after the options are sound
+
+    warn_of_kernels()
     file = os.path.relpath(path.resolve(), out.resolve()) if Path(options.map).is_file() else options.map
     scale = {} if options.meters_per_pixel is None else {"meters_per_pixel": options.meters_per_pixel}
     wishes = _asked(options) if options.interactive else _wishes({key: getattr(options, key) for key in WISHED})
@@ -102,9 +105,13 @@ def _wishes(values: dict[str, Any]) -> "Wishes":
     from mrp_sumo.experiments.proposal import Wishes
 
     for key, (name, least, most) in BOUNDS.items():
-        if (value := values.get(key)) is not None and not least <= value <= most:
-            raise MrpSumoError(f"{name}: found {value:g}, expected {least:g} to {most:g}")
+        _require_within(name, values.get(key), least, most)
     return Wishes(**values)
+
+
+def _require_within(name: str, value: float | None, least: float, most: float) -> None:
+    if value is not None and not least <= value <= most:
+        raise MrpSumoError(f"{name}: found {value:g}, expected {least:g} to {most:g}")
 
 
 def _asked(options: argparse.Namespace) -> "Wishes":

@@ -27,11 +27,11 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Make the runs, write the page, say how long it took."""
-    from mrp_sumo.experiments.paper import Campaign, run_campaign
-    from mrp_sumo.reports.paper.page import compare_with_paper, write_paper
-
     workers = workers_of(options)
     require_least("--seeds", options.seeds, 1)
+    from mrp_sumo.experiments.paper import Campaign, run_campaign  # with all that runs and draws: after the options are sound
+    from mrp_sumo.reports.paper.page import compare_with_paper, write_paper
+
     campaign = Campaign(Path(options.out), options.maps, options.seeds)
     with stoppable() as stop, watcher() as shown:
         made = run_campaign(campaign, shown, workers=workers, stop=stop)

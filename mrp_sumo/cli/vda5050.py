@@ -78,12 +78,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Connect, simulate, say good-bye."""
-    from mrp_sumo.drive import warm
     from mrp_sumo.errors import MrpSumoError
-    from mrp_sumo.experiments.map_cache import MapCache
-    from mrp_sumo.experiments.staging.set_up import set_up
     from mrp_sumo.formats.vda.messages import SERIAL, Dialect
-    from mrp_sumo.wire.mqtt import Connections
 
     broker, dialect = _broker(options), Dialect(options.version)
     for option, least in (("speed", 0.001), ("duration", 0.001), ("state_period", 0.001), ("visualization_period", 0.0)):
@@ -96,6 +92,11 @@ def run(options: argparse.Namespace) -> int:
         only_for("--as fleet", fault=options.fault, duration=options.duration)
     else:
         only_for("--as master", out=options.out)
+    from mrp_sumo.drive import warm  # with all that drives: after the options are sound
+    from mrp_sumo.experiments.map_cache import MapCache
+    from mrp_sumo.experiments.staging.set_up import set_up
+    from mrp_sumo.wire.mqtt import Connections
+
     warm.prepare()
     with ExitStack() as stack:
         maps = stack.enter_context(MapCache())
