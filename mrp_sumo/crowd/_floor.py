@@ -85,7 +85,7 @@ def distance_to_wall(x, y, x0, y0, x1, y1):
 
 @kernel
 def march(start, free, away_m, cell_m, body_m, width, direction):
-    """Which way leads to a place from everywhere: the fast marching method, slower close to walls.
+    """The way to a place from everywhere, by the fast marching method, slower close to walls.
 
     The time of arrival T solves |grad T| = 1 / speed, to first order (Sethian, PNAS 93, 1996); one walks against its gradient.
 

@@ -88,7 +88,7 @@ def put_in_bins(x, y, count, ground, first, member):
 
 @kernel(inline="always", allocates=False)
 def within(distance, size, count):
-    """Which of so many parts of a size lies that far from the first one's edge; the first or last for what is beyond."""
+    """The one of so many parts of a size that lies so far from the first one's edge; the first or last for what is beyond."""
     return min(max(int(distance / size), 0), count - 1)
 
 
@@ -113,7 +113,7 @@ def cell_of(x, y, ground):
 
 @kernel(allocates=False)
 def push(now, p, walkers, ground, robots, ways):
-    """What drives a person, and what pushes it."""
+    """The force that drives a person, and those that push it."""
     x, y, vx, vy = walkers.x_m[p], walkers.y_m[p], walkers.vx_mps[p], walkers.vy_mps[p]
     wish, cell = walkers.wish_mps[p], cell_of(walkers.x_m[p], walkers.y_m[p], ground)
     is_away = now < walkers.away_until_s[p]
@@ -281,13 +281,13 @@ def round_robots(x, y, ex, ey, is_stuck, ground, robots):
 
 @kernel(inline="always", allocates=False)
 def is_before(x, y, i, robots):
-    """Whether one is where a robot faces."""
+    """True if one is where a robot faces."""
     return np.cos(robots.yaw_rad[i]) * (x - robots.x_m[i]) + np.sin(robots.yaw_rad[i]) * (y - robots.y_m[i]) > 0.0
 
 
 @kernel(allocates=False)
 def is_free_way(x, y, dx, dy, ground):
-    """Whether the cells on the way to a point are free, but for the first ones: people are pushed to walls."""
+    """True if the cells on the way to a point are free, but for the first ones: people are pushed to walls."""
     is_free = True
     for part in range(3, 9):
         is_free &= ground.free[cell_of(x + dx * part / 8.0, y + dy * part / 8.0, ground)]
@@ -342,7 +342,7 @@ def move(h, p, walkers, ground, robots):
 
 @kernel(allocates=False)
 def leads_through_wall(x, y, nx, ny, ground):
-    """Whether a step crosses a wall."""
+    """True if a step crosses a wall."""
     cell = cell_of(x, y, ground)
     for k in range(ground.first[cell], ground.first[cell + 1]):
         w = ground.near[k]
@@ -356,7 +356,7 @@ def leads_through_wall(x, y, nx, ny, ground):
 
 @kernel(allocates=False)
 def look_back(now, dt, p, walkers, ground, robots):
-    """Whether a person stands, and before a robot; who has stood for long goes back a little."""
+    """True if a person stands, and before a robot; who has stood for long goes back a little."""
     x, y = walkers.x_m[p], walkers.y_m[p]
     if np.hypot(walkers.vx_mps[p], walkers.vy_mps[p]) >= SLOW * walkers.wish_mps[p]:
         walkers.stuck_s[p] = max(walkers.stuck_s[p] - dt, 0.0)

@@ -133,7 +133,7 @@ def watch(step, is_last, s_m, routed, scene, tape):
 
 @kernel(allocates=False)
 def num_ended(visits, state):
-    """How many robots have come to the ends of their ways, and stand there as they are to."""
+    """Number of robots that have come to the ends of their ways, and stand there as they are to."""
     count = 0
     for r in range(len(visits.reached)):
         if visits.next[visits.reached[r]] < 0 and is_turned(state.motion.yaw_rad[r], state.facing_rad[r]):
@@ -143,7 +143,7 @@ def num_ended(visits, state):
 
 @kernel(allocates=False)
 def has_to_look(visits, state, tape):
-    """Whether somebody waits for another robot, stands though it should not, or has come farther than it may unseen."""
+    """True if somebody waits for another robot, stands though it should not, or has come farther than it may unseen."""
     waits, motion = state.waits, state.motion
     for r in range(len(tape.rests)):
         if waits.waiting[r] or waits.stuck[r] or (tape.watched[r] >= 0 and visits.reached[r] != tape.watched[r]):
@@ -155,7 +155,7 @@ def has_to_look(visits, state, tape):
 
 @kernel(allocates=False)
 def look_late(s_m, visits, margin):
-    """Where robots were at the last step that is as long ago as what they had left then has to stay theirs."""
+    """Positions of robots at the last step that is as long ago as what they had left then has to stay theirs."""
     past_m, past_steps, num_past = margin.past_m, margin.past_steps, len(margin.past_m)
     margin.step[0] += 1
     step = margin.step[0]
@@ -171,7 +171,7 @@ def look_late(s_m, visits, margin):
 
 @kernel(allocates=False)
 def depart(began, s_m, visits, motion, tape):
-    """Who stood on a vertex and set out in the step that began at `began`, before it is observed."""
+    """Departures of robots that stood on a vertex and set out in the step that began at `began`, before it is observed."""
     for r in range(len(s_m)):
         m = visits.reached[r]
         tape.before[0, r], tape.before[1, r] = m, visits.granted[r]

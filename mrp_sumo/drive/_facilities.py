@@ -32,7 +32,7 @@ def run_facilities(now, scene):
 
 @kernel(allocates=False)
 def note_requests(dt, kinematics, visits, needs, state, facilities):
-    """Who calls which lift, and which doors are asked for: robots that may pass already, and those that come near."""
+    """Note calls of lifts and requests for doors: of robots that may pass already, and those that come near."""
     following, reached, granted, rank = visits.next, visits.reached, visits.granted, visits.rank
     from_m, vertex, lane = visits.from_m, visits.vertex, visits.lane
     lane_lift, lane_door, vertex_door = facilities.lane_lift, facilities.lane_door, facilities.vertex_door
@@ -70,7 +70,7 @@ def note_requests(dt, kinematics, visits, needs, state, facilities):
 
 @kernel(inline="always", allocates=False)
 def is_next(robot, visit, lift, needs, grants, facilities):
-    """Whether a robot may be the next in a lift."""
+    """True if a robot may be the next in a lift."""
     q = facilities.resource[lift]
     found = True
     for e in range(needs.first[visit], needs.first[visit + 1]):
@@ -81,7 +81,7 @@ def is_next(robot, visit, lift, needs, grants, facilities):
 
 @kernel(allocates=False)
 def run_lifts(now, visits, state, facilities):
-    """Where cabins are, and whether robots may enter them."""
+    """Move cabins, and let robots enter them."""
     mode, car, target, until_s, session = facilities.mode, facilities.car, facilities.target, facilities.until_s, facilities.session
     ride_s, level, service, calls = facilities.ride_s, facilities.level, facilities.service, facilities.calls
     holder, reached, vertex = state.grants.holder, visits.reached, visits.vertex
@@ -137,7 +137,7 @@ def come(now, lift, wanted, facilities):
 
 @kernel(allocates=False)
 def run_doors(now, facilities):
-    """Whether robots may go through doors."""
+    """Open and close doors, and let robots go through them."""
     mode, until_s, asked, soon, door_s = (
         facilities.door_mode,
         facilities.door_until_s,

@@ -114,7 +114,7 @@ def grant_visits(r, now, ordered, scene):
 
 @kernel(inline="always", allocates=False)
 def room_on_lane(robot, visit, kinematics, visits, grants, s_m):
-    """How far a robot may drive on the lane to a visit that it has not won: short of it, and behind who is ahead, wherever that one
+    """Distance that a robot may drive on the lane to a visit that it has not won: short of it, and behind who is ahead, wherever that one
     comes to a stop. Followers so need no engine that keeps them apart.
     """
     room = visits.short_of_m[visit]
@@ -238,7 +238,7 @@ def turn_back(grants: Grants, robot: int, at_m: float, lane: int, behind: NDArra
 
 
 def ask_anew(grants: Grants, robot: int, visit: int) -> None:
-    """What a robot waited for is over: it goes another way from a visit on."""
+    """Let a robot that goes another way from a visit on wait for nothing."""
     grants.cause[robot], grants.other[robot], grants.asked_s[robot], grants.wanted[robot] = FREE, -1, np.inf, visit
 
 

@@ -73,7 +73,7 @@ def move(s_m, scene):
 
 @kernel(allocates=False)
 def book(rules, visits, state):
-    """What each robot's step was spent on."""
+    """Book the step to what each robot spent it on."""
     motion, waits, cause = state.motion, state.waits, state.grants.cause
     for r in range(len(cause)):
         waits.waiting[r] = False
@@ -166,7 +166,7 @@ def arrive(now, s_m, scene):
 
 @kernel(inline="always", allocates=False)
 def is_turned(yaw, facing):
-    """Whether a robot faces as it is to stay; NaN: any will do."""
+    """True if a robot faces as it is to stay; NaN: any will do."""
     return np.isnan(facing) or abs((facing - yaw + np.pi) % (2 * np.pi) - np.pi) <= TURNED_RAD
 
 
@@ -182,7 +182,7 @@ def note(log, kind, robot, why, span_s):
 
 @kernel(inline="always", allocates=False)
 def get_on(robot, now, waits):
-    """What a robot is doing is progress: a ride."""
+    """Note that what a robot is doing is progress: a ride."""
     waits.mark_s[robot] = now
 
 
@@ -218,13 +218,13 @@ def face(motion: Motion, robots: NDArray[np.int64], yaw_rad: NDArray[np.float64]
 
 
 def go_elsewhere(waits: Waits, robot: int, s_m: float, now_s: float) -> None:
-    """What a robot waited for is over: it goes another way, from where it has driven to."""
+    """Let a robot that goes another way, from where it has driven to, wait for nothing."""
     waits.since_s[robot], waits.cause[robot], waits.other[robot], waits.where[robot] = np.inf, FREE, -1, -1
     waits.mark_m[robot], waits.mark_s[robot], waits.stuck[robot] = s_m, now_s, False
 
 
 def stand_at_goal(waits: Waits, robots: NDArray[np.int64], goal_s: NDArray[np.float64]) -> None:
-    """When robots came to stand where their tasks end [K], NaN: they do not."""
+    """Times at which robots came to stand where their tasks end [K], NaN: they do not."""
     waits.goal_s[robots] = goal_s
 
 

@@ -16,7 +16,7 @@ EDGE_M = 2.0 / GRAINS  # so near the end of a field is outside
 
 @kernel(allocates=False)
 def book_lost(dt, people):
-    """What the step that has ended cost robots because of people."""
+    """Time that the step that has ended cost robots because of people."""
     for r in range(len(people.lost_s)):
         people.lost_s[r] += dt * people.lost_share[r]
 
@@ -77,7 +77,7 @@ def speed_within(room, reaction_s, decel):
 
 @kernel(allocates=False)
 def room_ahead(r, most, visits, motion, people):
-    """How far ahead of a robot's front the nearest person in its field is, inf where nobody is within `most`."""
+    """Distance from a robot's front to the nearest person in its field, inf where nobody is within `most`."""
     k = visits.next[visits.reached[r]]
     if k < 0:
         return np.inf
@@ -111,7 +111,7 @@ def room_ahead(r, most, visits, motion, people):
 
 @kernel(allocates=False)
 def is_clear_around(r, visits, motion, people):
-    """Whether nobody is where a robot that turns in place could touch them."""
+    """True if nobody is where a robot that turns in place could touch them."""
     x, y = place_of(in_grains(motion.s_m[r]), visits.reached[r], visits, people)
     most = np.hypot(people.half_length_m[r], people.half_width_m[r]) + people.side_m + people.body_m
     for row in range(bin_row(y - most, people), bin_row(y + most, people) + 1):
@@ -138,7 +138,7 @@ def bin_column(x, people):
 
 @kernel(inline="always", allocates=False)
 def place_of(s, reached, visits, people):
-    """Where a robot is that has driven so far."""
+    """Place of a robot that has driven so far."""
     following, at_m, lane, vertex = visits.next, visits.at_m, visits.lane, visits.vertex
     k = following[reached]
     while k >= 0 and s > at_m[k] and following[k] >= 0:
@@ -159,7 +159,7 @@ def in_grains(where):
 
 @kernel(allocates=False)
 def see_robots(dt, driven_m, visits, motion, people):
-    """Where people see robots that have driven `driven_m` [R]: where these are when the step is over, headings one step old."""
+    """Places in which people see robots that have driven `driven_m` [R]: those when the step is over, headings one step old."""
     following, at_m, lane = visits.next, visits.at_m, visits.lane
     for r in range(len(driven_m)):
         reached, s, was = visits.reached[r], in_grains(driven_m[r]), in_grains(motion.s_m[r])

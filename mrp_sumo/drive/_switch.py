@@ -26,7 +26,7 @@ class Net(NamedTuple):
 
 
 class SwitchScratch(NamedTuple):
-    """What a look at an order leaves behind."""
+    """Working arrays of a look at an order."""
 
     arrive_s: np.ndarray  # [N]
     waits: np.ndarray  # [N] the passage whose beginning was waited for, -1: nothing was
@@ -154,7 +154,7 @@ def in_a_cycle(net, order, place, scratch):
 
 @kernel(allocates=False)
 def may_switch(net, before, after):
-    """Whether of two passages, one directly before the other, the second may be the first."""
+    """True if, of two passages, one directly before the other, the second may be the first."""
     stays = net.left_at[after] == len(net.run_s)
     return not net.fixed[before] and not stays and net.robot[before] != net.robot[after]
 

@@ -42,7 +42,7 @@ class AnswerLimits:
 
 @dataclass(frozen=True, eq=False)
 class Situation:
-    """Who can be given a new plan, and from where; R robots."""
+    """Robots that can be given a new plan, and from where; R robots."""
 
     request: Request
     waits: BoolArray  # [R] who cannot: broken, or on a lane that it neither may drive to the end nor back
@@ -77,7 +77,7 @@ def request_for(now_s: float, context: Surroundings, robots: Sequence[int], reas
 
 
 def situation(now_s: float, context: Surroundings, stays: BoolArray, end: IntArray) -> Situation:
-    """What a planner is to be asked.
+    """The question for a planner.
 
     Parameters
     ----------
@@ -188,7 +188,7 @@ def _back_after_s(route: Reroute) -> float:
 
 
 def supports_of(planner: str, parameters: Mapping[str, Any]) -> Collection[str]:
-    """What a registered planner supports."""
+    """Features that a registered planner supports."""
     from mrp_sumo.planning.registry import planner as make
 
     return cast(Collection[str], getattr(make(planner, parameters), "supports", ()))

@@ -1,4 +1,4 @@
-"""What changes while robots drive, by its owner: every array is written in one module, which `OWNERS` names.
+"""State that changes while robots drive, by its owner: every array is written in one module, which `OWNERS` names.
 
 The ledger's visits are in `core.visits`, its needs here; distances are along each robot's way since its start.
 """
@@ -16,7 +16,7 @@ NEVER = 2**62
 
 
 class VisitNeeds(NamedTuple):
-    """What visits need, [M] unless said."""
+    """Resources that visits need, [M] unless said."""
 
     first: IntArray  # [N + 1] CSR: visit k needs first[k]:first[k + 1]
     resource: IntArray
@@ -29,7 +29,7 @@ class VisitNeeds(NamedTuple):
 
 
 class Motion(NamedTuple):
-    """Where robots are and how fast, [R]."""
+    """Places and speeds of robots, [R]."""
 
     s_m: FloatArray  # driven
     moved_m: FloatArray  # in the last step
@@ -39,7 +39,7 @@ class Motion(NamedTuple):
 
 
 class Grants(NamedTuple):
-    """Who may drive where, and at which speed; [R] unless said."""
+    """Permissions to drive, and at which speed; [R] unless said."""
 
     allowed_m: FloatArray  # how far
     on_lane: BoolArray  # whether it may enter the lane after its last granted visit without having won its end
@@ -60,7 +60,7 @@ class Grants(NamedTuple):
 
 
 class Waits(NamedTuple):
-    """What became of each robot's time, [R] unless said."""
+    """Uses of each robot's time, [R] unless said."""
 
     category: IntArray  # how the last step is booked
     waiting: BoolArray  # whether it was spent on waiting for another robot
@@ -76,7 +76,7 @@ class Waits(NamedTuple):
 
 
 class Yielding(NamedTuple):
-    """Who lets others pass, [R]."""
+    """Robots that let others pass, [R]."""
 
     pause: IntArray  # rank of the visit beyond which a robot that gives way claims nothing; NEVER where it does not
     pause_for: IntArray  # the robot it lets pass, -1: none
@@ -214,7 +214,7 @@ class PeopleState(NamedTuple):
 
 
 class Margin(NamedTuple):
-    """How much later what robots leave is free for others; rings of the last P steps. Used to find out the times of a plan."""
+    """Time by which what robots leave is later free for others; rings of the last P steps. Used to find out the times of a plan."""
 
     steps: IntArray  # [K] after 0, 1, ... visits; they never decrease. Empty: it is free at once
     step: IntArray  # [1] how many have been observed
@@ -225,7 +225,7 @@ class Margin(NamedTuple):
 
 
 class Conditions(NamedTuple):
-    """What the world lets robots do."""
+    """Conditions that the world sets robots."""
 
     factor: FloatArray  # [R] on their speed
     hold_until_s: FloatArray  # [R] before which they stand still
@@ -238,7 +238,7 @@ class Conditions(NamedTuple):
 
 
 class Log(NamedTuple):
-    """What happened in one step."""
+    """Happenings of one step."""
 
     num_entries: IntArray  # [1]
     kind: IntArray
@@ -271,7 +271,7 @@ class StepArrays(NamedTuple):
 
 
 class Tape(NamedTuple):
-    """What is kept of steps in which nothing else happened, and when somebody has to look at robots though nothing does."""
+    """Record of steps in which nothing else happened, and when somebody has to look at robots though nothing does."""
 
     filled: IntArray  # [2] how many samples and grants are on it
     sample_every: int  # steps

@@ -83,7 +83,7 @@ def short_way(turn):
 
 @kernel
 def closeness(poses, level, bodies):
-    """How near footprints come in T samples of R robots.
+    """Least distances between footprints in T samples of R robots.
 
     Parameters
     ----------

@@ -11,7 +11,7 @@ from mrp_sumo.search._kernel import kernel
 
 @kernel
 def wall_closeness(poses, bodies, cell, first, listed, walls, best):
-    """How near footprints come to walls in T samples of R robots.
+    """Least distances of footprints to walls in T samples of R robots.
 
     Parameters
     ----------

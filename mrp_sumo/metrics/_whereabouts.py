@@ -28,7 +28,7 @@ class Rides(NamedTuple):
 
 
 class RideLimits(NamedTuple):
-    """What R robots can do."""
+    """Limits of motion of R robots."""
 
     accel: np.ndarray  # [R] m/s2
     decel: np.ndarray  # [R]
@@ -207,7 +207,7 @@ def motions(rides, limits, speeds, early, late):
 
 @kernel
 def place_at(motion, t):
-    """Where along its lane a robot is at a moment."""
+    """Place of a robot along its lane at a time."""
     if t <= motion[0, 0]:
         return motion[1, 0]
     if t >= motion[0, 5]:
@@ -222,7 +222,7 @@ def place_at(motion, t):
 
 @kernel
 def first_at(motion, place):
-    """When a robot comes to a place along its lane."""
+    """Time at which a robot comes to a place along its lane."""
     a, b = motion[0, 0], motion[0, 5]
     for _ in range(HALVINGS):
         middle = (a + b) / 2
@@ -251,7 +251,7 @@ def where(piece, e, t, waits):
 
 @kernel
 def nearest(piece, e, f, apart, e_waits, f_waits):
-    """When two bodies first come closer than `apart`, and how close they come in all; inf if never."""
+    """First time at which two bodies come closer than `apart`, inf if never, and how close they come in all."""
     begin, end, pace = max(piece.begin[e], piece.begin[f]), min(piece.end[e], piece.end[f]), piece.top[e] + piece.top[f]
     t, found, least = begin, np.inf, np.inf
     while True:

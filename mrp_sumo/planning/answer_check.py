@@ -15,7 +15,7 @@ from mrp_sumo.core.problem import Problem
 
 
 class WrongAnswer(Exception):
-    """What is wrong with an answer, as the end of a sentence: 'returned None, expected a PlanResult'."""
+    """Fault of an answer, as the end of a sentence: 'returned None, expected a PlanResult'."""
 
 
 def checked_result(answer: Any, problem: Problem, time_s: float, cpu_s: float, *, assigns: bool) -> PlanResult:

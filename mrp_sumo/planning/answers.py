@@ -125,7 +125,7 @@ def as_supported(chosen: Planner, problem: Problem) -> Problem:
 
 
 def used_up(problem: Problem, labels: float) -> bool:
-    """Whether so many labels are all the effort that a problem allows."""
+    """True if so many labels are all the effort that a problem allows."""
     return 0 < problem.effort <= labels
 
 

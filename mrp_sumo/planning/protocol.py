@@ -1,4 +1,4 @@
-"""What a planner and an assigner are. A plug-in is a class with one of these faces, best a frozen dataclass.
+"""Planners and assigners. A plug-in is a class with one of these faces, best a frozen dataclass.
 
 Its fields are its parameters: scenario files set them by name, and the registry refuses others.
 """
@@ -16,7 +16,7 @@ class Planner(Protocol):
 
     @property
     def assigns(self) -> bool:
-        """Whether it chooses the goals' robots itself, as CBS-TA does; a `ClassVar[bool]` will do."""
+        """True if it chooses the goals' robots itself, as CBS-TA does; a `ClassVar[bool]` will do."""
 
     @property
     def guarantee(self) -> str:

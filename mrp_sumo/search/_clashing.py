@@ -16,7 +16,7 @@ def move_of(first, head, u, v):
 
 @kernel
 def too_close(clashes, move, other, u, v):
-    """Whether a move clashes with another robot's move `other`, which leads from u to v or is waiting at u = v."""
+    """True if a move clashes with another robot's move `other`, which leads from u to v or is waiting at u = v."""
     close = False
     for k in range(clashes.vertex_first[move], clashes.vertex_first[move + 1]):
         close = close or clashes.vertex[k] == u or clashes.vertex[k] == v

@@ -109,13 +109,13 @@ def load(instance, store, scratch, record):
 
 @kernel(inline="always", allocates=False)
 def elsewhere(must, stamp, step, vertex):
-    """Whether the robot must be at another vertex at this step."""
+    """True if the robot must be at another vertex at this step."""
     return must[step] >> 32 == stamp and (must[step] & 0xFFFFFFFF) != vertex
 
 
 @kernel(inline="always", allocates=False)
 def barred(rule, rule_at, u, v, step):
-    """Whether a rule of a touched vertex v forbids to come from u at this step."""
+    """True if a rule of a touched vertex v forbids to come from u at this step."""
     k = rule_at[v]
     while k >= 0:
         if rule[k].begin <= step <= rule[k].end and (rule[k].tail < 0 or rule[k].tail == u):
@@ -134,7 +134,7 @@ def is_forbidden(scratch, stamp, last_must, u, v, step):
 
 @kernel(allocates=False)
 def forbidden(scratch, u, v, step):
-    """Whether the constraints laid out forbid to come from u to v at this step, or to be at v = u at the first."""
+    """True if the constraints laid out forbid to come from u to v at this step, or to be at v = u at the first."""
     return is_forbidden(scratch, scratch.number[STAMP], scratch.limit[LAST_MUST], u, v, step)
 
 

@@ -12,7 +12,7 @@ from mrp_sumo.search._records import place
 
 @kernel(inline="always", allocates=False)
 def is_taken(occupancy, vertex, step):
-    """Whether another robot is at a vertex at a step, on its way or for good; False beyond the steps that are known."""
+    """True if another robot is at a vertex at a step, on its way or for good; False beyond the steps that are known."""
     words = occupancy.words
     on_way = step < words * WORD and ((occupancy.busy[vertex * words + (step >> 5)] >> np.uint64(step & 31)) & ONE) != 0
     return on_way or (step < words * WORD and occupancy.since[vertex] <= step)
@@ -20,7 +20,7 @@ def is_taken(occupancy, vertex, step):
 
 @kernel(inline="always", allocates=False)
 def num_disturbed(store, occupancy, u, v, step, u_is_taken, following):
-    """How many robots are disturbed by a move from u that arrives at v at a step, or by waiting at u = v.
+    """Number of robots disturbed by a move from u that arrives at v at a step, or by waiting at u = v.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ def num_disturbed(store, occupancy, u, v, step, u_is_taken, following):
 
 @kernel(allocates=False)
 def num_too_close(instance, occupancy, move, step):
-    """How many places that clash with a move to `step` are taken by others, about: one robot may count more than once."""
+    """Number, about, of places that clash with a move to `step` and are taken by others: one robot may count more than once."""
     clashes = instance.clashes
     num = np.int64(0)
     for k in range(clashes.vertex_first[move], clashes.vertex_first[move + 1]):

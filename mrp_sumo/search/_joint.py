@@ -8,7 +8,7 @@ from mrp_sumo.search._kernel import kernel
 
 @kernel
 def can_reach(first, head, start, goal, following, clashes):
-    """Whether robots can go from their starts to their goals without a conflict.
+    """True if robots can go from their starts to their goals without a conflict.
 
     Parameters
     ----------

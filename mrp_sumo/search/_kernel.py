@@ -62,7 +62,7 @@ def kernel(function: Callable[..., Any] | None = None, *, inline: str = "never",
 
 
 def is_compiled() -> bool:
-    """Whether kernels are compiled; with NUMBA_DISABLE_JIT they are what they are in Python."""
+    """True if kernels are compiled; with NUMBA_DISABLE_JIT they are what they are in Python."""
     return os.environ.get("NUMBA_DISABLE_JIT", "0") in ("", "0")
 
 
@@ -231,7 +231,7 @@ class UnstoredKernels:
 
     @property
     def num_stored(self) -> int:
-        """How many of them are stored by now, by whichever process."""
+        """Number of them that are stored by now, by whichever process."""
         return sum(folder.exists() for folder in self._folders)
 
 
@@ -246,18 +246,18 @@ def each_compiled(show: Callable[[], None]) -> Iterator[None]:
 
 
 def is_empty(room: str) -> bool:
-    """Whether the kernels of a room could be stored, and none is."""
+    """True if the kernels of a room could be stored, and none is."""
     return is_compiled() and room_folder(room) is not None and num_stored(room) == 0
 
 
 def num_stored(room: str) -> int:
-    """How many kernels of a room are stored."""
+    """Number of kernels of a room that are stored."""
     folder = room_folder(room)
     return sum(1 for _ in folder.iterdir()) if folder else 0
 
 
 def num_defined(room: str) -> int:
-    """How many kernels the sources of a room define."""
+    """Number of kernels that the sources of a room define."""
     return sum(file.read_text(encoding="utf-8").count("\n@kernel") for file in (ROOT / room).rglob("_*.py"))
 
 

@@ -163,7 +163,7 @@ def only(store, record, step):
 
 @kernel
 def raises_cost(instance, store, scratch, record, row0, row1):
-    """Whether these constraints cut through all paths of the record's MDD. False also when it is too large."""
+    """True if these constraints cut through all paths of the record's MDD. False also when it is too large."""
     mdd = store.meta[record].mdd0
     cost = mdd_cost(store, record)
     begin, end = FOREVER, -1

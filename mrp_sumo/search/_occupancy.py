@@ -1,4 +1,4 @@
-"""Who is where and when, of the records that are installed, so that a search can count the robots it would disturb.
+"""Robots by vertex and step, of the records that are installed, so that a search can count the robots it would disturb.
 
 A bit for every vertex and step says whether a robot on its way is there, another whether more than one is; only
 where these do not suffice is the list looked up that tells who. Lists hold what happens at a vertex within WORD

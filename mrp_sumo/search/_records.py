@@ -1,4 +1,4 @@
-"""What constraint trees keep of each robot: its constraints and the path found under them.
+"""Records that constraint trees keep of each robot: its constraints and the path found under them.
 
 A *record* is one robot's set of constraints and its path. Records form chains: a record adds rows to those of
 its parent. Room is fixed; appending reports when it does not suffice.
@@ -26,7 +26,7 @@ RECORDS, ROWS, PATH, LEVELS, MEMBERS = 0, 1, 2, 3, 4
 
 
 class SearchInstance(NamedTuple):
-    """What does not change: V vertices, L lanes, R robots, G goals."""
+    """Search instance, which does not change: V vertices, L lanes, R robots, G goals."""
 
     first: np.ndarray  # [V + 1] int64, lanes that leave a vertex
     head: np.ndarray  # [L] int64

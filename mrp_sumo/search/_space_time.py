@@ -37,7 +37,7 @@ WAITING, EXPANDED, FINISH = 0, 1, 2
 
 
 class TreeTables(NamedTuple):
-    """What a constraint tree's kernels work on: the graph, the records, where robots are, and buffers."""
+    """Tables that a constraint tree's kernels work on: the graph, the records, where robots are, and buffers."""
 
     instance: SearchInstance
     store: Store
@@ -46,7 +46,7 @@ class TreeTables(NamedTuple):
 
 
 class ReplanEffort(NamedTuple):
-    """What a robot is replanned with."""
+    """Effort with which a robot is replanned."""
 
     w: float  # the path costs at most w times the least cost, or w times `lower`
     lower: int  # a known lower bound

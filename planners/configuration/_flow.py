@@ -122,7 +122,7 @@ def write_left(flow, goal, until, left):
 
 
 class TrafficMap(NamedTuple):
-    """What was seen on L lanes."""
+    """Traffic that was seen on L lanes."""
 
     passages: np.ndarray  # [L] int64 moves along a lane
     delay: np.ndarray  # [L] int64 steps lost by robots that would have taken it

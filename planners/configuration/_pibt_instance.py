@@ -1,4 +1,4 @@
-"""What the kernels of PIBT and LaCAM plan on, and how near vertices are to a robot's goal: in tables of steps, or packed.
+"""Instance that the kernels of PIBT and LaCAM plan on, and how near vertices are to a robot's goal: in tables of steps, or packed.
 
 Packed, it takes two bits a vertex to say which way is nearer, for thousands of robots on large maps. On a graph whose lanes all run both
 ways, steps to a goal differ by at most one between neighbours, so the distance modulo 3 tells which of two neighbours is nearer: a quarter
@@ -30,7 +30,7 @@ class Compass(NamedTuple):
 
 
 class PibtInstance(NamedTuple):
-    """What does not change while planning. V vertices, L lanes, R robots; arrays are only read (but the compass's code, which grows)."""
+    """Instance, which does not change while planning. V vertices, L lanes, R robots; only the compass's code is written to, and grows."""
 
     first: np.ndarray  # [V + 1] int64, lanes that leave a vertex
     head: np.ndarray  # [L] int64
@@ -63,7 +63,7 @@ def nearer(world, robot, u, v):
 
 @kernel(allocates=False)
 def prefers(world, robot, u, v):
-    """Whether a robot prefers u to v, which are neighbours or the same."""
+    """True if a robot prefers u to v, which are neighbours or the same."""
     if world.guided:
         return world.guide[robot, u] < world.guide[robot, v]
     return nearer(world, robot, u, v) < 0

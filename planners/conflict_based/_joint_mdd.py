@@ -197,7 +197,7 @@ def _note_lost(store, lost, count, both_kept, moves, level):
 
 @kernel
 def joint_paths(instance, store, scratch, one, other, splits):
-    """Whether two robots have shortest paths without a conflict, and otherwise what to split on.
+    """Shortest paths of two robots without a conflict, and where there are none, what to split on.
 
     Conflicts of moves that clash are not looked for: with these, TOGETHER may be said of robots that are LOST.
 
@@ -307,7 +307,7 @@ def _bar_lost(store, lost, cost):
 
 @kernel(allocates=False)
 def breaks(store, record, row0, row1):
-    """Whether the path of a record does not keep these constraints, RANGE and MIN_COST."""
+    """True if the path of a record does not keep these constraints, RANGE and MIN_COST."""
     path0, cost = store.meta[record].path0, store.meta[record].cost
     for r in range(row0, row1):
         v, begin, end = store.rows[r].vertex, np.int64(store.rows[r].begin), np.int64(store.rows[r].end)

@@ -1,4 +1,4 @@
-"""Which robots are planned again together: those in collision, and kinds of neighbourhoods, chosen by what each has gained lately.
+"""Neighbourhoods, robots that are planned again together: those in collision, and kinds, chosen by what each has gained lately.
 
 Sources: Li, Chen, Harabor, Stuckey, Koenig, "Anytime multi-agent path finding via large neighborhood search", IJCAI
 2021 (a robot that is late and those in its way; robots about one place; any), and "MAPF-LNS2", AAAI 2022 (robots in

@@ -53,7 +53,7 @@ def steps_from(steps, code, v, u, to_go):
 
 @kernel(allocates=False)
 def hashed_run(labels, v, high):
-    """Where what is known of a vertex's run with this last step is kept among hashed ones; those of earlier searches are empty.
+    """Slot of what is known of a vertex's run with this last step, among hashed ones; those of earlier searches are empty.
 
     Runs of a vertex and of those around it that end at about one time are near each other in memory: searches stay in a few places.
     """
@@ -275,7 +275,7 @@ def _write(labels, traffic, robot, x):
 
 
 def labels_for(num_vertices: int, num_lanes: int) -> int:
-    """How many labels a search may make."""
+    """Number of labels that a search may make."""
     return 20_000 + 16 * num_vertices + 2 * num_lanes
 
 

@@ -1,4 +1,4 @@
-"""Who is where and when: the paths of robots as tables that answer at once whether a vertex is free and who is on it.
+"""Traffic: the paths of robots as tables that answer at once whether a vertex is free and who is on it.
 
 Where following is refused, a robot holds the vertex it leaves in the step of its move too: any two robots that come too
 near then hold one vertex at one step, and swaps and rings need no rules of their own.
@@ -26,7 +26,7 @@ for _k in range(32):
 
 
 class RepairTask(NamedTuple):
-    """What does not change. V vertices, L lanes, R robots."""
+    """Task of a repair, which does not change. V vertices, L lanes, R robots."""
 
     first: np.ndarray  # [V + 1] int64
     head: np.ndarray  # [L] int64
@@ -43,7 +43,7 @@ class RepairTask(NamedTuple):
 
 
 class RowOccupancy(NamedTuple):
-    """How many robots there are on each row at each of T steps, over K slots."""
+    """Number of robots on each row at each of T steps, over K slots."""
 
     key: np.ndarray  # [K] int64 number of the cell and 1, 0 of an empty slot; [0] where every cell has its slot
     num: np.ndarray  # [K] uint8
@@ -52,7 +52,7 @@ class RowOccupancy(NamedTuple):
 
 
 class Traffic(NamedTuple):
-    """Who is where. V vertices, L lanes, R robots, T steps, W = T / WORD. Robots stay at their goals up to step T - 1."""
+    """Robots by vertex and step. V vertices, L lanes, R robots, T steps, W = T / WORD. Robots stay at their goals up to step T - 1."""
 
     task: RepairTask
     at: np.ndarray  # [R, T] int32 position of each robot, -1 where a robot has no path
@@ -69,7 +69,7 @@ class Traffic(NamedTuple):
 
 @kernel(allocates=False)
 def home(key, mask):
-    """Where the slot of a cell is looked for first."""
+    """Index at which the slot of a cell is looked for first."""
     return (((key ^ (key >> 17)) & 0x7FFFFFFF) * 0x9E3779B1 >> 20) & mask
 
 
@@ -122,7 +122,7 @@ def slot_of(cells, row, t):
 
 @kernel(inline="always")
 def num_in(cells, row, t):
-    """How many robots there are in a cell."""
+    """Number of robots in a cell."""
     k = slot_of(cells, row, t)
     return np.int64(cells.num[k]) if k >= 0 else np.int64(0)
 
@@ -290,7 +290,7 @@ def _hand_over(traffic, robot, v, t):
 
 @kernel(allocates=False)
 def holds(traffic, robot, v, t):
-    """Whether a robot with a path holds a vertex at a step."""
+    """True if a robot with a path holds a vertex at a step."""
     if traffic.end[robot] < 0 or t >= traffic.window:
         return False
     return traffic.at[robot, t] == v or (traffic.task.following and t > 0 and traffic.at[robot, t - 1] == v)
@@ -298,7 +298,7 @@ def holds(traffic, robot, v, t):
 
 @kernel(allocates=False)
 def closes_ring(traffic, v, u, t):
-    """Whether a move from v that arrives on u at step t completes a ring of robots that move at once."""
+    """True if a move from v that arrives on u at step t completes a ring of robots that move at once."""
     w = u
     for _ in range(len(traffic.at)):
         robot = anyone_in(traffic.on, w, t - 1)
@@ -330,7 +330,7 @@ def cells_of(num_rows: int, num_steps: int, most: int, *, with_who: bool) -> Row
 
 
 def is_sparse(num_rows: int, num_steps: int) -> bool:
-    """Whether only cells in use have a slot."""
+    """True if only cells in use have a slot."""
     return num_rows * num_steps > MOST_CELLS
 
 

@@ -107,7 +107,7 @@ def least_cost(task, pair):
 
 @kernel(allocates=False)
 def total(pair, n):
-    """What both cost at a node."""
+    """Cost of both at a node."""
     return pair.cost[n, 0] + pair.cost[n, 1]
 
 

@@ -8,7 +8,7 @@ from planners.safe_interval._discs import arrival, collide, passes, stands_at
 
 @kernel
 def forbidden_by(lanes, ways, way, room):
-    """What nobody may do so as not to conflict with a way: [2, 3, N] of departures and stays, see `Rules`, and how many of each.
+    """Rules that keep others from a conflict with a way: [2, 3, N] of departures and stays, see `Rules`, and how many of each.
 
     Without the room, the numbers are -1.
     """

@@ -43,7 +43,7 @@ def new_ways(room: int) -> DiscPaths:
 
 
 class DiscConstraints(NamedTuple):
-    """What one robot may not do: K departures and M stays, sorted; there may be room for more."""
+    """Constraints of one robot: K departures and M stays, sorted; there may be room for more."""
 
     count: np.ndarray  # [2] K and M
     lane: np.ndarray  # [K] to which it may not depart
@@ -83,7 +83,7 @@ def new_scratch(num_vertices: int, num_lanes: int, room: int) -> DiscScratch:
 
 @kernel(allocates=False)
 def too_close_on(cx, cy, ux, uy, long, reach):
-    """When |c + u t| < reach, t from 0 to `long`: an interval, empty as (0, 0)."""
+    """Times t from 0 to `long` at which |c + u t| < reach: an interval, empty as (0, 0)."""
     a, b, c = ux * ux + uy * uy, cx * ux + cy * uy, cx * cx + cy * cy - reach * reach
     if a <= 0.0:
         return (0.0, long) if c < 0.0 else (0.0, 0.0)
@@ -97,7 +97,7 @@ def too_close_on(cx, cy, ux, uy, long, reach):
 
 @kernel(allocates=False)
 def passes(lanes, e, v):
-    """When a robot on lane e is too close to vertex v, after it has set out: an open interval, empty as (0, 0)."""
+    """Times after it has set out at which a robot on lane e is too close to vertex v: an open interval, empty as (0, 0)."""
     reach = lanes.reach
     a, b, long = lanes.tail[e], lanes.head[e], lanes.duration[e]
     x, y = lanes.xy[v, 0], lanes.xy[v, 1]
@@ -112,7 +112,7 @@ def passes(lanes, e, v):
 
 @kernel(allocates=False)
 def collide(lanes, e, f):
-    """How much later the one on lane f sets out than the one on lane e when they collide: an open interval, empty as (0, 0).
+    """Delays of the one on lane f after the one on lane e at which they collide: an open interval, empty as (0, 0).
 
     The extremes of t - s over the pairs of moments (t on e, s on f) at which they are too close: on a border of the rectangle of all
     pairs, or where a line of equal t - s touches the ellipse.
@@ -193,7 +193,7 @@ def conflicts(lanes, ways, one, other, most, found, num):
 
 @kernel(allocates=False)
 def meets_stay(lanes, lane, left, vertex, begin, until):
-    """Whether a move that sets out at `left` comes too close to a stay at a vertex from `begin` until `until`."""
+    """True if a move that sets out at `left` comes too close to a stay at a vertex from `begin` until `until`."""
     low, high = passes(lanes, lane, vertex)
     return high > low and begin < left + high - EPS and until > left + low + EPS
 
@@ -206,7 +206,7 @@ def stands_at(lanes, ways, way, k):
 
 @kernel(allocates=False)
 def arrival(lanes, ways, way, k):
-    """When a robot begins the stay before its move k (counted in all ways)."""
+    """Time at which a robot begins the stay before its move k (counted in all ways)."""
     return 0.0 if k == ways.first[way] else ways.left[k - 1] + lanes.duration[ways.lane[k - 1]]
 
 
@@ -385,7 +385,7 @@ def sort_in(where, first, second, k, place, t0, t1):
 
 @kernel(allocates=False)
 def rule_against(lanes, ways, conflict, one, other, second):
-    """What a conflict (kind, and which move or stay of each way) forbids the first of two robots, or the second: is_stay, place, two times.
+    """Rule of a conflict (kind, and move or stay of each way) against the first of two robots, or the second: is_stay, place, two times.
 
     Each pair of an action that is forbidden the one and one that is forbidden the other collides. Where both move, either may not depart
     until it no longer collides with the other's departure as it is. Where one stays, the mover may not depart until the stay is over; the

@@ -57,7 +57,7 @@ class IntervalScratch(NamedTuple):
 
 
 class Trip(NamedTuple):
-    """Where a robot is, and where it is to stand."""
+    """Places of a robot: where it is, and where it is to stand."""
 
     start: int
     start_heading: float  # rad, NaN where the robot is turned as it sets out
@@ -66,7 +66,7 @@ class Trip(NamedTuple):
 
 
 class RunGround(NamedTuple):
-    """What a search goes by: the moves of a robot on L lanes, what others hold, and what is left to the goal, see `steps_left`."""
+    """Ground of a search: the moves of a robot on L lanes, what others hold, and what is left to the goal, see `steps_left`."""
 
     moves: Moves
     table: ReservationTable
@@ -235,7 +235,7 @@ def without(table, q, taken, left, gap, num):
 
 @kernel(inline="always", allocates=False)
 def is_held_after(table, q, t):
-    """Whether somebody holds a resource after step t."""
+    """True if somebody holds a resource after step t."""
     last = table.row[q] + table.count[q] - 1
     return last >= table.row[q] and table.end[last] > t
 
@@ -268,7 +268,7 @@ def split(table, q, needed, gap, num, i, count):
 
 @kernel(allocates=False)
 def holds(array, begin, end, q):
-    """Whether q is in a part of an array."""
+    """True if q is in a part of an array."""
     for k in range(begin, end):  # noqa: SIM110  numba knows no any()
         if array[k] == q:
             return True
@@ -396,7 +396,7 @@ def find(ground, trip, most, latest, scratch):
 
 @kernel(inline="always", allocates=False)
 def priority(spent, left, weight, floor):
-    """What a state is expanded by: when the robot can be at its goal, which is not before that is free; then what is left."""
+    """Priority by which a state is expanded: when the robot can be at its goal, which is not before that is free; then what is left."""
     return (np.int64(min(max(spent + np.int64(weight * left), floor), NEVER)) << 16) | np.int64(min(left, 0xFFFF))
 
 
@@ -426,7 +426,7 @@ def state_key(lane, until):
 
 @kernel(allocates=False)
 def key_place(scratch, key, now, mask):
-    """Where a state is in the table of states, or would be."""
+    """Index of a state in the table of states, there or not."""
     h = ((key >> 31) * 2654435761 + (key & 0x7FFFFFFF) * 40503) & mask
     while scratch.stamp[h] == now and scratch.key[h] != key:
         h = (h + 1) & mask
@@ -611,7 +611,7 @@ def push_later(scratch, run, later, takes, weight, entries, count):
 
 @kernel
 def needs_along(moves, start, runs, num_runs, resource, begin, end):
-    """What a robot holds on its way: resources, and from which step until when. Consecutive visits keep what both of them need.
+    """Resources that a robot holds on its way, and from which step until when. Consecutive visits keep what both of them need.
 
     Parameters
     ----------

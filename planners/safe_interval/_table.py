@@ -70,7 +70,7 @@ def first_after(table, q, t):
 
 @kernel(allocates=False)
 def next_begin(table, q, t):
-    """When the first reservation that ends after step t begins."""
+    """Begin of the first reservation that ends after step t."""
     k = first_after(table, q, t)
     return table.begin[k] if k < table.row[q] + table.count[q] else FOREVER
 

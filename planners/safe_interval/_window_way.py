@@ -39,7 +39,7 @@ class WindowTask(NamedTuple):
 
 
 class Room(NamedTuple):
-    """Who is where, and room for a search: K stops at most, N = (W + 1) (K + 1) V states."""
+    """Table of who is where, and room for a search: K stops at most, N = (W + 1) (K + 1) V states."""
 
     above: np.ndarray  # [W + 1, V] int32 who holds a vertex at a step and must not be met
     others: np.ndarray  # [W + 1, V] int32 likewise, of those who may be crossed at a price; SEVERAL: more than one
@@ -86,7 +86,7 @@ def leave(table, at, num_robots):
 
 @kernel(inline="always", allocates=False)
 def meets(table, u, v, t):
-    """Whether a robot that goes from u to v, or waits, and arrives at step t meets somebody of a table; clashes are not looked at."""
+    """True if a robot that goes from u to v, or waits, and arrives at step t meets somebody of a table; clashes are not looked at."""
     met = table[t, v] != NOBODY
     if not met and u != v and table[t - 1, v] != NOBODY and table[t, u] != NOBODY:
         met = table[t - 1, v] == SEVERAL or table[t - 1, v] == table[t, u]
@@ -95,7 +95,7 @@ def meets(table, u, v, t):
 
 @kernel(allocates=False)
 def comes_too_close(task, table, u, v, t):
-    """Whether a move clashes with one of a table."""
+    """True if a move clashes with one of a table."""
     clashes, move = task.clashes, move_of(task.first, task.head, u, v)
     for k in range(clashes.vertex_first[move], clashes.vertex_first[move + 1]):
         w = clashes.vertex[k]
@@ -111,7 +111,7 @@ def comes_too_close(task, table, u, v, t):
 
 @kernel(allocates=False)
 def closes_ring(room, at, robot, u, v, t):
-    """Whether a move from u to v that ends at step t completes a ring of robots that all move at once."""
+    """True if a move from u to v that ends at step t completes a ring of robots that all move at once."""
     for _ in range(len(at)):
         other = room.above[t - 1, v]
         if other < 0:

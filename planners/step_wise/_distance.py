@@ -7,7 +7,7 @@ FAR = 65535  # no way
 
 @kernel
 def fill_distance(ahead, price, goal, distance, bucket, size):
-    """What the cheapest way costs from each state to a goal cell, in any heading; a turn costs 1.
+    """Cost of the cheapest way from each state to a goal cell, in any heading; a turn costs 1.
 
     Parameters
     ----------
