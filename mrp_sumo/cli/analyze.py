@@ -186,10 +186,7 @@ def analysed(bag: Path, config: Path | None, generation: str | None, overrides: 
     from mrp_sumo.bags.reader import read_fleet_log
     from mrp_sumo.metrics.mrp_bench import execution_metrics
 
-    bag = bag if bag.name else bag.resolve()  # '.'
-    folder = bag / "bag" if (bag / "bag" / "metadata.yaml").is_file() else bag
-    if folder.is_file() and (folder.parent / "metadata.yaml").is_file():
-        folder = folder.parent
+    folder = _folder_of(bag)
     constants, places = _recorded(folder, config)
     log = read_fleet_log(folder, generation)
     constants = {**DEFAULTS, **constants, **{key: value for key, value in overrides.items() if value is not None}}
@@ -199,9 +196,8 @@ def analysed(bag: Path, config: Path | None, generation: str | None, overrides: 
     places = places or log.requests
     if not places:
         raise MrpSumoError(f"{folder}: no starts and goals beside it and no /robot_path_requests in it; give them with --config")
-    for name in log.robot_name:
-        if name not in places:
-            raise MrpSumoError(f"{folder}: robot '{name}' has no start and goal{nearest(name, places)}")
+    if (name := next((name for name in log.robot_name if name not in places), None)) is not None:
+        raise MrpSumoError(f"{folder}: robot '{name}' has no start and goal{nearest(name, places)}")
     names = list(places)
     column = {name: r for r, name in enumerate(log.robot_name)}
     x, y = np.full((2, len(log.t_ns), len(names)), np.nan)
@@ -223,6 +219,13 @@ def analysed(bag: Path, config: Path | None, generation: str | None, overrides: 
     metrics["timeBlockedPerAgent"] = {names[r]: value for r, value in metrics["timeBlockedPerAgent"].items()}
     metrics["agentsAtGoal"] = sorted(names[r] for r in metrics["agentsAtGoal"])
     return metrics
+
+
+def _folder_of(bag: Path) -> Path:
+    """The folder of a bag, of which the run's folder or a file may be said."""
+    bag = bag if bag.name else bag.resolve()  # '.'
+    folder = bag / "bag" if (bag / "bag" / "metadata.yaml").is_file() else bag
+    return folder.parent if folder.is_file() and (folder.parent / "metadata.yaml").is_file() else folder
 
 
 def _recorded(bag: Path, config: Path | None) -> tuple[dict[str, float], dict[str, Any]]:

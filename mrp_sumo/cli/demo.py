@@ -12,6 +12,7 @@ from mrp_sumo.cli.printing import say, say_json, warn
 
 if TYPE_CHECKING:
     from mrp_sumo.experiments.result import RunResult
+    from mrp_sumo.reports.tour import TourPage
 
 SUITE = "base: office_5\ngrid_search:\n  planner: [cbs, lacam]\n  seed: 1..3\n"
 
@@ -35,7 +36,7 @@ def run(options: argparse.Namespace) -> int:
     from mrp_sumo.experiments.suite import read_suite
     from mrp_sumo.reports.replay.page import write_page
     from mrp_sumo.reports.report import write_report
-    from mrp_sumo.reports.tour import TourPage, tour_page
+    from mrp_sumo.reports.tour import tour_page
 
     _say(f"\nnine robots cross an office\n  $ mrp-sumo run office_9 --out {out / 'office'} --replay", options)
     office = _run("office_9", out / "office", at_s=15.0)
@@ -54,8 +55,23 @@ def run(options: argparse.Namespace) -> int:
         return stop.exit_code
     _say(f"\nwho is better, and is it certain?\n  $ mrp-sumo report {out / 'planners'}", options)
     write_report(out / "planners", None)
+    page = write_page(tour_page(_stops(out, office, warehouse, len(batch.runs))), out / "index.html")
+    if options.json:
+        folders = {name: str(out / name) for name in ("office", "warehouse", "planners")}
+        say_json({"page": str(page), **folders, "runs": 2 + len(batch.runs)})
+        return 0
+    say(page)
+    if not options.no_open:
+        webbrowser.open(page.resolve().as_uri())
+    return 0
+
+
+def _stops(out: Path, office: "RunResult", warehouse: "RunResult", num_runs: int) -> tuple["TourPage", ...]:
+    """Pages of the tour, in its order."""
+    from mrp_sumo.reports.tour import TourPage
+
     done = warehouse.metrics
-    stops = (
+    return (
         TourPage(
             "Nine robots in an office",
             f"Planned and driven: all at their goals after {office.metrics['driven_makespan_s']:.1f} s, and no two of them touched.",
@@ -73,21 +89,12 @@ def run(options: argparse.Namespace) -> int:
         ),
         TourPage(
             "Two planners compared",
-            f"CBS and LaCAM on the same draws, {len(batch.runs)} runs. So few say little: the report says what is certain.",
+            f"CBS and LaCAM on the same draws, {num_runs} runs. So few say little: the report says what is certain.",
             "planners/report/index.html",
             "",
             "mrp-sumo batch paper_comparison --dry-run",
         ),
     )
-    page = write_page(tour_page(stops), out / "index.html")
-    if options.json:
-        folders = {name: str(out / name) for name in ("office", "warehouse", "planners")}
-        say_json({"page": str(page), **folders, "runs": 2 + len(batch.runs)})
-        return 0
-    say(page)
-    if not options.no_open:
-        webbrowser.open(page.resolve().as_uri())
-    return 0
 
 
 def _say(text: str, options: argparse.Namespace) -> None:

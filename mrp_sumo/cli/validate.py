@@ -22,6 +22,7 @@ from mrp_sumo.cli.printing import say, say_json, warn
 
 if TYPE_CHECKING:
     from mrp_sumo.core.problem import Problem
+    from mrp_sumo.formats.peers import Cells
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -43,34 +44,18 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Judge, print."""
     from mrp_sumo.core.plan import as_planned_in_steps
-    from mrp_sumo.errors import MrpSumoError
-    from mrp_sumo.formats.peers import cells_of, goals_reached
-    from mrp_sumo.formats.plan_files import read_plan_file, text_of
+    from mrp_sumo.formats.peers import goals_reached
+    from mrp_sumo.formats.plan_files import read_plan_file
     from mrp_sumo.metrics.referee_in_seconds import describe_meeting, judge_in_seconds
     from mrp_sumo.traffic.referee import describe, judge
 
     require_least("--limit", options.limit, 0)
     if options.vda5050 is not None:
         return _messages(options)
-    if options.plan is None:
-        raise MrpSumoError("expected a PLAN, or --vda5050 FILE")
-    if sum(source is not None for source in (options.map, options.scenario, options.problem)) != 1:
-        raise MrpSumoError("expected either --map (with --scen), --scenario or --problem")
-    if options.map is None:
-        only_for("--map", scen=options.scen)
+    _check_sources(options)
     if options.problem is not None:
-        only_for("--map and --scenario", robots=options.robots, seed=options.seed, following=options.following)
         return step_wise.validate(options)
-    text_of(options.plan)  # a plan that cannot be read is reported before the map is loaded
-    if options.map is not None:
-        from mrp_sumo.formats.instances import read_instance
-
-        num_robots = options.robots if options.robots is not None else _num_robots(options.plan)
-        instance = read_instance(options.map, options.scen, num_robots, options.seed or 0)
-        problem, cells, step_length_s = instance.problem, instance.cells, None
-    else:
-        problem, step_length_s = _of_scenario(options)
-        cells = cells_of(problem.graph)
+    problem, cells, step_length_s = _question(options)
     plan, note = read_plan_file(options.plan, problem, cells)
     if note:
         warn(note)
@@ -108,6 +93,35 @@ def run(options: argparse.Namespace) -> int:
         say("not drivable at these times:")
         _print_some(hindrances, options.limit)
     return 0 if valid else 1
+
+
+def _check_sources(options: argparse.Namespace) -> None:
+    """Refuse options of which one alone, or none, makes sense."""
+    from mrp_sumo.errors import MrpSumoError
+
+    if options.plan is None:
+        raise MrpSumoError("expected a PLAN, or --vda5050 FILE")
+    if sum(source is not None for source in (options.map, options.scenario, options.problem)) != 1:
+        raise MrpSumoError("expected either --map (with --scen), --scenario or --problem")
+    if options.map is None:
+        only_for("--map", scen=options.scen)
+    if options.problem is not None:
+        only_for("--map and --scenario", robots=options.robots, seed=options.seed, following=options.following)
+
+
+def _question(options: argparse.Namespace) -> tuple["Problem", "Cells | None", float | None]:
+    """The problem that the plan is for, its cells, and the time step of a scenario's simulation."""
+    from mrp_sumo.formats.instances import read_instance
+    from mrp_sumo.formats.peers import cells_of
+    from mrp_sumo.formats.plan_files import text_of
+
+    text_of(options.plan)  # a plan that cannot be read is reported before the map is loaded
+    if options.map is None:
+        problem, step_length_s = _of_scenario(options)
+        return problem, cells_of(problem.graph), step_length_s
+    num_robots = options.robots if options.robots is not None else _num_robots(options.plan)
+    instance = read_instance(options.map, options.scen, num_robots, options.seed or 0)
+    return instance.problem, instance.cells, None
 
 
 def _print_some(lines: list[str], limit: int) -> None:
