@@ -66,11 +66,11 @@ def write_report(source: Path, out: Path | None = None) -> Path:
     out = out.resolve()
     _check_replaceable(out)
     one = len(study.frame) == 1 and len(study.folders) == 1
-    title, sections = _of_run(study, out) if one else _of_study(study, out)
-    text = page(title, study.description, _tiles(study, one), study.gaps, sections, _about(study), "" if one else answer(study))
     new = out.parent / f".{out.name}.new-{os.getpid()}"
     try:
-        new.mkdir(parents=True)
+        new.mkdir(parents=True)  # before anything is drawn: it may be refused
+        title, sections = _of_run(study, out) if one else _of_study(study, out)
+        text = page(title, study.description, _tiles(study, one), study.gaps, sections, _about(study), "" if one else answer(study))
         for section in sections:
             for part in section.parts:
                 write_part(new, part)
