@@ -125,6 +125,7 @@ def test_heavy_libraries_stay_at_home():
     assert not wrong, "\n".join(wrong)
 
 
+@cache
 def tool(name):
     """A program of `tools/`, as a module."""
     spec = spec_from_file_location(f"tool_{name}", PROJECT / "tools" / f"{name}.py")

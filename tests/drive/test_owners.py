@@ -23,8 +23,13 @@ def owner(record, field):
     return f"mrp_sumo/drive/{of_record if isinstance(of_record, str) else of_record.get(field, of_record[''])}.py"
 
 
-def test_each_array_is_written_by_its_owner_alone():
-    written = writers(sources())
+@pytest.fixture(scope="module")
+def written():
+    """Who writes each array, by record and field."""
+    return writers(sources())
+
+
+def test_each_array_is_written_by_its_owner_alone(written):
     wrong = [
         f"{record}.{field} is written by {sorted(paths)}, expected {owner(record, field)} alone"
         for (record, field), paths in sorted(written.items())
@@ -34,8 +39,8 @@ def test_each_array_is_written_by_its_owner_alone():
     assert {record for record, _ in written} == set(state.OWNERS)  # and none is overlooked
 
 
-def test_every_array_of_motion_grants_and_waits_is_found_to_be_written():
-    written, fields = writers(sources()), Records(sources()).fields
+def test_every_array_of_motion_grants_and_waits_is_found_to_be_written(written):
+    fields = Records(sources()).fields
     for record in ("Motion", "Grants", "Waits", "Yielding", "Margin"):
         assert {field for field in fields[record] if (record, field) not in written} <= {"steps"}  # of margins: given
 

@@ -28,11 +28,16 @@ def test_two_robots_take_turns_at_a_dead_end(tmp_path, dispatcher):
 def test_robot_at_its_place_is_not_sent_round_the_ring(tmp_path, robots, service_s):
     """Nobody can pass on a one-way ring, so no planner gets more out of it: one that plans the others first does not send a robot off."""
     orders = [{"name": name, "stops": [name], "service": [s], "arrivals": {"open": 4}} for name, s in zip("AB", service_s)]
+    short = {"execution": {"time_limit_s": 200.0}}
     done = [
-        int(np.isfinite(driven(scenario(ring(tmp_path), {"streams": orders}, robots=robots, planner=planner)).execution.tasks.done_s).sum())
+        int(
+            np.isfinite(
+                driven(scenario(ring(tmp_path), {"streams": orders}, robots=robots, planner=planner, **short)).execution.tasks.done_s
+            ).sum()
+        )
         for planner in ("prioritised", "pbs")
     ]
-    assert done[0] == done[1] > 35, done
+    assert done[0] == done[1] > 20, done
 
 
 @pytest.mark.slow

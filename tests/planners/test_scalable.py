@@ -112,10 +112,10 @@ def test_one_way_ring_is_driven_round(planner):
 @pytest.mark.parametrize("threads", [1, 2])
 def test_anytime_never_returns_worse_than_first(threads):
     problem = random_grid(12, 40, 3)
-    result = Lacam(anytime=True, threads=threads).plan(problem, 0.7)
+    result = Lacam(anytime=True, threads=threads).plan(problem, 0.4)
     assert result.stats["cost"] <= result.stats["polished_cost"] <= result.stats["first_solution_cost"]
     assert judge(problem, result.plan).valid
-    result = Lns2(anytime=True, threads=threads).plan(problem, 0.7)
+    result = Lns2(anytime=True, threads=threads).plan(problem, 0.4)
     assert result.stats["cost"] <= result.stats["first_solution_cost"]
     assert judge(problem, result.plan).valid
 

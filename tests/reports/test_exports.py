@@ -90,6 +90,7 @@ def test_a_place_below_a_file_is_refused(tmp_path):
             write_csv(place, record_of_four(seconds=1.0))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
 def test_a_bag_that_the_disk_refuses_leaves_nothing(folder, tmp_path, storage):
     """In a process of its own, which may write 5 kB a file."""

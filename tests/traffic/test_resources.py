@@ -74,7 +74,7 @@ def test_a_visit_needs_its_vertex_and_the_zones_of_its_vertex_and_lane():
     assert needs.on_lane.tolist() == [False, False, True]
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(st.integers(0, 10**6))
 def test_robots_that_hold_what_they_need_are_apart(seed):
     """Any two robots, each anywhere on what it may occupy with its vertices and zones held, are R apart (less what LEFT_M gives)."""
@@ -123,7 +123,7 @@ def test_small_robots_pass_where_a_large_one_passes_alone():
     assert found.leave_m.tolist() == [[0.6] * 4, [0.9] * 4]
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(st.integers(0, 10**6))
 def test_robots_of_several_types_that_hold_what_they_need_are_apart(seed):
     """As above, for each pair of types; and two places that are far enough apart for two types are no zone for them."""
