@@ -136,6 +136,8 @@ def _graph(document: dict[str, Any]) -> NavGraph:
             raise TypeError(f"options of a vertex are {of_vertex!r:.40}, expected keys and values")
     if not set(document["level"] or ()) <= set(range(len(document["level_names"]))):
         raise ValueError("a vertex is on no level")
+    if document["level"] is not None and len(document["level"]) != len(document["xy"]):
+        raise ValueError(f"levels of {len(document['level'])} vertices, expected {len(document['xy'])}")
     return nav_graph(
         name=document["name"],
         level_names=document["level_names"],

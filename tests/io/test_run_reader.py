@@ -108,6 +108,13 @@ def test_a_run_that_was_not_executed_says_so(tmp_path):
         (
             "floor.json",
             '{"schema_version": 1, "fleet": {}, "nav_graph": {}, "plan_graph": {"kind": "grid", "cell_m": 1, "vertex_of_station": [], '
+            '"name": "a", "level_names": ["L1"], "xy": [[0, 0], [1, 0]], "level": [0], "vertex_name": {}, "lanes": [], "length_m": null}}',
+            "graph",
+            r"damaged, or of another version: ValueError: levels of 1 vertices, expected 2",
+        ),
+        (
+            "floor.json",
+            '{"schema_version": 1, "fleet": {}, "nav_graph": {}, "plan_graph": {"kind": "grid", "cell_m": 1, "vertex_of_station": [], '
             '"name": "a", "level_names": ["L1"], "xy": [[0, 0]], "level": null, "vertex_name": {}, "vertex_options": {"0": []}, '
             '"lanes": [], "length_m": null}}',
             "graph",
