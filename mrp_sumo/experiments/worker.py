@@ -69,10 +69,17 @@ def _made(job: Job, maps: MapCache) -> "tuple[Answer, RunResult | None]":
         lines = error.lines if isinstance(error, ScenarioError) else str(error).splitlines()
         return failure(BAD_INPUT, "; ".join(line.removeprefix("suite: ") for line in lines)), None
     success = succeeded(outcome.status, outcome.metrics)
-    reason = outcome.note or (
-        "" if success or outcome.solution.verdict is None else outcome.solution.verdict.summary(outcome.solution.problem)
-    )
+    reason = outcome.note or ("" if success else _without_success(outcome))
     return {"status": outcome.status, "success": success, "reason": reason, "metrics": outcome.metrics}, outcome
+
+
+def _without_success(outcome: "RunResult") -> str:
+    """Reason of a run without a note of its own: faults of its plan, else how many robots came to their goals."""
+    verdict, metrics = outcome.solution.verdict, outcome.metrics
+    if verdict is not None and not verdict.valid:
+        return verdict.summary(outcome.solution.problem)
+    reached = metrics.get("goals_reached")
+    return "" if reached is None else f"{reached} of {metrics['num_robots']} robots at their goals"
 
 
 def scenario_of(job: Job) -> "ScenarioFile":

@@ -24,3 +24,13 @@ def test_a_crash_of_sumo_in_the_middle_of_a_run_is_its_result(tmp_path, monkeypa
     assert told[1]["reason"].startswith("worker killed by SIGSEGV")
     for seed in (0, 2):
         assert told[seed]["status"] in ("completed", "time_limit") and told[seed]["metrics"]["sim_time_s"] > 5
+
+
+def test_reason_of_a_run_that_ended_early_is_how_many_came_to_their_goals(tmp_path):
+    path = tmp_path / "study.yaml"
+    path.write_text(
+        "base: {map: office, robots: 2, planner: prioritised, execution: {engine: kinematic, time_limit_s: 1}}\ngrid_search: {seed: [0]}\n"
+    )
+    batch = run_batch(read_suite(path), tmp_path / "out", Silent(), workers=1)
+    (record,) = records_in(batch.folder, pytest.fail)
+    assert (record["status"], record["reason"]) == ("time_limit", "0 of 2 robots at their goals")

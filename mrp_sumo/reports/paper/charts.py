@@ -66,6 +66,8 @@ def execution_violins(study: ReportedRuns) -> list[Chart]:
                 f"{what.capitalize()}{' of all robots' if what == 'time blocked' else ''}, in runs that every planner had a plan for "
                 "and in which all robots arrived. Line: mean; box: middle half, its gap the median; the shape is the density."
             )
+            if what == "time blocked":
+                caption += " Blocked as MRP-Bench counts: without progress along the straight line to the goal, as on a detour."
             where = f", {name}" if len(study.maps) > 1 else ""
             charts.append(draw(f"execution_{len(charts) + 1}", f"{what.capitalize()}{where}", caption, paint, size=_size(values)))
     return charts
