@@ -136,14 +136,24 @@ class RobotPlaces:
             taken.add(int(vertex[r]))
         for line in lines.values():
             self._keep_order(line, start, vertex)
-        rest = [r for r in range(len(start)) if not stays[r] and r not in stops]
+        idle = [r for r in range(len(start)) if not stays[r] and r not in stops]
+        parked = self._park(start, vertex, idle, taken)
+        self._rest(start, vertex, [*stuck, *(r for r in idle if r not in parked)], blocked, taken)
+        return vertex, makes
+
+    def _park(self, start: IntArray, vertex: IntArray, idle: list[int], taken: set[int]) -> set[int]:
+        """Send idle robots to the nearest places to park that are free; returns those that have one."""
         parked = set[int]()
-        for r in rest:
+        for r in idle:
             if self._parking and (spot := self._nearest(r, int(start[r]), self._parking, taken)) is not None:
                 vertex[r] = spot
                 taken.add(spot)
                 parked.add(r)
-        stood_on, rest = set(start.tolist()), [*stuck, *(r for r in rest if r not in parked)]
+        return parked
+
+    def _rest(self, start: IntArray, vertex: IntArray, rest: list[int], blocked: set[int], taken: set[int]) -> None:
+        """Send robots without a place to where they are in nobody's way, those first that stand in the way of others."""
+        stood_on = set(start.tolist())
         sent_on = self._sent_on(start, vertex, rest, blocked, taken)
         for r, v in sent_on.items():
             vertex[r] = v
@@ -151,7 +161,6 @@ class RobotPlaces:
         for r in (r for r in rest if r not in sent_on):
             vertex[r] = self._resting_place(r, int(start[r]), taken, stood_on)
             taken.add(int(vertex[r]))
-        return vertex, makes
 
     def _aside(self, robot: int, at: int, stop: Stop, blocked: set[int], comes: int, taken: set[int]) -> int | None:
         """The vertex nearest to a robot that is none of the way of another that comes to where it is; None: its own way is none of it."""

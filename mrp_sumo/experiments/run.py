@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from mrp_sumo.core.execution import Execution, let_go_of_samples
 from mrp_sumo.core.plan import Status
+from mrp_sumo.core.problem import Problem
 from mrp_sumo.drive.listeners import Listener, ProgressReport
 from mrp_sumo.drive.policy import policy_of
 from mrp_sumo.drive.settings import ExecutionSettings
@@ -144,7 +145,7 @@ def finish(setup: SetUp, solution: Solution, maps: MapCache, options: RunOptions
     from mrp_sumo.drive.outside_dispatcher import DispatcherError
     from mrp_sumo.experiments.interventions import Interventions
     from mrp_sumo.experiments.result import RunResult
-    from mrp_sumo.metrics.audit import audit, in_words
+    from mrp_sumo.metrics.audit import in_words
     from mrp_sumo.metrics.evaluate import evaluate
     from mrp_sumo.metrics.lane_keeping import lane_keeping, on_lane_m
     from mrp_sumo.metrics.metric import Evidence
@@ -171,11 +172,7 @@ def finish(setup: SetUp, solution: Solution, maps: MapCache, options: RunOptions
             setup = replace(setup, file=steering.recorded(setup.file))
     report("measuring", 0.0, 0.0)
     problem, choice = solution.problem, setup.scenario.execution
-    # levels without lanes lie where they are drawn: above or below others
-    walls = standing_walls(setup.map.building, driven_levels(setup.map.nav)) if setup.map.building else None
-    building, level_names = setup.map.building, problem.graph.level_names
-    cabins = cabins_of(building, level_names, setup.map.level_shift_m) if building and building.lifts else None
-    audited = audit(execution, problem.fleet, problem.graph.level[problem.start], walls, cabins) if execution else None
+    audited = _audited(setup, problem, execution) if execution else None
     seen = in_words(audited) if audited else ""
     note = "; ".join(filter(None, (note, seen, *(_remarks(execution, problem.fleet.robot_name) if execution else ()), *setup.notes)))
     lanes = lane_keeping(execution, setup.map.nav, on_lane_m(_tracks_apart_m(setup))) if execution else None
@@ -201,6 +198,17 @@ def finish(setup: SetUp, solution: Solution, maps: MapCache, options: RunOptions
     status = broken or (_status(solution, execution, audited, metrics) if execute or solution.result.plan is None else "planned")
     result = RunResult(setup, status, note, solution, execution, audited, plain(metrics), details, zones, lanes, tuple(map(str, faults)))
     return _with_work_judged(result) if execution and execution.tasks is not None else result
+
+
+def _audited(setup: SetUp, problem: Problem, execution: Execution) -> dict[str, Any]:
+    """What the audit says of bodies among the walls and cabins of the building."""
+    from mrp_sumo.metrics.audit import audit
+
+    building, level_names = setup.map.building, problem.graph.level_names
+    # levels without lanes lie where they are drawn: above or below others
+    walls = standing_walls(building, driven_levels(setup.map.nav)) if building else None
+    cabins = cabins_of(building, level_names, setup.map.level_shift_m) if building and building.lifts else None
+    return audit(execution, problem.fleet, problem.graph.level[problem.start], walls, cabins)
 
 
 def _remarks(execution: Execution, names: Sequence[str]) -> Iterator[str]:

@@ -24,6 +24,12 @@ from mrp_sumo.core.graph import BoolArray, FloatArray
 from mrp_sumo.engines.sumo.network import backdrop_of
 from mrp_sumo.errors import ExecutionError
 
+OPTIONS = (
+    *("--time-to-teleport", "-1", "--insertion-checks", "none"),
+    *("--collision.action", "warn", "--collision.stoptime", "100000", "--collision.mingap-factor", "0.5"),
+    *("--step-method.ballistic", "false"),  # SUMO would choose it where vehicles do not plan in every step
+    *("--no-step-log", "true", "--no-warnings", "true", "--duration-log.disable", "true", "--xml-validation", "never"),
+)
 VIEW = (  # of sumo-gui; the delay is milliseconds a simulated second: ten times real time
     *("--start", "true", "--quit-on-end", "true", "--delay", "100", "--window-size", "1400,900"),
     *("--gui-settings-file", str(Path(__file__).parents[2] / "data" / "sumo_view.xml")),
@@ -222,25 +228,9 @@ def running_sumo(
             loaded.write_text(shorten(Path(network).read_text(encoding="utf-8")), encoding="utf-8")
         _running = True
         try:
+            files = ("-n", str(loaded), "-a", _additional(Path(network), types, gui))
             _start(
-                api,
-                [
-                    *(program, "-n", str(loaded), "-a", _additional(Path(network), types, gui), "--step-length", f"{step_length_s:g}"),
-                    *("--time-to-teleport", "-1", "--insertion-checks", "none", "--collision.action", "warn"),
-                    *(
-                        "--collision.stoptime",
-                        "100000",
-                        "--collision.mingap-factor",
-                        "0.5",
-                        "--no-step-log",
-                        "true",
-                        "--no-warnings",
-                        "true",
-                    ),
-                    *("--step-method.ballistic", "false"),  # SUMO would choose it where vehicles do not plan in every step
-                    *("--xml-validation", "never", "--duration-log.disable", "true", "--seed", str(seed % 2**31)),
-                    *(VIEW if gui else ()),
-                ],
+                api, [program, *files, *OPTIONS, "--step-length", f"{step_length_s:g}", "--seed", str(seed % 2**31), *(VIEW if gui else ())]
             )
             yield Sumo(api, fleet.num_robots, plan_every_s)
         except (api.TraCIException, api.FatalTraCIError, struct.error, ConnectionError) as error:

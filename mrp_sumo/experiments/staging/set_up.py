@@ -4,14 +4,16 @@ Each stage refuses what it cannot take, in one line that names file and key.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from mrp_sumo.core.fleet import Fleet, fleet_of_types
-from mrp_sumo.core.graph import PlanGraph
+from mrp_sumo.core.graph import BoolArray, IntArray, NavGraph, PlanGraph
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.core.problem import Problem
+from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.errors import ScenarioError, nearest
 from mrp_sumo.experiments.map_cache import MapCache
@@ -96,13 +98,7 @@ def set_up(file: ScenarioFile, maps: MapCache, *, run_programs: bool = True) -> 
         graph = maps.with_doors(map_, graph, radius_m)
     graph, shut = without_shut_doors(file, graph)
     barred, narrow = without_room(file, maps, map_, graph, models, chosen_planner)
-    if scenario.robots.fleet is None:
-        start, goal = places(file, map_.nav, graph, one_of_each.separation_m)
-        fleet = fleet_of_types(models, np.zeros(len(start), np.int64))
-    else:
-        kind = np.repeat(np.arange(len(models)), [group.size for group in scenario.robots.groups])
-        start, goal = places_by_type(file, map_.nav, graph, barred, kind, one_of_each.separation_m)
-        fleet = fleet_of_types(models, kind)
+    fleet, start, goal = _fleet_at(file, map_.nav, graph, models, barred, one_of_each.separation_m)
     _require_robots(file, fleet)
     with file.located("robots"):
         problem = Problem(
@@ -136,6 +132,19 @@ def set_up(file: ScenarioFile, maps: MapCache, *, run_programs: bool = True) -> 
         with_closures(file, map_.nav, graph, settings),
         left_out + broken + shut + narrow,
     )
+
+
+def _fleet_at(
+    file: ScenarioFile, nav: NavGraph, graph: PlanGraph, models: Sequence[RobotType], barred: BoolArray | None, separation_m: float
+) -> tuple[Fleet, IntArray, IntArray]:
+    """The robots, of one type or several, and the vertices of their starts and goals."""
+    robots = file.scenario.robots
+    if robots.fleet is None:
+        start, goal = places(file, nav, graph, separation_m)
+        return fleet_of_types(models, np.zeros(len(start), np.int64)), start, goal
+    kind = np.repeat(np.arange(len(models)), [group.size for group in robots.groups])
+    start, goal = places_by_type(file, nav, graph, barred, kind, separation_m)
+    return fleet_of_types(models, kind), start, goal
 
 
 def _require_robots(file: ScenarioFile, fleet: Fleet) -> None:
