@@ -366,7 +366,7 @@ def killed_again_and_again(tmp_path, times, seed):
     while True:
         process = subprocess.Popen(command, env={**os.environ, "FAKE_SLEEP": "0.08"})
         try:
-            code = process.wait(rng.uniform(0.6, 1.6) if kills < times else 60)
+            code = process.wait(rng.uniform(0.6, 1.6) if kills < times else 600)
         except subprocess.TimeoutExpired:
             process.send_signal(signal.SIGKILL)
             process.wait()
