@@ -81,7 +81,7 @@ class Auto:
         """How many have been asked, who, the answer, and whether it ends the search: a proof that there is no plan, or the last."""
         effort = problem.effort
         for k, name in enumerate(portfolio.names, 1):
-            left_s = until_s - process_time()
+            left_s = max(until_s - process_time(), 1e-9)  # the clock went on since it was looked at last
             last = k == len(portfolio.names)
             part = 0 if not effort else effort if last else max(1, int(self.share * effort))
             if name == "pbs" and not self.planners and not problem.window_steps:

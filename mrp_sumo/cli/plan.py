@@ -55,7 +55,9 @@ def run(options: argparse.Namespace) -> int:
         return plan_list.run(options, arguments, _planned)
     if (options.scenario is None) == (options.map is None):
         raise MrpSumoError("expected either a scenario or --map")
-    if step_wise.is_problem(options.scenario):
+    path = Path(options.scenario or "")
+    is_missing = options.steps is not None and path.suffix == ".json" and not path.exists()  # which is said of it
+    if is_missing or step_wise.is_problem(options.scenario):
         return step_wise.plan(options)
     only_for("problems of the League of Robot Runners (.json)", steps=options.steps)
     summary = _planned(options)

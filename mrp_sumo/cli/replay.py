@@ -33,7 +33,7 @@ def run(options: argparse.Namespace) -> int:
     out = Path(options.out) if options.out else None
     if not options.serve:
         only_for("--serve", port=options.port)
-    if out is not None and out.suffix.lower() not in (".html", ".htm"):
+    if out is not None and not out.is_dir() and out.suffix.lower() not in (".html", ".htm"):  # of a folder `write_replay` says so
         raise MrpSumoError(f"--out {out}: a page for a browser, expected a name that ends in .html")
     if len(others) > 1:
         raise MrpSumoError(f"{len(options.run)} runs, expected one or two")
