@@ -260,7 +260,7 @@ class Drive:
         for every in (max(1, round(decides_every_s / dt)) if decides_every_s else until, until if quiet else self._look_every):
             until = min(until, -(-cycle.step // every) * every)
         for due_s in (settings.time_limit_s, records.witness.due_s, self._wake_s, quiet_until_s if quiet else np.inf):
-            until = min(until, math.ceil(due_s / dt - 1e-9)) if due_s < np.inf else until
+            until = min(until, math.ceil(steps)) if (steps := due_s / dt - 1e-9) < np.inf else until
         if until <= cycle.step:
             return
         begin, tape = cycle.step, self._tape_for(until - cycle.step, row, records.grants, quiet=quiet)

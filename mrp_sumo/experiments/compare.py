@@ -116,10 +116,10 @@ def _paired(first: Any, second: Any, metric: str, *, sign: int, is_flag: bool) -
     """The paired test, and [N] by how much each run got worse, relatively; None where there are no values."""
     import pandas as pd
 
-    if is_flag or pd.api.types.is_bool_dtype(first) or pd.api.types.is_bool_dtype(second):
-        a, b = (column.astype("boolean").fillna(False).to_numpy(np.bool_) for column in (first, second))
-        return mcnemar(a, b), sign * (b.astype(np.int64) - a)
     try:
+        if is_flag or pd.api.types.is_bool_dtype(first) or pd.api.types.is_bool_dtype(second):
+            a, b = (column.astype("boolean").fillna(False).to_numpy(np.bool_) for column in (first, second))
+            return mcnemar(a, b), sign * (b.astype(np.int64) - a)
         x, y = (pd.to_numeric(column).to_numpy(np.float64, na_value=np.nan) for column in (first, second))
     except (TypeError, ValueError):
         raise BatchError(f"metric '{metric}' is neither a number nor yes or no") from None

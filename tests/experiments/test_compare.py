@@ -50,6 +50,11 @@ def test_tables_without_a_common_run_are_refused():
         compare(table([True]), table([True], first=5))
 
 
+def test_words_where_truth_values_are_expected_are_refused():
+    with pytest.raises(BatchError, match="metric 'success' is neither a number nor yes or no"):
+        compare(table([True, False]), table([True, False]).assign(success=["a", "b"]))
+
+
 @pytest.mark.parametrize(
     ("metric", "told"),
     [("soc_step", r"no metric 'soc_step' \(did you mean 'soc_steps'\?\)"), ("reason", "metric 'reason' is neither a number nor yes or no")],
