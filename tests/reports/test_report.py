@@ -273,13 +273,16 @@ def test_names_are_text_never_markup(tmp_path):
     assert r"\$x\_\{1\}\$" in (page.parent / "tables" / "table_2_planning.tex").read_text()
 
 
+FEW = {"maps": ("office",), "planners": ("cbs", "ecbs"), "robots": (5,), "seeds": 2}
+
+
 @pytest.mark.parametrize(
     "frame",
     [
         results(maps=("office",), planners=("cbs",), robots=(5,), seeds=1),
-        results(status="crashed", success=False, plan_success=None, planning_time_s=None, sim_time_s=None, reason="boom"),
-        results()[["key", "status", "success", "planner", "map"]],
-        results(seeds=1, execution_time_s=np.nan, min_clearance_m=np.nan),
+        results(**FEW, status="crashed", success=False, plan_success=None, planning_time_s=None, sim_time_s=None, reason="boom"),
+        results(**FEW)[["key", "status", "success", "planner", "map"]],
+        results(**FEW, execution_time_s=np.nan, min_clearance_m=np.nan),
         pd.concat([results(**{"execution.patience_s": s}) for s in (0.0, np.inf)], ignore_index=True),
     ],
     ids=["one run", "all crashed", "few columns", "nothing measured", "infinite factor"],
