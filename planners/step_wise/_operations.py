@@ -3,8 +3,8 @@
 All robots always hold operations that do not collide: at first those of the step before, moved up by one and ended by waiting. In
 order of priority, each one takes the best operation that collides with nobody, or with one robot that can take another operation
 itself, pushing at most one more, and so on; with backtracking. Then, for a counted number of tries, a robot that is drawn changes
-its operation, and pushes others, where the costs of all fall by it. The recursion is a stack, since a compiled recursive function
-cannot be stored.
+its operation, and pushes others, where the costs of all fall by it; those of who chose early count most. The recursion is a stack,
+since a compiled recursive function cannot be stored.
 """
 
 from typing import NamedTuple
@@ -37,6 +37,7 @@ class CrowdStep(NamedTuple):
     before: np.ndarray  # [R] int16, scratch: what it had chosen
     moved_up: np.ndarray  # [O] int16, what is left of each operation after a step
     fixed: np.ndarray  # [R] bool, scratch: robots that may not be pushed
+    weight: np.ndarray  # [R] int64, of a robot's cost among those of all
 
 
 @kernel
@@ -104,7 +105,7 @@ def _cost(crowd, table, slots, goal, onward, r, o):
 
 
 @kernel
-def plan_step(crowd, priority, limit, most_visits, num_tries, rng):
+def plan_step(crowd, priority, limit, most_visits, num_tries, try_limit, rng):
     """Choose an operation for each robot; `crowd` is appraised.
 
     Parameters
@@ -115,6 +116,8 @@ def plan_step(crowd, priority, limit, most_visits, num_tries, rng):
         See `_push`.
     num_tries
         How many times a robot is drawn that may change its operation where all gain by it.
+    try_limit
+        `limit` of each of these.
     rng
         Draws.
     """
@@ -130,7 +133,7 @@ def plan_step(crowd, priority, limit, most_visits, num_tries, rng):
         fixed[r] = True
     fixed[:] = False
     for _ in range(num_tries):
-        _push(crowd, rng.integers(0, num_robots), True, limit, most_visits)
+        _push(crowd, rng.integers(0, num_robots), True, try_limit, most_visits)
 
 
 @kernel
@@ -140,7 +143,7 @@ def _push(crowd, root, all_gain, limit, most_visits):
     Parameters
     ----------
     all_gain
-        Whether the costs of all together have to fall.
+        Whether the costs of all together, by their weights, have to fall.
     limit
         How many operations are looked at.
     most_visits
@@ -158,7 +161,7 @@ def _push(crowd, root, all_gain, limit, most_visits):
         pushed = NOBODY
         while choice[depth] < crowd.num[r] and looks < limit:
             o = crowd.order[r, choice[depth]]
-            change = crowd.cost[r, o] - crowd.cost[r, before[depth]]
+            change = crowd.weight[r] * (crowd.cost[r, o] - crowd.cost[r, before[depth]])
             if depth == 0 and o == before[0]:  # the rest is no better for the root; what is as good ends stand-offs
                 choice[0] = crowd.num[r]
                 break
@@ -176,7 +179,7 @@ def _push(crowd, root, all_gain, limit, most_visits):
             _occupy(crowd, r, crowd.order[r, choice[depth]])
         elif pushed >= 0:  # it inherits the priority
             o = crowd.order[r, choice[depth]]
-            gained += crowd.cost[r, o] - crowd.cost[r, before[depth]]
+            gained += crowd.weight[r] * (crowd.cost[r, o] - crowd.cost[r, before[depth]])
             _vacate(crowd, pushed)
             _occupy(crowd, r, o)
             if crowd.visits[pushed] == 0:
@@ -191,7 +194,7 @@ def _push(crowd, root, all_gain, limit, most_visits):
             depth -= 1
             if depth >= 0:
                 pusher = stack[depth]
-                gained -= crowd.cost[pusher, crowd.chosen[pusher]] - crowd.cost[pusher, before[depth]]
+                gained -= crowd.weight[pusher] * (crowd.cost[pusher, crowd.chosen[pusher]] - crowd.cost[pusher, before[depth]])
                 _vacate(crowd, pusher)
                 choice[depth] += 1
             _occupy(crowd, r, before[depth + 1])

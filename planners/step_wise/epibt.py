@@ -3,9 +3,10 @@
 Enhanced PIBT (AAAI 2026) has robots choose sequences of a few actions rather than the next one: a robot that has to turn first, or to
 wait for another that turns, can say so. Operations are inherited from step to step, and a robot may be pushed again while another
 one chooses. Here they are improved too, a counted number of times: a robot that is drawn takes another operation, pushing others,
-where the steps that are left fall for all together. Robots choose in the order of the steps to the ends of their tasks, shuffled a
-little: in a fixed order those that stand off do so for good. In crowds rows and columns have directions, and ways against them count as
-longer, so that streams form (as guidance graphs do). Written from the description alone. No guarantee: robots may block each other.
+where the steps that are left fall for all together, those of who chose early counting most. Robots choose in the order of the steps to
+the ends of their tasks, shuffled a little: in a fixed order those that stand off do so for good. In crowds ways count as longer where
+robots wait, and against the stream (`traffic`), as in guidance graphs. Written from the description alone. No guarantee: robots may
+block each other.
 """
 
 from dataclasses import dataclass, replace
@@ -19,7 +20,6 @@ from planners.step_wise.ground import FreeCells
 from planners.step_wise.stepper import OperationStepper
 from planners.step_wise.tasks import Choice
 
-DENSE = 0.3  # robots per free cell from which changes that all gain by end in stand-offs
 GUIDED = 0.02  # robots per free cell from which rows and columns have directions, for some twenty robots
 FEW = 20
 CROWDED = 0.9  # robots per free cell from which operations are shorter: longer ones collide with more than one other
@@ -30,10 +30,10 @@ class Epibt:
     """PIBT over operations: fast, no guarantee."""
 
     depth: int = 0  # actions of an operation, 1 to 6; 0: 4, or 3 where more than 0.9 of the free cells have robots
-    tries: int = -1  # how many times a step a robot that is drawn may change its operation where all gain by it; -1: 3 per robot, or 0
+    tries: int = -1  # how many times a step a robot that is drawn may change its operation where all gain by it; -1: 3 per robot
     limit: int = 0  # operations that are looked at when one robot chooses, with all that it pushes; 0: 3,000, or 1,000 in such crowds
     tasks: Choice = "nearest"  # or "in_turn": robot r of R has the tasks r, r + R, ...
-    against: int = -1  # what a step against the direction of a row or column counts more; -1: 2 from 0.02 robots per free cell on, or 0
+    against: int = -1  # what a step against the direction of a row or column counts more at first; -1: 2 from 0.02 robots per free cell on
     memory_mb: int = 3000  # for tables of distances
 
     def __post_init__(self) -> None:
@@ -53,7 +53,7 @@ class Epibt:
         share = problem.num_robots / problem.free.sum()
         depth = self.depth or (3 if share > CROWDED else 4)
         limit = self.limit or (1000 if share > CROWDED else 3000)
-        tries = self.tries if self.tries >= 0 else 3 * problem.num_robots if share < DENSE else 0
+        tries = self.tries if self.tries >= 0 else 3 * problem.num_robots
         guided = share >= GUIDED and problem.num_robots >= FEW
         ground = FreeCells(problem, self.memory_mb, self.against if self.against >= 0 else 2 * guided)
         return OperationStepper(problem, seed, (depth, limit, tries), self.tasks, ground)

@@ -3,7 +3,6 @@
 Tables of distances are made when they are asked for; beyond a number of megabytes, the least recently used are forgotten.
 """
 
-from collections.abc import Sequence
 from itertools import accumulate, pairwise, product
 
 import numpy as np
@@ -13,12 +12,13 @@ from mrp_sumo.core.step_wise import ACTION_LETTERS, FORWARD, LEFT, RIGHT, WAIT, 
 from mrp_sumo.errors import PlanError
 
 FAR = 65535  # in tables: no way
+MOST_DEAR = 12  # times `against` that a step may count more
 
 
 class FreeCells:
     """A problem's free cells, numbered from 0, with tables of steps to those that are goals. A state is 4 x cell + heading.
 
-    Rows lead east and west in turn, columns north and south: a step against that counts as `against` more.
+    Rows lead east and west in turn, columns north and south: a step against that counts as `against` more, until there are other prices.
     """
 
     def __init__(self, problem: StepWiseProblem, memory_mb: int, against: int = 0) -> None:
@@ -29,14 +29,27 @@ class FreeCells:
         self.ahead = np.where(ahead < 0, -1, self.number[ahead]).astype(np.int32).reshape(-1)  # [S]
         num_states, (row, column) = len(self.ahead), np.divmod(free, problem.free.shape[1])
         turned = np.stack([row % 2 == 1, column % 2 == 1, row % 2 == 0, column % 2 == 0], 1)  # by heading
-        self._price = np.where(turned.reshape(-1), 1 + against, 1).astype(np.int32)  # [S]
+        self.against, self.price = against, np.where(turned.reshape(-1), 1 + against, 1).astype(np.int32)  # [S]
         num_slots = min(len(free), memory_mb * 1_000_000 // (2 * num_states))
         if num_slots < min(len(free), 2 * problem.num_robots + 2):
             raise PlanError(f"{problem.name}: memory_mb is {memory_mb}, too little for two tables a robot of {2 * num_states} bytes")
         self.table: NDArray[np.uint16] = np.empty((num_slots, num_states), np.uint16)  # steps; FAR where there is no way
         self._slot: dict[int, int] = {}  # goal -> its table; the least recently used first
+        self._errands_of, self._errands = problem.errands_of, dict[int, list[int]]()  # task -> cells
+        self._left: dict[int, list[int]] = {}  # task -> steps from each errand to the end
         self._unused = list(range(num_slots - 1, -1, -1))
-        self._bucket, self._size = np.empty((against + 2, num_states), np.int32), np.empty(against + 2, np.int64)
+        most = 2 + MOST_DEAR * against
+        self._bucket, self._size = np.empty((most, num_states), np.int32), np.empty(most, np.int64)
+
+    def forget(self) -> None:
+        """Forget all distances, since prices have changed."""
+        self._unused += self._slot.values()
+        self._slot, self._left = {}, {}
+
+    @property
+    def num_tables(self) -> int:
+        """Tables of distances that are there."""
+        return len(self._slot)
 
     @property
     def num_cells(self) -> int:
@@ -50,7 +63,7 @@ class FreeCells:
             from planners.step_wise._distance import fill_distance
 
             slot = self._unused.pop() if self._unused else self._slot.pop(next(iter(self._slot)))
-            fill_distance(self.ahead, self._price, goal, self.table[slot], self._bucket, self._size)
+            fill_distance(self.ahead, self.price, goal, self.table[slot], self._bucket, self._size)
         self._slot[goal] = slot
         return slot
 
@@ -58,10 +71,18 @@ class FreeCells:
         """The fewest steps from a cell, in the best heading, to another."""
         return int(self.table[self.slot(end), 4 * begin : 4 * begin + 4].min())
 
-    def steps_left(self, cells: Sequence[int]) -> list[int]:
-        """The steps from each of some cells through all that come after."""
-        steps = [self.steps_between(a, b) for a, b in pairwise(cells)]
-        return [*accumulate(reversed(steps), initial=0)][::-1]
+    def steps_left(self, task: int) -> list[int]:
+        """The steps from each errand of a task through all that come after."""
+        if task not in self._left:
+            steps = [self.steps_between(a, b) for a, b in pairwise(self.errands(task))]
+            self._left[task] = [*accumulate(reversed(steps), initial=0)][::-1]
+        return self._left[task]
+
+    def errands(self, task: int) -> list[int]:
+        """The cells of a task's errands."""
+        if task not in self._errands:
+            self._errands[task] = self.number[self._errands_of(task)].tolist()
+        return self._errands[task]
 
 
 def operations(depth: int) -> NDArray[np.int8]:

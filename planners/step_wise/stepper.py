@@ -8,9 +8,12 @@ from mrp_sumo.core.step_wise import NOTHING, StepWiseProblem
 from mrp_sumo.planning.step_wise import Decision, Observation
 from planners.step_wise.ground import FAR, FreeCells, moved_up, operations
 from planners.step_wise.tasks import Choice, InTurn, NearestGoal
+from planners.step_wise.traffic import Traffic
 
 SHUFFLE = 20  # steps that chance may put a robot before another in the order of a step
 MOST_VISITS = 10  # how often one robot may be pushed when another one chooses
+TRY_LIMIT = 300  # operations that are looked at when a robot that is drawn changes its own
+FADES = 3.0  # the logarithm of how much more the cost of the first in the order counts than that of the last
 
 
 class OperationStepper:
@@ -21,10 +24,10 @@ class OperationStepper:
         from planners.step_wise._operations import CrowdStep
 
         self._ground = ground
+        self._traffic = Traffic(ground) if ground.against else None
         self._tasks = InTurn(problem.num_robots) if tasks == "in_turn" else NearestGoal()
         depth, self._limit, self._tries = effort
         self._rng = np.random.default_rng([seed, 13])
-        self._left: dict[int, list[int]] = {}  # of the tasks that robots have: steps from each errand to the end
         action = operations(depth)
         num_robots, num_ops, num_cells = problem.num_robots, len(action), self._ground.num_cells
 
@@ -49,6 +52,7 @@ class OperationStepper:
             before=np.zeros(num_robots, np.int16),
             moved_up=moved_up(action),
             fixed=np.zeros(num_robots, np.bool_),
+            weight=np.zeros(num_robots, np.int64),
         )
 
     def step(self, seen: Observation) -> Decision:
@@ -62,19 +66,23 @@ class OperationStepper:
         appraise(crowd, ground.table, slot, goal, onward)
         steps = np.where(slot[:, 0] >= 0, ground.table[slot[:, 0], crowd.state] + rest, FAR)
         shuffled = steps + self._rng.integers(0, SHUFFLE, len(steps))  # else the same robots stand off for good
-        plan_step(crowd, np.argsort(shuffled, kind="stable"), self._limit, MOST_VISITS, self._tries, self._rng)
-        return Decision(crowd.action[crowd.chosen, 0], task_of)
+        order = np.argsort(shuffled, kind="stable")
+        crowd.weight[order] = 1 + 1000 * np.exp(-FADES * np.arange(len(order)) / len(order))
+        plan_step(crowd, order, self._limit, MOST_VISITS, self._tries, TRY_LIMIT, self._rng)
+        action = crowd.action[crowd.chosen, 0]
+        if self._traffic is not None:
+            self._traffic.see(crowd.state, action)
+        return Decision(action, task_of)
 
     def _errands(self, seen: Observation, task_of: IntArray) -> tuple[IntArray, IntArray, IntArray, IntArray]:
         """Tables of the next two errands [R, 2], the cell of the next, the steps between them, and those from it to the task's end [R]."""
         ground, num_robots = self._ground, len(task_of)
         slot, (goal, onward, rest) = np.full((num_robots, 2), -1), np.array([[-1], [0], [0]]).repeat(num_robots, 1)
-        known, cells_of = self._left, seen.problem.errands_of
-        held = task_of[task_of != NOTHING].tolist()  # theirs first: what is asked for here may make others' tables forgotten
-        self._left = {task: known.get(task) or ground.steps_left(ground.number[cells_of(task)].tolist()) for task in held}
+        for task in task_of[task_of != NOTHING].tolist():  # theirs first: what is asked for here may make others' tables forgotten
+            ground.steps_left(task)
         for r in np.flatnonzero(task_of != NOTHING).tolist():
             task = int(task_of[r])
-            cells, left = ground.number[seen.errands_left(task)].tolist(), self._left[task][seen.pool[task] :]
+            cells, left = (known[seen.pool[task] :] for known in (ground.errands(task), ground.steps_left(task)))
             goal[r], rest[r] = cells[0], left[0]
             slot[r, 0] = ground.slot(cells[0])
             if len(cells) > 1:

@@ -37,10 +37,6 @@ class InTurn:
 class NearestGoal:
     """The least sum of steps."""
 
-    def __init__(self) -> None:
-        self._first: dict[int, int] = {}  # task -> the cell of its first errand
-        self._through: dict[int, int] = {}  # task -> steps through all of its errands
-
     def choose(self, seen: Observation, ground: FreeCells, state: IntArray) -> IntArray:
         """[R] the task of each robot, NOTHING where there are not enough."""
         from scipy.optimize import linear_sum_assignment
@@ -54,18 +50,10 @@ class NearestGoal:
             robots, tasks = np.flatnonzero(task_of == NOTHING), [task for task in tasks if task not in held]
         if not len(robots) or not tasks:
             return task_of
-        for task in tasks:
-            if task not in self._through:
-                self._remember(seen, ground, task)
-        through = np.array([self._through[task] for task in tasks])
-        slots = np.array([ground.slot(self._first[task]) for task in tasks])
+        through = np.array([ground.steps_left(task)[0] for task in tasks])
+        slots = np.array([ground.slot(ground.errands(task)[0]) for task in tasks])
         steps = ground.table[slots[:, None], state[robots][None, :]].astype(np.int64)
         cost = np.where(steps == FAR, 10 * FAR, steps + through[:, None])
         task, robot = linear_sum_assignment(cost)
         task_of[robots[robot]] = np.array(tasks)[task]
         return task_of
-
-    def _remember(self, seen: Observation, ground: FreeCells, task: int) -> None:
-        cells = ground.number[seen.problem.errands_of(task)].tolist()
-        self._first[task] = cells[0]
-        self._through[task] = ground.steps_left(cells)[0]

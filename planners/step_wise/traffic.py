@@ -1,0 +1,50 @@
+"""The traffic of a crowd, and the prices of steps that follow from it.
+
+A step counts as more against the stream, and into a cell where robots wait. So streams form where the map wants them, and robots
+drive round jams before these grow: traffic flow as guidance, after Chen et al., "Traffic Flow Optimisation for Lifelong Multi-Agent
+Path Finding" (AAAI 2024), from its description.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrp_sumo.core.step_wise import FORWARD, WAIT
+from planners.step_wise.ground import MOST_DEAR, FreeCells
+
+EVERY = 10  # steps, at the least, from prices to prices
+STATES_A_STEP = 300_000  # of tables that have to be made anew, at most
+STAYS = 0.9  # of what was seen, after EVERY steps
+STREAM, JAM = 2, 10  # times `against` that a step counts more against a stream with nobody against it, and where always somebody waits
+
+
+class Traffic:
+    """Moves and waits that were seen, the less the longer ago."""
+
+    def __init__(self, ground: FreeCells) -> None:
+        """At first as if a robot had driven each step that is not against a row's or column's direction."""
+        self._ground, ahead = ground, ground.ahead
+        self._against = np.where(ahead >= 0, 4 * ahead + ((np.arange(len(ahead)) + 2) & 3), 0)  # [S] the state of who comes from there
+        self._moves = np.where(ground.price > 1, 0.0, 1.0)  # [S] forward
+        self._waits = np.zeros(ground.num_cells)  # [C]
+        self._seen, self._since = 0.0, 0  # steps, as moves are counted, and those since the last prices
+
+    def see(self, state: NDArray[np.int32], action: NDArray[np.int8]) -> None:
+        """See what robots [R] do in a step. Now and then prices change, and the ground forgets what it knows of distances."""
+        ground = self._ground
+        np.add.at(self._moves, state[action == FORWARD], 1.0)
+        np.add.at(self._waits, state[action == WAIT] >> 2, 1.0)
+        self._seen, self._since = self._seen + 1.0, self._since + 1
+        if self._since < max(EVERY, ground.num_tables * len(ground.ahead) // STATES_A_STEP):
+            return
+        ground.price[:] = self._prices()
+        ground.forget()
+        stays, self._since = STAYS ** (self._since / EVERY), 0
+        self._moves, self._waits, self._seen = self._moves * stays, self._waits * stays, self._seen * stays
+
+    def _prices(self) -> NDArray[np.int32]:
+        against, oncoming = self._ground.against, self._moves[self._against]
+        share = np.divide(oncoming, self._moves + oncoming, out=np.full(len(oncoming), 0.5), where=self._moves + oncoming > 0)
+        waiting = self._waits[np.maximum(self._ground.ahead, 0)] / self._seen
+        more = against * (STREAM * np.maximum(2 * share - 1, 0.0) + JAM * waiting)
+        price: NDArray[np.int32] = 1 + np.rint(np.minimum(more, MOST_DEAR * against)).astype(np.int32)
+        return price
