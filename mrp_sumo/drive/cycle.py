@@ -63,7 +63,6 @@ class DriveCycle:
 
         For a calm world without people.
         """
-        tape.filled[:] = 0
         if isinstance(self.bodies, KinematicEngine):
             self._seen, made = self.controller.drive_on(self.step, most, self.bodies, self.world.conditions, tape)
             self._pass(made)

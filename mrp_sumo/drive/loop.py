@@ -295,7 +295,12 @@ class Drive:
         if quiet and self.settings.tasks:
             rests, watched = self.crew.rests, np.where(self.tasks.watched, self.crew.seen, -1)
         return tape._replace(
-            samples=samples, known=grants.known, look_every=self._look_every if quiet else NEVER, rests=rests, watched=watched
+            filled=np.zeros(2, np.int64),
+            samples=samples,
+            known=grants.known,
+            look_every=self._look_every if quiet else NEVER,
+            rests=rests,
+            watched=watched,
         )
 
     @property

@@ -8,7 +8,7 @@ from mrp_sumo.core.step_wise import NOTHING, StepWiseProblem
 from mrp_sumo.planning.step_wise import Decision, Observation
 from planners.step_wise.ground import FAR, FreeCells, moved_up, operations
 from planners.step_wise.tasks import Choice, InTurn, NearestGoal
-from planners.step_wise.traffic import Traffic
+from planners.step_wise.traffic import CrowdTraffic
 
 SHUFFLE = 20  # steps that chance may put a robot before another in the order of a step
 MOST_VISITS = 10  # how often one robot may be pushed when another one chooses
@@ -24,7 +24,7 @@ class OperationStepper:
         from planners.step_wise._operations import CrowdStep
 
         self._ground = ground
-        self._traffic = Traffic(ground) if ground.against else None
+        self._traffic = CrowdTraffic(ground) if ground.against else None
         self._tasks = InTurn(problem.num_robots) if tasks == "in_turn" else NearestGoal()
         depth, self._limit, self._tries = effort
         self._rng = np.random.default_rng([seed, 13])

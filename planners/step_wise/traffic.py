@@ -17,7 +17,7 @@ STAYS = 0.9  # of what was seen, after EVERY steps
 STREAM, JAM = 2, 10  # times `against` that a step counts more against a stream with nobody against it, and where always somebody waits
 
 
-class Traffic:
+class CrowdTraffic:
     """Moves and waits that were seen, the less the longer ago."""
 
     def __init__(self, ground: FreeCells) -> None:

@@ -6,7 +6,7 @@ from step_wise_worlds import problem_of
 
 from mrp_sumo.core.step_wise import FORWARD, WAIT
 from planners.step_wise.ground import FreeCells
-from planners.step_wise.traffic import EVERY, Traffic
+from planners.step_wise.traffic import EVERY, CrowdTraffic
 
 EAST, WEST = 0, 2
 
@@ -15,7 +15,7 @@ def prices_after(steps, seen, against=2):
     """What steps east and west cost along the corridor, after so many steps in each of which these states [R] and actions were seen."""
     ground = FreeCells(problem_of(["...."], [0], [[3]]), 1, against)
     ground.slot(3)
-    traffic, (state, action) = Traffic(ground), (np.array(column) for column in zip(*seen))
+    traffic, (state, action) = CrowdTraffic(ground), (np.array(column) for column in zip(*seen))
     for _ in range(steps):
         traffic.see(state.astype(np.int32), action.astype(np.int8))
     return ground.price[EAST:12:4].tolist(), ground.price[4 + WEST :: 4].tolist(), ground.num_tables
