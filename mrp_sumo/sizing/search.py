@@ -296,7 +296,8 @@ class _Measured:
         self._have({best, *(sizes[0] for sizes in (short, sure, fallen, under, over) if sizes)})
         high = self._first(over, _is_worse)
         low = self._first(under, _is_worse)
-        peak = Bracket(best if above else None, curve.sizes[0] if low is None else low + 1, None if high is None else high - 1)
+        least = curve.desk.question.sizes[0]  # asked about; smaller ones than those that were tried may do more
+        peak = Bracket(best if above else None, least if low is None else low + 1, None if high is None else high - 1)
         collapse = Bracket()
         if (fell := self._first(fallen, _is_short)) is not None:
             holds = self._first([n for n in reversed(above) if n < fell and judged[n] > 0], _reaches)

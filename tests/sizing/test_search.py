@@ -57,7 +57,7 @@ def test_a_demand_beyond_the_peak_is_met_by_no_fleet():
     asked = question((4, 60), demand_per_h=500.0)
     answer, _ = answer_of(asked, Fleets(rises_and_falls, asked))
     assert answer.served.smallest.estimate is None
-    assert "is not met" in answer.sentence
+    assert "A demand of 500 orders an hour with 95 % of them on time is not met by any fleet" in answer.sentence
 
 
 def test_runs_that_are_too_short_for_orders_to_be_due_decide_nothing():

@@ -133,7 +133,7 @@ def _tiles(answer: Answer) -> list[Tile]:
 def _bracketed(bracket: Bracket) -> str:
     """An interval, and its best guess where they differ."""
     if bracket.estimate is None:
-        return "not found" if bracket.low is None else f"above {bracket.low - 1}" if bracket.high is None else "not found"
+        return "not found" if bracket.low is None else f"{bracket.low} or more" if bracket.high is None else "not found"
     low, high = bracket.low, bracket.high
     if low is None and high is None:
         return f"{bracket.estimate} robot{'s' * (bracket.estimate > 1)}"
