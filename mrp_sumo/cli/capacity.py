@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 from mrp_sumo.cli import scenario_choice
 from mrp_sumo.cli.batch import duration, workers_of
 from mrp_sumo.cli.ending import stoppable
+from mrp_sumo.cli.option_rules import only_for
 from mrp_sumo.cli.printing import say, say_json, say_progress, warn, warn_of_kernels
 from mrp_sumo.errors import MrpSumoError
 
@@ -77,6 +78,8 @@ def run(options: argparse.Namespace) -> int:
     """Make the study, write its page, print the answer."""
     from mrp_sumo.plugins.trust import trust_everything
 
+    if options.dry_run:
+        only_for("an answer: leave it out with --dry-run", json=options.json, replays=options.replays)
     if options.trust:
         trust_everything()
     workers = workers_of(options)

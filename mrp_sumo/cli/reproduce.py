@@ -68,5 +68,7 @@ def _batch(options: argparse.Namespace) -> "tuple[Reproduction, str]":
     records = sorted(records_in(options.folder, warn), key=lambda record: record["key"])
     if not records:
         raise MrpSumoError(f"{options.folder}: no run has a result")
+    if options.runs is not None and options.runs > len(records):
+        raise MrpSumoError(f"--runs: found {options.runs}, expected 1 to {len(records)}, the runs of {options.folder}")
     step = max(1, len(records) // options.runs) if options.runs else 1
     return reproduce_batch(records[::step][: options.runs], options.base), "run"

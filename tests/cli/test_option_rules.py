@@ -28,6 +28,7 @@ CASES = (
     ("export . --vda5050 --poses", "--poses is for bags: --bag, --ros1"),
     ("export . --ros1 --storage mcap", "--storage is for ROS 2 bags: --bag"),
     ("export . --bag --split nan", "--split: found nan, expected seconds of 0 or more"),
+    ("capacity warehouse_lifelong --dry-run --json", "--json is for an answer: leave it out with --dry-run"),
     ("query . --csv", "{here}: not the folder of a batch: there is no plan.json"),
     ("status . --live --json", "--live shows the batch in a browser: leave out --json"),
     ("reproduce . --base nowhere", "--base nowhere: no such folder"),

@@ -60,6 +60,8 @@ def test_a_batch_is_the_same_again(tmp_path, capsys):
     assert main(["batch", str(suite), "--out", str(tmp_path / "out"), "--workers", "1"]) == 0
     assert main(["reproduce", str(tmp_path / "out")]) == 0
     assert "every result is the same, 2 runs" in capsys.readouterr().out
+    assert main(["reproduce", str(tmp_path / "out"), "--runs", "3"]) == 2
+    assert "--runs: found 3, expected 1 to 2" in capsys.readouterr().err
 
 
 def test_bad_input_is_one_line(finished, tmp_path, capsys):
