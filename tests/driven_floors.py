@@ -102,8 +102,8 @@ class Pool:
 
     @cached_property
     def per_h(self) -> dict[int, float]:
-        """Throughput of each size that counts, none of whose robots ran empty: the mean over all runs."""
-        return {n: point.throughput.value for n, point in self.points.items() if not point.num_empty}
+        """Throughput of each size that may count, the mean over all runs: robots run empty in less than half of these, if at all."""
+        return {n: point.throughput.value for n, point in self.points.items() if 2 * point.num_empty < len(point.records)}
 
 
 def pool(floor: Floor, folder: Path, seeds: int, workers: int) -> Pool:
