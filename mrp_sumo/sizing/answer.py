@@ -429,9 +429,9 @@ def _places(count: int) -> str:
 
 
 def _minutes(seconds: float) -> str:
-    """'20 min', or '2 h 35 min'."""
+    """'20 min', or '2 h 35 min'; '90 s'."""
     minutes = round(seconds / 60)
-    if minutes < 1:
+    if minutes < 1 or (seconds < 120 and round(seconds) % 60):
         return f"{seconds:.0f} s"
     hours, rest = divmod(minutes, 60)
     return " ".join([*([f"{hours} h"] if hours else []), *([f"{rest} min"] if rest or not hours else [])])

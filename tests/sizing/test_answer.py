@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from mrp_sumo.sizing.answer import _of_one_shot
+from mrp_sumo.sizing.answer import _minutes, _of_one_shot
 from mrp_sumo.sizing.search import Bracket, Served
 
 
@@ -19,3 +19,8 @@ from mrp_sumo.sizing.search import Bracket, Served
 def test_the_largest_fleet_that_succeeds_is_told_with_how_sure_it_is_and_what_does_not(largest, says):
     curve = SimpleNamespace(points={4: None, 8: None}, sizes=[4, 8])
     assert _of_one_shot(SimpleNamespace(served=Served(curve, largest, 0.95))) == says
+
+
+@pytest.mark.parametrize(("seconds", "words"), [(20, "20 s"), (60, "1 min"), (90, "90 s"), (150, "2 min"), (9300, "2 h 35 min")])
+def test_a_time_is_said_in_minutes_unless_it_is_short(seconds, words):
+    assert _minutes(seconds) == words
