@@ -89,10 +89,8 @@ class Lacam(ByConfigurations):
         self._plan(small_problem(), math.inf, True)
         start = search_start(self, small_problem(), math.inf, CHANCE, False, partial(_easy_paths, self))
         assert not isinstance(start, PlanResult)
-        search, _ = _first(self, start)
-        search.learn(
-            _refinement(self, _task(start), search.path(), start).path()
-        )  # as when anytime, without its turns of a tenth of a second
+        search, _ = _first(self, start)  # as when anytime, but for the turns of a tenth of a second
+        search.learn(_refinement(self, _task(start), search.path(), start).path())
         prepare(self.threads)
         _lacam.fill_slots(_lacam.room_for_nodes(1, 1, nodes=1))  # needed when memory is short
 

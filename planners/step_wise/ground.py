@@ -41,8 +41,9 @@ class FreeCells:
         most = 2 + MOST_DEAR * against
         self._bucket, self._size = np.empty((most, num_states), np.int32), np.empty(most, np.int64)
 
-    def forget(self) -> None:
-        """Forget all distances, since prices have changed."""
+    def reprice(self, price: NDArray[np.int32]) -> None:
+        """Have steps cost this [S] from now on. All distances are forgotten: they are worked out anew when they are asked for."""
+        self.price = price
         self._unused += self._slot.values()
         self._slot, self._left = {}, {}
 

@@ -29,6 +29,7 @@ class OperationStepper:
         depth, self._limit, self._tries = effort
         self._rng = np.random.default_rng([seed, 13])
         action = operations(depth)
+        self._weight_of_place = 1 + 1000 * np.exp(-FADES * np.arange(problem.num_robots) / problem.num_robots)  # [R] in the order of a step
         num_robots, num_ops, num_cells = problem.num_robots, len(action), self._ground.num_cells
 
         def zeros(*shape: int) -> NDArray[np.int32]:
@@ -67,7 +68,7 @@ class OperationStepper:
         steps = np.where(slot[:, 0] >= 0, ground.table[slot[:, 0], crowd.state] + rest, FAR)
         shuffled = steps + self._rng.integers(0, SHUFFLE, len(steps))  # else the same robots stand off for good
         order = np.argsort(shuffled, kind="stable")
-        crowd.weight[order] = 1 + 1000 * np.exp(-FADES * np.arange(len(order)) / len(order))
+        crowd.weight[order] = self._weight_of_place
         plan_step(crowd, order, self._limit, MOST_VISITS, self._tries, TRY_LIMIT, self._rng)
         action = crowd.action[crowd.chosen, 0]
         if self._traffic is not None:

@@ -36,8 +36,7 @@ class CrowdTraffic:
         self._seen, self._since = self._seen + 1.0, self._since + 1
         if self._since < max(EVERY, ground.num_tables * len(ground.ahead) // STATES_A_STEP):
             return
-        ground.price[:] = self._prices()
-        ground.forget()
+        ground.reprice(self._prices())
         stays, self._since = STAYS ** (self._since / EVERY), 0
         self._moves, self._waits, self._seen = self._moves * stays, self._waits * stays, self._seen * stays
 
