@@ -3,12 +3,15 @@
 import csv
 import importlib.util
 import json
+import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 import yaml
+from campaigns.driver import Places
 
 TOOLS = Path(__file__).resolve().parents[1] / "tools"
 GRID = ["..@..", ".....", "..@.."]
@@ -76,3 +79,40 @@ def test_mutants_that_are_listed_are_of_lines_that_are_there_and_have_reasons():
 
 def test_a_mutant_is_known_by_the_lines_that_it_changes():
     assert mutate().changed_lines("a = 1\n  b = a > 2\n", "a = 1\n  b = a < 2\n") == [("b = a > 2", "b = a < 2")]
+
+
+STOPPED = """
+import sys
+from pathlib import Path
+
+sys.path[:0] = {path}
+from campaigns import driver
+
+
+class Endless:
+    size = None
+
+    def trial(self, number, folder):
+        (folder / "left").touch()
+        print("trial", number, flush=True)
+        while number:
+            pass
+        return driver.Trial("first", "done")
+
+
+sys.exit(driver.run(Endless(), driver.Places(sys.argv[1], 0, Path(sys.argv[2])), 60.0, 3600.0))
+"""
+
+
+def test_campaign_that_is_interrupted_ends_its_trial_and_says_what_was_found(tmp_path):
+    tests, places = TOOLS.parent / "tests", Places(f"endless{os.getpid()}", 0, tmp_path)
+    code = STOPPED.format(path=[str(tests), str(TOOLS.parent)])
+    with subprocess.Popen(
+        [sys.executable, "-P", "-c", code, places.name, tmp_path], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as campaign:
+        assert "trial 1\n" in iter(campaign.stdout.readline, "")
+        campaign.send_signal(signal.SIGINT)
+        printed, said = campaign.communicate()  # which waits for the trial's process, too: it holds the pipe
+    assert campaign.returncode == 0 and not said
+    assert "| first | 1 | 0 | 0 | 1 done |" in printed
+    assert not places.work(1).exists()

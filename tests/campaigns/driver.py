@@ -82,7 +82,7 @@ def rows_in(path: Path) -> dict[int, dict[str, Any]]:
 
 
 def run(campaign: Campaign, places: Places, minutes: float, limit_s: float) -> int:
-    """Make trials until the time is up or there are no more; print what was found.
+    """Make trials until the time is up, there are no more, or a signal comes; print what was found.
 
     Parameters
     ----------
@@ -103,13 +103,17 @@ def run(campaign: Campaign, places: Places, minutes: float, limit_s: float) -> i
     places.out.mkdir(parents=True, exist_ok=True)
     begin = time.monotonic()
     first = done = max(rows_in(places.rows), default=-1) + 1
-    while time.monotonic() < begin + 60 * minutes and (campaign.size is None or done < campaign.size):
+    signals: list[int] = []
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda number, _: signals.append(number))
+    while not signals and time.monotonic() < begin + 60 * minutes and (campaign.size is None or done < campaign.size):
         sys.stdout.flush()
         child = os.fork()
         if child == 0:
             _be_child(campaign, places, done)
-        _watch(child, places, done, limit_s, begin + 60 * minutes)
+        _watch(child, places, done, limit_s, begin + 60 * minutes, signals)
         done = _next_number(places.rows)
+        shutil.rmtree(places.work(done), ignore_errors=True)
     rows, took_s = rows_in(places.rows), time.monotonic() - begin
     used = resource.getrusage(resource.RUSAGE_CHILDREN)
     cpu_s = used.ru_utime + used.ru_stime
@@ -124,6 +128,8 @@ def _be_child(campaign: Campaign, places: Places, first: int) -> None:
     code = 3
     try:
         os.setsid()
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
         resource.setrlimit(resource.RLIMIT_AS, (MEMORY_BYTES, MEMORY_BYTES))
         last = first + TRIALS_PER_CHILD if campaign.size is None else min(first + TRIALS_PER_CHILD, campaign.size)
         size = 0
@@ -131,11 +137,12 @@ def _be_child(campaign: Campaign, places: Places, first: int) -> None:
             folder = places.work(number)
             shutil.rmtree(folder, ignore_errors=True)
             folder.mkdir(parents=True)
+            began_s = _cpu_s()
             try:
                 trial = campaign.trial(number, folder)
             except Exception:
                 trial = Trial("?", "the campaign failed", (traceback.format_exc(),))
-            _record(places, number, trial)
+            _record(places, number, trial, _cpu_s() - began_s)
             if number == first + 200:
                 size = _memory_bytes()
             elif number > first + 200 and _memory_bytes() > size + GROWTH_BYTES:
@@ -149,12 +156,17 @@ def _be_child(campaign: Campaign, places: Places, first: int) -> None:
         os._exit(code)
 
 
+def _cpu_s() -> float:
+    """CPU time of this process, and of those that it started and that ended."""
+    return sum(os.times()[:4])
+
+
 def _memory_bytes() -> int:
     return int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
 
 
-def _watch(child: int, places: Places, first: int, limit_s: float, until: float) -> None:
-    """Wait for a child; when it hangs or dies, record its trial."""
+def _watch(child: int, places: Places, first: int, limit_s: float, until: float, signals: list[int]) -> None:
+    """Wait for a child; when it hangs or dies, record its trial. It is ended after the time and at a signal."""
     path = places.rows
     size, since = -1, time.monotonic()
     patience_s = STARTING_S  # kernels may have to be compiled first
@@ -171,7 +183,7 @@ def _watch(child: int, places: Places, first: int, limit_s: float, until: float)
         if hangs:
             number = max(_next_number(path), first)
             _record(places, number, Trial("?", "hang", (f"takes more than {limit_s:g} s",), _command_in(places, number)))
-        if hangs or since > until:
+        if hangs or since > until or signals:
             os.killpg(child, signal.SIGKILL)
             os.waitpid(child, 0)
             return
@@ -203,7 +215,7 @@ def _command_in(places: Places, number: int) -> str:
     return file.read_text() if file.is_file() else ""
 
 
-def _record(places: Places, number: int, trial: Trial) -> None:
+def _record(places: Places, number: int, trial: Trial, cpu_s: float = 0.0) -> None:
     folder = places.work(number)
     if trial.faults:
         print(f"{places.name} {number}: {trial.kind}: {trial.faults[0].strip().splitlines()[-1]}", flush=True)
@@ -217,17 +229,18 @@ def _record(places: Places, number: int, trial: Trial) -> None:
         shutil.move(folder, failed)
     shutil.rmtree(folder, ignore_errors=True)
     with places.rows.open("a") as file:
-        file.write(json.dumps({"number": number, **asdict(trial)}) + "\n")
+        file.write(json.dumps({"number": number, **asdict(trial), "cpu_s": round(cpu_s, 3)}) + "\n")
 
 
 def table(rows: Any) -> str:
-    """Trials and faults of each kind, as Markdown."""
+    """Trials, their CPU time and faults of each kind, as Markdown."""
     rows = list(rows)
     kinds = collections.defaultdict(list)
     for row in rows:
         kinds[row["kind"]].append(row)
-    lines = ["| trial | trials | with faults | ended |", "|---|---|---|---|"]
+    lines = ["| trial | trials | CPU-s | with faults | ended |", "|---|---|---|---|---|"]
     for kind, part in [*sorted(kinds.items()), ("all", rows)]:
         ended = ", ".join(f"{count} {word}" for word, count in collections.Counter(row["ended"] for row in part).most_common(8))
-        lines.append(f"| {kind} | {len(part)} | {sum(bool(row['faults']) for row in part)} | {ended} |")
+        cpu_s, faults = sum(row.get("cpu_s", 0.0) for row in part), sum(bool(row["faults"]) for row in part)
+        lines.append(f"| {kind} | {len(part)} | {cpu_s:.0f} | {faults} | {ended} |")
     return "\n".join(lines)
