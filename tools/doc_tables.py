@@ -1,4 +1,4 @@
-"""Tables of the documentation that the code makes: keys of scenarios, plug-ins, metrics, bundled suites and scenarios.
+"""Tables of the documentation that the code makes: keys of scenarios, plug-ins, the order of `auto`, metrics, bundled suites and scenarios.
 
     .venv/bin/python tools/doc_tables.py          # write them into docs/*.md
     .venv/bin/python tools/doc_tables.py --check  # exit code 1 when a page differs
@@ -13,6 +13,7 @@ import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, Literal, get_args, get_origin
 
 from pydantic import BaseModel
@@ -24,6 +25,7 @@ from mrp_sumo.drive.robot_work import Change
 from mrp_sumo.io.documents import declared_in, keys_of
 from mrp_sumo.io.scenario.model import SECTIONS, ScenarioModel
 from mrp_sumo.metrics import registry
+from planners.auto import FEW, SOME, THIN, portfolio_for
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 TECHNICAL = 1e9  # bounds from here on are nobody's concern
@@ -64,6 +66,25 @@ def planners() -> str:
     """Planners: method, guarantee, parameters."""
     rows = ((f"`{one['name']}`", one["summary"], one["guarantee"], _parameters(one)) for one in _plug_ins("planners", []))
     return _table(("planner", "method", "guarantee", "parameters and defaults"), rows)
+
+
+def auto() -> str:
+    """Planners that `auto` asks, by the problem."""
+
+    def asked(robots: int, vertices: float = 0, **problem: Any) -> tuple[str, str]:
+        chosen = portfolio_for(SimpleNamespace(num_robots=robots, graph=SimpleNamespace(num_vertices=vertices), **problem))  # type: ignore[arg-type]
+        plan = f"the cheapest of the first {chosen.compared}" if chosen.compared > 1 else "the first"
+        return ", ".join(f"`{name}`" for name in chosen.names), plan
+
+    one_shot, window = {"drivable": False, "window_steps": 0}, {"drivable": True, "window_steps": 1}
+    rows = (
+        (f"one-shot, robots keep the plan's order, up to {FEW} robots", *asked(FEW, drivable=True, window_steps=0)),
+        (f"one-shot, up to {SOME} robots", *asked(SOME, **one_shot)),
+        ("one-shot, more", *asked(SOME + 1, **one_shot)),
+        (f"in windows, {THIN:g} vertices or more a robot", *asked(1, THIN, **window)),
+        ("in windows, fewer", *asked(1, **window)),
+    )
+    return _table(("problem", "planners, in this order", "plan"), rows)
 
 
 def policies() -> str:
@@ -156,11 +177,15 @@ def _possible(field: FieldInfo) -> str:
     """Choices, or the kind of value and its bounds."""
     parts = [field.annotation, *get_args(field.annotation)]
     choices = [f"`{value}`" for part in parts if get_origin(part) is Literal for value in get_args(part)]
-    bounds = [(says, getattr(part, key)) for part in field.metadata for key, says in BOUNDS.items() if hasattr(part, key)]
-    return ", ".join(choices) or " and ".join(says.format(bound) for says, bound in bounds if bound < TECHNICAL)
+    bounds = {key: bound for part in field.metadata for key in BOUNDS if (bound := getattr(part, key, TECHNICAL)) < TECHNICAL}
+    if {"ge", "le"} <= set(bounds):
+        return f"{bounds['ge']:g} to {bounds['le']:g}"
+    return ", ".join(choices) or " and ".join(says.format(bounds[key]) for key, says in BOUNDS.items() if key in bounds)
 
 
-TABLES: dict[str, Callable[[], str]] = {one.__name__: one for one in (planners, policies, dispatchers, suites, scenarios, robot_changes)}
+TABLES: dict[str, Callable[[], str]] = {
+    one.__name__: one for one in (planners, auto, policies, dispatchers, suites, scenarios, robot_changes)
+}
 TABLES |= {"keys": keys} | {f"keys_{section}": partial(keys, section) for section in SECTIONS}
 TABLES |= {f"metrics_{of}": partial(metrics, of) for of in registry.TABLES}
 
