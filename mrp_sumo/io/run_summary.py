@@ -22,16 +22,20 @@ def run_summary(result: Mapping[str, Any]) -> Summary:
     return summary(result["scenario"]["name"], ((name, ", ".join(part for part in parts if part)) for name, *parts in _rows(result)))
 
 
+def planner_of(result: Mapping[str, Any]) -> str:
+    """The planner of a run; behind `auto` the one that it chose, `auto: lns2`."""
+    name, chosen = short_name(result["scenario"]["planner"]["name"]), (result.get("planner") or {}).get("chosen")
+    return f"{name}: {chosen}" if chosen else name
+
+
 def _rows(result: Mapping[str, Any]) -> Iterator[tuple[str, ...]]:
     scenario, m = result["scenario"], defaultdict[str, Any](lambda: None, result["metrics"])
     yield "status", result["status"].replace("_", " "), result.get("note", "")
     if line := remedy(result):
         yield "to change", line
     yield "map", f"{scenario['map']['file']}, {count(m['num_robots'], 'robot')}, seed {result['seed']}"
-    by = result.get("planner") or {}
-    name, policy = short_name(scenario["planner"]["name"]), short_name(result.get("policy") or "")
-    chosen = f"{name}: {by['chosen']}" if by.get("chosen") else name
-    yield "planner", chosen, NO_PLAN if not m["plan_success"] else "plan valid" if m["plan_valid"] else CONFLICTS
+    policy = short_name(result.get("policy") or "")
+    yield "planner", planner_of(result), NO_PLAN if not m["plan_success"] else "plan valid" if m["plan_valid"] else CONFLICTS
     calls = count(m["planner_calls"], "answer") if m["planner_calls"] is not None else ""
     kinds = ("late", "failed", "stepped", "stopped")
     failed = ", ".join(f"{m[f'planner_calls_{kind}']} {kind}" for kind in kinds if m[f"planner_calls_{kind}"])

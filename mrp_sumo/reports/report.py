@@ -232,7 +232,7 @@ def _run_tiles(study: ReportedRuns) -> list[Tile]:
         Tile("status", str(row["status"]).replace("_", " "), _remedy(study), mood="good" if good else "bad"),
         Tile("map", str(row["_map"])),
         Tile("robots", "–" if pd.isna(row["_robots"]) else str(int(row["_robots"]))),
-        Tile("planner", str(row["_series"])),
+        Tile("planner", str(row["_series"]), _chosen(study)),
     ]
     for label, column, scale, unit in (
         ("planning time", "planning_time_s", 1e3, "ms"),
@@ -248,6 +248,11 @@ def _run_tiles(study: ReportedRuns) -> list[Tile]:
         if column in row and not pd.isna(row[column]):
             tiles.append(Tile(label, f"{scale * float(row[column]):.1f}", unit))
     return tiles
+
+
+def _chosen(study: ReportedRuns) -> str:
+    """The planner that `auto` chose in the one run of a study, '' where it names its planner."""
+    return next((f"chose {name}" for run in study.folders.values() if (name := (run.result.get("planner") or {}).get("chosen"))), "")
 
 
 def _remedy(study: ReportedRuns) -> str:

@@ -1,6 +1,6 @@
 """A run in a few lines."""
 
-from mrp_sumo.io.run_summary import run_summary
+from mrp_sumo.io.run_summary import planner_of, run_summary
 
 RESULT = {
     "status": "time_limit",
@@ -37,6 +37,12 @@ def test_plug_ins_go_by_the_stems_of_their_files():
     scenario = RESULT["scenario"] | {"planner": {"name": "./my/greedy.py:Greedy"}}
     rows = dict(run_summary({**RESULT, "scenario": scenario, "policy": "/work/late.py:LateStart"}).rows)
     assert rows["planner"].startswith("greedy, ") and rows["goals reached"] == "1 of 2, policy late"
+
+
+def test_portfolio_names_who_planned():
+    scenario = RESULT["scenario"] | {"planner": {"name": "auto"}}
+    assert planner_of({**RESULT, "scenario": scenario, "planner": {"chosen": "lns2", "why": "few robots"}}) == "auto: lns2"
+    assert planner_of({**RESULT, "scenario": scenario}) == "auto"
 
 
 def test_run_without_a_plan_says_so():

@@ -15,7 +15,7 @@ from mrp_sumo.core.graph import FloatArray, PlanGraph
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.io.record import AT_GOAL, MOVING, STATE_NAMES, WAITING, RunRecord, robot_states
-from mrp_sumo.plugins.source import short_name
+from mrp_sumo.io.run_summary import planner_of
 
 if TYPE_CHECKING:
     from mrp_sumo.core.fleet import Fleet
@@ -88,7 +88,7 @@ def map_name_of(result: Mapping[str, Any]) -> str:
 
 def subtitle_of(result: Mapping[str, Any], num_robots: int) -> str:
     """Map, robots and planner of a run in a line; nobody knows who planned what is read from a log."""
-    by = RECORDED if result.get("policy") == RECORDED else short_name(result["scenario"]["planner"]["name"])
+    by = RECORDED if result.get("policy") == RECORDED else planner_of(result)
     return f"{map_name_of(result)} · {num_robots} {'robot' if num_robots == 1 else 'robots'} · {by}"
 
 

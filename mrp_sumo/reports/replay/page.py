@@ -28,7 +28,7 @@ from mrp_sumo.io.outline import Outline
 from mrp_sumo.io.record import RunRecord
 from mrp_sumo.io.remedy import remedy
 from mrp_sumo.io.run_reader import damage_in, load_run
-from mrp_sumo.io.run_summary import orders_in_words
+from mrp_sumo.io.run_summary import orders_in_words, planner_of
 from mrp_sumo.io.summary import lateness, seconds
 from mrp_sumo.metrics.evaluate import succeeded
 from mrp_sumo.plugins.source import short_name
@@ -268,7 +268,7 @@ def about_run(run: AnyRun, record: RunRecord) -> About:
         "Status": status,
         "Map": map_name_of(run.result),
         "Robots": f"{num_robots}",
-        "Planner": short_name(scenario["planner"]["name"]) if is_planned else None,
+        "Planner": planner_of(run.result) if is_planned else None,
         "Assignment": scenario["assignment"]["mode"] if is_planned else None,
         "Policy": short_name(run.result.get("policy") or "") or None,
         "Seed": run.result["seed"] if is_planned else None,
