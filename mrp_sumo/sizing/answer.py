@@ -47,7 +47,7 @@ class Answer:
     reasons: tuple[Reasons, ...]  # of every size, ascending
     gains: tuple[Gain, ...]  # the best first
     confirmed: tuple[Confirmation, ...]  # sizes that were driven in SUMO, too
-    left_out: tuple[str, ...]  # what the budget was too small for
+    left_out: tuple[str, ...]  # for want of budget
     spent_s: float  # predicted, of the budget
     in_time: bool = True  # whether all runs that were wanted had ended when the clock reached the budget
 
@@ -83,7 +83,8 @@ class Answer:
             and self.limits.curve.best == self.question.most_robots
             and (cycle := self.question.charging)
         ):
-            return Share("charger", "charger", min(1.0, self.limits.curve.best * cycle.charging_share / cycle.places))
+            measured = (share for share in self.at_peak.places if share.kind == "charger") if self.at_peak else iter(())
+            return next(measured, Share("charger", "charger", min(1.0, self.limits.curve.best * cycle.charging_share / cycle.places)))
         return self.at_peak.limit if self.at_peak else None
 
     @property
@@ -129,7 +130,7 @@ class Answer:
             notes.append(f"planned with {self.planner}, since {own} left more than 1 % of its requests unanswered")
         notes += [f"{_robots(point.robots)}: not counted; {point.fault}" for point in self.unfit]
         if self.left_out:
-            notes.append(f"the budget was too small for {', and for '.join(self.left_out)}")
+            notes.append(f"left out for want of budget: {'; '.join(self.left_out)}")
         if self.limits and not self.limits.rises:
             notes.append("throughput does not rise steadily up to its peak, so sizes between those of the grid were not tried")
         if self.limits and self.points and not self.limits.measured:

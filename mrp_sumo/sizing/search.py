@@ -60,7 +60,7 @@ class Desk:
     recorded: Recorded
     asked: dict[Trial, None] = field(default_factory=dict)  # in order
     spent_s: float = 0.0
-    left_out: list[str] = field(default_factory=list)  # what the budget was too small for
+    left_out: list[str] = field(default_factory=list)  # for want of budget
     share: float = 1.0  # of the budget that may be spent by now: the rest is for what comes after
     closed: bool = False  # no more runs can be made: the clock has reached the budget
 

@@ -270,7 +270,7 @@ def test_a_study_that_is_closed_where_limits_are_still_wide_asks_for_no_more():
     runs = Known(asked, {4: (150, SURE), 6: (200, VAGUE), 9: (192, VAGUE)})
     answer, trials = answer_of(asked, lambda trial: runs(trial) if trial.seed < 4 else None, closed=True)
     assert {trial.seed for trial in trials} == {0, 1, 2, 3} and not answer.limits.measured
-    assert any(note.startswith("the budget was too small for closer limits, and for new runs") for note in answer.notes)
+    assert any(note.startswith("left out for want of budget: closer limits; new runs") for note in answer.notes)
     more, trials = answer_of(asked, runs)
     assert {trial.seed for trial in trials} > {0, 1, 2, 3} and more.limits.measured
 

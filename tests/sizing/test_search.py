@@ -129,7 +129,7 @@ def test_a_budget_that_is_spent_is_said():
     asked = question((4, 90), replace(EFFORT, budget_s=150.0), demand_per_h=280.0)
     answer, _ = answer_of(asked, Fleets(rises_and_falls, asked))
     assert answer.spent_s <= 150.0
-    assert any("the budget was too small for" in note for note in answer.notes)
+    assert any("left out for want of budget: " in note for note in answer.notes)
 
 
 @pytest.mark.parametrize(("demand_per_h", "first"), [(30.0, True), (60.0, False)])  # of 40 orders an hour that the smallest fleet does

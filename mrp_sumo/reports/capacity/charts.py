@@ -155,7 +155,7 @@ def flow(points: Sequence[Point]) -> Chart:
                 label=f"{point.robots} robot{'s' * (point.robots > 1)}",
                 rasterized=len(k) > 400,
             )  # fmt: skip
-        ax.set(xlabel="robots in traffic on 100 m of lanes", ylabel="robots a minute past a point", xlim=(0, None), ylim=(0, None))
+        ax.set(xlabel="robots in traffic on 100 m of lanes", ylabel="robots passing a minute", xlim=(0, None), ylim=(0, None))
         handles, labels = ax.get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside lower left", ncols=3, markerscale=2.2, columnspacing=1.2, handlelength=1.0)
 
