@@ -8,6 +8,7 @@ from mrp_sumo.core.disturbances import NAMED_DISTURBANCES, Disturbances
 from mrp_sumo.core.robot_type import RobotShape
 from mrp_sumo.errors import ScenarioError
 from mrp_sumo.io.columns import put
+from mrp_sumo.io.scenario.file import find_scenario
 from mrp_sumo.io.scenario.model import ScenarioModel
 from mrp_sumo.io.scenario.read import changed, read_scenario, scenario_of
 from mrp_sumo.io.scenario.robots import robot_type
@@ -117,6 +118,12 @@ def test_missing_file_names_the_nearest(tmp_path):
     written(tmp_path, GOOD, "office_9.yaml")
     with pytest.raises(ScenarioError, match=r"ofice_9.yaml: no such file \(did you mean 'office_9.yaml'\?\)"):
         read_scenario(tmp_path / "ofice_9.yaml")
+
+
+def test_missing_file_names_the_nearest_of_any_kind_beside_it(tmp_path):
+    (tmp_path / "Demo-01.xml").touch()
+    with pytest.raises(ScenarioError, match=r"Demo-01.xm: no such file \(did you mean 'Demo-01.xml'\?\)"):
+        find_scenario(str(tmp_path / "Demo-01.xm"))
 
 
 def test_binary_file_is_refused(tmp_path):

@@ -60,7 +60,7 @@ def find_scenario(name_or_path: str) -> Path:
             return file
     if os.path.lexists(path):
         require_regular(path, error=ScenarioError)
-    beside = sorted(p.name for p in path.parent.glob("*.yaml")) if path.suffix else []
     names = sorted(p.stem for p in bundled.glob("*.yaml"))
-    known = nearest(path.stem if path.stem in names else path.name, names if path.stem in names else beside or names, limit=10)
+    beside = sorted(p.name for p in path.parent.glob("*") if p.is_file()) if path.suffix and path.stem not in names else []
+    known = nearest(path.name, beside, limit=0) or nearest(path.stem if path.stem in names else path.name, names, limit=10)
     raise ScenarioError(f"{shortened(path)}: no such file{known}")

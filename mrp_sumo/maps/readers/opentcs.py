@@ -42,8 +42,8 @@ class OpenTcs:
     suffixes: ClassVar[tuple[str, ...]] = (".xml",)
 
     def detects(self, file: MapFile) -> bool:
-        """Its root, and its points."""
-        return root_name(file.text) == "model" and "<point " in file.text
+        """Its root, with the version that every model states."""
+        return root_name(file.text) == "model" and re.search(r"<model\s[^>]*\bversion=", file.text) is not None
 
     def read(self, file: MapFile, selection: Selection) -> Map:
         """All of it: a model has one level."""

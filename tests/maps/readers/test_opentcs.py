@@ -47,6 +47,11 @@ def test_lengths_that_differ_from_the_drawing_are_reported(load):
     assert "locked_path" in found
 
 
+def test_empty_model_has_nothing_to_drive_on(load):
+    with pytest.raises(MapError, match=r"no lanes: nothing to drive on \(0 vertices\)"):
+        load('<model version="0.0.2" name="unnamed"/>')
+
+
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
