@@ -105,7 +105,7 @@ def _audit(options: argparse.Namespace) -> int:
     if options.json:
         say_json(plain({"passed": not findings, "findings": findings}), indent=2)
     elif not findings:
-        say(f"{options.bag}: audit of bodies {'passed, a run without tasks' if logs is None else 'and operations audit passed'}")
+        say(f"{options.bag}: audit of bodies {'passed, a run without orders' if logs is None else 'and operations audit passed'}")
     for finding in () if options.json else findings:
         say(f"{finding['t_s']:10.2f} s  {finding['rule']}: {finding['text']}")
     return 1 if findings else 0

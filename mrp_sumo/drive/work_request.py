@@ -120,8 +120,8 @@ def _check(crew: Crew, assigned: Mapping[int, int]) -> None:
     if (wrong := next(((r, k) for r, k in assigned.items() if not crew.can_do(r, k)), None)) is not None:
         name, needs = crew.problem.fleet.robot_name[wrong[0]], crew.tasks[wrong[1]]
         if crew.places.has_room(wrong[0], needs.stops):
-            raise PlugInError(f"task '{needs.name}' needs a robot of type '{needs.robot_type}', {name} is none")
-        raise PlugInError(f"task '{needs.name}' is nothing for {name}, which has no room on the way")
+            raise PlugInError(f"order '{needs.name}' needs a robot of type '{needs.robot_type}', {name} is none")
+        raise PlugInError(f"order '{needs.name}' is nothing for {name}, which has no room on the way")
 
 
 def _after_committed(crew: Crew, robot: RobotWork, committed: Sequence[int]) -> tuple[list[Leg], int, int]:

@@ -58,11 +58,11 @@ METRICS = (
     Metric("num_following_conflicts", "", LESS,
            "following conflicts that the referee finds: a robot enters a vertex in the step in which another leaves it; no fault "
            "of a plan", _conflicts("following"), one_goal=True),
-    Metric("planning_time_s", "s", LESS, "wall time of the solver, compiled code loaded; in runs with tasks of all its answers",
+    Metric("planning_time_s", "s", LESS, "wall time of the solver, compiled code loaded; in runs with orders of all its answers",
            _planning_time_s, of_machine=True),
     Metric("planning_cpu_s", "s", LESS,
-           "CPU time of all threads and programs of the solver, in runs with tasks for all its answers; null where it was killed, "
-           "and with tasks for a planner from outside", _planning_cpu_s, of_machine=True),
+           "CPU time of all threads and programs of the solver, in runs with orders for all its answers; null where it was killed, "
+           "and with orders for a planner from outside", _planning_cpu_s, of_machine=True),
     Metric("prepare_time_s", "s", LESS, "loading or compiling that code", lambda run: run.result.prepare_time_s, of_machine=True),
     Metric("assignment_time_s", "s", LESS, "cost matrix and assignment", lambda run: run.assignment_time_s, of_machine=True, one_goal=True),
     Metric("soc_steps", "steps", LESS,

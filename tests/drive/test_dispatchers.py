@@ -86,7 +86,7 @@ def test_a_task_goes_to_a_robot_of_the_type_that_it_needs_or_waits(dispatcher):
 def test_a_dispatcher_that_gives_a_task_to_a_robot_of_another_type_is_named():
     fleet = Fleet([2, 15], (0.0, (5, 6)), (0.0, (3, 4), 0, "lift"), types=("cart", "lift"))
     fleet.crew.orders.reveal(0.0)
-    with pytest.raises(PlugInError, match="task '' needs a robot of type 'lift', robot_0 is none"):
+    with pytest.raises(PlugInError, match="order '' needs a robot of type 'lift', robot_0 is none"):
         work_request(fleet.crew, 0.0, fleet.context.closed, {0: 1})
 
 

@@ -108,7 +108,7 @@ def test_run_without_tasks_has_its_bodies_judged(tmp_path, capsys):
     file = scenario(ring(tmp_path), None, robots=2, execution={"time_limit_s": 60.0})
     place = written(file, tmp_path / "run")
     assert main(["analyze", str(place), "--audit"]) == 0
-    assert "audit of bodies passed, a run without tasks" in capsys.readouterr().out
+    assert "audit of bodies passed, a run without orders" in capsys.readouterr().out
     change(place / "trajectory.parquet", "x_m", 0, lambda x: x + 9.0)
     assert main(["analyze", str(place), "--audit"]) == 1
     assert "bodies: robot_0" in capsys.readouterr().out

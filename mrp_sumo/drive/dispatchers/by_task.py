@@ -14,7 +14,7 @@ from mrp_sumo.drive.work_request import work_request
 
 
 class ByTask(ABC):
-    """Gives tasks to robots; everything is replanned when a task comes or a stop is made."""
+    """Gives orders to robots; everything is replanned when an order comes or a stop is made."""
 
     @abstractmethod
     def assigned(self, now_s: float, context: Surroundings) -> Mapping[int, int]:

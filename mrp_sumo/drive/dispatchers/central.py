@@ -14,7 +14,7 @@ from mrp_sumo.drive.surroundings import Surroundings
 
 @dataclass(frozen=True)
 class Central(ByTask):
-    """All robots that carry nothing and all tasks not begun are matched again each time; the sum of times to pick-ups is least."""
+    """All robots that carry nothing and all orders not begun are matched again each time; the sum of times to pick-ups is least."""
 
     def assigned(self, now_s: float, context: Surroundings) -> dict[int, int]:
         """See ByTask."""

@@ -20,7 +20,7 @@ LESS_URGENT_S = 1e5  # what a task counts later for each more urgent priority th
 
 @dataclass(frozen=True, eq=False)
 class Choice:
-    """K tasks that can be given to R robots."""
+    """K orders that can be given to R robots."""
 
     task: Sequence[int]  # [K]
     holder: Mapping[int, int]  # robots that are on their way to the first stop of a task, by the task

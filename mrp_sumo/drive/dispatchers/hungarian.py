@@ -12,7 +12,7 @@ from mrp_sumo.drive.surroundings import Surroundings
 
 @dataclass(frozen=True)
 class Hungarian(ByTask):
-    """The sum of the times at which tasks will be done is least, busy robots included; of more tasks than robots the shortest go first."""
+    """The sum of the times at which orders will be done is least, busy robots included; of more orders than robots the shortest first."""
 
     reassign: bool = True  # tasks may go to others until their first stops are made
     busy: bool = True  # a task may wait for a robot that is at work

@@ -19,7 +19,7 @@ from mrp_sumo.plugins import registry
 
 @dataclass(frozen=True)
 class MinCostFlow(ByTask):
-    """Rows of several tasks for each robot, busy robots included, as a flow for which the sum of times until tasks are done is least."""
+    """Rows of several orders for each robot, busy robots included, as a flow for which the sum of times until orders are done is least."""
 
     depth: int = 3  # tasks in a row at most
     reassign: bool = True  # tasks may go to others until their first stops are made

@@ -11,7 +11,7 @@ from mrp_sumo.search.distance import UNREACHABLE, distances
 
 @dataclass(frozen=True)
 class Nearest(ByTask):
-    """Each task goes to the free robot nearest to its first stop; everything is replanned when a task comes or a stop is made."""
+    """Each order goes to the free robot nearest to its first stop; everything is replanned when an order comes or a stop is made."""
 
     def assigned(self, now_s: float, context: Surroundings) -> dict[int, int]:
         """See ByTask."""

@@ -13,7 +13,7 @@ from mrp_sumo.drive.surroundings import Surroundings
 
 @dataclass(frozen=True)
 class Regret(ByTask):
-    """Of the tasks that free robots can do soonest, the one that loses most with its second best robot goes first."""
+    """Of the orders that free robots can do soonest, the one that loses most with its second best robot goes first."""
 
     def assigned(self, now_s: float, context: Surroundings) -> dict[int, int]:
         """See ByTask."""

@@ -18,7 +18,7 @@ from mrp_sumo.drive.surroundings import Surroundings
 
 @dataclass(frozen=True)
 class TokenPassing(ByTask):
-    """Free robots in turn take the most urgent and nearest task, best one at whose ends no other robot's task ends."""
+    """Free robots in turn take the most urgent and nearest order, best one at whose ends no other robot's order ends."""
 
     exclusive: bool = False  # as in the paper, never another
 

@@ -26,7 +26,7 @@ class PolicyChoice(Strict):
 class DispatcherChoice(PolicyChoice):
     """The dispatcher; its name alone is short for one without parameters."""
 
-    name: str = Field("", description="By default one_shot, and nearest where there are tasks.")
+    name: str = Field("", description="By default one_shot, and nearest where there are orders.")
     parameters: dict[str, Any] = Field(default_factory=dict, description="Of the dispatcher.")
 
 

@@ -58,8 +58,8 @@ class TaskChoice(Strict):
 class StreamChoice(Strict):
     """Tasks drawn with the scenario's seed: the same for every fleet."""
 
-    name: str = Field("task", pattern=r"^[\w.+-]+$", description="Of the stream; its tasks are called name_0, name_1, ...")
-    arrivals: Arrivals = Field(description="When tasks become known; exactly one kind.")
+    name: str = Field("task", pattern=r"^[\w.+-]+$", description="Of the stream; its orders are called name_0, name_1, ...")
+    arrivals: Arrivals = Field(description="When orders become known; exactly one kind.")
     count: Annotated[int, Field(ge=1, le=MAX_TASKS)] | None = Field(None, description="Tasks in all; without end by default.")
     stops: list[str] | None = Field(None, min_length=1, description="One of each of these groups, stations or vertices, in this order.")
     zipf: NotNegative = Field(0.0, description="Of groups: the k-th station is drawn with weight 1 / k ** zipf.")
@@ -69,7 +69,7 @@ class StreamChoice(Strict):
     service: tuple[Service, ...] = Field((), description="Of each stop; the last also of those after it. Nothing by default.")
     due_after_s: Positive | None = Field(None, description="After the release.")
     priority: int = Field(0, description="More is more urgent.")
-    robot_type: str = Field("", description="The only type of robot that can do these tasks; by default any can.")
+    robot_type: str = Field("", description="The only type of robot that can do these orders; by default any can.")
 
     @model_validator(mode="after")
     def _routes(self) -> "StreamChoice":
@@ -94,10 +94,10 @@ class TasksChoice(Strict):
     streams: tuple[StreamChoice, ...] = Field((), description="Tasks drawn with the scenario's seed: the same for every fleet.")
     open: Annotated[int, Field(ge=1, le=MAX_OPEN)] | None = Field(
         None,
-        description="So many tasks of all streams together are always known and not done, in the order of their arrival.",
+        description="So many orders of all streams together are always known and not done, in the order of their arrival.",
     )
     charging: Charging | None = Field(None, description="Robots with a battery charge; without, theirs drain all the same.")
-    parking: tuple[str, ...] = Field((), description="Groups, stations or vertices where robots without a task go.")
+    parking: tuple[str, ...] = Field((), description="Groups, stations or vertices where robots without an order go.")
     cancel: Cancel | None = Field(None, description="When orders are withdrawn that no robot has picked up; never by default.")
     retry: Retry | None = Field(None, description="What becomes of orders whose robot is lost with them; they fail by default.")
 

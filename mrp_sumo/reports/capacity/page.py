@@ -206,7 +206,7 @@ def _small_print(study: Study, answer: Answer) -> list[str]:
     rows += [
         (
             "budget",
-            f"{answer.spent_s / 60:.1f} of {effort.budget_s / 60:.3g} min on {CORES} cores, as predicted, so that it buys the same anywhere",
+            f"{answer.spent_s / 60:.1f} of {effort.budget_s / 60:.3g} min on {CORES} cores, as predicted, so it buys the same anywhere",
         ),
         ("versions", ", ".join([f"mrp_sumo {__version__}", *(f"{name} {v}" for name, v in library_versions().items())])),
         ("to repeat it", question.command),
