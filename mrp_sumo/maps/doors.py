@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from mrp_sumo.core.graph import Options, PlanGraph
-from mrp_sumo.core.motion import run_time_s
+from mrp_sumo.core.motion import rest_to_rest_s
 from mrp_sumo.maps.building import Building
 from mrp_sumo.maps.clearance import point_distances, segment_distances
 
@@ -21,10 +21,8 @@ TURN_RAD = np.pi / 2  # of a hinged leaf
 def opening_s(kind: str, width_m: float) -> float:
     """Time that a door takes to open, or to close: hinged, double_hinged, sliding, double_sliding; one of no known kind slides."""
     if kind.endswith("hinged"):
-        distance, speed, accel = TURN_RAD, HINGED_RAD_S, HINGED_RAD_S2
-    else:
-        distance, speed, accel = width_m / 2 if kind.startswith("double") else width_m, SLIDING_MPS, SLIDING_MPS2
-    return float(run_time_s(*map(np.float64, (distance, speed, accel, accel))))
+        return rest_to_rest_s(TURN_RAD, HINGED_RAD_S, HINGED_RAD_S2)
+    return rest_to_rest_s(width_m / 2 if kind.startswith("double") else width_m, SLIDING_MPS, SLIDING_MPS2)
 
 
 def with_doors(graph: PlanGraph, building: Building | None, radius_m: float) -> PlanGraph:

@@ -13,7 +13,7 @@ from itertools import pairwise
 import numpy as np
 
 from mrp_sumo.core.graph import FloatArray, Options, PlanGraph, relaid
-from mrp_sumo.core.motion import run_time_s
+from mrp_sumo.core.motion import rest_to_rest_s
 from mrp_sumo.maps.building import Building, Lift
 
 DOOR_MPS, DOOR_MPS2 = 0.3, 0.2  # of the two leaves of a lift's door, in Open-RMF's simulations (traffic_editor, lift.py)
@@ -29,12 +29,12 @@ Shift = Mapping[str, tuple[float, float]]
 
 def door_s(width_m: float) -> float:
     """Time that the two leaves of a lift's door take to open or close."""
-    return float(run_time_s(np.float64(width_m / 2), np.float64(DOOR_MPS), np.float64(DOOR_MPS2), np.float64(DOOR_MPS2)))
+    return rest_to_rest_s(width_m / 2, DOOR_MPS, DOOR_MPS2)
 
 
 def travel_s(height_m: float) -> float:
     """Time that a cabin takes from one level to another."""
-    return float(run_time_s(np.float64(height_m), np.float64(CABIN_MPS), np.float64(CABIN_MPS2), np.float64(CABIN_MPS2)))
+    return rest_to_rest_s(height_m, CABIN_MPS, CABIN_MPS2)
 
 
 def ride_of(name: str, lift: Lift | None, levels: tuple[str, str], height_m: float) -> Options:
