@@ -63,10 +63,11 @@ def work_request(crew: Crew, now_s: float, closed: BoolArray, assigned: Mapping[
             nth += len(legs[r])
             stop[r] = crew.tasks[task].stops[nth]
             legs[r].append(Leg(task, nth, NONE))
-    turn = in_turn(crew, start, stop, {r: legs[r][-1].task for r in stop}, stays)
-    if swapped := older_first(crew, turn, stop, legs, assigned):
+    aged = passed_over(crew, stop)
+    turn = in_turn(crew, start, stop, {r: legs[r][-1].task for r in stop}, stays, aged)
+    if swapped := older_first(crew, turn, stop, legs, assigned, aged):
         return work_request(crew, now_s, closed, {**assigned, **swapped})
-    vertex, makes = crew.places.choose(start, stays, stop, turn, _aged(crew, stop))
+    vertex, makes = crew.places.choose(start, stays, stop, turn, aged)
     via = [list(dropwhile(start[r].__eq__, (leg.vertex for leg in legs[r][:-1]))) for r in robots.tolist()]
     for r in stop:
         last = legs[r].pop()
@@ -157,7 +158,14 @@ def _in_passing(crew: Crew, at: int, task: int, nth: int) -> list[Leg]:
     return passed
 
 
-def in_turn(crew: Crew, start: IntArray, stops: Mapping[int, Stop], task: Mapping[int, int], stays: BoolArray) -> list[int]:
+def passed_over(crew: Crew, robots: Iterable[int]) -> set[int]:
+    """Robots that were passed over often on the way to their next stop; on the way to the one where they are counts no more."""
+    return {r for r in robots if crew.robots[r].num_before >= PATIENCE and crew.robots[r].making is None}
+
+
+def in_turn(
+    crew: Crew, start: IntArray, stops: Mapping[int, Stop], task: Mapping[int, int], stays: BoolArray, aged: Collection[int]
+) -> list[int]:
     """Robots in the order in which they choose where to make their stops.
 
     The most urgent first; then who came first and waits; then who is nearest. Nobody comes before those who stand on its way there,
@@ -166,7 +174,6 @@ def in_turn(crew: Crew, start: IntArray, stops: Mapping[int, Stop], task: Mappin
     places = crew.places
     stands = set(start[stays].tolist())
     away = {r: places.away(r, int(start[r]), stop) for r, stop in stops.items()}
-    aged = _aged(crew, stops)
     came_s = {r: crew.robots[r].since_s if r in aged else crew.robots[r].in_line_since_s for r in stops}
     wished = sorted(stops, key=lambda r: (-crew.tasks[task[r]].priority, came_s[r], away[r], task[r]))
     order: list[int] = []
@@ -185,13 +192,13 @@ def in_turn(crew: Crew, start: IntArray, stops: Mapping[int, Stop], task: Mappin
     return order
 
 
-def _aged(crew: Crew, robots: Iterable[int]) -> set[int]:
-    """Robots that were passed over often on the way to their next stop; on the way to the one where they are counts no more."""
-    return {r for r in robots if crew.robots[r].num_before >= PATIENCE and crew.robots[r].making is None}
-
-
 def older_first(
-    crew: Crew, turn: Sequence[int], stops: Mapping[int, Stop], legs: Mapping[int, Sequence[Leg]], assigned: Mapping[int, int]
+    crew: Crew,
+    turn: Sequence[int],
+    stops: Mapping[int, Stop],
+    legs: Mapping[int, Sequence[Leg]],
+    assigned: Mapping[int, int],
+    aged: Collection[int],
 ) -> dict[int, int]:
     """Orders of two robots, each for the other: one that was passed over often has the older one, and the other goes before it.
 
@@ -202,7 +209,7 @@ def older_first(
         return len(legs[r]) == 1 and legs[r][0].nth == 0 and (r in assigned or crew.may_pass_on(crew.robots[r]))
 
     for n, r in enumerate(turn):
-        if r in assigned or crew.robots[r].num_before < PATIENCE or not is_unbegun(r):
+        if r in assigned or r not in aged or not is_unbegun(r):
             continue
         older = legs[r][0].task
         for s in (s for s in turn[:n] if stops[s].places == stops[r].places and is_unbegun(s)):

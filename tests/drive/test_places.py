@@ -10,7 +10,7 @@ from mrp_sumo.core.graph import nav_graph, plan_graph
 from mrp_sumo.core.task import Station, Stop
 from mrp_sumo.drive.places import RobotPlaces
 from mrp_sumo.drive.robot_work import Leg
-from mrp_sumo.drive.work_request import in_turn, older_first
+from mrp_sumo.drive.work_request import in_turn, older_first, passed_over
 from mrp_sumo.search.distance import UNREACHABLE
 
 
@@ -144,7 +144,8 @@ def test_one_that_was_passed_over_twice_goes_first_though_it_is_in_no_line(num_b
     robots = [came, SimpleNamespace(num_before=0, since_s=9.0, in_line_since_s=np.inf, task=0, making=None)]
     start = np.array([0, 3])
     crew = SimpleNamespace(places=RobotPlaces(problem_on(graph, start, start), ()), robots=robots, tasks=[SimpleNamespace(priority=0)])
-    assert in_turn(crew, start, dict.fromkeys((0, 1), Stop(5, 1.0)), {0: 0, 1: 0}, np.zeros(2, np.bool_)) == turn
+    aged = passed_over(crew, (0, 1))
+    assert in_turn(crew, start, dict.fromkeys((0, 1), Stop(5, 1.0)), {0: 0, 1: 0}, np.zeros(2, np.bool_), aged) == turn
 
 
 @pytest.mark.parametrize(
@@ -154,13 +155,13 @@ def test_one_that_was_passed_over_twice_goes_first_though_it_is_in_no_line(num_b
 )
 def test_one_that_was_passed_over_twice_gives_the_older_order_to_the_one_that_goes_first(num_before, priorities, begun, swapped):
     """robot_1 goes before robot_0, which has order 0; order 1 is younger."""
-    robots = [SimpleNamespace(num_before=n) for n in (num_before, 0)]
+    robots = [SimpleNamespace(num_before=n, making=None) for n in (num_before, 0)]
     orders = SimpleNamespace(released_s=(0.0, 5.0).__getitem__)
     tasks = [SimpleNamespace(priority=priority) for priority in priorities]
     crew = SimpleNamespace(robots=robots, orders=orders, tasks=tasks, may_pass_on=lambda robot: True, can_do=lambda robot, task: True)
     legs = {0: [Leg(0, 0, -1)], 1: [Leg(1, begun, -1)]}
-    assert older_first(crew, [1, 0], dict.fromkeys((0, 1), Stop(5, 1.0)), legs, {}) == swapped
-    assert older_first(crew, [0, 1], dict.fromkeys((0, 1), Stop(5, 1.0)), legs, {}) == {}
+    assert older_first(crew, [1, 0], dict.fromkeys((0, 1), Stop(5, 1.0)), legs, {}, passed_over(crew, (0, 1))) == swapped
+    assert older_first(crew, [0, 1], dict.fromkeys((0, 1), Stop(5, 1.0)), legs, {}, passed_over(crew, (0, 1))) == {}
 
 
 def test_to_a_place_that_no_way_leads_to_a_robot_does_not_set_out():
