@@ -11,18 +11,30 @@ The same bytes come out every time.
 
 import json
 import sys
-from dataclasses import replace
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-from mrp_sumo.maps.drawing import Drawing, DrawnLift, building_text
+from mrp_sumo.maps.drawing import Drawing, _number, _text
 from mrp_sumo.maps.load import load_map
 from mrp_sumo.maps.opentcs_file import write_opentcs
 
 HOLD = {"is_holding_point": True}
 PARK = {"is_parking_spot": True}
 CHARGE = {"is_charger": True, "is_parking_spot": True}
+
+
+@dataclass(frozen=True)
+class DrawnLift:
+    """A cabin that stops at the same place on all levels of a building; its door is on its south side."""
+
+    x_m: float
+    y_m: float
+    width_m: float
+    depth_m: float
+    door_m: float  # width of the door
 
 
 def office() -> Drawing:
@@ -75,7 +87,7 @@ def office() -> Drawing:
     d.door((11.35, 3.6), (10.25, 3.6), "office_2_door")
 
     for x0, x1 in ((3.6, 5.2), (7.6, 9.6), (12.0, 13.6), (16.0, 18.0)):  # desk islands between the corridors
-        d.shelves(x0, 5.5, x1, 6.5, 2, 2)
+        shelves(d, x0, 5.5, x1, 6.5, 2, 2)
     d.wall((0.9, 11.0), (0.9, 9.8), (3.6, 9.8), (3.6, 10.4), (1.5, 10.4), (1.5, 11.0), (0.9, 11.0))  # reception desk
     d.box(5.3, 10.5, 7.7, 11.3)
     d.box(9.4, 10.5, 11.8, 11.3)
@@ -127,7 +139,7 @@ def warehouse() -> Drawing:
     for k, x in enumerate(middles):
         single = k in (0, 7)
         half = 0.42 if single else 0.6
-        d.shelves(x - half, 9.6, x + half, 22.8, 1 if single else 2, 11)  # bays of 1.2 m, back to back
+        shelves(d, x - half, 9.6, x + half, 22.8, 1 if single else 2, 11)  # bays of 1.2 m, back to back
     for x in middles[1:4]:  # between the chargers
         d.wall((x, 25.4), (x, 27))
 
@@ -243,7 +255,7 @@ def _airport_walls(d: Drawing, link_x: list[float], middle_x: list[float], wings
 
     for k, x in enumerate(link_x[:-1]):  # moving walkways, and kiosks in every other stretch
         if k % 2 == 0:
-            d.shelves(x + 2, 39.3, x + 16, 40.7, 1, 2)
+            shelves(d, x + 2, 39.3, x + 16, 40.7, 1, 2)
         else:
             _oval(d, x + 4.4, 40, 1.6, 0.7)
             _oval(d, x + 13.4, 40, 1.6, 0.7)
@@ -259,7 +271,7 @@ def _airport_walls(d: Drawing, link_x: list[float], middle_x: list[float], wings
     for a, b in pairwise(hall_x):
         middle = (a + b) / 2
         d.wall((a + 2.2, 31.8), (b - 2.2, 31.8))
-        d.shelves(middle - 1.6, 17.8, middle + 1.6, 24.2, 2, 4)  # check-in island
+        shelves(d, middle - 1.6, 17.8, middle + 1.6, 24.2, 2, 4)  # check-in island
         _oval(d, middle, 11.0, 1.9, 3.2)  # carousel
         _oval(d, middle, 11.0, 1.0, 2.3)
     for wall_x, door_x in ((102, 110), (180, 172)):  # charging rooms and offices on both sides of the hall
@@ -282,7 +294,7 @@ def _gate_bay(d: Drawing, x: float, inside_y: float, glass_y: float, tip_y: floa
     for k in range(3):
         y = inside_y + out * (4.4 + 2.2 * k)
         for x0 in (x - 5.0, x + 1.8):
-            d.shelves(x0, y, x0 + 3.2, y + 0.8 * out, 1, 2)
+            shelves(d, x0, y, x0 + 3.2, y + 0.8 * out, 1, 2)
     d.box(x - 4.4, min(glass_y - 1.8 * out, glass_y - 2.4 * out), x - 1.4, max(glass_y - 1.8 * out, glass_y - 2.4 * out))
 
 
@@ -348,7 +360,7 @@ def hospital() -> Drawing:
             d.wall((x, 10.0), (x, 14.0))
     for x, name in zip(columns, services):
         d.door((x - 0.8, 6.0), (x + 0.8, 6.0), f"{name}_door", "double_sliding")
-        d.shelves(x - 1.8, 0.6, x + 1.8, 1.4, 4, 1)
+        shelves(d, x - 1.8, 0.6, x + 1.8, 1.4, 4, 1)
     for k, x in enumerate(columns, 1):
         d.door((x - 0.8, 18.0), (x + 0.8, 18.0), f"ward_{k}_door", "double_sliding")
         for bed in (-1.8, 0.6):
@@ -462,6 +474,45 @@ def plant() -> dict[str, Any]:
     about = {"projectIdentification": "plant", "creator": "mrp_sumo", "exportTimestamp": "2026-11-22T00:00:00.00Z", "lifVersion": "1.0.0"}
     layout = {"layoutId": "hall", "layoutVersion": "1", "layoutLevelId": "hall", "nodes": nodes, "edges": edges, "stations": stations}
     return {"metaInformation": about, "layouts": [layout]}
+
+
+def shelves(d: Drawing, x0: float, y0: float, x1: float, y1: float, columns: int, rows: int) -> None:
+    """A box divided into bays: a rack, a row of desks or seats."""
+    xs = [x0 + (x1 - x0) * i / columns for i in range(columns + 1)]
+    ys = [y0 + (y1 - y0) * j / rows for j in range(rows + 1)]
+    for x in xs:
+        d.wall(*((x, y) for y in ys))
+    for y in ys:
+        d.wall(*((x, y) for x in xs))
+
+
+def building_text(name: str, levels: Mapping[str, Drawing], height_m: float, lifts: Mapping[str, DrawnLift]) -> str:
+    """The file of a building of several levels, each of the same extent and so much higher than the one before, and its lifts.
+
+    A lift stops where a station of a level is in its cabin.
+    """
+    lines = [line for k, (level, drawing) in enumerate(levels.items()) for line in drawing.level(level, k * height_m, fiducials=True)]
+    lines.append("lifts:")
+    lowest, *_, highest = levels
+    for lift, drawn in lifts.items():
+        x, y = levels[lowest].pixels(drawn.x_m, drawn.y_m)
+        door = f"{{door_type: 2, motion_axis_orientation: 0, width: {_number(drawn.door_m)}, x: 0, y: {_number(-drawn.depth_m / 2)}}}"
+        lines += [
+            f"  {lift}:",
+            f"    depth: {_number(drawn.depth_m)}",
+            f"    doors: {{door: {door}}}",
+            f"    highest_floor: {highest}",
+            f"    initial_floor_name: {lowest}",
+            f"    level_doors: {{{', '.join(f'{level}: [door]' for level in levels)}}}",
+            f"    lowest_floor: {lowest}",
+            "    plugins: true",
+            f"    reference_floor_name: {lowest}",
+            f"    width: {_number(drawn.width_m)}",
+            f"    x: {_number(x)}",
+            f"    y: {_number(y)}",
+            "    yaw: 0",
+        ]
+    return _text(name, lines)
 
 
 def main() -> None:

@@ -1,4 +1,4 @@
-"""Draw a `building.yaml` in metres: stations, lanes, walls, floors, doors and lifts of levels, as the RMF Traffic Editor would save it.
+"""Draw a `building.yaml` in metres: stations, lanes, walls, floors and doors of levels, as the RMF Traffic Editor would save it.
 
 The drawing's frame has its origin at the lower left of the building, x right, y up. The file is in pixels from the upper left corner
 of an empty canvas with a margin around the building, and carries two measurements, so that every importer finds the metres again.
@@ -7,8 +7,7 @@ Refuses two stations on one spot or of one name, and lanes between unknown stati
 
 import json
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
 
@@ -32,17 +31,6 @@ DOOR = (
     "{motion_axis: [1, start], motion_degrees: [3, 90], motion_direction: [2, %d], name: [1, %s], plugin: [1, normal], "
     "right_left_ratio: [3, 1], type: [1, %s]}"
 )
-
-
-@dataclass(frozen=True)
-class DrawnLift:
-    """A cabin that stops at the same place on all levels of a building; its door is on its south side."""
-
-    x_m: float
-    y_m: float
-    width_m: float
-    depth_m: float
-    door_m: float  # width of the door
 
 
 class Drawing:
@@ -96,15 +84,6 @@ class Drawing:
     def box(self, x0: float, y0: float, x1: float, y1: float) -> None:
         """Four walls around a rectangle: a desk, a counter, a pallet."""
         self.wall((x0, y0), (x1, y0), (x1, y1), (x0, y1), (x0, y0))
-
-    def shelves(self, x0: float, y0: float, x1: float, y1: float, columns: int, rows: int) -> None:
-        """A box divided into bays: a rack, a row of desks or seats."""
-        xs = [x0 + (x1 - x0) * i / columns for i in range(columns + 1)]
-        ys = [y0 + (y1 - y0) * j / rows for j in range(rows + 1)]
-        for x in xs:
-            self.wall(*((x, y) for y in ys))
-        for y in ys:
-            self.wall(*((x, y) for x in xs))
 
     def floor(self, *points: Point, texture: str = "blue_linoleum") -> None:
         """A floor polygon."""
@@ -171,35 +150,6 @@ class Drawing:
     def _pixels(self, x: float, y: float) -> str:
         """In pixels from the upper left corner, y down."""
         return ", ".join(map(_number, self.pixels(x, y)))
-
-
-def building_text(name: str, levels: Mapping[str, Drawing], height_m: float, lifts: Mapping[str, DrawnLift]) -> str:
-    """The file of a building of several levels, each of the same extent and so much higher than the one before, and its lifts.
-
-    A lift stops where a station of a level is in its cabin.
-    """
-    lines = [line for k, (level, drawing) in enumerate(levels.items()) for line in drawing.level(level, k * height_m, fiducials=True)]
-    lines.append("lifts:")
-    lowest, *_, highest = levels
-    for lift, drawn in lifts.items():
-        x, y = levels[lowest].pixels(drawn.x_m, drawn.y_m)
-        door = f"{{door_type: 2, motion_axis_orientation: 0, width: {_number(drawn.door_m)}, x: 0, y: {_number(-drawn.depth_m / 2)}}}"
-        lines += [
-            f"  {lift}:",
-            f"    depth: {_number(drawn.depth_m)}",
-            f"    doors: {{door: {door}}}",
-            f"    highest_floor: {highest}",
-            f"    initial_floor_name: {lowest}",
-            f"    level_doors: {{{', '.join(f'{level}: [door]' for level in levels)}}}",
-            f"    lowest_floor: {lowest}",
-            "    plugins: true",
-            f"    reference_floor_name: {lowest}",
-            f"    width: {_number(drawn.width_m)}",
-            f"    x: {_number(x)}",
-            f"    y: {_number(y)}",
-            "    yaw: 0",
-        ]
-    return _text(name, lines)
 
 
 def _text(name: str, lines: Sequence[str]) -> str:

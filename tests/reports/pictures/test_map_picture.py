@@ -27,7 +27,7 @@ def small_map(tmp_path: Path, *, one_way: bool = False, second_piece: bool = Fal
     if second_piece:
         drawing.lane(drawing.station(2, 5), drawing.station(8, 5))
     drawing.box(0, 0, 10, 6)
-    drawing.shelves(4, 1, 6, 2, 2, 2)
+    drawing.box(4, 1, 6, 2)
     drawing.door((0, 2), (0, 3), "gate")
     drawing.write(tmp_path / "small.building.yaml")
     return load_map(tmp_path / "small.building.yaml")
