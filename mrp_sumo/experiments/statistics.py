@@ -49,7 +49,6 @@ class PairedRates:
     only_first: int  # runs that only the first did
     only_second: int
     difference: Interval
-    odds_ratio: float  # only_second / only_first; inf when only the second did any, NaN when they never differ
     p_value: float
 
 
@@ -154,9 +153,8 @@ def mcnemar(first: ArrayLike, second: ArrayLike) -> PairedRates:
     both, only_a, only_b, neither = (int(np.count_nonzero(c)) for c in (a & b, a & ~b, b & ~a, ~a & ~b))
     if n == 0:
         nothing = Interval(math.nan, math.nan, math.nan, 0)
-        return PairedRates(0, math.nan, math.nan, 0, 0, nothing, math.nan, 1.0)
+        return PairedRates(0, math.nan, math.nan, 0, 0, nothing, 1.0)
     p_value = _sign_test(only_a, only_b)
-    odds = math.nan if not only_a + only_b else math.inf if not only_a else only_b / only_a
     one, two = wilson(both + only_a, n), wilson(both + only_b, n)
     margins = (both + only_a) * (only_b + neither) * (both + only_b) * (only_a + neither)
     excess = both * neither - only_a * only_b
@@ -165,7 +163,7 @@ def mcnemar(first: ArrayLike, second: ArrayLike) -> PairedRates:
     difference = two.value - one.value
     low = difference - _joint(two.value - two.low, one.high - one.value, phi)
     high = difference + _joint(two.high - two.value, one.value - one.low, phi)
-    return PairedRates(n, one.value, two.value, only_a, only_b, Interval(difference, low, high, n), odds, p_value)
+    return PairedRates(n, one.value, two.value, only_a, only_b, Interval(difference, low, high, n), p_value)
 
 
 def wilcoxon(first: ArrayLike, second: ArrayLike, confidence: float = 0.95, seed: int = 0) -> PairedValues:

@@ -41,7 +41,6 @@ def test_mcnemar_is_a_sign_test_of_the_runs_that_differ():
     found = mcnemar(first, second)
     assert (found.only_first, found.only_second, found.count) == (1, 8, 44)
     assert found.p_value == pytest.approx(2 * (1 + 9) / 2**9)
-    assert found.odds_ratio == 8
     assert found.difference.value == pytest.approx(7 / 44)
 
 
@@ -56,7 +55,6 @@ def test_paired_difference_has_newcombes_interval():
 def test_outcomes_that_never_differ_are_no_evidence():
     found = mcnemar([True, False, True], [True, False, True])
     assert (found.p_value, found.difference.value) == (1.0, 0.0)
-    assert math.isnan(found.odds_ratio)
 
 
 def test_wilcoxon_of_five_runs_that_all_got_larger_is_exact():
