@@ -17,6 +17,20 @@ def shown(text: str) -> str:
     return _CONTROL.sub(lambda match: repr(match[0])[1:-1], text)
 
 
+def duration(seconds: float) -> str:
+    """A time for people: '90 s', '20 min', '2 h 35 min'."""
+    minutes = round(seconds / 60)
+    if minutes < 1 or (seconds < 120 and round(seconds) % 60):
+        return f"{seconds:.0f} s"
+    hours, rest = divmod(minutes, 60)
+    return " ".join([*([f"{hours} h"] if hours else []), *([f"{rest} min"] if rest or not hours else [])])
+
+
+def in_one_line(text: str) -> str:
+    """A text with a question mark for each character that cannot be printed."""
+    return "".join(c if c.isprintable() else "?" for c in text)
+
+
 class MrpSumoError(Exception):
     """Bad input, or a request that cannot be met. `str(error)` is the line to show."""
 

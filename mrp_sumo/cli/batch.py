@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 from mrp_sumo.cli.ending import stoppable
 from mrp_sumo.cli.option_rules import only_for, require_least
 from mrp_sumo.cli.printing import say, say_json, warn, warn_of_kernels
-from mrp_sumo.errors import BatchError, shown
+from mrp_sumo.errors import BatchError, duration, shown
 
 if TYPE_CHECKING:
     from mrp_sumo.experiments.batch import BatchFolder, Watcher
@@ -155,13 +155,6 @@ def workers_of(options: argparse.Namespace) -> int:
     if options.workers is not None and getattr(options, "scheduler", None) is not None:
         raise BatchError("--workers is for this machine: a Dask scheduler has workers of its own; leave out one of the two")
     return int(options.workers or len(os.sched_getaffinity(0)))
-
-
-def duration(seconds: float) -> str:
-    """A predicted time, for people."""
-    if seconds < 90:
-        return f"{seconds:.0f} s"
-    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
 
 
 @contextmanager

@@ -12,11 +12,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mrp_sumo.cli import scenario_choice
-from mrp_sumo.cli.batch import duration, workers_of
+from mrp_sumo.cli.batch import workers_of
 from mrp_sumo.cli.ending import stoppable
 from mrp_sumo.cli.option_rules import only_for
 from mrp_sumo.cli.printing import say, say_json, say_progress, warn, warn_of_kernels
-from mrp_sumo.errors import MrpSumoError
+from mrp_sumo.errors import MrpSumoError, duration
 
 if TYPE_CHECKING:
     from mrp_sumo.experiments.batch import Watcher

@@ -13,6 +13,7 @@ from mrp_sumo.cli.batch import watcher, workers_of
 from mrp_sumo.cli.ending import stoppable
 from mrp_sumo.cli.option_rules import require_least
 from mrp_sumo.cli.printing import say, say_json, warn
+from mrp_sumo.errors import duration
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -46,7 +47,7 @@ def run(options: argparse.Namespace) -> int:
         say_json(said)
         return 1 if made.num_broken else 0
     say(f"{agree} of {len(comparison.compared)} numbers of the paper lie in our 95 % intervals")
-    say(f"{page}; {made.num_runs} runs, {made.num_made} made now, in {_duration(made.seconds)}")
+    say(f"{page}; {made.num_runs} runs, {made.num_made} made now, in {duration(made.seconds)}")
     return 1 if made.num_broken else 0
 
 
@@ -57,8 +58,3 @@ def _command(options: argparse.Namespace) -> str:
         if (value := getattr(options, name)) is not None:
             parts += [f"--{name}", str(value)]
     return shlex.join(parts)
-
-
-def _duration(seconds: float) -> str:
-    minutes, rest = divmod(round(seconds), 60)
-    return f"{minutes} min {rest} s" if minutes else f"{rest} s"

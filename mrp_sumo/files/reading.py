@@ -13,7 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from mrp_sumo.errors import MrpSumoError, sentence
+from mrp_sumo.errors import MrpSumoError, in_one_line, sentence
 
 MAX_BYTES = 2**30  # where a format states no smaller limit
 _HALF, _HALF_BYTES = (re.compile(pattern) for pattern in (r"\\u[dD][89a-fA-F]", rb"\\u[dD][89a-fA-F]"))
@@ -136,7 +136,7 @@ def read_json(path: Path, max_bytes: int = MAX_BYTES, error: type[MrpSumoError] 
 
 def shortened(path: Path) -> str:
     """A path for a message: one line, and not the thousands of characters that it may have."""
-    text = "".join(c if c.isprintable() else "?" for c in str(path))
+    text = in_one_line(str(path))
     return text if len(text) <= 200 else f"{text[:80]}...{text[-80:]}"
 
 

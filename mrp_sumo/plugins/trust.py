@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from mrp_sumo.errors import MrpSumoError, sentence
+from mrp_sumo.errors import MrpSumoError, in_one_line, sentence
 from mrp_sumo.files.reading import read_text
 from mrp_sumo.files.writing import write_whole
 
@@ -29,8 +29,7 @@ class Program:
     @property
     def shown(self) -> str:
         """The program in one line."""
-        text = str(self.path) if self.path else self.command
-        return "".join(c if c.isprintable() else "?" for c in text[:300])
+        return in_one_line((str(self.path) if self.path else self.command)[:300])
 
 
 def trust(program: Program) -> None:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from math import inf, isfinite, isnan
 from typing import Any
 
-from mrp_sumo.errors import MrpSumoError
+from mrp_sumo.errors import MrpSumoError, duration
 from mrp_sumo.experiments.replications import PairedMeans
 from mrp_sumo.experiments.statistics import holm
 from mrp_sumo.sizing.confirmation import Confirmation, confirmations
@@ -121,7 +121,7 @@ class Answer:
             []
             if self.in_time
             else [
-                f"{_minutes(self.question.effort.budget_s)} were over before all runs were made; the answer is from those that were; "
+                f"{duration(self.question.effort.budget_s)} were over before all runs were made; the answer is from those that were; "
                 "the same command with a larger --budget goes on from there"
             ]
         )
@@ -165,7 +165,7 @@ class Answer:
             return []
         if not cycle.places:
             return [
-                f"robots have nowhere to charge (tasks.charging) and run empty after about {_minutes(cycle.drive_s)}: the figures are of "
+                f"robots have nowhere to charge (tasks.charging) and run empty after about {duration(cycle.drive_s)}: the figures are of "
                 "the time before, and no fleet keeps them up"
             ]
         point = self.limits.curve.points[self.limits.curve.best]
@@ -174,8 +174,8 @@ class Answer:
         lines = [f"{at_once:.1f} of {_robots(point.robots)} charge at a time, at {_places(cycle.places)}"]
         if cycle.charge_s > self.question.effort.horizon_s:
             lines.append(
-                f"a charge takes {_minutes(cycle.charge_s)}, longer than a run of {_minutes(self.question.effort.horizon_s)}: robots start "
-                f"at all points of a cycle of driving ({_minutes(cycle.drive_s)}) and charging, and none is followed through it"
+                f"a charge takes {duration(cycle.charge_s)}, longer than a run of {duration(self.question.effort.horizon_s)}: robots start "
+                f"at all points of a cycle of driving ({duration(cycle.drive_s)}) and charging, and none is followed through it"
             )
         return lines
 
@@ -187,7 +187,7 @@ class Answer:
         if not self.points:
             return _of_nothing(self)
         if not any(point.num_done for point in self.points):
-            return f"No order was done in runs of {_minutes(self.question.effort.horizon_s)}: a longer --horizon may tell."
+            return f"No order was done in runs of {duration(self.question.effort.horizon_s)}: a longer --horizon may tell."
         parts = [_of_peak(self.limits)]
         if self._kept_from_more:
             parts.append(_of_places_to_charge(self.question))
@@ -427,15 +427,6 @@ def _of_places_to_charge(question: Question) -> str:
 
 def _places(count: int) -> str:
     return "1 place" if count == 1 else f"{count} places"
-
-
-def _minutes(seconds: float) -> str:
-    """'20 min', or '2 h 35 min'; '90 s'."""
-    minutes = round(seconds / 60)
-    if minutes < 1 or (seconds < 120 and round(seconds) % 60):
-        return f"{seconds:.0f} s"
-    hours, rest = divmod(minutes, 60)
-    return " ".join([*([f"{hours} h"] if hours else []), *([f"{rest} min"] if rest or not hours else [])])
 
 
 def _of_demand(served: Served, question: Question, most_robots: int) -> str:

@@ -4,7 +4,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from mrp_sumo.sizing.answer import _minutes, _of_one_shot
+from mrp_sumo.errors import duration
+from mrp_sumo.sizing.answer import _of_one_shot
 from mrp_sumo.sizing.search import Bracket, Served
 
 
@@ -23,4 +24,4 @@ def test_the_largest_fleet_that_succeeds_is_told_with_how_sure_it_is_and_what_do
 
 @pytest.mark.parametrize(("seconds", "words"), [(20, "20 s"), (60, "1 min"), (90, "90 s"), (150, "2 min"), (9300, "2 h 35 min")])
 def test_a_time_is_said_in_minutes_unless_it_is_short(seconds, words):
-    assert _minutes(seconds) == words
+    assert duration(seconds) == words

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from mrp_sumo.errors import MapError, nearest
+from mrp_sumo.errors import MapError, in_one_line, nearest
 from mrp_sumo.files.reading import shortened
 from mrp_sumo.maps.readers.rmf.level import FARTHEST
 from mrp_sumo.maps.yaml_text import Text
@@ -109,5 +109,5 @@ def _shown(value: Any) -> str:
         return "nothing"
     if isinstance(value, Mapping | list):
         return "an object" if isinstance(value, Mapping) else f"an array of {len(value)}"
-    text = "".join(c if c.isprintable() else "?" for c in str(value)[:40])
+    text = in_one_line(str(value)[:40])
     return f"'{text}'" if isinstance(value, str) else text
