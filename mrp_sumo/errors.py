@@ -133,7 +133,7 @@ def nearest(name: str, known: Iterable[str], limit: int = 5) -> str:
     close = get_close_matches(name, names, n=1, cutoff=0.6)
     if not close:  # 'Dock4' for 'dock_4': compare without case and punctuation
         plain = {"".join(c for c in other.lower() if c.isalnum()): other for other in names}
-        close = [plain[k] for k in get_close_matches("".join(c for c in name.lower() if c.isalnum()), plain, n=1)]
+        close = [plain[k] for k in get_close_matches("".join(c for c in name.lower() if c.isalnum()), plain, n=1, cutoff=0.75)]
     if close:
         return f" (did you mean '{close[0]}'?)"
     if not names or not limit:

@@ -16,7 +16,8 @@ import bench
 from mrp_sumo.experiments.batch import open_batch, run_batch
 from mrp_sumo.experiments.identity import code_version
 from mrp_sumo.experiments.suite import read_suite, runs_of
-from mrp_sumo.io.results import PLAN, load_results, record_path, write_record
+from mrp_sumo.files.folders import PLAN
+from mrp_sumo.io.results import load_results, record_path, write_record
 from mrp_sumo.metrics.registry import MACHINE_DEPENDENT
 
 

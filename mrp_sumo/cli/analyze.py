@@ -114,7 +114,7 @@ def _audit(options: argparse.Namespace) -> int:
 def _measure(options: argparse.Namespace) -> int:
     """Compute metrics of a run, or of a batch, from what their folders keep. Exit code 1 when one failed."""
     from mrp_sumo.experiments.measure_later import measure_run
-    from mrp_sumo.io.results import is_batch
+    from mrp_sumo.files.folders import is_batch
     from mrp_sumo.io.run_reader import load_run
 
     if is_batch(options.bag):
@@ -175,7 +175,7 @@ def analysed(bag: Path, config: Path | None, generation: str | None, overrides: 
         When something is missing, in one line.
     """
     from mrp_sumo.errors import MrpSumoError, nearest
-    from mrp_sumo.io.results import is_batch
+    from mrp_sumo.files.folders import is_batch
 
     if not bag.exists():  # said before anything large is loaded
         raise MrpSumoError(f"{bag}: no such bag")

@@ -8,13 +8,13 @@ import argparse
 from pathlib import Path
 
 from mrp_sumo.cli.printing import print_table, say, say_json, warn
-from mrp_sumo.cli.result_folder import result_folder
+from mrp_sumo.cli.result_folder import batch_folder
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `mrp-sumo compare`."""
-    parser.add_argument("first", metavar="A", type=result_folder, help="folder of a batch, or a results.parquet")
-    parser.add_argument("second", metavar="B", type=result_folder, help="the one that is judged")
+    parser.add_argument("first", metavar="A", type=batch_folder, help="folder of a batch, or a results.parquet")
+    parser.add_argument("second", metavar="B", type=batch_folder, help="the one that is judged")
     parser.add_argument(
         "--metric",
         action="append",

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from mrp_sumo.cli.option_rules import only_for
 from mrp_sumo.cli.printing import say, say_json
-from mrp_sumo.cli.result_folder import result_folder
+from mrp_sumo.cli.result_folder import run_folder
 
 FORMATS = {  # option -> (name of the file or folder, help)
     "bag": ("bag", "ROS 2 bag (folder)"),
@@ -25,7 +25,7 @@ FORMATS = {  # option -> (name of the file or folder, help)
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `mrp-sumo export`."""
-    parser.add_argument("run", metavar="RUN", type=result_folder, help="run folder")
+    parser.add_argument("run", metavar="RUN", type=run_folder, help="run folder")
     wanted = parser.add_mutually_exclusive_group(required=True)
     for name, (_, about) in FORMATS.items():
         wanted.add_argument(f"--{name}", dest="format", action="store_const", const=name, help=about)

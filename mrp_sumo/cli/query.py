@@ -11,12 +11,12 @@ from pathlib import Path
 
 from mrp_sumo.cli.option_rules import only_for
 from mrp_sumo.cli.printing import print_table, say, warn
-from mrp_sumo.cli.result_folder import result_folder
+from mrp_sumo.cli.result_folder import batch_folder
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `mrp-sumo query`."""
-    parser.add_argument("folder", metavar="DIR", type=result_folder, help="folder of a batch, or a results.parquet")
+    parser.add_argument("folder", metavar="DIR", type=batch_folder, help="folder of a batch, or a results.parquet")
     parser.add_argument("sql", nargs="?", metavar="SQL", help="a query, or the name of a view of the suite")
     form = parser.add_mutually_exclusive_group()
     form.add_argument("--json", action="store_true", help="print a line of JSON for each row")

@@ -11,13 +11,13 @@ from pathlib import Path
 
 from mrp_sumo.cli.option_rules import only_for
 from mrp_sumo.cli.printing import say, say_json, say_progress
-from mrp_sumo.cli.result_folder import result_folder
+from mrp_sumo.cli.result_folder import run_folder
 from mrp_sumo.errors import MrpSumoError
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `mrp-sumo render`."""
-    parser.add_argument("run", nargs="+", type=result_folder, help="run folder, as `mrp-sumo run --out` makes it; up to four for a video")
+    parser.add_argument("run", nargs="+", type=run_folder, help="run folder, as `mrp-sumo run --out` makes it; up to four for a video")
     parser.add_argument("--at", type=float, metavar="T", help="simulated time in s, for a picture")
     parser.add_argument("--out", metavar="FILE", help="the picture, .png or .svg")
     parser.add_argument("--dpi", type=float, metavar="N", help="of a PNG (default: 150)")
@@ -47,6 +47,8 @@ def run(options: argparse.Namespace) -> int:
     dpi = 150.0 if options.dpi is None else options.dpi
     if not (math.isfinite(dpi) and 10 <= dpi <= 1200):
         raise MrpSumoError(f"--dpi {dpi:g}: expected 10 to 1200")
+    if not options.at >= 0:
+        raise MrpSumoError(f"--at {options.at:g}: is outside the run, which begins at 0 s")
     from mrp_sumo.io.run_reader import load_run
     from mrp_sumo.reports.pictures.still import render_still
 
@@ -64,6 +66,8 @@ def _video(options: argparse.Namespace) -> int:
     only_for("a picture; a video has --size", dpi=options.dpi)
     if options.speed is not None and not (math.isfinite(options.speed) and 0.01 <= options.speed <= 10_000):
         raise MrpSumoError(f"--speed {options.speed:g}: expected 0.01 to 10000")
+    if options.from_s is not None and not options.from_s >= 0:
+        raise MrpSumoError(f"--from {options.from_s:g}: is outside the run, which begins at 0 s")
     size = _size(options.size) if options.size else None
     from mrp_sumo.io.run_reader import load_run
     from mrp_sumo.reports.video.encode import kind_of

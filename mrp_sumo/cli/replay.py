@@ -8,13 +8,13 @@ from pathlib import Path
 
 from mrp_sumo.cli.option_rules import only_for
 from mrp_sumo.cli.printing import say, say_json
-from mrp_sumo.cli.result_folder import result_folder
+from mrp_sumo.cli.result_folder import run_folder
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `mrp-sumo replay`."""
     parser.add_argument(
-        "run", nargs="+", type=result_folder, help="run folder, as `mrp-sumo run --out` makes it; two for a page with both on one clock"
+        "run", nargs="+", type=run_folder, help="run folder, as `mrp-sumo run --out` makes it; two for a page with both on one clock"
     )
     parser.add_argument("--out", metavar="FILE", help="the page (default: RUN/replay.html, of two RUN/beside_OTHER.html)")
     parser.add_argument("--serve", action="store_true", help="open it in a browser, from a small web server on this machine")

@@ -7,13 +7,13 @@ import argparse
 from pathlib import Path
 
 from mrp_sumo.cli.printing import say, say_json
-from mrp_sumo.cli.result_folder import result_folder
+from mrp_sumo.cli.result_folder import reported_folder
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `mrp-sumo report`."""
     parser.add_argument(
-        "folder", metavar="DIR", type=result_folder, help="folder of a batch, of a run, or of several run folders; or a results.parquet"
+        "folder", metavar="DIR", type=reported_folder, help="folder of a batch, of a run, or of several run folders; or a results.parquet"
     )
     parser.add_argument("--json", action="store_true", help="print file and size as a line of JSON")
     parser.add_argument("--out", metavar="OUT", help="folder of the report (default: DIR/report)")

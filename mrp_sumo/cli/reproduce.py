@@ -35,9 +35,10 @@ def run(options: argparse.Namespace) -> int:
     if not options.base.is_dir():
         raise MrpSumoError(f"--base {options.base}: no such folder")
     folder = options.folder = Path(options.folder)
-    from mrp_sumo.io.results import is_batch
+    from mrp_sumo.files.folders import is_batch, require_run
 
-    of_batch = is_batch(folder)
+    if not (of_batch := is_batch(folder)):
+        require_run(folder)
     if options.runs is not None and (not of_batch or options.runs < 1):
         raise MrpSumoError(f"--runs: found {options.runs}, expected 1 or more runs of a batch")
     comparison, what = _batch(options) if of_batch else (_run(options), "file")

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from mrp_sumo.errors import MrpSumoError
+from mrp_sumo.files.folders import PLAN, RESULT, require_batch, require_run
 from mrp_sumo.files.reading import shortened
 from mrp_sumo.maps.catalogue import bundled_folder
 
@@ -27,3 +28,24 @@ def result_folder(text: str) -> str:
     except (OSError, ValueError):  # no path at all: whoever reads it says why
         return text
     raise MrpSumoError(f"{shortened(path)}: no such folder{hint}")
+
+
+def run_folder(text: str) -> str:
+    """As `result_folder`, for a run."""
+    require_run(Path(result_folder(text)))
+    return text
+
+
+def batch_folder(text: str) -> str:
+    """As `result_folder`, for a batch or its table."""
+    if not Path(result_folder(text)).is_file():
+        require_batch(Path(text))
+    return text
+
+
+def reported_folder(text: str) -> str:
+    """As `result_folder`, for a run, a batch or its table, or a folder of runs."""
+    path = Path(result_folder(text))
+    if path.is_dir() and not any(any(path.glob(pattern)) for pattern in (PLAN, RESULT, f"*/{RESULT}", f"*/*/{RESULT}")):
+        raise MrpSumoError(f"{shortened(path)}: neither a batch nor a run: there is no {PLAN} and no {RESULT}")
+    return text

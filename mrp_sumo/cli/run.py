@@ -120,6 +120,10 @@ def _check_watching(options: argparse.Namespace) -> None:
         only_for("--dds and --foxglove without --live, whose page has a speed of its own", speed=options.speed)
     if options.speed is not None and not 0.001 <= options.speed < math.inf:
         raise MrpSumoError(f"--speed: found {options.speed:g}, expected 0.001 or more")
+    if options.rerun is not None:
+        from mrp_sumo.wire.rerun_place import VIEWER, require_place
+
+        require_place(options.rerun or VIEWER)
 
 
 def _watches(options: argparse.Namespace, stack: ExitStack) -> "list[Watch]":
@@ -130,7 +134,8 @@ def _watches(options: argparse.Namespace, stack: ExitStack) -> "list[Watch]":
 
         watches.append(stack.enter_context(DdsView(options.domain or 0, options.interface or LOOPBACK)).watch)
     if options.rerun is not None:
-        from mrp_sumo.wire.rerun import VIEWER, RerunView
+        from mrp_sumo.wire.rerun import RerunView
+        from mrp_sumo.wire.rerun_place import VIEWER
 
         watches.append(stack.enter_context(RerunView(options.rerun or VIEWER)).watch)
     if options.foxglove:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from mrp_sumo.cli.option_rules import only_for
 from mrp_sumo.cli.printing import say, say_json, warn
-from mrp_sumo.cli.result_folder import result_folder
+from mrp_sumo.cli.result_folder import batch_folder
 from mrp_sumo.errors import MrpSumoError
 
 EVERY_S = 1.0  # looks at the folder
@@ -18,7 +18,7 @@ EVERY_S = 1.0  # looks at the folder
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `mrp-sumo status`."""
-    parser.add_argument("folder", metavar="DIR", type=result_folder, help="folder of a batch")
+    parser.add_argument("folder", metavar="DIR", type=batch_folder, help="folder of a batch")
     parser.add_argument("--json", action="store_true", help="print a line of JSON")
     parser.add_argument("--live", action="store_true", help="show it in a browser, as runs end, until Ctrl+C")
     parser.add_argument("--port", type=int, metavar="N", help="of --live (default: any free port)")

@@ -92,7 +92,8 @@ def run(options: argparse.Namespace) -> int:
         only_for("--as fleet", fault=options.fault, duration=options.duration)
     else:
         only_for("--as master", out=options.out)
-    from mrp_sumo.drive import warm  # with all that drives: after the options are sound
+    scenario = scenario_choice.chosen_scenario(options)
+    from mrp_sumo.drive import warm  # with all that drives: after the options and the scenario are sound
     from mrp_sumo.experiments.map_cache import MapCache
     from mrp_sumo.experiments.staging.set_up import set_up
     from mrp_sumo.wire.mqtt import Connections
@@ -100,7 +101,7 @@ def run(options: argparse.Namespace) -> int:
     warm.prepare()
     with ExitStack() as stack:
         maps = stack.enter_context(MapCache())
-        setup = set_up(scenario_choice.chosen_scenario(options), maps)
+        setup = set_up(scenario, maps)
         log = None if options.log is None else stack.enter_context(options.log.open("x", encoding="utf-8"))
         connections = Connections(broker, dialect, options.manufacturer, warn)
         session = Session(options, setup, maps, connections, dialect, log)

@@ -21,10 +21,10 @@ from mrp_sumo.experiments.identity import code_version, library_versions
 from mrp_sumo.experiments.processes import Makers, Processes
 from mrp_sumo.experiments.suite import PlannedRun, SuiteFile, runs_of
 from mrp_sumo.experiments.worker import BAD_INPUT, CRASHED, MEASURE, OUT_OF_MEMORY, OUT_OF_TIME, Answer, Job
+from mrp_sumo.files.folders import PLAN
 from mrp_sumo.files.reading import shortened
 from mrp_sumo.files.writing import write_whole
 from mrp_sumo.io.results import (
-    PLAN,
     BatchRecord,
     drop_tables,
     read_plan,

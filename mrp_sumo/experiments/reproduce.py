@@ -15,9 +15,10 @@ from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.experiments.identity import code_version
 from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.experiments.run import RunOptions, carry_out, run_scenario
+from mrp_sumo.files.folders import RESULT
 from mrp_sumo.io.documents import Document, validated
 from mrp_sumo.io.results import BatchRecord
-from mrp_sumo.io.run_folder import RESULT, files_in, versions
+from mrp_sumo.io.run_folder import files_in, versions
 from mrp_sumo.io.run_reader import load_run
 from mrp_sumo.io.scenario.file import ScenarioFile
 from mrp_sumo.io.scenario.model import ScenarioModel

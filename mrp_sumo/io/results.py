@@ -24,6 +24,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mrp_sumo.errors import BatchError, MrpSumoError, sentence
+from mrp_sumo.files.folders import PLAN, require_batch
 from mrp_sumo.files.reading import json_value, read_bytes, shortened
 from mrp_sumo.files.writing import remove_parts, sync_folder, write_whole
 from mrp_sumo.io.batch_record import fault_of_record
@@ -33,7 +34,7 @@ if TYPE_CHECKING:
     import pandas
     import pyarrow
 
-PLAN, TABLE, CSV, SUMS = "plan.json", "results.parquet", "results.csv", "results.sha256"
+TABLE, CSV, SUMS = "results.parquet", "results.csv", "results.sha256"
 MAX_ROWS = 10_000_000  # that a query gives
 MAX_RECORD_BYTES, MAX_TABLE_BYTES = 2**26, 2**34
 _LOCKED: dict[str, str | bool | int | float | list[str]] = {  # what SQL of a suite's views may do
@@ -50,11 +51,6 @@ _HEAD, _TAIL = b'{"crc32":"%08x","record":', b"}\n"
 _BEGIN = re.compile(rb'\{"key":"(\w+)","status":"(\w+)","attempts":(\d+),')
 
 BatchRecord = dict[str, Any]
-
-
-def is_batch(folder: Path) -> bool:
-    """True if a folder is that of a batch: with a plan and runs, and without the result that folders of runs have."""
-    return (folder / PLAN).is_file() and (folder / "runs").is_dir() and not (folder / "result.json").is_file()
 
 
 def record_path(folder: Path, key: str) -> Path:
@@ -161,10 +157,7 @@ def read_plan(folder: Path) -> dict[str, Any]:
     """
     path = folder / PLAN
     try:
-        if (folder / "result.json").is_file():
-            raise BatchError(f"{folder}: a run, expected a batch; `mrp-sumo analyze` and `mrp-sumo report` measure and show a run")
-        if not path.exists():
-            raise BatchError(f"{folder}: not the folder of a batch: there is no {PLAN}")
+        require_batch(folder)
         plan = json_value(read_bytes(path, error=BatchError))
         if plan["format"] != 1:
             raise BatchError(f"{path}: format {plan['format']!r:.20}, expected 1")

@@ -26,6 +26,7 @@ from mrp_sumo.core.plan import PlanResult, Status
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.core.zone_log import ZoneLog
 from mrp_sumo.errors import MrpSumoError, sentence
+from mrp_sumo.files.folders import RESULT
 from mrp_sumo.files.reading import shortened
 from mrp_sumo.formats.plan_json import write_plan
 from mrp_sumo.io.floor_plan import write_costmap, write_floor
@@ -38,7 +39,6 @@ if TYPE_CHECKING:  # of scenarios, too: what reads run folders needs no model of
     from mrp_sumo.io.trajectory import Levels
     from mrp_sumo.maps.costmap import Costmap
 
-RESULT = "result.json"
 SCHEMA_VERSION = 1  # of it
 LIBRARIES = ("libsumo", "numpy", "scipy", "numba", "ortools", "rosbags", "pyarrow")  # libraries that shape results
 LISTED_CONFLICTS = 20

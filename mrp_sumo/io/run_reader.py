@@ -16,12 +16,13 @@ from mrp_sumo.core.fleet import Fleet
 from mrp_sumo.core.graph import IntArray, NavGraph, PlanGraph, frozen
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.errors import MrpSumoError, first_line
+from mrp_sumo.files.folders import RESULT, require_run
 from mrp_sumo.files.reading import read_json
 from mrp_sumo.formats.plan_json import goal_headings, read_plan
 from mrp_sumo.io.events import events_frame, events_of_documents, read_events
 from mrp_sumo.io.floor_plan import read_floor, read_walls
 from mrp_sumo.io.record import RunRecord, constants_of
-from mrp_sumo.io.run_folder import RESULT, SCHEMA_VERSION
+from mrp_sumo.io.run_folder import SCHEMA_VERSION
 from mrp_sumo.io.tables import read_table
 
 if TYPE_CHECKING:
@@ -57,10 +58,8 @@ def load_run(folder: str | Path) -> "RunFolder":
         When there is no complete run.
     """
     folder = Path(folder)
+    require_run(folder)
     path = folder / RESULT
-    if not path.exists():
-        kind = "is a file, expected a run folder" if folder.is_file() else "no such folder"
-        raise MrpSumoError(f"{folder}: {'holds no complete run (no result.json)' if folder.is_dir() else kind}")
     result = read_json(path)
     if not (isinstance(result, dict) and {"status", "scenario", "metrics"} <= set(result)):
         raise MrpSumoError(f"{path}: is not the result of a run")

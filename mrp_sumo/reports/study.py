@@ -17,9 +17,9 @@ import pandas as pd
 
 from mrp_sumo.core.graph import FloatArray
 from mrp_sumo.errors import BatchError, MrpSumoError
+from mrp_sumo.files.folders import PLAN, RESULT
 from mrp_sumo.io.columns import SECTIONS, parameter_columns
-from mrp_sumo.io.results import PLAN, load_results, read_plan
-from mrp_sumo.io.run_folder import RESULT
+from mrp_sumo.io.results import load_results, read_plan
 from mrp_sumo.io.run_reader import RunFolder, load_run
 from mrp_sumo.metrics.evaluate import succeeded
 from mrp_sumo.metrics.registry import FLAGS as METRIC_FLAGS

@@ -4,13 +4,11 @@ Needs the extra `rerun`. The viewer keeps what it has been shown, and goes back 
 """
 
 import os
-import socket
 from dataclasses import dataclass
 from pathlib import Path
 from shutil import disk_usage
 from types import TracebackType
 from typing import Any, Self
-from urllib.parse import urlsplit
 
 import numpy as np
 
@@ -25,8 +23,8 @@ from mrp_sumo.experiments.solve import Solution
 from mrp_sumo.experiments.staging.set_up import SetUp
 from mrp_sumo.io.outline import outline_of
 from mrp_sumo.io.record import STATE_NAMES, RunRecord
+from mrp_sumo.wire.rerun_place import VIEWER, is_file, require_place
 
-VIEWER = "rerun+http://127.0.0.1:9876/proxy"  # where `rerun` listens
 TIMELINE = "time"
 PERIOD_S = 0.1  # between poses
 PAPER = [245, 245, 245]
@@ -60,14 +58,7 @@ class RerunView:
             raise MrpSumoError("--rerun needs rerun-sdk: pip install 'mrp-sumo[rerun]'") from None
         self._rerun, self.to = rerun, to
         self._recording: Any = None
-        if self.is_file:
-            _check_file(Path(to))
-        else:
-            _check_viewer(to)
-
-    @property
-    def is_file(self) -> bool:
-        return self.to.endswith(".rrd")
+        require_place(to)
 
     def __enter__(self) -> Self:
         return self
@@ -81,7 +72,7 @@ class RerunView:
             self._recording.disconnect()
         except (RuntimeError, ValueError) as raised:
             fault = raised
-        if self.is_file and (fault or isinstance(error, MrpSumoError)):
+        if is_file(self.to) and (fault or isinstance(error, MrpSumoError)):
             Path(self.to).unlink(missing_ok=True)
         if fault and error is None:
             raise MrpSumoError(f"--rerun {self.to}: cannot be written: {first_line(fault)}")
@@ -92,7 +83,7 @@ class RerunView:
         self._recording = recording = self._rerun.RecordingStream(f"mrp_sumo {record.name}")
         recording.disable_timeline("log_time")
         blueprint = _blueprint(record)
-        if self.is_file:
+        if is_file(self.to):
             folder = Path(self.to).parent
             folder.mkdir(parents=True, exist_ok=True)
             if disk_usage(folder).free < LEAST_FREE_BYTES:  # where it fails, Rerun may wait for ever
@@ -227,28 +218,3 @@ def _lifted(xy: FloatArray) -> FloatArray:
 def _flat(strokes: FloatArray) -> FloatArray:
     """[N, 2, 3] strokes on the floor."""
     return _lifted(strokes.reshape(-1, 2, 2))
-
-
-def _check_file(path: Path) -> None:
-    """Raise MrpSumoError where a file cannot be written."""
-    place = next((above for above in path.absolute().parents if above.exists()), Path())
-    if path.is_dir() or not place.is_dir():
-        raise MrpSumoError(f"--rerun {path}: {path if path.is_dir() else place} is {'a' if path.is_dir() else 'no'} folder")
-
-
-def _check_viewer(url: str) -> None:
-    """Raise MrpSumoError where no viewer listens."""
-    expected = "expected a file that ends with .rrd, or rerun+http://HOST:PORT/proxy"
-    try:
-        place = urlsplit(url)
-        host, port = place.hostname, place.port
-    except ValueError:
-        raise MrpSumoError(f"--rerun {url}: {expected}") from None
-    if place.scheme not in ("rerun+http", "rerun+https") or not host or not port:
-        raise MrpSumoError(f"--rerun {url}: {expected}")
-    try:
-        socket.create_connection((host, port), 2.0).close()
-    except OSError:
-        raise MrpSumoError(
-            f"--rerun: no viewer listens at {host}:{port}; start one with `rerun`, or name a file to write: --rerun run.rrd"
-        ) from None

@@ -6,6 +6,7 @@ import shlex
 import pytest
 
 from mrp_sumo.cli.main import main
+from mrp_sumo.files.folders import PLAN, RESULT
 
 SUITE = "name: few\nbase: {map: office, robots: 2}\ngrid_search: {seed: 0..1}\n"
 CASES = (
@@ -23,15 +24,19 @@ CASES = (
     ("import office --check --map office", "--map is for a recorded stream, FILE.jsonl"),
     ("convert office new.nav.yaml --format json", "--format is for plans"),
     ("convert paths.txt new.yaml --graph 0", "--graph is for maps"),
-    ("export . --csv --robots nobody", "--robots is for bags: --bag, --ros1"),
-    ("export . --geojson --repeat-latched 5", "--repeat-latched is for bags: --bag, --ros1"),
-    ("export . --vda5050 --poses", "--poses is for bags: --bag, --ros1"),
-    ("export . --ros1 --storage mcap", "--storage is for ROS 2 bags: --bag"),
-    ("export . --bag --split nan", "--split: found nan, expected seconds of 0 or more"),
+    ("export one --csv --robots nobody", "--robots is for bags: --bag, --ros1"),
+    ("export one --geojson --repeat-latched 5", "--repeat-latched is for bags: --bag, --ros1"),
+    ("export one --vda5050 --poses", "--poses is for bags: --bag, --ros1"),
+    ("export one --ros1 --storage mcap", "--storage is for ROS 2 bags: --bag"),
+    ("export one --bag --split nan", "--split: found nan, expected seconds of 0 or more"),
     ("capacity warehouse_lifelong --dry-run --json", "--json is for an answer: leave it out with --dry-run"),
     ("query . --csv", "{here}: not the folder of a batch: there is no plan.json"),
-    ("status . --live --json", "--live shows the batch in a browser: leave out --json"),
-    ("reproduce . --base nowhere", "--base nowhere: no such folder"),
+    ("compare few one", "one: a run, expected a batch; `mrp-sumo analyze` and `mrp-sumo report` measure and show a run"),
+    ("report .", "{here}: neither a batch nor a run: there is no plan.json and no result.json"),
+    ("reproduce few", "few: holds no complete run (no result.json)"),
+    ("replay few", "few: holds no complete run (no result.json)"),
+    ("status few --live --json", "--live shows the batch in a browser: leave out --json"),
+    ("reproduce one --base nowhere", "--base nowhere: no such folder"),
     ("analyze . --metric makespan_s --cell 0.5", "--cell is for MRP-Bench's metrics, without --metric and --audit"),
     ("analyze . --audit --config few.yaml", "--config is for MRP-Bench's metrics, without --metric and --audit"),
     ("run office_5 --plan paths.txt --time-limit 3", "--plan is a plan that is there already: leave out --time-limit"),
@@ -40,6 +45,11 @@ CASES = (
         "--plan is a plan that is there already: leave out --set of the planner",
     ),
     ("run office_5 --command ''", "--command: found nothing, expected a command line, such as 'lacam3 -m {map} -i {scen} -o {out}'"),
+    (
+        "run office_5 --set execution.nope=1",
+        "--set execution.nope: unknown key (known: engine, planning, step_length_s, blocking_window_s, on_deadlock, recovery, "
+        "disturbances, policy, dispatcher, invalid_plan, time_limit_s, goal_tolerance_m, mutex_groups, one_way, doors, manual_doors)",
+    ),
     ("run few.yaml", "few.yaml: a suite, expected a scenario, with `map` and `robots`; see `mrp-sumo batch`"),
     ("plan office_5 --steps 5", "--steps is for problems of the League of Robot Runners (.json)"),
     ("plan office_5 --format json", "--format is for --out"),
@@ -54,12 +64,16 @@ CASES = (
         "--workers is for this machine: a Dask scheduler has workers of its own; leave out one of the two",
     ),
     ("batch small.yaml", "small.yaml: a scenario, expected a suite, with `base` and `grid_search`; see `mrp-sumo run`"),
-    ("replay . --port 8000", "--port is for --serve"),
-    ("replay . --out page.txt", "--out page.txt: a page for a browser, expected a name that ends in .html"),
-    ("render . --at 5 --out new.png --from 0", "--from is for --video"),
-    ("render . --at 5 --out new.png --robots robot_0", "--robots is for --video"),
-    ("render . --at 5 --out new.svg --dpi 300", "--dpi is for PNG files: an SVG has no pixels"),
-    ("render . --video new.gif --dpi 100", "--dpi is for a picture; a video has --size"),
+    ("replay one --port 8000", "--port is for --serve"),
+    ("replay one --out page.txt", "--out page.txt: a page for a browser, expected a name that ends in .html"),
+    ("render one --at 5 --out new.png --from 0", "--from is for --video"),
+    ("render one --at 5 --out new.png --robots robot_0", "--robots is for --video"),
+    ("render one --at 5 --out new.svg --dpi 300", "--dpi is for PNG files: an SVG has no pixels"),
+    ("render one --at -1 --out new.png", "--at -1: is outside the run, which begins at 0 s"),
+    ("render one --video new.gif --from nan", "--from nan: is outside the run, which begins at 0 s"),
+    ("run office_5 --rerun new.txt", "--rerun new.txt: expected a file that ends with .rrd, or rerun+http://HOST:PORT/proxy"),
+    ("vda5050 office_5 --broker localhost:1 --planner cbss", "--planner: unknown planner 'cbss' (did you mean 'cbs'?)"),
+    ("render one --video new.gif --dpi 100", "--dpi is for a picture; a video has --size"),
 )
 
 
@@ -69,6 +83,9 @@ def test_option_without_effect_is_refused_in_a_line(tmp_path, monkeypatch, capsy
     (tmp_path / "few.yaml").write_text(SUITE)
     (tmp_path / "small.yaml").write_text("map: office\nrobots: 2\n")
     (tmp_path / "paths.txt").write_text("Agent 0: (0,0)->(0,1)->\n")
+    for folder, file in (("one", RESULT), ("few", PLAN)):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / file).write_text("{}")
     before = sorted(tmp_path.rglob("*"))
     assert main(shlex.split(words)) == 2
     assert capsys.readouterr() == ("", f"mrp-sumo: {line.replace('{here}', '.')}\n")

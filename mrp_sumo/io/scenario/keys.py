@@ -26,7 +26,7 @@ def unknown_key(key: str) -> str:
 
 
 def nearest_key(key: str, others: Iterable[str] = ()) -> str:
-    """The end of a message about an unknown key: the likeliest meant by its whole name, else by its last part.
+    """The end of a message about an unknown key: the likeliest meant by its whole name and its last part, else by its last part.
 
     Parameters
     ----------
@@ -37,13 +37,18 @@ def nearest_key(key: str, others: Iterable[str] = ()) -> str:
     """
     others = list(others)
     known = [name for name in (*others, *_all_keys(ScenarioModel)) if not key.startswith(f"{name}.")]
-    by_last = {name.rpartition(".")[2]: name for name in reversed(known)}
-    close = difflib.get_close_matches(key, known, n=1, cutoff=0.75) or [
-        by_last[name] for name in difflib.get_close_matches(key.rpartition(".")[2], by_last, n=1, cutoff=0.75)
+    by_last = {_last(name): name for name in reversed(known)}
+    by_whole = difflib.get_close_matches(key, known, cutoff=0.75)  # long sections make all their keys alike
+    close = [name for name in by_whole if difflib.get_close_matches(_last(key), [_last(name)])] or [
+        by_last[name] for name in difflib.get_close_matches(_last(key), by_last, n=1, cutoff=0.75)
     ]
     if close:
         return f" (did you mean '{close[0]}'?)"
-    return nearest(key.rpartition(".")[2], (name.rpartition(".")[2] for name in others), limit=20)
+    return nearest(_last(key), map(_last, others), limit=20)
+
+
+def _last(key: str) -> str:
+    return key.rpartition(".")[2]
 
 
 def _all_keys(declared: type, above: str = "") -> Iterator[str]:

@@ -15,8 +15,8 @@ from typing import Any
 from mrp_sumo import __version__
 from mrp_sumo.experiments.identity import code_version, library_versions
 from mrp_sumo.experiments.paper import SUITES, Campaign, Kinds, Made, kinds_of
+from mrp_sumo.files.folders import PLAN
 from mrp_sumo.files.writing import write_whole
-from mrp_sumo.io.results import PLAN
 from mrp_sumo.reports.charts.chart import Chart
 from mrp_sumo.reports.page import Section, Tile, page
 from mrp_sumo.reports.paper import beside
