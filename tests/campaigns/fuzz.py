@@ -134,17 +134,19 @@ class Reading:
     command: tuple[str, ...]
     needs: tuple[str, ...] = ()  # more files
 
-    @property
-    def weight(self) -> float:
-        """How often it is drawn, among the others."""
-        return SLOW.get(self.command[0], 1.0)
-
 
 STUDY = ("lifelong.yaml", "--quick", "--robots", "1..2", "--horizon", "1min", "--workers", "1", "--out", "study", "--budget")
-SLOW = {"report": 0.01, "analyze": 0.05, "query": 0.05, "compare": 0.05, "render": 0.05, "run": 0.1, "export": 0.1, "import": 0.1}
-SLOW |= {"replay": 0.1, "batch": 0.3, "reproduce": 0.05, "init": 0.02}
-SLOW_BELOW = SLOW | {"report": 0.03, "analyze": 0.3, "query": 0.05, "compare": 0.1, "render": 0.1, "export": 0.2, "capacity": 0.01}
-SLOW_BELOW |= {"--vda5050": 0.02, "status": 0.3}
+CPU_S = {  # of a command; those that take more than a hundredth are drawn the less often
+    **{"report": 0.6, "run": 0.25, "reproduce": 0.2, "init": 0.6, "capacity": 0.6, "--vda5050": 0.5},
+    **{"query": 0.2, "import": 0.2, "render": 0.12, "compare": 0.1, "replay": 0.07, "export": 0.06, "analyze": 0.05, "batch": 0.05},
+    "status": 0.04,
+}
+
+
+def often(command: tuple[str, ...]) -> float:
+    """How often a command is drawn, among the others."""
+    return min(0.01 / CPU_S.get(word, 0.01) for word in command)
+
 
 PLANS = ("plan.json", "plan.yaml", "plan.txt", "plan.lacam", "plan.smart")
 MAPS = ("small.lif.json", "small.xml", "small.site.json", "route.geojson", "small.geojson", "small.net.xml", "lanes.csv", "link.json")
@@ -311,7 +313,7 @@ class Fuzz:
         self._seed = seed
         self._kept = tempfile.TemporaryDirectory(prefix="fuzz-")
         self._material = Path(self._kept.name)
-        self._weights = [reading.weight for reading in READINGS]
+        self._weights = [often(reading.command) for reading in READINGS]
         os.environ["MPLBACKEND"] = "Agg"
         os.environ["XDG_CONFIG_HOME"] = str(self._material / "configuration")  # `mrp-sumo trust` writes there
         maker = os.fork()  # the campaign's process itself starts no thread
@@ -350,7 +352,7 @@ class Fuzz:
 
     def _deep(self, chance: random.Random, folder: Path) -> Trial:
         """Damage a folder below its checksums."""
-        ((name, damage, command),) = chance.choices(DEEP, [min(SLOW_BELOW.get(word, 1.0) for word in command) for _, _, command in DEEP])
+        ((name, damage, command),) = chance.choices(DEEP, [often(command) for _, _, command in DEEP])
         shutil.copytree(self._material / name, folder / name)
         for other in ("lifelong.yaml", "small.building.yaml", "cart.yaml", "scenario.yaml", "small.map", "small.scen"):
             shutil.copy(self._material / other, folder)
