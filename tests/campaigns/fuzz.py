@@ -133,6 +133,23 @@ class Reading:
     file: str
     command: tuple[str, ...]
     needs: tuple[str, ...] = ()  # more files
+    damage: Callable[[Path, random.Random], None] | None = None  # of a folder, below its checksums; None: of bytes
+
+    @property
+    def kind(self) -> str:
+        """The row of the table."""
+        return f"{self.file}{', ' + self.damage.__name__ if self.damage else ''}: {self.command[0]}"
+
+    @property
+    def weight(self) -> float:
+        """How often it is drawn, among the others."""
+        return min(0.01 / CPU_S.get(word, 0.01) for word in self.command)
+
+    def lay_out(self, material: Path, folder: Path) -> None:
+        """Copy what the command reads."""
+        for name in {self.file.split("/")[0], *self.needs}:
+            source = material / name
+            shutil.copytree(source, folder / name) if source.is_dir() else shutil.copy(source, folder)
 
 
 STUDY = ("lifelong.yaml", "--quick", "--robots", "1..2", "--horizon", "1min", "--workers", "1", "--out", "study", "--budget")
@@ -141,11 +158,6 @@ CPU_S = {  # of a command; those that take more than a hundredth are drawn the l
     **{"query": 0.2, "import": 0.2, "render": 0.12, "compare": 0.1, "replay": 0.07, "export": 0.06, "analyze": 0.05, "batch": 0.05},
     "status": 0.04,
 }
-
-
-def often(command: tuple[str, ...]) -> float:
-    """How often a command is drawn, among the others."""
-    return min(0.01 / CPU_S.get(word, 0.01) for word in command)
 
 
 PLANS = ("plan.json", "plan.yaml", "plan.txt", "plan.lacam", "plan.smart")
@@ -186,7 +198,7 @@ READINGS = (
     Reading("roadmap.yaml", ("plan", "--map", "roadmap.yaml")),
     *(Reading(plan, ("validate", plan, *ON_MAP), ("small.map", "small.scen")) for plan in PLANS),
     *(Reading(plan, ("convert", plan, "out.yaml", "--map", "small.map"), ("small.map",)) for plan in PLANS),
-    *(Reading("run", command, ()) for command in (
+    *(Reading("run", command, ("small.building.yaml", "cart.yaml")) for command in (
         ("replay", "run"), ("render", "run", "--at", "2", "--out", "out.png"), ("export", "run", "--csv"),
         ("export", "run", "--bag", "--out", "again"),
         ("export", "run", "--vda5050", "--out", "vda"), ("replay", "run", "run", "--out", "two.html"), ("reproduce", "run"),
@@ -196,14 +208,15 @@ READINGS = (
     Reading("bag3", ("analyze", "bag3")),
     Reading("ros1.bag", ("analyze", "ros1.bag")),
     Reading("config.yaml", ("analyze", "run/bag", "--config", "config.yaml"), ("run",)),
-    *(Reading("batch", command, ()) for command in (
+    *(Reading("batch", command, ("suite.yaml", "small.building.yaml")) for command in (
         ("status", "batch"), ("query", "batch", "select count(*) from results"), ("query", "batch", "cost"),
         ("report", "batch", "--out", "page.html"),
         ("compare", "batch", "batch"), ("batch", "suite.yaml", "--out", "batch", "--dry-run"),
         ("analyze", "batch", "--metric", "soc_steps"),
     )),
 )  # fmt: skip
-DEEP: tuple[tuple[str, Callable[[Path, random.Random], None], tuple[str, ...]], ...] = (  # folder, what damages it, a command
+BESIDE = ("lifelong.yaml", "small.building.yaml", "cart.yaml", "scenario.yaml", "work.yaml")
+DEEP = tuple(Reading(folder, command, BESIDE, damage) for folder, damage, command in (
     *(("work", damage_run, command) for command in (
         ("replay", "work"), ("render", "work", "--at", "20", "--out", "out.png"), ("export", "work", "--csv"),
         ("export", "work", "--bag", "--out", "again"), ("export", "work", "--vda5050", "--out", "vda"), ("export", "work", "--geojson"),
@@ -211,12 +224,12 @@ DEEP: tuple[tuple[str, Callable[[Path, random.Random], None], tuple[str, ...]], 
         ("export", "work", "--viewers"), ("export", "work", "--ros1", "--out", "again.bag"), ("analyze", "work", "--audit"),
         ("render", "work", "--video", "out.gif", "--from", "1", "--to", "2", "--speed", "4", "--size", "240x240"),
         ("analyze", "work", "--metric", "min_clearance_m"), ("analyze", "work", "--metric", "protective_stops_per_robot_h"),
-        ("replay", "work", "work", "--out", "two.html"), ("validate", "work/plan.json", "work/floor.json"),
+        ("replay", "work", "work", "--out", "two.html"), ("validate", "work/plan.json", "--scenario", "work.yaml"),
     )),
     *(("run", damage_run, command) for command in (
         ("replay", "run"), ("export", "run", "--csv"), ("export", "run", "--bag", "--out", "again"), ("reproduce", "run"),
         ("analyze", "run", "--metric", "min_clearance_m"), ("render", "run", "--at", "2", "--out", "out.png"),
-        ("validate", "run/plan.json", *ON_MAP), ("convert", "run/plan.json", "out.yaml", "--map", "small.map"),
+        ("validate", "run/plan.json", "--scenario", "scenario.yaml"),
         ("run", "scenario.yaml", "--plan", "run/plan.json", "--out", "out"),
     )),
     *(("batch", damage_trace, ("analyze", "batch", "--metric", metric)) for metric in ("soc_steps", "min_clearance_m")),
@@ -235,7 +248,7 @@ DEEP: tuple[tuple[str, Callable[[Path, random.Random], None], tuple[str, ...]], 
         ("status", "batch"), ("report", "batch", "--out", "page.html"), ("compare", "batch", "batch"),
         ("reproduce", "batch", "--runs", "1"),
     )),
-)  # fmt: skip
+))  # fmt: skip
 WORDS = (
     "--out",
     "--seed",
@@ -305,7 +318,7 @@ class _TooLong(BaseException):
 
 
 class Fuzz:
-    """Four trials in ten damage a file, five a folder below its checksums, the others make up arguments."""
+    """Nine trials in ten damage a file, or a folder below its checksums; the others make up arguments."""
 
     size = None
 
@@ -313,7 +326,6 @@ class Fuzz:
         self._seed = seed
         self._kept = tempfile.TemporaryDirectory(prefix="fuzz-")
         self._material = Path(self._kept.name)
-        self._weights = [often(reading.command) for reading in READINGS]
         os.environ["MPLBACKEND"] = "Agg"
         os.environ["XDG_CONFIG_HOME"] = str(self._material / "configuration")  # `mrp-sumo trust` writes there
         maker = os.fork()  # the campaign's process itself starts no thread
@@ -321,6 +333,7 @@ class Fuzz:
             code = 1
             try:
                 make_material(self._material)
+                _require_read(self._material)
                 code = 0
             finally:
                 os._exit(code)
@@ -334,31 +347,28 @@ class Fuzz:
                 shutil.copy(self._material / name, folder)
             command = [chance.choice([name for name in COMMANDS if name not in UNSAFE]), *chance.choices(WORDS, k=chance.randint(0, 5))]
             return attempt(command, folder, "arguments")
-        if chance.random() < 0.5:
-            return self._deep(chance, folder)
-        (reading,) = chance.choices(READINGS, self._weights)
-        for name in {
-            reading.file.split("/")[0],
-            *reading.needs,
-            *(("suite.yaml", "small.building.yaml") if reading.file == "batch" else ()),
-        }:
-            source = self._material / name
-            shutil.copytree(source, folder / name) if source.is_dir() else shutil.copy(source, folder)
+        readings = chance.choice((READINGS, DEEP))
+        (reading,) = chance.choices(readings, [each.weight for each in readings])
+        reading.lay_out(self._material, folder)
         target = folder / reading.file
-        if target.is_dir():
-            target = chance.choice(sorted(path for path in target.rglob("*") if path.is_file() and path.name != "batch.lock"))
-        target.write_bytes(damaged(target.read_bytes(), chance))
-        return attempt(list(reading.command), folder, f"{reading.file}: {reading.command[0]}")
+        if reading.damage is not None:
+            for _ in range(chance.choice((1, 1, 1, 2, 4))):
+                reading.damage(target, chance)
+        else:
+            if target.is_dir():
+                target = chance.choice(sorted(path for path in target.rglob("*") if path.is_file() and path.name != "batch.lock"))
+            target.write_bytes(damaged(target.read_bytes(), chance))
+        return attempt(list(reading.command), folder, reading.kind)
 
-    def _deep(self, chance: random.Random, folder: Path) -> Trial:
-        """Damage a folder below its checksums."""
-        ((name, damage, command),) = chance.choices(DEEP, [often(command) for _, _, command in DEEP])
-        shutil.copytree(self._material / name, folder / name)
-        for other in ("lifelong.yaml", "small.building.yaml", "cart.yaml", "scenario.yaml", "small.map", "small.scen"):
-            shutil.copy(self._material / other, folder)
-        for _ in range(chance.choice((1, 1, 1, 2, 4))):
-            damage(folder / name, chance)
-        return attempt(list(command), folder, f"{name}, {damage.__name__}: {command[0]}")
+
+def _require_read(material: Path) -> None:
+    """Refuse a reading that is refused without any damage: it would try nothing."""
+    for reading in (*READINGS, *DEEP):
+        with tempfile.TemporaryDirectory() as folder:
+            reading.lay_out(material, Path(folder))
+            trial = attempt(list(reading.command), Path(folder), reading.kind)
+        if trial.faults or trial.ended == "exit code 2":
+            raise RuntimeError(f"{reading.command} does not work without damage: {trial}")
 
 
 def damaged(data: bytes, chance: random.Random) -> bytes:
