@@ -147,6 +147,13 @@ def test_token_passing_avoids_the_ends_of_others_and_as_in_the_paper_waits_for_t
     assert Fleet([1, 5], *tasks[:2]).decides("token_passing", exclusive=True) == {0: 0}
 
 
+def test_token_passing_minds_ends_of_tasks_and_not_what_lies_between():
+    tasks = [(0.0, (2, 10)), (0.0, (4, 10, 12)), (0.0, (9, 11))]
+    assert Fleet([1, 5], *tasks).decides("token_passing") == {0: 0, 1: 1}  # passes by the end of task 0
+    tasks[1] = (0.0, (4, 12, 10))
+    assert Fleet([1, 5], *tasks).decides("token_passing") == {0: 0, 1: 2}
+
+
 @pytest.mark.parametrize(("parameters", "then"), [({}, {0: 0}), ({"busy": False}, {0: 0, 1: 1})])
 def test_hungarian_lets_a_task_wait_for_a_robot_at_work_that_will_be_there_sooner(parameters, then):
     fleet = Fleet([3, 19], (0.0, (3, 4)), (1.0, (4, 5)), service_s=5.0)
