@@ -33,6 +33,7 @@ from mrp_sumo.io.scenario.model import Recording
 FLEET_STATES_NS = 500_000_000  # 2 Hz, as MRP-Bench
 SECOND_NS = 1_000_000_000
 SAMPLES_TOGETHER = 500_000  # robots times stamps of the fast topics, so that long runs take little memory
+FAST_NS = 100_000_000  # between messages of /tf, /robot_cloud, poses and odometry; never shorter than the record's
 INFINITE = QosTime(9223372036, 854775807)  # as rosbag2 writes it
 
 
@@ -42,7 +43,6 @@ class BagOptions:
 
     storage: str = "mcap"  # or 'sqlite3'
     rmf: str = "jazzy"  # generation of rmf_fleet_msgs: 'galactic', 'jazzy' or 'kilted'
-    period_s: float = 0.1  # between messages of /tf, /robot_cloud, poses and odometry; never shorter than the record's
     robots: tuple[str, ...] = ()  # robots with topics of their own: /<robot>/odom and /<robot>/plan
     poses: bool = False  # also write /robot_poses: what /tf says, as one PoseArray
     repeat_latched_s: float = 0.0  # repeat /map and markers, for players that start in the middle; 0: never
@@ -115,7 +115,7 @@ def _write(writer: PartedWriter, messages: Messages, record: RunRecord, options:
     topic = _Topics(writer, messages).add
     latched = _Latched(writer, messages, topic, chosen)
     end_ns = round(float(record.execution.t_s[-1]) * 1e9)
-    fast_ns = _ticks(record, end_ns, round(options.period_s * 1e9))
+    fast_ns = _ticks(record, end_ns, FAST_NS)
     second_ns = np.arange(0, end_ns + 1, SECOND_NS, dtype=np.int64)
     streams = [
         _Stream(_every(options.split_s, end_ns - 1), lambda _: latched.begin_part),

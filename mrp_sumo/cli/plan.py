@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 from mrp_sumo.cli import plan_list, scenario_choice, step_wise
 from mrp_sumo.cli.option_rules import only_for
-from mrp_sumo.cli.printing import print_failure, say, say_json, warn_of_kernels
+from mrp_sumo.cli.printing import print_failure, say_summary, warn_of_kernels
 from mrp_sumo.errors import MrpSumoError, PlugInError
 
 if TYPE_CHECKING:
@@ -61,12 +61,7 @@ def run(options: argparse.Namespace) -> int:
         return step_wise.plan(options)
     only_for("problems of the League of Robot Runners (.json)", steps=options.steps)
     summary = _planned(options)
-    if options.json:
-        say_json(summary)
-    else:
-        for key, value in summary.items():
-            if value not in ("", None):
-                say(f"{key}: {value:.6g}" if isinstance(value, float) else f"{key}: {value}")
+    say_summary(summary, options.json)
     return 0 if summary["valid"] else 1
 
 

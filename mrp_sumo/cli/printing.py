@@ -4,6 +4,7 @@ All that a command prints goes through here; `tests/cli/test_shown.py` reads the
 """
 
 import sys
+from collections.abc import Mapping
 from functools import cache
 from typing import TYPE_CHECKING
 
@@ -24,6 +25,17 @@ def say_json(value: object, indent: int | None = None) -> None:
     import json
 
     print(json.dumps(value, indent=indent), flush=True)
+
+
+def say_summary(summary: Mapping[str, object], as_json: bool) -> None:
+    """Print a summary as JSON, or a line for each key whose value says something."""
+    if as_json:
+        say_json(summary)
+        return
+    for key, value in summary.items():
+        if value not in ("", None):
+            value = " ".join(map(str, value)) if isinstance(value, tuple) else value
+            say(f"{key}: {value:.6g}" if isinstance(value, float) else f"{key}: {value}")
 
 
 def say_progress(text: str, *, is_last: bool = False) -> None:

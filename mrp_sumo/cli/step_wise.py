@@ -6,7 +6,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mrp_sumo.cli.printing import say, say_json, say_progress
+from mrp_sumo.cli.printing import say, say_progress, say_summary
 from mrp_sumo.errors import MrpSumoError
 
 if TYPE_CHECKING:
@@ -60,7 +60,7 @@ def plan(options: argparse.Namespace) -> int:
     if options.out:
         write_text(options.out, print_solution(problem, run.solution, run.plan_time_s))
         summary["plan"] = str(options.out)
-    _print(summary, options.json)
+    say_summary(summary, options.json)
     return 0 if verdict.valid and not stalled else 1
 
 
@@ -74,7 +74,7 @@ def validate(options: argparse.Namespace) -> int:
     verdict = judge_step_wise(problem, solution)
     if options.json:
         summary = {"valid": verdict.valid, "robots": problem.num_robots, "steps": solution.num_steps}
-        _print(summary | {"tasks_done": verdict.tasks_done, "errands_done": verdict.errands_done, "message": verdict.fault}, True)
+        say_summary(summary | {"tasks_done": verdict.tasks_done, "errands_done": verdict.errands_done, "message": verdict.fault}, True)
     elif verdict.valid:
         say(f"valid: {problem.num_robots} robots, {solution.num_steps} steps, {verdict.tasks_done} tasks done")
     else:
@@ -113,13 +113,3 @@ def _chosen(options: argparse.Namespace) -> "tuple[str, StepPlanner]":
 
 def _show(now: int, num_done: int) -> None:
     say_progress(f"step {now}: {num_done} orders done ")
-
-
-def _print(summary: dict[str, object], as_json: bool) -> None:
-    if as_json:
-        say_json(summary)
-        return
-    for key, value in summary.items():
-        if value not in ("", None):
-            value = " ".join(map(str, value)) if isinstance(value, tuple) else value
-            say(f"{key}: {value:.6g}" if isinstance(value, float) else f"{key}: {value}")

@@ -166,7 +166,7 @@ def _of_run(study: ReportedRuns, out: Path) -> tuple[str, list[Section]]:
     note = str(run.result.get("note", ""))
     page_of = replay_of(run)
     if page_of is not None:
-        tables.append(_link_table("replay", "Replay", Path(os.path.relpath(page_of.resolve(), out)).as_posix()))
+        tables.append(_link_table(Path(os.path.relpath(page_of.resolve(), out)).as_posix()))
     charts: list[ReportTable | Chart] = list(run_charts(run))
     if not charts:
         note = f"{note} The run was not driven ({run.result['status'].replace('_', ' ')}), so there is nothing to draw.".strip()
@@ -199,10 +199,10 @@ def _task_tables(run: RunFolder) -> Iterator[ReportTable]:
             yield ReportTable(name, title, head, rows, labels=2, folded=len(rows) > 30, digits=dict.fromkeys(head[2:6], 1))
 
 
-def _link_table(name: str, title: str, target: str) -> ReportTable:
+def _link_table(target: str) -> ReportTable:
     from mrp_sumo.reports.tables.table import FileLink
 
-    return ReportTable(name, title, ("page",), [[FileLink(title, target)]], labels=0)
+    return ReportTable("replay", "Replay", ("page",), [[FileLink("Replay", target)]], labels=0)
 
 
 def _tiles(study: ReportedRuns, one: bool) -> list[Tile]:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 STYLE_SHEET = Path(__file__).with_suffix(".css")
+TITLE, LEAD = "mrp_sumo in a minute", "Made on this machine just now. Each page stands alone: open it, send it, keep it."
 
 
 @dataclass(frozen=True)
@@ -20,11 +21,7 @@ class TourPage:
     links: tuple[tuple[str, str], ...] = ()  # names and relative addresses of what belongs to it
 
 
-def tour_page(
-    stops: Sequence[TourPage],
-    title: str = "mrp_sumo in a minute",
-    lead: str = "Made on this machine just now. Each page stands alone: open it, send it, keep it.",
-) -> str:
+def tour_page(stops: Sequence[TourPage]) -> str:
     """The page as text; everything from outside is escaped."""
     articles = []
     for stop in stops:
@@ -38,8 +35,8 @@ def tour_page(
     lines = [
         '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">',
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n<link rel="icon" href="data:,">',
-        f"<title>{html.escape(title)}</title>\n<style>\n{STYLE_SHEET.read_text(encoding='utf-8')}</style>\n</head>\n<body>",
-        f'<header><h1>{html.escape(title)}</h1><p class="lead">{html.escape(lead)}</p></header>',
+        f"<title>{TITLE}</title>\n<style>\n{STYLE_SHEET.read_text(encoding='utf-8')}</style>\n</head>\n<body>",
+        f'<header><h1>{TITLE}</h1><p class="lead">{LEAD}</p></header>',
         "<main>",
         *articles,
         "</main>\n</body>\n</html>\n",
