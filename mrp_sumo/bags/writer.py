@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 from rosbags.interfaces import Connection, Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
@@ -112,7 +112,7 @@ class _Stream(NamedTuple):
 
 def _write(writer: PartedWriter, messages: Messages, record: RunRecord, options: BagOptions, chosen: list[int]) -> None:
     """All messages, latched ones first, then by time; at equal times in the order of the streams."""
-    topic = _Topics(writer, messages).add
+    topic = _Topics(writer, messages)
     latched = _Latched(writer, messages, topic, chosen)
     end_ns = round(float(record.execution.t_s[-1]) * 1e9)
     fast_ns = _ticks(record, end_ns, FAST_NS)
@@ -148,7 +148,7 @@ def _write(writer: PartedWriter, messages: Messages, record: RunRecord, options:
 class _Latched:
     """Topics of which late listeners get the last message: the building, the robots' shapes, and the plan in force."""
 
-    def __init__(self, writer: PartedWriter, messages: Messages, topic: "_Topic", chosen: list[int]) -> None:
+    def __init__(self, writer: PartedWriter, messages: Messages, topic: "_Topics", chosen: list[int]) -> None:
         self._writer, self._messages = writer, messages
         self._once = [  # (connection, message at a stamp)
             (topic("/tf_static", "tf2_msgs/TFMessage", 1, latched=True), messages.tf_static),
@@ -187,7 +187,7 @@ class _Latched:
 
 
 def _makers(
-    messages: Messages, record: RunRecord, options: BagOptions, chosen: list[int], topic: "_Topic", fast_ns: IntArray, end_ns: int
+    messages: Messages, record: RunRecord, options: BagOptions, chosen: list[int], topic: "_Topics", fast_ns: IntArray, end_ns: int
 ) -> list[tuple[Connection, IntArray, Any]]:
     """Topics that are made of samples: the connection, the stamps, and what makes the stream of messages of messages and samples."""
     slow_ns = np.arange(0, end_ns + 1, FLEET_STATES_NS, dtype=np.int64)
@@ -226,7 +226,7 @@ def _sampled(
         yield _Stream(t_ns, partial(over, connection=connection, t_ns=t_ns, make=make))
 
 
-def _diagnosed(writer: PartedWriter, messages: Messages, record: RunRecord, topic: "_Topic", t_ns: IntArray) -> _Stream:
+def _diagnosed(writer: PartedWriter, messages: Messages, record: RunRecord, topic: "_Topics", t_ns: IntArray) -> _Stream:
     """How robots are, and figures of the run so far."""
     diagnosed = topic("/diagnostics", "diagnostic_msgs/DiagnosticArray")
     metrics = {name: topic(f"/metrics/{name}", "std_msgs/Float64") for name in say.metrics(say.Samples(record, t_ns[:1]), 0)}
@@ -275,12 +275,6 @@ def _samples(record: RunRecord, t_ns: IntArray, part: slice) -> say.Samples:
     return say.Samples(record, t_ns[part], part.start, before_ns)
 
 
-class _Topic(Protocol):
-    """Adds a topic to a bag."""
-
-    def __call__(self, name: str, typename: str, depth: int = 10, latched: bool = False) -> Connection: ...
-
-
 class _Topics:
     """Adds topics to a bag; a type is described once, however many topics have it."""
 
@@ -288,7 +282,7 @@ class _Topics:
         self._writer, self._store = writer, messages.typestore
         self._described: dict[str, tuple[str, str]] = {}
 
-    def add(self, name: str, typename: str, depth: int = 10, latched: bool = False) -> Connection:
+    def __call__(self, name: str, typename: str, depth: int = 10, latched: bool = False) -> Connection:
         package, short = typename.split("/")
         full = f"{package}/msg/{short}"
         if full not in self._described:

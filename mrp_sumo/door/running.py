@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from mrp_sumo.core.execution import Execution
 from mrp_sumo.core.fleet import Fleet
-from mrp_sumo.core.graph import NavGraph, PlanGraph
+from mrp_sumo.core.graph import PlanGraph
 from mrp_sumo.core.plan import Plan, Status
 from mrp_sumo.door.maps import shared_maps
 from mrp_sumo.door.planning import Problem, solution_of
@@ -20,7 +20,6 @@ from mrp_sumo.experiments.solve import Solution, StageReport, retimed, silent
 from mrp_sumo.experiments.staging.set_up import driven_as
 from mrp_sumo.io import run_reader
 from mrp_sumo.io.documents import Place
-from mrp_sumo.io.record import RunRecord
 from mrp_sumo.io.run_summary import run_summary
 from mrp_sumo.io.scenario.read import changed
 from mrp_sumo.io.summary import Summary, count, seconds, summary
@@ -28,9 +27,7 @@ from mrp_sumo.io.summary import Summary, count, seconds, summary
 if TYPE_CHECKING:
     import pandas
 
-    from mrp_sumo.io.outline import Outline
     from mrp_sumo.io.trajectory import Trajectory
-    from mrp_sumo.maps.costmap import Costmap
     from mrp_sumo.reports.pictures.picture import Picture
 
 SHAPES_PROBLEM = (
@@ -79,11 +76,6 @@ class Run:
         return self.kept.folder if isinstance(self.kept, run_reader.RunFolder) else None
 
     @property
-    def source(self) -> str:
-        """Its origin: the folder, or the scenario's name."""
-        return self.kept.source
-
-    @property
     def executed(self) -> bool:
         """True where there is a trajectory."""
         return self.kept.executed
@@ -101,21 +93,6 @@ class Run:
     @property
     def fleet(self) -> Fleet:
         return self.kept.fleet
-
-    @property
-    def nav(self) -> NavGraph | None:
-        """The map as drawn."""
-        return self.kept.nav
-
-    @property
-    def costmap(self) -> "Costmap | None":
-        """The walls as sensors see them."""
-        return self.kept.costmap
-
-    @property
-    def outline(self) -> "Outline | None":
-        """The building as drawn."""
-        return self.kept.outline
 
     @property
     def trajectory(self) -> "pandas.DataFrame":
@@ -147,11 +124,6 @@ class Run:
         """Trajectory, arrivals and events as arrays."""
         return self.kept.execution
 
-    @property
-    def record(self) -> RunRecord:
-        """Everything that logs are made of. Raises MrpSumoError where nothing was driven."""
-        return self.kept.record
-
     def plot(self, at_s: float | None = None) -> "Picture":
         """Draw the run at a moment: robots with heading and state, where they came from, where the plan has them.
 
@@ -174,8 +146,8 @@ class Run:
         from mrp_sumo.reports.pictures.view import view_record
 
         if at_s is None:
-            at_s = round(float(view_record(self).execution.t_s[-1]) / 2, 1)
-        return still(self, at_s)
+            at_s = round(float(view_record(self.kept).execution.t_s[-1]) / 2, 1)
+        return still(self.kept, at_s)
 
     def replay(self) -> "Replay":
         """The page that replays the run; notebooks show it, `write` makes a file of it for any browser.
@@ -187,7 +159,7 @@ class Run:
         """
         from mrp_sumo.reports.replay.page import page_of
 
-        return Replay(self.source, page_of(self))
+        return Replay(self.kept.source, page_of(self.kept))
 
     def save(self, folder: str | Path) -> Path:
         """Write the run folder, as `mrp-sumo run` does: everything above, and the rosbag.
@@ -203,7 +175,7 @@ class Run:
             When the folder holds something else, or the run is in a folder already.
         """
         if isinstance(self.kept, run_reader.RunFolder):
-            raise MrpSumoError(f"{self.source}: is a run folder already; copy it")
+            raise MrpSumoError(f"{self.kept.source}: is a run folder already; copy it")
         self.kept.write(Path(folder), shared_maps())
         return Path(folder)
 

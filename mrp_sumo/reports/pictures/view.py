@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,9 +18,10 @@ from mrp_sumo.io.record import AT_GOAL, MOVING, STATE_NAMES, WAITING, RunRecord,
 from mrp_sumo.io.run_summary import planner_of
 
 if TYPE_CHECKING:
-    from mrp_sumo.core.fleet import Fleet
     from mrp_sumo.core.graph import NavGraph
+    from mrp_sumo.experiments.result import RunResult
     from mrp_sumo.io.outline import Outline
+    from mrp_sumo.io.run_reader import RunFolder
 
 ABSENT = 4  # a state in addition to those of io.record: not on the floor
 AT_REST = "idle or served"  # what AT_GOAL is called in runs with tasks
@@ -31,43 +32,7 @@ PERIOD_S = 0.2  # between samples of a plan that was not driven
 MANY_NAMES = 80  # from which on not all that have one are stations
 NARROW_M = 3.0  # closed walls narrower than this are furniture
 
-
-class AnyRun(Protocol):
-    """A run to be shown, whether it is in memory or was read from its folder."""
-
-    @property
-    def source(self) -> str:
-        """The run's folder or name, for messages."""
-
-    @property
-    def result(self) -> Mapping[str, Any]:
-        """As in `result.json`."""
-
-    @property
-    def metrics(self) -> Mapping[str, Any]: ...
-
-    @property
-    def executed(self) -> bool:
-        """True where there is a trajectory."""
-
-    @property
-    def record(self) -> RunRecord:
-        """Of a run that was executed."""
-
-    @property
-    def plan(self) -> Plan | None: ...
-
-    @property
-    def graph(self) -> PlanGraph: ...
-
-    @property
-    def fleet(self) -> "Fleet": ...
-
-    @property
-    def nav(self) -> "NavGraph | None": ...
-
-    @property
-    def outline(self) -> "Outline | None": ...
+AnyRun: TypeAlias = "RunResult | RunFolder"  # that has just ended, or was read from its folder
 
 
 def title_of(result: Mapping[str, Any]) -> str:
