@@ -7,7 +7,6 @@ cannot be run, or --keep-worst kept none, 2 for bad input, 130 or 143 when it wa
 
 import argparse
 import json
-import os
 import shlex
 import sys
 import time
@@ -19,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 from mrp_sumo.cli.ending import stoppable
 from mrp_sumo.cli.option_rules import only_for, require_least
 from mrp_sumo.cli.printing import say, say_json, warn, warn_of_kernels
+from mrp_sumo.core.children import num_workers
 from mrp_sumo.errors import BatchError, duration, shown
 
 if TYPE_CHECKING:
@@ -151,10 +151,10 @@ def _shown(value: object) -> str:
 
 def workers_of(options: argparse.Namespace) -> int:
     """Processes that make runs, by default one a core."""
-    require_least("--workers", options.workers, 1)
+    workers = num_workers("--workers", options.workers)
     if options.workers is not None and getattr(options, "scheduler", None) is not None:
         raise BatchError("--workers is for this machine: a Dask scheduler has workers of its own; leave out one of the two")
-    return int(options.workers or len(os.sched_getaffinity(0)))
+    return workers
 
 
 @contextmanager

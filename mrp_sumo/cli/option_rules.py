@@ -9,6 +9,13 @@ def require_least(option: str, value: int | None, least: int) -> None:
         raise MrpSumoError(f"{option}: found {value}, expected {least} or more")
 
 
+def port_number(text: str) -> int:
+    """The type of an argument that is a port to listen at; 0 is any free one."""
+    if not (text.isascii() and text.isdecimal()) or int(text[:6]) > 65535:
+        raise MrpSumoError(f"--port: found {text[:40]!r}, expected a whole number up to 65535")
+    return int(text)
+
+
 def only_for(what: str, **options: object) -> None:
     """Refuse the first option that is said, since it is for something else.
 

@@ -6,7 +6,7 @@
 import argparse
 from pathlib import Path
 
-from mrp_sumo.cli.option_rules import only_for
+from mrp_sumo.cli.option_rules import only_for, port_number
 from mrp_sumo.cli.printing import say, say_json
 from mrp_sumo.cli.result_folder import run_folder
 
@@ -19,7 +19,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", metavar="FILE", help="the page (default: RUN/replay.html, of two RUN/beside_OTHER.html)")
     parser.add_argument("--serve", action="store_true", help="open it in a browser, from a small web server on this machine")
     parser.add_argument("--json", action="store_true", help="print file and size as a line of JSON")
-    parser.add_argument("--port", type=int, metavar="N", help="of --serve (default: any free port)")
+    parser.add_argument("--port", type=port_number, metavar="N", help="of --serve (default: any free port)")
 
 
 def run(options: argparse.Namespace) -> int:

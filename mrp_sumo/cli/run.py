@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mrp_sumo.cli import scenario_choice
-from mrp_sumo.cli.option_rules import only_for
+from mrp_sumo.cli.option_rules import only_for, port_number
 from mrp_sumo.cli.printing import print_failure, print_table, say, say_json, warn_of_kernels
 from mrp_sumo.errors import MrpSumoError
 
@@ -51,7 +51,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--replay", action="store_true", help="write the replay page into the run folder")
     parser.add_argument("--live", action="store_true", help="show the run in a browser while it drives: pause, step, speed, what has been")
-    parser.add_argument("--port", type=int, metavar="N", help="of --live (default: any free port) or --foxglove (default: 8765)")
+    parser.add_argument("--port", type=port_number, metavar="N", help="of --live (default: any free port) or --foxglove (default: 8765)")
     parser.add_argument(
         "--foxglove", action="store_true", help="show the run in Foxglove while it drives, with its playback control: pause, seek, speed"
     )

@@ -327,6 +327,7 @@ def pairs(options: argparse.Namespace) -> list[tuple[str, Any]]:
     changes = []
     for pair in options.set:
         key, equals, value = pair.partition("=")
+        key = key.strip()
         if not equals or not key:
             raise MrpSumoError(f"--set {pair}: expected KEY=VALUE")
         changes.append((key, parse(Text(Path("--set"), value))))

@@ -8,7 +8,7 @@ import time
 from collections import Counter
 from pathlib import Path
 
-from mrp_sumo.cli.option_rules import only_for
+from mrp_sumo.cli.option_rules import only_for, port_number
 from mrp_sumo.cli.printing import say, say_json, warn
 from mrp_sumo.cli.result_folder import batch_folder
 from mrp_sumo.errors import MrpSumoError
@@ -21,7 +21,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("folder", metavar="DIR", type=batch_folder, help="folder of a batch")
     parser.add_argument("--json", action="store_true", help="print a line of JSON")
     parser.add_argument("--live", action="store_true", help="show it in a browser, as runs end, until Ctrl+C")
-    parser.add_argument("--port", type=int, metavar="N", help="of --live (default: any free port)")
+    parser.add_argument("--port", type=port_number, metavar="N", help="of --live (default: any free port)")
 
 
 def run(options: argparse.Namespace) -> int:

@@ -12,13 +12,30 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from mrp_sumo.errors import OptionError
+
 if TYPE_CHECKING:
     import subprocess
     from collections.abc import Mapping
     from multiprocessing.connection import Connection
     from typing import IO
 
+MOST_A_CORE = 8  # processes that work, each of which takes some 200 MB
 CONFIGURATIONS = frozenset({"matplotlibrc", ".numba_config.yaml"})  # that libraries look for in the current folder
+
+
+def num_workers(option: str, wanted: int | None) -> int:
+    """The number of processes that work at a time, by default one a core.
+
+    Raises
+    ------
+    OptionError
+        For none, and for more than the machine bears.
+    """
+    cores = len(os.sched_getaffinity(0))
+    if wanted is not None and not 1 <= wanted <= MOST_A_CORE * cores:
+        raise OptionError(f"{option}: found {wanted}, expected 1 to {MOST_A_CORE * cores}, {MOST_A_CORE} for each core")
+    return wanted or cores
 
 
 def command(call: str, *words: str) -> list[str]:

@@ -1,6 +1,5 @@
 """Suites of runs: made in parallel, resumed where they were, read as a DataFrame."""
 
-import os
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -8,6 +7,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from mrp_sumo.core.children import num_workers
 from mrp_sumo.errors import BatchError
 from mrp_sumo.experiments.batch import BatchFolder, Watcher, run_batch
 from mrp_sumo.experiments.batch import summary as standing
@@ -121,10 +121,9 @@ def run_suite(
     >>> batch = ms.run_suite("paper_comparison", workers=2)
     >>> batch.results.groupby("planner")["success"].mean()
     """
-    workers = len(os.sched_getaffinity(0)) if workers is None else workers
-    for name, value, least in (("workers", workers, 1), ("retries", retries, 0)):
-        if value < least:
-            raise BatchError(f"{name}: found {value}, expected {least} or more")
+    workers = num_workers("workers", workers)
+    if retries < 0:
+        raise BatchError(f"retries: found {retries}, expected 0 or more")
     file = read_suite(find_suite(str(suite)))
     folder = Path("runs") / file.name if out is None else Path(out)
     with everything_trusted(trust):

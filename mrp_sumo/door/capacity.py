@@ -1,14 +1,13 @@
 """The number of robots that fit: the study of `mrp-sumo capacity`, with its results as frames."""
 
 import html
-import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from mrp_sumo.core.children import num_workers
 from mrp_sumo.door.scenario import Scenario
-from mrp_sumo.errors import BatchError
 from mrp_sumo.io.scenario.file import find_scenario
 from mrp_sumo.io.scenario.read import read_scenario
 from mrp_sumo.io.summary import Summary, summary
@@ -150,9 +149,7 @@ def capacity(
     from mrp_sumo.reports.capacity.page import write_capacity_page
 
     file = scenario.file if isinstance(scenario, Scenario) else read_scenario(find_scenario(str(scenario)))
-    workers = len(os.sched_getaffinity(0)) if workers is None else workers
-    if workers < 1:
-        raise BatchError(f"workers: found {workers}, expected 1 or more")
+    workers = num_workers("workers", workers)
     study = Study(
         study_question(
             file,

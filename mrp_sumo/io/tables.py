@@ -4,6 +4,7 @@ A table is refused before it is read where it would take much more memory than i
 come, so that rows cannot multiply them. Rows are counted from 0 in messages.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -22,6 +23,7 @@ from mrp_sumo.io.arrow import KEY
 MIN_BYTES_REFUSED = 2**31  # in memory; tables below may be as much larger than their files as they like
 MAX_RATIO = 100  # of memory to file, of larger ones; trajectories of moving robots have 5, of parked ones 50
 VALUE_BYTES = 8
+MOST = 1e100  # of numbers, which are squared and added up
 DAMAGE = (pa.ArrowException, OSError, ValueError, KeyError, NotImplementedError, RecursionError)
 
 Names = Mapping[str, int] | Sequence[str]
@@ -91,14 +93,16 @@ class Table:
         return name in self.content.column_names
 
     def numbers(self, name: str, missing: float | None = None) -> FloatArray:
-        """[N] finite numbers; `missing` where there is none, if that may be."""
+        """[N] numbers; `missing` where there is none, if that may be."""
         column = self._column(name)
         if not (pa.types.is_integer(column.type) or pa.types.is_floating(column.type)):
             self._fault_of_type(name, column, "numbers")
         values: FloatArray = column.to_numpy(zero_copy_only=False).astype(np.float64)
         null = self._null(name, column, missing is not None)
-        if (odd := ~np.isfinite(values) & ~null).any():
-            self._fault(name, int(np.argmax(odd)), values[odd][0], "a number")
+        if (odd := ~(np.abs(values) < MOST) & ~null).any():
+            self._fault(
+                name, int(np.argmax(odd)), values[odd][0], f"a number below {MOST:g}" if np.isfinite(values[odd][0]) else "a number"
+            )
         values[null] = np.nan if missing is None else missing
         return frozen(values)
 
@@ -178,10 +182,9 @@ class Table:
         if not kinds <= {int, float, bool} or (length is not None and len(listed or ()) != length):
             many = "a list of numbers" if length is None else f"a list of {length} numbers"
             raise self.error(f"{shortened(self.path)}: its metadata have no '{name}', expected {many}")
-        try:
-            return frozen(np.array(listed, np.float64))
-        except OverflowError:
-            raise self.error(f"{shortened(self.path)}: a number of '{name}' in its metadata is too large") from None
+        if any(MOST <= abs(value) < math.inf for value in listed or ()):
+            raise self.error(f"{shortened(self.path)}: a number of '{name}' in its metadata is too large")
+        return frozen(np.array(listed, np.float64))
 
     def about_number(self, name: str, missing: float | None = None) -> float:
         """A number that the metadata have under a key; `missing` where it is null, if that may be."""
@@ -189,7 +192,7 @@ class Table:
         value = about.get(name) if isinstance(about, dict) else None
         if value is None and missing is not None:
             return missing
-        if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < 1e300:
+        if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < MOST:
             raise self.fault(f"its metadata have no '{name}', expected a number")
         return float(value)
 

@@ -1,5 +1,6 @@
 """Options that have no effect beside the others, or values out of range, are refused in one line: nothing is ignored in silence."""
 
+import os
 import re
 import shlex
 
@@ -50,6 +51,8 @@ CASES = (
         "--set execution.nope: unknown key (known: engine, planning, step_length_s, blocking_window_s, on_deadlock, recovery, "
         "disturbances, policy, dispatcher, invalid_plan, time_limit_s, goal_tolerance_m, mutex_groups, one_way, doors, manual_doors)",
     ),
+    ("run office_5 --live --port 99999", "--port: found '99999', expected a whole number up to 65535"),
+    ("run paths.json", "paths.json: a plan of this program: `mrp-sumo run SCENARIO --plan FILE` drives it"),
     ("run few.yaml", "few.yaml: a suite, expected a scenario, with `map` and `robots`; see `mrp-sumo batch`"),
     ("plan office_5 --steps 5", "--steps is for problems of the League of Robot Runners (.json)"),
     ("plan office_5 --format json", "--format is for --out"),
@@ -86,10 +89,20 @@ def test_option_without_effect_is_refused_in_a_line(tmp_path, monkeypatch, capsy
     for folder, file in (("one", RESULT), ("few", PLAN)):
         (tmp_path / folder).mkdir()
         (tmp_path / folder / file).write_text("{}")
+    (tmp_path / "paths.json").write_text('{"schema_version": 1, "step_s": 1.0, "units": "m, s", "robots": []}')
     before = sorted(tmp_path.rglob("*"))
     assert main(shlex.split(words)) == 2
     assert capsys.readouterr() == ("", f"mrp-sumo: {line.replace('{here}', '.')}\n")
     assert sorted(tmp_path.rglob("*")) == before
+
+
+@pytest.mark.parametrize("command", ["batch few.yaml", "capacity warehouse_lifelong", "paper"])
+def test_more_processes_than_the_machine_bears_are_refused(tmp_path, monkeypatch, capsys, command):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "few.yaml").write_text(SUITE)
+    assert main([*command.split(), "--workers", "100000"]) == 2
+    most = 8 * len(os.sched_getaffinity(0))
+    assert capsys.readouterr().err == f"mrp-sumo: --workers: found 100000, expected 1 to {most}, 8 for each core\n"
 
 
 @pytest.mark.parametrize("command", ["query", "status"])

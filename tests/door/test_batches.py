@@ -1,5 +1,7 @@
 """Suites from the front door."""
 
+import os
+
 import pytest
 
 import mrp_sumo as ms
@@ -35,7 +37,10 @@ def test_folder_is_that_of_the_command_line(suite, tmp_path, monkeypatch):
 
 @pytest.mark.parametrize(
     ("more", "line"),
-    [({"workers": 0}, "workers: found 0, expected 1 or more"), ({"retries": -1}, "retries: found -1, expected 0 or more")],
+    [
+        ({"workers": 0}, f"workers: found 0, expected 1 to {8 * len(os.sched_getaffinity(0))}, 8 for each core"),
+        ({"retries": -1}, "retries: found -1, expected 0 or more"),
+    ],
 )
 def test_bad_numbers_are_refused(suite, more, line):
     with pytest.raises(ms.MrpSumoError) as caught:

@@ -51,6 +51,7 @@ def test_columns_come_as_arrays_and_what_is_missing_as_asked(tmp_path):
         ([1.0, None], lambda t: t.numbers("c"), "column 'c', row 1: found nothing, expected a value"),
         ([1.0, float("nan")], lambda t: t.numbers("c", missing=0.0), "column 'c', row 1: found nan, expected a number"),
         ([float("inf"), 1.0], lambda t: t.numbers("c"), "column 'c', row 0: found inf, expected a number"),
+        ([1.0, -1e308], lambda t: t.numbers("c"), "column 'c', row 1: found -1e+308, expected a number below 1e+100"),
         (["1", "2"], lambda t: t.numbers("c"), "column 'c' holds string, expected numbers"),
         ([1.0, 2.0], lambda t: t.integers("c"), "column 'c' holds double, expected whole numbers"),
         ([0, 3], lambda t: t.integers("c", 0, 2), "column 'c', row 1: found 3, expected 0 to 2"),
