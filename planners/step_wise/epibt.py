@@ -34,13 +34,14 @@ class Epibt:
     limit: int = 0  # operations that are looked at when one robot chooses, with all that it pushes; 0: 3,000, or 1,000 in such crowds
     tasks: Choice = "nearest"  # or "in_turn": robot r of R has the tasks r, r + R, ...
     against: int = -1  # what a step against the direction of a row or column counts more at first; -1: 2 from 0.02 robots per free cell on
+    work: int = 50_000_000  # states of tables of distances that are filled in a step: about a quarter of a second
     memory_mb: int = 3000  # for tables of distances
 
     def __post_init__(self) -> None:
         if not 0 <= self.depth <= 6:
             raise PlanError(f"depth is {self.depth}, expected 0 to 6")
-        if self.tries < -1 or self.limit < 0 or self.memory_mb < 1 or not -1 <= self.against <= 100:
-            raise PlanError("expected tries of -1 or more, limit of 0 or more, memory_mb of 1 or more and against of -1 to 100")
+        if self.tries < -1 or self.limit < 0 or self.work < 1 or self.memory_mb < 1 or not -1 <= self.against <= 100:
+            raise PlanError("expected tries of -1 or more, limit of 0 or more, work and memory_mb of 1 or more and against of -1 to 100")
 
     def prepare(self) -> None:
         """Compile or load the kernels, by a few steps on a map of four cells."""
@@ -55,5 +56,5 @@ class Epibt:
         limit = self.limit or (1000 if share > CROWDED else 3000)
         tries = self.tries if self.tries >= 0 else 3 * problem.num_robots
         guided = share >= GUIDED and problem.num_robots >= FEW
-        ground = FreeCells(problem, self.memory_mb, self.against if self.against >= 0 else 2 * guided)
+        ground = FreeCells(problem, self.memory_mb, self.against if self.against >= 0 else 2 * guided, self.work)
         return OperationStepper(problem, seed, (depth, limit, tries), self.tasks, ground)

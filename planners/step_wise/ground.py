@@ -1,9 +1,11 @@
 """The ground that step-wise planners share: states of robots that turn on a grid, and distances to goals.
 
-Tables of distances are made when they are asked for; beyond a number of megabytes, the least recently used are forgotten.
+Tables of distances are made when they are asked for, so many states of them a step; beyond a number of megabytes, the least recently used
+are forgotten.
 """
 
-from itertools import accumulate, pairwise, product
+import math
+from itertools import accumulate, product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +14,7 @@ from mrp_sumo.core.step_wise import ACTION_LETTERS, FORWARD, LEFT, RIGHT, WAIT, 
 from mrp_sumo.errors import PlanError
 
 FAR = 65535  # in tables: no way
+RESERVE = 0.5  # of a step's work, for tables of robots' own goals
 MOST_DEAR = 12  # times `against` that a step may count more
 
 
@@ -21,7 +24,8 @@ class FreeCells:
     Rows lead east and west in turn, columns north and south: a step against that counts as `against` more, until there are other prices.
     """
 
-    def __init__(self, problem: StepWiseProblem, memory_mb: int, against: int = 0) -> None:
+    def __init__(self, problem: StepWiseProblem, memory_mb: int, against: int = 0, work: int = 2**62) -> None:
+        """`work` is how many states of tables are filled in a step; a table that has been begun is made."""
         free = np.flatnonzero(problem.free.reshape(-1))
         self.number = np.full(problem.free.size, -1, np.int64)  # [H x W] of each cell
         self.number[free] = np.arange(len(free))
@@ -31,10 +35,16 @@ class FreeCells:
         turned = np.stack([row % 2 == 1, column % 2 == 1, row % 2 == 0, column % 2 == 0], 1)  # by heading
         self.against, self.price = against, np.where(turned.reshape(-1), 1 + against, 1).astype(np.int32)  # [S]
         num_slots = min(len(free), memory_mb * 1_000_000 // (2 * num_states))
-        if num_slots < min(len(free), 2 * problem.num_robots + 2):
-            raise PlanError(f"{problem.name}: memory_mb is {memory_mb}, too little for two tables a robot of {2 * num_states} bytes")
+        if num_slots < (least := min(len(free), 2 * problem.num_robots + 2)):
+            need_mb = math.ceil(2 * num_states * least / 1e6)
+            raise PlanError(
+                f"{problem.name}: memory_mb is {memory_mb}, expected {need_mb} or more: two tables a robot of {2 * num_states} bytes"
+            )
         self.table: NDArray[np.uint16] = np.empty((num_slots, num_states), np.uint16)  # steps; FAR where there is no way
         self._slot: dict[int, int] = {}  # goal -> its table; the least recently used first
+        self._old: set[int] = set()  # goals whose tables are of prices that were
+        self.work, self._left_of_step = work, work
+        self._at = np.stack([row, column])  # [2, C]
         self._errands_of, self._errands = problem.errands_of, dict[int, list[int]]()  # task -> cells
         self._left: dict[int, list[int]] = {}  # task -> steps from each errand to the end
         self._unused = list(range(num_slots - 1, -1, -1))
@@ -42,42 +52,64 @@ class FreeCells:
         self._bucket, self._size = np.empty((most, num_states), np.int32), np.empty(most, np.int64)
 
     def reprice(self, price: NDArray[np.int32]) -> None:
-        """Have steps cost this [S] from now on. All distances are forgotten: they are worked out anew when they are asked for."""
-        self.price = price
-        self._unused += self._slot.values()
-        self._slot, self._left = {}, {}
+        """Have steps cost this [S] from now on. Tables are used as they are until they are made anew, when they are asked for."""
+        self.price, self._old, self._left = price, set(self._slot), {}
+
+    def begin_step(self) -> None:
+        """A step begins, in which tables may be made again."""
+        self._left_of_step = self.work
 
     @property
     def num_tables(self) -> int:
-        """Tables of distances that are there."""
-        return len(self._slot)
+        """Tables of distances that are there, of the prices that are."""
+        return len(self._slot) - len(self._old)
 
     @property
     def num_cells(self) -> int:
         """Free ones."""
         return len(self.ahead) // 4
 
-    def slot(self, goal: int) -> int:
-        """The table of a goal. Others may be forgotten for it: those that were asked for longest ago."""
-        slot = self._slot.pop(goal, -1)
-        if slot < 0:
-            from planners.step_wise._distance import fill_distance
+    def slot(self, goal: int, reserve: float = 0.0) -> int:
+        """The table of a goal. Others may be forgotten for it: those that were asked for longest ago.
 
-            slot = self._unused.pop() if self._unused else self._slot.pop(next(iter(self._slot)))
-            fill_distance(self.ahead, self.price, goal, self.table[slot], self._bucket, self._size)
+        -1 where it is not there and has to wait for another step, so that the share `reserve` of the work of this one is left.
+        """
+        slot = self._slot.pop(goal, -1)
+        if slot < 0 or goal in self._old:
+            if self._left_of_step > reserve * self.work:
+                from planners.step_wise._distance import fill_distance
+
+                if slot < 0:
+                    slot = self._unused.pop() if self._unused else self._forget(next(iter(self._slot)))
+                fill_distance(self.ahead, self.price, goal, self.table[slot], self._bucket, self._size)
+                self._left_of_step -= len(self.ahead)
+                self._old.discard(goal)
+            elif slot < 0:
+                return -1
         self._slot[goal] = slot
         return slot
 
-    def steps_between(self, begin: int, end: int) -> int:
-        """The fewest steps from a cell, in the best heading, to another."""
-        return int(self.table[self.slot(end), 4 * begin : 4 * begin + 4].min())
+    def _forget(self, goal: int) -> int:
+        self._old.discard(goal)
+        return self._slot.pop(goal)
+
+    def apart(self, begin: NDArray[np.int64], end: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Rows and columns between cells: what is taken for the steps while there is no table."""
+        steps: NDArray[np.int64] = np.abs(self._at[:, begin] - self._at[:, end]).sum(0)
+        return steps
 
     def steps_left(self, task: int) -> list[int]:
-        """The steps from each errand of a task through all that come after."""
-        if task not in self._left:
-            steps = [self.steps_between(a, b) for a, b in pairwise(self.errands(task))]
-            self._left[task] = [*accumulate(reversed(steps), initial=0)][::-1]
-        return self._left[task]
+        """The steps from each errand of a task, in the best heading, through all that come after."""
+        if task in self._left:
+            return self._left[task]
+        errands = self.errands(task)
+        slots = [self.slot(end, RESERVE) for end in errands[1:]]
+        least = self.apart(np.array(errands[:-1], np.int64), np.array(errands[1:], np.int64)).tolist()
+        steps = [int(self.table[s, 4 * a : 4 * a + 4].min()) if s >= 0 else m for s, a, m in zip(slots, errands, least)]
+        left = [*accumulate(reversed(steps), initial=0)][::-1]
+        if min(slots, default=0) >= 0:
+            self._left[task] = left
+        return left
 
     def errands(self, task: int) -> list[int]:
         """The cells of a task's errands."""

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from mrp_sumo.core.graph import IntArray
 from mrp_sumo.core.step_wise import NOTHING, StepWiseProblem
 from mrp_sumo.planning.step_wise import Decision, Observation
-from planners.step_wise.ground import FAR, FreeCells, moved_up, operations
+from planners.step_wise.ground import FAR, RESERVE, FreeCells, moved_up, operations
 from planners.step_wise.tasks import Choice, InTurn, NearestGoal
 from planners.step_wise.traffic import CrowdTraffic
 
@@ -61,6 +61,7 @@ class OperationStepper:
         from planners.step_wise._operations import appraise, plan_step
 
         ground, crowd = self._ground, self._crowd
+        ground.begin_step()
         crowd.state[:] = 4 * ground.number[seen.cell] + seen.heading
         task_of = self._tasks.choose(seen, ground, crowd.state)
         slot, goal, onward, rest = self._errands(seen, task_of)
@@ -85,8 +86,8 @@ class OperationStepper:
             task = int(task_of[r])
             cells, left = (known[seen.pool[task] :] for known in (ground.errands(task), ground.steps_left(task)))
             goal[r], rest[r] = cells[0], left[0]
-            slot[r, 0] = ground.slot(cells[0])
+            slot[r, 0] = ground.slot(cells[0])  # -1: it stays where it is until there is time for its table
             if len(cells) > 1:
                 onward[r] = left[0] - left[1]
-                slot[r, 1] = ground.slot(cells[1])
+                slot[r, 1] = ground.slot(cells[1], RESERVE)
         return slot, goal, onward, rest

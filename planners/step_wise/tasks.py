@@ -12,7 +12,7 @@ import numpy as np
 from mrp_sumo.core.graph import IntArray
 from mrp_sumo.core.step_wise import NOTHING
 from mrp_sumo.planning.step_wise import Observation
-from planners.step_wise.ground import FAR, FreeCells
+from planners.step_wise.ground import FAR, RESERVE, FreeCells
 
 MOST_PAIRS = 200_000  # of robots and tasks; where there are more, in most steps only robots without a task are given one
 PAUSE = 10  # steps from one decision on all robots to the next
@@ -51,8 +51,10 @@ class NearestGoal:
         if not len(robots) or not tasks:
             return task_of
         through = np.array([ground.steps_left(task)[0] for task in tasks])
-        slots = np.array([ground.slot(ground.errands(task)[0]) for task in tasks])
+        first = np.array([ground.errands(task)[0] for task in tasks])
+        slots = np.array([ground.slot(goal, RESERVE) for goal in first.tolist()])
         steps = ground.table[slots[:, None], state[robots][None, :]].astype(np.int64)
+        steps[slots < 0] = ground.apart(first[slots < 0][:, None], state[robots][None, :] >> 2)
         cost = np.where(steps == FAR, 10 * FAR, steps + through[:, None])
         task, robot = linear_sum_assignment(cost)
         task_of[robots[robot]] = np.array(tasks)[task]

@@ -12,7 +12,7 @@ from mrp_sumo.core.step_wise import FORWARD, WAIT
 from planners.step_wise.ground import MOST_DEAR, FreeCells
 
 EVERY = 10  # steps, at the least, from prices to prices
-STATES_A_STEP = 300_000  # of tables that have to be made anew, at most
+SHARE = 0.006  # of the work of a step that goes into tables of new prices, at most
 STAYS = 0.9  # of what was seen, after EVERY steps
 STREAM, JAM = 2, 10  # times `against` that a step counts more against a stream with nobody against it, and where always somebody waits
 
@@ -34,7 +34,7 @@ class CrowdTraffic:
         np.add.at(self._moves, state[action == FORWARD], 1.0)
         np.add.at(self._waits, state[action == WAIT] >> 2, 1.0)
         self._seen, self._since = self._seen + 1.0, self._since + 1
-        if self._since < max(EVERY, ground.num_tables * len(ground.ahead) // STATES_A_STEP):
+        if self._since < max(EVERY, int(ground.num_tables * len(ground.ahead) / (SHARE * ground.work))):
             return
         ground.reprice(self._prices())
         stays, self._since = STAYS ** (self._since / EVERY), 0

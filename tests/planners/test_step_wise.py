@@ -71,12 +71,12 @@ def test_nearest_tasks_are_those_of_the_least_sum():
 
 @pytest.mark.kernel
 def test_distances_count_turns():
-    problem = problem_of(["..", ".."], [0], [[3]])
+    problem = problem_of(["..", ".."], [1], [[0, 3]])
     ground = FreeCells(problem, 1)
     table = ground.table[ground.slot(3)]
     assert table[:4].tolist() == [3, 3, 4, 4]  # from the upper left: east, south, west, north
     assert table[12:].tolist() == [0, 0, 0, 0]
-    assert ground.steps_between(0, 3) == 3
+    assert ground.steps_left(0) == [3, 0]
 
 
 @pytest.mark.kernel
@@ -101,6 +101,33 @@ def test_forgotten_tables_are_made_again():
     for goal in range(100, 100 + len(ground.table)):
         ground.slot(goal)
     assert (ground.table[ground.slot(7)] == first).all()
+
+
+@pytest.mark.kernel
+def test_tables_beyond_the_work_of_a_step_wait_for_the_next():
+    """A table of these eight states is more than all the work of a step, but one that has been begun is made."""
+    ground = FreeCells(problem_of(["..", ".."], [0], [[3, 0, 1]]), 1, work=1)
+    assert ground.slot(3) >= 0 and ground.slot(0) == -1
+    assert ground.steps_left(0) == [3, 1, 0]  # two and one as rows and columns count
+    ground.begin_step()
+    assert ground.slot(0) >= 0
+
+
+@pytest.mark.kernel
+def test_tables_of_old_prices_serve_until_there_is_time_for_new_ones():
+    ground = FreeCells(problem_of(["..."], [0], [[2]]), 1, against=2, work=1)
+    assert ground.table[ground.slot(2), 0] == 2
+    ground.reprice(np.full(12, 3, np.int32))
+    assert ground.table[ground.slot(2), 0] == 2
+    ground.begin_step()
+    assert ground.table[ground.slot(2), 0] == 6
+
+
+@pytest.mark.kernel
+def test_robots_without_a_table_wait_for_it():
+    """Two robots, each in a row of its own: the second one sets out a step later."""
+    problem = problem_of(["....", "@@@@", "...."], [0, 8], [[3], [11]])
+    assert letters(ran(problem, 4, tasks="in_turn", work=1)) == ["FFFW", "WFFF"]
 
 
 def test_operations_are_those_of_use_and_closed_under_moving_up():
@@ -142,7 +169,7 @@ def test_too_little_memory_is_refused():
     from mrp_sumo.errors import PlanError
 
     problem = problem_of(["." * 400] * 50, list(range(30)), [[3]])
-    with pytest.raises(PlanError, match="memory_mb is 1, too little"):
+    with pytest.raises(PlanError, match="memory_mb is 1, expected 10 or more"):
         make("step_planners", "epibt", {"memory_mb": 1}).begin(problem, 0)
 
 
