@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 from worlds import record_of_four, run_of_four
 
-import mrp_sumo
 from mrp_sumo.errors import MrpSumoError
-from mrp_sumo.io.run_reader import RunFolder, num_visits
+from mrp_sumo.io.run_reader import RunFolder, load_run, num_visits
 
 
 @pytest.fixture(scope="module")
@@ -18,7 +17,7 @@ def run(tmp_path_factory):
     folder = tmp_path_factory.mktemp("runs")
     metrics = {"sim_time_s": 3.0, "wall_time_s": 0.1, "cpu_time_s": 0.1, "num_robots": 4}
     run_of_four(folder / "run", folder / "x.net.xml", metrics=metrics)
-    return mrp_sumo.load_run(folder / "run")
+    return load_run(folder / "run")
 
 
 def test_record_is_the_one_that_was_written(run):
@@ -45,7 +44,7 @@ def test_vertices_of_one_name_are_told_apart(run, tmp_path):
     x, y = wanted.graph.xy[second].tolist()
     event = {"t_s": 3.0, "kind": "goal", "robot": "robot_1", "vertex": "goal", "x_m": x, "y_m": y}
     (tmp_path / "run" / "events.jsonl").write_text(json.dumps(event) + "\n")
-    found = mrp_sumo.load_run(tmp_path / "run").record
+    found = load_run(tmp_path / "run").record
     assert found.target.tolist() == wanted.target.tolist()
     assert [e.vertex for e in found.execution.events] == [second]
 
@@ -69,17 +68,17 @@ def test_a_bag_made_later_is_the_bag_of_the_run(run, tmp_path):
 
 def test_folders_without_a_run_are_refused(tmp_path):
     with pytest.raises(MrpSumoError, match="holds no complete run"):
-        mrp_sumo.load_run(tmp_path)
+        load_run(tmp_path)
     with pytest.raises(MrpSumoError, match="no such folder"):
-        mrp_sumo.load_run(tmp_path / "x")
+        load_run(tmp_path / "x")
     (tmp_path / "result.json").write_text("{")
     with pytest.raises(MrpSumoError, match="not JSON"):
-        mrp_sumo.load_run(tmp_path)
+        load_run(tmp_path)
 
 
 def test_a_run_that_was_not_executed_says_so(tmp_path):
     run_of_four(tmp_path / "run", tmp_path / "x.net.xml", executed=False, status="planning_timed_out")
-    run = mrp_sumo.load_run(tmp_path / "run")
+    run = load_run(tmp_path / "run")
     assert run.plan is None and len(run.events) == 0
     with pytest.raises(MrpSumoError, match=r"was not executed \(planning_timed_out\)"):
         _ = run.trajectory
@@ -154,14 +153,14 @@ def test_damaged_files_are_named(run, tmp_path, name, content, reading, line):
     else:
         (tmp_path / "run" / name).write_text(content)
     with pytest.raises(MrpSumoError, match=line):
-        getattr(mrp_sumo.load_run(tmp_path / "run"), reading)
+        getattr(load_run(tmp_path / "run"), reading)
 
 
 def test_result_of_another_schema_is_refused_with_who_wrote_it(tmp_path):
     document = {"schema_version": 9, "status": "completed", "scenario": {}, "metrics": {}, "versions": {"mrp_sumo": "7.1"}}
     (tmp_path / "result.json").write_text(json.dumps(document))
     with pytest.raises(MrpSumoError, match=r"result.json: schema version 9, written by mrp_sumo 7.1, expected 1"):
-        mrp_sumo.load_run(tmp_path)
+        load_run(tmp_path)
 
 
 def test_replan_from_a_visit_that_a_robot_does_not_have_is_refused(run):
