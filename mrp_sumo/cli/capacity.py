@@ -84,11 +84,14 @@ def run(options: argparse.Namespace) -> int:
         trust_everything()
     workers = workers_of(options)
     question = question_of(options)
+    from mrp_sumo.experiments.batch import require_ours
     from mrp_sumo.sizing.study import Study
 
     warn_of_kernels()
     study = Study(question)
     folder = Path(options.out) if options.out else Path("runs") / study.variations.suite.name
+    if folder.exists():
+        require_ours(folder, study.variations.suite.name, study.variations.code)  # before the pilot run
     warn(f"{_beforehand(study)}; into {folder}")
     if options.dry_run:
         return 0
@@ -124,6 +127,7 @@ def question_of(options: argparse.Namespace) -> "Question":
     on_time = _share(options.on_time) if options.on_time else None
     budget_s = _duration_s("--budget", options.budget) if options.budget else None
     horizon_s = _duration_s("--horizon", options.horizon) if options.horizon else None
+    scenario_choice.require_scenario(options.scenario)
     file = scenario_choice.with_set(options, read_scenario(find_scenario(options.scenario)))
     if horizon_s and file.scenario.tasks is None:
         raise MrpSumoError(

@@ -11,6 +11,7 @@ from pathlib import Path
 from mrp_sumo.cli.map_choice import add_choice, chosen_map
 from mrp_sumo.cli.option_rules import only_for
 from mrp_sumo.cli.printing import say, say_json
+from mrp_sumo.errors import MrpSumoError
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -28,6 +29,8 @@ def run(options: argparse.Namespace) -> int:
     from mrp_sumo.cli.plan_choice import is_plan
     from mrp_sumo.io.map_files import write_map
 
+    if options.destination.exists() and Path(options.source).exists() and options.destination.samefile(options.source):
+        raise MrpSumoError(f"{options.destination}: is what is converted, expected another file to write")
     if is_plan(Path(options.source)):
         only_for("maps", **{name: getattr(options, name) for name in ("graph", "level", "snap", "join_short", "reader", "robot_radius")})
         _convert_plan(Path(options.source), options.destination, options.format, options.map)

@@ -25,6 +25,7 @@ from mrp_sumo.cli.ending import exit_code, heed_signals, without_loss
 from mrp_sumo.cli.printing import say, say_progress, warn
 from mrp_sumo.core.children import leave_current_folder
 from mrp_sumo.errors import MrpSumoError, PlugInError, nearest, sentence
+from mrp_sumo.maps.catalogue import bundled_folder
 
 COMMANDS = {  # subcommand -> (module, help): help stays here so that --help imports no module
     "run": ("mrp_sumo.cli.run", "plan a scenario, execute it in SUMO, measure it, write the run folder"),
@@ -159,6 +160,8 @@ def _keep_garbage() -> None:
 
 
 def _dispatch(arguments: list[str]) -> int:
+    if len(arguments) > 1 and arguments[0] == "help":
+        arguments = [*arguments[1:2], "--help"]
     if not arguments or arguments[0] in ("-h", "--help", "help"):
         _print_help()
         return 0
@@ -168,8 +171,10 @@ def _dispatch(arguments: list[str]) -> int:
     if name in ("-V", "--version"):
         say(f"mrp-sumo {__version__}")
         return 0
-    if name not in COMMANDS and Path(name).is_file():
-        raise MrpSumoError(f"expected a command before the file, such as `mrp-sumo run {shlex.quote(name)}`")
+    if name not in COMMANDS and (Path(name).is_file() or (bundled_folder("scenarios") / f"{name}.yaml").is_file()):
+        raise MrpSumoError(f"expected a command before '{name}', such as `mrp-sumo run {shlex.quote(name)}`")
+    if name.startswith("-"):
+        raise MrpSumoError(f"expected a command before {name}, such as `mrp-sumo run office_9 {name}`")
     if name not in COMMANDS:
         raise MrpSumoError(f"unknown command '{name}'{nearest(name, COMMANDS, limit=len(COMMANDS))}")
     module, summary = COMMANDS[name]

@@ -78,7 +78,14 @@ def chosen_scenario(options: argparse.Namespace) -> "ScenarioFile":
         return _of_map(options)
     if getattr(options, "meters_per_pixel", None) is not None:
         raise MrpSumoError("--meters-per-pixel is for a map; a scenario says it itself: map.meters_per_pixel")
+    require_scenario(options.scenario)
     return with_set(options, changed(read_scenario(find_scenario(options.scenario)), _named(options)))
+
+
+def require_scenario(name_or_path: str) -> None:
+    """Refuse a file that is no scenario, and the name of a map, where a map alone does not do."""
+    if is_map(name_or_path):
+        raise MrpSumoError(f"{name_or_path}: no scenario, expected a file with `map` and `robots`; `mrp-sumo init` writes one for a map")
 
 
 def is_map(name_or_path: str) -> bool:

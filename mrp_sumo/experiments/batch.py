@@ -110,7 +110,7 @@ def open_batch(
     """
     batch = BatchFolder(file, folder, [] if chosen else runs_of(file, code_version(), run_programs=quarantine), code_version())
     if folder.exists():
-        _require_ours(batch)
+        require_ours(folder, file.name, batch.code)
     keys = {run.key for run in batch.runs}
     for key, status, attempts in standings_in(folder, report, quarantine=quarantine):
         if chosen or key in keys:
@@ -349,8 +349,8 @@ def _write_plan(batch: BatchFolder) -> None:
         write_whole(path, data)
 
 
-def _require_ours(batch: BatchFolder) -> None:
-    folder = batch.folder
+def require_ours(folder: Path, suite: str, code: str) -> None:
+    """Refuse a folder that is there and holds anything but runs of a suite, made by this code."""
     if not folder.is_dir():
         raise BatchError(f"{folder} is not a folder; give another --out")
     if not (folder / PLAN).exists():
@@ -358,10 +358,10 @@ def _require_ours(batch: BatchFolder) -> None:
             raise BatchError(f"{folder}: holds files, but is not the folder of a batch; give another --out")
         return
     plan = read_plan(folder)
-    if plan["suite"] != batch.file.name:
-        raise BatchError(f"{folder}: holds the batch '{plan['suite']}', not '{batch.file.name}'; give another --out")
-    if plan["code"] != batch.code:
-        raise BatchError(f"{folder}: made by mrp_sumo {plan['code']}, this is {batch.code}; give another --out, or go on with that version")
+    if plan["suite"] != suite:
+        raise BatchError(f"{folder}: holds the batch '{plan['suite']}', not '{suite}'; give another --out")
+    if plan["code"] != code:
+        raise BatchError(f"{folder}: made by mrp_sumo {plan['code']}, this is {code}; give another --out, or go on with that version")
 
 
 @contextmanager

@@ -207,7 +207,7 @@ class Variations:
     def __init__(self, file: ScenarioFile, name: str, code: str) -> None:
         folder = file.document.path.resolve().parent
         self.suite = SuiteFile(Suite(name=name, base=""), file.document, {}, (), _AxisPlaces(file.document, {}), folder)
-        self._file, self._code = file, code
+        self._file, self.code = file, code
         self._inputs = _Inputs(file.document, file.options, folder, folder)
 
     def run(self, values: Mapping[Place, tuple[str, Any]]) -> PlannedRun:
@@ -222,7 +222,7 @@ class Variations:
         canonical = scenario.model_dump_json()
         read, plug_ins = self._inputs(scenario, canonical)
         shared = scenario_key(canonical, "execution", 0)
-        return PlannedRun(run_key(shared, read, plug_ins, self._code), shared, canonical, 0, plug_ins)
+        return PlannedRun(run_key(shared, read, plug_ins, self.code), shared, canonical, 0, plug_ins)
 
 
 def _expanded(values: list[Any] | str) -> Iterator[Any]:

@@ -55,8 +55,7 @@ class Document:
         while known and known not in self._line:
             known = known[:-1]
         line = f":{self._line[known]}" if known in self._line else ""
-        dotted = "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in place).lstrip(".")
-        return f"{self.path.name}{line}: {dotted}" if dotted else f"{self.path.name}{line}"
+        return f"{self.path.name}{line}: {_dotted(place)}" if place else f"{self.path.name}{line}"
 
 
 def read_document(path: Path) -> Document:
@@ -134,7 +133,8 @@ def declared_in(annotation: Any) -> Iterator[type]:
 
 def _fault(document: Document, model: type, options: Mapping[Place, str], error: ErrorDetails) -> str:
     place = tuple(error["loc"])
-    where = options.get(place) or document.at(place)
+    above = (f"{options[place[:k]]}: {_dotted(place[k:])}" for k in range(len(place) - 1, 0, -1) if place[:k] in options)
+    where = options.get(place) or next(above, "") or document.at(place)
     value = error.get("input")
     match error["type"]:
         case "extra_forbidden" | "unexpected_keyword_argument":
@@ -183,6 +183,11 @@ def _number(key: str, text: str, whole: bool) -> str:
             value = f", such as {float(match[1]) * factors[match[2]]:g}" if match and match[2] in factors else ""
             return f"a number of {name}{value}"
     return "a whole number" if whole else "a number"
+
+
+def _dotted(place: Place) -> str:
+    """A place as `key.path[3]`."""
+    return "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in place).lstrip(".")
 
 
 def _declared_at(model: type, place: Place) -> type | None:

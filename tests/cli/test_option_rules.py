@@ -53,6 +53,13 @@ CASES = (
     ),
     ("run office_5 --live --port 99999", "--port: found '99999', expected a whole number up to 65535"),
     ("run paths.json", "paths.json: a plan of this program: `mrp-sumo run SCENARIO --plan FILE` drives it"),
+    ("plan office", "office: no scenario, expected a file with `map` and `robots`; `mrp-sumo init` writes one for a map"),
+    ("capacity room.map", "room.map: no scenario, expected a file with `map` and `robots`; `mrp-sumo init` writes one for a map"),
+    ("capacity warehouse_lifelong --out room.map", "room.map is not a folder; give another --out"),
+    ("convert room.map ./room.map", "room.map: is what is converted, expected another file to write"),
+    ("office_5", "expected a command before 'office_5', such as `mrp-sumo run office_5`"),
+    ("--robots 3 run office_5", "expected a command before --robots, such as `mrp-sumo run office_9 --robots`"),
+    ("run office_5 --set 'robots={count: x}'", "--set robots: count: found 'x', expected a whole number"),
     ("run few.yaml", "few.yaml: a suite, expected a scenario, with `map` and `robots`; see `mrp-sumo batch`"),
     ("plan office_5 --steps 5", "--steps is for problems of the League of Robot Runners (.json)"),
     ("plan office_5 --format json", "--format is for --out"),
@@ -90,6 +97,7 @@ def test_option_without_effect_is_refused_in_a_line(tmp_path, monkeypatch, capsy
         (tmp_path / folder).mkdir()
         (tmp_path / folder / file).write_text("{}")
     (tmp_path / "paths.json").write_text('{"schema_version": 1, "step_s": 1.0, "units": "m, s", "robots": []}')
+    (tmp_path / "room.map").write_text("type octile\nheight 1\nwidth 2\nmap\n..\n")
     before = sorted(tmp_path.rglob("*"))
     assert main(shlex.split(words)) == 2
     assert capsys.readouterr() == ("", f"mrp-sumo: {line.replace('{here}', '.')}\n")

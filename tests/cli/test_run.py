@@ -215,7 +215,7 @@ def test_file_without_a_command_is_told_what_it_lacks(tmp_path, monkeypatch, cap
     monkeypatch.chdir(tmp_path)
     Path("my plant.xml").touch()
     assert main(["my plant.xml"]) == 2
-    assert capsys.readouterr().err == "mrp-sumo: expected a command before the file, such as `mrp-sumo run 'my plant.xml'`\n"
+    assert capsys.readouterr().err == "mrp-sumo: expected a command before 'my plant.xml', such as `mrp-sumo run 'my plant.xml'`\n"
 
 
 def test_robots_choose_among_more_goals_than_there_are_robots(tmp_path):

@@ -242,7 +242,7 @@ def test_wrong_password_is_a_line(broker, tmp_path, capsys):
     [
         (["--broker", "127.0.0.1:1"], "no connection to the broker 127.0.0.1:1: connection refused"),
         (["--broker", "127.0.0.1:99999"], "--broker 127.0.0.1:99999: expected HOST or HOST:PORT"),
-        (["--broker", "x", "--version", "1.1"], "VDA 5050 1.1: expected 2.1 or 3.0"),
+        (["--broker", "x", "--version", "1.1"], "VDA 5050 1.1: expected 2.0, 2.1 or 3.0"),
         (["--broker", "x", "--speed", "0"], "--speed: found 0"),
         (["--broker", "x", "--ca", "a.pem"], "--ca is for --tls"),
         (["--broker", "x", "--tls", "--key", "a.pem"], "--cert and --key belong together"),

@@ -34,7 +34,7 @@ class Dialect:
 
     def __post_init__(self) -> None:
         if self.version not in (*VERSIONS, AS_2_1):
-            raise MrpSumoError(f"VDA 5050 {self.version}: expected {' or '.join(VERSIONS)}")
+            raise MrpSumoError(f"VDA 5050 {self.version}: expected {AS_2_1}, {' or '.join(VERSIONS)}")
 
     @property
     def is_new(self) -> bool:

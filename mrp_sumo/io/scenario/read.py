@@ -83,7 +83,8 @@ def changed(file: ScenarioFile, overrides: Mapping[Place, tuple[str, Any]]) -> S
     """
     if not overrides:
         return file
-    options = {**file.options, **{place: option for place, (option, _) in overrides.items()}}
+    options = {place: option for place, option in file.options.items() if not any(place[:k] in overrides for k in range(len(place)))}
+    options |= {place: option for place, (option, _) in overrides.items()}
     data = file.scenario.model_dump(exclude={"name"})  # which may be a file's, with any character
     if file.scenario.tasks is not None:
         del data["robots"]["goals"]  # robots have none but their starts, which may be others now
