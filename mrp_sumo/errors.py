@@ -105,6 +105,15 @@ _SENTENCES = {
 }
 
 
+def lack_of_room(error: BaseException | None) -> str:
+    """The disk without room that an error came of, in words; '' where it came of something else."""
+    while error is not None:
+        if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
+            return sentence(error)
+        error = error.__cause__ or error.__context__
+    return ""
+
+
 def sentence(error: OSError) -> str:
     """An error of the system in words for people; where a message is about a path, it goes before."""
     if error.errno is None:

@@ -1,5 +1,6 @@
 """Runs for tests of batches: what happens is decided by the seed. Imported by worker processes."""
 
+import errno
 import os
 import signal
 import subprocess
@@ -7,7 +8,9 @@ import sys
 import time
 from pathlib import Path
 
-EXITS, SEGFAULTS, HANGS, GROWS, RAISES, FAILS_ONCE = 101, 102, 103, 104, 105, 106
+from mrp_sumo.errors import MrpSumoError
+
+EXITS, SEGFAULTS, HANGS, GROWS, RAISES, FAILS_ONCE, FULL = 101, 102, 103, 104, 105, 106, 107
 
 
 def make(job, maps):
@@ -41,6 +44,11 @@ def make(job, maps):
             if not marker.exists():
                 marker.touch()
                 os._exit(1)
+        case 107:
+            try:
+                raise OSError(errno.ENOSPC, "No space left on device")
+            except OSError:
+                raise MrpSumoError("network: cannot be written: the disk is full") from None
     metrics = {
         "num_robots": scenario["robots"]["count"],
         "plan_success": seed % 5 != 4,

@@ -20,7 +20,7 @@ from mrp_sumo.experiments.cluster import Cluster
 from mrp_sumo.experiments.identity import code_version, library_versions
 from mrp_sumo.experiments.processes import Makers, Processes
 from mrp_sumo.experiments.suite import PlannedRun, SuiteFile, runs_of
-from mrp_sumo.experiments.worker import BAD_INPUT, CRASHED, MEASURE, OUT_OF_MEMORY, OUT_OF_TIME, Answer, Job
+from mrp_sumo.experiments.worker import BAD_INPUT, CRASHED, MEASURE, NO_ROOM, OUT_OF_MEMORY, OUT_OF_TIME, Answer, Job
 from mrp_sumo.files.folders import PLAN
 from mrp_sumo.files.reading import shortened
 from mrp_sumo.files.writing import write_whole
@@ -252,7 +252,12 @@ def _make(
         ended = makers.wait(0.2)
         finished = [(under_way.pop(job["key"]), answer) for job, answer in ended]
         hand_out()  # before the results are written: workers need not wait for the disk
-        for run, answer in finished:
+        for run, answer in sorted(finished, key=lambda each: bool(each[1]["status"] == NO_ROOM)):
+            if answer["status"] == NO_ROOM:
+                raise BatchError(
+                    f"{batch.folder}: files of a run cannot be written: {answer['reason']}; "
+                    f"{len(batch.status)} of {len(batch.runs)} results are kept, start again to go on"
+                )
             attempts = batch.attempts.get(run.key, 0) + 1
             record = _record(batch, run, answer, attempts)
             if parts := answer.get("trace"):

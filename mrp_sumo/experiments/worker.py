@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mrp_sumo.core.children import connection_to_parent
-from mrp_sumo.errors import MrpSumoError, ScenarioError
+from mrp_sumo.errors import MrpSumoError, ScenarioError, lack_of_room
 from mrp_sumo.experiments.identity import plug_in_hash
 from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.plugins.trust import trust_everything
@@ -36,6 +36,7 @@ Function = Callable[[Job, MapCache], Answer]
 
 MEASURE = "mrp_sumo.experiments.worker:measure_and_trace"
 CRASHED, OUT_OF_TIME, OUT_OF_MEMORY, BAD_INPUT = "crashed", "out_of_time", "out_of_memory", "bad_input"
+NO_ROOM = "no_room"  # on the disk: says nothing of the run, and ends its batch
 
 
 def measure(job: Job, maps: MapCache, observe: "Callable[[RunResult], Any] | None" = None) -> Answer:
@@ -66,6 +67,8 @@ def _made(job: Job, maps: MapCache) -> "tuple[Answer, RunResult | None]":
         if plug_in_hash(file.scenario, file.folder) != job["plug_ins"]:  # its result would stand under the key of the source before
             return failure(BAD_INPUT, "a plug-in was edited while the batch ran; start the batch again"), None
     except MrpSumoError as error:
+        if lack_of_room(error):
+            raise
         lines = error.lines if isinstance(error, ScenarioError) else str(error).splitlines()
         return failure(BAD_INPUT, "; ".join(line.removeprefix("suite: ") for line in lines)), None
     success = succeeded(outcome.status, outcome.metrics)
@@ -148,9 +151,10 @@ def _timed(function: Function, job: Job, maps: MapCache) -> Answer:
         answer = function(job, maps)
     except Exception as error:
         traceback.print_exc()  # to the log
+        full = lack_of_room(error)
         place = traceback.extract_tb(error.__traceback__)[-1]
         reason = " ".join(f"{type(error).__name__}: {error}".split())[:300]
-        answer = failure(CRASHED, f"{reason} ({Path(place.filename).name}, line {place.lineno})")
+        answer = failure(NO_ROOM, full) if full else failure(CRASHED, f"{reason} ({Path(place.filename).name}, line {place.lineno})")
     took = sum(b - a for a, b in zip(cpu[:4], os.times()[:4]))
     return {**answer, "run_wall_s": time.perf_counter() - wall, "run_cpu_s": took, "peak_memory_mb": _peak_memory_mb(), **machine()}
 

@@ -340,6 +340,15 @@ def test_full_disk_ends_the_batch_in_one_line_and_keeps_results(tmp_path, monkey
     assert kept.items() <= told_by(tmp_path / "out").items()
 
 
+def test_run_without_room_for_its_files_is_no_result_and_ends_the_batch(tmp_path):
+    file = suite(tmp_path, f"grid_search: {{seed: [0, 1, {fake_runs.FULL}, 2, 3, 4, 5, 6, 7, 8]}}\n")
+    with pytest.raises(
+        BatchError, match=r"files of a run cannot be written: the disk is full; \d of 10 results are kept, start again to go on"
+    ):
+        make(file, tmp_path / "out")
+    assert not any(record["scenario"]["seed"] == fake_runs.FULL for record in records_in(tmp_path / "out", print))
+
+
 def test_function_that_cannot_be_loaded_is_no_result(tmp_path):
     file = suite(tmp_path, "grid_search: {seed: 0..1}\n")
     with pytest.raises(BatchError, match=r"a worker process cannot start: ModuleNotFoundError: No module named 'nowhere'"):
