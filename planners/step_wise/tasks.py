@@ -15,6 +15,7 @@ from mrp_sumo.planning.step_wise import Observation
 from planners.step_wise.ground import FAR, RESERVE, FreeCells
 
 MOST_PAIRS = 200_000  # of robots and tasks; where there are more, in most steps only robots without a task are given one
+MOST_AT_ONCE = 10_000_000  # pairs that are matched at once; where there are more, robots choose in groups, MOST_PAIRS at a time
 PAUSE = 10  # steps from one decision on all robots to the next
 Choice = Literal["nearest", "in_turn"]
 
@@ -53,9 +54,14 @@ class NearestGoal:
         through = np.array([ground.steps_left(task)[0] for task in tasks])
         first = np.array([ground.errands(task)[0] for task in tasks])
         slots = np.array([ground.slot(goal, RESERVE) for goal in first.tolist()])
-        steps = ground.table[slots[:, None], state[robots][None, :]].astype(np.int64)
-        steps[slots < 0] = ground.apart(first[slots < 0][:, None], state[robots][None, :] >> 2)
-        cost = np.where(steps == FAR, 10 * FAR, steps + through[:, None])
-        task, robot = linear_sum_assignment(cost)
-        task_of[robots[robot]] = np.array(tasks)[task]
+        left = np.arange(len(tasks))
+        at_once = len(robots) if len(robots) * len(tasks) <= MOST_AT_ONCE else max(1, MOST_PAIRS // len(tasks))
+        for group in np.split(robots, range(at_once, len(robots), at_once)):
+            goal, slot = first[left], slots[left]
+            steps = ground.table[slot[:, None], state[group][None, :]].astype(np.int64)
+            steps[slot < 0] = ground.apart(goal[slot < 0][:, None], state[group][None, :] >> 2)
+            cost = np.where(steps == FAR, 10 * FAR, steps + through[left][:, None])
+            task, robot = linear_sum_assignment(cost)
+            task_of[group[robot]] = np.array(tasks)[left[task]]
+            left = np.delete(left, task)
         return task_of
