@@ -1,6 +1,7 @@
 """Each rule of the search on fleets whose runs are known one by one, where it decides one way, and beside it where it decides the other."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from fleets import EFFORT, question, record_with
 from mrp_sumo.sizing.answer import answer_of
 from mrp_sumo.sizing.points import Point
 from mrp_sumo.sizing.question import DEMAND
-from mrp_sumo.sizing.search import Desk, coarse, limits
+from mrp_sumo.sizing.search import Bracket, Desk, _smallest, coarse, limits
 
 FEW = replace(EFFORT, seeds=4, most_seeds=4, gap=9.0)  # the grid alone: nothing is parted, no seeds are added
 SURE, VAGUE = (1, -1, 1, -1), (12, -12, 12, -12)  # orders an hour more or less, seed by seed
@@ -68,6 +69,13 @@ def test_a_fleet_is_ruled_out_by_the_upper_limit_of_what_it_can_do(off, low):
     asked = question((4, 9), FEW, demand_per_h=200.0)
     answer, _ = answer_of(asked, Known(asked, {4: (184, off), 6: (300, SURE), 9: (300, SURE)}))
     assert answer.served.smallest.low == low
+
+
+def test_the_smallest_fleet_is_not_looked_for_below_those_that_are_asked_about():
+    tried = []
+    curve = SimpleNamespace(desk=SimpleNamespace(question=question((10, 20), replace(EFFORT, gap=1.1))), sizes=[], points={})
+    assert _smallest(lambda n: tried.append(n) or (1 if n >= 11 else -1), None, curve, (10, 20), 11) == Bracket(11, 10, None)
+    assert tried == [11, 10]
 
 
 @pytest.mark.parametrize(

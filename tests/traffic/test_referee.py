@@ -94,6 +94,11 @@ def test_wrong_start_and_goal_are_faults():
     )
 
 
+@pytest.mark.parametrize(("goal_of", "faults"), [([0], ("robot_0 ends at 'v8', not at its goal 'v0'",)), ([-1], ())])
+def test_a_robot_may_end_anywhere_only_if_it_has_no_goal(goal_of, faults):
+    assert judge(world([4], [0]).assigned(np.array(goal_of)), plan_of_paths([[4, 8]], STEP_S)).faults == faults
+
+
 def test_lane_driven_too_fast_is_a_fault():
     problem = world([0], [1])
     plan = Plan(np.array([0, 2]), np.array([0, 1]), np.array([0.0, 1.0]), np.array([0.0, np.inf]))
