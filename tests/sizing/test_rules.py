@@ -63,6 +63,14 @@ def test_the_peak_may_be_at_a_size_that_is_worse_by_chance(mean, high):
     assert found.curve.best == 6 and found.peak.high == high and found.collapse.estimate is None
 
 
+def test_gaps_are_halved_around_the_peak_and_where_the_collapse_begins():
+    """180 an hour at 9, about as much up to 14, and less and less above."""
+    rates = {n: (20 * n if n <= 9 else 180 - n / 2 if n <= 14 else 300 - 9 * n, SURE) for n in range(4, 31)}
+    asked = question((4, 30), replace(FEW, gap=1.4))
+    sizes = limits(coarse(Desk(asked, Known(asked, rates)))).curve.sizes
+    assert {4, 6, 9, 14, 20, 30} < set(sizes) and {7, 11, 17} < set(sizes)
+
+
 @pytest.mark.parametrize(("off", "low"), [(SURE, 5), (VAGUE, 4)])
 def test_a_fleet_is_ruled_out_by_the_upper_limit_of_what_it_can_do(off, low):
     """184 orders an hour of 200 that come, of which 95 % are wanted: 190."""
@@ -107,6 +115,13 @@ def test_the_first_round_of_a_fleet_is_warm_up(robots, per_h):
     point = Point(robots, 1200.0, runs)
     assert point.warm_up_s == (pytest.approx(75.0) if robots == 1 else 600.0)
     assert point.throughput.value == pytest.approx(per_h, abs=0.01)
+
+
+def test_lead_times_are_those_of_orders_done_after_the_warm_up_and_of_runs_that_did_some():
+    """Orders take a minute, but for the first, which take less; a third run does none."""
+    runs = tuple(record_with(np.arange(1, 121) * 30.0 - 1.0, 3600.0) for _ in range(2))
+    point = Point(4, 3600.0, (*runs, record_with([], 3600.0)))
+    assert (point.p95_s.value, point.p95_s.count) == (60.0, 2)
 
 
 def test_sizes_are_measured_on_other_runs_than_they_were_chosen_on():
