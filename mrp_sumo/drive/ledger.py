@@ -505,7 +505,7 @@ class Ledger:
             at_m=visits.at_m[joint],
             heading_rad=np.where(stands, motion.yaw_rad[robots], visits.heading_rad[joint]),
             back_lane=lane,
-            back_m=np.where(back | turned, motion.s_m[robots] - visits.at_m[joint], 0.0),  # it stands where it turned
+            back_m=motion.s_m[robots] - visits.at_m[joint],  # it stands where it turned
         )
 
     def _face(self, robots: IntArray, heading_rad: FloatArray, goes: BoolArray) -> None:
