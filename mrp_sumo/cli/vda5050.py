@@ -8,8 +8,8 @@ folder is written. This program calls the broker and listens nowhere. See docs/f
 import argparse
 import math
 import time
-from collections.abc import Callable
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
@@ -102,10 +102,21 @@ def run(options: argparse.Namespace) -> int:
     with ExitStack() as stack:
         maps = stack.enter_context(MapCache())
         setup = set_up(scenario, maps)
-        log = None if options.log is None else stack.enter_context(options.log.open("x", encoding="utf-8"))
+        log = None if options.log is None else stack.enter_context(_log(options.log))
         connections = Connections(broker, dialect, options.manufacturer, warn)
         session = Session(options, setup, maps, connections, dialect, log)
         return (_drive if options.part == "master" else _be_driven)(session, stack)
+
+
+@contextmanager
+def _log(path: Path) -> Iterator[TextIO]:
+    """A file of messages, which goes where there were none."""
+    with path.open("x", encoding="utf-8") as file:
+        try:
+            yield file
+        finally:
+            if not file.tell():
+                path.unlink()
 
 
 def _be_driven(session: Session, stack: ExitStack) -> int:

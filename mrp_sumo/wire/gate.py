@@ -4,6 +4,7 @@ A page of anybody's in the user's browser can send requests to this machine. A r
 that the server's address ends with, names this machine as its host (a name of anybody's may lead here, too), and comes from no other page.
 """
 
+import re
 import secrets
 import select
 import socket
@@ -12,12 +13,11 @@ from collections.abc import Collection
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from threading import BoundedSemaphore, Event
 from typing import Any
-from urllib.parse import urlsplit
 
 from mrp_sumo.errors import MrpSumoError
 
 HOST = "127.0.0.1"
-HERE = (HOST, "localhost")
+HERE = re.compile(r"(https?://)?(127\.0\.0\.1|localhost)(:\d{1,5})?")  # as Host and Origin name this machine
 MOST_CONNECTIONS = 64  # at a time; what comes beyond is closed
 PATIENCE_S = 20.0  # with a viewer that says or takes nothing
 BLOCK_BYTES = 2**16
@@ -83,7 +83,7 @@ class LocalHandler(BaseHTTPRequestHandler):
     def place(self) -> str | None:
         """The place that is asked for, without the token; None where nobody is to be let in, and the refusal has been sent."""
         token, _, place = self.path.split("?")[0].removeprefix("/").partition("/")
-        if urlsplit(f"//{self.headers.get('Host', '')}").hostname not in HERE:
+        if not HERE.fullmatch(self.headers.get("Host", "")):
             reason = "this server is for this machine alone"
         elif not self._is_welcome(self.headers.get("Origin")):
             reason = "this server is not for other pages"
@@ -96,7 +96,7 @@ class LocalHandler(BaseHTTPRequestHandler):
 
     def _is_welcome(self, origin: str | None) -> bool:
         own = f"http://{self.headers.get('Host')}"
-        return origin is None or origin == own or origin in self.origins or (bool(self.origins) and urlsplit(origin).hostname in HERE)
+        return origin is None or origin == own or origin in self.origins or (bool(self.origins) and HERE.fullmatch(origin) is not None)
 
     def answer(self, status: int, kind: str, body: bytes) -> None:
         """Answer with a document that no other page may use and nobody keeps."""

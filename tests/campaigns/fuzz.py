@@ -153,10 +153,10 @@ class Reading:
 
 
 STUDY = ("lifelong.yaml", "--quick", "--robots", "1..2", "--horizon", "1min", "--workers", "1", "--out", "study", "--budget")
-CPU_S = {  # of a command; those that take more than a hundredth are drawn the less often
+CPU_S = {  # of commands by a word of theirs; those that take more than a hundredth are drawn the less often
     **{"report": 0.6, "run": 0.25, "reproduce": 0.2, "init": 0.6, "capacity": 0.6, "--vda5050": 0.5},
     **{"query": 0.2, "import": 0.2, "render": 0.12, "compare": 0.1, "replay": 0.07, "export": 0.06, "analyze": 0.05, "batch": 0.05},
-    "status": 0.04,
+    **{"status": 0.04, "work/plan.json": 0.08, "run/plan.json": 0.03},
 }
 
 

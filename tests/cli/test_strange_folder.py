@@ -49,7 +49,7 @@ IN_OPEN = 0x20  # of Linux's inotify.h
 SUITE = "name: s\nbase: {map: office, robots: {count: 2}}\ngrid_search: {seed: [0]}\nuntil: plan\n"
 LINES = {  # at least one of every command; {run} and {batch} are made beforehand
     "run": "run office_5 --out out --replay",
-    "capacity": "capacity nowhere",
+    "capacity": "capacity warehouse_lifelong --quick --robots 1..2 --budget 1min --horizon 1min --workers 1 --out study",
     "import": "import office",
     "plan": "plan office_5",
     "validate": "validate {run}/plan.json {run}/scenario.yaml",

@@ -240,7 +240,7 @@ def test_wrong_password_is_a_line(broker, tmp_path, capsys):
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        (["--broker", "127.0.0.1:1"], "no connection to the broker 127.0.0.1:1: connection refused"),
+        (["--broker", "127.0.0.1:1", "--log", "new.jsonl"], "no connection to the broker 127.0.0.1:1: connection refused"),
         (["--broker", "127.0.0.1:99999"], "--broker 127.0.0.1:99999: expected HOST or HOST:PORT"),
         (["--broker", "x", "--version", "1.1"], "VDA 5050 1.1: expected 2.0, 2.1 or 3.0"),
         (["--broker", "x", "--speed", "0"], "--speed: found 0"),
@@ -263,7 +263,7 @@ def test_bad_input_is_a_line(options, said, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     assert main(["vda5050", "carts.yaml", *options]) == 2
     line = capsys.readouterr().err
-    assert said in line and line.count("\n") == 1
+    assert said in line and line.count("\n") == 1 and not Path("new.jsonl").exists()
 
 
 def test_broker_that_is_gone_is_said_once_and_that_it_is_back(tmp_path):
