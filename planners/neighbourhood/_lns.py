@@ -31,7 +31,7 @@ from planners.neighbourhood._sipps import plan_one
 from planners.neighbourhood._traffic import add_path, closes_ring, lane_between, remove_path
 
 
-@kernel(nogil=True)
+@kernel(allocates=False, nogil=True)
 def improve(traffic, labels, hood, gains, iterations, most_labels, rng):
     """Try to make paths without collisions shorter.
 
@@ -95,7 +95,7 @@ def improve(traffic, labels, hood, gains, iterations, most_labels, rng):
     return gained
 
 
-@kernel
+@kernel(allocates=False)
 def plan_all(traffic, labels, robots, clear):
     """Plan robots one after another, crossing others where it has to be. False when one has no path or room.
 
@@ -112,7 +112,7 @@ def plan_all(traffic, labels, robots, clear):
     return True
 
 
-@kernel
+@kernel(allocates=False)
 def repair_each(traffic, labels, hood, pairs, rng):
     """Plan each robot in collision again, the one in most pairs first, while any of the `pairs` is left.
 
@@ -138,7 +138,7 @@ def repair_each(traffic, labels, hood, pairs, rng):
         pairs += collide(traffic, hood, robot) - most
 
 
-@kernel
+@kernel(allocates=False)
 def repair(traffic, labels, hood, pairs, iterations, rng):
     """Try to bring down the number of pairs in collision, `pairs`; what is left of it."""
     for _ in range(iterations):
@@ -183,7 +183,7 @@ def repair(traffic, labels, hood, pairs, iterations, rng):
     return pairs
 
 
-@kernel
+@kernel(allocates=False)
 def _shuffle(hood, num, rng):
     """Put the chosen robots in any order."""
     for k in range(num):
@@ -191,18 +191,25 @@ def _shuffle(hood, num, rng):
         hood.robot[k], hood.robot[other] = hood.robot[other], hood.robot[k]
 
 
-@kernel
+@kernel(allocates=False)
+def _copy(path, row):
+    """Write a path to a row, step by step: numba makes a copy of a whole row first, lest the two overlap."""
+    for t in range(len(path)):
+        row[t] = path[t]
+
+
+@kernel(allocates=False)
 def _take_out(traffic, hood, num):
     """Save and remove the chosen robots' paths."""
     for k in range(num):
         robot = hood.robot[k]
-        hood.saved[k] = traffic.at[robot]
+        _copy(traffic.at[robot], hood.saved[k])
         hood.saved_end[k] = traffic.end[robot]
         remove_path(traffic, robot)
         traffic.end[robot] = -1  # its row of `at` is out of date until it is planned
 
 
-@kernel
+@kernel(allocates=False)
 def _put_back(traffic, hood, num, planned):
     """Undo: the first `planned` robots have new paths in the traffic, the others none."""
     for k in range(planned):
@@ -210,12 +217,12 @@ def _put_back(traffic, hood, num, planned):
         traffic.end[hood.robot[k]] = -1
     for k in range(num):
         robot = hood.robot[k]
-        traffic.at[robot] = hood.saved[k]
+        _copy(hood.saved[k], traffic.at[robot])
         traffic.end[robot] = hood.saved_end[k]
         add_path(traffic, robot)
 
 
-@kernel
+@kernel(allocates=False)
 def _keep_gain(traffic, hood, gains, num):
     """Note the new paths of the first `num` robots of the neighbourhood."""
     n = gains.num[0]
@@ -223,10 +230,11 @@ def _keep_gain(traffic, hood, gains, num):
     gains.size[n] = num
     for k in range(num):
         robot = hood.robot[k]
-        gains.robot[n, k], gains.end[n, k], gains.at[n, k] = robot, traffic.end[robot], traffic.at[robot]
+        gains.robot[n, k], gains.end[n, k] = robot, traffic.end[robot]
+        _copy(traffic.at[robot], gains.at[n, k])
 
 
-@kernel(nogil=True)
+@kernel(allocates=False, nogil=True)
 def take_over(traffic, hood, gains):
     """Replan by another's gains, those that still are gains and cross nobody here; how many do."""
     taken = 0
@@ -241,7 +249,7 @@ def take_over(traffic, hood, gains):
         entered = 0
         while entered < num:
             robot = hood.robot[entered]
-            traffic.at[robot] = gains.at[n, entered]
+            _copy(gains.at[n, entered], traffic.at[robot])
             if not _is_free(traffic, robot):
                 break
             traffic.end[robot] = gains.end[n, entered]
@@ -279,7 +287,7 @@ def _is_free(traffic, robot):
     return True
 
 
-@kernel(nogil=True)
+@kernel(allocates=False, nogil=True)
 def catch_up(traffic, hood, best):
     """Replan all whose paths are others in the traffic `best`."""
     task = traffic.task
@@ -294,6 +302,6 @@ def catch_up(traffic, hood, best):
             traffic.end[robot] = -1
     for robot in range(len(task.goal)):
         if hood.chosen[robot]:
-            traffic.at[robot] = best.at[robot]
+            _copy(best.at[robot], traffic.at[robot])
             traffic.end[robot] = best.end[robot]
             add_path(traffic, robot)
