@@ -48,6 +48,17 @@ def stoppable() -> Iterator[StopRequest]:
             signal.signal(number, handler)
 
 
+@contextmanager
+def until_ctrl_c() -> Iterator[None]:
+    """Ctrl-C ends the block and nothing else; SIGTERM ends the command."""
+    try:
+        yield
+    except KeyboardInterrupt as interrupt:
+        if exit_code(interrupt) != 128 + signal.SIGINT:
+            raise
+        say("")
+
+
 @dataclass
 class _Lost:
     """The interrupt that was lost last, and the timer that sends it again."""

@@ -6,6 +6,7 @@
 import argparse
 from pathlib import Path
 
+from mrp_sumo.cli.ending import until_ctrl_c
 from mrp_sumo.cli.option_rules import only_for, port_number
 from mrp_sumo.cli.printing import say, say_json
 from mrp_sumo.cli.result_folder import run_folder
@@ -61,10 +62,7 @@ def _serve(page: bytes, port: int) -> None:
             if self.place() is not None:
                 self.answer(200, "text/html; charset=utf-8", page)
 
-    with LocalServer(port, ReplayHandler) as server:
-        try:
-            say(f"{server.address} (Ctrl+C ends)")
-            webbrowser.open(server.address)
-            server.serve_forever()
-        except KeyboardInterrupt:
-            say("")
+    with LocalServer(port, ReplayHandler) as server, until_ctrl_c():
+        say(f"{server.address} (Ctrl+C ends)")
+        webbrowser.open(server.address)
+        server.serve_forever()

@@ -6,8 +6,10 @@ Exit code 0 when every run has a result, 1 when some are missing, 2 for bad inpu
 import argparse
 import time
 from collections import Counter
+from contextlib import closing
 from pathlib import Path
 
+from mrp_sumo.cli.ending import until_ctrl_c
 from mrp_sumo.cli.option_rules import only_for, port_number
 from mrp_sumo.cli.printing import say, say_json, warn
 from mrp_sumo.cli.result_folder import batch_folder
@@ -71,13 +73,9 @@ def _watch(folder: Path, port: int) -> None:
     from mrp_sumo.reports.live.batch import BatchView
 
     view = BatchView(folder, port)
-    try:
+    with closing(view), until_ctrl_c():
         say(f"{view.server.address} (Ctrl+C ends)")
         webbrowser.open(view.server.address)
         while True:
             view.look(warn)
             time.sleep(EVERY_S)
-    except KeyboardInterrupt:
-        say("")
-    finally:
-        view.close()

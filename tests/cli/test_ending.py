@@ -1,8 +1,10 @@
 """Signals that end a command."""
 
+import os
 import signal
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -39,3 +41,17 @@ def test_failure_without_a_signal_is_raised():
     program = COMMAND.format(number=0, after="raise RuntimeError('mine')")
     ended = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
     assert ended.returncode == 1 and ended.stderr.endswith("RuntimeError: mine\n")
+
+
+INTERRUPTED = """
+import mrp_sumo.cli.main as main
+
+main._dispatch = lambda arguments: exec("import os, signal, time; os.kill(os.getpid(), signal.SIGTERM); time.sleep(600)")
+"""
+
+
+def test_module_is_ended_by_the_signal_that_came_while_it_ran_a_text(tmp_path):
+    (tmp_path / "sitecustomize.py").write_text(INTERRUPTED)
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(tmp_path), str(Path(__file__).parents[2])])}
+    ended = subprocess.run([sys.executable, "-P", "-m", "mrp_sumo", "list"], capture_output=True, text=True, env=environment, check=False)
+    assert (ended.returncode, ended.stderr) == (143, "mrp-sumo: ended by SIGTERM\n")

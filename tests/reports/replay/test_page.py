@@ -204,9 +204,11 @@ def test_run_writes_the_page_where_asked(tmp_path):
 
 
 @pytest.mark.slow
-def test_serve_answers_until_interrupted(folder):
+@pytest.mark.parametrize(("number", "code", "line"), [(signal.SIGINT, 0, ""), (signal.SIGTERM, 143, "mrp-sumo: ended by SIGTERM\n")])
+def test_serve_answers_until_interrupted(folder, number, code, line):
     command = [sys.executable, "-c", "from mrp_sumo.cli.main import main; raise SystemExit(main())", "replay", str(folder), "--serve"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env={**os.environ, "BROWSER": "true"}) as server:
+    environment = {**os.environ, "BROWSER": "true"}
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment) as server:
         try:
             server.stdout.readline()
             address = server.stdout.readline().split()[0]
@@ -214,9 +216,9 @@ def test_serve_answers_until_interrupted(folder):
                 assert answer.read() == (folder / "replay.html").read_bytes()
                 assert answer.headers["Content-Type"] == "text/html; charset=utf-8"
         finally:
-            server.send_signal(signal.SIGINT)
-            server.communicate(timeout=120)
-    assert server.returncode == 0
+            server.send_signal(number)
+            _, said = server.communicate(timeout=120)
+    assert (server.returncode, said) == (code, line)
 
 
 @pytest.mark.parametrize(
