@@ -90,6 +90,12 @@ def test_a_dispatcher_that_gives_a_task_to_a_robot_of_another_type_is_named():
         work_request(fleet.crew, 0.0, fleet.context.closed, {0: 1})
 
 
+def test_a_way_on_is_asked_for_half_a_second_before_a_robot_would_have_to_brake():
+    """From 1 m/s it brakes in half a metre."""
+    fleet = Fleet([5])
+    assert fleet.work._near_m(0) == fleet.crew.settings.planning.budget_s + 0.5 + 0.5
+
+
 @pytest.mark.parametrize("dispatcher", ALL)
 def test_the_urgent_one_goes_before_the_near_one(dispatcher):
     assert Fleet([2], (0.0, (3, 4)), (0.0, (19, 18), 1)).decides(dispatcher) == {0: 1}

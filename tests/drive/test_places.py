@@ -131,6 +131,15 @@ def test_the_way_to_a_place_is_that_round_who_stays(stays, way):
     assert where.way(0, 0, Stop(3, 1.0, "", Station("at 3", (3,))), {stays}) == way
 
 
+@pytest.mark.parametrize(("at", "turn"), [(3, [1, 0]), (7, [0, 1])])
+def test_one_that_waits_does_not_go_before_one_on_its_way_that_cannot_let_it_pass(at, turn):
+    """robot_0 waits at 0 for 5, robot_1 sets out for it from 3, between them, or from 7, beyond it."""
+    robots = [SimpleNamespace(num_before=0, since_s=9.0, in_line_since_s=s, task=0, making=None) for s in (1.0, np.inf)]
+    start = np.array([0, at])
+    crew = SimpleNamespace(places=RobotPlaces(problem_on(row(9), start, start)), robots=robots, tasks=[SimpleNamespace(priority=0)])
+    assert in_turn(crew, start, dict.fromkeys((0, 1), Stop(5, 1.0)), {0: 0, 1: 0}, np.zeros(2, np.bool_), ()) == turn
+
+
 @pytest.mark.parametrize(("num_before", "on_the_way", "turn"), [(1, True, [1, 0]), (2, True, [0, 1]), (2, False, [1, 0])])
 def test_one_that_was_passed_over_twice_goes_first_though_it_is_in_no_line(num_before, on_the_way, turn):
     """robot_0 comes from 0 and is sent off again and again, while robot_1 sets out for 5, later and from nearer; it can make room at 6.
