@@ -136,6 +136,7 @@ class RobotPlaces:
             taken.add(int(vertex[r]))
         for line in lines.values():
             self._keep_order(line, start, vertex)
+        self._stay_behind({r: past for line in lines.values() for r, past in line.items()}, stops, start, vertex, blocked, taken)
         idle = [r for r in range(len(start)) if not stays[r] and r not in stops]
         parked = self._park(start, vertex, idle, taken)
         self._rest(start, vertex, [*stuck, *(r for r in idle if r not in parked)], blocked, taken)
@@ -170,6 +171,28 @@ class RobotPlaces:
         reach[list({at, *taken, *self._way(robot, comes, at)})] = UNREACHABLE
         v = int(reach.argmin())
         return v if reach[v] < UNREACHABLE else None
+
+    def _stay_behind(
+        self,
+        waiting: Mapping[int, set[int]],
+        stops: Mapping[int, Stop],
+        start: IntArray,
+        vertex: IntArray,
+        blocked: set[int],
+        taken: set[int],
+    ) -> None:
+        """Have robots wait behind others that stand where they wait and cannot be passed: these would drive once round a one-way ring."""
+        for r, past in waiting.items():
+            at, own = int(start[r]), int(vertex[r])
+            stand = {int(start[s]) for s in waiting if s != r and vertex[s] == start[s]}
+            behind = self._reach(r, at, blocked | stand)
+            if behind[own] < UNREACHABLE:
+                continue
+            wait = self._where_to_wait(r, at, stops[r], (taken - {own}) | past, blocked, stand, behind)
+            if wait is not None:
+                taken.discard(own)
+                taken.add(wait)
+                vertex[r] = wait
 
     def _keep_order(self, line: Mapping[int, set[int]], start: IntArray, vertex: IntArray) -> None:
         """Swap where robots of a line wait, so that none has to pass another.

@@ -67,6 +67,18 @@ def test_robots_that_wait_in_line_need_not_pass_each_other(start, waits_at):
     assert chosen(row(9, ring=True), [*start, 4], {0: 4, 1: 4}, stays=[2])[0] == [*waits_at, 4]
 
 
+@pytest.mark.parametrize(("one_way", "waits_at"), [(True, 1), (False, 3)])
+def test_a_robot_waits_behind_one_that_stands_where_it_waits_and_cannot_be_passed(one_way, waits_at):
+    """A ring of nine, with two places off vertex 4, both taken: robot_0 comes from 1 and might wait at 3, robot_1 waits for the other at 2."""
+    ring = [(v, (v + 1) % 9) for v in range(9)]
+    lanes = [*ring, *((b, a) for a, b in ring if not one_way), (4, 9), (9, 4), (4, 10), (10, 4)]
+    angle = np.arange(9) * 2 * np.pi / 9
+    xy = [*(9 * CELL_M * np.stack([np.cos(angle), np.sin(angle)], 1)).tolist()]
+    xy += [(1.2 * xy[4][0], xy[4][1] * f) for f in (0.8, 1.8)]
+    graph = plan_graph(nav_graph(name="spurs", xy=xy, lanes=lanes), kind="roadmap", cell_m=10 * CELL_M)
+    assert chosen(graph, [1, 2, 9, 10], {0: 9, 1: 10}, stays=[2, 3])[0][0] == waits_at
+
+
 def test_nobody_waits_where_the_robot_that_is_served_could_not_get_past():
     """In a row robot_1 cannot, wherever robot_0 waits."""
     assert chosen(row(9), [0, 4], {0: 4}, stays=[1]) == ([0, 4], [False, False])
