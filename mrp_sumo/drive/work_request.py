@@ -168,14 +168,15 @@ def in_turn(
 ) -> list[int]:
     """Robots in the order in which they choose where to make their stops.
 
-    The most urgent first; then who came first and waits; then who is nearest. Nobody comes before those who stand on its way there,
-    but for those who set out when it waited already, if they can let it pass: beside its way, or behind it where it was passed over often.
+    Who was passed over often first, then the most urgent; then who came first and waits; then who is nearest. Nobody comes before those
+    who stand on its way there, but for those who set out when it waited already, if they can let it pass: beside its way or, on a ring,
+    past it; behind it where it was passed over often.
     """
     places = crew.places
     stands = set(start[stays].tolist())
     away = {r: places.away(r, int(start[r]), stop) for r, stop in stops.items()}
     came_s = {r: crew.robots[r].since_s if r in aged else crew.robots[r].in_line_since_s for r in stops}
-    wished = sorted(stops, key=lambda r: (-crew.tasks[task[r]].priority, came_s[r], away[r], task[r]))
+    wished = sorted(stops, key=lambda r: (r not in aged, -crew.tasks[task[r]].priority, came_s[r], away[r], task[r]))
     order: list[int] = []
     for n, r in enumerate(wished):
         if r in order:
@@ -186,7 +187,8 @@ def in_turn(
             new = [s for s in nearer if r in aged or came_s[s] == np.inf]
             later = [s for s in new if _sets_out_s(crew, s, task[s]) > came_s[r]]
             ahead = [s for s in nearer if int(start[s]) in route]
-            stuck = [s for s in ahead if s not in later or not places.can_let_pass(s, int(start[s]), route, stands, back=r in aged)]
+            lets_pass = (any(places.can_let_pass(s, int(start[s]), route, stands, back=b) for b in {False, r in aged}) for s in ahead)
+            stuck = [s for s, lets in zip(ahead, lets_pass) if s not in later or not lets]
             order += sorted(stuck, key=lambda s: away[s])
         order.append(r)
     return order

@@ -169,6 +169,33 @@ def test_one_that_was_passed_over_twice_goes_first_though_it_is_in_no_line(num_b
     assert in_turn(crew, start, dict.fromkeys((0, 1), Stop(5, 1.0)), {0: 0, 1: 0}, np.zeros(2, np.bool_), aged) == turn
 
 
+def turns(graph, place, start, *, num_before, priorities=(0, 0)):
+    """The order in which two robots choose, the first of which set out first and was passed over so often."""
+    robots = [
+        SimpleNamespace(num_before=n, since_s=since_s, in_line_since_s=np.inf, task=r, making=None)
+        for r, (n, since_s) in enumerate([(num_before, 5.0), (0, 9.0)])
+    ]
+    places = RobotPlaces(problem_on(graph, start, start))
+    crew = SimpleNamespace(places=places, robots=robots, tasks=[SimpleNamespace(priority=p) for p in priorities])
+    aged = passed_over(crew, (0, 1))
+    return in_turn(crew, np.array(start), dict.fromkeys((0, 1), Stop(place, 1.0)), {0: 0, 1: 1}, np.zeros(2, np.bool_), aged)
+
+
+@pytest.mark.parametrize(("num_before", "turn"), [(1, [1, 0]), (2, [0, 1])])
+def test_on_a_one_way_ring_who_is_ahead_of_one_that_was_passed_over_twice_drives_round_once_more(num_before, turn):
+    """A ring of six with a place beside 3: robot_0 comes from 0, robot_1 from 2, and can let it by at 4."""
+    lanes = [*((v, (v + 1) % 6) for v in range(6)), (3, 6), (6, 3)]
+    xy = [(0, 0), (1, 0), (2, 0), (3, 0), (3, 1), (0, 1), (4, 0)]
+    graph = plan_graph(nav_graph(name="ring", xy=[(x * CELL_M, y * CELL_M) for x, y in xy], lanes=lanes), kind="roadmap", cell_m=3 * CELL_M)
+    assert turns(graph, 6, [0, 2], num_before=num_before) == turn
+
+
+@pytest.mark.parametrize(("num_before", "turn"), [(1, [1, 0]), (2, [0, 1])])
+def test_one_that_was_passed_over_twice_goes_before_an_urgent_order(num_before, turn):
+    """Both come to 4 of a row, from the two sides."""
+    assert turns(row(9), 4, [0, 8], num_before=num_before, priorities=(0, 1)) == turn
+
+
 @pytest.mark.parametrize(
     ("num_before", "priorities", "begun", "swapped"),
     [(2, (0, 0), 0, {1: 0, 0: 1}), (1, (0, 0), 0, {}), (2, (0, 1), 0, {}), (2, (1, 0), 0, {1: 0, 0: 1}), (2, (0, 0), 1, {})],
