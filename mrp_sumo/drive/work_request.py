@@ -18,6 +18,8 @@ from mrp_sumo.drive.robot_work import NONE, Leg, RobotWork
 from mrp_sumo.errors import PlugInError
 from mrp_sumo.search.distance import distances
 
+STANDS_S = 60.0  # without a stop, after which nobody is let by: whoever can goes first
+
 
 @dataclass(frozen=True, eq=False)
 class WorkRequest(Request):
@@ -63,7 +65,7 @@ def work_request(crew: Crew, now_s: float, closed: BoolArray, assigned: Mapping[
             nth += len(legs[r])
             stop[r] = crew.tasks[task].stops[nth]
             legs[r].append(Leg(task, nth, NONE))
-    aged = passed_over(crew, stop)
+    aged = passed_over(crew, stop, now_s)
     turn = in_turn(crew, start, stop, {r: legs[r][-1].task for r in stop}, stays, aged)
     if swapped := older_first(crew, turn, stop, legs, assigned, aged):
         return work_request(crew, now_s, closed, {**assigned, **swapped})
@@ -158,8 +160,13 @@ def _in_passing(crew: Crew, at: int, task: int, nth: int) -> list[Leg]:
     return passed
 
 
-def passed_over(crew: Crew, robots: Iterable[int]) -> set[int]:
-    """Robots that were passed over often on the way to their next stop; on the way to the one where they are counts no more."""
+def passed_over(crew: Crew, robots: Iterable[int], now_s: float) -> set[int]:
+    """Robots that were passed over often on the way to their next stop; on the way to the one where they are counts no more.
+
+    None where no stop has been made for long: a crowd may be standing because others make room for them.
+    """
+    if now_s - crew.made_s >= STANDS_S:
+        return set()
     return {r for r in robots if crew.robots[r].num_before >= PATIENCE and crew.robots[r].making is None}
 
 

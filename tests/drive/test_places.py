@@ -69,7 +69,7 @@ def test_robots_that_wait_in_line_need_not_pass_each_other(start, waits_at):
 
 @pytest.mark.parametrize(("one_way", "waits_at"), [(True, 1), (False, 3)])
 def test_a_robot_waits_behind_one_that_stands_where_it_waits_and_cannot_be_passed(one_way, waits_at):
-    """A ring of nine, with two places off vertex 4, both taken: robot_0 comes from 1 and might wait at 3, robot_1 waits for the other at 2."""
+    """A ring of nine, two places off vertex 4 are taken: robot_0 comes from 1 and may wait at 3, robot_1 waits for the other one at 2."""
     ring = [(v, (v + 1) % 9) for v in range(9)]
     lanes = [*ring, *((b, a) for a, b in ring if not one_way), (4, 9), (9, 4), (4, 10), (10, 4)]
     angle = np.arange(9) * 2 * np.pi / 9
@@ -164,8 +164,10 @@ def test_one_that_was_passed_over_twice_goes_first_though_it_is_in_no_line(num_b
     came = SimpleNamespace(num_before=num_before, since_s=5.0, in_line_since_s=np.inf, task=0, making=None if on_the_way else object())
     robots = [came, SimpleNamespace(num_before=0, since_s=9.0, in_line_since_s=np.inf, task=0, making=None)]
     start = np.array([0, 3])
-    crew = SimpleNamespace(places=RobotPlaces(problem_on(graph, start, start), ()), robots=robots, tasks=[SimpleNamespace(priority=0)])
-    aged = passed_over(crew, (0, 1))
+    crew = SimpleNamespace(
+        places=RobotPlaces(problem_on(graph, start, start), ()), robots=robots, tasks=[SimpleNamespace(priority=0)], made_s=0.0
+    )
+    aged = passed_over(crew, (0, 1), 9.0)
     assert in_turn(crew, start, dict.fromkeys((0, 1), Stop(5, 1.0)), {0: 0, 1: 0}, np.zeros(2, np.bool_), aged) == turn
 
 
@@ -176,8 +178,8 @@ def turns(graph, place, start, *, num_before, priorities=(0, 0)):
         for r, (n, since_s) in enumerate([(num_before, 5.0), (0, 9.0)])
     ]
     places = RobotPlaces(problem_on(graph, start, start))
-    crew = SimpleNamespace(places=places, robots=robots, tasks=[SimpleNamespace(priority=p) for p in priorities])
-    aged = passed_over(crew, (0, 1))
+    crew = SimpleNamespace(places=places, robots=robots, tasks=[SimpleNamespace(priority=p) for p in priorities], made_s=0.0)
+    aged = passed_over(crew, (0, 1), 9.0)
     return in_turn(crew, np.array(start), dict.fromkeys((0, 1), Stop(place, 1.0)), {0: 0, 1: 1}, np.zeros(2, np.bool_), aged)
 
 
@@ -206,10 +208,18 @@ def test_one_that_was_passed_over_twice_gives_the_older_order_to_the_one_that_go
     robots = [SimpleNamespace(num_before=n, making=None) for n in (num_before, 0)]
     orders = SimpleNamespace(released_s=(0.0, 5.0).__getitem__)
     tasks = [SimpleNamespace(priority=priority) for priority in priorities]
-    crew = SimpleNamespace(robots=robots, orders=orders, tasks=tasks, may_pass_on=lambda robot: True, can_do=lambda robot, task: True)
+    crew = SimpleNamespace(
+        robots=robots, orders=orders, tasks=tasks, made_s=0.0, may_pass_on=lambda robot: True, can_do=lambda robot, task: True
+    )
     legs = {0: [Leg(0, 0, -1)], 1: [Leg(1, begun, -1)]}
-    assert older_first(crew, [1, 0], dict.fromkeys((0, 1), Stop(5, 1.0)), legs, {}, passed_over(crew, (0, 1))) == swapped
-    assert older_first(crew, [0, 1], dict.fromkeys((0, 1), Stop(5, 1.0)), legs, {}, passed_over(crew, (0, 1))) == {}
+    assert older_first(crew, [1, 0], dict.fromkeys((0, 1), Stop(5, 1.0)), legs, {}, passed_over(crew, (0, 1), 9.0)) == swapped
+    assert older_first(crew, [0, 1], dict.fromkeys((0, 1), Stop(5, 1.0)), legs, {}, passed_over(crew, (0, 1), 9.0)) == {}
+
+
+@pytest.mark.parametrize(("now_s", "robots"), [(59.9, {1}), (60.0, set())])
+def test_nobody_is_let_by_where_no_stop_was_made_for_a_minute(now_s, robots):
+    crew = SimpleNamespace(robots=[SimpleNamespace(num_before=n, making=None) for n in (1, 2)], made_s=0.0)
+    assert passed_over(crew, (0, 1), now_s) == robots
 
 
 def test_to_a_place_that_no_way_leads_to_a_robot_does_not_set_out():
