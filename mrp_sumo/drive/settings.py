@@ -69,7 +69,7 @@ class ExecutionSettings(DrivingOptions):
         steps = self.record_period_s / self.step_length_s
         if round(steps) < 1 or abs(steps - round(steps)) > 1e-6:
             raise ExecutionError(
-                f"record_period_s is {self.record_period_s:g}, expected a whole number of steps of {self.step_length_s:g} s (step_length_s)"
+                f"record.period_s is {self.record_period_s:g}, expected a whole number of steps of {self.step_length_s:g} s (step_length_s)"
             )
 
     @property

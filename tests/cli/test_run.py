@@ -133,7 +133,7 @@ def test_time_limit_that_is_too_short_is_a_result_not_an_error(tmp_path):
         ),
         (
             "map: office\nrobots: {count: 3}\nexecution: {step_length_s: 0.3}",
-            "case.yaml:3: execution: record_period_s is 0.1, expected a whole number of steps",
+            "case.yaml:3: execution: record.period_s is 0.1, expected a whole number of steps",
         ),
         ("map: {file: office, graph: 4}\nrobots: {count: 3}", "office.building.yaml has no lane in graph 4"),
         ("map: {file: office, level: L7}\nrobots: {count: 3}", "has no level 'L7'"),
