@@ -211,6 +211,12 @@ def test_unknown_command_names_the_nearest(capsys):
     assert capsys.readouterr().err == "mrp-sumo: unknown command 'imprt' (did you mean 'import'?)\n"
 
 
+def test_help_of_a_command_is_its_own(capsys):
+    with pytest.raises(SystemExit) as ended:
+        main(["help", "trust"])
+    assert ended.value.code == 0 and capsys.readouterr().out.startswith("usage: mrp-sumo trust ")
+
+
 def test_file_without_a_command_is_told_what_it_lacks(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     Path("my plant.xml").touch()

@@ -88,7 +88,7 @@ def test_foxglove_that_is_not_to_be_had_is_one_line(tmp_path, capsys, monkeypatc
         assert main(["run", "office_5", "--foxglove", "--port", port, *out]) == 2
     assert capsys.readouterr().err == f"mrp-sumo: --port {port}: Address already in use\n"
     assert main(["run", "office_5", "--foxglove", "--port", "70000", *out]) == 2
-    assert capsys.readouterr().err == "mrp-sumo: --port 70000: bind(): port must be 0-65535.\n"
+    assert capsys.readouterr().err == "mrp-sumo: --port: found '70000', expected a whole number up to 65535\n"
     monkeypatch.setitem(sys.modules, "foxglove", None)
     with pytest.raises(Exception, match=r"--foxglove needs foxglove-sdk: pip install 'mrp-sumo\[live\]'"):
         FoxgloveView()
