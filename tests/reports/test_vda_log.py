@@ -255,7 +255,7 @@ def test_export_and_validate_from_the_command_line(folder, tmp_path, capsys):
 
 
 def test_other_versions_are_refused():
-    with pytest.raises(MrpSumoError, match=r"VDA 5050 1\.1: expected 2\.1 or 3\.0"):
+    with pytest.raises(MrpSumoError, match=r"VDA 5050 1\.1: expected 2\.0, 2\.1 or 3\.0"):
         Dialect("1.1")
 
 
