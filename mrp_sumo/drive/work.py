@@ -132,6 +132,7 @@ class Work:
         for robot, until_s in zip(self.crew.robots, down_until_s):
             if robot.condition is Condition.BROKEN and until_s <= now_s:
                 robot.on(Change.MENDED, until_s)
+                robot.earliest_s = max(robot.earliest_s, until_s)  # of a stop that it rolled to
                 robot.moved_s, crew.is_changed = now_s, True
 
     def _see_who_waits(self, now_s: float) -> None:

@@ -86,6 +86,28 @@ def test_a_robot_that_is_mended_goes_on_with_its_order(tmp_path):
     assert states(run, 0)[:3] == ["working", "broken", "working"]
 
 
+def test_a_robot_that_rolls_to_its_stop_as_it_breaks_down_is_served_once_it_is_mended(tmp_path):
+    free = work(tmp_path / "free", line(5), [0], order("a", 2, 4))
+    breaks_s = free.stops.begin_s[0] - 0.1
+    run = work(tmp_path, line(5), [0], order("a", 2, 4), broken=[(0, breaks_s, 20.0)])
+    assert run.stops.begin_s[0] == pytest.approx(breaks_s + 20.0, abs=0.5) and run.tasks.status == ("done",)
+
+
+@pytest.mark.parametrize(("left_m", "stops"), [(0.0, [0]), (0.9, [])])
+def test_a_robot_that_waits_on_the_lane_behind_a_vertex_makes_no_stop_there(left_m, stops):
+    visits = SimpleNamespace(reached=np.array([0]), granted=np.array([0]), next=np.array([1, -1]), at_m=np.zeros(2))
+    state = SimpleNamespace(motion=SimpleNamespace(s_m=np.array([left_m])))
+    made = []
+    crew = SimpleNamespace(
+        ledger=SimpleNamespace(visits=visits, state=state),
+        seen=np.array([0]),
+        _comes_to=lambda robot, visit: True,
+        _begin_stop=lambda robot, visit, now_s: made.append(visit) or np.inf,
+    )
+    Crew.follow(crew, SimpleNamespace(is_out=False, making=None, number=0, legs=[None]), 0.0)
+    assert made == stops
+
+
 def test_an_order_is_begun_anew_as_often_as_the_rule_says(tmp_path):
     once = work(tmp_path, square_grid(3), [1, 7], order("a", 0, 8), broken=[(0, 12.0)], retry=Retry(times=1))
     assert once.tasks.status == ("done",) and once.tasks.robot.tolist() == [1] and len(events(once, "begun_anew")) == 1
