@@ -42,7 +42,8 @@ class Fleet:
         ]
         self.state, number = state_at_rest(len(at), 1, 1, np.arange(len(at))), np.arange(len(at))
         columns = dict.fromkeys(("reached", "last", "granted"), number)
-        self.visits = SimpleNamespace(**columns, vertex=np.array(at), next=np.full(len(at), -1), arrived_s=np.zeros(len(at)))
+        zeros = dict.fromkeys(("arrived_s", "at_m"), np.zeros(len(at)))
+        self.visits = SimpleNamespace(**columns, **zeros, vertex=np.array(at), next=np.full(len(at), -1))
         ledger = SimpleNamespace(problem=problem, committed=[(v,) for v in at], visits=self.visits, state=self.state)
         self.crew = Crew(ledger, ExecutionSettings(tasks=(TaskList(tuple(listed)),)))
         self.work = Work(self.crew)
