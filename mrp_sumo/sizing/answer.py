@@ -129,6 +129,9 @@ class Answer:
         if self.planner != own and self.question.has_tasks:
             notes.append(f"planned with {self.planner}, since {own} left more than 1 % of its requests unanswered")
         notes += [f"{_robots(point.robots)}: not counted; {point.fault}" for point in self.unfit]
+        if self.limits and self.served:
+            at_demand = sorted(self.served.curve.unfit.items())
+            notes += [f"{_robots(n)} at the demand: not counted; {point.fault}" for n, point in at_demand]
         if self.left_out:
             notes.append(f"left out for want of budget: {'; '.join(self.left_out)}")
         if self.limits and not self.limits.rises:

@@ -424,12 +424,14 @@ def _succeeded(curve: Curve, n: int) -> float:
 
 
 def _judge(curve: Curve, n: int, effort: Effort, reason: str, interval: Callable[[Point], Interval], target: float) -> int | None:
-    """1: the target is reached, -1: it is not, 0: undecided with all the seeds allowed, None: it cannot be told, or the budget is spent."""
+    """1: the target is reached, -1: it is not, or the runs do not count; 0: undecided with all the seeds allowed; None: it cannot be told,
+    or the budget is spent.
+    """
     for seeds in _growing(effort):
         if not curve.ask({n: max(seeds, curve.seeds(n))}, reason):
             return None if n not in curve.points else 0
         if n not in curve.points:
-            return None
+            return -1
         mean = interval(curve.points[n])
         if isnan(mean.value):
             return None  # no run is long enough to tell

@@ -53,6 +53,21 @@ def test_the_smallest_fleet_for_a_demand_is_bracketed(demand_per_h):
     assert 1.0 <= smallest.estimate / (demand_per_h / 10) <= 1.5  # what it takes to keep up, and some more to be on time
 
 
+def test_a_fleet_whose_runs_at_the_demand_do_not_count_does_not_meet_it():
+    asked = question((4, 60), demand_per_h=215.0)
+    fleets = Fleets(rises_and_falls, asked)
+    smallest = answer_of(asked, fleets)[0].served.smallest.estimate
+
+    def audited(trial):
+        record = fleets(trial)
+        failed = trial.kind == DEMAND and trial.robots == smallest
+        return record | {"observed": record["observed"] | {"operations": ["robot_1 waits"]}} if failed else record
+
+    answer, _ = answer_of(asked, audited)
+    assert smallest < answer.served.smallest.estimate <= 1.5 * smallest
+    assert f"{smallest} robots at the demand: not counted; the operations audit failed: robot_1 waits" in answer.notes
+
+
 def test_a_demand_beyond_the_peak_is_met_by_no_fleet():
     asked = question((4, 60), demand_per_h=500.0)
     answer, _ = answer_of(asked, Fleets(rises_and_falls, asked))
