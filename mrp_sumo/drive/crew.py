@@ -18,7 +18,7 @@ from mrp_sumo.drive.settings import ExecutionSettings
 
 STANDS = [BOOKINGS.index(name) for name in ("planned_wait", "dependency_wait", "blocked", "disturbed")]
 AT_GOAL = BOOKINGS.index("at_goal")
-AT_PLACE_M = 0.05  # from a vertex, within which a robot stands on it
+INTO_M = 0.05  # a robot that has come this far into a lane has left the vertex, for SUMO too
 PATIENCE = 2  # who set out later and are served first, until one in line goes before all that can let it pass, or passes its order on
 PLACES_TO_HAND_OVER = 4  # beside a robot that is lost
 WHY_LOST = {Change.LOST: "broke down", Change.EMPTIED: "ran empty"}
@@ -129,8 +129,8 @@ class Crew:
             self.end_stop(robot)
         visits, r = self.ledger.visits, robot.number
         reached, k = int(visits.reached[r]), int(self.seen[r])
-        left_m = self.ledger.state.motion.s_m[r] - visits.at_m[k]  # by a robot that waits on the lane behind its vertex
-        stands = k == reached == int(visits.granted[r]) and left_m < AT_PLACE_M
+        s_m = self.ledger.state.motion.s_m
+        stands = k == reached == int(visits.granted[r]) and s_m[r] - visits.at_m[k] < INTO_M  # else it waits on the lane behind
         here = k if stands else int(visits.next[k]) if k != reached else NONE
         while here != NONE and robot.legs:
             while robot.legs and self._comes_to(robot, here):

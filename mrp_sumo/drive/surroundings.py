@@ -8,7 +8,7 @@ import numpy as np
 from mrp_sumo.core.graph import BoolArray, IntArray, PlanGraph
 from mrp_sumo.core.request import Request
 from mrp_sumo.drive._causes import ARRIVED_M
-from mrp_sumo.drive.crew import Crew
+from mrp_sumo.drive.crew import INTO_M, Crew
 from mrp_sumo.drive.ledger import Ledger
 from mrp_sumo.drive.reroute import Replan
 from mrp_sumo.drive.state import State
@@ -16,8 +16,6 @@ from mrp_sumo.drive.work import Work
 from mrp_sumo.drive.world import World
 from mrp_sumo.search._bodies import TIE_M
 from mrp_sumo.traffic.resources import Resources
-
-INTO_M = 0.05  # a robot that has come this far into a lane has left the vertex for SUMO too
 
 Planning = Callable[[Request], Replan]  # raises PlanError where there is no plan
 
