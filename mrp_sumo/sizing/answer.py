@@ -435,14 +435,17 @@ def _places(count: int) -> str:
 def _of_demand(served: Served, question: Question, most_robots: int) -> str:
     smallest, wanted = served.smallest, f"A demand of {question.demand_per_h:.0f} orders an hour"
     on_time = f"{wanted} with {100 * served.target:.0f} % of them on time"
-    if not served.curve.points:
+    tried = max([*served.curve.points, *served.curve.unfit], default=0)
+    if not tried:
         return f"Whether a{wanted[1:]} is met was not tried."
+    if not served.curve.points:
+        return f"Whether a{wanted[1:]} is met cannot be told: the runs on it do not count."
     if _too_short(served):
         return f"Whether a{wanted[1:]} is met cannot be told from runs this short."
-    if smallest.estimate is None and served.curve.sizes[-1] < most_robots:
-        return f"{on_time} is not met by {_robots(served.curve.sizes[-1])}; larger fleets were not tried on it."
+    if smallest.estimate is None and tried < most_robots:
+        return f"{on_time} is not met by {_robots(tried)}; larger fleets were not tried on it."
     if smallest.estimate is None:
-        return f"{on_time} is not met by any fleet that was tried on it, up to {_robots(served.curve.sizes[-1])}."
+        return f"{on_time} is not met by any fleet that was tried on it, up to {_robots(tried)}."
     sure = _between(smallest) if smallest.high is not None else "or more" if smallest.low == smallest.estimate else _span(smallest)
     return f"{wanted} is met from {_robots(smallest.estimate)} on" + (f" ({sure})." if sure != str(smallest.estimate) else ".")
 

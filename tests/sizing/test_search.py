@@ -68,6 +68,23 @@ def test_a_fleet_whose_runs_at_the_demand_do_not_count_does_not_meet_it():
     assert f"{smallest} robots at the demand: not counted; the operations audit failed: robot_1 waits" in answer.notes
 
 
+@pytest.mark.parametrize(
+    ("least", "words"),
+    [(31, "is not met by any fleet that was tried on it, up to 60 robots."), (0, "cannot be told: the runs on it do not count.")],
+)
+def test_fleets_whose_runs_at_the_demand_do_not_count_were_tried(least, words):
+    asked = question((4, 60), demand_per_h=298.0)
+    fleets = Fleets(rises_and_falls, asked)
+
+    def audited(trial):
+        record = fleets(trial)
+        failed = trial.kind == DEMAND and trial.robots >= least
+        return record | {"observed": record["observed"] | {"operations": ["robot_1 waits"]}} if failed else record
+
+    answer, _ = answer_of(asked, audited)
+    assert f" {words} " in answer.sentence
+
+
 def test_a_demand_beyond_the_peak_is_met_by_no_fleet():
     asked = question((4, 60), demand_per_h=500.0)
     answer, _ = answer_of(asked, Fleets(rises_and_falls, asked))
