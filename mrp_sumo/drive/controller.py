@@ -14,7 +14,7 @@ from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.drive.state import Conditions, Kinematics, Rules, StepArrays, Tape, empty_log, empty_news
 from mrp_sumo.engines.kinematic.engine import KinematicEngine
 from mrp_sumo.engines.protocol import Bodies, Engine
-from mrp_sumo.search._kernel import Kernel
+from mrp_sumo.search.entries import Entries, enter, entries_of
 
 A_CELL_LESS_M = 0.0100003  # robots stop a millimetre before a vertex, and have advanced by a cell; uneven, so that no distance is equal
 WAIT_LEAST_S = 0.5  # shorter waits are booked, but are no events
@@ -63,8 +63,7 @@ class Controller:
         self._log, self._news = empty_log(ledger.num_robots), empty_news(ledger.num_robots)
         self._num_changed = self._num_due = 0
         self._visits: Visits | None = None  # for whose types `_entries` are
-        self._entries: dict[str, Callable[..., tuple[int, ...]]] = {}
-        self._entries_by_types: dict[tuple[Any, ...], dict[str, Callable[..., tuple[int, ...]]]] = {}
+        self._entries: Entries = {}
 
     def follow(self, policy: Policy) -> None:
         """Grant by this policy from now on."""
@@ -109,20 +108,13 @@ class Controller:
         return StepArrays(self.kinematics, self.rules, ledger.visits, ledger.needs, ledger.state, conditions, self._log, self._news)
 
     def _call(self, kernel: Callable[..., Any], *arguments: Any) -> tuple[int, ...]:
-        """Call a kernel with the ledger's arrays, whose types are looked at when these are new ones.
-
-        To find the types of eighty arrays takes as long as the controller's work for a hundred robots.
-        """
+        """Call a kernel with the ledger's arrays, whose types are looked at when these are new ones."""
         ledger = self.ledger
         if self._visits is not ledger.visits:
-            arrays = ((column.dtype, column.flags.writeable, column.flags.c_contiguous) for column in (*ledger.visits, *ledger.needs))
-            self._entries = self._entries_by_types.setdefault((*map(type, self.rules), *arrays), {})
+            self._entries = entries_of((*self.rules, *self.kinematics, *ledger.visits, *ledger.needs))
             self._visits = ledger.visits
-        entry = self._entries.get(kernel.__name__)
-        if entry is None:
-            entry = kernel.entry(*arguments) if isinstance(kernel, Kernel) else kernel  # Python's with NUMBA_DISABLE_JIT
-            self._entries[kernel.__name__] = entry
-        return entry(*arguments)
+        entered: tuple[int, ...] = enter(self._entries, kernel, *arguments)
+        return entered
 
     def command(self, bodies: Engine) -> None:
         """Send the engine new speeds, and more of the way where it needs it."""

@@ -23,6 +23,7 @@ from mrp_sumo.search._conflicts import CONFLICT, MEET, SWAP
 from mrp_sumo.search._constraints import EXPANSIONS
 from mrp_sumo.search._space_time import ReplanEffort, TreeTables
 from mrp_sumo.search.distance import distances
+from mrp_sumo.search.entries import Entries, enter, entries_of
 from mrp_sumo.search.solvable import unsolvable
 from mrp_sumo.traffic.clashes import clashes_of
 from planners.conflict_based._cover import cover
@@ -124,6 +125,7 @@ class Tree:
             problem.graph.tail,
             clashes_of(problem),
         )
+        self._entries: Entries = like._entries if like else entries_of((*self.instance, *self.instance.clashes))
         self.limits = limits
         self._window = problem.window_steps  # later conflicts are none; 0: all are
         self.symmetries = symmetries and not self._window  # their constraints reach beyond
@@ -179,9 +181,8 @@ class Tree:
         while True:
             self.check_clock()
             buffers = self._buffers
-            code, chosen = choose(
-                self.instance, buffers.store, buffers.scratch, node.records, conflicts, self.symmetries, self.symmetries and w == 1
-            )
+            tables = self.instance, buffers.store, buffers.scratch
+            code, chosen = enter(self._entries, choose, *tables, node.records, conflicts, self.symmetries, self.symmetries and w == 1)
             if code == st.OK:
                 chosen = self._most_promising(conflicts, int(chosen))
                 if rows is None:
@@ -505,7 +506,7 @@ class Tree:
         while True:
             self.check_clock()
             tables = TreeTables(self.instance, buffers.store, buffers.pair, buffers.scratch)
-            code, weight = pair_weight(tables, one, other, PAIR_NODES, budget)
+            code, weight = enter(self._entries, pair_weight, tables, one, other, PAIR_NODES, budget)
             if code == st.OK:
                 return int(weight)
             budget = self._enlarge(code, budget)
@@ -516,7 +517,7 @@ class Tree:
         while True:
             self.check_clock()
             tables = TreeTables(self.instance, buffers.store, buffers.occupancy, buffers.scratch)
-            code, record, conflicts = branch(tables, node.records, node.conflicts, robot, rows, effort)
+            code, record, conflicts = enter(self._entries, branch, tables, node.records, node.conflicts, robot, rows, effort)
             if code == st.OK:
                 return record, conflicts
             if code == st.NO_PATH:
@@ -539,7 +540,7 @@ class Tree:
 
 def _pairs_of(conflicts: np.ndarray) -> NDArray[np.int32]:
     """[K, 2] the robots of each conflict."""
-    return np.stack([conflicts["one"], conflicts["other"]], axis=1)
+    return conflicts.view(np.int32).reshape(-1, CONFLICT.itemsize // 4)[:, :2]
 
 
 def _pair(row: np.void) -> tuple[int, int]:
