@@ -62,7 +62,7 @@ class Task:
     release_s: float = 0.0  # when it becomes known
     due_s: float = inf
     priority: int = 0  # more is more urgent
-    robot: int = NOBODY
+    robot: int = NOBODY  # the only one that may do it; NOBODY: any may
     name: str = ""
     kind: str = ORDER  # or CHARGE, which the fleet makes for itself
     robot_type: str = ""  # the only one that can do it; '': any can

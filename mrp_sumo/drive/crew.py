@@ -98,13 +98,18 @@ class Crew:
         return self.tasks[robot.task].stops[robot.stop]
 
     def can_do(self, robot: int, task: int) -> bool:
-        """True if a robot is of the type that a task needs, and has room on the way to its stops."""
-        needed, types = self.tasks[task].robot_type, self.problem.fleet.type_name
-        return (not needed or types[robot] == needed) and self.places.has_room(robot, self.tasks[task].stops)
+        """True if a task is for a robot, which has room on the way to its stops."""
+        return self.is_for(robot, task) and self.places.has_room(robot, self.tasks[task].stops)
+
+    def is_for(self, robot: int, task: int) -> bool:
+        """True if a task needs no robot, or no type of robot, other than that."""
+        needs, types = self.tasks[task], self.problem.fleet.type_name
+        return needs.robot in (NOBODY, robot) and (not needs.robot_type or types[robot] == needs.robot_type)
 
     def some_cannot(self, task: int) -> bool:
         """True if a task is not for every robot."""
-        return bool(self.tasks[task].robot_type) or self.problem.barred is not None
+        needs = self.tasks[task]
+        return needs.robot != NOBODY or bool(needs.robot_type) or self.problem.barred is not None
 
     def has_yet_to_begin(self, robot: RobotWork) -> bool:
         """True if a robot has an order and has not come to its first stop, nor is about to."""

@@ -122,7 +122,9 @@ def _check(crew: Crew, assigned: Mapping[int, int]) -> None:
     """Refuse tasks for robots that cannot do them. Raises PlugInError."""
     if (wrong := next(((r, k) for r, k in assigned.items() if not crew.can_do(r, k)), None)) is not None:
         name, needs = crew.problem.fleet.robot_name[wrong[0]], crew.tasks[wrong[1]]
-        if crew.places.has_room(wrong[0], needs.stops):
+        if needs.robot not in (NOBODY, wrong[0]):
+            raise PlugInError(f"order '{needs.name}' is for {crew.problem.fleet.robot_name[needs.robot]}, not for {name}")
+        if not crew.is_for(*wrong):
             raise PlugInError(f"order '{needs.name}' needs a robot of type '{needs.robot_type}', {name} is none")
         raise PlugInError(f"order '{needs.name}' is nothing for {name}, which has no room on the way")
 

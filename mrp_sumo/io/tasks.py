@@ -19,7 +19,7 @@ from pydantic import ValidationError
 
 from mrp_sumo.core.graph import BoolArray
 from mrp_sumo.core.stream import ClosedLoop, TaskList, TaskSource, TaskStream, zipf_weights
-from mrp_sumo.core.task import Station, Stop, Task
+from mrp_sumo.core.task import NOBODY, Station, Stop, Task
 from mrp_sumo.errors import ScenarioError, nearest
 from mrp_sumo.files.reading import read_json, read_text, shortened
 from mrp_sumo.io.documents import Place, in_words, read_document
@@ -41,6 +41,7 @@ class TaskNames:
     folder: Path  # where the path of a file begins
     cells: Callable[[], BoolArray]  # the free cells [H, W] of a MovingAI map, row 0 the uppermost
     robot_types: Sequence[str] = ()  # of the fleet
+    robots: Sequence[str] = ()  # names
 
 
 def sources_of(choice: TasksChoice, site: TaskNames, seed: int, step_s: float, num_robots: int) -> tuple[TaskSource, ...]:
@@ -99,7 +100,7 @@ class _Names:
 
     def __init__(self, choice: TasksChoice, site: TaskNames) -> None:
         self._vertex_of, self._known, self.at, self._group = site.vertex_of, site.known, site.at, choice.groups
-        self._robot_types = dict.fromkeys(site.robot_types)
+        self._robot_types, self._robots = site.robot_types, site.robots
         self._orders: dict[str, str] = {}  # where each was named
         self._station = {
             name: Station(
@@ -135,9 +136,21 @@ class _Names:
     def robot_type(self, place: Place, name: str) -> str:
         """The type of robot that a task needs, which somebody has to be of."""
         if name and name not in self._robot_types:
-            had = ", ".join(f"'{known}'" for known in self._robot_types)
-            raise ScenarioError(f"{self.at(*place)}: no robot is of type '{name}', the fleet's are {had}{nearest(name, self._robot_types)}")
+            known = dict.fromkeys(self._robot_types)
+            had = ", ".join(f"'{each}'" for each in known)
+            raise ScenarioError(f"{self.at(*place)}: no robot is of type '{name}', the fleet's are {had}{nearest(name, known)}")
         return name
+
+    def robot(self, place: Place, name: str, robot_type: str) -> int:
+        """The robot that a task is for, which has to be of the type that it needs."""
+        if not name:
+            return NOBODY
+        if name not in self._robots:
+            raise ScenarioError(f"{self.at(*place)}: no robot is called '{name}'{nearest(name, self._robots)}")
+        robot = self._robots.index(name)
+        if robot_type and self._robot_types[robot] != robot_type:
+            raise ScenarioError(f"{self.at(*place)}: {name} is of type '{self._robot_types[robot]}', the order needs '{robot_type}'")
+        return robot
 
     def _vertex(self, place: Place, name: str) -> int:
         vertex = self._vertex_of(name)
@@ -160,7 +173,8 @@ def _task(names: _Names, place: Place, task: TaskChoice, number: int) -> Task:
     stops = tuple(Stop(station.places[0], service_s, "", station) for station, service_s in zip(stations, times_s))
     due_s = math.inf if task.due_s is None else task.due_s
     name, robot_type = names.order(place, task.name or f"task_{number}"), names.robot_type((*place, "robot_type"), task.robot_type)
-    return Task(number, stops, task.release_s, due_s, task.priority, name=name, robot_type=robot_type)
+    robot = names.robot((*place, "robot"), task.robot, robot_type)
+    return Task(number, stops, task.release_s, due_s, task.priority, robot, name, robot_type=robot_type)
 
 
 def _file(names: _Names, site: TaskNames, path: Path, num_robots: int, begin: int) -> TaskSource:
@@ -266,6 +280,7 @@ def _stream(names: _Names, place: Place, stream: StreamChoice, number: int, seed
         due_after_s=stream.due_after_s or math.inf,
         priority=stream.priority,
         robot_type=names.robot_type((*place, "robot_type"), stream.robot_type),
+        robot=names.robot((*place, "robot"), stream.robot, stream.robot_type),
         seed=seed,
         number=number,
         step_s=step_s,

@@ -10,7 +10,7 @@ from worlds import line, problem_on
 
 from mrp_sumo.core.execution import BOOKINGS
 from mrp_sumo.core.stream import TaskList
-from mrp_sumo.core.task import Station, Stop, Task
+from mrp_sumo.core.task import NOBODY, Station, Stop, Task
 from mrp_sumo.drive.crew import Crew
 from mrp_sumo.drive.dispatcher import dispatcher_of
 from mrp_sumo.drive.dispatchers.estimates import FAR_S, choice
@@ -37,6 +37,7 @@ class Fleet:
                 *(k, tuple(Stop(s.places[0], float(each_s), "", s) for s in of), task[0]),
                 priority=task[2] if len(task) > 2 else 0,
                 robot_type=task[3] if len(task) > 3 else "",
+                robot=task[4] if len(task) > 4 else NOBODY,
             )
             for k, (task, of, each_s) in enumerate(zip(tasks, stations, np.broadcast_to(service_s, len(tasks))))
         ]
@@ -84,11 +85,24 @@ def test_a_task_goes_to_a_robot_of_the_type_that_it_needs_or_waits(dispatcher):
     assert Fleet([2, 5], *tasks[:2], types=("cart", "lift")).decides(dispatcher) in ({1: 0}, {1: 1})
 
 
+@pytest.mark.parametrize("dispatcher", ALL)
+def test_a_task_that_is_bound_to_a_robot_waits_for_it(dispatcher):
+    """robot_1 stands beside both tasks, robot_0 is the only one that may do them."""
+    tasks = [(0.0, (15, 16), 0, "", 0), (0.0, (15, 16), 0, "", 0), (0.0, (19, 18))]
+    assert Fleet([2, 14], *tasks).decides(dispatcher) == {0: 0, 1: 2}
+    assert Fleet([2, 14], *tasks[:2], (0.0, (15, 16))).decides(dispatcher) == {0: 0, 1: 2}
+    assert Fleet([2, 14], *tasks[:2]).decides(dispatcher) == {0: 0}
+
+
 def test_a_dispatcher_that_gives_a_task_to_a_robot_of_another_type_is_named():
     fleet = Fleet([2, 15], (0.0, (5, 6)), (0.0, (3, 4), 0, "lift"), types=("cart", "lift"))
     fleet.crew.orders.reveal(0.0)
     with pytest.raises(PlugInError, match="order '' needs a robot of type 'lift', robot_0 is none"):
         work_request(fleet.crew, 0.0, fleet.context.closed, {0: 1})
+    fleet = Fleet([2, 15], (0.0, (5, 6), 0, "", 1))
+    fleet.crew.orders.reveal(0.0)
+    with pytest.raises(PlugInError, match="order '' is for robot_1, not for robot_0"):
+        work_request(fleet.crew, 0.0, fleet.context.closed, {0: 0})
 
 
 def test_a_way_on_is_asked_for_half_a_second_before_a_robot_would_have_to_brake():

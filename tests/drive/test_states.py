@@ -19,7 +19,7 @@ from mrp_sumo.core.order_rules import Cancel, Retry
 from mrp_sumo.core.robot_states import ROBOT_STATES
 from mrp_sumo.core.robot_type import Battery
 from mrp_sumo.core.stream import TaskList
-from mrp_sumo.core.task import Station, Stop, Task
+from mrp_sumo.core.task import NOBODY, Station, Stop, Task
 from mrp_sumo.drive import rolling
 from mrp_sumo.drive.crew import Crew
 from mrp_sumo.drive.ledger import Ledger
@@ -173,6 +173,12 @@ def test_an_order_fails_that_no_robot_can_do(tmp_path, robot_type, status):
     run = work(tmp_path, line(5), [0], order("a", 2), order("b", 3, robot_type=robot_type, release_s=4.0))
     assert run.tasks.status == ("done", status) and run.outcome is Outcome.COMPLETED
     assert run.tasks.reason[1] == ("no robot that can do it is left" if status == "failed" else "")
+
+
+@pytest.mark.parametrize("robot, status", [(0, "failed"), (1, "done"), (NOBODY, "done")])
+def test_an_order_fails_whose_only_robot_is_lost(tmp_path, robot, status):
+    run = work(tmp_path, square_grid(3), [1, 7], order("a", 8, release_s=20.0, robot=robot), broken=[(0, 10.0)])
+    assert run.tasks.status == (status,) and run.tasks.reason == ("no robot that can do it is left" if status == "failed" else "",)
 
 
 def test_an_order_fails_at_whose_only_place_a_lost_robot_stands(tmp_path):

@@ -10,7 +10,7 @@ from pydantic import ValidationError
 
 from mrp_sumo.cli.main import main
 from mrp_sumo.core.battery import Charging
-from mrp_sumo.core.task import log_of_times
+from mrp_sumo.core.task import NOBODY, log_of_times
 from mrp_sumo.errors import OptionError, ScenarioError
 from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.experiments.staging.set_up import set_up
@@ -34,7 +34,7 @@ def tasks_of(choice, folder=None):
 
 def source_of(choice, folder=None, names=VERTICES):
     cells = np.array([[1, 0, 1], [1, 1, 1]], np.bool_)  # v0 to v2 below, v3 and v4 above
-    site = TaskNames(names.get, list(names), at, folder, lambda: cells, ("cart", "cart", "lift"))
+    site = TaskNames(names.get, list(names), at, folder, lambda: cells, ("cart", "cart", "lift"), ("robot_0", "robot_1", "robot_2"))
     (source,) = sources_of(TasksChoice.model_validate(choice), site, 0, 3.0, 3)
     return source
 
@@ -54,6 +54,17 @@ def test_a_type_of_robot_that_nobody_is_of_is_refused(tmp_path):
     (tmp_path / "orders.csv").write_text("release_s,stops,robot_type\n5,a c,lift\n0,b,\n")
     assert [task.robot_type for task in tasks_of("orders.csv", tmp_path)] == ["", "lift"]
     assert {task.robot_type for task in tasks_of({**GROUPS, "streams": [{**STREAM, "robot_type": "cart"}]})} == {"cart"}
+
+
+def test_a_task_may_be_for_one_robot_which_has_to_be_there(tmp_path):
+    assert [task.robot for task in tasks_of([{"stops": ["a"], "robot": "robot_1"}, {"stops": ["b"]}])] == [1, NOBODY]
+    assert {task.robot for task in tasks_of({**GROUPS, "streams": [{**STREAM, "robot": "robot_2", "robot_type": "lift"}]})} == {2}
+    (tmp_path / "orders.csv").write_text("release_s,stops,robot\n5,a c,robot_0\n0,b,\n")
+    assert [task.robot for task in tasks_of("orders.csv", tmp_path)] == [NOBODY, 0]
+    with pytest.raises(ScenarioError, match=r"s.yaml: tasks.list.0.robot: no robot is called 'robt_1' \(did you mean 'robot_1'\?\)"):
+        tasks_of([{"stops": ["a"], "robot": "robt_1"}])
+    with pytest.raises(ScenarioError, match=r"s.yaml: tasks.streams.0.robot: robot_0 is of type 'cart', the order needs 'lift'"):
+        tasks_of({**GROUPS, "streams": [{**STREAM, "robot": "robot_0", "robot_type": "lift"}]})
 
 
 def test_a_file_has_a_task_in_each_row(tmp_path):
@@ -172,6 +183,10 @@ def test_a_task_that_no_robot_can_do_is_refused(tmp_path, monkeypatch, capsys):
     )
     assert main(["run", "cut.yaml", "--out", "out"]) == 2
     assert "cut.yaml:4: tasks: no robot can reach 'v3' after 'v0', a stop of 'across'" in capsys.readouterr().err
+    other = (tmp_path / "cut.yaml").read_text().replace("stops: [v0, v3]", "stops: [v0], robot: robot_1")
+    (tmp_path / "cut.yaml").write_text(other)
+    assert main(["run", "cut.yaml", "--out", "out"]) == 2
+    assert "cut.yaml:4: tasks: robot_1 cannot reach 'v0', a stop of 'across'" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -356,6 +356,32 @@ def test_nobody_is_idle_beside_work_for_long_unsaid(logs):
     assert not [*robots.idle(said), *robots.idle(stalled), *robots.idle(soon)]
 
 
+def test_orders_of_one_robot_are_done_by_it_and_neither_wait_for_others_nor_are_passed_over_by_them(logs):
+    """The stream's orders as if they were all for one robot; then one of them, which waits, for the robot that others keep busy."""
+    ours = {k: replace(order, robot=int(logs.tasks.robot[k])) for k, order in logs.ordered.items()}
+    assert operations_audit(_ordered(logs, ours))["passed"]
+    task = done(logs, 2)
+    wrong = _ordered(logs, {**ours, task: replace(ours[task], robot=1 - ours[task].robot)})
+    assert {(finding.rule, finding.order) for finding in orders.stops_in_order(wrong)} == {("stops in order", logs.tasks.name[task])}
+    waits = changed(changed(logs, "tasks", "assigned_s", done(logs, 1), 5.0), "tasks", "opened_s", done(logs, 0), np.nan)
+    bound = _ordered(waits, {**logs.ordered, done(logs, 0): replace(logs.ordered[done(logs, 0)], robot=0)})
+    assert [*robots.passed_over(waits)] and not [*robots.passed_over(bound)]
+    idle = RobotStateLog(np.arange(2), np.full(2, IDLE), np.zeros(2), np.full(2, logs.end_s), np.full(2, -1))
+    none = np.full(len(logs.tasks.name), np.nan)
+    tasks = replace(logs.tasks, assigned_s=none, ended_s=none, released_s=np.zeros(len(none)))
+    lazy = replace(logs, execution=replace(logs.execution, robot_states=idle, tasks=tasks))
+    for robot in (0, 1):
+        (finding,) = robots.idle(_ordered(lazy, {k: replace(order, robot=robot) for k, order in logs.ordered.items()}))
+        assert finding.robot == f"robot_{robot}"
+
+
+def _ordered(logs, ordered):
+    """The logs of a scenario that asked for these orders."""
+    logs = replace(logs)
+    logs.__dict__["ordered"] = ordered
+    return logs
+
+
 def test_an_order_is_not_passed_over_again_and_again_by_those_that_are_alike(logs):
     """An early order is still to be begun at the end, where three others were begun that came later than it takes to fetch it."""
     task = done(logs, 0)
@@ -367,11 +393,9 @@ def test_an_order_is_not_passed_over_again_and_again_by_those_that_are_alike(log
     assert [*robots.passed_over(changed(logs, "tasks", "opened_s", task, third_s + 1.0))]
     assert not [*robots.passed_over(changed(logs, "tasks", "opened_s", task, third_s))]
     said = replace(waits, execution=replace(waits.execution, events=(Event(1.0, "unresolved", -1, text="no plan"),)))
-    longer = replace(waits)
     stops = (replace(waits.ordered[task].stops[0], service_s=5.1), *waits.ordered[task].stops[1:])
-    longer.__dict__["ordered"] = {**waits.ordered, task: replace(waits.ordered[task], stops=stops)}
-    urgent = replace(waits)
-    urgent.__dict__["ordered"] = {k: replace(order, priority=int(k > task)) for k, order in waits.ordered.items()}
+    longer = _ordered(waits, {**waits.ordered, task: replace(waits.ordered[task], stops=stops)})
+    urgent = _ordered(waits, {k: replace(order, priority=int(k > task)) for k, order in waits.ordered.items()})
     assert not [*robots.passed_over(logs), *robots.passed_over(said), *robots.passed_over(longer), *robots.passed_over(urgent)]
 
 

@@ -30,7 +30,7 @@ class Choice:
     rest_s: FloatArray  # [K] from a task's first stop to its end, the services included
     between_s: FloatArray  # [K] mean from the ends of these tasks to the task's first stop
     later_s: FloatArray  # [K] more for tasks that are less urgent than others
-    typed: bool  # whether some need a type of robot
+    typed: bool  # whether some are not for every robot
 
 
 def choice(now_s: float, context: Surroundings, most: int, *, reassign: bool, busy: bool = False) -> Choice:
@@ -102,7 +102,7 @@ def held(cost_s: FloatArray, options: Choice, context: Surroundings) -> None:
 def oldest_first(assigned: Mapping[int, int], context: Surroundings) -> dict[int, int]:
     """The assignment less what robots have already, with the oldest of tasks that are alike.
 
-    Those are of the same stops, priority and type of robot, and of no longer service.
+    Those are of the same stops, priority, robot and type of robot, and of no longer service.
     """
     crew, waiting = context.crew, dict[Hashable, list[int]]()
     passed_on = [task for task, r in crew.holder.items() if r in assigned]
@@ -118,7 +118,7 @@ def oldest_first(assigned: Mapping[int, int], context: Surroundings) -> dict[int
 
 def _kind(task: Task) -> Hashable:
     """The same for tasks that cost robots the same ways."""
-    return task.priority, task.robot_type, tuple(stop.places for stop in task.stops)
+    return task.priority, task.robot, task.robot_type, tuple(stop.places for stop in task.stops)
 
 
 def _service_s(task: Task) -> float:

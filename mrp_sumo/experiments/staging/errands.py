@@ -1,4 +1,4 @@
-"""Check that the tasks of a scenario can be done at all: some robot can make the stops of each, one after the other.
+"""Check that the tasks of a scenario can be done at all: a robot that each is for can make its stops, one after the other.
 
 Refuses tasks at places that no robot can reach, in one line.
 """
@@ -9,7 +9,7 @@ from mrp_sumo.core.digraph import strong_components
 from mrp_sumo.core.graph import PlanGraph
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.core.stream import ClosedLoop, TaskList, TaskSource, TaskStream
-from mrp_sumo.core.task import Station
+from mrp_sumo.core.task import NOBODY, Station
 from mrp_sumo.search.distance import UNREACHABLE, distances
 
 
@@ -20,16 +20,18 @@ def unreachable(sources: Sequence[TaskSource], problem: Problem) -> str:
         return ""
     of_start = zip(problem.fleet.kind.tolist(), problem.start.tolist())
     starts = {(k, int(component_of[k][v])): v for k, v in reversed(list(of_start))}  # one robot of each type and piece
-    checked: set[tuple[Station, ...]] = set()
-    for name, route in _routes(sources):
+    checked: set[tuple[tuple[Station, ...], int]] = set()
+    for name, route, robot in _routes(sources):
         pieces = {(0, int(component_of[0][v])) for station in route for v in station.places}
-        if route in checked or (len(starts) == 1 and pieces == set(starts)):  # the usual case: one piece
+        if (route, robot) in checked or (len(starts) == 1 and pieces == set(starts)):  # the usual case: one piece
             continue
-        checked.add(route)
-        furthest = max((_stops_made(problem.graph_of_kind[k], start, route) for (k, _), start in starts.items()), default=0)
+        checked.add((route, robot))
+        able = starts if robot == NOBODY else {(int(problem.fleet.kind[robot]), 0): int(problem.start[robot])}
+        furthest = max((_stops_made(problem.graph_of_kind[k], start, route) for (k, _), start in able.items()), default=0)
         if furthest < len(route):
             before = f" after '{route[furthest - 1].name}'" if furthest else ""
-            return f"no robot can reach '{route[furthest].name}'{before}, a stop of '{name}'"
+            who = "no robot can" if robot == NOBODY else f"{problem.fleet.robot_name[robot]} cannot"
+            return f"{who} reach '{route[furthest].name}'{before}, a stop of '{name}'"
     return ""
 
 
@@ -44,7 +46,7 @@ def oddities(sources: Sequence[TaskSource], problem: Problem, end_s: float) -> t
     graph, steps = problem.graph, distances(problem.graph)
     if not strong_components(graph.num_vertices, graph.tail, graph.head).any():
         return tuple(errands)
-    routes = dict.fromkeys((name, route[0], route[-1]) for name, route in _routes(sources))
+    routes = dict.fromkeys((name, route[0], route[-1]) for name, route, _ in _routes(sources))
     begins = {v for _, first_station, _ in routes for v in first_station.places}
     ends = {station.name: (name, station.places) for name, _, station in routes}
     for station, (name, places) in ends.items():
@@ -65,13 +67,13 @@ def _stops_made(graph: PlanGraph, start: int, route: Sequence[Station]) -> int:
     return len(route)
 
 
-def _routes(sources: Sequence[TaskSource]) -> Iterator[tuple[str, tuple[Station, ...]]]:
-    """The stations of the stops of every task, and the name of the task or of its stream."""
+def _routes(sources: Sequence[TaskSource]) -> Iterator[tuple[str, tuple[Station, ...], int]]:
+    """The name of every task, or of its stream, the stations of its stops, and the only robot that may do it."""
     for source in sources:
         if isinstance(source, ClosedLoop):
             yield from _routes(source.sources)
         elif isinstance(source, TaskStream):
-            yield from ((source.name, route) for route in source.routes)
+            yield from ((source.name, route, source.robot) for route in source.routes)
         elif isinstance(source, TaskList):
             for task in source.listed:
-                yield task.name, tuple(stop.station or Station("", (stop.vertex,)) for stop in task.stops)
+                yield task.name, tuple(stop.station or Station("", (stop.vertex,)) for stop in task.stops), task.robot

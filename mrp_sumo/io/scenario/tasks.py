@@ -45,6 +45,7 @@ class TaskChoice(Strict):
     priority: int = Field(0, description="More is more urgent.")
     service_s: TaskTime | list[TaskTime] = Field(0.0, description="At each stop, or one for each.")
     robot_type: str = Field("", description="The only type of robot that can do it; by default any can.")
+    robot: str = Field("", description="Name of the only robot that may do it, such as robot_0; by default any may.")
 
     @model_validator(mode="after")
     def _a_time_for_each(self) -> "TaskChoice":
@@ -70,6 +71,7 @@ class StreamChoice(Strict):
     due_after_s: Positive | None = Field(None, description="After the release.")
     priority: int = Field(0, description="More is more urgent.")
     robot_type: str = Field("", description="The only type of robot that can do these orders; by default any can.")
+    robot: str = Field("", description="Name of the only robot that may do these orders; by default any may.")
 
     @model_validator(mode="after")
     def _routes(self) -> "StreamChoice":

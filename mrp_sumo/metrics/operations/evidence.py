@@ -97,6 +97,10 @@ class Logs:
         """A robot's name; None for nobody."""
         return None if number == NOBODY else self.fleet.robot_name[number]
 
+    def is_for(self, robot: int, order: Task) -> bool:
+        """True if an order needs no robot, or no type of robot, other than that."""
+        return order.robot in (NOBODY, robot) and (not order.robot_type or self.terms.type_name[robot] == order.robot_type)
+
     def was_in(self, states: Sequence[int], robot: int, begin_s: float, end_s: float) -> bool | None:
         """True for a robot that was in one of some states within a time; None where states are not known."""
         log = self.execution.robot_states

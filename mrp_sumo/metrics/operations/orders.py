@@ -132,8 +132,11 @@ def stops_in_order(logs: Logs) -> Iterator[Finding]:
 
 
 def _as_asked(logs: Logs, row: int, order: Task, nth: int) -> Iterator[Finding]:
-    """A stop is at a place of the one that was asked for, and takes as long."""
+    """A stop is made by a robot that the order is for, at a place of the one that was asked for, and takes as long."""
     stops = logs.stops
+    if not logs.is_for(int(stops.robot[row]), order):
+        whom = logs.robot(order.robot) or f"robots of type '{order.robot_type}'"
+        yield logs.of_stop("stops in order", row, f"the order is for {whom}")
     if nth >= len(order.stops):
         yield logs.of_stop("stops in order", row, f"is stop {nth + 1} of {len(order.stops)}")
         return

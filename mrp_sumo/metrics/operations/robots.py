@@ -142,11 +142,7 @@ def idle(logs: Logs) -> Iterator[Finding]:
                 robot, since_s = int(log.robot[k]), max(begin_s, float(log.begin_s[k]))
                 until_s = min(end_s, float(log.end_s[k]))
                 assert order is not None
-                if (
-                    until_s - since_s <= least_s
-                    or until_s > said_s
-                    or (order.robot_type and logs.terms.type_name[robot] != order.robot_type)
-                ):
+                if until_s - since_s <= least_s or until_s > said_s or not logs.is_for(robot, order):
                     continue
                 if until_s - since_s > least_s + 2 * _drive_s(logs, robot, since_s, order):
                     who, text = logs.robot(robot), f"is idle from {since_s:.2f} s to {until_s:.2f} s, and nobody has order '{order.name}'"
@@ -157,7 +153,7 @@ def idle(logs: Logs) -> Iterator[Finding]:
 def passed_over(logs: Logs) -> Iterator[Finding]:
     """No order waits while others that are alike, and came later, are given to robots and begun: not once a robot could have come to it.
 
-    Alike are orders of the same stops, priority and type of robot, and of no less service. Others may go first, and with them the robot.
+    Alike are orders of the same stops, priority, robot and type, and of no less service. Others may go first, and with them the robot.
     """
     log, tasks = logs.execution.robot_states, logs.tasks
     if log is None or logs.execution.outcome in NOBODY_WORKS:
@@ -166,7 +162,7 @@ def passed_over(logs: Logs) -> Iterator[Finding]:
     service_s = {k: sum(stop.service_s for stop in order.stops) for k, order in logs.ordered.items()}
     kinds: dict[Hashable, list[int]] = {}
     for k, order in sorted(logs.ordered.items()):
-        kinds.setdefault((order.priority, order.robot_type, tuple(stop.places for stop in order.stops)), []).append(k)
+        kinds.setdefault((order.priority, order.robot, order.robot_type, tuple(stop.places for stop in order.stops)), []).append(k)
     for kind in kinds.values():
         numbers, lasts_s = np.array(kind), np.array([service_s[k] for k in kind])
         opened_s, assigned_s = tasks.opened_s[numbers], tasks.assigned_s[numbers]
