@@ -14,21 +14,7 @@ from mrp_sumo.errors import MrpSumoError
 def convert_to_ros1(bag: Path, out: Path, without: Sequence[str]) -> None:
     """Convert a ROS 2 bag to a ROS 1 bag, uncompressed, which every reader takes.
 
-    Parameters
-    ----------
-    bag
-        Folder of the ROS 2 bag.
-    out
-        The `.bag` file to write.
-    without
-        Topics to leave out.
-
-    Raises
-    ------
-    MrpSumoError
-        When the bag cannot be converted.
-    OSError
-        When the disk refuses.
+    Raises MrpSumoError when the bag cannot be converted, and OSError when the disk refuses.
     """
     try:
         with redirect_stdout(StringIO()):  # it reports every type that it copies or migrates

@@ -35,10 +35,7 @@ def typestore(generation: str) -> Any:
     """Message types: those of ROS 2 Humble, rmf_fleet_msgs in a generation, and rmf_lift_msgs, rmf_door_msgs and people_msgs, which are
     the same in all.
 
-    Raises
-    ------
-    MrpSumoError
-        For an unknown generation.
+    Raises MrpSumoError for an unknown generation.
     """
     if generation not in GENERATIONS:
         raise MrpSumoError(f"unknown generation '{generation}' of rmf_fleet_msgs{nearest(generation, GENERATIONS)}")

@@ -45,17 +45,14 @@ class FleetLog:
 def read_fleet_log(path: Path, generation: str | None = None) -> FleetLog:
     """Read `/fleet_states`, and starts and goals from `/robot_path_requests` if there are any.
 
+    Raises MrpSumoError when the bag cannot be read, has no fleet states, or none of the generations fits.
+
     Parameters
     ----------
     path
         A bag: a folder with metadata.yaml, an .mcap or .db3 file, or a ROS 1 .bag.
     generation
         Of rmf_fleet_msgs, for bags without definitions; detected by default.
-
-    Raises
-    ------
-    MrpSumoError
-        When the bag cannot be read, has no fleet states, or none of the generations fits.
     """
     known = (generation,) if generation else GENERATIONS
     typestore(known[0])  # refuses an unknown one

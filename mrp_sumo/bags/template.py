@@ -17,6 +17,8 @@ HEADER = 4  # bytes before the body; CDR aligns from the end of them
 class Template:
     """A serialised message, of which many can be made whose numbers are set by kind, in the order in which `make` takes them.
 
+    Raises RuntimeError when a number is not found exactly once in the message; that is a mistake in `make` or `kinds`.
+
     Parameters
     ----------
     typestore
@@ -27,11 +29,6 @@ class Template:
         Builds a message from a list of numbers.
     kinds
         The dtype of each of these numbers: <f8, <f4, <i4, <u4 or <u8.
-
-    Raises
-    ------
-    RuntimeError
-        When a number is not found exactly once in the message; that is a mistake in `make` or `kinds`.
     """
 
     def __init__(self, typestore: Any, typename: str, make: Callable[[list[Any]], Any], kinds: Sequence[str]) -> None:

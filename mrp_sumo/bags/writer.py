@@ -60,6 +60,8 @@ def write_recorded_bag(folder: Path, record: RunRecord, choice: Recording) -> No
 def write_bag(folder: Path, record: RunRecord, options: BagOptions = BagOptions()) -> None:
     """Write the bag of a run.
 
+    Raises MrpSumoError for unknown options, a folder that exists, or a record without samples, and OSError when the disk refuses.
+
     Parameters
     ----------
     folder
@@ -68,13 +70,6 @@ def write_bag(folder: Path, record: RunRecord, options: BagOptions = BagOptions(
         With at least one sample.
     options
         Storage, message generation, topics.
-
-    Raises
-    ------
-    MrpSumoError
-        For unknown options, a folder that exists, or a record without samples.
-    OSError
-        When the disk refuses.
     """
     if options.storage not in STORAGES:
         raise MrpSumoError(f"unknown storage '{options.storage}'{nearest(options.storage, STORAGES)}")

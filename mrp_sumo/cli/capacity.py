@@ -112,13 +112,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def question_of(options: argparse.Namespace) -> "Question":
-    """The question that the command line asks.
-
-    Raises
-    ------
-    MrpSumoError
-        One line, for what cannot be read.
-    """
+    """The question that the command line asks. Raises MrpSumoError: one line, for what cannot be read."""
     from mrp_sumo.io.scenario.file import find_scenario
     from mrp_sumo.io.scenario.read import read_scenario
 

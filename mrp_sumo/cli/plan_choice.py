@@ -16,13 +16,7 @@ SUFFIXES = {".json": "json", ".yaml": "yaml", ".yml": "yaml", ".txt": "paths"}
 
 
 def kind_of(path: Path, chosen: str | None) -> str:
-    """The format to write: the chosen one, else by the suffix.
-
-    Raises
-    ------
-    PlanError
-        For a format or a suffix that is not known.
-    """
+    """The format to write: the chosen one, else by the suffix. Raises PlanError for a format or a suffix that is not known."""
     from mrp_sumo.formats.peers import FORMATS
 
     kinds = ["json", *FORMATS]

@@ -54,13 +54,7 @@ def run(
 
 
 def _listed(options: argparse.Namespace, arguments: Callable[[argparse.ArgumentParser], None]) -> Iterator[tuple[str, argparse.Namespace]]:
-    """Places in the list, and what each instance is planned with.
-
-    Raises
-    ------
-    MrpSumoError
-        One line, with the place.
-    """
+    """Places in the list, and what each instance is planned with. Raises MrpSumoError: one line, with the place."""
     from mrp_sumo.files.reading import read_text, shortened
 
     if options.scenario is not None or options.out is not None:

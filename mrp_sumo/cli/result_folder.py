@@ -13,10 +13,7 @@ RUNS = "runs"  # where commands write by default
 def result_folder(text: str) -> str:
     """The type of an argument that names a folder or file of results.
 
-    Raises
-    ------
-    MrpSumoError
-        Where there is none: with the place under `runs/` that may be meant, or how a bundled scenario comes to results.
+    Raises MrpSumoError where there is none: with the place under `runs/` that may be meant, or how a bundled scenario comes to results.
     """
     path, there = Path(text), Path(RUNS) / text
     try:

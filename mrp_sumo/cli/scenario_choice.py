@@ -60,10 +60,7 @@ def set_argument(parser: argparse.ArgumentParser) -> None:
 def chosen_scenario(options: argparse.Namespace) -> "ScenarioFile":
     """The scenario that the options name, with what they say instead.
 
-    Raises
-    ------
-    MrpSumoError
-        One line a fault, with the option or the file and line.
+    Raises MrpSumoError: one line a fault, with the option or the file and line.
     """
     from mrp_sumo.io.scenario.file import find_scenario
     from mrp_sumo.io.scenario.read import changed, read_scenario
@@ -162,10 +159,7 @@ def folder_name(name: str) -> str:
 def with_set(options: argparse.Namespace, file: "ScenarioFile") -> "ScenarioFile":
     """The scenario with what `--set` says instead.
 
-    Raises
-    ------
-    MrpSumoError
-        One line a fault, with the option; and for names in the scenario that are not there.
+    Raises MrpSumoError: one line a fault, with the option; and for names in the scenario that are not there.
     """
     from mrp_sumo.io.scenario.names import require_known
     from mrp_sumo.io.scenario.read import changed
@@ -204,20 +198,7 @@ def _of_instance(options: argparse.Namespace) -> "ScenarioFile":
 
 
 def chosen_planner(options: argparse.Namespace, default: str) -> tuple[str, dict[str, Any]]:
-    """Name and parameters of the planner where there is no scenario.
-
-    Parameters
-    ----------
-    options
-        With those of `arguments`.
-    default
-        The planner where none is named.
-
-    Raises
-    ------
-    MrpSumoError
-        For a key that is no parameter of the planner.
-    """
+    """Name and parameters of the planner where there is no scenario. Raises MrpSumoError for a key that is no parameter of the planner."""
     from mrp_sumo.planning.registry import parameter_names
 
     require_sound(options)
@@ -244,13 +225,7 @@ def trust_named(name: str | None) -> None:
 
 
 def require_sound(options: argparse.Namespace) -> None:
-    """Refuse options that contradict each other or are out of range.
-
-    Raises
-    ------
-    MrpSumoError
-        One line.
-    """
+    """Refuse options that contradict each other or are out of range. Raises MrpSumoError: one line."""
     if options.time_limit is not None and not (options.time_limit > 0 and math.isfinite(options.time_limit)):
         raise MrpSumoError(f"--time-limit is {options.time_limit:g}, expected a number of seconds above 0")
     if options.command == "":
@@ -301,10 +276,7 @@ def _robot(name: str) -> str:
 def _set(options: argparse.Namespace, file: "ScenarioFile") -> dict[tuple[str | int, ...], Override]:
     """What `--set` says: keys of the scenario, and parameters of its planner.
 
-    Raises
-    ------
-    MrpSumoError
-        For an unknown key, with the nearest right one.
+    Raises MrpSumoError for an unknown key, with the nearest right one.
     """
     from mrp_sumo.io.scenario.keys import unknown_key
     from mrp_sumo.io.scenario.model import SECTIONS

@@ -27,10 +27,7 @@ CONFIGURATIONS = frozenset({"matplotlibrc", ".numba_config.yaml"})  # that libra
 def num_workers(option: str, wanted: int | None) -> int:
     """The number of processes that work at a time, by default one a core.
 
-    Raises
-    ------
-    OptionError
-        For none, and for more than the machine bears.
+    Raises OptionError for none, and for more than the machine bears.
     """
     cores = len(os.sched_getaffinity(0))
     if wanted is not None and not 1 <= wanted <= MOST_A_CORE * cores:

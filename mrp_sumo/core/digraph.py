@@ -13,15 +13,7 @@ IntArray = NDArray[np.int64]
 
 
 def weak_components(num_nodes: int, tail: IntArray, head: IntArray) -> IntArray:
-    """[N] component of each node when arcs are followed both ways, numbered by their lowest nodes.
-
-    Parameters
-    ----------
-    num_nodes
-        N.
-    tail, head
-        [A] ends of the arcs.
-    """
+    """[N] component of each node when arcs are followed both ways, numbered by their lowest nodes."""
     lowest = np.arange(num_nodes)  # a node of the same component, in the end its lowest
     while True:
         low = np.minimum(lowest[tail], lowest[head])

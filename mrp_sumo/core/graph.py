@@ -242,6 +242,9 @@ def nav_graph(
 ) -> NavGraph:
     """Build a NavGraph from vertices and directed lanes in any order.
 
+    Raises MapError for a lane to an unknown vertex, from a vertex to itself or of no length, for a lane given twice, and for coordinates
+    that are not finite.
+
     Parameters
     ----------
     name
@@ -262,12 +265,6 @@ def nav_graph(
         [L], or nothing.
     source
         The file it comes from.
-
-    Raises
-    ------
-    MapError
-        For a lane to an unknown vertex, from a vertex to itself or of no length, for a lane given
-        twice, and for coordinates that are not finite.
     """
     xy = np.asarray(xy, np.float64).reshape(-1, 2)
     lanes = np.asarray(lanes, np.int64).reshape(-1, 2)

@@ -136,11 +136,8 @@ def as_planned_in_steps(plan: Plan, step_s: float) -> Plan | None:
 def paths_of_plan(plan: Plan, step_s: float) -> list[IntArray]:
     """The plan step by step: [R] arrays of vertices at steps 0, 1, ... up to the robot's arrival.
 
-    Raises
-    ------
-    PlanError
-        When a time of the plan is missing, not a whole number of steps, before an earlier one or beyond `MOST_STEPS`, or a robot
-        has no visit at time 0.
+    Raises PlanError when a time of the plan is missing, not a whole number of steps, before an earlier one or beyond `MOST_STEPS`, or a
+    robot has no visit at time 0.
     """
     paths = []
     plan = plan.in_steps or plan

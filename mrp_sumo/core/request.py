@@ -70,12 +70,7 @@ def a_stop_each(request: Request) -> None:
 def one_shot(request: Request) -> Problem:
     """The request as a problem: a start and a goal for each of its robots, in any heading, on the lanes that are open.
 
-    Stops before a robot's last are to be passed on its way.
-
-    Raises
-    ------
-    PlanError
-        When a robot has no stop.
+    Stops before a robot's last are to be passed on its way. Raises PlanError when a robot has no stop.
     """
     a_stop_each(request)
     several = len(request.stop) > len(request.robot)

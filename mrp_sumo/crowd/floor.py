@@ -89,7 +89,7 @@ class Floor:
 
 
 def floor_of(map_: Map, graph: PlanGraph, corridor_m: float | None = None) -> Floor:
-    """The free space of a map.
+    """The free space of a map. Raises ScenarioError for a map that is too large.
 
     Parameters
     ----------
@@ -99,11 +99,6 @@ def floor_of(map_: Map, graph: PlanGraph, corridor_m: float | None = None) -> Fl
         That robots drive on, in the map's frame.
     corridor_m
         Width of the ways along lanes, where there are neither walls nor cells.
-
-    Raises
-    ------
-    ScenarioError
-        For a map that is too large.
     """
     parts = [_part(map_, graph, k, corridor_m or CORRIDOR_M) for k in range(len(graph.level_names))]
     low = np.floor(np.min([part.low for part in parts], axis=0) / CELL_M) * CELL_M

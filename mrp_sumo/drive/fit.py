@@ -15,13 +15,7 @@ from mrp_sumo.traffic.resources import Resources, resources_of
 
 
 def resources_for(problem: Problem, plan: Plan) -> Resources:
-    """Resources that robots must not share, if they can drive the plan.
-
-    Raises
-    ------
-    ExecutionError
-        When they cannot.
-    """
+    """Resources that robots must not share, if they can drive the plan. Raises ExecutionError when they cannot."""
     check_lanes(problem, plan)
     check_room(problem)
     resources = resources_of(problem.graph, problem.fleet.apart_m)

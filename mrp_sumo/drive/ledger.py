@@ -233,10 +233,7 @@ class Ledger:
     def append(self, replan: Replan, policy: Policy, now_s: float) -> None:
         """Send robots on their ways, or other ways from the last visits that they have been granted, or from the cut, which is lifted.
 
-        Raises
-        ------
-        PlanError
-            When the policy keeps an order and the new one cannot be kept; then nothing has changed.
+        Raises PlanError when the policy keeps an order and the new one cannot be kept; then nothing has changed.
         """
         robots = np.array(sorted(replan.reroute), np.int64)
         ways = [replan.reroute[r] for r in robots.tolist()]
@@ -351,10 +348,7 @@ class Ledger:
     def decide(self, policy: DecidingPolicy, now_s: float) -> bool:
         """Let a policy change the order of the passages that are still to be made. Returns whether it did.
 
-        Raises
-        ------
-        PlanError
-            When its order cannot be kept, or lets somebody pass before a robot that has been granted the passage already.
+        Raises PlanError when its order cannot be kept, or lets somebody pass before a robot that has been granted the passage already.
         """
         granted_ids = self.visits.granted.tolist()
         ahead = {r: self.ids(r, visit)[1:] for r, visit in enumerate(granted_ids)}

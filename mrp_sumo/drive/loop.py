@@ -66,6 +66,9 @@ def simulate(
 ) -> Execution:
     """Drive a plan.
 
+    Raises ExecutionError when it cannot be driven, and when SUMO fails, and PlanError when the policy keeps the plan's order and that is
+    cyclic.
+
     Parameters
     ----------
     problem
@@ -80,13 +83,6 @@ def simulate(
         Show it in sumo-gui, whatever the engine; everything else is the same.
     engine
         Moves the bodies instead of that of the settings.
-
-    Raises
-    ------
-    ExecutionError
-        When it cannot be driven, and when SUMO fails.
-    PlanError
-        When the policy keeps the plan's order and that is cyclic.
     """
     policy = policy_of(settings.policy, settings.policy_parameters)
     ledger = Ledger(problem, resources_for(problem, plan))
@@ -181,10 +177,7 @@ class Drive:
     def set_out(self) -> None:
         """Have the first plan in the ledger, in which all robots have their ways.
 
-        Raises
-        ------
-        PlanError
-            When the policy keeps an order and the plan's cannot be kept.
+        Raises PlanError when the policy keeps an order and the plan's cannot be kept.
         """
         first = OneShot()
         for request in first.due(0.0, self.context):

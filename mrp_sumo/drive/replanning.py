@@ -133,17 +133,12 @@ def planned(
     """The answer of a planner to a request, from where robots are committed to be.
 
     Robots that the request leaves out stay where they are. Those that cannot reach their stops now, too, and those that have reached
-    theirs, if the planner has them back later than their stops take.
+    theirs, if the planner has them back later than their stops take. Raises PlanError when it finds no plan, and for a robot without stops.
 
     Parameters
     ----------
     begin_s
         When it is to take effect.
-
-    Raises
-    ------
-    PlanError
-        When it finds no plan, and for a robot without stops.
     """
     a_stop_each(request)
     request = request if limits.window_steps and "stops" in supports_of(planner, parameters) else next_stops(request)
@@ -195,15 +190,7 @@ def supports_of(planner: str, parameters: Mapping[str, Any]) -> Collection[str]:
 
 
 def replan(standing: Situation, context: Surroundings, planner: str, parameters: Mapping[str, Any], limits: AnswerLimits) -> Replan:
-    """Ask a planner.
-
-    Raises
-    ------
-    PlanError
-        When it finds no plan.
-    PlanningOverrun
-        When it takes so long that the run is given up.
-    """
+    """Ask a planner. Raises PlanError when it finds no plan, and PlanningOverrun when it takes so long that the run is given up."""
     request, visits = standing.request, context.ledger.visits
     on_lane = context.state.grants.on_lane & (context.ledger.joint == visits.granted)
     now_s, result = request.now_s, answer(request, planner, parameters, limits) if len(request.robot) else None
@@ -235,12 +222,8 @@ def replan(standing: Situation, context: Surroundings, planner: str, parameters:
 def answer(request: Request, planner: str, parameters: Mapping[str, Any], limits: AnswerLimits) -> PlanResult:
     """The answer of a registered planner to a request, with a plan in seconds since it was made.
 
-    Raises
-    ------
-    PlanError
-        When there is none; LatePlanError where the effort did not suffice.
-    PlanningOverrun
-        When it takes so long that the run is given up: no plan depends on the clock.
+    Raises PlanError when there is none; LatePlanError where the effort did not suffice. Raises PlanningOverrun when it takes so long that
+    the run is given up: no plan depends on the clock.
     """
     from mrp_sumo.planning.registry import planner as make
 

@@ -34,6 +34,8 @@ MANY_STEPS = 1000  # after which it is asked whether anybody moves
 def retime(problem: Problem, plan: Plan, settings: ExecutionSettings, *, margin_s: float = 0.0, spread_s: float = 0.0) -> Plan:
     """The plan in seconds of real motion.
 
+    Raises ExecutionError when it cannot be driven at all (`drive.fit`), and PlanError when its order cannot be kept.
+
     Parameters
     ----------
     problem
@@ -54,13 +56,6 @@ def retime(problem: Problem, plan: Plan, settings: ExecutionSettings, *, margin_
     plan
         The same visits. A robot arrives at `arrive_s`, and sets out at `depart_s`; both are equal where it drives through. The first
         turn, from a start's heading, is before the first departure, the last, to a goal's, before `turned_s`.
-
-    Raises
-    ------
-    ExecutionError
-        When it cannot be driven at all (`drive.fit`).
-    PlanError
-        When its order cannot be kept.
     """
     in_steps = as_planned_in_steps(plan, problem.step_s)
     policy = policy_of(settings.policy, settings.policy_parameters)
@@ -88,10 +83,7 @@ def retime(problem: Problem, plan: Plan, settings: ExecutionSettings, *, margin_
 def _drive_out(cycle: DriveCycle, most_steps: int, stuck_after: int) -> FloatArray:
     """[N] When robots leave their visits, as they all drive until everybody has made its last, and stands there as it is to.
 
-    Raises
-    ------
-    PlanError
-        When nobody has been able to go on for `stuck_after` steps, or some are not there after `most_steps`.
+    Raises PlanError when nobody has been able to go on for `stuck_after` steps, or some are not there after `most_steps`.
     """
     ledger, bodies = cycle.ledger, cycle.bodies
     visits, num_robots = ledger.visits, ledger.num_robots

@@ -32,7 +32,7 @@ class WorkRequest(Request):
 
 
 def work_request(crew: Crew, now_s: float, closed: BoolArray, assigned: Mapping[int, int]) -> WorkRequest:
-    """The request for the ways of all robots that are not at work.
+    """The request for the ways of all robots that are not at work. Raises PlugInError for a task that needs a robot of another type.
 
     Parameters
     ----------
@@ -40,11 +40,6 @@ def work_request(crew: Crew, now_s: float, closed: BoolArray, assigned: Mapping[
         [L] lanes that nobody may use.
     assigned
         Tasks for robots that have none, or have one that they may pass on. It goes back to those that wait, if nobody is given it.
-
-    Raises
-    ------
-    PlugInError
-        For a task that needs a robot of another type.
     """
     _check(crew, assigned)
     crew.is_changed = False

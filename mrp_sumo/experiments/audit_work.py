@@ -35,10 +35,7 @@ def logs_of(run: RunResult) -> Logs:
 def logs_in(run: RunFolder) -> Logs | None:
     """Logs of the run in a folder, read from its tables, for the operations audit; None without tasks.
 
-    Raises
-    ------
-    MrpSumoError
-        When a file is lost or damaged, also one that the scenario names.
+    Raises MrpSumoError when a file is lost or damaged, also one that the scenario names.
     """
     if run.result["scenario"].get("tasks") is None or not run.executed:
         return None

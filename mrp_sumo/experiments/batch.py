@@ -101,12 +101,8 @@ def open_batch(
 ) -> BatchFolder:
     """Plan a suite and see which of its runs are in the folder already. Programs of users run only with `quarantine`, before a batch.
 
-    With `chosen`, runs are not those of the suite: they are added as they are chosen.
-
-    Raises
-    ------
-    MrpSumoError
-        For faults of the suite, and for the folder of another suite or of another version of the code.
+    With `chosen`, runs are not those of the suite: they are added as they are chosen. Raises MrpSumoError for faults of the suite, and for
+    the folder of another suite or of another version of the code.
     """
     batch = BatchFolder(file, folder, [] if chosen else runs_of(file, code_version(), run_programs=quarantine), code_version())
     if folder.exists():
@@ -136,6 +132,8 @@ def run_batch(
 ) -> BatchFolder:
     """Make all runs of a suite that have no result yet, and the tables of all.
 
+    Raises MrpSumoError for a suite, folder or cluster that cannot be used, and when results cannot be written. Results written so far stay.
+
     Parameters
     ----------
     file
@@ -158,11 +156,6 @@ def run_batch(
         `module:name` of what makes a run.
     chooser
         Says which runs are wanted, instead of the suite: asked at first, and again whenever a run has ended, until no more are.
-
-    Raises
-    ------
-    MrpSumoError
-        For a suite, folder or cluster that cannot be used, and when results cannot be written. Results written so far stay.
     """
     with _locked(folder):
         batch = open_batch(file, folder, watcher.report, quarantine=True, chosen=chooser is not None)

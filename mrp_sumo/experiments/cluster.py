@@ -25,13 +25,7 @@ _here: dict[int, Processes] = {}  # of each thread of a Dask worker
 
 
 class Cluster:
-    """A Dask cluster that makes runs.
-
-    Raises
-    ------
-    BatchError
-        When there is no scheduler at the address, or dask.distributed is not installed.
-    """
+    """A Dask cluster that makes runs. Raises BatchError when there is no scheduler at the address, or dask.distributed is not installed."""
 
     def __init__(self, address: str, function: str) -> None:
         try:

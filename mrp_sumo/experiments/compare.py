@@ -65,6 +65,8 @@ def compare(
 ) -> Comparison:
     """Compare two result tables on the runs they share.
 
+    Raises BatchError when they share no run, and for a metric that a table does not have.
+
     Parameters
     ----------
     first, second
@@ -79,11 +81,6 @@ def compare(
         Count every run that got worse instead.
     own
         Metrics beside the bundled ones, for their senses.
-
-    Raises
-    ------
-    BatchError
-        When they share no run, and for a metric that a table does not have.
     """
     for metric in metrics:
         for frame in (first, second):

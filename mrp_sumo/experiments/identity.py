@@ -47,17 +47,7 @@ _LIBRARIES = ("libsumo", "ortools")  # whose versions may change results
 
 
 def scenario_key(canonical: str, until: str, repeat: int) -> str:
-    """Name of a run whatever code makes it; 20 hexadecimal digits.
-
-    Parameters
-    ----------
-    canonical
-        The scenario as JSON with sorted keys.
-    until
-        How far the run goes.
-    repeat
-        Which repetition.
-    """
+    """Name of a run whatever code makes it; 20 hexadecimal digits."""
     return _digest(f"{until} {repeat} {canonical}".encode())
 
 
@@ -74,17 +64,7 @@ def input_hash(paths: Iterable[Path]) -> str:
 def plug_in_hash(scenario: ScenarioModel, folder: Path) -> str:
     """Hash of the sources of the plug-ins from outside that a scenario names, '' where it names none.
 
-    Parameters
-    ----------
-    scenario
-        Whose plug-ins.
-    folder
-        Where relative paths begin.
-
-    Raises
-    ------
-    ScenarioError
-        For a plug-in that is not there.
+    Raises ScenarioError for a plug-in that is not there.
     """
     digests = []
     for place, kind, name in plug_ins_of(scenario):

@@ -23,10 +23,7 @@ from mrp_sumo.traffic.referee import judge
 def measure_run(run: RunFolder, metrics: Sequence[Metric]) -> Metrics:
     """Metrics of a run folder, by name. Without a plan there is nothing to measure: all are None.
 
-    Raises
-    ------
-    MrpSumoError
-        When a file is missing or damaged.
+    Raises MrpSumoError when a file is missing or damaged.
     """
     with damage_in(run.folder):  # metrics that anybody wrote are guarded: it is the folder that contradicts itself
         return _measured(run, metrics)
@@ -77,6 +74,8 @@ def _measured(run: RunFolder, metrics: Sequence[Metric]) -> Metrics:
 def measure_batch(folder: Path, metrics: Sequence[Metric], report: Callable[[str], None]) -> tuple[int, int]:
     """Add metrics to the results of a batch, from the traces of its runs; runs without a trace have none.
 
+    Raises BatchError when it is no batch, under way, or no run has a trace.
+
     Parameters
     ----------
     folder
@@ -90,11 +89,6 @@ def measure_batch(folder: Path, metrics: Sequence[Metric], report: Callable[[str
     -------
     num_measured, num_runs
         Of the runs that have ended; those count as measured for which any of the metrics has a value.
-
-    Raises
-    ------
-    BatchError
-        When it is no batch, under way, or no run has a trace.
     """
     planned = read_plan(folder)["keys"]
     keys = [key for key in planned if record_path(folder, key).is_file()]

@@ -70,21 +70,7 @@ class Kinds:
 def run_campaign(campaign: Campaign, watcher: Watcher, *, workers: int, stop: Callable[[], int] = lambda: GO_ON) -> Made:
     """Make all runs that have no result yet.
 
-    Parameters
-    ----------
-    campaign
-        What is to be made.
-    watcher
-        Callbacks of every batch.
-    workers
-        Processes.
-    stop
-        As for `run_batch`.
-
-    Raises
-    ------
-    MrpSumoError
-        For a folder that holds something else or was made by another version, and maps that are not there.
+    Raises MrpSumoError for a folder that holds something else or was made by another version, and maps that are not there.
     """
     begin = time.monotonic()
     maps = maps_in(campaign.maps) if campaign.maps else {}
@@ -104,13 +90,7 @@ def run_campaign(campaign: Campaign, watcher: Watcher, *, workers: int, stop: Ca
 
 
 def maps_in(folder: Path) -> dict[str, str]:
-    """Files of MRP-Bench's maps, by our names.
-
-    Raises
-    ------
-    MrpSumoError
-        When one is missing.
-    """
+    """Files of MRP-Bench's maps, by our names. Raises MrpSumoError when one is missing."""
     files_of = {}
     for ours, theirs in MRP_BENCH.items():
         files = sorted(folder.rglob(f"{theirs}.building.yaml"))
@@ -121,17 +101,7 @@ def maps_in(folder: Path) -> dict[str, str]:
 
 
 def suite_of(name: str, num_seeds: int | None, maps: dict[str, str]) -> dict[str, Any]:
-    """A bundled suite as a document, with the first seeds and on other maps.
-
-    Parameters
-    ----------
-    name
-        Of the suite.
-    num_seeds
-        At most so many values of its axis `seed`.
-    maps
-        Files by the names of bundled maps.
-    """
+    """A bundled suite as a document, with the first seeds and on other maps."""
     suite: dict[str, Any] = yaml.safe_load(find_suite(name).read_text(encoding="utf-8"))
     grid = suite["grid_search"]
     if maps:
@@ -149,13 +119,7 @@ def suite_of(name: str, num_seeds: int | None, maps: dict[str, str]) -> dict[str
 
 
 def kinds_of(driven: "pandas.DataFrame") -> Kinds:
-    """The scenarios among the runs of Table III: with five robots, as in the paper, unless every scenario with five survives.
-
-    Parameters
-    ----------
-    driven
-        The runs, as `load_results` gives them.
-    """
+    """The scenarios among the runs of Table III: with five robots, as in the paper, unless every scenario with five survives."""
     there = driven["map"].str.contains("warehouse") & (driven["execution.policy"] == "open_loop")
     runs = driven[there & driven["execution.recovery.replanner"].isna()]
     for robots in sorted(runs["robots.count"].unique()):

@@ -89,21 +89,7 @@ class Proposal:
 def propose(map_values: Mapping[str, Any], folder: Path, name: str, wishes: Wishes) -> Proposal:
     """A scenario with work for a map, which was driven for ten simulated minutes.
 
-    Parameters
-    ----------
-    map_values
-        What the scenario says under `map`.
-    folder
-        Where relative paths begin.
-    name
-        Of runs.
-    wishes
-        What is not to be guessed.
-
-    Raises
-    ------
-    MrpSumoError
-        Where no scenario with work comes of it, with the reason.
+    Raises MrpSumoError where no scenario with work comes of it, with the reason.
     """
     with MapCache() as maps:
         setup, why_type = _fitting_type(map_values, folder, maps, wishes.robot_type)

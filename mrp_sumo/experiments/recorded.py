@@ -42,7 +42,7 @@ WAITS = ("blocked",)  # types of errors that are waits; others are disturbances
 
 
 def recorded_run(path: Path, model: RobotType, drawn: Map | None = None) -> RunResult:
-    """The run that a log tells of.
+    """The run that a log tells of. Raises MrpSumoError for a log that cannot be read, of more than a day, or that says too little.
 
     Parameters
     ----------
@@ -52,11 +52,6 @@ def recorded_run(path: Path, model: RobotType, drawn: Map | None = None) -> RunR
         What vehicles are like, as far as their factsheets do not say.
     drawn
         The map, for its walls; without, the nodes of orders are all there is.
-
-    Raises
-    ------
-    MrpSumoError
-        For a log that cannot be read, of more than a day, or that says too little.
     """
     from mrp_sumo.metrics.audit import audit
     from mrp_sumo.metrics.evaluate import evaluate

@@ -45,17 +45,7 @@ class Reproduction:
 def reproduce_run(folder: Path, base: Path) -> Reproduction:
     """Make a run again, in a folder that is removed, and compare it file by file.
 
-    Parameters
-    ----------
-    folder
-        Of the run.
-    base
-        Where the relative paths of its scenario begin.
-
-    Raises
-    ------
-    MrpSumoError
-        For a folder that is no run's, and a scenario that cannot be run, such as one whose map is not there.
+    Raises MrpSumoError for a folder that is no run's, and a scenario that cannot be run, such as one whose map is not there.
     """
     before = load_run(folder).result
     for name, about in before.get("files", {"": None}).items():
@@ -84,15 +74,7 @@ def reproduce_run(folder: Path, base: Path) -> Reproduction:
 
 
 def reproduce_batch(records: list[BatchRecord], base: Path) -> Reproduction:
-    """Make runs of a batch again, one after the other, and compare status and metrics.
-
-    Parameters
-    ----------
-    records
-        Of the runs.
-    base
-        Where the relative paths of their scenarios begin.
-    """
+    """Make runs of a batch again, one after the other, and compare status and metrics."""
     lines: list[str] = []
     differ, codes = 0, {record["code"] for record in records} - {code_version()}
     with MapCache() as maps:

@@ -179,17 +179,7 @@ class RunResult:
     def write(self, out: Path, maps: MapCache) -> None:
         """Write the run folder; one that is there already is replaced.
 
-        Parameters
-        ----------
-        out
-            The folder.
-        maps
-            Where the SUMO network comes from.
-
-        Raises
-        ------
-        MrpSumoError
-            When `out` holds something else, or the disk refuses. Nothing half-written stays.
+        Raises MrpSumoError when `out` holds something else, or the disk refuses. Nothing half-written stays.
         """
         from mrp_sumo.bags.writer import write_recorded_bag
 

@@ -57,19 +57,7 @@ DEFAULT = RunOptions()
 def run_scenario(file: ScenarioFile, out: Path, options: RunOptions = DEFAULT) -> "RunResult":
     """Run a scenario and write its run folder. Ctrl-C while robots drive keeps what there is of a run with tasks.
 
-    Parameters
-    ----------
-    file
-        The scenario.
-    out
-        The run folder; a run folder that is there already is replaced once the new one is complete.
-    options
-        How it is made.
-
-    Raises
-    ------
-    MrpSumoError
-        When the scenario cannot be run at all; nothing is written.
+    Raises MrpSumoError when the scenario cannot be run at all; nothing is written.
     """
     check_replaceable(out)
     with MapCache() as maps:
@@ -111,37 +99,14 @@ def interrupts() -> Iterator[Interrupt]:
 
 
 def carry_out(file: ScenarioFile, maps: MapCache, options: RunOptions = DEFAULT) -> "RunResult":
-    """Run a scenario and measure it; writes nothing.
-
-    Parameters
-    ----------
-    file
-        The scenario.
-    maps
-        Where maps and networks come from; give the same one to many runs.
-    options
-        How it is made.
-
-    Raises
-    ------
-    MrpSumoError
-        When the scenario cannot be run at all.
-    """
+    """Run a scenario and measure it; writes nothing. Raises MrpSumoError when the scenario cannot be run at all."""
     options.progress("loading the map", 0.0, 0.0)
     setup = set_up(file, maps)
     return finish(setup, solve(setup, execute=options.execute, progress=options.progress), maps, options)
 
 
 def finish(setup: SetUp, solution: Solution, maps: MapCache, options: RunOptions = DEFAULT) -> "RunResult":
-    """Drive what was planned, if there is a plan, and measure it.
-
-    Parameters
-    ----------
-    setup, solution
-        Of one problem; the setup says how to drive.
-    maps, options
-        As for `carry_out`.
-    """
+    """Drive what was planned, if there is a plan, and measure it."""
     from mrp_sumo.drive.outside_dispatcher import DispatcherError
     from mrp_sumo.experiments.interventions import Interventions
     from mrp_sumo.experiments.result import RunResult

@@ -142,11 +142,6 @@ def mcnemar(first: ArrayLike, second: ArrayLike) -> PairedRates:
     """McNemar's exact test of whether two yes-or-no outcomes of the same runs differ.
 
     The interval of the difference is Newcombe's tenth (Statistics in Medicine 17, 1998, 2635-2650).
-
-    Parameters
-    ----------
-    first, second
-        [N] outcomes, run by run.
     """
     a, b = np.asarray(first, np.bool_), np.asarray(second, np.bool_)
     n = len(a)
@@ -171,15 +166,6 @@ def wilcoxon(first: ArrayLike, second: ArrayLike, confidence: float = 0.95, seed
 
     The effect size is the matched-pairs rank-biserial correlation (Kerby, Comprehensive Psychology 3, 2014).
     Runs without both values are left out.
-
-    Parameters
-    ----------
-    first, second
-        [N] values, run by run.
-    confidence
-        Of the bootstrap interval of the mean difference.
-    seed
-        Of the bootstrap.
     """
     a, b = np.asarray(first, np.float64), np.asarray(second, np.float64)
     there = np.isfinite(a) & np.isfinite(b)
@@ -216,15 +202,7 @@ def _ranks(values: FloatArray) -> FloatArray:
 
 
 def _signed_rank_test(ranks: FloatArray, rose: BoolArray) -> float:
-    """How likely a sum of ranks at least as uneven is if every sign is as likely as its opposite, two-sided.
-
-    Parameters
-    ----------
-    ranks
-        [N] of the absolute differences.
-    rose
-        [N] whether a difference is positive.
-    """
+    """How likely a sum of ranks at least as uneven is if every sign is as likely as its opposite, two-sided."""
     count, plus = len(ranks), float(ranks[rose].sum())
     if count <= MAX_ENUMERATED:
         sums = (np.arange(2**count)[:, None] >> np.arange(count) & 1) @ ranks

@@ -98,13 +98,7 @@ class PlannedRun:
 
 
 def find_suite(name_or_path: str) -> Path:
-    """The file of a suite: a path, or the name of a bundled one.
-
-    Raises
-    ------
-    ScenarioError
-        When there is neither.
-    """
+    """The file of a suite: a path, or the name of a bundled one. Raises ScenarioError when there is neither."""
     path = Path(name_or_path)
     folder = bundled_folder("scenarios") / "suites"
     if path.is_file() or path.suffix:
@@ -118,13 +112,7 @@ def find_suite(name_or_path: str) -> Path:
 
 
 def read_suite(path: Path) -> SuiteFile:
-    """Read and check a suite file; its runs are checked by `runs_of`.
-
-    Raises
-    ------
-    ScenarioError
-        One line a fault.
-    """
+    """Read and check a suite file; its runs are checked by `runs_of`. Raises ScenarioError: one line a fault."""
     document = read_document(path)
     if isinstance(document.content, dict) and "map" in document.content and "base" not in document.content:
         raise ScenarioError(f"{shortened(path)}: a scenario, expected a suite, with `base` and `grid_search`; see `mrp-sumo run`")
@@ -155,7 +143,7 @@ def read_suite(path: Path) -> SuiteFile:
 
 
 def runs_of(file: SuiteFile, code: str, *, run_programs: bool = True) -> list[PlannedRun]:
-    """Every run of a suite, in the order of its axes, the last fastest.
+    """Every run of a suite, in the order of its axes, the last fastest. Raises ScenarioError: one line a fault of a scenario.
 
     Parameters
     ----------
@@ -165,11 +153,6 @@ def runs_of(file: SuiteFile, code: str, *, run_programs: bool = True) -> list[Pl
         Version of the code that will run, part of the keys.
     run_programs
         Whether plug-in files may run; those that are not trusted are refused then.
-
-    Raises
-    ------
-    ScenarioError
-        One line a fault of a scenario.
     """
     count = file.suite.repeat
     for _, values in file.axes:
@@ -211,13 +194,7 @@ class Variations:
         self._inputs = _Inputs(file.document, file.options, folder, folder)
 
     def run(self, values: Mapping[Place, tuple[str, Any]]) -> PlannedRun:
-        """The run with these values, as for `io.scenario.changed`.
-
-        Raises
-        ------
-        ScenarioError
-            One line a fault.
-        """
+        """The run with these values, as for `io.scenario.changed`. Raises ScenarioError: one line a fault."""
         scenario = changed(self._file, values).scenario.model_copy(update={"name": ""})
         canonical = scenario.model_dump_json()
         read, plug_ins = self._inputs(scenario, canonical)
@@ -226,13 +203,7 @@ class Variations:
 
 
 def _expanded(values: list[Any] | str) -> Iterator[Any]:
-    """The values of an axis, ranges written out.
-
-    Raises
-    ------
-    ValueError
-        For what is neither a list nor a range, and for nothing.
-    """
+    """The values of an axis, ranges written out. Raises ValueError for what is neither a list nor a range, and for nothing."""
     if isinstance(values, str) and not _RANGE.fullmatch(values):
         raise ValueError(f"found {values!r}, expected a list, such as [{values}], or a range, such as 0..53")
     listed = [values] if isinstance(values, str) else values

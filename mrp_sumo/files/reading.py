@@ -27,17 +27,7 @@ _KINDS = (
 
 
 def require_regular(path: Path, max_bytes: int = MAX_BYTES, error: type[MrpSumoError] = MrpSumoError) -> None:
-    """Refuse what is no regular file, or is too large, without opening it; for libraries that open files themselves.
-
-    Parameters
-    ----------
-    path
-        The file; symbolic links are followed.
-    max_bytes
-        The largest size that is read.
-    error
-        What is raised.
-    """
+    """Refuse what is no regular file, or is too large, without opening it; for libraries that open files themselves."""
     try:
         _check(path, path.stat(), max_bytes, error)
     except OSError as fault:
@@ -86,19 +76,14 @@ def read_text(path: Path, max_bytes: int = MAX_BYTES, error: type[MrpSumoError] 
 def json_value(text: str | bytes, *, finite: bool = False, largest: float | None = None) -> Any:
     """The value of a JSON text; as `json.loads`, but half of a character of two halves is refused: nobody could write it to a file.
 
+    Raises ValueError for what is not JSON, and RecursionError for what is nested too deep.
+
     Parameters
     ----------
     finite
         Refuse `Infinity` and `NaN`, which are no JSON.
     largest
         Refuse these, and numbers farther from 0; None for none.
-
-    Raises
-    ------
-    ValueError
-        For what is not JSON.
-    RecursionError
-        For what is nested too deep.
     """
     if largest is None:
         value = json.loads(text, parse_constant=_no_number if finite else None)

@@ -13,10 +13,7 @@ from mrp_sumo.files.reading import shortened
 def written_whole(path: Path) -> Iterator[Path]:
     """A place beside `path` to write to, which replaces `path` at the end; after a fault nothing of it is left.
 
-    Raises
-    ------
-    OSError
-        As the system reports it.
+    Raises OSError as the system reports it.
     """
     part = path.with_name(f".{os.getpid()}.{path.name}")
     try:
@@ -53,10 +50,7 @@ def write_text(path: Path, text: str) -> None:
 def write_whole(path: Path, data: bytes) -> None:
     """Write a file whole or not at all, even when the power fails.
 
-    Raises
-    ------
-    OSError
-        As the system reports it; nothing of the file is left then.
+    Raises OSError as the system reports it; nothing of the file is left then.
     """
     new = [folder for folder in path.parents if not folder.exists()]
     try:

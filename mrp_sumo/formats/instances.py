@@ -37,23 +37,10 @@ class Instance:
 
 
 def read_instance(map_path: Path, scen_path: Path | None = None, num_robots: int | None = None, seed: int = 0) -> Instance:
-    """Read a problem.
+    """Read a problem: of a `.map` with the first rows of its `.scen`, or of a libMultiRobotPlanning YAML, which has its agents in it.
 
-    Parameters
-    ----------
-    map_path
-        A `.map`, or a libMultiRobotPlanning YAML, which has its agents in it.
-    scen_path
-        The `.scen` of a `.map`; robot k is row k. Without one, starts and goals are drawn in the largest component.
-    num_robots
-        The first so many; by default all of the file.
-    seed
-        Of the problem, and of the draw.
-
-    Raises
-    ------
-    MrpSumoError
-        As the module refuses, and as `Problem` does.
+    Without a `.scen`, starts and goals are drawn in the largest component.
+    Raises MrpSumoError as the module refuses, and as `Problem` does.
     """
     source = read_text(map_path)
     if num_robots is not None and num_robots < 0:
@@ -85,10 +72,7 @@ def read_instance(map_path: Path, scen_path: Path | None = None, num_robots: int
 def problem_of_places(instance: Instance, places: list[list[Any]], name: str) -> Problem:
     """The problem on an instance's graph that paths of (column, row) or vertex names solve: from their first to their last places.
 
-    Raises
-    ------
-    PlanError
-        For a path without steps or with a place that is not a vertex, and for starts or goals that are not distinct.
+    Raises PlanError for a path without steps or with a place that is not a vertex, and for starts or goals that are not distinct.
     """
     graph, cells = instance.problem.graph, instance.cells
     ends = []

@@ -27,13 +27,7 @@ MAX_STEPS = 1_000_000
 
 
 def read_problem(path: Path) -> StepWiseProblem:
-    """Read a problem with its three files.
-
-    Raises
-    ------
-    PlanError
-        As the module refuses.
-    """
+    """Read a problem with its three files. Raises PlanError as the module refuses."""
     document = read_json(path, error=PlanError)
     if not isinstance(document, dict):
         raise PlanError(f"{path.name}: expected an object with {', '.join(KEYS)}")
@@ -82,10 +76,7 @@ def _of_2026(path: Path, document: dict[str, Any]) -> tuple[int, float]:
 def read_solution(path: Path, problem: StepWiseProblem) -> StepWiseSolution:
     """Read a solution of a problem, which says how wide the map is.
 
-    Raises
-    ------
-    PlanError
-        For one that lacks what a referee needs, or has letters or numbers that mean nothing.
+    Raises PlanError for one that lacks what a referee needs, or has letters or numbers that mean nothing.
     """
     document = read_json(path, error=PlanError)
     if not isinstance(document, dict):
@@ -132,13 +123,7 @@ def _require_rows(path: Path, parts: dict[str, list[Any]]) -> None:
 
 
 def read_map(path: Path) -> BoolArray:
-    """[H, W] the free cells of a map; row 0 is the uppermost.
-
-    Raises
-    ------
-    PlanError
-        For what is no MovingAI map.
-    """
+    """[H, W] the free cells of a map; row 0 is the uppermost. Raises PlanError for what is no MovingAI map."""
     lines = read_text(path, error=PlanError).splitlines()
     size = {}
     for words in (line.split() for line in lines[:4]):

@@ -97,6 +97,8 @@ def yaml_instance(problem: Problem, cells: Cells | None, *, free: bool = False) 
 def read_paths(text: str, problem: Problem, cells: Cells | None, name: str = "plan", shift: tuple[int, int] = (0, 0)) -> Plan:
     """The plan in a peer's output.
 
+    Raises PlanError for a format that is not known, a robot without a path, a place that is not a vertex, a time that is skipped.
+
     Parameters
     ----------
     text
@@ -109,11 +111,6 @@ def read_paths(text: str, problem: Problem, cells: Cells | None, name: str = "pl
         Of the file, for messages.
     shift
         Columns and rows to add to the plan's.
-
-    Raises
-    ------
-    PlanError
-        For a format that is not known, a robot without a path, a place that is not a vertex, a time that is skipped.
     """
     places = read_places(text, problem.num_robots, name)
     paths = []
@@ -171,10 +168,7 @@ def own_time_s(text: str) -> float | None:
 def print_paths(problem: Problem, plan: Plan, cells: Cells | None, kind: str) -> str:
     """A plan in a peer's format.
 
-    Raises
-    ------
-    PlanError
-        For an unknown format, a plan that is not in whole steps, or one on a roadmap for a format of cells.
+    Raises PlanError for an unknown format, a plan that is not in whole steps, or one on a roadmap for a format of cells.
     """
     paths = paths_of_plan(plan, problem.step_s)
     names = _names(problem.graph)

@@ -28,6 +28,8 @@ def is_json(text: str) -> bool:
 def read_plan_file(path: Path, problem: Problem, cells: Cells | None) -> tuple[Plan, str]:
     """The plan in a file, and what had to be done to read it.
 
+    Raises PlanError for a file that cannot be read, other robots, or a place that is not a vertex.
+
     Parameters
     ----------
     path
@@ -44,11 +46,6 @@ def read_plan_file(path: Path, problem: Problem, cells: Cells | None) -> tuple[P
     note
         A line where the plan counts cells from another corner than the map, as is seen when all its robots start equally far from
         where they are; '' else.
-
-    Raises
-    ------
-    PlanError
-        For a file that cannot be read, other robots, or a place that is not a vertex.
     """
     text = text_of(path)
     if is_json(text):
@@ -71,6 +68,8 @@ def require_on_graph(plan: Plan, graph: PlanGraph, name: str, where: str) -> Non
 def plan_and_goals(path: Path, problem: Problem, cells: Cells | None) -> tuple[Plan, Problem, str]:
     """The plan in a file, which solves the problem or has conflicts, and the problem with the assignment that the plan is for.
 
+    Raises PlanError as `read_plan_file`; and for a plan with other starts or goals, or that leaves the lanes.
+
     Parameters
     ----------
     path, problem, cells
@@ -80,11 +79,6 @@ def plan_and_goals(path: Path, problem: Problem, cells: Cells | None) -> tuple[P
     -------
     plan, problem, note
         The note is that of `read_plan_file`.
-
-    Raises
-    ------
-    PlanError
-        As `read_plan_file`; and for a plan with other starts or goals, or that leaves the lanes.
     """
     plan, note = read_plan_file(path, problem, cells)
     if not problem.is_assigned:

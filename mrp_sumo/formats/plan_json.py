@@ -27,19 +27,7 @@ FARTHEST = 1e15  # of times and numbers of vertices
 
 
 def write_plan(path: Path, problem: Problem, plan: Plan, *, has_goals: bool = True) -> None:
-    """Write a plan, one line per robot.
-
-    Parameters
-    ----------
-    path
-        To be written.
-    problem
-        The plan's, with its assignment.
-    plan
-        Times in s.
-    has_goals
-        Whether robots have goals of their own; where tasks come instead, `goal` is null.
-    """
+    """Write a plan, one line per robot; where tasks come instead of goals, `goal` is null."""
     graph, lines = problem.graph, []
     for r in range(plan.num_robots):
         visits = slice(int(plan.first[r]), int(plan.first[r + 1]))
@@ -82,19 +70,9 @@ def _headings(problem: Problem, plan: Plan, robot: int) -> dict[str, float | Non
 
 
 def read_plan(path: Path, robot_name: Sequence[str] | None = None) -> Plan:
-    """Read a plan back, on the vertices of the graph it was made for.
+    """Read a plan back, on the vertices of the graph it was made for; checked against the fleet's names, and in their order, if given.
 
-    Parameters
-    ----------
-    path
-        A plan file.
-    robot_name
-        The fleet's, to check against and order by; the file's own order by default.
-
-    Raises
-    ------
-    PlanError
-        For a file that is missing, damaged, of another schema, or for other robots.
+    Raises PlanError for a file that is missing, damaged, of another schema, or for other robots.
     """
     document = read_json(path, error=PlanError)
     version = document.get("schema_version") if isinstance(document, dict) else None

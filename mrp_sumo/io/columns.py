@@ -35,17 +35,7 @@ def put(data: dict[str, Any], key: Sequence[str | int], value: Any, above: str =
     """Set a dotted key in `data`, whose inner mappings are shared and therefore copied.
 
     Naming another map, planner, assigner, policy or set of disturbances drops what belonged to the one before: level, graph, parameters.
-
-    Parameters
-    ----------
-    data
-        A scenario's document, or a section of it.
-    key
-        The parts of the key.
-    value
-        The new value.
-    above
-        The dotted key of `data`.
+    `above` is the dotted key of `data`.
     """
     first = str(key[0])
     section = f"{above}.{first}" if above else first

@@ -59,13 +59,7 @@ class Document:
 
 
 def read_document(path: Path) -> Document:
-    """Read a YAML file that holds one mapping.
-
-    Raises
-    ------
-    ScenarioError
-        One line with file and line number.
-    """
+    """Read a YAML file that holds one mapping. Raises ScenarioError: one line with file and line number."""
     try:
         text = read_text(path, MAX_BYTES, ScenarioError)
     except ScenarioError as error:
@@ -93,7 +87,7 @@ def read_document(path: Path) -> Document:
 
 
 def validated(document: Document, model: type[Model], content: Any = None, options: Mapping[Place, str] | None = None) -> Model:
-    """The document as a model.
+    """The document as a model. Raises ScenarioError: one line per fault.
 
     Parameters
     ----------
@@ -105,11 +99,6 @@ def validated(document: Document, model: type[Model], content: Any = None, optio
         The document's own by default.
     options
         What to call a place instead of its line in the file: the command line option that set it.
-
-    Raises
-    ------
-    ScenarioError
-        One line per fault.
     """
     try:
         return TypeAdapter(model).validate_python(document.content if content is None else content)

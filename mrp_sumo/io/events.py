@@ -63,10 +63,7 @@ def events_frame(documents: list[dict[str, Any]]) -> "pandas.DataFrame":
 def read_events(path: Path) -> list[dict[str, Any]]:
     """The lines of an events file as dictionaries; what lasts for good has an infinite `duration_s`.
 
-    Raises
-    ------
-    MrpSumoError
-        For a line that is not a JSON object.
+    Raises MrpSumoError for a line that is not a JSON object.
     """
     events = []
     for number, line in enumerate(read_text(path).splitlines(), 1):

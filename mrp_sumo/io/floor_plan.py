@@ -42,13 +42,7 @@ def write_floor(path: Path, graph: PlanGraph, fleet: Fleet, nav: NavGraph | None
 
 
 def read_floor(path: Path) -> tuple[PlanGraph, Fleet, NavGraph | None]:
-    """Read `floor.json` back.
-
-    Raises
-    ------
-    MrpSumoError
-        For a file that is missing, damaged, or of another schema.
-    """
+    """Read `floor.json` back. Raises MrpSumoError for a file that is missing, damaged, or of another schema."""
     document = read_json(path)
     version = document.get("schema_version") if isinstance(document, dict) else None
     if version != SCHEMA_VERSION:

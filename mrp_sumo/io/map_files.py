@@ -24,7 +24,7 @@ SUFFIXES = (".nav.yaml", ".map", ".geojson", ".net.xml", ".lif.json", ".xml")
 
 
 def write_map(map_: Map, path: Path, cell_m: float = 0.4) -> list[str]:
-    """Write a map, whole or not at all.
+    """Write a map, whole or not at all. Raises MapError as the module refuses.
 
     Parameters
     ----------
@@ -39,11 +39,6 @@ def write_map(map_: Map, path: Path, cell_m: float = 0.4) -> list[str]:
     -------
     losses
         What the format cannot hold, in words.
-
-    Raises
-    ------
-    MapError
-        As the module refuses.
     """
     suffix = next((suffix for suffix in SUFFIXES if path.name.endswith(suffix) and path.name != suffix), None)
     if suffix is None:

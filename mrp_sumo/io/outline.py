@@ -63,13 +63,7 @@ def write_outline(path: Path, outline: Outline) -> None:
 
 
 def read_outline(path: Path) -> Outline | None:
-    """Read `building.json` back; None where there is none.
-
-    Raises
-    ------
-    MrpSumoError
-        For a file that is damaged, or of another schema.
-    """
+    """Read `building.json` back; None where there is none. Raises MrpSumoError for a file that is damaged, or of another schema."""
     if not path.exists():
         return None
     document = read_json(path)

@@ -26,11 +26,6 @@ CONFLICTS = "a planner that coordinates robots, such as lacam: this plan has con
 def remedy(result: Mapping[str, Any]) -> str:
     """The change that most likely mends a run.
 
-    Parameters
-    ----------
-    result
-        As in `result.json`.
-
     Returns
     -------
     str

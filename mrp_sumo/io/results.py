@@ -66,13 +66,7 @@ def write_record(folder: Path, record: BatchRecord) -> None:
 
 
 def read_record(path: Path) -> BatchRecord:
-    """Read the record of a run.
-
-    Raises
-    ------
-    BatchError
-        When the file is not what was written.
-    """
+    """Read the record of a run. Raises BatchError when the file is not what was written."""
     record: BatchRecord = json.loads(_read_body(str(path), path.name))
     return record
 
@@ -148,13 +142,7 @@ def _read_body(path: str, name: str) -> bytes:
 
 
 def read_plan(folder: Path) -> dict[str, Any]:
-    """Plan of the batch in a folder.
-
-    Raises
-    ------
-    BatchError
-        When the folder is not one of a batch.
-    """
+    """Plan of the batch in a folder. Raises BatchError when the folder is not one of a batch."""
     path = folder / PLAN
     try:
         require_batch(folder)
@@ -262,13 +250,8 @@ def load_results(path: str | Path, report: Callable[[str], None] | None = None) 
 def query(path: str | Path, sql: str, report: Callable[[str], None] | None = None) -> "pandas.DataFrame":
     """Query the results of a batch, the table `results`, in SQL.
 
-    Views come with suites, so nobody's SQL is trusted: it sees the results and nothing else, neither files nor extensions nor the
-    program's variables, in bounded memory.
-
-    Raises
-    ------
-    BatchError
-        When there are no results, or the query is refused.
+    Views come with suites, so nobody's SQL is trusted: it sees the results and nothing else, neither files nor extensions nor the program's
+    variables, in bounded memory. Raises BatchError when there are no results, or the query is refused.
     """
     import duckdb
 

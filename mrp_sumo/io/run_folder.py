@@ -50,10 +50,7 @@ WriteBag = Callable[[Path, RunRecord, "Recording"], object]  # folder, run, what
 def check_replaceable(out: Path) -> None:
     """Refuse to replace anything but a run folder.
 
-    Raises
-    ------
-    MrpSumoError
-        When the place is neither free, nor an empty folder, nor a run folder; or below something that is no folder.
+    Raises MrpSumoError when the place is neither free, nor an empty folder, nor a run folder; or below something that is no folder.
     """
     out = out.resolve()
     if not out.exists():
@@ -98,7 +95,7 @@ def write_run(
     outline: Outline | None = None,
     write_bag: "WriteBag | None" = None,
 ) -> dict[str, Any]:
-    """Write the run folder.
+    """Write the run folder. Raises MrpSumoError when `out` holds something else, or the disk refuses. Nothing half-written stays.
 
     Parameters
     ----------
@@ -117,11 +114,6 @@ def write_run(
     -------
     dict
         What `result.json` holds.
-
-    Raises
-    ------
-    MrpSumoError
-        When `out` holds something else, or the disk refuses. Nothing half-written stays.
     """
     check_replaceable(out)
     out = out.resolve()

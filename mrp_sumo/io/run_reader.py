@@ -45,18 +45,7 @@ DAMAGE = (ArithmeticError, AttributeError, LookupError, NotImplementedError, OSE
 
 
 def load_run(folder: str | Path) -> "RunFolder":
-    """The run in a folder.
-
-    Parameters
-    ----------
-    folder
-        As `mrp-sumo run --out` writes it.
-
-    Raises
-    ------
-    MrpSumoError
-        When there is no complete run.
-    """
+    """The run in a folder. Raises MrpSumoError when there is no complete run."""
     folder = Path(folder)
     require_run(folder)
     path = folder / RESULT

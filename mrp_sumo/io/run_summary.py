@@ -12,13 +12,7 @@ NO_PLAN, CONFLICTS = "no plan", "plan has conflicts"
 
 
 def run_summary(result: Mapping[str, Any]) -> Summary:
-    """Summary of a run: how it ended, what was planned and what was driven.
-
-    Parameters
-    ----------
-    result
-        As in `result.json`; metrics that it does not have are left out.
-    """
+    """Summary of a run: how it ended, what was planned and what was driven."""
     return summary(result["scenario"]["name"], ((name, ", ".join(part for part in parts if part)) for name, *parts in _rows(result)))
 
 

@@ -30,22 +30,7 @@ Names = Mapping[str, int] | Sequence[str]
 
 
 def read_table(path: Path, *, max_bytes: int = MAX_BYTES, error: type[MrpSumoError] = MrpSumoError) -> "Table":
-    """The table in a file.
-
-    Parameters
-    ----------
-    path
-        Of the Parquet file.
-    max_bytes
-        The largest file that is read.
-    error
-        What is raised, by the table's methods, too.
-
-    Raises
-    ------
-    MrpSumoError
-        For what is no Parquet file, and one that would take much more memory than its bytes.
-    """
+    """The table in a file. Raises MrpSumoError for what is no Parquet file, and one that would take much more memory than its bytes."""
     require_regular(path, max_bytes, error)
     try:
         about, schema = pq.read_metadata(path), pq.read_schema(path)

@@ -22,17 +22,7 @@ ACTIVITIES = ("go_to_place", "pickup", "dropoff", "wait_for", "perform_action", 
 def tasks_of_requests(content: Any, where: str) -> list[dict[str, Any]]:
     """Tasks by the keys of a scenario's list: name, stops, release_s, priority, robot_type, and service_s of each stop.
 
-    Parameters
-    ----------
-    content
-        The JSON document.
-    where
-        The file, for messages.
-
-    Raises
-    ------
-    ScenarioError
-        One line, for what is no request that this program reads.
+    Raises ScenarioError: one line, for what is no request that this program reads.
     """
     listed = content if isinstance(content, list) else [content]
     requests = [_request(each, f"{where}: [{n}]") for n, each in enumerate(listed)]

@@ -47,19 +47,7 @@ class TaskNames:
 def sources_of(choice: TasksChoice, site: TaskNames, seed: int, step_s: float, num_robots: int) -> tuple[TaskSource, ...]:
     """The streams of tasks that a scenario asks for.
 
-    Parameters
-    ----------
-    seed
-        Of the scenario.
-    step_s
-        Planned time of a step.
-    num_robots
-        Of the fleet.
-
-    Raises
-    ------
-    ScenarioError
-        One line, for a name that is not known and a file that cannot be read.
+    Raises ScenarioError: one line, for a name that is not known and a file that cannot be read.
     """
     names = _Names(choice, site)
     sources: list[TaskSource] = []

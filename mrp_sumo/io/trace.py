@@ -61,13 +61,7 @@ def write_trace(folder: Path, key: str, trace: Trace) -> None:
 
 
 def read_trace(folder: Path, key: str, into: Path) -> None:
-    """Take the trace of a run of a batch apart, into an empty folder.
-
-    Raises
-    ------
-    BatchError
-        When it is missing or damaged.
-    """
+    """Take the trace of a run of a batch apart, into an empty folder. Raises BatchError when it is missing or damaged."""
     path = trace_path(folder, key)
     data = read_bytes(path, MAX_BYTES, BatchError)
     try:

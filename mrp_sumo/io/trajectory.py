@@ -153,13 +153,7 @@ def _tables(execution: Execution, robot_name: tuple[str, ...], t_ns: IntArray, l
 
 
 def read_trajectory(path: Path) -> Trajectory:
-    """Read a table back.
-
-    Raises
-    ------
-    MrpSumoError
-        For a file that is missing, damaged, or of another schema.
-    """
+    """Read a table back. Raises MrpSumoError for a file that is missing, damaged, or of another schema."""
     table = read_table(path)
     about = table.about
     if not isinstance(about, dict) or about.get("schema_version") != SCHEMA_VERSION:

@@ -21,15 +21,7 @@ VISITS = "visits.parquet"
 
 
 def write_visits(path: Path, problem: Problem, plan: Plan, execution: Execution) -> None:
-    """Write the table.
-
-    Parameters
-    ----------
-    path
-        To be written.
-    problem, plan, execution
-        Of one run.
-    """
+    """Write the table."""
     pq.write_table(visits_table(problem, plan, execution), path, compression="zstd")
 
 

@@ -27,14 +27,7 @@ CHECKSUM_BYTES = 4
 def remembered(kind: str, content: bytes, make: Callable[[], T]) -> T:
     """The result of `make`; from the cache if it was made of the same content before.
 
-    Parameters
-    ----------
-    kind
-        What it is, a word.
-    content
-        Everything the result depends on, besides this program.
-    make
-        Makes it; its result must pickle.
+    The content is everything that the result depends on besides this program; the result must pickle.
     """
     folder = _folder()
     if folder is None:

@@ -27,7 +27,7 @@ def bundled_maps() -> dict[str, Path]:
 
 
 def find_map(name_or_path: str, beside: Path) -> Path:
-    """The file of a map.
+    """The file of a map. Raises MapError when there is no such file and no such map.
 
     Parameters
     ----------
@@ -35,11 +35,6 @@ def find_map(name_or_path: str, beside: Path) -> Path:
         A path from `beside` or from the current folder, or the name of a bundled map.
     beside
         The folder of the file that names the map.
-
-    Raises
-    ------
-    MapError
-        When there is no such file and no such map.
     """
     for path in (beside / name_or_path, Path(name_or_path)):
         if os.path.isfile(path):  # noqa: PTH113  False for names that no system takes, too

@@ -99,15 +99,6 @@ def findings_of(error: MapError) -> tuple[MapFinding, ...]:
 def near_misses(xy: FloatArray, ends: IntArray, within_m: float) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
     """Vertices close to the interior of a lane they are not on, and not close to its ends.
 
-    Parameters
-    ----------
-    xy
-        [V, 2] m.
-    ends
-        [L, 2] vertices of each lane.
-    within_m
-        How close.
-
     Returns
     -------
     vertex, lane, distance_m, along_m

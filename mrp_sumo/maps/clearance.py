@@ -114,10 +114,7 @@ def narrow(graph: NavGraph, building: Building | None, robot: RobotType) -> Narr
 def pruned(graph: PlanGraph, without: Narrow) -> PlanGraph:
     """A plan graph less its lanes without room, and those from and to vertices without; vertices keep their numbers.
 
-    Raises
-    ------
-    MapError
-        When no lane is left.
+    Raises MapError when no lane is left.
     """
     keep = ~without.is_barred
     if not keep.any():

@@ -26,20 +26,7 @@ class Costmap:
 
 
 def costmap(building: Building, level: str) -> Costmap:
-    """Rasterise the walls of a level; they are 0.1 m thick.
-
-    Parameters
-    ----------
-    building
-        Any.
-    level
-        Its name.
-
-    Raises
-    ------
-    MapError
-        As the module refuses.
-    """
+    """Rasterise the walls of a level; they are 0.1 m thick. Raises MapError as the module refuses."""
     if level not in building.levels:
         raise MapError(f"{building.path.name} has no level '{level}'{nearest(level, building.levels)}")
     storey = building.levels[level]

@@ -18,13 +18,6 @@ def facts(map_: Map, cell_m: float = 0.4) -> dict[str, Any]:
     [width, height] of lanes with walls and of lanes alone; of several levels, as they are laid side by
     side. `grid` are the counts of the paper's grid, None for several levels and for more cells than are of use.
     `warnings` are all findings.
-
-    Parameters
-    ----------
-    map_
-        A loaded map.
-    cell_m
-        Side of a cell of the grid.
     """
     nav, driven = map_.nav, driven_vertices(map_.nav)
     return {

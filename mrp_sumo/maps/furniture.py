@@ -17,13 +17,7 @@ CORNERS = np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)]) / 2
 
 
 def with_furniture(map_: Map, size_m: Mapping[str, tuple[float, float]]) -> Map:
-    """The map with its models of these names as rectangles of a length and a width.
-
-    Raises
-    ------
-    MapError
-        For a name that no model has.
-    """
+    """The map with its models of these names as rectangles of a length and a width. Raises MapError for a name that no model has."""
     if not size_m:
         return map_
     building = map_.building

@@ -26,6 +26,8 @@ SHIFT_M = 0.2  # half a cell: puts the outermost lanes off the lattice, so that 
 def rack_warehouse(num_vertices: int, *, one_way: bool = False, cross_aisles: int | None = None, bays: int = 8) -> Drawing:
     """Aisles between racks, joined by cross aisles; docks to the south, chargers and parking to the north.
 
+    Raises MapError as the module refuses.
+
     Parameters
     ----------
     num_vertices
@@ -36,11 +38,6 @@ def rack_warehouse(num_vertices: int, *, one_way: bool = False, cross_aisles: in
         Two or more, for one-way lanes an even number; by default what makes the building about as deep as it is wide.
     bays
         Places to pick from in an aisle between two cross aisles, 1.2 m each.
-
-    Raises
-    ------
-    MapError
-        As the module refuses.
     """
     _check_size("warehouse", num_vertices, least=12)
     if bays < 1:

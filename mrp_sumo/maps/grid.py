@@ -20,7 +20,7 @@ NEIGHBOURS = ((0, 1), (1, 0), (0, -1), (-1, 0))  # (dx, dy) in the order the wal
 
 
 def paper_grid(nav: NavGraph, cell_m: float = 0.4) -> PlanGraph:
-    """The occupancy grid MRP-Bench makes of a nav graph, as a graph of its free cells.
+    """The occupancy grid MRP-Bench makes of a nav graph, as a graph of its free cells. Raises MapError for cells that are too small.
 
     Parameters
     ----------
@@ -28,11 +28,6 @@ def paper_grid(nav: NavGraph, cell_m: float = 0.4) -> PlanGraph:
         Vertices in the order of the nav graph files; a graph that is a grid already is returned as it is.
     cell_m
         Side of a cell.
-
-    Raises
-    ------
-    MapError
-        For cells that are too small.
     """
     if isinstance(nav, PlanGraph):
         return nav

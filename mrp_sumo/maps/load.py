@@ -31,6 +31,8 @@ LARGE = 1_000_000  # characters; larger YAML files are remembered
 def load_map(path: Path, *, reader: str | None = None, beside: Path | None = None, **chosen: Any) -> Map:
     """Load a map.
 
+    Raises MapError as the module and the format's reader refuse, and PlugInError for a reader from outside that breaks its contract.
+
     Parameters
     ----------
     path
@@ -41,13 +43,6 @@ def load_map(path: Path, *, reader: str | None = None, beside: Path | None = Non
         Where the reader's relative path begins; the current folder by default.
     chosen
         The part of it that is taken: fields of a `Selection`, by name.
-
-    Raises
-    ------
-    MapError
-        As the module and the format's reader refuse.
-    PlugInError
-        For a reader from outside that breaks its contract.
     """
     selection = Selection(**chosen)
     file = map_file(Path(path))
@@ -63,10 +58,7 @@ def load_map(path: Path, *, reader: str | None = None, beside: Path | None = Non
 def files_of(path: Path, reader: str | None = None, beside: Path | None = None) -> tuple[Path, ...]:
     """The files that a map is read from: itself, the `.map` of a problem set, the image of an occupancy map.
 
-    Raises
-    ------
-    MapError
-        When one is missing, or no reader recognises the map.
+    Raises MapError when one is missing, or no reader recognises the map.
     """
     file = map_file(path)
     if reader is None and len(file.text) >= LARGE:

@@ -31,7 +31,7 @@ def repair(
     join_short_m: float | None = None,
     only_largest: bool = False,
 ) -> tuple[Map, tuple[str, ...]]:
-    """A map with repaired graph, and what was changed.
+    """A map with repaired graph, and what was changed. Raises MapError for a grid, and a distance that is not above 0.
 
     Parameters
     ----------
@@ -45,11 +45,6 @@ def repair(
         Join the ends of lanes shorter than this, where one of them is a mere bend or junction.
     only_largest
         Keep the largest connected piece only.
-
-    Raises
-    ------
-    MapError
-        For a grid, and a distance that is not above 0.
     """
     if snap_m is None and not split_at_crossings and join_short_m is None and not only_largest:
         return map_, ()

@@ -19,10 +19,10 @@ MAX_VERTICES = 2_000_000
 def cut_lanes(nav: NavGraph, cell_m: float, two_way: bool | Collection[int] = False) -> PlanGraph:
     """Cut every lane into `max(1, round(length / cell_m))` equal steps; rides in lifts stay whole.
 
-    The vertices of `nav` come first and keep their numbers; a lane and its reverse share the cuts between
-    them (a single track), or have their own beside each other, keeping right. A vertex without lanes stands
-    for the one with lanes at the same place, where there is one. A curve, drawn as lanes over bends, is cut
-    as one lane; its bends remain as vertices without lanes.
+    The vertices of `nav` come first and keep their numbers; a lane and its reverse share the cuts between them (a single track), or have
+    their own beside each other, keeping right. A vertex without lanes stands for the one with lanes at the same place, where there is one.
+    A curve, drawn as lanes over bends, is cut as one lane; its bends remain as vertices without lanes. Raises MapError for a cell length
+    that cannot be used.
 
     Parameters
     ----------
@@ -33,11 +33,6 @@ def cut_lanes(nav: NavGraph, cell_m: float, two_way: bool | Collection[int] = Fa
     two_way
         Whether robots may meet on a lane: a lane and its reverse become two tracks; of all lanes, or of these.
         Lanes of one step, and those through lifts, remain single tracks.
-
-    Raises
-    ------
-    MapError
-        For a cell length that cannot be used.
     """
     if isinstance(nav, PlanGraph):
         return nav

@@ -46,13 +46,7 @@ class Text:
 
 
 def read_text(path: Path) -> Text:
-    """The text of a map file.
-
-    Raises
-    ------
-    MapError
-        For a missing file, a folder, a file above 64 MB, binary data and text that is not UTF-8.
-    """
+    """The text of a map file. Raises MapError for a missing file, a folder, a file above 64 MB, binary data and text that is not UTF-8."""
     data = read_bytes(path, MAX_BYTES, MapError)
     if not data.strip():
         raise MapError(f"{path.name}: the file is empty")
@@ -66,13 +60,7 @@ def read_text(path: Path) -> Text:
 
 
 def parse(source: Text) -> Any:
-    """The document of a YAML text.
-
-    Raises
-    ------
-    MapError
-        As the module refuses; with the line.
-    """
+    """The document of a YAML text. Raises MapError as the module refuses; with the line."""
     if conflict := _CONFLICT.search(source.text):  # within a long text it would go unnoticed
         line = source.text.count("\n", 0, conflict.start()) + 1
         raise _not_yaml(source, f":{line}: not YAML: git conflict marker '{conflict[0][:7]}'")

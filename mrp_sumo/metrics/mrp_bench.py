@@ -39,7 +39,7 @@ def execution_metrics(
     window: int = WINDOW,
     recording_timeout_s: float = RECORDING_TIMEOUT_S,
 ) -> dict[str, Any]:
-    """Figures of MRP-Bench's analyser for T fleet states of R assigned robots.
+    """Figures of MRP-Bench's analyser for T fleet states of R assigned robots. Raises MrpSumoError when there is no message.
 
     Parameters
     ----------
@@ -65,11 +65,6 @@ def execution_metrics(
     dict
         By MRP-Bench's names, times in s, distances in m. `timeBlockedPerAgent` maps robot indices, and
         has no entry for a robot without a sample that counts; `agentsAtGoal` is a list of indices.
-
-    Raises
-    ------
-    MrpSumoError
-        When there is no message.
     """
     num_samples, num_robots = x_m.shape
     if not num_samples:

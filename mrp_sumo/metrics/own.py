@@ -19,6 +19,9 @@ from mrp_sumo.plugins.source import Source, blamed
 def own_metric(name: str, beside: Path | None = None) -> tuple[Metric, Source]:
     """A user's metric, and where it is.
 
+    Raises ScenarioError for an unknown name, and for one that a bundled metric has, and PlugInError when it cannot be loaded, or is no
+    function.
+
     Parameters
     ----------
     name
@@ -26,13 +29,6 @@ def own_metric(name: str, beside: Path | None = None) -> tuple[Metric, Source]:
         without.
     beside
         Where a relative path begins; the current folder by default.
-
-    Raises
-    ------
-    ScenarioError
-        For an unknown name, and for one that a bundled metric has.
-    PlugInError
-        When it cannot be loaded, or is no function.
     """
     source, metric = find("metrics", name, beside), target("metrics", name, beside)
     if not isinstance(metric, Metric):

@@ -14,11 +14,6 @@ LEAST_BATCHES = 4  # below which nothing can be said
 def warm_up_length(series: ArrayLike) -> int | None:
     """Number of observations to leave out so that the standard error of the mean of the rest is least.
 
-    Parameters
-    ----------
-    series
-        [N] observations in the order of time.
-
     Returns
     -------
     int or None

@@ -21,21 +21,7 @@ class WrongAnswer(Exception):
 def checked_result(answer: Any, problem: Problem, time_s: float, cpu_s: float, *, assigns: bool) -> PlanResult:
     """A planner's answer, its arrays as the types that they have to be, with the times that were measured.
 
-    Parameters
-    ----------
-    answer
-        What `plan` returned.
-    problem
-        What it was asked.
-    time_s, cpu_s
-        What it took.
-    assigns
-        Whether it chooses the goals' robots.
-
-    Raises
-    ------
-    WrongAnswer
-        For anything but a PlanResult of the right form.
+    Raises WrongAnswer for anything but a PlanResult of the right form.
     """
     if not isinstance(answer, PlanResult):
         raise WrongAnswer(f"returned {_kind(answer)}, expected a PlanResult")
@@ -69,10 +55,7 @@ def checked_result(answer: Any, problem: Problem, time_s: float, cpu_s: float, *
 def checked_assignment(answer: Any, cost: FloatArray) -> IntArray:
     """An assigner's answer for [R, G] costs: [R] goals.
 
-    Raises
-    ------
-    WrongAnswer
-        For another length, goals that are not there or held twice, pairs of infinite cost, and goals or robots left out.
+    Raises WrongAnswer for another length, goals that are not there or held twice, pairs of infinite cost, and goals or robots left out.
     """
     num_robots, num_goals = cost.shape
     goal_of = _integers("an assignment", answer, num_robots, "robots")

@@ -98,13 +98,7 @@ def _crowded(problem: Problem, vertex: IntArray, what: str) -> PlanResult | None
 
 
 def answer_of(chosen: Planner, problem: Problem, time_limit_s: float) -> PlanResult:
-    """The result of a planner, with the times that it took unless it runs in a process of its own; GAVE_UP where it runs out of memory.
-
-    Parameters
-    ----------
-    chosen, problem, time_limit_s
-        As `Planner.plan` takes them.
-    """
+    """The result of a planner, with the times that it took unless it runs in a process of its own; GAVE_UP where it runs out of memory."""
     began, cpu_began = perf_counter(), process_time()
     try:
         result = chosen.plan(as_supported(chosen, problem), time_limit_s)
@@ -140,13 +134,7 @@ def unplanned(status: Status, began: float, message: str, lower_bound_steps: flo
 
 
 def deadline_of(time_limit_s: float) -> float:
-    """The end of a time limit that begins now, on the clock of `process_time`.
-
-    Raises
-    ------
-    PlanError
-        When the limit is not above 0, or NaN.
-    """
+    """The end of a time limit that begins now, on the clock of `process_time`. Raises PlanError when the limit is not above 0, or NaN."""
     if not time_limit_s > 0:
         raise PlanError(f"the time limit is {time_limit_s:g} s, expected a number above 0")
     return process_time() + time_limit_s

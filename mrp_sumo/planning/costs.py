@@ -33,7 +33,7 @@ def costs_of(problem: Problem, kind: str, check_clock: Callable[[], None] = lamb
 
 
 def cost_matrix(graph: NavGraph, start: IntArray, goal: IntArray, kind: str, check_clock: Callable[[], None] = lambda: None) -> FloatArray:
-    """Costs of every robot for every goal.
+    """Costs of every robot for every goal. Raises ScenarioError for another kind.
 
     Parameters
     ----------
@@ -52,11 +52,6 @@ def cost_matrix(graph: NavGraph, start: IntArray, goal: IntArray, kind: str, che
     -------
     cost
         [R, G], inf where the goal cannot be reached.
-
-    Raises
-    ------
-    ScenarioError
-        For another kind.
     """
     if kind not in get_args(CostKind):
         raise ScenarioError(f"unknown cost '{kind}'{nearest(kind, get_args(CostKind))}")

@@ -32,13 +32,7 @@ SAYS_INFEASIBLE = re.compile(r"no solution exists|unsolvable|infeasible", re.IGN
 
 
 def check_command(command: str) -> None:
-    """Refuse a template that cannot work.
-
-    Raises
-    ------
-    PlanError
-        For an empty command, unbalanced quotes, an unknown place, or no {out}.
-    """
+    """Refuse a template that cannot work. Raises PlanError for an empty command, unbalanced quotes, an unknown place, or no {out}."""
     try:
         words = shlex.split(command)
     except ValueError as error:
@@ -60,6 +54,8 @@ def assigns(command: str) -> bool:
 def plan_externally(command: str, problem: Problem, time_limit_s: float) -> PlanResult:
     """Run the command on a problem.
 
+    Raises PlanError for a command that cannot be started, or one that wants a map of a graph that is no grid.
+
     Parameters
     ----------
     command
@@ -76,11 +72,6 @@ def plan_externally(command: str, problem: Problem, time_limit_s: float) -> Plan
         SOLVED with a plan that has been read (the message says if the referee finds fault with it), TIMED_OUT, with a plan where
         a valid one was written before the end, or GAVE_UP with the last line that the program printed. `stats` has the
         process's `cpu_s`, and `own_time_s` where the program's output has its solver's own time.
-
-    Raises
-    ------
-    PlanError
-        For a command that cannot be started, or one that wants a map of a graph that is no grid.
     """
     check_command(command)
     cells = cells_of(problem.graph)

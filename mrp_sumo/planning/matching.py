@@ -18,8 +18,8 @@ LARGEST = 1 << 52  # of the sum of whole costs: exact in a float, far from the e
 def candidates(cost: FloatArray, objective: Objective) -> tuple[IntArray, IntArray, IntArray]:
     """The pairs that a solver may choose from, with integer costs.
 
-    A bottleneck is the least threshold under which all can be served; among the assignments within
-    it the one of least sum is wanted, so the solver minimises a sum either way.
+    A bottleneck is the least threshold under which all can be served; among the assignments within it the one of least sum is wanted, so
+    the solver minimises a sum either way. Raises PlanError for NaN and -inf, and when min(R, G) goals cannot be served.
 
     Parameters
     ----------
@@ -32,11 +32,6 @@ def candidates(cost: FloatArray, objective: Objective) -> tuple[IntArray, IntArr
     -------
     robot, goal, whole_cost
         [N] each; costs keep six decimals, or as many as fit.
-
-    Raises
-    ------
-    PlanError
-        For NaN and -inf, and when min(R, G) goals cannot be served.
     """
     cost = np.asarray(cost, np.float64)
     if np.isnan(cost).any() or np.isneginf(cost).any():

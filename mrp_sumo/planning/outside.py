@@ -32,12 +32,8 @@ class Outside:
     def process(self) -> PlugInProcess:
         """Its process, with the plug-in loaded.
 
-        Raises
-        ------
-        ScenarioError
-            For parameters that it does not have.
-        PlugInError
-            When it cannot be loaded or made, or lacks what its kind needs.
+        Raises ScenarioError for parameters that it does not have, and PlugInError when it cannot be loaded or made, or lacks what its kind
+        needs.
         """
         if self._process is None or not self._process.alive:
             try:
@@ -109,10 +105,7 @@ class OutsideAssigner(Outside):
 def described(kind: str, name: str) -> Described:
     """A registered plug-in of any kind in words; one from outside is loaded in a process of its own.
 
-    Raises
-    ------
-    PlugInError
-        When it cannot be loaded, or lacks what its kind needs.
+    Raises PlugInError when it cannot be loaded, or lacks what its kind needs.
     """
     source = find(kind, name)
     if source.ours:

@@ -36,6 +36,9 @@ class Overtime(Exception):
 class PlugInProcess:
     """A plug-in in a process of its own.
 
+    Raises MrpSumoError for a file that is not trusted, and for parameters that it does not have, and PlugInError when it cannot be loaded
+    or made, or lacks what its kind needs.
+
     Parameters
     ----------
     kind
@@ -44,13 +47,6 @@ class PlugInProcess:
         Which plug-in, and how it is made.
     first
         'load', which makes it, or 'describe', which only says what it is.
-
-    Raises
-    ------
-    MrpSumoError
-        For a file that is not trusted, and for parameters that it does not have.
-    PlugInError
-        When it cannot be loaded or made, or lacks what its kind needs.
     """
 
     def __init__(self, kind: str, source: Source, parameters: Mapping[str, Any], first: str = "load") -> None:
@@ -69,6 +65,9 @@ class PlugInProcess:
     def ask(self, call: str, arguments: tuple[Any, ...], limit_s: float) -> tuple[Any, float]:
         """The answer to a call, and how many seconds it took.
 
+        Raises Overtime after the limit and 5 % (at least 0.1 s) on top. The process is dead then. Raises PlugInError, ScenarioError,
+        MrpSumoError, MemoryError as the plug-in's process says.
+
         Parameters
         ----------
         call
@@ -77,13 +76,6 @@ class PlugInProcess:
             To be pickled.
         limit_s
             From when the call has arrived, without the time in which its process waited for a processor.
-
-        Raises
-        ------
-        Overtime
-            After the limit and 5 % (at least 0.1 s) on top. The process is dead then.
-        PlugInError, ScenarioError, MrpSumoError, MemoryError
-            As the plug-in's process says.
         """
         where = self.facts.get("places", {}).get(call, self._where)
         try:

@@ -16,6 +16,9 @@ from mrp_sumo.plugins.parameters import parameters_of
 def planner(name: str, parameters: Mapping[str, Any], beside: Path | None = None) -> Planner:
     """The planner of this name.
 
+    Raises ScenarioError for an unknown name or parameter (with the nearest right one), or a value that does not fit. What only the code of
+    a plug-in from outside can tell is raised by its `prepare`.
+
     Parameters
     ----------
     name
@@ -24,12 +27,6 @@ def planner(name: str, parameters: Mapping[str, Any], beside: Path | None = None
         Values for its parameters.
     beside
         Where a relative path begins; the current folder by default.
-
-    Raises
-    ------
-    ScenarioError
-        For an unknown name or parameter (with the nearest right one), or a value that does not fit. What only the code of a
-        plug-in from outside can tell is raised by its `prepare`.
     """
     source = registry.find("planners", name, beside)
     if not source.ours:
@@ -48,10 +45,7 @@ def assigner(name: str, parameters: Mapping[str, Any], beside: Path | None = Non
 def parameter_names(name: str) -> tuple[str, ...] | None:
     """The parameters of a planner of ours; None for one from outside, which would have to be loaded.
 
-    Raises
-    ------
-    ScenarioError
-        For an unknown name.
+    Raises ScenarioError for an unknown name.
     """
     if not registry.find("planners", name).ours:
         return None
@@ -70,11 +64,5 @@ def planners_that(support: str) -> str:
 
 
 def planner_class(name: str) -> type:
-    """The class behind a name, to read its `guarantee` or its fields.
-
-    Raises
-    ------
-    ScenarioError
-        For an unknown name.
-    """
+    """The class behind a name, to read its `guarantee` or its fields. Raises ScenarioError for an unknown name."""
     return cast(type, registry.target("planners", name))

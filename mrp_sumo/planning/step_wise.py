@@ -99,7 +99,7 @@ class StepWiseWorld:
         return ends
 
     def advance(self, action: ActionArray, task_of: IntArray) -> list[tuple[int, int, int, int]]:
-        """Make a step.
+        """Make a step. Raises PlanError for who leaves what is free, and for tasks that robots may not have.
 
         Parameters
         ----------
@@ -110,11 +110,6 @@ class StepWiseWorld:
         -------
         list
             (time, robot, task, errands done by then) of each errand that was done in it.
-
-        Raises
-        ------
-        PlanError
-            For who leaves what is free, and for tasks that robots may not have.
         """
         cell = self.ends(action)
         if (cell < 0).any():
@@ -151,6 +146,8 @@ def run_step_wise(
 ) -> StepWiseRun:
     """Have a planner work on a problem for so many steps.
 
+    Raises PlugInError for an answer of the wrong form, or that gives robots tasks which they may not have.
+
     Parameters
     ----------
     problem, planner
@@ -161,11 +158,6 @@ def run_step_wise(
         Of the planner's chance.
     show
         Called with the time and the number of finished tasks after each step.
-
-    Raises
-    ------
-    PlugInError
-        For an answer of the wrong form, or that gives robots tasks which they may not have.
     """
     began_s = process_time()
     stepper = planner.begin(problem, seed)

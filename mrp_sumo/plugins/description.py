@@ -24,13 +24,7 @@ class Described:
 
 
 def describe(kind: Kind, source: Source) -> Described:
-    """Load a plug-in and describe it; nothing is made of it.
-
-    Raises
-    ------
-    PlugInError
-        When it cannot be loaded, or lacks what its kind needs.
-    """
+    """Load a plug-in and describe it; nothing is made of it. Raises PlugInError when it cannot be loaded, or lacks what its kind needs."""
     plug_in = loaded(kind, source)
     face = face_of(kind)
     names = attributes_of(face) if face else {f.name: None for f in fields(plug_in)} if _is_record(plug_in) else {}

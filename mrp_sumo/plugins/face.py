@@ -13,10 +13,7 @@ from mrp_sumo.errors import PlugInError
 def check_methods(target: type, face: type, one: str) -> None:
     """Refuse a class that lacks a method of a Protocol, before anything is made of it.
 
-    Raises
-    ------
-    PlugInError
-        Naming the class's file and line, and the method.
+    Raises PlugInError: naming the class's file and line, and the method.
     """
     for name, method in _methods(face).items():
         member = getattr(target, name, None)
@@ -27,6 +24,8 @@ def check_methods(target: type, face: type, one: str) -> None:
 def check_face(made: Any, face: type, one: str) -> None:
     """Refuse what lacks a part of a Protocol.
 
+    Raises PlugInError: one line with file and line of the class, method or function, and what is missing or takes other arguments.
+
     Parameters
     ----------
     made
@@ -35,11 +34,6 @@ def check_face(made: Any, face: type, one: str) -> None:
         Its functions are the methods asked for, its properties and annotated names the attributes.
     one
         The kind in messages: 'planner'.
-
-    Raises
-    ------
-    PlugInError
-        One line with file and line of the class, method or function, and what is missing or takes other arguments.
     """
     what = getattr(made, "__name__", type(made).__name__)
     for name, method in _methods(face).items():

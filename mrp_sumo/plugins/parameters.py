@@ -60,19 +60,7 @@ def parameters_of(target: Callable[..., Any]) -> tuple[Parameter, ...]:
 def fitted(what: str, target: Callable[..., Any], values: Mapping[str, Any]) -> dict[str, Any]:
     """Values from a file as the parameters' types.
 
-    Parameters
-    ----------
-    what
-        The plug-in in messages, such as "planner 'cbs'".
-    target
-        The class or function.
-    values
-        By name.
-
-    Raises
-    ------
-    ScenarioError
-        For an unknown name (with the nearest right one), a value of another type, or a missing parameter.
+    Raises ScenarioError for an unknown name (with the nearest right one), a value of another type, or a missing parameter.
     """
     known = {parameter.name: parameter for parameter in parameters_of(target)}
     fitting = {}

@@ -35,6 +35,8 @@ def names(kind: str) -> tuple[str, ...]:
 def find(kind: str, name: str, beside: Path | None = None) -> Source:
     """The source of a plug-in. A file's is read, not executed.
 
+    Raises ScenarioError for an unknown name, with the nearest right one, and for a file that is not there or has no such name.
+
     Parameters
     ----------
     kind
@@ -43,11 +45,6 @@ def find(kind: str, name: str, beside: Path | None = None) -> Source:
         As registered, or `FILE.py:NAME`.
     beside
         Where a relative path begins; the current folder by default.
-
-    Raises
-    ------
-    ScenarioError
-        For an unknown name, with the nearest right one, and for a file that is not there or has no such name.
     """
     one = KINDS[kind].one
     if place_in_file(name):
@@ -69,12 +66,7 @@ def find(kind: str, name: str, beside: Path | None = None) -> Source:
 def target(kind: str, name: str, beside: Path | None = None) -> Any:
     """The class, function or object of a plug-in, loaded and checked; as `find`.
 
-    Raises
-    ------
-    ScenarioError
-        As `find`.
-    PlugInError
-        When it cannot be loaded, or lacks what its kind needs.
+    Raises ScenarioError as `find`, and PlugInError when it cannot be loaded, or lacks what its kind needs.
     """
     return loaded(KINDS[kind], find(kind, name, beside))
 
@@ -82,12 +74,8 @@ def target(kind: str, name: str, beside: Path | None = None) -> Any:
 def make(kind: str, name: str, parameters: Mapping[str, Any], beside: Path | None = None) -> Any:
     """A plug-in with its parameters, checked; as `find`.
 
-    Raises
-    ------
-    ScenarioError
-        As `find`, and for an unknown parameter (with the nearest right one) or a value that does not fit.
-    PlugInError
-        When it cannot be loaded or made, or lacks what its kind needs.
+    Raises ScenarioError as `find`, and for an unknown parameter (with the nearest right one) or a value that does not fit, and PlugInError
+    when it cannot be loaded or made, or lacks what its kind needs.
     """
     return made(KINDS[kind], find(kind, name, beside), parameters)
 

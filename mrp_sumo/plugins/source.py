@@ -70,17 +70,7 @@ def resolved(name: str, beside: Path) -> str:
 def source_in_file(name: str, beside: Path) -> Source:
     """The source of a place in a file, which is read but not executed.
 
-    Parameters
-    ----------
-    name
-        `FILE.py:NAME`.
-    beside
-        Where a relative path begins.
-
-    Raises
-    ------
-    ScenarioError
-        When there is no such file, it is not Python, or has no such name (with the nearest).
+    Raises ScenarioError when there is no such file, it is not Python, or has no such name (with the nearest).
     """
     place = place_in_file(name)
     assert place is not None
@@ -115,12 +105,7 @@ def require_source(source: Source) -> None:
 def load(source: Source) -> Any:
     """Load a plug-in. Nothing else in the program executes a plug-in's file.
 
-    Raises
-    ------
-    MrpSumoError
-        For a file that is not trusted.
-    PlugInError
-        For whatever goes wrong in the file, with its line.
+    Raises MrpSumoError for a file that is not trusted, and PlugInError for whatever goes wrong in the file, with its line.
     """
     require_source(source)
     try:

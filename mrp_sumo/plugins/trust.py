@@ -60,13 +60,7 @@ def is_trusted(program: Program) -> bool:
 
 
 def require_trusted(program: Program) -> None:
-    """The last gate, where a plug-in's file would be executed.
-
-    Raises
-    ------
-    MrpSumoError
-        When it may not.
-    """
+    """The last gate, where a plug-in's file would be executed. Raises MrpSumoError when it may not."""
     if not is_trusted(program):
         raise MrpSumoError(f"would run {program.shown}, which is not trusted: name it on the command line, or add --trust")
 
@@ -78,13 +72,7 @@ def in_trusted_folder(folder: Path) -> bool:
 
 
 def trusted_folders() -> tuple[Path, ...]:
-    """The folders that were trusted once, sorted.
-
-    Raises
-    ------
-    MrpSumoError
-        When the list cannot be read.
-    """
+    """The folders that were trusted once, sorted. Raises MrpSumoError when the list cannot be read."""
     path = _list_file()
     return tuple(Path(line) for line in read_text(path, MAX_BYTES).splitlines() if line.startswith("/")) if path.exists() else ()
 
@@ -92,10 +80,7 @@ def trusted_folders() -> tuple[Path, ...]:
 def trust_folder(folder: Path) -> Path:
     """Trust the programs that files of a folder, and of folders in it, name.
 
-    Raises
-    ------
-    MrpSumoError
-        When it is no folder, or the list cannot be written.
+    Raises MrpSumoError when it is no folder, or the list cannot be written.
     """
     place = folder.resolve()
     if not place.is_dir():
@@ -107,13 +92,7 @@ def trust_folder(folder: Path) -> Path:
 
 
 def forget_folder(folder: Path) -> Path:
-    """Trust a folder no longer.
-
-    Raises
-    ------
-    MrpSumoError
-        When it was not trusted, or the list cannot be written.
-    """
+    """Trust a folder no longer. Raises MrpSumoError when it was not trusted, or the list cannot be written."""
     place, known = folder.resolve(), trusted_folders()
     if place not in known:
         above = next((trusted for trusted in known if place.is_relative_to(trusted)), None)

@@ -29,13 +29,7 @@ NO_ROS1_TYPE = ("/rosout",)  # rcl_interfaces/Log
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """A temporary place beside `path`, renamed to it at the end.
-
-    Raises
-    ------
-    MrpSumoError
-        When `path` exists, or the disk refuses.
-    """
+    """A temporary place beside `path`, renamed to it at the end. Raises MrpSumoError when `path` exists, or the disk refuses."""
     path = path.resolve()
     if path.exists():
         raise MrpSumoError(f"{path}: exists already; choose another place with --out")

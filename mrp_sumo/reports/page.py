@@ -46,23 +46,7 @@ def page(
     about: Sequence[str],
     answer: str = "",
 ) -> str:
-    """The whole page.
-
-    Parameters
-    ----------
-    title, lead
-        What it is about.
-    tiles
-        Numbers at the top.
-    gaps
-        What is missing, for the reader to know.
-    sections
-        Those without parts are left out.
-    about
-        Lines at the foot.
-    answer
-        What it comes to, in two sentences.
-    """
+    """The whole page: tiles have numbers, `gaps` say what is missing, `answer` what it comes to; sections without parts are left out."""
     sections = [s for s in sections if s.parts or s.text]
     lines = [
         f"<header><h1>{html.escape(title)}</h1>",
@@ -92,17 +76,7 @@ def page(
 
 
 def document(title: str, generator: str, body: Sequence[str], *style_sheets: Path) -> str:
-    """A page that stands alone, without scripts and network.
-
-    Parameters
-    ----------
-    title, generator
-        For its head.
-    body
-        Lines of HTML; empty ones are left out.
-    style_sheets
-        In addition to that of all reports.
-    """
+    """A page that stands alone, without scripts and network."""
     style = "".join(path.read_text(encoding="utf-8") for path in (STYLE_SHEET, *style_sheets))
     lines = [
         "<!DOCTYPE html>",

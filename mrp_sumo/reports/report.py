@@ -43,6 +43,8 @@ MANY_SERIES = 12
 def write_report(source: Path, out: Path | None = None) -> Path:
     """Write the report of a batch or a run.
 
+    Raises MrpSumoError when there is nothing to report on, or `out` holds something else, or cannot be written.
+
     Parameters
     ----------
     source
@@ -54,11 +56,6 @@ def write_report(source: Path, out: Path | None = None) -> Path:
     -------
     Path
         The page.
-
-    Raises
-    ------
-    MrpSumoError
-        When there is nothing to report on, or `out` holds something else, or cannot be written.
     """
     study = read_study(source)
     if out is None:

@@ -28,10 +28,7 @@ Json = dict[str, Any]
 def write_rmf_plans(path: Path, record: RunRecord) -> None:
     """Write a JSON file: `plans` by participant, and `releases` by time.
 
-    Raises
-    ------
-    MrpSumoError
-        For a run without a plan, or with one whose order nobody can keep.
+    Raises MrpSumoError for a run without a plan, or with one whose order nobody can keep.
     """
     plan, graph = record.plan, record.graph
     if plan is None:

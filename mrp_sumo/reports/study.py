@@ -105,17 +105,12 @@ def short_key(key: str) -> str:
 
 
 def read_study(path: Path) -> ReportedRuns:
-    """The study of a folder.
+    """The study of a folder. Raises MrpSumoError when there is nothing to report on.
 
     Parameters
     ----------
     path
         Of a batch, of one run, or of a folder that holds run folders; or a `results.parquet`.
-
-    Raises
-    ------
-    MrpSumoError
-        When there is nothing to report on.
     """
     if path.is_file() and path.suffix != ".parquet":
         raise BatchError(f"{path}: expected a folder of results, or its results.parquet")

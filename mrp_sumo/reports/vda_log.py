@@ -71,6 +71,8 @@ class Happening(NamedTuple):
 def write_vda(path: Path, record: RunRecord, version: str) -> None:
     """Write a folder: `messages.jsonl`, all in time order, and each vehicle's messages by topic.
 
+    Raises MrpSumoError for another version, a run without a plan, and one of which it is not known what was granted when.
+
     Parameters
     ----------
     path
@@ -79,11 +81,6 @@ def write_vda(path: Path, record: RunRecord, version: str) -> None:
         Of a run.
     version
         '2.1' or '3.0'.
-
-    Raises
-    ------
-    MrpSumoError
-        For another version, a run without a plan, and one of which it is not known what was granted when.
     """
     dialect = Dialect(version)
     if record.plan is None or record.execution.grants is None:

@@ -11,17 +11,7 @@ if TYPE_CHECKING:
 
 
 def shortest_route(graph: NavGraph, open_: BoolArray, start: int, goal: int) -> list[int] | None:
-    """Vertices of the shortest way from `start` to `goal`, both included; None if there is none.
-
-    Parameters
-    ----------
-    graph
-        What is driven on.
-    open_
-        [L] lanes that may be used.
-    start, goal
-        Vertices.
-    """
+    """Vertices of the shortest way from `start` to `goal`, both included; None if there is none."""
     from scipy.sparse.csgraph import dijkstra
 
     distance, before = dijkstra(_lengths(graph, open_), indices=start, return_predecessors=True)

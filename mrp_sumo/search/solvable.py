@@ -16,13 +16,7 @@ MOST_MOVES = 100_000_000
 
 
 def order_broken(problem: Problem) -> tuple[int, int] | None:
-    """Two robots on a line or ring that would have to pass each other, or None.
-
-    Parameters
-    ----------
-    problem
-        With goals for all robots, or robots that stay.
-    """
+    """Two robots on a line or ring that would have to pass each other, or None."""
     graph, target = problem.graph, problem.target
     if problem.num_robots < 2 or not graph.num_lanes or (graph.reverse < 0).any():
         return None
@@ -64,17 +58,7 @@ def _along(problem: Problem, vertices: IntArray) -> tuple[dict[int, int], bool]:
 
 
 def unsolvable(problem: Problem, clashes: Clashes, following: bool = False) -> bool:
-    """True if a search of all joint states, where it is small, finds no way. False for large problems.
-
-    Parameters
-    ----------
-    problem
-        With goals for all robots, or robots that stay.
-    clashes
-        Of the graph.
-    following
-        Whether following conflicts are forbidden too.
-    """
+    """True if a search of all joint states, where it is small, finds no way. False for large problems."""
     from mrp_sumo.search._joint import can_reach
 
     graph, target = problem.graph, problem.target

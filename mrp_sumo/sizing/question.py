@@ -218,13 +218,7 @@ def require_sizes(low: int, high: int) -> None:
 
 
 def require_answerable(question: Question) -> None:
-    """Refuse what the scenario cannot answer.
-
-    Raises
-    ------
-    MrpSumoError
-        One line, with what would do.
-    """
+    """Refuse what the scenario cannot answer. Raises MrpSumoError: one line, with what would do."""
     name, tasks = question.file.scenario.name, question.file.scenario.tasks
     require_sizes(*question.sizes)
     if question.confirm and question.engine == "sumo":

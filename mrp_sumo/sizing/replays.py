@@ -26,10 +26,7 @@ class ReplayedRun:
 def keep(study: Study, answer: Answer, folder: Path) -> list[ReplayedRun]:
     """Make the first run at the knee and at the collapse again, each with its run folder. It is the same run.
 
-    Raises
-    ------
-    MrpSumoError
-        When a run folder cannot be written.
+    Raises MrpSumoError when a run folder cannot be written.
     """
     limits, replayed = answer.limits, []
     if limits is None:

@@ -146,11 +146,8 @@ class Study:
     def __init__(self, question: Question) -> None:
         """Check the question.
 
-        Raises
-        ------
-        MrpSumoError
-            One line, for what the scenario cannot answer, sizes that the map cannot hold, changes that cannot be made, and a budget that
-            buys nothing.
+        Raises MrpSumoError: one line, for what the scenario cannot answer, sizes that the map cannot hold, changes that cannot be made, and
+        a budget that buys nothing.
         """
         require_answerable(question)
         self.question = question
@@ -228,7 +225,7 @@ class Study:
         stop: Callable[[], int] = lambda: GO_ON,
         wondered: Callable[[Answer | None], None] = lambda answer: None,
     ) -> Answer | None:
-        """Make the runs that are missing, and answer.
+        """Make the runs that are missing, and answer. Raises MrpSumoError as `run_batch` does.
 
         Parameters
         ----------
@@ -243,11 +240,6 @@ class Study:
         -------
         Answer or None
             None where the study was stopped before it is known.
-
-        Raises
-        ------
-        MrpSumoError
-            As `run_batch` does.
         """
         self.question = self.charged
         answer: Answer | None = None

@@ -39,13 +39,7 @@ OTHERS = {"planner": ("lacam", "lns2"), "dispatcher": ("hungarian", "nearest"), 
 
 
 def values_of_change(text: str, question: Question, nav: NavGraph) -> Values:
-    """The values of a scenario that a change stands for.
-
-    Raises
-    ------
-    MrpSumoError
-        For what cannot be read, and for names that are not known.
-    """
+    """The values of a scenario that a change stands for. Raises MrpSumoError for what cannot be read, and for names that are not known."""
     option = f"--what-if '{text}'"
     key, colon, rest = text.partition(":")
     key = key.strip()

@@ -20,6 +20,8 @@ STARTS, GOALS = 1, 2  # purposes of the streams of chance
 def mrp_bench_draw(num_vertices: int, num_robots: int, seed: int) -> tuple[IntArray, IntArray]:
     """The draw of MRP-Bench: `random.sample` after `random.seed(seed)` for starts, `seed + 1` for goals.
 
+    Raises PlanError when there are fewer vertices than robots.
+
     Parameters
     ----------
     num_vertices
@@ -34,11 +36,6 @@ def mrp_bench_draw(num_vertices: int, num_robots: int, seed: int) -> tuple[IntAr
     start, goal
         [R] vertices of the nav graph each, distinct within each; goals are not assigned yet. Two
         vertices may share a cell of the plan graph, and start and goal may lie in different components.
-
-    Raises
-    ------
-    PlanError
-        When there are fewer vertices than robots.
     """
     _enough(num_vertices, num_robots, "vertices")
     start = random.Random(seed).sample(range(num_vertices), num_robots)
@@ -51,8 +48,9 @@ def uniform_draw(
 ) -> tuple[IntArray, IntArray]:
     """Starts and goals uniformly among the stations of the strongly connected component with most of them.
 
-    Every drawn start reaches every drawn goal, along one-way lanes too. No two starts, and no two goals, are in one mutex group or
-    nearer to each other than the separation: a station that is, to one drawn before, is passed over. None is in a lift.
+    Every drawn start reaches every drawn goal, along one-way lanes too. No two starts, and no two goals, are in one mutex group or nearer
+    to each other than the separation: a station that is, to one drawn before, is passed over. None is in a lift. Raises PlanError when the
+    component has fewer stations than robots, or fewer that robots may stand on at once.
 
     Parameters
     ----------
@@ -72,11 +70,6 @@ def uniform_draw(
     -------
     start, goal
         [R] vertices of the plan graph each, distinct within each; a robot may start at its goal.
-
-    Raises
-    ------
-    PlanError
-        When the component has fewer stations than robots, or fewer that robots may stand on at once.
     """
     station = drawn_among(graph, anywhere=anywhere)
     what = "vertices" if anywhere else "stations"
@@ -110,6 +103,7 @@ def draw_by_type(
     """Starts and goals of robots of several types, each type on its own lanes; those that are given stay.
 
     As `uniform_draw`: every drawn start of a type reaches every drawn goal of that type. Types with the fewest stations choose first.
+    Raises PlanError when a type has fewer stations than robots, or fewer that robots may stand on at once.
 
     Parameters
     ----------
@@ -121,11 +115,6 @@ def draw_by_type(
         [R] vertices, -1 where they are to be drawn.
     seed, separation_m, anywhere
         As for `uniform_draw`; the separation is that of the two largest robots.
-
-    Raises
-    ------
-    PlanError
-        When a type has fewer stations than robots, or fewer that robots may stand on at once.
     """
     what = "vertices" if anywhere else "stations"
     stations = [drawn_among(graph, anywhere=anywhere) for graph in graphs]

@@ -23,19 +23,7 @@ from mrp_sumo.traffic.reorder import reordered
 def schedule_of(problem: Problem, plan: Plan, needs: Needs | None = None) -> Schedule:
     """The plan's order at every resource. Time and memory are linear in the needs, but for sorting.
 
-    Parameters
-    ----------
-    problem
-        For the names in messages.
-    plan
-        Planned arrivals decide who is first.
-    needs
-        Of the plan's visits; vertices alone by default.
-
-    Raises
-    ------
-    PlanError
-        When no execution can keep the order: names robots and vertices.
+    Raises PlanError when no execution can keep the order: names robots and vertices.
     """
     needs = needs if needs is not None else vertex_needs(plan, problem.graph.num_vertices)
     schedule = order_of(plan, needs)
@@ -49,13 +37,7 @@ def schedule_of(problem: Problem, plan: Plan, needs: Needs | None = None) -> Sch
 
 
 def check_order(problem: Problem, plan: Plan, schedule: Schedule) -> None:
-    """Refuse an order that nobody can keep, by whomever.
-
-    Raises
-    ------
-    PlanError
-        Naming robots and vertices.
-    """
+    """Refuse an order that nobody can keep, by whomever. Raises PlanError: naming robots and vertices."""
     if fault := _fault(problem, plan, schedule):
         raise PlanError(fault)
 

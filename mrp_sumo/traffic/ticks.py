@@ -22,13 +22,7 @@ class PlanFault(Exception):
 
 
 def in_ticks(problem: StepWiseProblem, solution: StepWiseSolution) -> Iterator[IntArray]:
-    """[R] the cells of robots after each tick, -1 between two.
-
-    Raises
-    ------
-    Fault
-        For the first tick that breaks a rule.
-    """
+    """[R] the cells of robots after each tick, -1 between two. Raises Fault for the first tick that breaks a rule."""
     ahead, num_robots, width = cell_ahead(problem.free), problem.num_robots, problem.free.shape[1]
     row_ahead, column_ahead = np.array(ROW_AHEAD), np.array(COLUMN_AHEAD)
     cell, heading, doing = problem.start.copy(), np.full(num_robots, EAST), np.full(num_robots, WAIT)

@@ -32,20 +32,7 @@ class DdsView:
     """Publishes the runs of one command. To be used with `with`."""
 
     def __init__(self, domain: int = 0, address: str = LOOPBACK) -> None:
-        """Join a domain.
-
-        Parameters
-        ----------
-        domain
-            Its number, as `ROS_DOMAIN_ID` says it.
-        address
-            Of the network interface.
-
-        Raises
-        ------
-        MrpSumoError
-            Without the extra `dds`, and when there is no such domain or interface.
-        """
+        """Join a domain. Raises MrpSumoError: without the extra `dds`, and when there is no such domain or interface."""
         try:
             import cyclonedds.domain
             import cyclonedds.pub

@@ -149,12 +149,7 @@ class VirtualFleet:
     ) -> None:
         """Put the robots of a scenario at their starts, with nothing to do.
 
-        Raises
-        ------
-        ExecutionError
-            When they do not fit where they stand.
-        MrpSumoError
-            For a fault of a vehicle that is not there.
+        Raises ExecutionError when they do not fit where they stand, and MrpSumoError for a fault of a vehicle that is not there.
         """
         problem, settings = setup.problem, setup.settings
         self.settings: ExecutionSettings = replace(settings, disturbances=NONE, closed_lanes=(), people=None)

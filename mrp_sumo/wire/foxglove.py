@@ -28,19 +28,9 @@ class FoxgloveView:
     """Shows the runs of one command to Foxglove. To be used with `with`."""
 
     def __init__(self, port: int = PORT, speed: float = 1.0) -> None:
-        """Find out whether there can be a server.
+        """Find out whether there can be a server; `speed` is in simulated seconds a second.
 
-        Parameters
-        ----------
-        port
-            Of 127.0.0.1.
-        speed
-            Simulated seconds a second, until viewers ask for another.
-
-        Raises
-        ------
-        MrpSumoError
-            Without the extra `live`, and where the port cannot be had.
+        Raises MrpSumoError without the extra `live`, and where the port cannot be had.
         """
         try:
             import foxglove

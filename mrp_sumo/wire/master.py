@@ -75,13 +75,7 @@ class DrivenVehicles(KinematicEngine):
         return self._steps * self._dt
 
     def greet(self) -> None:
-        """Wait until all vehicles are there, each at its start, without an order.
-
-        Raises
-        ------
-        ExecutionError
-            For the first that is not.
-        """
+        """Wait until all vehicles are there, each at its start, without an order. Raises ExecutionError for the first that is not."""
         until, asked_s = time.monotonic() + PATIENCE_S, -math.inf
         while any(vehicle.state is None for vehicle in self.vehicles.values()) and time.monotonic() < until:
             if time.monotonic() >= asked_s + ASK_EVERY_S:

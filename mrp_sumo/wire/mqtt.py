@@ -48,13 +48,7 @@ class Broker:
 
 
 def broker_at(address: str, *, tls: bool = False, **how: Any) -> Broker:
-    """The broker at `HOST` or `HOST:PORT`; IPv6 addresses in brackets.
-
-    Raises
-    ------
-    MrpSumoError
-        For an address that is none.
-    """
+    """The broker at `HOST` or `HOST:PORT`; IPv6 addresses in brackets. Raises MrpSumoError for an address that is none."""
     default = MQTTS_PORT if tls else MQTT_PORT
     host, _, port = address.rpartition(":") if address.count(":") == 1 or "]:" in address else (address, "", str(default))
     if not host.strip("[]") or not port.isascii() or not port.isdigit() or not 0 < int(port) < 2**16:
@@ -90,7 +84,7 @@ class Connections:
         self.lost = 0  # messages for which there was no connection, or no room
 
     def add(self, name: str, topics: tuple[str, ...], *, will: tuple[str, bytes] | None = None) -> None:
-        """Connect, and subscribe to topics.
+        """Connect, and subscribe to topics. Raises MrpSumoError when there is no broker, or it does not let one in.
 
         Parameters
         ----------
@@ -100,11 +94,6 @@ class Connections:
             That are subscribed to.
         will
             Topic and payload that the broker sends, retained, when the connection breaks.
-
-        Raises
-        ------
-        MrpSumoError
-            When there is no broker, or it does not let one in.
         """
         mqtt = self._mqtt
         made = mqtt.Client(mqtt.CallbackAPIVersion.VERSION2, client_id=f"mrp_sumo_{name}", protocol=mqtt.MQTTv311)

@@ -41,15 +41,12 @@ class RerunView:
     def __init__(self, to: str = VIEWER) -> None:
         """Find out whether it can be done.
 
+        Raises MrpSumoError: without the extra `rerun`, when no viewer is there, and when the file cannot be written.
+
         Parameters
         ----------
         to
             A file to write, which ends with .rrd, or where a viewer listens: rerun+http://HOST:PORT/proxy.
-
-        Raises
-        ------
-        MrpSumoError
-            Without the extra `rerun`, when no viewer is there, and when the file cannot be written.
         """
         os.environ.setdefault("RUST_LOG", "off")  # or its threads print what is said here in a line
         try:

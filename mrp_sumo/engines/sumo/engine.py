@@ -213,14 +213,10 @@ def sumo_engine(
 ) -> Iterator[SumoEngine]:
     """Start SUMO (sumo-gui with `gui`) on the network of a graph, and close it whatever happens.
 
-    With `ways`, all that robots will ever drive, SUMO loads nothing else: they need not go elsewhere, and on large maps the network is
-    most of what a run of few robots loads. These are the vertices of robot after robot, and the lanes by which they come to them, -1 for
-    the first of each.
-
-    Raises
-    ------
-    ExecutionError
-        For a network that SUMO does not load or that is another graph's, and for every error of SUMO inside the block.
+    With `ways`, all that robots will ever drive, SUMO loads nothing else: they need not go elsewhere, and on large maps the network is most
+    of what a run of few robots loads. These are the vertices of robot after robot, and the lanes by which they come to them, -1 for the
+    first of each. Raises ExecutionError for a network that SUMO does not load or that is another graph's, and for every error of SUMO
+    inside the block.
     """
     lanes, shorten = None, None
     if ways is not None and not gui:

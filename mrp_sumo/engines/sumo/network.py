@@ -47,6 +47,8 @@ def lane_ends(edge: str) -> tuple[int, int]:
 def build_network(graph: NavGraph, path: Path, building: Building | None = None) -> Path:
     """Write the SUMO network of a graph.
 
+    Raises MapError for a graph without lanes, and when netconvert fails, and OSError where the temporary folder's disk is full.
+
     Parameters
     ----------
     graph
@@ -60,13 +62,6 @@ def build_network(graph: NavGraph, path: Path, building: Building | None = None)
     -------
     path
         The same.
-
-    Raises
-    ------
-    MapError
-        For a graph without lanes, and when netconvert fails.
-    OSError
-        Where the temporary folder's disk is full.
     """
     path = Path(path)
     if not graph.num_lanes:

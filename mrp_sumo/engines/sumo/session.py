@@ -64,13 +64,7 @@ class Sumo:
         return self._name
 
     def lane_length_m(self, edge: str) -> float:
-        """As SUMO keeps it.
-
-        Raises
-        ------
-        ExecutionError
-            When the network has no such edge.
-        """
+        """As SUMO keeps it. Raises ExecutionError when the network has no such edge."""
         try:
             return float(self._api.lane.getLength(edge + "_0"))
         except self._api.TraCIException as error:
@@ -206,13 +200,9 @@ def running_sumo(
 ) -> Iterator[Sumo]:
     """Start SUMO (sumo-gui with `gui`) on a network, and close it whatever happens.
 
-    Robots' types are numbered by `type_of`. SUMO loads what `shorten`, if given, leaves of the network's text. With `plan_every_s`
-    vehicles look ahead so often only, and in between do what they are commanded; by default in every step.
-
-    Raises
-    ------
-    ExecutionError
-        For a network that SUMO does not load, and for every error of SUMO inside the block.
+    Robots' types are numbered by `type_of`. SUMO loads what `shorten`, if given, leaves of the network's text. With `plan_every_s` vehicles
+    look ahead so often only, and in between do what they are commanded; by default in every step. Raises ExecutionError for a network that
+    SUMO does not load, and for every error of SUMO inside the block.
     """
     global _running
     if _running:

@@ -32,10 +32,7 @@ TASKS_TIME_LIMIT_S = 3600.0  # of one with tasks
 def choices(file: ScenarioFile, *, run_programs: bool = True) -> tuple[tuple[RobotType, ...], Planner, Assigner | None, ExecutionSettings]:
     """Choices of a scenario by name, apart from its map: the robots' types first; refused where that are programs which are not trusted.
 
-    Raises
-    ------
-    MrpSumoError
-        One line a fault, naming file and key.
+    Raises MrpSumoError: one line a fault, naming file and key.
     """
     scenario = file.scenario
     if run_programs:
@@ -56,13 +53,7 @@ def choices(file: ScenarioFile, *, run_programs: bool = True) -> tuple[tuple[Rob
 
 
 def named_files(scenario: ScenarioModel, folder: Path) -> list[Path]:
-    """Files beside the map that a scenario names and that decide about its run: of robots, a plan, tasks.
-
-    Parameters
-    ----------
-    folder
-        Where relative paths begin.
-    """
+    """Files beside the map that a scenario names and that decide about its run: of robots, a plan, tasks."""
     paths = []
     for group in scenario.robots.groups:
         if isinstance(group.type, str):

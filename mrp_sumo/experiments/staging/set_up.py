@@ -59,7 +59,7 @@ class SetUp:
 
 
 def set_up(file: ScenarioFile, maps: MapCache, *, run_programs: bool = True) -> SetUp:
-    """Load the map, fit the robots, draw or look up starts and goals.
+    """Load the map, fit the robots, draw or look up starts and goals. Raises MrpSumoError: one line a fault, naming file and key.
 
     Parameters
     ----------
@@ -69,11 +69,6 @@ def set_up(file: ScenarioFile, maps: MapCache, *, run_programs: bool = True) -> 
         Where maps are made, once.
     run_programs
         Whether plug-in files may run. Without, there is no planning, and a map reader that is one is refused.
-
-    Raises
-    ------
-    MrpSumoError
-        One line a fault, naming file and key.
     """
     scenario = file.scenario
     models, chosen_planner, chosen_assigner, settings = choices(file, run_programs=run_programs)

@@ -129,13 +129,7 @@ class Order:
 
 
 def read_document(payload: bytes) -> Json:
-    """The object that a message is.
-
-    Raises
-    ------
-    RefusalError
-        For what is too large, not JSON, or no object.
-    """
+    """The object that a message is. Raises RefusalError for what is too large, not JSON, or no object."""
     if len(payload) > LONGEST_PAYLOAD:
         raise RefusalError(Reason.TOO_LARGE, f"a payload of {len(payload)} bytes; more than {LONGEST_PAYLOAD} are not read")
     try:
@@ -165,10 +159,7 @@ def check_header(document: Json, dialect: Dialect, manufacturer: str, serial: st
 def read_order(document: Json, dialect: Dialect) -> Order:
     """An order by its members, each by itself; `check_sequence` sees how they fit.
 
-    Raises
-    ------
-    RefusalError
-        For the first that is missing or of another type, with its JSON path.
+    Raises RefusalError for the first that is missing or of another type, with its JSON path.
     """
     _require(document, {"orderId": TEXT, "orderUpdateId": int, "nodes": LIST, "edges": LIST}, "", OPTIONAL["order"])
     references = {"orderId": document["orderId"][:LONGEST_ID], "orderUpdateId": document["orderUpdateId"]}
@@ -193,10 +184,7 @@ def read_order(document: Json, dialect: Dialect) -> Order:
 def check_sequence(order: Order) -> None:
     """Refuse an order whose nodes and edges do not follow each other, or whose base is not what comes first.
 
-    Raises
-    ------
-    RefusalError
-        With the JSON path.
+    Raises RefusalError with the JSON path.
     """
     has_ends = any(edge.ends for edge in order.edges)
     for text in disorder(order.document["nodes"], order.document["edges"], has_ends=has_ends):
@@ -209,13 +197,7 @@ def check_sequence(order: Order) -> None:
 
 
 def read_actions(document: Json, dialect: Dialect) -> list[Action]:
-    """The actions of a message of instant actions.
-
-    Raises
-    ------
-    RefusalError
-        For the first that is wrong; none is taken then.
-    """
+    """The actions of a message of instant actions. Raises RefusalError for the first that is wrong; none is taken then."""
     _require(document, {"actions": LIST}, "")
     return list(_actions(document["actions"], "actions", dialect))
 

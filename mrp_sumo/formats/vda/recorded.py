@@ -50,10 +50,7 @@ class RecordedLog:
 def read_log(path: Path) -> RecordedLog:
     """Read a log.
 
-    Raises
-    ------
-    MrpSumoError
-        For a line that is no such message, with its number; for a log without a vehicle that says where it is.
+    Raises MrpSumoError for a line that is no such message, with its number; for a log without a vehicle that says where it is.
     """
     require_regular(path, LARGEST_LOG)
     log, name = RecordedLog(), shortened(path)

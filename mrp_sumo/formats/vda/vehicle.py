@@ -170,13 +170,7 @@ class Vehicle:
         self.has_changed = True
 
     def take(self, order: Order, now_s: float) -> None:
-        """Take an order, or an update of one.
-
-        Raises
-        ------
-        RefusalError
-            When it cannot be followed; the vehicle goes on with what it has.
-        """
+        """Take an order, or an update of one. Raises RefusalError when it cannot be followed; the vehicle goes on with what it has."""
         check_sequence(order)
         current = self.order
         if current is not None and order.name == current.name:

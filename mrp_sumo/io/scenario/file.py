@@ -48,10 +48,7 @@ class ScenarioFile:
 def find_scenario(name_or_path: str) -> Path:
     """The file of a scenario: a path, or the name of a bundled one (`office_9`, `suites/...`).
 
-    Raises
-    ------
-    ScenarioError
-        When there is no such file, with the nearest one.
+    Raises ScenarioError when there is no such file, with the nearest one.
     """
     path, bundled = Path(name_or_path), bundled_folder("scenarios")
     named = bundled / (name_or_path if name_or_path.endswith(".yaml") else f"{name_or_path}.yaml")

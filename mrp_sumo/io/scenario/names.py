@@ -12,13 +12,7 @@ from mrp_sumo.plugins.registry import find
 
 
 def require_known(file: ScenarioFile) -> None:
-    """Refuse names of no map, no type of robots and no plug-in.
-
-    Raises
-    ------
-    MrpSumoError
-        One line, with the nearest right name.
-    """
+    """Refuse names of no map, no type of robots and no plug-in. Raises MrpSumoError: one line, with the nearest right name."""
     with file.located("map"):
         find_map(file.scenario.map.file, file.folder)
     robot_types(file)

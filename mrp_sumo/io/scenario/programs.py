@@ -54,17 +54,14 @@ def trust_programs(file: ScenarioFile) -> None:
 def require_trust(file: ScenarioFile, *folders: Path) -> None:
     """Refuse a scenario that names programs which are not trusted.
 
+    Raises ScenarioError: one line per program: what would be run, and how to trust it.
+
     Parameters
     ----------
     file
         What it names is trusted when it is in a trusted folder, or comes with this program.
     folders
         Of more files that had a say in it: of a suite's base.
-
-    Raises
-    ------
-    ScenarioError
-        One line per program: what would be run, and how to trust it.
     """
     unknown = [(place, program) for place, program in programs_of(file) if not is_trusted(program)]
     if not unknown:

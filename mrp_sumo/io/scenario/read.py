@@ -15,7 +15,7 @@ from mrp_sumo.plugins.trust import trust
 
 
 def read_scenario(path: Path, overrides: Mapping[Place, tuple[str, Any]] | None = None) -> ScenarioFile:
-    """Read and check a scenario file.
+    """Read and check a scenario file. Raises ScenarioError: one line a fault, with file and line.
 
     Parameters
     ----------
@@ -24,11 +24,6 @@ def read_scenario(path: Path, overrides: Mapping[Place, tuple[str, Any]] | None 
     overrides
         What the command line says instead: place -> (option, value), such as
         `{("planner", "name"): ("--planner", "cbs")}`. Naming another planner drops the parameters of the one before.
-
-    Raises
-    ------
-    ScenarioError
-        One line a fault, with file and line.
     """
     document = read_document(path)
     if isinstance(document.content, dict) and "base" in document.content and "map" not in document.content:
@@ -45,19 +40,7 @@ def read_scenario(path: Path, overrides: Mapping[Place, tuple[str, Any]] | None 
 def scenario_of(values: Mapping[str, Any], folder: Path, name: str) -> ScenarioFile:
     """Check a scenario that is not in a file. The programs that it names are trusted: the caller names them.
 
-    Parameters
-    ----------
-    values
-        What a file would say.
-    folder
-        Where relative paths begin.
-    name
-        Of a scenario that has none.
-
-    Raises
-    ------
-    ScenarioError
-        One line a fault.
+    Raises ScenarioError: one line a fault.
     """
     document = Document(folder / "scenario", dict(values), {})
     scenario = validated(document, ScenarioModel)
@@ -69,17 +52,7 @@ def scenario_of(values: Mapping[str, Any], folder: Path, name: str) -> ScenarioF
 def changed(file: ScenarioFile, overrides: Mapping[Place, tuple[str, Any]]) -> ScenarioFile:
     """The scenario with other values. The programs that these name are trusted: the user names them.
 
-    Parameters
-    ----------
-    file
-        The scenario.
-    overrides
-        As for `read_scenario`.
-
-    Raises
-    ------
-    ScenarioError
-        One line a fault, with the option that is to blame.
+    Raises ScenarioError: one line a fault, with the option that is to blame.
     """
     if not overrides:
         return file

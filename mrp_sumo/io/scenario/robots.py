@@ -114,21 +114,9 @@ class Robots(Strict):
 
 
 def robot_type(choice: str | RobotShape, folder: Path, beside: Path) -> RobotType:
-    """The robot type that a scenario names or writes out.
+    """The robot type that a scenario names or writes out; `folder` has the bundled ones.
 
-    Parameters
-    ----------
-    choice
-        Of the scenario.
-    folder
-        The bundled types, `<name>.yaml` each.
-    beside
-        Where a relative path begins.
-
-    Raises
-    ------
-    ScenarioError
-        For an unknown type and a flawed file.
+    Raises ScenarioError for an unknown type and a flawed file.
     """
     if isinstance(choice, RobotShape):
         return RobotType("custom", **vars(choice))

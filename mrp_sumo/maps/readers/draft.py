@@ -140,7 +140,7 @@ class Draft:
         return self._xy[v]
 
     def to_map(self, level: str | None = None, building: Building | None = None) -> Map:
-        """The map, checked.
+        """The map, checked. Raises RefusedMap for edges that end nowhere, and for maps without lanes.
 
         Parameters
         ----------
@@ -148,11 +148,6 @@ class Draft:
             Only this level; all by default, side by side where there are several.
         building
             What is drawn around the lanes, in the same coordinates.
-
-        Raises
-        ------
-        RefusedMap
-            For edges that end nowhere, and for maps without lanes.
         """
         for detail in self._nowhere:
             self.notes.add("edge_to_nowhere", detail)

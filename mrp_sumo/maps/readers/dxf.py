@@ -42,7 +42,7 @@ class DxfContent:
 
 
 def read_dxf(path: Path, layers: Sequence[str] | None = None, unit: str | None = None) -> DxfContent:
-    """The strokes of a drawing.
+    """The strokes of a drawing. Raises MapError as the module refuses.
 
     Parameters
     ----------
@@ -52,11 +52,6 @@ def read_dxf(path: Path, layers: Sequence[str] | None = None, unit: str | None =
         Which layers, in any case; by default all that are shown.
     unit
         One of `UNIT_M`; that of the file's header by default.
-
-    Raises
-    ------
-    MapError
-        As the module refuses.
     """
     if unit is not None and unit not in UNIT_M:
         raise MapError(f"unit '{unit}' is none of {', '.join(UNIT_M)}{nearest(unit, UNIT_M)}")

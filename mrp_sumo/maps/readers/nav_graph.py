@@ -46,7 +46,7 @@ def write_nav_graph(document: Document, path: Path) -> None:
 def graph_of_document(
     document: Document, name: str, *, levels: Iterable[str] | None = None, origin_m: tuple[float, float] | None = None, source: str = ""
 ) -> NavGraph:
-    """The NavGraph of a nav graph document.
+    """The NavGraph of a nav graph document. Raises MapError for lanes between vertices that do not exist, and values of a wrong type.
 
     Parameters
     ----------
@@ -60,11 +60,6 @@ def graph_of_document(
         What to subtract from coordinates; by default the document's offset, where coordinates contain it.
     source
         The file it comes from.
-
-    Raises
-    ------
-    MapError
-        For lanes between vertices that do not exist, and values of a wrong type.
     """
     return _assemble([document], name, levels, origin_m, source, merge=False)
 

@@ -74,13 +74,7 @@ def root_name(text: str) -> str:
 
 
 def parse_xml(source: Text) -> Element:
-    """The root element of a text.
-
-    Raises
-    ------
-    MapError
-        As the module refuses; with the line.
-    """
+    """The root element of a text. Raises MapError as the module refuses; with the line."""
     parser = expat.ParserCreate("utf-8")  # what the text was read as, whatever it says
     parser.SetParamEntityParsing(expat.XML_PARAM_ENTITY_PARSING_NEVER)
     roots: list[Element] = []

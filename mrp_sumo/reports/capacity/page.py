@@ -30,10 +30,7 @@ STYLE_SHEET = Path(__file__).with_name("page.css")
 def write_capacity_page(study: Study, answer: Answer, folder: Path, made: Sequence[ReplayedRun] = ()) -> Path:
     """Write the page, and the answer as JSON, into the folder of a study; replay pages of the runs that are kept, which it links.
 
-    Raises
-    ------
-    OSError
-        As the system reports it.
+    Raises OSError as the system reports it.
     """
     write_whole(folder / DOCUMENT, (json.dumps(answer.document, indent=2) + "\n").encode())
     replays = [(run, write_replay(run.folder).relative_to(folder).as_posix()) for run in made]

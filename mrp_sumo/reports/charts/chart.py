@@ -121,21 +121,7 @@ def draw(
     size: tuple[float, float] = NARROW,
     wide: bool = False,
 ) -> Chart:
-    """Draw a chart.
-
-    Parameters
-    ----------
-    name
-        Of its files: letters, digits and `_`.
-    title, caption
-        Written beside it.
-    paint
-        Draws on an empty figure.
-    size
-        Width and height in inches.
-    wide
-        Whether it takes the whole width of the page.
-    """
+    """Draw a chart: `paint` draws on an empty figure of a size in inches; a wide one takes the whole width of the page."""
     svg, png = io.BytesIO(), io.BytesIO()
     with mpl.rc_context(STYLE), warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Glyph .* missing")  # a name in a script that the font lacks

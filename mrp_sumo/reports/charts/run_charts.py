@@ -43,20 +43,7 @@ STATES = (  # state, name, colour, height of its bar: shape tells them apart as 
 
 
 def run_charts(run: RunFolder, tag: str = "run") -> list[Chart]:
-    """All charts of a run.
-
-    Parameters
-    ----------
-    run
-        A run folder.
-    tag
-        Prefix of the charts' file names.
-
-    Raises
-    ------
-    MrpSumoError
-        For a folder whose files are damaged.
-    """
+    """All charts of a run. Raises MrpSumoError for a folder whose files are damaged."""
     if not run.executed:
         return []
     try:

@@ -54,13 +54,7 @@ class PaperComparison:
 
 
 def compare_with_paper(campaign: Campaign) -> PaperComparison:
-    """Read the runs of a campaign and set them beside the paper.
-
-    Raises
-    ------
-    MrpSumoError
-        When runs are missing or cannot be read.
-    """
+    """Read the runs of a campaign and set them beside the paper. Raises MrpSumoError when runs are missing or cannot be read."""
     studies = {name: read_study(campaign.results(name)) for name in SUITES if (campaign.results(name) / PLAN).exists()}
     maps, plans, driven, costs, times, single = (studies[name] for name in SUITES[:6])
     kinds = kinds_of(driven.frame)
@@ -91,13 +85,7 @@ def compare_with_paper(campaign: Campaign) -> PaperComparison:
 
 
 def write_paper(campaign: Campaign, comparison: PaperComparison, made: Made) -> Path:
-    """Write page, document, tables and figures into the folder of a campaign. Returns the page.
-
-    Raises
-    ------
-    OSError
-        As the system reports it.
-    """
+    """Write page, document, tables and figures into the folder of a campaign. Returns the page. Raises OSError as the system reports it."""
     for section in comparison.sections:
         for part in section.parts:
             write_part(campaign.folder, part)

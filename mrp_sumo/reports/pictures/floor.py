@@ -17,19 +17,7 @@ NAME_PT = 6.5  # names of stations
 
 
 def draw_floor(ax: Axes, record: RunRecord, outline: Outline | None, points_per_m: float, *, name_pt: float = NAME_PT) -> None:
-    """Draw what stands under the robots: floors, furniture, doors, walls, lanes or cells, and stations with their names.
-
-    Parameters
-    ----------
-    ax
-        In m, map frame.
-    record, outline
-        Of the run.
-    points_per_m
-        The scale.
-    name_pt
-        Size of the names of stations.
-    """
+    """Draw what stands under the robots: floors, furniture, doors, walls, lanes or cells, and stations with their names."""
     nav = record.nav or record.graph
     if outline is not None:
         furniture, inner, walls = furniture_and_walls(outline.walls)

@@ -80,7 +80,7 @@ class Panel:
 
 
 def draw_map(map_: Map, path: Path, *others: Path) -> Path:
-    """Draw the map.
+    """Draw the map. Raises MapError for another suffix.
 
     Parameters
     ----------
@@ -95,11 +95,6 @@ def draw_map(map_: Map, path: Path, *others: Path) -> Path:
     -------
     path
         The same.
-
-    Raises
-    ------
-    MapError
-        For another suffix.
     """
     for file in (path, *others):
         require_suffix(file, MapError)

@@ -23,19 +23,7 @@ class Picture(Figure):
     def write(self, path: str | Path, dpi: float = 150) -> Path:
         """Write the picture, whole or not at all, and without the date: the same picture gives the same bytes.
 
-        Parameters
-        ----------
-        path
-            Ends in .png or .svg.
-        dpi
-            Of a PNG.
-
-        Raises
-        ------
-        MrpSumoError
-            For another suffix.
-        OSError
-            As the system says; nothing of the file is left then.
+        Raises MrpSumoError for another suffix, and OSError as the system says; nothing of the file is left then.
         """
         path = Path(path)
         require_suffix(path)

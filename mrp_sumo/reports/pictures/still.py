@@ -36,21 +36,7 @@ LEAST_PT = (8.0, 4.5)  # least length of a robot on the page: up to NAMED robots
 def render_still(run: AnyRun, at_s: float, path: Path, *, dpi: float = 150) -> Path:
     """Draw the run at a moment.
 
-    Parameters
-    ----------
-    run
-        With a trajectory or at least a plan.
-    at_s
-        Simulated time.
-    path
-        Ends in .png or .svg.
-    dpi
-        Of the PNG.
-
-    Raises
-    ------
-    MrpSumoError
-        For another suffix, a time outside the run, a run with nothing to show, and a place that cannot be written.
+    Raises MrpSumoError for another suffix, a time outside the run, a run with nothing to show, and a place that cannot be written.
     """
     require_suffix(path)
     figure = still(run, at_s)
@@ -64,10 +50,7 @@ def render_still(run: AnyRun, at_s: float, path: Path, *, dpi: float = 150) -> P
 def still(run: AnyRun, at_s: float) -> Picture:
     """The picture of a run at a moment; the parameters are those of `render_still`.
 
-    Raises
-    ------
-    MrpSumoError
-        For a time outside the run, and a run with nothing to show.
+    Raises MrpSumoError for a time outside the run, and a run with nothing to show.
     """
     with damage_in(run.source):
         record, outline = view_record(run), run.outline

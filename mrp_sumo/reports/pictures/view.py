@@ -60,10 +60,7 @@ def subtitle_of(result: Mapping[str, Any], num_robots: int) -> str:
 def view_record(run: AnyRun) -> RunRecord:
     """The run as it is shown: as driven, or as planned where it was not executed.
 
-    Raises
-    ------
-    MrpSumoError
-        When there is neither a plan nor a trajectory.
+    Raises MrpSumoError when there is neither a plan nor a trajectory.
     """
     if run.executed:
         record = replace(run.record, name=title_of(run.result))
@@ -140,15 +137,7 @@ def extent(record: RunRecord, outline: "Outline | None") -> tuple[FloatArray, Fl
 
 
 def plan_as_execution(plan: Plan, graph: PlanGraph) -> Execution:
-    """A plan as if it had been driven exactly, for runs that were not executed.
-
-    Parameters
-    ----------
-    plan
-        R robots.
-    graph
-        Its vertices.
-    """
+    """A plan as if it had been driven exactly, for runs that were not executed."""
     end_s = float(plan.end_s.max(initial=0.0))
     t_s = np.arange(math.ceil(end_s / PERIOD_S) + 2) * PERIOD_S
     x, y, yaw, speed = (np.zeros((len(t_s), plan.num_robots)) for _ in range(4))
@@ -180,11 +169,6 @@ def plan_as_execution(plan: Plan, graph: PlanGraph) -> Execution:
 
 def furniture_and_walls(walls: FloatArray) -> tuple[list[FloatArray], FloatArray, FloatArray]:
     """Tell furniture (racks, desks, pillars) from walls: islands of walls that are closed and narrow.
-
-    Parameters
-    ----------
-    walls
-        [W, 2, 2] m
 
     Returns
     -------

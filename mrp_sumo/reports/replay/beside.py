@@ -9,13 +9,7 @@ from mrp_sumo.reports.replay.page import About, filled, replay_page, shown
 
 
 def page_of_two(first: AnyRun, second: AnyRun) -> str:
-    """The page.
-
-    Raises
-    ------
-    MrpSumoError
-        Where the folder of one is damaged or there is nothing to replay.
-    """
+    """The page. Raises MrpSumoError where the folder of one is damaged or there is nothing to replay."""
     both = [shown(run) for run in (first, second)]
     abouts, pages = [about for _, about in both], [replay_page(*each) for each in both]
     titles = [about.name for about in abouts]

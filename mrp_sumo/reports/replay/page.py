@@ -129,24 +129,9 @@ class Columns:
 
 
 def write_replay(folder: Path, out: Path | None = None) -> Path:
-    """Write the replay page of a run.
+    """Write the replay page of a run, `replay.html` in its folder by default. Returns where it is.
 
-    Parameters
-    ----------
-    folder
-        A run folder.
-    out
-        The page; `replay.html` in the run folder by default.
-
-    Returns
-    -------
-    Path
-        The page.
-
-    Raises
-    ------
-    MrpSumoError
-        For a folder without a run, a run without a plan and a trajectory, and a page that cannot be written.
+    Raises MrpSumoError for a folder without a run, a run without a plan and a trajectory, and a page that cannot be written.
     """
     return write_page(page_of(load_run(folder)), out or folder / "replay.html")
 
@@ -194,7 +179,7 @@ class PageFrame:
 
 
 def replay_page(record: RunRecord, about: About, *, live_period_s: float | None = None) -> str:
-    """The page as text.
+    """The page as text. Raises MrpSumoError when there is nothing to show.
 
     Parameters
     ----------
@@ -204,11 +189,6 @@ def replay_page(record: RunRecord, about: About, *, live_period_s: float | None 
         The run in words, and the building.
     live_period_s
         For a run under way, of which the record has the first sample: time between those that the page will be sent.
-
-    Raises
-    ------
-    MrpSumoError
-        When there is nothing to show.
     """
     execution = record.execution
     num_samples, num_robots = execution.x_m.shape

@@ -24,13 +24,7 @@ QUALITY = {"preset": "superfast", "crf": "18"}
 
 
 def kind_of(path: str) -> str:
-    """The suffix of a video; '' for a folder of frames.
-
-    Raises
-    ------
-    MrpSumoError
-        For another suffix, and for MP4 where nothing can encode it.
-    """
+    """The suffix of a video; '' for a folder of frames. Raises MrpSumoError for another suffix, and for MP4 where nothing can encode it."""
     if path.endswith("/"):
         return ""
     suffix = Path(path).suffix.lower()
@@ -42,7 +36,7 @@ def kind_of(path: str) -> str:
 
 
 def write_video(frames: Iterator[Pixels], poster: Pixels, path: Path, kind: str, fps: int) -> None:
-    """Write a video.
+    """Write a video. Raises MrpSumoError when it cannot be written; nothing is left then.
 
     Parameters
     ----------
@@ -54,11 +48,6 @@ def write_video(frames: Iterator[Pixels], poster: Pixels, path: Path, kind: str,
         As `kind_of` says.
     fps
         Frames a second.
-
-    Raises
-    ------
-    MrpSumoError
-        When it cannot be written; nothing is left then.
     """
     if kind == "":
         return _write_frames(frames, path)

@@ -103,19 +103,7 @@ class Scene:
 def scene_of(run: AnyRun, *, robots: Sequence[str] = (), level: str | None = None) -> Scene:
     """A run, to be shown as a video.
 
-    Parameters
-    ----------
-    run
-        With a trajectory or at least a plan.
-    robots
-        Names of robots to bring out.
-    level
-        The level to show; all by default.
-
-    Raises
-    ------
-    MrpSumoError
-        For a run with nothing to show, damaged files, and names of robots or levels that there are not.
+    Raises MrpSumoError for a run with nothing to show, damaged files, and names of robots or levels that there are not.
     """
     with damage_in(run.source):
         record, outline, plan = view_record(run), run.outline, run.plan

@@ -31,7 +31,7 @@ class Wanted:
 
 
 def render_video(runs: Sequence[AnyRun], path: str, wanted: Wanted, report: Callable[[int, int], None] | None = None) -> tuple[str, Path]:
-    """Make a video of one run, or of up to four on one clock.
+    """Make a video of one run, or of up to four on one clock. Raises MrpSumoError for what cannot be shown or written.
 
     Parameters
     ----------
@@ -48,11 +48,6 @@ def render_video(runs: Sequence[AnyRun], path: str, wanted: Wanted, report: Call
     -------
     about, poster
         The video in words, and a frame of it, `.png` beside it.
-
-    Raises
-    ------
-    MrpSumoError
-        For what cannot be shown or written.
     """
     kind = kind_of(path)
     if len(runs) > MOST_RUNS:

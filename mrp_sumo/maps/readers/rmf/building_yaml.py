@@ -37,10 +37,7 @@ def is_building(document: Any) -> bool:
 def building_of(document: Any, source: Text, meters_per_pixel: float | None = None) -> Building:
     """The building of a parsed document; `meters_per_pixel` is the scale of the reference level's drawing, instead of its measurements.
 
-    Raises
-    ------
-    MapError
-        As the module refuses, with line, level and index. Findings of severity `refuse` do not raise here.
+    Raises MapError as the module refuses, with line, level and index. Findings of severity `refuse` do not raise here.
     """
     name, system, reference, documents = _header(document, source, meters_per_pixel)
     reader = LevelReader(source, Notes())
