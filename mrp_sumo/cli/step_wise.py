@@ -52,7 +52,7 @@ def plan(options: argparse.Namespace) -> int:
         "tasks_per_step": verdict.tasks_done / run.solution.num_steps,
         "planning_cpu_s": run.planning_cpu_s,
         "begin_cpu_s": run.begin_time_s,
-        "mean_step_cpu_s": sum(run.plan_time_s) / run.solution.num_steps,
+        "mean_step_cpu_s": sum(run.plan_time_s) / len(run.plan_time_s),
         "max_step_cpu_s": max(run.plan_time_s),
         **asdict(pace),
         "message": verdict.fault or (f"no errand is done after step {pace.stalled_since_step}" if stalled else ""),

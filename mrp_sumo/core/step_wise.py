@@ -5,6 +5,7 @@ are revealed at its end, in the order of the problem. A task is *open* once its 
 """
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,20 @@ COLUMN_AHEAD = (1, 0, -1, 0)
 ActionArray = NDArray[np.int8]
 
 
+@dataclass(frozen=True)
+class DelayLaw:
+    """Law of delays by the rules of 2026: in each tick some robots begin to make no progress, for some ticks."""
+
+    seed: int
+    least: int  # ticks
+    most: int
+    event: Literal["bernoulli", "poisson"]  # each robot with probability p, or as many as are drawn with the mean of robots times p
+    p: float
+    duration: Literal["uniform", "gaussian"]  # from least to most, or normal with these shares of the span, cut off at both
+    mean_share: float
+    std_share: float
+
+
 @dataclass(frozen=True, eq=False)
 class StepWiseProblem:
     """A step-wise problem. Cells are row x width + column; row 0 is the uppermost. All robots begin heading east."""
@@ -35,6 +50,7 @@ class StepWiseProblem:
     num_revealed: int  # how many tasks are in the pool at any time
     ticks: int = 0  # that an action takes by the rules of 2026; 0: by those of 2024, in steps
     size: float = 1.0  # cells, side of a robot's square by the rules of 2026
+    delays: DelayLaw | None = None  # by the rules of 2026
 
     def __post_init__(self) -> None:
         height, width = self.free.shape

@@ -12,8 +12,8 @@ from gymnasium.spaces import Box, Dict, Discrete
 from pettingzoo import ParallelEnv
 
 from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray
-from mrp_sumo.core.step_wise import NOTHING, WAIT, ActionArray, StepWiseProblem, StepWiseSolution
-from mrp_sumo.planning.step_wise import StepWiseWorld, tasks_in_turn
+from mrp_sumo.core.step_wise import NOTHING, WAIT, StepWiseProblem, StepWiseSolution
+from mrp_sumo.planning.step_wise import StepWiseWorld, safe, tasks_in_turn
 
 PURPOSE = 51  # of the stream of chance
 NUM_TASKS, NUM_ERRANDS = 1000, 2  # of drawn problems; tasks begin again
@@ -136,28 +136,6 @@ class StepWiseEnv(ParallelEnv):  # type: ignore[misc]  # PettingZoo has no types
         """[R] the cell of each robot's next errand, NOTHING for who has no task."""
         pool = self._world.pool
         return np.array([pool.problem.errands_of(k)[pool.done[k]] if k != NOTHING else NOTHING for k in pool.task_of], np.int64)
-
-
-def safe(world: StepWiseWorld, wanted: ActionArray) -> ActionArray:
-    """[R] the actions, with waits instead of moves that leave the map or collide."""
-    action = wanted.copy()
-    while True:
-        end = world.ends(action)
-        moves, robots = end != world.cell, np.arange(len(end))
-        wrong = end < 0
-        stays = np.zeros(world.problem.free.size, np.bool_)
-        stays[world.cell[~moves]] = True
-        wrong |= moves & stays[end]
-        at = np.full(world.problem.free.size, -1, np.int64)
-        at[world.cell] = robots
-        other = at[end]
-        wrong |= moves & (other >= 0) & (end[other] == world.cell)  # they would change places
-        going = np.flatnonzero(moves & ~wrong)
-        _, first = np.unique(end[going], return_index=True)
-        wrong[np.delete(going, first)] = True
-        if not wrong.any():
-            return action
-        action[wrong] = WAIT
 
 
 def drawn(problem: StepWiseProblem, rng: np.random.Generator) -> StepWiseProblem:

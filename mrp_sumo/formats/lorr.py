@@ -3,9 +3,9 @@
 A problem is a JSON file that names a map (MovingAI, with `E` and `S` for free cells), an agents file and a tasks file, beside it. A
 solution has `start` [[row, column, "E"]], `actualPaths` (one string a robot, letters F, R, C, W separated by commas),
 `actualSchedule` ("time:task,..." a robot), `events` [[time, robot, task, errands done]], `tasks` [[task, time revealed, [row, column,
-...]]] and `numTaskFinished`. A problem of 2026 also has `agentCounter`, the ticks that an action takes, and `agentSize`; its delays
-are drawn anew for every run, so they are not used. In its solutions, which say so in `version`, a letter is a tick, and W one without
-progress. Refuses files that lack these, cells that are blocked or off the map, and tasks without errands.
+...]]] and `numTaskFinished`. A problem of 2026 also has `agentCounter`, the ticks that an action takes, `agentSize`, and the law of delays
+in `delayConfig`. In its solutions, which say so in `version`, a letter is a tick, and W one without progress. Refuses files that lack
+these, cells that are blocked or off the map, and tasks without errands.
 """
 
 import json
@@ -16,11 +16,21 @@ from typing import Any
 import numpy as np
 
 from mrp_sumo.core.graph import BoolArray, IntArray, frozen
-from mrp_sumo.core.step_wise import ACTION_LETTERS, HEADING_LETTERS, ActionArray, StepWiseProblem, StepWiseSolution
+from mrp_sumo.core.step_wise import ACTION_LETTERS, HEADING_LETTERS, ActionArray, DelayLaw, StepWiseProblem, StepWiseSolution
 from mrp_sumo.errors import PlanError, nearest
 from mrp_sumo.files.reading import read_json, read_text
 
 KEYS = ("mapFile", "agentFile", "taskFile", "teamSize", "numTasksReveal")
+DELAYS: dict[str, tuple[Any, Any]] = {  # keys of `delayConfig`, in the order of `DelayLaw`, with what is expected
+    "seed": (0, 2**31),
+    "minDelay": (1, 1_000_000),
+    "maxDelay": (1, 1_000_000),
+    "eventModel": ("bernoulli", "poisson"),
+    "pDelay": (0.0, 1.0),
+    "durationModel": ("uniform", "gaussian"),
+    "gaussMeanRatio": (0.0, 1.0),
+    "gaussStdRatio": (0.0, 1.0),
+}
 FREE, BLOCKED = b".GSE", b"@OTW"
 MAX_CELLS = 10_000_000
 MAX_STEPS = 1_000_000
@@ -58,7 +68,8 @@ def read_problem(path: Path) -> StepWiseProblem:
     errand = np.array([cell for _, values in tasks for cell in values], np.int64)
     num_revealed = max(1, math.floor(share * team + 1e-9))
     ticks, size = _of_2026(path, document)
-    return StepWiseProblem(path.stem, frozen(free), frozen(start), frozen(first), frozen(errand), num_revealed, ticks, size)
+    delays = _delays_of(path, document["delayConfig"]) if ticks and document.get("delayConfig") is not None else None
+    return StepWiseProblem(path.stem, frozen(free), frozen(start), frozen(first), frozen(errand), num_revealed, ticks, size, delays)
 
 
 def _of_2026(path: Path, document: dict[str, Any]) -> tuple[int, float]:
@@ -71,6 +82,31 @@ def _of_2026(path: Path, document: dict[str, Any]) -> tuple[int, float]:
     if not isinstance(size, int | float) or isinstance(size, bool) or not 0 < size <= 1:
         raise PlanError(f"{path.name}: agentSize is {size!r:.20}, expected a number of cells above 0, at most 1")
     return ticks, float(size)
+
+
+def _delays_of(path: Path, document: Any) -> DelayLaw:
+    """The law of delays of a problem."""
+    if not isinstance(document, dict):
+        raise PlanError(f"{path.name}: delayConfig is {document!r:.40}, expected an object with {', '.join(DELAYS)}")
+    values = []
+    for key, expected in DELAYS.items():
+        unused = key.startswith("gauss") and document.get("durationModel") == "uniform"
+        if key not in document and not unused:
+            close = nearest(key, document)
+            raise PlanError(f"{path.name}: delayConfig.{key} is missing{close if 'mean' in close else ''}")
+        value = document.get(key, 0.0)
+        if isinstance(expected[0], str):
+            wrong, text = value not in expected, " or ".join(expected)
+        else:
+            kind = int if isinstance(expected[0], int) else int | float
+            wrong = not isinstance(value, kind) or isinstance(value, bool) or not expected[0] <= value <= expected[1]
+            text = f"a {'whole ' * (kind is int)}number from {expected[0]:g} to {expected[1]:g}"
+        if wrong:
+            raise PlanError(f"{path.name}: delayConfig.{key} is {value!r:.20}, expected {text}")
+        values.append(value)
+    if values[1] > values[2]:
+        raise PlanError(f"{path.name}: delayConfig.minDelay is {values[1]}, expected at most maxDelay, which is {values[2]}")
+    return DelayLaw(*values)
 
 
 def read_solution(path: Path, problem: StepWiseProblem) -> StepWiseSolution:

@@ -1,7 +1,7 @@
 """Step-wise planning: in each step a planner sees where robots are and which tasks there are, and says what they do next.
 
-`run_step_wise` is the loop: it keeps the pool of tasks, asks, moves, and counts. Time is in steps; nothing depends on the clock, which
-only measures. Refuses answers that are no answers; whether robots collide is for the referee.
+`run_step_wise` is the loop: it keeps the pool of tasks, asks, moves, and counts. Time is in steps, or in ticks by the rules of 2026;
+nothing depends on the clock, which only measures. Refuses answers that are no answers; whether robots collide is for the referee.
 """
 
 from collections.abc import Callable
@@ -12,8 +12,9 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from mrp_sumo.core.graph import IntArray
-from mrp_sumo.core.step_wise import EAST, FORWARD, LEFT, NOTHING, RIGHT, ActionArray, StepWiseProblem, StepWiseSolution, cell_ahead
+from mrp_sumo.core.step_wise import EAST, FORWARD, LEFT, NOTHING, RIGHT, WAIT, ActionArray, StepWiseProblem, StepWiseSolution, cell_ahead
 from mrp_sumo.errors import PlanError, PlugInError
+from mrp_sumo.planning.ticks import CrowdInTicks, Delays
 from mrp_sumo.traffic.step_wise_referee import Pool
 
 
@@ -21,8 +22,8 @@ from mrp_sumo.traffic.step_wise_referee import Pool
 class Observation:
     """Observation of a planner before a step."""
 
-    time: int
-    cell: IntArray  # [R]
+    time: int  # in steps
+    cell: IntArray  # [R]; by the rules of 2026 where robots will be, once they have done what is planned
     heading: IntArray  # [R]
     task_of: IntArray  # [R] task or NOTHING
     pool: dict[int, int]  # task revealed and not finished -> its errands done; above 0 it is open
@@ -67,7 +68,7 @@ class StepWiseRun:
     """Result of a step-wise run."""
 
     solution: StepWiseSolution
-    plan_time_s: list[float]  # [T] CPU time of each step's planning
+    plan_time_s: list[float]  # [steps] CPU time of each step's planning
     begin_time_s: float  # CPU time of getting ready
 
     @property
@@ -79,9 +80,11 @@ class StepWiseRun:
 class StepWiseWorld:
     """A problem under way: where robots are, who has which task, and what has happened."""
 
+    in_ticks = False
+
     def __init__(self, problem: StepWiseProblem) -> None:
         self.problem, self.pool, self.ahead = problem, Pool(problem), cell_ahead(problem.free)
-        self.time = 0
+        self.time = self.num_steps = 0  # they are one but by the rules of 2026
         self.cell, self.heading = problem.start.copy(), np.full(problem.num_robots, EAST, np.int64)
         self._actions: list[ActionArray] = []
         self._had = np.full(problem.num_robots, -2, np.int64)  # as the schedule last said; at first nothing
@@ -91,7 +94,7 @@ class StepWiseWorld:
     def seen(self) -> Observation:
         """The observation of the next step."""
         task_of = np.array(self.pool.task_of, np.int64)
-        return Observation(self.time, self.cell.copy(), self.heading.copy(), task_of, dict(self.pool.done), self.problem)
+        return Observation(self.num_steps, self.cell.copy(), self.heading.copy(), task_of, dict(self.pool.done), self.problem)
 
     def ends(self, action: IntArray | ActionArray) -> IntArray:
         """[R] the cells where actions lead, -1 where nothing is free."""
@@ -114,8 +117,16 @@ class StepWiseWorld:
         cell = self.ends(action)
         if (cell < 0).any():
             raise PlanError(f"robot {np.argmin(cell)} drives into what is not free")
-        self.time += 1
+        self._move(action, cell)
+        return self._record(action, task_of, cell)
+
+    def _move(self, action: ActionArray, cell: IntArray) -> None:
+        self.num_steps += 1
         self.cell, self.heading = cell, (self.heading + (action == RIGHT) - (action == LEFT)) % 4
+
+    def _record(self, action: ActionArray, task_of: IntArray, cell: IntArray) -> list[tuple[int, int, int, int]]:
+        """Keep what robots do in a step or tick, at whose end they are at cells [R], -1 for none; the errands that are done then."""
+        self.time += 1
         self._actions.append(action)
         changed = np.flatnonzero(task_of != self._had)
         self._schedule += [(self.time, r, task) for r, task in zip(changed.tolist(), task_of[changed].tolist())]
@@ -138,13 +149,69 @@ class StepWiseWorld:
             released=np.array(released, np.int64),
             errands=tuple(tuple(problem.errands_of(k).tolist()) for k in range(len(released))),
             num_done=self.pool.num_finished,
+            in_ticks=self.in_ticks,
         )
+
+
+class TickWorld(StepWiseWorld):
+    """A problem under way by the rules of 2026: `cell` and `heading` are those of the plan, which robots carry out in ticks."""
+
+    in_ticks = True
+
+    def __init__(self, problem: StepWiseProblem, num_ticks: int, seed: int) -> None:
+        """`num_ticks` is when it ends, `seed` of delays."""
+        super().__init__(problem)
+        self._crowd, self._delays = CrowdInTicks(problem, self.ahead), Delays(problem.delays, problem.num_robots, seed)
+        self._num_ticks = num_ticks
+
+    def advance(self, action: ActionArray, task_of: IntArray) -> list[tuple[int, int, int, int]]:
+        """Plan a step, and make the ticks that it takes. Who has not begun what is planned waits, as does who needs its cell."""
+        if (self.ends(action) < 0).any():
+            raise PlanError(f"robot {np.argmin(self.ends(action))} drives into what is not free")
+        action = safe(self, np.where(self._crowd.ready(), action, WAIT).astype(np.int8), round_corners=False)
+        cell = self.ends(action)
+        self._crowd.tell(action, cell)
+        self._move(action, cell)
+        events = []
+        for _ in range(min(self.problem.ticks, self._num_ticks - self.time)):
+            moves = self._crowd.tick(self._delays.draw())
+            events += self._record(moves, task_of, self._crowd.standing())
+            task_of = np.array(self.pool.task_of, np.int64)
+        return events
+
+
+def safe(world: StepWiseWorld, wanted: ActionArray, round_corners: bool = True) -> ActionArray:
+    """[R] the actions, with waits instead of moves that leave the map or collide.
+
+    Of several robots that want one cell the first in order gets it, if it is left or free. Without `round_corners` it is not free for who
+    comes from another side than its robot leaves to.
+    """
+    action = wanted.copy()
+    while True:
+        end = world.ends(action)
+        moves, robots = end != world.cell, np.arange(len(end))
+        wrong = end < 0
+        stays = np.zeros(world.problem.free.size, np.bool_)
+        stays[world.cell[~moves]] = True
+        wrong |= moves & stays[end]
+        at = np.full(world.problem.free.size, -1, np.int64)
+        at[world.cell] = robots
+        other = at[end]
+        wrong |= moves & (other >= 0) & (end[other] == world.cell)  # they would change places
+        if not round_corners:
+            wrong |= moves & (other >= 0) & (world.heading[other] != world.heading)
+        going = np.flatnonzero(moves & ~wrong)
+        _, first = np.unique(end[going], return_index=True)
+        wrong[np.delete(going, first)] = True
+        if not wrong.any():
+            return action
+        action[wrong] = WAIT
 
 
 def run_step_wise(
     problem: StepWiseProblem, planner: StepPlanner, num_steps: int, seed: int = 0, show: Callable[[int, int], None] | None = None
 ) -> StepWiseRun:
-    """Have a planner work on a problem for so many steps.
+    """Have a planner work on a problem for so many steps, or ticks by the rules of 2026.
 
     Raises PlugInError for an answer of the wrong form, or that gives robots tasks which they may not have.
 
@@ -155,7 +222,7 @@ def run_step_wise(
     num_steps
         T.
     seed
-        Of the planner's chance.
+        Of the planner's chance, and of delays.
     show
         Called with the time and the number of finished tasks after each step.
     """
@@ -163,8 +230,8 @@ def run_step_wise(
     stepper = planner.begin(problem, seed)
     cpu_s: Callable[[], float] = getattr(stepper, "cpu_s", process_time)
     begin_time_s = cpu_s() - began_s
-    world, times_s = StepWiseWorld(problem), list[float]()
-    for now in range(num_steps):
+    world, times_s = TickWorld(problem, num_steps, seed) if problem.ticks else StepWiseWorld(problem), list[float]()
+    while world.time < num_steps:
         seen = world.seen()
         began_s = cpu_s()
         answer = stepper.step(seen)
@@ -173,9 +240,9 @@ def run_step_wise(
         try:
             world.advance(moves, task_of)
         except PlanError as error:
-            raise _wrong(planner, str(error), now) from error
+            raise _wrong(planner, str(error), seen.time) from error
         if show:
-            show(now + 1, world.pool.num_finished)
+            show(world.time, world.pool.num_finished)
     return StepWiseRun(world.solution(), times_s, begin_time_s)
 
 

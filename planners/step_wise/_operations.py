@@ -38,6 +38,8 @@ class CrowdStep(NamedTuple):
     moved_up: np.ndarray  # [O] int16, what is left of each operation after a step
     fixed: np.ndarray  # [R] bool, scratch: robots that may not be pushed
     weight: np.ndarray  # [R] int64, of a robot's cost among those of all
+    surprised: np.ndarray  # [R] bool, robots whose state is not the one that they chose
+    straight: bool  # whether a robot follows another one only straight ahead
 
 
 @kernel
@@ -122,11 +124,7 @@ def plan_step(crowd, priority, limit, most_visits, num_tries, try_limit, rng):
         Draws.
     """
     num_robots, fixed = len(crowd.state), crowd.fixed
-    crowd.used[:] = -1
-    for r in range(num_robots):
-        crowd.used[0, crowd.state[r] >> 2] = r
-    for r in range(num_robots):
-        _occupy(crowd, r, crowd.moved_up[crowd.chosen[r]])
+    _inherit(crowd)
     fixed[:] = False
     for r in priority:
         _push(crowd, r, False, limit, most_visits)
@@ -134,6 +132,29 @@ def plan_step(crowd, priority, limit, most_visits, num_tries, try_limit, rng):
     fixed[:] = False
     for _ in range(num_tries):
         _push(crowd, rng.integers(0, num_robots), True, try_limit, most_visits)
+
+
+@kernel
+def _inherit(crowd):
+    """Have robots hold what is left of their operations; who is surprised waits, and so does who would collide with one that waits."""
+    num_robots = len(crowd.state)
+    for r in range(num_robots):
+        crowd.chosen[r] = 0 if crowd.surprised[r] else crowd.moved_up[crowd.chosen[r]]
+    apart = False
+    while not apart:
+        apart = True
+        crowd.used[:] = -1
+        for r in range(num_robots):
+            crowd.used[0, crowd.state[r] >> 2] = r
+            if crowd.surprised[r]:
+                _occupy(crowd, r, 0)
+        for r in range(num_robots):
+            if crowd.surprised[r]:
+                continue
+            if _in_the_way(crowd, r, crowd.chosen[r]) == NOBODY:
+                _occupy(crowd, r, crowd.chosen[r])
+            else:
+                crowd.surprised[r], crowd.chosen[r], apart = True, 0, False
 
 
 @kernel
@@ -222,20 +243,36 @@ def _vacate(crowd, r):
 @kernel
 def _in_the_way(crowd, r, o):
     """The one robot that an operation collides with, NOBODY or MANY."""
-    found = NOBODY
+    rival = NOBODY
     cell = crowd.path[r, o, 0]
     for d in range(1, crowd.path.shape[2]):
         before = cell
         cell = crowd.path[r, o, d]
         j = crowd.used[d, cell]
-        if j >= 0 and j != found:
-            if found >= 0:
+        if j >= 0 and j != rival:
+            if rival >= 0:
                 return MANY
-            found = j
+            rival = j
         if before != cell:
             j = crowd.used[d, before]
-            if j >= 0 and j != found and crowd.used[d - 1, cell] == j:
-                if found >= 0:
+            if j >= 0 and j != rival and (crowd.used[d - 1, cell] == j or (crowd.straight and not _follows(crowd, j, d, cell, before))):
+                if rival >= 0:
                     return MANY
-                found = j
-    return found
+                rival = j
+            if crowd.straight:
+                j = crowd.used[d - 1, cell]
+                if j >= 0 and j != r and j != rival and not _follows(crowd, j, d, before, cell):
+                    if rival >= 0:
+                        return MANY
+                    rival = j
+    return rival
+
+
+@kernel
+def _follows(crowd, j, d, one, other):
+    """Whether the step between two cells, continued beyond the other, is the one that robot j makes, from it or to it, at depth d."""
+    for heading in range(4):
+        if crowd.ahead[4 * one + heading] == other:
+            beyond = crowd.ahead[4 * other + heading]
+            return beyond >= 0 and (crowd.used[d, beyond] == j or crowd.used[d - 1, beyond] == j)
+    return False

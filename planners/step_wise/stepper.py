@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrp_sumo.core.graph import IntArray
-from mrp_sumo.core.step_wise import NOTHING, StepWiseProblem
+from mrp_sumo.core.step_wise import FORWARD, LEFT, NOTHING, RIGHT, StepWiseProblem
 from mrp_sumo.planning.step_wise import Decision, Observation
 from planners.step_wise.ground import FAR, RESERVE, FreeCells, moved_up, operations
 from planners.step_wise.tasks import Choice, InTurn, NearestGoal
@@ -54,7 +54,10 @@ class OperationStepper:
             moved_up=moved_up(action),
             fixed=np.zeros(num_robots, np.bool_),
             weight=np.zeros(num_robots, np.int64),
+            surprised=np.zeros(num_robots, np.bool_),
+            straight=problem.ticks > 0,
         )
+        self._expected: NDArray[np.int32] | None = None  # [R] states after the step
 
     def step(self, seen: Observation) -> Decision:
         """Actions of robots in the next step, and their tasks."""
@@ -63,6 +66,8 @@ class OperationStepper:
         ground, crowd = self._ground, self._crowd
         ground.begin_step()
         crowd.state[:] = 4 * ground.number[seen.cell] + seen.heading
+        if self._expected is not None:
+            crowd.surprised[:] = crowd.state != self._expected
         task_of = self._tasks.choose(seen, ground, crowd.state)
         slot, goal, onward, rest = self._errands(seen, task_of)
         appraise(crowd, ground.table, slot, goal, onward)
@@ -72,6 +77,8 @@ class OperationStepper:
         crowd.weight[order] = self._weight_of_place
         plan_step(crowd, order, self._limit, MOST_VISITS, self._tries, TRY_LIMIT, self._rng)
         action = crowd.action[crowd.chosen, 0]
+        turned = (crowd.state & ~3) | (crowd.state + (action == RIGHT) - (action == LEFT)) & 3
+        self._expected = np.where(action == FORWARD, 4 * ground.ahead[crowd.state] + (crowd.state & 3), turned)
         if self._traffic is not None:
             self._traffic.see(crowd.state, action)
         return Decision(action, task_of)

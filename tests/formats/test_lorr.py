@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from step_wise_worlds import ROUND, solution_of, write_problem
 
+from mrp_sumo.core.step_wise import DelayLaw
 from mrp_sumo.errors import PlanError
 from mrp_sumo.formats.lorr import print_solution, read_problem, read_solution
 
@@ -64,6 +65,40 @@ def test_bad_problem_is_one_line(tmp_path, changes, message):
         read_problem(path)
     assert message in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+DELAYS = {"seed": 3, "minDelay": 2, "maxDelay": 9, "eventModel": "poisson", "pDelay": 0.01, "durationModel": "uniform"}
+
+
+def test_the_law_of_delays_is_read(tmp_path):
+    keys = {"version": "2026 LoRR", "agentCounter": 3, "agentSize": 0.8, "delayConfig": DELAYS}
+    problem = read_problem(write_problem(tmp_path, ["..."], [0], [[2]], **keys))
+    assert (problem.ticks, problem.size) == (3, 0.8)
+    assert problem.delays == DelayLaw(3, 2, 9, "poisson", 0.01, "uniform", 0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"pDelay": 2}, "delayConfig.pDelay is 2, expected a number from 0 to 1"),
+        ({"minDelay": 0.5}, "delayConfig.minDelay is 0.5, expected a whole number from 1 to 1e+06"),
+        ({"minDelay": 10}, "delayConfig.minDelay is 10, expected at most maxDelay, which is 9"),
+        ({"eventModel": "always"}, "delayConfig.eventModel is 'always', expected bernoulli or poisson"),
+        ({"durationModel": "gaussian"}, "delayConfig.gaussMeanRatio is missing"),
+        ({"maxDelay": None}, "delayConfig.maxDelay is None"),
+    ],
+)
+def test_bad_law_of_delays_is_one_line(tmp_path, changes, message):
+    path = write_problem(tmp_path, ["..."], [0], [[2]], agentCounter=3, delayConfig=DELAYS | changes)
+    with pytest.raises(PlanError) as caught:
+        read_problem(path)
+    assert message in str(caught.value)
+
+
+def test_a_key_of_delays_that_is_misspelt_is_named(tmp_path):
+    delays = {key.replace("pDelay", "pDelays"): value for key, value in DELAYS.items()}
+    with pytest.raises(PlanError, match=r"x.json: delayConfig.pDelay is missing \(did you mean 'pDelays'\?\)"):
+        read_problem(write_problem(tmp_path, ["..."], [0], [[2]], agentCounter=3, delayConfig=delays))
 
 
 def test_missing_key_of_a_problem_is_named(tmp_path):
