@@ -21,9 +21,10 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from mrp_sumo import __version__
-from mrp_sumo.cli.ending import exit_code, heed_signals, without_loss
+from mrp_sumo.cli.ending import without_loss
 from mrp_sumo.cli.printing import say, say_progress, warn
 from mrp_sumo.core.children import leave_current_folder
+from mrp_sumo.core.interrupts import exit_code, heed_signals
 from mrp_sumo.errors import MrpSumoError, PlugInError, nearest, sentence
 from mrp_sumo.maps.catalogue import bundled_folder
 

@@ -13,6 +13,7 @@ from threading import current_thread, main_thread
 from typing import TYPE_CHECKING, Any
 
 from mrp_sumo.core.execution import Execution, let_go_of_samples
+from mrp_sumo.core.interrupts import end
 from mrp_sumo.core.plan import Status
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.drive.listeners import Listener, ProgressReport
@@ -83,13 +84,13 @@ class Interrupt(Listener):
 def interrupts() -> Iterator[Interrupt]:
     """The listener that Ctrl-C reaches, which ends nothing by itself the first time; none reaches it where Ctrl-C means something else."""
     usual, interrupt = signal.getsignal(signal.SIGINT), Interrupt()
-    if usual is not signal.default_int_handler or current_thread() is not main_thread():
+    if usual not in (signal.default_int_handler, end) or current_thread() is not main_thread():
         yield interrupt
         return
 
     def note(number: int, frame: object) -> None:
         interrupt.is_pressed = True
-        signal.signal(signal.SIGINT, signal.default_int_handler)
+        signal.signal(signal.SIGINT, usual)
 
     signal.signal(signal.SIGINT, note)
     try:
