@@ -11,6 +11,7 @@ With --audit, BAG is a run folder, and bodies and work are judged again by its t
 """
 
 import argparse
+import math
 import shlex
 from collections.abc import Iterator
 from pathlib import Path
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from mrp_sumo.metrics.metric import Metric
 
 DEFAULTS = {"cellSize": 0.35, "locationTolerance": 0.7, "windowSize": 10, "recordingTimeout": 600.0}
+OPTIONS = dict(zip(DEFAULTS, ("cell", "tolerance", "window", "timeout")))
 ROWS = {
     "messages": "",
     "period": "s",
@@ -83,9 +85,7 @@ def run(options: argparse.Namespace) -> int:
 
 def _said(options: argparse.Namespace) -> dict[str, object]:
     """Options of MRP-Bench's metrics by their names."""
-    constants = ("cellSize", "locationTolerance", "windowSize", "recordingTimeout")
-    values = dict(zip(("cell", "tolerance", "window", "timeout"), (getattr(options, name) for name in constants)))
-    return {"config": options.config, "rmf": options.rmf, **values}
+    return {"config": options.config, "rmf": options.rmf, **{option: getattr(options, key) for key, option in OPTIONS.items()}}
 
 
 def _audit(options: argparse.Namespace) -> int:
@@ -176,6 +176,10 @@ def analysed(bag: Path, config: Path | None, generation: str | None, overrides: 
         raise MrpSumoError(f"{bag}: no such bag")
     if is_batch(bag):
         raise MrpSumoError(f"{bag}: a batch, expected a bag or a run; add --metric NAME, or see `mrp-sumo report {shlex.quote(str(bag))}`")
+    chosen = {key: value for key, value in overrides.items() if value is not None}
+    for key, value in chosen.items():
+        if not 0 < value < math.inf:
+            raise MrpSumoError(f"--{OPTIONS[key]}: found {value:g}, expected a number above 0")
     import numpy as np
 
     from mrp_sumo.bags.reader import read_fleet_log
@@ -184,9 +188,9 @@ def analysed(bag: Path, config: Path | None, generation: str | None, overrides: 
     folder = _folder_of(bag)
     constants, places = _recorded(folder, config)
     log = read_fleet_log(folder, generation)
-    constants = {**DEFAULTS, **constants, **{key: value for key, value in overrides.items() if value is not None}}
+    constants = DEFAULTS | constants | chosen
     for key, value in constants.items():
-        if not value > 0:
+        if not 0 < value < math.inf:
             raise MrpSumoError(f"{key} is {value}, expected a number above 0")
     places = places or log.requests
     if not places:

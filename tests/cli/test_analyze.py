@@ -116,7 +116,8 @@ def rows_of_two():
         (["good", "--rmf", "humbel"], "unknown generation 'humbel' of rmf_fleet_msgs"),
         (["good", "--config", "nowhere.yaml"], "nowhere.yaml: no such file or directory"),
         (["good", "--config", "half.yaml"], "good: robot 'r1' has no start and goal"),
-        (["good", "--config", "half.yaml", "--cell", "0"], "cellSize is 0.0, expected a number above 0"),
+        (["good", "--config", "half.yaml", "--cell", "-1"], "--cell: found -1, expected a number above 0"),
+        (["good", "--config", "endless.yaml"], "windowSize is inf, expected a number above 0"),
         (["good", "--config", "odd.yaml"], "odd.yaml: robots: KeyError: 'goal'"),
         (["broken"], "broken: cannot be read as a bag: "),
     ],
@@ -131,6 +132,7 @@ def test_bad_input_is_told_in_one_line(tmp_path, capsys, monkeypatch, arguments,
     fleet_bag(tmp_path / "broken", rows_of_two(), storage=StoragePlugin.MCAP)
     mcap = tmp_path / "broken" / "broken.mcap"
     mcap.write_bytes(mcap.read_bytes()[:300])
+    (tmp_path / "endless.yaml").write_text("robots: {r0: {start: [0, 0], goal: [3, 0]}}\nwindowSize: .inf")
     (tmp_path / "half.yaml").write_text("robots: {r0: {start: [0, 0], goal: [3, 0]}}")
     (tmp_path / "odd.yaml").write_text("robots: {r0: {start: [0, 0]}}")
     assert main(["analyze", *arguments]) == 2
