@@ -63,7 +63,7 @@ def events_frame(documents: list[dict[str, Any]]) -> "pandas.DataFrame":
 def read_events(path: Path) -> list[dict[str, Any]]:
     """The lines of an events file as dictionaries; what lasts for good has an infinite `duration_s`.
 
-    Raises MrpSumoError for a line that is not a JSON object.
+    Raises MrpSumoError for a line that is not a JSON object, or has a time that no event has.
     """
     events = []
     for number, line in enumerate(read_text(path).splitlines(), 1):
@@ -75,6 +75,8 @@ def read_events(path: Path) -> list[dict[str, Any]]:
             raise MrpSumoError(f"{path}:{number}: found {line[:40]!r}, expected an object")
         if isinstance(event.get("t_s"), int | float) and not 0 <= event["t_s"] <= LATEST_S:
             raise MrpSumoError(f"{path}:{number}: t_s is {event['t_s']}, expected a time from 0 to {LATEST_S:g} s")
+        if isinstance(lasts_s := event.get("duration_s"), int | float) and not 0 <= lasts_s < math.inf:
+            raise MrpSumoError(f"{path}:{number}: duration_s is {lasts_s}, expected 0 s or more")
         if event.pop("for_good", False):
             event["duration_s"] = math.inf
         events.append(event)

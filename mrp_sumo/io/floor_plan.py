@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
 SCHEMA_VERSION = 1
 FARTHEST_M = 1e9
+LONGEST_M = 1e6  # of a lane, which is cut into pieces of a robot's size
 
 
 def write_floor(path: Path, graph: PlanGraph, fleet: Fleet, nav: NavGraph | None) -> None:
@@ -132,7 +133,7 @@ def _graph(document: dict[str, Any]) -> NavGraph:
         raise ValueError("a vertex is on no level")
     if document["level"] is not None and len(document["level"]) != len(document["xy"]):
         raise ValueError(f"levels of {len(document['level'])} vertices, expected {len(document['xy'])}")
-    return nav_graph(
+    graph = nav_graph(
         name=document["name"],
         level_names=document["level_names"],
         xy=document["xy"],
@@ -142,3 +143,7 @@ def _graph(document: dict[str, Any]) -> NavGraph:
         lanes=document["lanes"],
         length_m=document["length_m"],
     )
+    longest_m = np.hypot(*(graph.xy[graph.head] - graph.xy[graph.tail]).T).max(initial=0.0)
+    if not longest_m < LONGEST_M:
+        raise ValueError(f"a lane of {longest_m:g} m, expected less than {LONGEST_M:g} m")
+    return graph

@@ -59,6 +59,8 @@ def read_people(path: Path, t_ns: IntArray, levels: "Levels | None", num_robots:
         if not np.isin(listed[name], np.arange(most)).all():
             raise table.fault(f"its metadata '{name}' hold a number that is none of {most}")
     time, person = table.integers("t_ns"), table.integers("person", 0, num_people - 1).astype(np.int32)
+    if not np.isin(time, t_ns).all():
+        raise table.fault("a person is somewhere at a time of no sample")
     x_m, y_m = (table.numbers(name).astype(np.float32) for name in ("x_m", "y_m"))
     order = np.lexsort((person, time))
     if ((np.diff(time[order]) == 0) & (np.diff(person[order]) == 0)).any():

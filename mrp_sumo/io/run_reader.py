@@ -38,6 +38,8 @@ T = TypeVar("T")
 KINDS: dict[str, tuple[type, ...]] = {  # key of it -> types of its value
     **{"status": (str,), "scenario": (dict,), "metrics": (dict,), "files": (dict,), "versions": (dict,)},
     "plan": (dict, type(None)),
+    "seed": (int,),
+    "scenario.name": (str,),
 }
 
 # what readers raise for a file that was changed
@@ -53,8 +55,10 @@ def load_run(folder: str | Path) -> "RunFolder":
     if not (isinstance(result, dict) and {"status", "scenario", "metrics"} <= set(result)):
         raise MrpSumoError(f"{path}: is not the result of a run")
     for key, kinds in KINDS.items():
-        if key in result and not isinstance(result[key], kinds):
-            raise MrpSumoError(f"{path}: {key}: found {type(result[key]).__name__}, expected {kinds[0].__name__}")
+        first, _, last = key.rpartition(".")
+        place = result[first] if first else result
+        if last in place and not isinstance(place[last], kinds):
+            raise MrpSumoError(f"{path}: {key}: found {type(place[last]).__name__}, expected {kinds[0].__name__}")
     if (schema := result.get("schema_version", SCHEMA_VERSION)) != SCHEMA_VERSION:
         made = result.get("versions")
         by = f", written by mrp_sumo {made['mrp_sumo']}" if isinstance(made, dict) and "mrp_sumo" in made else ""
@@ -208,9 +212,9 @@ class RunFolder:
             goal_s=frozen(np.array(goal_s, np.float64)),
             outcome=Outcome(self.result["outcome"]),
             policy=self.result["policy"],
-            sim_time_s=metrics["sim_time_s"],
-            wall_time_s=metrics["wall_time_s"] or 0.0,
-            cpu_time_s=metrics["cpu_time_s"] or 0.0,
+            sim_time_s=float(metrics["sim_time_s"]),
+            wall_time_s=float(metrics["wall_time_s"] or 0.0),
+            cpu_time_s=float(metrics["cpu_time_s"] or 0.0),
             events=events_of_documents(documents, fleet, graph),
             findings=tuple(self.result["findings"]),
             level=None if samples.level is None else frozen(samples.level),

@@ -261,7 +261,7 @@ def _about(study: ReportedRuns) -> list[str]:
     lines = []
     for column, word in (("code", "mrp_sumo"), ("libsumo", "SUMO"), ("machine", "Made on")):
         if column in study.frame:
-            values = [str(v) for v in dict.fromkeys(study.frame[column].dropna())]
+            values = list(dict.fromkeys(map(str, study.frame[column].dropna())))
             if values:
                 lines.append(f"{word} {'; '.join(values[:4])}{' and others' if len(values) > 4 else ''}")
     lines.append(f"Written by mrp-sumo {__version__}. Colours after Okabe and Ito; intervals are of 95 %.")

@@ -136,6 +136,7 @@ def test_a_run_that_was_not_executed_says_so(tmp_path):
         ),
         ("events.jsonl", '{"t_s": 1}\nnonsense\n', "events", r"events\.jsonl:2: not JSON"),
         ("events.jsonl", '{"t_s": 99999999999999999999}\n', "events", r"events\.jsonl:1: t_s is 99999999999999999999, expected a time"),
+        ("events.jsonl", '{"t_s": 1, "duration_s": -1}\n', "events", r"events\.jsonl:1: duration_s is -1, expected 0 s or more"),
         ("events.jsonl", "[1]\n", "execution", r"events\.jsonl:1: found '\[1\]', expected an object"),
         ("trajectory.parquet", "nonsense", "samples", r"trajectory\.parquet: not a readable Parquet file"),
         ("trajectory.parquet", None, "record", r"trajectory\.parquet: lost, the run wrote it"),
@@ -156,10 +157,34 @@ def test_damaged_files_are_named(run, tmp_path, name, content, reading, line):
         getattr(load_run(tmp_path / "run"), reading)
 
 
+def test_lane_that_no_building_has_is_damage(run, tmp_path):
+    shutil.copytree(run.folder, tmp_path / "run", ignore=shutil.ignore_patterns("bag"))
+    floor = json.loads((run.folder / "floor.json").read_text())
+    floor["plan_graph"]["xy"][0][0] = 2.0**31
+    (tmp_path / "run" / "floor.json").write_text(json.dumps(floor))
+    with pytest.raises(MrpSumoError, match=r"damaged, .*: a lane of 2\.147\d*e\+09 m, expected less than 1e\+06 m"):
+        _ = load_run(tmp_path / "run").graph
+
+
+def test_time_that_is_no_number_is_damage(run):
+    with pytest.raises(MrpSumoError, match=r"damaged, or of another version: TypeError"):
+        _ = RunFolder(run.folder, run.result | {"metrics": run.metrics | {"sim_time_s": None}}).execution
+
+
 def test_result_of_another_schema_is_refused_with_who_wrote_it(tmp_path):
     document = {"schema_version": 9, "status": "completed", "scenario": {}, "metrics": {}, "versions": {"mrp_sumo": "7.1"}}
     (tmp_path / "result.json").write_text(json.dumps(document))
     with pytest.raises(MrpSumoError, match=r"result.json: schema version 9, written by mrp_sumo 7.1, expected 1"):
+        load_run(tmp_path)
+
+
+@pytest.mark.parametrize(("key", "value"), [("scenario.name", float("inf")), ("seed", "1"), ("metrics", [])])
+def test_result_with_another_type_is_refused_by_its_key(tmp_path, key, value):
+    document = {"status": "completed", "seed": 1, "scenario": {"name": "a"}, "metrics": {}}
+    first, _, last = key.rpartition(".")
+    (document[first] if first else document)[last] = value
+    (tmp_path / "result.json").write_text(json.dumps(document))
+    with pytest.raises(MrpSumoError, match=rf"result.json: {key}: found {type(value).__name__}, expected"):
         load_run(tmp_path)
 
 

@@ -8,6 +8,7 @@ import shutil
 import subprocess
 from html.parser import HTMLParser
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -18,7 +19,7 @@ from mrp_sumo.errors import BatchError, MrpSumoError
 from mrp_sumo.experiments.run import run_scenario
 from mrp_sumo.io.scenario.read import read_scenario
 from mrp_sumo.reports.paper.tables import table_2
-from mrp_sumo.reports.report import write_report
+from mrp_sumo.reports.report import _about, write_report
 from mrp_sumo.reports.study import read_study
 
 NASTY = "<script>alert(1)</script>&amp;\"'$x_{1}$ `a` | [b](c)"
@@ -360,6 +361,11 @@ def test_a_report_is_replaced_and_nothing_else_is(tmp_path):
         write_report(tmp_path / "results.parquet", other)
     assert (other / "thesis.tex").read_text() == "years of work"
     assert sorted(p.name for p in tmp_path.iterdir()) == ["precious", "report", "results.parquet"]
+
+
+def test_machines_that_somebody_listed_are_shown_as_texts():
+    study = SimpleNamespace(frame=pd.DataFrame({"machine": [["a"], ["a"], None]}))
+    assert _about(study)[0] == "Made on ['a']"
 
 
 WITHOUT_UNTIL = b'{"format": 1, "suite": "a", "description": "", "code": "0", "axes": {}, "repeat": 1, "views": {}, "keys": []}'
