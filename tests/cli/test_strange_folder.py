@@ -48,44 +48,37 @@ CONFIGURATIONS = {  # whatever libraries might look for, of which some would be 
 }
 IN_OPEN = 0x20  # of Linux's inotify.h
 SUITE = "name: s\nbase: {map: office, robots: {count: 2}}\ngrid_search: {seed: [0]}\nuntil: plan\n"
-LINES = {  # at least one of every command; {run} and {batch} are made beforehand
-    "run": "run office_5 --out out --replay",
-    "capacity": "capacity warehouse_lifelong --quick --robots 1..2 --budget 1min --horizon 1min --workers 1 --out study",
-    "import": "import office --out imported",
+LINES = {  # at least one of every command; {run} and {batch} are made beforehand, {new} is for what they write
+    "run": "run office_5 --out {new}/run --replay",
+    "capacity": "capacity warehouse_lifelong --quick --robots 1..2 --budget 1min --horizon 1min --workers 1 --out {new}/study",
+    "import": "import office --out {new}/map",
     "plan": "plan office_5",
     "validate": "validate {run}/plan.json --scenario office_5",
-    "convert": "convert office office.geojson",
-    "generate": "generate ring --vertices 20 --out ring.building.yaml",
-    "batch": "batch suite.yaml --out batch --workers 1",
+    "convert": "convert office {new}/office.geojson",
+    "generate": "generate ring --vertices 20 --out {new}/ring.building.yaml",
+    "batch": "batch suite.yaml --out {new}/batch --workers 1",
     "paper": "paper --maps nowhere",
     "status": "status {batch}",
     "query": "query {batch} 'select planner from results'",
     "compare": "compare {batch} {batch}",
     "reproduce": "reproduce {run}",
-    "export": "export {run} --csv --out out.csv",
+    "export": "export {run} --csv --out {new}/csv",
     "analyze": "analyze {run}/bag",
     "vda5050": "vda5050 office_5 --broker 127.0.0.1:1 --duration 1",
-    "replay": "replay {run} --out page.html",
-    "render": "render {run} --at 1 --out page.png",
+    "replay": "replay {run} --out {new}/page.html",
+    "render": "render {run} --at 1 --out {new}/page.png",
     "list": "list planners",
     "trust": "trust --list",
     "warmup": "warmup astar",
-    "report": "report {run}",
+    "report": "report {run} --out {new}/report.html",
     "demo": "demo --no-open --out /dev/null",
-    "init": "init office --out new_site",
+    "init": "init office --out {new}/site",
     "completion": "completion bash",
     "schema": "schema",
 }
+COMPILES = {"run", "init", "capacity", "plan", "batch", "reproduce", "warmup"}  # kernels, where there are none
 REFUSED = {"paper", "demo", "vda5050"}  # for what takes minutes, or a broker; after all is loaded that reads the line
-COLD = (  # what compiles kernels, minutes each: one of them in CI, the others by night
-    pytest.param("plan office_5 --planner astar", marks=pytest.mark.slow),
-    pytest.param("run office_5 --planner prioritised", marks=pytest.mark.campaign),
-    pytest.param("batch suite.yaml --workers 1", marks=pytest.mark.campaign),
-    pytest.param(
-        "capacity warehouse_lifelong --engine kinematic --quick --robots 1..2 --budget 1min --horizon 1min --workers 1",
-        marks=pytest.mark.campaign,
-    ),
-)
+COLD = {"plan": pytest.mark.slow}  # compiles kernels, minutes: one line in CI, the others by night
 
 
 @pytest.fixture(scope="module")
@@ -162,9 +155,17 @@ def test_lines_are_of_every_command():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", COMMANDS)
-def test_command_runs_nothing_of_the_folder(folder, made, name):
-    ended = check_nothing_is_opened(folder, [CONSOLE, *shlex.split(LINES[name].format(**made))])
+def test_command_runs_nothing_of_the_folder(folder, made, tmp_path, name):
+    ended = check_nothing_is_opened(folder, [CONSOLE, *shlex.split(LINES[name].format(**made, new=tmp_path))])
     assert (ended.returncode == 2) == (name in REFUSED), ended.stderr
+
+
+@pytest.mark.parametrize("name", [pytest.param(name, marks=COLD.get(name, pytest.mark.campaign)) for name in COMMANDS])
+def test_command_runs_nothing_of_the_folder_where_no_kernel_is_compiled(folder, made, tmp_path, monkeypatch, name):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cache"))
+    ended = check_nothing_is_opened(folder, [CONSOLE, *shlex.split(LINES[name].format(**made, new=tmp_path))])
+    assert (ended.returncode == 2) == (name in REFUSED) or "--budget" in LINES[name], ended.stderr  # which compiling may use up
+    assert (name in COMPILES) == any(tmp_path.glob("cache/mrp-sumo/kernels/*/*/*.nbc"))
 
 
 def test_module_runs_nothing_of_the_folder(folder):
@@ -185,14 +186,6 @@ def test_process_of_ours_runs_nothing_of_the_folder_though_python_would(folder):
     with opened_in(folder) as opened:
         (folder / "matplotlibrc").read_text()
     assert opened == {"matplotlibrc"}
-
-
-@pytest.mark.parametrize("line", COLD)
-def test_cold_cache_runs_nothing_of_the_folder(folder, tmp_path, monkeypatch, line):
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    ended = check_nothing_is_opened(folder, [CONSOLE, *line.split(), "--out", str(tmp_path / "out.json")])
-    assert ended.returncode in (0, 1) or "--budget" in line  # which compiling may use up
-    assert list(tmp_path.glob("mrp-sumo/kernels/*/*/*.nbc"))
 
 
 def test_processes_are_started_in_one_way():
