@@ -50,7 +50,7 @@ class Room(NamedTuple):
     top: np.ndarray  # [B] int32 the last entry of each bucket of states: by steps, then by others crossed
     state: np.ndarray  # [E] int32 of each entry
     below: np.ndarray  # [E] int32 the entry before it in its bucket
-    count: np.ndarray  # [2] int64 searches; labels of all of them
+    count: np.ndarray  # [3] int64 searches; labels of all of them; others that the last way crosses
 
 
 def room_for(task: WindowTask) -> Room:
@@ -64,7 +64,7 @@ def room_for(task: WindowTask) -> Room:
         *(np.zeros(num_states, np.int32) for _ in range(3)),
         np.full((task.window + longest + later + 1) * (MOST_CROSSED + 1), -1, np.int32),
         *(np.zeros(4 * num_states, np.int32) for _ in range(2)),
-        np.zeros(2, np.int64),
+        np.zeros(3, np.int64),
     )
 
 
@@ -131,9 +131,20 @@ def _to_go(steps, after, begin, num_stops, made, v):
     return np.int64(steps[row, v]) + (after[row] if made < num_stops else 0)
 
 
+@kernel(inline="always", allocates=False)
+def _bucket(late, crossed, most_late, clear):
+    """The bucket of a state by its steps, then by the others crossed, or the other way round."""
+    return crossed * most_late + late if clear else late * (MOST_CROSSED + 1) + crossed
+
+
 @kernel(allocates=False)
-def find_way(task, room, at, robot):
+def find_way(task, room, at, robot, clear):
     """The best way of a robot that is in neither table, written to its row of `at`.
+
+    Parameters
+    ----------
+    clear
+        Whether the best is the one that crosses fewest others, and the shortest of those, instead of the other way round.
 
     Returns
     -------
@@ -157,6 +168,7 @@ def find_way(task, room, at, robot):
         return NO_WAY
     x = made * num_vertices + start
     mark[x], steps_of[x], crossed_by[x], before[x] = now, 0, 0, -1
+    most_late = len(top) // (MOST_CROSSED + 1)
     top[0], state[0], below[0] = 0, x, -1
     num, bucket, highest = np.int64(1), np.int64(0), np.int64(0)
     labels = 0
@@ -172,9 +184,10 @@ def find_way(task, room, at, robot):
         t, made, u = x // layer, x % layer // num_vertices, x % num_vertices
         cost, crossed = np.int64(steps_of[x]), np.int64(crossed_by[x])
         length = cost + _to_go(steps_to, after, begin, num_stops, made, u)
-        if bucket != (length - least) * (MOST_CROSSED + 1) + crossed:
+        if bucket != _bucket(length - least, crossed, most_late, clear):
             continue  # reached better meanwhile
         if t == window:
+            room.count[2] = crossed
             while x >= 0:
                 at[robot, x // layer] = x % num_vertices
                 x = np.int64(before[x])
@@ -197,10 +210,12 @@ def find_way(task, room, at, robot):
             crosses = meets(others, u, v, t + 1) or (near and comes_too_close(task, others, u, v, t + 1))
             price = min(crossed + (1 if crosses else 0), MOST_CROSSED)
             y = (t + 1) * layer + there * num_vertices + v
-            if mark[y] == now and (steps_of[y] < steps or (steps_of[y] == steps and crossed_by[y] <= price)):
-                continue
+            if mark[y] == now:
+                fewer, shorter = crossed_by[y] <= price, steps_of[y] <= steps
+                if (fewer and shorter) or (crossed_by[y] < price if clear else steps_of[y] < steps):
+                    continue
             mark[y], steps_of[y], crossed_by[y], before[y] = now, steps, price, x
-            to = (steps + _to_go(steps_to, after, begin, num_stops, there, v) - least) * (MOST_CROSSED + 1) + price
+            to = _bucket(steps + _to_go(steps_to, after, begin, num_stops, there, v) - least, price, most_late, clear)
             state[num], below[num] = y, top[to]
             top[to] = num
             num += 1
@@ -215,7 +230,7 @@ def find_all(task, room, at, cost):
     """Each robot's best way, which may cross others'. Whether everybody has one."""
     complete = True
     for r in range(len(task.start)):
-        cost[r] = find_way(task, room, at, r)
+        cost[r] = find_way(task, room, at, r, False)
         if cost[r] == NO_WAY:
             complete = False
             break
@@ -262,7 +277,7 @@ def find_below(task, room, above, at, cost, pair):
         for other in range(num_robots):
             if other != r:
                 enter(room.above if above[other, r] else room.others, at, other)
-        cost[r] = find_way(task, room, at, r)
+        cost[r] = find_way(task, room, at, r, False)
         leave(room.above, at, num_robots)
         leave(room.others, at, num_robots)
         if cost[r] == NO_WAY:
@@ -350,6 +365,89 @@ def _is_hindered(task, at, above, r):
 
 
 @kernel
+def mend(task, room, holder, at, cost, most_labels, rng):
+    """Plan robots that meet again, with those around them, by ways that cross fewest others, until nobody meets anybody.
+
+    Parameters
+    ----------
+    holder
+        [2, V] scratch, NOBODY between calls.
+    at, cost
+        [R, W + 1] and [R] the ways of all, and their steps.
+    most_labels
+        Labels after which there are no more tries.
+    rng
+        Chance.
+
+    Returns
+    -------
+    bool
+        Whether nobody meets anybody.
+    """
+    num_robots, others = len(task.start), room.others
+    saved, saved_cost = np.zeros((AT_A_TIME, at.shape[1]), np.int32), np.zeros(AT_A_TIME, np.int64)
+    chosen, unordered = np.zeros(AT_A_TIME, np.int64), np.zeros((num_robots, num_robots), np.bool_)
+    clear = False
+    while room.count[1] < most_labels:
+        first, second = first_conflict(task, holder, unordered, at)
+        clear = first < 0
+        if clear:
+            break
+        if rng.random() < 0.5:
+            first, second = second, first
+        for r in range(num_robots):
+            enter(others, at, r)
+        num = _around(task, others, at, first, chosen)
+        met = False
+        for k in range(num):
+            met = met or chosen[k] == second
+        if not met:
+            num = min(num + 1, AT_A_TIME)
+            chosen[num - 1] = second
+        leave(others, at, num_robots)
+        is_chosen = np.zeros(num_robots, np.bool_)
+        for k in range(num):
+            other = np.int64(rng.random() * (num - k)) + k
+            chosen[k], chosen[other] = chosen[other], chosen[k]
+            saved[k], saved_cost[k], is_chosen[chosen[k]] = at[chosen[k]], cost[chosen[k]], True
+        for r in range(num_robots):
+            if not is_chosen[r]:
+                enter(others, at, r)
+        old = np.int64(0)
+        for k in range(num):
+            old += _num_crossed(task, others, at, chosen[k])
+            enter(others, at, chosen[k])
+        leave(others, at, num_robots)
+        for r in range(num_robots):
+            if not is_chosen[r]:
+                enter(others, at, r)
+        new, planned = np.int64(0), 0
+        while planned < num and new <= old:
+            steps = find_way(task, room, at, chosen[planned], True)
+            new += room.count[2] if steps < NO_WAY else NO_WAY
+            if new <= old:
+                cost[chosen[planned]] = steps
+                enter(others, at, chosen[planned])
+                planned += 1
+        others[:] = NOBODY
+        if new > old:
+            for k in range(num):
+                at[chosen[k]], cost[chosen[k]] = saved[k], saved_cost[k]
+    return clear
+
+
+@kernel(allocates=False)
+def _num_crossed(task, table, at, robot):
+    """The others of a table that a robot's way crosses, a step each."""
+    num = 0
+    for t in range(1, at.shape[1]):
+        u, v = np.int64(at[robot, t - 1]), np.int64(at[robot, t])
+        if meets(table, u, v, t) or (task.clashes.any and comes_too_close(task, table, u, v, t)):
+            num += 1
+    return num
+
+
+@kernel
 def polish(task, room, at, cost, most_labels, rng):
     """Plan a late robot again with those in its way, and keep what is shorter, time and again.
 
@@ -375,7 +473,7 @@ def polish(task, room, at, cost, most_labels, rng):
         while drawn >= cost[r] - least[r]:
             drawn -= cost[r] - least[r]
             r += 1
-        num = _around(task, room, at, r, chosen)
+        num = _around(task, room.above, at, r, chosen)
         old = np.int64(0)
         for k in range(num):
             other = np.int64(rng.random() * (num - k)) + k
@@ -387,7 +485,7 @@ def polish(task, room, at, cost, most_labels, rng):
                 room.above[t, at[chosen[k], t]] = NOBODY
         new, planned = np.int64(0), 0
         while planned < num:
-            steps = find_way(task, room, at, chosen[planned])
+            steps = find_way(task, room, at, chosen[planned], False)
             new += steps
             if new > old:
                 break
@@ -405,13 +503,13 @@ def polish(task, room, at, cost, most_labels, rng):
 
 
 @kernel(allocates=False)
-def _around(task, room, at, robot, chosen):
-    """A robot and those that hold vertices beside its way while it is near; how many."""
+def _around(task, table, at, robot, chosen):
+    """A robot and those of a table that hold vertices beside its way while it is near; how many."""
     chosen[0], num = robot, 1
     for t in range(1, at.shape[1]):
         u = at[robot, t - 1]
         for lane in range(task.first[u], task.first[u + 1]):
-            other = room.above[t, task.head[lane]]
+            other = table[t, task.head[lane]]
             if other >= 0 and num < len(chosen):
                 known = False
                 for k in range(num):

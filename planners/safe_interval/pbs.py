@@ -9,7 +9,7 @@ Source: Ma, Harabor, Stuckey, Li, Koenig, "Searching with consistent prioritizat
 
 from dataclasses import dataclass, replace
 from time import process_time
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -17,6 +17,11 @@ from mrp_sumo.core.plan import PlanResult, Status, plan_of_paths
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError
 from mrp_sumo.planning.answers import deadline_of, impossible
+
+if TYPE_CHECKING:
+    from planners.safe_interval.window_motion import WindowSteps
+
+WINDOW_NODES, NODES_A_ROBOT = 1000, 20  # of the tree, in windows: four to ten times as many as those have that end with a plan
 
 
 @dataclass(frozen=True)
@@ -52,6 +57,7 @@ class Pbs:
         assert paths is not None
         steps.branched(paths, nobody)
         steps.plan(paths)
+        steps.mended(np.inf)
 
     def plan(self, problem: Problem, time_limit_s: float) -> PlanResult:
         """See `Planner`. GAVE_UP when the tree is searched, or has `max_nodes`."""
@@ -65,5 +71,19 @@ class Pbs:
         if not problem.num_robots:
             return PlanResult(Status.SOLVED, plan_of_paths([], problem.step_s), planning_time_s=process_time() - began)
         if problem.window_steps:
-            return search(WindowSteps(problem.for_any()), problem, began, deadline_s, self.max_nodes)
+            tree = replace(problem, effort=-(-problem.effort // 2))  # the other half is for mending
+            steps = WindowSteps(problem.for_any())
+            result = search(steps, tree, began, deadline_s, min(self.max_nodes, WINDOW_NODES + NODES_A_ROBOT * problem.num_robots))
+            return result if result.plan is not None else _mended(steps, problem, result, began, deadline_s)
         return search(PrioritisedRuns(problem, self.step_length_s), problem, began, deadline_s, self.max_nodes)
+
+
+def _mended(steps: "WindowSteps", problem: Problem, tree: PlanResult, began: float, deadline_s: float) -> PlanResult:
+    """A plan for a window in which no order of the tree has one, or the result of the tree."""
+    paths, stats = steps.mended(deadline_s), {**tree.stats, **steps.counters()}
+    if paths is None:
+        message = f"no plan within an effort of {problem.effort} labels" if problem.effort else tree.message
+        return replace(tree, planning_time_s=process_time() - began, stats=stats, message=message)
+    plan, costs = steps.plan(paths)
+    stats |= {"mended": 1.0, **steps.counters(), **costs}
+    return replace(tree, status=Status.SOLVED, plan=plan, planning_time_s=process_time() - began, stats=stats, message="")

@@ -1,10 +1,11 @@
 """Ways through a window of unit steps, by the stops that robots have ahead, for priority-based search.
 
-Source: Li, Tinka, Kiesel, Durham, Kumar, Koenig, "Lifelong multi-agent path finding in large-scale warehouses", AAAI 2021
-(rolling-horizon collision resolution).
+Sources: Li, Tinka, Kiesel, Durham, Kumar, Koenig, "Lifelong multi-agent path finding in large-scale warehouses", AAAI 2021
+(rolling-horizon collision resolution); where no order has a plan, Li, Chen, Harabor, Stuckey, Koenig, "MAPF-LNS2", AAAI 2022.
 """
 
 from dataclasses import dataclass
+from time import process_time
 
 import numpy as np
 
@@ -12,12 +13,15 @@ from mrp_sumo.core.graph import BoolArray, IntArray
 from mrp_sumo.core.plan import Plan, plan_of_paths
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError
+from mrp_sumo.search._distance import UNREACHABLE
 from mrp_sumo.search.distance import distances
 from mrp_sumo.traffic.clashes import clashes_of
-from planners.safe_interval._window_way import NOBODY, WindowTask, branch, find_all, polish, room_for
+from planners.safe_interval._window_way import NOBODY, WindowTask, branch, find_all, mend, polish, room_for
 
 CHANCE = 43  # purpose of the stream of chance
 POLISH_LABELS = 2000  # a robot
+MEND_LABELS = 100_000  # likewise
+MEND_AT_ONCE = 1_000_000  # labels between looks at the clock
 MOST_STEPS = 1000
 MOST_DEEP = 64 << 20  # bytes of nodes that are kept; beyond, the worse of two children is dropped
 
@@ -61,6 +65,17 @@ class WindowSteps:
     def cost(self, paths: StepWays) -> int:
         return int(paths.cost.sum())
 
+    def mended(self, deadline_s: float) -> StepWays | None:
+        """The ways of robots alone, planned again where they meet, whoever goes first, until nobody meets anybody; None without success."""
+        paths, count, problem = self.alone(), self._room.count, self._problem
+        most = int(count[1]) + MEND_LABELS * problem.num_robots
+        most = min(most, problem.effort or most)
+        rng = np.random.default_rng([problem.seed, CHANCE])
+        while paths is not None and count[1] < most and process_time() < deadline_s:
+            if mend(self._task, self._room, self._holder, paths.at, paths.cost, min(most, int(count[1]) + MEND_AT_ONCE), rng):
+                return paths
+        return None
+
     def plan(self, paths: StepWays) -> tuple[Plan, dict[str, float]]:
         """The plan of ways that have been made shorter."""
         problem, first_cost = self._problem, self.cost(paths)
@@ -73,9 +88,13 @@ class WindowSteps:
 
 
 def task_of(problem: Problem) -> WindowTask:
-    """The problem as kernels see it."""
+    """The problem as kernels see it. Robots go as far as their stops can be reached one after the other, or stay at their starts."""
     graph, known = problem.graph, distances(problem.graph)
-    ahead = [[*via, goal] for via, goal in zip(problem.via or [()] * problem.num_robots, problem.target.tolist())]
+    ahead = []
+    for start, via, goal in zip(problem.start.tolist(), problem.via or [()] * problem.num_robots, problem.target.tolist()):
+        stops = [*via, goal]
+        lost = (k for k, (at, v) in enumerate(zip([start, *via], stops)) if known.to(v)[at] >= UNREACHABLE)
+        ahead.append(stops[: next(lost, len(stops))] or [start])
     stop = np.array([v for stops in ahead for v in stops], np.int64)
     first = np.cumsum([0, *map(len, ahead)]).astype(np.int64)
     steps = known.to_all(stop)

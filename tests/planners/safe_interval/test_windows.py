@@ -45,11 +45,29 @@ def test_there_is_room_for_ways_all_round_a_one_way_ring():
     assert result.status is Status.SOLVED and judge(ending_there(problem, result.plan), result.plan).valid
 
 
-def test_a_stop_from_which_no_way_leads_on_takes_no_room():
-    one_way = on_a_circle([(0, 1), (1, 2), (2, 3)], 4)  # a row: nobody comes back from 2
-    problem = replace(problem_on(one_way, [0], [1]), via=((2,),), window_steps=8)
+def test_a_robot_goes_as_far_as_its_stops_can_be_reached_and_no_other_loses_its_way_for_that():
+    one_way = on_a_circle([(0, 1), (1, 2), (2, 3)], 4)  # a row: nobody comes back from 2, nor to 0
+    problem = replace(problem_on(one_way, [0, 3], [1, 3]), via=((2,), ()), window_steps=8)
     assert len(room_for(task_of(problem)).top) < 100 * (MOST_CROSSED + 1)
-    assert planner("pbs", {}).plan(problem, 60.0).status is not Status.SOLVED
+    plan = planner("pbs", {}).plan(problem, 60.0).plan
+    assert [path.tolist() for path in paths_of_plan(plan, problem.step_s)] == [[0, 1, 2], [3]]
+    cut_off = replace(problem_on(one_way, [2, 0], [3, 1]), via=((0,), ()), window_steps=8)
+    plan = planner("pbs", {}).plan(cut_off, 60.0).plan
+    assert [path.tolist() for path in paths_of_plan(plan, problem.step_s)] == [[2], [0, 1]]
+
+
+def test_ways_are_mended_where_no_order_of_robots_has_a_plan_and_the_same_each_time():
+    """As many orders as are looked at here: that in which nobody goes first."""
+    rng, tree_alone = np.random.default_rng(5), 0
+    for drivable in (False, True, False, True):
+        start, goal, via = rng.permutation(64)[:24], rng.permutation(64)[:24], rng.integers(0, 64, 24)
+        stops = tuple((v,) for v in via.tolist())
+        problem = replace(problem_on(square_grid(8), start, goal), window_steps=10, via=stops, drivable=drivable)
+        one, other = (planner("pbs", {"max_nodes": 1}).plan(problem, 60.0) for _ in range(2))
+        assert one.status is Status.SOLVED and one.stats["mended"] and judge(ending_there(problem, one.plan), one.plan).valid
+        assert one.stats == other.stats and one.lower_bound_steps <= one.stats["cost"] < 1.3 * one.lower_bound_steps
+        tree_alone += "mended" in planner("pbs", {}).plan(problem, 60.0).stats
+    assert not tree_alone  # which has plans here by itself
 
 
 def test_prioritised_has_robots_at_their_goals_give_way_in_a_window():
