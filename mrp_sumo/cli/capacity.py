@@ -83,6 +83,8 @@ def run(options: argparse.Namespace) -> int:
     if options.trust:
         trust_everything()
     workers = workers_of(options)
+    if options.out and Path(options.out).is_file():  # said before anything large is loaded
+        raise MrpSumoError(f"{options.out}: is a file, expected a folder for the study")
     question = question_of(options)
     from mrp_sumo.experiments.batch import require_ours
     from mrp_sumo.sizing.study import Study

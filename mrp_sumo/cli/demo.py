@@ -9,11 +9,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mrp_sumo.cli.printing import say, say_json, warn
+from mrp_sumo.errors import MrpSumoError
 
 if TYPE_CHECKING:
     from mrp_sumo.experiments.result import RunResult
     from mrp_sumo.reports.tour import TourPage
 
+MADE = ("office", "warehouse", "planners", "planners.yaml", "index.html")
 SUITE = "base: office_5\ngrid_search:\n  planner: [cbs, lacam]\n  seed: 1..3\n"
 
 
@@ -27,6 +29,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Make it, and open the page."""
     out = Path(options.out)
+    if out.is_dir() and (others := sorted(path.name for path in out.iterdir() if path.name not in MADE and ".partial" not in path.name)):
+        raise MrpSumoError(f"--out {out}: holds '{others[0]}', which is not of a demo; give another folder")
     out.mkdir(parents=True, exist_ok=True)
     import webbrowser  # and all that runs and draws: after there is a place for it
 

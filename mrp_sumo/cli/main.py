@@ -87,10 +87,10 @@ class Parser(argparse.ArgumentParser):
             if match := re.fullmatch(pattern, message):
                 raise MrpSumoError(f"{line.format(*match.groups())}; see `{self.prog} --help`")
         if message.startswith("unrecognized arguments: -"):
-            word = message.split()[2].partition("=")[0]
-            message += nearest(
-                f"-{word}" if not word.startswith("--") else word, sorted(set(re.findall(r"--[\w-]+", self.format_help()))), limit=0
-            )
+            word = message.split()[2].partition("=")[0].lstrip("-")
+            known = sorted(set(re.findall(r"--([\w-]+)", self.format_help())))
+            close = nearest(word, known, limit=0).replace("'", "'--", 1)
+            message += close or ("; other keys of the scenario: --set KEY=VALUE" if "set" in known else "")
         raise MrpSumoError(f"{message.replace('argument -', '-', 1)}; see `{self.prog} --help`")
 
 

@@ -145,7 +145,7 @@ def test_line_about_a_value_says_what_to_write(tmp_path, monkeypatch, capsys, te
         ("run office_5 --time-limit 5min", "--time-limit: found '5min', expected a number of seconds, such as 300"),
         ("vda5050 office_5 --broker x --duration soon", "--duration: found 'soon', expected a number;"),
         ("run office_5 --planner", "--planner: expected a value after it"),
-        ("run office_5 --max-time 20", "unrecognized arguments: --max-time 20; see"),
+        ("run office_5 --max-time 20", "unrecognized arguments: --max-time 20; other keys of the scenario: --set KEY=VALUE; see"),
         ("run office_5 -planner cbs", "unrecognized arguments: -planner cbs (did you mean '--planner'?)"),
         ("generate wherehouse --out x", "kind: found 'wherehouse', expected one of 'warehouse', 'grid', 'ring', 'random'"),
         ("run office_5.yml", "office_5.yml: no such file (did you mean 'office_5'?)"),
