@@ -70,6 +70,8 @@ def parse(source: Text) -> Any:
         return _build(source)
     except yaml.YAMLError as error:
         raise _not_yaml(source, _complaint(source.text, error)) from None
+    except UnicodeEncodeError:  # of the command line, where bytes may be any
+        raise MapError(f"{source.path.name}: not UTF-8 text") from None
     finally:
         if was_collecting:
             gc.enable()

@@ -25,6 +25,11 @@ def test_scalars_are_those_of_the_safe_loader(scalar):
     assert repr(ours) == repr(theirs)
 
 
+def test_bytes_of_a_command_line_that_are_no_text_are_refused():
+    with pytest.raises(MapError, match=r"^map\.yaml: not UTF-8 text$"):
+        read("seed: \udcff")
+
+
 def test_dates_stay_text():
     assert read("day: 2020-01-01") == {"day": "2020-01-01"}
 
