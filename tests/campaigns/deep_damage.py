@@ -105,6 +105,10 @@ def damaged_member(name: str, data: bytes, chance: random.Random) -> bytes:
     """A file of a run with a fault inside its format."""
     if name.endswith(".parquet"):
         return damaged_table(data, chance)
+    if not name.endswith((".json", ".jsonl")):
+        from campaigns.fuzz import damaged
+
+        return damaged(data, chance)
     if name.endswith(".jsonl"):
         lines = data.splitlines()
         if not lines:
@@ -117,7 +121,7 @@ def damaged_member(name: str, data: bytes, chance: random.Random) -> bytes:
 
 def damage_run(run: Path, chance: random.Random) -> None:
     """Damage a file of a run folder, and have `result.json` say that it was written so."""
-    names = sorted(p.name for p in run.iterdir() if p.suffix in (".parquet", ".json", ".jsonl"))
+    names = sorted(p.name for p in run.iterdir() if p.is_file())
     path = run / chance.choice(names)
     path.write_bytes(damaged_member(path.name, path.read_bytes(), chance))
     try:

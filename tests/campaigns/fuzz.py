@@ -13,6 +13,7 @@ import random
 import re
 import shutil
 import signal
+import sys
 import tempfile
 import traceback
 from collections.abc import Callable, Iterator
@@ -30,7 +31,7 @@ from step_wise_worlds import ROUND, write_problem
 
 from mrp_sumo.cli.main import COMMANDS, main
 
-LIMIT_S = 30  # CPU time of a command
+LIMIT_S, COMPILING_S = 30, 600  # CPU time of a command, and where its kernels may have to be compiled
 FORGED = "\x1b[2J\r\x9b1m\u202e\nforged line"
 OBEYED = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]|^forged", re.MULTILINE)
 PROJECT = Path(__file__).resolve().parents[2]
@@ -156,7 +157,7 @@ STUDY = ("lifelong.yaml", "--quick", "--robots", "1..2", "--horizon", "1min", "-
 CPU_S = {  # of commands by a word of theirs; those that take more than a hundredth are drawn the less often
     **{"report": 0.6, "run": 0.25, "reproduce": 0.2, "init": 0.6, "capacity": 0.6, "--vda5050": 0.5},
     **{"query": 0.2, "import": 0.2, "render": 0.12, "compare": 0.1, "replay": 0.07, "export": 0.06, "analyze": 0.05, "batch": 0.05},
-    **{"status": 0.04, "work/plan.json": 0.08, "run/plan.json": 0.03},
+    **{"--command": 0.03, "--workers": 0.3, "status": 0.04, "work/plan.json": 0.08, "run/plan.json": 0.03},
 }
 
 
@@ -198,6 +199,8 @@ READINGS = (
     Reading("roadmap.yaml", ("plan", "--map", "roadmap.yaml")),
     *(Reading(plan, ("validate", plan, *ON_MAP), ("small.map", "small.scen")) for plan in PLANS),
     *(Reading(plan, ("convert", plan, "out.yaml", "--map", "small.map"), ("small.map",)) for plan in PLANS),
+    Reading("plan.txt", ("plan", *ON_MAP, "--command", "cp plan.txt {out}"), ("small.map", "small.scen")),
+    Reading("plan.txt", ("run", *ON_MAP, "--plan", "plan.txt", "--set", "execution.engine=kinematic", "--out", "out"), ("small.map", "small.scen")),
     *(Reading("run", command, ("small.building.yaml", "cart.yaml")) for command in (
         ("replay", "run"), ("render", "run", "--at", "2", "--out", "out.png"), ("export", "run", "--csv"),
         ("export", "run", "--bag", "--out", "again"),
@@ -212,6 +215,7 @@ READINGS = (
         ("status", "batch"), ("query", "batch", "select count(*) from results"), ("query", "batch", "cost"),
         ("report", "batch", "--out", "page.html"),
         ("compare", "batch", "batch"), ("batch", "suite.yaml", "--out", "batch", "--dry-run"),
+        ("batch", "suite.yaml", "--out", "batch", "--workers", "1"),
         ("analyze", "batch", "--metric", "soc_steps"),
     )),
 )  # fmt: skip
@@ -313,6 +317,30 @@ UNSAFE = (
 )  # take long, or write where they are told to; a report of / is long
 
 
+def _be_folder(path: Path) -> None:
+    path.unlink()
+    path.mkdir()
+
+
+def _be_pipe(path: Path) -> None:
+    path.unlink()
+    os.mkfifo(path)
+
+
+def _link_to(target: str) -> Callable[[Path], None]:
+    def be_link(path: Path) -> None:
+        path.unlink()
+        path.symlink_to(target.format(path.name))
+
+    return be_link
+
+
+REPLACEMENTS = (  # of a file
+    *(_be_folder, _be_pipe, lambda path: path.write_bytes(b""), lambda path: path.unlink()),
+    *map(_link_to, ("{}", "nowhere", "/dev/zero", "/dev/null", "/dev/full", "/proc/self/mem", ".")),
+)
+
+
 class _TooLong(BaseException):
     pass
 
@@ -335,6 +363,9 @@ class Fuzz:
                 make_material(self._material)
                 _require_read(self._material)
                 code = 0
+            except BaseException:
+                traceback.print_exc()
+                sys.stderr.flush()
             finally:
                 os._exit(code)
         if os.waitpid(maker, 0)[1]:
@@ -345,6 +376,8 @@ class Fuzz:
         if chance.random() < 0.1:
             for name in ("scenario.yaml", "small.building.yaml", "cart.yaml", "small.map", "small.scen", "plan.json", "suite.yaml"):
                 shutil.copy(self._material / name, folder)
+            if chance.random() < 0.5:
+                return attempt(["plan", "scenario.yaml", *_settings(chance)], folder, "settings")
             command = [chance.choice([name for name in COMMANDS if name not in UNSAFE]), *chance.choices(WORDS, k=chance.randint(0, 5))]
             return attempt(command, folder, "arguments")
         readings = chance.choice((READINGS, DEEP))
@@ -357,7 +390,10 @@ class Fuzz:
         else:
             if target.is_dir():
                 target = chance.choice(sorted(path for path in target.rglob("*") if path.is_file() and path.name != "batch.lock"))
-            target.write_bytes(damaged(target.read_bytes(), chance))
+            if chance.random() < 0.03:
+                chance.choice(REPLACEMENTS)(target)
+            else:
+                target.write_bytes(damaged(target.read_bytes(), chance))
         return attempt(list(reading.command), folder, reading.kind)
 
 
@@ -366,7 +402,7 @@ def _require_read(material: Path) -> None:
     for reading in (*READINGS, *DEEP):
         with tempfile.TemporaryDirectory() as folder:
             reading.lay_out(material, Path(folder))
-            trial = attempt(list(reading.command), Path(folder), reading.kind)
+            trial = attempt(list(reading.command), Path(folder), reading.kind, COMPILING_S)
         if trial.faults or trial.ended == "exit code 2":
             raise RuntimeError(f"{reading.command} does not work without damage: {trial}")
 
@@ -378,7 +414,7 @@ def damaged(data: bytes, chance: random.Random) -> bytes:
     return data
 
 
-def attempt(command: list[str], folder: Path, kind: str) -> Trial:
+def attempt(command: list[str], folder: Path, kind: str, limit_s: float = LIMIT_S) -> Trial:
     """Run a command in a folder and look at how it ends."""
     shown = "mrp-sumo " + " ".join(_quoted(word) for word in command)
     (folder / "command.sh").write_text(shown + "\n", errors="surrogateescape")
@@ -390,7 +426,7 @@ def attempt(command: list[str], folder: Path, kind: str) -> Trial:
     faults: list[str] = []
     previous, home = tempfile.tempdir, Path.cwd()
     signal.signal(signal.SIGPROF, _alarm)
-    signal.setitimer(signal.ITIMER_PROF, LIMIT_S)
+    signal.setitimer(signal.ITIMER_PROF, limit_s)
     tempfile.tempdir = str(scratch)
     os.chdir(folder)
     try:
@@ -399,7 +435,7 @@ def attempt(command: list[str], folder: Path, kind: str) -> Trial:
     except SystemExit as error:
         code = error.code or 0
     except _TooLong:
-        faults.append(f"takes more than {LIMIT_S} CPU-s")
+        faults.append(f"takes more than {limit_s:g} CPU-s")
     except BaseException as error:
         places = [f"{Path(f.filename).name}:{f.lineno}" for f in traceback.extract_tb(error.__traceback__) if "mrp_sumo" in f.filename]
         faults += [
@@ -447,6 +483,44 @@ def _alarm(number: int, frame: FrameType | None) -> None:
 
 def _quoted(word: str) -> str:
     return "'" + word.replace("'", "'\\''") + "'" if not re.fullmatch(r"[\w./=-]+", word) else word
+
+
+def _settings(chance: random.Random) -> Iterator[str]:
+    """Options that set keys of the scenario, or new ones beside them, to any value."""
+    import yaml
+
+    keys = [".".join(map(str, place)) for place in _paths_in(yaml.safe_load(SCENARIO))]
+    for _ in range(chance.choice((1, 1, 2))):
+        value = json.dumps(chance.choice(VALUES)) if chance.random() < 0.5 else chance.choice(JUNK).decode("utf-8", "surrogateescape")
+        yield from ("--set", f"{chance.choice(keys)}{chance.choice(('', '', '', '.a', '.0'))}={value}")
+
+
+def _paths_in(value: Any) -> Iterator[tuple[Any, ...]]:
+    """Places of all mappings and values in a document, as keys from its top."""
+    for key, inner in value.items() if isinstance(value, dict) else ():
+        yield (key,)
+        for path in _paths_in(inner):
+            yield (key, *path)
+
+
+def _encoded(data: bytes, chance: random.Random) -> bytes:
+    """The same text as other systems write it, or packed."""
+    import gzip
+
+    text = data.decode("utf-8", "replace")
+    match chance.randrange(6):
+        case 0:
+            return text.encode("utf-8-sig")
+        case 1:
+            return text.encode("utf-16")
+        case 2:
+            return text.replace("\n", "\r\n").encode()
+        case 3:
+            return text.replace("\n", "\r").encode()
+        case 4:
+            return text.replace("a", "é").encode("latin-1", "replace")
+        case _:
+            return gzip.compress(data, mtime=0)
 
 
 def _word(data: bytes, chance: random.Random) -> bytes:
@@ -553,7 +627,7 @@ def _yaml_value(data: bytes, chance: random.Random) -> bytes:
 
 
 _DAMAGES: tuple[Callable[[bytes, random.Random], bytes], ...] = (
-    *(_word, _word, _line, _cut, _bytes, _inserted, _value, _value, _value, _yaml_value, _yaml_value),
+    *(_word, _word, _line, _cut, _bytes, _inserted, _encoded, _value, _value, _value, _yaml_value, _yaml_value),
 )
 
 
