@@ -3,6 +3,7 @@
     tools/bench_lifelong.py DATA [--only TEXT] [--planner NAME ...] [--steps N] [--seed N] [--set KEY=VALUE ...]
     tools/bench_lifelong.py --mapd [--robots N ...] [--dispatcher NAME ...] [--seeds N] [--frequency F]
     tools/bench_lifelong.py --kiva [--driven] [--type NAME ...] [--engine NAME ...] [--robots N ...] [--planner NAME ...] [--steps N]
+    tools/bench_lifelong.py DATA --sopp [--robots N ...] [--planner NAME ...] [--steps N]
     tools/bench_lifelong.py --speed [--robots N ...] [--engine NAME ...] [--seconds S] [--planner NAME ...]
 
 DATA is a folder with `epibt_random` (a map of 819 free cells, robots in agents_0.csv to agents_7.csv, goals in tasks_one.csv: robot r
@@ -25,6 +26,12 @@ on cells that it fits in. They are planned as often, by the steps of their plans
 `moving`, `turning` and `waiting` are shares of the robots' time, `detour` is what they drove over the shortest ways, and `cpu_s` that of
 the whole run.
 
+With `--sopp` DATA has a MovingAI map and pick-and-drops `*_tasks.m`, as FE-LAK/SOPP_SupplementaryData has them (a row each: from, to,
+release, service at both, ...; cells are counted from 1, from the uppermost row on). N robots (default: 1,000) begin in the cells nearest to
+the first one, from which all of theirs come; free ones and the tasks that are left are matched for the least ways, and those without
+one go home. A cell a step, all robots in step, planned every 4 steps for the next 4; a stop takes its service after the arrival.
+`makespan` is when the last task is done, within N steps (default: 4,000).
+
 With `--speed` N TurtleBot3 (default: 100 and 1,000) drive for S seconds (default: 600) among shelves on a generated floor, and orders come
 at a rate that keeps most of them busy: `times_real` is simulated time over wall time of the loop, planning included; `planning` the
 share of it that the planner took; `peak_mb` the memory of the whole process, so that only the first row of a call says that of one run.
@@ -33,6 +40,7 @@ share of it that the planner took; `peak_mb` the memory of the whole process, so
 import argparse
 import csv
 import json
+import re
 import sys
 from collections.abc import Iterator
 from dataclasses import replace
@@ -43,6 +51,7 @@ from typing import Any
 
 import bench
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 
 import mrp_sumo as ms
 from mrp_sumo.cli.scenario_choice import pairs
@@ -61,6 +70,7 @@ from mrp_sumo.traffic.step_wise_referee import judge_step_wise
 
 EPIBT = {100: 2788, 200: 3823, 300: 3655, 400: 3349, 500: 3379, 600: 2632, 700: 2416, 800: 1658}  # robots -> goals in 1,000 steps
 EVERY, WINDOW = 5, 20  # steps
+AT_ONCE = 4  # steps of pick-and-drops that are planned and made
 RHCR = {60: 2.33, 100: 3.56, 140: 4.55}  # robots -> goals a step
 LEAGUE = {  # problem -> steps, tasks of the best entry
     "random.domain/random_32_32_20_100": (500, 1186),
@@ -182,6 +192,59 @@ def _in_windows(problem: Problem, planner: Planner, goals: list[list[int]], step
     return reached, steps // EVERY, failed
 
 
+def _sopp(options: argparse.Namespace) -> Iterator[bench.Row]:
+    """A row for each fleet and planner."""
+    (map_path,), (path,) = options.data.glob("*.map"), options.data.glob("*tasks*.m")
+    rows = map_path.read_text().splitlines()[4:]
+    cell = [(y, x) for y, row in enumerate(rows) for x, letter in enumerate(row) if letter == "."]
+    vertex = {c: v for v, c in enumerate(sorted(cell, key=lambda c: (-c[0], c[1])))}  # counted from the lower left
+    numbers = [[int(word) for word in re.findall(r"\d+", line)] for line in path.read_text().splitlines() if re.match(r"\s*\d+,", line)]
+    stops = np.array([[vertex[cell[n - 1]] for n in row[:2]] for row in numbers])
+    unit = ms.Scenario.read("mapd_lifelong").values["robots"]["type"]
+    grid = {"kind": "grid", "cell_m": 1.0, "clearance": "ignore"}
+    corner = f"v{vertex[cell[0]]}"
+    known = distances(ms.problem(ms.Scenario(map_path, {"type": unit, "starts": [corner], "goals": [corner]}, discretisation=grid)).graph)
+    for robots in options.robots or (1000,):
+        names = [f"v{v}" for v in np.argsort(known.to(vertex[cell[0]]), kind="stable")[:robots].tolist()]
+        problem = ms.problem(ms.Scenario(map_path, {"type": unit, "starts": names, "goals": names}, discretisation=grid))
+        for name in options.planner or ["pibt"]:
+            planner = make("planners", name, {})
+            planner.prepare()
+            before = _cpu_s()
+            row = _matched(replace(problem, step_s=1.0), planner, stops, numbers[0][3], options.steps or 4000)
+            yield {"robots": robots, "planner": name, **row, "cpu_s": _cpu_s() - before}
+
+
+def _matched(problem: Problem, planner: Planner, stops: np.ndarray, service: int, steps: int) -> bench.Row:
+    """Have free robots matched to the tasks [K, 2] that are left, until all are done."""
+    known, at, num = distances(problem.graph), problem.start.copy(), problem.num_robots
+    to_pick = np.stack([known.to(v) for v in stops[:, 0].tolist()])
+    left, task, made = np.arange(len(stops)), np.full(num, -1), np.zeros((2, num), np.int64)  # stops made; steps at the next one
+    step = moves = done = failed = 0
+    while done < len(stops) and step < steps:
+        free = np.flatnonzero(task < 0)
+        robots, tasks = linear_sum_assignment(to_pick[np.ix_(left, at[free])].T)
+        task[free[robots]] = left[tasks]
+        left = np.delete(left, tasks)
+        goal = np.where(task < 0, problem.start, stops[task, made[0]])
+        asked = replace(problem, start=at.copy(), goal=goal, goal_of=np.arange(num), window_steps=AT_ONCE, seed=problem.seed + step)
+        plan = planner.plan(asked, 60.0).plan
+        failed += plan is None
+        if plan is not None and not judge(replace(asked, goal=plan.vertex[plan.first[1:] - 1]), plan).valid:
+            raise ValueError(f"the plan from step {step} on has conflicts")
+        paths = [at[r : r + 1] for r in range(num)] if plan is None else paths_of_plan(plan, 1.0)
+        for k in range(1, AT_ONCE + 1):
+            step += 1
+            before, at = at, np.array([path[min(k, len(path) - 1)] for path in paths])
+            moves += int((before != at).sum())
+            made[1] = np.where((task >= 0) & (at == goal), made[1] + 1, 0)
+            over = made[1] > service
+            ends = over & (made[0] == 1)
+            made[0, over], made[1, over], goal[over], task[ends] = 1 - made[0, over], 0, -1, -1
+            done += int(ends.sum())
+    return {"done": done, "makespan": step if done == len(stops) else None, "moves": moves, "calls_failed": failed}
+
+
 def _ahead(at: int, goals: list[int], known: Distances) -> list[int]:
     """A robot's next goals, until they are further than a window."""
     far = np.cumsum([known.to(goal)[before] for before, goal in zip([at, *goals], goals[:WINDOW])])
@@ -250,6 +313,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--kiva", action="store_true", help="compare planners in windows")
     parser.add_argument("--driven", action="store_true", help="with --kiva: in seconds, not in steps")
     parser.add_argument("--type", action="append", choices=tuple(CELL_M), help="with --driven; may be repeated (default: unit)")
+    parser.add_argument("--sopp", action="store_true", help="pick-and-drops of DATA")
     parser.add_argument("--speed", action="store_true", help="measure the speed of runs")
     parser.add_argument("--engine", action="append", choices=("kinematic", "sumo"), help="may be repeated (default: both)")
     parser.add_argument("--seconds", type=float, default=600.0, metavar="S")
@@ -266,7 +330,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def rows(options: argparse.Namespace) -> Iterator[bench.Row]:
     """Rows of the problems in DATA, or of what an option names."""
-    made = _mapd if options.mapd else _kiva if options.kiva else _speed if options.speed else _published
+    made = _mapd if options.mapd else _kiva if options.kiva else _sopp if options.sopp else _speed if options.speed else _published
     for row in made(options):
         yield {key: round(value, 3) if isinstance(value, float) else value for key, value in row.items()}
 

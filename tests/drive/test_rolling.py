@@ -9,6 +9,7 @@ import pytest
 from worlds import BURGER, drive, ending_there, line, problem_of, problem_on, square_grid
 
 from mrp_sumo.core.arrivals import Arrivals, ServiceTime
+from mrp_sumo.core.disturbances import Breakdown, Disturbances
 from mrp_sumo.core.driving import Planning
 from mrp_sumo.core.execution import BOOKINGS, Outcome
 from mrp_sumo.core.plan import PlanResult, Status
@@ -156,6 +157,15 @@ def test_robots_go_by_stops_at_which_nothing_is_to_be_done(tmp_path):
         moved_s = run.booked_s[0, BOOKINGS.index("moving")]
         assert run.tasks.done_s[0] == pytest.approx(moved_s + 1.0, abs=0.3)  # it moves all the time, once there is an answer
         assert (run.stops.begin_s == run.stops.end_s).all() and (run.stops.since_s[1:] == run.stops.end_s[:-1]).all()
+
+
+def test_a_robot_that_cannot_reach_a_stop_on_its_way_takes_nobody_elses_way(tmp_path):
+    """robot_2 stands at the far end for good, where robot_0 is to turn round; robot_1 has its order all the same."""
+    orders = Task(0, (Stop(5), Stop(0)), robot=0, name="there and back"), Task(0, (Stop(3),), robot=1, name="beside")
+    disturbances = Disturbances(breakdowns=(Breakdown(2, 0.0),))
+    usual = {"planning": Planning(budget_s=1.0), "engine": "kinematic", "dispatcher": "nearest", "time_limit_s": 40.0}
+    run = drive(tmp_path, line(6), [[0], [2], [5]], planner="pbs", tasks=(TaskList(orders),), disturbances=disturbances, **usual)
+    assert (run.calls.failed, run.calls.late) == (0, 0) and run.tasks.status == ("assigned", "done")
 
 
 def test_a_ledger_that_forgets_drives_and_logs_the_same(tmp_path, monkeypatch):
