@@ -200,7 +200,8 @@ READINGS = (
     *(Reading(plan, ("validate", plan, *ON_MAP), ("small.map", "small.scen")) for plan in PLANS),
     *(Reading(plan, ("convert", plan, "out.yaml", "--map", "small.map"), ("small.map",)) for plan in PLANS),
     Reading("plan.txt", ("plan", *ON_MAP, "--command", "cp plan.txt {out}"), ("small.map", "small.scen")),
-    Reading("plan.txt", ("run", *ON_MAP, "--plan", "plan.txt", "--set", "execution.engine=kinematic", "--out", "out"), ("small.map", "small.scen")),
+    Reading("plan.txt", ("run", *ON_MAP, "--plan", "plan.txt", "--set", "execution.engine=kinematic", "--out", "out"),
+            ("small.map", "small.scen")),
     *(Reading("run", command, ("small.building.yaml", "cart.yaml")) for command in (
         ("replay", "run"), ("render", "run", "--at", "2", "--out", "out.png"), ("export", "run", "--csv"),
         ("export", "run", "--bag", "--out", "again"),
