@@ -123,6 +123,8 @@ def question_of(options: argparse.Namespace) -> "Question":
     on_time = _share(options.on_time) if options.on_time else None
     budget_s = _duration_s("--budget", options.budget) if options.budget else None
     horizon_s = _duration_s("--horizon", options.horizon) if options.horizon else None
+    if not all(text.strip() for text in options.what_if):
+        raise MrpSumoError("--what-if: found nothing, expected a key and a value, such as 'planner: lacam' or 'stations.pack: +1'")
     scenario_choice.require_scenario(options.scenario)
     file = scenario_choice.with_set(options, read_scenario(find_scenario(options.scenario)))
     if horizon_s and file.scenario.tasks is None:

@@ -70,6 +70,7 @@ COMPLAINTS = (  # of argparse, and what is said instead
         "{0}: found {1}, expected a number of seconds, such as 300",
     ),
     (r"argument (.*): invalid float value: (.*)", "{0}: found {1}, expected a number"),
+    (r"argument (.*): ignored explicit argument (.*)", "{0}: found {1}, expected nothing after it"),
     (r"argument (.*): expected one argument", "{0}: expected a value after it"),
     (r"argument (.*): invalid choice: (.*) \(choose from (.*)\)", "{0}: found {1}, expected one of {2}"),
 )

@@ -25,7 +25,7 @@ def kind_of(path: Path, chosen: str | None) -> str:
             raise PlanError(f"no plan format '{chosen}'{nearest(chosen, kinds)}")
         return chosen
     if path.suffix not in SUFFIXES:
-        raise PlanError(f"{path.name}: no plan format ends in '{path.suffix}'{nearest(path.suffix, SUFFIXES)}; or choose --format")
+        raise PlanError(f"'{path}': no plan format ends in '{path.suffix}'{nearest(path.suffix, SUFFIXES)}; or choose --format")
     return SUFFIXES[path.suffix]
 
 

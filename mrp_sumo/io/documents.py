@@ -37,6 +37,7 @@ KINDS = (  # what pydantic says was expected begins so -> what is said
     ("a valid string", "text"),
     ("a valid dictionary", "keys and values"),
 )
+SHORT = {"robots": "a number of robots, such as 4, or ", "map": "a map's name or file, or "}  # what may stand for keys and values
 Model = TypeVar("Model", bound=BaseModel | Options)
 Place = tuple[str | int, ...]  # keys and list positions from the top of a document
 
@@ -138,8 +139,7 @@ def _fault(document: Document, model: type, options: Mapping[Place, str], error:
             hint = f"did you mean '{meant[0]}'?" if meant else f"known: {', '.join(expected)}"
             return f"{where}: unknown value {value!r} ({hint})"
         case "model_type" | "dataclass_type" | "dict_type":
-            number = "a number of robots, such as 4, or " if place[-1:] == ("robots",) else ""
-            return f"{where}: found {_kind(value)}, expected {number}keys and values"
+            return f"{where}: found {_kind(value)}, expected {SHORT.get(str(place[-1]), '') if place else ''}keys and values"
         case "string_pattern_mismatch":
             like = re.sub(r"[^\w.+-]+", "_", str(value)).strip("_")
             return f"{where}: found {_kind(value)}, expected letters, digits and _ . + - only{f', such as {like!r}' if like else ''}"
@@ -147,6 +147,9 @@ def _fault(document: Document, model: type, options: Mapping[Place, str], error:
             return f"{where}: found {_kind(value)}, expected {_number(str(place[-1]), str(value), error['type'].startswith('int'))}"
         case "value_error":
             return f"{where}: {error['ctx']['error']}"
+        case "invalid_key":
+            where = document.at((*place[:-1], str(value))) if type(value) is int else document.at(place[:-1])
+            return f"{where}: found {_kind(value)} as a key, expected a text, in quotes if it looks like something else"
         case "tuple_type":
             return f"{where}: found {_kind(value)}, expected a list"
         case _:
@@ -155,6 +158,8 @@ def _fault(document: Document, model: type, options: Mapping[Place, str], error:
 
 def in_words(message: str) -> str:
     """A message of pydantic as the end of a line of ours."""
+    if least := re.match(r"(?:List|Tuple) should have at least (\d+) item", message):
+        return f"expected {least[1]} or more"
     if (expected := message.removeprefix("Input should be ")) == message:
         return message.removeprefix("Value error, ").replace("Field required", "missing")
     for begin, words in KINDS:

@@ -155,7 +155,8 @@ def read_plan(folder: Path) -> dict[str, Any]:
     except OSError as error:
         raise BatchError(f"{shortened(path)}: {sentence(error)}") from None
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
-        raise BatchError(f"{path}: not the plan of a batch; move it away and start the batch again, no result is lost") from None
+        hint = "; move it away and start the batch again, no result is lost" if (path.parent / "runs").is_dir() else ""
+        raise BatchError(f"{path}: not the plan of a batch{hint}") from None
     return dict(plan)
 
 

@@ -56,6 +56,10 @@ CASES = (
     ("plan office", "office: no scenario, expected a file with `map` and `robots`; `mrp-sumo init` writes one for a map"),
     ("capacity room.map", "room.map: no scenario, expected a file with `map` and `robots`; `mrp-sumo init` writes one for a map"),
     ("capacity warehouse_lifelong --out room.map", "room.map: is a file, expected a folder for the study"),
+    (
+        "capacity warehouse_lifelong --dry-run --what-if ''",
+        "--what-if: found nothing, expected a key and a value, such as 'planner: lacam' or 'stations.pack: +1'",
+    ),
     ("demo --out .", "--out .: holds 'few', which is not of a demo; give another folder"),
     (
         "run office_5 --engine kinematic",
@@ -67,6 +71,12 @@ CASES = (
     ("--robots 3 run office_5", "expected a command before --robots, such as `mrp-sumo run office_9 --robots`"),
     ("run office_5 --set 'robots={count: x}'", "--set robots: count: found 'x', expected a whole number"),
     ("run few.yaml", "few.yaml: a suite, expected a scenario, with `map` and `robots`; see `mrp-sumo batch`"),
+    ("plan one/copy.json", "one/copy.json: the result of a run, expected a scenario; `mrp-sumo reproduce` makes the run again"),
+    ("run one/keys.yaml", "keys.yaml:3: 3: found 3 as a key, expected a text, in quotes if it looks like something else"),
+    ("plan office_5 --set map=", "--set map: found nothing, expected a map's name or file, or keys and values"),
+    ("plan office_5 --json=1", "--json: found '1', expected nothing after it; see `mrp-sumo plan --help`"),
+    ("plan office_5 --out ''", "'.': no plan format ends in '' (known: .json, .yaml, .yml, .txt); or choose --format"),
+    ("status nobatch", "nobatch/plan.json: not the plan of a batch"),
     ("plan office_5 --steps 5", "--steps is for problems of the League of Robot Runners (.json)"),
     ("plan office_5 --format json", "--format is for --out"),
     ("validate paths.txt --scenario office_5 --scen few.scen", "--scen is for --map"),
@@ -102,6 +112,10 @@ def test_option_without_effect_is_refused_in_a_line(tmp_path, monkeypatch, capsy
     for folder, file in (("one", RESULT), ("few", PLAN)):
         (tmp_path / folder).mkdir()
         (tmp_path / folder / file).write_text("{}")
+    (tmp_path / "one" / "copy.json").write_text('{"status": "done", "robots": [], "metrics": {},\n"scenario": {\n"map": {}}}')
+    (tmp_path / "one" / "keys.yaml").write_text("map: office\nrobots: 2\n3: x\n")
+    (tmp_path / "nobatch").mkdir()
+    (tmp_path / "nobatch" / PLAN).write_text('{"robots": []}')
     (tmp_path / "paths.json").write_text('{"schema_version": 1, "step_s": 1.0, "units": "m, s", "robots": []}')
     (tmp_path / "room.map").write_text("type octile\nheight 1\nwidth 2\nmap\n..\n")
     before = sorted(tmp_path.rglob("*"))

@@ -28,6 +28,8 @@ def read_scenario(path: Path, overrides: Mapping[Place, tuple[str, Any]] | None 
     document = read_document(path)
     if isinstance(document.content, dict) and "base" in document.content and "map" not in document.content:
         raise ScenarioError(f"{shortened(path)}: a suite, expected a scenario, with `map` and `robots`; see `mrp-sumo batch`")
+    if isinstance(document.content, dict) and document.content.keys() >= {"status", "scenario", "metrics"}:
+        raise ScenarioError(f"{shortened(path)}: the result of a run, expected a scenario; `mrp-sumo reproduce` makes the run again")
     scenario = validated(document, ScenarioModel)
     if not scenario.name:
         try:
