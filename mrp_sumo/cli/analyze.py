@@ -240,6 +240,7 @@ def _recorded(bag: Path, config: Path | None) -> tuple[dict[str, float], dict[st
     constants: dict[str, float] = {}
     places: dict[str, Any] = {}
     for key, value in _pairs(document):
+        expected = "a number" if key in DEFAULTS else "a start [x, y] and a goal [x, y] in metres for each robot"
         try:
             if key in DEFAULTS and key not in constants:
                 constants[key] = float(value)
@@ -247,8 +248,8 @@ def _recorded(bag: Path, config: Path | None) -> tuple[dict[str, float], dict[st
                 places |= {str(name): (_point(at["start"]), _point(at["goal"])) for name, at in value.items()}
             elif key == "startsAndGoals" and isinstance(value, list):  # MRP-Bench's
                 places |= {str(at["assignedAgent"]): (_point(at["start_wcos"]), _point(at["goal_wcos"])) for at in value}
-        except (TypeError, ValueError, KeyError, OverflowError) as error:
-            raise MrpSumoError(f"{path}: {key}: {type(error).__name__}: {error}") from None
+        except (TypeError, ValueError, KeyError, OverflowError):
+            raise MrpSumoError(f"{path}: {key}: found {str(value)[:60]!r}, expected {expected}") from None
     if config is not None and not places:
         raise MrpSumoError(f"{path}: no starts and goals (keys 'robots' or MRP-Bench's 'startsAndGoals')")
     return constants, places
@@ -267,8 +268,10 @@ def _pairs(document: Any) -> Iterator[tuple[str, Any]]:
 
 
 def _point(value: Any) -> tuple[float, float]:
-    x, y = value
-    return float(x), float(y)
+    x, y = (float(number) for number in value)
+    if not (math.isfinite(x) and math.isfinite(y)):
+        raise ValueError
+    return x, y
 
 
 def _constants_in(metadata: Path) -> dict[str, float]:

@@ -63,6 +63,8 @@ def _listed(options: argparse.Namespace, arguments: Callable[[argparse.ArgumentP
     text = sys.stdin.read() if options.many == "-" else read_text(path, MAX_BYTES)
     parser = _Parser(add_help=False)
     arguments(parser)
+    if not text.strip():
+        raise MrpSumoError(f"--many {options.many}: found nothing, expected a line for each plan, such as '--map room.map --scen few.scen'")
     for number, line in enumerate(text.splitlines(), 1):
         place = f"{'standard input' if options.many == '-' else shortened(path)}:{number}"
         try:

@@ -157,6 +157,8 @@ def run_batch(
     chooser
         Says which runs are wanted, instead of the suite: asked at first, and again whenever a run has ended, until no more are.
     """
+    if folder.exists():  # before there is a lock in a folder of others
+        require_ours(folder, file.name, code_version())
     with _locked(folder):
         batch = open_batch(file, folder, watcher.report, quarantine=True, chosen=chooser is not None)
         log = _Log(folder / "batch.log")

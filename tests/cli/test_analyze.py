@@ -118,7 +118,11 @@ def rows_of_two():
         (["good", "--config", "half.yaml"], "good: robot 'r1' has no start and goal"),
         (["good", "--config", "half.yaml", "--cell", "-1"], "--cell: found -1, expected a number above 0"),
         (["good", "--config", "endless.yaml"], "windowSize is inf, expected a number above 0"),
-        (["good", "--config", "odd.yaml"], "odd.yaml: robots: KeyError: 'goal'"),
+        (["good", "--config", "odd.yaml"], "odd.yaml: robots: found "),
+        (
+            ["good", "--config", "nowhere_near.yaml"],
+            "nowhere_near.yaml: robots: found \"{'r0': {'start': [nan, 0], 'goal': [3, 0]}}\", expected a start",
+        ),
         (["broken"], "broken: cannot be read as a bag: "),
     ],
 )
@@ -132,6 +136,7 @@ def test_bad_input_is_told_in_one_line(tmp_path, capsys, monkeypatch, arguments,
     fleet_bag(tmp_path / "broken", rows_of_two(), storage=StoragePlugin.MCAP)
     mcap = tmp_path / "broken" / "broken.mcap"
     mcap.write_bytes(mcap.read_bytes()[:300])
+    (tmp_path / "nowhere_near.yaml").write_text("robots: {r0: {start: [.nan, 0], goal: [3, 0]}}")
     (tmp_path / "endless.yaml").write_text("robots: {r0: {start: [0, 0], goal: [3, 0]}}\nwindowSize: .inf")
     (tmp_path / "half.yaml").write_text("robots: {r0: {start: [0, 0], goal: [3, 0]}}")
     (tmp_path / "odd.yaml").write_text("robots: {r0: {start: [0, 0]}}")

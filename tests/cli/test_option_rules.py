@@ -60,6 +60,12 @@ CASES = (
         "capacity warehouse_lifelong --dry-run --what-if ''",
         "--what-if: found nothing, expected a key and a value, such as 'planner: lacam' or 'stations.pack: +1'",
     ),
+    ("batch few.yaml --out one", "one: a run, expected a batch; `mrp-sumo analyze` and `mrp-sumo report` measure and show a run"),
+    ("batch few.yaml --out room.map", "room.map is not a folder; give another --out"),
+    (
+        "plan --many nothing.txt",
+        "--many nothing.txt: found nothing, expected a line for each plan, such as '--map room.map --scen few.scen'",
+    ),
     ("demo --out .", "--out .: holds 'few', which is not of a demo; give another folder"),
     (
         "run office_5 --engine kinematic",
@@ -114,6 +120,8 @@ def test_option_without_effect_is_refused_in_a_line(tmp_path, monkeypatch, capsy
         (tmp_path / folder / file).write_text("{}")
     (tmp_path / "one" / "copy.json").write_text('{"status": "done", "robots": [], "metrics": {},\n"scenario": {\n"map": {}}}')
     (tmp_path / "one" / "keys.yaml").write_text("map: office\nrobots: 2\n3: x\n")
+    (tmp_path / "one" / PLAN).write_text("{}")
+    (tmp_path / "nothing.txt").write_text("\n\n")
     (tmp_path / "nobatch").mkdir()
     (tmp_path / "nobatch" / PLAN).write_text('{"robots": []}')
     (tmp_path / "paths.json").write_text('{"schema_version": 1, "step_s": 1.0, "units": "m, s", "robots": []}')

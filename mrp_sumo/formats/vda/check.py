@@ -476,7 +476,7 @@ def _disorder_of_edges(nodes: list[Any], edges: list[Any], released: list[bool],
 def members(document: Any, needed: Mapping[str, Any], at: str, allowed: tuple[str, ...] | None = None) -> Iterator[str]:
     """Faults of the members of an object; with `allowed`, also those of an unknown name."""
     if not isinstance(document, Mapping):
-        yield f"{at}: expected an object"
+        yield f"{at}: expected an object".removeprefix(": ")
         return
     inside = f"{at}." if at else ""
     for key, kind in needed.items():
