@@ -10,6 +10,7 @@ import numpy as np
 
 from mrp_sumo.search._heap import pop_by, push_by
 from mrp_sumo.search._kernel import kernel
+from planners.safe_interval._corridors import corridor, departures, earliest, last_lane
 from planners.safe_interval._discs import (
     DiscConstraints,
     DiscPaths,
@@ -124,10 +125,15 @@ def split(task, pair, node, made, used):
         return used, False
     for c in range(num):
         low = np.inf
+        conflict = pair.found[c, 0], pair.found[c, 1], pair.found[c, 2]
+        run = corridor(task.lanes, ways, conflict, one, other)
+        until = through(task, pair, node, run)
         for k in range(2):
             n = chosen + k
-            conflict = pair.found[c, 0], pair.found[c, 1], pair.found[c, 2]
-            is_stay, place, t0, t1 = rule_against(task.lanes, ways, conflict, one, other, k == 1)
+            if until[k] >= 0.0:
+                is_stay, place, t0, t1 = 0, last_lane(ways, run[k], run[2]), -1.0, until[k]
+            else:
+                is_stay, place, t0, t1 = rule_against(task.lanes, ways, conflict, one, other, k == 1)
             pair.parent[n], pair.robot[n], pair.is_stay[n], pair.place[n] = node, k, is_stay, place
             pair.times[n, 0], pair.times[n, 1] = t0, t1
             pair.way[n, 1 - k], pair.cost[n, 1 - k] = pair.way[node, 1 - k], pair.cost[node, 1 - k]
@@ -143,6 +149,27 @@ def split(task, pair, node, made, used):
         chosen = made + 2
     pair.child[node] = made if num else -1
     return used, True
+
+
+@kernel(allocates=False)
+def through(task, pair, n, run):
+    """Until when either may not leave a corridor at a node, -1.0: any time; see `_corridors.departures`."""
+    if run[2] == 0:
+        return -1.0, -1.0
+    ours, theirs = at_end(task, pair, n, 0, run[0], run[2]), at_end(task, pair, n, 1, run[1], run[2])
+    return departures(task.lanes, pair.ways, run, ours, theirs)
+
+
+@kernel(allocates=False)
+def at_end(task, pair, n, k, first, num):
+    """Earliest times of one of both at the end of a corridor: at all, and without its last lane."""
+    lanes, rules = task.lanes, task.rules
+    lane = last_lane(pair.ways, first, num)
+    if not load_rules(task, pair, n, k) or rules.count[0] >= len(rules.lane):
+        return np.nan, np.nan
+    direct = earliest(lanes, task.start[k], lanes.head[lane], rules, task.scratch)
+    add_rule(rules, 0, lane, -1.0, np.inf)
+    return direct, earliest(lanes, task.start[k], lanes.head[lane], rules, task.scratch)
 
 
 @kernel(allocates=False)
@@ -162,15 +189,9 @@ def copy_node(pair, n, into):
 def add_way(task, pair, n, k, used):
     """Let one of both drive at a node. Returns the number of ways by then, and whether there is room."""
     rules, scratch = task.rules, task.scratch
-    copy_rules(task.forbidden[0] if k == 0 else task.forbidden[1], rules)
-    at = n
-    while at > 0:
-        if pair.robot[at] == k:
-            if rules.count[pair.is_stay[at]] >= len(rules.lane):
-                return used, False
-            add_rule(rules, pair.is_stay[at], pair.place[at], pair.times[at, 0], pair.times[at, 1])
-        at = pair.parent[at]
-    entry = find(task.lanes, task.left_s[k], task.start[k], task.goal[k], rules, scratch)
+    if not load_rules(task, pair, n, k):
+        return used, False
+    entry = find(task.lanes, task.left_s[k], task.start[k], task.goal[k], rules, scratch, True)
     if entry == -2:
         return used, False
     pair.cost[n, k] = scratch.arrived[entry] if entry >= 0 else np.inf
@@ -178,3 +199,17 @@ def add_way(task, pair, n, k, used):
         return used, False
     pair.way[n, k] = used
     return used + (1 if entry >= 0 else 0), True
+
+
+@kernel(allocates=False)
+def load_rules(task, pair, n, k):
+    """Have the rules of one of both at a node in `task.rules`; False where there is no room."""
+    rules = task.rules
+    copy_rules(task.forbidden[0] if k == 0 else task.forbidden[1], rules)
+    while n > 0:
+        if pair.robot[n] == k:
+            if rules.count[pair.is_stay[n]] >= len(rules.lane):
+                return False
+            add_rule(rules, pair.is_stay[n], pair.place[n], pair.times[n, 0], pair.times[n, 1])
+        n = pair.parent[n]
+    return True

@@ -25,6 +25,10 @@ class Lanes(NamedTuple):
     xy: np.ndarray  # [V, 2] m
     duration: np.ndarray  # [L] s
     reach: float  # m that two must keep from each other
+    reverse: np.ndarray  # [L] the lane back, -1: none
+    inner: np.ndarray  # [V] whether a vertex has two neighbours
+    clear: float  # s before which nobody is by `reach` away from where it was
+    zero: np.ndarray  # [V] s to a goal of which nothing is known
 
 
 class DiscPaths(NamedTuple):
@@ -222,8 +226,8 @@ def conflicts_with_all(lanes, ways, one, others, most, found, of):
 
 
 @kernel(allocates=False)
-def find(lanes, left_s, start, goal, rules, scratch):
-    """The earliest way to a goal, to stay, for a robot that is at its start from 0 on.
+def find(lanes, left_s, start, goal, rules, scratch, to_stay):
+    """The earliest way to a goal for a robot that is at its start from 0 on.
 
     A vertex has windows of arrival; in each a robot must have left by some time. At rest it may wait, so within a window the earlier of
     two arrivals is as good as the later (Phillips, Likhachev, ICRA 2011).
@@ -232,6 +236,8 @@ def find(lanes, left_s, start, goal, rules, scratch):
     ----------
     left_s
         [V] to the goal without others, inf: none.
+    to_stay
+        Whether it must stay at the goal.
 
     Returns
     -------
@@ -249,7 +255,7 @@ def find(lanes, left_s, start, goal, rules, scratch):
         scratch.leave_by[k] = min(rules.lasts[k], scratch.leave_by[k + 1]) if later else rules.lasts[k]
         scratch.stay_of[v] = k
     scratch.best[: num_vertices + num_stays] = np.inf
-    found = search(lanes, left_s, start, goal, rules, scratch)
+    found = search(lanes, left_s, start, goal, rules, scratch, to_stay)
     for k in range(num_moves):
         scratch.move_of[rules.lane[k]] = -1
     for k in range(num_stays):
@@ -258,7 +264,7 @@ def find(lanes, left_s, start, goal, rules, scratch):
 
 
 @kernel(allocates=False)
-def search(lanes, left_s, start, goal, rules, scratch):
+def search(lanes, left_s, start, goal, rules, scratch, to_stay):
     """See `find`."""
     num_moves, num_stays, num_vertices = rules.count[0], rules.count[1], len(lanes.first) - 1
     window = scratch.stay_of[start]
@@ -279,7 +285,7 @@ def search(lanes, left_s, start, goal, rules, scratch):
         v, t, until = scratch.vertex[n], scratch.arrived[n], scratch.until[n]
         if t > scratch.best[scratch.state[n]]:
             continue
-        if v == goal and until == np.inf:
+        if v == goal and (until == np.inf or not to_stay):
             return n
         for e in range(lanes.first[v], lanes.first[v + 1]):
             w = lanes.head[e]

@@ -8,7 +8,7 @@ import numpy as np
 from mrp_sumo.core.graph import FloatArray, IntArray, PlanGraph
 from mrp_sumo.core.plan import Plan, plan_of_visits
 from mrp_sumo.core.problem import Problem
-from planners.safe_interval import _disc_pairs, _disc_ways, _discs
+from planners.safe_interval import _corridors, _disc_pairs, _disc_ways, _discs
 from planners.safe_interval.conflict_tree import TimedConflict
 
 MOST = 1024  # conflicts of one way
@@ -30,7 +30,7 @@ class UnitMotion:
         self._start, self._goal = problem.start.tolist(), problem.target.tolist()
         self.nothing = _discs.new_rules(0, 0)
         duration_s = graph.length_m / speed_mps
-        self._lanes = _discs.Lanes(graph.first, graph.tail, graph.head, graph.xy, duration_s, 2 * radius_m)
+        self._lanes = lanes_of(graph, duration_s, 2 * radius_m)
         self._left_s = seconds_left(graph, duration_s, problem.target)
         self._scratch = _discs.new_scratch(graph.num_vertices, graph.num_lanes, 1 << 13)
         self._paths = _discs.new_ways(64)
@@ -61,7 +61,7 @@ class UnitMotion:
     def search(self, robot: int, forbidden: _discs.DiscConstraints) -> int | None:
         start = self._start[robot]
         while True:
-            entry = _discs.find(self._lanes, self._left_s[robot], start, self._goal[robot], forbidden, self._scratch)
+            entry = _discs.find(self._lanes, self._left_s[robot], start, self._goal[robot], forbidden, self._scratch, True)
             if entry != -2:
                 break
             self._scratch = _discs.new_scratch(len(self._lanes.first) - 1, len(self._lanes.tail), 4 * len(self._scratch.heap))
@@ -87,9 +87,23 @@ class UnitMotion:
     def split(
         self, conflict: TimedConflict, ours: _discs.DiscConstraints, theirs: _discs.DiscConstraints
     ) -> tuple[_discs.DiscConstraints, _discs.DiscConstraints]:
-        """Constraints on either robot: see `_discs.rule_against`."""
+        """Constraints on either robot: see `_corridors.departures` and `_discs.rule_against`."""
         both = self._lanes, self._paths, conflict.what, conflict.path, conflict.other_path
+        p, q, num = run = _corridors.corridor(*both)
+        if num:
+            last, other_last = (_corridors.last_lane(self._paths, first, num) for first in (p, q))
+            at_ends = self._at_end(conflict.path, last, ours), self._at_end(conflict.other_path, other_last, theirs)
+            until, other_until = _corridors.departures(self._lanes, self._paths, run, *at_ends)
+            if until >= 0:
+                return _discs.with_rule(ours, 0, last, -1.0, until), _discs.with_rule(theirs, 0, other_last, -1.0, other_until)
         return _discs.with_rule(ours, *_discs.rule_against(*both, False)), _discs.with_rule(theirs, *_discs.rule_against(*both, True))
+
+    def _at_end(self, path: int, lane: int, forbidden: _discs.DiscConstraints) -> tuple[float, float]:
+        """When the robot of a path can be at the end of a lane, and when without that lane."""
+        start, end = int(self._paths.start[path]), int(self._lanes.head[lane])
+        either = forbidden, _discs.with_rule(forbidden, 0, lane, -1.0, np.inf)
+        direct, round_ = (_corridors.earliest(self._lanes, start, end, rules, self._scratch) for rules in either)
+        return direct, round_
 
     def least_cost_s(self, robot: int, other: int, ours: _discs.DiscConstraints, theirs: _discs.DiscConstraints) -> float:
         """Least cost of two robots that are forbidden this."""
@@ -182,6 +196,21 @@ class UnitMotion:
             arrive = np.append(0.0, left + self._lanes.duration[lane])
             visits.append((vertex, arrive, np.append(left, np.inf)))
         return plan_of_visits(visits)
+
+
+def lanes_of(graph: PlanGraph, duration_s: FloatArray, reach_m: float) -> _discs.Lanes:
+    """The graph as arrays, for discs that keep `reach_m` from each other."""
+    num_vertices = graph.num_vertices
+    ends = np.array([graph.tail, graph.head])
+    neighbours = np.unique(np.hstack([ends, ends[::-1]]), axis=1)[0]
+    speed_mps = (np.hypot(*(graph.xy[graph.head] - graph.xy[graph.tail]).T) / duration_s).max(initial=0.0)
+    return _discs.Lanes(
+        graph.first, graph.tail, graph.head, graph.xy, duration_s, reach_m,
+        reverse=graph.reverse,
+        inner=np.bincount(neighbours, minlength=num_vertices) == 2,
+        clear=reach_m / speed_mps if speed_mps > 0 else 0.0,
+        zero=np.zeros(num_vertices),
+    )  # fmt: skip
 
 
 def seconds_left(graph: PlanGraph, duration_s: FloatArray, goal: IntArray) -> FloatArray:

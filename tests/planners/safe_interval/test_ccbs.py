@@ -15,6 +15,7 @@ from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import ScenarioError
 from mrp_sumo.metrics.referee_in_seconds import judge_in_seconds
 from mrp_sumo.planning.registry import planner
+from planners.safe_interval.unit_motion import UnitMotion
 
 pytestmark = pytest.mark.kernel
 
@@ -198,6 +199,17 @@ def test_a_bounded_effort_and_no_clock_ends_the_search():
     ended = [chosen.plan(replace(problem, effort=effort), 60.0) for effort in (1, 40, 40)]
     assert all(result.status is Status.TIMED_OUT and "no plan within an effort of" in result.message for result in ended)
     assert ended[1].stats == ended[2].stats
+
+
+@pytest.mark.compiled
+def test_two_discs_that_change_places_cost_the_corridor_and_the_way_round():
+    """10 m through, 18 m round: a bound on both knows that neither can wait for the other in the corridor."""
+    xy = [(k, 0) for k in range(11)] + [(0, 4), (10, 4)]
+    graph = graph_of(xy, [*((k, k + 1) for k in range(10)), (0, 11), (11, 12), (12, 10)])
+    problem = problem_of(graph, [0, 10], [10, 0])
+    motion = UnitMotion(problem, RADIUS_M, 1.0)
+    assert motion.least_cost_s(0, 1, motion.nothing, motion.nothing) == pytest.approx(28.0)
+    assert solved(problem, motion="unit", radius_m=RADIUS_M).stats["cost_s"] == pytest.approx(28.0)
 
 
 def test_goals_too_close_for_discs_are_named():
