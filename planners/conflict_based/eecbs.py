@@ -9,7 +9,7 @@ to be chosen, a step of optimal CBS alternates with the paper's expansion of the
 An addition to the paper, `incumbent`: when the tree has not answered within several times the work of its root, a
 plan is looked for by MAPF-LNS2 too, in turns of counted work. Once it costs at most w times the tree's lower bound, the
 tree has as much work again for an answer of its own, while large neighbourhood search betters the plan; it is the answer
-when that time is over, or as soon as it costs no more than the node that the tree would expand.
+when that time is over, or as soon as it costs no more than the node that the tree would expand; in either case it is polished before.
 """
 
 from dataclasses import dataclass
@@ -96,6 +96,7 @@ class ExplicitEstimation:
             and self._would_do(incumbent)
             and (is_over or node is None or incumbent.cost <= node.cost)
         ):
+            incumbent.polish()
             self.from_incumbent = True
             return incumbent.paths()
         return node

@@ -12,11 +12,12 @@ import numpy as np
 from mrp_sumo.core.graph import IntArray
 from mrp_sumo.core.problem import Problem
 from planners.neighbourhood._traffic import path_of
-from planners.neighbourhood.refinement import Refinement, Repair, room_bytes, task_of
+from planners.neighbourhood.refinement import Refinement, Repair, first_order, is_roomy, polishing_labels, room_bytes, task_of
 from planners.world import sum_of_costs
 
 CHANCE = 14  # purpose of the stream of chance
 NEIGHBOURHOOD = 8  # robots planned again at a time while there are collisions, half of it afterwards
+POLISH = 2500  # labels a robot, see `polishing_labels`, that are spent on a plan before it is an answer
 AT_ONCE = 4  # neighbourhoods between looks at the work done
 LABELS_AT_ONCE = 10_000
 CELLS_A_LABEL = 4
@@ -33,7 +34,9 @@ class Incumbent:
         self.entry = (
             _horizon(problem, table) * problem.graph.num_vertices // CELLS_A_LABEL
         )  # labels that take as long as laying out the tables
-        self._deadline_s = deadline_s
+        self._deadline_s, self._first = deadline_s, 0
+        labels = polishing_labels(POLISH, problem.num_robots, problem.window_steps)
+        self._polish = min(labels, problem.effort) if problem.effort else labels
         self._path = np.empty((0, problem.num_robots), np.int32)
         self._refinement: Refinement | None = None
         self._progress = self._search(problem, table)
@@ -48,6 +51,10 @@ class Incumbent:
             if made is None:
                 return
             self.labels += made
+
+    def polish(self) -> None:
+        """Better the plan until as much work has been spent on that as by MAPF-LNS2; call it when there is a plan."""
+        self.work(self._first + self._polish, 0.0)
 
     def counters(self) -> dict[str, float]:
         """For the result's statistics."""
@@ -67,8 +74,9 @@ class Incumbent:
             return
         rng = np.random.default_rng([problem.seed, CHANCE])
         paths, before = Repair(task, horizon, NEIGHBOURHOOD), 0
-        for robot in rng.permutation(problem.num_robots):
-            if not paths.plan(np.array([robot])):
+        clear = is_roomy(task)
+        for robot in first_order(task, rng):
+            if not paths.plan(np.array([robot]), clear=clear):
                 return
             yield paths.labels - before
             before = paths.labels
@@ -78,7 +86,7 @@ class Incumbent:
             yield paths.labels - before
             before = paths.labels
         self._path = path_of(paths.traffic)
-        self.cost = sum_of_costs(self._path, task.goal)
+        self.cost, self._first = sum_of_costs(self._path, task.goal), self.labels
         del paths
         self._refinement = refinement = Refinement(task, self._path, NEIGHBOURHOOD // 2, rng)
         made = 0

@@ -1,5 +1,7 @@
 """The conflict-based planners against slow truth, and what their parts claim."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -17,6 +19,7 @@ from mrp_sumo.search import distance
 from mrp_sumo.traffic.draw import uniform_draw
 from mrp_sumo.traffic.referee import judge
 from planners.conflict_based.incumbent import Incumbent
+from planners.neighbourhood.refinement import polishing_labels
 from planners.world import steps_table
 
 OPTIMAL = [
@@ -207,6 +210,21 @@ def test_incumbent_can_be_switched_off():
     result = planner("eecbs", {"w": 1.5, "incumbent": False}).plan(crowd(1), 5.0)
     assert result.stats["from_incumbent"] == 0
     assert "incumbent_labels" not in result.stats
+
+
+def test_incumbent_is_polished_before_it_is_an_answer():
+    problem = crowd(2)
+    incumbent = Incumbent(problem, steps_table(problem, np.inf), np.inf)
+    incumbent.work(10_000_000, np.inf)
+    first, labels = incumbent.cost, incumbent.labels
+    incumbent.polish()
+    assert incumbent.cost < first
+    assert incumbent.labels >= polishing_labels(2500, problem.num_robots, 0) > labels
+    bounded = Incumbent(replace(problem, effort=1), steps_table(problem, np.inf), np.inf)
+    bounded.work(10_000_000, np.inf)
+    labels = bounded.labels
+    bounded.polish()
+    assert bounded.labels == labels
 
 
 def test_incumbent_is_the_same_in_one_turn_and_in_many():
