@@ -23,7 +23,7 @@ from mrp_sumo.planning.registry import planner
 from planners.configuration import _lacam, _pibt
 from planners.configuration._flow import TrafficMap, observe, write_tolls
 from planners.configuration._pibt_instance import SLACK_STEPS, PibtInstance, extend_all
-from planners.configuration.guides import is_room_for_flow, local_guidance, traffic_guide
+from planners.configuration.guides import guide_of, is_room_for_flow, local_guidance, traffic_guide
 from planners.neighbourhood._traffic import RepairTask
 from planners.neighbourhood.refinement import (
     FOREVER,
@@ -38,7 +38,8 @@ from planners.neighbourhood.refinement import (
 )
 from planners.world import SLICE_S, ByConfigurations, SearchStart, search_start, small_problem, sum_of_costs
 
-CHANCE = 12  # purpose of the stream of chance
+CHANCE, CHANCE_OF_WAYS = 12, 16  # purposes of streams of chance
+MOST_MOVES = 2_500_000  # of ways beside easy paths, in all rounds
 USED_UP = -1  # how a search ends whose effort is bounded, beside RUNNING, REACHED, EXHAUSTED and FULL
 MOST_POLISHED = 4000  # robots; more are polished only if there is time for that
 SEARCH_TURN_S, REFINEMENT_TURN_S, LONGEST_TURN_S = 0.05, 0.1, 2.0  # the shortest turns of an anytime search, and the longest
@@ -51,9 +52,10 @@ RESTARTS = 20  # orders in which robots are planned one after another, where the
 class Lacam(ByConfigurations):
     """LaCAM; with `anytime` LaCAM*, which uses all its time unless it proves optimality.
 
-    Where robots use the map thinly, the first solution is one of prioritised planning, see `first_paths`. Elsewhere robots are guided by
-    ways of their own where lanes are little used, see `_ways`, and else, where tables allow, by the traffic flow at first, see `_flow`;
-    before each step, they are led round each other by local guidance, see `_local_guidance`.
+    Where robots use the map thinly, the first solution is one of prioritised planning, see `first_paths`, or of a search as elsewhere,
+    whichever costs less. Elsewhere robots are guided by ways of their own where lanes are little used, see `_ways`, and else, where tables
+    allow, by the traffic flow at first, see `_flow`; before each step, they are led round each other by local guidance, see
+    `_local_guidance`.
     Where tables allow, the first solution is polished by
     large neighbourhood search for a fixed amount of work; anytime, the rest of the time goes to both the search and
     the neighbourhoods.
@@ -103,6 +105,7 @@ class Lacam(ByConfigurations):
         if isinstance(start, PlanResult):
             return start
         begin_s, deadline_s, lower_bound = start.begin_s, start.deadline_s, start.lower_bound
+        start = _with_cheaper_path(self, start)
         search, state = (LacamSearch(self, start, 0), _lacam.REACHED) if start.path is not None else _first(self, start)
         if state != _lacam.REACHED and problem.window_steps and (plan := _in_window(self, start)) is not None:
             return plan
@@ -167,6 +170,19 @@ def _first(lacam: Lacam, start: SearchStart) -> "tuple[LacamSearch, int]":
     raise AssertionError("searches end")
 
 
+def _with_cheaper_path(lacam: Lacam, start: SearchStart) -> SearchStart:
+    """The start with the path of a search led by ways, as PIBT's is, where that costs less than the easy one."""
+    path, least = start.path, int(start.steps.sum())
+    if path is None or start.given.effort or lacam.ways * least > MOST_MOVES or sum_of_costs(path, start.world.goal) == least:
+        return start
+    rng = np.random.default_rng([start.given.seed, CHANCE_OF_WAYS])
+    guided = guide_of(start.problem, start.world, lacam.ways, 0, start.deadline_s, rng)
+    search = LacamSearch(lacam, replace(start, guided=guided, rng=rng), lacam.local)
+    if search.until(start.deadline_s, first=True, expansions=2 * len(path)) != _lacam.REACHED:
+        return start
+    return replace(start, path=min(path, search.path(), key=partial(sum_of_costs, goal=start.world.goal)))
+
+
 def _in_window(lacam: Lacam, start: SearchStart) -> PlanResult | None:
     """A plan for a window beyond which there is none, or none was found: that of robots one after another, else of PIBT's steps."""
     prioritised = planner("prioritised", {"restarts": RESTARTS, "following": lacam.following})
@@ -216,7 +232,7 @@ def _searched_again(lacam: Lacam, start: SearchStart, path: np.ndarray, cost: in
 def _task(start: SearchStart) -> RepairTask:
     """What to refine paths on. Codes may be known about other vertices than the start, where a robot was driven away."""
     problem, world = start.problem, start.world
-    if world.packed and start.path is None:
+    if world.packed:
         at, again = np.array(problem.start), np.empty(problem.num_robots, np.int64)
         extend_all(world.compass, world.goal, at, 0, len(at), SLACK_STEPS, again)
     return task_on(problem, world)

@@ -13,6 +13,7 @@ from mrp_sumo.errors import PlanError
 from mrp_sumo.maps.grid import grid_graph
 from mrp_sumo.traffic.referee import judge
 from mrp_sumo.traffic.schedule import schedule_of
+from planners.configuration import lacam
 from planners.configuration.lacam import Lacam
 
 
@@ -126,3 +127,17 @@ def test_a_window_has_a_plan_though_robots_cannot_all_come_to_their_goals():
         result = Lacam().plan(replace(problem, window_steps=window), 20.0)
         assert result.status is Status.SOLVED and result.plan.end_s.max() <= window
         assert judge(ending_there(problem, result.plan), result.plan).valid
+
+
+def test_first_solution_is_the_cheaper_of_easy_paths_and_of_those_that_ways_lead_along(monkeypatch):
+    costs = []
+    for seed in range(6):
+        problem = random_grid(20, 40, seed, blocked=0.1)
+        result = Lacam(polish=0).plan(problem, 60.0)
+        assert judge(problem, result.plan).valid
+        with monkeypatch.context() as without:
+            without.setattr(lacam, "MOST_MOVES", 0)
+            easy = Lacam(polish=0).plan(problem, 60.0)
+        costs.append((result.stats["cost"], easy.stats["cost"]))
+    assert all(cost <= easy for cost, easy in costs)
+    assert any(cost < easy for cost, easy in costs)
