@@ -15,7 +15,6 @@ from mrp_sumo.core.plan import PlanResult, Status
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError
 from mrp_sumo.planning.answers import deadline_of, order_clash, unplanned, used_up, without_effort
-from mrp_sumo.search.distance import UNREACHABLE
 from planners.neighbourhood._traffic import path_of
 from planners.neighbourhood.refinement import (
     AT_ONCE,
@@ -26,10 +25,10 @@ from planners.neighbourhood.refinement import (
     polishing_labels,
     prepare,
     room_bytes,
-    task_of,
+    task_on,
     threads_with_room,
 )
-from planners.world import SLICE_S, solved, steps_table, sum_of_costs, without_search
+from planners.world import SLICE_S, ByConfigurations, build_world, is_large, solved, sum_of_costs, without_search
 
 CHANCE = 13  # purpose of the stream of chance
 
@@ -64,22 +63,24 @@ class Lns2:
         """SOLVED, TIMED_OUT with the number of pairs left in collision, GAVE_UP at the horizon, INFEASIBLE where nobody could plan."""
         begin_s = process_time()
         deadline_s = deadline_of(time_limit_s)
-        if 4 * problem.num_robots * problem.graph.num_vertices > self.memory_mb * 1_000_000:
+        packed = is_large(problem)
+        table_bytes = problem.num_robots * problem.graph.num_vertices * (1 if packed else 16) // 4
+        if table_bytes > self.memory_mb * 1_000_000:
             return unplanned(Status.GAVE_UP, begin_s, f"tables of distances take more than {self.memory_mb} MB")
-        table = steps_table(problem, deadline_s)
-        if table is None:
+        rules = ByConfigurations(following=self.following, rotations=self.rotations)
+        built = build_world(problem, deadline_s, packed=packed, rules=rules)
+        if built is None:
             return unplanned(Status.TIMED_OUT, begin_s, "the time limit passed while distances were computed")
-        steps = table[np.arange(problem.num_robots), problem.start].astype(np.int64)
-        steps[steps >= UNREACHABLE] = -1
+        world, steps = built
         known = without_search(problem, steps, begin_s) or order_clash(problem)
         if known:
             return known
         lower_bound = float(steps.sum())
         rng = np.random.default_rng([problem.seed, CHANCE])
-        task = task_of(problem, table, following=self.following, rotations=self.rotations)
+        task = task_on(problem, world)
         horizon = self.horizon or 2 * int(steps.max()) + 128 + problem.num_robots // 2
         horizon = max(horizon, int(steps.max()) + 2, problem.window_steps + 2)
-        if (need := table.nbytes + room_bytes(task, horizon) + problem.num_robots**2) > self.memory_mb * 1_000_000:
+        if (need := table_bytes + room_bytes(task, horizon) + problem.num_robots**2) > self.memory_mb * 1_000_000:
             message = f"tables of {horizon} steps take {need / 1e6:.0f} MB, expected at most {self.memory_mb} MB"
             return unplanned(Status.GAVE_UP, begin_s, message, lower_bound)
         paths = Repair(task, horizon, self.neighbourhood)
@@ -103,7 +104,7 @@ class Lns2:
         cost = sum_of_costs(path, task.goal)
         stats |= {"first_solution_time_s": process_time() - begin_s, "first_solution_cost": float(cost)}
         if (self.polish or self.anytime) and cost > lower_bound:
-            threads = threads_with_room(self.threads, task, path, self.memory_mb, table.nbytes)
+            threads = threads_with_room(self.threads, task, path, self.memory_mb, table_bytes)
             refinement = Refinement(task, path, (self.neighbourhood + 1) // 2, rng, threads=threads, bandit=self.bandit)
             self._polish(refinement, problem, left, deadline_s)
             path, cost = refinement.path(), refinement.cost

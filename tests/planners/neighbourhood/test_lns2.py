@@ -7,6 +7,7 @@ from worlds import random_grid
 from mrp_sumo.core.plan import Status, paths_of_plan, plan_of_paths
 from mrp_sumo.traffic.referee import judge
 from mrp_sumo.traffic.schedule import schedule_of
+from planners import world
 from planners.configuration.lacam import Lacam
 from planners.neighbourhood import _sipps, _traffic
 from planners.neighbourhood.lns2 import Lns2
@@ -175,3 +176,17 @@ def test_tables_beyond_the_memory_are_not_made():
     assert result.status is Status.GAVE_UP
     assert "expected at most 1 MB" in result.message
     assert Lns2(memory_mb=1).plan(random_grid(40, 300, 0), 5.0).message == "tables of distances take more than 1 MB"
+
+
+@pytest.mark.parametrize("kind", [{}, {"following": True}])
+def test_packed_distances_do_as_well_as_tables(monkeypatch, kind):
+    problem = random_grid(20, 60, 2)
+    by_tables = Lns2(**kind).plan(problem, 60.0)
+    monkeypatch.setattr(world, "TABLE_CELLS", 0)
+    monkeypatch.setattr(world, "steps_table", None)
+    packed = Lns2(**kind).plan(problem, 60.0)
+    verdict = judge(problem, packed.plan)
+    assert verdict.valid
+    assert not (kind and verdict.following)
+    assert packed.lower_bound_steps == by_tables.lower_bound_steps
+    assert packed.stats["cost"] < 1.1 * by_tables.stats["cost"]
