@@ -187,6 +187,14 @@ def test_no_ring_of_robots_turns_where_that_is_asked(name):
     schedule_of(problem, result.plan)
 
 
+@pytest.mark.parametrize("name", [name for name in IN_STEPS if name in COORDINATED])
+def test_full_one_way_ring_turns_where_robots_need_not_keep_an_order(name):
+    ring = lanes([(k, (k + 1) % 5) for k in range(5)], range(5), [1, 2, 3, 4, 0], 5)
+    assert solved(name, ring).plan.end_s.tolist() == [1.0] * 5
+    if name in COMPLETE:
+        assert made(name).plan(replace(ring, drivable=True), 20.0).status is Status.INFEASIBLE
+
+
 @pytest.mark.parametrize("name", ALL)
 def test_two_robots_sent_to_one_vertex_are_infeasible(name):
     problem = world("0.1 ...")
