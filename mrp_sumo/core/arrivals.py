@@ -22,7 +22,7 @@ NotNegative = Annotated[float, Within(ge=0)]
 class ServiceTime(Options):
     """Duration of a stop; a number is short for constant_s."""
 
-    constant_s: float | None = option(None, "Always as long.", ge=0)
+    constant_s: float | None = option(None, "Constant.", ge=0)
     triangular_s: tuple[NotNegative, NotNegative, NotNegative] | None = option(None, "Least, usual and most.")
     lognormal: tuple[Positive, NotNegative] | None = option(None, "Median in s, and sigma of the logarithm.")
 
@@ -55,7 +55,7 @@ class Arrivals(Options):
 
     rate_per_h: float | None = option(None, "Poisson arrivals.", gt=0, le=1e6)
     profile: tuple[NotNegative, ...] = option((), "Of Poisson arrivals: factors on the rate in equal parts of a day.")
-    open: int | None = option(None, "So many are always known and not done: a closed loop.", ge=1, le=MAX_OPEN)
+    open: int | None = option(None, "Number of orders that are always known and not done: a closed loop.", ge=1, le=MAX_OPEN)
     per_step: float | None = option(None, "Tasks in a planned step; below 1 one with that probability.", gt=0, le=1e3)
     at_once: bool = option(False, "All at 0; needs count.")
 

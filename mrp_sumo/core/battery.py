@@ -24,11 +24,11 @@ class Charging(Options):
     policy: Literal["threshold", "opportunity"] = option(
         "threshold", "'threshold': robots charge when they have to; 'opportunity': when they have nothing else to do, too."
     )
-    critical_low_charging_level: float = option(20.0, "At or below it a robot without a load goes to charge.", **PERCENT)
-    minimum_desired_charging_level: float = option(50.0, "From it on 'opportunity' calls robots off when tasks wait.", **PERCENT)
-    maximum_desired_charging_level: float = option(100.0, "Charging ends.", **PERCENT)
-    minimum_charging_time_s: float = option(0.0, "For which a robot stays at least.", ge=0)
-    start_level: tuple[Percent, Percent] = option((100.0, 100.0), "Each robot's at the start, drawn evenly between these.")
+    critical_low_charging_level: float = option(20.0, "Level at or below which a robot without a load goes to charge.", **PERCENT)
+    minimum_desired_charging_level: float = option(50.0, "Level from which 'opportunity' calls robots off when tasks wait.", **PERCENT)
+    maximum_desired_charging_level: float = option(100.0, "Level at which charging ends.", **PERCENT)
+    minimum_charging_time_s: float = option(0.0, "Least time that a robot stays.", ge=0)
+    start_level: tuple[Percent, Percent] = option((100.0, 100.0), "Range of levels at the start, drawn uniformly.")
     start_charging: float = option(0.0, "Share of the robots that go to charge first, whatever their level.", **PERCENT)
 
     def __post_init__(self) -> None:

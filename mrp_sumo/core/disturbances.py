@@ -37,7 +37,7 @@ class Obstacle(Options):
     y_m: float = field(metadata=meaning("Of its centre."))
     begin_s: float = field(metadata=meaning(BEGIN))
     duration_s: float | None = option(None, FOR_GOOD, **DURATION)
-    radius_m: float = option(0.3, "Of what it covers.", gt=0, le=1e9)
+    radius_m: float = option(0.3, "Radius of what it covers.", gt=0, le=1e9)
 
 
 @dataclass(frozen=True)
@@ -103,26 +103,26 @@ class Disturbances(Options):
     )
     speed_noise_tau_s: float = option(2.0, "Time constant of that process.", ge=0)
     stops_per_s: float = option(0.0, "Random stops of a robot, Poisson.", ge=0)
-    stop_median_s: float = option(3.0, "Of their lognormal duration.", ge=0)
-    stop_sigma: float = option(0.6, "Of the logarithm of their duration.", ge=0)
+    stop_median_s: float = option(3.0, "Median of their lognormal duration.", ge=0)
+    stop_sigma: float = option(0.6, "Standard deviation of its logarithm.", ge=0)
     start_delay_s: float = option(0.0, "Robots set out up to this late, uniformly.", ge=0)
     delay_probability: float = option(
-        0.0, "In each planned step, of being held for some steps, as in the League of Robot Runners.", ge=0, lt=1
+        0.0, "Probability, in each planned step, of being held for some steps, as in the League of Robot Runners.", ge=0, lt=1
     )
     delay_steps_min: int = option(1, "The least number of such steps.", ge=1)
     delay_steps_max: int = option(5, "The greatest number of such steps.", ge=1)
-    latency_s: float = option(0.0, "Before a robot learns what it may enter.", ge=0)
+    latency_s: float = option(0.0, "Delay until a robot learns what it may enter.", ge=0)
     message_loss: float = option(0.0, "Share of messages that are lost; they are repeated every step.", ge=0, lt=1)
     localisation_m: float = option(
         0.0, "Standard deviation of believed positions, in x and y; in believed.parquet and the bag, nothing else.", ge=0
     )
     localisation_rad: float = option(0.0, "Standard deviation of believed headings.", ge=0)
-    localisation_tau_s: float = option(0.0, "In which such errors are forgotten; 0: every sample has its own.", ge=0)
-    lift_rides_per_h: float = option(0.0, "Of people in each lift, between levels drawn alike, Poisson.", ge=0)
+    localisation_tau_s: float = option(0.0, "Time constant of these errors; 0: each sample has its own.", ge=0)
+    lift_rides_per_h: float = option(0.0, "People's rides in each lift, between random levels, Poisson.", ge=0)
     lift_hold_s: float = option(
         10.0, "Mean of the exponential time for which they keep its doors open when they board, and again when they leave.", ge=0
     )
-    door_passages_per_h: float = option(0.0, "Of people through each door, where doors are automatic, Poisson.", ge=0)
+    door_passages_per_h: float = option(0.0, "People's passages through each automatic door, Poisson.", ge=0)
     door_hold_s: float = option(5.0, "Mean of the exponential time for which they keep it open.", ge=0)
     breakdowns: tuple[Breakdown, ...] = option((), "Robots that stand still for a while.")
     obstacles: tuple[Obstacle, ...] = option((), "What stands on the floor for a while.")

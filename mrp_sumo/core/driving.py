@@ -11,11 +11,11 @@ from mrp_sumo.core.options import Options, meaning, option
 class Planning(Options):
     """Planning while robots drive, again and again, in simulated time."""
 
-    budget_s: float = option(1.0, "An answer takes effect so long after it was asked for; until then robots keep their plan.", ge=0)
+    budget_s: float = option(1.0, "Time from a request until its answer takes effect; until then robots keep their plan.", ge=0)
     period_s: float = option(0.0, "The least time between two requests; else there is one when a task comes or a stop is made.", ge=0)
     window_s: float | None = option(
         None,
-        "Plans reach so far ahead: beyond, robots need not keep clear of each other. 0: to the end. By default the way into the longest "
+        "How far ahead plans reach: beyond, robots need not keep clear of each other. 0: to the end. By default the way into the longest "
         "aisle and back and 10 planned steps, at least 20, for planners that support windows, to the end for others.",
         ge=0,
         le=1e6,
@@ -39,8 +39,8 @@ class DrivingOptions(Options):
     engine: Literal["sumo", "kinematic"] = option(
         "sumo", "What moves the bodies: SUMO, or the robots' limits alone, which takes a fraction of the time."
     )
-    planning: Planning = field(default=Planning(), metadata=meaning("Of plans that are made while robots drive, for `tasks`."))
-    step_length_s: float = option(0.1, "Of the simulation.", gt=0, le=1)
+    planning: Planning = field(default=Planning(), metadata=meaning("Planning while robots drive, for `tasks`."))
+    step_length_s: float = option(0.1, "Step of the simulation.", gt=0, le=1)
     blocking_window_s: float = option(10.0, "A robot without a cell of progress along its path for so long is blocked.", gt=0, le=1e9)
     on_deadlock: Literal["report", "stop", "resolve"] = option("report", "'resolve': see recovery.")
     recovery: RecoveryOptions = field(default=RecoveryOptions(), metadata=meaning("What `on_deadlock: resolve` does, mildest first."))

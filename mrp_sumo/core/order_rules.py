@@ -10,8 +10,8 @@ from mrp_sumo.errors import OptionError
 class Cancel(Options):
     """Withdrawal of orders that no robot has picked up."""
 
-    overdue: bool = option(False, "When they are due.")
-    after_s: float | None = option(None, "So long after their release.", gt=0)
+    overdue: bool = option(False, "Once they are due.")
+    after_s: float | None = option(None, "Time after their release.", gt=0)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -23,7 +23,7 @@ class Cancel(Options):
 class Retry(Options):
     """The fate of an order whose robot breaks down for good or runs empty with it on board; without this it fails."""
 
-    times: int = option(0, "So often it is begun anew, whole, by another robot.", ge=0, le=1000)
+    times: int = option(0, "How often another robot begins the order anew.", ge=0, le=1000)
     hand_over: bool = option(False, "Another robot fetches the load beside the one that is lost, and makes the other stops.")
 
     def __post_init__(self) -> None:

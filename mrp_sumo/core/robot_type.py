@@ -24,13 +24,13 @@ OF_BATTERY = {"ge": 1e-5, "le": 1e5}
 class Battery(Options):
     """The battery of a type of robots, and what drains it."""
 
-    voltage_v: float = field(metadata=meaning("Nominal.", **OF_BATTERY))
-    capacity_ah: float = field(metadata=meaning("Of a full battery.", **OF_BATTERY))
+    voltage_v: float = field(metadata=meaning("Nominal voltage.", **OF_BATTERY))
+    capacity_ah: float = field(metadata=meaning("Capacity when full.", **OF_BATTERY))
     charging_a: float = field(metadata=meaning("Current of the charger.", **OF_BATTERY))
-    mass_kg: float = field(metadata=meaning("Of the robot with its load.", **OF_BATTERY))
-    inertia_kgm2: float = field(metadata=meaning("Around the vertical axis.", ge=0, le=1e5))
+    mass_kg: float = field(metadata=meaning("Mass of the robot with its load.", **OF_BATTERY))
+    inertia_kgm2: float = field(metadata=meaning("Moment of inertia around the vertical axis.", ge=0, le=1e5))
     friction: float = field(metadata=meaning("Coefficient.", ge=0, le=10))
-    device_w: float = option(0.0, "Drawn by computer and sensors all the time.", ge=0, le=1e5)
+    device_w: float = option(0.0, "Constant power of computer and sensors.", ge=0, le=1e5)
 
     @property
     def energy_j(self) -> float:
@@ -60,7 +60,7 @@ class RobotShape(Options):
     accel_mps2: float = field(metadata=meaning("Speeding up.", **OF_ROBOT))
     decel_mps2: float = field(metadata=meaning("Braking.", **OF_ROBOT))
     turn_rate_rad_s: float = field(metadata=meaning("Turning in place.", **OF_ROBOT))
-    gap_m: float = option(0.1, "Kept between robots, on top of their radii.", ge=0, le=1e3)
+    gap_m: float = option(0.1, "Distance kept between robots, on top of their radii.", ge=0, le=1e3)
     source: str = option("", "Where the figures come from.")
     battery: Battery | None = field(default=None, metadata=meaning("Without one, a robot never runs empty."))
 

@@ -15,8 +15,8 @@ from mrp_sumo.io.scenario.strict import Strict
 class PolicyChoice(Strict):
     """The execution policy; its name alone is short for one without parameters."""
 
-    name: str = Field("adg", description="Of a policy, or FILE.py:CLASS.")
-    parameters: dict[str, Any] = Field(default_factory=dict, description="Of the policy.")
+    name: str = Field("adg", description="A policy, or FILE.py:CLASS.")
+    parameters: dict[str, Any] = Field(default_factory=dict, description="Its parameters.")
 
     @model_serializer(mode="wrap")
     def _short(self, full: SerializerFunctionWrapHandler) -> str | dict[str, Any]:
@@ -27,7 +27,7 @@ class DispatcherChoice(PolicyChoice):
     """The dispatcher; its name alone is short for one without parameters."""
 
     name: str = Field("", description="By default one_shot, and nearest where there are orders.")
-    parameters: dict[str, Any] = Field(default_factory=dict, description="Of the dispatcher.")
+    parameters: dict[str, Any] = Field(default_factory=dict, description="Its parameters.")
 
 
 def _named(value: Any) -> Any:

@@ -58,12 +58,13 @@ class Discretisation(Strict):
         description="'roadmap': lanes cut into steps, with their directions, limits and curves; 'grid': the occupancy grid of the "
         "MRP-Bench paper, lanes two cells wide; 'auto': lanes where the map has them, else its grid.",
     )
-    cell_m: Positive = Field(0.4, description="Length of a step, about; with 'auto' the least one, longer where robots or lanes need it.")
+    cell_m: Positive = Field(0.4, description="Approximate length of a step; with 'auto' the least, longer where robots or lanes need it.")
     lanes: Literal["single_track", "two_way"] = Field(
-        "single_track", description="Of a roadmap: can robots meet on a bidirectional lane? On a grid they can, lanes are two cells wide."
+        "single_track", description="On roadmaps: whether robots can pass each other on a bidirectional lane. On grids they can."
     )
     doubled: tuple[tuple[str, str], ...] = Field(
-        (), description="Of a roadmap: along the shortest way between two vertices robots can meet, as with two_way everywhere."
+        (),
+        description="On roadmaps: pairs of vertices; robots can pass each other along the shortest way between them, as with two_way everywhere.",
     )
     clearance: Literal["refuse", "prune", "ignore"] = Field(
         "prune",

@@ -24,7 +24,7 @@ class Assignment(Strict):
     mode: Literal["optimal", "random", "fixed"] = Field("optimal", description="'fixed': robot i to goal i.")
     solver: str = Field("linear_sum_assignment", description="Assigner for 'optimal', such as mip or cp_sat, or FILE.py:CLASS.")
     cost: Literal["euclidean", "manhattan", "path"] = Field("euclidean", description="What 'optimal' makes small, from start to goal.")
-    parameters: dict[str, Any] = Field(default_factory=dict, description="Of the assigner.")
+    parameters: dict[str, Any] = Field(default_factory=dict, description="Its parameters.")
 
 
 class RetimeChoice(Strict):
@@ -40,7 +40,7 @@ class RetimeChoice(Strict):
 class PlannerChoice(Strict):
     """The planner and what it may spend."""
 
-    name: str = Field("auto", description="Of a registered planner, or FILE.py:CLASS, the file relative to the scenario.")
+    name: str = Field("auto", description="A registered planner, or FILE.py:CLASS relative to the scenario.")
     time_limit_s: Positive = Field(
         60.0, description="CPU time. A plan that it may have shaped is marked in result.json: plan.clock_limited."
     )
@@ -49,7 +49,7 @@ class PlannerChoice(Strict):
         description="Labels that the search may make, beside the time limit: what ends it at the same place on every machine, under any "
         "load. With orders, see execution.planning.effort.",
     )
-    parameters: dict[str, Any] = Field(default_factory=dict, description="Of the planner.")
+    parameters: dict[str, Any] = Field(default_factory=dict, description="Its parameters.")
     step_s: Positive | None = Field(
         None, description="Planned time for a lane; by default its length at full speed plus a quarter turn, rounded up to the step length."
     )
@@ -61,16 +61,16 @@ class PlannerChoice(Strict):
 class Recording(Strict):
     """Records that are kept of a run."""
 
-    period_s: Positive = Field(0.1, description="Between samples of the trajectory; a multiple of the step length.")
+    period_s: Positive = Field(0.1, description="Time between samples of the trajectory; a multiple of the step length.")
     bag: bool = Field(True, description="Whether a rosbag is written.")
     storage: Literal["mcap", "sqlite3"] = Field(
-        "mcap", description="Of the bag: 'mcap' with zstd, or 'sqlite3' as MRP-Bench's analyser reads it."
+        "mcap", description="Format of the bag: 'mcap' with zstd, or 'sqlite3' as MRP-Bench's analyser reads it."
     )
     rmf_messages: Literal["galactic", "jazzy", "kilted"] = Field("jazzy", description="Generation of rmf_fleet_msgs in the bag.")
     robots: tuple[str, ...] = Field((), description="Robots that get topics of their own in the bag, /<robot>/odom and /<robot>/plan.")
     metrics: list[str] = Field([], description="Metrics beside the bundled ones: FILE.py:FUNCTION, or the name that a package gives one.")
     poses: bool = Field(False, description="Put /robot_poses into the bag: what /tf says, as a PoseArray.")
-    split_s: Positive | None = Field(None, description="A file of the bag for each so many seconds; one file by default.")
+    split_s: Positive | None = Field(None, description="Seconds in each file of the bag; one file by default.")
 
 
 def folder_name(name: str) -> str:
@@ -86,9 +86,9 @@ class ScenarioModel(Strict):
     model_config = ConfigDict(title="Scenario")
 
     name: Annotated[str, AfterValidator(folder_name)] = Field(
-        "", pattern=r"^[\w.+-]*$", description="Of the run folder; the file's name by default."
+        "", pattern=r"^[\w.+-]*$", description="Name of the run; the file's by default."
     )
-    seed: Annotated[int, Field(ge=0, lt=2**63)] = Field(0, description="Of all random numbers.")
+    seed: Annotated[int, Field(ge=0, lt=2**63)] = Field(0, description="Seed of all random numbers.")
     map: MapChoice = Field(description="Which part of which map.")
     discretisation: Discretisation = Discretisation()
     robots: Robots

@@ -33,8 +33,8 @@ class PeopleChoice(Strict):
     model: Literal["social_force", "lane_speeds"] = Field(
         "social_force", description="'lane_speeds': nobody walks, but each robot's speed is drawn anew on each lane."
     )
-    count: Count | None = Field(None, description="So many people, all the time: whoever arrives is replaced.")
-    rate_per_h: Rate | None = Field(None, description="Instead: so many set out in an hour, from any place to any other.")
+    count: Count | None = Field(None, description="Number of people at all times: whoever arrives is replaced.")
+    rate_per_h: Rate | None = Field(None, description="Instead: how many set out in an hour, from any place to any other.")
     flows: Annotated[list[FlowChoice], Field(min_length=1)] | None = Field(None, description="Instead: people from place to place.")
     places: list[str] | None = Field(
         None, description="Names of vertices between which people walk; by default those with a name, at most 40, drawn by the seed."

@@ -38,12 +38,12 @@ TaskTime = Annotated[float, Field(ge=0, le=1e9)]  # seconds: 30 years
 class TaskChoice(Strict):
     """One task."""
 
-    name: str = Field("", description="Of its own; made of its number by default.")
+    name: str = Field("", description="Unique name; made of its number by default.")
     stops: list[str] = Field(min_length=1, description="Names of stations or vertices.")
     release_s: TaskTime = Field(0.0, description="When it becomes known.")
     due_s: TaskTime | None = Field(None, description="When it is late.")
     priority: int = Field(0, description="More is more urgent.")
-    service_s: TaskTime | list[TaskTime] = Field(0.0, description="At each stop, or one for each.")
+    service_s: TaskTime | list[TaskTime] = Field(0.0, description="Service time at every stop, or a list with one for each.")
     robot_type: str = Field("", description="The only type of robot that can do it; by default any can.")
     robot: str = Field("", description="Name of the only robot that may do it, such as robot_0; by default any may.")
 
@@ -59,16 +59,18 @@ class TaskChoice(Strict):
 class StreamChoice(Strict):
     """Tasks drawn with the scenario's seed: the same for every fleet."""
 
-    name: str = Field("task", pattern=r"^[\w.+-]+$", description="Of the stream; its orders are called name_0, name_1, ...")
+    name: str = Field("task", pattern=r"^[\w.+-]+$", description="Its orders are called name_0, name_1, ...")
     arrivals: Arrivals = Field(description="When orders become known; exactly one kind.")
     count: Annotated[int, Field(ge=1, le=MAX_TASKS)] | None = Field(None, description="Tasks in all; without end by default.")
     stops: list[str] | None = Field(None, min_length=1, description="One of each of these groups, stations or vertices, in this order.")
-    zipf: NotNegative = Field(0.0, description="Of groups: the k-th station is drawn with weight 1 / k ** zipf.")
+    zipf: NotNegative = Field(0.0, description="In groups, the k-th station is drawn with weight 1 / k ** zipf.")
     matrix: dict[str, dict[str, NotNegative]] | None = Field(
         None, description="Weights of ways between stations or groups, instead of stops."
     )
-    service: tuple[Service, ...] = Field((), description="Of each stop; the last also of those after it. Nothing by default.")
-    due_after_s: Positive | None = Field(None, description="After the release.")
+    service: tuple[Service, ...] = Field(
+        (), description="Service time of each stop; the last one holds for further stops, too. None by default."
+    )
+    due_after_s: Positive | None = Field(None, description="Due so long after the release.")
     priority: int = Field(0, description="More is more urgent.")
     robot_type: str = Field("", description="The only type of robot that can do these orders; by default any can.")
     robot: str = Field("", description="Name of the only robot that may do these orders; by default any may.")
@@ -85,7 +87,7 @@ class StreamChoice(Strict):
 class TasksChoice(Strict):
     """Work that comes while robots drive."""
 
-    stations: dict[str, StationChoice] = Field({}, description="By name; every vertex of the map is one, too.")
+    stations: dict[str, StationChoice] = Field({}, description="Stations by name; every vertex of the map is one, too.")
     groups: dict[str, list[str]] = Field({}, description="Names of stations or vertices by the group's name.")
     list: tuple[TaskChoice, ...] = Field((), description="Tasks one by one.")
     file: str | None = Field(
@@ -96,11 +98,11 @@ class TasksChoice(Strict):
     streams: tuple[StreamChoice, ...] = Field((), description="Tasks drawn with the scenario's seed: the same for every fleet.")
     open: Annotated[int, Field(ge=1, le=MAX_OPEN)] | None = Field(
         None,
-        description="So many orders of all streams together are always known and not done, in the order of their arrival.",
+        description="Number of orders, of all streams together, that are always known and not done, in the order of their arrival.",
     )
-    charging: Charging | None = Field(None, description="Robots with a battery charge; without, theirs drain all the same.")
+    charging: Charging | None = Field(None, description="How robots charge; without it their batteries drain all the same.")
     parking: tuple[str, ...] = Field((), description="Groups, stations or vertices where robots without an order go.")
-    cancel: Cancel | None = Field(None, description="When orders are withdrawn that no robot has picked up; never by default.")
+    cancel: Cancel | None = Field(None, description="When to withdraw orders that no robot has picked up; never by default.")
     retry: Retry | None = Field(None, description="What becomes of orders whose robot is lost with them; they fail by default.")
 
     @model_validator(mode="before")
