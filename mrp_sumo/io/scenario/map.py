@@ -64,7 +64,7 @@ class Discretisation(Strict):
     )
     doubled: tuple[tuple[str, str], ...] = Field(
         (),
-        description="On roadmaps: pairs of vertices; robots can pass each other along the shortest way between them, as with two_way everywhere.",
+        description="On roadmaps: pairs of vertices; on the shortest way between them robots can pass each other, as with two_way.",
     )
     clearance: Literal["refuse", "prune", "ignore"] = Field(
         "prune",
