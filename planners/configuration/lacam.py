@@ -39,7 +39,7 @@ from planners.neighbourhood.refinement import (
 from planners.world import SLICE_S, ByConfigurations, SearchStart, search_start, small_problem, sum_of_costs
 
 CHANCE, CHANCE_OF_WAYS = 12, 16  # purposes of streams of chance
-MOST_MOVES = 2_500_000  # of ways beside easy paths, in all rounds
+FEWEST_MOVES, MOST_MOVES = 1000, 2_500_000  # along shortest ways, and of ways in all rounds, with which easy paths are not the only ones
 USED_UP = -1  # how a search ends whose effort is bounded, beside RUNNING, REACHED, EXHAUSTED and FULL
 MOST_POLISHED = 4000  # robots; more are polished only if there is time for that
 SEARCH_TURN_S, REFINEMENT_TURN_S, LONGEST_TURN_S = 0.05, 0.1, 2.0  # the shortest turns of an anytime search, and the longest
@@ -173,7 +173,9 @@ def _first(lacam: Lacam, start: SearchStart) -> "tuple[LacamSearch, int]":
 def _with_cheaper_path(lacam: Lacam, start: SearchStart) -> SearchStart:
     """The start with the path of a search led by ways, as PIBT's is, where that costs less than the easy one."""
     path, least = start.path, int(start.steps.sum())
-    if path is None or start.given.effort or lacam.ways * least > MOST_MOVES or sum_of_costs(path, start.world.goal) == least:
+    if path is None or start.given.effort or least < FEWEST_MOVES or lacam.ways * least > MOST_MOVES:
+        return start
+    if sum_of_costs(path, start.world.goal) == least:
         return start
     rng = np.random.default_rng([start.given.seed, CHANCE_OF_WAYS])
     guided = guide_of(start.problem, start.world, lacam.ways, 0, start.deadline_s, rng)
