@@ -18,6 +18,7 @@ from mrp_sumo.drive.surroundings import Surroundings
 from mrp_sumo.drive.work import Work
 from mrp_sumo.drive.world import World
 from mrp_sumo.errors import PlanError
+from mrp_sumo.traffic.passages import permuted
 
 
 def ledger_of(graph, paths, policy="adg"):
@@ -206,6 +207,41 @@ def test_what_is_not_frozen_goes_by_the_new_times():
     ledger, _ = ledger_of(cross(3), [EAST_TO_NORTH, WEST_TO_SOUTH])
     slow = Reroute(np.array([1, 0, 4]), np.array([20.0, 23.0, 26.0]), np.array([20.0, 23.0, np.inf]), 17.0)
     ledger.append(Replan({0: slow, 1: way(7, 0, 10)}, "replan"), policy_of("adg"), 1.0)
+    assert passing(ledger, 0) == [1, 0]
+
+
+class Decides:
+    """A policy whose order is what is made of that in force."""
+
+    def __init__(self, order):
+        self.order = order
+
+    def decide(self, problem, plan, needs, now_s):
+        return self.order(plan.order)
+
+
+def swapped_at(v):
+    """The order in which the two that pass a vertex change places."""
+
+    def order(schedule):
+        places, first = np.arange(schedule.num_passages), int(schedule.first[v])
+        places[[first, first + 1]] = first + 1, first
+        return permuted(schedule, places)
+
+    return order
+
+
+def test_a_policy_that_decides_nothing_changes_nothing():
+    ledger, _ = ledger_of(cross(3), [EAST_TO_NORTH, WEST_TO_SOUTH])
+    before = content(ledger)
+    assert not ledger.decide(Decides(lambda order: None), 1.0)
+    assert content(ledger) == before
+
+
+def test_robots_pass_in_the_order_that_a_policy_decides():
+    ledger, _ = ledger_of(cross(3), [EAST_TO_NORTH, WEST_TO_SOUTH])
+    assert passing(ledger, 0) == [0, 1]
+    assert ledger.decide(Decides(swapped_at(0)), 1.0)
     assert passing(ledger, 0) == [1, 0]
 
 
