@@ -100,7 +100,7 @@ def run(options: argparse.Namespace) -> int:
     with stoppable() as stop:
         answer = study.run(folder, _watcher(), workers=workers, scheduler=options.scheduler, stop=stop)
     if answer is None:
-        warn(f"interrupted; to go on: {question.command} --out {shlex.quote(str(folder))}")
+        warn(f"interrupted; to go on: {shlex.join(options.command_line)}")
         return stop.exit_code
     from mrp_sumo.reports.capacity.page import write_capacity_page
     from mrp_sumo.sizing.replays import keep

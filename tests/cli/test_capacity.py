@@ -1,6 +1,7 @@
 """`mrp-sumo capacity` says how many robots fit, the same however often it is interrupted, or in one line why it cannot."""
 
 import json
+import shlex
 
 import pytest
 
@@ -37,6 +38,14 @@ def test_the_answer_is_the_same_after_an_interruption(tmp_path, capsys):
     assert (code, again.out) == (0, first.out)
     assert (tmp_path / "out" / "capacity.html").read_bytes() == page
     assert sorted((tmp_path / "out" / "runs").rglob("*.json")) == records
+
+
+@pytest.mark.slow
+def test_the_line_for_going_on_has_all_that_was_typed(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("mrp_sumo.sizing.study.Study.run", lambda *_, **__: None)  # as it ends when it is interrupted
+    typed = [*SMALL, "--replays", "--workers", "1", "--out", str(tmp_path / "of two")]
+    _, said = told(capsys, *typed)
+    assert said.err.splitlines()[-1] == f"mrp-sumo: interrupted; to go on: {shlex.join(['mrp-sumo', *typed])}"
 
 
 @pytest.mark.parametrize(
