@@ -69,7 +69,11 @@ LINES = (
     ),
     line(f"{STUDY} --quick --confirm sumo --out new", says=BEFOREHAND),
     line(f"{STUDY} --quick --engine sumo --dry-run", 2, "mrp-sumo: --budget 5s: too little.*"),
-    line(f"{STUDY} --quick --scheduler {CLOSED} --out new", 2, f"(?:{BEFOREHAND})\nmrp-sumo: no Dask scheduler at '127.0.0.1:1'.*"),
+    line(f"{STUDY} --quick --scheduler {CLOSED} --out new", 2, "mrp-sumo: --workers is for this machine: .*"),
+    line(
+        f"{STUDY.replace('--workers 1', '--quick')} --scheduler {CLOSED} --out new", 2,
+        f"(?:{BEFOREHAND})\nmrp-sumo: no Dask scheduler at '127.0.0.1:1'.*",
+    ),
     line(
         "import small.building.yaml --graph 0 --level L1 --snap 0.1 --split-crossings --join-short 0.1 "
         "--largest-component --robot cart.yaml --json --out new", says="repair: nothing to repair",
