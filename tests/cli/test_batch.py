@@ -123,7 +123,7 @@ def test_views_of_bundled_suites_name_columns_that_there_are(study):
         (["status", "OUT", "--port", "9"], "--port is for --live"),
         (["batch", "STUDY", "--workers", "0"], "--workers: found 0, expected 1 to "),
         (["batch", "STUDY", "--memory-limit", "-5"], "--memory-limit: found -5, expected more than 0"),
-        (["batch", "STUDY", "--out", "STUDY"], "cannot be written to"),
+        (["batch", "STUDY", "--out", "STUDY"], "study.yaml is not a folder; give another --out"),
         (["compare", "OUT", "OUT", "--metric", "soc_step"], "no metric 'soc_step' (did you mean 'soc_steps'?)"),
         (["compare", "OUT", "OUT", "--alpha", "2"], "--alpha: found 2, expected a number between 0 and 1"),
     ],
