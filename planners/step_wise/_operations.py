@@ -240,7 +240,7 @@ def _vacate(crowd, r):
         crowd.used[d, crowd.path[r, crowd.chosen[r], d]] = -1
 
 
-@kernel
+@kernel(allocates=False)
 def _in_the_way(crowd, r, o):
     """The one robot that an operation collides with, NOBODY or MANY."""
     rival = NOBODY
@@ -255,24 +255,38 @@ def _in_the_way(crowd, r, o):
             rival = j
         if before != cell:
             j = crowd.used[d, before]
-            if j >= 0 and j != rival and (crowd.used[d - 1, cell] == j or (crowd.straight and not _follows(crowd, j, d, cell, before))):
+            if j >= 0 and j != rival and crowd.used[d - 1, cell] == j:
                 if rival >= 0:
                     return MANY
                 rival = j
-            if crowd.straight:
-                j = crowd.used[d - 1, cell]
-                if j >= 0 and j != r and j != rival and not _follows(crowd, j, d, before, cell):
-                    if rival >= 0:
-                        return MANY
-                    rival = j
+    return _round_a_corner(crowd.ahead, crowd.used, crowd.path[r, o], r, rival) if crowd.straight else rival
+
+
+@kernel(allocates=False)
+def _round_a_corner(ahead, used, path, r, rival):
+    """The same, with who follows a robot or is followed by it not straight ahead."""
+    for d in range(1, len(path)):
+        before, cell = path[d - 1], path[d]
+        if before == cell:
+            continue
+        j = used[d, before]
+        if j >= 0 and j != rival and not _follows(ahead, used, j, d, cell, before):
+            if rival >= 0:
+                return MANY
+            rival = j
+        j = used[d - 1, cell]
+        if j >= 0 and j != r and j != rival and not _follows(ahead, used, j, d, before, cell):
+            if rival >= 0:
+                return MANY
+            rival = j
     return rival
 
 
-@kernel
-def _follows(crowd, j, d, one, other):
+@kernel(allocates=False)
+def _follows(ahead, used, j, d, one, other):
     """Whether the step between two cells, continued beyond the other, is the one that robot j makes, from it or to it, at depth d."""
     for heading in range(4):
-        if crowd.ahead[4 * one + heading] == other:
-            beyond = crowd.ahead[4 * other + heading]
-            return beyond >= 0 and (crowd.used[d, beyond] == j or crowd.used[d - 1, beyond] == j)
+        if ahead[4 * one + heading] == other:
+            beyond = ahead[4 * other + heading]
+            return beyond >= 0 and (used[d, beyond] == j or used[d - 1, beyond] == j)
     return False
