@@ -114,11 +114,15 @@ class StepWiseWorld:
         list
             (time, robot, task, errands done by then) of each errand that was done in it.
         """
+        cell = self._free_ends(action)
+        self._move(action, cell)
+        return self._record(action, task_of, cell)
+
+    def _free_ends(self, action: ActionArray) -> IntArray:
         cell = self.ends(action)
         if (cell < 0).any():
             raise PlanError(f"robot {np.argmin(cell)} drives into what is not free")
-        self._move(action, cell)
-        return self._record(action, task_of, cell)
+        return cell
 
     def _move(self, action: ActionArray, cell: IntArray) -> None:
         self.num_steps += 1
@@ -131,7 +135,8 @@ class StepWiseWorld:
         changed = np.flatnonzero(task_of != self._had)
         self._schedule += [(self.time, r, task) for r, task in zip(changed.tolist(), task_of[changed].tolist())]
         self._had = task_of
-        if fault := self.pool.give(list(enumerate(task_of.tolist()))):
+        others = np.flatnonzero(task_of != np.array(self.pool.task_of, np.int64))  # than they have
+        if fault := self.pool.give(list(zip(others.tolist(), task_of[others].tolist()))):
             raise PlanError(fault)
         events = self.pool.advance(self.time, cell.tolist())
         self._events += events
@@ -166,8 +171,7 @@ class TickWorld(StepWiseWorld):
 
     def advance(self, action: ActionArray, task_of: IntArray) -> list[tuple[int, int, int, int]]:
         """Plan a step, and make the ticks that it takes. Who has not begun what is planned waits, as does who needs its cell."""
-        if (self.ends(action) < 0).any():
-            raise PlanError(f"robot {np.argmin(self.ends(action))} drives into what is not free")
+        self._free_ends(action)
         action = safe(self, np.where(self._crowd.ready(), action, WAIT).astype(np.int8), round_corners=False)
         cell = self.ends(action)
         self._crowd.tell(action, cell)

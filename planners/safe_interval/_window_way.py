@@ -406,9 +406,8 @@ def mend(task, room, holder, at, cost, most_labels, rng):
             chosen[num - 1] = second
         leave(others, at, num_robots)
         is_chosen = np.zeros(num_robots, np.bool_)
+        _shuffle(chosen, num, rng)
         for k in range(num):
-            other = np.int64(rng.random() * (num - k)) + k
-            chosen[k], chosen[other] = chosen[other], chosen[k]
             saved[k], saved_cost[k], is_chosen[chosen[k]] = at[chosen[k]], cost[chosen[k]], True
         for r in range(num_robots):
             if not is_chosen[r]:
@@ -475,9 +474,8 @@ def polish(task, room, at, cost, most_labels, rng):
             r += 1
         num = _around(task, room.above, at, r, chosen)
         old = np.int64(0)
+        _shuffle(chosen, num, rng)
         for k in range(num):
-            other = np.int64(rng.random() * (num - k)) + k
-            chosen[k], chosen[other] = chosen[other], chosen[k]
             saved[k], saved_cost[k] = at[chosen[k]], cost[chosen[k]]
             old += saved_cost[k]
         for k in range(num):
@@ -500,6 +498,14 @@ def polish(task, room, at, cost, most_labels, rng):
                 at[chosen[k]], cost[chosen[k]] = saved[k], saved_cost[k]
                 enter(room.above, at, chosen[k])
     leave(room.above, at, num_robots)
+
+
+@kernel(allocates=False)
+def _shuffle(chosen, num, rng):
+    """Put the first so many in an order by chance."""
+    for k in range(num):
+        other = np.int64(rng.random() * (num - k)) + k
+        chosen[k], chosen[other] = chosen[other], chosen[k]
 
 
 @kernel(allocates=False)
