@@ -35,7 +35,7 @@ CELLS_M = (0.4, 0.5, 0.8, 1.0, 1.5, 2.0)
 MOST_VERTICES = 20_000
 DEARER = 1.02  # than the cheapest, for the best time
 HALVES = ("chosen on", "reported")
-TRIES = 30  # draws of a question until one can be set up
+TRIES = 300  # draws of a question until one can be set up
 
 
 def drawn(files: list[Path], options: argparse.Namespace, number: int, maps: MapCache) -> SetUp:

@@ -196,7 +196,7 @@ class Answer:
             parts.append(_of_places_to_charge(self.question))
         if beyond := self._beyond:
             parts.append(f"With {_robots(beyond.robots)} {beyond.fault}.")
-        if self.served and self.question.demand_per_h:
+        if self.served:
             parts.append(_of_demand(self.served, self.question, self.points[-1].robots))
         if (collapse := self.limits.collapse).estimate is not None:
             parts.append(f"From {_between(collapse)} robots on they are in each other's way: throughput falls by more than 5 %.")

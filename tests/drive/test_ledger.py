@@ -176,6 +176,15 @@ def test_a_robot_that_turns_back_comes_to_the_vertex_behind_it_again():
     assert ledger.state.grants.claims[[lane, graph.reverse[lane]]].tolist() == [1, 1] and len(ledger.turn_backs) == 1
 
 
+def test_a_robot_that_is_sent_another_way_leaves_when_planned_though_one_before_it_turns_back():
+    ledger, _ = ledger_of(square_grid(3), [[0, 1, 2], [6, 7, 8]], "open_loop")
+    ledger.state.motion.s_m[0], ledger.state.grants.on_lane[0] = 0.1, True
+    ledger.state.grants.claims[ledger.graph.lane_between(0, 1)] = 1
+    ledger.append(Replan({0: way(0, back=True), 1: way(3, leave_s=9.0)}, "give_way"), policy_of("open_loop"), 3.0)
+    joint = ledger.joint[1]
+    assert (column(ledger, "depart_s")[joint], column(ledger, "turns")[joint]) == (9.0, True)
+
+
 def passing(ledger, vertex):
     """Robots in the order in which they are to pass a vertex."""
     visits = [(r, k) for r in range(ledger.num_robots) for k in ledger.all_ids(r) if column(ledger, "vertex")[k] == vertex]
@@ -187,6 +196,16 @@ def frozen_ahead(ledger):
     num_robots, graph = ledger.num_robots, ledger.graph
     limits = Kinematics(*(np.full(num_robots, value) for value in (0.22, 2.5, 2.84, 0.1, 0.1, 0.1)))
     ledger.cut(60.0, limits, np.zeros(graph.num_lanes, np.bool_), np.zeros(num_robots, np.bool_))
+
+
+@pytest.mark.parametrize(("decel_mps2", "frozen"), [(1.0, 1), (0.25, 2)])
+def test_as_much_is_frozen_as_a_robot_needs_to_brake(decel_mps2, frozen):
+    """Vertices are 0.4 m apart; from 0.5 m/s a robot brakes in 0.125 m or 0.5 m, and reaches 0.05 m."""
+    ledger, _ = ledger_of(line(6), [[0, 1, 2, 3, 4, 5]])
+    speed, decel, reach = np.array([0.5]), np.array([decel_mps2]), np.array([0.05])
+    closed, nobody = np.zeros(ledger.graph.num_lanes, np.bool_), np.zeros(1, np.bool_)
+    ledger.cut(0.0, Kinematics(speed, decel, speed, reach, reach, reach), closed, nobody)
+    assert ledger.joint.tolist() == [frozen]
 
 
 EAST_TO_NORTH, WEST_TO_SOUTH = [2, 1, 0, 4, 5], [8, 7, 7, 7, 0, 10, 11]  # the second one comes to the middle, 0, after the first

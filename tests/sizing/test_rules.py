@@ -264,18 +264,26 @@ def test_a_size_in_whose_runs_robots_that_can_charge_ran_empty_does_not_count(pl
         assert answer.document["answer"]["limit"] == {"kind": "charger", "name": "p1", "utilisation": 0.9}
 
 
-@pytest.mark.parametrize(("first_empty", "sizes"), [(8, [4, 6, 7]), (11, [4, 6, 9, 10])])
-def test_where_batteries_begin_to_run_empty_is_looked_for(first_empty, sizes):
+@pytest.mark.parametrize(
+    ("first_unfit", "why", "sizes"),
+    [
+        (8, {"batteries": ran_empty(2)}, [4, 6, 7]),
+        (11, {"batteries": ran_empty(2)}, [4, 6, 9, 10]),
+        (8, {"operations": ["station A served two robots at 50 s"]}, [4, 5, 6]),
+    ],
+)
+def test_where_batteries_begin_to_run_empty_is_looked_for_and_where_audits_begin_to_fail_is_not(first_unfit, why, sizes):
     asked = question((4, 14), replace(FEW, gap=1.1))
     runs = Known(asked, {n: (20 * n, SURE) for n in range(4, 15)})
 
     def observed(trial):
-        record, empty = runs(trial), trial.robots >= first_empty
-        return {**record, "observed": {**record["observed"], "batteries": ran_empty(2)}} if empty else record
+        record = runs(trial)
+        return {**record, "observed": {**record["observed"], **why}} if trial.robots >= first_unfit else record
 
     answer, _ = answer_of(asked, observed)
     assert [point.robots for point in answer.points] == sizes
-    assert answer.sentence.startswith(f"More robots bring more up to {first_empty - 1}, the most that count: ")
+    if "batteries" in why:
+        assert answer.sentence.startswith(f"More robots bring more up to {first_unfit - 1}, the most that count: ")
 
 
 def test_a_study_that_is_closed_answers_from_what_there_is():
@@ -306,3 +314,11 @@ def test_a_size_with_too_little_to_measure_says_whether_the_horizon_or_a_battery
     batteries = {"empty_s": empty_s, "empty": 1, "charging": 0.0, "most_charging": 0, "places": 0}
     record = {**record, "observed": {**record["observed"], "batteries": batteries}}
     assert why in Point(1, horizon_s, (record,)).fault
+
+
+@pytest.mark.parametrize(("status", "what"), [("audit_failed", "robots overlapped"), ("timed_out", "timed_out: the order was never made")])
+def test_a_size_says_what_became_of_its_runs_that_do_not_count(status, what):
+    whole = record_with(np.arange(1, 121) * 30.0, 3600.0)
+    broken = {**whole, "status": status, "reason": "the order was never made"}
+    assert Point(1, 3600.0, (whole, broken)).fault == f"1 of 2 runs do not count: {what}"
+    assert Point(1, 3600.0, (whole, whole)).fault == ""
