@@ -61,7 +61,12 @@ class Step:
         return next((k for k in beside if self.swap_required(k, i, v, ahead)), None)
 
     def swap_required(self, pusher: int, puller: int, at: int, ahead: int) -> bool:
-        """Follow the corridor through which the pusher would push the puller: does each want to get to the other's side?"""
+        """Follow the corridor through which the pusher would push the puller: does each want to get to the other's side?
+
+        Not where both have the same goal: each would make way for the other again and again.
+        """
+        if self.goal[pusher] == self.goal[puller]:
+            return False
         wants = self.steps[pusher]
         while wants[ahead] < wants[at]:
             onward = self.ways_on(at, ahead)

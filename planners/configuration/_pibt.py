@@ -344,7 +344,12 @@ def _swap_partner(world, scratch, here, to, i):
 
 @kernel(allocates=False)
 def _swap_required(world, scratch, pusher, puller, at, ahead):
-    """Follow the corridor through which the pusher would push the puller: does each want to get to the other's side?"""
+    """Follow the corridor through which the pusher would push the puller: does each want to get to the other's side?
+
+    Not where both have the same goal, as in windows of lifelong work: each would make way for the other again and again.
+    """
+    if world.goal[pusher] == world.goal[puller]:
+        return False
     steps = 0
     while prefers(world, pusher, ahead, at):
         num, onward = _ways_on(world, scratch, at, ahead)

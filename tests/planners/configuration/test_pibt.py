@@ -1,10 +1,13 @@
 """PIBT: kernels against the algorithm in plain Python, steps against what is allowed."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from plain_pibt import Step
-from worlds import corridor, problem_on, random_grid
+from worlds import corridor, graph_of, problem_on, random_grid
 
+from mrp_sumo.core.plan import paths_of_plan
 from planners.configuration import _pibt
 from planners.configuration.guides import local_guidance
 from planners.configuration.pibt import Pibt
@@ -87,3 +90,15 @@ def test_two_robots_in_a_corridor_swap_at_its_fork():
     for _ in range(20):
         here = Step(neighbours, steps, [3, 0], here, rng.random).choose([0, 1])
     assert here == [3, 0]
+
+
+def after(graph, starts, goals, steps):
+    """[R] where robots are that PIBT has moved for so many steps."""
+    problem = replace(problem_on(graph, starts, goals), window_steps=steps)
+    return [int(path[-1]) for path in paths_of_plan(Pibt().plan(problem, 60.0).plan, 1.0)]
+
+
+def test_of_two_with_one_goal_in_a_row_neither_makes_way_for_the_other():
+    """Both want to cell 1 by way of 5, beside which are 6 and 7."""
+    xy, row = [(i, 0) for i in range(6)], [(i, i + 1) for i in range(5)]
+    assert 1 in after(graph_of([*xy, (5, 1), (5, -1)], [*row, (5, 6), (5, 7)], 1.0), [5, 6], [1, 1], 8)
