@@ -217,7 +217,7 @@ def build_world(
         table=table,
         packed=packed,
         compass=compass,
-        two_way=bool((graph.reverse >= 0).all()),
+        two_way=_is_two_way(problem),
         guided=False,
         guide=np.zeros((1, 1), np.int32),
         toll=np.zeros(1, np.int64),
@@ -229,6 +229,13 @@ def build_world(
         clashes=clashes,
     )
     return world, steps
+
+
+def _is_two_way(problem: Problem) -> bool:
+    """True if every lane that robots can come to has its opposite; those that leave a vertex where nobody may come do not count."""
+    graph, comes = problem.graph, np.zeros(problem.graph.num_vertices, np.bool_)
+    comes[graph.head] = comes[problem.start] = True
+    return bool((graph.reverse >= 0)[comes[graph.tail]].all())
 
 
 def _compass(graph: PlanGraph | None, num_robots: int) -> Compass:

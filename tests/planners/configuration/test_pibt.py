@@ -102,3 +102,9 @@ def test_of_two_with_one_goal_in_a_row_neither_makes_way_for_the_other():
     """Both want to cell 1 by way of 5, beside which are 6 and 7."""
     xy, row = [(i, 0) for i in range(6)], [(i, i + 1) for i in range(5)]
     assert 1 in after(graph_of([*xy, (5, 1), (5, -1)], [*row, (5, 6), (5, 7)], 1.0), [5, 6], [1, 1], 8)
+
+
+def test_robots_swap_while_another_stands_at_a_stop():
+    """0 - 1 - 2 - 3, with 4 beside 1; nobody may come to 5, where one stands who is not asked, and from where a lane leads to 3."""
+    graph = graph_of([(0, 0), (1, 0), (2, 0), (3, 0), (1, 1), (4, 0)], [(0, 1), (1, 2), (2, 3), (1, 4)], 1.0, one_way=[(5, 3)])
+    assert after(graph, [1, 2], [3, 0], 20) == [3, 0]
