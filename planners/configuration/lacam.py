@@ -15,7 +15,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from mrp_sumo.core.plan import PlanResult, Status
+from mrp_sumo.core.plan import PlanResult, Status, paths_of_plan
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError
 from mrp_sumo.planning.answers import unplanned, without_effort
@@ -45,6 +45,8 @@ MOST_POLISHED = 4000  # robots; more are polished only if there is time for that
 SEARCH_TURN_S, REFINEMENT_TURN_S, LONGEST_TURN_S = 0.05, 0.1, 2.0  # the shortest turns of an anytime search, and the longest
 LABELS = 2  # of a low-level search, for each robot of an expanded configuration
 SEARCHES_IN_WINDOW = 2  # one with local guidance, one without
+DEAR = 2.0  # times its lower bound a plan costs where the search has wandered
+REPAIR_LABELS, MOST_REPAIR_LABELS = 500, 5_000_000  # for each two robots, four times that where a plan is dear; and at most
 RESTARTS = 20  # orders in which robots are planned one after another, where there was no plan in a window
 
 
@@ -56,6 +58,7 @@ class Lacam(ByConfigurations):
     whichever costs less. Elsewhere robots are guided by ways of their own where lanes are little used, see `_ways`, and else, where tables
     allow, by the traffic flow at first, see `_flow`; before each step, they are led round each other by local guidance, see
     `_local_guidance`.
+    Where it wanders about, paths that may cross each other are repaired, as `lns2` does it, and taken if they cost less.
     Where tables allow, the first solution is polished by
     large neighbourhood search for a fixed amount of work; anytime, the rest of the time goes to both the search and
     the neighbourhoods.
@@ -91,7 +94,7 @@ class Lacam(ByConfigurations):
         self._plan(small_problem(), math.inf, True)
         start = search_start(self, small_problem(), math.inf, CHANCE, False, partial(_easy_paths, self))
         assert not isinstance(start, PlanResult)
-        search, _ = _first(self, start)  # as when anytime, but for the turns of a tenth of a second
+        search, *_ = _first(self, start)  # as when anytime, but for the turns of a tenth of a second
         search.learn(_refinement(self, _task(start), search.path(), start).path())
         prepare(self.threads)
         _lacam.fill_slots(_lacam.room_for_nodes(1, 1, nodes=1))  # needed when memory is short
@@ -106,7 +109,7 @@ class Lacam(ByConfigurations):
             return start
         begin_s, deadline_s, lower_bound = start.begin_s, start.deadline_s, start.lower_bound
         start = _with_cheaper_path(self, start)
-        search, state = (LacamSearch(self, start, 0), _lacam.REACHED) if start.path is not None else _first(self, start)
+        search, state, path = _first(self, start)
         if state != _lacam.REACHED and problem.window_steps and (plan := _in_window(self, start)) is not None:
             return plan
         if state == _lacam.EXHAUSTED:
@@ -114,10 +117,9 @@ class Lacam(ByConfigurations):
             return unplanned(Status.INFEASIBLE, begin_s, message, np.inf, **search.counters())
         if state == USED_UP:
             return without_effort(problem, begin_s, lower_bound, **search.counters())
-        if state != _lacam.REACHED:
+        if path is None:
             why = f"{time_limit_s:g} s" if state == _lacam.RUNNING else f"{self.memory_mb} MB"
             return unplanned(Status.TIMED_OUT, begin_s, f"no solution within {why}", lower_bound, **search.counters())
-        path = search.path() if start.path is None else start.path
         cost = sum_of_costs(path, start.world.goal)
         stats = {"first_solution_time_s": process_time() - begin_s, "first_solution_cost": float(cost)}
         if self.traffic and cost > lower_bound and is_room_for_flow(problem) and not (problem.effort or problem.window_steps):
@@ -148,26 +150,54 @@ def _easy_paths(
     return first_paths(task_on(problem, world), rng, until_s, problem.effort, lacam.memory_mb)
 
 
-def _first(lacam: Lacam, start: SearchStart) -> "tuple[LacamSearch, int]":
-    """A search that has reached the goal, or why none has: EXHAUSTED, FULL, RUNNING, USED_UP.
+def _first(lacam: Lacam, start: SearchStart) -> tuple["LacamSearch", int, np.ndarray | None]:
+    """A search, how it ended (REACHED, EXHAUSTED, FULL, RUNNING or USED_UP), and the path to the goals where there is one.
 
-    Where it wanders about it restarts with other random choices, each time after twice as many expansions, so that it
-    stays complete; every other time without local guidance, which may be what keeps it there.
+    Where it wanders about, paths are repaired instead, see `_repaired`. Where that does not help, it restarts with other random choices,
+    each time after twice as many expansions, so that it stays complete; every other time without local guidance, which may be what keeps
+    it there.
     """
-    expansions, done, effort = 200 + 10 * start.num_guided, 0, start.given.effort
+    if start.path is not None:
+        return LacamSearch(lacam, start, 0), _lacam.REACHED, start.path
+    expansions, done, effort, window = 200 + 10 * start.num_guided, 0, start.given.effort, start.given.window_steps
     most = max(1, effort // (LABELS * len(start.steps))) if effort else FOREVER
-    windows = cycle((lacam.local, 0))
+    windows, goal = cycle((lacam.local, 0)), start.world.goal
     for searches in count(1):
         search = LacamSearch(lacam, start, next(windows))
         state = search.until(start.deadline_s, first=True, expansions=min(expansions, most - done))
         done += search.expansions
         search.labels = start.labels + LABELS * len(start.steps) * done
+        path = search.path() if state == _lacam.REACHED else None
+        if path is not None and (cost := sum_of_costs(path, goal)) > DEAR * start.lower_bound and not window:
+            repaired = _repaired(lacam, start, search, 4)
+            path = repaired if repaired is not None and sum_of_costs(repaired, goal) < cost else path
+        elif state == _lacam.RUNNING and searches == 1 and not window:
+            path = _repaired(lacam, start, search, 1)
+            state = _lacam.RUNNING if path is None else _lacam.REACHED
         if state != _lacam.RUNNING or process_time() >= start.deadline_s:
-            return search, state
-        if done >= most or (start.given.window_steps and searches == SEARCHES_IN_WINDOW):
-            return search, USED_UP
+            return search, state, path
+        if done >= most or (window and searches == SEARCHES_IN_WINDOW):
+            return search, USED_UP, None
         expansions *= 2
     raise AssertionError("searches end")
+
+
+def _repaired(lacam: Lacam, start: SearchStart, search: "LacamSearch", times: int) -> np.ndarray | None:
+    """[T, R] paths that collided at first, see `lns2`; None where none are found with so many times the labels."""
+    problem = start.given
+    effort = min(times * REPAIR_LABELS * problem.num_robots**2, MOST_REPAIR_LABELS)
+    if start.original is not None:
+        return None  # too many robots or vertices for tables of them
+    if problem.effort:
+        effort = min(effort, max(1, (problem.effort - search.labels) // 2))
+        search.labels += effort
+    lns2 = planner("lns2", {"following": lacam.following, "rotations": lacam.rotations, "memory_mb": lacam.memory_mb, "polish": 0})
+    result = lns2.plan(replace(problem, effort=effort), max(1e-3, start.deadline_s - process_time()))
+    if result.plan is None:
+        return None
+    paths = paths_of_plan(result.plan, problem.step_s)
+    longest = max(map(len, paths))
+    return np.stack([np.pad(path, (0, longest - len(path)), "edge") for path in paths], axis=1).astype(np.int32)
 
 
 def _with_cheaper_path(lacam: Lacam, start: SearchStart) -> SearchStart:

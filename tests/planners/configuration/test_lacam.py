@@ -6,7 +6,7 @@ from itertools import pairwise, product
 
 import numpy as np
 import pytest
-from worlds import ending_there, on_a_circle, problem_on, random_grid
+from worlds import ending_there, graph_of, on_a_circle, problem_on, random_grid
 
 from mrp_sumo.core.plan import Status, paths_of_plan
 from mrp_sumo.errors import PlanError
@@ -141,3 +141,18 @@ def test_first_solution_is_the_cheaper_of_easy_paths_and_of_those_that_ways_lead
         costs.append((result.stats["cost"], easy.stats["cost"]))
     assert all(cost <= easy for cost, easy in costs)
     assert any(cost < easy for cost, easy in costs)
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_a_crowd_in_one_way_streets_has_a_plan_that_costs_less_than_twice_its_bound(seed):
+    """44 robots on 64 crossings: the search alone wanders about, for plans that cost more than twice the bound after polishing."""
+    n, chance = 8, np.random.default_rng(seed)
+    east_or_west = [(v, v + 1) if v // n % 2 == 0 else (v + 1, v) for v in range(n * n) if v % n < n - 1]
+    north_or_south = [(v, v + n) if v % 2 else (v + n, v) for v in range(n * n - n)]
+    graph = graph_of([(v % n, v // n) for v in range(n * n)], [], 1.0, one_way=east_or_west + north_or_south)
+    start, goal = (chance.permutation(n * n)[:44].tolist() for _ in range(2))
+    problem = problem_on(graph, start, goal)
+    result = Lacam().plan(problem, 60.0)
+    assert judge(problem, result.plan, result.goal_of).valid
+    assert result.stats["cost"] < 2 * result.lower_bound_steps
+    assert Lacam(polish=0).plan(replace(problem, effort=2000), 60.0).plan is None  # no work is left to repair paths
