@@ -17,11 +17,11 @@ from mrp_sumo.planning.answers import as_supported, deadline_of
 from mrp_sumo.planning.registry import planner, planner_names
 
 NOT_IN_IT = ("auto", "external", "plan_file")  # nothing without a program or a file, nor itself
-NEAR = 1.06  # times its lower bound a plan may cost to be taken at once
+NEAR = 1.7  # times its lower bound a plan may cost to be taken at once
 THIN = 3.0  # vertices that a robot has for itself on average, from which on one after another finds its way in a window
-FEW = 40  # robots whose real motion is planned
-SOME = 200  # robots for whom a second planner is asked, to keep the cheaper plan
-FIRST_EFFORT = 150_000  # entries that planning real motion may look at: about an eighth of a second
+FEW = 5  # robots whose real motion is planned on grids, where ways of one length differ in turns
+SOME = 200  # robots for whom a bounded search is tried first, and a second planner asked, to keep the cheaper plan
+FIRST_EFFORT = {"pbs": 150_000, "ecbs": 40_000}  # labels of those who are asked first: about an eighth and a hundredth of a second
 
 
 @dataclass(frozen=True)
@@ -53,8 +53,8 @@ class Auto:
             raise PlanError(f"auto: share is {self.share}, expected a number between 0 and 1")
 
     def prepare(self) -> None:
-        """Compile or load the kernels of all that may be asked."""
-        for name in self.planners or ("prioritised", "pbs", "continuous", "lacam", "lns2", "pibt"):
+        """Compile or load the kernels of all that may be asked; of `continuous`, which is seldom asked, when it is."""
+        for name in self.planners or ("prioritised", "pbs", "ecbs", "lacam", "lns2", "pibt"):
             planner(name, {}).prepare()
 
     def plan(self, problem: Problem, time_limit_s: float) -> PlanResult:
@@ -84,9 +84,11 @@ class Auto:
             left_s = max(until_s - process_time(), 1e-9)  # the clock went on since it was looked at last
             last = k == len(portfolio.names)
             part = 0 if not effort else effort if last else max(1, int(self.share * effort))
-            if name == "pbs" and not self.planners and not problem.window_steps:
-                part = min(part, FIRST_EFFORT) or FIRST_EFFORT
+            if name in FIRST_EFFORT and not self.planners:
+                part = min(part, FIRST_EFFORT[name]) or FIRST_EFFORT[name]
             chosen, bounded = planner(name, {}), replace(problem, effort=part)
+            if name == "continuous":
+                chosen.prepare()  # outside of the time that is left to it
             supported = as_supported(chosen, bounded)
             result = chosen.plan(supported, left_s if last else self.share * left_s)
             effort -= min(effort, part)
@@ -104,10 +106,13 @@ def portfolio_for(problem: Problem) -> Portfolio:
         if problem.graph.num_vertices >= THIN * robots:
             return Portfolio(("prioritised", "lacam", "pibt"), 1, "robots have room in the window")
         return Portfolio(("lacam", "prioritised", "pibt"), 1, "robots crowd")
-    if problem.drivable and robots <= FEW:
-        return Portfolio(("pbs", "lacam", "lns2", "continuous"), 3, f"few enough robots ({robots}) to plan their real motion")
+    if problem.drivable and problem.graph.kind == "grid" and robots <= FEW:
+        return Portfolio(
+            ("pbs", "ecbs", "lacam", "lns2", "continuous"), 1, f"few enough robots ({robots}) on a grid to plan their real motion"
+        )
     if robots <= SOME:
-        return Portfolio(("lacam", "lns2", "prioritised"), 2, f"the cheaper of two plans for {robots} robots")
+        others = ("continuous",) if problem.drivable else ("prioritised",)
+        return Portfolio(("ecbs", "lacam", "lns2", *others), 3, f"few enough robots ({robots}) to try a bounded search first")
     return Portfolio(("lacam", "lns2", "prioritised"), 1, f"many robots ({robots})")
 
 

@@ -71,15 +71,17 @@ def planners() -> str:
 def auto() -> str:
     """Planners that `auto` asks, by the problem."""
 
-    def asked(robots: int, vertices: float = 0, **problem: Any) -> tuple[str, str]:
-        chosen = portfolio_for(SimpleNamespace(num_robots=robots, graph=SimpleNamespace(num_vertices=vertices), **problem))  # type: ignore[arg-type]
+    def asked(robots: int, vertices: float = 0, kind: str = "roadmap", **problem: Any) -> tuple[str, str]:
+        graph = SimpleNamespace(num_vertices=vertices, kind=kind)
+        chosen = portfolio_for(SimpleNamespace(num_robots=robots, graph=graph, **problem))  # type: ignore[arg-type]
         plan = f"the cheapest of the first {chosen.compared}" if chosen.compared > 1 else "the first"
         return ", ".join(f"`{name}`" for name in chosen.names), plan
 
     one_shot, window = {"drivable": False, "window_steps": 0}, {"drivable": True, "window_steps": 1}
     rows = (
-        (f"one-shot, robots keep the plan's order, up to {FEW} robots", *asked(FEW, drivable=True, window_steps=0)),
-        (f"one-shot, up to {SOME} robots", *asked(SOME, **one_shot)),
+        (f"one-shot, robots keep the plan's order, up to {FEW} robots on a grid", *asked(FEW, kind="grid", drivable=True, window_steps=0)),
+        (f"one-shot, robots keep the plan's order, up to {SOME} robots", *asked(SOME, drivable=True, window_steps=0)),
+        (f"one-shot, robots need not, up to {SOME} robots", *asked(SOME, **one_shot)),
         ("one-shot, more", *asked(SOME + 1, **one_shot)),
         (f"in windows, {THIN:g} vertices or more a robot", *asked(1, THIN, **window)),
         ("in windows, fewer", *asked(1, **window)),

@@ -14,7 +14,7 @@ def driven(**keys):
 def test_run_says_who_planned_and_why():
     result = driven()
     assert result["scenario"]["planner"]["name"] == "auto"
-    assert result["planner"] == {"chosen": "pbs", "why": "few enough robots (3) to plan their real motion"}
+    assert result["planner"] == {"chosen": "ecbs", "why": "few enough robots (3) to try a bounded search first"}
     assert result["metrics"]["plan_valid"]
 
 

@@ -1,6 +1,7 @@
 """The portfolio: who is asked first, who after that, and what the answer says."""
 
 from dataclasses import dataclass, replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -66,10 +67,13 @@ def test_by_rule_everybody_gets_an_answer():
         assert judge(problem, result.plan, in_seconds=True).valid
 
 
-def test_real_motion_is_planned_where_the_order_is_kept_and_robots_are_few():
-    drivable = replace(world(ROOM), drivable=True)
-    assert portfolio_for(drivable).names[0] == "pbs"
-    assert portfolio_for(replace(drivable, drivable=False)).names[0] == "lacam"
+@pytest.mark.parametrize(("drivable", "kind", "robots", "first"), [
+    (True, "grid", 5, "pbs"), (True, "grid", 6, "ecbs"), (True, "roadmap", 5, "ecbs"), (False, "grid", 5, "ecbs"),
+    (False, "grid", 200, "ecbs"), (False, "grid", 201, "lacam"),
+])  # fmt: skip
+def test_real_motion_is_planned_on_grids_where_the_order_is_kept_and_robots_are_few(drivable, kind, robots, first):
+    graph = SimpleNamespace(kind=kind)
+    assert portfolio_for(SimpleNamespace(num_robots=robots, graph=graph, drivable=drivable, window_steps=0)).names[0] == first
 
 
 def test_in_windows_robots_with_room_go_one_after_another_and_crowds_by_lacam():
@@ -83,6 +87,9 @@ class Says:
 
     waits: int
 
+    def prepare(self):
+        pass
+
     def plan(self, problem, time_limit_s):
         if self.waits < 0:
             return PlanResult(Status.GAVE_UP)
@@ -90,15 +97,15 @@ class Says:
 
 
 @pytest.mark.parametrize(("waits", "by"), [
-    ({"pbs": 2, "lacam": 1, "lns2": 3, "continuous": 0}, "lacam"),  # the cheapest of three; continuous is not asked
-    ({"pbs": 2, "lacam": 2, "lns2": 1, "continuous": 0}, "lns2"),
-    ({"pbs": 0, "lacam": 0, "lns2": 0, "continuous": 0}, "pbs"),  # at its bound: taken at once
-    ({"pbs": -1, "lacam": -1, "lns2": 5, "continuous": 0}, "lns2"),
-    ({"pbs": -1, "lacam": -1, "lns2": -1, "continuous": 5}, "continuous"),
+    ({"ecbs": 2, "lacam": 0, "lns2": 0, "prioritised": 0}, "ecbs"),  # less than 1.7 times its bound: taken at once
+    ({"ecbs": -1, "lacam": 3, "lns2": 4, "prioritised": 0}, "lacam"),  # the cheapest of three; prioritised is not asked
+    ({"ecbs": -1, "lacam": 4, "lns2": 3, "prioritised": 0}, "lns2"),
+    ({"ecbs": -1, "lacam": 2, "lns2": 0, "prioritised": 0}, "lacam"),
+    ({"ecbs": -1, "lacam": -1, "lns2": -1, "prioritised": 5}, "prioritised"),
 ])  # fmt: skip
-def test_of_the_first_three_the_cheapest_plan_is_taken(waits, by, monkeypatch):
+def test_of_the_first_three_the_first_that_is_near_its_bound_or_the_cheapest_plan_is_taken(waits, by, monkeypatch):
     monkeypatch.setattr("planners.auto.planner", lambda name, parameters: Says(waits[name]))
-    result = Auto().plan(replace(world("0..a"), drivable=True), 5.0)
+    result = Auto().plan(world("0..a"), 5.0)
     assert result.chosen == by
     assert result.why.count("gave up") == list(waits.values()).count(-1)
 
