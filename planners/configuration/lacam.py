@@ -136,6 +136,10 @@ class Lacam(ByConfigurations):
             polished.until(deadline_s - _to_write(path), most_labels=labels)
             path, cost = polished.path(), polished.cost
             stats |= {"polished_time_s": process_time() - begin_s, "polished_cost": float(cost)}
+        if cost > DEAR * lower_bound and not problem.window_steps:
+            repaired = _repaired(self, start, search, 4, self.polish)
+            if repaired is not None and (repaired_cost := sum_of_costs(repaired, start.world.goal)) < cost:
+                path, cost, polished = repaired, repaired_cost, None
         if self.anytime and cost > lower_bound and not problem.effort:
             path = _improved(self, search, polished, task, path, start)
         stats |= search.counters()
@@ -153,26 +157,22 @@ def _easy_paths(
 def _first(lacam: Lacam, start: SearchStart) -> tuple["LacamSearch", int, np.ndarray | None]:
     """A search, how it ended (REACHED, EXHAUSTED, FULL, RUNNING or USED_UP), and the path to the goals where there is one.
 
-    Where it wanders about, paths are repaired instead, see `_repaired`. Where that does not help, it restarts with other random choices,
-    each time after twice as many expansions, so that it stays complete; every other time without local guidance, which may be what keeps
-    it there.
+    Where it wanders about, paths are repaired instead. Where that does not help, it restarts with other random choices, each time after
+    twice as many expansions, so that it stays complete; every other time without local guidance, which may be what keeps it there.
     """
     if start.path is not None:
         return LacamSearch(lacam, start, 0), _lacam.REACHED, start.path
     expansions, done, effort, window = 200 + 10 * start.num_guided, 0, start.given.effort, start.given.window_steps
     most = max(1, effort // (LABELS * len(start.steps))) if effort else FOREVER
-    windows, goal = cycle((lacam.local, 0)), start.world.goal
+    windows = cycle((lacam.local, 0))
     for searches in count(1):
         search = LacamSearch(lacam, start, next(windows))
         state = search.until(start.deadline_s, first=True, expansions=min(expansions, most - done))
         done += search.expansions
         search.labels = start.labels + LABELS * len(start.steps) * done
         path = search.path() if state == _lacam.REACHED else None
-        if path is not None and (cost := sum_of_costs(path, goal)) > DEAR * start.lower_bound and not window:
-            repaired = _repaired(lacam, start, search, 4)
-            path = repaired if repaired is not None and sum_of_costs(repaired, goal) < cost else path
-        elif state == _lacam.RUNNING and searches == 1 and not window:
-            path = _repaired(lacam, start, search, 1)
+        if state == _lacam.RUNNING and searches == 1 and not window:
+            path = _repaired(lacam, start, search, 1, polish=0)
             state = _lacam.RUNNING if path is None else _lacam.REACHED
         if state != _lacam.RUNNING or process_time() >= start.deadline_s:
             return search, state, path
@@ -182,7 +182,7 @@ def _first(lacam: Lacam, start: SearchStart) -> tuple["LacamSearch", int, np.nda
     raise AssertionError("searches end")
 
 
-def _repaired(lacam: Lacam, start: SearchStart, search: "LacamSearch", times: int) -> np.ndarray | None:
+def _repaired(lacam: Lacam, start: SearchStart, search: "LacamSearch", times: int, polish: int) -> np.ndarray | None:
     """[T, R] paths that collided at first, see `lns2`; None where none are found with so many times the labels."""
     problem = start.given
     effort = min(times * REPAIR_LABELS * problem.num_robots**2, MOST_REPAIR_LABELS)
@@ -191,8 +191,8 @@ def _repaired(lacam: Lacam, start: SearchStart, search: "LacamSearch", times: in
     if problem.effort:
         effort = min(effort, max(1, (problem.effort - search.labels) // 2))
         search.labels += effort
-    lns2 = planner("lns2", {"following": lacam.following, "rotations": lacam.rotations, "memory_mb": lacam.memory_mb, "polish": 0})
-    result = lns2.plan(replace(problem, effort=effort), max(1e-3, start.deadline_s - process_time()))
+    lns2 = planner("lns2", {"following": lacam.following, "rotations": lacam.rotations, "memory_mb": lacam.memory_mb, "polish": polish})
+    result = lns2.plan(replace(problem, effort=effort), max(1e-3, 0.5 * (start.deadline_s - process_time())))
     if result.plan is None:
         return None
     paths = paths_of_plan(result.plan, problem.step_s)
