@@ -2,6 +2,7 @@
 
 An *errand* is a visit to a cell, a *task* is errands in order. A pool of revealed tasks is kept full: as many as are finished in a step
 are revealed at its end, in the order of the problem. A task is *open* once its first errand is done, and then belongs to its robot.
+By the rules of 2023 each robot has tasks of its own, and the pool always has some of each robot's.
 """
 
 from dataclasses import dataclass
@@ -51,6 +52,7 @@ class StepWiseProblem:
     ticks: int = 0  # that an action takes by the rules of 2026; 0: by those of 2024, in steps
     size: float = 1.0  # cells, side of a robot's square by the rules of 2026
     delays: DelayLaw | None = None  # by the rules of 2026
+    own_tasks: bool = False  # by the rules of 2023: robot r of R has the tasks r, r + R, ...; else robots may have any
 
     def __post_init__(self) -> None:
         height, width = self.free.shape
@@ -85,6 +87,10 @@ class StepWiseProblem:
     def num_tasks(self) -> int:
         """N, before they begin again."""
         return len(self.first) - 1
+
+    def may_have(self, robot: int, task: int) -> bool:
+        """True if a task is for a robot."""
+        return not self.own_tasks or task % self.num_robots == robot
 
     def errands_of(self, task: int) -> IntArray:
         """The cells of a task, which may have any number from 0 up."""

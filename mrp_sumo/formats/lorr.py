@@ -1,11 +1,12 @@
-"""Problems and solutions of the League of Robot Runners, in the formats of 2024 (Start-Kit 2.1) and 2026.
+"""Problems and solutions of the League of Robot Runners, in the formats of 2023, 2024 (Start-Kit 2.1) and 2026.
 
 A problem is a JSON file that names a map (MovingAI, with `E` and `S` for free cells), an agents file and a tasks file, beside it. A
 solution has `start` [[row, column, "E"]], `actualPaths` (one string a robot, letters F, R, C, W separated by commas),
 `actualSchedule` ("time:task,..." a robot), `events` [[time, robot, task, errands done]], `tasks` [[task, time revealed, [row, column,
-...]]] and `numTaskFinished`. A problem of 2026 also has `agentCounter`, the ticks that an action takes, `agentSize`, and the law of delays
-in `delayConfig`. In its solutions, which say so in `version`, a letter is a tick, and W one without progress. Refuses files that lack
-these, cells that are blocked or off the map, and tasks without errands.
+...]]] and `numTaskFinished`. A problem of 2023 may say in `taskAssignmentStrategy` that each robot has tasks of its own. One of 2026 also
+has `agentCounter`, the ticks that an action takes, `agentSize`, and the law of delays in `delayConfig`; in its solutions, which say so in
+`version`, a letter is a tick, and W one without progress. Refuses files that lack these, cells that are blocked or off the map, and tasks
+without errands.
 """
 
 import json
@@ -31,6 +32,7 @@ DELAYS: dict[str, tuple[Any, Any]] = {  # keys of `delayConfig`, in the order of
     "gaussMeanRatio": (0.0, 1.0),
     "gaussStdRatio": (0.0, 1.0),
 }
+STRATEGIES = ("greedy", "roundrobin")  # of 2023: any robot may have any task, or each has tasks of its own
 FREE, BLOCKED = b".GSE", b"@OTW"
 MAX_CELLS = 10_000_000
 MAX_STEPS = 1_000_000
@@ -67,9 +69,13 @@ def read_problem(path: Path) -> StepWiseProblem:
     first = np.cumsum([0, *(len(values) for _, values in tasks)]).astype(np.int64)
     errand = np.array([cell for _, values in tasks for cell in values], np.int64)
     num_revealed = max(1, math.floor(share * team + 1e-9))
+    strategy = document.get("taskAssignmentStrategy", STRATEGIES[0])
+    if strategy not in STRATEGIES:
+        raise PlanError(f"{path.name}: taskAssignmentStrategy is {strategy!r:.30}, expected {' or '.join(STRATEGIES)}")
     ticks, size = _of_2026(path, document)
     delays = _delays_of(path, document["delayConfig"]) if ticks and document.get("delayConfig") is not None else None
-    return StepWiseProblem(path.stem, frozen(free), frozen(start), frozen(first), frozen(errand), num_revealed, ticks, size, delays)
+    tasks_as_arrays, own = (frozen(first), frozen(errand), num_revealed), strategy == STRATEGIES[1]
+    return StepWiseProblem(path.stem, frozen(free), frozen(start), *tasks_as_arrays, ticks, size, delays, own)
 
 
 def _of_2026(path: Path, document: dict[str, Any]) -> tuple[int, float]:

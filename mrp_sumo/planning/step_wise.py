@@ -251,8 +251,16 @@ def run_step_wise(
 
 
 def tasks_in_turn(seen: Observation) -> IntArray:
-    """[R] the tasks that robots have; those without one take, in turn, the free task whose first errand is nearest by rows and columns."""
+    """[R] the tasks that robots have; those without one take, in turn, the free task whose first errand is nearest by rows and columns.
+
+    Where robots have tasks of their own each takes its next one.
+    """
     task_of, width = seen.task_of.copy(), seen.problem.free.shape[1]
+    if seen.problem.own_tasks:
+        first: dict[int, int] = {}
+        for task in sorted(seen.pool):
+            first.setdefault(task % len(task_of), task)
+        return np.array([first.get(r, NOTHING) if task == NOTHING else task for r, task in enumerate(task_of.tolist())], np.int64)
     held = set(task_of.tolist())
     free = np.array([task for task in seen.pool if task not in held], np.int64)
     at = np.array([seen.problem.errands_of(task)[0] for task in free.tolist()], np.int64)

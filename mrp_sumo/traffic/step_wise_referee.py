@@ -6,7 +6,8 @@ Those of 2026, where an action takes several ticks, are in `traffic.ticks`.
 
 After each step or tick, in this order: what the schedule says from this time on takes effect, errands are done (at most one a robot: the
 next of its task, where it stands), finished tasks leave the pool, and as many are revealed in the order of the problem. A robot may be
-given a task that is in the pool and that nobody else has; who has opened one keeps it until it is finished.
+given a task that is in the pool and that nobody else has, by the rules of 2023 one of its own; who has opened one keeps it until it is
+finished.
 
 What a solution states (starts, errands done, tasks revealed, tasks finished) has to be what follows. Knows no planner.
 """
@@ -57,13 +58,22 @@ class Pool:
         self.released: list[int] = []
         self.num_finished = 0
         self.num_errands = 0
+        num_robots = problem.num_robots
+        self._num_lacking = num_robots if problem.own_tasks else 0  # robots with fewer than `_least` tasks of their own in the pool
+        self._least, self._num_own = max(1, problem.num_revealed // max(num_robots, 1)), [0] * num_robots
         self.reveal(0)
 
     def reveal(self, now: int) -> None:
         """Fill the pool."""
-        while len(self.done) < self.problem.num_revealed:
-            self.done[len(self.released)] = 0
+        own = self.problem.own_tasks
+        while self._num_lacking if own else len(self.done) < self.problem.num_revealed:
+            task = len(self.released)
+            self.done[task] = 0
             self.released.append(now)
+            if own:
+                robot = task % self.problem.num_robots
+                self._num_own[robot] += 1
+                self._num_lacking -= self._num_own[robot] == self._least
 
     def give(self, changes: list[tuple[int, int]]) -> str:
         """Have robots take tasks, all at once; (robot, task or NOTHING). What is wrong with it is returned."""
@@ -83,6 +93,8 @@ class Pool:
             if task in self.holder:
                 opened = "has opened" if self.done[task] else "has"
                 return f"robot {robot} is given task {task}, which robot {self.holder[task]} {opened}"
+            if not self.problem.may_have(robot, task):
+                return f"robot {robot} is given task {task}, which is robot {task % self.problem.num_robots}'s own"
             self.holder[task] = robot
             self.task_of[robot] = task
         return ""
@@ -103,6 +115,8 @@ class Pool:
                 del self.done[task], self.holder[task]
                 self.task_of[robot] = NOTHING
                 self.num_finished += 1
+                self._num_own[robot] -= 1
+                self._num_lacking += self.problem.own_tasks and self._num_own[robot] == self._least - 1
         self.reveal(now)
         return events
 

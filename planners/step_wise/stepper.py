@@ -25,7 +25,7 @@ class OperationStepper:
 
         self._ground = ground
         self._traffic = CrowdTraffic(ground) if ground.against else None
-        self._tasks = InTurn(problem.num_robots) if tasks == "in_turn" else NearestGoal()
+        self._tasks = InTurn(problem.num_robots) if tasks == "in_turn" or problem.own_tasks else NearestGoal()
         depth, self._limit, self._tries = effort
         self._rng = np.random.default_rng([seed, 13])
         action = operations(depth)

@@ -17,6 +17,15 @@ def test_problem_is_read_with_its_cells(tmp_path):
     assert problem.num_revealed == 3
 
 
+@pytest.mark.parametrize(
+    ("keys", "own"), [({}, False), ({"taskAssignmentStrategy": "greedy"}, False), ({"taskAssignmentStrategy": "roundrobin"}, True)]
+)
+def test_problem_of_2023_says_whether_robots_have_tasks_of_their_own(tmp_path, keys, own):
+    problem = read_problem(write_problem(tmp_path, ["..E", ".@S"], [0, 5], [[2], [3], [1]], **keys))
+    assert problem.own_tasks == own
+    assert [problem.may_have(1, task) for task in range(3)] == [not own, True, not own]
+
+
 def test_comments_and_commas_at_the_end_are_read_over(tmp_path):
     path = write_problem(tmp_path, ["..."], [0], [[2]])
     (tmp_path / "x.tasks").write_text("# version\n1\n2,1,\n")
@@ -40,6 +49,7 @@ def test_solution_comes_back_as_it_was_written(tmp_path):
         ({"teamSize": 3}, "x.agents: 2 robots, but teamSize is 3"),
         ({"teamSize": 0}, "teamSize is 0, expected a whole number above 0"),
         ({"numTasksReveal": "many"}, "numTasksReveal is 'many', expected a number above 0"),
+        ({"taskAssignmentStrategy": "robin"}, "taskAssignmentStrategy is 'robin', expected greedy or roundrobin"),
         ({"mapFile": 7}, "mapFile is 7, expected the name of a file"),
         ({"taskFile": "none"}, "none: no such file or directory"),
         ({"agents": "2\n0\n4\n"}, "robot 1: cell 4 is blocked (row 1, column 1)"),

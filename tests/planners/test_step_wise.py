@@ -1,6 +1,7 @@
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -51,6 +52,14 @@ def test_robot_in_the_way_makes_room():
     problem = problem_of(["....", "@.@@"], [0, 1], [[3], [1]], 2)
     solution = ran(problem, 40, tasks="in_turn")
     assert 3 in solution.event[solution.event[:, 1] == 0][:, 2] or (solution.event[:, 2] == 0).any()
+
+
+@pytest.mark.kernel
+def test_robots_drive_to_tasks_of_their_own_where_the_problem_says_so():
+    """Both tasks are nearer to the other robot."""
+    problem = problem_of(["......", "......"], [0, 11], [[10], [1]])
+    assert dict(ran(problem, 30).event[:2, [1, 2]].tolist()) == {0: 1, 1: 0}
+    assert {(robot, task % 2) for _, robot, task, _ in ran(replace(problem, own_tasks=True), 30).event.tolist()} == {(0, 0), (1, 1)}
 
 
 @pytest.mark.kernel

@@ -89,6 +89,19 @@ def test_finished_task_is_not_given_again():
     assert fault(problem, solution) == "time 2: robot 0 is given task 0, which is finished"
 
 
+@pytest.mark.parametrize(("own", "released", "second", "message"), [
+    (True, [0, 0, 1, 2, 2], 0, ""),  # a robot without a task of its own has the next ones revealed, up to its own
+    (False, [0, 0, 1, 2], 0, ""),
+    (True, [0, 0, 1], 1, "time 2: robot 1 is given task 2, which is robot 0's own"),
+    (False, [0, 0, 1], 1, ""),
+])  # fmt: skip
+def test_robots_have_tasks_of_their_own_where_the_problem_says_so(own, released, second, message):
+    problem = replace(problem_of(["....", "...."], [0, 4], [[1], [7], [2], [5]]), own_tasks=own)
+    schedule, events = [(1, 0, 0), (1, 1, 1), (2, second, 2)], [(1, 0, 0, 1), (2, 0, 2, 1)]
+    done = 2 - second
+    assert fault(problem, by_hand(problem, ["FF", "FF"], schedule, events[:done], released, done)) == message
+
+
 def test_what_is_stated_has_to_be_what_follows():
     problem = problem_of(ROUND, [0, 1], [[4 - 1], [8], [2, 6]])
     solution = solution_of(problem, 30)
