@@ -213,7 +213,7 @@ def build_world(
         tail=graph.tail,
         goal=target,
         steps=steps,
-        base_order=np.argsort(-steps, kind="stable"),
+        base_order=np.lexsort((-steps, *(() if problem.since_s is None else (problem.since_s,)))),
         table=table,
         packed=packed,
         compass=compass,

@@ -33,6 +33,7 @@ class Problem:
     via: tuple[tuple[int, ...], ...] = ()  # [R] vertices to pass on the way, for planners that support 'stops'; (): nobody has any
     effort: int = 0  # labels after which planners that support 'effort' stop, on every machine alike; 0: only when time is up
     barred: BoolArray | None = None  # [K, L] lanes on which robots of each type have no room; None: all robots may drive everywhere
+    since_s: FloatArray | None = None  # [R] since when each has had its goal, for planners in windows; inf: it has no work; None: unknown
     goal_kind: IntArray | None = None  # [G] type of the robots that a goal is for; None: all goals are for any
 
     def __post_init__(self) -> None:

@@ -10,7 +10,7 @@ from typing import TypeVar
 import numpy as np
 
 from mrp_sumo.core.fleet import some_of
-from mrp_sumo.core.graph import BoolArray, IntArray, frozen, with_lanes
+from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, frozen, with_lanes
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError
 
@@ -30,6 +30,7 @@ class Request:
     stop: IntArray  # [S] vertices
     closed: BoolArray  # [L] lanes that nobody may use
     reason: str = ""  # why it is made, for people
+    since_s: FloatArray | None = None  # [K] since when each has been on its way to its next stop; inf: it has no work; None: unknown
     there_s: Mapping[int, float] = field(default_factory=dict)  # robots that are where they have their stop, and how long that takes
 
     @property
@@ -83,6 +84,7 @@ def one_shot(request: Request) -> Problem:
         start=frozen(request.start),
         goal=frozen(request.end),
         goal_of=frozen(np.arange(len(request.robot))),
+        since_s=request.since_s,
         via=request.via if several else (),
         start_heading_rad=None,
         goal_heading_rad=None,

@@ -78,6 +78,11 @@ class Crew:
         return np.array([robot.is_busy for robot in self.robots], np.bool_)
 
     @property
+    def since_s(self) -> FloatArray:
+        """[R] since when each robot has been on its way to its next stop, inf: it has no work."""
+        return np.array([np.inf if robot.task == NONE else robot.since_s for robot in self.robots])
+
+    @property
     def at_charger(self) -> BoolArray:
         """[R] robots that are being charged."""
         return np.array([robot.is_charging for robot in self.robots], np.bool_)

@@ -12,7 +12,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from mrp_sumo.core.graph import BoolArray, IntArray, NavGraph
+from mrp_sumo.core.graph import BoolArray, IntArray, NavGraph, frozen
 from mrp_sumo.core.plan import PlanResult, Status
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.core.request import Request, a_stop_each, next_stops, one_shot, with_stops_before
@@ -108,7 +108,8 @@ def situation(now_s: float, context: Surroundings, stays: BoolArray, end: IntArr
         else:
             waits[r] = True
     alone = frozenset(np.flatnonzero(waits & on_lane).tolist())
-    blocked = context.closed | lanes_needing(graph, ledger.resources, (grants.holder >= 0) & waits[grants.holder])
+    held = (grants.holder >= 0) & waits[grants.holder]
+    blocked = context.closed | lanes_needing(graph, ledger.resources, held)
     for r in alone:
         lane = int(visits.lane[context.ahead(r)])
         blocked[[lane, *([int(graph.reverse[lane])] if graph.reverse[lane] >= 0 else [])]] = True
@@ -123,6 +124,7 @@ def situation(now_s: float, context: Surroundings, stays: BoolArray, end: IntArr
         stop=goal,
         closed=blocked,
         reason="replan",
+        since_s=frozen(context.crew.since_s[robots]),
     )
     return Situation(request, waits, back, alone, tuple(int(robots[i]) for i in cut_off))
 

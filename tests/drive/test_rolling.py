@@ -29,6 +29,7 @@ from mrp_sumo.errors import ExecutionError, PlanningOverrun
 from mrp_sumo.planning import registry
 from mrp_sumo.planning.registry import planner as planner_of
 from mrp_sumo.traffic.referee import judge
+from planners.configuration.pibt import Pibt
 
 REPLY_COLUMNS = ("robot", "first", "since", "vertex", "arrive_s", "depart_s", "arrived_s")
 ROUTES = tuple(tuple(Station(f"at {v}", (v,)) for v in route) for route in [(0, 24), (4, 20), (20, 4), (24, 0), (2, 22)])
@@ -166,6 +167,16 @@ def test_a_robot_that_cannot_reach_a_stop_on_its_way_takes_nobody_elses_way(tmp_
     usual = {"planning": Planning(budget_s=1.0), "engine": "kinematic", "dispatcher": "nearest", "time_limit_s": 40.0}
     run = drive(tmp_path, line(6), [[0], [2], [5]], planner="pbs", tasks=(TaskList(orders),), disturbances=disturbances, **usual)
     assert (run.calls.failed, run.calls.late) == (0, 0) and run.tasks.status == ("assigned", "done")
+
+
+def test_planners_hear_since_when_robots_have_had_their_stops(tmp_path, monkeypatch):
+    """robot_0 has an order from the beginning, robot_1 one 5 s later, robot_2 one 10 s later; who is being given one has none yet."""
+    heard, plan = [], Pibt.plan
+    monkeypatch.setattr(Pibt, "plan", lambda self, problem, limit_s: heard.append(problem.since_s.tolist()) or plan(self, problem, limit_s))
+    orders = TaskList(tuple(Task(r, (Stop(9 * r + 8),), release_s=5.0 * r, robot=r, name=str(r)) for r in range(3)))
+    usual = {"planning": Planning(budget_s=1.0), "engine": "kinematic", "dispatcher": "nearest", "planner": "pibt"}
+    drive(tmp_path, square_grid(9), [[0], [9], [18]], tasks=(orders,), **usual)
+    assert heard[0] == [np.inf] * 3 and [0.0, np.inf, np.inf] in heard and [0.0, 5.0, np.inf] in heard
 
 
 def test_a_ledger_that_forgets_drives_and_logs_the_same(tmp_path, monkeypatch):

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from plain_pibt import Step
-from worlds import corridor, graph_of, problem_on, random_grid
+from worlds import corridor, graph_of, line, problem_on, random_grid
 
 from mrp_sumo.core.plan import paths_of_plan
 from planners.configuration import _pibt
@@ -108,3 +108,13 @@ def test_robots_swap_while_another_stands_at_a_stop():
     """0 - 1 - 2 - 3, with 4 beside 1; nobody may come to 5, where one stands who is not asked, and from where a lane leads to 3."""
     graph = graph_of([(0, 0), (1, 0), (2, 0), (3, 0), (1, 1), (4, 0)], [(0, 1), (1, 2), (2, 3), (1, 4)], 1.0, one_way=[(5, 3)])
     assert after(graph, [1, 2], [3, 0], 20) == [3, 0]
+
+
+@pytest.mark.parametrize(("since_s", "ends"), [([0.0, 1.0], [5, 6]), ([1.0, 0.0], [0, 1]), (None, [2, 3])])
+def test_who_has_had_its_goal_for_longest_keeps_its_priority_from_window_to_window(since_s, ends):
+    """Two meet on a line of seven, where nobody can pass. The farther one first, they push each other to and fro."""
+    here = [2, 4]
+    for _ in range(12):
+        problem = replace(problem_on(line(7), here, [5, 1]), window_steps=1, since_s=None if since_s is None else np.array(since_s))
+        here = [int(path[-1]) for path in paths_of_plan(Pibt().plan(problem, 60.0).plan, 1.0)]
+    assert here == ends
