@@ -29,7 +29,8 @@ the whole run.
 With `--sopp` DATA has a MovingAI map and pick-and-drops `*_tasks.m`, as FE-LAK/SOPP_SupplementaryData has them (a row each: from, to,
 release, service at both, ...; cells are counted from 1, from the uppermost row on). N robots (default: 1,000) begin in the cells nearest to
 the first one, from which all of theirs come; free ones and the tasks that are left are matched for the least ways, and those without
-one go home. A cell a step, all robots in step, planned every 4 steps for the next 4; a stop takes its service after the arrival.
+one go home. A cell a step, all robots in step, planned every step for the next 4; a stop takes its service after the arrival, and those who
+are there stay until then: the others are planned without them, as in driven runs.
 `makespan` is when the last task is done, within N steps (default: 4,000).
 
 With `--speed` N TurtleBot3 (default: 100 and 1,000) drive for S seconds (default: 600) among shelves on a generated floor, and orders come
@@ -58,19 +59,20 @@ from mrp_sumo.cli.scenario_choice import pairs
 from mrp_sumo.core.execution import BOOKINGS
 from mrp_sumo.core.plan import paths_of_plan
 from mrp_sumo.core.problem import Problem
+from mrp_sumo.core.request import Request, one_shot
 from mrp_sumo.core.step_wise import StepWiseProblem
 from mrp_sumo.formats.lorr import read_map, read_problem
 from mrp_sumo.maps.catalogue import bundled_folder
 from mrp_sumo.planning.protocol import Planner
 from mrp_sumo.planning.step_wise import run_step_wise
 from mrp_sumo.plugins.registry import make
-from mrp_sumo.search.distance import Distances, distances
+from mrp_sumo.search.distance import UNREACHABLE, Distances, distances, steps_to_targets
 from mrp_sumo.traffic.referee import judge
 from mrp_sumo.traffic.step_wise_referee import judge_step_wise
 
 EPIBT = {100: 2788, 200: 3823, 300: 3655, 400: 3349, 500: 3379, 600: 2632, 700: 2416, 800: 1658}  # robots -> goals in 1,000 steps
 EVERY, WINDOW = 5, 20  # steps
-AT_ONCE = 4  # steps of pick-and-drops that are planned and made
+AHEAD = 4  # steps of pick-and-drops that are planned, of which one is made
 RHCR = {60: 2.33, 100: 3.56, 140: 4.55}  # robots -> goals a step
 LEAGUE = {  # problem -> steps, tasks of the best entry
     "random.domain/random_32_32_20_100": (500, 1186),
@@ -220,29 +222,42 @@ def _matched(problem: Problem, planner: Planner, stops: np.ndarray, service: int
     known, at, num = distances(problem.graph), problem.start.copy(), problem.num_robots
     to_pick = np.stack([known.to(v) for v in stops[:, 0].tolist()])
     left, task, made = np.arange(len(stops)), np.full(num, -1), np.zeros((2, num), np.int64)  # stops made; steps at the next one
-    step = moves = done = failed = 0
+    since, step, moves, done, failed = np.full(num, np.inf), 0, 0, 0, 0
     while done < len(stops) and step < steps:
         free = np.flatnonzero(task < 0)
         robots, tasks = linear_sum_assignment(to_pick[np.ix_(left, at[free])].T)
-        task[free[robots]] = left[tasks]
+        task[free[robots]], since[free[robots]] = left[tasks], step
         left = np.delete(left, tasks)
         goal = np.where(task < 0, problem.start, stops[task, made[0]])
-        asked = replace(problem, start=at.copy(), goal=goal, goal_of=np.arange(num), window_steps=AT_ONCE, seed=problem.seed + step)
+        asked = _beside(problem, at, goal, (task >= 0) & (at == goal), since)
+        asked = replace(asked, window_steps=AHEAD, seed=problem.seed + step)
         plan = planner.plan(asked, 60.0).plan
         failed += plan is None
         if plan is not None and not judge(replace(asked, goal=plan.vertex[plan.first[1:] - 1]), plan).valid:
             raise ValueError(f"the plan from step {step} on has conflicts")
-        paths = [at[r : r + 1] for r in range(num)] if plan is None else paths_of_plan(plan, 1.0)
-        for k in range(1, AT_ONCE + 1):
-            step += 1
-            before, at = at, np.array([path[min(k, len(path) - 1)] for path in paths])
-            moves += int((before != at).sum())
-            made[1] = np.where((task >= 0) & (at == goal), made[1] + 1, 0)
-            over = made[1] > service
-            ends = over & (made[0] == 1)
-            made[0, over], made[1, over], goal[over], task[ends] = 1 - made[0, over], 0, -1, -1
-            done += int(ends.sum())
+        step += 1
+        before = at.copy()
+        if plan is not None:
+            at[np.isin(at, asked.start)] = [path[min(1, len(path) - 1)] for path in paths_of_plan(plan, 1.0)]
+        moves += int((before != at).sum())
+        made[1] = np.where((task >= 0) & (at == goal), made[1] + 1, 0)
+        over = made[1] > service
+        ends = over & (made[0] == 1)
+        made[0, over], made[1, over], since[over] = 1 - made[0, over], 0, step
+        task[ends], since[ends] = -1, np.inf
+        done += int(ends.sum())
     return {"done": done, "makespan": step if done == len(stops) else None, "moves": moves, "calls_failed": failed}
+
+
+def _beside(problem: Problem, at: np.ndarray, goal: np.ndarray, stays: np.ndarray, since: np.ndarray) -> Problem:
+    """The problem of those robots that do not stay, which cannot come where the others stand; who is cut off from its goal waits."""
+    moving = np.flatnonzero(~stays)
+    closed = np.isin(problem.graph.head, at[stays])
+    ends, arange = goal[moving], np.arange(len(moving) + 1)
+    request = Request(0.0, problem, moving, at[moving], arange, ends, closed, since_s=since[moving])
+    table = steps_to_targets(one_shot(request))
+    cut_off = table[arange[:-1], request.start] >= UNREACHABLE
+    return one_shot(replace(request, stop=np.where(cut_off, request.start, ends)))
 
 
 def _ahead(at: int, goals: list[int], known: Distances) -> list[int]:
