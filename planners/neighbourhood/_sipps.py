@@ -13,7 +13,7 @@ import numpy as np
 from mrp_sumo.search._heap import pop_by, push_by
 from mrp_sumo.search._kernel import kernel
 from planners.configuration._pibt_instance import UNKNOWN
-from planners.neighbourhood._traffic import closes_ring, is_sparse, run_end, slots_for
+from planners.neighbourhood._traffic import MOST_CELLS, add_path, closes_ring, free_start, run_end, slots_for
 
 FAR = 1 << 30
 EASE = 32  # steps of a detour that are as bad as one step done again: what is left weighs 1 + 1 / EASE
@@ -95,6 +95,18 @@ def plan_one(traffic, labels, robot, limit, crossing):
         end = _search(traffic, labels, robot, limit) if crossing else _search_free(traffic, labels, robot, limit)
     labels.stamp[1] += labels.count[0]
     return end
+
+
+@kernel(allocates=False)
+def plan_apart(traffic, labels, robots):
+    """Plan robots one after another, each past those before it, until one has no path; how many have one."""
+    for k in range(len(robots)):
+        if traffic.task.following:
+            free_start(traffic, robots[k])
+        if plan_one(traffic, labels, robots[k], traffic.at.shape[1] - 1, False) < 0:
+            return k
+        add_path(traffic, robots[k])
+    return len(robots)
 
 
 @kernel(allocates=False)
@@ -279,17 +291,22 @@ def labels_for(num_vertices: int, num_lanes: int) -> int:
     return 20_000 + 16 * num_vertices + 2 * num_lanes
 
 
-def room_for_labels(num_vertices: int, num_lanes: int, horizon: int, most: int = 1 << 62) -> Labels:
-    """Room for searches over so many steps, of `most` labels, or of as many as may be needed on the map if those are fewer."""
+def room_for_labels(num_vertices: int, num_lanes: int, horizon: int, most: int = 1 << 62, cells: int = MOST_CELLS) -> Labels:
+    """Room for searches over so many steps.
+
+    It is for `most` labels, or for as many as may be needed on the map if those are fewer. Runs are hashed where there are more than so
+    many cells, of a vertex and a step each.
+    """
     num_labels = min(labels_for(num_vertices, num_lanes), most)
-    sparse = is_sparse(num_vertices, horizon)
+    sparse = num_vertices * horizon > cells
     num_runs = slots_for(num_labels + 2) if sparse else num_vertices * horizon
+    known = np.empty if sparse else np.zeros  # a hashed run is unknown until it has its slot
     return Labels(
-        *(np.zeros(num_labels, np.int64) for _ in range(8)),
+        *(np.empty(num_labels, np.int64) for _ in range(8)),
         queue=np.zeros(horizon, np.int64),
-        pushed=np.zeros(num_runs, np.int64),
-        closed=np.zeros(num_runs, np.int64),
-        run=np.zeros(num_runs if sparse else 0, np.int64),
+        pushed=known(num_runs, np.int64),
+        closed=known(num_runs, np.int64),
+        run=np.empty(num_runs if sparse else 0, np.int64),
         run_stamp=np.zeros(num_runs if sparse else 0, np.int64),
         stamp=np.zeros(2, np.int64),
         count=np.zeros(2, np.int64),

@@ -314,6 +314,23 @@ def closes_ring(traffic, v, u, t):
 
 
 @kernel(allocates=False)
+def hold_starts(traffic):
+    """Let everybody hold its start in the first step: where following is refused nobody can leave it sooner."""
+    for robot in range(len(traffic.task.start)):
+        v = traffic.task.start[robot]
+        traffic.on.who[enter(traffic.on, v, 1)] = robot
+        traffic.busy[v, 0] |= 2
+
+
+@kernel(allocates=False)
+def free_start(traffic, robot):
+    """Take back what `hold_starts` did for a robot."""
+    v = traffic.task.start[robot]
+    if leave(traffic.on, v, 1) == 0:
+        _set_free(traffic, v, 1)
+
+
+@kernel(allocates=False)
 def enter_all(traffic):
     """Put all paths of `at` into the empty traffic."""
     task = traffic.task
@@ -326,7 +343,7 @@ def cells_of(num_rows: int, num_steps: int, most: int, *, with_who: bool) -> Row
     sparse = is_sparse(num_rows, num_steps)
     num_slots = slots_for(most) if sparse else num_rows * num_steps
     key = np.zeros(num_slots if sparse else 0, np.int64)
-    return RowOccupancy(key, np.zeros(num_slots, np.uint8), np.zeros(num_slots if with_who else 1, np.int32), num_steps)
+    return RowOccupancy(key, np.zeros(num_slots, np.uint8), np.empty(num_slots if with_who else 1, np.int32), num_steps)
 
 
 def is_sparse(num_rows: int, num_steps: int) -> bool:

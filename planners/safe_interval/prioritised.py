@@ -2,7 +2,7 @@
 
 Source: Erdmann, Lozano-Pérez, "On multiple moving objects", Algorithmica 1987; Silver, "Cooperative pathfinding",
 AIIDE 2005; random restarts after Bennewitz, Burgard, Thrun, "Finding and optimizing solvable priority schemes", 2002.
-The low level is SIPP (Phillips, Likhachev, ICRA 2011).
+The low level is SIPP (Phillips, Likhachev, ICRA 2011), as that of `lns2` where nobody may be crossed.
 """
 
 from dataclasses import dataclass
@@ -11,18 +11,22 @@ from typing import ClassVar
 
 import numpy as np
 
-from mrp_sumo.core.clashes import no_clashes
-from mrp_sumo.core.graph import IntArray, frozen
-from mrp_sumo.core.plan import PlanResult, Status, plan_of_paths
+from mrp_sumo.core.graph import IntArray
+from mrp_sumo.core.plan import Plan, PlanResult, Status, plan_of_paths
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError
 from mrp_sumo.planning.answers import deadline_of, impossible, used_up, without_effort
-from mrp_sumo.search._records import OK, SCRATCH_FULL
-from mrp_sumo.search._sipp import FOREVER, UnitLanes, find_path, new_intervals, reserve, reset, with_double_room
-from mrp_sumo.search.distance import steps_to_targets
-from mrp_sumo.traffic.clashes import clashes_of
+from mrp_sumo.search.distance import UNREACHABLE, steps_to_targets
+from planners.neighbourhood._sipps import plan_apart, room_for_labels
+from planners.neighbourhood._traffic import WORD, empty_traffic, hold_starts
+from planners.neighbourhood.refinement import room_bytes, task_of
+from planners.world import small_problem
 
 ORDERS = 3  # purpose of the stream of chance
+SPARE = 64  # steps beyond the longest shortest way
+MOST_CELLS = 1 << 18  # of a vertex and a step, in tables that are made anew for each request
+MOST_BYTES = 2_000_000_000  # of tables over more steps
+VERTICES_AT_ONCE = 100_000  # searched at most between two looks at the clock
 
 
 @dataclass(frozen=True)
@@ -46,13 +50,7 @@ class Prioritised:
 
     def prepare(self) -> None:
         """See `Planner`: compile or load the kernels."""
-        clashes = no_clashes(2, 1, rotations=True)
-        intervals, scratch = new_intervals(2, 1, 16, clashes)
-        reset(2, intervals)
-        lanes = UnitLanes(frozen(np.array([0, 1, 1])), frozen(np.array([1])), clashes, self.following)
-        path, distance = np.zeros(8, np.int64), frozen(np.array([1, 0], np.int32))
-        find_path(lanes, distance, np.int64(0), np.int64(1), intervals, scratch, path)
-        reserve(lanes, intervals, path, 2, np.int64(FOREVER))
+        Reservations(small_problem(), following=self.following).plan(np.arange(2), np.inf)
 
     def plan(self, problem: Problem, time_limit_s: float) -> PlanResult:
         """See `Planner`. GAVE_UP when all restarts are used up."""
@@ -60,31 +58,23 @@ class Prioritised:
         if refusal := impossible(problem):
             return refusal
         reservations = Reservations(problem, following=self.following)
-        lower_bound = float(reservations.least.sum())
-        order = np.argsort(-reservations.least, kind="stable")
+        least = reservations.least
+        order = np.argsort(-least, kind="stable")
         if problem.window_steps:  # planned again and again: whoever is nearly there goes first, or robots would push each other away
-            order = np.lexsort((reservations.least, reservations.least == 0))
-        chance = np.random.default_rng([problem.seed, ORDERS])
+            order = np.lexsort((least, least == 0))
+        chance, lower_bound = np.random.default_rng([problem.seed, ORDERS]), float(least.sum())
         status, plan, attempt = Status.GAVE_UP, None, 0
         for attempt in range(1, self.restarts + 2):
-            reservations.clear()
-            paths: dict[int, IntArray] = {}
-            for robot in order.tolist():
-                path = reservations.plan(robot)
-                if path is None:
-                    break
-                paths[robot] = path
-                if process_time() > deadline_s:
-                    break
-            if len(paths) == problem.num_robots:
-                status, plan = Status.SOLVED, plan_of_paths([paths[r] for r in range(problem.num_robots)], problem.step_s)
+            planned = reservations.plan(order, deadline_s)
+            if planned == problem.num_robots:
+                status, plan = Status.SOLVED, reservations.as_plan()
                 break
             if process_time() > deadline_s:
                 status = Status.TIMED_OUT
                 break
             if used_up(problem, reservations.labels):
                 return without_effort(problem, began, lower_bound, orders=float(attempt))
-            failed_first = np.concatenate(([robot], order[order != robot]))
+            failed_first = np.concatenate(([order[planned]], np.delete(order, planned)))
             order = chance.permutation(problem.num_robots) if attempt % 4 == 0 else failed_first
         return PlanResult(
             status,
@@ -97,42 +87,52 @@ class Prioritised:
 
 
 class Reservations:
-    """Paths planned so far, as safe intervals, and the earliest path of one robot more around them. Buffers grow when full."""
+    """Paths of robots that are planned one after another, each the earliest around those before it; in windows, until the window ends."""
 
     def __init__(self, problem: Problem, *, following: bool) -> None:
         """`following` is whether a vertex must be free for a step before it is entered."""
-        self._window = problem.window_steps
-        self._table, self._start, self._goal = steps_to_targets(problem), problem.start, problem.target
-        self._lanes = UnitLanes(problem.graph.first, problem.graph.head, clashes_of(problem), following)
-        self._num_vertices = problem.graph.num_vertices
-        self.least = self._table[np.arange(problem.num_robots), problem.start]  # [R] steps of each robot's shortest path
-        room = 4 * (self._num_vertices + int(self.least.sum()) + 64)
-        self._intervals, self._scratch = new_intervals(self._num_vertices, problem.graph.num_lanes, room, self._lanes.clashes)
-        self._path = np.empty(2 * self._num_vertices + int(self.least.max(initial=0)) + 64, np.int64)
-        self.labels = 0  # of all searches, each counted as one for each vertex
+        table, num_vertices = steps_to_targets(problem), problem.graph.num_vertices
+        longest = int(table.max(where=table < UNREACHABLE, initial=0))
+        self._problem, self._task = problem, task_of(problem, table, following=following)
+        self.least = self._task.least  # [R] steps of each robot's shortest path
+        # steps to the goal at most, once those who are to stand do; beyond a window nobody is in the way
+        self._detour = longest if problem.window_steps else min(num_vertices, 2 * longest + SPARE)
+        self._at_once = max(1, VERTICES_AT_ONCE // num_vertices)  # robots
+        self._labels = 0  # before there was more room
+        self._make_room(problem.window_steps + longest + 1 if problem.window_steps else int(self.least.max(initial=0)) + SPARE)
 
-    def clear(self) -> None:
-        """Drop all paths."""
-        reset(self._num_vertices, self._intervals)
+    @property
+    def labels(self) -> int:
+        """Of all searches."""
+        return self._labels + int(self._room.stamp[1])
 
-    def plan(self, robot: int) -> IntArray | None:
-        """[T] the robot's earliest path around those reserved, in a window as far as that goes; None where there is none.
-
-        It is reserved itself from now on, in a window until that ends.
-        """
-        self.labels += self._num_vertices
+    def plan(self, order: IntArray, deadline_s: float) -> int:
+        """Plan robots in an order instead of those before, until one has no path, or to a time on the clock of `process_time`; how many."""
         while True:
-            ends = self._start[robot], self._goal[robot]
-            code, length = find_path(self._lanes, self._table[robot], *ends, self._intervals, self._scratch, self._path)
-            num_steps = min(length, self._window + 1) if self._window else length
-            until = self._window or FOREVER
-            if code == OK and reserve(self._lanes, self._intervals, self._path, num_steps, until):
-                return self._path[:num_steps].copy()
-            if code not in (OK, SCRATCH_FULL):
-                return None
-            self._grow()
+            self._traffic = empty_traffic(self._task, self._horizon)
+            if self._task.following:
+                hold_starts(self._traffic)
+            planned = new = 0
+            while planned < len(order) and process_time() <= deadline_s:
+                robots = order[planned : planned + self._at_once]
+                new = plan_apart(self._traffic, self._room, robots)
+                planned += new
+                if new < len(robots):
+                    break
+            settled = self._problem.window_steps or int(self._traffic.end.max(initial=0))
+            enough = planned == len(order) or process_time() > deadline_s or self._horizon > settled + self._detour
+            if enough or room_bytes(self._task, 2 * self._horizon) > MOST_BYTES:
+                return planned
+            self._labels = self.labels
+            self._make_room(2 * self._horizon)
 
-    def _grow(self) -> None:
-        """Twice the room, with the same intervals in use."""
-        self._intervals, self._scratch = with_double_room(self._intervals, self._scratch)
-        self._path = np.empty(2 * len(self._path), np.int64)
+    def as_plan(self) -> Plan:
+        """The paths of all, in a window as far as that goes."""
+        steps = self._problem.window_steps + 1 if self._problem.window_steps else None
+        return plan_of_paths(list(self._traffic.at[:, :steps]), self._problem.step_s)
+
+    def _make_room(self, horizon: int) -> None:
+        """For paths of so many steps or some more."""
+        self._horizon = -(-horizon // WORD) * WORD
+        graph = self._problem.graph
+        self._room = room_for_labels(graph.num_vertices, graph.num_lanes, self._horizon, cells=MOST_CELLS)
