@@ -1,10 +1,14 @@
 """Options of how a plan is driven. Parts of `execution` of a scenario."""
 
 from dataclasses import dataclass, field
+from math import inf
 from typing import Literal
 
 from mrp_sumo.core.disturbances import NONE, Disturbances
 from mrp_sumo.core.options import Options, meaning, option
+
+FEW, CROWD = 12, 60  # robots that are planned whenever anything happens, and every few steps
+PERIOD_STEPS = 5
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -12,7 +16,12 @@ class Planning(Options):
     """Planning while robots drive, again and again, in simulated time."""
 
     budget_s: float = option(1.0, "Time from a request until its answer takes effect; until then robots keep their plan.", ge=0)
-    period_s: float = option(0.0, "The least time between two requests; else there is one when a task comes or a stop is made.", ge=0)
+    period_s: float | None = option(
+        None,
+        "The least time between two requests; else there is one when a task comes or a stop is made. By default 0 up to 12 robots, and 5 "
+        "planned steps from 60 on: crowds that are planned anew all the time do not get on.",
+        ge=0,
+    )
     window_s: float | None = option(
         None,
         "How far ahead plans reach: beyond, robots need not keep clear of each other. 0: to the end. By default the way into the longest "
@@ -21,6 +30,13 @@ class Planning(Options):
         le=1e6,
     )
     effort: int = option(1_000_000, "Labels that a planner may make for an answer: what ends its search.", ge=1)
+
+    def least_period_s(self, num_robots: int, step_s: float) -> float:
+        """Time in s from a request to the next one, at least."""
+        if self.period_s is not None:
+            return self.period_s
+        longest_s = min(PERIOD_STEPS * step_s, self.window_s / 3 if self.window_s else inf)
+        return longest_s * min(max((num_robots - FEW) / (CROWD - FEW), 0.0), 1.0)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -146,7 +146,7 @@ def planned(
     request = request if limits.window_steps and "stops" in supports_of(planner, parameters) else next_stops(request)
     stays = context.crew.busy | context.world.broken
     ways = _ways(request, begin_s, context, stays, planner, parameters, limits)
-    sent_off = [r for r, takes_s in request.there_s.items() if r in ways.reroute and _back_after_s(ways.reroute[r]) > takes_s]
+    sent_off = [r for r, takes_s in request.there_s.items() if r in ways.reroute and _back_after_s(ways.reroute[r]) > takes_s > 0]
     if sent_off:
         stays[sent_off] = True
         with suppress(PlanError):  # without another answer the first one stands

@@ -90,7 +90,7 @@ class Rolling:
         if self.calls.cpu_time_s is not None:
             self._count(cpu_time_s=_cpu_s() - cpu_began_s)
         self.answer = WindowAnswer(request, ways, now_s + planning.budget_s)
-        self._next_s = now_s + planning.period_s
+        self._next_s = now_s + planning.least_period_s(request.site.num_robots, request.site.step_s)
 
     def plan(self, request: Request, begin_s: float) -> Replan:
         """The answer of the planner of this run; of PIBT where that has failed before, and fails again. Raises PlanError."""
@@ -140,6 +140,8 @@ class Rolling:
             self.refused_since_s = min(self.refused_since_s, answer.request.now_s)
         if failed and answer.ways is not None:
             self._count(failed=1)
+        if failed and self._settings.planning.period_s is None:
+            self._next_s = now_s
         if failed:
             self._around.work.failed(now_s)
         else:

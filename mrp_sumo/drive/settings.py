@@ -60,7 +60,7 @@ class ExecutionSettings(DrivingOptions):
                 raise ExecutionError(f"{key} is '{getattr(self, key)}'{nearest(getattr(self, key), possible)}")
         if not self.goal_tolerance_m >= 0:
             raise ExecutionError(f"goal_tolerance_m is {self.goal_tolerance_m}, expected 0 or more")
-        planning, least_s = self.planning, 2 * max(self.planning.budget_s, self.planning.period_s)
+        planning, least_s = self.planning, 2 * max(self.planning.budget_s, self.planning.period_s or 0.0)
         if planning.window_s and planning.window_s <= least_s:
             raise ExecutionError(
                 f"planning.window_s is {planning.window_s:g}, expected more than {least_s:g}: twice the budget and the period, "

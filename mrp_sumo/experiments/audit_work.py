@@ -61,6 +61,6 @@ def _terms(file: ScenarioFile, graph: PlanGraph, nav: NavGraph, num_robots: int,
         type_name=fleet.type_name,
         batteries=tuple(batteries[k] for k in kind.tolist()) if batteries else (),
         start_level=start_shares(tasks.charging),
-        waits_s=planning.budget_s + planning.period_s,
+        waits_s=planning.budget_s + planning.least_period_s(num_robots, step_s),
         doors_xy=doors_xy,
     )

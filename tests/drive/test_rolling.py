@@ -179,6 +179,26 @@ def test_planners_hear_since_when_robots_have_had_their_stops(tmp_path, monkeypa
     assert heard[0] == [np.inf] * 3 and [0.0, np.inf, np.inf] in heard and [0.0, 5.0, np.inf] in heard
 
 
+@pytest.mark.parametrize(("num_robots", "period_s"), [(5, 0.0), (12, 0.0), (36, 5.0), (60, 10.0), (500, 10.0)])
+def test_the_more_robots_there_are_the_less_often_they_are_planned(num_robots, period_s):
+    assert Planning().least_period_s(num_robots, step_s=2.0) == period_s
+    assert Planning(period_s=3.0).least_period_s(num_robots, step_s=2.0) == 3.0
+    assert Planning(window_s=6.0).least_period_s(num_robots, step_s=2.0) == min(period_s, period_s / 10.0 * 2.0)
+
+
+def test_a_crowd_makes_more_stops_where_it_is_planned_less_often(tmp_path):
+    """36 robots on a grid of 144, each always on its way to somewhere; a step takes 3 s, and a request has its answer a second later."""
+    stops = tuple((Station(f"at {v}", (v,)),) for v in range(144))
+    stream = TaskStream("order", Arrivals(open=72), stops, np.ones(144), (ServiceTime(constant_s=0.0),))
+    starts = [[int(v)] for v in np.random.default_rng(0).choice(144, 36, replace=False)]
+    usual = {"engine": "kinematic", "dispatcher": "nearest", "tasks": (stream,), "planner": "prioritised", "time_limit_s": 60.0}
+    seldom, often = (
+        drive(tmp_path, square_grid(12), starts, planning=Planning(period_s=period_s, effort=50_000), **usual) for period_s in (None, 0.0)
+    )
+    assert seldom.calls.asked <= 9 and seldom.calls.failed == 0 and often.calls.asked > 30
+    assert len(seldom.stops.task) > len(often.stops.task)
+
+
 def test_a_ledger_that_forgets_drives_and_logs_the_same(tmp_path, monkeypatch):
     runs = []
     for many in (10**6, 20):
