@@ -29,7 +29,7 @@ import yaml
 
 ROOT = Path(__file__).resolve().parents[1]
 LISTED = ROOT / "tools/mutants.yaml"
-KERNELS = ("conflicts", "constraints", "disturbance", "earliest", "heap", "mdd", "motion", "occupancy", "sipp", "space_time")
+KERNELS = ("conflicts", "constraints", "disturbance", "earliest", "heap", "mdd", "motion", "occupancy", "space_time")
 ROOMS = {  # the files of each, and the tests that hold it
     "referee": (
         ["mrp_sumo/traffic/referee.py", "mrp_sumo/traffic/step_wise_referee.py", "mrp_sumo/traffic/clashes.py"],
