@@ -18,8 +18,8 @@ class Planning(Options):
     budget_s: float = option(1.0, "Time from a request until its answer takes effect; until then robots keep their plan.", ge=0)
     period_s: float | None = option(
         None,
-        "The least time between two requests; else there is one when a task comes or a stop is made. By default 0 up to 12 robots, and 5 "
-        "planned steps from 60 on: crowds that are planned anew all the time do not get on.",
+        "The least time between two requests; else there is one when a task comes or a stop is made. By default 0 up to 12 robots and "
+        "where stops take time, and 5 planned steps from 60 on: crowds that are planned anew all the time do not get on.",
         ge=0,
     )
     window_s: float | None = option(

@@ -58,6 +58,7 @@ class Rolling:
         self.window_over_s = np.inf  # a new plan is to be there by then
         self._failures = 0  # running
         self._events: list[Event] = []
+        self._serves = False  # whether anybody has been served
         self.refused_since_s = np.inf  # since when there have been no plans; inf: the last request had one
 
     def ask(self, now_s: float, report: Callable[[str], None]) -> None:
@@ -90,7 +91,9 @@ class Rolling:
         if self.calls.cpu_time_s is not None:
             self._count(cpu_time_s=_cpu_s() - cpu_began_s)
         self.answer = WindowAnswer(request, ways, now_s + planning.budget_s)
-        self._next_s = now_s + planning.least_period_s(request.site.num_robots, request.site.step_s)
+        self._serves = self._serves or bool(context.crew.busy.any())
+        at_once = planning.period_s is None and self._serves  # who has been served waits for its way
+        self._next_s = now_s + (0.0 if at_once else planning.least_period_s(request.site.num_robots, request.site.step_s))
 
     def plan(self, request: Request, begin_s: float) -> Replan:
         """The answer of the planner of this run; of PIBT where that has failed before, and fails again. Raises PlanError."""
