@@ -33,8 +33,9 @@ def test_a_node_hears_what_the_bag_says(tmp_path):
         bag = {topic: [bytes(raw) for c, _, raw in reader.messages() if c.topic == topic] for topic in topics[:2]}
     for topic, said in bag.items():
         assert len(said) > 100
-        assert len(heard[topic]) > 0.8 * len(said)  # all but those before the node was found
-        assert heard[topic] == said[-len(heard[topic]) :]
+        assert len(heard[topic]) > 0.8 * len(said)  # all but those before the node was found, and those that a busy machine lets it miss
+        rest = iter(said)
+        assert all(one in rest for one in heard[topic]), "each as it is in the bag, in its order"
     assert len(heard["/clock"]) > 500
 
 
