@@ -88,9 +88,9 @@ class StepWiseProblem:
         """N, before they begin again."""
         return len(self.first) - 1
 
-    def may_have(self, robot: int, task: int) -> bool:
-        """True if a task is for a robot."""
-        return not self.own_tasks or task % self.num_robots == robot
+    def owner_of(self, task: int) -> int:
+        """The only robot that may have a task; NOTHING where any may."""
+        return task % self.num_robots if self.own_tasks else NOTHING
 
     def errands_of(self, task: int) -> IntArray:
         """The cells of a task, which may have any number from 0 up."""

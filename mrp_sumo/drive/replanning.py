@@ -108,8 +108,7 @@ def situation(now_s: float, context: Surroundings, stays: BoolArray, end: IntArr
         else:
             waits[r] = True
     alone = frozenset(np.flatnonzero(waits & on_lane).tolist())
-    held = (grants.holder >= 0) & waits[grants.holder]
-    blocked = context.closed | lanes_needing(graph, ledger.resources, held)
+    blocked = context.closed | lanes_needing(graph, ledger.resources, (grants.holder >= 0) & waits[grants.holder])
     for r in alone:
         lane = int(visits.lane[context.ahead(r)])
         blocked[[lane, *([int(graph.reverse[lane])] if graph.reverse[lane] >= 0 else [])]] = True

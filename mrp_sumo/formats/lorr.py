@@ -74,8 +74,18 @@ def read_problem(path: Path) -> StepWiseProblem:
         raise PlanError(f"{path.name}: taskAssignmentStrategy is {strategy!r:.30}, expected {' or '.join(STRATEGIES)}")
     ticks, size = _of_2026(path, document)
     delays = _delays_of(path, document["delayConfig"]) if ticks and document.get("delayConfig") is not None else None
-    tasks_as_arrays, own = (frozen(first), frozen(errand), num_revealed), strategy == STRATEGIES[1]
-    return StepWiseProblem(path.stem, frozen(free), frozen(start), *tasks_as_arrays, ticks, size, delays, own)
+    return StepWiseProblem(
+        name=path.stem,
+        free=frozen(free),
+        start=frozen(start),
+        first=frozen(first),
+        errand=frozen(errand),
+        num_revealed=num_revealed,
+        ticks=ticks,
+        size=size,
+        delays=delays,
+        own_tasks=strategy == STRATEGIES[1],
+    )
 
 
 def _of_2026(path: Path, document: dict[str, Any]) -> tuple[int, float]:

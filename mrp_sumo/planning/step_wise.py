@@ -259,7 +259,7 @@ def tasks_in_turn(seen: Observation) -> IntArray:
     if seen.problem.own_tasks:
         first: dict[int, int] = {}
         for task in sorted(seen.pool):
-            first.setdefault(task % len(task_of), task)
+            first.setdefault(seen.problem.owner_of(task), task)
         return np.array([first.get(r, NOTHING) if task == NOTHING else task for r, task in enumerate(task_of.tolist())], np.int64)
     held = set(task_of.tolist())
     free = np.array([task for task in seen.pool if task not in held], np.int64)

@@ -65,13 +65,11 @@ class Pool:
 
     def reveal(self, now: int) -> None:
         """Fill the pool."""
-        own = self.problem.own_tasks
-        while self._num_lacking if own else len(self.done) < self.problem.num_revealed:
+        while self._num_lacking if self.problem.own_tasks else len(self.done) < self.problem.num_revealed:
             task = len(self.released)
             self.done[task] = 0
             self.released.append(now)
-            if own:
-                robot = task % self.problem.num_robots
+            if (robot := self.problem.owner_of(task)) != NOTHING:
                 self._num_own[robot] += 1
                 self._num_lacking -= self._num_own[robot] == self._least
 
@@ -93,8 +91,8 @@ class Pool:
             if task in self.holder:
                 opened = "has opened" if self.done[task] else "has"
                 return f"robot {robot} is given task {task}, which robot {self.holder[task]} {opened}"
-            if not self.problem.may_have(robot, task):
-                return f"robot {robot} is given task {task}, which is robot {task % self.problem.num_robots}'s own"
+            if (owner := self.problem.owner_of(task)) not in (robot, NOTHING):
+                return f"robot {robot} is given task {task}, which is robot {owner}'s own"
             self.holder[task] = robot
             self.task_of[robot] = task
         return ""

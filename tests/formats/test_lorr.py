@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from step_wise_worlds import ROUND, solution_of, write_problem
 
-from mrp_sumo.core.step_wise import DelayLaw
+from mrp_sumo.core.step_wise import NOTHING, DelayLaw
 from mrp_sumo.errors import PlanError
 from mrp_sumo.formats.lorr import print_solution, read_problem, read_solution
 
@@ -23,7 +23,7 @@ def test_problem_is_read_with_its_cells(tmp_path):
 def test_problem_of_2023_says_whether_robots_have_tasks_of_their_own(tmp_path, keys, own):
     problem = read_problem(write_problem(tmp_path, ["..E", ".@S"], [0, 5], [[2], [3], [1]], **keys))
     assert problem.own_tasks == own
-    assert [problem.may_have(1, task) for task in range(3)] == [not own, True, not own]
+    assert [problem.owner_of(task) for task in range(3)] == ([0, 1, 0] if own else [NOTHING] * 3)
 
 
 def test_comments_and_commas_at_the_end_are_read_over(tmp_path):
