@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mrp_sumo.core.graph import FloatArray, IntArray, frozen
+from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, frozen
 from mrp_sumo.core.robot_type import Battery, RobotType
 
 
@@ -24,6 +24,7 @@ class Fleet:
     kind: IntArray  # index of the type
     apart_m: FloatArray  # [K, K] the least centre distance at which robots of two types cannot touch, gap included
     type_name: tuple[str, ...] = ()  # [R]; empty where types are not known
+    types: tuple[RobotType, ...] = ()  # [K]; empty where they are not known
 
     @property
     def num_robots(self) -> int:
@@ -34,9 +35,27 @@ class Fleet:
         return len(self.apart_m)
 
     @property
+    def vehicle_of_kind(self) -> tuple[RobotType | None, ...]:
+        """[K] the types that cannot turn in place, None for others; empty where there are none."""
+        return tuple(each if each.is_vehicle else None for each in self.types) if any(each.is_vehicle for each in self.types) else ()
+
+    @property
+    def is_vehicle(self) -> BoolArray:
+        """[R] True for robots that cannot turn in place."""
+        if not self.vehicle_of_kind:
+            return np.zeros(self.num_robots, np.bool_)
+        return np.array([each.is_vehicle for each in self.types])[self.kind]
+
+    @property
+    def behind_m(self) -> FloatArray:
+        """[R] from what drives along lanes to the end of the last trailer."""
+        return np.array([each.behind_m for each in self.types])[self.kind] if self.vehicle_of_kind else np.zeros(self.num_robots)
+
+    @property
     def radius_m(self) -> FloatArray:
-        """[R] radius of the circle around the footprint: a robot that turns in place needs it."""
-        return np.hypot(self.length_m, self.width_m) / 2
+        """[R] radius of the circle around the footprint: a robot that turns in place needs it; for vehicles see `RobotShape.radius_m`."""
+        circle = np.hypot(self.length_m, self.width_m) / 2
+        return np.array([each.radius_m for each in self.types])[self.kind] if self.vehicle_of_kind else circle
 
     @property
     def separation_m(self) -> float:
@@ -45,6 +64,7 @@ class Fleet:
 
 
 LIMITS = ("length_m", "width_m", "max_speed_mps", "accel_mps2", "decel_mps2", "turn_rate_rad_s", "gap_m")
+OF_TYPE = {"turn_rate_rad_s": "rate_rad_s"}  # columns by other names
 
 
 def fleet_of(robot_type: RobotType, num_robots: int) -> Fleet:
@@ -57,10 +77,11 @@ def fleet_of_types(types: Sequence[RobotType], kind: IntArray) -> Fleet:
     radius, gap = np.array([(each.radius_m, each.gap_m) for each in types], np.float64).reshape(-1, 2).T
     return Fleet(
         robot_name=tuple(f"robot_{i}" for i in range(len(kind))),
-        **{name: frozen(np.array([getattr(each, name) for each in types], np.float64)[kind]) for name in LIMITS},
+        **{name: frozen(np.array([getattr(each, OF_TYPE.get(name, name)) for each in types], np.float64)[kind]) for name in LIMITS},
         kind=frozen(kind),
         apart_m=frozen(radius[:, None] + radius + np.maximum(gap[:, None], gap)),
         type_name=tuple(types[k].name for k in kind.tolist()),
+        types=tuple(types),
     )
 
 
@@ -74,4 +95,4 @@ def some_of(fleet: Fleet, robots: IntArray) -> Fleet:
     """A fleet of some of the robots [K], in this order; types keep their indices."""
     robot_name, type_name = (tuple(names[r] for r in robots.tolist()) if names else () for names in (fleet.robot_name, fleet.type_name))
     columns = {name: getattr(fleet, name)[robots] for name in (*LIMITS, "kind")}
-    return Fleet(robot_name=robot_name, type_name=type_name, apart_m=fleet.apart_m, **columns)
+    return Fleet(robot_name=robot_name, type_name=type_name, apart_m=fleet.apart_m, types=fleet.types, **columns)

@@ -16,6 +16,15 @@ from mrp_sumo.errors import PlanError
 
 
 @dataclass(frozen=True, eq=False)
+class Standing:
+    """States in which R vehicles that cannot turn in place are at their starts, while they drive; see `traffic.moves`."""
+
+    does: IntArray  # [R] under way, standing, bound for a lane, or anywhere: it has not moved yet, or turns in place
+    lane: IntArray  # [R] by which it came or for which it is bound
+    gear: IntArray  # [R] 0 forward, 1 backward
+
+
+@dataclass(frozen=True, eq=False)
 class Problem:
     """R robots, G goals. With `goal_of` of -1 it is the planner's job to assign (CBS-TA)."""
 
@@ -35,6 +44,7 @@ class Problem:
     barred: BoolArray | None = None  # [K, L] lanes on which robots of each type have no room; None: all robots may drive everywhere
     since_s: FloatArray | None = None  # [R] since when each has had its goal, for planners in windows; inf: it has no work; None: unknown
     goal_kind: IntArray | None = None  # [G] type of the robots that a goal is for; None: all goals are for any
+    standing: Standing | None = None  # of vehicles under way; None: all robots are at rest, as their headings say
 
     def __post_init__(self) -> None:
         names, num_vertices = self.fleet.robot_name, self.graph.num_vertices

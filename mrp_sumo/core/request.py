@@ -11,7 +11,7 @@ import numpy as np
 
 from mrp_sumo.core.fleet import some_of
 from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, frozen, with_lanes
-from mrp_sumo.core.problem import Problem
+from mrp_sumo.core.problem import Problem, Standing
 from mrp_sumo.errors import PlanError
 
 
@@ -32,6 +32,7 @@ class Request:
     reason: str = ""  # why it is made, for people
     since_s: FloatArray | None = None  # [K] since when each has been on its way to its next stop; inf: it has no work; None: unknown
     there_s: Mapping[int, float] = field(default_factory=dict)  # robots that are where they have their stop, and how long that takes
+    standing: Standing | None = None  # [K] how vehicles are at their starts; None: there are none
 
     @property
     def end(self) -> IntArray:
@@ -76,6 +77,9 @@ def one_shot(request: Request) -> Problem:
     a_stop_each(request)
     several = len(request.stop) > len(request.robot)
     site, any_closed = request.site, bool(request.closed.any())
+    if site.fleet.vehicle_of_kind and any_closed:  # lanes keep their numbers, by which one knows how vehicles stand
+        shut = np.tile(request.closed, (site.fleet.num_kinds, 1))
+        site, any_closed = replace(site, barred=shut if site.barred is None else site.barred | shut), False
     return replace(
         site,
         graph=with_lanes(site.graph, ~request.closed) if any_closed else site.graph,
@@ -89,4 +93,5 @@ def one_shot(request: Request) -> Problem:
         start_heading_rad=None,
         goal_heading_rad=None,
         goal_kind=None,
+        standing=request.standing,
     )

@@ -1,15 +1,20 @@
-"""Types of robots and their batteries, as files of robots/ declare them.
+"""Types of robots, their wheels, trailers and batteries, as files of robots/ declare them.
+
+A vehicle is a type that cannot turn in place. The middle of its fixed axle follows the lanes; it turns where two lanes meet along an arc
+of a circle, which cuts the corner. Closed forms of bicycle and trailers: LaValle, Planning Algorithms, 13.1; Altafini, 2001.
 
 The model of batteries is Open-RMF's (rmf_battery): power for acceleration, braking and turning, friction and devices, at a constant
 voltage; charging at a constant current.
 
-Refuses sizes, speeds, accelerations and figures of batteries that are out of bounds.
+Refuses sizes, speeds, accelerations and figures of batteries that are out of bounds, and wheels and trailers that cannot turn.
 """
 
+import math
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from mrp_sumo.core.options import Options, meaning, option
+from mrp_sumo.errors import OptionError
 
 if TYPE_CHECKING:  # numpy is slow to load, and files are checked without it
     from mrp_sumo.core.graph import FloatArray
@@ -17,6 +22,7 @@ if TYPE_CHECKING:  # numpy is slow to load, and files are checked without it
 GRAVITY_MPS2 = 9.81
 HOUR_S = 3600.0
 OF_ROBOT = {"ge": 1e-4, "le": 1e3}  # sizes and speeds, generously
+AT_ONCE_RAD_S = 1e3
 OF_BATTERY = {"ge": 1e-5, "le": 1e5}
 
 
@@ -51,6 +57,66 @@ class Battery(Options):
 
 
 @dataclass(frozen=True)
+class Wheels(Options):
+    """The wheels of a type, and the ways in which it can move."""
+
+    kind: Literal["differential", "omni", "tricycle", "ackermann", "tugger"] = option(
+        "differential",
+        "'differential' turns in place, 'omni' drives to every side without turning; 'tricycle', 'ackermann' and 'tugger' have a fixed "
+        "axle and steered wheels: they turn on arcs, never in place.",
+    )
+    wheelbase_m: float | None = option(None, "From the fixed axle to the steered wheels.", **OF_ROBOT)
+    steering_max_rad: float | None = option(None, "Largest angle of the steered wheels.", gt=0.01, lt=1.57)
+    reverse: bool = option(False, "Whether it may drive backwards.")
+    fixed_axle: Literal["rear", "front"] = option("rear", "Axle that does not steer; of counterbalance forklifts the front one.")
+    axle_m: float | None = option(None, "From the middle of the body to the fixed axle; half of the wheelbase by default.", ge=0, le=1e3)
+    gear_s: float = option(1.0, "Time in which it changes from forward to backward and back, standing.", gt=0, le=60)
+    lateral_mps2: float = option(0.7, "Most acceleration to the side, which limits the speed on arcs.", gt=0, le=100)
+    reverse_mps: float | None = option(None, "Top speed backwards; the same as forward by default.", **OF_ROBOT)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        steered = {"wheelbase_m": self.wheelbase_m, "steering_max_rad": self.steering_max_rad}
+        if self.is_steered and (missing := [key for key, value in steered.items() if value is None]):
+            raise OptionError(f"kind {self.kind} without {' and '.join(missing)}, expected both: they say how tightly it can turn")
+        if not self.is_steered and (extra := [key for key, value in steered.items() if value is not None]):
+            raise OptionError(f"kind {self.kind} with {' and '.join(extra)}, expected kind tricycle, ackermann or tugger with that")
+        if self.reverse_mps is not None and not self.reverse:
+            raise OptionError("reverse_mps without reverse: true, expected both or neither")
+
+    @property
+    def is_steered(self) -> bool:
+        """True if it cannot turn in place."""
+        return self.kind in ("tricycle", "ackermann", "tugger")
+
+    @property
+    def least_radius_m(self) -> float:
+        """Of the arc of the middle of the fixed axle: wheelbase over the tangent of the steering angle. 0 where it turns in place."""
+        return self.wheelbase_m / math.tan(self.steering_max_rad) if self.wheelbase_m and self.steering_max_rad else 0.0
+
+    @property
+    def ahead_m(self) -> float:
+        """Distance by which the middle of the body is ahead of the fixed axle."""
+        axle_m = (self.wheelbase_m or 0.0) / 2 if self.axle_m is None else self.axle_m
+        return axle_m if self.fixed_axle == "rear" else -axle_m
+
+
+@dataclass(frozen=True)
+class Trailer(Options):
+    """A trailer of a tugger, with one axle that does not steer, in the middle of its body."""
+
+    length_m: float = field(metadata=meaning("From the hitch in front to its axle.", **OF_ROBOT))
+    hitch_m: float = field(metadata=meaning("From the axle in front of it back to the hitch.", ge=0, le=1e3))
+    width_m: float | None = option(None, "Of its body; as wide as the tugger by default.", **OF_ROBOT)
+    body_m: float | None = option(None, "Length of its body; as long as `length_m` by default.", **OF_ROBOT)
+
+
+DIFFERENTIAL = Wheels()
+CORNER_M = 0.25  # least distance by which turns may leave a corner
+CORNER_SHARE = 0.56  # of the least radius: what a bend of 100 degrees takes
+
+
+@dataclass(frozen=True)
 class RobotShape(Options):
     """A model of robot as a file of robots/ has it. The footprint is a rectangle around the centre, which is what drives along lanes."""
 
@@ -59,15 +125,84 @@ class RobotShape(Options):
     max_speed_mps: float = field(metadata=meaning("Top speed.", **OF_ROBOT))
     accel_mps2: float = field(metadata=meaning("Speeding up.", **OF_ROBOT))
     decel_mps2: float = field(metadata=meaning("Braking.", **OF_ROBOT))
-    turn_rate_rad_s: float = field(metadata=meaning("Turning in place.", **OF_ROBOT))
+    turn_rate_rad_s: float | None = option(None, "Turning in place; types that do so need it.", **OF_ROBOT)
     gap_m: float = option(0.1, "Distance kept between robots, on top of their radii.", ge=0, le=1e3)
     source: str = option("", "Where the figures come from.")
     battery: Battery | None = field(default=None, metadata=meaning("Without one, a robot never runs empty."))
+    kinematics: Wheels = field(default=DIFFERENTIAL, metadata=meaning("Its wheels; by default it turns in place."))
+    trailers: tuple[Trailer, ...] = option((), "What a tugger tows, the first one first.")
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        wheels = self.kinematics
+        if wheels.kind == "differential" and self.turn_rate_rad_s is None:
+            raise OptionError("turn_rate_rad_s is missing, expected the rate of turning in place, or kinematics of a type that does not")
+        if self.trailers and wheels.kind != "tugger":
+            raise OptionError(f"trailers with kinematics of kind {wheels.kind}, expected kind tugger")
+        if self.trailers and wheels.reverse:
+            raise OptionError("trailers with reverse: true would jack-knife, expected reverse: false, or no trailers")
+        radius_m = self.kinematics.least_radius_m
+        for k, trailer in enumerate(self.trailers):
+            square = radius_m**2 + trailer.hitch_m**2 - trailer.length_m**2
+            if square <= 0:
+                raise OptionError(
+                    f"trailers[{k}] would jack-knife: on the arc of {radius_m:.2f} m of the axle in front, hitch_m {trailer.hitch_m:g} and "
+                    f"length_m {trailer.length_m:g} leave it none, expected a shorter length_m, or a smaller steering_max_rad"
+                )
+            radius_m = math.sqrt(square)
+
+    @property
+    def is_vehicle(self) -> bool:
+        """True if it cannot turn in place."""
+        return self.kinematics.is_steered
 
     @property
     def radius_m(self) -> float:
-        """Of the circle around the footprint."""
-        return abs(complex(self.length_m, self.width_m)) / 2  # the C library's hypot, as numpy has it
+        """Of the circle in which it is, around what drives along lanes; of vehicles with what turns leave corners by.
+
+        Of a tugger each trailer is in such a circle around where it is on the path.
+        """
+        if not self.is_vehicle:
+            return abs(complex(self.length_m, self.width_m)) / 2  # the C library's hypot, as numpy has it
+        front = math.hypot(self.length_m / 2 + abs(self.kinematics.ahead_m), self.width_m / 2)
+        return max([front, *(inward + math.hypot(length, width) / 2 for inward, length, width in self._towed())]) + self.corner_m
+
+    @property
+    def corner_m(self) -> float:
+        """Distance by which the middle of the fixed axle leaves a corner at most where it turns."""
+        return max(CORNER_M, CORNER_SHARE * self.kinematics.least_radius_m) if self.is_vehicle else 0.0
+
+    @property
+    def behind_m(self) -> float:
+        """From the fixed axle back along the path to the end of the last trailer."""
+        towed = sum(trailer.hitch_m + trailer.length_m for trailer in self.trailers)
+        return towed + (self.trailers[-1].body_m or self.trailers[-1].length_m) / 2 if self.trailers else 0.0
+
+    @property
+    def half_width_m(self) -> float:
+        """Room that it needs beside the middle of a corner: what it sweeps there, to the outside and to the inside."""
+        if not self.is_vehicle:
+            return self.radius_m
+        least, half, front = self.kinematics.least_radius_m, self.width_m / 2, self.length_m / 2 + abs(self.kinematics.ahead_m)
+        outside = math.hypot(least + half, front) - least
+        inside = max([half, *(inward + width / 2 for inward, _, width in self._towed())])
+        return max(outside, inside + self.corner_m)
+
+    def _towed(self) -> list[tuple[float, float, float]]:
+        """Of each trailer, how far it runs inside the arc of least radius, and length and width of its body."""
+        least = radius_m = self.kinematics.least_radius_m
+        towed = []
+        for trailer in self.trailers:
+            radius_m = math.sqrt(radius_m**2 + trailer.hitch_m**2 - trailer.length_m**2)
+            towed.append((least - radius_m, trailer.body_m or trailer.length_m, trailer.width_m or self.width_m))
+        return towed
+
+    @property
+    def rate_rad_s(self) -> float:
+        """Rate at which it changes the direction in which it drives, standing: by turning, by changing gear, at once if it is omni."""
+        if self.is_vehicle:
+            return math.pi / self.kinematics.gear_s
+        return self.turn_rate_rad_s if self.turn_rate_rad_s and self.kinematics.kind == "differential" else AT_ONCE_RAD_S
 
 
 @dataclass(frozen=True, init=False)

@@ -20,6 +20,10 @@ class Visits(NamedTuple):
     at_m: FloatArray  # where the vertex is
     heading_rad: FloatArray  # of that lane; for first visits that of the next
     turns: BoolArray  # whether the robot turns in place here before it goes on
+    gear: IntArray  # of a vehicle on that lane, 0 forward, 1 backward
+    tangent_m: FloatArray  # before the vertex and after it, where it cuts the corner by an arc; 0: it does not
+    bend_mps: FloatArray  # top speed on that arc
+    limit_mps: FloatArray  # top speed on that lane, inf: that of the robot
     arrive_s: FloatArray  # as planned
     depart_s: FloatArray  # as planned; later than `arrive_s` where the robot is to stand there
     earliest_s: FloatArray  # to leave

@@ -83,7 +83,7 @@ def drive_on(step, most, bodies, routed, scene, tape):
             r = scene.news.changed[i]
             bodies.wanted_mps[r] = state.grants.command_mps[r]
         if bodies.has_limits:
-            lane_limits(dt, bodies.limit_mps, decel, scene.visits, bodies.speed_mps, s_m, bodies.cap_mps)
+            lane_limits(dt, decel, scene.visits, bodies.speed_mps, s_m, bodies.cap_mps)
         move_bodies(dt, bodies.wanted_mps, bodies.accel_mps2, decel, bodies.cap_mps, bodies.speed_mps, s_m)
         made += 1
 

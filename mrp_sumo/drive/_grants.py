@@ -123,7 +123,7 @@ def room_on_lane(robot, visit, kinematics, visits, grants, s_m):
         before = visits.next[visits.reached[other]]
         if before >= 0 and visits.lane[before] == visits.lane[visit]:
             radii, gap = kinematics.radius_m[robot] + kinematics.radius_m[other], max(kinematics.gap_m[robot], kinematics.gap_m[other])
-            room = min(room, visits.at_m[visit] - (visits.at_m[before] - s_m[other]) - (radii + gap))
+            room = min(room, visits.at_m[visit] - (visits.at_m[before] - s_m[other]) - (radii + gap + kinematics.behind_m[other]))
         else:
             grants.ahead[robot] = -1
     return room

@@ -55,6 +55,7 @@ class Controller:
             turn_rate_rad_s=fleet.turn_rate_rad_s,
             reach_m=fleet.max_speed_mps**2 / (2 * fleet.decel_mps2) + 3 * fleet.max_speed_mps * dt + 0.02,
             radius_m=fleet.radius_m,
+            behind_m=fleet.behind_m,
             gap_m=fleet.gap_m,
         )
         self._cell_m = ledger.graph.cell_m - A_CELL_LESS_M

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from mrp_sumo.core.execution import Reply
 from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, PlanGraph, frozen
 from mrp_sumo.core.plan import Plan
-from mrp_sumo.core.problem import Problem
+from mrp_sumo.core.problem import Problem, Standing
 from mrp_sumo.core.task import Task
 from mrp_sumo.core.visits import Visits
 from mrp_sumo.drive import _grants, _observe
@@ -29,14 +29,16 @@ from mrp_sumo.drive.reroute import Replan, Reroute
 from mrp_sumo.drive.state import NEVER, Kinematics, VisitNeeds, state_at_rest
 from mrp_sumo.errors import PlanError
 from mrp_sumo.search._bodies import TIE_M
+from mrp_sumo.traffic.moves import ANYWHERE, BOUND, STANDING, UNDER_WAY, standing_at_starts
 from mrp_sumo.traffic.passages import Needs, Schedule, in_places, order_of
 from mrp_sumo.traffic.resources import Resources
 from mrp_sumo.traffic.schedule import check_order
 
 NO_VISIT = {  # what a place in the arrays [N] of `Visits` holds where there is no visit
     **dict.fromkeys(("next", "lane"), -1),
-    **dict.fromkeys(("rank", "vertex"), 0),
-    **dict.fromkeys(("from_m", "at_m", "heading_rad", "arrive_s", "depart_s", "earliest_s", "due_s", "short_of_m"), 0.0),
+    **dict.fromkeys(("rank", "vertex", "gear"), 0),
+    **dict.fromkeys(("from_m", "at_m", "heading_rad", "arrive_s", "depart_s", "earliest_s", "due_s", "short_of_m", "tangent_m"), 0.0),
+    **dict.fromkeys(("bend_mps", "limit_mps"), np.inf),
     "turns": False,
     "arrived_s": np.nan,
 }
@@ -96,9 +98,15 @@ class Ledger:
             **_room(NO_VISIT), first=start, last=start.copy(), reached=start.copy(), granted=start.copy(), reverse=graph.reverse
         )
         self.needs = VisitNeeds(first=np.zeros(1, np.int64), **_room(NO_NEED), passing=frozen(np.zeros(0, np.int64)))
-        self._goal, self._facing_rad = problem.target, problem.heading_at_target
-        at_rest = Departure.at_rest(problem.heading_at_start)
-        laid_out = motion_plan(graph, resources, _at_starts(problem.start), at_rest, np.zeros(0, np.int64), problem.fleet.kind)
+        self.is_vehicle = problem.fleet.is_vehicle  # [R] who cannot turn in place
+        self._goal, self._facing_rad = problem.target, np.where(self.is_vehicle, np.nan, problem.heading_at_target)
+        self._at_start = standing_at_starts(problem)
+        self._tows = problem.fleet.behind_m > 0
+        self._behind = np.where(self._tows, graph.tail[self._at_start.lane], -1)  # [R] where trailers stand at first
+        at_rest = Departure.at_rest(problem.heading_at_start, self._behind)
+        laid_out = motion_plan(
+            graph, resources, _at_starts(problem.start), at_rest, np.zeros(0, np.int64), problem.fleet.kind, problem.fleet.vehicle_of_kind
+        )
         self._write(laid_out, np.ones(num_robots, np.bool_))
         self.state = state_at_rest(num_robots, laid_out.needs.num_resources, graph.num_lanes, start)
         _observe.begin(self.visits, self.state.motion, problem.heading_at_start)
@@ -140,6 +148,24 @@ class Ledger:
     def joint(self) -> IntArray:
         """[R] the visits after which new ways begin: those of the cut while there is one, else the last that robots have been granted."""
         return self.visits.granted.copy() if self._cut is None else self._cut
+
+    @property
+    def standing(self) -> Standing:
+        """States in which vehicles are at their joints, or come to them."""
+        visits, joint, s_m = self.visits, self.joint, self.state.motion.s_m
+        has_moved = visits.lane[joint] >= 0
+        first = self._at_start
+        does = np.where(has_moved, ANYWHERE, first.does)
+        lane, gear = np.where(has_moved, visits.lane[joint], first.lane), np.where(has_moved, visits.gear[joint], first.gear)
+        if not self.is_vehicle.any():
+            return Standing(does, lane, gear)
+        onward = visits.next[joint]
+        is_bound = (visits.tangent_m[joint] > 0) & (onward >= 0)
+        before_m = np.where(lane >= 0, self.graph.length_m[lane] / 2, 0.0)
+        moved = self.is_vehicle & has_moved
+        does[moved] = np.where(s_m >= visits.at_m[joint] - before_m, np.where(is_bound, BOUND, STANDING), UNDER_WAY)[moved]
+        bound = does == BOUND
+        return Standing(does, np.where(bound, visits.lane[onward], lane), np.where(bound, visits.gear[onward], gear))
 
     @property
     def is_driving_back(self) -> BoolArray:
@@ -240,9 +266,12 @@ class Ledger:
         joints = self.joint
         joint = joints[robots]
         plan = _from_joints(ways, self.visits.vertex[joint], now_s)
-        departure = self._departure(robots, joint, ways)
+        does = self.standing.does[robots]
+        departure = self._departure(robots, joint, ways, does)
         needless = np.flatnonzero(np.isin(robots, sorted(replan.left_alone)))
-        laid_out = motion_plan(self.graph, self.resources, plan, departure, needless, self.problem.fleet.kind[robots])
+        laid_out = motion_plan(
+            self.graph, self.resources, plan, departure, needless, self.problem.fleet.kind[robots], self.problem.fleet.vehicle_of_kind
+        )
         fresh = np.ones(plan.num_visits, np.bool_)  # all but the joints, which are here already
         fresh[plan.first[:-1]] = False
         before = self.num_visits, self.num_needs
@@ -262,7 +291,7 @@ class Ledger:
         self.entries.append(Entry(now_s, replan.reason, replan.text, before[0], self.num_visits, robots, since, count))
         self._face(robots, laid_out.heading_rad[plan.first[:-1]], np.diff(plan.first) > 1)
         self._turn_back([r for r, route in zip(robots.tolist(), ways) if route.back])
-        self._take_over_joints(laid_out, ids, departure.back_lane >= 0)
+        self._take_over_joints(laid_out, ids, departure.back_lane >= 0, does)
         for r, visits in new.items():
             self._link(r, int(joints[r]), visits)
         self._keep_order(policy, live, at, schedule)
@@ -397,6 +426,8 @@ class Ledger:
         visits.lane[part], visits.from_m[part], visits.at_m[part] = laid_out.lane[fresh], laid_out.from_m[fresh], laid_out.at_m[fresh]
         visits.heading_rad[part], visits.turns[part] = laid_out.heading_rad[fresh], laid_out.turns[fresh]
         visits.short_of_m[part] = laid_out.short_of_m[fresh]
+        visits.gear[part], visits.limit_mps[part] = laid_out.gear[fresh], laid_out.limit_mps[fresh]
+        visits.tangent_m[part], visits.bend_mps[part] = laid_out.tangent_m[fresh], laid_out.bend_mps[fresh]
         of_visit = np.bincount(needs.visit, minlength=plan.num_visits)[fresh]
         self.needs.first[begin + 1 : begin + count + 1] = need_begin + np.cumsum(of_visit)
         part = slice(need_begin, need_begin + need_count)
@@ -488,18 +519,25 @@ class Ledger:
         needs.closes[at] = schedule.last_visit[schedule.passage_of_need] == np.repeat(np.arange(len(ids)), np.diff(first))
         _grants.take_turns(self.state.grants, schedule.first[:-1])
 
-    def _departure(self, robots: IntArray, joint: IntArray, ways: Sequence[Reroute]) -> Departure:
+    def _departure(self, robots: IntArray, joint: IntArray, ways: Sequence[Reroute], does: IntArray) -> Departure:
         """From where these robots leave the last visits that they have been granted."""
         visits, motion = self.visits, self.state.motion
         stands = self.visits.reached[robots] == joint
         back, turned = np.array([route.back for route in ways], np.bool_), self.is_driving_back[robots]
         ahead = np.where(back | turned, visits.next[joint], joint)  # a last visit has no next one, and no lane to it
         lane = np.where(back, self.graph.reverse[visits.lane[ahead]], np.where(turned, visits.lane[ahead], -1))
+        is_vehicle = self.is_vehicle[robots] & (visits.lane[joint] >= 0)
         return Departure(
             at_m=visits.at_m[joint],
-            heading_rad=np.where(stands, motion.yaw_rad[robots], visits.heading_rad[joint]),
+            heading_rad=np.where(stands & ~is_vehicle, motion.yaw_rad[robots], visits.heading_rad[joint]),
+            lane=visits.lane[joint],
             back_lane=lane,
             back_m=motion.s_m[robots] - visits.at_m[joint],  # it stands where it turned
+            gear=visits.gear[joint],
+            behind=np.where(
+                self._tows[robots], np.where(visits.lane[joint] >= 0, self.graph.tail[visits.lane[joint]], self._behind[robots]), -1
+            ),
+            may_turn=does == UNDER_WAY,
         )
 
     def _face(self, robots: IntArray, heading_rad: FloatArray, goes: BoolArray) -> None:
@@ -522,7 +560,7 @@ class Ledger:
             begin, end = xy[visits.vertex[behind]], xy[visits.vertex[ahead]]
             self.turn_backs.append(TurnBack(r, at_m, begin + share * (end - begin)))
 
-    def _take_over_joints(self, laid_out: MotionPlan, ids: IntArray, back: BoolArray) -> None:
+    def _take_over_joints(self, laid_out: MotionPlan, ids: IntArray, back: BoolArray, does: IntArray) -> None:
         """Robots leave joints by other lanes: where they turn there, and when they have left what they need there, is new."""
         visits, needs, plan = self.visits, self.needs, laid_out.plan
         for i, turns_back in enumerate(back.tolist()):
@@ -530,6 +568,8 @@ class Ledger:
             joint = int(ids[place])
             visits.depart_s[joint] = plan.depart_s[place]
             visits.turns[joint] = laid_out.turns[place]
+            if does[i] != BOUND:
+                visits.tangent_m[joint], visits.bend_mps[joint] = laid_out.tangent_m[place], laid_out.bend_mps[place]
             if turns_back:  # it is clear of the joint already, and comes to it again
                 continue
             mine = np.arange(self.needs.first[joint], self.needs.first[joint + 1])

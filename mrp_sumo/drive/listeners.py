@@ -12,8 +12,10 @@ from mrp_sumo.core.disturbances import Breakdown, ClosedLane
 from mrp_sumo.core.execution import Event, GrantLog
 from mrp_sumo.core.graph import FloatArray, IntArray, frozen
 from mrp_sumo.core.task import Task
+from mrp_sumo.drive.train import Train
 
 if TYPE_CHECKING:
+    from mrp_sumo.core.robot_type import RobotType
     from mrp_sumo.drive.crew import Crew
     from mrp_sumo.drive.ledger import Ledger
     from mrp_sumo.drive.state import Facilities
@@ -66,13 +68,17 @@ class Recorder(Listener):
     rides in a lift stands at one stop of it until half of the ride is over, and then at the other.
     """
 
-    def __init__(self, num_robots: int, *, levels: bool = False) -> None:
-        """`levels`: keep the levels that robots are on, too."""
+    def __init__(self, num_robots: int, *, levels: bool = False, vehicles: "Sequence[RobotType | None]" = ()) -> None:
+        """`levels`: keep the levels that robots are on, too. `vehicles` [R]: types of those that cannot turn in place, or nothing."""
         self._blocks: list[FloatArray] = []  # [ROWS, 3, R] each: distance, yaw, speed
         self._count = 0  # of samples in them
         self._shape = 0, num_robots
         self._levels = levels
-        self._columns = tuple(SpooledTemporaryFile(max_size=IN_MEMORY) for _ in range(4 + levels))  # noqa: SIM115 they are read at the end
+        self._trains = {r: Train(each) for r, each in enumerate(vehicles) if each is not None}
+        num_hitches = max((len(train.vehicle.trailers) for train in self._trains.values()), default=0)
+        self._hitches = tuple(f"hitch_{k + 1}_rad" for k in range(num_hitches))
+        num_columns = 4 + levels + num_hitches
+        self._columns = tuple(SpooledTemporaryFile(max_size=IN_MEMORY) for _ in range(num_columns))  # noqa: SIM115 they are read at the end
 
     def hear(self, snapshot: Moment) -> None:
         """See Listener."""
@@ -102,21 +108,27 @@ class Recorder(Listener):
             np.concatenate([np.empty((0, num_robots)), *(block[:, k] for block in self._blocks)])[: self._count] for k in range(3)
         )
         x, y, level = np.empty_like(s_m), np.empty_like(s_m), np.empty_like(s_m)
+        hitch = np.zeros((len(self._hitches), *s_m.shape))
         for r in range(num_robots):
             at_m, xy, on = way_of(ledger, r)
             level[:, r] = on[np.maximum(np.searchsorted(at_m, s_m[:, r], side="right") - 1, 0)] if self._levels else 0
             x[:, r] = np.interp(s_m[:, r], at_m, xy[:, 0])
             y[:, r] = np.interp(s_m[:, r], at_m, xy[:, 1])
-        for file, column in zip(self._columns, (x, y, (yaw + np.pi) % (2 * np.pi) - np.pi, speed, level)):
+            if r in self._trains and len(s_m):
+                x[:, r], y[:, r], yaw[:, r], angles = self._trains[r].poses(ledger, r, s_m[:, r], at_m, xy)
+                hitch[: len(angles), :, r] = angles
+        columns = (x, y, (yaw + np.pi) % (2 * np.pi) - np.pi, speed, *([level] if self._levels else []), *hitch)
+        for file, column in zip(self._columns, columns):
             file.write(np.ascontiguousarray(column).data)
         self._shape = num_samples + self._count, num_robots
         self._blocks, self._count = [], 0
 
-    def samples(self, ledger: "Ledger") -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, IntArray | None]:
-        """x, y, yaw, speed and, where they are kept, levels, [T, R] each."""
+    def samples(self, ledger: "Ledger") -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, IntArray | None, dict[str, FloatArray]]:
+        """x, y, yaw, speed and, where they are kept, levels, [T, R] each; and the angles of trailers by their columns."""
         self.settle(ledger)
-        x, y, yaw, speed, *level = (_read(file, self._shape) for file in self._columns)
-        return x, y, yaw, speed, level[0].astype(np.int64) if level else None
+        x, y, yaw, speed, *more = (_read(file, self._shape) for file in self._columns)
+        level = more.pop(0).astype(np.int64) if self._levels else None
+        return x, y, yaw, speed, level, dict(zip(self._hitches, more))
 
     def close(self) -> None:
         """Let go of the files; what has been read of them stays."""
@@ -237,6 +249,7 @@ class Witness(Listener):
                 ahead = visits.next[visits.reached]
                 for lane in (np.where(ahead >= 0, visits.lane[ahead], -1), visits.lane[visits.reached]):  # of who stands just before a stop
                     xy_m[(lane >= 0) & graph.is_ride[lane]] = np.nan
+            xy_m[snapshot.ledger.is_vehicle] = np.nan  # which cut corners that the network has
             self.t_s.append(snapshot.now_s)
             self.xy_m.append(xy_m)
 

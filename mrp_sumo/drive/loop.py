@@ -119,7 +119,9 @@ class Records:
 
     def __init__(self, problem: Problem, world: World, people: Bystanders) -> None:
         self.events, self.witness, self.grants = EventLog(), Witness(), GrantRecorder(problem.num_robots)
-        self.samples = Recorder(problem.num_robots, levels=bool(problem.graph.is_ride.any()))
+        fleet, levels = problem.fleet, bool(problem.graph.is_ride.any())
+        vehicles = [fleet.vehicle_of_kind[k] for k in fleet.kind.tolist()] if fleet.vehicle_of_kind else ()
+        self.samples = Recorder(problem.num_robots, levels=levels, vehicles=vehicles)
         self.facilities = FacilityRecorder(problem.graph, world.facilities) if world.facilities.any else None
         self.people = PeopleRecorder(people) if people.any else None
 
@@ -466,7 +468,7 @@ class Drive:
 def _execution(drive: Drive, plan: Plan, records: Records) -> Execution:
     """All that was recorded."""
     settings, ledger, what = drive.settings, drive.ledger, drive.settings.disturbances
-    x, y, yaw, speed, level = records.samples.samples(ledger)
+    x, y, yaw, speed, level, hitch = records.samples.samples(ledger)
     believed = None
     if what.localisation_m or what.localisation_rad:
         believed = frozen(believed_poses(x, y, yaw, settings.record_period_s, what, settings.seed))
@@ -499,6 +501,7 @@ def _execution(drive: Drive, plan: Plan, records: Records) -> Execution:
         facilities=records.facilities.log() if records.facilities else None,
         people=records.people.log(ledger.graph) if records.people else None,
         level=None if level is None else frozen(level),
+        hitch_rad=hitch,
         believed=believed,
         sumo_t_s=frozen(np.array(records.witness.t_s)),
         sumo_xy_m=frozen(np.array(records.witness.xy_m)),

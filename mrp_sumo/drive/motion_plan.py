@@ -3,15 +3,21 @@
 Pure: plan in, arrays out. `drive.ledger` keeps them under ids that never change.
 """
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, NavGraph, frozen
 from mrp_sumo.core.plan import Plan
+from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.engines.sumo.network import SHORTEST_M
 from mrp_sumo.traffic.passages import Needs
 from mrp_sumo.traffic.resources import Course, Resources, left_after_m, needs_of
+from mrp_sumo.traffic.turns import ARC, BACKWARD, course_rad, turns_of
+
+Vehicles = Sequence[RobotType | None]
 
 TURNS_RAD = 0.2  # a bend beyond this is turned in place, a lesser one while driving
 STANDING_ROOM_M = 0.004  # the least stretch of a lane on which a robot may wait
@@ -23,14 +29,19 @@ class Departure:
 
     at_m: FloatArray  # [K] of that visit along the robot's way
     heading_rad: FloatArray  # [K] when it leaves it, NaN: that of its first lane
+    lane: IntArray  # [K] by which it comes to it, -1: none
     back_lane: IntArray  # [K] the lane on which a robot that turned round drives back to that visit's vertex, -1: none
     back_m: FloatArray  # [K] and how far
+    gear: IntArray  # [K] of vehicles that come to that visit
+    behind: IntArray  # [K] vertex on which trailers stand then, -1: none
+    may_turn: BoolArray  # [K] whether vehicles are still far enough from that visit to cut the corner there
 
     @staticmethod
-    def at_rest(heading_rad: FloatArray) -> "Departure":
-        """Robots that have not driven yet."""
+    def at_rest(heading_rad: FloatArray, behind: IntArray) -> "Departure":
+        """Robots that have not driven yet, with trailers on the vertices behind them [K], -1: none."""
         num_robots = len(heading_rad)
-        return Departure(np.zeros(num_robots), heading_rad, np.full(num_robots, -1), np.zeros(num_robots))
+        none, nowhere = np.zeros(num_robots), np.full(num_robots, -1)
+        return Departure(none, heading_rad, nowhere, nowhere, none, np.zeros(num_robots, np.int64), behind, np.zeros(num_robots, np.bool_))
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,12 +54,18 @@ class MotionPlan:
     at_m: FloatArray  # [N]
     heading_rad: FloatArray  # [N]
     turns: BoolArray  # [N]
+    gear: IntArray  # [N] see `Visits`
+    tangent_m: FloatArray  # [N]
+    bend_mps: FloatArray  # [N]
+    limit_mps: FloatArray  # [N]
     short_of_m: FloatArray  # [N]
     needs: Needs
     left_at_m: FloatArray  # [M] along the robot's way where a need ends, inf: never
 
 
-def motion_plan(graph: NavGraph, resources: Resources, plan: Plan, departure: Departure, needless: IntArray, kind: IntArray) -> MotionPlan:
+def motion_plan(
+    graph: NavGraph, resources: Resources, plan: Plan, departure: Departure, needless: IntArray, kind: IntArray, vehicles: Vehicles
+) -> MotionPlan:
     """Lay out a plan along the robots' ways.
 
     Parameters
@@ -65,6 +82,8 @@ def motion_plan(graph: NavGraph, resources: Resources, plan: Plan, departure: De
         Robots whose last visit needs nothing: they will not be granted it.
     kind
         [K] types of the robots.
+    vehicles
+        [T] of the types, those that cannot turn in place; empty where there are none.
     """
     lane, _ = lanes_along(graph, plan)
     begin, last = plan.first[:-1], plan.first[1:] - 1
@@ -84,14 +103,62 @@ def motion_plan(graph: NavGraph, resources: Resources, plan: Plan, departure: De
     turns = np.zeros(plan.num_visits, np.bool_)
     turns[:-1] = np.abs(_wrapped(heading[1:] - heading[:-1])) > TURNS_RAD
     turns[last] = False
-    needs = needs_of(graph, plan, lane, resources, kind)
-    left_at = left_after_m(graph, resources, Course(plan, lane, from_m, at_m, stretch, kind), needs)
+    gear, tangent, bend_mps, limit = _bends(graph, plan, lane, departure, kind, vehicles, heading, turns)
+    behind, behind_m = _behind(plan, departure, kind, vehicles)
+    needs = needs_of(graph, plan, lane, resources, kind, behind)
+    left_at = left_after_m(graph, resources, Course(plan, lane, from_m, at_m, stretch, kind, behind_m), needs)
     if len(needless):
         needed = ~np.isin(needs.visit, last[needless])
         first = np.searchsorted(needs.visit[needed], np.arange(plan.num_visits + 1)).astype(np.int64)
         needs, left_at = Needs(frozen(first), needs.resource[needed], needs.on_lane[needed], needs.num_resources), left_at[needed]
     short_of = _short_of(resources, lane, from_m, at_m, stretch, np.repeat(kind, np.diff(plan.first)))
-    return MotionPlan(plan, lane, from_m, at_m, heading, turns, short_of, needs, left_at)
+    return MotionPlan(plan, lane, from_m, at_m, heading, turns, gear, tangent, bend_mps, limit, short_of, needs, left_at)
+
+
+def _bends(
+    graph: NavGraph,
+    plan: Plan,
+    lane: IntArray,
+    departure: Departure,
+    kind: IntArray,
+    vehicles: Vehicles,
+    heading: FloatArray,
+    turns: BoolArray,
+) -> tuple[IntArray, FloatArray, FloatArray, FloatArray]:
+    """[N] of vehicles gears, arcs and top speeds. Writes `heading`, in which they drive, and `turns`, where they change gear."""
+    gear, tangent = np.zeros(len(lane), np.int64), np.zeros(len(lane))
+    bend_mps, limit = np.full(len(lane), np.inf), np.where(lane >= 0, graph.speed_mps[lane], np.inf)
+    course = course_rad(graph) if vehicles else heading
+    for i, k in enumerate(kind.tolist() if vehicles else ()):
+        vehicle, part = vehicles[k], slice(int(plan.first[i]), int(plan.first[i + 1]))
+        if vehicle is None:
+            continue
+        mine = lane[part]
+        heading[part] = np.append(heading[part.start], course[mine[1:]])
+        bend = np.abs(_wrapped(np.diff(heading[part])))
+        back = bend >= np.pi - TURNS_RAD
+        turns[part] = np.append(back, False)
+        gear[part] = np.append(departure.gear[i], departure.gear[i] + np.cumsum(back)) % 2
+        table, wheels = turns_of(graph, vehicle), vehicle.kinematics
+        for n in range(0 if departure.may_turn[i] else 1, len(mine) - 1):
+            came = int(mine[n]) if n else int(departure.lane[i])
+            turn = table.between(came, int(mine[n + 1])) if came >= 0 else -1
+            if turn >= 0 and table.kind[turn] == ARC:
+                tangent[part.start + n] = table.tangent_m[turn]
+                bend_mps[part.start + n] = math.sqrt(wheels.lateral_mps2 * float(table.radius_m[turn]))
+        if wheels.reverse_mps is not None:
+            limit[part] = np.where(gear[part] == BACKWARD, np.minimum(limit[part], wheels.reverse_mps), limit[part])
+    return gear, tangent, bend_mps, limit
+
+
+def _behind(plan: Plan, departure: Departure, kind: IntArray, vehicles: Vehicles) -> tuple[IntArray | None, FloatArray | None]:
+    """[N] vertices on which trailers stand while a robot is at a visit, -1: none; and [K] how far they reach back. None: nobody tows."""
+    behind_m = np.array([each.behind_m if each is not None else 0.0 for each in vehicles] or [0.0])[kind if vehicles else 0 * kind]
+    if not behind_m.any():
+        return None, None
+    behind = np.where(np.repeat(behind_m, np.diff(plan.first)) > 0, np.append(-1, plan.vertex[:-1]), -1)
+    behind[plan.first[:-1]] = departure.behind
+    return behind, behind_m
 
 
 def lanes_along(graph: NavGraph, plan: Plan) -> tuple[IntArray, BoolArray]:

@@ -87,14 +87,15 @@ class Recovery:
         state, keeps_order = self.ledger.state, len(self.ledger.needs.passing) > 0
         barred = self._barred(now_s)
         self._ring_since = {ring: self._ring_since.get(ring, now_s) for ring in sorted(self.watch.known)}
-        if self.settings.recovery.give_way and not keeps_order:
+        can_step_aside = not self.ledger.is_vehicle.any()
+        if self.settings.recovery.give_way and not keeps_order and can_step_aside:
             for ring in self._ring_since:
                 if self._asked[frozenset(ring)] < SAME_RING:
                     yield request_for(now_s, context, ring, GIVE_WAY)
         patience_s = self.settings.recovery.patience_s
         stuck = state.waits.stuck & (now_s - state.waits.mark_s >= patience_s)
         late = np.flatnonzero(barred | (stuck & self._for_good(barred))).tolist()
-        if late and not keeps_order:
+        if late and not keeps_order and can_step_aside:
             yield request_for(now_s, context, late, DETOUR)
         opened = self._cut_off and np.count_nonzero(self.world.closed) < self._num_closed
         old = any(now_s - since >= patience_s for since in self._ring_since.values())

@@ -14,14 +14,16 @@ import numpy as np
 
 from mrp_sumo.core.graph import BoolArray, IntArray, NavGraph, frozen
 from mrp_sumo.core.plan import PlanResult, Status
-from mrp_sumo.core.problem import Problem
+from mrp_sumo.core.problem import Problem, Standing
 from mrp_sumo.core.request import Request, a_stop_each, next_stops, one_shot, with_stops_before
+from mrp_sumo.drive.ledger import Ledger
 from mrp_sumo.drive.reroute import Replan, Reroute
 from mrp_sumo.drive.surroundings import Surroundings
 from mrp_sumo.errors import MrpSumoError, PlanError, PlanningOverrun
-from mrp_sumo.planning.answers import as_supported
+from mrp_sumo.planning.answers import planned_by
 from mrp_sumo.planning.protocol import Planner
 from mrp_sumo.search.route import reach_m
+from mrp_sumo.traffic.moves import UNDER_WAY
 from mrp_sumo.traffic.resources import Resources
 
 EFFORT = 10_000_000  # labels that a planner may make for an answer of recovery
@@ -112,6 +114,7 @@ def situation(now_s: float, context: Surroundings, stays: BoolArray, end: IntArr
     for r in alone:
         lane = int(visits.lane[context.ahead(r)])
         blocked[[lane, *([int(graph.reverse[lane])] if graph.reverse[lane] >= 0 else [])]] = True
+    standing = _standing(ledger, start, on_lane & ~waits)
     robots = np.flatnonzero(~waits)
     goal, cut_off = _goals(ledger.problem, robots, ~blocked, start[robots], end[robots])
     request = Request(
@@ -124,8 +127,20 @@ def situation(now_s: float, context: Surroundings, stays: BoolArray, end: IntArr
         closed=blocked,
         reason="replan",
         since_s=frozen(context.crew.since_s[robots]),
+        standing=None if standing is None else Standing(standing.does[robots], standing.lane[robots], standing.gear[robots]),
     )
     return Situation(request, waits, back, alone, tuple(int(robots[i]) for i in cut_off))
+
+
+def _standing(ledger: Ledger, start: IntArray, on_lane: BoolArray) -> Standing | None:
+    """How vehicles are at the vertices [R] from which they are to be sent on; those on lanes [R] come to the vertex ahead, if to any."""
+    if not ledger.is_vehicle.any():
+        return None
+    standing, visits = ledger.standing, ledger.visits
+    ahead = np.maximum(visits.next[visits.granted], 0)
+    comes = on_lane & ledger.is_vehicle & (visits.vertex[ahead] == start)
+    does = np.where(comes, UNDER_WAY, standing.does)
+    return Standing(does, np.where(comes, visits.lane[ahead], standing.lane), np.where(comes, visits.gear[ahead], standing.gear))
 
 
 def planned(
@@ -235,7 +250,7 @@ def answer(request: Request, planner: str, parameters: Mapping[str, Any], limits
         problem = replace(one_shot(request), drivable=True, window_steps=window, effort=limits.effort)
         _prepare(method)
         began = process_time()
-        result = method.plan(as_supported(method, problem), GUARD_S)
+        result = planned_by(method, problem, GUARD_S)
     except MrpSumoError as error:
         raise PlanError(f"{planner}: {error}") from error
     killed = result.status is Status.TIMED_OUT and result.planning_time_s >= GUARD_S  # in a process of its own

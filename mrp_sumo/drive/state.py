@@ -103,6 +103,7 @@ class Kinematics(NamedTuple):
     reach_m: FloatArray  # before the end of its grant at which a robot asks for more, first come first served or where the order may change
     radius_m: FloatArray  # of the circle around each
     gap_m: FloatArray  # that each keeps
+    behind_m: FloatArray  # that trailers reach back along its path
 
 
 class Rules(NamedTuple):

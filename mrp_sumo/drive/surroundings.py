@@ -96,7 +96,9 @@ class Surroundings:
         return self.ledger.resources_from(robot, int(self.state.grants.oldest[robot]))
 
     def can_turn_back(self, robot: int) -> bool:
-        """True if a robot that waits on a lane has the lane for itself and may drive back."""
+        """True if a robot that waits on a lane has the lane for itself and may drive back; vehicles that cannot turn in place may not."""
+        if self.ledger.is_vehicle[robot]:
+            return False
         visits, claims = self.ledger.visits, self.state.grants.claims
         lane = int(visits.lane[self.ahead(robot)])
         back = int(visits.reverse[lane])

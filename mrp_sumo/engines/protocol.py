@@ -3,10 +3,18 @@
 from collections.abc import Sequence
 from typing import Protocol
 
-from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray
+import numpy as np
+
+from mrp_sumo.core.fleet import Fleet
+from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, NavGraph
 from mrp_sumo.core.visits import Visits
 
 WHOLE_WAY = 2**62  # rank of a visit above all others
+
+
+def has_limits(graph: NavGraph, fleet: Fleet) -> bool:
+    """True if robots may be slower on some lanes, or at bends, than their types' top speed."""
+    return bool(np.isfinite(graph.speed_mps).any() or fleet.vehicle_of_kind)
 
 
 class Bodies(Protocol):

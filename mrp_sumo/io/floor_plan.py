@@ -6,7 +6,7 @@ form that Nav2's map_server reads. Reading them back gives the same arrays. Refu
 
 import json
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +15,7 @@ import yaml
 
 from mrp_sumo.core.fleet import LIMITS, Fleet, fleet_of_types
 from mrp_sumo.core.graph import NO_OPTIONS, NavGraph, PlanGraph, frozen, nav_graph, plan_graph
-from mrp_sumo.core.robot_type import RobotType
+from mrp_sumo.core.robot_type import RobotType, Trailer, Wheels
 from mrp_sumo.errors import MrpSumoError, first_line
 from mrp_sumo.files.reading import read_json, require_regular
 from mrp_sumo.maps.yaml_text import parse
@@ -39,6 +39,9 @@ def write_floor(path: Path, graph: PlanGraph, fleet: Fleet, nav: NavGraph | None
         "plan_graph": {**_graph_document(graph), **about},
         "nav_graph": _graph_document(nav) if nav is not None else None,
     }
+    if fleet.vehicle_of_kind:
+        shapes = [{"kinematics": asdict(each.kinematics), "trailers": [*map(asdict, each.trailers)]} for each in fleet.types]
+        document["vehicles"] = {"kind": fleet.kind.tolist(), "name": [each.name for each in fleet.types], "shape": shapes}
     path.write_text(json.dumps(document, separators=(",", ":"), ensure_ascii=False, allow_nan=False) + "\n", encoding="utf-8")
 
 
@@ -50,7 +53,7 @@ def read_floor(path: Path) -> tuple[PlanGraph, Fleet, NavGraph | None]:
         raise MrpSumoError(f"{path}: schema version {version}, expected {SCHEMA_VERSION}")
     plan, fleet, nav = document["plan_graph"], document["fleet"], document["nav_graph"]
     graph = plan_graph(_graph(plan), kind=plan["kind"], cell_m=plan["cell_m"], vertex_of_station=plan["vertex_of_station"])
-    return graph, _fleet(fleet), _graph(nav) if nav else None
+    return graph, _fleet(fleet, document.get("vehicles")), _graph(nav) if nav else None
 
 
 def _texts(names: Sequence[str]) -> tuple[str, ...]:
@@ -60,9 +63,21 @@ def _texts(names: Sequence[str]) -> tuple[str, ...]:
     return tuple(names)
 
 
-def _fleet(document: dict[str, Any]) -> Fleet:
+def _fleet(document: dict[str, Any], vehicles: dict[str, Any] | None) -> Fleet:
     """Robots with equal figures are of one type."""
     columns = np.array([document[key] for key in LIMITS], np.float64).T
+    if vehicles is not None:
+        of_kind = dict(zip(vehicles["kind"], columns.tolist()))
+        made = [
+            RobotType(
+                name,
+                **dict(zip(LIMITS, of_kind[k])),
+                kinematics=Wheels(**shape["kinematics"]),
+                trailers=tuple(Trailer(**each) for each in shape["trailers"]),
+            )
+            for k, (name, shape) in enumerate(zip(vehicles["name"], vehicles["shape"]))
+        ]
+        return replace(fleet_of_types(made, np.array(vehicles["kind"], np.int64)), robot_name=_texts(document["robot_name"]), type_name=())
     rows, kind = np.unique(columns, axis=0, return_inverse=True)
     types = [RobotType("", **dict(zip(LIMITS, row.tolist()))) for row in rows]
     return replace(fleet_of_types(types, kind.reshape(-1)), robot_name=_texts(document["robot_name"]), type_name=())

@@ -1,14 +1,16 @@
 """Trajectories as Parquet: one long table of exact float64, the source of truth that every other log derives from.
 
 Columns: `t_ns` int64, `robot` dictionary of names, `x_m`, `y_m`, `yaw_rad`, `speed_mps` float64. A robot that is not on the floor has no
-row. Where robots change levels, `level` is a dictionary of names, too, and positions are in the frame of that level: what was added
+row. Where vehicles tow trailers, `hitch_1_rad` and so on are the angles of each to what is in front of it, 0 where there is none. Where
+robots change levels, `level` is a dictionary of names, too, and positions are in the frame of that level: what was added
 to lay levels side by side is subtracted, and kept in the metadata. Row groups hold about half a million rows, robot by robot inside,
 compressed with zstd after a byte-stream split. Equal executions give equal bytes. Refuses files of another schema.
 """
 
 import json
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from itertools import count, takewhile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -52,6 +54,7 @@ class Trajectory:
     metadata: Mapping[str, Any]  # as given to the writer, with schema_version and units
     level: IntArray | None = None  # [T, R] in `levels`
     levels: Levels | None = None
+    hitch_rad: Mapping[str, FloatArray] = field(default_factory=dict)  # [T, R] by column
 
     @property
     def t_s(self) -> FloatArray:
@@ -87,10 +90,10 @@ def write_trajectory(
     }
     if levels:
         about |= {"levels": dict(zip(levels.name, levels.shift_m.tolist()))}
-    schema = _schema(len(robot_name), levels).with_metadata(
+    schema = _schema(len(robot_name), levels, execution.hitch_rad).with_metadata(
         {"mrp_sumo": json.dumps(about, sort_keys=True, ensure_ascii=False, allow_nan=False)}
     )
-    encoding = {"t_ns": "DELTA_BINARY_PACKED", **dict.fromkeys(COLUMNS, "BYTE_STREAM_SPLIT")}
+    encoding = {"t_ns": "DELTA_BINARY_PACKED", **dict.fromkeys((*COLUMNS, *execution.hitch_rad), "BYTE_STREAM_SPLIT")}
     with pq.ParquetWriter(path, schema, compression="zstd", use_dictionary=["robot", "level"], column_encoding=encoding) as writer:
         for table in _tables(execution, robot_name, t_ns, levels):
             writer.write_table(table.replace_schema_metadata(schema.metadata), ROWS_PER_GROUP * 2)
@@ -99,12 +102,14 @@ def write_trajectory(
 def trajectory_of(execution: Execution, robot_name: tuple[str, ...]) -> Trajectory:
     """The trajectory as arrays, without metadata."""
     columns: dict[str, Any] = {name: getattr(execution, name) for name in COLUMNS}
-    return Trajectory(_ticks(execution), robot_name, **columns, metadata={}, level=execution.level)
+    return Trajectory(_ticks(execution), robot_name, **columns, metadata={}, level=execution.level, hitch_rad=execution.hitch_rad)
 
 
 def trajectory_table(execution: Execution, robot_name: tuple[str, ...], levels: Levels | None = None) -> pa.Table:
     """The table in memory, without metadata."""
-    return pa.concat_tables([_schema(len(robot_name), levels).empty_table(), *_tables(execution, robot_name, _ticks(execution), levels)])
+    return pa.concat_tables(
+        [_schema(len(robot_name), levels, execution.hitch_rad).empty_table(), *_tables(execution, robot_name, _ticks(execution), levels)]
+    )
 
 
 def trajectory_frame(table: pa.Table) -> "pandas.DataFrame":
@@ -118,10 +123,10 @@ def _ticks(execution: Execution) -> IntArray:
     return np.rint(execution.t_s * 1e9).astype(np.int64)
 
 
-def _schema(num_robots: int, levels: Levels | None) -> pa.Schema:
+def _schema(num_robots: int, levels: Levels | None, hitches: Iterable[str]) -> pa.Schema:
     robot = pa.dictionary(pa.from_numpy_dtype(_index(num_robots)), pa.string())
     fields = [pa.field("t_ns", pa.int64(), False), pa.field("robot", robot, False)]
-    fields += [pa.field(name, pa.float64(), False) for name in COLUMNS]
+    fields += [pa.field(name, pa.float64(), False) for name in (*COLUMNS, *hitches)]
     return pa.schema(fields + ([pa.field("level", pa.dictionary(pa.int16(), pa.string()), False)] if levels else []))
 
 
@@ -132,11 +137,12 @@ def _index(num_robots: int) -> type[np.signedinteger]:
 def _tables(execution: Execution, robot_name: tuple[str, ...], t_ns: IntArray, levels: Levels | None) -> Iterator[pa.Table]:
     """The rows, half a million at a time, robot by robot in each."""
     num_samples, num_robots = execution.x_m.shape
-    schema, names = _schema(num_robots, levels), texts(robot_name)
+    schema, names = _schema(num_robots, levels, execution.hitch_rad), texts(robot_name)
     ticks = max(1, ROWS_PER_GROUP // max(1, num_robots))
     for a in range(0, num_samples, ticks):
         rows = slice(a, min(a + ticks, num_samples))
-        flat = [np.ascontiguousarray(getattr(execution, name)[rows].T).ravel() for name in COLUMNS]
+        values = *(getattr(execution, name) for name in COLUMNS), *execution.hitch_rad.values()
+        flat = [np.ascontiguousarray(column[rows].T).ravel() for column in values]
         length = rows.stop - rows.start
         time, robot = np.tile(t_ns[rows], num_robots), np.repeat(np.arange(num_robots), length)
         if levels and execution.level is not None:
@@ -144,9 +150,9 @@ def _tables(execution: Execution, robot_name: tuple[str, ...], t_ns: IntArray, l
             flat[:2] = flat[0] - levels.shift_m[flat[-1], 0], flat[1] - levels.shift_m[flat[-1], 1]
         there = np.isfinite(flat[0]) & np.isfinite(flat[1])
         if not there.all():
-            time, robot, flat = time[there], robot[there], [values[there] for values in flat]
+            time, robot, flat = time[there], robot[there], [column[there] for column in flat]
         robots = pa.DictionaryArray.from_arrays(numbers(robot.astype(_index(num_robots))), names)
-        columns = [numbers(time), robots, *map(numbers, flat[: len(COLUMNS)])]
+        columns = [numbers(time), robots, *map(numbers, flat[: len(values)])]
         if levels:
             columns.append(pa.DictionaryArray.from_arrays(numbers(flat[-1].astype(np.int16)), texts(levels.name)))
         yield pa.Table.from_arrays(columns, schema=schema)
@@ -165,10 +171,12 @@ def read_trajectory(path: Path) -> Trajectory:
     if not len(t_ns) * len(names) <= MAX_PLACES or not np.array_equal(t_ns[np.minimum(row, len(t_ns) - 1)] if len(t_ns) else [], time):
         raise table.fault("its rows are at other times than its metadata say")
     columns: dict[str, Any] = {}
-    for name in COLUMNS:
+    hitches = [*takewhile(table.has, (f"hitch_{k}_rad" for k in count(1)))]
+    for name in (*COLUMNS, *hitches):
         values = np.full((len(t_ns), len(names)), np.nan)
         values[row, robot] = table.numbers(name)
         columns[name] = values
+    columns["hitch_rad"] = {name: columns.pop(name) for name in hitches}
     if "levels" not in about:
         return Trajectory(t_ns, names, **columns, metadata=about)
     levels = _levels(table, about["levels"])

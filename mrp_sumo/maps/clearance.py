@@ -2,7 +2,7 @@
 
 Walls are the strokes of a building's drawing, without thickness; where a door is drawn on one, it is open. Grid maps have no building:
 their free cells are those with room already. A robot needs half its width beside a lane, and at a vertex, where it may turn, the radius
-of the circle around it, and the millimetre by which it stops short of the vertex.
+of the circle around it, or what a vehicle sweeps there, and the millimetre by which it stops short of the vertex.
 """
 
 from collections.abc import Collection
@@ -74,7 +74,7 @@ class Narrow:
             nearest = f"the closest {self._lane(beside[0])}: {self.lane_m[beside[0]]:.2f} m"
             notes.append(f"{_count(len(beside), 'lane runs', 'lanes run')} closer than {room}, {nearest}")
         if len(vertices):
-            room = f"{self.robot.radius_m:.2f} m to a wall, too close for '{name}' to turn"
+            room = f"{self.robot.half_width_m:.2f} m to a wall, too close for '{name}' to turn"
             nearest = f"the closest {self._vertex(vertices[0])}: {self.vertex_m[vertices[0]]:.2f} m"
             notes.append(f"{_count(len(vertices), 'vertex is', 'vertices are')} closer than {room}, {nearest}")
         return tuple(notes)
@@ -103,11 +103,11 @@ def narrow(graph: NavGraph, building: Building | None, robot: RobotType) -> Narr
     if building is None:
         far = np.full(graph.num_lanes, np.inf), np.full(graph.num_vertices, np.inf)
         return Narrow(robot, graph, *far, *(np.isnan(distance) for distance in far))
-    clearances = clearance(graph, building, robot.radius_m + STOPS_SHORT_M)
+    clearances = clearance(graph, building, robot.half_width_m + STOPS_SHORT_M)
     driven = np.zeros(graph.num_vertices, np.bool_)
     driven[graph.tail] = driven[graph.head] = True
     lanes = (clearances.lane_m == 0) | (clearances.lane_m < robot.width_m / 2 - SHORTEST_M)
-    vertices = driven & (clearances.vertex_m < robot.radius_m + STOPS_SHORT_M)
+    vertices = driven & (clearances.vertex_m < robot.half_width_m + STOPS_SHORT_M)
     return Narrow(robot, graph, clearances.lane_m, clearances.vertex_m, lanes, vertices)
 
 

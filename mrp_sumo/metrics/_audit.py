@@ -36,6 +36,7 @@ class Footprints(NamedTuple):
     radius: np.ndarray  # [R] m
     half_length: np.ndarray  # [R]
     half_width: np.ndarray  # [R]
+    owner: np.ndarray  # [R] robot whose body it is: parts of one do not meet
 
 
 class MotionLimits(NamedTuple):
@@ -150,6 +151,8 @@ def closeness(poses, level, bodies):
                         j = order[at]
                         if column[j] != column[i] + c or row[j] != row[i] + d or (c == 0 and d == 0 and j <= i) or level[i] != level[j]:
                             continue
+                        if bodies.owner[i] == bodies.owner[j]:
+                            continue
                         if np.hypot(mid_x[j] - mid_x[i], mid_y[j] - mid_y[i]) - reach[i] - reach[j] > best:
                             continue
                         one, two = min(i, j), max(i, j)
@@ -178,7 +181,7 @@ def _bound(poses, level, bodies, where):
                 continue
             for j in range(i + 1, num_robots):
                 dx, dy = x[k, j] - x[k, i], y[k, j] - y[k, i]
-                if level[i] != level[j] or not np.hypot(dx, dy) - radius[i] - radius[j] < best:
+                if bodies.owner[i] == bodies.owner[j] or level[i] != level[j] or not np.hypot(dx, dy) - radius[i] - radius[j] < best:
                     continue
                 d = rectangle_distance(dx, dy, yaw[k, i], yaw[k, j], _size(bodies, i), _size(bodies, j))
                 if max(d, 0.0) < best:

@@ -6,14 +6,15 @@ at all of that way, not only at the samples.
 """
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
+from mrp_sumo.core.bodies import axle_of, bodies_of
 from mrp_sumo.core.execution import Execution, Outcome, positions_at
 from mrp_sumo.core.facilities import CABIN_M, beyond_cabin_m
-from mrp_sumo.core.fleet import Fleet, fleet_of
+from mrp_sumo.core.fleet import LIMITS, Fleet, fleet_of
 from mrp_sumo.core.graph import FloatArray, IntArray
 from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.maps.boxes import overlapping
@@ -35,13 +36,14 @@ KINDS = {  # of violations: the count they go to, in the order of the kernel's n
     "jump": "num_jumps",
     "heading_jump": "num_heading_jumps",
 }
+WHEEL_SLACK, WHEEL_SLACK_M = 0.02, 2e-3  # in which robots stop short of vertices and lanes are rounded
 IN_WORDS = (  # kinds of findings: where they are listed, what counts them, the words between robot and place
     ("overlaps", ("num_overlaps",), "overlap"),
     ("wall_contacts", ("num_wall_contacts",), "{at_wall}"),
     ("person_contacts", ("num_person_contacts",), "drives into person {person}"),
     ("field_violations", ("num_field_violations",), "drives {speed_mps:.2f} m/s, faster than its protective field allows,"),
     ("rides_outside", ("num_rides_outside",), "rides a lift outside its cabin"),
-    ("violations", tuple(KINDS.values()), "breaks its limit of {kind}: {value:.3g} where {limit:.3g} is the most,"),
+    ("violations", (*KINDS.values(), "num_wheel_violations"), "breaks its limit of {kind}: {value:.3g} where {limit:.3g} is the most,"),
     ("sumo_disagreements", ("num_sumo_disagreements",), "is {apart_m:.3f} m from where SUMO has it"),
 )
 
@@ -90,10 +92,14 @@ def audit(
     rides = _outside_cabins(execution, fleet, cabins)
     if execution.level is not None:
         execution, level = _on_floors(execution, execution.level), None
-    overlaps, clearance = _closeness(_apart(execution), fleet, level)
-    walls_found = _at_walls(execution, fleet, walls)
-    people_found = _among_people(execution, fleet)
+    parts, members, floors = _with_trailers(execution, fleet, level)
+    overlaps, clearance = _closeness(_apart(parts), members, floors)
+    walls_found = _at_walls(parts, members, walls)
+    people_found = _among_people(parts, members)
     counts, violations = _motion(execution, fleet)
+    wheels = _wheels(execution, fleet)
+    counts |= {"num_wheel_violations": len(wheels)} if fleet.vehicle_of_kind else {}
+    violations += wheels[:LISTED]
     elsewhere, apart_m = _elsewhere(execution, fleet)
     collisions = execution.findings
     return {
@@ -120,7 +126,7 @@ def audit(
 def first_findings(audited: dict[str, Any]) -> Iterator[Finding]:
     """Findings of an audit, the first of each kind, with how many more there are."""
     for listed, counts, words in IN_WORDS:
-        if count := sum(audited[name] or 0 for name in counts):
+        if count := sum(audited.get(name) or 0 for name in counts):
             first = audited[listed][0]
             robots = first.get("robots") or [first["robot"]]
             place = f" at ({first['x_m']:.2f}, {first['y_m']:.2f})" if "x_m" in first else ""
@@ -148,9 +154,55 @@ def _poses(execution: Execution) -> _audit.Poses:
     return _audit.Poses(_rows(execution.x_m), _rows(execution.y_m), _rows(execution.yaw_rad))
 
 
+@dataclass(frozen=True, eq=False)
+class Parts(Fleet):
+    """Robots and trailers, each as a robot of its own."""
+
+    owner: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))  # [B]
+
+
+def _with_trailers(execution: Execution, fleet: Fleet, level: IntArray | None) -> tuple[Execution, Fleet, IntArray | None]:
+    """The execution with trailers as robots of their own."""
+    if not execution.hitch_rad:
+        return execution, fleet, level
+    bodies = bodies_of(execution, fleet)
+    owner = bodies.owner
+    columns = {key: getattr(fleet, key)[owner] for key in (*LIMITS, "kind")} | {"length_m": bodies.length_m, "width_m": bodies.width_m}
+    parts = Parts(robot_name=bodies.name, apart_m=fleet.apart_m, owner=owner, **columns)
+    floor = None if execution.level is None else execution.level[:, owner]
+    speed = execution.speed_mps[:, owner]
+    spread = replace(execution, x_m=bodies.x_m, y_m=bodies.y_m, yaw_rad=bodies.yaw_rad, speed_mps=speed, level=floor, hitch_rad={})
+    return spread, parts, None if level is None else level[owner]
+
+
+def _wheels(execution: Execution, fleet: Fleet) -> list[dict[str, Any]]:
+    """Moves between two samples that the wheels of a vehicle cannot make: a turn too tight, a slip to the side, driving backwards."""
+    wrong = []
+    for r, k in enumerate(fleet.kind.tolist() if fleet.vehicle_of_kind else ()):
+        vehicle = fleet.types[k]
+        if not vehicle.is_vehicle:
+            continue
+        yaw = np.unwrap(execution.yaw_rad[:, r])
+        x, y = axle_of(execution.x_m[:, r], execution.y_m[:, r], yaw, vehicle.kinematics.ahead_m)
+        along, turned, middle = np.stack([np.diff(x), np.diff(y)]), np.abs(np.diff(yaw)), (yaw[1:] + yaw[:-1]) / 2
+        ahead, aside = along[0] * np.cos(middle) + along[1] * np.sin(middle), along[1] * np.cos(middle) - along[0] * np.sin(middle)
+        moved, least_m = np.hypot(*along), vehicle.kinematics.least_radius_m
+        checks = (
+            ("radius", turned * least_m > moved * (1 + WHEEL_SLACK) + WHEEL_SLACK_M, moved / np.maximum(turned, 1e-12), least_m),
+            ("side slip", np.abs(aside) > moved * turned / 4 + WHEEL_SLACK_M, np.abs(aside), 0.0),
+            ("reverse", (ahead < -WHEEL_SLACK_M) & (not vehicle.kinematics.reverse), -ahead, 0.0),
+        )
+        for kind, is_wrong, value, limit in checks:
+            for at in np.flatnonzero(is_wrong).tolist():
+                t_s = float(execution.t_s[at + 1])
+                wrong.append({"kind": kind, "robot": fleet.robot_name[r], "t_s": t_s, "value": float(value[at]), "limit": limit})
+    return wrong
+
+
 def _bodies(fleet: Fleet) -> _audit.Footprints:
     half_length, half_width = fleet.length_m / 2, fleet.width_m / 2
-    return _audit.Footprints(np.hypot(half_length, half_width), half_length, half_width)
+    owner = fleet.owner if isinstance(fleet, Parts) else np.arange(fleet.num_robots)
+    return _audit.Footprints(np.hypot(half_length, half_width), half_length, half_width, _whole(owner))
 
 
 def _outside_cabins(execution: Execution, fleet: Fleet, cabins: FloatArray | None) -> list[dict[str, Any]] | None:
@@ -330,14 +382,31 @@ def _motion(execution: Execution, fleet: Fleet) -> tuple[dict[str, int], list[di
     """Counts of samples over the limits, and the first of them."""
     first = np.zeros((len(KINDS), LISTED, 4))
     t, speed = _rows(execution.t_s), _rows(execution.speed_mps)
-    limits = (_rows(v) for v in (fleet.max_speed_mps, fleet.accel_mps2, fleet.decel_mps2, fleet.turn_rate_rad_s))
-    counts = _audit.over_limits(t, _poses(execution), speed, _audit.MotionLimits(*limits), first).tolist()
+    limits = (_rows(v) for v in (fleet.max_speed_mps, fleet.accel_mps2, fleet.decel_mps2, _turn_rates(fleet)))
+    counts = _audit.over_limits(t, _at_axles(execution, fleet), speed, _audit.MotionLimits(*limits), first).tolist()
     violations = [
         {"kind": kind, "robot": fleet.robot_name[int(r)], "t_s": float(execution.t_s[int(k)]), "value": value, "limit": limit}
         for kind, count, rows in zip(KINDS, counts, first.tolist())
         for k, r, value, limit in rows[:count]
     ]
     return dict(zip(KINDS.values(), counts)), violations
+
+
+def _turn_rates(fleet: Fleet) -> FloatArray:
+    """[R] at which robots turn: in place, or on the tightest arc."""
+    if not fleet.vehicle_of_kind:
+        return fleet.turn_rate_rad_s
+    least_m = np.array([each.kinematics.least_radius_m for each in fleet.types])[fleet.kind]
+    return np.where(least_m > 0, fleet.max_speed_mps / np.maximum(least_m, 1e-9), fleet.turn_rate_rad_s)
+
+
+def _at_axles(execution: Execution, fleet: Fleet) -> _audit.Poses:
+    """Poses of what keeps the limits of motion: the middle of the body, of vehicles that of their fixed axle."""
+    if not fleet.vehicle_of_kind:
+        return _poses(execution)
+    ahead_m = np.array([each.kinematics.ahead_m if each.is_vehicle else 0.0 for each in fleet.types])[fleet.kind]
+    x, y = axle_of(execution.x_m, execution.y_m, execution.yaw_rad, ahead_m)
+    return _audit.Poses(_rows(x), _rows(y), _rows(execution.yaw_rad))
 
 
 def _elsewhere(execution: Execution, fleet: Fleet) -> tuple[list[dict[str, Any]], float | None]:
@@ -357,5 +426,12 @@ def _elsewhere(execution: Execution, fleet: Fleet) -> tuple[list[dict[str, Any]]
 def _rows(values: FloatArray) -> FloatArray:
     """As the kernels take it: one type of array, whoever made it."""
     rows: FloatArray = np.ascontiguousarray(values, np.float64).view()
+    rows.flags.writeable = False
+    return rows
+
+
+def _whole(values: IntArray) -> IntArray:
+    """The same for whole numbers."""
+    rows: IntArray = np.ascontiguousarray(values, np.int64).view()
     rows.flags.writeable = False
     return rows

@@ -16,9 +16,11 @@ from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError
 from mrp_sumo.planning.outside import Outside
 from mrp_sumo.planning.protocol import Planner
+from mrp_sumo.planning.vehicles import on_map, on_moves
 from mrp_sumo.search.distance import UNREACHABLE, steps_to_targets
 from mrp_sumo.search.solvable import order_broken
 from mrp_sumo.traffic.clashes import clashes_of
+from mrp_sumo.traffic.moves import MoveGraph
 
 
 def impossible(problem: Problem, check_clock: Callable[[], None] | None = None) -> PlanResult | None:
@@ -101,13 +103,26 @@ def answer_of(chosen: Planner, problem: Problem, time_limit_s: float) -> PlanRes
     """The result of a planner, with the times that it took unless it runs in a process of its own; GAVE_UP where it runs out of memory."""
     began, cpu_began = perf_counter(), process_time()
     try:
-        result = chosen.plan(as_supported(chosen, problem), time_limit_s)
+        result = planned_by(chosen, problem, time_limit_s)
     except MemoryError:
         time_s = perf_counter() - began
         result = PlanResult(Status.GAVE_UP, planning_time_s=time_s, message=f"no memory left after {time_s:.3g} s")
     if result.planning_cpu_s is not None or isinstance(chosen, Outside):
         return result
     return replace(result, planning_time_s=perf_counter() - began, planning_cpu_s=process_time() - cpu_began)
+
+
+def planned_by(chosen: Planner, problem: Problem, time_limit_s: float) -> PlanResult:
+    """The answer of a planner to a problem as it supports it, and vehicles as they can move."""
+    if not problem.fleet.vehicle_of_kind:
+        return chosen.plan(as_supported(chosen, problem), time_limit_s)
+    try:
+        moves = on_moves(problem)
+    except PlanError as error:
+        return PlanResult(Status.INFEASIBLE, message=str(error))
+    graph = moves.graph
+    assert isinstance(graph, MoveGraph)
+    return on_map(chosen.plan(moves, time_limit_s), graph)
 
 
 def as_supported(chosen: Planner, problem: Problem) -> Problem:

@@ -14,6 +14,7 @@ import numpy as np
 from mrp_sumo.core.clashes import Clashes, no_clashes
 from mrp_sumo.core.graph import BoolArray, IntArray, NavGraph, PlanGraph, frozen
 from mrp_sumo.core.problem import Problem
+from mrp_sumo.traffic.moves import MoveGraph
 from mrp_sumo.traffic.resources import Resources, groups_of, resources_of
 
 NO_SEPARATION = -1.0  # stands for the rules of MAPF alone
@@ -26,13 +27,57 @@ def clashes_of(problem: Problem) -> Clashes:
 
     Those of a graph are computed once.
     """
-    graph, known = problem.graph, _known.setdefault(problem.graph, {})
-    separation_m = problem.fleet.separation_m if problem.drivable else NO_SEPARATION
+    return _on(problem.graph, problem.fleet.separation_m if problem.drivable else NO_SEPARATION)
+
+
+def _on(graph: PlanGraph, separation_m: float) -> Clashes:
+    known = _known.setdefault(graph, {})
     if separation_m not in known:
-        known[separation_m] = (
-            _clashes(graph, separation_m) if problem.drivable else no_clashes(graph.num_vertices, graph.num_lanes, rotations=True)
-        )
+        if isinstance(graph, MoveGraph):
+            known[separation_m] = _of_states(graph, _on(graph.base, separation_m))
+        elif separation_m == NO_SEPARATION:
+            known[separation_m] = no_clashes(graph.num_vertices, graph.num_lanes, rotations=True)
+        else:
+            known[separation_m] = _clashes(graph, separation_m)
     return known[separation_m]
+
+
+def _of_states(graph: MoveGraph, of_map: Clashes) -> Clashes:
+    """The clashes of a graph of moves: all states at a place exclude each other, and those at places that exclude each other on the map."""
+    base, place, count = graph.base, graph.place, graph.base.num_vertices
+    tows = np.flatnonzero(graph.behind >= 0)
+    held, state = np.concatenate([place, graph.behind[tows]]), np.concatenate([np.arange(len(place)), tows])  # places, and who is there
+    by_place, by_lane = np.argsort(held, kind="stable"), np.argsort(graph.base_lane, kind="stable")
+    num_vertices, num_lanes = graph.num_vertices, graph.num_lanes
+    num_moves = num_lanes + num_vertices
+    all_moves = np.arange(num_moves)
+    of_base = np.concatenate([graph.base_lane, base.num_lanes + place])  # [M] the same move on the map
+    ends = np.concatenate([np.stack([graph.tail, graph.head]), np.tile(np.arange(num_vertices), (2, 1))], 1)  # [2, M] states
+    behind = graph.behind[ends]  # [2, M]
+    parts = [(all_moves, place[ends[0]]), (all_moves, place[ends[1]])]
+    parts += [(all_moves[mine >= 0], mine[mine >= 0]) for mine in behind]
+    moves = [of_base, *(np.where(mine >= 0, base.num_lanes + mine, -1) for mine in behind)]
+    lanes = []
+    for move in moves:  # what the map says of the move, and of trailers that wait behind it
+        some = np.flatnonzero(move >= 0)
+        begin, number = of_map.vertex_first[move[some]], np.diff(of_map.vertex_first)[move[some]]
+        parts.append((np.repeat(some, number), of_map.vertex[_ranges(begin, number)]))
+        begin, number = of_map.lane_first[move[some]], np.diff(of_map.lane_first)[move[some]]
+        lanes.append(np.stack([np.repeat(some, number), of_map.lane[_ranges(begin, number)]]))
+    pairs = np.unique(np.concatenate([one * count + at for one, at in parts]))
+    move, vertex = _joined(pairs // count, pairs % count, held[by_place], state[by_place], count)
+    grouped = np.isin(pairs, np.concatenate([one * count + at for one, at in parts[2:]]))  # excluded beyond the rules of MAPF
+    keep = np.repeat(grouped, np.bincount(held, minlength=count)[pairs % count])
+    keep |= (vertex != ends[0][move]) & (vertex != ends[1][move])
+    vertex_first, vertex = _csr(move[keep], vertex[keep], num_moves)
+    on, lane = np.unique(np.concatenate(lanes, 1), axis=1)
+    on, lane = _joined(on, lane, graph.base_lane[by_lane], by_lane, base.num_lanes)
+    lane_first, lane = _csr(on, lane, num_moves)
+    return Clashes(vertex_first, vertex, lane_first, lane, True, of_map.rotations)
+
+
+def _ranges(begin: IntArray, count: IntArray) -> IntArray:
+    return np.arange(int(count.sum())) - np.repeat(np.cumsum(count) - count - begin, count)
 
 
 def _clashes(graph: PlanGraph, separation_m: float) -> Clashes:

@@ -26,6 +26,7 @@ import numpy as np
 from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, NavGraph, Options, frozen
 from mrp_sumo.core.near import pairs_within
 from mrp_sumo.core.plan import Plan
+from mrp_sumo.traffic.moves import MoveGraph
 from mrp_sumo.traffic.passages import Needs
 
 LEFT_M = 0.003  # before the lane's end a robot has left the vertex behind it at the latest
@@ -89,6 +90,8 @@ def resources_of(graph: NavGraph, apart_m: float | FloatArray) -> Resources:
 @lru_cache(maxsize=2)  # retiming and driving ask for the same
 def _resources_of(graph: NavGraph, num_kinds: int, apart: bytes) -> Resources:
     apart_m = np.frombuffer(apart, np.float64).reshape(num_kinds, num_kinds)
+    if isinstance(graph, MoveGraph):
+        return _of_states(graph, _resources_of(graph.base, num_kinds, apart))
     num_vertices = graph.num_vertices
     ends, track = np.unique(np.sort(np.stack([graph.tail, graph.head], 1), axis=1), axis=0, return_inverse=True)
     track = track.reshape(-1)
@@ -124,7 +127,43 @@ def _resources_of(graph: NavGraph, num_kinds: int, apart: bytes) -> Resources:
     )
 
 
-def needs_of(graph: NavGraph, plan: Plan, lane: IntArray, resources: Resources, kind: IntArray) -> Needs:
+def _of_states(graph: MoveGraph, of_map: Resources) -> Resources:
+    """The resources of a graph of moves: every vertex, zone and group of the map is a group of the states and moves that need it there."""
+    base, num_kinds = graph.base, of_map.num_kinds
+    ends, track = np.unique(np.sort(np.stack([graph.tail, graph.head], 1), axis=1), axis=0, return_inverse=True)
+    track = track.reshape(-1)
+    track_of = np.full(len(ends), -1)
+    track_of[track] = base.num_vertices + of_map.track[graph.base_lane]
+    of_place = np.concatenate([graph.place, track_of])  # [V' + T'] the place of the map
+    behind = np.concatenate([graph.behind, np.full(len(ends), -1)])
+    first, of = [np.zeros(1, np.int64)], []
+    for kind in range(num_kinds):
+        own = np.flatnonzero(of_place < base.num_vertices)
+        parts = [(own, of_place[own])]
+        for where in (of_place, behind):
+            some = np.flatnonzero(where >= 0)
+            begin = of_map.zones_first[kind * of_map.num_places + where[some]]
+            count = np.diff(of_map.zones_first)[kind * of_map.num_places + where[some]]
+            parts.append((np.repeat(some, count), base.num_vertices + of_map.zones_of[_ranges(begin, count)]))
+        parts.append((np.flatnonzero(behind >= 0), behind[behind >= 0]))
+        pairs = np.unique(np.concatenate([at * (1 << 32) + group for at, group in parts]))
+        first.append(first[-1][-1] + np.searchsorted(pairs >> 32, np.arange(1, len(of_place) + 1)))
+        of.append(pairs & ((1 << 32) - 1))
+    return Resources(
+        apart_m=of_map.apart_m,
+        track=frozen(track),
+        ends=frozen(ends),
+        leave_m=frozen(of_map.leave_m[:, graph.base_lane]),
+        enter_m=frozen(of_map.enter_m[:, graph.base_lane]),
+        zone=frozen(np.zeros((0, 2), np.int64)),
+        zone_needs=frozen(np.zeros((0, 2, num_kinds), np.bool_)),
+        group_name=(*(f"at {base.label(v)}" for v in range(base.num_vertices)), *map(str, range(len(of_map.zone))), *of_map.group_name),
+        zones_first=frozen(np.concatenate(first).astype(np.int64)),
+        zones_of=frozen(np.concatenate(of)),
+    )
+
+
+def needs_of(graph: NavGraph, plan: Plan, lane: IntArray, resources: Resources, kind: IntArray, behind: IntArray | None = None) -> Needs:
     """The needs of every visit: its vertex, the zones of its vertex and those of the track that leads to it.
 
     Parameters
@@ -133,16 +172,20 @@ def needs_of(graph: NavGraph, plan: Plan, lane: IntArray, resources: Resources, 
         [N] by which a visit is reached, -1 for first visits.
     kind
         [R] types of the plan's robots.
+    behind
+        [N] vertices on which trailers stand then, -1: none; None: there are none.
     """
     num_visits, num_vertices = plan.num_visits, graph.num_vertices
     visit = np.arange(num_visits)
     moved = visit[lane >= 0]
     row = np.repeat(kind, np.diff(plan.first)) * resources.num_places
     parts = [(visit, plan.vertex, np.zeros(num_visits, np.bool_))]
-    for some, place, only_lane in (
-        (visit, row + plan.vertex, False),
-        (moved, row[moved] + num_vertices + resources.track[lane[moved]], True),
-    ):
+    places = [(visit, row + plan.vertex, False), (moved, row[moved] + num_vertices + resources.track[lane[moved]], True)]
+    if behind is not None:
+        towing = visit[behind >= 0]
+        parts.append((towing, behind[towing], np.zeros(len(towing), np.bool_)))
+        places.append((towing, row[towing] + behind[towing], False))
+    for some, place, only_lane in places:
         count = np.diff(resources.zones_first)[place]
         zones = resources.zones_of[_ranges(resources.zones_first[place], count)]
         parts.append((np.repeat(some, count), num_vertices + zones, np.full(len(zones), only_lane)))
@@ -170,11 +213,12 @@ class Course(NamedTuple):
     at_m: FloatArray  # [N] where the visit is
     stretch: FloatArray  # [L] how much longer a lane is on that path than in the graph: 1 but for lanes SUMO takes for longer
     kind: IntArray  # [R] types of the robots
+    behind_m: FloatArray | None = None  # [R] that trailers reach back; None: there are none
 
 
 def left_after_m(graph: NavGraph, resources: Resources, course: Course, needs: Needs) -> FloatArray:
     """[M] how far along its path a robot has left what it needed, inf where it stays."""
-    plan, lane, from_m, at_m, stretch, kind = course
+    plan, lane, from_m, at_m, stretch, kind, behind_m = course
     num_vertices = graph.num_vertices
     visit, resource = needs.visit, needs.resource
     onward = np.append(lane[1:], -1)[visit]  # lane by which the visit's vertex is left, -1: never
@@ -192,6 +236,9 @@ def left_after_m(graph: NavGraph, resources: Resources, course: Course, needs: N
     others = resources.zone_needs[resource[part] - num_vertices, 1 - second]  # [P, K] who needs it at the other
     radius_m = np.where(others, resources.apart_m[of_visit[part]], 0.0).max(1)
     after[part] = _last_within(graph, resources, used[part], pair[np.arange(len(pair)), 1 - second], radius_m)
+    if behind_m is not None:
+        held = ~needs.on_lane & (used >= 0)
+        after[held] = np.maximum(after, np.repeat(behind_m, np.diff(plan.first))[visit])[held]
     limit = np.where(used >= 0, graph.length_m[used] - LEFT_M, np.inf)
     left: FloatArray = origin + np.minimum(after, limit) * np.where(used >= 0, stretch[used], 1.0)
     return left

@@ -194,7 +194,7 @@ def passing(ledger, vertex):
 def frozen_ahead(ledger):
     """Freeze what robots will have been granted in a minute."""
     num_robots, graph = ledger.num_robots, ledger.graph
-    limits = Kinematics(*(np.full(num_robots, value) for value in (0.22, 2.5, 2.84, 0.1, 0.1, 0.1)))
+    limits = Kinematics(*(np.full(num_robots, value) for value in (0.22, 2.5, 2.84, 0.1, 0.1, 0.1, 0.0)))
     ledger.cut(60.0, limits, np.zeros(graph.num_lanes, np.bool_), np.zeros(num_robots, np.bool_))
 
 
@@ -204,7 +204,7 @@ def test_as_much_is_frozen_as_a_robot_needs_to_brake(decel_mps2, frozen):
     ledger, _ = ledger_of(line(6), [[0, 1, 2, 3, 4, 5]])
     speed, decel, reach = np.array([0.5]), np.array([decel_mps2]), np.array([0.05])
     closed, nobody = np.zeros(ledger.graph.num_lanes, np.bool_), np.zeros(1, np.bool_)
-    ledger.cut(0.0, Kinematics(speed, decel, speed, reach, reach, reach), closed, nobody)
+    ledger.cut(0.0, Kinematics(speed, decel, speed, reach, reach, reach, 0 * reach), closed, nobody)
     assert ledger.joint.tolist() == [frozen]
 
 

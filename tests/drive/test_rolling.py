@@ -112,7 +112,7 @@ def test_what_is_frozen_includes_that_those_who_pass_before_have_left():
     ledger = Ledger(problem, resources_for(problem, plan))
     ledger.append(first_of(plan), policy_of("adg"), 0.0)
     limits = np.full(2, 0.5)
-    kinematics = Kinematics(limits, limits, limits, 0.1 * limits, 0.1 * limits, 0.1 * limits)
+    kinematics = Kinematics(limits, limits, limits, 0.1 * limits, 0.1 * limits, 0.1 * limits, 0 * limits)
     nobody, closed = np.zeros(2, np.bool_), np.zeros(ledger.graph.num_lanes, np.bool_)
     ledger.cut(0.0, kinematics, closed, nobody)
     assert ledger.visits.vertex[ledger.joint].tolist() == [4, 1]  # 0.3 m to brake; who goes first is still at the middle

@@ -1,12 +1,14 @@
 """The audit sees what happened to footprints, whatever the plan said."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from shapely import affinity, geometry
 
 from mrp_sumo.core.execution import Execution, Outcome
 from mrp_sumo.core.fleet import fleet_of
-from mrp_sumo.core.robot_type import RobotType
+from mrp_sumo.core.robot_type import RobotType, Wheels
 from mrp_sumo.metrics._audit import rectangle_distance
 from mrp_sumo.metrics.audit import audit, in_words
 
@@ -248,3 +250,43 @@ def test_body_that_changes_levels_is_wholly_in_a_cabin(x_m, yaw_rad, outside):  
 def test_who_stays_on_a_level_needs_no_cabin():
     level = np.zeros((4, 1), np.int16)
     assert audit(driven([[3.0]] * 4, [[0.0]] * 4, level=level), fleet_of(CART, 1), cabins=CABIN)["num_rides_outside"] == 0
+
+
+TURNS = RobotType(
+    "tricycle",
+    1.0,
+    0.5,
+    9.0,
+    9.0,
+    9.0,
+    gap_m=0.1,
+    kinematics=Wheels(kind="tricycle", wheelbase_m=1.0, steering_max_rad=np.pi / 4, axle_m=0.0),
+)
+
+
+def on_wheels(x, y, yaw, robot=TURNS):
+    """Findings about the wheels of one robot in a run through these poses, a second apart."""
+    t = np.arange(len(x), dtype=float)
+    poses = [np.array(column, float)[:, None] for column in (x, y, yaw)]
+    run = Execution(t, *poses, np.zeros((len(x), 1)), np.zeros(0), np.zeros(1), Outcome.COMPLETED, "", t[-1], 0.0, 0.0)
+    return [each["kind"] for each in audit(run, fleet_of(robot, 1))["violations"] if each["kind"] in ("radius", "side slip", "reverse")]
+
+
+@pytest.mark.parametrize(("radius_m", "expected"), [(1.03, []), (0.95, ["radius"])])
+def test_a_vehicle_turns_no_tighter_than_its_wheels_allow(radius_m, expected):
+    assert on_wheels([0, radius_m * np.sin(0.5)], [0, radius_m * (1 - np.cos(0.5))], [0, 0.5]) == expected
+
+
+@pytest.mark.parametrize(("aside_m", "expected"), [(0.001, []), (0.01, ["side slip"])])
+def test_a_vehicle_does_not_slip_to_the_side(aside_m, expected):
+    assert on_wheels([0, 0.5], [0, aside_m], [0, 0]) == expected
+
+
+@pytest.mark.parametrize(("reverse", "expected"), [(True, []), (False, ["reverse"])])
+def test_only_who_may_drives_backwards(reverse, expected):
+    robot = replace(TURNS, kinematics=replace(TURNS.kinematics, reverse=reverse))
+    assert on_wheels([0, -0.5], [0, 0], [0, 0], robot) == expected
+
+
+def test_a_vehicle_does_not_turn_in_place():
+    assert on_wheels([0, 0], [0, 0], [0, 0.1]) == ["radius"]

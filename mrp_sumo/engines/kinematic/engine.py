@@ -12,7 +12,7 @@ import numpy as np
 from mrp_sumo.core.fleet import Fleet
 from mrp_sumo.core.graph import BoolArray, FloatArray, PlanGraph
 from mrp_sumo.core.visits import Visits
-from mrp_sumo.engines.protocol import WHOLE_WAY
+from mrp_sumo.engines.protocol import WHOLE_WAY, has_limits
 from mrp_sumo.engines.sumo.network import SHORTEST_M
 from mrp_sumo.search._bodies import lane_limits, move_bodies
 
@@ -25,7 +25,6 @@ class Moving(NamedTuple):
     wanted_mps: FloatArray  # [R] commanded
     cap_mps: FloatArray  # [R] what lanes allow
     accel_mps2: FloatArray  # [R]
-    limit_mps: FloatArray  # [L] of lanes
     has_limits: bool
 
 
@@ -37,7 +36,7 @@ class KinematicEngine:
         self.driven_m = np.zeros(num_robots)
         self.routed = np.full(num_robots, WHOLE_WAY)  # it asks the ledger's visits, and never runs out of them
         self._graph, self._fleet, self._dt = graph, fleet, step_length_s
-        self._has_limits, self._cap_mps = bool(np.isfinite(graph.speed_mps).any()), np.full(num_robots, np.inf)
+        self._has_limits, self._cap_mps = has_limits(graph, fleet), np.full(num_robots, np.inf)
         self._wanted_mps, self._speed_mps = np.zeros(num_robots), np.zeros(num_robots)
 
     def place(self, visits: Visits) -> None:
@@ -63,15 +62,14 @@ class KinematicEngine:
         """See Engine."""
         fleet, speed, driven = self._fleet, self._speed_mps, self.driven_m
         if self._has_limits:
-            lane_limits(self._dt, self._graph.speed_mps, fleet.decel_mps2, self._visits, speed, driven, self._cap_mps)
+            lane_limits(self._dt, fleet.decel_mps2, self._visits, speed, driven, self._cap_mps)
         move_bodies(self._dt, self._wanted_mps, fleet.accel_mps2, fleet.decel_mps2, self._cap_mps, speed, driven)
         return []
 
     @property
     def bodies(self) -> Moving:
         """For whoever takes steps in the engine's place."""
-        fleet, limits = self._fleet, self._graph.speed_mps
-        return Moving(self.driven_m, self._speed_mps, self._wanted_mps, self._cap_mps, fleet.accel_mps2, limits, self._has_limits)
+        return Moving(self.driven_m, self._speed_mps, self._wanted_mps, self._cap_mps, self._fleet.accel_mps2, self._has_limits)
 
     def positions(self) -> FloatArray:
         """See Engine."""

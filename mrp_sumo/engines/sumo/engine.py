@@ -17,7 +17,7 @@ import numpy as np
 from mrp_sumo.core.fleet import Fleet
 from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, PlanGraph
 from mrp_sumo.core.visits import Visits
-from mrp_sumo.engines.protocol import WHOLE_WAY
+from mrp_sumo.engines.protocol import WHOLE_WAY, has_limits
 from mrp_sumo.engines.sumo.network import NO_LIMIT_MPS, SHORTEST_M, edge_name, excerpt, lane_ends
 from mrp_sumo.engines.sumo.session import Sumo, running_sumo, type_of
 from mrp_sumo.errors import ExecutionError
@@ -38,7 +38,7 @@ class SumoEngine:
         self.driven_m = np.zeros(fleet.num_robots)
         self.routed = np.zeros(fleet.num_robots, np.int64)
         self._graph, self._fleet, self._sumo, self._only, self._rests = graph, fleet, sumo, only, rests
-        self._has_limits, self._dt = bool(np.isfinite(graph.speed_mps).any()), step_length_s
+        self._has_limits, self._dt = has_limits(graph, fleet), step_length_s
         self._wanted_mps, self._sent_mps, self._cap_mps, self._speed_mps = np.zeros((4, fleet.num_robots))
         self._edge = [edge_name(a, b) for a, b in zip(graph.tail.tolist(), graph.head.tolist())]  # [L]
         self._rested = np.zeros(fleet.num_robots, np.int64)  # steps for which each robot has stood
@@ -115,8 +115,7 @@ class SumoEngine:
 
     def _keep_limits(self) -> None:
         """Send speeds no higher than the lanes that robots are on, and those ahead, allow in the next step."""
-        limits, decel = self._graph.speed_mps, self._fleet.decel_mps2
-        lane_limits(self._dt, limits, decel, self._visits, self._speed_mps, self.driven_m, self._cap_mps)
+        lane_limits(self._dt, self._fleet.decel_mps2, self._visits, self._speed_mps, self.driven_m, self._cap_mps)
         speed_mps = np.minimum(self._wanted_mps, self._cap_mps)
         self._send(np.flatnonzero(speed_mps != self._sent_mps).tolist(), speed_mps)
         self._sent_mps = speed_mps

@@ -1,0 +1,90 @@
+"""Problems of vehicles that cannot turn in place, as planners are asked: on the graph of their moves (`traffic.moves`).
+
+Every start becomes the state in which the vehicle stands there, every goal the nearest state in which it can come there; the plan comes
+back on the map's vertices. Planners need not know of it.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from mrp_sumo.core.graph import IntArray, frozen
+from mrp_sumo.core.plan import Plan, PlanResult
+from mrp_sumo.core.problem import Problem
+from mrp_sumo.errors import PlanError
+from mrp_sumo.search.route import shortest_route
+from mrp_sumo.traffic.moves import ANYWHERE, MoveGraph, length_to, move_graph, standing_at_starts
+from mrp_sumo.traffic.turns import obstacle_to
+
+MOST_TABLES = 256  # of lengths to places, kept for each graph
+
+
+def on_moves(problem: Problem) -> Problem:
+    """The problem on the graph of moves. Raises PlanError where a vehicle cannot start as it is to, or make the turns on its way."""
+    if not problem.is_assigned:
+        raise PlanError("vehicles that cannot turn in place need a goal each before it is planned (assignment.mode: fixed or optimal)")
+    graph = move_graph(problem.graph, problem.fleet, problem.barred)
+    start, target, goal = _starts(problem, graph), problem.target, np.zeros(problem.num_robots, np.int64)
+    for r, (at, place) in enumerate(zip(start.tolist(), target.tolist())):
+        goal[r] = at if graph.place[at] == place else _goal(problem, graph, r, at, place)
+        if goal[r] < 0:
+            raise PlanError(_why_not(problem, graph, r))
+    return replace(
+        problem,
+        graph=graph,
+        start=frozen(start),
+        goal=frozen(goal),
+        goal_of=np.arange(problem.num_robots),
+        barred=None,
+        via=(),
+        start_heading_rad=None,
+        goal_heading_rad=None,
+        goal_kind=None,
+        standing=None,
+    )
+
+
+def on_map(result: PlanResult, graph: MoveGraph) -> PlanResult:
+    """A result on the graph of moves as one on the map. What is proved there of costs holds for these states alone."""
+    plan = result.plan
+    return replace(result, plan=None if plan is None else _on_map(plan, graph), goal_of=None, lower_bound_steps=0.0)
+
+
+def _on_map(plan: Plan, graph: MoveGraph) -> Plan:
+    in_steps = None if plan.in_steps is None else _on_map(plan.in_steps, graph)
+    return replace(plan, vertex=frozen(graph.place[plan.vertex]), in_steps=in_steps)
+
+
+def _starts(problem: Problem, graph: MoveGraph) -> IntArray:
+    """[R] vertices of the graph of moves."""
+    start = np.empty(problem.num_robots, np.int64)
+    standing = standing_at_starts(problem) if problem.standing is None else problem.standing
+    for r, kind in enumerate(problem.fleet.kind.tolist()):
+        states, v, does = graph.states[kind], int(problem.start[r]), int(standing.does[r])
+        start[r] = states.anywhere[v] if does == ANYWHERE else states.at[does, standing.lane[r], standing.gear[r]]
+    return start
+
+
+def _goal(problem: Problem, graph: MoveGraph, robot: int, at: int, place: int) -> int:
+    """The nearest state in which a robot can come to its goal, -1: none."""
+    kind = int(problem.fleet.kind[robot])
+    if not problem.fleet.types[kind].is_vehicle:
+        return graph.states[kind].begin + place
+    known = graph.lengths
+    if (kind, place) not in known:
+        if len(known) >= MOST_TABLES:
+            known.pop(next(iter(known)))
+        known[kind, place] = length_to(graph, kind, place)
+    away, nearest = known[kind, place]
+    return int(nearest[at]) if np.isfinite(away[at]) else -1
+
+
+def _why_not(problem: Problem, graph: MoveGraph, robot: int) -> str:
+    """Why a vehicle cannot reach its goal, by the shortest path of a robot that turns in place."""
+    base, fleet = problem.graph, problem.fleet
+    kind, start, goal = int(fleet.kind[robot]), int(problem.start[robot]), int(problem.target[robot])
+    free = np.ones(base.num_lanes, np.bool_) if problem.barred is None else ~problem.barred[kind]
+    text = f"{fleet.robot_name[robot]} cannot reach its goal '{base.known_as(goal)}' from '{base.known_as(start)}'"
+    route = shortest_route(base, free, start, goal)
+    obstacle = obstacle_to(base, fleet.types[kind], route) if route else ""
+    return f"{text}: {obstacle}" if obstacle else text

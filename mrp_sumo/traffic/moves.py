@@ -1,0 +1,213 @@
+"""The graph of moves: what planners plan on where vehicles cannot turn in place.
+
+Its vertices are states of a vehicle at a place of the map: the lane by which it came, and the gear. Its lanes are the moves between them,
+each along one lane of the map. So a path in it is one that the vehicle can drive, and planners need not know what wheels it has. All
+states at one place exclude each other, and what else the places exclude. Each type of robots has vertices of its own, so that none comes
+upon another's; those that turn in place have the map's.
+
+A vehicle under way may turn at the end of its lane (UNDER_WAY). One that stands there has missed the beginning of the arc: it goes
+straight on or back (STANDING). One that has begun an arc is bound for a lane (BOUND), and one that has not moved yet faces as it will go
+(ANYWHERE). Only the first kind is ever reached, the others are where paths begin.
+"""
+
+from dataclasses import dataclass, field, fields
+from typing import NamedTuple
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from mrp_sumo.core.fleet import Fleet
+from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, PlanGraph, frozen, nav_graph, plan_graph
+from mrp_sumo.core.problem import Problem, Standing
+from mrp_sumo.core.robot_type import RobotType
+from mrp_sumo.errors import PlanError
+from mrp_sumo.traffic.turns import ARC, BACK, BACKWARD, FORWARD, STRAIGHT, Turns, course_rad, gears_of, turns_of
+
+UNDER_WAY, STANDING, BOUND, ANYWHERE = range(4)
+MAY_STAND_RAD = 0.2  # a lesser bend is no obstacle to a vehicle that stands
+
+
+class States(NamedTuple):
+    """Vertices of one type of robots, numbered from `begin`."""
+
+    begin: int
+    place: IntArray  # [S] vertex of the map
+    behind: IntArray  # [S] vertex on which trailers stand there, -1: none
+    at: IntArray  # [4, L, 2] vertex by what it does, its lane and gear, -1: none
+    anywhere: IntArray  # [V] vertex from which a type that has not moved yet may go everywhere
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class MoveGraph(PlanGraph):
+    """See the module. V' vertices, L' lanes, of a map with V and L."""
+
+    base: PlanGraph
+    place: IntArray  # [V'] vertex of the map
+    behind: IntArray  # [V'] another that is held there, by trailers; -1: none
+    base_lane: IntArray  # [L'] lane of the map
+    states: tuple[States, ...]  # [K]
+    lengths: dict[tuple[int, int], tuple[FloatArray, IntArray]] = field(default_factory=dict)  # `length_to` by type and place
+
+
+_known: WeakKeyDictionary[PlanGraph, dict[tuple[object, ...], MoveGraph]] = WeakKeyDictionary()
+
+
+def move_graph(graph: PlanGraph, fleet: Fleet, barred: BoolArray | None) -> MoveGraph:
+    """The graph of moves of the types of a fleet on a map, with lanes [K, L] that are barred to some of them. Made once."""
+    key = (fleet.types, b"" if barred is None else barred.tobytes())
+    known = _known.setdefault(graph, {})
+    if key not in known:
+        known[key] = _made(graph, fleet.types, barred)
+    return known[key]
+
+
+def _made(graph: PlanGraph, types: tuple[RobotType, ...], barred: BoolArray | None) -> MoveGraph:
+    states, tails, heads, lanes, count = [], [], [], [], 0
+    for kind, each in enumerate(types):
+        free = np.ones(graph.num_lanes, np.bool_) if barred is None else ~barred[kind]
+        mine, (tail, head, lane) = _of_vehicle(graph, each, free, count) if each.is_vehicle else _of_others(graph, free, count)
+        states.append(mine)
+        tails.append(tail)
+        heads.append(head)
+        lanes.append(lane)
+        count += len(mine.place)
+    place, lane = np.concatenate([mine.place for mine in states]), np.concatenate(lanes)
+    moves = np.stack([np.concatenate(tails), np.concatenate(heads)], 1)
+    some = [graph.lane_options[k] for k in lane.tolist()]
+    nav = nav_graph(
+        name=graph.name,
+        xy=graph.xy[place],
+        lanes=moves,
+        level_names=graph.level_names,
+        level=graph.level[place],
+        vertex_name=[graph.label(v) for v in place.tolist()],
+        vertex_options=[graph.vertex_options[v] for v in place.tolist()],
+        length_m=graph.length_m[lane],
+        speed_mps=graph.speed_mps[lane],
+        lane_options=some,
+        source=graph.source,
+    )
+    made = plan_graph(nav, kind="roadmap", cell_m=graph.cell_m)
+    return MoveGraph(
+        **{each.name: getattr(made, each.name) for each in fields(PlanGraph)},
+        base=graph,
+        place=frozen(place),
+        behind=frozen(np.concatenate([mine.behind for mine in states])),
+        base_lane=frozen(lane[nav.source_lane]),
+        states=tuple(states),
+    )
+
+
+Arcs = tuple[IntArray, IntArray, IntArray]  # tail, head, lane of the map
+
+
+def _of_others(graph: PlanGraph, free: BoolArray, begin: int) -> tuple[States, Arcs]:
+    """Robots that turn in place: the map's own vertices and lanes."""
+    lanes = np.flatnonzero(free)
+    place = np.arange(graph.num_vertices)
+    states = States(begin, place, np.full(len(place), -1), np.zeros((4, 0, 2), np.int64), begin + place)
+    return states, (begin + graph.tail[lanes], begin + graph.head[lanes], lanes)
+
+
+def _of_vehicle(graph: PlanGraph, vehicle: RobotType, free: BoolArray, begin: int) -> tuple[States, Arcs]:
+    turns, allowed = turns_of(graph, vehicle), gears_of(graph, vehicle) * free[:, None]
+    lane, gear = np.nonzero(allowed)
+    count, num_lanes = len(lane), graph.num_lanes
+    at = np.full((4, num_lanes, 2), -1, np.int64)
+    for does in (UNDER_WAY, STANDING, BOUND):
+        at[does, lane, gear] = begin + does * count + np.arange(count)
+    anywhere = begin + 3 * count + np.arange(graph.num_vertices)
+    place = np.concatenate([graph.head[lane], graph.head[lane], graph.tail[lane], np.arange(graph.num_vertices)])
+    behind = np.full(len(place), -1)
+    if vehicle.trailers:
+        behind[: 2 * count] = np.tile(graph.tail[lane], 2)
+    came, turn = _pairs(turns, num_lanes)
+    onward, kind, bend = turns.onward[turn], turns.kind[turn], np.abs(turns.bend_rad[turn])
+    arcs = [(at[BOUND, lane, gear], at[UNDER_WAY, lane, gear], lane)]
+    out = np.flatnonzero(allowed[:, 0])
+    arcs.append((anywhere[graph.tail[out]], at[UNDER_WAY, out, 0], out))
+    for g in (0, 1):
+        for does, goes in ((UNDER_WAY, (kind == STRAIGHT) | (kind == ARC)), (STANDING, (kind != BACK) & (bend <= MAY_STAND_RAD))):
+            for next_gear, some in ((g, goes), (1 - g, kind == BACK)):
+                arcs.append((at[does, came[some], g], at[UNDER_WAY, onward[some], next_gear], onward[some]))
+    tail, head, along = (np.concatenate([arc[k] for arc in arcs]) for k in range(3))
+    real = (tail >= 0) & (head >= 0)
+    return States(begin, place, behind, at, anywhere), (tail[real], head[real], along[real])
+
+
+def _pairs(turns: Turns, num_lanes: int) -> tuple[IntArray, IntArray]:
+    """[P] the lane on which one comes to each turn, and its number."""
+    return np.repeat(np.arange(num_lanes), np.diff(turns.first)), np.arange(len(turns.onward))
+
+
+def standing_at_starts(problem: Problem) -> Standing:
+    """States in which vehicles stand at their starts, by their headings. Trailers stand on the lane behind, which nobody else's back is on.
+
+    Raises PlanError where no lane leads as a vehicle faces, or none behind it has room for its trailers.
+    """
+    num_robots, fleet = problem.num_robots, problem.fleet
+    standing = Standing(np.full(num_robots, ANYWHERE), np.full(num_robots, -1), np.zeros(num_robots, np.int64))
+    if not fleet.vehicle_of_kind:
+        return standing
+    course, taken = course_rad(problem.graph), set(problem.start.tolist())
+    for r in np.flatnonzero(fleet.is_vehicle).tolist():
+        if fleet.behind_m[r] > 0:
+            lane = _with_room_behind(problem, r, course, taken)
+            taken.add(int(problem.graph.tail[lane]))
+            standing.does[r], standing.lane[r] = STANDING, lane
+        elif not np.isnan(problem.heading_at_start[r]):
+            standing.does[r], standing.lane[r], standing.gear[r] = _facing(problem, r, course)
+    return standing
+
+
+def _with_room_behind(problem: Problem, robot: int, course: FloatArray, taken: set[int]) -> int:
+    """The lane on which the trailers of a robot stand, of several the one from which it can go straight on."""
+    graph, start, heading = problem.graph, int(problem.start[robot]), problem.heading_at_start[robot]
+    behind_m, came = float(problem.fleet.behind_m[robot]), np.flatnonzero(graph.head == start)
+    if not np.isnan(heading):
+        came = came[_off(course[came], heading) <= MAY_STAND_RAD]
+    free = [lane for lane in came.tolist() if int(graph.tail[lane]) not in taken and graph.length_m[lane] >= behind_m]
+    if not free:
+        place = f"{problem.fleet.robot_name[robot]} starts at '{graph.known_as(start)}'"
+        raise PlanError(f"{place}, where no free lane behind it has {behind_m:.2f} m for its trailers")
+    return min(free, key=lambda lane: not _goes_on(graph, course, lane))
+
+
+def _facing(problem: Problem, robot: int, course: FloatArray) -> tuple[int, int, int]:
+    """What a vehicle does at its start with its heading, as if it had come so or were to go so: state, lane and gear."""
+    graph, v, heading = problem.graph, int(problem.start[robot]), float(problem.heading_at_start[robot])
+    allowed = gears_of(graph, problem.fleet.types[int(problem.fleet.kind[robot])])
+    for gear in (FORWARD, BACKWARD):
+        off = _off(course, heading + gear * np.pi)
+        for does, end in ((STANDING, graph.head), (BOUND, graph.tail)):
+            lanes = np.flatnonzero((end == v) & (off <= MAY_STAND_RAD) & (allowed[:, gear] > 0))
+            if len(lanes):
+                return does, int(lanes[0]), gear
+    name = problem.fleet.robot_name[robot]
+    raise PlanError(f"{name} faces {np.degrees(heading):.0f} degrees at '{graph.known_as(v)}', where no lane leads that way or back")
+
+
+def _off(course: FloatArray, heading: float) -> FloatArray:
+    off: FloatArray = np.abs((course - heading + np.pi) % (2 * np.pi) - np.pi)
+    return off
+
+
+def _goes_on(graph: PlanGraph, course: FloatArray, lane: int) -> bool:
+    """True if another lane leads on in the direction of a lane."""
+    head = int(graph.head[lane])
+    return bool((_off(course[graph.first[head] : graph.first[head + 1]], float(course[lane])) <= MAY_STAND_RAD).any())
+
+
+def length_to(graph: MoveGraph, kind: int, place: int) -> tuple[FloatArray, IntArray]:
+    """[V'] how far it is from every vertex to the nearest state of a type that arrives at a place, inf: no way; and which that is."""
+    from scipy.sparse import csr_array
+    from scipy.sparse.csgraph import dijkstra
+
+    states = graph.states[kind]
+    ends = states.begin + np.flatnonzero(states.place == place)
+    arrives = ends[np.isin(ends, graph.head)]
+    if not len(arrives):
+        return np.full(graph.num_vertices, np.inf), np.full(graph.num_vertices, -1)
+    back = csr_array((graph.length_m, (graph.head, graph.tail)), shape=(graph.num_vertices,) * 2)
+    away, _, nearest = dijkstra(back, indices=arrives, min_only=True, return_predecessors=True)
+    return away, nearest.astype(np.int64)

@@ -1,0 +1,131 @@
+"""Poses of vehicles along their ways: closed forms, and slow integrators of these tests' own."""
+
+from dataclasses import replace
+from math import atan, cos, hypot, pi, sin, sqrt, tan
+
+import numpy as np
+import pytest
+
+from mrp_sumo.core.bodies import axle_of, bodies_of
+from mrp_sumo.core.plan import plan_of_paths
+from mrp_sumo.drive._towed import follow
+from mrp_sumo.drive.loop import simulate
+from mrp_sumo.drive.retime import retime
+from mrp_sumo.drive.settings import ExecutionSettings
+from mrp_sumo.engines.sumo.network import build_network
+from mrp_sumo.metrics.audit import audit
+from mrp_sumo.traffic.turns import turns_of
+from tests.vehicles import CAR, TRICYCLE, TUGGER, corner, roads, vehicles_on
+
+
+def driven(tmp_path, graph, paths, types, engine="kinematic", **more):
+    """The problem, its retimed plan, and what was driven."""
+    problem = vehicles_on(graph, [path[0] for path in paths], [path[-1] for path in paths], types, **more)
+    settings = ExecutionSettings(engine=engine, time_limit_s=300.0)
+    plan = retime(problem, plan_of_paths(paths, problem.step_s), settings)
+    network = build_network(graph, tmp_path / "world.net.xml") if engine == "sumo" else tmp_path
+    return problem, plan, simulate(problem, plan, settings, network)
+
+
+def corners_of(x, y, yaw, length_m, width_m):
+    """[T, 4, 2] corners of a rectangle."""
+    along, left = np.stack([np.cos(yaw), np.sin(yaw)], -1), np.stack([-np.sin(yaw), np.cos(yaw)], -1)
+    middle = np.stack([x, y], -1)
+    return np.stack([middle + f * length_m / 2 * along + g * width_m / 2 * left for f in (1, -1) for g in (1, -1)], 1)
+
+
+@pytest.mark.parametrize("vehicle", [TRICYCLE, CAR, replace(CAR, kinematics=replace(CAR.kinematics, fixed_axle="front"))], ids=str)
+def test_what_a_turn_sweeps_is_that_of_the_closed_form(tmp_path, vehicle):
+    graph = corner()
+    _, _, run = driven(tmp_path, graph, [[0, 1, 2]], vehicle)
+    turns = turns_of(graph, vehicle)
+    radius_m = turns.radius_m[turns.between(graph.lane_between(0, 1), graph.lane_between(1, 2))]
+    yaw = np.unwrap(run.yaw_rad[:, 0])
+    on_arc = (yaw > 0.05) & (yaw < pi / 2 - 0.05)
+    centre = np.array([4.0 - radius_m, radius_m])
+    away = np.hypot(
+        *np.moveaxis(corners_of(run.x_m[:, 0], run.y_m[:, 0], run.yaw_rad[:, 0], vehicle.length_m, vehicle.width_m) - centre, -1, 0)
+    )
+    front_m = vehicle.length_m / 2 + abs(vehicle.kinematics.ahead_m)
+    assert away[on_arc].max() == pytest.approx(hypot(radius_m + vehicle.width_m / 2, front_m), abs=0.01)
+    assert away[on_arc].min() >= radius_m - vehicle.width_m / 2 - 0.01
+    x, y = axle_of(run.x_m, run.y_m, run.yaw_rad, vehicle.kinematics.ahead_m)
+    assert np.hypot(x[on_arc, 0] - centre[0], y[on_arc, 0] - centre[1]) == pytest.approx(radius_m, abs=1e-4)
+
+
+def test_an_arc_is_what_a_bicycle_drives_with_its_wheel_turned(tmp_path):
+    graph = corner()
+    _, _, run = driven(tmp_path, graph, [[0, 1, 2]], CAR)
+    turns = turns_of(graph, CAR)
+    k = turns.between(graph.lane_between(0, 1), graph.lane_between(1, 2))
+    radius_m, tangent_m, wheelbase_m = turns.radius_m[k], turns.tangent_m[k], CAR.kinematics.wheelbase_m
+    steering, x, y, yaw, places = atan(wheelbase_m / radius_m), 4.0 - tangent_m, 0.0, 0.0, []
+    while yaw < pi / 2:  # x' = v cos(yaw), yaw' = v / L tan(steering), in steps of 0.1 mm
+        x, y, yaw = x + 1e-4 * cos(yaw), y + 1e-4 * sin(yaw), yaw + 1e-4 / wheelbase_m * tan(steering)
+        places.append((x, y, yaw))
+    expected = np.array(places)
+    turned = np.unwrap(run.yaw_rad[:, 0])
+    on_arc = (turned > 0.01) & (turned < pi / 2 - 0.01)
+    axle = axle_of(run.x_m, run.y_m, run.yaw_rad, CAR.kinematics.ahead_m)
+    for column, values in enumerate(axle):
+        assert values[on_arc, 0] == pytest.approx(np.interp(turned[on_arc], expected[:, 2], expected[:, column]), abs=0.01)
+
+
+def test_trailers_come_to_the_radii_of_the_closed_form():
+    angle = np.linspace(0, 12 * pi, 6001)
+    node = np.stack([3 * np.cos(angle), 3 * np.sin(angle), angle + pi / 2], 1)
+    hitch, length = np.array([0.5, 0.3, 0.0]), np.array([1.2, 0.9, 1.0])
+    towed = follow(node, hitch, length, np.full(3, pi / 2))
+    place, heading, radius_m = node[-1, :2], node[-1, 2], 3.0
+    for n in range(3):
+        place = place - hitch[n] * np.array([cos(heading), sin(heading)])
+        heading = towed[-1, n]
+        place = place - length[n] * np.array([cos(heading), sin(heading)])
+        radius_m = sqrt(radius_m**2 + hitch[n] ** 2 - length[n] ** 2)
+        assert np.hypot(*place) == pytest.approx(radius_m, abs=1e-3)
+
+
+def test_trailers_follow_a_corner_as_a_slow_integrator_has_them(tmp_path):
+    graph = roads([(-4.0, 0.0), (0.0, 0.0), (4.0, 0.0), (4.0, 4.0)], one_way=[(0, 1), (1, 2), (2, 3)])
+    problem, _, run = driven(tmp_path, graph, [[1, 2, 3]], TUGGER)
+    yaw = np.unwrap(run.yaw_rad[:, 0])
+    x, y = axle_of(run.x_m[:, 0], run.y_m[:, 0], yaw, TUGGER.kinematics.ahead_m)
+    theta = np.zeros((len(yaw), 3))
+    theta[:, 0] = yaw
+    now = np.zeros(3)
+    for t in range(1, len(yaw)):
+        ds, dyaw = np.hypot(x[t] - x[t - 1], y[t] - y[t - 1]) / 400, (yaw[t] - yaw[t - 1]) / 400
+        for i in range(400):
+            now[0], v, rate = yaw[t - 1] + i * dyaw, ds, dyaw
+            for n, trailer in enumerate(TUGGER.trailers):
+                off = now[n] - now[n + 1]
+                mine = (v * sin(off) - trailer.hitch_m * rate * cos(off)) / trailer.length_m
+                v, rate = v * cos(off) + trailer.hitch_m * rate * sin(off), mine
+                now[n + 1] += mine
+        theta[t] = now
+        theta[t, 0] = yaw[t]
+    for n in range(2):
+        assert run.hitch_rad[f"hitch_{n + 1}_rad"][:, 0] == pytest.approx(theta[:, n + 1] - theta[:, n], abs=0.01)
+    bodies = bodies_of(run, problem.fleet)
+    assert bodies.name == ("robot_0", "robot_0, trailer 1", "robot_0, trailer 2")
+    assert (bodies.x_m[0, 1] < bodies.x_m[0, 0]) and (bodies.x_m[0, 2] < bodies.x_m[0, 1])
+
+
+@pytest.mark.parametrize("engine", ["kinematic", "sumo"])
+def test_planned_is_driven_there_and_back_in_reverse(tmp_path, engine):
+    problem, plan, run = driven(tmp_path, corner(), [[0, 1, 2, 1, 0]], TRICYCLE, engine)
+    assert run.arrived_s == pytest.approx(plan.arrive_s, abs=1e-6)
+    assert audit(run, problem.fleet)["passed"]
+    assert np.ptp(np.unwrap(run.yaw_rad[:, 0])) == pytest.approx(pi / 2, abs=1e-6)  # it came back as it went, backwards
+
+
+def test_arcs_are_driven_no_faster_than_the_sideways_acceleration_allows(tmp_path):
+    slow = replace(TRICYCLE, kinematics=replace(TRICYCLE.kinematics, lateral_mps2=0.1))
+    graph = corner()
+    _, _, run = driven(tmp_path, graph, [[0, 1, 2]], slow)
+    yaw = np.unwrap(run.yaw_rad[:, 0])
+    rate = np.diff(yaw) / 0.1
+    turns = turns_of(graph, slow)
+    radius_m = turns.radius_m[turns.between(graph.lane_between(0, 1), graph.lane_between(1, 2))]
+    assert rate.max() * radius_m <= sqrt(0.1 * radius_m) + 1e-6
+    assert run.speed_mps.max() > sqrt(0.1 * radius_m) + 0.1  # and faster elsewhere

@@ -1,0 +1,63 @@
+"""Problems of vehicles that cannot turn in place: every planner's plan is one that they can drive."""
+
+import numpy as np
+import pytest
+
+from mrp_sumo.core.plan import Status
+from mrp_sumo.planning.answers import planned_by
+from mrp_sumo.planning.registry import planner
+from mrp_sumo.traffic.referee import judge
+from mrp_sumo.traffic.turns import obstacle_to
+from tests.vehicles import CAR, CART, TRICYCLE, TUGGER, corner, roads, squares, vehicles_on
+
+PLANNERS = ("astar", "cbs", "ecbs", "eecbs", "pbs", "prioritised", "pibt", "lacam", "lns2", "continuous", "auto")
+
+
+def plan(problem, name="lacam"):
+    chosen = planner(name, {})
+    chosen.prepare()
+    return planned_by(chosen, problem, 20.0)
+
+
+@pytest.mark.parametrize("name", PLANNERS)
+def test_planners_make_turns_that_each_type_can_make(name):
+    graph = squares(4, 4.0)
+    problem = vehicles_on(graph, [0, 15, 3], [10, 5, 12], [TRICYCLE, CAR, CART])
+    result = plan(problem, name)
+    assert result.status is Status.SOLVED, result.message
+    verdict = judge(problem, result.plan, in_seconds="seconds" in getattr(planner(name, {}), "supports", ()))
+    assert name == "astar" or verdict.valid, verdict
+    assert not verdict.faults
+    for robot, vehicle in enumerate((TRICYCLE, CAR)):
+        assert obstacle_to(graph, vehicle, result.plan.vertex[slice(*result.plan.first[robot : robot + 2])].tolist()) == ""
+
+
+def test_who_cannot_reverse_goes_round_the_block_and_who_can_goes_back():
+    """From 1, a dead end, with a block 2 - 3 - 4 - 5 before it: to get back to 0 facing there, a car has to drive round."""
+    xy = [(0.0, 0.0), (4.0, 0.0), (8.0, 0.0), (12.0, 0.0), (12.0, 4.0), (8.0, 4.0)]
+    graph = roads(xy, [(0, 1), (1, 2), (2, 3), (3, 4), (4, 5), (5, 2)])
+    east = np.zeros(1)
+    there = plan(vehicles_on(graph, [1], [0], CAR, start_heading_rad=east)).plan.vertex.tolist()
+    assert there == [1, 2, 3, 4, 5, 2, 1, 0] or there == [1, 2, 5, 4, 3, 2, 1, 0]
+    assert plan(vehicles_on(graph, [1], [0], TRICYCLE, start_heading_rad=east)).plan.vertex.tolist() == [1, 0]
+
+
+def test_what_is_out_of_reach_is_named():
+    tight = plan(vehicles_on(corner(0.7), [0], [2], CAR))
+    assert tight.status is Status.INFEASIBLE
+    assert "car needs 1.07 m to turn from 'v0' over 'v1' to 'v2' and has 0.35 m" in tight.message
+    dead_end = plan(vehicles_on(roads([(0.0, 0.0), (4.0, 0.0)], [(0, 1)]), [1], [0], CAR, start_heading_rad=np.zeros(1)))
+    assert "robot_0 cannot reach its goal 'v0' from 'v1'" in dead_end.message
+    aside = plan(vehicles_on(corner(), [0], [2], CAR, start_heading_rad=np.full(1, np.pi / 2)))
+    assert "robot_0 faces 90 degrees at 'v0', where no lane leads that way or back" in aside.message
+
+
+def test_nobody_stands_where_trailers_are():
+    line = [(4.0 * k, 0.0) for k in range(5)]
+    graph = roads(line, one_way=[(k, k + 1) for k in range(4)])
+    near = plan(vehicles_on(graph, [1, 3], [4, 3], [TUGGER, CART]))
+    assert near.status is not Status.SOLVED  # the cart stays at 3, and the trailers would stand there
+    assert plan(vehicles_on(graph, [1, 2], [3, 4], [TUGGER, CART])).status is Status.SOLVED
+    assert plan(vehicles_on(graph, [1, 3], [3, 4], [TUGGER, CART])).status is Status.SOLVED
+    alone = plan(vehicles_on(graph, [0], [3], TUGGER))
+    assert "robot_0 starts at 'v0', where no free lane behind it has 2.55 m for its trailers" in alone.message
