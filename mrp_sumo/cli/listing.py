@@ -123,5 +123,5 @@ def _lines(entry: Entry) -> Iterable[str]:
 def _shown(value: Any) -> str:
     """As YAML has it."""
     if isinstance(value, dict):
-        return f"({', '.join(f'{key} {_shown(inner)}' for key, inner in value.items())})"
+        return f"({', '.join(f'{key} {_shown(inner)}' for key, inner in value.items() if inner is not None)})"
     return json.dumps(value) if value is None or isinstance(value, bool | list) else "''" if value == "" else str(value)

@@ -105,6 +105,7 @@ class Execution:
     findings: tuple[str, ...] = field(default=())  # collisions that SUMO itself reports
     level: IntArray | None = None  # [T, R] that robots are on, in the order of the graph's names; None: all of them on one for good
     hitch_rad: Mapping[str, FloatArray] = field(default_factory=dict)  # [T, R] each: `hitch_1_rad` is the first trailer's, to the tugger
+    loads: IntArray | None = None  # [T, R] on board; None: one at most, which makes no difference
     facilities: FacilityLog | None = None  # what lifts and doors did; None where there are none
     people: PeopleLog | None = None  # what people did, and what they cost robots; None where there are none
     believed: FloatArray | None = None  # [3, T, R] x, y, yaw: where robots take themselves to be; None: where they are

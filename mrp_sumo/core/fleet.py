@@ -1,12 +1,13 @@
 """Robots: their sizes and limits, as arrays by robot so that fleets may be mixed."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, frozen
-from mrp_sumo.core.robot_type import Battery, RobotType
+from mrp_sumo.core.robot_type import Battery, RobotShape, RobotType
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,6 +26,8 @@ class Fleet:
     apart_m: FloatArray  # [K, K] the least centre distance at which robots of two types cannot touch, gap included
     type_name: tuple[str, ...] = ()  # [R]; empty where types are not known
     types: tuple[RobotType, ...] = ()  # [K]; empty where they are not known
+    capacity: IntArray | None = None  # [R] orders on board at once; None: one each
+    loaded: "Fleet | None" = None  # the same robots, each with a load; None: they are the same without
 
     @property
     def num_robots(self) -> int:
@@ -53,9 +56,17 @@ class Fleet:
 
     @property
     def radius_m(self) -> FloatArray:
-        """[R] radius of the circle around the footprint: a robot that turns in place needs it; for vehicles see `RobotShape.radius_m`."""
-        circle = np.hypot(self.length_m, self.width_m) / 2
+        """[R] radius of the circle around the footprint, loaded or not: a robot that turns in place needs it; for vehicles see
+        `RobotShape.radius_m`.
+        """
+        body = self.loaded or self
+        circle = np.hypot(body.length_m, body.width_m) / 2
         return np.array([each.radius_m for each in self.types])[self.kind] if self.vehicle_of_kind else circle
+
+    @property
+    def carries_several(self) -> bool:
+        """True if a robot may have more than one order on board."""
+        return self.capacity is not None and bool((self.capacity > 1).any())
 
     @property
     def separation_m(self) -> float:
@@ -75,17 +86,37 @@ def fleet_of(robot_type: RobotType, num_robots: int) -> Fleet:
 def fleet_of_types(types: Sequence[RobotType], kind: IntArray) -> Fleet:
     """A fleet of several types, robots named `robot_0` and on; `kind` [R] says which each of them is."""
     radius, gap = np.array([(each.radius_m, each.gap_m) for each in types], np.float64).reshape(-1, 2).T
-    return Fleet(
+    several = any(each.capacity > 1 for each in types)
+    fleet = Fleet(
         robot_name=tuple(f"robot_{i}" for i in range(len(kind))),
-        **{name: frozen(np.array([getattr(each, OF_TYPE.get(name, name)) for each in types], np.float64)[kind]) for name in LIMITS},
+        **_columns(types, kind),
         kind=frozen(kind),
         apart_m=frozen(radius[:, None] + radius + np.maximum(gap[:, None], gap)),
         type_name=tuple(types[k].name for k in kind.tolist()),
         types=tuple(types),
+        capacity=frozen(np.array([each.capacity for each in types], np.int64)[kind]) if several else None,
     )
+    if all(each.loaded is None for each in types):
+        return fleet
+    return replace(fleet, loaded=replace(fleet, **_columns([each.with_load for each in types], kind)))
 
 
-def batteries_of(types: Sequence[RobotType]) -> tuple[Battery, ...]:
+def with_loads(fleet: Fleet, is_loaded: BoolArray) -> Fleet:
+    """The fleet as it is while some of its robots [R] carry loads."""
+    if fleet.loaded is None or not is_loaded.any():
+        return fleet
+    columns: dict[str, Any] = {
+        name: frozen(np.where(is_loaded, getattr(fleet.loaded, name), getattr(fleet, name))) for name in (*LIMITS, "kind")
+    }
+    return replace(fleet, **columns)
+
+
+def _columns(types: Sequence[RobotShape], kind: IntArray) -> dict[str, Any]:
+    """Limits by robot."""
+    return {name: frozen(np.array([getattr(each, OF_TYPE.get(name, name)) for each in types], np.float64)[kind]) for name in LIMITS}
+
+
+def batteries_of(types: Sequence[RobotShape]) -> tuple[Battery, ...]:
     """[K] the batteries of some types; none where a type has none."""
     batteries = tuple(each.battery for each in types if each.battery is not None)
     return batteries if len(batteries) == len(types) else ()
@@ -95,4 +126,6 @@ def some_of(fleet: Fleet, robots: IntArray) -> Fleet:
     """A fleet of some of the robots [K], in this order; types keep their indices."""
     robot_name, type_name = (tuple(names[r] for r in robots.tolist()) if names else () for names in (fleet.robot_name, fleet.type_name))
     columns = {name: getattr(fleet, name)[robots] for name in (*LIMITS, "kind")}
-    return Fleet(robot_name=robot_name, type_name=type_name, apart_m=fleet.apart_m, types=fleet.types, **columns)
+    loaded, capacity = fleet.loaded and some_of(fleet.loaded, robots), fleet.capacity if fleet.capacity is None else fleet.capacity[robots]
+    more: dict[str, Any] = {"types": fleet.types, "capacity": capacity, "loaded": loaded}
+    return Fleet(robot_name=robot_name, type_name=type_name, apart_m=fleet.apart_m, **more, **columns)

@@ -6,13 +6,15 @@ of a circle, which cuts the corner. Closed forms of bicycle and trailers: LaVall
 The model of batteries is Open-RMF's (rmf_battery): power for acceleration, braking and turning, friction and devices, at a constant
 voltage; charging at a constant current.
 
-Refuses sizes, speeds, accelerations and figures of batteries that are out of bounds, and wheels and trailers that cannot turn.
+Refuses sizes, speeds, accelerations and figures of batteries that are out of bounds, wheels and trailers that cannot turn, and loads that
+make a robot smaller or faster.
 """
 
 import math
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Literal
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, Literal, Self
 
+from mrp_sumo.core.arrivals import ServiceTime
 from mrp_sumo.core.options import Options, meaning, option
 from mrp_sumo.errors import OptionError
 
@@ -117,6 +119,32 @@ CORNER_SHARE = 0.56  # of the least radius: what a bend of 100 degrees takes
 
 
 @dataclass(frozen=True)
+class Loaded(Options):
+    """Figures of a robot that carries a load, however many; those left out are the same without."""
+
+    speed_mps: float | None = option(None, "Top speed, no more than without a load.", **OF_ROBOT)
+    accel_mps2: float | None = option(None, "Speeding up.", **OF_ROBOT)
+    decel_mps2: float | None = option(None, "Braking.", **OF_ROBOT)
+    turn_rate_rad_s: float | None = option(None, "Turning in place.", **OF_ROBOT)
+    length_m: float | None = option(None, "Of robot and load, no less than without one.", **OF_ROBOT)
+    width_m: float | None = option(None, "Of robot and load, no less than without one.", **OF_ROBOT)
+    mass_kg: float | None = option(None, "Of robot and load; that of the battery is without one then.", **OF_BATTERY)
+
+
+@dataclass(frozen=True)
+class Actions(Options):
+    """Times of what a robot does at stops, beside the service there."""
+
+    pick: ServiceTime | None = field(default=None, metadata=meaning("At the first stop of an order that has several."))
+    drop: ServiceTime | None = field(default=None, metadata=meaning("At the last stop of an order that has several."))
+    lift: ServiceTime | None = field(default=None, metadata=meaning("At stations with this action."))
+    dock: ServiceTime | None = field(default=None, metadata=meaning("At stations with this action."))
+
+
+OF_LOADED = {"speed_mps": "max_speed_mps"}  # whose names differ
+
+
+@dataclass(frozen=True)
 class RobotShape(Options):
     """A model of robot as a file of robots/ has it. The footprint is a rectangle around the centre, which is what drives along lanes."""
 
@@ -132,8 +160,13 @@ class RobotShape(Options):
     kinematics: Wheels = field(default=DIFFERENTIAL, metadata=meaning("Its wheels; by default it turns in place."))
     trailers: tuple[Trailer, ...] = option((), "What a tugger tows, the first one first.")
 
+    loaded: Loaded | None = field(default=None, metadata=meaning("What is different with a load; by default nothing is."))
+    actions: Actions | None = field(default=None, metadata=meaning("What takes time at stops beside the service; by default nothing does."))
+    capacity: int = option(1, "Orders on board at once, for a dispatcher that bundles.", ge=1, le=100)
+
     def __post_init__(self) -> None:
         super().__post_init__()
+        self._check_loaded()
         wheels = self.kinematics
         if wheels.kind == "differential" and self.turn_rate_rad_s is None:
             raise OptionError("turn_rate_rad_s is missing, expected the rate of turning in place, or kinematics of a type that does not")
@@ -151,6 +184,24 @@ class RobotShape(Options):
                 )
             radius_m = math.sqrt(square)
 
+    def _check_loaded(self) -> None:
+        loaded = self.loaded or Loaded()
+        if (speed_mps := loaded.speed_mps or 0.0) > self.max_speed_mps:
+            raise OptionError(f"loaded.speed_mps is {speed_mps:g}, expected at most max_speed_mps, {self.max_speed_mps:g}")
+        for key in ("length_m", "width_m"):
+            if (size_m := getattr(loaded, key)) is not None and size_m < getattr(self, key):
+                raise OptionError(f"loaded.{key} is {size_m:g}, expected at least {key}, {getattr(self, key):g}")
+        if loaded.mass_kg is not None and self.battery is None:
+            raise OptionError("loaded.mass_kg has no effect without a battery")
+
+    @property
+    def with_load(self) -> Self:
+        """The same robot as long as it carries a load."""
+        figures = {OF_LOADED.get(key, key): value for key, value in vars(self.loaded or Loaded()).items() if value is not None}
+        if self.battery is not None and "mass_kg" in figures:
+            figures["battery"] = replace(self.battery, mass_kg=figures.pop("mass_kg"))
+        return replace(self, loaded=None, **figures)
+
     @property
     def is_vehicle(self) -> bool:
         """True if it cannot turn in place."""
@@ -158,10 +209,12 @@ class RobotShape(Options):
 
     @property
     def radius_m(self) -> float:
-        """Of the circle in which it is, around what drives along lanes; of vehicles with what turns leave corners by.
+        """Of the circle in which it is, around what drives along lanes, with its load; of vehicles with what turns leave corners by.
 
         Of a tugger each trailer is in such a circle around where it is on the path.
         """
+        if self.loaded is not None:
+            return self.with_load.radius_m
         if not self.is_vehicle:
             return abs(complex(self.length_m, self.width_m)) / 2  # the C library's hypot, as numpy has it
         front = math.hypot(self.length_m / 2 + abs(self.kinematics.ahead_m), self.width_m / 2)
@@ -183,6 +236,8 @@ class RobotShape(Options):
         """Room that it needs beside the middle of a corner: what it sweeps there, to the outside and to the inside."""
         if not self.is_vehicle:
             return self.radius_m
+        if self.loaded is not None:
+            return self.with_load.half_width_m
         least, half, front = self.kinematics.least_radius_m, self.width_m / 2, self.length_m / 2 + abs(self.kinematics.ahead_m)
         outside = math.hypot(least + half, front) - least
         inside = max([half, *(inward + width / 2 for inward, _, width in self._towed())])

@@ -23,6 +23,7 @@ class Station:
     name: str
     places: tuple[int, ...]  # vertices
     queue: tuple[int, ...] = ()  # vertices
+    actions: tuple[str, ...] = ()  # of robots that are served there, see `core.handling`
 
     def __post_init__(self) -> None:
         if not self.places:

@@ -16,10 +16,21 @@ SAMPLE_S = 10.0
 class Batteries:
     """States of charge of R robots."""
 
-    def __init__(self, batteries: Sequence[Battery], kind: IntArray, start: tuple[float, float], seed: int, period_s: float) -> None:
-        """`batteries` [K] are those of the types, `kind` [R] says which each robot is; `period_s` is the time between two samples."""
+    def __init__(
+        self,
+        batteries: Sequence[Battery],
+        kind: IntArray,
+        start: tuple[float, float],
+        seed: int,
+        period_s: float,
+        loaded: Sequence[Battery] = (),
+    ) -> None:
+        """`batteries` [K] are those of the types, `kind` [R] says which each robot is; `period_s` is the time between two samples; `loaded`
+        [K] are the batteries of robots with a load, if these draw more.
+        """
         num_robots = len(kind)
         self._of_kind = [(battery, np.flatnonzero(kind == k)) for k, battery in enumerate(batteries)]
+        self._loaded = loaded
         self._energy_j, self._full_s = (np.zeros(num_robots) for _ in range(2))
         for battery, mine in self._of_kind:
             self._energy_j[mine], self._full_s[mine] = battery.energy_j, battery.charge_s(1.0)
@@ -40,11 +51,13 @@ class Batteries:
         """Samples since the last look, and the last before it."""
         return sum(map(len, self._samples))
 
-    def observe(self, now_s: float, charging: BoolArray) -> list[int]:
+    def observe(self, now_s: float, charging: BoolArray, is_loaded: BoolArray | None = None) -> list[int]:
         """Drain and fill batteries by what robots have done since the last look. Returns those that have run empty in it."""
-        return self.observe_each([now_s], [self.num_samples], charging)
+        return self.observe_each([now_s], [self.num_samples], charging, is_loaded)
 
-    def observe_each(self, looks_s: Sequence[float], num_samples: Sequence[int], charging: BoolArray) -> list[int]:
+    def observe_each(
+        self, looks_s: Sequence[float], num_samples: Sequence[int], charging: BoolArray, is_loaded: BoolArray | None = None
+    ) -> list[int]:
         """`observe` at several times, of which each comes after so many of the samples; the first is the last before the first look.
 
         Returns those that have run empty in the last.
@@ -56,7 +69,7 @@ class Batteries:
         mean_mps, accel = (speed_mps[1:] + speed_mps[:-1]) / 2, np.diff(speed_mps, axis=0) / dt
         powers_w = [
             (mine, battery.power_w(mean_mps[:, mine], accel[:, mine], turn_rate[:, mine], turning[:, mine]))
-            for battery, mine in self._of_kind
+            for battery, mine in self._in_use(is_loaded)
         ]
         after = np.array(num_samples) - 1
         begin = np.append(0, after[:-1])
@@ -71,6 +84,13 @@ class Batteries:
         self._samples, self._rate = [samples[after[-1] :]], np.concatenate([self._rate, turn_rate])[after[-1] : after[-1] + 1]
         emptied: list[int] = np.flatnonzero((level[-1] <= 0) & (level[-2] > 0)).tolist()
         return emptied
+
+    def _in_use(self, is_loaded: BoolArray | None) -> list[tuple[Battery, IntArray]]:
+        """Batteries as they are, and the robots that have them."""
+        if not self._loaded or is_loaded is None:
+            return self._of_kind
+        pairs = zip(self._loaded, self._of_kind)
+        return [part for loaded, (one, mine) in pairs for part in ((one, mine[~is_loaded[mine]]), (loaded, mine[is_loaded[mine]]))]
 
     def _take(self, drawn_j: FloatArray, charged_s: FloatArray, charging: BoolArray) -> FloatArray:
         """Robots draw so much [K, R] between looks, or are charged for so long [K]. Returns levels [K + 1, R] from the last look on."""
@@ -87,9 +107,10 @@ class Batteries:
     def most_per_s(self, fleet: Fleet) -> FloatArray:
         """[R] shares of their capacity that robots draw in a second at most, or that they are charged by."""
         share = 1 / self._full_s
-        for battery, mine in self._of_kind:
-            accel, rate = np.maximum(fleet.accel_mps2, fleet.decel_mps2)[mine], fleet.turn_rate_rad_s[mine]
-            most_w = battery.power_w(fleet.max_speed_mps[mine], accel, rate, 2 * rate / self._period_s)
+        with_load = [(battery, mine, fleet.loaded or fleet) for battery, (_, mine) in zip(self._loaded, self._of_kind)]
+        for battery, mine, limits in (*((battery, mine, fleet) for battery, mine in self._of_kind), *with_load):
+            accel, rate = np.maximum(limits.accel_mps2, limits.decel_mps2)[mine], limits.turn_rate_rad_s[mine]
+            most_w = battery.power_w(limits.max_speed_mps[mine], accel, rate, 2 * rate / self._period_s)
             share[mine] = np.maximum(share[mine], most_w / self._energy_j[mine])
         return share
 

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mrp_sumo.core.execution import Event
+from mrp_sumo.core.fleet import Fleet
 from mrp_sumo.core.visits import Visits
 from mrp_sumo.drive import _causes, _cycle, _grants
 from mrp_sumo.drive.ledger import Ledger
@@ -49,15 +50,7 @@ class Controller:
         """
         fleet, dt = ledger.problem.fleet, settings.step_length_s
         self.ledger = ledger
-        self.kinematics = Kinematics(
-            speed_mps=fleet.max_speed_mps,
-            decel_mps2=fleet.decel_mps2,
-            turn_rate_rad_s=fleet.turn_rate_rad_s,
-            reach_m=fleet.max_speed_mps**2 / (2 * fleet.decel_mps2) + 3 * fleet.max_speed_mps * dt + 0.02,
-            radius_m=fleet.radius_m,
-            behind_m=fleet.behind_m,
-            gap_m=fleet.gap_m,
-        )
+        self.kinematics = _kinematics(fleet, dt)
         self._cell_m = ledger.graph.cell_m - A_CELL_LESS_M
         self._settings, self._paced, self._books = settings, paced, books
         self.follow(policy)
@@ -82,9 +75,14 @@ class Controller:
 
     def _braking_lanes(self) -> int:
         """How many whole lanes robots may need to come to a stop: who may not claim so many never reaches full speed."""
-        graph = self.ledger.graph
-        reach_m, length_m = self.kinematics.reach_m, graph.length_m[~graph.is_ride]  # nobody rides fast
+        graph, fleet = self.ledger.graph, self.ledger.problem.fleet
+        length_m = graph.length_m[~graph.is_ride]  # nobody rides fast
+        reach_m = np.stack([_kinematics(each, self._settings.step_length_s).reach_m for each in (fleet, fleet.loaded or fleet)])
         return int(reach_m.max(initial=0.0) / length_m.min()) if len(length_m) else 0
+
+    def load(self, fleet: Fleet) -> None:
+        """Robots have other limits from now on; those that change stand."""
+        self.kinematics = _kinematics(fleet, self._settings.step_length_s)
 
     def advance(self, now_s: float, bodies: Bodies, conditions: Conditions, *, observe: bool) -> list[Event]:
         """Observe the step that ended now (not before the first one), grant, and set speeds. Returns what happened."""
@@ -180,3 +178,16 @@ class Controller:
         lane = int(self.ledger.visits.lane[visit])
         options = self.ledger.graph.lane_options[lane]
         return f"door '{options['door']}'" if options.get("door") else f"lift '{options.get('cabin', '')}'"
+
+
+def _kinematics(fleet: Fleet, step_s: float) -> Kinematics:
+    """Limits as they are now."""
+    return Kinematics(
+        speed_mps=fleet.max_speed_mps,
+        decel_mps2=fleet.decel_mps2,
+        turn_rate_rad_s=fleet.turn_rate_rad_s,
+        reach_m=fleet.max_speed_mps**2 / (2 * fleet.decel_mps2) + 3 * fleet.max_speed_mps * step_s + 0.02,
+        radius_m=fleet.radius_m,
+        behind_m=fleet.behind_m,
+        gap_m=fleet.gap_m,
+    )

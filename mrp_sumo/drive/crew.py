@@ -4,11 +4,15 @@ A robot makes its task's stops one after the other. It stays for the service tim
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from mrp_sumo.core.execution import BOOKINGS, Event
-from mrp_sumo.core.graph import BoolArray, FloatArray
+from mrp_sumo.core.fleet import with_loads
+from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray
+from mrp_sumo.core.handling import load_change
+from mrp_sumo.core.problem import Problem
 from mrp_sumo.core.task import CHARGE, NOBODY, Station, Stop, Task
 from mrp_sumo.drive.ledger import Ledger
 from mrp_sumo.drive.orders import Orders
@@ -63,6 +67,23 @@ class Crew:
         return {robot.task: robot.number for robot in self.robots if self.may_pass_on(robot)}
 
     @property
+    def loads(self) -> IntArray:
+        """[R] loads on board."""
+        return np.array([robot.loads for robot in self.robots], np.int64)
+
+    @property
+    def loads_ahead(self) -> IntArray:
+        """[R] loads on board when what is asked for now takes effect."""
+        leaves = (load_change(self.tasks[r.task], r.stop) if r.leaves and r.making else 0 for r in self.robots)
+        return self.loads + np.fromiter(leaves, np.int64, len(self.robots))
+
+    @property
+    def site(self) -> Problem:
+        """The problem with the robots as they are loaded then."""
+        fleet = self.problem.fleet
+        return self.problem if fleet.loaded is None else replace(self.problem, fleet=with_loads(fleet, self.loads_ahead > 0))
+
+    @property
     def serving(self) -> BoolArray:
         """[R] robots that are at a stop, or at a charger."""
         return np.array([robot.making is not None for robot in self.robots], np.bool_)
@@ -101,6 +122,10 @@ class Crew:
     def next_stop(self, robot: RobotWork) -> Stop:
         """The stop that a robot with a task is to make next, or makes."""
         return self.tasks[robot.task].stops[robot.stop]
+
+    def stop_s(self, robot: int, task: int, nth: int) -> float:
+        """Time in s for which a robot is at a stop of an order; 0: it goes by."""
+        return self.settings.handling.stop_s(robot, self.tasks[task], nth)
 
     def can_do(self, robot: int, task: int) -> bool:
         """True if a task is for a robot, which has room on the way to its stops."""
@@ -191,6 +216,7 @@ class Crew:
         over_s, task = robot.making.end_s if cut_s is None else cut_s, robot.task
         robot.made.append(robot.making._replace(end_s=over_s))
         robot.making, robot.num_before = None, 0
+        robot.loads += load_change(self.tasks[task], robot.stop)
         robot.over_s = robot.since_s = robot.earliest_s = robot.moved_s = over_s
         robot.idle_s = self._idle_s(robot)
         robot.stop += 1
@@ -273,7 +299,7 @@ class Crew:
         leg, visits = robot.legs[0], self.ledger.visits
         if leg.vertex != visits.vertex[visit] or leg.task != robot.task:
             return False
-        return bool(visit == visits.last[robot.number] or not self.tasks[leg.task].stops[leg.nth].service_s)
+        return bool(visit == visits.last[robot.number] or not self.stop_s(robot.number, leg.task, leg.nth))
 
     def _begin_stop(self, robot: RobotWork, visit: int, now_s: float) -> float:
         """A service begins, also one that takes no time. Returns when it is over."""
@@ -296,7 +322,7 @@ class Crew:
     def _service_s(self, robot: RobotWork) -> float:
         """How long the service at a robot's next stop takes."""
         if not robot.charges:
-            return self.next_stop(robot).service_s
+            return self.stop_s(robot.number, robot.task, robot.stop)
         charging = self.settings.charging
         assert charging is not None
         missing = max(charging.maximum - float(self.level[robot.number]), 0.0)

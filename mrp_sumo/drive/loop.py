@@ -17,6 +17,7 @@ from typing import cast
 import numpy as np
 
 from mrp_sumo.core.execution import Event, Execution, Outcome
+from mrp_sumo.core.fleet import with_loads
 from mrp_sumo.core.graph import FloatArray, IntArray, frozen
 from mrp_sumo.core.plan import Plan, as_planned_in_steps
 from mrp_sumo.core.problem import Problem
@@ -169,10 +170,12 @@ class Drive:
         self.batteries: Batteries | None = None
         if settings.tasks and settings.batteries:
             fleet, period_s = self.ledger.problem.fleet, settings.steps_per_sample * settings.step_length_s
-            self.batteries = Batteries(settings.batteries, fleet.kind, settings.start_level, settings.seed, period_s)
+            about = settings.start_level, settings.seed, period_s
+            self.batteries = Batteries(settings.batteries, fleet.kind, *about, settings.batteries_loaded)
             self._most_per_s = self.batteries.most_per_s(fleet)
         self.context = Surroundings(self.ledger, self.world, self.tasks, self._plan)
-        self.rolling = Rolling(self.settings, self.context, self.work, self.controller.kinematics)
+        self.rolling = Rolling(self.settings, self.context, self.work, self.controller)
+        self._loads = [(0.0, self.crew.loads)]  # [R] loads on board, since when
         self._reported: set[str] = set()  # why there was no plan
         self._tape: Tape | None = None  # room for what is kept of steps that nobody is shown
 
@@ -278,7 +281,9 @@ class Drive:
         if self.batteries is not None and looks:
             before = self.batteries.num_samples - num_samples
             first = -(-begin // sample_every)
-            self.batteries.observe_each(looks_s, [before + look // sample_every - first + 1 for look in looks], self.crew.at_charger)
+            self.batteries.observe_each(
+                looks_s, [before + look // sample_every - first + 1 for look in looks], self.crew.at_charger, self.crew.loads > 0
+            )
         self.tasks.pass_over(looks_s[-2:], None if self.batteries is None else self.batteries.level)
 
     def _tape_for(self, most: int, samples: FloatArray, grants: GrantRecorder, *, quiet: bool) -> Tape:
@@ -392,12 +397,32 @@ class Drive:
         """Note what robots have done, and what that took from their batteries. Those that have run empty stay where they are."""
         level = None
         if self.batteries is not None:
-            for robot in self.batteries.observe(self.now_s, self.crew.at_charger):
+            for robot in self.batteries.observe(self.now_s, self.crew.at_charger, self.crew.loads > 0):
                 self.events.append(self.world.strand(robot, self.now_s))
                 self.crew.lose(self.crew.robots[robot], self.now_s, Change.EMPTIED)
             level = self.batteries.level
         self.tasks.update(self.now_s, level, self.world.down_until_s)
+        self._note_loads()
         self.events += self.crew.drain()
+
+    def _note_loads(self) -> None:
+        """Robots that have other loads on board stand, and have other limits from now on."""
+        loads, fleet = self.crew.loads, self.ledger.problem.fleet
+        if np.array_equal(loads, self._loads[-1][1]):
+            return
+        self._loads.append((self.now_s, loads))
+        if fleet.loaded is not None:
+            fleet = with_loads(fleet, loads > 0)
+            self.controller.load(fleet)
+            self.cycle.bodies.load(fleet)
+
+    def loads_at(self, t_s: FloatArray) -> IntArray | None:
+        """[T, R] loads on board at times [T]; None where robots carry one at most, and it makes no difference."""
+        fleet = self.ledger.problem.fleet
+        if not self.settings.tasks or (fleet.loaded is None and not fleet.carries_several):
+            return None
+        since_s, loads = zip(*self._loads)
+        return np.stack(loads)[np.searchsorted(since_s, t_s + 1e-9) - 1]
 
     def _deliver(self, bodies: Engine) -> bool:
         """Have the ledger take the answer that is due. Returns whether it has."""
@@ -477,8 +502,9 @@ def _execution(drive: Drive, plan: Plan, records: Records) -> Execution:
     arrived_s = planned_arrivals(ledger)
     ends = plan.first[1:] - 1  # where a way was given up, robots still reach the ends
     arrived_s[ends] = np.where(np.isfinite(arrived_s[ends]), arrived_s[ends], goal_s)
+    t_s = np.round(np.arange(len(x)) * settings.steps_per_sample * settings.step_length_s, 9)
     driven = Execution(
-        t_s=frozen(np.round(np.arange(len(x)) * settings.steps_per_sample * settings.step_length_s, 9)),
+        t_s=frozen(t_s),
         x_m=x,  # read-only, and on the disk where they are many: a copy would take their whole size
         y_m=y,
         yaw_rad=yaw,
@@ -502,6 +528,7 @@ def _execution(drive: Drive, plan: Plan, records: Records) -> Execution:
         people=records.people.log(ledger.graph) if records.people else None,
         level=None if level is None else frozen(level),
         hitch_rad=hitch,
+        loads=None if (loads := drive.loads_at(t_s)) is None else frozen(loads),
         believed=believed,
         sumo_t_s=frozen(np.array(records.witness.t_s)),
         sumo_xy_m=frozen(np.array(records.witness.xy_m)),

@@ -69,8 +69,8 @@ def _people_of(
         along_x=np.ascontiguousarray(along[:, 0]),
         along_y=np.ascontiguousarray(along[:, 1]),
         is_ride=np.array(graph.is_ride) if graph else np.zeros(0, np.bool_),
-        half_length_m=fleet.length_m / 2 if fleet else none,
-        half_width_m=fleet.width_m / 2 if fleet else none,
+        half_length_m=(fleet.loaded or fleet).length_m / 2 if fleet else none,  # fields of robots with loads, which are no smaller
+        half_width_m=(fleet.loaded or fleet).width_m / 2 if fleet else none,
         body_m=BODY_M,
         reaction_s=fields.scanner_s + fields.control_s,
         extra_m=fields.extra_m,

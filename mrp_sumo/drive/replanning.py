@@ -68,7 +68,7 @@ def request_for(now_s: float, context: Surroundings, robots: Sequence[int], reas
     ledger, some = context.ledger, np.array(robots, np.int64)
     return Request(
         now_s=now_s,
-        site=ledger.problem,
+        site=context.crew.site,
         robot=some,
         start=context.start[some],
         stop_first=np.arange(len(some) + 1),
@@ -116,10 +116,10 @@ def situation(now_s: float, context: Surroundings, stays: BoolArray, end: IntArr
         blocked[[lane, *([int(graph.reverse[lane])] if graph.reverse[lane] >= 0 else [])]] = True
     standing = _standing(ledger, start, on_lane & ~waits)
     robots = np.flatnonzero(~waits)
-    goal, cut_off = _goals(ledger.problem, robots, ~blocked, start[robots], end[robots])
+    goal, cut_off = _goals(context.crew.site, robots, ~blocked, start[robots], end[robots])
     request = Request(
         now_s=now_s,
-        site=ledger.problem,
+        site=context.crew.site,
         robot=robots,
         start=start[robots],
         stop_first=np.arange(len(robots) + 1),

@@ -125,6 +125,7 @@ class RobotWork:
     since_s: float = 0.0  # when it was given the task, or was done with the stop before
     earliest_s: float = 0.0  # before which the next stop cannot begin
     moved_s: float = 0.0  # when it last got on, or stood for the work's sake
+    loads: int = 0  # on board
     idle_s: tuple[float, float] = (0.0, 0.0)  # that it had stood on its way, and where it was sent, when it set out
     _rows: list[tuple[int, float, int]] = field(default_factory=lambda: [(robot_states.IDLE, 0.0, NONE)])  # state, since, task
 

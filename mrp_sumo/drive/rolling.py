@@ -22,11 +22,11 @@ from mrp_sumo.core.execution import Event, PlannerCalls
 from mrp_sumo.core.graph import BoolArray, PlanGraph
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.core.request import Request
+from mrp_sumo.drive.controller import Controller
 from mrp_sumo.drive.dispatcher import Dispatcher
 from mrp_sumo.drive.replanning import AnswerLimits, LatePlanError, planned, supports_of
 from mrp_sumo.drive.reroute import Replan
 from mrp_sumo.drive.settings import ExecutionSettings
-from mrp_sumo.drive.state import Kinematics
 from mrp_sumo.drive.surroundings import Surroundings
 from mrp_sumo.drive.work_request import WorkRequest
 from mrp_sumo.errors import PlanError, ScenarioError
@@ -49,8 +49,8 @@ class WindowAnswer:
 class Rolling:
     """Asks the planner of a run, again and again."""
 
-    def __init__(self, settings: ExecutionSettings, context: Surroundings, dispatcher: Dispatcher, kinematics: Kinematics) -> None:
-        self._settings, self._around, self._dispatcher, self._kinematics = settings, context, dispatcher, kinematics
+    def __init__(self, settings: ExecutionSettings, context: Surroundings, dispatcher: Dispatcher, controller: Controller) -> None:
+        self._settings, self._around, self._dispatcher, self._controller = settings, context, dispatcher, controller
         self.calls = PlannerCalls(cpu_time_s=0.0 if _is_in_this_process(settings.planner) else None)
         self.answer: WindowAnswer | None = None  # that has not taken effect yet
         self._window_steps = window_of(settings, context.ledger.problem)
@@ -72,7 +72,7 @@ class Rolling:
             return
         if planning.budget_s:
             stays = context.world.broken | context.entering
-            context.ledger.cut(planning.budget_s, self._kinematics, context.closed, stays)
+            context.ledger.cut(planning.budget_s, self._controller.kinematics, context.closed, stays)
         request = next(iter(self._dispatcher.due(now_s, context)), None)
         if request is None:
             context.ledger.lift()

@@ -9,6 +9,7 @@ import numpy as np
 from mrp_sumo.core.battery import Charging
 from mrp_sumo.core.disturbances import ClosedLane
 from mrp_sumo.core.driving import DrivingOptions, Planning
+from mrp_sumo.core.handling import Handling
 from mrp_sumo.core.order_rules import Cancel, Retry
 from mrp_sumo.core.robot_type import Battery
 from mrp_sumo.core.stream import TaskSource
@@ -34,8 +35,10 @@ class ExecutionSettings(DrivingOptions):
     tasks: tuple[TaskSource, ...] = ()
     cancel: Cancel | None = None  # orders that nobody picks; None: they wait
     retry: Retry | None = None  # orders whose robot is lost with them on board; None: they have failed
+    handling: Handling = field(default_factory=Handling)  # how long stops take beside their services
     parking: tuple[int, ...] = ()  # vertices where robots without a task go
     batteries: tuple[Battery, ...] = ()  # of each type of robots, if they have some; in runs with tasks
+    batteries_loaded: tuple[Battery, ...] = ()  # the same while robots carry a load; empty: it makes no difference
     charging: Charging | None = None
     chargers: Station | None = None  # where, if they do
     start_level: tuple[float, float] = (1.0, 1.0)  # of batteries, drawn evenly between them

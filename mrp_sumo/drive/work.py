@@ -78,7 +78,7 @@ class Work:
     def watched(self) -> BoolArray:
         """[R] robots that make a stop in passing, come to wait in line, or come to a charger, on their way."""
         lines_up = (robot.duty is Duty.DRIVING and (robot.wait_at != NONE or robot.charges) for robot in self.crew.robots)
-        passes = (any(not self._takes_s(leg.task, leg.nth) for leg in robot.legs) for robot in self.crew.robots)
+        passes = (any(not self.crew.stop_s(robot.number, leg.task, leg.nth) for leg in robot.legs) for robot in self.crew.robots)
         return np.array([a or b for a, b in zip(lines_up, passes)], np.bool_)
 
     def level_wake_s(self, now_s: float, most_per_s: FloatArray) -> float:
@@ -161,10 +161,7 @@ class Work:
         visits = self.crew.ledger.visits
         last = visits.vertex[visits.last].tolist()
         ends = (r for r in self.crew.robots if r.legs and r.then == NONE and r.is_on_the_road and r.condition is Condition.SOUND)
-        return [r for r in ends if r.legs[-1].vertex == last[r.number] and not self._takes_s(r.legs[-1].task, r.legs[-1].nth)]
-
-    def _takes_s(self, task: int, nth: int) -> float:
-        return self.crew.tasks[task].stops[nth].service_s
+        return [r for r in ends if r.legs[-1].vertex == last[r.number] and not self.crew.stop_s(r.number, r.legs[-1].task, r.legs[-1].nth)]
 
     def _near_m(self, r: int) -> float:
         """How far before a stop a robot would have to brake soon after what is asked for now takes effect."""

@@ -28,6 +28,7 @@ class WorkRequest(Request):
     assigned: Mapping[int, int] = field(default_factory=dict)  # tasks, by the robots that are to have them
     legs: Mapping[int, Sequence[Leg]] = field(default_factory=dict)  # stops on the ways of its robots
     waits: Mapping[int, int] = field(default_factory=dict)  # vertices where robots are to wait for a place
+    loads: Mapping[int, int] = field(default_factory=dict)  # on board of robots on these ways
     at_once: frozenset[int] = frozenset()  # robots that may begin with what they are given as soon as they are done with what they have
 
 
@@ -56,7 +57,7 @@ def work_request(crew: Crew, now_s: float, closed: BoolArray, assigned: Mapping[
             task, nth = assigned.get(r, NONE), 0
         legs[r] = []
         if task != NONE:
-            legs[r] = _in_passing(crew, int(start[r]), task, nth)
+            legs[r] = _in_passing(crew, r, int(start[r]), task, nth)
             nth += len(legs[r])
             stop[r] = crew.tasks[task].stops[nth]
             legs[r].append(Leg(task, nth, NONE))
@@ -66,31 +67,35 @@ def work_request(crew: Crew, now_s: float, closed: BoolArray, assigned: Mapping[
         return work_request(crew, now_s, closed, {**assigned, **swapped})
     vertex, makes = crew.places.choose(start, stays, stop, turn, aged)
     via = [list(dropwhile(start[r].__eq__, (leg.vertex for leg in legs[r][:-1]))) for r in robots.tolist()]
+    last = {r: legs[r].pop() for r in stop}
     for r in stop:
-        last = legs[r].pop()
         if makes[r]:
-            legs[r].append(last._replace(vertex=int(vertex[r])))
+            legs[r].append(last[r]._replace(vertex=int(vertex[r])))
     request = WorkRequest(
         now_s=now_s,
-        site=crew.problem,
+        site=crew.site,
         robot=frozen(robots),
         start=frozen(start[robots]),
         stop_first=np.arange(len(robots) + 1),
         stop=frozen(vertex[robots]),
         closed=closed.copy(),
         reason="tasks",
-        there_s={r: stop[r].service_s for r in stop if makes[r] and [leg.vertex for leg in legs[r]] == [start[r]]},
+        there_s={r: crew.stop_s(r, last[r].task, last[r].nth) for r in stop if makes[r] and [leg.vertex for leg in legs[r]] == [start[r]]},
         assigned=dict(assigned),
         legs={r: (*on_the_way[r], *legs[r]) for r in robots.tolist()},
         waits={r: int(vertex[r]) for r in stop if not makes[r]},
+        loads=dict(enumerate(crew.loads_ahead.tolist())),
         at_once=frozenset(r for r in assigned if crew.robots[r].leaves or _is_just_done(crew, crew.robots[r])),
     )
     return with_stops_before(request, via)
 
 
 def still_fits(crew: Crew, request: WorkRequest, moved: Collection[int]) -> bool:
-    """True if those robots of a request that are sent on may still leave: a service may have begun, or a robot be lost."""
-    return not any(_stays(crew, crew.robots[r], request.now_s) for r in request.robot.tolist() if r in moved)
+    """True if those robots of a request that are sent on may still leave: a service may have begun, or a robot be lost, or have a load."""
+    sent = [crew.robots[r] for r in request.robot.tolist() if r in moved]
+    if crew.problem.fleet.loaded is not None and any(robot.loads != request.loads[robot.number] for robot in sent):
+        return False
+    return not any(_stays(crew, robot, request.now_s) for robot in sent)
 
 
 def take_over(crew: Crew, request: WorkRequest, now_s: float) -> None:
@@ -144,11 +149,11 @@ def _after_committed(crew: Crew, robot: RobotWork, committed: Sequence[int]) -> 
     return legs, task, nth
 
 
-def _in_passing(crew: Crew, at: int, task: int, nth: int) -> list[Leg]:
-    """Stops of a task that are made in passing, from a vertex and one of its stops on."""
+def _in_passing(crew: Crew, robot: int, at: int, task: int, nth: int) -> list[Leg]:
+    """Stops of a task that a robot makes in passing, from a vertex and one of its stops on."""
     passed, left = list[Leg](), crew.ahead_steps
     stops = crew.tasks[task].stops
-    while left > 0 and nth + 1 < len(stops) and not stops[nth].service_s and len(stops[nth].places) == 1:
+    while left > 0 and nth + 1 < len(stops) and not crew.stop_s(robot, task, nth) and len(stops[nth].places) == 1:
         v = stops[nth].places[0]
         left -= int(distances(crew.problem.graph).to(v)[at])
         if left > 0:

@@ -42,6 +42,9 @@ class Engine(Bodies, Protocol):
     def turn_back(self, robot: int, visits: Visits) -> None:
         """A robot that stands on a lane turns round and drives on the opposite one to the next visit of its way."""
 
+    def load(self, fleet: Fleet) -> None:
+        """Robots have these limits from the next step on; those that change stand."""
+
     def step(self, moving: BoolArray) -> list[str]:
         """Let one step pass; robots that are not moving [R] stand still in it. Returns what the engine itself finds wrong."""
 

@@ -12,7 +12,7 @@ from mrp_sumo.core.fleet import batteries_of, fleet_of_types
 from mrp_sumo.core.graph import FloatArray, NavGraph, PlanGraph
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.experiments.result import RunResult
-from mrp_sumo.experiments.staging.tasks import sources_on
+from mrp_sumo.experiments.staging.tasks import handling_of, sources_on
 from mrp_sumo.io.outline import outline_of
 from mrp_sumo.io.run_reader import RunFolder
 from mrp_sumo.io.scenario.file import ScenarioFile
@@ -55,11 +55,14 @@ def _terms(file: ScenarioFile, graph: PlanGraph, nav: NavGraph, num_robots: int,
     tasks, planning = file.scenario.tasks, file.scenario.execution.planning
     assert tasks is not None
     fleet = fleet_of_types(models, kind)
-    batteries = batteries_of(models)
+    batteries, loaded = batteries_of(models), batteries_of([model.with_load for model in models])
     return Terms(
         sources=sources_on(file, nav, graph, fleet, step_s),
         type_name=fleet.type_name,
+        capacity=() if fleet.capacity is None else tuple(fleet.capacity.tolist()),
         batteries=tuple(batteries[k] for k in kind.tolist()) if batteries else (),
+        batteries_loaded=tuple(loaded[k] for k in kind.tolist()) if batteries and fleet.loaded else (),
+        handling=handling_of(models, fleet, file.scenario.seed),
         start_level=start_shares(tasks.charging),
         waits_s=planning.budget_s + planning.least_period_s(num_robots, step_s),
         doors_xy=doors_xy,

@@ -104,7 +104,18 @@ def validated(document: Document, model: type[Model], content: Any = None, optio
     try:
         return TypeAdapter(model).validate_python(document.content if content is None else content)
     except ValidationError as error:
-        raise ScenarioError(*(_fault(document, model, options or {}, e) for e in error.errors())) from None
+        raise ScenarioError(*(_fault(document, model, options or {}, e) for e in _of_keys(error.errors()))) from None
+
+
+def _of_keys(errors: list[ErrorDetails]) -> list[ErrorDetails]:
+    """Faults by key: what is a name or keys and values, and was given as the latter, is judged as such only."""
+    for named in [error for error in errors if error["loc"][-1:] == ("str",) and isinstance(error["input"], Mapping)]:
+        above = len(named["loc"]) - 1
+        others = [error for error in errors if error is not named and error["loc"][:above] == named["loc"][:above]]
+        errors = [error for error in errors if error is not named] if others else errors
+        for error in others:
+            error["loc"] = (*error["loc"][:above], *error["loc"][above + 1 :])
+    return errors
 
 
 @cache

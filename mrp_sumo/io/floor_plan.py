@@ -15,7 +15,7 @@ import yaml
 
 from mrp_sumo.core.fleet import LIMITS, Fleet, fleet_of_types
 from mrp_sumo.core.graph import NO_OPTIONS, NavGraph, PlanGraph, frozen, nav_graph, plan_graph
-from mrp_sumo.core.robot_type import RobotType, Trailer, Wheels
+from mrp_sumo.core.robot_type import OF_LOADED, Loaded, RobotType, Trailer, Wheels
 from mrp_sumo.errors import MrpSumoError, first_line
 from mrp_sumo.files.reading import read_json, require_regular
 from mrp_sumo.maps.yaml_text import parse
@@ -35,7 +35,7 @@ def write_floor(path: Path, graph: PlanGraph, fleet: Fleet, nav: NavGraph | None
     document = {
         "schema_version": SCHEMA_VERSION,
         "units": "m, s, rad",
-        "fleet": {"robot_name": list(fleet.robot_name), **{key: getattr(fleet, key).tolist() for key in LIMITS}},
+        "fleet": {"robot_name": list(fleet.robot_name), **_limits(fleet), **({"loaded": _limits(fleet.loaded)} if fleet.loaded else {})},
         "plan_graph": {**_graph_document(graph), **about},
         "nav_graph": _graph_document(nav) if nav is not None else None,
     }
@@ -65,13 +65,13 @@ def _texts(names: Sequence[str]) -> tuple[str, ...]:
 
 def _fleet(document: dict[str, Any], vehicles: dict[str, Any] | None) -> Fleet:
     """Robots with equal figures are of one type."""
-    columns = np.array([document[key] for key in LIMITS], np.float64).T
+    both = [document, document.get("loaded", document)]
+    columns = np.array([each[key] for each in both for key in LIMITS], np.float64).T
     if vehicles is not None:
         of_kind = dict(zip(vehicles["kind"], columns.tolist()))
         made = [
-            RobotType(
-                name,
-                **dict(zip(LIMITS, of_kind[k])),
+            replace(
+                _type(name, of_kind[k], has_loads="loaded" in document),
                 kinematics=Wheels(**shape["kinematics"]),
                 trailers=tuple(Trailer(**each) for each in shape["trailers"]),
             )
@@ -79,8 +79,19 @@ def _fleet(document: dict[str, Any], vehicles: dict[str, Any] | None) -> Fleet:
         ]
         return replace(fleet_of_types(made, np.array(vehicles["kind"], np.int64)), robot_name=_texts(document["robot_name"]), type_name=())
     rows, kind = np.unique(columns, axis=0, return_inverse=True)
-    types = [RobotType("", **dict(zip(LIMITS, row.tolist()))) for row in rows]
+    types = [_type("", row, has_loads="loaded" in document) for row in rows.tolist()]
     return replace(fleet_of_types(types, kind.reshape(-1)), robot_name=_texts(document["robot_name"]), type_name=())
+
+
+def _type(name: str, figures: Sequence[float], *, has_loads: bool) -> RobotType:
+    """A type with the limits of robots without a load, and then of those with one."""
+    without, with_load = dict(zip(LIMITS, figures)), dict(zip(LIMITS, figures[len(LIMITS) :]))
+    keys = [key for key in Loaded.__dataclass_fields__ if key != "mass_kg"]
+    return RobotType(name, **without, loaded=Loaded(**{key: with_load[OF_LOADED.get(key, key)] for key in keys}) if has_loads else None)
+
+
+def _limits(fleet: Fleet) -> dict[str, Any]:
+    return {key: getattr(fleet, key).tolist() for key in LIMITS}
 
 
 def write_costmap(folder: Path, name: str, costmap: "Costmap") -> None:

@@ -219,6 +219,7 @@ class RunFolder:
             findings=tuple(self.result["findings"]),
             level=None if samples.level is None else frozen(samples.level),
             hitch_rad=samples.hitch_rad,
+            loads=None if samples.loads is None else frozen(samples.loads),
             facilities=read_facilities(folder, names, graph.level_names) if has_lifts or has_doors else None,
             people=read_people(folder / PEOPLE, samples.t_ns, samples.levels, num_robots) if self.has(PEOPLE) else None,
             believed=frozen(np.stack((believed.x_m, believed.y_m, believed.yaw_rad))) if believed else None,

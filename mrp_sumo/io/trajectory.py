@@ -1,14 +1,15 @@
 """Trajectories as Parquet: one long table of exact float64, the source of truth that every other log derives from.
 
 Columns: `t_ns` int64, `robot` dictionary of names, `x_m`, `y_m`, `yaw_rad`, `speed_mps` float64. A robot that is not on the floor has no
-row. Where vehicles tow trailers, `hitch_1_rad` and so on are the angles of each to what is in front of it, 0 where there is none. Where
-robots change levels, `level` is a dictionary of names, too, and positions are in the frame of that level: what was added
+row. Where vehicles tow trailers, `hitch_1_rad` and so on are the angles of each to what is in front of it, 0 where there is none. `loaded`
+int8, the number of loads on board, is there where robots may have several, or are others with one. Where robots change levels, `level` is
+a dictionary of names, too, and positions are in the frame of that level: what was added
 to lay levels side by side is subtracted, and kept in the metadata. Row groups hold about half a million rows, robot by robot inside,
 compressed with zstd after a byte-stream split. Equal executions give equal bytes. Refuses files of another schema.
 """
 
 import json
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import count, takewhile
 from pathlib import Path
@@ -55,6 +56,7 @@ class Trajectory:
     level: IntArray | None = None  # [T, R] in `levels`
     levels: Levels | None = None
     hitch_rad: Mapping[str, FloatArray] = field(default_factory=dict)  # [T, R] by column
+    loads: IntArray | None = None  # [T, R] on board
 
     @property
     def t_s(self) -> FloatArray:
@@ -90,9 +92,7 @@ def write_trajectory(
     }
     if levels:
         about |= {"levels": dict(zip(levels.name, levels.shift_m.tolist()))}
-    schema = _schema(len(robot_name), levels, execution.hitch_rad).with_metadata(
-        {"mrp_sumo": json.dumps(about, sort_keys=True, ensure_ascii=False, allow_nan=False)}
-    )
+    schema = _schema(execution, levels).with_metadata({"mrp_sumo": json.dumps(about, sort_keys=True, ensure_ascii=False, allow_nan=False)})
     encoding = {"t_ns": "DELTA_BINARY_PACKED", **dict.fromkeys((*COLUMNS, *execution.hitch_rad), "BYTE_STREAM_SPLIT")}
     with pq.ParquetWriter(path, schema, compression="zstd", use_dictionary=["robot", "level"], column_encoding=encoding) as writer:
         for table in _tables(execution, robot_name, t_ns, levels):
@@ -102,14 +102,13 @@ def write_trajectory(
 def trajectory_of(execution: Execution, robot_name: tuple[str, ...]) -> Trajectory:
     """The trajectory as arrays, without metadata."""
     columns: dict[str, Any] = {name: getattr(execution, name) for name in COLUMNS}
-    return Trajectory(_ticks(execution), robot_name, **columns, metadata={}, level=execution.level, hitch_rad=execution.hitch_rad)
+    more: dict[str, Any] = {"level": execution.level, "hitch_rad": execution.hitch_rad, "loads": execution.loads}
+    return Trajectory(_ticks(execution), robot_name, **columns, metadata={}, **more)
 
 
 def trajectory_table(execution: Execution, robot_name: tuple[str, ...], levels: Levels | None = None) -> pa.Table:
     """The table in memory, without metadata."""
-    return pa.concat_tables(
-        [_schema(len(robot_name), levels, execution.hitch_rad).empty_table(), *_tables(execution, robot_name, _ticks(execution), levels)]
-    )
+    return pa.concat_tables([_schema(execution, levels).empty_table(), *_tables(execution, robot_name, _ticks(execution), levels)])
 
 
 def trajectory_frame(table: pa.Table) -> "pandas.DataFrame":
@@ -123,10 +122,11 @@ def _ticks(execution: Execution) -> IntArray:
     return np.rint(execution.t_s * 1e9).astype(np.int64)
 
 
-def _schema(num_robots: int, levels: Levels | None, hitches: Iterable[str]) -> pa.Schema:
-    robot = pa.dictionary(pa.from_numpy_dtype(_index(num_robots)), pa.string())
+def _schema(execution: Execution, levels: Levels | None) -> pa.Schema:
+    robot = pa.dictionary(pa.from_numpy_dtype(_index(execution.num_robots)), pa.string())
     fields = [pa.field("t_ns", pa.int64(), False), pa.field("robot", robot, False)]
-    fields += [pa.field(name, pa.float64(), False) for name in (*COLUMNS, *hitches)]
+    fields += [pa.field(name, pa.float64(), False) for name in (*COLUMNS, *execution.hitch_rad)]
+    fields += [pa.field("loaded", pa.int8(), False)] if execution.loads is not None else []
     return pa.schema(fields + ([pa.field("level", pa.dictionary(pa.int16(), pa.string()), False)] if levels else []))
 
 
@@ -137,13 +137,15 @@ def _index(num_robots: int) -> type[np.signedinteger]:
 def _tables(execution: Execution, robot_name: tuple[str, ...], t_ns: IntArray, levels: Levels | None) -> Iterator[pa.Table]:
     """The rows, half a million at a time, robot by robot in each."""
     num_samples, num_robots = execution.x_m.shape
-    schema, names = _schema(num_robots, levels, execution.hitch_rad), texts(robot_name)
+    schema, names = _schema(execution, levels), texts(robot_name)
     ticks = max(1, ROWS_PER_GROUP // max(1, num_robots))
     for a in range(0, num_samples, ticks):
         rows = slice(a, min(a + ticks, num_samples))
         values = *(getattr(execution, name) for name in COLUMNS), *execution.hitch_rad.values()
         flat = [np.ascontiguousarray(column[rows].T).ravel() for column in values]
         length = rows.stop - rows.start
+        if execution.loads is not None:
+            flat.append(np.ascontiguousarray(execution.loads[rows].T).ravel().astype(np.int8))
         time, robot = np.tile(t_ns[rows], num_robots), np.repeat(np.arange(num_robots), length)
         if levels and execution.level is not None:
             flat.append(np.ascontiguousarray(execution.level[rows].T).ravel())
@@ -152,7 +154,7 @@ def _tables(execution: Execution, robot_name: tuple[str, ...], t_ns: IntArray, l
         if not there.all():
             time, robot, flat = time[there], robot[there], [column[there] for column in flat]
         robots = pa.DictionaryArray.from_arrays(numbers(robot.astype(_index(num_robots))), names)
-        columns = [numbers(time), robots, *map(numbers, flat[: len(values)])]
+        columns = [numbers(time), robots, *map(numbers, flat[: len(values) + (execution.loads is not None)])]
         if levels:
             columns.append(pa.DictionaryArray.from_arrays(numbers(flat[-1].astype(np.int16)), texts(levels.name)))
         yield pa.Table.from_arrays(columns, schema=schema)
@@ -177,14 +179,17 @@ def read_trajectory(path: Path) -> Trajectory:
         values[row, robot] = table.numbers(name)
         columns[name] = values
     columns["hitch_rad"] = {name: columns.pop(name) for name in hitches}
+    loads = np.zeros((len(t_ns), len(names)), np.int64) if table.has("loaded") else None
+    if loads is not None:
+        loads[row, robot] = table.integers("loaded", 0, 127)
     if "levels" not in about:
-        return Trajectory(t_ns, names, **columns, metadata=about)
+        return Trajectory(t_ns, names, **columns, metadata=about, loads=loads)
     levels = _levels(table, about["levels"])
     level = np.zeros((len(t_ns), len(names)), np.int64)
     level[row, robot] = on = table.indices("level", levels.name)
     for k, axis in enumerate(COLUMNS[:2]):
         columns[axis][row, robot] += levels.shift_m[on, k]
-    return Trajectory(t_ns, names, **columns, metadata=about, level=level, levels=levels)
+    return Trajectory(t_ns, names, **columns, metadata=about, level=level, levels=levels, loads=loads)
 
 
 def _stamps_document(t_ns: IntArray) -> dict[str, Any]:

@@ -70,7 +70,7 @@ class Narrow:
         if crossing := int(np.count_nonzero(self.lane_m[lanes] == 0)):
             notes.append(f"{_count(crossing, 'lane leads', 'lanes lead')} through a wall, such as {self._lane(lanes[0])}")
         if beside := lanes[crossing:].tolist():
-            room = f"{self.robot.width_m / 2:.2f} m to a wall, too close for '{name}'"
+            room = f"{self.robot.with_load.width_m / 2:.2f} m to a wall, too close for '{name}'"
             nearest = f"the closest {self._lane(beside[0])}: {self.lane_m[beside[0]]:.2f} m"
             notes.append(f"{_count(len(beside), 'lane runs', 'lanes run')} closer than {room}, {nearest}")
         if len(vertices):
@@ -82,7 +82,7 @@ class Narrow:
     @property
     def lane_notes(self) -> tuple[str, ...]:
         """A line for each lane without room, the nearest to a wall first."""
-        half_m = self.robot.width_m / 2
+        half_m = self.robot.with_load.width_m / 2
         return tuple(
             f"lane {self._lane(lane)} leads through a wall"
             if self.lane_m[lane] == 0
@@ -106,7 +106,7 @@ def narrow(graph: NavGraph, building: Building | None, robot: RobotType) -> Narr
     clearances = clearance(graph, building, robot.half_width_m + STOPS_SHORT_M)
     driven = np.zeros(graph.num_vertices, np.bool_)
     driven[graph.tail] = driven[graph.head] = True
-    lanes = (clearances.lane_m == 0) | (clearances.lane_m < robot.width_m / 2 - SHORTEST_M)
+    lanes = (clearances.lane_m == 0) | (clearances.lane_m < robot.with_load.width_m / 2 - SHORTEST_M)
     vertices = driven & (clearances.vertex_m < robot.half_width_m + STOPS_SHORT_M)
     return Narrow(robot, graph, clearances.lane_m, clearances.vertex_m, lanes, vertices)
 

@@ -1,7 +1,7 @@
 """An independent look at what was driven: did robots overlap, touch walls, jump, speed, turn or brake harder than they can.
 
-Knows the trajectory, the robots' footprints and limits, the walls, and where SUMO says it had the robots; nothing of plans and
-policies, so it can disagree with all of them. Between samples it takes robots to move straight and evenly, and looks
+Knows the trajectory, the robots' footprints and limits, with loads and without, the walls, and where SUMO says it had the robots;
+nothing of plans and policies, so it can disagree with all of them. Between samples it takes robots to move straight and evenly, and looks
 at all of that way, not only at the samples.
 """
 
@@ -27,6 +27,7 @@ ELSEWHERE_M = 0.02  # SUMO rounds shapes and lengths
 PLACE_M = 1.0  # side of the squares for which walls are listed
 MOST_PLACES = 2000  # along either side of the floor
 FAR_M = 1e6  # between levels
+POSE = ("x_m", "y_m", "yaw_rad", "speed_mps")
 LOOK_M = 1.0  # how far walls are looked for at first
 KINDS = {  # of violations: the count they go to, in the order of the kernel's numbers
     "speed": "num_speed_violations",
@@ -58,7 +59,8 @@ def audit(
     execution
         T samples of R robots.
     fleet
-        Footprints, rectangles of length x width turned by the yaw around the centre, and limits.
+        Footprints, rectangles of length x width turned by the yaw around the centre, and limits. Where robots are others with a load, the
+        execution says when they have one.
     level
         [R] the floor each robot is on; robots on different floors never meet. By default all are on one. Where the execution knows the
         levels of its robots, these lie beside each other, and robots in lifts are on none while they change.
@@ -92,11 +94,11 @@ def audit(
     rides = _outside_cabins(execution, fleet, cabins)
     if execution.level is not None:
         execution, level = _on_floors(execution, execution.level), None
-    parts, members, floors = _with_trailers(execution, fleet, level)
+    parts, members, floors = _by_load(*_with_trailers(execution, fleet, level), fleet)
     overlaps, clearance = _closeness(_apart(parts), members, floors)
     walls_found = _at_walls(parts, members, walls)
     people_found = _among_people(parts, members)
-    counts, violations = _motion(execution, fleet)
+    counts, violations = _motion(*_by_load(execution, fleet, None, fleet)[:2])
     wheels = _wheels(execution, fleet)
     counts |= {"num_wheel_violations": len(wheels)} if fleet.vehicle_of_kind else {}
     violations += wheels[:LISTED]
@@ -148,6 +150,28 @@ def prepare() -> None:
     x, still = np.array([[0.0, 2.0]] * 2), np.zeros((2, 2))
     run = Execution(np.arange(2.0), x, still, still, still, np.zeros(0), np.zeros(2), Outcome.COMPLETED, "", 1.0, 0.0, 0.0)
     audit(run, fleet_of(RobotType("dot", 0.1, 0.1, 1.0, 1.0, 1.0, 1.0), 2), walls=np.array([[(0.0, 1.0), (1.0, 1.0)]]))
+
+
+def _by_load(execution: Execution, members: Fleet, level: IntArray | None, fleet: Fleet) -> tuple[Execution, Fleet, IntArray | None]:
+    """The execution with each robot that is another with a load as two parts, of which one is there at a time.
+
+    Robots stand while that changes: both are there at the sample of a change. The first of the members are the robots themselves.
+    """
+    loads, loaded = execution.loads, fleet.loaded
+    if loads is None or loaded is None:
+        return execution, members, level
+    num_parts, other = members.num_robots, np.flatnonzero(np.any([getattr(loaded, key) != getattr(fleet, key) for key in LIMITS], axis=0))
+    with_load, changes = loads[:, other] > 0, np.zeros((len(loads), len(other)), np.bool_)
+    changes[1:] = with_load[1:] != with_load[:-1]
+    part, absent = np.append(np.arange(num_parts), other), np.zeros((len(loads), num_parts + len(other)), np.bool_)
+    absent[:, other], absent[:, num_parts:] = with_load & ~changes, ~(with_load | changes)
+    columns: dict[str, Any] = {key: np.where(absent, np.nan, getattr(execution, key)[:, part]) for key in POSE}
+    limits: dict[str, Any] = {key: np.append(getattr(members, key), getattr(loaded, key)[other]) for key in (*LIMITS, "kind")}
+    owner = members.owner if isinstance(members, Parts) else np.arange(num_parts)
+    names = tuple(members.robot_name[k] for k in part.tolist())
+    floor = None if execution.level is None else execution.level[:, part]
+    parts = Parts(robot_name=names, apart_m=fleet.apart_m, owner=np.append(owner, other), **limits)
+    return replace(execution, **columns, level=floor, hitch_rad={}), parts, None if level is None else level[part]
 
 
 def _poses(execution: Execution) -> _audit.Poses:
@@ -254,7 +278,8 @@ def _closeness(execution: Execution, fleet: Fleet, level: IntArray | None) -> tu
     for t_s, a, b in pairs:
         (xs,), (ys,), _ = positions_at(execution, np.array([t_s]))
         last = int(np.searchsorted(execution.t_s, t_s, side="right")) - 1  # where a robot is that is in a lift at the next sample
-        xs, ys = np.where(np.isnan(xs), execution.x_m[last], xs), np.where(np.isnan(ys), execution.y_m[last], ys)
+        for k in (last, min(last + 1, len(execution.t_s) - 1)):
+            xs, ys = np.where(np.isnan(xs), execution.x_m[k], xs), np.where(np.isnan(ys), execution.y_m[k], ys)
         x_m = float(xs[a] + xs[b]) / 2
         place = {"x_m": x_m if execution.level is None else x_m - FAR_M * round(x_m / FAR_M), "y_m": float(ys[a] + ys[b]) / 2}
         overlaps.append({"robots": [fleet.robot_name[a], fleet.robot_name[b]], "t_s": t_s, **place})

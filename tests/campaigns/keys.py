@@ -42,6 +42,8 @@ NAMED: dict[str, list[Any]] = {
     "discretisation.cell_m": [0.4, 0.5, 1.0],
     "robots.type": ["turtlebot3"],
     "robots.type.source": ["a data sheet"],
+    **{f"robots.type.actions.{action}.triangular_s": [[1.0, 2.0, 4.0]] for action in ("pick", "drop", "lift", "dock")},
+    **{f"robots.type.actions.{action}.lognormal": [[10.0, 0.5]] for action in ("pick", "drop", "lift", "dock")},
     "robots.fleet": [[{"type": "turtlebot3", "count": 1}, {"type": "turtlebot3", "starts": ["crossing_1_1"], "goals": ["crossing_4_3"]}]],
     "robots.starts": [["crossing_1_1", "crossing_4_3"]],
     "robots.goals": [["crossing_4_3", "crossing_1_1"]],

@@ -58,6 +58,10 @@ class KinematicEngine:
         """See Engine."""
         self._visits = visits
 
+    def load(self, fleet: Fleet) -> None:
+        """See Engine."""
+        self._fleet = fleet
+
     def step(self, moving: BoolArray) -> list[str]:
         """See Engine."""
         fleet, speed, driven = self._fleet, self._speed_mps, self.driven_m

@@ -90,6 +90,12 @@ class SumoEngine:
         ahead, stops = self._ahead(robot, visit, visits)
         self._sumo.turn_back(robot, self._edge[visits.lane[visit]], ahead, stops, float(self.driven_m[robot]))
 
+    def load(self, fleet: Fleet) -> None:
+        """See Engine."""
+        was, kinds, self._fleet = type_of(self._fleet), type_of(fleet), fleet
+        for robot in np.flatnonzero(np.not_equal(was, kinds)).tolist():
+            self._sumo.change(robot, kinds[robot])
+
     def step(self, moving: BoolArray) -> list[str]:
         """See Engine."""
         if self._has_limits:

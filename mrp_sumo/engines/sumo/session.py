@@ -83,6 +83,12 @@ class Sumo:
         if stops:
             self._stop_at_end(name, edges[-1])
 
+    def change(self, robot: int, kind: int) -> None:
+        """A robot that stands is of another type from now on."""
+        self._kind[robot] = f"type_{kind}"
+        if robot not in self.out:
+            self._vehicle.setType(self._name[robot], self._kind[robot])
+
     def begin(self) -> None:
         """The step in which all robots appear. That they keep apart is left to who commands them."""
         self._api.simulationStep()
@@ -234,10 +240,19 @@ def running_sumo(
 
 
 def type_of(fleet: Fleet) -> list[int]:
-    """[R] the vehicle type of each robot: robots with equal limits share one."""
-    columns = (fleet.accel_mps2, fleet.decel_mps2, fleet.max_speed_mps, fleet.width_m, fleet.radius_m)
-    kinds: list[int] = np.unique(np.stack(columns, 1), axis=0, return_inverse=True)[1].reshape(-1).tolist()
+    """[R] the vehicle type of each robot as it is now: robots with equal limits share one."""
+    kinds: list[int] = (rows_of(fleet)[:, None] == types_of(fleet)).all(-1).argmax(1).tolist()
     return kinds
+
+
+def rows_of(fleet: Fleet) -> FloatArray:
+    """[R, 5] what decides the vehicle type of a robot."""
+    return np.stack([fleet.accel_mps2, fleet.decel_mps2, fleet.max_speed_mps, fleet.width_m, fleet.radius_m], 1)
+
+
+def types_of(fleet: Fleet) -> FloatArray:
+    """[K, 5] the limits and sizes of all types, also of robots with loads."""
+    return np.unique(np.concatenate([rows_of(each) for each in (fleet, *([fleet.loaded] if fleet.loaded else []))]), axis=0)
 
 
 def _check_whole(network: Path) -> None:
@@ -288,16 +303,14 @@ def _additional(network: Path, types: Path, gui: bool) -> str:
 
 
 def _types(fleet: Fleet, step_length_s: float, plan_every_s: float) -> str:
-    kind = np.array(type_of(fleet))
     lines = ["<additional>"]
-    for k in range(kind.max() + 1):
-        r = int(np.flatnonzero(kind == k)[0])
-        half_m = float(2 * fleet.radius_m[r] + fleet.gap_m.max()) / 2  # of the separation of two of them, with the largest gap
+    for k, (accel, decel, speed, width_m, radius_m) in enumerate(types_of(fleet).tolist()):
+        half_m = float(2 * radius_m + fleet.gap_m.max()) / 2  # of the separation of two of them, with the largest gap
         lines.append(
-            f'<vType id="type_{k}" length="{half_m:.6f}" minGap="{half_m:.6f}" width="{fleet.width_m[r]:.6f}" '
-            f'accel="{fleet.accel_mps2[r]:.6f}" decel="{fleet.decel_mps2[r]:.6f}" apparentDecel="{fleet.decel_mps2[r]:.6f}" '
+            f'<vType id="type_{k}" length="{half_m:.6f}" minGap="{half_m:.6f}" width="{width_m:.6f}" '
+            f'accel="{accel:.6f}" decel="{decel:.6f}" apparentDecel="{decel:.6f}" '
             # with less SUMO lets some head-on robots collide
-            f'emergencyDecel="{2 * fleet.decel_mps2[r]:.6f}" maxSpeed="{fleet.max_speed_mps[r]:.6f}" speedFactor="1" speedDev="0" '
+            f'emergencyDecel="{2 * decel:.6f}" maxSpeed="{speed:.6f}" speedFactor="1" speedDev="0" '
             f'sigma="0" tau="{step_length_s:g}" actionStepLength="{plan_every_s:g}"/>'
         )
     return "\n".join([*lines, "</additional>\n"])

@@ -11,7 +11,7 @@ import numpy as np
 from mrp_sumo.core.facilities import CABIN_M, beyond_cabin_m
 from mrp_sumo.core.fleet import fleet_of, fleet_of_types
 from mrp_sumo.core.graph import BoolArray, NavGraph, PlanGraph
-from mrp_sumo.core.robot_type import RobotType
+from mrp_sumo.core.robot_type import RobotShape, RobotType
 from mrp_sumo.errors import ScenarioError
 from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.io.scenario.file import ScenarioFile
@@ -71,12 +71,13 @@ def require_cabins(file: ScenarioFile, map_: Map, graph: PlanGraph, models: Sequ
     cabins = cabins_of(map_.building, graph.level_names, map_.level_shift_m)
     rides = [k for k in np.flatnonzero(graph.is_ride).tolist() if graph.lane_options[k]["lift"] in lifts]
     for kind, model in enumerate(models):
+        body = model.with_load
         for lane, v in ((k, int(v)) for k in rides for v in (graph.tail[k], graph.head[k])):
             name = str(graph.lane_options[lane]["lift"])
             row = cabins[[int(graph.level[v]) * len(lifts) + lifts.index(name)]]
             x_m, y_m, heading_rad = (float(a) for a in (*graph.xy[v], graph.heading_rad[lane]))
-            if (beyond_m := beyond_cabin_m(row, x_m, y_m, heading_rad, model.length_m, model.width_m)[0]) > CABIN_M:
-                size = f"'{model.name}', {model.length_m:g} x {model.width_m:g} m"
+            if (beyond_m := beyond_cabin_m(row, x_m, y_m, heading_rad, body.length_m, body.width_m)[0]) > CABIN_M:
+                size = f"'{model.name}', {body.length_m:g} x {body.width_m:g} m"
                 raise ScenarioError(
                     f"{file.at(*type_at(file, kind))}: {size}, stands {beyond_m:.2f} m out of the cabin of lift '{name}', "
                     f"{row[0, 4]:g} x {row[0, 5]:g} m: name a smaller type, or one level with map.level"
@@ -103,17 +104,22 @@ def _remedy(nav: NavGraph, cell_m: float, needed_m: float) -> str:
 
 def require_brakes(file: ScenarioFile, graph: PlanGraph, models: Sequence[RobotType]) -> None:
     """Robots may brake over several lanes, which they then hold; over more than the whole map none would ever come to its speed."""
-    for kind, model in enumerate(models):
+    both = [(kind, f"'{each.name}'{says}", shape) for kind, each in enumerate(models) for says, shape in _with_and_without_load(each)]
+    for kind, name, model in both:
         top = min(model.max_speed_mps, float(graph.speed_mps.max(initial=0.0)))
         across_m = float(np.hypot(*np.ptp(graph.xy, axis=0))) if graph.num_lanes else np.inf
         braking_m = top**2 / (2 * model.decel_mps2)
         if braking_m > across_m:
             slower = _rounded(math.sqrt(2 * across_m * model.decel_mps2), math.floor)
             raise ScenarioError(
-                f"{file.at(*type_at(file, kind))}: '{model.name}' cannot stop: from {top:g} m/s at {model.decel_mps2:g} m/s2 it takes "
+                f"{file.at(*type_at(file, kind))}: {name} cannot stop: from {top:g} m/s at {model.decel_mps2:g} m/s2 it takes "
                 f"{braking_m:.4g} m, and '{graph.name}' is {across_m:.4g} m across (decel_mps2: "
                 f"{_rounded(top**2 / (2 * across_m), math.ceil)} or max_speed_mps: {slower} would do)"
             )
+
+
+def _with_and_without_load(model: RobotType) -> list[tuple[str, RobotShape]]:
+    return [("", model), *([(" with a load", model.with_load)] if model.loaded else [])]
 
 
 def _rounded(value: float, towards: Callable[[float], int]) -> str:

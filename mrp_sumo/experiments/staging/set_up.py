@@ -189,7 +189,8 @@ def planned_step_s(graph: PlanGraph, fleet: Fleet, step_length_s: float) -> floa
 
     Every step of a plan can then be kept, at rest or in motion. Rounded up to whole simulation steps.
     """
-    speed = np.minimum(graph.speed_mps, fleet.max_speed_mps.min())
+    slowest = fleet.loaded or fleet
+    speed = np.minimum(graph.speed_mps, slowest.max_speed_mps.min())
     drive = float((graph.length_m / speed).max(where=~graph.is_ride, initial=0.0))
-    turn = math.pi / 2 / float(fleet.turn_rate_rad_s.min())
+    turn = math.pi / 2 / float(min(fleet.turn_rate_rad_s.min(), slowest.turn_rate_rad_s.min()))
     return round(math.ceil((drive + turn) / step_length_s - 1e-9) * step_length_s, 9)

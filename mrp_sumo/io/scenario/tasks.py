@@ -3,7 +3,7 @@
 `tasks: [...]` is short for one list, `tasks: orders.csv` for one file.
 """
 
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
@@ -30,6 +30,9 @@ class StationChoice(Strict):
 
     places: list[str] = Field(min_length=1, description="Names of vertices; one robot at a time is served at each.")
     queue: list[str] = Field([], description="Names of vertices where robots wait for a place.")
+    actions: list[Literal["lift", "dock"]] = Field(
+        [], description="What robots do at each stop there, for as long as their type says (`robots.type.actions`)."
+    )
 
 
 TaskTime = Annotated[float, Field(ge=0, le=1e9)]  # seconds: 30 years

@@ -18,6 +18,7 @@ RULES: tuple[Callable[[Logs], Iterator[Finding]], ...] = (
     orders.told,
     orders.stops_in_order,
     orders.loads,
+    orders.on_board,
     places.service,
     places.places,
     places.shares,

@@ -62,13 +62,18 @@ def drawn_j(logs: Logs, of_robot: tuple[Battery, ...], t_s: FloatArray) -> Float
     """[K, R] drawn by each robot until times [K], by its poses; nothing at chargers."""
     run, period_s = logs.execution, logs.period_s
     at, so_far = np.zeros((len(t_s), logs.fleet.num_robots)), np.zeros(logs.fleet.num_robots)
-    kinds = {battery: np.flatnonzero([mine == battery for mine in of_robot]) for battery in dict.fromkeys(of_robot)}
+    with_load = logs.terms.batteries_loaded or of_robot
+    pairs = list(zip(of_robot, with_load))
+    kinds = {pair: np.flatnonzero([mine == pair for mine in pairs]) for pair in dict.fromkeys(pairs)}
     at_chargers = charges(logs)
     for first in range(0, len(run.t_s) - 1, TOGETHER):
         block = slice(first, first + TOGETHER + 1)
         power_w = np.zeros((len(run.t_s[block]) - 1, len(so_far)))
-        for battery, mine in kinds.items():
+        for (battery, loaded), mine in kinds.items():
             power_w[:, mine] = _power_w(battery, run.speed_mps[block], run.yaw_rad[block], mine, period_s)
+            if run.loads is not None and loaded != battery:
+                power_loaded_w = _power_w(loaded, run.speed_mps[block], run.yaw_rad[block], mine, period_s)
+                power_w[:, mine] = np.where(run.loads[block][1:, mine] > 0, power_loaded_w, power_w[:, mine])
         for robot, begin_s, end_s in at_chargers:
             power_w[(run.t_s[block][1:] > begin_s) & (run.t_s[block][1:] <= end_s), robot] = 0.0
         until = so_far + np.cumsum(np.nan_to_num(power_w) * period_s, axis=0)

@@ -11,6 +11,7 @@ import numpy as np
 from mrp_sumo.core.execution import Execution
 from mrp_sumo.core.fleet import Fleet
 from mrp_sumo.core.graph import FloatArray, IntArray, PlanGraph
+from mrp_sumo.core.handling import Handling
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.core.robot_states import BROKEN, EMPTY
 from mrp_sumo.core.robot_type import Battery
@@ -29,7 +30,10 @@ class Terms:
 
     sources: tuple[TaskSource, ...]  # of orders
     type_name: tuple[str, ...]  # [R]
+    capacity: tuple[int, ...] = ()  # [R] orders on board at once; empty: one each
     batteries: tuple[Battery, ...] = ()  # [R] of each robot; empty: not known, or none
+    batteries_loaded: tuple[Battery, ...] = ()  # [R] of each robot with a load; empty: the same
+    handling: Handling = field(default_factory=Handling)  # how long stops take beside their services
     start_level: tuple[float, float] = (0.0, 1.0)  # of batteries
     waits_s: float = 0.0  # for which nothing is decided, since planners take their time
     doors_xy: FloatArray = field(default_factory=lambda: np.zeros((0, 2, 2)))  # [D, 2, 2] m, of the building
@@ -92,6 +96,11 @@ class Logs:
             return task.name in names if source.num_open else task.release_s <= self.end_s - EPS_S
 
         return [list(takewhile(partial(goes_on, source), source.tasks())) for source in self.terms.sources]
+
+    @cached_property
+    def capacity(self) -> Sequence[int]:
+        """[R] orders that robots can have on board at once."""
+        return self.terms.capacity or (1,) * self.fleet.num_robots
 
     def robot(self, number: int) -> str | None:
         """A robot's name; None for nobody."""

@@ -11,6 +11,7 @@ from mrp_sumo.core.stream import TaskSource
 from mrp_sumo.core.task import ASSIGNED, CANCELLED, DONE, FAILED, HANDED_OVER, NOBODY, PICKED, RELEASED, TASK_STATES, TASK_TIMES, Task
 from mrp_sumo.metrics.operations.evidence import EPS_S, LOST, Finding, Logs
 
+SHOWN_S = 1.5  # until robots have the limits of what they have on board
 REVEALED_S = 2.0  # at most until the next order of a closed loop is known
 TIMES = {  # of a state: those of `TASK_TIMES` that an order in it has; the others it has not, or may have
     RELEASED: (("released_s",), ("done_s", "ended_s", "assigned_s", "opened_s")),
@@ -145,10 +146,11 @@ def _as_asked(logs: Logs, row: int, order: Task, nth: int) -> Iterator[Finding]:
     if int(stops.vertex[row]) not in stop.places or stops.station[row] != name:
         wanted = name or logs.graph.known_as(stop.vertex)
         yield logs.of_stop("stops in order", row, f"stop {nth + 1} at {logs.graph.known_as(int(stops.vertex[row]))}, expected {wanted}")
-    if takes_s < stop.service_s - EPS_S:
-        yield logs.of_stop("service", row, f"is served for {takes_s:.2f} s, which takes {stop.service_s:.2f} s")
-    elif takes_s > stop.service_s + EPS_S and logs.was_in((BROKEN,), int(stops.robot[row]), stops.begin_s[row], stops.end_s[row]) is False:
-        yield logs.of_stop("service", row, f"is served for {takes_s:.2f} s, which takes {stop.service_s:.2f} s only")
+    expected_s = logs.terms.handling.stop_s(int(stops.robot[row]), order, nth)
+    if takes_s < expected_s - EPS_S:
+        yield logs.of_stop("service", row, f"is served for {takes_s:.2f} s, which takes {expected_s:.2f} s")
+    elif takes_s > expected_s + EPS_S and logs.was_in((BROKEN,), int(stops.robot[row]), stops.begin_s[row], stops.end_s[row]) is False:
+        yield logs.of_stop("service", row, f"is served for {takes_s:.2f} s, which takes {expected_s:.2f} s only")
     due_s = order.due_s - order.release_s + float(logs.tasks.released_s[stops.task[row]])
     if not (due_s == stops.due_s[row] or abs(due_s - stops.due_s[row]) <= EPS_S):
         yield logs.of_stop("stops in order", row, f"is due at {stops.due_s[row]:.2f} s, expected {due_s:.2f} s")
@@ -174,7 +176,9 @@ def _ends(logs: Logs, task: int, first: int, rows: Sequence[int], made: int, ord
 
 
 def loads(logs: Logs) -> Iterator[Finding]:
-    """A robot that has picked one order makes no stop of another until it is done with it, and is served once at a time."""
+    """A robot that has picked one order makes no stop of another until it is done with it, unless it can carry several, and is served
+    once at a time.
+    """
     stops, tasks = logs.stops, logs.tasks
     order = np.lexsort((tasks.opened_s[stops.task], stops.end_s, stops.begin_s, stops.robot))  # of one instant: who was picked first
     for one, other in zip(order.tolist(), order.tolist()[1:]):
@@ -183,10 +187,41 @@ def loads(logs: Logs) -> Iterator[Finding]:
         if stops.begin_s[other] < stops.end_s[one] - EPS_S:
             yield logs.of_stop("loads", other, f"begins while it is served at {logs.place(one)} until {stops.end_s[one]:.2f} s")
         task = int(stops.task[one])
-        if task != stops.task[other] and tasks.status[task] in (PICKED, DONE) and not tasks.reason[task]:
+        fills = logs.capacity[int(stops.robot[one])] == 1 and tasks.status[task] in (PICKED, DONE) and not tasks.reason[task]
+        if fills and task != stops.task[other]:
             over_s = tasks.ended_s[task] if np.isfinite(tasks.ended_s[task]) else np.inf
             if stops.begin_s[other] < over_s - EPS_S:
                 yield logs.of_stop("loads", other, f"is made with order '{tasks.name[task]}' on board")
+
+
+def on_board(logs: Logs) -> Iterator[Finding]:
+    """Nobody has more orders on board than it can carry, and what the trajectory has on board of each robot is what its stops put there.
+
+    Robots that were lost with orders, or fetched those of others, are left out.
+    """
+    changes: dict[int, list[tuple[float, int]]] = {}  # by robot
+    tasks, stops, shown = logs.tasks, logs.stops, logs.execution.loads
+    lost = {int(stops.robot[row]) for row, task in enumerate(stops.task.tolist()) if tasks.reason[task]}
+    several = {task for task, order in logs.ordered.items() if len(order.stops) > 1}
+    rows = [row for row, task in enumerate(stops.task.tolist()) if task in several and int(stops.robot[row]) not in lost]
+    rows.sort(key=lambda row: float(stops.end_s[row]))
+    first = {int(stops.task[row]): row for row in reversed(rows)}
+    for task in first:
+        of_robot = changes.setdefault(int(stops.robot[first[task]]), [])
+        of_robot += [(float(stops.end_s[first[task]]), 1), *([(float(tasks.done_s[task]), -1)] if tasks.status[task] == DONE else [])]
+    for robot, of_robot in changes.items():
+        who, most = logs.robot(robot), logs.capacity[robot]
+        at_s, change = (np.array(column) for column in zip(*sorted(of_robot)))
+        count = np.cumsum(change)
+        for k in np.flatnonzero(count > most).tolist()[:1]:
+            yield Finding("loads", at_s[k], f"{who} has {count[k]} orders on board from {at_s[k]:.2f} s on, and can carry {most}", who)
+        if shown is None:
+            continue
+        t_s = logs.execution.t_s
+        now, before = (np.searchsorted(at_s, t_s - ago_s, side="right") for ago_s in (0.0, SHOWN_S))
+        for k in np.flatnonzero((now == before) & (np.append(0, count)[now] != shown[:, robot])).tolist()[:1]:
+            text = f"{who} has {shown[k, robot]} loads on board at {t_s[k]:.2f} s, expected {np.append(0, count)[now[k]]} after its stops"
+            yield Finding("loads", float(t_s[k]), text, who)
 
 
 def told(logs: Logs) -> Iterator[Finding]:
