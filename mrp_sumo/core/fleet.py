@@ -50,6 +50,12 @@ class Fleet:
         return np.array([each.is_vehicle for each in self.types])[self.kind]
 
     @property
+    def axle_m(self) -> FloatArray:
+        """[R] from the middle of the body to the fixed axle of vehicles, 0 for others."""
+        axle = [abs(each.kinematics.ahead_m) if each.is_vehicle else 0.0 for each in self.types]
+        return np.array(axle)[self.kind] if self.vehicle_of_kind else np.zeros(self.num_robots)
+
+    @property
     def behind_m(self) -> FloatArray:
         """[R] from what drives along lanes to the end of the last trailer."""
         return np.array([each.behind_m for each in self.types])[self.kind] if self.vehicle_of_kind else np.zeros(self.num_robots)

@@ -209,7 +209,7 @@ class RobotShape(Options):
 
     @property
     def radius_m(self) -> float:
-        """Of the circle in which it is, around what drives along lanes, with its load; of vehicles with what turns leave corners by.
+        """Of the circle in which it is with its load, around where a robot would be that turns in place.
 
         Of a tugger each trailer is in such a circle around where it is on the path.
         """
@@ -217,8 +217,12 @@ class RobotShape(Options):
             return self.with_load.radius_m
         if not self.is_vehicle:
             return abs(complex(self.length_m, self.width_m)) / 2  # the C library's hypot, as numpy has it
-        front = math.hypot(self.length_m / 2 + abs(self.kinematics.ahead_m), self.width_m / 2)
-        return max([front, *(inward + math.hypot(length, width) / 2 for inward, length, width in self._towed())]) + self.corner_m
+        from mrp_sumo.core.wheel_path import most_aside_m
+
+        wheels = self.kinematics
+        aside_m = most_aside_m(wheels.ahead_m, wheels.least_radius_m, self.corner_m, reverse=wheels.reverse)
+        body_m = math.hypot(self.length_m, self.width_m) / 2 + aside_m
+        return max([body_m, *(inward + math.hypot(length, width) / 2 + self.corner_m for inward, length, width in self._towed())])
 
     @property
     def corner_m(self) -> float:
@@ -227,8 +231,8 @@ class RobotShape(Options):
 
     @property
     def behind_m(self) -> float:
-        """From the fixed axle back along the path to the end of the last trailer."""
-        towed = sum(trailer.hitch_m + trailer.length_m for trailer in self.trailers)
+        """From the middle of the body back along the path to the end of the last trailer; 0 without trailers."""
+        towed = self.kinematics.ahead_m + sum(trailer.hitch_m + trailer.length_m for trailer in self.trailers)
         return towed + (self.trailers[-1].body_m or self.trailers[-1].length_m) / 2 if self.trailers else 0.0
 
     @property
@@ -241,7 +245,8 @@ class RobotShape(Options):
         least, half, front = self.kinematics.least_radius_m, self.width_m / 2, self.length_m / 2 + abs(self.kinematics.ahead_m)
         outside = math.hypot(least + half, front) - least
         inside = max([half, *(inward + width / 2 for inward, _, width in self._towed())])
-        return max(outside, inside + self.corner_m)
+        swing = max(least, self.kinematics.ahead_m) + self.length_m / 2 - self.kinematics.ahead_m if self.kinematics.reverse else 0.0
+        return max(outside, inside + self.corner_m, swing)
 
     def _towed(self) -> list[tuple[float, float, float]]:
         """Of each trailer, how far it runs inside the arc of least radius, and length and width of its body."""

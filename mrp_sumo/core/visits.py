@@ -22,7 +22,8 @@ class Visits(NamedTuple):
     turns: BoolArray  # whether the robot turns in place here before it goes on
     gear: IntArray  # of a vehicle on that lane, 0 forward, 1 backward
     tangent_m: FloatArray  # before the vertex and after it, where it cuts the corner by an arc; 0: it does not
-    bend_mps: FloatArray  # top speed on that arc
+    bend_m: FloatArray  # before the vertex and after it, within which the vehicle is on that arc
+    bend_mps: FloatArray  # top speed there
     limit_mps: FloatArray  # top speed on that lane, inf: that of the robot
     arrive_s: FloatArray  # as planned
     depart_s: FloatArray  # as planned; later than `arrive_s` where the robot is to stand there

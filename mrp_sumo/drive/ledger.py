@@ -37,7 +37,9 @@ from mrp_sumo.traffic.schedule import check_order
 NO_VISIT = {  # what a place in the arrays [N] of `Visits` holds where there is no visit
     **dict.fromkeys(("next", "lane"), -1),
     **dict.fromkeys(("rank", "vertex", "gear"), 0),
-    **dict.fromkeys(("from_m", "at_m", "heading_rad", "arrive_s", "depart_s", "earliest_s", "due_s", "short_of_m", "tangent_m"), 0.0),
+    **dict.fromkeys(
+        ("from_m", "at_m", "heading_rad", "arrive_s", "depart_s", "earliest_s", "due_s", "short_of_m", "tangent_m", "bend_m"), 0.0
+    ),
     **dict.fromkeys(("bend_mps", "limit_mps"), np.inf),
     "turns": False,
     "arrived_s": np.nan,
@@ -161,11 +163,16 @@ class Ledger:
             return Standing(does, lane, gear)
         onward = visits.next[joint]
         is_bound = (visits.tangent_m[joint] > 0) & (onward >= 0)
-        before_m = np.where(lane >= 0, self.graph.length_m[lane] / 2, 0.0)
+        before_m = self.room_to_turn_m(lane)
         moved = self.is_vehicle & has_moved
         does[moved] = np.where(s_m >= visits.at_m[joint] - before_m, np.where(is_bound, BOUND, STANDING), UNDER_WAY)[moved]
         bound = does == BOUND
         return Standing(does, np.where(bound, visits.lane[onward], lane), np.where(bound, visits.gear[onward], gear))
+
+    def room_to_turn_m(self, lane: IntArray) -> FloatArray:
+        """[R] Distance before the end of its lane until which each vehicle has not begun to turn there."""
+        half: FloatArray = np.where(lane >= 0, self.graph.length_m[lane] / 2, 0.0) + self.problem.fleet.axle_m
+        return half
 
     @property
     def is_driving_back(self) -> BoolArray:
@@ -427,7 +434,8 @@ class Ledger:
         visits.heading_rad[part], visits.turns[part] = laid_out.heading_rad[fresh], laid_out.turns[fresh]
         visits.short_of_m[part] = laid_out.short_of_m[fresh]
         visits.gear[part], visits.limit_mps[part] = laid_out.gear[fresh], laid_out.limit_mps[fresh]
-        visits.tangent_m[part], visits.bend_mps[part] = laid_out.tangent_m[fresh], laid_out.bend_mps[fresh]
+        visits.tangent_m[part] = laid_out.tangent_m[fresh]
+        visits.bend_m[part], visits.bend_mps[part] = laid_out.bend_m[fresh], laid_out.bend_mps[fresh]
         of_visit = np.bincount(needs.visit, minlength=plan.num_visits)[fresh]
         self.needs.first[begin + 1 : begin + count + 1] = need_begin + np.cumsum(of_visit)
         part = slice(need_begin, need_begin + need_count)
@@ -569,7 +577,8 @@ class Ledger:
             visits.depart_s[joint] = plan.depart_s[place]
             visits.turns[joint] = laid_out.turns[place]
             if does[i] != BOUND:
-                visits.tangent_m[joint], visits.bend_mps[joint] = laid_out.tangent_m[place], laid_out.bend_mps[place]
+                visits.tangent_m[joint] = laid_out.tangent_m[place]
+                visits.bend_m[joint], visits.bend_mps[joint] = laid_out.bend_m[place], laid_out.bend_mps[place]
             if turns_back:  # it is clear of the joint already, and comes to it again
                 continue
             mine = np.arange(self.needs.first[joint], self.needs.first[joint + 1])

@@ -115,7 +115,7 @@ class Recorder(Listener):
             x[:, r] = np.interp(s_m[:, r], at_m, xy[:, 0])
             y[:, r] = np.interp(s_m[:, r], at_m, xy[:, 1])
             if r in self._trains and len(s_m):
-                x[:, r], y[:, r], yaw[:, r], angles = self._trains[r].poses(ledger, r, s_m[:, r], at_m, xy)
+                x[:, r], y[:, r], yaw[:, r], angles = self._trains[r].poses(ledger, r, s_m[:, r])
                 hitch[: len(angles), :, r] = angles
         columns = (x, y, (yaw + np.pi) % (2 * np.pi) - np.pi, speed, *([level] if self._levels else []), *hitch)
         for file, column in zip(self._columns, columns):

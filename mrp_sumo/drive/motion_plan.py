@@ -12,10 +12,11 @@ import numpy as np
 from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, NavGraph, frozen
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.core.robot_type import RobotType
+from mrp_sumo.core.wheel_path import STRAIGHT_RAD, swing_stretch
 from mrp_sumo.engines.sumo.network import SHORTEST_M
 from mrp_sumo.traffic.passages import Needs
 from mrp_sumo.traffic.resources import Course, Resources, left_after_m, needs_of
-from mrp_sumo.traffic.turns import ARC, BACKWARD, course_rad, turns_of
+from mrp_sumo.traffic.turns import BACKWARD, FORWARD, NEVER, Turns, course_rad, gears_of_lane, turns_of
 
 Vehicles = Sequence[RobotType | None]
 
@@ -56,6 +57,7 @@ class MotionPlan:
     turns: BoolArray  # [N]
     gear: IntArray  # [N] see `Visits`
     tangent_m: FloatArray  # [N]
+    bend_m: FloatArray  # [N]
     bend_mps: FloatArray  # [N]
     limit_mps: FloatArray  # [N]
     short_of_m: FloatArray  # [N]
@@ -103,7 +105,7 @@ def motion_plan(
     turns = np.zeros(plan.num_visits, np.bool_)
     turns[:-1] = np.abs(_wrapped(heading[1:] - heading[:-1])) > TURNS_RAD
     turns[last] = False
-    gear, tangent, bend_mps, limit = _bends(graph, plan, lane, departure, kind, vehicles, heading, turns)
+    gear, tangent, bend_m, bend_mps, limit = _bends(graph, plan, lane, departure, kind, vehicles, heading, turns)
     behind, behind_m = _behind(plan, departure, kind, vehicles)
     needs = needs_of(graph, plan, lane, resources, kind, behind)
     left_at = left_after_m(graph, resources, Course(plan, lane, from_m, at_m, stretch, kind, behind_m), needs)
@@ -112,7 +114,7 @@ def motion_plan(
         first = np.searchsorted(needs.visit[needed], np.arange(plan.num_visits + 1)).astype(np.int64)
         needs, left_at = Needs(frozen(first), needs.resource[needed], needs.on_lane[needed], needs.num_resources), left_at[needed]
     short_of = _short_of(resources, lane, from_m, at_m, stretch, np.repeat(kind, np.diff(plan.first)))
-    return MotionPlan(plan, lane, from_m, at_m, heading, turns, gear, tangent, bend_mps, limit, short_of, needs, left_at)
+    return MotionPlan(plan, lane, from_m, at_m, heading, turns, gear, tangent, bend_m, bend_mps, limit, short_of, needs, left_at)
 
 
 def _bends(
@@ -124,9 +126,9 @@ def _bends(
     vehicles: Vehicles,
     heading: FloatArray,
     turns: BoolArray,
-) -> tuple[IntArray, FloatArray, FloatArray, FloatArray]:
+) -> tuple[IntArray, FloatArray, FloatArray, FloatArray, FloatArray]:
     """[N] of vehicles gears, arcs and top speeds. Writes `heading`, in which they drive, and `turns`, where they change gear."""
-    gear, tangent = np.zeros(len(lane), np.int64), np.zeros(len(lane))
+    gear, tangent, bend_m = np.zeros(len(lane), np.int64), np.zeros(len(lane)), np.zeros(len(lane))
     bend_mps, limit = np.full(len(lane), np.inf), np.where(lane >= 0, graph.speed_mps[lane], np.inf)
     course = course_rad(graph) if vehicles else heading
     for i, k in enumerate(kind.tolist() if vehicles else ()):
@@ -135,20 +137,53 @@ def _bends(
             continue
         mine = lane[part]
         heading[part] = np.append(heading[part.start], course[mine[1:]])
-        bend = np.abs(_wrapped(np.diff(heading[part])))
-        back = bend >= np.pi - TURNS_RAD
-        turns[part] = np.append(back, False)
-        gear[part] = np.append(departure.gear[i], departure.gear[i] + np.cumsum(back)) % 2
         table, wheels = turns_of(graph, vehicle), vehicle.kinematics
-        for n in range(0 if departure.may_turn[i] else 1, len(mine) - 1):
-            came = int(mine[n]) if n else int(departure.lane[i])
-            turn = table.between(came, int(mine[n + 1])) if came >= 0 else -1
-            if turn >= 0 and table.kind[turn] == ARC:
-                tangent[part.start + n] = table.tangent_m[turn]
-                bend_mps[part.start + n] = math.sqrt(wheels.lateral_mps2 * float(table.radius_m[turn]))
+        gear[part.start] = departure.gear[i]
+        for n in range(len(mine) - 1):
+            k, came, onward, now = (
+                part.start + n,
+                int(mine[n]) if n else int(departure.lane[i]),
+                int(mine[n + 1]),
+                int(gear[part.start + n]),
+            )
+            turn = table.between(came, onward) if came >= 0 else -1
+            stands = not n and not departure.may_turn[i]
+            gear[k + 1] = (
+                _next_gear(table, turn, now, stands=stands) if turn >= 0 else _first_gear(graph, vehicle, onward, float(heading[k]), now)
+            )
+            turns[k] = gear[k + 1] != now
+            if turn < 0 or stands:
+                continue
+            sharp, least_m = abs(float(table.bend_rad[turn])), wheels.least_radius_m
+            if turns[k]:
+                if math.pi - sharp <= STRAIGHT_RAD:
+                    continue
+                tangent[k] = bend_m[k] = table.room_m[turn]
+                stretch = swing_stretch(float(tangent[k]), math.pi - sharp, now, wheels.ahead_m, least_m)
+                bend_mps[k] = min(vehicle.max_speed_mps / stretch, math.sqrt(wheels.lateral_mps2 * least_m))
+            elif np.isfinite(radius_m := float(table.radius_m[turn])):
+                tangent[k] = table.tangent_m[turn]
+                bend_m[k] = tangent[k] + abs(wheels.ahead_m)
+                bend_mps[k] = math.sqrt(wheels.lateral_mps2 * radius_m)
+        turns[part.stop - 1] = False
         if wheels.reverse_mps is not None:
             limit[part] = np.where(gear[part] == BACKWARD, np.minimum(limit[part], wheels.reverse_mps), limit[part])
-    return gear, tangent, bend_mps, limit
+    return gear, tangent, bend_m, bend_mps, limit
+
+
+def _next_gear(table: Turns, turn: int, gear: int, *, stands: bool) -> int:
+    """The gear in which a vehicle leaves a corner; the one that it has, where it cannot."""
+    ahead = int((table.may_stand if stands else table.next_gear)[turn, gear])
+    return gear if ahead == NEVER else ahead
+
+
+def _first_gear(graph: NavGraph, vehicle: RobotType, onward: int, heading_rad: float, gear: int) -> int:
+    """The gear in which a vehicle that has not moved yet leaves its start."""
+    allowed = gears_of_lane(graph, vehicle, onward)
+    if allowed[FORWARD] != allowed[BACKWARD]:
+        return FORWARD if allowed[FORWARD] else BACKWARD
+    course = math.atan2(*(graph.xy[graph.head[onward]] - graph.xy[graph.tail[onward]])[::-1])
+    return gear if math.cos(course - heading_rad) >= 0 else 1 - gear
 
 
 def _behind(plan: Plan, departure: Departure, kind: IntArray, vehicles: Vehicles) -> tuple[IntArray | None, FloatArray | None]:

@@ -23,7 +23,7 @@ from mrp_sumo.errors import MrpSumoError, PlanError, PlanningOverrun
 from mrp_sumo.planning.answers import planned_by
 from mrp_sumo.planning.protocol import Planner
 from mrp_sumo.search.route import reach_m
-from mrp_sumo.traffic.moves import UNDER_WAY
+from mrp_sumo.traffic.moves import STANDING, UNDER_WAY
 from mrp_sumo.traffic.resources import Resources
 
 EFFORT = 10_000_000  # labels that a planner may make for an answer of recovery
@@ -139,7 +139,8 @@ def _standing(ledger: Ledger, start: IntArray, on_lane: BoolArray) -> Standing |
     standing, visits = ledger.standing, ledger.visits
     ahead = np.maximum(visits.next[visits.granted], 0)
     comes = on_lane & ledger.is_vehicle & (visits.vertex[ahead] == start)
-    does = np.where(comes, UNDER_WAY, standing.does)
+    can_turn = ledger.state.motion.s_m < visits.at_m[ahead] - ledger.room_to_turn_m(visits.lane[ahead])
+    does = np.where(comes, np.where(can_turn, UNDER_WAY, STANDING), standing.does)
     return Standing(does, np.where(comes, visits.lane[ahead], standing.lane), np.where(comes, visits.gear[ahead], standing.gear))
 
 
@@ -157,7 +158,8 @@ def planned(
         When it is to take effect.
     """
     a_stop_each(request)
-    request = request if limits.window_steps and "stops" in supports_of(planner, parameters) else next_stops(request)
+    passes = limits.window_steps and "stops" in supports_of(planner, parameters)
+    request = request if passes and not request.site.fleet.vehicle_of_kind else next_stops(request)  # vehicles stop in line with lanes
     stays = context.crew.busy | context.world.broken
     ways = _ways(request, begin_s, context, stays, planner, parameters, limits)
     sent_off = [r for r, takes_s in request.there_s.items() if r in ways.reroute and _back_after_s(ways.reroute[r]) > takes_s > 0]

@@ -25,10 +25,10 @@ def lane_limits(dt, decel, visits, speed, s_m, cap_mps):
     cap_mps
         [R] written.
     """
-    next_visit, at_m, lane, limit_mps, tangent_m = visits.next, visits.at_m, visits.lane, visits.limit_mps, visits.tangent_m
+    next_visit, at_m, lane, limit_mps, bend_m = visits.next, visits.at_m, visits.lane, visits.limit_mps, visits.bend_m
     for r in range(len(s_m)):
         k = visits.reached[r]
-        bend = visits.bend_mps[k] if s_m[r] < at_m[k] + tangent_m[k] - TIE_M else np.inf  # it has not left the arc
+        bend = visits.bend_mps[k] if s_m[r] < at_m[k] + bend_m[k] - TIE_M else np.inf  # it has not left the arc
         if lane[k] < 0 or s_m[r] >= at_m[k] - TIE_M:  # else it has arrived, but is still on the lane to there
             k = next_visit[k]
         if k < 0:
@@ -37,9 +37,9 @@ def lane_limits(dt, decel, visits, speed, s_m, cap_mps):
         cap = min(limit_mps[k], bend)
         reach_m = speed[r] * speed[r] / (2.0 * decel[r]) + 3.0 * (speed[r] + decel[r] * dt) * dt  # limits farther away do not matter yet
         ahead = next_visit[k]
-        while ahead >= 0 and at_m[k] - tangent_m[k] - s_m[r] <= reach_m:
+        while ahead >= 0 and at_m[k] - bend_m[k] - s_m[r] <= reach_m:
             if visits.bend_mps[k] < cap:
-                cap = min(cap, approach_speed(max(0.0, at_m[k] - tangent_m[k] - s_m[r]), visits.bend_mps[k], decel[r], dt))
+                cap = min(cap, approach_speed(max(0.0, at_m[k] - bend_m[k] - s_m[r]), visits.bend_mps[k], decel[r], dt))
             if limit_mps[ahead] < cap:
                 cap = min(cap, approach_speed(at_m[k] - s_m[r], limit_mps[ahead], decel[r], dt))
             k = ahead

@@ -21,10 +21,9 @@ from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, PlanGraph, froz
 from mrp_sumo.core.problem import Problem, Standing
 from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.errors import PlanError
-from mrp_sumo.traffic.turns import ARC, BACK, BACKWARD, FORWARD, STRAIGHT, Turns, course_rad, gears_of, turns_of
+from mrp_sumo.traffic.turns import BACKWARD, FORWARD, MAY_STAND_RAD, NEVER, course_rad, gears_of, turns_of
 
 UNDER_WAY, STANDING, BOUND, ANYWHERE = range(4)
-MAY_STAND_RAD = 0.2  # a lesser bend is no obstacle to a vehicle that stands
 
 
 class States(NamedTuple):
@@ -121,23 +120,18 @@ def _of_vehicle(graph: PlanGraph, vehicle: RobotType, free: BoolArray, begin: in
     behind = np.full(len(place), -1)
     if vehicle.trailers:
         behind[: 2 * count] = np.tile(graph.tail[lane], 2)
-    came, turn = _pairs(turns, num_lanes)
-    onward, kind, bend = turns.onward[turn], turns.kind[turn], np.abs(turns.bend_rad[turn])
     arcs = [(at[BOUND, lane, gear], at[UNDER_WAY, lane, gear], lane)]
-    out = np.flatnonzero(allowed[:, 0])
-    arcs.append((anywhere[graph.tail[out]], at[UNDER_WAY, out, 0], out))
-    for g in (0, 1):
-        for does, goes in ((UNDER_WAY, (kind == STRAIGHT) | (kind == ARC)), (STANDING, (kind != BACK) & (bend <= MAY_STAND_RAD))):
-            for next_gear, some in ((g, goes), (1 - g, kind == BACK)):
-                arcs.append((at[does, came[some], g], at[UNDER_WAY, onward[some], next_gear], onward[some]))
+    for g in (FORWARD, BACKWARD):  # one that has not moved yet goes backward only where it has to
+        out = np.flatnonzero((allowed[:, g] > 0) & ((g == FORWARD) | (allowed[:, FORWARD] == 0)))
+        arcs.append((anywhere[graph.tail[out]], at[UNDER_WAY, out, g], out))
+        came = np.repeat(np.arange(num_lanes), np.diff(turns.first))
+        for does, next_gear in ((UNDER_WAY, turns.next_gear[:, g]), (STANDING, turns.may_stand[:, g])):
+            some = next_gear != NEVER
+            onward = turns.onward[some]
+            arcs.append((at[does, came[some], g], at[UNDER_WAY, onward, next_gear[some]], onward))
     tail, head, along = (np.concatenate([arc[k] for arc in arcs]) for k in range(3))
     real = (tail >= 0) & (head >= 0)
     return States(begin, place, behind, at, anywhere), (tail[real], head[real], along[real])
-
-
-def _pairs(turns: Turns, num_lanes: int) -> tuple[IntArray, IntArray]:
-    """[P] the lane on which one comes to each turn, and its number."""
-    return np.repeat(np.arange(num_lanes), np.diff(turns.first)), np.arange(len(turns.onward))
 
 
 def standing_at_starts(problem: Problem) -> Standing:

@@ -112,11 +112,29 @@ def test_trailers_follow_a_corner_as_a_slow_integrator_has_them(tmp_path):
 
 
 @pytest.mark.parametrize("engine", ["kinematic", "sumo"])
-def test_planned_is_driven_there_and_back_in_reverse(tmp_path, engine):
+def test_planned_is_driven_there_and_back_with_the_changes_of_gear(tmp_path, engine):
     problem, plan, run = driven(tmp_path, corner(), [[0, 1, 2, 1, 0]], TRICYCLE, engine)
     assert run.arrived_s == pytest.approx(plan.arrive_s, abs=1e-6)
     assert audit(run, problem.fleet)["passed"]
-    assert np.ptp(np.unwrap(run.yaw_rad[:, 0])) == pytest.approx(pi / 2, abs=1e-6)  # it came back as it went, backwards
+    yaw = np.unwrap(run.yaw_rad[:, 0])
+    assert yaw[[0, -1]] == pytest.approx([0.0, pi], abs=1e-6)  # out of the dead end backward, and home forward
+
+
+@pytest.mark.parametrize("engine", ["kinematic", "sumo"])
+def test_a_forklift_backs_out_of_a_station_and_goes_on_forward(tmp_path, engine):
+    """0 is a station beside the road 2 - 1 - 3; out of it and west, the vehicle swings to the east first."""
+    graph = roads([(0.0, 4.0), (0.0, 0.0), (4.0, 0.0), (-4.0, 0.0)], [(0, 1), (1, 2), (1, 3)])
+    problem, plan, run = driven(tmp_path, graph, [[2, 1, 0, 1, 3]], TRICYCLE, engine)
+    assert run.arrived_s == pytest.approx(plan.arrive_s, abs=1e-6)
+    found = audit(run, problem.fleet)
+    assert found["passed"], found["violations"]
+    yaw = np.unwrap(run.yaw_rad[:, 0])
+    assert yaw[0] == pytest.approx(-pi)
+    assert yaw.min() == pytest.approx(-3 * pi / 2, abs=1e-6)  # into the station
+    assert (run.x_m[-1, 0], run.y_m[-1, 0], yaw[-1]) == pytest.approx((-4.0, 0.0, -pi), abs=0.01)  # and out of it, facing west again
+    x, y = axle_of(run.x_m[:, 0], run.y_m[:, 0], yaw, TRICYCLE.kinematics.ahead_m)
+    after = np.arange(len(yaw)) > y.argmax()
+    assert x[after].max() == pytest.approx(TRICYCLE.kinematics.least_radius_m, abs=0.01)  # past the corner, the other way
 
 
 def test_arcs_are_driven_no_faster_than_the_sideways_acceleration_allows(tmp_path):

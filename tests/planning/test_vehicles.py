@@ -60,4 +60,4 @@ def test_nobody_stands_where_trailers_are():
     assert plan(vehicles_on(graph, [1, 2], [3, 4], [TUGGER, CART])).status is Status.SOLVED
     assert plan(vehicles_on(graph, [1, 3], [3, 4], [TUGGER, CART])).status is Status.SOLVED
     alone = plan(vehicles_on(graph, [0], [3], TUGGER))
-    assert "robot_0 starts at 'v0', where no free lane behind it has 2.55 m for its trailers" in alone.message
+    assert "robot_0 starts at 'v0', where no free lane behind it has 2.90 m for its trailers" in alone.message

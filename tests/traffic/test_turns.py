@@ -1,49 +1,58 @@
 """Turns of vehicles that cannot turn in place."""
 
+from dataclasses import replace
 from math import cos, pi, tan
 
 import numpy as np
 import pytest
 
-from mrp_sumo.traffic.turns import ARC, BACK, IMPOSSIBLE, STRAIGHT, obstacle_to, turns_of
+from mrp_sumo.traffic.turns import BACKWARD, FORWARD, NEVER, obstacle_to, turns_of
 from tests.vehicles import CAR, TRICYCLE, corner, roads
+
+ONE_GEAR = replace(TRICYCLE, kinematics=replace(TRICYCLE.kinematics, reverse=False))
 
 
 def turn(graph, vehicle, a, b, c):
-    """The turn from the lane a - b to the lane b - c."""
+    """The turns of a type on a graph, and the one from the lane a - b to the lane b - c."""
     turns = turns_of(graph, vehicle)
-    k = turns.between(graph.lane_between(a, b), graph.lane_between(b, c))
-    return turns.kind[k], turns.radius_m[k], turns.tangent_m[k], turns.room_m[k]
+    return turns, turns.between(graph.lane_between(a, b), graph.lane_between(b, c))
 
 
 def test_an_arc_is_as_large_as_its_corner_allows():
-    kind, radius_m, tangent_m, room_m = turn(corner(), TRICYCLE, 0, 1, 2)
-    assert (kind, room_m) == (ARC, 2.0)
-    assert radius_m * (1 / cos(pi / 4) - 1) == pytest.approx(TRICYCLE.corner_m)
-    assert tangent_m == pytest.approx(radius_m * tan(pi / 4))
+    turns, k = turn(corner(), ONE_GEAR, 0, 1, 2)
+    assert turns.room_m[k] == 2.0
+    assert turns.radius_m[k] * (1 / cos(pi / 4) - 1) == pytest.approx(ONE_GEAR.corner_m)
+    assert turns.tangent_m[k] == pytest.approx(turns.radius_m[k] * tan(pi / 4))
 
 
-@pytest.mark.parametrize("vehicle", [TRICYCLE, CAR], ids=lambda each: each.name)
-@pytest.mark.parametrize(("spare", "expected"), [(1.001, ARC), (0.999, IMPOSSIBLE)])
+@pytest.mark.parametrize("vehicle", [ONE_GEAR, CAR], ids=lambda each: each.name)
+@pytest.mark.parametrize(("spare", "expected"), [(1.001, FORWARD), (0.999, NEVER)])
 def test_the_least_radius_has_to_fit_half_of_either_lane(vehicle, spare, expected):
     least_m = vehicle.kinematics.wheelbase_m / tan(vehicle.kinematics.steering_max_rad)
     graph = corner(2 * least_m * spare)
-    assert turn(graph, vehicle, 0, 1, 2)[0] == expected
-    text = obstacle_to(graph, vehicle, [0, 1, 2])
-    assert text == (
-        ""
-        if expected == ARC
-        else f"{vehicle.name} needs {least_m:.2f} m to turn from 'v0' over 'v1' to 'v2' and has {least_m * spare:.2f} m"
-    )
+    turns, k = turn(graph, vehicle, 0, 1, 2)
+    assert turns.next_gear[k, FORWARD] == expected
+    needs = f"{vehicle.name} needs {least_m:.2f} m to turn from 'v0' over 'v1' to 'v2' and has {least_m * spare:.2f} m"
+    assert obstacle_to(graph, vehicle, [0, 1, 2]) == ("" if expected == FORWARD else needs)
 
 
 def test_who_may_reverse_goes_back_and_nobody_else():
     graph = corner()
-    assert turn(graph, TRICYCLE, 0, 1, 0)[0] == BACK
-    assert turn(graph, CAR, 0, 1, 0)[0] == IMPOSSIBLE
+    turns, k = turn(graph, TRICYCLE, 0, 1, 0)
+    assert turns.next_gear[k].tolist() == [BACKWARD, FORWARD]
+    assert turns.may_stand[k].tolist() == [BACKWARD, FORWARD]
+    turns, k = turn(graph, CAR, 0, 1, 0)
+    assert turns.next_gear[k].tolist() == [NEVER, NEVER]
     assert "kinematics.reverse: true would do" in obstacle_to(graph, CAR, [0, 1, 0])
 
 
-def test_straight_on_is_no_turn():
-    graph = roads([(0.0, 0.0), (4.0, 0.0), (8.0, 0.0)], [(0, 1), (1, 2)])
-    assert turn(graph, CAR, 0, 1, 2)[:3] == (STRAIGHT, np.inf, 0.0)
+def test_who_comes_backward_to_a_corner_leaves_forward_and_who_comes_forward_stays_so():
+    turns, k = turn(corner(), TRICYCLE, 0, 1, 2)
+    assert turns.next_gear[k].tolist() == [FORWARD, FORWARD]
+    assert turns.swing_m[k] == pytest.approx(TRICYCLE.kinematics.least_radius_m)
+    assert turns.may_stand[k].tolist() == [NEVER, NEVER]  # from the corner itself there is no arc
+
+
+def test_straight_on_is_no_turn_and_keeps_the_gear():
+    turns, k = turn(roads([(0.0, 0.0), (4.0, 0.0), (8.0, 0.0)], [(0, 1), (1, 2)]), TRICYCLE, 0, 1, 2)
+    assert (turns.radius_m[k], turns.tangent_m[k], turns.next_gear[k].tolist()) == (np.inf, 0.0, [FORWARD, BACKWARD])

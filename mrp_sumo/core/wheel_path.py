@@ -1,0 +1,162 @@
+"""Paths of vehicles that cannot turn in place: where their fixed axle is, and how they face, while they drive along lanes.
+
+The middle of the body is where that of a robot is which turns in place: on the lane, and at the vertex where it stands. The fixed axle is
+`ahead_m` behind it and follows the lanes. At corners it follows an arc that touches both lanes, `tangent_m` from the corner. Where the
+gear changes at a corner, the axle swings along an arc of its least radius until the vehicle is in line with the lane on which it will
+leave, and stops there (`traffic.turns`).
+
+Distances are those along lanes, corners and all: a stretch of two tangents is driven in the time that they take, though its arc is shorter.
+"""
+
+import math
+from functools import lru_cache
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+PIECE_RAD = 0.02  # of an arc between two places that are worked out
+STRAIGHT_RAD = 1e-6
+SHARPEST_RAD = 1.75  # of the bends for which `most_aside_m` is worked out
+
+
+class Route(NamedTuple):
+    """Visits along a way, as the ledger has them, [N]; the first may be a start, to which no lane leads."""
+
+    at_m: FloatArray
+    xy: FloatArray  # [N, 2]
+    course_rad: FloatArray  # in which the lane to each leads; of a start in which the vehicle faces
+    gear: IntArray  # in which it comes
+    tangent_m: FloatArray  # of the arc or swing at each, 0: none
+
+
+class WheelPath(NamedTuple):
+    """K places along a way, by distance."""
+
+    on_m: FloatArray  # [K]
+    axle: FloatArray  # [K, 2]
+    yaw_rad: FloatArray  # [K] without jumps
+
+
+def wheel_path(route: Route, ahead_m: float, least_radius_m: float) -> WheelPath:
+    """The path of a fixed axle whose vehicle's middle is `ahead_m` before it, and whose least radius is given."""
+    facing = np.unwrap(route.course_rad + np.pi * route.gear)
+    following = np.append(facing[1:], facing[-1:])
+    gears = np.append(route.gear[1:], route.gear[-1:])
+    changes = np.flatnonzero(gears != route.gear)
+    ends = [0, *changes.tolist(), len(route.at_m) - 1]
+    parts = [_in_gear(route, begin, end, facing, following, ahead_m) for begin, end in pairwise(ends)]
+    swings = changes[route.tangent_m[changes] > 0].tolist()
+    parts += [_swing(route, k, float(following[k] - facing[k]), float(facing[k]), (ahead_m, least_radius_m)) for k in swings]
+    on_m, axle, yaw = (np.concatenate([part[n] for part in parts]) for n in range(3))
+    order = np.argsort(on_m, kind="stable")
+    return WheelPath(on_m[order], axle[order], yaw[order])
+
+
+def _in_gear(
+    route: Route, begin: int, end: int, facing: FloatArray, following: FloatArray, ahead_m: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Places between two changes of gear, without what swings take of it."""
+    at, xy = route.at_m, route.xy
+    gear = int(route.gear[min(begin + 1, end)])
+    shift = -ahead_m if gear == 0 else ahead_m  # of the axle along the lanes
+    first, last = begin if begin == end else begin + 1, end
+    out, into = float(route.course_rad[first]), float(route.course_rad[last])
+    first_rad = float(facing[first] if route.tangent_m[begin] > 0 else facing[begin])
+    far = abs(ahead_m) + 1.0
+    nodes = [(np.array([at[begin] - far, at[begin]]), np.stack([xy[begin] - far * _ray(out), xy[begin]]), np.full(2, first_rad))]
+    if first_rad != facing[first]:
+        nodes.append((at[[begin, first]].mean(keepdims=True), xy[[begin, first]].mean(0)[None], facing[[first]]))
+    for k in range(begin + 1, end):
+        bend, reach = float(following[k] - facing[k]), float(route.tangent_m[k])
+        if reach > 0:
+            arc = _arc(xy[k], float(route.course_rad[k]), bend, reach)
+            share = np.linspace(0.0, 1.0, len(arc))
+            nodes.append((at[k] - reach + 2 * reach * share, arc, facing[k] + bend * share))
+        else:
+            half_m = at[k] + (at[k + 1] - at[k]) / 2  # it stood at a small bend, and comes round on the lane
+            nodes.append((np.array([at[k], half_m]), np.stack([xy[k], (xy[k] + xy[k + 1]) / 2]), np.array([facing[k], following[k]])))
+    if begin < end:
+        nodes.append((np.array([at[end], at[end] + far]), np.stack([xy[end], xy[end] + far * _ray(into)]), np.array([facing[end]] * 2)))
+    path_m, places, yaw = (np.concatenate([node[n] for node in nodes]) for n in range(3))
+    low = at[begin] + (route.tangent_m[begin] if begin and route.gear[begin] != gear else 0.0)
+    high = at[end] - (route.tangent_m[end] if _changes(route, end) else 0.0)
+    inside = path_m[(path_m - shift > low) & (path_m - shift < high)]
+    where = np.concatenate([[low + shift], inside, [max(high, low) + shift]])
+    axle = np.stack([np.interp(where, path_m, places[:, n]) for n in (0, 1)], 1)
+    return where - shift, axle, np.interp(where, path_m, yaw)
+
+
+def _changes(route: Route, k: int) -> bool:
+    """True where the gear changes after a visit."""
+    return k + 1 < len(route.gear) and bool(route.gear[k + 1] != route.gear[k])
+
+
+def _swing(route: Route, k: int, bend: float, facing: float, size: tuple[float, float]) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """The stretch before a corner at which the gear changes, and the one after it."""
+    (ahead_m, least_m), corner, reach = size, route.xy[k], float(route.tangent_m[k])
+    along, out = float(route.course_rad[k]), float(route.course_rad[k + 1])
+    before_m = ahead_m if route.gear[k] == 0 else -ahead_m  # how far the axle is behind the middle, as it moves
+    after_m = -before_m
+    tangent_m = least_m * math.tan(abs(bend) / 2)
+    stop_m = max(tangent_m, after_m)
+    arc = _arc(corner, along, bend, tangent_m)
+    curve = np.concatenate([[corner - (reach + before_m) * _ray(along)], arc, [corner - stop_m * _ray(out)]])
+    yaw = np.concatenate([[facing], facing + bend * np.linspace(0.0, 1.0, len(arc)), [facing + bend]])
+    length_m = np.append(0.0, np.cumsum(np.hypot(*np.diff(curve, axis=0).T)))
+    on_m = route.at_m[k] - reach + reach * length_m / max(float(length_m[-1]), 1e-9)
+    end = corner + (reach - after_m) * _ray(out)
+    return np.append(on_m, route.at_m[k] + reach), np.concatenate([curve, [end]]), np.append(yaw, facing + bend)
+
+
+def swing_stretch(reach_m: float, bend_rad: float, gear: int, ahead_m: float, least_radius_m: float) -> float:
+    """How many times longer the axle's path is than the lanes, before or after a corner where the gear changes."""
+    before_m = ahead_m if gear == 0 else -ahead_m
+    tangent_m = least_radius_m * math.tan(abs(bend_rad) / 2)
+    stop_m = max(tangent_m, -before_m)
+    into = (reach_m + before_m - tangent_m) + least_radius_m * abs(bend_rad) + stop_m - tangent_m
+    return max(into, stop_m + reach_m + before_m) / reach_m
+
+
+def _ray(angle_rad: float) -> FloatArray:
+    return np.array([math.cos(angle_rad), math.sin(angle_rad)])
+
+
+def _arc(corner: FloatArray, along_rad: float, bend_rad: float, tangent_m: float) -> FloatArray:
+    """[N, 2] an arc that touches the lane to a corner so far before it, and bends; where it does not bend, the corner."""
+    if abs(bend_rad) < STRAIGHT_RAD:
+        return corner[None]
+    radius = tangent_m / math.tan(abs(bend_rad) / 2) * math.copysign(1.0, bend_rad)
+    centre = corner - tangent_m * _ray(along_rad) + radius * _ray(along_rad + math.pi / 2)
+    angle = along_rad + bend_rad * np.linspace(0.0, 1.0, max(2, math.ceil(abs(bend_rad) / PIECE_RAD) + 1))
+    return np.asarray(centre + radius * np.stack([np.sin(angle), -np.cos(angle)], 1))
+
+
+@lru_cache(maxsize=64)
+def most_aside_m(ahead_m: float, least_radius_m: float, corner_m: float, *, reverse: bool) -> float:
+    """How far the middle of a body is at most from where the middle of a robot would be that turns in place, at any corner."""
+    most = 0.0
+    for bend in np.linspace(0.1, SHARPEST_RAD, 12).tolist():
+        radius = max(least_radius_m, corner_m / (1 / math.cos(bend / 2) - 1))
+        for tangent in {radius * math.tan(bend / 2), least_radius_m * math.tan(bend / 2)}:
+            most = max(most, _aside_m(bend, (0, 0), tangent, 4 * tangent + 4 * abs(ahead_m), ahead_m, least_radius_m))
+        if reverse:
+            reach = least_radius_m * math.tan(bend / 2) + abs(ahead_m)
+            for room in (reach, 2 * reach, 4 * reach):
+                most = max(most, _aside_m(math.pi - bend, (1, 0), room, 2 * room, ahead_m, least_radius_m))
+    return most
+
+
+def _aside_m(bend: float, gears: tuple[int, int], tangent_m: float, lane_m: float, ahead_m: float, least_radius_m: float) -> float:
+    """The same at one corner between two lanes, in the gears before and after it."""
+    out = lane_m * _ray(bend)
+    xy = np.array([[-lane_m, 0.0], [0.0, 0.0], out])
+    gear = np.array([gears[0], gears[0], gears[1]])
+    at_m = np.array([0.0, lane_m, 2 * lane_m])
+    path = wheel_path(Route(at_m, xy, np.array([0.0, 0.0, bend]), gear, np.array([0.0, tangent_m, 0.0])), ahead_m, least_radius_m)
+    middle = path.axle + ahead_m * np.stack([np.cos(path.yaw_rad), np.sin(path.yaw_rad)], 1)
+    nominal = np.stack([np.interp(path.on_m, at_m, xy[:, n]) for n in (0, 1)], 1)
+    return float(np.hypot(*(middle - nominal).T).max())
