@@ -50,6 +50,11 @@ class Fleet:
         return np.array([each.is_vehicle for each in self.types])[self.kind]
 
     @property
+    def aside_m(self) -> FloatArray:
+        """[R] see `RobotShape.aside_m`."""
+        return np.array([each.aside_m for each in self.types])[self.kind] if self.vehicle_of_kind else np.zeros(self.num_robots)
+
+    @property
     def axle_m(self) -> FloatArray:
         """[R] from the middle of the body to the fixed axle of vehicles, 0 for others."""
         axle = [abs(each.kinematics.ahead_m) if each.is_vehicle else 0.0 for each in self.types]

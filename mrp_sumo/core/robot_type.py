@@ -217,17 +217,23 @@ class RobotShape(Options):
             return self.with_load.radius_m
         if not self.is_vehicle:
             return abs(complex(self.length_m, self.width_m)) / 2  # the C library's hypot, as numpy has it
-        from mrp_sumo.core.wheel_path import most_aside_m
-
-        wheels = self.kinematics
-        aside_m = most_aside_m(wheels.ahead_m, wheels.least_radius_m, self.corner_m, reverse=wheels.reverse)
-        body_m = math.hypot(self.length_m, self.width_m) / 2 + aside_m
+        body_m = math.hypot(self.length_m, self.width_m) / 2 + self.aside_m
         return max([body_m, *(inward + math.hypot(length, width) / 2 + self.corner_m for inward, length, width in self._towed())])
 
     @property
     def corner_m(self) -> float:
         """Distance by which the middle of the fixed axle leaves a corner at most where it turns."""
         return max(CORNER_M, CORNER_SHARE * self.kinematics.least_radius_m) if self.is_vehicle else 0.0
+
+    @property
+    def aside_m(self) -> float:
+        """Distance of the middle of its body, at corners at most, from where a robot would be that turns in place."""
+        if not self.is_vehicle:
+            return 0.0
+        from mrp_sumo.core.wheel_path import most_aside_m
+
+        wheels = self.kinematics
+        return most_aside_m(wheels.ahead_m, wheels.least_radius_m, self.corner_m, reverse=wheels.reverse)
 
     @property
     def behind_m(self) -> float:

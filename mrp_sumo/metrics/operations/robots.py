@@ -120,7 +120,7 @@ def visits(logs: Logs) -> Iterator[Finding]:
     some = np.isfinite(arrived_s) & ~in_lift[vertex]
     vertex, robot, arrived_s = vertex[some], robot[some], arrived_s[some]
     away_m = np.hypot(*(logs.xy_at(robot, arrived_s) - logs.graph.xy[vertex]).T)
-    limit_m = BESIDE_M + CORNER * logs.fleet.max_speed_mps[robot] * logs.period_s
+    limit_m = BESIDE_M + CORNER * logs.fleet.max_speed_mps[robot] * logs.period_s + logs.fleet.aside_m[robot]
     for k in np.flatnonzero(~(away_m <= limit_m)).tolist():
         who, place, t_s = logs.robot(int(robot[k])), logs.graph.known_as(int(vertex[k])), float(arrived_s[k])
         yield Finding("visits", t_s, f"{who} is {away_m[k]:.2f} m from {place} when it reaches it at {t_s:.2f} s", who, place)
