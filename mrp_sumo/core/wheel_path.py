@@ -113,7 +113,7 @@ def _swing(route: Route, k: int, bend: float, facing: float, size: tuple[float, 
 
 
 def swing_stretch(reach_m: float, bend_rad: float, gear: int, ahead_m: float, least_radius_m: float) -> float:
-    """How many times longer the axle's path is than the lanes, before or after a corner where the gear changes."""
+    """Length of the axle's path before or after a corner where the gear changes, as a multiple of that of the lanes."""
     before_m = ahead_m if gear == 0 else -ahead_m
     tangent_m = least_radius_m * math.tan(abs(bend_rad) / 2)
     stop_m = max(tangent_m, -before_m)
@@ -137,7 +137,7 @@ def _arc(corner: FloatArray, along_rad: float, bend_rad: float, tangent_m: float
 
 @lru_cache(maxsize=64)
 def most_aside_m(ahead_m: float, least_radius_m: float, corner_m: float, *, reverse: bool) -> float:
-    """How far the middle of a body is at most from where the middle of a robot would be that turns in place, at any corner."""
+    """Distance of the middle of a body, at any corner at most, from where that of a robot would be that turns in place."""
     most = 0.0
     for bend in np.linspace(0.1, SHARPEST_RAD, 12).tolist():
         radius = max(least_radius_m, corner_m / (1 / math.cos(bend / 2) - 1))
