@@ -104,7 +104,8 @@ class RobotPlaces:
         turn
             These robots, in the order in which they choose.
         aged
-            Robots that were passed over often: who leaves the place of one does not push it away, but steps aside where it can.
+            Robots that were passed over often: who leaves the place of one does not push it away, but steps aside where it can. Nobody is
+            served at a place that is on every way of one: it would be shut in behind it.
         """
         vertex, makes = start.copy(), np.zeros(len(start), np.bool_)
         blocked, taken = set(start[stays].tolist()), set(start[stays].tolist())
@@ -112,6 +113,7 @@ class RobotPlaces:
         ways: list[tuple[Stop, list[int]]] = []  # of those who have a place
         lines: dict[tuple[int, ...], dict[int, set[int]]] = {}  # robots that wait for the same places; where each may not
         stuck: list[int] = []
+        comes_out: list[tuple[set[int], list[int]]] = []  # places that would shut in one that was passed over often, and its way
         for r in turn:
             at, stop = int(start[r]), stops[r]
             reach = self._reach(r, at, blocked)
@@ -120,8 +122,9 @@ class RobotPlaces:
                 vertex[r] = aside
                 taken.add(aside)
                 continue
-            place = self._nearest(r, at, [v for v in stop.places if reach[v] < UNREACHABLE], taken)
-            past = _before(at, [route for other, route in ways if other.places == stop.places], reach)
+            shuts_in = [way for doors, way in comes_out if not doors.isdisjoint(stop.places)]
+            place = self._nearest(r, at, [v for v in stop.places if reach[v] < UNREACHABLE], taken.union(*shuts_in))
+            past = _before(at, [route for other, route in ways if other.places == stop.places], reach).union(*shuts_in)
             if place is not None:
                 vertex[r], makes[r] = place, True
                 ways.append((stop, self._way(r, at, place, blocked)))
@@ -134,6 +137,8 @@ class RobotPlaces:
                 stuck.append(r)
                 continue
             taken.add(int(vertex[r]))
+            if r in aged and (doors := self._doors(r, at, int(vertex[r]), stops, blocked)):
+                comes_out.append((doors, self._way(r, at, int(vertex[r]), blocked)))
         for line in lines.values():
             self._keep_order(line, start, vertex)
         self._stay_behind({r: past for line in lines.values() for r, past in line.items()}, stops, start, vertex, blocked, taken)
@@ -141,6 +146,12 @@ class RobotPlaces:
         parked = self._park(start, vertex, idle, taken)
         self._rest(start, vertex, [*stuck, *(r for r in idle if r not in parked)], blocked, taken)
         return vertex, makes
+
+    def _doors(self, robot: int, at: int, to: int, stops: Mapping[int, Stop], blocked: set[int]) -> set[int]:
+        """Places of other stops that are on every way of a robot."""
+        places = {v for stop in stops.values() if stop.places != stops[robot].places for v in stop.places}
+        on_way = places.intersection(self._way(robot, at, to, blocked)[1:-1])
+        return {v for v in on_way if self._reach(robot, at, blocked | {v})[to] >= UNREACHABLE}
 
     def _park(self, start: IntArray, vertex: IntArray, idle: list[int], taken: set[int]) -> set[int]:
         """Send idle robots to the nearest places to park that are free; returns those that have one."""

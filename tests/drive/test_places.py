@@ -136,6 +136,19 @@ def test_who_leaves_steps_aside_for_one_that_was_passed_over_often(ring, leaves_
     assert chosen(row(9, ring=ring), [5, 4], {0: 4, 1: leaves_for}, aged=aged)[0] == goes
 
 
+@pytest.mark.parametrize(
+    ("aged", "way_round", "goes"),
+    [((0,), False, ([4, 5], [True, False])), ((), False, ([4, 2], [True, True])), ((0,), True, ([4, 2], [True, True]))],
+)
+def test_nobody_is_served_where_one_that_was_passed_over_often_has_to_come_out(aged, way_round, goes):
+    """robot_0 is to come from the dead end at 0 over 2 to 4, and robot_1 from 5, beside 3, to be served at 2; 6 and 7 lead round that."""
+    pairs = [(0, 1), (1, 2), (2, 3), (3, 4), (3, 5)] + [(0, 6), (6, 7), (7, 3)] * way_round
+    xy = [(0, 0), (1, 0), (2, 0), (3, 0), (4, 0), (3, 1), (1, -1), (2, -1)]
+    lanes = [lane for a, b in pairs for lane in ((a, b), (b, a))]
+    nav = nav_graph(name="pocket", xy=[(x * CELL_M, y * CELL_M) for x, y in xy[: 8 if way_round else 6]], lanes=lanes)
+    assert chosen(plan_graph(nav, kind="roadmap", cell_m=CELL_M), [0, 5], {0: 4, 1: 2}, aged=aged) == goes
+
+
 @pytest.mark.parametrize(("stays", "way"), [(1, [0, 5, 4, 3]), (4, [0, 1, 2, 3]), (2, [0, 5, 4, 3])])
 def test_the_way_to_a_place_is_that_round_who_stays(stays, way):
     """A ring of six: from 0 to 3 there are two ways."""

@@ -482,3 +482,18 @@ def test_who_is_cut_off_by_a_lost_robot_is_so_where_it_waits_then(later_at, cut_
         xy_at=xy_at,
     )
     assert places._is_cut_off(logs, places.Wish(0, 0, "at 5", [5], 0.0, np.inf, np.inf), 50.0, 600.0) == cut_off
+
+
+@pytest.mark.parametrize(
+    ("place", "at", "too_far_back"), [(2, [3, 0, 1, 4], True), (2, [4, 0, 5, 3], False), (5, [3, 0, 1, 4], False), (0, [5, 3, 0, 1], True)]
+)
+def test_on_a_line_nobody_gets_to_a_place_beyond_which_there_is_no_room_for_all_before(place, at, too_far_back):
+    """robot_3 is in a row of six: on 0 and 1 there is room for one of the others, not for three, and none beyond the ends."""
+    graph = line(6)
+    logs = SimpleNamespace(graph=graph, fleet=SimpleNamespace(num_robots=4), xy_at=lambda robot, t_s: graph.xy[np.array(at)[robot]])
+    wish = places.Wish(0, 3, f"at {place}", [place], 0.0, np.inf, np.inf)
+    assert places._is_too_far_back(logs, wish) == too_far_back
+
+
+def test_on_a_ring_everybody_gets_everywhere(queue):
+    assert not places._is_too_far_back(queue, places.Wish(0, 1, "at 0", [0], 0.0, np.inf, np.inf))

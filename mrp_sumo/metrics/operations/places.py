@@ -98,7 +98,7 @@ def waits(logs: Logs) -> Iterator[Finding]:
         first = [each for each in first if not any(came_s < each.begin_s < served_s for came_s, served_s in behind_s)]
         if len(first) < LATER_ONES or sum(not _stands_between(logs, wish, each) for each in first) < LATER_ONES:
             continue
-        if not _is_cut_off(logs, wish, since_s, until_s):
+        if not _is_cut_off(logs, wish, since_s, until_s) and not _is_too_far_back(logs, wish):
             who, order = logs.robot(wish.robot), logs.tasks.name[wish.task]
             served = f"{len(first)} that set out later are served, at first order '{logs.tasks.name[first[0].task]}'"
             text = f"{who}, order '{order}' at {wish.place}: waits from {since_s:.2f} s to {until_s:.2f} s while {served}"
@@ -140,6 +140,26 @@ def _is_cut_off(logs: Logs, wish: Wish, since_s: float, until_s: float) -> bool:
         if piece[_vertex_at(logs, wish.robot, from_s)] not in piece[wish.vertices]:
             return True
     return False
+
+
+def _is_too_far_back(logs: Logs, wish: Wish) -> bool:
+    """True on a line, where nobody passes another, if there is no room beyond the places for all who are before a robot."""
+    graph = logs.graph
+    at = _vertex_at(logs, wish.robot, wish.since_s)
+    piece = weak_components(graph.num_vertices, graph.tail, graph.head)
+    beside = [set[int]() for _ in range(graph.num_vertices)]
+    for a, b in zip(graph.tail.tolist(), graph.head.tolist()):
+        beside[a].add(b)
+        beside[b].add(a)
+    row = [v for v in np.flatnonzero(piece == piece[at]).tolist() if len(beside[v]) == 1][:1]
+    while row and (ahead := beside[row[-1]].difference(row)):
+        row.append(min(ahead))
+    if not row or (piece == piece[at]).sum() > len(row):
+        return False
+    where = [_vertex_at(logs, robot, wish.since_s) for robot in range(logs.fleet.num_robots)]
+    place = [row.index(v) for robot, v in enumerate(where) if v in row and robot != wish.robot]
+    before = sum(each < row.index(at) for each in place)
+    return not any(before <= row.index(v) < len(row) - (len(place) - before) for v in wish.vertices if v in row)
 
 
 def _stands_between(logs: Logs, wish: Wish, other: Wish) -> bool:
