@@ -33,6 +33,7 @@ from mrp_sumo.traffic.moves import ANYWHERE, BOUND, STANDING, UNDER_WAY, standin
 from mrp_sumo.traffic.passages import Needs, Schedule, in_places, order_of
 from mrp_sumo.traffic.resources import Resources
 from mrp_sumo.traffic.schedule import check_order
+from mrp_sumo.traffic.turns import stands_bent, turns_of
 
 NO_VISIT = {  # what a place in the arrays [N] of `Visits` holds where there is no visit
     **dict.fromkeys(("next", "lane"), -1),
@@ -166,8 +167,13 @@ class Ledger:
         before_m = self.room_to_turn_m(lane)
         moved = self.is_vehicle & has_moved
         does[moved] = np.where(s_m >= visits.at_m[joint] - before_m, np.where(is_bound, BOUND, STANDING), UNDER_WAY)[moved]
-        bound = does == BOUND
-        return Standing(does, np.where(bound, visits.lane[onward], lane), np.where(bound, visits.gear[onward], gear))
+        bound = moved & (does == BOUND)
+        lane, gear = np.where(bound, visits.lane[onward], lane), np.where(bound, visits.gear[onward], gear)
+        for r in np.flatnonzero(moved & (does == STANDING) & (visits.tangent_m[joint] > 0)).tolist():  # it ends on an arc
+            vehicle = self.problem.fleet.types[int(self.problem.fleet.kind[r])]
+            if (ahead := stands_bent(turns_of(self.graph, vehicle), int(lane[r]), int(gear[r]))) is not None:
+                does[r], lane[r], gear[r] = BOUND, *ahead
+        return Standing(does, lane, gear)
 
     def room_to_turn_m(self, lane: IntArray) -> FloatArray:
         """[R] Distance before the end of its lane until which each vehicle has not begun to turn there."""
@@ -534,10 +540,11 @@ class Ledger:
         back, turned = np.array([route.back for route in ways], np.bool_), self.is_driving_back[robots]
         ahead = np.where(back | turned, visits.next[joint], joint)  # a last visit has no next one, and no lane to it
         lane = np.where(back, self.graph.reverse[visits.lane[ahead]], np.where(turned, visits.lane[ahead], -1))
-        is_vehicle = self.is_vehicle[robots] & (visits.lane[joint] >= 0)
+        is_vehicle, has_moved = self.is_vehicle[robots], visits.lane[joint] >= 0
+        heading = np.where(stands & ~(is_vehicle & has_moved), motion.yaw_rad[robots], visits.heading_rad[joint])
         return Departure(
             at_m=visits.at_m[joint],
-            heading_rad=np.where(stands & ~is_vehicle, motion.yaw_rad[robots], visits.heading_rad[joint]),
+            heading_rad=np.where(is_vehicle & ~has_moved, self.problem.heading_at_start[robots], heading),
             lane=visits.lane[joint],
             back_lane=lane,
             back_m=motion.s_m[robots] - visits.at_m[joint],  # it stands where it turned

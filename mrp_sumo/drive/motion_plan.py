@@ -16,7 +16,7 @@ from mrp_sumo.core.wheel_path import STRAIGHT_RAD, swing_stretch
 from mrp_sumo.engines.sumo.network import SHORTEST_M
 from mrp_sumo.traffic.passages import Needs
 from mrp_sumo.traffic.resources import Course, Resources, left_after_m, needs_of
-from mrp_sumo.traffic.turns import BACKWARD, FORWARD, NEVER, Turns, course_rad, gears_of_lane, turns_of
+from mrp_sumo.traffic.turns import BACKWARD, FORWARD, NEVER, Turns, course_rad, gears_of_lane, stands_bent, turns_of
 
 Vehicles = Sequence[RobotType | None]
 
@@ -152,23 +152,32 @@ def _bends(
                 _next_gear(table, turn, now, stands=stands) if turn >= 0 else _first_gear(graph, vehicle, onward, float(heading[k]), now)
             )
             turns[k] = gear[k + 1] != now
-            if turn < 0 or stands:
-                continue
-            sharp, least_m = abs(float(table.bend_rad[turn])), wheels.least_radius_m
-            if turns[k]:
-                if math.pi - sharp <= STRAIGHT_RAD:
-                    continue
-                tangent[k] = bend_m[k] = table.room_m[turn]
-                stretch = swing_stretch(float(tangent[k]), math.pi - sharp, now, wheels.ahead_m, least_m)
-                bend_mps[k] = min(vehicle.max_speed_mps / stretch, math.sqrt(wheels.lateral_mps2 * least_m))
-            elif np.isfinite(radius_m := float(table.radius_m[turn])):
-                tangent[k] = table.tangent_m[turn]
-                bend_m[k] = tangent[k] + abs(wheels.ahead_m)
-                bend_mps[k] = math.sqrt(wheels.lateral_mps2 * radius_m)
+            if turn >= 0 and not stands:
+                tangent[k], bend_m[k], bend_mps[k] = _bend(table, turn, vehicle, now, changes=bool(turns[k]))
         turns[part.stop - 1] = False
+        came, last = int(mine[-1]) if len(mine) > 1 else int(departure.lane[i]), int(gear[part.stop - 1])
+        may_end_bent = came >= 0 and (len(mine) > 1 or departure.may_turn[i])
+        if may_end_bent and (ahead := stands_bent(table, came, last)) is not None:
+            bent = _bend(table, table.between(came, ahead[0]), vehicle, last, changes=ahead[1] != last)
+            tangent[part.stop - 1], bend_m[part.stop - 1], bend_mps[part.stop - 1] = bent
         if wheels.reverse_mps is not None:
             limit[part] = np.where(gear[part] == BACKWARD, np.minimum(limit[part], wheels.reverse_mps), limit[part])
     return gear, tangent, bend_m, bend_mps, limit
+
+
+def _bend(table: Turns, turn: int, vehicle: RobotType, gear: int, *, changes: bool) -> tuple[float, float, float]:
+    """Tangent of the arc or swing of a turn, how far from the corner it may be on it, and its top speed there."""
+    wheels, sharp = vehicle.kinematics, abs(float(table.bend_rad[turn]))
+    if changes:
+        if math.pi - sharp <= STRAIGHT_RAD:
+            return 0.0, 0.0, math.inf
+        room_m, least_m = float(table.room_m[turn]), wheels.least_radius_m
+        stretch = swing_stretch(room_m, math.pi - sharp, gear, wheels.ahead_m, least_m)
+        return room_m, room_m, min(vehicle.max_speed_mps / stretch, math.sqrt(wheels.lateral_mps2 * least_m))
+    radius_m, tangent_m = float(table.radius_m[turn]), float(table.tangent_m[turn])
+    if not math.isfinite(radius_m):
+        return 0.0, 0.0, math.inf
+    return tangent_m, tangent_m + abs(wheels.ahead_m), math.sqrt(wheels.lateral_mps2 * radius_m)
 
 
 def _next_gear(table: Turns, turn: int, gear: int, *, stands: bool) -> int:

@@ -13,7 +13,7 @@ from mrp_sumo.core.graph import FloatArray
 from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.core.wheel_path import Route, wheel_path
 from mrp_sumo.drive._towed import follow
-from mrp_sumo.traffic.turns import course_rad
+from mrp_sumo.traffic.turns import course_rad, stands_bent, turns_of
 
 if TYPE_CHECKING:
     from mrp_sumo.drive.ledger import Ledger
@@ -56,8 +56,12 @@ class Train:
         if lane[0] < 0 and np.isnan(course[0]):
             course[0] = course[1] if len(ids) > 1 else ledger.state.motion.yaw_rad[robot]
             gear[0] = gear[1] if len(ids) > 1 else 0
-        wheels = self.vehicle.kinematics
-        route = Route(visits.at_m[ids], graph.xy[visits.vertex[ids]], course, gear, visits.tangent_m[ids])
+        wheels, at_m, xy, tangent_m = self.vehicle.kinematics, visits.at_m[ids], graph.xy[visits.vertex[ids]], visits.tangent_m[ids]
+        if tangent_m[-1] > 0 and (ahead := stands_bent(turns_of(graph, self.vehicle), int(lane[-1]), int(gear[-1]))) is not None:
+            at_m = np.append(at_m, at_m[-1] + graph.length_m[ahead[0]])
+            xy = np.concatenate([xy, graph.xy[graph.head[ahead[0]]][None]])
+            course, gear, tangent_m = np.append(course, course_rad(graph)[ahead[0]]), np.append(gear, ahead[1]), np.append(tangent_m, 0.0)
+        route = Route(at_m, xy, course, gear, tangent_m)
         on_m, axle, yaw = wheel_path(route, wheels.ahead_m, wheels.least_radius_m)
         if not np.isnan(self._yaw_rad):
             yaw = yaw + 2 * np.pi * round((self._yaw_rad - float(np.interp(self._since_m, on_m, yaw))) / (2 * np.pi))

@@ -200,6 +200,8 @@ def length_to(graph: MoveGraph, kind: int, place: int) -> tuple[FloatArray, IntA
     states = graph.states[kind]
     ends = states.begin + np.flatnonzero(states.place == place)
     arrives = ends[np.isin(ends, graph.head)]
+    leaves = arrives[np.isin(arrives, graph.tail)]
+    arrives = leaves if len(leaves) else arrives  # rather not where it could go nowhere
     if not len(arrives):
         return np.full(graph.num_vertices, np.inf), np.full(graph.num_vertices, -1)
     back = csr_array((graph.length_m, (graph.head, graph.tail)), shape=(graph.num_vertices,) * 2)

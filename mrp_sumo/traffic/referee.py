@@ -18,6 +18,7 @@ import numpy as np
 from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, NavGraph
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.core.problem import Problem
+from mrp_sumo.traffic.turns import obstacle_to
 
 EPSILON_S = 1e-6
 
@@ -126,6 +127,16 @@ def _faults(problem: Problem, plan: Plan, goal_of: IntArray, lane_s: float) -> l
     ]
     for robot in range(problem.num_robots):
         faults += _faults_of(robot, problem, plan, int(target[robot]), lane_s)
+    return faults or _impossible_turns(problem, plan)
+
+
+def _impossible_turns(problem: Problem, plan: Plan) -> list[str]:
+    """Turns that vehicles cannot make, the first of each."""
+    faults, fleet = [], problem.fleet
+    for robot in np.flatnonzero(fleet.is_vehicle).tolist():
+        route = plan.vertex[plan.first[robot] : plan.first[robot + 1]].tolist()
+        if obstacle := obstacle_to(problem.graph, fleet.types[int(fleet.kind[robot])], route):
+            faults.append(f"{fleet.robot_name[robot]} cannot drive its path: {obstacle}")
     return faults
 
 

@@ -84,6 +84,19 @@ def turns_of(graph: NavGraph, vehicle: RobotType) -> Turns:
     return Turns(*map(frozen, (first, onward, bend, radius, tangent, swing, room, next_gear, may_stand)))
 
 
+def stands_bent(turns: Turns, lane: int, gear: int) -> tuple[int, int] | None:
+    """The lane, and the gear, for which a vehicle that stops at the end of a lane stops on the arc; None where it stops in line.
+
+    It does so where it could not go on from the corner itself.
+    """
+    some = slice(int(turns.first[lane]), int(turns.first[lane + 1]))
+    gears, onward = turns.next_gear[some, gear], turns.onward[some]
+    if (turns.may_stand[some, gear] != NEVER).any() or not (gears != NEVER).any():
+        return None
+    k = int(np.argmin(np.where(gears != NEVER, np.abs(turns.bend_rad[some]), np.inf)))
+    return int(onward[k]), int(gears[k])
+
+
 def course_rad(graph: NavGraph) -> FloatArray:
     """[L] direction in which lanes lead; vehicles face it, or away from it in reverse."""
     along = graph.xy[graph.head] - graph.xy[graph.tail]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mrp_sumo.core.plan import Status
+from mrp_sumo.core.plan import Status, plan_of_paths
 from mrp_sumo.planning.answers import planned_by
 from mrp_sumo.planning.registry import planner
 from mrp_sumo.traffic.referee import judge
@@ -61,3 +61,13 @@ def test_nobody_stands_where_trailers_are():
     assert plan(vehicles_on(graph, [1, 3], [3, 4], [TUGGER, CART])).status is Status.SOLVED
     alone = plan(vehicles_on(graph, [0], [3], TUGGER))
     assert "robot_0 starts at 'v0', where no free lane behind it has 2.90 m for its trailers" in alone.message
+
+
+def test_the_referee_knows_turns_that_a_vehicle_cannot_make():
+    """A plan that turns round at a dead end is one for those who may reverse."""
+    graph = roads([(0.0, 0.0), (4.0, 0.0)], [(0, 1)])
+    problem = vehicles_on(graph, [0], [0], CAR)
+    there_and_back = plan_of_paths([[0, 1, 0]], problem.step_s)
+    (fault,) = judge(problem, there_and_back).faults
+    assert fault == "robot_0 cannot drive its path: car cannot reverse, from 'v0' to 'v1' and back (kinematics.reverse: true would do)"
+    assert judge(vehicles_on(graph, [0], [0], TRICYCLE), there_and_back).valid

@@ -33,6 +33,7 @@ from mrp_sumo.experiments.staging.places import (
     require_reachable,
 )
 from mrp_sumo.experiments.staging.tasks import with_tasks
+from mrp_sumo.experiments.staging.vehicles import with_vehicles
 from mrp_sumo.io.scenario.file import ScenarioFile
 from mrp_sumo.io.scenario.model import ScenarioModel
 from mrp_sumo.io.scenario.programs import require_trust
@@ -110,6 +111,8 @@ def set_up(file: ScenarioFile, maps: MapCache, *, run_programs: bool = True) -> 
             barred=barred,
             goal_kind=None if scenario.robots.fleet is None else fleet.kind,
         )
+    if fleet.vehicle_of_kind:
+        problem = with_vehicles(file, problem)
     require_headings(file, problem)
     if named_places(scenario) and scenario.tasks is None and not scenario.execution.disturbances.outages:
         require_reachable(file, problem)

@@ -1,0 +1,39 @@
+"""Vehicles that cannot turn in place, at their starts: which way they face, and whether they can come from there to where they are to go.
+
+Refuses starts without room for trailers, headings that no lane has, and stations that a vehicle cannot reach for want of room to turn.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from mrp_sumo.core.graph import FloatArray, frozen
+from mrp_sumo.core.problem import Problem
+from mrp_sumo.errors import PlanError, ScenarioError
+from mrp_sumo.io.scenario.file import ScenarioFile
+from mrp_sumo.traffic.moves import standing_at_starts
+from mrp_sumo.traffic.turns import BACKWARD, FORWARD, course_rad, gears_of
+
+
+def with_vehicles(file: ScenarioFile, problem: Problem) -> Problem:
+    """The problem, in which vehicles that wait for tasks face along a lane. Raises ScenarioError where one cannot stand at its start."""
+    if file.scenario.tasks is not None:
+        problem = replace(problem, start_heading_rad=frozen(_along_lanes(problem)))
+    try:
+        standing_at_starts(problem)
+    except PlanError as error:
+        raise ScenarioError(f"{file.at('robots')}: {error}") from None
+    return problem
+
+
+def _along_lanes(problem: Problem) -> FloatArray:
+    """[R] headings at starts: those that are given, and of vehicles that of the lane by which they can leave, forward if they may."""
+    graph, fleet, heading = problem.graph, problem.fleet, problem.heading_at_start.copy()
+    course = course_rad(graph)
+    for r in np.flatnonzero(fleet.is_vehicle & np.isnan(heading) & (fleet.behind_m == 0)).tolist():
+        v, allowed = int(problem.start[r]), gears_of(graph, fleet.types[int(fleet.kind[r])])
+        lanes = np.arange(graph.first[v], graph.first[v + 1])
+        for gear in (FORWARD, BACKWARD):
+            if len(some := lanes[allowed[lanes, gear] > 0]) and np.isnan(heading[r]):
+                heading[r] = (course[some[0]] + gear * np.pi + np.pi) % (2 * np.pi) - np.pi
+    return heading
