@@ -17,7 +17,7 @@ from mrp_sumo.core.task import CHARGE, NOBODY, Station, Stop, Task
 from mrp_sumo.drive.ledger import Ledger
 from mrp_sumo.drive.orders import Orders
 from mrp_sumo.drive.places import RobotPlaces
-from mrp_sumo.drive.robot_work import NONE, Change, RobotWork, StopRow
+from mrp_sumo.drive.robot_work import NONE, Change, Leg, RobotWork, StopRow, TourStop
 from mrp_sumo.drive.settings import ExecutionSettings
 
 STANDS = [BOOKINGS.index(name) for name in ("planned_wait", "dependency_wait", "blocked", "disturbed")]
@@ -143,7 +143,27 @@ class Crew:
 
     def has_yet_to_begin(self, robot: RobotWork) -> bool:
         """True if a robot has an order and has not come to its first stop, nor is about to."""
-        return robot.task != NONE and not (robot.charges or robot.leaves) and robot.stop == 0 and robot.making is None
+        has_one = robot.task != NONE and len(robot.orders) == 1
+        return has_one and not (robot.charges or robot.leaves) and robot.stop == 0 and robot.making is None
+
+    def has_room_for_more(self, robot: RobotWork) -> bool:
+        """True if a robot with orders can be given another beside them."""
+        capacity = self.problem.fleet.capacity
+        if capacity is None or robot.is_out or robot.charges or robot.task == NONE:
+            return False
+        over = robot.leaves and robot.making is not None and robot.stop == len(self.tasks[robot.task].stops) - 1
+        return len(robot.orders) - over < int(capacity[robot.number])
+
+    def goes_on_here(self, robot: RobotWork) -> bool:
+        """True if a robot with several orders makes the next of its stops where it makes one now."""
+        if robot.making is None or len(robot.tour) == 1 or not self.problem.fleet.carries_several:
+            return False
+        task, nth = robot.tour[1]
+        return robot.making.vertex in self.tasks[task].stops[nth].places
+
+    def stops_of(self, task: int) -> list[TourStop]:
+        """All stops of a task, in their order."""
+        return [(task, nth) for nth in range(len(self.tasks[task].stops))]
 
     def may_pass_on(self, robot: RobotWork) -> bool:
         """True if a robot has an order and has not come to its first stop, nor is about to, nor waits in line for it, but in vain."""
@@ -151,8 +171,7 @@ class Crew:
 
     def _is_last(self, robot: RobotWork) -> bool:
         """True if nothing is left for a robot that leaves, after what it is about to have made."""
-        made = 1 if robot.making else len(robot.legs)
-        return robot.stop + made == len(self.tasks[robot.task].stops) and robot.then == NONE
+        return len(robot.tour) == (1 if robot.making else len(robot.legs)) and robot.then == NONE
 
     def follow(self, robot: RobotWork, now_s: float) -> None:
         """End a robot's service that is over, and have it make the stops to which it has come."""
@@ -177,7 +196,7 @@ class Crew:
     def give(self, robot: RobotWork, task: int, since_s: float, earliest_s: float) -> None:
         """A robot has a task from a time on; its first stop begins no earlier than another."""
         charges = not self.orders.is_order(task)
-        robot.begin(task, since_s, earliest_s, self._idle_s(robot), charges=charges)
+        robot.begin(self.stops_of(task), since_s, earliest_s, self._idle_s(robot), charges=charges)
 
     def charge(self, robot: RobotWork, station: Station, now_s: float) -> None:
         """A robot gets the task to charge."""
@@ -197,6 +216,18 @@ class Crew:
         robot.legs = []
         robot.drop(Change.FREED, at_s)
 
+    def drop_order(self, robot: RobotWork, task: int, at_s: float) -> None:
+        """A robot has an order no more, and goes on with the others that it has."""
+        nth, rest = dict(reversed(robot.tour))[task], [each for each in robot.tour if each[0] != task]
+        robot.loads -= nth > 0 and len(self.tasks[task].stops) > 1
+        if not rest:
+            self.set_free(robot, at_s)
+            return
+        is_next, robot.tour = robot.task == task, rest
+        if is_next:
+            robot.legs, robot.wait_at, robot.since_s, robot.idle_s = [], NONE, at_s, self._idle_s(robot)
+            robot.on(Change.ONWARD, at_s)
+
     def take_back(self, robot: RobotWork, now_s: float) -> int:
         """The robot's task, which has not been begun, waits again."""
         task = robot.task
@@ -205,7 +236,10 @@ class Crew:
         return task
 
     def give_up_next(self, robot: RobotWork) -> None:
-        """The task that a robot was to go on with waits again."""
+        """The task that a robot was to go on with waits again, and so do others beside that of its next stop which it has not begun."""
+        for task in [k for k, nth in robot.tour if nth == 0 and k != robot.task]:
+            self.orders.take_back(task)
+            robot.tour = [each for each in robot.tour if each[0] != task]
         if robot.then != NONE:
             self.orders.take_back(robot.then)
             robot.then = NONE
@@ -213,18 +247,21 @@ class Crew:
     def end_stop(self, robot: RobotWork, cut_s: float | None = None) -> None:
         """A service is over, or cut short; so is the task with its last."""
         assert robot.making is not None
-        over_s, task = robot.making.end_s if cut_s is None else cut_s, robot.task
+        here = robot.making.vertex if self.goes_on_here(robot) and not robot.leaves else NONE
+        over_s, (task, nth) = robot.making.end_s if cut_s is None else cut_s, robot.tour.pop(0)
         robot.made.append(robot.making._replace(end_s=over_s))
         robot.making, robot.num_before = None, 0
-        robot.loads += load_change(self.tasks[task], robot.stop)
+        robot.loads += load_change(self.tasks[task], nth)
         robot.over_s = robot.since_s = robot.earliest_s = robot.moved_s = over_s
         robot.idle_s = self._idle_s(robot)
-        robot.stop += 1
         self.is_changed |= not robot.leaves  # else what comes next has been asked for
-        if robot.stop < len(self.tasks[task].stops):
+        if nth == len(self.tasks[task].stops) - 1:
+            self.orders.finish(task, over_s)
+        if robot.tour:
+            if here != NONE and (not robot.legs or robot.legs[0][:2] != robot.tour[0]):
+                robot.legs = [Leg(*robot.tour[0], here)]
             robot.on(Change.ONWARD, over_s)
             return
-        self.orders.finish(task, over_s)
         robot.drop(Change.FREED, over_s)
         if robot.then != NONE:
             task, robot.then = robot.then, NONE
@@ -237,7 +274,7 @@ class Crew:
         if robot != NOBODY and self.robots[robot].then == task:
             self.robots[robot].then = NONE
         elif robot != NOBODY:
-            self.set_free(self.robots[robot], at_s)
+            self.drop_order(self.robots[robot], task, at_s)
         self.orders.cancel(task, at_s, why)
         self._say("cancelled", at_s, robot, task, why)
         self.is_changed = True
@@ -255,28 +292,31 @@ class Crew:
 
     def lose(self, robot: RobotWork, now_s: float, change: Change) -> None:
         """A robot will never go on: what it has goes to others, or fails, by the rules of the orders."""
-        task, charged, why = robot.task, robot.charges, f"{self.problem.fleet.robot_name[robot.number]} {WHY_LOST[change]}"
+        why = f"{self.problem.fleet.robot_name[robot.number]} {WHY_LOST[change]}"
         self.give_up_next(robot)
+        charged, next_of = robot.charges, dict(reversed(robot.tour))  # the next stop of each order
         if charged and robot.making is not None:
             robot.made.append(robot.making)
         robot.making, robot.legs = None, []
         robot.drop(change, now_s)
-        if task != NONE and charged:
-            self.orders.fail(task, now_s, why)
-        elif task != NONE and robot.stop == 0:
-            self.orders.take_back(task)
-        elif task != NONE:
-            self._lose_load(robot, task, now_s, f"{why} with it on board")
+        for order, nth in next_of.items():
+            if charged:
+                self.orders.fail(order, now_s, why)
+            elif nth == 0:
+                self.orders.take_back(order)
+            else:
+                self._lose_load(robot, (order, nth), now_s, f"{why} with it on board")
         self.is_changed = True
         for waiting in list(self.orders.waiting):
             self.fail_if_nobody_can(waiting, now_s)
 
-    def _lose_load(self, robot: RobotWork, task: int, now_s: float, why: str) -> None:
-        """What becomes of an order whose robot is lost after its first stop."""
+    def _lose_load(self, robot: RobotWork, at: TourStop, now_s: float, why: str) -> None:
+        """What becomes of an order whose robot is lost after its first stop, before another."""
+        task, nth = at
         orders, retry, stops = self.orders, self.settings.retry, self.tasks[task].stops
         if retry and retry.hand_over:
             fetch = self._place_to_hand_over(robot.number, stops[0])
-            orders.hand_over(task, (fetch, *stops[robot.stop :]), why)
+            orders.hand_over(task, (fetch, *stops[nth:]), why)
             self._say("handed_over", now_s, robot.number, task, f"{why}; another is to fetch it", fetch.vertex)
         elif retry and orders.tries[task] < retry.times:
             orders.begin_anew(task, why)
@@ -297,7 +337,7 @@ class Crew:
     def _comes_to(self, robot: RobotWork, visit: int) -> bool:
         """True if a robot makes the next stop on its way at a visit."""
         leg, visits = robot.legs[0], self.ledger.visits
-        if leg.vertex != visits.vertex[visit] or leg.task != robot.task:
+        if leg.vertex != visits.vertex[visit] or leg[:2] != robot.tour[0]:
             return False
         return bool(visit == visits.last[robot.number] or not self.stop_s(robot.number, leg.task, leg.nth))
 
@@ -306,6 +346,7 @@ class Crew:
         leg, visits = robot.legs.pop(0), self.ledger.visits
         begin_s, takes_s = max(float(visits.arrived_s[visit]), robot.earliest_s), self._service_s(robot)
         if leg.nth == 0:
+            begin_s = max(begin_s, self.orders.assigned_s(leg.task))
             self.orders.pick(leg.task, begin_s)
         robot.making = self._row(robot, leg.vertex, (begin_s, begin_s + takes_s), now_s)
         robot.moved_s, robot.wait_at = begin_s, NONE

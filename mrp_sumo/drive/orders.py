@@ -89,6 +89,10 @@ class Orders:
         """Time at which its first stop was reached, NaN: not yet."""
         return self._times["opened_s"][task]
 
+    def assigned_s(self, task: int) -> float:
+        """Time at which a robot was given it."""
+        return self._times["assigned_s"][task]
+
     def released_s(self, task: int) -> float:
         """Time at which it became known."""
         return self._times["released_s"][task]

@@ -88,6 +88,9 @@ class Leg(NamedTuple):
     vertex: int
 
 
+TourStop = tuple[int, int]  # a task, and which of its stops
+
+
 class StopRow(NamedTuple):
     """A row of the `StopLog`."""
 
@@ -111,10 +114,9 @@ class RobotWork:
     duty: Duty = Duty.IDLE
     condition: Condition = Condition.SOUND
     leaves: bool = False  # whether what comes next is asked for: its stop will be over when the answer takes effect
-    task: int = NONE
-    charges: bool = False  # whether that is the fleet's own, to charge
+    tour: list[TourStop] = field(default_factory=list)  # stops ahead, of one order or of several; the first may be being made
+    charges: bool = False  # whether its task is the fleet's own, to charge
     then: int = NONE  # the task that it goes on with, whose way begins where this one's last stop is
-    stop: int = 0  # of its task, that is to be made next, or is being made
     legs: list[Leg] = field(default_factory=list)  # stops that its way leads to, in their order
     wait_at: int = NONE  # vertex where it is to wait for a place
     came_s: float = np.inf  # since when it has waited as near as there
@@ -128,6 +130,21 @@ class RobotWork:
     loads: int = 0  # on board
     idle_s: tuple[float, float] = (0.0, 0.0)  # that it had stood on its way, and where it was sent, when it set out
     _rows: list[tuple[int, float, int]] = field(default_factory=lambda: [(robot_states.IDLE, 0.0, NONE)])  # state, since, task
+
+    @property
+    def task(self) -> int:
+        """The task of its next stop, or of the one that it makes; NONE without any."""
+        return self.tour[0][0] if self.tour else NONE
+
+    @property
+    def stop(self) -> int:
+        """Number of that stop in its task."""
+        return self.tour[0][1] if self.tour else 0
+
+    @property
+    def orders(self) -> list[int]:
+        """Tasks that it has, by their next stops."""
+        return list(dict.fromkeys(task for task, _ in self.tour))
 
     @property
     def is_out(self) -> bool:
@@ -184,16 +201,16 @@ class RobotWork:
         if not rows or rows[-1][::2] != row[::2]:
             rows.append(row)
 
-    def begin(self, task: int, since_s: float, earliest_s: float, idle_s: tuple[float, float], *, charges: bool) -> None:
-        """It has a task."""
-        self.task, self.charges, self.stop, self.since_s, self.idle_s = task, charges, 0, since_s, idle_s
+    def begin(self, tour: Sequence[TourStop], since_s: float, earliest_s: float, idle_s: tuple[float, float], *, charges: bool) -> None:
+        """It has a task, or several."""
+        self.tour, self.charges, self.since_s, self.idle_s = list(tour), charges, since_s, idle_s
         self.earliest_s = self.moved_s = earliest_s
         self.wait_at, self.num_before = NONE, 0
         self.on(Change.GIVEN, earliest_s)
 
     def drop(self, change: Change, at_s: float) -> None:
         """It has no task any more."""
-        self.task, self.charges = NONE, False
+        self.tour, self.charges = [], False
         self.on(change, at_s)
 
     def _logged(self) -> int:

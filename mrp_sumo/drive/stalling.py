@@ -92,7 +92,7 @@ class Progress:
         robot.on(Change.STALLS, now_s)
         if not robot.charges and gone_at.issuperset(crew.next_stop(robot).places):
             task = robot.task
-            crew.set_free(robot, now_s)
+            crew.drop_order(robot, task, now_s)
             crew.fail(task, now_s, "a robot that is lost stands where its next stop is", robot.number)
             crew.is_changed = True
             return

@@ -53,7 +53,8 @@ class Work:
             crew.cancel(task, f"not picked up by {crew.orders.last_chance_s(task):g} s")
         for task in crew.orders.reveal(now_s):
             crew.fail_if_nobody_can(task, now_s)
-            crew.is_changed |= bool(crew.free) or any(map(crew.may_pass_on, crew.robots))  # else nobody could take it now
+            could = (crew.free or crew.may_pass_on(robot) or crew.has_room_for_more(robot) for robot in crew.robots)
+            crew.is_changed |= any(could)  # else nobody could take it now
         if level is not None:
             crew.level = level
             if self._chargers is not None:
@@ -149,7 +150,9 @@ class Work:
     def _see_who_leaves(self, now_s: float) -> None:
         """Robots whose ways on can be asked for: they will be done with what they are at when what is asked for now takes effect."""
         visits, s_m = self.crew.ledger.visits, self.crew.ledger.state.motion.s_m
-        over = [r for r in self.crew.robots if r.is_busy and not r.is_out and r.making and r.making.end_s <= now_s + self._lead_s + 1e-9]
+        crew = self.crew
+        done = [r for r in crew.robots if r.is_busy and not r.is_out and r.making and r.making.end_s <= now_s + self._lead_s + 1e-9]
+        over = [r for r in done if not crew.goes_on_here(r)]
         passing = [r for r in self._passing() if visits.granted[r.number] == visits.last[r.number]]
         near = [r for r in passing if visits.at_m[visits.last[r.number]] - s_m[r.number] <= self._near_m(r.number) + 1e-9]
         for robot in (*over, *near):
@@ -172,7 +175,8 @@ class Work:
         """When something will have changed that is known by now."""
         visits, motion = self.crew.ledger.visits, self.crew.ledger.state.motion
         times = [self._again_s, self.crew.orders.next_release_s]
-        times += [r.making.end_s - self._lead_s * r.is_busy for r in self.crew.robots if r.making and not r.is_out]
+        at_stops = [r for r in self.crew.robots if r.making and not r.is_out]
+        times += [r.making.end_s - self._lead_s * (r.is_busy and not self.crew.goes_on_here(r)) for r in at_stops if r.making]
         times += [self.crew.orders.last_chance_s(k) for k in self.crew.orders.not_picked]
         for r in (robot.number for robot in self._passing()):
             if motion.speed_mps[r] > 0:

@@ -6,7 +6,8 @@ work stay where they are, unless somebody has to come there.
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import dropwhile
+from itertools import dropwhile, pairwise
+from types import MappingProxyType
 
 import numpy as np
 
@@ -14,10 +15,11 @@ from mrp_sumo.core.graph import BoolArray, IntArray, frozen
 from mrp_sumo.core.request import Request, with_stops_before
 from mrp_sumo.core.task import NOBODY, Stop
 from mrp_sumo.drive.crew import PATIENCE, Crew
-from mrp_sumo.drive.robot_work import NONE, Leg, RobotWork
+from mrp_sumo.drive.robot_work import NONE, Leg, RobotWork, TourStop
 from mrp_sumo.errors import PlugInError
 from mrp_sumo.search.distance import distances
 
+NO_TOURS: Mapping[int, Sequence[TourStop]] = MappingProxyType({})
 STANDS_S = 60.0  # without a stop, after which nobody is let by: whoever can goes first
 
 
@@ -26,13 +28,16 @@ class WorkRequest(Request):
     """A request for ways to the stops of tasks."""
 
     assigned: Mapping[int, int] = field(default_factory=dict)  # tasks, by the robots that are to have them
+    tours: Mapping[int, Sequence[TourStop]] = field(default_factory=dict)  # stops ahead, of robots that are to have several orders
     legs: Mapping[int, Sequence[Leg]] = field(default_factory=dict)  # stops on the ways of its robots
     waits: Mapping[int, int] = field(default_factory=dict)  # vertices where robots are to wait for a place
     loads: Mapping[int, int] = field(default_factory=dict)  # on board of robots on these ways
     at_once: frozenset[int] = frozenset()  # robots that may begin with what they are given as soon as they are done with what they have
 
 
-def work_request(crew: Crew, now_s: float, closed: BoolArray, assigned: Mapping[int, int]) -> WorkRequest:
+def work_request(
+    crew: Crew, now_s: float, closed: BoolArray, assigned: Mapping[int, int], tours: Mapping[int, Sequence[TourStop]] = NO_TOURS
+) -> WorkRequest:
     """The request for the ways of all robots that are not at work. Raises PlugInError for a task that needs a robot of another type.
 
     Parameters
@@ -41,8 +46,10 @@ def work_request(crew: Crew, now_s: float, closed: BoolArray, assigned: Mapping[
         [L] lanes that nobody may use.
     assigned
         Tasks for robots that have none, or have one that they may pass on. It goes back to those that wait, if nobody is given it.
+    tours
+        Stops for robots that have room for more orders, after what they are committed to; with those that they have, and in whole orders.
     """
-    _check(crew, assigned)
+    _check(crew, [*assigned.items(), *((r, task) for r, tour in tours.items() for task, _ in tour)])
     crew.is_changed = False
     committed = crew.ledger.committed
     start = np.array([vertices[-1] for vertices in committed], np.int64)
@@ -52,19 +59,22 @@ def work_request(crew: Crew, now_s: float, closed: BoolArray, assigned: Mapping[
     legs: dict[int, list[Leg]] = {}  # and on their new ways
     stop: dict[int, Stop] = {}
     for r in robots.tolist():
-        on_the_way[r], task, nth = _after_committed(crew, crew.robots[r], committed[r])
-        if r in assigned or task in passed_on:
-            task, nth = assigned.get(r, NONE), 0
+        on_the_way[r], ahead = _after_committed(crew, crew.robots[r], committed[r])
+        if r in tours:
+            ahead = [each for each in tours[r] if each not in [leg[:2] for leg in on_the_way[r]]]
+        elif r in assigned or (ahead and ahead[0][0] in passed_on):
+            ahead = crew.stops_of(assigned[r]) if r in assigned else []
         legs[r] = []
-        if task != NONE:
-            legs[r] = _in_passing(crew, r, int(start[r]), task, nth)
-            nth += len(legs[r])
+        if ahead:
+            legs[r] = _in_passing(crew, r, int(start[r]), ahead)
+            task, nth = ahead[len(legs[r])]
             stop[r] = crew.tasks[task].stops[nth]
             legs[r].append(Leg(task, nth, NONE))
     aged = passed_over(crew, stop, now_s)
     turn = in_turn(crew, start, stop, {r: legs[r][-1].task for r in stop}, stays, aged)
-    if swapped := older_first(crew, turn, stop, legs, assigned, aged):
-        return work_request(crew, now_s, closed, {**assigned, **swapped})
+    single = {r: legs[r] for r in stop if r not in tours}
+    if swapped := older_first(crew, [r for r in turn if r in single], stop, single, assigned, aged):
+        return work_request(crew, now_s, closed, {**assigned, **swapped}, tours)
     vertex, makes = crew.places.choose(start, stays, stop, turn, aged)
     via = [list(dropwhile(start[r].__eq__, (leg.vertex for leg in legs[r][:-1]))) for r in robots.tolist()]
     last = {r: legs[r].pop() for r in stop}
@@ -82,6 +92,7 @@ def work_request(crew: Crew, now_s: float, closed: BoolArray, assigned: Mapping[
         reason="tasks",
         there_s={r: crew.stop_s(r, last[r].task, last[r].nth) for r in stop if makes[r] and [leg.vertex for leg in legs[r]] == [start[r]]},
         assigned=dict(assigned),
+        tours=dict(tours),
         legs={r: (*on_the_way[r], *legs[r]) for r in robots.tolist()},
         waits={r: int(vertex[r]) for r in stop if not makes[r]},
         loads=dict(enumerate(crew.loads_ahead.tolist())),
@@ -106,6 +117,8 @@ def take_over(crew: Crew, request: WorkRequest, now_s: float) -> None:
     freed = [crew.take_back(robots[r], now_s) for r in sorted(taken_back) if crew.may_pass_on(robots[r])]
     for r, task in assigned.items():
         _give(crew, robots[r], task, now_s, request)
+    for r, tour in request.tours.items():
+        _extend(crew, robots[r], tour, now_s, request)
     crew.is_changed |= len(assigned) < len(request.assigned) or any(crew.orders.robot[k] == NOBODY for k in freed)
     for robot in (robots[r] for r in request.robot.tolist()):
         if robot.making is not None or robot.is_out:
@@ -118,9 +131,9 @@ def take_over(crew: Crew, request: WorkRequest, now_s: float) -> None:
         crew.follow(robot, now_s)
 
 
-def _check(crew: Crew, assigned: Mapping[int, int]) -> None:
+def _check(crew: Crew, assigned: Iterable[tuple[int, int]]) -> None:
     """Refuse tasks for robots that cannot do them. Raises PlugInError."""
-    if (wrong := next(((r, k) for r, k in assigned.items() if not crew.can_do(r, k)), None)) is not None:
+    if (wrong := next(((r, k) for r, k in assigned if not crew.can_do(r, k)), None)) is not None:
         name, needs = crew.problem.fleet.robot_name[wrong[0]], crew.tasks[wrong[1]]
         if needs.robot not in (NOBODY, wrong[0]):
             raise PlugInError(f"order '{needs.name}' is for {crew.problem.fleet.robot_name[needs.robot]}, not for {name}")
@@ -129,36 +142,32 @@ def _check(crew: Crew, assigned: Mapping[int, int]) -> None:
         raise PlugInError(f"order '{needs.name}' is nothing for {name}, which has no room on the way")
 
 
-def _after_committed(crew: Crew, robot: RobotWork, committed: Sequence[int]) -> tuple[list[Leg], int, int]:
-    """Stops that a robot makes on what it is committed to; then the task that it goes on with, and which of its stops."""
-    task, nth, legs = robot.task, robot.stop, list[Leg]()
-    if task == NONE:
-        return legs, NONE, 0
+def _after_committed(crew: Crew, robot: RobotWork, committed: Sequence[int]) -> tuple[list[Leg], list[TourStop]]:
+    """Stops that a robot makes on what it is committed to; then those that it goes on with."""
+    legs = list[Leg]()
+    ahead = [*robot.tour, *(crew.stops_of(robot.then) if robot.then != NONE else ())]
     if robot.leaves and robot.making is not None:
-        nth += 1
-    else:
-        at = 0
-        for leg in robot.legs[: len(robot.legs) - (not robot.leaves)]:
-            if leg.vertex not in committed[at:]:
-                break
-            at = list(committed).index(leg.vertex, at)
-            legs.append(leg)
-            task, nth = leg.task, leg.nth + 1
-    if nth == len(crew.tasks[task].stops):
-        task, nth = robot.then if task == robot.task else NONE, 0
-    return legs, task, nth
+        return legs, ahead[1:]
+    at = 0
+    for leg, next_stop in zip(robot.legs[: len(robot.legs) - (not robot.leaves)], ahead):
+        if leg.vertex not in committed[at:] or leg[:2] != next_stop:
+            break
+        at = list(committed).index(leg.vertex, at)
+        legs.append(leg)
+    return legs, ahead[len(legs) :]
 
 
-def _in_passing(crew: Crew, robot: int, at: int, task: int, nth: int) -> list[Leg]:
-    """Stops of a task that a robot makes in passing, from a vertex and one of its stops on."""
+def _in_passing(crew: Crew, robot: int, at: int, ahead: Sequence[TourStop]) -> list[Leg]:
+    """The first of some stops ahead of a robot at a vertex that it makes in passing, followed by another of the same task."""
     passed, left = list[Leg](), crew.ahead_steps
-    stops = crew.tasks[task].stops
-    while left > 0 and nth + 1 < len(stops) and not crew.stop_s(robot, task, nth) and len(stops[nth].places) == 1:
-        v = stops[nth].places[0]
-        left -= int(distances(crew.problem.graph).to(v)[at])
+    for (task, nth), (following, _) in pairwise(ahead):
+        places = crew.tasks[task].stops[nth].places
+        if left <= 0 or following != task or crew.stop_s(robot, task, nth) or len(places) > 1:
+            break
+        left -= int(distances(crew.problem.graph).to(places[0])[at])
         if left > 0:
-            passed.append(Leg(task, nth, v))
-            at, nth = v, nth + 1
+            passed.append(Leg(task, nth, places[0]))
+            at = places[0]
     return passed
 
 
@@ -268,6 +277,23 @@ def _give(crew: Crew, robot: RobotWork, task: int, now_s: float, request: WorkRe
     crew.give(robot, task, since_s, since_s if at_once else now_s)
 
 
+def _extend(crew: Crew, robot: RobotWork, tour: Sequence[TourStop], now_s: float, request: WorkRequest) -> None:
+    """A robot has more orders, as far as they still wait; stops that it has made meanwhile are none any more."""
+    if robot.is_out or robot.charges:
+        crew.is_changed = True
+        return
+    new = [task for task in dict.fromkeys(task for task, _ in tour) if task in crew.orders.waiting]
+    first = robot.tour[:1] if robot.making else []
+    rest = [each for each in tour if (each in robot.tour or each[0] in new) and each not in first]
+    crew.is_changed |= any(nth == 0 and task not in (*new, *robot.orders) for task, nth in tour)  # somebody else has it
+    if robot.task == NONE and rest:
+        _give(crew, robot, rest[0][0], now_s, request)
+    for task in new:
+        if task not in robot.orders:
+            crew.orders.assign(task, robot.number, now_s)
+    robot.tour = [*(each for each in robot.tour if each not in rest), *rest]  # the stop that it makes first
+
+
 def _is_ahead(robot: RobotWork, leg: Leg) -> bool:
     """True if a stop is still to be made."""
-    return leg.task == robot.then or (leg.task == robot.task and leg.nth >= robot.stop)
+    return leg.task == robot.then or leg[:2] in robot.tour

@@ -69,15 +69,18 @@ def _shares(run: Evidence) -> dict[str, float]:
     return {name: float(share_s / whole_s) for name, share_s in seconds.items()}
 
 
-def _driven_m(run: Evidence) -> tuple[float, float]:
-    """Driven by all robots in the whole run, and from one stop of a task to the next, m. Looks at some samples at a time."""
+def _driven_m(run: Evidence) -> tuple[float, float, float | None]:
+    """Driven by all robots in the whole run, and from one stop of a task to the next, m; the same for each load, None where nobody knows.
+
+    Looks at some samples at a time. Where loads on board are known, they say what was driven with one.
+    """
     logs, execution = run.once(_logs), run.execution
     assert logs is not None and execution is not None
     stops, t, x, y = logs[1], execution.t_s, execution.x_m, execution.y_m
     loaded = np.flatnonzero(stops.task[1:] == stops.task[:-1]) + 1
     moments = np.clip(np.concatenate([stops.since_s[loaded], stops.begin_s[loaded]]), t[0], t[-1])
     robot, at_m = np.tile(stops.robot[loaded], 2), np.zeros(2 * len(loaded))
-    so_far = np.zeros(x.shape[1])
+    so_far, with_load_m, carried_m = np.zeros(x.shape[1]), 0.0, 0.0
     for begin in range(0, len(t), TOGETHER):
         block = slice(begin, begin + TOGETHER + 1)  # with the first of the next
         steps = np.nan_to_num(np.hypot(np.diff(x[block], axis=0), np.diff(y[block], axis=0)))
@@ -85,8 +88,13 @@ def _driven_m(run: Evidence) -> tuple[float, float]:
         for k in np.flatnonzero((moments >= t[block][0]) & (moments <= t[block][-1])).tolist():
             at_m[k] = np.interp(moments[k], t[block], driven[:, robot[k]])
         so_far = driven[-1]
+        if execution.loads is not None:
+            loads = execution.loads[block][1:]
+            with_load_m, carried_m = with_load_m + float(steps[loads > 0].sum()), carried_m + float((steps * loads).sum())
+    if execution.loads is not None:
+        return float(so_far.sum()), with_load_m, carried_m
     began_m, ended_m = at_m.reshape(2, -1)
-    return float(so_far.sum()), float((ended_m - began_m).sum())
+    return float(so_far.sum()), float((ended_m - began_m).sum()), None
 
 
 def _queues(run: Evidence) -> list[tuple[float, int]]:
@@ -112,11 +120,15 @@ def _busy_share(run: Evidence) -> float | None:
 
 
 def _distances_m(run: Evidence) -> dict[str, float]:
-    """Driven by all robots, and what of it was not from a task's first stop to those after it."""
-    if run.once(_logs) is None:
+    """Driven by all robots, what of it was not from a task's first stop to those after it, by order done, and loads on board by metre."""
+    logs = run.once(_logs)
+    if logs is None:
         return {}
-    driven_m, loaded_m = _driven_m(run)
-    return {"all": driven_m, "empty": driven_m - loaded_m}
+    driven_m, loaded_m, carried_m = _driven_m(run)
+    by = {"all": driven_m, "empty": driven_m - loaded_m}
+    if num_done := int(np.isfinite(logs[0].done_s).sum()):
+        by["order"] = driven_m / num_done
+    return by if carried_m is None or not loaded_m else {**by, "loads": carried_m / loaded_m}
 
 
 # fmt: off
@@ -142,6 +154,9 @@ METRICS = (
     Metric("distance_m", "m", LESS, "driven by all robots", part(_distances_m, "all")),
     Metric("empty_distance_m", "m", LESS, "of it, what was not driven from an order's first stop to those after it",
            part(_distances_m, "empty")),
+    Metric("distance_per_order_m", "m", LESS, "driven by all robots, by order done", part(_distances_m, "order")),
+    Metric("loads_mean", "", MORE, "mean number of loads on board, by metre driven with one; null where robots carry one at most",
+           part(_distances_m, "loads")),
     Metric("energy_j", "J", LESS, "drawn from all batteries, chargers left out; null where the robots' type has no battery",
            _of_batteries(lambda log: float(log.used_j.sum()))),
     Metric("battery_level_min", "", MORE, "least state of charge of a robot at any time, as a share of the capacity",

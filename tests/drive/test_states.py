@@ -304,7 +304,7 @@ def test_a_robot_changes_by_the_table_alone():
 @pytest.mark.parametrize(("befalls", "over"), [(Change.BREAKS, Change.MENDED), (Change.STALLS, Change.GETS_ON)])
 def test_a_robot_that_waits_in_line_does_so_still_when_what_befell_it_is_over(befalls, over):
     robot = RobotWork(0)
-    robot.begin(3, 0.0, 0.0, (0.0, 0.0), charges=False)
+    robot.begin([(3, 0)], 0.0, 0.0, (0.0, 0.0), charges=False)
     for change in (Change.LINED_UP, befalls, over):
         robot.on(change, 1.0)
     assert (robot.duty, robot.condition) == (Duty.WAITING, Condition.SOUND)
@@ -312,7 +312,7 @@ def test_a_robot_that_waits_in_line_does_so_still_when_what_befell_it_is_over(be
 
 def test_a_service_shows_that_a_robot_is_not_stalled_and_who_is_broken_ends_none():
     robot = RobotWork(0)
-    robot.begin(3, 0.0, 0.0, (0.0, 0.0), charges=False)
+    robot.begin([(3, 0)], 0.0, 0.0, (0.0, 0.0), charges=False)
     robot.on(Change.STALLS, 1.0)
     robot.on(Change.SERVED, 2.0)
     assert (robot.duty, robot.condition) == (Duty.IN_SERVICE, Condition.SOUND)

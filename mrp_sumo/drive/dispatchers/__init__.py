@@ -5,6 +5,7 @@ NEAREST = "nearest"
 OURS = {
     ONE_SHOT: "mrp_sumo.drive.dispatcher:OneShot",
     NEAREST: "mrp_sumo.drive.dispatchers.nearest:Nearest",
+    "bundle": "mrp_sumo.drive.dispatchers.bundle:Bundle",
     "central": "mrp_sumo.drive.dispatchers.central:Central",
     "hungarian": "mrp_sumo.drive.dispatchers.hungarian:Hungarian",
     "min_cost_flow": "mrp_sumo.drive.dispatchers.min_cost_flow:MinCostFlow",

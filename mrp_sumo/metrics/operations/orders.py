@@ -218,7 +218,7 @@ def on_board(logs: Logs) -> Iterator[Finding]:
         if shown is None:
             continue
         t_s = logs.execution.t_s
-        now, before = (np.searchsorted(at_s, t_s - ago_s, side="right") for ago_s in (0.0, SHOWN_S))
+        now, before = (np.searchsorted(at_s, t_s - ago_s, side="right") for ago_s in (0.0, SHOWN_S + logs.terms.waits_s))
         for k in np.flatnonzero((now == before) & (np.append(0, count)[now] != shown[:, robot])).tolist()[:1]:
             text = f"{who} has {shown[k, robot]} loads on board at {t_s[k]:.2f} s, expected {np.append(0, count)[now[k]]} after its stops"
             yield Finding("loads", float(t_s[k]), text, who)

@@ -90,6 +90,7 @@ def waits(logs: Logs) -> Iterator[Finding]:
             for each in at_place[wish.place]
             if since_s + LATER_S < each.since_s and each.begin_s < min(until_s - EPS_S, each.end_s) and each.robot != wish.robot
             if urgent.get(each.task, 0) <= urgent.get(wish.task, 0)
+            if logs.capacity[each.robot] == 1 or each.begin_s > each.since_s + EPS_S  # else it is there already, with another order
         ]
         if len(first) < LATER_ONES or logs.was_in(LOST, wish.robot, wish.since_s, until_s):
             continue

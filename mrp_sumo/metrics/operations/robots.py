@@ -66,7 +66,11 @@ def _held(logs: Logs) -> Iterator[Finding]:
         if log.begin_s[k] > end_s[task] + EPS_S:
             begin_s[task] = log.begin_s[k]
         end_s[task] = log.end_s[k]
+    several = {task for task, robot in enumerate(tasks.robot.tolist()) if robot >= 0 and logs.capacity[robot] > 1}
     for task in np.flatnonzero(np.isfinite(begin_s) & np.isfinite(tasks.assigned_s)).tolist():
+        if task in several:  # its robot may be on the way to stops of others
+            yield from _has_work(logs, task)
+            continue
         over_s = min(tasks.ended_s[task], logs.end_s) if np.isfinite(tasks.ended_s[task]) else logs.end_s
         sets_out_s = begin_s[task] - tasks.assigned_s[task]
         if not -EPS_S <= sets_out_s <= logs.terms.waits_s + SETS_OUT_S or abs(over_s - end_s[task]) > EPS_S:
@@ -74,9 +78,23 @@ def _held(logs: Logs) -> Iterator[Finding]:
             yield logs.of_order("Little's law", task, f"its robot has it from {had}, but its times are {said}", float(begin_s[task]))
     for task in np.flatnonzero(tasks.is_order & np.isfinite(tasks.assigned_s) & ~np.isfinite(begin_s)).tolist():
         over_s = tasks.ended_s[task] if np.isfinite(tasks.ended_s[task]) else logs.end_s
-        if over_s > tasks.assigned_s[task] + logs.terms.waits_s + SETS_OUT_S and tasks.robot[task] >= 0:
+        if task in several:
+            yield from _has_work(logs, task)
+        elif over_s > tasks.assigned_s[task] + logs.terms.waits_s + SETS_OUT_S and tasks.robot[task] >= 0:
             at_s = float(tasks.assigned_s[task])
             yield logs.of_order("Little's law", task, f"is assigned from {at_s:.2f} to {over_s:.2f} s, but its robot never has it", at_s)
+
+
+def _has_work(logs: Logs, task: int) -> Iterator[Finding]:
+    """A robot that has several orders has work from when one of them is assigned until it has ended."""
+    tasks, robot = logs.tasks, int(logs.tasks.robot[task])
+    at_s = float(tasks.assigned_s[task]) + logs.terms.waits_s + SETS_OUT_S
+    over_s = min(tasks.ended_s[task], logs.end_s) if np.isfinite(tasks.ended_s[task]) else logs.end_s
+    for begin_s, end_s in logs.times_in((WORKING, STALLED, BROKEN), robot):
+        if begin_s <= at_s + EPS_S:
+            at_s = max(at_s, end_s)
+    if at_s < over_s - EPS_S:
+        yield logs.of_order("Little's law", task, f"its robot has it until {over_s:.2f} s, but has no work from {at_s:.2f} s on", at_s)
 
 
 def conservation(logs: Logs) -> Iterator[Finding]:
@@ -198,6 +216,8 @@ def _unheld(logs: Logs, task: int) -> list[tuple[float, float]]:
     assert log is not None
     end_s = float(tasks.ended_s[task]) if np.isfinite(tasks.ended_s[task]) else logs.end_s
     had = sorted((float(log.begin_s[k]), float(log.end_s[k])) for k in np.flatnonzero(log.task == task).tolist())
+    if tasks.robot[task] != NOBODY and logs.capacity[int(tasks.robot[task])] > 1:  # between its stops it has others
+        had = [span for span in had if span[1] <= tasks.assigned_s[task]]
     if np.isfinite(tasks.assigned_s[task]):
         had.append((float(tasks.assigned_s[task]), end_s))
     edges = [float(tasks.released_s[task]), *(edge for span in had for edge in span), end_s]
