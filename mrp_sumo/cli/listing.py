@@ -6,7 +6,8 @@ scenarios and suites are those that come with this program. Exit code 1 when a p
 
 import argparse
 import json
-from collections.abc import Iterable
+import math
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict
 from typing import Any
 
@@ -33,6 +34,8 @@ def run(options: argparse.Namespace) -> int:
     entries = _plug_ins(options.what, faults) if options.what in KINDS else _files(options.what)
     if options.json:
         say_json(entries, indent=2)
+    elif options.what == "robots":
+        _print_robots(entries)
     elif entries:
         _print(entries)
     else:
@@ -107,6 +110,49 @@ def _print(entries: list[Entry]) -> None:
     for entry in entries:
         table.add_row(Text(entry["name"]), Text("\n".join(_lines(entry))))
     print_table(table, 120)
+
+
+ROBOT_COLUMNS: Mapping[str, Callable[[Entry], str]] = {
+    "type": lambda one: str(one["name"]),
+    "m": lambda one: f"{one['length_m']:.2f} x {one['width_m']:.2f}",
+    "m/s": lambda one: f"{one['max_speed_mps']:g}",
+    "kinematics": lambda one: _wheels(one["kinematics"]),
+    "loaded": lambda one: _loaded(one),
+    "loads": lambda one: str(one["capacity"]),
+    "tows": lambda one: str(len(one["trailers"]) or ""),
+    "MTBF/MTTR": lambda one: f"{one['mtbf_h']:g}/{one['mttr_h']:g} h" if one.get("mtbf_h") and one.get("mttr_h") else "",
+}
+
+
+def _print_robots(entries: list[Entry]) -> None:
+    """One row per type: what it is beside the figures that `--json` has."""
+    from rich.table import Table
+
+    columns = {title: [text(one) for one in entries] for title, text in ROBOT_COLUMNS.items()}
+    table = Table(box=None, padding=(0, 1, 0, 0))
+    shown = {title: texts for title, texts in columns.items() if any(texts)}
+    for title in shown:
+        table.add_column(title, no_wrap=True, style="bold" if title == "type" else "", header_style="")
+    for row in zip(*shown.values()):
+        table.add_row(*row)
+    print_table(table, 120)
+    say("Sizes, also with a load, and least radius in m, speeds in m/s. --json has all figures and where they come from.")
+
+
+def _wheels(wheels: Entry) -> str:
+    """Wheels of a type, in words."""
+    parts = [str(wheels["kind"])]
+    if wheels["wheelbase_m"] and wheels["steering_max_rad"]:
+        parts.append(f"r {wheels['wheelbase_m'] / math.tan(wheels['steering_max_rad']):.2f}")
+    return " ".join([*parts, "back"] if wheels["reverse"] else parts)
+
+
+def _loaded(one: Entry) -> str:
+    """Differences with a load, in words."""
+    loaded = {key: value for key, value in (one["loaded"] or {}).items() if value is not None}
+    length_m, width_m = loaded.get("length_m", one["length_m"]), loaded.get("width_m", one["width_m"])
+    larger = [f"{length_m:.2f} x {width_m:.2f}"] if "length_m" in loaded or "width_m" in loaded else []
+    return ", ".join([f"{loaded['speed_mps']:g}", *larger] if "speed_mps" in loaded else larger)
 
 
 def _lines(entry: Entry) -> Iterable[str]:

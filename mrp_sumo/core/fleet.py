@@ -128,8 +128,9 @@ def _columns(types: Sequence[RobotShape], kind: IntArray) -> dict[str, Any]:
 
 
 def batteries_of(types: Sequence[RobotShape]) -> tuple[Battery, ...]:
-    """[K] the batteries of some types; none where a type has none."""
-    batteries = tuple(each.battery for each in types if each.battery is not None)
+    """[K] the batteries of some types; none where a type has none. Turning costs only those that turn in place."""
+    of_types = ((each.battery, each.kinematics.kind == "differential") for each in types if each.battery is not None)
+    batteries = tuple(battery if turns else replace(battery, inertia_kgm2=0.0) for battery, turns in of_types if battery is not None)
     return batteries if len(batteries) == len(types) else ()
 
 

@@ -118,3 +118,16 @@ def test_package_that_cannot_be_loaded_is_a_line_and_the_others_are_listed(packa
 def test_unknown_word_names_the_nearest(capsys):
     assert main(["list", "planers"]) == 2
     assert capsys.readouterr().err == "mrp-sumo: cannot list 'planers' (did you mean 'planners'?)\n"
+
+
+def test_types_of_robots_are_a_table_of_a_hundred_columns(capsys):
+    assert main(["list", "robots"]) == 0
+    lines = [line.rstrip() for line in capsys.readouterr().out.splitlines()]
+    assert max(map(len, lines[:-1])) <= 100
+    (tugger,) = [line.split() for line in lines if line.startswith("tugger")]
+    assert tugger == ["tugger", "1.40", "x", "0.80", "1.2", "tugger", "r", "1.07", "1", "3", "3"]  # loaded speed, loads, trailers
+    (lift,) = [line for line in lines if line.startswith("amr_lift")]
+    assert "1.2, 1.00 x 0.80" in lift
+    assert main(["list", "robots", "--json"]) == 0
+    entries = {entry["name"]: entry for entry in json.loads(capsys.readouterr().out)}
+    assert entries["tugger"]["capacity"] == 3 and len(entries["tugger"]["trailers"]) == 3 and entries["omni_mover"]["summary"]

@@ -13,6 +13,7 @@ from mrp_sumo.errors import MrpSumoError, ScenarioError
 from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.experiments.staging.set_up import set_up
 from mrp_sumo.io.scenario.read import read_scenario
+from mrp_sumo.maps.catalogue import bundled_folder
 from mrp_sumo.maps.clearance import narrow
 from mrp_sumo.planning.costs import costs_of
 
@@ -60,13 +61,24 @@ def test_a_mutex_group_has_its_vertices_and_the_steps_between_them(tmp_path):
         problem_of(tmp_path, ["mutex_groups: {hall: [nowhere]}"])
 
 
-@pytest.mark.parametrize("name", ["turtlebot3", "amr_600", "forklift", "tugger"])
-def test_robot_types_of_the_documentation_are_there(tmp_path, name):
+TYPES = sorted(path.stem for path in bundled_folder("robots").glob("*.yaml"))
+
+
+def test_types_come_with_what_plants_drive():
+    wanted = {"pallet_truck", "counterbalance_forklift", "tugger", "unit_load_agv", "amr_lift", "omni_mover"}
+    assert wanted <= set(TYPES) and len(TYPES) == 9
+
+
+@pytest.mark.parametrize("name", TYPES)
+def test_robot_types_that_come_with_it_can_be_named_and_say_where_they_are_from(tmp_path, name):
     path = tmp_path / "scenario.yaml"
     path.write_text(f"map: office\ndiscretisation: {{kind: roadmap, cell_m: 5}}\nrobots: {{count: 2, type: {name}}}\n")
     from mrp_sumo.experiments.staging.choices import choices
 
-    assert choices(read_scenario(path))[0][0].name == name
+    (model,) = choices(read_scenario(path))[0]
+    assert model.name == name and model.source and model.battery
+    if name not in ("turtlebot3", "amr_600", "forklift"):
+        assert model.loaded and model.actions and model.with_load.battery.mass_kg > model.battery.mass_kg
 
 
 SHORT = """building_name: hall
