@@ -13,10 +13,8 @@ from mrp_sumo.core.plan import Plan, PlanResult
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError
 from mrp_sumo.search.route import shortest_route
-from mrp_sumo.traffic.moves import ANYWHERE, MoveGraph, length_to, move_graph, standing_at_starts
+from mrp_sumo.traffic.moves import ANYWHERE, MoveGraph, arrivals_at, move_graph, standing_at_starts
 from mrp_sumo.traffic.turns import obstacle_to
-
-MOST_TABLES = 256  # of lengths to places, kept for each graph
 
 
 def on_moves(problem: Problem) -> Problem:
@@ -26,7 +24,7 @@ def on_moves(problem: Problem) -> Problem:
     graph = move_graph(problem.graph, problem.fleet, problem.barred)
     start, target, goal = _starts(problem, graph), problem.target, np.zeros(problem.num_robots, np.int64)
     for r, (at, place) in enumerate(zip(start.tolist(), target.tolist())):
-        goal[r] = at if graph.place[at] == place else _goal(problem, graph, r, at, place)
+        goal[r] = at if graph.place[at] == place else _goal(problem, graph, r, at, target)
         if goal[r] < 0:
             raise PlanError(_why_not(problem, graph, r))
     return replace(
@@ -65,18 +63,20 @@ def _starts(problem: Problem, graph: MoveGraph) -> IntArray:
     return start
 
 
-def _goal(problem: Problem, graph: MoveGraph, robot: int, at: int, place: int) -> int:
-    """The nearest state in which a robot can come to its goal, -1: none."""
-    kind = int(problem.fleet.kind[robot])
+def _goal(problem: Problem, graph: MoveGraph, robot: int, at: int, taken: IntArray) -> int:
+    """The nearest state in which a robot can come to its goal, -1: none.
+
+    Rather one in which it can leave again, and to which it does not come over the goal [R] of another, who may stand there by then.
+    """
+    kind, place = int(problem.fleet.kind[robot]), int(problem.target[robot])
     if not problem.fleet.types[kind].is_vehicle:
         return graph.states[kind].begin + place
-    known = graph.lengths
-    if (kind, place) not in known:
-        if len(known) >= MOST_TABLES:
-            known.pop(next(iter(known)))
-        known[kind, place] = length_to(graph, kind, place)
-    away, nearest = known[kind, place]
-    return int(nearest[at]) if np.isfinite(away[at]) else -1
+    arrivals = arrivals_at(graph, kind, place)
+    length_m = arrivals.length_m[:, at]
+    if not np.isfinite(length_m).any():
+        return -1
+    rank = np.where(np.isfinite(length_m), 2 * ~arrivals.leaves + np.isin(arrivals.tail, taken), 4)
+    return int(arrivals.state[np.lexsort((length_m, rank))[0]])
 
 
 def _why_not(problem: Problem, graph: MoveGraph, robot: int) -> str:

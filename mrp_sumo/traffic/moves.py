@@ -24,6 +24,7 @@ from mrp_sumo.errors import PlanError
 from mrp_sumo.traffic.turns import BACKWARD, FORWARD, MAY_STAND_RAD, NEVER, course_rad, gears_of, turns_of
 
 UNDER_WAY, STANDING, BOUND, ANYWHERE = range(4)
+MOST_PLACES = 256  # for which lengths of ways are kept
 
 
 class States(NamedTuple):
@@ -45,7 +46,7 @@ class MoveGraph(PlanGraph):
     behind: IntArray  # [V'] another that is held there, by trailers; -1: none
     base_lane: IntArray  # [L'] lane of the map
     states: tuple[States, ...]  # [K]
-    lengths: dict[tuple[int, int], tuple[FloatArray, IntArray]] = field(default_factory=dict)  # `length_to` by type and place
+    arrivals: dict[tuple[int, int], "Arrivals"] = field(default_factory=dict)  # `arrivals_at` by type and place
 
 
 _known: WeakKeyDictionary[PlanGraph, dict[tuple[object, ...], MoveGraph]] = WeakKeyDictionary()
@@ -192,18 +193,32 @@ def _goes_on(graph: PlanGraph, course: FloatArray, lane: int) -> bool:
     return bool((_off(course[graph.first[head] : graph.first[head + 1]], float(course[lane])) <= MAY_STAND_RAD).any())
 
 
-def length_to(graph: MoveGraph, kind: int, place: int) -> tuple[FloatArray, IntArray]:
-    """[V'] how far it is from every vertex to the nearest state of a type that arrives at a place, inf: no way; and which that is."""
+class Arrivals(NamedTuple):
+    """A states in which a type comes to a place."""
+
+    state: IntArray  # [A]
+    length_m: FloatArray  # [A, V'] to each from every vertex, inf: no way
+    tail: IntArray  # [A] vertices of the map from which one comes
+    leaves: BoolArray  # [A] whether one can go on from there
+
+
+def arrivals_at(graph: MoveGraph, kind: int, place: int) -> Arrivals:
+    """States in which a type of robots comes to a place, and how far it is to each. Those of a few hundred places are kept."""
+    if (kind, place) not in graph.arrivals:
+        if len(graph.arrivals) >= MOST_PLACES:
+            graph.arrivals.pop(next(iter(graph.arrivals)))
+        graph.arrivals[kind, place] = _arrivals(graph, kind, place)
+    return graph.arrivals[kind, place]
+
+
+def _arrivals(graph: MoveGraph, kind: int, place: int) -> Arrivals:
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import dijkstra
 
     states = graph.states[kind]
     ends = states.begin + np.flatnonzero(states.place == place)
-    arrives = ends[np.isin(ends, graph.head)]
-    leaves = arrives[np.isin(arrives, graph.tail)]
-    arrives = leaves if len(leaves) else arrives  # rather not where it could go nowhere
-    if not len(arrives):
-        return np.full(graph.num_vertices, np.inf), np.full(graph.num_vertices, -1)
+    ends = ends[np.isin(ends, graph.head)]
     back = csr_array((graph.length_m, (graph.head, graph.tail)), shape=(graph.num_vertices,) * 2)
-    away, _, nearest = dijkstra(back, indices=arrives, min_only=True, return_predecessors=True)
-    return away, nearest.astype(np.int64)
+    length_m = dijkstra(back, indices=ends) if len(ends) else np.zeros((0, graph.num_vertices))
+    into = np.array([np.flatnonzero(graph.head == end)[0] for end in ends.tolist()], np.int64)
+    return Arrivals(ends, length_m, graph.base.tail[graph.base_lane[into]], np.isin(ends, graph.tail))

@@ -21,7 +21,8 @@ from mrp_sumo.core.wheel_path import SHARPEST_RAD
 
 FORWARD, BACKWARD, NEVER = 0, 1, -1  # gears
 STRAIGHT_RAD = 1e-6
-MAY_STAND_RAD = 0.2  # a lesser bend is no obstacle to a vehicle that stands
+IN_LINE_RAD = 0.01  # within which a vehicle that stands is in line with a lane
+MAY_STAND_RAD = 0.2  # of a start's heading off a lane, and of lanes that lead straight back
 LARGEST_M = 50.0  # arcs of a larger radius are no straighter
 OF_LANE = {"forward": FORWARD, "backward": BACKWARD}  # Open-RMF's option `orientation_constraint`
 
@@ -76,7 +77,7 @@ def turns_of(graph: NavGraph, vehicle: RobotType) -> Turns:
         axis=1,
     )
     gears = np.array([FORWARD, BACKWARD])
-    on, back = ((sharp <= MAY_STAND_RAD)[:, None] & (allowed[onward] > 0)), (left <= MAY_STAND_RAD)[:, None] & changes
+    on, back = ((sharp <= IN_LINE_RAD)[:, None] & (allowed[onward] > 0)), (left <= IN_LINE_RAD)[:, None] & changes
     may_stand = np.where(on, gears, np.where(back, 1 - gears, NEVER))
     radius = np.where(straight, np.inf, np.where(arc, radius, np.nan))
     tangent = np.where(straight, 0.0, np.where(arc, np.where(arc, radius, 0.0) * half, least_m * half))

@@ -20,10 +20,12 @@ def with_vehicles(file: ScenarioFile, problem: Problem) -> Problem:
     if file.scenario.tasks is not None:
         problem = replace(problem, start_heading_rad=frozen(_along_lanes(problem)))
     try:
-        standing_at_starts(problem)
+        standing = standing_at_starts(problem)
     except PlanError as error:
         raise ScenarioError(f"{file.at('robots')}: {error}") from None
-    return problem
+    heading, stands = problem.heading_at_start.copy(), standing.lane >= 0
+    heading[stands] = (course_rad(problem.graph)[standing.lane] + np.pi * standing.gear)[stands]  # exactly along the lane
+    return replace(problem, start_heading_rad=frozen(heading)) if stands.any() else problem
 
 
 def _along_lanes(problem: Problem) -> FloatArray:
