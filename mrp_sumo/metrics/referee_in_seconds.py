@@ -158,7 +158,7 @@ def _runs(problem: Problem, plan: Plan, step_length_s: float) -> _Runs:
     graph, fleet, robot, num_visits = problem.graph, problem.fleet, plan.robot, plan.num_visits
     lane, heading = _lanes(graph, plan)
     heading[plan.first[:-1]] = problem.heading_at_start
-    turn_s = _turns_s(plan, heading, fleet.turn_rate_rad_s)
+    turn_s = _turns_s(plan, heading, np.where(fleet.is_vehicle, np.inf, fleet.turn_rate_rad_s))  # vehicles turn as they drive
     leave_s = np.maximum(plan.depart_s, plan.arrive_s + turn_s)
     stands = (plan.depart_s > plan.arrive_s + LEAST_S) | (turn_s > 0)
     stands[plan.first[:-1]] = True

@@ -13,8 +13,8 @@ from mrp_sumo.core.plan import Plan, PlanResult
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError
 from mrp_sumo.search.route import shortest_route
-from mrp_sumo.traffic.moves import ANYWHERE, MoveGraph, arrivals_at, move_graph, standing_at_starts
-from mrp_sumo.traffic.turns import obstacle_to
+from mrp_sumo.traffic.moves import ANYWHERE, MoveGraph, arrivals_at, move_graph, off_rad, standing_at_starts
+from mrp_sumo.traffic.turns import MAY_STAND_RAD, obstacle_to
 
 
 def on_moves(problem: Problem) -> Problem:
@@ -24,7 +24,7 @@ def on_moves(problem: Problem) -> Problem:
     graph = move_graph(problem.graph, problem.fleet, problem.barred)
     start, target, goal = _starts(problem, graph), problem.target, np.zeros(problem.num_robots, np.int64)
     for r, (at, place) in enumerate(zip(start.tolist(), target.tolist())):
-        goal[r] = at if graph.place[at] == place else _goal(problem, graph, r, at, target)
+        goal[r] = at if graph.place[at] == place and np.isnan(problem.heading_at_target[r]) else _goal(problem, graph, r, at, target)
         if goal[r] < 0:
             raise PlanError(_why_not(problem, graph, r))
     return replace(
@@ -72,7 +72,9 @@ def _goal(problem: Problem, graph: MoveGraph, robot: int, at: int, taken: IntArr
     if not problem.fleet.types[kind].is_vehicle:
         return graph.states[kind].begin + place
     arrivals = arrivals_at(graph, kind, place)
-    length_m = arrivals.length_m[:, at]
+    length_m, heading = arrivals.length_m[:, at], float(problem.heading_at_target[robot])
+    if not np.isnan(heading):
+        length_m = np.where(off_rad(arrivals.heading_rad, heading) <= MAY_STAND_RAD, length_m, np.inf)
     if not np.isfinite(length_m).any():
         return -1
     rank = np.where(np.isfinite(length_m), 2 * ~arrivals.leaves + np.isin(arrivals.tail, taken), 4)

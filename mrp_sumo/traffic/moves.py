@@ -160,7 +160,7 @@ def _with_room_behind(problem: Problem, robot: int, course: FloatArray, taken: s
     graph, start, heading = problem.graph, int(problem.start[robot]), problem.heading_at_start[robot]
     behind_m, came = float(problem.fleet.behind_m[robot]), np.flatnonzero(graph.head == start)
     if not np.isnan(heading):
-        came = came[_off(course[came], heading) <= MAY_STAND_RAD]
+        came = came[off_rad(course[came], heading) <= MAY_STAND_RAD]
     free = [lane for lane in came.tolist() if int(graph.tail[lane]) not in taken and graph.length_m[lane] >= behind_m]
     if not free:
         place = f"{problem.fleet.robot_name[robot]} starts at '{graph.known_as(start)}'"
@@ -173,7 +173,7 @@ def _facing(problem: Problem, robot: int, course: FloatArray) -> tuple[int, int,
     graph, v, heading = problem.graph, int(problem.start[robot]), float(problem.heading_at_start[robot])
     allowed = gears_of(graph, problem.fleet.types[int(problem.fleet.kind[robot])])
     for gear in (FORWARD, BACKWARD):
-        off = _off(course, heading + gear * np.pi)
+        off = off_rad(course, heading + gear * np.pi)
         for does, end in ((STANDING, graph.head), (BOUND, graph.tail)):
             lanes = np.flatnonzero((end == v) & (off <= MAY_STAND_RAD) & (allowed[:, gear] > 0))
             if len(lanes):
@@ -182,7 +182,8 @@ def _facing(problem: Problem, robot: int, course: FloatArray) -> tuple[int, int,
     raise PlanError(f"{name} faces {np.degrees(heading):.0f} degrees at '{graph.known_as(v)}', where no lane leads that way or back")
 
 
-def _off(course: FloatArray, heading: float) -> FloatArray:
+def off_rad(course: FloatArray, heading: float) -> FloatArray:
+    """[N] by how much directions differ from a heading."""
     off: FloatArray = np.abs((course - heading + np.pi) % (2 * np.pi) - np.pi)
     return off
 
@@ -190,7 +191,7 @@ def _off(course: FloatArray, heading: float) -> FloatArray:
 def _goes_on(graph: PlanGraph, course: FloatArray, lane: int) -> bool:
     """True if another lane leads on in the direction of a lane."""
     head = int(graph.head[lane])
-    return bool((_off(course[graph.first[head] : graph.first[head + 1]], float(course[lane])) <= MAY_STAND_RAD).any())
+    return bool((off_rad(course[graph.first[head] : graph.first[head + 1]], float(course[lane])) <= MAY_STAND_RAD).any())
 
 
 class Arrivals(NamedTuple):
@@ -200,6 +201,7 @@ class Arrivals(NamedTuple):
     length_m: FloatArray  # [A, V'] to each from every vertex, inf: no way
     tail: IntArray  # [A] vertices of the map from which one comes
     leaves: BoolArray  # [A] whether one can go on from there
+    heading_rad: FloatArray  # [A] in which the vehicle stands then
 
 
 def arrivals_at(graph: MoveGraph, kind: int, place: int) -> Arrivals:
@@ -221,4 +223,6 @@ def _arrivals(graph: MoveGraph, kind: int, place: int) -> Arrivals:
     back = csr_array((graph.length_m, (graph.head, graph.tail)), shape=(graph.num_vertices,) * 2)
     length_m = dijkstra(back, indices=ends) if len(ends) else np.zeros((0, graph.num_vertices))
     into = np.array([np.flatnonzero(graph.head == end)[0] for end in ends.tolist()], np.int64)
-    return Arrivals(ends, length_m, graph.base.tail[graph.base_lane[into]], np.isin(ends, graph.tail))
+    lane, backward = graph.base_lane[into], np.isin(ends, states.at[UNDER_WAY, :, BACKWARD])
+    heading = course_rad(graph.base)[lane] + np.pi * backward
+    return Arrivals(ends, length_m, graph.base.tail[lane], np.isin(ends, graph.tail), heading)

@@ -71,3 +71,11 @@ def test_the_referee_knows_turns_that_a_vehicle_cannot_make():
     (fault,) = judge(problem, there_and_back).faults
     assert fault == "robot_0 cannot drive its path: car cannot reverse, from 'v0' to 'v1' and back (kinematics.reverse: true would do)"
     assert judge(vehicles_on(graph, [0], [0], TRICYCLE), there_and_back).valid
+
+
+@pytest.mark.parametrize(("heading_rad", "last"), [(0.0, [0, 1]), (np.pi, [2, 1])])
+def test_a_heading_at_the_goal_decides_from_where_a_vehicle_comes(heading_rad, last):
+    """1 is on the line 0 - 1 - 2, which is one side of a ring, so that one can come to it from both ends."""
+    graph = roads([(0.0, 0.0), (4.0, 0.0), (8.0, 0.0), (8.0, 4.0), (4.0, 4.0), (0.0, 4.0)], [(k, (k + 1) % 6) for k in range(6)])
+    result = plan(vehicles_on(graph, [4], [1], CAR, goal_heading_rad=np.array([heading_rad])))
+    assert result.plan.vertex[-2:].tolist() == last
