@@ -46,7 +46,7 @@ class MoveGraph(PlanGraph):
     behind: IntArray  # [V'] another that is held there, by trailers; -1: none
     base_lane: IntArray  # [L'] lane of the map
     states: tuple[States, ...]  # [K]
-    arrivals: dict[tuple[int, int], "Arrivals"] = field(default_factory=dict)  # `arrivals_at` by type and place
+    arrivals: dict[tuple[int, int], "EndStates"] = field(default_factory=dict)  # `arrivals_at` by type and place
 
 
 _known: WeakKeyDictionary[PlanGraph, dict[tuple[object, ...], MoveGraph]] = WeakKeyDictionary()
@@ -194,7 +194,7 @@ def _goes_on(graph: PlanGraph, course: FloatArray, lane: int) -> bool:
     return bool((off_rad(course[graph.first[head] : graph.first[head + 1]], float(course[lane])) <= MAY_STAND_RAD).any())
 
 
-class Arrivals(NamedTuple):
+class EndStates(NamedTuple):
     """A states in which a type comes to a place."""
 
     state: IntArray  # [A]
@@ -204,7 +204,7 @@ class Arrivals(NamedTuple):
     heading_rad: FloatArray  # [A] in which the vehicle stands then
 
 
-def arrivals_at(graph: MoveGraph, kind: int, place: int) -> Arrivals:
+def arrivals_at(graph: MoveGraph, kind: int, place: int) -> EndStates:
     """States in which a type of robots comes to a place, and how far it is to each. Those of a few hundred places are kept."""
     if (kind, place) not in graph.arrivals:
         if len(graph.arrivals) >= MOST_PLACES:
@@ -213,7 +213,7 @@ def arrivals_at(graph: MoveGraph, kind: int, place: int) -> Arrivals:
     return graph.arrivals[kind, place]
 
 
-def _arrivals(graph: MoveGraph, kind: int, place: int) -> Arrivals:
+def _arrivals(graph: MoveGraph, kind: int, place: int) -> EndStates:
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import dijkstra
 
@@ -225,4 +225,4 @@ def _arrivals(graph: MoveGraph, kind: int, place: int) -> Arrivals:
     into = np.array([np.flatnonzero(graph.head == end)[0] for end in ends.tolist()], np.int64)
     lane, backward = graph.base_lane[into], np.isin(ends, states.at[UNDER_WAY, :, BACKWARD])
     heading = course_rad(graph.base)[lane] + np.pi * backward
-    return Arrivals(ends, length_m, graph.base.tail[lane], np.isin(ends, graph.tail), heading)
+    return EndStates(ends, length_m, graph.base.tail[lane], np.isin(ends, graph.tail), heading)
