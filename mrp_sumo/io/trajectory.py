@@ -123,7 +123,7 @@ def _ticks(execution: Execution) -> IntArray:
 
 
 def _schema(execution: Execution, levels: Levels | None) -> pa.Schema:
-    robot = pa.dictionary(pa.from_numpy_dtype(_index(execution.num_robots)), pa.string())
+    robot = pa.dictionary(pa.from_numpy_dtype(_index(execution.x_m.shape[1])), pa.string())
     fields = [pa.field("t_ns", pa.int64(), False), pa.field("robot", robot, False)]
     fields += [pa.field(name, pa.float64(), False) for name in (*COLUMNS, *execution.hitch_rad)]
     fields += [pa.field("loaded", pa.int8(), False)] if execution.loads is not None else []

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from mrp_sumo.core.execution import positions_at
-from mrp_sumo.core.graph import FloatArray, PlanGraph
+from mrp_sumo.core.graph import FloatArray, IntArray, PlanGraph
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.errors import MrpSumoError, sentence
 from mrp_sumo.files.reading import shortened
@@ -20,7 +20,17 @@ from mrp_sumo.io.record import RunRecord
 from mrp_sumo.io.run_reader import damage_in
 from mrp_sumo.reports.pictures.floor import LIGHT, draw_floor, name_places, write_name
 from mrp_sumo.reports.pictures.picture import Picture, require_suffix
-from mrp_sumo.reports.pictures.view import ABSENT, AnyRun, level_corners, state_names, view_record, view_states
+from mrp_sumo.reports.pictures.view import (
+    ABSENT,
+    AnyRun,
+    drawbars,
+    level_corners,
+    parts_at,
+    parts_of,
+    state_names,
+    view_record,
+    view_states,
+)
 from mrp_sumo.reports.replay.constants import STATE_COLOURS
 
 STATES = tuple(LIGHT[name] for name in STATE_COLOURS)
@@ -121,23 +131,40 @@ def _draw_robots(ax: Axes, record: RunRecord, at_s: float, points_per_m: float) 
         ax.add_collection(LineCollection(list(ties), color=LIGHT["muted"], lw=0.6, zorder=4.5), autolim=False)
         boxes = [_box(*ghosts[i], yaw[r], fleet.length_m[r] * grow[r], fleet.width_m[r] * grow[r]) for i, r in enumerate(there)]
         ax.add_collection(PolyCollection(boxes, facecolor="none", edgecolor=LIGHT["muted"], lw=0.8, zorder=4.6), autolim=False)
+    bars = _draw_parts(ax, record, at_s, state, np.column_stack((x, y)), points_per_m)
     boxes = [_box(x[r], y[r], yaw[r], fleet.length_m[r] * grow[r], fleet.width_m[r] * grow[r]) for r in there]
     ax.add_collection(PolyCollection(boxes, facecolor=colours, edgecolor=LIGHT["ink"], lw=0.5, zorder=5), autolim=False)
     arrows = [_box(x[r], y[r], yaw[r], fleet.length_m[r] * grow[r], fleet.width_m[r] * grow[r], ARROW) for r in there]
     ax.add_collection(PolyCollection(arrows, facecolor="white", edgecolor="none", zorder=5.1), autolim=False)
+    forked = [r for r in there if fleet.vehicle_of_kind and fleet.types[fleet.kind[r]].kinematics.fixed_axle == "front"]
+    forks = [_box(x[r], y[r], yaw[r], fleet.length_m[r] * grow[r], fleet.width_m[r] * grow[r], fork) for r in forked for fork in FORKS]
+    ax.add_collection(LineCollection(forks, colors=LIGHT["ink"], lw=max(0.08 * points_per_m, 0.8), zorder=5.1), autolim=False)
     if few and len(there):
         half_pt = 0.5 * float((np.hypot(fleet.length_m, fleet.width_m) * grow).max()) * points_per_m
-        centres = name_places(
-            ax, [fleet.robot_name[r] for r in there], np.column_stack((x[there], y[there])), ROBOT_PT, half_pt + 2, points_per_m
-        )
+        names, places = [fleet.robot_name[r] for r in there], np.column_stack((x[there], y[there]))
+        centres = name_places(ax, names, places, ROBOT_PT, half_pt + 2, points_per_m, lanes=bars)
         for r, at in zip(there, centres):
             beside = at if np.isfinite(at[0]) else (x[r], y[r] + (half_pt + 6) / points_per_m)
             write_name(ax, fleet.robot_name[r], *beside, ROBOT_PT, LIGHT["ink"], 6)
     return np.bincount(state, minlength=5)[:4].tolist()
 
 
+def _draw_parts(ax: Axes, record: RunRecord, at_s: float, state: IntArray, robots: FloatArray, points_per_m: float) -> FloatArray:
+    """Draw trailers with their drawbars, and loads that are larger than their robots; returns the drawbars [S, 2, 2]."""
+    parts = parts_of(record.execution, record.fleet)
+    xy, yaw = (column[0] for column in parts_at(parts, record.execution, np.array([at_s])))
+    there = np.flatnonzero((state[parts.owner] != ABSENT) & np.isfinite(xy[:, 0]))
+    bars = [line for k, line in drawbars(parts, xy, yaw, robots) if k in there]
+    ax.add_collection(LineCollection(bars, colors=LIGHT["ink"], lw=max(0.08 * points_per_m, 0.8), zorder=4.7), autolim=False)
+    boxes = [_box(*xy[k], yaw[k], parts.length_m[k], parts.width_m[k]) for k in there]
+    colours = [STATES[s] for s in state[parts.owner[there]]]
+    ax.add_collection(PolyCollection(boxes, facecolor=colours, edgecolor=LIGHT["ink"], lw=0.5, zorder=4.8), autolim=False)
+    return np.array([line[k : k + 2] for line in bars for k in (0, 1)]).reshape(-1, 2, 2)
+
+
 BOX = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) / 2
 ARROW = np.array([(0.62, 0), (-0.5, 0.56), (-0.24, 0), (-0.5, -0.56)]) / 2
+FORKS = np.array([[(0.34, side), (1, side)] for side in (0.56, -0.56)]) / 2
 
 
 def _box(x: float, y: float, yaw: float, length: float, width: float, shape: FloatArray = BOX) -> FloatArray:

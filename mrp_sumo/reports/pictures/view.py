@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from mrp_sumo.core.bodies import Rectangles, bodies_of
 from mrp_sumo.core.digraph import weak_components
-from mrp_sumo.core.execution import RECORDED, Execution, Outcome
+from mrp_sumo.core.execution import RECORDED, Execution, Outcome, positions_at
+from mrp_sumo.core.fleet import Fleet
 from mrp_sumo.core.graph import FloatArray, PlanGraph
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.errors import MrpSumoError
@@ -93,6 +95,45 @@ def view_states(execution: Execution) -> NDArray[np.int8]:
         state[(state == WAITING) & _at_rest(execution)] = AT_GOAL
     state[np.isnan(execution.x_m) | np.isnan(execution.y_m)] = ABSENT
     return state
+
+
+def parts_of(execution: Execution, fleet: Fleet) -> Rectangles:
+    """Parts of robots that are drawn below them: trailers, then bodies with loads where these are larger, NaN while there is none."""
+    bodies, loaded, loads = bodies_of(execution, fleet), fleet.loaded or fleet, execution.loads
+    if loads is None:
+        loads, loaded = np.zeros(execution.x_m.shape, np.int64), fleet
+    larger = np.flatnonzero((loaded.length_m > fleet.length_m) | (loaded.width_m > fleet.width_m))
+    with_load = loads[:, larger] > 0
+    towed = np.arange(fleet.num_robots, len(bodies.name))
+    part = np.append(towed, larger)
+    is_there = np.hstack([np.ones((len(with_load), len(towed)), np.bool_), with_load])
+    return Rectangles(
+        *(np.where(is_there, column[:, part], np.nan) for column in (bodies.x_m, bodies.y_m, bodies.yaw_rad)),
+        bodies.owner[part],
+        tuple(bodies.name[k] for k in part.tolist()),
+        np.append(bodies.length_m[towed], loaded.length_m[larger]),
+        np.append(bodies.width_m[towed], loaded.width_m[larger]),
+        bodies.bar_m[part],
+    )
+
+
+def parts_at(parts: Rectangles, execution: Execution, t_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """[K, N, 2] and [K, N] places and headings of parts at ascending times."""
+    x, y, yaw = positions_at(replace(execution, x_m=parts.x_m, y_m=parts.y_m, yaw_rad=parts.yaw_rad), t_s)
+    return np.stack([x, y], -1), yaw
+
+
+def drawbars(parts: Rectangles, xy: FloatArray, yaw: FloatArray, robots: FloatArray) -> list[tuple[int, FloatArray]]:
+    """Trailers, and [3, 2] the line of each from its middle to its hitch and to the middle of what is in front of it.
+
+    `xy` [N, 2] and `yaw` [N] are those of the parts, `robots` [R, 2] of robots.
+    """
+    lines = []
+    for k in np.flatnonzero(parts.bar_m).tolist():
+        robot = int(parts.owner[k])
+        front = xy[k - 1] if k and parts.owner[k - 1] == robot else robots[robot]
+        lines.append((k, np.array([xy[k], xy[k] + parts.bar_m[k] * np.array([np.cos(yaw[k]), np.sin(yaw[k])]), front])))
+    return lines
 
 
 def state_names(has_tasks: bool) -> tuple[str, ...]:

@@ -106,7 +106,7 @@ export class CanvasPainter {
   picture(length, width, style, color, angle, view) {
     if (color !== this.color) this.ofColor = this.pictures.get(color) || this.pictures.set(color, new Map()).get(color);
     this.color = color;
-    const key = ((length * 128 + width) * 2 + style) * ANGLES + angle;
+    const key = ((length * 128 + width) * 8 + style) * ANGLES + angle;
     let found = this.ofColor.get(key);
     if (!found) {
       if (this.ofColor.size > MAX_PICTURES) this.ofColor.clear();
@@ -232,7 +232,7 @@ class RobotLayer {
   }
 }
 
-/* Half a robot's length and width in pixels; styles: 0 a robot, 1 where the plan has it, 2 a ring around it. It heads to the right. */
+/* Half a robot's length and width in pixels; styles: 0 a robot, 1 where the plan has it, 2 a ring around it, 4 what it tows or carries. It heads to the right. */
 function drawRobot(c, hx, hy, style, color, isDark) {
   const small = Math.min(hx, hy), css = cssOf(color);
   const box = (more, radius) => {
@@ -280,7 +280,7 @@ function drawRobot(c, hx, hy, style, color, isDark) {
   const rim = Math.min(1.6, 0.12 * small);
   box(-rim, 0.34 * small - rim);
   c.fill();
-  if (small <= 3.2) return;
+  if (small <= 3.2 || style === 4) return;
   c.fillStyle = "rgba(255,255,255,0.95)";
   arrow();
   c.fill();

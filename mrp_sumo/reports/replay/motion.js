@@ -5,6 +5,8 @@ export class Motion {
   constructor(run) {
     const c = run.columns;
     this.numRobots = run.robots.length;
+    this.owner = run.owner || []; // robots of what is drawn below them: rows of trailers and loads come after those of robots
+    this.numBodies = this.numRobots + this.owner.length;
     this.numSamples = run.num_samples;
     this.period = run.period_s;
     this.unit = run.unit_m;
@@ -19,8 +21,9 @@ export class Motion {
     this.isPlanOnly = run.plan_only;
     this.vertexX = c.vertex_x && Float32Array.from(c.vertex_x, (v) => v * run.vertex_unit_m);
     this.vertexY = c.vertex_y && Float32Array.from(c.vertex_y, (v) => v * run.vertex_unit_m);
-    this.pose = new Float32Array(3 * this.numRobots); // x, y, yaw of everybody at the time last asked for
-    this.now = new Uint8Array(this.numRobots); // and the states
+    this.pose = new Float32Array(3 * this.numBodies); // x, y, yaw of everybody at the time last asked for
+    this.states = new Uint8Array(this.numBodies); // and the states
+    this.now = this.states.subarray(0, this.numRobots);
     this.ghost = new Float32Array(3 * this.numRobots);
     this.people = run.people && { ...run.people, x: c.people_x, y: c.people_y, since: c.people_since, count: c.people_count, at: [] };
     this.waits = run.live ? new Int16Array(this.numRobots * this.stride).fill(-1) : null; // robot waited for, or a reason (live.js)
@@ -68,14 +71,14 @@ export class Motion {
     return Math.max(0, Math.min(this.numSamples - 1, Math.floor(t / this.period + 1e-6)));
   }
 
-  /* Fill `pose` and `now`. */
+  /* Fill `pose` and `states`. */
   seek(t) {
     const k = this.sampleAt(t), T = this.stride;
     const last = k >= this.numSamples - 1;
     const u = last ? 0 : Math.max(0, Math.min(1, t / this.period - k));
-    const { x, y, yaw, state, pose, now, unit } = this;
-    for (let r = 0, i = k, p = 0; r < this.numRobots; r++, i += T, p += 3) {
-      now[r] = state[i];
+    const { x, y, yaw, state, pose, states, unit } = this;
+    for (let r = 0, i = k, p = 0; r < this.numBodies; r++, i += T, p += 3) {
+      states[r] = state[i];
       const j = last || state[i + 1] === ABSENT ? i : i + 1;
       pose[p] = (x[i] + u * (x[j] - x[i])) * unit;
       pose[p + 1] = (y[i] + u * (y[j] - y[i])) * unit;

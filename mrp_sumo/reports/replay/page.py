@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mrp_sumo.core.bodies import Rectangles
 from mrp_sumo.core.execution import RECORDED, Execution
 from mrp_sumo.core.graph import FloatArray, IntArray, NavGraph, PlanGraph
 from mrp_sumo.core.people import PeopleLog
@@ -33,6 +34,7 @@ from mrp_sumo.io.summary import lateness, seconds
 from mrp_sumo.metrics.evaluate import succeeded
 from mrp_sumo.plugins.source import short_name
 from mrp_sumo.reports.pictures.view import (
+    ABSENT,
     AnyRun,
     crossings,
     extent,
@@ -40,6 +42,7 @@ from mrp_sumo.reports.pictures.view import (
     is_grid_map,
     level_boxes,
     map_name_of,
+    parts_of,
     state_names,
     subtitle_of,
     view_record,
@@ -196,7 +199,7 @@ def replay_page(record: RunRecord, about: About, *, live_period_s: float | None 
         raise MrpSumoError(f"{about.name}: nothing to replay: {num_robots} robots, {num_samples} samples")
     frame = PageFrame(*extent(record, about.outline))
     low, high = frame.low, frame.high
-    columns = Columns()
+    columns, parts = Columns(), parts_of(execution, record.fleet)
     head: dict[str, Any] = {
         "name": about.name,
         "subtitle": about.subtitle,
@@ -209,13 +212,13 @@ def replay_page(record: RunRecord, about: About, *, live_period_s: float | None 
         "plan_only": about.is_plan_only,
         "state_names": (*state_names(execution.tasks is not None), OFF_THE_FLOOR),
         "robots": record.fleet.robot_name,
-        "length": record.fleet.length_m.round(4),
-        "width": record.fleet.width_m.round(4),
+        "length": np.append(record.fleet.length_m, parts.length_m).round(4),
+        "width": np.append(record.fleet.width_m, parts.width_m).round(4),
         "spacing_m": record.graph.cell_m,
         "goal_s": [None if math.isnan(t) else round(t, 3) for t in execution.goal_s.tolist()],
         "map": _map(record, about.outline, low, high),
     }
-    head |= _add_motion(columns, execution, frame)
+    head |= _add_motion(columns, execution, parts, frame)
     if execution.people is not None:
         head["people"] = _add_people(columns, execution.people, frame, head["num_samples"], len(execution.t_s))
     head["tasks"] = None if execution.tasks is None else task_document(execution.tasks, execution.stops)
@@ -296,19 +299,21 @@ def _per_hour(value: float | None) -> str | None:
     return None if value is None else f"{value:.1f} per robot and hour"
 
 
-def _add_motion(columns: Columns, execution: Execution, frame: PageFrame) -> dict[str, Any]:
-    """Poses and states, robot by robot."""
+def _add_motion(columns: Columns, execution: Execution, parts: Rectangles, frame: PageFrame) -> dict[str, Any]:
+    """Poses and states, robot by robot, and part by part, in the state of its robot where it is there."""
     stride = math.ceil(execution.x_m.size / MAX_POSES)
-    state = view_states(execution)
     shown = slice(None, None, stride)
-    columns.add("x", frame.cells(execution.x_m[shown].T, 0), "<u2", 2)
-    columns.add("y", frame.cells(execution.y_m[shown].T, 1), "<u2", 2)
-    yaw = np.nan_to_num(execution.yaw_rad[shown].T)
-    columns.add("yaw", np.rint(yaw * (128 / np.pi)).astype(np.int64) % 256, "<u1", 1)
-    columns.add("state", state[shown].T, "<u1", 1)
+    state = view_states(execution)[shown]
+    state = np.hstack([state, np.where(np.isnan(parts.x_m[shown]), ABSENT, state[:, parts.owner])])
+    x, y, yaw = (np.hstack([getattr(execution, name)[shown], getattr(parts, name)[shown]]).T for name in ("x_m", "y_m", "yaw_rad"))
+    columns.add("x", frame.cells(x, 0), "<u2", 2)
+    columns.add("y", frame.cells(y, 1), "<u2", 2)
+    columns.add("yaw", np.rint(np.nan_to_num(yaw) * (128 / np.pi)).astype(np.int64) % 256, "<u1", 1)
+    columns.add("state", state.T, "<u1", 1)
     t_s = execution.t_s[shown]
     period_s = float(t_s[-1] - t_s[0]) / (len(t_s) - 1) if len(t_s) > 1 else 0.1
-    return {"num_samples": len(t_s), "period_s": round(period_s, 9), "unit_m": frame.unit_m}
+    towed = {"owner": parts.owner, "bar": parts.bar_m.round(4)} if len(parts.owner) else {}
+    return {"num_samples": len(t_s), "period_s": round(period_s, 9), "unit_m": frame.unit_m, **towed}
 
 
 def _add_people(columns: Columns, log: PeopleLog, frame: PageFrame, num_kept: int, num_samples: int) -> dict[str, Any]:

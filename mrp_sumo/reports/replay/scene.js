@@ -213,7 +213,11 @@ export class Scene {
   drawRobots(view) {
     const { motion: m, run, robots, colors, least } = this, { pose, now } = m;
     const dimmed = view.only >= 0;
-    robots.begin(m.numRobots + view.apart.length + 2);
+    robots.begin(m.numBodies + view.apart.length + 2);
+    m.owner.forEach((owner, n) => {
+      const b = m.numRobots + n, state = m.states[b];
+      if (state !== ABSENT) robots.add(pose[3 * b], pose[3 * b + 1], pose[3 * b + 2], run.length[b], run.width[b], 0, 4, 0, dimmed && state !== view.only ? 0.18 : 1, colors[state]);
+    });
     for (let r = 0; r < m.numRobots; r++) {
       const state = now[r];
       if (state === ABSENT) continue;
@@ -259,7 +263,8 @@ export class Scene {
   drawTies(view) {
     const { motion: m, ties, theme } = this, { pose, ghost: g } = m, one = view.selected;
     const visits = one >= 0 && m.hasPlan ? m.first[one + 1] - m.first[one] : 0;
-    ties.begin(2 * m.numRobots + visits + 16);
+    ties.begin(2 * m.numBodies + visits + 16);
+    this.drawBars(packed(theme.muted));
     if (view.aisle && view.showsAisle) ties.add(view.aisle.ax, view.aisle.ay, view.aisle.bx, view.aisle.by, 0.3, 9, true, packed(theme.accent, 0.3));
     if (visits) {
       const at = m.visitAt(one, view.t), { vertex } = m.visit;
@@ -285,6 +290,18 @@ export class Scene {
       ties.add(pose[3 * r], pose[3 * r + 1], pose[3 * other], pose[3 * other + 1], 0.03, 2.5, true, packed(color, 0.2), packed(color, 0.95));
     }
     ties.end();
+  }
+
+  /* From the middle of each trailer to its hitch, and to the middle of what is in front of it. */
+  drawBars(color) {
+    const { motion: m, run, ties } = this, { pose } = m;
+    m.owner.forEach((owner, n) => {
+      const b = m.numRobots + n, p = 3 * b, bar = run.bar[n], front = 3 * (n && m.owner[n - 1] === owner ? b - 1 : owner);
+      if (!bar || m.states[b] === ABSENT) return;
+      const x = pose[p] + bar * Math.cos(pose[p + 2]), y = pose[p + 1] + bar * Math.sin(pose[p + 2]);
+      ties.add(pose[p], pose[p + 1], x, y, 0.08, 1.5, true, color);
+      ties.add(x, y, pose[front], pose[front + 1], 0.08, 1.5, true, color);
+    });
   }
 
   /* The way of the last seconds, fading. Pieces in one line are drawn as one: most of the way is straight. */

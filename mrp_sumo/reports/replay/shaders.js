@@ -30,7 +30,7 @@ void main() {
   color = vec4(vColor.rgb * alpha, alpha);
 }`;
 
-/* aLook: x smallest size in pixels, y style (0 robot, 1 ghost, 2 ring around a robot, 3 plain disc), z strength of the pulse, w opacity. */
+/* aLook: x smallest size in pixels, y style (0 robot, 1 ghost, 2 ring around a robot, 3 plain disc, 4 what it tows or carries), z strength of the pulse, w opacity. */
 const ROBOT_VERTEX = `#version 300 es
 in vec2 aPosition; in vec3 aPose; in vec2 aSize; in vec4 aLook; in vec4 aColor;
 uniform vec4 uView; uniform vec4 uScreen;
@@ -63,17 +63,17 @@ float arrow(vec2 p, vec2 h) { // a navigation arrow that points to +x
 void main() {
   float small = min(vHalf.x, vHalf.y), style = vLook.y;
   color = vec4(0.0);
-  if (style > 2.5) {
+  if (style > 2.5 && style < 3.5) {
     color = ink(vColor.rgb, clamp(0.5 + small - length(vAt), 0.0, 1.0) * vColor.a * vLook.w);
     return;
   }
-  if (style > 1.5) {
+  if (style > 1.5 && style < 2.5) {
     float d = abs(box(vAt, vHalf + 5.0, small * 0.35 + 5.0)) - 1.25;
     color = over(ink(vColor.rgb, clamp(0.5 - d, 0.0, 1.0)), ink(vColor.rgb, 0.28 * clamp(1.0 - d / 5.0, 0.0, 1.0)));
     return;
   }
   float d = box(vAt, vHalf, 0.34 * small);
-  if (style > 0.5) {
+  if (style > 0.5 && style < 1.5) {
     float line = clamp(1.2 - abs(d + 0.6), 0.0, 1.0);
     color = over(ink(vColor.rgb, line), ink(vColor.rgb, 0.14 * clamp(0.5 - d, 0.0, 1.0)));
     if (small > 5.0) color = over(ink(vColor.rgb, 0.75 * clamp(1.0 - abs(arrow(vAt, vHalf)), 0.0, 1.0)), color);
@@ -92,7 +92,7 @@ void main() {
   float rim = clamp(small * 0.12, 0.0, 1.6);
   vec3 body = vColor.rgb * (1.0 + 0.10 * vAt.x / max(vHalf.x, 1.0));
   color = over(ink(body, clamp(0.5 - d - rim, 0.0, 1.0)), color);
-  if (small > 3.2) color = over(ink(vec3(1.0), 0.95 * clamp(0.5 - arrow(vAt, vHalf), 0.0, 1.0)), color);
+  if (small > 3.2 && style < 0.5) color = over(ink(vec3(1.0), 0.95 * clamp(0.5 - arrow(vAt, vHalf), 0.0, 1.0)), color);
   color *= vLook.w;
 }`;
 

@@ -11,10 +11,10 @@ import numpy as np
 from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 
-from mrp_sumo.core.graph import FloatArray
+from mrp_sumo.core.graph import BoolArray, FloatArray
 from mrp_sumo.io.record import AT_GOAL, BLOCKED
 from mrp_sumo.reports.pictures.floor import LIGHT, draw_floor
-from mrp_sumo.reports.pictures.view import ABSENT, state_names
+from mrp_sumo.reports.pictures.view import ABSENT, drawbars, state_names
 from mrp_sumo.reports.replay.constants import STATE_COLOURS
 from mrp_sumo.reports.video.canvas import Canvas, Pixels, font, shortened_to
 from mrp_sumo.reports.video.scene import Scene, SceneState
@@ -270,9 +270,9 @@ def _draw_robots(canvas: Canvas, pane: Pane, now: SceneState) -> None:
     for state in (1, 2):
         lines = [xy[[a, b]] for a, b in waits if now.state[a] == state]
         canvas.stroke(lines, STATES[state], alpha=0.85, width=(2 if pane.few else 1.4) * max(0.7, u), clip=clip)
-    c, s = np.cos(now.yaw_rad), np.sin(now.yaw_rad)
-    turn = np.stack([np.stack([c, s], -1), np.stack([-s, c], -1)], -2)  # [R, 2, 2]
-    pale = ~scene.chosen if scene.has_choice else np.zeros(len(c), np.bool_)
+    turn = _turns(now.yaw_rad)
+    pale = ~scene.chosen if scene.has_choice else ~everybody
+    _draw_parts(canvas, pane, now, np.isin(scene.parts.owner, there), pale)
     blocked = there[now.state[there] == BLOCKED]
     reach = 0.5 * np.hypot(*pane.body.T)
     rings = [xy[r] + _disc(reach[r] + 4 * u)[[*range(16), 0]] for r in blocked] if len(blocked) <= RINGED else []
@@ -287,10 +287,30 @@ def _draw_robots(canvas: Canvas, pane: Pane, now: SceneState) -> None:
             canvas.fill((front * pane.body[members, None]) @ turn[members] + xy[members, None], "#ffffff", clip=clip)
     if pane.inside_px:
         for robot in there[~pale[there]].tolist():
-            back = xy[robot] - 0.1 * pane.body[robot, 0] * np.array((c[robot], s[robot]))
+            back = xy[robot] - 0.1 * pane.body[robot, 0] * turn[robot, 0]
             canvas.write(scene.name[robot], back, pane.inside_px, "#ffffff", bold=True, align="center")
     elif pane.few or scene.has_choice:
         _write_names(canvas, pane, xy, there[~pale[there]], reach)
+
+
+def _draw_parts(canvas: Canvas, pane: Pane, now: SceneState, is_shown: BoolArray, pale: BoolArray) -> None:
+    """Draw trailers with their drawbars, and loads that are larger than their robots, below these."""
+    parts, clip = pane.scene.parts, _clip(pane)
+    there = np.flatnonzero(is_shown & np.isfinite(now.parts_xy[:, 0]))
+    bars = [pane.pixels(line) for k, line in drawbars(parts, now.parts_xy, now.parts_yaw_rad, now.xy) if is_shown[k]]
+    canvas.stroke(bars, LIGHT["ink"], width=max(1.2 * pane.unit, 0.08 * pane.scale), clip=clip)
+    shape = BOX * (np.column_stack((parts.length_m, parts.width_m)) * pane.scale)[:, None]
+    boxes = shape @ _turns(now.parts_yaw_rad) + pane.pixels(now.parts_xy)[:, None]
+    for k in there.tolist():
+        robot = parts.owner[k]
+        style = {"edge": LIGHT["ink"], "width": max(0.6, (1.2 if pane.few else 0.8) * pane.unit), "alpha": 0.3 if pale[robot] else 1.0}
+        canvas.fill(boxes[k : k + 1], STATES[now.state[robot]], clip=clip, **style)
+
+
+def _turns(yaw_rad: FloatArray) -> FloatArray:
+    """[N, 2, 2] what turns rows from along bodies into those along the axes."""
+    c, s = np.cos(yaw_rad), np.sin(yaw_rad)
+    return np.stack([np.stack([c, s], -1), np.stack([-s, c], -1)], -2)
 
 
 def _write_names(canvas: Canvas, pane: Pane, xy: FloatArray, robots: FloatArray, reach: FloatArray) -> None:

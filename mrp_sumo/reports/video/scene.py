@@ -7,6 +7,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from mrp_sumo.core.bodies import Rectangles
 from mrp_sumo.core.execution import positions_at
 from mrp_sumo.core.graph import BoolArray, FloatArray
 from mrp_sumo.core.plan import Plan
@@ -14,7 +15,18 @@ from mrp_sumo.errors import MrpSumoError, nearest
 from mrp_sumo.io.outline import Outline
 from mrp_sumo.io.record import BLOCKED, WAITING, RunRecord
 from mrp_sumo.io.run_reader import damage_in
-from mrp_sumo.reports.pictures.view import ABSENT, MARGIN_M, AnyRun, extent, level_boxes, subtitle_of, view_record, view_states
+from mrp_sumo.reports.pictures.view import (
+    ABSENT,
+    MARGIN_M,
+    AnyRun,
+    extent,
+    level_boxes,
+    parts_at,
+    parts_of,
+    subtitle_of,
+    view_record,
+    view_states,
+)
 
 AHEAD_S = 10.0  # of the plan
 
@@ -38,12 +50,14 @@ class PlannedRoute:
 
 @dataclass(frozen=True, eq=False)
 class SceneState:
-    """R robots at a time."""
+    """R robots and N parts of them at a time."""
 
     t_s: float
     xy: FloatArray  # [R, 2] m
     yaw_rad: FloatArray  # [R]
     state: NDArray[np.int8]  # [R]
+    parts_xy: FloatArray  # [N, 2] m, NaN where one is not there
+    parts_yaw_rad: FloatArray  # [N]
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +71,7 @@ class Scene:
     low: FloatArray  # [2] lower left of what is shown, m
     high: FloatArray  # [2]
     state: NDArray[np.int8]  # [T, R]
+    parts: Rectangles  # N trailers and loads
     ways: tuple[tuple[PlannedRoute, ...], ...]  # by robot, by time
     waits: tuple[tuple[tuple[float, float, int], ...], ...]  # by robot: from, until, and for whom
     name: tuple[str, ...]  # [R] as written beside robots
@@ -71,10 +86,11 @@ class Scene:
         """The run at ascending times; after its end as at its end."""
         execution = self.record.execution
         x, y, yaw = positions_at(execution, t_s)
+        parts_xy, parts_yaw = parts_at(self.parts, execution, t_s)
         sample = np.clip(np.searchsorted(execution.t_s, t_s + 1e-9) - 1, 0, len(execution.t_s) - 1)
         state = self.state[sample].copy()
         state[~(np.isfinite(x) & np.isfinite(y))] = ABSENT
-        return [SceneState(float(t), np.column_stack((x[k], y[k])), yaw[k], state[k]) for k, t in enumerate(t_s)]
+        return [SceneState(float(t), np.column_stack((x[k], y[k])), yaw[k], state[k], parts_xy[k], parts_yaw[k]) for k, t in enumerate(t_s)]
 
     def ahead(self, robot: int, t_s: float) -> FloatArray:
         """[K, 2] where a robot's plan goes on."""
@@ -126,6 +142,7 @@ def scene_of(run: AnyRun, *, robots: Sequence[str] = (), level: str | None = Non
         low=low,
         high=high,
         state=view_states(execution),
+        parts=parts_of(execution, record.fleet),
         ways=_ways(record, plan),
         waits=_waits(record),
         name=_short_names(names),

@@ -4,8 +4,12 @@ import shutil
 
 import numpy as np
 import pytest
+from matplotlib.collections import LineCollection, PolyCollection
 
 from mrp_sumo.cli.main import main
+from mrp_sumo.core.bodies import bodies_of
+from mrp_sumo.io.run_reader import load_run
+from mrp_sumo.reports.pictures.still import still
 
 
 def test_still_is_drawn_and_the_same_again(folder, tmp_path, capsys):
@@ -17,6 +21,39 @@ def test_still_is_drawn_and_the_same_again(folder, tmp_path, capsys):
     with Image.open(tmp_path / "a.png") as image:
         assert image.width == 720
         assert len(image.convert("RGB").getcolors(1 << 20)) > 50
+
+
+def outlines(run, at_s, corners):
+    """Middles of the filled shapes with so many corners of a still, layer by layer from below."""
+    layers = sorted(still(run, at_s).axes[0].collections, key=lambda layer: layer.get_zorder())
+    paths = [[path.vertices[:-1] for path in layer.get_paths()] for layer in layers if isinstance(layer, PolyCollection)]
+    return [np.array([shape.mean(axis=0) for shape in shapes]) for shapes in paths if shapes and len(shapes[0]) == corners]
+
+
+def test_trailers_are_where_they_hang(trains):
+    run = load_run(trains)
+    bodies, at = bodies_of(run.record.execution, run.fleet), 145
+    middle = np.column_stack((bodies.x_m[at], bodies.y_m[at]))
+    assert any(len(found) == 4 and np.allclose(found, middle[2:], atol=1e-3) for found in outlines(run, 14.5, 4))
+    assert any(len(found) == 2 and np.allclose(found, middle[:2], atol=1e-3) for found in outlines(run, 14.5, 4))
+
+
+@pytest.mark.parametrize(("axle", "num_forks"), [("rear", 0), ("front", 4)])
+def test_forklifts_have_forks_in_front(trains, tmp_path, axle, num_forks):
+    folder = shutil.copytree(trains, tmp_path / "run")
+    floor = folder / "floor.json"
+    floor.write_text(floor.read_text().replace('"fixed_axle":"rear"', f'"fixed_axle":"{axle}"'))
+    run = load_run(folder)
+    picture, execution = still(run, 8.0), run.record.execution
+    x, y, yaw = execution.x_m[80, 0], execution.y_m[80, 0], execution.yaw_rad[80, 0]
+    tips = [line[1] for layer in picture.axes[0].collections if layer.get_zorder() == 5.1 for line in lines_of(layer)]
+    assert len(tips) == num_forks
+    for tip in tips[:2]:
+        assert (tip - (x, y)) @ (np.cos(yaw), np.sin(yaw)) == pytest.approx(0.5)  # at the front of a body of 1 m
+
+
+def lines_of(layer):
+    return layer.get_segments() if isinstance(layer, LineCollection) else []
 
 
 def test_a_name_is_no_formula(folder, tmp_path):

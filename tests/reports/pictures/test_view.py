@@ -4,11 +4,23 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from worlds import record_of_two
+from vehicles import TUGGER
+from worlds import SMALL_CART, record_of_two
 
+from mrp_sumo.core.fleet import fleet_of
+from mrp_sumo.core.robot_type import Loaded
 from mrp_sumo.core.task import StopLog, log_of_times
 from mrp_sumo.io.record import AT_GOAL, BLOCKED, MOVING, WAITING
-from mrp_sumo.reports.pictures.view import ABSENT, furniture_and_walls, plan_as_execution, state_names, view_states
+from mrp_sumo.reports.pictures.view import (
+    ABSENT,
+    drawbars,
+    furniture_and_walls,
+    parts_at,
+    parts_of,
+    plan_as_execution,
+    state_names,
+    view_states,
+)
 
 
 def test_states_are_those_of_the_run():
@@ -67,3 +79,37 @@ def test_racks_are_furniture_and_rooms_are_not():
 def test_no_walls_are_no_furniture():
     outlines, inner, walls = furniture_and_walls(np.zeros((0, 2, 2)))
     assert (len(outlines), len(inner), len(walls)) == (0, 0, 0)
+
+
+def test_trailers_hang_on_what_is_in_front_of_them():
+    """Tuggers of a metre with the axle 0.35 m behind their middle, hitches 0.4 m behind axles and trailers of 0.7 m."""
+    execution = record_of_two().execution
+    angle = np.zeros_like(execution.x_m)
+    bent = np.full_like(angle, np.pi / 2)
+    execution = replace(execution, hitch_rad={"hitch_1_rad": angle, "hitch_2_rad": bent})
+    parts = parts_of(execution, fleet_of(TUGGER, 2))
+    assert parts.owner.tolist() == [0, 0, 1, 1]
+    xy, yaw = (column[0] for column in parts_at(parts, execution, np.array([1.05])))
+    robots = np.array([(1.55, 0.5), (0.5, 1.5)])
+    first = (1.55 - 0.35 - 0.4 - 0.7, 0.5)
+    second = (first[0] - 0.4, 0.5 - 0.7)  # across it, facing to +y
+    assert xy[:2] == pytest.approx(np.array([first, second])) and yaw[:2] == pytest.approx([0.0, np.pi / 2])
+    lines = dict(drawbars(parts, xy, yaw, robots))
+    assert list(lines) == [0, 1, 2, 3]
+    assert lines[0] == pytest.approx(np.array([first, (1.55 - 0.75, 0.5), (1.55, 0.5)]))
+    assert lines[1] == pytest.approx(np.array([second, (first[0] - 0.4, 0.5), first]))
+    assert len(parts_of(record_of_two().execution, fleet_of(TUGGER, 2)).owner) == 0  # where angles are not known
+
+
+def test_a_larger_body_is_there_as_long_as_the_load_is():
+    record = record_of_two()
+    loads = np.zeros(record.execution.x_m.shape, np.int64)
+    loads[10:20, 1] = 1
+    fleet = fleet_of(replace(SMALL_CART, loaded=Loaded(length_m=1.0, width_m=0.9)), 2)
+    parts = parts_of(replace(record.execution, loads=loads), fleet)
+    assert parts.owner.tolist() == [0, 1] and parts.length_m.tolist() == [1.0, 1.0] and parts.width_m.tolist() == [0.9, 0.9]
+    assert np.flatnonzero(np.isfinite(parts.x_m[:, 1])).tolist() == [*range(10, 20)] and np.isnan(parts.x_m[:, 0]).all()
+    assert parts.y_m[10:20, 1].tolist() == record.execution.y_m[10:20, 1].tolist()
+    slower = fleet_of(replace(SMALL_CART, loaded=Loaded(speed_mps=0.1)), 2)
+    assert len(parts_of(replace(record.execution, loads=loads), slower).owner) == 0
+    assert len(parts_of(record.execution, fleet).owner) == 0  # where loads are not known

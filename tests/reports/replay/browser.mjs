@@ -1,8 +1,8 @@
-/* node browser.mjs CHROMIUM PAGE NASTY_PAGE TWO_RUNS FOLDER: uses a replay page as people do, and prints what came of it as lines of JSON
+/* node browser.mjs CHROMIUM PAGE NASTY_PAGE TWO_RUNS TRAINS FOLDER: uses a replay page as people do, and prints what came of it as lines of JSON
    {"claim", "holds", "found"}. Screenshots go to FOLDER. Needs playwright-core. */
 import { createRequire } from "node:module";
 
-const [, , executablePath, page, nasty, beside, folder] = process.argv;
+const [, , executablePath, page, nasty, beside, trains, folder] = process.argv;
 const { chromium } = createRequire(import.meta.url)("playwright-core");
 const browser = await chromium.launch({
   executablePath,
@@ -198,6 +198,26 @@ try {
   say("two runs open at a moment, and what differs is marked", marked && String(marked[0]) === String(marked[1]) && marked[2].startsWith(`${marked[0].length} of 5 robots`), marked);
   await pair.screenshot({ path: `${folder}/pair.png` });
   await pair.context().close();
+
+  const towed = [];
+  for (const painter of ["gl", "canvas"]) {
+    const train = await opened(trains, {}, `#draw=${painter}&t=8`);
+    towed.push(...(await train.evaluate(() => { // colours at the middles of the last robot's trailers, and that of its state
+      const { scene, view, motion: m } = window.replay, copy = document.createElement("canvas").getContext("2d", { willReadFrequently: true }), ratio = scene.painter.ratio;
+      Object.assign(copy.canvas, { width: scene.canvas.width, height: scene.canvas.height });
+      scene.draw(view, 0);
+      copy.drawImage(scene.canvas, 0, 0);
+      const wanted = parseInt(scene.theme.states[m.now[m.numRobots - 1]].slice(1), 16);
+      return [m.numBodies - 2, m.numBodies - 1].map((b) => {
+        const [x, y] = scene.toScreen(m.pose[3 * b], m.pose[3 * b + 1]).map((v) => Math.round(v * ratio)), { data } = copy.getImageData(x, y, 1, 1);
+        return Math.max(...[16, 8, 0].map((shift, k) => Math.abs(((wanted >> shift) & 255) - data[k])));
+      });
+    })));
+    towed.push(...train.problems);
+    await train.screenshot({ path: `${folder}/trains_${painter}.png` });
+    await train.context().close();
+  }
+  say("draws trailers with and without WebGL", towed.length === 4 && towed.every((off) => off < 8), towed);
 
   const blind = await browser.newContext();
   const dull = await blind.newPage();

@@ -59,12 +59,13 @@ CLAIMS = (
     "a phone begins with the level of most robots, a wide screen with all",
     "names are text",
     "two runs open at a moment, and what differs is marked",
+    "draws trailers with and without WebGL",
     "says that it needs WebGL",
 )
 
 
 @pytest.mark.slow
-def test_page_does_what_people_expect(tmp_path):  # one test: the browser is started once, whoever runs it
+def test_page_does_what_people_expect(tmp_path, trains):  # one test: the browser is started once, whoever runs it
     chromium, node = shutil.which("chromium"), shutil.which("node")
     if not chromium or not node or not (Path(MODULES) / "playwright-core").is_dir():
         pytest.skip("no chromium, node or playwright-core (tools/browser.sh installs them)")
@@ -77,7 +78,8 @@ def test_page_does_what_people_expect(tmp_path):  # one test: the browser is sta
     late = overrides | {("execution", "disturbances", "start_delay_s"): ("", 20.0), ("execution", "disturbances", "seed"): ("", 1)}
     run_scenario(read_scenario(find_scenario("office_5"), late), tmp_path / "late")
     (tmp_path / "both.html").write_text(page_of_two(load_run(tmp_path / "run"), load_run(tmp_path / "late")), encoding="utf-8")
-    command = [node, Path(__file__).with_name("browser.mjs"), chromium, page, tmp_path / "nasty.html", tmp_path / "both.html", tmp_path]
+    pages = [page, tmp_path / "nasty.html", tmp_path / "both.html", write_replay(trains, tmp_path / "trains.html")]
+    command = [node, Path(__file__).with_name("browser.mjs"), chromium, *pages, tmp_path]
     told = subprocess.run(command, capture_output=True, text=True, timeout=240, env={**os.environ, "NODE_PATH": MODULES})
     found = {line["claim"]: line for line in (json.loads(text) for text in told.stdout.split("\n") if text.startswith("{"))}
     assert not [line for line in found.values() if not line["holds"]]

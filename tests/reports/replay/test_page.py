@@ -14,14 +14,18 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
+from vehicles import TUGGER
 from worlds import NASTY, record_of_two
 
 from mrp_sumo.cli.main import main
+from mrp_sumo.core.fleet import fleet_of
 from mrp_sumo.core.graph import NavGraph, nav_graph
+from mrp_sumo.core.robot_type import Loaded
 from mrp_sumo.core.task import StopLog, log_of_times
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.io.outline import Outline
 from mrp_sumo.io.record import AT_GOAL
+from mrp_sumo.reports.pictures.view import ABSENT
 from mrp_sumo.reports.replay.page import About, replay_page, write_replay
 
 
@@ -56,6 +60,24 @@ def test_page_holds_poses_to_half_a_unit():
     assert np.abs(turned).max() <= np.pi / 256 + 1e-9
     assert head["period_s"] == 0.1
     assert head["num_samples"] == 41
+
+
+def test_rows_of_trailers_and_loads_come_after_those_of_robots():
+    record = record_of_two()
+    loads, angle = np.zeros(record.execution.x_m.shape, np.int64), np.zeros_like(record.execution.x_m)
+    loads[10:20, 0] = 1
+    hitch_rad = {"hitch_1_rad": angle, "hitch_2_rad": angle}
+    fleet = fleet_of(replace(TUGGER, loaded=Loaded(width_m=0.8)), 2)
+    run = replace(record, fleet=fleet, execution=replace(record.execution, loads=loads, hitch_rad=hitch_rad))
+    head, columns = read_back(replay_page(run, About("trial")))
+    assert (head["owner"], head["bar"]) == ([0, 0, 1, 1, 0, 1], [0.7, 0.7, 0.7, 0.7, 0, 0])
+    assert (head["length"], head["width"]) == ([1.0, 1.0, *[0.7] * 4, 1.0, 1.0], [0.6] * 6 + [0.8, 0.8])
+    assert columns["x"].shape == columns["state"].shape == (8, 41)
+    state = columns["state"]
+    assert (state[2:4] == state[0]).all() and (state[4:6] == state[1]).all()  # in the state of who tows it
+    assert (state[6, 10:20] == state[0, 10:20]).all() and set(state[6, :10]) | set(state[6, 20:]) | set(state[7]) == {ABSENT}
+    plain, alone = read_back(replay_page(record, About("trial")))
+    assert "owner" not in plain and "bar" not in plain and len(alone["x"]) == len(plain["length"]) == 2
 
 
 def test_levels_have_boxes_where_there_are_several():

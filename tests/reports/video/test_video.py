@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+from matplotlib.colors import to_rgba
 
 from mrp_sumo.cli.main import main
 from mrp_sumo.io.run_reader import load_run
-from mrp_sumo.reports.video.film import Film, Timing, clock
+from mrp_sumo.reports.video.film import STATES, Film, Timing, clock
 from mrp_sumo.reports.video.scene import PlannedRoute, scene_of
 
 
@@ -49,6 +50,18 @@ def test_runs_are_beside_each_other_at_one_scale_of_time(folder):
     assert left.left + left.width < right.left or left.bottom > right.bottom + right.height
     assert len(film.timing.t_s) == 31 + 30
     assert film.timing.t_s[-1] == 1.0
+
+
+def test_trailers_have_the_colour_of_their_tugger(trains):
+    scene = scene_of(load_run(trains))
+    film = Film([scene], Timing(0.0, 20.0, 1.0, 30), (1200, 900))
+    moment = scene.moments(np.array([14.5]))[0]
+    picture = film.draw([moment])
+    column, row = film.panes[0].pixels(moment.parts_xy).round().astype(int).T
+    assert scene.parts.owner.tolist() == [0, 0, 1, 1] and moment.state[0] != moment.state[1]
+    for k, robot in enumerate(scene.parts.owner.tolist()):
+        colour = np.array(to_rgba(STATES[moment.state[robot]])[:3]) * 255
+        assert np.abs(picture[picture.shape[0] - 1 - row[k], column[k], :3] - colour).max() <= 1
 
 
 def test_plan_ahead_is_what_is_in_force():
