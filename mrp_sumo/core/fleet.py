@@ -75,6 +75,11 @@ class Fleet:
         return np.array([each.radius_m for each in self.types])[self.kind] if self.vehicle_of_kind else circle
 
     @property
+    def is_by_load(self) -> bool:
+        """True if robots are of other types with a load, since some lanes are for those with one or without only."""
+        return self.loaded is not None and bool((self.loaded.kind != self.kind).any())
+
+    @property
     def carries_several(self) -> bool:
         """True if a robot may have more than one order on board."""
         return self.capacity is not None and bool((self.capacity > 1).any())
@@ -94,8 +99,12 @@ def fleet_of(robot_type: RobotType, num_robots: int) -> Fleet:
     return fleet_of_types([robot_type], np.zeros(num_robots, np.int64))
 
 
-def fleet_of_types(types: Sequence[RobotType], kind: IntArray) -> Fleet:
-    """A fleet of several types, robots named `robot_0` and on; `kind` [R] says which each of them is."""
+def fleet_of_types(types: Sequence[RobotType], kind: IntArray, *, by_load: bool = False) -> Fleet:
+    """A fleet of several types, robots named `robot_0` and on; `kind` [R] says which each of them is.
+
+    With `by_load` the k-th of K types is the (K + k)-th with a load.
+    """
+    bodies, num_types, types = [each.with_load for each in types], len(types), [*types, *types] if by_load else types
     radius, gap = np.array([(each.radius_m, each.gap_m) for each in types], np.float64).reshape(-1, 2).T
     several = any(each.capacity > 1 for each in types)
     fleet = Fleet(
@@ -107,9 +116,9 @@ def fleet_of_types(types: Sequence[RobotType], kind: IntArray) -> Fleet:
         types=tuple(types),
         capacity=frozen(np.array([each.capacity for each in types], np.int64)[kind]) if several else None,
     )
-    if all(each.loaded is None for each in types):
+    if all(each.loaded is None for each in types) and not by_load:
         return fleet
-    return replace(fleet, loaded=replace(fleet, **_columns([each.with_load for each in types], kind)))
+    return replace(fleet, loaded=replace(fleet, **_columns(bodies, kind), kind=frozen(kind + num_types * by_load)))
 
 
 def with_loads(fleet: Fleet, is_loaded: BoolArray) -> Fleet:

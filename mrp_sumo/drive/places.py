@@ -14,7 +14,7 @@ from itertools import chain, combinations
 import numpy as np
 
 from mrp_sumo.core.digraph import strong_components
-from mrp_sumo.core.graph import BoolArray, IntArray, PlanGraph
+from mrp_sumo.core.graph import BoolArray, IntArray, PlanGraph, with_lanes
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.core.task import Stop
 from mrp_sumo.drive.clearing import cleared
@@ -34,6 +34,10 @@ class RobotPlaces:
         self._piece: dict[int, IntArray] = {}  # [V] strong components of the graphs of types
         fleet = problem.fleet
         self._apart_m = 2 * float(fleet.radius_m.max()) + float(fleet.gap_m.max())
+
+    def see(self, problem: Problem) -> None:
+        """Robots are loaded as in this problem from now on."""
+        self._problem = problem
 
     def away(self, robot: int, at: int, stop: Stop) -> int:
         """Steps from a vertex to the nearest place of a stop, `UNREACHABLE` where there is no way."""
@@ -74,9 +78,12 @@ class RobotPlaces:
         """True if a robot's type can come from its start to some stops and back."""
         if self._problem.barred is None:
             return True
-        kind = int(self._problem.fleet.kind[robot])
+        fleet, kind = self._problem.fleet, int(self._problem.fleet.kind[robot])
         if kind not in self._piece:
             graph = self._problem.graph_of_kind[kind]
+            barred = self._problem.barred
+            if fleet.loaded is not None and fleet.is_by_load:  # on its way it is now loaded, now not
+                graph = with_lanes(self._problem.graph, ~(barred[kind] & barred[int(fleet.loaded.kind[robot])]))
             self._piece[kind] = strong_components(graph.num_vertices, graph.tail, graph.head)
         piece, start = self._piece[kind], int(self._problem.start[robot])
         return all(any(piece[v] == piece[start] for v in stop.places) for stop in stops)

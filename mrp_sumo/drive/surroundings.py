@@ -84,7 +84,7 @@ class Surroundings:
 
     def barred(self, robot: int) -> BoolArray:
         """[L] lanes that are closed, or on which a robot of this type has no room."""
-        problem = self.ledger.problem
+        problem = self.crew.site
         return self.closed if problem.barred is None else self.closed | problem.barred[problem.fleet.kind[robot]]
 
     def free_for(self, robot: int, needs: IntArray) -> bool:

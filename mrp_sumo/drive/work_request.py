@@ -52,7 +52,8 @@ def work_request(
     _check(crew, [*assigned.items(), *((r, task) for r, tour in tours.items() for task, _ in tour)])
     crew.is_changed = False
     committed = crew.ledger.committed
-    start = np.array([vertices[-1] for vertices in committed], np.int64)
+    start, site = np.array([vertices[-1] for vertices in committed], np.int64), crew.site
+    crew.places.see(site)
     stays = np.array([robot.is_busy or robot.is_out for robot in crew.robots], np.bool_)
     robots, passed_on = np.flatnonzero(~stays), set(assigned.values())
     on_the_way: dict[int, list[Leg]] = {}  # stops that robots make on what they are committed to
@@ -83,7 +84,7 @@ def work_request(
             legs[r].append(last[r]._replace(vertex=int(vertex[r])))
     request = WorkRequest(
         now_s=now_s,
-        site=crew.site,
+        site=site,
         robot=frozen(robots),
         start=frozen(start[robots]),
         stop_first=np.arange(len(robots) + 1),

@@ -73,7 +73,6 @@ SEVERITY: dict[str, Severity] = {
     "edge_without_its_nodes": "warn",
     "speed_of_nothing": "warn",
     "very_slow_lanes": "warn",
-    "load_dependent_lanes": "warn",
     "turns_restricted": "warn",
     "trajectory_unusable": "warn",
     "trajectory_off_its_nodes": "warn",

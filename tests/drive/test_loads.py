@@ -1,10 +1,12 @@
 """Robots that are others with a load: slower, larger, heavier between the first stop of an order and the last, in plans and driven."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from floors import BATTERY, driven, ring, scenario
+from lif_worlds import edge, lif, node
 
 from mrp_sumo.core.execution import Execution, Outcome
 from mrp_sumo.core.fleet import fleet_of, with_loads
@@ -30,6 +32,20 @@ def run_of(tmp_path, tasks=TWO_ORDERS, shape=None, **other):
     result = driven(file)
     assert result.status == "completed" and result.audit["passed"] and result.operations_audit["passed"], result.note
     return result
+
+
+def rectangle(folder, only, between=("A", "B")):
+    """A in the lower left corner of 10 x 8 m, B in the lower right one; lanes between two corners are for robots in one state of load."""
+    corners = {"A": (0.0, 0.0), "B": (10.0, 0.0), "C": (10.0, 8.0), "D": (0.0, 8.0)}
+    document = lif()
+    layout, rule = document["layouts"][0], {"loadRestriction": {"loaded": only == "loaded", "unloaded": only == "unloaded"}}
+    layout["nodes"] = [node(name, *xy) for name, xy in corners.items()]
+    pairs = [*zip("ABCD", "BCDA"), *zip("BCDA", "ABCD")]
+    layout["edges"] = [edge(a, b, **(rule if {a, b} == set(between) else {})) for a, b in pairs]
+    layout["stations"] = []
+    path = folder / "rectangle.lif.json"
+    path.write_text(json.dumps(document))
+    return path
 
 
 def standing(apart_m, loads):
@@ -127,6 +143,28 @@ def test_the_operations_audit_compares_the_loads_with_the_stops(tmp_path):
         loads = result.execution.loads.copy()
         loads[begin : begin + int(by_s / 0.1), 0] = 0
         assert operations_audit(replace(logs, execution=replace(result.execution, loads=loads)))["passed"] is passed
+
+
+@pytest.mark.parametrize(("only", "detours"), [("unloaded", 1), ("loaded", 0)])
+def test_lanes_for_one_state_of_load_are_kept(tmp_path, only, detours):
+    """From A to B with a load and back without: over the direct lanes in the state that they are for, round the others in the other."""
+    tasks = [{"stops": ["A", "B"], "service_s": 5}, {"stops": ["A", "D"], "service_s": 2}]
+    file = scenario(rectangle(tmp_path, only), tasks, starts=["A"], execution={"time_limit_s": 400.0})
+    run = driven(file)
+    assert run.status == "completed" and run.operations_audit["passed"], run.note
+    on_direct = (np.abs(run.execution.y_m) < 0.01) & (run.execution.x_m > 2) & (run.execution.x_m < 8)
+    assert on_direct.any() and set(run.execution.loads[on_direct].tolist()) == {1 - detours}
+    assert (run.execution.loads[run.execution.y_m > 7.9] == detours).any()
+
+
+def test_orders_that_no_state_of_load_can_bring_are_refused(tmp_path):
+    path = rectangle(tmp_path, "loaded")
+    document = json.loads(path.read_text())
+    edges = document["layouts"][0]["edges"]
+    document["layouts"][0]["edges"] = [each for each in edges if each["edgeId"] in ("A-B", "B-A")]
+    path.write_text(json.dumps(document))
+    with pytest.raises(MrpSumoError, match="no robot can reach 'B', a stop of 'task_0'"):
+        driven(scenario(path, [{"stops": ["B", "A"]}], starts=["A"]))
 
 
 def test_actions_take_a_type_longer(tmp_path):

@@ -23,11 +23,13 @@ def unreachable(sources: Sequence[TaskSource], problem: Problem) -> str:
     checked: set[tuple[tuple[Station, ...], int]] = set()
     for name, route, robot in _routes(sources):
         pieces = {(0, int(component_of[0][v])) for station in route for v in station.places}
-        if (route, robot) in checked or (len(starts) == 1 and pieces == set(starts)):  # the usual case: one piece
+        is_one = len(starts) == 1 and pieces == set(starts) and not problem.fleet.is_by_load  # the usual case: one piece
+        if (route, robot) in checked or is_one:
             continue
         checked.add((route, robot))
         able = starts if robot == NOBODY else {(int(problem.fleet.kind[robot]), 0): int(problem.start[robot])}
-        furthest = max((_stops_made(problem.graph_of_kind[k], start, route) for (k, _), start in able.items()), default=0)
+        graphs, loaded = problem.graph_of_kind, len(problem.graph_of_kind) // 2 if problem.fleet.is_by_load else 0
+        furthest = max((_stops_made(graphs[k], graphs[k + loaded], start, route) for (k, _), start in able.items()), default=0)
         if furthest < len(route):
             before = f" after '{route[furthest - 1].name}'" if furthest else ""
             who = "no robot can" if robot == NOBODY else f"{problem.fleet.robot_name[robot]} cannot"
@@ -57,10 +59,11 @@ def oddities(sources: Sequence[TaskSource], problem: Problem, end_s: float) -> t
     return tuple(errands)
 
 
-def _stops_made(graph: PlanGraph, start: int, route: Sequence[Station]) -> int:
-    """How many stops of a route a robot can make from a vertex."""
-    steps, at = distances(graph), {start}
+def _stops_made(graph: PlanGraph, with_load: PlanGraph, start: int, route: Sequence[Station]) -> int:
+    """How many stops of a route a robot can make from a vertex, after the first with a load."""
+    at = {start}
     for made, station in enumerate(route):
+        steps = distances(with_load if made else graph)
         at = {v for v in station.places if min(int(steps.to(v)[u]) for u in at) < UNREACHABLE}
         if not at:
             return made

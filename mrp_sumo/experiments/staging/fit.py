@@ -163,6 +163,16 @@ def _left_out(nav: NavGraph, graph: PlanGraph, left: PlanGraph, narrow: Narrow) 
     return f"{what}: {', '.join(narrow.notes)}" + (f"; cut off by that: {names}" if cut_off else "")
 
 
+def by_load(file: ScenarioFile, graph: PlanGraph, barred: BoolArray | None, num_types: int) -> tuple[BoolArray | None, bool]:
+    """[2 K, L] lanes that are barred for each of several types, and for the same with a load; and if these differ, in runs with work."""
+    load = [options.get("load", "") for options in graph.lane_options]
+    only = [np.array([each == kind for each in load], np.bool_) for kind in ("loaded", "unloaded")]
+    if file.scenario.tasks is None or not any(lanes.any() for lanes in only):
+        return barred, False
+    room = np.zeros((num_types, graph.num_lanes), np.bool_) if barred is None else barred
+    return np.concatenate([room | lanes for lanes in only]), True
+
+
 def without_room(
     file: ScenarioFile, maps: MapCache, map_: Map, graph: PlanGraph, models: Sequence[RobotType], chosen_planner: Planner
 ) -> tuple[BoolArray | None, tuple[str, ...]]:

@@ -20,7 +20,7 @@ from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.experiments.staging.choices import LEAST_TIME_LIMIT_S, TASKS_TIME_LIMIT_S, TIMES_MAKESPAN, choices, settings_of
 from mrp_sumo.experiments.staging.discretisation import as_discretised, loaded_cell_m, with_drawn_one_ways
 from mrp_sumo.experiments.staging.errands import oddities
-from mrp_sumo.experiments.staging.fit import require_brakes, require_cabins, require_fit, with_room, without_room
+from mrp_sumo.experiments.staging.fit import by_load, require_brakes, require_cabins, require_fit, with_room, without_room
 from mrp_sumo.experiments.staging.lanes import doubled, in_service, with_closures, with_mutex_groups, with_one_ways, without_shut_doors
 from mrp_sumo.experiments.staging.people import people_of
 from mrp_sumo.experiments.staging.places import (
@@ -95,6 +95,8 @@ def set_up(file: ScenarioFile, maps: MapCache, *, run_programs: bool = True) -> 
     graph, shut = without_shut_doors(file, graph)
     barred, narrow = without_room(file, maps, map_, graph, models, chosen_planner)
     fleet, start, goal = _fleet_at(file, map_.nav, graph, models, barred, one_of_each.separation_m)
+    barred, with_load = by_load(file, graph, barred, len(models))
+    fleet = fleet_of_types(models, fleet.kind, by_load=True) if with_load else fleet
     _require_robots(file, fleet)
     with file.located("robots"):
         problem = Problem(

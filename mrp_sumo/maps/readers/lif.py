@@ -5,9 +5,9 @@
 angles radians; angles above a turn are taken for degrees and reported.
 
 A node is a vertex, an edge a lane, a station an option of its nodes, a layout's level (`layoutLevelId`, else the nodes' `mapId`) a
-level; an edge between levels is a lift. What robots here do not know is kept as an option of the lane and reported: turns that are not
-allowed, edges for loaded vehicles only. Trajectories are flattened within 1 cm. Refuses edges between unknown nodes, and identifiers
-that are given twice.
+level; an edge between levels is a lift. Edges for vehicles with a load only, or without one, have the option `load`, which robots with
+orders keep. What robots here do not know is kept as an option of the lane and reported: turns that are not allowed. Trajectories are
+flattened within 1 cm. Refuses edges between unknown nodes, and identifiers that are given twice.
 """
 
 import math
@@ -145,7 +145,6 @@ class _Layouts:
         options: dict[str, Any] = {"edge_id": name}
         if len(loads) == 1 and "" not in loads:
             options["load"] = loads.pop()
-            self.draft.notes.add("load_dependent_lanes", f"'{name}': only {options['load']}")
         options |= self._orientation(name, own, where)
         line = self._line(name, tail, head, own, where)
         self.draft.add_lane(tail, head, speed_mps=speed, options=options, bends=line)
