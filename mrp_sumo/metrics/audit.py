@@ -211,9 +211,10 @@ def _wheels(execution: Execution, fleet: Fleet) -> list[dict[str, Any]]:
         along, turned, middle = np.stack([np.diff(x), np.diff(y)]), np.abs(np.diff(yaw)), (yaw[1:] + yaw[:-1]) / 2
         ahead, aside = along[0] * np.cos(middle) + along[1] * np.sin(middle), along[1] * np.cos(middle) - along[0] * np.sin(middle)
         moved, least_m = np.hypot(*along), vehicle.kinematics.least_radius_m
+        chord_m = 2 * least_m * np.sin(np.minimum(turned, np.pi) / 2)  # of the tightest arc
         checks = (
-            ("radius", turned * least_m > moved * (1 + WHEEL_SLACK) + WHEEL_SLACK_M, moved / np.maximum(turned, 1e-12), least_m),
-            ("side slip", np.abs(aside) > moved * turned / 4 + WHEEL_SLACK_M, np.abs(aside), 0.0),
+            ("radius", chord_m > moved * (1 + WHEEL_SLACK) + WHEEL_SLACK_M, moved / np.maximum(turned, 1e-12), least_m),
+            ("side slip", np.abs(aside) > moved * turned / 2 + WHEEL_SLACK_M, np.abs(aside), 0.0),
             ("reverse", (ahead < -WHEEL_SLACK_M) & (not vehicle.kinematics.reverse), -ahead, 0.0),
         )
         for kind, is_wrong, value, limit in checks:

@@ -127,7 +127,7 @@ def wheels_of(run: Execution, problem: Problem) -> list[str]:
         moved, turned, mean = np.hypot(np.diff(x), np.diff(y)), np.abs(np.diff(yaw)), (yaw[1:] + yaw[:-1]) / 2
         aside = np.abs(np.diff(y) * np.cos(mean) - np.diff(x) * np.sin(mean))
         back = np.diff(x) * np.cos(mean) + np.diff(y) * np.sin(mean) < -2e-3
-        if (turned * each.kinematics.least_radius_m > 1.02 * moved + 3e-3).any():
+        if (2 * each.kinematics.least_radius_m * np.sin(turned / 2) > 1.02 * moved + 3e-3).any():
             faults.append(f"robot_{r} turns too tightly")
         if (aside > 0.25 * moved * turned + 3e-3).any():
             faults.append(f"robot_{r} slips aside")

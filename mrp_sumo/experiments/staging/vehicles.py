@@ -11,8 +11,8 @@ from mrp_sumo.core.graph import FloatArray, frozen
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError, ScenarioError
 from mrp_sumo.io.scenario.file import ScenarioFile
-from mrp_sumo.traffic.moves import standing_at_starts
-from mrp_sumo.traffic.turns import BACKWARD, FORWARD, course_rad, gears_of
+from mrp_sumo.traffic.moves import off_rad, standing_at_starts
+from mrp_sumo.traffic.turns import BACKWARD, FORWARD, MAY_STAND_RAD, course_rad, gears_of
 
 
 def with_vehicles(file: ScenarioFile, problem: Problem) -> Problem:
@@ -29,13 +29,21 @@ def with_vehicles(file: ScenarioFile, problem: Problem) -> Problem:
 
 
 def _along_lanes(problem: Problem) -> FloatArray:
-    """[R] headings at starts: those that are given, and of vehicles that of the lane by which they can leave, forward if they may."""
+    """[R] headings at starts: those that are given, and of vehicles that of the lane by which they leave.
+
+    That is one along which they can drive forward, that does not end in a dead end, and that goes straight on from a lane to the start.
+    """
     graph, fleet, heading = problem.graph, problem.fleet, problem.heading_at_start.copy()
     course = course_rad(graph)
     for r in np.flatnonzero(fleet.is_vehicle & np.isnan(heading) & (fleet.behind_m == 0)).tolist():
         v, allowed = int(problem.start[r]), gears_of(graph, fleet.types[int(fleet.kind[r])])
-        lanes = np.arange(graph.first[v], graph.first[v + 1])
-        for gear in (FORWARD, BACKWARD):
-            if len(some := lanes[allowed[lanes, gear] > 0]) and np.isnan(heading[r]):
-                heading[r] = (course[some[0]] + gear * np.pi + np.pi) % (2 * np.pi) - np.pi
+        came = course[graph.head == v]
+        ranked = []
+        for lane in range(int(graph.first[v]), int(graph.first[v + 1])):
+            ends = bool((graph.head[graph.first[graph.head[lane]] : graph.first[graph.head[lane] + 1]] == v).all())
+            bent = not (off_rad(came, float(course[lane])) <= MAY_STAND_RAD).any()
+            ranked += [(gear, ends, bent, lane) for gear in (FORWARD, BACKWARD) if allowed[lane, gear]]
+        if ranked:
+            gear, _, _, lane = min(ranked)
+            heading[r] = (course[lane] + gear * np.pi + np.pi) % (2 * np.pi) - np.pi
     return heading
