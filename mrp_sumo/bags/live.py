@@ -65,7 +65,7 @@ class LiveMessages:
             t_s=np.array([state.now_s]),
             x_m=x[None],
             y_m=y[None],
-            yaw_rad=((motion.yaw_rad + np.pi) % (2 * np.pi) - np.pi)[None],
+            yaw_rad=((ledger.yaw_rad + np.pi) % (2 * np.pi) - np.pi)[None],
             speed_mps=motion.speed_mps[None].copy(),
             goal_s=np.where(ledger.state.home, ledger.state.waits.goal_s, np.nan) if execution.tasks is None else execution.goal_s,
             level=None if execution.level is None else level[None],

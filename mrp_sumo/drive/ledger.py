@@ -148,6 +148,14 @@ class Ledger:
         return ~(np.abs(away) > TURNED_RAD)
 
     @property
+    def yaw_rad(self) -> FloatArray:
+        """[R] headings of the robots: of vehicles about, along their lane or backward."""
+        visits, yaw = self.visits, self.state.motion.yaw_rad
+        ahead = visits.next[visits.reached]
+        under_way = (ahead >= 0) & (self.state.motion.s_m > visits.at_m[visits.reached])
+        return yaw + np.pi * visits.gear[np.where(under_way, ahead, visits.reached)] if self.is_vehicle.any() else yaw
+
+    @property
     def joint(self) -> IntArray:
         """[R] the visits after which new ways begin: those of the cut while there is one, else the last that robots have been granted."""
         return self.visits.granted.copy() if self._cut is None else self._cut

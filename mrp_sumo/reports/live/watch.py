@@ -146,7 +146,7 @@ class Telling(Listener):
         row = np.zeros(len(state.motion.s_m), SAMPLE)
         cells = frame.cells(shown.bodies.positions())
         row["x"], row["y"] = cells[:, 0], cells[:, 1]
-        row["yaw"] = np.rint(np.nan_to_num(state.motion.yaw_rad) * (128 / np.pi)).astype(np.int64) % 256
+        row["yaw"] = np.rint(np.nan_to_num(shown.ledger.yaw_rad) * (128 / np.pi)).astype(np.int64) % 256
         moving = (np.abs(state.motion.speed_mps) >= STANDING_MPS) | state.motion.turning
         row["state"] = np.where(moving, MOVING, np.where(state.waits.stuck, BLOCKED, WAITING))
         if self._has_tasks:
