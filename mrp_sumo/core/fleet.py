@@ -75,6 +75,12 @@ class Fleet:
         return np.array([each.radius_m for each in self.types])[self.kind] if self.vehicle_of_kind else circle
 
     @property
+    def max_load_kg(self) -> FloatArray:
+        """[R] weight of the heaviest order that each robot can carry; inf: any."""
+        most = [np.inf if each.max_load_kg is None else each.max_load_kg for each in self.types]
+        return np.array(most)[self.kind] if most else np.full(self.num_robots, np.inf)
+
+    @property
     def is_by_load(self) -> bool:
         """True if robots are of other types with a load, since some lanes are for those with one or without only."""
         return self.loaded is not None and bool((self.loaded.kind != self.kind).any())

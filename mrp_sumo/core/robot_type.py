@@ -162,6 +162,7 @@ class RobotShape(Options):
 
     loaded: Loaded | None = field(default=None, metadata=meaning("What is different with a load; by default nothing is."))
     actions: Actions | None = field(default=None, metadata=meaning("What takes time at stops beside the service; by default nothing does."))
+    max_load_kg: float | None = option(None, "Heaviest order that it can carry; any by default.", **OF_BATTERY)
     capacity: int = option(1, "Orders on board at once, for a dispatcher that bundles.", ge=1, le=100)
 
     def __post_init__(self) -> None:

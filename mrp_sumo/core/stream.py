@@ -65,6 +65,7 @@ class TaskStream:
     due_after_s: float = inf
     priority: int = 0
     robot_type: str = ""  # that the tasks need
+    load_kg: float = 0.0  # what each weighs
     robot: int = NOBODY  # that does them all
     seed: int = 0
     number: int = 0  # of the stream in its scenario
@@ -89,7 +90,7 @@ class TaskStream:
             route = self.routes[min(int(np.searchsorted(share, rngs[ROUTES].random(), side="right")), len(share) - 1)]
             stops = tuple(self._stop(k, station, rngs[SERVICE]) for k, station in enumerate(route))
             due_s, name = release_s + self.due_after_s, f"{self.name}_{n}"
-            yield Task(n, stops, release_s, due_s, self.priority, self.robot, name, robot_type=self.robot_type)
+            yield Task(n, stops, release_s, due_s, self.priority, self.robot, name, robot_type=self.robot_type, load_kg=self.load_kg)
 
     def _stop(self, k: int, station: Station, rng: np.random.Generator) -> Stop:
         service_s = self.service[min(k, len(self.service) - 1)].draw(rng) if self.service else 0.0

@@ -67,6 +67,7 @@ class Task:
     name: str = ""
     kind: str = ORDER  # or CHARGE, which the fleet makes for itself
     robot_type: str = ""  # the only one that can do it; '': any can
+    load_kg: float = 0.0  # what it weighs
 
     def __post_init__(self) -> None:
         if not self.stops:

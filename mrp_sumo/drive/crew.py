@@ -36,6 +36,7 @@ class Crew:
         num_robots = ledger.problem.num_robots
         self.ledger, self.problem, self.settings, self.ahead_steps = ledger, ledger.problem, settings, ahead_steps
         self.orders = Orders(settings.tasks, settings.cancel)
+        self._max_load_kg = ledger.problem.fleet.max_load_kg
         self.places = RobotPlaces(self.problem, settings.parking)
         self.robots = [RobotWork(r) for r in range(num_robots)]
         self.seen = np.arange(num_robots)  # [R] the last visit of each robot that has been looked at
@@ -134,12 +135,14 @@ class Crew:
     def is_for(self, robot: int, task: int) -> bool:
         """True if a task needs no robot, or no type of robot, other than that."""
         needs, types = self.tasks[task], self.problem.fleet.type_name
-        return needs.robot in (NOBODY, robot) and (not needs.robot_type or types[robot] == needs.robot_type)
+        can_carry = needs.load_kg <= float(self._max_load_kg[robot])
+        return can_carry and needs.robot in (NOBODY, robot) and (not needs.robot_type or types[robot] == needs.robot_type)
 
     def some_cannot(self, task: int) -> bool:
         """True if a task is not for every robot."""
         needs = self.tasks[task]
-        return needs.robot != NOBODY or bool(needs.robot_type) or self.problem.barred is not None
+        is_heavy = needs.load_kg > float(self._max_load_kg.min(initial=np.inf))
+        return is_heavy or needs.robot != NOBODY or bool(needs.robot_type) or self.problem.barred is not None
 
     def has_yet_to_begin(self, robot: RobotWork) -> bool:
         """True if a robot has an order and has not come to its first stop, nor is about to."""

@@ -139,6 +139,8 @@ def _check(crew: Crew, assigned: Iterable[tuple[int, int]]) -> None:
         if needs.robot not in (NOBODY, wrong[0]):
             raise PlugInError(f"order '{needs.name}' is for {crew.problem.fleet.robot_name[needs.robot]}, not for {name}")
         if not crew.is_for(*wrong):
+            if needs.load_kg > (most_kg := float(crew.problem.fleet.max_load_kg[wrong[0]])):
+                raise PlugInError(f"order '{needs.name}' weighs {needs.load_kg:g} kg, {name} carries {most_kg:g} kg at most")
             raise PlugInError(f"order '{needs.name}' needs a robot of type '{needs.robot_type}', {name} is none")
         raise PlugInError(f"order '{needs.name}' is nothing for {name}, which has no room on the way")
 

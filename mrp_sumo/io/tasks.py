@@ -42,6 +42,7 @@ class TaskNames:
     cells: Callable[[], BoolArray]  # the free cells [H, W] of a MovingAI map, row 0 the uppermost
     robot_types: Sequence[str] = ()  # of the fleet
     robots: Sequence[str] = ()  # names
+    max_load_kg: Sequence[float] = ()  # [R] that robots can carry; empty: any
 
 
 def sources_of(choice: TasksChoice, site: TaskNames, seed: int, step_s: float, num_robots: int) -> tuple[TaskSource, ...]:
@@ -88,7 +89,7 @@ class _Names:
 
     def __init__(self, choice: TasksChoice, site: TaskNames) -> None:
         self._vertex_of, self._known, self.at, self._group = site.vertex_of, site.known, site.at, choice.groups
-        self._robot_types, self._robots = site.robot_types, site.robots
+        self._robot_types, self._robots, self._max_load_kg = site.robot_types, site.robots, site.max_load_kg
         self._orders: dict[str, str] = {}  # where each was named
         self._station = {
             name: Station(
@@ -130,6 +131,14 @@ class _Names:
             raise ScenarioError(f"{self.at(*place)}: no robot is of type '{name}', the fleet's are {had}{nearest(name, known)}")
         return name
 
+    def load_kg(self, place: Place, load_kg: float, robot_type: str, robot: int) -> float:
+        """The weight of an order, which somebody that it is for has to be able to carry."""
+        able = [robot] if robot != NOBODY else [r for r, name in enumerate(self._robot_types) if robot_type in ("", name)]
+        most_kg = max((self._max_load_kg[r] for r in able), default=math.inf) if self._max_load_kg else math.inf
+        if load_kg > most_kg:
+            raise ScenarioError(f"{self.at(*place)}: found {load_kg:g}, but the robots that the order is for carry {most_kg:g} kg at most")
+        return load_kg
+
     def robot(self, place: Place, name: str, robot_type: str) -> int:
         """The robot that a task is for, which has to be of the type that it needs."""
         if not name:
@@ -163,7 +172,8 @@ def _task(names: _Names, place: Place, task: TaskChoice, number: int) -> Task:
     due_s = math.inf if task.due_s is None else task.due_s
     name, robot_type = names.order(place, task.name or f"task_{number}"), names.robot_type((*place, "robot_type"), task.robot_type)
     robot = names.robot((*place, "robot"), task.robot, robot_type)
-    return Task(number, stops, task.release_s, due_s, task.priority, robot, name, robot_type=robot_type)
+    load_kg = names.load_kg((*place, "load_kg"), task.load_kg, robot_type, robot)
+    return Task(number, stops, task.release_s, due_s, task.priority, robot, name, robot_type=robot_type, load_kg=load_kg)
 
 
 def _file(names: _Names, site: TaskNames, path: Path, num_robots: int, begin: int) -> TaskSource:
@@ -269,7 +279,8 @@ def _stream(names: _Names, place: Place, stream: StreamChoice, number: int, seed
         due_after_s=stream.due_after_s or math.inf,
         priority=stream.priority,
         robot_type=names.robot_type((*place, "robot_type"), stream.robot_type),
-        robot=names.robot((*place, "robot"), stream.robot, stream.robot_type),
+        robot=(robot := names.robot((*place, "robot"), stream.robot, stream.robot_type)),
+        load_kg=names.load_kg((*place, "load_kg"), stream.load_kg, stream.robot_type, robot),
         seed=seed,
         number=number,
         step_s=step_s,

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from floors import BATTERY, driven, ring, scenario
+from floors import BATTERY, SMALL, driven, ring, scenario
 from lif_worlds import edge, lif, node
 
 from mrp_sumo.core.execution import Execution, Outcome
@@ -15,6 +15,7 @@ from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.experiments.audit_work import logs_of
 from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.io.run_reader import load_run
+from mrp_sumo.io.scenario.read import scenario_of
 from mrp_sumo.metrics.audit import audit
 from mrp_sumo.metrics.operations.audit import operations_audit
 
@@ -203,3 +204,40 @@ def test_bad_shapes_are_refused_in_one_line(tmp_path, shape, says):
     with pytest.raises(MrpSumoError) as refused:
         driven(scenario(ring(tmp_path), TWO_ORDERS, starts=["c1"], shape=shape))
     assert says in str(refused.value) and "\n" not in str(refused.value)
+
+
+def two_types(tmp_path, tasks):
+    """A robot that carries 50 kg right before A, and one that carries 60 kg on the other side of the ring."""
+    shapes = [{**SMALL, "max_load_kg": kg} for kg in (50, 60)]
+    values = {
+        "map": str(ring(tmp_path)),
+        "discretisation": {"kind": "roadmap", "cell_m": 1.0},
+        "robots": [{"type": shape, "starts": [at]} for shape, at in zip(shapes, ("c1", "c3"))],
+        "planner": "lacam",
+        "tasks": tasks,
+        "execution": {"engine": "kinematic", "dispatcher": "nearest"},
+    }
+    return scenario_of(values, tmp_path, "two")
+
+
+@pytest.mark.parametrize(
+    ("order", "says"),
+    [
+        ({"load_kg": 60.5}, r"load_kg: found 60.5, but the robots that the order is for carry 60 kg at most"),
+        ({"load_kg": 60, "robot_type": "custom_0"}, r"load_kg: found 60, but the robots that the order is for carry 50 kg at most"),
+        ({"load_kg": 60, "robot": "robot_0"}, r"load_kg: found 60, but the robots that the order is for carry 50 kg at most"),
+        ({"load_kg": -1}, r"load_kg: found -1, expected 0 or more"),
+    ],
+)
+def test_loads_that_are_too_heavy_are_refused(tmp_path, order, says):
+    with pytest.raises(MrpSumoError, match=says):
+        driven(two_types(tmp_path, [{"stops": ["A", "B"], **order}]))
+
+
+@pytest.mark.parametrize(("load_kg", "robot"), [(50.0, 0), (50.5, 1)])
+def test_a_heavy_load_goes_to_who_can_carry_it(tmp_path, load_kg, robot):
+    result = driven(two_types(tmp_path, [{"stops": ["A", "B"], "load_kg": load_kg, "service_s": 2}]))
+    assert result.execution.tasks.robot.tolist() == [robot] and result.operations_audit["passed"], result.note
+    logs = logs_of(result)
+    weaker = operations_audit(replace(logs, terms=replace(logs.terms, max_load_kg=(49.0, 49.0))))
+    assert f"the order is for robots that carry {load_kg:g} kg" in weaker["findings"][0]["text"]

@@ -118,7 +118,7 @@ def oldest_first(assigned: Mapping[int, int], context: Surroundings) -> dict[int
 
 def _kind(task: Task) -> Hashable:
     """The same for tasks that cost robots the same ways."""
-    return task.priority, task.robot, task.robot_type, tuple(stop.places for stop in task.stops)
+    return task.priority, task.robot, task.robot_type, task.load_kg, tuple(stop.places for stop in task.stops)
 
 
 def _service_s(task: Task) -> float:

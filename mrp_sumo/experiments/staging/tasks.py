@@ -87,4 +87,4 @@ def _site_of_tasks(file: ScenarioFile, nav: NavGraph, graph: PlanGraph, fleet: F
             raise ScenarioError(f"{file.at('tasks', 'file')}: .tasks count the cells of a MovingAI map, but the map is '{path.name}'")
         return read_map(path)
 
-    return TaskNames(vertex_of, nav.vertex_name, file.at, file.folder, cells, fleet.type_name, fleet.robot_name)
+    return TaskNames(vertex_of, nav.vertex_name, file.at, file.folder, cells, fleet.type_name, fleet.robot_name, fleet.max_load_kg.tolist())

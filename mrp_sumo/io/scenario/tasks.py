@@ -48,6 +48,7 @@ class TaskChoice(Strict):
     priority: int = Field(0, description="More is more urgent.")
     service_s: TaskTime | list[TaskTime] = Field(0.0, description="Service time at every stop, or a list with one for each.")
     robot_type: str = Field("", description="The only type of robot that can do it; by default any can.")
+    load_kg: Annotated[float, Field(ge=0, le=1e6)] = Field(0.0, description="Weight; only types that can carry it do it (`max_load_kg`).")
     robot: str = Field("", description="Name of the only robot that may do it, such as robot_0; by default any may.")
 
     @model_validator(mode="after")
@@ -76,6 +77,7 @@ class StreamChoice(Strict):
     due_after_s: Positive | None = Field(None, description="Due so long after the release.")
     priority: int = Field(0, description="More is more urgent.")
     robot_type: str = Field("", description="The only type of robot that can do these orders; by default any can.")
+    load_kg: Annotated[float, Field(ge=0, le=1e6)] = Field(0.0, description="Weight of each, as tasks.list[].load_kg.")
     robot: str = Field("", description="Name of the only robot that may do these orders; by default any may.")
 
     @model_validator(mode="after")

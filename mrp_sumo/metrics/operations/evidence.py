@@ -31,6 +31,7 @@ class Terms:
     sources: tuple[TaskSource, ...]  # of orders
     type_name: tuple[str, ...]  # [R]
     capacity: tuple[int, ...] = ()  # [R] orders on board at once; empty: one each
+    max_load_kg: tuple[float, ...] = ()  # [R] that robots can carry; empty: any
     batteries: tuple[Battery, ...] = ()  # [R] of each robot; empty: not known, or none
     batteries_loaded: tuple[Battery, ...] = ()  # [R] of each robot with a load; empty: the same
     handling: Handling = field(default_factory=Handling)  # how long stops take beside their services
@@ -108,6 +109,8 @@ class Logs:
 
     def is_for(self, robot: int, order: Task) -> bool:
         """True if an order needs no robot, or no type of robot, other than that."""
+        if self.terms.max_load_kg and order.load_kg > self.terms.max_load_kg[robot]:
+            return False
         return order.robot in (NOBODY, robot) and (not order.robot_type or self.terms.type_name[robot] == order.robot_type)
 
     def was_in(self, states: Sequence[int], robot: int, begin_s: float, end_s: float) -> bool | None:

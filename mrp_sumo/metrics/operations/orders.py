@@ -136,7 +136,8 @@ def _as_asked(logs: Logs, row: int, order: Task, nth: int) -> Iterator[Finding]:
     """A stop is made by a robot that the order is for, at a place of the one that was asked for, and takes as long."""
     stops = logs.stops
     if not logs.is_for(int(stops.robot[row]), order):
-        whom = logs.robot(order.robot) or f"robots of type '{order.robot_type}'"
+        others = f"robots of type '{order.robot_type}'" if order.robot_type else f"robots that carry {order.load_kg:g} kg"
+        whom = logs.robot(order.robot) or others
         yield logs.of_stop("stops in order", row, f"the order is for {whom}")
     if nth >= len(order.stops):
         yield logs.of_stop("stops in order", row, f"is stop {nth + 1} of {len(order.stops)}")

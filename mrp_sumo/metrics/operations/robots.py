@@ -180,7 +180,9 @@ def passed_over(logs: Logs) -> Iterator[Finding]:
     service_s = {k: sum(stop.service_s for stop in order.stops) for k, order in logs.ordered.items()}
     kinds: dict[Hashable, list[int]] = {}
     for k, order in sorted(logs.ordered.items()):
-        kinds.setdefault((order.priority, order.robot, order.robot_type, tuple(stop.places for stop in order.stops)), []).append(k)
+        kinds.setdefault(
+            (order.priority, order.robot, order.robot_type, order.load_kg, tuple(stop.places for stop in order.stops)), []
+        ).append(k)
     for kind in kinds.values():
         numbers, lasts_s = np.array(kind), np.array([service_s[k] for k in kind])
         opened_s, assigned_s = tasks.opened_s[numbers], tasks.assigned_s[numbers]
