@@ -27,6 +27,21 @@ class Breakdown(Options):
     duration_s: float | None = option(None, FOR_GOOD, **DURATION)
 
 
+MAINTAINED = "is maintained"
+
+
+@dataclass(frozen=True)
+class Failure:
+    """A breakdown that comes with use. It stands in the way for a while at most, and may be moved from then on."""
+
+    robot: int
+    begin_s: float
+    duration_s: float
+    stands_s: float = inf
+    speed_mps: float = inf  # at most, of one that is moved
+    text: str = "breaks down"
+
+
 @dataclass(frozen=True)
 class Obstacle(Options):
     """Something that stands on the floor for a while: a pallet, a human. Lanes within its radius plus that of a robot

@@ -141,6 +141,14 @@ class Actions(Options):
     dock: ServiceTime | None = field(default=None, metadata=meaning("At stations with this action."))
 
 
+@dataclass(frozen=True)
+class Maintenance(Options):
+    """Planned maintenance."""
+
+    every_h: float = field(metadata=meaning("Hours with an order between two.", gt=0, le=1e6))
+    takes_s: float = field(metadata=meaning("Time that it takes, the way to where it is done included.", gt=0, le=1e9))
+
+
 OF_LOADED = {"speed_mps": "max_speed_mps"}  # whose names differ
 
 
@@ -165,9 +173,26 @@ class RobotShape(Options):
     max_load_kg: float | None = option(None, "Heaviest order that it can carry; any by default.", **OF_BATTERY)
     capacity: int = option(1, "Orders on board at once, for a dispatcher that bundles.", ge=1, le=100)
 
+    mtbf_h: float | None = option(None, "Mean hours with an order between two failures, in runs with tasks; none by default.", gt=0, le=1e6)
+    mtbf_shape: float = option(1.0, "Shape of their Weibull distribution; 1: exponential, above: by wear.", ge=0.1, le=100)
+    mttr_h: float | None = option(None, "Mean hours to repair, exponential.", gt=0, le=1e6)
+    mttr_sigma: float | None = option(None, "Of a lognormal time to repair instead: standard deviation of its logarithm.", ge=0, le=5)
+    tow_s: float | None = option(
+        None,
+        "Time after which people push a broken robot out of the way at 0.5 m/s, to `tasks.parking` if there is a place; it stands where it "
+        "is until it is repaired by default, and where it is being served.",
+        ge=0,
+        le=1e9,
+    )
+    maintenance: Maintenance | None = field(
+        default=None,
+        metadata=meaning("As soon as it is done with its order, out of the way or at a place of `tasks.parking`; none by default."),
+    )
+
     def __post_init__(self) -> None:
         super().__post_init__()
         self._check_loaded()
+        self._check_availability()
         wheels = self.kinematics
         if wheels.kind == "differential" and self.turn_rate_rad_s is None:
             raise OptionError("turn_rate_rad_s is missing, expected the rate of turning in place, or kinematics of a type that does not")
@@ -194,6 +219,16 @@ class RobotShape(Options):
                 raise OptionError(f"loaded.{key} is {size_m:g}, expected at least {key}, {getattr(self, key):g}")
         if loaded.mass_kg is not None and self.battery is None:
             raise OptionError("loaded.mass_kg has no effect without a battery")
+
+    def _check_availability(self) -> None:
+        if (self.mtbf_h is None) != (self.mttr_h is None):
+            given, missing = ("mttr_h", "mtbf_h") if self.mtbf_h is None else ("mtbf_h", "mttr_h")
+            raise OptionError(f"{given} without {missing}, expected both: a robot that fails is repaired")
+        if self.mtbf_h is None:
+            wrong = next((key for key in ("mttr_sigma", "tow_s") if getattr(self, key) is not None), "")
+            wrong = "mtbf_shape" if self.mtbf_shape != 1.0 else wrong
+            if wrong:
+                raise OptionError(f"{wrong} without mtbf_h and mttr_h, expected these, too")
 
     @property
     def with_load(self) -> Self:

@@ -29,13 +29,13 @@ class Chargers:
         crew, charging = self._crew, self._charging
         due, self._go_first = (crew.level <= charging.critical) | self._go_first, np.zeros(len(crew.robots), np.bool_)
         for robot in crew.robots:
-            if due[robot.number] and not (robot.charges or robot.is_out):
+            if due[robot.number] and not (robot.charges or robot.is_down):
                 if crew.has_yet_to_begin(robot):
                     crew.take_back(robot, now_s)
                 if robot.task == NONE:
                     crew.charge(robot, self._station, now_s)
         if charging.opportunity:
-            free = [robot for robot in crew.robots if robot.task == NONE and not robot.is_out]
+            free = [robot for robot in crew.robots if robot.task == NONE and not robot.is_down]
             self._use_chargers(free, now_s)
             self._call_off(max(0, len(crew.orders.waiting) - len(free)), now_s)
 

@@ -60,7 +60,7 @@ class Crew:
     @property
     def free(self) -> list[int]:
         """Robots without a task, ascending; also those that will be done with theirs when what is asked for now takes effect."""
-        return [robot.number for robot in self.robots if robot.is_free or (robot.leaves and self._is_last(robot))]
+        return [robot.number for robot in self.robots if robot.is_free or (robot.leaves and self._is_last(robot) and not robot.is_called)]
 
     @property
     def holder(self) -> dict[int, int]:
@@ -178,7 +178,7 @@ class Crew:
 
     def follow(self, robot: RobotWork, now_s: float) -> None:
         """End a robot's service that is over, and have it make the stops to which it has come."""
-        if robot.is_out:
+        if robot.is_down:
             return
         if robot.making is not None:
             if robot.making.end_s > now_s + 1e-9:

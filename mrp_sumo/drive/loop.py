@@ -46,6 +46,7 @@ from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.drive.stalling import STALLED_S
 from mrp_sumo.drive.state import NEVER, Tape, tape_for
 from mrp_sumo.drive.surroundings import Surroundings
+from mrp_sumo.drive.wear import Wear
 from mrp_sumo.drive.work import Work
 from mrp_sumo.drive.work_request import WorkRequest, still_fits
 from mrp_sumo.drive.world import World
@@ -173,6 +174,9 @@ class Drive:
             about = settings.start_level, settings.seed, period_s
             self.batteries = Batteries(settings.batteries, fleet.kind, *about, settings.batteries_loaded)
             self._most_per_s = self.batteries.most_per_s(fleet)
+        problem = self.ledger.problem
+        types = problem.fleet.types
+        self.wear = Wear([types[k] for k in problem.fleet.kind.tolist()] if types else (), settings.seed)
         self.context = Surroundings(self.ledger, self.world, self.tasks, self._plan)
         self.rolling = Rolling(self.settings, self.context, self.work, self.controller)
         self._loads = [(0.0, self.crew.loads)]  # [R] loads on board, since when
@@ -222,7 +226,7 @@ class Drive:
                 records.samples.settle(self.ledger)
                 cycle.forget(self.crew.seen)
             self._find(cycle.go(sent=self._send_robots_on()))
-            if alone and self.world.is_calm:
+            if alone and self.world.calm_until_s(self.now_s) > self.now_s:
                 self._go_on(records)
         self.wall_s, self.cpu_s = time.perf_counter() - wall, time.process_time() - cpu
 
@@ -257,7 +261,13 @@ class Drive:
         until = cycle.step + len(row) * settings.steps_per_sample
         for every in (max(1, round(decides_every_s / dt)) if decides_every_s else until, until if quiet else self._look_every):
             until = min(until, -(-cycle.step // every) * every)
-        for due_s in (settings.time_limit_s, records.witness.due_s, self._wake_s, quiet_until_s if quiet else np.inf):
+        for due_s in (
+            settings.time_limit_s,
+            records.witness.due_s,
+            self._wake_s,
+            self.world.calm_until_s(cycle.now_s),
+            quiet_until_s if quiet else np.inf,
+        ):
             until = min(until, math.ceil(steps)) if (steps := due_s / dt - 1e-9) < np.inf else until
         if until <= cycle.step:
             return
@@ -324,7 +334,7 @@ class Drive:
         """When something is to be decided that is known by now, but for what robots have yet to do."""
         if not self.settings.tasks:
             return math.inf
-        return min(self.tasks.wake_s, math.inf if self.rolling.answer is None else self.rolling.answer.ready_s)
+        return min(self.tasks.wake_s, self.wear.wake_s, math.inf if self.rolling.answer is None else self.rolling.answer.ready_s)
 
     def _close(self) -> None:
         """What is still going on ends with the run."""
@@ -401,7 +411,10 @@ class Drive:
                 self.events.append(self.world.strand(robot, self.now_s))
                 self.crew.lose(self.crew.robots[robot], self.now_s, Change.EMPTIED)
             level = self.batteries.level
-        self.tasks.update(self.now_s, level, self.world.down_until_s)
+        self.tasks.update(self.now_s, level, self.world.down_until_s, self.world.stands_until_s)
+        if self.wear.any:
+            for failure in self.wear.look(self.now_s, self.crew.robots):
+                self.world.add(failure)
         self._note_loads()
         self.events += self.crew.drain()
 

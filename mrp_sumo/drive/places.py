@@ -129,7 +129,7 @@ class RobotPlaces:
                 vertex[r] = aside
                 taken.add(aside)
                 continue
-            shuts_in = [way for doors, way in comes_out if not doors.isdisjoint(stop.places)]
+            shuts_in = [route for doors, route in comes_out if not doors.isdisjoint(stop.places)]
             place = self._nearest(r, at, [v for v in stop.places if reach[v] < UNREACHABLE], taken.union(*shuts_in))
             past = _before(at, [route for other, route in ways if other.places == stop.places], reach).union(*shuts_in)
             if place is not None:

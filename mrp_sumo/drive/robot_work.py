@@ -35,6 +35,7 @@ class Condition(StrEnum):
     SOUND = "sound"
     STALLED = "stalled"  # it does not get on, for nothing that the work itself asks for
     BROKEN = "broken"  # for a while
+    TOWED = "towed"  # broken, too, and pushed out of the way of others
     LOST = "lost"  # broken for good
     EMPTY = "empty"  # for good, too
 
@@ -67,14 +68,20 @@ class Change(Enum):
     STALLS = Rule("it has made no progress for a minute", None, {Condition.SOUND: Condition.STALLED})
     GETS_ON = Rule("it makes progress again", None, {Condition.STALLED: Condition.SOUND})
     BREAKS = Rule("it breaks down for a while", None, dict.fromkeys(_UNHARMED, Condition.BROKEN))
-    MENDED = Rule("its breakdown is over", None, {Condition.BROKEN: Condition.SOUND})
-    LOST = Rule("it breaks down for good", dict.fromkeys(Duty, Duty.IDLE), dict.fromkeys((*_UNHARMED, Condition.BROKEN), Condition.LOST))
+    TOWED = Rule("it is broken, and pushed from now on", None, {Condition.BROKEN: Condition.TOWED})
+    MENDED = Rule("its breakdown is over", None, dict.fromkeys((Condition.BROKEN, Condition.TOWED), Condition.SOUND))
+    LOST = Rule(
+        "it breaks down for good",
+        dict.fromkeys(Duty, Duty.IDLE),
+        dict.fromkeys((*_UNHARMED, Condition.BROKEN, Condition.TOWED), Condition.LOST),
+    )
     EMPTIED = Rule("its battery runs empty", dict.fromkeys(Duty, Duty.IDLE), dict.fromkeys(tuple(Condition)[:-1], Condition.EMPTY))
 
 
 LOGGED = {  # of `core.robot_states`, where the condition says it all
     Condition.STALLED: robot_states.STALLED,
     Condition.BROKEN: robot_states.BROKEN,
+    Condition.TOWED: robot_states.BROKEN,
     Condition.LOST: robot_states.BROKEN,
     Condition.EMPTY: robot_states.EMPTY,
 }
@@ -128,6 +135,7 @@ class RobotWork:
     earliest_s: float = 0.0  # before which the next stop cannot begin
     moved_s: float = 0.0  # when it last got on, or stood for the work's sake
     loads: int = 0  # on board
+    is_called: bool = False  # whether it is to be maintained, and is given no more orders before
     idle_s: tuple[float, float] = (0.0, 0.0)  # that it had stood on its way, and where it was sent, when it set out
     _rows: list[tuple[int, float, int]] = field(default_factory=lambda: [(robot_states.IDLE, 0.0, NONE)])  # state, since, task
 
@@ -152,9 +160,24 @@ class RobotWork:
         return self.condition in OUT
 
     @property
+    def is_broken(self) -> bool:
+        """True if it is broken for a while, be it in the way or pushed out of it."""
+        return self.condition in (Condition.BROKEN, Condition.TOWED)
+
+    @property
+    def is_down(self) -> bool:
+        """True if it is broken or gone."""
+        return self.is_broken or self.is_gone
+
+    @property
+    def is_at_order(self) -> bool:
+        """True if it is sound and has an order."""
+        return self.task != NONE and not self.charges and not self.is_down
+
+    @property
     def is_free(self) -> bool:
         """True if it can be given a task."""
-        return self.duty is Duty.IDLE and self.condition is Condition.SOUND
+        return self.duty is Duty.IDLE and self.condition is Condition.SOUND and not self.is_called
 
     @property
     def is_gone(self) -> bool:

@@ -32,11 +32,11 @@ class Progress:
         robots = self._crew.robots
         if not self._crew.orders.num_open or not any(_is_at_work(robot) for robot in robots):
             return True
-        return any(robot.making is not None or robot.condition is Condition.BROKEN for robot in robots)
+        return any(robot.making is not None or robot.is_broken for robot in robots)
 
     def is_steady(self, now_s: float) -> bool:
         """True if a look would see nothing but that others get on: nobody is stalled or broken for a while, and stops are being made."""
-        if self._stands or any(robot.condition in (Condition.STALLED, Condition.BROKEN) for robot in self._crew.robots):
+        if self._stands or any(robot.condition is Condition.STALLED or robot.is_broken for robot in self._crew.robots):
             return False
         return now_s - self.made_s < STANDS_S / 2 or self.gets_done
 
@@ -61,7 +61,7 @@ class Progress:
             {at[each.number] for each in crew.robots if each.is_gone},
         )
         for robot in crew.robots:
-            if not robot.is_on_the_road or robot.is_out:
+            if not robot.is_on_the_road or robot.is_down:
                 continue
             if robot.condition is Condition.STALLED:
                 if robot.moved_s == now_s:
@@ -81,7 +81,7 @@ class Progress:
         stalled = [robot for robot in robots if robot.condition is Condition.STALLED]
         if self._stands or any(now_s - robot.moved_s >= STANDS_S for robot in stalled):
             return True
-        if np.isinf(open_since_s) or any(robot.condition is Condition.BROKEN for robot in robots):
+        if np.isinf(open_since_s) or any(robot.is_broken for robot in robots):
             return False
         if any(robot.condition is Condition.SOUND and robot.duty is not Duty.IDLE for robot in robots):
             return False
@@ -136,4 +136,4 @@ class Progress:
 
 
 def _is_at_work(robot: RobotWork) -> bool:
-    return robot.task != NONE and not robot.is_out
+    return robot.task != NONE and not robot.is_down

@@ -31,7 +31,13 @@ class Work:
         self.wake_s = 0.0  # when something will have changed that is known already
         self._again_s = 0.0
 
-    def update(self, now_s: float, level: FloatArray | None = None, down_until_s: FloatArray | None = None) -> None:
+    def update(
+        self,
+        now_s: float,
+        level: FloatArray | None = None,
+        down_until_s: FloatArray | None = None,
+        stands_until_s: FloatArray | None = None,
+    ) -> None:
         """Note what robots have done by now; reveal tasks; see who has to charge.
 
         Parameters
@@ -40,6 +46,8 @@ class Work:
             [R] states of charge, where robots have batteries.
         down_until_s
             [R] until when robots are broken, inf: for good.
+        stands_until_s
+            [R] until when those stand where they are; as long as they are broken by default.
         """
         crew = self.crew
         for robot in crew.robots:
@@ -47,6 +55,8 @@ class Work:
                 crew.follow(robot, now_s)
         if down_until_s is not None:  # what was over by then is
             self._see_who_is_broken(now_s, down_until_s.tolist())
+            if stands_until_s is not None:
+                self._see_who_is_pushed(now_s, stands_until_s.tolist())
         crew.seen[:] = crew.ledger.visits.reached
         self._see_who_waits(now_s)
         for task in [k for k in crew.orders.not_picked if crew.orders.last_chance_s(k) <= now_s]:
@@ -71,6 +81,8 @@ class Work:
         robot stands but those that `rests` has, nor goes on that is `watched`.
         """
         if self.crew.is_changed or not self.progress.is_steady(now_s) or (self._chargers is not None and self._chargers.watches):
+            return False
+        if any(map(self._lines_up, self.crew.robots)):  # a look notes since when, before they go on
             return False
         speed_mps = self.crew.ledger.state.motion.speed_mps
         return all(speed_mps[robot.number] > 0 for robot in self._passing())  # else nobody knows when they are near
@@ -121,7 +133,7 @@ class Work:
         for robot, until_s in zip(self.crew.robots, down_until_s):
             if until_s == np.inf and not robot.is_gone:
                 crew.lose(robot, now_s, Change.LOST)
-            if until_s <= now_s or robot.is_out:
+            if until_s <= now_s or robot.is_down:
                 continue
             if crew.has_yet_to_begin(robot):
                 crew.take_back(robot, now_s)
@@ -131,21 +143,33 @@ class Work:
             robot.on(Change.BREAKS, now_s)
             crew.is_changed = True
         for robot, until_s in zip(self.crew.robots, down_until_s):
-            if robot.condition is Condition.BROKEN and until_s <= now_s:
+            if robot.is_broken and until_s <= now_s:
                 robot.on(Change.MENDED, until_s)
                 robot.earliest_s = max(robot.earliest_s, until_s)  # of a stop that it rolled to
                 robot.moved_s, crew.is_changed = now_s, True
 
+    def _see_who_is_pushed(self, now_s: float, stands_until_s: Sequence[float]) -> None:
+        """Broken robots are out of the way as soon as somebody needs it; those that are being served stay."""
+        for robot, until_s in zip(self.crew.robots, stands_until_s):
+            if robot.condition is Condition.BROKEN and until_s <= now_s and robot.making is None:
+                robot.on(Change.TOWED, now_s)
+                self.crew.is_changed = True
+
     def _see_who_waits(self, now_s: float) -> None:
         """Note since when robots have been as near to a place as where they were sent to wait, though they make room for others there."""
-        crew, visits = self.crew, self.crew.ledger.visits
-        for robot in self.crew.robots:
-            if robot.duty is Duty.DRIVING and robot.wait_at != NONE:
-                reached, stop = int(visits.reached[robot.number]), crew.next_stop(robot)
-                away, at_most = (crew.places.away(robot.number, int(v), stop) for v in (visits.vertex[reached], robot.wait_at))
-                if away <= at_most:
-                    robot.came_s = max(float(visits.arrived_s[reached]), robot.since_s)
-                    robot.on(Change.LINED_UP, now_s)
+        visits = self.crew.ledger.visits
+        for robot in filter(self._lines_up, self.crew.robots):
+            robot.came_s = max(float(visits.arrived_s[visits.reached[robot.number]]), robot.since_s)
+            robot.on(Change.LINED_UP, now_s)
+
+    def _lines_up(self, robot: RobotWork) -> bool:
+        """True if a robot is as near to a place as where it was sent to wait, which has not been noted."""
+        if robot.duty is not Duty.DRIVING or robot.wait_at == NONE:
+            return False
+        visits, stop = self.crew.ledger.visits, self.crew.next_stop(robot)
+        here = int(visits.vertex[visits.reached[robot.number]])
+        away, at_most = (self.crew.places.away(robot.number, v, stop) for v in (here, robot.wait_at))
+        return away <= at_most
 
     def _see_who_leaves(self, now_s: float) -> None:
         """Robots whose ways on can be asked for: they will be done with what they are at when what is asked for now takes effect."""

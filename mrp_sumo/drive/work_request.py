@@ -60,6 +60,9 @@ def work_request(
     legs: dict[int, list[Leg]] = {}  # and on their new ways
     stop: dict[int, Stop] = {}
     for r in robots.tolist():
+        if crew.robots[r].is_broken:  # who pushes it makes no stops
+            on_the_way[r], legs[r] = [], []
+            continue
         on_the_way[r], ahead = _after_committed(crew, crew.robots[r], committed[r])
         if r in tours:
             ahead = [each for each in tours[r] if each not in [leg[:2] for leg in on_the_way[r]]]
@@ -262,7 +265,11 @@ def _stays(crew: Crew, robot: RobotWork, since_s: float) -> bool:
 def _may_take(crew: Crew, robot: RobotWork, task: int) -> bool:
     """True if a robot may still be given a task: both may have come to a first stop since it was decided, or be gone."""
     holder = crew.orders.robot[task]
-    if robot.is_out or not (task in crew.orders.waiting or (holder != NOBODY and crew.may_pass_on(crew.robots[holder]))):
+    if (
+        robot.is_down
+        or robot.is_called
+        or not (task in crew.orders.waiting or (holder != NOBODY and crew.may_pass_on(crew.robots[holder])))
+    ):
         return False
     return robot.task == NONE or (robot.number in crew.free and robot.then == NONE) or crew.may_pass_on(robot)
 

@@ -4,11 +4,11 @@ Every kind is a method in `World._kinds`, and has its own stream of chance, `def
 every policy alike and one kind can be switched off without changing the others. Refuses robots and lanes that do not exist.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mrp_sumo.core.disturbances import Breakdown, ClosedLane, Obstacle, end_s
+from mrp_sumo.core.disturbances import Breakdown, ClosedLane, Failure, Obstacle, end_s
 from mrp_sumo.core.execution import Event
 from mrp_sumo.core.facilities import door_names, lift_names
 from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray
@@ -22,6 +22,7 @@ from mrp_sumo.errors import ExecutionError
 
 SPREAD, NOISE, STOPS, STARTS, DELAYS, MESSAGES = range(31, 37)  # purposes of the streams of chance
 SLOWEST_ROBOT = 0.7  # of its type's speed, however wide the spread
+SEEN_S = 2.0  # after which everybody has seen that a robot is mended
 SLOWEST_MOMENT = 0.2  # of the robot's speed, however strong the noise
 
 
@@ -55,6 +56,9 @@ class World:
         self.what, self.graph, self.facilities = what, problem.graph, facilities
         self.broken = np.zeros(num_robots, np.bool_)  # [R] whether a robot stands still for good
         self.down_until_s = np.zeros(num_robots)  # [R] when each breakdown is over, inf: never
+        self.stands_until_s = np.zeros(num_robots)  # [R] until when it stands in the way
+        self._pushed: dict[int, float] = {}  # robots that may be moved while they are broken, and how fast
+        self._top_mps = problem.fleet.max_speed_mps
         self._num_robots, self._step_s, self._planned_step_s = num_robots, settings.step_length_s, problem.step_s
         self._radius_m = float(problem.fleet.radius_m.max())
         self._stream = {purpose: np.random.default_rng([settings.seed, purpose]) for purpose in range(SPREAD, MESSAGES + 1)}
@@ -65,7 +69,7 @@ class World:
         self._late = max(1, round(what.latency_s / self._step_s))  # steps; the loop sends what the step before allowed
         self._sent: list[FloatArray] = []
         self._next_step_s = self._planned_step_s
-        self._pending = list(what.breakdowns)
+        self._pending: list[Breakdown | Failure] = list(what.breakdowns)
         for breakdown in self._pending:
             if not 0 <= breakdown.robot < num_robots:
                 raise ExecutionError(f"disturbances: a breakdown of robot {breakdown.robot}, but there are {num_robots}")
@@ -75,8 +79,9 @@ class World:
         self._barriers += self._of_facilities()
         self._visitors = Visitors(what, self.facilities, settings.seed)
         self._closing: list[Barrier] = []
-        self._kinds = (self._deliver, self._slow_down, self._stop_some, self._delay_some, self._break_some, self._visit, self._close_some)
-        self.is_calm = not (what.any or settings.closed_lanes)  # nothing comes up by itself
+        early = (self._deliver, self._slow_down, self._stop_some, self._delay_some, self._break_some)
+        self._kinds = (*early, self._push_some, self._visit, self._close_some)
+        self._only_breaks = not (what.any or settings.closed_lanes)  # nothing comes up by itself but failures, see `drive.wear`
         self.conditions = Conditions(
             factor=self._own.copy(),
             hold_until_s=starts_s,
@@ -114,7 +119,13 @@ class World:
 
     def update(self, now: float, grants: Grants) -> list[Event]:
         """Bring everything up to the step that begins at `now`. Returns what happened."""
-        return [] if self.is_calm else [event for kind in self._kinds for event in kind(now, grants)]
+        return [] if now + 1e-9 < self.calm_until_s(now) else [event for kind in self._kinds for event in kind(now, grants)]
+
+    def calm_until_s(self, now: float) -> float:
+        """Time before which nothing comes up, -inf if something may at any time, or a robot is broken or has just been mended."""
+        if not self._only_breaks or (self.down_until_s > max(now - SEEN_S, 0.0)).any():
+            return -np.inf
+        return min((each.begin_s for each in self._pending), default=np.inf)
 
     def _slow_down(self, now: float, grants: Grants) -> list[Event]:
         """Robots lose a share of their speed that comes and goes."""
@@ -151,18 +162,34 @@ class World:
         begun = [breakdown for breakdown in self._pending if breakdown.begin_s <= now + 1e-9]
         self._pending = [breakdown for breakdown in self._pending if breakdown.begin_s > now + 1e-9]
         for breakdown in begun:
-            lasts_s = np.inf if breakdown.duration_s is None else breakdown.duration_s
-            self.broken[breakdown.robot] |= breakdown.duration_s is None
-            self.down_until_s[breakdown.robot] = max(self.down_until_s[breakdown.robot], now + lasts_s)
-            events.append(self._hold(breakdown.robot, now, lasts_s, "breaks down"))
+            robot, lasts_s = breakdown.robot, np.inf if breakdown.duration_s is None else breakdown.duration_s
+            self.broken[robot] |= breakdown.duration_s is None
+            self.down_until_s[robot] = max(self.down_until_s[robot], now + lasts_s)
+            stands_s, text = lasts_s, "breaks down"
+            if isinstance(breakdown, Failure):
+                stands_s, text = min(lasts_s, breakdown.stands_s), breakdown.text
+                self._pushed[robot] = breakdown.speed_mps
+            self.stands_until_s[robot] = max(self.stands_until_s[robot], now + stands_s)
+            events.append(replace(self._hold(robot, now, stands_s, text), duration_s=lasts_s))
         return events
 
-    def add(self, what: Breakdown | ClosedLane) -> None:
+    def _push_some(self, now: float, grants: Grants) -> list[Event]:
+        """Broken robots that may be moved are no faster than who pushes them."""
+        factor = self.conditions.factor
+        for robot, speed_mps in list(self._pushed.items()):
+            if now >= self.down_until_s[robot]:
+                factor[robot] = self._own[robot] if not self.what.speed_noise else factor[robot]
+                del self._pushed[robot]
+            elif now >= self.stands_until_s[robot]:
+                factor[robot] = min(factor[robot], speed_mps / self._top_mps[robot])
+        return []
+
+    def add(self, what: Breakdown | Failure | ClosedLane) -> None:
         """Have a disturbance that nobody knew of."""
-        self.is_calm = False
-        if isinstance(what, Breakdown):
+        if isinstance(what, Breakdown | Failure):
             self._pending.append(what)
         else:
+            self._only_breaks = False
             self._barriers.append(Barrier(what.begin_s, end_s(what), self._lanes_of(what), np.zeros(0, np.int64)))
 
     def strand(self, robot: int, now: float) -> Event:

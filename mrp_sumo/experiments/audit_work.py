@@ -65,6 +65,7 @@ def _terms(file: ScenarioFile, graph: PlanGraph, nav: NavGraph, num_robots: int,
         batteries_loaded=tuple(loaded[k] for k in kind.tolist()) if batteries and fleet.loaded else (),
         handling=handling_of(models, fleet, file.scenario.seed),
         start_level=start_shares(tasks.charging),
+        stands_s=tuple(np.inf if models[k].tow_s is None else models[k].tow_s for k in kind.tolist()),
         waits_s=planning.budget_s + planning.least_period_s(num_robots, step_s),
         doors_xy=doors_xy,
     )

@@ -69,6 +69,16 @@ def _shares(run: Evidence) -> dict[str, float]:
     return {name: float(share_s / whole_s) for name, share_s in seconds.items()}
 
 
+def _availability(run: Evidence) -> float | None:
+    """Share of the time for which robots had orders, or were broken, that they were not."""
+    states = run.execution.robot_states if run.execution else None
+    if states is None:
+        return None
+    spent_s = np.bincount(states.state, states.end_s - states.begin_s, minlength=len(ROBOT_STATES))
+    used_s = float(spent_s[WORKING] + spent_s[STALLED])
+    return used_s / (used_s + float(spent_s[BROKEN])) if used_s else None
+
+
 def _driven_m(run: Evidence) -> tuple[float, float, float | None]:
     """Driven by all robots in the whole run, and from one stop of a task to the next, m; the same for each load, None where nobody knows.
 
@@ -144,6 +154,9 @@ METRICS = (
     Metric("robot_charging_share", "", NONE, "share for which they were charged or on their way to it", part(_shares, "charging")),
     Metric("robot_idle_share", "", NONE, "share for which they had no order", part(_shares, "idle")),
     Metric("robot_lost_share", "", LESS, "share for which they were broken or empty", part(_shares, "lost")),
+    Metric("availability", "", MORE,
+           "share of the time for which robots had orders or were broken, maintenance included, that they were not: MTBF / (MTBF + MTTR)",
+           _availability),
     Metric("robot_stalled_share", "", LESS,
            "share for which they had an order or were to charge, and had not got on for a minute; part of the others",
            part(_shares, "stalled")),

@@ -104,7 +104,7 @@ def test_a_robot_that_waits_on_the_lane_behind_a_vertex_makes_no_stop_there(left
         _comes_to=lambda robot, visit: True,
         _begin_stop=lambda robot, visit, now_s: made.append(visit) or np.inf,
     )
-    Crew.follow(crew, SimpleNamespace(is_out=False, making=None, number=0, legs=[None]), 0.0)
+    Crew.follow(crew, SimpleNamespace(is_down=False, making=None, number=0, legs=[None]), 0.0)
     assert made == stops
 
 

@@ -36,6 +36,7 @@ class Terms:
     batteries_loaded: tuple[Battery, ...] = ()  # [R] of each robot with a load; empty: the same
     handling: Handling = field(default_factory=Handling)  # how long stops take beside their services
     start_level: tuple[float, float] = (0.0, 1.0)  # of batteries
+    stands_s: tuple[float, ...] = ()  # [R] after which each may be moved when it breaks down; empty: not before it is repaired
     waits_s: float = 0.0  # for which nothing is decided, since planners take their time
     doors_xy: FloatArray = field(default_factory=lambda: np.zeros((0, 2, 2)))  # [D, 2, 2] m, of the building
 

@@ -7,6 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from mrp_sumo.core.disturbances import MAINTAINED
 from mrp_sumo.core.execution import Outcome
 from mrp_sumo.core.graph import FloatArray
 from mrp_sumo.core.robot_states import BROKEN, CHARGING, EMPTY, IDLE, ROBOT_STATES, STALLED, WORKING
@@ -245,14 +246,22 @@ def _route_s(logs: Logs, robot: int, route: list[int]) -> float:
 
 
 def stands(logs: Logs) -> Iterator[Finding]:
-    """An empty robot stands; one that broke down, once it has braked."""
+    """An empty robot stands; one that broke down, once it has braked and until it is pushed; one that is maintained may move."""
     log, run = logs.execution.robot_states, logs.execution
     if log is None:
         return
+    maintained_s: dict[int, list[float]] = {}
+    for event in (event for event in run.events if event.text == MAINTAINED):
+        maintained_s.setdefault(event.robot, []).append(event.t_s)
     for k in np.flatnonzero(np.isin(log.state, (EMPTY, BROKEN))).tolist():
         robot = int(log.robot[k])
         brakes_s = float(logs.fleet.max_speed_mps[robot] / logs.fleet.decel_mps2[robot]) + 1.0 + 2 * logs.period_s
-        some = logs.samples_between(float(log.begin_s[k]) + brakes_s, float(log.end_s[k]))
+        begin_s, end_s = float(log.begin_s[k]), float(log.end_s[k])
+        if any(abs(t_s - begin_s) <= SETS_OUT_S for t_s in maintained_s.get(robot, ())):
+            continue
+        if log.state[k] == BROKEN and logs.terms.stands_s:
+            end_s = min(end_s, begin_s + logs.terms.stands_s[robot])
+        some = logs.samples_between(begin_s + brakes_s, end_s)
         x, y = run.x_m[some, robot], run.y_m[some, robot]
         if len(x) and (moved_m := float(np.hypot(np.ptp(x), np.ptp(y)))) > BESIDE_M:
             who, state = logs.robot(robot), ROBOT_STATES[int(log.state[k])]
