@@ -23,6 +23,7 @@ class Station:
     name: str
     places: tuple[int, ...]  # vertices
     queue: tuple[int, ...] = ()  # vertices
+    holds: int = 0  # loads that stay at each place until an order picks them up there; 0: they are taken away at once
     actions: tuple[str, ...] = ()  # of robots that are served there, see `core.handling`
 
     def __post_init__(self) -> None:

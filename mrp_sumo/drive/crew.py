@@ -42,6 +42,7 @@ class Crew:
         self.seen = np.arange(num_robots)  # [R] the last visit of each robot that has been looked at
         self.level: FloatArray = np.ones(num_robots)  # [R] states of charge
         self.is_changed = True  # whether something has changed since the last request
+        self.set_down: dict[int, int] = {}  # loads that stay at places, by vertex
         self.made_s = 0.0  # when a stop was last made
         self.looks_s = (-np.inf, -np.inf)  # the last two
         self.events: list[Event] = []
@@ -162,7 +163,18 @@ class Crew:
         if robot.making is None or len(robot.tour) == 1 or not self.problem.fleet.carries_several:
             return False
         task, nth = robot.tour[1]
-        return robot.making.vertex in self.tasks[task].stops[nth].places
+        vertex, stop = robot.making.vertex, self.tasks[task].stops[nth]
+        return vertex in stop.places and vertex not in self.not_free(task, nth) and not (stop.station and stop.station.holds)
+
+    def not_free(self, task: int, nth: int) -> set[int]:
+        """Places of a stop at which a load cannot be set down, since others stay there, or be picked up, since it is at another."""
+        station, change = self.tasks[task].stops[nth].station, load_change(self.tasks[task], nth)
+        if station is None or not station.holds or not change:
+            return set()
+        count = {v: self.set_down.get(v, 0) for v in station.places}
+        if change < 0:
+            return {v for v, loads in count.items() if loads >= station.holds}
+        return {v for v, loads in count.items() if not loads} if any(count.values()) else set()
 
     def stops_of(self, task: int) -> list[TourStop]:
         """All stops of a task, in their order."""
@@ -254,7 +266,11 @@ class Crew:
         over_s, (task, nth) = robot.making.end_s if cut_s is None else cut_s, robot.tour.pop(0)
         robot.made.append(robot.making._replace(end_s=over_s))
         robot.making, robot.num_before = None, 0
-        robot.loads += load_change(self.tasks[task], nth)
+        change, station, at = load_change(self.tasks[task], nth), self.tasks[task].stops[nth].station, robot.made[-1].vertex
+        robot.loads += change
+        if station is not None and station.holds:
+            self.set_down[at] = max(self.set_down.get(at, 0) - change, 0)
+            self.is_changed |= bool(change)
         robot.over_s = robot.since_s = robot.earliest_s = robot.moved_s = over_s
         robot.idle_s = self._idle_s(robot)
         self.is_changed |= not robot.leaves  # else what comes next has been asked for

@@ -10,6 +10,7 @@ import heapq
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from functools import cache
 from itertools import chain, combinations
+from types import MappingProxyType
 
 import numpy as np
 
@@ -21,6 +22,7 @@ from mrp_sumo.drive.clearing import cleared
 from mrp_sumo.search._distance import reversed_lanes, steps_to
 from mrp_sumo.search.distance import UNREACHABLE, Distances, StepArray, distances
 
+NONE_HELD: Mapping[int, Collection[int]] = MappingProxyType({})
 CROSSING = 3  # lanes from a vertex where two robots can change places
 
 
@@ -96,7 +98,13 @@ class RobotPlaces:
         return near
 
     def choose(
-        self, start: IntArray, stays: BoolArray, stops: Mapping[int, Stop], turn: Iterable[int], aged: Collection[int] = ()
+        self,
+        start: IntArray,
+        stays: BoolArray,
+        stops: Mapping[int, Stop],
+        turn: Iterable[int],
+        aged: Collection[int] = (),
+        not_free: Mapping[int, Collection[int]] = NONE_HELD,
     ) -> tuple[IntArray, BoolArray]:
         """[R] vertices where robots are to go, and whether they can make their stops there.
 
@@ -113,6 +121,8 @@ class RobotPlaces:
         aged
             Robots that were passed over often: who leaves the place of one does not push it away, but steps aside where it can. Nobody is
             served at a place that is on every way of one: it would be shut in behind it.
+        not_free
+            Places where a robot cannot make its stop, by robots, since of what was set down there.
         """
         vertex, makes = start.copy(), np.zeros(len(start), np.bool_)
         blocked, taken = set(start[stays].tolist()), set(start[stays].tolist())
@@ -130,7 +140,7 @@ class RobotPlaces:
                 taken.add(aside)
                 continue
             shuts_in = [route for doors, route in comes_out if not doors.isdisjoint(stop.places)]
-            place = self._nearest(r, at, [v for v in stop.places if reach[v] < UNREACHABLE], taken.union(*shuts_in))
+            place = self._nearest(r, at, [v for v in stop.places if reach[v] < UNREACHABLE], taken.union(*shuts_in, not_free.get(r, ())))
             past = _before(at, [route for other, route in ways if other.places == stop.places], reach).union(*shuts_in)
             if place is not None:
                 vertex[r], makes[r] = place, True

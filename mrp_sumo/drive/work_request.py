@@ -79,7 +79,8 @@ def work_request(
     single = {r: legs[r] for r in stop if r not in tours}
     if swapped := older_first(crew, [r for r in turn if r in single], stop, single, assigned, aged):
         return work_request(crew, now_s, closed, {**assigned, **swapped}, tours)
-    vertex, makes = crew.places.choose(start, stays, stop, turn, aged)
+    not_free = {r: full for r in stop if (full := crew.not_free(legs[r][-1].task, legs[r][-1].nth))}
+    vertex, makes = crew.places.choose(start, stays, stop, turn, aged, not_free)
     via = [list(dropwhile(start[r].__eq__, (leg.vertex for leg in legs[r][:-1]))) for r in robots.tolist()]
     last = {r: legs[r].pop() for r in stop}
     for r in stop:
@@ -167,8 +168,8 @@ def _in_passing(crew: Crew, robot: int, at: int, ahead: Sequence[TourStop]) -> l
     """The first of some stops ahead of a robot at a vertex that it makes in passing, followed by another of the same task."""
     passed, left = list[Leg](), crew.ahead_steps
     for (task, nth), (following, _) in pairwise(ahead):
-        places = crew.tasks[task].stops[nth].places
-        if left <= 0 or following != task or crew.stop_s(robot, task, nth) or len(places) > 1:
+        places, station = crew.tasks[task].stops[nth].places, crew.tasks[task].stops[nth].station
+        if left <= 0 or (station and station.holds) or following != task or crew.stop_s(robot, task, nth) or len(places) > 1:
             break
         left -= int(distances(crew.problem.graph).to(places[0])[at])
         if left > 0:

@@ -96,6 +96,7 @@ class _Names:
                 name,
                 tuple(self._vertex(("tasks", "stations", name, "places", i), v) for i, v in enumerate(station.places)),
                 tuple(self._vertex(("tasks", "stations", name, "queue", i), v) for i, v in enumerate(station.queue)),
+                station.holds,
                 tuple(station.actions),
             )
             for name, station in choice.stations.items()

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from floors import BATTERY, SMALL, driven, ring, scenario
+from floors import BATTERY, SMALL, driven, lanes, ring, scenario
 from lif_worlds import edge, lif, node
 
 from mrp_sumo.core.execution import Execution, Outcome
@@ -241,3 +241,34 @@ def test_a_heavy_load_goes_to_who_can_carry_it(tmp_path, load_kg, robot):
     logs = logs_of(result)
     weaker = operations_audit(replace(logs, terms=replace(logs.terms, max_load_kg=(49.0, 49.0))))
     assert f"the order is for robots that carry {load_kg:g} kg" in weaker["findings"][0]["text"]
+
+
+def buffered(tmp_path, places, picks, **other):
+    """Three loads to a buffer off the ring with so many places, and as many away from there from a time on."""
+    xy = {"c1": (0.0, 0.0), "A": (5.0, 0.0), "c2": (10.0, 0.0), "B": (10.0, 10.0), "c4": (0.0, 10.0), "p1": (10.0, 4.0), "p2": (10.0, 7.0)}
+    names = ["c1", "A", "c2", "p1", "p2", "B", "c4"]
+    path = lanes(tmp_path / "buffer.csv", xy, zip(names, names[1:] + names[:1]), False)
+    tasks = {
+        "stations": {"buffer": {"places": places, "queue": ["c2"], "holds": 1}},
+        "list": [{"stops": ["A", "buffer"], "service_s": 3, "release_s": 1.0 * k} for k in range(3)]
+        + [{"stops": ["buffer", "c4"], "service_s": 3, "release_s": 200.0 + k} for k in range(picks)],
+    }
+    return driven(scenario(path, tasks, starts=["c1", "c4"], execution={"time_limit_s": 600.0}, **other))
+
+
+def test_a_load_that_is_set_down_takes_its_place_until_it_is_picked_up(tmp_path):
+    result = buffered(tmp_path, ["p1", "p2"], 3)
+    tasks = result.execution.tasks
+    assert result.status == "completed" and result.operations_audit["passed"] and set(tasks.status) == {"done"}, result.note
+    assert np.sort(tasks.done_s[:3])[1] < 200.0 < tasks.done_s[:3].max()  # the third waits for a place
+    logs, vertex = logs_of(result), result.execution.stops.vertex.copy()
+    last_of = {task: row for row, task in enumerate(logs.stops.task.tolist())}  # where two loads were set down
+    one, other = np.argsort(tasks.done_s[:3])[:2].tolist()
+    vertex[last_of[other]] = vertex[last_of[one]]
+    changed = replace(logs, execution=replace(logs.execution, stops=replace(logs.stops, vertex=vertex)))
+    assert "one load a place" in {finding["rule"] for finding in operations_audit(changed)["findings"]}
+
+
+def test_with_nobody_to_pick_up_the_last_load_stays_on_its_robot(tmp_path):
+    result = buffered(tmp_path, ["p1", "p2"], 0)
+    assert result.execution.tasks.status.count("done") == 2 and result.execution.loads is None

@@ -30,6 +30,10 @@ class StationChoice(Strict):
 
     places: list[str] = Field(min_length=1, description="Names of vertices; one robot at a time is served at each.")
     queue: list[str] = Field([], description="Names of vertices where robots wait for a place.")
+    holds: Annotated[int, Field(ge=0, le=1000)] = Field(
+        0,
+        description="Loads that stay where they are set down, and take a place, until orders pick them up there; 0: they are taken away.",
+    )
     actions: list[Literal["lift", "dock"]] = Field(
         [], description="What robots do at each stop there, for as long as their type says (`robots.type.actions`)."
     )

@@ -21,6 +21,7 @@ RULES: tuple[Callable[[Logs], Iterator[Finding]], ...] = (
     orders.on_board,
     places.service,
     places.places,
+    places.held,
     places.shares,
     places.waits,
     places.lifts,

@@ -8,6 +8,7 @@ import numpy as np
 from mrp_sumo.core.digraph import weak_components
 from mrp_sumo.core.facilities import DOOR_STATES, LIFT_STATES
 from mrp_sumo.core.graph import FloatArray
+from mrp_sumo.core.handling import load_change
 from mrp_sumo.core.robot_states import STALLED
 from mrp_sumo.metrics.operations.evidence import EPS_S, LOST, Finding, Logs
 from mrp_sumo.search.route import reach_m, shortest_route
@@ -55,6 +56,25 @@ def shares(logs: Logs) -> Iterator[Finding]:
         is_share = name.startswith(("station_utilisation", "robot_")) and name.endswith(("_share", "_max", "_mean"))
         if is_share and isinstance(value, int | float) and not -1e-9 <= value <= 1 + 1e-9:
             yield Finding("utilisation", logs.end_s, f"{name} is {value:.3f}, expected 0 to 1")
+
+
+def held(logs: Logs) -> Iterator[Finding]:
+    """No more loads are set down at a place than stay there, less those that orders have picked up there."""
+    count: dict[int, int] = {}
+    stops, made = logs.stops, dict[int, int]()
+    for row in np.lexsort((stops.task, stops.end_s)).tolist():
+        task = int(stops.task[row])
+        order, nth = logs.ordered.get(task), made.get(task, 0)
+        made[task] = nth + 1
+        if order is None or nth >= len(order.stops) or logs.tasks.reason[task] or stops.end_s[row] > logs.end_s:
+            continue
+        station, change, vertex = order.stops[nth].station, load_change(order, nth), int(stops.vertex[row])
+        if station is None or not station.holds:
+            continue
+        count[vertex] = max(count.get(vertex, 0) - change, 0)
+        if count[vertex] > station.holds:
+            text = f"sets down load {count[vertex]} at {logs.graph.known_as(vertex)}, which holds {station.holds}"
+            yield logs.of_stop("one load a place", row, text, float(stops.end_s[row]))
 
 
 class Wish(NamedTuple):
