@@ -28,6 +28,7 @@ class Charging(Options):
     minimum_desired_charging_level: float = option(50.0, "Level from which 'opportunity' calls robots off when tasks wait.", **PERCENT)
     maximum_desired_charging_level: float = option(100.0, "Level at which charging ends.", **PERCENT)
     minimum_charging_time_s: float = option(0.0, "Least time that a robot stays.", ge=0)
+    swap_s: float | None = option(None, "Time in which a battery is swapped for a full one instead, whatever its level.", gt=0, le=1e6)
     start_level: tuple[Percent, Percent] = option((100.0, 100.0), "Range of levels at the start, drawn uniformly.")
     start_charging: float = option(0.0, "Share of the robots that go to charge first, whatever their level.", **PERCENT)
 
@@ -38,6 +39,10 @@ class Charging(Options):
             raise OptionError(f"levels are {levels}, expected critical_low, minimum_desired and maximum_desired in ascending order")
         if self.opportunity and levels[0] == levels[1]:  # who is called off would have to charge again at once
             raise OptionError(f"levels are {levels}, expected with policy opportunity a minimum_desired above critical_low")
+        if self.swap_s is not None and levels[2] < 100:
+            raise OptionError(
+                f"maximum_desired_charging_level is {levels[2]:g} with swap_s, expected 100: a battery is swapped for a full one"
+            )
         if self.start_level[0] > self.start_level[1]:
             raise OptionError(f"start_level is {list(self.start_level)}, expected the least and the most")
 
@@ -57,6 +62,11 @@ class Charging(Options):
     @property
     def maximum(self) -> float:
         return self.maximum_desired_charging_level / 100
+
+
+def full_s(charging: Charging | None, of_battery_s: float) -> float:
+    """Time that takes a battery from empty to full, which takes so long at a charger."""
+    return of_battery_s if charging is None or charging.swap_s is None else charging.swap_s
 
 
 def start_shares(charging: Charging | None) -> tuple[float, float]:

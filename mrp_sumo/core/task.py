@@ -25,6 +25,8 @@ class Station:
     queue: tuple[int, ...] = ()  # vertices
     holds: int = 0  # loads that stay at each place until an order picks them up there; 0: they are taken away at once
     actions: tuple[str, ...] = ()  # of robots that are served there, see `core.handling`
+    spans_s: tuple[tuple[float, float], ...] = ()  # of each day, in which services begin, see `core.shifts`; empty: always
+    charges: bool = False  # whether robots charge while they are served
 
     def __post_init__(self) -> None:
         if not self.places:

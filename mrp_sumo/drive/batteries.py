@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mrp_sumo.core.battery import BatteryLog
+from mrp_sumo.core.battery import BatteryLog, Charging, full_s
 from mrp_sumo.core.fleet import Fleet
 from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, frozen
 from mrp_sumo.core.robot_type import Battery
@@ -24,6 +24,7 @@ class Batteries:
         seed: int,
         period_s: float,
         loaded: Sequence[Battery] = (),
+        charging: Charging | None = None,
     ) -> None:
         """`batteries` [K] are those of the types, `kind` [R] says which each robot is; `period_s` is the time between two samples; `loaded`
         [K] are the batteries of robots with a load, if these draw more.
@@ -33,7 +34,7 @@ class Batteries:
         self._loaded = loaded
         self._energy_j, self._full_s = (np.zeros(num_robots) for _ in range(2))
         for battery, mine in self._of_kind:
-            self._energy_j[mine], self._full_s[mine] = battery.energy_j, battery.charge_s(1.0)
+            self._energy_j[mine], self._full_s[mine] = battery.energy_j, full_s(charging, battery.charge_s(1.0))
         self.level: FloatArray = np.random.default_rng([seed, BATTERIES]).uniform(*start, num_robots)  # [R] shares of the capacity
         self._used_j, self._charged_j = np.zeros(num_robots), np.zeros(num_robots)
         self._period_s = period_s

@@ -13,7 +13,8 @@ from mrp_sumo.core.fleet import with_loads
 from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray
 from mrp_sumo.core.handling import load_change
 from mrp_sumo.core.problem import Problem
-from mrp_sumo.core.task import CHARGE, NOBODY, Station, Stop, Task
+from mrp_sumo.core.shifts import opens_s
+from mrp_sumo.core.task import ASSIGNED, CHARGE, NOBODY, Station, Stop, Task
 from mrp_sumo.drive.ledger import Ledger
 from mrp_sumo.drive.orders import Orders
 from mrp_sumo.drive.places import RobotPlaces
@@ -108,7 +109,14 @@ class Crew:
     @property
     def at_charger(self) -> BoolArray:
         """[R] robots that are being charged."""
-        return np.array([robot.is_charging for robot in self.robots], np.bool_)
+        return np.array([robot.is_charging or self._charges_in_service(robot) for robot in self.robots], np.bool_)
+
+    def _charges_in_service(self, robot: RobotWork) -> bool:
+        """True if a robot is being served at a station where robots charge meanwhile."""
+        if robot.making is None or robot.is_out or robot.making.begin_s > self.looks_s[-1]:
+            return False
+        station = self.next_stop(robot).station
+        return station is not None and station.charges
 
     @property
     def all_done(self) -> bool:
@@ -193,6 +201,8 @@ class Crew:
         if robot.is_down:
             return
         if robot.making is not None:
+            if robot.making.begin_s <= now_s + 1e-9:
+                self._pick(robot)
             if robot.making.end_s > now_s + 1e-9:
                 return
             self.end_stop(robot)
@@ -223,7 +233,9 @@ class Crew:
 
     def charge_s(self, robot: RobotWork, share: float) -> float:
         """Time in s that charging by a share of the capacity takes a robot."""
-        batteries = self.settings.batteries
+        batteries, charging = self.settings.batteries, self.settings.charging
+        if charging is not None and charging.swap_s is not None:
+            return charging.swap_s
         return batteries[int(self.problem.fleet.kind[robot.number])].charge_s(share) if batteries else 0.0
 
     def set_free(self, robot: RobotWork, at_s: float) -> None:
@@ -366,8 +378,10 @@ class Crew:
         begin_s, takes_s = max(float(visits.arrived_s[visit]), robot.earliest_s), self._service_s(robot)
         if leg.nth == 0:
             begin_s = max(begin_s, self.orders.assigned_s(leg.task))
-            self.orders.pick(leg.task, begin_s)
+        begin_s = self._opens_s(robot, begin_s) if takes_s else begin_s
         robot.making = self._row(robot, leg.vertex, (begin_s, begin_s + takes_s), now_s)
+        if begin_s <= now_s + 1e-9:
+            self._pick(robot)
         robot.moved_s, robot.wait_at = begin_s, NONE
         self.made_s = max(self.made_s, begin_s)
         urgent = self.tasks[robot.task].priority
@@ -378,6 +392,33 @@ class Crew:
         if takes_s:
             robot.on(Change.PLUGGED_IN if robot.charges else Change.SERVED, begin_s)
         return robot.making.end_s
+
+    def _opens_s(self, robot: RobotWork, t_s: float) -> float:
+        """Time from which the service at a robot's next stop may begin."""
+        station = self.next_stop(robot).station
+        return t_s if station is None else opens_s(station.spans_s, t_s)
+
+    def _pick(self, robot: RobotWork) -> None:
+        """A robot has begun the first stop of its order."""
+        assert robot.making is not None
+        if robot.stop == 0 and self.orders.status[robot.task] == ASSIGNED:
+            self.orders.pick(robot.task, robot.making.begin_s)
+
+    def put_off(self, robot: RobotWork, now_s: float, until_s: float) -> None:
+        """A robot at a stop is broken until a time: its service lasts longer, or begins later."""
+        row = robot.making
+        assert row is not None
+        if row.begin_s <= now_s:
+            robot.making = row._replace(end_s=row.end_s + (until_s - now_s))
+            return
+        begin_s = self._opens_s(robot, max(row.begin_s, until_s))
+        robot.making = row._replace(begin_s=begin_s, end_s=begin_s + (row.end_s - row.begin_s))
+
+    def close(self, now_s: float) -> None:
+        """The run is over: services that have not begun never will."""
+        for robot in self.robots:
+            if robot.making is not None and robot.making.begin_s > now_s:
+                robot.making = None
 
     def _service_s(self, robot: RobotWork) -> float:
         """How long the service at a robot's next stop takes."""

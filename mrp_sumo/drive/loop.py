@@ -172,7 +172,7 @@ class Drive:
         if settings.tasks and settings.batteries:
             fleet, period_s = self.ledger.problem.fleet, settings.steps_per_sample * settings.step_length_s
             about = settings.start_level, settings.seed, period_s
-            self.batteries = Batteries(settings.batteries, fleet.kind, *about, settings.batteries_loaded)
+            self.batteries = Batteries(settings.batteries, fleet.kind, *about, settings.batteries_loaded, settings.charging)
             self._most_per_s = self.batteries.most_per_s(fleet)
         problem = self.ledger.problem
         types = problem.fleet.types
@@ -339,6 +339,7 @@ class Drive:
     def _close(self) -> None:
         """What is still going on ends with the run."""
         self._update_tasks()
+        self.crew.close(self.now_s)
         self.events += self.rolling.close(self.now_s)
         self.events += self.recovery.close(self.now_s)
         self.events += self.controller.unfinished_waits(self.now_s)

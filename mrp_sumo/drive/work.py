@@ -139,7 +139,7 @@ class Work:
                 crew.take_back(robot, now_s)
             crew.give_up_next(robot)
             if robot.making is not None:
-                robot.making = robot.making._replace(end_s=robot.making.end_s + (until_s - now_s))
+                crew.put_off(robot, now_s, until_s)
             robot.on(Change.BREAKS, now_s)
             crew.is_changed = True
         for robot, until_s in zip(self.crew.robots, down_until_s):
@@ -201,6 +201,7 @@ class Work:
         times = [self._again_s, self.crew.orders.next_release_s]
         at_stops = [r for r in self.crew.robots if r.making and not r.is_out]
         times += [r.making.end_s - self._lead_s * (r.is_busy and not self.crew.goes_on_here(r)) for r in at_stops if r.making]
+        times += [r.making.begin_s for r in self.crew.robots if r.making]
         times += [self.crew.orders.last_chance_s(k) for k in self.crew.orders.not_picked]
         for r in (robot.number for robot in self._passing()):
             if motion.speed_mps[r] > 0:

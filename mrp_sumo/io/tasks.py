@@ -8,7 +8,7 @@ import copy
 import csv
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import reduce
 from itertools import product
 from pathlib import Path
@@ -60,7 +60,15 @@ def sources_of(choice: TasksChoice, site: TaskNames, seed: int, step_s: float, n
     for i, stream in enumerate(choice.streams):
         is_named = "name" in stream.model_fields_set or not (i or sources)
         sources.append(
-            _stream(names, ("tasks", "streams", i), stream, i, seed, step_s, stream.name if is_named else f"{stream.name}_{i + 1}")
+            _stream(
+                names,
+                ("tasks", "streams", i),
+                _with_profile(stream, choice.profile),
+                i,
+                seed,
+                step_s,
+                stream.name if is_named else f"{stream.name}_{i + 1}",
+            )
         )
     return tuple(sources) if choice.open is None else (ClosedLoop(tuple(sources), choice.open),)
 
@@ -98,6 +106,8 @@ class _Names:
                 tuple(self._vertex(("tasks", "stations", name, "queue", i), v) for i, v in enumerate(station.queue)),
                 station.holds,
                 tuple(station.actions),
+                tuple(sorted(span for shift in station.shifts for span in shift.spans_s)),
+                station.charges,
             )
             for name, station in choice.stations.items()
         }
@@ -286,6 +296,13 @@ def _stream(names: _Names, place: Place, stream: StreamChoice, number: int, seed
         number=number,
         step_s=step_s,
     )
+
+
+def _with_profile(stream: StreamChoice, profile: tuple[float, ...]) -> StreamChoice:
+    """A stream with the profile of all, if it has a rate and no profile of its own."""
+    if not profile or stream.arrivals.rate_per_h is None or stream.arrivals.profile:
+        return stream
+    return stream.model_copy(update={"arrivals": replace(stream.arrivals, profile=profile)})
 
 
 def _differ(one: Station, other: Station) -> bool:

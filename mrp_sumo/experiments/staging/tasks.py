@@ -6,12 +6,14 @@ Refuses tasks that no robot can do, places in lifts, and charging without batter
 from collections.abc import Sequence
 from dataclasses import replace
 
+from mrp_sumo.core.arrivals import HOUR_S
 from mrp_sumo.core.battery import start_shares
 from mrp_sumo.core.fleet import Fleet, batteries_of
 from mrp_sumo.core.graph import BoolArray, NavGraph, PlanGraph
 from mrp_sumo.core.handling import STANDS_S, Handling
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.core.robot_type import RobotType
+from mrp_sumo.core.shifts import opens_s
 from mrp_sumo.core.stream import TaskList, TaskSource
 from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.errors import ScenarioError
@@ -29,8 +31,18 @@ def with_tasks(
     choice = file.scenario.tasks
     assert choice is not None
     without = next((model.name for model in models if model.battery is None), None)
+    charging = next((name for name, station in choice.stations.items() if station.charges), None)
+    if charging is not None and without is not None:
+        raise ScenarioError(f"{file.at('tasks', 'stations', charging, 'charges')}: robot type '{without}' has no battery")
     if choice.charging is not None and without is not None:
         raise ScenarioError(f"{file.at('tasks', 'charging')}: robot type '{without}' has no battery, see robots/turtlebot3.yaml")
+    for name, station in choice.stations.items():
+        spans = tuple(span for shift in station.shifts for span in shift.spans_s)
+        if (first_s := opens_s(spans, 0.0)) >= settings.time_limit_s:
+            raise ScenarioError(
+                f"{file.at('tasks', 'stations', name, 'shifts')}: the first begins at {first_s / HOUR_S:g} h, but the run "
+                f"ends at {settings.time_limit_s / HOUR_S:g} h, expected one within it, or a longer execution.time_limit_s"
+            )
     site = _site_of_tasks(file, nav, problem.graph, problem.fleet)
     return replace(
         settings,

@@ -10,6 +10,7 @@ from pydantic import BeforeValidator, Field, model_validator
 from mrp_sumo.core.arrivals import MAX_OPEN, Arrivals, ServiceTime
 from mrp_sumo.core.battery import Charging
 from mrp_sumo.core.order_rules import Cancel, Retry
+from mrp_sumo.core.shifts import Shift
 from mrp_sumo.io.scenario.strict import Strict
 
 MAX_TASKS = 1_000_000  # of a stream with an end
@@ -37,6 +38,10 @@ class StationChoice(Strict):
     actions: list[Literal["lift", "dock"]] = Field(
         [], description="What robots do at each stop there, for as long as their type says (`robots.type.actions`)."
     )
+    shifts: list[Shift] = Field(
+        [], description="Shifts of the people there: services begin only within, and end also after; always by default."
+    )
+    charges: bool = Field(False, description="Whether robots charge while they are served there.")
 
 
 TaskTime = Annotated[float, Field(ge=0, le=1e9)]  # seconds: 30 years
@@ -109,6 +114,9 @@ class TasksChoice(Strict):
         None,
         description="Number of orders, of all streams together, that are always known and not done, in the order of their arrival.",
     )
+    profile: tuple[NotNegative, ...] = Field(
+        (), description="Factors on the rates of all Poisson streams without a profile of their own, in equal parts of a day: 24 are hours."
+    )
     charging: Charging | None = Field(None, description="How robots charge; without it their batteries drain all the same.")
     parking: tuple[str, ...] = Field((), description="Groups, stations or vertices where robots without an order go.")
     cancel: Cancel | None = Field(None, description="When to withdraw orders that no robot has picked up; never by default.")
@@ -123,6 +131,8 @@ class TasksChoice(Strict):
     def _any(self) -> "TasksChoice":
         if not (self.list or self.file or self.streams):
             raise ValueError("no tasks: give list, file or streams")
+        if self.profile and (max(self.profile) <= 0 or not any(stream.arrivals.rate_per_h for stream in self.streams)):
+            raise ValueError("profile goes with a stream with rate_per_h, and needs a factor above 0")
         names = [stream.name for stream in self.streams if "name" in stream.model_fields_set]
         if (twice := next((name for n, name in enumerate(names) if name in names[:n]), None)) is not None:
             raise ValueError(f"two streams are called '{twice}', expected names of their own")

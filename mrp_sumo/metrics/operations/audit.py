@@ -20,6 +20,7 @@ RULES: tuple[Callable[[Logs], Iterator[Finding]], ...] = (
     orders.loads,
     orders.on_board,
     places.service,
+    places.shifts,
     places.places,
     places.held,
     places.shares,

@@ -22,7 +22,7 @@ def batteries(logs: Logs) -> Iterator[Finding]:
     if log is None or not of_robot or not len(logs.execution.t_s):
         return
     energy_j = np.array([battery.energy_j for battery in of_robot])
-    full_s = np.array([battery.charge_s(1.0) for battery in of_robot])
+    full_s = np.array([logs.terms.swap_s or battery.charge_s(1.0) for battery in of_robot])
     share = drawn_j(logs, of_robot, log.t_s) / energy_j  # [K, R]
     charging_s = charged_s(logs, log.t_s)
     low, high = logs.terms.start_level
@@ -46,7 +46,8 @@ def _balance(logs: Logs, robot: int, level: FloatArray, drawn: FloatArray, fille
     too_much = change - gave + drew
     limit = drew * off_between + OFF_SHARE + late * (gave > 0)
     rises = (too_much > limit) & (level[1:] > 0)
-    falls = (too_much < -limit) & (level[1:] < 1 - ROUNDED) & (level[1:] > 0)
+    was_full = (gave > 0) & (level[:-1] + gave >= 1 - limit) & (level[1:] >= 1 - drew - limit)  # before the end of the charging
+    falls = (too_much < -limit) & (level[1:] < 1 - ROUNDED) & (level[1:] > 0) & ~was_full
     for k in np.flatnonzero(rises | falls).tolist()[:1]:
         t_s, end_s = float(log.t_s[k]), float(log.t_s[k + 1])
         balance = f"but drew {100 * drew[k]:.3f} % and could take {100 * gave[k]:.3f} % from a charger"
@@ -103,7 +104,8 @@ def charged_s(logs: Logs, t_s: FloatArray) -> FloatArray:
 def charges(logs: Logs) -> list[tuple[int, float, float]]:
     """Robots, and from when until when they were at chargers and in order: a broken one is not charged."""
     parts = []
-    for row in np.flatnonzero(~logs.tasks.is_order[logs.stops.task]).tolist():
+    there = [bool(name) and name in logs.terms.charges for name in logs.stops.station]
+    for row in np.flatnonzero(~logs.tasks.is_order[logs.stops.task] | np.array(there, np.bool_)).tolist():
         robot, at_s = int(logs.stops.robot[row]), float(logs.stops.begin_s[row])
         for begin_s, end_s in logs.times_in(LOST, robot):
             if at_s < begin_s < logs.stops.end_s[row]:

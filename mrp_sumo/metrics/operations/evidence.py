@@ -35,6 +35,8 @@ class Terms:
     batteries: tuple[Battery, ...] = ()  # [R] of each robot; empty: not known, or none
     batteries_loaded: tuple[Battery, ...] = ()  # [R] of each robot with a load; empty: the same
     handling: Handling = field(default_factory=Handling)  # how long stops take beside their services
+    swap_s: float | None = None  # of batteries, instead of charging
+    charges: frozenset[str] = frozenset()  # stations where robots charge while they are served
     start_level: tuple[float, float] = (0.0, 1.0)  # of batteries
     stands_s: tuple[float, ...] = ()  # [R] after which each may be moved when it breaks down; empty: not before it is repaired
     waits_s: float = 0.0  # for which nothing is decided, since planners take their time

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mrp_sumo.core.arrivals import DAY_S
 from mrp_sumo.core.digraph import weak_components
 from mrp_sumo.core.facilities import DOOR_STATES, LIFT_STATES
 from mrp_sumo.core.graph import FloatArray
@@ -34,6 +35,16 @@ def service(logs: Logs) -> Iterator[Finding]:
         away_m, at_s = logs.strays_m(robot, begin_s + logs.period_s, end_s, xy[int(stops.vertex[row])])
         if away_m > BESIDE_M:
             yield logs.of_stop("service", row, f"is {away_m:.2f} m away while it is served from {begin_s:.2f} s to {end_s:.2f} s", at_s)
+
+
+def shifts(logs: Logs) -> Iterator[Finding]:
+    """No service begins out of the shifts of its station; one of no time is none."""
+    spans = {station.name: station.spans_s for source in logs.terms.sources for station in source.stations()}
+    for row in np.flatnonzero(logs.stops.end_s > logs.stops.begin_s + EPS_S).tolist():
+        of_day, begin_s = spans.get(logs.stops.station[row], ()), float(logs.stops.begin_s[row])
+        days = [begin_s - d * DAY_S for d in range(int(begin_s // DAY_S) + 1)]
+        if of_day and not any(a - EPS_S <= t_s < b for t_s in days for a, b in of_day):
+            yield logs.of_stop("shifts", row, f"begins at {begin_s:.2f} s, when nobody is there to serve it")
 
 
 def places(logs: Logs) -> Iterator[Finding]:
