@@ -20,6 +20,7 @@ from mrp_sumo.errors import OptionError
 
 if TYPE_CHECKING:  # numpy is slow to load, and files are checked without it
     from mrp_sumo.core.graph import FloatArray
+    from mrp_sumo.core.wheel_path import Turning
 
 GRAVITY_MPS2 = 9.81
 HOUR_S = 3600.0
@@ -114,6 +115,7 @@ class Trailer(Options):
 
 
 DIFFERENTIAL = Wheels()
+BESIDE_M = 0.1  # that vehicles need beside their width on a lane, since they swing out before corners
 CORNER_M = 0.25  # least distance by which turns may leave a corner
 CORNER_SHARE = 0.56  # of the least radius: what a bend of 100 degrees takes
 
@@ -268,8 +270,12 @@ class RobotShape(Options):
             return 0.0
         from mrp_sumo.core.wheel_path import most_aside_m
 
-        wheels = self.kinematics
-        return most_aside_m(wheels.ahead_m, wheels.least_radius_m, self.corner_m, reverse=wheels.reverse)
+        return most_aside_m(self._turning)
+
+    @property
+    def beside_m(self) -> float:
+        """Room that it needs beside the middle of a lane."""
+        return self.width_m / 2 + (BESIDE_M if self.is_vehicle else 0.0)
 
     @property
     def behind_m(self) -> float:
@@ -284,11 +290,19 @@ class RobotShape(Options):
             return self.radius_m
         if self.loaded is not None:
             return self.with_load.half_width_m
-        least, half, front = self.kinematics.least_radius_m, self.width_m / 2, self.length_m / 2 + abs(self.kinematics.ahead_m)
+        wheels, half = self.kinematics, self.width_m / 2
+        least, front = wheels.least_radius_m, self.length_m / 2 + abs(wheels.ahead_m)
         outside = math.hypot(least + half, front) - least
         inside = max([half, *(inward + width / 2 for inward, _, width in self._towed())])
-        swing = max(least, self.kinematics.ahead_m) + self.length_m / 2 - self.kinematics.ahead_m if self.kinematics.reverse else 0.0
+        swing = max(least, wheels.ahead_m) + self.length_m / 2 - wheels.ahead_m if wheels.reverse else 0.0
         return max(outside, inside + self.corner_m, swing)
+
+    @property
+    def _turning(self) -> "Turning":
+        from mrp_sumo.core.wheel_path import Turning
+
+        wheels = self.kinematics
+        return Turning(wheels.ahead_m, wheels.least_radius_m, self.corner_m, wheels.reverse, self.length_m)
 
     def _towed(self) -> list[tuple[float, float, float]]:
         """Of each trailer, how far it runs inside the arc of least radius, and length and width of its body."""

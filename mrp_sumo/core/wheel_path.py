@@ -9,6 +9,7 @@ Distances are those along lanes, corners and all: a stretch of two tangents is d
 """
 
 import math
+from collections.abc import Iterator
 from functools import lru_cache
 from itertools import pairwise
 from typing import NamedTuple
@@ -20,7 +21,7 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 PIECE_RAD = 0.02  # of an arc between two places that are worked out
 STRAIGHT_RAD = 1e-6
-SHARPEST_RAD = 1.75  # of the bends for which `most_aside_m` is worked out
+SHARPEST_RAD = 1.75  # of bends
 
 
 class Route(NamedTuple):
@@ -135,28 +136,48 @@ def _arc(corner: FloatArray, along_rad: float, bend_rad: float, tangent_m: float
     return np.asarray(centre + radius * np.stack([np.sin(angle), -np.cos(angle)], 1))
 
 
+class Turning(NamedTuple):
+    """Figures of a vehicle that decide what it sweeps at corners."""
+
+    ahead_m: float
+    least_radius_m: float
+    corner_m: float  # by which the fixed axle may leave a corner
+    reverse: bool
+    length_m: float
+
+
 @lru_cache(maxsize=64)
-def most_aside_m(ahead_m: float, least_radius_m: float, corner_m: float, *, reverse: bool) -> float:
+def most_aside_m(vehicle: Turning) -> float:
     """Distance of the middle of a body, at any corner at most, from where that of a robot would be that turns in place."""
     most = 0.0
-    for bend in np.linspace(0.1, SHARPEST_RAD, 12).tolist():
-        radius = max(least_radius_m, corner_m / (1 / math.cos(bend / 2) - 1))
-        for tangent in {radius * math.tan(bend / 2), least_radius_m * math.tan(bend / 2)}:
-            most = max(most, _aside_m(bend, (0, 0), tangent, 4 * tangent + 4 * abs(ahead_m), ahead_m, least_radius_m))
-        if reverse:
-            reach = least_radius_m * math.tan(bend / 2) + abs(ahead_m)
-            for room in (reach, 2 * reach, 4 * reach):
-                most = max(most, _aside_m(math.pi - bend, (1, 0), room, 2 * room, ahead_m, least_radius_m))
+    for route, path in _corners(vehicle):
+        nominal = np.stack([np.interp(path.on_m, route.at_m, route.xy[:, n]) for n in (0, 1)], 1)
+        most = max(most, float(np.hypot(*(_middle(path, vehicle.ahead_m) - nominal).T).max()))
     return most
 
 
-def _aside_m(bend: float, gears: tuple[int, int], tangent_m: float, lane_m: float, ahead_m: float, least_radius_m: float) -> float:
-    """The same at one corner between two lanes, in the gears before and after it."""
-    out = lane_m * _ray(bend)
-    xy = np.array([[-lane_m, 0.0], [0.0, 0.0], out])
-    gear = np.array([gears[0], gears[0], gears[1]])
-    at_m = np.array([0.0, lane_m, 2 * lane_m])
-    path = wheel_path(Route(at_m, xy, np.array([0.0, 0.0, bend]), gear, np.array([0.0, tangent_m, 0.0])), ahead_m, least_radius_m)
-    middle = path.axle + ahead_m * np.stack([np.cos(path.yaw_rad), np.sin(path.yaw_rad)], 1)
-    nominal = np.stack([np.interp(path.on_m, at_m, xy[:, n]) for n in (0, 1)], 1)
-    return float(np.hypot(*(middle - nominal).T).max())
+def _corners(vehicle: Turning) -> Iterator[tuple[Route, WheelPath]]:
+    """Paths round corners at the origin: by the tightest and the widest arcs, and with changes of gear."""
+    least_m = vehicle.least_radius_m
+    for bend in np.linspace(0.1, SHARPEST_RAD, 12).tolist():
+        half, ahead = math.tan(bend / 2), abs(vehicle.ahead_m)
+        widest = max(least_m, min(vehicle.corner_m / (1 / math.cos(bend / 2) - 1), vehicle.length_m / half))
+        for tangent in {widest * half, least_m * half}:
+            for gear in (0, 1) if vehicle.reverse else (0,):
+                yield _corner(vehicle, bend, (gear, gear), tangent, 4 * (tangent + ahead))
+        if vehicle.reverse:
+            for room in (1.0, 2.0, 4.0):
+                reach = room * (least_m * half + ahead)
+                yield _corner(vehicle, math.pi - bend, (1, 0), reach, 2 * reach)
+
+
+def _corner(vehicle: Turning, bend: float, gears: tuple[int, int], tangent_m: float, lane_m: float) -> tuple[Route, WheelPath]:
+    """A path from one lane to another, in the gears before and after the corner between them."""
+    xy = np.array([[-lane_m, 0.0], [0.0, 0.0], lane_m * _ray(bend)])
+    gear = np.array([gears[0], *gears])
+    route = Route(np.array([0.0, lane_m, 2 * lane_m]), xy, np.array([0.0, 0.0, bend]), gear, np.array([0.0, tangent_m, 0.0]))
+    return route, wheel_path(route, vehicle.ahead_m, vehicle.least_radius_m)
+
+
+def _middle(path: WheelPath, ahead_m: float) -> FloatArray:
+    return path.axle + ahead_m * np.stack([np.cos(path.yaw_rad), np.sin(path.yaw_rad)], 1)

@@ -173,7 +173,7 @@ def _bend(table: Turns, turn: int, vehicle: RobotType, gear: int, *, changes: bo
             return 0.0, 0.0, math.inf
         room_m, least_m = float(table.room_m[turn]) - max(0.0, -wheels.ahead_m), wheels.least_radius_m  # the axle may be behind
         stretch = swing_stretch(room_m, math.pi - sharp, gear, wheels.ahead_m, least_m)
-        return room_m, room_m, min(vehicle.max_speed_mps / stretch, math.sqrt(wheels.lateral_mps2 * least_m))
+        return room_m, room_m, min(vehicle.with_load.max_speed_mps / stretch, math.sqrt(wheels.lateral_mps2 * least_m))
     radius_m, tangent_m = float(table.radius_m[turn]), float(table.tangent_m[turn])
     if not math.isfinite(radius_m):
         return 0.0, 0.0, math.inf

@@ -18,6 +18,7 @@ from mrp_sumo.maps.building import WALL_THICKNESS_M, Building, Level
 
 ON_WALL_M = WALL_THICKNESS_M  # a door this near to a wall, and along it, is drawn on it
 SAME_WAY = np.cos(np.radians(15))  # a door on a wall has its direction, about
+BENT = np.cos(0.2)  # of the directions of two lanes that meet: a larger cosine is no bend
 SHORTEST_M = 1e-6  # of what doors leave of a wall
 STOPS_SHORT_M = 0.001  # of a vertex: where robots wait and turn
 
@@ -70,7 +71,7 @@ class Narrow:
         if crossing := int(np.count_nonzero(self.lane_m[lanes] == 0)):
             notes.append(f"{_count(crossing, 'lane leads', 'lanes lead')} through a wall, such as {self._lane(lanes[0])}")
         if beside := lanes[crossing:].tolist():
-            room = f"{self.robot.with_load.width_m / 2:.2f} m to a wall, too close for '{name}'"
+            room = f"{self.robot.with_load.beside_m:.2f} m to a wall, too close for '{name}'"
             nearest = f"the closest {self._lane(beside[0])}: {self.lane_m[beside[0]]:.2f} m"
             notes.append(f"{_count(len(beside), 'lane runs', 'lanes run')} closer than {room}, {nearest}")
         if len(vertices):
@@ -82,7 +83,7 @@ class Narrow:
     @property
     def lane_notes(self) -> tuple[str, ...]:
         """A line for each lane without room, the nearest to a wall first."""
-        half_m = self.robot.with_load.width_m / 2
+        half_m = self.robot.with_load.beside_m
         return tuple(
             f"lane {self._lane(lane)} leads through a wall"
             if self.lane_m[lane] == 0
@@ -106,9 +107,23 @@ def narrow(graph: NavGraph, building: Building | None, robot: RobotType) -> Narr
     clearances = clearance(graph, building, robot.half_width_m + STOPS_SHORT_M)
     driven = np.zeros(graph.num_vertices, np.bool_)
     driven[graph.tail] = driven[graph.head] = True
-    lanes = (clearances.lane_m == 0) | (clearances.lane_m < robot.with_load.width_m / 2 - SHORTEST_M)
+    if robot.is_vehicle:
+        driven &= _bent(graph)
+    lanes = (clearances.lane_m == 0) | (clearances.lane_m < robot.with_load.beside_m - SHORTEST_M)
     vertices = driven & (clearances.vertex_m < robot.half_width_m + STOPS_SHORT_M)
     return Narrow(robot, graph, clearances.lane_m, clearances.vertex_m, lanes, vertices)
+
+
+def _bent(graph: NavGraph) -> BoolArray:
+    """[V] where lanes meet at a bend, so that vehicles which cannot turn in place may turn there."""
+    along = graph.xy[graph.head] - graph.xy[graph.tail]
+    out = along / np.maximum(np.hypot(*along.T), SHORTEST_M)[:, None]
+    count = np.diff(graph.first)[graph.head]
+    lane = np.repeat(np.arange(graph.num_lanes), count)
+    onward = np.arange(len(lane)) - np.repeat(np.cumsum(count) - count - graph.first[graph.head], count)
+    bent = np.zeros(graph.num_vertices, np.bool_)
+    bent[graph.head[lane[np.abs((out[lane] * out[onward]).sum(1)) < BENT]]] = True
+    return bent
 
 
 def pruned(graph: PlanGraph, without: Narrow) -> PlanGraph:

@@ -170,7 +170,7 @@ def _by_load(execution: Execution, members: Fleet, level: IntArray | None, fleet
     owner = members.owner if isinstance(members, Parts) else np.arange(num_parts)
     names = tuple(members.robot_name[k] for k in part.tolist())
     floor = None if execution.level is None else execution.level[:, part]
-    parts = Parts(robot_name=names, apart_m=fleet.apart_m, owner=np.append(owner, other), **limits)
+    parts = Parts(robot_name=names, apart_m=fleet.apart_m, types=fleet.types, owner=np.append(owner, other), **limits)
     return replace(execution, **columns, level=floor, hitch_rad={}), parts, None if level is None else level[part]
 
 

@@ -2,7 +2,7 @@
 
 Where two lanes meet at a bend, the middle of the fixed axle cuts the corner along an arc of a circle, which touches both lanes at a
 distance of R tan(bend / 2) from the corner, within the nearer half of either, so that no two arcs meet. The arc is as large as these
-halves allow, and leaves the corner by no more than its type's `corner_m`.
+halves allow, begins within a length of the vehicle, and leaves the corner by no more than its type's `corner_m`.
 
 A vehicle that may reverse changes gear where a lane leads straight back. One that comes backward to a corner also swings past it along
 an arc of its least radius, away from the lane on which it is to leave, stops in line with that lane, and leaves forward: so forklifts
@@ -23,7 +23,6 @@ FORWARD, BACKWARD, NEVER = 0, 1, -1  # gears
 STRAIGHT_RAD = 1e-6
 IN_LINE_RAD = 0.01  # within which a vehicle that stands is in line with a lane
 MAY_STAND_RAD = 0.2  # of a start's heading off a lane, and of lanes that lead straight back
-LARGEST_M = 50.0  # arcs of a larger radius are no straighter
 OF_LANE = {"forward": FORWARD, "backward": BACKWARD}  # Open-RMF's option `orientation_constraint`
 
 
@@ -61,7 +60,7 @@ def turns_of(graph: NavGraph, vehicle: RobotType) -> Turns:
     half, least_m = np.tan(sharp / 2), wheels.least_radius_m
     with np.errstate(divide="ignore"):
         leaves = vehicle.corner_m / (1 / np.cos(sharp / 2) - 1)
-        radius = np.minimum(np.minimum(room / half, leaves), LARGEST_M)
+        radius = np.minimum(np.minimum(room / half, leaves), np.maximum(vehicle.length_m / half, least_m))
     straight = sharp <= STRAIGHT_RAD
     arc = ~straight & ~rides & (radius >= least_m - 1e-9)
     swing = least_m / np.maximum(half, 1e-9)  # the heading changes by what the bend leaves of a half turn
