@@ -22,6 +22,7 @@ class Standing:
     does: IntArray  # [R] under way, standing, bound for a lane, or anywhere: it has not moved yet, or turns in place
     lane: IntArray  # [R] by which it came or for which it is bound
     gear: IntArray  # [R] 0 forward, 1 backward
+    came: IntArray  # [R] lane by which it came, where it is bound for another; -1: none
 
 
 @dataclass(frozen=True, eq=False)

@@ -169,7 +169,7 @@ class Ledger:
         does = np.where(has_moved, ANYWHERE, first.does)
         lane, gear = np.where(has_moved, visits.lane[joint], first.lane), np.where(has_moved, visits.gear[joint], first.gear)
         if not self.is_vehicle.any():
-            return Standing(does, lane, gear)
+            return Standing(does, lane, gear, lane)
         onward = visits.next[joint]
         is_bound = (visits.tangent_m[joint] > 0) & (onward >= 0)
         before_m = self.room_to_turn_m(lane)
@@ -181,7 +181,7 @@ class Ledger:
             vehicle = self.problem.fleet.types[int(self.problem.fleet.kind[r])]
             if (ahead := stands_bent(turns_of(self.graph, vehicle), int(lane[r]), int(gear[r]))) is not None:
                 does[r], lane[r], gear[r] = BOUND, *ahead
-        return Standing(does, lane, gear)
+        return Standing(does, lane, gear, visits.lane[joint])
 
     def room_to_turn_m(self, lane: IntArray) -> FloatArray:
         """[R] Distance before the end of its lane until which each vehicle has not begun to turn there."""

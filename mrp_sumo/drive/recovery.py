@@ -31,6 +31,7 @@ from mrp_sumo.errors import PlanError
 from mrp_sumo.search.route import shortest_route
 
 GIVE_WAY, DETOUR, REPLAN = "give_way", "detour", "replan"
+MOST_DOUBLINGS = 30  # of the time until a planner is asked again: longer than any run
 SAME_RING = 3  # so many times a ring of the same robots is asked to give way, before a planner is
 
 
@@ -137,7 +138,7 @@ class Recovery:
         """There is no new plan, or nobody can keep its order."""
         why = str(error)
         self._failures += 1
-        self._again_s = now_s + self.settings.recovery.patience_s * 2**self._failures
+        self._again_s = now_s + self.settings.recovery.patience_s * 2 ** min(self._failures, MOST_DOUBLINGS)
         if why not in self._reported:
             self._reported.add(why)
             self._events.append(Event(now_s, "unresolved", -1, text=why))

@@ -127,7 +127,7 @@ def situation(now_s: float, context: Surroundings, stays: BoolArray, end: IntArr
         closed=blocked,
         reason="replan",
         since_s=frozen(context.crew.since_s[robots]),
-        standing=None if standing is None else Standing(standing.does[robots], standing.lane[robots], standing.gear[robots]),
+        standing=None if standing is None else Standing(*(column[robots] for column in vars(standing).values())),
     )
     return Situation(request, waits, back, alone, tuple(int(robots[i]) for i in cut_off))
 
@@ -141,7 +141,8 @@ def _standing(ledger: Ledger, start: IntArray, on_lane: BoolArray) -> Standing |
     comes = on_lane & ledger.is_vehicle & (visits.vertex[ahead] == start)
     can_turn = ledger.state.motion.s_m < visits.at_m[ahead] - ledger.room_to_turn_m(visits.lane[ahead])
     does = np.where(comes, np.where(can_turn, UNDER_WAY, STANDING), standing.does)
-    return Standing(does, np.where(comes, visits.lane[ahead], standing.lane), np.where(comes, visits.gear[ahead], standing.gear))
+    lane, gear = np.where(comes, visits.lane[ahead], standing.lane), np.where(comes, visits.gear[ahead], standing.gear)
+    return Standing(does, lane, gear, np.where(comes, -1, standing.came))
 
 
 def planned(

@@ -13,8 +13,8 @@ from mrp_sumo.core.plan import Plan, PlanResult
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError
 from mrp_sumo.search.route import shortest_route
-from mrp_sumo.traffic.moves import ANYWHERE, MoveGraph, arrivals_at, move_graph, off_rad, standing_at_starts
-from mrp_sumo.traffic.turns import MAY_STAND_RAD, obstacle_to
+from mrp_sumo.traffic.moves import ANYWHERE, BOUND, MoveGraph, arrivals_at, move_graph, off_rad, standing_at_starts
+from mrp_sumo.traffic.turns import MAY_STAND_RAD, obstacle_to, turns_of
 
 
 def on_moves(problem: Problem) -> Problem:
@@ -59,7 +59,11 @@ def _starts(problem: Problem, graph: MoveGraph) -> IntArray:
     standing = standing_at_starts(problem) if problem.standing is None else problem.standing
     for r, kind in enumerate(problem.fleet.kind.tolist()):
         states, v, does = graph.states[kind], int(problem.start[r]), int(standing.does[r])
-        start[r] = states.anywhere[v] if does == ANYWHERE else states.at[does, standing.lane[r], standing.gear[r]]
+        if does == BOUND and standing.came[r] >= 0 and len(states.bound):
+            turns = turns_of(problem.graph, problem.fleet.types[kind])
+            start[r] = states.bound[turns.between(int(standing.came[r]), int(standing.lane[r]))]
+        else:
+            start[r] = states.anywhere[v] if does == ANYWHERE else states.at[does, standing.lane[r], standing.gear[r]]
     return start
 
 

@@ -34,6 +34,7 @@ class States(NamedTuple):
     place: IntArray  # [S] vertex of the map
     behind: IntArray  # [S] vertex on which trailers stand there, -1: none
     at: IntArray  # [4, L, 2] vertex by what it does, its lane and gear, -1: none
+    bound: IntArray  # [P] of types that tow: vertex on the arc of each turn, where the trailers are known, too; -1: none
     anywhere: IntArray  # [V] vertex from which a type that has not moved yet may go everywhere
 
 
@@ -105,7 +106,7 @@ def _of_others(graph: PlanGraph, free: BoolArray, begin: int) -> tuple[States, A
     """Robots that turn in place: the map's own vertices and lanes."""
     lanes = np.flatnonzero(free)
     place = np.arange(graph.num_vertices)
-    states = States(begin, place, np.full(len(place), -1), np.zeros((4, 0, 2), np.int64), begin + place)
+    states = States(begin, place, np.full(len(place), -1), np.zeros((4, 0, 2), np.int64), np.zeros(0, np.int64), begin + place)
     return states, (begin + graph.tail[lanes], begin + graph.head[lanes], lanes)
 
 
@@ -117,22 +118,28 @@ def _of_vehicle(graph: PlanGraph, vehicle: RobotType, free: BoolArray, begin: in
     for does in (UNDER_WAY, STANDING, BOUND):
         at[does, lane, gear] = begin + does * count + np.arange(count)
     anywhere = begin + 3 * count + np.arange(graph.num_vertices)
-    place = np.concatenate([graph.head[lane], graph.head[lane], graph.tail[lane], np.arange(graph.num_vertices)])
+    came = np.repeat(np.arange(num_lanes), np.diff(turns.first))
+    on_arc = np.flatnonzero(turns.next_gear[:, FORWARD] == FORWARD) if vehicle.trailers else np.zeros(0, np.int64)
+    bound = np.full(len(came), -1)
+    bound[on_arc] = begin + 3 * count + graph.num_vertices + np.arange(len(on_arc))
+    everywhere, corner = np.arange(graph.num_vertices), graph.head[came[on_arc]]
+    place = np.concatenate([graph.head[lane], graph.head[lane], graph.tail[lane], everywhere, corner])
     behind = np.full(len(place), -1)
     if vehicle.trailers:
         behind[: 2 * count] = np.tile(graph.tail[lane], 2)
+        behind[len(behind) - len(on_arc) :] = graph.tail[came[on_arc]]
     arcs = [(at[BOUND, lane, gear], at[UNDER_WAY, lane, gear], lane)]
+    arcs.append((bound[on_arc], at[UNDER_WAY, turns.onward[on_arc], FORWARD], turns.onward[on_arc]))
     for g in (FORWARD, BACKWARD):  # one that has not moved yet goes backward only where it has to
         out = np.flatnonzero((allowed[:, g] > 0) & ((g == FORWARD) | (allowed[:, FORWARD] == 0)))
         arcs.append((anywhere[graph.tail[out]], at[UNDER_WAY, out, g], out))
-        came = np.repeat(np.arange(num_lanes), np.diff(turns.first))
         for does, next_gear in ((UNDER_WAY, turns.next_gear[:, g]), (STANDING, turns.may_stand[:, g])):
             some = next_gear != NEVER
             onward = turns.onward[some]
             arcs.append((at[does, came[some], g], at[UNDER_WAY, onward, next_gear[some]], onward))
     tail, head, along = (np.concatenate([arc[k] for arc in arcs]) for k in range(3))
     real = (tail >= 0) & (head >= 0)
-    return States(begin, place, behind, at, anywhere), (tail[real], head[real], along[real])
+    return States(begin, place, behind, at, bound, anywhere), (tail[real], head[real], along[real])
 
 
 def standing_at_starts(problem: Problem) -> Standing:
@@ -141,7 +148,8 @@ def standing_at_starts(problem: Problem) -> Standing:
     Raises PlanError where no lane leads as a vehicle faces, or none behind it has room for its trailers.
     """
     num_robots, fleet = problem.num_robots, problem.fleet
-    standing = Standing(np.full(num_robots, ANYWHERE), np.full(num_robots, -1), np.zeros(num_robots, np.int64))
+    nowhere = np.full(num_robots, -1)
+    standing = Standing(np.full(num_robots, ANYWHERE), nowhere.copy(), np.zeros(num_robots, np.int64), nowhere)
     if not fleet.vehicle_of_kind:
         return standing
     course, taken = course_rad(problem.graph), set(problem.start.tolist())

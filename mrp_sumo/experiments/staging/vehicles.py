@@ -7,17 +7,19 @@ from dataclasses import replace
 
 import numpy as np
 
-from mrp_sumo.core.graph import FloatArray, frozen
+from mrp_sumo.core.digraph import strong_components
+from mrp_sumo.core.graph import BoolArray, FloatArray, frozen
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError, ScenarioError
 from mrp_sumo.io.scenario.file import ScenarioFile
-from mrp_sumo.traffic.moves import off_rad, standing_at_starts
+from mrp_sumo.traffic.moves import UNDER_WAY, move_graph, off_rad, standing_at_starts
 from mrp_sumo.traffic.turns import BACKWARD, FORWARD, MAY_STAND_RAD, course_rad, gears_of
 
 
 def with_vehicles(file: ScenarioFile, problem: Problem) -> Problem:
     """The problem, in which vehicles that wait for tasks face along a lane. Raises ScenarioError where one cannot stand at its start."""
     if file.scenario.tasks is not None:
+        problem = replace(problem, barred=_without_traps(problem))
         problem = replace(problem, start_heading_rad=frozen(_along_lanes(problem)))
     try:
         standing = standing_at_starts(problem)
@@ -26,6 +28,23 @@ def with_vehicles(file: ScenarioFile, problem: Problem) -> Problem:
     heading, stands = problem.heading_at_start.copy(), standing.lane >= 0
     heading[stands] = (course_rad(problem.graph)[standing.lane] + np.pi * standing.gear)[stands]  # exactly along the lane
     return replace(problem, start_heading_rad=frozen(heading)) if stands.any() else problem
+
+
+def _without_traps(problem: Problem) -> BoolArray | None:
+    """[K, L] the lanes barred to each type, those included from which a vehicle would never come back to where most can go round."""
+    graph, fleet = problem.graph, problem.fleet
+    barred = np.zeros((fleet.num_kinds, graph.num_lanes), np.bool_) if problem.barred is None else problem.barred.copy()
+    moves = move_graph(graph, fleet, problem.barred)
+    component = strong_components(moves.num_vertices, moves.tail, moves.head)
+    for kind, states in enumerate(moves.states):
+        if not fleet.types[kind].is_vehicle:
+            continue
+        reached = states.at[UNDER_WAY][states.at[UNDER_WAY] >= 0]
+        returns = component == np.bincount(component[reached]).argmax()
+        while (more := returns[moves.head] & ~returns[moves.tail]).any():
+            returns[moves.tail[more]] = True
+        barred[kind] |= ~(returns[states.at[UNDER_WAY]] & (states.at[UNDER_WAY] >= 0)).any(1)
+    return frozen(barred) if barred.any() else None
 
 
 def _along_lanes(problem: Problem) -> FloatArray:
