@@ -59,7 +59,7 @@ def _starts(problem: Problem, graph: MoveGraph) -> IntArray:
     standing = standing_at_starts(problem) if problem.standing is None else problem.standing
     for r, kind in enumerate(problem.fleet.kind.tolist()):
         states, v, does = graph.states[kind], int(problem.start[r]), int(standing.does[r])
-        if does == BOUND and standing.came[r] >= 0 and len(states.bound):
+        if does == BOUND and standing.came[r] >= 0 and problem.fleet.types[kind].trailers:
             turns = turns_of(problem.graph, problem.fleet.types[kind])
             start[r] = states.bound[turns.between(int(standing.came[r]), int(standing.lane[r]))]
         else:

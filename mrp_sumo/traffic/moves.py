@@ -111,7 +111,7 @@ def _of_others(graph: PlanGraph, free: BoolArray, begin: int) -> tuple[States, A
 
 
 def _of_vehicle(graph: PlanGraph, vehicle: RobotType, free: BoolArray, begin: int) -> tuple[States, Arcs]:
-    turns, allowed = turns_of(graph, vehicle), gears_of(graph, vehicle) * free[:, None]
+    turns, allowed = turns_of(graph, vehicle), gears_of(graph, vehicle)  # states are there on lanes that are not free, too, moves are not
     lane, gear = np.nonzero(allowed)
     count, num_lanes = len(lane), graph.num_lanes
     at = np.full((4, num_lanes, 2), -1, np.int64)
@@ -138,7 +138,7 @@ def _of_vehicle(graph: PlanGraph, vehicle: RobotType, free: BoolArray, begin: in
             onward = turns.onward[some]
             arcs.append((at[does, came[some], g], at[UNDER_WAY, onward, next_gear[some]], onward))
     tail, head, along = (np.concatenate([arc[k] for arc in arcs]) for k in range(3))
-    real = (tail >= 0) & (head >= 0)
+    real = (tail >= 0) & (head >= 0) & free[along]
     return States(begin, place, behind, at, bound, anywhere), (tail[real], head[real], along[real])
 
 

@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 
 from mrp_sumo.core.plan import Status, plan_of_paths
+from mrp_sumo.core.problem import Standing
 from mrp_sumo.planning.answers import planned_by
 from mrp_sumo.planning.registry import planner
+from mrp_sumo.traffic.moves import BOUND
 from mrp_sumo.traffic.referee import judge
 from mrp_sumo.traffic.turns import obstacle_to
 from tests.vehicles import CAR, CART, TRICYCLE, TUGGER, corner, roads, squares, vehicles_on
@@ -79,3 +81,13 @@ def test_a_heading_at_the_goal_decides_from_where_a_vehicle_comes(heading_rad, l
     graph = roads([(0.0, 0.0), (4.0, 0.0), (8.0, 0.0), (8.0, 4.0), (4.0, 4.0), (0.0, 4.0)], [(k, (k + 1) % 6) for k in range(6)])
     result = plan(vehicles_on(graph, [4], [1], CAR, goal_heading_rad=np.array([heading_rad])))
     assert result.plan.vertex[-2:].tolist() == last
+
+
+@pytest.mark.parametrize("vehicle", [TRICYCLE, CAR, TUGGER], ids=lambda each: each.name)
+def test_a_vehicle_on_an_arc_goes_on_along_it(vehicle):
+    """At 1, bound for 2, of a ring: it goes there first, though a tricycle could back out."""
+    ring = [(0.0, 0.0), (4.0, 0.0), (4.0, 4.0), (0.0, 4.0)]
+    graph = roads(ring, one_way=[(k, (k + 1) % 4) for k in range(4)])
+    came, bound = graph.lane_between(0, 1), graph.lane_between(1, 2)
+    standing = Standing(np.array([BOUND]), np.array([bound]), np.array([0]), np.array([came]))
+    assert plan(vehicles_on(graph, [1], [3], vehicle, standing=standing)).plan.vertex.tolist() == [1, 2, 3]
