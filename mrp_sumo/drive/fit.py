@@ -49,7 +49,7 @@ def check_room(problem: Problem) -> None:
     separation = fleet.separation_m
     if not problem.num_robots:
         raise ExecutionError("there are no robots to execute a plan with")
-    if separation > graph.cell_m + 1e-9 and problem.num_robots > 1:
+    if separation > graph.cell_m + 1e-9:
         raise ExecutionError(
             f"the robots do not fit: with their gap they need {separation:.3f} m from centre to centre, "
             f"and cells of '{graph.name}' are {graph.cell_m:g} m"
