@@ -1,4 +1,4 @@
-"""Rectangles of robots and of what they tow, sample by sample: rectangles, one for each robot and one for each trailer."""
+"""Bodies of robots and of what they tow, sample by sample: rectangles, one for each robot and one for each trailer."""
 
 from dataclasses import dataclass
 

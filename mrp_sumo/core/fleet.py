@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, frozen
 from mrp_sumo.core.robot_type import Battery, RobotShape, RobotType
@@ -45,25 +46,33 @@ class Fleet:
     @property
     def is_vehicle(self) -> BoolArray:
         """[R] True for robots that cannot turn in place."""
-        if not self.vehicle_of_kind:
-            return np.zeros(self.num_robots, np.bool_)
-        return np.array([each.is_vehicle for each in self.types])[self.kind]
+        return self._by_type([each.is_vehicle for each in self.types], np.zeros(self.num_robots, np.bool_))
 
     @property
     def aside_m(self) -> FloatArray:
         """[R] see `RobotShape.aside_m`."""
-        return np.array([each.aside_m for each in self.types])[self.kind] if self.vehicle_of_kind else np.zeros(self.num_robots)
+        return self._by_type([each.aside_m for each in self.types], np.zeros(self.num_robots))
 
     @property
     def axle_m(self) -> FloatArray:
         """[R] from the middle of the body to the fixed axle of vehicles, 0 for others."""
-        axle = [abs(each.kinematics.ahead_m) if each.is_vehicle else 0.0 for each in self.types]
-        return np.array(axle)[self.kind] if self.vehicle_of_kind else np.zeros(self.num_robots)
+        return np.abs(self.ahead_m)
+
+    @property
+    def ahead_m(self) -> FloatArray:
+        """[R] distance by which the middle of the body is ahead of the fixed axle of vehicles, 0 for others."""
+        ahead = [each.kinematics.ahead_m if each.is_vehicle else 0.0 for each in self.types]
+        return self._by_type(ahead, np.zeros(self.num_robots))
+
+    @property
+    def least_radius_m(self) -> FloatArray:
+        """[R] of the arcs of vehicles, 0 for others."""
+        return self._by_type([each.kinematics.least_radius_m for each in self.types], np.zeros(self.num_robots))
 
     @property
     def behind_m(self) -> FloatArray:
         """[R] from what drives along lanes to the end of the last trailer."""
-        return np.array([each.behind_m for each in self.types])[self.kind] if self.vehicle_of_kind else np.zeros(self.num_robots)
+        return self._by_type([each.behind_m for each in self.types], np.zeros(self.num_robots))
 
     @property
     def radius_m(self) -> FloatArray:
@@ -71,8 +80,11 @@ class Fleet:
         `RobotShape.radius_m`.
         """
         body = self.loaded or self
-        circle = np.hypot(body.length_m, body.width_m) / 2
-        return np.array([each.radius_m for each in self.types])[self.kind] if self.vehicle_of_kind else circle
+        return self._by_type([each.radius_m for each in self.types], np.hypot(body.length_m, body.width_m) / 2)
+
+    def _by_type(self, figures: Sequence[Any], without: NDArray[Any]) -> NDArray[Any]:
+        """[R] figures by type, where any is a vehicle."""
+        return np.array(figures)[self.kind] if self.vehicle_of_kind else without
 
     @property
     def max_load_kg(self) -> FloatArray:

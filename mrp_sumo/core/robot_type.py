@@ -202,15 +202,7 @@ class RobotShape(Options):
             raise OptionError(f"trailers with kinematics of kind {wheels.kind}, expected kind tugger")
         if self.trailers and wheels.reverse:
             raise OptionError("trailers with reverse: true would jack-knife, expected reverse: false, or no trailers")
-        radius_m = self.kinematics.least_radius_m
-        for k, trailer in enumerate(self.trailers):
-            square = radius_m**2 + trailer.hitch_m**2 - trailer.length_m**2
-            if square <= 0:
-                raise OptionError(
-                    f"trailers[{k}] would jack-knife: on the arc of {radius_m:.2f} m of the axle in front, hitch_m {trailer.hitch_m:g} and "
-                    f"length_m {trailer.length_m:g} leave it none, expected a shorter length_m, or a smaller steering_max_rad"
-                )
-            radius_m = math.sqrt(square)
+        self._towed()
 
     def _check_loaded(self) -> None:
         loaded = self.loaded or Loaded()
@@ -305,11 +297,17 @@ class RobotShape(Options):
         return Turning(wheels.ahead_m, wheels.least_radius_m, self.corner_m, wheels.reverse, self.length_m)
 
     def _towed(self) -> list[tuple[float, float, float]]:
-        """Of each trailer, how far it runs inside the arc of least radius, and length and width of its body."""
+        """Of each trailer, how far it runs inside the arc of least radius, and length and width of its body. Refuses what jack-knifes."""
         least = radius_m = self.kinematics.least_radius_m
         towed = []
-        for trailer in self.trailers:
-            radius_m = math.sqrt(radius_m**2 + trailer.hitch_m**2 - trailer.length_m**2)
+        for k, trailer in enumerate(self.trailers):
+            square = radius_m**2 + trailer.hitch_m**2 - trailer.length_m**2
+            if square <= 0:
+                raise OptionError(
+                    f"trailers[{k}] would jack-knife: on the arc of {radius_m:.2f} m of the axle in front, hitch_m {trailer.hitch_m:g} and "
+                    f"length_m {trailer.length_m:g} leave it none, expected a shorter length_m, or a smaller steering_max_rad"
+                )
+            radius_m = math.sqrt(square)
             towed.append((least - radius_m, trailer.body_m or trailer.length_m, trailer.width_m or self.width_m))
         return towed
 

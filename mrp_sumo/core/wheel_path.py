@@ -15,10 +15,9 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from mrp_sumo.core.graph import FloatArray, IntArray
+
 PIECE_RAD = 0.02  # of an arc between two places that are worked out
 STRAIGHT_RAD = 1e-6
 SHARPEST_RAD = 1.75  # of bends

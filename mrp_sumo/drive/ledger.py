@@ -163,13 +163,13 @@ class Ledger:
     @property
     def standing(self) -> Standing:
         """States in which vehicles are at their joints, or come to them."""
+        first = self._at_start
+        if not self.is_vehicle.any():
+            return first
         visits, joint, s_m = self.visits, self.joint, self.state.motion.s_m
         has_moved = visits.lane[joint] >= 0
-        first = self._at_start
         does = np.where(has_moved, ANYWHERE, first.does)
         lane, gear = np.where(has_moved, visits.lane[joint], first.lane), np.where(has_moved, visits.gear[joint], first.gear)
-        if not self.is_vehicle.any():
-            return Standing(does, lane, gear, lane)
         onward = visits.next[joint]
         is_bound = (visits.tangent_m[joint] > 0) & (onward >= 0)
         before_m = self.room_to_turn_m(lane)

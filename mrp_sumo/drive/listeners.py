@@ -112,11 +112,11 @@ class Recorder(Listener):
         for r in range(num_robots):
             at_m, xy, on = way_of(ledger, r)
             level[:, r] = on[np.maximum(np.searchsorted(at_m, s_m[:, r], side="right") - 1, 0)] if self._levels else 0
-            x[:, r] = np.interp(s_m[:, r], at_m, xy[:, 0])
-            y[:, r] = np.interp(s_m[:, r], at_m, xy[:, 1])
             if r in self._trains and len(s_m):
                 x[:, r], y[:, r], yaw[:, r], angles = self._trains[r].poses(ledger, r, s_m[:, r])
                 hitch[: len(angles), :, r] = angles
+            else:
+                x[:, r], y[:, r] = (np.interp(s_m[:, r], at_m, xy[:, k]) for k in (0, 1))
         columns = (x, y, (yaw + np.pi) % (2 * np.pi) - np.pi, speed, *([level] if self._levels else []), *hitch)
         for file, column in zip(self._columns, columns):
             file.write(np.ascontiguousarray(column).data)

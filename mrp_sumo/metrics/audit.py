@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mrp_sumo.core.bodies import axle_of, bodies_of
 from mrp_sumo.core.execution import Execution, Outcome, positions_at
@@ -227,7 +228,7 @@ def _wheels(execution: Execution, fleet: Fleet) -> list[dict[str, Any]]:
 def _bodies(fleet: Fleet) -> _audit.Footprints:
     half_length, half_width = fleet.length_m / 2, fleet.width_m / 2
     owner = fleet.owner if isinstance(fleet, Parts) else np.arange(fleet.num_robots)
-    return _audit.Footprints(np.hypot(half_length, half_width), half_length, half_width, _whole(owner))
+    return _audit.Footprints(np.hypot(half_length, half_width), half_length, half_width, _rows(owner, np.int64))
 
 
 def _outside_cabins(execution: Execution, fleet: Fleet, cabins: FloatArray | None) -> list[dict[str, Any]] | None:
@@ -420,9 +421,7 @@ def _motion(execution: Execution, fleet: Fleet) -> tuple[dict[str, int], list[di
 
 def _turn_rates(fleet: Fleet) -> FloatArray:
     """[R] at which robots turn: in place, or on the tightest arc."""
-    if not fleet.vehicle_of_kind:
-        return fleet.turn_rate_rad_s
-    least_m = np.array([each.kinematics.least_radius_m for each in fleet.types])[fleet.kind]
+    least_m = fleet.least_radius_m
     return np.where(least_m > 0, fleet.max_speed_mps / np.maximum(least_m, 1e-9), fleet.turn_rate_rad_s)
 
 
@@ -430,8 +429,7 @@ def _at_axles(execution: Execution, fleet: Fleet) -> _audit.Poses:
     """Poses of what keeps the limits of motion: the middle of the body, of vehicles that of their fixed axle."""
     if not fleet.vehicle_of_kind:
         return _poses(execution)
-    ahead_m = np.array([each.kinematics.ahead_m if each.is_vehicle else 0.0 for each in fleet.types])[fleet.kind]
-    x, y = axle_of(execution.x_m, execution.y_m, execution.yaw_rad, ahead_m)
+    x, y = axle_of(execution.x_m, execution.y_m, execution.yaw_rad, fleet.ahead_m)
     return _audit.Poses(_rows(x), _rows(y), _rows(execution.yaw_rad))
 
 
@@ -449,15 +447,8 @@ def _elsewhere(execution: Execution, fleet: Fleet) -> tuple[list[dict[str, Any]]
     return jumps, float(np.nanmax(apart)) if np.isfinite(apart).any() else None
 
 
-def _rows(values: FloatArray) -> FloatArray:
+def _rows(values: NDArray[Any], of: type[np.generic] = np.float64) -> NDArray[Any]:
     """As the kernels take it: one type of array, whoever made it."""
-    rows: FloatArray = np.ascontiguousarray(values, np.float64).view()
-    rows.flags.writeable = False
-    return rows
-
-
-def _whole(values: IntArray) -> IntArray:
-    """The same for whole numbers."""
-    rows: IntArray = np.ascontiguousarray(values, np.int64).view()
+    rows: NDArray[Any] = np.ascontiguousarray(values, of).view()
     rows.flags.writeable = False
     return rows

@@ -15,7 +15,7 @@ from mrp_sumo.core.clashes import Clashes, no_clashes
 from mrp_sumo.core.graph import BoolArray, IntArray, NavGraph, PlanGraph, frozen
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.traffic.moves import MoveGraph
-from mrp_sumo.traffic.resources import Resources, groups_of, resources_of
+from mrp_sumo.traffic.resources import Resources, groups_of, ranges, resources_of
 
 NO_SEPARATION = -1.0  # stands for the rules of MAPF alone
 
@@ -61,9 +61,9 @@ def _of_states(graph: MoveGraph, of_map: Clashes) -> Clashes:
     for move in moves:  # what the map says of the move, and of trailers that wait behind it
         some = np.flatnonzero(move >= 0)
         begin, number = of_map.vertex_first[move[some]], np.diff(of_map.vertex_first)[move[some]]
-        parts.append((np.repeat(some, number), of_map.vertex[_ranges(begin, number)]))
+        parts.append((np.repeat(some, number), of_map.vertex[ranges(begin, number)]))
         begin, number = of_map.lane_first[move[some]], np.diff(of_map.lane_first)[move[some]]
-        lanes.append(np.stack([np.repeat(some, number), of_map.lane[_ranges(begin, number)]]))
+        lanes.append(np.stack([np.repeat(some, number), of_map.lane[ranges(begin, number)]]))
     pairs = np.unique(np.concatenate([one * count + at for one, at in parts]))
     move, vertex = _joined(pairs // count, pairs % count, held[by_place], state[by_place], count)
     grouped = np.isin(pairs, np.concatenate([one * count + at for one, at in parts[2:]]))  # excluded beyond the rules of MAPF
@@ -74,10 +74,6 @@ def _of_states(graph: MoveGraph, of_map: Clashes) -> Clashes:
     on, lane = _joined(on, lane, graph.base_lane[by_lane], by_lane, base.num_lanes)
     lane_first, lane = _csr(on, lane, num_moves)
     return Clashes(vertex_first, vertex, lane_first, lane, True, of_map.rotations)
-
-
-def _ranges(begin: IntArray, count: IntArray) -> IntArray:
-    return np.arange(int(count.sum())) - np.repeat(np.cumsum(count) - count - begin, count)
 
 
 def _clashes(graph: PlanGraph, separation_m: float) -> Clashes:

@@ -33,7 +33,7 @@ class States(NamedTuple):
     begin: int
     place: IntArray  # [S] vertex of the map
     behind: IntArray  # [S] vertex on which trailers stand there, -1: none
-    at: IntArray  # [4, L, 2] vertex by what it does, its lane and gear, -1: none
+    at: IntArray  # [3, L, 2] vertex by what it does, its lane and gear, -1: none
     bound: IntArray  # [P] of types that tow: vertex on the arc of each turn, where the trailers are known, too; -1: none
     anywhere: IntArray  # [V] vertex from which a type that has not moved yet may go everywhere
 
@@ -106,7 +106,7 @@ def _of_others(graph: PlanGraph, free: BoolArray, begin: int) -> tuple[States, A
     """Robots that turn in place: the map's own vertices and lanes."""
     lanes = np.flatnonzero(free)
     place = np.arange(graph.num_vertices)
-    states = States(begin, place, np.full(len(place), -1), np.zeros((4, 0, 2), np.int64), np.zeros(0, np.int64), begin + place)
+    states = States(begin, place, np.full(len(place), -1), np.zeros((3, 0, 2), np.int64), np.zeros(0, np.int64), begin + place)
     return states, (begin + graph.tail[lanes], begin + graph.head[lanes], lanes)
 
 
@@ -114,7 +114,7 @@ def _of_vehicle(graph: PlanGraph, vehicle: RobotType, free: BoolArray, begin: in
     turns, allowed = turns_of(graph, vehicle), gears_of(graph, vehicle)  # states are there on lanes that are not free, too, moves are not
     lane, gear = np.nonzero(allowed)
     count, num_lanes = len(lane), graph.num_lanes
-    at = np.full((4, num_lanes, 2), -1, np.int64)
+    at = np.full((3, num_lanes, 2), -1, np.int64)
     for does in (UNDER_WAY, STANDING, BOUND):
         at[does, lane, gear] = begin + does * count + np.arange(count)
     anywhere = begin + 3 * count + np.arange(graph.num_vertices)

@@ -144,7 +144,7 @@ def _of_states(graph: MoveGraph, of_map: Resources) -> Resources:
             some = np.flatnonzero(where >= 0)
             begin = of_map.zones_first[kind * of_map.num_places + where[some]]
             count = np.diff(of_map.zones_first)[kind * of_map.num_places + where[some]]
-            parts.append((np.repeat(some, count), base.num_vertices + of_map.zones_of[_ranges(begin, count)]))
+            parts.append((np.repeat(some, count), base.num_vertices + of_map.zones_of[ranges(begin, count)]))
         parts.append((np.flatnonzero(behind >= 0), behind[behind >= 0]))
         pairs = np.unique(np.concatenate([at * (1 << 32) + group for at, group in parts]))
         first.append(first[-1][-1] + np.searchsorted(pairs >> 32, np.arange(1, len(of_place) + 1)))
@@ -187,7 +187,7 @@ def needs_of(graph: NavGraph, plan: Plan, lane: IntArray, resources: Resources, 
         places.append((towing, row[towing] + behind[towing], False))
     for some, place, only_lane in places:
         count = np.diff(resources.zones_first)[place]
-        zones = resources.zones_of[_ranges(resources.zones_first[place], count)]
+        zones = resources.zones_of[ranges(resources.zones_first[place], count)]
         parts.append((np.repeat(some, count), num_vertices + zones, np.full(len(zones), only_lane)))
     of_visit, resource = np.concatenate([part[0] for part in parts]), np.concatenate([part[1] for part in parts])
     on_lane = np.concatenate([part[2] for part in parts])
@@ -275,7 +275,7 @@ def _clearances(xy: FloatArray, ends: IntArray, on_floor: BoolArray, separation:
     first = np.searchsorted(vertex[order], np.arange(len(xy) + 1))
     degree = np.diff(first)[vertex]
     half = np.repeat(np.arange(2 * num_tracks), degree)
-    other = order[_ranges(first[vertex], degree)]
+    other = order[ranges(first[vertex], degree)]
     meets = (half != other) & on_floor[half % num_tracks] & on_floor[other % num_tracks]
     half, other = half[meets], other[meets]
     cos = (direction[half] * direction[other]).sum(1)
@@ -302,7 +302,7 @@ def _zones(graph: NavGraph, ends: IntArray, on_floor: BoolArray, separation: flo
     length = np.hypot(*(place[num_vertices:, 1] - place[num_vertices:, 0]).T)
     pieces = np.where(on_floor, np.maximum(1, np.ceil(length / (2 * separation)).astype(np.int64)), 0)
     owner = np.repeat(np.arange(len(ends)), pieces)
-    fraction = (_ranges(np.zeros(len(ends), np.int64), pieces) + 0.5) / pieces[owner]
+    fraction = (ranges(np.zeros(len(ends), np.int64), pieces) + 0.5) / pieces[owner]
     sample = place[num_vertices + owner, 0] + fraction[:, None] * (place[num_vertices + owner, 1] - place[num_vertices + owner, 0])
     half = float((length[on_floor] / pieces[on_floor]).max(initial=0.0)) / 2
     point = np.concatenate([graph.xy[used], sample])
@@ -416,7 +416,7 @@ def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
     return product
 
 
-def _ranges(start: IntArray, count: IntArray) -> IntArray:
-    """start[0], start[0] + 1, ... count[0] of them, then those of start[1], ..."""
+def ranges(start: IntArray, count: IntArray) -> IntArray:
+    """Numbers start[0], start[0] + 1, ... count[0] of them, then those of start[1], ..."""
     begin = np.cumsum(count) - count
     return np.arange(int(count.sum())) - np.repeat(begin - start, count)

@@ -97,19 +97,21 @@ def stands_bent(turns: Turns, lane: int, gear: int) -> tuple[int, int] | None:
     return int(onward[k]), int(gears[k])
 
 
+@lru_cache(maxsize=16)
 def course_rad(graph: NavGraph) -> FloatArray:
     """[L] direction in which lanes lead; vehicles face it, or away from it in reverse."""
     along = graph.xy[graph.head] - graph.xy[graph.tail]
     course: FloatArray = np.arctan2(along[:, 1], along[:, 0])
-    return np.where(graph.is_ride, graph.heading_rad, course)
+    return frozen(np.where(graph.is_ride, graph.heading_rad, course))
 
 
+@lru_cache(maxsize=16)
 def gears_of(graph: NavGraph, vehicle: RobotType) -> IntArray:
     """[L, 2] 1 where a type may drive along a lane forward, and backward."""
-    return np.array([gears_of_lane(graph, vehicle, lane) for lane in range(graph.num_lanes)], np.int64).reshape(-1, 2)
+    return frozen(np.array([_of_lane(graph, vehicle, lane) for lane in range(graph.num_lanes)], np.int64).reshape(-1, 2))
 
 
-def gears_of_lane(graph: NavGraph, vehicle: RobotType, lane: int) -> tuple[bool, bool]:
+def _of_lane(graph: NavGraph, vehicle: RobotType, lane: int) -> tuple[bool, bool]:
     """True for forward and backward, where a type may drive so along a lane."""
     gear = OF_LANE.get(str(graph.lane_options[lane].get("orientation_constraint")))
     return gear != BACKWARD, gear != FORWARD and vehicle.kinematics.reverse

@@ -5,7 +5,6 @@ overlaps anybody or a wall of the building (lanes without room are left out befo
 and nobody drives backward who may not. Undisturbed, what is planned is driven within a step.
 """
 
-import os
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -38,7 +37,7 @@ from mrp_sumo.planning.registry import planner
 from mrp_sumo.traffic.referee import judge
 
 PLANNERS = ("lacam", "pibt", "prioritised", "lns2", "cbs", "ecbs", "eecbs", "pbs", "continuous", "auto")
-FIELD = Path(os.environ.get("MRP_SUMO_SHARED", "../shared")) / "maps" / "field"
+FIELD = Path(__file__).resolve().parents[3] / "shared" / "maps" / "field"
 NOISE = Disturbances(speed_noise=0.1, stops_per_s=0.02, start_delay_s=3.0)
 STEP_S, LOOK_EVERY = 0.1, 3
 TOUCH_M2 = 1e-4  # of two bodies that is no overlap

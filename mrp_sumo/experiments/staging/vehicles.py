@@ -1,6 +1,6 @@
-"""Vehicles that cannot turn in place, at their starts: which way they face, and whether they can come from there to where they are to go.
+"""Vehicles that cannot turn in place, at their starts: which way they face, and which lanes they would never come back from.
 
-Refuses starts without room for trailers, headings that no lane has, and stations that a vehicle cannot reach for want of room to turn.
+Refuses starts without room for trailers, and headings that no lane has.
 """
 
 from dataclasses import replace
