@@ -1,11 +1,11 @@
 """Make a nav graph, a SUMO network and a picture of a map, and print its key facts.
 
 FILE is an RMF building or nav graph, a LIF, an openTCS model, a route graph, a MovingAI .map or .scen, a ROS map_server YAML, a
-plan of a floor (DXF with --layers and --unit, PNG with --metres-per-pixel), or the name of a bundled map. --out gets NAME.net.xml
+plan of a floor (DXF with --layers and --unit, PNG with --scale), or the name of a bundled map. --out gets NAME.net.xml
 (and NAME.poly.xml, what stands behind it in sumo-gui), one GRAPH.nav.yaml for each chosen graph (NAME.nav.yaml after repairs),
-NAME.png, NAME.svg and facts.json, and of a plan NAME_map.yaml, which a scenario names as its map; whole or not at all. With
---check only findings are printed, of the chosen part and after repairs, and the exit code is 2 if the map is refused. Lanes and
-vertices where walls leave a robot no room are notes.
+NAME.png, NAME.svg and facts.json, and of a plan NAME_map.yaml, which a scenario names as its map, and NAME.building.yaml, its walls
+without a lane, to draw lanes on; whole or not at all. With --check only findings are printed, of the chosen part and after repairs,
+and the exit code is 2 if the map is refused. Lanes and vertices where walls leave a robot no room are notes.
 
 A FILE.jsonl is a recorded stream of VDA 5050 messages, `{"t_s":, "topic":, "payload": {}}` a line: --out gets a run folder, for `replay`,
 `render`, `report` and `export`, with the audit of what was driven; --map says which map has its walls.
@@ -158,7 +158,7 @@ def _require_replaceable(out: Path) -> None:
 def _write(map_: "Map", known: dict[str, Any], out: Path) -> None:
     """Write everything to a folder beside `out`, then put it in its place."""
     from mrp_sumo.engines.sumo.network import build_network
-    from mrp_sumo.io.floor_plan import write_costmap
+    from mrp_sumo.io.floor_plan import write_costmap, write_walls
     from mrp_sumo.maps.readers.nav_graph import write_nav_graph
     from mrp_sumo.reports.pictures.map_picture import draw_map
 
@@ -174,6 +174,7 @@ def _write(map_: "Map", known: dict[str, Any], out: Path) -> None:
                 draw_map(map_, work / f"{map_.name}.png", work / f"{map_.name}.svg")
                 if map_.floor is not None:
                     write_costmap(work, f"{map_.name}_map", map_.floor)
+                    write_walls(map_, work)
                 network.result()
             (work / FACTS).write_text(json.dumps({**known, **_frame(map_)}, indent=2) + "\n", encoding="utf-8")
             if out.exists():

@@ -1,12 +1,12 @@
 """Arguments that all commands about a map file share: which part of it is used, and how it is repaired."""
 
 import argparse
-import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from mrp_sumo.cli.option_rules import above_0
 from mrp_sumo.cli.printing import say
-from mrp_sumo.cli.scenario_choice import trust_named
+from mrp_sumo.cli.scenario_choice import scale_argument, trust_named
 from mrp_sumo.errors import ChoiceError
 
 if TYPE_CHECKING:
@@ -24,21 +24,15 @@ def add_choice(parser: argparse.ArgumentParser) -> None:
     )
     add("--graph", metavar="N|N,N|all", type=_graph, help="graph of a building, or several united (default: the lowest)")
     add("--level", metavar="NAME", help="level of a building (default: all that the graph is on)")
-    add(
-        "--meters-per-pixel",
-        "--metres-per-pixel",
-        metavar="S",
-        type=_above_0,
-        help="scale of a picture of a floor, or of a building's drawing instead of its measurements",
-    )
+    scale_argument(parser)
     add("--layers", metavar="NAME,NAME", type=_layers, help="of a DXF: the layers that hold its walls (default: all that are shown)")
     add("--unit", metavar="U", help="of a DXF: mm, cm, dm, m, in or ft (default: as it says)")
     add("--vehicle-type", metavar="NAME", help="of a LIF: only the edges for this type of vehicle (default: all)")
-    add("--cell", metavar="M", type=_above_0, default=0.4, help="side of a grid's cells (default: 0.4 m)")
-    add("--robot-radius", metavar="M", type=_above_0, help="room a robot needs on a ROS map (default: a TurtleBot3 Burger's, 0.1126 m)")
-    add("--snap", metavar="M", type=_above_0, help="repair: join ends that lie this close to a vertex or lane they are not on")
+    add("--cell", metavar="M", type=above_0, default=0.4, help="side of a grid's cells (default: 0.4 m)")
+    add("--robot-radius", metavar="M", type=above_0, help="room a robot needs on a ROS map (default: a TurtleBot3 Burger's, 0.1126 m)")
+    add("--snap", metavar="M", type=above_0, help="repair: join ends that lie this close to a vertex or lane they are not on")
     add("--split-crossings", action="store_true", help="repair: put a vertex where lanes cross without one")
-    add("--join-short", metavar="M", type=_above_0, help="repair: join the ends of lanes shorter than this, where one end is unnamed")
+    add("--join-short", metavar="M", type=above_0, help="repair: join the ends of lanes shorter than this, where one end is unnamed")
     add("--largest-component", action="store_true", help="repair: keep the largest connected piece only")
 
 
@@ -73,16 +67,6 @@ def drawn_map(path: Path, options: argparse.Namespace, **part: Any) -> "Map":
     if options.robot_radius is not None and (map_.free is None or path.suffix in (".map", ".scen")):
         raise ChoiceError(f"{path.name}: --robot-radius is for occupancy maps and plans of a floor; --robot tells where it has no room")
     return map_
-
-
-def _above_0(text: str) -> float:
-    try:
-        number = float(text)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"found '{text}', expected a number") from None
-    if not 0 < number < math.inf:
-        raise argparse.ArgumentTypeError(f"found {text}, expected more than 0")
-    return number
 
 
 def _layers(text: str) -> tuple[str, ...]:

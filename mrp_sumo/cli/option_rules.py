@@ -1,5 +1,8 @@
 """Rules that options of several commands keep: what is out of range, or has no effect beside the others, is refused and never ignored."""
 
+import argparse
+import math
+
 from mrp_sumo.errors import MrpSumoError
 
 
@@ -14,6 +17,32 @@ def port_number(text: str) -> int:
     if not (text.isascii() and text.isdecimal()) or int(text[:6]) > 65535:
         raise MrpSumoError(f"--port: found {text[:40]!r}, expected a whole number up to 65535")
     return int(text)
+
+
+def scale(text: str) -> float:
+    """The type of an argument that is metres a pixel, or two places in pixels and the metres between them."""
+    places, equals, metres = text.partition("=")
+    if not equals:
+        return above_0(text)
+    try:
+        (ax, ay), (bx, by) = (map(float, place.split(",")) for place in places.split(":"))
+        pixels = math.dist((ax, ay), (bx, by))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"found '{text}', expected X,Y:X,Y=M, such as 120,80:920,80=20") from None
+    if not 0 < pixels < math.inf:
+        raise argparse.ArgumentTypeError(f"found '{text}', expected two places that are apart")
+    return above_0(metres) / pixels
+
+
+def above_0(text: str) -> float:
+    """The type of an argument that is a number above 0."""
+    try:
+        number = float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"found '{text}', expected a number") from None
+    if not 0 < number < math.inf:
+        raise argparse.ArgumentTypeError(f"found {text}, expected more than 0")
+    return number
 
 
 def only_for(what: str, **options: object) -> None:

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from mrp_sumo.cli.option_rules import scale
 from mrp_sumo.cli.printing import warn, warn_of_kernels
 from mrp_sumo.errors import MrpSumoError, PlugInError
 
@@ -40,9 +41,16 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def scale_argument(parser: argparse.ArgumentParser) -> None:
-    """`--meters-per-pixel` of maps whose file does not say it."""
+    """The scale of maps whose file does not say it."""
     parser.add_argument(
-        "--meters-per-pixel", "--metres-per-pixel", type=float, metavar="S", help="of a map: the scale of a picture, or of a drawing"
+        "--scale",
+        "--meters-per-pixel",
+        "--metres-per-pixel",
+        dest="meters_per_pixel",
+        metavar="S",
+        type=scale,
+        help="of a picture of a floor, or of a building's drawing instead of its measurements: metres a pixel, such as 0.05, or two "
+        "places in pixels and the metres between them, X,Y:X,Y=M, such as 120,80:920,80=20",
     )
 
 
@@ -74,7 +82,7 @@ def chosen_scenario(options: argparse.Namespace) -> "ScenarioFile":
     if "meters_per_pixel" in options and is_map(options.scenario):
         return _of_map(options)
     if getattr(options, "meters_per_pixel", None) is not None:
-        raise MrpSumoError("--meters-per-pixel is for a map; a scenario says it itself: map.meters_per_pixel")
+        raise MrpSumoError("--scale is for a map; a scenario says it itself: map.meters_per_pixel")
     require_scenario(options.scenario)
     return with_set(options, changed(read_scenario(find_scenario(options.scenario)), _named(options)))
 

@@ -17,12 +17,13 @@ from mrp_sumo.core.fleet import LIMITS, Fleet, fleet_of_types
 from mrp_sumo.core.graph import NO_OPTIONS, NavGraph, PlanGraph, frozen, nav_graph, plan_graph
 from mrp_sumo.core.robot_type import OF_LOADED, Loaded, RobotType, Trailer, Wheels
 from mrp_sumo.errors import MrpSumoError, first_line
-from mrp_sumo.files.reading import read_json, require_regular
+from mrp_sumo.files.reading import read_head, read_json, require_regular
 from mrp_sumo.maps.yaml_text import parse
 from mrp_sumo.maps.yaml_text import read_text as read_map_text
 
 if TYPE_CHECKING:
     from mrp_sumo.maps.costmap import Costmap
+    from mrp_sumo.maps.map import Map
 
 SCHEMA_VERSION = 1
 FARTHEST_M = 1e9
@@ -109,6 +110,22 @@ def write_costmap(folder: Path, name: str, costmap: "Costmap") -> None:
         "free_thresh": 0.25,
     }
     (folder / f"{name}.yaml").write_text(yaml.safe_dump(about, sort_keys=False), encoding="utf-8")
+
+
+def write_walls(map_: "Map", folder: Path) -> None:
+    """Write `NAME.building.yaml` into a folder: the walls of a plan to draw lanes on, over its picture, if it is one, `NAME_plan.png`."""
+    from PIL import Image
+
+    from mrp_sumo.maps.building_file import building_document, text_of
+    from mrp_sumo.maps.readers.reader import HEAD, plan_kind
+
+    picture = None
+    if plan_kind(read_head(map_.path, HEAD)) == "picture":
+        with Image.open(map_.path) as image:
+            picture = (f"{map_.name}_plan.png", image.width, image.height)
+            image.convert("RGBA" if "transparency" in image.info or "A" in image.getbands() else "RGB").save(folder / picture[0])
+    document = building_document(map_, picture=picture, with_lanes=False)
+    (folder / f"{map_.name}.building.yaml").write_text(text_of(document), encoding="utf-8")
 
 
 def read_walls(folder: Path) -> "Costmap | None":

@@ -56,7 +56,7 @@ class Drawing:
             if taken and taken in self._taken:
                 raise MapError(f"{self.name}: there is already a station {taken!r}")
             self._taken.add(taken)
-        written = ", ".join(f"{key}: [{_tag(value)}, {_scalar(value)}]" for key, value in sorted(properties.items()))
+        written = ", ".join(f"{key}: [{type_tag(value)}, {scalar(value)}]" for key, value in sorted(properties.items()))
         self.stations.append((x, y, name, written))
         return len(self.stations) - 1
 
@@ -104,7 +104,7 @@ class Drawing:
         lines = [f"  {name}:"]
         if self.doors:
             lines.append("    doors:")
-            lines += [f"      - [{first + a}, {first + b}, {DOOR % (turn, _scalar(name), kind)}]" for a, b, name, kind, turn in self.doors]
+            lines += [f"      - [{first + a}, {first + b}, {DOOR % (turn, scalar(name), kind)}]" for a, b, name, kind, turn in self.doors]
         lines.append(f"    elevation: {_number(elevation_m)}")
         if fiducials:
             lines.append("    fiducials:")
@@ -123,7 +123,7 @@ class Drawing:
             lines.append(f"      - [{first + rulers[k]}, {first + rulers[k + 1]}, {{distance: [3, {round(distance_m, 6):.10g}]}}]")
         lines.append("    vertices:")
         for x, y, name, properties in self.stations:
-            lines.append(f"      - [{self._pixels(x, y)}, 0, {_scalar(name)}{f', {{{properties}}}' if properties else ''}]")
+            lines.append(f"      - [{self._pixels(x, y)}, 0, {scalar(name)}{f', {{{properties}}}' if properties else ''}]")
         lines += [f'      - [{self._pixels(x, y)}, 0, ""]' for x, y in self._corners]
         if self.walls:
             lines.append("    walls:")
@@ -153,7 +153,7 @@ class Drawing:
 
 
 def _text(name: str, lines: Sequence[str]) -> str:
-    return "\n".join(["coordinate_system: reference_image", "graphs:", "  {}", "levels:", *lines, f"name: {_scalar(name)}"]) + "\n"
+    return "\n".join(["coordinate_system: reference_image", "graphs:", "  {}", "levels:", *lines, f"name: {scalar(name)}"]) + "\n"
 
 
 def _number(value: float) -> str:
@@ -161,12 +161,12 @@ def _number(value: float) -> str:
     return f"{value:.3f}".rstrip("0").rstrip(".")
 
 
-def _tag(value: bool | int | float | str) -> int:
+def type_tag(value: bool | int | float | str) -> int:
     """RMF's type tag: 1 string, 2 integer, 3 number, 4 boolean."""
     return 4 if isinstance(value, bool) else 2 if isinstance(value, int) else 3 if isinstance(value, float) else 1
 
 
-def _scalar(value: bool | int | float | str) -> str:
+def scalar(value: bool | int | float | str) -> str:
     """As the editor writes it; text in quotes where YAML could take it for something else."""
     if isinstance(value, str):
         return value if PLAIN.match(value) and value.lower() not in NOT_TEXT else json.dumps(value)

@@ -94,7 +94,7 @@ SEVERITY: dict[str, Severity] = {
     "not_reference_image": "info",
 }
 CURE = {  # what the user can do about it
-    "reference_level_without_measurement": "state the scale with --meters-per-pixel",
+    "reference_level_without_measurement": "state the scale with --scale",
     "level_without_fiducials": "choose --level or add fiducials",
     "no_lanes": "draw lanes in Open-RMF's traffic editor",
     "very_slow_lanes": "raise the limit, or leave such a direction out",

@@ -81,7 +81,8 @@ class PicturePlan:
         scale_m = selection.meters_per_pixel
         if scale_m is None:
             raise file.source.fault(
-                "a picture has no scale: state it with --meters-per-pixel (0.05 where a door of 0.9 m is 18 pixels wide); "
+                "a picture has no scale: state it with --scale, 0.05 where a door of 0.9 m is 18 pixels wide, or two places in pixels and "
+                "the metres between them, 120,80:920,80=20; "
                 "a map that a robot recorded is named by its YAML"
             )
         if not (math.isfinite(scale_m) and 1e-4 <= scale_m <= 100):

@@ -8,7 +8,7 @@ KINDS = (  # what the first bytes are like, what the file is, what to do
         "an AutoCAD drawing (DWG), which CAD programs alone read",
         "save it as DXF there, or with LibreCAD, FreeCAD or the ODA File Converter",
     ),
-    (rb"%PDF", "a PDF", "save the page as PNG, such as with `pdftoppm -png -r 150`, and import that with --meters-per-pixel"),
+    (rb"%PDF", "a PDF", "save the page as PNG, such as with `pdftoppm -png -r 150`, and import that with --scale"),
     (
         rb"(?:<\?xml[^>]*\?>|<!--.*?-->|<!DOCTYPE[^>]*>|\s)*<(?:\w+:)?svg\b",
         "an SVG drawing",

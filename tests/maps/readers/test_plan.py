@@ -164,7 +164,7 @@ def test_cells_of_no_length_are_refused(tmp_path, cell_m):
 
 def test_pictures_that_cannot_be_read_say_what_could_be_done(tmp_path):
     path = picture(tmp_path / "hall.png")
-    with pytest.raises(MapError, match=r"hall.png: a picture has no scale: state it with --meters-per-pixel"):
+    with pytest.raises(MapError, match=r"hall.png: a picture has no scale: state it with --scale, 0.05"):
         load_map(path)
     with pytest.raises(MapError, match=r"hall.png: this kind of map has no layers to choose"):
         load_map(path, meters_per_pixel=0.05, layers=("A",))
@@ -212,3 +212,32 @@ def test_an_imported_plan_is_a_map_that_runs(tmp_path, capsys):
     capsys.readouterr()
     assert main(["run", str(scenario), "--out", str(tmp_path / "run"), "--json"]) == 0
     assert '"status": "completed"' in capsys.readouterr().out
+
+
+def test_an_imported_plan_has_its_walls_to_draw_lanes_on(tmp_path, capsys):
+    made = tmp_path / "site" / "hall.building.yaml"
+    assert main(["import", str(hall(tmp_path / "hall.dxf")), "--layers", "WALLS,RACKS", "--out", str(tmp_path / "site")]) == 0
+    capsys.readouterr()
+    assert main(["import", str(made), "--check"]) == 2
+    assert capsys.readouterr().out.startswith("hall.building.yaml: refuse: no lanes: 10 vertices, 8 walls")
+    made.write_text(made.read_text().replace("lanes: []", "lanes:\n      - [0, 1, {graph_idx: [2, 0], bidirectional: [4, true]}]"))
+    walls = load_map(made).building.levels["L1"].wall_xy
+    assert np.ptp(walls.reshape(-1, 2), axis=0).tolist() == pytest.approx([12, 8])
+
+
+@pytest.mark.parametrize(("scale", "metres_a_pixel"), [("0.1", 0.1), ("0,0:120,0=12", 0.1), ("10,10:40,50=5", 0.1), ("0,0:0,80=4", 0.05)])
+def test_a_pictures_scale_is_metres_a_pixel_or_a_distance_between_two_places(tmp_path, scale, metres_a_pixel, capsys):
+    assert main(["import", str(picture(tmp_path / "hall.png")), "--scale", scale, "--out", str(tmp_path / "site")]) == 0
+    made = tmp_path / "site" / "hall.building.yaml"
+    with Image.open(tmp_path / "site" / "hall_plan.png") as drawing:
+        assert drawing.width * metres_a_pixel == pytest.approx(float(made.read_text().split("x_meters: ")[1].split("\n")[0]))
+    assert 'filename: "hall_plan.png"' in made.read_text()
+
+
+@pytest.mark.parametrize(
+    ("scale", "why"), [("1,2=3", "expected X,Y:X,Y=M"), ("1,2:1,2=3", "two places that are apart"), ("0,0:1,0=x", "number")]
+)
+def test_a_scale_that_is_none_is_one_line(tmp_path, scale, why, capsys):
+    assert main(["import", str(tmp_path / "hall.png"), "--scale", scale, "--check"]) == 2
+    said = capsys.readouterr().err
+    assert why in said and said.count("\n") == 1
