@@ -34,6 +34,13 @@ class ServiceTime(Options):
         if self.triangular_s and not self.triangular_s[0] <= self.triangular_s[1] <= self.triangular_s[2]:
             raise OptionError(f"triangular_s is {list(self.triangular_s)}, expected least, usual and most in ascending order")
 
+    @property
+    def mean_s(self) -> float:
+        """Mean."""
+        if self.lognormal:
+            return self.lognormal[0] * math.exp(self.lognormal[1] ** 2 / 2)
+        return sum(self.triangular_s) / 3 if self.triangular_s else self.constant_s or 0.0
+
     def draw(self, rng: "Generator") -> float:
         """A time in s, from one number of the generator."""
         if self.lognormal:

@@ -19,6 +19,7 @@ from mrp_sumo.core.execution import Execution, GrantLog
 from mrp_sumo.core.graph import FloatArray
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.formats.vda.errors import error
+from mrp_sumo.formats.vda.factsheet import factsheet
 from mrp_sumo.formats.vda.messages import (
     KINDS,
     STANDING_MPS,
@@ -27,7 +28,6 @@ from mrp_sumo.formats.vda.messages import (
     Sender,
     StateContent,
     action,
-    factsheet,
     line_of,
     node,
     serials_of,
@@ -150,7 +150,7 @@ class LoggedVehicle:
         yield 0.0, "connection", send("connection", 0.0, {"connectionState": "ONLINE"})
         request = action("factsheetRequest", f"{self.sender.serial}-factsheet")
         yield 0.0, "instantActions", send("instantActions", 0.0, {"actions": [request]})
-        yield 0.0, "factsheet", send("factsheet", 0.0, factsheet(self.dialect, self.record.fleet, self.robot))
+        yield 0.0, "factsheet", send("factsheet", 0.0, factsheet(self.dialect, self.record.fleet.types[self.record.fleet.kind[self.robot]]))
         for t_s, together in groupby(happenings, key=lambda h: h.t_s):
             kinds = set()
             for happening in together:

@@ -36,8 +36,9 @@ from mrp_sumo.engines.sumo.engine import sumo_engine
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.experiments.staging.set_up import SetUp
 from mrp_sumo.formats.vda.abilities import ABILITIES, FAULTS, LIMITS
+from mrp_sumo.formats.vda.factsheet import factsheet
 from mrp_sumo.formats.vda.inbox import receive
-from mrp_sumo.formats.vda.messages import MANUFACTURER, Dialect, Json, Sender, factsheet, serials_of
+from mrp_sumo.formats.vda.messages import MANUFACTURER, Dialect, Json, Sender, serials_of
 from mrp_sumo.formats.vda.order import Edge, Node
 from mrp_sumo.formats.vda.report import state_of, view_of
 from mrp_sumo.formats.vda.vehicle import FACES_RAD, Body, Vehicle
@@ -364,8 +365,8 @@ class VirtualFleet:
         self.sent += 1
 
     def _factsheet(self, vehicle: Vehicle) -> Json:
-        robot = self.robot_of[vehicle.sender.serial]
-        said = factsheet(self.dialect, self.problem.fleet, robot, actions=ABILITIES, limits=LIMITS)
+        fleet, robot = self.problem.fleet, self.robot_of[vehicle.sender.serial]
+        said = factsheet(self.dialect, fleet.types[fleet.kind[robot]], actions=ABILITIES, limits=LIMITS)
         return vehicle.sender.message("factsheet", self.now_s, said)
 
     def _body_at(self, node: str) -> Body:

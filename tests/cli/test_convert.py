@@ -5,6 +5,7 @@ import json
 import pytest
 
 from mrp_sumo.cli.main import main
+from mrp_sumo.io.scenario.robots import robot_type
 from mrp_sumo.maps.load import load_map
 
 CROSS = """
@@ -55,3 +56,46 @@ def test_small_commands_say_as_json_what_they_did(tmp_path, capsys):
     ):
         assert main([*arguments, "--json"]) == 0
         assert keys <= set(json.loads(capsys.readouterr().out))
+
+
+def test_type_to_factsheet_and_back(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert main(["convert", "forklift", "fork.json", "--vda5050", "2.1"]) == 0
+    assert capsys.readouterr().out == "fork.json: written\nlost: turn_rate_rad_s, gap_m, battery\n"
+    assert main(["convert", "fork.json", "fork.yaml"]) == 0
+    assert "guessed: turn_rate_rad_s 1" in capsys.readouterr().out
+    assert "# guessed: turn_rate_rad_s 1, as the sheet does not say it" in (tmp_path / "fork.yaml").read_text()
+    again = robot_type("./fork.yaml", tmp_path, tmp_path)
+    assert (again.length_m, again.max_speed_mps, again.gap_m) == (1.8, 1.5, 0.1)
+    assert main(["convert", "fork.yaml", "again.json", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out) == {"written": "again.json", "lost": [], "notes": []}
+    assert json.loads((tmp_path / "again.json").read_text())["physicalParameters"]["maximumAngularSpeed"] == 1.0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "line"),
+    [
+        (["forklift", "x.xml"], "x.xml: found '.xml', expected .json (a factsheet) or .yaml for a type of robots"),
+        (["forklift", "x.json", "--vda5050", "4"], "VDA 5050 4: expected 2.0, 2.1 or 3.0"),
+        (["forklift", "x.yaml", "--vda5050", "2.1"], "--vda5050 is for factsheets: a DST that ends in .json"),
+        (["office", "x.lif.json", "--vda5050", "2.1"], "--vda5050 is for types of robots"),
+        (["forklift", "x.json", "--graph", "1"], "--graph is for maps"),
+        (["short.yaml", "x.json"], "short.yaml: max_speed_mps: missing"),
+        (["forkift", "x.json"], "forkift"),
+        (["empty.json", "x.yaml"], "empty.json"),
+        (["bare.json", "x.yaml"], "bare.json: no 'physicalParameters'"),
+        (["slow.yaml", "x.json"], "slow.yaml:3: max_speed_mps: found 0, expected"),
+    ],
+)
+def test_bad_types_end_with_one_line_and_leave_nothing(tmp_path, capsys, monkeypatch, arguments, line):
+    monkeypatch.chdir(tmp_path)
+    figures = "length_m: 1\nwidth_m: 1\nmax_speed_mps: {}\naccel_mps2: 1\ndecel_mps2: 1\nturn_rate_rad_s: 1\n"
+    (tmp_path / "slow.yaml").write_text(figures.format(0))
+    (tmp_path / "short.yaml").write_text(figures.replace("max_speed_mps: {}\n", ""))
+    (tmp_path / "empty.json").write_text("")
+    (tmp_path / "bare.json").write_text('{"typeSpecification": {}}')
+    before = sorted(f.name for f in tmp_path.iterdir())
+    assert main(["convert", *arguments]) == 2
+    told = capsys.readouterr()
+    assert told.err.count("\n") == 1 and line in told.err
+    assert sorted(f.name for f in tmp_path.iterdir()) == before

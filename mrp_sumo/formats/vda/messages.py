@@ -12,7 +12,6 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
-from mrp_sumo.core.fleet import Fleet
 from mrp_sumo.errors import MrpSumoError
 
 Json = dict[str, Any]
@@ -189,12 +188,6 @@ def states_of(order: Mapping[str, Any], passed: int) -> tuple[list[Json], list[J
     return nodes, edges
 
 
-OF_RUNS = {  # actions that runs know, with their scopes
-    **dict.fromkeys(("pick", "drop", "service", "startCharging"), ("NODE",)),
-    **dict.fromkeys(("startPause", "stopPause", "cancelOrder", "stateRequest", "factsheetRequest"), ("INSTANT",)),
-}
-
-
 @dataclass(frozen=True)
 class VehicleLimits:
     """Of what a vehicle takes; 0: none."""
@@ -203,59 +196,6 @@ class VehicleLimits:
     identifier: int = 0  # characters
     nodes: int = 0
     actions: int = 0  # of a node, an edge, or a message of instant actions
-
-
-def factsheet(
-    dialect: Dialect,
-    fleet: Fleet,
-    robot: int,
-    *,
-    actions: Mapping[str, Sequence[str]] = OF_RUNS,
-    limits: VehicleLimits | None = None,
-) -> Json:
-    """The factsheet of a vehicle, a robot of a fleet. Heights and loads are not known here: 0 is no limit."""
-    new = dialect.is_new
-    known = [
-        {"actionType": kind, "actionScopes": list(scopes)}
-        | ({"pauseAllowed": False, "cancelAllowed": kind != "startCharging"} if new else {})
-        for kind, scopes in actions.items()
-    ]
-    strings: Json = {}
-    arrays: Json = {}
-    if limits is not None:
-        names = ("maximumMessageLength", "maximumIdLength") if new else ("msgLen", "idLen")
-        strings = dict(zip(names, (limits.payload, limits.identifier)))
-        arrays = dict.fromkeys(("order.nodes", "order.edges"), limits.nodes)
-        arrays |= dict.fromkeys(("node.actions", "edge.actions", "instantActions"), limits.actions)
-    kinematics = {"seriesName": MANUFACTURER, "mobileRobotKinematics" if new else "agvKinematic": "DIFFERENTIAL" if new else "DIFF"}
-    speeds = {"minimumSpeed": 0.0, "maximumSpeed": float(fleet.max_speed_mps[robot])}
-    speeds |= {"maximumAcceleration": float(fleet.accel_mps2[robot]), "maximumDeceleration": float(fleet.decel_mps2[robot])}
-    old_names = {"minimumSpeed": "speedMin", "maximumSpeed": "speedMax", "maximumAcceleration": "accelerationMax"}
-    old_names |= {"maximumDeceleration": "decelerationMax", "minimumHeight": "heightMin", "maximumHeight": "heightMax"}
-    body = speeds | {"minimumHeight": 0.0, "maximumHeight": 0.0}
-    least = {"minimumOrderInterval": 0.0, "minimumStateInterval": 0.0}
-    return {
-        "typeSpecification": {
-            **kinematics,
-            "mobileRobotClass" if new else "agvClass": "CARRIER",
-            "maximumLoadMass" if new else "maxLoadMass": 0.0,
-            "localizationTypes": ["NATURAL"],
-            "navigationTypes": ["VIRTUAL_LINE_GUIDED"],
-        },
-        "physicalParameters": {
-            **{key if new else old_names[key]: value for key, value in body.items()},
-            "width": float(fleet.width_m[robot]),
-            "length": float(fleet.length_m[robot]),
-        },
-        "protocolLimits": {
-            "maximumStringLengths" if new else "maxStringLens": strings,
-            "maximumArrayLengths" if new else "maxArrayLens": arrays,
-            "timing": least if new else {"minOrderInterval": 0.0, "minStateInterval": 0.0},
-        },
-        "protocolFeatures": {"optionalParameters": [], "mobileRobotActions" if new else "agvActions": known},
-        "mobileRobotGeometry" if new else "agvGeometry": {},
-        "loadSpecification": {},
-    }
 
 
 def serials_of(names: Sequence[str]) -> list[str]:

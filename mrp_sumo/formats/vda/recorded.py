@@ -15,6 +15,7 @@ from typing import Any
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.files.reading import json_value, require_regular, shortened
 from mrp_sumo.formats.vda.check import FLAG, INT, LARGEST_NUMBER, LONGEST_LINE, NUMBER, OBJECT, TEXT, WORDS, members, seconds_of
+from mrp_sumo.formats.vda.factsheet import BODY, FIGURES, word
 
 LARGEST_LOG = 2**40  # bytes; a line is read at a time
 READ = ("state", "visualization", "order", "factsheet")
@@ -149,12 +150,9 @@ def _read_order(log: RecordedLog, payload: Mapping[str, Any], where: str) -> Non
 
 
 def _read_factsheet(vehicle: Recorded, payload: Mapping[str, Any], is_new: bool) -> None:
-    about = payload.get("physicalParameters")
-    names = {"length": "length_m", "width": "width_m", "maximumSpeed" if is_new else "speedMax": "max_speed_mps"}
-    names |= {"maximumAcceleration" if is_new else "accelerationMax": "accel_mps2"}
-    names |= {"maximumDeceleration" if is_new else "decelerationMax": "decel_mps2"}
-    for key, name in names.items():
-        value: Any = about.get(key) if isinstance(about, dict) else None
+    about = payload.get(BODY)
+    for name, member in FIGURES.items():
+        value: Any = about.get(word(BODY, member, is_new)) if isinstance(about, dict) else None
         if type(value) in (int, float) and 0 < value < 1e3:
             vehicle.body[name] = float(value)
 

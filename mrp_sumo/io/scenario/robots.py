@@ -1,9 +1,12 @@
 """`robots` of a scenario, and the files of robots/: the fleet, its types, where it starts and goes."""
 
 import os
+from collections.abc import Sequence
+from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
+import yaml
 from pydantic import Field, field_validator, model_validator
 
 from mrp_sumo.core.robot_type import RobotShape, RobotType
@@ -13,6 +16,7 @@ from mrp_sumo.io.documents import read_document, validated
 from mrp_sumo.io.scenario.strict import Strict
 
 Heading = Annotated[float, Field(ge=-360, le=360, allow_inf_nan=False)]
+WIDEST = 1_000_000  # characters of a line that is not broken
 
 
 class RobotGroup(Strict):
@@ -111,6 +115,33 @@ class Robots(Strict):
             if isinstance(headings, list) and len(headings) != expected:
                 raise ValueError(f"{key}_heading_deg has {len(headings)} headings, but there are {expected} {key}s")
         return self
+
+
+def text_of_type(robot: RobotShape, notes: Sequence[str] = ()) -> str:
+    """A file of robots/: the figures that differ from the defaults, below some notes."""
+    lines = [*(f"# {note}" for note in notes), *(f"{key}: {_flow(value)}" for key, value in _said(robot).items())]
+    return "\n".join(lines) + "\n"
+
+
+def _flow(value: Any) -> str:
+    """A value as YAML on one line."""
+    text: str = yaml.safe_dump(value, default_flow_style=True, width=WIDEST, sort_keys=False, allow_unicode=True)
+    return text.removesuffix("...\n").strip()
+
+
+def _said(options: Any) -> dict[str, Any]:
+    """The options of a declaration that differ from their defaults."""
+    said = {}
+    for each in fields(options):
+        value = getattr(options, each.name)
+        if each.name == "name" or value == each.default:
+            continue
+        said[each.name] = [_plain(one) for one in value] if isinstance(value, tuple) else _plain(value)
+    return said
+
+
+def _plain(value: Any) -> Any:
+    return _said(value) if is_dataclass(value) else value
 
 
 def robot_type(choice: str | RobotShape, folder: Path, beside: Path) -> RobotType:
