@@ -7,7 +7,7 @@ a policy promises, it promises under all of them.
 from dataclasses import dataclass, field, fields
 from math import inf
 
-from mrp_sumo.core.options import Options, meaning, option
+from mrp_sumo.core.options import INTERVALS, Figure, Options, meaning, option, require_intervals
 from mrp_sumo.errors import OptionError
 
 DURATION: dict[str, float] = {"gt": 0, "le": 1e9}
@@ -144,9 +144,11 @@ class Disturbances(Options):
     closures: tuple[Closure, ...] = option((), "Stretches that nobody may set out on for a while.")
     outages: tuple[Outage, ...] = option((), "Lifts out of service and locked doors.")
     fires: tuple[Fire, ...] = option((), "Fire alarms.")
+    intervals: dict[str, tuple[Figure, Figure]] = field(default_factory=dict, hash=False, metadata=meaning(INTERVALS))
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        require_intervals(self)
         if not self.delay_steps_min <= self.delay_steps_max:
             raise OptionError("expected 1 <= delay_steps_min <= delay_steps_max")
 

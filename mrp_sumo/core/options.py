@@ -7,11 +7,16 @@ Python gives. pydantic reads the metadata of fields by the names of its own argu
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import field, fields
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
-from mrp_sumo.errors import OptionError
+from mrp_sumo.errors import OptionError, nearest
 
 BOUNDS = {"gt": "above {:g}", "ge": "at least {:g}", "lt": "below {:g}", "le": "at most {:g}"}
+
+
+INTERVALS = (
+    "What these figures may be instead, by name: low and high of each, as 90 % intervals of a calibration (`capacity --error-bands`)."
+)
 
 
 class Within:
@@ -22,6 +27,9 @@ class Within:
 
     def __get_pydantic_core_schema__(self, source: Any, schema_of: Callable[[Any], dict[str, Any]]) -> dict[str, Any]:
         return {**schema_of(source), "allow_inf_nan": False, **self._bounds}
+
+
+Figure = Annotated[float, Within(ge=0)]
 
 
 class Options:
@@ -35,6 +43,17 @@ class Options:
             if isinstance(value, float | int) and not _within(value, bounds):
                 expected = " and ".join(says.format(bounds[bound]) for bound, says in BOUNDS.items() if bound in bounds)
                 raise OptionError(f"{each.name} is {value:g}, expected {expected or 'a finite number'}")
+
+
+def require_intervals(options: Any) -> None:
+    """Refuse intervals of what is no figure, and such as do not hold the figure. Raises OptionError."""
+    figures = {each.name: getattr(options, each.name) for each in fields(options)}
+    figures = {name: value for name, value in figures.items() if isinstance(value, float | int) and not isinstance(value, bool)}
+    for name, (low, high) in options.intervals.items():
+        if name not in figures:
+            raise OptionError(f"intervals.{name} is no figure that is given here{nearest(name, figures)}")
+        if not low <= figures[name] <= high:
+            raise OptionError(f"intervals.{name} is {low:g} to {high:g}, expected low and high around {name}, {figures[name]:g}")
 
 
 def meaning(says: str = "", /, **bounds: float) -> dict[str, Any]:

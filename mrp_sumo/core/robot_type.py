@@ -15,7 +15,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal, Self
 
 from mrp_sumo.core.arrivals import ServiceTime
-from mrp_sumo.core.options import Options, meaning, option
+from mrp_sumo.core.options import INTERVALS, Figure, Options, meaning, option, require_intervals
 from mrp_sumo.errors import OptionError
 
 if TYPE_CHECKING:  # numpy is slow to load, and files are checked without it
@@ -191,9 +191,11 @@ class RobotShape(Options):
         default=None,
         metadata=meaning("As soon as it is done with its order, out of the way or at a place of `tasks.parking`; none by default."),
     )
+    intervals: dict[str, tuple[Figure, Figure]] = field(default_factory=dict, hash=False, metadata=meaning(INTERVALS))
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        require_intervals(self)
         self._check_loaded()
         self._check_availability()
         wheels = self.kinematics
@@ -231,7 +233,7 @@ class RobotShape(Options):
         figures = {OF_LOADED.get(key, key): value for key, value in vars(self.loaded or Loaded()).items() if value is not None}
         if self.battery is not None and "mass_kg" in figures:
             figures["battery"] = replace(self.battery, mass_kg=figures.pop("mass_kg"))
-        return replace(self, loaded=None, **figures)
+        return replace(self, loaded=None, intervals={}, **figures)
 
     @property
     def is_vehicle(self) -> bool:

@@ -95,7 +95,7 @@ class TaskStream:
     def _stop(self, k: int, station: Station, rng: np.random.Generator) -> Stop:
         service_s = self.service[min(k, len(self.service) - 1)].draw(rng) if self.service else 0.0
         action = self.actions[min(k, len(self.actions) - 1)] if self.actions else ""
-        return Stop(station.places[0], service_s, action, station)
+        return Stop(station.places[0], station.service_factor * service_s, action, station)
 
 
 @dataclass(frozen=True, eq=False)

@@ -27,6 +27,7 @@ class Station:
     actions: tuple[str, ...] = ()  # of robots that are served there, see `core.handling`
     spans_s: tuple[tuple[float, float], ...] = ()  # of each day, in which services begin, see `core.shifts`; empty: always
     charges: bool = False  # whether robots charge while they are served
+    service_factor: float = 1.0  # on the times of services there
 
     def __post_init__(self) -> None:
         if not self.places:

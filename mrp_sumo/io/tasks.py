@@ -99,6 +99,10 @@ class _Names:
         self._vertex_of, self._known, self.at, self._group = site.vertex_of, site.known, site.at, choice.groups
         self._robot_types, self._robots, self._max_load_kg = site.robot_types, site.robots, site.max_load_kg
         self._orders: dict[str, str] = {}  # where each was named
+        self._factor: dict[str, float] = {}  # on service times
+        for name, factor in choice.service_factor.items():
+            for member in choice.groups.get(name, [name]):
+                self._factor[member] = factor * self._factor.get(member, 1.0)
         self._station = {
             name: Station(
                 name,
@@ -108,9 +112,12 @@ class _Names:
                 tuple(station.actions),
                 tuple(sorted(span for shift in station.shifts for span in shift.spans_s)),
                 station.charges,
+                self._factor.get(name, 1.0),
             )
             for name, station in choice.stations.items()
         }
+        for name in choice.service_factor:
+            self.group(("tasks", "service_factor", name), name)
         for name, members in choice.groups.items():
             for i, member in enumerate(members):
                 self.station(("tasks", "groups", name, i), member)
@@ -122,7 +129,7 @@ class _Names:
         return names
 
     def station(self, place: Place, name: str) -> Station:
-        return self._station.get(name) or Station(name, (self._vertex(place, name),))
+        return self._station.get(name) or Station(name, (self._vertex(place, name),), service_factor=self._factor.get(name, 1.0))
 
     def group(self, place: Place, name: str) -> tuple[Station, ...]:
         return tuple(self.station(place, member) for member in self._group.get(name, [name]))
@@ -179,7 +186,7 @@ def _listed(tasks: Sequence[Task]) -> TaskList:
 def _task(names: _Names, place: Place, task: TaskChoice, number: int) -> Task:
     stations = [names.station((*place, "stops", i), name) for i, name in enumerate(task.stops)]
     times_s = task.service_s if isinstance(task.service_s, list) else [task.service_s] * len(stations)
-    stops = tuple(Stop(station.places[0], service_s, "", station) for station, service_s in zip(stations, times_s))
+    stops = tuple(Stop(at.places[0], at.service_factor * service_s, "", at) for at, service_s in zip(stations, times_s))
     due_s = math.inf if task.due_s is None else task.due_s
     name, robot_type = names.order(place, task.name or f"task_{number}"), names.robot_type((*place, "robot_type"), task.robot_type)
     robot = names.robot((*place, "robot"), task.robot, robot_type)

@@ -152,6 +152,24 @@ def test_robot_types(tmp_path):
         robot_type("bigg", tmp_path, tmp_path)
 
 
+@pytest.mark.parametrize(
+    ("intervals", "says"),
+    [
+        ("{max_speed: [1, 2]}", r"intervals.max_speed is no figure that is given here \(did you mean 'max_speed_mps'\?\)"),
+        ("{max_speed_mps: [1.1, 2]}", "intervals.max_speed_mps is 1.1 to 2, expected low and high around max_speed_mps, 1"),
+        ("{mttr_h: [1, 2]}", "intervals.mttr_h is no figure that is given here"),
+        ("{max_speed_mps: 1}", "cart.yaml:7: intervals.max_speed_mps: found 1, expected a list"),
+    ],
+)
+def test_intervals_hold_figures_that_are_given(tmp_path, intervals, says):
+    shape = "length_m: 1\nwidth_m: 1\nmax_speed_mps: 1\naccel_mps2: 1\ndecel_mps2: 1\nturn_rate_rad_s: 1\nintervals: "
+    written(tmp_path, f"{shape}{{max_speed_mps: [0.9, 1]}}\n", "cart.yaml")
+    assert robot_type("cart", tmp_path, tmp_path).intervals == {"max_speed_mps": (0.9, 1.0)}
+    written(tmp_path, f"{shape}{intervals}\n", "cart.yaml")
+    with pytest.raises(ScenarioError, match=says):
+        robot_type("cart", tmp_path, tmp_path)
+
+
 def test_schema_describes_every_key():
     schema = ScenarioModel.model_json_schema()
     assert set(schema["properties"]) == set(ScenarioModel.model_fields)

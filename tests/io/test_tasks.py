@@ -91,6 +91,17 @@ def test_a_matrix_may_be_between_groups():
     assert 70 < ways.count((3,)) < 130 and ways.count((2, 3)) == 400 - ways.count((3,))
 
 
+def test_factors_of_a_station_and_of_its_groups_multiply_and_change_no_draw():
+    plain = {**GROUPS, "streams": [{**STREAM, "service": [{"lognormal": [5, 0.4]}, {"constant_s": 8}]}]}
+    changed = tasks_of({**plain, "service_factor": {"pick": 2.0, "b": 0.5, "pack": 1.25}})
+    for before, after in zip(tasks_of(plain), changed, strict=True):
+        assert after.stops[0].places == before.stops[0].places
+        assert after.stops[0].service_s == before.stops[0].service_s * {0: 2.0, 1: 1.0}[after.stops[0].places[0]]
+        assert (before.stops[1].service_s, after.stops[1].service_s) == (8.0, 10.0)
+    (listed,) = tasks_of({"list": [{"stops": ["a", "c"], "service_s": 4}], "service_factor": {"a": 3}})
+    assert [stop.service_s for stop in listed.stops] == [12, 4]
+
+
 def test_task_requests_of_open_rmf_are_read(tmp_path):
     patrol = {"category": "patrol", "description": {"places": ["a", "b"], "rounds": 2}, "unix_millis_earliest_start_time": 7000}
     deliver = {"category": "delivery", "description": {"pickup": {"place": "c"}, "dropoff": {"place": "d"}}}
@@ -196,6 +207,7 @@ def test_a_task_that_no_robot_can_do_is_refused(tmp_path, monkeypatch, capsys):
         ({**GROUPS, "streams": [{**STREAM, "stops": ["pik"]}]}, r"tasks.streams.0.stops.0: 'pik' .*did you mean 'pick'"),
         ({"stations": {"x": {"places": ["q"]}}, "list": [{"stops": ["x"]}]}, "tasks.stations.x.places.0: 'q'"),
         ({"streams": [{**STREAM, "stops": ["a", "a"]}]}, "tasks.streams.0: no way leads"),
+        ({"list": [{"stops": ["a"]}], "service_factor": {"pik": 2}}, "s.yaml: tasks.service_factor.pik: 'pik' is no station, group"),
         ("none.csv", "none.csv: no such file"),
         ("bad.csv", r"bad.csv:3: release_s: .*found 'soon'"),
         ("far.csv", r"far.csv:2: release_s: expected 1000000000 or less, found '1e306'"),

@@ -118,6 +118,9 @@ class TasksChoice(Strict):
         (), description="Factors on the rates of all Poisson streams without a profile of their own, in equal parts of a day: 24 are hours."
     )
     charging: Charging | None = Field(None, description="How robots charge; without it their batteries drain all the same.")
+    service_factor: dict[str, Positive] = Field(
+        {}, description="Factors on the service times at stations, groups or vertices, by name; a station has those of its groups, too."
+    )
     parking: tuple[str, ...] = Field((), description="Groups, stations or vertices where robots without an order go.")
     cancel: Cancel | None = Field(None, description="When to withdraw orders that no robot has picked up; never by default.")
     retry: Retry | None = Field(None, description="What becomes of orders whose robot is lost with them; they fail by default.")
