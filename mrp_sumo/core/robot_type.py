@@ -166,7 +166,7 @@ class RobotShape(Options):
     turn_rate_rad_s: float | None = option(None, "Turning in place; types that do so need it.", **OF_ROBOT)
     gap_m: float = option(0.1, "Distance kept between robots, on top of their radii.", ge=0, le=1e3)
     source: str = option("", "Where the figures come from.")
-    vehicle_type: str = option("", "Its name in LIF layouts and factsheets, 'manufacturer.series'; that of its file by default.")
+    vehicle_type: str = option("", "Its name in LIF layouts and factsheets, 'manufacturer.series'; 'mrp_sumo.NAME' by default.")
     battery: Battery | None = field(default=None, metadata=meaning("Without one, a robot never runs empty."))
     kinematics: Wheels = field(default=DIFFERENTIAL, metadata=meaning("Its wheels; by default it turns in place."))
     trailers: tuple[Trailer, ...] = option((), "What a tugger tows, the first one first.")
@@ -331,3 +331,8 @@ class RobotType(RobotShape):
     def __init__(self, name: str, *figures: Any, **more: Any) -> None:
         object.__setattr__(self, "name", name)
         super().__init__(*figures, **more)
+
+    @property
+    def in_layouts(self) -> str:
+        """Its name in maps that know types of vehicles, manufacturer and series."""
+        return self.vehicle_type or f"mrp_sumo.{self.name}"

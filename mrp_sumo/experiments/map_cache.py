@@ -33,8 +33,8 @@ class MapCache:
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
         self._scratch.cleanup()
 
-    def map(self, choice: "MapChoice", folder: Path, cell_m: float, robot_radius_m: float) -> "Map":
-        """The map that a scenario in `folder` chooses, repaired as it asks for. Raises MapError."""
+    def map(self, choice: "MapChoice", folder: Path, cell_m: float, robot_radius_m: float, driven: tuple[str, ...] = ()) -> "Map":
+        """The map that a scenario in `folder` chooses, for types of vehicles, repaired as it asks for. Raises MapError."""
         from mrp_sumo.maps.catalogue import find_map
         from mrp_sumo.maps.furniture import with_furniture
         from mrp_sumo.maps.load import load_map
@@ -44,7 +44,7 @@ class MapCache:
         path = find_map(choice.file, folder)
         state = path.stat()
 
-        def make() -> "Map":
+        def make(types: tuple[str, ...] = ()) -> "Map":
             map_ = load_map(
                 path,
                 graph=choice.graph,
@@ -53,6 +53,7 @@ class MapCache:
                 cell_m=cell_m,
                 robot_radius_m=robot_radius_m,
                 vehicle_type=choice.vehicle_type,
+                driven=types,
                 reader=choice.reader,
                 beside=folder,
             )
@@ -66,7 +67,11 @@ class MapCache:
             return repaired
 
         reader = choice.reader and resolved(choice.reader, folder)
-        return self._once((path.resolve(), state.st_mtime_ns, state.st_size, choice, reader, cell_m, robot_radius_m), make)
+        key = (path.resolve(), state.st_mtime_ns, state.st_size, choice, reader, cell_m, robot_radius_m)
+        map_ = self._once(key, make)
+        if choice.vehicle_type is not None or not set(driven) & set(map_.vehicle_types):
+            return map_
+        return self._once((*key, driven), lambda: make(driven))
 
     def graph(self, map_: "Map", choice: "Discretisation", doubled: frozenset[int] = frozenset()) -> "PlanGraph":
         """The nav graph of a map as it is planned on, with some lanes of a roadmap as two tracks."""

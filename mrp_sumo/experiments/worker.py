@@ -118,7 +118,9 @@ def _map_facts(file: Any, maps: MapCache) -> dict[str, Any]:
 
     scenario = file.scenario
     cell_m = scenario.discretisation.cell_m
-    counted = facts(maps.map(scenario.map, file.folder, cell_m, max(model.radius_m for model in choices(file)[0])), cell_m)
+    models = choices(file)[0]
+    drawn = maps.map(scenario.map, file.folder, cell_m, max(model.radius_m for model in models), tuple(each.in_layouts for each in models))
+    counted = facts(drawn, cell_m)
     grid = counted["grid"] or {}
     return {
         **{f"num_{name}": counted[name] for name in ("vertices", "edges", "components")},

@@ -70,6 +70,7 @@ SEVERITY: dict[str, Severity] = {
     "places_of_the_layout": "warn",
     "several_origins": "warn",
     "several_vehicle_types": "warn",
+    "limits_by_vehicle_type": "info",
     "edge_without_its_nodes": "warn",
     "speed_of_nothing": "warn",
     "very_slow_lanes": "warn",

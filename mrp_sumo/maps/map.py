@@ -51,6 +51,7 @@ class Map:
     num_vehicles: int = 0  # that the file lists; 0 where it lists none
     vehicle: ListedVehicle | None = None  # the longest of them that has a length and a speed
     floor: Costmap | None = None  # of a plan of a floor
+    vehicle_types: tuple[str, ...] = ()  # that lanes are for; the option `vehicle_types` has those of a lane that is not for all of them
 
 
 def unused(map_: Map) -> str:

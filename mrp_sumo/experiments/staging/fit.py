@@ -163,6 +163,16 @@ def _left_out(nav: NavGraph, graph: PlanGraph, left: PlanGraph, narrow: Narrow) 
     return f"{what}: {', '.join(narrow.notes)}" + (f"; cut off by that: {names}" if cut_off else "")
 
 
+def by_vehicle_type(map_: Map, graph: PlanGraph, barred: BoolArray | None, models: Sequence[RobotType]) -> BoolArray | None:
+    """[K, L] lanes that are barred for each of several types, those included that the map has for other types of vehicles only."""
+    of_lane = [set(str(options.get("vehicle_types", "")).split(", ")) - {""} for options in graph.lane_options]
+    names = [model.in_layouts for model in models]
+    foreign = np.array([[bool(of) and name in map_.vehicle_types and name not in of for of in of_lane] for name in names], np.bool_)
+    if not foreign.any():
+        return barred
+    return foreign if barred is None else barred | foreign
+
+
 def by_load(file: ScenarioFile, graph: PlanGraph, barred: BoolArray | None, num_types: int) -> tuple[BoolArray | None, bool]:
     """[2 K, L] lanes that are barred for each of several types, and for the same with a load; and if these differ, in runs with work."""
     load = [options.get("load", "") for options in graph.lane_options]

@@ -20,7 +20,7 @@ from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.experiments.staging.choices import LEAST_TIME_LIMIT_S, TASKS_TIME_LIMIT_S, TIMES_MAKESPAN, choices, settings_of
 from mrp_sumo.experiments.staging.discretisation import as_discretised, loaded_cell_m, with_drawn_one_ways
 from mrp_sumo.experiments.staging.errands import oddities
-from mrp_sumo.experiments.staging.fit import by_load, require_brakes, require_cabins, require_fit, with_room, without_room
+from mrp_sumo.experiments.staging.fit import by_load, by_vehicle_type, require_brakes, require_cabins, require_fit, with_room, without_room
 from mrp_sumo.experiments.staging.lanes import doubled, in_service, with_closures, with_mutex_groups, with_one_ways, without_shut_doors
 from mrp_sumo.experiments.staging.people import people_of
 from mrp_sumo.experiments.staging.places import (
@@ -77,7 +77,8 @@ def set_up(file: ScenarioFile, maps: MapCache, *, run_programs: bool = True) -> 
         raise ScenarioError(f"{file.at('map', 'reader')}: would run {scenario.map.reader}, but programs of users are not run here")
     one_of_each, radius_m = fleet_of_types(models, np.arange(len(models))), max(model.radius_m for model in models)
     with file.located("map"):
-        map_ = maps.map(scenario.map, file.folder, loaded_cell_m(scenario.discretisation, models), radius_m)
+        driven = tuple(model.in_layouts for model in models)
+        map_ = maps.map(scenario.map, file.folder, loaded_cell_m(scenario.discretisation, models), radius_m, driven)
     is_auto, file = scenario.discretisation.kind == "auto", as_discretised(file, map_, models)
     scenario = file.scenario
     graph = maps.graph(map_, scenario.discretisation, doubled(file, map_.nav))
@@ -94,6 +95,7 @@ def set_up(file: ScenarioFile, maps: MapCache, *, run_programs: bool = True) -> 
         graph = maps.with_doors(map_, graph, radius_m)
     graph, shut = without_shut_doors(file, graph)
     barred, narrow = without_room(file, maps, map_, graph, models, chosen_planner)
+    barred = by_vehicle_type(map_, graph, barred, models)
     fleet, start, goal = _fleet_at(file, map_.nav, graph, models, barred, one_of_each.separation_m)
     barred, with_load = by_load(file, graph, barred, len(models))
     fleet = fleet_of_types(models, fleet.kind, by_load=True) if with_load else fleet

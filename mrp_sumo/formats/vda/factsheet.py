@@ -365,8 +365,8 @@ class _Sheet:
 
 def _series(robot: RobotType) -> tuple[str, str]:
     """Manufacturer and series of a type."""
-    manufacturer, _, series = robot.vehicle_type.partition(".")
-    return (manufacturer, series) if series else (MANUFACTURER, robot.vehicle_type or robot.name)
+    manufacturer, _, series = robot.in_layouts.partition(".")
+    return (manufacturer, series) if series else (MANUFACTURER, manufacturer)
 
 
 def _differs(of: Any, key: str) -> bool:

@@ -233,6 +233,10 @@ class Draft:
         if before.options.get("load") != options.get("load"):  # one of them serves those with a load, another those without
             remaining = {key: value for key, value in before.options.items() if key != "load"}
             self._lanes[tail, head] = before._replace(options=remaining, speed_mps=max(before.speed_mps, speed_mps))
+        elif before.options.get("vehicle_types") != options.get("vehicle_types"):  # each is for types of its own
+            types = {kind for each in (before.options, options) for kind in str(each.get("vehicle_types", "")).split(", ")}
+            joined = {**before.options, "vehicle_types": ", ".join(sorted(types))} if "" not in types else before.options
+            self._lanes[tail, head] = before._replace(options=joined, speed_mps=min(before.speed_mps, speed_mps))
 
     def _ride(self, tail: int, head: int) -> None:
         """A lane between levels: the lift that both ends are in."""

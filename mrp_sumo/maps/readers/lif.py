@@ -5,15 +5,16 @@
 angles radians; angles above a turn are taken for degrees and reported.
 
 A node is a vertex, an edge a lane, a station an option of its nodes, a layout's level (`layoutLevelId`, else the nodes' `mapId`) a
-level; an edge between levels is a lift. Edges for vehicles with a load only, or without one, have the option `load`, which robots with
-orders keep. What robots here do not know is kept as an option of the lane and reported: turns that are not allowed. Trajectories are
-flattened within 1 cm. Refuses edges between unknown nodes, and identifiers that are given twice.
+level; an edge between levels is a lift. Edges for some types of vehicles only have the option `vehicle_types`, those for vehicles with a
+load only, or without one, the option `load`, which robots with orders keep. What robots here do not know is kept as an option of the lane
+and reported: turns that are not allowed. Trajectories are flattened within 1 cm. Refuses edges between unknown nodes, and identifiers that
+are given twice.
 """
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -52,7 +53,9 @@ class Lif:
     def read(self, file: MapFile, selection: Selection) -> Map:
         """The lanes of all types of vehicles, or of the selection's."""
         refuse_choice(file.source, selection, "level", "vehicle_type")
-        return _Layouts(Fields(file.source), Draft(file.source), selection.vehicle_type).read(file.document, selection.level)
+        return _Layouts(Fields(file.source), Draft(file.source), selection.vehicle_type, selection.driven).read(
+            file.document, selection.level
+        )
 
 
 @dataclass
@@ -60,9 +63,12 @@ class _Layouts:
     fields: Fields
     draft: Draft
     wanted: str | None
+    driven: tuple[str, ...] = ()
     types: Counter[str] = field(default_factory=Counter)  # lanes of each type of vehicle
     usable: dict[int, set[str]] = field(default_factory=dict)  # types that may be at each vertex
     restricted: list[str] = field(default_factory=list)  # lanes whose ends restrict turns
+    known: set[str] = field(default_factory=set)  # types of all lanes
+    slowed: list[str] = field(default_factory=list)  # lanes on which types that are driven have several limits of speed
 
     def read(self, document: Mapping[str, Any], level: str | None) -> Map:
         about = self.fields.object(document, "metaInformation", "")
@@ -70,6 +76,7 @@ class _Layouts:
         if version.split(".")[0] not in ("0", "1", "2"):
             self.draft.notes.add("unknown_version", f"lifVersion '{version[:40]}', read as 1 or 2")
         layouts = list(self._layouts(document))
+        self._choose(layouts)
         for at, layout in layouts:
             self._nodes(layout, at)
         for at, layout in layouts:
@@ -77,7 +84,15 @@ class _Layouts:
         for at, layout in layouts:
             self._stations(layout, at)
         self._note_types()
-        return self.draft.to_map(level)
+        return replace(self.draft.to_map(level), vehicle_types=tuple(sorted(self.known)))
+
+    def _choose(self, layouts: Sequence[tuple[str, Mapping[str, Any]]]) -> None:
+        """Take the lanes of the one type that is driven, where the layouts know it; of several, those that they know count."""
+        edges = (edge for at, layout in layouts for edge in self.fields.each(layout, "edges", at))
+        self.known = {kind for at, edge in edges for _, types, _ in self._properties(edge, EDGE_TYPES, at) for kind in types}
+        if self.wanted is None and len(set(self.driven)) == 1 and self.driven[0] in self.known:
+            self.wanted = self.driven[0]
+        self.driven = tuple(kind for kind in self.driven if kind in self.known)
 
     def _layouts(self, document: Mapping[str, Any]) -> Iterator[tuple[str, Mapping[str, Any]]]:
         """Every layout with its path."""
@@ -121,10 +136,13 @@ class _Layouts:
             self._edge(name, ends[0], ends[1], self._properties(edge, EDGE_TYPES, at))
 
     def _edge(self, name: str, tail: int, head: int, properties: Iterable[tuple[str, list[str], Mapping[str, Any]]]) -> None:
-        """A lane for the chosen types; where they differ, what the first of them says, with the higher limit of speed."""
-        first: tuple[str, Mapping[str, Any]] | None = None
-        speed = 0.0
-        loads: set[str] = set()
+        """A lane for the chosen types.
+
+        Where they differ, it is as the first of them has it, with the lowest limit of speed of those that are driven, else the highest.
+        """
+        several: list[tuple[bool, str, Mapping[str, Any]]] = []  # True for types that are not driven, path, properties
+        limits: dict[str, float] = {}
+        loads, allowed = set[str](), set[str]()
         for where, types, own in properties:
             barred = [kind for kind in types if kind not in self.usable[tail] or kind not in self.usable[head]]
             if barred:
@@ -136,18 +154,24 @@ class _Layouts:
             if limit <= 0:
                 self.draft.notes.add("speed_of_nothing", f"'{name}': {limit:g} m/s; read as no limit")
                 limit = math.inf
-            speed = max(speed, limit)
+            limits |= dict.fromkeys(types, limit)
+            allowed.update(set(types).difference(barred))
             loads.add(self._load(own, where))
-            first = first or (where, own)
-        if first is None:
+            several.append((not any(kind in self.driven for kind in types), where, own))
+        if not several:
             return
-        where, own = first
+        _, where, own = min(several, key=lambda one: one[0])
         options: dict[str, Any] = {"edge_id": name}
         if len(loads) == 1 and "" not in loads:
             options["load"] = loads.pop()
+        if self.wanted is None and allowed and allowed != self.known:
+            options["vehicle_types"] = ", ".join(sorted(allowed))
         options |= self._orientation(name, own, where)
         line = self._line(name, tail, head, own, where)
-        self.draft.add_lane(tail, head, speed_mps=speed, options=options, bends=line)
+        driven = [limits[kind] for kind in self.driven if kind in limits]
+        if len(set(driven)) > 1:
+            self.slowed.append(name)
+        self.draft.add_lane(tail, head, speed_mps=min(driven) if driven else max(limits.values()), options=options, bends=line)
 
     def _orientation(self, name: str, properties: Mapping[str, Any], where: str) -> dict[str, Any]:
         """Options for how vehicles are turned on an edge, and may turn at its ends."""
@@ -258,7 +282,10 @@ class _Layouts:
         notes, types = self.draft.notes, self.types
         if self.wanted is not None and self.wanted not in types:
             raise self.fields.fault("", f"no edge for vehicle type '{self.wanted}'{nearest(self.wanted, types)}")
-        if len(types) > 1 and self.wanted is None:
+        if self.slowed:
+            text = f"{len(self.slowed)} lanes have several limits of speed for {', '.join(self.driven)}; the lowest holds for all of them"
+            notes.add("limits_by_vehicle_type", text, len(self.slowed))
+        if len(types) > 1 and self.wanted is None and not self.driven:
             counts = ", ".join(f"{name} {count}" for name, count in sorted(types.items()))
             notes.add("several_vehicle_types", f"edges for {counts}; all are read, --vehicle-type chooses one", len(types))
         if self.restricted:

@@ -34,6 +34,7 @@ class Selection:
     cell_m: float = 0.4  # side of the cells of a MovingAI grid, which has no unit, and of those laid over an occupancy map
     robot_radius_m: float = ROBOT_RADIUS_M  # the room that a robot needs on an occupancy map
     vehicle_type: str | None = None  # only the lanes of this type of vehicle, where a format knows types; those of all by default
+    driven: tuple[str, ...] = ()  # types of vehicles that are driven: their lanes and limits count where the map knows them
     layers: tuple[str, ...] | None = None  # of a DXF, those that hold its walls; by default all that are shown
     unit: str | None = None  # of a DXF: mm, cm, dm, m, in or ft; by default as it says
 
