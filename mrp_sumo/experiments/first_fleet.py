@@ -9,7 +9,7 @@ from mrp_sumo.experiments.solve import solve
 from mrp_sumo.experiments.staging.set_up import SetUp, set_up
 from mrp_sumo.io.scenario.file import ScenarioFile
 from mrp_sumo.io.scenario.read import changed
-from mrp_sumo.traffic.draw import drawn_among, most_drawn
+from mrp_sumo.traffic.draw import most_drawn, stands_of
 
 STATIONS_A_ROBOT = 4  # places where robots may stand at once, for each of a first fleet
 MOST = 10
@@ -59,11 +59,13 @@ def with_first_fleet(file: ScenarioFile, count: int | None = None, seed: int | N
 def _require_stations(setup: SetUp) -> None:
     """Refuse a map on which a robot could only stay where it is."""
     robots = setup.scenario.robots
-    if len(drawn_among(setup.problem.graph, anywhere=robots.draw == "anywhere")) > 1:
+    vehicle = setup.problem.fleet.types[0]
+    if len(stands_of(setup.problem.graph, anywhere=robots.draw == "anywhere", vehicle=vehicle).goal) > 1:
         return
     reason = "; ".join(setup.notes) or "from no lane is there a way back (mrp-sumo import --check lists them)"
     smaller = f"; a smaller type than '{setup.problem.fleet.type_name[0]}' may fit: --type" if setup.notes else ""
-    raise MapError(f"no two stations of '{setup.map.name}' reach each other: {reason}{smaller}")
+    turns = f" by turns that '{vehicle.name}' can make" if vehicle.is_vehicle else ""
+    raise MapError(f"no two stations of '{setup.map.name}' reach each other{turns}: {reason}{smaller}")
 
 
 def _first_solved(file: ScenarioFile, robots: int, draws: Iterable[int], maps: MapCache) -> tuple[ScenarioFile, bool]:
@@ -85,7 +87,8 @@ def _first_solved(file: ScenarioFile, robots: int, draws: Iterable[int], maps: M
 def _counts(setup: SetUp) -> list[int]:
     """Numbers of robots that are worth a try, descending to 1."""
     robots, fleet = setup.scenario.robots, setup.problem.fleet
-    room = most_drawn(setup.problem.graph, setup.scenario.seed, fleet.separation_m, anywhere=robots.draw == "anywhere")
+    anywhere, vehicle = robots.draw == "anywhere", fleet.types[0]
+    room = most_drawn(setup.problem.graph, setup.scenario.seed, fleet.separation_m, anywhere=anywhere, vehicle=vehicle)
     counts = [max(1, min(MOST, max(room // STATIONS_A_ROBOT, min(2, room // 2))))]
     while counts[-1] > 1:
         counts.append(counts[-1] // 2)

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from mrp_sumo.core.graph import STATIONS, FloatArray, NavGraph, PlanGraph
+from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.errors import MapError, MrpSumoError
 from mrp_sumo.experiments.first_fleet import STATIONS_A_ROBOT
 from mrp_sumo.experiments.map_cache import MapCache
@@ -23,7 +24,7 @@ from mrp_sumo.io.scenario.read import scenario_of
 from mrp_sumo.io.scenario.robots import robot_type
 from mrp_sumo.maps.catalogue import bundled_folder
 from mrp_sumo.maps.map import ListedVehicle
-from mrp_sumo.traffic.draw import drawn_among, most_drawn
+from mrp_sumo.traffic.draw import most_drawn, stands_of
 
 MOST_ROBOTS = 8
 MOST_STATIONS = 60  # of a group
@@ -93,7 +94,7 @@ def propose(map_values: Mapping[str, Any], folder: Path, name: str, wishes: Wish
     """
     with MapCache() as maps:
         setup, why_type = _fitting_type(map_values, folder, maps, wishes.robot_type)
-        stations = stations_of(setup.map.nav, setup.problem.graph)
+        stations = stations_of(setup.map.nav, setup.problem.graph, setup.problem.fleet.types[0])
         if not stations.stops:
             raise MapError(
                 f"'{setup.map.name}' has fewer than two stations that reach each other: there is nothing to carry; "
@@ -115,9 +116,9 @@ def propose(map_values: Mapping[str, Any], folder: Path, name: str, wishes: Wish
     return replace(proposal, reasons=reasons)
 
 
-def stations_of(nav: NavGraph, graph: PlanGraph) -> Stations:
+def stations_of(nav: NavGraph, graph: PlanGraph, vehicle: RobotType | None = None) -> Stations:
     """Purposes of a map's places, of those that robots can reach from each other: by what the map says, else by their names."""
-    reached = set(drawn_among(graph).tolist())  # where robots are drawn, too
+    reached = set(stands_of(graph, vehicle=vehicle).goal.tolist())  # where goals are drawn, too
     usable = [v for v in range(nav.num_vertices) if int(graph.vertex_of_station[v]) in reached and not _is_passed(nav, graph, v)]
     named = [v for v in usable if nav.vertex_name[v] or "station" in nav.vertex_options[v]]
     if sum("station" in nav.vertex_options[v] for v in named) > 1:  # of maps that tell stations from mere points
@@ -229,13 +230,16 @@ def _written_out(vehicle: ListedVehicle, folder: Path) -> dict[str, Any]:
 
 def _room(setup: SetUp) -> int:
     """How many robots may stand at stations at once."""
-    return most_drawn(setup.problem.graph, 0, setup.problem.fleet.separation_m)
+    fleet = setup.problem.fleet
+    return most_drawn(setup.problem.graph, 0, fleet.separation_m, vehicle=fleet.types[0])
 
 
 def _reached(setup: SetUp) -> float:
     """Number of stations that robots reach from each other; of a grid, whose cells are as large as robots need, their area in m2."""
     graph = setup.problem.graph
-    return len(drawn_among(graph)) * (setup.scenario.discretisation.cell_m**2 if graph.kind == "grid" else 1.0)
+    return len(stands_of(graph, vehicle=setup.problem.fleet.types[0]).goal) * (
+        setup.scenario.discretisation.cell_m**2 if graph.kind == "grid" else 1.0
+    )
 
 
 def _num_robots(setup: SetUp, wanted: int | None) -> tuple[int, str]:

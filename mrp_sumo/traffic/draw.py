@@ -5,13 +5,16 @@ Refuses to draw more robots than there are vertices to stand on, or may stand at
 
 import random
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from mrp_sumo.core.digraph import strong_components
 from mrp_sumo.core.graph import IntArray, PlanGraph
 from mrp_sumo.core.near import pairs_within
+from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.errors import PlanError
+from mrp_sumo.traffic.moves import round_trips
 from mrp_sumo.traffic.resources import groups_of, resources_of
 
 STARTS, GOALS = 1, 2  # purposes of the streams of chance
@@ -43,8 +46,16 @@ def mrp_bench_draw(num_vertices: int, num_robots: int, seed: int) -> tuple[IntAr
     return np.array(start, np.int64), np.array(goal, np.int64)
 
 
+class Stands(NamedTuple):
+    """Vertices on which robots of one type may be drawn; from each start they reach each goal."""
+
+    start: IntArray
+    goal: IntArray
+    behind: dict[int, int]  # by start: the vertex on which trailers stand, where the type tows some
+
+
 def uniform_draw(
-    graph: PlanGraph, num_robots: int, seed: int, separation_m: float = 0.0, *, anywhere: bool = False
+    graph: PlanGraph, num_robots: int, seed: int, separation_m: float = 0.0, *, anywhere: bool = False, vehicle: RobotType | None = None
 ) -> tuple[IntArray, IntArray]:
     """Starts and goals uniformly among the stations of the strongly connected component with most of them.
 
@@ -65,40 +76,55 @@ def uniform_draw(
         The least distance of two robots' centres.
     anywhere
         Among all vertices of the plan graph instead, between stations, too.
+    vehicle
+        The type of the robots, where it cannot turn in place: starts and goals are such that it can make the turns between them.
 
     Returns
     -------
     start, goal
         [R] vertices of the plan graph each, distinct within each; a robot may start at its goal.
     """
-    station = drawn_among(graph, anywhere=anywhere)
+    stands = stands_of(graph, anywhere=anywhere, vehicle=vehicle)
     what = "vertices" if anywhere else "stations"
-    _enough(len(station), num_robots, f"{what} that reach each other")
-    orders = [np.random.default_rng([seed, purpose]).permutation(station) for purpose in (STARTS, GOALS)]
-    shared = _shared(graph, station, separation_m)
-    start, goal = (_apart(order, shared, num_robots, what) for order in orders)
+    _enough(min(len(stands.start), len(stands.goal)), num_robots, f"{what} that reach each other")
+    start, goal = (_apart(order, shared, num_robots, what) for order, shared in _orders(graph, stands, seed, separation_m))
     return start.astype(np.int64), goal.astype(np.int64)
 
 
-def most_drawn(graph: PlanGraph, seed: int, separation_m: float = 0.0, *, anywhere: bool = False) -> int:
+def most_drawn(graph: PlanGraph, seed: int, separation_m: float = 0.0, *, anywhere: bool = False, vehicle: RobotType | None = None) -> int:
     """The largest number of robots that `uniform_draw` can draw; the parameters are its own."""
-    station = drawn_among(graph, anywhere=anywhere)
-    shared = _shared(graph, station, separation_m)
-    orders = [np.random.default_rng([seed, purpose]).permutation(station) for purpose in (STARTS, GOALS)]
-    return min(len(_first_apart(order, shared, len(station))) for order in orders)
+    stands = stands_of(graph, anywhere=anywhere, vehicle=vehicle)
+    return min(len(_first_apart(order, shared, len(order))) for order, shared in _orders(graph, stands, seed, separation_m))
 
 
-def drawn_among(graph: PlanGraph, *, anywhere: bool = False) -> IntArray:
-    """The stations, or all vertices, of the strongly connected component with most of them; none in a lift, or only to pass through."""
+def stands_of(graph: PlanGraph, *, anywhere: bool = False, vehicle: RobotType | None = None) -> Stands:
+    """Vertices on which robots are drawn: the stations, or all vertices, that are in the component with most of them, but none in a lift.
+
+    Of a vehicle that cannot turn in place the component is one of its moves, and starts are such that it comes there.
+    """
     station = np.arange(graph.num_vertices) if anywhere else np.unique(graph.vertex_of_station[graph.vertex_of_station >= 0])
     if graph.is_ride.any():  # who stands at a lift keeps others from it
         station = station[~graph.having("cabin")[station]]
     station = station[~graph.having("is_passthrough_point")[station]]
-    return main_piece(graph, station)
+    if vehicle is None or not vehicle.is_vehicle:
+        station = main_piece(graph, station)
+        return Stands(station, station, {})
+    trips = round_trips(graph, vehicle, station)
+    start = station[trips.begins[station]]
+    behind = dict(zip(start.tolist(), trips.behind[start].tolist(), strict=True)) if vehicle.trailers else {}
+    return Stands(start, station[trips.is_on[station]], behind)
 
 
 def draw_by_type(
-    graphs: Sequence[PlanGraph], kind: IntArray, start: IntArray, goal: IntArray, seed: int, separation_m: float, *, anywhere: bool = False
+    graphs: Sequence[PlanGraph],
+    types: Sequence[RobotType],
+    kind: IntArray,
+    start: IntArray,
+    goal: IntArray,
+    seed: int,
+    separation_m: float,
+    *,
+    anywhere: bool = False,
 ) -> tuple[IntArray, IntArray]:
     """Starts and goals of robots of several types, each type on its own lanes; those that are given stay.
 
@@ -109,6 +135,8 @@ def draw_by_type(
     ----------
     graphs
         [K] one graph with the lanes of each type.
+    types
+        [K] what they are.
     kind
         [R] types of the robots.
     start, goal
@@ -117,17 +145,18 @@ def draw_by_type(
         As for `uniform_draw`; the separation is that of the two largest robots.
     """
     what = "vertices" if anywhere else "stations"
-    stations = [drawn_among(graph, anywhere=anywhere) for graph in graphs]
-    some = np.unique(np.concatenate([*stations, start[start >= 0], goal[goal >= 0]]))
+    stands = [stands_of(graph, anywhere=anywhere, vehicle=each) for graph, each in zip(graphs, types, strict=True)]
+    some = np.unique(np.concatenate([*(vertices for each in stands for vertices in each[:2]), start[start >= 0], goal[goal >= 0]]))
     shared, drawn = _shared(graphs[0], some, separation_m), []
     for purpose, named in ((STARTS, start), (GOALS, goal)):
         chosen, taken, rng = named.copy(), set[tuple[str, int]](), np.random.default_rng([seed, purpose])
         for v in named[named >= 0].tolist():
             taken |= {*shared.get(v, ()), ("vertex", v)}
-        for k in sorted(np.unique(kind).tolist(), key=lambda k: len(stations[k])):
+        for k in sorted(np.unique(kind).tolist(), key=lambda k: len(stands[k].start)):
             robots = np.flatnonzero((kind == k) & (named < 0)).tolist()
-            for v in rng.permutation(stations[k]).tolist() if robots else ():
-                own = {*shared.get(v, ()), ("vertex", v)}
+            behind = stands[k].behind if purpose == STARTS else {}
+            for v in rng.permutation(stands[k][purpose - STARTS]).tolist() if robots else ():
+                own = {*shared.get(v, ()), ("vertex", v), ("vertex", behind.get(v, v))}
                 if robots and taken.isdisjoint(own):
                     taken |= own
                     chosen[robots.pop(0)] = v
@@ -145,6 +174,14 @@ def main_piece(graph: PlanGraph, among: IntArray | None = None) -> IntArray:
     piece = strong_components(graph.num_vertices, graph.tail, graph.head)[vertices]
     largest: IntArray = vertices[piece == np.bincount(piece).argmax()]
     return largest
+
+
+def _orders(graph: PlanGraph, stands: Stands, seed: int, separation_m: float) -> list[tuple[IntArray, dict[int, set[tuple[str, int]]]]]:
+    """Starts and goals in the order in which they are drawn, and what each of them shares with others."""
+    shared = _shared(graph, np.union1d(stands.start, stands.goal), separation_m)
+    towing = {v: {*shared.get(v, ()), ("vertex", v), ("vertex", behind)} for v, behind in stands.behind.items()}
+    streams = ((STARTS, stands.start, {**shared, **towing}), (GOALS, stands.goal, shared))
+    return [(np.random.default_rng([seed, purpose]).permutation(vertices), own) for purpose, vertices, own in streams]
 
 
 def _shared(graph: PlanGraph, station: IntArray, separation_m: float) -> dict[int, set[tuple[str, int]]]:

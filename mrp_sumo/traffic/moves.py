@@ -16,7 +16,8 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from mrp_sumo.core.fleet import Fleet
+from mrp_sumo.core.digraph import strong_components
+from mrp_sumo.core.fleet import Fleet, fleet_of
 from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, PlanGraph, frozen, nav_graph, plan_graph
 from mrp_sumo.core.problem import Problem, Standing
 from mrp_sumo.core.robot_type import RobotType
@@ -200,6 +201,40 @@ def _goes_on(graph: PlanGraph, course: FloatArray, lane: int) -> bool:
     """True if another lane leads on in the direction of a lane."""
     head = int(graph.head[lane])
     return bool((off_rad(course[graph.first[head] : graph.first[head + 1]], float(course[lane])) <= MAY_STAND_RAD).any())
+
+
+class RoundTrips(NamedTuple):
+    """The round trips of one type on a map: places to which it can come again and again."""
+
+    is_on: BoolArray  # [V] places on them
+    begins: BoolArray  # [V] places from which it comes on them, having moved nowhere yet
+    behind: IntArray  # [V] vertex on which trailers stand at such a beginning, -1: none
+
+
+def round_trips(graph: PlanGraph, vehicle: RobotType, among: IntArray) -> RoundTrips:
+    """Those of a type that cannot turn in place, alone, of several the ones that pass most of some places."""
+    moves = move_graph(graph, fleet_of(vehicle, 1), None)
+    states, num_places = moves.states[0], graph.num_vertices
+    component = strong_components(moves.num_vertices, moves.tail, moves.head)
+    under_way = np.unique(states.at[UNDER_WAY][states.at[UNDER_WAY] >= 0])
+    visited = np.unique(np.stack([component[under_way], states.place[under_way]], 1)[np.isin(states.place[under_way], among)], axis=0)
+    if not len(visited):
+        return RoundTrips(np.zeros(num_places, np.bool_), np.zeros(num_places, np.bool_), np.full(num_places, -1))
+    on = component == np.bincount(visited[:, 0]).argmax()
+    leads = on.copy()
+    while (more := leads[moves.head] & ~leads[moves.tail]).any():
+        leads[moves.tail[more]] = True
+    is_on, begins, behind = np.zeros(num_places, np.bool_), leads[states.anywhere], np.full(num_places, -1)
+    is_on[states.place[on]] = True
+    if vehicle.trailers:
+        course = course_rad(graph)
+        stands = states.at[STANDING, :, FORWARD]
+        begins[:] = False
+        for lane in np.flatnonzero((stands >= 0) & leads[stands] & (graph.length_m >= vehicle.behind_m)).tolist():
+            v = int(graph.head[lane])
+            if not begins[v] or not _goes_on(graph, course, int(graph.lane_between(int(behind[v]), v))):
+                begins[v], behind[v] = True, int(graph.tail[lane])
+    return RoundTrips(is_on, begins, behind)
 
 
 class EndStates(NamedTuple):

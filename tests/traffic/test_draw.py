@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 import yaml
 from golden import INSTANCES, MRP_BENCH
+from vehicles import CAR, CART, TRICYCLE, TUGGER, roads
 
 from mrp_sumo.core.graph import nav_graph, plan_graph, with_lanes
 from mrp_sumo.errors import PlanError
-from mrp_sumo.traffic.draw import draw_by_type, mrp_bench_draw, uniform_draw
+from mrp_sumo.traffic.draw import draw_by_type, most_drawn, mrp_bench_draw, stands_of, uniform_draw
 
 
 def drawn_graph(lanes, num_vertices, stations=None):
@@ -115,6 +116,41 @@ def test_types_are_drawn_where_they_have_room_and_apart_from_those_that_are_give
     large = with_lanes(large, large.head >= 2)  # which has no way to vertices 0 and 1
     kind, none = np.array([0, 0, 1, 1]), np.full(4, -1)
     for seed in range(9):
-        start, goal = draw_by_type([small, large], kind, np.array([3, -1, -1, -1]), none, seed, 0.5)
+        start, goal = draw_by_type([small, large], [CART] * 2, kind, np.array([3, -1, -1, -1]), none, seed, 0.5)
         assert start[0] == 3 and len(set(start.tolist())) == len(set(goal.tolist())) == 4
         assert min(start[2:].tolist() + goal[2:].tolist()) >= 2
+
+
+def ring_with_a_spur():
+    """A one-way ring 0, 6, 1, 2, 3, 4 with sides of 8 m, with 6 in the middle of 0 - 1, and 4 2.2 m before 0; 5 ends a spur from 1."""
+    xy = [(0.0, 0.0), (8.0, 0.0), (8.0, 8.0), (0.0, 8.0), (0.0, 2.2), (16.0, 0.0), (4.0, 0.0)]
+    return roads(xy, [(1, 5)], [(0, 6), (6, 1), (1, 2), (2, 3), (3, 4), (4, 0)], cell_m=8.0)
+
+
+ALL = {0, 1, 2, 3, 4, 5, 6}
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "starts", "goals"),
+    [
+        (CART, ALL, ALL),
+        (TRICYCLE, ALL, ALL),  # backs out of the spur
+        (CAR, ALL, ALL - {5}),  # would not come back from there
+        (TUGGER, {4, 6}, ALL - {5}),  # trailers stand straight behind it, so at a corner it could not turn
+    ],
+    ids=lambda value: getattr(value, "name", None),
+)
+def test_vehicles_are_drawn_where_they_can_come_and_go(vehicle, starts, goals):
+    stands = stands_of(ring_with_a_spur(), vehicle=vehicle)
+    assert (set(stands.start.tolist()), set(stands.goal.tolist())) == (starts, goals)
+
+
+def test_nobody_is_drawn_where_trailers_stand():
+    graph = ring_with_a_spur()
+    assert most_drawn(graph, 0, 1.0, vehicle=TUGGER) == 2
+    for seed in range(9):
+        start, _ = uniform_draw(graph, 2, seed, 1.0, vehicle=TUGGER)
+        behind = [stands_of(graph, vehicle=TUGGER).behind[v] for v in start.tolist()]
+        assert len({*start.tolist(), *behind}) == 4
+        mixed, _ = draw_by_type([graph] * 2, [TUGGER, CART], np.array([0, 1]), np.full(2, -1), np.full(2, -1), seed, 1.0)
+        assert int(mixed[1]) not in (int(mixed[0]), stands_of(graph, vehicle=TUGGER).behind[int(mixed[0])])

@@ -43,8 +43,8 @@ def as_discretised(file: ScenarioFile, map_: Map, models: Sequence[RobotType]) -
 
 
 def separation_m(models: Sequence[RobotType]) -> float:
-    """The least distance between the centres of any two robots."""
-    return float(fleet_of_types(models, np.arange(len(models))).separation_m)
+    """The least distance between the centres of any two robots; lanes for trains are as long as these."""
+    return max([float(fleet_of_types(models, np.arange(len(models))).separation_m), *(model.behind_m for model in models)])
 
 
 def _step_m(nav: NavGraph, wanted_m: float, needed_m: float) -> float:

@@ -9,6 +9,7 @@ import numpy as np
 
 from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, NavGraph, PlanGraph, frozen
 from mrp_sumo.core.problem import Problem, graphs_of_kinds
+from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.drive.motion_plan import TURNS_RAD
 from mrp_sumo.errors import PlanError, ScenarioError, nearest
 from mrp_sumo.io.documents import Place
@@ -18,14 +19,14 @@ from mrp_sumo.planning.costs import costs_of
 from mrp_sumo.traffic.draw import draw_by_type, most_drawn, mrp_bench_draw, uniform_draw
 
 
-def places(file: ScenarioFile, nav: NavGraph, graph: PlanGraph, separation_m: float) -> tuple[IntArray, IntArray]:
-    """Plan vertices of starts and goals, not assigned yet; with tasks, robots have no goals but their starts."""
+def places(file: ScenarioFile, nav: NavGraph, graph: PlanGraph, model: RobotType, separation_m: float) -> tuple[IntArray, IntArray]:
+    """Plan vertices of starts and goals of robots of one type, not assigned yet; with tasks, robots have no goals but their starts."""
     robots = file.scenario.robots
     if file.scenario.tasks is not None:
         if robots.starts is not None:
             start = looked_up(file, nav, graph, ("robots", "starts"), robots.starts[: robots.count])
         else:
-            start, _ = _drawn(file, graph, separation_m)
+            start, _ = _drawn(file, graph, model, separation_m)
         return start, start
     if robots.starts is not None and robots.goals is not None:
         start = looked_up(file, nav, graph, ("robots", "starts"), robots.starts[: robots.count])
@@ -42,14 +43,20 @@ def places(file: ScenarioFile, nav: NavGraph, graph: PlanGraph, separation_m: fl
         return start, goal
     assert robots.count is not None
     if robots.draw != "mrp_bench":
-        return _drawn(file, graph, separation_m)
+        return _drawn(file, graph, model, separation_m)
     with file.located("robots", "count"):
         start, goal = mrp_bench_draw(len(graph.vertex_of_station), robots.count, file.scenario.seed)
     return graph.vertex_of_station[start], graph.vertex_of_station[goal]
 
 
 def places_by_type(
-    file: ScenarioFile, nav: NavGraph, graph: PlanGraph, barred: BoolArray | None, kind: IntArray, separation_m: float
+    file: ScenarioFile,
+    nav: NavGraph,
+    graph: PlanGraph,
+    models: Sequence[RobotType],
+    barred: BoolArray | None,
+    kind: IntArray,
+    separation_m: float,
 ) -> tuple[IntArray, IntArray]:
     """Plan vertices of starts and goals, group by group; those that are not named are drawn where the robots have room."""
     scenario, fixed = file.scenario, []
@@ -64,29 +71,32 @@ def places_by_type(
                 f"{file.at('robots', 'fleet')}: '{graph.known_as(int(values[times > 1][0]))}' is the {key[:-1]} of two robots"
             )
         fixed.append(vertex)
-    graphs, anywhere = graphs_of_kinds(graph, barred, int(kind.max()) + 1), scenario.robots.draw == "anywhere"
+    graphs, anywhere = graphs_of_kinds(graph, barred, len(models)), scenario.robots.draw == "anywhere"
     with file.located("robots", "fleet"):
         given_start, given_goal = fixed
-        start, goal = draw_by_type(graphs, kind, given_start, given_goal, scenario.seed, separation_m, anywhere=anywhere)
+        start, goal = draw_by_type(graphs, models, kind, given_start, given_goal, scenario.seed, separation_m, anywhere=anywhere)
     return (start, start) if scenario.tasks is not None else (start, goal)
 
 
-def _drawn(file: ScenarioFile, graph: PlanGraph, separation_m: float) -> tuple[IntArray, IntArray]:
+def _drawn(file: ScenarioFile, graph: PlanGraph, model: RobotType, separation_m: float) -> tuple[IntArray, IntArray]:
     robots, seed = file.scenario.robots, file.scenario.seed
     num_robots, anywhere = robots.count or 0, robots.draw == "anywhere"
     try:
-        return uniform_draw(graph, num_robots, seed, separation_m, anywhere=anywhere)
+        return uniform_draw(graph, num_robots, seed, separation_m, anywhere=anywhere, vehicle=model)
     except PlanError:
-        fits = most_drawn(graph, seed, separation_m, anywhere=anywhere)
+        fits = most_drawn(graph, seed, separation_m, anywhere=anywhere, vehicle=model)
     cures = [f"robots.count: {fits} fits"] if fits else []
-    if not anywhere and (more := most_drawn(graph, seed, separation_m, anywhere=True)) > fits:
+    if not anywhere and (more := most_drawn(graph, seed, separation_m, anywhere=True, vehicle=model)) > fits:
         cures.append(f"robots.draw: anywhere lets {more} stand between stations, too")
     if file.scenario.discretisation.clearance == "prune" and graph.num_components > 1:
         cures.append("smaller robots have more room beside walls")
     what = "vertices" if anywhere else "stations"
+    turning = f" by turns that '{model.name}' can make" if model.is_vehicle else ""
+    room = f", with {model.behind_m:.2f} m of a lane behind starts for trailers" if model.trailers else ""
     raise ScenarioError(
-        f"{file.at('robots', 'count')}: {num_robots} robots, but '{graph.name}' has {fits} {what} that reach each other and on which "
-        f"robots may stand at once, {separation_m:.2f} m between centres" + (f": {'; '.join(cures)}" if cures else "")
+        f"{file.at('robots', 'count')}: {num_robots} robot{'s' * (num_robots != 1)}, but '{graph.name}' has {fits} {what} that reach each "
+        f"other{turning} and on which robots may stand at once, {separation_m:.2f} m between centres{room}"
+        + (f": {'; '.join(cures)}" if cures else "")
     )
 
 

@@ -142,10 +142,10 @@ def _fleet_at(
     """The robots, of one type or several, and the vertices of their starts and goals."""
     robots = file.scenario.robots
     if robots.fleet is None:
-        start, goal = places(file, nav, graph, separation_m)
+        start, goal = places(file, nav, graph, models[0], separation_m)
         return fleet_of_types(models, np.zeros(len(start), np.int64)), start, goal
     kind = np.repeat(np.arange(len(models)), [group.size for group in robots.groups])
-    start, goal = places_by_type(file, nav, graph, barred, kind, separation_m)
+    start, goal = places_by_type(file, nav, graph, models, barred, kind, separation_m)
     return fleet_of_types(models, kind), start, goal
 
 
