@@ -3,19 +3,23 @@
 Maps: .nav.yaml (Open-RMF nav graph), .map (MovingAI), .geojson, .net.xml (SUMO), .lif.json (VDMA LIF 1.0) or .xml (openTCS plant
 model); what the format cannot hold is listed.
 Plans: .json (this program's; needs --map), .yaml (libMultiRobotPlanning), .txt (EECBS, or as --format says).
-Types of robots: .json (a factsheet of VDA 5050) or .yaml (as in robots/), from a factsheet, a name of `list robots` or a file of that form;
-what was guessed and what the format cannot hold is listed.
+Types of robots: .json (a factsheet of VDA 5050) or .yaml (as in robots/), from a factsheet, a name of `list robots`, a file of that form,
+or .yaml from a vehicle of an openTCS plant model; what was guessed and what the format cannot hold is listed.
 """
 
 import argparse
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from mrp_sumo.cli.map_choice import add_choice, chosen_map
 from mrp_sumo.cli.option_rules import only_for
 from mrp_sumo.cli.printing import say, say_json
-from mrp_sumo.errors import MrpSumoError
+from mrp_sumo.errors import MrpSumoError, nearest
 
-OF_MAPS = ("graph", "level", "snap", "join_short", "reader", "robot_radius")
+if TYPE_CHECKING:
+    from mrp_sumo.maps.map import Map
+
+OF_MAPS = ("graph", "level", "snap", "join_short", "reader", "robot_radius", "robot")
 MOST_BYTES = 1_000_000  # of files of types
 TYPE_KEYS = {"length_m", "width_m", "max_speed_mps", "accel_mps2", "decel_mps2"}  # of files of types; the first of them none else has
 
@@ -26,6 +30,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("destination", metavar="DST", type=Path, help="the file to write")
     parser.add_argument("--map", type=Path, metavar="FILE", help="of a plan: the grid or roadmap it is on (.map or YAML)")
     parser.add_argument("--format", metavar="NAME", help="of a plan: json, yaml, paths, lacam or smart (default: by the suffix)")
+    parser.add_argument(
+        "--robot", metavar="TYPE", action="append", default=[], help="of LIF and openTCS: write it for this type; repeatable"
+    )
     parser.add_argument("--vda5050", metavar="VERSION", help="of a factsheet: 2.1 or 3.0 (the default, which has rates of turning, too)")
     parser.add_argument("--json", action="store_true", help="print what was written and lost as JSON")
     add_choice(parser)
@@ -35,30 +42,77 @@ def run(options: argparse.Namespace) -> int:
     """Convert, and tell what was lost."""
     from mrp_sumo.cli.plan_choice import is_plan
     from mrp_sumo.formats.vda.factsheet import is_factsheet
-    from mrp_sumo.io.map_files import write_map
 
-    if options.destination.exists() and Path(options.source).exists() and options.destination.samefile(options.source):
-        raise MrpSumoError(f"{options.destination}: is what is converted, expected another file to write")
+    source, destination = Path(options.source), options.destination
+    if destination.exists() and source.exists() and destination.samefile(source):
+        raise MrpSumoError(f"{destination}: is what is converted, expected another file to write")
     notes: list[str] = []
-    is_type = is_factsheet(Path(options.source)) or _names_type(options.source)
-    if not is_type:
-        only_for("types of robots", vda5050=options.vda5050)
-    if is_type:
+    losses: list[str] = []
+    if is_factsheet(source) or _names_type(options.source):
         only_for("maps", **{name: getattr(options, name) for name in OF_MAPS})
         only_for("plans", map=options.map, format=options.format)
-        losses, notes = _convert_type(options.source, options.destination, options.vda5050)
-    elif is_plan(Path(options.source)):
+        losses, notes = _convert_type(options.source, destination, options.vda5050)
+    elif is_plan(source):
         only_for("maps", **{name: getattr(options, name) for name in OF_MAPS})
-        _convert_plan(Path(options.source), options.destination, options.format, options.map)
-        losses = []
+        only_for("types of robots", vda5050=options.vda5050)
+        _convert_plan(source, destination, options.format, options.map)
     else:
         only_for("plans", map=options.map, format=options.format)
-        losses = write_map(chosen_map(options.source, options), options.destination, options.cell)
+        only_for("types of robots", vda5050=options.vda5050)
+        losses, notes = _convert_map(options)
     if options.json:
-        say_json({"written": str(options.destination), "lost": losses} | ({"notes": notes} if is_type else {}), indent=2)
+        say_json({"written": str(destination), "lost": losses} | ({"notes": notes} if notes else {}), indent=2)
         return 0
-    say(f"{options.destination}: written", *(f"lost: {loss}" for loss in losses), *notes)
+    say(f"{destination}: written", *(f"lost: {loss}" for loss in losses), *notes)
     return 0
+
+
+def _convert_map(options: argparse.Namespace) -> tuple[list[str], list[str]]:
+    """Write a map, or a vehicle that it lists as a type of robots; returns what is lost, and notes on what was guessed."""
+    from mrp_sumo.io.map_files import write_map
+    from mrp_sumo.io.scenario.robots import robot_type
+    from mrp_sumo.maps.catalogue import bundled_folder, find_map
+    from mrp_sumo.maps.load import load_map
+
+    if options.destination.suffix.lower() in (".yaml", ".yml") and not options.destination.name.endswith(".nav.yaml"):
+        map_ = load_map(find_map(options.source, Path()), reader=options.reader)
+        if map_.vehicles or map_.vehicle_types:
+            return [], _write_vehicle(map_, options.vehicle_type, options.destination)
+    robots = [robot_type(name, bundled_folder("robots"), Path()) for name in options.robot]
+    return write_map(chosen_map(options.source, options), options.destination, options.cell, robots), []
+
+
+def _write_vehicle(map_: "Map", wanted: str | None, destination: Path) -> list[str]:
+    """Write a vehicle that a map lists, the longest by default, as a type of robots; returns what was guessed and left out."""
+    from dataclasses import replace
+
+    from mrp_sumo.experiments.proposal import type_like
+    from mrp_sumo.files.writing import write_text
+    from mrp_sumo.io.scenario.robots import text_of_type
+
+    name = map_.path.name
+    if not map_.vehicles:
+        kinds = ", ".join(map_.vehicle_types)
+        raise MrpSumoError(f"{name}: has no sizes of vehicles: convert the factsheet of {kinds}, or write a type with that as vehicle_type")
+    known = {each.name: each for each in map_.vehicles}
+    if wanted is not None and wanted not in known:
+        raise MrpSumoError(f"--vehicle-type: no vehicle '{wanted[:60]}' in {name}{nearest(wanted, known)}")
+    vehicle = map_.longest_vehicle if wanted is None else known[wanted]
+    if vehicle is None or min(vehicle.length_m, vehicle.max_speed_mps) <= 0:
+        raise MrpSumoError(f"{name}: vehicle '{wanted or next(iter(known))}' has no length or no maxVelocity, expected both")
+    like = type_like(vehicle)
+    robot = replace(like, source=f"vehicle {vehicle.name} of {name}", battery=None)
+    notes = [f"guessed: accelerations and rate of turning, those of the bundled type '{like.name}'; that it turns in place"]
+    if vehicle.clear_m > robot.radius_m:
+        robot = replace(robot, gap_m=round(2 * (vehicle.clear_m - robot.radius_m), 6))
+    else:
+        notes[0] = notes[0].replace("guessed: ", "guessed: gap_m, ")
+    if vehicle.width_m is None:
+        notes[0] = notes[0].replace("guessed: ", "guessed: width_m, ")
+    if vehicle.reverse_mps not in (0.0, vehicle.max_speed_mps):
+        notes.append(f"left out: maxReverseVelocity, {vehicle.reverse_mps:g} m/s, which types that turn in place do not have")
+    write_text(destination, text_of_type(robot, notes))
+    return notes
 
 
 def _names_type(source: str) -> bool:

@@ -199,11 +199,9 @@ def _fitting_type(map_values: Mapping[str, Any], folder: Path, maps: MapCache, w
     is_industrial = any("path" in options or "edge_id" in options for options in smallest.map.nav.lane_options)
     guess = "guessed: the largest type that reaches the stations; `mrp-sumo list robots` names others, docs/robots.md your own"
     candidates: list[tuple[str, str | dict[str, Any], str]] = [(name, name, guess) for name in (LARGE, MEDIUM)[not is_industrial :]]
-    if vehicle := smallest.map.vehicle:
+    if vehicle := smallest.map.longest_vehicle:
         read = "length and speed" if vehicle.width_m is None else "size and speed"
-        candidates.insert(
-            0, (vehicle.name, _written_out(vehicle, folder), f"{read} are those of the map's {vehicle.name!r}, the rest is guessed")
-        )
+        candidates.insert(0, (vehicle.name, _written_out(vehicle), f"{read} are those of the map's {vehicle.name!r}, the rest is guessed"))
     for name, model, why in candidates:
         try:
             setup = with_type(model, count)
@@ -218,14 +216,17 @@ def _fitting_type(map_values: Mapping[str, Any], folder: Path, maps: MapCache, w
     return smallest, f"guessed, as larger ones do not fit ({refused[-1]})"
 
 
-def _written_out(vehicle: ListedVehicle, folder: Path) -> dict[str, Any]:
+def _written_out(vehicle: ListedVehicle) -> dict[str, Any]:
+    """A type of robots as a scenario writes it out."""
+    return {key: value for key, value in asdict(type_like(vehicle)).items() if key not in ("name", "source")}
+
+
+def type_like(vehicle: ListedVehicle) -> RobotType:
     """A type of robots with a vehicle's size and speed; the rest is that of the bundled type that is about as long."""
-    like = min(
-        (robot_type(name, bundled_folder("robots"), folder) for name in (LARGE, MEDIUM)), key=lambda t: abs(t.length_m - vehicle.length_m)
-    )
+    folder = bundled_folder("robots")
+    like = min((robot_type(name, folder, folder) for name in (LARGE, MEDIUM)), key=lambda each: abs(each.length_m - vehicle.length_m))
     width_m = round(SLENDER * vehicle.length_m, 3) if vehicle.width_m is None else vehicle.width_m
-    size = {"length_m": vehicle.length_m, "width_m": width_m, "max_speed_mps": vehicle.max_speed_mps}
-    return {**{key: value for key, value in asdict(like).items() if key not in ("name", "source")}, **size}
+    return replace(like, length_m=vehicle.length_m, width_m=width_m, max_speed_mps=vehicle.max_speed_mps)
 
 
 def _room(setup: SetUp) -> int:
@@ -247,8 +248,8 @@ def _num_robots(setup: SetUp, wanted: int | None) -> tuple[int, str]:
     if wanted is not None:
         return wanted, "as you say"
     room = _room(setup)
-    if listed := min(setup.map.num_vehicles, room):
-        return listed, f"as many vehicles as the map lists{'' if listed == setup.map.num_vehicles else ' and has room for'}"
+    if listed := min(len(setup.map.vehicles), room):
+        return listed, f"as many vehicles as the map lists{'' if listed == len(setup.map.vehicles) else ' and has room for'}"
     count = max(1, min(MOST_ROBOTS, max(room // STATIONS_A_ROBOT, min(2, room // 2))))
     why = f"guessed: {room} may stand at stations at once; a robot for {STATIONS_A_ROBOT} of them, at most {MOST_ROBOTS}"
     return count, f"{why}; `capacity` knows better"

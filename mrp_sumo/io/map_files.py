@@ -3,11 +3,13 @@
 Refuses suffixes it does not know, and several levels in formats that have one.
 """
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from mrp_sumo.core.graph import NavGraph, PlanGraph
+from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.errors import MapError, nearest, sentence
 from mrp_sumo.files.reading import shortened
 from mrp_sumo.files.writing import written_whole
@@ -23,7 +25,7 @@ from mrp_sumo.maps.readers.nav_graph import document_of_map, write_nav_graph
 SUFFIXES = (".nav.yaml", ".map", ".geojson", ".net.xml", ".lif.json", ".xml")
 
 
-def write_map(map_: Map, path: Path, cell_m: float = 0.4) -> list[str]:
+def write_map(map_: Map, path: Path, cell_m: float = 0.4, robots: Sequence[RobotType] = ()) -> list[str]:
     """Write a map, whole or not at all. Raises MapError as the module refuses.
 
     Parameters
@@ -34,6 +36,8 @@ def write_map(map_: Map, path: Path, cell_m: float = 0.4) -> list[str]:
         Ends in .nav.yaml (RMF nav graph), .map (MovingAI), .geojson, .net.xml (SUMO), .lif.json (LIF 1.0) or .xml (openTCS).
     cell_m
         Side of the cells of a `.map` made of a nav graph.
+    robots
+        Types of robots that the map is written for, where the format knows types of vehicles: LIF and openTCS.
 
     Returns
     -------
@@ -44,9 +48,13 @@ def write_map(map_: Map, path: Path, cell_m: float = 0.4) -> list[str]:
     if suffix is None:
         ending = "".join(path.suffixes[-2:]) or path.name
         raise MapError(f"{path.name}: no map format ends in '{ending}'{nearest(ending, SUFFIXES)}")
+    if robots and suffix not in _WRITE_WITH_TYPES:
+        raise MapError(f"{path.name}: has no types of vehicles, expected a name that ends in {' or '.join(_WRITE_WITH_TYPES)} for robots")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with written_whole(path) as part:
+            if suffix in _WRITE_WITH_TYPES:
+                return _graphs_left_out(map_) + _WRITE_WITH_TYPES[suffix](map_, part, robots)
             return _graphs_left_out(map_) + _WRITE[suffix](map_, part, cell_m)
     except OSError as error:
         raise MapError(f"{shortened(path)}: {sentence(error)}") from None
@@ -97,15 +105,17 @@ def _write_network(map_: Map, path: Path, cell_m: float) -> list[str]:
     return [loss for loss in losses if loss]
 
 
-def _write_lif(map_: Map, path: Path, cell_m: float) -> list[str]:
-    write_lif(map_, path)
+def _write_lif(map_: Map, path: Path, robots: Sequence[RobotType]) -> list[str]:
+    write_lif(map_, path, robots)
     losses = _option_losses(map_.nav, lif_file.KEPT, lif_file.KEPT_OF_LANES) + _drawing_losses(map_, "walls", "floors", "doors")
+    if len(map_.vehicle_types) > 1:
+        losses.append("limits, directions and loads that differ by type of vehicle on one edge")
     losses.append("the cell length" if isinstance(map_.nav, PlanGraph) else "")
     return [loss for loss in losses if loss]
 
 
-def _write_opentcs(map_: Map, path: Path, cell_m: float) -> list[str]:
-    write_opentcs(map_, path)
+def _write_opentcs(map_: Map, path: Path, robots: Sequence[RobotType]) -> list[str]:
+    write_opentcs(map_, path, robots)
     nav = map_.nav
     losses = _option_losses(nav, opentcs_file.KEPT, opentcs_file.KEPT_OF_LANES) + _drawing_losses(map_, "walls", "floors", "doors", "lifts")
     free = int(np.count_nonzero(np.isinf(nav.speed_mps)))
@@ -120,9 +130,8 @@ _WRITE = {
     ".map": _write_grid,
     ".geojson": _write_geojson,
     ".net.xml": _write_network,
-    ".lif.json": _write_lif,
-    ".xml": _write_opentcs,
 }
+_WRITE_WITH_TYPES = {".lif.json": _write_lif, ".xml": _write_opentcs}
 
 
 def _option_losses(nav: NavGraph, of_vertices: tuple[str, ...], of_lanes: tuple[str, ...]) -> list[str]:

@@ -1,19 +1,20 @@
 """Writer of the VDMA's Layout Interchange Format, version 1.0.0 (LIF.md, section 8): a layout a level, an edge a lane.
 
-All robots are of one type of vehicle. A curve is a NURBS of degree 1 along the pieces it is drawn with. Coordinates are those of the map's
-file, not of levels laid side by side.
+Types of vehicles are types of robots that are named, else those of the map, else one for all. A curve is a NURBS of degree 1 along the
+pieces it is drawn with. Coordinates are those of the map's file, not of levels laid side by side.
 """
 
 import json
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from mrp_sumo.core.graph import STATIONS, FloatArray, IntArray, NavGraph
+from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.maps.chains import chains_of
 from mrp_sumo.maps.levels import shifts_of
 from mrp_sumo.maps.map import Map
@@ -21,11 +22,22 @@ from mrp_sumo.maps.map import Map
 VEHICLE_TYPE = "mrp_sumo.robot"
 KEPT = ("station", "actions", "is_charger", "theta_rad", "is_bend", "lift")  # options of vertices that LIF can hold
 RIDE = ("lift", "ride_s", "close_s", "open_s")
-KEPT_OF_LANES = ("edge_id", "path", "load", "orientation_constraint", "turns_at_start", "turns_at_end", *RIDE)
+TURNS = (("turns_at_start", "rotationAtStartNodeAllowed"), ("turns_at_end", "rotationAtEndNodeAllowed"))
+KEPT_OF_LANES = ("edge_id", "path", "load", "orientation_constraint", "turns_at_start", "turns_at_end", "vehicle_types", *RIDE)
 
 
-def write_lif(map_: Map, path: Path) -> None:
-    """Write the graph of a map."""
+class _VehicleType(NamedTuple):
+    """A type of vehicle: its name, and the type of robots where it is one."""
+
+    name: str
+    robot: RobotType | None = None
+
+
+def write_lif(map_: Map, path: Path, robots: Sequence[RobotType] = ()) -> None:
+    """Write the graph of a map, for some types of robots."""
+    types = [_VehicleType(robot.in_layouts, robot) for robot in robots] or [
+        _VehicleType(name) for name in map_.vehicle_types or (VEHICLE_TYPE,)
+    ]
     drawn = map_.nav
     chains = chains_of(drawn)
     nav = chains.nav if chains else drawn
@@ -47,8 +59,8 @@ def write_lif(map_: Map, path: Path) -> None:
                 "layoutId": level,
                 "layoutVersion": "1",
                 "layoutLevelId": level,
-                "nodes": [_node(nav, v, names[v], xy[v], level) for v in vertices],
-                "edges": [_edge(nav, lane, names, xy[starts_of(lane)], xy) for lane in lanes],
+                "nodes": [_node(nav, v, names[v], xy[v], level, types) for v in vertices],
+                "edges": [edge for lane in lanes if (edge := _edge(nav, lane, names, xy[starts_of(lane)], xy, types))],
                 "stations": _stations(nav, vertices, names),
             }
         )
@@ -80,9 +92,9 @@ def stations_of(options: Mapping[str, Any]) -> list[str]:
     return str(options["station"]).split(STATIONS) if "station" in options else []
 
 
-def _node(nav: NavGraph, v: int, name: str, xy: FloatArray, level: str) -> dict[str, Any]:
+def _node(nav: NavGraph, v: int, name: str, xy: FloatArray, level: str, types: Sequence[_VehicleType]) -> dict[str, Any]:
     options = nav.vertex_options[v]
-    properties: dict[str, Any] = {"vehicleTypeId": VEHICLE_TYPE}
+    properties: dict[str, Any] = {}
     if "theta_rad" in options:
         properties["theta"] = float(options["theta_rad"])
     kinds = [kind for kind in str(options.get("actions", "")).split(", ") if kind]
@@ -90,18 +102,30 @@ def _node(nav: NavGraph, v: int, name: str, xy: FloatArray, level: str) -> dict[
         kinds.append("startCharging")
     if kinds:
         properties["actions"] = [{"actionType": kind, "requirementType": "OPTIONAL", "blockingType": "HARD"} for kind in kinds]
-    return {"nodeId": name, "mapId": level, "nodePosition": _point(xy), "vehicleTypeNodeProperties": [properties]}
+    return {
+        "nodeId": name,
+        "mapId": level,
+        "nodePosition": _point(xy),
+        "vehicleTypeNodeProperties": [{"vehicleTypeId": each.name, **properties} for each in types],
+    }
 
 
-def _edge(nav: NavGraph, lane: int, names: list[str], starts: FloatArray, xy: FloatArray) -> dict[str, Any]:
-    """An edge; `starts` are where its pieces begin."""
+def _edge(
+    nav: NavGraph, lane: int, names: list[str], starts: FloatArray, xy: FloatArray, types: Sequence[_VehicleType]
+) -> dict[str, Any] | None:
+    """An edge, None where it is for none of the types; `starts` are where its pieces begin."""
     tail, head, options = int(nav.tail[lane]), int(nav.head[lane]), nav.lane_options[lane]
-    properties: dict[str, Any] = {"vehicleTypeId": VEHICLE_TYPE, "rotationAllowed": False}
+    is_back = options.get("orientation_constraint") == "backward"
+    only = str(options["vehicle_types"]).split(", ") if "vehicle_types" in options else None
+    allowed = [each for each in types if (only is None or each.name in only if each.robot is None else _may_drive(each.robot, is_back))]
+    if not allowed:
+        return None
+    properties: dict[str, Any] = {"rotationAllowed": False}
     if math.isfinite(nav.speed_mps[lane]):
         properties["maxSpeed"] = float(nav.speed_mps[lane])
-    if options.get("orientation_constraint") == "backward":
+    if is_back:
         properties |= {"vehicleOrientation": math.pi, "orientationType": "TANGENTIAL"}
-    for option, key in (("turns_at_start", "rotationAtStartNodeAllowed"), ("turns_at_end", "rotationAtEndNodeAllowed")):
+    for option, key in TURNS:
         if option in options:
             properties[key] = options[option]
     if "load" in options:
@@ -111,7 +135,24 @@ def _edge(nav: NavGraph, lane: int, names: list[str], starts: FloatArray, xy: Fl
         inner = [k / (len(places) - 1) for k in range(1, len(places) - 1)]
         properties["trajectory"] = {"degree": 1, "knotVector": [0, 0, *inner, 1, 1], "controlPoints": [_point(p) for p in places]}
     ends = {"startNodeId": names[tail], "endNodeId": names[head]}
-    return {"edgeId": f"{names[tail]}-{names[head]}", **ends, "vehicleTypeEdgeProperties": [properties]}
+    return {"edgeId": f"{names[tail]}-{names[head]}", **ends, "vehicleTypeEdgeProperties": [_of_type(each, properties) for each in allowed]}
+
+
+def _may_drive(robot: RobotType, is_back: bool) -> bool:
+    """True if a type may drive along a lane, on which robots perhaps drive backward."""
+    return not is_back or not robot.is_vehicle or robot.kinematics.reverse
+
+
+def _of_type(vehicle: _VehicleType, properties: dict[str, Any]) -> dict[str, Any]:
+    """Properties of an edge for a type, which does not turn at its ends if it cannot turn in place."""
+    own: dict[str, Any] = {"vehicleTypeId": vehicle.name, **properties}
+    if (robot := vehicle.robot) is None:
+        return own
+    if robot.is_vehicle:
+        own |= {key: "NONE" for _, key in TURNS}
+    elif robot.turn_rate_rad_s is not None:
+        own["maxRotationSpeed"] = robot.turn_rate_rad_s
+    return own
 
 
 def _stations(nav: NavGraph, vertices: Iterable[int], names: list[str]) -> list[dict[str, Any]]:

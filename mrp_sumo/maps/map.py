@@ -30,6 +30,8 @@ class ListedVehicle:
     length_m: float
     width_m: float | None  # None where the map does not say
     max_speed_mps: float
+    reverse_mps: float = 0.0
+    clear_m: float = 0.0  # room that the map keeps around where it stands; 0 where the map does not say
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -48,10 +50,16 @@ class Map:
     level_shift_m: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # added to those of a level; they lie on one plane
     changes: tuple[str, ...] = ()  # what repairs have done to `nav`
     free: BoolArray | None = None  # [H, W] cells of a map that is a grid, row 0 has the lowest y
-    num_vehicles: int = 0  # that the file lists; 0 where it lists none
-    vehicle: ListedVehicle | None = None  # the longest of them that has a length and a speed
+    vehicles: tuple[ListedVehicle, ...] = ()  # that the file lists
     floor: Costmap | None = None  # of a plan of a floor
     vehicle_types: tuple[str, ...] = ()  # that lanes are for; the option `vehicle_types` has those of a lane that is not for all of them
+
+    @property
+    def longest_vehicle(self) -> ListedVehicle | None:
+        """Of those that have a length and a speed."""
+        return max(
+            (each for each in self.vehicles if min(each.length_m, each.max_speed_mps) > 0), key=lambda each: each.length_m, default=None
+        )
 
 
 def unused(map_: Map) -> str:

@@ -6,6 +6,7 @@ import pytest
 
 from mrp_sumo.cli.main import main
 from mrp_sumo.io.scenario.robots import robot_type
+from mrp_sumo.maps.catalogue import bundled_folder
 from mrp_sumo.maps.load import load_map
 
 CROSS = """
@@ -58,6 +59,58 @@ def test_small_commands_say_as_json_what_they_did(tmp_path, capsys):
         assert keys <= set(json.loads(capsys.readouterr().out))
 
 
+def test_vehicle_of_a_plant_model_becomes_a_type(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert main(["convert", "plant", "plant.xml", "--robot", "pallet_truck", "--robot", "forklift"]) == 0
+    capsys.readouterr()
+    assert main(["convert", "plant.xml", "fork.yaml", "--vehicle-type", "forklift"]) == 0
+    assert capsys.readouterr().out.startswith("fork.yaml: written\nguessed: accelerations and rate of turning")
+    fork, drawn = robot_type("./fork.yaml", tmp_path, tmp_path), robot_type("forklift", bundled_folder("robots"), tmp_path)
+    assert (fork.length_m, fork.width_m, fork.max_speed_mps) == (drawn.length_m, drawn.width_m, drawn.max_speed_mps)
+    assert fork.gap_m == pytest.approx(drawn.gap_m, abs=2e-3)  # envelopes are in whole millimetres
+    assert main(["convert", "plant.xml", "longest.yaml"]) == 0
+    assert robot_type("./longest.yaml", tmp_path, tmp_path).length_m == 1.9
+    assert "maxReverseVelocity, 0.5 m/s" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "line"),
+    [
+        (["plant", "x.yaml"], "plant.lif.json: has no sizes of vehicles: convert the factsheet of plant.forklift"),
+        (["plant.xml", "x.yaml", "--vehicle-type", "fork"], "--vehicle-type: no vehicle 'fork' in plant.xml (did you mean 'forklift'?)"),
+        (["bare.xml", "x.yaml"], "bare.xml: vehicle 'forklift' has no length or no maxVelocity, expected both"),
+        (["text.xml", "x.yaml"], "maxVelocity of <vehicle> is 'fast', expected a number"),
+        (["envelope.xml", "x.yaml"], "<vehicleEnvelope> has no 'key'"),
+        (["vertex.xml", "x.yaml"], "x of <vertex> is '', expected a number"),
+        (["office", "x.yaml"], "x.yaml: no map format ends in '.yaml'"),
+        (
+            ["office", "x.geojson", "--robot", "forklift"],
+            "x.geojson: has no types of vehicles, expected a name that ends in .lif.json",
+        ),
+        (["office", "x.xml", "--robot", "forkift"], "'forkift' is neither a robot type nor a file (did you mean 'forklift'?)"),
+        (["forklift", "x.json", "--robot", "forklift"], "--robot is for maps"),
+    ],
+)
+def test_bad_vehicles_end_with_one_line_and_leave_nothing(tmp_path, capsys, monkeypatch, arguments, line):
+    monkeypatch.chdir(tmp_path)
+    assert main(["convert", "plant", "plant.xml", "--robot", "forklift"]) == 0
+    text = (tmp_path / "plant.xml").read_text()
+    for name, old, new in (
+        ("bare", '"45" maxVelocity="1500"', '"45" maxVelocity="0"'),
+        ("text", '"45" maxVelocity="1500"', '"45" maxVelocity="fast"'),
+        ("envelope", '<vehicleEnvelope key="forklift">', "<vehicleEnvelope>"),
+        ("vertex", '<vertex x="', '<vertex x="" z="'),
+    ):
+        assert old in text
+        (tmp_path / f"{name}.xml").write_text(text.replace(old, new))
+    before = sorted(f.name for f in tmp_path.iterdir())
+    capsys.readouterr()
+    assert main(["convert", *arguments]) == 2
+    told = capsys.readouterr()
+    assert told.err.count("\n") == 1 and line in told.err
+    assert sorted(f.name for f in tmp_path.iterdir()) == before
+
+
 def test_type_to_factsheet_and_back(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert main(["convert", "forklift", "fork.json", "--vda5050", "2.1"]) == 0
@@ -68,7 +121,7 @@ def test_type_to_factsheet_and_back(tmp_path, capsys, monkeypatch):
     again = robot_type("./fork.yaml", tmp_path, tmp_path)
     assert (again.length_m, again.max_speed_mps, again.gap_m) == (1.8, 1.5, 0.1)
     assert main(["convert", "fork.yaml", "again.json", "--json"]) == 0
-    assert json.loads(capsys.readouterr().out) == {"written": "again.json", "lost": [], "notes": []}
+    assert json.loads(capsys.readouterr().out) == {"written": "again.json", "lost": []}
     assert json.loads((tmp_path / "again.json").read_text())["physicalParameters"]["maximumAngularSpeed"] == 1.0
 
 

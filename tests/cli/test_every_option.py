@@ -95,6 +95,8 @@ LINES = (
     line("convert hall.png new.map --reader picture_plan --meters-per-pixel 0.1 --cell 0.5 --robot-radius 0.2 --json"),
     line("convert hall.dxf new.geojson --layers WALLS --unit m"),
     line("convert small.lif.json new.xml --vehicle-type maker.series"),
+    line("convert small.lif.json typed.lif.json --robot forklift"),
+    line("convert forklift forklift.json --vda5050 2.1"),
     line("convert plan.json new.txt --map small.map --format lacam"),
     line(
         "convert small.building.yaml new.nav.yaml --graph 0 --level L1 --snap 0.1 --split-crossings "

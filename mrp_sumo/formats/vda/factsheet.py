@@ -12,7 +12,7 @@ import json
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import MISSING, dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
@@ -55,7 +55,7 @@ STEERING_RAD = 1.2
 WHEELBASE = 0.7  # of the length, where wheels are not listed
 EMPTY, LOADED = "EMPTY", "LOADED"
 ORIENTATION = "order.edges.orientation"
-NOT_HELD = ("gap_m", "battery", "mtbf_h", "mttr_h", "mtbf_shape", "mttr_sigma", "tow_s", "maintenance")
+NOT_HELD = ("gap_m", "battery", "mtbf_h", "mttr_h", "mtbf_shape", "mttr_sigma", "tow_s", "maintenance", "intervals")
 SAME_M = 1e-6
 
 
@@ -371,7 +371,8 @@ def _series(robot: RobotType) -> tuple[str, str]:
 
 def _differs(of: Any, key: str) -> bool:
     """True if a figure is not the default."""
-    return bool(getattr(of, key) != type(of).__dataclass_fields__[key].default)
+    each = type(of).__dataclass_fields__[key]
+    return bool(getattr(of, key) != (each.default if each.default_factory is MISSING else each.default_factory()))
 
 
 def _wheels(robot: RobotShape) -> list[Json]:

@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Sequence
-from dataclasses import fields, is_dataclass
+from dataclasses import MISSING, fields, is_dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -134,7 +134,8 @@ def _said(options: Any) -> dict[str, Any]:
     said = {}
     for each in fields(options):
         value = getattr(options, each.name)
-        if each.name == "name" or value == each.default:
+        default = each.default if each.default_factory is MISSING else each.default_factory()
+        if each.name == "name" or value == default:
             continue
         said[each.name] = [_plain(one) for one in value] if isinstance(value, tuple) else _plain(value)
     return said

@@ -3,8 +3,9 @@
 Lengths are millimetres, velocities mm/s. A point is a vertex, a path a lane; where vehicles may drive a path in reverse, a lane back along
 it on which they drive backwards. A location is a station at the points it is linked to, with the operations of its type; parking
 positions and chargers keep that. A block for a single vehicle is a mutex group. The drawing counts: Bezier curves and polylines are
-flattened within 1 cm, and lengths that differ from them are reported. Of vehicles their number is read, and size and speed of the longest.
-Refuses paths between unknown points, names given twice, and documents with a DTD: neither entities nor anything outside the file is read.
+flattened within 1 cm, and lengths that differ from them are reported. Of vehicles size and speeds are read, and the least room that
+points keep for their envelopes. Refuses paths between unknown points, names given twice, and documents with a DTD: neither entities nor
+anything outside the file is read.
 
 Before version 6 coordinates are called `xPosition` and `yPosition`; before 0.0.4 what is drawn stands apart, in the `visualLayout`, whose
 points may lie elsewhere than those of the model. Curves are drawn between the places of the layout; where these are not the model's, a
@@ -69,10 +70,21 @@ class _Model:
         self._paths()
         self._locations()
         self._blocks()
-        vehicles = list(self.root.all("vehicle"))
-        sized = [vehicle for vehicle in map(_listed, vehicles) if min(vehicle.length_m, vehicle.max_speed_mps) > 0]
-        longest = max(sized, key=lambda vehicle: vehicle.length_m, default=None)
-        return replace(self.draft.to_map(), num_vehicles=len(vehicles), vehicle=longest)
+        clear_m = self._clearances()
+        vehicles = tuple(_listed(vehicle, clear_m.get(vehicle.get("envelopeKey", ""), 0.0)) for vehicle in self.root.all("vehicle"))
+        return replace(self.draft.to_map(), vehicles=vehicles)
+
+    def _clearances(self) -> dict[str, float]:
+        """The least distance from a point to the envelope that it has for vehicles of each key, in m."""
+        clear_m: dict[str, float] = {}
+        for point in self.root.all("point"):
+            xy = np.array(self._place(point))
+            for envelope in point.all("vehicleEnvelope"):
+                corners = np.array([(v.number("x") * MM, v.number("y") * MM) for v in envelope.all("vertex")]).reshape(-1, 2)
+                key = envelope.text("key")
+                if len(corners) > 2:
+                    clear_m[key] = min(clear_m.get(key, math.inf), _distance_m(xy, corners))
+        return clear_m
 
     def _version(self) -> None:
         """Note a version that is not known, and what older ones say that is not read."""
@@ -252,9 +264,18 @@ def _joining(points: np.ndarray, drawn: np.ndarray, ends: np.ndarray) -> np.ndar
     return np.stack([there.real, there.imag], axis=1)
 
 
-def _listed(vehicle: Element) -> ListedVehicle:
-    """A vehicle's size, which version 6 and later say in its bounding box, and its speed; 0 where the model does not say."""
+def _listed(vehicle: Element, clear_m: float) -> ListedVehicle:
+    """A vehicle's size, which version 6 and later say in its bounding box, and its speeds; 0 where the model does not say."""
     box = next(vehicle.all("boundingBox"), None)
-    width_m = 0.0 if box is None else box.number("width", 0.0) * MM
-    length_m = (vehicle if box is None else box).number("length", 0.0) * MM
-    return ListedVehicle(vehicle.get("name", ""), length_m, width_m or None, vehicle.number("maxVelocity", 0.0) * MM)
+    width_mm = 0.0 if box is None else box.number("width", 0.0)
+    length_mm = (vehicle if box is None else box).number("length", 0.0)
+    speeds = (vehicle.number(key, 0.0) for key in ("maxVelocity", "maxReverseVelocity"))
+    width_m, length_m, top_mps, back_mps = (round(each * MM, 6) for each in (width_mm, length_mm, *speeds))
+    return ListedVehicle(vehicle.get("name", ""), length_m, width_m or None, top_mps, back_mps, clear_m)
+
+
+def _distance_m(xy: np.ndarray, corners: np.ndarray) -> float:
+    """Distance of a place from the border of a polygon [N, 2]."""
+    side = np.roll(corners, -1, axis=0) - corners
+    share = np.clip(((xy - corners) * side).sum(1) / np.maximum((side**2).sum(1), 1e-12), 0, 1)
+    return float(np.hypot(*(corners + share[:, None] * side - xy).T).min())

@@ -9,12 +9,18 @@ import pytest
 from lif_worlds import TYPE, lif, lif_2, node
 
 from mrp_sumo.cli.main import main
+from mrp_sumo.core.robot_type import RobotType, Wheels
 from mrp_sumo.errors import MapError
 from mrp_sumo.io.map_files import write_map
 from mrp_sumo.maps.catalogue import find_map
 from mrp_sumo.maps.load import load_map
 
 SHARED = Path(__file__).resolve().parents[4] / "shared" / "reference" / "data" / "lif"
+FIGURES = {"length_m": 1.5, "width_m": 0.8, "max_speed_mps": 1.0, "accel_mps2": 0.5, "decel_mps2": 0.5}
+STEERED = {"kind": "tricycle", "wheelbase_m": 1.0, "steering_max_rad": 1.0}
+BACKS = RobotType("fork", **FIGURES, kinematics=Wheels(**STEERED, reverse=True, reverse_mps=0.4), vehicle_type="acme.backs")
+TURNS = RobotType("turns", **FIGURES, turn_rate_rad_s=0.5)
+FORWARD = RobotType("ahead", **FIGURES, kinematics=Wheels(**STEERED))
 THERE = pytest.mark.skipif(not SHARED.is_dir(), reason="the VDMA's files are not beside this repository")
 
 
@@ -224,6 +230,52 @@ def test_every_bundled_map_comes_back_as_lif_and_as_a_plant_model(tmp_path):
 @THERE
 def test_what_is_written_is_valid_by_the_official_schema(load, tmp_path):
     jsonschema = pytest.importorskip("jsonschema")
-    write_map(load(lif()), tmp_path / "again.lif.json")
     schema = json.loads((SHARED / "vdma-1.0" / "LIF.schema").read_text())
-    assert not list(jsonschema.Draft7Validator(schema).iter_errors(json.loads((tmp_path / "again.lif.json").read_text())))
+    for robots in ((), (BACKS, TURNS)):
+        write_map(load(lif()), tmp_path / "again.lif.json", robots=robots)
+        assert not list(jsonschema.Draft7Validator(schema).iter_errors(json.loads((tmp_path / "again.lif.json").read_text())))
+
+
+def test_edges_are_written_for_the_types_that_can_drive_them(load, tmp_path):
+    write_map(load(lif()), tmp_path / "again.lif.json", robots=(BACKS, TURNS, FORWARD))
+    layout = json.loads((tmp_path / "again.lif.json").read_text())["layouts"][0]
+    assert [each["vehicleTypeId"] for each in layout["nodes"][0]["vehicleTypeNodeProperties"]] == [
+        "acme.backs",
+        "mrp_sumo.turns",
+        "mrp_sumo.ahead",
+    ]
+    edges = {edge["edgeId"]: {each["vehicleTypeId"]: each for each in edge["vehicleTypeEdgeProperties"]} for edge in layout["edges"]}
+    assert set(edges["A-B"]) == {"acme.backs", "mrp_sumo.turns", "mrp_sumo.ahead"}
+    assert set(edges["C-A"]) == {"acme.backs", "mrp_sumo.turns"}  # on which vehicles drive backward
+    assert edges["A-B"]["acme.backs"]["rotationAtEndNodeAllowed"] == "NONE"
+    assert "rotationAtEndNodeAllowed" not in edges["A-B"]["mrp_sumo.turns"]
+    assert edges["A-B"]["mrp_sumo.turns"]["maxRotationSpeed"] == 0.5
+    assert {each["maxSpeed"] for each in edges["A-B"].values()} == {1.2}
+
+
+def test_types_of_a_layout_come_back(load, tmp_path):
+    document = lif()
+    for what in document["layouts"][0]["nodes"]:
+        what["vehicleTypeNodeProperties"].append({"vehicleTypeId": "other"})
+    document["layouts"][0]["edges"][0]["vehicleTypeEdgeProperties"].append({"vehicleTypeId": "other", "rotationAllowed": False})
+    map_ = load(document)
+    assert map_.vehicle_types == (TYPE, "other")
+    assert [options.get("vehicle_types", "") for options in map_.nav.lane_options].count(TYPE) == map_.nav.num_lanes - 1
+    losses = write_map(map_, tmp_path / "again.lif.json")
+    assert losses == ["limits, directions and loads that differ by type of vehicle on one edge"]
+    again = load_map(tmp_path / "again.lif.json")
+    assert again.vehicle_types == map_.vehicle_types
+    assert [o.get("vehicle_types") for o in again.nav.lane_options] == [o.get("vehicle_types") for o in map_.nav.lane_options]
+
+
+def test_parallel_edges_for_types_of_their_own_are_one_lane_for_both(load):
+    document = lif()
+    layout = document["layouts"][0]
+    for what in layout["nodes"]:
+        what["vehicleTypeNodeProperties"] += [{"vehicleTypeId": "other"}, {"vehicleTypeId": "third"}]
+    second = json.loads(json.dumps(layout["edges"][0]).replace(TYPE, "other").replace("1.2", "0.7").replace("A-B", "A-B2"))
+    third = json.loads(json.dumps(layout["edges"][0]).replace(TYPE, "third"))
+    layout["edges"] += [second, {**third, "edgeId": "B-A", "startNodeId": "B", "endNodeId": "A"}]
+    nav = load(document).nav
+    lane = nav.lane_between(*(nav.vertex_of_name[name] for name in "AB"))
+    assert (nav.lane_options[lane]["vehicle_types"], nav.speed_mps[lane]) == (f"{TYPE}, other", 0.7)

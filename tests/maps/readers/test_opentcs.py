@@ -1,12 +1,15 @@
 """openTCS's plant models."""
 
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 from map_worlds import MODEL
 
+from mrp_sumo.core.robot_type import Loaded, RobotType, Wheels
 from mrp_sumo.errors import MapError
+from mrp_sumo.io.map_files import write_map
 from mrp_sumo.maps.load import load_map
 
 DATA = Path(__file__).resolve().parents[2] / "data" / "formats"
@@ -190,7 +193,52 @@ def test_the_demonstration_of_opentcs_has_its_59_points_and_75_paths():
 )
 def test_the_longest_vehicle_of_which_size_and_speed_are_known_is_read(load, vehicles, expected):
     known = load(MODEL.replace("</model>", f"{vehicles}</model>"))
-    vehicle = known.vehicle
-    assert known.num_vehicles == vehicles.count("<vehicle ")
+    vehicle = known.longest_vehicle
+    assert len(known.vehicles) == vehicles.count("<vehicle ")
     assert (vehicle and (vehicle.length_m, vehicle.width_m, vehicle.max_speed_mps)) == expected
     assert vehicle is None or vehicle.name == "a"
+
+
+def test_types_of_robots_become_vehicles_with_envelopes_and_come_back(load, tmp_path):
+    figures = {"length_m": 1.5, "width_m": 0.8, "max_speed_mps": 1.0, "accel_mps2": 0.5, "decel_mps2": 0.5, "gap_m": 0.3}
+    wheels = {"kind": "tricycle", "wheelbase_m": 1.0, "steering_max_rad": 1.0}
+    robots = (
+        RobotType("turns", **figures, turn_rate_rad_s=0.5, loaded=Loaded(length_m=1.8)),
+        RobotType("backs", **figures, kinematics=Wheels(**wheels, reverse=True, reverse_mps=0.4)),
+        RobotType("ahead", **figures, kinematics=Wheels(**wheels)),
+    )
+    path = tmp_path / "written.xml"
+    write_map(load(MODEL), path, robots=robots)
+    vehicles = {each.name: each for each in load_map(path).vehicles}
+    assert {name: (each.length_m, each.width_m, each.max_speed_mps, each.reverse_mps) for name, each in vehicles.items()} == {
+        "turns": (1.5, 0.8, 1.0, 1.0),
+        "backs": (1.5, 0.8, 1.0, 0.4),
+        "ahead": (1.5, 0.8, 1.0, 0.0),
+    }
+    for robot in robots:
+        assert vehicles[robot.name].clear_m == pytest.approx(robot.radius_m + 0.15, abs=1e-3)  # written in whole millimetres
+    root = ElementTree.parse(path).getroot()
+    assert root.find("point/maxVehicleBoundingBox").get("length") == "1800"  # with its load
+    assert [child.tag for child in root.find("point")][:4] == ["maxVehicleBoundingBox", *["vehicleEnvelope"] * 3]  # as the schema orders
+    assert [child.tag for child in root.find("path")] == [*["vehicleEnvelope"] * 3, "pathLayout"]
+    tags = [child.tag for child in root]
+    assert tags == sorted(tags, key=["point", "path", "vehicle", "locationType", "location", "block", "visualLayout"].index)
+
+
+def test_envelope_along_a_path_is_as_wide_as_at_its_points(load, tmp_path):
+    robot = RobotType("cart", 0.6, 0.8, max_speed_mps=1.0, accel_mps2=1.0, decel_mps2=1.0, turn_rate_rad_s=1.0, gap_m=0.2)
+    map_ = load(MODEL)
+    write_map(map_, tmp_path / "written.xml", robots=(robot,))
+    root = ElementTree.parse(tmp_path / "written.xml").getroot()
+    at = {point.get("name"): np.array([float(point.get(key)) for key in ("positionX", "positionY")]) for point in root.iter("point")}
+    straight = [path for path in root.iter("path") if path.find("pathLayout").get("connectionType") == "DIRECT"]
+    assert straight
+    for path in straight:
+        a, b = at[path.get("sourcePoint")], at[path.get("destinationPoint")]
+        corners = np.array([[float(v.get("x")), float(v.get("y"))] for v in path.iter("vertex")])
+        along = (b - a) / np.hypot(*(b - a))
+        reach = (corners - a) @ along
+        aside = (corners - a) @ (-along[1], along[0])
+        least = 1000 * (robot.radius_m + 0.1)
+        for far in (-aside.min(), aside.max(), -reach.min(), reach.max() - np.hypot(*(b - a))):
+            assert least - 1 <= far <= 1.03 * least
