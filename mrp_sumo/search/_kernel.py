@@ -71,8 +71,8 @@ class Kernel:
 
     def __init__(self, function: Callable[..., Any], options: dict[str, Any]) -> None:
         update_wrapper(self, function)
-        self.__wrapped__ = function
-        self.options = options
+        self.__wrapped__ = self.py_func = function
+        self.options = self.targetoptions = options  # here, and in `py_func`, numba looks for what is to be inlined
         self.is_inner = function.__name__.startswith("_")
         self.folder = kernel_folder(function)  # None where nothing can be stored
         if self.folder:

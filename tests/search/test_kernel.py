@@ -245,6 +245,17 @@ def test_constants_as_arguments_make_no_further_copies(monkeypatch, tmp_path):
 
 
 @pytest.mark.skipif(os.environ.get("NUMBA_DISABLE_JIT") == "1", reason="nothing is compiled")
+def test_kernel_that_is_to_be_inlined_is_part_of_its_callers(monkeypatch, tmp_path):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    from mrp_sumo.search._kernel import kernel
+
+    inner = kernel(_inner, inline="always")
+    outer = kernel(_outer_of(inner))
+    assert outer(2) == 3 + 4 + 2
+    assert not inner.num_types
+
+
+@pytest.mark.skipif(os.environ.get("NUMBA_DISABLE_JIT") == "1", reason="nothing is compiled")
 def test_narrow_integers_make_no_further_copies_and_private_kernels_are_for_kernels_only(monkeypatch, tmp_path):
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     from mrp_sumo.search._kernel import kernel
