@@ -20,14 +20,34 @@ from mrp_sumo.traffic.resources import Resources, groups_of, ranges, resources_o
 NO_SEPARATION = -1.0  # stands for the rules of MAPF alone
 
 _known: WeakKeyDictionary[NavGraph, dict[float, Clashes]] = WeakKeyDictionary()
+_from_starts: WeakKeyDictionary[Problem, Clashes] = WeakKeyDictionary()
 
 
 def clashes_of(problem: Problem) -> Clashes:
     """The clashes that a plan for this problem must avoid: none unless it has to be drivable in its order.
 
-    Those of a graph are computed once.
+    Those of a graph are computed once. On a graph of moves, states from which paths only begin are left out but for the robots' own.
     """
-    return _on(problem.graph, problem.fleet.separation_m if problem.drivable else NO_SEPARATION)
+    graph, separation_m = problem.graph, problem.fleet.separation_m if problem.drivable else NO_SEPARATION
+    if not isinstance(graph, MoveGraph):
+        return _on(graph, separation_m)
+    if problem not in _from_starts:
+        at = np.zeros(graph.num_vertices, np.bool_)
+        at[graph.head] = at[problem.start] = True
+        _from_starts[problem] = _at(_on(graph, separation_m), at, at[graph.tail])
+    return _from_starts[problem]
+
+
+def _at(clashes: Clashes, at: BoolArray, along: BoolArray) -> Clashes:
+    """The clashes with vertices [V] that robots can be at and lanes [L] that they can drive along."""
+
+    def kept(first: IntArray, others: IntArray, some: BoolArray) -> tuple[IntArray, IntArray]:
+        keep = some[others]
+        return frozen(np.concatenate([[0], np.cumsum(keep)])[first]), frozen(others[keep])
+
+    vertex_first, vertex = kept(clashes.vertex_first, clashes.vertex, at)
+    lane_first, lane = kept(clashes.lane_first, clashes.lane, along)
+    return Clashes(vertex_first, vertex, lane_first, lane, clashes.any, clashes.rotations)
 
 
 def _on(graph: PlanGraph, separation_m: float) -> Clashes:

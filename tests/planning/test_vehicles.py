@@ -7,6 +7,8 @@ from mrp_sumo.core.plan import Status, plan_of_paths
 from mrp_sumo.core.problem import Standing
 from mrp_sumo.planning.answers import planned_by
 from mrp_sumo.planning.registry import planner
+from mrp_sumo.planning.vehicles import on_moves
+from mrp_sumo.traffic.clashes import clashes_of
 from mrp_sumo.traffic.moves import BOUND
 from mrp_sumo.traffic.referee import judge
 from mrp_sumo.traffic.turns import obstacle_to
@@ -91,3 +93,16 @@ def test_a_vehicle_on_an_arc_goes_on_along_it(vehicle):
     came, bound = graph.lane_between(0, 1), graph.lane_between(1, 2)
     standing = Standing(np.array([BOUND]), np.array([bound]), np.array([0]), np.array([came]))
     assert plan(vehicles_on(graph, [1], [3], vehicle, standing=standing)).plan.vertex.tolist() == [1, 2, 3]
+
+
+def test_states_where_nobody_can_be_are_on_no_list_of_clashes():
+    """All at a place exclude each other: those that moves lead to, and of those where paths only begin the robots' own."""
+    problem = on_moves(vehicles_on(squares(2, 4.0), [0, 3], [1, 2], [TRICYCLE, CART]))
+    graph, clashes = problem.graph, clashes_of(problem)
+    at = set(graph.head.tolist()) | set(problem.start.tolist())
+    assert set(clashes.vertex.tolist()) <= at
+    waiting = graph.num_lanes + problem.start[0]
+    near = clashes.vertex[clashes.vertex_first[waiting] : clashes.vertex_first[waiting + 1]].tolist()
+    assert sorted(near) == [v for v in sorted(at) if graph.place[v] == 0 and v != problem.start[0]]
+    moved = on_moves(vehicles_on(problem.graph.base, [1, 3], [0, 2], [TRICYCLE, CART]))
+    assert problem.start[0] not in clashes_of(moved).vertex and moved.start[0] in clashes_of(moved).vertex
