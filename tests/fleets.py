@@ -26,8 +26,9 @@ def rises_and_falls(robots):
 class Fleets:
     """Records of trials by a throughput curve; orders come by chance, the same for all fleets of a seed."""
 
-    def __init__(self, per_h, asked=None, factors=None):
+    def __init__(self, per_h, asked=None, factors=None, moved=None):
         self.per_h, self.question, self.factors = per_h, asked or question(), factors or {}
+        self.moved = moved or (lambda robots, values: per_h(robots))
         self.made = []
 
     def __call__(self, trial):
@@ -36,7 +37,7 @@ class Fleets:
             return record_of({"status": "bad_input", "success": False, "reason": "no robot can reach 'b'", "metrics": {}})
         rng, horizon_s = np.random.default_rng(trial.seed), self.question.effort.horizon_s
         luck = 1 + 0.03 * rng.standard_normal()
-        rate = self.per_h(trial.robots) * luck * self.factors.get(trial.change, 1.0)
+        rate = self.moved(trial.robots, {place[-1]: value for place, value in trial.moves}) * luck * self.factors.get(trial.change, 1.0)
         capacity_s = np.cumsum(rng.gamma(8, 1 / 8, 1000)) * 3600 / max(rate, 1e-9)
         if trial.kind == DEMAND:
             released_s = np.cumsum(rng.exponential(1, 1000)) * 3600 / self.question.demand_per_h

@@ -11,7 +11,7 @@ import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mrp_sumo.cli import scenario_choice
+from mrp_sumo.cli import intervals, scenario_choice
 from mrp_sumo.cli.batch import workers_of
 from mrp_sumo.cli.ending import stoppable
 from mrp_sumo.cli.option_rules import only_for
@@ -60,6 +60,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         help="try a change on the same orders: 'one_way: [v3, v17]', 'doubled: [v3, v17]', 'stations.pack: +1', 'robot: amr_600', "
         "'planner: lacam', or any key; 'auto' tries the obvious ones; may be given several times",
     )
+    intervals.arguments(parser)
     parser.add_argument("--replays", action="store_true", help="make replay pages of a run at the knee and of one at the collapse")
     parser.add_argument("--engine", choices=("kinematic", "sumo"), default="kinematic", help="what moves the bodies (default: kinematic)")
     parser.add_argument(
@@ -145,6 +146,7 @@ def question_of(options: argparse.Namespace) -> "Question":
         seed=options.seed,
         what_if=options.what_if,
         confirm=options.confirm,
+        bounds=intervals.bounds_of(options, file),
         command=_command(options),
     )
 
@@ -168,6 +170,10 @@ def _command(options: argparse.Namespace) -> str:
     for name in ("demand", "on_time", "robots", "budget", "horizon", "confirm", "seed"):
         if (value := getattr(options, name)) is not None:
             parts += [f"--{name.replace('_', '-')}", str(value)]
+    parts += ["--error-bands"] * options.error_bands
+    for text in options.interval:
+        parts += ["--interval", text]
+    parts += ["--intervals", str(options.intervals)] if options.intervals else []
     parts += ["--quick"] * options.quick + ["--trust"] * options.trust
     parts += ["--engine", options.engine] if options.engine != "kinematic" else []
     for text in options.what_if:
@@ -202,13 +208,14 @@ def _beforehand(study: "Study") -> str:
     from mrp_sumo.sizing.question import CORES
 
     sizes = ", ".join(map(str, estimate.sizes))
+    bands = f", then about {duration(estimate.bands_s)} for error bands" if estimate.bands_s else ""
     confirmed = f", then at most {duration(estimate.confirm_s)} to confirm it in SUMO" if estimate.confirm_s else ""
     if not estimate.sizes:
         return f"{duration(estimate.budget_s)} are hardly enough: they end the runs of the first fleets under way"
     how = f", by a pilot run with {study.pilot.robots}" if study.question.has_tasks else ""
     return (
         f"about {duration(estimate.grid_s)} on {CORES} cores for fleets of {sizes}{how}; with all that follows at most "
-        f"{duration(estimate.budget_s)}, which end runs under way{confirmed}"
+        f"{duration(estimate.budget_s)}, which end runs under way{confirmed}{bands}"
     )
 
 
@@ -222,6 +229,7 @@ def _in_words(study: "Study", answer: "Answer", page: Path) -> list[str]:
         mean = gain.difference.difference
         gained = f"{mean.value:+.1f} orders an hour ({mean.low:+.1f} to {mean.high:+.1f})"
         lines.append(f"What if {gain.change}: " + (f"cannot be, {gain.refusal}" if gain.refusal else gained) + ".")
+    lines += [answer.bands.sentence] if answer.bands else []
     for size in answer.confirmed:
         mean = size.difference.difference
         lines.append(

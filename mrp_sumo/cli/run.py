@@ -13,12 +13,13 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mrp_sumo.cli import scenario_choice
+from mrp_sumo.cli import intervals, scenario_choice
 from mrp_sumo.cli.option_rules import only_for, port_number
 from mrp_sumo.cli.printing import print_failure, print_table, say, say_json, warn_of_kernels
 from mrp_sumo.errors import MrpSumoError
 
 if TYPE_CHECKING:
+    from mrp_sumo.experiments.error_bands import Bounds
     from mrp_sumo.experiments.result import RunResult
     from mrp_sumo.experiments.run import Watch
     from mrp_sumo.experiments.solve import StageReport
@@ -49,6 +50,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         metavar="NAME",
         help="a metric of your own, FILE.py:FUNCTION, instead of the scenario's; may be repeated",
     )
+    intervals.arguments(parser)
     parser.add_argument("--replay", action="store_true", help="write the replay page into the run folder")
     parser.add_argument("--live", action="store_true", help="show the run in a browser while it drives: pause, step, speed, what has been")
     parser.add_argument("--port", type=port_number, metavar="N", help="of --live (default: any free port) or --foxglove (default: 8765)")
@@ -85,15 +87,27 @@ def run(options: argparse.Namespace) -> int:
     file = scenario_choice.chosen_scenario(options)
     out = Path(options.out) if options.out else Path("runs") / file.scenario.name
     _check_watching(options)
+    bounds = intervals.bounds_of(options, file)
+    if bounds is not None:
+        if options.live:
+            raise MrpSumoError("--error-bands: with --live people may steer the run, which is not the same twice; leave one of them out")
+        from mrp_sumo.experiments.map_cache import MapCache
+        from mrp_sumo.experiments.run_bands import require_bounds
+
+        with MapCache() as maps:
+            require_bounds(file, bounds, maps)
     from mrp_sumo.experiments.run import PLUG_IN_FAILED  # with all that drives: after the scenario is known to be one
 
     warn_of_kernels()
     with ExitStack() as stack:
-        result = (_run_live if options.live else _run)(file, out, options, _watches(options, stack))
+        watches = _watches(options, stack)
+        result = _run_live(file, out, options, watches) if options.live else _run(file, out, options, watches, bounds)
     if options.json:
         print_json(result, out)
     else:
         print_result(result, out, options.verbose)
+        if result.error_bands:
+            say(f"error bands: {result.error_bands['sentence']}")
         _print_next(result, out, options)
     if options.replay and (out / "plan.json").is_file():
         from mrp_sumo.reports.replay.page import write_replay
@@ -152,11 +166,11 @@ def _watches(options: argparse.Namespace, stack: ExitStack) -> "list[Watch]":
     return watches
 
 
-def _run(file: "ScenarioFile", out: Path, options: argparse.Namespace, watches: "Sequence[Watch]") -> "RunResult":
+def _run(file: "ScenarioFile", out: Path, options: argparse.Namespace, watches: "Sequence[Watch]", bounds: "Bounds | None") -> "RunResult":
     from mrp_sumo.experiments.run import RunOptions, run_scenario
 
     with progress_bar() as progress:
-        return run_scenario(file, out, RunOptions(gui=options.gui, progress=progress, watches=watches))
+        return run_scenario(file, out, RunOptions(gui=options.gui, progress=progress, watches=watches, bounds=bounds))
 
 
 def _run_live(file: "ScenarioFile", out: Path, options: argparse.Namespace, watches: "Sequence[Watch]") -> "RunResult":
@@ -204,6 +218,7 @@ def progress_bar() -> "Iterator[StageReport]":
 def print_json(result: "RunResult", out: Path) -> None:
     """Print what came of a run as a line of JSON."""
     said = {"status": result.status, "note": result.note, "folder": str(out), "metrics": result.metrics}
+    said |= {"error_bands": result.error_bands} if result.error_bands else {}
     say_json(said)
 
 

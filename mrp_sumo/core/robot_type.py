@@ -144,6 +144,19 @@ class Actions(Options):
 
 
 @dataclass(frozen=True)
+class Factors(Options):
+    """Factors on figures of all types of a fleet, with a load and without."""
+
+    max_speed_mps: float = option(1.0, "On top speeds, backwards, too.", gt=0, le=10)
+    accel_mps2: float = option(1.0, "On speeding up.", gt=0, le=10)
+    decel_mps2: float = option(1.0, "On braking.", gt=0, le=10)
+    turn_rate_rad_s: float = option(1.0, "On turning in place.", gt=0, le=10)
+
+
+AS_THEY_ARE = Factors()
+
+
+@dataclass(frozen=True)
 class Maintenance(Options):
     """Planned maintenance."""
 
@@ -336,3 +349,17 @@ class RobotType(RobotShape):
     def in_layouts(self) -> str:
         """Its name in maps that know types of vehicles, manufacturer and series."""
         return self.vehicle_type or f"mrp_sumo.{self.name}"
+
+
+def scaled(model: RobotType, factors: Factors) -> RobotType:
+    """The type with other figures, and without their intervals."""
+    if factors == AS_THEY_ARE:
+        return model
+    by_name = vars(factors)
+    figures: dict[str, Any] = {key: by_name[key] * value for key in by_name if (value := getattr(model, key)) is not None}
+    if model.loaded is not None:
+        loaded = {key: value for key, value in vars(model.loaded).items() if value is not None}
+        figures["loaded"] = replace(model.loaded, **{key: by_name.get(OF_LOADED.get(key, key), 1.0) * loaded[key] for key in loaded})
+    if (reverse_mps := model.kinematics.reverse_mps) is not None:
+        figures["kinematics"] = replace(model.kinematics, reverse_mps=factors.max_speed_mps * reverse_mps)
+    return replace(model, intervals={}, **figures)

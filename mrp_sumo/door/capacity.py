@@ -1,7 +1,7 @@
 """The number of robots that fit: the study of `mrp-sumo capacity`, with its results as frames."""
 
 import html
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -67,6 +67,11 @@ class Capacity:
         return pd.DataFrame(self.answer["what_if"])
 
     @property
+    def error_bands(self) -> dict[str, Any] | None:
+        """Moves of the answer when quantities move within their intervals: sentence, robots, throughput_per_h, quantities."""
+        return self.answer.get("error_bands")
+
+    @property
     def _summary(self) -> Summary:
         rows: list[tuple[str, object]] = [("answer", self.sentence), *(("note", note) for note in self.found.notes), ("page", self.page)]
         return summary(f"Capacity of {self.answer['scenario']}", rows)
@@ -95,6 +100,7 @@ def capacity(
     what_if: Sequence[str] = (),
     engine: str = "kinematic",
     confirm: str | None = None,
+    error_bands: bool | Mapping[str, tuple[float, float]] = False,
     seed: int | None = None,
     workers: int | None = None,
     progress: Callable[[int, int], None] | None = None,
@@ -123,6 +129,9 @@ def capacity(
         "kinematic" or "sumo".
     confirm
         "sumo": drive the sizes that the answer names in SUMO, too; takes time on top of the budget.
+    error_bands
+        True: how much the answer moves when speed, acceleration, stops and times at stations move within their intervals, 10 % up and
+        down where none is known. Or intervals of numbers of the scenario, such as {"robots.type.max_speed_mps": (0.9, 1.1)}.
     seed
         The first; the scenario's by default.
     workers
@@ -163,6 +172,7 @@ def capacity(
             seed=seed,
             what_if=what_if,
             confirm=confirm,
+            bounds=None if error_bands is False else {} if error_bands is True else dict(error_bands),
             command=f"ms.capacity({file.scenario.name!r}, ...)",
         )
     )

@@ -51,7 +51,7 @@ def t_mean(values: ArrayLike, confidence: float = 0.95, resolution: float = 0.0)
     if len(x) == 1:
         return Interval(mean, -math.inf, math.inf, 1)
     deviation = max(float(x.std(ddof=1)), resolution / 2)
-    half = _quantile((1 + confidence) / 2, len(x) - 1) * deviation / math.sqrt(len(x))
+    half = t_quantile((1 + confidence) / 2, len(x) - 1) * deviation / math.sqrt(len(x))
     return Interval(mean, mean - half, mean + half, len(x))
 
 
@@ -79,7 +79,7 @@ def paired_t(first: ArrayLike, second: ArrayLike, confidence: float = 0.95, reso
     return PairedMeans(of_a.value, of_b.value, mean, p_value, 1 - spread / apart if apart else 0.0)
 
 
-def _quantile(share: float, freedom: int) -> float:
+def t_quantile(share: float, freedom: int) -> float:
     from scipy.special import stdtrit
 
     return float(stdtrit(freedom, share))

@@ -51,6 +51,7 @@ class RunResult:
     lanes: dict[str, float] | None = None  # how far robots drove off the lanes of the map; None where it has none
     metric_faults: tuple[str, ...] = ()  # a line for each of the user's metrics that failed; in `note`, too
     operations_audit: dict[str, Any] | None = None  # of a run with tasks
+    error_bands: dict[str, Any] | None = None  # how much its main figure moves, where that was asked for
 
     @property
     def source(self) -> str:
@@ -170,6 +171,7 @@ class RunResult:
             metrics=self.metrics,
             audit=self.audit,
             operations_audit=self.operations_audit,
+            error_bands=self.error_bands,
             lanes=self.lanes,
             zones=self.zones,
             nav=self.nav,

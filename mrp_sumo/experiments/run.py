@@ -5,7 +5,7 @@ an execution that does not arrive, are written like successes.
 """
 
 import signal
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -50,6 +50,7 @@ class RunOptions:
     watches: Sequence[Watch] = ()  # what Interventions among the listeners do becomes a part of the run's scenario
     keeps_interrupted: bool = False  # Ctrl-C while robots drive ends a run with tasks with what there is, status `interrupted`
     engine: AbstractContextManager[Engine] | None = None  # moves the bodies instead of that of the settings
+    bounds: Mapping[str, tuple[float, float]] | None = None  # intervals of its quantities, for error bands; None: none are wanted
 
 
 DEFAULT = RunOptions()
@@ -63,6 +64,10 @@ def run_scenario(file: ScenarioFile, out: Path, options: RunOptions = DEFAULT) -
     check_replaceable(out)
     with MapCache() as maps:
         result = carry_out(file, maps, replace(options, keeps_interrupted=True))
+        if options.bounds is not None and result.status != "interrupted":
+            from mrp_sumo.experiments.run_bands import with_error_bands
+
+            result = with_error_bands(result, options.bounds, lambda other: carry_out(other, maps))
         options.progress("writing the run folder", 0.0, 0.0)
         result.write(out, maps)
     return result

@@ -80,6 +80,7 @@ class EndedRun:
     metrics: Mapping[str, Any]
     audit: Mapping[str, Any] | None
     operations_audit: Mapping[str, Any] | None = None
+    error_bands: Mapping[str, Any] | None = None
     lanes: Mapping[str, float] | None = None  # how far robots drove off them
     zones: ZoneLog | None = None  # how occupied they were, where that is known
     nav: NavGraph | None  # the map as drawn
@@ -164,6 +165,7 @@ def result_document(run: EndedRun) -> dict[str, Any]:
             "metrics": run.metrics,
             "audit": run.audit,
             **({} if run.operations_audit is None else {"operations_audit": run.operations_audit}),
+            **({} if run.error_bands is None else {"error_bands": run.error_bands}),
             "discretisation": {"kind": problem.graph.kind, "cell_m": problem.graph.cell_m},
             "lanes": run.lanes,
             "plan": _answers(problem, run.result, run.verdict) | {"clock_limited": _clock_limited(scenario, run.result)},

@@ -161,6 +161,8 @@ def _of_run(study: ReportedRuns, out: Path) -> tuple[str, list[Section]]:
         *_task_tables(run),
     )
     note = str(run.result.get("note", ""))
+    if bands := run.result.get("error_bands"):
+        note = f"{note} {bands['sentence']}".strip()
     page_of = replay_of(run)
     if page_of is not None:
         tables.append(_link_table(Path(os.path.relpath(page_of.resolve(), out)).as_posix()))

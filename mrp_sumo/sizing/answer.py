@@ -8,6 +8,7 @@ from typing import Any
 from mrp_sumo.errors import MrpSumoError, duration
 from mrp_sumo.experiments.replications import PairedMeans
 from mrp_sumo.experiments.statistics import holm
+from mrp_sumo.sizing.bands import Bands, bands
 from mrp_sumo.sizing.confirmation import Confirmation, confirmations
 from mrp_sumo.sizing.points import UNANSWERED, Point, compared
 from mrp_sumo.sizing.question import SATURATED, Question, Trial, spendable
@@ -49,6 +50,7 @@ class Answer:
     confirmed: tuple[Confirmation, ...]  # sizes that were driven in SUMO, too
     left_out: tuple[str, ...]  # for want of budget
     spent_s: float  # predicted, of the budget
+    bands: Bands | None = None  # None: not asked for
     in_time: bool = True  # whether all runs that were wanted had ended when the clock reached the budget
 
     @property
@@ -222,6 +224,7 @@ class Answer:
                 "curve": [_row(p, self.question) for p in sorted([*self.points, *self.unfit], key=lambda point: point.robots)],
                 "what_if": [_gain(gain) for gain in self.gains],
                 "confirmed": [_confirmed(size) for size in self.confirmed],
+                **({"error_bands": self.bands.document} if self.bands else {}),
                 "notes": list(self.notes),
                 "seeds": sorted({self.question.first_seed + trial.seed for trial in self.trials}),
                 "command": self.question.command,
@@ -247,7 +250,7 @@ def _tells_a_limit(point: Point) -> bool:
 def _one_shot(desk: Desk) -> Answer:
     served, spent_s = one_shot(desk), desk.spent_s
     confirmed = confirmations(desk, None, served) if desk.question.confirm else ()
-    return Answer(desk.question, tuple(desk.asked), None, served, (), (), confirmed, tuple(desk.left_out), spent_s, not desk.closed)
+    return Answer(desk.question, tuple(desk.asked), None, served, (), (), confirmed, tuple(desk.left_out), spent_s, None, not desk.closed)
 
 
 def _lifelong(desk: Desk) -> Answer:
@@ -264,7 +267,8 @@ def _lifelong(desk: Desk) -> Answer:
     gains = _gains(desk, limit, why) if question.what_if and limit.curve.points else ()
     spent_s = desk.spent_s  # of the budget; confirmation comes on top
     confirmed = confirmations(desk, limit, served) if question.confirm else ()
-    return Answer(question, tuple(desk.asked), limit, served, why, gains, confirmed, tuple(desk.left_out), spent_s, not desk.closed)
+    moved = bands(desk, limit, served, why) if question.bounds is not None else None
+    return Answer(question, tuple(desk.asked), limit, served, why, gains, confirmed, tuple(desk.left_out), spent_s, moved, not desk.closed)
 
 
 def _require_driven(points: Iterable[Point]) -> None:

@@ -10,6 +10,7 @@ from math import ceil
 from typing import Any
 
 from mrp_sumo.errors import MrpSumoError
+from mrp_sumo.experiments.error_bands import as_changes
 from mrp_sumo.io.documents import Place
 from mrp_sumo.io.scenario.file import ScenarioFile
 from mrp_sumo.io.scenario.robots import RobotGroup
@@ -80,6 +81,7 @@ class Question:
     confirm: bool = False  # drive the sizes that the answer names in SUMO, too
     command: str = ""  # that asks it again
     charging: Cycle | None = None  # of robots with batteries
+    bounds: tuple[tuple[str, tuple[float, float]], ...] | None = None  # intervals that the user gives; None: no error bands are wanted
 
     @property
     def most_robots(self) -> int:
@@ -102,6 +104,7 @@ class Trial:
     seed: int
     change: str = ""  # what is otherwise than in the scenario, as `what_if` reads it
     planner: str = ""  # instead of the scenario's
+    moves: tuple[tuple[Place, float], ...] = ()  # values of the quantities that error bands move
 
 
 def spendable(question: Question) -> tuple[float, float]:
@@ -128,7 +131,7 @@ def driving_cpu_s(robots: int, sim_time_s: float) -> float:
 
 def values_of(trial: Trial, question: Question, changed: Values) -> Values:
     """Values of a trial other than the scenario's, as for `io.scenario.changed`; `changed` is what its change says, the tasks included."""
-    changed = dict(changed)
+    changed = {**changed, **as_changes(dict(trial.moves))}
     values: Values = {
         **_robots(question.file.scenario.robots.fleet, trial.robots),
         ("seed",): ("--seed", question.first_seed + trial.seed),
@@ -224,6 +227,10 @@ def require_answerable(question: Question) -> None:
     if question.confirm and question.engine == "sumo":
         raise MrpSumoError("--confirm sumo: with --engine sumo every run is driven in SUMO already; leave one of them out")
     if tasks is None:
+        if question.bounds is not None:
+            raise MrpSumoError(
+                f"--error-bands: '{name}' has no orders, whose number depends on speeds and times; give it tasks, or leave it out"
+            )
         if question.demand_per_h is not None:
             raise MrpSumoError(f"--demand: '{name}' has no orders to count; give it tasks (docs/scenario.md), or leave --demand out")
         return

@@ -20,6 +20,7 @@ from math import isnan, sqrt
 
 from mrp_sumo.experiments.replications import t_mean
 from mrp_sumo.experiments.statistics import Interval, wilson
+from mrp_sumo.io.documents import Place
 from mrp_sumo.sizing.points import UNANSWERED, Point, Record, compared
 from mrp_sumo.sizing.question import CORES, DEMAND, ONE_SHOT, SATURATED, Effort, Question, Trial, predicted_cpu_s
 from mrp_sumo.sizing.reasons import undisturbed_s
@@ -101,6 +102,7 @@ class Curve:
     planner: str = ""  # '': the scenario's
     first_seed: int = 0
     chosen: int | None = None  # the best, once that is settled
+    moves: tuple[tuple[Place, float], ...] = ()  # of quantities within their intervals
 
     def ask(self, wanted: dict[int, int], reason: str) -> bool:
         """Have so many seeds at sizes. All are asked for at once; False where the budget buys nothing that is not there yet."""
@@ -121,7 +123,7 @@ class Curve:
         return True
 
     def _trial(self, n: int, k: int) -> Trial:
-        return Trial(self.kind, n, self.first_seed + k, planner=self.planner)
+        return Trial(self.kind, n, self.first_seed + k, planner=self.planner, moves=self.moves)
 
     def _made(self, n: int, seeds: int) -> int:
         """How many of the first seeds of a size there are; at least the two that a mean with limits takes."""
@@ -362,14 +364,20 @@ def demand(desk: Desk, saturated: Curve) -> Served:
     short = [n for n in saturated.sizes if n <= saturated.best and saturated.points[n].throughput.high < target * wanted]
     least = min(max([least, *(n + 1 for n in short)]), most)  # who cannot do it with always work waiting does not do it at all
     within_s = PATIENCE * undisturbed_s(saturated.points[saturated.sizes[0]]) if saturated.points else 0.0
+    return serving(curve, (least, most), max(least, _guess(saturated, question)), within_s)
+
+
+def serving(curve: Curve, sizes: tuple[int, int], guess: int, within_s: float) -> Served:
+    """The smallest fleet from the least to the most whose share of punctual orders reaches the target; it is near a guess."""
+    question = curve.desk.question
 
     def share(point: Point) -> Interval:
         return t_mean(point.punctual(within_s), ONE_SIDED)
 
     def judge(n: int) -> int | None:
-        return _judge(curve, n, question.effort, "the smallest fleet for the demand", share, target)
+        return _judge(curve, n, question.effort, "the smallest fleet for the demand", share, question.on_time)
 
-    return Served(curve, _smallest(judge, share, curve, (least, most), max(least, _guess(saturated, question))), target, within_s)
+    return Served(curve, _smallest(judge, share, curve, sizes, guess), question.on_time, within_s)
 
 
 def demand_first(desk: Desk) -> None:
@@ -476,7 +484,7 @@ def _smallest(
                 break
             at = min(most, max(no + 1, round(no * 1.3)))
         elif yes > max(no + 1, round(no * (1 + (effort.gap - 1) / 2))):
-            at = max(no + 1, round(yes / 1.3)) if no == least - 1 else (no + yes) // 2
+            at = max(no + 1, min(yes - 1, round(yes / 1.3))) if no == least - 1 else (no + yes) // 2
         else:
             break
     limits = {n: share(curve.points[n]) for n in curve.sizes}

@@ -14,6 +14,7 @@ from typing import Any
 from mrp_sumo.core.graph import NavGraph
 from mrp_sumo.errors import MrpSumoError, PlanError, ScenarioError
 from mrp_sumo.experiments.batch import GO_ON, NOW, Lookup, Watcher, run_batch
+from mrp_sumo.experiments.error_bands import MOST_QUANTITIES, Bounds, Quantity, design, quantities, values_at
 from mrp_sumo.experiments.identity import code_version
 from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.experiments.run import carry_out
@@ -22,6 +23,7 @@ from mrp_sumo.experiments.suite import PlannedRun, Variations
 from mrp_sumo.io.scenario.file import ScenarioFile
 from mrp_sumo.io.scenario.read import changed
 from mrp_sumo.sizing.answer import Answer, answer_of
+from mrp_sumo.sizing.bands import likely_trials
 from mrp_sumo.sizing.confirmation import most_trials
 from mrp_sumo.sizing.observe import FUNCTION
 from mrp_sumo.sizing.points import Record, record_of
@@ -64,6 +66,7 @@ def study_question(
     seed: int | None = None,
     what_if: Sequence[str] = (),
     confirm: str | None = None,
+    bounds: Bounds | None = None,
     command: str = "",
 ) -> Question:
     """The question, with defaults that follow from the scenario. The parameters are those of `mrp-sumo capacity`."""
@@ -79,6 +82,7 @@ def study_question(
         first_seed=file.scenario.seed if seed is None else seed,
         what_if=tuple(what_if),
         confirm=confirm == "sumo",
+        bounds=None if bounds is None else tuple(bounds.items()),
         command=command,
     )
     require_answerable(question)
@@ -126,6 +130,7 @@ class Estimate:
     grid_s: float  # the grid alone
     budget_s: float  # at most, with all that follows from it
     confirm_s: float  # at most, what confirmation takes on top
+    bands_s: float  # about what error bands take on top
 
 
 class _Clock:
@@ -160,6 +165,12 @@ class Study:
         for text in question.what_if:
             if text != AUTO:
                 self._check_change(text)
+        if question.bounds is not None:
+            design(len(self._quantities))
+            for level in (-1.0, 1.0):
+                self._check(
+                    Trial(SATURATED, question.sizes[0], 0, moves=tuple(values_at(self._quantities, [level] * MOST_QUANTITIES).items()))
+                )
 
     @property
     def nav(self) -> NavGraph:
@@ -180,7 +191,9 @@ class Study:
             spent_s += cost
         last = most_trials(question.has_tasks, sizes[-1]) if question.confirm and sizes else []
         confirm_s = sum(predicted_cpu_s(trial, question, slower) for trial in last) / CORES
-        return Estimate(tuple(sizes), spent_s, question.effort.budget_s, confirm_s)
+        moved = likely_trials(question, sizes[len(sizes) // 2], len(self._quantities)) if question.bounds is not None and sizes else []
+        bands_s = sum(predicted_cpu_s(trial, question, slower) for trial in moved) / CORES
+        return Estimate(tuple(sizes), spent_s, question.effort.budget_s, confirm_s, bands_s)
 
     @cached_property
     def pilot(self) -> Pilot:
@@ -310,7 +323,16 @@ class Study:
             reason = str(error).splitlines()[0].split(": ", 1)[-1]
             raise MrpSumoError(f"--robots {first}..{last}: more than the map holds ({reason}); {first}..{fits} would do") from None
 
+    @cached_property
+    def _quantities(self) -> tuple[Quantity, ...]:
+        """Those that error bands will move, the stations by order of the scenario."""
+        tasks = self.question.file.scenario.tasks
+        served = {name for stream in tasks.streams for name in (*(stream.stops or ()), *(stream.matrix or {}))} if tasks else set()
+        return quantities(self.question.file, dict(self.question.bounds or ()), sorted(served))
+
     def _check_change(self, text: str) -> None:
-        trial = Trial(SATURATED, self.question.sizes[0], 0, text)
+        self._check(Trial(SATURATED, self.question.sizes[0], 0, text))
+
+    def _check(self, trial: Trial) -> None:
         with MapCache() as maps:
             set_up(changed(self.question.file, self.values(trial)), maps)

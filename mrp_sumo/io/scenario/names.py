@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from mrp_sumo.core.robot_type import RobotShape, RobotType
+from mrp_sumo.core.robot_type import RobotShape, RobotType, scaled
 from mrp_sumo.io.documents import Place
 from mrp_sumo.io.scenario.file import ScenarioFile
 from mrp_sumo.io.scenario.programs import plug_ins_of
@@ -26,7 +26,7 @@ def robot_types(file: ScenarioFile) -> tuple[RobotType, ...]:
     groups, models = file.scenario.robots.groups, []
     for i, group in enumerate(groups):
         with file.located(*type_at(file, i)):
-            model = robot_type(group.type, bundled_folder("robots"), file.folder)
+            model = scaled(robot_type(group.type, bundled_folder("robots"), file.folder), file.scenario.robots.factor)
         models.append(replace(model, name=f"custom_{i}") if isinstance(group.type, RobotShape) and len(groups) > 1 else model)
     return tuple(models)
 

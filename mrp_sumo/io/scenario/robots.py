@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 import yaml
 from pydantic import Field, field_validator, model_validator
 
-from mrp_sumo.core.robot_type import RobotShape, RobotType
+from mrp_sumo.core.robot_type import AS_THEY_ARE, Factors, RobotShape, RobotType
 from mrp_sumo.errors import ScenarioError, nearest
 from mrp_sumo.files.reading import shortened
 from mrp_sumo.io.documents import read_document, validated
@@ -52,6 +52,7 @@ class Robots(Strict):
         description="Instead of count, type, starts and goals: groups of robots, each of a type. Lanes on which walls leave a type no room "
         "are not its lanes, and goals of a group are for its robots. A list in the place of `robots` is short for it.",
     )
+    factor: Factors = Field(AS_THEY_ARE, description="Factors on figures of all types of the fleet, with a load and without.")
     draw: Literal["uniform", "anywhere", "mrp_bench"] = Field(
         "uniform",
         description="How starts and goals are drawn where they are not given. 'uniform': distinct and mutually reachable stations; "

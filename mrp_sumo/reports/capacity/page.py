@@ -6,6 +6,7 @@ bytes.
 
 import html
 import json
+import math
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -16,6 +17,7 @@ from mrp_sumo.reports.capacity.charts import floor, flow, parts, service, succes
 from mrp_sumo.reports.page import Tile, chart_row, document, gap_list, rows_of, tile_list
 from mrp_sumo.reports.replay.page import write_replay
 from mrp_sumo.sizing.answer import Answer, Gain
+from mrp_sumo.sizing.bands import Bands
 from mrp_sumo.sizing.confirmation import Confirmation
 from mrp_sumo.sizing.question import BACKLOG, CORES
 from mrp_sumo.sizing.reasons import in_words
@@ -47,6 +49,7 @@ def capacity_page(study: Study, answer: Answer, replays: Sequence[tuple[Replayed
         tile_list(_tiles(answer)),
         gap_list(answer.notes),
         *(_lifelong(study, answer, replays) if answer.limits else _one_shot(answer)),
+        *(_bands(answer.bands) if answer.bands else []),
         *_confirmed(answer.confirmed),
         *_small_print(study, answer),
         "</main>",
@@ -152,6 +155,23 @@ def _help(gains: Sequence[Gain], robots: int) -> list[str]:
     return [
         f"<p>Each change alone, with {robots} robots, on the same orders as without it. Verdicts allow for how many were tried.</p>",
         _grid(("change", "throughput", "95 % limits", "orders an hour", ""), "".join(rows), (1, 2, 3)),
+    ]
+
+
+def _bands(bands: Bands) -> list[str]:
+    rows = []
+    for effect in bands.effects:
+        share = 100 / bands.throughput_per_h if bands.throughput_per_h > 0 else math.nan
+        change, (_, low, high) = effect.change, effect.quantity.ends[0]
+        limits = f"{share * change.low:+.0f} to {share * change.high:+.0f} %"
+        spans = f"{low:.3g} to {high:.3g}" + ("" if effect.quantity.is_given else " (assumed)")
+        rows.append((_text(effect.quantity.name), spans, f"{share * change.value:+.1f} %", limits, "" if effect.is_sure else "not certain"))
+    return [
+        "<h2>How sure the figures are</h2>",
+        f"<p>{_text(bands.sentence)}</p>",
+        f"<p>What the throughput of {bands.robots} robots gains as each quantity goes from the low end of its interval to the high one. "
+        "Speeds, accelerations and times at stations are factors on those of the scenario.</p>",
+        _grid(("", "from, to", "throughput", "95 % limits", ""), rows_of(rows, (1, 2, 3)), (1, 2, 3)),
     ]
 
 

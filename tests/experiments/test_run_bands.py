@@ -1,0 +1,53 @@
+"""Error bands of a run, driven: where one station binds, and where the way does, their effects are known by hand."""
+
+from pathlib import Path
+
+import pytest
+from ring_floor import LAP_S, MOVE_UP_S, ring
+
+from mrp_sumo.errors import MrpSumoError
+from mrp_sumo.experiments.map_cache import MapCache
+from mrp_sumo.experiments.run import carry_out
+from mrp_sumo.experiments.run_bands import require_bounds, with_error_bands
+from mrp_sumo.io.scenario.read import scenario_of
+
+HORIZON_S = 6000.0
+
+
+@pytest.fixture
+def told(tmp_path):
+    """Effects on the lead time and throughput of two robots on a ring, whose stop takes so long."""
+
+    def of(service_s):
+        result = ring(tmp_path, 2, service_s, HORIZON_S)
+        with MapCache() as maps:
+            bands = with_error_bands(result, {}, lambda file: carry_out(file, maps)).error_bands
+        of_throughput = bands["measures"]["throughput_per_h"]
+        return of_throughput, {quantity["name"]: quantity["effect"] for quantity in of_throughput["quantities"]}, bands["sentence"]
+
+    return of
+
+
+@pytest.mark.slow
+def test_a_station_that_binds_is_what_matters_most(told):
+    figures, effects, sentence = told(100.0)
+    assert "what matters most is the time at stop" in sentence
+    assert effects["the time at stop"] == pytest.approx(3600 / (110 + MOVE_UP_S) - 3600 / (90 + MOVE_UP_S), rel=0.15)
+    assert abs(effects["the top speed"]) < 0.2 * abs(effects["the time at stop"])
+    assert figures["low"] == pytest.approx(3600 / (110 + MOVE_UP_S), rel=0.05)
+
+
+@pytest.mark.slow
+def test_the_way_that_binds_is_what_matters_most(told):
+    _, effects, sentence = told(5.0)
+    assert "what matters most is the top speed" in sentence
+    lap_s = {factor: LAP_S + 16.0 / 0.22 * (1 / factor - 1) + 5.0 for factor in (0.9, 1.1)}
+    assert effects["the top speed"] == pytest.approx(2 * 3600 * (1 / lap_s[1.1] - 1 / lap_s[0.9]), rel=0.2)
+    assert abs(effects["the time at stop"]) < 0.2 * effects["the top speed"]
+
+
+def test_a_station_that_is_not_there_is_refused_before_anything_is_driven():
+    values = {"map": "office", "robots": 2, "planner": "lacam"}
+    values |= {"tasks": {"streams": [{"arrivals": {"open": 2}, "stops": ["pantry", "lounge"]}]}}
+    with MapCache() as maps, pytest.raises(MrpSumoError, match="--error-bands: 'pantri' is no station, group or vertex"):
+        require_bounds(scenario_of(values, Path(), "case"), {"tasks.service_factor.pantri": (0.9, 1.1)}, maps)
