@@ -10,12 +10,12 @@ import numpy as np
 
 from mrp_sumo.core.disturbances import Breakdown, ClosedLane
 from mrp_sumo.core.execution import Event, GrantLog
+from mrp_sumo.core.fleet import Fleet
 from mrp_sumo.core.graph import FloatArray, IntArray, frozen
 from mrp_sumo.core.task import Task
-from mrp_sumo.drive.train import Train
+from mrp_sumo.drive.train import Trains
 
 if TYPE_CHECKING:
-    from mrp_sumo.core.robot_type import RobotType
     from mrp_sumo.drive.crew import Crew
     from mrp_sumo.drive.ledger import Ledger
     from mrp_sumo.drive.state import Facilities
@@ -68,16 +68,14 @@ class Recorder(Listener):
     rides in a lift stands at one stop of it until half of the ride is over, and then at the other.
     """
 
-    def __init__(self, num_robots: int, *, levels: bool = False, vehicles: "Sequence[RobotType | None]" = ()) -> None:
-        """`levels`: keep the levels that robots are on, too. `vehicles` [R]: types of those that cannot turn in place, or nothing."""
+    def __init__(self, fleet: Fleet, *, levels: bool = False) -> None:
+        """`levels`: keep the levels that robots are on, too."""
         self._blocks: list[FloatArray] = []  # [ROWS, 3, R] each: distance, yaw, speed
         self._count = 0  # of samples in them
-        self._shape = 0, num_robots
+        self._shape = 0, fleet.num_robots
         self._levels = levels
-        self._trains = {r: Train(each) for r, each in enumerate(vehicles) if each is not None}
-        num_hitches = max((len(train.vehicle.trailers) for train in self._trains.values()), default=0)
-        self._hitches = tuple(f"hitch_{k + 1}_rad" for k in range(num_hitches))
-        num_columns = 4 + levels + num_hitches
+        self._trains = Trains(fleet)
+        num_columns = 4 + levels + len(self._trains.columns)
         self._columns = tuple(SpooledTemporaryFile(max_size=IN_MEMORY) for _ in range(num_columns))  # noqa: SIM115 they are read at the end
 
     def hear(self, snapshot: Moment) -> None:
@@ -108,16 +106,13 @@ class Recorder(Listener):
             np.concatenate([np.empty((0, num_robots)), *(block[:, k] for block in self._blocks)])[: self._count] for k in range(3)
         )
         x, y, level = np.empty_like(s_m), np.empty_like(s_m), np.empty_like(s_m)
-        hitch = np.zeros((len(self._hitches), *s_m.shape))
         for r in range(num_robots):
             at_m, xy, on = way_of(ledger, r)
             level[:, r] = on[np.maximum(np.searchsorted(at_m, s_m[:, r], side="right") - 1, 0)] if self._levels else 0
-            if r in self._trains and len(s_m):
-                x[:, r], y[:, r], yaw[:, r], angles = self._trains[r].poses(ledger, r, s_m[:, r])
-                hitch[: len(angles), :, r] = angles
-            else:
+            if r not in self._trains.of_robot:
                 x[:, r], y[:, r] = (np.interp(s_m[:, r], at_m, xy[:, k]) for k in (0, 1))
-        columns = (x, y, (yaw + np.pi) % (2 * np.pi) - np.pi, speed, *([level] if self._levels else []), *hitch)
+        hitch = self._trains.place(ledger, s_m, x, y, yaw)
+        columns = (x, y, (yaw + np.pi) % (2 * np.pi) - np.pi, speed, *([level] if self._levels else []), *hitch.values())
         for file, column in zip(self._columns, columns):
             file.write(np.ascontiguousarray(column).data)
         self._shape = num_samples + self._count, num_robots
@@ -128,7 +123,7 @@ class Recorder(Listener):
         self.settle(ledger)
         x, y, yaw, speed, *more = (_read(file, self._shape) for file in self._columns)
         level = more.pop(0).astype(np.int64) if self._levels else None
-        return x, y, yaw, speed, level, dict(zip(self._hitches, more))
+        return x, y, yaw, speed, level, dict(zip(self._trains.columns, more))
 
     def close(self) -> None:
         """Let go of the files; what has been read of them stays."""

@@ -121,9 +121,7 @@ class Records:
 
     def __init__(self, problem: Problem, world: World, people: Bystanders) -> None:
         self.events, self.witness, self.grants = EventLog(), Witness(), GrantRecorder(problem.num_robots)
-        fleet, levels = problem.fleet, bool(problem.graph.is_ride.any())
-        vehicles = [fleet.vehicle_of_kind[k] for k in fleet.kind.tolist()] if fleet.vehicle_of_kind else ()
-        self.samples = Recorder(problem.num_robots, levels=levels, vehicles=vehicles)
+        self.samples = Recorder(problem.fleet, levels=bool(problem.graph.is_ride.any()))
         self.facilities = FacilityRecorder(problem.graph, world.facilities) if world.facilities.any else None
         self.people = PeopleRecorder(people) if people.any else None
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mrp_sumo.core.fleet import Fleet
 from mrp_sumo.core.graph import FloatArray
 from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.core.wheel_path import Route, wheel_path
@@ -17,6 +18,25 @@ from mrp_sumo.traffic.turns import course_rad, stands_bent, turns_of
 
 if TYPE_CHECKING:
     from mrp_sumo.drive.ledger import Ledger
+
+
+class Trains:
+    """The vehicles of a fleet that cannot turn in place, from sample to sample."""
+
+    def __init__(self, fleet: Fleet) -> None:
+        types = fleet.vehicle_of_kind
+        vehicles = [(r, types[k]) for r, k in enumerate(fleet.kind.tolist())] if types else []
+        self.of_robot = {r: Train(vehicle) for r, vehicle in vehicles if vehicle is not None}
+        count = max((len(train.vehicle.trailers) for train in self.of_robot.values()), default=0)
+        self.columns = tuple(f"hitch_{k + 1}_rad" for k in range(count))  # angles of trailers
+
+    def place(self, ledger: "Ledger", s_m: FloatArray, x: FloatArray, y: FloatArray, yaw: FloatArray) -> dict[str, FloatArray]:
+        """Put vehicles where they are after distances [T, R], and return the angles of trailers by column; x, y, yaw [T, R] are changed."""
+        angles = np.zeros((len(self.columns), *s_m.shape))
+        for r, train in self.of_robot.items() if len(s_m) else ():
+            x[:, r], y[:, r], yaw[:, r], own = train.poses(ledger, r, s_m[:, r])
+            angles[: len(own), :, r] = own
+        return dict(zip(self.columns, angles))
 
 
 class Train:

@@ -6,12 +6,15 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mrp_sumo.core.execution import Event
+from mrp_sumo.core.graph import FloatArray
 from mrp_sumo.drive._causes import DISTURBED, LETTING_PASS, PLANNED
 from mrp_sumo.drive.ledger import planned_arrivals
 from mrp_sumo.drive.listeners import Listener, Moment
 from mrp_sumo.drive.robot_work import stop_log
+from mrp_sumo.drive.train import Trains
 from mrp_sumo.experiments.interventions import Interventions
 from mrp_sumo.experiments.outset import record_at_outset
 from mrp_sumo.experiments.result import RunResult
@@ -21,10 +24,10 @@ from mrp_sumo.io.outline import outline_of
 from mrp_sumo.io.record import AT_GOAL, BLOCKED, MOVING, STANDING_MPS, WAITING
 from mrp_sumo.reports.live.broadcast import Broadcast
 from mrp_sumo.reports.live.server import LiveServer
-from mrp_sumo.reports.pictures.view import extent, subtitle_of
+from mrp_sumo.reports.pictures.view import ABSENT, extent, parts_of, subtitle_of
 from mrp_sumo.reports.replay.page import MAX_POSES, About, PageFrame, about_run, drawn_lanes, replay_page, task_document
 
-SAMPLE = np.dtype([("x", "<u2"), ("y", "<u2"), ("yaw", "<u1"), ("state", "<u1"), ("waits", "<i2")])  # of a robot
+SAMPLE = np.dtype([("x", "<u2"), ("y", "<u2"), ("yaw", "<u1"), ("state", "<u1"), ("waits", "<i2")])  # of a robot, trailer or load
 REASONS = {PLANNED: -2, DISTURBED: -3, LETTING_PASS: -4}  # for waiting without a robot to wait for, as `waits`; live.js knows them
 REPORT_S = 0.5  # of wall time, between reports of tasks and arrivals
 
@@ -119,6 +122,12 @@ class Telling(Listener):
             ),
             outline=outline,
         )
+        execution, fleet = record.execution, problem.fleet
+        self._trains, straight = Trains(fleet), np.zeros_like(execution.x_m)
+        loads = np.zeros(execution.x_m.shape, np.int64) if self._has_tasks and fleet.loaded is not None else None
+        execution = replace(execution, hitch_rad=dict.fromkeys(self._trains.columns, straight), loads=loads)
+        record = replace(record, execution=execution)
+        self._fleet, self._execution = fleet, execution
         self._frame: PageFrame = PageFrame(*extent(record, outline))
         self.page = replay_page(record, about, live_period_s=self._period_s)
         self._arrived = np.full(len(plan.vertex), np.nan)
@@ -126,7 +135,7 @@ class Telling(Listener):
         self._stops: set[Any] = set()
         self._count = self._reported = 0
         self._next_report = 0.0
-        broadcast.begin(SAMPLE.itemsize * problem.num_robots)
+        broadcast.begin(SAMPLE.itemsize * (problem.num_robots + len(parts_of(execution, fleet).owner)))
 
     def hear(self, state: Moment) -> None:
         """See Listener."""
@@ -143,10 +152,13 @@ class Telling(Listener):
 
     def _sample(self, shown: Moment) -> bytes:
         state, frame = shown.ledger.state, self._frame
+        x, y = shown.bodies.positions().T[:, None].copy()
+        yaw = np.nan_to_num(shown.ledger.yaw_rad)[None].copy()
+        hitch = self._trains.place(shown.ledger, state.motion.s_m[None], x, y, yaw)
+        loads = None if self._execution.loads is None else shown.crew.loads[None]
+        parts = parts_of(replace(self._execution, x_m=x, y_m=y, yaw_rad=yaw, hitch_rad=hitch, loads=loads), self._fleet)
         row = np.zeros(len(state.motion.s_m), SAMPLE)
-        cells = frame.cells(shown.bodies.positions())
-        row["x"], row["y"] = cells[:, 0], cells[:, 1]
-        row["yaw"] = np.rint(np.nan_to_num(shown.ledger.yaw_rad) * (128 / np.pi)).astype(np.int64) % 256
+        _pose(row, x[0], y[0], yaw[0], frame)
         moving = (np.abs(state.motion.speed_mps) >= STANDING_MPS) | state.motion.turning
         row["state"] = np.where(moving, MOVING, np.where(state.waits.stuck, BLOCKED, WAITING))
         if self._has_tasks:
@@ -157,7 +169,10 @@ class Telling(Listener):
         row["waits"] = state.grants.other
         for cause, code in REASONS.items():
             row["waits"][(state.grants.cause == cause) & (state.grants.other < 0)] = code
-        return row.tobytes()
+        more = row[parts.owner]
+        more["state"][np.isnan(parts.x_m[0])] = ABSENT
+        _pose(more, parts.x_m[0], parts.y_m[0], parts.yaw_rad[0], frame)
+        return row.tobytes() + more.tobytes()
 
     def _report(self, state: Moment) -> None:
         """What changes more slowly: tasks, or which visits of the plan have been reached."""
@@ -180,6 +195,12 @@ class Telling(Listener):
         self._stops.update(new)
         if changed or new:
             self._broadcast.say("tasks", {"changed": changed, "stops": new})
+
+
+def _pose(row: NDArray[Any], x: FloatArray, y: FloatArray, yaw: FloatArray, frame: PageFrame) -> None:
+    """Write where bodies [N] are, and how they face, into their samples."""
+    row["x"], row["y"] = frame.cells(x, 0), frame.cells(y, 1)
+    row["yaw"] = np.rint(np.nan_to_num(yaw) * (128 / np.pi)).astype(np.int64) % 256
 
 
 def _event_document(event: Event, now_s: float) -> list[Any]:

@@ -24,6 +24,7 @@ from mrp_sumo.reports.pictures.view import (
     ABSENT,
     AnyRun,
     drawbars,
+    forks_of,
     level_corners,
     parts_at,
     parts_of,
@@ -136,8 +137,9 @@ def _draw_robots(ax: Axes, record: RunRecord, at_s: float, points_per_m: float) 
     ax.add_collection(PolyCollection(boxes, facecolor=colours, edgecolor=LIGHT["ink"], lw=0.5, zorder=5), autolim=False)
     arrows = [_box(x[r], y[r], yaw[r], fleet.length_m[r] * grow[r], fleet.width_m[r] * grow[r], ARROW) for r in there]
     ax.add_collection(PolyCollection(arrows, facecolor="white", edgecolor="none", zorder=5.1), autolim=False)
-    forked = [r for r in there if fleet.vehicle_of_kind and fleet.types[fleet.kind[r]].kinematics.fixed_axle == "front"]
-    forks = [_box(x[r], y[r], yaw[r], fleet.length_m[r] * grow[r], fleet.width_m[r] * grow[r], fork) for r in forked for fork in FORKS]
+    end = forks_of(fleet)
+    forked = [(r, fleet.length_m[r] * grow[r] * end[r], fleet.width_m[r] * grow[r]) for r in there if end[r]]
+    forks = [_box(x[r], y[r], yaw[r], length, width, fork) for r, length, width in forked for fork in FORKS]
     ax.add_collection(LineCollection(forks, colors=LIGHT["ink"], lw=max(0.08 * points_per_m, 0.8), zorder=5.1), autolim=False)
     if few and len(there):
         half_pt = 0.5 * float((np.hypot(fleet.length_m, fleet.width_m) * grow).max()) * points_per_m

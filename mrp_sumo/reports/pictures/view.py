@@ -13,11 +13,13 @@ from mrp_sumo.core.bodies import Rectangles, bodies_of
 from mrp_sumo.core.digraph import weak_components
 from mrp_sumo.core.execution import RECORDED, Execution, Outcome, positions_at
 from mrp_sumo.core.fleet import Fleet
-from mrp_sumo.core.graph import FloatArray, PlanGraph
+from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, PlanGraph
 from mrp_sumo.core.plan import Plan
+from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.io.record import AT_GOAL, MOVING, STATE_NAMES, WAITING, RunRecord, robot_states
 from mrp_sumo.io.run_summary import planner_of
+from mrp_sumo.traffic.turns import BACKWARD, FORWARD, NEVER, course_rad, gears_of, turns_of
 
 if TYPE_CHECKING:
     from mrp_sumo.core.graph import NavGraph
@@ -76,7 +78,7 @@ def view_record(run: AnyRun) -> RunRecord:
         graph=run.graph,
         target=run.plan.last_vertex,
         plan=run.plan,
-        execution=plan_as_execution(run.plan, run.graph),
+        execution=plan_as_execution(run.plan, run.graph, run.fleet),
         nav=run.nav,
     )
 
@@ -115,6 +117,14 @@ def parts_of(execution: Execution, fleet: Fleet) -> Rectangles:
         np.append(bodies.width_m[towed], loaded.width_m[larger]),
         bodies.bar_m[part],
     )
+
+
+def forks_of(fleet: Fleet) -> IntArray:
+    """[R] 1 for robots with forks in front, -1 behind, 0 without: trucks have them at the axle that does not steer."""
+    wheels = [each.kinematics for each in fleet.types]
+    ends = [1 if each.fixed_axle == "front" else -1 if each.kind == "tricycle" else 0 for each in wheels]
+    side = np.array([end if each.is_steered else 0 for end, each in zip(ends, wheels)], np.int64)
+    return side[fleet.kind] if len(side) else np.zeros(fleet.num_robots, np.int64)
 
 
 def parts_at(parts: Rectangles, execution: Execution, t_s: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -177,9 +187,44 @@ def extent(record: RunRecord, outline: "Outline | None") -> tuple[FloatArray, Fl
     return every.min(axis=0) - MARGIN_M, every.max(axis=0) + MARGIN_M
 
 
-def plan_as_execution(plan: Plan, graph: PlanGraph) -> Execution:
+def driven_backward(plan: Plan, graph: PlanGraph, fleet: Fleet, yaw_rad: FloatArray | None = None) -> BoolArray:
+    """[N] visits of a plan to which robots come backward; the first of a robot has it from the second.
+
+    `yaw_rad` [R] is how robots face at first; by default vehicles go forward where they may.
+    """
+    backward, types = np.zeros(len(plan.vertex), np.bool_), fleet.vehicle_of_kind
+    for r in range(plan.num_robots if types or graph.is_backward.any() else 0):
+        vehicle, gear, before = types[int(fleet.kind[r])] if types else None, -1, -1
+        ids = range(int(plan.first[r]), int(plan.first[r + 1]))
+        for k in ids[1:]:
+            lane = graph.lane_between(int(plan.vertex[k - 1]), int(plan.vertex[k]))
+            if lane >= 0 and vehicle is None:
+                gear = int(graph.is_backward[lane])
+            elif lane >= 0 and vehicle is not None:
+                gear = _next_gear(graph, vehicle, (before, lane), gear, math.nan if yaw_rad is None else float(yaw_rad[r]))
+                before = lane
+            backward[k] = gear == BACKWARD
+        if len(ids) > 1:
+            backward[ids[0]] = backward[ids[1]]
+    return backward
+
+
+def _next_gear(graph: PlanGraph, vehicle: RobotType, lanes: tuple[int, int], gear: int, yaw_rad: float) -> int:
+    """The gear in which a vehicle goes from a lane, -1: its start, on to another."""
+    before, lane = lanes
+    if before < 0 and not math.isnan(yaw_rad):
+        return BACKWARD if math.cos(yaw_rad - float(course_rad(graph)[lane])) < 0 else FORWARD
+    if before < 0:
+        return FORWARD if gears_of(graph, vehicle)[lane, FORWARD] else BACKWARD
+    turns = turns_of(graph, vehicle)
+    turn = turns.between(before, lane)
+    moves = [int(gears[turn, gear]) for gears in (turns.next_gear, turns.may_stand)] if turn >= 0 else []
+    return next((move for move in moves if move != NEVER), gear)
+
+
+def plan_as_execution(plan: Plan, graph: PlanGraph, fleet: Fleet) -> Execution:
     """A plan as if it had been driven exactly, for runs that were not executed."""
-    end_s = float(plan.end_s.max(initial=0.0))
+    end_s, backward = float(plan.end_s.max(initial=0.0)), driven_backward(plan, graph, fleet)
     t_s = np.arange(math.ceil(end_s / PERIOD_S) + 2) * PERIOD_S
     x, y, yaw, speed = (np.zeros((len(t_s), plan.num_robots)) for _ in range(4))
     for r in range(plan.num_robots):
@@ -189,7 +234,7 @@ def plan_as_execution(plan: Plan, graph: PlanGraph) -> Execution:
         at = np.column_stack((arrive, depart)).ravel()
         x[:, r], y[:, r] = (np.interp(t_s, at, np.repeat(c, 2)) for c in xy.T)
         step = np.diff(xy, axis=0)
-        course = np.arctan2(step[:, 1], step[:, 0]) if len(step) else np.zeros(1)
+        course = np.arctan2(step[:, 1], step[:, 0]) + np.pi * backward[visits][1:] if len(step) else np.zeros(1)
         yaw[:, r] = course[np.clip(np.searchsorted(depart, t_s, side="left") - 1, 0, len(course) - 1)]
         speed[1:, r] = np.hypot(np.diff(x[:, r]), np.diff(y[:, r])) / PERIOD_S
     return Execution(

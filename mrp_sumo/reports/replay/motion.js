@@ -17,6 +17,7 @@ export class Motion {
     this.state = c.state;
     this.first = c.plan_first || new Uint32Array(this.numRobots + 1);
     this.visit = { vertex: c.plan_vertex, arrive: c.plan_arrive, depart: c.plan_depart, arrived: c.plan_arrived }; // ms
+    this.backward = c.plan_backward || null; // visits to which robots come backward
     this.hasPlan = this.first[this.numRobots] > 0;
     this.isPlanOnly = run.plan_only;
     this.vertexX = c.vertex_x && Float32Array.from(c.vertex_x, (v) => v * run.vertex_unit_m);
@@ -26,7 +27,7 @@ export class Motion {
     this.now = this.states.subarray(0, this.numRobots);
     this.ghost = new Float32Array(3 * this.numRobots);
     this.people = run.people && { ...run.people, x: c.people_x, y: c.people_y, since: c.people_since, count: c.people_count, at: [] };
-    this.waits = run.live ? new Int16Array(this.numRobots * this.stride).fill(-1) : null; // robot waited for, or a reason (live.js)
+    this.waits = run.live ? new Int16Array(this.numBodies * this.stride).fill(-1) : null; // robot waited for, or a reason (live.js)
     this.received = 0;
   }
 
@@ -36,9 +37,9 @@ export class Motion {
 
   /* ---- of a run under way ---- */
 
-  /* Take samples: of each robot x, y (2 bytes each), yaw, state (1 byte each), whom it waits for (2 bytes). */
+  /* Take samples: of each robot, trailer and load x, y (2 bytes each), yaw, state (1 byte each), whom it waits for (2 bytes). */
   append(bytes) {
-    const R = this.numRobots, count = bytes.length / (8 * R), words = new Uint16Array(bytes.buffer), signed = new Int16Array(bytes.buffer);
+    const R = this.numBodies, count = bytes.length / (8 * R), words = new Uint16Array(bytes.buffer), signed = new Int16Array(bytes.buffer);
     while (this.received + count > this.stride) this.grow();
     for (let n = 0, p = 0; n < count; n++, this.received++) {
       for (let r = 0, i = this.received; r < R; r++, i += this.stride, p += 8) {
@@ -53,7 +54,7 @@ export class Motion {
   }
 
   grow() {
-    const old = this.stride, R = this.numRobots;
+    const old = this.stride, R = this.numBodies;
     this.stride = Math.max(600, 2 * old);
     for (const name of ["x", "y", "yaw", "state", "waits"]) {
       const from = this[name], to = new from.constructor(R * this.stride);
@@ -126,7 +127,7 @@ export class Motion {
       ghost[p + 1] = ay + u * (by - ay);
       if (u === 0 && k > first[r]) a = k - 1, b = k; // standing: the way it came
       const dx = vertexX[vertex[b]] - vertexX[vertex[a]], dy = vertexY[vertex[b]] - vertexY[vertex[a]];
-      ghost[p + 2] = Math.atan2(dy, dx);
+      ghost[p + 2] = Math.atan2(dy, dx) + (this.backward && this.backward[b] ? Math.PI : 0);
     }
   }
 

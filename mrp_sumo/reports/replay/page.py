@@ -37,7 +37,9 @@ from mrp_sumo.reports.pictures.view import (
     ABSENT,
     AnyRun,
     crossings,
+    driven_backward,
     extent,
+    forks_of,
     furniture_and_walls,
     is_grid_map,
     level_boxes,
@@ -219,6 +221,8 @@ def replay_page(record: RunRecord, about: About, *, live_period_s: float | None 
         "map": _map(record, about.outline, low, high),
     }
     head |= _add_motion(columns, execution, parts, frame)
+    if (forks := forks_of(record.fleet)).any():
+        head["forks"] = forks
     if execution.people is not None:
         head["people"] = _add_people(columns, execution.people, frame, head["num_samples"], len(execution.t_s))
     head["tasks"] = None if execution.tasks is None else task_document(execution.tasks, execution.stops)
@@ -350,6 +354,9 @@ def _add_plan(columns: Columns, record: RunRecord, low: FloatArray, high: FloatA
         columns.add("plan_vertex", index[plan.vertex], "<u4", 1)
         columns.add("plan_arrive", _milliseconds(plan.arrive_s), "<u4", 1)
         columns.add("plan_depart", _milliseconds(plan.depart_s), "<u4", 1)
+        backward = driven_backward(plan, graph, record.fleet, record.execution.yaw_rad[0])
+        if backward.any():
+            columns.add("plan_backward", backward, "<u1")
         columns.add("plan_arrived", _milliseconds(record.execution.arrived_s), "<u4", 1)
     return {
         "vertex_unit_m": unit_m,

@@ -213,7 +213,7 @@ export class Scene {
   drawRobots(view) {
     const { motion: m, run, robots, colors, least } = this, { pose, now } = m;
     const dimmed = view.only >= 0;
-    robots.begin(m.numBodies + view.apart.length + 2);
+    robots.begin(m.numBodies + view.apart.length + 2 + (run.forks ? 2 * m.numRobots : 0));
     m.owner.forEach((owner, n) => {
       const b = m.numRobots + n, state = m.states[b];
       if (state !== ABSENT) robots.add(pose[3 * b], pose[3 * b + 1], pose[3 * b + 2], run.length[b], run.width[b], 0, 4, 0, dimmed && state !== view.only ? 0.18 : 1, colors[state]);
@@ -223,6 +223,7 @@ export class Scene {
       if (state === ABSENT) continue;
       const opacity = dimmed && state !== view.only ? 0.18 : 1;
       robots.add(pose[3 * r], pose[3 * r + 1], pose[3 * r + 2], run.length[r], run.width[r], least, 0, state === BLOCKED ? 0.9 * opacity : 0, opacity, colors[state]);
+      if (run.forks && run.forks[r] && run.width[r] * this.camera.scale > 7) this.addForks(r, opacity);
     }
     for (const r of view.apart) robots.add(pose[3 * r], pose[3 * r + 1], pose[3 * r + 2], run.length[r], run.width[r], least, 2, 0, 1, packed(this.theme.special));
     for (const [robot, color] of [[view.hovered, this.theme.muted], [view.selected, this.theme.accent]]) {
@@ -230,6 +231,15 @@ export class Scene {
       robots.add(pose[3 * robot], pose[3 * robot + 1], pose[3 * robot + 2], run.length[robot], run.width[robot], least, 2, 0, 1, packed(color));
     }
     robots.end();
+  }
+
+  /* The third of a truck that its forks take. */
+  addForks(r, opacity) {
+    const { motion: m, run, robots, theme } = this, x = m.pose[3 * r], y = m.pose[3 * r + 1], yaw = m.pose[3 * r + 2];
+    const c = Math.cos(yaw), s = Math.sin(yaw), along = 0.335 * run.length[r] * run.forks[r];
+    for (const aside of [0.28 * run.width[r], -0.28 * run.width[r]]) {
+      robots.add(x + c * along - s * aside, y + s * along + c * aside, yaw, 0.33 * run.length[r], 0.12 * run.width[r], 0, 4, 0, 0.8 * opacity, packed(theme.ink));
+    }
   }
 
   /* Discs with a rim, which no robot has. */

@@ -29,6 +29,7 @@ LEAST_PX = (16.0, 9.0)  # least length of a robot at 1080 lines: up to NAMED rob
 BOX = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) / 2
 NOSE = np.array([(0.5, 0), (0.2, 0.36), (0.2, -0.36)])  # in lengths and widths of a robot
 ARROW = np.array([(0.34, 0), (-0.26, 0.3), (-0.12, 0), (-0.26, -0.3)])
+FORKS = np.array([[(0.17, y), (0.5, y), (0.5, y + 0.12), (0.17, y + 0.12)] for y in (-0.34, 0.22)])  # that are in front
 PLACES = ((0, 1), (0, -1), (1, 0), (-1, 0), (1, 1), (-1, 1), (1, -1), (-1, -1))  # of a name beside its robot
 
 
@@ -285,6 +286,10 @@ def _draw_robots(canvas: Canvas, pane: Pane, now: SceneState) -> None:
             style = {"edge": LIGHT["ink"], "width": max(0.6, (1.2 if pane.few else 0.8) * u), "alpha": 0.3 if faint else 1.0}
             canvas.fill(body, STATES[state], clip=clip, **style)
             canvas.fill((front * pane.body[members, None]) @ turn[members] + xy[members, None], "#ffffff", clip=clip)
+            forked = members[scene.forks[members] != 0]
+            end = np.stack([scene.forks[forked], np.ones(len(forked))], 1)[:, None]
+            for fork in FORKS:
+                canvas.fill((fork * end * pane.body[forked, None]) @ turn[forked] + xy[forked, None], LIGHT["ink"], clip=clip)
     if pane.inside_px:
         for robot in there[~pale[there]].tolist():
             back = xy[robot] - 0.1 * pane.body[robot, 0] * turn[robot, 0]

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from mrp_sumo.core.bodies import Rectangles
 from mrp_sumo.core.execution import positions_at
-from mrp_sumo.core.graph import BoolArray, FloatArray
+from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.errors import MrpSumoError, nearest
 from mrp_sumo.io.outline import Outline
@@ -20,6 +20,7 @@ from mrp_sumo.reports.pictures.view import (
     MARGIN_M,
     AnyRun,
     extent,
+    forks_of,
     level_boxes,
     parts_at,
     parts_of,
@@ -72,6 +73,7 @@ class Scene:
     high: FloatArray  # [2]
     state: NDArray[np.int8]  # [T, R]
     parts: Rectangles  # N trailers and loads
+    forks: IntArray  # [R] 1: in front, -1: behind, 0: none
     ways: tuple[tuple[PlannedRoute, ...], ...]  # by robot, by time
     waits: tuple[tuple[tuple[float, float, int], ...], ...]  # by robot: from, until, and for whom
     name: tuple[str, ...]  # [R] as written beside robots
@@ -143,6 +145,7 @@ def scene_of(run: AnyRun, *, robots: Sequence[str] = (), level: str | None = Non
         high=high,
         state=view_states(execution),
         parts=parts_of(execution, record.fleet),
+        forks=forks_of(record.fleet),
         ways=_ways(record, plan),
         waits=_waits(record),
         name=_short_names(names),

@@ -15,10 +15,11 @@ from mrp_sumo.cli.main import main
 from mrp_sumo.experiments.run import RunOptions, run_scenario
 from mrp_sumo.io.run_reader import load_run
 from mrp_sumo.io.scenario.file import find_scenario
-from mrp_sumo.io.scenario.read import read_scenario
+from mrp_sumo.io.scenario.read import read_scenario, scenario_of
 from mrp_sumo.reports.live.broadcast import Broadcast
 from mrp_sumo.reports.live.server import LiveServer
 from mrp_sumo.reports.live.watch import SAMPLE, LiveView
+from mrp_sumo.reports.pictures.view import ABSENT, parts_of
 
 
 def messages_of(address):
@@ -53,6 +54,38 @@ def test_watched_run_has_the_same_files_and_says_every_sample(folder, tmp_path):
     said = [event for name, data in found if name == "events" for event in json.loads(data)]
     assert sorted((t / 1000, kind) for t, kind, *_ in said) == sorted((round(e.t_s, 3), e.kind) for e in driven.events)
     assert found[-1][0] == "end" and json.loads(found[-1][1])["status_text"] == "completed"
+
+
+def test_watched_vehicles_are_on_their_arcs_with_trailers_and_loads(tmp_path):
+    tugger = {"length_m": 1.4, "width_m": 0.8, "max_speed_mps": 1.2, "accel_mps2": 0.3, "decel_mps2": 0.5}
+    tugger |= {"kinematics": {"kind": "tugger", "wheelbase_m": 0.9, "steering_max_rad": 0.7}, "loaded": {"width_m": 1.0}}
+    tugger |= {"trailers": [{"length_m": 0.75, "hitch_m": 0.6, "width_m": 0.7, "body_m": 1.1}] * 2}
+    stream = {"name": "raw", "arrivals": {"at_once": True}, "count": 2, "stops": ["B1", "R2"]}
+    scenario = {
+        **{"map": "plant", "discretisation": {"kind": "roadmap", "cell_m": 7, "clearance": "ignore"}, "planner": "lacam"},
+        **{"robots": {"type": tugger, "starts": ["B2", "T3"], "goals": ["B2", "T3"]}, "tasks": {"streams": [stream]}},
+        **{"execution": {"engine": "kinematic", "time_limit_s": 150}, "record": {"bag": False, "period_s": 0.5}},
+    }
+    live, found = LiveView(), []
+    viewer = threading.Thread(target=lambda: found.extend(messages_of(live.address)))
+    viewer.start()
+    live.broadcast.control({"do": "speed", "speed": None})
+    result = run_scenario(scenario_of(scenario, tmp_path, "milk"), tmp_path / "run", RunOptions(watches=[live.watch]))
+    live.finish(result)
+    viewer.join()
+    record = load_run(tmp_path / "run").record
+    execution, parts = record.execution, parts_of(record.execution, record.fleet)
+    assert len(parts.owner) == 6 and not np.isnan(parts.x_m[:, 4:]).all()  # two trailers each, and each with a load for a while
+    samples = np.frombuffer(b"".join(base64.b64decode(data) for name, data in found if name == "samples"), SAMPLE).reshape(-1, 8)
+    x, y, yaw = (np.hstack([getattr(execution, name), getattr(parts, name)]) for name in ("x_m", "y_m", "yaw_rad"))
+    assert samples.shape == x.shape
+    is_there = samples["state"] != ABSENT
+    assert (is_there == ~np.isnan(x)).mean() > 0.99  # but for the sample in which a load comes on board
+    both = is_there & ~np.isnan(x)
+    for name, driven in (("x", x), ("y", y)):
+        assert np.abs(samples[name] * 0.005 - (driven - driven[0, 0]) - samples[name][0, 0] * 0.005)[both].max() < 0.02
+    off = (samples["yaw"] * (np.pi / 128) - yaw + np.pi) % (2 * np.pi) - np.pi
+    assert np.abs(off[both]).max() < 0.03
 
 
 def test_paused_run_makes_one_sample_for_each_step_that_is_asked_for():

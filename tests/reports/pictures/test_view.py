@@ -4,16 +4,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from vehicles import TUGGER
+from vehicles import TRICYCLE, TUGGER, roads
 from worlds import SMALL_CART, record_of_two
 
 from mrp_sumo.core.fleet import fleet_of
+from mrp_sumo.core.graph import nav_graph, plan_graph
+from mrp_sumo.core.plan import plan_of_paths
 from mrp_sumo.core.robot_type import Loaded
 from mrp_sumo.core.task import StopLog, log_of_times
 from mrp_sumo.io.record import AT_GOAL, BLOCKED, MOVING, WAITING
 from mrp_sumo.reports.pictures.view import (
     ABSENT,
     drawbars,
+    driven_backward,
+    forks_of,
     furniture_and_walls,
     parts_at,
     parts_of,
@@ -55,12 +59,38 @@ def test_a_robot_that_turns_in_place_does_not_wait():
 
 def test_plan_alone_is_driven_exactly():
     record = record_of_two()
-    execution = plan_as_execution(record.plan, record.graph)
+    execution = plan_as_execution(record.plan, record.graph, record.fleet)
     k = {round(t, 6): i for i, t in enumerate(execution.t_s)}
     assert execution.x_m[k[1.0]].tolist() == pytest.approx([1.5, 0.5])
     assert execution.y_m[k[2.6]].tolist() == pytest.approx([0.5, 2.1])
     assert execution.yaw_rad[k[2.6]].tolist() == pytest.approx([0, np.pi / 2])
     assert execution.goal_s.tolist() == [3, 3]
+
+
+T_JUNCTION = roads([(0.0, 0.0), (4.0, 0.0), (4.0, -4.0), (8.0, 0.0)], [(0, 1), (1, 2), (1, 3)])
+
+
+def test_vehicle_that_backs_out_of_a_dead_end_faces_it_in_the_plan():
+    plan, fleet = plan_of_paths([[0, 1, 2, 2, 1, 3]], 5.0), fleet_of(TRICYCLE, 1)
+    ways = list(zip(plan.vertex.tolist(), plan.vertex.tolist()[1:]))
+    back = dict(zip(ways, driven_backward(plan, T_JUNCTION, fleet).tolist()[1:]))
+    assert {way: back[way] for way in ((0, 1), (1, 2), (2, 1), (1, 3))} == {(0, 1): False, (1, 2): False, (2, 1): True, (1, 3): False}
+    execution = plan_as_execution(plan, T_JUNCTION, fleet)
+    out = int(np.searchsorted(execution.t_s, 17.5))  # half-way out
+    assert execution.y_m[out, 0] > execution.y_m[out - 2, 0]
+    assert np.sin(execution.yaw_rad[out, 0]) == pytest.approx(-1.0)
+
+
+def test_how_a_vehicle_faces_at_first_tells_its_gear():
+    plan, fleet = plan_of_paths([[2, 1, 3]], 5.0), fleet_of(TRICYCLE, 1)
+    assert driven_backward(plan, T_JUNCTION, fleet, np.array([-np.pi / 2])).tolist() == [True, True, False]
+    assert driven_backward(plan, T_JUNCTION, fleet, np.array([np.pi / 2])).tolist() == [False, False, False]
+
+
+def test_robots_that_turn_in_place_go_backward_where_the_map_says_so():
+    nav = nav_graph(name="dock", xy=[(0, 0), (1, 0)], lanes=[(0, 1), (1, 0)], lane_options=[{}, {"orientation_constraint": "backward"}])
+    graph = plan_graph(nav, kind="roadmap", cell_m=1.0)
+    assert driven_backward(plan_of_paths([[0, 1, 0]], 5.0), graph, fleet_of(SMALL_CART, 1)).tolist() == [False, False, True]
 
 
 def test_racks_are_furniture_and_rooms_are_not():
@@ -113,3 +143,15 @@ def test_a_larger_body_is_there_as_long_as_the_load_is():
     slower = fleet_of(replace(SMALL_CART, loaded=Loaded(speed_mps=0.1)), 2)
     assert len(parts_of(replace(record.execution, loads=loads), slower).owner) == 0
     assert len(parts_of(record.execution, fleet).owner) == 0  # where loads are not known
+
+
+def test_forks_are_at_the_axle_that_does_not_steer():
+    front = replace(TRICYCLE, kinematics=replace(TRICYCLE.kinematics, fixed_axle="front"))
+    car = replace(front, kinematics=replace(TRICYCLE.kinematics, kind="ackermann"))
+    assert [forks_of(fleet_of(each, 2)).tolist() for each in (TRICYCLE, front, car, TUGGER, SMALL_CART)] == [
+        [-1, -1],
+        [1, 1],
+        [0, 0],
+        [0, 0],
+        [0, 0],
+    ]

@@ -14,7 +14,7 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
-from vehicles import TUGGER
+from vehicles import TRICYCLE, TUGGER
 from worlds import NASTY, record_of_two
 
 from mrp_sumo.cli.main import main
@@ -60,6 +60,19 @@ def test_page_holds_poses_to_half_a_unit():
     assert np.abs(turned).max() <= np.pi / 256 + 1e-9
     assert head["period_s"] == 0.1
     assert head["num_samples"] == 41
+
+
+def test_page_says_where_trucks_have_forks_and_which_lanes_the_plan_takes_backward():
+    record = record_of_two()
+    plain, columns = read_back(replay_page(record, About("run")))
+    assert "forks" not in plain and "plan_backward" not in columns
+    trucks = replace(record, fleet=fleet_of(TRICYCLE, 2))
+    facing = record.execution.yaw_rad.copy()
+    facing[0] = [np.pi, facing[0, 1]]  # the first faces away from its goal: it comes backward
+    head, columns = read_back(replay_page(replace(trucks, execution=replace(record.execution, yaw_rad=facing)), About("run")))
+    assert head["forks"] == [-1, -1]
+    first = record.plan.first.tolist()
+    assert columns["plan_backward"].ravel().tolist() == [1] * first[1] + [0] * (first[2] - first[1])
 
 
 def test_rows_of_trailers_and_loads_come_after_those_of_robots():
