@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mrp_sumo.core.graph import IntArray, frozen
+from mrp_sumo.core.graph import BoolArray, IntArray, frozen
 from mrp_sumo.core.plan import Plan, PlanResult
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError
@@ -23,8 +23,15 @@ def on_moves(problem: Problem) -> Problem:
         raise PlanError("vehicles that cannot turn in place need a goal each before it is planned (assignment.mode: fixed or optimal)")
     graph = move_graph(problem.graph, problem.fleet, problem.barred)
     start, target, goal = _starts(problem, graph), problem.target, np.zeros(problem.num_robots, np.int64)
-    for r, (at, place) in enumerate(zip(start.tolist(), target.tolist())):
-        goal[r] = at if graph.place[at] == place and np.isnan(problem.heading_at_target[r]) else _goal(problem, graph, r, at, target)
+    heading, taken = problem.heading_at_target, np.zeros(problem.graph.num_vertices, np.bool_)
+    taken[target] = True
+    for r, (at, place, kind) in enumerate(zip(start.tolist(), target.tolist(), problem.fleet.kind.tolist())):
+        if graph.place[at] == place and np.isnan(heading[r]):
+            goal[r] = at
+        elif problem.fleet.is_vehicle[r]:
+            goal[r] = _goal(graph, kind, at, place, float(heading[r]), taken)
+        else:
+            goal[r] = graph.states[kind].begin + place
         if goal[r] < 0:
             raise PlanError(_why_not(problem, graph, r))
     return replace(
@@ -67,21 +74,19 @@ def _starts(problem: Problem, graph: MoveGraph) -> IntArray:
     return start
 
 
-def _goal(problem: Problem, graph: MoveGraph, robot: int, at: int, taken: IntArray) -> int:
-    """The nearest state in which a robot can come to its goal, -1: none.
+def _goal(graph: MoveGraph, kind: int, at: int, place: int, heading: float, taken: BoolArray) -> int:
+    """The nearest state in which a vehicle of a type can come to its goal, -1: none.
 
-    Rather one in which it can leave again, and to which it does not come over the goal [R] of another, who may stand there by then.
+    Rather one in which it can leave again, and to which it does not come over a goal that is taken [V], where another may stand by then.
     """
-    kind, place = int(problem.fleet.kind[robot]), int(problem.target[robot])
-    if not problem.fleet.types[kind].is_vehicle:
-        return graph.states[kind].begin + place
     arrivals = arrivals_at(graph, kind, place)
-    length_m, heading = arrivals.length_m[:, at], float(problem.heading_at_target[robot])
+    length_m = arrivals.length_m[:, at]
     if not np.isnan(heading):
         length_m = np.where(off_rad(arrivals.heading_rad, heading) <= MAY_STAND_RAD, length_m, np.inf)
-    if not np.isfinite(length_m).any():
+    can_come = np.isfinite(length_m)
+    if not can_come.any():
         return -1
-    rank = np.where(np.isfinite(length_m), 2 * ~arrivals.leaves + np.isin(arrivals.tail, taken), 4)
+    rank = np.where(can_come, 2 * ~arrivals.leaves + taken[arrivals.tail], 4)
     return int(arrivals.state[np.lexsort((length_m, rank))[0]])
 
 

@@ -60,7 +60,7 @@ class Lacam(ByConfigurations):
     `_local_guidance`.
     Where it wanders about, paths that may cross each other are repaired, as `lns2` does it, and taken if they cost less.
     Where tables allow, the first solution is polished by
-    large neighbourhood search for a fixed amount of work; anytime, the rest of the time goes to both the search and
+    large neighbourhood search, see `Refinement.polish`; anytime, the rest of the time goes to both the search and
     the neighbourhoods.
     """
 
@@ -133,7 +133,7 @@ class Lacam(ByConfigurations):
             if problem.effort:
                 left = max(1, problem.effort - search.labels)
                 labels = left if self.anytime else min(labels, left)
-            polished.until(deadline_s - _to_write(path), most_labels=labels)
+            (polished.until if self.anytime else polished.polish)(deadline_s - _to_write(path), most_labels=labels)
             path, cost = polished.path(), polished.cost
             stats |= {"polished_time_s": process_time() - begin_s, "polished_cost": float(cost)}
         if cost > DEAR * lower_bound and not problem.window_steps:

@@ -124,8 +124,12 @@ class Lns2:
         return pairs
 
     def _polish(self, refinement: Refinement, problem: Problem, left: int, deadline_s: float) -> None:
-        """Make paths shorter for a fixed amount of work, of which no more than `left` labels (0: any) may be done; anytime, to the end."""
+        """Make paths shorter by some work, of which no more than `left` labels (0: any) may be done; anytime, to the end."""
         polish = polishing_labels(self.polish, problem.num_robots, problem.window_steps)
-        refinement.until(deadline_s, most_labels=left if left and (self.anytime or left < polish) else polish)
-        while self.anytime and not left and refinement.cost > refinement.least and process_time() < deadline_s:
+        labels = left if left and (self.anytime or left < polish) else polish
+        if not self.anytime:
+            refinement.polish(deadline_s, labels)
+            return
+        refinement.until(deadline_s, most_labels=labels)
+        while not left and refinement.cost > refinement.least and process_time() < deadline_s:
             refinement.until(min(deadline_s - 0.02, process_time() + 0.5))

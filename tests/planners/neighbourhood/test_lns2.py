@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from worlds import random_grid
+from worlds import graph_of, problem_on, random_grid
 
 from mrp_sumo.core.plan import Status, paths_of_plan, plan_of_paths
 from mrp_sumo.traffic.referee import judge
@@ -133,6 +133,21 @@ def test_threads_bring_together_what_each_has_gained():
         for refiner in refinement.refiners[1:]:  # all have caught up, after a round in which somebody gained, or wait as cheaply
             assert refiner.cost == refinement.cost
     assert cost[4] < cost[1]
+
+
+@pytest.mark.parametrize(("num_lanes", "share"), [(10, 1.0), (300, 0.1)])
+def test_polishing_ends_sooner_the_less_there_is_to_gain(num_lanes, share):
+    """Two robots that change places beside a siding take 7 steps instead of 4, and one drives along a line; nothing can be gained."""
+    line = np.arange(4, 5 + num_lanes)
+    edges = [(0, 1), (1, 2), (1, 3), *zip(line[:-1].tolist(), line[1:].tolist())]
+    xy = [(0, 0), (1, 0), (2, 0), (1, 1), *((k, 2) for k in range(num_lanes + 1))]
+    problem = problem_on(graph_of(xy, edges, 1.0), [0, 2, 4], [2, 0, 4 + num_lanes])
+    path = np.stack([np.pad(way, (0, num_lanes + 1 - len(way)), "edge") for way in ([0, 1, 3, 1, 2], [2, 2, 1, 0], line)], 1)
+    refinement = Refinement(task_of(problem, steps_table(problem, np.inf)), path.astype(np.int32), 2, np.random.default_rng(0))
+    refinement.polish(np.inf, 20_000)
+    made = sum(refiner.labels for refiner in refinement.refiners)
+    assert refinement.cost == 7 + num_lanes
+    assert share * 20_000 <= made < (share + 0.1) * 20_000
 
 
 def test_bandit_tries_the_late_robot_that_has_been_worth_it():
