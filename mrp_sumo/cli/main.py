@@ -52,11 +52,24 @@ COMMANDS = {  # subcommand -> (module, help): help stays here so that --help imp
     "trust": ("mrp_sumo.cli.trust", "let scenarios and suites of a folder run the programs that they name"),
     "warmup": ("mrp_sumo.cli.warmup", "compile all kernels ahead, once after installing"),
     "report": ("mrp_sumo.cli.report", "write a page of tables and charts about a batch or a run"),
+    "studio": ("mrp_sumo.cli.studio", "draw a site in the browser, run it, ask it how many robots"),
     "demo": ("mrp_sumo.cli.demo", "see what there is in a minute: a run, a lifelong run, a comparison, on one page"),
     "completion": ("mrp_sumo.cli.completion", "print what lets bash, zsh or fish complete commands and options"),
     "schema": ("mrp_sumo.cli.schema", "print the JSON schema of scenario files"),
 }
-SLOW = ("run", "init", "plan", "capacity", "batch", "reproduce", "paper", "report", "demo", "vda5050")  # to start, for their libraries
+SLOW = (
+    "run",
+    "init",
+    "plan",
+    "capacity",
+    "batch",
+    "reproduce",
+    "paper",
+    "report",
+    "studio",
+    "demo",
+    "vda5050",
+)  # to start, for their libraries
 MOST = 2**63  # of whole numbers; no number of anything is as large
 COLOURS = "\x1b(?!\\[(?:(?:[0-4]|3[1-6])?;?)*m)"  # bold, dim, red, ..., but nothing that hides text
 OBEYED = re.compile(f"{COLOURS}|[\x00-\x08\x0b-\x1a\x1c-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]")

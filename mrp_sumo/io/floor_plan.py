@@ -116,8 +116,9 @@ def write_walls(map_: "Map", folder: Path) -> None:
     """Write `NAME.building.yaml` into a folder: the walls of a plan to draw lanes on, over its picture, if it is one, `NAME_plan.png`."""
     from PIL import Image
 
-    from mrp_sumo.maps.building_file import building_document, text_of
+    from mrp_sumo.maps.building_file import building_document
     from mrp_sumo.maps.readers.reader import HEAD, plan_kind
+    from mrp_sumo.maps.yaml_edit import text_of
 
     picture = None
     if plan_kind(read_head(map_.path, HEAD)) == "picture":

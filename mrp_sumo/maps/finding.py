@@ -97,7 +97,7 @@ SEVERITY: dict[str, Severity] = {
 CURE = {  # what the user can do about it
     "reference_level_without_measurement": "state the scale with --scale",
     "level_without_fiducials": "choose --level or add fiducials",
-    "no_lanes": "draw lanes in Open-RMF's traffic editor",
+    "no_lanes": "draw lanes with `mrp-sumo studio`, or in Open-RMF's traffic editor",
     "very_slow_lanes": "raise the limit, or leave such a direction out",
 }
 

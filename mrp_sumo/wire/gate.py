@@ -25,6 +25,7 @@ FOXGLOVE = ("https://app.foxglove.dev", "file://")  # where Foxglove's own pages
 LISTENERS = (  # what listens: the command that is asked for it, where, and who is let in
     ("`run --live`, `status --live`", "127.0.0.1, a free port or `--port`", "token, Host, Origin"),
     ("`replay --serve`", "127.0.0.1, a free port or `--port`", "token, Host, Origin"),
+    ("`studio`", "127.0.0.1, a free port or `--port`; the live view of a run that it starts at another", "token, Host, Origin"),
     (
         "`run --foxglove`",
         "127.0.0.1:8765 or `--port`; behind it Foxglove's own server, at an address of 127.0.0.0/8 drawn by chance",
@@ -79,6 +80,7 @@ class LocalHandler(BaseHTTPRequestHandler):
     timeout = PATIENCE_S
     server: LocalServer
     origins: Collection[str] = ()  # of pages that are let in beside the server's own
+    policy = "frame-ancestors 'none'"  # of content: no other page may show its documents within its own
 
     def place(self) -> str | None:
         """The place that is asked for, without the token; None where nobody is to be let in, and the refusal has been sent."""
@@ -113,7 +115,7 @@ class LocalHandler(BaseHTTPRequestHandler):
         self.send_header("Referrer-Policy", "no-referrer")
         self.send_header("X-Content-Type-Options", "nosniff")
         self.send_header("Cross-Origin-Resource-Policy", "same-origin")
-        self.send_header("Content-Security-Policy", "frame-ancestors 'none'")
+        self.send_header("Content-Security-Policy", self.policy)
 
     def version_string(self) -> str:
         """The server's name."""

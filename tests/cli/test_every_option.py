@@ -151,6 +151,8 @@ LINES = (
     line("warmup astar --quiet"),
     line("warmup astar --json"),
     line("report batch --json --out new"),
+    line("studio hall.png --no-browser --port PORT", stops=True),
+    line("studio --json --port none", 2, "mrp-sumo: --port: found 'none', expected a whole number up to 65535"),
     line("demo --no-open --out new"),
     line("demo --json --out new", says=r"(?:.*\n)*.*mrp-sumo report new/planners"),
     *(line(f"completion {shell}") for shell in ("bash", "zsh", "fish")),

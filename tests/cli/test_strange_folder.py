@@ -71,13 +71,14 @@ LINES = {  # at least one of every command; {run} and {batch} are made beforehan
     "trust": "trust --list",
     "warmup": "warmup astar",
     "report": "report {run} --out {new}/report.html",
+    "studio": "studio nowhere --no-browser",
     "demo": "demo --no-open --out /dev/null",
     "init": "init office --out {new}/site",
     "completion": "completion bash",
     "schema": "schema",
 }
 COMPILES = {"run", "init", "capacity", "plan", "batch", "reproduce", "warmup"}  # kernels, where there are none
-REFUSED = {"paper", "demo", "vda5050"}  # for what takes minutes, or a broker; after all is loaded that reads the line
+REFUSED = {"paper", "studio", "demo", "vda5050"}  # for what takes minutes, or a broker; after all is loaded that reads the line
 COLD = {"plan": pytest.mark.slow}  # compiles kernels, minutes: one line in CI, the others by night
 
 

@@ -109,6 +109,7 @@ def test_nothing_else_listens():
         "mrp_sumo/cli/replay.py",
         "mrp_sumo/engines/sumo/session.py",
         "mrp_sumo/reports/live/server.py",
+        "mrp_sumo/studio/server.py",
         "mrp_sumo/wire/dds.py",
         "mrp_sumo/wire/foxglove.py",
         "mrp_sumo/wire/gate.py",

@@ -39,7 +39,7 @@ class RmfBuilding:
         """The chosen graphs of the chosen levels."""
         refuse_choice(file.source, selection, "graph", "level", "meters_per_pixel")
         building = building_of(file.document, file.source, selection.meters_per_pixel)
-        return _from_building(building, selection.graph, selection.level)
+        return map_of_building(building, selection.graph, selection.level)
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,8 @@ class RmfNavGraph:
         return _from_nav_graph(file.document, file.source, selection.level)
 
 
-def _from_building(building: Building, graph: GraphChoice, level: str | None) -> Map:
+def map_of_building(building: Building, graph: GraphChoice = None, level: str | None = None) -> Map:
+    """The chosen graphs of the chosen levels, checked. Raises RefusedMap where nothing can drive there."""
     building = replace(building, findings=ordered(building.findings + check_building(building)))
     _refuse(building, level)
     levels = level_choice(building.levels, level, building.path.name)

@@ -1,0 +1,1 @@
+"""The workbench in the browser: a face of the commands, over the files of one folder."""

@@ -1,0 +1,150 @@
+"""The commands that a workbench may start, as words of the command line.
+
+Each names files of the folder, and a folder for its results that is not there yet.
+"""
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from mrp_sumo.errors import MrpSumoError
+from mrp_sumo.files.writing import write_whole
+from mrp_sumo.maps.readers.reader import map_name
+from mrp_sumo.maps.yaml_edit import text_of
+from mrp_sumo.studio.workspace import Workspace
+
+Values = Mapping[str, Any]
+FORMATS = {"lif": ".lif.json", "opentcs": ".xml", "nav": ".nav.yaml"}
+MOST_SEEDS = 100
+
+
+def words_of(workspace: Workspace, values: Values) -> tuple[list[str], str]:
+    """The words of a command after `mrp-sumo`, and the folder or file of its results. Raises MrpSumoError for what it does not know."""
+    make = COMMANDS.get(str(values.get("what")))
+    if make is None:
+        raise MrpSumoError(f"unknown command '{str(values.get('what'))[:40]}'")
+    return make(workspace, values)
+
+
+def _init(workspace: Workspace, values: Values) -> tuple[list[str], str]:
+    """Propose a scenario for a map."""
+    name = _file(workspace, values, "map")
+    out = _free(workspace, values.get("out") or map_name(Path(name)).replace(".", "_"))
+    words = ["init", name, "--out", out]
+    for option, key in (("--type", "robot"), ("--robots", "robots"), ("--rate", "rate_per_h")):
+        if values.get(key):
+            words += [option, str(values[key])]
+    return words, f"{out}/scenario.yaml"
+
+
+def _run(workspace: Workspace, values: Values) -> tuple[list[str], str]:
+    """Drive a scenario, or a map alone, and show it."""
+    name = _file(workspace, values, "scenario")
+    out = _free(workspace, f"runs/{_stem(name)}")
+    return ["run", name, "--out", out, *(["--live"] if values.get("live", True) else [])], out
+
+
+def _capacity(workspace: Workspace, values: Values) -> tuple[list[str], str]:
+    """Ask how many robots."""
+    name = _file(workspace, values, "scenario")
+    out = _free(workspace, f"studies/{_stem(name)}")
+    words = ["capacity", name, "--json", "--out", out, *(["--quick"] if values.get("quick", True) else [])]
+    for option in ("demand", "robots", "budget", "horizon"):
+        if values.get(option):
+            words += [f"--{option}", str(values[option])]
+    for change in values.get("what_if") or ():
+        words += ["--what-if", str(change)]
+    return words, out
+
+
+def _variants(workspace: Workspace, values: Values) -> tuple[list[str], str]:
+    """Drive two layouts on the same orders, seed by seed."""
+    scenario, maps = _file(workspace, values, "scenario"), [_file(workspace, {"map": name}, "map") for name in values.get("maps") or ()]
+    seeds = values.get("seeds", 5)
+    if len(maps) != 2 or maps[0] == maps[1]:
+        raise MrpSumoError("expected two maps that differ")
+    if type(seeds) is not int or not 2 <= seeds <= MOST_SEEDS:
+        raise MrpSumoError(f"seeds: found {str(seeds)[:20]}, expected 2 to {MOST_SEEDS}")
+    out = _free(workspace, f"variants/{'_'.join(_stem(name) for name in maps)}")
+    suite = f"{out}.yaml"
+    root = workspace.root
+    document = {
+        "base": (root / scenario).as_posix(),
+        "grid_search": {
+            "map": [(root / name).as_posix() for name in maps],
+            "execution.engine": ["kinematic"],
+            "record.bag": [False],
+            "seed": list(range(1, seeds + 1)),
+        },
+    }
+    write_whole(root / suite, text_of(document).encode())
+    return ["batch", suite, "--out", out], out
+
+
+def _report(workspace: Workspace, values: Values) -> tuple[list[str], str]:
+    """The page of a run."""
+    run = _file(workspace, values, "run")
+    out = _free(workspace, f"{run}_report")
+    return ["report", run, "--out", out], f"{out}/index.html"
+
+
+def _video(workspace: Workspace, values: Values) -> tuple[list[str], str]:
+    """A video of a run."""
+    run = _file(workspace, values, "run")
+    out = f"{run}.gif"
+    return ["render", run, "--video", out, "--to", "60"], out
+
+
+def _replay(workspace: Workspace, values: Values) -> tuple[list[str], str]:
+    """The replay page of a run as a file."""
+    run = _file(workspace, values, "run")
+    return ["replay", run], f"{run}/replay.html"
+
+
+def _convert(workspace: Workspace, values: Values) -> tuple[list[str], str]:
+    """A model for fleet managers."""
+    name, suffix = _file(workspace, values, "map"), FORMATS.get(str(values.get("format")))
+    if suffix is None:
+        raise MrpSumoError(f"format: found '{str(values.get('format'))[:20]}', expected one of {', '.join(FORMATS)}")
+    out = (Path(name).parent / f"{map_name(Path(name))}{suffix}").as_posix()
+    return ["convert", name, out], out
+
+
+COMMANDS: Mapping[str, Callable[[Workspace, Values], tuple[list[str], str]]] = {
+    "init": _init,
+    "run": _run,
+    "capacity": _capacity,
+    "variants": _variants,
+    "report": _report,
+    "video": _video,
+    "replay": _replay,
+    "convert": _convert,
+}
+
+
+def _file(workspace: Workspace, values: Values, key: str) -> str:
+    """The name of a file or folder that is there, which no command takes for an option."""
+    name = values.get(key)
+    if not isinstance(name, str) or not name:
+        raise MrpSumoError(f"{key}: expected the name of a file")
+    path = workspace.path(name)
+    if not path.exists():
+        raise MrpSumoError(f"{name[:80]}: is not there: save it first")
+    relative = path.relative_to(workspace.root).as_posix()
+    return f"./{relative}" if relative.startswith("-") else relative
+
+
+def _free(workspace: Workspace, wanted: object) -> str:
+    """A name for a folder that is not there yet: runs/site, runs/site_2."""
+    name = workspace.path(str(wanted)).relative_to(workspace.root).as_posix()
+    number, free = 2, name
+    while workspace.path(free).exists() or workspace.path(f"{free}.yaml").exists():
+        free, number = f"{name}_{number}", number + 1
+    return f"./{free}" if free.startswith("-") else free
+
+
+def _stem(name: str) -> str:
+    """What a scenario's results are called: the folder that it has to itself, or its own name."""
+    path = Path(name)
+    stem = path.parent.name if path.stem == "scenario" and path.parent.name else map_name(path)
+    return "".join(letter if letter.isalnum() or letter in "-_" else "_" for letter in stem)

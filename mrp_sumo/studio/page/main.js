@@ -1,0 +1,211 @@
+/* The workbench: steps, palette, saving, findings while drawing, and what other programs do to the files that are open. */
+import { make } from "./elements.js";
+import { get, post } from "./api.js";
+import { ask, banner, button } from "./parts.js";
+import { canRedo, canUndo, changed, isDirty, onChange, opened, redo, site, undo, unit } from "./site.js";
+import { camera, fit, frames, redraw, toFloor, toScreen, up } from "./view.js";
+import { choose, key, tool, TOOLS } from "./tools.js";
+import { actions, askPanel, drawPanel, floorPanel, leavePanel, openScenario, ordersPanel, refresh, runPanel, shared } from "./panels.js";
+
+const element = (id) => document.getElementById(id);
+const STEPS = [["floor", "1 Floor", floorPanel], ["draw", "2 Draw", drawPanel], ["orders", "3 Orders", ordersPanel], ["run", "4 Run", runPanel], ["ask", "5 Ask", askPanel], ["leave", "6 Leave", leavePanel]];
+const KEYS = [["1–6 with Alt", "steps"], ...TOOLS.map(([, letter, word]) => [letter, word]), ["n, then arrows, Enter", "a cross that clicks, with the keyboard alone"], ["arrows", "move what is chosen, with Shift ten steps"], ["Delete", "remove"], ["Esc", "end a line, let go"], ["+ − f", "closer, farther, whole floor"], ["Ctrl+Z, Ctrl+Y", "undo, redo"], ["Ctrl+C, Ctrl+V", "copy, paste, also onto another level"], ["Ctrl+A", "choose all"], ["Ctrl+S", "save"]];
+let step = "floor", checking = 0, wanted = 0, polled = false;
+
+/* Panels */
+
+function panel() {
+  const side = element("side"), active = document.activeElement, id = side.contains(active) ? active.getAttribute("aria-label") || active.labels?.[0]?.textContent : null, scroll = side.scrollTop;
+  side.replaceChildren(...STEPS.find(([name]) => name === step)[2]().filter(Boolean));
+  side.scrollTop = scroll;
+  if (id) [...side.querySelectorAll("input, select, textarea")].find((e) => (e.getAttribute("aria-label") || e.labels?.[0]?.textContent) === id)?.focus();
+}
+
+function show(name) {
+  step = name;
+  for (const one of element("steps").children) one.setAttribute("aria-selected", String(one.dataset.step === name));
+  element("palette").hidden = name !== "draw" && !(name === "floor" && site.document);
+  if (name === "floor" || name === "draw" || name === "orders") frame("");
+  if (name === "draw" && tool.name === "scale" && unit()) choose("select");
+  panel();
+}
+
+function frame(address) {
+  const place = element("frame");
+  place.hidden = !address;
+  if (address && !place.src.endsWith(address)) place.src = address;
+  if (!address) place.removeAttribute("src");
+  redraw();
+}
+
+function bars() {
+  element("title").textContent = site.path || `studio – ${shared.start?.folder ?? ""}`;
+  document.title = `${isDirty() ? "• " : ""}${site.path || "studio"}`;
+  element("dirty").hidden = !isDirty();
+  element("undo").disabled = !canUndo();
+  element("redo").disabled = !canRedo();
+  element("save").disabled = !isDirty();
+  for (const one of element("palette").querySelectorAll("button")) one.setAttribute("aria-pressed", String(one.dataset.tool === tool.name));
+  element("hint").textContent = site.document ? TOOLS.find(([name]) => name === tool.name)[3] : "Open a plan or a map, or begin with an empty floor.";
+  const names = Object.keys(site.document?.levels || {}), levels = element("levels");
+  levels.hidden = names.length < 2;
+  levels.replaceChildren(...names.map((name) => button(name, () => { site.level = name; site.selection = []; fit(); changed("view"); }, { "aria-pressed": String(name === site.level) })));
+}
+
+/* Files */
+
+async function open(path, chosen = {}) {
+  if (isDirty() && site.digest && !(await sure(`${site.path} has changes that are not saved.`))) return;
+  try {
+    const drawing = await get("open", { path, ...chosen });
+    opened(drawing);
+    fit();
+    banner(drawing.notes.length && drawing.from !== drawing.path ? drawing.notes[0] : "");
+    if (step === "floor" && unit() && drawing.digest) show("draw");
+    else { show(unit() ? step : "floor"); if (!unit()) choose("scale"); }
+    if (drawing.digest || (await get("digest", { path: drawing.path })).digest === "") return;
+    banner(`${drawing.path} is there already; this is a new drawing of ${drawing.from}.`, button(`Open ${drawing.path}`, () => { banner(""); open(drawing.path); }), button("Save this under another name", () => { banner(""); saveAs(); }));
+  } catch (error) {
+    if (/\.dxf$/i.test(path)) return openDxf(path, error.message, chosen);
+    banner(error.message);
+  }
+}
+
+/* A drawing of a CAD program says in its refusal what is missing: a unit, or layers. */
+async function openDxf(path, message, chosen) {
+  const values = { ...chosen };
+  if (/unit/.test(message)) values.unit = await ask(`${message} – which unit?`, "mm, cm, dm, m, in, ft", "mm", "text");
+  else values.layers = await ask(`${message} – which layers?`, "names, with commas", "", "text");
+  if (values.unit || values.layers) open(path, Object.fromEntries(Object.entries(values).filter(([, value]) => value)));
+}
+
+async function sure(text) {
+  return (await ask(`${text} Type "yes" to go on without them.`, "", "", "text")) === "yes";
+}
+
+async function save() {
+  if (!site.document) return true;
+  if (!isDirty()) return true;
+  const document_ = site.document;
+  try {
+    const said = await post("save", { path: site.path, document: document_, digest: site.digest });
+    Object.assign(site, { digest: said.digest, saved: document_ });
+    changed("saved");
+    return true;
+  } catch (error) {
+    if (error.status !== 409) { banner(error.message, button("Save again", () => { banner(""); save(); })); return false; }
+    conflict(error.message);
+    return false;
+  }
+}
+
+function conflict(text) {
+  banner(text,
+    button("Save mine under another name", () => { banner(""); saveAs(); }),
+    button("Open theirs", async () => { banner(""); site.saved = site.document; await open(site.path); }),
+    button("Write mine over it", async () => { banner(""); site.digest = (await get("digest", { path: site.path })).digest; site.saved = null; save(); }, { className: "danger" }));
+}
+
+async function saveAs() {
+  const name = await ask("Save as", ".building.yaml", site.path.replace(/\.building\.yaml$/, "_2"), "text");
+  if (!name) return false;
+  Object.assign(site, { path: `${name.replace(/\.building\.yaml$/, "")}.building.yaml`, digest: "", saved: null });
+  changed("view");
+  return save();
+}
+
+/* Other windows and programs change files, too. */
+async function poll() {
+  if (!site.digest || polled) return;
+  try {
+    const path = site.path, digest = site.digest, said = await get("digest", { path });
+    if (path !== site.path || digest !== site.digest || said.digest === digest) return;
+    if (!said.digest) { site.digest = ""; site.saved = null; banner(`${path} is not on disk any more: save it again to keep it.`); changed("view"); return; }
+    if (isDirty()) { polled = true; conflict(`${path} was changed by another program, and here, too.`); setTimeout(() => (polled = false), 20000); return; }
+    const drawing = await get("open", { path });
+    if (isDirty() || path !== site.path) return;
+    opened(drawing);
+    banner(`${path} was changed by another program: this is the new state.`);
+  } catch { /* the next look says it */ }
+}
+
+/* Findings, while drawing */
+
+async function check() {
+  wanted++;
+  if (checking || !site.document) return;
+  checking = 1;
+  while (wanted) {
+    wanted = 0;
+    const document_ = site.document, begin = performance.now();
+    try {
+      const said = await post("check", { path: site.path, document: document_, robot: shared.robot });
+      if (site.document === document_) Object.assign(site, { findings: said.findings, refused: said.refused, size: said.vertices ? { vertices: said.vertices, lanes: said.lanes } : null, checked_ms: performance.now() - begin });
+    } catch (error) {
+      site.findings = [{ severity: "refuse", text: error.message, places: [] }];
+      site.refused = true;
+    }
+  }
+  checking = 0;
+  redraw();
+  if (step === "draw" && !tool.drag) panel();
+}
+
+onChange((what) => {
+  if (["opened", "document", "dragged", "robot", "scaled"].includes(what) && !tool.drag) check();
+  if (what === "scaled") { choose("select"); show("floor"); }
+  if (what === "named") { panel(); element("side").querySelector("input")?.select(); }
+  else if (!tool.drag && (["panel", "opened", "dragged", "saved"].includes(what) || ((what === "document" || what === "selection" || what === "view") && (step === "draw" || step === "floor" || step === "run")))) panel();
+  bars();
+  redraw();
+});
+
+/* Beginning */
+
+element("steps").append(...STEPS.map(([name, text]) => button(text, () => show(name), { role: "tab", "aria-selected": "false", "aria-controls": "side" })));
+[...element("steps").children].forEach((one, k) => (one.dataset.step = STEPS[k][0]));
+element("palette").append(...TOOLS.map(([name, letter, word]) => { const one = make("button", { type: "button", "aria-pressed": "false", onclick: () => choose(name) }, word, make("kbd", { textContent: letter })); one.dataset.tool = name; return one; }));
+element("undo").onclick = () => undo();
+element("redo").onclick = () => redo();
+element("save").onclick = () => save();
+element("theme").onclick = () => theme(document.documentElement.dataset.theme === "dark" ? "light" : "dark");
+element("help").onclick = help;
+function help() {
+  const dialog = element("dialog");
+  dialog.onclose = null;
+  dialog.replaceChildren(make("form", { method: "dialog" }, make("h2", { textContent: "Keys" }), make("div", { className: "keys" }, ...KEYS.flatMap(([keys, word]) => [make("kbd", { textContent: keys }), make("span", { textContent: word })])), make("div", { className: "row" }, make("button", { className: "main", textContent: "Close" }))));
+  dialog.showModal();
+}
+function theme(name) {
+  document.documentElement.dataset.theme = name;
+  redraw();
+}
+const prefersDark = matchMedia("(prefers-color-scheme: dark)");
+theme(prefersDark.matches ? "dark" : "light");
+prefersDark.addEventListener("change", () => theme(prefersDark.matches ? "dark" : "light"));
+
+addEventListener("keydown", (event) => {
+  const meta = event.ctrlKey || event.metaKey;
+  if (meta && event.key === "s") { event.preventDefault(); save(); return; }
+  if (event.altKey && event.key >= "1" && event.key <= "6") { event.preventDefault(); show(STEPS[Number(event.key) - 1][0]); return; }
+  if (event.key === "?" && !/^(INPUT|TEXTAREA|SELECT)$/.test(event.target.tagName)) { help(); return; }
+  if (key(event)) event.preventDefault();
+});
+addEventListener("beforeunload", (event) => { if (isDirty() && site.past !== 0) event.preventDefault(); });
+addEventListener("resize", redraw);
+document.addEventListener("picture", () => { if (!site.digest && !isDirty.zoomed) fit(); });
+document.addEventListener("pointer", ({ detail: [x, y] }) => {
+  const u = unit();
+  element("where").textContent = u ? `${(x * u).toFixed(2)}, ${(up() * y * u).toFixed(2)} m` : `${x.toFixed(0)}, ${y.toFixed(0)} pixels`;
+});
+tool.ask = ask;
+Object.assign(actions, { save, open, show, frame });
+window.studio = { site, shared, tool, camera, frames, toFloor, toScreen, show, open, save, openScenario };
+
+shared.start = await get("start");
+await refresh();
+show("floor");
+bars();
+if (shared.start.opened) await open(shared.start.opened);
+setInterval(poll, 2000);
+document.documentElement.dataset.ready = "yes";

@@ -1,0 +1,417 @@
+/* Tools: what a click, a drag and a key on the floor do. A tool gets places in units of the drawing, already snapped. */
+import { edited, isPixels, level, list, newLane, newWall, option, redo, replaced, rounded, site, split, undo, unit, without, withoutLoose, withOptions, changed } from "./site.js";
+import { camera, fit, overlay, redraw, toFloor, toScreen, zoom } from "./view.js";
+
+const canvas = document.getElementById("floor");
+const NEAR_PX = 10, ANGLE = Math.PI / 12;
+export const TOOLS = [
+  ["select", "v", "Select", "Click or drag what is to be changed; drag the floor to move it; Shift-drag chooses a rectangle. Delete removes."],
+  ["lane", "l", "Lanes", "Click from place to place; near a lane it joins it. Esc or a double click ends. Shift keeps angles."],
+  ["oneway", "o", "One-way lanes", "As lanes, in the direction that is drawn."],
+  ["station", "s", "Station", "Click on a lane, or on a vertex; then say its name and what it is for."],
+  ["wall", "w", "Walls", "Click from corner to corner. Esc or a double click ends."],
+  ["rack", "r", "Rack", "Drag a rectangle: four walls."],
+  ["door", "d", "Door", "Click both ends of a door; along a wall it opens it."],
+  ["clear", "x", "Clear", "Drag a rectangle: no lanes within."],
+  ["scale", "m", "Scale", "Click two places whose distance you know."],
+];
+export const tool = { name: "select", chain: [], drag: null, step_m: 0.1, snaps: true, ask: null };
+let clipboard = null;
+
+export function choose(name) {
+  Object.assign(tool, { name, chain: [], drag: null });
+  changed("tool");
+  redraw();
+}
+
+const near = (xy) => {
+  const at = toScreen(xy);
+  let best = null, least = NEAR_PX;
+  list("vertices").forEach((vertex, v) => {
+    const p = toScreen(vertex), d = Math.hypot(p[0] - at[0], p[1] - at[1]);
+    if (d < least) [best, least] = [v, d];
+  });
+  return best;
+};
+
+/* The item of a list nearest to a place: [index, place on it], or null. */
+function nearLine(name, xy) {
+  const at = toScreen(xy), vertices = list("vertices");
+  let best = null, least = NEAR_PX;
+  list(name).forEach(([a, b], i) => {
+    if (!vertices[a] || !vertices[b]) return;
+    const p = toScreen(vertices[a]), q = toScreen(vertices[b]), [dx, dy] = [q[0] - p[0], q[1] - p[1]];
+    const t = Math.min(1, Math.max(0, ((at[0] - p[0]) * dx + (at[1] - p[1]) * dy) / Math.max(dx * dx + dy * dy, 1e-9)));
+    const on = [p[0] + t * dx, p[1] + t * dy], d = Math.hypot(on[0] - at[0], on[1] - at[1]);
+    if (d < least) [best, least] = [[i, toFloor(on), t], d];
+  });
+  return best;
+}
+
+export function pick(xy) {
+  const v = near(xy);
+  if (v !== null) return { kind: "vertices", index: v };
+  for (const name of ["lanes", "doors", "walls", "measurements"]) {
+    const hit = nearLine(name, xy);
+    if (hit) return { kind: name, index: hit[0] };
+  }
+  return null;
+}
+
+/* A place on the grid of the step; with Shift at an angle of 15 degrees to the place before. */
+export function snapped(xy, shift = false) {
+  const last = tool.chain.at(-1);
+  const from = typeof last === "number" ? list("vertices")[last] : last;
+  if (shift && from) {
+    const [dx, dy] = [xy[0] - from[0], xy[1] - from[1]], angle = Math.round(Math.atan2(dy, dx) / ANGLE) * ANGLE, far = Math.hypot(dx, dy);
+    return [rounded(from[0] + far * Math.cos(angle)), rounded(from[1] + far * Math.sin(angle))];
+  }
+  const step = tool.snaps && unit() ? tool.step_m / unit() : 0;
+  return step ? xy.map((value) => rounded(Math.round(value / step) * step)) : xy.map(rounded);
+}
+
+/* A vertex at a place: one that is there, one on a lane, which it splits, or a new one. */
+function vertexAt(xy, shift, onLanes = true) {
+  const there = near(xy);
+  if (there !== null) return [there, {}];
+  const lane = onLanes ? nearLine("lanes", xy) : null;
+  if (lane) {
+    const lists = split(lane[0], lane[1]);
+    return [lists.vertices.length - 1, lists];
+  }
+  const vertices = [...list("vertices"), [...snapped(xy, shift), 0, ""]];
+  return [vertices.length - 1, { vertices }];
+}
+
+const same = (a, b) => (x) => (x[0] === a && x[1] === b) || (x[0] === b && x[1] === a);
+
+function joined(name, xy, shift) {
+  const [v, lists] = vertexAt(xy, shift, name === "lanes");
+  const before = tool.chain.at(-1), items = lists[name] || list(name);
+  if (before !== undefined && before !== v && !items.some(same(before, v))) {
+    lists[name] = [...items, name === "walls" ? newWall(before, v) : newLane(before, v, tool.name === "oneway" ? { bidirectional: [4, false] } : {})];
+  }
+  if (Object.keys(lists).length) edited(lists, [{ kind: "vertices", index: v }]);
+  tool.chain = [...tool.chain.filter((x) => typeof x === "number"), v];
+}
+
+const CLICKS = {
+  select(xy, event) {
+    const hit = pick(xy);
+    if (!hit) site.selection = event.shiftKey ? site.selection : [];
+    else if (event.shiftKey) site.selection = [...site.selection, hit];
+    else if (!site.selection.some((s) => s.kind === hit.kind && s.index === hit.index)) site.selection = [hit];
+    changed("selection");
+  },
+  lane: (xy, event) => joined("lanes", xy, event.shiftKey),
+  oneway: (xy, event) => joined("lanes", xy, event.shiftKey),
+  wall: (xy, event) => joined("walls", xy, event.shiftKey),
+  station(xy, event) {
+    const [v, lists] = vertexAt(xy, event.shiftKey);
+    const vertices = (lists.vertices || list("vertices")).slice();
+    if (vertices[v][3] === "" || vertices[v][3] === null) vertices[v] = [...vertices[v].slice(0, 3), freeName("station"), ...vertices[v].slice(4)];
+    edited({ ...lists, vertices }, [{ kind: "vertices", index: v }]);
+    changed("named");
+  },
+  door(xy, event) {
+    const place = snapped(xy, event.shiftKey);
+    if (!tool.chain.length) { tool.chain = [place]; return; }
+    const n = list("vertices").length;
+    const options = { motion_axis: [1, "start"], motion_degrees: [3, 90], motion_direction: [2, 1], name: [1, freeName("door", "doors")], plugin: [1, "normal"], right_left_ratio: [3, 1], type: [1, "hinged"] };
+    edited({ vertices: [...list("vertices"), [...tool.chain[0], 0, ""], [...place, 0, ""]], doors: [...list("doors"), [n, n + 1, options]] }, [{ kind: "doors", index: list("doors").length }]);
+    tool.chain = [];
+  },
+  async scale(xy) {
+    if (!tool.chain.length) { tool.chain = [xy.map(rounded)]; return; }
+    const [p, q] = [tool.chain[0], xy.map(rounded)];
+    tool.chain = [];
+    if (Math.hypot(p[0] - q[0], p[1] - q[1]) < 1e-6) return;
+    const metres = await tool.ask("How far apart are the two places?", "metres", "");
+    if (!(metres > 0)) return;
+    const n = list("vertices").length;
+    edited({ vertices: [...list("vertices"), [...p, 0, ""], [...q, 0, ""]], measurements: [...list("measurements"), [n, n + 1, { distance: [3, metres] }]] }, []);
+    changed("scaled");
+  },
+};
+
+export function freeName(word, of = "vertices") {
+  const names = new Set(list(of).map((item) => (of === "vertices" ? item[3] : option(item, "name"))));
+  let n = 1;
+  while (names.has(`${word}_${n}`)) n++;
+  return `${word}_${n}`;
+}
+
+const RECTANGLES = {
+  rack([x0, y0], [x1, y1]) {
+    const n = list("vertices").length, corners = [[x0, y0], [x1, y0], [x1, y1], [x0, y1]];
+    const walls = corners.map((_, k) => newWall(n + k, n + ((k + 1) % 4)));
+    const first = list("walls").length;
+    edited({ vertices: [...list("vertices"), ...corners.map((c) => [...c, 0, ""])], walls: [...list("walls"), ...walls] }, walls.map((_, k) => ({ kind: "walls", index: first + k })));
+  },
+  clear(a, b) {
+    const inside = contained(a, b), lanes = [];
+    const on = new Set(list("lanes").flatMap(([p, q]) => [p, q])), gone = inside.filter((v) => on.has(v));
+    list("lanes").forEach(([p, q], index) => crosses(list("vertices")[p], list("vertices")[q], a, b) && lanes.push({ kind: "lanes", index }));
+    edited(without([...gone.map((index) => ({ kind: "vertices", index })), ...lanes]), []);
+  },
+  select(a, b) {
+    const inside = new Set(contained(a, b)), chosen = [...inside].map((index) => ({ kind: "vertices", index }));
+    for (const name of ["lanes", "walls", "doors"]) list(name).forEach(([p, q], index) => inside.has(p) && inside.has(q) && chosen.push({ kind: name, index }));
+    site.selection = chosen;
+    changed("selection");
+  },
+};
+
+function contained([x0, y0], [x1, y1]) {
+  const [l, r, t, b] = [Math.min(x0, x1), Math.max(x0, x1), Math.min(y0, y1), Math.max(y0, y1)];
+  return list("vertices").flatMap(([x, y], v) => (x >= l && x <= r && y >= t && y <= b ? [v] : []));
+}
+
+/* Liang-Barsky: a segment has a part in a rectangle. */
+function crosses(p, q, a, b) {
+  let [from, to] = [0, 1];
+  for (const k of [0, 1]) {
+    const d = q[k] - p[k], low = Math.min(a[k], b[k]), high = Math.max(a[k], b[k]);
+    if (Math.abs(d) < 1e-9) { if (p[k] < low || p[k] > high) return false; continue; }
+    const [t0, t1] = [(low - p[k]) / d, (high - p[k]) / d];
+    [from, to] = [Math.max(from, Math.min(t0, t1)), Math.min(to, Math.max(t0, t1))];
+  }
+  return from < to;
+}
+
+export function removeChosen() {
+  if (!site.selection.length) return;
+  const before = level();
+  edited(withoutLoose(without(site.selection), before), []);
+}
+
+/* Vertices that a selection stands for: its own, and the ends of its lines. */
+export const chosenVertices = () => [...new Set(site.selection.flatMap((s) => (s.kind === "vertices" ? [s.index] : (list(s.kind)[s.index] || []).slice(0, 2))))];
+
+export function moved(vertices, dx, dy, from = list("vertices"), merge = false) {
+  const chosen = new Set(vertices);
+  edited({ vertices: list("vertices").map((item, v) => (chosen.has(v) ? [rounded(from[v][0] + dx), rounded(from[v][1] + dy), ...item.slice(2)] : item)) }, site.selection, merge);
+}
+
+export function aligned(axis) {
+  const vertices = chosenVertices(), middle = vertices.reduce((sum, v) => sum + list("vertices")[v][axis], 0) / vertices.length, chosen = new Set(vertices);
+  edited({ vertices: list("vertices").map((item, v) => (chosen.has(v) ? item.map((value, k) => (k === axis ? rounded(middle) : value)) : item)) });
+}
+
+export function mirrored(axis) {
+  const vertices = chosenVertices(), values = vertices.map((v) => list("vertices")[v][axis]), sum = Math.min(...values) + Math.max(...values), chosen = new Set(vertices);
+  edited({ vertices: list("vertices").map((item, v) => (chosen.has(v) ? item.map((value, k) => (k === axis ? rounded(sum - value) : value)) : item)) });
+}
+
+/* The chosen part by itself: its vertices, and lines between them by number among these. */
+function copied() {
+  const vertices = chosenVertices(), number = new Map(vertices.map((v, k) => [v, k])), part = { vertices: vertices.map((v) => list("vertices")[v]) };
+  for (const name of ["lanes", "walls", "doors"]) part[name] = list(name).filter(([a, b]) => number.has(a) && number.has(b)).map(([a, b, ...rest]) => [number.get(a), number.get(b), ...rest]);
+  return part;
+}
+
+/* Lists with a part added somewhere else; vertices at places where there is one already are that one. */
+function added(part, dx, dy, lists) {
+  const vertices = lists.vertices.slice(), names = new Set(vertices.map((v) => v[3])), index = new Map(vertices.map(([x, y], v) => [`${rounded(x)} ${rounded(y)}`, v]));
+  const at = part.vertices.map(([x, y, z, name, ...rest]) => {
+    const place = [rounded(x + dx), rounded(y + dy)], key = place.join(" ");
+    if (!index.has(key)) {
+      index.set(key, vertices.length);
+      let free = name;
+      for (let n = 2; free && names.has(free); n++) free = `${String(name).replace(/_\d+$/, "")}_${n}`;
+      names.add(free);
+      vertices.push([...place, z ?? 0, free, ...rest]);
+    }
+    return index.get(key);
+  });
+  const result = { ...lists, vertices };
+  for (const name of ["lanes", "walls", "doors"]) {
+    const items = (lists[name] || []).slice();
+    for (const [a, b, ...rest] of part[name]) if (at[a] !== at[b] && !items.some(same(at[a], at[b]))) items.push([at[a], at[b], ...rest]);
+    if (items.length) result[name] = items;
+  }
+  return result;
+}
+
+const lists = () => Object.fromEntries(["vertices", "lanes", "walls", "doors"].map((name) => [name, list(name)]));
+
+export function repeated(times, dx_m, dy_m) {
+  const part = copied(), u = unit() || 1, y = isPixels() ? -1 : 1;
+  if (!part.vertices.length) return;
+  let all = lists();
+  for (let n = 1; n <= times; n++) all = added(part, (n * dx_m) / u, (y * n * dy_m) / u, all);
+  edited(all);
+}
+
+export function copy() { clipboard = copied(); }
+export function paste(shift = 0) {
+  if (!clipboard?.vertices.length) return;
+  const before = list("vertices").length, all = added(clipboard, shift, shift, lists());
+  edited(all, all.vertices.slice(before).map((_, k) => ({ kind: "vertices", index: before + k })));
+}
+
+/* A lane as an arc that stands off its chord by so many metres, to the left where that is above 0. */
+export function bent(index, off_m) {
+  const [a, b, ...rest] = list("lanes")[index], [p, q] = [list("vertices")[a], list("vertices")[b]], off = off_m / (unit() || 1);
+  const chord = Math.hypot(q[0] - p[0], q[1] - p[1]);
+  if (!off || !chord) return;
+  const half = 2 * Math.atan((2 * Math.abs(off)) / chord), pieces = Math.max(2, Math.ceil((2 * half) / ANGLE)), radius = chord / (2 * Math.sin(half));
+  const [ux, uy] = [(q[0] - p[0]) / chord, (q[1] - p[1]) / chord], side = Math.sign(off) * (isPixels() ? 1 : -1);
+  const vertices = list("vertices").slice(), chain = [a];
+  for (let k = 1; k < pieces; k++) {
+    const angle = -half + (2 * half * k) / pieces, along = chord / 2 + radius * Math.sin(angle), across = side * (radius * Math.cos(angle) - radius * Math.cos(half));
+    chain.push(vertices.length);
+    vertices.push([rounded(p[0] + along * ux + across * uy), rounded(p[1] + along * uy - across * ux), 0, ""]);
+  }
+  chain.push(b);
+  const lanes = list("lanes").filter((_, i) => i !== index);
+  for (let k = 0; k + 1 < chain.length; k++) lanes.push([chain[k], chain[k + 1], ...rest]);
+  edited({ vertices, lanes }, []);
+}
+
+/* Set options of all chosen items of a list. */
+export function setOptions(kind, values) {
+  const chosen = new Set(site.selection.filter((s) => s.kind === kind).map((s) => s.index));
+  edited({ [kind]: list(kind).map((item, i) => (chosen.has(i) ? withOptions(kind === "vertices" && item.length < 4 ? [...item, ""] : item, values) : item)) });
+}
+
+export function renamed(index, name) {
+  edited({ vertices: list("vertices").map((item, v) => (v === index ? [...item.slice(0, 3), name, ...item.slice(4)] : item)) });
+}
+
+export function turned() {
+  const chosen = new Set(site.selection.filter((s) => s.kind === "lanes").map((s) => s.index));
+  edited({ lanes: list("lanes").map((item, i) => (chosen.has(i) ? [item[1], item[0], ...item.slice(2)] : item)) });
+}
+
+/* Pointer and keys */
+
+const place = (event) => { const box = canvas.getBoundingClientRect(); return [event.clientX - box.left, event.clientY - box.top]; };
+
+canvas.addEventListener("pointerdown", (event) => {
+  if (!site.document) return;
+  canvas.focus();
+  canvas.setPointerCapture(event.pointerId);
+  const at = place(event), xy = toFloor(at), hit = tool.name === "select" && event.button === 0 ? pick(xy) : null;
+  const rectangle = event.button === 0 && (tool.name === "rack" || tool.name === "clear" || (tool.name === "select" && event.shiftKey && !hit));
+  overlay.cross = null;
+  tool.drag = { at, xy, from: [camera.x, camera.y], isMove: false, rectangle, vertices: null, was: list("vertices") };
+  if (hit?.kind === "vertices") {
+    const isChosen = site.selection.some((s) => s.kind === "vertices" && s.index === hit.index);
+    tool.drag.vertices = isChosen ? chosenVertices() : [hit.index];
+    tool.drag.hit = hit;
+  } else if (hit && site.selection.some((s) => s.kind === hit.kind && s.index === hit.index)) tool.drag.vertices = chosenVertices();
+});
+
+canvas.addEventListener("pointermove", (event) => {
+  if (!site.document) return;
+  const at = place(event), xy = toFloor(at), drag = tool.drag;
+  document.dispatchEvent(new CustomEvent("pointer", { detail: xy }));
+  if (!drag) {
+    if (tool.chain.length) { tool.preview = snapped(xy, event.shiftKey); redraw(); }
+    return;
+  }
+  if (!drag.isMove && Math.hypot(at[0] - drag.at[0], at[1] - drag.at[1]) < 4) return;
+  const first = !drag.isMove;
+  drag.isMove = true;
+  if (drag.rectangle) drag.to = xy;
+  else if (drag.vertices) {
+    if (first && drag.hit && !site.selection.some((s) => s.kind === "vertices" && s.index === drag.hit.index)) site.selection = [drag.hit];
+    const main = drag.was[drag.hit?.index ?? drag.vertices[0]], target = snapped([main[0] + xy[0] - drag.xy[0], main[1] + xy[1] - drag.xy[1]]);
+    moved(drag.vertices, target[0] - main[0], target[1] - main[1], drag.was, !first);
+  } else {
+    const moved_ = [drag.at[0] - at[0], drag.at[1] - at[1]], origin = toFloor([0, 0]), shift = toFloor(moved_);
+    camera.x = drag.from[0] + shift[0] - origin[0];
+    camera.y = drag.from[1] + shift[1] - origin[1];
+  }
+  redraw();
+});
+
+canvas.addEventListener("pointerup", (event) => {
+  const drag = tool.drag;
+  tool.drag = null;
+  if (!drag) return;
+  if (!drag.isMove) { if (event.button === 0) click(drag.xy, event); }
+  else if (drag.rectangle && drag.to) RECTANGLES[tool.name](snapped(drag.xy), snapped(drag.to));
+  else if (drag.vertices) changed("dragged");
+  redraw();
+});
+canvas.addEventListener("dblclick", () => { tool.chain = []; tool.preview = null; redraw(); });
+canvas.addEventListener("contextmenu", (event) => { event.preventDefault(); tool.chain = []; redraw(); });
+canvas.addEventListener("wheel", (event) => { event.preventDefault(); zoom(Math.exp(-event.deltaY / 400), place(event)); }, { passive: false });
+
+function click(xy, event) {
+  CLICKS[tool.name]?.(xy, event);
+  redraw();
+}
+
+overlay.draw = (pen, at) => {
+  const drag = tool.drag;
+  if (drag?.rectangle && drag.to) {
+    const [a, b] = [toScreen(drag.xy), toScreen(drag.to)];
+    pen.setLineDash([5, 4]);
+    pen.strokeStyle = getComputedStyle(document.documentElement).getPropertyValue("--accent");
+    pen.lineWidth = 1.5;
+    pen.strokeRect(a[0], a[1], b[0] - a[0], b[1] - a[1]);
+    pen.setLineDash([]);
+  }
+  const last = tool.chain.at(-1), from = typeof last === "number" ? at[last] : last && toScreen(last);
+  if (from && tool.preview) {
+    pen.setLineDash([4, 4]);
+    pen.strokeStyle = getComputedStyle(document.documentElement).getPropertyValue("--accent");
+    pen.lineWidth = 2;
+    pen.beginPath();
+    pen.moveTo(...from);
+    pen.lineTo(...toScreen(tool.preview));
+    pen.stroke();
+    pen.setLineDash([]);
+  }
+};
+
+const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
+
+export function key(event) {
+  if (!site.document || document.querySelector("dialog[open]")) return false;
+  const typing = /^(INPUT|TEXTAREA|SELECT)$/.test(event.target.tagName), meta = event.ctrlKey || event.metaKey;
+  if (typing && !(meta && event.key === "s")) return false;
+  if (meta && event.key === "z") event.shiftKey ? redo() : undo();
+  else if (meta && event.key === "y") redo();
+  else if (meta && event.key === "c") copy();
+  else if (meta && event.key === "v") paste(unit() ? tool.step_m * 5 / unit() : 10);
+  else if (meta && event.key === "a") { site.selection = list("vertices").map((_, index) => ({ kind: "vertices", index })); changed("selection"); }
+  else if (meta) return false;
+  else if (event.key === "Delete" || event.key === "Backspace") removeChosen();
+  else if (event.key === "Escape") { if (tool.chain.length) tool.chain = []; else if (tool.name !== "select") choose("select"); else { site.selection = []; changed("selection"); } overlay.cross = null; }
+  else if (event.key === "+" || event.key === "=") zoom(1.25);
+  else if (event.key === "-") zoom(0.8);
+  else if (event.key === "f") fit();
+  else if (event.key in ARROWS && event.target === canvas) arrow(ARROWS[event.key], event);
+  else if (event.key === "Enter" && event.target === canvas && overlay.cross) enter(event);
+  else if (event.key === "n" && event.target === canvas) { overlay.cross = snapped([camera.x, camera.y]); }
+  else {
+    const one = TOOLS.find(([, letter]) => letter === event.key);
+    if (!one) return false;
+    choose(one[0]);
+  }
+  redraw();
+  return true;
+}
+
+function arrow([x, y], event) {
+  const step = ((event.shiftKey ? 10 : 1) * tool.step_m) / (unit() || tool.step_m), down = isPixels() ? 1 : -1;
+  if (tool.name === "select" && site.selection.length && !overlay.cross) { moved(chosenVertices(), x * step, y * down * step); return; }
+  const from = overlay.cross || snapped([camera.x, camera.y]);
+  overlay.cross = [rounded(from[0] + x * step), rounded(from[1] + y * down * step)];
+  tool.preview = tool.chain.length ? overlay.cross : null;
+  document.dispatchEvent(new CustomEvent("pointer", { detail: overlay.cross }));
+}
+
+function enter(event) {
+  if (tool.name === "rack" || tool.name === "clear") {
+    if (!tool.corner) { tool.corner = overlay.cross; return; }
+    RECTANGLES[tool.name](tool.corner, overlay.cross);
+    tool.corner = null;
+    return;
+  }
+  click(overlay.cross, event);
+}

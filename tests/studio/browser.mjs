@@ -1,0 +1,170 @@
+/* node browser.mjs CHROMIUM ADDRESS FOLDER: uses a workbench as people do, from a picture of a hall to an answer, and prints what came of it as
+   lines of JSON {"claim", "holds", "found"}. Screenshots go to FOLDER. Needs playwright-core. */
+import { createRequire } from "node:module";
+import { readFileSync, writeFileSync } from "node:fs";
+
+const [, , executablePath, address, folder, shots = ""] = process.argv;
+const { chromium } = createRequire(import.meta.url)("playwright-core");
+const browser = await chromium.launch({ executablePath, args: ["--no-sandbox", "--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-component-update", "--disable-sync", "--disable-gpu"] });
+const say = (claim, holds, found = null) => console.log(JSON.stringify({ claim, holds: Boolean(holds), found }));
+const PATIENCE = { timeout: 300000 };
+const problems = [], outside = [];
+
+async function opened(options = {}) {
+  const tab = await (await browser.newContext({ viewport: { width: 1280, height: 800 }, ...options })).newPage();
+  tab.on("console", (message) => ["error", "warning"].includes(message.type()) && problems.push(message.text()));
+  tab.on("pageerror", (error) => problems.push(error.message));
+  tab.on("request", (request) => !request.url().startsWith(address) && /^https?:/.test(request.url()) && outside.push(request.url()));
+  await tab.goto(address);
+  await tab.waitForFunction(() => document.documentElement.dataset.ready, null, PATIENCE);
+  return tab;
+}
+let tab = await opened();
+const begin = Date.now();
+const shot = async (name) => shots && tab.screenshot({ path: `${shots}/${name}.png` }).then(() => console.error(name, Math.round((Date.now() - begin) / 1000), "s"));
+const box = await tab.locator("#floor").boundingBox();
+const screen = async (x, y) => { const [sx, sy] = await tab.evaluate((p) => window.studio.toScreen(p), [x, y]); return [box.x + sx, box.y + sy]; };
+const click = async (x, y, options) => tab.mouse.click(...(await screen(x, y)), options);
+const site = (expression) => tab.evaluate((text) => new Function("site", "shared", `return ${text}`)(window.studio.site, window.studio.shared), expression);
+const lists = (name) => site(`(Object.values(site.document.levels)[0].${name} || []).length`);
+const until = (expression) => tab.waitForFunction((text) => new Function("site", "shared", `return ${text}`)(window.studio.site, window.studio.shared), expression, PATIENCE);
+const step = (name) => tab.click(`#steps button:has-text("${name}")`);
+const press = (text) => tab.click(`#side button:has-text("${text}")`);
+
+try {
+  await tab.click('#side button:has-text("hall.png")');
+  await until("site.document && site.path === 'hall.building.yaml'");
+  await tab.waitForTimeout(300);
+  await shot("1_floor");
+  say("a picture without a scale asks for it", (await tab.textContent("#side")).includes("Say how large the plan is"));
+  await click(20, 20);
+  await click(620, 20);
+  await tab.fill("dialog input", "30");
+  await tab.click('dialog button:has-text("OK")');
+  await until("Object.values(site.document.levels)[0].measurements.length === 1");
+  say("two places and their distance are the scale", (await tab.textContent("#side")).includes("20.0 units a metre"));
+
+  await press("Walls and lanes");
+  await until("Object.values(site.document.levels)[0].lanes.length > 20");
+  await until("site.findings && !site.refused && site.size");
+  await shot("2_lanes");
+  say("lanes are laid over the free floor", (await lists("walls")) > 8, await lists("lanes"));
+  const before = await lists("lanes");
+  await tab.keyboard.press("Control+z");
+  say("undo takes back", (await lists("lanes")) === 0);
+  await tab.keyboard.press("Control+y");
+  say("redo brings back", (await lists("lanes")) === before);
+
+  await tab.keyboard.press("v");
+  const places = await site("(() => { const v = Object.values(site.document.levels)[0].vertices, l = Object.values(site.document.levels)[0].lanes; const on = [...new Set(l.flatMap(([a, b]) => [a, b]))]; const by = (f) => v[on.reduce((a, b) => (f(v[b]) < f(v[a]) ? b : a))]; return [by(([x, y]) => x + y), by(([x, y]) => -x - y), by(([x, y]) => x - y), by(([x, y]) => y - x)].map((p) => p.slice(0, 2)); })()");
+  const names = [["goods_in", "pick-up"], ["goods_out", "drop-off"], ["charger_1", "charger"], ["home", "parking"]];
+  for (const [k, [name, kind]] of names.entries()) {
+    await tab.keyboard.press("s");
+    await click(...places[k]);
+    await tab.waitForTimeout(50);
+    const field = tab.locator("#side .fields input").first();
+    await field.fill(name);
+    await field.press("Tab");
+    await tab.locator("#side .fields select").first().selectOption(kind);
+    await tab.locator("#floor").focus();
+    await tab.keyboard.press("Escape");
+  }
+  const stations = await site("Object.values(site.document.levels)[0].vertices.filter((v) => v[3]).map((v) => [v[3], v[4]])");
+  say("stations have names and kinds", stations.length === 4 && stations.every((s) => s[1]), stations);
+  await tab.waitForTimeout(400);
+  await shot("3_stations");
+
+  await tab.keyboard.press("Control+s");
+  await until("site.digest && site.document === site.saved");
+  say("Ctrl+S saves", readFileSync(`${folder}/hall.building.yaml`, "utf8").includes("goods_out"));
+
+  await step("3 Orders");
+  await press("Propose orders");
+  await until("shared.scenario && shared.values");
+  await tab.waitForTimeout(200);
+  await shot("4_orders");
+  say("orders are proposed and valid", (await site("shared.fault")) === "", await site("shared.scenario"));
+  await tab.getByLabel("robots", { exact: true }).fill("3");
+  await tab.getByLabel("robots", { exact: true }).press("Tab");
+  await tab.waitForFunction(() => document.querySelector("textarea.yaml").value.includes("count: 3"), null, PATIENCE);
+  say("a field changes the text and keeps its comments", /count: 3 +# guessed/.test(readFileSync(`${folder}/${await site("shared.scenario")}`, "utf8")));
+  const text = tab.locator("textarea.yaml");
+  await text.fill((await text.inputValue()).replace("count: 3", "count: -2"));
+  await text.press("Tab");
+  await until("shared.fault");
+  say("the text's errors are those of the command", /scenario.yaml:\d+: robots.count: found -2, expected/.test(await site("shared.fault")), await site("shared.fault"));
+  await text.fill((await text.inputValue()).replace("count: -2", "count: 2"));
+  await text.press("Tab");
+  await until("!shared.fault");
+  await tab.waitForFunction(() => [...document.querySelectorAll("#side .fields input")][0].value === "2", null, PATIENCE);
+  say("the text changes the fields", true);
+
+  await step("4 Run");
+  await press("Run hall/scenario.yaml");
+  await tab.waitForFunction(() => document.getElementById("frame").src.includes("/live/"), null, PATIENCE);
+  const live = tab.frameLocator("#frame");
+  await live.locator("#floor").waitFor(PATIENCE);
+  await tab.waitForTimeout(1500);
+  await shot("5_live");
+  say("a run is watched in place", (await live.locator("#status").textContent()).length > 0, await live.locator("#status").textContent());
+  const speed = live.locator("select").first();
+  if (await speed.count()) await speed.selectOption({ index: (await speed.locator("option").count()) - 1 });
+  await until("shared.run");
+  await live.locator("#floor").waitFor(PATIENCE);
+  await tab.waitForTimeout(1500);
+  await shot("6_replay");
+  say("its replay follows", (await tab.getAttribute("#frame", "src")).startsWith("replay?run=runs"));
+  await press("Waits over the plan");
+  await until("site.heat");
+  await tab.waitForTimeout(300);
+  await shot("7_waits");
+  say("waits are drawn over the plan", (await site("site.heat.length")) > 0 && (await site("site.heat.every(([name]) => name === site.level)")));
+
+  await step("5 Ask");
+  const budget = tab.getByLabel("at most", { exact: true });
+  await budget.fill("1min");
+  await budget.press("Tab");
+  await tab.locator('#side .row button:text-is("How many robots?")').click();
+  await until("shared.points.length > 1");
+  await shot("8_filling");
+  say("a study fills in while it runs", await tab.locator("svg.chart").count());
+  await until("shared.answer");
+  await tab.waitForTimeout(300);
+  await shot("9_answer");
+  say("it has an answer", /robot/.test(await tab.textContent("#answer")), await tab.textContent("#answer"));
+
+  const mine = readFileSync(`${folder}/hall.building.yaml`, "utf8");
+  writeFileSync(`${folder}/hall.building.yaml`, mine.replace("goods_in", "goods_here"));
+  await until("Object.values(site.document.levels)[0].vertices.some((v) => v[3] === 'goods_here')");
+  say("another program's change is shown", (await tab.textContent("#banner")).includes("changed by another program"));
+  await step("2 Draw");
+  await tab.locator("#floor").focus();
+  await tab.keyboard.press("Control+a");
+  await tab.keyboard.press("ArrowRight");
+  await until("site.document !== site.saved");
+  writeFileSync(`${folder}/hall.building.yaml`, mine);
+  await tab.waitForFunction(() => document.getElementById("banner").textContent.includes("and here, too"), null, PATIENCE);
+  await tab.keyboard.press("Control+s");
+  await tab.waitForFunction(() => document.getElementById("banner").textContent.includes("nothing was written"), null, PATIENCE);
+  say("a conflict writes nothing and offers three ways", (await tab.locator("#banner button").count()) === 4 && readFileSync(`${folder}/hall.building.yaml`, "utf8") === mine);
+  await tab.click('#banner button:has-text("Open theirs")');
+  await until("Object.values(site.document.levels)[0].vertices.some((v) => v[3] === 'goods_in')");
+
+  await tab.locator("#floor").focus();
+  await tab.keyboard.press("l");
+  await tab.keyboard.press("n");
+  const lanes = await lists("lanes");
+  for (const key of ["Enter", "Shift+ArrowRight", "Shift+ArrowRight", "Enter", "Escape"]) await tab.keyboard.press(key);
+  say("the keyboard alone draws", (await lists("lanes")) > lanes, (await lists("lanes")) - lanes);
+  await step("6 Leave");
+  await shot("10_leave");
+  await press("Take LIF".slice(5));
+  await until("shared.job && shared.job.what === 'convert' && shared.job.state !== 'running'");
+  say("it leaves as a LIF", (await site("shared.job.state")) === "done" && readFileSync(`${folder}/hall.lif.json`, "utf8").includes("lifVersion"));
+  say("asks no other server", !outside.length, outside);
+  say("no console error", !problems.filter((p) => !/409|400/.test(p)).length, problems);
+} catch (error) {
+  say("goes through to the end", false, String(error).slice(0, 800));
+  await tab.screenshot({ path: `${folder}/fault.png` });
+}
+await browser.close();

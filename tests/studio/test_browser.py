@@ -1,0 +1,116 @@
+"""The workbench in a real browser, from a picture of a hall to an answer.
+
+Needs Chromium and playwright-core; `tools/browser.sh` installs both.
+"""
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from PIL import Image, ImageDraw
+
+from mrp_sumo.cli.main import main
+from mrp_sumo.maps.catalogue import bundled_maps
+
+PROJECT = Path(__file__).resolve().parents[2]
+MODULES = os.environ.get("NODE_PATH") or str(PROJECT / ".venv" / "node" / "node_modules")
+CLAIMS = (
+    "a picture without a scale asks for it",
+    "two places and their distance are the scale",
+    "lanes are laid over the free floor",
+    "undo takes back",
+    "redo brings back",
+    "stations have names and kinds",
+    "Ctrl+S saves",
+    "orders are proposed and valid",
+    "a field changes the text and keeps its comments",
+    "the text's errors are those of the command",
+    "the text changes the fields",
+    "a run is watched in place",
+    "its replay follows",
+    "waits are drawn over the plan",
+    "a study fills in while it runs",
+    "it has an answer",
+    "another program's change is shown",
+    "a conflict writes nothing and offers three ways",
+    "the keyboard alone draws",
+    "it leaves as a LIF",
+    "asks no other server",
+    "no console error",
+)
+
+
+def hall(path):
+    """30 x 20 m at 5 cm a pixel, with five racks."""
+    image = Image.new("RGB", (640, 440), "white")
+    draw = ImageDraw.Draw(image)
+    draw.rectangle((20, 20, 619, 419), outline="black", width=4)
+    for k in range(5):
+        draw.rectangle((110 + 90 * k, 110, 140 + 90 * k, 330), fill="dimgray")
+    image.save(path)
+
+
+def started(place, cwd):
+    """A workbench of its own, and its address."""
+    command = [sys.executable, "-P", "-m", "mrp_sumo", "studio", str(place), "--no-browser", "--json"]
+    process = subprocess.Popen(command, cwd=cwd, stdout=subprocess.PIPE, text=True, env={**os.environ, "PYTHONPATH": str(PROJECT)})
+    return process, json.loads(process.stdout.readline())["address"]
+
+
+@pytest.mark.slow
+def test_from_a_picture_to_an_answer(tmp_path, capsys):
+    chromium, node = shutil.which("chromium"), shutil.which("node")
+    if not chromium or not node or not (Path(MODULES) / "playwright-core").is_dir():
+        pytest.skip("no chromium, node or playwright-core (tools/browser.sh installs them)")
+    hall(tmp_path / "hall.png")
+    process, address = started(tmp_path, tmp_path)
+    try:
+        command = [node, Path(__file__).with_name("browser.mjs"), chromium, address, tmp_path]
+        told = subprocess.run(command, capture_output=True, text=True, timeout=900, env={**os.environ, "NODE_PATH": MODULES})
+    finally:
+        process.send_signal(signal.SIGINT)
+        assert process.wait(60) == 0
+    found = {line["claim"]: line for line in (json.loads(text) for text in told.stdout.split("\n") if text.startswith("{"))}
+    assert not [line for line in found.values() if not line["holds"]]
+    assert list(found) == list(CLAIMS)
+    assert main(["import", str(tmp_path / "hall.building.yaml"), "--check"]) == 0  # the command line reads what was drawn
+    assert "refuse" not in capsys.readouterr().out
+
+
+@pytest.mark.slow
+def test_a_server_killed_while_it_saves_leaves_a_whole_file(tmp_path):
+    """The file is what it was or what it was to be, whenever the kill comes."""
+    path = tmp_path / "airport.building.yaml"
+    shutil.copy(bundled_maps()["airport"], path)
+    before = path.read_bytes()
+    script = tmp_path / "save.py"
+    script.write_text(
+        "import sys\n"
+        "from pathlib import Path\n"
+        "from mrp_sumo.studio.workspace import Workspace\n"
+        "folder = Workspace(Path(sys.argv[1]).resolve())\n"
+        "opened = folder.open('airport.building.yaml', {})\n"
+        "digest, n = opened['digest'], 0\n"
+        "print('ready', flush=True)\n"
+        "while True:\n"
+        "    n += 1\n"
+        "    opened['document']['levels']['L1']['vertices'][0][3] = f'name_{n % 2}'\n"
+        "    digest = folder.save_drawing('airport.building.yaml', opened['document'], digest)\n"
+        "    print(n, flush=True)\n"
+    )
+    for saves in (1, 2, 3):
+        process = subprocess.Popen(
+            [sys.executable, "-P", script, tmp_path], stdout=subprocess.PIPE, text=True, env={**os.environ, "PYTHONPATH": str(PROJECT)}
+        )
+        for _ in range(1 + saves):
+            process.stdout.readline()
+        process.kill()
+        process.wait(60)
+        text = path.read_bytes()
+        assert text.replace(b"name_0", b"name_1").count(b"name_1") == 1
+        assert len(text.splitlines()) == len(before.splitlines())

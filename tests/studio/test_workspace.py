@@ -1,0 +1,142 @@
+"""The folder of a workbench: what is opened comes as a drawing, untouched files keep their bytes, and nobody's work is written over."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+from PIL import Image, ImageDraw
+
+from mrp_sumo.core.robot_type import RobotType
+from mrp_sumo.errors import MrpSumoError
+from mrp_sumo.io.scenario.robots import robot_type
+from mrp_sumo.maps.catalogue import bundled_folder, bundled_maps
+from mrp_sumo.studio.findings import check
+from mrp_sumo.studio.scenarios import fault_of, fields, with_value
+from mrp_sumo.studio.workspace import Stale, Workspace, lanes_over_floor
+
+ROBOT: RobotType = robot_type("turtlebot3", bundled_folder("robots"), Path())
+
+
+@pytest.fixture
+def folder(tmp_path):
+    shutil.copy(bundled_maps()["office"], tmp_path)
+    return Workspace(tmp_path.resolve())
+
+
+def hall(path):
+    """30 x 20 m at 5 cm a pixel, with a rack."""
+    image = Image.new("RGB", (600, 400), "white")
+    ImageDraw.Draw(image).rectangle((0, 0, 599, 399), outline="black", width=3)
+    ImageDraw.Draw(image).rectangle((200, 150, 260, 250), fill="black")
+    image.save(path)
+
+
+@pytest.mark.parametrize("name", sorted(bundled_maps()))
+def test_every_bundled_map_opens_as_a_drawing(tmp_path, name):
+    opened = Workspace(tmp_path.resolve()).open(f"bundled:{name}", {})
+    assert opened["path"] == f"{name}.building.yaml"
+    assert any(level["lanes"] for level in opened["document"]["levels"].values())
+
+
+def test_a_building_saved_untouched_keeps_its_bytes(folder):
+    path = folder.root / "office.building.yaml"
+    before = path.read_bytes()
+    opened = folder.open(path.name, {})
+    assert folder.save_drawing(path.name, opened["document"], opened["digest"]) == opened["digest"]
+    assert path.read_bytes() == before
+
+
+def test_a_moved_vertex_changes_one_line(folder):
+    path = folder.root / "office.building.yaml"
+    before = path.read_text().splitlines()
+    opened = folder.open(path.name, {})
+    opened["document"]["levels"]["L1"]["vertices"][3][0] += 1
+    folder.save_drawing(path.name, opened["document"], opened["digest"])
+    assert sum(a != b for a, b in zip(before, path.read_text().splitlines(), strict=True)) == 1
+
+
+def test_a_file_that_another_program_changed_is_not_written_over(folder):
+    path = folder.root / "office.building.yaml"
+    opened = folder.open(path.name, {})
+    path.write_text(path.read_text() + "# theirs\n")
+    theirs = path.read_bytes()
+    with pytest.raises(Stale, match="changed by another program since it was opened: nothing was written"):
+        folder.save_drawing(path.name, opened["document"], opened["digest"])
+    with pytest.raises(Stale, match="is there already"):
+        folder.save_drawing(path.name, opened["document"], "")
+    assert path.read_bytes() == theirs
+
+
+@pytest.mark.parametrize("name", ["../outside.building.yaml", "/etc/passwd", "", "a\0b"])
+def test_places_outside_of_the_folder_are_refused(folder, name):
+    with pytest.raises(MrpSumoError):
+        folder.save_drawing(name, {}, "")
+    with pytest.raises(MrpSumoError):
+        folder.open(name, {})
+
+
+def test_drawings_and_texts_are_saved_under_names_that_say_so(folder):
+    with pytest.raises(MrpSumoError, match=r"ends in \.building\.yaml"):
+        folder.save_drawing("x.sh", {}, "")
+    with pytest.raises(MrpSumoError, match=r"ends in \.yaml or \.csv"):
+        folder.save_text("x.sh", "", "")
+
+
+def test_a_picture_opens_without_a_scale_and_gets_lanes_where_there_is_room(folder):
+    hall(folder.root / "hall.png")
+    opened = folder.open("hall.png", {})
+    level = opened["document"]["levels"]["L1"]
+    assert (opened["path"], level["drawing"], level["measurements"]) == ("hall.building.yaml", {"filename": "hall.png"}, [])
+    made = lanes_over_floor(folder, "hall.png", 0.05, 2.0, 0.5)
+    assert len(made["walls"]) >= 8
+    assert all(0 <= v < len(made["vertices"]) for line in (*made["lanes"], *made["walls"]) for v in line[:2])
+    for a, b, _ in made["lanes"]:
+        (ax, ay, *_), (bx, by, *_) = made["vertices"][a], made["vertices"][b]
+        assert abs(ax - bx) + abs(ay - by) == pytest.approx(40)  # 2 m
+        assert not (190 < (ax + bx) / 2 < 270 and 140 < (ay + by) / 2 < 260)  # through the rack
+
+
+def test_what_is_found_says_where(folder):
+    document = folder.open("office.building.yaml", {})["document"]
+    level = document["levels"]["L1"]
+    level["vertices"][0][3] = level["vertices"][1][3] = "twice"
+    level["vertices"] += [[100, 100, 0, ""], [300, 100, 0, ""], [200, 50, 0, ""], [200, 150, 0, ""]]
+    n = len(level["vertices"]) - 4
+    lane = level["lanes"][0][2]
+    level["lanes"] += [[n, n + 1, lane], [n + 2, n + 3, lane]]
+    found = {finding["kind"]: finding for finding in check(document, Path("office.building.yaml"), ROBOT)["findings"] if "kind" in finding}
+    crossing = found["lanes_cross_without_vertex"]["places"]
+    assert ["L1", pytest.approx(200), pytest.approx(100)] in [[name, x, y] for name, x, y in crossing]
+    twice = {(x, y) for _, x, y in found["name_twice_in_graph"]["places"]}
+    assert {tuple(level["vertices"][v][:2]) for v in (0, 1)} <= twice
+
+
+def test_a_drawing_without_lanes_or_scale_is_refused_in_words(folder):
+    hall(folder.root / "hall.png")
+    document = folder.open("hall.png", {})["document"]
+    found = check(document, Path("hall.building.yaml"), ROBOT)
+    assert found["refused"] and found["findings"][0]["kind"] == "no_lanes"
+    assert check({"levels": 3}, Path("x.building.yaml"), ROBOT)["refused"]
+
+
+def test_forms_change_one_value_of_a_scenario_and_keep_the_rest():
+    path = Path("day.yaml")
+    text = "map: office  # ours\nrobots: 4\ntasks:\n  streams:\n    - name: a\n      arrivals: {rate_per_h: 30}  # guessed\n"
+    assert with_value(path, text, "tasks.streams.0.arrivals.rate_per_h", 40) == text.replace("rate_per_h: 30", "rate_per_h: 40")
+    longer = with_value(path, text, "robots.type", "amr_600")
+    assert "count: 4" in longer and "type: amr_600" in longer and longer.startswith("map: office  # ours\n")
+    assert with_value(path, with_value(path, text, "seed", 3), "seed", None) == text
+
+
+def test_faults_of_a_scenario_are_those_of_a_command(tmp_path):
+    text = "map: office\nrobots: {cuont: 4}\n"
+    assert fault_of(tmp_path / "day.yaml", text).startswith("day.yaml:2: robots.cuont")
+    assert fault_of(tmp_path / "day.yaml", text.replace("cuont", "count")) == ""
+    assert not list(tmp_path.iterdir())
+
+
+def test_fields_come_from_the_one_declaration():
+    by_key = {field["key"]: field for field in fields()}
+    assert (by_key["robots.count"]["least"], by_key["robots.count"]["type"]) == (1, "integer")
+    assert (by_key["discretisation.cell_m"]["unit"], by_key["discretisation.cell_m"]["default"]) == ("m", 0.4)
+    assert by_key["tasks.streams.0.arrivals.rate_per_h"]["unit"] == "an hour"
