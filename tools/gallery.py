@@ -1,4 +1,4 @@
-"""Make the gallery: eleven runs with scenario, run folder, replay page, picture and video, on one page that says what to see in each.
+"""Make the gallery: thirteen runs with scenario, run folder, replay page, picture and video, on one page that says what to see in each.
 
     python tools/gallery.py [--out runs/gallery] [--only NAME ...] [--no-video]
 
@@ -137,6 +137,23 @@ ENTRIES = (
         },
         from_s=300.0,
         to_s=420.0,
+    ),
+    Entry(
+        "plant_forklifts",
+        "A working day of eight forklifts",
+        "They turn on arcs and back out of the stations. Go to a grey piece of the line of disturbances: one has broken down, is pushed "
+        "aside after three minutes, and the others pass. The shift changes after four hours: see who waits at the machines.",
+        {"extends": "plant_forklifts"},
+        from_s=13800.0,
+        to_s=14700.0,
+    ),
+    Entry(
+        "plant_tuggers",
+        "Milk runs with three trailers",
+        "Two tuggers go round, with up to three loads each. Follow one into a corner: each trailer runs a little inside the one ahead.",
+        {"extends": "plant_tuggers"},
+        from_s=60.0,
+        to_s=360.0,
     ),
     Entry(
         "people",

@@ -24,6 +24,7 @@ if TYPE_CHECKING:  # numpy is slow to load, and files are checked without it
 
 GRAVITY_MPS2 = 9.81
 HOUR_S = 3600.0
+STANDING_MPS, STANDING_RAD_S = 1e-3, 1e-3
 OF_ROBOT = {"ge": 1e-4, "le": 1e3}  # sizes and speeds, generously
 AT_ONCE_RAD_S = 1e3
 OF_BATTERY = {"ge": 1e-5, "le": 1e5}
@@ -40,6 +41,8 @@ class Battery(Options):
     inertia_kgm2: float = field(metadata=meaning("Moment of inertia around the vertical axis.", ge=0, le=1e5))
     friction: float = field(metadata=meaning("Coefficient.", ge=0, le=10))
     device_w: float = option(0.0, "Constant power of computer and sensors.", ge=0, le=1e5)
+    idle_w: float | None = option(None, "That power while it stands, instead.", ge=0, le=1e5)
+    lift_j: float = option(0.0, "Energy of lifting a load, at the first stop of an order that has several.", ge=0, le=1e7)
 
     @property
     def energy_j(self) -> float:
@@ -51,7 +54,11 @@ class Battery(Options):
     ) -> "FloatArray":
         """[R] what robots draw; braking costs as much as accelerating."""
         drives = self.mass_kg * (abs(accel_mps2) + self.friction * GRAVITY_MPS2) * abs(speed_mps)
-        power: FloatArray = drives + self.inertia_kgm2 * abs(turn_rad_s2 * turn_rate_rad_s) + self.device_w
+        device_w: float | FloatArray = self.device_w
+        if self.idle_w is not None:
+            stands = (abs(speed_mps) < STANDING_MPS) & (abs(turn_rate_rad_s) < STANDING_RAD_S)
+            device_w = stands * self.idle_w + ~stands * self.device_w
+        power: FloatArray = drives + self.inertia_kgm2 * abs(turn_rad_s2 * turn_rate_rad_s) + device_w
         return power
 
     def charge_s(self, share: float) -> float:

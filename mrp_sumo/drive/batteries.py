@@ -37,6 +37,8 @@ class Batteries:
             self._energy_j[mine], self._full_s[mine] = battery.energy_j, full_s(charging, battery.charge_s(1.0))
         self.level: FloatArray = np.random.default_rng([seed, BATTERIES]).uniform(*start, num_robots)  # [R] shares of the capacity
         self._used_j, self._charged_j = np.zeros(num_robots), np.zeros(num_robots)
+        self._lift_j = np.array([battery.lift_j for battery in batteries])[kind]
+        self._num_lifts = np.zeros(num_robots, np.int64)
         self._period_s = period_s
         self._samples: list[FloatArray] = []  # [K, 2, R] headings and speeds since the last look, and the last before it
         self._rate = np.zeros((1, num_robots))  # at which robots turned before that
@@ -52,12 +54,22 @@ class Batteries:
         """Samples since the last look, and the last before it."""
         return sum(map(len, self._samples))
 
-    def observe(self, now_s: float, charging: BoolArray, is_loaded: BoolArray | None = None) -> list[int]:
-        """Drain and fill batteries by what robots have done since the last look. Returns those that have run empty in it."""
-        return self.observe_each([now_s], [self.num_samples], charging, is_loaded)
+    def observe(
+        self, now_s: float, charging: BoolArray, is_loaded: BoolArray | None = None, num_lifts: IntArray | None = None
+    ) -> list[int]:
+        """Drain and fill batteries by what robots have done since the last look. Returns those that have run empty in it.
+
+        `num_lifts` [R] is how many loads each has lifted so far; by default as many as at the last look.
+        """
+        return self.observe_each([now_s], [self.num_samples], charging, is_loaded, num_lifts)
 
     def observe_each(
-        self, looks_s: Sequence[float], num_samples: Sequence[int], charging: BoolArray, is_loaded: BoolArray | None = None
+        self,
+        looks_s: Sequence[float],
+        num_samples: Sequence[int],
+        charging: BoolArray,
+        is_loaded: BoolArray | None = None,
+        num_lifts: IntArray | None = None,
     ) -> list[int]:
         """`observe` at several times, of which each comes after so many of the samples; the first is the last before the first look.
 
@@ -77,6 +89,9 @@ class Batteries:
         drawn_j = np.zeros((len(looks_s), len(self.level)))
         for mine, power_w in powers_w:
             drawn_j[:, mine] = np.array([power_w[a:b].sum(0) for a, b in zip(begin.tolist(), after.tolist())]) * dt
+        if num_lifts is not None:
+            drawn_j[0] += self._lift_j * (num_lifts - self._num_lifts)
+            self._num_lifts = num_lifts.copy()
         level = self._take(drawn_j, (after - begin) * dt, charging)
         for k, look_s in enumerate(looks_s):
             if look_s >= len(self._t_s) * SAMPLE_S - 1e-9:

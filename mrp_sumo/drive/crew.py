@@ -43,6 +43,7 @@ class Crew:
         self.seen = np.arange(num_robots)  # [R] the last visit of each robot that has been looked at
         self.level: FloatArray = np.ones(num_robots)  # [R] states of charge
         self.is_changed = True  # whether something has changed since the last request
+        self.num_lifts = np.zeros(num_robots, np.int64)  # [R] loads that each has taken on board
         self.set_down: dict[int, int] = {}  # loads that stay at places, by vertex
         self.made_s = 0.0  # when a stop was last made
         self.looks_s = (-np.inf, -np.inf)  # the last two
@@ -280,6 +281,7 @@ class Crew:
         robot.making, robot.num_before = None, 0
         change, station, at = load_change(self.tasks[task], nth), self.tasks[task].stops[nth].station, robot.made[-1].vertex
         robot.loads += change
+        self.num_lifts[robot.number] += change > 0
         if station is not None and station.holds:
             self.set_down[at] = max(self.set_down.get(at, 0) - change, 0)
             self.is_changed |= bool(change)

@@ -406,7 +406,7 @@ class Drive:
         """Note what robots have done, and what that took from their batteries. Those that have run empty stay where they are."""
         level = None
         if self.batteries is not None:
-            for robot in self.batteries.observe(self.now_s, self.crew.at_charger, self.crew.loads > 0):
+            for robot in self.batteries.observe(self.now_s, self.crew.at_charger, self.crew.loads > 0, self.crew.num_lifts):
                 self.events.append(self.world.strand(robot, self.now_s))
                 self.crew.lose(self.crew.robots[robot], self.now_s, Change.EMPTIED)
             level = self.batteries.level

@@ -47,3 +47,11 @@ def test_levels_that_do_not_ascend_are_refused(levels):
             minimum_desired_charging_level=minimum,
             maximum_desired_charging_level=maximum,
         )
+
+
+def test_who_stands_draws_idle_power_instead():
+    battery = Battery(**TINY | {"device_w": 20.0, "idle_w": 5.0})
+    speed, rate, still = np.array([0.0, 0.5, 0.0]), np.array([0.0, 0.0, 0.3]), np.zeros(3)
+    driven_w = battery.mass_kg * battery.friction * 9.81 * 0.5
+    assert battery.power_w(speed, still, rate, still) == pytest.approx([5.0, 20.0 + driven_w, 20.0])
+    assert Battery(**TINY | {"device_w": 20.0}).power_w(speed[:1], still[:1], rate[:1], still[:1]) == pytest.approx([20.0])

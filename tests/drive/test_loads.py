@@ -109,6 +109,21 @@ def test_a_load_costs_energy_by_its_mass(tmp_path):
     assert used[0] - used[1] == pytest.approx(friction_j, rel=0.15)
 
 
+def test_lifting_a_load_takes_energy_once_an_order(tmp_path):
+    one_stop = [{"stops": ["c2"], "service_s": 2}]
+    plain, lifting = (run_of(tmp_path, TWO_ORDERS + one_stop, {"battery": {**BATTERY, "lift_j": lift_j}}) for lift_j in (0.0, 1500.0))
+    assert lifting.execution.batteries.used_j[0] - plain.execution.batteries.used_j[0] == pytest.approx(2 * 1500.0)
+
+
+def test_lift_that_no_battery_has_drawn_is_found(tmp_path):
+    result = run_of(tmp_path, shape={"battery": {**BATTERY, "lift_j": 1500.0}})
+    logs = logs_of(result)
+    assert operations_audit(logs)["passed"]
+    free = replace(logs.terms, batteries=tuple(replace(each, lift_j=0.0) for each in logs.terms.batteries))
+    again = operations_audit(replace(logs, terms=free))
+    assert not again["passed"] and "batteries" in str(again)
+
+
 def test_the_folder_of_a_run_is_judged_as_the_run(tmp_path):
     result = run_of(tmp_path)
     with MapCache() as maps:

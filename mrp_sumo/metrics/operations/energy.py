@@ -23,7 +23,8 @@ def batteries(logs: Logs) -> Iterator[Finding]:
         return
     energy_j = np.array([battery.energy_j for battery in of_robot])
     full_s = np.array([logs.terms.swap_s or battery.charge_s(1.0) for battery in of_robot])
-    share = drawn_j(logs, of_robot, log.t_s) / energy_j  # [K, R]
+    lifted, before = (lifted_j(logs, of_robot, log.t_s - ago_s) / energy_j for ago_s in (0.0, LATE_S))
+    share = drawn_j(logs, of_robot, log.t_s) / energy_j + lifted  # [K, R]
     charging_s = charged_s(logs, log.t_s)
     low, high = logs.terms.start_level
     for robot in range(logs.fleet.num_robots):
@@ -34,17 +35,25 @@ def batteries(logs: Logs) -> Iterator[Finding]:
         if abs(ends - level[-1]) > ROUNDED:
             text = f"{who} ends with {100 * level[-1]:.4f} %, but what was drawn and charged leaves {100 * ends:.4f} %"
             yield Finding("batteries", logs.end_s, text, who)
-        yield from _balance(logs, robot, level, share[:, robot], charging_s[:, robot] / full_s[robot], LATE_S / full_s[robot])
+        slack = lifted[:, robot] - before[:, robot]
+        filled, late = charging_s[:, robot] / full_s[robot], LATE_S / full_s[robot]
+        yield from _balance(logs, robot, level, share[:, robot], filled, (late, slack))
 
 
-def _balance(logs: Logs, robot: int, level: FloatArray, drawn: FloatArray, filled: FloatArray, late: float) -> Iterator[Finding]:
-    """The levels [K] of a robot beside what it drew and was given until then [K], shares of the capacity."""
+def _balance(
+    logs: Logs, robot: int, level: FloatArray, drawn: FloatArray, filled: FloatArray, tolerance: tuple[float, FloatArray]
+) -> Iterator[Finding]:
+    """The levels [K] of a robot beside what it drew and was given until then [K], shares of the capacity.
+
+    `tolerance` is what charging may be off by, and what lifts shortly before each level [K] may.
+    """
+    late, slack = tolerance
     log, who = logs.execution.batteries, logs.robot(robot)
     assert log is not None
     off, off_between = (a + b * logs.period_s for a, b in zip(OFF, OFF_A_S))
     change, drew, gave = np.diff(level), np.diff(drawn), np.diff(filled)
     too_much = change - gave + drew
-    limit = drew * off_between + OFF_SHARE + late * (gave > 0)
+    limit = drew * off_between + OFF_SHARE + late * (gave > 0) + slack[1:] + slack[:-1]
     rises = (too_much > limit) & (level[1:] > 0)
     was_full = (gave > 0) & (level[:-1] + gave >= 1 - limit) & (level[1:] >= 1 - drew - limit)  # before the end of the charging
     falls = (too_much < -limit) & (level[1:] < 1 - ROUNDED) & (level[1:] > 0) & ~was_full
@@ -54,7 +63,7 @@ def _balance(logs: Logs, robot: int, level: FloatArray, drawn: FloatArray, fille
         text = f"{who} goes from {100 * level[k]:.3f} % at {t_s:.0f} s to {100 * level[k + 1]:.3f} % at {end_s:.0f} s, {balance}"
         yield Finding("batteries", end_s, text, who)
     total, uncharged = float(level[0] - level[-1]), not gave.any()
-    if uncharged and level[-1] > 0 and abs(total - drawn[-1]) > off * drawn[-1] + OFF_SHARE:
+    if uncharged and level[-1] > 0 and abs(total - drawn[-1]) > off * drawn[-1] + OFF_SHARE + slack[-1]:
         text = f"{who} has used {100 * total:.3f} % of its battery, but drove for {100 * drawn[-1]:.3f} %"
         yield Finding("batteries", logs.end_s, text, who)
 
@@ -83,6 +92,19 @@ def drawn_j(logs: Logs, of_robot: tuple[Battery, ...], t_s: FloatArray) -> Float
         at[some] = until[k]
         so_far = until[-1]
     return at
+
+
+def lifted_j(logs: Logs, of_robot: tuple[Battery, ...], t_s: FloatArray) -> FloatArray:
+    """[K, R] energy for which each robot has lifted loads until times [K]: at the end of the first stop of each order with several."""
+    so_far, stops = np.zeros((len(t_s), logs.fleet.num_robots)), logs.stops
+    several = {task for task, order in logs.ordered.items() if len(order.stops) > 1}
+    first: dict[tuple[int, int], float] = {}
+    for task, robot, end_s in zip(stops.task.tolist(), stops.robot.tolist(), stops.end_s.tolist()):
+        if task in several:
+            first.setdefault((task, robot), end_s)
+    for (_, robot), end_s in first.items():
+        so_far[:, robot] += of_robot[robot].lift_j * (t_s >= end_s)
+    return so_far
 
 
 def _power_w(battery: Battery, speed_mps: FloatArray, yaw_rad: FloatArray, mine: IntArray, period_s: float) -> FloatArray:
