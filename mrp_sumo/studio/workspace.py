@@ -146,7 +146,7 @@ class Workspace:
     def save_drawing(self, name: str, document: Any, digest: str) -> str:
         """Save a drawing to a file that is as it was when its digest was taken. Returns the new digest."""
         path = self.path(name)
-        if not name.endswith(".building.yaml"):
+        if not name.endswith((".yaml", ".yml")):
             raise MrpSumoError(f"{name}: expected a name that ends in .building.yaml")
 
         def text(before: bytes | None) -> bytes:
