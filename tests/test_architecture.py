@@ -48,6 +48,7 @@ HOMES = {
     "foxglove": ("mrp_sumo/wire/foxglove.py",),
     "rerun": ("mrp_sumo/wire/rerun.py", "mrp_sumo/data/viewers/"),
     "ezdxf": ("mrp_sumo/maps/readers/dxf.py",),
+    "pypdfium2": ("mrp_sumo/maps/readers/pdf.py",),
     "pyarrow": ("mrp_sumo/io/", "mrp_sumo/reports/exports.py"),
 }
 HEAVY = (
@@ -64,6 +65,7 @@ HEAVY = (
     "yaml",
     "pettingzoo",
     "ezdxf",
+    "pypdfium2",
 )
 
 

@@ -1,7 +1,7 @@
 """Make a nav graph, a SUMO network and a picture of a map, and print its key facts.
 
 FILE is an RMF building or nav graph, a LIF, an openTCS model, a route graph, a MovingAI .map or .scen, a ROS map_server YAML, a
-plan of a floor (DXF with --layers and --unit, PNG with --scale), or the name of a bundled map. --out gets NAME.net.xml
+plan of a floor (DXF with --layers and --unit, PNG, PDF or SVG with --scale), or the name of a bundled map. --out gets NAME.net.xml
 (and NAME.poly.xml, what stands behind it in sumo-gui), one GRAPH.nav.yaml for each chosen graph (NAME.nav.yaml after repairs),
 NAME.png, NAME.svg and facts.json, and of a plan NAME_map.yaml, which a scenario names as its map, and NAME.building.yaml, its walls
 without a lane, to draw lanes on; whole or not at all. With --check only findings are printed, of the chosen part and after repairs,

@@ -25,8 +25,9 @@ def add_choice(parser: argparse.ArgumentParser) -> None:
     add("--graph", metavar="N|N,N|all", type=_graph, help="graph of a building, or several united (default: the lowest)")
     add("--level", metavar="NAME", help="level of a building (default: all that the graph is on)")
     scale_argument(parser)
-    add("--layers", metavar="NAME,NAME", type=_layers, help="of a DXF: the layers that hold its walls (default: all that are shown)")
+    add("--layers", metavar="NAME,NAME", type=_layers, help="of a DXF or SVG: the layers that hold its walls (default: all that are shown)")
     add("--unit", metavar="U", help="of a DXF: mm, cm, dm, m, in or ft (default: as it says)")
+    add("--page", metavar="N", type=int, help="of a PDF: the page that holds the plan (default: 1)")
     add("--vehicle-type", metavar="NAME", help="of a LIF: only the edges for this type of vehicle (default: all)")
     add("--cell", metavar="M", type=above_0, default=0.4, help="side of a grid's cells (default: 0.4 m)")
     add("--robot-radius", metavar="M", type=above_0, help="room a robot needs on a ROS map (default: a TurtleBot3 Burger's, 0.1126 m)")
@@ -60,7 +61,7 @@ def drawn_map(path: Path, options: argparse.Namespace, **part: Any) -> "Map":
     """The map in a file, as it is drawn; `part` of it, as `load_map` has it."""
     from mrp_sumo.maps.load import load_map
 
-    chosen = {name: getattr(options, name) for name in ("meters_per_pixel", "vehicle_type", "layers", "unit")}
+    chosen = {name: getattr(options, name) for name in ("meters_per_pixel", "vehicle_type", "layers", "unit", "page")}
     if options.robot_radius is not None:
         chosen["robot_radius_m"] = options.robot_radius
     map_ = load_map(path, reader=options.reader, cell_m=options.cell, **chosen, **part)

@@ -120,8 +120,11 @@ def write_walls(map_: "Map", folder: Path) -> None:
     from mrp_sumo.maps.readers.reader import HEAD, plan_kind
     from mrp_sumo.maps.yaml_edit import text_of
 
-    picture = None
-    if plan_kind(read_head(map_.path, HEAD)) == "picture":
+    picture, kind = None, plan_kind(read_head(map_.path, HEAD))
+    if kind == "pdf" and map_.floor is not None:  # of its page, the floor is what is left
+        height, width = map_.floor.occupied.shape
+        picture = (f"{map_.name}_map.png", width, height)
+    elif kind == "picture":
         with Image.open(map_.path) as image:
             picture = (f"{map_.name}_plan.png", image.width, image.height)
             image.convert("RGBA" if "transparency" in image.info or "A" in image.getbands() else "RGB").save(folder / picture[0])

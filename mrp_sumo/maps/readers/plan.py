@@ -1,4 +1,4 @@
-"""Plans of a floor: drawings in DXF, and pictures with a scale. What is drawn is wall; robots drive on a grid between.
+"""Plans of a floor: drawings in DXF and SVG, pictures and pages of PDF files. What is drawn is wall; robots drive on a grid between.
 
 Of a picture everything darker than three quarters of white is wall. What lies outside is left out where the walls enclose a floor: the
 part that reaches the plan's edge, if what does not is at least a tenth of the plan. Of pieces that no robot can drive between, the
@@ -7,7 +7,7 @@ largest stays. Both are reported, with their areas. Refuses pictures without a s
 
 import math
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -18,6 +18,11 @@ from mrp_sumo.maps.map import Map
 from mrp_sumo.maps.readers.draft import Draft, building_of_walls
 from mrp_sumo.maps.readers.reader import MapFile, Selection, map_name, plan_kind, refuse_choice
 from mrp_sumo.maps.readers.ros_map import MAX_PIXELS, floor_grid, picture
+from mrp_sumo.maps.yaml_text import read_text
+
+if TYPE_CHECKING:
+    from mrp_sumo.maps.readers.dxf import DxfContent
+    from mrp_sumo.maps.readers.svg import SvgContent
 
 LEVEL = "L1"
 WALL_BELOW = 0.75  # of white
@@ -46,22 +51,49 @@ class DxfPlan:
 
         refuse_choice(file.source, selection, "layers", "unit")
         drawing = read_dxf(file.path, selection.layers, selection.unit)
-        low, high = drawing.strokes.min((0, 1)), drawing.strokes.max((0, 1))
-        width, height = (high - low).tolist()
-        resolution_m = max(RESOLUTION_M, math.sqrt(width * height / MAX_PIXELS) * 1.01)
-        if resolution_m > COARSEST_M or max(width, height) < SMALLEST_M:
-            raise file.source.fault(
-                f"the drawing is {width:.4g} x {height:.4g} m in {drawing.unit}: state another with mrp-sumo import --unit, "
-                f"or choose --layers ({', '.join(list(drawing.layers)[:8])})"
-            )
-        occupied = _rasterised(
-            drawing.strokes, low, resolution_m, math.ceil(width / resolution_m) + 1, math.ceil(height / resolution_m) + 1
-        )
-        notes = Notes()
-        shown = ", ".join(f"{layer} ({count})" for layer, count in drawing.layers.items())
-        left = f"; left out: {', '.join(drawing.left_out)}" if drawing.left_out else "; --layers chooses" if len(drawing.layers) > 1 else ""
-        notes.add("walls_of_layers", f"{shown}; unit {drawing.unit}{left}")
-        return _plan(file, selection, Costmap((float(low[0]), float(low[1])), resolution_m, occupied), drawing.strokes, notes)
+        return _drawing(file, selection, drawing.strokes, drawing, f"in {drawing.unit}: state another with mrp-sumo import --unit")
+
+
+@dataclass(frozen=True)
+class SvgPlan:
+    """Drawings in SVG."""
+
+    name: ClassVar[str] = "plan of a floor"
+    suffixes: ClassVar[tuple[str, ...]] = (".svg",)
+
+    def detects(self, file: MapFile) -> bool:
+        """Its root."""
+        return plan_kind(file.head) == "svg"
+
+    def read(self, file: MapFile, selection: Selection) -> Map:
+        """The strokes of the chosen layers as walls, and a grid between them."""
+        from mrp_sumo.maps.readers.svg import read_svg
+
+        refuse_choice(file.source, selection, "layers", "meters_per_pixel")
+        drawing = read_svg(read_text(file.path), selection.layers)
+        scale_m = _scale_of(file, selection, np.ptp(drawing.strokes.reshape(-1, 2), axis=0), "an SVG drawing", "unit")
+        return _drawing(file, selection, drawing.strokes * scale_m, drawing, f"at {scale_m:g} m a unit: state another --scale")
+
+
+@dataclass(frozen=True)
+class PdfPlan:
+    """Pages of PDF files."""
+
+    name: ClassVar[str] = "plan of a floor"
+    suffixes: ClassVar[tuple[str, ...]] = (".pdf",)
+
+    def detects(self, file: MapFile) -> bool:
+        """Its mark."""
+        return plan_kind(file.head) == "pdf"
+
+    def read(self, file: MapFile, selection: Selection) -> Map:
+        """Dark pixels of a page as walls, and a grid between them."""
+        from mrp_sumo.maps.readers.pdf import page_picture
+
+        refuse_choice(file.source, selection, "meters_per_pixel", "page")
+        pixels = page_picture(file.path, selection.page or 1)
+        scale_m = _scale_of(file, selection, np.array(pixels.shape[1::-1]), "a page of a PDF, 150 pixels an inch,", "pixel")
+        return _picture(file, selection, pixels.mean(axis=2), scale_m)
 
 
 @dataclass(frozen=True)
@@ -78,22 +110,53 @@ class PicturePlan:
     def read(self, file: MapFile, selection: Selection) -> Map:
         """Dark pixels as walls, and a grid between them."""
         refuse_choice(file.source, selection, "meters_per_pixel")
-        scale_m = selection.meters_per_pixel
-        if scale_m is None:
+        if selection.meters_per_pixel is None:
             raise file.source.fault(
                 "a picture has no scale: state it with --scale, 0.05 where a door of 0.9 m is 18 pixels wide, or two places in pixels and "
                 "the metres between them, 120,80:920,80=20; "
                 "a map that a robot recorded is named by its YAML"
             )
-        if not (math.isfinite(scale_m) and 1e-4 <= scale_m <= 100):
-            raise file.source.fault(f"{scale_m:g} m a pixel, expected a number above 0")
-        shade = picture(file.path, file.path.name, file.source.fault, on_white=True)
-        clear = (shade >= WALL_BELOW * 255)[::-1]
-        notes, walls = Notes(), _traced(clear) * scale_m
-        if len(walls) > MAX_TRACED:
-            notes.add("walls_not_traced", f"{len(walls)} strokes: the grid alone keeps robots off what is dark")
-            walls = walls[:0]
-        return _plan(file, selection, Costmap((0.0, 0.0), scale_m, ~clear), walls, notes)
+        scale_m = _scale_of(file, selection, np.zeros(2), "a picture", "pixel")
+        return _picture(file, selection, picture(file.path, file.path.name, file.source.fault, on_white=True), scale_m)
+
+
+def _scale_of(file: MapFile, selection: Selection, size: FloatArray, what: str, unit: str) -> float:
+    """Metres a unit of a plan, which does not say them; `size` in units, for the refusal."""
+    scale_m = selection.meters_per_pixel
+    if scale_m is None:
+        raise file.source.fault(
+            f"{what} has no scale: state it with --scale, metres a {unit}, or two places in {unit}s and the metres between them, "
+            f"120,80:920,80=20; the plan is {size[0]:.0f} x {size[1]:.0f} {unit}s"
+        )
+    if not (math.isfinite(scale_m) and 1e-4 <= scale_m <= 100):
+        raise file.source.fault(f"{scale_m:g} m a {unit}, expected a number above 0")
+    return scale_m
+
+
+def _picture(file: MapFile, selection: Selection, shade: np.ndarray, scale_m: float) -> Map:
+    """The plan of shades [h, w], 0 to 255."""
+    clear = (shade >= WALL_BELOW * 255)[::-1]
+    notes, walls = Notes(), _traced(clear) * scale_m
+    if len(walls) > MAX_TRACED:
+        notes.add("walls_not_traced", f"{len(walls)} strokes: the grid alone keeps robots off what is dark")
+        walls = walls[:0]
+    return _plan(file, selection, Costmap((0.0, 0.0), scale_m, ~clear), walls, notes)
+
+
+def _drawing(file: MapFile, selection: Selection, strokes: FloatArray, content: "DxfContent | SvgContent", measure: str) -> Map:
+    """The plan of strokes [N, 2, 2] m; `measure` says how they are measured, and what could be done about it."""
+    low, high = strokes.min((0, 1)), strokes.max((0, 1))
+    width, height = (high - low).tolist()
+    resolution_m = max(RESOLUTION_M, math.sqrt(width * height / MAX_PIXELS) * 1.01)
+    if resolution_m > COARSEST_M or max(width, height) < SMALLEST_M:
+        layers = ", ".join(list(content.layers)[:8])
+        raise file.source.fault(f"the drawing is {width:.4g} x {height:.4g} m {measure}, or choose --layers ({layers})")
+    occupied = _rasterised(strokes, low, resolution_m, math.ceil(width / resolution_m) + 1, math.ceil(height / resolution_m) + 1)
+    notes = Notes()
+    shown = ", ".join(f"{layer or 'no layer'} ({count})" for layer, count in content.layers.items())
+    left = f"; left out: {', '.join(content.left_out)}" if content.left_out else "; --layers chooses" if len(content.layers) > 1 else ""
+    notes.add("walls_of_layers", f"{shown}; {measure.partition(':')[0].replace('in ', 'unit ')}{left}")
+    return _plan(file, selection, Costmap((float(low[0]), float(low[1])), resolution_m, occupied), strokes, notes)
 
 
 def _plan(file: MapFile, selection: Selection, floor: Costmap, walls: FloatArray, notes: Notes) -> Map:

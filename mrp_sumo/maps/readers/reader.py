@@ -18,6 +18,7 @@ GraphChoice = int | tuple[int, ...] | Literal["all"] | None
 
 HEAD = 4096
 DXF = re.compile(rb"AutoCAD Binary DXF|(?:\xef\xbb\xbf)?\s*(?:999\s*?\n[^\n]*\n\s*)*0\s*?\r?\n\s*SECTION\b")
+SVG = re.compile(rb"(?:\xef\xbb\xbf)?(?:<\?xml[^>]*\?>|<!--.*?-->|<!DOCTYPE[^>]*>|\s)*<(?:\w+:)?svg\b", re.DOTALL)
 PICTURE = re.compile(rb"\x89PNG\r\n|\xff\xd8\xff|GIF8[79]a|BM.{4}\0{4}|II\*\0|MM\0\*|P[2-6]\s|RIFF....WEBP", re.DOTALL)
 ROBOT_RADIUS_M = 0.1126  # circumscribed circle of a TurtleBot3 Burger, 0.138 x 0.178 m
 
@@ -37,6 +38,7 @@ class Selection:
     driven: tuple[str, ...] = ()  # types of vehicles that are driven: their lanes and limits count where the map knows them
     layers: tuple[str, ...] | None = None  # of a DXF, those that hold its walls; by default all that are shown
     unit: str | None = None  # of a DXF: mm, cm, dm, m, in or ft; by default as it says
+    page: int | None = None  # of a PDF, from 1; the first by default
 
 
 @dataclass(frozen=True)
@@ -106,8 +108,9 @@ def map_file(path: Path) -> MapFile:
 
 
 def plan_kind(head: bytes) -> str:
-    """'dxf' or 'picture' for what begins like a plan of a floor, else ''."""
-    return "dxf" if DXF.match(head) else "picture" if PICTURE.match(head) else ""
+    """'dxf', 'picture', 'pdf' or 'svg' for what begins like a plan of a floor, else ''."""
+    kinds = {"dxf": DXF.match(head), "picture": PICTURE.match(head), "pdf": head.startswith(b"%PDF"), "svg": SVG.match(head)}
+    return next((kind for kind, match in kinds.items() if match), "")
 
 
 def map_name(path: Path) -> str:
@@ -128,6 +131,8 @@ def map_name(path: Path) -> str:
         ".dxf",
         ".png",
         ".jpg",
+        ".pdf",
+        ".svg",
     ):
         name = name.removesuffix(suffix)
     return name
@@ -142,7 +147,7 @@ def grid_map(source: Text, nav: PlanGraph, free: BoolArray) -> Map:
 def refuse_choice(source: Text, selection: Selection, *known: str) -> None:
     """Refuse to choose what this kind of map does not have; `known` are the fields of a selection that it does have."""
     names = {"graph": "graph", "level": "level", "meters_per_pixel": "scale in metres per pixel", "vehicle_type": "vehicle types"}
-    names |= {"layers": "layers", "unit": "unit"}
+    names |= {"layers": "layers", "unit": "unit", "page": "page"}
     for field, what in names.items():
         choice = getattr(selection, field)
         if field not in known and choice is not None and not (field == "graph" and choice in (0, "all")):

@@ -4,6 +4,8 @@ OURS = {
     "movingai_scen": "mrp_sumo.maps.readers.movingai:MovingAiScen",
     "movingai_map": "mrp_sumo.maps.readers.movingai:MovingAiMap",
     "dxf_plan": "mrp_sumo.maps.readers.plan:DxfPlan",
+    "svg_plan": "mrp_sumo.maps.readers.plan:SvgPlan",
+    "pdf_plan": "mrp_sumo.maps.readers.plan:PdfPlan",
     "picture_plan": "mrp_sumo.maps.readers.plan:PicturePlan",
     "lane_table": "mrp_sumo.maps.readers.tables:LaneTable",
     "sumo_net": "mrp_sumo.maps.readers.sumo_net:SumoNet",

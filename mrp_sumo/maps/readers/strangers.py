@@ -8,12 +8,6 @@ KINDS = (  # what the first bytes are like, what the file is, what to do
         "an AutoCAD drawing (DWG), which CAD programs alone read",
         "save it as DXF there, or with LibreCAD, FreeCAD or the ODA File Converter",
     ),
-    (rb"%PDF", "a PDF", "save the page as PNG, such as with `pdftoppm -png -r 150`, and import that with --scale"),
-    (
-        rb"(?:<\?xml[^>]*\?>|<!--.*?-->|<!DOCTYPE[^>]*>|\s)*<(?:\w+:)?svg\b",
-        "an SVG drawing",
-        "save it as DXF or PNG, as Inkscape does, and import that",
-    ),
     (rb"ISO-10303-21", "a building model (IFC or STEP)", "save a floor of it as DXF and import that"),
     (rb"PK\x03\x04", "an archive", "unpack it, and import the map in it; a spreadsheet is saved as CSV"),
     (rb"\x1f\x8b|BZh|\xfd7zXZ|7z\xbc\xaf|Rar!", "an archive", "unpack it, and import the map in it"),

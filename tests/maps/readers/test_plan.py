@@ -1,5 +1,7 @@
 """Plans of a floor: drawings in DXF and pictures with a scale. All are of one hall, 12 x 8 m, with a rack of 4 x 1 m in it."""
 
+from pathlib import Path
+
 import ezdxf
 import numpy as np
 import pytest
@@ -8,6 +10,8 @@ from PIL import Image, ImageDraw
 from mrp_sumo.cli.main import main
 from mrp_sumo.errors import MapError
 from mrp_sumo.maps.load import load_map
+from mrp_sumo.maps.readers.svg import read_svg
+from mrp_sumo.maps.yaml_text import Text
 
 MM, M, NONE = 4, 6, 0  # $INSUNITS
 
@@ -183,8 +187,6 @@ def test_pictures_that_cannot_be_read_say_what_could_be_done(tmp_path):
     ("name", "data", "cure"),
     [
         ("a.dwg", b"AC1027" + bytes(20), "an AutoCAD drawing (DWG), which CAD programs alone read: save it as DXF"),
-        ("a.pdf", b"%PDF-1.7\n\xe2\xe3" + bytes(9), "a PDF: save the page as PNG"),
-        ("a.svg", b'<?xml version="1.0"?>\n<svg xmlns="s"/>', "an SVG drawing: save it as DXF or PNG"),
         ("a.zip", b"PK\x03\x04" + bytes(9), "an archive: unpack it"),
         ("a.opentcs", b'<?xml version="1.0"?>\n<model xmlns:xsi="http://www.w3.org/2001/XMLSchema-instance"/>', "openTCS 4.8 to 4.20"),
         ("a.xml", b"<transportOrders/>", "import the plant model"),
@@ -241,3 +243,84 @@ def test_a_scale_that_is_none_is_one_line(tmp_path, scale, why, capsys):
     assert main(["import", str(tmp_path / "hall.png"), "--scale", scale, "--check"]) == 2
     said = capsys.readouterr().err
     assert why in said and said.count("\n") == 1
+
+
+SVG = """<svg xmlns="http://www.w3.org/2000/svg" xmlns:inkscape="i" viewBox="0 0 120 80">
+  <defs><path d="M0 0H500V500"/></defs>
+  <g id="g1" inkscape:label="WALLS" transform="translate(0 80) scale(1 -1)"><rect x="0" y="0" width="120" height="80"/></g>
+  <g id="RACKS"><path d="m40,30 h40 v10 h-40 z"/></g>
+  <g id="WORDS" style="display: none"><line x1="0" y1="0" x2="50" y2="50"/><text>Hall</text></g>
+</svg>
+"""
+
+
+def test_an_svg_with_a_scale_has_the_walls_of_its_layers(tmp_path):
+    path = tmp_path / "hall.svg"
+    path.write_text(SVG)
+    found = load_map(path, meters_per_pixel=0.1, cell_m=0.5, robot_radius_m=0.2)
+    walls = found.building.levels["L1"].wall_xy
+    assert sorted(np.hypot(*(walls[:, 1] - walls[:, 0]).T).round(6)) == [1, 1, 4, 4, 8, 8, 12, 12]
+    assert found.nav.num_vertices == 24 * 16 - 8 * 2
+    assert len(load_map(path, meters_per_pixel=0.1, layers=("walls",)).building.levels["L1"].wall_xy) == 4
+
+
+@pytest.mark.parametrize(
+    ("d", "length", "most"),
+    [
+        ("M0 0 A 50 50 0 0 1 100 0", np.pi * 50, 50.0),  # half a circle
+        ("M0,0 C 0,0 100,0 100,0", 100.0, 0.0),  # a straight line as a curve
+        ("M0 0 Q 50 100 100 0", 147.9, 50.0),  # a parabola
+        ("M0 0 10 0 10 10 0 10Z", 40.0, 10.0),
+    ],
+)
+def test_paths_of_an_svg_are_flattened(d, length, most):
+    strokes = read_svg(Text(Path("a.svg"), f'<svg><path d="{d}"/></svg>')).strokes
+    assert np.hypot(*(strokes[:, 1] - strokes[:, 0]).T).sum() == pytest.approx(length, rel=3e-3)
+    assert np.abs(strokes[..., 1]).max() == pytest.approx(most, rel=1e-2)
+
+
+@pytest.mark.parametrize(
+    ("text", "choice", "why"),
+    [
+        (SVG, {}, "hall.svg: an SVG drawing has no scale: state it with --scale, metres a unit"),
+        (
+            SVG,
+            {"meters_per_pixel": 0.1, "layers": ("WALS",)},
+            "hall.svg: no layer 'WALS' (did you mean 'WALLS'?); strokes are on RACKS, WALLS",
+        ),
+        (SVG, {"meters_per_pixel": 0.001}, "hall.svg: the drawing is 0.12 x 0.08 m at 0.001 m a unit: state another --scale"),
+        ("<svg><text>Hall</text></svg>", {"meters_per_pixel": 0.1}, "hall.svg: nothing is drawn"),
+        ('<svg><path d="M 0 0 L 1"/></svg>', {"meters_per_pixel": 0.1}, "a path breaks off in 'L'"),
+        ('<svg><path d="1 2"/></svg>', {"meters_per_pixel": 0.1}, "a path begins with a number"),
+        ('<svg><rect width="x"/></svg>', {"meters_per_pixel": 0.1}, "<rect>: width is 'x', expected a number"),
+        ("<svg><g>", {"meters_per_pixel": 0.1}, "not XML"),
+    ],
+)
+def test_an_svg_that_cannot_be_read_is_one_line(tmp_path, text, choice, why):
+    path = tmp_path / "hall.svg"
+    path.write_text(text)
+    with pytest.raises(MapError) as error:
+        load_map(path, **choice)
+    assert why in str(error.value) and "\n" not in str(error.value)
+
+
+def test_a_page_of_a_pdf_is_a_picture_of_150_pixels_an_inch(tmp_path, capsys):
+    with Image.open(picture(tmp_path / "hall.png")) as image:
+        image.convert("RGB").save(
+            tmp_path / "hall.pdf", resolution=150, save_all=True, append_images=[Image.new("RGB", (300, 300), "white")]
+        )
+    found = load_map(tmp_path / "hall.pdf", meters_per_pixel=0.05, cell_m=0.5, robot_radius_m=0.15)
+    assert found.nav.num_vertices == 24 * 16 - 8 * 2
+    with pytest.raises(MapError, match=r"hall.pdf: no page 3, expected 1 to 2"):
+        load_map(tmp_path / "hall.pdf", meters_per_pixel=0.05, page=3)
+    with pytest.raises(MapError, match=r"150 pixels an inch, has no scale: state it with --scale.*; the plan is 240 x 16\d pixels"):
+        load_map(tmp_path / "hall.pdf")
+    assert main(["import", str(tmp_path / "hall.pdf"), "--scale", "0.05", "--page", "1", "--out", str(tmp_path / "site")]) == 0
+    assert "walls:" in (tmp_path / "site" / "hall.building.yaml").read_text()
+
+
+def test_a_pdf_that_is_none_is_one_line(tmp_path):
+    path = tmp_path / "a.pdf"
+    path.write_bytes(b"%PDF-1.7\n\xe2\xe3" + bytes(9))
+    with pytest.raises(MapError, match=r"a.pdf: cannot be read .*: print it as a new PDF, or save the page as PNG"):
+        load_map(path, meters_per_pixel=0.05)
