@@ -5,7 +5,7 @@ length, two lanes from one vertex to the same other, coordinates that are not fi
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -224,6 +224,7 @@ class PlanGraph(NavGraph):
     nav_lane: IntArray  # [V] lane of the nav graph a cut lies on, -1 elsewhere
     offset_m: FloatArray  # [V] distance from that lane's tail
     frame: Frame | None = None  # of a grid, where it is known
+    walls: FloatArray = field(default_factory=lambda: np.zeros((0, 2, 2)))  # [W, 2, 2] m, which vehicles' turns have to keep clear of
 
 
 def nav_graph(

@@ -122,7 +122,6 @@ class Trailer(Options):
 
 
 DIFFERENTIAL = Wheels()
-BESIDE_M = 0.1  # that vehicles need beside their width on a lane, since they swing out before corners
 CORNER_M = 0.25  # least distance by which turns may leave a corner
 CORNER_SHARE = 0.56  # of the least radius: what a bend of 100 degrees takes
 
@@ -285,12 +284,12 @@ class RobotShape(Options):
             return 0.0
         from mrp_sumo.core.wheel_path import most_aside_m
 
-        return most_aside_m(self._turning)
+        return most_aside_m(self.turning)
 
     @property
     def beside_m(self) -> float:
         """Room that it needs beside the middle of a lane."""
-        return self.width_m / 2 + (BESIDE_M if self.is_vehicle else 0.0)
+        return max([self.width_m, *(each.width_m or self.width_m for each in self.trailers)]) / 2
 
     @property
     def behind_m(self) -> float:
@@ -299,21 +298,8 @@ class RobotShape(Options):
         return towed + (self.trailers[-1].body_m or self.trailers[-1].length_m) / 2 if self.trailers else 0.0
 
     @property
-    def half_width_m(self) -> float:
-        """Room that it needs beside the middle of a corner: what it sweeps there, to the outside and to the inside."""
-        if not self.is_vehicle:
-            return self.radius_m
-        if self.loaded is not None:
-            return self.with_load.half_width_m
-        wheels, half = self.kinematics, self.width_m / 2
-        least, front = wheels.least_radius_m, self.length_m / 2 + abs(wheels.ahead_m)
-        outside = math.hypot(least + half, front) - least
-        inside = max([half, *(inward + width / 2 for inward, _, width in self._towed())])
-        swing = max(least, wheels.ahead_m) + self.length_m / 2 - wheels.ahead_m if wheels.reverse else 0.0
-        return max(outside, inside + self.corner_m, swing)
-
-    @property
-    def _turning(self) -> "Turning":
+    def turning(self) -> "Turning":
+        """Figures that decide its paths round corners."""
         from mrp_sumo.core.wheel_path import Turning
 
         wheels = self.kinematics

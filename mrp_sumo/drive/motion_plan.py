@@ -9,14 +9,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, NavGraph, frozen
+from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, NavGraph, PlanGraph, frozen
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.core.wheel_path import STRAIGHT_RAD, swing_stretch
 from mrp_sumo.engines.sumo.network import SHORTEST_M
 from mrp_sumo.traffic.passages import Needs
 from mrp_sumo.traffic.resources import Course, Resources, left_after_m, needs_of
-from mrp_sumo.traffic.turns import BACKWARD, FORWARD, NEVER, Turns, course_rad, gears_of, stands_bent, turns_of
+from mrp_sumo.traffic.turns import BACKWARD, FORWARD, NEVER, Turns, course_rad, gears_of, stands_bent, swing_m, turns_of
 
 Vehicles = Sequence[RobotType | None]
 
@@ -66,7 +66,7 @@ class MotionPlan:
 
 
 def motion_plan(
-    graph: NavGraph, resources: Resources, plan: Plan, departure: Departure, needless: IntArray, kind: IntArray, vehicles: Vehicles
+    graph: PlanGraph, resources: Resources, plan: Plan, departure: Departure, needless: IntArray, kind: IntArray, vehicles: Vehicles
 ) -> MotionPlan:
     """Lay out a plan along the robots' ways.
 
@@ -118,7 +118,7 @@ def motion_plan(
 
 
 def _bends(
-    graph: NavGraph,
+    graph: PlanGraph,
     plan: Plan,
     lane: IntArray,
     departure: Departure,
@@ -171,10 +171,10 @@ def _bend(table: Turns, turn: int, vehicle: RobotType, gear: int, *, changes: bo
     if changes:
         if math.pi - sharp <= STRAIGHT_RAD:
             return 0.0, 0.0, math.inf
-        room_m, least_m = float(table.room_m[turn]) - max(0.0, -wheels.ahead_m), wheels.least_radius_m  # the axle may be behind
+        room_m, least_m = swing_m(vehicle, float(table.room_m[turn])), wheels.least_radius_m
         stretch = swing_stretch(room_m, math.pi - sharp, gear, wheels.ahead_m, least_m)
         return room_m, room_m, min(vehicle.with_load.max_speed_mps / stretch, math.sqrt(wheels.lateral_mps2 * least_m))
-    radius_m, tangent_m = float(table.radius_m[turn]), float(table.tangent_m[turn])
+    radius_m, tangent_m = float(table.radius_m[turn, gear]), float(table.tangent_m[turn, gear])
     if not math.isfinite(radius_m):
         return 0.0, 0.0, math.inf
     return tangent_m, tangent_m + abs(wheels.ahead_m), math.sqrt(wheels.lateral_mps2 * radius_m)
@@ -186,7 +186,7 @@ def _next_gear(table: Turns, turn: int, gear: int, *, stands: bool) -> int:
     return gear if ahead == NEVER else ahead
 
 
-def _first_gear(graph: NavGraph, vehicle: RobotType, onward: int, heading_rad: float, gear: int) -> int:
+def _first_gear(graph: PlanGraph, vehicle: RobotType, onward: int, heading_rad: float, gear: int) -> int:
     """The gear in which a vehicle that has not moved yet leaves its start."""
     allowed = gears_of(graph, vehicle)[onward]
     if allowed[FORWARD] != allowed[BACKWARD]:

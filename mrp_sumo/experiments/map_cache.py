@@ -1,6 +1,7 @@
 """Maps, plan graphs and SUMO networks, made once and used by every run of a process."""
 
 from collections.abc import Callable, Hashable
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from types import TracebackType
@@ -101,6 +102,16 @@ class MapCache:
         from mrp_sumo.maps.clearance import pruned
 
         return self._once(("pruned", id(narrow)), lambda: pruned(graph, narrow), narrow)
+
+    def with_walls(self, map_: "Map", graph: "PlanGraph") -> "PlanGraph":
+        """The plan graph with the walls of its levels, which turns of vehicles have to keep clear of."""
+        from mrp_sumo.maps.clearance import standing_walls
+        from mrp_sumo.maps.facts import driven_levels
+
+        building = map_.building
+        if building is None:
+            return graph
+        return self._once(("walls", id(graph)), lambda: replace(graph, walls=standing_walls(building, driven_levels(map_.nav))), graph)
 
     def with_rides(self, map_: "Map", graph: "PlanGraph", step_s: float, radius_m: float) -> "PlanGraph":
         """The plan graph with its lifts as robots of a radius use them, in planned steps of `step_s`; see `maps.lifts`."""

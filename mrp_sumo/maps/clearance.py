@@ -2,7 +2,8 @@
 
 Walls are the strokes of a building's drawing, without thickness; where a door is drawn on one, it is open. Grid maps have no building:
 their free cells are those with room already. A robot needs half its width beside a lane, and at a vertex, where it may turn, the radius
-of the circle around it, or what a vehicle sweeps there, and the millimetre by which it stops short of the vertex.
+of the circle around it, and the millimetre by which it stops short of the vertex. What vehicles that cannot turn in place sweep there is
+held against the walls turn by turn (`traffic.sweeps`).
 """
 
 from collections.abc import Collection
@@ -18,7 +19,6 @@ from mrp_sumo.maps.building import WALL_THICKNESS_M, Building, Level
 
 ON_WALL_M = WALL_THICKNESS_M  # a door this near to a wall, and along it, is drawn on it
 SAME_WAY = np.cos(np.radians(15))  # a door on a wall has its direction, about
-BENT = np.cos(0.2)  # of the directions of two lanes that meet: a larger cosine is no bend
 SHORTEST_M = 1e-6  # of what doors leave of a wall
 STOPS_SHORT_M = 0.001  # of a vertex: where robots wait and turn
 
@@ -75,7 +75,7 @@ class Narrow:
             nearest = f"the closest {self._lane(beside[0])}: {self.lane_m[beside[0]]:.2f} m"
             notes.append(f"{_count(len(beside), 'lane runs', 'lanes run')} closer than {room}, {nearest}")
         if len(vertices):
-            room = f"{self.robot.half_width_m:.2f} m to a wall, too close for '{name}' to turn"
+            room = f"{self.robot.radius_m:.2f} m to a wall, too close for '{name}' to turn"
             nearest = f"the closest {self._vertex(vertices[0])}: {self.vertex_m[vertices[0]]:.2f} m"
             notes.append(f"{_count(len(vertices), 'vertex is', 'vertices are')} closer than {room}, {nearest}")
         return tuple(notes)
@@ -104,26 +104,12 @@ def narrow(graph: NavGraph, building: Building | None, robot: RobotType) -> Narr
     if building is None:
         far = np.full(graph.num_lanes, np.inf), np.full(graph.num_vertices, np.inf)
         return Narrow(robot, graph, *far, *(np.isnan(distance) for distance in far))
-    clearances = clearance(graph, building, robot.half_width_m + STOPS_SHORT_M)
-    driven = np.zeros(graph.num_vertices, np.bool_)
-    driven[graph.tail] = driven[graph.head] = True
-    if robot.is_vehicle:
-        driven &= _bent(graph)
+    clearances = clearance(graph, building, robot.radius_m + STOPS_SHORT_M)
+    turned = np.zeros(graph.num_vertices, np.bool_)
+    turned[graph.tail] = turned[graph.head] = not robot.is_vehicle
     lanes = (clearances.lane_m == 0) | (clearances.lane_m < robot.with_load.beside_m - SHORTEST_M)
-    vertices = driven & (clearances.vertex_m < robot.half_width_m + STOPS_SHORT_M)
+    vertices = turned & (clearances.vertex_m < robot.radius_m + STOPS_SHORT_M)
     return Narrow(robot, graph, clearances.lane_m, clearances.vertex_m, lanes, vertices)
-
-
-def _bent(graph: NavGraph) -> BoolArray:
-    """[V] where lanes meet at a bend, so that vehicles which cannot turn in place may turn there."""
-    along = graph.xy[graph.head] - graph.xy[graph.tail]
-    out = along / np.maximum(np.hypot(*along.T), SHORTEST_M)[:, None]
-    count = np.diff(graph.first)[graph.head]
-    lane = np.repeat(np.arange(graph.num_lanes), count)
-    onward = np.arange(len(lane)) - np.repeat(np.cumsum(count) - count - graph.first[graph.head], count)
-    bent = np.zeros(graph.num_vertices, np.bool_)
-    bent[graph.head[lane[np.abs((out[lane] * out[onward]).sum(1)) < BENT]]] = True
-    return bent
 
 
 def pruned(graph: PlanGraph, without: Narrow) -> PlanGraph:

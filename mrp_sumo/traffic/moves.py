@@ -16,13 +16,14 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from mrp_sumo.core.angles import wrapped
 from mrp_sumo.core.digraph import strong_components
 from mrp_sumo.core.fleet import Fleet, fleet_of
 from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, PlanGraph, frozen, nav_graph, plan_graph
 from mrp_sumo.core.problem import Problem, Standing
 from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.errors import PlanError
-from mrp_sumo.traffic.turns import BACKWARD, FORWARD, MAY_STAND_RAD, NEVER, course_rad, gears_of, turns_of
+from mrp_sumo.traffic.turns import BACKWARD, FORWARD, MAY_STAND_RAD, NEVER, course_rad, turns_of
 
 UNDER_WAY, STANDING, BOUND, ANYWHERE = range(4)
 MOST_PLACES = 256  # for which lengths of ways are kept
@@ -112,7 +113,8 @@ def _of_others(graph: PlanGraph, free: BoolArray, begin: int) -> tuple[States, A
 
 
 def _of_vehicle(graph: PlanGraph, vehicle: RobotType, free: BoolArray, begin: int) -> tuple[States, Arcs]:
-    turns, allowed = turns_of(graph, vehicle), gears_of(graph, vehicle)  # states are there on lanes that are not free, too, moves are not
+    turns = turns_of(graph, vehicle)
+    allowed = turns.gears  # states are there on lanes that are not free, too, moves are not
     lane, gear = np.nonzero(allowed)
     count, num_lanes = len(lane), graph.num_lanes
     at = np.full((3, num_lanes, 2), -1, np.int64)
@@ -132,7 +134,7 @@ def _of_vehicle(graph: PlanGraph, vehicle: RobotType, free: BoolArray, begin: in
     arcs = [(at[BOUND, lane, gear], at[UNDER_WAY, lane, gear], lane)]
     arcs.append((bound[on_arc], at[UNDER_WAY, turns.onward[on_arc], FORWARD], turns.onward[on_arc]))
     for g in (FORWARD, BACKWARD):  # one that has not moved yet goes backward only where it has to
-        out = np.flatnonzero((allowed[:, g] > 0) & ((g == FORWARD) | (allowed[:, FORWARD] == 0)))
+        out = np.flatnonzero(allowed[:, g] & turns.stands[:, 0] & ((g == FORWARD) | ~allowed[:, FORWARD]))
         arcs.append((anywhere[graph.tail[out]], at[UNDER_WAY, out, g], out))
         for does, next_gear in ((UNDER_WAY, turns.next_gear[:, g]), (STANDING, turns.may_stand[:, g])):
             some = next_gear != NEVER
@@ -180,21 +182,21 @@ def _with_room_behind(problem: Problem, robot: int, course: FloatArray, taken: s
 def _facing(problem: Problem, robot: int, course: FloatArray) -> tuple[int, int, int]:
     """What a vehicle does at its start with its heading, as if it had come so or were to go so: state, lane and gear."""
     graph, v, heading = problem.graph, int(problem.start[robot]), float(problem.heading_at_start[robot])
-    allowed = gears_of(graph, problem.fleet.types[int(problem.fleet.kind[robot])])
+    turns = turns_of(graph, problem.fleet.types[int(problem.fleet.kind[robot])])
+    faces, along = f"{problem.fleet.robot_name[robot]} faces {np.degrees(heading):.0f} degrees at '{graph.known_as(v)}'", False
     for gear in (FORWARD, BACKWARD):
         off = off_rad(course, heading + gear * np.pi)
         for does, end in ((STANDING, graph.head), (BOUND, graph.tail)):
-            lanes = np.flatnonzero((end == v) & (off <= MAY_STAND_RAD) & (allowed[:, gear] > 0))
-            if len(lanes):
-                return does, int(lanes[0]), gear
-    name = problem.fleet.robot_name[robot]
-    raise PlanError(f"{name} faces {np.degrees(heading):.0f} degrees at '{graph.known_as(v)}', where no lane leads that way or back")
+            lanes = (end == v) & (off <= MAY_STAND_RAD) & turns.gears[:, gear]
+            along |= bool(lanes.any())
+            if len(free := np.flatnonzero(lanes & turns.stands[:, int(does == STANDING)])):
+                return does, int(free[0]), gear
+    raise PlanError(f"{faces}, where " + ("it touches a wall" if along else "no lane leads that way or back"))
 
 
 def off_rad(course: FloatArray, heading: float) -> FloatArray:
     """[N] by how much directions differ from a heading."""
-    off: FloatArray = np.abs((course - heading + np.pi) % (2 * np.pi) - np.pi)
-    return off
+    return np.abs(wrapped(course - heading))
 
 
 def _goes_on(graph: PlanGraph, course: FloatArray, lane: int) -> bool:

@@ -9,18 +9,34 @@ an arc of its least radius, away from the lane on which it is to leave, stops in
 back out of a station. It does so wherever it can.
 """
 
+import math
 from functools import lru_cache
 from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
-from mrp_sumo.core.graph import FloatArray, IntArray, NavGraph, frozen
+from mrp_sumo.core.angles import wrapped
+from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, NavGraph, PlanGraph, frozen
 from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.core.wheel_path import SHARPEST_RAD
+from mrp_sumo.traffic.sweeps import (
+    CLEAR_M,
+    TOUCH_M,
+    Before,
+    MovingBody,
+    in_line,
+    point_distances,
+    radii,
+    shift_to_clear,
+    swept_at_corner,
+    touches,
+    widest,
+)
 
 FORWARD, BACKWARD, NEVER = 0, 1, -1  # gears
 STRAIGHT_RAD = 1e-6
+SHARP_RAD = np.pi - 1e-9  # of which the tangent is still a number
 IN_LINE_RAD = 0.01  # within which a vehicle that stands is in line with a lane
 MAY_STAND_RAD = 0.2  # of a start's heading off a lane, and of lanes that lead straight back
 OF_LANE = {"forward": FORWARD, "backward": BACKWARD}  # Open-RMF's option `orientation_constraint`
@@ -32,12 +48,14 @@ class Turns(NamedTuple):
     first: IntArray  # [L + 1]
     onward: IntArray  # [P] lane on which one leaves
     bend_rad: FloatArray  # [P] counter-clockwise
-    radius_m: FloatArray  # [P] of the arc in one gear, inf where it is straight, NaN where there is none
-    tangent_m: FloatArray  # [P] from the corner to where that arc begins and ends; without one, what the least radius would take
-    swing_m: FloatArray  # [P] the same of the arc after which it changes gear; NaN where there is none
+    radius_m: FloatArray  # [P, 2] of the arc in either gear, inf where it is straight, NaN where there is none
+    tangent_m: FloatArray  # [P, 2] from the corner to where that arc begins and ends; without one, what the least radius would take
+    swings: BoolArray  # [P, 2] whether there is an arc after which it changes gear, by that in which it comes
     room_m: FloatArray  # [P] half of the shorter lane
     next_gear: IntArray  # [P, 2] gear in which one leaves, by that in which one comes; NEVER: one cannot
     may_stand: IntArray  # [P, 2] the same for a vehicle that stands at the corner
+    gears: BoolArray  # [L, 2] in which one may come along each lane
+    stands: BoolArray  # [L, 2] whether walls leave room to stand in line with a lane at its tail, and at its head
 
     def between(self, lane: int, onward: int) -> int:
         """The turn from a lane to one that leaves its head, -1: there is none."""
@@ -46,42 +64,153 @@ class Turns(NamedTuple):
         return a + int(at[0]) if len(at) else -1
 
 
+class _Corners(NamedTuple):
+    """Room at P corners, by lanes and walls."""
+
+    lane: IntArray  # [P]
+    onward: IntArray  # [P]
+    bend: FloatArray  # [P]
+    room: FloatArray  # [P]
+    radius: FloatArray  # [P, 2]
+    swings: BoolArray  # [P, 2]
+    stood: BoolArray  # [P] whether one that stands there may come into line with the lane on which it leaves while it drives along it
+    stands: BoolArray  # [L, 2]
+
+
 @lru_cache(maxsize=16)
-def turns_of(graph: NavGraph, vehicle: RobotType) -> Turns:
+def turns_of(graph: PlanGraph, vehicle: RobotType) -> Turns:
     """All turns of a type on a graph. Lanes are straight."""
-    course, allowed, wheels = course_rad(graph), gears_of(graph, vehicle), vehicle.kinematics
+    room = _beside_walls(graph, vehicle, _on_lanes(graph, vehicle))
+    lane, onward, sharp = room.lane, room.onward, np.abs(room.bend)
+    gears, next_gear = _gears(room, gears_of(graph, vehicle) > 0)
+    keep, change = np.array([FORWARD, BACKWARD]), np.array([BACKWARD, FORWARD])
+    stands = (room.stands[lane, 1] & room.stood)[:, None]
+    on = stands & (sharp <= IN_LINE_RAD)[:, None] & gears[onward]
+    back = stands & (sharp >= np.pi - IN_LINE_RAD)[:, None] & room.swings & gears[onward][:, ::-1]
+    may_stand = np.where(on, keep, np.where(back, change, NEVER))
+    half, arc = np.tan(np.minimum(sharp, SHARP_RAD) / 2)[:, None], np.isfinite(room.radius)
+    tangent = np.where(np.isinf(room.radius), 0.0, half * np.where(arc, room.radius, vehicle.kinematics.least_radius_m))
+    first = np.append(0, np.cumsum(np.diff(graph.first)[graph.head]))
+    arrays = (first, onward, room.bend, room.radius, tangent, room.swings, room.room, next_gear, may_stand, gears, room.stands)
+    return Turns(*map(frozen, arrays))
+
+
+def _gears(room: "_Corners", allowed: BoolArray) -> tuple[BoolArray, IntArray]:
+    """[L, 2] gears in which one may come along each lane, and [P, 2] in which one leaves it.
+
+    Where a vehicle could stop neither in line with a lane at its end nor on an arc, there is no way along it.
+    """
+    lane, onward = room.lane, room.onward
+    arc = np.where(np.isinf(room.radius), room.stands[lane, 1][:, None], np.isfinite(room.radius))
+    while True:
+        stays, changes = arc & allowed[onward], room.swings & allowed[onward][:, ::-1]
+        forward = np.where(stays[:, 0], FORWARD, np.where(changes[:, 0], BACKWARD, NEVER))
+        backward = np.where(changes[:, 1], FORWARD, np.where(stays[:, 1], BACKWARD, NEVER))
+        next_gear, goes_on = np.stack([forward, backward], 1), np.zeros_like(allowed)
+        np.logical_or.at(goes_on, lane, next_gear != NEVER)
+        fewer = allowed & (goes_on | room.stands[:, 1:])
+        if (fewer == allowed).all():
+            return allowed, next_gear
+        allowed = fewer
+
+
+def _on_lanes(graph: PlanGraph, vehicle: RobotType) -> _Corners:
+    """Room by lanes alone: arcs within their nearer halves."""
+    course, wheels = course_rad(graph), vehicle.kinematics
     count = np.diff(graph.first)[graph.head]
-    first = np.concatenate([[0], np.cumsum(count)]).astype(np.int64)
     lane = np.repeat(np.arange(graph.num_lanes), count)
-    onward = np.arange(int(count.sum())) - np.repeat(first[:-1] - graph.first[graph.head], count)
-    bend = (course[onward] - course[lane] + np.pi) % (2 * np.pi) - np.pi
+    onward = np.arange(len(lane)) - np.repeat(np.cumsum(count) - count - graph.first[graph.head], count)
+    bend = wrapped(course[onward] - course[lane])
     room, rides = np.minimum(graph.length_m[lane], graph.length_m[onward]) / 2, graph.is_ride[lane] | graph.is_ride[onward]
-    sharp = np.minimum(np.abs(bend), np.pi - 1e-9)
-    half, least_m = np.tan(sharp / 2), wheels.least_radius_m
+    sharp = np.minimum(np.abs(bend), SHARP_RAD)
+    half, least_m, left = np.tan(sharp / 2), wheels.least_radius_m, np.pi - sharp
     with np.errstate(divide="ignore"):
         leaves = vehicle.corner_m / (1 / np.cos(sharp / 2) - 1)
         radius = np.minimum(np.minimum(room / half, leaves), np.maximum(vehicle.length_m / half, least_m))
-    straight = sharp <= STRAIGHT_RAD
-    arc = ~straight & ~rides & (radius >= least_m - 1e-9)
-    swing = least_m / np.maximum(half, 1e-9)  # the heading changes by what the bend leaves of a half turn
+    radius = np.where(sharp <= STRAIGHT_RAD, np.inf, np.where(~rides & (radius >= least_m - 1e-9), radius, np.nan))
+    swing_m = least_m / np.maximum(half, 1e-9)  # the heading changes by what the bend leaves of a half turn
+    swings = (left <= SHARPEST_RAD) & (swing_m <= room - abs(wheels.ahead_m) + 1e-9) & (~rides | (left <= MAY_STAND_RAD)) & wheels.reverse
+    by_gear = np.stack([swings & (left <= MAY_STAND_RAD), swings], 1)
+    free = np.ones(len(lane), np.bool_), np.ones((graph.num_lanes, 2), np.bool_)
+    return _Corners(lane, onward, bend, room, np.stack([radius, radius], 1), by_gear, *free)
+
+
+def _beside_walls(graph: PlanGraph, vehicle: RobotType, room: _Corners) -> _Corners:
+    """The room that walls leave of it: the largest arcs that they allow."""
+    if not len(graph.walls):
+        return room
+    radius, swings, stood, stands = room.radius.copy(), room.swings.copy(), room.stood.copy(), room.stands.copy()
+    allowed, loaded = gears_of(graph, vehicle) > 0, vehicle.with_load
+    body, reach_m = in_line(loaded), _reach_m(loaded, 0.0)
+    for lane in np.flatnonzero(~graph.is_ride).tolist():
+        for end, v in enumerate((int(graph.tail[lane]), int(graph.head[lane]))):
+            stands[lane, end] = not touches([body], _walls_at(graph, v, lane, reach_m), TOUCH_M)
+    sharp = np.abs(room.bend)
     left = np.pi - sharp
-    swings = (left <= SHARPEST_RAD) & (swing <= room - abs(wheels.ahead_m) + 1e-9) & (~rides | (left <= MAY_STAND_RAD)) & wheels.reverse
-    stays, changes = ((straight | arc)[:, None] & (allowed[onward] > 0)), swings[:, None] & (allowed[onward][:, ::-1] > 0)
-    changes[:, FORWARD] &= left <= MAY_STAND_RAD
-    next_gear = np.stack(
-        [
-            np.where(stays[:, 0], FORWARD, np.where(changes[:, 0], BACKWARD, NEVER)),
-            np.where(changes[:, 1], FORWARD, np.where(stays[:, 1], BACKWARD, NEVER)),
-        ],
-        axis=1,
-    )
-    gears = np.array([FORWARD, BACKWARD])
-    on, back = ((sharp <= IN_LINE_RAD)[:, None] & (allowed[onward] > 0)), (left <= IN_LINE_RAD)[:, None] & changes
-    may_stand = np.where(on, gears, np.where(back, 1 - gears, NEVER))
-    radius = np.where(straight, np.inf, np.where(arc, radius, np.nan))
-    tangent = np.where(straight, 0.0, np.where(arc, np.where(arc, radius, 0.0) * half, least_m * half))
-    swing = np.where(swings, swing, np.nan)
-    return Turns(*map(frozen, (first, onward, bend, radius, tangent, swing, room, next_gear, may_stand)))
+    swings &= ((left > STRAIGHT_RAD) | stands[room.lane, 1])[:, None]  # straight back it goes from where it stands
+    bent = (sharp > STRAIGHT_RAD) & (left > STRAIGHT_RAD) & (np.isfinite(room.radius) | room.swings).any(1)
+    for k in np.flatnonzero(bent).tolist():
+        sweep = _Sweep(graph, loaded, room, k)
+        for gear in np.flatnonzero(allowed[room.lane[k]]).tolist() if len(sweep.walls) else ():
+            radius[k, gear] = sweep.widest_m(gear, float(radius[k, gear]))
+            swings[k, gear] = swings[k, gear] and sweep.is_clear(sweep.swing(gear))
+            stood[k] &= min(sharp[k], left[k]) > IN_LINE_RAD or sweep.is_clear(sweep.stood(gear))
+    return room._replace(radius=radius, swings=swings, stood=stood, stands=stands)
+
+
+class _Sweep:
+    """Areas that a type sweeps with its load at one corner, in the frame of the lane to it."""
+
+    def __init__(self, graph: PlanGraph, vehicle: RobotType, room: _Corners, turn: int) -> None:
+        lane, onward = int(room.lane[turn]), int(room.onward[turn])
+        self.vehicle, self.bend_rad, self.room_m = vehicle, float(room.bend[turn]), float(room.room[turn])
+        self.lane_m, self.least_m = float(graph.length_m[onward]), vehicle.kinematics.least_radius_m
+        self.before: list[Before | None] = [None]
+        if vehicle.trailers:
+            came = room.bend[(room.onward == lane) & np.isfinite(room.radius).any(1)]
+            bends = {float(came.min(initial=0.0)), float(came.max(initial=0.0))} - {0.0}
+            self.before += [Before(bend, float(graph.length_m[lane])) for bend in bends]
+        within_m = _reach_m(vehicle, self.lane_m if vehicle.trailers else self.room_m)
+        self.walls = _walls_at(graph, int(graph.head[lane]), lane, within_m)
+
+    def widest_m(self, gear: int, most_m: float) -> float:
+        """The largest radius of an arc, NaN where there is none."""
+        return widest(self.least_m, most_m, lambda radius_m: self.is_clear(self.arc(gear, radius_m))) if math.isfinite(most_m) else most_m
+
+    def is_clear(self, bodies: list[MovingBody]) -> bool:
+        return not touches(bodies, self.walls)
+
+    def arc(self, gear: int, radius_m: float) -> list[MovingBody]:
+        tangent_m = radius_m * math.tan(abs(self.bend_rad) / 2)
+        return [body for before in self.before for body in self._swept((gear, gear), tangent_m, before)]
+
+    def swing(self, gear: int) -> list[MovingBody]:
+        return self._swept((gear, 1 - gear), swing_m(self.vehicle, self.room_m))
+
+    def stood(self, gear: int) -> list[MovingBody]:
+        return self._swept((gear, gear if abs(self.bend_rad) < 1 else 1 - gear), 0.0)
+
+    def _swept(self, gears: tuple[int, int], tangent_m: float, before: Before | None = None) -> list[MovingBody]:
+        return swept_at_corner(self.vehicle, self.bend_rad, gears, tangent_m, self.lane_m, before)
+
+
+def _reach_m(vehicle: RobotType, tangent_m: float) -> float:
+    """Distance from a corner within which walls matter."""
+    return tangent_m + 2 * abs(vehicle.kinematics.ahead_m) + math.hypot(vehicle.length_m, vehicle.width_m) / 2 + vehicle.behind_m + CLEAR_M
+
+
+def _walls_at(graph: PlanGraph, vertex: int, lane: int, within_m: float) -> FloatArray:
+    """[W, 2, 2] the walls near a vertex, from there, with a lane leading east."""
+    along = graph.xy[graph.head[lane]] - graph.xy[graph.tail[lane]]
+    cos, sin = along / np.hypot(*along)
+    near = graph.walls[point_distances(graph.xy[vertex], graph.walls) <= within_m]
+    turned: FloatArray = (near - graph.xy[vertex]) @ np.array([[cos, -sin], [sin, cos]])
+    return turned
+
+
+def swing_m(vehicle: RobotType, room_m: float) -> float:
+    """Distance from a corner at which the stretches before and after a change of gear begin and end; the axle may be behind the middle."""
+    return room_m - max(0.0, -vehicle.kinematics.ahead_m)
 
 
 def stands_bent(turns: Turns, lane: int, gear: int) -> tuple[int, int] | None:
@@ -117,27 +246,43 @@ def _of_lane(graph: NavGraph, vehicle: RobotType, lane: int) -> tuple[bool, bool
     return gear != BACKWARD, gear != FORWARD and vehicle.kinematics.reverse
 
 
-def obstacle_to(graph: NavGraph, vehicle: RobotType, route: list[int]) -> str:
+def obstacle_to(graph: PlanGraph, vehicle: RobotType, route: list[int]) -> str:
     """The first turn along a path of vertices that a type cannot make in any gear, in words; '' for none."""
-    turns, allowed = turns_of(graph, vehicle), gears_of(graph, vehicle)
+    turns = turns_of(graph, vehicle)
     lanes = [graph.lane_between(a, b) for a, b in pairwise(route)]
     gears = {FORWARD, BACKWARD}
     for lane, onward in pairwise([-1, *lanes]):
-        tail, head = int(graph.tail[onward]), int(graph.head[onward])
-        onto = f"from '{graph.known_as(tail)}' to '{graph.known_as(head)}'"
-        if not allowed[onward].any():
-            return f"{vehicle.name} would have to reverse {onto} (kinematics.reverse: true would do)"
         k = turns.between(lane, onward) if lane >= 0 else -1
-        gears = {int(turns.next_gear[k, gear]) for gear in gears} - {NEVER} if k >= 0 else {g for g in gears if allowed[onward, g]}
-        if gears:
-            continue
-        before = graph.known_as(int(graph.tail[lane]))
-        if abs(turns.bend_rad[k]) >= np.pi - MAY_STAND_RAD and not vehicle.kinematics.reverse:
-            return (
-                f"{vehicle.name} cannot reverse, from '{before}' to '{graph.known_as(tail)}' and back (kinematics.reverse: true would do)"
-            )
-        over = f"from '{before}' over '{graph.known_as(tail)}' to '{graph.known_as(head)}'"
-        if turns.tangent_m[k] <= turns.room_m[k] and np.isfinite(turns.radius_m[k]):
-            return f"{vehicle.name} would have to change gear {over}, where lanes are for one gear"
-        return f"{vehicle.name} needs {turns.tangent_m[k]:.2f} m to turn {over} and has {turns.room_m[k]:.2f} m"
+        came, gears = (
+            gears,
+            {int(turns.next_gear[k, gear]) for gear in gears} - {NEVER} if k >= 0 else set(np.flatnonzero(turns.gears[onward]).tolist()),
+        )
+        if not gears:
+            return _obstacle(graph, vehicle, k, lane, onward, came)
     return ""
+
+
+def _obstacle(graph: PlanGraph, vehicle: RobotType, turn: int, lane: int, onward: int, came: set[int]) -> str:
+    """The reason for which a type does not leave one lane along another."""
+    turns, name, loaded = turns_of(graph, vehicle), vehicle.name, vehicle.with_load
+    tail, head = graph.known_as(int(graph.tail[onward])), graph.known_as(int(graph.head[onward]))
+    if not gears_of(graph, vehicle)[onward].any():
+        return f"{name} would have to reverse from '{tail}' to '{head}' (kinematics.reverse: true would do)"
+    if not turns.gears[onward].any():
+        walls = _walls_at(graph, int(graph.head[onward]), onward, _reach_m(loaded, 0.0))
+        needs_m, has_m = shift_to_clear([[in_line(loaded)]], walls, TOUCH_M)
+        return f"{name} needs {needs_m:.2f} m beside '{head}' to stand there, coming from '{tail}', and has {has_m:.2f} m to a wall"
+    before = graph.known_as(int(graph.tail[lane]))
+    if abs(turns.bend_rad[turn]) >= np.pi - MAY_STAND_RAD and not vehicle.kinematics.reverse:
+        return f"{name} cannot reverse, from '{before}' to '{tail}' and back (kinematics.reverse: true would do)"
+    over = f"from '{before}' over '{tail}' to '{head}'"
+    room, gear = _on_lanes(graph, vehicle), min(came)
+    if np.isfinite(turns.radius_m[turn]).any() and not np.isnan(turns.radius_m[turn, gear]):
+        return f"{name} would have to change gear {over}, where lanes are for one gear"
+    if np.isnan(room.radius[turn, gear]) and not room.swings[turn, gear]:
+        return f"{name} needs {turns.tangent_m[turn, gear]:.2f} m to turn {over} and has {turns.room_m[turn]:.2f} m"
+    sweep, most_m = _Sweep(graph, loaded, room, turn), float(room.radius[turn, gear])
+    arcs = radii(sweep.least_m, most_m) if math.isfinite(most_m) else []
+    sweeps = [sweep.swing(gear)] if room.swings[turn, gear] else [sweep.arc(gear, radius_m) for radius_m in arcs] or [[in_line(loaded)]]
+    needs_m, has_m = shift_to_clear(sweeps, sweep.walls, CLEAR_M)
+    return f"{name} needs {needs_m:.2f} m beside '{tail}' to turn {over} and has {has_m:.2f} m to a wall"

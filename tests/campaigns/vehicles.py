@@ -6,7 +6,7 @@ and nobody drives backward who may not. Undisturbed, what is planned is driven w
 """
 
 from dataclasses import replace
-from functools import cache
+from functools import cache, reduce
 from pathlib import Path
 
 import numpy as np
@@ -34,6 +34,7 @@ from mrp_sumo.maps.roadmap import cell_that_fits, cut_lanes
 from mrp_sumo.metrics.audit import audit, in_words
 from mrp_sumo.planning.answers import planned_by
 from mrp_sumo.planning.registry import planner
+from mrp_sumo.traffic.draw import stands_of
 from mrp_sumo.traffic.referee import judge
 
 PLANNERS = ("lacam", "pibt", "prioritised", "lns2", "cbs", "ecbs", "eecbs", "pbs", "continuous", "auto")
@@ -191,7 +192,7 @@ def drawn_world(rng: np.random.Generator, types: list[RobotType]) -> tuple[PlanG
     for each in types:
         graph = pruned(graph, narrow(graph, map_.building, each))
     walls = standing_walls(map_.building, graph.level_names) if map_.building else np.zeros((0, 2, 2))
-    return graph, walls, "real map"
+    return replace(graph, walls=walls), walls, "real map"
 
 
 def drawn_roads(rng: np.random.Generator, cell_m: float) -> PlanGraph:
@@ -214,7 +215,8 @@ def drawn_problem(rng: np.random.Generator, graph: PlanGraph, types: list[RobotT
     kind = rng.integers(len(types), size=count)
     kind[: len(types)] = np.arange(len(types))
     fleet = fleet_of_types(types, kind)
-    places = rng.permutation(np.intersect1d(graph.tail, graph.head))
+    stands = [stands_of(graph, anywhere=True, vehicle=each) for each in types]
+    places = rng.permutation(reduce(np.intersect1d, [some for each in stands for some in (each.start, each.goal)]))
     if len(places) < 2 * count:
         raise ValueError("too small")
     top_mps = float(fleet.max_speed_mps.min())

@@ -39,7 +39,7 @@ def test_what_a_turn_sweeps_is_that_of_the_closed_form(tmp_path, vehicle):
     graph = corner()
     _, _, run = driven(tmp_path, graph, [[0, 1, 2]], vehicle)
     turns = turns_of(graph, vehicle)
-    radius_m = turns.radius_m[turns.between(graph.lane_between(0, 1), graph.lane_between(1, 2))]
+    radius_m = turns.radius_m[turns.between(graph.lane_between(0, 1), graph.lane_between(1, 2)), 0]
     yaw = np.unwrap(run.yaw_rad[:, 0])
     on_arc = (yaw > 0.05) & (yaw < pi / 2 - 0.05)
     centre = np.array([4.0 - radius_m, radius_m])
@@ -58,7 +58,7 @@ def test_an_arc_is_what_a_bicycle_drives_with_its_wheel_turned(tmp_path):
     _, _, run = driven(tmp_path, graph, [[0, 1, 2]], CAR)
     turns = turns_of(graph, CAR)
     k = turns.between(graph.lane_between(0, 1), graph.lane_between(1, 2))
-    radius_m, tangent_m, wheelbase_m = turns.radius_m[k], turns.tangent_m[k], CAR.kinematics.wheelbase_m
+    radius_m, tangent_m, wheelbase_m = turns.radius_m[k, 0], turns.tangent_m[k, 0], CAR.kinematics.wheelbase_m
     steering, x, y, yaw, places = atan(wheelbase_m / radius_m), 4.0 - tangent_m, 0.0, 0.0, []
     while yaw < pi / 2:  # x' = v cos(yaw), yaw' = v / L tan(steering), in steps of 0.1 mm
         x, y, yaw = x + 1e-4 * cos(yaw), y + 1e-4 * sin(yaw), yaw + 1e-4 / wheelbase_m * tan(steering)
@@ -144,6 +144,6 @@ def test_arcs_are_driven_no_faster_than_the_sideways_acceleration_allows(tmp_pat
     yaw = np.unwrap(run.yaw_rad[:, 0])
     rate = np.diff(yaw) / 0.1
     turns = turns_of(graph, slow)
-    radius_m = turns.radius_m[turns.between(graph.lane_between(0, 1), graph.lane_between(1, 2))]
+    radius_m = turns.radius_m[turns.between(graph.lane_between(0, 1), graph.lane_between(1, 2)), 0]
     assert rate.max() * radius_m <= sqrt(0.1 * radius_m) + 1e-6
     assert run.speed_mps.max() > sqrt(0.1 * radius_m) + 0.1  # and faster elsewhere

@@ -7,13 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 
+from mrp_sumo.core.angles import wrapped
 from mrp_sumo.core.digraph import strong_components
 from mrp_sumo.core.graph import BoolArray, FloatArray, frozen
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError, ScenarioError
 from mrp_sumo.io.scenario.file import ScenarioFile
 from mrp_sumo.traffic.moves import UNDER_WAY, move_graph, off_rad, standing_at_starts
-from mrp_sumo.traffic.turns import BACKWARD, FORWARD, MAY_STAND_RAD, course_rad, gears_of
+from mrp_sumo.traffic.turns import BACKWARD, FORWARD, MAY_STAND_RAD, course_rad, turns_of
 
 
 def with_vehicles(file: ScenarioFile, problem: Problem) -> Problem:
@@ -55,14 +56,14 @@ def _along_lanes(problem: Problem) -> FloatArray:
     graph, fleet, heading = problem.graph, problem.fleet, problem.heading_at_start.copy()
     course = course_rad(graph)
     for r in np.flatnonzero(fleet.is_vehicle & np.isnan(heading) & (fleet.behind_m == 0)).tolist():
-        v, allowed = int(problem.start[r]), gears_of(graph, fleet.types[int(fleet.kind[r])])
+        v, turns = int(problem.start[r]), turns_of(graph, fleet.types[int(fleet.kind[r])])
         came = course[graph.head == v]
         ranked = []
         for lane in range(int(graph.first[v]), int(graph.first[v + 1])):
             ends = bool((graph.head[graph.first[graph.head[lane]] : graph.first[graph.head[lane] + 1]] == v).all())
             bent = not (off_rad(came, float(course[lane])) <= MAY_STAND_RAD).any()
-            ranked += [(gear, ends, bent, lane) for gear in (FORWARD, BACKWARD) if allowed[lane, gear]]
+            ranked += [(gear, ends, bent, lane) for gear in (FORWARD, BACKWARD) if turns.gears[lane, gear] and turns.stands[lane, 0]]
         if ranked:
             gear, _, _, lane = min(ranked)
-            heading[r] = (course[lane] + gear * np.pi + np.pi) % (2 * np.pi) - np.pi
+            heading[r] = wrapped(course[lane] + gear * np.pi)
     return heading
