@@ -5,6 +5,7 @@ import json
 import pytest
 
 from mrp_sumo.cli.main import main
+from mrp_sumo.errors import ScenarioError
 from mrp_sumo.io.scenario.robots import robot_type
 from mrp_sumo.maps.catalogue import bundled_folder
 from mrp_sumo.maps.load import load_map
@@ -152,3 +153,16 @@ def test_bad_types_end_with_one_line_and_leave_nothing(tmp_path, capsys, monkeyp
     told = capsys.readouterr()
     assert told.err.count("\n") == 1 and line in told.err
     assert sorted(f.name for f in tmp_path.iterdir()) == before
+
+
+def test_factsheet_is_a_type_of_a_scenario_where_nothing_is_guessed(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert main(["convert", "forklift", "new.json"]) == 0
+    assert main(["convert", "forklift", "old.json", "--vda5050", "2.1"]) == 0
+    drawn = robot_type("forklift", bundled_folder("robots"), tmp_path)
+    assert robot_type("./new.json", tmp_path, tmp_path).turn_rate_rad_s == drawn.turn_rate_rad_s
+    with pytest.raises(ScenarioError, match=r"guessed would be turn_rate_rad_s 1, .*`mrp-sumo convert .*old.json old.yaml`"):
+        robot_type("./old.json", tmp_path, tmp_path)
+    capsys.readouterr()
+    assert main(["import", "old.json", "--check"]) == 2
+    assert "a factsheet of VDA 5050: `mrp-sumo convert FILE type.yaml`" in capsys.readouterr().out

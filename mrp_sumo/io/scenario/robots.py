@@ -10,7 +10,7 @@ import yaml
 from pydantic import Field, field_validator, model_validator
 
 from mrp_sumo.core.robot_type import AS_THEY_ARE, Factors, RobotShape, RobotType
-from mrp_sumo.errors import ScenarioError, nearest
+from mrp_sumo.errors import MrpSumoError, ScenarioError, nearest
 from mrp_sumo.files.reading import shortened
 from mrp_sumo.io.documents import read_document, validated
 from mrp_sumo.io.scenario.strict import Strict
@@ -46,7 +46,9 @@ class Robots(Strict):
     """The fleet and where it starts and goes."""
 
     count: Annotated[int, Field(ge=1, le=100_000)] | None = Field(None, description="Number of robots, drawn or the first of `starts`.")
-    type: str | RobotShape = Field("turtlebot3", description="A type of robots/, a YAML file of the same form, or one written out.")
+    type: str | RobotShape = Field(
+        "turtlebot3", description="A type of robots/, a YAML file of the same form, a factsheet of VDA 5050 (JSON), or one written out."
+    )
     fleet: Annotated[list[RobotGroup], Field(min_length=1)] | None = Field(
         None,
         description="Instead of count, type, starts and goals: groups of robots, each of a type. Lanes on which walls leave a type no room "
@@ -159,4 +161,23 @@ def robot_type(choice: str | RobotShape, folder: Path, beside: Path) -> RobotTyp
         if not os.path.lexists(path):
             known = nearest(choice, (p.stem for p in sorted(folder.glob("*.yaml"))))
             raise ScenarioError(f"'{shortened(Path(choice))}' is neither a robot type nor a file{known}")
+    if path.suffix.lower() == ".json":
+        return _of_factsheet(path)
     return RobotType(path.stem, **vars(validated(read_document(path), RobotShape)))
+
+
+def _of_factsheet(path: Path) -> RobotType:
+    """The type of a factsheet that leaves nothing to guess."""
+    from mrp_sumo.formats.vda.factsheet import read_factsheet  # which loads arrays
+
+    try:
+        robot, notes = read_factsheet(path)
+    except MrpSumoError as error:
+        raise ScenarioError(str(error)) from None
+    if guesses := [note.removeprefix("guessed: ") for note in notes if note.startswith("guessed: ")]:
+        name = shortened(path)
+        more = f" and {len(guesses) - 1} more" if len(guesses) > 1 else ""
+        raise ScenarioError(
+            f"{name}: guessed would be {guesses[0]}{more}; `mrp-sumo convert {name} {path.stem}.yaml` makes a type to look over"
+        )
+    return robot

@@ -290,7 +290,9 @@ class _Layouts:
             notes.add("several_vehicle_types", f"edges for {counts}; all are read, --vehicle-type chooses one", len(types))
         if self.restricted:
             notes.add(
-                "turns_restricted", f"at ends of {len(self.restricted)} lanes; robots here may turn at every vertex", len(self.restricted)
+                "turns_restricted",
+                f"at ends of {len(self.restricted)} lanes; types that turn in place may do so at every vertex here",
+                len(self.restricted),
             )
 
 

@@ -37,6 +37,11 @@ KINDS = (  # what the first bytes are like, what the file is, what to do
         "load it in openTCS 4.8 to 4.20 and save the plant model, which is XML",
     ),
     (rb'\s*\{\s*"schema_version": \d+,\s*"step_s"', "a plan of this program", "`mrp-sumo run SCENARIO --plan FILE` drives it"),
+    (
+        rb'\s*\{.*"(?:typeSpecification|physicalParameters)"\s*:',
+        "a factsheet of VDA 5050",
+        "`mrp-sumo convert FILE type.yaml` makes a type of robots of it",
+    ),
     (rb"(?:<\?xml[^>]*\?>|\s)*<transportOrders\b", "a list of openTCS's transport orders", "import the plant model that it belongs to"),
 )
 NEEDED = {  # end of a name -> the format that it stands for, what makes a file of it one

@@ -183,12 +183,14 @@ export class Events {
   index() {
     this.perKind = new Uint32Array(this.kinds.length);
     this.ofRobot = new Map();
+    this.disturbed = new Map(); // robot: events that say so
     for (let i = 0; i < this.count; i++) {
       this.perKind[this.kind[i]]++;
       for (const robot of [this.robot[i], this.other[i]]) {
         if (robot === NEVER || (robot === this.robot[i] && robot === this.other[i])) continue;
         if (!this.ofRobot.has(robot)) this.ofRobot.set(robot, []);
         this.ofRobot.get(robot).push(i);
+        if (this.kinds[this.kind[i]] === "disturbed") this.disturbed.set(robot, [...(this.disturbed.get(robot) || []), i]);
       }
     }
   }
@@ -208,6 +210,12 @@ export class Events {
 
   seconds(i) {
     return this.t[i] / 1000;
+  }
+
+  /* What a robot suffers from at a time, such as 'breaks down', '' for nothing. */
+  disturbance(robot, t) {
+    const ms = t * 1000 + 0.5, i = (this.disturbed.get(robot) || []).find((k) => this.t[k] <= ms && ms <= this.t[k] + this.duration[k]);
+    return i === undefined ? "" : this.text[i] || "";
   }
 
   /* Whom a robot waits for at a time, NEVER for nobody: of the events that last, the latest begun. */

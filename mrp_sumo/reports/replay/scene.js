@@ -395,7 +395,8 @@ export class Scene {
     const above = (r) => Math.max(0.5 * Math.hypot(run.length[r], run.width[r]) * c.scale, 0.6 * this.least) + 10;
     const label = (r, must) => {
       const [x, y] = this.toScreen(m.pose[3 * r], m.pose[3 * r + 1]);
-      write(run.robots[r], x, y - above(r), must ? theme.accent : theme.ink, `${must ? 700 : 600} 11.5px ${FAMILY}`, must);
+      const why = this.events.disturbance(r, view.t);
+      write(why ? `${run.robots[r]} ${why}` : run.robots[r], x, y - above(r), must ? theme.accent : theme.ink, `${must ? 700 : 600} 11.5px ${FAMILY}`, must);
     };
     for (const r of new Set([view.selected, view.hovered])) if (r >= 0 && m.now[r] !== ABSENT) label(r, true);
     if (view.labels) {
