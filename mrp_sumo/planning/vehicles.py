@@ -12,6 +12,7 @@ from mrp_sumo.core.graph import BoolArray, IntArray, frozen
 from mrp_sumo.core.plan import Plan, PlanResult
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError
+from mrp_sumo.search.distance import UNREACHABLE, Distances, StepArray, distances
 from mrp_sumo.search.route import shortest_route
 from mrp_sumo.traffic.moves import ANYWHERE, BOUND, MoveGraph, arrivals_at, move_graph, off_rad, standing_at_starts
 from mrp_sumo.traffic.turns import MAY_STAND_RAD, obstacle_to, turns_of
@@ -23,13 +24,14 @@ def on_moves(problem: Problem) -> Problem:
         raise PlanError("vehicles that cannot turn in place need a goal each before it is planned (assignment.mode: fixed or optimal)")
     graph = move_graph(problem.graph, problem.fleet, problem.barred)
     start, target, goal = _starts(problem, graph), problem.target, np.zeros(problem.num_robots, np.int64)
-    heading, taken = problem.heading_at_target, np.zeros(problem.graph.num_vertices, np.bool_)
+    taken = np.zeros(problem.graph.num_vertices, np.bool_)
     taken[target] = True
+    heading, steps = problem.heading_at_target, _steps_past_goals(graph, start, taken)
     for r, (at, place, kind) in enumerate(zip(start.tolist(), target.tolist(), problem.fleet.kind.tolist())):
         if graph.place[at] == place and np.isnan(heading[r]):
             goal[r] = at
         elif problem.fleet.is_vehicle[r]:
-            goal[r] = _goal(graph, kind, at, place, float(heading[r]), taken)
+            goal[r] = _goal(graph, kind, at, place, float(heading[r]), (taken, steps[r]))
         else:
             goal[r] = graph.states[kind].begin + place
         if goal[r] < 0:
@@ -74,19 +76,28 @@ def _starts(problem: Problem, graph: MoveGraph) -> IntArray:
     return start
 
 
-def _goal(graph: MoveGraph, kind: int, at: int, place: int, heading: float, taken: BoolArray) -> int:
+def _steps_past_goals(graph: MoveGraph, start: IntArray, taken: BoolArray) -> StepArray:
+    """[R, V'] steps from each start to all states, on paths that lead over no goal that is taken [V]."""
+    lanes, through = distances(graph), ~taken[graph.place]
+    through[start] = True
+    keep = through[lanes.tail_in]
+    return Distances(np.concatenate([[0], np.cumsum(keep)])[lanes.first_in], lanes.tail_in[keep]).to_all(start)
+
+
+def _goal(graph: MoveGraph, kind: int, at: int, place: int, heading: float, others: tuple[BoolArray, StepArray]) -> int:
     """The nearest state in which a vehicle of a type can come to its goal, -1: none.
 
-    Rather one in which it can leave again, and to which it does not come over a goal that is taken [V], where another may stand by then.
+    Rather one in which it can leave again, to which it does not come from a goal that is taken [V], or at least not over one: others may
+    stand there by then. There is a path over none where it has steps [V'].
     """
-    arrivals = arrivals_at(graph, kind, place)
+    arrivals, (taken, steps) = arrivals_at(graph, kind, place), others
     length_m = arrivals.length_m[:, at]
     if not np.isnan(heading):
         length_m = np.where(off_rad(arrivals.heading_rad, heading) <= MAY_STAND_RAD, length_m, np.inf)
     can_come = np.isfinite(length_m)
     if not can_come.any():
         return -1
-    rank = np.where(can_come, 2 * ~arrivals.leaves + taken[arrivals.tail], 4)
+    rank = np.where(can_come, 4 * ~arrivals.leaves + 2 * taken[arrivals.tail] + (steps[arrivals.state] >= UNREACHABLE), 8)
     return int(arrivals.state[np.lexsort((length_m, rank))[0]])
 
 

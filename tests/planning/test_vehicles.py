@@ -46,6 +46,16 @@ def test_who_cannot_reverse_goes_round_the_block_and_who_can_goes_back():
     assert plan(vehicles_on(graph, [1], [0], TRICYCLE, start_heading_rad=east)).plan.vertex.tolist() == [1, 0]
 
 
+def test_a_car_comes_to_its_goal_by_the_side_on_which_nobody_else_has_one():
+    """On a ring of twelve, from 0 to 4: the shorter way is over 2, where a cart stays, and 4 from there is another state than from 5."""
+    side = range(3)
+    xy = [*((k, 0) for k in side), *((3, k) for k in side), *((3 - k, 3) for k in side), *((0, 3 - k) for k in side)]
+    graph = roads([(4.0 * x, 4.0 * y) for x, y in xy], [(k, (k + 1) % 12) for k in range(12)])
+    round_it = plan(vehicles_on(graph, [0, 2], [4, 2], [CAR, CART]))
+    assert round_it.plan.vertex[: round_it.plan.first[1]].tolist() == [0, 11, 10, 9, 8, 7, 6, 5, 4]
+    assert plan(vehicles_on(graph, [0, 2], [4, 6], [CAR, CART])).plan.vertex[:5].tolist() == [0, 1, 2, 3, 4]
+
+
 def test_what_is_out_of_reach_is_named():
     tight = plan(vehicles_on(corner(0.7), [0], [2], CAR))
     assert tight.status is Status.INFEASIBLE
