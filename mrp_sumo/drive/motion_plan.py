@@ -171,7 +171,7 @@ def _bend(table: Turns, turn: int, vehicle: RobotType, gear: int, *, changes: bo
     if changes:
         if math.pi - sharp <= STRAIGHT_RAD:
             return 0.0, 0.0, math.inf
-        room_m, least_m = swing_m(vehicle, float(table.room_m[turn])), wheels.least_radius_m
+        room_m, least_m = swing_m(vehicle, float(table.room_m[turn]), gear), wheels.least_radius_m
         stretch = swing_stretch(room_m, math.pi - sharp, gear, wheels.ahead_m, least_m)
         return room_m, room_m, min(vehicle.with_load.max_speed_mps / stretch, math.sqrt(wheels.lateral_mps2 * least_m))
     radius_m, tangent_m = float(table.radius_m[turn, gear]), float(table.tangent_m[turn, gear])

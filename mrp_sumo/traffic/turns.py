@@ -185,7 +185,7 @@ class _Sweep:
         return [body for before in self.before for body in self._swept((gear, gear), tangent_m, before)]
 
     def swing(self, gear: int) -> list[MovingBody]:
-        return self._swept((gear, 1 - gear), swing_m(self.vehicle, self.room_m))
+        return self._swept((gear, 1 - gear), swing_m(self.vehicle, self.room_m, gear))
 
     def stood(self, gear: int) -> list[MovingBody]:
         return self._swept((gear, gear if abs(self.bend_rad) < 1 else 1 - gear), 0.0)
@@ -208,9 +208,13 @@ def _walls_at(graph: PlanGraph, vertex: int, lane: int, within_m: float) -> Floa
     return turned
 
 
-def swing_m(vehicle: RobotType, room_m: float) -> float:
-    """Distance from a corner at which the stretches before and after a change of gear begin and end; the axle may be behind the middle."""
-    return room_m - max(0.0, -vehicle.kinematics.ahead_m)
+def swing_m(vehicle: RobotType, room_m: float, gear: int) -> float:
+    """Distance from a corner at which the stretches before and after a change of gear begin and end.
+
+    The axle has the room, too: coming forward it is behind the middle, where it is the rear one.
+    """
+    ahead_m = vehicle.kinematics.ahead_m
+    return room_m - max(0.0, ahead_m if gear == FORWARD else -ahead_m)
 
 
 def stands_bent(turns: Turns, lane: int, gear: int) -> tuple[int, int] | None:

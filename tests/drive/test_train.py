@@ -137,6 +137,18 @@ def test_a_forklift_backs_out_of_a_station_and_goes_on_forward(tmp_path, engine)
     assert x[after].max() == pytest.approx(TRICYCLE.kinematics.least_radius_m, abs=0.01)  # past the corner, the other way
 
 
+def test_a_swing_begins_where_the_axle_has_left_the_arc_before_it(tmp_path):
+    """From 0 round the corner 1 to 2, where the way to 3 leads back, but for 2 degrees; lanes have room for either turn in their halves."""
+    slant = np.array([cos(pi / 4), sin(pi / 4)])
+    back = np.array([cos(pi / 4 + 0.03), sin(pi / 4 + 0.03)])
+    corner_xy, end_xy = np.array([2.0, 0.0]), np.array([2.0, 0.0]) + 2 * slant
+    graph = roads([(0.0, 0.0), corner_xy, end_xy, end_xy - 2 * back], one_way=[(0, 1), (1, 2), (2, 3)], cell_m=2.0)
+    problem, plan, run = driven(tmp_path, graph, [[0, 1, 2, 3]], replace(TRICYCLE, length_m=1.1))
+    assert run.arrived_s == pytest.approx(plan.arrive_s, abs=1e-6)
+    found = audit(run, problem.fleet)
+    assert found["passed"], found["violations"]
+
+
 def test_arcs_are_driven_no_faster_than_the_sideways_acceleration_allows(tmp_path):
     slow = replace(TRICYCLE, kinematics=replace(TRICYCLE.kinematics, lateral_mps2=0.1))
     graph = corner()
