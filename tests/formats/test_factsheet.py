@@ -195,7 +195,16 @@ def test_bad_sheet_is_refused_in_one_line(tmp_path, name):
     assert "\n" not in str(error.value)
 
 
+def test_factsheet_of_a_log_is_read_too(tmp_path):
+    line = json.dumps({"t_s": 0.0, "topic": "uagv/v2/acme/1/factsheet", "payload": FOREIGN})
+    for text in (f"{line}\n{line}\n", json.dumps(FOREIGN) + "\n" + json.dumps(FOREIGN)):
+        path = written(tmp_path, text, "factsheet.jsonl")
+        assert is_factsheet(path)
+        assert read_factsheet(path)[0].vehicle_type == "acme.lifter"
+
+
 def test_factsheets_are_told_from_other_files(tmp_path):
+    assert not is_factsheet(written(tmp_path, '{"physicalParameters": ' + "[" * 100_000, "deep.json"))
     assert is_factsheet(written(tmp_path, FOREIGN))
     assert not is_factsheet(written(tmp_path, {"layouts": []}, "a.lif.json"))
     assert not is_factsheet(written(tmp_path, "{", "b.json"))

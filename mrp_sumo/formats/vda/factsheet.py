@@ -139,12 +139,13 @@ def factsheet_file(robot: RobotType, version: str) -> str:
 
 
 def is_factsheet(path: Path) -> bool:
-    """True for a JSON file with a type's specification or physical parameters."""
-    if path.suffix.lower() != ".json" or not path.is_file():
+    """True for a JSON file, or a log's first line, with a type's specification or physical parameters."""
+    if path.suffix.lower() not in (".json", ".jsonl") or not path.is_file():
         return False
     try:
-        document = json_value(read_text(path).text)
-    except (MapError, ValueError):
+        text = read_text(path).text
+        document = _document(text) if SPECIFICATION in text or BODY in text else None
+    except (MapError, ValueError, RecursionError):
         return False
     return isinstance(document, Mapping) and (SPECIFICATION in document or BODY in document)
 
@@ -153,10 +154,20 @@ def read_factsheet(path: Path) -> tuple[RobotType, list[str]]:
     """The type of robots that a factsheet describes, and a line on each figure that was guessed or left out. Raises MrpSumoError."""
     text = read_text(path)
     try:
-        document = json_value(text.text)
-    except ValueError as error:
+        document = _document(text.text)
+    except (ValueError, RecursionError) as error:
         raise MapError(f"{shortened(path)}: not JSON: {in_one_line(str(error))}") from None
     return _Sheet(Fields(text), path, document).read()
+
+
+def _document(text: str) -> Any:
+    """A factsheet as JSON, alone or as the payload of a message; of several lines the first."""
+    try:
+        document = json_value(text)
+    except ValueError:
+        document = json_value(text.partition("\n")[0])
+    payload = document.get("payload") if isinstance(document, Mapping) else None
+    return payload if isinstance(payload, Mapping) else document
 
 
 @dataclass
