@@ -81,6 +81,8 @@ LINES = (
     line("import hall.dxf --reader dxf_plan --layers WALLS --unit m --cell 0.5 --robot-radius 0.2 --out new"),
     line("import small.lif.json --vehicle-type maker.series --check"),
     line("import hall.png --metres-per-pixel 0.1 --check"),
+    line("import hall.png --page 2 --check", 2, "mrp-sumo: hall.png: this kind of map has no page to choose"),
+    line("convert hall.png new.map --page 2", 2, "mrp-sumo: hall.png: this kind of map has no page to choose"),
     line("import messages.jsonl --map small.building.yaml --out new"),
     line("plan scenario.yaml --set heuristic=false --time-limit 5 --seed 3 --trust --verbose --json"),
     line("plan x.json --steps 5 --planner epibt --out new.json"),
