@@ -27,22 +27,25 @@ def curve(folder: Path) -> dict[str, Any]:
     """Orders done an hour by size of fleet, run by run, of the records that a study has so far: of runs in which orders always wait."""
     points = []
     for record in _records(folder):
-        observed, robots, tasks = record.get("observed"), record["scenario"]["robots"], record["scenario"]["tasks"]
-        if not observed or not tasks or tasks["open"] is None:
-            continue
-        done = [t for t in observed["done_s"] if t is not None]
-        horizon_s = float(record["scenario"]["execution"]["time_limit_s"])
-        points.append({"robots": robots["count"], "per_h": round(3600 * len(done) / horizon_s, 2), "status": record["status"]})
+        scenario, observed = record["scenario"], record.get("observed")
+        try:
+            if not observed or scenario["tasks"]["open"] is None:
+                continue
+            done, horizon_s = sum(t is not None for t in observed["done_s"]), float(scenario["execution"]["time_limit_s"])
+        except (KeyError, TypeError, ValueError):
+            continue  # of a batch that is no study
+        robots = scenario["robots"]["count"] or sum(group["count"] or 0 for group in scenario["robots"].get("fleet") or ())
+        points.append({"robots": robots, "per_h": round(3600 * done / horizon_s, 2), "status": record["status"]})
     return {"points": points}
 
 
-def paired(folder: Path) -> dict[str, Any]:
-    """Differences of the second map from the first, on the same seeds, with 95 % limits."""
+def paired(folder: Path, first_map: str) -> dict[str, Any]:
+    """Differences of another map from the first, a file's name, on the same seeds, with 95 % limits."""
     by_map: dict[str, dict[int, dict[str, Any]]] = {}
     for record in _records(folder):
         scenario = record["scenario"]
-        by_map.setdefault(scenario["map"]["file"], {})[scenario["seed"]] = record["metrics"]
-    names = list(by_map)
+        by_map.setdefault(str((scenario.get("map") or {}).get("file")), {})[scenario.get("seed")] = record["metrics"]
+    names = sorted(by_map, key=lambda name: Path(name).name != Path(first_map).name)
     if len(names) < 2:
         return {"maps": [Path(name).name for name in names], "rows": [], "runs": sum(map(len, by_map.values()))}
     first, second = (by_map[name] for name in names[:2])

@@ -14,7 +14,7 @@ from urllib.parse import parse_qsl, quote, urlsplit
 
 from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.errors import MrpSumoError
-from mrp_sumo.files.reading import read_text
+from mrp_sumo.files.reading import read_json, read_text
 from mrp_sumo.io.run_reader import load_run
 from mrp_sumo.io.scenario.robots import robot_type
 from mrp_sumo.maps.catalogue import bundled_folder, bundled_maps
@@ -96,6 +96,12 @@ class Studio:
             chosen["layers"] = tuple(layers.split(","))
         if unit := values.get("unit"):
             chosen["unit"] = unit
+        for key, name, kind in (("scale", "meters_per_pixel", float), ("page", "page", int)):
+            if key in values:
+                try:
+                    chosen[name] = kind(values[key])
+                except ValueError:
+                    raise MrpSumoError(f"{key}: found '{values[key][:40]}', expected a number") from None
         return self.workspace.open(_text(values, "path"), chosen)
 
     def digest(self, values: Values) -> Any:
@@ -151,12 +157,14 @@ class Studio:
         return self.jobs.documents()
 
     def curve(self, values: Values) -> Any:
-        """Points of a study so far."""
-        return curve(self.workspace.path(_text(values, "out")))
+        """Points of a study so far, and its answer, where it has one."""
+        folder = self.workspace.path(_text(values, "out"))
+        answer = read_json(folder / "answer.json") if (folder / "answer.json").is_file() else {}
+        return {**curve(folder), "answer": answer.get("answer")}
 
     def paired(self, values: Values) -> Any:
         """The difference between two variants on the same orders."""
-        return paired(self.workspace.path(_text(values, "out")))
+        return paired(self.workspace.path(_text(values, "out")), _text(values, "first"))
 
     def waits(self, values: Values) -> Any:
         """Places where robots of a run stood and waited, and for how long, on a drawing of its map."""

@@ -17,6 +17,7 @@ from mrp_sumo.maps.building_file import building_document
 from mrp_sumo.maps.catalogue import bundled_maps
 from mrp_sumo.maps.load import load_map
 from mrp_sumo.maps.map import Map
+from mrp_sumo.maps.readers.pdf import page_picture
 from mrp_sumo.maps.readers.reader import HEAD, map_name, plan_kind
 from mrp_sumo.maps.readers.rmf.building_yaml import is_building
 from mrp_sumo.maps.yaml_edit import document_of, edited, text_of
@@ -25,7 +26,7 @@ from mrp_sumo.maps.yaml_text import MAX_BYTES, Text
 BUNDLED = "bundled:"  # before the name of a map that comes with the program
 BOM = b"\xef\xbb\xbf"
 MAPS = (".building.yaml", ".nav.yaml", ".lif.json", ".site.json", ".json", ".xml", ".geojson", ".csv", ".map", ".scen", ".yaml", ".yml")
-PLANS = (".dxf", ".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".gif", ".webp", ".pgm")
+PLANS = (".dxf", ".svg", ".pdf", ".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".gif", ".webp", ".pgm")
 MOST_FILES, DEEPEST = 2000, 3
 MOST_VERTICES = 20_000  # of a map of another format: more are not drawn by hand
 SHOWN_BY_BROWSERS = ("PNG", "JPEG", "GIF", "WEBP")
@@ -78,13 +79,15 @@ class Workspace:
         name
             A file in the folder, or `bundled:NAME`.
         chosen
-            Layers and unit of a DXF, as `load_map` has them.
+            Layers, unit, scale and page of a plan, as `load_map` has them.
         """
         path = bundled_maps().get(name.removeprefix(BUNDLED)) if name.startswith(BUNDLED) else self.path(name)
         if path is None:
             raise MrpSumoError(f"no bundled map '{name.removeprefix(BUNDLED)[:80]}'")
         head = read_head(path, HEAD, MapError)
         kind = plan_kind(head)
+        if kind == "pdf":
+            return self._picture(self._page(path, chosen.get("page") or 1))
         if kind == "picture":
             return self._picture(path)
         if not kind:
@@ -128,6 +131,17 @@ class Workspace:
             "name": map_name(path),
         }
         return {**self._copy(path, document), "size": size}
+
+    def _page(self, path: Path, page: int) -> Path:
+        """The picture of a page of a PDF, a file beside it."""
+        from PIL import Image
+
+        made = path.with_name(f"{path.stem}_page{page}.png")
+        if not made.exists():
+            buffer = io.BytesIO()
+            Image.fromarray(page_picture(path, page)).save(buffer, "PNG")
+            write_whole(made, buffer.getvalue())
+        return made
 
     def _occupancy(self, path: Path, about: Mapping[str, Any]) -> dict[str, Any]:
         """A drawing over a map that a robot recorded, which says its scale."""

@@ -140,3 +140,18 @@ def test_fields_come_from_the_one_declaration():
     assert (by_key["robots.count"]["least"], by_key["robots.count"]["type"]) == (1, "integer")
     assert (by_key["discretisation.cell_m"]["unit"], by_key["discretisation.cell_m"]["default"]) == ("m", 0.4)
     assert by_key["tasks.streams.0.arrivals.rate_per_h"]["unit"] == "an hour"
+
+
+def test_pages_and_drawings_open_with_what_they_do_not_say(folder):
+    hall(folder.root / "hall.png")
+    with Image.open(folder.root / "hall.png") as image:
+        image.save(folder.root / "sheet.pdf", resolution=150)
+    opened = folder.open("sheet.pdf", {})
+    assert opened["document"]["levels"]["L1"]["drawing"] == {"filename": "sheet_page1.png"}
+    assert folder.picture("sheet_page1.png")[0] == "image/png"
+    (folder.root / "walls.svg").write_text('<svg xmlns="http://www.w3.org/2000/svg"><rect width="120" height="80"/></svg>')
+    with pytest.raises(MrpSumoError, match="has no scale: state it with --scale"):
+        folder.open("walls.svg", {})
+    level = folder.open("walls.svg", {"meters_per_pixel": 0.1})["document"]["levels"]["L1"]
+    assert (len(level["walls"]), level["lanes"]) == (4, [])
+    assert {entry["kind"] for entry in folder.files() if entry["path"].startswith(("sheet", "walls"))} == {"plan"}

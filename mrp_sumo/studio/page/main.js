@@ -1,7 +1,7 @@
 /* The workbench: steps, palette, saving, findings while drawing, and what other programs do to the files that are open. */
 import { make } from "./elements.js";
 import { get, post } from "./api.js";
-import { ask, banner, button } from "./parts.js";
+import { ask, banner, button, note } from "./parts.js";
 import { canRedo, canUndo, changed, isDirty, onChange, opened, redo, site, undo, unit } from "./site.js";
 import { camera, fit, frames, redraw, toFloor, toScreen, up } from "./view.js";
 import { choose, key, tool, TOOLS } from "./tools.js";
@@ -60,23 +60,24 @@ async function open(path, chosen = {}) {
     const drawing = await get("open", { path, ...chosen });
     opened(drawing);
     fit();
-    banner(drawing.notes.length && drawing.from !== drawing.path ? drawing.notes[0] : "");
+    note(drawing.from !== drawing.path ? drawing.notes.join("; ") : "");
     if (step === "floor" && unit() && drawing.digest) show("draw");
     else { show(unit() ? step : "floor"); if (!unit()) choose("scale"); }
     if (drawing.digest || (await get("digest", { path: drawing.path })).digest === "") return;
     banner(`${drawing.path} is there already; this is a new drawing of ${drawing.from}.`, button(`Open ${drawing.path}`, () => { banner(""); open(drawing.path); }), button("Save this under another name", () => { banner(""); saveAs(); }));
   } catch (error) {
-    if (/\.dxf$/i.test(path)) return openDxf(path, error.message, chosen);
+    if (/\.(dxf|svg)$/i.test(path) && error.status === 400) return openPlan(path, error.message, chosen);
     banner(error.message);
   }
 }
 
-/* A drawing of a CAD program says in its refusal what is missing: a unit, or layers. */
-async function openDxf(path, message, chosen) {
+/* A drawing says in its refusal what is missing: a unit, a scale, or layers. */
+async function openPlan(path, message, chosen) {
   const values = { ...chosen };
-  if (/unit/.test(message)) values.unit = await ask(`${message} – which unit?`, "mm, cm, dm, m, in, ft", "mm", "text");
+  if (/--scale/.test(message)) values.scale = await ask(message, "metres a unit", "0.01");
+  else if (/--unit/.test(message)) values.unit = await ask(`${message} – which unit?`, "mm, cm, dm, m, in, ft", "mm", "text");
   else values.layers = await ask(`${message} – which layers?`, "names, with commas", "", "text");
-  if (values.unit || values.layers) open(path, Object.fromEntries(Object.entries(values).filter(([, value]) => value)));
+  if (JSON.stringify(values) !== JSON.stringify(chosen)) open(path, Object.fromEntries(Object.entries(values).filter(([, value]) => value)));
 }
 
 async function sure(text) {
@@ -191,9 +192,9 @@ addEventListener("keydown", (event) => {
   if (event.key === "?" && !/^(INPUT|TEXTAREA|SELECT)$/.test(event.target.tagName)) { help(); return; }
   if (key(event)) event.preventDefault();
 });
-addEventListener("beforeunload", (event) => { if (isDirty() && site.past !== 0) event.preventDefault(); });
+addEventListener("beforeunload", (event) => { if (isDirty() && canUndo()) event.preventDefault(); });
 addEventListener("resize", redraw);
-document.addEventListener("picture", () => { if (!site.digest && !isDirty.zoomed) fit(); });
+document.addEventListener("picture", () => camera.isTouched || fit());
 document.addEventListener("pointer", ({ detail: [x, y] }) => {
   const u = unit();
   element("where").textContent = u ? `${(x * u).toFixed(2)}, ${(up() * y * u).toFixed(2)} m` : `${x.toFixed(0)}, ${y.toFixed(0)} pixels`;

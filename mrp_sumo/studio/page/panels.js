@@ -1,7 +1,7 @@
 /* The panel beside the floor, one for each step: a floor, lanes, orders, a run, a question, what to take away. Each begins with what to do next. */
 import { make } from "./elements.js";
 import { get, post } from "./api.js";
-import { ask, banner, button, command, field, fields, jobState, muted, next, watched } from "./parts.js";
+import { ask, banner, button, command, field, fields, jobState, muted, next, note, watched } from "./parts.js";
 import { isDirty, level, list, opened, option, replaced, edited, rounded, site, unit, changed } from "./site.js";
 import { camera, fit, KINDS, picture, redraw, up } from "./view.js";
 import { aligned, bent, choose, chosenVertices, mirrored, removeChosen, renamed, repeated, setOptions, tool, turned } from "./tools.js";
@@ -66,7 +66,7 @@ async function propose(withLanes) {
       lists.walls = [...list("walls"), ...made.walls.map(([a, b, ...rest]) => [number.get(a), number.get(b), ...rest])];
     }
     edited(lists, []);
-    if (made.notes.length) banner(made.notes.join("; "));
+    note(made.notes.join("; "));
     actions.show("draw");
   } catch (error) { banner(error.message); }
 }
@@ -355,6 +355,7 @@ async function study() {
       changed("panel");
     });
     shared.answer = job?.answer?.answer ?? null;
+    await refresh();
   } catch (error) { banner(error.message); }
   changed("panel");
 }
@@ -364,7 +365,7 @@ async function compareVariants() {
     shared.pairs = null;
     await command({ what: "variants", scenario: shared.scenario, maps: [two.first, two.second], seeds: two.seeds }, async (state) => {
       shared.job = state;
-      shared.pairs = await get("paired", { out: state.out }).catch(() => shared.pairs);
+      shared.pairs = await get("paired", { out: state.out, first: two.first }).catch(() => shared.pairs);
       changed("panel");
     });
   } catch (error) { banner(error.message); }
@@ -387,6 +388,10 @@ export function askPanel() {
   if (shared.answer) {
     parts.push(make("p", { id: "answer", className: "next" }, make("b", { textContent: shared.answer.sentence })), ...(shared.answer.notes || []).map((note) => muted(note)));
     parts.push(make("div", { className: "row" }, button("The whole answer", () => actions.frame(`page?path=${encodeURIComponent(`${shared.study}/capacity.html`)}`)), button("Back to the drawing", () => actions.frame(""))));
+  }
+  const studies = of("study");
+  if (studies.length) {
+    parts.push(make("h3", { textContent: "Studies" }), make("ul", { className: "list" }, ...studies.slice(0, 10).map((path) => make("li", {}, make("button", { type: "button", "aria-pressed": String(path === shared.study), onclick: async () => { const said = await get("curve", { out: path }); Object.assign(shared, { study: path, points: said.points, answer: said.answer }); changed("panel"); } }, path)))));
   }
   parts.push(...variantsPart(running));
   return parts;
@@ -430,7 +435,7 @@ async function saveVariant() {
 function chart(points) {
   const space = "http://www.w3.org/2000/svg", [w, h, left, bottom] = [340, 200, 40, 30];
   const most = Math.max(...points.map((p) => p.per_h), 1) * 1.1, widest = Math.max(...points.map((p) => p.robots), 1) * 1.05;
-  const at = (robots, per_h) => [left + (robots / widest) * (w - left - 8), h - bottom - (per_h / most) * (h - bottom - 10)];
+  const at = (robots, per_h) => [left + (robots / widest) * (w - left - 8), h - bottom - (per_h / most) * (h - bottom - 22)];
   const svg = document.createElementNS(space, "svg");
   const draw = (tag, attributes, text = "") => { const e = document.createElementNS(space, tag); for (const [k, v] of Object.entries(attributes)) e.setAttribute(k, v); e.textContent = text; svg.append(e); };
   svg.setAttribute("viewBox", `0 0 ${w} ${h}`);

@@ -47,7 +47,14 @@ export function ask(title, unit, value, type = "number") {
 export function banner(text, ...buttons) {
   const place = document.getElementById("banner");
   place.hidden = !text;
+  place.classList.remove("note");
   place.replaceChildren(make("span", { textContent: text }), ...buttons, ...(text ? [button("Close", () => banner(""))] : []));
+}
+
+/* Words that nothing has to be done about. */
+export function note(text) {
+  banner(text);
+  document.getElementById("banner").classList.toggle("note", Boolean(text));
 }
 
 /* Start a command and watch it until it ends; `show` is called with each state of it. */

@@ -89,10 +89,35 @@ function joined(name, xy, shift) {
   const [v, lists] = vertexAt(xy, shift, name === "lanes");
   const before = tool.chain.at(-1), items = lists[name] || list(name);
   if (before !== undefined && before !== v && !items.some(same(before, v))) {
-    lists[name] = [...items, name === "walls" ? newWall(before, v) : newLane(before, v, tool.name === "oneway" ? { bidirectional: [4, false] } : {})];
+    if (name === "walls") lists.walls = [...items, newWall(before, v)];
+    else Object.assign(lists, led(before, v, tool.name === "oneway" ? { bidirectional: [4, false] } : {}, lists.vertices || list("vertices"), items));
   }
   if (Object.keys(lists).length) edited(lists, [{ kind: "vertices", index: v }]);
   tool.chain = [...tool.chain.filter((x) => typeof x === "number"), v];
+}
+
+/* Lists with a lane led from vertex to vertex: through vertices that lie on it, and with a new vertex where it crosses a lane. */
+function led(a, b, options, vertices, lanes) {
+  const [p, q] = [vertices[a], vertices[b]], [dx, dy] = [q[0] - p[0], q[1] - p[1]], long = Math.hypot(dx, dy), near_ = Math.min(0.05 / (unit() || 1), long / 10);
+  const stops = [], on = new Set(lanes.flatMap(([i, j]) => [i, j]));
+  vertices = vertices.slice();
+  vertices.forEach(([x, y], v) => {
+    const t = ((x - p[0]) * dx + (y - p[1]) * dy) / (long * long);
+    if (v !== a && v !== b && on.has(v) && t > 0 && t < 1 && Math.abs((x - p[0]) * dy - (y - p[1]) * dx) / long < near_) stops.push([t, v]);
+  });
+  const through = new Set(stops.map(([, v]) => v)), result = [];
+  for (const lane of lanes) {
+    const [i, j, ...rest] = lane, r = vertices[i], s = vertices[j], det = dx * (s[1] - r[1]) - dy * (s[0] - r[0]);
+    const t = ((r[0] - p[0]) * (s[1] - r[1]) - (r[1] - p[1]) * (s[0] - r[0])) / det, u = ((r[0] - p[0]) * dy - (r[1] - p[1]) * dx) / det;
+    if (!det || t <= 0 || t >= 1 || u <= 0 || u >= 1 || [a, b].includes(i) || [a, b].includes(j) || through.has(i) || through.has(j)) { result.push(lane); continue; }
+    const v = vertices.length;
+    vertices.push([rounded(p[0] + t * dx), rounded(p[1] + t * dy), 0, ""]);
+    stops.push([t, v]);
+    result.push([i, v, ...rest], [v, j, ...rest]);
+  }
+  const chain = [a, ...stops.sort((x, y) => x[0] - y[0]).map(([, v]) => v), b];
+  for (let k = 0; k + 1 < chain.length; k++) if (!result.some(same(chain[k], chain[k + 1]))) result.push(newLane(chain[k], chain[k + 1], options));
+  return { vertices, lanes: result };
 }
 
 const CLICKS = {
@@ -321,6 +346,7 @@ canvas.addEventListener("pointermove", (event) => {
     moved(drag.vertices, target[0] - main[0], target[1] - main[1], drag.was, !first);
   } else {
     const moved_ = [drag.at[0] - at[0], drag.at[1] - at[1]], origin = toFloor([0, 0]), shift = toFloor(moved_);
+    camera.isTouched = true;
     camera.x = drag.from[0] + shift[0] - origin[0];
     camera.y = drag.from[1] + shift[1] - origin[1];
   }

@@ -6,7 +6,7 @@ export const KINDS = [
   ["is_charger", "charger", "--goal"], ["is_parking_spot", "parking", "--accent"], ["pickup_dispenser", "pick-up", "--special"],
   ["dropoff_ingestor", "drop-off", "--special"], ["dock_name", "dock", "--special"], ["is_holding_point", "holding point", "--special"],
 ];
-export const camera = { x: 0, y: 0, scale: 1 };  // the place in the middle, and pixels of the screen a unit
+export const camera = { x: 0, y: 0, scale: 1, isTouched: false };  // the place in the middle, and pixels of the screen a unit
 const canvas = document.getElementById("floor"), pen = canvas.getContext("2d", { alpha: false });
 const pictures = new Map(), PALETTE_PX = 180;
 export const overlay = { draw: null, cross: null };  // of tools
@@ -41,10 +41,12 @@ export function fit() {
   camera.scale = Math.min((width() - PALETTE_PX - 40) / Math.max(right - left, 1), (height() - 60) / Math.max(bottom - top, 1), unit() ? 100 * unit() : 2);
   camera.x = (left + right) / 2 - PALETTE_PX / 2 / camera.scale;  // beside the palette
   camera.y = (top + bottom) / 2;
+  camera.isTouched = false;
   redraw();
 }
 
 export function zoom(factor, at = [width() / 2, height() / 2]) {
+  camera.isTouched = true;
   const before = toFloor(at);
   camera.scale = Math.min(Math.max(camera.scale * factor, 1e-4), 1e4);
   const after = toFloor(at);
