@@ -26,7 +26,7 @@ FLOORS = (  # from the ground up; rooms of one floor do not know each other
     {"drive", "metrics", "io"},
     {"bags"},
     {"experiments"},
-    {"sizing", "wire"},
+    {"sizing", "wire", "calibration"},
     {"reports"},
     {"door", "studio"},
     {"cli"},

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from rosbags.highlevel import AnyReader
@@ -29,6 +29,8 @@ LEAST_BYTES, TIMES_SIZE = 2**30, 128  # of memory to read a bag, beside what the
 CHECKED = 20  # messages that are encoded again to recognise the generation
 EMPTY_BYTES = 100  # a fleet without robots looks the same in all of them
 Place = tuple[float, float]
+Message = tuple[str, int, Any]
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,6 +56,32 @@ def read_fleet_log(path: Path, generation: str | None = None) -> FleetLog:
     generation
         Of rmf_fleet_msgs, for bags without definitions; detected by default.
     """
+    wanted = (FLEET_STATES, PATH_REQUESTS)
+    return read_bag(path, lambda messages: _fleet_log(path, list(messages)), lambda topic, kind: topic in wanted, FLEET_STATES, generation)
+
+
+def read_bag(
+    path: Path,
+    use: Callable[[Iterator[Message]], T],
+    is_wanted: Callable[[str, str], bool],
+    needed: str = "",
+    generation: str | None = None,
+) -> T:
+    """The result of `use` of the messages of a bag: topic, stamp of the bag in ns, message.
+
+    Raises MrpSumoError when the bag cannot be read, or none of the generations fits.
+
+    Parameters
+    ----------
+    path, generation
+        See `read_fleet_log`.
+    use
+        Reads all messages; may be called again, with other definitions.
+    is_wanted
+        True for a topic and a type that are to be read.
+    needed
+        A topic without which a bag is refused; '': none.
+    """
     known = (generation,) if generation else GENERATIONS
     typestore(known[0])  # refuses an unknown one
     if not path.exists():
@@ -65,7 +93,7 @@ def read_fleet_log(path: Path, generation: str | None = None) -> FleetLog:
     for name in known:
         try:
             with _bounded_memory(path):
-                return _fleet_log(path, list(_messages(path, name)))
+                return use(_messages(path, name, is_wanted, needed))
         except _WrongGeneration as error:
             reasons.append(f"{name}: {error}")
         except MrpSumoError:
@@ -74,7 +102,7 @@ def read_fleet_log(path: Path, generation: str | None = None) -> FleetLog:
             raise MrpSumoError(f"{path}: takes more memory than a bag of {_size_bytes(path) / 1e6:.1f} MB may: damaged") from None
         except Exception as error:  # a damaged bag: whatever the reader stumbles over
             raise MrpSumoError(f"{path}: cannot be read as a bag: {type(error).__name__}: {_first_line(error)}") from None
-    raise MrpSumoError(f"{path}: {FLEET_STATES} fits no generation of rmf_fleet_msgs ({'; '.join(reasons)})")
+    raise MrpSumoError(f"{path}: {needed or 'what is in it'} fits no generation of rmf_fleet_msgs ({'; '.join(reasons)})")
 
 
 def _size_bytes(path: Path) -> int:
@@ -101,12 +129,11 @@ class _WrongGeneration(Exception):
     """Messages do not decode with these definitions."""
 
 
-def _messages(path: Path, generation: str) -> Iterator[tuple[str, int, Any]]:
-    """(topic, ns, message) of the two topics."""
+def _messages(path: Path, generation: str, is_wanted: Callable[[str, str], bool], needed: str) -> Iterator[Message]:
     store = typestore(generation)
     alone = _lone_database(path)
     if alone is not None:
-        yield from _database_messages(alone, store)
+        yield from _database_messages(alone, store, is_wanted, needed)
         return
     bag = path.parent if path.suffix in (".mcap", ".db3") and (path.parent / "metadata.yaml").is_file() else path
     if bag.is_dir() and not (bag / "metadata.yaml").is_file():
@@ -114,9 +141,9 @@ def _messages(path: Path, generation: str) -> Iterator[tuple[str, int, Any]]:
     if bag.is_file() and bag.suffix != ".bag":
         raise MrpSumoError(f"{bag}: expected the bag's folder, with its metadata.yaml")
     with plain_path(bag) as place, AnyReader([place], default_typestore=store) as reader:
-        _require_topic(path, [c.topic for c in reader.connections])
+        _require_topic(path, [c.topic for c in reader.connections], needed)
         decoded = _decoder(reader.typestore)
-        wanted = [c for c in reader.connections if c.topic in (FLEET_STATES, PATH_REQUESTS)]
+        wanted = [c for c in reader.connections if is_wanted(c.topic, c.msgtype)]
         for connection, ns, raw in reader.messages(wanted):
             if reader.is2:
                 yield connection.topic, ns, decoded(connection.msgtype, bytes(raw))
@@ -134,14 +161,14 @@ def _lone_database(path: Path) -> Path | None:
     return None
 
 
-def _database_messages(path: Path, store: Any) -> Iterator[tuple[str, int, Any]]:
+def _database_messages(path: Path, store: Any, is_wanted: Callable[[str, str], bool], needed: str) -> Iterator[Message]:
     with closing(sqlite3.connect(path.resolve().as_uri() + "?mode=ro", uri=True)) as database:
         decoded = _decoder(store)
         topics = {number: (name, kind) for number, name, kind in database.execute("select id, name, type from topics")}
-        _require_topic(path, [name for name, _ in topics.values()])
+        _require_topic(path, [name for name, _ in topics.values()], needed)
         for number, ns, raw in database.execute("select topic_id, timestamp, data from messages order by timestamp, id"):
             name, kind = topics[number]
-            if name in (FLEET_STATES, PATH_REQUESTS):
+            if is_wanted(name, kind):
                 yield name, ns, decoded(kind, raw)
 
 
@@ -165,7 +192,7 @@ def _decoder(store: Any) -> Callable[[str, bytes], Any]:
     return decoded
 
 
-def _fleet_log(path: Path, messages: list[tuple[str, int, Any]]) -> FleetLog:
+def _fleet_log(path: Path, messages: list[Message]) -> FleetLog:
     states = [(ns, message.robots) for topic, ns, message in messages if topic == FLEET_STATES]
     if not states:
         raise MrpSumoError(f"{path}: {FLEET_STATES} has no message")
@@ -185,10 +212,10 @@ def _fleet_log(path: Path, messages: list[tuple[str, int, Any]]) -> FleetLog:
     return FleetLog(np.array([ns for ns, _ in states], np.int64), tuple(column), x, y, requests)
 
 
-def _require_topic(path: Path, topics: Iterable[str]) -> None:
+def _require_topic(path: Path, topics: Iterable[str], needed: str) -> None:
     topics = sorted(set(topics))
-    if FLEET_STATES not in topics:
-        raise MrpSumoError(f"{path}: no topic {FLEET_STATES}{nearest(FLEET_STATES, topics)}")
+    if needed and needed not in topics:
+        raise MrpSumoError(f"{path}: no topic {needed}{nearest(needed, topics)}")
 
 
 def _first_line(error: Exception) -> str:

@@ -45,6 +45,7 @@ COMMANDS = {  # subcommand -> (module, help): help stays here so that --help imp
     "reproduce": ("mrp_sumo.cli.reproduce", "make a run or a batch again and say whether every byte is the same"),
     "export": ("mrp_sumo.cli.export", "make a ROS 2 or ROS 1 bag, CSV, GeoJSON or FCD of a run"),
     "analyze": ("mrp_sumo.cli.analyze", "compute MRP-Bench's metrics of any bag with /fleet_states"),
+    "calibrate": ("mrp_sumo.cli.calibrate", "make a robot type and disturbances of a fleet's log, each figure with an interval"),
     "vda5050": ("mrp_sumo.cli.vda5050", "let robots be VDA 5050 vehicles at an MQTT broker, or drive such vehicles"),
     "replay": ("mrp_sumo.cli.replay", "write the replay page of a run: one HTML file for any browser"),
     "render": ("mrp_sumo.cli.render", "draw a run at a moment as a picture"),

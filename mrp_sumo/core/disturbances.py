@@ -110,7 +110,7 @@ class Fire(Options):
 class Disturbances(Options):
     """Disturbances, drawn with a seed. None by default; the name of a set alone is short for it."""
 
-    name: str = option("", f"A named set, whose values other keys change: {', '.join(NAMED_DISTURBANCES)}.")
+    name: str = option("", f"A named set, or a YAML file, whose values other keys change: {', '.join(NAMED_DISTURBANCES)}.")
     seed: int | None = option(None, "By default the scenario's.", ge=0, lt=2**63)
     speed_spread: float = option(0.0, "Standard deviation of the robots' factors on their speed, N(1, sd) in [0.7, 1].", ge=0)
     speed_noise: float = option(

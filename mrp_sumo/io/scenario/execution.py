@@ -57,7 +57,7 @@ class ExecutionChoice(DrivingOptions):
         metadata=meaning("Who decides what robots do next, once the first plan is being driven: by name, or name and parameters."),
     )
     disturbances: Annotated[Disturbances, BeforeValidator(_of_a_set, str | Disturbances)] = field(
-        default=NONE, metadata=meaning("What goes wrong; the name of a set alone is short for it.")
+        default=NONE, metadata=meaning("What goes wrong; the name of a set, or of a YAML file with these keys, alone is short for it.")
     )
     invalid_plan: Literal["open_loop", "refuse"] = option(
         "open_loop", "What to do with a plan that the referee or the schedule rejects under a policy that needs a sound one."

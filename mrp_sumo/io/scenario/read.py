@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from mrp_sumo.core.disturbances import Disturbances
 from mrp_sumo.errors import ScenarioError
 from mrp_sumo.files.reading import shortened
 from mrp_sumo.io.columns import put
@@ -30,7 +31,7 @@ def read_scenario(path: Path, overrides: Mapping[Place, tuple[str, Any]] | None 
         raise ScenarioError(f"{shortened(path)}: a suite, expected a scenario, with `map` and `robots`; see `mrp-sumo batch`")
     if isinstance(document.content, dict) and document.content.keys() >= {"status", "scenario", "metrics"}:
         raise ScenarioError(f"{shortened(path)}: the result of a run, expected a scenario; `mrp-sumo reproduce` makes the run again")
-    scenario = validated(document, ScenarioModel)
+    scenario = validated(document, ScenarioModel, with_set(document.content, path.parent))
     if not scenario.name:
         try:
             scenario = scenario.model_copy(update={"name": folder_name(path.stem)})
@@ -39,13 +40,29 @@ def read_scenario(path: Path, overrides: Mapping[Place, tuple[str, Any]] | None 
     return changed(ScenarioFile(scenario, document, {}), overrides or {})
 
 
+def with_set(content: Any, folder: Path) -> Any:
+    """A scenario's document whose disturbances are those of a file, where it names one in the place of a set.
+
+    Raises ScenarioError for a flaw in that file, with its line.
+    """
+    execution: Any = content.get("execution") if isinstance(content, dict) else None
+    named: Any = execution.get("disturbances") if isinstance(execution, dict) else None
+    name = named.get("name") if isinstance(named, dict) else named
+    if not isinstance(name, str) or not name.endswith((".yaml", ".yml")):
+        return content
+    document = read_document(folder / name)
+    validated(document, Disturbances)
+    own = {key: value for key, value in named.items() if key != "name"} if isinstance(named, dict) else {}
+    return {**content, "execution": {**execution, "disturbances": {**document.content, **own}}}
+
+
 def scenario_of(values: Mapping[str, Any], folder: Path, name: str) -> ScenarioFile:
     """Check a scenario that is not in a file. The programs that it names are trusted: the caller names them.
 
     Raises ScenarioError: one line a fault.
     """
     document = Document(folder / "scenario", dict(values), {})
-    scenario = validated(document, ScenarioModel)
+    scenario = validated(document, ScenarioModel, with_set(document.content, folder))
     file = ScenarioFile(scenario if scenario.name else scenario.model_copy(update={"name": name}), document, {})
     trust_programs(file)
     return file
@@ -65,7 +82,7 @@ def changed(file: ScenarioFile, overrides: Mapping[Place, tuple[str, Any]]) -> S
         del data["robots"]["goals"]  # robots have none but their starts, which may be others now
     for place, (_, value) in overrides.items():
         put(data, place, value)
-    scenario = validated(file.document, ScenarioModel, data, options=options)
+    scenario = validated(file.document, ScenarioModel, with_set(data, file.document.path.parent), options=options)
     if not scenario.name:
         scenario = scenario.model_copy(update={"name": file.scenario.name})
     result = ScenarioFile(scenario, file.document, options)

@@ -1,0 +1,358 @@
+"""Driving at top speed: its mean for each vehicle, its scatter and how long that lasts.
+
+Our disturbances have a robot lose the share |u| of its speed, where u is an Ornstein-Uhlenbeck process. The covariance of |u| is that of
+a folded normal pair; nearly all of it decays twice as fast as u. From the mean speed m, the scatter s and the memory tau follow those of
+the model: top speed m / (1 - s sqrt(2 / pi)). Estimated by a Gaussian likelihood of the distances between samples, in which noise of
+positions makes neighbours negatively and scatter of speed makes them positively correlated: that tells both apart.
+"""
+
+from dataclasses import dataclass
+from math import pi, sqrt
+
+import numpy as np
+
+from mrp_sumo.calibration.phases import Noise, Phases
+from mrp_sumo.core.graph import FloatArray, IntArray
+
+MEAN_LOSS = sqrt(2 / pi)  # of |u| over the standard deviation of u
+# Cov(|u(0)|, |u(t)|) = (2 / pi) s^2 (r asin r + sqrt(1 - r^2) - 1) with r = exp(-t / tau), as
+# exponentials of time: weights, rates in 1 / tau.
+# Two are those of the power series; the third has the rest of the variance, and the roughness of u.
+REST = 1 - 3 / pi - 1 / (12 * pi)
+PARTS = ((1 / pi, 2.0), (1 / (12 * pi), 4.0), (REST, (1 - 2 / pi - 1 / (3 * pi)) / REST))
+LEAST_STEP_S = 0.45  # samples in between say nothing more about speeds
+LONGEST = 16  # steps of a window
+LEAST_STEPS = 2
+MOST_STEPS = 4500  # of all windows
+FAR_OFF = 4.5  # standard deviations
+NOISE_PRIOR = 0.1  # standard deviation of the logarithm of noise while driving, about that of standing
+BLOCK_S = 60.0  # within which windows of a vehicle are taken for one
+
+
+@dataclass(frozen=True)
+class Scatter:
+    """Scatter of the speed factor: u has this standard deviation and time constant."""
+
+    noise: float
+    tau_s: float
+
+
+@dataclass(frozen=True, eq=False)
+class Windows:
+    """W windows of up to n steps at top speed."""
+
+    dt_s: FloatArray  # [W, n]
+    step_m: FloatArray  # [W, n]
+    count: IntArray  # [W] steps
+    vehicle: IntArray  # [W]
+    block: IntArray  # [W] numbers of vehicle and minute
+
+
+@dataclass(frozen=True, eq=False)
+class Cruise:
+    """Driving at top speed, with influences of blocks on it: their sums are 0, their squares variances."""
+
+    windows: Windows
+    mean_mps: FloatArray  # [R] by vehicle, NaN: never at top speed
+    mean_influence: FloatArray  # [R, B] on the logarithm of it
+    noise_m: float  # of positions
+    scatter: Scatter
+    noise_range: tuple[float, float]  # of the scatter, at `confidence`
+    tau_range: tuple[float, float]
+
+
+def integrated_cov(x: FloatArray, scatter: Scatter) -> FloatArray:
+    """[..., n, n] covariance of the integrals of |u| from 0 to each of x [..., n] s."""
+    one, other = x[..., :, None], x[..., None, :]
+    least, away = np.minimum(one, other), np.abs(one - other)
+    cov = np.zeros(least.shape)
+    for weight, rate in PARTS:
+        k = rate / scatter.tau_s
+        left = np.exp(-k * x)
+        ends = 1 - left[..., :, None] - left[..., None, :] + np.exp(-k * away)
+        cov += weight * scatter.noise**2 * (2 * least / k - ends / k**2)
+    return cov
+
+
+def top_windows(phases: list[Phases], vehicles: list[str], speed_mps: float, accel: float, decel: float) -> Windows:
+    """Steps on straight legs, away from their ends by what speeding up and braking take."""
+    rows: list[tuple[FloatArray, FloatArray, int, float]] = []
+    for each in phases:
+        t, vehicle = each.track.t_s, vehicles.index(each.track.vehicle)
+        period_s = float(np.median(np.diff(t)))
+        for leg in each.legs:
+            time, along = t[leg.first : leg.last + 1], leg.along_m
+            low = speed_mps**2 / (2 * accel) + speed_mps * period_s
+            high = speed_mps**2 / (2 * decel) + speed_mps * period_s
+            inner = np.flatnonzero((along > along[0] + low) & (along < along[-1] - high))
+            if len(inner) <= LEAST_STEPS:
+                continue
+            inner = np.arange(inner[0], inner[-1] + 1)[:: max(1, int(LEAST_STEP_S / period_s + 0.5))]
+            if len(inner) <= LEAST_STEPS:
+                continue
+            dt, step = np.diff(time[inner]), np.diff(along[inner])
+            parts = [(slice(k, k + LONGEST), float(time[inner[k]])) for k in range(0, len(dt) - LEAST_STEPS + 1, LONGEST)]
+            rows += [(dt[part], step[part], vehicle, begin_s) for part, begin_s in parts]
+    return _padded(rows)
+
+
+def _padded(rows: list[tuple[FloatArray, FloatArray, int, float]]) -> Windows:
+    most = max((len(row[0]) for row in rows), default=1)
+    dt, step = np.ones((len(rows), most)), np.zeros((len(rows), most))
+    for w, row in enumerate(rows):
+        dt[w, : len(row[0])], step[w, : len(row[0])] = row[0], row[1]
+    keys = [(row[2], int(row[3] // BLOCK_S)) for row in rows]
+    number = {key: k for k, key in enumerate(sorted(set(keys)))}
+    count, vehicle = np.array([len(row[0]) for row in rows], np.int64), np.array([row[2] for row in rows], np.int64)
+    return Windows(dt, step, count, vehicle, np.array([number[key] for key in keys], np.int64))
+
+
+def of_top_speed(windows: Windows, noise: Noise, num_vehicles: int) -> Windows:
+    """The windows in which a vehicle is at its own top speed: the upper mode of its speeds; what brakes or creeps in them is cut off."""
+    there = np.arange(windows.dt_s.shape[1]) < windows.count[:, None]
+    rows: list[tuple[FloatArray, FloatArray, int, float]] = []
+    for r in range(num_vehicles):
+        mine = np.flatnonzero(windows.vehicle == r)
+        if not len(mine):
+            continue
+        means = np.array([windows.step_m[w, there[w]].sum() / windows.dt_s[w, there[w]].sum() for w in mine])
+        usual = _upper_mode(means, windows.count[mine])
+        steps = (windows.step_m[mine] / windows.dt_s[mine])[there[mine]]
+        near = steps[np.abs(steps - usual) < 0.35 * usual]
+        spread = 1.4826 * float(np.median(np.abs(near - np.median(near)))) if len(near) > 3 else 0.1 * usual
+        spread = max(spread, sqrt(2) * noise.position_m / float(np.median(windows.dt_s[mine][there[mine]])), 0.01 * usual)
+        for w in mine.tolist():
+            n = int(windows.count[w])
+            speed = windows.step_m[w, :n] / windows.dt_s[w, :n]
+            fits = np.abs(speed - usual) < FAR_OFF * spread
+            edges = np.flatnonzero(np.diff(np.concatenate(([0], fits.astype(np.int8), [0]))))
+            for a, b in zip(edges[::2].tolist(), edges[1::2].tolist()):
+                a, b = a + (a > 0), b - (b < n)  # what is beside a dip may be on its way into it
+                if b - a >= LEAST_STEPS:
+                    rows.append((windows.dt_s[w, a:b], windows.step_m[w, a:b], r, float(windows.block[w]) * BLOCK_S))
+    total = sum(len(row[0]) for row in rows)
+    if total > MOST_STEPS:
+        rows = [rows[k] for k in np.linspace(0, len(rows) - 1, int(len(rows) * MOST_STEPS / total)).astype(int).tolist()]
+    return _padded(rows)
+
+
+def _upper_mode(means: FloatArray, count: IntArray) -> float:
+    """The highest speed about which a vehicle spends a good part of its time."""
+    order = np.argsort(means)
+    sorted_means, share = means[order], np.cumsum(count[order]) / count.sum()
+    best = float(np.interp(0.75, share, sorted_means))
+    for _ in range(5):
+        near = np.abs(means - best) < 0.15 * best
+        if not near.any():
+            break
+        best = float(np.median(np.repeat(means[near], count[near])))
+    return best
+
+
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    """A maximum of the likelihood."""
+
+    theta: FloatArray  # [3] logarithms of noise, scatter and memory
+    value: float
+    hessian: FloatArray  # [3, 3] minus second derivatives
+    blocks: FloatArray  # [B, 3] scores
+
+
+def fit_cruise(windows: Windows, noise: Noise, num_vehicles: int, confidence: float = 0.9) -> Cruise | None:
+    """Fit noise, scatter and memory; None where there is too little to fit them to."""
+    if len(windows.count) < 3 or windows.count.sum() < 30:
+        return None
+    prior = _Prior(float(np.log(noise.position_m)), NOISE_PRIOR)
+    fit = _best(windows, np.log([noise.position_m, 0.05, 3.0]), num_vehicles, prior)
+    num_blocks = int(windows.block.max()) + 1
+    _, (mean, mean_influence) = _likelihood(windows, fit.theta, num_vehicles, num_blocks)
+    ends = (np.exp(_range(windows, fit, k, num_vehicles, prior, confidence)).tolist() for k in (1, 2))
+    noise_range, tau_range = ((low, high) for low, high in ends)
+    noise_m, relative, tau_s = np.exp(fit.theta).tolist()
+    return Cruise(windows, mean, mean_influence, noise_m, Scatter(relative, tau_s), noise_range, tau_range)
+
+
+@dataclass(frozen=True)
+class _Prior:
+    """What stands say of the noise of positions."""
+
+    mean: float  # of its logarithm
+    deviation: float
+
+    def log(self, theta: FloatArray) -> float:
+        return -(((float(theta[0]) - self.mean) / self.deviation) ** 2) / 2
+
+
+def _bounds(prior: _Prior) -> tuple[FloatArray, FloatArray]:
+    return np.array([prior.mean - 1, np.log(1e-3), np.log(0.1)]), np.array([prior.mean + 1.5, np.log(1.0), np.log(300.0)])
+
+
+def _best(windows: Windows, theta: FloatArray, num_vehicles: int, prior: _Prior) -> _Fit:
+    """Levenberg's steps with the outer products of the blocks' scores."""
+    num_blocks = int(windows.block.max()) + 1
+    value = _total(windows, theta, num_vehicles, prior)
+    damping = 1e-2
+    for _ in range(25):
+        blocks, pull = _block_scores(windows, theta, num_vehicles, num_blocks), (prior.mean - theta[0]) / prior.deviation**2
+        information = blocks.T @ blocks
+        information[0, 0] += prior.deviation**-2
+        gradient = blocks.sum(0) + np.array([pull, 0.0, 0.0])
+        gain = 0.0
+        for _ in range(6):
+            step = np.linalg.solve(information + damping * np.diag(np.diag(information) + 1e-6), gradient)
+            ahead = np.clip(theta + np.clip(step, -1.0, 1.0), *_bounds(prior))
+            new = _total(windows, ahead, num_vehicles, prior)
+            if new > value + 1e-9:
+                gain, theta, value, damping = new - value, ahead, new, damping / 3
+                break
+            damping *= 4
+        if gain < 2e-3:
+            break
+    blocks = _block_scores(windows, theta, num_vehicles, num_blocks)
+    return _Fit(theta, value, _hessian(windows, theta, num_vehicles, prior), blocks)
+
+
+def _total(windows: Windows, theta: FloatArray, num_vehicles: int, prior: _Prior) -> float:
+    return float(_likelihood(windows, theta, num_vehicles)[0].sum()) + prior.log(theta)
+
+
+def _range(windows: Windows, fit: _Fit, k: int, num_vehicles: int, prior: _Prior, confidence: float) -> tuple[float, float]:
+    """Where the profile likelihood of an unknown, scaled by what the blocks scatter, leaves its interval; the bounds where it does not."""
+    inverse = np.linalg.pinv(fit.hessian)
+    robust = inverse @ (fit.blocks.T @ fit.blocks) @ inverse
+    if not (inverse[k, k] > 0 and robust[k, k] > 0):
+        return tuple(float(bound[k]) for bound in _bounds(prior))  # type: ignore[return-value]
+    blocks = int(np.count_nonzero(np.abs(fit.blocks).sum(1)))
+    reach = student(confidence, blocks - 1)
+    drop = reach**2 / 2 * float(robust[k, k] / inverse[k, k])
+    others = [i for i in range(3) if i != k]
+    ends = []
+    for sign, bound in zip((-1.0, 1.0), _bounds(prior)):
+        inside, theta, step = 0.0, fit.theta.copy(), reach * float(np.sqrt(robust[k, k]))
+        outside, low_theta = None, theta
+        for _ in range(9):
+            at = (inside + outside) / 2 if outside is not None else inside + step
+            value, theta = _profiled(windows, low_theta, fit, k, others, fit.theta[k] + sign * at, num_vehicles, prior)
+            if fit.value - value < drop:
+                inside, low_theta, step = at, theta, step * 1.3
+                if sign * (fit.theta[k] + sign * at - bound[k]) >= 0:
+                    break
+            else:
+                outside = at
+            if outside is not None and outside - inside < 0.1 * step:
+                break
+        ends.append(float(fit.theta[k] + sign * (inside if outside is None else (inside + outside) / 2)))
+    return ends[0], ends[1]
+
+
+def _profiled(
+    windows: Windows, theta: FloatArray, fit: _Fit, k: int, others: list[int], at: float, num_vehicles: int, prior: _Prior
+) -> tuple[float, FloatArray]:
+    """The likelihood with one unknown fixed, and where: the others by a few steps from where they were."""
+    inverse = np.linalg.pinv(fit.hessian[np.ix_(others, others)])
+    here = theta.copy()
+    here[others] -= inverse @ fit.hessian[others, k] * (at - theta[k])
+    here[k] = at
+    here = np.clip(here, *_bounds(prior))
+    here[k] = at
+    value = _total(windows, here, num_vehicles, prior)
+    for _ in range(3):
+        gradient = np.zeros(len(others))
+        for i, other in enumerate(others):
+            up, down = here.copy(), here.copy()
+            up[other] += 0.02
+            down[other] -= 0.02
+            gradient[i] = (_total(windows, up, num_vehicles, prior) - _total(windows, down, num_vehicles, prior)) / 0.04
+        ahead = here.copy()
+        ahead[others] += np.clip(inverse @ gradient, -0.7, 0.7)
+        ahead = np.clip(ahead, *_bounds(prior))
+        ahead[k] = at
+        new = _total(windows, ahead, num_vehicles, prior)
+        if new < value + 0.02:
+            if new > value:
+                value, here = new, ahead
+            break
+        value, here = new, ahead
+    return value, here
+
+
+def student(confidence: float, freedom: int) -> float:
+    """The quantile of Student's t for a two-sided interval."""
+    from scipy.stats import t
+
+    return float(t.ppf((1 + confidence) / 2, max(freedom, 1)))
+
+
+def _block_scores(windows: Windows, theta: FloatArray, num_vehicles: int, num_blocks: int) -> FloatArray:
+    """[B, 3] of each block."""
+    return _by_block(_scores(windows, theta, num_vehicles), windows.block, num_blocks)
+
+
+def _by_block(scores: FloatArray, block: IntArray, num_blocks: int) -> FloatArray:
+    summed = np.zeros((num_blocks, scores.shape[1]))
+    np.add.at(summed, block, scores)
+    return summed
+
+
+def _scores(windows: Windows, theta: FloatArray, num_vehicles: int) -> FloatArray:
+    """[W, 3] of each window."""
+    h, columns = 0.02, []
+    for k in range(3):
+        up, down = theta.copy(), theta.copy()
+        up[k] += h
+        down[k] -= h
+        columns.append((_likelihood(windows, up, num_vehicles)[0] - _likelihood(windows, down, num_vehicles)[0]) / (2 * h))
+    return np.stack(columns, 1)
+
+
+def _hessian(windows: Windows, theta: FloatArray, num_vehicles: int, prior: _Prior) -> FloatArray:
+    """[3, 3] minus the second derivatives of the log likelihood."""
+    h, rows = 0.05, []
+    for k in range(3):
+        up, down = theta.copy(), theta.copy()
+        up[k] += h
+        down[k] -= h
+        rows.append((_scores(windows, down, num_vehicles).sum(0) - _scores(windows, up, num_vehicles).sum(0)) / (2 * h))
+    hessian = np.array(rows)
+    hessian[0, 0] += prior.deviation**-2
+    symmetric: FloatArray = (hessian + hessian.T) / 2
+    return symmetric
+
+
+def _likelihood(
+    windows: Windows, theta: FloatArray, num_vehicles: int, num_blocks: int = 0
+) -> tuple[FloatArray, tuple[FloatArray, FloatArray]]:
+    """[W] log likelihoods with each vehicle's best mean; and those means [R] with influences of blocks [R, B] on their logarithms."""
+    noise_m, (relative, tau_s) = float(np.exp(theta[0])), np.exp(theta[1:])
+    n = windows.dt_s.shape[1]
+    there = np.arange(n) < windows.count[:, None]
+    speed = windows.step_m.sum(1) / np.where(there, windows.dt_s, 0.0).sum(1)
+    usual = np.array([np.mean(speed[windows.vehicle == r]) if (windows.vehicle == r).any() else np.nan for r in range(num_vehicles)])
+    top = usual[windows.vehicle] / (1 - MEAN_LOSS * min(relative, 0.8))
+    x = np.concatenate((np.zeros((len(speed), 1)), np.cumsum(windows.dt_s, 1)), 1)
+    whole = integrated_cov(x, Scatter(float(relative), float(tau_s))) * (top**2)[:, None, None]
+    cov = whole[:, 1:, 1:] - whole[:, :-1, 1:] - whole[:, 1:, :-1] + whole[:, :-1, :-1]
+    k = np.arange(n)
+    cov[:, k, k] += 2 * noise_m**2
+    cov[:, k[1:], k[:-1]] -= noise_m**2
+    cov[:, k[:-1], k[1:]] -= noise_m**2
+    both = there[:, :, None] & there[:, None, :]
+    cov = np.where(both, cov, 0.0)
+    cov[:, k, k] = np.where(there, cov[:, k, k] + 1e-12, 1.0)
+    lower = np.linalg.cholesky(cov)
+    columns = np.stack((np.where(there, windows.dt_s, 0.0), np.where(there, windows.step_m, 0.0)), 2)
+    white = np.linalg.solve(lower, columns)
+    weight, product = (white[:, :, 0] ** 2).sum(1), (white[:, :, 0] * white[:, :, 1]).sum(1)
+    summed = np.zeros((2, num_vehicles))
+    np.add.at(summed[0], windows.vehicle, weight)
+    np.add.at(summed[1], windows.vehicle, product)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        mean = summed[1] / summed[0]
+    residual = white[:, :, 1] - white[:, :, 0] * mean[windows.vehicle][:, None]
+    logs = -(np.log(lower[:, k, k]) * there).sum(1) - (residual**2).sum(1) / 2
+    influence = np.zeros((num_vehicles, num_blocks))
+    if num_blocks:
+        own = (product - weight * mean[windows.vehicle]) / summed[0][windows.vehicle] / mean[windows.vehicle]
+        np.add.at(influence, (windows.vehicle, windows.block), own)
+    return logs, (mean, influence)

@@ -1,0 +1,116 @@
+"""Files of a calibration: that of a robot type, a set of disturbances, and all figures as a document.
+
+Figures that the log does not tell are those of another type, and of no disturbance. Both files are read back before they are written.
+"""
+
+import math
+from dataclasses import MISSING, fields, replace
+from pathlib import Path
+from typing import Any
+
+from mrp_sumo.calibration.estimates import CONFIDENCE, CalibratedFigure, Calibration
+from mrp_sumo.core.arrivals import ServiceTime
+from mrp_sumo.core.disturbances import Disturbances
+from mrp_sumo.core.options import Options
+from mrp_sumo.core.robot_type import Actions, Loaded, RobotShape
+from mrp_sumo.errors import MrpSumoError, duration
+from mrp_sumo.files.writing import write_text
+
+LIMITS = ("max_speed_mps", "accel_mps2", "decel_mps2", "turn_rate_rad_s")
+DISTURBING = ("speed_noise", "speed_noise_tau_s", "speed_spread", "stops_per_s", "stop_median_s", "stop_sigma")
+DIGITS = 4
+
+
+def type_of(result: Calibration, base: RobotShape) -> RobotShape:
+    """The robot type: what the log tells, and the rest as `base` has it."""
+    figures: dict[str, Any] = {name: _digits(result.quantities[name].value) for name in LIMITS if name in result.quantities}
+    intervals = {name: _interval(result.quantities[name]) for name in figures}
+    figures |= {key: max(size, 0.0) for key, size in result.log.body.items()}
+    kinds = {each.name for each in fields(Actions)}
+    times = {}
+    for kind in sorted(kinds):
+        if (median := result.quantities.get(f"actions.{kind}.median_s")) is not None:
+            sigma = result.quantities[f"actions.{kind}.sigma"].value
+            times[kind] = ServiceTime(lognormal=(_digits(median.value), _digits(sigma)))
+    if times:
+        figures["actions"] = Actions(**times)
+    if base.loaded is not None:
+        figures["loaded"] = _no_faster(base.loaded, figures)
+    span = duration(result.span_s)
+    source = f"calibrated from {result.log.kind} {result.log.source}: {len(result.vehicles)} vehicles, {span} in all"
+    return replace(base, **figures, source=source, intervals=intervals)
+
+
+def _no_faster(loaded: Loaded, figures: dict[str, Any]) -> Loaded:
+    top = figures.get("max_speed_mps", math.inf)
+    return replace(loaded, speed_mps=None if loaded.speed_mps is None else min(loaded.speed_mps, top), length_m=None, width_m=None)
+
+
+def disturbances_of(result: Calibration) -> Disturbances:
+    """The disturbances that the log tells of."""
+    known = {name: result.quantities[name] for name in DISTURBING if name in result.quantities}
+    if "stop_median_s" not in known:
+        known = {name: each for name, each in known.items() if not name.startswith("stop")} | (
+            {"stops_per_s": known["stops_per_s"]} if "stops_per_s" in known and known["stops_per_s"].value > 0 else {}
+        )
+    figures: dict[str, Any] = {name: _digits(each.value) for name, each in known.items()}
+    return Disturbances(**figures, intervals={name: _interval(each) for name, each in known.items()})
+
+
+def _interval(of: CalibratedFigure) -> tuple[float, float]:
+    return min(_digits(of.low), _digits(of.value)), max(_digits(of.high), _digits(of.value))
+
+
+def _digits(value: float) -> float:
+    return float(f"{value:.{DIGITS}g}")
+
+
+def document_of(result: Calibration) -> dict[str, Any]:
+    """Everything that was found, for JSON."""
+    return {
+        "log": result.log.source,
+        "kind": result.log.kind,
+        "vehicles": result.vehicles,
+        "span_s": round(result.span_s, 3),
+        "confidence": CONFIDENCE,
+        "quantities": {name: each.document for name, each in result.quantities.items()},
+        "unknown": result.unknown,
+        "notes": result.log.notes,
+    }
+
+
+def write_files(result: Calibration, base: RobotShape, path: Path) -> tuple[Path, Path]:
+    """Write `TYPE.yaml` and beside it `TYPE.disturbances.yaml`. Raises MrpSumoError where something is there already."""
+    import yaml
+
+    beside = path.with_name(f"{path.stem}.disturbances.yaml")
+    for each in (path, beside):
+        if each.exists():
+            raise MrpSumoError(f"{each}: is there already, expected a name of a new file")
+    if not path.parent.is_dir():
+        raise MrpSumoError(f"{path.parent}: no such folder")
+    for place, options in ((path, type_of(result, base)), (beside, disturbances_of(result))):
+        text = yaml.safe_dump(_plain(options), sort_keys=False, default_flow_style=None, width=140, allow_unicode=True)
+        write_text(place, text)
+    return path, beside
+
+
+def _plain(options: Options) -> dict[str, Any]:
+    """What differs from the defaults, as YAML has it."""
+    document: dict[str, Any] = {}
+    for each in fields(options):  # type: ignore[arg-type]  # whose subclasses are dataclasses
+        value = getattr(options, each.name)
+        default = (
+            each.default if each.default is not MISSING else each.default_factory() if each.default_factory is not MISSING else MISSING
+        )
+        if value != default and each.name != "name":
+            document[each.name] = _value(value)
+    return document
+
+
+def _value(value: Any) -> Any:
+    if isinstance(value, Options):
+        return _plain(value)
+    if isinstance(value, tuple | list):
+        return [_value(each) for each in value]
+    return {key: _value(each) for key, each in value.items()} if isinstance(value, dict) else value

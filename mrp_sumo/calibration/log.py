@@ -1,0 +1,114 @@
+"""Logs of a fleet as calibration sees them, wherever they come from: where vehicles were when, and what they did at stops.
+
+Times are each vehicle's own: nothing here compares clocks of two vehicles. A track has no gap and no jump of the clock; what lies
+between two tracks of a vehicle is unknown.
+"""
+
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+import numpy as np
+
+from mrp_sumo.core.graph import FloatArray
+from mrp_sumo.errors import MrpSumoError
+
+MOST_HZ = 5.0  # beyond which samples say the same again
+GAP_PERIODS = 3.5  # a longer time without a sample, in usual periods, is a gap
+LEAST_GAP_S = 1.0
+FASTEST_MPS = 12.0  # beyond it a pose is not where the vehicle was, or is that of another one
+SHORTEST = 4  # samples of a track
+TWO_AT_ONCE = 0.2  # share of steps beyond `FASTEST_MPS` that two vehicles of one name make
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """N poses of one vehicle without a gap."""
+
+    vehicle: str
+    t_s: FloatArray  # [N] ascending
+    x_m: FloatArray  # [N]
+    y_m: FloatArray  # [N]
+    yaw_rad: FloatArray  # [N] unwrapped; NaN where it is not said
+    waits: FloatArray  # [N] 1: it has no way ahead that it may drive, 0: it has, NaN: not said
+
+    @property
+    def has_headings(self) -> bool:
+        return bool(np.isfinite(self.yaw_rad).all())
+
+
+@dataclass(frozen=True)
+class ActionTime:
+    """An action of a vehicle at a stop."""
+
+    vehicle: str
+    action: str
+    station: str  # '': not said
+    begin_s: float
+    end_s: float
+
+
+@dataclass(frozen=True)
+class Charge:
+    """State of charge that a vehicle reported."""
+
+    vehicle: str
+    t_s: float
+    share: float  # of the capacity, 0 to 1
+    charging: bool
+
+
+@dataclass
+class MotionLog:
+    """A log as a whole."""
+
+    source: str  # its name, for messages
+    kind: str  # 'VDA 5050', 'bag', 'CSV' or 'run folder'
+    poses: dict[str, list[tuple[float, ...]]] = field(default_factory=dict)  # by vehicle: t_s, x_m, y_m, yaw_rad, waits, level
+    visits: list[ActionTime] = field(default_factory=list)
+    charges: list[Charge] = field(default_factory=list)
+    body: dict[str, float] = field(default_factory=dict)  # length_m and width_m, where the log says them
+    notes: list[str] = field(default_factory=list)  # what was left out, and why
+
+    def tracks(self) -> "list[Track]":
+        """The poses without gaps, jumps of clocks and repeated samples. Raises MrpSumoError where two vehicles share a name."""
+        made: list[Track] = []
+        for vehicle, rows in sorted(self.poses.items()):
+            made += _tracks_of(vehicle, np.array(rows, np.float64).reshape(-1, 6), self)
+        return made
+
+
+def _tracks_of(vehicle: str, rows: FloatArray, log: MotionLog) -> list[Track]:
+    back = np.flatnonzero(np.diff(rows[:, 0]) < 0) + 1
+    far_back = [k for k in back.tolist() if rows[k - 1, 0] - rows[k, 0] > LEAST_GAP_S]
+    if len(far_back):
+        log.notes.append(f"the clock of {vehicle} jumps back {len(far_back)} times: the log is cut there")
+    tracks: list[Track] = []
+    too_fast = steps = 0
+    for a, b in pairwise([0, *far_back, len(rows)]):
+        part = rows[a:b]
+        part = part[np.argsort(part[:, 0], kind="stable")]
+        part = part[np.append(True, np.diff(part[:, 0]) > 1e-6)]
+        if len(part) < SHORTEST:
+            continue
+        dt = np.diff(part[:, 0])
+        period_s = float(np.median(dt))
+        jumps = (np.diff(part[:, 5]) == 0) & (np.hypot(*np.diff(part[:, 1:3], axis=0).T) > FASTEST_MPS * np.maximum(dt, period_s) + 1.0)
+        too_fast, steps = too_fast + int(jumps.sum()), steps + len(dt)
+        gaps = (dt > max(GAP_PERIODS * period_s, LEAST_GAP_S)) | jumps | (np.diff(part[:, 5]) != 0)
+        for c, d in pairwise([0, *(np.flatnonzero(gaps) + 1).tolist(), len(part)]):
+            if d - c >= SHORTEST:
+                tracks.append(_track(vehicle, part[c:d], period_s))
+    if steps and too_fast > max(3.0, TWO_AT_ONCE * steps):
+        raise MrpSumoError(
+            f"{log.source}: vehicle '{vehicle}' is at two places at once, {too_fast} times: two vehicles of one name, or other units "
+            "than metres"
+        )
+    if too_fast:
+        log.notes.append(f"{vehicle} jumps {too_fast} times farther than any vehicle drives: the log is cut there")
+    return tracks
+
+
+def _track(vehicle: str, rows: FloatArray, period_s: float) -> Track:
+    step = max(1, int(1 / (MOST_HZ * period_s) + 0.5)) if period_s > 0 else 1
+    t_s, x_m, y_m, yaw, waits, _ = rows[::step].T
+    return Track(vehicle, t_s, x_m, y_m, np.unwrap(yaw), waits)

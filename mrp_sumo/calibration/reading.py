@@ -1,0 +1,308 @@
+"""Reading the logs that calibration takes: VDA 5050 messages, bags, CSV of poses, run folders, archives.
+
+Foreign logs say less than ours: what is missing is left out, not refused, as long as it is said where vehicles are and when.
+"""
+
+import csv
+import io
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from mrp_sumo.calibration.log import ActionTime, Charge, MotionLog
+from mrp_sumo.errors import MrpSumoError, nearest
+from mrp_sumo.files.folders import RESULT
+from mrp_sumo.files.names import fault_of
+from mrp_sumo.files.reading import json_value, require_regular, shortened
+
+LARGEST = 2**40  # bytes of a log that is read line by line
+LONGEST_LINE = 8 * 2**20
+LARGEST_NUMBER = 1e15
+FARTHEST_M = 1e7
+MAX_ROWS = 20_000_000
+BAGS = (".mcap", ".db3", ".bag")
+COLUMNS = {  # of a CSV: name -> other names, units of suffixes in SI
+    "t_s": (("t", "time", "timestamp", "stamp"), {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}),
+    "x_m": (("x", "pos_x", "position_x"), {"m": 1.0, "cm": 0.01, "mm": 0.001}),
+    "y_m": (("y", "pos_y", "position_y"), {"m": 1.0, "cm": 0.01, "mm": 0.001}),
+    "yaw_rad": (("yaw", "theta", "heading"), {"rad": 1.0, "deg": math.pi / 180}),
+    "robot": (("vehicle", "agv", "amr", "serial", "robot_id", "vehicle_id", "id", "name"), {}),
+    "level": (("map", "map_id", "floor"), {}),
+    "action": ((), {}),
+    "station": ((), {}),
+    "battery": (("battery_share", "state_of_charge", "soc"), {"percent": 0.01}),
+    "charging": ((), {}),
+}
+NEEDED = ("t_s", "x_m", "y_m")
+NOT_AT_STOPS = (
+    "factsheetRequest",
+    "stateRequest",
+    "logReport",
+    "initPosition",
+    "startPause",
+    "stopPause",
+    "cancelOrder",
+    "finePositioning",
+)
+
+
+def read_fleet(path: Path) -> MotionLog:
+    """The log at a path, by what it is. Raises MrpSumoError for what cannot be read, in one line."""
+    if (path / RESULT).is_file():
+        return _run(path)
+    if path.is_dir():
+        messages = [folder / "messages.jsonl" for folder in (path, path / "vda5050") if (folder / "messages.jsonl").is_file()]
+        return _vda(messages[0]) if messages else _bag(path)
+    if not path.exists():
+        raise MrpSumoError(f"{shortened(path)}: no such log")
+    if path.suffix.lower() in BAGS:
+        return _bag(path)
+    if path.suffix.lower() in (".jsonl", ".json", ".ndjson"):
+        return _vda(path)
+    if path.suffix.lower() in (".csv", ".txt", ".tsv"):
+        return _csv(path)
+    known = ".jsonl (VDA 5050), .csv (poses), a bag, or a run folder"
+    raise MrpSumoError(f"{shortened(path)}: found '{path.suffix or path.name}', expected {known}")
+
+
+def _run(folder: Path) -> MotionLog:
+    """A run folder: what robots report of where they are, their services, waits and batteries."""
+    from mrp_sumo.io.run_reader import load_run
+
+    run = load_run(folder)
+    record = run.record
+    execution, names, log = record.execution, record.fleet.robot_name, MotionLog(folder.name, "run folder")
+    x, y, yaw = (execution.x_m, execution.y_m, execution.yaw_rad) if execution.believed is None else execution.believed
+    for r, name in enumerate(names):
+        waits = [
+            (event.t_s, event.t_s + event.duration_s)
+            for event in execution.events
+            if event.robot == r and event.kind in ("waited", "blocked")
+        ]
+        level = [0.0] * len(execution.t_s) if execution.level is None else execution.level[:, r].tolist()
+        rows = zip(execution.t_s.tolist(), x[:, r].tolist(), y[:, r].tolist(), yaw[:, r].tolist(), level)
+        log.poses[name] = [(t, px, py, turn, 0.0, on) for t, px, py, turn, on in rows if math.isfinite(px + py)]
+        for begin_s, end_s in waits:
+            for k, row in enumerate(log.poses[name]):
+                if begin_s - 1e-6 <= row[0] <= end_s + 1e-6:
+                    log.poses[name][k] = (*row[:4], 1.0, row[5])
+    if execution.stops is not None and execution.tasks is not None:
+        stops = execution.stops
+        last = {int(task): k for k, task in enumerate(stops.task)}
+        first: set[int] = set()
+        for k, (task, r, station) in enumerate(zip(stops.task.tolist(), stops.robot.tolist(), stops.station)):
+            kind = "pick" if task not in first else "drop" if last[task] == k else "service"
+            if not bool(execution.tasks.is_order[task]):
+                kind = "startCharging"
+            first.add(task)
+            begin_s, end_s = float(stops.begin_s[k]), float(stops.end_s[k])
+            if begin_s < end_s <= execution.t_s[-1]:
+                log.visits.append(ActionTime(names[r], kind, station, begin_s, end_s))
+    if execution.batteries is not None:
+        charging = {(v.vehicle, v.begin_s): v.end_s for v in log.visits if v.action == "startCharging"}
+        for r, name in enumerate(names):
+            spans = [(begin, end) for (who, begin), end in charging.items() if who == name]
+            for t, share in zip(execution.batteries.t_s.tolist(), execution.batteries.level[:, r].tolist()):
+                log.charges.append(Charge(name, t, share, any(a <= t < b for a, b in spans)))
+    return log
+
+
+def _bag(path: Path) -> MotionLog:
+    from mrp_sumo.bags.poses import read_poses
+
+    read, log = read_poses(path), MotionLog(path.name or str(path.resolve().name), "bag")
+    for name, rows in read.poses.items():
+        on = read.levels.get(name, [""] * len(rows))
+        number = {level: float(k) for k, level in enumerate(sorted(set(on)))}
+        log.poses[name] = [(t, x, y, yaw, math.nan, number[level]) for (t, x, y, yaw), level in zip(rows, on) if math.isfinite(x + y + yaw)]
+    log.charges = [Charge(*charge) for charge in read.charges]
+    log.notes.append(f"poses are those of {read.kind}" + (f"; {', '.join(read.others)} left out" if read.others else ""))
+    return log
+
+
+def _csv(path: Path) -> MotionLog:
+    """A row for each pose; `COLUMNS` has what is read of it."""
+    require_regular(path, LARGEST)
+    log, name = MotionLog(path.name, "CSV"), shortened(path)
+    with path.open(encoding="utf-8-sig", errors="replace", newline="") as file:
+        head = file.readline(LONGEST_LINE)
+        cut = max(",;\t", key=head.count)
+        place, scale = _columns(next(csv.reader(io.StringIO(head), delimiter=cut), []), name)
+        doing: dict[str, ActionTime] = {}
+        for number, row in enumerate(csv.reader(file, delimiter=cut), 2):
+            if number > MAX_ROWS:
+                raise MrpSumoError(f"{name}: more than {MAX_ROWS} rows, cut it")
+            if row and any(row):
+                _csv_row(log, row, place, scale, doing, f"{name}:{number}")
+    if not log.poses:
+        raise MrpSumoError(f"{name}: no row says where a vehicle is")
+    return log
+
+
+def _columns(head: list[str], name: str) -> tuple[dict[str, int], dict[str, float]]:
+    """Of each column that is known its place and its unit in SI."""
+    place: dict[str, int] = {}
+    scale: dict[str, float] = {}
+    for k, title in enumerate(head):
+        word = title.strip().lower().replace(" ", "_").replace("[", "_").replace("]", "").replace("__", "_")
+        for column, (others, units) in COLUMNS.items():
+            stem = column.rpartition("_")[0] if units and column not in ("battery",) else column
+            for base in {stem, *others}:
+                unit = word.removeprefix(base).removeprefix("_") if word.startswith(base) else None
+                if unit is not None and column not in place and (unit == "" or unit in units):
+                    place[column], scale[column] = k, units.get(unit, 1.0)
+    for column in NEEDED:
+        if column not in place:
+            raise MrpSumoError(f"{name}:1: no column '{column}'{nearest(column, [title.strip() for title in head])}")
+    return place, scale
+
+
+def _csv_row(
+    log: MotionLog, row: list[str], place: dict[str, int], scale: dict[str, float], doing: dict[str, ActionTime], where: str
+) -> None:
+    def text(column: str) -> str:
+        k = place.get(column, -1)
+        return row[k].strip() if 0 <= k < len(row) else ""
+
+    def number(column: str) -> float:
+        word = text(column)
+        if not word or word.lower() in ("nan", "null", "none"):
+            return math.nan
+        try:
+            value = float(word) * scale[column]
+        except ValueError:
+            raise MrpSumoError(f"{where}: {column}: found '{word[:40]}', expected a number") from None
+        if abs(value) > LARGEST_NUMBER:
+            raise MrpSumoError(f"{where}: {column}: found {word[:40]}, expected less than {LARGEST_NUMBER:g}")
+        return value
+
+    vehicle, t_s = text("robot") or "robot", number("t_s")
+    if fault := fault_of(vehicle):
+        raise MrpSumoError(f"{where}: robot: {fault}")
+    x_m, y_m = number("x_m"), number("y_m")
+    if math.isfinite(t_s + x_m + y_m):
+        if max(abs(x_m), abs(y_m)) > FARTHEST_M:
+            raise MrpSumoError(f"{where}: x_m, y_m: found {x_m:g}, {y_m:g}, expected metres of a floor")
+        level = float(hash_of(text("level")))
+        log.poses.setdefault(vehicle, []).append((t_s, x_m, y_m, number("yaw_rad"), math.nan, level))
+    _note_action(log, doing, vehicle, text("action"), text("station"), t_s)
+    share = number("battery")
+    if math.isfinite(share + t_s):
+        share = share / 100 if share > 1.5 else share
+        log.charges.append(Charge(vehicle, t_s, share, text("charging").lower() in ("1", "true", "yes")))
+
+
+def hash_of(level: str) -> int:
+    """A number of a level by its name, the same in every process."""
+    return int.from_bytes(level.encode()[:6], "big")
+
+
+def _note_action(log: MotionLog, doing: dict[str, ActionTime], vehicle: str, action: str, station: str, t_s: float) -> None:
+    """An action lasts from its first row to the first without it."""
+    now = doing.get(vehicle)
+    if now is not None and action != now.action:
+        log.visits.append(ActionTime(vehicle, now.action, now.station, now.begin_s, t_s))
+        del doing[vehicle]
+        now = None
+    if action and now is None and math.isfinite(t_s):
+        doing[vehicle] = ActionTime(vehicle, action, station, t_s, t_s)
+
+
+def _vda(path: Path) -> MotionLog:
+    """States of VDA 5050, of any version, as `{"t_s":, "topic":, "payload": {}}` or alone, a JSON object a line."""
+    require_regular(path, LARGEST)
+    log, name, doing = MotionLog(path.name, "VDA 5050"), shortened(path), dict[tuple[str, str], tuple[str, str, float]]()
+    waits: dict[str, float] = {}
+    for number, document in _lines(path, name):
+        payload = document.get("payload") if isinstance(document.get("payload"), dict) else document
+        topic = str(document.get("topic") or "")
+        kind = topic.rpartition("/")[2]
+        assert isinstance(payload, dict)
+        if kind == "factsheet" or "physicalParameters" in payload:
+            _factsheet(log, payload)
+        elif kind in ("state", "visualization", "") and ("agvPosition" in payload or "mobileRobotPosition" in payload):
+            _state(log, document, payload, topic, doing, waits, f"{name}:{number}")
+    if not log.poses:
+        raise MrpSumoError(f"{name}: no state says where a vehicle is (agvPosition or mobileRobotPosition)")
+    return log
+
+
+def _lines(path: Path, name: str) -> Iterator[tuple[int, dict[str, Any]]]:
+    with path.open(encoding="utf-8-sig", errors="replace") as file:
+        for number, line in enumerate(iter(lambda: file.readline(LONGEST_LINE + 1), ""), 1):
+            if not line.strip():
+                continue
+            try:
+                document = json_value(line, largest=LARGEST_NUMBER)
+            except (ValueError, RecursionError):
+                raise MrpSumoError(f"{name}:{number}: not JSON, expected an object a line") from None
+            if not isinstance(document, dict):
+                raise MrpSumoError(f"{name}:{number}: found {type(document).__name__}, expected a JSON object a line")
+            yield number, document
+
+
+def _state(
+    log: MotionLog,
+    document: dict[str, Any],
+    payload: dict[str, Any],
+    topic: str,
+    doing: dict[tuple[str, str], tuple[str, str, float]],
+    waits: dict[str, float],
+    where: str,
+) -> None:
+    from mrp_sumo.formats.vda.check import seconds_of
+
+    parts = topic.split("/")
+    vehicle = str(payload.get("serialNumber") or (parts[-2] if len(parts) > 2 else "")) or "vehicle"
+    if fault := fault_of(vehicle):
+        raise MrpSumoError(f"{where}: serialNumber: {fault}")
+    t_s = seconds_of(payload.get("timestamp"))
+    t_s = document.get("t_s") if t_s is None else t_s
+    if not isinstance(t_s, int | float):
+        raise MrpSumoError(f"{where}: timestamp: found {str(payload.get('timestamp'))[:40]!r}, expected YYYY-MM-DDTHH:mm:ss.fffZ")
+    if "nodeStates" in payload:
+        ahead = payload["nodeStates"]
+        is_free = isinstance(ahead, list) and any(isinstance(node, dict) and node.get("released") for node in ahead)
+        waits[vehicle] = 0.0 if is_free and not payload.get("paused") else 1.0
+    place = payload.get("mobileRobotPosition", payload.get("agvPosition"))
+    if isinstance(place, dict) and place.get("positionInitialized", True):
+        x, y, theta = (_number(place.get(key)) for key in ("x", "y", "theta"))
+        if math.isfinite(x + y) and max(abs(x), abs(y)) < FARTHEST_M:
+            level = float(hash_of(str(place.get("mapId", ""))))
+            log.poses.setdefault(vehicle, []).append((float(t_s), x, y, theta, waits.get(vehicle, math.nan), level))
+    for each in payload.get("actionStates") or ():
+        if isinstance(each, dict):
+            _note_status(log, doing, vehicle, each, str(payload.get("lastNodeId", "")), float(t_s))
+    power = payload.get("powerSupply", payload.get("batteryState"))
+    if isinstance(power, dict):
+        share = _number(power.get("stateOfCharge", power.get("batteryCharge"))) / 100
+        if 0 <= share <= 1:
+            log.charges.append(Charge(vehicle, float(t_s), share, bool(power.get("charging"))))
+
+
+def _note_status(
+    log: MotionLog, doing: dict[tuple[str, str], tuple[str, str, float]], vehicle: str, state: dict[str, Any], node: str, t_s: float
+) -> None:
+    """An action lasts from the first state in which it runs to the first in which it has ended."""
+    key, kind = (vehicle, str(state.get("actionId"))), str(state.get("actionType", "action"))
+    if kind in NOT_AT_STOPS or fault_of(kind):
+        return
+    if state.get("actionStatus") in ("RUNNING", "INITIALIZING"):
+        doing.setdefault(key, (kind, node, t_s))
+    elif state.get("actionStatus") == "FINISHED" and key in doing:
+        action, at, begin_s = doing.pop(key)
+        if t_s > begin_s:
+            log.visits.append(ActionTime(vehicle, action, at, begin_s, t_s))
+
+
+def _factsheet(log: MotionLog, payload: dict[str, Any]) -> None:
+    about = payload.get("physicalParameters")
+    for key, name in (("length", "length_m"), ("width", "width_m")):
+        size = _number(about.get(key)) if isinstance(about, dict) else math.nan
+        if 0 < size < 100:
+            log.body[name] = max(size, log.body.get(name, 0.0))
+
+
+def _number(value: Any) -> float:
+    return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else math.nan

@@ -1,0 +1,110 @@
+"""Make a robot type and a set of disturbances of a fleet's log: how fast vehicles drive, how that scatters, what stops them.
+
+LOG is a recorded stream of VDA 5050 messages (FILE.jsonl), a bag with /fleet_states, /tf, odometry or stamped poses, a CSV of poses
+(t_s, x_m, y_m, and robot, yaw_rad, action, station, battery), or a run folder. Each figure has a 90 % interval; what the log does not
+tell stays as in --robot, and is said. --out TYPE.yaml gets the type, TYPE.disturbances.yaml beside it what disturbs it, and TYPE.png
+fit and data; a scenario names both: `robots: {type: ./TYPE.yaml}`, `execution: {disturbances: ./TYPE.disturbances.yaml}`.
+"""
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from mrp_sumo.cli.printing import print_table, say, say_json
+from mrp_sumo.errors import MrpSumoError
+
+if TYPE_CHECKING:
+    from mrp_sumo.calibration.estimates import Calibration
+    from mrp_sumo.calibration.log import MotionLog
+    from mrp_sumo.maps.map import Map
+
+DEFAULT_ROBOT = "amr_600"
+BESIDE_M, ELSEWHERE = 10.0, 0.2  # how far from a map's lanes poses may be, and which share of them may be farther
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """The command's arguments."""
+    parser.add_argument("log", metavar="LOG", type=Path, help="messages of VDA 5050, a bag, a CSV of poses, or a run folder")
+    parser.add_argument("--map", metavar="MAP", help="a map file or the name of a bundled map: a log of another site is refused")
+    parser.add_argument(
+        "--robot",
+        metavar="TYPE",
+        default=DEFAULT_ROBOT,
+        help="type of robots/ or YAML file for what the log does not tell (default: amr_600)",
+    )
+    parser.add_argument(
+        "--out", metavar="TYPE.yaml", type=Path, help="file of the robot type to write, with a picture and the disturbances"
+    )
+    parser.add_argument("--json", action="store_true", help="print the figures as a line of JSON")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Calibrate, write, and print what was result."""
+    from mrp_sumo.calibration.estimates import calibrated
+    from mrp_sumo.calibration.files import document_of, write_files
+    from mrp_sumo.calibration.reading import read_fleet
+    from mrp_sumo.io.scenario.robots import robot_type
+    from mrp_sumo.maps.catalogue import bundled_folder, find_map
+    from mrp_sumo.maps.load import load_map
+
+    if options.out is not None and options.out.suffix not in (".yaml", ".yml"):
+        raise MrpSumoError(f"--out: found '{options.out.name}', expected a name that ends in .yaml")
+    base = robot_type(options.robot, bundled_folder("robots"), Path())
+    log = read_fleet(options.log)
+    if options.map is not None:
+        _require_here(log, load_map(find_map(options.map, Path())))
+    result = calibrated(log)
+    written: list[Path] = []
+    if options.out is not None:
+        from mrp_sumo.core.robot_type import RobotShape
+        from mrp_sumo.reports.pictures.calibration import picture_of
+
+        shape = RobotShape(**{name: value for name, value in vars(base).items() if name != "name"})
+        picture = options.out.with_suffix(".png")
+        if picture.exists():
+            raise MrpSumoError(f"{picture}: is there already, expected a name of a new file")
+        written += write_files(result, shape, options.out)
+        written.append(picture_of(result).write(picture))
+    if options.json:
+        say_json(document_of(result) | {"files": [str(path) for path in written]})
+    else:
+        _print(result, options, written)
+    return 0
+
+
+def _require_here(log: "MotionLog", map_: "Map") -> None:
+    """Refuse a log whose vehicles are elsewhere than the map is."""
+    import numpy as np
+    from scipy.spatial import cKDTree
+
+    from mrp_sumo.maps.levels import shifts_of
+
+    nav = map_.nav
+    places = nav.xy - shifts_of(nav.level_names, map_.level_shift_m)[nav.level] if map_.level_shift_m else nav.xy
+    ends = np.concatenate([places[nav.tail] * (1 - share) + places[nav.head] * share for share in np.linspace(0, 1, 9)] + [places])
+    poses = np.array([row[1:3] for rows in log.poses.values() for row in rows[:: max(1, len(rows) // 500)]])
+    away = cKDTree(ends).query(poses)[0]
+    if (away > BESIDE_M).mean() > ELSEWHERE:
+        low, high = poses.min(0), poses.max(0)
+        raise MrpSumoError(
+            f"{log.source}: {(away > BESIDE_M).mean():.0%} of the poses are more than {BESIDE_M:g} m from any lane of '{map_.name}' "
+            f"(x {low[0]:.1f} to {high[0]:.1f}, y {low[1]:.1f} to {high[1]:.1f}): another site, another frame, or other units than metres"
+        )
+
+
+def _print(result: "Calibration", options: argparse.Namespace, written: list[Path]) -> None:
+    from rich.table import Table
+
+    say(f"{result.log.source}: {result.log.kind}, {len(result.vehicles)} vehicles, {result.span_s / 3600:.2f} h in all")
+    for note in result.log.notes:
+        say(f"note: {note}")
+    table = Table(box=None, padding=(0, 2, 0, 0))
+    for title, side in (("figure", "left"), ("value", "right"), ("90 % interval", "left"), ("unit", "left"), ("from", "left")):
+        table.add_column(title, justify=side)  # type: ignore[arg-type]
+    for each in result.quantities.values():
+        table.add_row(each.name, f"{each.value:.4g}", f"{each.low:.4g} to {each.high:.4g}", each.unit, f"{each.count} {each.of}")
+    print_table(table, 120)
+    for name, why in result.unknown.items():
+        say(f"{name}: not told by the log ({why}); as in {options.robot}")
+    for path in written:
+        say(f"written: {path}")

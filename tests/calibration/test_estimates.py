@@ -1,0 +1,84 @@
+import numpy as np
+import pytest
+from shuttles import shuttle_rows
+
+from mrp_sumo.calibration.estimates import calibrated
+from mrp_sumo.calibration.log import ActionTime, MotionLog
+from mrp_sumo.errors import MrpSumoError
+
+TRUTH = {"max_speed_mps": 1.2, "accel_mps2": 0.6, "decel_mps2": 0.8, "turn_rate_rad_s": 1.0, "speed_noise": 0.06}
+
+
+def log_of(rows):
+    poses = {name: [(*row, np.nan, 0.0) for row in each.tolist()] for name, each in rows.items()}
+    return MotionLog("log", "CSV", poses=poses)
+
+
+@pytest.fixture(scope="module")
+def shuttles():
+    rng = np.random.default_rng(5)
+    return {f"s{k}": shuttle_rows(rng) for k in range(4)}
+
+
+def test_figures_of_noisy_states_of_1_hz_are_near_the_truth(shuttles):
+    found = calibrated(log_of(shuttles)).quantities
+    for name, truth in TRUTH.items():
+        assert found[name].low < found[name].value < found[name].high
+        assert found[name].value == pytest.approx(truth, rel=0.25 if name == "speed_noise" else 0.05)
+        assert 0.9 * found[name].low < truth < 1.1 * found[name].high
+
+
+def test_offsets_of_clocks_change_nothing(shuttles):
+    moved = {name: rows + np.array([1e6 * k, 0, 0, 0]) for k, (name, rows) in enumerate(shuttles.items())}
+    before, after = (calibrated(log_of(rows)).quantities for rows in (shuttles, moved))
+    assert after["accel_mps2"].value == pytest.approx(before["accel_mps2"].value, rel=1e-3)
+    assert after["max_speed_mps"].value == pytest.approx(before["max_speed_mps"].value, rel=1e-2)
+
+
+def test_less_of_a_log_tells_less(shuttles):
+    short = {name: rows[: len(rows) // 5] for name, rows in shuttles.items()}
+    wide, narrow = (calibrated(log_of(rows)).quantities["accel_mps2"] for rows in (short, shuttles))
+    assert wide.high - wide.low > 1.3 * (narrow.high - narrow.low)
+
+
+def test_log_without_headings_leaves_the_turn_rate(shuttles):
+    rows = {name: np.column_stack((each[:, :3], np.full(len(each), np.nan))) for name, each in shuttles.items()}
+    found = calibrated(log_of(rows))
+    assert "turn_rate_rad_s" not in found.quantities
+    assert found.unknown["turn_rate_rad_s"] == "the log has no headings"
+
+
+def test_times_of_actions_are_lognormal():
+    rng = np.random.default_rng(1)
+    log = log_of({"s": shuttle_rows(rng, trips=8)})
+    log.visits = [ActionTime("s", "pick", "a", 100.0 * k, 100.0 * k + t) for k, t in enumerate(rng.lognormal(np.log(12.0), 0.3, 400))]
+    found = calibrated(log).quantities
+    assert found["actions.pick.median_s"].value == pytest.approx(12.0, rel=0.05)
+    assert found["actions.pick.sigma"].value == pytest.approx(0.3, rel=0.1)
+
+
+def test_fleet_that_stands_is_refused():
+    rng = np.random.default_rng(2)
+    rows = np.column_stack((np.arange(500.0), rng.normal(0, 0.02, (500, 2)), np.zeros(500)))
+    with pytest.raises(MrpSumoError, match="no vehicle drives: positions change by no more than their noise"):
+        calibrated(log_of({"s": rows}))
+
+
+def test_two_vehicles_of_one_name_are_refused(shuttles):
+    one, other = shuttles["s0"], shuttles["s1"] + [0.0, 500.0, 0.0, 0.0]
+    both = np.concatenate((one, other))
+    with pytest.raises(MrpSumoError, match="vehicle 's' is at two places at once"):
+        calibrated(log_of({"s": both[np.argsort(both[:, 0])]}))
+
+
+def test_clock_that_jumps_back_cuts_the_log(shuttles):
+    rows = shuttles["s0"].copy()
+    rows[300:, 0] -= 100.0
+    found = calibrated(log_of({"s": rows}))
+    assert found.log.notes == ["the clock of s jumps back 1 times: the log is cut there"]
+    assert found.quantities["accel_mps2"].value == pytest.approx(0.6, rel=0.15)
+
+
+def test_a_few_poses_are_too_short_to_tell():
+    with pytest.raises(MrpSumoError, match="too short to tell anything"):
+        calibrated(log_of({"s": np.array([[0.0, 0, 0, 0], [1, 1, 0, 0], [2, 2, 0, 0]])}))

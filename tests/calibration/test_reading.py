@@ -1,0 +1,98 @@
+import json
+import math
+
+import pytest
+
+from mrp_sumo.calibration.reading import read_fleet
+from mrp_sumo.errors import MrpSumoError
+
+
+def states(path, documents):
+    path.write_text("\n".join(map(json.dumps, documents)) + "\n")
+    return path
+
+
+def state(second, **more):
+    place = {"x": 1.0 + second, "y": 2.0, "theta": 0.5, "mapId": "L1"}
+    return {"timestamp": f"2026-01-01T00:00:{second:02d}.000Z", "serialNumber": "agv", "agvPosition": place, **more}
+
+
+@pytest.mark.parametrize(
+    "head, scale", [("t_s,robot,x_m,y_m,yaw_rad", 1.0), ("t,vehicle,x,y,theta", 1.0), ("t_s,robot,x_mm,y_mm,yaw", 1000.0)]
+)
+def test_columns_say_their_units(tmp_path, head, scale):
+    path = tmp_path / "poses.csv"
+    path.write_text(f"{head}\n" + "\n".join(f"{k},a,{k * scale},{2 * scale},0.1" for k in range(5)))
+    assert read_fleet(path).poses["a"][3][:4] == pytest.approx((3.0, 3.0, 2.0, 0.1))
+
+
+def test_degrees_and_milliseconds(tmp_path):
+    path = tmp_path / "poses.csv"
+    path.write_text("t_ms;x;y;yaw_deg\n" + "\n".join(f"{k * 1000};1;2;90" for k in range(5)))
+    assert read_fleet(path).poses["robot"][2][:4] == pytest.approx((2.0, 1.0, 2.0, math.pi / 2))
+
+
+@pytest.mark.parametrize(
+    "text, line",
+    [
+        ("t_s,robot,x_m,yaw\n", "poses.csv:1: no column 'y_m' (did you mean 'x_m'?)"),
+        ("t_s,x_m,y_m\n0,1,2\n1,one,2\n", "poses.csv:3: x_m: found 'one', expected a number"),
+        ("t_s,x_m,y_m\n", "no row says where a vehicle is"),
+        ("t_s,x_m,y_m\n0,1e9,2\n", "expected metres of a floor"),
+    ],
+)
+def test_bad_csv_is_one_line(tmp_path, text, line):
+    path = tmp_path / "poses.csv"
+    path.write_text(text)
+    with pytest.raises(MrpSumoError) as error:
+        read_fleet(path)
+    assert line in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_actions_of_a_csv_last_until_the_first_row_without(tmp_path):
+    path = tmp_path / "poses.csv"
+    path.write_text("t_s,x_m,y_m,action,station\n0,0,0,,\n1,0,0,pick,a\n2,0,0,pick,a\n3,0,0,,\n")
+    (visit,) = read_fleet(path).visits
+    assert (visit.action, visit.station, visit.begin_s, visit.end_s) == ("pick", "a", 1.0, 3.0)
+
+
+def test_states_alone_with_missing_members_are_read(tmp_path):
+    running = [{"actionId": "1", "actionType": "pick", "actionStatus": "RUNNING"}]
+    ended = [{"actionId": "1", "actionType": "pick", "actionStatus": "FINISHED"}]
+    documents = [state(0), state(1, actionStates=running), state(2, actionStates=running), state(7, actionStates=ended)]
+    log = read_fleet(states(tmp_path / "log.jsonl", documents))
+    assert [row[1] for row in log.poses["agv"]] == [1.0, 2.0, 3.0, 8.0]
+    assert math.isnan(log.poses["agv"][0][4])  # nothing says what was released
+    assert [(visit.action, visit.end_s - visit.begin_s) for visit in log.visits] == [("pick", 6.0)]
+
+
+def test_vehicle_whose_way_is_not_released_waits(tmp_path):
+    free, held = [{"released": True}], [{"released": False}]
+    log = read_fleet(states(tmp_path / "log.jsonl", [state(0, nodeStates=free), state(1, nodeStates=held), state(2, nodeStates=[])]))
+    assert [row[4] for row in log.poses["agv"]] == [0.0, 1.0, 1.0]
+
+
+@pytest.mark.parametrize(
+    "text, line",
+    [
+        ("{", "log.jsonl:1: not JSON"),
+        ("[1]\n", "log.jsonl:1: found list, expected a JSON object a line"),
+        ('{"agvPosition": {"x": 1, "y": 2}, "timestamp": "today"}\n', "timestamp: found 'today'"),
+        ('{"topic": "a/b/c/connection", "payload": {}}\n', "no state says where a vehicle is"),
+    ],
+)
+def test_bad_states_are_one_line(tmp_path, text, line):
+    path = tmp_path / "log.jsonl"
+    path.write_text(text)
+    with pytest.raises(MrpSumoError) as error:
+        read_fleet(path)
+    assert line in str(error.value)
+
+
+def test_unknown_kinds_of_files_are_refused(tmp_path):
+    (tmp_path / "log.pdf").write_text("")
+    with pytest.raises(MrpSumoError, match=r"found '\.pdf'"):
+        read_fleet(tmp_path / "log.pdf")
+    with pytest.raises(MrpSumoError, match="no such log"):
+        read_fleet(tmp_path / "log.csv")
