@@ -21,7 +21,7 @@ SIGHT, BEHIND = np.cos(np.radians(100.0)), 0.5  # people see so far to the side;
 FASTEST = 1.3  # of the speed that one likes
 MOST_MPS2 = 10.0  # of one other's push
 BIN_M = 2.5  # others farther away do not matter
-LANE_M, BODY_LENGTH_M, HEADWAY_S = 0.27, 0.3, 0.75  # who is ahead this far to the side; its depth; the time that it stays ahead
+LANE_M = 0.27  # who is ahead this far to the side
 KEEP_RIGHT = np.radians(3.0)
 ROBOT_MPS2, ROBOT_M, ROBOT_AHEAD_S = 7.0, 0.3, 0.6  # push of a robot at its surface, how it fades; where it will be is seen so far ahead
 ROUND_M, ROUND_ROOM_M = 3.0, 0.35  # people begin to walk round a robot so far before it, and so far beside
@@ -130,7 +130,7 @@ def push(now, p, walkers, ground, robots, ways):
     ax, ay, gap = push_of_people(p, x, y, ex, ey, walkers, ground)
     rx, ry, away = push_of_robots(x, y, ex, ey, ground, robots)
     wx, wy = push_of_walls(x, y, ex, ey, ground, cell) if away > YIELD_M else (0.0, 0.0)
-    goes = min(wish, max(gap - BODY_LENGTH_M, 0.0) / HEADWAY_S)
+    goes = min(wish, max(gap - walkers.spacing_m[p], 0.0) / walkers.headway_s[p])
     back = min(ax * ex + ay * ey + goes / RELAX_S, 0.0)  # nobody walks backwards for others
     ax, ay = ax - back * ex, ay - back * ey
     walkers.ax_mps2[p] = (goes * tx - vx) / RELAX_S + ax + rx + wx

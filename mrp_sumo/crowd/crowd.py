@@ -35,7 +35,7 @@ class Crowd:
             *floor.corner_m, floor.width, floor.height, floor.walls, floor.first, floor.near, floor.free, floor.back, columns, rows
         )
         room = max(people.count, MOST_PEOPLE if people.flows else 1)
-        figures = [np.zeros(room) for _ in range(7)]
+        figures = [np.zeros(room) for _ in range(9)]
         self.walkers = Walkers(
             *figures,
             person=np.zeros(room, np.int64),
@@ -154,10 +154,11 @@ class Crowd:
         walkers, p = self.walkers, self.count
         group = self.people.groups[int(self._stream[SPEEDS].choice(len(self._shares), p=self._shares))]
         likes = group.speed_mps + group.spread_mps * np.clip(self._stream[SPEEDS].normal(), -2.0, 2.0)
-        for column in walkers[:14]:
+        for column in walkers[:16]:
             column[p] = 0
         walkers.x_m[p], walkers.y_m[p] = xy
         walkers.wish_mps[p] = max(likes, SLOWEST_MPS)
+        walkers.headway_s[p], walkers.spacing_m[p] = group.headway_s, group.spacing_m
         walkers.person[p] = len(self.waited_s)
         self.waited_s.append(0.0)
         self.count += 1
@@ -171,7 +172,7 @@ class Crowd:
             if walkers.is_there[p]:
                 self.waited_s[walkers.person[p]] = float(walkers.waited_s[p])
                 self.count -= 1
-                for column in walkers[:14]:
+                for column in walkers[:16]:
                     column[p] = column[self.count]
         _walk.put_in_bins(walkers.x_m, walkers.y_m, self.count, self.ground, walkers.first, walkers.member)
 

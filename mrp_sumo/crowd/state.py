@@ -37,6 +37,8 @@ class Walkers(NamedTuple):
     ax_mps2: FloatArray
     ay_mps2: FloatArray
     wish_mps: FloatArray  # the speed at which each would like to walk
+    headway_s: FloatArray  # that each keeps behind others
+    spacing_m: FloatArray  # between centres, at which each stands behind others
     person: IntArray  # its number, in the order in which people came
     goal: IntArray  # row of the ways to where it goes
     home: IntArray  # and to where it came from

@@ -9,7 +9,7 @@ from mrp_sumo.core.arrivals import HOUR_S, Arrivals
 from mrp_sumo.core.graph import IntArray, NavGraph, PlanGraph
 from mrp_sumo.crowd.floor import BEFORE_LIFT_M, SNAP_M, Floor, floor_of
 from mrp_sumo.crowd.model import Flow, LaneSpeeds, People, joint_places
-from mrp_sumo.crowd.options import EVERYBODY
+from mrp_sumo.crowd.options import EVERYBODY, Group
 from mrp_sumo.errors import ScenarioError, nearest
 from mrp_sumo.io.documents import Place
 from mrp_sumo.io.scenario.file import ScenarioFile
@@ -47,7 +47,7 @@ def people_of(file: ScenarioFile, map_: Map, graph: PlanGraph) -> People | LaneS
         count=choice.count or 0,
         flows=tuple(flows),
         clock_s=choice.clock_h * HOUR_S,
-        groups=choice.groups or EVERYBODY,
+        groups=choice.groups or (EVERYBODY if choice.free_speed_mps is None else (Group(speed_mps=choice.free_speed_mps),)),
         fields=choice.fields if choice.fields.active else None,
         seed=seed,
     )

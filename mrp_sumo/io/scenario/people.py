@@ -41,6 +41,7 @@ class PeopleChoice(Strict):
     )
     profile: list[Factor] = Field([], description="Factors on the rates, in equal parts of a day.")
     clock_h: Annotated[float, Field(ge=0, lt=24)] = Field(8.0, description="The hour of the day at which the run begins.")
+    free_speed_mps: Walking | None = Field(None, description="Mean preferred speed of all, instead of groups; 1.34 by default.")
     groups: tuple[Group, ...] = Field((), description="Who walks how fast; by default 1.34 m/s, standard deviation 0.26 m/s.")
     corridor_m: Annotated[float, Field(gt=0.5, le=100)] = Field(2.0, description="Width of the way along lanes, on maps without walls.")
     fields: ProtectiveFields = Field(ProtectiveFields(), description="What robots do about people.")
@@ -59,4 +60,6 @@ class PeopleChoice(Strict):
                 raise ValueError("lane_speeds: expected least <= usual <= greatest, not all equal")
         elif len(keys) != 1:
             raise ValueError(f"{' and '.join(keys)} exclude each other" if keys else "give count, rate_per_h or flows")
+        if self.free_speed_mps is not None and self.groups:
+            raise ValueError("free_speed_mps and groups exclude each other: groups have a speed_mps of their own")
         return self
