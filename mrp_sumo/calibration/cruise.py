@@ -24,6 +24,7 @@ LEAST_STEP_S = 0.45  # samples in between say nothing more about speeds
 LONGEST = 16  # steps of a window
 LEAST_STEPS = 2
 MOST_STEPS = 4500  # of all windows
+HELD = 1.15  # factor on intervals for what is held fixed while a figure is fitted; by the tuning fleets of tools/bench_calibrate.py
 FAR_OFF = 4.5  # standard deviations
 NOISE_PRIOR = 0.1  # standard deviation of the logarithm of noise while driving, about that of standing
 BLOCK_S = 60.0  # within which windows of a vehicle are taken for one
@@ -224,7 +225,7 @@ def _range(windows: Windows, fit: _Fit, k: int, num_vehicles: int, prior: _Prior
     if not (inverse[k, k] > 0 and robust[k, k] > 0):
         return tuple(float(bound[k]) for bound in _bounds(prior))  # type: ignore[return-value]
     blocks = int(np.count_nonzero(np.abs(fit.blocks).sum(1)))
-    reach = student(confidence, blocks - 1)
+    reach = HELD * student(confidence, blocks - 1)
     drop = reach**2 / 2 * float(robust[k, k] / inverse[k, k])
     others = [i for i in range(3) if i != k]
     ends = []

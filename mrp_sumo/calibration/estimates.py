@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from mrp_sumo.calibration.cruise import MEAN_LOSS, Cruise, Scatter, fit_cruise, of_top_speed, student, top_windows
+from mrp_sumo.calibration.cruise import HELD, MEAN_LOSS, Cruise, Scatter, fit_cruise, of_top_speed, student, top_windows
 from mrp_sumo.calibration.log import MotionLog, Track
 from mrp_sumo.calibration.phases import Noise, Phases, noise_of, phases_of, refined, usual_speed
 from mrp_sumo.calibration.ramps import Ramp, fit_ramp
@@ -165,7 +165,7 @@ def _by_scores(
         ratio = float((sums[there] ** 2).sum() / own.sum())
         if ratio > 1 + 3.0 * math.sqrt(2 / there.sum()):
             deviation, freedom = math.sqrt(float((sums**2).sum()) * there.sum() / (there.sum() - 1)), int(there.sum()) - 1
-    reach = math.hypot(student(CONFIDENCE, freedom) * deviation, student(CONFIDENCE, 1000) * misfit)
+    reach = math.hypot(HELD * student(CONFIDENCE, freedom) * deviation, student(CONFIDENCE, 1000) * misfit)
     reach = min(reach, WIDEST)
     return name, unit, value, value * math.exp(-reach), value * math.exp(reach)
 
