@@ -14,14 +14,20 @@ from typing import TYPE_CHECKING
 from mrp_sumo.cli.map_choice import add_choice, chosen_map
 from mrp_sumo.cli.option_rules import only_for
 from mrp_sumo.cli.printing import say, say_json
-from mrp_sumo.errors import MrpSumoError, nearest
+from mrp_sumo.errors import MrpSumoError, OptionError, nearest
 
 if TYPE_CHECKING:
     from mrp_sumo.maps.map import Map
 
 OF_MAPS = ("graph", "level", "snap", "join_short", "reader", "robot_radius", "robot")
 MOST_BYTES = 1_000_000  # of files of types
-TYPE_KEYS = {"length_m", "width_m", "max_speed_mps", "accel_mps2", "decel_mps2"}  # of files of types; the first of them none else has
+TYPE_KEYS = {
+    "length_m",
+    "width_m",
+    "max_speed_mps",
+    "accel_mps2",
+    "decel_mps2",
+}  # one of which a file of a type has, whatever else is wrong with it
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -100,15 +106,15 @@ def _write_vehicle(map_: "Map", wanted: str | None, destination: Path) -> list[s
     vehicle = map_.longest_vehicle if wanted is None else known[wanted]
     if vehicle is None or min(vehicle.length_m, vehicle.max_speed_mps) <= 0:
         raise MrpSumoError(f"{name}: vehicle '{wanted or next(iter(known))}' has no length or no maxVelocity, expected both")
-    like = type_like(vehicle)
-    robot = replace(like, source=f"vehicle {vehicle.name} of {name}", battery=None)
-    notes = [f"guessed: accelerations and rate of turning, those of the bundled type '{like.name}'; that it turns in place"]
-    if vehicle.clear_m > robot.radius_m:
+    try:
+        like = type_like(vehicle)
+    except OptionError as error:
+        raise MrpSumoError(f"{name}: vehicle '{vehicle.name}': {error}") from None
+    robot, is_said = replace(like, source=f"vehicle {vehicle.name} of {name}", battery=None), vehicle.clear_m > like.radius_m
+    if is_said:
         robot = replace(robot, gap_m=round(2 * (vehicle.clear_m - robot.radius_m), 6))
-    else:
-        notes[0] = notes[0].replace("guessed: ", "guessed: gap_m, ")
-    if vehicle.width_m is None:
-        notes[0] = notes[0].replace("guessed: ", "guessed: width_m, ")
+    more = "".join(f"{key}, " for key, is_guessed in (("width_m", vehicle.width_m is None), ("gap_m", not is_said)) if is_guessed)
+    notes = [f"guessed: {more}accelerations and rate of turning, those of the bundled type '{like.name}'; that it turns in place"]
     if vehicle.reverse_mps not in (0.0, vehicle.max_speed_mps):
         notes.append(f"left out: maxReverseVelocity, {vehicle.reverse_mps:g} m/s, which types that turn in place do not have")
     write_text(destination, text_of_type(robot, notes))

@@ -80,6 +80,7 @@ def test_vehicle_of_a_plant_model_becomes_a_type(tmp_path, capsys, monkeypatch):
         (["plant", "x.yaml"], "plant.lif.json: has no sizes of vehicles: convert the factsheet of plant.forklift"),
         (["plant.xml", "x.yaml", "--vehicle-type", "fork"], "--vehicle-type: no vehicle 'fork' in plant.xml (did you mean 'forklift'?)"),
         (["bare.xml", "x.yaml"], "bare.xml: vehicle 'forklift' has no length or no maxVelocity, expected both"),
+        (["huge.xml", "x.yaml"], "huge.xml: vehicle 'forklift': length_m is 1800, expected"),
         (["text.xml", "x.yaml"], "maxVelocity of <vehicle> is 'fast', expected a number"),
         (["envelope.xml", "x.yaml"], "<vehicleEnvelope> has no 'key'"),
         (["vertex.xml", "x.yaml"], "x of <vertex> is '', expected a number"),
@@ -98,6 +99,7 @@ def test_bad_vehicles_end_with_one_line_and_leave_nothing(tmp_path, capsys, monk
     text = (tmp_path / "plant.xml").read_text()
     for name, old, new in (
         ("bare", '"45" maxVelocity="1500"', '"45" maxVelocity="0"'),
+        ("huge", '<boundingBox length="1800"', '<boundingBox length="1800000"'),
         ("text", '"45" maxVelocity="1500"', '"45" maxVelocity="fast"'),
         ("envelope", '<vehicleEnvelope key="forklift">', "<vehicleEnvelope>"),
         ("vertex", '<vertex x="', '<vertex x="" z="'),
