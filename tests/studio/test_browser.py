@@ -56,10 +56,9 @@ def hall(path):
 
 
 def started(place, cwd):
-    """A workbench of its own, and its address."""
+    """A process with a workbench, which prints its address."""
     command = [sys.executable, "-P", "-m", "mrp_sumo", "studio", str(place), "--no-browser", "--json"]
-    process = subprocess.Popen(command, cwd=cwd, stdout=subprocess.PIPE, text=True, env={**os.environ, "PYTHONPATH": str(PROJECT)})
-    return process, json.loads(process.stdout.readline())["address"]
+    return subprocess.Popen(command, cwd=cwd, stdout=subprocess.PIPE, text=True, env={**os.environ, "PYTHONPATH": str(PROJECT)})
 
 
 @pytest.mark.slow
@@ -68,12 +67,13 @@ def test_from_a_picture_to_an_answer(tmp_path, capsys):
     if not chromium or not node or not (Path(MODULES) / "playwright-core").is_dir():
         pytest.skip("no chromium, node or playwright-core (tools/browser.sh installs them)")
     hall(tmp_path / "hall.png")
-    process, address = started(tmp_path, tmp_path)
-    try:
-        command = [node, Path(__file__).with_name("browser.mjs"), chromium, address, tmp_path]
-        told = subprocess.run(command, capture_output=True, text=True, timeout=900, env={**os.environ, "NODE_PATH": MODULES})
-    finally:
-        process.send_signal(signal.SIGINT)
+    with started(tmp_path, tmp_path) as process:
+        try:
+            address = json.loads(process.stdout.readline())["address"]
+            command = [node, Path(__file__).with_name("browser.mjs"), chromium, address, tmp_path]
+            told = subprocess.run(command, capture_output=True, text=True, timeout=900, env={**os.environ, "NODE_PATH": MODULES})
+        finally:
+            process.send_signal(signal.SIGINT)
         assert process.wait(60) == 0
     found = {line["claim"]: line for line in (json.loads(text) for text in told.stdout.split("\n") if text.startswith("{"))}
     assert not [line for line in found.values() if not line["holds"]]
@@ -104,13 +104,11 @@ def test_a_server_killed_while_it_saves_leaves_a_whole_file(tmp_path):
         "    print(n, flush=True)\n"
     )
     for saves in (1, 2, 3):
-        process = subprocess.Popen(
-            [sys.executable, "-P", script, tmp_path], stdout=subprocess.PIPE, text=True, env={**os.environ, "PYTHONPATH": str(PROJECT)}
-        )
-        for _ in range(1 + saves):
-            process.stdout.readline()
-        process.kill()
-        process.wait(60)
+        command, environment = [sys.executable, "-P", script, tmp_path], {**os.environ, "PYTHONPATH": str(PROJECT)}
+        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment) as process:
+            for _ in range(1 + saves):
+                process.stdout.readline()
+            process.kill()
         text = path.read_bytes()
         assert text.replace(b"name_0", b"name_1").count(b"name_1") == 1
         assert len(text.splitlines()) == len(before.splitlines())

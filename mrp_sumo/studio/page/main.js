@@ -16,7 +16,8 @@ let step = "floor", checking = 0, wanted = 0, polled = false;
 
 function panel() {
   const side = element("side"), active = document.activeElement, id = side.contains(active) ? active.getAttribute("aria-label") || active.labels?.[0]?.textContent : null, scroll = side.scrollTop;
-  side.replaceChildren(...STEPS.find(([name]) => name === step)[2]().filter(Boolean));
+  const [, title, parts] = STEPS.find(([name]) => name === step);
+  side.replaceChildren(make("h2", { className: "hidden", textContent: title.slice(2) }), ...parts().filter(Boolean));
   side.scrollTop = scroll;
   if (id) [...side.querySelectorAll("input, select, textarea")].find((e) => (e.getAttribute("aria-label") || e.labels?.[0]?.textContent) === id)?.focus();
 }
