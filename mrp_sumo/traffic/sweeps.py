@@ -118,15 +118,19 @@ def swept_at_corner(
 @lru_cache(maxsize=4096)
 def _turning(vehicle: Turning, bend_rad: float, gears: tuple[int, int], tangent_m: float, lane_m: float) -> FloatArray:
     """[K, 3] poses of a body from the first to the last in which it is not in line with a lane."""
-    long_m = lane_m if tangent_m == 0 else 2 * (tangent_m + abs(vehicle.ahead_m))
-    xy = long_m * np.array([(-1.0, 0.0), (0.0, 0.0), (math.cos(bend_rad), math.sin(bend_rad))])
-    gear, course = np.array([gears[0], *gears]), np.array([0.0, 0.0, bend_rad])
-    route = Route(np.array([0.0, long_m, 2 * long_m]), xy, course, gear, np.array([0.0, tangent_m, 0.0]))
+    straight_m = 2 * (tangent_m + abs(vehicle.ahead_m)) + 1.0  # in which the axle comes to the corner and away from it
+    legs_m = np.array([straight_m, straight_m] if tangent_m > 0 else [straight_m, lane_m, straight_m])  # who stood comes round on the lane
+    at_m = np.append(0.0, np.cumsum(legs_m))
+    along = (at_m[1:] - straight_m)[:, None] * np.array([(math.cos(bend_rad), math.sin(bend_rad))])
+    course = np.array([0.0, 0.0, *[bend_rad] * (len(legs_m) - 1)])
+    gear = np.array([gears[0], gears[0], *[gears[1]] * (len(legs_m) - 1)])
+    tangent = np.array([0.0, tangent_m, *[0.0] * (len(legs_m) - 1)])
+    route = Route(at_m, np.concatenate([[(-straight_m, 0.0)], along]), course, gear, tangent)
     path = wheel_path(route, vehicle.ahead_m, vehicle.least_radius_m)
     turned = np.flatnonzero(np.diff(path.yaw_rad) != 0)
     begin, end = int(turned[0]), int(turned[-1]) + 2
     if gears[0] != gears[1]:  # it goes on straight to where it stops
-        end = max(end, int(np.searchsorted(path.on_m, long_m, "right")))
+        end = max(end, int(np.searchsorted(path.on_m, straight_m, "right")))
     return frozen(np.column_stack([path.axle + vehicle.ahead_m * _rays(path.yaw_rad), path.yaw_rad])[begin:end])
 
 

@@ -7,11 +7,11 @@ from math import hypot, pi, sqrt, tan
 import numpy as np
 import pytest
 import shapely
+from vehicles import CAR, TRICYCLE, TUGGER, corner, roads
 
 from mrp_sumo.core.robot_type import Loaded, Trailer
 from mrp_sumo.traffic.sweeps import MovingBody, rectangle_distances, swept_at_corner, touches
 from mrp_sumo.traffic.turns import BACKWARD, FORWARD, NEVER, obstacle_to, turns_of
-from tests.vehicles import CAR, TRICYCLE, TUGGER, corner, roads
 
 ONE_GEAR = replace(TRICYCLE, kinematics=replace(TRICYCLE.kinematics, reverse=False))
 FRONT_AXLE = replace(CAR, kinematics=replace(CAR.kinematics, fixed_axle="front"))
@@ -163,3 +163,11 @@ def test_trailers_are_held_against_walls_inside_corners(spare_m):
 def test_where_there_are_no_walls_lanes_alone_decide():
     turns, k = turn(corner(), ONE_GEAR, 0, 1, 2)
     assert turns.stands.all() and turns.radius_m[k] == pytest.approx(WIDEST_M)
+
+
+@pytest.mark.parametrize("lane_m", [0.2, 4.0])
+def test_who_stood_at_a_small_bend_comes_round_however_short_the_lane_is(lane_m):
+    """The axle is 0.3 m behind the middle: on a lane of 0.2 m the body is past its end before it faces along it."""
+    (body,) = swept_at_corner(TRICYCLE, 0.005, (FORWARD, FORWARD), 0.0, lane_m)
+    assert body.poses[0, 2] == 0.0 and body.poses[-1, 2] == pytest.approx(0.005)
+    assert abs(body.poses[-1, 0]) == pytest.approx(0.3 + lane_m / 2, abs=1e-4)
