@@ -41,6 +41,7 @@ from planners.world import SLICE_S, ByConfigurations, SearchStart, search_start,
 CHANCE, CHANCE_OF_WAYS = 12, 16  # purposes of streams of chance
 FEWEST_MOVES, MOST_MOVES = 1000, 2_500_000  # along shortest ways, and of ways in all rounds, with which easy paths are not the only ones
 USED_UP = -1  # how a search ends whose effort is bounded, beside RUNNING, REACHED, EXHAUSTED and FULL
+CLOSE = 1.01  # times its lower bound an easy path costs where a search led by ways is often cheaper
 MOST_POLISHED = 4000  # robots; more are polished only if there is time for that
 SEARCH_TURN_S, REFINEMENT_TURN_S, LONGEST_TURN_S = 0.05, 0.1, 2.0  # the shortest turns of an anytime search, and the longest
 LABELS = 2  # of a low-level search, for each robot of an expanded configuration
@@ -54,14 +55,13 @@ RESTARTS = 20  # orders in which robots are planned one after another, where the
 class Lacam(ByConfigurations):
     """LaCAM; with `anytime` LaCAM*, which uses all its time unless it proves optimality.
 
-    Where robots use the map thinly, the first solution is one of prioritised planning, see `first_paths`, or of a search as elsewhere,
-    whichever costs less. Elsewhere robots are guided by ways of their own where lanes are little used, see `_ways`, and else, where tables
-    allow, by the traffic flow at first, see `_flow`; before each step, they are led round each other by local guidance, see
-    `_local_guidance`.
+    Where robots use the map thinly, the first solution is one of prioritised planning, see `first_paths`; where its paths are hardly longer
+    than shortest ones, or of a search as elsewhere, whichever costs less. Elsewhere robots are guided by ways of their own where lanes are
+    little used, see `_ways`, and else, where tables allow, by the traffic flow at first, see `_flow`; before each step, they are led round
+    each other by local guidance, see `_local_guidance`.
     Where it wanders about, paths that may cross each other are repaired, as `lns2` does it, and taken if they cost less.
-    Where tables allow, the first solution is polished by
-    large neighbourhood search, see `Refinement.polish`; anytime, the rest of the time goes to both the search and
-    the neighbourhoods.
+    Where tables allow, the first solution is polished by large neighbourhood search, see `Refinement.polish`; anytime, the rest of the time
+    goes to both the search and the neighbourhoods.
     """
 
     assigns: ClassVar[bool] = False
@@ -201,11 +201,11 @@ def _repaired(lacam: Lacam, start: SearchStart, search: "LacamSearch", times: in
 
 
 def _with_cheaper_path(lacam: Lacam, start: SearchStart) -> SearchStart:
-    """The start with the path of a search led by ways, as PIBT's is, where that costs less than the easy one."""
+    """The start with the path of a search led by ways, as PIBT's is, where that costs less than an easy one that is close to the bound."""
     path, least = start.path, int(start.steps.sum())
     if path is None or start.given.effort or least < FEWEST_MOVES or lacam.ways * least > MOST_MOVES:
         return start
-    if sum_of_costs(path, start.world.goal) == least:
+    if not least < sum_of_costs(path, start.world.goal) < CLOSE * least:
         return start
     rng = np.random.default_rng([start.given.seed, CHANCE_OF_WAYS])
     guided = guide_of(start.problem, start.world, lacam.ways, 0, start.deadline_s, rng)

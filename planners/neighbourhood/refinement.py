@@ -33,7 +33,7 @@ ROUND_LABELS = 1 << 14  # of a refiner between two times that threads bring toge
 ROUND_LABELS_A_VERTEX = 1  # on large maps every search makes many
 MOST_GAINS = 64  # neighbourhoods of a refiner in a round
 LOOKS = 32  # at what was gained while paths are polished
-PATIENCE = 10  # times the share of its cost that a plan may gain at most: the share of the labels without a gain that it is worth
+PATIENCE = 20  # times the share of its cost that a plan may gain at most: the share of the labels without a gain that it is worth
 # of first paths:
 SPARE = 64  # steps beyond the longest shortest way
 MOST_LABELS = 1 << 19  # of a search; so few stay in the processor's cache on any map
@@ -260,7 +260,7 @@ class Refinement:
     def polish(self, deadline_s: float, most_labels: int) -> None:
         """Go on like `until`, but not where little can be gained and for long nothing was.
 
-        So a plan that costs a hundredth more than the least is left when a tenth of the labels have gained nothing.
+        So a plan that costs a hundredth more than the least is left when a fifth of the labels have gained nothing.
         """
         best, made, gained = self.cost, 0, 0
         turn = max(1, most_labels // LOOKS, self._round_labels * len(self.refiners) if len(self.refiners) > 1 else 0)

@@ -132,7 +132,7 @@ def test_a_window_has_a_plan_though_robots_cannot_all_come_to_their_goals():
 def test_first_solution_is_the_cheaper_of_easy_paths_and_of_those_that_ways_lead_along(monkeypatch):
     costs = []
     for seed in range(6):
-        problem = random_grid(32, 70, seed, blocked=0.1)
+        problem = random_grid(32, 60, seed, blocked=0.1)
         result = Lacam(polish=0).plan(problem, 60.0)
         assert judge(problem, result.plan).valid
         with monkeypatch.context() as without:

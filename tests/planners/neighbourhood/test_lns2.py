@@ -135,7 +135,7 @@ def test_threads_bring_together_what_each_has_gained():
     assert cost[4] < cost[1]
 
 
-@pytest.mark.parametrize(("num_lanes", "share"), [(10, 1.0), (300, 0.1)])
+@pytest.mark.parametrize(("num_lanes", "share"), [(10, 1.0), (300, 0.2)])
 def test_polishing_ends_sooner_the_less_there_is_to_gain(num_lanes, share):
     """Two robots that change places beside a siding take 7 steps instead of 4, and one drives along a line; nothing can be gained."""
     line = np.arange(4, 5 + num_lanes)
