@@ -1,5 +1,7 @@
 """Videos: as many frames as the time asks for, the plan ahead as it is in force, names that stay; bad input is one line."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from matplotlib.colors import to_rgba
@@ -63,6 +65,20 @@ def test_trailers_have_the_colour_of_their_tugger(trains):
     for k, robot in enumerate(scene.parts.owner.tolist()):
         colour = np.array(to_rgba(STATES[moment.state[robot]])[:3]) * 255
         assert np.abs(picture[picture.shape[0] - 1 - row[k], column[k], :3] - colour).max() <= 1
+
+
+@pytest.mark.parametrize("end", [1, -1])
+def test_forks_are_drawn_at_the_end_where_a_truck_has_them(trains, end):
+    scene = scene_of(load_run(trains))
+    moment = scene.moments(np.array([14.5]))[0]
+    films = [Film([one], Timing(0.0, 20.0, 1.0, 30), (1200, 900)) for one in (scene, replace(scene, forks=np.array([end, 0])))]
+    plain, forked = (film.draw([moment]) for film in films)
+    row, column = np.nonzero((plain != forked).any(axis=2))
+    assert len(row)
+    off = np.stack([column, plain.shape[0] - 1 - row], 1) - films[0].panes[0].pixels(moment.xy[0])
+    along = off @ (np.cos(moment.yaw_rad[0]), np.sin(moment.yaw_rad[0])) * end / films[0].panes[0].scale
+    length_m = scene.record.fleet.length_m[0]
+    assert 0.1 * length_m < along.min() and along.max() < 0.6 * length_m
 
 
 def test_plan_ahead_is_what_is_in_force():
