@@ -13,8 +13,9 @@ from mrp_sumo.errors import OptionError
 DURATION: dict[str, float] = {"gt": 0, "le": 1e9}
 BEGIN, FOR_GOOD = "When it begins, in simulated time.", "How long it lasts; for good by default."
 ONLY_RECORDED = "localisation"  # options that begin so change what robots believe, not what they do
-NAMED_DISTURBANCES: dict[str, dict[str, float]] = {  # how they were found: docs/paper.md
+NAMED_DISTURBANCES: dict[str, dict[str, float]] = {  # where they are from: docs/calibrate.md
     "nav2_like": {"speed_noise": 0.053, "speed_noise_tau_s": 2.0},
+    "create_like": {"speed_noise": 0.058, "speed_noise_tau_s": 5.7},
 }
 
 
