@@ -7,6 +7,7 @@ import csv
 import io
 import math
 from collections.abc import Iterator
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -24,8 +25,8 @@ MAX_ROWS = 20_000_000
 BAGS = (".mcap", ".db3", ".bag")
 COLUMNS = {  # of a CSV: name -> other names, units of suffixes in SI
     "t_s": (("t", "time", "timestamp", "stamp"), {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}),
-    "x_m": (("x", "pos_x", "position_x"), {"m": 1.0, "cm": 0.01, "mm": 0.001}),
-    "y_m": (("y", "pos_y", "position_y"), {"m": 1.0, "cm": 0.01, "mm": 0.001}),
+    "x_m": (("x", "pos_x", "posx", "position_x"), {"m": 1.0, "cm": 0.01, "mm": 0.001}),
+    "y_m": (("y", "pos_y", "posy", "position_y"), {"m": 1.0, "cm": 0.01, "mm": 0.001}),
     "yaw_rad": (("yaw", "theta", "heading"), {"rad": 1.0, "deg": math.pi / 180}),
     "robot": (("vehicle", "agv", "amr", "serial", "robot_id", "vehicle_id", "id", "name"), {}),
     "level": (("map", "map_id", "floor"), {}),
@@ -170,7 +171,7 @@ def _csv_row(
         if not word or word.lower() in ("nan", "null", "none"):
             return math.nan
         try:
-            value = float(word) * scale[column]
+            value = _seconds(word) if column == "t_s" and "-" in word[1:] and ":" in word else float(word) * scale[column]
         except ValueError:
             raise MrpSumoError(f"{where}: {column}: found '{word[:40]}', expected a number") from None
         if abs(value) > LARGEST_NUMBER:
@@ -191,6 +192,12 @@ def _csv_row(
     if math.isfinite(share + t_s):
         share = share / 100 if share > 1.5 else share
         log.charges.append(Charge(vehicle, t_s, share, text("charging").lower() in ("1", "true", "yes")))
+
+
+def _seconds(stamp: str) -> float:
+    """Seconds since 1970 of a date and time of ISO 8601, in UTC where no zone is said."""
+    at = datetime.fromisoformat(stamp)
+    return (at if at.tzinfo else at.replace(tzinfo=UTC)).timestamp()
 
 
 def hash_of(level: str) -> int:

@@ -32,6 +32,13 @@ def test_degrees_and_milliseconds(tmp_path):
     assert read_fleet(path).poses["robot"][2][:4] == pytest.approx((2.0, 1.0, 2.0, math.pi / 2))
 
 
+def test_dates_are_times(tmp_path):
+    path = tmp_path / "poses.csv"
+    path.write_text("timestamp,x,y\n" + "\n".join(f"2026-01-31T08:00:0{k}.500Z,{k},0" for k in range(5)))
+    times = [row[0] for row in read_fleet(path).poses["robot"]]
+    assert [t - times[0] for t in times] == pytest.approx([0, 1, 2, 3, 4])
+
+
 @pytest.mark.parametrize(
     "text, line",
     [
