@@ -255,7 +255,21 @@ function added(part, dx, dy, lists) {
     for (const [a, b, ...rest] of part[name]) if (at[a] !== at[b] && !items.some(same(at[a], at[b]))) items.push([at[a], at[b], ...rest]);
     if (items.length) result[name] = items;
   }
+  const ends = new Set(part.lanes.flatMap(([a, b]) => [at[a], at[b]]).filter((v) => v >= lists.vertices.length));
+  if (ends.size) result.lanes = throughEnds(vertices, result.lanes, ends);
   return result;
+}
+
+/* Lanes led through those vertices that lie on them. */
+function throughEnds(vertices, lanes, ends) {
+  const near_ = 0.05 / (unit() || 1);
+  return lanes.flatMap((lane) => {
+    const [a, b, ...rest] = lane, [p, q] = [vertices[a], vertices[b]], [dx, dy] = [q[0] - p[0], q[1] - p[1]], long = Math.hypot(dx, dy);
+    const stops = [...ends].filter((v) => v !== a && v !== b).map((v) => [((vertices[v][0] - p[0]) * dx + (vertices[v][1] - p[1]) * dy) / (long * long), v])
+      .filter(([t, v]) => t > 0 && t < 1 && Math.abs((vertices[v][0] - p[0]) * dy - (vertices[v][1] - p[1]) * dx) / long < near_).sort((x, y) => x[0] - y[0]);
+    const chain = [a, ...stops.map(([, v]) => v), b];
+    return chain.slice(1).map((v, k) => [chain[k], v, ...rest]);
+  });
 }
 
 const lists = () => Object.fromEntries(["vertices", "lanes", "walls", "doors"].map((name) => [name, list(name)]));
