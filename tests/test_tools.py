@@ -116,3 +116,13 @@ def test_campaign_that_is_interrupted_ends_its_trial_and_says_what_was_found(tmp
     assert campaign.returncode == 0 and not said
     assert "| first | 1 | 0 | 0 | 1 done |" in printed
     assert not places.work(1).exists()
+
+
+def test_plans_and_drives_are_compared_on_the_draws_that_both_have():
+    spec = importlib.util.spec_from_file_location("questions", TOOLS / "questions.py")
+    questions = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(questions)
+    best = {0: (100.0, 50.0, 1.0), 1: (200.0, 80.0, 1.0), 2: (10.0, 10.0, 1.0)}
+    row = questions.compared(best, {0: (110.0, 50.0, 0.1), 1: (220.0, 88.0, 0.3), 3: (1.0, 1.0, 1.0)})
+    assert row["pairs"] == 2 and row["plan_percent"] == [10.0, 10.0, 10.0] and row["driven_percent"][0] == 5.0
+    assert row["planner_cpu_s"] == 0.2

@@ -1,0 +1,89 @@
+"""Questions that simulators are asked, answered by one command each: `tools/questions.py NAME`.
+
+    tools/questions.py optimal [--seeds N] [--robots N] [--map NAME] [--engines kinematic,sumo] [--json]
+
+`optimal`: is an optimal plan worth it once it is driven? CBS, whose plans have the least sum of costs, beside planners that are bounded
+and fast, on the same draws: by how much planned sums of costs and driven flowtimes are above CBS's, mean of pairs with Student's limits
+of 95 %; pairs are draws on which both have a plan that is driven to the end. *Disturbed*: robots lose speed (`speed_noise` 0.1) and stop at
+random (once in 200 s, for 3 s). CBS has 4 CPU-s for a plan, so that draws with many conflicts are left out.
+"""
+
+import argparse
+import json
+import sys
+from collections.abc import Sequence
+
+import mrp_sumo as ms
+from mrp_sumo.experiments.replications import t_mean
+
+OPTIMAL, OTHERS = "cbs", ("ecbs", "lacam", "prioritised")
+DISTURBED = {"speed_noise": 0.1, "stops_per_s": 0.005}
+Figures = dict[int, tuple[float, float, float]]  # by seed: sum of costs in steps, flowtime as driven, CPU time of the planner
+
+
+def main() -> int:
+    """Ask, and print a table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("question", choices=("optimal",))
+    parser.add_argument("--seeds", type=int, default=10, metavar="N")
+    parser.add_argument("--robots", type=int, default=24, metavar="N")
+    parser.add_argument("--map", default="hospital", metavar="NAME")
+    parser.add_argument("--engines", default="kinematic,sumo", metavar="NAMES")
+    parser.add_argument("--json", action="store_true", help="a line a row")
+    options = parser.parse_args()
+    if not options.json:
+        print("| planner | engine | | pairs | plan, % above | driven, % above | planner's CPU-s |\n|---|---|---|---|---|---|---|")
+    for engine in options.engines.split(","):
+        for word, disturbances in (("undisturbed", {}), ("disturbed", DISTURBED)):
+            best = driven(OPTIMAL, engine, disturbances, options)
+            for name in (OPTIMAL, *OTHERS):
+                row = compared(best, best if name == OPTIMAL else driven(name, engine, disturbances, options))
+                said = {"planner": name, "engine": engine, "run": word, **row}
+                print(json.dumps(said) if options.json else line(said), flush=True)
+    return 0
+
+
+def driven(planner: str, engine: str, disturbances: dict[str, float], options: argparse.Namespace) -> Figures:
+    """Figures of the draws whose plan is driven to the end."""
+    figures: Figures = {}
+    for seed in range(options.seeds):
+        scenario = ms.Scenario(
+            map=options.map,
+            robots={"count": options.robots, "draw": "anywhere"},
+            seed=seed,
+            planner={"name": planner, "time_limit_s": 4.0},
+            execution={"engine": engine, "disturbances": disturbances},
+            record={"bag": False},
+        )
+        metrics = ms.run(scenario).metrics
+        if metrics["all_goals_reached"] and metrics["driven_flowtime_s"] is not None:
+            figures[seed] = metrics["soc_steps"], metrics["driven_flowtime_s"], metrics["planning_cpu_s"]
+    return figures
+
+
+def compared(one: Figures, other: Figures) -> dict[str, object]:
+    """By how much the second is above the first, in per cent, on the draws that both have."""
+    pairs = sorted(one.keys() & other.keys())
+    above = [[100 * (other[seed][k] / one[seed][k] - 1) for seed in pairs] for k in (0, 1)]
+    plan, drive = (t_mean(values) for values in above)
+    return {
+        "pairs": len(pairs),
+        "plan_percent": limits(plan.value, plan.low, plan.high),
+        "driven_percent": limits(drive.value, drive.low, drive.high),
+        "planner_cpu_s": round(sum(other[seed][2] for seed in pairs) / max(len(pairs), 1), 3),
+    }
+
+
+def limits(*figures: float) -> Sequence[float]:
+    """Mean, low and high, rounded."""
+    return [round(figure, 2) for figure in figures]
+
+
+def line(row: dict[str, object]) -> str:
+    """A row of the table."""
+    spans = [f"{of[0]:+.1f} ({of[1]:+.1f} to {of[2]:+.1f})" for of in (row["plan_percent"], row["driven_percent"])]  # type: ignore[index]
+    return f"| {row['planner']} | {row['engine']} | {row['run']} | {row['pairs']} | {' | '.join(spans)} | {row['planner_cpu_s']} |"
+
+
+if __name__ == "__main__":
+    sys.exit(main())
