@@ -33,6 +33,7 @@ class Request:
     since_s: FloatArray | None = None  # [K] since when each has been on its way to its next stop; inf: it has no work; None: unknown
     there_s: Mapping[int, float] = field(default_factory=dict)  # robots that are where they have their stop, and how long that takes
     standing: Standing | None = None  # [K] how vehicles are at their starts; None: there are none
+    end_heading_rad: FloatArray | None = None  # [K] in which vehicles are to come to their last stops, NaN: any; None: all in any
 
     @property
     def end(self) -> IntArray:
@@ -70,7 +71,7 @@ def a_stop_each(request: Request) -> None:
 
 
 def one_shot(request: Request) -> Problem:
-    """The request as a problem: a start and a goal for each of its robots, in any heading, on the lanes that are open.
+    """The request as a problem: a start and a goal for each of its robots, on the lanes that are open.
 
     Stops before a robot's last are to be passed on its way. Raises PlanError when a robot has no stop.
     """
@@ -91,7 +92,7 @@ def one_shot(request: Request) -> Problem:
         since_s=request.since_s,
         via=request.via if several else (),
         start_heading_rad=None,
-        goal_heading_rad=None,
+        goal_heading_rad=request.end_heading_rad,
         goal_kind=None,
         standing=request.standing,
     )

@@ -28,6 +28,7 @@ class Station:
     spans_s: tuple[tuple[float, float], ...] = ()  # of each day, in which services begin, see `core.shifts`; empty: always
     charges: bool = False  # whether robots charge while they are served
     service_factor: float = 1.0  # on the times of services there
+    heading_rad: float | None = None  # in which vehicles that cannot turn in place are served; None: as they come
 
     def __post_init__(self) -> None:
         if not self.places:

@@ -10,7 +10,7 @@ import numpy as np
 
 from mrp_sumo.core.execution import BOOKINGS, Event
 from mrp_sumo.core.fleet import with_loads
-from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray
+from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, frozen
 from mrp_sumo.core.handling import load_change
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.core.shifts import opens_s
@@ -49,6 +49,15 @@ class Crew:
         self.looks_s = (-np.inf, -np.inf)  # the last two
         self.events: list[Event] = []
         self._num_charges = 0
+        stations = (station for source in settings.tasks for station in source.stations())
+        self._heading_at = {v: each.heading_rad for each in stations if each.heading_rad is not None for v in each.places}
+
+    def end_heading_rad(self, robots: IntArray, end: IntArray, comes: BoolArray) -> FloatArray | None:
+        """[K] headings in which vehicles come to the stations at which their ways end, NaN: any; for those that come to a place."""
+        if not self._heading_at:
+            return None
+        wanted = np.array([self._heading_at.get(v, np.nan) for v in end.tolist()])
+        return frozen(np.where(comes & self.problem.fleet.is_vehicle[robots], wanted, np.nan))
 
     @property
     def tasks(self) -> Sequence[Task]:

@@ -128,6 +128,7 @@ def situation(now_s: float, context: Surroundings, stays: BoolArray, end: IntArr
         reason="replan",
         since_s=frozen(context.crew.since_s[robots]),
         standing=None if standing is None else Standing(*(column[robots] for column in vars(standing).values())),
+        end_heading_rad=context.crew.end_heading_rad(robots, goal, goal != start[robots]),
     )
     return Situation(request, waits, back, alone, tuple(int(robots[i]) for i in cut_off))
 

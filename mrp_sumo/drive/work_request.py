@@ -83,6 +83,7 @@ def work_request(
     vertex, makes = crew.places.choose(start, stays, stop, turn, aged, not_free)
     via = [list(dropwhile(start[r].__eq__, (leg.vertex for leg in legs[r][:-1]))) for r in robots.tolist()]
     last = {r: legs[r].pop() for r in stop}
+    comes = (vertex[robots] != start[robots]) | np.isin(robots, [r for r in stop if makes[r]])
     for r in stop:
         if makes[r]:
             legs[r].append(last[r]._replace(vertex=int(vertex[r])))
@@ -95,6 +96,7 @@ def work_request(
         stop=frozen(vertex[robots]),
         closed=closed.copy(),
         reason="tasks",
+        end_heading_rad=crew.end_heading_rad(robots, vertex[robots], comes),
         there_s={r: crew.stop_s(r, last[r].task, last[r].nth) for r in stop if makes[r] and [leg.vertex for leg in legs[r]] == [start[r]]},
         assigned=dict(assigned),
         tours=dict(tours),
@@ -169,7 +171,8 @@ def _in_passing(crew: Crew, robot: int, at: int, ahead: Sequence[TourStop]) -> l
     passed, left = list[Leg](), crew.ahead_steps
     for (task, nth), (following, _) in pairwise(ahead):
         places, station = crew.tasks[task].stops[nth].places, crew.tasks[task].stops[nth].station
-        if left <= 0 or (station and station.holds) or following != task or crew.stop_s(robot, task, nth) or len(places) > 1:
+        passes = station is None or (not station.holds and station.heading_rad is None)
+        if left <= 0 or not passes or following != task or crew.stop_s(robot, task, nth) or len(places) > 1:
             break
         left -= int(distances(crew.problem.graph).to(places[0])[at])
         if left > 0:

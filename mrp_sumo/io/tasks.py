@@ -113,6 +113,7 @@ class _Names:
                 tuple(sorted(span for shift in station.shifts for span in shift.spans_s)),
                 station.charges,
                 self._factor.get(name, 1.0),
+                None if station.heading_deg is None else math.remainder(math.radians(station.heading_deg), 2 * math.pi),
             )
             for name, station in choice.stations.items()
         }

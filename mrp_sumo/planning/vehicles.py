@@ -10,12 +10,12 @@ import numpy as np
 
 from mrp_sumo.core.graph import BoolArray, IntArray, frozen
 from mrp_sumo.core.plan import Plan, PlanResult
-from mrp_sumo.core.problem import Problem
+from mrp_sumo.core.problem import Problem, Standing
 from mrp_sumo.errors import PlanError
 from mrp_sumo.search.distance import UNREACHABLE, Distances, StepArray, distances
 from mrp_sumo.search.route import shortest_route
 from mrp_sumo.traffic.moves import ANYWHERE, BOUND, MoveGraph, arrivals_at, move_graph, off_rad, standing_at_starts
-from mrp_sumo.traffic.turns import MAY_STAND_RAD, obstacle_to, turns_of
+from mrp_sumo.traffic.turns import MAY_STAND_RAD, course_rad, obstacle_to, stands_bent, turns_of
 
 
 def on_moves(problem: Problem) -> Problem:
@@ -23,12 +23,13 @@ def on_moves(problem: Problem) -> Problem:
     if not problem.is_assigned:
         raise PlanError("vehicles that cannot turn in place need a goal each before it is planned (assignment.mode: fixed or optimal)")
     graph = move_graph(problem.graph, problem.fleet, problem.barred)
-    start, target, goal = _starts(problem, graph), problem.target, np.zeros(problem.num_robots, np.int64)
+    standing = standing_at_starts(problem) if problem.standing is None else problem.standing
+    start, target, goal = _starts(problem, graph, standing), problem.target, np.zeros(problem.num_robots, np.int64)
     taken = np.zeros(problem.graph.num_vertices, np.bool_)
     taken[target] = True
     heading, steps = problem.heading_at_target, _steps_past_goals(graph, start, taken)
     for r, (at, place, kind) in enumerate(zip(start.tolist(), target.tolist(), problem.fleet.kind.tolist())):
-        if graph.place[at] == place and np.isnan(heading[r]):
+        if graph.place[at] == place and (np.isnan(heading[r]) or _faces(problem, standing, r, float(heading[r]))):
             goal[r] = at
         elif problem.fleet.is_vehicle[r]:
             goal[r] = _goal(graph, kind, at, place, float(heading[r]), (taken, steps[r]))
@@ -62,10 +63,19 @@ def _on_map(plan: Plan, graph: MoveGraph) -> Plan:
     return replace(plan, vertex=frozen(graph.place[plan.vertex]), in_steps=in_steps)
 
 
-def _starts(problem: Problem, graph: MoveGraph) -> IntArray:
+def _faces(problem: Problem, standing: Standing, robot: int, heading: float) -> bool:
+    """True if a vehicle is at its start in a heading, or stands there without one."""
+    does, lane, gear = int(standing.does[robot]), int(standing.lane[robot]), int(standing.gear[robot])
+    if does == ANYWHERE:
+        return True
+    vehicle = problem.fleet.types[int(problem.fleet.kind[robot])]
+    bent = does == BOUND or stands_bent(turns_of(problem.graph, vehicle), lane, gear) is not None
+    return not bent and bool(off_rad(course_rad(problem.graph)[[lane]], heading + np.pi * gear)[0] <= MAY_STAND_RAD)
+
+
+def _starts(problem: Problem, graph: MoveGraph, standing: Standing) -> IntArray:
     """[R] vertices of the graph of moves."""
     start = np.empty(problem.num_robots, np.int64)
-    standing = standing_at_starts(problem) if problem.standing is None else problem.standing
     for r, kind in enumerate(problem.fleet.kind.tolist()):
         states, v, does = graph.states[kind], int(problem.start[r]), int(standing.does[r])
         if does == BOUND and standing.came[r] >= 0 and problem.fleet.types[kind].trailers:

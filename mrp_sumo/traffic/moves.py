@@ -23,7 +23,7 @@ from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, PlanGraph, froz
 from mrp_sumo.core.problem import Problem, Standing
 from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.errors import PlanError
-from mrp_sumo.traffic.turns import BACKWARD, FORWARD, MAY_STAND_RAD, NEVER, course_rad, turns_of
+from mrp_sumo.traffic.turns import BACKWARD, FORWARD, MAY_STAND_RAD, NEVER, course_rad, stands_bent, turns_of
 
 UNDER_WAY, STANDING, BOUND, ANYWHERE = range(4)
 MOST_PLACES = 256  # for which lengths of ways are kept
@@ -49,6 +49,7 @@ class MoveGraph(PlanGraph):
     behind: IntArray  # [V'] another that is held there, by trailers; -1: none
     base_lane: IntArray  # [L'] lane of the map
     states: tuple[States, ...]  # [K]
+    types: tuple[RobotType, ...]  # [K]
     arrivals: dict[tuple[int, int], "EndStates"] = field(default_factory=dict)  # `arrivals_at` by type and place
 
 
@@ -98,6 +99,7 @@ def _made(graph: PlanGraph, types: tuple[RobotType, ...], barred: BoolArray | No
         behind=frozen(np.concatenate([mine.behind for mine in states])),
         base_lane=frozen(lane[nav.source_lane]),
         states=tuple(states),
+        types=types,
     )
 
 
@@ -246,7 +248,7 @@ class EndStates(NamedTuple):
     length_m: FloatArray  # [A, V'] to each from every vertex, inf: no way
     tail: IntArray  # [A] vertices of the map from which one comes
     leaves: BoolArray  # [A] whether one can go on from there
-    heading_rad: FloatArray  # [A] in which the vehicle stands then
+    heading_rad: FloatArray  # [A] in which the vehicle stands then, NaN: on an arc
 
 
 def arrivals_at(graph: MoveGraph, kind: int, place: int) -> EndStates:
@@ -270,4 +272,7 @@ def _arrivals(graph: MoveGraph, kind: int, place: int) -> EndStates:
     into = np.array([np.flatnonzero(graph.head == end)[0] for end in ends.tolist()], np.int64)
     lane, backward = graph.base_lane[into], np.isin(ends, states.at[UNDER_WAY, :, BACKWARD])
     heading = course_rad(graph.base)[lane] + np.pi * backward
+    turns = turns_of(graph.base, graph.types[kind])
+    bent = [stands_bent(turns, on, gear) is not None for on, gear in zip(lane.tolist(), backward.astype(np.int64).tolist())]
+    heading[np.array(bent, np.bool_)] = np.nan
     return EndStates(ends, length_m, graph.base.tail[lane], np.isin(ends, graph.tail), heading)

@@ -33,7 +33,7 @@ from mrp_sumo.experiments.staging.places import (
     require_reachable,
 )
 from mrp_sumo.experiments.staging.tasks import with_tasks
-from mrp_sumo.experiments.staging.vehicles import with_vehicles
+from mrp_sumo.experiments.staging.vehicles import require_station_headings, with_vehicles
 from mrp_sumo.io.scenario.file import ScenarioFile
 from mrp_sumo.io.scenario.model import ScenarioModel
 from mrp_sumo.io.scenario.programs import require_trust
@@ -124,6 +124,7 @@ def set_up(file: ScenarioFile, maps: MapCache, *, run_programs: bool = True) -> 
         require_reachable(file, problem)
     if scenario.tasks is not None:
         settings = with_tasks(settings, file, map_.nav, problem, models)
+        require_station_headings(file, map_.nav, problem)
         narrow += oddities(settings.tasks, problem, settings.time_limit_s)
     if scenario.people is not None:
         settings = replace(settings, people=people_of(file, map_, graph))

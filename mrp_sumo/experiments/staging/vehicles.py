@@ -9,11 +9,11 @@ import numpy as np
 
 from mrp_sumo.core.angles import wrapped
 from mrp_sumo.core.digraph import strong_components
-from mrp_sumo.core.graph import BoolArray, FloatArray, frozen
+from mrp_sumo.core.graph import BoolArray, FloatArray, NavGraph, frozen
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError, ScenarioError
 from mrp_sumo.io.scenario.file import ScenarioFile
-from mrp_sumo.traffic.moves import UNDER_WAY, move_graph, off_rad, standing_at_starts
+from mrp_sumo.traffic.moves import UNDER_WAY, arrivals_at, move_graph, off_rad, standing_at_starts
 from mrp_sumo.traffic.turns import BACKWARD, FORWARD, MAY_STAND_RAD, course_rad, turns_of
 
 
@@ -29,6 +29,32 @@ def with_vehicles(file: ScenarioFile, problem: Problem) -> Problem:
     heading, stands = problem.heading_at_start.copy(), standing.lane >= 0
     heading[stands] = (course_rad(problem.graph)[standing.lane] + np.pi * standing.gear)[stands]  # exactly along the lane
     return replace(problem, start_heading_rad=frozen(heading)) if stands.any() else problem
+
+
+def require_station_headings(file: ScenarioFile, nav: NavGraph, problem: Problem) -> None:
+    """Refuse a station whose heading no vehicle of a type can come in. Raises ScenarioError."""
+    assert file.scenario.tasks is not None
+    fleet, graph = problem.fleet, problem.graph
+    for name, station in file.scenario.tasks.stations.items():
+        if station.heading_deg is None:
+            continue
+        at = file.at("tasks", "stations", name, "heading_deg")
+        if not fleet.vehicle_of_kind:
+            raise ScenarioError(f"{at}: has no effect, as no robot has kinematics of a vehicle that cannot turn in place")
+        moves = move_graph(graph, fleet, problem.barred)
+        component = strong_components(moves.num_vertices, moves.tail, moves.head)
+        for place, kind in ((each, k) for each in station.places for k in np.unique(fleet.kind[fleet.is_vehicle]).tolist()):
+            under_way = moves.states[kind].at[UNDER_WAY]
+            reached = under_way[under_way >= 0]
+            main = int(reached[np.argmax(np.bincount(component[reached])[component[reached]])])
+            ends = arrivals_at(moves, kind, int(graph.vertex_of_station[nav.vertex_of_name[place]]))
+            faces = ends.heading_rad[np.isfinite(ends.length_m[:, main])]
+            if not (off_rad(faces, np.radians(station.heading_deg)) <= MAY_STAND_RAD).any():
+                fitting = ", ".join(f"{angle:g}" for angle in np.unique(np.round(np.degrees(faces[~np.isnan(faces)]) % 360) % 360))
+                raise ScenarioError(
+                    f"{at}: found {station.heading_deg:g}, but '{fleet.types[kind].name}' cannot come to '{place}' so, "
+                    + (f"expected one of {fitting}" if fitting else "nor in another")
+                )
 
 
 def _without_traps(problem: Problem) -> BoolArray | None:

@@ -42,6 +42,10 @@ class StationChoice(Strict):
         [], description="Shifts of the people there: services begin only within, and end also after; always by default."
     )
     charges: bool = Field(False, description="Whether robots charge while they are served there.")
+    heading_deg: Annotated[float, Field(ge=-360, le=360)] | None = Field(
+        None,
+        description="In which vehicles that cannot turn in place are served there, counter-clockwise from +x; any by default.",
+    )
 
 
 TaskTime = Annotated[float, Field(ge=0, le=1e9)]  # seconds: 30 years

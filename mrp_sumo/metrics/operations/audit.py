@@ -21,6 +21,7 @@ RULES: tuple[Callable[[Logs], Iterator[Finding]], ...] = (
     orders.on_board,
     places.service,
     places.shifts,
+    places.headings,
     places.places,
     places.held,
     places.shares,

@@ -1,5 +1,6 @@
 """Rules about places: service only where and while a robot stands, one robot a place, first come first served; lifts and doors."""
 
+import math
 from collections.abc import Iterator
 from typing import NamedTuple
 
@@ -17,6 +18,7 @@ from mrp_sumo.search.route import reach_m, shortest_route
 BESIDE_M = 0.05  # of a place, where a robot stands at it: bodies stop within millimetres, SUMO rounds lengths
 CORNER = 0.5  # of the way between two samples that a straight line may cut off at a corner
 NEAR = 5.0  # robots' least distances, as far from a place as who waits for it may stand
+OFF_RAD = 0.2  # of a heading, as far as lanes are off it
 LATER_S = 1.0  # after another has come to wait
 LATER_ONES = 3  # that are served before one that waits: fewer may have stood in its way
 MOST = 0.5  # of its time, of one round whose place there is no way
@@ -45,6 +47,18 @@ def shifts(logs: Logs) -> Iterator[Finding]:
         days = [begin_s - d * DAY_S for d in range(int(begin_s // DAY_S) + 1)]
         if of_day and not any(a - EPS_S <= t_s < b for t_s in days for a, b in of_day):
             yield logs.of_stop("shifts", row, f"begins at {begin_s:.2f} s, when nobody is there to serve it")
+
+
+def headings(logs: Logs) -> Iterator[Finding]:
+    """Vehicles that cannot turn in place are served in the heading of their station."""
+    stations = {station.name: station for source in logs.terms.sources for station in source.stations() if station.heading_rad is not None}
+    yaw = logs.execution.yaw_rad
+    for row in np.flatnonzero(np.isin(logs.stops.station, list(stations))).tolist() if stations else ():
+        robot, wanted = int(logs.stops.robot[row]), stations[logs.stops.station[row]].heading_rad or 0.0
+        sample = min(int(np.ceil(logs.stops.begin_s[row] / logs.period_s - EPS_S)), len(yaw) - 1)
+        off = abs(math.remainder(float(yaw[sample, robot]) - wanted, 2 * math.pi))
+        if logs.fleet.is_vehicle[robot] and off > OFF_RAD:
+            yield logs.of_stop("heading", row, f"is served {math.degrees(off):.0f} degrees from the heading of the station")
 
 
 def places(logs: Logs) -> Iterator[Finding]:
