@@ -30,7 +30,7 @@ PLANS = (".dxf", ".svg", ".pdf", ".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff
 MOST_FILES, DEEPEST = 2000, 3
 MOST_VERTICES = 20_000  # of a map of another format: more are not drawn by hand
 SHOWN_BY_BROWSERS = ("PNG", "JPEG", "GIF", "WEBP")
-RESULT, SCENARIO_KEYS = "result.json", ("map:", "robots:")
+RESULT, BATCH, SCENARIO_KEYS = "result.json", "plan.json", ("map:", "robots:")
 
 
 class Stale(MrpSumoError):
@@ -66,7 +66,7 @@ class Workspace:
                 kind = _kind(path)
                 if kind:
                     entries.append({"path": path.relative_to(self.root).as_posix(), "kind": kind, "changed": path.stat().st_mtime})
-                elif path.is_dir() and depth < DEEPEST:
+                elif path.is_dir() and depth < DEEPEST and not (path / BATCH).is_file():
                     self._look(path, depth + 1, entries)
             except OSError:
                 continue  # which nobody may read, or has just gone

@@ -155,3 +155,13 @@ def test_pages_and_drawings_open_with_what_they_do_not_say(folder):
     level = folder.open("walls.svg", {"meters_per_pixel": 0.1})["document"]["levels"]["L1"]
     assert (len(level["walls"]), level["lanes"]) == (4, [])
     assert {entry["kind"] for entry in folder.files() if entry["path"].startswith(("sheet", "walls"))} == {"plan"}
+
+
+def test_files_are_listed_by_what_they_are_for(folder):
+    for name in ("runs/a/result.json", "studies/b/answer.json", "variants/c/plan.json", "variants/c/results.csv", ".git/x.png"):
+        (folder.root / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder.root / name).write_text("{}")
+    (folder.root / "day.yaml").write_text("map: office\nrobots: {count: 2}\n")
+    (folder.root / "all.yaml").write_text("base: day\ngrid_search: {seed: [1]}\n")
+    kinds = {entry["path"]: entry["kind"] for entry in folder.files()}
+    assert kinds == {"office.building.yaml": "map", "runs/a": "run", "studies/b": "study", "day.yaml": "scenario", "all.yaml": "suite"}
