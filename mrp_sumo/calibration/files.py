@@ -19,6 +19,7 @@ from mrp_sumo.files.writing import write_text
 LIMITS = ("max_speed_mps", "accel_mps2", "decel_mps2", "turn_rate_rad_s")
 DISTURBING = ("speed_noise", "speed_noise_tau_s", "speed_spread", "stops_per_s", "stop_median_s", "stop_sigma")
 DIGITS = 4
+WIDER = 1.566  # 99 % intervals of a normal deviate beside 90 % ones
 
 
 def type_of(result: Calibration, base: RobotShape) -> RobotShape:
@@ -55,6 +56,33 @@ def disturbances_of(result: Calibration) -> Disturbances:
         )
     figures: dict[str, Any] = {name: _digits(each.value) for name, each in known.items()}
     return Disturbances(**figures, intervals={name: _interval(each) for name, each in known.items()})
+
+
+def drift(result: Calibration, path: Path) -> dict[str, str]:
+    """Figures that no longer fit a type that an earlier calibration wrote, and its disturbances: name -> both, in words.
+
+    Two intervals of 90 % are widened to 99 % each, so that one figure in a hundred that has not changed seems to have.
+
+    Raises MrpSumoError for a file without intervals.
+    """
+    from mrp_sumo.io.documents import read_document, validated
+
+    earlier: list[Options] = [validated(read_document(path), RobotShape)]
+    beside = path.with_name(f"{path.stem}.disturbances.yaml")
+    if beside.is_file():
+        earlier.append(validated(read_document(beside), Disturbances))
+    if not any(getattr(each, "intervals", {}) for each in earlier):
+        raise MrpSumoError(f"{path}: has no intervals, expected a file that `mrp-sumo calibrate --out` wrote")
+    changed = {}
+    for options in earlier:
+        for name, (low, high) in getattr(options, "intervals", {}).items():
+            now, before = result.quantities.get(name), float(getattr(options, name))
+            if now is None:
+                continue
+            reach = math.hypot(high - before, now.value - now.low) if now.value > before else math.hypot(before - low, now.high - now.value)
+            if abs(now.value - before) > WIDER * reach:
+                changed[name] = f"{before:.4g} ({low:.4g} to {high:.4g}) before, {now.value:.4g} ({now.low:.4g} to {now.high:.4g}) now"
+    return changed
 
 
 def _interval(of: CalibratedFigure) -> tuple[float, float]:

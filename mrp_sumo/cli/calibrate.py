@@ -3,7 +3,8 @@
 LOG is a recorded stream of VDA 5050 messages (FILE.jsonl), a bag with /fleet_states, /tf, odometry or stamped poses, a CSV of poses
 (t_s, x_m, y_m, and robot, yaw_rad, action, station, battery), or a run folder. Each figure has a 90 % interval; what the log does not
 tell stays as in --robot, and is said. --out TYPE.yaml gets the type, TYPE.disturbances.yaml beside it what disturbs it, and TYPE.png
-fit and data; a scenario names both: `robots: {type: ./TYPE.yaml}`, `execution: {disturbances: ./TYPE.disturbances.yaml}`.
+fit and data; --against TYPE.yaml says what of an earlier one no longer fits. A scenario names both: `robots: {type: ./TYPE.yaml}`,
+`execution: {disturbances: ./TYPE.disturbances.yaml}`.
 """
 
 import argparse
@@ -35,13 +36,19 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--out", metavar="TYPE.yaml", type=Path, help="file of the robot type to write, with a picture and the disturbances"
     )
+    parser.add_argument(
+        "--against",
+        metavar="TYPE.yaml",
+        type=Path,
+        help="a type that an earlier calibration wrote: exit code 1 where the log no longer fits it",
+    )
     parser.add_argument("--json", action="store_true", help="print the figures as a line of JSON")
 
 
 def run(options: argparse.Namespace) -> int:
     """Calibrate, write, and print what was result."""
     from mrp_sumo.calibration.estimates import calibrated
-    from mrp_sumo.calibration.files import document_of, write_files
+    from mrp_sumo.calibration.files import document_of, drift, write_files
     from mrp_sumo.calibration.reading import read_fleet
     from mrp_sumo.io.scenario.robots import robot_type
     from mrp_sumo.maps.catalogue import bundled_folder, find_map
@@ -54,6 +61,7 @@ def run(options: argparse.Namespace) -> int:
     if options.map is not None:
         _require_here(log, load_map(find_map(options.map, Path())))
     result = calibrated(log)
+    changed = {} if options.against is None else drift(result, options.against)
     written: list[Path] = []
     if options.out is not None:
         from mrp_sumo.core.robot_type import RobotShape
@@ -66,10 +74,14 @@ def run(options: argparse.Namespace) -> int:
         written += write_files(result, shape, options.out)
         written.append(picture_of(result).write(picture))
     if options.json:
-        say_json(document_of(result) | {"files": [str(path) for path in written]})
+        say_json(document_of(result) | ({} if options.against is None else {"drift": changed}) | {"files": [str(path) for path in written]})
     else:
         _print(result, options, written)
-    return 0
+        for name, both in changed.items():
+            say(f"drift: {name}: {both}")
+        if options.against is not None and not changed:
+            say(f"no drift: every figure fits {options.against}")
+    return int(bool(changed))
 
 
 def _require_here(log: "MotionLog", map_: "Map") -> None:

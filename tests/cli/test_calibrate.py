@@ -35,6 +35,16 @@ def test_scenario_takes_what_is_written(poses, tmp_path, capsys):
     assert "is there already" in capsys.readouterr().err
 
 
+def test_log_drifts_from_what_another_fleet_was_like(poses, tmp_path, capsys):
+    assert main(["calibrate", str(poses), "--out", str(tmp_path / "mine.yaml")]) == 0
+    assert main(["calibrate", str(poses), "--against", str(tmp_path / "mine.yaml")]) == 0
+    assert "no drift: every figure fits" in capsys.readouterr().out
+    rng = np.random.default_rng(8)
+    write_csv(tmp_path / "worn.csv", {f"s{k}": shuttle_rows(rng, accel=0.45, trips=25) for k in range(3)})
+    assert main(["calibrate", str(tmp_path / "worn.csv"), "--against", str(tmp_path / "mine.yaml"), "--json"]) == 1
+    assert list(json.loads(capsys.readouterr().out)["drift"]) == ["accel_mps2"]
+
+
 def test_log_of_another_site_is_refused(poses, capsys):
     assert main(["calibrate", str(poses), "--map", "airport"]) in (0, 2)
     capsys.readouterr()
