@@ -11,6 +11,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from mrp_sumo.calibration.log import ActionTime, Charge, MotionLog
 from mrp_sumo.errors import MrpSumoError, nearest
 from mrp_sumo.files.folders import RESULT
@@ -76,18 +78,14 @@ def _run(folder: Path) -> MotionLog:
     execution, names, log = record.execution, record.fleet.robot_name, MotionLog(folder.name, "run folder")
     x, y, yaw = (execution.x_m, execution.y_m, execution.yaw_rad) if execution.believed is None else execution.believed
     for r, name in enumerate(names):
-        waits = [
-            (event.t_s, event.t_s + event.duration_s)
-            for event in execution.events
-            if event.robot == r and event.kind in ("waited", "blocked")
-        ]
-        level = [0.0] * len(execution.t_s) if execution.level is None else execution.level[:, r].tolist()
-        rows = zip(execution.t_s.tolist(), x[:, r].tolist(), y[:, r].tolist(), yaw[:, r].tolist(), level)
-        log.poses[name] = [(t, px, py, turn, 0.0, on) for t, px, py, turn, on in rows if math.isfinite(px + py)]
-        for begin_s, end_s in waits:
-            for k, row in enumerate(log.poses[name]):
-                if begin_s - 1e-6 <= row[0] <= end_s + 1e-6:
-                    log.poses[name][k] = (*row[:4], 1.0, row[5])
+        waits = np.zeros(len(execution.t_s))
+        for event in execution.events:
+            if event.robot == r and event.kind in ("waited", "blocked"):
+                begin, end = np.searchsorted(execution.t_s, (event.t_s - 1e-6, event.t_s + event.duration_s + 1e-6))
+                waits[begin:end] = 1.0
+        level = np.zeros(len(waits)) if execution.level is None else execution.level[:, r]
+        table = np.column_stack((execution.t_s, x[:, r], y[:, r], yaw[:, r], waits, level))
+        log.poses[name] = [tuple(row) for row in table[np.isfinite(x[:, r] + y[:, r])].tolist()]
     if execution.stops is not None and execution.tasks is not None:
         stops = execution.stops
         last = {int(task): k for k, task in enumerate(stops.task)}
