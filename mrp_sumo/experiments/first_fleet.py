@@ -6,6 +6,7 @@ from dataclasses import replace
 from mrp_sumo.errors import MapError, MrpSumoError
 from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.experiments.solve import solve
+from mrp_sumo.experiments.staging.places import obstacle_between
 from mrp_sumo.experiments.staging.set_up import SetUp, set_up
 from mrp_sumo.io.scenario.file import ScenarioFile
 from mrp_sumo.io.scenario.read import changed
@@ -59,10 +60,13 @@ def with_first_fleet(file: ScenarioFile, count: int | None = None, seed: int | N
 def _require_stations(setup: SetUp) -> None:
     """Refuse a map on which a robot could only stay where it is."""
     robots = setup.scenario.robots
-    vehicle = setup.problem.fleet.types[0]
-    if len(stands_of(setup.problem.graph, anywhere=robots.draw == "anywhere", vehicle=vehicle).goal) > 1:
+    vehicle, graph, anywhere = setup.problem.fleet.types[0], setup.problem.graph, robots.draw == "anywhere"
+    if len(stands_of(graph, anywhere=anywhere, vehicle=vehicle).goal) > 1:
         return
-    reason = "; ".join(setup.notes) or "from no lane is there a way back (mrp-sumo import --check lists them)"
+    obstacle = obstacle_between(graph, vehicle, anywhere=anywhere) if vehicle.is_vehicle else ""
+    reason = (
+        "; ".join([obstacle] * bool(obstacle) + [*setup.notes]) or "from no lane is there a way back (mrp-sumo import --check lists them)"
+    )
     smaller = f"; a smaller type than '{setup.problem.fleet.type_name[0]}' may fit: --type" if setup.notes else ""
     turns = f" by turns that '{vehicle.name}' can make" if vehicle.is_vehicle else ""
     raise MapError(f"no two stations of '{setup.map.name}' reach each other{turns}: {reason}{smaller}")

@@ -70,10 +70,21 @@ def test_robots_that_could_only_stay_where_they_are_are_refused(tmp_path, capsys
         assert "no two stations of 'walled' reach each other: 3 of 4 pieces of lanes left out: 2 lanes lead through a wall" in said
 
 
+def test_a_map_on_which_a_type_cannot_turn_names_the_first_turn(tmp_path, capsys):
+    path = tmp_path / "block.building.yaml"
+    path.write_text(TURN.replace("4, 0, c], [0, 4, 0, d]", "1, 0, c], [0, 1, 0, d]"))
+    code, _ = run(tmp_path, path, "--type", "pallet_truck")
+    said = capsys.readouterr().err
+    assert (code, said.count("\n")) == (2, 1), said
+    assert "by turns that 'pallet_truck' can make: pallet_truck needs 0.54 m to turn from 'a' over 'b' to 'c' and has 0.50 m" in said
+
+
 @pytest.mark.parametrize(
     ("arguments", "line"),
     [
         (["FILE", "--robots", "9"], "--robots: 9 robots, but 'turn' has 4 stations that reach each other"),
+        (["FILE", "--type", "tugger"], "that reach each other by turns that 'tugger' can make and on which robots may stand at once"),
+        (["FILE", "--type", "tugger"], "5.05 m of a lane behind starts for trailers"),
         (["FILE", "--type", "amr_6000"], "--type: 'amr_6000' is neither a robot type nor a file (did you mean 'amr_600'?)"),
         (["FILE", "--set", "robots.cuont=3"], "--set robots.cuont: unknown key"),
         (["office_5", "--meters-per-pixel", "0.1"], "--scale is for a map"),

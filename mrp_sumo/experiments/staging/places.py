@@ -4,6 +4,7 @@ Refuses names the map does not have, goals that cannot be reached, headings that
 """
 
 from collections.abc import Sequence
+from itertools import islice, permutations
 
 import numpy as np
 
@@ -16,7 +17,11 @@ from mrp_sumo.io.documents import Place
 from mrp_sumo.io.scenario.file import ScenarioFile
 from mrp_sumo.io.scenario.model import ScenarioModel
 from mrp_sumo.planning.costs import costs_of
-from mrp_sumo.traffic.draw import draw_by_type, most_drawn, mrp_bench_draw, uniform_draw
+from mrp_sumo.search.route import shortest_route
+from mrp_sumo.traffic.draw import draw_by_type, most_drawn, mrp_bench_draw, stands_of, uniform_draw
+from mrp_sumo.traffic.turns import obstacle_to
+
+WAYS = 50  # between places, on which a turn that cannot be made is looked for
 
 
 def places(file: ScenarioFile, nav: NavGraph, graph: PlanGraph, model: RobotType, separation_m: float) -> tuple[IntArray, IntArray]:
@@ -88,6 +93,8 @@ def _drawn(file: ScenarioFile, graph: PlanGraph, model: RobotType, separation_m:
     cures = [f"robots.count: {fits} fits"] if fits else []
     if not anywhere and (more := most_drawn(graph, seed, separation_m, anywhere=True, vehicle=model)) > fits:
         cures.append(f"robots.draw: anywhere lets {more} stand between stations, too")
+    if model.is_vehicle and (obstacle := obstacle_between(graph, model, anywhere=anywhere)):
+        cures.append(obstacle)
     if file.scenario.discretisation.clearance == "prune" and graph.num_components > 1:
         cures.append("smaller robots have more room beside walls")
     what = "vertices" if anywhere else "stations"
@@ -98,6 +105,13 @@ def _drawn(file: ScenarioFile, graph: PlanGraph, model: RobotType, separation_m:
         f"other{turning} and on which robots may stand at once, {separation_m:.2f} m between centres{room}"
         + (f": {'; '.join(cures)}" if cures else "")
     )
+
+
+def obstacle_between(graph: PlanGraph, model: RobotType, *, anywhere: bool = False) -> str:
+    """The first turn, on ways between places of robots that turn in place, that a type cannot make, in words; '' for none."""
+    station, free = stands_of(graph, anywhere=anywhere).goal.tolist(), np.ones(graph.num_lanes, np.bool_)
+    routes = (shortest_route(graph, free, *ends) for ends in islice(permutations(station, 2), WAYS))
+    return next((obstacle for route in routes if route and (obstacle := obstacle_to(graph, model, route))), "")
 
 
 def looked_up(file: ScenarioFile, nav: NavGraph, graph: PlanGraph, key: tuple[str | int, ...], names: Sequence[str]) -> IntArray:
