@@ -64,6 +64,7 @@ LINES = {  # at least one of every command; {run} and {batch} are made beforehan
     "reproduce": "reproduce {run}",
     "export": "export {run} --csv --out {new}/csv",
     "analyze": "analyze {run}/bag",
+    "calibrate": "calibrate {run} --out {new}/type.yaml",
     "vda5050": "vda5050 office_5 --broker 127.0.0.1:1 --duration 1",
     "replay": "replay {run} --out {new}/page.html",
     "render": "render {run} --at 1 --out {new}/page.png",

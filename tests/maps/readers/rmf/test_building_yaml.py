@@ -249,7 +249,7 @@ def test_lane_without_length_and_repeated_lanes_are_left_out(tmp_path):
         ("reference_image", "reference_imge", "'reference_imge' is unknown (did you mean 'reference_image'?)"),
         ("reference_image", "web_mercator", "web_mercator is not read"),
         ("reference_image", "wgs84", "needs the parameter generate_crs"),
-        ("    lanes:", "    human_lanes:", "nothing to drive on (6 vertices, 0 walls): draw lanes in Open-RMF's traffic editor"),
+        ("    lanes:", "    human_lanes:", "nothing to drive on (6 vertices, 0 walls): draw lanes with `mrp-sumo studio`, or"),
         ("levels:", "storeys:", "its name says RMF building, but it is none: expected 'levels' with"),
         ("bidirectional: [4, true]", "bidirectional: [1, perhaps]", "bidirectional is 'perhaps', expected true or false"),
         ("{graph_idx: [2, 0], ", "{graph_idx: 0, ", "'graph_idx' is '0', expected [type, value]"),
