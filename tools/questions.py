@@ -1,11 +1,15 @@
 """Questions that simulators are asked, answered by one command each: `tools/questions.py NAME`.
 
     tools/questions.py optimal [--seeds N] [--robots N] [--map NAME] [--engines kinematic,sumo] [--json]
+    tools/questions.py dispatch [--seeds N] [--engines kinematic,sumo] [--json]
 
 `optimal`: is an optimal plan worth it once it is driven? CBS, whose plans have the least sum of costs, beside planners that are bounded
 and fast, on the same draws: by how much planned sums of costs and driven flowtimes are above CBS's, mean of pairs with Student's limits
 of 95 %; pairs are draws on which both have a plan that is driven to the end. *Disturbed*: robots lose speed (`speed_noise` 0.1) and stop at
 random (once in 200 s, for 3 s). CBS has 4 CPU-s for a plan, so that draws with many conflicts are left out.
+
+`dispatch`: is round robin near the best dispatcher once robots have bodies? Orders an hour and lead times on bundled scenarios with work,
+by dispatcher, beside `nearest` on the same orders. *Busy*: two orders a robot are open at any time; else they come as the scenario says.
 """
 
 import argparse
@@ -17,6 +21,8 @@ import mrp_sumo as ms
 from mrp_sumo.experiments.replications import t_mean
 
 OPTIMAL, OTHERS = "cbs", ("ecbs", "lacam", "prioritised")
+WORK = {"warehouse_lifelong": 8, "plant_lifelong": 5}  # robots
+DISPATCHERS = ("nearest", "round_robin", "token_passing", "hungarian")
 DISTURBED = {"speed_noise": 0.1, "stops_per_s": 0.005}
 Figures = dict[int, tuple[float, float, float]]  # by seed: sum of costs in steps, flowtime as driven, CPU time of the planner
 
@@ -24,13 +30,19 @@ Figures = dict[int, tuple[float, float, float]]  # by seed: sum of costs in step
 def main() -> int:
     """Ask, and print a table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("question", choices=("optimal",))
+    parser.add_argument("question", choices=("optimal", "dispatch"))
     parser.add_argument("--seeds", type=int, default=10, metavar="N")
     parser.add_argument("--robots", type=int, default=24, metavar="N")
     parser.add_argument("--map", default="hospital", metavar="NAME")
     parser.add_argument("--engines", default="kinematic,sumo", metavar="NAMES")
     parser.add_argument("--json", action="store_true", help="a line a row")
     options = parser.parse_args()
+    (dispatch if options.question == "dispatch" else optimal)(options)
+    return 0
+
+
+def optimal(options: argparse.Namespace) -> None:
+    """Planners beside CBS."""
     if not options.json:
         print("| planner | engine | | pairs | plan, % above | driven, % above | planner's CPU-s |\n|---|---|---|---|---|---|---|")
     for engine in options.engines.split(","):
@@ -40,7 +52,46 @@ def main() -> int:
                 row = compared(best, best if name == OPTIMAL else driven(name, engine, disturbances, options))
                 said = {"planner": name, "engine": engine, "run": word, **row}
                 print(json.dumps(said) if options.json else line(said), flush=True)
-    return 0
+
+
+def dispatch(options: argparse.Namespace) -> None:
+    """Dispatchers beside `nearest`."""
+    if not options.json:
+        print("| scenario | engine | | dispatcher | runs | orders an hour | % above nearest | lead time, s |\n|" + "---|" * 8)
+    for name, robots in WORK.items():
+        for engine in options.engines.split(","):
+            for busy in (False, True):
+                nearest = worked(name, robots, "nearest", engine, busy, options.seeds)
+                for dispatcher in DISPATCHERS:
+                    mine = nearest if dispatcher == "nearest" else worked(name, robots, dispatcher, engine, busy, options.seeds)
+                    pairs = sorted(nearest.keys() & mine.keys())
+                    above = t_mean([100 * (mine[seed][0] / nearest[seed][0] - 1) for seed in pairs])
+                    rate, lead = (sum(mine[seed][k] for seed in pairs) / max(len(pairs), 1) for k in (0, 1))
+                    said = [name, engine, "busy" if busy else "", dispatcher, len(pairs), round(rate, 1)]
+                    span = limits(above.value, above.low, above.high)
+                    if options.json:
+                        print(json.dumps([*said, span, round(lead, 1)]), flush=True)
+                    else:
+                        print(
+                            f"| {' | '.join(map(str, said))} | {span[0]:+.1f} ({span[1]:+.1f} to {span[2]:+.1f}) | {lead:.0f} |", flush=True
+                        )
+
+
+def worked(name: str, robots: int, dispatcher: str, engine: str, busy: bool, seeds: int) -> dict[int, tuple[float, float]]:
+    """Orders an hour and mean lead time in s, by seed, of runs that count."""
+    figures = {}
+    for seed in range(seeds):
+        scenario = ms.Scenario.read(name).replace(
+            robots={"count": robots, "draw": "anywhere"},
+            seed=seed,
+            execution={"dispatcher": dispatcher, "engine": engine},
+            record={"bag": False},
+            **({"tasks": {"open": 2 * robots}} if busy else {}),
+        )
+        result = ms.run(scenario)
+        if result.result["status"] == "completed":  # and so passed by both audits
+            figures[seed] = result.metrics["throughput_per_h"], result.metrics["lead_time_mean_s"]
+    return figures
 
 
 def driven(planner: str, engine: str, disturbances: dict[str, float], options: argparse.Namespace) -> Figures:

@@ -23,11 +23,23 @@ def test_of_more_tasks_than_robots_the_near_one_goes_first_and_only_nearest_take
     assert Fleet([2], *tasks).decides("nearest") == {0: 0}
 
 
-@pytest.mark.parametrize("dispatcher", ALL)
+@pytest.mark.parametrize("dispatcher", [*ALL, "round_robin"])
 def test_a_task_goes_to_a_robot_of_the_type_that_it_needs_or_waits(dispatcher):
     tasks = [(0.0, (3, 4), 0, "lift"), (0.0, (5, 6), 0, "lift"), (0.0, (19, 18), 0, "")]
     assert Fleet([2, 5], *tasks, types=("cart", "lift")).decides(dispatcher)[0] == 2  # far away, and all that it can do
     assert Fleet([2, 5], *tasks[:2], types=("cart", "lift")).decides(dispatcher) in ({1: 0}, {1: 1})
+
+
+def test_round_robin_gives_orders_in_turn_to_whoever_is_free():
+    """All orders begin beside robot_0; nobody but the one whose turn it is gets them."""
+    fleet = Fleet([2, 9, 15], *((5.0 * k, (2, 3)) for k in range(4)), service_s=1000.0)
+    assert fleet.decides("round_robin", 0.0) == {0: 0}
+    assert fleet.decides("round_robin", 5.0) == {0: 0, 1: 1}
+    assert fleet.decides("round_robin", 10.0) == {0: 0, 1: 1, 2: 2}
+    fleet.crew.set_free(fleet.crew.robots[1], 12.0)
+    fleet.crew.set_free(fleet.crew.robots[0], 14.0)
+    assert fleet.decides("round_robin", 15.0) == {0: 3, 2: 2}  # robot_1 is free for longer, but was given its order later
+    assert Fleet([2, 9], (0.0, (15, 16)), (0.0, (3, 4))).decides("round_robin") == {0: 0, 1: 1}  # `nearest` would cross over
 
 
 @pytest.mark.parametrize("dispatcher", ALL)

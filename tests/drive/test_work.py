@@ -164,7 +164,9 @@ def test_a_task_that_is_kept_stays_with_its_robot(tmp_path):
     assert run.tasks.robot.tolist()[0] == 1 and run.tasks.assigned_s[0] == 0.0
 
 
-@pytest.mark.parametrize("dispatcher", ["nearest", "hungarian", "central", "min_cost_flow", "regret", "token_passing", "tpts", "bundle"])
+@pytest.mark.parametrize(
+    "dispatcher", ["nearest", "hungarian", "central", "min_cost_flow", "regret", "round_robin", "token_passing", "tpts", "bundle"]
+)
 def test_every_dispatcher_does_all_tasks(tmp_path, dispatcher):
     stream = orders([(0, 8), (2, 6), (6, 0), (8, 2)], count=8, service_s=2.0)
     run = work(tmp_path, square_grid(3), [1, 4, 7], stream, dispatcher=dispatcher, planning=Planning(budget_s=1.0))

@@ -10,6 +10,7 @@ OURS = {
     "hungarian": "mrp_sumo.drive.dispatchers.hungarian:Hungarian",
     "min_cost_flow": "mrp_sumo.drive.dispatchers.min_cost_flow:MinCostFlow",
     "regret": "mrp_sumo.drive.dispatchers.regret:Regret",
+    "round_robin": "mrp_sumo.drive.dispatchers.round_robin:RoundRobin",
     "token_passing": "mrp_sumo.drive.dispatchers.token_passing:TokenPassing",
     "tpts": "mrp_sumo.drive.dispatchers.tpts:Tpts",
 }
