@@ -136,6 +136,8 @@ class Answer:
             notes += [f"{_robots(n)} at the demand: not counted; {point.fault}" for n, point in at_demand]
         if self.left_out:
             notes.append(f"left out for want of budget: {'; '.join(self.left_out)}")
+        if self.question.bounds is not None and self.bands is None:
+            notes.append("no error bands: there is no size whose runs count, to move quantities at")
         if self.limits and not self.limits.rises:
             notes.append("throughput does not rise steadily up to its peak, so sizes between those of the grid were not tried")
         if self.limits and self.points and not self.limits.measured:

@@ -1,5 +1,6 @@
 """Error bands of the number of robots, on fleets whose truth is known."""
 
+from dataclasses import replace
 from math import inf
 
 import pytest
@@ -61,6 +62,12 @@ def test_an_answer_is_the_same_but_for_its_bands_and_has_none_unless_asked():
     assert without.bands is None and "error_bands" not in without.document["answer"]
     assert without.document["answer"]["curve"] == bands.document["answer"]["curve"] and without.sentence == bands.sentence
     assert bands.spent_s == without.spent_s < inf
+
+
+@pytest.mark.parametrize("bounds", [None, ()], ids=("not asked for", "asked for"))
+def test_an_answer_without_the_bands_that_were_asked_for_says_so(bounds):
+    answer = replace(answered(lambda n, speed, service: 10.0 * n * speed, demand_per_h=200.0, bounds=bounds), bands=None)
+    assert any(note.startswith("no error bands: ") for note in answer.notes) == (bounds is not None)
 
 
 def test_intervals_that_are_given_move_further():
