@@ -11,6 +11,7 @@ from pathlib import Path
 from mrp_sumo.cli.ending import until_ctrl_c
 from mrp_sumo.cli.option_rules import port_number
 from mrp_sumo.cli.printing import say, say_json
+from mrp_sumo.errors import MapError
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -25,7 +26,10 @@ def run(options: argparse.Namespace) -> int:
     """Serve until Ctrl+C."""
     import webbrowser
 
+    from mrp_sumo.files.reading import read_head
     from mrp_sumo.maps.catalogue import bundled_maps, find_map
+    from mrp_sumo.maps.readers.reader import HEAD
+    from mrp_sumo.maps.readers.strangers import advice
     from mrp_sumo.studio.server import Studio
     from mrp_sumo.studio.workspace import BUNDLED
 
@@ -36,6 +40,8 @@ def run(options: argparse.Namespace) -> int:
         root, opened = Path(), f"{BUNDLED}{options.place}"
     else:
         path = find_map(options.place, Path()).resolve()
+        if stranger := advice(read_head(path, HEAD, MapError)):
+            raise MapError(f"{options.place}: {stranger}")
         root, opened = path.parent, path.name
     studio = Studio(root, opened, options.port)
     try:

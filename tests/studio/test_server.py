@@ -124,6 +124,13 @@ def test_names_of_files_are_never_options(tmp_path):
         words_of(workspace, {"what": "variants", "scenario": "--out", "maps": ["--out", "--out"]})
 
 
+def test_a_drawing_that_nobody_reads_is_refused_before_a_page_opens(tmp_path, capsys):
+    (tmp_path / "hall.dwg").write_bytes(b"AC1032\0\0")
+    assert main(["studio", str(tmp_path / "hall.dwg"), "--no-browser"]) == 2
+    assert capsys.readouterr().err.endswith("hall.dwg: an AutoCAD drawing (DWG), which CAD programs alone read: save it as DXF there, or "
+                                            "with LibreCAD, FreeCAD or the ODA File Converter\n")  # fmt: skip
+
+
 def test_a_map_that_is_not_there_is_one_line(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     assert main(["studio", "offise", "--no-browser"]) == 2
