@@ -116,8 +116,7 @@ def stands_of(graph: PlanGraph, *, anywhere: bool = False, vehicle: RobotType | 
 
 
 def draw_by_type(
-    graphs: Sequence[PlanGraph],
-    types: Sequence[RobotType],
+    types: Sequence[tuple[RobotType, PlanGraph]],
     kind: IntArray,
     start: IntArray,
     goal: IntArray,
@@ -133,10 +132,8 @@ def draw_by_type(
 
     Parameters
     ----------
-    graphs
-        [K] one graph with the lanes of each type.
     types
-        [K] what they are.
+        [K] each with a graph of its lanes; vertices are the same.
     kind
         [R] types of the robots.
     start, goal
@@ -145,9 +142,9 @@ def draw_by_type(
         As for `uniform_draw`; the separation is that of the two largest robots.
     """
     what = "vertices" if anywhere else "stations"
-    stands = [stands_of(graph, anywhere=anywhere, vehicle=each) for graph, each in zip(graphs, types, strict=True)]
+    stands = [stands_of(graph, anywhere=anywhere, vehicle=each) for each, graph in types]
     some = np.unique(np.concatenate([*(vertices for each in stands for vertices in each[:2]), start[start >= 0], goal[goal >= 0]]))
-    shared, drawn = _shared(graphs[0], some, separation_m), []
+    shared, drawn = _shared(types[0][1], some, separation_m), []
     for purpose, named in ((STARTS, start), (GOALS, goal)):
         chosen, taken, rng = named.copy(), set[tuple[str, int]](), np.random.default_rng([seed, purpose])
         for v in named[named >= 0].tolist():

@@ -116,7 +116,7 @@ def test_types_are_drawn_where_they_have_room_and_apart_from_those_that_are_give
     large = with_lanes(large, large.head >= 2)  # which has no way to vertices 0 and 1
     kind, none = np.array([0, 0, 1, 1]), np.full(4, -1)
     for seed in range(9):
-        start, goal = draw_by_type([small, large], [CART] * 2, kind, np.array([3, -1, -1, -1]), none, seed, 0.5)
+        start, goal = draw_by_type([(CART, small), (CART, large)], kind, np.array([3, -1, -1, -1]), none, seed, 0.5)
         assert start[0] == 3 and len(set(start.tolist())) == len(set(goal.tolist())) == 4
         assert min(start[2:].tolist() + goal[2:].tolist()) >= 2
 
@@ -152,5 +152,5 @@ def test_nobody_is_drawn_where_trailers_stand():
         start, _ = uniform_draw(graph, 2, seed, 1.0, vehicle=TUGGER)
         behind = [stands_of(graph, vehicle=TUGGER).behind[v] for v in start.tolist()]
         assert len({*start.tolist(), *behind}) == 4
-        mixed, _ = draw_by_type([graph] * 2, [TUGGER, CART], np.array([0, 1]), np.full(2, -1), np.full(2, -1), seed, 1.0)
+        mixed, _ = draw_by_type([(TUGGER, graph), (CART, graph)], np.array([0, 1]), np.full(2, -1), np.full(2, -1), seed, 1.0)
         assert int(mixed[1]) not in (int(mixed[0]), stands_of(graph, vehicle=TUGGER).behind[int(mixed[0])])

@@ -76,10 +76,10 @@ def places_by_type(
                 f"{file.at('robots', 'fleet')}: '{graph.known_as(int(values[times > 1][0]))}' is the {key[:-1]} of two robots"
             )
         fixed.append(vertex)
-    graphs, anywhere = graphs_of_kinds(graph, barred, len(models)), scenario.robots.draw == "anywhere"
+    types, anywhere = [*zip(models, graphs_of_kinds(graph, barred, len(models)))], scenario.robots.draw == "anywhere"
     with file.located("robots", "fleet"):
         given_start, given_goal = fixed
-        start, goal = draw_by_type(graphs, models, kind, given_start, given_goal, scenario.seed, separation_m, anywhere=anywhere)
+        start, goal = draw_by_type(types, kind, given_start, given_goal, scenario.seed, separation_m, anywhere=anywhere)
     return (start, start) if scenario.tasks is not None else (start, goal)
 
 
