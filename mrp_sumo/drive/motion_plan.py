@@ -16,7 +16,7 @@ from mrp_sumo.core.wheel_path import STRAIGHT_RAD, swing_stretch
 from mrp_sumo.engines.sumo.network import SHORTEST_M
 from mrp_sumo.traffic.passages import Needs
 from mrp_sumo.traffic.resources import Course, Resources, left_after_m, needs_of
-from mrp_sumo.traffic.turns import BACKWARD, FORWARD, NEVER, Turns, course_rad, gears_of, stands_bent, swing_m, turns_of
+from mrp_sumo.traffic.turns import BACKWARD, NEVER, Turns, course_rad, stands_bent, swing_m, turns_of
 
 Vehicles = Sequence[RobotType | None]
 
@@ -188,9 +188,9 @@ def _next_gear(table: Turns, turn: int, gear: int, *, stands: bool) -> int:
 
 def _first_gear(graph: PlanGraph, vehicle: RobotType, onward: int, heading_rad: float, gear: int) -> int:
     """The gear in which a vehicle that has not moved yet leaves its start."""
-    allowed = gears_of(graph, vehicle)[onward]
-    if allowed[FORWARD] != allowed[BACKWARD]:
-        return FORWARD if allowed[FORWARD] else BACKWARD
+    turns = turns_of(graph, vehicle)
+    if not turns.gears[onward].all():
+        return turns.first_gear(onward)
     return gear if math.cos(course_rad(graph)[onward] - heading_rad) >= 0 else 1 - gear
 
 

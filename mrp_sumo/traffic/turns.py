@@ -63,6 +63,10 @@ class Turns(NamedTuple):
         at = np.flatnonzero(self.onward[a:b] == onward)
         return a + int(at[0]) if len(at) else -1
 
+    def first_gear(self, lane: int) -> int:
+        """The gear in which one that has not moved yet drives along a lane: backward only where it has to."""
+        return FORWARD if self.gears[lane, FORWARD] else BACKWARD
+
 
 class _Corners(NamedTuple):
     """Room at P corners, by lanes and walls."""

@@ -137,6 +137,15 @@ def test_a_forklift_backs_out_of_a_station_and_goes_on_forward(tmp_path, engine)
     assert x[after].max() == pytest.approx(TRICYCLE.kinematics.least_radius_m, abs=0.01)  # past the corner, the other way
 
 
+@pytest.mark.parametrize(("wall_m", "faces"), [(0.45, pi), (0.9, 0.0)])  # behind the axle it reaches 0.2 m, before it 0.8 m
+def test_who_can_only_turn_backward_at_a_wall_sets_out_backward(tmp_path, wall_m, faces):
+    """It was planned backward and driven forward, into the wall beyond the corner."""
+    graph = replace(corner(), walls=np.array([[(4.0 + wall_m, -9.0), (4.0 + wall_m, 9.0)]]))
+    _, _, run = driven(tmp_path, graph, [[0, 1, 2]], TRICYCLE)
+    assert cos(float(run.yaw_rad[0, 0]) - faces) == pytest.approx(1.0)
+    assert corners_of(run.x_m[:, 0], run.y_m[:, 0], run.yaw_rad[:, 0], 1.0, 0.6)[..., 0].max() < 4.0 + wall_m
+
+
 def test_a_swing_begins_where_the_axle_has_left_the_arc_before_it(tmp_path):
     """From 0 round the corner 1 to 2, where the way to 3 leads back, but for 2 degrees; lanes have room for either turn in their halves."""
     slant = np.array([cos(pi / 4), sin(pi / 4)])

@@ -19,7 +19,7 @@ from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.io.record import AT_GOAL, MOVING, STATE_NAMES, WAITING, RunRecord, robot_states
 from mrp_sumo.io.run_summary import planner_of
-from mrp_sumo.traffic.turns import BACKWARD, FORWARD, NEVER, course_rad, gears_of, turns_of
+from mrp_sumo.traffic.turns import BACKWARD, FORWARD, NEVER, course_rad, turns_of
 
 if TYPE_CHECKING:
     from mrp_sumo.core.graph import NavGraph
@@ -211,12 +211,11 @@ def driven_backward(plan: Plan, graph: PlanGraph, fleet: Fleet, yaw_rad: FloatAr
 
 def _next_gear(graph: PlanGraph, vehicle: RobotType, lanes: tuple[int, int], gear: int, yaw_rad: float) -> int:
     """The gear in which a vehicle goes from a lane, -1: its start, on to another."""
-    before, lane = lanes
+    (before, lane), turns = lanes, turns_of(graph, vehicle)
     if before < 0 and not math.isnan(yaw_rad):
         return BACKWARD if math.cos(yaw_rad - float(course_rad(graph)[lane])) < 0 else FORWARD
     if before < 0:
-        return FORWARD if gears_of(graph, vehicle)[lane, FORWARD] else BACKWARD
-    turns = turns_of(graph, vehicle)
+        return turns.first_gear(lane)
     turn = turns.between(before, lane)
     moves = [int(gears[turn, gear]) for gears in (turns.next_gear, turns.may_stand)] if turn >= 0 else []
     return next((move for move in moves if move != NEVER), gear)
