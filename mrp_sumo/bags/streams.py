@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from mrp_sumo.bags.messages import EPOCH_NS, FLEET_NAME, Messages
 from mrp_sumo.bags.template import Copies, Template
+from mrp_sumo.core.angles import wrapped
 from mrp_sumo.core.execution import positions_at
 from mrp_sumo.core.graph import BoolArray, IntArray
 from mrp_sumo.core.near import least_distance_m
@@ -242,7 +243,7 @@ def odometry(m: Messages, samples: Samples, robot: int) -> Stream:
     covariance = np.zeros(36)
     yaw, t_ns = samples.yaw[:, robot], samples.t_ns
     before, since_ns = (yaw[:1], t_ns[:1] - 1) if samples.yaw_before is None else (samples.yaw_before[[robot]], [samples.before_ns])
-    turn = (np.diff(yaw, prepend=before) + np.pi) % (2 * np.pi) - np.pi
+    turn = wrapped(np.diff(yaw, prepend=before))
     turn_rate = np.nan_to_num(turn / (np.diff(t_ns, prepend=since_ns) / 1e9))
 
     def template(*_: Any) -> Template:

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from mrp_sumo.core.angles import wrapped
 from mrp_sumo.core.battery import BatteryLog, Charging, full_s
 from mrp_sumo.core.fleet import Fleet
 from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, frozen
@@ -77,7 +78,7 @@ class Batteries:
         """
         samples, dt = np.concatenate(self._samples), self._period_s
         yaw_rad, speed_mps = samples[:, 0], samples[:, 1]
-        turn_rate = ((np.diff(yaw_rad, axis=0) + np.pi) % (2 * np.pi) - np.pi) / dt
+        turn_rate = wrapped(np.diff(yaw_rad, axis=0)) / dt
         turning = np.diff(turn_rate, axis=0, prepend=self._rate) / dt
         mean_mps, accel = (speed_mps[1:] + speed_mps[:-1]) / 2, np.diff(speed_mps, axis=0) / dt
         powers_w = [

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from mrp_sumo.core.angles import wrapped
 from mrp_sumo.core.disturbances import Breakdown, ClosedLane
 from mrp_sumo.core.execution import Event, GrantLog
 from mrp_sumo.core.fleet import Fleet
@@ -112,7 +113,7 @@ class Recorder(Listener):
             if r not in self._trains.of_robot:
                 x[:, r], y[:, r] = (np.interp(s_m[:, r], at_m, xy[:, k]) for k in (0, 1))
         hitch = self._trains.place(ledger, s_m, x, y, yaw)
-        columns = (x, y, (yaw + np.pi) % (2 * np.pi) - np.pi, speed, *([level] if self._levels else []), *hitch.values())
+        columns = (x, y, wrapped(yaw), speed, *([level] if self._levels else []), *hitch.values())
         for file, column in zip(self._columns, columns):
             file.write(np.ascontiguousarray(column).data)
         self._shape = num_samples + self._count, num_robots

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mrp_sumo.core.angles import wrapped
 from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, NavGraph, PlanGraph, frozen
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.core.robot_type import RobotType
@@ -103,7 +104,7 @@ def motion_plan(
     onward = np.where(begin < last, heading[np.minimum(begin + 1, last)], 0.0)
     heading[begin] = np.where(np.isnan(departure.heading_rad), onward, departure.heading_rad)
     turns = np.zeros(plan.num_visits, np.bool_)
-    turns[:-1] = np.abs(_wrapped(heading[1:] - heading[:-1])) > TURNS_RAD
+    turns[:-1] = np.abs(wrapped(heading[1:] - heading[:-1])) > TURNS_RAD
     turns[last] = False
     gear, tangent, bend_m, bend_mps, limit = _bends(graph, plan, lane, departure, kind, vehicles, heading, turns)
     behind, behind_m = _behind(plan, departure, kind, vehicles)
@@ -235,8 +236,3 @@ def _short_of(
     stop = at_m - (resources.enter_m * stretch)[kind, lane]
     behind = from_m + (resources.leave_m * stretch)[kind, lane]
     return np.where((lane >= 0) & ~in_zone & (stop > behind + STANDING_ROOM_M), stop, np.inf)
-
-
-def _wrapped(angle: FloatArray) -> FloatArray:
-    wrapped: FloatArray = (angle + np.pi) % (2 * np.pi) - np.pi
-    return wrapped

@@ -12,6 +12,7 @@ import heapq
 
 import numpy as np
 
+from mrp_sumo.core.angles import wrapped
 from mrp_sumo.core.graph import IntArray
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.drive import _switch
@@ -59,7 +60,7 @@ def net_of(problem: Problem, plan: LivePlan, schedule: Schedule, now_s: float, h
     speed_up_s = speed / fleet.accel_mps2[robot] / 2  # lost by setting out from rest
     slow_down_s = speed / fleet.decel_mps2[robot] / 2
     heading = np.where(moved, graph.heading_rad[lane], 0.0)
-    bend = np.abs((np.diff(heading, prepend=0.0) + np.pi) % (2 * np.pi) - np.pi)
+    bend = np.abs(wrapped(np.diff(heading, prepend=0.0)))
     known = moved & np.append(False, moved[:-1])
     bend = np.where(known & (bend > TURNS_RAD), bend, 0.0)
     rest_s = length / speed + np.where(moved, speed_up_s, 0.0)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mrp_sumo.core.angles import wrapped
 from mrp_sumo.core.fleet import Fleet
 from mrp_sumo.core.graph import FloatArray
 from mrp_sumo.core.robot_type import RobotType
@@ -63,7 +64,7 @@ class Train:
             towed = follow(node, hitch, length, np.asarray(begin, np.float64))
             self._towed_rad = towed[-1]
             heading = np.stack([yaw_at, *(np.interp(s_m, node_m, towed[:, k]) for k in range(len(hitch)))])
-            angles = (heading[1:] - heading[:-1] + np.pi) % (2 * np.pi) - np.pi
+            angles = wrapped(heading[1:] - heading[:-1])
         self._since_m, self._yaw_rad = last_m, float(yaw_at[-1])
         ahead = vehicle.kinematics.ahead_m
         return x + ahead * np.cos(yaw_at), y + ahead * np.sin(yaw_at), yaw_at, angles

@@ -25,6 +25,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mrp_sumo.core.angles import wrapped
 from mrp_sumo.core.fleet import Fleet, fleet_of
 from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, NavGraph, nav_graph, plan_graph
 from mrp_sumo.core.plan import Plan, plan_of_paths
@@ -190,7 +191,7 @@ def _lanes(graph: NavGraph, plan: Plan) -> tuple[IntArray, FloatArray]:
 def _turns_s(plan: Plan, heading: FloatArray, turn_rate_rad_s: FloatArray) -> FloatArray:
     """[N] how long a robot turns at each visit before it drives on. Where its heading is NaN it need not turn."""
     bend = np.append(heading[1:] - heading[:-1], np.nan)
-    bend = np.abs((bend + np.pi) % (2 * np.pi) - np.pi)
+    bend = np.abs(wrapped(bend))
     bend[np.isnan(bend) | (bend <= TURNS_RAD)] = 0.0
     bend[plan.first[1:] - 1] = 0.0
     turns: FloatArray = bend / turn_rate_rad_s[plan.robot]
@@ -211,19 +212,14 @@ def _last_turns(problem: Problem, plan: Plan) -> list[str]:
         if vertex not in wanted:
             continue
         before = heading[max(begin, end - 2) : end]
-        driven_through = len(before) < 2 or abs(_wrapped(before[1] - before[0])) <= TURNS_RAD
-        left = np.abs(_wrapped(wanted[vertex] - (before if driven_through else before[-1:])))
+        driven_through = len(before) < 2 or abs(wrapped(before[1] - before[0])) <= TURNS_RAD
+        left = np.abs(wrapped(wanted[vertex] - (before if driven_through else before[-1:])))
         need_s = float(np.nanmin(np.append(left, np.inf))) / float(problem.fleet.turn_rate_rad_s[r])
         found_s = float(plan.end_s[r] - plan.arrive_s[end - 1])
         if need_s < np.inf and found_s < need_s - LEAST_S:
             name, label, there_s = problem.fleet.robot_name[r], problem.graph.known_as(vertex), float(plan.arrive_s[end - 1])
             faults.append(f"{name} arrives at '{label}' at {there_s:.2f} s and cannot have turned there by {plan.end_s[r]:.2f} s")
     return faults
-
-
-def _wrapped(angle: FloatArray) -> FloatArray:
-    wrapped: FloatArray = (angle + np.pi) % (2 * np.pi) - np.pi
-    return wrapped
 
 
 def _fault(problem: Problem, plan: Plan, visit: int, verdict: int) -> str:

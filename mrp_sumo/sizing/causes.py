@@ -15,6 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mrp_sumo.core.angles import wrapped
 from mrp_sumo.core.execution import Execution
 from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, PlanGraph
 from mrp_sumo.core.places import Places
@@ -192,7 +193,7 @@ def _doing(execution: Execution, graph: PlanGraph, places: Places, t_s: FloatArr
     later = np.minimum(look + max(1, round(1.0 / period_s)), len(execution.t_s) - 1)
     here = np.stack([execution.x_m[look], execution.y_m[look]], -1)
     then = np.stack([execution.x_m[later], execution.y_m[later]], -1)
-    turned = np.abs((execution.yaw_rad[later] - execution.yaw_rad[look] + np.pi) % (2 * np.pi) - np.pi)
+    turned = np.abs(wrapped(execution.yaw_rad[later] - execution.yaw_rad[look]))
     stands = (np.hypot(*(then - here).transpose(2, 0, 1)) < STOOD_M) & (turned < STOOD_RAD)
     vertex = cKDTree(graph.xy).query(np.nan_to_num(here.reshape(-1, 2)))[1].reshape(here.shape[:2])
     towards = np.full(vertex.shape, NONE)

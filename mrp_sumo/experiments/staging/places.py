@@ -8,6 +8,7 @@ from itertools import islice, permutations
 
 import numpy as np
 
+from mrp_sumo.core.angles import wrapped
 from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, NavGraph, PlanGraph, frozen
 from mrp_sumo.core.problem import Problem, graphs_of_kinds
 from mrp_sumo.core.robot_type import RobotType
@@ -197,4 +198,4 @@ def require_headings(file: ScenarioFile, problem: Problem) -> None:
 def _along_a_lane(graph: PlanGraph, vertex: int, heading_rad: float) -> bool:
     """True if robots at a vertex face so on a lane that leads to it or away from it."""
     there = graph.heading_rad[(graph.head == vertex) | (graph.tail == vertex)]
-    return bool((np.abs((there - heading_rad + np.pi) % (2 * np.pi) - np.pi) <= TURNS_RAD).any())
+    return bool((np.abs(wrapped(there - heading_rad)) <= TURNS_RAD).any())

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from mrp_sumo.core.angles import wrapped
 from mrp_sumo.core.graph import FloatArray, IntArray
 from mrp_sumo.core.robot_type import Battery
 from mrp_sumo.metrics.metric import TOGETHER
@@ -109,7 +110,7 @@ def lifted_j(logs: Logs, of_robot: tuple[Battery, ...], t_s: FloatArray) -> Floa
 
 def _power_w(battery: Battery, speed_mps: FloatArray, yaw_rad: FloatArray, mine: IntArray, period_s: float) -> FloatArray:
     """[T - 1, K] drawn by some robots between samples [T, R]."""
-    speed, turn = speed_mps[:, mine], (np.diff(yaw_rad[:, mine], axis=0) + np.pi) % (2 * np.pi) - np.pi
+    speed, turn = speed_mps[:, mine], wrapped(np.diff(yaw_rad[:, mine], axis=0))
     rate = turn / period_s
     turning = np.diff(rate, axis=0, prepend=rate[:1]) / period_s
     return battery.power_w((speed[1:] + speed[:-1]) / 2, np.diff(speed, axis=0) / period_s, rate, turning)
