@@ -29,7 +29,9 @@ def on_moves(problem: Problem) -> Problem:
     taken[target] = True
     heading, steps = problem.heading_at_target, _steps_past_goals(graph, start, taken)
     for r, (at, place, kind) in enumerate(zip(start.tolist(), target.tolist(), problem.fleet.kind.tolist())):
-        if graph.place[at] == place and (np.isnan(heading[r]) or _faces(problem, standing, r, float(heading[r]))):
+        stays = graph.place[at] == place and (np.isnan(heading[r]) or _faces(problem, standing, r, float(heading[r])))
+        is_first = standing.does[r] == ANYWHERE and problem.fleet.is_vehicle[r]  # once it has moved it comes into that state no more
+        if stays and not (is_first and _is_passed(graph, start, target, r)):
             goal[r] = at
         elif problem.fleet.is_vehicle[r]:
             goal[r] = _goal(graph, kind, at, place, float(heading[r]), (taken, steps[r]))
@@ -92,6 +94,14 @@ def _steps_past_goals(graph: MoveGraph, start: IntArray, taken: BoolArray) -> St
     through[start] = True
     keep = through[lanes.tail_in]
     return Distances(np.concatenate([[0], np.cumsum(keep)])[lanes.first_in], lanes.tail_in[keep]).to_all(start)
+
+
+def _is_passed(graph: MoveGraph, start: IntArray, target: IntArray, robot: int) -> bool:
+    """True if another has no path to its goal [R] but over the place of a robot."""
+    others, taken = np.arange(len(start)) != robot, np.zeros(graph.base.num_vertices, np.bool_)
+    taken[target[robot]] = True
+    reached = _steps_past_goals(graph, start[others], taken) < UNREACHABLE
+    return not (reached & (graph.place == target[others, None])).any(1).all()
 
 
 def _goal(graph: MoveGraph, kind: int, at: int, place: int, heading: float, others: tuple[BoolArray, StepArray]) -> int:
