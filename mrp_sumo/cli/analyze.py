@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mrp_sumo.cli.option_rules import only_for
-from mrp_sumo.cli.printing import say, say_json, warn
+from mrp_sumo.cli.printing import say, say_either, say_json, warn
 
 if TYPE_CHECKING:
     from mrp_sumo.metrics.metric import Metric
@@ -121,11 +121,7 @@ def _measure(options: argparse.Namespace) -> int:
         return measure_named(options.bag, options.metric, as_json=options.json)
     metrics, faults = named_metrics(options.metric)
     values = measure_run(load_run(options.bag), metrics)
-    if options.json:
-        say_json(values, indent=2)
-    else:
-        for metric in metrics:
-            say(f"{metric.name:35} {values[metric.name]} {metric.unit}".rstrip())
+    say_either(options.json, values, *(f"{m.name:35} {values[m.name]} {m.unit}".rstrip() for m in metrics), indent=2)
     return _failed(faults)
 
 

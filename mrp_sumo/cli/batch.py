@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from mrp_sumo.cli.ending import stoppable
 from mrp_sumo.cli.option_rules import only_for, require_least
-from mrp_sumo.cli.printing import say, say_json, warn, warn_of_kernels
+from mrp_sumo.cli.printing import say, say_either, warn, warn_of_kernels
 from mrp_sumo.core.children import num_workers
 from mrp_sumo.errors import BatchError, duration, shown
 
@@ -102,10 +102,8 @@ def run(options: argparse.Namespace) -> int:
     if len(batch.status) < len(batch.runs):
         warn(f"interrupted: {summary(batch)}; to go on: {shlex.join(options.command_line)}")
         return stop.exit_code
-    if options.json:
-        say_json({"suite": file.name, "folder": str(folder), "runs": len(batch.runs), "statuses": dict(batch.counts())})
-    else:
-        say(f"{file.name}: {summary(batch)}; {folder}/results.parquet, {folder}/results.csv")
+    counts = {"suite": file.name, "folder": str(folder), "runs": len(batch.runs), "statuses": dict(batch.counts())}
+    say_either(options.json, counts, f"{file.name}: {summary(batch)}; {folder}/results.parquet, {folder}/results.csv")
     failed = measure_named(folder, options.metric, quiet=options.json) if options.metric else 0
     return 1 if failed or kept_none or any(batch.counts()[status] for status in BROKEN) else 0
 

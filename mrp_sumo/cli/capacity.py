@@ -15,7 +15,7 @@ from mrp_sumo.cli import intervals, scenario_choice
 from mrp_sumo.cli.batch import workers_of
 from mrp_sumo.cli.ending import stoppable
 from mrp_sumo.cli.option_rules import only_for
-from mrp_sumo.cli.printing import say, say_json, say_progress, warn, warn_of_kernels
+from mrp_sumo.cli.printing import say_either, say_progress, warn, warn_of_kernels
 from mrp_sumo.errors import MrpSumoError, duration
 
 if TYPE_CHECKING:
@@ -107,10 +107,7 @@ def run(options: argparse.Namespace) -> int:
     from mrp_sumo.sizing.replays import keep
 
     page = write_capacity_page(study, answer, folder, keep(study, answer, folder) if options.replays else ())
-    if options.json:
-        say_json(answer.document, indent=2)
-    else:
-        say(*_in_words(study, answer, page))
+    say_either(options.json, answer.document, *_in_words(study, answer, page), indent=2)
     return 0
 
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from mrp_sumo.cli.map_choice import add_choice, chosen_map
 from mrp_sumo.cli.option_rules import only_for
-from mrp_sumo.cli.printing import say, say_json
+from mrp_sumo.cli.printing import say_either
 from mrp_sumo.errors import MrpSumoError, OptionError, nearest
 
 if TYPE_CHECKING:
@@ -66,10 +66,8 @@ def run(options: argparse.Namespace) -> int:
         only_for("plans", map=options.map, format=options.format)
         only_for("types of robots", vda5050=options.vda5050)
         losses, notes = _convert_map(options)
-    if options.json:
-        say_json({"written": str(destination), "lost": losses} | ({"notes": notes} if notes else {}), indent=2)
-        return 0
-    say(f"{destination}: written", *(f"lost: {loss}" for loss in losses), *notes)
+    document = {"written": str(destination), "lost": losses} | ({"notes": notes} if notes else {})
+    say_either(options.json, document, f"{destination}: written", *(f"lost: {loss}" for loss in losses), *notes, indent=2)
     return 0
 
 

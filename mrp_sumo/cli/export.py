@@ -9,7 +9,7 @@ from math import inf
 from pathlib import Path
 
 from mrp_sumo.cli.option_rules import only_for
-from mrp_sumo.cli.printing import say, say_json
+from mrp_sumo.cli.printing import say_either
 from mrp_sumo.cli.result_folder import run_folder
 
 FORMATS = {  # option -> (name of the file or folder, help)
@@ -100,8 +100,5 @@ def run(options: argparse.Namespace) -> int:
             "fcd": exports.write_fcd,
             "viewers": exports.write_viewers,
         }[options.format](out, record)
-    if options.json:
-        say_json({"file": str(out)})
-    else:
-        say(out)
+    say_either(options.json, {"file": str(out)}, out)
     return 0

@@ -4,7 +4,7 @@ import argparse
 from inspect import signature
 from pathlib import Path
 
-from mrp_sumo.cli.printing import say, say_json
+from mrp_sumo.cli.printing import say_either
 from mrp_sumo.errors import MapError, sentence
 from mrp_sumo.maps.generate import GENERATORS, VERTICES_A_ROBOT
 
@@ -58,8 +58,5 @@ def run(options: argparse.Namespace) -> int:
         "room_for_robots": len(drawing.stations) // VERTICES_A_ROBOT,
     }
     words = "{written}: {vertices} vertices, {edges} edges, {width_m:.1f} x {height_m:.1f} m, room for {room_for_robots} robots"
-    if options.json:
-        say_json(facts, indent=2)
-    else:
-        say(words.format(**facts))
+    say_either(options.json, facts, words.format(**facts), indent=2)
     return 0

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 
 from mrp_sumo.cli.map_choice import add_choice, chosen_map
 from mrp_sumo.cli.option_rules import only_for
-from mrp_sumo.cli.printing import print_table, say, say_json
+from mrp_sumo.cli.printing import plain_table, print_table, say, say_json
 from mrp_sumo.errors import ChoiceError, MapError, sentence
 
 if TYPE_CHECKING:
@@ -227,12 +227,11 @@ def _run_command(map_: "Map", out: Path, options: argparse.Namespace) -> list[st
 def _print(map_: "Map", known: dict[str, Any], options: argparse.Namespace) -> None:
     """A short table."""
     from rich.markup import escape
-    from rich.table import Table
 
     from mrp_sumo.maps.map import unused
     from mrp_sumo.maps.oddities import oddities
 
-    table = Table(show_header=False, box=None, padding=(0, 2, 0, 0), title=escape(map_.name), title_style="bold", title_justify="left")
+    table = plain_table(title=escape(map_.name))
     table.add_column(style="dim", no_wrap=True)
     table.add_column(overflow="fold")
 

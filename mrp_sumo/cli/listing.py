@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict
 from typing import Any
 
-from mrp_sumo.cli.printing import print_table, say, say_json, warn
+from mrp_sumo.cli.printing import plain_table, print_table, say, say_json, warn
 from mrp_sumo.errors import MrpSumoError, PlugInError, nearest
 from mrp_sumo.plugins.kinds import KINDS
 
@@ -101,10 +101,9 @@ def _formats() -> str:
 
 def _print(entries: list[Entry]) -> None:
     """One row per entry: its name, what it is, and its parameters."""
-    from rich.table import Table
     from rich.text import Text
 
-    table = Table(box=None, padding=(0, 2, 0, 0), show_header=False)
+    table = plain_table()
     table.add_column(no_wrap=True, style="bold")
     table.add_column(overflow="fold", ratio=1)
     for entry in entries:
@@ -126,13 +125,10 @@ ROBOT_COLUMNS: Mapping[str, Callable[[Entry], str]] = {
 
 def _print_robots(entries: list[Entry]) -> None:
     """One row per type: what it is beside the figures that `--json` has."""
-    from rich.table import Table
-
     columns = {title: [text(one) for one in entries] for title, text in ROBOT_COLUMNS.items()}
-    table = Table(box=None, padding=(0, 1, 0, 0))
     shown = {title: texts for title, texts in columns.items() if any(texts)}
-    for title in shown:
-        table.add_column(title, no_wrap=True, style="bold" if title == "type" else "", header_style="")
+    table = plain_table(*shown, gap=1, no_wrap=True, header_style="")
+    table.columns[0].style = "bold"
     for row in zip(*shown.values()):
         table.add_row(*row)
     print_table(table, 120)

@@ -58,19 +58,7 @@ COMMANDS = {  # subcommand -> (module, help): help stays here so that --help imp
     "completion": ("mrp_sumo.cli.completion", "print what lets bash, zsh or fish complete commands and options"),
     "schema": ("mrp_sumo.cli.schema", "print the JSON schema of scenario files"),
 }
-SLOW = (
-    "run",
-    "init",
-    "plan",
-    "capacity",
-    "batch",
-    "reproduce",
-    "paper",
-    "report",
-    "studio",
-    "demo",
-    "vda5050",
-)  # to start, for their libraries
+SLOW = ("run", "init", "plan", "capacity", "batch", "reproduce", "paper", "report", "studio", "demo", "vda5050")  # to start
 MOST = 2**63  # of whole numbers; no number of anything is as large
 COLOURS = "\x1b(?!\\[(?:(?:[0-4]|3[1-6])?;?)*m)"  # bold, dim, red, ..., but nothing that hides text
 OBEYED = re.compile(f"{COLOURS}|[\x00-\x08\x0b-\x1a\x1c-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]")

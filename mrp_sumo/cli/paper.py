@@ -12,7 +12,7 @@ from pathlib import Path
 from mrp_sumo.cli.batch import watcher, workers_of
 from mrp_sumo.cli.ending import stoppable
 from mrp_sumo.cli.option_rules import require_least
-from mrp_sumo.cli.printing import say, say_json, warn
+from mrp_sumo.cli.printing import say_either, warn
 from mrp_sumo.errors import duration
 
 
@@ -37,24 +37,15 @@ def run(options: argparse.Namespace) -> int:
     with stoppable() as stop, watcher() as shown:
         made = run_campaign(campaign, shown, workers=workers, stop=stop)
     if not made.finished:
-        warn(f"interrupted; to go on: {_command(options)}")
+        warn(f"interrupted; to go on: {shlex.join(options.command_line)}")
         return stop.exit_code
     comparison = compare_with_paper(campaign)
     page = write_paper(campaign, comparison, made)
     agree = sum(bool(row.agrees) for row in comparison.compared)
-    if options.json:
-        said = {"file": str(page), "agree": agree, "compared": len(comparison.compared), "runs": made.num_runs, "broken": made.num_broken}
-        say_json(said)
-        return 1 if made.num_broken else 0
-    say(f"{agree} of {len(comparison.compared)} numbers of the paper lie in our 95 % intervals")
-    say(f"{page}; {made.num_runs} runs, {made.num_made} made now, in {duration(made.seconds)}")
+    say_either(
+        options.json,
+        {"file": str(page), "agree": agree, "compared": len(comparison.compared), "runs": made.num_runs, "broken": made.num_broken},
+        f"{agree} of {len(comparison.compared)} numbers of the paper lie in our 95 % intervals",
+        f"{page}; {made.num_runs} runs, {made.num_made} made now, in {duration(made.seconds)}",
+    )
     return 1 if made.num_broken else 0
-
-
-def _command(options: argparse.Namespace) -> str:
-    """The command line that goes on."""
-    parts = ["mrp-sumo", "paper", "--out", options.out]
-    for name in ("seeds", "maps", "workers"):
-        if (value := getattr(options, name)) is not None:
-            parts += [f"--{name}", str(value)]
-    return shlex.join(parts)

@@ -6,7 +6,7 @@ All that a command prints goes through here; `tests/cli/test_shown.py` reads the
 import sys
 from collections.abc import Mapping
 from functools import cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from mrp_sumo.errors import shown
 
@@ -27,6 +27,14 @@ def say_json(value: object, indent: int | None = None) -> None:
     print(json.dumps(value, indent=indent), flush=True)
 
 
+def say_either(as_json: bool, document: object, *lines: object, indent: int | None = None) -> None:
+    """Print a document as JSON, or else its lines for people."""
+    if as_json:
+        say_json(document, indent)
+    else:
+        say(*lines)
+
+
 def say_summary(summary: Mapping[str, object], as_json: bool) -> None:
     """Print a summary as JSON, or a line for each key whose value says something."""
     if as_json:
@@ -42,6 +50,16 @@ def say_progress(text: str, *, is_last: bool = False) -> None:
     """Print a line on a terminal that the next one is printed over, unless it is the last; nothing in a pipe."""
     if sys.stderr.isatty():
         print(shown(text), end="\n" if is_last else "\r", file=sys.stderr, flush=True)
+
+
+def plain_table(*names: str, gap: int = 2, title: str = "", **of_columns: Any) -> "Table":
+    """A table without lines: with these headings, or without any; the options hold for all columns."""
+    from rich.table import Table
+
+    table = Table(box=None, padding=(0, gap, 0, 0), show_header=bool(names), title=title or None, title_style="bold", title_justify="left")
+    for name in names:
+        table.add_column(name, **of_columns)
+    return table
 
 
 def print_table(table: "Table", width: int) -> None:

@@ -10,7 +10,7 @@ import re
 from pathlib import Path
 
 from mrp_sumo.cli.option_rules import only_for
-from mrp_sumo.cli.printing import say, say_json, say_progress
+from mrp_sumo.cli.printing import say_either, say_progress
 from mrp_sumo.cli.result_folder import run_folder
 from mrp_sumo.errors import MrpSumoError
 
@@ -53,10 +53,7 @@ def run(options: argparse.Namespace) -> int:
     from mrp_sumo.reports.pictures.still import render_still
 
     file = render_still(load_run(options.run[0]), options.at, Path(options.out), dpi=dpi)
-    if options.json:
-        say_json({"file": str(file)})
-    else:
-        say(file)
+    say_either(options.json, {"file": str(file)}, file)
     return 0
 
 
@@ -89,10 +86,7 @@ def _video(options: argparse.Namespace) -> int:
             say_progress(f"frame {done} of {of}", is_last=done == of)
 
     about, poster = render_video([load_run(folder) for folder in options.run], options.video, wanted, report)
-    if options.json:
-        say_json({"file": options.video, "poster": str(poster)})
-    else:
-        say(f"{about}, poster {poster}")
+    say_either(options.json, {"file": options.video, "poster": str(poster)}, f"{about}, poster {poster}")
     return 0
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from mrp_sumo.cli.ending import until_ctrl_c
 from mrp_sumo.cli.option_rules import only_for, port_number
-from mrp_sumo.cli.printing import say, say_json
+from mrp_sumo.cli.printing import say, say_either
 from mrp_sumo.cli.result_folder import run_folder
 
 
@@ -42,10 +42,8 @@ def run(options: argparse.Namespace) -> int:
         page = write_page(page_of_two(load_run(first), load_run(others[0])), out or first / f"beside_{others[0].resolve().name}.html")
     else:
         page = write_replay(first, out)
-    if options.json:
-        say_json({"file": str(page), "bytes": page.stat().st_size})
-    else:
-        say(f"{page} ({page.stat().st_size / 1e6:.1f} MB)")
+    size = page.stat().st_size
+    say_either(options.json, {"file": str(page), "bytes": size}, f"{page} ({size / 1e6:.1f} MB)")
     if options.serve:
         _serve(page.read_bytes(), options.port or 0)
     return 0

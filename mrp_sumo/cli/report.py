@@ -6,7 +6,7 @@ OUT gets index.html, which needs no network, figures/ as SVG and PNG, and tables
 import argparse
 from pathlib import Path
 
-from mrp_sumo.cli.printing import say, say_json
+from mrp_sumo.cli.printing import say_either
 from mrp_sumo.cli.result_folder import reported_folder
 
 
@@ -24,8 +24,6 @@ def run(options: argparse.Namespace) -> int:
     from mrp_sumo.reports.report import write_report
 
     page = write_report(Path(options.folder), Path(options.out) if options.out else None)
-    if options.json:
-        say_json({"file": str(page), "bytes": page.stat().st_size})
-    else:
-        say(f"{page} ({page.stat().st_size / 1e6:.1f} MB)")
+    size = page.stat().st_size
+    say_either(options.json, {"file": str(page), "bytes": size}, f"{page} ({size / 1e6:.1f} MB)")
     return 0

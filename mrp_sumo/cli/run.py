@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 from mrp_sumo.cli import intervals, scenario_choice
 from mrp_sumo.cli.option_rules import only_for, port_number
-from mrp_sumo.cli.printing import print_failure, print_table, say, say_json, warn_of_kernels
+from mrp_sumo.cli.printing import plain_table, print_failure, print_table, say, say_json, warn_of_kernels
 from mrp_sumo.errors import MrpSumoError
 
 if TYPE_CHECKING:
@@ -225,13 +225,12 @@ def print_json(result: "RunResult", out: Path) -> None:
 def print_result(result: "RunResult", out: Path, verbose: bool) -> None:
     """A short table."""
     from rich.markup import escape
-    from rich.table import Table
 
     from mrp_sumo.io.run_summary import CONFLICTS, NO_PLAN, run_summary
 
     summary, status = run_summary(result.result), result.status.replace("_", " ")
     colour = "red" if result.status != "completed" else "green" if result.metrics["plan_valid"] else "yellow"
-    table = Table(show_header=False, box=None, padding=(0, 2, 0, 0), title=escape(summary.title), title_style="bold", title_justify="left")
+    table = plain_table(title=escape(summary.title))
     table.add_column(style="dim", no_wrap=True)
     table.add_column(overflow="fold")
     for name, text in summary.rows:
@@ -244,7 +243,7 @@ def print_result(result: "RunResult", out: Path, verbose: bool) -> None:
     table.add_row("files", escape(str(out)))
     print_table(table, 100)
     if verbose:
-        detail = Table(box=None, padding=(0, 2, 0, 0), show_header=False)
+        detail = plain_table()
         for name, value in result.metrics.items():
             detail.add_row(name, escape(str(value)))
         print_table(detail, 100)
