@@ -29,34 +29,23 @@ if TYPE_CHECKING:
 
 __version__ = "0.1.0"
 
-_HOMES = {
-    "Batch": "door.batches",
-    "Capacity": "door.capacity",
-    "Judgement": "door.planning",
-    "MrpSumoError": "errors",
-    "NavGraph": "core.graph",
-    "Plan": "core.plan",
-    "PlanResult": "core.plan",
-    "Problem": "door.planning",
-    "Replay": "door.running",
-    "Run": "door.running",
-    "Scenario": "door.scenario",
-    "Site": "door.maps",
-    "Solution": "experiments.solve",
-    "Status": "core.plan",
-    "capacity": "door.capacity",
-    "judge": "door.planning",
-    "load_map": "door.maps",
-    "load_results": "io.results",
-    "load_run": "door.running",
-    "parallel_env": "door.learning",
-    "plan": "door.planning",
-    "plan_of_paths": "core.plan",
-    "problem": "door.planning",
-    "run": "door.running",
-    "run_suite": "door.batches",
-    "save_map": "door.maps",
-    "simulate": "door.running",
+_HOMES = {  # name -> module below this one
+    name: home
+    for home, names in {
+        "core.graph": ("NavGraph",),
+        "core.plan": ("Plan", "PlanResult", "Status", "plan_of_paths"),
+        "door.batches": ("Batch", "run_suite"),
+        "door.capacity": ("Capacity", "capacity"),
+        "door.learning": ("parallel_env",),
+        "door.maps": ("Site", "load_map", "save_map"),
+        "door.planning": ("Judgement", "Problem", "judge", "plan", "problem"),
+        "door.running": ("Replay", "Run", "load_run", "run", "simulate"),
+        "door.scenario": ("Scenario",),
+        "errors": ("MrpSumoError",),
+        "experiments.solve": ("Solution",),
+        "io.results": ("load_results",),
+    }.items()
+    for name in names
 }
 
 __all__ = [

@@ -13,13 +13,14 @@ from mrp_sumo.experiments.batch import BatchFolder, Watcher, run_batch
 from mrp_sumo.experiments.batch import summary as standing
 from mrp_sumo.experiments.suite import find_suite, read_suite
 from mrp_sumo.io.results import load_results
-from mrp_sumo.io.summary import Summary, summary
+from mrp_sumo.io.summary import Summary, summary, with_summary
 from mrp_sumo.plugins.trust import everything_trusted
 
 if TYPE_CHECKING:
     import pandas
 
 
+@with_summary
 @dataclass(frozen=True, eq=False, repr=False)
 class Batch:
     """The results of a suite's runs, and the folder that keeps them."""
@@ -72,12 +73,6 @@ class Batch:
 
     def __repr__(self) -> str:
         return f"<Batch {self.name}: {self.standing}, in {self.folder}>"
-
-    def __str__(self) -> str:
-        return self._summary.text
-
-    def _repr_html_(self) -> str:
-        return self._summary.html
 
 
 def run_suite(

@@ -13,7 +13,7 @@ from mrp_sumo.errors import MapError
 from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.io.documents import Document, validated
 from mrp_sumo.io.scenario.map import Discretisation, MapChoice
-from mrp_sumo.io.summary import Summary, count, summary
+from mrp_sumo.io.summary import Summary, count, summary, with_summary
 from mrp_sumo.maps.facts import driven_levels, extent_m, num_driven_components, num_lift_lanes
 from mrp_sumo.maps.map import Map
 
@@ -34,6 +34,7 @@ def shared_maps() -> MapCache:
     return maps
 
 
+@with_summary
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class Site(Map):
     """A map, with a face for people."""
@@ -101,12 +102,6 @@ class Site(Map):
             count(len(self.findings), "finding"),
         ]
         return f"<Map {self.name}: {', '.join(parts)}>"
-
-    def __str__(self) -> str:
-        return self._summary.text
-
-    def _repr_html_(self) -> str:
-        return self._summary.html
 
 
 def load_map(

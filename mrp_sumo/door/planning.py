@@ -17,7 +17,7 @@ from mrp_sumo.experiments.staging.set_up import SetUp, planned_as, set_up
 from mrp_sumo.formats.peers import goals_reached
 from mrp_sumo.io.documents import Place
 from mrp_sumo.io.scenario.read import changed
-from mrp_sumo.io.summary import Summary, count, summary
+from mrp_sumo.io.summary import Summary, count, summary, with_summary
 from mrp_sumo.planning.protocol import Planner
 from mrp_sumo.traffic import referee
 from mrp_sumo.traffic.referee import Conflict, describe
@@ -27,6 +27,7 @@ LISTED = 8  # faults and conflicts that a verdict prints
 Paths = Sequence[Sequence[int]]  # a vertex per step, for each robot
 
 
+@with_summary
 @dataclass(frozen=True, eq=False, repr=False)
 class Problem(core.Problem):
     """A planning problem with the scenario it comes from: graph, fleet, starts and goals; nothing is planned yet."""
@@ -71,12 +72,6 @@ class Problem(core.Problem):
         return (
             f"<Problem {self.setup.scenario.name}: {robots}, {goals}, {self.graph.kind} of {_size(self.graph)}, {self.step_s:g} s a step>"
         )
-
-    def __str__(self) -> str:
-        return self._summary.text
-
-    def _repr_html_(self) -> str:
-        return self._summary.html
 
 
 Function = Callable[[Problem, float], PlanResult | Plan | Paths]

@@ -22,7 +22,7 @@ from mrp_sumo.io import run_reader
 from mrp_sumo.io.documents import Place
 from mrp_sumo.io.run_summary import run_summary
 from mrp_sumo.io.scenario.read import changed
-from mrp_sumo.io.summary import Summary, count, seconds, summary
+from mrp_sumo.io.summary import Summary, count, seconds, summary, with_summary
 
 if TYPE_CHECKING:
     import pandas
@@ -39,6 +39,7 @@ SHAPES_PROBLEM = (
 )  # keys of `execution` that decide what there is to plan
 
 
+@with_summary
 @dataclass(frozen=True, eq=False, repr=False)
 class Run:
     """A run that has ended: just now, or long ago in the folder it was read from."""
@@ -189,12 +190,6 @@ class Run:
         parts = [self.status.replace("_", " "), count(m["num_robots"], "robot"), result["scenario"]["planner"]["name"], result["policy"]]
         parts.append(seconds(m.get("execution_time_s")))
         return f"<Run {result['scenario']['name']}: {', '.join(part for part in parts if part)}>"
-
-    def __str__(self) -> str:
-        return self._summary.text
-
-    def _repr_html_(self) -> str:
-        return self._summary.html
 
 
 @dataclass(frozen=True, repr=False)

@@ -13,13 +13,14 @@ from mrp_sumo.io.scenario import model, robots
 from mrp_sumo.io.scenario.file import ScenarioFile, find_scenario
 from mrp_sumo.io.scenario.programs import trust_programs
 from mrp_sumo.io.scenario.read import changed, read_scenario, scenario_of
-from mrp_sumo.io.summary import Summary, summary
+from mrp_sumo.io.summary import Summary, summary, with_summary
 
 Section = Mapping[str, Any]
 SHORT = {"map": "file", "planner": "name", "discretisation": "kind", "robots": "count"}  # what a value alone stands for
 REQUIRED: Any = None
 
 
+@with_summary
 @dataclass(frozen=True, init=False, repr=False, eq=False)
 class Scenario:
     """One problem, and how to plan, drive and record it: what a scenario file says.
@@ -174,12 +175,6 @@ class Scenario:
             f"seed {chosen.seed}",
         ]
         return f"<Scenario {self.name}: {', '.join(parts)}>"
-
-    def __str__(self) -> str:
-        return self._summary.text
-
-    def _repr_html_(self) -> str:
-        return self._summary.html
 
 
 def places_of(changes: Section) -> dict[Place, Any]:

@@ -13,7 +13,7 @@ from mrp_sumo.drive.policy import policy_of
 from mrp_sumo.errors import ExecutionError, MrpSumoError, PlanError, PlugInError
 from mrp_sumo.experiments.kernels import compiling
 from mrp_sumo.experiments.staging.set_up import SetUp
-from mrp_sumo.io.summary import Summary, count, seconds, summary
+from mrp_sumo.io.summary import Summary, count, seconds, summary, with_summary
 from mrp_sumo.planning.answers import answer_of, as_supported
 from mrp_sumo.planning.costs import costs_of
 from mrp_sumo.planning.outside import Outside, failed
@@ -31,6 +31,7 @@ def silent(stage: str, done: float, of: float) -> None:
     """Nobody wants to know."""
 
 
+@with_summary
 @dataclass(frozen=True, eq=False, repr=False)
 class Solution:
     """Outcome of assignment and planning, judged."""
@@ -127,12 +128,6 @@ class Solution:
         parts = [rows[key] for key in ("planner", "status", "cost", "makespan") if key in rows]
         doubt = "" if self.is_valid or self.plan is None else ", not valid"
         return f"<Plan for {count(self.problem.num_robots, 'robot')}: {', '.join(parts)}{doubt}>"
-
-    def __str__(self) -> str:
-        return self._summary.text
-
-    def _repr_html_(self) -> str:
-        return self._summary.html
 
 
 def solve(setup: SetUp, *, execute: bool = False, progress: StageReport = silent) -> Solution:

@@ -1,9 +1,11 @@
 """Objects in a few lines, for people: as text, and as a table in notebooks."""
 
 import html
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from typing import Any, TypeVar
 
+T = TypeVar("T")
 ON_TIME_S = 1e-6
 
 
@@ -29,6 +31,17 @@ class Summary:
             for name, value in self.rows
         )
         return f"<div><b>{html.escape(self.title)}</b><table>{rows}</table></div>"
+
+
+def with_summary(described: type[T]) -> type[T]:
+    """A class whose objects print as their `_summary`, and are shown by notebooks as its table."""
+    shown: dict[str, Callable[[Any], str]] = {
+        "__str__": lambda self: self._summary.text,
+        "_repr_html_": lambda self: self._summary.html,
+    }
+    for name, text in shown.items():
+        setattr(described, name, text)
+    return described
 
 
 def summary(title: str, rows: Iterable[tuple[str, object]]) -> Summary:
