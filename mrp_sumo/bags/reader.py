@@ -18,7 +18,7 @@ from rosbags.highlevel import AnyReader
 from mrp_sumo.bags.messages import GENERATIONS, typestore
 from mrp_sumo.bags.paths import plain_path
 from mrp_sumo.core.graph import FloatArray, IntArray
-from mrp_sumo.errors import MrpSumoError, nearest
+from mrp_sumo.errors import MrpSumoError, first_line, nearest
 from mrp_sumo.files.names import fault_of
 from mrp_sumo.files.reading import require_regular
 
@@ -101,7 +101,7 @@ def read_bag(
         except MemoryError:
             raise MrpSumoError(f"{path}: takes more memory than a bag of {_size_bytes(path) / 1e6:.1f} MB may: damaged") from None
         except Exception as error:  # a damaged bag: whatever the reader stumbles over
-            raise MrpSumoError(f"{path}: cannot be read as a bag: {type(error).__name__}: {_first_line(error)}") from None
+            raise MrpSumoError(f"{path}: cannot be read as a bag: {type(error).__name__}: {first_line(error)[:120]}") from None
     raise MrpSumoError(f"{path}: {needed or 'what is in it'} fits no generation of rmf_fleet_msgs ({'; '.join(reasons)})")
 
 
@@ -182,7 +182,7 @@ def _decoder(store: Any) -> Callable[[str, bytes], Any]:
             message = store.deserialize_cdr(raw, kind)
             again = len(store.serialize_cdr(message, kind)) if left else len(raw)
         except Exception as error:  # garbage lengths raise anything
-            raise _WrongGeneration(f"{type(error).__name__} {_first_line(error)}".strip()) from None
+            raise _WrongGeneration(f"{type(error).__name__} {first_line(error)[:120]}".strip()) from None
         if again + 3 < len(raw) or again > len(raw):  # writers may pad to four bytes
             raise _WrongGeneration("decodes to another length")
         if len(raw) > EMPTY_BYTES:
@@ -216,7 +216,3 @@ def _require_topic(path: Path, topics: Iterable[str], needed: str) -> None:
     topics = sorted(set(topics))
     if needed and needed not in topics:
         raise MrpSumoError(f"{path}: no topic {needed}{nearest(needed, topics)}")
-
-
-def _first_line(error: Exception) -> str:
-    return (str(error).splitlines() or [""])[0][:120]

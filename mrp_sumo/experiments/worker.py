@@ -8,13 +8,12 @@ exception, which is a bug. The parent watches its time and memory.
 import base64
 import importlib
 import json
-import math
 import os
 import platform
 import sys
 import time
 import traceback
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
@@ -137,13 +136,15 @@ def main() -> None:
     module, _, name = sys.argv[1].partition(":")
     function: Function = getattr(importlib.import_module(module), name)
     connection.send_bytes(b"ready")
+    from mrp_sumo.io.run_folder import plain  # with libraries that runs need, too
+
     with MapCache() as maps:
         while True:
             try:
                 job = json.loads(connection.recv_bytes())
             except EOFError:
                 return
-            connection.send_bytes(json.dumps(_plain(_timed(function, job, maps))).encode())
+            connection.send_bytes(json.dumps(plain(_timed(function, job, maps))).encode())
 
 
 def _timed(function: Function, job: Job, maps: MapCache) -> Answer:
@@ -159,17 +160,6 @@ def _timed(function: Function, job: Job, maps: MapCache) -> Answer:
         answer = failure(NO_ROOM, full) if full else failure(CRASHED, f"{reason} ({Path(place.filename).name}, line {place.lineno})")
     took = sum(b - a for a, b in zip(cpu[:4], os.times()[:4]))
     return {**answer, "run_wall_s": time.perf_counter() - wall, "run_cpu_s": took, "peak_memory_mb": _peak_memory_mb(), **machine()}
-
-
-def _plain(value: Any) -> Any:
-    """JSON's kinds only: numbers of numpy become Python's, what is not finite becomes null."""
-    if isinstance(value, Mapping):
-        return {str(key): _plain(inner) for key, inner in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(inner) for inner in value]
-    if hasattr(value, "item"):
-        value = value.item()
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _forget_peak_memory() -> None:

@@ -8,7 +8,7 @@ from mrp_sumo.experiments.statistics import bootstrap_mean, wilson
 from mrp_sumo.reports.paper.beside import ORDERED, REPLANNING, YIELDING, Beside, arrivals
 from mrp_sumo.reports.paper.printed import map_of_paper, printed
 from mrp_sumo.reports.study import ReportedRuns, numbers
-from mrp_sumo.reports.tables.table import Cell, ReportTable, between, percent
+from mrp_sumo.reports.tables.table import Cell, ReportTable, percent
 
 SCENARIOS = 39  # of the paper's Table IV
 DRAWS = 10_000
@@ -45,10 +45,10 @@ def _without_yielding(study: ReportedRuns, table_3: Sequence[Beside]) -> list[li
         }
         base, theirs, what = of[YIELDING], printed("table_3", "overall", map_of_paper(name), "cbs"), f"arrived %, {name}"
         gain = base.ours.value - 100 * alone.value
-        rows.append(["nobody yields", what, len(runs), percent(alone), between(base.ours), theirs, f"yielding is worth {gain:.0f} points"])
+        rows.append(["nobody yields", what, len(runs), percent(alone), base.ours, theirs, f"yielding is worth {gain:.0f} points"])
         for how, change in ((REPLANNING, "lacam where yielding does not help"), (ORDERED, "the plan's order is kept")):
             more = of[how].ours.value - base.ours.value
-            rows.append([change, what, len(runs), between(of[how].ours), between(base.ours), theirs, f"worth {more:.0f} points more"])
+            rows.append([change, what, len(runs), of[how].ours, base.ours, theirs, f"worth {more:.0f} points more"])
     return rows
 
 
@@ -63,7 +63,7 @@ def _slow(study: ReportedRuns, table_2: Sequence[Beside]) -> list[list[Cell]]:
         runs = study.frame[chosen]
         rate = wilson(int(runs["_planned"].sum()), len(runs))
         shows = "not the cause" if 100 * rate.low > (theirs or 0) else "may be the cause"
-        rows.append([change, f"planned %, {name}", len(runs), percent(rate), between(base.ours), theirs, shows])
+        rows.append([change, f"planned %, {name}", len(runs), percent(rate), base.ours, theirs, shows])
     return rows
 
 
@@ -76,8 +76,8 @@ def _other_seeds(study: ReportedRuns, costs: ReportedRuns) -> list[list[Cell]]:
         theirs = printed("table_4", quantity, "cbs") or 0.0
         share = 100 * float((rng.choice(values, (DRAWS, SCENARIOS)).mean(1) >= theirs).mean())
         shows = f"{share:.1f} % of draws of {SCENARIOS} seeds have a mean of at least the paper's"
-        new = between(bootstrap_mean(values))
-        rows.append([f"{len(values)} other seeds", quantity.replace("_", " "), len(values), new, between(ours), theirs, shows])
+        new = bootstrap_mean(values)
+        rows.append([f"{len(values)} other seeds", quantity.replace("_", " "), len(values), new, ours, theirs, shows])
     return rows
 
 

@@ -27,7 +27,7 @@ from mrp_sumo.reports.paper.charts import arrivals_chart, execution_violins, fig
 from mrp_sumo.reports.paper.printed import numbers_of_paper
 from mrp_sumo.reports.report import write_part
 from mrp_sumo.reports.study import PLANNER_NAMES, read_study
-from mrp_sumo.reports.tables.table import Cell, Range, ReportTable, between
+from mrp_sumo.reports.tables.table import Cell, ReportTable, scaled
 
 PAGE, DOCUMENT, MARKDOWN = "index.html", "paper.json", "paper.md"
 TITLE = "Beside the MRP-Bench paper"
@@ -158,10 +158,6 @@ def _name(planner: str) -> str:
     return PLANNER_NAMES.get(planner, planner)
 
 
-def _range(row: Beside | None) -> Range | None:
-    return between(row.ours) if row else None
-
-
 def _verdict(*rows: Beside | None) -> str | None:
     """'yes' if the paper's numbers lie in our intervals, else 'no'; None: nothing can be said."""
     verdicts = [row.agrees for row in rows if row and row.agrees is not None]
@@ -177,7 +173,7 @@ def _table_2(rows: Sequence[Beside]) -> ReportTable:
     for row in rows:
         if " and " in row.labels["robots"]:
             of = [_find(rows, row.quantity, **{**row.labels, "robots": n}) for n in row.labels["robots"].split(" and ")]
-            ours: list[Cell] = [row.ours.count, _range(row), *(r.ours.value if r else None for r in of)]
+            ours: list[Cell] = [row.ours.count, row.ours, *(r.ours.value if r else None for r in of)]
             lines.append([row.labels["map"], _name(row.labels["planner"]), *ours, row.paper_value, _verdict(row)])
     head = ("map", "planner", "runs", "ours %", "5 robots %", "9 robots %", "paper %", "paper in ours")
     note = "Any plan counts, valid or not, as in the paper. 54 seeds with 5 and 54 with 9 robots."
@@ -192,8 +188,10 @@ def _table_3(rows: Sequence[Beside]) -> ReportTable:
             normalised = _find(rows, "normalised_percent", execution=YIELDING, **at)
             others = [_find(rows, "overall_percent", execution=how, **at) for how in (REPLANNING, ORDERED)]
             theirs = normalised.paper_value if normalised else None
-            ours: list[Cell] = [row.ours.count, _range(normalised), theirs, _range(row), row.paper_value]
-            lines.append([at["map"], _name(at["planner"]), *ours, _verdict(normalised, row), *map(_range, others)])
+            ours: list[Cell] = [row.ours.count, normalised.ours if normalised else None, theirs, row.ours, row.paper_value]
+            lines.append(
+                [at["map"], _name(at["planner"]), *ours, _verdict(normalised, row), *(other.ours if other else None for other in others)]
+            )
     head = ("map", "planner", "runs", "normalised %", "paper %", "overall %", "paper %", "paper in ours", "then lacam %", "plan's order %")
     return ReportTable(
         "table_3",
@@ -218,7 +216,7 @@ def _table_4(rows: Sequence[Beside]) -> ReportTable:
     for planner in dict.fromkeys(row.labels["planner"] for row in rows):
         makespan, cost = (_find(rows, quantity, planner=planner) for quantity in ("makespan_cells", "cost_cells"))
         assert makespan and cost
-        cells = [cell for row in (makespan, cost) for cell in (_range(row), row.paper_value)]
+        cells = [cell for row in (makespan, cost) for cell in (row.ours, row.paper_value)]
         lines.append([_name(planner), makespan.ours.count, *cells, _verdict(makespan, cost)])
     head = ("planner", "scenarios", "makespan cells", "paper's makespan", "cost cells", "paper's cost", "paper in ours")
     note = "Means over the scenarios that every planner solved within 600 s, in cells with the start included; the paper's over 39."
@@ -231,7 +229,7 @@ def _figure_5(rows: Sequence[Beside]) -> ReportTable:
         mean, spread = (_find(rows, quantity, planner=planner) for quantity in ("mean_s", "standard_deviation_s"))
         assert mean and spread
         ms: list[Cell] = [None if value is None else 1e3 * value for value in mean.labels["five_numbers_s"] or [None] * 5]
-        ms += [between(row.ours, 1e3) for row in (mean, spread)]
+        ms += [scaled(row.ours, 1e3) for row in (mean, spread)]
         solved = f"{mean.labels['solved']} of {mean.labels['scenarios']}"
         lines.append([_name(planner), solved, *ms, mean.paper_value, spread.paper_value])
     says: dict[str, list[str]] = {}
@@ -258,8 +256,8 @@ def _replicability(rows: Sequence[Beside]) -> ReportTable:
         mean, spread, fastest = (_find(rows, quantity, **at) for quantity in ("mean_s", "standard_deviation_s", "fastest_s"))
         assert mean and spread and fastest
         name = "one robot, 45 cells of 0.35 m" if at["study"] == "one_robot" else f"{at['study']}: {at['robots']} robots, seed {at['seed']}"
-        times = [_range(mean), fastest.ours.value, fastest.paper_value, _range(spread), spread.paper_value]
-        lines.append([name, _name(at.get("planner", "eecbs")), row.ours.count, _range(row), row.paper_value, *times])
+        times = [mean.ours, fastest.ours.value, fastest.paper_value, spread.ours, spread.paper_value]
+        lines.append([name, _name(at.get("planner", "eecbs")), row.ours.count, row.ours, row.paper_value, *times])
     head = ("study", "planner", "runs", "arrived %", "paper %", "mean s", "fastest s", "paper s", "deviation s", "paper's deviation s")
     digits = {"arrived %": 0, "paper %": 0, "paper s": 0, "mean s": 1, "fastest s": 1, "deviation s": 2, "paper's deviation s": 1}
     return ReportTable(
@@ -291,7 +289,7 @@ def _order(rows: Sequence[Ordered]) -> ReportTable:
         quantity = {"overall_percent": "arrived %", "makespan_cells": "makespan cells", "cost_cells": "cost cells"}[row.labels["quantity"]]
         pair = [f"{what}, {row.labels['map']}, {quantity}", f"{_name(row.second)} less {_name(row.first)}"]
         p_value = f"{row.p_value:.2g}" if row.p_value >= 1e-4 else "< 0.0001"
-        lines.append([*pair, row.difference.count, between(row.difference), p_value, row.paper_difference, row.verdict])
+        lines.append([*pair, row.difference.count, row.difference, p_value, row.paper_difference, row.verdict])
     return ReportTable(
         "order",
         "Two planners on the same runs",

@@ -10,7 +10,7 @@ from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.experiments.statistics import bootstrap_mean, par2, success_rates, wilson
 from mrp_sumo.reports.paper.printed import map_of_paper, printed
 from mrp_sumo.reports.study import ReportedRuns, numbers
-from mrp_sumo.reports.tables.table import Cell, ReportTable, between, percent, table_of, whole
+from mrp_sumo.reports.tables.table import Cell, ReportTable, percent, table_of, whole
 
 QUANTITIES = ("vertices", "edges", "width_m", "height_m", "cells", "free_cells")  # of Table I
 
@@ -101,7 +101,7 @@ def table_2(study: ReportedRuns) -> ReportTable | None:
                 "success %": percent(wilson(int(valid.sum()), len(runs))),
                 "MRP-Bench success %": 100 * float(runs["_planned"].mean()) if of_paper else None,
                 "paper %": printed("table_2", map_of_paper(name), _planner(runs)),
-                "mean ms": between(bootstrap_mean(solved_s * 1e3)),
+                "mean ms": bootstrap_mean(solved_s * 1e3),
                 "median ms": float(np.median(solved_s) * 1e3) if len(solved_s) else None,
                 "longest ms": float(solved_s.max() * 1e3) if len(solved_s) else None,
                 "PAR2 s": par2(time_s, valid, limit_s) if math.isfinite(limit_s) else None,
@@ -140,7 +140,7 @@ def table_3(study: ReportedRuns) -> ReportTable | None:
                 "overall %": percent(overall),
                 "MRP-Bench success %": 100 * float(runs["all_goals_reached"].fillna(False).mean()) if of_paper else None,
                 "robots at goal %": 100 * float(np.nanmean(share)) if np.isfinite(share).any() else None,
-                "mean time s": between(time),
+                "mean time s": time,
                 **{f"paper {rate} %": value for rate, value in theirs.items()},
             }
         )
@@ -182,8 +182,8 @@ def table_4(study: ReportedRuns) -> ReportTable | None:
                     "robots": whole(robots),
                     "planner": s,
                     "instances": len(solved),
-                    "makespan": between(bootstrap_mean(numbers(solved, "makespan_steps"))),
-                    "cost": between(bootstrap_mean(numbers(solved, "cost_steps"))),
+                    "makespan": bootstrap_mean(numbers(solved, "makespan_steps")),
+                    "cost": bootstrap_mean(numbers(solved, "cost_steps")),
                     "paper makespan": printed("table_4", "makespan_cells", planner) if there else None,
                     "paper cost": printed("table_4", "cost_cells", planner) if there else None,
                     "smoothed makespan": _mean(solved, "makespan_smoothed_steps"),

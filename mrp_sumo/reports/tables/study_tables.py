@@ -10,7 +10,7 @@ import pandas as pd
 
 from mrp_sumo.experiments.statistics import bootstrap_mean, holm, mcnemar, wilcoxon
 from mrp_sumo.reports.study import ReportedRuns, numbers, short_key
-from mrp_sumo.reports.tables.table import Cell, FileLink, ReportTable, between, percent, table_of, whole
+from mrp_sumo.reports.tables.table import Cell, FileLink, ReportTable, percent, scaled, table_of, whole
 
 MAX_PAIRS = 45  # pairs of series that are compared
 WORST = 12  # runs
@@ -89,9 +89,9 @@ def main_figures(study: ReportedRuns) -> ReportTable | None:
                 "robots": whole(robots),
                 "planner": series,
                 "succeeded": len(done),
-                "execution time s": between(bootstrap_mean(numbers(done, "execution_time_s"))),
-                "blocked s": between(bootstrap_mean(numbers(done, "blocked_s"))),
-                "mean lateness s": between(bootstrap_mean(numbers(done, "lateness_mean_s"))),
+                "execution time s": bootstrap_mean(numbers(done, "execution_time_s")),
+                "blocked s": bootstrap_mean(numbers(done, "blocked_s")),
+                "mean lateness s": bootstrap_mean(numbers(done, "lateness_mean_s")),
                 "driven / planned": float(np.median(ratio)) if len(ratio) else None,
                 "least clearance cm": 100 * float(clearance.min()) if len(clearance) else None,
                 "runs with overlap": int((overlaps > 0).sum()) if len(overlaps) else None,
@@ -141,7 +141,7 @@ def paired(study: ReportedRuns) -> ReportTable | None:
             "success, points": percent(rate.difference),
             "p": _p(p1),
             "both": values.count,
-            f"{what} {unit}": between(values.difference, scale),
+            f"{what} {unit}": scaled(values.difference, scale),
             "effect": values.rank_biserial,
             "p of time": _p(p2),
         }

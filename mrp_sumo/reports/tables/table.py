@@ -41,15 +41,6 @@ _LATEX = str.maketrans(
 
 
 @dataclass(frozen=True)
-class Range:
-    """A number with an interval around it, in the unit of its column."""
-
-    value: float
-    low: float
-    high: float
-
-
-@dataclass(frozen=True)
 class FileLink:
     """Text that leads to a file beside the page; plain text elsewhere."""
 
@@ -57,14 +48,14 @@ class FileLink:
     target: str
 
 
-def between(interval: Interval, scale: float = 1.0) -> Range:
-    """An interval as a cell."""
-    return Range(scale * interval.value, scale * interval.low, scale * interval.high)
+def scaled(interval: Interval, scale: float) -> Interval:
+    """An interval in the unit of its column."""
+    return Interval(scale * interval.value, scale * interval.low, scale * interval.high, interval.count)
 
 
-def percent(rate: Interval) -> Range:
-    """The interval of a rate as a cell, in percent."""
-    return between(rate, 100.0)
+def percent(rate: Interval) -> Interval:
+    """The interval of a rate, in percent."""
+    return scaled(rate, 100.0)
 
 
 def whole(value: Any) -> int | None:
@@ -72,7 +63,7 @@ def whole(value: Any) -> int | None:
     return None if str(value) in ("None", "nan", "<NA>") else int(value)
 
 
-Cell = str | float | int | Range | FileLink | None
+Cell = str | float | int | Interval | FileLink | None
 
 
 @dataclass(frozen=True)
@@ -126,7 +117,7 @@ class ReportTable:
         """All digits; an interval takes three columns."""
         out = io.StringIO()
         writer = csv.writer(out, lineterminator="\n")
-        wide = [any(isinstance(row[i], Range) for row in self.rows) for i in range(len(self.columns))]
+        wide = [any(isinstance(row[i], Interval) for row in self.rows) for i in range(len(self.columns))]
         head: list[str] = []
         for name, is_wide in zip(self.columns, wide):
             head += [name, f"{name} low", f"{name} high"] if is_wide else [name]
@@ -134,7 +125,7 @@ class ReportTable:
         for row in self.rows:
             line: list[Any] = []
             for cell, is_wide in zip(row, wide):
-                if isinstance(cell, Range):
+                if isinstance(cell, Interval):
                     line += [_exact(cell.value), _exact(cell.low), _exact(cell.high)]
                 else:
                     line.append(cell.text if isinstance(cell, FileLink) else _exact(cell))
@@ -172,7 +163,7 @@ class ReportTable:
 
     def text(self, column: int, cell: Cell) -> str:
         """A cell as people read it."""
-        if isinstance(cell, Range):
+        if isinstance(cell, Interval):
             if not math.isfinite(cell.value):
                 return "–"
             if not (math.isfinite(cell.low) and math.isfinite(cell.high)):
@@ -196,7 +187,7 @@ class ReportTable:
         if isinstance(cell, FileLink):
             return f'<a href="{html.escape(cell.target, quote=True)}">{html.escape(cell.text)}</a>'
         text = html.escape(self.text(column, cell))
-        value, _, interval = text.partition(" [") if isinstance(cell, Range) else (text, "", "")
+        value, _, interval = text.partition(" [") if isinstance(cell, Interval) else (text, "", "")
         return f'{value} <span class="interval">[{interval}</span>' if interval else text
 
 
