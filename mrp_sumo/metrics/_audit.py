@@ -202,7 +202,7 @@ def _meet(poses, bodies, k, pair, best, known, scratch):
     """Two robots in one interval: the second of `scratch` becomes the least distance (as far as it is below `best`), when, and when
     an overlap is seen first (-1: not, or it is known).
     """
-    (x, y, yaw), radius, (i, j), (stack, found) = poses, bodies.radius, pair, scratch
+    (x, y, yaw), radius, (i, j), found = poses, bodies.radius, pair, scratch[1]
     after = min(k + 1, len(x) - 1)
     found[0], found[1], found[2] = np.inf, 0.0, -1.0
     size_i, size_j = _size(bodies, i), _size(bodies, j)
@@ -226,40 +226,64 @@ def _meet(poses, bodies, k, pair, best, known, scratch):
     circles = np.hypot(dx + f * move_x, dy + f * move_y) - radius[i] - radius[j]
     if circles > 0.0 and circles >= best:
         return
-    first = rectangle_distance(dx, dy, yaw_i, yaw_j, size_i, size_j)
-    found[0] = max(first, 0.0)
+    pace = moved + radius[i] * abs(turn_i) + radius[j] * abs(turn_j)  # m their points move against each other at most
+    approach((dx, dy, yaw_i, yaw_j), (move_x, move_y, turn_i, turn_j), (size_i, size_j), pace, best, known, False, scratch)
+
+
+@kernel
+def approach(begin, change, sizes, pace, best, known, to_the_first, scratch):
+    """The least distance of two rectangles that move evenly for an interval, and when they overlap.
+
+    Parameters
+    ----------
+    begin, change
+        x and y from the first to the second, and the headings of both, at the begin of the interval; and what is added to them in it.
+    sizes
+        Half lengths and half widths of both.
+    pace
+        m that their points move against each other at most.
+    best, known
+        Distances from `best` on are of no interest, nor overlaps where one is known.
+    to_the_first
+        Whether the first overlap is looked for; else the one that is seen first will do.
+    scratch
+        The second becomes the least distance (as far as it is below `best`), when, and when they overlap (-1: not, or it is known).
+    """
+    (dx, dy, yaw_a, yaw_b), (move_x, move_y, turn_a, turn_b), (size_a, size_b), (stack, found) = begin, change, sizes, scratch
+    first = rectangle_distance(dx, dy, yaw_a, yaw_b, size_a, size_b)
+    found[0], found[1], found[2] = max(first, 0.0), 0.0, -1.0
     if first < -TOUCH_M and not known:
         found[2] = 0.0
         return
-    pace = moved + radius[i] * abs(turn_i) + radius[j] * abs(turn_j)  # m their points move against each other at most
     if pace == 0.0:
         return
-    last = rectangle_distance(dx + move_x, dy + move_y, yaw_i + turn_i, yaw_j + turn_j, size_i, size_j)
+    last = rectangle_distance(dx + move_x, dy + move_y, yaw_a + turn_a, yaw_b + turn_b, size_a, size_b)
     if max(last, 0.0) < found[0]:
         found[0], found[1] = max(last, 0.0), 1.0
-    if last < -TOUCH_M and not known:
-        found[2] = 1.0
-        return
-    depth = 1
+    touched = 1.0 if last < -TOUCH_M and not known else 2.0
+    depth = 1 if to_the_first or touched > 1.0 else 0
     stack[0, 0], stack[0, 1], stack[0, 2], stack[0, 3] = 0.0, 1.0, max(first, 0.0), max(last, 0.0)
     while depth:
         depth -= 1
         a, b, distance_a, distance_b = stack[depth, 0], stack[depth, 1], stack[depth, 2], stack[depth, 3]
         least = (distance_a + distance_b - pace * (b - a)) / 2.0  # of all that may be in between
         nearer = max(least, 0.0) < min(best, found[0]) - CLOSE_ENOUGH_M
-        if not (nearer or (least <= 0.0 and not known)) or pace * (b - a) <= TOUCH_M:
+        if a >= touched or not (nearer or (least <= 0.0 and not known)) or pace * (b - a) <= TOUCH_M:
             continue
         f = (a + b) / 2.0
-        d = rectangle_distance(dx + f * move_x, dy + f * move_y, yaw_i + f * turn_i, yaw_j + f * turn_j, size_i, size_j)
+        d = rectangle_distance(dx + f * move_x, dy + f * move_y, yaw_a + f * turn_a, yaw_b + f * turn_b, size_a, size_b)
         if max(d, 0.0) < found[0]:
             found[0], found[1] = max(d, 0.0), f
         if d < -TOUCH_M and not known:
-            found[2] = f
-            return
+            touched = min(touched, f)
+            if not to_the_first:
+                break
         d = max(d, 0.0)
         stack[depth, 0], stack[depth, 1], stack[depth, 2], stack[depth, 3] = f, b, d, distance_b
         stack[depth + 1, 0], stack[depth + 1, 1], stack[depth + 1, 2], stack[depth + 1, 3] = a, f, distance_a, d
         depth += 2
+    if touched <= 1.0:
+        found[2] = touched
 
 
 @kernel

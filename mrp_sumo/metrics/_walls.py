@@ -5,7 +5,7 @@ Moves between samples are straight and even, as for `_audit`; an interval is lef
 
 import numpy as np
 
-from mrp_sumo.metrics._audit import CLOSE_ENOUGH_M, TOUCH_M, rectangle_distance, short_way
+from mrp_sumo.metrics._audit import approach, short_way
 from mrp_sumo.search._kernel import kernel
 
 
@@ -87,47 +87,11 @@ def _crosses(x0, y0, x1, y1, wall):
 
 @kernel
 def _meet_wall(poses, bodies, at, wall, best, known, scratch):
-    """A robot and a wall in one interval, `at`: the second of `scratch` becomes the least distance (as far as it is below `best`), when,
-    and when the robot touches it first (-1: not, or it is known).
-    """
-    (x, y, yaw), (k, r), (stack, found) = poses, at, scratch
-    after, size, wall_size = min(k + 1, len(x) - 1), (bodies.half_length[r], bodies.half_width[r]), (wall[3], 0.0)
-    found[0], found[1], found[2] = np.inf, 0.0, -1.0
-    dx, dy, yaw_r, yaw_w = wall[0] - x[k, r], wall[1] - y[k, r], yaw[k, r], wall[2]
-    move_x, move_y, turn = x[k, r] - x[after, r], y[k, r] - y[after, r], short_way(yaw[after, r] - yaw_r)
+    """A robot and a wall in one interval, `at`: what `approach` leaves in `scratch`, with the first contact."""
+    (x, y, yaw), (k, r) = poses, at
+    after, sizes = min(k + 1, len(x) - 1), ((bodies.half_length[r], bodies.half_width[r]), (wall[3], 0.0))
+    move_x, move_y, turn = x[k, r] - x[after, r], y[k, r] - y[after, r], short_way(yaw[after, r] - yaw[k, r])
     if not np.isfinite(move_x + move_y):  # it goes: it is looked at where it was
         move_x, move_y, turn = 0.0, 0.0, 0.0
-    begin = rectangle_distance(dx, dy, yaw_r, yaw_w, size, wall_size)
-    found[0] = max(begin, 0.0)
-    if begin < -TOUCH_M and not known:
-        found[2] = 0.0
-        return
-    pace = np.hypot(move_x, move_y) + bodies.radius[r] * abs(turn)  # m its points move at most
-    if pace == 0.0:
-        return
-    end = rectangle_distance(dx + move_x, dy + move_y, yaw_r + turn, yaw_w, size, wall_size)
-    if max(end, 0.0) < found[0]:
-        found[0], found[1] = max(end, 0.0), 1.0
-    depth, touched = 1, 2.0
-    stack[0, 0], stack[0, 1], stack[0, 2], stack[0, 3] = 0.0, 1.0, max(begin, 0.0), max(end, 0.0)
-    if end < -TOUCH_M and not known:
-        touched = 1.0
-    while depth:
-        depth -= 1
-        a, b, distance_a, distance_b = stack[depth, 0], stack[depth, 1], stack[depth, 2], stack[depth, 3]
-        least = (distance_a + distance_b - pace * (b - a)) / 2.0  # of all that may be in between
-        nearer = max(least, 0.0) < min(best, found[0]) - CLOSE_ENOUGH_M
-        if a >= touched or not (nearer or (least <= 0.0 and not known)) or pace * (b - a) <= TOUCH_M:
-            continue
-        f = (a + b) / 2.0
-        d = rectangle_distance(dx + f * move_x, dy + f * move_y, yaw_r + f * turn, yaw_w, size, wall_size)
-        if max(d, 0.0) < found[0]:
-            found[0], found[1] = max(d, 0.0), f
-        if d < -TOUCH_M and not known:
-            touched = min(touched, f)
-        d = max(d, 0.0)
-        stack[depth, 0], stack[depth, 1], stack[depth, 2], stack[depth, 3] = f, b, d, distance_b
-        stack[depth + 1, 0], stack[depth + 1, 1], stack[depth + 1, 2], stack[depth + 1, 3] = a, f, distance_a, d
-        depth += 2
-    if touched <= 1.0:
-        found[2] = touched
+    begin, pace = (wall[0] - x[k, r], wall[1] - y[k, r], yaw[k, r], wall[2]), np.hypot(move_x, move_y) + bodies.radius[r] * abs(turn)
+    approach(begin, (move_x, move_y, turn, 0.0), sizes, pace, best, known, True, scratch)
