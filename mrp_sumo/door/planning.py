@@ -8,11 +8,12 @@ from typing import Any, cast
 import numpy as np
 
 from mrp_sumo.core import problem as core
-from mrp_sumo.core.plan import Plan, PlanResult, Status, plan_of_paths
+from mrp_sumo.core.graph import frozen
+from mrp_sumo.core.plan import Plan, PlanResult, Status, as_planned_in_steps, plan_of_paths
 from mrp_sumo.door.maps import Site, shared_maps, site_of
 from mrp_sumo.door.scenario import Scenario, dotted, required
 from mrp_sumo.errors import PlanError
-from mrp_sumo.experiments.solve import Solution, solve
+from mrp_sumo.experiments.solve import Solution, retimed, solve
 from mrp_sumo.experiments.staging.set_up import SetUp, planned_as, set_up
 from mrp_sumo.formats.peers import goals_reached
 from mrp_sumo.io.documents import Place
@@ -240,13 +241,10 @@ def judge(problem: Problem, plan: Solution | Plan) -> Judgement:
 
 
 def solution_of(problem: Problem, plan: Solution | Plan, call: str) -> Solution:
-    """The plan as a solution of the problem; a bare Plan is judged first."""
+    """The plan as a solution of the problem; one that was not made for it is judged first."""
     required(problem, Problem, call, "a Problem; make one with ms.problem(scenario)")
     if isinstance(plan, Solution):
-        theirs = plan.problem
-        if theirs.graph.num_vertices != problem.graph.num_vertices or not np.array_equal(theirs.start, problem.start):
-            raise PlanError(f"{call}: the plan is for another problem, '{plan.setup.scenario.name}'")
-        return plan
+        return plan if plan.setup.problem is problem.setup.problem else _moved(problem, plan, call)
     required(plan, Plan, call, "what ms.plan returns, or a Plan")
     own = _named(problem.setup, "given", {})
     drawn = problem.setup.problem
@@ -254,6 +252,24 @@ def solution_of(problem: Problem, plan: Solution | Plan, call: str) -> Solution:
         fixed = problem.setup.scenario.assignment.mode == "fixed"
         drawn = drawn.assigned(np.arange(drawn.num_robots) if fixed else goals_reached(drawn, plan))
     return Solution(own, drawn, PlanResult(Status.SOLVED, plan), referee.judge(drawn, plan), 0.0)
+
+
+def _moved(problem: Problem, other: Solution, call: str) -> Solution:
+    """A plan made for other robots or another execution, in this problem: its paths and its order, at the pace of these robots."""
+    theirs, setup, plan = other.problem, problem.setup, other.plan
+    if theirs.graph.num_vertices != problem.graph.num_vertices or not np.array_equal(theirs.start, problem.start):
+        raise PlanError(f"{call}: the plan is for another problem, '{other.setup.scenario.name}'")
+    scenario = setup.scenario.model_copy(update={"planner": other.setup.scenario.planner})
+    setup = replace(setup, file=replace(setup.file, scenario=scenario), planner=other.setup.planner)
+    drawn = setup.problem.assigned(theirs.goal_of)
+    if plan is None:
+        return replace(other, setup=setup, problem=drawn)
+    in_seconds = as_planned_in_steps(plan, theirs.step_s) is None
+    plan, pace = plan.in_steps or plan, problem.step_s / theirs.step_s
+    plan = Plan(plan.first, plan.vertex, frozen(plan.arrive_s * pace), frozen(plan.depart_s * pace))
+    verdict = referee.judge(drawn, plan, in_seconds=in_seconds)
+    moved = replace(other, setup=setup, problem=drawn, result=replace(other.result, plan=plan), verdict=verdict)
+    return retimed(moved) if verdict.valid else moved
 
 
 @dataclass(frozen=True)

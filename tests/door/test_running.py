@@ -50,6 +50,21 @@ def test_run_in_memory_is_the_run_in_its_folder(run, tmp_path):
     assert refusal(lambda: again.save(tmp_path / "other")) == f"{folder}: is a run folder already; copy it"
 
 
+def test_plan_is_driven_by_the_problem_it_is_given_for(problem, plan, run):
+    slow = ms.Scenario(
+        map="office",
+        robots={"count": 3, "factor": {"max_speed_mps": 0.5}},
+        planner="cbs",
+        seed=1,
+        record={"bag": False},
+        execution={"engine": "kinematic", "time_limit_s": 900},
+    )
+    driven = ms.simulate(ms.problem(slow), plan)
+    assert driven.trajectory.speed_mps.max() == pytest.approx(0.5 * run.trajectory.speed_mps.max())
+    assert driven.result["scenario"]["execution"]["engine"] == "kinematic"
+    assert driven.result["scenario"]["planner"]["name"] == "cbs"
+
+
 def test_one_call_runs_as_the_steps_do(problem, plan, run):
     whole = ms.run(problem.scenario)
     pd.testing.assert_frame_equal(whole.trajectory, run.trajectory)
