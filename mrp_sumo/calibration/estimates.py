@@ -22,6 +22,7 @@ from mrp_sumo.errors import MrpSumoError
 CONFIDENCE = 0.9
 ROUNDS = 3
 MISFIT_M = 0.001  # by which vehicles may be elsewhere than the law of motion has them
+AT_ONCE_S = 0.02  # within which no vehicle reaches its speed
 LEAST_EXTENT_M = 0.2  # of where a vehicle is that drives
 FEW = 3  # actions of a kind
 WIDEST = 3.0  # half of an interval, as a logarithm: beyond it nothing is known
@@ -121,6 +122,8 @@ def _motion(result: Calibration, phases: list[Phases], noise: Noise, speed: floa
     for name, ramp in (("accel_mps2", speeding), ("decel_mps2", braking)):
         if ramp is None:
             result.unknown[name] = "too few vehicles leave a stand of three samples or come to one on a straight way"
+        elif ramp.value * AT_ONCE_S > speed:
+            result.unknown[name] = f"vehicles reach {speed:.2g} m/s, or stand, sooner than the log shows"
         else:
             misfit = MISFIT_M * 8 * ramp.value / speed**2
             figure = _by_scores(name, "m/s^2", ramp.value, ramp.scores, ramp.episodes.vehicle, misfit)

@@ -109,18 +109,22 @@ def document_of(result: Calibration) -> dict[str, Any]:
 
 def write_files(result: Calibration, base: RobotShape, path: Path) -> tuple[Path, Path]:
     """Write `TYPE.yaml` and beside it `TYPE.disturbances.yaml`. Raises MrpSumoError where something is there already."""
-    import yaml
-
     beside = path.with_name(f"{path.stem}.disturbances.yaml")
     for each in (path, beside):
         if each.exists():
             raise MrpSumoError(f"{each}: is there already, expected a name of a new file")
     if not path.parent.is_dir():
         raise MrpSumoError(f"{path.parent}: no such folder")
-    for place, options in ((path, type_of(result, base)), (beside, disturbances_of(result))):
-        text = yaml.safe_dump(_plain(options), sort_keys=False, default_flow_style=None, width=140, allow_unicode=True)
-        write_text(place, text)
+    write_options(type_of(result, base), path)
+    write_options(disturbances_of(result), beside)
     return path, beside
+
+
+def write_options(options: Options, path: Path) -> None:
+    """Write what differs from the defaults as YAML. Raises MrpSumoError where it cannot be written."""
+    import yaml
+
+    write_text(path, yaml.safe_dump(_plain(options), sort_keys=False, default_flow_style=None, width=140, allow_unicode=True))
 
 
 def _plain(options: Options) -> dict[str, Any]:

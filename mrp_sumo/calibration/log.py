@@ -4,8 +4,11 @@ Times are each vehicle's own: nothing here compares clocks of two vehicles. A tr
 between two tracks of a vehicle is unknown.
 """
 
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -45,6 +48,23 @@ class ActionTime:
     station: str  # '': not said
     begin_s: float
     end_s: float
+    told_s: float = math.nan  # when the vehicle was told to; NaN: not said
+
+
+@dataclass(frozen=True)
+class LoggedOrder:
+    """An order, as far as a log tells of it. Times in s, NaN: never, or not said."""
+
+    name: str
+    stops: tuple[str, ...]  # names of stations or vertices
+    release_s: float
+    assigned_s: float = math.nan
+    vehicle: str = ""  # that had it last
+    services: tuple[tuple[float, float], ...] = ()  # begin and end, of the stops that were made
+    done_s: float = math.nan
+    ended_s: float = math.nan  # done, failed or cancelled
+    asks: Mapping[str, Any] = field(default_factory=dict)  # more of a scenario's task, such as `priority`; `due_s` as a time of the log
+    where: str = ""  # file and line, of an order of a file
 
 
 @dataclass(frozen=True)
@@ -65,8 +85,12 @@ class MotionLog:
     kind: str  # 'VDA 5050', 'bag', 'CSV' or 'run folder'
     poses: dict[str, list[tuple[float, ...]]] = field(default_factory=dict)  # by vehicle: t_s, x_m, y_m, yaw_rad, waits, level
     visits: list[ActionTime] = field(default_factory=list)
+    orders: list[LoggedOrder] = field(default_factory=list)  # by release
     charges: list[Charge] = field(default_factory=list)
     body: dict[str, float] = field(default_factory=dict)  # length_m and width_m, where the log says them
+    types: dict[str, str] = field(default_factory=dict)  # of vehicles, where the log names them
+    levels: dict[float, str] = field(default_factory=dict)  # names by the number that poses have
+    is_laid_out: bool = False  # levels lie side by side, as those of maps do
     notes: list[str] = field(default_factory=list)  # what was left out, and why
 
     def tracks(self) -> "list[Track]":

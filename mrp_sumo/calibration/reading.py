@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from mrp_sumo.calibration.log import ActionTime, Charge, MotionLog
+from mrp_sumo.calibration.orders import orders_of_run, orders_of_visits
 from mrp_sumo.errors import MrpSumoError, nearest
 from mrp_sumo.files.folders import RESULT
 from mrp_sumo.files.names import fault_of
@@ -75,7 +76,8 @@ def _run(folder: Path) -> MotionLog:
 
     run = load_run(folder)
     record = run.record
-    execution, names, log = record.execution, record.fleet.robot_name, MotionLog(folder.name, "run folder")
+    execution, names, log = record.execution, record.fleet.robot_name, MotionLog(folder.name, "run folder", is_laid_out=True)
+    log.types, log.levels = dict(zip(names, record.fleet.type_name)), dict(enumerate(record.graph.level_names))
     x, y, yaw = (execution.x_m, execution.y_m, execution.yaw_rad) if execution.believed is None else execution.believed
     for r, name in enumerate(names):
         waits = np.zeros(len(execution.t_s))
@@ -98,6 +100,7 @@ def _run(folder: Path) -> MotionLog:
             begin_s, end_s = float(stops.begin_s[k]), float(stops.end_s[k])
             if begin_s < end_s <= execution.t_s[-1]:
                 log.visits.append(ActionTime(names[r], kind, station, begin_s, end_s))
+    log.orders = orders_of_run(run)
     if execution.batteries is not None:
         charging = {(v.vehicle, v.begin_s): v.end_s for v in log.visits if v.action == "startCharging"}
         for r, name in enumerate(names):
@@ -114,6 +117,7 @@ def _bag(path: Path) -> MotionLog:
     for name, rows in read.poses.items():
         on = read.levels.get(name, [""] * len(rows))
         number = {level: float(k) for k, level in enumerate(sorted(set(on)))}
+        log.levels |= {k: level for level, k in number.items()}
         log.poses[name] = [(t, x, y, yaw, math.nan, number[level]) for (t, x, y, yaw), level in zip(rows, on) if math.isfinite(x + y + yaw)]
     log.charges = [Charge(*charge) for charge in read.charges]
     log.notes.append(f"poses are those of {read.kind}" + (f"; {', '.join(read.others)} left out" if read.others else ""))
@@ -136,6 +140,7 @@ def _csv(path: Path) -> MotionLog:
                 _csv_row(log, row, place, scale, doing, f"{name}:{number}")
     if not log.poses:
         raise MrpSumoError(f"{name}: no row says where a vehicle is")
+    log.orders = orders_of_visits(log.visits)
     return log
 
 
@@ -184,6 +189,7 @@ def _csv_row(
         if max(abs(x_m), abs(y_m)) > FARTHEST_M:
             raise MrpSumoError(f"{where}: x_m, y_m: found {x_m:g}, {y_m:g}, expected metres of a floor")
         level = float(hash_of(text("level")))
+        log.levels[level] = text("level")
         log.poses.setdefault(vehicle, []).append((t_s, x_m, y_m, number("yaw_rad"), math.nan, level))
     _note_action(log, doing, vehicle, text("action"), text("station"), t_s)
     share = number("battery")
@@ -219,6 +225,7 @@ def _vda(path: Path) -> MotionLog:
     require_regular(path, LARGEST)
     log, name, doing = MotionLog(path.name, "VDA 5050"), shortened(path), dict[tuple[str, str], tuple[str, str, float]]()
     waits: dict[str, float] = {}
+    told_s, sent = dict[str, float](), dict[str, list[tuple[float, str]]]()
     for number, document in _lines(path, name):
         payload = document.get("payload") if isinstance(document.get("payload"), dict) else document
         topic = str(document.get("topic") or "")
@@ -226,10 +233,14 @@ def _vda(path: Path) -> MotionLog:
         assert isinstance(payload, dict)
         if kind == "factsheet" or "physicalParameters" in payload:
             _factsheet(log, payload)
+        elif kind == "order" and isinstance(payload.get("nodes"), list):
+            t_s = _time_of(document, payload, f"{name}:{number}")
+            sent.setdefault(_vehicle_of(payload, topic), []).append((t_s, _note_order(payload, t_s, told_s)))
         elif kind in ("state", "visualization", "") and ("agvPosition" in payload or "mobileRobotPosition" in payload):
-            _state(log, document, payload, topic, doing, waits, f"{name}:{number}")
+            _state(log, document, payload, topic, doing, waits, told_s, f"{name}:{number}")
     if not log.poses:
         raise MrpSumoError(f"{name}: no state says where a vehicle is (agvPosition or mobileRobotPosition)")
+    log.orders = orders_of_visits(log.visits, sent)
     return log
 
 
@@ -254,18 +265,13 @@ def _state(
     topic: str,
     doing: dict[tuple[str, str], tuple[str, str, float]],
     waits: dict[str, float],
+    told_s: dict[str, float],
     where: str,
 ) -> None:
-    from mrp_sumo.formats.vda.check import seconds_of
-
-    parts = topic.split("/")
-    vehicle = str(payload.get("serialNumber") or (parts[-2] if len(parts) > 2 else "")) or "vehicle"
+    vehicle = _vehicle_of(payload, topic)
     if fault := fault_of(vehicle):
         raise MrpSumoError(f"{where}: serialNumber: {fault}")
-    t_s = seconds_of(payload.get("timestamp"))
-    t_s = document.get("t_s") if t_s is None else t_s
-    if not isinstance(t_s, int | float):
-        raise MrpSumoError(f"{where}: timestamp: found {str(payload.get('timestamp'))[:40]!r}, expected YYYY-MM-DDTHH:mm:ss.fffZ")
+    t_s = _time_of(document, payload, where)
     if "nodeStates" in payload:
         ahead = payload["nodeStates"]
         is_free = isinstance(ahead, list) and any(isinstance(node, dict) and node.get("released") for node in ahead)
@@ -274,20 +280,51 @@ def _state(
     if isinstance(place, dict) and place.get("positionInitialized", True):
         x, y, theta = (_number(place.get(key)) for key in ("x", "y", "theta"))
         if math.isfinite(x + y) and max(abs(x), abs(y)) < FARTHEST_M:
-            level = float(hash_of(str(place.get("mapId", ""))))
-            log.poses.setdefault(vehicle, []).append((float(t_s), x, y, theta, waits.get(vehicle, math.nan), level))
+            level = float(hash_of(on := str(place.get("mapId", ""))))
+            log.levels[level] = on
+            log.poses.setdefault(vehicle, []).append((t_s, x, y, theta, waits.get(vehicle, math.nan), level))
     for each in payload.get("actionStates") or ():
         if isinstance(each, dict):
-            _note_status(log, doing, vehicle, each, str(payload.get("lastNodeId", "")), float(t_s))
+            _note_status(log, doing, vehicle, each, str(payload.get("lastNodeId", "")), t_s, told_s)
     power = payload.get("powerSupply", payload.get("batteryState"))
     if isinstance(power, dict):
         share = _number(power.get("stateOfCharge", power.get("batteryCharge"))) / 100
         if 0 <= share <= 1:
-            log.charges.append(Charge(vehicle, float(t_s), share, bool(power.get("charging"))))
+            log.charges.append(Charge(vehicle, t_s, share, bool(power.get("charging"))))
+
+
+def _vehicle_of(payload: dict[str, Any], topic: str) -> str:
+    parts = topic.split("/")
+    return str(payload.get("serialNumber") or (parts[-2] if len(parts) > 2 else "")) or "vehicle"
+
+
+def _time_of(document: dict[str, Any], payload: dict[str, Any], where: str) -> float:
+    """When a message was sent, by its own clock where it says it."""
+    from mrp_sumo.formats.vda.check import seconds_of
+
+    t_s = seconds_of(payload.get("timestamp"))
+    t_s = document.get("t_s") if t_s is None else t_s
+    if not isinstance(t_s, int | float) or isinstance(t_s, bool):
+        raise MrpSumoError(f"{where}: timestamp: found {str(payload.get('timestamp'))[:40]!r}, expected YYYY-MM-DDTHH:mm:ss.fffZ")
+    return float(t_s)
+
+
+def _note_order(payload: dict[str, Any], t_s: float, told_s: dict[str, float]) -> str:
+    """Note when each action was first asked for, by its id, which is unique among all; the node to which the order leads."""
+    nodes = [node for node in payload["nodes"] if isinstance(node, dict)]
+    for each in (each for node in nodes for each in node.get("actions") or () if isinstance(each, dict)):
+        told_s.setdefault(str(each.get("actionId")), t_s)
+    return str(nodes[-1].get("nodeId", "")) if nodes else ""
 
 
 def _note_status(
-    log: MotionLog, doing: dict[tuple[str, str], tuple[str, str, float]], vehicle: str, state: dict[str, Any], node: str, t_s: float
+    log: MotionLog,
+    doing: dict[tuple[str, str], tuple[str, str, float]],
+    vehicle: str,
+    state: dict[str, Any],
+    node: str,
+    t_s: float,
+    told_s: dict[str, float],
 ) -> None:
     """An action lasts from the first state in which it runs to the first in which it has ended."""
     key, kind = (vehicle, str(state.get("actionId"))), str(state.get("actionType", "action"))
@@ -298,7 +335,7 @@ def _note_status(
     elif state.get("actionStatus") == "FINISHED" and key in doing:
         action, at, begin_s = doing.pop(key)
         if t_s > begin_s:
-            log.visits.append(ActionTime(vehicle, action, at, begin_s, t_s))
+            log.visits.append(ActionTime(vehicle, action, at, begin_s, t_s, told_s.get(key[1], math.nan)))
 
 
 def _factsheet(log: MotionLog, payload: dict[str, Any]) -> None:

@@ -16,11 +16,8 @@ from mrp_sumo.errors import MrpSumoError
 
 if TYPE_CHECKING:
     from mrp_sumo.calibration.estimates import Calibration
-    from mrp_sumo.calibration.log import MotionLog
-    from mrp_sumo.maps.map import Map
 
 DEFAULT_ROBOT = "amr_600"
-BESIDE_M, ELSEWHERE = 10.0, 0.2  # how far from a map's lanes poses may be, and which share of them may be farther
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -50,6 +47,7 @@ def run(options: argparse.Namespace) -> int:
     from mrp_sumo.calibration.estimates import calibrated
     from mrp_sumo.calibration.files import document_of, drift, write_files
     from mrp_sumo.calibration.reading import read_fleet
+    from mrp_sumo.calibration.site import require_here
     from mrp_sumo.io.scenario.robots import robot_type
     from mrp_sumo.maps.catalogue import bundled_folder, find_map
     from mrp_sumo.maps.load import load_map
@@ -59,7 +57,7 @@ def run(options: argparse.Namespace) -> int:
     base = robot_type(options.robot, bundled_folder("robots"), Path())
     log = read_fleet(options.log)
     if options.map is not None:
-        _require_here(log, load_map(find_map(options.map, Path())))
+        require_here(log, load_map(find_map(options.map, Path())))
     result = calibrated(log)
     changed = {} if options.against is None else drift(result, options.against)
     written: list[Path] = []
@@ -82,26 +80,6 @@ def run(options: argparse.Namespace) -> int:
         if options.against is not None and not changed:
             say(f"no drift: every figure fits {options.against}")
     return int(bool(changed))
-
-
-def _require_here(log: "MotionLog", map_: "Map") -> None:
-    """Refuse a log whose vehicles are elsewhere than the map is."""
-    import numpy as np
-    from scipy.spatial import cKDTree
-
-    from mrp_sumo.maps.levels import shifts_of
-
-    nav = map_.nav
-    places = nav.xy - shifts_of(nav.level_names, map_.level_shift_m)[nav.level] if map_.level_shift_m else nav.xy
-    ends = np.concatenate([places[nav.tail] * (1 - share) + places[nav.head] * share for share in np.linspace(0, 1, 9)] + [places])
-    poses = np.array([row[1:3] for rows in log.poses.values() for row in rows[:: max(1, len(rows) // 500)]])
-    away = cKDTree(ends).query(poses)[0]
-    if (away > BESIDE_M).mean() > ELSEWHERE:
-        low, high = poses.min(0), poses.max(0)
-        raise MrpSumoError(
-            f"{log.source}: {(away > BESIDE_M).mean():.0%} of the poses are more than {BESIDE_M:g} m from any lane of '{map_.name}' "
-            f"(x {low[0]:.1f} to {high[0]:.1f}, y {low[1]:.1f} to {high[1]:.1f}): another site, another frame, or other units than metres"
-        )
 
 
 def _print(result: "Calibration", options: argparse.Namespace, written: list[Path]) -> None:

@@ -46,6 +46,7 @@ COMMANDS = {  # subcommand -> (module, help): help stays here so that --help imp
     "export": ("mrp_sumo.cli.export", "make a ROS 2 or ROS 1 bag, CSV, GeoJSON or FCD of a run"),
     "analyze": ("mrp_sumo.cli.analyze", "compute MRP-Bench's metrics of any bag with /fleet_states"),
     "calibrate": ("mrp_sumo.cli.calibrate", "make a robot type and disturbances of a fleet's log, each figure with an interval"),
+    "predict": ("mrp_sumo.cli.predict", "hold a simulation against a fleet's log: calibrated on its first part, compared on the rest"),
     "vda5050": ("mrp_sumo.cli.vda5050", "let robots be VDA 5050 vehicles at an MQTT broker, or drive such vehicles"),
     "replay": ("mrp_sumo.cli.replay", "write the replay page of a run: one HTML file for any browser"),
     "render": ("mrp_sumo.cli.render", "draw a run at a moment as a picture"),
@@ -58,7 +59,7 @@ COMMANDS = {  # subcommand -> (module, help): help stays here so that --help imp
     "completion": ("mrp_sumo.cli.completion", "print what lets bash, zsh or fish complete commands and options"),
     "schema": ("mrp_sumo.cli.schema", "print the JSON schema of scenario files"),
 }
-SLOW = ("run", "init", "plan", "capacity", "batch", "reproduce", "paper", "report", "studio", "demo", "vda5050")  # to start
+SLOW = ("run", "init", "plan", "capacity", "batch", "reproduce", "paper", "predict", "report", "studio", "demo", "vda5050")  # to start
 MOST = 2**63  # of whole numbers; no number of anything is as large
 COLOURS = "\x1b(?!\\[(?:(?:[0-4]|3[1-6])?;?)*m)"  # bold, dim, red, ..., but nothing that hides text
 OBEYED = re.compile(f"{COLOURS}|[\x00-\x08\x0b-\x1a\x1c-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]")

@@ -243,6 +243,11 @@ def _checked(names: _Names, path: Path, content: Any, begin: int) -> list[Task]:
 
 def _read(names: _Names, path: Path, begin: int) -> list[Task]:
     """The tasks of a CSV file."""
+    return [_task(names.of_line(line), (), task, number) for number, (line, task) in enumerate(choices_in(path), begin)]
+
+
+def choices_in(path: Path) -> Iterator[tuple[str, TaskChoice]]:
+    """Rows of a CSV file, as file and line, and the task. Raises ScenarioError."""
     rows = csv.DictReader(read_text(path, MAX_BYTES, ScenarioError).splitlines())
     columns = set(rows.fieldnames or ())
     if lacking := {"release_s", "stops"} - columns:
@@ -251,18 +256,15 @@ def _read(names: _Names, path: Path, begin: int) -> list[Task]:
         raise ScenarioError(
             f"{shortened(path)}:1: unknown column '{sorted(odd)[0]}'{nearest(sorted(odd)[0], TaskChoice.model_fields, limit=9)}"
         )
-    tasks = []
-    for number, row in enumerate(rows, begin):
+    for row in rows:
         line = f"{shortened(path)}:{rows.line_num}"
         values: Mapping[str, Any] = {key: value for key, value in row.items() if value not in (None, "")}
         try:
-            task = TaskChoice.model_validate({**values, "stops": str(values.get("stops", "")).split()})
+            yield line, TaskChoice.model_validate({**values, "stops": str(values.get("stops", "")).split()})
         except ValueError as error:
             first = error.errors()[0] if hasattr(error, "errors") else {"loc": (), "msg": str(error)}
             key, says = ".".join(map(str, first["loc"])), in_words(str(first["msg"]))
             raise ScenarioError(f"{line}: {key}: {says}, found {row.get(key)!r}" if key else f"{line}: {says}") from None
-        tasks.append(_task(names.of_line(line), (), task, number))
-    return tasks
 
 
 def _stream(names: _Names, place: Place, stream: StreamChoice, number: int, seed: int, step_s: float, name: str) -> TaskStream:

@@ -144,6 +144,7 @@ LINES = (
     line(f"vda5050 carts.yaml --broker {CLOSED} --as master --out new", 2, f"mrp-sumo: no connection to the broker {CLOSED}.*"),
     line("calibrate work --map small.building.yaml --robot cart.yaml --json --out new.yaml"),
     line("calibrate work --against cart.yaml", 2, "mrp-sumo: cart.yaml: has no intervals.*"),
+    line("predict lifelong.yaml --log work --hold-out 0.5 --orders orders.csv --runs 3 --json --out new", 2, "mrp-sumo: .*"),
     line("replay run --json --out new.html"),
     line("replay run --serve --port PORT", stops=True),
     line("render run --at 2 --dpi 50 --json --out new.png"),

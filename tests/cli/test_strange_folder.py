@@ -65,6 +65,7 @@ LINES = {  # at least one of every command; {run} and {batch} are made beforehan
     "export": "export {run} --csv --out {new}/csv",
     "analyze": "analyze {run}/bag",
     "calibrate": "calibrate {run} --out {new}/type.yaml",
+    "predict": "predict warehouse_lifelong --log {run} --out {new}/prediction",
     "vda5050": "vda5050 office_5 --broker 127.0.0.1:1 --duration 1",
     "replay": "replay {run} --out {new}/page.html",
     "render": "render {run} --at 1 --out {new}/page.png",
@@ -79,7 +80,7 @@ LINES = {  # at least one of every command; {run} and {batch} are made beforehan
     "schema": "schema",
 }
 COMPILES = {"run", "init", "capacity", "plan", "batch", "reproduce", "warmup"}  # kernels, where there are none
-REFUSED = {"paper", "studio", "demo", "vda5050"}  # for what takes minutes, or a broker; after all is loaded that reads the line
+REFUSED = {"paper", "studio", "demo", "predict", "vda5050"}  # for what takes minutes, or a broker; after all is loaded that reads the line
 COLD = {"plan": pytest.mark.slow}  # compiles kernels, minutes: one line in CI, the others by night
 
 

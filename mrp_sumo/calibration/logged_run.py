@@ -1,0 +1,132 @@
+"""The later part of a log as a run, so that metrics, replays and pages take it like the simulation that it is held against."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from mrp_sumo.calibration.held_out import HeldOut
+from mrp_sumo.calibration.site import levels_on, shift_on
+from mrp_sumo.core.execution import RECORDED, Execution, Outcome
+from mrp_sumo.core.graph import FloatArray, frozen
+from mrp_sumo.core.plan import PlanResult, Status, plan_of_visits
+from mrp_sumo.core.task import NOBODY, TASK_STATES, StopLog, TaskLog
+from mrp_sumo.experiments.result import RunResult
+from mrp_sumo.experiments.solve import Solution
+from mrp_sumo.experiments.staging.set_up import SetUp
+from mrp_sumo.io.run_folder import plain
+
+SAMPLE_S = 0.1
+GAP_S = 60.0  # without poses, in which nobody knows where a vehicle is
+
+
+def logged_run(held: HeldOut, setup: SetUp) -> RunResult:
+    """The run that the later part of a log tells of, on the problem that simulates it; its clock begins at the cut."""
+    from mrp_sumo.metrics.audit import audit
+    from mrp_sumo.metrics.evaluate import evaluate
+    from mrp_sumo.metrics.metric import Evidence
+    from mrp_sumo.traffic.referee import judge
+
+    problem = replace(setup.problem, fleet=replace(setup.problem.fleet, robot_name=held.vehicles))
+    setup = replace(setup, problem=problem)
+    plan = plan_of_visits([(problem.start[r : r + 1], np.zeros(1), np.full(1, np.inf)) for r in range(problem.num_robots)])
+    result = PlanResult(Status.SOLVED, plan, np.arange(problem.num_robots))
+    verdict, execution = judge(problem, plan, in_seconds=True), _execution(held, setup)
+    audited = audit(execution, problem.fleet, problem.graph.level[problem.start], None)
+    metrics = evaluate(Evidence(problem, result, verdict, execution, audited, time_limit_s=held.span_s))
+    note = f"recorded: {len(held.vehicles)} vehicles of {held.log.source}, {held.span_s:.0f} s from {held.cut_s - held.begin_s:.0f} s on"
+    return RunResult(setup, "completed", note, Solution(setup, problem, result, verdict, 0.0), execution, audited, plain(metrics))
+
+
+def _execution(held: HeldOut, setup: SetUp) -> Execution:
+    t_s = np.round(np.arange(math.floor(held.span_s / SAMPLE_S + 1e-6) + 1) * SAMPLE_S, 9)
+    x, y, yaw, speed = (np.full((len(t_s), len(held.vehicles)), np.nan) for _ in range(4))
+    level, by, on = np.zeros(x.shape, np.int64), shift_on(held.log, setup.map), levels_on(held.log, setup.map)
+    for r, name in enumerate(held.vehicles):
+        rows = np.array(held.log.poses[name], np.float64)
+        rows = rows[np.argsort(rows[:, 0], kind="stable")]
+        at_s = rows[:, 0] - held.cut_s
+        here = np.array([on.get(number, 0) for number in rows[:, 5].tolist()], np.int64)
+        after = np.clip(np.searchsorted(at_s, t_s), 1, len(at_s) - 1)
+        before = after - 1
+        there = (t_s >= at_s[0]) & (t_s <= at_s[-1]) & (at_s[after] - at_s[before] < GAP_S)
+        place = rows[:, 1:3] + by[here]
+        rides = here[before] != here[after]  # nothing lies between
+        nearest = np.where(t_s - at_s[before] <= at_s[after] - t_s, before, after)
+        for k, column in ((0, x), (1, y)):
+            column[there, r] = np.where(rides, place[nearest, k], np.interp(t_s, at_s, place[:, k]))[there]
+        heading = _headings(rows[:, 3], place)
+        yaw[there, r] = ((np.interp(t_s, at_s, np.unwrap(heading)) + np.pi) % (2 * np.pi) - np.pi)[there]
+        level[:, r] = here[nearest]
+        speed[there, r] = np.hypot(*(np.gradient(column[:, r], SAMPLE_S) for column in (x, y)))[there]
+    tasks, stops = _logs(held, setup)
+    return Execution(
+        t_s=frozen(t_s),
+        x_m=frozen(x),
+        y_m=frozen(y),
+        yaw_rad=frozen(yaw),
+        speed_mps=frozen(np.where(np.isfinite(x), np.nan_to_num(speed), np.nan)),
+        arrived_s=frozen(np.zeros(len(held.vehicles))),
+        goal_s=frozen(np.full(len(held.vehicles), np.nan)),
+        outcome=Outcome.COMPLETED,
+        policy=RECORDED,
+        sim_time_s=float(t_s[-1]),
+        wall_time_s=0.0,
+        cpu_time_s=0.0,
+        level=frozen(level) if len(setup.problem.graph.level_names) > 1 else None,
+        tasks=tasks,
+        stops=stops,
+    )
+
+
+def _headings(yaw_rad: FloatArray, place: FloatArray) -> FloatArray:
+    """Headings as the log says them, else those of the way."""
+    if np.isfinite(yaw_rad).all():
+        return yaw_rad
+    if len(place) < 2:
+        return np.zeros(len(place))
+    moved = np.gradient(place, axis=0)
+    moves = np.hypot(*moved.T) > 0.05
+    last = np.maximum.accumulate(np.where(moves, np.arange(len(place)), 0))
+    return np.arctan2(moved[:, 1], moved[:, 0])[last]
+
+
+def _logs(held: HeldOut, setup: SetUp) -> tuple[TaskLog, StopLog]:
+    """Orders and stops, with times from the cut on; those before are negative."""
+    graph, tasks = setup.problem.graph, setup.scenario.tasks
+    robot_of = {name: r for r, name in enumerate(held.vehicles)}
+    places = {name: station.places[0] for name, station in (tasks.stations if tasks else {}).items()}
+    rows: list[tuple[float, ...]] = []
+    names, robots, status = [], [], []
+    times: list[tuple[float, ...]] = []
+    for n, order in enumerate(held.orders):
+        robot = robot_of.get(order.vehicle, NOBODY)
+        begun = [begin_s for begin_s, _ in order.services if begin_s < held.end_s]
+        is_known = (order.assigned_s < held.end_s, bool(begun), order.done_s < held.end_s)
+        state = TASK_STATES[sum(is_known)] if not order.ended_s < held.end_s or is_known[2] else TASK_STATES[4]
+        names.append(order.name)
+        robots.append(robot)
+        status.append(state)
+        at_s = (order.release_s, order.assigned_s, begun[0] if begun else math.nan, order.done_s, order.ended_s)
+        times.append(tuple(t - held.cut_s if t < held.end_s else math.nan for t in at_s))
+        since_s = order.assigned_s - held.cut_s
+        for k, (begin_s, end_s) in enumerate(order.services):
+            if begin_s < held.end_s and robot != NOBODY:
+                name = order.stops[k]
+                vertex = int(graph.vertex_of_station[setup.map.nav.vertex_of_name[places.get(name, name)]])
+                rows.append((n, robot, k, vertex, since_s, begin_s - held.cut_s, end_s - held.cut_s))
+                since_s = end_s - held.cut_s
+    table = np.array(rows, np.float64).reshape(-1, 7)
+    whole = table[:, :4].astype(np.int64)
+    stations = tuple(held.orders[n].stops[k] for n, _, k, _ in whole.tolist())
+    none = frozen(np.zeros(len(table)))
+    due_s = np.array([held.orders[n].asks.get("due_s", math.inf) - held.cut_s for n in whole[:, 0].tolist()])
+    task, robot, _, vertex = (frozen(column) for column in whole.T)
+    since, begin, end = (frozen(column) for column in table[:, 4:].T)
+    stops = StopLog(task, robot, stations, vertex, since, begin, end, none, none, frozen(due_s))
+    released, assigned, opened, done, ended = (frozen(column) for column in np.array(times, np.float64).reshape(-1, 5).T)
+    reasons = ("",) * len(names)
+    log = TaskLog(
+        tuple(names), frozen(np.array(robots, np.int64)), released, assigned, opened, done, ended, tuple(status), reasons
+    )  # fmt: skip
+    return log, stops

@@ -1,0 +1,381 @@
+"""A prediction held against what came: robots calibrated on the earlier part of a log, driven on the orders of the later one.
+
+Some runs are made, each with a seed of its own and with its calibrated figures drawn from their intervals; what they have in the median is
+predicted, and a band of 90 % is where the log, as one run more, is expected. Figures of both are made by the same functions: lead times
+of orders that are released after the cut, not done by the end counting as longer than any; standing before services at stations; orders
+done an hour; shares of the time for which vehicles have orders, and the busiest station serves.
+"""
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mrp_sumo.calibration.estimates import CalibratedFigure, Calibration, calibrated
+from mrp_sumo.calibration.files import disturbances_of, drift, type_of, write_options
+from mrp_sumo.calibration.held_out import HeldOut, ServiceTimes, cut, scenario_of_later, stations_of, with_stations
+from mrp_sumo.calibration.log import LoggedOrder, MotionLog
+from mrp_sumo.calibration.logged_run import logged_run
+from mrp_sumo.calibration.orders import matched
+from mrp_sumo.calibration.site import require_here
+from mrp_sumo.core.disturbances import Disturbances
+from mrp_sumo.core.execution import Execution
+from mrp_sumo.core.graph import FloatArray
+from mrp_sumo.core.robot_type import RobotShape
+from mrp_sumo.core.task import StopLog, orders_of
+from mrp_sumo.errors import MrpSumoError
+from mrp_sumo.experiments.error_bands import as_changes, quantities
+from mrp_sumo.experiments.map_cache import MapCache
+from mrp_sumo.experiments.replications import t_quantile
+from mrp_sumo.experiments.result import RunResult
+from mrp_sumo.experiments.run import carry_out
+from mrp_sumo.experiments.staging.set_up import set_up
+from mrp_sumo.io.documents import Place
+from mrp_sumo.io.scenario.file import ScenarioFile
+from mrp_sumo.io.scenario.names import robot_types
+from mrp_sumo.io.scenario.read import changed
+
+BAND = 0.9
+NORMAL = 1.6449  # of a 90 % interval
+DRAWN = 89  # purpose of the stream of chance
+FEW = 5  # orders, from which on distributions are compared
+NEAR_M, STANDS_MPS, WITHIN_S = 5.0, 0.1, 3.0  # of a station, where standing is waiting for it; over how long speeds are taken
+HOUR_S = 3600.0
+
+Report = Callable[[str, float, float], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Outcomes:
+    """Outcomes of a run, or of a log, over the later part."""
+
+    lead_time_s: FloatArray  # [N] inf: not done by the end
+    station_wait_s: FloatArray  # [S]
+    done_s: FloatArray  # ascending, of all orders that were done
+    throughput_per_h: float
+    robots_busy_share: float
+    station_busy_share: float
+
+
+@dataclass(frozen=True)
+class ComparedFigure:
+    """A figure of the log beside what was predicted."""
+
+    name: str
+    label: str
+    unit: str
+    logged: float
+    predicted: float
+    low: float
+    high: float
+
+    @property
+    def error(self) -> float:
+        """Share by which the prediction is above the log; NaN where the log has nothing to divide by."""
+        return self.predicted / self.logged - 1 if self.logged > 0 else math.nan
+
+    @property
+    def holds(self) -> bool:
+        """True if the log is within the band."""
+        return self.low <= self.logged <= self.high
+
+    @property
+    def document(self) -> dict[str, Any]:
+        """As JSON."""
+        return {**{key: _said(getattr(self, key)) for key in ("logged", "predicted", "low", "high", "error")}, "unit": self.unit} | {
+            "band_holds": self.holds
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """A log beside what was predicted of it."""
+
+    held: HeldOut
+    calibrations: tuple[Calibration, ...]  # by type
+    station: str  # the busiest of the log
+    logged: Outcomes
+    simulated: tuple[Outcomes, ...]  # by run
+    figures: tuple[ComparedFigure, ...]
+    log_run: RunResult
+    run: RunResult  # the simulation whose median lead time is in the middle
+    drift: dict[str, str]  # figures of the later part that no longer fit those of the earlier one
+    files: tuple[Path, ...]  # types, each with its disturbances beside it
+    notes: list[str] = field(default_factory=list)
+
+    @property
+    def document(self) -> dict[str, Any]:
+        """As JSON."""
+        held = self.held
+        return {
+            "log": held.log.source,
+            "kind": held.log.kind,
+            "begin_s": round(held.begin_s, 3),
+            "cut_s": round(held.cut_s, 3),
+            "end_s": round(held.end_s, 3),
+            "vehicles": list(held.vehicles),
+            "orders": {"logged": len(self.logged.lead_time_s), "done": len(self.logged.done_s)},
+            "runs": len(self.simulated),
+            "band": BAND,
+            "figures": {each.name: each.document for each in self.figures},
+            "bands_hold": all(each.holds for each in self.figures),
+            "busiest_station": self.station,
+            "calibrated": {
+                path.stem: {name: each.document for name, each in one.quantities.items()}
+                for path, one in zip(self.files, self.calibrations)
+            },
+            "drift": self.drift,
+            "notes": self.notes,
+        }
+
+
+def _said(value: float) -> float | None:
+    return float(f"{value:.6g}") if math.isfinite(value) else None
+
+
+def predicted(
+    file: ScenarioFile,
+    log: MotionLog,
+    orders: Sequence[LoggedOrder] | None,
+    *,
+    hold_out: float,
+    runs: int,
+    folder: Path,
+    maps: MapCache,
+    report: Report,
+) -> Prediction:
+    """Predict the later part of a log. Raises MrpSumoError: one line, for a log that does not fit, or tells too little.
+
+    Parameters
+    ----------
+    file
+        The site: map, stations, planner, dispatcher, and types as far as the log does not tell them.
+    orders
+        Of a file, instead of those that the log shows; its times are those of the log.
+    hold_out
+        Share of the log's time that is predicted.
+    runs
+        How many simulations.
+    folder
+        Where files of the types are written.
+    """
+    setup = set_up(file, maps)
+    require_here(log, setup.map)
+    if orders is not None:
+        log = replace(log, orders=matched(orders, log.orders))
+    log = replace(log, orders=with_stations(log.orders, setup, log.source))
+    held = cut(log, setup, hold_out)
+    _require_orders(held)
+    report("calibrating", 0.0, 0.0)
+    times = ServiceTimes(held.earlier().visits, stations_of(file))
+    calibrations = tuple(_calibrations(held, len(robot_types(file))))
+    disturbing, files = _write(held, calibrations, file, folder, times.is_known)
+    _note_what_is_assumed(held, file, times, disturbing)
+    seed = file.scenario.seed
+    base = scenario_of_later(held, setup, files, disturbing, times, seed)
+    made, outcomes, station = [], [], _busiest(held)
+    for n, moves in enumerate(_drawn(base, runs, seed)):
+        report(f"driving run {n + 1} of {runs}", float(n), float(runs))
+        again = scenario_of_later(held, setup, files, disturbing, times, seed + n) if n else base
+        result = carry_out(changed(again, as_changes(moves)), maps)
+        if result.execution is None or result.execution.tasks is None:
+            raise MrpSumoError(f"the simulation of {held.log.source}: {result.status.replace('_', ' ')}: {result.note}")
+        outcomes.append(outcomes_of(result, held, station))
+        made.append(result)
+    middle = int(np.argsort([_quantile(each.lead_time_s, 0.5) for each in outcomes], kind="stable")[(runs - 1) // 2])
+    report("comparing", 0.0, 0.0)
+    log_run = logged_run(held, made[middle].setup)
+    logged = outcomes_of(log_run, held, station)
+    figures = tuple(_compared(logged, outcomes, station))
+    return Prediction(
+        held, calibrations, station, logged, tuple(outcomes), figures, log_run, made[middle], _drift(held, files), files, held.notes
+    )
+
+
+def _require_orders(held: HeldOut) -> None:
+    new = [order for order in held.orders if order.release_s >= held.cut_s]
+    if len(new) < FEW:
+        what = f"{len(new)} orders are released after {held.cut_s:.0f} s" if held.log.orders else "the log has no orders"
+        more = "" if held.log.orders else "; give them with --orders FILE.csv"
+        raise MrpSumoError(f"{held.log.source}: {what}, expected {FEW} or more to compare{more}")
+    if sum(order.done_s < held.end_s for order in new) < FEW:
+        raise MrpSumoError(
+            f"{held.log.source}: it says of fewer than {FEW} orders after {held.cut_s:.0f} s when they were done, "
+            "expected actions at stations"
+        )
+
+
+def _calibrations(held: HeldOut, num_types: int) -> Iterator[Calibration]:
+    for kind in range(num_types):
+        if (held.kind == kind).any():
+            yield calibrated(held.earlier(kind if num_types > 1 else None))
+
+
+def _write(
+    held: HeldOut, calibrations: Sequence[Calibration], file: ScenarioFile, folder: Path, is_served: bool
+) -> tuple[dict[str, Any], tuple[Path, ...]]:
+    """Write the types, and beside each what disturbs all: one set, in which each type counts by its episodes."""
+    models = [model for k, model in enumerate(robot_types(file)) if (held.kind == k).any()]
+    disturbing = _together([disturbances_of(one) for one in calibrations], calibrations)
+    if file.scenario.people is not None:  # who walk there, and stop robots, themselves
+        disturbing = _without(disturbing, ("stops_per_s", "stop_median_s", "stop_sigma"))
+    paths = []
+    for model, one in zip(models, calibrations):
+        shape = RobotShape(**{name: value for name, value in vars(model).items() if name != "name"})
+        made = type_of(one, shape)
+        path = folder / f"{model.name}.yaml"
+        write_options(replace(made, actions=None) if is_served else made, path)
+        write_options(Disturbances(**disturbing), path.with_name(f"{path.stem}.disturbances.yaml"))
+        paths.append(path)
+    return disturbing, tuple(paths)
+
+
+def _together(each: Sequence[Disturbances], calibrations: Sequence[Calibration]) -> dict[str, Any]:
+    """Figures of several types as one, by weight of the episodes that they are from."""
+    figures: dict[str, Any] = {"intervals": {}}
+    for name in dict.fromkeys(name for one in each for name in one.intervals):
+        known = [(one, calibration) for one, calibration in zip(each, calibrations) if name in one.intervals]
+        weights = np.array([_weight(calibration.quantities[name], calibration) for _, calibration in known])
+        rows = np.array([(getattr(one, name), *one.intervals[name]) for one, _ in known])
+        value, low, high = (float(f"{number:.4g}") for number in weights @ rows / weights.sum())
+        figures[name], figures["intervals"][name] = value, [min(low, value), max(high, value)]
+    return figures
+
+
+def _weight(figure: CalibratedFigure, calibration: Calibration) -> float:
+    """Rates count by the time driven, all others by their episodes."""
+    if figure.name == "stops_per_s" and calibration.fits is not None and calibration.fits.stops is not None:
+        return max(calibration.fits.stops.driven_s, 1e-9)
+    return max(figure.count, 1)
+
+
+def _without(figures: Mapping[str, Any], names: Sequence[str]) -> dict[str, Any]:
+    intervals = {name: span for name, span in figures["intervals"].items() if name not in names}
+    return {name: value for name, value in figures.items() if name not in names} | {"intervals": intervals}
+
+
+def _note_what_is_assumed(held: HeldOut, file: ScenarioFile, times: ServiceTimes, disturbing: Mapping[str, Any]) -> None:
+    if not times.is_known:
+        held.notes.append("the log does not say how long services take: as the scenario's types and the orders have it")
+    if file.scenario.people is not None:
+        held.notes.append("stops on the way are those that the scenario's people cause")
+    if any(order.release_s == order.assigned_s for order in held.orders) and held.log.kind != "run folder":
+        held.notes.append("orders count as released when a vehicle has them, since the log does not say it; --orders FILE.csv does")
+    if gone := {order.vehicle for order in held.orders if order.vehicle} - set(held.vehicles):
+        held.notes.append(f"orders of {', '.join(sorted(gone))}, of which there are no poses, are done by the others")
+
+
+def _drawn(file: ScenarioFile, runs: int, seed: int) -> Iterator[dict[Place, float]]:
+    """Calibrated figures of each run, drawn from their intervals: evenly over the normal ones, in an order of their own each."""
+    from scipy.special import ndtri
+
+    rng = np.random.default_rng([seed, DRAWN])
+    of = [quantity for quantity in quantities(file, {}, ()) if quantity.is_given]
+    deviates = np.stack([rng.permutation(ndtri((np.arange(runs) + 0.5) / runs)) for _ in of], 1) if of else np.zeros((runs, 0))
+    disturbances = file.scenario.execution.disturbances
+    for row in np.clip(deviates / NORMAL, -1, 1).tolist():
+        moves = {}
+        for quantity, share in zip(of, row):
+            for place, low, high in quantity.ends:
+                usual = 1.0 if place[0] == "robots" else float(getattr(disturbances, str(place[-1])))
+                moves[place] = float(f"{usual + share * (high - usual if share > 0 else usual - low):.6g}")
+        yield moves
+
+
+def _busiest(held: HeldOut) -> str:
+    served: dict[str, float] = {}
+    for order in held.orders:
+        for name, (begin_s, end_s) in zip(order.stops, order.services):
+            served[name] = served.get(name, 0.0) + max(0.0, min(end_s, held.end_s) - max(begin_s, held.cut_s))
+    return max(sorted(served), key=lambda name: served[name], default="")
+
+
+def outcomes_of(run: RunResult, held: HeldOut, station: str) -> Outcomes:
+    """Outcomes of a simulation of the later part, or of the part itself."""
+    execution = run.execution
+    assert execution is not None and execution.tasks is not None and execution.stops is not None
+    tasks, stops = orders_of(execution.tasks, execution.stops)
+    assert stops is not None
+    span_s = held.span_s
+    before = {order.name: order.release_s - held.cut_s for order in held.orders if order.release_s < held.cut_s}
+    released_s = np.array([before.get(name, float(t)) for name, t in zip(tasks.name, tasks.released_s.tolist())])
+    done_s = np.where(tasks.done_s <= span_s, tasks.done_s, np.inf)
+    lead_s = done_s - released_s
+    counts = (released_s >= 0) & (released_s <= span_s - _usual_lead_s(held))
+    busy_s = np.clip(np.minimum(done_s, span_s) - np.maximum(tasks.assigned_s, 0.0), 0.0, None)
+    served_s = np.clip(np.minimum(stops.end_s, span_s) - np.maximum(stops.begin_s, 0.0), 0.0, None)
+    there = np.array([name == station for name in stops.station], np.bool_)
+    return Outcomes(
+        lead_s[counts],
+        _waits_s(execution, stops),
+        np.sort(done_s[np.isfinite(done_s)]),
+        float(np.isfinite(done_s).sum() / span_s * HOUR_S),
+        float(np.nansum(busy_s) / (span_s * len(held.vehicles))),
+        float(served_s[there].sum() / span_s),
+    )
+
+
+def _usual_lead_s(held: HeldOut) -> float:
+    """What 95 % of the orders take: those released so short before the end are not compared. At most a quarter of the part."""
+    times = [order.done_s - order.release_s for order in held.log.orders if order.done_s < held.end_s]
+    return min(float(np.quantile(times, 0.95)) if times else 0.0, held.span_s / 4)
+
+
+def _waits_s(execution: Execution, stops: StopLog) -> FloatArray:
+    """[S] for how long robots stood near a station, after the stop before, until they were served there."""
+    t, period_s = execution.t_s, float(execution.t_s[1] - execution.t_s[0])
+    half = max(1, round(WITHIN_S / 2 / period_s))
+    waits = []
+    for robot, since_s, begin_s in zip(stops.robot.tolist(), stops.since_s.tolist(), stops.begin_s.tolist()):
+        a, b = np.searchsorted(t, (max(since_s, 0.0), begin_s))
+        if begin_s < 0 or b - a < 2 or b >= len(t):
+            continue
+        x, y = execution.x_m[:, robot], execution.y_m[:, robot]
+        k = np.arange(a, b)
+        one, other = np.clip(k - half, 0, len(t) - 1), np.clip(k + half, 0, len(t) - 1)
+        moved = np.hypot(x[other] - x[one], y[other] - y[one])
+        stands = moved < STANDS_MPS * (t[other] - t[one])
+        near = np.hypot(x[k] - x[b], y[k] - y[b]) < NEAR_M
+        waits.append(float((stands & near).sum() * period_s))
+    return np.array(waits)
+
+
+def _compared(logged: Outcomes, simulated: Sequence[Outcomes], station: str) -> Iterator[ComparedFigure]:
+    def figure(name: str, label: str, unit: str, read: Callable[[Outcomes], float]) -> ComparedFigure:
+        values = np.array([read(each) for each in simulated])
+        value, reach = float(np.median(values)), math.inf
+        if len(values) > 1 and np.isfinite(values).all():
+            reach = t_quantile((1 + BAND) / 2, len(values) - 1) * float(values.std(ddof=1)) * math.sqrt(1 + 1 / len(values))
+        middle = float(values.mean())
+        return ComparedFigure(name, label, unit, read(logged), value, max(0.0, middle - reach), middle + reach)
+
+    for share, word in ((0.5, "p50"), (0.95, "p95")):
+        yield figure(f"lead_time_{word}_s", f"lead time, {word}", "s", lambda run, q=share: _quantile(run.lead_time_s, q))  # type: ignore[misc]
+    for share, word in ((0.5, "p50"), (0.95, "p95")):
+        yield figure(f"station_wait_{word}_s", f"wait at stations, {word}", "s", lambda run, q=share: _quantile(run.station_wait_s, q))  # type: ignore[misc]
+    yield figure("throughput_per_h", "orders done an hour", "1/h", lambda run: run.throughput_per_h)
+    yield figure("robots_busy_share", "robots with an order", "", lambda run: run.robots_busy_share)
+    yield figure("station_busy_share", f"'{station}' serves", "", lambda run: run.station_busy_share)
+
+
+def _quantile(values: FloatArray, share: float) -> float:
+    """A quantile of values of which some may be infinite; NaN: there are none."""
+    if not len(values):
+        return math.nan
+    at = share * (len(values) - 1)
+    ordered = np.sort(values)
+    low, high = float(ordered[math.floor(at)]), float(ordered[math.ceil(at)])
+    return low if low == high else low + (at - math.floor(at)) * (high - low)
+
+
+def _drift(held: HeldOut, files: Sequence[Path]) -> dict[str, str]:
+    """Figures of the later part that no longer fit; of a fleet of one type, since its vehicles are those of a file."""
+    if len(files) > 1:
+        return {}
+    try:
+        return drift(calibrated(held.later()), files[0])
+    except MrpSumoError:  # too short to tell
+        return {}

@@ -1,0 +1,200 @@
+"""The page of a prediction: the answer in a sentence, figures of log and simulation side by side, their distributions, what it stands on.
+
+One HTML file without scripts that needs no network, in light and dark; beside it both as run folders, and a replay of both.
+"""
+
+import html
+import json
+import math
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from mrp_sumo import __version__
+from mrp_sumo.calibration.prediction import ComparedFigure, Outcomes, Prediction
+from mrp_sumo.core.graph import FloatArray
+from mrp_sumo.experiments.map_cache import MapCache
+from mrp_sumo.files.writing import write_text
+from mrp_sumo.io.run_reader import load_run
+from mrp_sumo.reports.charts.chart import Chart, draw, key
+from mrp_sumo.reports.page import Tile, chart_row, document, gap_list, rows_of, tile_list
+from mrp_sumo.reports.pictures.map_picture import BLUE, SKY, VERMILION
+from mrp_sumo.reports.replay.beside import page_of_two
+from mrp_sumo.reports.replay.page import write_page
+
+PAGE, DOCUMENT, REPLAY = "prediction.html", "prediction.json", "replay.html"
+Read = Callable[[Outcomes], FloatArray]
+
+
+def write_prediction(result: Prediction, name: str, folder: Path, maps: MapCache) -> None:
+    """Write page, document, both runs and the replay of both into a folder."""
+    result.log_run.write(folder / "log", maps)
+    result.run.write(folder / "simulation", maps)
+    write_page(page_of_two(load_run(folder / "log"), load_run(folder / "simulation")), folder / REPLAY)
+    write_text(folder / DOCUMENT, json.dumps(result.document, indent=2) + "\n")
+    write_text(folder / PAGE, prediction_page(result, name))
+
+
+def sentence_of(result: Prediction) -> str:
+    """The comparison in a sentence."""
+    middle, throughput = result.figures[0], next(each for each in result.figures if each.name == "throughput_per_h")
+    missed = [each.label for each in result.figures if not each.holds]
+    bands = "all bands hold" if not missed else f"the band of {', '.join(missed)} does not hold"
+    return (
+        f"Half of the orders took {figure_text(middle.logged)} s or less, {figure_text(middle.predicted)} s were predicted"
+        f"{_off(middle)}; {figure_text(throughput.logged)} an hour were done, {figure_text(throughput.predicted)} predicted"
+        f"{_off(throughput)}; {bands}."
+    )
+
+
+def _off(each: ComparedFigure) -> str:
+    return f" ({100 * each.error:+.1f} %)" if math.isfinite(each.error) else ""
+
+
+def figure_text(value: float) -> str:
+    """A figure for people."""
+    return "not done" if value == math.inf else "" if math.isnan(value) else f"{value:.3g}" if abs(value) < 100 else f"{value:.0f}"
+
+
+def prediction_page(result: Prediction, name: str) -> str:
+    """The whole page."""
+    held = result.held
+    body = [
+        f'<header><p class="question">Does the simulation fit the log? {html.escape(name)}</p>'
+        f"<h1>{html.escape(sentence_of(result))}</h1></header>",
+        "<main>",
+        tile_list(
+            [
+                Tile(each.label, f"{figure_text(each.predicted)} {each.unit}", f"log {figure_text(each.logged)}{_off(each)}", _mood(each))
+                for each in result.figures
+            ]
+        ),
+        gap_list(result.notes),
+        "<h2>Side by side</h2>",
+        _table(result),
+        f'<p><a href="{REPLAY}">Replay of log and simulation</a> on one clock, from {held.cut_s - held.begin_s:.0f} s of the log on: '
+        "<code>mrp-sumo replay log simulation</code>.</p>",
+        *chart_row(_charts(result)),
+        '<h2 class="second">What it stands on</h2>',
+        *_calibrated(result),
+        *_drift(result),
+        "</main>",
+        f"<footer><p>{html.escape(_small_print(result))}</p></footer>",
+    ]
+    return document(f"{name}: log and simulation", "mrp-sumo predict", body, Path(__file__).with_name("capacity") / "page.css")
+
+
+def _mood(each: ComparedFigure) -> str:
+    return "good" if each.holds else "bad"
+
+
+def _grid(head: Sequence[str], rows: Sequence[Sequence[str]], numbers: range) -> str:
+    above, below = rows_of([head], numbers, "th"), rows_of(rows, numbers)
+    return f'<div class="scroll"><table class="help"><thead>{above}</thead><tbody>{below}</tbody></table></div>'
+
+
+def _table(result: Prediction) -> str:
+    rows = [
+        (
+            html.escape(each.label),
+            figure_text(each.logged),
+            figure_text(each.predicted),
+            f"{100 * each.error:+.1f} %" if math.isfinite(each.error) else "",
+            f"{figure_text(each.low)} to {figure_text(each.high)}",
+            each.unit,
+            "holds" if each.holds else "does not hold",
+        )
+        for each in result.figures
+    ]
+    return _grid(("", "log", "predicted", "error", "90 % band", "unit", ""), rows, range(1, 5))
+
+
+def _charts(result: Prediction) -> list[Chart]:
+    def of_lead(run: Outcomes) -> FloatArray:
+        return run.lead_time_s
+
+    def of_wait(run: Outcomes) -> FloatArray:
+        return run.station_wait_s
+
+    many = len(result.simulated)
+    below = f"The band is what {many} runs have from the least to the most."
+    return [
+        _shares(result, "lead_time", "Lead time", "from release to done", of_lead, "orders", below),
+        _shares(result, "station_wait", "Waits at stations", "stood near a station before service", of_wait, "services", below),
+        _done(result, below),
+    ]
+
+
+def _shares(result: Prediction, name: str, title: str, what: str, read: Read, of: str, below: str) -> Chart:
+    """Shares of values below each time, of the log and of all runs."""
+
+    def paint(figure: Figure) -> None:
+        ax = figure.add_subplot()
+        share = np.linspace(0, 1, 201)
+        runs = np.stack([_quantiles(read(each), share) for each in result.simulated])
+        ax.fill_betweenx(100 * share, runs.min(0), runs.max(0), color=SKY, alpha=0.45, lw=0, label="runs")
+        ax.plot(np.median(runs, 0), 100 * share, color=BLUE, ls=(0, (5, 1.6)), label="predicted")
+        ax.plot(_quantiles(read(result.logged), share), 100 * share, color=VERMILION, label="log")
+        key(figure, ax)
+        ax.set(xlim=(0, None), ylim=(0, 100), xlabel=f"{what} (s)", ylabel=f"{of} below (%)")
+
+    return draw(name, title, below, paint)
+
+
+def _quantiles(values: FloatArray, share: FloatArray) -> FloatArray:
+    """Quantiles, NaN where they are not finite."""
+    if not len(values):
+        return np.full(len(share), np.nan)
+    ordered = np.sort(values)
+    there: FloatArray = ordered[np.minimum((share * len(ordered)).astype(int), len(ordered) - 1)]
+    return np.where(np.isfinite(there), there, np.nan)
+
+
+def _done(result: Prediction, below: str) -> Chart:
+    def paint(figure: Figure) -> None:
+        ax = figure.add_subplot()
+        t = np.linspace(0, result.held.span_s, 201)
+        runs = np.stack([np.searchsorted(each.done_s, t, side="right") for each in result.simulated])
+        ax.fill_between(t / 60, runs.min(0), runs.max(0), color=SKY, alpha=0.45, lw=0, label="runs")
+        ax.plot(t / 60, np.median(runs, 0), color=BLUE, ls=(0, (5, 1.6)), label="predicted")
+        ax.plot(t / 60, np.searchsorted(result.logged.done_s, t, side="right"), color=VERMILION, label="log")
+        key(figure, ax)
+        ax.set(xlim=(0, t[-1] / 60), ylim=(0, None), xlabel="time from the cut (min)", ylabel="orders done")
+
+    return draw("done", "Orders done", below, paint)
+
+
+def _calibrated(result: Prediction) -> list[str]:
+    lines = []
+    for path, one in zip(result.files, result.calibrations):
+        rows = [
+            (
+                html.escape(each.name),
+                f"{each.value:.4g}",
+                f"{each.low:.4g} to {each.high:.4g}",
+                each.unit,
+                f"{each.count} {html.escape(each.of)}",
+            )
+            for each in one.quantities.values()
+        ]
+        lines.append(f"<h3>{html.escape(path.stem)}</h3>")
+        lines.append(_grid(("", "calibrated", "90 % interval", "unit", "from"), rows, range(1, 3)))
+    return lines
+
+
+def _drift(result: Prediction) -> list[str]:
+    rows = [(html.escape(name), html.escape(both)) for name, both in result.drift.items()]
+    if not rows:
+        return []
+    return ['<h2 class="second">Drift</h2>', "<p>What the later part of the log no longer fits:</p>", _grid(("", "beside"), rows, range(0))]
+
+
+def _small_print(result: Prediction) -> str:
+    held = result.held
+    return (
+        f"{held.log.source} ({held.log.kind}): {len(held.vehicles)} vehicles, {len(result.logged.lead_time_s)} orders compared, "
+        f"{held.cut_s - held.begin_s:.0f} s calibrated on, {held.span_s:.0f} s predicted; {len(result.simulated)} runs, each with its own "
+        f"seed and figures drawn from their intervals. mrp_sumo {__version__}"
+    )

@@ -1,0 +1,62 @@
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from mrp_sumo.calibration.held_out import HeldOut, ServiceTimes, cut, tasks_of
+from mrp_sumo.calibration.log import ActionTime, LoggedOrder, MotionLog
+from mrp_sumo.errors import MrpSumoError
+
+
+def poses(shift_s=0.0, at_m=0.0, seconds=600):
+    return [(t + shift_s, math.sin(t / 50) * 10 + at_m, 0.0, 0.0, math.nan, 0.0) for t in range(seconds)]
+
+
+def order(name, release_s, *services, stops=("shelf", "dock"), **asks):
+    done_s = services[-1][1] if len(services) == len(stops) else math.nan
+    return LoggedOrder(name, stops, release_s, release_s + 1, "a" if services else "", tuple(services), done_s, done_s, asks)
+
+
+def held(*orders, cut_s=300.0):
+    return HeldOut(MotionLog("log", "CSV"), 0.0, cut_s, 600.0, ("a", "b"), np.zeros(2, int), np.zeros((2, 2)), np.zeros(2, int), orders)
+
+
+TIMES = ServiceTimes([ActionTime("a", kind, "", 0.0, 10.0) for kind in ("pick", "drop")], {})
+
+
+def test_order_on_board_goes_on_with_its_vehicle_from_the_stop_that_comes_next():
+    carried = order("carried", 200, (250.0, 260.0), (330.0, 340.0))
+    served = order("served", 200, (294.0, 304.0), (330.0, 340.0))
+    waiting = order("waiting", 200, due_s=500)
+    new = order("new", 350, (400.0, 410.0), (420.0, 430.0))
+    made = {task["name"]: task for task in tasks_of(held(carried, served, waiting, new), TIMES, 0)}
+    assert (made["carried"]["stops"], made["carried"]["robot"], made["carried"]["service_s"]) == (["dock"], "robot_0", [10.0])
+    assert made["served"]["stops"] == ["shelf", "dock"]
+    assert made["served"]["service_s"] == [4.0, 10.0]  # six of ten seconds were over
+    assert (made["waiting"]["release_s"], made["waiting"]["due_s"]) == (0.0, 200)
+    assert "robot" not in made["waiting"]
+    assert (made["new"]["release_s"], made["new"]["service_s"]) == (50.0, [10.0, 10.0])  # its own times are of the future
+
+
+def test_service_times_are_those_of_the_station_where_it_has_enough():
+    visits = [ActionTime("a", "pick", "fast", 0.0, 5.0)] * 8 + [ActionTime("a", "pick", "slow", 0.0, 50.0)]
+    times, rng = ServiceTimes(visits, {}), np.random.default_rng(0)
+    assert {times.drawn_s("fast", "pick", rng) for _ in range(20)} == {5.0}
+    assert {times.drawn_s("slow", "pick", rng) for _ in range(60)} == {5.0, 50.0}
+
+
+@pytest.mark.parametrize(
+    "named, line",
+    [
+        ({"a": poses(), "b": poses(at_m=0.01)}, "'a' and 'b' are at the same places all the time: one vehicle of two names"),
+        ({"a": poses() + poses(shift_s=100), "b": poses(at_m=30)}, "the clock of 'a' jumps back by 8 min at 599 s"),
+        ({"a": poses(seconds=60)}, "59 s in all, too short to tell anything"),
+        ({"a": poses(), "b": poses(at_m=30), "c": poses(shift_s=1e6, at_m=60)}, "the clock of 'c' is "),
+    ],
+)
+def test_log_that_cannot_be_compared_is_refused(named, line):
+    with pytest.raises(MrpSumoError) as error:
+        cut(MotionLog("log", "CSV", poses=named), SimpleNamespace(file=None, map=None), 0.5)
+    assert line in str(error.value)
+    assert "\n" not in str(error.value)
