@@ -110,21 +110,21 @@ def _of_clearance(map_: Map, robot: RobotType) -> list[dict[str, Any]]:
 
 
 def _places(text: str, building: Building) -> Iterator[Place]:
-    """Places that a text names: vertices, lanes and walls by number, coordinates in metres, names of vertices."""
+    """Places that a text names: vertices, lanes and walls by number, coordinates in metres, names of vertices and lifts."""
     named = [name for name in building.levels if re.search(rf"\blevel {re.escape(name)}(?:\W|$)", text)]
     levels = [building.levels[max(named, key=len)]] if named else list(building.levels.values())
     if named or len(levels) == 1:
         level = levels[0]
         drawn = _file_xy(level, building)
-        for pattern, ends in ((LANES, [(x.start, x.end) for x in level.lanes]), (WALLS, level.walls.tolist())):
-            for numbers in pattern.findall(text):
-                for k in (int(number) for number in re.findall(r"\d+", numbers) if int(number) < len(ends)):
-                    yield [level.name, *drawn[list(ends[k])].mean(axis=0).round(3).tolist()]
-        for numbers in VERTICES.findall(text):
-            for v in (int(number) for number in re.findall(r"\d+", numbers) if int(number) < len(drawn)):
-                yield [level.name, *drawn[v].tolist()]
+        lines = [(x.start, x.end) for x in level.lanes], level.walls.tolist(), [(v,) for v in range(len(drawn))]
+        for pattern, ends in zip((LANES, WALLS, VERTICES), lines):
+            numbers = [int(number) for found in pattern.findall(text) for number in re.findall(r"\d+", found)]
+            yield from ([level.name, *drawn[list(ends[k])].mean(axis=0).round(3).tolist()] for k in numbers if k < len(ends))
         for x, y in AT.findall(text):
             yield [level.name, *_from(_to_file(level, building, world=True), np.array([float(x), float(y)]))]
+    for lift in (lift for lift in building.lifts.values() if re.search(rf"\blifts? '?{re.escape(lift.name)}(?:\W|$)", text)):
+        at = np.array([lift.x_m, lift.y_m])
+        yield from ([x.name, *_from(_to_file(x, building, world=True), at)] for x in levels if x.name in lift.level_doors)
     for name in NAMED.findall(text):
         for level in levels:
             drawn = _file_xy(level, building)

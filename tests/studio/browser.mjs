@@ -1,37 +1,13 @@
-/* node browser.mjs CHROMIUM ADDRESS FOLDER: uses a workbench as people do, from a picture of a hall to an answer, and prints what came of it as
-   lines of JSON {"claim", "holds", "found"}. Screenshots go to FOLDER. Needs playwright-core. */
-import { createRequire } from "node:module";
+/* From a picture of a hall to an answer, as people do it. Screenshots go to a second folder, where one is named. */
 import { readFileSync, writeFileSync } from "node:fs";
+import { folder, goes, outside, PATIENCE, person, problems, say } from "./person.mjs";
 
-const [, , executablePath, address, folder, shots = ""] = process.argv;
-const { chromium } = createRequire(import.meta.url)("playwright-core");
-const browser = await chromium.launch({ executablePath, args: ["--no-sandbox", "--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-component-update", "--disable-sync", "--disable-gpu"] });
-const say = (claim, holds, found = null) => console.log(JSON.stringify({ claim, holds: Boolean(holds), found }));
-const PATIENCE = { timeout: 300000 };
-const problems = [], outside = [];
-
-async function opened(options = {}) {
-  const tab = await (await browser.newContext({ viewport: { width: 1280, height: 800 }, ...options })).newPage();
-  tab.on("console", (message) => ["error", "warning"].includes(message.type()) && problems.push(message.text()));
-  tab.on("pageerror", (error) => problems.push(error.message));
-  tab.on("request", (request) => !request.url().startsWith(address) && /^https?:/.test(request.url()) && outside.push(request.url()));
-  await tab.goto(address);
-  await tab.waitForFunction(() => document.documentElement.dataset.ready, null, PATIENCE);
-  return tab;
-}
-let tab = await opened();
-const begin = Date.now();
+const shots = process.argv[5], begin = Date.now();
+const { tab, site, until, click, step, press, type, answer } = await person();
 const shot = async (name) => shots && tab.screenshot({ path: `${shots}/${name}.png` }).then(() => console.error(name, Math.round((Date.now() - begin) / 1000), "s"));
-const box = await tab.locator("#floor").boundingBox();
-const screen = async (x, y) => { const [sx, sy] = await tab.evaluate((p) => window.studio.toScreen(p), [x, y]); return [box.x + sx, box.y + sy]; };
-const click = async (x, y, options) => tab.mouse.click(...(await screen(x, y)), options);
-const site = (expression) => tab.evaluate((text) => new Function("site", "shared", `return ${text}`)(window.studio.site, window.studio.shared), expression);
-const lists = (name) => site(`(Object.values(site.document.levels)[0].${name} || []).length`);
-const until = (expression) => tab.waitForFunction((text) => new Function("site", "shared", `return ${text}`)(window.studio.site, window.studio.shared), expression, PATIENCE);
-const step = (name) => tab.click(`#steps button:has-text("${name}")`);
-const press = (text) => tab.click(`#side button:has-text("${text}")`);
+const lists = (name) => site(`(l.${name} || []).length`);
 
-try {
+await goes(async () => {
   await tab.click('#side button:has-text("hall.png")');
   await until("site.document && site.path === 'hall.building.yaml'");
   await tab.waitForTimeout(300);
@@ -39,13 +15,12 @@ try {
   say("a picture without a scale asks for it", (await tab.textContent("#side")).includes("Say how large the plan is"));
   await click(20, 20);
   await click(620, 20);
-  await tab.fill("dialog input", "30");
-  await tab.click('dialog button:has-text("OK")');
-  await until("Object.values(site.document.levels)[0].measurements.length === 1");
+  await answer("30");
+  await until("l.measurements.length === 1");
   say("two places and their distance are the scale", (await tab.textContent("#side")).includes("20.0 units a metre"));
 
   await press("Walls and lanes");
-  await until("Object.values(site.document.levels)[0].lanes.length > 20");
+  await until("l.lanes.length > 20");
   await until("site.findings && !site.refused && site.size");
   await shot("2_lanes");
   say("lanes are laid over the free floor", (await lists("walls")) > 8, await lists("lanes"));
@@ -56,7 +31,7 @@ try {
   say("redo brings back", (await lists("lanes")) === before);
 
   await tab.keyboard.press("v");
-  const places = await site("(() => { const v = Object.values(site.document.levels)[0].vertices, l = Object.values(site.document.levels)[0].lanes; const on = [...new Set(l.flatMap(([a, b]) => [a, b]))]; const by = (f) => v[on.reduce((a, b) => (f(v[b]) < f(v[a]) ? b : a))]; return [by(([x, y]) => x + y), by(([x, y]) => -x - y), by(([x, y]) => x - y), by(([x, y]) => y - x)].map((p) => p.slice(0, 2)); })()");
+  const places = await site("(() => { const v = l.vertices, on = [...new Set(l.lanes.flatMap(([a, b]) => [a, b]))]; const by = (f) => v[on.reduce((a, b) => (f(v[b]) < f(v[a]) ? b : a))]; return [by(([x, y]) => x + y), by(([x, y]) => -x - y), by(([x, y]) => x - y), by(([x, y]) => y - x)].map((p) => p.slice(0, 2)); })()");
   const names = [["goods_in", "pick-up"], ["goods_out", "drop-off"], ["charger_1", "charger"], ["home", "parking"]];
   for (const [k, [name, kind]] of names.entries()) {
     await tab.keyboard.press("s");
@@ -65,11 +40,11 @@ try {
     const field = tab.locator("#side .fields input").first();
     await field.fill(name);
     await field.press("Tab");
-    await tab.locator("#side .fields select").first().selectOption(kind);
+    await tab.getByLabel(kind, { exact: true }).check();
     await tab.locator("#floor").focus();
     await tab.keyboard.press("Escape");
   }
-  const stations = await site("Object.values(site.document.levels)[0].vertices.filter((v) => v[3]).map((v) => [v[3], v[4]])");
+  const stations = await site("l.vertices.filter((v) => v[3]).map((v) => [v[3], v[4]])");
   say("stations have names and kinds", stations.length === 4 && stations.every((s) => s[1]), stations);
   await tab.waitForTimeout(400);
   await shot("3_stations");
@@ -84,8 +59,7 @@ try {
   await tab.waitForTimeout(200);
   await shot("4_orders");
   say("orders are proposed and valid", (await site("shared.fault")) === "", await site("shared.scenario"));
-  await tab.getByLabel("robots", { exact: true }).fill("3");
-  await tab.getByLabel("robots", { exact: true }).press("Tab");
+  await type("robots", 3);
   await tab.waitForFunction(() => document.querySelector("textarea.yaml").value.includes("count: 3"), null, PATIENCE);
   say("a field changes the text and keeps its comments", /count: 3 +# guessed/.test(readFileSync(`${folder}/${await site("shared.scenario")}`, "utf8")));
   const text = tab.locator("textarea.yaml");
@@ -121,9 +95,7 @@ try {
   say("waits are drawn over the plan", (await site("site.heat.length")) > 0 && (await site("site.heat.every(([name]) => name === site.level)")));
 
   await step("5 Ask");
-  const budget = tab.getByLabel("at most", { exact: true });
-  await budget.fill("1min");
-  await budget.press("Tab");
+  await type("at most", "1min");
   await tab.locator('#side .row button:text-is("How many robots?")').click();
   await until("shared.points.length > 1");
   await shot("8_filling");
@@ -135,7 +107,7 @@ try {
 
   const mine = readFileSync(`${folder}/hall.building.yaml`, "utf8");
   writeFileSync(`${folder}/hall.building.yaml`, mine.replace("goods_in", "goods_here"));
-  await until("Object.values(site.document.levels)[0].vertices.some((v) => v[3] === 'goods_here')");
+  await until("l.vertices.some((v) => v[3] === 'goods_here')");
   say("another program's change is shown", (await tab.textContent("#banner")).includes("changed by another program"));
   await step("2 Draw");
   await tab.locator("#floor").focus();
@@ -148,7 +120,7 @@ try {
   await tab.waitForFunction(() => document.getElementById("banner").textContent.includes("nothing was written"), null, PATIENCE);
   say("a conflict writes nothing and offers three ways", (await tab.locator("#banner button").count()) === 4 && readFileSync(`${folder}/hall.building.yaml`, "utf8") === mine);
   await tab.click('#banner button:has-text("Open theirs")');
-  await until("Object.values(site.document.levels)[0].vertices.some((v) => v[3] === 'goods_in')");
+  await until("l.vertices.some((v) => v[3] === 'goods_in')");
 
   await tab.locator("#floor").focus();
   await tab.keyboard.press("l");
@@ -158,13 +130,9 @@ try {
   say("the keyboard alone draws", (await lists("lanes")) > lanes, (await lists("lanes")) - lanes);
   await step("6 Leave");
   await shot("10_leave");
-  await press("Take LIF".slice(5));
+  await press("LIF");
   await until("shared.job && shared.job.what === 'convert' && shared.job.state !== 'running'");
   say("it leaves as a LIF", (await site("shared.job.state")) === "done" && readFileSync(`${folder}/hall.lif.json`, "utf8").includes("lifVersion"));
   say("asks no other server", !outside.length, outside);
   say("no console error", !problems.filter((p) => !/409|400/.test(p)).length, problems);
-} catch (error) {
-  say("goes through to the end", false, String(error).slice(0, 800));
-  await tab.screenshot({ path: `${folder}/fault.png` });
-}
-await browser.close();
+}, tab);

@@ -1,32 +1,13 @@
-/* node drawing.mjs CHROMIUM ADDRESS: draws a small site from nothing with every tool, and prints what came of it as browser.mjs does. */
-import { createRequire } from "node:module";
+/* A small site, drawn from nothing with every tool. */
+import { goes, PATIENCE, person, problems, say } from "./person.mjs";
 
-const [, , executablePath, address, shot = ""] = process.argv;
-const { chromium } = createRequire(import.meta.url)("playwright-core");
-const browser = await chromium.launch({ executablePath, args: ["--no-sandbox", "--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-component-update", "--disable-sync", "--disable-gpu"] });
-const say = (claim, holds, found = null) => console.log(JSON.stringify({ claim, holds: Boolean(holds), found }));
-const tab = await (await browser.newContext({ viewport: { width: 1280, height: 800 } })).newPage();
-const problems = [];
-tab.on("console", (message) => ["error", "warning"].includes(message.type()) && problems.push(message.text()));
-tab.on("pageerror", (error) => problems.push(error.message));
-const site = (expression) => tab.evaluate((text) => new Function("site", "l", `return ${text}`)(window.studio.site, Object.values(window.studio.site.document.levels)[0]), expression);
-const until = (expression) => tab.waitForFunction((text) => new Function("site", "l", `return ${text}`)(window.studio.site, Object.values(window.studio.site.document?.levels || { a: {} })[0]), expression, { timeout: 120000 });
-const screen = async (x, y) => { const box = await tab.locator("#floor").boundingBox(), [sx, sy] = await tab.evaluate((p) => window.studio.toScreen(p), [x * 20, y * 20]); return [box.x + sx, box.y + sy]; };
-const click = async (x, y, options) => tab.mouse.click(...(await screen(x, y)), options);
-const drag = async (a, b) => { await tab.mouse.move(...(await screen(...a))); await tab.mouse.down(); await tab.mouse.move(...(await screen(...b)), { steps: 3 }); await tab.mouse.up(); };
-const shiftDrag = async (a, b) => { await tab.keyboard.down("Shift"); await drag(a, b); await tab.keyboard.up("Shift"); };
-const press = (text) => tab.click(`#side button:text-is("${text}")`);
-const type = async (label, value) => { const field = tab.getByLabel(label, { exact: true }); await field.fill(String(value)); await field.press("Tab"); };
-const key = async (letter) => { await tab.locator("#floor").focus(); await tab.keyboard.press(letter); };
+const { tab, site, until, click, drag, shiftDrag, press, type, key, answer } = await person({ scale: 20 });
 
-try {
-  await tab.goto(address);
-  await tab.waitForFunction(() => document.documentElement.dataset.ready, null, { timeout: 120000 });
+await goes(async () => {
   await press("Empty floor");
-  await tab.fill("dialog input", "site");
-  await tab.click('dialog button:text-is("OK")');
-  await tab.waitForFunction(() => document.querySelector("dialog input")?.value === "40", null, { timeout: 60000 });
-  await tab.click('dialog button:text-is("OK")');
+  await answer("site");
+  await tab.waitForFunction(() => document.querySelector("dialog input")?.value === "40", null, PATIENCE);
+  await answer("40");
   await until("site.path === 'site.building.yaml'");
   say("an empty floor has a scale", (await site("l.measurements.length")) === 1);
 
@@ -98,11 +79,6 @@ try {
   await key("Escape");
   await tab.keyboard.press("Control+s");
   await until("site.digest && site.document === site.saved && site.size");
-  if (shot) await tab.screenshot({ path: shot });
   say("what was drawn can be driven on", await site("!site.refused && !site.findings.some((f) => f.severity !== 'note')"), await site("site.findings.map((f) => f.text)"));
   say("no console error", !problems.length, problems);
-} catch (error) {
-  say("goes through to the end", false, String(error).slice(0, 800));
-  if (shot) await tab.screenshot({ path: shot });
-}
-await browser.close();
+}, tab);

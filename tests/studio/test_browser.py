@@ -63,6 +63,23 @@ DRAWING = (
 )
 
 
+LEVELS = (
+    "a level has another name",
+    "a level is added above, where the other one is",
+    "a level has an elevation",
+    "a lift serves all levels",
+    "its shaft has a place on each",
+    "a lift has a size, a name, and doors on each level",
+    "a lift is dragged with its places on all levels",
+    "what a level lacks is found",
+    "both levels can be driven on",
+    "a level is copied onto another, under names of its own",
+    "a level is deleted",
+    "orders are proposed over both levels",
+    "no console error",
+)
+
+
 def hall(path):
     """30 x 20 m at 5 cm a pixel, with five racks."""
     image = Image.new("RGB", (640, 440), "white")
@@ -102,6 +119,17 @@ def test_a_site_is_drawn_from_nothing_with_every_tool(tmp_path, capsys):
     assert claims(tmp_path, "drawing.mjs") == list(DRAWING)
     assert main(["import", str(tmp_path / "site.building.yaml"), "--check"]) == 0
     assert "warn" not in capsys.readouterr().out
+
+
+@pytest.mark.slow
+def test_two_levels_and_their_lift_are_drawn_from_nothing_and_driven(tmp_path, capsys):
+    assert claims(tmp_path, "levels.mjs", tmp_path) == list(LEVELS)
+    assert main(["import", str(tmp_path / "tower.building.yaml"), "--check"]) == 0
+    assert "nothing to report" in capsys.readouterr().out
+    run = tmp_path / "run"
+    assert main(["run", str(tmp_path / "tower/scenario.yaml"), "--set", "execution.engine=kinematic", "--out", str(run)]) == 0
+    metrics = json.loads((run / "result.json").read_text())["metrics"]
+    assert metrics["tasks_done"] > 0  # from the ground floor to the one above
 
 
 @pytest.mark.slow

@@ -44,7 +44,8 @@ def at(address, data=None, **headers):
 
 
 def test_the_page_needs_nothing_from_elsewhere(studio):
-    names = ["", "page.css", "main.js", "panels.js", "parts.js", "tools.js", "view.js", "site.js", "api.js", "elements.js", "constants.js"]
+    scripts = ("main", "panels", "parts", "tools", "view", "site", "levels", "api", "elements", "constants")
+    names = ["", "page.css", *(f"{name}.js" for name in scripts)]
     texts = [ask(studio, name) for name in names]
     assert all(status == 200 for status, _ in texts)
     assert sum(len(text) for _, text in texts) < 1_000_000

@@ -165,3 +165,11 @@ def test_files_are_listed_by_what_they_are_for(folder):
     (folder.root / "all.yaml").write_text("base: day\ngrid_search: {seed: [1]}\n")
     kinds = {entry["path"]: entry["kind"] for entry in folder.files()}
     assert kinds == {"office.building.yaml": "map", "runs/a": "run", "studies/b": "study", "day.yaml": "scenario", "all.yaml": "suite"}
+
+
+def test_a_lift_that_no_lane_leads_into_is_found_where_it_is(tmp_path):
+    document = Workspace(tmp_path.resolve()).open("bundled:hospital_levels", {})["document"]
+    document["lifts"]["lift_west"]["x"] += 30
+    found = check(document, Path("hospital_levels.building.yaml"), ROBOT)["findings"]
+    places = [place for line in found if "'lift_west' stops at level L2" in line["text"] for place in line["places"]]
+    assert places == [["L2", pytest.approx(338, abs=0.1), pytest.approx(112, abs=0.1)]]

@@ -2,8 +2,9 @@
 import { make } from "./elements.js";
 import { get, post } from "./api.js";
 import { ask, banner, button, note } from "./parts.js";
-import { canRedo, canUndo, changed, isDirty, onChange, opened, redo, site, undo, unit } from "./site.js";
-import { camera, fit, frames, redraw, toFloor, toScreen, up } from "./view.js";
+import { canRedo, canUndo, changed, isDirty, onChange, opened, redo, site, undo } from "./site.js";
+import { addLevel, ordered, unit } from "./levels.js";
+import { camera, fit, frames, isInSight, redraw, toFloor, toScreen, up } from "./view.js";
 import { choose, key, tool, TOOLS } from "./tools.js";
 import { actions, askPanel, drawPanel, floorPanel, leavePanel, openScenario, ordersPanel, refresh, runPanel, shared } from "./panels.js";
 
@@ -14,12 +15,23 @@ let step = "floor", checking = 0, wanted = 0, polled = false;
 
 /* Panels */
 
+const labelOf = (input) => input.getAttribute("aria-label") || input.labels?.[0]?.textContent;
+
+/* The panel of the step, made anew; who is typing in it goes on typing. */
 function panel() {
-  const side = element("side"), active = document.activeElement, id = side.contains(active) ? active.getAttribute("aria-label") || active.labels?.[0]?.textContent : null, scroll = side.scrollTop;
+  const side = element("side"), active = document.activeElement, label = side.contains(active) && labelOf(active), scroll = side.scrollTop;
+  const typed = active.dataset.typed ? active.value : null, caret = typed === null ? null : active.selectionStart;
+  delete active.dataset.typed;
   const [, title, parts] = STEPS.find(([name]) => name === step);
   side.replaceChildren(make("h2", { className: "hidden", textContent: title.slice(2) }), ...parts().filter(Boolean));
   side.scrollTop = scroll;
-  if (id) [...side.querySelectorAll("input, select, textarea")].find((e) => (e.getAttribute("aria-label") || e.labels?.[0]?.textContent) === id)?.focus();
+  const again = label && [...side.querySelectorAll("input, select, textarea")].find((input) => labelOf(input) === label);
+  if (!again) return;
+  again.focus();
+  if (typed === null) return;
+  Object.assign(again, { value: typed });
+  again.dataset.typed = "yes";
+  if (caret !== null) again.setSelectionRange(caret, caret);
 }
 
 function show(name) {
@@ -48,9 +60,15 @@ function bars() {
   element("save").disabled = !isDirty();
   for (const one of element("palette").querySelectorAll("button")) one.setAttribute("aria-pressed", String(one.dataset.tool === tool.name));
   element("hint").textContent = site.document ? TOOLS.find(([name]) => name === tool.name)[3] : "Open a plan or a map, or begin with an empty floor.";
-  const names = Object.keys(site.document?.levels || {}), levels = element("levels");
-  levels.hidden = names.length < 2;
-  levels.replaceChildren(...names.map((name) => button(name, () => { site.level = name; site.selection = []; fit(); changed("view"); }, { "aria-pressed": String(name === site.level) })));
+  const names = ordered(), levels = element("levels");
+  levels.hidden = !site.document || (names.length < 2 && step !== "draw");
+  levels.replaceChildren(...names.map((name) => button(name, () => showLevel(name), { "aria-pressed": String(name === site.level) })), ...(step === "draw" ? [button("+", addLevel, { title: "Add a level above" })] : []));
+}
+
+function showLevel(name) {
+  Object.assign(site, { level: name, selection: [] });
+  if (!isInSight()) fit();
+  changed("view");
 }
 
 /* Files */

@@ -1,8 +1,9 @@
 /* The panel beside the floor, one for each step: a floor, lanes, orders, a run, a question, what to take away. Each begins with what to do next. */
 import { make } from "./elements.js";
 import { get, post } from "./api.js";
-import { ask, banner, button, command, field, fields, jobState, muted, next, note, watched } from "./parts.js";
-import { isDirty, level, list, opened, option, replaced, edited, rounded, site, unit, changed } from "./site.js";
+import { ask, banner, button, check, command, committed, field, fields, jobState, muted, next, note, watched } from "./parts.js";
+import { canRemoveLevel, doorChoices, lifts, ordered, removeLevel, renameLevel, renameLift, setDoors, setLevel, setLift, unit } from "./levels.js";
+import { isDirty, level, list, opened, option, replaced, edited, rounded, site, changed } from "./site.js";
 import { camera, fit, KINDS, picture, redraw, up } from "./view.js";
 import { aligned, bent, choose, chosenVertices, mirrored, removeChosen, renamed, repeated, setOptions, tool, turned } from "./tools.js";
 
@@ -105,11 +106,12 @@ function properties() {
   else if (kinds.size === 1 && kinds.has("lanes")) parts.push(...lanePart());
   else if (one?.kind === "doors") parts.push(...doorPart(one.index));
   else if (one?.kind === "measurements") parts.push(...rulerPart(one.index));
+  else if (one?.kind === "lifts") parts.push(...liftPart(one.index));
   else if (chosen.length) parts.push(make("h2", { textContent: `${chosen.length} chosen` }));
   if (chosenVertices().length > 1) parts.push(...arrangePart());
   if (chosen.length) parts.push(make("div", { className: "row" }, button("Delete", removeChosen, { className: "danger", title: "Delete" })));
   if (!chosen.length) {
-    parts.push(fields(
+    parts.push(make("h2", { textContent: `Level ${site.level}` }), ...levelPart(), fields(
       field("snap to", { type: "number", value: tool.step_m, unit: "m", least: 0.01 }, (value) => (tool.step_m = value || 0.1)),
       field("snap", { type: "boolean", value: tool.snaps }, (value) => (tool.snaps = value)),
       field("robot that needs room", { choices: shared.start.robots, value: shared.robot }, (value) => { shared.robot = value || "turtlebot3"; changed("robot"); }),
@@ -124,17 +126,12 @@ function vertexPart(v) {
   const vertex = list("vertices")[v];
   if (!vertex) return [];
   const place = (k, value) => edited({ vertices: list("vertices").map((item, i) => (i === v ? item.map((x, n) => (n === k ? rounded((k === 1 ? up() : 1) * value / (unit() || 1)) : x)) : item)) });
-  const kind = KINDS.find(([name]) => option(vertex, name));
-  const setKind = (word) => {
-    const values = Object.fromEntries(KINDS.map(([name]) => [name, null])), found = KINDS.find(([, text]) => text === word);
-    if (found) values[found[0]] = found[0].startsWith("is_") ? true : String(vertex[3] || `place_${v}`);
-    setOptions("vertices", values);
-  };
+  const kinds = KINDS.map(([name, word]) => check(word, option(vertex, name), (isOn) => setOptions("vertices", { [name]: isOn ? (name.startsWith("is_") ? true : String(vertex[3] || `place_${v}`)) : null })));
   return [
     make("h2", { textContent: vertex[3] ? `Station ${vertex[3]}` : `Vertex ${v}` }),
     fields(
       field("name", { value: vertex[3] ?? "", says: "of a station, as scenarios use it" }, (value) => renamed(v, value || "")),
-      field("for", { choices: KINDS.map(([, word]) => word), value: kind?.[1] ?? "" }, setKind),
+      make("span", { textContent: "for" }), make("div", { className: "kinds", role: "group", "aria-label": "What the place is for" }, ...kinds),
       field("x", { type: "number", value: metres(vertex[0]), unit: "m" }, (value) => place(0, value ?? 0)),
       field("y", { type: "number", value: metres(up() * vertex[1]), unit: "m", says: "downwards, as pictures count" }, (value) => place(1, value ?? 0)),
       field("only passed", { type: "boolean", value: option(vertex, "is_passthrough_point"), says: "robots neither start, end nor rest here" }, (value) => setOptions("vertices", { is_passthrough_point: value || null })),
@@ -174,6 +171,27 @@ function doorPart(index) {
 function rulerPart(index) {
   const ruler = list("measurements")[index];
   return ruler ? [make("h2", { textContent: "Scale" }), fields(field("distance", { type: "number", value: option(ruler, "distance"), unit: "m", least: 0 }, (value) => value > 0 && setOptions("measurements", { distance: value })))] : [];
+}
+
+function levelPart() {
+  const parts = [fields(
+    field("level", { value: site.level, says: "name of the level, as scenarios and lifts use it" }, (value) => renameLevel(value)),
+    field("elevation", { type: "number", value: level().elevation ?? 0, unit: "m", says: "of the floor; lifts ride from lower to higher" }, (value) => setLevel({ elevation: value ?? 0 })),
+  )];
+  if (canRemoveLevel()) parts.push(make("div", { className: "row" }, button("Delete this level", removeLevel, { className: "danger" })));
+  return parts;
+}
+
+function liftPart(name) {
+  const lift = lifts()[name];
+  if (!lift) return [];
+  const choices = doorChoices(lift), size = (key) => field(key, { type: "number", value: lift[key], unit: "m", least: 0.3 }, (value) => value > 0 && setLift(name, { [key]: value }));
+  return [make("h2", { textContent: `Lift ${name}` }), fields(
+    field("name", { value: name }, (value) => renameLift(name, value)),
+    size("width"), size("depth"),
+    field("turned by", { type: "number", value: rounded((lift.yaw * 180) / Math.PI), unit: "°", says: "counter-clockwise; at 0 the front is below" }, (value) => setLift(name, { yaw: Number((((value ?? 0) * Math.PI) / 180).toFixed(6)) })),
+  ), make("h3", { textContent: "Doors" }), fields(...ordered().map((floor) => field(`on ${floor}`, { choices, value: (lift.level_doors?.[floor] || []).join(" and ") || null, says: "none: it passes by" }, (value) => setDoors(name, floor, value)))),
+    muted("Lead a lane through the door to the place inside, on each level where it stops.")];
 }
 
 const repeat = { times: 3, dx: 3, dy: 0 };
@@ -286,7 +304,7 @@ export function ordersPanel() {
   other.addEventListener("change", () => { if (declared.has(other.value)) { more = [...more, other.value]; changed("panel"); } });
   parts.push(make("div", { className: "row" }, other, make("datalist", { id: listId }, ...shared.start.fields.filter((one) => !MAIN.includes(one.key)).map((one) => make("option", { value: one.key, label: one.says })))));
   const text = make("textarea", { className: "yaml", value: shared.text, spellcheck: false, "aria-label": `Text of ${shared.scenario}` });
-  text.addEventListener("change", async () => {
+  committed(text, async () => {
     shared.text = text.value;
     const said = await post("scenario", { path: shared.scenario, text: text.value });
     Object.assign(shared, { values: said.values ?? shared.values, fault: said.fault });

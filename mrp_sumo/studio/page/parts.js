@@ -19,9 +19,27 @@ export function field(label, { type = "text", value = "", unit = "", choices = n
     const isNumber = type === "number" || type === "integer";
     input = make("input", { id, type: isNumber ? "number" : "text", value: value ?? "", title: says, placeholder: String(placeholder ?? "") });
     if (isNumber) Object.assign(input, { step: type === "integer" ? 1 : step, ...(least !== null && least !== undefined ? { min: least } : {}), ...(most !== null && most !== undefined && most < 1e8 ? { max: most } : {}) });
-    input.addEventListener("change", () => change(input.value === "" ? null : isNumber ? Number(input.value) : input.value));
+    committed(input, () => change(input.value === "" ? null : isNumber ? Number(input.value) : input.value));
   }
   return [make("label", { htmlFor: id, title: says, textContent: label }), input, make("span", { className: "unit", textContent: unit })];
+}
+
+/* Call back with what was typed, once; a panel that is made anew meanwhile carries it along (`typed`). */
+export function committed(input, change) {
+  const commit = () => {
+    if (!input.dataset.typed) return;
+    delete input.dataset.typed;
+    change();
+  };
+  input.addEventListener("input", () => (input.dataset.typed = "yes"));
+  input.addEventListener("change", commit);
+  input.addEventListener("blur", commit);
+}
+
+export function check(label, isOn, change) {
+  const input = make("input", { type: "checkbox", checked: Boolean(isOn) });
+  input.addEventListener("change", () => change(input.checked));
+  return make("label", {}, input, label);
 }
 
 export const fields = (...all) => make("div", { className: "fields" }, ...all.flat());

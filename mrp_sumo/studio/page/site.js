@@ -26,11 +26,10 @@ export function opened(drawing) {
 }
 
 /* Replace the document; `merge` joins an edit with the one before, as while something is dragged. */
-export function replaced(document, selection = site.selection, merge = false) {
+export function replaced(document, selection = site.selection, merge = false, shown = site.level) {
   if (!merge) past.push([site.document, site.selection, site.level]);
   future.length = 0;
-  site.document = document;
-  site.selection = selection;
+  Object.assign(site, { document, selection, level: shown });
   changed("document");
 }
 
@@ -48,18 +47,14 @@ export function undo(from = past, to = future) {
 }
 export const redo = () => undo(future, past);
 
-/* Metres a unit of the drawing; null where nothing says it. */
-export function unit() {
-  if (!isPixels()) return 1;
-  const of = (one) => {
-    const scales = (one.measurements || []).map(([a, b, options]) => {
-      const [p, q] = [one.vertices?.[a], one.vertices?.[b]];
-      return p && q && options?.distance ? options.distance[1] / Math.hypot(p[0] - q[0], p[1] - q[1]) : NaN;
-    }).filter((scale) => scale > 0 && Number.isFinite(scale));
-    return scales.length ? scales.reduce((sum, scale) => sum + scale, 0) / scales.length : null;
-  };
-  const levels = site.document?.levels || {};
-  return of(level()) ?? of(levels[site.document?.reference_level_name] || Object.values(levels)[0] || {});
+/* Metres a unit by the measurements of a level; null without any. */
+export function measured(name) {
+  const one = site.document?.levels?.[name] || {};
+  const scales = (one.measurements || []).map(([a, b, options]) => {
+    const [p, q] = [one.vertices?.[a], one.vertices?.[b]];
+    return p && q && options?.distance ? options.distance[1] / Math.hypot(p[0] - q[0], p[1] - q[1]) : NaN;
+  }).filter((scale) => scale > 0 && Number.isFinite(scale));
+  return scales.length ? scales.reduce((sum, scale) => sum + scale, 0) / scales.length : null;
 }
 
 export const option = (item, name) => (item?.at(-1)?.constructor === Object ? item.at(-1)[name]?.[1] : undefined);
@@ -80,20 +75,21 @@ export const newLane = (a, b, options = {}) => [a, b, { bidirectional: [4, true]
 export const newWall = (a, b) => [a, b, { alpha: [3, 1], texture_name: [1, "default"] }];
 export const rounded = (value) => Math.round(value * 1000) / 1000;
 
-/* The lists of the level without some vertices, all that they carry and some items of other lists. */
-export function without(selection) {
+/* The lists of a level without some vertices, all that they carry and some items of other lists. */
+export function without(selection, of = level()) {
+  const list = (name) => of[name] || [];
   const gone = new Set(selection.filter((s) => s.kind === "vertices").map((s) => s.index));
   const number = [];
   let next = 0;
   list("vertices").forEach((_, v) => number.push(gone.has(v) ? -1 : next++));
   const lists = { vertices: list("vertices").filter((_, v) => !gone.has(v)) };
   for (const name of LISTS) {
-    if (!level()[name]) continue;
+    if (!of[name]) continue;
     const these = new Set(selection.filter((s) => s.kind === name).map((s) => s.index));
     lists[name] = list(name).filter(([a, b], i) => !these.has(i) && !gone.has(a) && !gone.has(b)).map((item) => (gone.size ? [number[item[0]], number[item[1]], ...item.slice(2)] : item));
   }
   for (const name of OUTLINES) {
-    if (!level()[name] || !gone.size) continue;
+    if (!of[name] || !gone.size) continue;
     lists[name] = list(name).map((one) => ({ ...one, vertices: one.vertices.filter((v) => !gone.has(v)).map((v) => number[v]) })).filter((one) => one.vertices.length > 2);
   }
   return lists;
@@ -105,12 +101,7 @@ export function withoutLoose(lists, before) {
   if (lists.vertices.length !== before.vertices.length) return lists;
   const was = used(before), is = used({ ...before, ...lists });
   const loose = [...was].filter((v) => !is.has(v) && !before.vertices[v][3] && before.vertices[v].length < 5);
-  if (!loose.length) return lists;
-  const now = site.document;
-  site.document = { ...now, levels: { ...now.levels, [site.level]: { ...level(), ...lists } } };
-  const result = without(loose.map((index) => ({ kind: "vertices", index })));
-  site.document = now;
-  return result;
+  return loose.length ? without(loose.map((index) => ({ kind: "vertices", index })), { ...before, ...lists }) : lists;
 }
 
 /* [vertices, lanes] with a lane led over a new vertex; the vertex is the last. */

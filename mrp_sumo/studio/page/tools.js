@@ -1,5 +1,6 @@
 /* Tools: what a click, a drag and a key on the floor do. A tool gets places in units of the drawing, already snapped. */
-import { edited, isPixels, level, list, newLane, newWall, option, redo, replaced, rounded, site, split, undo, unit, without, withoutLoose, withOptions, changed } from "./site.js";
+import { between, liftAt, moveLift, newLift, unit, withoutLifts } from "./levels.js";
+import { edited, isPixels, level, list, newLane, newWall, option, redo, replaced, rounded, site, split, undo, without, withoutLoose, withOptions, changed } from "./site.js";
 import { camera, fit, overlay, redraw, toFloor, toScreen, zoom } from "./view.js";
 
 const canvas = document.getElementById("floor");
@@ -12,6 +13,7 @@ export const TOOLS = [
   ["wall", "w", "Walls", "Click from corner to corner. Esc or a double click ends."],
   ["rack", "r", "Rack", "Drag a rectangle: four walls."],
   ["door", "d", "Door", "Click both ends of a door; along a wall it opens it."],
+  ["lift", "e", "Lift", "Drag a rectangle: the cabin, on all levels. Then lead a lane to the place in its middle on each."],
   ["clear", "x", "Clear", "Drag a rectangle: no lanes within."],
   ["scale", "m", "Scale", "Click two places whose distance you know."],
 ];
@@ -55,7 +57,8 @@ export function pick(xy) {
     const hit = nearLine(name, xy);
     if (hit) return { kind: name, index: hit[0] };
   }
-  return null;
+  const lift = liftAt(xy);
+  return lift ? { kind: "lifts", index: lift } : null;
 }
 
 /* A place on the grid of the step; with Shift at an angle of 15 degrees to the place before. */
@@ -159,10 +162,13 @@ const CLICKS = {
   },
 };
 
+/* Names of vertices, or of doors, on all levels: each is there once. */
+const names = (of = "vertices") => new Set(Object.values(site.document.levels).flatMap((one) => (one[of] || []).map((item) => (of === "vertices" ? item[3] : option(item, "name")))));
+
 export function freeName(word, of = "vertices") {
-  const names = new Set(list(of).map((item) => (of === "vertices" ? item[3] : option(item, "name"))));
+  const taken = names(of);
   let n = 1;
-  while (names.has(`${word}_${n}`)) n++;
+  while (taken.has(`${word}_${n}`)) n++;
   return `${word}_${n}`;
 }
 
@@ -173,6 +179,7 @@ const RECTANGLES = {
     const first = list("walls").length;
     edited({ vertices: [...list("vertices"), ...corners.map((c) => [...c, 0, ""])], walls: [...list("walls"), ...walls] }, walls.map((_, k) => ({ kind: "walls", index: first + k })));
   },
+  lift: newLift,
   clear(a, b) {
     const inside = contained(a, b), lanes = [];
     const on = new Set(list("lanes").flatMap(([p, q]) => [p, q])), gone = inside.filter((v) => on.has(v));
@@ -206,8 +213,9 @@ function crosses(p, q, a, b) {
 
 export function removeChosen() {
   if (!site.selection.length) return;
-  const before = level();
-  edited(withoutLoose(without(site.selection), before), []);
+  const gone = site.selection.filter((s) => s.kind === "lifts").map((s) => s.index);
+  edited(withoutLoose(without(site.selection), level()), []);
+  if (gone.length) replaced(withoutLifts(gone), [], true);
 }
 
 /* Vertices that a selection stands for: its own, and the ends of its lines. */
@@ -237,14 +245,14 @@ function copied() {
 
 /* Lists with a part added somewhere else; vertices at places where there is one already are that one. */
 function added(part, dx, dy, lists) {
-  const vertices = lists.vertices.slice(), names = new Set(vertices.map((v) => v[3])), index = new Map(vertices.map(([x, y], v) => [`${rounded(x)} ${rounded(y)}`, v]));
+  const vertices = lists.vertices.slice(), taken = new Set([...names(), ...vertices.map((v) => v[3])]), index = new Map(vertices.map(([x, y], v) => [`${rounded(x)} ${rounded(y)}`, v]));
   const at = part.vertices.map(([x, y, z, name, ...rest]) => {
     const place = [rounded(x + dx), rounded(y + dy)], key = place.join(" ");
     if (!index.has(key)) {
       index.set(key, vertices.length);
       let free = name;
-      for (let n = 2; free && names.has(free); n++) free = `${String(name).replace(/_\d+$/, "")}_${n}`;
-      names.add(free);
+      for (let n = 2; free && taken.has(free); n++) free = `${String(name).replace(/_\d+$/, "")}_${n}`;
+      taken.add(free);
       vertices.push([...place, z ?? 0, free, ...rest]);
     }
     return index.get(key);
@@ -282,9 +290,13 @@ export function repeated(times, dx_m, dy_m) {
   edited(all);
 }
 
-export function copy() { clipboard = copied(); }
-export function paste(shift = 0) {
+export function copy() { clipboard = { ...copied(), of: site.level }; }
+
+/* What was copied, beside where it was; on another level at the same place. */
+export function paste() {
   if (!clipboard?.vertices.length) return;
+  const shift = clipboard.of === site.level ? (unit() ? (5 * tool.step_m) / unit() : 10) : 0;
+  clipboard = { ...clipboard, of: site.level, vertices: clipboard.vertices.map((v) => [...between(clipboard.of, site.level, v).map(rounded), ...v.slice(2)]) };
   const before = list("vertices").length, all = added(clipboard, shift, shift, lists());
   edited(all, all.vertices.slice(before).map((_, k) => ({ kind: "vertices", index: before + k })));
 }
@@ -332,14 +344,15 @@ canvas.addEventListener("pointerdown", (event) => {
   canvas.focus();
   canvas.setPointerCapture(event.pointerId);
   const at = place(event), xy = toFloor(at), hit = tool.name === "select" && event.button === 0 ? pick(xy) : null;
-  const rectangle = event.button === 0 && (tool.name === "rack" || tool.name === "clear" || (tool.name === "select" && event.shiftKey && !hit));
+  const rectangle = event.button === 0 && tool.name in RECTANGLES && (tool.name !== "select" || (event.shiftKey && !hit));
   overlay.cross = null;
-  tool.drag = { at, xy, from: [camera.x, camera.y], isMove: false, rectangle, vertices: null, was: list("vertices") };
+  tool.drag = { at, xy, from: [camera.x, camera.y], isMove: false, rectangle, vertices: null, was: list("vertices"), document: site.document };
   if (hit?.kind === "vertices") {
     const isChosen = site.selection.some((s) => s.kind === "vertices" && s.index === hit.index);
     tool.drag.vertices = isChosen ? chosenVertices() : [hit.index];
     tool.drag.hit = hit;
-  } else if (hit && site.selection.some((s) => s.kind === hit.kind && s.index === hit.index)) tool.drag.vertices = chosenVertices();
+  } else if (hit?.kind === "lifts") Object.assign(tool.drag, { hit, lift: hit.index });
+  else if (hit && site.selection.some((s) => s.kind === hit.kind && s.index === hit.index)) tool.drag.vertices = chosenVertices();
 });
 
 canvas.addEventListener("pointermove", (event) => {
@@ -354,6 +367,10 @@ canvas.addEventListener("pointermove", (event) => {
   const first = !drag.isMove;
   drag.isMove = true;
   if (drag.rectangle) drag.to = xy;
+  else if (drag.lift) {
+    site.selection = [drag.hit];
+    moveLift(drag.lift, ...snapped([xy[0] - drag.xy[0], xy[1] - drag.xy[1]]), drag.document, !first);
+  }
   else if (drag.vertices) {
     if (first && drag.hit && !site.selection.some((s) => s.kind === "vertices" && s.index === drag.hit.index)) site.selection = [drag.hit];
     const main = drag.was[drag.hit?.index ?? drag.vertices[0]], target = snapped([main[0] + xy[0] - drag.xy[0], main[1] + xy[1] - drag.xy[1]]);
@@ -373,7 +390,7 @@ canvas.addEventListener("pointerup", (event) => {
   if (!drag) return;
   if (!drag.isMove) { if (event.button === 0) click(drag.xy, event); }
   else if (drag.rectangle && drag.to) RECTANGLES[tool.name](snapped(drag.xy), snapped(drag.to));
-  else if (drag.vertices) changed("dragged");
+  else if (drag.vertices || drag.lift) changed("dragged");
   redraw();
 });
 canvas.addEventListener("dblclick", () => { tool.chain = []; tool.preview = null; redraw(); });
@@ -417,7 +434,7 @@ export function key(event) {
   if (meta && event.key === "z") event.shiftKey ? redo() : undo();
   else if (meta && event.key === "y") redo();
   else if (meta && event.key === "c") copy();
-  else if (meta && event.key === "v") paste(unit() ? tool.step_m * 5 / unit() : 10);
+  else if (meta && event.key === "v") paste();
   else if (meta && event.key === "a") { site.selection = list("vertices").map((_, index) => ({ kind: "vertices", index })); changed("selection"); }
   else if (meta) return false;
   else if (event.key === "Delete" || event.key === "Backspace") removeChosen();
@@ -439,7 +456,12 @@ export function key(event) {
 
 function arrow([x, y], event) {
   const step = ((event.shiftKey ? 10 : 1) * tool.step_m) / (unit() || tool.step_m), down = isPixels() ? 1 : -1;
-  if (tool.name === "select" && site.selection.length && !overlay.cross) { moved(chosenVertices(), x * step, y * down * step); return; }
+  if (tool.name === "select" && site.selection.length && !overlay.cross) {
+    const [one] = site.selection;
+    if (one.kind === "lifts") moveLift(one.index, x * step, y * down * step);
+    else moved(chosenVertices(), x * step, y * down * step);
+    return;
+  }
   const from = overlay.cross || snapped([camera.x, camera.y]);
   overlay.cross = [rounded(from[0] + x * step), rounded(from[1] + y * down * step)];
   tool.preview = tool.chain.length ? overlay.cross : null;
@@ -447,7 +469,7 @@ function arrow([x, y], event) {
 }
 
 function enter(event) {
-  if (tool.name === "rack" || tool.name === "clear") {
+  if (tool.name in RECTANGLES && tool.name !== "select") {
     if (!tool.corner) { tool.corner = overlay.cross; return; }
     RECTANGLES[tool.name](tool.corner, overlay.cross);
     tool.corner = null;

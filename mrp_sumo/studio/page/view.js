@@ -1,6 +1,7 @@
 /* The floor under the pen: camera and drawing on a canvas. A frame draws what is seen in a few paths, so that no scene graph is needed. */
 import { cssColor } from "./elements.js";
-import { isPixels, level, list, option, site, unit } from "./site.js";
+import { cabin, lifts, unit } from "./levels.js";
+import { isPixels, level, list, option, site } from "./site.js";
 
 export const KINDS = [
   ["is_charger", "charger", "--goal"], ["is_parking_spot", "parking", "--accent"], ["pickup_dispenser", "pick-up", "--special"],
@@ -45,6 +46,12 @@ export function fit() {
   redraw();
 }
 
+/* True where something of the level is seen. */
+export function isInSight() {
+  const seen = list("vertices").map(toScreen).filter(([x, y]) => x > 0 && y > 0 && x < width() && y < height());
+  return seen.length > 1;
+}
+
 export function zoom(factor, at = [width() / 2, height() / 2]) {
   camera.isTouched = true;
   const before = toFloor(at);
@@ -84,6 +91,7 @@ function draw() {
   stroke(list("walls"), at, "--wall", 2);
   stroke(list("doors"), at, "--door", 4);
   drawLanes(at);
+  drawLifts();
   drawVertices(vertices, at);
   drawRulers(at);
   drawFindings();
@@ -142,6 +150,38 @@ function drawLanes(at) {
   pen.fill();
   const chosen = site.selection.filter((s) => s.kind !== "vertices");
   for (const name of ["lanes", "walls", "doors"]) stroke(chosen.filter((s) => s.kind === name).map((s) => list(name)[s.index]).filter(Boolean), at, "--waiting", 5);
+}
+
+/* Cabins: dashed where a lift passes by, with its doors where it stops. */
+function drawLifts() {
+  pen.font = "12px system-ui, sans-serif";
+  for (const [name, lift] of Object.entries(lifts())) {
+    const place = cabin(lift, site.level), [w, d] = [lift.width / 2, lift.depth / 2], isChosen = site.selection.some((s) => s.kind === "lifts" && s.index === name);
+    pen.strokeStyle = cssColor(isChosen ? "--waiting" : "--special");
+    pen.lineWidth = isChosen ? 4 : 2;
+    pen.setLineDash(place.isServed ? [] : [5, 4]);
+    const corners = [[-w, -d], [w, -d], [w, d], [-w, d]].map((corner) => toScreen(place.at(...corner)));
+    pen.beginPath();
+    corners.forEach((corner, k) => (k ? pen.lineTo(...corner) : pen.moveTo(...corner)));
+    pen.closePath();
+    pen.stroke();
+    pen.setLineDash([]);
+    pen.strokeStyle = cssColor("--door");
+    pen.lineWidth = 5;
+    for (const word of lift.level_doors?.[site.level] || []) {
+      const door = lift.doors?.[word];
+      if (!door) continue;
+      const turned = Number(door.motion_axis_orientation) || 0, [x, y] = [(door.width / 2) * Math.cos(turned), (door.width / 2) * Math.sin(turned)];
+      pen.beginPath();
+      pen.moveTo(...toScreen(place.at(door.x - x, door.y - y)));
+      pen.lineTo(...toScreen(place.at(door.x + x, door.y + y)));
+      pen.stroke();
+    }
+    pen.fillStyle = cssColor("--ink");
+    pen.textAlign = "center";
+    pen.fillText(name, (corners[0][0] + corners[2][0]) / 2, Math.min(...corners.map(([, y]) => y)) - 8);
+    pen.textAlign = "left";
+  }
 }
 
 function drawVertices(vertices, at) {
