@@ -227,14 +227,13 @@ def _range(windows: Windows, fit: _Fit, k: int, num_vehicles: int, prior: _Prior
     blocks = int(np.count_nonzero(np.abs(fit.blocks).sum(1)))
     reach = HELD * student(confidence, blocks - 1)
     drop = reach**2 / 2 * float(robust[k, k] / inverse[k, k])
-    others = [i for i in range(3) if i != k]
     ends = []
     for sign, bound in zip((-1.0, 1.0), _bounds(prior)):
         inside, theta, step = 0.0, fit.theta.copy(), reach * float(np.sqrt(robust[k, k]))
         outside, low_theta = None, theta
         for _ in range(9):
             at = (inside + outside) / 2 if outside is not None else inside + step
-            value, theta = _profiled(windows, low_theta, fit, k, others, fit.theta[k] + sign * at, num_vehicles, prior)
+            value, theta = _profiled(windows, low_theta, fit, k, fit.theta[k] + sign * at, num_vehicles, prior)
             if fit.value - value < drop:
                 inside, low_theta, step = at, theta, step * 1.3
                 if sign * (fit.theta[k] + sign * at - bound[k]) >= 0:
@@ -248,9 +247,10 @@ def _range(windows: Windows, fit: _Fit, k: int, num_vehicles: int, prior: _Prior
 
 
 def _profiled(
-    windows: Windows, theta: FloatArray, fit: _Fit, k: int, others: list[int], at: float, num_vehicles: int, prior: _Prior
+    windows: Windows, theta: FloatArray, fit: _Fit, k: int, at: float, num_vehicles: int, prior: _Prior
 ) -> tuple[float, FloatArray]:
     """The likelihood with one unknown fixed, and where: the others by a few steps from where they were."""
+    others = [i for i in range(3) if i != k]
     inverse = np.linalg.pinv(fit.hessian[np.ix_(others, others)])
     here = theta.copy()
     here[others] -= inverse @ fit.hessian[others, k] * (at - theta[k])

@@ -106,7 +106,7 @@ def _motion(result: Calibration, phases: list[Phases], noise: Noise, speed: floa
     for k in range(ROUNDS):
         mean = None if cruise is None else cruise.mean_mps
         speeding, braking = (
-            fit_ramp(phases, vehicles, driving, speed, scatter, guess, braking=each, mean_mps=mean) for each in (False, True)
+            fit_ramp(phases, vehicles, driving, scatter, (speed, *guess), braking=each, mean_mps=mean) for each in (False, True)
         )
         guess = (speeding.value if speeding else guess[0]), (braking.value if braking else guess[1])
         if k < ROUNDS - 1:
@@ -137,7 +137,7 @@ def _motion(result: Calibration, phases: list[Phases], noise: Noise, speed: floa
         result.quantities["turn_rate_rad_s"] = CalibratedFigure(*figure, len(turning.scores), "turns")
     left_s, came_s = _times(speeding, 1.0), _times(braking, -1.0)
     drop = student(CONFIDENCE, 30) ** 2 / 2
-    stops = fit_stops(phases, result.log.visits, noise, speed, guess[1], left_s, came_s, drop)
+    stops = fit_stops(phases, result.log.visits, noise, speed / guess[1], left_s, came_s, drop)
     result.quantities["stops_per_s"] = CalibratedFigure("stops_per_s", "1/s", *stops.rate_per_s, len(stops.hold_s), "stops on the way")
     for name, unit, figure3 in (("stop_median_s", "s", stops.median_s), ("stop_sigma", "", stops.sigma)):
         if figure3 is None:

@@ -69,9 +69,8 @@ def fit_ramp(
     phases: list[Phases],
     vehicles: list[str],
     noise: Noise,
-    speed_mps: float,
     scatter: Scatter,
-    guess: tuple[float, float],
+    guess: tuple[float, float, float],
     *,
     braking: bool,
     mean_mps: FloatArray | None = None,
@@ -84,22 +83,20 @@ def fit_ramp(
         All tracks, and names of vehicles.
     noise, scatter
         Of positions; of speed.
-    speed_mps
-        What vehicles usually drive at.
     guess
-        Accelerations of speeding up and braking so far, which choose samples.
+        What vehicles usually drive at, and accelerations of speeding up and braking so far, which choose samples.
     braking
         Whether to fit stops.
     mean_mps
         [R] mean speeds of vehicles at the top, as far as they are known.
     """
-    first = _episodes(phases, vehicles, speed_mps, guess, {}, braking=braking)
-    begin = None if first is None else _fit(first, noise, scatter, guess[1 if braking else 0])
+    first = _episodes(phases, vehicles, guess, {}, braking=braking)
+    begin = None if first is None else _fit(first, noise, scatter, guess[2 if braking else 1])
     if first is None or begin is None:
         return None
     left_s = {(int(n), int(k)): float(t) for (n, k), t in zip(first.stand, first.begin_s + begin.t0_s)}
-    guess = (guess[0], begin.value) if braking else (begin.value, guess[1])
-    episodes = _episodes(phases, vehicles, speed_mps, guess, left_s, braking=braking)
+    guess = (*guess[:2], begin.value) if braking else (guess[0], begin.value, guess[2])
+    episodes = _episodes(phases, vehicles, guess, left_s, braking=braking)
     if episodes is not None and mean_mps is not None:
         own = mean_mps[episodes.vehicle]
         usual = np.flatnonzero(np.abs(episodes.speed_mps / own - 1) < SAME_SPEED)
@@ -163,8 +160,7 @@ def _log_marginal(part: Episodes, whiten: FloatArray, t0: FloatArray, at_m: Floa
 def _episodes(
     phases: list[Phases],
     vehicles: list[str],
-    speed_mps: float,
-    guess: tuple[float, float],
+    guess: tuple[float, float, float],
     left_s: Mapping[tuple[int, int], float],
     *,
     braking: bool,
@@ -175,12 +171,12 @@ def _episodes(
 
     Parameters
     ----------
-    phases, vehicles, speed_mps, guess, braking
+    phases, vehicles, guess, braking
         See `fit_ramp`.
     left_s
         When, by number of track and stand.
     """
-    accel, decel = guess
+    speed_mps, accel, decel = guess
     here, there = (decel, accel) if braking else (accel, decel)
     rows: list[tuple[float, FloatArray, FloatArray, float, int, tuple[int, int], float]] = []
     for number, each in enumerate(phases):

@@ -26,7 +26,6 @@ class Stops:
     """Stops that were seen, and of the rate, median and sigma the best value and its range."""
 
     hold_s: FloatArray  # [N]
-    driven_s: float
     rate_per_s: tuple[float, float, float]
     median_s: tuple[float, float, float] | None
     sigma: tuple[float, float, float] | None
@@ -36,8 +35,7 @@ def fit_stops(
     phases: list[Phases],
     visits: list[ActionTime],
     noise: Noise,
-    mean_mps: float,
-    decel: float,
+    brake_s: float,
     left_s: dict[tuple[int, int], float],
     came_s: dict[tuple[int, int], float],
     drop: float,
@@ -48,8 +46,8 @@ def fit_stops(
     ----------
     phases, visits, noise
         Of the log.
-    mean_mps, decel
-        Mean speed and braking of vehicles.
+    brake_s
+        How long vehicles brake from their mean speed.
     left_s, came_s
         When vehicles left stands and came to them, as far as it was fitted, by number of track and stand.
     drop
@@ -82,8 +80,8 @@ def fit_stops(
                 continue
             lasted_s = left_s.get((number, k), t[stand.last] + period_s / 2) - came_s.get((number, k), t[stand.first] - period_s / 2)
             if lasted_s > LEAST_PERIODS * period_s:
-                holds.append(lasted_s + mean_mps / decel)
-    seen_s = LEAST_PERIODS * float(np.median(periods)) + mean_mps / decel
+                holds.append(lasted_s + brake_s)
+    seen_s = LEAST_PERIODS * float(np.median(periods)) + brake_s
     return _fit(np.array(holds), driven_s, seen_s, drop)
 
 
@@ -94,7 +92,7 @@ def _fit(hold_s: FloatArray, driven_s: float, seen_s: float, drop: float) -> Sto
     if count < 5:
         high = float(gammaincinv(count + 1, 0.95)) / max(driven_s, 1e-9)
         low = float(gammaincinv(count, 0.05)) / max(driven_s, 1e-9) if count else 0.0
-        return Stops(hold_s, driven_s, (count / max(driven_s, 1e-9), low, high), None, None)
+        return Stops(hold_s, (count / max(driven_s, 1e-9), low, high), None, None)
     log_median, sigma = np.log(MEDIANS)[:, None], SIGMAS[None, :]
     longer = np.maximum(ndtr((log_median - np.log(seen_s)) / sigma), 1e-12)
     z2 = ((np.log(hold_s)[:, None, None] - log_median) ** 2).sum(0) / sigma**2
@@ -112,7 +110,7 @@ def _fit(hold_s: FloatArray, driven_s: float, seen_s: float, drop: float) -> Sto
     ]
     values = [float(rate), float(MEDIANS[i]), float(SIGMAS[j])]
     made = [(value, *ends) for value, ends in zip(values, ranges)]
-    return Stops(hold_s, driven_s, *made)
+    return Stops(hold_s, *made)
 
 
 def _within(at: FloatArray, log: FloatArray, drop: float) -> tuple[float, float]:

@@ -16,6 +16,7 @@ TOUCH_M = 1e-6  # rectangles that share less than this are not called overlappin
 CLOSE_ENOUGH_M = 1e-4  # the least clearance between samples is found to this
 
 SPEED, ACCEL, DECEL, TURN_RATE, JUMP, HEADING_JUMP = range(6)
+NONE, ANY, FIRST = range(3)  # overlaps that are sought
 SPEED_SLACK = 1e-3  # relative: rounding in SUMO's files and steps
 ACCEL_SLACK = 1e-2
 JUMP_SLACK_M = 1e-3
@@ -227,11 +228,11 @@ def _meet(poses, bodies, k, pair, best, known, scratch):
     if circles > 0.0 and circles >= best:
         return
     pace = moved + radius[i] * abs(turn_i) + radius[j] * abs(turn_j)  # m their points move against each other at most
-    approach((dx, dy, yaw_i, yaw_j), (move_x, move_y, turn_i, turn_j), (size_i, size_j), pace, best, known, False, scratch)
+    approach((dx, dy, yaw_i, yaw_j), (move_x, move_y, turn_i, turn_j), (size_i, size_j), pace, best, NONE if known else ANY, scratch)
 
 
 @kernel
-def approach(begin, change, sizes, pace, best, known, to_the_first, scratch):
+def approach(begin, change, sizes, pace, best, sought, scratch):
     """The least distance of two rectangles that move evenly for an interval, and when they overlap.
 
     Parameters
@@ -242,17 +243,17 @@ def approach(begin, change, sizes, pace, best, known, to_the_first, scratch):
         Half lengths and half widths of both.
     pace
         m that their points move against each other at most.
-    best, known
-        Distances from `best` on are of no interest, nor overlaps where one is known.
-    to_the_first
-        Whether the first overlap is looked for; else the one that is seen first will do.
+    best
+        Distances from here on are of no interest.
+    sought
+        Which overlap: NONE, ANY, or the FIRST.
     scratch
-        The second becomes the least distance (as far as it is below `best`), when, and when they overlap (-1: not, or it is known).
+        The second becomes the least distance (as far as it is below `best`), when, and when they overlap (-1: not).
     """
     (dx, dy, yaw_a, yaw_b), (move_x, move_y, turn_a, turn_b), (size_a, size_b), (stack, found) = begin, change, sizes, scratch
     first = rectangle_distance(dx, dy, yaw_a, yaw_b, size_a, size_b)
     found[0], found[1], found[2] = max(first, 0.0), 0.0, -1.0
-    if first < -TOUCH_M and not known:
+    if first < -TOUCH_M and sought != NONE:
         found[2] = 0.0
         return
     if pace == 0.0:
@@ -260,23 +261,23 @@ def approach(begin, change, sizes, pace, best, known, to_the_first, scratch):
     last = rectangle_distance(dx + move_x, dy + move_y, yaw_a + turn_a, yaw_b + turn_b, size_a, size_b)
     if max(last, 0.0) < found[0]:
         found[0], found[1] = max(last, 0.0), 1.0
-    touched = 1.0 if last < -TOUCH_M and not known else 2.0
-    depth = 1 if to_the_first or touched > 1.0 else 0
+    touched = 1.0 if last < -TOUCH_M and sought != NONE else 2.0
+    depth = 1 if sought == FIRST or touched > 1.0 else 0
     stack[0, 0], stack[0, 1], stack[0, 2], stack[0, 3] = 0.0, 1.0, max(first, 0.0), max(last, 0.0)
     while depth:
         depth -= 1
         a, b, distance_a, distance_b = stack[depth, 0], stack[depth, 1], stack[depth, 2], stack[depth, 3]
         least = (distance_a + distance_b - pace * (b - a)) / 2.0  # of all that may be in between
         nearer = max(least, 0.0) < min(best, found[0]) - CLOSE_ENOUGH_M
-        if a >= touched or not (nearer or (least <= 0.0 and not known)) or pace * (b - a) <= TOUCH_M:
+        if a >= touched or not (nearer or (least <= 0.0 and sought != NONE)) or pace * (b - a) <= TOUCH_M:
             continue
         f = (a + b) / 2.0
         d = rectangle_distance(dx + f * move_x, dy + f * move_y, yaw_a + f * turn_a, yaw_b + f * turn_b, size_a, size_b)
         if max(d, 0.0) < found[0]:
             found[0], found[1] = max(d, 0.0), f
-        if d < -TOUCH_M and not known:
+        if d < -TOUCH_M and sought != NONE:
             touched = min(touched, f)
-            if not to_the_first:
+            if sought == ANY:
                 break
         d = max(d, 0.0)
         stack[depth, 0], stack[depth, 1], stack[depth, 2], stack[depth, 3] = f, b, d, distance_b

@@ -5,7 +5,7 @@ Moves between samples are straight and even, as for `_audit`; an interval is lef
 
 import numpy as np
 
-from mrp_sumo.metrics._audit import approach, short_way
+from mrp_sumo.metrics._audit import FIRST, NONE, approach, short_way
 from mrp_sumo.search._kernel import kernel
 
 
@@ -94,4 +94,4 @@ def _meet_wall(poses, bodies, at, wall, best, known, scratch):
     if not np.isfinite(move_x + move_y):  # it goes: it is looked at where it was
         move_x, move_y, turn = 0.0, 0.0, 0.0
     begin, pace = (wall[0] - x[k, r], wall[1] - y[k, r], yaw[k, r], wall[2]), np.hypot(move_x, move_y) + bodies.radius[r] * abs(turn)
-    approach(begin, (move_x, move_y, turn, 0.0), sizes, pace, best, known, True, scratch)
+    approach(begin, (move_x, move_y, turn, 0.0), sizes, pace, best, NONE if known else FIRST, scratch)
