@@ -7,7 +7,7 @@ import pytest
 from fake_runs import Silent
 
 from mrp_sumo.experiments import batch as batches
-from mrp_sumo.experiments.batch import run_batch
+from mrp_sumo.experiments.batch import Making, run_batch
 from mrp_sumo.experiments.suite import read_suite
 from mrp_sumo.io.results import MACHINE_COLUMNS, records_in
 from mrp_sumo.metrics.registry import MACHINE_DEPENDENT
@@ -28,8 +28,8 @@ def suite(folder, text):
     return read_suite(path)
 
 
-def make(file, folder, watcher=None, **options):
-    return run_batch(file, folder, watcher or Silent(), function="fake_runs:make", **{"workers": 1, **options})
+def make(file, folder, watcher=None, chooser=None, **options):
+    return run_batch(file, folder, watcher or Silent(), Making(**{"workers": 1, **options}), function="fake_runs:make", chooser=chooser)
 
 
 def told_by(folder):

@@ -23,8 +23,7 @@ if __name__ == "__main__":
             read_suite(Path(suite)),
             Path(out),
             Silent(),
-            workers=int(workers),
-            scheduler=scheduler[0] if scheduler else None,
+            batch.Making(int(workers), *scheduler),
             function="fake_runs:make",
         )
     except MrpSumoError as error:

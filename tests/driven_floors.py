@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from floors import BATTERY, SMALL
 
-from mrp_sumo.experiments.batch import Watcher, run_batch
+from mrp_sumo.experiments.batch import Making, Watcher, run_batch
 from mrp_sumo.io.scenario.read import scenario_of
 from mrp_sumo.sizing.observe import FUNCTION
 from mrp_sumo.sizing.points import Point, Record, record_of
@@ -121,7 +121,7 @@ def pool(floor: Floor, folder: Path, seeds: int, workers: int) -> Pool:
                 records[key] = record_of(record)
         return [study.planned(trial) for trial in trials]
 
-    run_batch(study.variations.suite, folder / "runs", Watcher(), workers=workers, function=FUNCTION, chooser=choose)
+    run_batch(study.variations.suite, folder / "runs", Watcher(), Making(workers), function=FUNCTION, chooser=choose)
     return Pool(floor, question, {(trial.robots, trial.seed): records[trial.robots, trial.seed] for trial in trials})
 
 

@@ -71,7 +71,7 @@ def run(options: argparse.Namespace) -> int:
     file = read_suite(find_suite(options.suite))
     from mrp_sumo.cli.analyze import measure_named, named_metrics
     from mrp_sumo.experiments.archive import ARCHIVE, archive_worst  # with all that runs: after the suite is known to be one
-    from mrp_sumo.experiments.batch import BROKEN, run_batch, summary
+    from mrp_sumo.experiments.batch import BROKEN, Making, run_batch, summary
 
     folder = Path(options.out) if options.out else Path("runs") / file.name
     if options.metric:
@@ -82,20 +82,11 @@ def run(options: argparse.Namespace) -> int:
     warn_of_kernels()
     kept_none = False
     with stoppable() as stop, watcher() as shown:
-        batch = run_batch(
-            file,
-            folder,
-            shown,
-            workers=workers,
-            scheduler=options.scheduler,
-            retries=options.retries,
-            wall_s=options.time_limit,
-            memory_mb=options.memory_limit,
-            stop=stop,
-        )
+        making = Making(workers, options.scheduler, options.retries, options.time_limit, options.memory_limit, stop)
+        batch = run_batch(file, folder, shown, making)
         if options.keep_worst and len(batch.status) == len(batch.runs):
             page = "mrp_sumo.reports.replay.page:write_replay"
-            num_kept = archive_worst(batch, options.keep_worst, shown.report, write_page=page, workers=workers, stop=stop)
+            num_kept = archive_worst(batch, options.keep_worst, shown.report, making, write_page=page)
             kept_none = not num_kept
             if num_kept:
                 shown.report(f"the worst {'run is' if num_kept == 1 else f'{num_kept} runs are'} kept in {folder / ARCHIVE}")

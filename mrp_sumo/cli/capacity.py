@@ -87,7 +87,7 @@ def run(options: argparse.Namespace) -> int:
     if options.out and Path(options.out).is_file():  # said before anything large is loaded
         raise MrpSumoError(f"{options.out}: is a file, expected a folder for the study")
     question = question_of(options)
-    from mrp_sumo.experiments.batch import require_ours
+    from mrp_sumo.experiments.batch import Making, require_ours
     from mrp_sumo.sizing.study import Study
 
     warn_of_kernels()
@@ -99,7 +99,7 @@ def run(options: argparse.Namespace) -> int:
     if options.dry_run:
         return 0
     with stoppable() as stop:
-        answer = study.run(folder, _watcher(), workers=workers, scheduler=options.scheduler, stop=stop)
+        answer = study.run(folder, _watcher(), Making(workers, options.scheduler, stop=stop))
     if answer is None:
         warn(f"interrupted; to go on: {shlex.join(options.command_line)}")
         return stop.exit_code

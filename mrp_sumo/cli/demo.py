@@ -36,7 +36,7 @@ def run(options: argparse.Namespace) -> int:
 
     from mrp_sumo.cli.batch import watcher
     from mrp_sumo.cli.ending import stoppable
-    from mrp_sumo.experiments.batch import run_batch
+    from mrp_sumo.experiments.batch import Making, run_batch
     from mrp_sumo.experiments.suite import read_suite
     from mrp_sumo.reports.replay.page import write_page
     from mrp_sumo.reports.report import write_report
@@ -53,7 +53,7 @@ def run(options: argparse.Namespace) -> int:
     suite.write_text(SUITE, encoding="utf-8")
     _say(f"\ntwo planners on the same draws\n  $ mrp-sumo batch {suite} --out {out / 'planners'}", options)
     with stoppable() as stop, watcher() as shown:
-        batch = run_batch(read_suite(suite), out / "planners", shown, workers=2, stop=stop)
+        batch = run_batch(read_suite(suite), out / "planners", shown, Making(2, stop=stop))
     if len(batch.status) < len(batch.runs):
         warn(f"interrupted; to go on: {shlex.join(options.command_line)}")
         return stop.exit_code

@@ -30,12 +30,13 @@ def run(options: argparse.Namespace) -> int:
     """Make the runs, write the page, say how long it took."""
     workers = workers_of(options)
     require_least("--seeds", options.seeds, 1)
+    from mrp_sumo.experiments.batch import Making
     from mrp_sumo.experiments.paper import Campaign, run_campaign  # with all that runs and draws: after the options are sound
     from mrp_sumo.reports.paper.page import compare_with_paper, write_paper
 
     campaign = Campaign(Path(options.out), options.maps, options.seeds)
     with stoppable() as stop, watcher() as shown:
-        made = run_campaign(campaign, shown, workers=workers, stop=stop)
+        made = run_campaign(campaign, shown, Making(workers, stop=stop))
     if not made.finished:
         warn(f"interrupted; to go on: {shlex.join(options.command_line)}")
         return stop.exit_code

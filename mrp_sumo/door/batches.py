@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from mrp_sumo.core.children import num_workers
 from mrp_sumo.errors import BatchError
-from mrp_sumo.experiments.batch import BatchFolder, Watcher, run_batch
+from mrp_sumo.experiments.batch import BatchFolder, Making, Watcher, run_batch
 from mrp_sumo.experiments.batch import summary as standing
 from mrp_sumo.experiments.suite import find_suite, read_suite
 from mrp_sumo.io.results import load_results
@@ -122,7 +122,7 @@ def run_suite(
     file = read_suite(find_suite(str(suite)))
     folder = Path("runs") / file.name if out is None else Path(out)
     with everything_trusted(trust):
-        made: BatchFolder = run_batch(file, folder, Watching(progress), workers=workers, retries=retries)
+        made: BatchFolder = run_batch(file, folder, Watching(progress), Making(workers, retries=retries))
     return Batch(file.name, folder, len(made.runs), dict(made.counts()), standing(made))
 
 

@@ -155,6 +155,7 @@ def capacity(
     >>> study.curve.plot("robots", "throughput_per_h")
     """
     from mrp_sumo.door.batches import Watching
+    from mrp_sumo.experiments.batch import Making
     from mrp_sumo.reports.capacity.page import write_capacity_page
 
     file = scenario.file if isinstance(scenario, Scenario) else read_scenario(find_scenario(str(scenario)))
@@ -177,6 +178,6 @@ def capacity(
         )
     )
     folder = Path("runs") / study.variations.suite.name if out is None else Path(out)
-    answer = study.run(folder, Watching(progress), workers=workers)
+    answer = study.run(folder, Watching(progress), Making(workers))
     assert answer is not None  # nobody can stop it but by an exception
     return Capacity(answer, write_capacity_page(study, answer, folder))

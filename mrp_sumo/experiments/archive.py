@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from mrp_sumo.errors import MrpSumoError
-from mrp_sumo.experiments.batch import GO_ON, NOW, BatchFolder, job_of
+from mrp_sumo.experiments.batch import GO_ON, NOW, BatchFolder, Making, job_of
 from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.experiments.processes import Processes
 from mrp_sumo.experiments.worker import BAD_INPUT, Answer, Job, failure
@@ -26,9 +26,7 @@ def worst(batch: BatchFolder, count: int) -> list[BatchRecord]:
     return sorted(ours, key=lambda r: (r["success"], -r["metrics"]["time_blocked_total_s"], r["key"]))[:count]
 
 
-def archive_worst(
-    batch: BatchFolder, count: int, report: Callable[[str], None], *, write_page: str, workers: int, stop: Callable[[], int] = lambda: GO_ON
-) -> int:
+def archive_worst(batch: BatchFolder, count: int, report: Callable[[str], None], making: Making, *, write_page: str) -> int:
     """Repeat the worst runs of a batch with run folder and replay page. Runs that are archived already are left alone.
 
     Parameters
@@ -39,12 +37,10 @@ def archive_worst(
         How many runs.
     report
         Called with a line for each run that could not be archived, or ended otherwise than before.
+    making
+        By whom the batch was made: processes of this machine repeat runs, within the suite's limits.
     write_page
         `module:function` that writes REPLAY into a run folder; worker processes import it.
-    workers
-        Processes on this machine.
-    stop
-        As for `run_batch`.
 
     Returns
     -------
@@ -59,12 +55,12 @@ def archive_worst(
     num_archived = len(chosen) - len(todo)
     if not todo:
         return num_archived
-    processes = Processes(min(workers, len(todo)), f"{__name__}:repeat")
+    processes = Processes(min(making.workers, len(todo)), f"{__name__}:repeat")
     try:
-        while (todo or processes.running) and stop() != NOW:
-            while todo and processes.free and stop() == GO_ON:
+        while (todo or processes.running) and making.stop() != NOW:
+            while todo and processes.free and making.stop() == GO_ON:
                 run = todo.pop(0)
-                processes.submit({**job_of(batch, run), "archive": str(places[run.key]), "write_page": write_page})
+                processes.submit({**job_of(batch, run, Making(making.workers)), "archive": str(places[run.key]), "write_page": write_page})
             if not processes.running:
                 break
             for job, answer in processes.wait(0.2):

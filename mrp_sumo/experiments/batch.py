@@ -69,6 +69,18 @@ class Watcher:
         """Called when the counts have changed."""
 
 
+@dataclass(frozen=True)
+class Making:
+    """By whom runs are made and within which limits."""
+
+    workers: int  # processes on this machine
+    scheduler: str | None = None  # address of a Dask scheduler, whose workers make the runs instead
+    retries: int = 1  # how often a run that crashed is tried again
+    wall_s: float | None = None  # limits of a run, instead of the suite's
+    memory_mb: float | None = None
+    stop: Callable[[], int] = lambda: GO_ON  # asked several times a second; FINISH: end after the runs under way, NOW: without them
+
+
 @dataclass
 class BatchFolder:
     """A suite's runs and the folder of their results."""
@@ -120,13 +132,8 @@ def run_batch(
     file: SuiteFile,
     folder: Path,
     watcher: Watcher,
+    making: Making,
     *,
-    workers: int,
-    scheduler: str | None = None,
-    retries: int = 1,
-    wall_s: float | None = None,
-    memory_mb: float | None = None,
-    stop: Callable[[], int] = lambda: GO_ON,
     function: str = MEASURE,
     chooser: Chooser | None = None,
 ) -> BatchFolder:
@@ -142,16 +149,8 @@ def run_batch(
         Where results are kept.
     watcher
         Its callbacks.
-    workers
-        Processes on this machine.
-    scheduler
-        Address of a Dask scheduler, whose workers make the runs instead.
-    retries
-        How often a run that crashed is tried again.
-    wall_s, memory_mb
-        Limits of a run, instead of the suite's.
-    stop
-        Asked several times a second; FINISH ends the batch after the runs under way, NOW without them.
+    making
+        By whom runs are made and within which limits.
     function
         `module:name` of what makes a run.
     chooser
@@ -167,20 +166,21 @@ def run_batch(
                 _write_plan(batch)
             if batch.num_foreign:
                 watcher.report(f"{folder}: {batch.num_foreign} results are of runs that the suite does not have (any more); left alone")
-            todo = deque(batch.todo(retries))
-            grow = partial(_grow, batch, todo, chooser, retries)
+            todo = deque(batch.todo(making.retries))
+            grow = partial(_grow, batch, todo, chooser, making.retries)
             grow()
             watcher.begin(len(batch.runs), len(batch.runs) - len(todo))
-            log.add(
-                f"{len(todo)} of {len(batch.runs)} runs to make, {f'on {scheduler}' if scheduler else f'{workers} workers'}, {batch.code}"
-            )
+            where = f"on {making.scheduler}" if making.scheduler else f"{making.workers} workers"
+            log.add(f"{len(todo)} of {len(batch.runs)} runs to make, {where}, {batch.code}")
             if todo:
                 drop_tables(folder)
                 makers: Makers = (
-                    Cluster(scheduler, function) if scheduler else Processes(workers if chooser else min(workers, len(todo)), function)
+                    Cluster(making.scheduler, function)
+                    if making.scheduler
+                    else Processes(making.workers if chooser else min(making.workers, len(todo)), function)
                 )
                 try:
-                    _make(batch, todo, makers, watcher, log, retries, wall_s, memory_mb, stop, grow)
+                    _make(batch, todo, makers, watcher, log, making, grow)
                 finally:
                     makers.close()
             if chooser is not None:
@@ -224,13 +224,11 @@ def _make(
     makers: Makers,
     watcher: Watcher,
     log: "_Log",
-    retries: int,
-    wall_s: float | None,
-    memory_mb: float | None,
-    stop: Callable[[], int],
+    making: Making,
     grow: Callable[[], bool],
 ) -> None:
     """The loop: hand out runs, keep what comes back."""
+    stop = making.stop
     under_way: dict[str, PlannedRun] = {}
 
     def hand_out() -> None:
@@ -238,7 +236,7 @@ def _make(
             if todo:
                 run = todo.popleft()
                 under_way[run.key] = run
-                makers.submit(job_of(batch, run, wall_s, memory_mb))
+                makers.submit(job_of(batch, run, making))
 
     hand_out()
     while (under_way or todo) and stop() != NOW:
@@ -260,7 +258,7 @@ def _make(
             write_record(batch.folder, record)
             batch.status[run.key], batch.attempts[run.key] = record["status"], attempts
             log.add(f"{run.key} {record['status']} {record['reason']}".rstrip())
-            if record["status"] == CRASHED and attempts <= retries:
+            if record["status"] == CRASHED and attempts <= making.retries:
                 todo.append(run)
             else:
                 watcher.ended(record)
@@ -288,8 +286,8 @@ def _grow(batch: BatchFolder, todo: deque[PlannedRun], chooser: Chooser | None, 
     return bool(more)
 
 
-def job_of(batch: BatchFolder, run: PlannedRun, wall_s: float | None = None, memory_mb: float | None = None) -> Job:
-    """A run as it is handed out, with what it may take: `wall_s` and `memory_mb` instead of the suite's limits."""
+def job_of(batch: BatchFolder, run: PlannedRun, making: Making) -> Job:
+    """A run as it is handed out, with what it may take."""
     scenario, limits = json.loads(run.scenario), batch.file.suite.limits
     driving_s = scenario["execution"]["time_limit_s"] or LONG_DRIVE_S
     generous = 60 + 2 * scenario["planner"]["time_limit_s"] + 2 * driving_s
@@ -300,8 +298,8 @@ def job_of(batch: BatchFolder, run: PlannedRun, wall_s: float | None = None, mem
         "plug_ins": run.plug_ins,
         "until": batch.file.suite.until,
         "folder": str(batch.file.folder),
-        "wall_s": wall_s or limits.wall_s or generous,
-        "memory_mb": memory_mb or limits.memory_mb,
+        "wall_s": making.wall_s or limits.wall_s or generous,
+        "memory_mb": making.memory_mb or limits.memory_mb,
     }
 
 

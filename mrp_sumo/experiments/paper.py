@@ -5,7 +5,6 @@ with fewer seeds.
 """
 
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import yaml
 
 from mrp_sumo.errors import MrpSumoError
-from mrp_sumo.experiments.batch import BROKEN, GO_ON, Watcher, run_batch
+from mrp_sumo.experiments.batch import BROKEN, Making, Watcher, run_batch
 from mrp_sumo.experiments.suite import find_suite, read_suite
 from mrp_sumo.files.writing import write_whole
 from mrp_sumo.io.results import load_results
@@ -67,7 +66,7 @@ class Kinds:
     num_seeds: int  # looked at
 
 
-def run_campaign(campaign: Campaign, watcher: Watcher, *, workers: int, stop: Callable[[], int] = lambda: GO_ON) -> Made:
+def run_campaign(campaign: Campaign, watcher: Watcher, making: Making) -> Made:
     """Make all runs that have no result yet.
 
     Raises MrpSumoError for a folder that holds something else or was made by another version, and maps that are not there.
@@ -81,7 +80,7 @@ def run_campaign(campaign: Campaign, watcher: Watcher, *, workers: int, stop: Ca
         if name == "replicability_five":
             suite = _of_kinds(suite, kinds_of(load_results(campaign.results("paper_table_3"))))
         write_whole(path, yaml.safe_dump(suite, sort_keys=False, width=120).encode())
-        batch = run_batch(read_suite(path), campaign.results(name), watcher, workers=workers, stop=stop)
+        batch = run_batch(read_suite(path), campaign.results(name), watcher, making)
         num_runs += len(batch.runs)
         num_broken += sum(batch.counts()[status] for status in BROKEN)
         if len(batch.status) < len(batch.runs):

@@ -13,7 +13,7 @@ from typing import Any
 
 from mrp_sumo.core.graph import NavGraph
 from mrp_sumo.errors import MrpSumoError, PlanError, ScenarioError
-from mrp_sumo.experiments.batch import GO_ON, NOW, Lookup, Watcher, run_batch
+from mrp_sumo.experiments.batch import NOW, Lookup, Making, Watcher, run_batch
 from mrp_sumo.experiments.error_bands import MOST_QUANTITIES, Bounds, Quantity, design, quantities, values_at
 from mrp_sumo.experiments.identity import code_version
 from mrp_sumo.experiments.map_cache import MapCache
@@ -232,10 +232,8 @@ class Study:
         self,
         folder: Path,
         watcher: Watcher,
+        making: Making,
         *,
-        workers: int,
-        scheduler: str | None = None,
-        stop: Callable[[], int] = lambda: GO_ON,
         wondered: Callable[[Answer | None], None] = lambda answer: None,
     ) -> Answer | None:
         """Make the runs that are missing, and answer. Raises MrpSumoError as `run_batch` does.
@@ -244,7 +242,7 @@ class Study:
         ----------
         folder
             Where runs are kept.
-        watcher, workers, scheduler, stop
+        watcher, making
             As for `run_batch`.
         wondered
             Called whenever the search has looked at what there is, with the answer once it is known.
@@ -256,7 +254,7 @@ class Study:
         """
         self.question = self.charged
         answer: Answer | None = None
-        clock = _Clock(self._began_s + self.question.effort.budget_s, stop)
+        clock = _Clock(self._began_s + self.question.effort.budget_s, making.stop)
 
         def choose(lookup: Lookup) -> list[PlannedRun]:
             nonlocal answer
@@ -265,13 +263,11 @@ class Study:
             return [self.planned(trial) for trial in trials]
 
         def make(until: Callable[[], int]) -> None:
-            run_batch(
-                self.variations.suite, folder, watcher, workers=workers, scheduler=scheduler, stop=until, function=FUNCTION, chooser=choose
-            )
+            run_batch(self.variations.suite, folder, watcher, replace(making, stop=until), function=FUNCTION, chooser=choose)
 
         make(clock)
         if answer is None and clock.is_over:
-            make(stop)  # from what there is: only what confirms it is missing, which comes on top of the budget
+            make(making.stop)  # from what there is: only what confirms it is missing, which comes on top of the budget
         return answer
 
     def planned(self, trial: Trial) -> PlannedRun:

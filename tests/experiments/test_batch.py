@@ -18,7 +18,7 @@ from processes import gone
 from mrp_sumo import load_results
 from mrp_sumo.errors import BatchError
 from mrp_sumo.experiments import batch as batches
-from mrp_sumo.experiments.batch import FINISH, GO_ON, open_batch, run_batch
+from mrp_sumo.experiments.batch import FINISH, GO_ON, Making, open_batch, run_batch
 from mrp_sumo.experiments.suite import read_suite
 from mrp_sumo.files.writing import written_whole
 from mrp_sumo.io.results import MACHINE_COLUMNS, drop_tables, read_record, record_path, records_in, write_record
@@ -352,7 +352,7 @@ def test_run_without_room_for_its_files_is_no_result_and_ends_the_batch(tmp_path
 def test_function_that_cannot_be_loaded_is_no_result(tmp_path):
     file = suite(tmp_path, "grid_search: {seed: 0..1}\n")
     with pytest.raises(BatchError, match=r"a worker process cannot start: ModuleNotFoundError: No module named 'nowhere'"):
-        run_batch(file, tmp_path / "out", Silent(), workers=1, function="nowhere:make")
+        run_batch(file, tmp_path / "out", Silent(), Making(1), function="nowhere:make")
     assert not told_by(tmp_path / "out")
 
 

@@ -8,6 +8,7 @@ import pytest
 
 from mrp_sumo.cli.capacity import _watcher
 from mrp_sumo.errors import MrpSumoError
+from mrp_sumo.experiments.batch import Making
 from mrp_sumo.io.scenario.read import read_scenario
 from mrp_sumo.sizing import study
 from mrp_sumo.sizing.question import DEMAND, QUICK, SATURATED, Cycle, Question, Trial, values_of
@@ -96,7 +97,7 @@ def test_what_confirms_is_made_when_the_budget_is_over(tmp_path, monkeypatch):
     question = Question(read_scenario(tmp_path / "one.yaml"), (1, 2), effort, confirm=True)
     folder = tmp_path / "new"
     monkeypatch.setattr(study, "monotonic", lambda: 1e9 if len(list(folder.glob("runs/*/*.json"))) >= 2 * effort.seeds else 0.0)
-    answer = Study(question).run(folder, _watcher(), workers=1)
+    answer = Study(question).run(folder, _watcher(), Making(1))
     assert not answer.in_time and [size.name for size in answer.confirmed]
 
 
