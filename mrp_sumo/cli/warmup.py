@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from mrp_sumo.experiments.worker import Answer, Job
 
 EXECUTION = "execution"  # the kernels of the controller, the audit and the referee, beside the planners'
-ROOMS = ("mrp_sumo/drive", "mrp_sumo/metrics", "mrp_sumo/search", "planners")
 LOOK_S = 0.2
 
 
@@ -76,15 +75,15 @@ def _bar() -> Iterator[Callable[[], None]]:
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-    from mrp_sumo.search import _kernel
+    from mrp_sumo.experiments.kernels import stored_kernels
 
     columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("", total=sum(_kernel.num_defined(room) for room in ROOMS))
+        task = bar.add_task("", total=stored_kernels()[1])
 
         def show() -> None:
-            done = sum(_kernel.num_stored(room) for room in ROOMS)
-            bar.update(task, completed=done, description=f"compiling kernels, once: {done} of {bar.tasks[0].total:.0f}")
+            done, needed = stored_kernels()
+            bar.update(task, completed=done, description=f"compiling kernels, once: {done} of {needed}")
 
         yield show
 

@@ -7,6 +7,7 @@ from contextlib import contextmanager
 
 from mrp_sumo.core import children
 
+ROOMS = ("mrp_sumo/drive", "mrp_sumo/metrics", "mrp_sumo/search")  # that kernels are in
 DRIVING = ("mrp_sumo/drive", "mrp_sumo/metrics")  # rooms whose kernels a process of its own compiles while this one has the planner's
 LOOK_S = 0.2
 
@@ -51,6 +52,13 @@ def compiling(report: Callable[[str, float, float], None], *, execute: bool) -> 
         if helper and helper.poll() is None:
             helper.terminate()
             helper.wait()
+
+
+def stored_kernels() -> tuple[int, int]:
+    """The number of kernels that are stored, by whichever process, and of those that there are."""
+    from mrp_sumo.search import _kernel
+
+    return sum(_kernel.num_stored(room) for room in ROOMS), sum(_kernel.num_defined(room) for room in ROOMS)
 
 
 def why_not_kept() -> str:

@@ -3,15 +3,18 @@
 Each names files of the folder, and a folder for its results that is not there yet.
 """
 
+import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 from mrp_sumo.errors import MrpSumoError
+from mrp_sumo.files.reading import read_text
 from mrp_sumo.files.writing import write_whole
 from mrp_sumo.maps.readers.reader import map_name
-from mrp_sumo.maps.yaml_edit import text_of
-from mrp_sumo.studio.workspace import Workspace
+from mrp_sumo.maps.yaml_edit import document_of, text_of
+from mrp_sumo.maps.yaml_text import MAX_BYTES, Text
+from mrp_sumo.studio.workspace import VARIANTS, Workspace
 
 Values = Mapping[str, Any]
 FORMATS = {"lif": ".lif.json", "opentcs": ".xml", "nav": ".nav.yaml"}
@@ -65,13 +68,13 @@ def _variants(workspace: Workspace, values: Values) -> tuple[list[str], str]:
         raise MrpSumoError("expected two maps that differ")
     if type(seeds) is not int or not 2 <= seeds <= MOST_SEEDS:
         raise MrpSumoError(f"seeds: found {str(seeds)[:20]}, expected 2 to {MOST_SEEDS}")
-    out = _free(workspace, f"variants/{'_'.join(_stem(name) for name in maps)}")
+    out = _free(workspace, f"{VARIANTS}/{'_to_'.join(_stem(name) for name in maps)}")
     suite = f"{out}.yaml"
-    root = workspace.root
+    root, folder = workspace.root, (workspace.root / suite).parent
     document = {
-        "base": (root / scenario).as_posix(),
+        "base": os.path.relpath(root / scenario, folder),
         "grid_search": {
-            "map": [(root / name).as_posix() for name in maps],
+            "map": [os.path.relpath(root / name, folder) for name in maps],
             "execution.engine": ["kinematic"],
             "record.bag": [False],
             "seed": list(range(1, seeds + 1)),
@@ -79,6 +82,15 @@ def _variants(workspace: Workspace, values: Values) -> tuple[list[str], str]:
     }
     write_whole(root / suite, text_of(document).encode())
     return ["batch", suite, "--out", out], out
+
+
+def first_map(workspace: Workspace, out: str) -> str:
+    """The layout that a comparison began with, as its suite names it; '' where that is not there."""
+    suite = workspace.path(f"{out}.yaml")
+    if not suite.is_file():
+        return ""
+    values = document_of(Text(suite, read_text(suite, MAX_BYTES)))
+    return str(values["grid_search"]["map"][0]) if isinstance(values, dict) and values.get("grid_search") else ""
 
 
 def _report(workspace: Workspace, values: Values) -> tuple[list[str], str]:

@@ -5,11 +5,13 @@ came of it.
 """
 
 import json
+import math
 import os
 import re
 import shlex
 import subprocess
 import tempfile
+import time
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -18,6 +20,7 @@ from typing import IO, Any
 
 from mrp_sumo.core.children import command, kill_family
 from mrp_sumo.errors import MrpSumoError
+from mrp_sumo.experiments.kernels import stored_kernels
 
 START = "mrp_sumo.cli.start:main"
 ADDRESS = re.compile(r"http://127\.0\.0\.1:(\d+)/([\w-]+)/")
@@ -33,6 +36,8 @@ class Job:
     def __init__(self, number: int, words: Sequence[str], folder: Path, out: str) -> None:
         self.number, self.words, self.out = number, tuple(words), out
         self.is_stopped = False
+        self._started, self._seconds = time.monotonic(), math.nan  # until it was seen to have ended
+        self._stored, self._compiled = stored_kernels()[0], 0
         self._output: tuple[IO[bytes], IO[bytes]] = (tempfile.TemporaryFile(), tempfile.TemporaryFile())  # noqa: SIM115  see `forget`
         self._process = subprocess.Popen(
             command(START, *words),
@@ -67,6 +72,9 @@ class Job:
     def document(self) -> dict[str, Any]:
         """For the page."""
         state = self.state
+        stored, needed = stored_kernels()
+        if state == "running" or math.isnan(self._seconds):
+            self._seconds, self._compiled = time.monotonic() - self._started, max(0, stored - self._stored)
         answer = None
         if state != "running":
             with suppress(ValueError):
@@ -82,6 +90,8 @@ class Job:
             "printed": [] if answer is not None else self.text()[-LAST_BYTES:].splitlines()[-20:],
             "answer": answer,
             "live": bool(self.address),
+            "seconds": round(self._seconds, 1),
+            "compiled": [self._compiled, needed],
         }
 
     def stop(self) -> None:

@@ -22,7 +22,7 @@ from mrp_sumo.reports.replay.constants import constants_module, css_variables
 from mrp_sumo.reports.replay.page import page_of
 from mrp_sumo.studio import scenarios
 from mrp_sumo.studio.answers import curve, paired, waits
-from mrp_sumo.studio.commands import words_of
+from mrp_sumo.studio.commands import first_map, words_of
 from mrp_sumo.studio.findings import check, drawn
 from mrp_sumo.studio.jobs import ADDRESS, Jobs
 from mrp_sumo.studio.workspace import Stale, Workspace, lanes_over_floor
@@ -121,7 +121,8 @@ class Studio:
     def save(self, values: Values) -> Any:
         """Save a drawing."""
         name = _text(values, "path")
-        return {"digest": self.workspace.save_drawing(name, values.get("document"), str(values.get("digest", "")))}
+        digest, like = str(values.get("digest", "")), str(values.get("like", ""))
+        return {"digest": self.workspace.save_drawing(name, values.get("document"), digest, like)}
 
     def save_text(self, values: Values) -> Any:
         """Save a scenario."""
@@ -164,7 +165,8 @@ class Studio:
 
     def paired(self, values: Values) -> Any:
         """The difference between two variants on the same orders."""
-        return paired(self.workspace.path(_text(values, "out")), _text(values, "first"))
+        name = _text(values, "out")
+        return {"out": name, **paired(self.workspace.path(name), first_map(self.workspace, name))}
 
     def waits(self, values: Values) -> Any:
         """Places where robots of a run stood and waited, and for how long, on a drawing of its map."""

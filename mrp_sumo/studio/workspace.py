@@ -30,7 +30,9 @@ PLANS = (".dxf", ".svg", ".pdf", ".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff
 MOST_FILES, DEEPEST = 2000, 3
 MOST_VERTICES = 20_000  # of a map of another format: more are not drawn by hand
 SHOWN_BY_BROWSERS = ("PNG", "JPEG", "GIF", "WEBP")
-RESULT, BATCH, SCENARIO_KEYS = "result.json", "plan.json", ("map:", "robots:")
+BATCH, SCENARIO_KEYS = "plan.json", ("map:", "robots:")
+HOLDS = {"run": "result.json", "study": "answer.json", "comparison": BATCH}  # kind of a folder -> a file in it
+VARIANTS = "variants"  # the folder of comparisons
 
 
 class Stale(MrpSumoError):
@@ -157,13 +159,18 @@ class Workspace:
         path = self.path(name)
         return hashlib.sha256(read_bytes(path, MAX_BYTES)).hexdigest() if path.is_file() else ""
 
-    def save_drawing(self, name: str, document: Any, digest: str) -> str:
-        """Save a drawing to a file that is as it was when its digest was taken. Returns the new digest."""
+    def save_drawing(self, name: str, document: Any, digest: str, like: str = "") -> str:
+        """Save a drawing to a file that is as it was when its digest was taken. Returns the new digest.
+
+        A new file has the text of another, `like`, wherever both say the same.
+        """
         path = self.path(name)
         if not name.endswith((".yaml", ".yml")):
             raise MrpSumoError(f"{name}: expected a name that ends in .building.yaml")
 
         def text(before: bytes | None) -> bytes:
+            if before is None and like and self.digest(like):
+                before = self.path(like).read_bytes()
             if before is None:
                 return text_of(document).encode()
             mark = BOM if before.startswith(BOM) else b""
@@ -245,7 +252,8 @@ def _kind(path: Path) -> str:
     """What a path is for a workbench; '' for what it has no use for."""
     name = path.name.lower()
     if path.is_dir():
-        return "run" if (path / RESULT).is_file() else "study" if (path / "answer.json").is_file() else ""
+        holds = [kind for kind, file in HOLDS.items() if (path / file).is_file()]
+        return holds[0] if holds and (holds[0] != "comparison" or path.parent.name == VARIANTS) else ""
     if name.endswith(PLANS):
         return "plan"
     if name.endswith((".yaml", ".yml")) and not name.endswith((".building.yaml", ".nav.yaml")):

@@ -80,6 +80,20 @@ LEVELS = (
 )
 
 
+WHAT_IF = (
+    "a lane is doubled where there is room, traffic to the right",
+    "its twin joins the lanes that it meets",
+    "one click keeps it and compares it on the same orders",
+    "the first layout of the comparison is the one that was saved",
+    "the layout is as it was",
+    "the variant says the rest as the layout does",
+    "a charger is dragged onto another lane, and its lanes stay",
+    "undo takes it back",
+    "a variant is taken over",
+    "no console error",
+)
+
+
 def hall(path):
     """30 x 20 m at 5 cm a pixel, with five racks."""
     image = Image.new("RGB", (640, 440), "white")
@@ -130,6 +144,11 @@ def test_two_levels_and_their_lift_are_drawn_from_nothing_and_driven(tmp_path, c
     assert main(["run", str(tmp_path / "tower/scenario.yaml"), "--set", "execution.engine=kinematic", "--out", str(run)]) == 0
     metrics = json.loads((run / "result.json").read_text())["metrics"]
     assert metrics["tasks_done"] > 0  # from the ground floor to the one above
+
+
+@pytest.mark.slow
+def test_a_change_becomes_a_variant_and_is_compared(tmp_path):
+    assert claims(tmp_path, "what_if.mjs", tmp_path) == list(WHAT_IF)
 
 
 @pytest.mark.slow

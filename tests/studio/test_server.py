@@ -11,7 +11,7 @@ import pytest
 from mrp_sumo.cli.main import main
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.maps.catalogue import bundled_maps
-from mrp_sumo.studio.commands import words_of
+from mrp_sumo.studio.commands import first_map, words_of
 from mrp_sumo.studio.server import Studio
 from mrp_sumo.studio.workspace import Workspace
 
@@ -44,7 +44,7 @@ def at(address, data=None, **headers):
 
 
 def test_the_page_needs_nothing_from_elsewhere(studio):
-    scripts = ("main", "panels", "parts", "tools", "view", "site", "levels", "api", "elements", "constants")
+    scripts = ("main", "shared", "panels", "draw", "ask", "parts", "tools", "view", "site", "levels", "api", "elements", "constants")
     names = ["", "page.css", *(f"{name}.js" for name in scripts)]
     texts = [ask(studio, name) for name in names]
     assert all(status == 200 for status, _ in texts)
@@ -113,6 +113,7 @@ def test_a_command_is_started_watched_and_named(studio, tmp_path):
     studio.jobs.of(str(job["number"]))._process.wait(120)
     (ended,) = ask(studio, "api/commands")[1]
     assert (ended["state"], ended["code"]) == ("done", 0)
+    assert ended["compiled"][1] > 0  # kernels that there are
     assert (tmp_path / "office.lif.json").is_file()
 
 
@@ -123,6 +124,20 @@ def test_names_of_files_are_never_options(tmp_path):
     assert words[:2] == ["run", "./--out"] and not out.startswith("-")
     with pytest.raises(MrpSumoError, match="expected two maps that differ"):
         words_of(workspace, {"what": "variants", "scenario": "--out", "maps": ["--out", "--out"]})
+
+
+def test_two_layouts_are_a_suite_whose_folder_may_be_moved(tmp_path):
+    workspace = Workspace(tmp_path.resolve())
+    for name in ("a.building.yaml", "b.building.yaml", "day/scenario.yaml"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text("")
+    values = {"what": "variants", "scenario": "day/scenario.yaml", "maps": ["a.building.yaml", "b.building.yaml"], "seeds": 3}
+    words, out = words_of(workspace, values)
+    assert words == ["batch", "variants/a_to_b.yaml", "--out", "variants/a_to_b"]
+    text = (tmp_path / "variants/a_to_b.yaml").read_text()
+    assert "../day/scenario.yaml" in text and str(tmp_path) not in text
+    assert first_map(workspace, out) == "../a.building.yaml"
+    assert first_map(workspace, "variants/none") == ""
 
 
 def test_a_drawing_that_nobody_reads_is_refused_before_a_page_opens(tmp_path, capsys):

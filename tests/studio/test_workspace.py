@@ -164,7 +164,8 @@ def test_files_are_listed_by_what_they_are_for(folder):
     (folder.root / "day.yaml").write_text("map: office\nrobots: {count: 2}\n")
     (folder.root / "all.yaml").write_text("base: day\ngrid_search: {seed: [1]}\n")
     kinds = {entry["path"]: entry["kind"] for entry in folder.files()}
-    assert kinds == {"office.building.yaml": "map", "runs/a": "run", "studies/b": "study", "day.yaml": "scenario", "all.yaml": "suite"}
+    folders = {"runs/a": "run", "studies/b": "study", "variants/c": "comparison"}
+    assert kinds == {"office.building.yaml": "map", "day.yaml": "scenario", "all.yaml": "suite", **folders}
 
 
 def test_a_lift_that_no_lane_leads_into_is_found_where_it_is(tmp_path):
@@ -173,3 +174,14 @@ def test_a_lift_that_no_lane_leads_into_is_found_where_it_is(tmp_path):
     found = check(document, Path("hospital_levels.building.yaml"), ROBOT)["findings"]
     places = [place for line in found if "'lift_west' stops at level L2" in line["text"] for place in line["places"]]
     assert places == [["L2", pytest.approx(338, abs=0.1), pytest.approx(112, abs=0.1)]]
+
+
+def test_a_variant_has_the_text_of_its_layout_where_it_says_the_same(folder):
+    opened = folder.open("office.building.yaml", {})
+    opened["document"]["levels"]["L1"]["vertices"][0][3] = "elsewhere"
+    folder.save_drawing("office_moved.building.yaml", opened["document"], "", "office.building.yaml")
+    before, after = ((folder.root / name).read_text().splitlines() for name in ("office.building.yaml", "office_moved.building.yaml"))
+    assert len(before) == len(after)
+    assert [line for line, other in zip(after, before) if line != other] == [line for line in after if "elsewhere" in line]
+    with pytest.raises(Stale):
+        folder.save_drawing("office_moved.building.yaml", opened["document"], "", "office.building.yaml")

@@ -6,12 +6,15 @@ import { canRedo, canUndo, changed, isDirty, onChange, opened, redo, site, undo 
 import { addLevel, ordered, unit } from "./levels.js";
 import { camera, fit, frames, isInSight, redraw, toFloor, toScreen, up } from "./view.js";
 import { choose, key, tool, TOOLS } from "./tools.js";
-import { actions, askPanel, drawPanel, floorPanel, leavePanel, openScenario, ordersPanel, refresh, runPanel, shared } from "./panels.js";
+import { askPanel } from "./ask.js";
+import { drawPanel } from "./draw.js";
+import { floorPanel, leavePanel, openScenario, ordersPanel, runPanel } from "./panels.js";
+import { actions, follow, refresh, shared } from "./shared.js";
 
 const element = (id) => document.getElementById(id);
 const STEPS = [["floor", "1 Floor", floorPanel], ["draw", "2 Draw", drawPanel], ["orders", "3 Orders", ordersPanel], ["run", "4 Run", runPanel], ["ask", "5 Ask", askPanel], ["leave", "6 Leave", leavePanel]];
 const KEYS = [["1–6 with Alt", "steps"], ...TOOLS.map(([, letter, word]) => [letter, word]), ["n, then arrows, Enter", "a cross that clicks, with the keyboard alone"], ["arrows", "move what is chosen, with Shift ten steps"], ["Delete", "remove"], ["Esc", "end a line, let go"], ["+ − f", "closer, farther, whole floor"], ["Ctrl+Z, Ctrl+Y", "undo, redo"], ["Ctrl+C, Ctrl+V", "copy, paste, also onto another level"], ["Ctrl+A", "choose all"], ["Ctrl+S", "save"]];
-let step = "floor", checking = 0, wanted = 0, polled = false;
+let checking = 0, wanted = 0, polled = false;
 
 /* Panels */
 
@@ -22,7 +25,7 @@ function panel() {
   const side = element("side"), active = document.activeElement, label = side.contains(active) && labelOf(active), scroll = side.scrollTop;
   const typed = active.dataset.typed ? active.value : null, caret = typed === null ? null : active.selectionStart;
   delete active.dataset.typed;
-  const [, title, parts] = STEPS.find(([name]) => name === step);
+  const [, title, parts] = STEPS.find(([name]) => name === shared.step);
   side.replaceChildren(make("h2", { className: "hidden", textContent: title.slice(2) }), ...parts().filter(Boolean));
   side.scrollTop = scroll;
   const again = label && [...side.querySelectorAll("input, select, textarea")].find((input) => labelOf(input) === label);
@@ -35,7 +38,7 @@ function panel() {
 }
 
 function show(name) {
-  step = name;
+  shared.step = name;
   for (const one of element("steps").children) one.setAttribute("aria-selected", String(one.dataset.step === name));
   element("palette").hidden = name !== "draw" && !(name === "floor" && site.document);
   if (name === "floor" || name === "draw" || name === "orders") frame("");
@@ -61,8 +64,8 @@ function bars() {
   for (const one of element("palette").querySelectorAll("button")) one.setAttribute("aria-pressed", String(one.dataset.tool === tool.name));
   element("hint").textContent = site.document ? TOOLS.find(([name]) => name === tool.name)[3] : "Open a plan or a map, or begin with an empty floor.";
   const names = ordered(), levels = element("levels");
-  levels.hidden = !site.document || (names.length < 2 && step !== "draw");
-  levels.replaceChildren(...names.map((name) => button(name, () => showLevel(name), { "aria-pressed": String(name === site.level) })), ...(step === "draw" ? [button("+", addLevel, { title: "Add a level above" })] : []));
+  levels.hidden = !site.document || (names.length < 2 && shared.step !== "draw");
+  levels.replaceChildren(...names.map((name) => button(name, () => showLevel(name), { "aria-pressed": String(name === site.level) })), ...(shared.step === "draw" ? [button("+", addLevel, { title: "Add a level above" })] : []));
 }
 
 function showLevel(name) {
@@ -80,8 +83,8 @@ async function open(path, chosen = {}) {
     opened(drawing);
     fit();
     note(drawing.from !== drawing.path ? drawing.notes.join("; ") : "");
-    if (step === "floor" && unit() && drawing.digest) show("draw");
-    else { show(unit() ? step : "floor"); if (!unit()) choose("scale"); }
+    if (shared.step === "floor" && unit() && drawing.digest) show("draw");
+    else { show(unit() ? shared.step : "floor"); if (!unit()) choose("scale"); }
     if (drawing.digest || (await get("digest", { path: drawing.path })).digest === "") return;
     banner(`${drawing.path} is there already; this is a new drawing of ${drawing.from}.`, button(`Open ${drawing.path}`, () => { banner(""); open(drawing.path); }), button("Save this under another name", () => { banner(""); saveAs(); }));
   } catch (error) {
@@ -109,7 +112,7 @@ async function save() {
   const document_ = site.document;
   try {
     const said = await post("save", { path: site.path, document: document_, digest: site.digest });
-    Object.assign(site, { digest: said.digest, saved: document_ });
+    Object.assign(site, { digest: said.digest, saved: document_, change: "" });
     changed("saved");
     return true;
   } catch (error) {
@@ -168,14 +171,14 @@ async function check() {
   }
   checking = 0;
   redraw();
-  if (step === "draw" && !tool.drag) panel();
+  if (shared.step === "draw" && !tool.drag) panel();
 }
 
 onChange((what) => {
   if (["opened", "document", "dragged", "robot", "scaled"].includes(what) && !tool.drag) check();
   if (what === "scaled") { choose("select"); show("floor"); }
   if (what === "named") { panel(); element("side").querySelector("input")?.select(); }
-  else if (!tool.drag && (["panel", "opened", "dragged", "saved"].includes(what) || ((what === "document" || what === "selection" || what === "view") && (step === "draw" || step === "floor" || step === "run")))) panel();
+  else if (!tool.drag && (["panel", "opened", "dragged", "saved"].includes(what) || ((what === "document" || what === "selection" || what === "view") && (shared.step === "draw" || shared.step === "floor" || shared.step === "run")))) panel();
   bars();
   redraw();
 });
@@ -227,5 +230,7 @@ await refresh();
 show("floor");
 bars();
 if (shared.start.opened) await open(shared.start.opened);
+const underWay = (await get("commands")).find((job) => job.state === "running");
+if (underWay) follow(underWay).catch((error) => banner(error.message));
 setInterval(poll, 2000);
 document.documentElement.dataset.ready = "yes";

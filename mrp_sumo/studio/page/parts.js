@@ -1,6 +1,6 @@
 /* Parts of panels: fields with labels and units, lists, questions, and the state of a command. */
 import { make } from "./elements.js";
-import { get, post } from "./api.js";
+import { post } from "./api.js";
 
 let ids = 0;
 
@@ -75,30 +75,17 @@ export function note(text) {
   document.getElementById("banner").classList.toggle("note", Boolean(text));
 }
 
-/* Start a command and watch it until it ends; `show` is called with each state of it. */
-export async function command(values, show) {
-  const job = await post("start", values);
-  show(job);
-  return watched(job.number, show);
-}
-
-export async function watched(number, show) {
-  for (;;) {
-    await new Promise((resolve) => setTimeout(resolve, 700));
-    const job = (await get("commands")).find((one) => one.number === number);
-    if (!job) return null;
-    show(job);
-    if (job.state !== "running") return job;
-  }
-}
-
 /* The state of a command as an element. */
 export function jobState(job) {
   if (!job) return null;
   const words = { running: "under way …", done: "done", failed: "failed", stopped: "stopped" }[job.state];
   const last = job.state === "failed" ? job.reported.join("\n") || job.printed.join("\n") : job.reported.at(-1) || "";
+  const [compiled, needed] = job.compiled;
+  const time = `${job.seconds < 100 ? `${Math.round(job.seconds)} s` : `${Math.round(job.seconds / 60)} min`}`;
+  const kernels = job.state === "running" ? `compiling, once on this machine, which takes minutes: ${compiled} new of ${needed} kernels at most; the next command begins at once` : `${compiled} kernels were compiled for it, once on this machine`;
   return make("div", { role: "status" },
-    make("p", {}, make("b", { className: job.state === "failed" ? "bad" : job.state === "done" ? "good" : "", textContent: words }), " ", make("code", { className: "muted", textContent: job.command })),
+    make("p", {}, make("b", { className: job.state === "failed" ? "bad" : job.state === "done" ? "good" : "", textContent: words }), ` ${time} `, make("code", { className: "muted", textContent: job.command })),
+    compiled ? muted(kernels) : null,
     last ? make("pre", { textContent: last }) : null,
     job.state === "running" ? button("Stop", () => post("stop", { number: String(job.number) }), { className: "danger" }) : null);
 }

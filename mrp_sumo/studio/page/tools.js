@@ -37,11 +37,12 @@ const near = (xy) => {
 };
 
 /* The item of a list nearest to a place: [index, place on it], or null. */
-function nearLine(name, xy) {
+function nearLine(name, xy, counts = () => true) {
   const at = toScreen(xy), vertices = list("vertices");
   let best = null, least = NEAR_PX;
-  list(name).forEach(([a, b], i) => {
-    if (!vertices[a] || !vertices[b]) return;
+  list(name).forEach((item, i) => {
+    const [a, b] = item;
+    if (!vertices[a] || !vertices[b] || !counts(item)) return;
     const p = toScreen(vertices[a]), q = toScreen(vertices[b]), [dx, dy] = [q[0] - p[0], q[1] - p[1]];
     const t = Math.min(1, Math.max(0, ((at[0] - p[0]) * dx + (at[1] - p[1]) * dy) / Math.max(dx * dx + dy * dy, 1e-9)));
     const on = [p[0] + t * dx, p[1] + t * dy], d = Math.hypot(on[0] - at[0], on[1] - at[1]);
@@ -320,6 +321,76 @@ export function bent(index, off_m) {
   edited({ vertices, lanes }, []);
 }
 
+/* Chosen lanes with others beside them, joined at each end: one for each direction of those that go both ways, where there is more room. */
+export function doubled(apart_m) {
+  const chosen = site.selection.filter((s) => s.kind === "lanes").map((s) => list("lanes")[s.index]).filter(Boolean);
+  const far = apart_m / (unit() || 1), before = list("vertices"), sides = new Map();
+  for (const [a, b] of chosen) {
+    const [dx, dy] = [before[b][0] - before[a][0], before[b][1] - before[a][1]], long = Math.hypot(dx, dy) || 1;
+    for (const v of [a, b]) {
+      const [x, y] = [-dy / long, dx / long], [first] = sides.values(), turn = first && first[0][0] * x + first[0][1] * y < 0 ? -1 : 1;
+      sides.set(v, [...(sides.get(v) || []), [turn * x, turn * y]]);
+    }
+  }
+  const offsets = [1, -1].map((side) => new Map([...sides].map(([v, normals]) => {
+    const sum = [0, 1].map((k) => normals.reduce((total, n) => total + n[k], 0)), share = (side * far * normals.length) / Math.max(sum[0] ** 2 + sum[1] ** 2, 0.1);
+    return [v, [rounded(before[v][0] + sum[0] * share), rounded(before[v][1] + sum[1] * share)]];
+  })));
+  const places = roomOf([...offsets[0].values()]) < roomOf([...offsets[1].values()]) ? offsets[1] : offsets[0];
+  let lists = { vertices: before.slice(), lanes: list("lanes") };
+  const twin = new Map();
+  for (const [v, [x, y]] of places) {
+    const there = lists.vertices.findIndex((p) => Math.hypot(p[0] - x, p[1] - y) < far / 20);
+    twin.set(v, there < 0 ? lists.vertices.push([x, y, 0, ""]) - 1 : there);
+  }
+  lists.lanes = throughEnds(lists.vertices, lists.lanes, new Set(twin.values()));
+  for (const [v, other] of twin) if (!lists.lanes.some(same(v, other))) lists = led(v, other, {}, lists.vertices, lists.lanes);
+  for (const [a, b, options = {}] of chosen) {
+    const [x, y] = places.get(a), [dx, dy] = [before[b][0] - before[a][0], before[b][1] - before[a][1]], turn = isPixels() ? 1 : -1;
+    const isBoth = options.bidirectional?.[1], isLeft = turn * (dy * (x - before[a][0]) - dx * (y - before[a][1])) > 0, { mutex, ...rest } = options;
+    const [from, to] = isBoth && isLeft ? [b, a] : [a, b];  // traffic keeps to the right
+    lists = led(twin.get(from), twin.get(to), { ...rest, bidirectional: [4, false] }, lists.vertices, lists.lanes);
+    if (isBoth) lists.lanes = lists.lanes.map((lane) => (lane[0] === a && lane[1] === b ? withOptions([to, from, ...lane.slice(2)], { bidirectional: false }) : lane));
+  }
+  site.change = `double_lane_${site.selection.find((s) => s.kind === "lanes").index}`;
+  edited(lists, []);
+}
+
+/* How far places are from the nearest wall; Infinity without any. */
+const roomOf = (places) => Math.min(...list("walls").flatMap(([a, b]) => places.map(([x, y]) => {
+  const [p, q] = [list("vertices")[a], list("vertices")[b]], [dx, dy] = [q[0] - p[0], q[1] - p[1]];
+  const t = Math.min(1, Math.max(0, ((x - p[0]) * dx + (y - p[1]) * dy) / Math.max(dx * dx + dy * dy, 1e-9)));
+  return Math.hypot(p[0] + t * dx - x, p[1] + t * dy - y);
+})), Infinity);
+
+/* A vertex that was dropped on another, or on a lane that is not its own: its name and purpose go there, or, without any, its lanes. True if so. */
+function dropped({ hit: { index }, document }, xy) {
+  const moved_ = site.document, vertex = list("vertices")[index], isStation = vertex[3] || vertex.length > 4;
+  site.document = document;  // as it was before
+  const own = (lane) => lane[0] === index || lane[1] === index, lane = nearLine("lanes", xy, (one) => !own(one));
+  let to = near(xy), lists = { vertices: list("vertices"), lanes: list("lanes") };
+  if (to === null && lane) {
+    lists = split(lane[0], lane[1]);
+    to = lists.vertices.length - 1;
+  }
+  const there = lists.vertices[to];
+  if (to === null || to === index || there[3] || there.length > 4) {
+    site.document = moved_;
+    return false;
+  }
+  const was = lists.vertices[index], joins = !isStation || !lists.lanes.some(own);
+  lists.vertices = lists.vertices.map((one, v) => (v === to && isStation ? [...one.slice(0, 3), ...was.slice(3)] : v === index ? [...one.slice(0, 3), ""] : one));
+  if (joins) {
+    const joined_ = lists.lanes.map((one) => [...one.slice(0, 2).map((v) => (v === index ? to : v)), ...one.slice(2)]).filter(([a, b]) => a !== b);
+    lists.lanes = joined_.filter((one, i) => joined_.findIndex(same(one[0], one[1])) === i);
+  }
+  const isLoose = !["lanes", "walls", "doors", "measurements"].some((name) => (lists[name] || list(name)).some(own));
+  if (isLoose) lists = without([{ kind: "vertices", index }], { ...level(), ...lists });
+  if (isStation) site.change = `move_${was[3] || index}`;
+  edited(lists, [{ kind: "vertices", index: isLoose && to > index ? to - 1 : to }], true);
+  return true;
+}
+
 /* Set options of all chosen items of a list. */
 export function setOptions(kind, values) {
   const chosen = new Set(site.selection.filter((s) => s.kind === kind).map((s) => s.index));
@@ -332,6 +403,7 @@ export function renamed(index, name) {
 
 export function turned() {
   const chosen = new Set(site.selection.filter((s) => s.kind === "lanes").map((s) => s.index));
+  site.change = `turn_lane_${[...chosen][0]}`;
   edited({ lanes: list("lanes").map((item, i) => (chosen.has(i) ? [item[1], item[0], ...item.slice(2)] : item)) });
 }
 
@@ -390,7 +462,11 @@ canvas.addEventListener("pointerup", (event) => {
   if (!drag) return;
   if (!drag.isMove) { if (event.button === 0) click(drag.xy, event); }
   else if (drag.rectangle && drag.to) RECTANGLES[tool.name](snapped(drag.xy), snapped(drag.to));
-  else if (drag.vertices || drag.lift) changed("dragged");
+  else if (drag.vertices || drag.lift) {
+    const name = drag.vertices && list("vertices")[drag.vertices[0]][3];
+    if (!(drag.hit?.kind === "vertices" && drag.vertices.length === 1 && dropped(drag, toFloor(place(event)))) && name) site.change = `move_${name}`;
+    changed("dragged");
+  }
   redraw();
 });
 canvas.addEventListener("dblclick", () => { tool.chain = []; tool.preview = null; redraw(); });
