@@ -1,11 +1,14 @@
 """Vehicles that cannot turn in place, and small worlds for them."""
 
+from itertools import pairwise
+
 import numpy as np
 
 from mrp_sumo.core.fleet import fleet_of_types
 from mrp_sumo.core.graph import nav_graph
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.core.robot_type import RobotType, Trailer, Wheels
+from mrp_sumo.maps.curves import Line, bezier_knots, flattened
 from mrp_sumo.maps.roadmap import cut_lanes
 
 LIMITS = {"max_speed_mps": 1.0, "accel_mps2": 0.5, "decel_mps2": 0.5, "gap_m": 0.1}
@@ -49,3 +52,36 @@ def vehicles_on(graph, start, goal, types, **more):
     fleet = fleet_of_types(kinds, np.array(kind))
     step_s = 2 * graph.cell_m + 3.0
     return Problem(graph, fleet, np.array(start), np.array(goal), np.arange(len(start)), step_s, drivable=True, **more)
+
+
+def curve(degree, points, weights=None):
+    """The line along one Bezier curve, rational where there are weights."""
+    return flattened(degree, bezier_knots(degree), np.array(points, float), None if weights is None else np.array(weights))
+
+
+def quarter(radius_m, at=(0.0, 0.0)):
+    """The line along an exact quarter of a circle, from a place to the east and then to the north."""
+    corners = radius_m * np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0)]) + at
+    return curve(2, corners, [1.0, np.sqrt(0.5), 1.0])
+
+
+def along(*lines, cell_m=4.0, both_ways=True):
+    """Vertices 0, 1, ... at the ends of lines, one after the other, each a lane: two places, or what `curve` makes."""
+    xy, options, chains = [tuple(lines[0].xy[0])], [{}], []
+    for end, line in enumerate(lines, 1):
+        xy.append(tuple(line.xy[-1]))
+        options.append({})
+        chains.append([end - 1, end])
+    for line, chain in zip(lines, chains):
+        bends = range(len(xy), len(xy) + len(line.xy) - 2)
+        xy += [tuple(place) for place in line.xy[1:-1]]
+        options += [{"is_bend": True, **line.courses_at(k)} for k in range(1, len(line.xy) - 1)]
+        chain[1:1] = bends
+    lanes = [lane for chain in chains for lane in pairwise(chain)]
+    lanes += [(b, a) for a, b in lanes] if both_ways else []
+    return cut_lanes(nav_graph(name="curves", xy=xy, lanes=lanes, vertex_options=options), cell_m)
+
+
+def straight(a, b):
+    """The line from a place to another."""
+    return Line(np.array([a, b], float))

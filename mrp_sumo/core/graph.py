@@ -225,6 +225,10 @@ class PlanGraph(NavGraph):
     offset_m: FloatArray  # [V] distance from that lane's tail
     frame: Frame | None = None  # of a grid, where it is known
     walls: FloatArray = field(default_factory=lambda: np.zeros((0, 2, 2)))  # [W, 2, 2] m, which vehicles' turns have to keep clear of
+    curves: Mapping[tuple[int, int], FloatArray] = field(default_factory=dict)
+    """By tail and head of lanes that are drawn as curves [N, 4]: m along the lane, x, y, course in rad without jumps."""
+    aside_m: Mapping[tuple[int, int], float] = field(default_factory=dict)
+    """By tail and head of such lanes, how much farther vehicles leave the straight step there than at corners, where they do."""
 
 
 def nav_graph(
@@ -314,6 +318,7 @@ def plan_graph(
     nav_lane: Any = None,
     offset_m: Any = None,
     frame: Frame | None = None,
+    curves: Mapping[tuple[int, int], FloatArray] | None = None,
 ) -> PlanGraph:
     """A graph whose lanes are single steps, as a PlanGraph.
 
@@ -329,6 +334,8 @@ def plan_graph(
         [V] where cuts lie on the nav graph's lanes; by default there are none.
     frame
         Of a grid.
+    curves
+        See `PlanGraph`; by default there are none.
     """
     num_vertices = graph.num_vertices
     return PlanGraph(
@@ -339,6 +346,7 @@ def plan_graph(
         nav_lane=frozen(np.asarray(np.full(num_vertices, -1) if nav_lane is None else nav_lane, np.int64)),
         offset_m=frozen(np.asarray(np.zeros(num_vertices) if offset_m is None else offset_m, np.float64)),
         frame=frame,
+        curves=curves or {},
     )
 
 
@@ -394,6 +402,7 @@ def relaid(
         nav_lane=np.append(graph.nav_lane, np.full(num_new, -1)),
         offset_m=np.append(graph.offset_m, np.zeros(num_new)),
         frame=graph.frame,
+        curves=graph.curves,
     )
 
 

@@ -1,39 +1,45 @@
 """Paths of vehicles that cannot turn in place: where their fixed axle is, and how they face, while they drive along lanes.
 
 The middle of the body is where that of a robot is which turns in place: on the lane, and at the vertex where it stands. The fixed axle is
-`ahead_m` behind it and follows the lanes. At corners it follows an arc that touches both lanes, `tangent_m` from the corner. Where the
-gear changes at a corner, the axle swings along an arc of its least radius until the vehicle is in line with the lane on which it will
-leave, and stops there (`traffic.turns`).
+`ahead_m` behind it and follows the lanes, on curves as they are drawn. At corners it follows an arc that touches both lanes, `tangent_m`
+from the corner. Where the gear changes at a corner, the axle swings along an arc of its least radius until the vehicle is in line with the
+lane on which it will leave, and stops there (`traffic.turns`).
 
 Distances are those along lanes, corners and all: a stretch of two tangents is driven in the time that they take, though its arc is shorter.
 """
 
 import math
 from collections.abc import Iterator
+from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 
+from mrp_sumo.core.angles import wrapped
+from mrp_sumo.core.bezier import PIECE_RAD, bezier_between
 from mrp_sumo.core.graph import FloatArray, IntArray
 
-PIECE_RAD = 0.02  # of an arc between two places that are worked out
 STRAIGHT_RAD = 1e-6
 SHARPEST_RAD = 1.75  # of bends
 
+Curve = FloatArray | None  # of a lane, as `PlanGraph.curves` has it; None: it is straight
 
-class Route(NamedTuple):
+
+@dataclass(frozen=True, eq=False)
+class Route:
     """Visits along a way, as the ledger has them, [N]; the first may be a start, to which no lane leads."""
 
     at_m: FloatArray
     xy: FloatArray  # [N, 2]
-    course_rad: FloatArray  # in which the lane to each leads; of a start in which the vehicle faces
+    course_rad: FloatArray  # [N, 2] of the lane to each, where it begins and ends; of a start in which the vehicle faces
     gear: IntArray  # in which it comes
     tangent_m: FloatArray  # of the arc or swing at each, 0: none
+    curve: tuple[Curve, ...]  # of the lane to each
 
 
-class WheelPath(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class WheelPath:
     """K places along a way, by distance."""
 
     on_m: FloatArray  # [K]
@@ -43,44 +49,54 @@ class WheelPath(NamedTuple):
 
 def wheel_path(route: Route, ahead_m: float, least_radius_m: float) -> WheelPath:
     """The path of a fixed axle whose vehicle's middle is `ahead_m` before it, and whose least radius is given."""
-    facing = np.unwrap(route.course_rad + np.pi * route.gear)
-    following = np.append(facing[1:], facing[-1:])
+    facing = _facing(route)
     gears = np.append(route.gear[1:], route.gear[-1:])
     changes = np.flatnonzero(gears != route.gear)
     ends = [0, *changes.tolist(), len(route.at_m) - 1]
-    parts = [_in_gear(route, begin, end, facing, following, ahead_m) for begin, end in pairwise(ends)]
+    parts = [_in_gear(route, begin, end, facing, ahead_m) for begin, end in pairwise(ends)]
     swings = changes[route.tangent_m[changes] > 0].tolist()
-    parts += [_swing(route, k, float(following[k] - facing[k]), float(facing[k]), (ahead_m, least_radius_m)) for k in swings]
+    parts += [_swing(route, k, float(facing[k + 1, 0] - facing[k, 1]), float(facing[k, 1]), (ahead_m, least_radius_m)) for k in swings]
     on_m, axle, yaw = (np.concatenate([part[n] for part in parts]) for n in range(3))
     order = np.argsort(on_m, kind="stable")
     return WheelPath(on_m[order], axle[order], yaw[order])
 
 
-def _in_gear(
-    route: Route, begin: int, end: int, facing: FloatArray, following: FloatArray, ahead_m: float
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _facing(route: Route) -> FloatArray:
+    """[N, 2] how the vehicle faces where the lane to each visit begins and ends, without jumps."""
+    turned = np.array([0.0 if curve is None else curve[-1, 3] - curve[0, 3] for curve in route.curve])
+    faces = route.course_rad + np.pi * route.gear[:, None]
+    bends = wrapped(faces[1:, 0] - faces[:-1, 1])
+    end = faces[0, 1] + np.append(0.0, np.cumsum(bends + turned[1:]))
+    return np.stack([end - turned, end], 1)
+
+
+def _in_gear(route: Route, begin: int, end: int, facing: FloatArray, ahead_m: float) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Places between two changes of gear, without what swings take of it."""
-    at, xy = route.at_m, route.xy
+    at = route.at_m
     gear = int(route.gear[min(begin + 1, end)])
     shift = -ahead_m if gear == 0 else ahead_m  # of the axle along the lanes
-    first, last = begin if begin == end else begin + 1, end
-    out, into = float(route.course_rad[first]), float(route.course_rad[last])
-    first_rad = float(facing[first] if route.tangent_m[begin] > 0 else facing[begin])
+    first = begin if begin == end else begin + 1
+    off = 0.0 if route.tangent_m[begin] > 0 else float(facing[begin, 1] - facing[first, 0])  # it comes round on the lane
     far = abs(ahead_m) + 1.0
-    nodes = [(np.array([at[begin] - far, at[begin]]), np.stack([xy[begin] - far * _ray(out), xy[begin]]), np.full(2, first_rad))]
-    if first_rad != facing[first]:
-        nodes.append((at[[begin, first]].mean(keepdims=True), xy[[begin, first]].mean(0)[None], facing[[first]]))
-    for k in range(begin + 1, end):
-        bend, reach = float(following[k] - facing[k]), float(route.tangent_m[k])
-        if reach > 0:
-            arc = _arc(xy[k], float(route.course_rad[k]), bend, reach)
-            share = np.linspace(0.0, 1.0, len(arc))
-            nodes.append((at[k] - reach + 2 * reach * share, arc, facing[k] + bend * share))
+    here, out = _on_lane(route, first, at[[begin]]) if begin < end else (route.xy[[begin]], route.course_rad[begin, 1:])
+    before = here - far * _ray(float(out[0]))
+    nodes = [(np.array([at[begin] - far, at[begin]]), np.concatenate([before, here]), np.full(2, facing[first, 0] + off))]
+    for k in range(begin + 1, end + 1):
+        low = float(at[k - 1] + (route.tangent_m[k - 1] if k > begin + 1 else 0.0))
+        high = float(at[k] - (route.tangent_m[k] if k < end else 0.0))
+        nodes.append(_along_lane(route, k, (low, high), float(facing[k, 0]), off))
+        if k == end:
+            continue
+        off = 0.0
+        if (reach := float(route.tangent_m[k])) > 0:
+            arc = bend_at(route, k, float(facing[k + 1, 0] - facing[k, 1]))
+            nodes.append((at[k] - reach + 2 * reach * arc[:, 0], arc[:, 1:3], facing[k, 1] + (arc[:, 3] - route.course_rad[k, 1])))
         else:
-            half_m = at[k] + (at[k + 1] - at[k]) / 2  # it stood at a small bend, and comes round on the lane
-            nodes.append((np.array([at[k], half_m]), np.stack([xy[k], (xy[k] + xy[k + 1]) / 2]), np.array([facing[k], following[k]])))
+            off = float(facing[k, 1] - facing[k + 1, 0])
     if begin < end:
-        nodes.append((np.array([at[end], at[end] + far]), np.stack([xy[end], xy[end] + far * _ray(into)]), np.array([facing[end]] * 2)))
+        there, into = _on_lane(route, end, at[[end]])
+        beyond = there + far * _ray(float(into[0]))
+        nodes.append((np.array([at[end], at[end] + far]), np.concatenate([there, beyond]), np.full(2, facing[end, 1])))
     path_m, places, yaw = (np.concatenate([node[n] for node in nodes]) for n in range(3))
     low = at[begin] + (route.tangent_m[begin] if begin and route.gear[begin] != gear else 0.0)
     high = at[end] - (route.tangent_m[end] if _changes(route, end) else 0.0)
@@ -88,6 +104,41 @@ def _in_gear(
     where = np.concatenate([[low + shift], inside, [max(high, low) + shift]])
     axle = np.stack([np.interp(where, path_m, places[:, n]) for n in (0, 1)], 1)
     return where - shift, axle, np.interp(where, path_m, yaw)
+
+
+def _along_lane(route: Route, k: int, part_m: tuple[float, float], facing: float, off: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Places along the lane to a visit, and how the vehicle faces; in the lane's first half it comes into line from `off`."""
+    begin_m, length_m, curve = float(route.at_m[k - 1]), float(route.at_m[k] - route.at_m[k - 1]), route.curve[k]
+    inner = np.array([0.5] if off else []) if curve is None else curve[:, 0] / curve[-1, 0]
+    at_m = begin_m + length_m * inner
+    at_m = np.concatenate([part_m[:1], at_m[(at_m > part_m[0]) & (at_m < part_m[1])], part_m[1:]])
+    places, course = _on_lane(route, k, at_m)
+    comes = np.maximum(np.round(1 - 2 * (at_m - begin_m) / max(length_m, 1e-9), 9), 0.0)
+    return at_m, places, facing + (course - route.course_rad[k, 0]) + off * comes
+
+
+def _on_lane(route: Route, k: int, at_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """[N, 2] places on the lane to a visit at distances [N] along the way, and the lane's courses there [N]."""
+    begin, end = route.xy[k - 1], route.xy[k]
+    share = (at_m - route.at_m[k - 1]) / max(float(route.at_m[k] - route.at_m[k - 1]), 1e-9)
+    if (curve := route.curve[k]) is None:
+        return begin + share[:, None] * (end - begin), np.full(len(at_m), route.course_rad[k, 0])
+    x, y, course = (np.interp(share * curve[-1, 0], curve[:, 0], curve[:, n]) for n in (1, 2, 3))
+    return np.stack([x, y], 1), course - curve[0, 3] + route.course_rad[k, 0]
+
+
+def bend_at(route: Route, k: int, bend_rad: float) -> FloatArray:
+    """[N, 4] places on the arc that cuts a corner: share of the way, x, y, course. Beside curves it is a Bezier curve."""
+    reach = float(route.tangent_m[k])
+    if route.curve[k] is None and route.curve[k + 1] is None:
+        arc = _arc(route.xy[k], float(route.course_rad[k, 1]), bend_rad, reach)
+        share = np.linspace(0.0, 1.0, len(arc))
+        return np.column_stack([share, arc, route.course_rad[k, 1] + bend_rad * share])
+    (begin, out), (end, into) = _on_lane(route, k, route.at_m[[k]] - reach), _on_lane(route, k + 1, route.at_m[[k]] + reach)
+    turned = bend_rad + float(route.course_rad[k, 1] - out[0] + into[0] - route.course_rad[k + 1, 0])
+    arc = bezier_between(np.concatenate([begin, end]), float(out[0]), turned)
+    arc[:, 0] /= arc[-1, 0]
+    return arc
 
 
 def _changes(route: Route, k: int) -> bool:
@@ -98,7 +149,7 @@ def _changes(route: Route, k: int) -> bool:
 def _swing(route: Route, k: int, bend: float, facing: float, size: tuple[float, float]) -> tuple[FloatArray, FloatArray, FloatArray]:
     """The stretch before a corner at which the gear changes, and the one after it."""
     (ahead_m, least_m), corner, reach = size, route.xy[k], float(route.tangent_m[k])
-    along, out = float(route.course_rad[k]), float(route.course_rad[k + 1])
+    along, out = float(route.course_rad[k, 1]), float(route.course_rad[k + 1, 0])
     before_m = ahead_m if route.gear[k] == 0 else -ahead_m  # how far the axle is behind the middle, as it moves
     after_m = -before_m
     tangent_m = least_m * math.tan(abs(bend) / 2)
@@ -135,7 +186,8 @@ def _arc(corner: FloatArray, along_rad: float, bend_rad: float, tangent_m: float
     return np.asarray(centre + radius * np.stack([np.sin(angle), -np.cos(angle)], 1))
 
 
-class Turning(NamedTuple):
+@dataclass(frozen=True)
+class Turning:
     """Figures of a vehicle that decide what it sweeps at corners."""
 
     ahead_m: float
@@ -174,7 +226,8 @@ def _corner(vehicle: Turning, bend: float, gears: tuple[int, int], tangent_m: fl
     """A path from one lane to another, in the gears before and after the corner between them."""
     xy = np.array([[-lane_m, 0.0], [0.0, 0.0], lane_m * _ray(bend)])
     gear = np.array([gears[0], *gears])
-    route = Route(np.array([0.0, lane_m, 2 * lane_m]), xy, np.array([0.0, 0.0, bend]), gear, np.array([0.0, tangent_m, 0.0]))
+    course = np.repeat([[0.0], [0.0], [bend]], 2, 1)
+    route = Route(np.array([0.0, lane_m, 2 * lane_m]), xy, course, gear, np.array([0.0, tangent_m, 0.0]), (None,) * 3)
     return route, wheel_path(route, vehicle.ahead_m, vehicle.least_radius_m)
 
 

@@ -15,9 +15,10 @@ from mrp_sumo.core.plan import Plan
 from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.core.wheel_path import STRAIGHT_RAD, swing_stretch
 from mrp_sumo.engines.sumo.network import SHORTEST_M
+from mrp_sumo.traffic.courses import course_rad
 from mrp_sumo.traffic.passages import Needs
 from mrp_sumo.traffic.resources import Course, Resources, left_after_m, needs_of
-from mrp_sumo.traffic.turns import BACKWARD, NEVER, Turns, course_rad, stands_bent, swing_m, turns_of
+from mrp_sumo.traffic.turns import BACKWARD, NEVER, Turns, stands_bent, swing_m, turns_of
 
 Vehicles = Sequence[RobotType | None]
 
@@ -131,7 +132,7 @@ def _bends(
     """[N] of vehicles gears, arcs and top speeds. Writes `heading`, in which they drive, and `turns`, where they change gear."""
     gear, tangent, bend_m = np.zeros(len(lane), np.int64), np.zeros(len(lane)), np.zeros(len(lane))
     bend_mps, limit = np.full(len(lane), np.inf), np.where(lane >= 0, graph.speed_mps[lane], np.inf)
-    course = course_rad(graph) if vehicles else heading
+    course = course_rad(graph)[:, 1] if vehicles else heading
     for i, k in enumerate(kind.tolist() if vehicles else ()):
         vehicle, part = vehicles[k], slice(int(plan.first[i]), int(plan.first[i + 1]))
         if vehicle is None:
@@ -139,6 +140,7 @@ def _bends(
         mine = lane[part]
         heading[part] = np.append(heading[part.start], course[mine[1:]])
         table, wheels = turns_of(graph, vehicle), vehicle.kinematics
+        limit[part] = np.where(mine >= 0, np.minimum(limit[part], table.limit_mps[mine]), limit[part])
         gear[part.start] = departure.gear[i]
         for n in range(len(mine) - 1):
             k, came, onward, now = (
@@ -155,6 +157,8 @@ def _bends(
             turns[k] = gear[k + 1] != now
             if turn >= 0 and not stands:
                 tangent[k], bend_m[k], bend_mps[k] = _bend(table, turn, vehicle, now, changes=bool(turns[k]))
+                if not bend_m[k] and (slow_mps := float(table.limit_mps[[came, onward]].min())) < math.inf:  # the axle is on a curve still
+                    bend_m[k], bend_mps[k] = abs(wheels.ahead_m), slow_mps
         turns[part.stop - 1] = False
         came, last = int(mine[-1]) if len(mine) > 1 else int(departure.lane[i]), int(gear[part.stop - 1])
         may_end_bent = came >= 0 and (len(mine) > 1 or departure.may_turn[i])
@@ -192,7 +196,7 @@ def _first_gear(graph: PlanGraph, vehicle: RobotType, onward: int, heading_rad: 
     turns = turns_of(graph, vehicle)
     if not turns.gears[onward].all():
         return turns.first_gear(onward)
-    return gear if math.cos(course_rad(graph)[onward] - heading_rad) >= 0 else 1 - gear
+    return gear if math.cos(course_rad(graph)[onward, 0] - heading_rad) >= 0 else 1 - gear
 
 
 def _behind(plan: Plan, departure: Departure, kind: IntArray, vehicles: Vehicles) -> tuple[IntArray | None, FloatArray | None]:

@@ -15,7 +15,8 @@ from mrp_sumo.core.graph import FloatArray
 from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.core.wheel_path import Route, wheel_path
 from mrp_sumo.drive._towed import follow
-from mrp_sumo.traffic.turns import course_rad, stands_bent, turns_of
+from mrp_sumo.traffic.courses import course_rad, curve_of
+from mrp_sumo.traffic.turns import stands_bent, turns_of
 
 if TYPE_CHECKING:
     from mrp_sumo.drive.ledger import Ledger
@@ -73,17 +74,19 @@ class Train:
         """Where the fixed axle is, and how the vehicle faces [K], at distances driven [K]."""
         visits, graph, ids = ledger.visits, ledger.graph, ledger.all_ids(robot)
         lane, gear = visits.lane[ids], visits.gear[ids].copy()
-        course = np.where(lane >= 0, course_rad(graph)[lane], float(ledger.problem.heading_at_start[robot]))
-        if lane[0] < 0 and np.isnan(course[0]):
-            course[0] = course[1] if len(ids) > 1 else ledger.state.motion.yaw_rad[robot]
+        course = np.where(lane[:, None] >= 0, course_rad(graph)[lane], float(ledger.problem.heading_at_start[robot]))
+        if lane[0] < 0 and np.isnan(course[0, 0]):
+            course[0] = course[1, 0] if len(ids) > 1 else ledger.state.motion.yaw_rad[robot]
             gear[0] = gear[1] if len(ids) > 1 else 0
         wheels, at_m, xy, tangent_m = self.vehicle.kinematics, visits.at_m[ids], graph.xy[visits.vertex[ids]], visits.tangent_m[ids]
         if tangent_m[-1] > 0 and (ahead := stands_bent(turns_of(graph, self.vehicle), int(lane[-1]), int(gear[-1]))) is not None:
             at_m = np.append(at_m, at_m[-1] + graph.length_m[ahead[0]])
             xy = np.concatenate([xy, graph.xy[graph.head[ahead[0]]][None]])
-            course, gear, tangent_m = np.append(course, course_rad(graph)[ahead[0]]), np.append(gear, ahead[1]), np.append(tangent_m, 0.0)
-        route = Route(at_m, xy, course, gear, tangent_m)
-        on_m, axle, yaw = wheel_path(route, wheels.ahead_m, wheels.least_radius_m)
+            course, lane = np.concatenate([course, course_rad(graph)[[ahead[0]]]]), np.append(lane, ahead[0])
+            gear, tangent_m = np.append(gear, ahead[1]), np.append(tangent_m, 0.0)
+        route = Route(at_m, xy, course, gear, tangent_m, tuple(curve_of(graph, each) for each in lane.tolist()))
+        path = wheel_path(route, wheels.ahead_m, wheels.least_radius_m)
+        on_m, axle, yaw = path.on_m, path.axle, path.yaw_rad
         if not np.isnan(self._yaw_rad):
             yaw = yaw + 2 * np.pi * round((self._yaw_rad - float(np.interp(self._since_m, on_m, yaw))) / (2 * np.pi))
         return on_m, axle, yaw

@@ -1,6 +1,6 @@
 """Maps, plan graphs and SUMO networks, made once and used by every run of a process."""
 
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -112,6 +112,15 @@ class MapCache:
         if building is None:
             return graph
         return self._once(("walls", id(graph)), lambda: replace(graph, walls=standing_walls(building, driven_levels(map_.nav))), graph)
+
+    def with_asides(self, graph: "PlanGraph", models: "Sequence[RobotType]") -> "PlanGraph":
+        """The plan graph with how far types that cannot turn in place leave its straight steps on curves."""
+        from mrp_sumo.traffic.courses import asides
+
+        vehicles = tuple(model for model in models if model.is_vehicle)
+        if not graph.curves or not vehicles:
+            return graph
+        return self._once(("asides", id(graph), vehicles), lambda: replace(graph, aside_m=asides(graph, vehicles)), graph)
 
     def with_rides(self, map_: "Map", graph: "PlanGraph", step_s: float, radius_m: float) -> "PlanGraph":
         """The plan graph with its lifts as robots of a radius use them, in planned steps of `step_s`; see `maps.lifts`."""

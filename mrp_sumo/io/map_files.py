@@ -14,6 +14,7 @@ from mrp_sumo.errors import MapError, nearest, sentence
 from mrp_sumo.files.reading import shortened
 from mrp_sumo.files.writing import written_whole
 from mrp_sumo.maps import lif_file, opentcs_file
+from mrp_sumo.maps.curves import TANGENT
 from mrp_sumo.maps.geojson import write_geojson
 from mrp_sumo.maps.grid import paper_cells
 from mrp_sumo.maps.lif_file import write_lif
@@ -118,6 +119,8 @@ def _write_opentcs(map_: Map, path: Path, robots: Sequence[RobotType]) -> list[s
     write_opentcs(map_, path, robots)
     nav = map_.nav
     losses = _option_losses(nav, opentcs_file.KEPT, opentcs_file.KEPT_OF_LANES) + _drawing_losses(map_, "walls", "floors", "doors", "lifts")
+    curves = any(TANGENT in options for options in nav.vertex_options)
+    losses.append("the courses of curves, which are polylines within 1 cm of them" if curves else "")
     free = int(np.count_nonzero(np.isinf(nav.speed_mps)))
     losses.append(_count(free, "lane") + f" without a speed limit, for which {opentcs_file.NO_LIMIT_MPS:g} m/s is written" if free else "")
     if len(map_.level_shift_m) > 1:

@@ -3,7 +3,7 @@
 Walls are the strokes of a building's drawing, without thickness; where a door is drawn on one, it is open. Grid maps have no building:
 their free cells are those with room already. A robot needs half its width beside a lane, and at a vertex, where it may turn, the radius
 of the circle around it, and the millimetre by which it stops short of the vertex. What vehicles that cannot turn in place sweep there is
-held against the walls turn by turn (`traffic.sweeps`).
+held against the walls turn by turn, and on lanes that are curves (`traffic.turns`).
 """
 
 from collections.abc import Collection
@@ -108,6 +108,10 @@ def narrow(graph: NavGraph, building: Building | None, robot: RobotType) -> Narr
     turned = np.zeros(graph.num_vertices, np.bool_)
     turned[graph.tail] = turned[graph.head] = not robot.is_vehicle
     lanes = (clearances.lane_m == 0) | (clearances.lane_m < robot.with_load.beside_m - SHORTEST_M)
+    if robot.is_vehicle and isinstance(graph, PlanGraph):
+        lanes &= ~np.isin(
+            np.arange(graph.num_lanes), [graph.lane_between(*ends) for ends in graph.curves]
+        )  # the steps are no part of these
     vertices = turned & (clearances.vertex_m < robot.radius_m + STOPS_SHORT_M)
     return Narrow(robot, graph, clearances.lane_m, clearances.vertex_m, lanes, vertices)
 

@@ -1,17 +1,23 @@
 """Curved lanes as chains of straight pieces: NURBS as LIF and VDA 5050 have them, and Bezier curves, which are NURBS too.
 
-A piece is nowhere further than 1 cm from the curve. Piegl and Tiller, The NURBS Book, algorithm A2.2 for the basis.
+A piece is nowhere further than 1 cm from the curve, whose directions the bends between pieces keep: a Bezier curve between two bends in
+these directions is the curve, to a hundredth of a millimetre where it is an arc. Piegl and Tiller, The NURBS Book, algorithm A2.2 for
+the basis.
 """
 
 import math
 from collections.abc import Sequence
 from functools import lru_cache
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
-from mrp_sumo.core.graph import FloatArray
+from mrp_sumo.core.angles import wrapped
+from mrp_sumo.core.bezier import bezier_between, control_points
+from mrp_sumo.core.graph import FloatArray, NavGraph
 
+TANGENT, BEFORE, AFTER = COURSES = ("tangent_rad", "tangent_before_rad", "tangent_after_rad")  # options of a curve's bends
 TOLERANCE_M = 0.01
 SAMPLE_M = 0.05  # between samples of a curve, about
 MAX_SAMPLES = 4096
@@ -39,8 +45,27 @@ def fault_of_curve(degree: float, knots: Sequence[float], num_points: int) -> st
     return ""
 
 
-def flattened(degree: int, knots: Sequence[float], points: FloatArray, weights: FloatArray | None = None) -> FloatArray:
-    """A polyline [N, 2] along a NURBS, ends included, nowhere further than 1 cm from it.
+class Line(NamedTuple):
+    """A polyline along a curve, ends included, nowhere further than 1 cm from it."""
+
+    xy: FloatArray  # [N, 2] m
+    course_rad: FloatArray | None = None  # [N] of the curve there; None: what is drawn is the polyline itself
+
+    def courses_at(self, bend: int) -> dict[str, float]:
+        """Options of a bend: the course of the curve there, and at the line's ends of the bends beside them."""
+        if self.course_rad is None:
+            return {}
+        at = {TANGENT: bend, BEFORE: 0 if bend == 1 else -1, AFTER: bend + 1 if bend == len(self.xy) - 2 else -1}
+        return {name: float(self.course_rad[k]) for name, k in at.items() if k >= 0}
+
+    @property
+    def back(self) -> "Line":
+        """The same in the other direction."""
+        return Line(self.xy[::-1], None if self.course_rad is None else wrapped(self.course_rad[::-1] + np.pi))
+
+
+def flattened(degree: int, knots: Sequence[float], points: FloatArray, weights: FloatArray | None = None) -> Line:
+    """The line along a NURBS.
 
     Parameters
     ----------
@@ -52,7 +77,7 @@ def flattened(degree: int, knots: Sequence[float], points: FloatArray, weights: 
         [P] above 0; all alike by default.
     """
     if degree == 1:
-        return points[_corners(points, SPARE * TOLERANCE_M)]
+        return Line(points[_corners(points, SPARE * TOLERANCE_M)])
     span = points[1:] - points[:-1]
     length_m = float(np.hypot(span[:, 0], span[:, 1]).sum())
     samples = 1 << max(3, math.ceil(math.log2(max(min(length_m / SAMPLE_M, MAX_SAMPLES), 1.0))))
@@ -62,7 +87,70 @@ def flattened(degree: int, knots: Sequence[float], points: FloatArray, weights: 
     else:
         shares = basis * weights
         fine = (shares @ points) / shares.sum(1, keepdims=True)
-    return fine[_corners(fine, SPARE * TOLERANCE_M)]
+    corners = _corners(fine, SPARE * TOLERANCE_M)
+    weighted = np.column_stack([points, np.ones(len(points))]) * (np.ones(len(points)) if weights is None else weights)[:, None]
+    return Line(fine[corners], _courses(degree, knots, weighted, fine)[corners])
+
+
+def _courses(degree: int, knots: Sequence[float], weighted: FloatArray, fine: FloatArray) -> FloatArray:
+    """[S] directions of a NURBS at samples of it, by its derivative; where that is 0, by the samples beside it."""
+    u, count = np.array(knots), len(weighted)
+    span = (u[degree + 1 : degree + count] - u[1:count])[:, None]
+    slope = np.divide(degree * np.diff(weighted, axis=0), span, out=np.zeros((count - 1, 3)), where=span > 0)
+    place = _basis(degree, tuple(knots), count, len(fine) - 1) @ weighted
+    change = _basis(degree - 1, tuple(knots[1:-1]), count - 1, len(fine) - 1) @ slope
+    along = change[:, :2] * place[:, 2:] - place[:, :2] * change[:, 2:]
+    beside = fine[np.minimum(np.arange(len(fine)) + 1, len(fine) - 1)] - fine[np.maximum(np.arange(len(fine)) - 1, 0)]
+    along = np.where(np.hypot(*along.T)[:, None] > 1e-9, along, beside)
+    course: FloatArray = np.arctan2(along[:, 1], along[:, 0])
+    return course
+
+
+def traced(nav: NavGraph, chain: Sequence[int]) -> FloatArray | None:
+    """[N, 4] places along the curve that a chain of lanes was drawn as: distance along the lanes, x, y, course. None: they are drawn so."""
+    parts, at_m = [], 0.0
+    for lane in chain:
+        tail, head = int(nav.tail[lane]), int(nav.head[lane])
+        ends, courses = nav.xy[[tail, head]], _courses_of(nav, tail, head)
+        if courses is None:
+            return None
+        part = bezier_between(ends, courses[0], float(wrapped(np.array(courses[1] - courses[0]))))
+        part[:, 0] = at_m + part[:, 0] * float(nav.length_m[lane]) / part[-1, 0]
+        at_m += float(nav.length_m[lane])
+        parts.append(part if not parts else part[1:])
+    places = np.concatenate(parts)
+    places[:, 3] = np.unwrap(places[:, 3])
+    return places
+
+
+def nurbs_of(nav: NavGraph, chain: Sequence[int], xy: FloatArray) -> tuple[int, list[float], FloatArray]:
+    """Degree, knots and control points [P, 2] of the line along a chain of lanes between places [V, 2]."""
+    vertices = [int(nav.tail[chain[0]]), *nav.head[list(chain)].tolist()]
+    courses = [_courses_of(nav, *ends) for ends in pairwise(vertices)]
+    if None in courses:
+        return 1, [0.0, *np.linspace(0.0, 1.0, len(vertices)).tolist(), 1.0], xy[vertices]
+    turned = [float(wrapped(np.array(both[1] - both[0]))) for both in courses if both]
+    pieces = [control_points(xy[list(ends)], both[0], by)[:3] for ends, both, by in zip(pairwise(vertices), courses, turned) if both]
+    return 3, list(bezier_knots(3, len(pieces))), np.concatenate([*pieces, xy[vertices[-1:]]])
+
+
+def _courses_of(nav: NavGraph, tail: int, head: int) -> tuple[float, float] | None:
+    """Courses of a curve at the ends of one of its pieces, along the piece."""
+    chord, along = nav.xy[head] - nav.xy[tail], []
+    for bend, beside in ((tail, AFTER), (head, BEFORE)):
+        options = nav.vertex_options[bend]
+        if TANGENT not in options:
+            continue
+        own = float(options[TANGENT])
+        is_back = chord @ (math.cos(own), math.sin(own)) < 0  # the lane leads against the curve as it was drawn
+        other = options.get({AFTER: BEFORE, BEFORE: AFTER}[beside] if is_back else beside)
+        along.append((bend, own + np.pi * is_back, None if other is None else float(other) + np.pi * is_back))
+    if len(along) == 2:
+        return along[0][1], along[1][1]
+    if len(along) == 1 and along[0][2] is not None:
+        ((bend, own, other),) = along
+        return (own, other) if bend == tail else (other, own)
+    return None
 
 
 def _corners(fine: FloatArray, within_m: float) -> list[int]:

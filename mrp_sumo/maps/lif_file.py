@@ -1,7 +1,7 @@
 """Writer of the VDMA's Layout Interchange Format, version 1.0.0 (LIF.md, section 8): a layout a level, an edge a lane.
 
-Types of vehicles are types of robots that are named, else those of the map, else one for all. A curve is a NURBS of degree 1 along the
-pieces it is drawn with. Coordinates are those of the map's file, not of levels laid side by side.
+Types of vehicles are types of robots that are named, else those of the map, else one for all. A curve is a NURBS of Bezier curves, a
+polyline one of degree 1. Coordinates are those of the map's file, not of levels laid side by side.
 """
 
 import json
@@ -13,14 +13,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mrp_sumo.core.graph import STATIONS, FloatArray, IntArray, NavGraph
+from mrp_sumo.core.graph import STATIONS, FloatArray, NavGraph
 from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.maps.chains import chains_of
+from mrp_sumo.maps.curves import COURSES, nurbs_of
 from mrp_sumo.maps.levels import shifts_of
 from mrp_sumo.maps.map import Map
 
 VEHICLE_TYPE = "mrp_sumo.robot"
-KEPT = ("station", "actions", "is_charger", "theta_rad", "is_bend", "lift")  # options of vertices that LIF can hold
+KEPT = ("station", "actions", "is_charger", "theta_rad", "is_bend", "lift", *COURSES)  # options of vertices that LIF can hold
 RIDE = ("lift", "ride_s", "close_s", "open_s")
 TURNS = (("turns_at_start", "rotationAtStartNodeAllowed"), ("turns_at_end", "rotationAtEndNodeAllowed"))
 KEPT_OF_LANES = ("edge_id", "path", "load", "orientation_constraint", "turns_at_start", "turns_at_end", "vehicle_types", *RIDE)
@@ -46,9 +47,13 @@ def write_lif(map_: Map, path: Path, robots: Sequence[RobotType] = ()) -> None:
     names = vertex_names(nav)
     bends = drawn.having("is_bend")
 
-    def starts_of(lane: int) -> IntArray:
-        """Places where the pieces of a lane begin."""
-        return drawn.tail[chains.piece[chains.first[lane] : chains.first[lane + 1]]] if chains else drawn.tail[:0]
+    def trajectory(lane: int) -> dict[str, Any] | None:
+        """The trajectory of a curve, None of a lane that is straight."""
+        pieces = chains.piece[chains.first[lane] : chains.first[lane + 1]].tolist() if chains else []
+        if len(pieces) < 2:
+            return None
+        degree, knots, points = nurbs_of(drawn, pieces, xy)
+        return {"degree": degree, "knotVector": knots, "controlPoints": [_point(p) for p in points]}
 
     layouts = []
     for k, level in enumerate(nav.level_names):
@@ -60,7 +65,7 @@ def write_lif(map_: Map, path: Path, robots: Sequence[RobotType] = ()) -> None:
                 "layoutVersion": "1",
                 "layoutLevelId": level,
                 "nodes": [_node(nav, v, names[v], xy[v], level, types) for v in vertices],
-                "edges": [edge for lane in lanes if (edge := _edge(nav, lane, names, xy[starts_of(lane)], xy, types))],
+                "edges": [edge for lane in lanes if (edge := _edge(nav, lane, names, trajectory(lane), types))],
                 "stations": _stations(nav, vertices, names),
             }
         )
@@ -111,9 +116,9 @@ def _node(nav: NavGraph, v: int, name: str, xy: FloatArray, level: str, types: S
 
 
 def _edge(
-    nav: NavGraph, lane: int, names: list[str], starts: FloatArray, xy: FloatArray, types: Sequence[_VehicleType]
+    nav: NavGraph, lane: int, names: list[str], trajectory: dict[str, Any] | None, types: Sequence[_VehicleType]
 ) -> dict[str, Any] | None:
-    """An edge, None where it is for none of the types; `starts` are where its pieces begin."""
+    """An edge, None where it is for none of the types."""
     tail, head, options = int(nav.tail[lane]), int(nav.head[lane]), nav.lane_options[lane]
     is_back = options.get("orientation_constraint") == "backward"
     only = str(options["vehicle_types"]).split(", ") if "vehicle_types" in options else None
@@ -130,10 +135,8 @@ def _edge(
             properties[key] = options[option]
     if "load" in options:
         properties["loadRestriction"] = {"unloaded": options["load"] == "unloaded", "loaded": options["load"] == "loaded"}
-    if len(starts) > 1:
-        places = [*starts, xy[head]]
-        inner = [k / (len(places) - 1) for k in range(1, len(places) - 1)]
-        properties["trajectory"] = {"degree": 1, "knotVector": [0, 0, *inner, 1, 1], "controlPoints": [_point(p) for p in places]}
+    if trajectory is not None:
+        properties["trajectory"] = trajectory
     ends = {"startNodeId": names[tail], "endNodeId": names[head]}
     return {"edgeId": f"{names[tail]}-{names[head]}", **ends, "vehicleTypeEdgeProperties": [_of_type(each, properties) for each in allowed]}
 

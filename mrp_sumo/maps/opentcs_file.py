@@ -15,6 +15,7 @@ import numpy as np
 from mrp_sumo.core.graph import FloatArray, NavGraph
 from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.maps.chains import Chains, chains_of
+from mrp_sumo.maps.curves import COURSES
 from mrp_sumo.maps.lif_file import stations_of, vertex_names
 from mrp_sumo.maps.map import Map
 
@@ -23,7 +24,16 @@ NO_LIMIT_MPS = 10.0  # of lanes without a limit: a path has one
 SIZE_M = 1.0  # of vehicles, where no type of robots is named, and the height of all
 CORNERS = 16  # of envelopes, which are around circles
 LEVELS = 'energyLevelCritical="30" energyLevelGood="90" energyLevelFullyRecharged="95" energyLevelSufficientlyRecharged="45"'
-KEPT = ("station", "actions", "is_charger", "is_parking_spot", "theta_rad", "mutex", "is_bend")  # options of vertices that a model can hold
+KEPT = (
+    "station",
+    "actions",
+    "is_charger",
+    "is_parking_spot",
+    "theta_rad",
+    "mutex",
+    "is_bend",
+    *COURSES,
+)  # options of vertices that a model can hold
 KEPT_OF_LANES = ("edge_id", "path", "mutex", "orientation_constraint")
 
 

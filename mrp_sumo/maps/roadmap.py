@@ -5,15 +5,18 @@ Refuses cells that are not above 0 or so short that no plan could be computed on
 
 import math
 from collections.abc import Collection
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
-from mrp_sumo.core.graph import NO_OPTIONS, BoolArray, FloatArray, IntArray, NavGraph, PlanGraph, nav_graph, plan_graph
+from mrp_sumo.core.graph import NO_OPTIONS, BoolArray, FloatArray, IntArray, NavGraph, PlanGraph, frozen, nav_graph, plan_graph
 from mrp_sumo.errors import MapError
 from mrp_sumo.maps.chains import Chains, chains_of
+from mrp_sumo.maps.curves import traced
 
 MAX_VERTICES = 2_000_000
+SHORTEST_M = 1e-6  # between two places along a curve
 
 
 def cut_lanes(nav: NavGraph, cell_m: float, two_way: bool | Collection[int] = False) -> PlanGraph:
@@ -79,7 +82,25 @@ def cut_lanes(nav: NavGraph, cell_m: float, two_way: bool | Collection[int] = Fa
         vertex_of_station=_stations(nav),
         nav_lane=np.concatenate([np.full(nav.num_vertices, -1), on_lane]),
         offset_m=np.concatenate([np.zeros(nav.num_vertices), along_m]),
+        curves=_curves(drawn, chains, cuts, np.stack([place(i), place(i + 1)], axis=1)) if chains else None,
     )
+
+
+def _curves(drawn: NavGraph, chains: Chains, cuts: "_Cuts", ends: IntArray) -> dict[tuple[int, int], FloatArray]:
+    """The parts of curves along which the steps between vertices [S, 2] lead, but for tracks beside each other."""
+    curves, first = {}, np.cumsum(cuts.steps) - cuts.steps
+    for lane in np.flatnonzero((np.diff(chains.first) > 1) & ~cuts.apart).tolist():
+        curve = traced(drawn, chains.piece[chains.first[lane] : chains.first[lane + 1]].tolist())
+        if curve is None:
+            continue
+        bounds_m = np.linspace(0.0, curve[-1, 0], int(cuts.steps[lane]) + 1)
+        for k, (begin_m, end_m) in enumerate(pairwise(bounds_m.tolist())):
+            inner = curve[(curve[:, 0] > begin_m + SHORTEST_M) & (curve[:, 0] < end_m - SHORTEST_M), 0]
+            at_m = np.concatenate([[begin_m], inner, [end_m]])
+            columns = [at_m - begin_m, *(np.interp(at_m, curve[:, 0], curve[:, n]) for n in (1, 2, 3))]
+            tail, head = ends[first[lane] + k].tolist()
+            curves[tail, head] = frozen(np.column_stack(columns))
+    return curves
 
 
 class _Cuts(NamedTuple):

@@ -14,8 +14,9 @@ from mrp_sumo.core.problem import Problem, Standing
 from mrp_sumo.errors import PlanError
 from mrp_sumo.search.distance import UNREACHABLE, Distances, StepArray, distances
 from mrp_sumo.search.route import shortest_route
+from mrp_sumo.traffic.courses import course_rad
 from mrp_sumo.traffic.moves import ANYWHERE, BOUND, MoveGraph, arrivals_at, move_graph, off_rad, standing_at_starts
-from mrp_sumo.traffic.turns import MAY_STAND_RAD, course_rad, obstacle_to, stands_bent, turns_of
+from mrp_sumo.traffic.turns import MAY_STAND_RAD, obstacle_to, stands_bent, turns_of
 
 
 def on_moves(problem: Problem) -> Problem:
@@ -72,7 +73,7 @@ def _faces(problem: Problem, standing: Standing, robot: int, heading: float) -> 
         return True
     vehicle = problem.fleet.types[int(problem.fleet.kind[robot])]
     bent = does == BOUND or stands_bent(turns_of(problem.graph, vehicle), lane, gear) is not None
-    return not bent and bool(off_rad(course_rad(problem.graph)[[lane]], heading + np.pi * gear)[0] <= MAY_STAND_RAD)
+    return not bent and bool(off_rad(course_rad(problem.graph)[[lane], 1], heading + np.pi * gear)[0] <= MAY_STAND_RAD)
 
 
 def _starts(problem: Problem, graph: MoveGraph, standing: Standing) -> IntArray:

@@ -23,7 +23,8 @@ from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, PlanGraph, froz
 from mrp_sumo.core.problem import Problem, Standing
 from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.errors import PlanError
-from mrp_sumo.traffic.turns import BACKWARD, FORWARD, MAY_STAND_RAD, NEVER, course_rad, stands_bent, turns_of
+from mrp_sumo.traffic.courses import course_rad
+from mrp_sumo.traffic.turns import BACKWARD, FORWARD, MAY_STAND_RAD, NEVER, stands_bent, turns_of
 
 UNDER_WAY, STANDING, BOUND, ANYWHERE = range(4)
 MOST_PLACES = 256  # for which lengths of ways are kept
@@ -66,7 +67,7 @@ def move_graph(graph: PlanGraph, fleet: Fleet, barred: BoolArray | None) -> Move
 
 
 def _made(graph: PlanGraph, types: tuple[RobotType, ...], barred: BoolArray | None) -> MoveGraph:
-    states, tails, heads, lanes, count = [], [], [], [], 0
+    states, tails, heads, lanes, speed, count = [], [], [], [], [], 0
     for kind, each in enumerate(types):
         free = np.ones(graph.num_lanes, np.bool_) if barred is None else ~barred[kind]
         mine, (tail, head, lane) = _of_vehicle(graph, each, free, count) if each.is_vehicle else _of_others(graph, free, count)
@@ -74,6 +75,7 @@ def _made(graph: PlanGraph, types: tuple[RobotType, ...], barred: BoolArray | No
         tails.append(tail)
         heads.append(head)
         lanes.append(lane)
+        speed.append(np.minimum(graph.speed_mps, turns_of(graph, each).limit_mps)[lane] if each.is_vehicle else graph.speed_mps[lane])
         count += len(mine.place)
     place, lane = np.concatenate([mine.place for mine in states]), np.concatenate(lanes)
     moves = np.stack([np.concatenate(tails), np.concatenate(heads)], 1)
@@ -87,7 +89,7 @@ def _made(graph: PlanGraph, types: tuple[RobotType, ...], barred: BoolArray | No
         vertex_name=[graph.label(v) for v in place.tolist()],
         vertex_options=[graph.vertex_options[v] for v in place.tolist()],
         length_m=graph.length_m[lane],
-        speed_mps=graph.speed_mps[lane],
+        speed_mps=np.concatenate(speed),
         lane_options=some,
         source=graph.source,
     )
@@ -173,7 +175,7 @@ def _with_room_behind(problem: Problem, robot: int, course: FloatArray, taken: s
     graph, start, heading = problem.graph, int(problem.start[robot]), problem.heading_at_start[robot]
     behind_m, came = float(problem.fleet.behind_m[robot]), np.flatnonzero(graph.head == start)
     if not np.isnan(heading):
-        came = came[off_rad(course[came], heading) <= MAY_STAND_RAD]
+        came = came[off_rad(course[came, 1], heading) <= MAY_STAND_RAD]
     free = [lane for lane in came.tolist() if int(graph.tail[lane]) not in taken and graph.length_m[lane] >= behind_m]
     if not free:
         place = f"{problem.fleet.robot_name[robot]} starts at '{graph.known_as(start)}'"
@@ -189,9 +191,10 @@ def _facing(problem: Problem, robot: int, course: FloatArray) -> tuple[int, int,
     for gear in (FORWARD, BACKWARD):
         off = off_rad(course, heading + gear * np.pi)
         for does, end in ((STANDING, graph.head), (BOUND, graph.tail)):
-            lanes = (end == v) & (off <= MAY_STAND_RAD) & turns.gears[:, gear]
+            at_end = int(does == STANDING)
+            lanes = (end == v) & (off[:, at_end] <= MAY_STAND_RAD) & turns.gears[:, gear]
             along |= bool(lanes.any())
-            if len(free := np.flatnonzero(lanes & turns.stands[:, int(does == STANDING)])):
+            if len(free := np.flatnonzero(lanes & turns.stands[:, at_end])):
                 return does, int(free[0]), gear
     raise PlanError(f"{faces}, where " + ("it touches a wall" if along else "no lane leads that way or back"))
 
@@ -204,7 +207,7 @@ def off_rad(course: FloatArray, heading: float) -> FloatArray:
 def _goes_on(graph: PlanGraph, course: FloatArray, lane: int) -> bool:
     """True if another lane leads on in the direction of a lane."""
     head = int(graph.head[lane])
-    return bool((off_rad(course[graph.first[head] : graph.first[head + 1]], float(course[lane])) <= MAY_STAND_RAD).any())
+    return bool((off_rad(course[graph.first[head] : graph.first[head + 1], 0], float(course[lane, 1])) <= MAY_STAND_RAD).any())
 
 
 class RoundTrips(NamedTuple):
@@ -271,7 +274,7 @@ def _arrivals(graph: MoveGraph, kind: int, place: int) -> EndStates:
     length_m = dijkstra(back, indices=ends) if len(ends) else np.zeros((0, graph.num_vertices))
     into = np.array([np.flatnonzero(graph.head == end)[0] for end in ends.tolist()], np.int64)
     lane, backward = graph.base_lane[into], np.isin(ends, states.at[UNDER_WAY, :, BACKWARD])
-    heading = course_rad(graph.base)[lane] + np.pi * backward
+    heading = course_rad(graph.base)[lane, 1] + np.pi * backward
     turns = turns_of(graph.base, graph.types[kind])
     bent = [stands_bent(turns, on, gear) is not None for on, gear in zip(lane.tolist(), backward.astype(np.int64).tolist())]
     heading[np.array(bent, np.bool_)] = np.nan

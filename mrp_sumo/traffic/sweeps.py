@@ -13,7 +13,7 @@ import numpy as np
 
 from mrp_sumo.core.graph import FloatArray, frozen
 from mrp_sumo.core.robot_type import RobotShape
-from mrp_sumo.core.wheel_path import Route, Turning, wheel_path
+from mrp_sumo.core.wheel_path import Route, Turning, WheelPath, wheel_path
 
 CLEAR_M = 0.005  # kept from walls on turns: a run's samples are joined by straight moves, which cut arcs by 1 to 4 mm
 FINE_M = 5e-4  # within which it is known whether a body touches a wall
@@ -125,7 +125,8 @@ def _turning(vehicle: Turning, bend_rad: float, gears: tuple[int, int], tangent_
     course = np.array([0.0, 0.0, *[bend_rad] * (len(legs_m) - 1)])
     gear = np.array([gears[0], gears[0], *[gears[1]] * (len(legs_m) - 1)])
     tangent = np.array([0.0, tangent_m, *[0.0] * (len(legs_m) - 1)])
-    route = Route(at_m, np.concatenate([[(-straight_m, 0.0)], along]), course, gear, tangent)
+    xy = np.concatenate([[(-straight_m, 0.0)], along])
+    route = Route(at_m, xy, np.stack([course, course], 1), gear, tangent, (None,) * len(at_m))
     path = wheel_path(route, vehicle.ahead_m, vehicle.least_radius_m)
     turned = np.flatnonzero(np.diff(path.yaw_rad) != 0)
     begin, end = int(turned[0]), int(turned[-1]) + 2
@@ -143,22 +144,31 @@ def _train(vehicle: RobotShape, bend_rad: float, tangent_m: float, lane_m: float
     xy = np.concatenate([np.zeros((1, 2)), np.cumsum(legs, 0)])
     least_m = turning.least_radius_m * math.tan(abs(before.bend_rad) / 2)
     at_m = np.append(0.0, np.cumsum(length_m))
-    route = Route(at_m, xy, np.append(course[:1], course), np.zeros(4, np.int64), np.array([0.0, least_m, tangent_m, 0.0]))
+    courses = np.repeat(np.append(course[:1], course)[:, None], 2, 1)
+    route = Route(at_m, xy, courses, np.zeros(4, np.int64), np.array([0.0, least_m, tangent_m, 0.0]), (None,) * 4)
     path = wheel_path(route, turning.ahead_m, turning.least_radius_m)
-    on_m = np.unique(np.concatenate([path.on_m, np.arange(path.on_m[0], path.on_m[-1], TOWED_M)]))
+    back = np.array([[math.cos(course[1]), -math.sin(course[1])], [math.sin(course[1]), math.cos(course[1])]])
+    return [
+        body._replace(poses=np.column_stack([(body.poses[:, :2] - xy[2]) @ back, body.poses[:, 2] - course[1]]))
+        for body in moved_along(vehicle, path, float(at_m[2]) - tangent_m - abs(turning.ahead_m), math.inf)
+    ]
+
+
+def moved_along(vehicle: RobotShape, path: WheelPath, begin_m: float, end_m: float) -> list[MovingBody]:
+    """A vehicle and its trailers, which are in line at the path's beginning, on a part of it."""
+    on_m = path.on_m
+    if vehicle.trailers:
+        on_m = np.unique(np.concatenate([on_m, np.arange(on_m[0], on_m[-1], TOWED_M)]))
     x, y, yaw = (np.interp(on_m, path.on_m, column) for column in (*path.axle.T, path.yaw_rad))
-    axle, bodies = np.stack([x, y], 1), [(vehicle.turning.ahead_m, yaw, vehicle.length_m, vehicle.width_m, np.stack([x, y], 1))]
+    axle = np.stack([x, y], 1)
+    bodies = [(axle + vehicle.turning.ahead_m * _rays(yaw), yaw, vehicle.length_m, vehicle.width_m)]
     for trailer in vehicle.trailers:
         hitch = axle - trailer.hitch_m * _rays(yaw)
         yaw = _followed(hitch, trailer.length_m, float(yaw[0]))
         axle = hitch - trailer.length_m * _rays(yaw)
-        bodies.append((0.0, yaw, trailer.body_m or trailer.length_m, trailer.width_m or vehicle.width_m, axle))
-    begins = int(np.searchsorted(on_m, at_m[2] - tangent_m - abs(turning.ahead_m)))
-    back = np.array([[math.cos(course[1]), -math.sin(course[1])], [math.sin(course[1]), math.cos(course[1])]])
-    return [
-        MovingBody(np.column_stack([(at + ahead * _rays(facing) - xy[2]) @ back, facing - course[1]])[begins:], length, width)
-        for ahead, facing, length, width, at in bodies
-    ]
+        bodies.append((axle, yaw, trailer.body_m or trailer.length_m, trailer.width_m or vehicle.width_m))
+    part = slice(int(np.searchsorted(on_m, begin_m)), int(np.searchsorted(on_m, end_m, "right")) + 1)
+    return [MovingBody(np.column_stack([middle, facing])[part], length, width) for middle, facing, length, width in bodies]
 
 
 def _followed(hitch: FloatArray, length_m: float, begin_rad: float) -> FloatArray:

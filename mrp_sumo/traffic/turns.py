@@ -4,6 +4,9 @@ Where two lanes meet at a bend, the middle of the fixed axle cuts the corner alo
 distance of R tan(bend / 2) from the corner, within the nearer half of either, so that no two arcs meet. The arc is as large as these
 halves allow, begins within a length of the vehicle, and leaves the corner by no more than its type's `corner_m`.
 
+A lane that is drawn as a curve is followed along it (`PlanGraph.curves`), where it is wide enough for the least radius. Where it meets
+another lane at a bend, a Bezier curve takes the place of the arc.
+
 A vehicle that may reverse changes gear where a lane leads straight back. One that comes backward to a corner also swings past it along
 an arc of its least radius, away from the lane on which it is to leave, stops in line with that lane, and leaves forward: so forklifts
 back out of a station. It does so wherever it can.
@@ -20,6 +23,7 @@ from mrp_sumo.core.angles import wrapped
 from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, NavGraph, PlanGraph, frozen
 from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.core.wheel_path import SHARPEST_RAD
+from mrp_sumo.traffic.courses import SMOOTH_RAD, bend_beside_curve, clear_at, course_rad, curve_radius_m, obstacle_on_curve
 from mrp_sumo.traffic.sweeps import (
     CLEAR_M,
     TOUCH_M,
@@ -37,7 +41,6 @@ from mrp_sumo.traffic.sweeps import (
 FORWARD, BACKWARD, NEVER = 0, 1, -1  # gears
 STRAIGHT_RAD = 1e-6
 SHARP_RAD = np.pi - 1e-9  # of which the tangent is still a number
-IN_LINE_RAD = 0.01  # within which a vehicle that stands is in line with a lane
 MAY_STAND_RAD = 0.2  # of a start's heading off a lane, and of lanes that lead straight back
 OF_LANE = {"forward": FORWARD, "backward": BACKWARD}  # Open-RMF's option `orientation_constraint`
 
@@ -56,6 +59,7 @@ class Turns(NamedTuple):
     may_stand: IntArray  # [P, 2] the same for a vehicle that stands at the corner
     gears: BoolArray  # [L, 2] in which one may come along each lane
     stands: BoolArray  # [L, 2] whether walls leave room to stand in line with a lane at its tail, and at its head
+    limit_mps: FloatArray  # [L] on lanes that are curves, inf: on others
 
     def between(self, lane: int, onward: int) -> int:
         """The turn from a lane to one that leaves its head, -1: there is none."""
@@ -76,26 +80,30 @@ class _Corners(NamedTuple):
     bend: FloatArray  # [P]
     room: FloatArray  # [P]
     radius: FloatArray  # [P, 2]
+    reach: FloatArray  # [P] from the corner to where a Bezier curve begins and ends, NaN: it is an arc
     swings: BoolArray  # [P, 2]
     stood: BoolArray  # [P] whether one that stands there may come into line with the lane on which it leaves while it drives along it
     stands: BoolArray  # [L, 2]
+    drives: BoolArray  # [L, 2] whether it can drive along the lane, which may be a curve, in either gear
 
 
 @lru_cache(maxsize=16)
 def turns_of(graph: PlanGraph, vehicle: RobotType) -> Turns:
-    """All turns of a type on a graph. Lanes are straight."""
+    """All turns of a type on a graph."""
     room = _beside_walls(graph, vehicle, _on_lanes(graph, vehicle))
     lane, onward, sharp = room.lane, room.onward, np.abs(room.bend)
-    gears, next_gear = _gears(room, gears_of(graph, vehicle) > 0)
+    gears, next_gear = _gears(room, (gears_of(graph, vehicle) > 0) & room.drives)
     keep, change = np.array([FORWARD, BACKWARD]), np.array([BACKWARD, FORWARD])
     stands = (room.stands[lane, 1] & room.stood)[:, None]
-    on = stands & (sharp <= IN_LINE_RAD)[:, None] & gears[onward]
-    back = stands & (sharp >= np.pi - IN_LINE_RAD)[:, None] & room.swings & gears[onward][:, ::-1]
+    on = stands & (sharp <= SMOOTH_RAD)[:, None] & gears[onward]
+    back = stands & (sharp >= np.pi - SMOOTH_RAD)[:, None] & room.swings & gears[onward][:, ::-1]
     may_stand = np.where(on, keep, np.where(back, change, NEVER))
     half, arc = np.tan(np.minimum(sharp, SHARP_RAD) / 2)[:, None], np.isfinite(room.radius)
     tangent = np.where(np.isinf(room.radius), 0.0, half * np.where(arc, room.radius, vehicle.kinematics.least_radius_m))
+    tangent = np.where(np.isfinite(room.reach)[:, None] & arc, room.reach[:, None], tangent)
     first = np.append(0, np.cumsum(np.diff(graph.first)[graph.head]))
-    arrays = (first, onward, room.bend, room.radius, tangent, room.swings, room.room, next_gear, may_stand, gears, room.stands)
+    limit = np.sqrt(vehicle.kinematics.lateral_mps2 * curve_radius_m(graph))
+    arrays = (first, onward, room.bend, room.radius, tangent, room.swings, room.room, next_gear, may_stand, gears, room.stands, limit)
     return Turns(*map(frozen, arrays))
 
 
@@ -124,7 +132,7 @@ def _on_lanes(graph: PlanGraph, vehicle: RobotType) -> _Corners:
     count = np.diff(graph.first)[graph.head]
     lane = np.repeat(np.arange(graph.num_lanes), count)
     onward = np.arange(len(lane)) - np.repeat(np.cumsum(count) - count - graph.first[graph.head], count)
-    bend = wrapped(course[onward] - course[lane])
+    bend = wrapped(course[onward, 0] - course[lane, 1])
     room, rides = np.minimum(graph.length_m[lane], graph.length_m[onward]) / 2, graph.is_ride[lane] | graph.is_ride[onward]
     sharp = np.minimum(np.abs(bend), SHARP_RAD)
     half, least_m, left = np.tan(sharp / 2), wheels.least_radius_m, np.pi - sharp
@@ -134,9 +142,16 @@ def _on_lanes(graph: PlanGraph, vehicle: RobotType) -> _Corners:
     radius = np.where(sharp <= STRAIGHT_RAD, np.inf, np.where(~rides & (radius >= least_m - 1e-9), radius, np.nan))
     swing_m = least_m / np.maximum(half, 1e-9)  # the heading changes by what the bend leaves of a half turn
     swings = (left <= SHARPEST_RAD) & (swing_m <= room - abs(wheels.ahead_m) + 1e-9) & (~rides | (left <= MAY_STAND_RAD)) & wheels.reverse
+    reach, drives, curved = np.full(len(lane), np.nan), np.ones((graph.num_lanes, 2), np.bool_), curve_radius_m(graph) < np.inf
+    for k in np.flatnonzero(curved[lane] | curved[onward]).tolist():
+        swings[k] &= left[k] <= STRAIGHT_RAD
+        is_smooth, ends = sharp[k] <= SMOOTH_RAD, (int(lane[k]), int(onward[k]))
+        radius[k], reach[k] = (np.inf, np.nan) if is_smooth else bend_beside_curve(graph, vehicle, *ends, float(room[k]))
+    for n in np.flatnonzero(curved).tolist():
+        drives[n] = [not obstacle_on_curve(graph, vehicle, n, gear) for gear in (FORWARD, BACKWARD)]
     by_gear = np.stack([swings & (left <= MAY_STAND_RAD), swings], 1)
     free = np.ones(len(lane), np.bool_), np.ones((graph.num_lanes, 2), np.bool_)
-    return _Corners(lane, onward, bend, room, np.stack([radius, radius], 1), by_gear, *free)
+    return _Corners(lane, onward, bend, room, np.stack([radius, radius], 1), reach, by_gear, *free, drives)
 
 
 def _beside_walls(graph: PlanGraph, vehicle: RobotType, room: _Corners) -> _Corners:
@@ -146,19 +161,28 @@ def _beside_walls(graph: PlanGraph, vehicle: RobotType, room: _Corners) -> _Corn
     radius, swings, stood, stands = room.radius.copy(), room.swings.copy(), room.stood.copy(), room.stands.copy()
     allowed, loaded = gears_of(graph, vehicle) > 0, vehicle.with_load
     body, reach_m = in_line(loaded), _reach_m(loaded, 0.0)
-    for lane in np.flatnonzero(~graph.is_ride).tolist():
+    curved = curve_radius_m(graph) < np.inf
+    for lane in np.flatnonzero(~graph.is_ride & curved & room.drives.any(1)).tolist():
+        gears = np.flatnonzero(allowed[lane] & room.drives[lane]).tolist()
+        stands[lane, 0] = all(clear_at(graph, loaded, -1, lane, gear, 0.0) for gear in gears)
+    for lane in np.flatnonzero(~graph.is_ride & ~curved).tolist():
         for end, v in enumerate((int(graph.tail[lane]), int(graph.head[lane]))):
             stands[lane, end] = not touches([body], _walls_at(graph, v, lane, reach_m), TOUCH_M)
     sharp = np.abs(room.bend)
     left = np.pi - sharp
     swings &= ((left > STRAIGHT_RAD) | stands[room.lane, 1])[:, None]  # straight back it goes from where it stands
-    bent = (sharp > STRAIGHT_RAD) & (left > STRAIGHT_RAD) & (np.isfinite(room.radius) | room.swings).any(1)
+    beside = curved[room.lane] | curved[room.onward]
+    for k in np.flatnonzero(beside & ~np.isnan(room.radius[:, 0])).tolist():
+        for gear in np.flatnonzero(allowed[room.lane[k]] & allowed[room.onward[k]]).tolist():
+            if not clear_at(graph, loaded, int(room.lane[k]), int(room.onward[k]), gear, float(np.nan_to_num(room.reach[k]))):
+                radius[k, gear], stood[k] = np.nan, False
+    bent = ~beside & (sharp > STRAIGHT_RAD) & (left > STRAIGHT_RAD) & (np.isfinite(room.radius) | room.swings).any(1)
     for k in np.flatnonzero(bent).tolist():
         sweep = _Sweep(graph, loaded, room, k)
         for gear in np.flatnonzero(allowed[room.lane[k]]).tolist() if len(sweep.walls) else ():
             radius[k, gear] = sweep.widest_m(gear, float(radius[k, gear]))
             swings[k, gear] = swings[k, gear] and sweep.is_clear(sweep.swing(gear))
-            stood[k] &= min(sharp[k], left[k]) > IN_LINE_RAD or sweep.is_clear(sweep.stood(gear))
+            stood[k] &= min(sharp[k], left[k]) > SMOOTH_RAD or sweep.is_clear(sweep.stood(gear))
     return room._replace(radius=radius, swings=swings, stood=stood, stands=stands)
 
 
@@ -235,14 +259,6 @@ def stands_bent(turns: Turns, lane: int, gear: int) -> tuple[int, int] | None:
 
 
 @lru_cache(maxsize=16)
-def course_rad(graph: NavGraph) -> FloatArray:
-    """[L] direction in which lanes lead; vehicles face it, or away from it in reverse."""
-    along = graph.xy[graph.head] - graph.xy[graph.tail]
-    course: FloatArray = np.arctan2(along[:, 1], along[:, 0])
-    return frozen(np.where(graph.is_ride, graph.heading_rad, course))
-
-
-@lru_cache(maxsize=16)
 def gears_of(graph: NavGraph, vehicle: RobotType) -> IntArray:
     """[L, 2] 1 where a type may drive along a lane forward, and backward."""
     return frozen(np.array([_of_lane(graph, vehicle, lane) for lane in range(graph.num_lanes)], np.int64).reshape(-1, 2))
@@ -276,6 +292,9 @@ def _obstacle(graph: PlanGraph, vehicle: RobotType, turn: int, lane: int, onward
     tail, head = graph.known_as(int(graph.tail[onward])), graph.known_as(int(graph.head[onward]))
     if not gears_of(graph, vehicle)[onward].any():
         return f"{name} would have to reverse from '{tail}' to '{head}' (kinematics.reverse: true would do)"
+    curve = [obstacle_on_curve(graph, vehicle, onward, gear) for gear in np.flatnonzero(gears_of(graph, vehicle)[onward]).tolist()]
+    if all(curve):
+        return curve[0]
     if not turns.gears[onward].any():
         walls = _walls_at(graph, int(graph.head[onward]), onward, _reach_m(loaded, 0.0))
         needs_m, has_m = shift_to_clear([[in_line(loaded)]], walls, TOUCH_M)
@@ -287,6 +306,9 @@ def _obstacle(graph: PlanGraph, vehicle: RobotType, turn: int, lane: int, onward
     room, gear = _on_lanes(graph, vehicle), min(came)
     if np.isfinite(turns.radius_m[turn]).any() and not np.isnan(turns.radius_m[turn, gear]):
         return f"{name} would have to change gear {over}, where lanes are for one gear"
+    beside_curve = (curve_radius_m(graph)[[lane, onward]] < np.inf).any()
+    if beside_curve and not np.isnan(room.radius[turn, gear]):
+        return f"{name} touches a wall where it turns {over}"
     if np.isnan(room.radius[turn, gear]) and not room.swings[turn, gear]:
         return f"{name} needs {turns.tangent_m[turn, gear]:.2f} m to turn {over} and has {turns.room_m[turn]:.2f} m"
     sweep, most_m = _Sweep(graph, loaded, room, turn), float(room.radius[turn, gear])

@@ -13,8 +13,9 @@ from mrp_sumo.core.graph import BoolArray, FloatArray, NavGraph, frozen
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError, ScenarioError
 from mrp_sumo.io.scenario.file import ScenarioFile
-from mrp_sumo.traffic.moves import UNDER_WAY, arrivals_at, move_graph, off_rad, standing_at_starts
-from mrp_sumo.traffic.turns import BACKWARD, FORWARD, MAY_STAND_RAD, course_rad, turns_of
+from mrp_sumo.traffic.courses import course_rad
+from mrp_sumo.traffic.moves import BOUND, UNDER_WAY, arrivals_at, move_graph, off_rad, standing_at_starts
+from mrp_sumo.traffic.turns import BACKWARD, FORWARD, MAY_STAND_RAD, turns_of
 
 
 def with_vehicles(file: ScenarioFile, problem: Problem) -> Problem:
@@ -26,8 +27,8 @@ def with_vehicles(file: ScenarioFile, problem: Problem) -> Problem:
         standing = standing_at_starts(problem)
     except PlanError as error:
         raise ScenarioError(f"{file.at('robots')}: {error}") from None
-    heading, stands = problem.heading_at_start.copy(), standing.lane >= 0
-    heading[stands] = (course_rad(problem.graph)[standing.lane] + np.pi * standing.gear)[stands]  # exactly along the lane
+    heading, stands, at_end = problem.heading_at_start.copy(), standing.lane >= 0, (standing.does != BOUND).astype(np.int64)
+    heading[stands] = (course_rad(problem.graph)[standing.lane, at_end] + np.pi * standing.gear)[stands]  # exactly along the lane
     return replace(problem, start_heading_rad=frozen(heading)) if stands.any() else problem
 
 
@@ -80,16 +81,16 @@ def _along_lanes(problem: Problem) -> FloatArray:
     That is one along which they can drive forward, that does not end in a dead end, and that goes straight on from a lane to the start.
     """
     graph, fleet, heading = problem.graph, problem.fleet, problem.heading_at_start.copy()
-    course = course_rad(graph)
+    out, into = course_rad(graph).T
     for r in np.flatnonzero(fleet.is_vehicle & np.isnan(heading) & (fleet.behind_m == 0)).tolist():
         v, turns = int(problem.start[r]), turns_of(graph, fleet.types[int(fleet.kind[r])])
-        came = course[graph.head == v]
+        came = into[graph.head == v]
         ranked = []
         for lane in range(int(graph.first[v]), int(graph.first[v + 1])):
             ends = bool((graph.head[graph.first[graph.head[lane]] : graph.first[graph.head[lane] + 1]] == v).all())
-            bent = not (off_rad(came, float(course[lane])) <= MAY_STAND_RAD).any()
+            bent = not (off_rad(came, float(out[lane])) <= MAY_STAND_RAD).any()
             ranked += [(gear, ends, bent, lane) for gear in (FORWARD, BACKWARD) if turns.gears[lane, gear] and turns.stands[lane, 0]]
         if ranked:
             gear, _, _, lane = min(ranked)
-            heading[r] = wrapped(course[lane] + gear * np.pi)
+            heading[r] = wrapped(out[lane] + gear * np.pi)
     return heading

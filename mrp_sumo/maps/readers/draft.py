@@ -12,10 +12,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mrp_sumo.core.digraph import strong_components
-from mrp_sumo.core.graph import NO_OPTIONS, STATIONS, FloatArray, NavGraph, Options, nav_graph
+from mrp_sumo.core.graph import NO_OPTIONS, STATIONS, NavGraph, Options, nav_graph
 from mrp_sumo.files.reading import shortened
 from mrp_sumo.maps.building import Building, Door, Level
 from mrp_sumo.maps.check import check_graph
+from mrp_sumo.maps.curves import Line
 from mrp_sumo.maps.finding import Notes, RefusedMap, ordered
 from mrp_sumo.maps.levels import joined_by_lifts, laid_out
 from mrp_sumo.maps.map import Map
@@ -65,10 +66,8 @@ class Draft:
         self._options.append({name: value for name, value in options.items() if value is not None and value is not False})
         return v
 
-    def add_lane(
-        self, tail: int, head: int, *, speed_mps: float = np.inf, options: Options = NO_OPTIONS, bends: Sequence[Sequence[float]] = ()
-    ) -> None:
-        """A lane, straight or over places [N, 2] between its ends; lanes without length are noted and left out."""
+    def add_lane(self, tail: int, head: int, *, speed_mps: float = np.inf, options: Options = NO_OPTIONS, line: Line | None = None) -> None:
+        """A lane, straight or along a line with bends; lanes without length are noted and left out."""
         if tail == head:
             self.notes.add("lane_without_length", f"from '{self.label(tail)}' to itself")
             return
@@ -76,13 +75,15 @@ class Draft:
             self._ride(tail, head)
             return
         (ax, ay), (bx, by) = self._xy[tail], self._xy[head]
+        line = None if line is None else simplified(line)
+        bends = () if line is None else line.xy[1:-1]
         if not len(bends) and abs(ax - bx) < SAME_PLACE_M and abs(ay - by) < SAME_PLACE_M:
             self._join(tail, head)
             return
-        if not len(bends):
+        if line is None or not len(bends):
             self._add(tail, head, speed_mps, options)
             return
-        chain = self._chain_back(tail, head, bends) or self._new_chain(tail, head, bends)
+        chain = self._chain_back(tail, head, bends) or self._new_chain(tail, head, line)
         for a, b in zip([tail, *chain], [*chain, head]):
             self._add(a, b, speed_mps, options)
 
@@ -258,11 +259,11 @@ class Draft:
                     return back
         return []
 
-    def _new_chain(self, tail: int, head: int, bends: Sequence[Sequence[float]]) -> list[int]:
+    def _new_chain(self, tail: int, head: int, line: Line) -> list[int]:
         chain: list[int] = []
         level = self.level_names[self._level[tail]]
-        for x, y in bends:
-            chain.append(self.add_vertex(("bend", len(self._xy)), "", (float(x), float(y)), level, is_bend=True))
+        for k, (x, y) in enumerate(line.xy[1:-1].tolist()):
+            chain.append(self.add_vertex(("bend", len(self._xy)), "", (x, y), level, is_bend=True, **line.courses_at(k + 1)))
         self._chains.setdefault((tail, head), []).append(chain)
         return chain
 
@@ -332,21 +333,23 @@ def building_of_walls(
     )
 
 
-def polyline_bends(line: FloatArray) -> FloatArray:
-    """[N - 2, 2] places between the ends of a polyline; none where it is straight."""
-    if len(line) < 3:
-        return line[:0]
-    chord = line[-1] - line[0]
+def simplified(line: Line) -> Line:
+    """The line without bends where it is straight, and without those that lie on others."""
+    xy, ends = line.xy, np.array([0, -1])
+    if len(xy) < 3:
+        return Line(xy)
+    chord = xy[-1] - xy[0]
     length = float(np.hypot(*chord))
-    off = line[1:-1] - line[0]
+    off = xy[1:-1] - xy[0]
     if length > 0:
         along = off @ chord / length
         if (np.abs(off[:, 0] * chord[1] - off[:, 1] * chord[0]) / length < SAME_PLACE_M).all() and (
             np.diff(along, prepend=0, append=length) >= 0
         ).all():
-            return line[:0]
-    apart = np.hypot(*(line[1:] - line[:-1]).T) >= SAME_PLACE_M
-    return np.asarray(line[1:-1][apart[:-1] & apart[1:]])
+            return Line(xy[ends])
+    apart = np.hypot(*(xy[1:] - xy[:-1]).T) >= SAME_PLACE_M
+    keep = np.concatenate([[True], apart[:-1] & apart[1:], [True]])
+    return Line(xy[keep], None if line.course_rad is None else line.course_rad[keep])
 
 
 def _more(details: Sequence[str]) -> str:

@@ -16,8 +16,9 @@ import numpy as np
 
 from mrp_sumo.errors import MapError, nearest
 from mrp_sumo.maps.building import Building
+from mrp_sumo.maps.curves import Line
 from mrp_sumo.maps.map import Map
-from mrp_sumo.maps.readers.draft import Draft, building_of_walls, plain_options, polyline_bends
+from mrp_sumo.maps.readers.draft import Draft, building_of_walls, plain_options
 from mrp_sumo.maps.readers.json_fields import Fields
 from mrp_sumo.maps.readers.reader import MapFile, Selection, refuse_choice
 
@@ -129,7 +130,7 @@ def _nav2_edge(fields: Fields, draft: Draft, at: str, properties: Mapping[str, A
     about = fields.object(properties, "metadata", where, {})
     limit = fields.number(about, "abs_speed_limit", f"{where}.metadata", math.inf)  # speed_limit is per cent of the robot's
     options = {"edge_id": str(properties.get("id", ""))} | plain_options(about, ("mutex", "lift", "abs_speed_limit"))
-    bends: Any = ()
+    drawn: Line | None = None
     try:
         line = np.array([fields.point(p, f"{at}.geometry.coordinates[{i}]") for i, p in enumerate(_line(fields, geometry, at))])
     except MapError:
@@ -140,8 +141,8 @@ def _nav2_edge(fields: Fields, draft: Draft, at: str, properties: Mapping[str, A
         if off > OFF_END_M:
             draft.notes.add("trajectory_off_its_nodes", f"edge {properties.get('id')}: {off:.2f} m; read as straight")
         else:
-            bends = polyline_bends(line)
-    draft.add_lane(ends[0], ends[1], speed_mps=limit if limit > 0 else math.inf, options=options, bends=bends)
+            drawn = Line(line)
+    draft.add_lane(ends[0], ends[1], speed_mps=limit if limit > 0 else math.inf, options=options, line=drawn)
 
 
 def _features(fields: Fields, document: Mapping[str, Any]) -> Iterator[tuple[str, Mapping[str, Any], Mapping[str, Any]]]:

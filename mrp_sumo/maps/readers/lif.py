@@ -20,9 +20,9 @@ from typing import Any, ClassVar
 import numpy as np
 
 from mrp_sumo.errors import nearest
-from mrp_sumo.maps.curves import fault_of_curve, flattened
+from mrp_sumo.maps.curves import Line, fault_of_curve, flattened
 from mrp_sumo.maps.map import Map
-from mrp_sumo.maps.readers.draft import Draft, polyline_bends
+from mrp_sumo.maps.readers.draft import Draft
 from mrp_sumo.maps.readers.json_fields import Fields
 from mrp_sumo.maps.readers.reader import MapFile, Selection, refuse_choice
 
@@ -171,7 +171,7 @@ class _Layouts:
         driven = [limits[kind] for kind in self.driven if kind in limits]
         if len(set(driven)) > 1:
             self.slowed.append(name)
-        self.draft.add_lane(tail, head, speed_mps=min(driven) if driven else max(limits.values()), options=options, bends=line)
+        self.draft.add_lane(tail, head, speed_mps=min(driven) if driven else max(limits.values()), options=options, line=line)
 
     def _orientation(self, name: str, properties: Mapping[str, Any], where: str) -> dict[str, Any]:
         """Options for how vehicles are turned on an edge, and may turn at its ends."""
@@ -201,12 +201,12 @@ class _Layouts:
             return ""
         return "loaded" if rule.get("loaded") else "unloaded"
 
-    def _line(self, name: str, tail: int, head: int, properties: Mapping[str, Any], where: str) -> Any:
-        """The places between the ends of an edge's trajectory, where it has one that leads from node to node."""
+    def _line(self, name: str, tail: int, head: int, properties: Mapping[str, Any], where: str) -> Line | None:
+        """The line of an edge's trajectory, where it has one that leads from node to node."""
         fields = self.fields
         curve = fields.object(properties, "trajectory", where, None)
         if curve is None:
-            return ()
+            return None
         at = f"{where}.trajectory"
         points = fields.list(curve, "controlPoints", at)
         knots = fields.list(curve, "knotVector", at)
@@ -223,14 +223,14 @@ class _Layouts:
             fault = "a weight that is not above 0"
         if fault:
             self.draft.notes.add("trajectory_unusable", f"'{name}': {fault}; read as straight")
-            return ()
+            return None
         even = all(w == weights[0] for w in weights)
         line = flattened(int(degree), knots, np.array(places), None if even else np.array(weights))
-        off = max(math.dist(line[0], self.draft.place(tail)), math.dist(line[-1], self.draft.place(head)))
+        off = max(math.dist(line.xy[0], self.draft.place(tail)), math.dist(line.xy[-1], self.draft.place(head)))
         if off > OFF_NODE_M:
             self.draft.notes.add("trajectory_off_its_nodes", f"'{name}': {off:.2f} m; read as straight")
-            return ()
-        return polyline_bends(line)
+            return None
+        return line
 
     def _stations(self, layout: Mapping[str, Any], above: str) -> None:
         fields, draft = self.fields, self.draft

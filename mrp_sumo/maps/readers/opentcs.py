@@ -20,9 +20,9 @@ from typing import ClassVar
 import numpy as np
 
 from mrp_sumo.errors import nearest
-from mrp_sumo.maps.curves import bezier_knots, flattened
+from mrp_sumo.maps.curves import Line, bezier_knots, flattened
 from mrp_sumo.maps.map import ListedVehicle, Map
-from mrp_sumo.maps.readers.draft import SAME_PLACE_M, Draft, polyline_bends
+from mrp_sumo.maps.readers.draft import SAME_PLACE_M, Draft
 from mrp_sumo.maps.readers.reader import MapFile, Selection, refuse_choice
 from mrp_sumo.maps.readers.rmf.level import FARTHEST
 from mrp_sumo.maps.readers.xml_text import Element, parse_xml, root_name
@@ -150,36 +150,35 @@ class _Model:
             tail, head = ends
             self.pair_of[name] = (tail, head)
             line = self._line(path, name, tail, head, scale)
-            bends = polyline_bends(line)
             forward, back = path.number("maxVelocity", 0.0) * MM, path.number("maxReverseVelocity", 0.0) * MM
             if forward > 0:
-                self.draft.add_lane(tail, head, speed_mps=forward, options={"path": name}, bends=bends)
+                self.draft.add_lane(tail, head, speed_mps=forward, options={"path": name}, line=line)
             if back > 0:
                 options = {"path": name, "orientation_constraint": "backward"}
-                self.draft.add_lane(head, tail, speed_mps=back, options=options, bends=bends[::-1])
-            drawn = float(np.hypot(*np.diff(line, axis=0).T).sum())
+                self.draft.add_lane(head, tail, speed_mps=back, options=options, line=line.back)
+            drawn = float(np.hypot(*np.diff(line.xy, axis=0).T).sum())
             length_m = path.number("length", 0.0) * MM
             if length_m > 0 and abs(length_m - drawn) > OFF_LENGTH * drawn + OFF_POINT_M:
                 self.draft.notes.add("path_length_disagrees", f"'{name}': {length_m:.2f} m, drawn {drawn:.2f} m")
 
-    def _line(self, path: Element, name: str, tail: int, head: int, scale: tuple[float, float]) -> np.ndarray:
-        """The polyline of a path, ends included."""
+    def _line(self, path: Element, name: str, tail: int, head: int, scale: tuple[float, float]) -> Line:
+        """The line of a path, ends included."""
         ends = np.array([self.draft.place(tail), self.draft.place(head)])
         kind, points = self._control_points(path, name, scale)
         if not points or kind in ("DIRECT", "ELBOW", "SLANTED"):
-            return ends
+            return Line(ends)
         drawn = np.array([self.drawn_at[tail], self.drawn_at[head]])
         between = _joining(np.array(points), drawn, ends)
         if between is None:
             self.draft.notes.add("trajectory_unusable", f"'{name}': its ends are drawn at one place; read as straight")
-            return ends
+            return Line(ends)
         line = np.concatenate([ends[:1], between, ends[1:]])
         if kind in ("BEZIER", "BEZIER_3") and len(points) in (1, 2, 5):
             degree, pieces = (2, 1) if len(points) == 1 else (3, (len(points) + 1) // 3)
             return flattened(degree, bezier_knots(degree, pieces), line)
         if kind != "POLYPATH":
             self.draft.notes.add("trajectory_unusable", f"'{name}': {kind} with {len(points)} control points; read as a polyline")
-        return line
+        return Line(line)
 
     def _control_points(self, path: Element, name: str, scale: tuple[float, float]) -> tuple[str, list[tuple[float, float]]]:
         """The kind of line that a path is drawn as, and the places between its ends, in m of the layout."""

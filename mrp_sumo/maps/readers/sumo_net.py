@@ -6,12 +6,13 @@ not read. Vertices of our own networks are `n7`: they have no names. Refuses edg
 
 import math
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
+from mrp_sumo.maps.curves import Line
 from mrp_sumo.maps.map import Map
-from mrp_sumo.maps.readers.draft import Draft, polyline_bends
+from mrp_sumo.maps.readers.draft import Draft
 from mrp_sumo.maps.readers.reader import MapFile, Selection, refuse_choice
 from mrp_sumo.maps.readers.xml_text import Element, parse_xml, root_name
 
@@ -57,12 +58,12 @@ def _edge(edge: Element, draft: Draft) -> None:
     lanes = list(edge.all("lane"))
     speed = max((lane.number("speed", math.inf) for lane in lanes), default=math.inf)
     shape = edge.get("shape", "")
-    bends: Any = ()
+    line: Line | None = None
     if shape:
         places = [_place(edge, text) for text in shape.split()]
         ends_xy = [draft.place(v) for v in ends]
-        bends = polyline_bends(np.array([ends_xy[0], *places[1:-1], ends_xy[1]]))
-    draft.add_lane(ends[0], ends[1], speed_mps=speed if speed > 0 else math.inf, options={"edge_id": edge.text("id")}, bends=bends)
+        line = Line(np.array([ends_xy[0], *places[1:-1], ends_xy[1]]))
+    draft.add_lane(ends[0], ends[1], speed_mps=speed if speed > 0 else math.inf, options={"edge_id": edge.text("id")}, line=line)
 
 
 def _place(edge: Element, text: str) -> tuple[float, float]:

@@ -19,7 +19,8 @@ from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.io.record import AT_GOAL, MOVING, STATE_NAMES, WAITING, RunRecord, robot_states
 from mrp_sumo.io.run_summary import planner_of
-from mrp_sumo.traffic.turns import BACKWARD, FORWARD, NEVER, course_rad, turns_of
+from mrp_sumo.traffic.courses import course_rad
+from mrp_sumo.traffic.turns import BACKWARD, FORWARD, NEVER, turns_of
 
 if TYPE_CHECKING:
     from mrp_sumo.core.graph import NavGraph
@@ -213,7 +214,7 @@ def _next_gear(graph: PlanGraph, vehicle: RobotType, lanes: tuple[int, int], gea
     """The gear in which a vehicle goes from a lane, -1: its start, on to another."""
     (before, lane), turns = lanes, turns_of(graph, vehicle)
     if before < 0 and not math.isnan(yaw_rad):
-        return BACKWARD if math.cos(yaw_rad - float(course_rad(graph)[lane])) < 0 else FORWARD
+        return BACKWARD if math.cos(yaw_rad - float(course_rad(graph)[lane, 0])) < 0 else FORWARD
     if before < 0:
         return turns.first_gear(lane)
     turn = turns.between(before, lane)
