@@ -74,6 +74,16 @@ def test_the_urgent_one_goes_before_the_near_one(dispatcher):
     assert Fleet([2], (9.0, (3, 4))).decides(dispatcher) == {}  # nothing is known yet
 
 
+@pytest.mark.parametrize("dispatcher", [*ALL, "round_robin"])
+def test_orders_of_a_crowded_station_are_held_back_and_others_are_given(dispatcher):
+    """Robots have 9 steps to drive on average. Beside four in line, one on the way is of use; three where services take no time."""
+    crowd = [(0.0, (15, 16))] * 9
+    assert len(Fleet([*range(2, 11)], *crowd, service_s=1000.0).decides(dispatcher)) == 5
+    assert sorted(Fleet([*range(2, 11)], *crowd, (0.0, (18, 19)), service_s=1000.0).decides(dispatcher).values()) == [*range(5), 9]
+    assert len(Fleet([*range(2, 11)], *crowd, service_s=0.0).decides(dispatcher)) == 7
+    assert len(Fleet([*range(2, 6)], *crowd, service_s=1000.0).decides(dispatcher)) == 4
+
+
 @pytest.mark.parametrize("dispatcher", ["hungarian", "min_cost_flow", "regret"])
 def test_of_equally_near_tasks_the_short_one_goes_first(dispatcher):
     assert Fleet([5], (0.0, (6, 19)), (0.0, (4, 3))).decides(dispatcher) == {0: 1}

@@ -1,6 +1,6 @@
 """The operations audit finds what cannot be, and nothing where it can: each rule fires on a change by hand, and not on its neighbour."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -354,6 +354,18 @@ def test_nobody_is_idle_beside_work_for_long_unsaid(logs):
     stalled = replace(lazy, execution=replace(lazy.execution, outcome=Outcome.PLANNER_STALLED))
     soon = replace(lazy, execution=replace(lazy.execution, tasks=replace(tasks, released_s=np.full(len(none), 300.0))))
     assert not [*robots.idle(said), *robots.idle(stalled), *robots.idle(soon)]
+
+
+def test_robots_may_be_idle_beside_orders_to_whose_stations_four_others_are_bound(logs):
+    """Robots are idle, and others have orders for A and B all the time and make no stop: three of them, or four."""
+    idle = RobotStateLog(np.arange(2), np.full(2, IDLE), np.zeros(2), np.full(2, logs.end_s), np.full(2, -1))
+    ordered, none = sorted(logs.ordered), np.full(len(logs.tasks.name), np.nan)
+    no_stops = replace(logs.stops, **{each.name: getattr(logs.stops, each.name)[:0] for each in fields(logs.stops)})
+    for bound, passes in ((3, False), (4, True)):
+        has = np.isin(np.arange(len(none)), ordered[:bound])
+        tasks = replace(logs.tasks, assigned_s=np.where(has, 0.0, none), ended_s=none, released_s=np.zeros(len(none)))
+        lazy = replace(logs, execution=replace(logs.execution, robot_states=idle, tasks=tasks, stops=no_stops))
+        assert ([*robots.idle(lazy)] == []) == passes
 
 
 def test_orders_of_one_robot_are_done_by_it_and_neither_wait_for_others_nor_are_passed_over_by_them(logs):

@@ -3,19 +3,25 @@
 Times are steps along shortest ways, each the planned time of a step, and service times: others on the way cost nothing.
 """
 
+from collections import Counter
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
 from mrp_sumo.core.graph import FloatArray, IntArray
 from mrp_sumo.core.task import Task
+from mrp_sumo.drive.crew import Crew
+from mrp_sumo.drive.robot_work import NONE, RobotWork
 from mrp_sumo.drive.surroundings import Surroundings
 from mrp_sumo.search.distance import UNREACHABLE, distances
 
 FAR_S = 1e7  # of what cannot be reached
 LATER = 1.5  # robots at work are done so much later than if nobody were on their way, to be on the safe side
 LESS_URGENT_S = 1e5  # what a task counts later for each more urgent priority that others have
+IN_LINE = 4  # robots in line at each place, beside those that the place keeps on their way
+EXCHANGE_STEPS = 4  # for which a place is empty between two robots
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +61,7 @@ def choice(now_s: float, context: Surroundings, most: int, *, reassign: bool, bu
         if busy and crew.robots[r].task >= 0:  # else it is lost
             remaining_s, at[r] = _remaining(now_s, context, r)
             ready_s[r] = LATER * remaining_s
-    waiting = sorted([*holder, *crew.unassigned], key=lambda k: (-crew.tasks[k].priority, k))
+    waiting = sorted([*holder, *to_give(context)], key=lambda k: (-crew.tasks[k].priority, k))
     typed = any(crew.some_cannot(k) for k in waiting)  # then those left out might be all that some robot can do
     if len(waiting) > most and not typed:
         waiting = [k for k in waiting if crew.tasks[k].priority >= crew.tasks[waiting[most]].priority]
@@ -67,6 +73,42 @@ def choice(now_s: float, context: Surroundings, most: int, *, reassign: bool, bu
     between_s = times @ steps_to(context, place, waiting) / max(len(waiting), 1) * step_s
     rest_s = np.array([task_s(context, crew.tasks[k]) for k in waiting], np.float64)
     return Choice(waiting, holder, able, pick_up_s, ready_s, rest_s, between_s, later_s, typed)
+
+
+def to_give(context: Surroundings) -> Sequence[int]:
+    """Orders that no robot has and that may be given now: the most urgent first, then the oldest.
+
+    Others are held back, since robots for which their stations have no use would crowd the ways to them: enough are bound for one already.
+    Those are as many as come one after the other while one drives there, and a few in line.
+    """
+    crew, waiting = context.crew, context.crew.unassigned
+    if len(crew.robots) <= IN_LINE:
+        return waiting
+    bound = Counter(places for robot in crew.robots if not robot.charges for places in _bound_for(crew, robot))
+    admitted = []
+    for task in waiting:
+        stops = crew.tasks[task].stops
+        full = (nth for nth, stop in enumerate(stops) if bound[stop.places] >= IN_LINE * len(stop.places))
+        if not any(bound[stops[nth].places] >= _useful(context, task, nth) for nth in full):
+            admitted.append(task)
+            bound.update({stop.places for stop in stops})
+    return admitted
+
+
+def _bound_for(crew: Crew, robot: RobotWork) -> set[tuple[int, ...]]:
+    """Places of the stops that a robot is still to make."""
+    ahead = [*robot.tour, *(crew.stops_of(robot.then) if robot.then != NONE else ())]
+    return {crew.tasks[task].stops[nth].places for task, nth in ahead}
+
+
+def _useful(context: Surroundings, task: int, nth: int) -> float:
+    """How many robots keep the places of a stop at work: in line there, or on their way from where robots are by the stops before."""
+    steps, step_s, stops = distances(context.graph), context.ledger.problem.step_s, context.crew.tasks[task].stops
+    first = steps.to(stops[0].places[0])[context.start]
+    drive = float(first[first < UNREACHABLE].mean()) if (first < UNREACHABLE).any() else 0.0
+    drive += sum(float(steps.to(b.places[0])[a.places[0]]) for a, b in pairwise(stops[: nth + 1]))
+    before_s = drive * step_s + sum(stop.service_s for stop in stops[:nth])
+    return len(stops[nth].places) * (IN_LINE + before_s / (stops[nth].service_s + EXCHANGE_STEPS * step_s))
 
 
 def steps_to(context: Surroundings, at: IntArray, tasks: Sequence[int]) -> FloatArray:

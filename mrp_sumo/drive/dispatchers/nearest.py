@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mrp_sumo.drive.dispatchers.by_task import ByTask
+from mrp_sumo.drive.dispatchers.estimates import to_give
 from mrp_sumo.drive.surroundings import Surroundings
 from mrp_sumo.search.distance import UNREACHABLE, distances
 
@@ -18,7 +19,7 @@ class Nearest(ByTask):
         crew = context.crew
         steps, start = distances(context.graph), context.start
         free, assigned = set(crew.free), {}
-        for task in crew.unassigned:
+        for task in to_give(context):
             if not free:
                 break
             to_place = steps.to_all(np.array(crew.tasks[task].stops[0].places)).min(0)

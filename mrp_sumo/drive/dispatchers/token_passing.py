@@ -12,7 +12,7 @@ import numpy as np
 
 from mrp_sumo.core.task import Task
 from mrp_sumo.drive.dispatchers.by_task import ByTask
-from mrp_sumo.drive.dispatchers.estimates import FAR_S, steps_of
+from mrp_sumo.drive.dispatchers.estimates import FAR_S, steps_of, to_give
 from mrp_sumo.drive.surroundings import Surroundings
 
 
@@ -25,7 +25,7 @@ class TokenPassing(ByTask):
     def assigned(self, now_s: float, context: Surroundings) -> dict[int, int]:
         """See ByTask."""
         crew = context.crew
-        start, assigned, waiting = context.start, dict[int, int](), list(crew.unassigned)
+        start, assigned, waiting = context.start, dict[int, int](), list(to_give(context))
         away = dict(zip(waiting, steps_of(context, start, waiting).T))
         ends = [crew.tasks[k].stops[-1].places for k in [robot.task for robot in crew.robots] if k >= 0]
         nearest = np.min([*away.values()], 0) if away else np.zeros(len(start))

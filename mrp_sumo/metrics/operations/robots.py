@@ -16,6 +16,7 @@ from mrp_sumo.metrics.operations.evidence import EPS_S, LOST, Finding, Logs
 from mrp_sumo.metrics.operations.places import BESIDE_M, CORNER, LATER_ONES
 from mrp_sumo.search.route import shortest_route
 
+CROWD = 4  # robots bound for each place of a station, beside which another is of no use there
 IDLE_S = 120.0  # beside work, on top of twice the time to drive there
 SETS_OUT_S = 1.0  # after a robot was given an order, once planners have had their time
 STOOD_SHARE, STOOD_S = 0.02, 2.0  # by which a time stood may be off, which is booked in steps
@@ -146,7 +147,7 @@ def visits(logs: Logs) -> Iterator[Finding]:
 
 
 def idle(logs: Logs) -> Iterator[Finding]:
-    """Nobody is idle for long beside an order that it could have picked, unless events say why."""
+    """Nobody is idle for long beside an order that it could have picked, unless events say why, or robots crowd to its stations."""
     log, tasks = logs.execution.robot_states, logs.tasks
     if log is None or logs.execution.outcome in NOBODY_WORKS:
         return
@@ -163,10 +164,29 @@ def idle(logs: Logs) -> Iterator[Finding]:
                 assert order is not None
                 if until_s - since_s <= least_s or until_s > said_s or not logs.is_for(robot, order):
                     continue
-                if until_s - since_s > least_s + 2 * _drive_s(logs, robot, since_s, order):
+                if until_s - since_s - _crowded_s(logs, task, since_s, until_s) > least_s + 2 * _drive_s(logs, robot, since_s, order):
                     who, text = logs.robot(robot), f"is idle from {since_s:.2f} s to {until_s:.2f} s, and nobody has order '{order.name}'"
                     yield Finding("idle beside work", since_s, f"{who} {text}", who, None, order.name)
                     return  # what else waits does for the same reason
+
+
+def _crowded_s(logs: Logs, task: int, since_s: float, until_s: float) -> float:
+    """For how long, between two times, enough robots were bound for one station of an order, of those for which there were most."""
+    stops, tasks, longest_s = logs.stops, logs.tasks, 0.0
+    for places in {stop.places for stop in logs.ordered[task].stops}:
+        edges = list[tuple[float, int]]()
+        for k, other in logs.ordered.items():
+            if k == task or not np.isfinite(tasks.assigned_s[k]) or all(stop.places != places for stop in other.stops):
+                continue
+            made_s = stops.end_s[(stops.task == k) & np.isin(stops.vertex, places)].max(initial=-np.inf)
+            over_s = made_s if np.isfinite(made_s) else tasks.ended_s[k] if np.isfinite(tasks.ended_s[k]) else logs.end_s
+            span_s = np.clip((float(tasks.assigned_s[k]), float(over_s)), since_s, until_s).tolist()
+            edges += [(span_s[0], 1), (span_s[1], -1)]
+        edges.sort()
+        bound = np.cumsum([change for _, change in edges])
+        lasts_s = np.diff([t_s for t_s, _ in edges], append=until_s)
+        longest_s = max(longest_s, float(lasts_s[bound >= CROWD * len(places)].sum()))
+    return longest_s
 
 
 def passed_over(logs: Logs) -> Iterator[Finding]:
