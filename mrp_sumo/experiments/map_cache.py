@@ -1,7 +1,8 @@
 """Maps, plan graphs and SUMO networks, made once and used by every run of a process."""
 
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import replace
+from math import inf
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from types import TracebackType
@@ -112,6 +113,15 @@ class MapCache:
         if building is None:
             return graph
         return self._once(("walls", id(graph)), lambda: replace(graph, walls=standing_walls(building, driven_levels(map_.nav))), graph)
+
+    def with_limits(self, graph: "PlanGraph", limits: Mapping[str, float]) -> "PlanGraph":
+        """The plan graph with limits of speed on lanes by their class; the map's where they are lower."""
+
+        def make() -> "PlanGraph":
+            most_mps = [limits.get(str(options.get("class", "")), inf) for options in graph.lane_options]
+            return replace(graph, speed_mps=graph.speed_mps.clip(max=most_mps))
+
+        return self._once(("limits", id(graph), tuple(sorted(limits.items()))), make, graph)
 
     def with_asides(self, graph: "PlanGraph", models: "Sequence[RobotType]") -> "PlanGraph":
         """The plan graph with how far types that cannot turn in place leave its straight steps on curves."""

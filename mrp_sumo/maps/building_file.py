@@ -8,12 +8,18 @@ from typing import Any
 
 import numpy as np
 
+from mrp_sumo.maps.curves import COURSES
 from mrp_sumo.maps.drawing import METERS_PER_PIXEL, type_tag
 from mrp_sumo.maps.map import Map
 
 MARGIN_M = 1.0  # around what a map of another format has
-OF_LANES = {"orientation_constraint": "orientation", "speed_limit": "speed_limit", "mutex": "mutex"}  # option -> parameter of a drawn lane
-OF_READERS = frozenset({"lift", "is_bend", "load"})  # options that a drawing has no parameter for
+OF_LANES = {
+    "orientation_constraint": "orientation",
+    "speed_limit": "speed_limit",
+    "mutex": "mutex",
+    "class": "class",
+}  # option -> parameter of a drawn lane
+OF_READERS = frozenset({"lift", "is_bend", "load", *COURSES})  # options that a drawing has no parameter for
 
 
 def building_document(map_: Map, *, picture: tuple[str, int, int] | None = None, with_lanes: bool = True) -> dict[str, Any]:

@@ -44,6 +44,7 @@ NAMED: dict[str, list[Any]] = {
     "robots.type.source": ["a data sheet"],
     "robots.type.vehicle_type": ["maker.series"],
     "robots.type.intervals": [{}, {"max_speed_mps": [0.01, 900.0]}],
+    "robots.type.lane_class_mps": [{}, {"ramp": 0.5}],
     "execution.disturbances.intervals": [{}, {"stops_per_s": [0.0, 1.0]}],
     **{f"robots.type.actions.{action}.triangular_s": [[1.0, 2.0, 4.0]] for action in ("pick", "drop", "lift", "dock")},
     **{f"robots.type.actions.{action}.lognormal": [[10.0, 0.5]] for action in ("pick", "drop", "lift", "dock")},

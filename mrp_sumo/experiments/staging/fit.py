@@ -12,7 +12,7 @@ from mrp_sumo.core.facilities import CABIN_M, beyond_cabin_m
 from mrp_sumo.core.fleet import fleet_of, fleet_of_types
 from mrp_sumo.core.graph import BoolArray, NavGraph, PlanGraph
 from mrp_sumo.core.robot_type import RobotShape, RobotType
-from mrp_sumo.errors import ScenarioError
+from mrp_sumo.errors import ScenarioError, nearest
 from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.io.scenario.file import ScenarioFile
 from mrp_sumo.io.scenario.names import type_at
@@ -171,6 +171,23 @@ def by_vehicle_type(map_: Map, graph: PlanGraph, barred: BoolArray | None, model
     if not foreign.any():
         return barred
     return foreign if barred is None else barred | foreign
+
+
+def by_class(maps: MapCache, graph: PlanGraph, models: Sequence[RobotType]) -> tuple[PlanGraph, tuple[str, ...]]:
+    """The graph with the speeds that types have on lanes by class, the lowest of several, and lines on classes that the map lacks."""
+    if not any(model.lane_class_mps for model in models):
+        return graph, ()
+    of_lane = [str(options.get("class", "")) for options in graph.lane_options]
+    known = set(of_lane) - {""}
+    notes = [
+        f"lane_class_mps of '{model.name}': no lane of '{graph.name}' has class '{name}'{nearest(name, known)}"
+        for model in models
+        for name in sorted(set(model.lane_class_mps) - known)
+    ]
+    limits = {name: min(model.lane_class_mps.get(name, math.inf) for model in models) for name in set(of_lane)}
+    if len(models) > 1 and (differ := [name for name in limits if len({model.lane_class_mps.get(name) for model in models}) > 1]):
+        notes.append(f"types have several speeds on lanes of class {', '.join(sorted(differ))}; the lowest holds for all of them")
+    return maps.with_limits(graph, limits), tuple(notes)
 
 
 def by_load(file: ScenarioFile, graph: PlanGraph, barred: BoolArray | None, num_types: int) -> tuple[BoolArray | None, bool]:

@@ -20,7 +20,16 @@ from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.experiments.staging.choices import LEAST_TIME_LIMIT_S, TASKS_TIME_LIMIT_S, TIMES_MAKESPAN, choices, settings_of
 from mrp_sumo.experiments.staging.discretisation import as_discretised, loaded_cell_m, with_drawn_one_ways
 from mrp_sumo.experiments.staging.errands import oddities
-from mrp_sumo.experiments.staging.fit import by_load, by_vehicle_type, require_brakes, require_cabins, require_fit, with_room, without_room
+from mrp_sumo.experiments.staging.fit import (
+    by_class,
+    by_load,
+    by_vehicle_type,
+    require_brakes,
+    require_cabins,
+    require_fit,
+    with_room,
+    without_room,
+)
 from mrp_sumo.experiments.staging.lanes import doubled, in_service, with_closures, with_mutex_groups, with_one_ways, without_shut_doors
 from mrp_sumo.experiments.staging.people import people_of
 from mrp_sumo.experiments.staging.places import (
@@ -84,6 +93,7 @@ def set_up(file: ScenarioFile, maps: MapCache, *, run_programs: bool = True) -> 
     graph = maps.graph(map_, scenario.discretisation, doubled(file, map_.nav))
     require_fit(file, map_.nav, graph, models, is_auto=is_auto)
     require_brakes(file, graph, models)
+    graph, by_lane = by_class(maps, graph, models)
     graph, left_out = with_room(file, maps, map_, graph, models)
     graph, broken = with_drawn_one_ways(map_.nav, graph)
     graph = with_one_ways(file, map_.nav, graph)
@@ -136,7 +146,7 @@ def set_up(file: ScenarioFile, maps: MapCache, *, run_programs: bool = True) -> 
         chosen_assigner,
         chosen_planner,
         with_closures(file, map_.nav, graph, settings),
-        left_out + broken + shut + narrow,
+        left_out + by_lane + broken + shut + narrow,
     )
 
 

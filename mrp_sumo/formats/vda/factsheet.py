@@ -55,7 +55,7 @@ STEERING_RAD = 1.2
 WHEELBASE = 0.7  # of the length, where wheels are not listed
 EMPTY, LOADED = "EMPTY", "LOADED"
 ORIENTATION = "order.edges.orientation"
-NOT_HELD = ("gap_m", "battery", "mtbf_h", "mttr_h", "mtbf_shape", "mttr_sigma", "tow_s", "maintenance", "intervals")
+NOT_HELD = ("gap_m", "battery", "mtbf_h", "mttr_h", "mtbf_shape", "mttr_sigma", "tow_s", "maintenance", "lane_class_mps", "intervals")
 SAME_M = 1e-6
 
 

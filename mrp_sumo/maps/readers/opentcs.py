@@ -151,10 +151,12 @@ class _Model:
             self.pair_of[name] = (tail, head)
             line = self._line(path, name, tail, head, scale)
             forward, back = path.number("maxVelocity", 0.0) * MM, path.number("maxReverseVelocity", 0.0) * MM
+            kinds = [about.text("value") for about in path.all("property") if about.get("name", "") == "class"]
+            options = {"path": name, **({"class": kinds[0]} if kinds else {})}
             if forward > 0:
-                self.draft.add_lane(tail, head, speed_mps=forward, options={"path": name}, line=line)
+                self.draft.add_lane(tail, head, speed_mps=forward, options=options, line=line)
             if back > 0:
-                options = {"path": name, "orientation_constraint": "backward"}
+                options = {**options, "orientation_constraint": "backward"}
                 self.draft.add_lane(head, tail, speed_mps=back, options=options, line=line.back)
             drawn = float(np.hypot(*np.diff(line.xy, axis=0).T).sum())
             length_m = path.number("length", 0.0) * MM

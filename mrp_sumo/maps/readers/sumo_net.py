@@ -63,7 +63,8 @@ def _edge(edge: Element, draft: Draft) -> None:
         places = [_place(edge, text) for text in shape.split()]
         ends_xy = [draft.place(v) for v in ends]
         line = Line(np.array([ends_xy[0], *places[1:-1], ends_xy[1]]))
-    draft.add_lane(ends[0], ends[1], speed_mps=speed if speed > 0 else math.inf, options={"edge_id": edge.text("id")}, line=line)
+    options = {"edge_id": edge.text("id")} | ({"class": edge.text("type")} if edge.get("type", "") else {})
+    draft.add_lane(ends[0], ends[1], speed_mps=speed if speed > 0 else math.inf, options=options, line=line)
 
 
 def _place(edge: Element, text: str) -> tuple[float, float]:

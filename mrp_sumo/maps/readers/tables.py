@@ -21,7 +21,7 @@ from mrp_sumo.maps.readers.rmf.level import FARTHEST
 
 LEVEL = "L1"
 NEEDED = ("from", "to", "from_x_m", "from_y_m", "to_x_m", "to_y_m")
-KNOWN = (*NEEDED, "both_ways", "speed_mps")
+KNOWN = (*NEEDED, "both_ways", "speed_mps", "class")
 YES, NO = ("yes", "true", "1"), ("no", "false", "0", "")
 NODE_KEYS = ("id", "name", "level", "x", "y", "x_m", "y_m", "pos", "is_bend")
 
@@ -92,7 +92,7 @@ class LaneTable:
         if not speed > 0:
             raise MapError(f"{file.path.name}:{line}: speed_mps is {speed:g}, expected a number above 0")
         for tail, head in (ends, ends[::-1]) if both in YES else (ends,):
-            draft.add_lane(tail, head, speed_mps=speed)
+            draft.add_lane(tail, head, speed_mps=speed, options={"class": row["class"]} if row.get("class") else {})
 
 
 @dataclass(frozen=True)

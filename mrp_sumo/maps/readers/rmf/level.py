@@ -207,7 +207,7 @@ def _lane(reader: LevelReader, what: str, keys: tuple[str | int, ...], start: in
     options: dict[str, Any] = {"orientation_constraint": orientation} if orientation else {}
     if reader.number(members.get("speed_limit") or 0, f"{what}: speed_limit", keys) > 0:
         options["speed_limit"] = members["speed_limit"]
-    options |= {k: members[k] for k in ("mutex", "demo_mock_floor_name", "demo_mock_lift_name") if members.get(k)}
+    options |= {k: members[k] for k in ("mutex", "class", "demo_mock_floor_name", "demo_mock_lift_name") if members.get(k)}
     return Lane(start, end, int(graph), bool(both_ways), options)
 
 
