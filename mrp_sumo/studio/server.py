@@ -93,7 +93,7 @@ class Studio:
         """A map or a plan as a drawing."""
         chosen: dict[str, Any] = {}
         if layers := values.get("layers"):
-            chosen["layers"] = tuple(layers.split(","))
+            chosen["layers"] = tuple(map(str, _list("layers", layers)))
         if unit := values.get("unit"):
             chosen["unit"] = unit
         for key, name, kind in (("scale", "meters_per_pixel", float), ("page", "page", int)):
@@ -103,6 +103,10 @@ class Studio:
                 except ValueError:
                     raise MrpSumoError(f"{key}: found '{values[key][:40]}', expected a number") from None
         return self.workspace.open(_text(values, "path"), chosen)
+
+    def layers(self, values: Values) -> Any:
+        """Layers of a plan, to choose from."""
+        return self.workspace.layers(_text(values, "path"))
 
     def digest(self, values: Values) -> Any:
         """The digest of a file, for pages that have it open."""
@@ -184,6 +188,7 @@ GETS: Mapping[str, Callable[[Studio, Values], Any]] = {
     "start": Studio.start_page,
     "files": Studio.files,
     "open": Studio.open,
+    "layers": Studio.layers,
     "digest": Studio.digest,
     "text": Studio.text,
     "commands": Studio.commands,
@@ -323,6 +328,16 @@ def _page_of_folder(path: Path) -> bytes:
     if path.suffix != ".html" or not path.is_file():
         raise MrpSumoError(f"{path.name}: no page")
     return path.read_bytes()
+
+
+def _list(key: str, text: str) -> list[Any]:
+    try:
+        value = json.loads(text)
+    except (ValueError, RecursionError):
+        value = None
+    if not isinstance(value, list):
+        raise MrpSumoError(f"{key}: expected a list")
+    return value
 
 
 def _text(values: Values, key: str) -> str:

@@ -5,10 +5,13 @@ Refuses places outside of the folder, and to write over a file that another prog
 
 import hashlib
 import io
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from mrp_sumo.errors import MapError, MrpSumoError
 from mrp_sumo.files.reading import read_bytes, read_head
@@ -17,9 +20,11 @@ from mrp_sumo.maps.building_file import building_document
 from mrp_sumo.maps.catalogue import bundled_maps
 from mrp_sumo.maps.load import load_map
 from mrp_sumo.maps.map import Map
+from mrp_sumo.maps.readers.dxf import UNIT_M, read_dxf_layers
 from mrp_sumo.maps.readers.pdf import page_picture
 from mrp_sumo.maps.readers.reader import HEAD, map_name, plan_kind
 from mrp_sumo.maps.readers.rmf.building_yaml import is_building
+from mrp_sumo.maps.readers.svg import read_svg
 from mrp_sumo.maps.yaml_edit import document_of, edited, text_of
 from mrp_sumo.maps.yaml_text import MAX_BYTES, Text
 
@@ -28,6 +33,7 @@ BOM = b"\xef\xbb\xbf"
 MAPS = (".building.yaml", ".nav.yaml", ".lif.json", ".site.json", ".json", ".xml", ".geojson", ".csv", ".map", ".scen", ".yaml", ".yml")
 PLANS = (".dxf", ".svg", ".pdf", ".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".gif", ".webp", ".pgm")
 MOST_FILES, DEEPEST = 2000, 3
+MOST_SHOWN = 6000  # strokes of a plan while its layers are chosen, or some more
 MOST_VERTICES = 20_000  # of a map of another format: more are not drawn by hand
 SHOWN_BY_BROWSERS = ("PNG", "JPEG", "GIF", "WEBP")
 BATCH, SCENARIO_KEYS = "plan.json", ("map:", "robots:")
@@ -108,6 +114,38 @@ class Workspace:
             )
         drawing = self._copy(path, building_document(map_, with_lanes=map_.floor is None))
         return {**drawing, "notes": [finding.line for finding in map_.findings]}
+
+    def layers(self, name: str) -> dict[str, Any]:
+        """Layers of a drawing in DXF or SVG, to choose from. Raises MrpSumoError for other files.
+
+        Returns
+        -------
+        layers
+            `unit` that the drawing says, '' where none, metres of the `units` that there are, `size` in units, and of each layer `name`,
+            number of `strokes`, `shown`, and some `lines`, x, y, x, y in thousandths of the longer side from the upper left.
+        """
+        path = self.path(name)
+        kind = plan_kind(read_head(path, HEAD, MapError))
+        if kind == "dxf":
+            dxf = read_dxf_layers(path)
+            strokes, shown, unit, units = dxf.strokes, dxf.shown, dxf.unit, dict(UNIT_M)
+        elif kind == "svg":
+            svg = read_svg(_text(path))
+            parts = np.split(svg.strokes, np.cumsum(list(svg.layers.values()))[:-1])
+            strokes, shown, unit, units = dict(zip(svg.layers, parts)), tuple(svg.layers), "", {}
+        else:
+            raise MrpSumoError(f"{name[:80]}: has no layers")
+        if not strokes:
+            raise MapError(f"{path.name}: nothing is drawn")
+        places = np.concatenate([lines.reshape(-1, 2) for lines in strokes.values()])
+        low, size = places.min(0), np.ptp(places, axis=0)
+        scale, each = 1000 / max(size.max(), 1e-9), math.ceil(len(places) / 2 / MOST_SHOWN)
+        layers = []
+        for layer, lines in strokes.items():
+            shares = np.stack([lines[::each, :, 0] - low[0], low[1] + size[1] - lines[::each, :, 1]], axis=2) * scale
+            about = {"name": layer, "strokes": len(lines), "shown": layer in shown}
+            layers.append({**about, "lines": np.rint(shares).astype(int).reshape(-1, 4).tolist()})
+        return {"unit": unit, "units": units, "size": size.tolist(), "layers": layers}
 
     def _copy(self, path: Path, document: Any) -> dict[str, Any]:
         """A drawing of a file that is saved as another, beside it or in the folder."""

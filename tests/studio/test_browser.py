@@ -16,6 +16,7 @@ from PIL import Image, ImageDraw
 
 from mrp_sumo.cli.main import main
 from mrp_sumo.maps.catalogue import bundled_maps
+from tests.studio.test_workspace import draw
 
 PROJECT = Path(__file__).resolve().parents[2]
 MODULES = os.environ.get("NODE_PATH") or str(PROJECT / ".venv" / "node" / "node_modules")
@@ -94,6 +95,19 @@ WHAT_IF = (
 )
 
 
+WINDOWS = (
+    "what one window saves, the other shows",
+    "a window with changes of its own keeps them, and asks",
+    "a save over another's is refused, and nothing is written",
+    "one window's work is saved under another name",
+    "and the other's is as it was",
+    "layers of a plan are chosen with what they hold",
+    "a plan without a unit cannot be opened before one is chosen",
+    "the chosen layer alone is wall",
+    "no console error",
+)
+
+
 def hall(path):
     """30 x 20 m at 5 cm a pixel, with five racks."""
     image = Image.new("RGB", (640, 440), "white")
@@ -149,6 +163,13 @@ def test_two_levels_and_their_lift_are_drawn_from_nothing_and_driven(tmp_path, c
 @pytest.mark.slow
 def test_a_change_becomes_a_variant_and_is_compared(tmp_path):
     assert claims(tmp_path, "what_if.mjs", tmp_path) == list(WHAT_IF)
+
+
+@pytest.mark.slow
+def test_two_windows_work_on_one_folder(tmp_path):
+    shutil.copy(bundled_maps()["office"], tmp_path)
+    draw(tmp_path / "hall.dxf")
+    assert claims(tmp_path, "windows.mjs", tmp_path) == list(WINDOWS)
 
 
 @pytest.mark.slow

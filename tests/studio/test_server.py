@@ -44,7 +44,22 @@ def at(address, data=None, **headers):
 
 
 def test_the_page_needs_nothing_from_elsewhere(studio):
-    scripts = ("main", "shared", "panels", "draw", "ask", "parts", "tools", "view", "site", "levels", "api", "elements", "constants")
+    scripts = (
+        "main",
+        "shared",
+        "panels",
+        "draw",
+        "ask",
+        "plan",
+        "parts",
+        "tools",
+        "view",
+        "site",
+        "levels",
+        "api",
+        "elements",
+        "constants",
+    )
     names = ["", "page.css", *(f"{name}.js" for name in scripts)]
     texts = [ask(studio, name) for name in names]
     assert all(status == 200 for status, _ in texts)
@@ -81,6 +96,8 @@ def test_a_map_is_opened_checked_and_saved(studio, tmp_path):
     [
         ("api/open?path=none.yaml", None, "no such file"),
         ("api/open?path=../..", None, "outside"),
+        ("api/layers?path=office.building.yaml", None, "has no layers"),
+        ("api/open?path=office.building.yaml&layers=WALLS", None, "layers: expected a list"),
         ("api/save", {"path": "office.building.yaml"}, "nothing was written"),
         ("api/start", {"what": "rm"}, "unknown command 'rm'"),
         ("api/start", {"what": "run", "scenario": "none.yaml"}, "none.yaml: is not there"),

@@ -3,6 +3,7 @@
 import shutil
 from pathlib import Path
 
+import ezdxf
 import pytest
 from PIL import Image, ImageDraw
 
@@ -29,6 +30,17 @@ def hall(path):
     ImageDraw.Draw(image).rectangle((0, 0, 599, 399), outline="black", width=3)
     ImageDraw.Draw(image).rectangle((200, 150, 260, 250), fill="black")
     image.save(path)
+
+
+def draw(path):
+    """30 x 20 without a unit: walls, and a table on a layer that is off."""
+    drawing = ezdxf.new()
+    drawing.header["$INSUNITS"] = 0
+    drawing.layers.add("WALLS")
+    drawing.layers.add("TABLES").off()
+    drawing.modelspace().add_lwpolyline([(0, 0), (30, 0), (30, 20), (0, 20)], close=True, dxfattribs={"layer": "WALLS"})
+    drawing.modelspace().add_line((5, 5), (10, 5), dxfattribs={"layer": "TABLES"})
+    drawing.saveas(path)
 
 
 @pytest.mark.parametrize("name", sorted(bundled_maps()))
@@ -185,3 +197,19 @@ def test_a_variant_has_the_text_of_its_layout_where_it_says_the_same(folder):
     assert [line for line, other in zip(after, before) if line != other] == [line for line in after if "elsewhere" in line]
     with pytest.raises(Stale):
         folder.save_drawing("office_moved.building.yaml", opened["document"], "", "office.building.yaml")
+
+
+def test_layers_of_a_drawing_are_listed_with_their_lines(folder):
+    draw(folder.root / "hall.dxf")
+    found = folder.layers("hall.dxf")
+    assert (found["unit"], found["units"]["ft"], found["size"]) == ("", 0.3048, [30.0, 20.0])
+    layers = {layer["name"]: layer for layer in found["layers"]}
+    assert {name: (layer["strokes"], layer["shown"]) for name, layer in layers.items()} == {"WALLS": (4, True), "TABLES": (1, False)}
+    assert layers["TABLES"]["lines"] == [[167, 500, 333, 500]]  # thousandths of 30 m, from the upper left; y of 667 is the lower wall
+    chosen = {"layers": ("WALLS", "TABLES"), "unit": "m"}
+    assert len(folder.open("hall.dxf", chosen)["document"]["levels"]["L1"]["walls"]) == 5
+    (folder.root / "hall.svg").write_text(
+        '<!DOCTYPE svg PUBLIC "-//W3C//DTD SVG 1.1//EN" "http://www.w3.org/Graphics/SVG/1.1/DTD/svg11.dtd">\n'
+        '<svg xmlns="http://www.w3.org/2000/svg"><g id="A"><rect width="9" height="6"/></g><g id="B"><path d="M1 1H2"/></g></svg>'
+    )
+    assert [(layer["name"], layer["strokes"]) for layer in folder.layers("hall.svg")["layers"]] == [("A", 4), ("B", 1)]

@@ -41,6 +41,18 @@ class DxfContent:
     left_out: dict[str, int] = field(default_factory=dict)  # strokes of the others
 
 
+@dataclass(frozen=True)
+class DxfLayers:
+    """Lines of a plan by layer, none chosen yet."""
+
+    strokes: dict[str, FloatArray]  # [N, 2, 2] units of the drawing, of each layer that has any
+    shown: tuple[str, ...]  # layers that are neither off nor frozen, of those
+    unit: str  # '' where the drawing says none
+    header_unit: int  # its $INSUNITS
+    known: tuple[str, ...]  # all layers of the drawing
+    others: Counter[tuple[str, str]]  # (layer, kind) of what is no stroke
+
+
 def read_dxf(path: Path, layers: Sequence[str] | None = None, unit: str | None = None) -> DxfContent:
     """The strokes of a drawing. Raises MapError as the module refuses.
 
@@ -55,9 +67,31 @@ def read_dxf(path: Path, layers: Sequence[str] | None = None, unit: str | None =
     """
     if unit is not None and unit not in UNIT_M:
         raise MapError(f"unit '{unit}' is none of {', '.join(UNIT_M)}{nearest(unit, UNIT_M)}")
+    drawing = read_dxf_layers(path, unit)
+    chosen = _chosen(path, drawing, layers)
+    if not chosen:
+        raise MapError(f"{shortened(path)}: nothing is drawn: no line, polyline, arc or block on a layer that is shown")
+    drawn = np.concatenate([drawing.strokes[layer] for layer in chosen])
+    known = unit or drawing.unit
+    if not known:
+        width, height = np.ptp(drawn.reshape(-1, 2), axis=0)
+        raise MapError(
+            f"{shortened(path)}: says no unit ($INSUNITS is {drawing.header_unit}): state it with mrp-sumo import --unit, "
+            f"one of {', '.join(UNIT_M)}; in m the drawing is {width:.4g} x {height:.4g} m, in mm {width / 1e3:.4g} x {height / 1e3:.4g} m"
+        )
+    return DxfContent(
+        strokes=drawn * UNIT_M[known],
+        unit=known,
+        layers={layer: len(drawing.strokes[layer]) for layer in chosen},
+        left_out={layer: len(lines) for layer, lines in drawing.strokes.items() if layer not in chosen},
+    )
+
+
+def read_dxf_layers(path: Path, unit: str | None = None) -> DxfLayers:
+    """The strokes of all layers of a drawing; `unit` is that of its curves. Raises MapError as the module refuses, but for units."""
     document = _document(path)
-    shown = {layer.dxf.name.lower(): layer.dxf.name for layer in document.layers if layer.is_on() and not layer.is_frozen()}
-    flat = FLAT_M / UNIT_M[unit or OF_HEADER.get(document.header.get("$INSUNITS", 0), "m")]
+    header_unit = document.header.get("$INSUNITS", 0)
+    flat = FLAT_M / UNIT_M[unit or OF_HEADER.get(header_unit, "m")]
     strokes: dict[str, list[np.ndarray]] = {}
     others: Counter[tuple[str, str]] = Counter()  # (layer, kind) of what is no stroke
     count = 0
@@ -74,25 +108,17 @@ def read_dxf(path: Path, layers: Sequence[str] | None = None, unit: str | None =
         raise
     except Exception as error:  # ezdxf raises anything on damaged entities
         raise _damaged(path, first_line(error)) from None
-    layers_of = {layer: np.concatenate(parts) for layer, parts in strokes.items()}
-    chosen = _chosen(path, layers_of, others, layers, document, shown)
-    if not chosen:
-        raise MapError(f"{shortened(path)}: nothing is drawn: no line, polyline, arc or block on a layer that is shown")
-    drawn = np.concatenate([layers_of[layer] for layer in chosen])
-    if not np.isfinite(drawn).all():
+    layers = {layer: np.concatenate(parts) for layer, parts in strokes.items()}
+    if not all(np.isfinite(lines).all() for lines in layers.values()):
         raise _damaged(path, "a coordinate is no number")
-    known = unit or OF_HEADER.get(document.header.get("$INSUNITS", 0))
-    if known is None:
-        width, height = np.ptp(drawn.reshape(-1, 2), axis=0)
-        raise MapError(
-            f"{shortened(path)}: says no unit ($INSUNITS is {document.header.get('$INSUNITS', 0)}): state it with mrp-sumo import --unit, "
-            f"one of {', '.join(UNIT_M)}; in m the drawing is {width:.4g} x {height:.4g} m, in mm {width / 1e3:.4g} x {height / 1e3:.4g} m"
-        )
-    return DxfContent(
-        strokes=drawn * UNIT_M[known],
-        unit=known,
-        layers={layer: len(layers_of[layer]) for layer in chosen},
-        left_out={layer: len(lines) for layer, lines in layers_of.items() if layer not in chosen},
+    hidden = {layer.dxf.name.lower() for layer in document.layers if not layer.is_on() or layer.is_frozen()}
+    return DxfLayers(
+        strokes=layers,
+        shown=tuple(layer for layer in layers if layer.lower() not in hidden),
+        unit=OF_HEADER.get(header_unit, ""),
+        header_unit=header_unit,
+        known=tuple(layer.dxf.name for layer in document.layers),
+        others=others,
     )
 
 
@@ -143,14 +169,13 @@ def _lines(entities: Any, flat: float, layer: str = "", depth: int = 0) -> Itera
             yield on, kind, None
 
 
-def _chosen(
-    path: Path, lines: dict[str, np.ndarray], others: Counter[tuple[str, str]], layers: Sequence[str] | None, document: Any, shown: Any
-) -> list[str]:
+def _chosen(path: Path, drawing: DxfLayers, layers: Sequence[str] | None) -> list[str]:
     """The names of the layers that are read."""
     if layers is None:
-        return [layer for layer in lines if layer.lower() in shown or layer.lower() not in {x.dxf.name.lower() for x in document.layers}]
+        return list(drawing.shown)
+    lines, others = drawing.strokes, drawing.others
     drawn = {layer.lower(): layer for layer in lines}
-    known = drawn | {layer.lower(): layer for layer, _ in others} | {layer.dxf.name.lower(): layer.dxf.name for layer in document.layers}
+    known = drawn | {layer.lower(): layer for layer, _ in others} | {layer.lower(): layer for layer in drawing.known}
     for name in layers:
         if name.lower() not in known:
             there = ", ".join(sorted(lines)[:12]) + (f" and {len(lines) - 12} more" if len(lines) > 12 else "")

@@ -18,7 +18,7 @@ GraphChoice = int | tuple[int, ...] | Literal["all"] | None
 
 HEAD = 4096
 DXF = re.compile(rb"AutoCAD Binary DXF|(?:\xef\xbb\xbf)?\s*(?:999\s*?\n[^\n]*\n\s*)*0\s*?\r?\n\s*SECTION\b")
-SVG = re.compile(rb"(?:\xef\xbb\xbf)?(?:<\?xml[^>]*\?>|<!--.*?-->|<!DOCTYPE[^>]*>|\s)*<(?:\w+:)?svg\b", re.DOTALL)
+SVG = re.compile(rb"(?:\xef\xbb\xbf)?(?:<\?xml[^>]*\?>|<!--.*?-->|<!DOCTYPE[^\[>]*(?:\[[^\]]*\][^>]*)?>|\s)*<(?:\w+:)?svg\b", re.DOTALL)
 PICTURE = re.compile(rb"\x89PNG\r\n|\xff\xd8\xff|GIF8[79]a|BM.{4}\0{4}|II\*\0|MM\0\*|P[2-6]\s|RIFF....WEBP", re.DOTALL)
 ROBOT_RADIUS_M = 0.1126  # circumscribed circle of a TurtleBot3 Burger, 0.138 x 0.178 m
 

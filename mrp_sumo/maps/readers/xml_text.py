@@ -1,7 +1,8 @@
 """Reading XML written by strangers: in bounded memory, with line numbers for complaints.
 
-Builds elements straight from expat's events. Refuses a DTD, and with it entities and whatever lies outside the file; elements nested
-deeper than 30; and more than two million of them.
+Builds elements straight from expat's events. Nothing outside the file is read: the DTD that a document type names is not looked for.
+Refuses a document type with declarations of its own, and with it entities; elements nested deeper than 30; and more than two million of
+them.
 """
 
 import math
@@ -99,11 +100,16 @@ def parse_xml(source: Text) -> Element:
         stack.pop()
 
     def refuse(*_: Any) -> None:
-        raise fault("a document type or an entity, which is not read")
+        raise fault("a document type with declarations, or an entity, which is not read")
+
+    def document_type(_name: str, _system: str | None, _public: str | None, has_declarations: bool) -> None:
+        if has_declarations:
+            refuse()
 
     parser.StartElementHandler = begin
     parser.EndElementHandler = end
-    parser.StartDoctypeDeclHandler = refuse
+    parser.StartDoctypeDeclHandler = document_type
+    parser.SkippedEntityHandler = refuse
     parser.EntityDeclHandler = refuse
     parser.ExternalEntityRefHandler = refuse
     try:

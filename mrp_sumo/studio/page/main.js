@@ -6,6 +6,7 @@ import { canRedo, canUndo, changed, isDirty, onChange, opened, redo, site, undo 
 import { addLevel, ordered, unit } from "./levels.js";
 import { camera, fit, frames, isInSight, redraw, toFloor, toScreen, up } from "./view.js";
 import { choose, key, tool, TOOLS } from "./tools.js";
+import { choosePlan, hasLayers } from "./plan.js";
 import { askPanel } from "./ask.js";
 import { drawPanel } from "./draw.js";
 import { floorPanel, leavePanel, openScenario, ordersPanel, runPanel } from "./panels.js";
@@ -44,6 +45,7 @@ function show(name) {
   if (name === "floor" || name === "draw" || name === "orders") frame("");
   if (name === "draw" && tool.name === "scale" && unit()) choose("select");
   panel();
+  bars();
 }
 
 function frame(address) {
@@ -76,9 +78,11 @@ function showLevel(name) {
 
 /* Files */
 
-async function open(path, chosen = {}) {
+async function open(path) {
   if (isDirty() && site.digest && !(await sure(`${site.path} has changes that are not saved.`))) return;
   try {
+    const chosen = hasLayers(path) ? await choosePlan(path) : {};
+    if (!chosen) return;
     const drawing = await get("open", { path, ...chosen });
     opened(drawing);
     fit();
@@ -88,18 +92,8 @@ async function open(path, chosen = {}) {
     if (drawing.digest || (await get("digest", { path: drawing.path })).digest === "") return;
     banner(`${drawing.path} is there already; this is a new drawing of ${drawing.from}.`, button(`Open ${drawing.path}`, () => { banner(""); open(drawing.path); }), button("Save this under another name", () => { banner(""); saveAs(); }));
   } catch (error) {
-    if (/\.(dxf|svg)$/i.test(path) && error.status === 400) return openPlan(path, error.message, chosen);
     banner(error.message);
   }
-}
-
-/* A drawing says in its refusal what is missing: a unit, a scale, or layers. */
-async function openPlan(path, message, chosen) {
-  const values = { ...chosen };
-  if (/--scale/.test(message)) values.scale = await ask(message, "metres a unit", "0.01");
-  else if (/--unit/.test(message)) values.unit = await ask(`${message} – which unit?`, "mm, cm, dm, m, in, ft", "mm", "text");
-  else values.layers = await ask(`${message} – which layers?`, "names, with commas", "", "text");
-  if (JSON.stringify(values) !== JSON.stringify(chosen)) open(path, Object.fromEntries(Object.entries(values).filter(([, value]) => value)));
 }
 
 async function sure(text) {

@@ -62,7 +62,7 @@ def test_empty_model_has_nothing_to_drive_on(load):
         ('positionX="4000"', 'positionX="4 m"', "plant.xml:4: positionX of <point> is '4 m', expected a number"),
         ('positionX="4000"', 'positionx="4000"', "plant.xml:4: <point> has no 'positionX' (there is 'positionx'?)"),
         ('name="P2" ', 'name="P1" ', "plant.xml:4: the name 'P1' is taken by line 3"),
-        ("<model version", '<!DOCTYPE model [<!ENTITY a "b">]><model version', "plant.xml:2: a document type or an entity"),
+        ("<model version", '<!DOCTYPE model [<!ENTITY a "b">]><model version', "plant.xml:2: a document type with declarations"),
         ("</model>", "", "not XML: no element found"),
         ('encoding="UTF-8"?>\n<model version="7', 'encoding="P1"?>\n<model name="x" version="7', "not XML: duplicate attribute"),
         ('type="HALT_POSITION"/>', 'type="HALT_POSITION">' + "<a>" * 40, "nested deeper than 30 elements"),
