@@ -26,6 +26,11 @@ def duration(seconds: float) -> str:
     return " ".join([*([f"{hours} h"] if hours else []), *([f"{rest} min"] if rest or not hours else [])])
 
 
+def count(number: int, one: str, more: str = "") -> str:
+    """`1 robot`, `9 robots`."""
+    return f"{number:,} {one if number == 1 else more or one + 's'}"
+
+
 def in_one_line(text: str) -> str:
     """A text with a question mark for each character that cannot be printed."""
     return "".join(c if c.isprintable() else "?" for c in text)

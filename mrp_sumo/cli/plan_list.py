@@ -15,7 +15,7 @@ from typing import Any, NoReturn
 from mrp_sumo.cli import step_wise
 from mrp_sumo.cli.printing import say, say_json, warn
 from mrp_sumo.cli.scenario_choice import pairs
-from mrp_sumo.errors import MrpSumoError
+from mrp_sumo.errors import MrpSumoError, count
 
 MAX_BYTES = 2**24  # of a list
 
@@ -105,6 +105,6 @@ def _in_a_line(place: str, summary: dict[str, Any]) -> str:
     cost, flowtime_s, cpu_s = (summary[key] for key in ("cost", "flowtime_s", "planning_cpu_s"))
     sum_of_costs = f"cost {cost:g}" if cost is not None else f"flowtime {flowtime_s:.6g} s" if flowtime_s is not None else "no plan"
     times = f"{summary['planning_time_s']:.3g} s" + ("" if cpu_s is None else f", {cpu_s:.3g} s CPU")
-    robots = f"{summary['robots']} robot{'s' if summary['robots'] != 1 else ''}"
+    robots = count(summary["robots"], "robot")
     words = (place, summary["planner"], robots, summary["status"], sum_of_costs, times, summary["message"])
     return "  ".join(word for word in words if word)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from mrp_sumo.cli.printing import say, say_json, warn
 from mrp_sumo.cli.result_folder import result_folder
-from mrp_sumo.errors import MrpSumoError
+from mrp_sumo.errors import MrpSumoError, count
 
 if TYPE_CHECKING:
     from mrp_sumo.experiments.reproduce import Reproduction
@@ -52,7 +52,7 @@ def run(options: argparse.Namespace) -> int:
             warn(line)
         return 1
     every = "every byte is the same" if what == "file" else "every result is the same"
-    say(f"{folder}: {every}, {comparison.equal} {what}{'s' if comparison.equal != 1 else ''}")
+    say(f"{folder}: {every}, {count(comparison.equal, what)}")
     return 0
 
 

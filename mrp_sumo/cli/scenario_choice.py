@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from mrp_sumo.cli.option_rules import scale
 from mrp_sumo.cli.printing import warn, warn_of_kernels
-from mrp_sumo.errors import MrpSumoError, PlugInError
+from mrp_sumo.errors import MrpSumoError, PlugInError, count
 
 if TYPE_CHECKING:
     from mrp_sumo.io.scenario.file import ScenarioFile
@@ -132,19 +132,15 @@ def _of_map(options: argparse.Namespace) -> "ScenarioFile":
     changes, robots = {**named, **_set(options, chosen)}, chosen.scenario.robots
     if robots.fleet or robots.starts or chosen.scenario.planner.name in ("plan_file", "external"):
         return chosen
-    count = robots.count if ("robots", "count") in changes else None
+    wanted = robots.count if ("robots", "count") in changes else None
     from mrp_sumo.experiments.first_fleet import with_first_fleet  # with all that plans: after all names are known to be right
 
     warn_of_kernels()
     with map_alone(Path(file), options.scenario):
-        first, refused = with_first_fleet(chosen, count, chosen.scenario.seed if ("seed",) in changes else None)
+        first, refused = with_first_fleet(chosen, wanted, chosen.scenario.seed if ("seed",) in changes else None)
     if refused:
-        warn(f"{_robots(first.scenario.robots.size)}, as more are refused: {refused.rpartition('robots.type: ')[2]}")
+        warn(f"{count(first.scenario.robots.size, 'robot')}, as more are refused: {refused.rpartition('robots.type: ')[2]}")
     return first
-
-
-def _robots(count: int) -> str:
-    return f"{count} robot{'s' if count > 1 else ''}"
 
 
 @contextmanager

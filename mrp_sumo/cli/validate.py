@@ -135,7 +135,7 @@ def _messages(options: argparse.Namespace) -> int:
     """Judge a log of messages, print."""
     from itertools import islice
 
-    from mrp_sumo.errors import MrpSumoError
+    from mrp_sumo.errors import MrpSumoError, count
     from mrp_sumo.files.reading import require_regular, shortened
     from mrp_sumo.formats.vda.check import LONGEST_LINE, check
 
@@ -148,15 +148,15 @@ def _messages(options: argparse.Namespace) -> int:
         faults = check(lines)
         shown = list(islice(faults, options.limit))
         more = sum(1 for _ in faults)
-    count = len(shown) + more
+    num_faults = len(shown) + more
     if options.json:
         faulty = [{"line": fault.line, "topic": fault.topic, "text": fault.text} for fault in shown]
-        say_json({"valid": not count, "faults": count, "first": faulty}, indent=2)
+        say_json({"valid": not num_faults, "faults": num_faults, "first": faulty}, indent=2)
     else:
         for fault in shown:
             say(f"{options.vda5050.name}: {fault}")
-        say(f"{shortened(options.vda5050)}: " + (f"{count} fault{'s' if count > 1 else ''}" if count else "keeps the standard"))
-    return 1 if count else 0
+        say(f"{shortened(options.vda5050)}: " + (count(num_faults, "fault") if num_faults else "keeps the standard"))
+    return 1 if num_faults else 0
 
 
 def _num_robots(path: Path) -> int:

@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from mrp_sumo.core.graph import NavGraph
-from mrp_sumo.errors import MapError
+from mrp_sumo.errors import MapError, count
 from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.io.documents import Document, validated
 from mrp_sumo.io.scenario.map import Discretisation, MapChoice
-from mrp_sumo.io.summary import Summary, count, summary, with_summary
+from mrp_sumo.io.summary import Summary, summary, with_summary
 from mrp_sumo.maps.facts import driven_levels, extent_m, num_driven_components, num_lift_lanes
 from mrp_sumo.maps.map import Map
 

@@ -12,13 +12,13 @@ from mrp_sumo.core.graph import frozen
 from mrp_sumo.core.plan import Plan, PlanResult, Status, as_planned_in_steps, plan_of_paths
 from mrp_sumo.door.maps import Site, shared_maps, site_of
 from mrp_sumo.door.scenario import Scenario, dotted, required
-from mrp_sumo.errors import PlanError
+from mrp_sumo.errors import PlanError, count
 from mrp_sumo.experiments.solve import Solution, retimed, solve
 from mrp_sumo.experiments.staging.set_up import SetUp, planned_as, set_up
 from mrp_sumo.formats.peers import goals_reached
 from mrp_sumo.io.documents import Place
 from mrp_sumo.io.scenario.read import changed
-from mrp_sumo.io.summary import Summary, count, summary, with_summary
+from mrp_sumo.io.summary import Summary, summary, with_summary
 from mrp_sumo.planning.protocol import Planner
 from mrp_sumo.traffic import referee
 from mrp_sumo.traffic.referee import Conflict, describe

@@ -13,7 +13,7 @@ from mrp_sumo.core.plan import Plan, Status
 from mrp_sumo.door.maps import shared_maps
 from mrp_sumo.door.planning import Problem, solution_of
 from mrp_sumo.door.scenario import Scenario, required
-from mrp_sumo.errors import MrpSumoError, PlanError
+from mrp_sumo.errors import MrpSumoError, PlanError, count
 from mrp_sumo.experiments.result import RunResult
 from mrp_sumo.experiments.run import RunOptions, carry_out, finish
 from mrp_sumo.experiments.solve import Solution, StageReport, retimed, silent
@@ -22,7 +22,7 @@ from mrp_sumo.io import run_reader
 from mrp_sumo.io.documents import Place
 from mrp_sumo.io.run_summary import run_summary
 from mrp_sumo.io.scenario.read import changed
-from mrp_sumo.io.summary import Summary, count, seconds, summary, with_summary
+from mrp_sumo.io.summary import Summary, seconds, summary, with_summary
 
 if TYPE_CHECKING:
     import pandas

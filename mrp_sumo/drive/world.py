@@ -18,7 +18,7 @@ from mrp_sumo.drive.people import nobody
 from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.drive.state import Conditions, Facilities, Grants, Margin, PeopleState, margin_of
 from mrp_sumo.drive.visitors import Visitors
-from mrp_sumo.errors import ExecutionError
+from mrp_sumo.errors import ExecutionError, count
 
 SPREAD, NOISE, STOPS, STARTS, DELAYS, MESSAGES = range(31, 37)  # purposes of the streams of chance
 SLOWEST_ROBOT = 0.7  # of its type's speed, however wide the spread
@@ -239,9 +239,7 @@ class World:
                 self.conditions.closed[lanes] = True
                 self._serve(barrier, barrier.service)
                 head = int(self.graph.head[lanes[0]]) if len(lanes) else -1
-                text = (
-                    "no lane is near it" if not len(lanes) else "1 lane is closed" if len(lanes) == 1 else f"{len(lanes)} lanes are closed"
-                )
+                text = count(len(lanes), "lane is closed", "lanes are closed") if len(lanes) else "no lane is near it"
                 events.append(Event(now, "closed", -1, head, duration_s=barrier.end_s - now, text=barrier.text or text))
         self._barriers = waiting
         if any(closing.end_s <= now + 1e-9 for closing in self._closing):

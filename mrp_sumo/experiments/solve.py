@@ -10,10 +10,10 @@ from mrp_sumo.core.graph import IntArray
 from mrp_sumo.core.plan import Plan, PlanResult, Status, as_planned_in_steps, plan_of_paths
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.drive.policy import policy_of
-from mrp_sumo.errors import ExecutionError, MrpSumoError, PlanError, PlugInError
+from mrp_sumo.errors import ExecutionError, MrpSumoError, PlanError, PlugInError, count
 from mrp_sumo.experiments.kernels import compiling
 from mrp_sumo.experiments.staging.set_up import SetUp
-from mrp_sumo.io.summary import Summary, count, seconds, summary, with_summary
+from mrp_sumo.io.summary import Summary, seconds, summary, with_summary
 from mrp_sumo.planning.answers import answer_of, as_supported
 from mrp_sumo.planning.costs import costs_of
 from mrp_sumo.planning.outside import Outside, failed

@@ -10,7 +10,7 @@ import numpy as np
 
 from mrp_sumo.core.graph import NavGraph, PlanGraph
 from mrp_sumo.core.robot_type import RobotType
-from mrp_sumo.errors import MapError, nearest, sentence
+from mrp_sumo.errors import MapError, count, nearest, sentence
 from mrp_sumo.files.reading import shortened
 from mrp_sumo.files.writing import written_whole
 from mrp_sumo.maps import lif_file, opentcs_file
@@ -172,5 +172,5 @@ def _lane_losses(nav: NavGraph) -> list[str]:
     ]
 
 
-def _count(count: int, one: str, more: str = "") -> str:
-    return f"{count} {one if count == 1 else more or one + 's'}" if count else ""
+def _count(number: int, one: str, more: str = "") -> str:
+    return count(number, one, more) if number else ""

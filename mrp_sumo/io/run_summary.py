@@ -4,8 +4,9 @@ from collections import defaultdict
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from mrp_sumo.errors import count
 from mrp_sumo.io.remedy import remedy
-from mrp_sumo.io.summary import Summary, count, lateness, seconds, summary
+from mrp_sumo.io.summary import Summary, lateness, seconds, summary
 from mrp_sumo.plugins.source import short_name
 
 NO_PLAN, CONFLICTS = "no plan", "plan has conflicts"

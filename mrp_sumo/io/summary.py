@@ -49,11 +49,6 @@ def summary(title: str, rows: Iterable[tuple[str, object]]) -> Summary:
     return Summary(title, tuple((name, str(value)) for name, value in rows if value not in (None, "")))
 
 
-def count(number: int, one: str, more: str = "") -> str:
-    """`1 robot`, `9 robots`."""
-    return f"{number:,} {one if number == 1 else more or one + 's'}"
-
-
 def seconds(value: float | None) -> str:
     """A duration, in ms below half a second; empty for None."""
     if value is None:

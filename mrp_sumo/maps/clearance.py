@@ -13,7 +13,7 @@ import numpy as np
 
 from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, NavGraph, PlanGraph, frozen, with_lanes
 from mrp_sumo.core.robot_type import RobotType
-from mrp_sumo.errors import MapError
+from mrp_sumo.errors import MapError, count
 from mrp_sumo.maps.boxes import overlapping
 from mrp_sumo.maps.building import WALL_THICKNESS_M, Building, Level
 
@@ -69,15 +69,15 @@ class Narrow:
         """A line on the lanes without room and one on the vertices; none where there is room everywhere."""
         lanes, vertices, name, notes = self.lanes, self.vertices, self.robot.name, []
         if crossing := int(np.count_nonzero(self.lane_m[lanes] == 0)):
-            notes.append(f"{_count(crossing, 'lane leads', 'lanes lead')} through a wall, such as {self._lane(lanes[0])}")
+            notes.append(f"{count(crossing, 'lane leads', 'lanes lead')} through a wall, such as {self._lane(lanes[0])}")
         if beside := lanes[crossing:].tolist():
             room = f"{self.robot.with_load.beside_m:.2f} m to a wall, too close for '{name}'"
             nearest = f"the closest {self._lane(beside[0])}: {self.lane_m[beside[0]]:.2f} m"
-            notes.append(f"{_count(len(beside), 'lane runs', 'lanes run')} closer than {room}, {nearest}")
+            notes.append(f"{count(len(beside), 'lane runs', 'lanes run')} closer than {room}, {nearest}")
         if len(vertices):
             room = f"{self.robot.radius_m:.2f} m to a wall, too close for '{name}' to turn"
             nearest = f"the closest {self._vertex(vertices[0])}: {self.vertex_m[vertices[0]]:.2f} m"
-            notes.append(f"{_count(len(vertices), 'vertex is', 'vertices are')} closer than {room}, {nearest}")
+            notes.append(f"{count(len(vertices), 'vertex is', 'vertices are')} closer than {room}, {nearest}")
         return tuple(notes)
 
     @property
@@ -218,7 +218,3 @@ def _without_doors(level: Level) -> FloatArray:
                 parts.append((a + np.array([[free_m], [min(begin, length_m)]]) / length_m * (b - a))[None])
             free_m = max(free_m, end)
     return np.concatenate(parts)
-
-
-def _count(count: int, one: str, more: str) -> str:
-    return f"{count} {one if count == 1 else more}"

@@ -13,7 +13,7 @@ import numpy as np
 
 from mrp_sumo.core.graph import FloatArray, IntArray, NavGraph, Options, PlanGraph, nav_graph
 from mrp_sumo.core.near import pairs_within
-from mrp_sumo.errors import MapError
+from mrp_sumo.errors import MapError, count
 from mrp_sumo.maps.check import FOUND_ON_GRAPHS, check_graph, crossings, near_misses
 from mrp_sumo.maps.finding import ordered
 from mrp_sumo.maps.map import Map
@@ -171,7 +171,7 @@ def largest_component(nav: NavGraph) -> tuple[NavGraph, list[str]]:
     lanes = [(int(number[a]), int(number[b]), *rest) for a, b, *rest in _lanes(nav) if keep[a] and keep[b]]
     largest = _rebuilt(nav, lanes, np.flatnonzero(keep))
     dropped = nav.num_components - 1
-    return largest, [f"{dropped} smaller piece{'s' if dropped > 1 else ''} with {np.count_nonzero(~keep)} vertices dropped{shown}"]
+    return largest, [f"{count(dropped, 'smaller piece')} with {np.count_nonzero(~keep)} vertices dropped{shown}"]
 
 
 def _merged(nav: NavGraph, within_m: float) -> tuple[NavGraph, list[str]]:

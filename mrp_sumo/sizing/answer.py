@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from math import inf, isfinite, isnan
 from typing import Any
 
-from mrp_sumo.errors import MrpSumoError, duration
+from mrp_sumo.errors import MrpSumoError, count, duration
 from mrp_sumo.experiments.replications import PairedMeans
 from mrp_sumo.experiments.statistics import holm
 from mrp_sumo.sizing.bands import Bands, bands
@@ -130,10 +130,10 @@ class Answer:
         own = self.question.file.scenario.planner.name
         if self.planner != own and self.question.has_tasks:
             notes.append(f"planned with {self.planner}, since {own} left more than 1 % of its requests unanswered")
-        notes += [f"{_robots(point.robots)}: not counted; {point.fault}" for point in self.unfit]
+        notes += [f"{count(point.robots, 'robot')}: not counted; {point.fault}" for point in self.unfit]
         if self.limits and self.served:
             at_demand = sorted(self.served.curve.unfit.items())
-            notes += [f"{_robots(n)} at the demand: not counted; {point.fault}" for n, point in at_demand]
+            notes += [f"{count(n, 'robot')} at the demand: not counted; {point.fault}" for n, point in at_demand]
         if self.left_out:
             notes.append(f"left out for want of budget: {'; '.join(self.left_out)}")
         if self.question.bounds is not None and self.bands is None:
@@ -153,11 +153,11 @@ class Answer:
                 f"robots blocked each other for good in {point.num_deadlocked} of {len(point.records)} runs with {point.robots} robots, "
                 "and in none with fewer"
             )
-        if stalled := [f"{p.num_stalled} of {len(p.records)} runs with {_robots(p.robots)}" for p in self.points if p.num_stalled]:
+        if stalled := [f"{p.num_stalled} of {len(p.records)} runs with {count(p.robots, 'robot')}" for p in self.points if p.num_stalled]:
             notes.append(f"work came to a stand for good in {', '.join(stalled)}, which count with what they did until then")
         notes += self.of_batteries
         notes += [
-            f"SUMO does not confirm the {size.name} at {_robots(size.robots)}: {size.difference.second:.4g} instead of "
+            f"SUMO does not confirm the {size.name} at {count(size.robots, 'robot')}: {size.difference.second:.4g} instead of "
             f"{size.difference.first:.4g}"
             for size in self.confirmed
             if not size.agrees
@@ -178,7 +178,7 @@ class Answer:
         point = self.limits.curve.points[self.limits.curve.best]
         charging = [run["batteries"] for run in point.observed if run["batteries"]]
         at_once = mean_of([of["charging"] for of in charging])
-        lines = [f"{at_once:.1f} of {_robots(point.robots)} charge at a time, at {_places(cycle.places)}"]
+        lines = [f"{at_once:.1f} of {count(point.robots, 'robot')} charge at a time, at {count(cycle.places, 'place')}"]
         if cycle.charge_s > self.question.effort.horizon_s:
             lines.append(
                 f"a charge takes {duration(cycle.charge_s)}, longer than a run of {duration(self.question.effort.horizon_s)}: robots start "
@@ -199,7 +199,7 @@ class Answer:
         if self._kept_from_more:
             parts.append(_of_places_to_charge(self.question))
         if beyond := self._beyond:
-            parts.append(f"With {_robots(beyond.robots)} {beyond.fault}.")
+            parts.append(f"With {count(beyond.robots, 'robot')} {beyond.fault}.")
         if self.served:
             parts.append(_of_demand(self.served, self.question, self.points[-1].robots))
         if (collapse := self.limits.collapse).estimate is not None:
@@ -370,12 +370,8 @@ def _listed(numbers: Sequence[int]) -> str:
     return ", ".join(map(str, numbers))
 
 
-def _robots(count: int) -> str:
-    return "1 robot" if count == 1 else f"{count} robots"
-
-
-def _robots_do(count: int, limits: str = "") -> str:
-    return f"{_robots(count)}{limits} {'does' if count == 1 else 'do'}"
+def _robots_do(num: int, limits: str = "") -> str:
+    return f"{count(num, 'robot')}{limits} {'does' if num == 1 else 'do'}"
 
 
 def _between(bracket: Bracket) -> str:
@@ -424,18 +420,14 @@ def _of_nothing(answer: Answer) -> str:
     if not answer.unfit:
         return "Nothing is known: the budget was over before a fleet was measured."
     first = answer.unfit[0]
-    return f"No answer: with {_robots(first.robots)} {first.fault}."
+    return f"No answer: with {count(first.robots, 'robot')} {first.fault}."
 
 
 def _of_places_to_charge(question: Question) -> str:
     cycle = question.charging
     assert cycle is not None
     verb = "keeps" if cycle.places == 1 else "keep"
-    return f"The {_places(cycle.places)} to charge {verb} no more than {_robots(cycle.most_robots)} going."
-
-
-def _places(count: int) -> str:
-    return "1 place" if count == 1 else f"{count} places"
+    return f"The {count(cycle.places, 'place')} to charge {verb} no more than {count(cycle.most_robots, 'robot')} going."
 
 
 def _of_demand(served: Served, question: Question, most_robots: int) -> str:
@@ -449,11 +441,11 @@ def _of_demand(served: Served, question: Question, most_robots: int) -> str:
     if _too_short(served):
         return f"Whether a{wanted[1:]} is met cannot be told from runs this short."
     if smallest.estimate is None and tried < most_robots:
-        return f"{on_time} is not met by {_robots(tried)}; larger fleets were not tried on it."
+        return f"{on_time} is not met by {count(tried, 'robot')}; larger fleets were not tried on it."
     if smallest.estimate is None:
-        return f"{on_time} is not met by any fleet that was tried on it, up to {_robots(tried)}."
+        return f"{on_time} is not met by any fleet that was tried on it, up to {count(tried, 'robot')}."
     sure = _between(smallest) if smallest.high is not None else "or more" if smallest.low == smallest.estimate else _span(smallest)
-    return f"{wanted} is met from {_robots(smallest.estimate)} on" + (f" ({sure})." if sure != str(smallest.estimate) else ".")
+    return f"{wanted} is met from {count(smallest.estimate, 'robot')} on" + (f" ({sure})." if sure != str(smallest.estimate) else ".")
 
 
 def _too_short(served: Served) -> bool:
@@ -467,7 +459,7 @@ def _of_one_shot(answer: Answer) -> str:
         return "Nothing is known."
     largest, target = served.smallest, f"in at least {100 * served.target:.0f} % of draws"
     if largest.estimate is None:
-        return f"Not even {_robots(served.curve.sizes[0])} have plans that are found and driven in time {target}."
+        return f"Not even {count(served.curve.sizes[0], 'robot')} have plans that are found and driven in time {target}."
     most = f", {largest.high + 1} do not" if largest.high is not None else ", the most that were tried"
     sure = f" (certain up to {largest.low})" if largest.low is not None and largest.low < largest.estimate else ""
-    return f"Plans of up to {_robots(largest.estimate)} are found and driven in time {target}{sure}{most}."
+    return f"Plans of up to {count(largest.estimate, 'robot')} are found and driven in time {target}{sure}{most}."

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from mrp_sumo.errors import count
 from mrp_sumo.experiments.error_bands import (
     Effect,
     Moves,
@@ -76,15 +77,15 @@ class Bands:
         within = f"if your robots and stations are within {spans([effect.quantity for effect in self.effects])}"
         per_h = f"{self.worse.throughput_per_h:.0f} to {self.better.throughput_per_h:.0f} orders an hour"
         if self.answer == UNKNOWN:
-            return f"{_robots(self.robots)} do {per_h} {within}; {most(self.effects)}."
+            return f"{count(self.robots, 'robot')} do {per_h} {within}; {most(self.effects)}."
         serve = SAYS[self.answer]
         if self.largest is None:
-            how_many = f"{_robots(self.fewest)} {serve} at best, and not even {self.worse.tried} at worst,"
+            how_many = f"{count(self.fewest, 'robot')} {serve} at best, and not even {self.worse.tried} at worst,"
         elif self.fewest == self.largest:
-            how_many = f"{_robots(self.fewest)} {serve} all the same"
+            how_many = f"{count(self.fewest, 'robot')} {serve} all the same"
         else:
             how_many = f"Between {self.fewest} and {self.largest} robots {serve}"
-        return f"{how_many} {within}; {most(self.effects)}. {_robots(self.robots)} do {per_h} then."
+        return f"{how_many} {within}; {most(self.effects)}. {count(self.robots, 'robot')} do {per_h} then."
 
     @property
     def document(self) -> dict[str, Any]:
@@ -187,7 +188,3 @@ def _serving(desk: Desk, served: Served, robots: int, moves: Ordered, per_h: flo
 
 def _ordered(moves: Moves) -> Ordered:
     return tuple(sorted(moves.items(), key=str))
-
-
-def _robots(count: int) -> str:
-    return "1 robot" if count == 1 else f"{count} robots"

@@ -18,6 +18,7 @@ import numpy as np
 from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, NavGraph
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.core.problem import Problem
+from mrp_sumo.errors import count
 from mrp_sumo.traffic.turns import obstacle_to
 
 EPSILON_S = 1e-6
@@ -58,7 +59,7 @@ class Verdict:
         if not self.conflicts:
             return "valid"
         listed = [describe(c, problem) for c in self.conflicts[:limit]]
-        text = f"{len(self.conflicts)} conflicts" if len(self.conflicts) != 1 else "1 conflict"
+        text = count(len(self.conflicts), "conflict")
         return f"{text}: " + "; ".join(listed) + ("; ..." if len(self.conflicts) > limit else "")
 
 

@@ -21,8 +21,7 @@ from matplotlib.transforms import Affine2D
 
 from mrp_sumo.core.digraph import weak_components
 from mrp_sumo.core.graph import FloatArray, NavGraph, PlanGraph
-from mrp_sumo.errors import MapError
-from mrp_sumo.io.summary import count
+from mrp_sumo.errors import MapError, count
 from mrp_sumo.maps.building import Building, Level
 from mrp_sumo.maps.check import FOUND_ON_GRAPHS
 from mrp_sumo.maps.facts import num_lift_lanes

@@ -16,7 +16,7 @@ from mrp_sumo.core.fleet import Fleet
 from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, PlanGraph
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.core.robot_type import RobotType
-from mrp_sumo.errors import MrpSumoError
+from mrp_sumo.errors import MrpSumoError, count
 from mrp_sumo.io.record import AT_GOAL, MOVING, STATE_NAMES, WAITING, RunRecord, robot_states
 from mrp_sumo.io.run_summary import planner_of
 from mrp_sumo.traffic.courses import course_rad
@@ -59,7 +59,7 @@ def map_name_of(result: Mapping[str, Any]) -> str:
 def subtitle_of(result: Mapping[str, Any], num_robots: int) -> str:
     """Map, robots and planner of a run in a line; nobody knows who planned what is read from a log."""
     by = RECORDED if result.get("policy") == RECORDED else planner_of(result)
-    return f"{map_name_of(result)} · {num_robots} {'robot' if num_robots == 1 else 'robots'} · {by}"
+    return f"{map_name_of(result)} · {count(num_robots, 'robot')} · {by}"
 
 
 def view_record(run: AnyRun) -> RunRecord:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from mrp_sumo.core.graph import FloatArray
-from mrp_sumo.errors import first_line
+from mrp_sumo.errors import count, first_line
 from mrp_sumo.maps.readers.rmf.level import LevelDraft, LevelReader
 from mrp_sumo.maps.yaml_text import Text
 
@@ -93,7 +93,7 @@ def _aligned(reader: LevelReader, draft: LevelDraft, reference: LevelDraft, scal
             shared = len({n for n in here if n in there})
             reader.notes.add(
                 "level_without_fiducials",
-                f"level {draft.name} shares {shared} fiducial{'' if shared == 1 else 's'} with {reference.name}; 2 needed",
+                f"level {draft.name} shares {count(shared, 'fiducial')} with {reference.name}; 2 needed",
             )
         return Placement()
     turned = np.arctan2(dg[apart, 1], dg[apart, 0]) - np.arctan2(df[apart, 1], df[apart, 0])
