@@ -17,6 +17,7 @@ from mrp_sumo.errors import PlanError
 from mrp_sumo.traffic.moves import round_trips
 from mrp_sumo.traffic.resources import groups_of, resources_of
 
+Name = tuple[str, int]  # of what robots share: a vertex, a mutex group, a pair of stations that are too near
 STARTS, GOALS = 1, 2  # purposes of the streams of chance
 
 
@@ -84,17 +85,21 @@ def uniform_draw(
     start, goal
         [R] vertices of the plan graph each, distinct within each; a robot may start at its goal.
     """
-    stands = stands_of(graph, anywhere=anywhere, vehicle=vehicle)
     what = "vertices" if anywhere else "stations"
+    stands = stands_of(graph, anywhere=anywhere, vehicle=vehicle)
     _enough(min(len(stands.start), len(stands.goal)), num_robots, f"{what} that reach each other")
-    start, goal = (_apart(order, shared, num_robots, what) for order, shared in _orders(graph, stands, seed, separation_m))
-    return start.astype(np.int64), goal.astype(np.int64)
+    none = np.full(num_robots, -1)
+    apart = f"{what} on which robots may stand at once, one for each mutex group and none too near to another"
+    return _draw(graph, [stands], np.zeros(num_robots, np.int64), (none, none), seed, separation_m, apart)
 
 
 def most_drawn(graph: PlanGraph, seed: int, separation_m: float = 0.0, *, anywhere: bool = False, vehicle: RobotType | None = None) -> int:
     """The largest number of robots that `uniform_draw` can draw; the parameters are its own."""
     stands = stands_of(graph, anywhere=anywhere, vehicle=vehicle)
-    return min(len(_first_apart(order, shared, len(order))) for order, shared in _orders(graph, stands, seed, separation_m))
+    shared = _shared(graph, np.union1d(stands.start, stands.goal), separation_m)
+    streams = ((STARTS, stands.start), (GOALS, stands.goal))
+    orders = ((np.random.default_rng([seed, purpose]).permutation(vertices), purpose) for purpose, vertices in streams)
+    return min(len(_first_apart(order, stands, purpose, shared, set(), len(order))) for order, purpose in orders)
 
 
 def stands_of(graph: PlanGraph, *, anywhere: bool = False, vehicle: RobotType | None = None) -> Stands:
@@ -143,24 +148,8 @@ def draw_by_type(
     """
     what = "vertices" if anywhere else "stations"
     stands = [stands_of(graph, anywhere=anywhere, vehicle=each) for each, graph in types]
-    some = np.unique(np.concatenate([*(vertices for each in stands for vertices in each[:2]), start[start >= 0], goal[goal >= 0]]))
-    shared, drawn = _shared(types[0][1], some, separation_m), []
-    for purpose, named in ((STARTS, start), (GOALS, goal)):
-        chosen, taken, rng = named.copy(), set[tuple[str, int]](), np.random.default_rng([seed, purpose])
-        for v in named[named >= 0].tolist():
-            taken |= {*shared.get(v, ()), ("vertex", v)}
-        for k in sorted(np.unique(kind).tolist(), key=lambda k: len(stands[k].start)):
-            robots = np.flatnonzero((kind == k) & (named < 0)).tolist()
-            behind = stands[k].behind if purpose == STARTS else {}
-            for v in rng.permutation(stands[k][purpose - STARTS]).tolist() if robots else ():
-                own = {*shared.get(v, ()), ("vertex", v), ("vertex", behind.get(v, v))}
-                if robots and taken.isdisjoint(own):
-                    taken |= own
-                    chosen[robots.pop(0)] = v
-            count = int(np.count_nonzero((kind == k) & (named < 0)))
-            _enough(count - len(robots), count, f"{what} on which robots of that type may stand at once, beside all others")
-        drawn.append(chosen)
-    return drawn[0], drawn[1]
+    beside = f"{what} on which robots of that type may stand at once, beside all others"
+    return _draw(types[0][1], stands, kind, (start, goal), seed, separation_m, beside)
 
 
 def main_piece(graph: PlanGraph, among: IntArray | None = None) -> IntArray:
@@ -173,17 +162,30 @@ def main_piece(graph: PlanGraph, among: IntArray | None = None) -> IntArray:
     return largest
 
 
-def _orders(graph: PlanGraph, stands: Stands, seed: int, separation_m: float) -> list[tuple[IntArray, dict[int, set[tuple[str, int]]]]]:
-    """Starts and goals in the order in which they are drawn, and what each of them shares with others."""
-    shared = _shared(graph, np.union1d(stands.start, stands.goal), separation_m)
-    towing = {v: {*shared.get(v, ()), ("vertex", v), ("vertex", behind)} for v, behind in stands.behind.items()}
-    streams = ((STARTS, stands.start, {**shared, **towing}), (GOALS, stands.goal, shared))
-    return [(np.random.default_rng([seed, purpose]).permutation(vertices), own) for purpose, vertices, own in streams]
+def _draw(
+    graph: PlanGraph, stands: Sequence[Stands], kind: IntArray, places: tuple[IntArray, IntArray], seed: int, separation_m: float, what: str
+) -> tuple[IntArray, IntArray]:
+    """Starts and goals of robots of these kinds, -1 where they are not given; raises PlanError where there are too few of `what`."""
+    some = np.unique(np.concatenate([*(vertices for each in stands for vertices in each[:2]), *(named[named >= 0] for named in places)]))
+    shared, drawn = _shared(graph, some, separation_m), []
+    for purpose, named in zip((STARTS, GOALS), places):
+        chosen, taken, rng = named.astype(np.int64), set[Name](), np.random.default_rng([seed, purpose])
+        for v in named[named >= 0].tolist():
+            taken |= {*shared.get(v, ()), ("vertex", v)}
+        for k in sorted(np.unique(kind).tolist(), key=lambda k: len(stands[k].start)):
+            robots = np.flatnonzero((kind == k) & (named < 0))
+            if len(robots):
+                order = rng.permutation(stands[k][purpose - STARTS])
+                drawable = _first_apart(order, stands[k], purpose, shared, taken, len(robots))
+                _enough(len(drawable), len(robots), what)
+                chosen[robots] = drawable
+        drawn.append(chosen)
+    return drawn[0], drawn[1]
 
 
-def _shared(graph: PlanGraph, station: IntArray, separation_m: float) -> dict[int, set[tuple[str, int]]]:
+def _shared(graph: PlanGraph, station: IntArray, separation_m: float) -> dict[int, set[Name]]:
     """What each station shares with others, as names: its mutex groups, and pairs of stations that are too near; most share nothing."""
-    shared: dict[int, set[tuple[str, int]]] = {}
+    shared: dict[int, set[Name]] = {}
     if any(groups_of(options) for options in (*graph.vertex_options, *graph.lane_options)):
         resources = resources_of(graph, separation_m)
         for v in station.tolist():
@@ -198,22 +200,15 @@ def _shared(graph: PlanGraph, station: IntArray, separation_m: float) -> dict[in
     return shared
 
 
-def _apart(order: IntArray, shared: dict[int, set[tuple[str, int]]], num_robots: int, what: str) -> IntArray:
-    """[R] the first stations in an order that share nothing. Raises PlanError where there are not as many."""
-    chosen = _first_apart(order, shared, num_robots)
-    _enough(len(chosen), num_robots, f"{what} on which robots may stand at once, one for each mutex group and none too near to another")
-    return chosen
-
-
-def _first_apart(order: IntArray, shared: dict[int, set[tuple[str, int]]], limit: int) -> IntArray:
-    """The first stations in an order that share nothing, as many as there are up to a limit."""
-    if not shared:
-        return order[:limit]
-    taken: set[tuple[str, int]] = set()
+def _first_apart(order: IntArray, stands: Stands, purpose: int, shared: dict[int, set[Name]], taken: set[Name], limit: int) -> IntArray:
+    """The first stations in an order that share nothing with each other and what is taken, up to a limit; what they share is taken then."""
+    behind = stands.behind if purpose == STARTS else {}
     chosen: list[int] = []
     for v in order.tolist():
-        own = shared.get(v, set())
-        if len(chosen) < limit and taken.isdisjoint(own):
+        if len(chosen) == limit:
+            break
+        own = {*shared.get(v, ()), ("vertex", v), ("vertex", behind.get(v, v))}
+        if taken.isdisjoint(own):
             taken |= own
             chosen.append(v)
     return np.array(chosen, np.int64)
