@@ -13,12 +13,14 @@ from typing import Any
 
 import numpy as np
 
+from mrp_sumo.calibration.archive import is_archive, read_archive
 from mrp_sumo.calibration.log import ActionTime, Charge, MotionLog
 from mrp_sumo.calibration.orders import orders_of_run, orders_of_visits
 from mrp_sumo.errors import MrpSumoError, nearest
 from mrp_sumo.files.folders import RESULT
 from mrp_sumo.files.names import fault_of
 from mrp_sumo.files.reading import json_value, require_regular, shortened
+from mrp_sumo.maps.catalogue import bundled_folder
 
 LARGEST = 2**40  # bytes of a log that is read line by line
 LONGEST_LINE = 8 * 2**20
@@ -53,6 +55,10 @@ NOT_AT_STOPS = (
 
 def read_fleet(path: Path) -> MotionLog:
     """The log at a path, by what it is. Raises MrpSumoError for what cannot be read, in one line."""
+    if not path.exists() and (bundled := bundled_folder("logs") / f"{path}.zip").is_file():
+        path = bundled
+    if is_archive(path):
+        return read_archive(path)
     if (path / RESULT).is_file():
         return _run(path)
     if path.is_dir():
@@ -66,7 +72,7 @@ def read_fleet(path: Path) -> MotionLog:
         return _vda(path)
     if path.suffix.lower() in (".csv", ".txt", ".tsv"):
         return _csv(path)
-    known = ".jsonl (VDA 5050), .csv (poses), a bag, or a run folder"
+    known = ".jsonl (VDA 5050), .csv (poses), a bag, a run folder, or an archive (.zip)"
     raise MrpSumoError(f"{shortened(path)}: found '{path.suffix or path.name}', expected {known}")
 
 

@@ -1,4 +1,5 @@
-"""Make other logs of a finished run: a ROS 2 or ROS 1 bag, CSV, GeoJSON, SUMO's FCD, messages of VDA 5050, or set-ups for viewers.
+"""Make other logs of a finished run: a ROS 2 or ROS 1 bag, CSV, GeoJSON, SUMO's FCD, messages of VDA 5050, a fleet log archive, or set-ups
+for viewers.
 
 The run's trajectory is the source of all of them. Files go into the run folder unless --out says otherwise;
 what exists is not replaced.
@@ -10,7 +11,7 @@ from pathlib import Path
 
 from mrp_sumo.cli.option_rules import only_for
 from mrp_sumo.cli.printing import say_either
-from mrp_sumo.cli.result_folder import run_folder
+from mrp_sumo.cli.result_folder import result_folder, run_folder
 
 FORMATS = {  # option -> (name of the file or folder, help)
     "bag": ("bag", "ROS 2 bag (folder)"),
@@ -25,7 +26,7 @@ FORMATS = {  # option -> (name of the file or folder, help)
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `mrp-sumo export`."""
-    parser.add_argument("run", metavar="RUN", type=run_folder, help="run folder")
+    parser.add_argument("run", metavar="RUN", type=result_folder, help="run folder; of --archive any log that `calibrate` reads")
     wanted = parser.add_mutually_exclusive_group(required=True)
     for name, (_, about) in FORMATS.items():
         wanted.add_argument(f"--{name}", dest="format", action="store_const", const=name, help=about)
@@ -36,7 +37,17 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         const="3.0",
         help="messages of VDA 5050, 2.1 or 3.0 (the default), by vehicle and all in time order (folder)",
     )
+    wanted.add_argument(
+        "--archive", metavar="PATH", type=Path, help="a fleet log archive, a folder or a .zip, for `calibrate`, `predict` and others"
+    )
     parser.add_argument("--out", metavar="PATH", type=Path, help="file or folder to make")
+    parser.add_argument(
+        "--anonymise",
+        action="store_true",
+        help="of --archive: other names of vehicles, orders and stations, and times from 0; says what remains",
+    )
+    parser.add_argument("--move", action="store_true", help="of --anonymise: move the origin, too; the map then stays behind")
+    parser.add_argument("--licence", metavar="TEXT", help="of --archive: under which it may be used, such as CC-BY-4.0")
     parser.add_argument("--storage", metavar="NAME", help="of a ROS 2 bag: mcap (default) or sqlite3")
     parser.add_argument("--rmf", metavar="NAME", help="generation of rmf_fleet_msgs: galactic, jazzy (default) or kilted")
     parser.add_argument("--robots", metavar="A,B", help="robots that get topics of their own in a bag: odom and plan")
@@ -54,6 +65,13 @@ def run(options: argparse.Namespace) -> int:
     from mrp_sumo.io.run_reader import load_run
     from mrp_sumo.reports import exports
 
+    if options.archive is not None:
+        from mrp_sumo.cli.archive import export_archive
+
+        return export_archive(options)
+    only_for("archives: --archive", anonymise=options.anonymise, licence=options.licence)
+    only_for("--anonymise", move=options.move)
+    run_folder(options.run)
     bag_alone = {name: getattr(options, name) for name in ("robots", "poses", "rmf", "repeat_latched")}
     if options.format not in ("bag", "ros1"):
         only_for("bags: --bag, --ros1", **bag_alone)

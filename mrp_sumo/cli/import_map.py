@@ -9,6 +9,9 @@ and the exit code is 2 if the map is refused. Lanes and vertices where walls lea
 
 A FILE.jsonl is a recorded stream of VDA 5050 messages, `{"t_s":, "topic":, "payload": {}}` a line: --out gets a run folder, for `replay`,
 `render`, `report` and `export`, with the audit of what was driven; --map says which map has its walls.
+
+With --log, logs of a fleet (all that `calibrate` reads, several of one fleet as one) become a fleet log archive, a folder or a .zip;
+--map puts the map into it. See docs/archive.md.
 """
 
 import argparse
@@ -37,7 +40,9 @@ FACTS = "facts.json"  # written last: a folder with it was made by this command
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """The command's arguments."""
-    parser.add_argument("file", metavar="FILE", help="a map file, or the name of a bundled map")
+    parser.add_argument("file", metavar="FILE", nargs="?", help="a map file, or the name of a bundled map")
+    parser.add_argument("--log", metavar="LOG", nargs="+", type=Path, help="logs of a fleet instead, which become an archive")
+    parser.add_argument("--licence", metavar="TEXT", help="of --log: under which the archive may be used, such as CC-BY-4.0")
     parser.add_argument("--out", metavar="DIR", type=Path, help="folder for the results; one that an earlier import made is replaced")
     add_choice(parser)
     parser.add_argument(
@@ -45,7 +50,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         metavar="TYPE",
         help="type of robot that needs room beside the walls, of robots/ or a YAML file (default: turtlebot3); --json then says so too",
     )
-    parser.add_argument("--map", metavar="MAP", help="of a recorded stream: a map file or the name of a bundled map, for its walls")
+    parser.add_argument("--map", metavar="MAP", help="of a recorded stream or of --log: a map file or the name of a bundled map")
     parser.add_argument("--json", action="store_true", help="print the key facts as JSON; without --out nothing is written")
     parser.add_argument("--check", action="store_true", help="only report findings")
 
@@ -56,6 +61,13 @@ def run(options: argparse.Namespace) -> int:
     from mrp_sumo.maps.clearance import narrow
     from mrp_sumo.maps.facts import facts
 
+    if options.log is not None:
+        from mrp_sumo.cli.archive import import_logs
+
+        return import_logs(options)
+    only_for("--log", licence=options.licence)
+    if options.file is None:
+        raise MapError("expected a FILE, or --log LOG")
     if Path(options.file).suffix == ".jsonl":
         return _import_stream(options)
     only_for("a recorded stream, FILE.jsonl", map=options.map)

@@ -1,7 +1,7 @@
 """List by name what a scenario can name, with parameters and their defaults.
 
 Planners, assigners, dispatchers, policies, metrics and readers are those of this program and of installed packages; maps, robots,
-scenarios and suites are those that come with this program. Exit code 1 when a plug-in of a package cannot be loaded.
+scenarios, suites and logs of fleets are those that come with this program. Exit code 1 when a plug-in of a package cannot be loaded.
 """
 
 import argparse
@@ -15,7 +15,7 @@ from mrp_sumo.cli.printing import plain_table, print_table, say, say_json, warn
 from mrp_sumo.errors import MrpSumoError, PlugInError, nearest
 from mrp_sumo.plugins.kinds import KINDS
 
-FILES = ("maps", "robots", "scenarios", "suites")
+FILES = ("maps", "robots", "scenarios", "suites", "logs")
 Entry = dict[str, Any]  # name, summary, parameters: {name: {type, default}}, and what else is known of it
 
 
@@ -70,6 +70,14 @@ def _files(what: str) -> list[Entry]:
 
     if what == "maps":
         return [{"name": name, "file": str(path)} for name, path in bundled_maps().items()]
+    if what == "logs":
+        from mrp_sumo.calibration.archive import manifest_in
+
+        archives = {path.stem: manifest_in(path) for path in sorted(bundled_folder("logs").glob("*.zip"))}
+        return [
+            {"name": name, "map": of["map"]["bundled"], "vehicles": len(of["vehicles"]), "licence": of["licence"], "truth": of["truth"]}
+            for name, of in archives.items()
+        ]
     folder = bundled_folder("robots") if what == "robots" else bundled_folder("scenarios")
     files = sorted((folder / "suites" if what == "suites" else folder).glob("*.yaml"))
     if what == "robots":

@@ -8,6 +8,8 @@ A solution of a lifelong problem of the League of Robot Runners is judged by the
 
 A log of VDA 5050 messages (--vda5050) is judged by the standard: headers, orders and their updates, states. See docs/logs.md.
 
+A fleet log archive, a folder with manifest.json or a .zip, is judged by its format, and by what no fleet does. See docs/archive.md.
+
 Reads this program's JSON, libMultiRobotPlanning's YAML, EECBS's paths.txt, lacam's result.txt and SMART's paths. Exit
 code 0 for a valid plan, 1 for one with faults or conflicts (the first are printed), 2 for bad input.
 """
@@ -28,7 +30,7 @@ if TYPE_CHECKING:
 def arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `mrp-sumo validate`."""
     add = parser.add_argument
-    add("plan", type=Path, metavar="PLAN", nargs="?", help="the plan file")
+    add("plan", type=Path, metavar="PLAN", nargs="?", help="the plan file, or a fleet log archive")
     add("--vda5050", type=Path, metavar="FILE", help="a log of VDA 5050 messages instead, a JSON object with t_s, topic and payload a line")
     add("--map", type=Path, metavar="FILE", help="MovingAI .map, or libMultiRobotPlanning YAML")
     add("--scen", type=Path, metavar="FILE", help="MovingAI .scen of the map")
@@ -52,6 +54,10 @@ def run(options: argparse.Namespace) -> int:
     require_least("--limit", options.limit, 0)
     if options.vda5050 is not None:
         return _messages(options)
+    if options.plan is not None and (options.plan.suffix.lower() == ".zip" or (options.plan / "manifest.json").is_file()):
+        from mrp_sumo.cli.archive import validate_archive
+
+        return validate_archive(options)
     _check_sources(options)
     if options.problem is not None:
         return step_wise.validate(options)

@@ -145,6 +145,8 @@ LINES = (
     line("calibrate work --map small.building.yaml --robot cart.yaml --json --out new.yaml"),
     line("calibrate work --against cart.yaml", 2, "mrp-sumo: cart.yaml: has no intervals.*"),
     line("predict lifelong.yaml --log work --hold-out 0.5 --orders orders.csv --runs 3 --json --out new", 2, "mrp-sumo: .*"),
+    line("import --log work --map small.building.yaml --licence CC0-1.0 --json --out new"),
+    line("export work --archive new --anonymise --move --licence CC0-1.0 --json"),
     line("replay run --json --out new.html"),
     line("replay run --serve --port PORT", stops=True),
     line("render run --at 2 --dpi 50 --json --out new.png"),
