@@ -43,6 +43,7 @@ class TaskNames:
     robot_types: Sequence[str] = ()  # of the fleet
     robots: Sequence[str] = ()  # names
     max_load_kg: Sequence[float] = ()  # [R] that robots can carry; empty: any
+    heading_at: Callable[[int], float | None] = lambda vertex: None  # rad, in which the map has vehicles stand there
 
 
 def sources_of(choice: TasksChoice, site: TaskNames, seed: int, step_s: float, num_robots: int) -> tuple[TaskSource, ...]:
@@ -98,22 +99,29 @@ class _Names:
     def __init__(self, choice: TasksChoice, site: TaskNames) -> None:
         self._vertex_of, self._known, self.at, self._group = site.vertex_of, site.known, site.at, choice.groups
         self._robot_types, self._robots, self._max_load_kg = site.robot_types, site.robots, site.max_load_kg
+        self._heading_at = site.heading_at
         self._orders: dict[str, str] = {}  # where each was named
         self._factor: dict[str, float] = {}  # on service times
         for name, factor in choice.service_factor.items():
             for member in choice.groups.get(name, [name]):
                 self._factor[member] = factor * self._factor.get(member, 1.0)
+        places = {
+            name: tuple(self._vertex(("tasks", "stations", name, "places", i), v) for i, v in enumerate(station.places))
+            for name, station in choice.stations.items()
+        }
         self._station = {
             name: Station(
                 name,
-                tuple(self._vertex(("tasks", "stations", name, "places", i), v) for i, v in enumerate(station.places)),
+                places[name],
                 tuple(self._vertex(("tasks", "stations", name, "queue", i), v) for i, v in enumerate(station.queue)),
                 station.holds,
                 tuple(station.actions),
                 tuple(sorted(span for shift in station.shifts for span in shift.spans_s)),
                 station.charges,
                 self._factor.get(name, 1.0),
-                None if station.heading_deg is None else math.remainder(math.radians(station.heading_deg), 2 * math.pi),
+                self._of_map(places[name])
+                if station.heading_deg is None
+                else math.remainder(math.radians(station.heading_deg), 2 * math.pi),
             )
             for name, station in choice.stations.items()
         }
@@ -130,7 +138,15 @@ class _Names:
         return names
 
     def station(self, place: Place, name: str) -> Station:
-        return self._station.get(name) or Station(name, (self._vertex(place, name),), service_factor=self._factor.get(name, 1.0))
+        if (known := self._station.get(name)) is not None:
+            return known
+        at = (self._vertex(place, name),)
+        return Station(name, at, service_factor=self._factor.get(name, 1.0), heading_rad=self._of_map(at))
+
+    def _of_map(self, places: tuple[int, ...]) -> float | None:
+        """The heading that the map has for all of these places."""
+        headings = {self._heading_at(v) for v in places}
+        return headings.pop() if len(headings) == 1 else None
 
     def group(self, place: Place, name: str) -> tuple[Station, ...]:
         return tuple(self.station(place, member) for member in self._group.get(name, [name]))

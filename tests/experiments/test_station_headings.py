@@ -1,5 +1,7 @@
 """Headings in which vehicles that cannot turn in place are served, on a square road that they may drive either way round."""
 
+import json
+
 import numpy as np
 import pytest
 from floors import driven, lanes, ring, scenario
@@ -13,7 +15,8 @@ TRUCK = {"turn_rate_rad_s": None, "kinematics": {"kind": "tricycle", "wheelbase_
 
 
 def tasks(heading_deg):
-    return {"stations": {"top": {"places": ["B"], "heading_deg": heading_deg}}, "list": [{"stops": ["A", "top"], "service_s": 5.0}] * 2}
+    station = {"places": ["B"]} if heading_deg is None else {"places": ["B"], "heading_deg": heading_deg}
+    return {"stations": {"top": station}, "list": [{"stops": ["A", "top"], "service_s": 5.0}] * 2}
 
 
 def square(folder):
@@ -55,3 +58,39 @@ def test_a_heading_in_which_nobody_can_come_is_refused(tmp_path):
 
 def test_a_heading_for_robots_that_turn_in_place_is_refused(tmp_path):
     assert "heading_deg: has no effect" in refused(scenario(ring(tmp_path), tasks(180), starts=["A"]))
+
+
+def graph_of(table, **options):
+    """The map of a table of lanes as a graph of JSON, with options of its vertices."""
+    rows = [line.split(",") for line in table.read_text().splitlines()[1:]]
+    xy = {row[0]: row[2:4] for row in rows} | {row[1]: row[4:6] for row in rows}
+    nodes = [{"id": name, "x_m": float(x), "y_m": float(y), **options.get(name, {})} for name, (x, y) in xy.items()]
+    links = [{"source": a, "target": b} for row in rows for a, b in ((row[0], row[1]), (row[1], row[0]))]
+    path = table.with_suffix(".json")
+    path.write_text(json.dumps({"directed": True, "nodes": nodes, "links": links}))
+    return path
+
+
+@pytest.mark.parametrize("heading_rad", [0.0, np.pi])
+@pytest.mark.parametrize("named", [True, False])
+def test_a_vehicle_is_served_in_the_heading_that_the_map_has(tmp_path, heading_rad, named):
+    asked = tasks(None) if named else {"list": [{"stops": ["A", "B"], "service_s": 5.0}] * 2}
+    result = driven(scenario(graph_of(square(tmp_path), B={"theta_rad": heading_rad}), asked, starts=["A"], shape=TRUCK))
+    stops, run = logs_of(result).stops, result.execution
+    assert result.status == "completed"
+    begin_s = stops.begin_s[np.array(stops.station) == ("top" if named else "B")]
+    yaw = run.yaw_rad[np.searchsorted(run.t_s, begin_s), 0]
+    assert len(yaw) == 2 and np.cos(yaw - heading_rad) == pytest.approx(1.0, abs=1e-6)
+
+
+def test_a_key_counts_more_than_the_map(tmp_path):
+    result = driven(scenario(graph_of(square(tmp_path), B={"theta_rad": 0.0}), tasks(180), starts=["A"], shape=TRUCK))
+    stops, run = logs_of(result).stops, result.execution
+    begin_s = stops.begin_s[np.array(stops.station) == "top"]
+    assert np.cos(run.yaw_rad[np.searchsorted(run.t_s, begin_s), 0] - np.pi) == pytest.approx(1.0, abs=1e-6)
+
+
+def test_a_heading_of_the_map_in_which_nobody_can_come_is_said(tmp_path):
+    result = driven(scenario(graph_of(square(tmp_path), B={"theta_rad": 1.0}), tasks(None), starts=["A"], shape=TRUCK))
+    assert result.status == "completed"
+    assert "'custom' cannot come to 'B' at 57.2958 degrees, as the map has it" in result.note

@@ -19,6 +19,7 @@ from mrp_sumo.io.scenario.file import ScenarioFile
 from mrp_sumo.io.scenario.model import ScenarioModel
 from mrp_sumo.planning.costs import costs_of
 from mrp_sumo.search.route import shortest_route
+from mrp_sumo.traffic.courses import course_rad
 from mrp_sumo.traffic.draw import draw_by_type, most_drawn, mrp_bench_draw, stands_of, uniform_draw
 from mrp_sumo.traffic.turns import obstacle_to
 
@@ -166,13 +167,13 @@ def headings(degrees: float | list[float | None] | None, count: int) -> FloatArr
     return frozen(np.radians(np.array([np.nan if heading is None else heading for heading in each], np.float64)))
 
 
-def goal_headings(scenario: ScenarioModel, graph: PlanGraph, goal: IntArray) -> FloatArray | None:
+def goal_headings(scenario: ScenarioModel, graph: PlanGraph, goal: IntArray, is_vehicle: bool) -> FloatArray | None:
     """[G] as the scenario says, else as the map does, where robots can face so without turning aside from all lanes."""
     if scenario.robots.goal_heading_deg is not None or scenario.tasks is not None:
         return headings(scenario.robots.goal_heading_deg, len(goal))
     theta_rad = np.array([float(graph.vertex_options[v].get("theta_rad", np.nan)) for v in goal.tolist()])
     for i in np.flatnonzero(~np.isnan(theta_rad)).tolist():
-        if not _along_a_lane(graph, int(goal[i]), theta_rad[i]):
+        if not _along_a_lane(graph, int(goal[i]), theta_rad[i], is_vehicle):
             theta_rad[i] = np.nan
     return None if np.isnan(theta_rad).all() else frozen(theta_rad)
 
@@ -184,7 +185,7 @@ def require_headings(file: ScenarioFile, problem: Problem) -> None:
         return
     for goal in np.flatnonzero(~np.isnan(wanted)).tolist():
         v = problem.goal[goal]
-        if _along_a_lane(graph, int(v), float(wanted[goal])):
+        if _along_a_lane(graph, int(v), float(wanted[goal]), bool(problem.fleet.vehicle_of_kind)):
             continue
         there = graph.heading_rad[(graph.head == v) | (graph.tail == v)]
         place: Place = ("robots", "goal_heading_deg", goal) if isinstance(degrees, list) else ("robots", "goal_heading_deg")
@@ -195,7 +196,11 @@ def require_headings(file: ScenarioFile, problem: Problem) -> None:
         )
 
 
-def _along_a_lane(graph: PlanGraph, vertex: int, heading_rad: float) -> bool:
-    """True if robots at a vertex face so on a lane that leads to it or away from it."""
-    there = graph.heading_rad[(graph.head == vertex) | (graph.tail == vertex)]
+def _along_a_lane(graph: PlanGraph, vertex: int, heading_rad: float, is_vehicle: bool) -> bool:
+    """True if robots at a vertex face so on a lane that leads to it or away from it; vehicles on curves as these end and begin."""
+    into, out = graph.head == vertex, graph.tail == vertex
+    there = graph.heading_rad[into | out]
+    if is_vehicle and graph.curves:
+        course = course_rad(graph)
+        there = np.concatenate([course[into, 1], course[out, 0]])
     return bool((np.abs(wrapped(there - heading_rad)) <= TURNS_RAD).any())

@@ -42,7 +42,7 @@ from mrp_sumo.experiments.staging.places import (
     require_reachable,
 )
 from mrp_sumo.experiments.staging.tasks import with_tasks
-from mrp_sumo.experiments.staging.vehicles import require_station_headings, with_vehicles
+from mrp_sumo.experiments.staging.vehicles import headings_not_kept, require_station_headings, with_vehicles
 from mrp_sumo.io.scenario.file import ScenarioFile
 from mrp_sumo.io.scenario.model import ScenarioModel
 from mrp_sumo.io.scenario.programs import require_trust
@@ -123,7 +123,7 @@ def set_up(file: ScenarioFile, maps: MapCache, *, run_programs: bool = True) -> 
             step_s=step_s,
             seed=scenario.seed,
             start_heading_rad=headings(scenario.robots.start_heading_deg, len(start)),
-            goal_heading_rad=goal_headings(scenario, graph, goal),
+            goal_heading_rad=goal_headings(scenario, graph, goal, bool(fleet.vehicle_of_kind)),
             effort=scenario.planner.budget or 0,
             barred=barred,
             goal_kind=None if scenario.robots.fleet is None else fleet.kind,
@@ -136,6 +136,7 @@ def set_up(file: ScenarioFile, maps: MapCache, *, run_programs: bool = True) -> 
     if scenario.tasks is not None:
         settings = with_tasks(settings, file, map_.nav, problem, models)
         require_station_headings(file, map_.nav, problem)
+        narrow += headings_not_kept(problem, settings.tasks)
         narrow += oddities(settings.tasks, problem, settings.time_limit_s)
     if scenario.people is not None:
         settings = replace(settings, people=people_of(file, map_, graph))

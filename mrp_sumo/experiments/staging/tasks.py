@@ -3,8 +3,9 @@
 Refuses tasks that no robot can do, places in lifts, and charging without batteries.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 
 from mrp_sumo.core.arrivals import HOUR_S
 from mrp_sumo.core.battery import start_shares
@@ -18,6 +19,7 @@ from mrp_sumo.core.stream import TaskList, TaskSource
 from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.errors import ScenarioError
 from mrp_sumo.experiments.staging.errands import unreachable
+from mrp_sumo.experiments.staging.vehicles import map_heading
 from mrp_sumo.formats.lorr import read_map
 from mrp_sumo.io.scenario.file import ScenarioFile
 from mrp_sumo.io.tasks import TaskNames, chargers_of, parking_of, sources_of
@@ -68,17 +70,27 @@ def handling_of(models: Sequence[RobotType], fleet: Fleet, seed: int) -> Handlin
 def task_sources(file: ScenarioFile, nav: NavGraph, problem: Problem) -> tuple[TaskSource, ...]:
     """The streams of tasks of a scenario, on the vertices of the plan graph. Raises ScenarioError."""
     assert file.scenario.tasks is not None
-    sources = sources_on(file, nav, problem.graph, problem.fleet, problem.step_s)
+    sources = sources_on(file, nav, problem.graph, problem.fleet, problem.step_s, partial(map_heading, problem))
     if wrong := unreachable(sources, problem):
         raise ScenarioError(f"{file.at('tasks')}: {wrong}")
     only_file = file.scenario.tasks.file is not None and not file.scenario.tasks.list and file.scenario.tasks.open is None
     return (TaskList(()), *sources) if only_file else sources  # what is added while robots drive is listed, before those of the file
 
 
-def sources_on(file: ScenarioFile, nav: NavGraph, graph: PlanGraph, fleet: Fleet, step_s: float) -> tuple[TaskSource, ...]:
-    """The streams of tasks of a scenario, on the vertices of a plan graph, whoever can come there. Raises ScenarioError."""
+def sources_on(
+    file: ScenarioFile,
+    nav: NavGraph,
+    graph: PlanGraph,
+    fleet: Fleet,
+    step_s: float,
+    heading_at: Callable[[int], float | None] = lambda vertex: None,
+) -> tuple[TaskSource, ...]:
+    """The streams of tasks of a scenario, on the vertices of a plan graph, whoever can come there. Raises ScenarioError.
+
+    `heading_at` is the heading in rad in which vehicles stand at a vertex where the scenario says nothing.
+    """
     assert file.scenario.tasks is not None
-    site = _site_of_tasks(file, nav, graph, fleet)
+    site = replace(_site_of_tasks(file, nav, graph, fleet), heading_at=heading_at)
     return sources_of(file.scenario.tasks, site, file.scenario.seed, step_s, fleet.num_robots)
 
 

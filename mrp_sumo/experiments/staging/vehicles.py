@@ -3,6 +3,8 @@
 Refuses starts without room for trailers, and headings that no lane has.
 """
 
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +13,7 @@ from mrp_sumo.core.angles import wrapped
 from mrp_sumo.core.digraph import strong_components
 from mrp_sumo.core.graph import BoolArray, FloatArray, NavGraph, frozen
 from mrp_sumo.core.problem import Problem
+from mrp_sumo.core.stream import TaskSource
 from mrp_sumo.errors import PlanError, ScenarioError
 from mrp_sumo.io.scenario.file import ScenarioFile
 from mrp_sumo.traffic.courses import course_rad
@@ -42,20 +45,55 @@ def require_station_headings(file: ScenarioFile, nav: NavGraph, problem: Problem
         at = file.at("tasks", "stations", name, "heading_deg")
         if not fleet.vehicle_of_kind:
             raise ScenarioError(f"{at}: has no effect, as no robot has kinematics of a vehicle that cannot turn in place")
-        moves = move_graph(graph, fleet, problem.barred)
-        component = strong_components(moves.num_vertices, moves.tail, moves.head)
-        for place, kind in ((each, k) for each in station.places for k in np.unique(fleet.kind[fleet.is_vehicle]).tolist()):
-            under_way = moves.states[kind].at[UNDER_WAY]
-            reached = under_way[under_way >= 0]
-            main = int(reached[np.argmax(np.bincount(component[reached])[component[reached]])])
-            ends = arrivals_at(moves, kind, int(graph.vertex_of_station[nav.vertex_of_name[place]]))
-            faces = ends.heading_rad[np.isfinite(ends.length_m[:, main])]
-            if not (off_rad(faces, np.radians(station.heading_deg)) <= MAY_STAND_RAD).any():
-                fitting = ", ".join(f"{angle:g}" for angle in np.unique(np.round(np.degrees(faces[~np.isnan(faces)]) % 360) % 360))
-                raise ScenarioError(
-                    f"{at}: found {station.heading_deg:g}, but '{fleet.types[kind].name}' cannot come to '{place}' so, "
-                    + (f"expected one of {fitting}" if fitting else "nor in another")
-                )
+        for place in station.places:
+            for kind, faces in _headings_at(problem, int(graph.vertex_of_station[nav.vertex_of_name[place]])):
+                if not _comes(faces, math.radians(station.heading_deg)):
+                    fitting = ", ".join(f"{angle:g}" for angle in np.unique(np.round(np.degrees(faces[~np.isnan(faces)]) % 360) % 360))
+                    raise ScenarioError(
+                        f"{at}: found {station.heading_deg:g}, but '{fleet.types[kind].name}' cannot come to '{place}' so, "
+                        + (f"expected one of {fitting}" if fitting else "nor in another")
+                    )
+
+
+def map_heading(problem: Problem, vertex: int) -> float | None:
+    """The heading in rad that the map gives at a vertex, where all vehicles can come in it."""
+    theta_rad = problem.graph.vertex_options[vertex].get("theta_rad")
+    if theta_rad is None or not problem.fleet.vehicle_of_kind:
+        return None
+    heading = math.remainder(float(theta_rad), 2 * math.pi)
+    return heading if all(_comes(faces, heading) for _, faces in _headings_at(problem, vertex)) else None
+
+
+def headings_not_kept(problem: Problem, sources: Sequence[TaskSource]) -> tuple[str, ...]:
+    """A line on the stations of tasks at which the map has a heading in which a type of vehicles cannot come."""
+    graph, lines = problem.graph, list[str]()
+    stations = {station.name: station for source in sources for station in source.stations()} if problem.fleet.vehicle_of_kind else {}
+    for v in dict.fromkeys(v for station in stations.values() if station.heading_rad is None for v in station.places):
+        if (theta_rad := graph.vertex_options[v].get("theta_rad")) is None:
+            continue
+        wrong = [problem.fleet.types[kind].name for kind, faces in _headings_at(problem, v) if not _comes(faces, float(theta_rad))]
+        if wrong:
+            heading = f"{np.degrees(theta_rad):g} degrees, as the map has it"
+            lines.append(f"'{wrong[0]}' cannot come to '{graph.known_as(v)}' at {heading}")
+    more = f", nor to {len(lines) - 1} more stations" if len(lines) > 1 else ""
+    return (f"{lines[0]}{more}",) if lines else ()
+
+
+def _comes(faces: FloatArray, heading_rad: float) -> bool:
+    """True if one of the headings in which a vehicle can come is about the one that is wanted."""
+    return bool((off_rad(faces, heading_rad) <= MAY_STAND_RAD).any())
+
+
+def _headings_at(problem: Problem, vertex: int) -> Iterator[tuple[int, FloatArray]]:
+    """Types of vehicles, and the headings in which each can come to a vertex from where most of its moves are."""
+    moves = move_graph(problem.graph, problem.fleet, problem.barred)
+    component = strong_components(moves.num_vertices, moves.tail, moves.head)
+    for kind in np.unique(problem.fleet.kind[problem.fleet.is_vehicle]).tolist():
+        under_way = moves.states[kind].at[UNDER_WAY]
+        reached = under_way[under_way >= 0]
+        main = int(reached[np.argmax(np.bincount(component[reached])[component[reached]])])
+        ends = arrivals_at(moves, kind, vertex)
+        yield kind, ends.heading_rad[np.isfinite(ends.length_m[:, main])]
 
 
 def _without_traps(problem: Problem) -> BoolArray | None:
