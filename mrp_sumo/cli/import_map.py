@@ -20,6 +20,7 @@ import shlex
 import shutil
 import tempfile
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -133,26 +134,41 @@ def _check(options: argparse.Namespace) -> int:
         map_ = chosen_map(options.file, options)
         findings, notes, without_effect = map_.findings, oddities(map_.building) if map_.building else (), unused(map_)
         clearance = narrow(map_.nav, map_.building, model)
-        room, lanes = clearance.notes, clearance.lane_notes
+        room, lanes, turns = clearance.notes, clearance.lane_notes, _narrow_turns(map_, model)
     except ChoiceError:
         raise
     except MapError as error:
-        findings, notes, room, lanes, without_effect = findings_of(error), (), (), (), ""
+        findings, notes, room, lanes, turns, without_effect = findings_of(error), (), (), (), (), ""
     refused = any(finding.severity == "refuse" for finding in findings)
     if options.json:
         warnings = [finding.document() for finding in findings]
         document = {"file": path.name, "refused": refused, "warnings": warnings, "notes": notes, "unused": without_effect}
-        say_json({**document, "clearance": room, "narrow_lanes": lanes} if options.robot else document, indent=2)
-    elif not findings and not notes and not room and not without_effect:
+        say_json({**document, "clearance": room, "narrow_lanes": lanes, "narrow_turns": turns} if options.robot else document, indent=2)
+    elif not (findings or notes or room or turns or without_effect):
         say(f"{path.name}: nothing to report")
     else:
         for finding in findings:
             say(f"{path.name}: {finding.severity}: {finding.line}")
-        for note in (*notes, *room, *(lanes if len(lanes) > 1 else ())):
+        for note in (*notes, *room, *(lanes if len(lanes) > 1 else ()), *turns):
             say(f"{path.name}: note: {note}")
         if without_effect:
             say(f"{path.name}: info: {without_effect}")
     return 2 if refused else 0
+
+
+def _narrow_turns(map_: "Map", model: "RobotType") -> tuple[str, ...]:
+    """Lines on turns and curves that walls leave a type no room for that cannot turn in place, with lanes as long as they are drawn."""
+    from mrp_sumo.core.graph import PlanGraph
+    from mrp_sumo.maps.clearance import standing_walls
+    from mrp_sumo.maps.facts import driven_levels
+    from mrp_sumo.maps.roadmap import cut_lanes
+    from mrp_sumo.traffic.turns import narrow_turns
+
+    if not model.is_vehicle or isinstance(map_.nav, PlanGraph):
+        return ()
+    graph = cut_lanes(map_.nav, cell_m=float(map_.nav.length_m.max()) + 1)
+    walls = standing_walls(map_.building, driven_levels(map_.nav)) if map_.building else graph.walls
+    return narrow_turns(replace(graph, walls=walls), model)
 
 
 def _robot_type(name: str | None) -> "RobotType":

@@ -13,6 +13,7 @@ back out of a station. It does so wherever it can.
 """
 
 import math
+from dataclasses import replace
 from functools import lru_cache
 from itertools import pairwise
 from typing import NamedTuple
@@ -284,6 +285,18 @@ def obstacle_to(graph: PlanGraph, vehicle: RobotType, route: list[int]) -> str:
         if not gears:
             return _obstacle(graph, vehicle, k, lane, onward, came)
     return ""
+
+
+def narrow_turns(graph: PlanGraph, vehicle: RobotType) -> tuple[str, ...]:
+    """Lines on curves that a type cannot drive, and on turns that lanes have room for and walls have not."""
+    turns, wide = turns_of(graph, vehicle), turns_of(replace(graph, walls=graph.walls[:0]), vehicle)
+    came = np.repeat(np.arange(graph.num_lanes), np.diff(turns.first))
+    lines = [obstacle_on_curve(graph, vehicle, lane, FORWARD) for lane in np.flatnonzero(curve_radius_m(graph) < np.inf).tolist()]
+    lost = (wide.next_gear != NEVER).any(1) & (turns.next_gear == NEVER).all(1) & (np.abs(turns.bend_rad) < np.pi - MAY_STAND_RAD)
+    for k in np.flatnonzero(lost).tolist():
+        gears = set(np.flatnonzero(wide.next_gear[k] != NEVER).tolist())
+        lines.append(_obstacle(graph, vehicle, k, int(came[k]), int(turns.onward[k]), gears))
+    return tuple(dict.fromkeys(line for line in lines if line))
 
 
 def _obstacle(graph: PlanGraph, vehicle: RobotType, turn: int, lane: int, onward: int, came: set[int]) -> str:

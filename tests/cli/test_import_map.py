@@ -129,6 +129,17 @@ def test_lanes_without_room_for_a_robot_are_reported(capsys):
     assert "'forklif' is neither a robot type nor a file (did you mean 'forklift'?)" in capsys.readouterr().err
 
 
+def test_turns_without_room_for_a_vehicle_are_reported(capsys):
+    assert main(["import", "office", "--check", "--robot", "pallet_truck", "--json"]) == 0
+    turns = json.loads(capsys.readouterr().out)["narrow_turns"]
+    line = "pallet_truck needs 2.05 m beside 'v2' to turn from 'pantry' over 'v2' to 'v4' and has 1.39 m to a wall"
+    assert line in turns and len(set(turns)) == len(turns)
+    assert main(["import", "office", "--check", "--robot", "pallet_truck"]) == 0
+    assert f"office.building.yaml: note: {line}\n" in capsys.readouterr().out
+    assert main(["import", "office", "--check", "--robot", "forklift", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["narrow_turns"] == []
+
+
 def test_keys_of_a_nav_graph_that_are_no_text_are_written_as_they_were(tmp_path):
     (tmp_path / "odd.nav.yaml").write_text(
         "1: one\nbuilding_name: odd\nlevels:\n  L1:\n    lanes:\n    - [0, 1, {1.5: true, speed_limit: 1}]\n    - [1, 0, {}]\n"
