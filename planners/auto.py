@@ -1,8 +1,8 @@
 """A portfolio: planners asked one after another until one has a plan that is good enough, in an order that hangs on the problem.
 
 Plans are compared by how many times their planner's lower bound they cost, steps with steps and seconds with seconds: near its bound a plan
-is taken at once. All but the last may use a share of what is left of the time limit and of the effort, so that there is always something
-left to fall back on; the first is bounded in work, too. Refuses portfolios of planners that are not there, and of itself.
+is taken at once. Each may use an equal share of what is left of the time limit and of the effort, so that there is always something left
+to fall back on; the first is bounded in work, too. Refuses portfolios of planners that are not there, and of itself.
 """
 
 from collections.abc import Iterator
@@ -38,7 +38,6 @@ class Auto:
     """The planner that fits the problem, and others where it finds no plan."""
 
     planners: tuple[str, ...] = ()  # in the order in which they are asked; empty: by what the problem is like
-    share: float = 0.5  # of what is left of the time limit and the effort, for each but the last
 
     assigns: ClassVar[bool] = False
     guarantee: ClassVar[str] = "valid, not complete"
@@ -49,8 +48,6 @@ class Auto:
         for name in self.planners:
             if name not in known:
                 raise PlanError(f"auto: no planner '{name}' for a portfolio{nearest(name, known, limit=len(known))}")
-        if not 0 < self.share < 1:
-            raise PlanError(f"auto: share is {self.share}, expected a number between 0 and 1")
 
     def prepare(self) -> None:
         """Compile or load the kernels of all that may be asked; of `continuous`, which is seldom asked, when it is."""
@@ -82,18 +79,18 @@ class Auto:
         effort = problem.effort
         for k, name in enumerate(portfolio.names, 1):
             left_s = max(until_s - process_time(), 1e-9)  # the clock went on since it was looked at last
-            last = k == len(portfolio.names)
-            part = 0 if not effort else effort if last else max(1, int(self.share * effort))
+            num_left = len(portfolio.names) - k + 1
+            part = max(1, effort // num_left) if effort else 0
             if name in FIRST_EFFORT and not self.planners:
                 part = min(part, FIRST_EFFORT[name]) or FIRST_EFFORT[name]
             chosen, bounded = planner(name, {}), replace(problem, effort=part)
             if name == "continuous":
                 chosen.prepare()  # outside of the time that is left to it
             supported = as_supported(chosen, bounded)
-            result = chosen.plan(supported, left_s if last else self.share * left_s)
+            result = chosen.plan(supported, left_s / num_left)
             effort -= min(effort, part)
             proof = result.status is Status.INFEASIBLE and supported is bounded
-            over = last or until_s - process_time() <= 0.01 * time_limit_s
+            over = num_left == 1 or until_s - process_time() <= 0.01 * time_limit_s
             yield k, name, result, proof or over
             if proof or over:
                 return

@@ -48,6 +48,21 @@ def test_what_is_proved_to_have_no_plan_is_asked_of_nobody_else():
     assert (result.status, result.chosen) == (Status.INFEASIBLE, "prioritised")
 
 
+def test_each_gets_an_equal_share_of_the_effort_that_is_left(monkeypatch):
+    efforts = []
+
+    class Counts:
+        supports = frozenset({"effort"})
+
+        def plan(self, problem, time_limit_s):
+            efforts.append(problem.effort)
+            return PlanResult(Status.GAVE_UP)
+
+    monkeypatch.setattr("planners.auto.planner", lambda name, parameters: Counts())
+    Auto(planners=("pibt", "lacam", "lns2", "prioritised")).plan(replace(world("0..a"), effort=122), 5.0)
+    assert efforts == [30, 30, 31, 31]
+
+
 def test_effort_is_shared():
     """Ten labels are not enough for either; half of many are enough for the first."""
     _, none = answer(BAY, "prioritised", "pibt", effort=2)
@@ -113,7 +128,6 @@ def test_of_the_first_three_the_first_that_is_near_its_bound_or_the_cheapest_pla
 @pytest.mark.parametrize(("parameters", "said"), [
     ({"planners": ("lacan",)}, "no planner 'lacan' for a portfolio (did you mean 'lacam'?)"),
     ({"planners": ("auto",)}, "no planner 'auto' for a portfolio"),
-    ({"share": 1.0}, "share is 1.0, expected a number between 0 and 1"),
 ])  # fmt: skip
 def test_other_portfolios_are_refused(parameters, said):
     with pytest.raises(PlanError, match=said.replace("(", r"\(").replace(")", r"\)").replace("?", r"\?")):
