@@ -12,7 +12,6 @@ from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar, get_args
 
-import yaml
 from pydantic import BaseModel, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass as checked_dataclass
 from pydantic.fields import FieldInfo
@@ -21,7 +20,8 @@ from pydantic_core import ErrorDetails
 from mrp_sumo.core.options import Options
 from mrp_sumo.errors import MapError, ScenarioError, nearest
 from mrp_sumo.files.reading import read_text, shortened
-from mrp_sumo.maps.yaml_text import Text, parse
+from mrp_sumo.maps.yaml_text import Place as Place
+from mrp_sumo.maps.yaml_text import Text, parse, places
 
 MAX_BYTES = 4_000_000
 UNITS = {  # end of a key -> its unit, and what others are of it
@@ -39,7 +39,6 @@ KINDS = (  # what pydantic says was expected begins so -> what is said
 )
 SHORT = {"robots": "a number of robots, such as 4, or ", "map": "a map's name or file, or "}  # what may stand for keys and values
 Model = TypeVar("Model", bound=BaseModel | Options)
-Place = tuple[str | int, ...]  # keys and list positions from the top of a document
 
 
 class Document:
@@ -72,18 +71,14 @@ def read_document(path: Path) -> Document:
         content = parse(Text(path, text))  # nothing nested deep, no aliases that swell
     except MapError as error:
         raise ScenarioError(str(error)) from None
-    try:
-        node = yaml.compose(text, Loader=yaml.CSafeLoader)  # for the lines of keys
-    except yaml.MarkedYAMLError as error:  # the one fault that only this one refuses
-        line = error.problem_mark.line + 1 if error.problem_mark else 1
-        raise ScenarioError(f"{path.name}:{line}: an anchor that is there already, expected another name") from None
-    if not isinstance(content, dict) or not isinstance(node, yaml.MappingNode):
+    if not isinstance(content, dict):
         raise ScenarioError(f"{path.name}: found {_kind(content)}, expected keys and values")
     numbers: dict[Place, int] = {}
-    for place, number, twice in _places(node, (), 0):
-        if twice:
-            raise ScenarioError(f"{path.name}:{number}: key '{place[-1]}' is given twice")
-        numbers[place] = number
+    for place, line, _ in places(text):
+        if place in numbers:
+            raise ScenarioError(f"{path.name}:{line}: key '{place[-1]}' is given twice")
+        if place:
+            numbers[place] = line
     return Document(path, content, numbers)
 
 
@@ -213,20 +208,3 @@ def _kind(value: Any) -> str:
         return f"a list of {len(value)}"
     text = repr(value)
     return text if len(text) < 60 else text[:57] + "..."
-
-
-def _places(node: yaml.Node, place: Place, depth: int) -> Iterator[tuple[Place, int, bool]]:
-    """(place, line, given twice) of every key and list item."""
-    if depth > 20:
-        return
-    if isinstance(node, yaml.MappingNode):
-        seen = set()
-        for key, value in node.value:
-            at = (*place, str(key.value))
-            yield at, key.start_mark.line + 1, at in seen
-            seen.add(at)
-            yield from _places(value, at, depth + 1)
-    elif isinstance(node, yaml.SequenceNode):
-        for i, value in enumerate(node.value):
-            yield (*place, i), value.start_mark.line + 1, False
-            yield from _places(value, (*place, i), depth + 1)

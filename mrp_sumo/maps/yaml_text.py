@@ -33,6 +33,9 @@ _resolver = yaml.resolver.Resolver()
 _constructor = yaml.constructor.SafeConstructor()
 
 
+Place = tuple[str | int, ...]  # keys and list positions from the top of a document
+
+
 @dataclass(frozen=True)
 class Text:
     """A file's name and text, to point at a place in it."""
@@ -94,58 +97,40 @@ def _deepest(text: str) -> int:
     return max(accumulate(byte - 1 for byte in brackets), default=0)
 
 
-def line_of(text: str, keys: tuple[str | int, ...]) -> int:
+def line_of(text: str, keys: Place) -> int:
     """Line (from 1) of the value found by following mapping keys and list positions; of the deepest one that exists."""
-    events: Iterator[Any] = yaml.parse(text, Loader=_Loader)
-    best = 1
-    wanted = list(keys)
-    for event in events:
-        if isinstance(event, yaml.MappingStartEvent | yaml.SequenceStartEvent):
-            best = event.start_mark.line + 1
+    wanted, best, depth = tuple(map(str, keys)), 1, -1
+    for place, _, line in places(text):
+        if len(place) <= depth:  # behind the deepest one
             break
-    while wanted:
-        key, mark = wanted.pop(0), None
-        if isinstance(event, yaml.MappingStartEvent):
-            mark = _value_of(str(key), events)
-        elif isinstance(event, yaml.SequenceStartEvent) and isinstance(key, int):
-            mark = _value_at(key, events)
-        if mark is None:
-            break
-        event = mark
-        best = event.start_mark.line + 1
+        if tuple(map(str, place)) == wanted[: len(place)]:
+            best, depth = line, len(place)
     return best
 
 
-def _value_of(key: str, events: Iterator[Any]) -> Any:
-    """The event with which the value of a key of a mapping begins, or None."""
-    for name in events:
-        if isinstance(name, yaml.MappingEndEvent):
-            return None
-        same = isinstance(name, yaml.ScalarEvent) and name.value == key
-        _skip(name, events)
-        value = next(events)
-        if same:
-            return value
-        _skip(value, events)
-    return None
-
-
-def _value_at(position: int, events: Iterator[Any]) -> Any:
-    """The event with which a value of a list begins, or None."""
-    for i, value in enumerate(events):
-        if isinstance(value, yaml.SequenceEndEvent):
-            return None
-        if i == position:
-            return value
-        _skip(value, events)
-    return None
-
-
-def _skip(event: Any, events: Iterator[Any]) -> None:
-    depth = int(isinstance(event, yaml.CollectionStartEvent))
-    while depth:
-        event = next(events)
-        depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
+def places(text: str) -> Iterator[tuple[Place, int, int]]:
+    """The values of a YAML text that can be parsed, in order: place, line of the key or list item, line where the value itself begins."""
+    above: list[Place] = []  # of each list and mapping that is open
+    names: list[Any] = []  # in it: position of the next value, or its key, None where a key comes first
+    line_of_key = 0
+    event: Any
+    for event in yaml.parse(text, Loader=_Loader):
+        if isinstance(event, yaml.CollectionEndEvent):
+            above.pop()
+            names.pop()
+        elif isinstance(event, yaml.NodeEvent):
+            line = event.start_mark.line + 1
+            if names and names[-1] is None:
+                names[-1], line_of_key = getattr(event, "value", event.anchor), line
+                continue
+            place: Place = (*above[-1], names[-1]) if names else ()
+            is_item = not names or isinstance(names[-1], int)
+            yield place, line if is_item else line_of_key, line
+            if names:
+                names[-1] = names[-1] + 1 if is_item else None
+            if isinstance(event, yaml.CollectionStartEvent):
+                above.append(place)
+                names.append(0 if isinstance(event, yaml.SequenceStartEvent) else None)
 
 
 def _build(source: Text) -> Any:  # noqa: C901  one pass over events, which come in the hundred thousands

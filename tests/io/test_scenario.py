@@ -80,9 +80,9 @@ def test_every_fault_is_one_line_with_its_line_number(tmp_path):
     ]
 
 
-def test_anchor_given_twice_is_one_line(tmp_path):
-    twice = "map: &a office\nrobots: &a {count: 2}\n"
-    assert lines_for(tmp_path, twice) == ["case.yaml:2: an anchor that is there already, expected another name"]
+def test_an_anchor_may_be_given_twice_as_yaml_has_it(tmp_path):
+    text = "map: &a office\nseed: &a 3\nrobots: *a\n"
+    assert read_scenario(written(tmp_path, text)).scenario.robots.count == 3
 
 
 @pytest.mark.parametrize(
