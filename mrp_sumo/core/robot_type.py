@@ -83,6 +83,9 @@ class Wheels(Options):
     gear_s: float = option(1.0, "Time in which it changes from forward to backward and back, standing.", gt=0, le=60)
     lateral_mps2: float = option(0.7, "Most acceleration to the side, which limits the speed on arcs.", gt=0, le=100)
     reverse_mps: float | None = option(None, "Top speed backwards; the same as forward by default.", **OF_ROBOT)
+    docking: Literal["any", "forks_first"] = option(
+        "any", "'forks_first' comes to the places at dead ends with the fixed axle first, at which the forks are."
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -93,6 +96,12 @@ class Wheels(Options):
             raise OptionError(f"kind {self.kind} with {' and '.join(extra)}, expected kind tricycle, ackermann or tugger with that")
         if self.reverse_mps is not None and not self.reverse:
             raise OptionError("reverse_mps without reverse: true, expected both or neither")
+        if self.docking == "forks_first" and not self.is_steered:
+            raise OptionError(
+                f"docking: forks_first with kind {self.kind}, expected kind tricycle or ackermann, which cannot turn in place"
+            )
+        if self.docking == "forks_first" and self.fixed_axle == "rear" and not self.reverse:
+            raise OptionError("docking: forks_first without reverse: true, expected both, as the forks are at the rear (fixed_axle: rear)")
 
     @property
     def is_steered(self) -> bool:

@@ -9,7 +9,8 @@ another lane at a bend, a Bezier curve takes the place of the arc.
 
 A vehicle that may reverse changes gear where a lane leads straight back. One that comes backward to a corner also swings past it along
 an arc of its least radius, away from the lane on which it is to leave, stops in line with that lane, and leaves forward: so forklifts
-back out of a station. It does so wherever it can.
+back out of a station. It does so wherever it can. One that comes forward does so before a lane that it has to drive backward: so they
+back into a station.
 """
 
 import math
@@ -150,7 +151,8 @@ def _on_lanes(graph: PlanGraph, vehicle: RobotType) -> _Corners:
         radius[k], reach[k] = (np.inf, np.nan) if is_smooth else bend_beside_curve(graph, vehicle, *ends, float(room[k]))
     for n in np.flatnonzero(curved).tolist():
         drives[n] = [not obstacle_on_curve(graph, vehicle, n, gear) for gear in (FORWARD, BACKWARD)]
-    by_gear = np.stack([swings & (left <= MAY_STAND_RAD), swings], 1)
+    only_back = ~(gears_of(graph, vehicle)[onward, FORWARD] > 0)
+    by_gear = np.stack([swings & ((left <= MAY_STAND_RAD) | only_back), swings], 1)
     free = np.ones(len(lane), np.bool_), np.ones((graph.num_lanes, 2), np.bool_)
     return _Corners(lane, onward, bend, room, np.stack([radius, radius], 1), reach, by_gear, *free, drives)
 
@@ -262,7 +264,33 @@ def stands_bent(turns: Turns, lane: int, gear: int) -> tuple[int, int] | None:
 @lru_cache(maxsize=16)
 def gears_of(graph: NavGraph, vehicle: RobotType) -> IntArray:
     """[L, 2] 1 where a type may drive along a lane forward, and backward."""
-    return frozen(np.array([_of_lane(graph, vehicle, lane) for lane in range(graph.num_lanes)], np.int64).reshape(-1, 2))
+    gears = np.array([_of_lane(graph, vehicle, lane) for lane in range(graph.num_lanes)], np.int64).reshape(-1, 2)
+    if vehicle.kinematics.docking == "forks_first":
+        gears[_into_dead_ends(graph), FORWARD if vehicle.kinematics.fixed_axle == "rear" else BACKWARD] = 0
+    return frozen(gears)
+
+
+def _into_dead_ends(graph: NavGraph) -> list[int]:
+    """Lanes that lead to places with one neighbour, from the last place before them that has more than two.
+
+    Without those for which, or for whose reverse, the map says in which gear they are driven.
+    """
+    neighbours: list[set[int]] = [set() for _ in range(graph.num_vertices)]
+    for tail, head in zip(graph.tail.tolist(), graph.head.tolist()):
+        neighbours[tail].add(head)
+        neighbours[head].add(tail)
+    lanes = []
+    for v, beside in enumerate(neighbours):
+        if len(beside) != 1:
+            continue
+        head, tail = v, next(iter(beside))
+        while True:
+            lanes.append(graph.lane_between(tail, head))
+            if len(neighbours[tail]) != 2:
+                break
+            head, tail = tail, next(iter(neighbours[tail] - {head}))
+    said = [OF_LANE.get(str(options.get("orientation_constraint"))) is not None for options in graph.lane_options]
+    return [lane for lane in lanes if lane >= 0 and not said[lane] and not (graph.reverse[lane] >= 0 and said[graph.reverse[lane]])]
 
 
 def _of_lane(graph: NavGraph, vehicle: RobotType, lane: int) -> tuple[bool, bool]:

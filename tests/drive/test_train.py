@@ -14,7 +14,7 @@ from mrp_sumo.drive.retime import retime
 from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.engines.sumo.network import build_network
 from mrp_sumo.metrics.audit import audit
-from mrp_sumo.traffic.turns import turns_of
+from mrp_sumo.traffic.turns import gears_of, obstacle_to, turns_of
 from tests.vehicles import CAR, TRICYCLE, TUGGER, corner, roads, vehicles_on
 
 
@@ -135,6 +135,36 @@ def test_a_forklift_backs_out_of_a_station_and_goes_on_forward(tmp_path, engine)
     x, y = axle_of(run.x_m[:, 0], run.y_m[:, 0], yaw, TRICYCLE.kinematics.ahead_m)
     after = np.arange(len(yaw)) > y.argmax()
     assert x[after].max() == pytest.approx(TRICYCLE.kinematics.least_radius_m, abs=0.01)  # past the corner, the other way
+
+
+@pytest.mark.parametrize("engine", ["kinematic", "sumo"])
+def test_a_truck_backs_into_a_dead_end_with_its_forks_first_and_leaves_forward(tmp_path, engine):
+    """0 is at the end of a spur of two steps beside the road 2 - 1 - 3; coming from the west it swings to the south first."""
+    graph = roads(
+        [(0.0, 8.0), (0.0, 0.0), (4.0, 0.0), (-4.0, 0.0), (8.0, 0.0), (-8.0, 0.0)], [(0, 1), (1, 2), (1, 3), (2, 4), (3, 5), (4, 5)]
+    )
+    spur = int(graph.head[graph.tail == 0][0])
+    forks = replace(TRICYCLE, kinematics=replace(TRICYCLE.kinematics, docking="forks_first"))
+    problem, plan, run = driven(tmp_path, graph, [[3, 1, spur, 0, spur, 1, 2]], forks, engine)
+    assert run.arrived_s == pytest.approx(plan.arrive_s, abs=1e-6)
+    found = audit(run, problem.fleet)
+    assert found["passed"], found["violations"]
+    there = int(run.y_m[:, 0].argmax())
+    assert (run.y_m[there, 0], run.yaw_rad[there, 0]) == (pytest.approx(8.0, abs=0.01), pytest.approx(-pi / 2))
+    assert obstacle_to(graph, forks, [3, 1, spur, 0]) == ""
+    only = replace(forks, kinematics=replace(forks.kinematics, fixed_axle="front"))
+    _, _, run = driven(tmp_path, graph, [[3, 1, spur, 0, spur, 1, 2]], only, engine)
+    there = int(run.y_m[:, 0].argmax())
+    assert run.yaw_rad[there, 0] == pytest.approx(pi / 2)  # whose forks are in front
+
+
+def test_the_map_says_how_a_dead_end_is_driven_where_it_does():
+    graph = roads([(0.0, 4.0), (0.0, 0.0), (4.0, 0.0), (-4.0, 0.0)], [(0, 1), (1, 2), (1, 3)])
+    forks = replace(TRICYCLE, kinematics=replace(TRICYCLE.kinematics, docking="forks_first"))
+    into, out = graph.lane_between(1, 0), graph.lane_between(0, 1)
+    assert gears_of(graph, forks)[into].tolist() == [0, 1]
+    options = [{"orientation_constraint": "backward"} if lane == out else {} for lane in range(graph.num_lanes)]
+    assert gears_of(replace(graph, lane_options=tuple(options)), forks)[into].tolist() == [1, 1]
 
 
 @pytest.mark.parametrize(("wall_m", "faces"), [(0.45, pi), (0.9, 0.0)])  # behind the axle it reaches 0.2 m, before it 0.8 m

@@ -6,6 +6,8 @@ from math import cos, pi, tan
 import numpy as np
 import pytest
 
+from mrp_sumo.core.robot_type import Wheels
+from mrp_sumo.errors import OptionError
 from mrp_sumo.traffic.turns import BACKWARD, FORWARD, NEVER, obstacle_to, turns_of
 from tests.vehicles import CAR, TRICYCLE, corner, roads
 
@@ -57,3 +59,15 @@ def test_straight_on_is_no_turn_and_keeps_the_gear():
     turns, k = turn(roads([(0.0, 0.0), (4.0, 0.0), (8.0, 0.0)], [(0, 1), (1, 2)]), TRICYCLE, 0, 1, 2)
     assert turns.next_gear[k].tolist() == [FORWARD, BACKWARD]
     assert np.isinf(turns.radius_m[k]).all() and (turns.tangent_m[k] == 0.0).all()
+
+
+@pytest.mark.parametrize(
+    ("wheels", "words"),
+    [
+        ({"kind": "differential"}, "docking: forks_first with kind differential, expected kind tricycle or ackermann"),
+        ({"kind": "ackermann", "wheelbase_m": 1.0, "steering_max_rad": 1.0}, "docking: forks_first without reverse: true, expected both"),
+    ],
+)
+def test_forks_first_needs_a_vehicle_that_can_come_so(wheels, words):
+    with pytest.raises(OptionError, match=words):
+        Wheels(**wheels, docking="forks_first")

@@ -121,7 +121,7 @@ def lost(robot: RobotShape, dialect: Dialect) -> str:
     wheels, loaded = robot.kinematics, robot.loaded or Loaded()
     gone = [key for key in ("turn_rate_rad_s",) if not dialect.is_new and robot.turn_rate_rad_s is not None]
     gone += [key for key in NOT_HELD if _differs(robot, key)]
-    gone += [f"kinematics.{key}" for key in ("gear_s", "lateral_mps2") if _differs(wheels, key)]
+    gone += [f"kinematics.{key}" for key in ("gear_s", "lateral_mps2", "docking") if _differs(wheels, key)]
     gone += ["trailers"] * bool(robot.trailers)
     gone += [f"loaded.{key}" for key in ("turn_rate_rad_s", "mass_kg") if getattr(loaded, key) is not None]
     for f in fields(Actions) if robot.actions else ():
