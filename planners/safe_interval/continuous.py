@@ -33,7 +33,7 @@ class Continuous:
     """Prioritised planning with the robots' real motion, then large neighbourhood search.
 
     Those with the shortest ways plan first; a robot that finds no way is raised above those that are in its way. Crowds that have no
-    ways one by one, or not soon, get the plan of `lacam`, in steps: its order is what robots can keep.
+    ways one by one, or not soon, get the plan of `lacam`, in steps, in windows through the window: its order is what robots can keep.
     """
 
     anytime: bool = False  # whether to spend the rest of the time limit on lower costs
@@ -43,7 +43,7 @@ class Continuous:
 
     assigns: ClassVar[bool] = False
     guarantee: ClassVar[str] = "drivable, not complete"
-    supports: ClassVar[frozenset[str]] = frozenset({"seconds", "effort", "types"})
+    supports: ClassVar[frozenset[str]] = frozenset({"seconds", "effort", "types", "window"})
 
     def __post_init__(self) -> None:
         if self.neighbourhood < 1 or self.polish < 0:

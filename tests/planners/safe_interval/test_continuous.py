@@ -20,6 +20,7 @@ from mrp_sumo.engines.sumo.network import build_network
 from mrp_sumo.errors import ScenarioError
 from mrp_sumo.metrics.audit import audit
 from mrp_sumo.metrics.referee_in_seconds import judge_in_seconds
+from mrp_sumo.planning.answers import planned_by
 from mrp_sumo.planning.registry import planner
 from mrp_sumo.search._motion import turn_steps
 from mrp_sumo.traffic.draw import uniform_draw
@@ -35,6 +36,15 @@ LIMITS = {"burger": (0.22, 2.5, 2.5, 2.84), "slow to brake": (2.0, 0.5, 0.5, 1.5
 
 def problem_of(graph, start, goal, robot=BURGER):
     return Problem(graph, fleet_of(robot, len(start)), np.array(start), np.array(goal), np.arange(len(start)), 3.0)
+
+
+def test_in_a_window_robots_that_cannot_pass_each_other_keep_ways_through_it():
+    """Two on a line want to change places: to the end there is no plan, for three steps there is."""
+    chosen, swap = planner("continuous", {}), problem_of(line(6), [0, 5], [5, 0])
+    chosen.prepare()
+    assert planned_by(chosen, swap, 20.0).plan is None
+    in_window = replace(swap, window_steps=3, drivable=True, effort=10_000)
+    assert "window" in chosen.supports and planned_by(chosen, in_window, 20.0).plan is not None
 
 
 def wrapped(angle):
