@@ -362,38 +362,14 @@ def with_lanes(graph: PlanGraph, open_: BoolArray) -> PlanGraph:
     )
 
 
-def relaid(
-    graph: PlanGraph,
-    *,
-    lanes: Any,
-    length_m: Any,
-    speed_mps: Any,
-    lane_options: Sequence[Options],
-    xy: Any = None,
-    level: Any = None,
-    vertex_options: Sequence[Options] | None = None,
-) -> PlanGraph:
-    """The graph with other lanes, as for `nav_graph`.
+def relaid(graph: PlanGraph, **parts: Any) -> PlanGraph:
+    """The graph with other lanes. `parts` are arguments of `nav_graph`: what there is of lanes, and what is new of vertices.
 
-    Parameters
-    ----------
-    xy, level, vertex_options
-        Of its vertices, in their order, and of new ones after them, which have no names; its own by default.
+    Vertices keep their order; new ones come after them and have no names.
     """
-    num_new = 0 if xy is None else len(xy) - graph.num_vertices
-    nav = nav_graph(
-        name=graph.name,
-        xy=graph.xy if xy is None else xy,
-        lanes=lanes,
-        level_names=graph.level_names,
-        level=graph.level if level is None else level,
-        vertex_name=graph.vertex_name + ("",) * num_new,
-        vertex_options=graph.vertex_options if vertex_options is None else vertex_options,
-        length_m=length_m,
-        speed_mps=speed_mps,
-        lane_options=lane_options,
-        source=graph.source,
-    )
+    num_new = len(parts.get("xy", graph.xy)) - graph.num_vertices
+    own = {key: getattr(graph, key) for key in ("name", "xy", "level_names", "level", "vertex_options", "source")}
+    nav = nav_graph(**{**own, "vertex_name": graph.vertex_name + ("",) * num_new, **parts})
     return plan_graph(
         nav,
         kind=graph.kind,
