@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 
 from mrp_sumo.calibration.log import Track
-from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray
+from mrp_sumo.core.graph import BoolArray, FloatArray
 
 LEAST_NOISE_M = 0.002  # of positions: steps of the log's clock, rounding
 LEAST_NOISE_RAD = 0.002
@@ -204,8 +204,3 @@ def _corners(xy: FloatArray, near_m: float) -> list[int]:
 def turned_rad(one: float, other: float) -> float:
     """Angle from a heading to another, in -pi to pi."""
     return (other - one + np.pi) % (2 * np.pi) - np.pi
-
-
-def indices(leg: StraightLeg) -> IntArray:
-    """[n] of its samples in the track."""
-    return np.arange(leg.first, leg.last + 1)

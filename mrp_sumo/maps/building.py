@@ -127,7 +127,6 @@ class Building:
     name: str
     path: Path
     coordinate_system: str
-    reference_level: str
     levels: Mapping[str, Level]
     lifts: Mapping[str, Lift]
     crs_name: str = ""

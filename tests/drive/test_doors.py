@@ -109,7 +109,7 @@ def test_robots_need_a_door_open_wherever_they_would_touch_it():
         vertex_options=({},) * 4,
         doors=(Door(0, 1, "gate", "hinged"), Door(2, 3, "elsewhere", "hinged")),
     )
-    building = Building(name="b", path=None, coordinate_system="", reference_level="L1", levels={"L1": level}, lifts={})
+    building = Building(name="b", path=None, coordinate_system="", levels={"L1": level}, lifts={})
     found = with_doors(graph, building, 0.4)
     assert {(a, b) for a, b, o in zip(found.tail.tolist(), found.head.tolist(), found.lane_options) if o} == {
         (0, 1),

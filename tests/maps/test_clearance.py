@@ -35,7 +35,7 @@ def level(walls, doors=(), name="L1"):
 
 
 def building(*levels):
-    return Building(name="b", path=None, coordinate_system="", reference_level="L1", levels={each.name: each for each in levels}, lifts={})
+    return Building(name="b", path=None, coordinate_system="", levels={each.name: each for each in levels}, lifts={})
 
 
 def graph(xy, lanes, **more):

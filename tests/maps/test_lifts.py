@@ -43,7 +43,7 @@ def two_cells(cabin_x_m):
         name="g", xy=[(0.0, 0.0), (0.0, 0.0)], lanes=lanes, level_names=("L1", "L2"), level=[0, 1], length_m=[0.1] * 2, lane_options=options
     )
     lift = Lift(name="goods", x_m=cabin_x_m, y_m=0.0, yaw_rad=0.0, width_m=1.0, depth_m=1.0)
-    building = Building(name="b", path=None, coordinate_system="", reference_level="L1", levels={}, lifts={"goods": lift})
+    building = Building(name="b", path=None, coordinate_system="", levels={}, lifts={"goods": lift})
     return with_rides(plan_graph(graph, kind="grid", cell_m=2.0), 5.0, 0.3, building, {}), building
 
 

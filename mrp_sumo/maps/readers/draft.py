@@ -327,7 +327,6 @@ def building_of_walls(
         name=map_name(draft.source.path),
         path=draft.source.path,
         coordinate_system="cartesian_meters",
-        reference_level=next(iter(levels), ""),
         levels=levels,
         lifts={},
     )

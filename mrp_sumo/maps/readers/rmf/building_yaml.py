@@ -69,7 +69,6 @@ def building_of(document: Any, source: Text, meters_per_pixel: float | None = No
         name=name,
         path=source.path,
         coordinate_system=system,
-        reference_level=reference,
         levels=levels,
         lifts=lifts,
         crs_name=crs_name,
