@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from mrp_sumo.calibration.estimates import CONFIDENCE, CalibratedFigure, Calibration
+from mrp_sumo.calibration.stops import USUAL_S, USUAL_SIGMA
 from mrp_sumo.core.arrivals import ServiceTime
 from mrp_sumo.core.disturbances import Disturbances
 from mrp_sumo.core.options import Options
@@ -55,6 +56,8 @@ def disturbances_of(result: Calibration) -> Disturbances:
             {"stops_per_s": known["stops_per_s"]} if "stops_per_s" in known and known["stops_per_s"].value > 0 else {}
         )
     figures: dict[str, Any] = {name: _digits(each.value) for name, each in known.items()}
+    if "stops_per_s" in known and "stop_median_s" not in known:
+        figures |= {"stop_median_s": USUAL_S, "stop_sigma": USUAL_SIGMA}  # of which the rate was told
     return Disturbances(**figures, intervals={name: _interval(each) for name, each in known.items()})
 
 

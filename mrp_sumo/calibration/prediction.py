@@ -242,14 +242,14 @@ def _together(each: Sequence[Disturbances], calibrations: Sequence[Calibration])
         rows = np.array([(getattr(one, name), *one.intervals[name]) for one, _ in known])
         value, low, high = (float(f"{number:.4g}") for number in weights @ rows / weights.sum())
         figures[name], figures["intervals"][name] = value, [min(low, value), max(high, value)]
+    if "stops_per_s" in figures:  # whose rate is that of stops as long as these
+        figures = {name: getattr(each[0], name) for name in ("stop_median_s", "stop_sigma")} | figures
     return figures
 
 
 def _weight(figure: CalibratedFigure, calibration: Calibration) -> float:
-    """Rates count by the time driven, all others by their episodes."""
-    if figure.name == "stops_per_s" and calibration.fits is not None and calibration.fits.stops is not None:
-        return max(calibration.fits.stops.driven_s, 1e-9)
-    return max(figure.count, 1)
+    """Rates count by time, all others by their episodes."""
+    return calibration.span_s if figure.name == "stops_per_s" else max(figure.count, 1)
 
 
 def _without(figures: Mapping[str, Any], names: Sequence[str]) -> dict[str, Any]:

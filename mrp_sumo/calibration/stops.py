@@ -2,7 +2,8 @@
 
 A vehicle that is held brakes, stands and goes on. Holds that end before it stands, or before the log shows it, are not seen: the
 likelihood is that of a Poisson stream of lognormal holds of which only the longer ones are. Not counted are stands at actions, where the
-way bends, where vehicles often stand, with another vehicle near, and where the log says that the way ahead was not free.
+way bends, where many of those who pass stand, with another vehicle near, and where the log says that the way ahead was not free. Few
+stops do not tell how long stops last: then they last as usual, and a weak prior keeps more of them from being too short to be seen.
 """
 
 from dataclasses import dataclass
@@ -11,13 +12,16 @@ import numpy as np
 
 from mrp_sumo.calibration.log import ActionTime
 from mrp_sumo.calibration.phases import BEND_RAD, Noise, Phases, turned_rad
-from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray
+from mrp_sumo.core.graph import BoolArray, FloatArray
 
 NEAR_M = 4.0  # of another vehicle, for which one may wait
 PLACE_M = 0.35
-OFTEN = 4  # stands that make a place
+OFTEN, SHARE = 4, 0.05  # stands that make a place, where so many of those who pass stand
+CHORD = 1.57  # of a disc of radius 1, on average
 EDGE = 2  # samples at the ends of a leg, where a stop would not be told from its end
 LEAST_PERIODS = 3.0  # of a stand that is surely seen
+FEW = 5  # stops, from which on they tell how long stops last
+USUAL_S, USUAL_SIGMA, SHORT_S = 6.0, 0.5, 4.0  # of stops, where nobody knows better; the median of short ones
 MEDIANS, SIGMAS = np.geomspace(0.5, 300.0, 110), np.linspace(0.05, 2.0, 60)
 
 
@@ -63,7 +67,7 @@ def fit_stops(
         busy = [visit for visit in visits if visit.vehicle == track.vehicle]
         before, after = {leg.to_stand: leg for leg in each.legs}, {leg.from_stand: leg for leg in each.legs}
         alone = ~others.near(track.vehicle, t, track.x_m, track.y_m)
-        free = alone & ~(track.waits > 0) & (places.count(track.x_m, track.y_m) < OFTEN)
+        free = alone & ~(track.waits > 0) & ~places.often(track.x_m, track.y_m)
         for leg in each.legs:
             inner = np.arange(leg.first + EDGE, leg.last + 1 - EDGE)
             driven_s += float(((t[inner] - t[inner - 1]) * free[inner]).sum())
@@ -89,14 +93,20 @@ def _fit(hold_s: FloatArray, driven_s: float, seen_s: float, drop: float) -> Sto
     from scipy.special import gammaincinv, ndtr
 
     count = len(hold_s)
-    if count < 5:
-        high = float(gammaincinv(count + 1, 0.95)) / max(driven_s, 1e-9)
-        low = float(gammaincinv(count, 0.05)) / max(driven_s, 1e-9) if count else 0.0
-        return Stops(hold_s, (count / max(driven_s, 1e-9), low, high), None, None)
+
+    def seen_share(median_s: float) -> float:
+        return float(ndtr(np.log(median_s / seen_s) / USUAL_SIGMA))
+
+    if count < FEW:  # which say nothing of those that are too short to be seen
+        driven_s = max(driven_s, 1e-9)
+        high = float(gammaincinv(count + 1, 0.95)) / driven_s / seen_share(SHORT_S)
+        low = float(gammaincinv(count, 0.05)) / driven_s if count else 0.0
+        return Stops(hold_s, (count / driven_s / seen_share(USUAL_S), low, high), None, None)
     log_median, sigma = np.log(MEDIANS)[:, None], SIGMAS[None, :]
     longer = np.maximum(ndtr((log_median - np.log(seen_s)) / sigma), 1e-12)
     z2 = ((np.log(hold_s)[:, None, None] - log_median) ** 2).sum(0) / sigma**2
     durations = -z2 / 2 - count * (np.log(sigma) + np.log(longer))
+    durations -= ((log_median - np.log(USUAL_S)) ** 2 + (np.log(sigma) - np.log(USUAL_SIGMA)) ** 2) / 2  # or all may be short ones
     best = float(durations.max())
     i, j = np.unravel_index(int(np.argmax(durations)), durations.shape)
     rate = count / (driven_s * longer[i, j])
@@ -127,19 +137,26 @@ def _within(at: FloatArray, log: FloatArray, drop: float) -> tuple[float, float]
 
 
 class _Stands:
-    """Numbers of stands near a point."""
+    """Places where vehicles stand, by how many of those who pass do."""
 
     def __init__(self, phases: list[Phases]) -> None:
         from scipy.spatial import cKDTree
 
         xy = np.array([(stand.x_m, stand.y_m) for each in phases for stand in each.stands]).reshape(-1, 2)
-        self._tree = cKDTree(xy) if len(xy) else None
+        places = [np.stack((each.track.x_m, each.track.y_m), 1) for each in phases]
+        moving = np.concatenate([np.zeros((0, 2)), *(place[each.moving] for place, each in zip(places, phases))])
+        steps = [np.hypot(*np.diff(place[each.moving], axis=0).T) for place, each in zip(places, phases) if each.moving.sum() > 1]
+        self._tree, self._passing = (cKDTree(points) if len(points) else None for points in (xy, moving))
+        self._passes = float(np.median(np.concatenate(steps))) / (CHORD * PLACE_M) if steps else 0.0  # by sample nearby
 
-    def count(self, x_m: FloatArray, y_m: FloatArray) -> IntArray:
-        """[N] stands near each of N points."""
-        if self._tree is None:
-            return np.zeros(len(x_m), np.int64)
-        return np.asarray(self._tree.query_ball_point(np.stack((x_m, y_m), 1), PLACE_M, return_length=True), np.int64)
+    def often(self, x_m: FloatArray, y_m: FloatArray) -> BoolArray:
+        """[N] whether vehicles often stand near N points."""
+        if self._tree is None or self._passing is None:
+            return np.zeros(len(x_m), np.bool_)
+        points = np.stack((x_m, y_m), 1)
+        stands, samples = (tree.query_ball_point(points, PLACE_M, return_length=True) for tree in (self._tree, self._passing))
+        often: BoolArray = (stands >= OFTEN) & (stands > SHARE * (stands + samples * self._passes))
+        return often
 
 
 class _Others:

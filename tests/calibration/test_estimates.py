@@ -1,9 +1,12 @@
 import numpy as np
 import pytest
+from scipy.special import ndtr
 from shuttles import shuttle_rows
 
 from mrp_sumo.calibration.estimates import calibrated
-from mrp_sumo.calibration.log import ActionTime, MotionLog
+from mrp_sumo.calibration.log import ActionTime, MotionLog, Track
+from mrp_sumo.calibration.phases import Noise, phases_of
+from mrp_sumo.calibration.stops import _fit, _Stands
 from mrp_sumo.errors import MrpSumoError
 
 TRUTH = {"max_speed_mps": 1.2, "accel_mps2": 0.6, "decel_mps2": 0.8, "turn_rate_rad_s": 1.0, "speed_noise": 0.06}
@@ -82,3 +85,28 @@ def test_clock_that_jumps_back_cuts_the_log(shuttles):
 def test_a_few_poses_are_too_short_to_tell():
     with pytest.raises(MrpSumoError, match="too short to tell anything"):
         calibrated(log_of({"s": np.array([[0.0, 0, 0, 0], [1, 1, 0, 0], [2, 2, 0, 0]])}))
+
+
+def stops_of(holds, driven_s=10_000.0):
+    return _fit(np.array(holds), driven_s, 5.0, 1.4)
+
+
+def test_few_stops_count_for_those_that_are_too_short_to_be_seen():
+    rate, low, high = stops_of([6.0, 8.0]).rate_per_s
+    assert rate == pytest.approx(2 / 10_000 / ndtr(np.log(6 / 5) / 0.5))
+    assert low < 2 / 10_000 < rate < high
+    assert stops_of([]).rate_per_s[:2] == (0.0, 0.0)
+
+
+def test_stops_that_are_hardly_seen_are_not_taken_for_the_end_of_many_short_ones():
+    stops = stops_of([5.1, 5.3, 5.2, 5.6, 5.4, 5.2, 5.9, 5.1, 5.5, 5.3])
+    assert stops.median_s[0] > 2.0
+    assert stops.rate_per_s[0] < 0.1
+
+
+def test_place_where_one_of_many_stood_is_none_where_vehicles_often_stand():
+    rng = np.random.default_rng(3)
+    tracks = [Track("s", *(row for row in shuttle_rows(rng, trips=60).T), np.full(1, np.nan)) for _ in range(1)]
+    phases = [phases_of(track, Noise(0.02, 0.02), 1.2) for track in tracks]
+    often = _Stands(phases).often(np.array([0.0, 7.0]), np.array([0.0, 0.0]))
+    assert often.tolist() == [True, False]  # it turns at the end, and passes the middle

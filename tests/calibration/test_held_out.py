@@ -4,8 +4,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from mrp_sumo.calibration.estimates import CalibratedFigure, Calibration
+from mrp_sumo.calibration.files import disturbances_of
 from mrp_sumo.calibration.held_out import HeldOut, ServiceTimes, cut, tasks_of
 from mrp_sumo.calibration.log import ActionTime, LoggedOrder, MotionLog
+from mrp_sumo.calibration.prediction import _together
 from mrp_sumo.errors import MrpSumoError
 
 
@@ -60,3 +63,17 @@ def test_log_that_cannot_be_compared_is_refused(named, line):
         cut(MotionLog("log", "CSV", poses=named), SimpleNamespace(file=None, map=None), 0.5)
     assert line in str(error.value)
     assert "\n" not in str(error.value)
+
+
+def test_disturbances_of_two_types_count_by_what_they_are_from():
+    def one(noise, count, rate, span_s):
+        figures = {"speed_noise": CalibratedFigure("speed_noise", "", noise, 0.5 * noise, 2 * noise, count, "steps")}
+        figures["stops_per_s"] = CalibratedFigure("stops_per_s", "1/s", rate, 0.0, 2 * rate, 0, "stops")
+        return Calibration(MotionLog("log", "CSV"), [], span_s, figures)
+
+    both = [one(0.04, 300, 0.001, 1000.0), one(0.08, 100, 0.005, 3000.0)]
+    figures = _together([disturbances_of(each) for each in both], both)
+    assert figures["speed_noise"] == pytest.approx(0.05)
+    assert figures["intervals"]["speed_noise"] == pytest.approx([0.025, 0.1])
+    assert figures["stops_per_s"] == pytest.approx(0.004)
+    assert figures["stop_median_s"] == 6.0
