@@ -30,7 +30,8 @@ from mrp_sumo.experiments.run import carry_out
 from mrp_sumo.io.scenario.read import scenario_of
 
 DENSITIES = (0.25, 0.5, 1.0, 1.5, 2.0, 3.0)
-BRISK = Group(speed_mps=1.55, spread_mps=0.15, headway_s=0.14, spacing_m=0.62)  # like HERMES; 1.55 m/s is its participants' own
+LEAST_SHARE = 0.25  # of people who walk either way, in recordings of both
+BRISK = Group(speed_mps=1.55, spread_mps=0.15, headway_s=0.14, spacing_m=0.75)  # like HERMES; 1.55 m/s is its participants' own
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -84,7 +85,9 @@ def recorded(folder: Path) -> Iterator[bench.Row]:
     if not files:
         yield {"measure": "speed", "skipped": "no uo-*.txt of HERMES"}
     else:
-        yield from _speeds(files)
+        yield from _speeds("speed_mps", files)
+        if two_way := recordings.two_way_corridors(folder):
+            yield from _speeds("two_way_speed_mps", two_way, two_way=True)
         yield from _flows(files)
     if not encounters:
         yield {"measure": "gap", "skipped": "no *_traj_veh_filtered.csv of CITR"}
@@ -92,19 +95,20 @@ def recorded(folder: Path) -> Iterator[bench.Row]:
         yield _gaps(kind, clips)
 
 
-def _speeds(files: Sequence[Path]) -> Iterator[bench.Row]:
-    chosen, others = (np.concatenate([sightings(file) for file in part]) for part in (files[::2], files[1::2]))
+def _speeds(measure: str, files: Sequence[Path], *, two_way: bool = False) -> Iterator[bench.Row]:
+    share = LEAST_SHARE if two_way else 0.0
+    chosen, others = (np.concatenate([sightings(file, share) for file in part]) for part in (files[::2], files[1::2]))
     for density in DENSITIES:
         there, at, _ = speed_mps(chosen, density)
         held_out, at_others, _ = speed_mps(others, density)
-        brisk = [ring_speed_mps(each, BRISK) for each in (at, at_others)]
+        brisk = [ring_speed_mps(each, BRISK, two_way=two_way) for each in (at, at_others)]
         yield {
-            "measure": "speed_mps",
+            "measure": measure,
             "at": density,
             "recorded": round(there, 3),
             "held_out": round(held_out, 3),
             "weidmann": round(1.34 * (1 - float(np.exp(-1.913 * (1 / density - 1 / 5.4)))), 3),
-            "default": round(ring_speed_mps(density, Group()), 3),
+            "default": round(ring_speed_mps(density, Group(), two_way=two_way), 3),
             "brisk": round(brisk[1], 3),
             "off_percent": round(100 * (brisk[0] / there - 1), 1),
             "off_held_out_percent": round(100 * (brisk[1] / held_out - 1), 1),

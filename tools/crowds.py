@@ -24,8 +24,11 @@ def floor_between(walls: FloatArray, width_m: float, height_m: float) -> Floor:
     return Floor((0.0, 0.0), width, height, walls, first, near, away_m, away_m >= BODY_M)
 
 
-def ring_speed_mps(density: float, group: Group, seed: int = 0, lasts_s: float = 40.0) -> float:
-    """Mean speed of a crowd of so many people a square metre that walks one way in a ring of 3 m width, in its second half."""
+def ring_speed_mps(density: float, group: Group, *, two_way: bool = False, seed: int = 0, lasts_s: float = 40.0) -> float:
+    """Mean speed of a crowd of so many people a square metre that walks one way, or half of it the other, in a ring of 3 m width.
+
+    In the second half of the time: lanes form in the first.
+    """
     turn = np.arange(CORNERS + 1) * 2 * np.pi / CORNERS
     rings = [np.column_stack([10 + r * np.cos(turn), 10 + r * np.sin(turn)]) for r in (INNER_M, OUTER_M)]
     floor = floor_between(np.array([(*a, *b) for ring in rings for a, b in pairwise(ring)]), 20, 20)
@@ -35,17 +38,19 @@ def ring_speed_mps(density: float, group: Group, seed: int = 0, lasts_s: float =
     at = rng.uniform(0, 2 * np.pi, count)
     places = np.array([floor.place_at(np.array(xy)) for xy in ((17.5, 10.0), (2.5, 10.0))])
     crowd = Crowd(People(floor, places, count=count, groups=(group,), seed=seed), np.zeros(0), np.zeros(0))
-    for r, a in zip(radius.tolist(), at.tolist()):
-        crowd._add(np.array([10 + r * np.cos(a), 10 + r * np.sin(a)]), (0, 0))
+    for k, (r, a) in enumerate(zip(radius.tolist(), at.tolist())):
+        crowd._add(np.array([10 + r * np.cos(a), 10 + r * np.sin(a)]), (0, k % 2 if two_way else 0))
     x, y = floor.centre_of(np.arange(floor.width * floor.height)).T - 10
-    crowd._ways[:] = np.rint((np.arctan2(y, x) + np.pi / 2) * (_floor.NUM_ANGLES / (2 * np.pi))).astype(np.int64) % _floor.NUM_ANGLES
+    for k, ways in enumerate(crowd._ways):  # the second ones against the first
+        ways[:] = np.rint((np.arctan2(y, x) + (k + 0.5) * np.pi) * (_floor.NUM_ANGLES / (2 * np.pi))).astype(np.int64) % _floor.NUM_ANGLES
+    way = np.where(np.arange(count) % 2 & two_way, -1, 1)
     speeds, who = [], crowd.walkers
     for k in range(round(lasts_s / DT_S)):
         who.stuck_s[:] = 0.0  # nobody turns back
         before = np.arctan2(who.y_m - 10, who.x_m - 10)
         _walk.walk(k * DT_S, DT_S, count, who, crowd.ground, crowd.robots, crowd._ways)
         turned = (np.arctan2(who.y_m - 10, who.x_m - 10) - before + np.pi) % (2 * np.pi) - np.pi
-        speeds.append((turned * np.hypot(who.x_m - 10, who.y_m - 10)).mean() / DT_S)
+        speeds.append((way * turned * np.hypot(who.x_m - 10, who.y_m - 10)).mean() / DT_S)
     return float(np.mean(speeds[len(speeds) // 2 :]))
 
 

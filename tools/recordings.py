@@ -1,8 +1,8 @@
 """Recordings of people that others have made, as arrays. They are fetched by who wants them; their own terms hold.
 
 HERMES (Forschungszentrum Juelich, 2009), `datasets/HERMES` of github.com/crowdbotp/OpenTraj: `uo-BBB-WWW-EEE.txt` are people who walk one
-way through a corridor of WWW cm, whose exit is EEE cm wide. CITR (The Ohio State University), github.com/dongfang-steven-yang/
-vci-dataset-citr: `data/trajectories_filtered/vci_*` are people who meet a golf cart.
+way through a corridor of WWW cm, whose exit is EEE cm wide; those of `bo*-WWW-*.txt` walk both ways. CITR (The Ohio State University),
+github.com/dongfang-steven-yang/vci-dataset-citr: `data/trajectories_filtered/vci_*` are people who meet a golf cart.
 """
 
 import csv
@@ -25,9 +25,14 @@ def corridors(folder: Path) -> list[Path]:
     return sorted(folder.rglob("uo-???-???-???.txt"))
 
 
+def two_way_corridors(folder: Path) -> list[Path]:
+    """Files of HERMES of people who walk both ways, by name."""
+    return sorted(folder.rglob("bo*-???-*.txt"))
+
+
 def corridor_m(path: Path) -> float:
     """Width of the corridor of a file."""
-    return int(path.stem.split("-")[2]) / 100
+    return int(path.stem.split("-")[2 if path.stem.startswith("uo") else 1]) / 100
 
 
 def exit_m(path: Path) -> float:
@@ -43,8 +48,11 @@ def tracks(path: Path) -> tuple[IntArray, IntArray, FloatArray]:
     return rows[:, 0].astype(np.int64), rows[:, 1].astype(np.int64), rows[:, 3] / 100
 
 
-def sightings(path: Path) -> FloatArray:
-    """[F, 3] people a square metre, their mean speed in m/s and their number, of each frame with somebody in the section."""
+def sightings(path: Path, least_share: float = 0.0) -> FloatArray:
+    """[F, 3] people a square metre, their mean speed in m/s and their number, of each frame with somebody in the section.
+
+    `least_share` of them at least walk either way.
+    """
     person, frame, along = tracks(path)
     key = person * 1_000_000 + frame
     before, after = (np.minimum(np.searchsorted(key, key + step), len(key) - 1) for step in (-HALF, HALF))
@@ -52,10 +60,11 @@ def sightings(path: Path) -> FloatArray:
     inside = (along >= SECTION_M[0]) & (along < SECTION_M[1])
     number = frame - frame.min()
     count = np.bincount(number[inside])
-    speed = np.abs(along[after] - along[before]) / (2 * HALF * FRAME_S)
+    way_m = along[after] - along[before]
+    speed = np.abs(way_m) / (2 * HALF * FRAME_S)
     seen = inside & there
-    total, num = (np.bincount(number[seen], weights, len(count)) for weights in (speed[seen], None))
-    some = num > 0
+    total, num, up = (np.bincount(number[seen], weights, len(count)) for weights in (speed[seen], None, way_m[seen] > 0))
+    some = (num > 0) & (np.minimum(up, num - up) >= least_share * num)
     area = corridor_m(path) * (SECTION_M[1] - SECTION_M[0])
     return np.column_stack([count[some] / area, total[some] / num[some], num[some]])
 

@@ -14,7 +14,7 @@ class Group(Options):
     speed_mps: float = option(1.34, "Mean preferred speed.", gt=0, le=5)
     spread_mps: float = option(0.26, "Standard deviation; cut off at two of them.", ge=0, le=2)
     headway_s: float = option(0.75, "Time by which they keep more than `spacing_m` behind others.", gt=0, le=5)
-    spacing_m: float = option(0.3, "Distance of centres at which they stand behind others.", ge=0.2, le=2)
+    spacing_m: float = option(0.45, "Distance of centres at which they stand behind others.", ge=0.2, le=2)
 
 
 @dataclass(frozen=True, kw_only=True)
