@@ -83,6 +83,7 @@ SEVERITY: dict[str, Severity] = {
     "parallel_lanes": "warn",
     "pieces_left_out": "warn",
     "walls_not_traced": "warn",
+    "walls_traced_coarsely": "info",
     "walls_of_layers": "info",
     "outside_left_out": "info",
     "lift_cabin_mismatch": "info",

@@ -31,7 +31,7 @@ COARSEST_M = 0.2
 SMALLEST_M = 2.0  # of a drawing: a smaller one is in another unit
 ENCLOSED = 0.1  # share of the plan
 ROUNDING_PX = 0.25  # pixels' centres are less far from a wall than a robot may be
-MAX_TRACED = 20_000  # strokes of a picture's outlines
+MAX_TRACED = 10_000  # strokes of a picture's outlines
 
 
 @dataclass(frozen=True)
@@ -136,10 +136,15 @@ def _scale_of(file: MapFile, selection: Selection, size: FloatArray, what: str, 
 def _picture(file: MapFile, selection: Selection, shade: np.ndarray, scale_m: float) -> Map:
     """The plan of shades [h, w], 0 to 255."""
     clear = (shade >= WALL_BELOW * 255)[::-1]
-    notes, walls = Notes(), _traced(clear) * scale_m
+    notes, walls, pixels = Notes(), _traced(clear) * scale_m, 1
+    while len(walls) > MAX_TRACED and (pixels + 1) * scale_m <= COARSEST_M:
+        pixels += 1
+        walls = _traced(_coarser(clear, pixels)) * pixels * scale_m
     if len(walls) > MAX_TRACED:
         notes.add("walls_not_traced", f"{len(walls)} strokes: the grid alone keeps robots off what is dark")
         walls = walls[:0]
+    elif pixels > 1:
+        notes.add("walls_traced_coarsely", f"outlines of what is dark are drawn up to {pixels * scale_m:.2g} m too far out")
     return _plan(file, selection, Costmap((0.0, 0.0), scale_m, ~clear), walls, notes)
 
 
@@ -215,6 +220,14 @@ def _rasterised(strokes: FloatArray, low: FloatArray, resolution_m: float, width
     for x0, y0, x1, y1 in ((strokes - low) / resolution_m).reshape(-1, 4).tolist():
         draw.line((int(x0), int(y0), int(x1), int(y1)), fill=1)
     return np.array(image, np.bool_)
+
+
+def _coarser(clear: BoolArray, pixels: int) -> BoolArray:
+    """The plan in squares of so many pixels, clear where all of them are."""
+    height, width = clear.shape
+    padded = np.pad(clear, ((0, -height % pixels), (0, -width % pixels)), constant_values=True)
+    squares: BoolArray = padded.reshape(padded.shape[0] // pixels, pixels, -1, pixels).all((1, 3))
+    return squares
 
 
 def _traced(clear: BoolArray) -> FloatArray:

@@ -24,7 +24,7 @@ const labelOf = (input) => input.getAttribute("aria-label") || input.labels?.[0]
 /* The panel of the step, made anew; who is typing in it goes on typing. */
 function panel() {
   const side = element("side"), active = document.activeElement, label = side.contains(active) && labelOf(active), scroll = side.scrollTop;
-  const typed = active.dataset.typed ? active.value : null, caret = typed === null ? null : active.selectionStart;
+  const typed = active.dataset.typed ? active.value : null, caret = [active.selectionStart, active.selectionEnd];
   delete active.dataset.typed;
   const [, title, parts] = STEPS.find(([name]) => name === shared.step);
   side.replaceChildren(make("h2", { className: "hidden", textContent: title.slice(2) }), ...parts().filter(Boolean));
@@ -32,10 +32,11 @@ function panel() {
   const again = label && [...side.querySelectorAll("input, select, textarea")].find((input) => labelOf(input) === label);
   if (!again) return;
   again.focus();
-  if (typed === null) return;
-  Object.assign(again, { value: typed });
-  again.dataset.typed = "yes";
-  if (caret !== null) again.setSelectionRange(caret, caret);
+  if (typed !== null) {
+    again.value = typed;
+    again.dataset.typed = "yes";
+  }
+  if (Number.isInteger(caret[0])) again.setSelectionRange(...caret);
 }
 
 function show(name) {

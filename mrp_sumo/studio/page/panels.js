@@ -6,7 +6,7 @@ import { unit } from "./levels.js";
 import { actions, folderOf, follows, isRunning, of, refresh, shared, start } from "./shared.js";
 import { isDirty, level, list, opened, edited, rounded, site, changed } from "./site.js";
 import { camera, fit, picture, up } from "./view.js";
-import { choose } from "./tools.js";
+import { choose, tool } from "./tools.js";
 
 /* Floor */
 
@@ -14,8 +14,8 @@ export function floorPanel() {
   const parts = [];
   const image = picture(), scale = unit();
   if (!site.document) parts.push(next("Open a plan of your floor or a map from the list, or begin with an empty floor. Files are those of the folder that you started in: copy a PNG, JPG or DXF there."));
-  else if (!scale) parts.push(next("Say how large the plan is: press Scale, click two places whose distance you know, such as both ends of a wall, and type the metres between them."), button("Scale (m)", () => choose("scale"), { className: "main" }));
-  else parts.push(next("The floor has a scale. Go to Draw.", " "), button("Draw lanes", () => actions.show("draw"), { className: "main" }));
+  else if (!scale) parts.push(next("Say how large the plan is: click two places whose distance you know, such as both ends of a wall, then type the metres between them."), ...(tool.name === "scale" ? [] : [button("Scale (m)", () => choose("scale"), { className: "main" })]));
+  else parts.push(next(image && !list("lanes").length ? "The floor has a scale. Have lanes laid over it below, or draw them yourself." : "The floor has a scale. Go to Draw."), button("Draw lanes", () => actions.show("draw"), { className: "main" }));
   if (site.document) {
     parts.push(make("h2", { textContent: site.path }));
     parts.push(muted(`${site.digest ? "saved" : "not saved yet"}${site.from && site.from !== site.path ? `, made of ${site.from}` : ""}${scale ? `, ${(1 / scale).toPrecision(3)} units a metre` : ""}`));
@@ -128,6 +128,25 @@ async function proposeOrders() {
   if (await actions.save()) start({ what: "init", map: site.path, ...wishes });
 }
 
+/* Groups of stations, and stations with several places and a queue: lists of names. */
+function placesPart() {
+  const { groups = {}, stations = {} } = shared.values?.tasks || {}, known = level().vertices?.map((v) => v[3]).filter(Boolean).join(", ") || "";
+  const names = (label, key, value, says) => field(label, { value: (value || []).join(", "), says: `${says}, with commas; on this level: ${known}` }, (text) => setValue(key, text ? text.split(",").map((name) => name.trim()).filter(Boolean) : null));
+  const rows = [
+    ...Object.entries(groups).map(([name, value]) => names(`group ${name}`, `tasks.groups.${name}`, value, "names of stations or vertices")),
+    ...Object.entries(stations).flatMap(([name, one]) => [names(`${name}: places`, `tasks.stations.${name}.places`, one?.places, "names of vertices, one robot at a time is served at each"), names(`${name}: queue`, `tasks.stations.${name}.queue`, one?.queue, "names of vertices where robots wait for a place")]),
+  ];
+  return [make("details", {}, make("summary", { textContent: "Groups, places and queues" }), muted("Each named vertex is a station with one place. A station with several places, and a queue, has a name of its own."), fields(...rows),
+    make("div", { className: "row" }, button("Add a station with places …", addStation)))];
+}
+
+async function addStation() {
+  const chosen = site.selection.filter((s) => s.kind === "vertices").map((s) => list("vertices")[s.index]?.[3]).filter(Boolean).join(", ");
+  const name = await ask("What is the station called?", "", "", "text");
+  const places = name && await ask("Which vertices are its places?", "names, with commas", chosen, "text");
+  if (places) setValue(`tasks.stations.${name.replace(/[^\w-]+/g, "_")}.places`, places.split(",").map((one) => one.trim()).filter(Boolean));
+}
+
 export function ordersPanel() {
   const parts = [], known = of("scenario");
   if (!site.document && !known.length) return [next("Draw a floor first."), button("Floor", () => actions.show("floor"), { className: "main" })];
@@ -156,6 +175,7 @@ export function ordersPanel() {
   other.setAttribute("list", listId);
   other.addEventListener("change", () => { if (declared.has(other.value)) { more = [...more, other.value]; changed("panel"); } });
   parts.push(make("div", { className: "row" }, other, make("datalist", { id: listId }, ...shared.start.fields.filter((one) => !MAIN.includes(one.key)).map((one) => make("option", { value: one.key, label: one.says })))));
+  parts.push(...placesPart());
   const text = make("textarea", { className: "yaml", value: shared.text, spellcheck: false, "aria-label": `Text of ${shared.scenario}` });
   committed(text, async () => {
     shared.text = text.value;
@@ -201,7 +221,7 @@ async function showWaits() {
 
 export function runPanel() {
   const running = shared.job?.what === "run" && isRunning();
-  const parts = [next(running ? "It drives. In the picture: space pauses, the slider sets the speed; click a robot to break it down, a lane to close it, a station to add an order." : shared.run ? "Look at the replay, then see where robots waited on your plan, and ask how many robots are needed." : "Run the scenario and watch it while it drives.")];
+  const parts = [next(running ? "It drives. In the picture: space pauses, the list beside live sets the speed, up to fast; click a robot to break it down, a lane to close it, a station to add an order." : shared.run ? "Look at the replay, then see where robots waited on your plan, and ask how many robots are needed." : "Run the scenario and watch it while it drives.")];
   parts.push(make("div", { className: "row" }, button(shared.scenario ? `Run ${shared.scenario}` : "Run the map alone", startRun, { className: running ? "" : "main", disabled: running || (!shared.scenario && !site.document) }), button("How many robots?", () => actions.show("ask"))));
   if (shared.job?.what === "run") parts.push(jobState(shared.job));
   const runs = of("run");

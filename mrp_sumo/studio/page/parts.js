@@ -83,8 +83,9 @@ export function jobState(job) {
   const [compiled, needed] = job.compiled;
   const time = `${job.seconds < 100 ? `${Math.round(job.seconds)} s` : `${Math.round(job.seconds / 60)} min`}`;
   const kernels = job.state === "running" ? `compiling, once on this machine, which takes minutes: ${compiled} new of ${needed} kernels at most; the next command begins at once` : `${compiled} kernels were compiled for it, once on this machine`;
-  return make("div", { role: "status" },
-    make("p", {}, make("b", { className: job.state === "failed" ? "bad" : job.state === "done" ? "good" : "", textContent: words }), ` ${time} `, make("code", { className: "muted", textContent: job.command })),
+  return make("div", { role: "status", className: "job" },
+    make("p", {}, make("b", { className: job.state === "failed" ? "bad" : job.state === "done" ? "good" : "", textContent: words }), ` ${time}`),
+    make("p", {}, make("code", { className: "muted", textContent: job.command })),
     compiled ? muted(kernels) : null,
     last ? make("pre", { textContent: last }) : null,
     job.state === "running" ? button("Stop", () => post("stop", { number: String(job.number) }), { className: "danger" }) : null);

@@ -324,3 +324,18 @@ def test_a_pdf_that_is_none_is_one_line(tmp_path):
     path.write_bytes(b"%PDF-1.7\n\xe2\xe3" + bytes(9))
     with pytest.raises(MapError, match=r"a.pdf: cannot be read .*: print it as a new PDF, or save the page as PNG"):
         load_map(path, meters_per_pixel=0.05)
+
+
+def test_a_picture_with_much_hatching_has_coarser_walls(tmp_path):
+    """Three thousand dots, 4 pixels apart: each has four sides, until squares of 3 pixels join some of them."""
+    shade = np.full((400, 800), 255, np.uint8)
+    shade[[0, -1]] = shade[:, [0, -1]] = 0
+    shade[40:280:4, 400:600:4] = 0
+    Image.fromarray(shade).save(tmp_path / "hall.png")
+    map_ = load_map(tmp_path / "hall.png", meters_per_pixel=0.05)
+    assert [f.details for f in map_.findings if f.kind == "walls_traced_coarsely"] == [
+        ("outlines of what is dark are drawn up to 0.15 m too far out",)
+    ]
+    walls = map_.building.levels["L1"].wall_xy
+    assert 40 < len(walls) <= 10_000
+    assert np.ptp(walls.reshape(-1, 2), axis=0) == pytest.approx([40, 20], abs=0.4)
