@@ -25,9 +25,11 @@ const labelOf = (input) => input.getAttribute("aria-label") || input.labels?.[0]
 function panel() {
   const side = element("side"), active = document.activeElement, label = side.contains(active) && labelOf(active), scroll = side.scrollTop;
   const typed = active.dataset.typed ? active.value : null, caret = [active.selectionStart, active.selectionEnd];
+  const unfolded = [...side.querySelectorAll("details[open] summary")].map((one) => one.textContent);
   delete active.dataset.typed;
   const [, title, parts] = STEPS.find(([name]) => name === shared.step);
   side.replaceChildren(make("h2", { className: "hidden", textContent: title.slice(2) }), ...parts().filter(Boolean));
+  for (const one of side.querySelectorAll("summary")) if (unfolded.includes(one.textContent)) one.parentElement.open = true;
   side.scrollTop = scroll;
   const again = label && [...side.querySelectorAll("input, select, textarea")].find((input) => labelOf(input) === label);
   if (!again) return;

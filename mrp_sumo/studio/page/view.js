@@ -15,6 +15,8 @@ let asked = false;
 export const frames = { count: 0, ms: 0 };
 
 export const up = () => (isPixels() ? 1 : -1);  // screens count downwards, as pictures do
+const MANY = 400, WALL_M = 0.1;  // vertices, of which not all are shown from afar
+const perMetre = () => camera.scale / (unit() || 0.05);  // pixels of the screen, about
 const width = () => canvas.clientWidth, height = () => canvas.clientHeight;
 export const toScreen = ([x, y]) => [(x - camera.x) * camera.scale + width() / 2, (y - camera.y) * up() * camera.scale + height() / 2];
 export const toFloor = ([x, y]) => [(x - width() / 2) / camera.scale + camera.x, ((y - height() / 2) / camera.scale) * up() + camera.y];
@@ -88,7 +90,7 @@ function draw() {
     for (const one of list(name)) outline(one.vertices.map((v) => at[v]));
   }
   if (site.heat) drawHeat();
-  stroke(list("walls"), at, "--wall", 2);
+  stroke(list("walls"), at, "--wall", Math.min(Math.max(WALL_M * perMetre(), 1), 2.5));
   stroke(list("doors"), at, "--door", 4);
   drawLanes(at);
   drawLifts();
@@ -187,19 +189,19 @@ function drawLifts() {
 function drawVertices(vertices, at) {
   const onLane = new Set(list("lanes").flatMap(([a, b]) => [a, b]));
   const [w, h] = [width(), height()], seen = ([x, y]) => x > -50 && y > -20 && x < w + 50 && y < h + 20;
-  const size = Math.min(Math.max(camera.scale * 0.2 / (unit() || 0.05), 2), 5);
+  const size = Math.min(Math.max(0.2 * perMetre(), 2), 5), hasCorners = vertices.length < MANY || perMetre() > 25;
   pen.fillStyle = cssColor("--muted");
   pen.beginPath();
   vertices.forEach((vertex, v) => {
     if (vertex[3] || vertex.length > 4 || !seen(at[v])) return;
+    if (!onLane.has(v) && !hasCorners) return;
     const r = onLane.has(v) ? size : 1.5;
     pen.rect(at[v][0] - r, at[v][1] - r, 2 * r, 2 * r);
   });
   pen.fill();
   pen.font = "12px system-ui, sans-serif";
   pen.textBaseline = "middle";
-  let names = 0;
-  const fine = camera.scale / (unit() || 0.05) * 1;  // pixels of the screen a metre, about
+  const named = vertices.filter((vertex) => vertex[3]).length;
   vertices.forEach((vertex, v) => {
     if (!(vertex[3] || vertex.length > 4) || !seen(at[v])) return;
     const kind = KINDS.find(([name]) => option(vertex, name));
@@ -207,7 +209,7 @@ function drawVertices(vertices, at) {
     pen.beginPath();
     pen.arc(at[v][0], at[v][1], size + 2.5, 0, 7);
     pen.fill();
-    if (vertex[3] !== "" && vertex[3] !== null && (fine > 60 || vertices.length < 400) && names++ < 400) {
+    if (vertex[3] !== "" && vertex[3] !== null && (perMetre() > 60 || named < MANY)) {
       pen.strokeStyle = cssColor("--halo");
       pen.lineWidth = 3;
       pen.strokeText(String(vertex[3]), at[v][0] + 9, at[v][1] - 9);
@@ -253,7 +255,7 @@ function drawFindings() {
 
 function drawHeat() {
   const most = Math.max(...site.heat.map((place) => place[3]), 1);
-  const size = Math.max(0.5 / (unit() || 0.05) * camera.scale, 3);
+  const size = Math.max(0.5 * perMetre(), 3);
   for (const [name, x, y, seconds] of site.heat) {
     if (name !== site.level) continue;
     const [sx, sy] = toScreen([x, y]), share = Math.sqrt(seconds / most);
