@@ -27,7 +27,7 @@ PLUGINS = {
         "program": "planners.step_wise.program:StepProgram",
     },
     "assigners": {
-        "cp_sat": "planners.assigners.cp_sat:CpSat",
+        "cp_sat": "planners.assigners.mip:CpSat",
         "linear_sum_assignment": "planners.assigners.linear_sum_assignment:LinearSumAssignment",
         "min_cost_flow": "planners.assigners.min_cost_flow:MinCostFlowAssigner",
         "mip": "planners.assigners.mip:Mip",

@@ -3,16 +3,42 @@
 Refuses costs that are NaN or -inf, and matrices in which min(R, G) goals cannot be served at all.
 """
 
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
-from mrp_sumo.core.graph import FloatArray, IntArray
+from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray
 from mrp_sumo.errors import PlanError
 
 Objective = Literal["sum", "bottleneck"]
 
 LARGEST = 1 << 52  # of the sum of whole costs: exact in a float, far from the end of an int64
+
+
+@dataclass(frozen=True)
+class ExactAssigner(ABC):
+    """An assigner whose solver takes pairs with whole costs."""
+
+    objective: Objective = "sum"
+
+    def assign(self, cost: FloatArray, time_limit_s: float) -> IntArray:
+        """See `Assigner`."""
+        robot, goal, whole = candidates(cost, self.objective)
+        num_robots, num_goals = cost.shape
+        goal_of = np.full(num_robots, -1, np.int64)
+        if min(cost.shape):
+            used = self.used(robot, goal, whole, (num_robots, num_goals), time_limit_s)
+            if used is None:
+                limit = f" within {time_limit_s:g} s" if np.isfinite(time_limit_s) else ""
+                raise PlanError(f"no assignment of {num_robots} robots to {num_goals} goals was found{limit}")
+            goal_of[robot[used]] = goal[used]
+        return goal_of
+
+    @abstractmethod
+    def used(self, robot: IntArray, goal: IntArray, cost: IntArray, shape: tuple[int, int], time_limit_s: float) -> BoolArray | None:
+        """[N] which pairs of a robot and a goal are in the cheapest assignment of as many as there can be; None: none is found."""
 
 
 def candidates(cost: FloatArray, objective: Objective) -> tuple[IntArray, IntArray, IntArray]:
