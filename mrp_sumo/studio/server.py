@@ -242,6 +242,10 @@ class _Handler(LocalHandler):
         if place.startswith("live/"):
             self._relay(place.removeprefix("live/"), data)
             return
+        if place == "add":
+            name = dict(parse_qsl(urlsplit(self.path).query)).get("path", "")
+            self._ask({place: lambda studio, _: studio.workspace.add(name, data)}, place, {})
+            return
         try:
             values = json.loads(data or b"{}")
         except (ValueError, RecursionError):

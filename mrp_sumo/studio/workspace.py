@@ -222,6 +222,14 @@ class Workspace:
             raise MrpSumoError(f"{name}: expected a name that ends in .yaml or .csv")
         return self._save(name, lambda _: text.encode(), digest)
 
+    def add(self, name: str, data: bytes) -> None:
+        """A plan or a map from elsewhere as a new file of the folder. Raises MrpSumoError for other names, and Stale where it is there."""
+        if "/" in name or "\\" in name or not name.lower().endswith((*MAPS, *PLANS)) or name.startswith("."):
+            raise MrpSumoError(f"{name[:80]}: expected a plan or a map, such as hall.png or hall.dxf")
+        if self.digest(name):
+            raise Stale(f"{name}: is there already: nothing was written")
+        write_whole(self.path(name), data)
+
     def _save(self, name: str, text: Callable[[bytes | None], bytes], digest: str) -> str:
         path = self.path(name)
         if self.digest(name) != digest:

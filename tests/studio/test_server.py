@@ -112,6 +112,13 @@ def test_what_cannot_be_is_said_in_a_line(studio, place, values, why):
     assert why in said["error"] and "\n" not in said["error"]
 
 
+def test_a_file_is_added_once(studio, tmp_path):
+    address = f"{studio.address}add?path=hall%20b.png"
+    assert [at(address, data)[0] for data in (b"1", b"2")] == [200, 409]
+    assert (tmp_path / "hall b.png").read_bytes() == b"1"
+    assert at(f"{studio.address}add?path=../x.png", b"1")[0] == at(f"{studio.address}add", b"1")[0] == 400
+
+
 def test_bodies_that_are_no_objects_are_refused(studio):
     for body in (b"{", b"[1]", b"\xff", b"[" * 2000):
         assert at(f"{studio.address}api/check", body)[0] == 400

@@ -169,6 +169,17 @@ def test_pages_and_drawings_open_with_what_they_do_not_say(folder):
     assert {entry["kind"] for entry in folder.files() if entry["path"].startswith(("sheet", "walls"))} == {"plan"}
 
 
+def test_a_file_from_elsewhere_is_a_new_file_of_the_folder(folder):
+    folder.add("hall.png", b"1")
+    assert (folder.root / "hall.png").read_bytes() == b"1"
+    with pytest.raises(Stale, match="is there already: nothing was written"):
+        folder.add("hall.png", b"2")
+    for name in ("../hall.png", "a\\\\b.png", ".png", "run.sh", ""):
+        with pytest.raises(MrpSumoError, match="expected a plan or a map"):
+            folder.add(name, b"")
+    assert (folder.root / "hall.png").read_bytes() == b"1"
+
+
 def test_files_are_listed_by_what_they_are_for(folder):
     for name in ("runs/a/result.json", "studies/b/answer.json", "variants/c/plan.json", "variants/c/results.csv", ".git/x.png"):
         (folder.root / name).parent.mkdir(parents=True, exist_ok=True)

@@ -9,8 +9,8 @@ import { choose, key, tool, TOOLS } from "./tools.js";
 import { choosePlan, hasLayers } from "./plan.js";
 import { askPanel } from "./ask.js";
 import { drawPanel } from "./draw.js";
-import { floorPanel, leavePanel, openScenario, ordersPanel, runPanel } from "./panels.js";
-import { actions, follow, refresh, shared } from "./shared.js";
+import { addFile, floorPanel, leavePanel, openScenario, ordersPanel, runPanel } from "./panels.js";
+import { actions, follow, of, refresh, shared, stemOf } from "./shared.js";
 
 const element = (id) => document.getElementById(id);
 const STEPS = [["floor", "1 Floor", floorPanel], ["draw", "2 Draw", drawPanel], ["orders", "3 Orders", ordersPanel], ["run", "4 Run", runPanel], ["ask", "5 Ask", askPanel], ["leave", "6 Leave", leavePanel]];
@@ -86,8 +86,9 @@ async function open(path) {
   try {
     const chosen = hasLayers(path) ? await choosePlan(path) : {};
     if (!chosen) return;
-    const drawing = await get("open", { path, ...chosen });
+    const drawing = await get("open", { path, ...chosen }), isOther = drawing.path !== site.path;
     opened(drawing);
+    if (isOther) await openOwnScenario();
     fit();
     note(drawing.from !== drawing.path ? drawing.notes.join("; ") : "");
     if (shared.step === "floor" && unit() && drawing.digest) show("draw");
@@ -97,6 +98,13 @@ async function open(path) {
   } catch (error) {
     banner(error.message);
   }
+}
+
+/* The scenario that was proposed for the map, where there is one. */
+async function openOwnScenario() {
+  const own = `${stemOf(site.path).replaceAll(".", "_")}/scenario.yaml`;
+  if (of("scenario").includes(own)) await openScenario(own);
+  else shared.scenario = null;
 }
 
 async function sure(text) {
@@ -211,6 +219,8 @@ addEventListener("keydown", (event) => {
   if (event.key === "?" && !/^(INPUT|TEXTAREA|SELECT)$/.test(event.target.tagName)) { help(); return; }
   if (key(event)) event.preventDefault();
 });
+addEventListener("dragover", (event) => event.preventDefault());
+addEventListener("drop", (event) => { event.preventDefault(); if (event.dataTransfer.files[0]) addFile(event.dataTransfer.files[0]); });
 addEventListener("beforeunload", (event) => { if (isDirty() && canUndo()) event.preventDefault(); });
 addEventListener("resize", redraw);
 document.addEventListener("picture", () => camera.isTouched || fit());

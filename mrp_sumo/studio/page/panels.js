@@ -13,7 +13,7 @@ import { choose, tool } from "./tools.js";
 export function floorPanel() {
   const parts = [];
   const image = picture(), scale = unit();
-  if (!site.document) parts.push(next("Open a plan of your floor or a map from the list, or begin with an empty floor. Files are those of the folder that you started in: copy a PNG, JPG or DXF there."));
+  if (!site.document) parts.push(next("Open a plan of your floor or a map from the list, or begin with an empty floor. Drop a PNG, JPG, PDF, DXF or SVG onto this page, or choose one from elsewhere."));
   else if (!scale) parts.push(next("Say how large the plan is: click two places whose distance you know, such as both ends of a wall, then type the metres between them."), ...(tool.name === "scale" ? [] : [button("Scale (m)", () => choose("scale"), { className: "main" })]));
   else parts.push(next(image && !list("lanes").length ? "The floor has a scale. Have lanes laid over it below, or draw them yourself." : "The floor has a scale. Go to Draw."), button("Draw lanes", () => actions.show("draw"), { className: "main" }));
   if (site.document) {
@@ -24,11 +24,28 @@ export function floorPanel() {
   parts.push(make("h3", { textContent: `In ${shared.start?.folder || "the folder"}` }));
   const shown = shared.files.filter((file) => file.kind === "plan" || file.kind === "map").slice(0, 40);
   parts.push(shown.length ? make("ul", { className: "list" }, ...shown.map((file) => make("li", {}, make("button", { type: "button", onclick: () => actions.open(file.path) }, file.path, " ", make("small", { textContent: file.kind === "plan" ? "plan" : "map" }))))) : muted("No plan and no map here yet."));
-  parts.push(make("h3", { textContent: "Or" }), make("div", { className: "row" }, button("Empty floor", emptyFloor), button("Look again", async () => { await refresh(); changed("panel"); })));
+  parts.push(make("h3", { textContent: "Or" }), make("div", { className: "row" }, button("Choose a file …", chooseFile), button("Empty floor", emptyFloor), button("Look again", async () => { await refresh(); changed("panel"); })));
   const bundled = make("select", { "aria-label": "A map that comes with the program" }, make("option", { value: "", textContent: "a map that comes with the program" }), ...(shared.start?.bundled || []).map((name) => make("option", { value: name, textContent: name })));
   bundled.addEventListener("change", () => bundled.value && actions.open(`bundled:${bundled.value}`));
   parts.push(make("div", { className: "row" }, bundled));
   return parts;
+}
+
+/* A file from elsewhere: a copy in the folder is opened. */
+export async function addFile(file) {
+  try {
+    const response = await fetch(`add?path=${encodeURIComponent(file.name)}`, { method: "POST", body: file }), said = await response.json();
+    if (!response.ok && response.status !== 409) throw new Error(said.error);
+    await refresh();
+    await actions.open(file.name);
+    if (response.status === 409) note(`${file.name} was in the folder already; it is that one.`);
+  } catch (error) { banner(error.message); }
+}
+
+function chooseFile() {
+  const input = make("input", { type: "file" });
+  input.addEventListener("change", () => input.files[0] && addFile(input.files[0]));
+  input.click();
 }
 
 /* Lanes wherever there is room, over a picture. */

@@ -89,10 +89,10 @@ function draw() {
     pen.fillStyle = cssColor(color);
     for (const one of list(name)) outline(one.vertices.map((v) => at[v]));
   }
-  if (site.heat) drawHeat();
   stroke(list("walls"), at, "--wall", Math.min(Math.max(WALL_M * perMetre(), 1), 2.5));
   stroke(list("doors"), at, "--door", 4);
   drawLanes(at);
+  if (site.heat) drawHeat();
   drawLifts();
   drawVertices(vertices, at);
   drawRulers(at);
@@ -255,12 +255,14 @@ function drawFindings() {
 
 function drawHeat() {
   const most = Math.max(...site.heat.map((place) => place[3]), 1);
-  const size = Math.max(0.5 * perMetre(), 3);
+  const size = Math.max(0.4 * perMetre(), 7);
   for (const [name, x, y, seconds] of site.heat) {
     if (name !== site.level) continue;
     const [sx, sy] = toScreen([x, y]), share = Math.sqrt(seconds / most);
     pen.fillStyle = `hsla(${50 - 50 * share}, 95%, 50%, ${0.15 + 0.7 * share})`;
-    pen.fillRect(sx - size / 2, sy - size / 2, size, size);
+    pen.beginPath();
+    pen.arc(sx, sy, size * (0.5 + 0.5 * share), 0, 7);
+    pen.fill();
   }
 }
 
