@@ -1,6 +1,6 @@
 """The workbench in a real browser, from a picture of a hall to an answer.
 
-Needs Chromium and playwright-core; `tools/browser.sh` installs both.
+Needs Chromium, playwright-core and axe-core; `tools/browser.sh` installs them.
 """
 
 import json
@@ -108,6 +108,14 @@ WINDOWS = (
 )
 
 
+STEPS = ("1 Floor", "2 Draw", "3 Orders", "4 Run", "5 Ask", "6 Leave")
+ACCESSIBLE = {
+    *(f"{step}, {theme}: no violation" for step in STEPS for theme in ("light", "dark")),
+    *(f"{step}: all of it by Tab" for step in STEPS),
+    "no console error",
+}
+
+
 def hall(path):
     """30 x 20 m at 5 cm a pixel, with five racks."""
     image = Image.new("RGB", (640, 440), "white")
@@ -127,8 +135,8 @@ def started(place, cwd):
 def claims(folder, script, *words):
     """Claims that a script makes about a workbench over a folder, all of which hold."""
     chromium, node = shutil.which("chromium"), shutil.which("node")
-    if not chromium or not node or not (Path(MODULES) / "playwright-core").is_dir():
-        pytest.skip("no chromium, node or playwright-core (tools/browser.sh installs them)")
+    if not chromium or not node or not all((Path(MODULES) / name).is_dir() for name in ("playwright-core", "axe-core")):
+        pytest.skip("no chromium, node, playwright-core or axe-core (tools/browser.sh installs them)")
     with started(folder, folder) as process:
         try:
             address = json.loads(process.stdout.readline())["address"]
@@ -163,6 +171,13 @@ def test_two_levels_and_their_lift_are_drawn_from_nothing_and_driven(tmp_path, c
 @pytest.mark.slow
 def test_a_change_becomes_a_variant_and_is_compared(tmp_path):
     assert claims(tmp_path, "what_if.mjs", tmp_path) == list(WHAT_IF)
+
+
+@pytest.mark.slow
+def test_each_step_can_be_read_and_reached_by_everybody(tmp_path):
+    shutil.copy(bundled_maps()["office"], tmp_path)
+    (tmp_path / "day.yaml").write_text("map: office.building.yaml\nrobots: {count: 2}\nplanner: auto\n")
+    assert set(claims(tmp_path, "accessible.mjs", tmp_path)) == ACCESSIBLE
 
 
 @pytest.mark.slow
