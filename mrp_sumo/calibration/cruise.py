@@ -13,6 +13,7 @@ import numpy as np
 
 from mrp_sumo.calibration.phases import Noise, Phases
 from mrp_sumo.core.graph import FloatArray, IntArray
+from mrp_sumo.experiments.replications import t_quantile
 
 MEAN_LOSS = sqrt(2 / pi)  # of |u| over the standard deviation of u
 # Cov(|u(0)|, |u(t)|) = (2 / pi) s^2 (r asin r + sqrt(1 - r^2) - 1) with r = exp(-t / tau), as
@@ -280,9 +281,7 @@ def _profiled(
 
 def student(confidence: float, freedom: int) -> float:
     """The quantile of Student's t for a two-sided interval."""
-    from scipy.stats import t
-
-    return float(t.ppf((1 + confidence) / 2, max(freedom, 1)))
+    return t_quantile((1 + confidence) / 2, max(freedom, 1))
 
 
 def _block_scores(windows: Windows, theta: FloatArray, num_vehicles: int, num_blocks: int) -> FloatArray:
