@@ -104,6 +104,7 @@ WINDOWS = (
     "layers of a plan are chosen with what they hold",
     "a plan without a unit cannot be opened before one is chosen",
     "the chosen layer alone is wall",
+    "parts that are none are told, and nothing breaks",
     "no console error",
 )
 
@@ -114,6 +115,16 @@ ACCESSIBLE = {
     *(f"{step}: all of it by Tab" for step in STEPS),
     "no console error",
 }
+
+
+ODD = """name: odd
+levels:
+  L1: {elevation: 0, vertices: [[0, 0, 0, ""], [9, 9, 0, ""]], lanes: [], fiducials: [3]}
+  L2: [1]
+lifts:
+  a: null
+  b: {x: 1, y: 2, yaw: 0, width: 2, depth: 2, doors: {d: null}, level_doors: {L1: d}}
+"""
 
 
 def hall(path):
@@ -184,6 +195,7 @@ def test_each_step_can_be_read_and_reached_by_everybody(tmp_path):
 def test_two_windows_work_on_one_folder(tmp_path):
     shutil.copy(bundled_maps()["office"], tmp_path)
     draw(tmp_path / "hall.dxf")
+    (tmp_path / "odd.building.yaml").write_text(ODD)
     assert claims(tmp_path, "windows.mjs", tmp_path) == list(WINDOWS)
 
 

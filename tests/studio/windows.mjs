@@ -58,5 +58,11 @@ await goes(async () => {
   await open.click();
   await other.until("site.path === 'hall.building.yaml'");
   say("the chosen layer alone is wall", (await other.site("l.walls.length")) === 4, await other.site("l.walls.length"));
+  await other.step("1 Floor");
+  await other.tab.evaluate(() => { const { site } = window.studio; site.saved = site.document; });
+  await other.tab.click('#side button:has-text("odd.building.yaml")');
+  await other.until("site.path === 'odd.building.yaml' && site.findings.length");
+  await other.step("2 Draw");
+  say("parts that are none are told, and nothing breaks", /fiducial 0 is '3'/.test(await other.tab.textContent("#side")), await other.site("site.findings"));
   say("no console error", !problems.filter((text) => !/409/.test(text)).length, problems);
 }, other.tab);

@@ -1,7 +1,7 @@
 /* The panel of the drawing: what is chosen, the level, what can be changed about them, and findings. */
 import { make } from "./elements.js";
 import { whatIfPart } from "./ask.js";
-import { canRemoveLevel, doorChoices, lifts, ordered, removeLevel, renameLevel, renameLift, setDoors, setLevel, setLift, unit } from "./levels.js";
+import { canRemoveLevel, doorChoices, doorsOn, isCabin, lifts, ordered, removeLevel, renameLevel, renameLift, setDoors, setLevel, setLift, unit } from "./levels.js";
 import { button, check, field, fields, muted, next } from "./parts.js";
 import { actions, shared } from "./shared.js";
 import { changed, edited, isDirty, level, list, option, rounded, site } from "./site.js";
@@ -109,13 +109,13 @@ function levelPart() {
 
 function liftPart(name) {
   const lift = lifts()[name];
-  if (!lift) return [];
+  if (!isCabin(lift)) return [];
   const choices = doorChoices(lift), size = (key) => field(key, { type: "number", value: lift[key], unit: "m", least: 0.3 }, (value) => value > 0 && setLift(name, { [key]: value }));
   return [make("h2", { textContent: `Lift ${name}` }), fields(
     field("name", { value: name }, (value) => renameLift(name, value)),
     size("width"), size("depth"),
     field("turned by", { type: "number", value: rounded((lift.yaw * 180) / Math.PI), unit: "°", says: "counter-clockwise; at 0 the front is below" }, (value) => setLift(name, { yaw: Number((((value ?? 0) * Math.PI) / 180).toFixed(6)) })),
-  ), make("h3", { textContent: "Doors" }), fields(...ordered().map((floor) => field(`on ${floor}`, { choices, value: (lift.level_doors?.[floor] || []).join(" and ") || null, says: "none: it passes by" }, (value) => setDoors(name, floor, value)))),
+  ), make("h3", { textContent: "Doors" }), fields(...ordered().map((floor) => field(`on ${floor}`, { choices, value: doorsOn(lift, floor).join(" and ") || null, says: "none: it passes by" }, (value) => setDoors(name, floor, value)))),
     muted("Lead a lane through the door to the place inside, on each level where it stops.")];
 }
 

@@ -5,6 +5,9 @@ const STOREY_M = 4, BESIDE_M = 0.05, DOOR_M = 1.2;  // `BESIDE_M` outside a cabi
 const SIDES = { front: -1, back: 1 };  // of a cabin's y
 const levels = () => site.document?.levels || {};
 export const lifts = () => site.document?.lifts || {};
+export const isCabin = (lift) => ["x", "y", "yaw", "width", "depth"].every((key) => Number.isFinite(lift?.[key]));  // others are kept as they are
+export const cabins = () => Object.entries(lifts()).filter(([, lift]) => isCabin(lift));
+export const doorsOn = (lift, name) => [lift.level_doors?.[name] ?? []].flat();
 const elevation = (name) => Number(levels()[name]?.elevation) || 0;
 export const ordered = () => Object.keys(levels()).sort((a, b) => elevation(a) - elevation(b));
 const reference = () => site.document?.reference_level_name ?? Object.keys(levels())[0];
@@ -16,7 +19,7 @@ const turnOf = ([a, b]) => Math.atan2(b, a);
 /* A level on the reference level, z -> a z + b of complex numbers, y up, by the fiducials that they share (placement.py); null without two. */
 function placement(name) {
   if (!isPixels() || name === reference()) return { a: [1, 0], b: [0, 0] };
-  const marks = (of) => (levels()[of]?.fiducials || []).map(([x, y, word]) => [x, -y, word]);
+  const marks = (of) => (levels()[of]?.fiducials || []).filter(Array.isArray).map(([x, y, word]) => [x, -y, word]);
   const pairs = marks(reference()).flatMap((f) => marks(name).filter((g) => g[2] === f[2]).map((g) => [f, g]));
   const steps = pairs.flatMap(([f, g], i) => pairs.slice(i + 1).map(([f2, g2]) => [[f2[0] - f[0], f2[1] - f[1]], [g2[0] - g[0], g2[1] - g[1]]])).filter((step) => step.every((one) => Math.hypot(...one) > 0));
   if (!steps.length) return null;
@@ -72,6 +75,7 @@ export function renameLevel(name) {
   const document = { ...site.document, levels: renamed(levels()) };
   if (Object.keys(levels()).length > 1 || document.reference_level_name) document.reference_level_name = own(reference());
   if (document.lifts) document.lifts = Object.fromEntries(Object.entries(lifts()).map(([word, lift]) => {
+    if (!isCabin(lift)) return [word, lift];
     const floors = ["reference_floor_name", "initial_floor_name", "lowest_floor", "highest_floor"].filter((key) => key in lift).map((key) => [key, own(lift[key])]);
     return [word, { ...lift, ...Object.fromEntries(floors), level_doors: renamed(lift.level_doors || {}) }];
   }));
@@ -83,6 +87,7 @@ export function removeLevel() {
   const rest = { ...levels() }, gone = site.level, first = reference();
   delete rest[gone];
   const kept = Object.entries(lifts()).map(([word, lift]) => {
+    if (!isCabin(lift)) return [word, lift];
     const [x, y] = lift.reference_floor_name === gone ? between(gone, first, [lift.x, lift.y]) : [lift.x, lift.y];
     const at = lift.reference_floor_name === gone ? { reference_floor_name: first, x: rounded(x), y: rounded(y) } : {};
     return [word, serving({ ...lift, ...at }, Object.fromEntries(Object.entries(lift.level_doors || {}).filter(([name]) => name !== gone)))];
@@ -116,7 +121,7 @@ export function cabin(lift, name) {
   };
 }
 
-export const liftAt = (xy) => Object.keys(lifts()).find((name) => cabin(lifts()[name], site.level).holds(xy));
+export const liftAt = (xy) => cabins().find(([, lift]) => cabin(lift, site.level).holds(xy))?.[0];
 
 /* A document with a vertex in the middle of a lift on each level that it serves, where none is inside. */
 function withStops(document, lift) {
@@ -160,7 +165,7 @@ export function setDoors(name, floor, text) {
 /* Other values of a lift; its doors keep to its walls. */
 export function setLift(name, values) {
   const was = lifts()[name], lift = { ...was, ...values };
-  lift.doors = Object.fromEntries(Object.entries(lift.doors || {}).map(([word, door]) => [word, { ...door, x: rounded(door.x * lift.width / was.width), y: rounded(door.y * lift.depth / was.depth) }]));
+  lift.doors = Object.fromEntries(Object.entries(lift.doors || {}).map(([word, door]) => [word, door && { ...door, x: rounded(door.x * lift.width / was.width), y: rounded(door.y * lift.depth / was.depth) }]));
   replaced({ ...site.document, lifts: { ...lifts(), [name]: lift } });
 }
 

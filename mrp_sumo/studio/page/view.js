@@ -1,6 +1,6 @@
 /* The floor under the pen: camera and drawing on a canvas. A frame draws what is seen in a few paths, so that no scene graph is needed. */
 import { cssColor } from "./elements.js";
-import { cabin, lifts, unit } from "./levels.js";
+import { cabin, cabins, doorsOn, unit } from "./levels.js";
 import { isPixels, level, list, option, site } from "./site.js";
 
 export const KINDS = [
@@ -157,7 +157,7 @@ function drawLanes(at) {
 /* Cabins: dashed where a lift passes by, with its doors where it stops. */
 function drawLifts() {
   pen.font = "12px system-ui, sans-serif";
-  for (const [name, lift] of Object.entries(lifts())) {
+  for (const [name, lift] of cabins()) {
     const place = cabin(lift, site.level), [w, d] = [lift.width / 2, lift.depth / 2], isChosen = site.selection.some((s) => s.kind === "lifts" && s.index === name);
     pen.strokeStyle = cssColor(isChosen ? "--waiting" : "--special");
     pen.lineWidth = isChosen ? 4 : 2;
@@ -170,7 +170,7 @@ function drawLifts() {
     pen.setLineDash([]);
     pen.strokeStyle = cssColor("--door");
     pen.lineWidth = 5;
-    for (const word of lift.level_doors?.[site.level] || []) {
+    for (const word of doorsOn(lift, site.level)) {
       const door = lift.doors?.[word];
       if (!door) continue;
       const turned = Number(door.motion_axis_orientation) || 0, [x, y] = [(door.width / 2) * Math.cos(turned), (door.width / 2) * Math.sin(turned)];
