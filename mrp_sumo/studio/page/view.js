@@ -189,7 +189,7 @@ function drawLifts() {
 function drawVertices(vertices, at) {
   const onLane = new Set(list("lanes").flatMap(([a, b]) => [a, b]));
   const [w, h] = [width(), height()], seen = ([x, y]) => x > -50 && y > -20 && x < w + 50 && y < h + 20;
-  const size = Math.min(Math.max(0.2 * perMetre(), 2), 5), hasCorners = vertices.length < MANY || perMetre() > 25;
+  const near = perMetre(), size = Math.min(Math.max(0.2 * near, 2), 5), hasCorners = vertices.length < MANY || near > 25;
   pen.fillStyle = cssColor("--muted");
   pen.beginPath();
   vertices.forEach((vertex, v) => {
@@ -209,7 +209,7 @@ function drawVertices(vertices, at) {
     pen.beginPath();
     pen.arc(at[v][0], at[v][1], size + 2.5, 0, 7);
     pen.fill();
-    if (vertex[3] !== "" && vertex[3] !== null && (perMetre() > 60 || named < MANY)) {
+    if (vertex[3] !== "" && vertex[3] !== null && (near > 60 || named < MANY)) {
       pen.strokeStyle = cssColor("--halo");
       pen.lineWidth = 3;
       pen.strokeText(String(vertex[3]), at[v][0] + 9, at[v][1] - 9);
