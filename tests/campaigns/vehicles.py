@@ -7,6 +7,7 @@ and nobody drives backward who may not. Undisturbed, what is planned is driven w
 
 from dataclasses import replace
 from functools import cache, reduce
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,7 @@ from mrp_sumo.core.bodies import axle_of, bodies_of
 from mrp_sumo.core.disturbances import Disturbances
 from mrp_sumo.core.execution import Execution, Outcome
 from mrp_sumo.core.fleet import fleet_of_types
-from mrp_sumo.core.graph import PlanGraph, nav_graph
+from mrp_sumo.core.graph import NavGraph, PlanGraph, nav_graph
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.core.robot_type import RobotType, Trailer, Wheels
 from mrp_sumo.drive.fit import check_room
@@ -28,12 +29,14 @@ from mrp_sumo.engines.sumo.network import build_network
 from mrp_sumo.errors import MrpSumoError, OptionError, PlanError
 from mrp_sumo.maps.catalogue import bundled_maps
 from mrp_sumo.maps.clearance import narrow, pruned, standing_walls
+from mrp_sumo.maps.curves import Line, bezier_knots, flattened
 from mrp_sumo.maps.load import load_map
 from mrp_sumo.maps.repair import join_short
 from mrp_sumo.maps.roadmap import cell_that_fits, cut_lanes
 from mrp_sumo.metrics.audit import audit, in_words
 from mrp_sumo.planning.answers import planned_by
 from mrp_sumo.planning.registry import planner
+from mrp_sumo.traffic.courses import asides
 from mrp_sumo.traffic.draw import stands_of
 from mrp_sumo.traffic.referee import judge
 
@@ -158,6 +161,8 @@ def drawn_types(rng: np.random.Generator) -> list[RobotType]:
         reverse_mps=0.4 if reverse and not tows and rng.random() < 0.5 else None,
         lateral_mps2=float(rng.uniform(0.2, 1.0)),
     )
+    if wheels.reverse and rng.random() < 0.3:
+        wheels = replace(wheels, docking="forks_first")
     trailers = ()
     if tows:
         drawbar = size * float(rng.uniform(0.6, 1.0))
@@ -180,8 +185,10 @@ def drawn_world(rng: np.random.Generator, types: list[RobotType]) -> tuple[PlanG
     """A graph whose steps are long enough, the walls beside it, and what it is."""
     one_of_each = fleet_of_types(types, np.arange(len(types)))
     step_m = max(one_of_each.separation_m, float(one_of_each.behind_m.max()) + 0.1)
-    if rng.random() < 0.5:
-        return drawn_roads(rng, step_m * float(rng.uniform(1.1, 1.8))), np.zeros((0, 2, 2)), "roads"
+    if (world := rng.random()) < 0.6:
+        roads = drawn_roads(rng, step_m * float(rng.uniform(1.1, 1.8)), curved=world > 0.3)
+        graph = replace(roads, aside_m=asides(roads, [each for each in types if each.is_vehicle]))
+        return graph, np.zeros((0, 2, 2)), "curves" if roads.curves else "roads"
     map_ = load_map(real_maps()[int(rng.integers(len(real_maps())))], graph="all")
     if len(map_.nav.level_names) > 1:
         map_ = load_map(map_.path, graph="all", level=map_.nav.level_names[int(rng.integers(len(map_.nav.level_names)))])
@@ -195,8 +202,8 @@ def drawn_world(rng: np.random.Generator, types: list[RobotType]) -> tuple[PlanG
     return replace(graph, walls=walls), walls, "real map"
 
 
-def drawn_roads(rng: np.random.Generator, cell_m: float) -> PlanGraph:
-    """Roads of squares or slightly bent ones, two-way or one-way, some missing."""
+def drawn_roads(rng: np.random.Generator, cell_m: float, *, curved: bool) -> PlanGraph:
+    """Roads of squares or slightly bent ones, two-way or one-way, some missing, some of them curves."""
     columns, rows = (int(n) for n in rng.integers(4, 8, 2))
     xy = np.array([(x * cell_m, y * cell_m) for y in range(rows) for x in range(columns)])
     xy = xy + rng.uniform(-0.08, 0.08, xy.shape) * cell_m * (rng.random() < 0.5)
@@ -206,7 +213,26 @@ def drawn_roads(rng: np.random.Generator, cell_m: float) -> PlanGraph:
         for w, there, forward in ((v + 1, column + 1 < columns, row % 2), (v + columns, row + 1 < rows, column % 2)):
             if there and rng.random() < 0.92:
                 lanes += [(v, w) if forward else (w, v)] if one_way else [(v, w), (w, v)]
+    if curved:
+        return cut_lanes(with_curves(rng, float(rng.choice([1.0, 2.0])) * xy, lanes), cell_m)
     return cut_lanes(nav_graph(name="roads", xy=xy, lanes=lanes), cell_m)
+
+
+def with_curves(rng: np.random.Generator, xy: np.ndarray, lanes: list[tuple[int, int]]) -> NavGraph:
+    """A graph in which half of the lanes swing out to a side and back, the same both ways."""
+    places, options, pieces = list(map(tuple, xy.tolist())), [{} for _ in xy], []
+    for a, b in lanes:
+        if (b, a) in lanes and b < a:
+            continue
+        along = (xy[b] - xy[a]) / 4
+        aside, middle = np.array([-along[1], along[0]]) * float(rng.uniform(-1.0, 1.0)), (xy[a] + xy[b]) / 2
+        points = np.array([xy[a], xy[a] + along, middle - along + aside, middle + aside, middle + along + aside, xy[b] - along, xy[b]])
+        line = flattened(3, bezier_knots(3, 2), points) if rng.random() < 0.5 else Line(xy[[a, b]])
+        chain = [a, *range(len(places), len(places) + len(line.xy) - 2), b]
+        places += [tuple(place) for place in line.xy[1:-1].tolist()]
+        options += [{"is_bend": True, **line.courses_at(k)} for k in range(1, len(line.xy) - 1)]
+        pieces += list(pairwise(chain)) + (list(pairwise(chain[::-1])) if (b, a) in lanes else [])
+    return nav_graph(name="curves", xy=places, lanes=pieces, vertex_options=options)
 
 
 def drawn_problem(rng: np.random.Generator, graph: PlanGraph, types: list[RobotType]) -> Problem:
