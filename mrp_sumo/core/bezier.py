@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from mrp_sumo.core.angles import wrapped
 from mrp_sumo.core.graph import FloatArray
 
 PIECE_RAD = 0.02  # between two places that are worked out
@@ -16,9 +17,11 @@ def bezier_between(ends: FloatArray, begin_rad: float, turned_rad: float) -> Flo
     Between two places of a circle it is the arc, within 3e-4 of the radius for 90 degrees and 1e-8 for 15.
     """
     control = control_points(ends, begin_rad, turned_rad)
-    t = np.linspace(0.0, 1.0, max(LEAST_PIECES, math.ceil(abs(turned_rad) / PIECE_RAD)) + 1)[:, None]
+    legs = np.diff(control, axis=0)
+    bends = np.abs(wrapped(np.diff(np.arctan2(legs[:, 1], legs[:, 0])))).sum()  # more than the curve turns, to one side and the other
+    t = np.linspace(0.0, 1.0, max(LEAST_PIECES, math.ceil(bends / PIECE_RAD)) + 1)[:, None]
     xy = np.hstack([(1 - t) ** 3, 3 * t * (1 - t) ** 2, 3 * t**2 * (1 - t), t**3]) @ control
-    along = np.hstack([(1 - t) ** 2, 2 * t * (1 - t), t**2]) @ np.diff(control, axis=0)
+    along = np.hstack([(1 - t) ** 2, 2 * t * (1 - t), t**2]) @ legs
     course = np.unwrap(np.arctan2(along[:, 1], along[:, 0]))
     course += begin_rad - course[0]
     at_m = np.append(0.0, np.cumsum(np.hypot(*np.diff(xy, axis=0).T)))

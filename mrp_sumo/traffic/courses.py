@@ -14,7 +14,7 @@ import numpy as np
 from mrp_sumo.core.angles import wrapped
 from mrp_sumo.core.graph import FloatArray, NavGraph, PlanGraph, frozen
 from mrp_sumo.core.robot_type import RobotType
-from mrp_sumo.core.wheel_path import Curve, Route, bend_at, wheel_path
+from mrp_sumo.core.wheel_path import SHARPEST_RAD, Curve, Route, bend_at, wheel_path
 from mrp_sumo.traffic.sweeps import CLEAR_M, MovingBody, moved_along, point_distances, touches
 
 TIGHT = 0.995  # share of its least radius at which a type still drives: curves are drawn with some error
@@ -105,7 +105,7 @@ def clear_at(graph: PlanGraph, vehicle: RobotType, lane: int, onward: int, gear:
 def bend_beside_curve(graph: PlanGraph, vehicle: RobotType, lane: int, onward: int, room_m: float) -> tuple[float, float]:
     """Radius of the widest Bezier curve that cuts a corner, and how far from the corner it begins; NaN where none does."""
     bend, best = float(wrapped(course_rad(graph)[onward, 0] - course_rad(graph)[lane, 1])), (math.nan, math.nan)
-    for share in SHARES:
+    for share in SHARES if abs(bend) <= SHARPEST_RAD else ():
         reach_m = share * min(room_m, max(vehicle.length_m, vehicle.kinematics.least_radius_m))
         route, _ = _route(graph, vehicle, [lane, onward], 0, reach_m)
         arc = bend_at(route, len(route.at_m) - 3, bend)
