@@ -126,7 +126,7 @@ function pairsTable({ maps, rows }) {
     return make("tr", {}, make("td", { textContent: measure }), make("td", { textContent: number(first) }), make("td", { textContent: number(second) }),
       make("td", { className: isSure ? (isGood ? "good" : "bad") : "", textContent: `${number(value)} (${number(low)} to ${number(high)})`, title: `95 % limits of ${pairs} pairs` }));
   };
-  const [first, second] = maps.map(stemOf), head = ["measure", first, second.startsWith(`${first}_`) ? second.slice(first.length + 1) : second, "difference"].map((text) => make("th", { textContent: text, scope: "col" }));
+  const [first, second] = maps.map(stemOf), head = ["measure", first, second.startsWith(`${first}_`) ? second.slice(first.length + 1) : second, "difference"].map((text) => make("th", { textContent: text.replaceAll("_", "_\u200b"), scope: "col" }));  // a name may end a line after a `_`
   return [
     make("table", { id: "pairs" }, make("thead", {}, make("tr", {}, ...head)), make("tbody", {}, ...rows.map(row))),
     muted(`Second less first, with 95 % limits of ${rows[0].pairs} pairs on the same orders; coloured where the limits leave out 0.`),
