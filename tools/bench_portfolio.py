@@ -31,7 +31,7 @@ from mrp_sumo.maps.catalogue import bundled_maps
 
 SINGLE = ("prioritised", "continuous", "pbs", "ccbs", "cbs", "ecbs", "eecbs", "pibt", "lacam", "lns2")
 TYPES = ("turtlebot3", "amr_600", "forklift", "tugger", "pallet_truck", "counterbalance_forklift")
-CELLS_M = (0.4, 0.5, 0.8, 1.0, 1.5, 2.0)
+CELLS_M = (0.4, 0.5, 0.8, 1.0, 1.5, 2.0, 4.1, 6.0)  # the last for vehicles that cannot turn in place
 MOST_VERTICES = 20_000
 DEARER = 1.02  # than the cheapest, for the best time
 HALVES = ("chosen on", "reported")
