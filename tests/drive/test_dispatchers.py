@@ -84,6 +84,14 @@ def test_orders_of_a_crowded_station_are_held_back_and_others_are_given(dispatch
     assert len(Fleet([*range(2, 6)], *crowd, service_s=1000.0).decides(dispatcher)) == 4
 
 
+@pytest.mark.parametrize("dispatcher", [*ALL, "round_robin"])
+def test_orders_that_wait_for_one_robot_hold_back_nobody_else(dispatcher):
+    """Nine older ones at the same station are for robot_0 alone, which is at work on the first of them."""
+    fleet = Fleet([*range(2, 11)], *[(0.0, (15, 16), 0, "", 0)] * 9, (0.0, (15, 16)), service_s=1000.0)
+    fleet.decides(dispatcher, 0.0)
+    assert {0, 9} <= set(fleet.decides(dispatcher, 1.0).values())
+
+
 @pytest.mark.parametrize("dispatcher", ["hungarian", "min_cost_flow", "regret"])
 def test_of_equally_near_tasks_the_short_one_goes_first(dispatcher):
     assert Fleet([5], (0.0, (6, 19)), (0.0, (4, 3))).decides(dispatcher) == {0: 1}

@@ -81,7 +81,7 @@ def to_give(context: Surroundings) -> Sequence[int]:
     Others are held back, since robots for which their stations have no use would crowd the ways to them: enough are bound for one already.
     Those are as many as come one after the other while one drives there, and a few in line.
     """
-    crew, waiting = context.crew, context.crew.unassigned
+    crew, waiting, free = context.crew, context.crew.unassigned, context.crew.free
     if len(crew.robots) <= IN_LINE:
         return waiting
     bound = Counter(places for robot in crew.robots if not robot.charges for places in _bound_for(crew, robot))
@@ -91,7 +91,8 @@ def to_give(context: Surroundings) -> Sequence[int]:
         full = (nth for nth, stop in enumerate(stops) if bound[stop.places] >= IN_LINE * len(stop.places))
         if not any(bound[stops[nth].places] >= _useful(context, task, nth) for nth in full):
             admitted.append(task)
-            bound.update({stop.places for stop in stops})
+            if not crew.some_cannot(task) or any(crew.can_do(r, task) for r in free):  # others wait for robots of their own
+                bound.update({stop.places for stop in stops})
     return admitted
 
 
