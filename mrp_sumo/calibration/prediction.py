@@ -1,7 +1,8 @@
 """A prediction held against what came: robots calibrated on the earlier part of a log, driven on the orders of the later one.
 
-Some runs are made, each with a seed of its own and with its calibrated figures drawn from their intervals; what they have in the median is
-predicted, and a band of 90 % is where the log, as one run more, is expected. Figures of both are made by the same functions: lead times
+Some runs are made, each with a seed of its own. The first half have the calibrated figures, and what they have in the median is predicted;
+the others have them drawn from their intervals, and a band of 90 % is where the log, as one more of these, is expected. How far vehicles
+differ is not drawn: they are the same ones. Figures of both are made by the same functions: lead times
 of orders that are released after the cut, not done by the end counting as longer than any; standing before services at stations; orders
 done an hour; shares of the time for which vehicles have orders, and the busiest station serves.
 """
@@ -177,7 +178,8 @@ def predicted(
     seed = file.scenario.seed
     base = scenario_of_later(held, setup, files, disturbing, times, seed)
     made, outcomes, station = [], [], _busiest(held)
-    for n, moves in enumerate(_drawn(base, runs, seed)):
+    usual = runs // 2
+    for n, moves in enumerate([{}] * usual + list(_drawn(base, runs - usual, seed))):
         report(f"driving run {n + 1} of {runs}", float(n), float(runs))
         again = scenario_of_later(held, setup, files, disturbing, times, seed + n) if n else base
         result = carry_out(changed(again, as_changes(moves)), maps)
@@ -185,11 +187,11 @@ def predicted(
             raise MrpSumoError(f"the simulation of {held.log.source}: {result.status.replace('_', ' ')}: {result.note}")
         outcomes.append(outcomes_of(result, held, station))
         made.append(result)
-    middle = int(np.argsort([_quantile(each.lead_time_s, 0.5) for each in outcomes], kind="stable")[(runs - 1) // 2])
+    middle = int(np.argsort([_quantile(each.lead_time_s, 0.5) for each in outcomes[:usual]], kind="stable")[(usual - 1) // 2])
     report("comparing", 0.0, 0.0)
     log_run = logged_run(held, made[middle].setup)
     logged = outcomes_of(log_run, held, station)
-    figures = tuple(_compared(logged, outcomes, station))
+    figures = tuple(_compared(logged, outcomes[:usual], outcomes[usual:], station))
     return Prediction(
         held, calibrations, station, logged, tuple(outcomes), figures, log_run, made[middle], _drift(held, files), files, held.notes
     )
@@ -198,7 +200,10 @@ def predicted(
 def _require_orders(held: HeldOut) -> None:
     new = [order for order in held.orders if order.release_s >= held.cut_s]
     if len(new) < FEW:
-        what = f"{len(new)} orders are released after {held.cut_s:.0f} s" if held.log.orders else "the log has no orders"
+        what = "the log has no orders"
+        if held.log.orders:
+            first_s, last_s = held.log.orders[0].release_s, held.log.orders[-1].release_s
+            what = f"{len(new)} orders are released in {held.cut_s:.0f} to {held.end_s:.0f} s, all in {first_s:.0f} to {last_s:.0f} s"
         more = "" if held.log.orders else "; give them with --orders FILE.csv"
         raise MrpSumoError(f"{held.log.source}: {what}, expected {FEW} or more to compare{more}")
     if sum(order.done_s < held.end_s for order in new) < FEW:
@@ -273,7 +278,7 @@ def _drawn(file: ScenarioFile, runs: int, seed: int) -> Iterator[dict[Place, flo
     from scipy.special import ndtri
 
     rng = np.random.default_rng([seed, DRAWN])
-    of = [quantity for quantity in quantities(file, {}, ()) if quantity.is_given]
+    of = [quantity for quantity in quantities(file, {}, ()) if quantity.is_given and quantity.ends[0][0][-1] != "speed_spread"]
     deviates = np.stack([rng.permutation(ndtri((np.arange(runs) + 0.5) / runs)) for _ in of], 1) if of else np.zeros((runs, 0))
     disturbances = file.scenario.execution.disturbances
     for row in np.clip(deviates / NORMAL, -1, 1).tolist():
@@ -343,10 +348,10 @@ def _waits_s(execution: Execution, stops: StopLog) -> FloatArray:
     return np.array(waits)
 
 
-def _compared(logged: Outcomes, simulated: Sequence[Outcomes], station: str) -> Iterator[ComparedFigure]:
+def _compared(logged: Outcomes, usual: Sequence[Outcomes], drawn: Sequence[Outcomes], station: str) -> Iterator[ComparedFigure]:
     def figure(name: str, label: str, unit: str, read: Callable[[Outcomes], float]) -> ComparedFigure:
-        values = np.array([read(each) for each in simulated])
-        value, reach = float(np.median(values)), math.inf
+        values = np.array([read(each) for each in drawn])
+        value, reach = float(np.median([read(each) for each in usual])), math.inf
         if len(values) > 1 and np.isfinite(values).all():
             reach = t_quantile((1 + BAND) / 2, len(values) - 1) * float(values.std(ddof=1)) * math.sqrt(1 + 1 / len(values))
         middle = float(values.mean())

@@ -6,7 +6,7 @@ import pytest
 
 from mrp_sumo.calibration.estimates import CalibratedFigure, Calibration
 from mrp_sumo.calibration.files import disturbances_of
-from mrp_sumo.calibration.held_out import HeldOut, ServiceTimes, cut, tasks_of
+from mrp_sumo.calibration.held_out import HeldOut, ServiceTimes, cut, more_of, tasks_of
 from mrp_sumo.calibration.log import ActionTime, LoggedOrder, MotionLog
 from mrp_sumo.calibration.prediction import _together
 from mrp_sumo.errors import MrpSumoError
@@ -40,6 +40,14 @@ def test_order_on_board_goes_on_with_its_vehicle_from_the_stop_that_comes_next()
     assert (made["waiting"]["release_s"], made["waiting"]["due_s"]) == (0.0, 200)
     assert "robot" not in made["waiting"]
     assert (made["new"]["release_s"], made["new"]["service_s"]) == (50.0, [10.0, 10.0])  # its own times are of the future
+
+
+def test_simulation_that_always_has_orders_open_does_not_run_out_of_them():
+    tasks = tasks_of(held(*(order(f"o{k}", 310 + k) for k in range(6)), order("old", 100)), TIMES, 0)
+    more = more_of(tasks, 300.0)
+    assert [(task["name"], task["release_s"], task["stops"]) for task in more] == [
+        (f"o{k} again", 300.0, ["shelf", "dock"]) for k in range(3)
+    ]
 
 
 def test_service_times_are_those_of_the_station_where_it_has_enough():
