@@ -13,7 +13,7 @@ from mrp_sumo.drive.reroute import Replan, Reroute
 from mrp_sumo.drive.surroundings import Surroundings
 from mrp_sumo.errors import PlanError, PlanningOverrun, PlugInError
 from mrp_sumo.plugins.face import place_of
-from mrp_sumo.plugins.source import Source, blamed
+from mrp_sumo.plugins.source import Source, calling
 
 
 class DispatcherError(PlugInError):
@@ -50,12 +50,12 @@ class OutsideDispatcher:
 
     def _guarded(self, call: Callable[..., Any], *arguments: Any) -> Any:
         try:
-            return call(*arguments)
-        except (KeyboardInterrupt, PlanError, PlanningOverrun):  # no plan
+            with calling(self._source, call, PlanError, PlanningOverrun):  # there is no plan
+                return call(*arguments)
+        except PlanningOverrun:
             raise
-        except BaseException as error:
-            wrong = blamed(error, self._source, call)
-            raise DispatcherError(str(wrong), details=wrong.details) from error
+        except PlugInError as wrong:
+            raise DispatcherError(str(wrong), details=wrong.details) from wrong
 
 
 def fault(reply: Replan, context: Surroundings) -> str:

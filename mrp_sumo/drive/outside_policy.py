@@ -14,8 +14,7 @@ from mrp_sumo.core.problem import Problem
 from mrp_sumo.drive.live_plan import LivePlan
 from mrp_sumo.errors import PlanError, PlugInError
 from mrp_sumo.plugins.face import place_of
-from mrp_sumo.plugins.limit import limited
-from mrp_sumo.plugins.source import Source, blamed
+from mrp_sumo.plugins.source import Source, calling
 from mrp_sumo.traffic.passages import Needs, Schedule
 
 
@@ -66,13 +65,8 @@ class OutsidePolicy:
 
     def _guarded(self, method: Callable[..., Any]) -> Callable[..., Any]:
         def call(*arguments: Any) -> Any:
-            try:
-                with limited():
-                    return method(*arguments)
-            except (KeyboardInterrupt, PlanError):  # an order that cannot be kept
-                raise
-            except BaseException as error:
-                raise blamed(error, self._source, method) from error
+            with calling(self._source, method, PlanError):  # which is an order that cannot be kept
+                return method(*arguments)
 
         return call
 

@@ -20,8 +20,7 @@ from mrp_sumo.maps.readers.registry import OF_TEXT, OURS
 from mrp_sumo.maps.readers.strangers import advice, lacking
 from mrp_sumo.plugins import registry
 from mrp_sumo.plugins.face import place_of
-from mrp_sumo.plugins.limit import limited
-from mrp_sumo.plugins.source import blamed, digest
+from mrp_sumo.plugins.source import calling, digest
 
 __all__ = ["Map", "MapFinding", "files_of", "load_map"]
 
@@ -94,13 +93,8 @@ def _reader(name: str, beside: Path | None = None) -> Reader:
 def _asked(name: str, file: MapFile) -> bool:
     """True if a reader from outside recognises a file."""
     reader = _reader(name)
-    try:
-        with limited():
-            return bool(reader.detects(file))
-    except KeyboardInterrupt:
-        raise
-    except BaseException as error:
-        raise blamed(error, registry.find("readers", name), type(reader)) from error
+    with calling(registry.find("readers", name), type(reader)):
+        return bool(reader.detects(file))
 
 
 def _read(name: str, file: MapFile, selection: Selection, beside: Path | None = None) -> Map:
@@ -108,15 +102,8 @@ def _read(name: str, file: MapFile, selection: Selection, beside: Path | None = 
     reader, source = _reader(name, beside), registry.find("readers", name, beside)
     if source.ours:
         return reader.read(file, selection)
-    try:
-        with limited():
-            map_ = reader.read(file, selection)
-    except KeyboardInterrupt:
-        raise
-    except BaseException as error:
-        if isinstance(error, MrpSumoError):
-            raise
-        raise blamed(error, source, type(reader)) from error
+    with calling(source, type(reader), MrpSumoError):
+        map_ = reader.read(file, selection)
     if not isinstance(map_, Map):
         raise PlugInError(f"{place_of(type(reader))}: read gives {type(map_).__name__}, expected a Map")
     if not map_.nav.num_lanes:

@@ -11,9 +11,8 @@ from mrp_sumo.errors import PlugInError, ScenarioError
 from mrp_sumo.metrics.metric import Evidence, Metric, is_value, metric_of
 from mrp_sumo.metrics.registry import BY_NAME
 from mrp_sumo.plugins.face import place_of, shown
-from mrp_sumo.plugins.limit import limited
 from mrp_sumo.plugins.registry import find, target
-from mrp_sumo.plugins.source import Source, blamed
+from mrp_sumo.plugins.source import Source, calling
 
 
 def own_metric(name: str, beside: Path | None = None) -> tuple[Metric, Source]:
@@ -47,12 +46,10 @@ def guarded(name: str, beside: Path | None, report: Callable[[PlugInError], None
 
     def value(evidence: Evidence) -> Any:
         try:
-            with limited():
+            with calling(source, metric.function):
                 plain = metric(evidence)
-        except KeyboardInterrupt:
-            raise
-        except BaseException as error:
-            report(blamed(error, source, metric.function))
+        except PlugInError as error:
+            report(error)
             return None
         plain = plain.tolist() if isinstance(plain, np.ndarray | np.generic) else plain
         if not is_value(plain):

@@ -11,6 +11,7 @@ import re
 import sys
 import traceback
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
@@ -108,18 +109,25 @@ def load(source: Source) -> Any:
     Raises MrpSumoError for a file that is not trusted, and PlugInError for whatever goes wrong in the file, with its line.
     """
     require_source(source)
-    try:
-        with limited():
-            module = importlib.import_module(source.module) if source.module else _file_module(source)
-    except KeyboardInterrupt:
-        raise
-    except BaseException as error:
-        raise blamed(error, source) from error
+    with calling(source):
+        module = importlib.import_module(source.module) if source.module else _file_module(source)
     try:
         return getattr(module, source.attribute)
     except AttributeError:
         where = shown(source.path) if source.path else source.module
         raise PlugInError(f"{where} has no '{source.attribute}'{nearest(source.attribute, _public(module))}") from None
+
+
+@contextmanager
+def calling(source: Source, target: Any = None, *passed: type[BaseException]) -> Iterator[None]:
+    """Code of a plug-in within: it is interrupted as by `limited`, and what it raises is as `blamed` has it, but for what is passed on."""
+    try:
+        with limited():
+            yield
+    except BaseException as error:
+        if isinstance(error, (KeyboardInterrupt, *passed)):
+            raise
+        raise blamed(error, source, target) from error
 
 
 def blamed(error: BaseException, source: Source, target: Any = None) -> PlugInError:
