@@ -199,8 +199,3 @@ def _corners(xy: FloatArray, near_m: float) -> list[int]:
             corners.add(a + 1 + k)
             stack += [(a, a + 1 + k), (a + 1 + k, b)]
     return sorted(corners)
-
-
-def turned_rad(one: float, other: float) -> float:
-    """Angle from a heading to another, in -pi to pi."""
-    return (other - one + np.pi) % (2 * np.pi) - np.pi

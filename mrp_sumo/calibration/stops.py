@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from mrp_sumo.calibration.log import ActionTime
-from mrp_sumo.calibration.phases import BEND_RAD, Noise, Phases, turned_rad
+from mrp_sumo.calibration.phases import BEND_RAD, Noise, Phases
+from mrp_sumo.core.angles import wrapped
 from mrp_sumo.core.graph import BoolArray, FloatArray
 
 NEAR_M = 4.0  # of another vehicle, for which one may wait
@@ -72,7 +73,7 @@ def fit_stops(
             inner = np.arange(leg.first + EDGE, leg.last + 1 - EDGE)
             driven_s += float(((t[inner] - t[inner - 1]) * free[inner]).sum())
         for k, stand in enumerate(each.stands):
-            if k not in before or k not in after or abs(turned_rad(before[k].heading_rad, after[k].heading_rad)) > BEND_RAD:
+            if k not in before or k not in after or abs(wrapped(after[k].heading_rad - before[k].heading_rad)) > BEND_RAD:
                 continue
             during = slice(stand.first, stand.last + 1)
             legs = before[k], after[k]
