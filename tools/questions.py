@@ -2,6 +2,7 @@
 
     tools/questions.py optimal [--seeds N] [--robots N] [--map NAME] [--engines kinematic,sumo] [--json]
     tools/questions.py dispatch [--seeds N] [--engines kinematic,sumo] [--json]
+    tools/questions.py speeds [--seeds N] [--robots N] [--map NAME] [--engines kinematic,sumo] [--json]
 
 `optimal`: is an optimal plan worth it once it is driven? CBS, whose plans have the least sum of costs, beside planners that are bounded
 and fast, on the same draws: by how much planned sums of costs and driven flowtimes are above CBS's, mean of pairs with Student's limits
@@ -10,12 +11,18 @@ random (once in 200 s, for 3 s). CBS has 4 CPU-s for a plan, so that draws with 
 
 `dispatch`: is round robin near the best dispatcher once robots have bodies? Orders an hour and lead times on bundled scenarios with work,
 by dispatcher, beside `nearest` on the same orders. *Busy*: two orders a robot are open at any time; else they come as the scenario says.
+
+`speeds`: how wrong may speed and acceleration be before the planners' ranking turns? Plans are made for robots whose top speed,
+acceleration or turn rate is a factor off, and driven by the true ones in the plan's order; and plans for robots that are alike, driven by
+robots that are up to 30 % slower, each its own share. Driven flowtimes beside those of `lacam` on the same draws, whose plans count steps
+and so know no speed.
 """
 
 import argparse
 import json
 import sys
 from collections.abc import Sequence
+from typing import Any
 
 import mrp_sumo as ms
 from mrp_sumo.experiments.replications import t_mean
@@ -24,20 +31,33 @@ OPTIMAL, OTHERS = "cbs", ("ecbs", "lacam", "prioritised")
 WORK = {"warehouse_lifelong": 8, "plant_lifelong": 5}  # robots
 DISPATCHERS = ("nearest", "round_robin", "token_passing", "hungarian")
 DISTURBED = {"speed_noise": 0.1, "stops_per_s": 0.005}
+IN_STEPS, IN_SECONDS = ("lacam", "ecbs", "prioritised"), ("continuous",)
+FACTORS = (0.25, 0.5, 2.0, 4.0)  # of what the planner believes beside the truth
+SPREAD = 0.3
+MOBILE = {  # a small mobile robot, slow enough in speeding up and turning that both matter
+    "length_m": 0.35,
+    "width_m": 0.25,
+    "max_speed_mps": 0.8,
+    "accel_mps2": 0.5,
+    "decel_mps2": 0.5,
+    "turn_rate_rad_s": 0.8,
+    "gap_m": 0.05,
+}
+BELIEFS = ("max_speed_mps", "accel_mps2", "turn_rate_rad_s")
 Figures = dict[int, tuple[float, float, float]]  # by seed: sum of costs in steps, flowtime as driven, CPU time of the planner
 
 
 def main() -> int:
     """Ask, and print a table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("question", choices=("optimal", "dispatch"))
+    parser.add_argument("question", choices=QUESTIONS)
     parser.add_argument("--seeds", type=int, default=10, metavar="N")
     parser.add_argument("--robots", type=int, default=24, metavar="N")
     parser.add_argument("--map", default="hospital", metavar="NAME")
     parser.add_argument("--engines", default="kinematic,sumo", metavar="NAMES")
     parser.add_argument("--json", action="store_true", help="a line a row")
     options = parser.parse_args()
-    (dispatch if options.question == "dispatch" else optimal)(options)
+    QUESTIONS[options.question](options)
     return 0
 
 
@@ -75,6 +95,54 @@ def dispatch(options: argparse.Namespace) -> None:
                         print(
                             f"| {' | '.join(map(str, said))} | {span[0]:+.1f} ({span[1]:+.1f} to {span[2]:+.1f}) | {lead:.0f} |", flush=True
                         )
+
+
+def speeds(options: argparse.Namespace) -> None:
+    """Planners that believe wrong figures, beside `lacam`."""
+    if not options.json:
+        print("| planner | engine | robots | believed | draws | driven, % above lacam |\n|" + "---|" * 6)
+    for engine in options.engines.split(","):
+        for slow in (False, True):
+            best = believed("lacam", {}, engine, slow, options)
+            for name in (*IN_STEPS[1:], *IN_SECONDS):
+                wrong = [{key: factor} for key in BELIEFS for factor in FACTORS] if name in IN_SECONDS and not slow else []
+                for belief in ({}, *wrong):
+                    figures = believed(name, belief, engine, slow, options)
+                    pairs = sorted(best.keys() & figures.keys())
+                    mean = t_mean([100 * (figures[seed] / best[seed] - 1) for seed in pairs])
+                    said = {
+                        "planner": name,
+                        "engine": engine,
+                        "robots": "up to 30 % slower" if slow else "alike",
+                        "believed": ", ".join(f"{key} x {factor:g}" for key, factor in belief.items()) or "alike",
+                        "draws": len(pairs),
+                        "percent": limits(mean.value, mean.low, mean.high),
+                    }
+                    print(json.dumps(said) if options.json else "| " + " | ".join(map(str, said.values())) + " |", flush=True)
+
+
+def believed(name: str, belief: dict[str, float], engine: str, slow: bool, options: argparse.Namespace) -> dict[int, float]:
+    """Driven flowtime in s, by seed, of plans for robots that the planner believes to be other than they are."""
+    figures = {}
+    for seed in range(options.seeds):
+        keys: dict[str, Any] = {
+            "map": options.map,
+            "seed": seed,
+            "planner": {"name": name, "time_limit_s": 4.0},
+            "assignment": {"mode": "fixed"},
+            "execution": {"engine": engine},
+            "record": {"bag": False},
+        }
+        robots = {"count": options.robots, "draw": "anywhere", "type": MOBILE}
+        truth = ms.problem(ms.Scenario(**keys, robots=robots))
+        plan = ms.plan(ms.problem(ms.Scenario(**keys, robots={**robots, "factor": belief})) if belief else truth)
+        if not plan.is_valid:
+            continue
+        uneven = {"disturbances": {"speed_spread": SPREAD}} if slow else {}
+        metrics = ms.simulate(truth, plan, **uneven).metrics
+        if metrics["all_goals_reached"] and metrics["driven_flowtime_s"] is not None:
+            figures[seed] = metrics["driven_flowtime_s"]
+    return figures
 
 
 def worked(name: str, robots: int, dispatcher: str, engine: str, busy: bool, seeds: int) -> dict[int, tuple[float, float]]:
@@ -135,6 +203,8 @@ def line(row: dict[str, object]) -> str:
     spans = [f"{of[0]:+.1f} ({of[1]:+.1f} to {of[2]:+.1f})" for of in (row["plan_percent"], row["driven_percent"])]  # type: ignore[index]
     return f"| {row['planner']} | {row['engine']} | {row['run']} | {row['pairs']} | {' | '.join(spans)} | {row['planner_cpu_s']} |"
 
+
+QUESTIONS = {"optimal": optimal, "dispatch": dispatch, "speeds": speeds}
 
 if __name__ == "__main__":
     sys.exit(main())
