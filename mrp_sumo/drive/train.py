@@ -22,6 +22,9 @@ if TYPE_CHECKING:
     from mrp_sumo.drive.ledger import Ledger
 
 
+BEFORE = 3  # visits: the path between the first two is another without what comes before them
+
+
 class Trains:
     """The vehicles of a fleet that cannot turn in place, from sample to sample."""
 
@@ -73,6 +76,8 @@ class Train:
     def _path(self, ledger: "Ledger", robot: int) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Where the fixed axle is, and how the vehicle faces [K], at distances driven [K]."""
         visits, graph, ids = ledger.visits, ledger.graph, ledger.all_ids(robot)
+        since_m = self._since_m - 2 * abs(self.vehicle.kinematics.ahead_m) - 1.0  # what is farther behind decides nothing
+        ids = ids[max(int(np.searchsorted(visits.at_m[ids], since_m)) - BEFORE, 0) :]
         lane, gear = visits.lane[ids], visits.gear[ids].copy()
         course = np.where(lane[:, None] >= 0, course_rad(graph)[lane], float(ledger.problem.heading_at_start[robot]))
         if lane[0] < 0 and np.isnan(course[0, 0]):
