@@ -121,9 +121,9 @@ def _logs(held: HeldOut, setup: SetUp) -> tuple[TaskLog, StopLog]:
     stations = tuple(held.orders[n].stops[k] for n, _, k, _ in whole.tolist())
     none = frozen(np.zeros(len(table)))
     due_s = np.array([held.orders[n].asks.get("due_s", math.inf) - held.cut_s for n in whole[:, 0].tolist()])
-    task, robot, _, vertex = (frozen(column) for column in whole.T)
+    task, by, _, at = (frozen(column) for column in whole.T)
     since, begin, end = (frozen(column) for column in table[:, 4:].T)
-    stops = StopLog(task, robot, stations, vertex, since, begin, end, none, none, frozen(due_s))
+    stops = StopLog(task, by, stations, at, since, begin, end, none, none, frozen(due_s))
     released, assigned, opened, done, ended = (frozen(column) for column in np.array(times, np.float64).reshape(-1, 5).T)
     reasons = ("",) * len(names)
     log = TaskLog(

@@ -40,7 +40,6 @@ def orders_of_run(run: "RunFolder") -> list[LoggedOrder]:
             continue
         robot = int(tasks.robot[k])
         services = tuple(zip(stops.begin_s[rows].tolist(), stops.end_s[rows].tolist()))
-        times = (float(times_s[k]) for times_s in (tasks.done_s, tasks.ended_s))
         stations = at if task is None else tuple(s.station.name if s.station else run.graph.label(s.vertex) for s in task.stops)
         orders.append(
             LoggedOrder(
@@ -50,7 +49,8 @@ def orders_of_run(run: "RunFolder") -> list[LoggedOrder]:
                 float(tasks.assigned_s[k]),
                 "" if robot == NOBODY else names[robot],
                 services if len(services) <= len(stations) else (),  # begun anew, or handed over
-                *times,
+                float(tasks.done_s[k]),
+                float(tasks.ended_s[k]),
                 {} if task is None else _asks(task, names),
             )
         )
