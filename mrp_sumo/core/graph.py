@@ -5,7 +5,7 @@ length, two lanes from one vertex to the same other, coordinates that are not fi
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -370,7 +370,7 @@ def relaid(graph: PlanGraph, **parts: Any) -> PlanGraph:
     num_new = len(parts.get("xy", graph.xy)) - graph.num_vertices
     own = {key: getattr(graph, key) for key in ("name", "xy", "level_names", "level", "vertex_options", "source")}
     nav = nav_graph(**{**own, "vertex_name": graph.vertex_name + ("",) * num_new, **parts})
-    return plan_graph(
+    laid = plan_graph(
         nav,
         kind=graph.kind,
         cell_m=graph.cell_m,
@@ -380,6 +380,7 @@ def relaid(graph: PlanGraph, **parts: Any) -> PlanGraph:
         frame=graph.frame,
         curves=graph.curves,
     )
+    return replace(laid, walls=graph.walls, aside_m=graph.aside_m)
 
 
 def frozen(array: NDArray[Any]) -> NDArray[Any]:

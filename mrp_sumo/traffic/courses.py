@@ -19,7 +19,7 @@ from mrp_sumo.traffic.sweeps import CLEAR_M, MovingBody, moved_along, point_dist
 
 TIGHT = 0.995  # share of its least radius at which a type still drives: curves are drawn with some error
 SMOOTH_RAD = 0.01  # a bend within which a curve goes on in another lane, and a vehicle that stands is in line with one
-SHARES = (1.0, 0.5, 0.25)  # of the room at a corner that are tried beside curves
+SHARES = tuple(np.geomspace(1.0, 0.1, 24).tolist())  # of the room at a corner that are tried beside curves
 NAMES = ("edge_id", "path")  # options with the names of lanes in files
 
 
