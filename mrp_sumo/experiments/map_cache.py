@@ -1,6 +1,6 @@
 """Maps, plan graphs and SUMO networks, made once and used by every run of a process."""
 
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping
 from dataclasses import replace
 from math import inf
 from pathlib import Path
@@ -122,15 +122,6 @@ class MapCache:
             return replace(graph, speed_mps=graph.speed_mps.clip(max=most_mps))
 
         return self._once(("limits", id(graph), tuple(sorted(limits.items()))), make, graph)
-
-    def with_asides(self, graph: "PlanGraph", models: "Sequence[RobotType]") -> "PlanGraph":
-        """The plan graph with how far types that cannot turn in place leave its straight steps on curves."""
-        from mrp_sumo.traffic.courses import asides
-
-        vehicles = tuple(model for model in models if model.is_vehicle)
-        if not graph.curves or not vehicles:
-            return graph
-        return self._once(("asides", id(graph), vehicles), lambda: replace(graph, aside_m=asides(graph, vehicles)), graph)
 
     def with_rides(self, map_: "Map", graph: "PlanGraph", step_s: float, radius_m: float) -> "PlanGraph":
         """The plan graph with its lifts as robots of a radius use them, in planned steps of `step_s`; see `maps.lifts`."""

@@ -106,7 +106,6 @@ def set_up(file: ScenarioFile, maps: MapCache, *, run_programs: bool = True) -> 
     graph, shut = without_shut_doors(file, graph)
     if any(model.is_vehicle for model in models) and scenario.discretisation.clearance != "ignore":
         graph = maps.with_walls(map_, graph)
-    graph = maps.with_asides(graph, models)
     barred, narrow = without_room(file, maps, map_, graph, models, chosen_planner)
     barred = by_vehicle_type(map_, graph, barred, models)
     fleet, start, goal = _fleet_at(file, map_.nav, graph, models, barred, one_of_each.separation_m)
