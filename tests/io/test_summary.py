@@ -1,6 +1,7 @@
 """Objects in a few lines."""
 
-from mrp_sumo.io.summary import count, seconds, summary
+from mrp_sumo.errors import count
+from mrp_sumo.io.summary import seconds, summary
 
 
 def test_lines_without_a_value_are_left_out_and_names_aligned():
