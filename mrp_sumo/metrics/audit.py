@@ -213,9 +213,12 @@ def _wheels(execution: Execution, fleet: Fleet) -> list[dict[str, Any]]:
         ahead, aside = along[0] * np.cos(middle) + along[1] * np.sin(middle), along[1] * np.cos(middle) - along[0] * np.sin(middle)
         moved, least_m = np.hypot(*along), vehicle.kinematics.least_radius_m
         chord_m = 2 * least_m * np.sin(np.minimum(turned, np.pi) / 2)  # of the tightest arc
+        speed_mps = moved / np.diff(execution.t_s)
+        radius_m = np.maximum(least_m, speed_mps**2 / vehicle.kinematics.lateral_mps2)  # of two bends, one to each side, between samples
+        aside_m = np.maximum(moved * turned / 2, moved**2 / (4 * radius_m))
         checks = (
             ("radius", chord_m > moved * (1 + WHEEL_SLACK) + WHEEL_SLACK_M, moved / np.maximum(turned, 1e-12), least_m),
-            ("side slip", np.abs(aside) > moved * turned / 2 + WHEEL_SLACK_M, np.abs(aside), 0.0),
+            ("side slip", np.abs(aside) > aside_m + WHEEL_SLACK_M, np.abs(aside), 0.0),
             ("reverse", (ahead < -WHEEL_SLACK_M) & (not vehicle.kinematics.reverse), -ahead, 0.0),
         )
         for kind, is_wrong, value, limit in checks:

@@ -7,6 +7,7 @@ import pytest
 import yaml
 from lif_worlds import TYPE, edge, lif, node
 
+import mrp_sumo as ms
 from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.experiments.run import carry_out
 from mrp_sumo.experiments.staging.set_up import set_up
@@ -108,3 +109,11 @@ def test_chosen_type_of_the_scenario_counts_more_than_that_of_its_robots(tmp_pat
     with MapCache() as maps:
         chosen = file_of(tmp_path, (TYPE, "A", "B"), map={"file": "rectangle.lif.json", "vehicle_type": SLOW})
         assert set_up(chosen, maps).map.nav.num_lanes == 6
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["plant_forklifts", "plant_tuggers"])
+def test_vehicles_of_the_bundled_plant_keep_working_on_its_curves(name):
+    result = ms.run(ms.Scenario.read(name).replace(execution={"time_limit_s": 7200}, record={"bag": False}))
+    assert result.status == "completed" and result.audit["passed"]
+    assert result.metrics["planner_calls_failed"] == 0

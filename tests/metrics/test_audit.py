@@ -277,8 +277,8 @@ def test_a_vehicle_turns_no_tighter_than_its_wheels_allow(radius_m, expected):
     assert on_wheels([0, radius_m * np.sin(0.5)], [0, radius_m * (1 - np.cos(0.5))], [0, 0.5]) == expected
 
 
-@pytest.mark.parametrize(("aside_m", "expected"), [(0.001, []), (0.01, ["side slip"])])
-def test_a_vehicle_does_not_slip_to_the_side(aside_m, expected):
+@pytest.mark.parametrize(("aside_m", "expected"), [(0.06, []), (0.07, ["side slip"])])
+def test_a_vehicle_slips_to_the_side_by_no_more_than_two_bends_of_its_least_radius_take_it(aside_m, expected):
     assert on_wheels([0, 0.5], [0, aside_m], [0, 0]) == expected
 
 
