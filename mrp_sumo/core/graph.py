@@ -227,8 +227,6 @@ class PlanGraph(NavGraph):
     walls: FloatArray = field(default_factory=lambda: np.zeros((0, 2, 2)))  # [W, 2, 2] m, which vehicles' turns have to keep clear of
     curves: Mapping[tuple[int, int], FloatArray] = field(default_factory=dict)
     """By tail and head of lanes that are drawn as curves [N, 4]: m along the lane, x, y, course in rad without jumps."""
-    aside_m: Mapping[tuple[int, int], float] = field(default_factory=dict)
-    """By tail and head of such lanes, how much farther vehicles leave the straight step there than at corners, where they do."""
 
 
 def nav_graph(
@@ -380,7 +378,7 @@ def relaid(graph: PlanGraph, **parts: Any) -> PlanGraph:
         frame=graph.frame,
         curves=graph.curves,
     )
-    return replace(laid, walls=graph.walls, aside_m=graph.aside_m)
+    return replace(laid, walls=graph.walls)
 
 
 def frozen(array: NDArray[Any]) -> NDArray[Any]:

@@ -1,12 +1,10 @@
 """Courses of lanes, and lanes that are drawn as curves as vehicles follow them.
 
 The fixed axle is on the curve, as it is on a straight lane. So a type can drive along it that turns as tightly as the curve does, whose
-body touches no wall there. Where it leaves the straight step between the lane's ends farther than corners, others are kept so much farther
-away (`asides`).
+body touches no wall there. Others are kept away from the straight step between the lane's ends, as at corners.
 """
 
 import math
-from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -67,29 +65,6 @@ def obstacle_on_curve(graph: PlanGraph, vehicle: RobotType, lane: int, gear: int
     if touches(bodies, _walls_beside(graph, bodies)):
         return f"{vehicle.name} touches a wall on {name}"
     return ""
-
-
-def asides(graph: PlanGraph, vehicles: Sequence[RobotType]) -> dict[tuple[int, int], float]:
-    """By ends of lanes that are curves, how much farther vehicles leave the straight step there than they do at corners."""
-    lanes = np.flatnonzero(curve_radius_m(graph) < np.inf).tolist()
-    most = {lane: max(_aside_m(graph, vehicle, lane, gear) for vehicle in vehicles for gear in (0, 1)) for lane in lanes}
-    return {(int(graph.tail[lane]), int(graph.head[lane])): aside_m for lane, aside_m in most.items() if aside_m > 0}
-
-
-def _aside_m(graph: PlanGraph, vehicle: RobotType, lane: int, gear: int) -> float:
-    """How much farther the middle of a vehicle, or what it tows, leaves a straight step than it does at corners."""
-    if curve_radius_m(graph)[lane] < TIGHT * vehicle.kinematics.least_radius_m:
-        return 0.0
-    route, begin_m = _route(graph, vehicle, [lane], gear)
-    path = wheel_path(route, vehicle.kinematics.ahead_m, vehicle.kinematics.least_radius_m)
-    share = (path.on_m - begin_m) / float(graph.length_m[lane])
-    on, ends, curve = (share >= 0) & (share <= 1), graph.xy[[graph.tail[lane], graph.head[lane]]], curve_of(graph, lane)
-    assert curve is not None
-    middle = path.axle[on] + vehicle.kinematics.ahead_m * np.stack([np.cos(path.yaw_rad[on]), np.sin(path.yaw_rad[on])], 1)
-    parts = [(share[on], middle, vehicle.aside_m)]
-    if vehicle.trailers:
-        parts.append((curve[:, 0] / curve[-1, 0], curve[:, 1:3], vehicle.corner_m))
-    return max(float(np.hypot(*(at - ends[0] - by[:, None] * (ends[1] - ends[0])).T).max()) - most_m for by, at, most_m in parts)
 
 
 def clear_at(graph: PlanGraph, vehicle: RobotType, lane: int, onward: int, gear: int, reach_m: float) -> bool:

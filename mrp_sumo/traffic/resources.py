@@ -23,7 +23,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, NavGraph, Options, PlanGraph, frozen
+from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, NavGraph, Options, frozen
 from mrp_sumo.core.near import pairs_within
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.traffic.moves import MoveGraph
@@ -99,12 +99,11 @@ def _resources_of(graph: NavGraph, num_kinds: int, apart: bytes) -> Resources:
     on_floor[track[graph.is_ride]] = False
     forward = graph.tail < graph.head
     leave, enter = np.zeros((2, num_kinds, graph.num_lanes))
-    aside = _asides(graph, ends)
     for kind, most_m in enumerate(apart_m.max(1)):
-        at_low, at_high = _clearances(graph.xy, ends, on_floor, float(most_m), aside)
+        at_low, at_high = _clearances(graph.xy, ends, on_floor, float(most_m))
         leave[kind] = np.where(forward, at_low[track], at_high[track])
         enter[kind] = np.where(forward, at_high[track], at_low[track])
-    zone, zone_needs = _by_types(*_zones(graph, ends, on_floor, float(apart_m.max()), aside), apart_m)
+    zone, zone_needs = _by_types(*_zones(graph, ends, on_floor, float(apart_m.max())), apart_m)
     num_places = num_vertices + len(ends)
     group_name, grouped, group = _groups(graph, ends, track)
     place, which = [], []
@@ -235,24 +234,14 @@ def left_after_m(graph: NavGraph, resources: Resources, course: Course, needs: N
     mine = np.where(needs.on_lane[part], num_vertices + resources.track[lane[visit[part]]], plan.vertex[visit[part]])
     second = (pair[:, 0] != mine).astype(np.int64)  # whether it is at the second place of the zone
     others = resources.zone_needs[resource[part] - num_vertices, 1 - second]  # [P, K] who needs it at the other
-    radius_m, other = np.where(others, resources.apart_m[of_visit[part]], 0.0).max(1), pair[np.arange(len(pair)), 1 - second]
-    aside = np.append(np.zeros(num_vertices), _asides(graph, resources.ends))
-    radius_m = radius_m + aside[other] + aside[num_vertices + resources.track[used[part]]]
-    after[part] = _last_within(graph, resources, used[part], other, radius_m)
+    radius_m = np.where(others, resources.apart_m[of_visit[part]], 0.0).max(1)
+    after[part] = _last_within(graph, resources, used[part], pair[np.arange(len(pair)), 1 - second], radius_m)
     if behind_m is not None:
         held = ~needs.on_lane & (used >= 0)
         after[held] = np.maximum(after, np.repeat(behind_m, np.diff(plan.first))[visit])[held]
     limit = np.where(used >= 0, graph.length_m[used] - LEFT_M, np.inf)
     left: FloatArray = origin + np.minimum(after, limit) * np.where(used >= 0, stretch[used], 1.0)
     return left
-
-
-def _asides(graph: NavGraph, ends: IntArray) -> FloatArray:
-    """[T] by how much vehicles leave the straight line of each track, beyond what their radius takes account of."""
-    if not isinstance(graph, PlanGraph) or not graph.aside_m:
-        return np.zeros(len(ends))
-    by_ends = graph.aside_m
-    return np.array([max(by_ends.get((a, b), 0.0), by_ends.get((b, a), 0.0)) for a, b in ends.tolist()], np.float64)
 
 
 def segments(graph: NavGraph, ends: IntArray) -> FloatArray:
@@ -273,7 +262,7 @@ def distance_m(a: FloatArray, b: FloatArray) -> FloatArray:
     return np.where(crossing, 0.0, d)
 
 
-def _clearances(xy: FloatArray, ends: IntArray, on_floor: BoolArray, separation: float, aside: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _clearances(xy: FloatArray, ends: IntArray, on_floor: BoolArray, separation: float) -> tuple[FloatArray, FloatArray]:
     """[T] each, for the lower and the higher end of every track: from this far along it no other track at that vertex, nor
     the vertex, is closer than the separation; at most its length less LEFT_M. Tracks that are not on a floor [T] are near to nothing.
     """
@@ -292,18 +281,17 @@ def _clearances(xy: FloatArray, ends: IntArray, on_floor: BoolArray, separation:
     cos = (direction[half] * direction[other]).sum(1)
     sin = np.abs(_cross(direction[half], direction[other]))
     reach = length[other % num_tracks]  # how far the other track goes
-    apart = separation + aside[half % num_tracks] + aside[other % num_tracks]
     with np.errstate(divide="ignore", invalid="ignore"):
-        beside = apart / sin  # beyond it, the other track's line is far enough
-        beyond = reach * cos + np.sqrt(np.maximum(apart**2 - (reach * sin) ** 2, 0))  # beyond it, its end is
-        clear = np.where(cos <= 0, apart, np.where(apart * cos <= reach * sin, beside, beyond))
-    clearance_m = separation + np.tile(aside, 2)
+        beside = separation / sin  # beyond it, the other track's line is far enough
+        beyond = reach * cos + np.sqrt(np.maximum(separation**2 - (reach * sin) ** 2, 0))  # beyond it, its end is
+        clear = np.where(cos <= 0, separation, np.where(separation * cos <= reach * sin, beside, beyond))
+    clearance_m = np.full(2 * num_tracks, separation)
     np.maximum.at(clearance_m, half, clear)
     clearance_m = np.minimum(clearance_m, np.tile(length, 2) - LEFT_M)
     return clearance_m[:num_tracks], clearance_m[num_tracks:]
 
 
-def _zones(graph: NavGraph, ends: IntArray, on_floor: BoolArray, separation: float, aside: FloatArray) -> tuple[IntArray, FloatArray]:
+def _zones(graph: NavGraph, ends: IntArray, on_floor: BoolArray, separation: float) -> tuple[IntArray, FloatArray]:
     """[P, 2] pairs of places closer than the separation that no vertex keeps apart, and [P] how far apart they are."""
     num_vertices = graph.num_vertices
     if not len(ends):
@@ -319,7 +307,7 @@ def _zones(graph: NavGraph, ends: IntArray, on_floor: BoolArray, separation: flo
     half = float((length[on_floor] / pieces[on_floor]).max(initial=0.0)) / 2
     point = np.concatenate([graph.xy[used], sample])
     owner = np.concatenate([used, num_vertices + owner])
-    pair = pairs_within(point, separation + 2 * float(aside.max()) + 2 * half)
+    pair = pairs_within(point, separation + 2 * half)
     pair = np.sort(np.sort(owner[pair], axis=1) @ np.array([len(place), 1]))
     pair = pair[np.diff(pair, prepend=-1) > 0]  # each once; np.unique takes ten times as long
     a, b = pair // len(place), pair % len(place)
@@ -329,8 +317,7 @@ def _zones(graph: NavGraph, ends: IntArray, on_floor: BoolArray, separation: flo
     level = graph.level[corner[:, 0]]
     apart = ~meets & (level[a] == level[b])
     a, b = a[apart], b[apart]
-    off = np.concatenate([np.zeros(num_vertices), aside])
-    away_m = distance_m(place[a], place[b]) - off[a] - off[b]
+    away_m = distance_m(place[a], place[b])
     close = away_m < separation - 1e-9
     return np.stack([a[close], b[close]], 1), away_m[close]
 

@@ -36,7 +36,6 @@ from mrp_sumo.maps.roadmap import cell_that_fits, cut_lanes
 from mrp_sumo.metrics.audit import audit, in_words
 from mrp_sumo.planning.answers import planned_by
 from mrp_sumo.planning.registry import planner
-from mrp_sumo.traffic.courses import asides
 from mrp_sumo.traffic.draw import stands_of
 from mrp_sumo.traffic.referee import judge
 
@@ -187,8 +186,7 @@ def drawn_world(rng: np.random.Generator, types: list[RobotType]) -> tuple[PlanG
     step_m = max(one_of_each.separation_m, float(one_of_each.behind_m.max()) + 0.1)
     if (world := rng.random()) < 0.6:
         roads = drawn_roads(rng, step_m * float(rng.uniform(1.1, 1.8)), curved=world > 0.3)
-        graph = replace(roads, aside_m=asides(roads, [each for each in types if each.is_vehicle]))
-        return graph, np.zeros((0, 2, 2)), "curves" if roads.curves else "roads"
+        return roads, np.zeros((0, 2, 2)), "curves" if roads.curves else "roads"
     map_ = load_map(real_maps()[int(rng.integers(len(real_maps())))], graph="all")
     if len(map_.nav.level_names) > 1:
         map_ = load_map(map_.path, graph="all", level=map_.nav.level_names[int(rng.integers(len(map_.nav.level_names)))])

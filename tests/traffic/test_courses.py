@@ -13,8 +13,7 @@ from mrp_sumo.drive.retime import retime
 from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.engines.sumo.network import build_network
 from mrp_sumo.metrics.audit import audit
-from mrp_sumo.traffic.courses import asides, curve_radius_m
-from mrp_sumo.traffic.resources import resources_of
+from mrp_sumo.traffic.courses import curve_radius_m
 from mrp_sumo.traffic.turns import BACKWARD, FORWARD, NEVER, obstacle_to, turns_of
 from tests.vehicles import CAR, TRICYCLE, TUGGER, along, curve, quarter, straight, vehicles_on
 
@@ -158,17 +157,3 @@ def test_who_may_reverse_goes_back_along_a_curve_and_does_not_swing_beside_it():
     assert turns.next_gear[turns.between(there, back)].tolist() == [BACKWARD, FORWARD]
     only = turns_of(graph, CAR)
     assert (only.next_gear[only.between(there, back)] == NEVER).all() and np.isnan(only.radius_m[only.between(there, back)]).all()
-
-
-def test_others_are_kept_away_from_a_curve_by_as_much_as_it_leaves_the_step():
-    """The arc of 4 m leaves its chord by 1.17 m, which is more than any corner of the car."""
-    graph = along(straight((0, 0), (4, 0)), quarter(4.0, (4, 0)), straight((8, 4), (8, 8)), cell_m=9.0)
-    off = asides(graph, [CAR])
-    assert off[1, 2] == pytest.approx(off[2, 1], abs=1e-9)
-    assert hypot(*(np.array([4.0, 4.0]) + 4.0 * np.array([1, -1]) / sqrt(2) - (6.0, 2.0))) - CAR.aside_m == pytest.approx(
-        off[1, 2], abs=0.2
-    )
-    lane = graph.lane_between(1, 2)
-    nearer, farther = (resources_of(one, 1.5).leave_m[0, lane] for one in (graph, replace(graph, aside_m=off)))
-    assert farther - nearer == pytest.approx(off[1, 2], abs=1e-9)
-    assert asides(bend(2.0, cell_m=2.0), [CAR]) == {}  # near enough
