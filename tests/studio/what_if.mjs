@@ -54,6 +54,7 @@ await goes(async () => {
   say("undo takes it back", await site("site.document === site.saved"));
   await step("5 Ask");
   await press("Take over ring_double_lane_0");
+  await until("l.lanes.some((lane) => lane[2].bidirectional[1] === false)");
   say("a variant is taken over", (await site("l.lanes.some((lane) => lane[2].bidirectional[1] === false)")) && (await site("site.path")) === "ring.building.yaml" && read("ring") === before);
   say("no console error", !problems.length, problems);
 }, tab);
