@@ -9,6 +9,7 @@ from mrp_sumo.bags import streams
 from mrp_sumo.bags.facility_states import TOPICS, facility_states
 from mrp_sumo.bags.messages import EPOCH_NS, Messages
 from mrp_sumo.bags.writer import FLEET_STATES_NS
+from mrp_sumo.core.angles import wrapped
 from mrp_sumo.core.battery import BatteryLog
 from mrp_sumo.core.execution import Execution
 from mrp_sumo.core.graph import FloatArray, IntArray
@@ -65,7 +66,7 @@ class LiveMessages:
             t_s=np.array([state.now_s]),
             x_m=x[None],
             y_m=y[None],
-            yaw_rad=((ledger.yaw_rad + np.pi) % (2 * np.pi) - np.pi)[None],
+            yaw_rad=wrapped(ledger.yaw_rad)[None],
             speed_mps=motion.speed_mps[None].copy(),
             goal_s=np.where(ledger.state.home, ledger.state.waits.goal_s, np.nan) if execution.tasks is None else execution.goal_s,
             level=None if execution.level is None else level[None],

@@ -7,6 +7,7 @@ import numpy as np
 
 from mrp_sumo.calibration.held_out import HeldOut
 from mrp_sumo.calibration.site import levels_on, shift_on
+from mrp_sumo.core.angles import wrapped
 from mrp_sumo.core.execution import RECORDED, Execution, Outcome
 from mrp_sumo.core.graph import FloatArray, frozen
 from mrp_sumo.core.plan import PlanResult, Status, plan_of_visits
@@ -56,7 +57,7 @@ def _execution(held: HeldOut, setup: SetUp) -> Execution:
         for k, column in ((0, x), (1, y)):
             column[there, r] = np.where(rides, place[nearest, k], np.interp(t_s, at_s, place[:, k]))[there]
         heading = _headings(rows[:, 3], place)
-        yaw[there, r] = ((np.interp(t_s, at_s, np.unwrap(heading)) + np.pi) % (2 * np.pi) - np.pi)[there]
+        yaw[there, r] = wrapped(np.interp(t_s, at_s, np.unwrap(heading)))[there]
         level[:, r] = here[nearest]
         speed[there, r] = np.hypot(*(np.gradient(column[:, r], SAMPLE_S) for column in (x, y)))[there]
     tasks, stops = _logs(held, setup)

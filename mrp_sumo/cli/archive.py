@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mrp_sumo.cli.option_rules import only_for
-from mrp_sumo.cli.printing import say, say_json
-from mrp_sumo.errors import MrpSumoError
+from mrp_sumo.cli.printing import say_either
+from mrp_sumo.errors import MrpSumoError, count
 
 if TYPE_CHECKING:
     from mrp_sumo.calibration.archive import ArchiveHead
@@ -107,13 +107,10 @@ def _about(path: Path, log: "MotionLog", options: argparse.Namespace) -> tuple["
 def _written(path: Path, log: "MotionLog", options: argparse.Namespace, notes: tuple[str, ...]) -> int:
     size = sum(each.stat().st_size for each in (path.iterdir() if path.is_dir() else [path]))
     num_poses = sum(map(len, log.poses.values()))
-    if options.json:
-        counts = {"vehicles": len(log.poses), "poses": num_poses, "orders": len(log.orders), "bytes": size}
-        say_json({"file": str(path), **counts, "notes": [*log.notes, *notes]})
-        return 0
-    for note in (*log.notes, *notes):
-        say(f"note: {note}")
-    say(f"{path}: {len(log.poses)} vehicles, {num_poses} poses, {len(log.orders)} orders, {size / 1e3:.0f} kB")
+    counts = {"vehicles": len(log.poses), "poses": num_poses, "orders": len(log.orders), "bytes": size}
+    said = f"{path}: {len(log.poses)} vehicles, {num_poses} poses, {len(log.orders)} orders, {size / 1e3:.0f} kB"
+    all_notes = [*log.notes, *notes]
+    say_either(options.json, {"file": str(path), **counts, "notes": all_notes}, *(f"note: {note}" for note in all_notes), said)
     return 0
 
 
@@ -126,10 +123,8 @@ def validate_archive(options: argparse.Namespace) -> int:
         raise MrpSumoError("an archive stands by itself: no --map, --scenario or --problem")
     only_for("plans", scen=options.scen, robots=options.robots, seed=options.seed, following=options.following)
     faults = faults_of(options.plan)
-    if options.json:
-        say_json({"valid": not faults, "faults": len(faults), "first": faults[: options.limit]})
-        return int(bool(faults))
-    for fault in faults[: options.limit]:
-        say(f"{options.plan.name}: {fault}")
-    say(f"{shortened(options.plan)}: " + (f"{len(faults)} fault{'s' * (len(faults) > 1)}" if faults else "a valid fleet log archive"))
+    shown = faults[: options.limit]
+    said = f"{shortened(options.plan)}: " + (count(len(faults), "fault") if faults else "a valid fleet log archive")
+    document = {"valid": not faults, "faults": len(faults), "first": shown}
+    say_either(options.json, document, *(f"{options.plan.name}: {fault}" for fault in shown), said)
     return int(bool(faults))

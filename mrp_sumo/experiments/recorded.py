@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from mrp_sumo.core.angles import wrapped
 from mrp_sumo.core.battery import BatteryLog
 from mrp_sumo.core.execution import RECORDED, Event, Execution, Outcome
 from mrp_sumo.core.fleet import LIMITS, Fleet, fleet_of_types
@@ -187,7 +188,7 @@ def _execution(vehicles: list[Recorded], begin_s: float, span_s: float, plan: Pl
         now_s = t_s[there]
         x[there, r], y[there, r] = np.interp(now_s, at_s, vehicle.x_m), np.interp(now_s, at_s, vehicle.y_m)
         turned = np.interp(now_s, at_s, np.unwrap(vehicle.yaw_rad))
-        yaw[there, r] = (turned + np.pi) % (2 * np.pi) - np.pi
+        yaw[there, r] = wrapped(turned)
         said = np.array(vehicle.speed_mps)
         known = np.isfinite(said)
         on = np.array([graph.level_names.index(name) for name in vehicle.map_id])
