@@ -105,6 +105,8 @@ def test_file_that_no_reader_recognises_is_told_which_formats_there_are(folder):
         ("version 1\n0\tm.map\t2\t1\t0\t0\t1\t0\t1\n", "movingai_scen"),
         ("name: b\nlevels: {L1: {elevation: 0, walls: []}}\n", "rmf_building"),
         ("building_name: b\nlevels: {L1: {lanes: [[0, 1, {}]], vertices: [[0, 0, {}], [1, 0, {}]]}}\n", "rmf_nav_graph"),
+        ("levels: {L1: {lanes: [[0, 1, {}]], vertices: [[0, 0, {}], [1, 0, {}]]}}\n", "rmf_nav_graph"),
+        ("levels: {L1: {lanes: [[0, 1, {}]], vertices: [[0, 0, 0, a], [1, 0, 0, b]]}}\n", "rmf_building"),
         ("image: m.pgm\nresolution: 0.05\n", "ros_map"),
     ],
 )

@@ -29,9 +29,7 @@ SYSTEMS = ("reference_image", "cartesian_meters", "wgs84", "web_mercator")
 
 def is_building(document: Any) -> bool:
     """True for a YAML document that is meant as a building."""
-    return (
-        isinstance(document, Mapping) and "levels" in document and not ("building_name" in document and _is_nav_graph(document["levels"]))
-    )
+    return isinstance(document, Mapping) and "levels" in document and not ("name" not in document and _is_nav_graph(document["levels"]))
 
 
 def building_of(document: Any, source: Text, meters_per_pixel: float | None = None) -> Building:
@@ -233,11 +231,12 @@ def _note_names(notes: Notes, drafts: Mapping[str, LevelDraft]) -> None:
 
 
 def _is_nav_graph(levels: Any) -> bool:
-    """True if lanes carry plain options, as in nav graphs, instead of typed parameters."""
+    """True if vertices have options where those of buildings have a height, or where there is nothing of a building."""
     if not isinstance(levels, Mapping):
         return False
-    for level in levels.values():
-        for lane in (level.get("lanes") or []) if isinstance(level, Mapping) else []:
-            if isinstance(lane, list) and len(lane) == 3 and isinstance(lane[2], Mapping):
-                return "graph_idx" not in lane[2]
-    return not any(isinstance(level, Mapping) and ({"walls", "elevation", "drawing"} & set(level)) for level in levels.values())
+    contents = [level for level in levels.values() if isinstance(level, Mapping)]
+    for level in contents:
+        vertices = level.get("vertices")
+        for vertex in vertices[:1] if isinstance(vertices, list) else []:
+            return isinstance(vertex, list) and (len(vertex) == 2 or (len(vertex) == 3 and isinstance(vertex[2], Mapping | None)))
+    return not any({"walls", "elevation", "drawing"} & set(level) for level in contents)
