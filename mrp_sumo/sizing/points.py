@@ -76,19 +76,14 @@ class Point:
             return f"batteries ran empty in {self.num_empty} of {len(self.records)} runs: places to charge are too few or too far"
         broken = [record for record in self.records if record["status"] not in DRIVEN]
         if broken:
-            what = "robots overlapped" if broken[0]["status"] == "audit_failed" else f"{broken[0]['status']}: {broken[0]['reason']}"
-            return f"{len(broken)} of {len(self.records)} runs do not count: {what}"
+            status, reason = broken[0]["status"].replace("_", " "), broken[0]["reason"]
+            return f"{len(broken)} of {len(self.records)} runs do not count: {status}: {reason}"
         if self.observed and np.isnan(self.throughput.value):
             until = f"{self.until_s / MINUTE_S:.3g} min"
             if self.until_s < self.horizon_s:
                 return f"robots ran empty after {until}, before a steady state was reached"
             return f"{until} are too short: {LEAST_S:.0f} s are measured once a warm-up is over, see --horizon"
         return ""
-
-    @property
-    def num_failed(self) -> int:
-        """Runs that broke, or in which robots overlapped."""
-        return sum(record["status"] not in DRIVEN for record in self.records)
 
     @property
     def num_empty(self) -> int:

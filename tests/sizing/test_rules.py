@@ -316,9 +316,9 @@ def test_a_size_with_too_little_to_measure_says_whether_the_horizon_or_a_battery
     assert why in Point(1, horizon_s, (record,)).fault
 
 
-@pytest.mark.parametrize(("status", "what"), [("audit_failed", "robots overlapped"), ("timed_out", "timed_out: the order was never made")])
+@pytest.mark.parametrize(("status", "what"), [("audit_failed", "audit failed"), ("timed_out", "timed out")])
 def test_a_size_says_what_became_of_its_runs_that_do_not_count(status, what):
     whole = record_with(np.arange(1, 121) * 30.0, 3600.0)
     broken = {**whole, "status": status, "reason": "the order was never made"}
-    assert Point(1, 3600.0, (whole, broken)).fault == f"1 of 2 runs do not count: {what}"
+    assert Point(1, 3600.0, (whole, broken)).fault == f"1 of 2 runs do not count: {what}: the order was never made"
     assert Point(1, 3600.0, (whole, whole)).fault == ""
