@@ -94,6 +94,7 @@ class Ledger:
         for task in self.tasks:
             self.end_of_tasks[task.robot] = task.end
         self._cut: IntArray | None = None  # [R] the visits beyond which nobody is granted anything, while there is a cut
+        self._cut_m = np.zeros(num_robots)  # [R] how far robots may have come when it is lifted
         self._pause_before = np.zeros(0, np.int64)
         self._pieces = [[(r, r + 1)] for r in range(num_robots)]  # of each robot's way: ids [a, b)
         start = np.arange(num_robots)
@@ -161,12 +162,17 @@ class Ledger:
         return self.visits.granted.copy() if self._cut is None else self._cut
 
     @property
+    def come_m(self) -> FloatArray:
+        """[R] how far robots have come; while there is a cut, how far they may have come when new ways begin."""
+        return self.state.motion.s_m if self._cut is None else self._cut_m
+
+    @property
     def standing(self) -> Standing:
-        """States in which vehicles are at their joints, or come to them."""
+        """States in which vehicles are at their joints, or come to them, when new ways begin."""
         first = self._at_start
         if not self.is_vehicle.any():
             return first
-        visits, joint, s_m = self.visits, self.joint, self.state.motion.s_m
+        visits, joint, s_m = self.visits, self.joint, self.come_m
         has_moved = visits.lane[joint] >= 0
         does = np.where(has_moved, ANYWHERE, first.does)
         lane, gear = np.where(has_moved, visits.lane[joint], first.lane), np.where(has_moved, visits.gear[joint], first.gear)
@@ -225,6 +231,10 @@ class Ledger:
         stays
             [R] robots that are granted nothing more.
         """
+        motion, fleet = self.state.motion, self.problem.fleet
+        accel_mps2 = fleet.accel_mps2 if fleet.loaded is None else np.maximum(fleet.accel_mps2, fleet.loaded.accel_mps2)
+        faster_mps = np.minimum(motion.speed_mps + accel_mps2 * lead_s, np.maximum(kinematics.speed_mps, motion.speed_mps))
+        self._cut_m = motion.s_m + (motion.speed_mps + faster_mps) / 2 * lead_s
         self._cut = self._grown(lead_s, kinematics, closed, stays) if len(self.needs.passing) else self.visits.granted.copy()
         pause = self.state.yielding.pause
         self._pause_before = pause.copy()
@@ -560,7 +570,7 @@ class Ledger:
             behind=np.where(
                 self._tows[robots], np.where(visits.lane[joint] >= 0, self.graph.tail[visits.lane[joint]], self._behind[robots]), -1
             ),
-            may_turn=does == UNDER_WAY,
+            may_turn=does != STANDING,
         )
 
     def _face(self, robots: IntArray, heading_rad: FloatArray, goes: BoolArray) -> None:

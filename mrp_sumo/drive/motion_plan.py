@@ -37,7 +37,7 @@ class Departure:
     back_m: FloatArray  # [K] and how far
     gear: IntArray  # [K] of vehicles that come to that visit
     behind: IntArray  # [K] vertex on which trailers stand then, -1: none
-    may_turn: BoolArray  # [K] whether vehicles are still far enough from that visit to cut the corner there
+    may_turn: BoolArray  # [K] whether vehicles are far enough from that visit to cut the corner there, or do so already
 
     @staticmethod
     def at_rest(heading_rad: FloatArray, behind: IntArray) -> "Departure":

@@ -140,7 +140,7 @@ def _standing(ledger: Ledger, start: IntArray, on_lane: BoolArray) -> Standing |
     standing, visits = ledger.standing, ledger.visits
     ahead = np.maximum(visits.next[visits.granted], 0)
     comes = on_lane & ledger.is_vehicle & (visits.vertex[ahead] == start)
-    can_turn = ledger.state.motion.s_m < visits.at_m[ahead] - ledger.room_to_turn_m(visits.lane[ahead])
+    can_turn = ledger.come_m < visits.at_m[ahead] - ledger.room_to_turn_m(visits.lane[ahead])
     does = np.where(comes, np.where(can_turn, UNDER_WAY, STANDING), standing.does)
     lane, gear = np.where(comes, visits.lane[ahead], standing.lane), np.where(comes, visits.gear[ahead], standing.gear)
     return Standing(does, lane, gear, np.where(comes, -1, standing.came))

@@ -1,10 +1,14 @@
 """Visits keep their ids; what is cut off is never driven, and a plan that nobody can keep leaves no trace."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from vehicles import TRICYCLE, corner, roads, vehicles_on
 from worlds import BURGER, cross, graph_of, line, problem_of, square_grid
 
 from mrp_sumo.core.execution import plans_in_force
+from mrp_sumo.core.plan import Plan
 from mrp_sumo.drive.crew import Crew
 from mrp_sumo.drive.facilities import facilities_of
 from mrp_sumo.drive.fit import resources_for
@@ -18,6 +22,7 @@ from mrp_sumo.drive.surroundings import Surroundings
 from mrp_sumo.drive.work import Work
 from mrp_sumo.drive.world import World
 from mrp_sumo.errors import PlanError
+from mrp_sumo.traffic.moves import BOUND, STANDING, UNDER_WAY
 from mrp_sumo.traffic.passages import permuted
 
 
@@ -206,6 +211,45 @@ def test_as_much_is_frozen_as_a_robot_needs_to_brake(decel_mps2, frozen):
     closed, nobody = np.zeros(ledger.graph.num_lanes, np.bool_), np.zeros(1, np.bool_)
     ledger.cut(0.0, Kinematics(speed, decel, speed, reach, reach, reach, 0 * reach), closed, nobody)
     assert ledger.joint.tolist() == [frozen]
+
+
+def truck_on(vertices, s_m, *, speed_mps=0.5, graph=None):
+    """A truck on its way over these vertices of a corner with lanes of 8 m, on the first of which it is, granted to its end."""
+    graph = graph or corner(8.0)
+    problem = vehicles_on(graph, vertices[:1], vertices[-1:], TRICYCLE)
+    count = len(vertices)
+    plan = Plan(np.array([0, count]), np.array(vertices), 20.0 * np.arange(count), np.append(20.0 * np.arange(1, count), np.inf))
+    ledger = Ledger(problem, resources_for(problem, plan))
+    ledger.append(first_of(plan), policy_of("adg"), 0.0)
+    ledger.visits.granted[0] = ledger.all_ids(0)[1]
+    ledger.state.motion.s_m[0], ledger.state.motion.speed_mps[0] = s_m, speed_mps
+    return ledger
+
+
+@pytest.mark.parametrize(("lead_s", "does"), [(1.0, STANDING), (0.9, UNDER_WAY)])
+def test_a_vehicle_counts_as_past_its_turn_where_it_may_be_when_a_new_way_begins(lead_s, does):
+    """From 0.5 m/s it drives 0.75 m in 1 s, speeding up by 0.5 m/s², and 0.6525 m in 0.9 s; its turn begins in 0.7 m."""
+    turn_m = 8.0 - 4.0 - TRICYCLE.kinematics.ahead_m
+    ledger = truck_on([0, 1], turn_m - 0.7)
+    assert ledger.standing.does.tolist() == [UNDER_WAY]
+    limits = Kinematics(*(np.array([value]) for value in (1.0, 0.5, 1.0, 0.1, 0.1, 0.1, 0.0)))
+    ledger.cut(lead_s, limits, np.zeros(ledger.graph.num_lanes, np.bool_), np.zeros(1, np.bool_))
+    assert ledger.standing.does.tolist() == [does]
+    ledger.lift()
+    assert ledger.standing.does.tolist() == [UNDER_WAY]
+
+
+def test_a_vehicle_that_swings_out_to_change_gear_keeps_the_gear_in_which_it_leaves():
+    """Backward out of the station in the west, past the corner, and forward to the north."""
+    graph = roads([(0.0, 0.0), (8.0, 0.0), (8.0, 8.0), (8.0, 16.0)], [(1, 2), (2, 3)], [(0, 1), (1, 0)], cell_m=8.0)
+    graph = replace(graph, lane_options=tuple({"orientation_constraint": "backward"} if k == 0 else {} for k in range(graph.num_lanes)))
+    ledger = truck_on([0, 1, 2], 7.0, graph=graph)
+    before = ledger.all_ids(0)
+    assert column(ledger, "gear")[before].tolist() == [0, 1, 0] and ledger.standing.does.tolist() == [BOUND]
+    ledger.append(Replan({0: way(2, 3)}, "replan"), policy_of("adg"), 16.0)
+    after = ledger.all_ids(0)
+    assert column(ledger, "vertex")[after].tolist() == [0, 1, 2, 3] and column(ledger, "gear")[after].tolist() == [0, 1, 0, 0]
+    assert column(ledger, "tangent_m")[after[1]] > 0 and column(ledger, "turns")[after[1]]
 
 
 EAST_TO_NORTH, WEST_TO_SOUTH = [2, 1, 0, 4, 5], [8, 7, 7, 7, 0, 10, 11]  # the second one comes to the middle, 0, after the first
