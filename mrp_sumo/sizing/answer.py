@@ -74,7 +74,10 @@ class Answer:
 
     @property
     def limit(self) -> Share | None:
-        """Limit that binds: what the next larger fleets do not count for, planner or chargers, else as at the peak."""
+        """Limit that binds: what the next larger fleets do not count for, planner or chargers, else as at the peak.
+
+        Where nothing binds at the peak, though larger fleets do no more: as in the smallest of these in which something does.
+        """
         if not self.points:
             return reasons(self.unfit[0]).limit if self.unfit and _tells_a_limit(self.unfit[0]) else None
         if self.limits and self.limits.peak.estimate is None and (beyond := self._beyond):
@@ -87,7 +90,10 @@ class Answer:
         ):
             measured = (share for share in self.at_peak.places if share.kind == "charger") if self.at_peak else iter(())
             return next(measured, Share("charger", "charger", min(1.0, self.limits.curve.best * cycle.charging_share / cycle.places)))
-        return self.at_peak.limit if self.at_peak else None
+        if self.at_peak is None:
+            return None
+        beyond_peak = (each.limit for each in self.reasons if each.robots >= self.at_peak.robots)
+        return next((limit for limit in beyond_peak if limit.kind != "fleet"), self.at_peak.limit)
 
     @property
     def _kept_from_more(self) -> bool:

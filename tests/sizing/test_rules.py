@@ -10,6 +10,7 @@ from fleets import EFFORT, question, record_with
 from mrp_sumo.sizing.answer import answer_of
 from mrp_sumo.sizing.points import Point
 from mrp_sumo.sizing.question import DEMAND
+from mrp_sumo.sizing.reasons import Reasons, Share
 from mrp_sumo.sizing.search import Bracket, Desk, _smallest, coarse, limits
 
 FEW = replace(EFFORT, seeds=4, most_seeds=4, gap=9.0)  # the grid alone: nothing is parted, no seeds are added
@@ -322,3 +323,11 @@ def test_a_size_says_what_became_of_its_runs_that_do_not_count(status, what):
     broken = {**whole, "status": status, "reason": "the order was never made"}
     assert Point(1, 3600.0, (whole, broken)).fault == f"1 of 2 runs do not count: {what}: the order was never made"
     assert Point(1, 3600.0, (whole, whole)).fault == ""
+
+
+@pytest.mark.parametrize(("kinds", "binds"), [(("fleet", "fleet", "aisle"), "aisle"), (("aisle", "station", "aisle"), "station")])
+def test_a_fleet_binds_only_where_larger_ones_are_not_kept_from_more(kinds, binds):
+    answer, _ = answer_of(question((4, 9), FEW), Known(question((4, 9), FEW), {4: (150, SURE), 6: (200, SURE), 9: (192, SURE)}))
+    of_size = tuple(Reasons(n, Share(kind, "", 0.9), (), (), Share("fleet", "", 0.9), ()) for n, kind in zip((4, 6, 9), kinds))
+    assert answer.limits.curve.best == 6 and replace(answer, reasons=of_size).limit.kind == binds
+    assert replace(answer, reasons=tuple(replace(each, limit=each.fleet) for each in of_size)).limit.kind == "fleet"
