@@ -4,17 +4,20 @@
     python tools/mutate.py --sample 300 --seed 1                 hours on one core
     python tools/mutate.py --sample 10 --seed 1 --room ledger    minutes
 
-The mutants are cosmic-ray's, and are made in a copy of the project in a temporary folder, where kernels run as plain Python. First a
-place in the sources is drawn, then one of its mutants. A mutant is caught when a test fails or takes many times as long as without it.
+The mutants are cosmic-ray's, and are made in a copy of the project in a temporary folder. Tests run in forks of a process that has
+loaded the libraries; kernels run as plain Python where a file of kernels is changed, else compiled. First a place in the sources is
+drawn, then one of its mutants. A mutant is caught when a test fails or takes many times as long as without it.
 Those that survive are a missing test or dead code; those that change nothing which matters are listed with the reason in
 `tools/mutants.yaml`, and do not count. Exit code 1 when there are others.
 """
 
 import argparse
 import difflib
+import multiprocessing
 import os
 import random
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -59,7 +62,7 @@ ROOMS = {  # the files of each, and the tests that hold it
         ["tests/drive/test_batteries.py", "tests/core/test_battery.py"],
     ),
     "dispatchers": (["mrp_sumo/drive/dispatchers/*.py"], ["tests/drive/test_dispatchers.py"]),
-    "sizing": (["mrp_sumo/sizing/search.py", "mrp_sumo/sizing/points.py", "mrp_sumo/sizing/answer.py"], ["tests/sizing"]),
+    "sizing": ([f"mrp_sumo/sizing/{name}.py" for name in ("search", "points", "answer", "causes", "confirmation")], ["tests/sizing"]),
     "statistics": (
         ["mrp_sumo/experiments/statistics.py", "mrp_sumo/experiments/replications.py"],
         ["tests/experiments/test_statistics.py", "tests/experiments/test_replications.py"],
@@ -75,12 +78,31 @@ ROOMS = {  # the files of each, and the tests that hold it
     ),
     "searches": ([f"mrp_sumo/search/_{name}.py" for name in KERNELS], ["tests/search", "tests/planners/conflict_based"]),
     "bodies": (
-        ["mrp_sumo/metrics/_audit.py", "mrp_sumo/metrics/_walls.py", "mrp_sumo/metrics/_people.py"],
-        ["tests/metrics/test_audit.py", "tests/metrics/test_walls.py", "tests/metrics/test_people.py"],
+        [f"mrp_sumo/metrics/{name}.py" for name in ("audit", "_audit", "_walls", "_people", "_whereabouts", "referee_in_seconds")],
+        [f"tests/metrics/test_{name}.py" for name in ("audit", "walls", "people", "referee_in_seconds")],
+    ),
+    "operations": (["mrp_sumo/metrics/operations/*.py"], ["tests/metrics/test_operations_audit.py"]),
+    "bands": (
+        ["mrp_sumo/experiments/error_bands.py", "mrp_sumo/experiments/run_bands.py", "mrp_sumo/sizing/bands.py"],
+        ["tests/experiments/test_error_bands.py", "tests/experiments/test_run_bands.py", "tests/sizing/test_bands.py"],
+    ),
+    "crowd": (["mrp_sumo/crowd/*.py"], ["tests/crowd", "tests/experiments/test_people.py"]),
+    "calibration": (
+        [f"mrp_sumo/calibration/{name}.py" for name in ("cruise", "estimates", "orders", "phases", "ramps", "site", "stops", "turning")],
+        [f"tests/calibration/test_{name}.py" for name in ("estimates", "orders")],
+    ),
+    "predict": (
+        ["mrp_sumo/calibration/prediction.py", "mrp_sumo/calibration/held_out.py"],
+        ["tests/calibration/test_held_out.py", "tests/cli/test_predict.py"],
     ),
 }
 LEFT_OUT = ("RemoveDecorator", "VariableReplacer", "VariableInserter")  # of the operators: decorators are @njit and @dataclass
 SAME = {("Eq", "Is"), ("Is", "Eq"), ("NotEq", "IsNot"), ("IsNot", "NotEq")}  # comparisons that mean the same where they are used here
+FORKS = multiprocessing.get_context("forkserver")
+PRELOADED = (  # all but numba, which reads its settings when it is loaded
+    *("hypothesis.strategies", "pytest", "xdist", "pytest_cov", "yaml", "pydantic", "numpy", "pandas", "matplotlib.figure", "networkx"),
+    *("scipy.optimize", "scipy.stats", "scipy.sparse.csgraph", "scipy.spatial", "scipy.ndimage", "rosbags.typesys", "pyarrow.parquet"),
+)
 LIMIT = 5.0  # times as long as the tests take without a mutant
 
 
@@ -197,31 +219,49 @@ def outcomes(mutants: Sequence[Mutant], copy: Path) -> Iterator[tuple[Mutant, st
     from cosmic_ray.mutating import mutate_code
     from cosmic_ray.plugins import get_operator
 
-    limit_s: dict[str, float] = {}
+    FORKS.set_forkserver_preload(list(PRELOADED))
+    limit_s: dict[tuple[str, bool], float] = {}
     for mutant in mutants:
-        if mutant.room not in limit_s:
-            begin_s = time.monotonic()
-            if not passes(mutant.room, copy, None):
-                raise SystemExit(f"mutate: the tests of '{mutant.room}' fail without a mutant")
-            limit_s[mutant.room] = 30.0 + LIMIT * (time.monotonic() - begin_s)
         file = copy / mutant.file
+        how = mutant.room, file.name.startswith("_")
+        if how not in limit_s:
+            begin_s = time.monotonic()
+            if not passes(*how, copy, None):
+                raise SystemExit(f"mutate: the tests of '{mutant.room}' fail without a mutant")
+            limit_s[how] = 30.0 + LIMIT * (time.monotonic() - begin_s)
         source = file.read_text()
         mutated = mutate_code(source, get_operator(mutant.operator)(), mutant.occurrence)
         assert mutated is not None, mutant
         file.write_text(mutated)
-        caught = not passes(mutant.room, copy, limit_s[mutant.room])
+        caught = not passes(*how, copy, limit_s[how])
         file.write_text(source)
         yield mutant, "caught" if caught else "survived", changed_lines(source, mutated)
 
 
-def passes(room: str, copy: Path, limit_s: float | None) -> bool:
-    """Whether the tests of a room pass, in time."""
-    command = [sys.executable, "-B", "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", *ROOMS[room][1]]
-    environment = {**os.environ, "NUMBA_DISABLE_JIT": "1", "PYTHONPATH": str(copy)}
-    try:
-        return not subprocess.run(command, cwd=copy, env=environment, capture_output=True, timeout=limit_s, check=False).returncode
-    except subprocess.TimeoutExpired:
-        return False
+def passes(room: str, plain: bool, copy: Path, limit_s: float | None) -> bool:
+    """Whether the tests of a room pass, in time; `plain`: kernels are plain Python."""
+    process = FORKS.Process(target=run_tests, args=(ROOMS[room][1], plain, copy, limit_s is None))
+    process.start()
+    process.join(limit_s)
+    if process.is_alive():
+        os.killpg(process.pid, signal.SIGKILL)
+        process.join()
+    return process.exitcode == 0
+
+
+def run_tests(tests: Sequence[str], plain: bool, copy: Path, keeps_bytecode: bool) -> None:
+    """Run tests as a process of its own; `keeps_bytecode`: of files without a mutant."""
+    os.setsid()
+    os.chdir(copy)
+    os.environ |= {"NUMBA_DISABLE_JIT": str(int(plain)), "PYTHONPATH": str(copy)}
+    sys.path[:] = [str(copy), *(path for path in sys.path if Path(path) not in (ROOT, ROOT / "tools"))]
+    sys.dont_write_bytecode = not keeps_bytecode
+    for stream in (1, 2):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), stream)
+    import pytest
+
+    ignored = "ignore::pytest.PytestAssertRewriteWarning"  # of plugins that are loaded already
+    os._exit(int(pytest.main(["-x", "-q", "-p", "no:cacheprovider", "-W", ignored, *tests])))
 
 
 def changed_lines(before: str, after: str) -> list[tuple[str, str]]:
