@@ -35,9 +35,16 @@ class Crowd:
             *floor.corner_m, floor.width, floor.height, floor.walls, floor.first, floor.near, floor.free, floor.back, columns, rows
         )
         room = max(people.count, MOST_PEOPLE if people.flows else 1)
-        figures = [np.zeros(room) for _ in range(9)]
         self.walkers = Walkers(
-            *figures,
+            x_m=np.zeros(room),
+            y_m=np.zeros(room),
+            vx_mps=np.zeros(room),
+            vy_mps=np.zeros(room),
+            ax_mps2=np.zeros(room),
+            ay_mps2=np.zeros(room),
+            wish_mps=np.zeros(room),
+            headway_s=np.zeros(room),
+            spacing_m=np.zeros(room),
             person=np.zeros(room, np.int64),
             goal=np.zeros(room, np.int64),
             home=np.zeros(room, np.int64),
@@ -49,9 +56,12 @@ class Crowd:
             member=np.zeros(room, np.int64),
         )
         self.robots = Machines(
-            *(np.full(num_robots, np.nan) for _ in range(4)),
-            half_length_m,
-            half_width_m,
+            x_m=np.full(num_robots, np.nan),
+            y_m=np.full(num_robots, np.nan),
+            yaw_rad=np.full(num_robots, np.nan),
+            along_mps=np.full(num_robots, np.nan),
+            half_length_m=half_length_m,
+            half_width_m=half_width_m,
             is_halted=np.zeros(num_robots, np.bool_),
             first=np.zeros(columns * rows + 1, np.int64),
             member=np.zeros(num_robots, np.int64),
@@ -135,12 +145,10 @@ class Crowd:
         """Where somebody may appear near a place, None where there is no room now."""
         floor, row = self.people.floor, self._way_to(place)
         middle = floor.centre_of(self.people.place[place])
-        points = middle + self._stream[PLACES].uniform(-APPEAR_WITHIN_M, APPEAR_WITHIN_M, (TRIES, 2))
+        points: FloatArray = middle + self._stream[PLACES].uniform(-APPEAR_WITHIN_M, APPEAR_WITHIN_M, (TRIES, 2))
         cells = floor.cell_of(points)
-        for k in np.flatnonzero((cells >= 0) & (self._ways[row, cells] == _floor.THERE)).tolist():
-            if self._has_room(points[k]):
-                return points[k]
-        return None
+        inside = (cells >= 0) & (self._ways[row, cells] == _floor.THERE)
+        return next((point for point in points[inside] if self._has_room(point)), None)
 
     def _has_room(self, xy: FloatArray) -> bool:
         """True if nobody is near a point, and no robot, the less so the faster it drives."""

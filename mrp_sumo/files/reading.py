@@ -16,7 +16,7 @@ from typing import Any
 from mrp_sumo.errors import MrpSumoError, in_one_line, sentence
 
 MAX_BYTES = 2**30  # where a format states no smaller limit
-_HALF, _HALF_BYTES = (re.compile(pattern) for pattern in (r"\\u[dD][89a-fA-F]", rb"\\u[dD][89a-fA-F]"))
+_HALF, _HALF_BYTES = re.compile(r"\\u[dD][89a-fA-F]"), re.compile(rb"\\u[dD][89a-fA-F]")
 _KINDS = (
     (stat.S_ISDIR, "a folder"),
     (stat.S_ISFIFO, "a FIFO"),
@@ -88,11 +88,9 @@ def json_value(text: str | bytes, *, finite: bool = False, largest: float | None
     if largest is None:
         value = json.loads(text, parse_constant=_no_number if finite else None)
     else:
-        bounds = {
-            kind: partial(_bounded, make, largest) for kind, make in (("parse_float", float), ("parse_int", int), ("parse_constant", float))
-        }
-        value = json.loads(text, **bounds)
-    if (_HALF if isinstance(text, str) else _HALF_BYTES).search(text):  # type: ignore[call-overload]
+        number = partial(_bounded, float, largest)
+        value = json.loads(text, parse_float=number, parse_int=partial(_bounded, int, largest), parse_constant=number)
+    if _HALF.search(text) if isinstance(text, str) else _HALF_BYTES.search(text):
         json.dumps(value, ensure_ascii=False).encode()  # UnicodeEncodeError is a ValueError
     return value
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from mrp_sumo.core.graph import FloatArray, IntArray, Options
+from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, Options
 from mrp_sumo.maps.finding import MapFinding
 
 WALL_THICKNESS_M = 0.1  # of Open-RMF's generator (wall.py)
@@ -95,17 +95,19 @@ class Lift:
     door_width_m: Mapping[str, float] = field(default_factory=dict)  # of its doors, by name
     initial_level: str = ""  # where the car stands at first, where the file says so
 
-    def holds(self, xy: FloatArray, elevation_m: float) -> np.ndarray:
+    def holds(self, xy: FloatArray, elevation_m: float) -> BoolArray:
         """[N] whether each point is in the cabin, 5 cm beyond its walls included (level.py, is_in_lift)."""
         if not self.level_doors or not self.lowest_m <= elevation_m <= self.highest_m:
             return np.zeros(len(xy), np.bool_)
         along, across = self._beyond(xy)
-        return (along <= 0.05) & (across <= 0.05)
+        held: BoolArray = (along <= 0.05) & (across <= 0.05)
+        return held
 
     def distance_m(self, xy: FloatArray) -> FloatArray:
         """[N] of points from the cabin, 0 inside."""
         along, across = self._beyond(xy)
-        return np.hypot(np.maximum(along, 0.0), np.maximum(across, 0.0))
+        away_m: FloatArray = np.hypot(np.maximum(along, 0.0), np.maximum(across, 0.0))
+        return away_m
 
     def room_m(self, xy: FloatArray) -> FloatArray:
         """[N] of points in the cabin to its nearest wall, negative outside."""

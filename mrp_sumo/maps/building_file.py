@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from mrp_sumo.maps.building import Level
 from mrp_sumo.maps.curves import COURSES
 from mrp_sumo.maps.drawing import METERS_PER_PIXEL, type_tag
 from mrp_sumo.maps.map import Map
@@ -57,17 +58,7 @@ def building_document(map_: Map, *, picture: tuple[str, int, int] | None = None,
         if len(names) > 1:
             level["fiducials"] = [[*pen.pixels(low + shift[name]), "southwest"], [*pen.pixels(high + shift[name]), "northeast"]]
         storey = building.levels.get(name) if building else None
-        walls = [
-            [pen.vertex(a), pen.vertex(b), _parameters(alpha=1.0, texture_name="default")] for a, b in (storey.wall_xy if storey else ())
-        ]
-        doors = [
-            [
-                pen.vertex(storey.xy[d.start]),
-                pen.vertex(storey.xy[d.end]),
-                _parameters(name=d.name, plugin="normal", type=d.kind or "hinged"),
-            ]
-            for d in (storey.doors if storey else ())
-        ]
+        walls, doors = (_walls(pen, storey), _doors(pen, storey)) if storey else ([], [])
         corners = [shift[name] + (x, low[1]) for x in (low[0], high[0])]
         ruler = [*map(pen.vertex, corners), _parameters(distance=float(high[0] - low[0]))]
         level |= {"lanes": lanes, "measurements": [ruler], "vertices": pen.vertices, "walls": walls}
@@ -120,6 +111,17 @@ def _lanes(pen: _Pen, map_: Map, level: int) -> list[list[Any]]:
             continue
         lanes.append([number[a], number[b], _parameters(bidirectional=bool(same), graph_idx=0, **_options(map_, k))])
     return lanes
+
+
+def _walls(pen: _Pen, level: Level) -> list[list[Any]]:
+    return [[pen.vertex(a), pen.vertex(b), _parameters(alpha=1.0, texture_name="default")] for a, b in level.wall_xy]
+
+
+def _doors(pen: _Pen, level: Level) -> list[list[Any]]:
+    return [
+        [pen.vertex(level.xy[d.start]), pen.vertex(level.xy[d.end]), _parameters(name=d.name, plugin="normal", type=d.kind or "hinged")]
+        for d in level.doors
+    ]
 
 
 def _options(map_: Map, lane: int) -> dict[str, Any]:

@@ -79,7 +79,7 @@ def check_graph(nav: NavGraph) -> tuple[MapFinding, ...]:
     for i in np.flatnonzero(nav.speed_mps < VERY_SLOW_MPS).tolist():
         notes.add("very_slow_lanes", f"from {nav.label(nav.tail[i])} to {nav.label(nav.head[i])}: {nav.speed_mps[i]:g} m/s")
     driven = np.unique(np.concatenate([nav.tail, nav.head]))
-    sizes = np.sort(np.bincount(np.unique(nav.component[driven], return_inverse=True)[1]))[::-1] if len(driven) else np.zeros(0)
+    sizes = np.sort(np.bincount(np.unique(nav.component[driven], return_inverse=True)[1]))[::-1] if len(driven) else np.zeros(0, np.int64)
     weak = len(sizes)
     if weak > 1:
         notes.add("several_components", f"sizes {_sizes(sizes.tolist())}", weak)

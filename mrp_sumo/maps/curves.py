@@ -108,7 +108,8 @@ def _courses(degree: int, knots: Sequence[float], weighted: FloatArray, fine: Fl
 
 def traced(nav: NavGraph, chain: Sequence[int]) -> FloatArray | None:
     """[N, 4] places along the curve that a chain of lanes was drawn as: distance along the lanes, x, y, course. None: they are drawn so."""
-    parts, at_m = [], 0.0
+    parts: list[FloatArray] = []
+    at_m = 0.0
     for lane in chain:
         tail, head = int(nav.tail[lane]), int(nav.head[lane])
         ends, courses = nav.xy[[tail, head]], _courses_of(nav, tail, head)
@@ -136,7 +137,8 @@ def nurbs_of(nav: NavGraph, chain: Sequence[int], xy: FloatArray) -> tuple[int, 
 
 def _courses_of(nav: NavGraph, tail: int, head: int) -> tuple[float, float] | None:
     """Courses of a curve at the ends of one of its pieces, along the piece."""
-    chord, along = nav.xy[head] - nav.xy[tail], []
+    chord = nav.xy[head] - nav.xy[tail]
+    along: list[tuple[int, float, float | None]] = []  # bend, course, course beyond it where it has another
     for bend, beside in ((tail, AFTER), (head, BEFORE)):
         options = nav.vertex_options[bend]
         if TANGENT not in options:
@@ -147,9 +149,9 @@ def _courses_of(nav: NavGraph, tail: int, head: int) -> tuple[float, float] | No
         along.append((bend, own + np.pi * is_back, None if other is None else float(other) + np.pi * is_back))
     if len(along) == 2:
         return along[0][1], along[1][1]
-    if len(along) == 1 and along[0][2] is not None:
-        ((bend, own, other),) = along
-        return (own, other) if bend == tail else (other, own)
+    for bend, own, other in along:
+        if other is not None:
+            return (own, other) if bend == tail else (other, own)
     return None
 
 

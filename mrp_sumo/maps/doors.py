@@ -38,10 +38,11 @@ def with_doors(graph: PlanGraph, building: Building | None, radius_m: float) -> 
     names: set[str] = set()
     tail, head = graph.xy[graph.tail], graph.xy[graph.head]
     for k, level_name in enumerate(graph.level_names):
-        level = building.levels.get(level_name)
+        if (level := building.levels.get(level_name)) is None:
+            continue
         vertices = np.flatnonzero(graph.level == k)
         lanes = np.flatnonzero((graph.level[graph.tail] == k) & (graph.level[graph.head] == k) & ~graph.is_ride)
-        for door in level.doors if level else ():
+        for door in level.doors:
             a, b = level.xy[[door.start, door.end]]
             ends = [np.tile(end, (len(lanes), 1)) for end in (a, b)]
             near_m = segment_distances(tail[lanes], head[lanes], *ends)

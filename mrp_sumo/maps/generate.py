@@ -183,7 +183,8 @@ def _gabriel_pairs(xy: FloatArray) -> IntArray:
     pairs = np.unique(np.sort(np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]]), axis=1), axis=0)
     a, b = xy[pairs[:, 0]], xy[pairs[:, 1]]
     nearest_m, _ = cKDTree(xy).query((a + b) / 2)
-    return pairs[nearest_m >= np.hypot(*(b - a).T) / 2 - 1e-9].astype(np.int64)
+    gabriel: IntArray = pairs[nearest_m >= np.hypot(*(b - a).T) / 2 - 1e-9].astype(np.int64)
+    return gabriel
 
 
 def _place(charger: bool) -> dict[str, bool]:

@@ -104,8 +104,8 @@ def with_rides(graph: PlanGraph, step_s: float, radius_m: float, building: Build
         if v in inside and building and name in building.lifts and building.lifts[name].initial_level == graph.level_names[level[v]]:
             vertex_options[v] = {**vertex_options[v], "car_at_first": True}
     for k, (a, b) in enumerate(pairs):
-        if name := inside.get(a) or inside.get(b) or beside.get(a) or beside.get(b):
-            lane_options[k] = {**lane_options[k], "cabin": name}
+        if cabin := inside.get(a) or inside.get(b) or beside.get(a) or beside.get(b):
+            lane_options[k] = {**lane_options[k], "cabin": cabin}
     return relaid(
         graph,
         lanes=pairs,
@@ -139,8 +139,9 @@ def _stopping_inside(graph: PlanGraph, radius_m: float, building: Building | Non
     rides, inside, xy = np.flatnonzero(graph.is_ride), dict[tuple[int, str], int](), [*graph.xy]
     for k in rides.tolist():
         name = str(graph.lane_options[k]["lift"])
-        lift = building.lifts.get(name)
-        for v in {int(graph.tail[k]), int(graph.head[k])} if lift else ():
+        if (lift := building.lifts.get(name)) is None:
+            continue
+        for v in {int(graph.tail[k]), int(graph.head[k])}:
             shift = np.array(shift_m.get(graph.level_names[graph.level[v]], (0.0, 0.0))) - building.origin_m
             needed_m = min(radius_m, min(lift.width_m, lift.depth_m) / 2)  # from the walls; no more is there at the centre
             if (v, name) not in inside and lift.room_m(graph.xy[[v]] - shift)[0] < needed_m - BESIDE_M:
@@ -177,9 +178,12 @@ def _cabins(graph: PlanGraph, radius_m: float, building: Building | None, shift_
     rides = np.flatnonzero(graph.is_ride).tolist()
     inside = {int(v): str(graph.lane_options[k]["lift"]) for k in rides for v in (graph.tail[k], graph.head[k])}
     beside: dict[int, str] = {}
-    for name in sorted(set(inside.values())) if building is not None else ():
-        lift = building.lifts.get(name)
-        for k in {int(graph.level[v]) for v, other in inside.items() if other == name} if lift else ():
+    if building is None:
+        return inside, beside
+    for name in sorted(set(inside.values())):
+        if (lift := building.lifts.get(name)) is None:
+            continue
+        for k in {int(graph.level[v]) for v, other in inside.items() if other == name}:
             on = np.flatnonzero(graph.level == k)
             shift = np.array(shift_m.get(graph.level_names[k], (0.0, 0.0)))
             away_m = lift.distance_m(graph.xy[on] - shift + building.origin_m)

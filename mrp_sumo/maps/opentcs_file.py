@@ -156,12 +156,12 @@ def _locations(nav: NavGraph, points: list[int], names: list[str]) -> Iterator[s
     links: dict[str, tuple[tuple[str, ...], list[int]]] = {}
     for v in points:
         options = nav.vertex_options[v]
-        operations = [o for o in str(options.get("actions", "")).split(", ") if o]
-        if options.get("is_charger") and not any("charg" in o.lower() for o in operations):
-            operations.append("CHARGE")
-        stations = stations_of(options) or ([f"{names[v]} station"] if operations else [])
+        actions = tuple(o for o in str(options.get("actions", "")).split(", ") if o)
+        if options.get("is_charger") and not any("charg" in o.lower() for o in actions):
+            actions = (*actions, "CHARGE")
+        stations = stations_of(options) or ([f"{names[v]} station"] if actions else [])
         for station in stations:
-            links.setdefault(station, (tuple(operations), []))[1].append(v)
+            links.setdefault(station, (actions, []))[1].append(v)
     kinds = {operations: f"Type {k}" for k, operations in enumerate(dict.fromkeys(operations for operations, _ in links.values()), 1)}
     for operations, kind in kinds.items():
         allowed = "".join(f"<allowedOperation name={quoteattr(o)}/>" for o in (*operations, "NOP"))

@@ -165,7 +165,7 @@ def largest_component(nav: NavGraph) -> tuple[NavGraph, list[str]]:
     keep = nav.component == 0
     if keep.all():
         return nav, []
-    named = [nav.label(v) for v in np.flatnonzero(~keep) if nav.vertex_name[v]]
+    named = [nav.label(v) for v in np.flatnonzero(~keep).tolist() if nav.vertex_name[v]]
     shown = f", among them {', '.join(named[:5])}{', ...' if len(named) > 5 else ''}" if named else ""
     number = np.cumsum(keep) - 1
     lanes = [(int(number[a]), int(number[b]), *rest) for a, b, *rest in _lanes(nav) if keep[a] and keep[b]]

@@ -119,6 +119,7 @@ def places(text: str) -> Iterator[tuple[Place, int, int]]:
             above.pop()
             names.pop()
         elif isinstance(event, yaml.NodeEvent):
+            assert event.start_mark is not None  # what a parser yields has one
             line = event.start_mark.line + 1
             if names and names[-1] is None:
                 names[-1], line_of_key = getattr(event, "value", event.anchor), line

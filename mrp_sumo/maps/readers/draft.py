@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mrp_sumo.core.digraph import strong_components
-from mrp_sumo.core.graph import NO_OPTIONS, STATIONS, NavGraph, Options, nav_graph
+from mrp_sumo.core.graph import NO_OPTIONS, STATIONS, FloatArray, NavGraph, Options, nav_graph
 from mrp_sumo.files.reading import shortened
 from mrp_sumo.maps.building import Building, Door, Level
 from mrp_sumo.maps.check import check_graph
@@ -76,7 +76,7 @@ class Draft:
             return
         (ax, ay), (bx, by) = self._xy[tail], self._xy[head]
         line = None if line is None else simplified(line)
-        bends = () if line is None else line.xy[1:-1]
+        bends = np.zeros((0, 2)) if line is None else line.xy[1:-1]
         if not len(bends) and abs(ax - bx) < SAME_PLACE_M and abs(ay - by) < SAME_PLACE_M:
             self._join(tail, head)
             return
@@ -248,11 +248,11 @@ class Draft:
         for v in riders:
             self._options[v]["lift"] = lift
 
-    def _chain_back(self, tail: int, head: int, bends: Sequence[Sequence[float]]) -> list[int]:
+    def _chain_back(self, tail: int, head: int, bends: FloatArray) -> list[int]:
         """The bends of a curve from head to tail along the same line, in reverse."""
         for chain in self._chains.get((head, tail), []):
             if len(chain) == len(bends):
-                near = np.abs(np.array([self._xy[v] for v in reversed(chain)]) - np.asarray(bends)).max() < SAME_PLACE_M
+                near = np.abs(np.array([self._xy[v] for v in reversed(chain)]) - bends).max() < SAME_PLACE_M
                 if near:
                     back = chain[::-1]
                     self._chains.setdefault((tail, head), []).append(back)

@@ -172,9 +172,7 @@ def _scalar(value: float) -> str:
     return text.replace("e", ".0e", 1) if "e" in text and "." not in text else text
 
 
-class _Dumper(getattr(yaml, "CSafeDumper", yaml.SafeDumper)):
-    def ignore_aliases(self, data: Any) -> bool:
-        return True
+_Dumper = type("_Dumper", (getattr(yaml, "CSafeDumper", yaml.SafeDumper),), {"ignore_aliases": lambda *_: True})
 
 
 def _levels(
@@ -225,13 +223,13 @@ def _assemble(
     vertex_options: list[dict[str, Any]] = []
     lanes: list[tuple[int, int, dict[str, Any]]] = []
     for document in documents:
-        for level_name, (places, options, pairs) in _levels(document, wanted).items():
+        for level_name, (places, of_vertices, pairs) in _levels(document, wanted).items():
             if level_name not in level_names:
                 level_names.append(level_name)
             first = len(vertex_options)
             xy.append(places)
             level += [level_names.index(level_name)] * len(places)
-            vertex_options += options
+            vertex_options += of_vertices
             lanes += [(a + first, b + first, o) for a, b, o in pairs]
     places = np.concatenate(xy) if xy else np.zeros((0, 2))
     if merge:

@@ -226,7 +226,7 @@ def _coarser(clear: BoolArray, pixels: int) -> BoolArray:
     """The plan in squares of so many pixels, clear where all of them are."""
     height, width = clear.shape
     padded = np.pad(clear, ((0, -height % pixels), (0, -width % pixels)), constant_values=True)
-    squares: BoolArray = padded.reshape(padded.shape[0] // pixels, pixels, -1, pixels).all((1, 3))
+    squares: BoolArray = np.logical_and.reduce(padded.reshape(padded.shape[0] // pixels, pixels, -1, pixels), axis=(1, 3))
     return squares
 
 

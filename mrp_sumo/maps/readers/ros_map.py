@@ -13,8 +13,9 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
-from mrp_sumo.core.graph import BoolArray, PlanGraph
+from mrp_sumo.core.graph import BoolArray, FloatArray, PlanGraph
 from mrp_sumo.errors import MapError, first_line, sentence
 from mrp_sumo.files.reading import require_regular
 from mrp_sumo.maps.costmap import Costmap
@@ -166,15 +167,17 @@ def picture(path: Path, name: str, fault: Callable[[str], MapError], on_white: b
         raise fault(f"image '{name}' cannot be read: {first_line(error)}") from None
 
 
-def _distance_px(clear: BoolArray) -> np.ndarray:
+def _distance_px(clear: BoolArray) -> FloatArray:
     """[h, w] pixels to the nearest centre that is not clear; the map's edge is not."""
     from scipy.ndimage import distance_transform_edt
 
-    return np.asarray(distance_transform_edt(np.pad(clear, 1)))[1:-1, 1:-1]
+    away_px: FloatArray = distance_transform_edt(np.pad(clear, 1))
+    return away_px[1:-1, 1:-1]
 
 
-def _reach_at(reach: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
-    return reach[np.minimum(rows.astype(int), reach.shape[0] - 1)][:, np.minimum(columns.astype(int), reach.shape[1] - 1)]
+def _reach_at(reach: FloatArray, rows: NDArray[np.floating], columns: NDArray[np.floating]) -> FloatArray:
+    at: FloatArray = reach[np.minimum(rows.astype(int), reach.shape[0] - 1)][:, np.minimum(columns.astype(int), reach.shape[1] - 1)]
+    return at
 
 
 def _number(document: Mapping[str, Any], key: str, source: Text, default: float | None) -> float:

@@ -40,7 +40,7 @@ class RmfSite:
         refuse_choice(file.source, selection, "graph", "level")
         if not (selection.graph is None or isinstance(selection.graph, int)):
             raise file.source.fault("of a site one graph is read: choose it by its number")
-        return _Site(Fields(file.source), Draft(file.source), file.document).read(selection)
+        return _Site(Fields(file.source), Draft(file.source), file.document).read(selection.graph, selection.level)
 
 
 @dataclass
@@ -54,25 +54,25 @@ class _Site:
     shared: Anchors = field(default_factory=dict)  # of the site, on no level
     cabin: dict[str, tuple[str, tuple[float, float]]] = field(default_factory=dict)  # lift and place of anchors in cabins
 
-    def read(self, selection: Selection) -> Map:
+    def read(self, number: int | None, level: str | None) -> Map:
         fields, document = self.fields, self.document
         self.shared = self._anchors(fields.object(document, "anchors", "", {}), "anchors")
-        for key, at, level in fields.members(document, "levels", ""):
-            about = fields.object(level, "properties", at)
+        for key, at, storey in fields.members(document, "levels", ""):
+            about = fields.object(storey, "properties", at)
             name = fields.text(about, "name", f"{at}.properties")
             if name in self.elevation_m:
                 raise fields.fault(f"{at}.properties.name", f"'{name[:60]}' is the name of another level, too")
             self.level_name[key] = name
             self.elevation_m[name] = fields.number(about, "elevation", f"{at}.properties", 0.0)
-            for anchor, xy in self._anchors(fields.object(level, "anchors", at, {}), f"{at}.anchors").items():
+            for anchor, xy in self._anchors(fields.object(storey, "anchors", at, {}), f"{at}.anchors").items():
                 self.place[anchor] = (name, xy)
         self._lifts()
         guided = fields.object(fields.object(document, "navigation", "", {}), "guided", "navigation", {})
-        graph = self._graph(guided, selection.graph)
+        graph = self._graph(guided, number)
         self._lanes(guided, graph)
         self._locations(guided, graph)
         walls, doors = self._drawing()
-        return self.draft.to_map(selection.level, building_of_walls(self.draft, walls, doors, self.elevation_m))
+        return self.draft.to_map(level, building_of_walls(self.draft, walls, doors, self.elevation_m))
 
     def _graph(self, guided: Mapping[str, Any], chosen: int | None) -> str | None:
         """The identifier of the graph to read; None where the site has none."""
@@ -97,7 +97,7 @@ class _Site:
         if isinstance(rule, Mapping) and len(rule) == 1:
             ((kind, members),) = rule.items()
             if kind in ("Only", "AllExcept") and isinstance(members, list):
-                return (graph in map(str, members)) == (kind == "Only")
+                return (graph in map(str, members)) is (kind == "Only")
         raise self.fields.fault(f"{at}.graphs", f"found {str(rule)[:40]}, expected All, Only or AllExcept")
 
     def _lanes(self, guided: Mapping[str, Any], graph: str | None) -> None:

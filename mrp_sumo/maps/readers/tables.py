@@ -146,6 +146,6 @@ def _place_of(fields: Fields, node: Mapping[str, Any], at: str) -> tuple[float, 
 
 def _key(fields: Fields, holder: Mapping[str, Any], key: str, at: str) -> str | int:
     value = holder.get(key)
-    if type(value) not in (str, int):
+    if not isinstance(value, str | int) or isinstance(value, bool):
         raise fields.fault(f"{at}.{key}", f"found {str(value)[:40]!r}, expected text or a whole number")
     return value

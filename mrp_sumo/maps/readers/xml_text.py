@@ -9,7 +9,7 @@ import math
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NoReturn
 from xml.parsers import expat
 
 from mrp_sumo.errors import MapError, nearest
@@ -99,7 +99,7 @@ def parse_xml(source: Text) -> Element:
     def end(name: str) -> None:
         stack.pop()
 
-    def refuse(*_: Any) -> None:
+    def refuse(*_: object) -> NoReturn:
         raise fault("a document type with declarations, or an entity, which is not read")
 
     def document_type(_name: str, _system: str | None, _public: str | None, has_declarations: bool) -> None:

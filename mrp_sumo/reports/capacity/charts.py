@@ -185,11 +185,14 @@ def floor(setup: SetUp, reasons: Reasons) -> Chart:
             ax.add_collection(LineCollection(list(walls), colors=MUTED, linewidths=0.8, zorder=2))
         hot = np.flatnonzero(wait > 0)[np.argsort(wait[wait > 0])]
         share = wait[hot] / wait.max() if len(hot) else wait[hot]
-        ax.scatter(*graph.xy[hot].T, s=6 + 110 * share, c=VERMILION, alpha=0.55, lw=0, zorder=3)
+        x, y = graph.xy[hot].T
+        ax.scatter(x, y, 6 + 110 * share, c=VERMILION, alpha=0.55, lw=0, zorder=3)
         for k, (_, xy) in enumerate(spots, 1):
             if xy is not None:
                 ax.plot(*xy, marker="o", ms=15, mfc="none", mec=INK, mew=1.4, zorder=4)
-                ax.annotate(str(k), xy, xytext=(10, 8), textcoords="offset points", fontsize=11, fontweight="bold", color=INK, zorder=5)
+                ax.annotate(
+                    str(k), (xy[0], xy[1]), xytext=(10, 8), textcoords="offset points", fontsize=11, fontweight="bold", color=INK, zorder=5
+                )
         ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
         ax.axis("off")
 

@@ -151,7 +151,7 @@ def _fit(figure: Figure, renderer: RendererAgg) -> None:
     # first a guess, so close that the axes keep their ticks
     figure.subplots_adjust(0.18, (below + 0.45 * figure.dpi) / height, 0.97, 0.97, 0.0)
     room = [ax.get_position(original=True).transformed(figure.transFigure) for ax in axes]
-    needed = [ax.get_tightbbox(renderer, for_layout_only=True) for ax in axes]
+    needed = [ax.get_tightbbox(renderer, for_layout_only=True) or box for ax, box in zip(axes, room)]  # None: nothing is drawn
     away = [
         (ax.xaxis.label.get_position()[1] - ax.bbox.y0, ax.yaxis.label.get_position()[0] - ax.bbox.x0) for ax in axes
     ]  # px, of the labels

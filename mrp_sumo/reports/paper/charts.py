@@ -134,7 +134,7 @@ def arrivals_chart(name: str, rows: "Sequence[Beside]") -> Chart:
             y = np.array([planners.index(row.labels["planner"]) for row in of]) + 0.2 * (k - (len(ways) - 1) / 2)
             value, low, high = (np.array([getattr(row.ours, end) for row in of]) for end in ("value", "low", "high"))
             style = series_style(k)
-            ax.errorbar(value, y, xerr=(value - low, high - value), fmt=style["marker"], color=style["color"], lw=1.4, label=policy)
+            ax.errorbar(value, y, xerr=(value - low, high - value), fmt=str(style["marker"]), color=style["color"], lw=1.4, label=policy)
         theirs = [(row.paper_value, planners.index(row.labels["planner"])) for row in together if row.paper_value is not None]
         if theirs:
             ax.plot(*zip(*theirs), marker="D", ls="none", mfc="none", mec=INK, ms=7, label="paper")

@@ -256,7 +256,7 @@ def _replicability(rows: Sequence[Beside]) -> ReportTable:
         mean, spread, fastest = (_find(rows, quantity, **at) for quantity in ("mean_s", "standard_deviation_s", "fastest_s"))
         assert mean and spread and fastest
         name = "one robot, 45 cells of 0.35 m" if at["study"] == "one_robot" else f"{at['study']}: {at['robots']} robots, seed {at['seed']}"
-        times = [mean.ours, fastest.ours.value, fastest.paper_value, spread.ours, spread.paper_value]
+        times: list[Cell] = [mean.ours, fastest.ours.value, fastest.paper_value, spread.ours, spread.paper_value]
         lines.append([name, _name(at.get("planner", "eecbs")), row.ours.count, row.ours, row.paper_value, *times])
     head = ("study", "planner", "runs", "arrived %", "paper %", "mean s", "fastest s", "paper s", "deviation s", "paper's deviation s")
     digits = {"arrived %": 0, "paper %": 0, "paper s": 0, "mean s": 1, "fastest s": 1, "deviation s": 2, "paper's deviation s": 1}

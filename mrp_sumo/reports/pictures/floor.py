@@ -1,5 +1,7 @@
 """The floor of a run in matplotlib: building, lanes or cells, stations, and names that keep clear of each other."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
@@ -36,13 +38,14 @@ def draw_floor(ax: Axes, record: RunRecord, outline: Outline | None, points_per_
     ends = np.stack([nav.xy[nav.tail[once]], nav.xy[nav.head[once]]], axis=1)
     ax.add_collection(LineCollection(list(ends), color=LIGHT["lane"], lw=max(0.05 * points_per_m, 0.8), zorder=1.5), autolim=False)
     named = np.flatnonzero([bool(name) for name in nav.vertex_name] & ~crossings(nav)).tolist()
-    ax.scatter(*nav.xy[named].T, s=max(0.16 * points_per_m, 3) ** 2, color=LIGHT["station"], lw=0, zorder=2.5)
+    at = nav.xy[named]
+    ax.scatter(at[:, 0], at[:, 1], s=max(0.16 * points_per_m, 3) ** 2, color=LIGHT["station"], lw=0, zorder=2.5)
     if 0 < len(named) <= 80:
-        walls = None if outline is None else np.concatenate([outline.walls, outline.doors])
+        drawn = None if outline is None else np.concatenate([outline.walls, outline.doors])
         names = [nav.known_as(v) for v in named]
-        for name, at in zip(names, name_places(ax, names, nav.xy[named], name_pt, 2 + 0.08 * points_per_m, points_per_m, walls, ends)):
-            if np.isfinite(at[0]):
-                write_name(ax, name, *at, name_pt, LIGHT["muted"], 3)
+        for name, xy in zip(names, name_places(ax, names, at, name_pt, 2 + 0.08 * points_per_m, points_per_m, drawn, ends)):
+            if np.isfinite(xy[0]):
+                write_name(ax, name, xy, name_pt, LIGHT["muted"], 3)
 
 
 def name_places(
@@ -60,11 +63,12 @@ def name_places(
     wall, lane = ((np.zeros((0, 2, 2)) if ends is None else ends - low) * points_per_m for ends in (walls, lanes))
     size = np.array([(0.58 * size_pt * len(name) + 1, 1.15 * size_pt) for name in names])
     page = np.array([(0.0, 0.0), (high - low) * points_per_m])
-    return low + (place_labels((xy - low) * points_per_m, size, lane, wall, page, gap_pt) + size / 2) / points_per_m
+    centres: FloatArray = low + (place_labels((xy - low) * points_per_m, size, lane, wall, page, gap_pt) + size / 2) / points_per_m
+    return centres
 
 
-def write_name(ax: Axes, text: str, x: float, y: float, size_pt: float, colour: str, zorder: float) -> None:
+def write_name(ax: Axes, text: str, xy: Sequence[float] | FloatArray, size_pt: float, colour: str, zorder: float) -> None:
     """Write a name with a halo."""
-    note = ax.text(x, y, text, fontsize=size_pt, color=colour, ha="center", va="center", zorder=zorder)
+    note = ax.text(xy[0], xy[1], text, fontsize=size_pt, color=colour, ha="center", va="center", zorder=zorder)
     note.set_path_effects([withStroke(linewidth=1.8, foreground=LIGHT["floor"])])
     note.set_parse_math(False)  # a name is a name

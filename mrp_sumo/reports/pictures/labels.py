@@ -59,7 +59,8 @@ def _overlap(low: Array, high: Array, other_low: Array, other_high: Array) -> Ar
     """[C] how many of the other boxes each box overlaps."""
     (left, bottom), (right, top) = low.T[:, :, None], high.T[:, :, None]
     meets = (left < other_high[:, 0]) & (right > other_low[:, 0]) & (bottom < other_high[:, 1]) & (top > other_low[:, 1])
-    return meets.sum(1).astype(np.float64)
+    count: Array = meets.sum(1).astype(np.float64)
+    return count
 
 
 def _covered(low: Array, high: Array, line: Array, line_low: Array, line_high: Array) -> Array:
@@ -73,4 +74,5 @@ def _covered(low: Array, high: Array, line: Array, line_low: Array, line_high: A
     t0, t1 = (low[:, None] - start) / step, (high[:, None] - start) / step
     first, last = np.minimum(t0, t1), np.maximum(t0, t1)
     enter, leave = np.maximum(first[..., 0], first[..., 1]), np.minimum(last[..., 0], last[..., 1])
-    return (np.maximum(enter, 0) < np.minimum(leave, 1)).sum(1).astype(np.float64)
+    count: Array = (np.maximum(enter, 0) < np.minimum(leave, 1)).sum(1).astype(np.float64)
+    return count

@@ -221,11 +221,11 @@ def _draw_building(ax: Axes, panel: Panel, building: Building, points_per_m: flo
             if not lift.level_doors or not lift.lowest_m <= level.elevation_m <= lift.highest_m:
                 continue
             turn = Affine2D().rotate(lift.yaw_rad).translate(lift.x_m + shift[0], lift.y_m + shift[1])
-            style = {"facecolor": PURPLE, "edgecolor": PURPLE, "alpha": 0.28, "lw": 1.0}
-            cabin = Rectangle((-lift.width_m / 2, -lift.depth_m / 2), lift.width_m, lift.depth_m, **style, zorder=1)
+            corner = (-lift.width_m / 2, -lift.depth_m / 2)
+            cabin = Rectangle(corner, lift.width_m, lift.depth_m, facecolor=PURPLE, edgecolor=PURPLE, alpha=0.28, lw=1.0, zorder=1)
             cabin.set_transform(turn + ax.transData)
             ax.add_patch(cabin)
-            legend.setdefault("lift cabin", Patch(**style))
+            legend.setdefault("lift cabin", Patch(facecolor=PURPLE, edgecolor=PURPLE, alpha=0.28, lw=1.0))
 
 
 def _draw_blocked(ax: Axes, map_: Map, legend: dict[str, Artist]) -> None:
@@ -276,7 +276,7 @@ def _draw_door(ax: Axes, hinge: FloatArray, end: FloatArray, kind: str, points_p
         leaf = post + radius * np.array([np.cos(np.radians(bearing + turn)), np.sin(np.radians(bearing + turn))])
         ax.plot(*zip(post, leaf), color=DOOR, lw=lw, zorder=2.5, solid_capstyle="butt")
         low, high = sorted((bearing, bearing + turn))
-        ax.add_patch(Arc(post, 2 * radius, 2 * radius, theta1=low, theta2=high, color=DOOR, lw=0.6, zorder=2.5))
+        ax.add_patch(Arc((post[0], post[1]), 2 * radius, 2 * radius, theta1=low, theta2=high, color=DOOR, lw=0.6, zorder=2.5))
 
 
 def _draw_lanes(ax: Axes, panel: Panel, nav: NavGraph, colours: np.ndarray, points_per_m: float, legend: dict[str, Artist]) -> None:
@@ -329,9 +329,9 @@ def _draw_stations(ax: Axes, panel: Panel, nav: NavGraph, colours: np.ndarray, p
             continue
         at = np.array(groups[kind.name][1])
         edge = colours[at] if kind is JUNCTION else PAPER
-        style = {"marker": kind.marker, "zorder": 4 if kind is JUNCTION else 5}
-        size = (kind.size_pt * shrink) ** 2
-        ax.scatter(*nav.xy[at].T, s=size, facecolor=kind.colour, edgecolor=edge, lw=0.9 * shrink, **style)
+        x, y = nav.xy[at].T
+        size, zorder = (kind.size_pt * shrink) ** 2, 4 if kind is JUNCTION else 5
+        ax.scatter(x, y, size, marker=kind.marker, facecolor=kind.colour, edgecolor=edge, lw=0.9 * shrink, zorder=zorder)
         outline = BLUE if kind is JUNCTION else PAPER
         legend.setdefault(kind.name, Line2D([], [], marker=kind.marker, ls="", ms=kind.size_pt, mfc=kind.colour, mec=outline, mew=0.8))
     if len(panel.vertices) <= MANY:
@@ -373,7 +373,7 @@ def _write_names(ax: Axes, panel: Panel, nav: NavGraph, ranked: list[int], point
     ground = [((x0, y0), (x1, y0), (x1, y1), (x0, y1)) for (x0, y0), (x1, y1) in zip(low, high)]
     ax.add_collection(PolyCollection(ground, facecolor=FLOOR, edgecolor="none", alpha=0.9, zorder=6.5), autolim=False)
     for at, name in zip((low + high) / 2, itertools.compress(names, placed)):  # centred: the width is an estimate
-        ax.text(*at, name, fontsize=font_pt, color=INK, ha="center", va="center", zorder=7)
+        ax.text(at[0], at[1], name, fontsize=font_pt, color=INK, ha="center", va="center", zorder=7)
 
 
 def _walls_and_doors(level: Level) -> FloatArray:
@@ -403,7 +403,8 @@ def _mark_findings(ax: Axes, panel: Panel, map_: Map, legend: dict[str, Artist])
                 elif not of_graph and vertex[1].isdecimal() and int(vertex[1]) < len(in_file):
                     places.append(in_file[int(vertex[1])])
     if places:
-        ax.scatter(*np.array(places).T, s=90, facecolor="none", edgecolor=VERMILION, lw=1.6, zorder=6)
+        x, y = np.array(places).T
+        ax.scatter(x, y, 90, facecolor="none", edgecolor=VERMILION, lw=1.6, zorder=6)
         legend.setdefault("warning", Line2D([], [], marker="o", ls="", ms=9, mfc="none", mec=VERMILION, mew=1.6))
 
 

@@ -27,10 +27,12 @@ class Picture(Figure):
         """
         path = Path(path)
         require_suffix(path)
-        metadata = {"Software": None} if path.suffix == ".png" else {"Date": None, "Creator": None}
-        fast = {"pil_kwargs": {"compress_level": 2}} if path.suffix == ".png" else {}  # a tenth larger, in two thirds of the time
+        fast = {"compress_level": 2}  # a tenth larger, in two thirds of the time
         with written_whole(path) as part, mpl.rc_context({"svg.hashsalt": "mrp_sumo", "svg.fonttype": "none"}):
-            self.savefig(part, format=path.suffix[1:], dpi=dpi, metadata=metadata, **fast)
+            if path.suffix == ".png":
+                self.savefig(part, format="png", dpi=dpi, metadata={"Software": None}, pil_kwargs=fast)
+            else:
+                self.savefig(part, format="svg", dpi=dpi, metadata={"Date": None, "Creator": None})
         return path
 
     def _repr_png_(self) -> bytes:

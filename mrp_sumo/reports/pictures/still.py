@@ -116,6 +116,7 @@ def _draw_robots(ax: Axes, record: RunRecord, at_s: float, points_per_m: float) 
     """Draw the robots; returns how many are in each state."""
     execution, fleet = record.execution, record.fleet
     x, y, yaw = (c[0] for c in positions_at(execution, np.array([at_s])))
+    xy = np.column_stack((x, y))
     now = int(np.clip(np.searchsorted(execution.t_s, at_s + 1e-9) - 1, 0, len(execution.t_s) - 1))
     state = view_states(execution)[now]
     there = np.flatnonzero((state != ABSENT) & np.isfinite(x))
@@ -124,31 +125,32 @@ def _draw_robots(ax: Axes, record: RunRecord, at_s: float, points_per_m: float) 
     back = max(0, now - int(TRAIL_S / max(execution.t_s[-1] / max(len(execution.t_s) - 1, 1), 1e-9)))
     trails = [np.column_stack((execution.x_m[back : now + 1, r], execution.y_m[back : now + 1, r])) for r in there]
     colours = [STATES[s] for s in state[there]]
-    trail_style = {"lw": max(0.05 * points_per_m, 1), "alpha": 0.35, "capstyle": "round", "zorder": 4}
-    ax.add_collection(LineCollection(trails, colors=colours, **trail_style), autolim=False)
+    trail = LineCollection(trails, colors=colours, lw=max(0.05 * points_per_m, 1), alpha=0.35, capstyle="round", zorder=4)
+    ax.add_collection(trail, autolim=False)
     if few and record.plan is not None:
         ghosts = planned_at(record.plan, record.graph, at_s)[there]
-        ties = np.stack([ghosts, np.column_stack((x[there], y[there]))], axis=1)
+        ties = np.stack([ghosts, xy[there]], axis=1)
         ax.add_collection(LineCollection(list(ties), color=LIGHT["muted"], lw=0.6, zorder=4.5), autolim=False)
-        boxes = [_box(*ghosts[i], yaw[r], fleet.length_m[r] * grow[r], fleet.width_m[r] * grow[r]) for i, r in enumerate(there)]
+        boxes = [_box(ghosts[i], yaw[r], fleet.length_m[r] * grow[r], fleet.width_m[r] * grow[r]) for i, r in enumerate(there)]
         ax.add_collection(PolyCollection(boxes, facecolor="none", edgecolor=LIGHT["muted"], lw=0.8, zorder=4.6), autolim=False)
-    bars = _draw_parts(ax, record, at_s, state, np.column_stack((x, y)), points_per_m)
-    boxes = [_box(x[r], y[r], yaw[r], fleet.length_m[r] * grow[r], fleet.width_m[r] * grow[r]) for r in there]
+    bars = _draw_parts(ax, record, at_s, state, xy, points_per_m)
+    boxes = [_box(xy[r], yaw[r], fleet.length_m[r] * grow[r], fleet.width_m[r] * grow[r]) for r in there]
     ax.add_collection(PolyCollection(boxes, facecolor=colours, edgecolor=LIGHT["ink"], lw=0.5, zorder=5), autolim=False)
-    arrows = [_box(x[r], y[r], yaw[r], fleet.length_m[r] * grow[r], fleet.width_m[r] * grow[r], ARROW) for r in there]
+    arrows = [_box(xy[r], yaw[r], fleet.length_m[r] * grow[r], fleet.width_m[r] * grow[r], ARROW) for r in there]
     ax.add_collection(PolyCollection(arrows, facecolor="white", edgecolor="none", zorder=5.1), autolim=False)
     end = forks_of(fleet)
     forked = [(r, fleet.length_m[r] * grow[r] * end[r], fleet.width_m[r] * grow[r]) for r in there if end[r]]
-    forks = [_box(x[r], y[r], yaw[r], length, width, fork) for r, length, width in forked for fork in FORKS]
+    forks = [_box(xy[r], yaw[r], length, width, fork) for r, length, width in forked for fork in FORKS]
     ax.add_collection(LineCollection(forks, colors=LIGHT["ink"], lw=max(0.08 * points_per_m, 0.8), zorder=5.1), autolim=False)
     if few and len(there):
         half_pt = 0.5 * float((np.hypot(fleet.length_m, fleet.width_m) * grow).max()) * points_per_m
-        names, places = [fleet.robot_name[r] for r in there], np.column_stack((x[there], y[there]))
-        centres = name_places(ax, names, places, ROBOT_PT, half_pt + 2, points_per_m, lanes=bars)
+        names = [fleet.robot_name[r] for r in there]
+        centres = name_places(ax, names, xy[there], ROBOT_PT, half_pt + 2, points_per_m, lanes=bars)
         for r, at in zip(there, centres):
-            beside = at if np.isfinite(at[0]) else (x[r], y[r] + (half_pt + 6) / points_per_m)
-            write_name(ax, fleet.robot_name[r], *beside, ROBOT_PT, LIGHT["ink"], 6)
-    return np.bincount(state, minlength=5)[:4].tolist()
+            beside = at if np.isfinite(at[0]) else xy[r] + (0.0, (half_pt + 6) / points_per_m)
+            write_name(ax, fleet.robot_name[r], beside, ROBOT_PT, LIGHT["ink"], 6)
+    count: list[int] = np.bincount(state, minlength=5)[:4].tolist()
+    return count
 
 
 def _draw_parts(ax: Axes, record: RunRecord, at_s: float, state: IntArray, robots: FloatArray, points_per_m: float) -> FloatArray:
@@ -158,10 +160,11 @@ def _draw_parts(ax: Axes, record: RunRecord, at_s: float, state: IntArray, robot
     there = np.flatnonzero((state[parts.owner] != ABSENT) & np.isfinite(xy[:, 0]))
     bars = [line for k, line in drawbars(parts, xy, yaw, robots) if k in there]
     ax.add_collection(LineCollection(bars, colors=LIGHT["ink"], lw=max(0.08 * points_per_m, 0.8), zorder=4.7), autolim=False)
-    boxes = [_box(*xy[k], yaw[k], parts.length_m[k], parts.width_m[k]) for k in there]
+    boxes = [_box(xy[k], yaw[k], parts.length_m[k], parts.width_m[k]) for k in there]
     colours = [STATES[s] for s in state[parts.owner[there]]]
     ax.add_collection(PolyCollection(boxes, facecolor=colours, edgecolor=LIGHT["ink"], lw=0.5, zorder=4.8), autolim=False)
-    return np.array([line[k : k + 2] for line in bars for k in (0, 1)]).reshape(-1, 2, 2)
+    strokes: FloatArray = np.array([line[k : k + 2] for line in bars for k in (0, 1)]).reshape(-1, 2, 2)
+    return strokes
 
 
 BOX = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) / 2
@@ -169,9 +172,10 @@ ARROW = np.array([(0.62, 0), (-0.5, 0.56), (-0.24, 0), (-0.5, -0.56)]) / 2
 FORKS = np.array([[(0.34, side), (1, side)] for side in (0.56, -0.56)]) / 2
 
 
-def _box(x: float, y: float, yaw: float, length: float, width: float, shape: FloatArray = BOX) -> FloatArray:
+def _box(xy: FloatArray, yaw: float, length: float, width: float, shape: FloatArray = BOX) -> FloatArray:
     c, s = np.cos(yaw), np.sin(yaw)
-    return shape * (length, width) @ np.array([(c, s), (-s, c)]) + (x, y)
+    corners: FloatArray = shape * (length, width) @ np.array([(c, s), (-s, c)]) + xy
+    return corners
 
 
 def _write_head_and_foot(figure: Figure, ax: Axes, record: RunRecord, at_s: float, counts: list[int], *, planned: bool) -> None:
@@ -188,18 +192,35 @@ def _write_head_and_foot(figure: Figure, ax: Axes, record: RunRecord, at_s: floa
         va="center",
     )
     names = state_names(record.execution.tasks is not None)
-    style = {"marker": "s", "ls": "", "ms": 7, "mec": "none"}
-    keys = [Line2D([], [], color=c, label=f"{name} {n}", **style) for c, name, n in zip(STATES, names, counts) if n]
+    keys = [
+        Line2D([], [], marker="s", ls="", ms=7, mec="none", color=c, label=f"{name} {n}") for c, name, n in zip(STATES, names, counts) if n
+    ]
     if record.plan is not None and record.fleet.num_robots <= NAMED and not planned:
         keys.append(Line2D([], [], marker="s", ls="", ms=7, mfc="none", mec=LIGHT["muted"], label="where the plan has it"))
-    where = {"loc": "lower left", "bbox_to_anchor": (0.1 / width, 0.02 / height)}
     figure.legend(
-        handles=keys, ncol=len(keys), frameon=False, fontsize=8.5, labelcolor=LIGHT["ink"], handletextpad=0.3, columnspacing=1.4, **where
+        handles=keys,
+        loc="lower left",
+        bbox_to_anchor=(0.1 / width, 0.02 / height),
+        ncol=len(keys),
+        frameon=False,
+        fontsize=8.5,
+        labelcolor=LIGHT["ink"],
+        handletextpad=0.3,
+        columnspacing=1.4,
     )
     wanted = 90 / (72 * width * ax.get_position().width / float(np.ptp(ax.get_xlim())))
     power = 10.0 ** np.floor(np.log10(wanted))
     length = float(max(m * power for m in (1, 2, 5) if m * power <= wanted))
     right, low = ax.get_xlim()[1], ax.get_ylim()[0] - 0.12 * wanted
     ax.plot([right - length, right], [low, low], color=LIGHT["muted"], lw=2.5, solid_capstyle="butt", clip_on=False)
-    where = {"textcoords": "offset points", "ha": "right", "va": "center", "annotation_clip": False}
-    ax.annotate(f"{length:g} m", (right - length, low), (-4, 0), fontsize=8, color=LIGHT["muted"], **where)
+    ax.annotate(
+        f"{length:g} m",
+        (right - length, low),
+        (-4, 0),
+        textcoords="offset points",
+        annotation_clip=False,
+        fontsize=8,
+        color=LIGHT["muted"],
+        ha="right",
+        va="center",
+    )

@@ -110,8 +110,11 @@ def parts_of(execution: Execution, fleet: Fleet) -> Rectangles:
     towed = np.arange(fleet.num_robots, len(bodies.name))
     part = np.append(towed, larger)
     is_there = np.hstack([np.ones((len(with_load), len(towed)), np.bool_), with_load])
+    x_m, y_m, yaw_rad = (np.where(is_there, column[:, part], np.nan) for column in (bodies.x_m, bodies.y_m, bodies.yaw_rad))
     return Rectangles(
-        *(np.where(is_there, column[:, part], np.nan) for column in (bodies.x_m, bodies.y_m, bodies.yaw_rad)),
+        x_m,
+        y_m,
+        yaw_rad,
         bodies.owner[part],
         tuple(bodies.name[k] for k in part.tolist()),
         np.append(bodies.length_m[towed], loaded.length_m[larger]),
@@ -225,7 +228,7 @@ def _next_gear(graph: PlanGraph, vehicle: RobotType, lanes: tuple[int, int], gea
 def plan_as_execution(plan: Plan, graph: PlanGraph, fleet: Fleet) -> Execution:
     """A plan as if it had been driven exactly, for runs that were not executed."""
     end_s, backward = float(plan.end_s.max(initial=0.0)), driven_backward(plan, graph, fleet)
-    t_s = np.arange(math.ceil(end_s / PERIOD_S) + 2) * PERIOD_S
+    t_s: FloatArray = PERIOD_S * np.arange(math.ceil(end_s / PERIOD_S) + 2, dtype=np.float64)
     x, y, yaw, speed = (np.zeros((len(t_s), plan.num_robots)) for _ in range(4))
     for r in range(plan.num_robots):
         visits = slice(int(plan.first[r]), int(plan.first[r + 1]))

@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 
-from mrp_sumo.core.graph import BoolArray, FloatArray
+from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray
 from mrp_sumo.io.record import AT_GOAL, BLOCKED
 from mrp_sumo.reports.pictures.floor import LIGHT, draw_floor
 from mrp_sumo.reports.pictures.view import ABSENT, drawbars, state_names
@@ -81,7 +81,8 @@ class Pane:
 
     def pixels(self, xy: FloatArray) -> FloatArray:
         """[N, 2] pixels of points in m."""
-        return (xy - self.scene.low) * self.scale + self.corner
+        pixels: FloatArray = (xy - self.scene.low) * self.scale + self.corner
+        return pixels
 
 
 class Film:
@@ -283,8 +284,7 @@ def _draw_robots(canvas: Canvas, pane: Pane, now: SceneState) -> None:
         for faint in (True, False):
             members = there[(now.state[there] == state) & (pale[there] == faint)]
             body = (BOX * pane.body[members, None]) @ turn[members] + xy[members, None]
-            style = {"edge": LIGHT["ink"], "width": max(0.6, (1.2 if pane.few else 0.8) * u), "alpha": 0.3 if faint else 1.0}
-            canvas.fill(body, STATES[state], clip=clip, **style)
+            canvas.fill(body, STATES[state], clip=clip, edge=LIGHT["ink"], width=_edge(pane), alpha=0.3 if faint else 1.0)
             canvas.fill((front * pane.body[members, None]) @ turn[members] + xy[members, None], "#ffffff", clip=clip)
             forked = members[scene.forks[members] != 0]
             end = np.stack([scene.forks[forked], np.ones(len(forked))], 1)[:, None]
@@ -308,8 +308,13 @@ def _draw_parts(canvas: Canvas, pane: Pane, now: SceneState, is_shown: BoolArray
     boxes = shape @ _turns(now.parts_yaw_rad) + pane.pixels(now.parts_xy)[:, None]
     for k in there.tolist():
         robot = parts.owner[k]
-        style = {"edge": LIGHT["ink"], "width": max(0.6, (1.2 if pane.few else 0.8) * pane.unit), "alpha": 0.3 if pale[robot] else 1.0}
-        canvas.fill(boxes[k : k + 1], STATES[now.state[robot]], clip=clip, **style)
+        alpha = 0.3 if pale[robot] else 1.0
+        canvas.fill(boxes[k : k + 1], STATES[now.state[robot]], clip=clip, edge=LIGHT["ink"], width=_edge(pane), alpha=alpha)
+
+
+def _edge(pane: Pane) -> float:
+    """Width of the line around a body, px."""
+    return max(0.6, (1.2 if pane.few else 0.8) * pane.unit)
 
 
 def _turns(yaw_rad: FloatArray) -> FloatArray:
@@ -318,7 +323,7 @@ def _turns(yaw_rad: FloatArray) -> FloatArray:
     return np.stack([np.stack([c, s], -1), np.stack([-s, c], -1)], -2)
 
 
-def _write_names(canvas: Canvas, pane: Pane, xy: FloatArray, robots: FloatArray, reach: FloatArray) -> None:
+def _write_names(canvas: Canvas, pane: Pane, xy: FloatArray, robots: IntArray, reach: FloatArray) -> None:
     """Names beside robots, each where it was in the frame before unless it would now cover another name or robot there."""
     u = pane.unit
     size = max(10.0, 14 * u)

@@ -31,6 +31,8 @@ from mrp_sumo.reports.pictures.view import (
 
 AHEAD_S = 10.0  # of the plan
 
+Visits = tuple[IntArray, FloatArray, FloatArray]  # vertices, times as planned, times as driven
+
 
 @dataclass(frozen=True, eq=False)
 class PlannedRoute:
@@ -170,14 +172,14 @@ def _ways(record: RunRecord, plan: Plan | None) -> tuple[tuple[PlannedRoute, ...
     """What each robot was to do, by time: the plan, and what came instead while it drove."""
     num_robots, execution, xy = record.fleet.num_robots, record.execution, record.graph.xy
     paths: list[list[PlannedRoute]] = [[] for _ in range(num_robots)]
-    columns: list[tuple[NDArray[np.int64], FloatArray, FloatArray]] = []
+    columns: list[Visits] = []
     if plan is None or len(execution.arrived_s) != len(plan.vertex):
         return tuple(() for _ in range(num_robots))
     for a, b in pairwise(plan.first.tolist()):
         columns.append((plan.vertex[a:b], plan.arrive_s[a:b], execution.arrived_s[a:b]))
     begin = [0] * num_robots  # number of each robot's first visit that is still kept
     for robot, path in enumerate(columns):
-        paths[robot].append(_way(0.0, *path, xy))
+        paths[robot].append(_way(0.0, path, xy))
     for reply in execution.replies:
         for k, robot in enumerate(reply.robot.tolist()):
             new = slice(int(reply.first[k]), int(reply.first[k + 1]))
@@ -186,11 +188,12 @@ def _ways(record: RunRecord, plan: Plan | None) -> tuple[tuple[PlannedRoute, ...
             begin[robot] += done
             parts = zip((column[done:] for column in old), (reply.vertex[new], reply.arrive_s[new], reply.arrived_s[new]))
             columns[robot] = tuple(np.concatenate(part) for part in parts)  # type: ignore[assignment]
-            paths[robot].append(_way(reply.t_s, *columns[robot], xy))
+            paths[robot].append(_way(reply.t_s, columns[robot], xy))
     return tuple(map(tuple, paths))
 
 
-def _way(since_s: float, vertex: NDArray[np.int64], arrive_s: FloatArray, arrived_s: FloatArray, xy: FloatArray) -> PlannedRoute:
+def _way(since_s: float, visits: Visits, xy: FloatArray) -> PlannedRoute:
+    vertex, arrive_s, arrived_s = visits
     reached = np.where(np.isfinite(arrived_s), arrived_s, np.inf)
     return PlannedRoute(since_s, xy[vertex], arrive_s, np.maximum.accumulate(reached))
 

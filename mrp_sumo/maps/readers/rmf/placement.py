@@ -28,7 +28,8 @@ class Placement:
 
     def apply(self, raw_xy: FloatArray) -> FloatArray:
         c, s = math.cos(self.turn_rad), math.sin(self.turn_rad)
-        return raw_xy @ np.array([[c, s], [-s, c]]) * self.scale + self.shift_m
+        xy: FloatArray = raw_xy @ np.array([[c, s], [-s, c]]) * self.scale + self.shift_m
+        return xy
 
 
 def placements_of(
