@@ -196,15 +196,16 @@ def in_turn(
 ) -> list[int]:
     """Robots in the order in which they choose where to make their stops.
 
-    Who was passed over often first, then the most urgent; then who came first and waits; then who is nearest. Nobody comes before those
-    who stand on its way there, but for those who set out when it waited already, if they can let it pass: beside its way or, on a ring,
-    past it; behind it where it was passed over often.
+    Who came to its place first, then who was passed over often, then the most urgent; then who came first and waits; then who is nearest.
+    Nobody comes before those who stand on its way there, but for those who set out when it waited already, if they can let it pass: beside
+    its way or, on a ring, past it; behind it where it was passed over often.
     """
     places = crew.places
     stands = set(start[stays].tolist())
     away = {r: places.away(r, int(start[r]), stop) for r, stop in stops.items()}
     came_s = {r: crew.robots[r].since_s if r in aged else crew.robots[r].in_line_since_s for r in stops}
-    wished = sorted(stops, key=lambda r: (r not in aged, -crew.tasks[task[r]].priority, came_s[r], away[r], task[r]))
+    is_there = {r: away[r] == 0 and crew.robots[r].in_line_since_s < np.inf for r in stops}
+    wished = sorted(stops, key=lambda r: (not is_there[r], r not in aged, -crew.tasks[task[r]].priority, came_s[r], away[r], task[r]))
     order: list[int] = []
     for n, r in enumerate(wished):
         if r in order:

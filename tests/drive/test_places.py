@@ -184,6 +184,18 @@ def test_one_that_was_passed_over_twice_goes_first_though_it_is_in_no_line(num_b
     assert in_turn(crew, start, dict.fromkeys((0, 1), Stop(5, 1.0)), {0: 0, 1: 0}, np.zeros(2, np.bool_), aged) == turn
 
 
+@pytest.mark.parametrize(("in_line_since_s", "turn"), [(4.0, [1, 0]), (np.inf, [0, 1])])
+def test_one_that_came_to_its_place_is_not_sent_away_for_one_that_was_passed_over(in_line_since_s, turn):
+    """robot_0 was passed over twice and waits at 0, robot_1 stands at the place: it came for it, or has a new order there."""
+    robots = [
+        SimpleNamespace(num_before=n, since_s=s, in_line_since_s=line_s, task=0, making=None)
+        for n, s, line_s in ((2, 1.0, 1.0), (0, 3.0, in_line_since_s))
+    ]
+    start = np.array([0, 5])
+    crew = SimpleNamespace(places=RobotPlaces(problem_on(row(9), start, start)), robots=robots, tasks=[SimpleNamespace(priority=0)])
+    assert in_turn(crew, start, dict.fromkeys((0, 1), Stop(5, 1.0)), {0: 0, 1: 0}, np.zeros(2, np.bool_), {0}) == turn
+
+
 def turns(graph, place, start, *, num_before, priorities=(0, 0)):
     """The order in which two robots choose, the first of which set out first and was passed over so often."""
     robots = [

@@ -266,6 +266,10 @@ def test_who_waits_first_is_served_first(queue):
         np.argmax(np.where(stops.begin_s < 250, stops.begin_s - stops.since_s, 0))
     )  # it waited for one, and the next came behind it
     later = changed(queue, "stops", "begin_s", waits, queue.end_s)
+    run, robot = later.execution, int(stops.robot[waits])
+    still = (run.t_s[:, None] >= stops.begin_s[waits] - 10.0) & (np.arange(run.x_m.shape[1]) == robot)
+    columns = {key: np.where(still, getattr(run, key)[still][0], getattr(run, key)) for key in ("x_m", "y_m")}
+    later = replace(later, execution=replace(run, **columns))  # and stays where it waits
     (finding,) = (f for f in places.waits(later) if f.order == queue.tasks.name[int(stops.task[waits])])
     assert finding.rule == "first come, first served" and "set out later are served" in finding.text and finding.place == "A"
     urgent, number = replace(later), int(stops.task[waits])
@@ -313,6 +317,18 @@ def test_who_sets_out_first_and_comes_later_is_served_later(queue, served_after,
 def test_who_stands_between_on_the_only_way_has_to_go_first(queue, x_m, findings):
     """robot_0 sets out for A again and again from there, and robot_1, 3 m before A, could not pass it; there is no room on the ring."""
     assert starved(queue, others_m=(x_m, 0.0)) == findings
+
+
+@pytest.mark.parametrize(("two_way", "findings"), [(False, []), (True, ["robot_1"])])
+def test_who_drives_on_where_nobody_can_pass_has_come_anew(tmp_path, two_way, findings):
+    """robot_1 waits 3 m before A, drives away and comes back, while four that set out later are served: three each time are too many."""
+    xy = {"A": (5.0, 0.0), "c1": (10.0, 0.0), "c2": (10.0, 5.0), "B": (5.0, 5.0), "c3": (0.0, 5.0), "c4": (0.0, 0.0)}
+    floor = lanes(tmp_path / "floor.csv", xy, zip(xy, [*list(xy)[1:], "A"]), two_way)
+    tasks = {"streams": [{"name": "o", "stops": ["A"], "service": [60], "arrivals": {"open": 4}}]}
+    run = logs_of(driven(scenario(floor, tasks, starts=["c4", "B"], execution={"time_limit_s": 600.0})))
+    t_s = run.execution.t_s[:, None]
+    assert starved(run) == ["robot_1"]
+    assert starved(run, at_m=(np.where((t_s > 100) & (t_s < 120), 100.0, 2.0), 0.0)) == findings
 
 
 def test_who_stands_between_can_get_off_where_there_is_room(tmp_path):

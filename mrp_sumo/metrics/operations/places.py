@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from mrp_sumo.core.arrivals import DAY_S
-from mrp_sumo.core.digraph import weak_components
+from mrp_sumo.core.digraph import strong_components, weak_components
 from mrp_sumo.core.facilities import DOOR_STATES, LIFT_STATES
-from mrp_sumo.core.graph import FloatArray
+from mrp_sumo.core.graph import FloatArray, PlanGraph
 from mrp_sumo.core.handling import load_change
 from mrp_sumo.core.robot_states import STALLED
 from mrp_sumo.metrics.operations.evidence import EPS_S, LOST, Finding, Logs
@@ -20,7 +20,7 @@ CORNER = 0.5  # of the way between two samples that a straight line may cut off 
 NEAR = 5.0  # robots' least distances, as far from a place as who waits for it may stand
 OFF_RAD = 0.2  # of a heading, as far as lanes are off it
 LATER_S = 1.0  # after another has come to wait
-LATER_ONES = 3  # that are served before one that waits: fewer may have stood in its way
+LATER_ONES = 3  # that are served before one that waits, each time that it comes: fewer may have stood in its way
 MOST = 0.5  # of its time, of one round whose place there is no way
 STOOD = 0.8  # of its time, of one that waits farther away
 
@@ -118,6 +118,7 @@ def waits(logs: Logs) -> Iterator[Finding]:
     """Nobody waits near a place while several are served there who set out for it later, unless their orders are more urgent.
 
     One that stands before a more urgent one in line has to go first, and so has one that stands between in an aisle without room.
+    One that waits where nobody passes it, as on a one-way ring, has to drive on for those behind it, and comes anew.
     Stops without service are made in passing: nobody is in line for them.
     """
     wishes = [*_made(logs), *_left(logs)]
@@ -143,6 +144,8 @@ def waits(logs: Logs) -> Iterator[Finding]:
         behind_s = [(_waits_since_s(logs, each, min(each.begin_s, logs.end_s)), each.begin_s) for each in behind]
         first = [each for each in first if not any(came_s < each.begin_s < served_s for came_s, served_s in behind_s)]
         if len(first) < LATER_ONES or sum(not _stands_between(logs, wish, each) for each in first) < LATER_ONES:
+            continue
+        if len(first) < LATER_ONES * (1 + _times_past(logs, wish, since_s, until_s)):
             continue
         if not _is_cut_off(logs, wish, since_s, until_s) and not _is_too_far_back(logs, wish):
             who, order = logs.robot(wish.robot), logs.tasks.name[wish.task]
@@ -208,6 +211,31 @@ def _is_too_far_back(logs: Logs, wish: Wish) -> bool:
     return not any(before <= row.index(v) < len(row) - (len(place) - before) for v in wish.vertices if v in row)
 
 
+def _times_past(logs: Logs, wish: Wish, since_s: float, until_s: float) -> int:
+    """How often a robot drove away from near its place, after it had stood there in the way of all behind it."""
+    some = logs.samples_between(since_s, until_s)
+    xy = np.stack([column[some, wish.robot] for column in (logs.execution.x_m, logs.execution.y_m)], 1)
+    near = _away_m(logs, xy, wish) < NEAR * float(logs.fleet.apart_m.max())
+    leaves_s = logs.execution.t_s[some][:-1][near[:-1] & ~near[1:]]
+    stands_s = logs.standing[wish.robot][:, 0]
+    stood_s = [stands_s[stands_s <= t_s].max(initial=since_s) for t_s in leaves_s.tolist()]
+    return sum(_bars_all(logs.graph, _vertex_at(logs, wish.robot, max(t_s, since_s))) for t_s in stood_s)
+
+
+def _bars_all(graph: PlanGraph, v: int) -> bool:
+    """True if there is no way round a vertex between some that have ways to each other."""
+    leads = (graph.tail != v) & (graph.head != v)
+    pieces = [strong_components(graph.num_vertices, graph.tail[lanes], graph.head[lanes]) for lanes in (leads | True, leads)]
+    others = np.flatnonzero((pieces[0] == pieces[0][v]) & (np.arange(graph.num_vertices) != v))
+    return len(np.unique(pieces[1][others])) > 1
+
+
+def _away_m(logs: Logs, xy: FloatArray, wish: Wish) -> FloatArray:
+    """[N] distances of points [N, 2] from the nearest place of a stop."""
+    away_m: FloatArray = np.hypot(*(xy[:, None] - logs.graph.xy[wish.vertices][None]).transpose(2, 0, 1)).min(1)
+    return away_m
+
+
 def _stands_between(logs: Logs, wish: Wish, other: Wish) -> bool:
     """True if one that sets out later is on every way of a robot to its place then, and has no room to get off before the place.
 
@@ -251,8 +279,7 @@ def _waits_since_s(logs: Logs, wish: Wish, until_s: float) -> float:
     since_s = np.maximum(some[:, 0], wish.since_s)
     lasts_s = np.minimum(some[:, 1], until_s) - since_s
     at = logs.xy_at(np.full(len(some), wish.robot), since_s)
-    away_m = np.hypot(*(at[:, None] - logs.graph.xy[wish.vertices][None]).transpose(2, 0, 1)).min(1)
-    near = (away_m < NEAR * float(logs.fleet.apart_m.max())) & (lasts_s > LATER_S)
+    near = (_away_m(logs, at, wish) < NEAR * float(logs.fleet.apart_m.max())) & (lasts_s > LATER_S)
     near_s = float(since_s[near][0]) if near.any() else np.inf
     stood = float(lasts_s.sum() / (until_s - wish.since_s)) > STOOD and not logs.was_in((STALLED,), wish.robot, wish.since_s, until_s)
     return min(near_s, float(since_s[lasts_s.argmax()])) if stood else near_s
