@@ -35,3 +35,20 @@ def control_points(ends: FloatArray, begin_rad: float, turned_rad: float) -> Flo
     courses = np.array([begin_rad, begin_rad + turned_rad])
     out, into = handle_m * np.stack([np.cos(courses), np.sin(courses)], 1)
     return np.stack([ends[0], ends[0] + out, ends[1] - into, ends[1]])
+
+
+def corners_of(fine: FloatArray, within_m: float) -> list[int]:
+    """Those of samples [N, 2], ends included, between which straight pieces stay so close to all (Douglas and Peucker, 1973)."""
+    corners, open_ = [0], [(0, len(fine) - 1)]
+    while open_:
+        a, b = open_.pop()
+        chord = fine[b] - fine[a]
+        off = fine[a + 1 : b] - fine[a]
+        share = np.clip(off @ chord / max(float(chord @ chord), 1e-18), 0.0, 1.0)
+        away = ((off - share[:, None] * chord) ** 2).sum(1)
+        if b - a > 1 and away.max() > within_m**2:
+            middle = a + 1 + int(away.argmax())
+            open_ += [(middle, b), (a, middle)]
+        else:
+            corners.append(b)
+    return corners

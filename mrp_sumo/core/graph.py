@@ -226,7 +226,7 @@ class PlanGraph(NavGraph):
     frame: Frame | None = None  # of a grid, where it is known
     walls: FloatArray = field(default_factory=lambda: np.zeros((0, 2, 2)))  # [W, 2, 2] m, which vehicles' turns have to keep clear of
     curves: Mapping[tuple[int, int], FloatArray] = field(default_factory=dict)
-    """By tail and head of lanes that are drawn as curves [N, 4]: m along the lane, x, y, course in rad without jumps."""
+    """By tail and head of lanes that vehicles follow as curves [N, 4]: m along the lane, x, y, course in rad without jumps."""
 
 
 def nav_graph(

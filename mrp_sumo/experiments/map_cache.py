@@ -75,8 +75,8 @@ class MapCache:
             return map_
         return self._once((*key, driven), lambda: make(driven))
 
-    def graph(self, map_: "Map", choice: "Discretisation", doubled: frozenset[int] = frozenset()) -> "PlanGraph":
-        """The nav graph of a map as it is planned on, with some lanes of a roadmap as two tracks."""
+    def graph(self, map_: "Map", choice: "Discretisation", doubled: frozenset[int] = frozenset(), *, curved: bool = True) -> "PlanGraph":
+        """The nav graph of a map as it is planned on, some lanes of a roadmap as two tracks; curves are straight steps unless `curved`."""
         from mrp_sumo.core.graph import PlanGraph
         from mrp_sumo.maps.grid import paper_grid
         from mrp_sumo.maps.roadmap import cut_lanes
@@ -88,9 +88,10 @@ class MapCache:
         def make() -> PlanGraph:
             if choice.kind == "grid":
                 return paper_grid(nav, choice.cell_m)
-            return cut_lanes(nav, choice.cell_m, choice.lanes == "two_way" or doubled)
+            cut = cut_lanes(nav, choice.cell_m, choice.lanes == "two_way" or doubled)
+            return cut if curved else replace(cut, curves={})
 
-        return self._once((id(nav), choice, doubled), make, nav)
+        return self._once((id(nav), choice, doubled, curved), make, nav)
 
     def narrow(self, map_: "Map", graph: "PlanGraph", robot: "RobotType") -> "Narrow":
         """Places where walls leave a type of robot no room on a plan graph."""

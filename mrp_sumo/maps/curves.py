@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mrp_sumo.core.angles import wrapped
-from mrp_sumo.core.bezier import bezier_between, control_points
+from mrp_sumo.core.bezier import bezier_between, control_points, corners_of
 from mrp_sumo.core.graph import FloatArray, NavGraph
 
 TANGENT, BEFORE, AFTER = COURSES = ("tangent_rad", "tangent_before_rad", "tangent_after_rad")  # options of a curve's bends
@@ -77,7 +77,7 @@ def flattened(degree: int, knots: Sequence[float], points: FloatArray, weights: 
         [P] above 0; all alike by default.
     """
     if degree == 1:
-        return Line(points[_corners(points, SPARE * TOLERANCE_M)])
+        return Line(points[corners_of(points, SPARE * TOLERANCE_M)])
     span = points[1:] - points[:-1]
     length_m = float(np.hypot(span[:, 0], span[:, 1]).sum())
     samples = 1 << max(3, math.ceil(math.log2(max(min(length_m / SAMPLE_M, MAX_SAMPLES), 1.0))))
@@ -87,7 +87,7 @@ def flattened(degree: int, knots: Sequence[float], points: FloatArray, weights: 
     else:
         shares = basis * weights
         fine = (shares @ points) / shares.sum(1, keepdims=True)
-    corners = _corners(fine, SPARE * TOLERANCE_M)
+    corners = corners_of(fine, SPARE * TOLERANCE_M)
     weighted = np.column_stack([points, np.ones(len(points))]) * (np.ones(len(points)) if weights is None else weights)[:, None]
     return Line(fine[corners], _courses(degree, knots, weighted, fine)[corners])
 
@@ -153,23 +153,6 @@ def _courses_of(nav: NavGraph, tail: int, head: int) -> tuple[float, float] | No
         if other is not None:
             return (own, other) if bend == tail else (other, own)
     return None
-
-
-def _corners(fine: FloatArray, within_m: float) -> list[int]:
-    """Those of samples [N, 2], ends included, between which straight pieces stay so close to all (Douglas and Peucker, 1973)."""
-    corners, open_ = [0], [(0, len(fine) - 1)]
-    while open_:
-        a, b = open_.pop()
-        chord = fine[b] - fine[a]
-        off = fine[a + 1 : b] - fine[a]
-        share = np.clip(off @ chord / max(float(chord @ chord), 1e-18), 0.0, 1.0)
-        away = ((off - share[:, None] * chord) ** 2).sum(1)
-        if b - a > 1 and away.max() > within_m**2:
-            middle = a + 1 + int(away.argmax())
-            open_ += [(middle, b), (a, middle)]
-        else:
-            corners.append(b)
-    return corners
 
 
 @lru_cache(maxsize=256)

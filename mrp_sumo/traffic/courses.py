@@ -1,7 +1,8 @@
 """Courses of lanes, and lanes that are drawn as curves as vehicles follow them.
 
 The fixed axle is on the curve, as it is on a straight lane. So a type can drive along it that turns as tightly as the curve does, whose
-body touches no wall there. Others are kept away from the straight step between the lane's ends, as at corners.
+body touches no wall there. Others are kept away from the curve, and from the straight step between the lane's ends, on which robots are
+that turn in place (`traffic.resources`).
 """
 
 import math

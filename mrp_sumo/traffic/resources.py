@@ -1,9 +1,10 @@
 """Resources that robots must not share: vertices, zones where two places of the graph are closer than two robots may be, groups.
 
-A place is a vertex or a track (the straight line of a lane, both directions). Two places closer than the
+A place is a vertex or a track (the straight line of a lane, both directions; of one that is drawn as a curve, which vehicles follow, the
+curve, too). Two places closer than the
 fleet's separation R, neither an end of the other nor tracks that meet at a vertex, are a zone, with one robot at a
 time. Tracks that meet are kept apart by their vertex: it is held until the robot is R away from every other track
-there, R / sin(angle) along its own if they leave at an acute angle, and at most until the next vertex, which is
+there, R / sin(angle) along its own if they are straight and leave at an acute angle, and at most until the next vertex, which is
 in a zone with that other track if it is still too close. Pairs of places keep their own zone, since merging
 those that touch would swallow whole maps.
 
@@ -23,13 +24,23 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, NavGraph, Options, frozen
+from mrp_sumo.core.bezier import corners_of
+from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, NavGraph, Options, PlanGraph, frozen
 from mrp_sumo.core.near import pairs_within
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.traffic.moves import MoveGraph
 from mrp_sumo.traffic.passages import Needs
 
 LEFT_M = 0.003  # before the lane's end a robot has left the vertex behind it at the latest
+OF_CURVE_M = 0.01  # between a curve and its pieces; `RobotShape.aside_m`, which is for corners, has room for it
+
+
+class Lines(NamedTuple):
+    """P straight pieces of N places: one each, and those of curves beside it."""
+
+    first: IntArray  # [N + 1] CSR
+    piece: FloatArray  # [P, 2, 2] m, of tracks from their lower end
+    share: FloatArray  # [P, 2] of the lane that is behind a robot where a piece begins and ends
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +60,7 @@ class Resources:
     group_name: tuple[str, ...]  # [G] ascending
     zones_first: IntArray  # [K (V + T) + 1] CSR: zones of each place for each type, type by type, and groups, numbered on from Z
     zones_of: IntArray
+    lines: Lines  # of the places
 
     @property
     def num_zones(self) -> int:
@@ -79,7 +91,7 @@ def resources_of(graph: NavGraph, apart_m: float | FloatArray) -> Resources:
     Parameters
     ----------
     graph
-        With straight lanes. Places on different levels do not meet.
+        Places on different levels do not meet.
     apart_m
         R, the least distance of two robots' centres; [K, K] for robots of several types.
     """
@@ -99,11 +111,15 @@ def _resources_of(graph: NavGraph, num_kinds: int, apart: bytes) -> Resources:
     on_floor[track[graph.is_ride]] = False
     forward = graph.tail < graph.head
     leave, enter = np.zeros((2, num_kinds, graph.num_lanes))
-    for kind, most_m in enumerate(apart_m.max(1)):
-        at_low, at_high = _clearances(graph.xy, ends, on_floor, float(most_m))
-        leave[kind] = np.where(forward, at_low[track], at_high[track])
-        enter[kind] = np.where(forward, at_high[track], at_low[track])
-    zone, zone_needs = _by_types(*_zones(graph, ends, on_floor, float(apart_m.max())), apart_m)
+    lines = _lines(graph, ends)
+    curved = (np.diff(lines.first)[num_vertices:] > 1)[track]
+    length_m, most_m = np.hypot(*(graph.xy[ends[:, 1]] - graph.xy[ends[:, 0]]).T), np.where(curved, graph.length_m - LEFT_M, np.inf)
+    np.maximum.at(length_m, track[curved], graph.length_m[curved])
+    for kind, separation in enumerate(apart_m.max(1)):
+        at_low, at_high = _clearances(graph, ends, on_floor, float(separation), lines, length_m)
+        leave[kind] = np.minimum(np.where(forward, at_low[track], at_high[track]), most_m)
+        enter[kind] = np.minimum(np.where(forward, at_high[track], at_low[track]), most_m)
+    zone, zone_needs = _by_types(*_zones(graph, ends, on_floor, float(apart_m.max()), lines), apart_m)
     num_places = num_vertices + len(ends)
     group_name, grouped, group = _groups(graph, ends, track)
     place, which = [], []
@@ -124,6 +140,7 @@ def _resources_of(graph: NavGraph, num_kinds: int, apart: bytes) -> Resources:
         group_name=group_name,
         zones_first=frozen(np.searchsorted(at[order], np.arange(num_kinds * num_places + 1)).astype(np.int64)),
         zones_of=frozen(of[order]),
+        lines=lines,
     )
 
 
@@ -160,6 +177,7 @@ def _of_states(graph: MoveGraph, of_map: Resources) -> Resources:
         group_name=(*(f"at {base.label(v)}" for v in range(base.num_vertices)), *map(str, range(len(of_map.zone))), *of_map.group_name),
         zones_first=frozen(np.concatenate(first).astype(np.int64)),
         zones_of=frozen(np.concatenate(of)),
+        lines=of_map.lines,
     )
 
 
@@ -235,13 +253,43 @@ def left_after_m(graph: NavGraph, resources: Resources, course: Course, needs: N
     second = (pair[:, 0] != mine).astype(np.int64)  # whether it is at the second place of the zone
     others = resources.zone_needs[resource[part] - num_vertices, 1 - second]  # [P, K] who needs it at the other
     radius_m = np.where(others, resources.apart_m[of_visit[part]], 0.0).max(1)
-    after[part] = _last_within(graph, resources, used[part], pair[np.arange(len(pair)), 1 - second], radius_m)
+    along, back, other = num_vertices + resources.track[used[part]], graph.tail > graph.head, pair[np.arange(len(pair)), 1 - second]
+    after[part] = _last_share(resources.lines, along, back[used[part]], other, radius_m) * graph.length_m[used[part]]
     if behind_m is not None:
         held = ~needs.on_lane & (used >= 0)
         after[held] = np.maximum(after, np.repeat(behind_m, np.diff(plan.first))[visit])[held]
     limit = np.where(used >= 0, graph.length_m[used] - LEFT_M, np.inf)
     left: FloatArray = origin + np.minimum(after, limit) * np.where(used >= 0, stretch[used], 1.0)
     return left
+
+
+def _lines(graph: NavGraph, ends: IntArray) -> Lines:
+    piece = segments(graph, ends)
+    straight = Lines(frozen(np.arange(len(piece) + 1)), frozen(piece), frozen(np.tile([0.0, 1.0], (len(piece), 1))))
+    if not isinstance(graph, PlanGraph) or not graph.curves:
+        return straight
+    of, pieces, shares = [np.arange(len(piece))], [piece], [straight.share]
+    for track, (a, b) in enumerate(ends.tolist()):
+        for curve in _followed(graph, a, b):
+            pieces.append(np.stack([curve[:-1, 1:], curve[1:, 1:]], 1))
+            shares.append(np.stack([curve[:-1, 0], curve[1:, 0]], 1))
+            of.append(np.full(len(curve) - 1, graph.num_vertices + track))
+    place = np.concatenate(of)
+    order, first = np.argsort(place, kind="stable"), np.append(0, np.cumsum(np.bincount(place)))
+    return Lines(frozen(first), frozen(np.concatenate(pieces)[order]), frozen(np.concatenate(shares)[order]))
+
+
+def _followed(graph: PlanGraph, a: int, b: int) -> list[FloatArray]:
+    """[N, 3] the share of the lane that is behind a robot, x and y along the curves between two vertices, from the first of them."""
+    curves: list[FloatArray] = []
+    for tail, head in ((a, b), (b, a)):
+        if (curve := graph.curves.get((tail, head))) is None or graph.lane_between(tail, head) < 0:
+            continue
+        line = np.column_stack([curve[:, 0] / curve[-1, 0], curve[:, 1:3]])
+        line = line if tail == a else np.column_stack([1.0 - line[::-1, 0], line[::-1, 1:]])
+        if not any(line.shape == other.shape and np.allclose(line, other, atol=1e-6) for other in curves):
+            curves.append(line)
+    return [line[corners_of(line[:, 1:], OF_CURVE_M)] for line in curves]
 
 
 def segments(graph: NavGraph, ends: IntArray) -> FloatArray:
@@ -262,11 +310,13 @@ def distance_m(a: FloatArray, b: FloatArray) -> FloatArray:
     return np.where(crossing, 0.0, d)
 
 
-def _clearances(xy: FloatArray, ends: IntArray, on_floor: BoolArray, separation: float) -> tuple[FloatArray, FloatArray]:
+def _clearances(
+    graph: NavGraph, ends: IntArray, on_floor: BoolArray, separation: float, lines: Lines, lane_m: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """[T] each, for the lower and the higher end of every track: from this far along it no other track at that vertex, nor
     the vertex, is closer than the separation; at most its length less LEFT_M. Tracks that are not on a floor [T] are near to nothing.
     """
-    num_tracks = len(ends)
+    num_tracks, xy = len(ends), graph.xy
     vertex = ends.T.reshape(-1)  # a half is a track seen from one of its ends
     along = xy[ends[:, 1]] - xy[ends[:, 0]]
     length = np.hypot(*along.T)
@@ -287,39 +337,52 @@ def _clearances(xy: FloatArray, ends: IntArray, on_floor: BoolArray, separation:
         clear = np.where(cos <= 0, separation, np.where(separation * cos <= reach * sin, beside, beyond))
     clearance_m = np.full(2 * num_tracks, separation)
     np.maximum.at(clearance_m, half, clear)
-    clearance_m = np.minimum(clearance_m, np.tile(length, 2) - LEFT_M)
+    curved = np.diff(lines.first)[len(xy) :] > 1
+    by_line = curved[half % num_tracks] | curved[other % num_tracks]
+    bent = np.flatnonzero(np.tile(curved, 2))
+    one = np.concatenate([half[by_line], bent])
+    far = np.concatenate([len(xy) + other[by_line] % num_tracks, vertex[bent]])
+    share = _last_share(lines, len(xy) + one % num_tracks, one >= num_tracks, far, np.full(len(one), separation))
+    np.maximum.at(clearance_m, one, share * lane_m[one % num_tracks])
+    clearance_m = np.minimum(clearance_m, np.tile(lane_m, 2) - LEFT_M)
     return clearance_m[:num_tracks], clearance_m[num_tracks:]
 
 
-def _zones(graph: NavGraph, ends: IntArray, on_floor: BoolArray, separation: float) -> tuple[IntArray, FloatArray]:
+def _zones(graph: NavGraph, ends: IntArray, on_floor: BoolArray, separation: float, lines: Lines) -> tuple[IntArray, FloatArray]:
     """[P, 2] pairs of places closer than the separation that no vertex keeps apart, and [P] how far apart they are."""
     num_vertices = graph.num_vertices
     if not len(ends):
         return np.zeros((0, 2), np.int64), np.zeros(0)
-    place = segments(graph, ends)
+    piece, of = lines.piece, np.repeat(np.arange(len(lines.first) - 1), np.diff(lines.first))  # vertices have one piece each
     used = np.unique(ends[on_floor])
-    # every track is sampled in the middle of its pieces, so that places closer than R have samples closer than `reach`
-    length = np.hypot(*(place[num_vertices:, 1] - place[num_vertices:, 0]).T)
-    pieces = np.where(on_floor, np.maximum(1, np.ceil(length / (2 * separation)).astype(np.int64)), 0)
-    owner = np.repeat(np.arange(len(ends)), pieces)
-    fraction = (ranges(np.zeros(len(ends), np.int64), pieces) + 0.5) / pieces[owner]
-    sample = place[num_vertices + owner, 0] + fraction[:, None] * (place[num_vertices + owner, 1] - place[num_vertices + owner, 0])
-    half = float((length[on_floor] / pieces[on_floor]).max(initial=0.0)) / 2
+    # every piece is sampled in the middle of its parts, so that places closer than R have samples closer than `reach`
+    length = np.hypot(*(piece[num_vertices:, 1] - piece[num_vertices:, 0]).T)
+    parts = np.where(on_floor[of[num_vertices:] - num_vertices], np.maximum(1, np.ceil(length / (2 * separation)).astype(np.int64)), 0)
+    owner = np.repeat(np.arange(len(parts)), parts)
+    fraction = (ranges(np.zeros(len(parts), np.int64), parts) + 0.5) / parts[owner]
+    sample = piece[num_vertices + owner, 0] + fraction[:, None] * (piece[num_vertices + owner, 1] - piece[num_vertices + owner, 0])
+    half = float((length[parts > 0] / parts[parts > 0]).max(initial=0.0)) / 2
     point = np.concatenate([graph.xy[used], sample])
     owner = np.concatenate([used, num_vertices + owner])
     pair = pairs_within(point, separation + 2 * half)
-    pair = np.sort(np.sort(owner[pair], axis=1) @ np.array([len(place), 1]))
+    pair = np.sort(np.sort(owner[pair], axis=1) @ np.array([len(piece), 1]))
     pair = pair[np.diff(pair, prepend=-1) > 0]  # each once; np.unique takes ten times as long
-    a, b = pair // len(place), pair % len(place)
+    one, other = pair // len(piece), pair % len(piece)
+    a, b = of[one], of[other]
     corner = np.stack([np.arange(num_vertices)] * 2, 1)
     corner = np.concatenate([corner, ends])
     meets = (corner[a][:, :, None] == corner[b][:, None, :]).any((1, 2))
     level = graph.level[corner[:, 0]]
     apart = ~meets & (level[a] == level[b])
-    a, b = a[apart], b[apart]
-    away_m = distance_m(place[a], place[b])
+    one, other = one[apart], other[apart]
+    away_m = distance_m(piece[one], piece[other])
     close = away_m < separation - 1e-9
-    return np.stack([a[close], b[close]], 1), away_m[close]
+    key = of[one[close]] * (num_vertices + len(ends)) + of[other[close]]
+    order = np.argsort(key, kind="stable")
+    begin = np.flatnonzero(np.diff(key[order], prepend=-1))
+    key = key[order][begin]
+    pairs = np.stack([key // (num_vertices + len(ends)), key % (num_vertices + len(ends))], 1)
+    return pairs, np.minimum.reduceat(away_m[close][order], begin) if len(begin) else np.zeros(0)
 
 
 def _by_types(pair: IntArray, away_m: FloatArray, apart_m: FloatArray) -> tuple[IntArray, BoolArray]:
@@ -373,14 +436,32 @@ def _groups(graph: NavGraph, ends: IntArray, track: IntArray) -> tuple[tuple[str
     return names, pairs[:, 0], pairs[:, 1]
 
 
-def _last_within(graph: NavGraph, resources: Resources, lane: IntArray, other: IntArray, radius: FloatArray) -> FloatArray:
-    """[N] the farthest along each lane that is closer than a radius [N] to the other place, 0 if nothing is."""
-    target = segments(graph, resources.ends)[other]
-    begin, along = graph.xy[graph.tail[lane]], graph.xy[graph.head[lane]] - graph.xy[graph.tail[lane]]
+def _last_share(lines: Lines, along: IntArray, back: BoolArray, other: IntArray, radius: FloatArray) -> FloatArray:
+    """[N] the farthest share along each place, from its higher end where `back`, that is within a radius of the other; 0: nothing is."""
+    if not len(along):
+        return np.zeros(0)
+    first, count = lines.first, np.diff(lines.first)
+    pairs = count[along] * count[other]
+    n = np.repeat(np.arange(len(along)), pairs)
+    k = ranges(np.zeros(len(along), np.int64), pairs)
+    mine, theirs = first[along[n]] + k // count[other[n]], first[other[n]] + k % count[other[n]]
+    piece, share = lines.piece[mine], lines.share[mine]
+    piece = np.where(back[n][:, None, None], piece[:, ::-1], piece)
+    share = np.where(back[n][:, None], 1.0 - share[:, ::-1], share)
+    within = _last_within(piece, lines.piece[theirs], radius[n])
+    last: FloatArray = np.maximum.reduceat(
+        np.where(within > 0, share[:, 0] + within * (share[:, 1] - share[:, 0]), 0.0), np.cumsum(pairs) - pairs
+    )
+    return last
+
+
+def _last_within(piece: FloatArray, target: FloatArray, radius: FloatArray) -> FloatArray:
+    """[N] the farthest share along segments [N, 2, 2] that is closer than a radius [N] to the other segments, 0 if nothing is."""
+    begin, along = piece[:, 0], piece[:, 1] - piece[:, 0]
     square = (along**2).sum(1)
     # what is close to a segment lies in discs around its ends and in a rectangle between them; all three together are
     # convex, so the lane leaves them where it leaves the last one
-    leaves = np.zeros(len(lane))
+    leaves = np.zeros(len(piece))
     with np.errstate(divide="ignore", invalid="ignore"):
         for end in (0, 1):
             away = begin - target[:, end]
@@ -390,8 +471,8 @@ def _last_within(graph: NavGraph, resources: Resources, lane: IntArray, other: I
         axis = target[:, 1] - target[:, 0]
         length = np.hypot(*axis.T)
         axis = axis / length[:, None]  # NaN for a vertex, which has no rectangle
-        enters, exits = np.full(len(lane), -np.inf), np.full(len(lane), np.inf)
-        for direction, low, high in ((axis, np.zeros(len(lane)), length), (np.stack([-axis[:, 1], axis[:, 0]], 1), -radius, radius)):
+        enters, exits = np.full(len(piece), -np.inf), np.full(len(piece), np.inf)
+        for direction, low, high in ((axis, np.zeros(len(piece)), length), (np.stack([-axis[:, 1], axis[:, 0]], 1), -radius, radius)):
             place, pace = ((begin - target[:, 0]) * direction).sum(1), (along * direction).sum(1)
             one, two = (low - place) / pace, (high - place) / pace
             outside = (pace == 0) & ((place < low) | (place > high))
@@ -399,7 +480,7 @@ def _last_within(graph: NavGraph, resources: Resources, lane: IntArray, other: I
             enters = np.maximum(enters, np.where(parallel, -np.inf, np.where(outside, np.inf, np.minimum(one, two))))
             exits = np.minimum(exits, np.where(parallel, np.inf, np.maximum(one, two)))
         leaves = np.fmax(leaves, np.where((enters < exits) & (enters < 1.0), exits, 0.0))
-    return np.clip(leaves, 0.0, 1.0) * graph.length_m[lane]
+    return np.clip(leaves, 0.0, 1.0)
 
 
 def _to_segment(point: FloatArray, segment: FloatArray) -> FloatArray:

@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 from mrp_sumo.core.bodies import axle_of
+from mrp_sumo.core.execution import Outcome
+from mrp_sumo.core.graph import relaid
 from mrp_sumo.core.plan import plan_of_paths
 from mrp_sumo.drive.loop import simulate
 from mrp_sumo.drive.retime import retime
@@ -148,6 +150,28 @@ def test_a_corner_beside_a_curve_is_cut_by_a_curve(tmp_path):
 def test_a_corner_that_no_curve_cuts_is_named():
     graph = along(straight((0, 0), (4, 0)), quarter(RADIUS_M, (4, 0)), straight((4 + RADIUS_M, RADIUS_M), (4.0, RADIUS_M - 1)), cell_m=9.0)
     assert "to turn from 'v1' over 'v2' to 'v3'" in obstacle_to(graph, CAR, [0, 1, 2, 3])
+
+
+def test_a_vehicle_waits_for_one_on_a_curve_that_comes_near_its_own_lane(tmp_path):
+    """A quarter of a circle of 8 m in one step, and a lane 2.8 m beside its chord: 0.46 m from where the circle is nearest."""
+    roads = along(straight((-9, 0), (0, 0)), quarter(8.0), straight((8, 8), (8, 17)), cell_m=14.0)
+    out, on = np.array([1, -1]) / sqrt(2), np.array([1, 1]) / sqrt(2)
+    middle = np.array([4.0, 4.0]) + 2.8 * out
+    beside = relaid(
+        roads,
+        xy=np.vstack([roads.xy, middle - 15.3 * on, middle + 9 * on]),
+        level=np.zeros(roads.num_vertices + 2, np.int64),
+        vertex_options=[*roads.vertex_options, {}, {}],
+        lanes=[*zip(roads.tail.tolist(), roads.head.tolist()), (roads.num_vertices, roads.num_vertices + 1)],
+        length_m=[*roads.length_m, 24.3],
+    )
+    ends = [0, roads.num_vertices], [3, roads.num_vertices + 1]
+    problem = vehicles_on(beside, *ends, CAR)
+    settings = ExecutionSettings(engine="kinematic", time_limit_s=300.0)
+    plan = retime(problem, plan_of_paths([[0, 1, 2, 3], [ends[0][1], ends[1][1]]], problem.step_s), settings)
+    run = simulate(problem, plan, settings, tmp_path)
+    assert run.outcome is Outcome.COMPLETED and audit(run, problem.fleet)["passed"]
+    assert np.hypot(*(np.diff(run.x_m, axis=1), np.diff(run.y_m, axis=1))).min() >= CAR.length_m
 
 
 def test_who_may_reverse_goes_back_along_a_curve_and_does_not_swing_beside_it():

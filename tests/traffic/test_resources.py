@@ -1,13 +1,17 @@
 """Places too close for two robots are zones or kept apart by their vertex; proven by sampling, and by hand where the answer is known."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mrp_sumo.core.graph import nav_graph
+from mrp_sumo.core.graph import nav_graph, relaid
 from mrp_sumo.core.plan import plan_of_paths
-from mrp_sumo.traffic.resources import LEFT_M, _last_within, distance_m, needs_of, resources_of, segments
+from mrp_sumo.traffic.resources import LEFT_M, OF_CURVE_M, _last_share, distance_m, needs_of, resources_of, segments
+from tests.campaigns.vehicles import drawn_roads
+from tests.vehicles import along, quarter, straight
 
 R = 0.325
 
@@ -114,6 +118,71 @@ def test_robots_that_hold_what_they_need_are_apart(seed):
         assert clash, (p, q, mine, other)
 
 
+BULGE_M = 4.0 * (1 - np.sqrt(0.5))  # of a quarter of a circle of 4 m beyond its chord
+
+
+@pytest.mark.parametrize("closer_m, near", [(0.05, True), (-0.05, False)])
+def test_a_place_is_in_a_zone_with_a_curve_that_comes_within_r(closer_m, near):
+    """Outside a quarter of a circle in one step, whose chord is another 1.17 m away."""
+    out_m, out = 4.0 + 1.5 - closer_m, np.array([1.0, -1.0]) / np.sqrt(2)
+    graph = along(quarter(4.0), cell_m=9.0)
+    beside = relaid(
+        graph,
+        xy=np.vstack([graph.xy, [0.0, 4.0] + out_m * out, [0.0, 4.0] + (out_m + 3.0) * out]),
+        level=np.zeros(graph.num_vertices + 2, np.int64),
+        vertex_options=[*graph.vertex_options, {}, {}],
+        lanes=[(0, 1), (1, 0), (graph.num_vertices, graph.num_vertices + 1)],
+        length_m=[graph.length_m[0]] * 2 + [3.0],
+    )
+    found, pairs = zones(beside, 1.5)
+    curve = beside.num_vertices + int(found.track[beside.lane_between(0, 1)])
+    assert ((graph.num_vertices, curve) in pairs) == near
+    assert not zones(replace(beside, curves={}), 1.5 + BULGE_M - 0.1)[1]
+
+
+def test_a_vertex_is_held_along_a_curve_until_who_follows_it_and_who_drives_its_chord_are_away():
+    """A quarter of a circle of 4 m, by robots that need 3 m: 8 asin(3 / 8) m along the circle, 3 m of the chord's 5.66."""
+    graph = along(straight((-4, 0), (0, 0)), quarter(4.0), cell_m=9.0)
+    found, lane = resources_of(graph, 3.0), graph.lane_between(1, 2)
+    assert 8 * np.arcsin(3 / 8) < found.leave_m[0, lane] == pytest.approx(graph.length_m[lane] * 3.0 / np.sqrt(32))
+    assert found.leave_m[0, graph.lane_between(1, 0)] == pytest.approx(3.0)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_robots_on_curves_that_hold_what_they_need_are_apart(seed):
+    """As above; vehicles are on the curves, others on the steps."""
+    rng, separation = np.random.default_rng(seed), 1.7
+    graph = drawn_roads(rng, 1.8, curved=True)
+    found, pairs = zones(graph, separation)
+    ends, num = found.ends, graph.num_vertices
+
+    def standing(track, share):
+        """Where a robot is, and the places it holds."""
+        low, high = ends[track].tolist()
+        tail, head = (low, high) if graph.lane_between(low, high) >= 0 else (high, low)
+        lane = graph.lane_between(tail, head)
+        curve = graph.curves.get((tail, head))
+        if curve is None or rng.random() < 0.3:
+            xy = graph.xy[tail] + share * (graph.xy[head] - graph.xy[tail])
+        else:
+            xy = np.array([np.interp(share * curve[-1, 0], curve[:, 0], curve[:, n]) for n in (1, 2)])
+        held = {num + track}
+        if share * graph.length_m[lane] < found.leave_m[0, lane]:
+            held.add(tail)
+        if (1 - share) * graph.length_m[lane] < found.enter_m[0, lane]:
+            held.add(head)
+        return xy, held
+
+    near = 0
+    for _ in range(3000):
+        a, b = rng.choice(len(ends), 2, replace=False).tolist()
+        (p, mine), (q, other) = (standing(track, rng.choice([0.0, 1.0, rng.random()])) for track in (a, b))
+        if np.hypot(*(p - q)) < separation - 2 * LEFT_M - 2 * OF_CURVE_M:
+            near += 1
+            assert mine & other or any(tuple(sorted((x, y))) in pairs for x in mine for y in other), (p, q, mine, other)
+    assert near > 5 and graph.curves
+
+
 def test_small_robots_pass_where_a_large_one_passes_alone():
     beside = both_ways([(0, 0), (1, 0), (0, 0.5), (1, 0.5)], [(0, 1), (2, 3)])
     found = resources_of(beside, np.array([[0.3, 0.6], [0.6, 0.9]]))
@@ -177,7 +246,8 @@ def test_a_lane_leaves_the_reach_of_a_place_where_its_points_do(spacing_m):
     graph = nav_graph(name="any", xy=xy, lanes=sorted(set(lanes)))
     resources = resources_of(graph, 0.35)
     lane, other = rng.integers(0, graph.num_lanes, 400), rng.integers(0, len(xy) + len(resources.ends), 400)
-    found = _last_within(graph, resources, lane, other, np.full(400, 0.35)) / graph.length_m[lane]
+    track, back = len(xy) + resources.track[lane], graph.tail[lane] > graph.head[lane]
+    found = _last_share(resources.lines, track, back, other, np.full(400, 0.35))
     place, fraction = segments(graph, resources.ends)[other], np.linspace(0, 1, 2001)
     begin, along = xy[graph.tail[lane]], xy[graph.head[lane]] - xy[graph.tail[lane]]
     for k in range(400):

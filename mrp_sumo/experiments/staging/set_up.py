@@ -90,7 +90,7 @@ def set_up(file: ScenarioFile, maps: MapCache, *, run_programs: bool = True) -> 
         map_ = maps.map(scenario.map, file.folder, loaded_cell_m(scenario.discretisation, models), radius_m, driven)
     is_auto, file = scenario.discretisation.kind == "auto", as_discretised(file, map_, models)
     scenario = file.scenario
-    graph = maps.graph(map_, scenario.discretisation, doubled(file, map_.nav))
+    graph = maps.graph(map_, scenario.discretisation, doubled(file, map_.nav), curved=any(model.is_vehicle for model in models))
     require_fit(file, map_.nav, graph, models, is_auto=is_auto)
     require_brakes(file, graph, models)
     graph, by_lane = by_class(maps, graph, models)
