@@ -61,7 +61,7 @@ ROOMS = {  # the files of each, and the tests that hold it
         ["mrp_sumo/drive/batteries.py", "mrp_sumo/core/battery.py"],
         ["tests/drive/test_batteries.py", "tests/core/test_battery.py"],
     ),
-    "dispatchers": (["mrp_sumo/drive/dispatchers/*.py"], ["tests/drive/test_dispatchers.py"]),
+    "dispatchers": (["mrp_sumo/drive/dispatchers/*.py"], ["tests/drive/test_dispatchers.py", "tests/drive/test_bundle.py"]),
     "sizing": ([f"mrp_sumo/sizing/{name}.py" for name in ("search", "points", "answer", "causes", "confirmation")], ["tests/sizing"]),
     "statistics": (
         ["mrp_sumo/experiments/statistics.py", "mrp_sumo/experiments/replications.py"],

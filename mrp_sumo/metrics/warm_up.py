@@ -23,7 +23,7 @@ def warm_up_length(series: ArrayLike) -> int | None:
     num_batches = len(values) // BATCH
     if num_batches < LEAST_BATCHES:
         return None
-    means = values[: num_batches * BATCH].reshape(-1, BATCH).mean(1)
+    means = values[: num_batches * BATCH].reshape(num_batches, BATCH).mean(1)
     most = num_batches // 2
     error = [means[d:].var() / (num_batches - d) for d in range(most + 1)]
     cut = int(np.argmin(error))

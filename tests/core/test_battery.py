@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mrp_sumo.core.battery import Charging
+from mrp_sumo.core.battery import Charging, start_shares
 from mrp_sumo.core.robot_type import Battery
 from mrp_sumo.errors import OptionError
 
@@ -55,3 +55,8 @@ def test_who_stands_draws_idle_power_instead():
     driven_w = battery.mass_kg * battery.friction * 9.81 * 0.5
     assert battery.power_w(speed, still, rate, still) == pytest.approx([5.0, 20.0 + driven_w, 20.0])
     assert Battery(**TINY | {"device_w": 20.0}).power_w(speed[:1], still[:1], rate[:1], still[:1]) == pytest.approx([20.0])
+
+
+def test_robots_begin_full_where_nothing_is_said():
+    assert start_shares(None) == start_shares(Charging(stations=("A",))) == (1.0, 1.0)
+    assert start_shares(Charging(stations=("A",), start_level=(30.0, 60.0))) == (0.3, 0.6)

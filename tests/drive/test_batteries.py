@@ -1,5 +1,7 @@
 """Batteries of a fleet drain by time and motion, and fill at chargers."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -40,3 +42,22 @@ def test_a_turn_draws_as_much_wherever_the_robot_faces(begin_rad, by_rad):
     batteries.add(yaw_rad, np.zeros((3, 1)))
     batteries.observe(1.0, np.array([False]))
     assert batteries.log(1.0, 0.2).used_j == pytest.approx([0.16])
+
+
+def test_two_looks_at_once_charge_for_as_long_as_lies_between_them():
+    """1 s and 2 s at a charger that fills the battery of 36 kJ in 100 s."""
+    batteries = Batteries([SMALL], np.zeros(1, np.int64), (0.5, 0.5), 0, 0.5)
+    batteries.add(np.zeros((7, 1)), np.zeros((7, 1)))
+    batteries.observe_each([1.0, 3.0], [3, 7], np.array([True]))
+    assert batteries.level == pytest.approx([0.53]) and batteries.log(3.0, 0.2).charged_j == pytest.approx([0.03 * 36_000])
+
+
+def test_each_lift_draws_its_energy_once():
+    """Two lifts until the first look, three until the second."""
+    lifting = replace(SMALL, device_w=0.0, lift_j=90.0)
+    batteries, used_j = Batteries([lifting], np.zeros(1, np.int64), (0.5, 0.5), 0, 0.5), []
+    for now_s, num_lifts in ((0.5, 2), (1.0, 3)):
+        batteries.add(np.zeros((2, 1)), np.zeros((2, 1)))
+        batteries.observe(now_s, np.array([False]), None, np.array([num_lifts]))
+        used_j.append(float(batteries.log(now_s, 0.2).used_j[0]))
+    assert used_j == pytest.approx([180.0, 270.0])

@@ -5,6 +5,7 @@ from dataclasses import replace
 import pytest
 from floors import driven, ring, scenario
 from line_fleets import Fleet
+from worlds import graph_of, line
 
 from mrp_sumo.core.execution import BOOKINGS
 from mrp_sumo.drive.dispatchers.estimates import FAR_S
@@ -40,6 +41,22 @@ def test_round_robin_gives_orders_in_turn_to_whoever_is_free():
     fleet.crew.set_free(fleet.crew.robots[0], 14.0)
     assert fleet.decides("round_robin", 15.0) == {0: 3, 2: 2}  # robot_1 is free for longer, but was given its order later
     assert Fleet([2, 9], (0.0, (15, 16)), (0.0, (3, 4))).decides("round_robin") == {0: 0, 1: 1}  # `nearest` would cross over
+
+
+@pytest.mark.parametrize("dispatcher", ["nearest", "round_robin", "tpts"])
+@pytest.mark.parametrize(("stops", "then"), [((12, 3), {}), ((3, 12), {0: 0})])
+def test_who_cannot_come_to_the_first_stop_of_an_order_is_not_given_it(dispatcher, stops, then):
+    """No lane leads from 9 to 10, beyond which robot_0 is not."""
+    xy, lanes = line(20).xy.tolist(), [(k, k + 1) for k in range(19) if k != 9]
+    fleet = Fleet([2], (0.0, stops))
+    fleet.context.graph = graph_of(xy, lanes)
+    assert fleet.decides(dispatcher) == then
+
+
+@pytest.mark.parametrize("dispatcher", ALL)
+def test_an_urgent_order_that_a_robot_cannot_do_does_not_keep_it_from_another(dispatcher):
+    tasks = [(0.0, (3, 4), 1, "lift"), (0.0, (19, 18))]
+    assert Fleet([2], *tasks, types=("cart",)).decides(dispatcher) == {0: 1}
 
 
 @pytest.mark.parametrize("dispatcher", ALL)

@@ -1,6 +1,7 @@
 """Visits keep their ids; what is cut off is never driven, and a plan that nobody can keep leaves no trace."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -17,7 +18,7 @@ from mrp_sumo.drive.policy import policy_of
 from mrp_sumo.drive.replanning import situation
 from mrp_sumo.drive.reroute import Replan, Reroute, first_of
 from mrp_sumo.drive.settings import ExecutionSettings
-from mrp_sumo.drive.state import Kinematics
+from mrp_sumo.drive.state import NEVER, Kinematics
 from mrp_sumo.drive.surroundings import Surroundings
 from mrp_sumo.drive.work import Work
 from mrp_sumo.drive.world import World
@@ -306,6 +307,36 @@ def test_robots_pass_in_the_order_that_a_policy_decides():
     assert passing(ledger, 0) == [0, 1]
     assert ledger.decide(Decides(swapped_at(0)), 1.0)
     assert passing(ledger, 0) == [1, 0]
+
+
+def test_a_policy_sees_each_visit_that_is_ahead_once():
+    """And what they hold: robot_0 has been granted the vertex after its start, robot_1 nothing."""
+    seen = []
+
+    class Sees(Decides):
+        def decide(self, problem, plan, needs, now_s):
+            seen.extend(plan.vertex[a:b].tolist() for a, b in pairwise(plan.first.tolist()))
+
+    ledger, _ = ledger_of(line(7), [[0, 1, 2, 3], [6, 5, 4]])
+    ledger.visits.granted[0] = ledger.all_ids(0)[1]
+    assert not ledger.decide(Sees(None), 1.0)
+    assert seen == [[0, 1, 2, 3], [6, 5, 4]]
+
+
+@pytest.mark.parametrize(("other", "goes_on"), [(-1, True), (0, False)])
+def test_a_robot_that_gives_way_goes_on_when_it_lets_nobody_pass(other, goes_on):
+    ledger, _ = ledger_of(square_grid(3), [[0, 1], [8, 7]])
+    ledger.append(Replan({1: way(5, 4, pause=1)}, "give_way"), policy_of("adg"), 1.0)
+    ledger.let_pass(1, other)
+    yielding = ledger.state.yielding
+    assert (yielding.pause[1] == NEVER, not yielding.gives_way[1]) == (goes_on, goes_on) and yielding.pause_for[1] == other
+
+
+def test_a_robot_that_is_left_alone_in_a_replan_stays_where_it_was_granted():
+    ledger, _ = ledger_of(square_grid(3), [[0, 1], [8, 7]])
+    ledger.append(Replan({0: way(3), 1: way(5)}, "replan", left_alone=frozenset({1})), policy_of("adg"), 1.0)
+    rank = int(ledger.visits.rank[ledger.visits.granted[1]])
+    assert ledger.state.yielding.pause.tolist() == [NEVER, rank]
 
 
 def test_times_are_squeezed_into_a_second_in_their_order_entry_by_entry():

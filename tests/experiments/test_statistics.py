@@ -55,6 +55,8 @@ def test_paired_difference_has_newcombes_interval():
 def test_outcomes_that_never_differ_are_no_evidence():
     found = mcnemar([True, False, True], [True, False, True])
     assert (found.p_value, found.difference.value) == (1.0, 0.0)
+    nothing = mcnemar([], [])
+    assert (nothing.p_value, nothing.count) == (1.0, 0) and math.isnan(nothing.difference.value)
 
 
 def test_wilcoxon_of_five_runs_that_all_got_larger_is_exact():

@@ -25,3 +25,9 @@ def test_it_is_the_variance_that_is_weighed_against_what_is_left(first, cut):
     instead of variances it would be less both times.
     """
     assert warm_up_length(np.repeat([first, 0, 1, 0, 1, 0, 1, 0], 5)) == cut
+
+
+@pytest.mark.parametrize(("means", "cut"), [([9, 9, 9, 0, 0, 0], None), ([9, 9, 0, 0, 0, 0], 10)])
+def test_the_half_is_looked_at_too_of_an_odd_half(means, cut):
+    """Of six batches the best cut is at the half, three, and the next best would be one before it."""
+    assert warm_up_length(np.repeat(means, 5)) == cut

@@ -124,3 +124,10 @@ def test_zones_in_a_circle_get_an_order_that_can_be_kept():
     schedule = schedule_of(problem, plan, needs)
     assert passing(plan, schedule, 5) == [1, 0]
     assert [passing(plan, schedule, v) for v in range(5)] == [passing(plan, kept, v) for v in range(5)]
+
+
+def test_robots_that_wait_for_each_other_at_two_zones_are_not_told_that_they_rotate():
+    problem, plan = world(*line(6), [[0, 1, 2], [5, 4, 3]])
+    needs = needs_of([0], [1, 6], [2, 7], [5], [4, 7], [3, 6], num_resources=8)
+    with pytest.raises(PlanError, match=r"cyclic: [^;]*$"):
+        schedule_of(problem, plan, needs)
