@@ -31,12 +31,12 @@ def answer(study: ReportedRuns) -> str:
     one, two = (of[name].loc[shared, outcome].to_numpy(np.bool_) for name in (best, others[0]))
     rate, where = mcnemar(two, one), f"{len(shared)} instances ({_listed(study.maps)})"
     word = "succeeds" if study.is_executed else "finds valid plans"
-    if rate.difference.value == 0:
+    if (by := rate.difference).value == 0:
         word = "succeed" if study.is_executed else "find valid plans"
         first = f"{best} and {others[0]} {word} equally often, in {100 * rate.second:.0f} % of {where}."
     else:
-        limits = _points(rate.difference)
-        sure = "" if rate.difference.low > 0 else ", which decides nothing yet"
+        limits = f"{100 * by.value:.0f} points ({100 * by.low:.0f} to {100 * by.high:.0f})"
+        sure = "" if by.low > 0 else ", which decides nothing yet"
         first = f"{best} {word} most often, in {100 * rate.second:.0f} % of {where}: {limits} more than {others[0]}{sure}."
     return f"{first} {_about_values(study, best, others)}".strip()
 
@@ -51,7 +51,8 @@ def _about_values(study: ReportedRuns, best: str, others: list[str]) -> str:
         name, (ratio, p_value) = min(compared.items(), key=lambda item: item[1][0].value)
         both = f"Where {best} and {name} both succeed ({ratio.count} instances)"
         if p_value > SURE or ratio.low <= 0 <= ratio.high:
-            return f"{both}, it is undecided who has the lower {what}: that of {name} differs from that of {best} by {_signed(ratio)}."
+            by = f"{100 * ratio.value:+.1f} % ({100 * ratio.low:+.1f} to {100 * ratio.high:+.1f})"
+            return f"{both}, it is undecided who has the lower {what}: that of {name} differs from that of {best} by {by}."
         if ratio.value > 0:
             return f"{both}, {best} has the lower {what}: that of {name}, the nearest, is {_percent(ratio)} higher."
         return f"{both}, {name} has the lower {what}, by {_percent(ratio)}."
@@ -72,18 +73,10 @@ def _beside(one: pd.DataFrame, two: pd.DataFrame, outcome: str, column: str) -> 
     return bootstrap_mean(b[there] / a[there] - 1), wilcoxon(a[there], b[there]).p_value
 
 
-def _points(rate: Interval) -> str:
-    return f"{100 * rate.value:.0f} points ({100 * rate.low:.0f} to {100 * rate.high:.0f})"
-
-
 def _percent(ratio: Interval) -> str:
     """A share that is surely above or below 0, without its sign."""
     low, high = sorted((abs(ratio.low), abs(ratio.high)))
     return f"{100 * abs(ratio.value):.1f} % ({100 * low:.1f} to {100 * high:.1f})"
-
-
-def _signed(ratio: Interval) -> str:
-    return f"{100 * ratio.value:+.1f} % ({100 * ratio.low:+.1f} to {100 * ratio.high:+.1f})"
 
 
 def _listed(names: tuple[str, ...], most: int = 4) -> str:

@@ -137,15 +137,7 @@ def write_fcd(path: Path, record: RunRecord) -> None:
 
 
 def write_ros2(path: Path, make_bag: Callable[[Path], Any]) -> None:
-    """A ROS 2 bag in a folder of this name; an interrupted writer leaves a hidden folder beside it.
-
-    Parameters
-    ----------
-    path
-        To be written.
-    make_bag
-        Writes a bag into a folder that does not exist yet.
-    """
+    """A ROS 2 bag in a folder of this name, written by `make_bag` into one that is new; an interrupted writer leaves a hidden folder."""
     with replacing(path) as partial:
         (partial / "new").mkdir(parents=True)
         make_bag(partial / "new" / path.name)  # the files in it are named after the folder
@@ -155,16 +147,9 @@ def write_ros2(path: Path, make_bag: Callable[[Path], Any]) -> None:
 
 
 def write_ros1(path: Path, record: RunRecord, make_bag: Callable[[Path], Any]) -> None:
-    """A ROS 1 bag. RMF's topics keep their ROS 2 names; /rosout is left out, since its type is none of ROS 1.
+    """A ROS 1 bag, `.bag`, of the ROS 2 bag that `make_bag` writes.
 
-    Parameters
-    ----------
-    path
-        Ends in `.bag`.
-    record
-        Names the run in errors.
-    make_bag
-        Writes the ROS 2 bag to convert.
+    RMF's topics keep their ROS 2 names; /rosout is left out, since its type is none of ROS 1.
     """
     from mrp_sumo.bags.convert import convert_to_ros1
 

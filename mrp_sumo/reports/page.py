@@ -112,6 +112,12 @@ def gap_list(gaps: Sequence[str]) -> str:
     return '<ul class="gaps">' + "".join(f"<li>{html.escape(line)}</li>" for line in gaps) + "</ul>" if gaps else ""
 
 
+def grid(head: Sequence[str], rows: str, numbers: Sequence[int]) -> str:
+    """A plain table that scrolls, of a head and of rows that are HTML."""
+    above = rows_of([head], numbers, "th")
+    return f'<div class="scroll"><table class="help"><thead>{above}</thead><tbody>{rows}</tbody></table></div>'
+
+
 def rows_of(rows: Sequence[Sequence[str]], numbers: Sequence[int] = (), tag: str = "td") -> str:
     """Rows of a plain table, whose cells are HTML; the first cell is a heading, unless it is one of the columns of numbers."""
 

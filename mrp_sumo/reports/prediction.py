@@ -6,26 +6,26 @@ One HTML file without scripts that needs no network, in light and dark; beside i
 import html
 import json
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from mrp_sumo import __version__
-from mrp_sumo.calibration.prediction import ComparedFigure, Outcomes, Prediction
+from mrp_sumo.calibration.prediction import ComparedFigure, Prediction
 from mrp_sumo.core.graph import FloatArray
 from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.files.writing import write_text
 from mrp_sumo.io.run_reader import load_run
 from mrp_sumo.reports.charts.chart import Chart, draw, key
-from mrp_sumo.reports.page import Tile, chart_row, document, gap_list, rows_of, tile_list
+from mrp_sumo.reports.page import Tile, chart_row, document, gap_list, grid, rows_of, tile_list
 from mrp_sumo.reports.pictures.map_picture import BLUE, SKY, VERMILION
 from mrp_sumo.reports.replay.beside import page_of_two
 from mrp_sumo.reports.replay.page import write_page
 
 PAGE, DOCUMENT, REPLAY = "prediction.html", "prediction.json", "replay.html"
-Read = Callable[[Outcomes], FloatArray]
+BELOW = "The band is what {} runs have from the least to the most."
 
 
 def write_prediction(result: Prediction, name: str, folder: Path, maps: MapCache) -> None:
@@ -60,23 +60,33 @@ def figure_text(value: float) -> str:
 
 def prediction_page(result: Prediction, name: str) -> str:
     """The whole page."""
-    held = result.held
+    held, logged, simulated = result.held, result.logged, result.simulated
+    tiles = [
+        Tile(
+            each.label,
+            f"{figure_text(each.predicted)} {each.unit}",
+            f"log {figure_text(each.logged)}{_off(each)}",
+            "good" if each.holds else "bad",
+        )
+        for each in result.figures
+    ]
+    leads, waits = ([getattr(each, of) for each in (logged, *simulated)] for of in ("lead_time_s", "station_wait_s"))
+    charts = [
+        _shares("lead_time", "Lead time", "from release to done (s)", "orders", leads),
+        _shares("station_wait", "Waits at stations", "stood near a station before service (s)", "services", waits),
+        _done(held.span_s, [each.done_s for each in (logged, *simulated)]),
+    ]
     body = [
         f'<header><p class="question">Does the simulation fit the log? {html.escape(name)}</p>'
         f"<h1>{html.escape(sentence_of(result))}</h1></header>",
         "<main>",
-        tile_list(
-            [
-                Tile(each.label, f"{figure_text(each.predicted)} {each.unit}", f"log {figure_text(each.logged)}{_off(each)}", _mood(each))
-                for each in result.figures
-            ]
-        ),
+        tile_list(tiles),
         gap_list(result.notes),
         "<h2>Side by side</h2>",
         _table(result),
         f'<p><a href="{REPLAY}">Replay of log and simulation</a> on one clock, from {held.cut_s - held.begin_s:.0f} s of the log on: '
         "<code>mrp-sumo replay log simulation</code>.</p>",
-        *chart_row(_charts(result)),
+        *chart_row(charts),
         '<h2 class="second">What it stands on</h2>',
         *_calibrated(result),
         *_drift(result),
@@ -84,15 +94,6 @@ def prediction_page(result: Prediction, name: str) -> str:
         f"<footer><p>{html.escape(_small_print(result))}</p></footer>",
     ]
     return document(f"{name}: log and simulation", "mrp-sumo predict", body, Path(__file__).with_name("capacity") / "page.css")
-
-
-def _mood(each: ComparedFigure) -> str:
-    return "good" if each.holds else "bad"
-
-
-def _grid(head: Sequence[str], rows: Sequence[Sequence[str]], numbers: range) -> str:
-    above, below = rows_of([head], numbers, "th"), rows_of(rows, numbers)
-    return f'<div class="scroll"><table class="help"><thead>{above}</thead><tbody>{below}</tbody></table></div>'
 
 
 def _table(result: Prediction) -> str:
@@ -108,39 +109,24 @@ def _table(result: Prediction) -> str:
         )
         for each in result.figures
     ]
-    return _grid(("", "log", "predicted", "error", "90 % band", "unit", ""), rows, range(1, 5))
+    return grid(("", "log", "predicted", "error", "90 % band", "unit", ""), rows_of(rows, range(1, 5)), range(1, 5))
 
 
-def _charts(result: Prediction) -> list[Chart]:
-    def of_lead(run: Outcomes) -> FloatArray:
-        return run.lead_time_s
-
-    def of_wait(run: Outcomes) -> FloatArray:
-        return run.station_wait_s
-
-    many = len(result.simulated)
-    below = f"The band is what {many} runs have from the least to the most."
-    return [
-        _shares(result, "lead_time", "Lead time", "from release to done", of_lead, "orders", below),
-        _shares(result, "station_wait", "Waits at stations", "stood near a station before service", of_wait, "services", below),
-        _done(result, below),
-    ]
-
-
-def _shares(result: Prediction, name: str, title: str, what: str, read: Read, of: str, below: str) -> Chart:
-    """Shares of values below each time, of the log and of all runs."""
+def _shares(name: str, title: str, what: str, of: str, values: Sequence[FloatArray]) -> Chart:
+    """Shares of values below each time, of the log and of the runs."""
 
     def paint(figure: Figure) -> None:
         ax = figure.add_subplot()
         share = np.linspace(0, 1, 201)
-        runs = np.stack([_quantiles(read(each), share) for each in result.simulated])
+        logged, *of_runs = (_quantiles(each, share) for each in values)
+        runs = np.stack(of_runs)
         ax.fill_betweenx(100 * share, runs.min(0), runs.max(0), color=SKY, alpha=0.45, lw=0, label="runs")
         ax.plot(np.median(runs, 0), 100 * share, color=BLUE, ls=(0, (5, 1.6)), label="predicted")
-        ax.plot(_quantiles(read(result.logged), share), 100 * share, color=VERMILION, label="log")
+        ax.plot(logged, 100 * share, color=VERMILION, label="log")
         key(figure, ax)
-        ax.set(xlim=(0, None), ylim=(0, 100), xlabel=f"{what} (s)", ylabel=f"{of} below (%)")
+        ax.set(xlim=(0, None), ylim=(0, 100), xlabel=what, ylabel=f"{of} below (%)")
 
-    return draw(name, title, below, paint)
+    return draw(name, title, BELOW.format(len(values) - 1), paint)
 
 
 def _quantiles(values: FloatArray, share: FloatArray) -> FloatArray:
@@ -152,18 +138,19 @@ def _quantiles(values: FloatArray, share: FloatArray) -> FloatArray:
     return np.where(np.isfinite(there), there, np.nan)
 
 
-def _done(result: Prediction, below: str) -> Chart:
+def _done(span_s: float, done_s: Sequence[FloatArray]) -> Chart:
     def paint(figure: Figure) -> None:
         ax = figure.add_subplot()
-        t = np.linspace(0, result.held.span_s, 201)
-        runs = np.stack([np.searchsorted(each.done_s, t, side="right") for each in result.simulated])
+        t = np.linspace(0, span_s, 201)
+        logged, *of_runs = (np.searchsorted(each, t, side="right") for each in done_s)
+        runs = np.stack(of_runs)
         ax.fill_between(t / 60, runs.min(0), runs.max(0), color=SKY, alpha=0.45, lw=0, label="runs")
         ax.plot(t / 60, np.median(runs, 0), color=BLUE, ls=(0, (5, 1.6)), label="predicted")
-        ax.plot(t / 60, np.searchsorted(result.logged.done_s, t, side="right"), color=VERMILION, label="log")
+        ax.plot(t / 60, logged, color=VERMILION, label="log")
         key(figure, ax)
         ax.set(xlim=(0, t[-1] / 60), ylim=(0, None), xlabel="time from the cut (min)", ylabel="orders done")
 
-    return draw("done", "Orders done", below, paint)
+    return draw("done", "Orders done", BELOW.format(len(done_s) - 1), paint)
 
 
 def _calibrated(result: Prediction) -> list[str]:
@@ -180,7 +167,7 @@ def _calibrated(result: Prediction) -> list[str]:
             for each in one.quantities.values()
         ]
         lines.append(f"<h3>{html.escape(path.stem)}</h3>")
-        lines.append(_grid(("", "calibrated", "90 % interval", "unit", "from"), rows, range(1, 3)))
+        lines.append(grid(("", "calibrated", "90 % interval", "unit", "from"), rows_of(rows, (1, 2)), (1, 2)))
     return lines
 
 
@@ -188,7 +175,8 @@ def _drift(result: Prediction) -> list[str]:
     rows = [(html.escape(name), html.escape(both)) for name, both in result.drift.items()]
     if not rows:
         return []
-    return ['<h2 class="second">Drift</h2>', "<p>What the later part of the log no longer fits:</p>", _grid(("", "beside"), rows, range(0))]
+    table = grid(("", "beside"), rows_of(rows), ())
+    return ['<h2 class="second">Drift</h2>', "<p>What the later part of the log no longer fits:</p>", table]
 
 
 def _small_print(result: Prediction) -> str:

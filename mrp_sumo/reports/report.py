@@ -10,7 +10,7 @@ only: anything else in the way is refused.
 
 import os
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -25,15 +25,15 @@ from mrp_sumo.io.remedy import remedy
 from mrp_sumo.io.run_folder import put_in_place
 from mrp_sumo.io.run_reader import RunFolder
 from mrp_sumo.reports.answer import answer
-from mrp_sumo.reports.charts.chart import Chart
-from mrp_sumo.reports.charts.run_charts import replay_of, run_charts, tag_of
+from mrp_sumo.reports.charts.chart import Chart, file_name
+from mrp_sumo.reports.charts.run_charts import run_charts
 from mrp_sumo.reports.charts.study_charts import study_charts
 from mrp_sumo.reports.page import GENERATOR, Section, Tile, page
 from mrp_sumo.reports.paper.charts import execution_violins, figure_5
 from mrp_sumo.reports.paper.tables import table_1, table_2, table_3, table_4
 from mrp_sumo.reports.study import ReportedRuns, read_study, short_key
 from mrp_sumo.reports.tables import study_tables
-from mrp_sumo.reports.tables.table import Cell, ReportTable, whole
+from mrp_sumo.reports.tables.table import Cell, FileLink, ReportTable, whole
 
 INDEX = "index.html"
 MAX_RUNS = 4  # of a batch whose charts are drawn one by one
@@ -41,21 +41,9 @@ MANY_SERIES = 12
 
 
 def write_report(source: Path, out: Path | None = None) -> Path:
-    """Write the report of a batch or a run.
+    """Write the report of a batch, a run, run folders or a `results.parquet`; into `report` within it by default. Returns the page.
 
     Raises MrpSumoError when there is nothing to report on, or `out` holds something else, or cannot be written.
-
-    Parameters
-    ----------
-    source
-        Folder of a batch, of a run, or of several run folders; or a `results.parquet`.
-    out
-        The folder of the report; `report` within the source by default.
-
-    Returns
-    -------
-    Path
-        The page.
     """
     study = read_study(source)
     if out is None:
@@ -82,28 +70,26 @@ def write_report(source: Path, out: Path | None = None) -> Path:
 
 def _of_study(study: ReportedRuns, out: Path) -> tuple[str, list[Section]]:
     """The sections about many runs."""
-    charts = study_charts(study)
-    overview = Section("overview", "Overview")
-    overview.parts = _there(study_tables.capacity(study), study_tables.statuses(study), study_tables.reasons(study))
-    success = Section("success", "Success", parts=[*charts.get("success", []), *_there(table_3(study))])
-    if study.is_planned and not study.is_executed:
-        success.text = "These runs end with the plan: they were not driven."
-    planning = Section("planning", "Planning", parts=[*charts.get("planning", []), *figure_5(study), *_there(table_2(study))])
-    cost = Section("cost", "Cost", parts=[*charts.get("cost", []), *_there(table_4(study))])
-    execution = Section("execution", "Execution")
-    execution.parts = [*charts.get("execution", []), *execution_violins(study), *_there(study_tables.main_figures(study))]
-    tasks = Section("tasks", "Orders", parts=list(charts.get("tasks", [])))
-    compared = Section("compared", "Compared", parts=_there(study_tables.paired(study)))
-    maps = Section("maps", "Maps", parts=_there(table_1(study)))
-    runs = Section("runs", "Runs", parts=_there(study_tables.worst_runs(study, out)))
-    drawn = _kept_runs(study)
-    limit = f"Charts show the first {MANY_SERIES} of {len(study.series)} series; the tables hold all."
-    if len(study.series) > MANY_SERIES:
-        overview.text = limit
-    sections = [overview, success, planning, cost, execution, tasks, compared, maps, runs, *drawn]
-    for section in (planning, cost, maps, runs, *drawn) if study.is_executed else (maps, runs, *drawn):
-        section.is_folded = True  # the question is how robots drove; what is open fits on three screens
-    return study.name, sections
+    charts, is_driven = study_charts(study), study.is_executed
+    many = f"Charts show the first {MANY_SERIES} of {len(study.series)} series; the tables hold all." * (len(study.series) > MANY_SERIES)
+    plans = "These runs end with the plan: they were not driven." * (study.is_planned and not is_driven)
+
+    def section(name: str, title: str, *tables: ReportTable | None, more: Sequence[Chart] = (), **look: Any) -> Section:
+        return Section(name, title, parts=[*charts.get(name, []), *more, *_there(*tables)], **look)
+
+    # what is folded is not about how robots drove, the question; what is open fits on three screens
+    return study.name, [
+        section("overview", "Overview", study_tables.capacity(study), study_tables.statuses(study), study_tables.reasons(study), text=many),
+        section("success", "Success", table_3(study), text=plans),
+        section("planning", "Planning", table_2(study), more=figure_5(study), is_folded=is_driven),
+        section("cost", "Cost", table_4(study), is_folded=is_driven),
+        section("execution", "Execution", study_tables.main_figures(study), more=execution_violins(study)),
+        section("tasks", "Orders"),
+        section("compared", "Compared", study_tables.paired(study)),
+        section("maps", "Maps", table_1(study), is_folded=True),
+        section("runs", "Runs", study_tables.worst_runs(study, out), is_folded=True),
+        *_kept_runs(study),
+    ]
 
 
 def _kept_runs(study: ReportedRuns) -> list[Section]:
@@ -114,15 +100,15 @@ def _kept_runs(study: ReportedRuns) -> list[Section]:
     succeeded = dict(zip(keys, study.frame["_succeeded"]))
     chosen = sorted(drawn, key=lambda k: (bool(succeeded[k]), -blocked[k], k))[:MAX_RUNS]
     sections = []
-    for key in chosen:
-        run = study.folders[key]
+    for n, key in enumerate(chosen, 2):
+        run, tag = study.folders[key], f"run_{n}_{file_name(key)[:24]}"
         text = f"{run.result['status'].replace('_', ' ')}. {run.result.get('note', '')}".strip()
         parts: list[ReportTable | Chart] = []
         try:
-            parts += run_charts(run, tag_of(["", *chosen], key))
+            parts += run_charts(run, tag)
         except MrpSumoError as error:
             text = f"{text} Cannot be drawn: {error}"
-        sections.append(Section(tag_of(["", *chosen], key), _title_of(study, key), text, parts))
+        sections.append(Section(tag, _title_of(study, key), text, parts, is_folded=True))
     return sections
 
 
@@ -163,14 +149,13 @@ def _of_run(study: ReportedRuns, out: Path) -> tuple[str, list[Section]]:
     note = str(run.result.get("note", ""))
     if bands := run.result.get("error_bands"):
         note = f"{note} {bands['sentence']}".strip()
-    page_of = replay_of(run)
-    if page_of is not None:
-        tables.append(_link_table(Path(os.path.relpath(page_of.resolve(), out)).as_posix()))
+    if (replay := run.folder / "replay.html").is_file():
+        link = FileLink("Replay", Path(os.path.relpath(replay.resolve(), out)).as_posix())
+        tables.append(ReportTable("replay", "Replay", ("page",), [[link]], labels=0))
     charts: list[ReportTable | Chart] = list(run_charts(run))
     if not charts:
         note = f"{note} The run was not driven ({run.result['status'].replace('_', ' ')}), so there is nothing to draw.".strip()
-    title = study.name
-    return title, [Section("run", "The run", note, charts), Section("numbers", "Numbers", parts=tables)]
+    return study.name, [Section("run", "The run", note, charts), Section("numbers", "Numbers", parts=tables)]
 
 
 def _known_as(run: RunFolder, label: Any) -> str:
@@ -198,12 +183,6 @@ def _task_tables(run: RunFolder) -> Iterator[ReportTable]:
             yield ReportTable(name, title, head, rows, labels=2, folded=len(rows) > 30, digits=dict.fromkeys(head[2:6], 1))
 
 
-def _link_table(target: str) -> ReportTable:
-    from mrp_sumo.reports.tables.table import FileLink
-
-    return ReportTable("replay", "Replay", ("page",), [[FileLink("Replay", target)]], labels=0)
-
-
 def _tiles(study: ReportedRuns, one: bool) -> list[Tile]:
     frame = study.frame
     if one:
@@ -225,13 +204,18 @@ def _tiles(study: ReportedRuns, one: bool) -> list[Tile]:
 
 
 def _run_tiles(study: ReportedRuns) -> list[Tile]:
-    row = study.frame.iloc[0]
-    good = bool(row["_succeeded"])
+    row, (run,) = study.frame.iloc[0], study.folders.values()
+    to_change, chosen = remedy(run.result), (run.result.get("planner") or {}).get("chosen")  # by `auto`
     tiles = [
-        Tile("status", str(row["status"]).replace("_", " "), _remedy(study), mood="good" if good else "bad"),
+        Tile(
+            "status",
+            str(row["status"]).replace("_", " "),
+            f"to change: {to_change}" if to_change else "",
+            mood="good" if row["_succeeded"] else "bad",
+        ),
         Tile("map", str(row["_map"])),
         Tile("robots", "–" if pd.isna(row["_robots"]) else str(int(row["_robots"]))),
-        Tile("planner", str(row["_series"]), _chosen(study)),
+        Tile("planner", str(row["_series"]), f"chose {chosen}" if chosen else ""),
     ]
     for label, column, scale, unit in (
         ("planning time", "planning_time_s", 1e3, "ms"),
@@ -247,16 +231,6 @@ def _run_tiles(study: ReportedRuns) -> list[Tile]:
         if column in row and not pd.isna(row[column]):
             tiles.append(Tile(label, f"{scale * float(row[column]):.1f}", unit))
     return tiles
-
-
-def _chosen(study: ReportedRuns) -> str:
-    """The planner that `auto` chose in the one run of a study, '' where it names its planner."""
-    return next((f"chose {name}" for run in study.folders.values() if (name := (run.result.get("planner") or {}).get("chosen"))), "")
-
-
-def _remedy(study: ReportedRuns) -> str:
-    """The change that may mend the one run of a study, '' where it is not known."""
-    return next((f"to change: {line}" for run in study.folders.values() if (line := remedy(run.result))), "")
 
 
 def _about(study: ReportedRuns) -> list[str]:

@@ -87,6 +87,12 @@ class ReportedRuns:
         grouped = self.frame.groupby("_series", sort=False)
         return {str(name): rows.drop_duplicates("_instance").set_index("_instance") for name, rows in grouped}
 
+    def by_map(self, most: int = 6) -> list[tuple[str, pd.DataFrame]]:
+        """Maps with their runs; all together where there are more maps than that."""
+        if len(self.maps) > most:
+            return [("all maps", self.frame)]
+        return [(name, self.frame[self.frame["_map"] == name]) for name in self.maps]
+
     @property
     def robots(self) -> list[int]:
         """Numbers of robots, ascending."""
@@ -105,12 +111,9 @@ def short_key(key: str) -> str:
 
 
 def read_study(path: Path) -> ReportedRuns:
-    """The study of a folder. Raises MrpSumoError when there is nothing to report on.
+    """The study of a batch, of one run, of a folder that holds run folders, or of a `results.parquet`.
 
-    Parameters
-    ----------
-    path
-        Of a batch, of one run, or of a folder that holds run folders; or a `results.parquet`.
+    Raises MrpSumoError when there is nothing to report on.
     """
     if path.is_file() and path.suffix != ".parquet":
         raise BatchError(f"{path}: expected a folder of results, or its results.parquet")

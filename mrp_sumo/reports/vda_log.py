@@ -1,9 +1,8 @@
 """A finished run as the messages of VDA 5050 that a fleet manager and its vehicles would have exchanged.
 
 The base of an order is what the ledger had granted by then, to the end of a lane that is entered, its horizon the rest of the robot's
-way. What is granted, and every other way
-that a robot is sent, is an update of the order with the last node of its base as the stitching node. A robot that has made its way to
-the end gets a new order with its next way. Simulated time begins on the first of January 1970.
+way. What is granted, and every other way that a robot is sent, is an update of the order with the last node of its base as the stitching
+node. A robot that has made its way to the end gets a new order with its next way. Simulated time begins on the first of January 1970.
 """
 
 import json
@@ -69,18 +68,10 @@ class Happening(NamedTuple):
 
 
 def write_vda(path: Path, record: RunRecord, version: str) -> None:
-    """Write a folder: `messages.jsonl`, all in time order, and each vehicle's messages by topic.
+    """Write a folder: `messages.jsonl`, all in time order, and each vehicle's messages by topic; of version '2.1' or '3.0'.
 
-    Raises MrpSumoError for another version, a run without a plan, and one of which it is not known what was granted when.
-
-    Parameters
-    ----------
-    path
-        The folder, which must not exist.
-    record
-        Of a run.
-    version
-        '2.1' or '3.0'.
+    Raises MrpSumoError for another version, a folder that is there, a run without a plan, and one of which it is not known what was
+    granted when.
     """
     dialect = Dialect(version)
     if record.plan is None or record.execution.grants is None:
@@ -186,7 +177,7 @@ class LoggedVehicle:
             visits = (*visits[:-1], visits[-1]._replace(arrived_s=float(execution.goal_s[r])))  # it is there once it faces as it is to
         happenings += [Happening(v.arrived_s, ARRIVE, k) for k, v in enumerate(visits) if k and v.arrived_s <= end_s]
         self._note_actions(visits)
-        for begin_s, until_s in [when[1:] for when in self.actions.values()]:
+        for _, begin_s, until_s in self.actions.values():
             happenings += [Happening(t, ACT) for t in (begin_s, until_s) if t <= end_s]
         for event in execution.events:
             if event.kind in ERRORS and event.robot == r:

@@ -3,17 +3,19 @@ the floor with the places where robots wait.
 """
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from mrp_sumo.core.graph import FloatArray
+from mrp_sumo.core.graph import FloatArray, IntArray
 from mrp_sumo.core.places import BETWEEN, places_of
 from mrp_sumo.experiments.replications import t_mean
 from mrp_sumo.experiments.staging.set_up import SetUp
-from mrp_sumo.experiments.statistics import wilson
+from mrp_sumo.experiments.statistics import Interval, wilson
 from mrp_sumo.maps.clearance import standing_walls
 from mrp_sumo.reports.charts.chart import COLOURS, MARKERS, SOFT, Chart, draw, key
 from mrp_sumo.reports.pictures.map_picture import BLUE, GREEN, INK, MUTED, ORANGE, PURPLE, SKY, VERMILION
@@ -42,9 +44,7 @@ def throughput(answer: Answer) -> Chart:
 
     def paint(figure: Figure) -> None:
         ax = figure.add_subplot()
-        low, high = (np.clip([getattr(mean, name) for mean in means], 0, 2 * top) for name in ("low", "high"))
-        ax.fill_between(n, low, high, color=BLUE, alpha=0.16, lw=0)
-        ax.plot(n, [mean.value for mean in means], color=BLUE, marker="o", label="orders done, with 95 % limits")
+        _with_limits(ax, n, means, BLUE, most=2 * top, label="orders done, with 95 % limits")
         first = means[0].value / n[0]
         ax.plot([0, n[-1]], [0, first * n[-1]], color=MUTED, ls=(0, (5, 3)), lw=1.2, label="if nobody were ever in the way")
         if demand:
@@ -83,16 +83,11 @@ def service(answer: Answer) -> Chart | None:
 
     def paint(figure: Figure) -> None:
         above, below = figure.subplots(2, 1, sharex=True)
-        shares = [t_mean(point.punctual(within_s)) for point in points]
-        low, high = (100 * np.clip([getattr(share, name) for share in shares], 0, 1) for name in ("low", "high"))
-        above.fill_between(n, low, high, color=GREEN, alpha=0.16, lw=0)
-        above.plot(n, [100 * share.value for share in shares], color=GREEN, marker="o")
+        _with_limits(above, n, [t_mean(point.punctual(within_s)) for point in points], GREEN, most=1.0, scale=100)
         above.axhline(100 * target, color=MUTED, lw=1, ls=(0, (4, 3)))
         above.set(ylabel="on time (%)", ylim=(None, 101))
         times = [point.p95_s for point in points]
-        low, high = (np.clip([getattr(time, name) for time in times], 0, 3 * max(t.value for t in times)) / 60 for name in ("low", "high"))
-        below.fill_between(n, low, high, color=PURPLE, alpha=0.16, lw=0)
-        below.plot(n, [time.value / 60 for time in times], color=PURPLE, marker="s")
+        _with_limits(below, n, times, PURPLE, most=3 * max(time.value for time in times), scale=1 / 60, marker="s")
         below.set(ylabel="95 % done in (min)", xlabel="robots", ylim=(0, None))
         below.xaxis.set_major_locator(MaxNLocator(integer=True))
 
@@ -109,15 +104,21 @@ def success(answer: Answer) -> Chart:
     def paint(figure: Figure) -> None:
         ax = figure.add_subplot()
         rates = [wilson(point.num_succeeded, len(point.records)) for point in points]
-        n = [point.robots for point in points]
-        ax.fill_between(n, [100 * r.low for r in rates], [100 * r.high for r in rates], color=BLUE, alpha=0.16, lw=0)
-        ax.plot(n, [100 * r.value for r in rates], color=BLUE, marker="o")
+        n = np.array([point.robots for point in points])
+        _with_limits(ax, n, rates, BLUE, most=1.0, scale=100)
         ax.axhline(100 * answer.question.on_time, color=MUTED, lw=1, ls=(0, (4, 3)))
         ax.set(xlabel="robots", ylabel="draws that succeed (%)", ylim=(-3, 103), xlim=(0, n[-1] * 1.03))
         ax.xaxis.set_major_locator(MaxNLocator(integer=True))
 
     caption = "Share of draws whose plan is found and driven in time, with 95 % Wilson limits, and the wanted share (dashed)."
     return draw("success", "Success by the size of the fleet", caption, paint, size=WIDE, wide=True)
+
+
+def _with_limits(ax: Axes, n: IntArray, means: Sequence[Interval], colour: str, *, most: float, scale: float = 1.0, **look: Any) -> None:
+    """Means over the size of the fleet, and their limits up to a value."""
+    low, high = (scale * np.clip([getattr(mean, end) for mean in means], 0, most) for end in ("low", "high"))
+    ax.fill_between(n, low, high, color=colour, alpha=0.16, lw=0)
+    ax.plot(n, [scale * mean.value for mean in means], color=colour, **{"marker": "o", **look})
 
 
 def parts(points: Sequence[Point]) -> Chart:

@@ -14,7 +14,7 @@ from mrp_sumo import __version__
 from mrp_sumo.experiments.identity import library_versions
 from mrp_sumo.files.writing import write_whole
 from mrp_sumo.reports.capacity.charts import floor, flow, parts, service, success, throughput
-from mrp_sumo.reports.page import Tile, chart_row, document, gap_list, rows_of, tile_list
+from mrp_sumo.reports.page import Tile, chart_row, document, gap_list, grid, rows_of, tile_list
 from mrp_sumo.reports.replay.page import write_replay
 from mrp_sumo.sizing.answer import Answer, Gain
 from mrp_sumo.sizing.bands import Bands
@@ -48,7 +48,7 @@ def capacity_page(study: Study, answer: Answer, replays: Sequence[tuple[Replayed
         "<main>",
         tile_list(_tiles(answer)),
         gap_list(answer.notes),
-        *(_lifelong(study, answer, replays) if answer.limits else _one_shot(answer)),
+        *(_lifelong(study, answer, replays) if answer.limits else chart_row([success(answer)]) if answer.points else []),
         *(_bands(answer.bands) if answer.bands else []),
         *_confirmed(answer.confirmed),
         *_small_print(study, answer),
@@ -61,7 +61,8 @@ def _lifelong(study: Study, answer: Answer, replays: Sequence[tuple[ReplayedRun,
     reasons = answer.at_peak
     lines = [*(chart_row([throughput(answer)]) if answer.points else []), *_table(answer)]
     if limit := answer.limit:
-        lines += ["<h2>What binds</h2>", f"<p>{_text(_sentence(in_words(limit, study.nav)))}</p>"]
+        words = in_words(limit, study.nav)
+        lines += ["<h2>What binds</h2>", f"<p>{_text(words[0].upper() + words[1:])}.</p>"]
     if reasons:
         if reasons.worst:
             lines.append(f"<p>With {reasons.robots} robot{'s' * (reasons.robots > 1)} most time is lost to:</p>")
@@ -80,10 +81,6 @@ def _lifelong(study: Study, answer: Answer, replays: Sequence[tuple[ReplayedRun,
     return lines
 
 
-def _sentence(text: str) -> str:
-    return f"{text[0].upper()}{text[1:]}."
-
-
 def _table(answer: Answer) -> list[str]:
     """The curve in figures: every size that was tried, also those that do not count."""
     rows = []
@@ -93,13 +90,7 @@ def _table(answer: Answer) -> list[str]:
         word = _named(answer, row["robots"]) if row["counts"] else "not counted: " + row["why_not"]
         rows.append((f"{row['robots']}", per_h, limits, f"{row['replications']}", f"{100 * row['unanswered_share']:.1f} %", _text(word)))
     head = ("robots", "orders an hour", "95 % limits", "runs", "requests without a plan", "")
-    return [_grid(head, rows_of(rows, range(5)), range(5))]
-
-
-def _grid(head: Sequence[str], rows: str, numbers: Sequence[int]) -> str:
-    """A table with a head, that scrolls."""
-    above = rows_of([head], numbers, "th")
-    return f'<div class="scroll"><table class="help"><thead>{above}</thead><tbody>{rows}</tbody></table></div>'
+    return [grid(head, rows_of(rows, range(5)), range(5))]
 
 
 def _named(answer: Answer, robots: int) -> str:
@@ -108,10 +99,6 @@ def _named(answer: Answer, robots: int) -> str:
     limits = answer.limits
     named = (("knee", limits.knee), ("peak", limits.peak), ("collapse", limits.collapse))
     return ", ".join(name for name, bracket in named if bracket.estimate == robots)
-
-
-def _one_shot(answer: Answer) -> list[str]:
-    return chart_row([success(answer)]) if answer.points else []
 
 
 def _tiles(answer: Answer) -> list[Tile]:
@@ -154,7 +141,7 @@ def _help(gains: Sequence[Gain], robots: int) -> list[str]:
         rows.append(rows_of([(change, f"{100 * gain.share:+.1f} %", limits, f"{mean.value:+.1f}", verdict)], (1, 2, 3)))
     return [
         f"<p>Each change alone, with {robots} robots, on the same orders as without it. Verdicts allow for how many were tried.</p>",
-        _grid(("change", "throughput", "95 % limits", "orders an hour", ""), "".join(rows), (1, 2, 3)),
+        grid(("change", "throughput", "95 % limits", "orders an hour", ""), "".join(rows), (1, 2, 3)),
     ]
 
 
@@ -171,7 +158,7 @@ def _bands(bands: Bands) -> list[str]:
         f"<p>{_text(bands.sentence)}</p>",
         f"<p>What the throughput of {bands.robots} robots gains as each quantity goes from the low end of its interval to the high one. "
         "Speeds, accelerations and times at stations are factors on those of the scenario.</p>",
-        _grid(("", "from, to", "throughput", "95 % limits", ""), rows_of(rows, (1, 2, 3)), (1, 2, 3)),
+        grid(("", "from, to", "throughput", "95 % limits", ""), rows_of(rows, (1, 2, 3)), (1, 2, 3)),
     ]
 
 
@@ -190,16 +177,13 @@ def _confirmed(sizes: Sequence[Confirmation]) -> list[str]:
     return [
         "<h2>Confirmed in SUMO</h2>",
         "<p>The sizes that the answer names, driven by both engines on the same orders.</p>",
-        _grid(head, rows_of(rows, (2, 3, 4)), (2, 3, 4)),
+        grid(head, rows_of(rows, (2, 3, 4)), (2, 3, 4)),
     ]
 
 
 def _small_print(study: Study, answer: Answer) -> list[str]:
-    question, scenario = answer.question, study.question.file.scenario
-    effort, setup = question.effort, study.setup
-    points = answer.points
-    robot = setup.problem.fleet
-    kind = setup.scenario.discretisation
+    question, scenario, setup, points = answer.question, study.question.file.scenario, study.setup, answer.points
+    effort, robot, kind = question.effort, setup.problem.fleet, setup.scenario.discretisation
     runs = sum(len(point.records) for point in points)
     seeds = answer.document["answer"]["seeds"]
     rows = [
@@ -214,17 +198,15 @@ def _small_print(study: Study, answer: Answer) -> list[str]:
     ]  # fmt: skip
     if scenario.tasks:
         warm = ", ".join(f"{point.robots}: {point.warm_up_s / 60:.0f}" for point in points)
-        rows.append(
-            ("always work waiting", f"{BACKLOG:g} orders a robot are open, in the scenario's mix; starts are drawn anywhere on the map")
-        )
-        rows.append(("warm-up left out", f"by MSER-5, minutes for each number of robots: {warm}"))
-        rows.append(("runs of each number of robots", ", ".join(f"{point.robots}: {len(point.records)}" for point in points)))
-        rows.append(("limits", "95 %, Student's, over runs with seeds of their own; fleets are compared on the same seeds"))
+        rows += [
+            ("always work waiting", f"{BACKLOG:g} orders a robot are open, in the scenario's mix; starts are drawn anywhere on the map"),
+            ("warm-up left out", f"by MSER-5, minutes for each number of robots: {warm}"),
+            ("runs of each number of robots", ", ".join(f"{point.robots}: {len(point.records)}" for point in points)),
+            ("limits", "95 %, Student's, over runs with seeds of their own; fleets are compared on the same seeds"),
+        ]
+    spent = f"{answer.spent_s / 60:.1f} of {effort.budget_s / 60:.3g} min on {CORES} cores"
     rows += [
-        (
-            "budget",
-            f"{answer.spent_s / 60:.1f} of {effort.budget_s / 60:.3g} min on {CORES} cores, as predicted, so it buys the same anywhere",
-        ),
+        ("budget", f"{spent}, as predicted, so it buys the same anywhere"),
         ("versions", ", ".join([f"mrp_sumo {__version__}", *(f"{name} {v}" for name, v in library_versions().items())])),
         ("to repeat it", question.command),
     ]

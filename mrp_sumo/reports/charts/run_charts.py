@@ -4,8 +4,6 @@ Runs that were not executed have no charts.
 """
 
 import math
-from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 from matplotlib import colormaps
@@ -13,7 +11,6 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import ListedColormap, PowerNorm, to_rgba
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from matplotlib.patches import FancyArrowPatch, Patch
 
 from mrp_sumo.core.graph import FloatArray, IntArray, NavGraph
@@ -22,9 +19,9 @@ from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.io.outline import Outline, read_outline
 from mrp_sumo.io.record import AT_GOAL, BLOCKED, MOVING, STANDING_MPS, WAITING, RunRecord, robot_states
 from mrp_sumo.io.run_reader import RunFolder
-from mrp_sumo.reports.charts.chart import COLOURS, GRID, NARROW, Chart, around_zero, distribution, draw, file_name, printable
+from mrp_sumo.reports.charts.chart import COLOURS, GRID, NARROW, Chart, around_zero, distribution, draw, printable
 from mrp_sumo.reports.charts.task_charts import task_charts
-from mrp_sumo.reports.pictures.map_picture import BLUE, FLOOR, INK, MUTED, ORANGE, VERMILION, WALL
+from mrp_sumo.reports.pictures.map_picture import BLUE, FLOOR, INK, MUTED, ORANGE, VERMILION, WALL, draw_strokes
 
 WIDE_INCH = 10.2
 MAX_TIMES = 1200  # of a chart
@@ -52,7 +49,8 @@ def run_charts(run: RunFolder, tag: str = "run") -> list[Chart]:
         raise MrpSumoError(f"{run.folder}: not a whole run folder: {type(error).__name__}: {' '.join(str(error).split())}") from None
     if not len(record.execution.t_s) or not record.execution.num_robots:
         return []
-    times = _times(record)
+    t = record.execution.t_s
+    times = t[np.unique(np.linspace(0, len(t) - 1, min(len(t), MAX_TIMES)).round().astype(np.int64))]  # the last sample included
     states = robot_states(record.execution, times)
     tasks, end_s = record.execution.tasks, record.execution.sim_time_s
     charts = [
@@ -65,12 +63,6 @@ def run_charts(run: RunFolder, tag: str = "run") -> list[Chart]:
         _distances(record, times, tag),
     ]
     return [chart for chart in charts if chart is not None]
-
-
-def _times(record: RunRecord) -> FloatArray:
-    """[K] about a thousand moments of the run, the last sample included."""
-    t = record.execution.t_s
-    return t[np.unique(np.linspace(0, len(t) - 1, min(len(t), MAX_TIMES)).round().astype(np.int64))]
 
 
 def _at(record: RunRecord, times: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -143,14 +135,9 @@ def _plan(ax: Axes, record: RunRecord, outline: Outline | None) -> None:
         ax.set_facecolor(FLOOR)
     nav = record.nav if record.nav is not None else record.graph
     once = ((nav.tail < nav.head) | (nav.reverse < 0)) & (nav.level[nav.tail] == nav.level[nav.head])  # rides are on no floor
-    _strokes(ax, np.stack([nav.xy[nav.tail[once]], nav.xy[nav.head[once]]], axis=1), "#a9b4c2", 0.7, 1)
+    draw_strokes(ax, np.stack([nav.xy[nav.tail[once]], nav.xy[nav.head[once]]], axis=1), "#a9b4c2", 0.7, 1)
     if outline is not None:
-        _strokes(ax, outline.walls, WALL, 1.0, 2)
-
-
-def _strokes(ax: Axes, ends: FloatArray, colour: str, lw: float, zorder: float) -> None:
-    broken = np.concatenate([ends, np.full((len(ends), 1, 2), np.nan)], axis=1).reshape(-1, 2)
-    ax.add_line(Line2D(broken[:, 0], broken[:, 1], color=colour, lw=lw, zorder=zorder))
+        draw_strokes(ax, outline.walls, WALL, 1.0, 2)
 
 
 def _space_time(record: RunRecord, tag: str) -> Chart | None:
@@ -311,9 +298,10 @@ def _gantt(record: RunRecord, times: FloatArray, states: np.ndarray, tag: str) -
         ax = figure.add_subplot()
         if num <= MANY_ROBOTS:
             for state, _, colour, height in STATES:
-                boxes = []
+                low, boxes = -height / 2, []
                 for row, robot in enumerate(order):
-                    boxes += [_bar(times[i], times[j], row, height) for i, j in _stretches((states[:, robot] == state) & there[:, robot])]
+                    for a, b in times[_stretches((states[:, robot] == state) & there[:, robot])].tolist():
+                        boxes.append([(a, row + low), (b, row + low), (b, row - low), (a, row - low)])
                 ax.add_collection(PolyCollection(boxes, facecolor=colour, edgecolor="none"), autolim=False)
             ax.set_yticks(range(num), [printable(names[r], 18) for r in order])
             ax.tick_params(axis="y", length=0, labelsize=8.5 if num <= 25 else 6)
@@ -334,15 +322,10 @@ def _gantt(record: RunRecord, times: FloatArray, states: np.ndarray, tag: str) -
     return draw(f"{tag}_gantt", "What each robot did", caption, paint, size=(WIDE_INCH, tall), wide=True)
 
 
-def _stretches(mask: np.ndarray) -> list[tuple[int, int]]:
-    """First and last index of every run of True, the last one extended by a step so that bars touch."""
+def _stretches(mask: np.ndarray) -> IntArray:
+    """[N, 2] first and last index of every run of True, the last one extended by a step so that bars touch."""
     edge = np.diff(np.concatenate([[0], mask.astype(np.int8), [0]]))
-    return [(int(i), min(int(j), len(mask) - 1)) for i, j in zip(np.flatnonzero(edge == 1), np.flatnonzero(edge == -1))]
-
-
-def _bar(start: float, end: float, row: int, height: float) -> list[tuple[float, float]]:
-    low, high = row - height / 2, row + height / 2
-    return [(start, low), (end, low), (end, high), (start, high)]
+    return np.minimum(np.flatnonzero(edge).reshape(-1, 2), len(mask) - 1)
 
 
 def waits(record: RunRecord) -> FloatArray:
@@ -452,14 +435,3 @@ def _distances(record: RunRecord, times: FloatArray, tag: str) -> Chart | None:
         "Least distance between two centres, at moments equally spaced over the run.",
         paint,
     )
-
-
-def tag_of(keys: Sequence[str], key: str) -> str:
-    """A short name for the files of a run among others."""
-    return f"run_{keys.index(key) + 1}_{file_name(key)[:24]}" if len(keys) > 1 else "run"
-
-
-def replay_of(run: RunFolder) -> Path | None:
-    """The run's replay page, where there is one."""
-    page = run.folder / "replay.html"
-    return page if page.is_file() else None

@@ -1,6 +1,6 @@
 """The charts of many runs: success, planning time, cost, execution, clearance, by map, with one line or row per series.
 
-At most twelve series are drawn and six maps one by one; the tables hold all.
+At most twelve series are drawn; the tables hold all.
 """
 
 from collections.abc import Callable, Sequence
@@ -30,13 +30,15 @@ from mrp_sumo.reports.charts.chart import (
 from mrp_sumo.reports.pictures.map_picture import INK, MUTED, PAPER
 from mrp_sumo.reports.study import ReportedRuns, numbers
 
+OVER_RUNS = "Median over runs, with the middle half of them."
+COUNTED = "Numbers of runs in brackets."
+LATENESS = ("lateness", "Lateness", "mean lateness (s)"), "Median over runs of their mean lateness, with the middle half of them."
 OF_TASKS = (  # metric, title, axis
     ("throughput_per_h", "Throughput", "orders done an hour"),
     ("lead_time_p95_s", "Lead time of orders", "release to done, 95 % below (s)"),
     ("tasks_open", "Orders not done at the end", "orders"),
 )
-MAX_MAPS = 6  # drawn one by one; more are drawn together
-ALL = "all maps"
+OF_RUNS = "Box: middle half of the runs, line: median, whiskers: 5 to 95 %."
 ROW_FILLED = 0.8  # of the height of a row, by the tallest bar
 LEAST_PLANNING_S = 1e-6  # that is drawn on a logarithmic axis
 
@@ -63,30 +65,26 @@ class Drawn:
         values = [(s, v) for s, v in values if len(v)]
         return values if sum(len(v) for _, v in values) > 1 else []
 
-    def varies(self, column: str) -> bool:
-        return bool(self.runs[column].nunique() > 1)
-
 
 def study_charts(study: ReportedRuns) -> dict[str, list[Chart]]:
     """Charts by the section they belong to: 'success', 'planning', 'cost', 'execution', 'tasks'."""
     by_section: dict[str, list[Chart | None]] = {"success": [], "planning": [], "cost": [], "execution": [], "tasks": []}
     if not study.is_planned:
         return {}
-    maps: tuple[str, ...] = study.maps if len(study.maps) <= MAX_MAPS else (ALL,)
-    for i, name in enumerate(maps, 1):
-        runs = study.frame if name == ALL else study.frame[study.frame["_map"] == name]
+    for i, (name, runs) in enumerate(study.by_map(), 1):
         here = tuple(s for s in study.series[:MAX_SERIES] if (runs["_series"] == s).any())
         drawn = Drawn(runs, here, file_name(i, name)[:40], f", {printable(name)}" if len(study.maps) > 1 else "", study.outcome)
-        factors = [x for x in ("_robots", *study.factors) if drawn.varies(x)]
+        factors = [x for x in ("_robots", *study.factors) if runs[x].nunique() > 1]
         for x in factors:
-            by_section["tasks"] += [_tasks_against(drawn, x, *of) for of in OF_TASKS]
+            by_section["tasks"] += [_against(drawn, x, names[0], names, OVER_RUNS, lambda ax: ax.set_ylim(bottom=0)) for names in OF_TASKS]
             by_section["success"].append(_success(drawn, x))
             by_section["planning"].append(_planning_time(drawn, x))
             if study.is_executed and x != "_robots":
-                by_section["execution"].append(_lateness_against(drawn, x))
+                by_section["execution"].append(_against(drawn, x, "lateness_mean_s", *LATENESS, _about_zero))
         if not factors and len(runs) > 1:
             by_section["success"].append(_success_rows(drawn))
-        by_section["tasks"] += [_tasks(drawn, *of) for of in OF_TASKS]
+        boxes = [(drawn.values(names[0]), names) for names in OF_TASKS]
+        by_section["tasks"] += [_boxes(drawn, *of, f"{OF_RUNS} {COUNTED}", lambda ax: ax.set_xlim(0, None)) for of in boxes]
         by_section["planning"].append(_cactus(drawn))
         by_section["cost"].append(_suboptimality(drawn))
         if study.is_executed:
@@ -148,15 +146,8 @@ def _planning_time(drawn: Drawn, x: str) -> Chart | None:
     return _against(valid, x, "planning_time_s", ("planning_time", "Planning time", "planning time"), caption, in_words)
 
 
-def _lateness_against(drawn: Drawn, x: str) -> Chart | None:
-    caption = "Median over runs of their mean lateness, with the middle half of them."
-    names = ("lateness", "Lateness", "mean lateness (s)")
-    return _against(drawn, x, "lateness_mean_s", names, caption, lambda ax: ax.set_ylim(around_zero(*ax.get_ylim())))
-
-
-def _tasks_against(drawn: Drawn, x: str, column: str, title: str, label: str) -> Chart | None:
-    caption = "Median over runs, with the middle half of them."
-    return _against(drawn, x, column, (column, title, label), caption, lambda ax: ax.set_ylim(bottom=0))
+def _about_zero(ax: Axes) -> None:
+    ax.set_ylim(around_zero(*ax.get_ylim()))
 
 
 def _against(drawn: Drawn, x: str, column: str, names: tuple[str, str, str], caption: str, limit: Callable[[Axes], object]) -> Chart | None:
@@ -204,7 +195,7 @@ def _suboptimality(drawn: Drawn) -> Chart | None:
         ratio = np.where((bound > 0) & drawn.runs["_valid"].to_numpy(np.bool_), cost / bound, np.nan)
     caption = (
         "Sum of costs of valid plans over the lower bound that the planner itself proved; 1 is optimal. Box: middle half, line: median, "
-        "whiskers: 5 to 95 %. Numbers of runs in brackets."
+        f"whiskers: 5 to 95 %. {COUNTED}"
     )
 
     def limit(ax: Axes) -> None:
@@ -213,11 +204,6 @@ def _suboptimality(drawn: Drawn) -> Chart | None:
 
     values = replace(drawn, runs=drawn.runs.assign(_ratio=ratio)).values("_ratio")
     return _boxes(drawn, values, ("suboptimality", "Cost over lower bound", "cost / lower bound"), caption, limit)
-
-
-def _tasks(drawn: Drawn, column: str, title: str, label: str) -> Chart | None:
-    caption = "Box: middle half of the runs, line: median, whiskers: 5 to 95 %. Numbers of runs in brackets."
-    return _boxes(drawn, drawn.values(column), (column, title, label), caption, lambda ax: ax.set_xlim(0, None))
 
 
 def _boxes(
@@ -284,8 +270,7 @@ def _lateness(drawn: Drawn) -> Chart | None:
         ax.set(xlabel="lateness (s)", xlim=around_zero(*ax.get_xlim()))
 
     caption = (
-        "Time at which vertices are reached minus planned time; negative is early. Filled: mean of a run; hollow: its largest. "
-        "Box: middle half of the runs, line: median, whiskers: 5 to 95 %."
+        f"Time at which vertices are reached minus planned time; negative is early. Filled: mean of a run; hollow: its largest. {OF_RUNS}"
     )
     return draw(f"lateness_{drawn.tag}", f"Lateness{drawn.where}", caption, paint, size=_with_rows(largest, 0.44))
 
@@ -334,26 +319,21 @@ def _medians(drawn: Drawn, x: str, column: str) -> list[Curve]:
 
 
 def _curves_against(figure: Figure, curves: Sequence[Curve], x: str, label: str) -> Axes:
-    """Axes with curves over a factor, and the legend below."""
+    """Axes with curves over a factor, their intervals side by side where they share an x, and the legend below."""
     ax = figure.add_subplot()
-    _curves(ax, curves)
-    ax.set(xlabel=_factor(x), ylabel=label)
-    key(figure, ax)
-    return ax
-
-
-def _curves(ax: Axes, curves: Sequence[Curve]) -> None:
-    """Lines with their intervals, which stand side by side where they share an x."""
     places = np.unique(np.concatenate([c[1] for c in curves])) if curves else np.zeros(0)
     step = float(np.diff(places).min()) if len(places) > 1 else 1.0
     spread = min(0.5, 0.06 * len(curves)) * step
-    for i, (s, x, y, low, high) in enumerate(curves):
-        at = x + (i - (len(curves) - 1) / 2) * spread / max(1, len(curves) - 1)
+    for i, (s, values, y, low, high) in enumerate(curves):
+        at = values + (i - (len(curves) - 1) / 2) * spread / max(1, len(curves) - 1)
         style = series_style(i)
         ax.vlines(at, low, high, color=style["color"], lw=1.2, alpha=0.6)
         ax.plot(at, y, label=printable(s), clip_on=False, **style)  # type: ignore[arg-type]
     if len(places) <= 10:
         ax.set_xticks(places, [f"{p:g}" for p in places])
+    ax.set(xlabel=_factor(x), ylabel=label)
+    key(figure, ax)
+    return ax
 
 
 def _box(ax: Axes, at: float, values: FloatArray, colour: str, filled: bool, height: float = 0.26) -> None:

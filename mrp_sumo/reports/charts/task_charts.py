@@ -14,19 +14,7 @@ THROUGHPUT, OPEN, LEAD_TIME = "throughput", "open_tasks", "lead_time"
 
 
 def task_charts(tasks: TaskLog, end_s: float, warm_up_s: float | None, tag: str) -> list[Chart]:
-    """Charts of the orders of a run.
-
-    Parameters
-    ----------
-    tasks
-        All tasks; those that the fleet gave itself are left out.
-    end_s
-        When the run ended.
-    warm_up_s
-        What metrics leave out of it; None where nothing is known.
-    tag
-        Prefix of the charts' file names.
-    """
+    """Charts of the orders among the tasks of a run; the warm-up is what metrics leave out, None where nobody knows."""
     orders = some_tasks(tasks, tasks.is_order)
     if not len(orders.name) or end_s <= 0:
         return []

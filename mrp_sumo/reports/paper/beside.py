@@ -1,8 +1,9 @@
 """Numbers of the paper beside ours, each of ours with its interval of 95 %."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from mrp_sumo.experiments.statistics import Interval, bootstrap_deviation, boots
 from mrp_sumo.reports.paper.printed import map_of_paper, numbers_of_paper, printed
 from mrp_sumo.reports.paper.tables import commonly_solved
 from mrp_sumo.reports.study import PLANNER_NAMES, ReportedRuns, numbers
+from mrp_sumo.reports.tables.table import percent
 
 YIELDING, REPLANNING, ORDERED = "local yielding", "local yielding, then lacam", "the plan's order"  # ways to drive
 COUNTED = ("num_vertices", "num_edges", "extent_x_m", "extent_y_m", "num_cells_total", "num_cells_free", "num_cells_blocked")
@@ -111,7 +113,7 @@ def table_2(study: ReportedRuns) -> list[Beside]:
     for labels, runs, together in _experiments(study):
         rate = wilson(int(runs["_planned"].sum()), len(runs))
         theirs = printed("table_2", map_of_paper(labels["map"]), labels["planner"]) if together else None
-        rows.append(Beside(labels, "planned_percent", _percent(rate), theirs))
+        rows.append(Beside(labels, "planned_percent", percent(rate), theirs))
     return rows
 
 
@@ -126,7 +128,7 @@ def table_3(study: ReportedRuns) -> list[Beside]:
                 theirs = printed("table_3", rate, map_of_paper(labels["map"]), labels["planner"])
                 rows.append(
                     Beside(
-                        {"execution": how, **labels}, f"{rate}_percent", _percent(arrived), theirs if together and how == YIELDING else None
+                        {"execution": how, **labels}, f"{rate}_percent", percent(arrived), theirs if together and how == YIELDING else None
                     )
                 )
     return rows
@@ -182,7 +184,7 @@ def _repeated(runs: pd.DataFrame, labels: dict[str, Any], study: str) -> list[Be
     return [
         Beside(labels, quantity, ours, theirs.get(quantity))
         for quantity, ours in (
-            ("success_percent", _percent(wilson(int(arrived.sum()), len(runs)))),
+            ("success_percent", percent(wilson(int(arrived.sum()), len(runs)))),
             ("mean_s", bootstrap_mean(time_s)),
             ("standard_deviation_s", bootstrap_deviation(time_s)),
             ("fastest_s", Interval(fastest, math.nan, math.nan, len(time_s))),
@@ -203,15 +205,15 @@ def order(executed: ReportedRuns, costs: ReportedRuns) -> list[Ordered]:
         runs = driven.frame[driven.frame["_map"] == name]
         printed_of = numbers_of_paper()["table_3"]["overall"].get(map_of_paper(name), {})
         tests = []
-        for first, second in _two_of(_planners(runs)):
+        for first, second in combinations(_planners(runs), 2):
             a, b = pairs(runs, "planner", first, second)
             test = mcnemar(arrivals(a), arrivals(b))
-            tests.append((first, second, _percent(test.difference), test.p_value))
+            tests.append((first, second, percent(test.difference), test.p_value))
         rows += _adjusted({"table": "table_3", "map": name, "quantity": "overall_percent"}, tests, printed_of)
     common, _ = commonly_solved(costs.frame)
     for quantity, column in (("makespan_cells", "makespan_steps"), ("cost_cells", "cost_steps")):
         tests = []
-        for first, second in _two_of(_planners(common)):
+        for first, second in combinations(_planners(common), 2):
             a, b = pairs(common, "planner", first, second)
             values = wilcoxon(*(runs[column].to_numpy(np.float64, na_value=np.nan) for runs in (a, b)))
             tests.append((first, second, values.difference, values.p_value))
@@ -255,10 +257,6 @@ def _planners(frame: pd.DataFrame) -> list[str]:
     return [name for name in PLANNER_NAMES if name in there]
 
 
-def _two_of(names: Sequence[str]) -> Iterator[tuple[str, str]]:
-    return ((a, b) for i, a in enumerate(names) for b in names[i + 1 :])
-
-
 def _adjusted(labels: dict[str, Any], tests: list[tuple[str, str, Interval, float]], theirs: dict[str, float]) -> list[Ordered]:
     """The tests of one table, their p-values adjusted together."""
     adjusted = holm([p for *_, p in tests])
@@ -267,10 +265,6 @@ def _adjusted(labels: dict[str, Any], tests: list[tuple[str, str, Interval, floa
         both = first in theirs and second in theirs
         rows.append(Ordered(labels, first, second, difference, p_value, round(theirs[second] - theirs[first], 6) if both else None))
     return rows
-
-
-def _percent(rate: Interval) -> Interval:
-    return Interval(100 * rate.value, 100 * rate.low, 100 * rate.high, rate.count)
 
 
 def _decimals(value: float) -> int:

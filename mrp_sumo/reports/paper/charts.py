@@ -21,9 +21,7 @@ def figure_5(study: ReportedRuns) -> list[Chart]:
     if not study.is_planned:
         return []
     charts: list[Chart] = []
-    by_map = len(study.maps) <= 6
-    for name in study.maps if by_map else ("all maps",):
-        runs = study.frame[study.frame["_map"] == name] if by_map else study.frame
+    for name, runs in study.by_map():
         values = [(s, numbers(runs[(runs["_series"] == s) & runs["_planned"]], "planning_time_s")) for s in study.series]
         values = [(s, v[v > 0]) for s, v in values if (v > 0).any()][:MAX_SERIES]
         if not values:
@@ -37,9 +35,8 @@ def figure_5(study: ReportedRuns) -> list[Chart]:
             "farthest within 1.5 boxes; dots: beyond."
         )
         where = f", {name}" if len(study.maps) > 1 else ""
-        charts.append(
-            draw(f"figure_5_{len(charts) + 1}", titled(study, "Figure 5", f"planning time{where}"), caption, paint, size=_size(values))
-        )
+        title = titled(study, "Figure 5", f"planning time{where}")
+        charts.append(draw(f"figure_5_{len(charts) + 1}", title, caption, paint, size=_size(values)))
     return charts
 
 
@@ -48,9 +45,7 @@ def execution_violins(study: ReportedRuns) -> list[Chart]:
     if not study.is_executed:
         return []
     charts: list[Chart] = []
-    by_map = len(study.maps) <= 6
-    for name in study.maps if by_map else ("all maps",):
-        runs = study.frame[study.frame["_map"] == name] if by_map else study.frame
+    for name, runs in study.by_map():
         common, _ = commonly_solved(runs)
         arrived = common[common["_arrived"]]
         for column, what in (("execution_time_s", "execution time"), ("time_blocked_total_s", "time blocked")):

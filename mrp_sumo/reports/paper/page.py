@@ -94,11 +94,13 @@ def write_paper(campaign: Campaign, comparison: PaperComparison, made: Made) -> 
     source = " ".join(numbers_of_paper()["source"].split())
     where = "MRP-Bench’s own maps" if campaign.maps else "our drawings of its maps"
     lead = f"{source}. Its numbers beside ours, on {where}; ours with intervals of 95 %."
+    few = f"Only the first {campaign.num_seeds} seeds of every study were run: intervals are wide."
+    gaps = [] if campaign.num_seeds is None else [few]
     about = [
         f"mrp_sumo {code_version()}, {', '.join(f'{name} {v}' for name, v in library_versions().items())}",
         f"Written by mrp-sumo {__version__}.",
     ]
-    write_whole(campaign.folder / PAGE, page(TITLE, lead, _tiles(comparison, made), _gaps(campaign), comparison.sections, about).encode())
+    write_whole(campaign.folder / PAGE, page(TITLE, lead, _tiles(comparison, made), gaps, comparison.sections, about).encode())
     return campaign.folder / PAGE
 
 
@@ -127,12 +129,6 @@ def _markdown(sections: Sequence[Section]) -> str:
             else:
                 lines += [part.without_empty().to_markdown().rstrip().replace("\\[", "[").replace("\\]", "]"), part.note]
     return "\n\n".join(line for line in lines if line) + "\n"
-
-
-def _gaps(campaign: Campaign) -> list[str]:
-    if campaign.num_seeds is None:
-        return []
-    return [f"Only the first {campaign.num_seeds} seeds of every study were run: intervals are wide."]
 
 
 def _tiles(comparison: PaperComparison, made: Made) -> list[Tile]:

@@ -144,7 +144,8 @@ def table_3(study: ReportedRuns) -> ReportTable | None:
                 **{f"paper {rate} %": value for rate, value in theirs.items()},
             }
         )
-    limits = sorted({f"{v:g}" for v in _time_limits(study.frame).dropna().unique()}, key=float)
+    stated, used = (pd.to_numeric(study.frame[name], errors="coerce") for name in ("execution.time_limit_s", "execution_time_limit_s"))
+    limits = sorted({f"{v:g}" for v in stated.fillna(used).dropna().unique()}, key=float)
     return table_of(
         "table_3_execution",
         titled(study, "Table III", f"execution success within {' or '.join(limits) or '300'} s"),
@@ -158,12 +159,6 @@ def table_3(study: ReportedRuns) -> ReportTable | None:
         labels=3,
         digits={name: 0 for name in (rows[0] if rows else ()) if name.endswith("%")} | {"mean time s": 1},
     )
-
-
-def _time_limits(frame: pd.DataFrame) -> "pd.Series[float]":
-    """[N] of the executions: as stated, or as followed from the plan."""
-    stated, used = (pd.to_numeric(frame[name], errors="coerce") for name in ("execution.time_limit_s", "execution_time_limit_s"))
-    return stated.fillna(used)
 
 
 def table_4(study: ReportedRuns) -> ReportTable | None:

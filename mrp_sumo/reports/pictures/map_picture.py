@@ -79,21 +79,9 @@ class Panel:
 
 
 def draw_map(map_: Map, path: Path, *others: Path) -> Path:
-    """Draw the map. Raises MapError for another suffix.
+    """Draw the map, PNG or SVG, into one file and others; returns the first. Raises MapError for another suffix.
 
-    Parameters
-    ----------
-    map_
-        Of any origin; walls, doors and lifts are drawn where there is a building, blocked cells where there is a grid.
-    path
-        Ends in .png or .svg.
-    others
-        Further files for the same picture.
-
-    Returns
-    -------
-    path
-        The same.
+    Walls, doors and lifts are drawn where there is a building, blocked cells where there is a grid.
     """
     for file in (path, *others):
         require_suffix(file, MapError)
@@ -104,7 +92,7 @@ def draw_map(map_: Map, path: Path, *others: Path) -> Path:
 
 
 def map_picture(map_: Map, *, findings: bool = True) -> Picture:
-    """The picture of a map; the parameters are those of `draw_map`."""
+    """The picture of a map; see `draw_map`."""
     nav = map_.nav
     panels = _panels(map_)
     figure, axes, inch_per_m = _page(panels)
@@ -211,7 +199,7 @@ def _draw_building(ax: Axes, panel: Panel, building: Building, points_per_m: flo
     ax.add_collection(PolyCollection(holes, facecolor=PAPER, edgecolor="none", zorder=0.5), autolim=False)
     width_pt = float(np.clip(0.1 * points_per_m, 0.6, 2.8))
     for walls, lw, colour in zip(_furniture_and_walls(level), (max(0.35 * width_pt, 0.4), width_pt), (FURNITURE, WALL)):
-        _draw_strokes(ax, walls, colour, lw, 2)
+        draw_strokes(ax, walls, colour, lw, 2)
     for door in level.doors:
         _draw_door(ax, level.xy[door.start], level.xy[door.end], door.kind, points_per_m)
         legend.setdefault("door", Line2D([], [], color=DOOR, lw=2.2))
@@ -239,7 +227,7 @@ def _draw_blocked(ax: Axes, map_: Map, legend: dict[str, Artist]) -> None:
     legend.setdefault("blocked", Patch(facecolor=BLOCKED, edgecolor="none"))
 
 
-def _draw_strokes(ax: Axes, ends: FloatArray, colour: str, lw: float, zorder: float) -> None:
+def draw_strokes(ax: Axes, ends: FloatArray, colour: str, lw: float, zorder: float) -> None:
     """Many straight lines [N, 2, 2] as one element: one element per line makes large maps slow to write and to open."""
     broken = np.concatenate([ends, np.full((len(ends), 1, 2), np.nan)], axis=1).reshape(-1, 2)
     ax.add_line(Line2D(broken[:, 0], broken[:, 1], color=colour, lw=lw, solid_capstyle="projecting", zorder=zorder))
@@ -287,7 +275,7 @@ def _draw_lanes(ax: Axes, panel: Panel, nav: NavGraph, colours: np.ndarray, poin
     lw = float(np.clip(0.12 * points_per_m, 0.5, 2.4 * _shrink(nav, points_per_m)))
     colour_of = colours[nav.tail[drawn]]
     for colour in np.unique(colour_of):
-        _draw_strokes(ax, ends[colour_of == colour], str(colour), lw, 3)
+        draw_strokes(ax, ends[colour_of == colour], str(colour), lw, 3)
     if paired.any():
         legend.setdefault("lane, both ways", Line2D([], [], color=_lane_key(colours), lw=2))
     bend = nav.having("is_bend")

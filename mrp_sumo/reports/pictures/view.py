@@ -259,14 +259,8 @@ def plan_as_execution(plan: Plan, graph: PlanGraph, fleet: Fleet) -> Execution:
 def furniture_and_walls(walls: FloatArray) -> tuple[list[FloatArray], FloatArray, FloatArray]:
     """Tell furniture (racks, desks, pillars) from walls: islands of walls that are closed and narrow.
 
-    Returns
-    -------
-    outlines
-        [N, 2] polygons: the ring itself, or the convex hull of an island with inner walls.
-    inner
-        [F, 2, 2] all walls of furniture.
-    walls
-        [., 2, 2] the others.
+    Returns outlines, [N, 2] polygons, each the ring itself or the convex hull of an island with inner walls; all walls of furniture
+    [F, 2, 2]; and the others.
     """
     corners, end = np.unique(walls.reshape(-1, 2).round(3), axis=0, return_inverse=True)
     end = end.reshape(-1, 2)

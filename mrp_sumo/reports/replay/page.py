@@ -248,6 +248,10 @@ def replay_page(record: RunRecord, about: About, *, live_period_s: float | None 
 def about_run(run: AnyRun, record: RunRecord) -> About:
     """A run in words, from its result."""
     scenario, metrics = run.result["scenario"], run.metrics
+
+    def worded(name: str, words: str) -> str | None:
+        return None if metrics.get(name) is None else words.format(metrics[name])
+
     status = run.result["status"].replace("_", " ")
     is_planned = run.result.get("policy") != RECORDED
     num_robots = record.fleet.num_robots
@@ -260,10 +264,10 @@ def about_run(run: AnyRun, record: RunRecord) -> About:
         "Policy": short_name(run.result.get("policy") or "") or None,
         "Seed": run.result["seed"] if is_planned else None,
         "Orders": orders_in_words(metrics),
-        "Throughput": f"{metrics['throughput_per_h']:.0f} an hour" if metrics.get("throughput_per_h") is not None else None,
+        "Throughput": worded("throughput_per_h", "{:.0f} an hour"),
         "Lead time": seconds(metrics.get("lead_time_mean_s")),
-        "People": f"{metrics['num_people']}" if metrics.get("num_people") is not None else None,
-        "Goals reached": f"{metrics['goals_reached']} of {num_robots}" if metrics.get("goals_reached") is not None else None,
+        "People": worded("num_people", "{}"),
+        "Goals reached": worded("goals_reached", f"{{}} of {num_robots}"),
         "Planned makespan": seconds(metrics.get("makespan_s")) if is_planned else None,
         "Driven makespan": seconds(metrics.get("driven_makespan_s")),
     }
@@ -271,19 +275,17 @@ def about_run(run: AnyRun, record: RunRecord) -> About:
     numbers = {
         "Planning time": seconds(metrics.get("planning_time_s")) if is_planned else None,
         "Planning time, CPU": seconds(metrics.get("planning_cpu_s")) if is_planned else None,
-        "Sum of costs": f"{metrics['soc_steps']:.0f} steps" if metrics.get("soc_steps") is not None else None,
+        "Sum of costs": worded("soc_steps", "{:.0f} steps"),
         "Lower bound": f"{bound:.0f} steps" if bound and in_steps else None,
         "Blocked in all": seconds(metrics.get("blocked_s")),
         "Mean lateness": lateness(metrics.get("lateness_mean_s")),
         "Largest lateness": lateness(metrics.get("lateness_max_s")),
-        "Least clearance": f"{metrics['min_clearance_m']:.3f} m" if metrics.get("min_clearance_m") is not None else None,
+        "Least clearance": worded("min_clearance_m", "{:.3f} m"),
         "Overlaps": metrics.get("num_overlaps"),
         "Wall contacts": metrics.get("num_wall_contacts"),
         "Lost to people": seconds(metrics.get("lost_to_people_s")),
-        "Protective stops": _per_hour(metrics.get("protective_stops_per_robot_h")),
-        "Least distance to a person": f"{metrics['min_person_distance_m']:.3f} m"
-        if metrics.get("min_person_distance_m") is not None
-        else None,
+        "Protective stops": worded("protective_stops_per_robot_h", "{:.1f} per robot and hour"),
+        "Least distance to a person": worded("min_person_distance_m", "{:.3f} m"),
     }
     return About(
         name=record.name,
@@ -297,10 +299,6 @@ def about_run(run: AnyRun, record: RunRecord) -> About:
         outline=run.outline,
         is_plan_only=not run.executed,
     )
-
-
-def _per_hour(value: float | None) -> str | None:
-    return None if value is None else f"{value:.1f} per robot and hour"
 
 
 def _add_motion(columns: Columns, execution: Execution, parts: Rectangles, frame: PageFrame) -> dict[str, Any]:

@@ -36,18 +36,9 @@ def kind_of(path: str) -> str:
 
 
 def write_video(frames: Iterator[Pixels], poster: Pixels, path: Path, kind: str, fps: int) -> None:
-    """Write a video. Raises MrpSumoError when it cannot be written; nothing is left then.
+    """Write frames, each valid until the next, as a video of a kind (see `kind_of`); GIF takes its colours from the poster.
 
-    Parameters
-    ----------
-    frames
-        Each is valid until the next.
-    poster
-        A frame with all that matters; GIF takes its colours from it.
-    path, kind
-        As `kind_of` says.
-    fps
-        Frames a second.
+    Raises MrpSumoError when it cannot be written; nothing is left then.
     """
     if kind == "":
         return _write_frames(frames, path)

@@ -5,11 +5,12 @@ What lies still is drawn once by matplotlib; what moves is drawn for each frame 
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
+from matplotlib.transforms import Bbox
 
 from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray
 from mrp_sumo.io.record import AT_GOAL, BLOCKED
@@ -79,6 +80,11 @@ class Pane:
         self.inside_px = min(inside, 17 * self.unit) if fits else 0.0
         self.place = np.zeros(fleet.num_robots, np.int64)  # of each name, in PLACES; kept from frame to frame
 
+    @property
+    def clip(self) -> Bbox:
+        """The box that may be drawn on."""
+        return Bbox.from_bounds(*self.corner, *self.size)
+
     def pixels(self, xy: FloatArray) -> FloatArray:
         """[N, 2] pixels of points in m."""
         pixels: FloatArray = (xy - self.scene.low) * self.scale + self.corner
@@ -93,7 +99,7 @@ class Film:
         self.unit = min(size[1] / 1080, size[0] / 1100)
         self.canvas = Canvas(*size, LIGHT["paper"])
         self.panes = _panes(scenes, size, self.unit)
-        self.clock_px = self._clock_width()
+        self.clock_px = font(round(40 * self.unit), True).getlength(clock(timing.to_s)) + 30 * self.unit
         self._draw_still()
 
     def frames(self) -> Iterator[Pixels]:
@@ -133,10 +139,8 @@ class Film:
         for pane in self.panes:
             room = pane.width - (self.clock_px if self._is_under_clock(pane) else 0)
             top = pane.bottom + pane.height
-            title, about = (
-                shortened_to(text, size * u, room, bold=bold)
-                for text, size, bold in ((pane.scene.title, 28, True), (pane.scene.subtitle, 18, False))
-            )
+            title = shortened_to(pane.scene.title, 28 * u, room, bold=True)
+            about = shortened_to(pane.scene.subtitle, 18 * u, room)
             self.canvas.write(title, (pane.left, top - 26 * u), 28 * u, LIGHT["ink"], bold=True)
             self.canvas.write(about, (pane.left, top - 60 * u), 18 * u, LIGHT["muted"])
             self._draw_scale(pane)
@@ -147,9 +151,6 @@ class Film:
         return pane.left + pane.width + 0.1 >= max(p.left + p.width for p in self.panes) and pane.bottom + pane.height + 0.1 >= max(
             p.bottom + p.height for p in self.panes
         )
-
-    def _clock_width(self) -> float:
-        return font(round(40 * self.unit), True).getlength(clock(self.timing.to_s)) + 30 * self.unit
 
     def _write_clock(self, t_s: float) -> None:
         """The time, each digit in a place of its own so that nothing shakes."""
@@ -252,7 +253,7 @@ def _panes(scenes: Sequence[Scene], size: tuple[int, int], unit: float) -> list[
 
 def _draw_robots(canvas: Canvas, pane: Pane, now: SceneState) -> None:
     scene, u = pane.scene, pane.unit
-    clip = _clip(pane)
+    clip = pane.clip
     xy = pane.pixels(now.xy)
     is_shown = ((xy >= pane.corner) & (xy <= pane.corner + pane.size)).all(axis=1)  # and not on another level
     there = np.flatnonzero((now.state != ABSENT) & is_shown)
@@ -300,7 +301,7 @@ def _draw_robots(canvas: Canvas, pane: Pane, now: SceneState) -> None:
 
 def _draw_parts(canvas: Canvas, pane: Pane, now: SceneState, is_shown: BoolArray, pale: BoolArray) -> None:
     """Draw trailers with their drawbars, and loads that are larger than their robots, below these."""
-    parts, clip = pane.scene.parts, _clip(pane)
+    parts, clip = pane.scene.parts, pane.clip
     there = np.flatnonzero(is_shown & np.isfinite(now.parts_xy[:, 0]))
     bars = [pane.pixels(line) for k, line in drawbars(parts, now.parts_xy, now.parts_yaw_rad, now.xy) if is_shown[k]]
     canvas.stroke(bars, LIGHT["ink"], width=max(1.2 * pane.unit, 0.08 * pane.scale), clip=clip)
@@ -359,14 +360,3 @@ def _disc(radius: float) -> FloatArray:
     """[16, 2]"""
     angle = np.arange(16) * (np.pi / 8)
     return radius * np.column_stack((np.cos(angle), np.sin(angle)))
-
-
-def _clip(pane: Pane) -> object:
-    from matplotlib.transforms import Bbox
-
-    return Bbox.from_bounds(*pane.corner, *pane.size)
-
-
-def titled(scenes: Sequence[Scene], titles: Sequence[str]) -> list[Scene]:
-    """The scenes under other titles."""
-    return [replace(scene, title=title) for scene, title in zip(scenes, titles)]

@@ -2,14 +2,14 @@
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.reports.pictures.view import AnyRun
 from mrp_sumo.reports.video.canvas import Pixels
 from mrp_sumo.reports.video.encode import FPS, SIZE, kind_of, write_png, write_video
-from mrp_sumo.reports.video.film import Film, Timing, titled
+from mrp_sumo.reports.video.film import Film, Timing
 from mrp_sumo.reports.video.scene import scene_of
 
 MOST_RUNS = 4
@@ -31,23 +31,10 @@ class Wanted:
 
 
 def render_video(runs: Sequence[AnyRun], path: str, wanted: Wanted, report: Callable[[int, int], None] | None = None) -> tuple[str, Path]:
-    """Make a video of one run, or of up to four on one clock. Raises MrpSumoError for what cannot be shown or written.
+    """Make a video of one run, or of up to four on one clock. Returns it in words, and a frame of it, `.png` beside it.
 
-    Parameters
-    ----------
-    runs
-        With a trajectory or at least a plan.
-    path
-        Ends in .mp4, .gif, .webp, or in / for a folder of PNG frames.
-    wanted
-        What to show.
-    report
-        Called with the number of frames done and of all.
-
-    Returns
-    -------
-    about, poster
-        The video in words, and a frame of it, `.png` beside it.
+    Raises MrpSumoError for what cannot be shown or written. The path ends in .mp4, .gif, .webp, or in / for a folder of PNG; `report`
+    is called with the number of frames done and of all.
     """
     kind = kind_of(path)
     if len(runs) > MOST_RUNS:
@@ -56,7 +43,7 @@ def render_video(runs: Sequence[AnyRun], path: str, wanted: Wanted, report: Call
         raise MrpSumoError(f"--titles: found {len(wanted.titles)}, expected one for each of {len(runs)} runs")
     scenes = [scene_of(run, robots=wanted.robots, level=wanted.level) for run in runs]
     if wanted.titles:
-        scenes = titled(scenes, wanted.titles)
+        scenes = [replace(scene, title=title) for scene, title in zip(scenes, wanted.titles)]
     end_s = max(scene.end_s for scene in scenes)
     if not end_s:
         raise MrpSumoError("nobody moved, the run lasts 0 s: a picture shows it, --at 0 --out FILE")
@@ -66,7 +53,8 @@ def render_video(runs: Sequence[AnyRun], path: str, wanted: Wanted, report: Call
     if not to_s > wanted.from_s:
         raise MrpSumoError(f"--to {wanted.to_s:g}: expected a time after {wanted.from_s:g} s")
     size = wanted.size or SIZE[kind]
-    speed = wanted.speed or _speed_for(to_s - wanted.from_s)
+    lasts_s = to_s - wanted.from_s
+    speed = wanted.speed or next((s for s in SPEEDS if lasts_s / s <= SHORT_S), math.ceil(lasts_s / SHORT_S))
     timing = Timing(wanted.from_s, to_s, speed, FPS[kind])
     film = Film(scenes, timing, size)
     poster = film.poster().copy()
@@ -85,7 +73,3 @@ def render_video(runs: Sequence[AnyRun], path: str, wanted: Wanted, report: Call
     length = f"{num_frames} frames" if kind == "" else f"{num_frames / timing.fps:.1f} s"
     weight = "" if kind == "" else f", {out.stat().st_size / 1e6:.1f} MB"
     return f"{path} ({length} at {speed:g}x, {size[0]} x {size[1]}{weight})", beside
-
-
-def _speed_for(lasts_s: float) -> float:
-    return next((s for s in SPEEDS if lasts_s / s <= SHORT_S), math.ceil(lasts_s / SHORT_S))
