@@ -7,9 +7,10 @@ import numpy as np
 from mrp_sumo.core.execution import Execution
 from mrp_sumo.core.facilities import DOOR_STATES, LIFT_STATES
 from mrp_sumo.core.graph import NavGraph
-from mrp_sumo.metrics.metric import LESS, NONE, Evidence, Metric, of_execution
+from mrp_sumo.metrics.metric import LESS, NONE, Evidence, Metric, of
 
 BUSY = [LIFT_STATES.index(state) for state in ("coming", "taken", "held")]
+OPENING = DOOR_STATES.index("opening")
 
 
 @dataclass(frozen=True)
@@ -41,34 +42,23 @@ def lift_use(execution: Execution, graph: NavGraph, since_s: float = 0.0) -> lis
     return parts
 
 
-def _rides(execution: Execution) -> int | None:
-    level = execution.level
-    return None if level is None else int((level[1:] != level[:-1]).sum())
-
-
-def _openings(execution: Execution) -> int | None:
-    log = execution.facilities
-    return int((log.door_state == DOOR_STATES.index("opening")).sum()) if log is not None and log.door_name else None
-
-
 def _use(run: Evidence) -> list[LiftUse]:
     """Of lifts, where robots can ride."""
     return lift_use(run.execution, run.problem.graph) if run.execution else []
 
 
-def _waited_s(run: Evidence) -> float | None:
-    log = run.execution.facilities if run.execution else None
-    return float(sum(lift.waited_s for lift in run.once(_use))) if log is not None and log.lift_name else None
-
-
 # fmt: off
 METRICS = (
-    Metric("lift_rides", "", NONE, "rides of robots in lifts from one level to another", of_execution(_rides)),
+    Metric("lift_rides", "", NONE, "rides of robots in lifts from one level to another",
+           of(lambda run: run.execution.level if run.execution else None, lambda level: int((level[1:] != level[:-1]).sum()))),
     Metric("lift_wait_s", "s", LESS,
-           "time that robots waited before lifts, for the car or for others in it; waits of half a second or more", _waited_s),
+           "time that robots waited before lifts, for the car or for others in it; waits of half a second or more",
+           of(_use, lambda lifts: float(sum(lift.waited_s for lift in lifts)) if lifts else None)),
     Metric("lift_queue_max", "", LESS, "most robots that waited before one lift at a time",
-           lambda run: max((lift.queue for lift in run.once(_use)), default=None)),
+           of(_use, lambda lifts: max((lift.queue for lift in lifts), default=None))),
     Metric("lift_utilisation_max", "", NONE, "share of the time for which the busiest lift was taken or coming to who had called it",
-           lambda run: max((lift.busy_share for lift in run.once(_use)), default=None)),
-    Metric("door_openings", "", NONE, "how often doors began to open for robots", of_execution(_openings)),
+           of(_use, lambda lifts: max((lift.busy_share for lift in lifts), default=None))),
+    Metric("door_openings", "", NONE, "how often doors began to open for robots",
+           of(lambda run: run.execution.facilities if run.execution else None,
+              lambda log: int((log.door_state == OPENING).sum()) if log.door_name else None)),
 )

@@ -1,7 +1,6 @@
 """Metrics of what a fleet's time, way and energy are spent on where tasks come while robots drive, and of queues at stations."""
 
-from collections.abc import Callable, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -9,7 +8,7 @@ from mrp_sumo.core.battery import BatteryLog
 from mrp_sumo.core.execution import Execution, Outcome
 from mrp_sumo.core.robot_states import BROKEN, CHARGING, EMPTY, IDLE, ROBOT_STATES, STALLED, WORKING
 from mrp_sumo.core.task import StopLog, TaskLog, orders_of
-from mrp_sumo.metrics.metric import LESS, MORE, NONE, TOGETHER, Evidence, Function, Metric, of_execution, part
+from mrp_sumo.metrics.metric import LESS, MORE, NONE, TOGETHER, Evidence, Metric, of, part
 
 
 def stalled_robots(execution: Execution, robot_name: Sequence[str]) -> str:
@@ -35,9 +34,8 @@ def ran_empty(log: BatteryLog, robot_name: Sequence[str]) -> str:
     return f"ran empty: {robot_name[first]} by {at_s:.0f} s{others}"
 
 
-def _of_batteries(read: Callable[[BatteryLog], Any]) -> Function:
-    """What there is to read of the log of batteries; None where robots have none."""
-    return of_execution(lambda execution: None if execution.batteries is None else read(execution.batteries))
+def _batteries(run: Evidence) -> BatteryLog | None:
+    return run.execution.batteries if run.execution else None
 
 
 def _logs(run: Evidence) -> tuple[TaskLog, StopLog] | None:
@@ -124,11 +122,6 @@ def _queues(run: Evidence) -> list[tuple[float, int]]:
     return queues
 
 
-def _busy_share(run: Evidence) -> float | None:
-    shares = run.once(_shares)
-    return shares["working"] + shares["blocked"] if shares else None
-
-
 def _distances_m(run: Evidence) -> dict[str, float]:
     """Driven by all robots, what of it was not from a task's first stop to those after it, by order done, and loads on board by metre."""
     logs = run.once(_logs)
@@ -144,7 +137,7 @@ def _distances_m(run: Evidence) -> dict[str, float]:
 # fmt: off
 METRICS = (
     Metric("robot_busy_share", "", NONE, "share of the fleet's time for which robots had an order, those left out that were lost with one",
-           _busy_share),
+           of(_shares, lambda shares: shares["working"] + shares["blocked"] if shares else None)),
     Metric("robot_working_share", "", NONE,
            "share of the fleet's time for which robots had an order and were getting on with it; this and the next four add up to 1",
            part(_shares, "working")),
@@ -171,11 +164,11 @@ METRICS = (
     Metric("loads_mean", "", MORE, "mean number of loads on board, by metre driven with one; null where robots carry one at most",
            part(_distances_m, "loads")),
     Metric("energy_j", "J", LESS, "drawn from all batteries, chargers left out; null where the robots' type has no battery",
-           _of_batteries(lambda log: float(log.used_j.sum()))),
+           of(_batteries, lambda log: float(log.used_j.sum()))),
     Metric("battery_level_min", "", MORE, "least state of charge of a robot at any time, as a share of the capacity",
-           _of_batteries(lambda log: float(log.level.min()))),
+           of(_batteries, lambda log: float(log.level.min()))),
     Metric("robots_battery_critical", "", LESS, "robots whose state of charge was at or below `critical_low_charging_level` at some time",
-           _of_batteries(lambda log: int((log.level <= log.critical).any(0).sum()))),
+           of(_batteries, lambda log: int((log.level <= log.critical).any(0).sum()))),
     Metric("robots_battery_empty", "", LESS, "robots whose batteries ran empty: they stand where they were from then on",
-           _of_batteries(lambda log: int((log.level[-1] <= 0).sum()))),
+           of(_batteries, lambda log: int((log.level[-1] <= 0).sum()))),
 )

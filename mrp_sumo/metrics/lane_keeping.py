@@ -23,24 +23,11 @@ def on_lane_m(track_apart_m: float) -> float:
 
 
 def lane_keeping(execution: Execution, nav: NavGraph, on_lane_m: float = ON_LANE_M) -> dict[str, float] | None:
-    """Metres off lanes, and against one-ways; None for a map that has no lanes, or none that are driven on.
+    """Metres that all robots drove (`driven_m`), off the lanes of a map (`off_m`), and against its one-ways (`against_one_way_m`).
 
-    Between samples robots are taken to move straight; each such motion counts where its middle is. It goes against a one-way that
-    leads the opposite way within 45 degrees, where no lane is as near that leads about its own.
-
-    Parameters
-    ----------
-    execution
-        T samples of R robots.
-    nav
-        The map's lanes as drawn. Those through lifts do not count, nor do rides.
-    on_lane_m
-        How far from all lanes robots are off them.
-
-    Returns
-    -------
-    dict
-        `driven_m`, `off_m` and `against_one_way_m`, of all robots together.
+    None for a map that has no lanes, or none that are driven on; those through lifts do not count, nor do rides. Between samples robots
+    are taken to move straight; each such motion counts where its middle is: off where all lanes are farther than `on_lane_m`, against a
+    one-way that leads the opposite way within 45 degrees, where no lane is as near that leads about its own.
     """
     if isinstance(nav, PlanGraph) or nav.is_ride.all():
         return None

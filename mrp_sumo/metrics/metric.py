@@ -145,14 +145,24 @@ def quantile(sample: Sample, share: float) -> Function:
     return statistic(sample, lambda values: np.quantile(values, share))
 
 
+def of(log: Callable[[Evidence], T | None], read: Callable[[T], Any]) -> Function:
+    """Something that a log of the run tells, or what is worked out of it; None where there is none."""
+
+    def value(run: Evidence) -> Any:
+        there = run.once(log)
+        return None if there is None else read(there)
+
+    return value
+
+
 def part(parts: Callable[[Evidence], Mapping[str, Any]], name: str) -> Function:
     """One of several values that are worked out together; None where it is not among them."""
-    return lambda run: run.once(parts).get(name)
+    return of(parts, lambda values: values.get(name))
 
 
 def of_execution(read: Callable[[Execution], Any]) -> Function:
     """All that can be read of an execution; None where nothing was driven."""
-    return lambda run: None if run.execution is None else read(run.execution)
+    return of(lambda run: run.execution, read)
 
 
 def of_audit(name: str) -> Function:

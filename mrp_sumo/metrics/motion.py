@@ -26,15 +26,6 @@ def _goal_times(run: Evidence) -> FloatArray:
     return goal_s if goal_s is not None and len(goal_s) and bool(np.isfinite(goal_s).all()) else np.zeros(0)
 
 
-def _real_time_factor(execution: Execution) -> float | None:
-    return execution.sim_time_s / execution.wall_time_s if execution.wall_time_s > 0 else None
-
-
-def _robot_seconds_per_cpu_second(run: Evidence) -> float | None:
-    done = run.execution
-    return run.problem.num_robots * done.sim_time_s / done.cpu_time_s if done is not None and done.cpu_time_s > 0 else None
-
-
 def _blocked_s(execution: Execution) -> float:
     total = math.fsum(event.duration_s for event in execution.events if event.kind == "blocked")
     return round(total, 6)  # steps of 0.1 s have no exact sum
@@ -62,8 +53,11 @@ MOTION = (
            of_machine=True),
     Metric("cpu_time_s", "s", LESS, "CPU time of the simulation loop", of_execution(lambda execution: execution.cpu_time_s),
            of_machine=True),
-    Metric("real_time_factor", "", MORE, "`sim_time_s / wall_time_s`", of_execution(_real_time_factor), of_machine=True),
-    Metric("robot_seconds_per_cpu_second", "", MORE, "`n * sim_time_s / cpu_time_s`", _robot_seconds_per_cpu_second, of_machine=True),
+    Metric("real_time_factor", "", MORE, "`sim_time_s / wall_time_s`",
+           of_execution(lambda done: done.sim_time_s / done.wall_time_s if done.wall_time_s > 0 else None), of_machine=True),
+    Metric("robot_seconds_per_cpu_second", "", MORE, "`n * sim_time_s / cpu_time_s`",
+           of_execution(lambda done: done.num_robots * done.sim_time_s / done.cpu_time_s if done.cpu_time_s > 0 else None),
+           of_machine=True),
     Metric("blocked_s", "s", LESS,
            "sum of the durations of all `blocked` events: of robots that made no progress by a cell along their path within "
            "`execution.blocking_window_s`, waits that the plan or a disturbance asks for left out", of_execution(_blocked_s)),

@@ -18,7 +18,20 @@ from mrp_sumo.core.graph import FloatArray, IntArray
 from mrp_sumo.core.near import least_distance_m
 from mrp_sumo.core.plan import paths_of_plan
 from mrp_sumo.errors import MrpSumoError, PlanError
-from mrp_sumo.metrics.metric import LESS, MORE, NONE, RECORDING_TIMEOUT_S, TOLERANCE_M, YES_NO, Evidence, Function, Metric, count_of, part
+from mrp_sumo.metrics.metric import (
+    LESS,
+    MORE,
+    NONE,
+    RECORDING_TIMEOUT_S,
+    TOLERANCE_M,
+    YES_NO,
+    Evidence,
+    Function,
+    Metric,
+    count_of,
+    of,
+    part,
+)
 from mrp_sumo.metrics.planning import steps_to_goal
 
 CELL_M = 0.35  # cellSize
@@ -127,15 +140,8 @@ def _least_distances(x_m: FloatArray, y_m: FloatArray) -> FloatArray:
 def smoothed_counts(paths: Sequence[Sequence[int]], cell: IntArray) -> tuple[int, int]:
     """Makespan and cost after MRP-Bench's smoothing (`bench_node.py`, lines 324-338).
 
-    Waypoint i is kept; where i + 2 lies as many cells across as along, i + 1 is dropped. That drops
-    waits as well.
-
-    Parameters
-    ----------
-    paths
-        [R] vertices at steps 0, 1, ..., starts included, ending with the arrival.
-    cell
-        [V, 2] grid cell of each vertex.
+    `paths` have the vertices of each robot at steps 0, 1, ... until it arrives, `cell` [V, 2] where they are on the grid. Waypoint i is
+    left in; where i + 2 lies as many cells across as along, i + 1 is dropped. That drops waits as well.
     """
     lengths = []
     for path in paths:
@@ -178,25 +184,14 @@ def _distance(which: str) -> Function:
     return value
 
 
-def _blocked_s(run: Evidence) -> list[float] | None:
-    analysed = run.once(_analysed)
-    return [analysed["timeBlockedPerAgent"].get(robot, 0.0) for robot in range(run.problem.num_robots)] if analysed else None
+def _blocked_s(analysed: dict[str, Any]) -> list[float] | None:
+    return [analysed["timeBlockedPerAgent"].get(robot, 0.0) for robot in range(analysed["numGoals"])] if analysed else None
 
 
-def _lengths(run: Evidence) -> FloatArray:
+def _lengths(run: Evidence) -> FloatArray | None:
     """[R] lengths of the lists of cells; none without a plan in steps."""
     steps = run.once(steps_to_goal)
-    return np.zeros(0) if steps is None else steps + 1
-
-
-def _makespan_steps(run: Evidence) -> float | None:
-    lengths = run.once(_lengths)
-    return count_of(lengths.max()) if len(lengths) else None
-
-
-def _cost_steps(run: Evidence) -> float | None:
-    lengths = run.once(_lengths)
-    return count_of(lengths.sum()) if len(lengths) else None
+    return None if steps is None else steps + 1
 
 
 def _smoothed(run: Evidence) -> dict[str, int]:
@@ -215,8 +210,8 @@ def _smoothed(run: Evidence) -> dict[str, int]:
 # fmt: off
 METRICS = (
     Metric("plan_success", YES_NO, MORE, "there is a plan, valid or not (`validScheduleFound`)", lambda run: run.plan is not None),
-    Metric("makespan_steps", "cells", LESS, "longest list", _makespan_steps, one_goal=True),
-    Metric("cost_steps", "cells", LESS, "sum of the lists' lengths", _cost_steps, one_goal=True),
+    Metric("makespan_steps", "cells", LESS, "longest list", of(_lengths, lambda each: count_of(each.max())), one_goal=True),
+    Metric("cost_steps", "cells", LESS, "sum of the lists' lengths", of(_lengths, lambda each: count_of(each.sum())), one_goal=True),
     Metric("makespan_smoothed_steps", "cells", LESS,
            "`makespan_steps` after MRP-Bench's smoothing: waypoint i + 1 is dropped where i + 2 lies as many cells across as "
            "along; drops double waits, too. Grids only", part(_smoothed, "makespan"), one_goal=True),
@@ -240,7 +235,7 @@ METRICS = (
     Metric("time_blocked_s", "s", LESS,
            "number of blocked steps x `(τ_T - τ_1) / T`. Up to the arrival, a message counts when `ds > cell` or `dg < cell`; a "
            "step is blocked when, over the last 10 that count, `dg` changed by at most `cell`. 0 for a robot without a message "
-           "that counts (`timeBlockedPerAgent`)", _blocked_s, per_robot=True, one_goal=True),
+           "that counts (`timeBlockedPerAgent`)", of(_analysed, _blocked_s), per_robot=True, one_goal=True),
     Metric("run_invalid", YES_NO, LESS, "some robot never had a message that counts, or never appeared (`invalidRun`)",
            part(_analysed, "invalidRun"), one_goal=True),
 )

@@ -16,18 +16,10 @@ from mrp_sumo.plugins.source import Source, calling
 
 
 def own_metric(name: str, beside: Path | None = None) -> tuple[Metric, Source]:
-    """A user's metric, and where it is.
+    """A user's metric, and where it is: a function of the evidence, with the decorator `metric` or without.
 
-    Raises ScenarioError for an unknown name, and for one that a bundled metric has, and PlugInError when it cannot be loaded, or is no
-    function.
-
-    Parameters
-    ----------
-    name
-        `FILE.py:FUNCTION`, or as a package registers it. What is named is a function of the evidence, with the decorator `metric` or
-        without.
-    beside
-        Where a relative path begins; the current folder by default.
+    It is named as `FILE.py:FUNCTION`, from a folder on (the current one by default), or as a package registers it. Raises ScenarioError
+    for an unknown name, and for one that a bundled metric has, and PlugInError when it cannot be loaded, or is no function.
     """
     source, metric = find("metrics", name, beside), target("metrics", name, beside)
     if not isinstance(metric, Metric):

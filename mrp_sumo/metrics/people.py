@@ -1,22 +1,9 @@
 """Metrics of people among robots; null where there are none."""
 
-from collections.abc import Callable
-from typing import Any
-
 import numpy as np
 
 from mrp_sumo.core.people import PeopleLog
-from mrp_sumo.metrics.metric import LESS, MORE, NONE, Evidence, Function, Metric, of_audit
-
-
-def _of_log(read: Callable[[PeopleLog], Any]) -> Function:
-    """What there is to read of the log of people."""
-
-    def value(run: Evidence) -> Any:
-        log = _log(run)
-        return read(log) if log else None
-
-    return value
+from mrp_sumo.metrics.metric import LESS, MORE, NONE, Evidence, Metric, of, of_audit
 
 
 def _stops_per_robot_h(run: Evidence) -> float | None:
@@ -32,19 +19,19 @@ def _log(run: Evidence) -> PeopleLog | None:
 
 # fmt: off
 METRICS = (
-    Metric("num_people", "", NONE, "people who were there at any time", _of_log(lambda log: log.num_people)),
+    Metric("num_people", "", NONE, "people who were there at any time", of(_log, lambda log: log.num_people)),
     Metric("protective_stops_per_robot_h", "1/h", LESS,
            "stops of robots in motion for somebody in their protective fields, per hour of a robot; counts, divided by robots and time",
            _stops_per_robot_h),
     Metric("lost_to_people_s", "s", LESS,
            "time that people cost all robots: the sum of 1 - v / v0 over time, where a robot drove v and would have driven v0 "
-           "without them", _of_log(lambda log: float(log.lost_s.sum()))),
+           "without them", of(_log, lambda log: float(log.lost_s.sum()))),
     Metric("min_person_distance_m", "m", MORE,
            "least distance of a moving robot's footprint from a person's body, also between samples; 0 when they touch",
            of_audit("min_person_distance_m")),
     Metric("people_waiting_s", "s", LESS,
            "time that people stood within 1.2 m of a robot, below a fifth of the speed that they like; of all of them",
-           _of_log(lambda log: float(log.waited_s.sum()))),
+           of(_log, lambda log: float(log.waited_s.sum()))),
     Metric("num_person_contacts", "", LESS,
            "contacts of a footprint with a person while the robot moved faster than its field allows: failures of the audit",
            of_audit("num_person_contacts")),

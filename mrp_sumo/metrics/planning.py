@@ -2,7 +2,8 @@
 
 from mrp_sumo.core.graph import FloatArray
 from mrp_sumo.core.plan import as_planned_in_steps
-from mrp_sumo.metrics.metric import LESS, MORE, YES_NO, Evidence, Function, Metric, count_of
+from mrp_sumo.metrics.metric import LESS, MORE, YES_NO, Evidence, Function, Metric, count_of, of
+from mrp_sumo.traffic.referee import Verdict
 
 
 def _planning_time_s(run: Evidence) -> float:
@@ -15,24 +16,9 @@ def _planning_cpu_s(run: Evidence) -> float | None:
     return first_s if calls is None or calls.cpu_time_s is None else (first_s or 0.0) + calls.cpu_time_s
 
 
-def _soc_steps(run: Evidence) -> float | None:
-    steps = run.once(steps_to_goal)
-    return None if steps is None else count_of(steps.sum())
-
-
 def _end_s(run: Evidence) -> FloatArray | None:
     """[R] planned times at which robots are at their goals to stay."""
     return run.plan.end_s if run.plan is not None and run.plan.num_robots else None
-
-
-def _makespan_s(run: Evidence) -> float | None:
-    end_s = _end_s(run)
-    return None if end_s is None else float(end_s.max())
-
-
-def _flowtime_s(run: Evidence) -> float | None:
-    end_s = _end_s(run)
-    return None if end_s is None else float(end_s.sum())
 
 
 def steps_to_goal(run: Evidence) -> FloatArray | None:
@@ -43,14 +29,18 @@ def steps_to_goal(run: Evidence) -> FloatArray | None:
     return None if in_steps is None else in_steps.end_s / run.problem.step_s
 
 
+def _verdict(run: Evidence) -> Verdict | None:
+    return None if run.plan is None else run.verdict
+
+
 def _conflicts(kind: str) -> Function:
-    return lambda run: run.verdict.count(kind) if run.verdict is not None and run.plan is not None else None
+    return of(_verdict, lambda verdict: verdict.count(kind))
 
 
 # fmt: off
 METRICS = (
     Metric("plan_valid", YES_NO, MORE, "the referee finds no fault, vertex conflict or edge conflict in the plan",
-           lambda run: run.verdict.valid if run.verdict is not None and run.plan is not None else None),
+           of(_verdict, lambda verdict: verdict.valid)),
     Metric("num_vertex_conflicts", "", LESS, "vertex conflicts that the referee finds: two robots at one vertex at one time",
            _conflicts("vertex"), one_goal=True),
     Metric("num_edge_conflicts", "", LESS, "edge conflicts that the referee finds: two robots change places", _conflicts("edge"),
@@ -66,12 +56,13 @@ METRICS = (
     Metric("prepare_time_s", "s", LESS, "loading or compiling that code", lambda run: run.result.prepare_time_s, of_machine=True),
     Metric("assignment_time_s", "s", LESS, "cost matrix and assignment", lambda run: run.assignment_time_s, of_machine=True, one_goal=True),
     Metric("soc_steps", "steps", LESS,
-           "standard sum of costs: the sum over robots of the step at which each is at its goal to stay; `cost_steps - n`", _soc_steps,
-           one_goal=True),
+           "standard sum of costs: the sum over robots of the step at which each is at its goal to stay; `cost_steps - n`",
+           of(steps_to_goal, lambda steps: count_of(steps.sum())), one_goal=True),
     Metric("lower_bound_steps", "steps", MORE, "what the planner proved about `soc_steps` of any plan; 0 where it proves nothing",
            lambda run: count_of(run.result.lower_bound_steps), one_goal=True),
-    Metric("makespan_s", "s", LESS, "planned time of the last arrival", _makespan_s, one_goal=True),
-    Metric("flowtime_s", "s", LESS, "sum over robots of the planned time at which each is at its goal to stay", _flowtime_s, one_goal=True),
+    Metric("makespan_s", "s", LESS, "planned time of the last arrival", of(_end_s, lambda end_s: float(end_s.max())), one_goal=True),
+    Metric("flowtime_s", "s", LESS, "sum over robots of the planned time at which each is at its goal to stay",
+           of(_end_s, lambda end_s: float(end_s.sum())), one_goal=True),
     Metric("retime_time_s", "s", LESS, "wall time of working out the plan's times with real motion; null where that was not asked for",
            lambda run: run.result.retime_time_s, of_machine=True),
 )

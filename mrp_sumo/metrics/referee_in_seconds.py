@@ -109,16 +109,9 @@ class _Cells:
 
 
 def judge_in_seconds(problem: Problem, plan: Plan, step_length_s: float = 0.1) -> Drivability:
-    """Judge the times of a plan.
+    """Judge the times of a plan without faults (`traffic.referee.judge`), whose every move has a lane; who has to go where is no matter.
 
-    Parameters
-    ----------
-    problem
-        Graph and fleet; who has to go where is no matter here.
-    plan
-        Without faults (`traffic.referee.judge`): every move has a lane.
-    step_length_s
-        In which robots take up new speeds.
+    Robots take up new speeds in steps of `step_length_s`.
     """
     if not plan.num_visits:
         return Drivability((), ())

@@ -6,14 +6,13 @@ were done.
 
 from collections.abc import Callable
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 
 from mrp_sumo.core.execution import PlannerCalls
 from mrp_sumo.core.graph import FloatArray, IntArray
 from mrp_sumo.core.task import CANCELLED, FAILED, StopLog, TaskLog, orders_of
-from mrp_sumo.metrics.metric import LESS, MORE, NONE, Evidence, Function, Metric, Sample, of_execution, part, quantile, statistic
+from mrp_sumo.metrics.metric import LESS, MORE, NONE, Evidence, Function, Metric, Sample, of, part, quantile, statistic
 from mrp_sumo.metrics.warm_up import warm_up_length
 
 HOUR_S = 3600.0
@@ -105,16 +104,6 @@ def _utilisation(run: Evidence) -> FloatArray:
     return shares
 
 
-def _of_tasks(read: Callable[[TaskLog], Any]) -> Function:
-    """What there is to read of the orders' log; None where there were none."""
-
-    def value(run: Evidence) -> Any:
-        tasks = _tasks(run)
-        return None if tasks is None else read(tasks)
-
-    return value
-
-
 def _steady(read: Callable[[TaskLog], FloatArray]) -> Sample:
     """[K] times of the tasks done after the warm-up."""
 
@@ -129,8 +118,8 @@ def _events(kind: str) -> Function:
     return lambda run: None if _tasks(run) is None or run.execution is None else sum(e.kind == kind for e in run.execution.events)
 
 
-def _calls(read: Callable[[PlannerCalls], int]) -> Function:
-    return of_execution(lambda execution: read(execution.calls) if execution.calls else None)
+def _calls(run: Evidence) -> PlannerCalls | None:
+    return run.execution.calls if run.execution else None
 
 
 def _throughput_per_h(run: Evidence) -> float | None:
@@ -157,13 +146,13 @@ _TASK_S = _steady(lambda tasks: tasks.done_s - tasks.assigned_s)
 # fmt: off
 METRICS = (
     Metric("throughput_per_h", "", MORE, "orders done within an hour after the warm-up", _throughput_per_h),
-    Metric("tasks_done", "", MORE, "orders that are done at the end", _of_tasks(lambda tasks: int(np.isfinite(tasks.done_s).sum()))),
+    Metric("tasks_done", "", MORE, "orders that are done at the end", of(_tasks, lambda tasks: int(np.isfinite(tasks.done_s).sum()))),
     Metric("tasks_open", "", LESS, "orders that are known and have not ended at the end: not done, failed or cancelled",
-           _of_tasks(lambda tasks: int(np.isnan(tasks.ended_s).sum()))),
+           of(_tasks, lambda tasks: int(np.isnan(tasks.ended_s).sum()))),
     Metric("tasks_failed", "", LESS, "orders that failed: their robot was lost with them on board, or none that could do them was left",
-           _of_tasks(lambda tasks: tasks.status.count(FAILED))),
+           of(_tasks, lambda tasks: tasks.status.count(FAILED))),
     Metric("tasks_cancelled", "", NONE, "orders that were cancelled, since nobody had picked them in time",
-           _of_tasks(lambda tasks: tasks.status.count(CANCELLED))),
+           of(_tasks, lambda tasks: tasks.status.count(CANCELLED))),
     Metric("tasks_handed_over", "", LESS,
            "how often an order's load was left for another robot to fetch, since its robot was lost (`tasks.retry.hand_over`)",
            _events("handed_over")),
@@ -175,7 +164,7 @@ METRICS = (
     Metric("lead_time_p95_s", "s", LESS, "95th percentile of the same", quantile(_LEAD_TIME_S, 0.95)),
     Metric("lead_time_max_s", "s", LESS, "maximum of the same", statistic(_LEAD_TIME_S, np.max)),
     Metric("warm_up_s", "s", NONE, "when the warm-up ends, by MSER-5 on lead times; null where the run is too short to tell",
-           _of_tasks(steady_from)),
+           of(_tasks, steady_from)),
     Metric("cycle_assignment_s", "s", LESS,
            "mean time that these orders waited for a robot; this and the next five add up to `lead_time_mean_s`",
            part(_cycle, "assignment")),
@@ -198,15 +187,15 @@ METRICS = (
            "share of the time after the warm-up for which the busiest place of a station served a robot", statistic(_utilisation, np.max)),
     Metric("station_utilisation_mean", "", NONE, "mean of the same over all places where a stop was made",
            statistic(_utilisation, np.mean)),
-    Metric("planner_calls", "", NONE, "answers that the planner was asked for while robots drove", _calls(lambda calls: calls.asked)),
+    Metric("planner_calls", "", NONE, "answers that the planner was asked for while robots drove", of(_calls, lambda calls: calls.asked)),
     Metric("planner_calls_late", "", LESS,
            "of these, requests for which `execution.planning.effort` did not suffice; robots kept what they had",
-           _calls(lambda calls: calls.late)),
+           of(_calls, lambda calls: calls.late)),
     Metric("planner_calls_failed", "", LESS,
            "of these, requests without a plan, or with one that could not be driven; robots kept what they had",
-           _calls(lambda calls: calls.failed)),
+           of(_calls, lambda calls: calls.failed)),
     Metric("planner_calls_stepped", "", LESS, "late or failed requests in a row from the second on, which PIBT answered for a window",
-           _calls(lambda calls: calls.stepped)),
+           of(_calls, lambda calls: calls.stepped)),
     Metric("planner_calls_stopped", "", LESS, "such requests that PIBT could not answer either: robots stopped at the ends of their ways",
-           _calls(lambda calls: calls.stopped)),
+           of(_calls, lambda calls: calls.stopped)),
 )

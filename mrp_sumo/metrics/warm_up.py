@@ -12,12 +12,9 @@ LEAST_BATCHES = 4  # below which nothing can be said
 
 
 def warm_up_length(series: ArrayLike) -> int | None:
-    """Number of observations to leave out so that the standard error of the mean of the rest is least.
+    """Number of observations to leave out, a multiple of five, so that the standard error of the mean of the rest is least.
 
-    Returns
-    -------
-    int or None
-        A multiple of five; None where the series is too short to tell: half of it or more would be left out.
+    None where the series is too short to tell: half of it or more would be left out.
     """
     values = np.asarray(series, np.float64)
     num_batches = len(values) // BATCH

@@ -3,29 +3,19 @@
 Robots are looked at once a second, after nothing but their positions: each is in the zone of the vertex of the plan graph nearest to it.
 """
 
-from collections.abc import Callable
-
 import numpy as np
 
 from mrp_sumo.core.execution import Execution
-from mrp_sumo.core.graph import FloatArray, IntArray, NavGraph, PlanGraph, frozen
+from mrp_sumo.core.graph import NavGraph, PlanGraph, frozen
 from mrp_sumo.core.places import places_of
 from mrp_sumo.core.zone_log import ZoneLog
-from mrp_sumo.metrics.metric import NONE, TOGETHER, Function, Metric
+from mrp_sumo.metrics.metric import NONE, TOGETHER, Evidence, Metric, of
 
 LOOK_S = 1.0  # between looks at where robots are
 
 
 def occupancy(execution: Execution, graph: PlanGraph, nav: NavGraph) -> ZoneLog:
-    """Occupation of each zone. Looks at some samples at a time.
-
-    Parameters
-    ----------
-    execution
-        With at least one sample.
-    graph, nav
-        The graph that robots drove on, and the map as drawn.
-    """
+    """Occupation of each zone of a map by robots that drove on a plan graph, with at least one sample. Looks at some at a time."""
     from scipy.spatial import cKDTree
 
     places, tree = places_of(graph, nav), cKDTree(graph.xy)
@@ -55,17 +45,16 @@ def occupancy(execution: Execution, graph: PlanGraph, nav: NavGraph) -> ZoneLog:
     )
 
 
-def _largest(read: Callable[[ZoneLog], FloatArray | IntArray]) -> Function:
-    """The largest value of a zone; None where no zone was entered."""
-    return lambda run: read(run.zones).max().item() if run.zones and len(run.zones.name) else None
+def _entered(run: Evidence) -> ZoneLog | None:
+    return run.zones if run.zones and len(run.zones.name) else None
 
 
 # fmt: off
 METRICS = (
     Metric("zone_occupancy_max", "", NONE,
            "share of the time for which at least one robot was in the zone where that is most; see zones.parquet",
-           _largest(lambda zones: zones.occupied_share)),
+           of(_entered, lambda zones: zones.occupied_share.max().item())),
     Metric("zone_robots_mean_max", "", NONE, "mean number of robots in the zone where it is most",
-           _largest(lambda zones: zones.robots_mean)),
-    Metric("zone_robots_max", "", NONE, "most robots in one zone at a time", _largest(lambda zones: zones.robots_max)),
+           of(_entered, lambda zones: zones.robots_mean.max().item())),
+    Metric("zone_robots_max", "", NONE, "most robots in one zone at a time", of(_entered, lambda zones: zones.robots_max.max().item())),
 )

@@ -10,6 +10,7 @@ from mrp_sumo.drive.loop import simulate
 from mrp_sumo.drive.retime import retime
 from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.metrics.facilities import METRICS, lift_use
+from mrp_sumo.metrics.metric import Evidence
 
 
 def test_a_lift_is_busy_while_it_comes_and_while_a_robot_is_in_it(tmp_path):
@@ -33,4 +34,4 @@ def test_a_lift_is_busy_while_it_comes_and_while_a_robot_is_in_it(tmp_path):
 def test_a_door_opens_when_it_begins_to(doors, openings):
     (metric,) = (metric for metric in METRICS if metric.name == "door_openings")
     log = SimpleNamespace(door_name=doors, door_state=np.array([1, 2, 3, 0, 1, 2]))
-    assert metric.function(SimpleNamespace(execution=SimpleNamespace(facilities=log))) == openings
+    assert metric(Evidence(None, None, None, SimpleNamespace(facilities=log, tasks=None))) == openings

@@ -40,13 +40,9 @@ RULES: tuple[Callable[[Logs], Iterator[Finding]], ...] = (
 
 
 def operations_audit(logs: Logs) -> dict[str, Any]:
-    """Look over the work of a run.
+    """Look over the work of a run: `passed`, and `findings` by time, of each rule at most `LISTED`.
 
-    Returns
-    -------
-    dict
-        `passed`, and `findings` by time, of each rule at most `LISTED`: `rule`, `t_s`, `robot`, `place`, `order` (names, None where there
-        is none) and `text`, a line for people.
+    A finding has `rule`, `t_s`, `robot`, `place`, `order` (names, None where there is none) and `text`, a line for people.
     """
     findings = [finding for rule in RULES for finding in islice(rule(logs), LISTED)]
     findings.sort(key=lambda finding: finding.t_s)
