@@ -27,25 +27,11 @@ def worst(batch: BatchFolder, count: int) -> list[BatchRecord]:
 
 
 def archive_worst(batch: BatchFolder, count: int, report: Callable[[str], None], making: Making, *, write_page: str) -> int:
-    """Repeat the worst runs of a batch with run folder and replay page. Runs that are archived already are left alone.
+    """Repeat the worst runs of a batch that has ended, with run folder and replay page; returns how many of them there are then.
 
-    Parameters
-    ----------
-    batch
-        A batch whose runs have ended.
-    count
-        How many runs.
-    report
-        Called with a line for each run that could not be archived, or ended otherwise than before.
-    making
-        By whom the batch was made: processes of this machine repeat runs, within the suite's limits.
-    write_page
-        `module:function` that writes REPLAY into a run folder; worker processes import it.
-
-    Returns
-    -------
-    int
-        How many of the worst runs are in the archive.
+    Runs that are archived already are left alone; processes of this machine repeat the others, within the suite's limits.
+    `write_page` is `module:function` that writes REPLAY into a run folder, for worker processes to import. `report` gets a line for each
+    run that could not be archived, or ended otherwise than before.
     """
     chosen = {record["key"]: record for record in worst(batch, count)}
     places = {key: (batch.folder / ARCHIVE / key).resolve() for key in chosen}

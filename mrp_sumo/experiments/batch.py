@@ -137,24 +137,11 @@ def run_batch(
     function: str = MEASURE,
     chooser: Chooser | None = None,
 ) -> BatchFolder:
-    """Make all runs of a suite that have no result yet, and the tables of all.
+    """Make all runs of a suite that have no result yet, and the tables of all, by a function `module:name`.
 
-    Raises MrpSumoError for a suite, folder or cluster that cannot be used, and when results cannot be written. Results written so far stay.
-
-    Parameters
-    ----------
-    file
-        The suite.
-    folder
-        Where results are kept.
-    watcher
-        Its callbacks.
-    making
-        By whom runs are made and within which limits.
-    function
-        `module:name` of what makes a run.
-    chooser
-        Says which runs are wanted, instead of the suite: asked at first, and again whenever a run has ended, until no more are.
+    A chooser says which runs are wanted, instead of the suite: it is called at first, and again whenever a run has ended, until no more
+    are. Raises MrpSumoError for a suite, folder or cluster that cannot be used, and when results cannot be written. Results written so far
+    stay.
     """
     if folder.exists():  # before there is a lock in a folder of others
         require_ours(folder, file.name, code_version())
@@ -186,7 +173,7 @@ def run_batch(
             if chooser is not None:
                 _write_plan(batch)
             if all(run.key in batch.status for run in batch.runs) and not tables_are_whole(folder):
-                write_tables(folder, _in_order(batch))
+                write_tables(folder, (read_record(record_path(folder, run.key)) for run in batch.runs))
             log.add(", ".join(f"{count} {status}" for status, count in sorted(batch.counts().items())))
         except OSError as error:
             raise BatchError(
@@ -321,10 +308,6 @@ def _record(batch: BatchFolder, run: PlannedRun, answer: Answer, attempts: int) 
         **{name: answer[name] for name in ("machine", "python", "run_wall_s", "run_cpu_s", "peak_memory_mb")},
         **({"observed": answer["observed"]} if "observed" in answer else {}),
     }
-
-
-def _in_order(batch: BatchFolder) -> Iterator[BatchRecord]:
-    return (read_record(record_path(batch.folder, run.key)) for run in batch.runs)
 
 
 def _write_plan(batch: BatchFolder) -> None:

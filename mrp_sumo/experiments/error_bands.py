@@ -21,6 +21,7 @@ from mrp_sumo.io.documents import Place
 from mrp_sumo.io.scenario.file import ScenarioFile
 from mrp_sumo.io.scenario.keys import unknown_key
 from mrp_sumo.io.scenario.names import robot_types
+from mrp_sumo.io.scenario.read import changed
 
 USUAL = 0.1  # share by which quantities move up and down whose interval nobody has given
 MOST_QUANTITIES = 15  # that a design has room for
@@ -80,16 +81,10 @@ class Effect:
 
 
 def quantities(file: ScenarioFile, bounds: Bounds, stations: Sequence[str]) -> tuple[Quantity, ...]:
-    """Quantities of a scenario with their intervals: those that are given, those that its types and disturbances carry, else the usual.
+    """Quantities of a scenario with intervals: those that the user gives, that its types and disturbances carry, else the usual.
 
-    Parameters
-    ----------
-    bounds
-        Intervals that the user gives, by key.
-    stations
-        Where robots are served, the busiest first.
-
-    Raises MrpSumoError: one line, for an interval of what is no number, and one that does not hold the scenario's value.
+    Stations are those where robots are served, the busiest first. Raises MrpSumoError: one line, for an interval of what is no number, and
+    one that does not hold the scenario's value.
     """
     known = dict(_carried(file)) | dict(_given(file, bounds))
     usual: dict[Place, float] = {(*OF_FLEET, name): value for name, value in vars(file.scenario.robots.factor).items()}
@@ -137,14 +132,8 @@ def design(count: int) -> FloatArray:
 def effects(of: Sequence[Quantity], settings: FloatArray, block: FloatArray, figures: FloatArray) -> tuple[Effect, ...]:
     """Effects of quantities, the largest first, by least squares with Student's limits of 95 %.
 
-    Parameters
-    ----------
-    settings
-        [M, K] of `design`.
-    block
-        [M] number of the seed: runs of one seed have the same orders.
-    figures
-        [M] of the runs, NaN: none.
+    Of M runs: their settings [M, K] of `design`; the number of the seed of each [M], since runs of one seed have the same orders; and their
+    figures [M], NaN: none.
     """
     there = np.isfinite(figures)
     blocks = [(block == b).astype(np.float64) for b in np.unique(block[there])]
@@ -209,7 +198,8 @@ def _name(place: Place) -> str:
 def _carried(file: ScenarioFile) -> Iterator[tuple[Place, tuple[float, float]]]:
     """Intervals that types and disturbances carry; the widest where types have their own."""
     factors = vars(file.scenario.robots.factor)
-    carrying = [(name, getattr(model, name), bounds) for model in robot_types(_plain(file)) for name, bounds in model.intervals.items()]
+    plain = changed(file, {OF_FLEET: ("--error-bands", dict.fromkeys(factors, 1.0))})  # with factors, types have no intervals
+    carrying = [(name, getattr(model, name), bounds) for model in robot_types(plain) for name, bounds in model.intervals.items()]
     for name in factors:
         shares = [(low / value, high / value) for each, value, (low, high) in carrying if each == name]
         if shares:
@@ -218,20 +208,11 @@ def _carried(file: ScenarioFile) -> Iterator[tuple[Place, tuple[float, float]]]:
         yield (*DISTURBING, name), bounds
 
 
-def _plain(file: ScenarioFile) -> ScenarioFile:
-    """The scenario without factors on its types: with factors, types have no intervals."""
-    from mrp_sumo.io.scenario.read import changed
-
-    return changed(file, {OF_FLEET: ("--error-bands", dict.fromkeys(vars(file.scenario.robots.factor), 1.0))})
-
-
 def _given(file: ScenarioFile, bounds: Bounds) -> Iterator[tuple[Place, tuple[float, float]]]:
     """Intervals that the user gives, by key of the scenario."""
     for key, (low, high) in bounds.items():
-        if fault := unknown_key(key):
-            raise MrpSumoError(f"--interval {key}: {fault}")
         place: Place = tuple(key.split("."))
-        value = _value(file, place, key)
+        value = value_of(file, key)
         if not (math.isfinite(low) and math.isfinite(high) and low <= value <= high):
             raise MrpSumoError(f"--interval {key}: found {low:g}:{high:g}, expected the scenario's value within it, {value:g}")
         if place[:2] == OF_TYPE:
@@ -244,10 +225,7 @@ def value_of(file: ScenarioFile, key: str) -> float:
     """A scenario's value of a key. Raises MrpSumoError where it is no number."""
     if fault := unknown_key(key):
         raise MrpSumoError(f"--interval {key}: {fault}")
-    return _value(file, tuple(key.split(".")), key)
-
-
-def _value(file: ScenarioFile, place: Place, key: str) -> float:
+    place: Place = tuple(key.split("."))
     if place[:2] == OF_TYPE:
         if len(place) != 3 or place[2] not in vars(file.scenario.robots.factor):
             known = [f"robots.type.{name}" for name in Factors.__dataclass_fields__]
@@ -263,9 +241,8 @@ def _value(file: ScenarioFile, place: Place, key: str) -> float:
         for part in place:
             value = value.get(part) if isinstance(value, dict) else None
     if not isinstance(value, float | int) or isinstance(value, bool):
-        raise MrpSumoError(
-            f"--interval {key}: the scenario has no number there, expected a key with one, such as robots.type.max_speed_mps"
-        )
+        expected = "expected a key with one, such as robots.type.max_speed_mps"
+        raise MrpSumoError(f"--interval {key}: the scenario has no number there, {expected}")
     return float(value)
 
 

@@ -20,22 +20,11 @@ TRIAL_S = 1.5  # CPU time of the planner for one draw
 
 
 def with_first_fleet(file: ScenarioFile, count: int | None = None, seed: int | None = None) -> tuple[ScenarioFile, str]:
-    """The scenario with the first number of robots, and the first seed, of which its planner finds a plan in a few seconds.
+    """The scenario of a map alone with the first number of robots, and the first seed, of which its planner finds a plan in a few seconds.
 
-    On narrow maps some draws ask robots to pass each other where they cannot. Raises MrpSumoError where not even one robot can be set up,
-    or not as many as the user wants, with what would do.
-
-    Parameters
-    ----------
-    file
-        Of a map alone.
-    count, seed
-        Those of the user, where he says them. Of none that is tried, the last one stays.
-
-    Returns
-    -------
-    ScenarioFile, str
-        The scenario, and why a larger number was refused, '' where none was.
+    On narrow maps some draws ask robots to pass each other where they cannot. Numbers and seeds are those of the user, where he says them;
+    of none that is tried, the last one stays. Returns why a larger number was refused, too, '' where none was. Raises MrpSumoError where
+    not even one robot can be set up, or not as many as the user wants, with what would do.
     """
     if count is not None and seed is not None:
         return file, ""

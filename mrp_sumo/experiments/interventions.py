@@ -36,11 +36,8 @@ class Interventions(Listener):
     def ask(self, order: Mapping[str, Any]) -> str:
         """Have something done at the next step. Returns why not, '' where it will be.
 
-        Parameters
-        ----------
-        order
-            `do`: `break` with `robot`, a number; `close` with `between`, the names of two vertices; `add` with `stops`, names of stations.
-            The first two also take `duration_s`, null: for good.
+        An order has `do`: `break` with `robot`, a number; `close` with `between`, the names of two vertices; `add` with `stops`, names
+        of stations. The first two also take `duration_s`, null: for good.
         """
         try:
             match order:

@@ -16,12 +16,7 @@ LOOK_S = 0.2
 def compiling(report: Callable[[str, float, float], None], *, execute: bool) -> Iterator[None]:
     """Report how many kernels are compiled while the planner is prepared inside; nothing is reported where none is missing.
 
-    Parameters
-    ----------
-    report
-        Called with the stage, the number of kernels that are stored and the number that are needed.
-    execute
-        Whether the plan will be driven, which takes kernels of its own.
+    Reported are the stage, the number of kernels that are stored and of those that are needed: more of them where the plan will be driven.
     """
     from mrp_sumo.search import _kernel
 

@@ -72,23 +72,10 @@ def _measured(run: RunFolder, metrics: Sequence[Metric]) -> Metrics:
 
 
 def measure_batch(folder: Path, metrics: Sequence[Metric], report: Callable[[str], None]) -> tuple[int, int]:
-    """Add metrics to the results of a batch, from the traces of its runs; runs without a trace have none.
+    """Add metrics to the results of a batch that is not under way, from the traces of its runs; runs without a trace have none.
 
-    Raises BatchError when it is no batch, under way, or no run has a trace.
-
-    Parameters
-    ----------
-    folder
-        Of a batch that is not under way.
-    metrics
-        Which.
-    report
-        Called with a line about each trace that cannot be read.
-
-    Returns
-    -------
-    num_measured, num_runs
-        Of the runs that have ended; those count as measured for which any of the metrics has a value.
+    Returns the number of runs for which any of the metrics has a value, and of all that have ended; `report` gets a line about each trace
+    that cannot be read. Raises BatchError when it is no batch, under way, or no run has a trace.
     """
     planned = read_plan(folder)["keys"]
     keys = [key for key in planned if record_path(folder, key).is_file()]

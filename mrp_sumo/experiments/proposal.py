@@ -201,7 +201,8 @@ def _fitting_type(map_values: Mapping[str, Any], folder: Path, maps: MapCache, w
     candidates: list[tuple[str, str | dict[str, Any], str]] = [(name, name, guess) for name in (LARGE, MEDIUM)[not is_industrial :]]
     if vehicle := smallest.map.longest_vehicle:
         read = "length and speed" if vehicle.width_m is None else "size and speed"
-        candidates.insert(0, (vehicle.name, _written_out(vehicle), f"{read} are those of the map's {vehicle.name!r}, the rest is guessed"))
+        own = {key: value for key, value in asdict(type_like(vehicle)).items() if key not in ("name", "source")}
+        candidates.insert(0, (vehicle.name, own, f"{read} are those of the map's {vehicle.name!r}, the rest is guessed"))
     for name, model, why in candidates:
         try:
             setup = with_type(model, count)
@@ -214,11 +215,6 @@ def _fitting_type(map_values: Mapping[str, Any], folder: Path, maps: MapCache, w
             f"{name}: reaches {_reached(setup):.0f} of {reached:.0f} {'m2' if setup.problem.graph.kind == 'grid' else 'stations'}"
         )
     return smallest, f"guessed, as larger ones do not fit ({refused[-1]})"
-
-
-def _written_out(vehicle: ListedVehicle) -> dict[str, Any]:
-    """A type of robots as a scenario writes it out."""
-    return {key: value for key, value in asdict(type_like(vehicle)).items() if key not in ("name", "source")}
 
 
 def type_like(vehicle: ListedVehicle) -> RobotType:

@@ -33,15 +33,8 @@ class PairedMeans:
 def t_mean(values: ArrayLike, confidence: float = 0.95, resolution: float = 0.0) -> Interval:
     """A mean with Student's limits; infinite limits for one value, NaN for none. Values that are not finite are left out.
 
-    Parameters
-    ----------
-    values
-        [N] observations.
-    confidence
-        Of the limits.
-    resolution
-        Step in which values are counted. The count of a steady process in a span that begins at any time may vary by half a step without
-        showing it in a few values, so that a deviation below that is not believed: equal counts have limits, too.
+    `resolution` is the step in which values are counted. The count of a steady process in a span that begins at any time may vary by half a
+    step without showing it in a few values, so that a deviation below that is not believed: equal counts have limits, too.
     """
     x = np.asarray(values, np.float64)
     x = x[np.isfinite(x)]
@@ -56,15 +49,12 @@ def t_mean(values: ArrayLike, confidence: float = 0.95, resolution: float = 0.0)
 
 
 def paired_t(first: ArrayLike, second: ArrayLike, confidence: float = 0.95, resolution: float = 0.0) -> PairedMeans:
-    """Student's test of whether two alternatives differ, of their differences on common random numbers.
+    """Student's test of whether two alternatives differ, of their differences on common random numbers, seed by seed.
 
-    Parameters
-    ----------
-    first, second
-        [N] values, seed by seed; pairs without both values are left out.
-    confidence, resolution
-        As for `t_mean`, of the differences.
+    Pairs without both values are left out; confidence and resolution are those of `t_mean`, of the differences.
     """
+    from scipy.special import stdtr
+
     a, b = np.asarray(first, np.float64), np.asarray(second, np.float64)
     both = np.isfinite(a) & np.isfinite(b)
     a, b = a[both], b[both]
@@ -75,7 +65,7 @@ def paired_t(first: ArrayLike, second: ArrayLike, confidence: float = 0.95, reso
         return PairedMeans(of_a.value, of_b.value, mean, 1.0, math.nan)
     apart, spread = float(a.var(ddof=1) + b.var(ddof=1)), float(d.var(ddof=1))
     error = max(math.sqrt(spread), resolution / 2) / math.sqrt(len(d))
-    p_value = 2 * _below(-abs(mean.value) / error, len(d) - 1) if error else float(mean.value == 0)
+    p_value = 2 * float(stdtr(len(d) - 1, -abs(mean.value) / error)) if error else float(mean.value == 0)
     return PairedMeans(of_a.value, of_b.value, mean, p_value, 1 - spread / apart if apart else 0.0)
 
 
@@ -83,9 +73,3 @@ def t_quantile(share: float, freedom: int) -> float:
     from scipy.special import stdtrit
 
     return float(stdtrit(freedom, share))
-
-
-def _below(t: float, freedom: int) -> float:
-    from scipy.special import stdtr
-
-    return float(stdtr(freedom, t))

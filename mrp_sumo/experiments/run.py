@@ -146,7 +146,9 @@ def finish(setup: SetUp, solution: Solution, maps: MapCache, options: RunOptions
     audited = _audited(setup, problem, execution) if execution else None
     seen = in_words(audited) if audited else ""
     note = "; ".join(filter(None, (note, seen, *(_remarks(execution, problem.fleet.robot_name) if execution else ()), *setup.notes)))
-    lanes = lane_keeping(execution, setup.map.nav, on_lane_m(_tracks_apart_m(setup))) if execution else None
+    cut = setup.scenario.discretisation
+    apart_m = cut.cell_m if cut.kind == "roadmap" and (cut.lanes == "two_way" or cut.doubled) else 0.0  # of the two tracks of a lane
+    lanes = lane_keeping(execution, setup.map.nav, on_lane_m(apart_m)) if execution else None
     if execution:
         let_go_of_samples(execution)
     faults: list[PlugInError] = []
@@ -201,12 +203,6 @@ def _with_work_judged(result: "RunResult") -> "RunResult":
     work = operations_audit(logs_of(result))
     note = "; ".join(filter(None, (result.note, in_words(work))))
     return replace(result, operations_audit=plain(work), note=note, status=result.status if work["passed"] else "audit_failed")
-
-
-def _tracks_apart_m(setup: SetUp) -> float:
-    """The distance between the two tracks of a lane, 0 where all lanes are single tracks."""
-    choice = setup.scenario.discretisation
-    return choice.cell_m if choice.kind == "roadmap" and (choice.lanes == "two_way" or choice.doubled) else 0.0
 
 
 def _unanswered(execution: Execution) -> str:

@@ -32,14 +32,9 @@ def require_bounds(file: ScenarioFile, bounds: Bounds, maps: MapCache) -> None:
 
 
 def with_error_bands(result: "RunResult", bounds: Bounds, run: Callable[[ScenarioFile], "RunResult"]) -> "RunResult":
-    """The result with how much its main figures move; without figures it stays as it is.
+    """The result with how much its main figures move in runs of other scenarios, within intervals that the user gives and those known.
 
-    Parameters
-    ----------
-    bounds
-        Intervals that the user gives.
-    run
-        Makes a run of a scenario.
+    Without figures it stays as it is.
     """
     measures = MEASURES[result.setup.scenario.tasks is not None]
     values = {name: float(value) for name in measures if (value := result.metrics.get(name)) is not None}

@@ -133,14 +133,7 @@ class Solution:
 def solve(setup: SetUp, *, execute: bool = False, progress: StageReport = silent) -> Solution:
     """Assign and plan within the time limit, and judge the plan. A plug-in that fails is a result too.
 
-    Parameters
-    ----------
-    setup
-        Of one problem.
-    execute
-        Whether the plan will be driven: what that takes is compiled at the same time as what planning takes.
-    progress
-        Called with the stage and how far it is.
+    Where the plan will be driven, what that takes is compiled at the same time as what planning takes.
     """
     try:
         return _solve(setup, execute, progress)

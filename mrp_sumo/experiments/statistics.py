@@ -112,17 +112,7 @@ def _bootstrap(
     confidence: float = 0.95,
     seed: int = 0,
 ) -> Interval:
-    """The interval of a statistic of at least two values.
-
-    Parameters
-    ----------
-    x, value
-        [N] values and their statistic.
-    statistic
-        Of the rows of [n, N] resampled values.
-    without
-        [N] jackknife: the statistic without each value.
-    """
+    """The interval of a statistic of at least two values [N]; it is taken of rows [n, N] of resampled ones, and without each value [N]."""
     if np.ptp(x) == 0:
         return Interval(value, value, value, len(x))
     rng = np.random.default_rng([seed, len(x)])
@@ -223,23 +213,10 @@ def holm(p_values: Sequence[float]) -> list[float]:
 
 
 def success_rates(planned: ArrayLike, succeeded: ArrayLike, confidence: float = 0.95) -> tuple[Interval, Interval]:
-    """MRP-Bench's two success rates of executed runs.
+    """MRP-Bench's two success rates of N executed runs: normalised, what the execution is worth, and overall, with the planner.
 
-    Parameters
-    ----------
-    planned
-        [N] whether the planner found a plan that counts within its time limit: a valid one for us, any one for MRP-Bench.
-    succeeded
-        [N] whether all robots then reached their goals within theirs.
-    confidence
-        Of the intervals.
-
-    Returns
-    -------
-    normalised
-        Successes of the runs that had a plan: what the execution is worth.
-    overall
-        Successes of all runs: what planner and execution are worth together.
+    `planned` tells whether the planner found a plan that counts within its time limit: a valid one for us, any one for MRP-Bench;
+    `succeeded` whether all robots then reached their goals within theirs. The first is of the runs that had a plan, the second of all.
     """
     p, s = np.asarray(planned, np.bool_), np.asarray(succeeded, np.bool_)
     won = int(np.count_nonzero(p & s))

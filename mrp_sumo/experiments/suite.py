@@ -143,16 +143,9 @@ def read_suite(path: Path) -> SuiteFile:
 
 
 def runs_of(file: SuiteFile, code: str, *, run_programs: bool = True) -> list[PlannedRun]:
-    """Every run of a suite, in the order of its axes, the last fastest. Raises ScenarioError: one line a fault of a scenario.
+    """Every run of a suite, in the order of its axes, the last fastest; the version of the code is part of their keys.
 
-    Parameters
-    ----------
-    file
-        The suite.
-    code
-        Version of the code that will run, part of the keys.
-    run_programs
-        Whether plug-in files may run; those that are not trusted are refused then.
+    Where plug-in files may run, those that are not trusted are refused. Raises ScenarioError: one line a fault of a scenario.
     """
     count = file.suite.repeat
     for _, values in file.axes:
