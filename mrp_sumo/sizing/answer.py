@@ -125,15 +125,11 @@ class Answer:
     @property
     def notes(self) -> tuple[str, ...]:
         """Caveats that a reader should know before believing the figures."""
-        notes = (
-            []
-            if self.in_time
-            else [
-                f"{duration(self.question.effort.budget_s)} were over before all runs were made; the answer is from those that were; "
-                "the same command with a larger --budget goes on from there"
-            ]
-        )
-        own = self.question.file.scenario.planner.name
+        notes, own = [], self.question.file.scenario.planner.name
+        if not self.in_time:
+            over = f"{duration(self.question.effort.budget_s)} were over before all runs were made"
+            more = "the same command with a larger --budget goes on from there"
+            notes.append(f"{over}; the answer is from those that were; {more}")
         if self.planner != own and self.question.has_tasks:
             notes.append(f"planned with {self.planner}, since {own} left more than 1 % of its requests unanswered")
         notes += [f"{count(point.robots, 'robot')}: not counted; {point.fault}" for point in self.unfit]
@@ -150,9 +146,9 @@ class Answer:
             notes.append("the limits are of the runs on which sizes were chosen, and may be too narrow: there were no new ones")
         if self.limits and self.served and _too_short(self.served):
             notes.append("runs are too short to tell whether orders are on time: most are due after the end; give a longer --horizon")
-        short = [p.robots for p in self.points if self.limits and not p.is_steady]
+        short = ", ".join(str(p.robots) for p in self.points if self.limits and not p.is_steady)
         if short:
-            notes.append(f"runs are too short to tell the warm-up with {_listed(short)} robots; the first half is left out there")
+            notes.append(f"runs are too short to tell the warm-up with {short} robots; the first half is left out there")
         if self.limits and self.limits.first_deadlock is not None:
             point = self.limits.curve.points[self.limits.first_deadlock]
             notes.append(
@@ -370,10 +366,6 @@ def _confirmed(size: Confirmation) -> dict[str, Any]:
 
 def _number(value: float) -> float | None:
     return round(value, 3) if isfinite(value) else None
-
-
-def _listed(numbers: Sequence[int]) -> str:
-    return ", ".join(map(str, numbers))
 
 
 def _robots_do(num: int, limits: str = "") -> str:

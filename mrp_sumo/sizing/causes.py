@@ -10,14 +10,15 @@ Where a robot goes next is read from where it went. Nothing is taken from plans,
 """
 
 from collections import Counter, defaultdict
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from mrp_sumo.core.angles import wrapped
 from mrp_sumo.core.execution import Execution
-from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, PlanGraph
+from mrp_sumo.core.graph import FloatArray, IntArray, PlanGraph
 from mrp_sumo.core.places import Places
 from mrp_sumo.metrics.facilities import lift_use
 
@@ -39,36 +40,32 @@ class Pressed:
 
 
 @dataclass(frozen=True, eq=False)
-class Doing:
-    """States of R robots at K looks."""
+class Look:
+    """States of R robots at a look."""
 
-    vertex: IntArray  # [K, R] where they are
-    towards: IntArray  # [K, R] the next vertex that they went to, NONE: no other
-    aim: IntArray  # [K, R] the place of their next stop, NONE: none
-    served: IntArray  # [K, R] the stop that is being made, NONE: none
-    last: IntArray  # [K, R] the vertex of the stop before
-    stands: BoolArray  # [K, R]
-    busy: BoolArray  # [K, R] has a task
-    onward: IntArray  # [K, R, 2] the next two places that they went to, NONE: no other
+    vertex: list[int]  # where they are
+    towards: list[int]  # the next vertex that they went to, NONE: no other
+    aim: list[int]  # the place of their next stop, NONE: none
+    served: list[int]  # the stop that is being made, NONE: none
+    last: list[int]  # the vertex of the stop before
+    stands: list[bool]
+    busy: list[bool]  # has a task
+    place: list[int]
+    onward: list[list[int]]  # [R, 2] the next two places that they went to, NONE: no other
+
+    @cached_property
+    def at(self) -> dict[int, int]:
+        """The robot at each vertex that has one."""
+        return {v: r for r, v in enumerate(self.vertex)}
 
 
 def causes(
     execution: Execution, graph: PlanGraph, places: Places, since_s: float, planning_share: float, num_places: Mapping[Cause, int]
 ) -> dict[Cause, Pressed]:
-    """Causes for which robots stood from a time on, and how much of that time each was pressed.
+    """Causes for which robots stood from a time on, in a run with tasks, and how much of that time each was pressed.
 
-    Parameters
-    ----------
-    execution
-        With tasks.
-    graph, places
-        What was driven on, and what people call it.
-    since_s
-        The warm-up is left out.
-    planning_share
-        Of the time, for which the planner was at work.
-    num_places
-        Places of stations, and to charge, those that nobody went to included.
+    `places` are what people call places of the graph that was driven on; `planning_share` is that of the time for which the planner was at
+    work; `num_places` has those of stations, and to charge, those that nobody went to included.
     """
     stops, tasks = execution.stops, execution.tasks
     if stops is None or tasks is None or execution.sim_time_s <= since_s:
@@ -78,11 +75,9 @@ def causes(
     of_place = dict(zip(stops.vertex.tolist(), name))
     room = {cause: num_places.get(cause, num) for cause, num in Counter(of_place.values()).items()}
     t_s, look = _looks(execution, since_s)
-    doing = _doing(execution, graph, places, t_s, look)
     floor = _floor(graph, places)
     waited, pressed = defaultdict[Cause, int](int), defaultdict[Cause, set[int]](set)
-    for k in range(len(t_s)):
-        row = _Look(doing, k, places)
+    for k, row in enumerate(_looked_at(execution, graph, places, t_s, look)):
         served = Counter(name[s] for s in row.served if s != NONE)
         for cause, num_served in served.items():
             if num_served >= room[cause]:
@@ -98,19 +93,6 @@ def causes(
         before = pressed_by.get(("lift", lift.name), Pressed(0.0, 0.0))
         pressed_by["lift", lift.name] = Pressed(before.waited_s, max(before.share, lift.busy_share))
     return pressed_by
-
-
-class _Look:
-    """A row of `Doing`, as lists."""
-
-    def __init__(self, doing: Doing, k: int, places: Places) -> None:
-        self.vertex, self.towards, self.aim = doing.vertex[k].tolist(), doing.towards[k].tolist(), doing.aim[k].tolist()
-        self.served: list[int] = doing.served[k].tolist()
-        self.last: list[int] = doing.last[k].tolist()
-        self.stands, self.busy = doing.stands[k].tolist(), doing.busy[k].tolist()
-        self.at = {v: r for r, v in enumerate(self.vertex)}
-        self.place: list[int] = places.of_vertex[doing.vertex[k]].tolist()
-        self.onward: list[list[int]] = doing.onward[k].tolist()
 
 
 @dataclass(frozen=True)
@@ -134,7 +116,7 @@ def _floor(graph: PlanGraph, places: Places) -> _Floor:
     return _Floor(places, dict(beside))
 
 
-def _comes_out(r: int, look: _Look, floor: _Floor, ahead: int) -> int:
+def _comes_out(r: int, look: Look, floor: _Floor, ahead: int) -> int:
     """The aisle that a robot before a free place is to enter, where somebody is in it who comes out towards that place; else NONE."""
     mouth = int(floor.places.of_vertex[ahead])
     aisle = next((p for p in look.onward[r] if p not in (NONE, mouth, look.place[r]) and floor.places.kind[p] in AISLES), NONE)
@@ -148,7 +130,7 @@ def _comes_out(r: int, look: _Look, floor: _Floor, ahead: int) -> int:
     return NONE
 
 
-def _cause(r: int, look: _Look, name: list[Cause], of_place: dict[int, Cause], floor: _Floor, planning_share: float) -> Cause:
+def _cause(r: int, look: Look, name: list[Cause], of_place: dict[int, Cause], floor: _Floor, planning_share: float) -> Cause:
     """What a robot that stands waits for in the end."""
     seen = {r}
     while True:
@@ -184,7 +166,7 @@ def _looks(execution: Execution, since_s: float) -> tuple[FloatArray, IntArray]:
     return t[look], look
 
 
-def _doing(execution: Execution, graph: PlanGraph, places: Places, t_s: FloatArray, look: IntArray) -> Doing:
+def _looked_at(execution: Execution, graph: PlanGraph, places: Places, t_s: FloatArray, look: IntArray) -> Iterator[Look]:
     from scipy.spatial import cKDTree
 
     stops, tasks = execution.stops, execution.tasks
@@ -207,16 +189,15 @@ def _doing(execution: Execution, graph: PlanGraph, places: Places, t_s: FloatArr
         onward[k] = np.where(moves[:, None], np.stack([place[k + 1], onward[k + 1, :, 0]], 1), onward[k + 1])
     aim, served, last = (np.full(vertex.shape, NONE) for _ in range(3))
     busy = np.zeros(vertex.shape, np.bool_)
-    for robot, since_s, begin_s, end_s, place, s in zip(
-        *(column.tolist() for column in (stops.robot, stops.since_s, stops.begin_s, stops.end_s, stops.vertex)), range(len(stops.robot))
-    ):
+    columns = (stops.robot, stops.since_s, stops.begin_s, stops.end_s, stops.vertex)
+    for s, (robot, since_s, begin_s, end_s, v) in enumerate(zip(*(column.tolist() for column in columns))):
         a, b, c = np.searchsorted(t_s, [since_s, begin_s, end_s])
-        aim[a:b, robot], served[b:c, robot], last[c:, robot] = place, s, place
+        aim[a:b, robot], served[b:c, robot], last[c:, robot] = v, s, v
     for robot, assigned_s, done_s in zip(tasks.robot.tolist(), tasks.assigned_s.tolist(), tasks.done_s.tolist()):
         if robot >= 0 and np.isfinite(assigned_s):
             a, b = np.searchsorted(t_s, [assigned_s, done_s if np.isfinite(done_s) else np.inf])
             busy[a:b, robot] = True
-    return Doing(vertex, towards, aim, served, last, stands, busy, onward)
+    yield from (Look(*(column.tolist() for column in row)) for row in zip(vertex, towards, aim, served, last, stands, busy, place, onward))
 
 
 def _one_lane_on(graph: PlanGraph, vertex: IntArray, towards: IntArray) -> IntArray:

@@ -36,7 +36,10 @@ class Confirmation:
 def confirmations(desk: Desk, limit: Limits | None, served: Served | None) -> tuple[Confirmation, ...]:
     """Have the sizes of the answer driven in SUMO, and compare. Raises Missing."""
     sizes = list(_named(limit, served))
-    trials = {(kind, n): _in_sumo(kind, curve.points[n], curve.planner) for _, kind, n, curve in sizes}
+    trials = {}
+    for _, kind, n, curve in sizes:  # the first runs of each again
+        first, num = curve.points[n].first_seed, min(SEEDS, len(curve.points[n].records))
+        trials[kind, n] = [Trial(kind, n, seed, IN_SUMO, curve.planner) for seed in range(first, first + num)]
     records = iter(desk.records([trial for of_size in trials.values() for trial in of_size]))
     horizon_s, within_s = desk.question.effort.horizon_s, served.within_s if served else 0.0
     points = {size: Point(size[1], horizon_s, tuple(next(records) for _ in of_size), of_size[0].seed) for size, of_size in trials.items()}
@@ -45,12 +48,6 @@ def confirmations(desk: Desk, limit: Limits | None, served: Served | None) -> tu
         measure, before, after = _measured(kind, curve.points[n], points[kind, n], within_s)
         confirmed.append(Confirmation(name, n, measure, paired_t(before[: len(after)], after)))
     return tuple(confirmed)
-
-
-def _in_sumo(kind: str, point: Point, planner: str) -> list[Trial]:
-    """The first runs of a fleet again."""
-    seeds = range(point.first_seed, point.first_seed + min(SEEDS, len(point.records)))
-    return [Trial(kind, point.robots, seed, IN_SUMO, planner) for seed in seeds]
 
 
 def most_trials(has_tasks: bool, robots: int) -> list[Trial]:

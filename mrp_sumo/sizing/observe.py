@@ -51,7 +51,9 @@ def observation(result: RunResult) -> dict[str, Any]:
     orders, stops = orders_of(execution.tasks, execution.stops)
     assert stops is not None
     steady_s = steady_from(orders) or 0.0
-    x, y, every = _looks(execution)
+    period_s = float(execution.t_s[1] - execution.t_s[0]) if len(execution.t_s) > 1 else LOOK_S
+    every = max(1, round(LOOK_S / period_s))
+    x, y = execution.x_m[::every], execution.y_m[::every]
     calls = execution.calls or PlannerCalls()
     planning_share = min(1.0, calls.asked * settings.planning.budget_s / execution.sim_time_s)
     places = places_of(graph, result.nav)
@@ -108,13 +110,6 @@ def _stations(stops: StopLog, num_places: Mapping[Cause, int], since_s: float, e
             "over_s": round(end_s - since_s, 2),
         }
     return by_name
-
-
-def _looks(execution: Execution) -> tuple[FloatArray, FloatArray, int]:
-    """x and y of robots [K, R] at whole looks, and samples between them."""
-    period_s = float(execution.t_s[1] - execution.t_s[0]) if len(execution.t_s) > 1 else LOOK_S
-    every = max(1, round(LOOK_S / period_s))
-    return execution.x_m[::every], execution.y_m[::every], every
 
 
 def _waiting(execution: Execution, graph: PlanGraph, since_s: float) -> FloatArray:

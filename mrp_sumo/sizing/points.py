@@ -146,13 +146,9 @@ class Point:
         return t_mean(self.per_h, resolution=self.step_per_h)
 
     def punctual(self, within_s: float) -> FloatArray:
-        """[R] share of orders that are done when they are due, of those that are due within the run; the first are left out. NaN for
-        a run that broke, or is too short for most of its orders to be due.
+        """[R] share of orders that are done when they are due, of those that are due within the run; the first are left out.
 
-        Parameters
-        ----------
-        within_s
-            After they come, orders without a due time are due.
+        Orders without a due time are due `within_s` after they come. NaN for a run that broke, or is too short for most to be due.
         """
 
         def share(t: Mapping[str, FloatArray]) -> float:

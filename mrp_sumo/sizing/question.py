@@ -206,12 +206,9 @@ def _busiest(streams: tuple[StreamChoice, ...]) -> list[float]:
     if any(stream.arrivals.rate_per_h is None for stream in streams):
         return []
     moments = range(24 * 60)
-    return max(([_rate(stream, m / len(moments)) for stream in streams] for m in moments), key=sum, default=[])
-
-
-def _rate(stream: StreamChoice, part: float) -> float:
-    profile = stream.arrivals.profile or (1.0,)
-    return (stream.arrivals.rate_per_h or 0.0) * profile[int(part * len(profile))]
+    by_stream = [(stream.arrivals.rate_per_h or 0.0, stream.arrivals.profile or (1.0,)) for stream in streams]
+    rates = ([per_h * profile[int(m / len(moments) * len(profile))] for per_h, profile in by_stream] for m in moments)
+    return max(rates, key=sum, default=[])
 
 
 def require_sizes(low: int, high: int) -> None:

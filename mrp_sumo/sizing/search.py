@@ -13,7 +13,7 @@ seeds, and those chosen are then *measured* on as many new ones, from which alon
 the new runs confirm it; where they do not, the next size outwards is tried.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from math import isnan, sqrt
@@ -399,43 +399,35 @@ def one_shot(desk: Desk) -> Served:
     question, curve = desk.question, Curve(desk, ONE_SHOT)
     target, least = question.on_time, question.sizes[0]
 
+    def rate(point: Point) -> Interval:
+        return wilson(point.num_succeeded, len(point.records), ONE_SIDED)
+
     def judge(n: int) -> int | None:
-        return _judge(
-            curve, n, question.effort, f"fleets of {n} and more", lambda p: wilson(p.num_succeeded, len(p.records), ONE_SIDED), target
-        )
+        return _judge(curve, n, question.effort, f"fleets of {n} and more", rate, target)
 
     fails = None
     for n in grid(question):
         if (verdict := judge(n)) is None or verdict < 0:
             fails = n if verdict is not None else None
             break
-    good = max((n for n in curve.sizes if n != fails and _succeeded(curve, n) >= target), default=None)
+    good = max((n for n in curve.sizes if n != fails and rate(curve.points[n]).value >= target), default=None)
     while good is not None and fails is not None and fails > max(good + 1, good * question.effort.gap):
         middle = (good + fails) // 2
         verdict = judge(middle)
         if verdict is None:
             break
-        good, fails = (good, middle) if verdict < 0 or _succeeded(curve, middle) < target else (middle, fails)
+        good, fails = (good, middle) if verdict < 0 or rate(curve.points[middle]).value < target else (middle, fails)
     if good is None:
         return Served(curve, Bracket(None, None, None if fails is None else max(0, fails - 1)), target)
-    sure = max((n for n in curve.sizes if n <= good and _sure(curve, n, target)), default=least if good == least else None)
+    sure = max((n for n in curve.sizes if n <= good and rate(curve.points[n]).low > target), default=least if good == least else None)
     return Served(curve, Bracket(good, sure, None if fails is None else fails - 1), target)
-
-
-def _sure(curve: Curve, n: int, target: float) -> bool:
-    point = curve.points[n]
-    return wilson(point.num_succeeded, len(point.records), ONE_SIDED).low > target
-
-
-def _succeeded(curve: Curve, n: int) -> float:
-    return curve.points[n].num_succeeded / len(curve.points[n].records)
 
 
 def _judge(curve: Curve, n: int, effort: Effort, reason: str, interval: Callable[[Point], Interval], target: float) -> int | None:
     """1: the target is reached, -1: it is not, or the runs do not count; 0: undecided with all the seeds allowed; None: it cannot be told,
     or the budget is spent.
     """
-    for seeds in _growing(effort):
+    for seeds in (*range(effort.seeds, effort.most_seeds, STEP), effort.most_seeds):
         if not curve.ask({n: max(seeds, curve.seeds(n))}, reason):
             return None if n not in curve.points else 0
         if n not in curve.points:
@@ -446,11 +438,6 @@ def _judge(curve: Curve, n: int, effort: Effort, reason: str, interval: Callable
         if mean.low >= target or mean.high < target:
             return 1 if mean.value >= target else -1
     return 0
-
-
-def _growing(effort: Effort) -> Iterator[int]:
-    yield from range(effort.seeds, effort.most_seeds, STEP)
-    yield effort.most_seeds
 
 
 def _guess(saturated: Curve, question: Question) -> int:

@@ -164,13 +164,12 @@ class Study:
         self.setup = self._fits(question.sizes[1])
         for text in question.what_if:
             if text != AUTO:
-                self._check_change(text)
+                self._check(Trial(SATURATED, question.sizes[0], 0, text))
         if question.bounds is not None:
             design(len(self._quantities))
             for level in (-1.0, 1.0):
-                self._check(
-                    Trial(SATURATED, question.sizes[0], 0, moves=tuple(values_at(self._quantities, [level] * MOST_QUANTITIES).items()))
-                )
+                moves = tuple(values_at(self._quantities, [level] * MOST_QUANTITIES).items())
+                self._check(Trial(SATURATED, question.sizes[0], 0, moves=moves))
 
     @property
     def nav(self) -> NavGraph:
@@ -236,21 +235,10 @@ class Study:
         *,
         wondered: Callable[[Answer | None], None] = lambda answer: None,
     ) -> Answer | None:
-        """Make the runs that are missing, and answer. Raises MrpSumoError as `run_batch` does.
+        """Make the runs that are missing, kept in a folder, and answer; None where the study was stopped before an answer is known.
 
-        Parameters
-        ----------
-        folder
-            Where runs are kept.
-        watcher, making
-            As for `run_batch`.
-        wondered
-            Called whenever the search has looked at what there is, with the answer once it is known.
-
-        Returns
-        -------
-        Answer or None
-            None where the study was stopped before it is known.
+        `wondered` is called whenever the search has looked at what there is, with the answer once it is known. Raises MrpSumoError as
+        `run_batch` does.
         """
         self.question = self.charged
         answer: Answer | None = None
@@ -325,9 +313,6 @@ class Study:
         tasks = self.question.file.scenario.tasks
         served = {name for stream in tasks.streams for name in (*(stream.stops or ()), *(stream.matrix or {}))} if tasks else set()
         return quantities(self.question.file, dict(self.question.bounds or ()), sorted(served))
-
-    def _check_change(self, text: str) -> None:
-        self._check(Trial(SATURATED, self.question.sizes[0], 0, text))
 
     def _check(self, trial: Trial) -> None:
         with MapCache() as maps:
