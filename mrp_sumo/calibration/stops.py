@@ -2,8 +2,8 @@
 
 A vehicle that is held brakes, stands and goes on. Holds that end before it stands, or before the log shows it, are not seen: the
 likelihood is that of a Poisson stream of lognormal holds of which only the longer ones are. Not counted are stands at actions, where the
-way bends, where many of those who pass stand, with another vehicle near, and where the log says that the way ahead was not free. Few
-stops do not tell how long stops last: then they last as usual, and a weak prior keeps more of them from being too short to be seen.
+way bends, where many of those who pass stand without such a reason, with another vehicle near, and where the log says that the way ahead
+was not free. The rate is the posterior's median over all durations that stops may have; a prior has them last about as long as usual.
 """
 
 from dataclasses import dataclass
@@ -22,7 +22,9 @@ CHORD = 1.57  # of a disc of radius 1, on average
 EDGE = 2  # samples at the ends of a leg, where a stop would not be told from its end
 LEAST_PERIODS = 3.0  # of a stand that is surely seen
 FEW = 5  # stops, from which on they tell how long stops last
-USUAL_S, USUAL_SIGMA, SHORT_S = 6.0, 0.5, 4.0  # of stops, where nobody knows better; the median of short ones
+USUAL_S, USUAL_SIGMA = 6.0, 0.5  # of stops, where nobody knows better
+USUAL_WITHIN = 0.5, 1.0  # standard deviations of the logarithms of both
+JEFFREYS = 0.5  # stops that a rate is taken to have shown before
 MEDIANS, SIGMAS = np.geomspace(0.5, 300.0, 110), np.linspace(0.05, 2.0, 60)
 
 
@@ -58,30 +60,21 @@ def fit_stops(
     drop
         Of the logarithm of a profile likelihood, at which ranges end.
     """
-    places = _Stands(phases)
-    others = _Others(phases)
+    unexplained = [_unexplained(each, visits) for each in phases]
+    places, others = _Stands(phases, unexplained), _Others(phases)
     holds, driven_s, periods = [], 0.0, []
     for number, each in enumerate(phases):
         track, t = each.track, each.track.t_s
         period_s = float(np.median(np.diff(t)))
         periods.append(period_s)
-        busy = [visit for visit in visits if visit.vehicle == track.vehicle]
-        before, after = {leg.to_stand: leg for leg in each.legs}, {leg.from_stand: leg for leg in each.legs}
         alone = ~others.near(track.vehicle, t, track.x_m, track.y_m)
         free = alone & ~(track.waits > 0) & ~places.often(track.x_m, track.y_m)
         for leg in each.legs:
             inner = np.arange(leg.first + EDGE, leg.last + 1 - EDGE)
             driven_s += float(((t[inner] - t[inner - 1]) * free[inner]).sum())
-        for k, stand in enumerate(each.stands):
-            if k not in before or k not in after or abs(wrapped(after[k].heading_rad - before[k].heading_rad)) > BEND_RAD:
-                continue
-            during = slice(stand.first, stand.last + 1)
-            legs = before[k], after[k]
-            if (
-                min(leg.last - leg.first for leg in legs) < EDGE + 1
-                or not free[during].all()
-                or any(v.begin_s < t[stand.last] and v.end_s > t[stand.first] for v in busy)
-            ):
+        for k, shortest in unexplained[number].items():
+            stand = each.stands[k]
+            if shortest <= EDGE or not free[stand.first : stand.last + 1].all():
                 continue
             lasted_s = left_s.get((number, k), t[stand.last] + period_s / 2) - came_s.get((number, k), t[stand.first] - period_s / 2)
             if lasted_s > LEAST_PERIODS * period_s:
@@ -90,38 +83,43 @@ def fit_stops(
     return _fit(np.array(holds), driven_s, seen_s, drop)
 
 
+def _unexplained(each: Phases, visits: list[ActionTime]) -> dict[int, int]:
+    """Stands of a vehicle on a straight way, without an action: the steps of the shorter leg beside each."""
+    t = each.track.t_s
+    busy = [visit for visit in visits if visit.vehicle == each.track.vehicle]
+    before, after = {leg.to_stand: leg for leg in each.legs}, {leg.from_stand: leg for leg in each.legs}
+    return {
+        k: min(leg.last - leg.first for leg in (before[k], after[k]))
+        for k, stand in enumerate(each.stands)
+        if k in before
+        and k in after
+        and abs(wrapped(after[k].heading_rad - before[k].heading_rad)) <= BEND_RAD
+        and not any(visit.begin_s < t[stand.last] and visit.end_s > t[stand.first] for visit in busy)
+    }
+
+
 def _fit(hold_s: FloatArray, driven_s: float, seen_s: float, drop: float) -> Stops:
-    from scipy.special import gammaincinv, ndtr
+    from scipy.special import gammainc, ndtr
 
-    count = len(hold_s)
-
-    def seen_share(median_s: float) -> float:
-        return float(ndtr(np.log(median_s / seen_s) / USUAL_SIGMA))
-
-    if count < FEW:  # which say nothing of those that are too short to be seen
-        driven_s = max(driven_s, 1e-9)
-        high = float(gammaincinv(count + 1, 0.95)) / driven_s / seen_share(SHORT_S)
-        low = float(gammaincinv(count, 0.05)) / driven_s if count else 0.0
-        return Stops(hold_s, (count / driven_s / seen_share(USUAL_S), low, high), None, None)
+    count, driven_s = len(hold_s), max(driven_s, 1e-9)
     log_median, sigma = np.log(MEDIANS)[:, None], SIGMAS[None, :]
     longer = np.maximum(ndtr((log_median - np.log(seen_s)) / sigma), 1e-12)
-    z2 = ((np.log(hold_s)[:, None, None] - log_median) ** 2).sum(0) / sigma**2
-    durations = -z2 / 2 - count * (np.log(sigma) + np.log(longer))
-    durations -= ((log_median - np.log(USUAL_S)) ** 2 + (np.log(sigma) - np.log(USUAL_SIGMA)) ** 2) / 2  # or all may be short ones
-    best = float(durations.max())
+    off = (log_median - np.log(USUAL_S)) / USUAL_WITHIN[0], (np.log(sigma) - np.log(USUAL_SIGMA)) / USUAL_WITHIN[1]
+    durations = -(off[0] ** 2 + off[1] ** 2) / 2
+    durations -= ((np.log(hold_s)[:, None, None] - log_median) ** 2).sum(0) / (2 * sigma**2) + count * np.log(sigma * longer)
+    weight = np.exp(durations - durations.max()) / sigma
+    cells = weight > 1e-6
+    rates = np.geomspace(1e-3, 1e3, 241) * (count + JEFFREYS) / driven_s
+    below = gammainc(count + JEFFREYS, rates[:, None] * driven_s * longer[cells]) @ weight[cells] / weight[cells].sum()
+    low, rate, high = np.interp((0.05, 0.5, 0.95), below, rates).tolist()
+    if not count:
+        low = rate = 0.0
+    if count < FEW:
+        return Stops(hold_s, (rate, low, high), None, None)
     i, j = np.unravel_index(int(np.argmax(durations)), durations.shape)
-    rate = count / (driven_s * longer[i, j])
-    rates = rate * np.geomspace(0.1, 10.0, 161)
-    expected = rates[:, None, None] * driven_s * longer
-    joint = (durations - best + count * (np.log(expected) - np.log(count)) - expected + count).max((1, 2))
-    ranges = [
-        _within(rates, joint, drop),
-        _within(MEDIANS, durations.max(1) - best, drop),
-        _within(SIGMAS, durations.max(0) - best, drop),
-    ]
-    values = [float(rate), float(MEDIANS[i]), float(SIGMAS[j])]
-    made = [(value, *ends) for value, ends in zip(values, ranges)]
-    return Stops(hold_s, *made)
+    median = float(MEDIANS[i]), *_within(MEDIANS, durations.max(1), drop)
+    spread = float(SIGMAS[j]), *_within(SIGMAS, durations.max(0), drop)
+    return Stops(hold_s, (rate, low, high), median, spread)
 
 
 def _within(at: FloatArray, log: FloatArray, drop: float) -> tuple[float, float]:
@@ -140,10 +138,10 @@ def _within(at: FloatArray, log: FloatArray, drop: float) -> tuple[float, float]
 class _Stands:
     """Places where vehicles stand, by how many of those who pass do."""
 
-    def __init__(self, phases: list[Phases]) -> None:
+    def __init__(self, phases: list[Phases], stands: list[dict[int, int]]) -> None:
         from scipy.spatial import cKDTree
 
-        xy = np.array([(stand.x_m, stand.y_m) for each in phases for stand in each.stands]).reshape(-1, 2)
+        xy = np.array([(each.stands[k].x_m, each.stands[k].y_m) for each, mine in zip(phases, stands) for k in mine]).reshape(-1, 2)
         places = [np.stack((each.track.x_m, each.track.y_m), 1) for each in phases]
         moving = np.concatenate([np.zeros((0, 2)), *(place[each.moving] for place, each in zip(places, phases))])
         steps = [np.hypot(*np.diff(place[each.moving], axis=0).T) for place, each in zip(places, phases) if each.moving.sum() > 1]

@@ -1,12 +1,11 @@
 import numpy as np
 import pytest
-from scipy.special import ndtr
 from shuttles import shuttle_rows
 
 from mrp_sumo.calibration.estimates import calibrated
 from mrp_sumo.calibration.log import ActionTime, MotionLog, Track
 from mrp_sumo.calibration.phases import Noise, phases_of
-from mrp_sumo.calibration.stops import _fit, _Stands
+from mrp_sumo.calibration.stops import _fit, _Stands, _unexplained
 from mrp_sumo.errors import MrpSumoError
 
 TRUTH = {"max_speed_mps": 1.2, "accel_mps2": 0.6, "decel_mps2": 0.8, "turn_rate_rad_s": 1.0, "speed_noise": 0.06}
@@ -93,9 +92,20 @@ def stops_of(holds, driven_s=10_000.0):
 
 def test_few_stops_count_for_those_that_are_too_short_to_be_seen():
     rate, low, high = stops_of([6.0, 8.0]).rate_per_s
-    assert rate == pytest.approx(2 / 10_000 / ndtr(np.log(6 / 5) / 0.5))
-    assert low < 2 / 10_000 < rate < high
+    assert rate > 1.3 * 2 / 10_000  # a median of about 6 s, so that a third lasts less than 5 s
+    assert low < 2 / 10_000 < high
     assert stops_of([]).rate_per_s[:2] == (0.0, 0.0)
+
+
+def test_intervals_of_rates_hold_the_truth_whether_stops_are_few_or_many():
+    rng, held = np.random.default_rng(7), {5.0: 0, 50.0: 0}
+    for expected in held:
+        for _ in range(60):
+            rate, median, sigma = expected / 10_000, 6.0 * np.exp(0.5 * rng.normal()), 0.5 * np.exp(0.5 * rng.normal())
+            holds = rng.lognormal(np.log(median), sigma, rng.poisson(expected))
+            _, low, high = stops_of(holds[holds > 5.0]).rate_per_s
+            held[expected] += low <= rate <= high
+    assert min(held.values()) >= 48  # of 60, where 54 are expected
 
 
 def test_stops_that_are_hardly_seen_are_not_taken_for_the_end_of_many_short_ones():
@@ -108,5 +118,15 @@ def test_place_where_one_of_many_stood_is_none_where_vehicles_often_stand():
     rng = np.random.default_rng(3)
     tracks = [Track("s", *(row for row in shuttle_rows(rng, trips=60).T), np.full(1, np.nan)) for _ in range(1)]
     phases = [phases_of(track, Noise(0.02, 0.02), 1.2) for track in tracks]
-    often = _Stands(phases).often(np.array([0.0, 7.0]), np.array([0.0, 0.0]))
+    every = [dict.fromkeys(range(len(each.stands)), 9) for each in phases]
+    often = _Stands(phases, every).often(np.array([0.0, 7.0]), np.array([0.0, 0.0]))
     assert often.tolist() == [True, False]  # it turns at the end, and passes the middle
+
+
+def test_stands_where_a_vehicle_turns_are_explained_and_one_on_its_way_is_not():
+    t = np.arange(0.0, 60.0)
+    x = np.where(t < 10, 0, np.where(t < 20, t - 10, np.where(t < 28, 10.0, np.where(t < 38, t - 18, np.where(t < 45, 20.0, 65 - t)))))
+    track = Track("s", t, np.maximum(x, 5.0), np.zeros(60), np.zeros(60), np.full(60, np.nan))
+    phases = phases_of(track, Noise(0.002, 0.002), 1.0)
+    assert [round(phases.stands[k].x_m) for k in _unexplained(phases, [])] == [10]
+    assert not _unexplained(phases, [ActionTime("s", "pick", "a", 20.0, 28.0)])
