@@ -249,6 +249,20 @@ def test_who_waits_at_a_place_is_served_when_it_is_given_it_not_before():
     assert robot.making.begin_s == 7.0
 
 
+@pytest.mark.parametrize(("is_free", "wait_at"), [(False, 4), (True, NONE)])
+def test_who_has_no_order_any_more_when_the_answer_comes_waits_for_no_place(is_free, wait_at):
+    fleet = Fleet([3], (0.0, (6, 7)))
+    fleet.crew.orders.reveal(0.0)
+    robot = fleet.crew.robots[0]
+    fleet.crew.orders.assign(0, 0, 0.0)
+    fleet.crew.give(robot, 0, 0.0, 0.0)
+    request = replace(work_request(fleet.crew, 0.0, fleet.context.closed, {}), waits={0: 4})
+    if is_free:
+        fleet.crew.set_free(robot, 0.5)
+    fleet.work.accepted(request, 1.0)
+    assert robot.wait_at == wait_at
+
+
 def test_a_robot_that_waits_for_a_place_is_not_there_though_it_makes_a_stop_where_it_is():
     """robot_0 makes its first stop in passing, at 3 where it stands, and robot_1 is before it at 5; robot_1 is there."""
     fleet = Fleet([3, 5], (0.0, (3, 5)), (0.0, (5,)), service_s=(1.0, 7.0))
