@@ -88,7 +88,7 @@ ROOMS = {  # the files of each, and the tests that hold it
     ),
     "crowd": (["mrp_sumo/crowd/*.py"], ["tests/crowd", "tests/experiments/test_people.py"]),
     "calibration": (
-        [f"mrp_sumo/calibration/{name}.py" for name in ("cruise", "estimates", "orders", "phases", "ramps", "site", "stops", "turning")],
+        [f"mrp_sumo/calibration/{name}.py" for name in ("cruise", "estimates", "orders", "phases", "ramps", "stops", "turning")],
         [f"tests/calibration/test_{name}.py" for name in ("estimates", "orders")],
     ),
     "predict": (

@@ -115,7 +115,7 @@ def write_archive(log: MotionLog, about: ArchiveHead, out: Path, map_: Path | No
 def _manifest(log: MotionLog, about: ArchiveHead, folder: Path) -> dict[str, Any]:
     """The manifest of tables that are written."""
     times = [row[0] for rows in log.poses.values() for row in rows]
-    rows = {STATES: len(times), ORDERS: len(log.orders), EVENTS: _num_events(log)}
+    rows = {STATES: len(times), ORDERS: len(log.orders), EVENTS: len(list(_rows_of(log)))}
     names = sorted({*log.poses, *(v.vehicle for v in log.visits), *(o.vehicle for o in log.orders if o.vehicle)})
     types = {name: log.types.get(name, "") for name in names}
     return {
@@ -210,10 +210,6 @@ def _rows_of(log: MotionLog) -> Iterator[tuple[str, str, str, float, float, floa
     for key, visit in visits.items():
         if key not in of_orders:
             yield visit.vehicle, visit.action, visit.station, visit.begin_s, visit.end_s, visit.told_s, "", -1
-
-
-def _num_events(log: MotionLog) -> int:
-    return sum(1 for _ in _rows_of(log))
 
 
 def _events(log: MotionLog) -> dict[str, Any]:
@@ -413,13 +409,7 @@ REMAINS = (
 
 
 def anonymised(log: MotionLog, about: ArchiveHead, *, moved: bool) -> tuple[MotionLog, ArchiveHead]:
-    """The log without names, dates and map, and what its manifest says.
-
-    Parameters
-    ----------
-    moved
-        Whether the origin is moved to the least x and y, too.
-    """
+    """The log without names, dates and map, and what its manifest says; moved, its origin is at the least x and y, too."""
     first_s = min(row[0] for rows in log.poses.values() for row in rows)
     places = np.array([row[1:3] for rows in log.poses.values() for row in rows])
     off = np.floor(places.min(0)) if moved else np.zeros(2)

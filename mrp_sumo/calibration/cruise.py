@@ -165,79 +165,57 @@ def fit_cruise(windows: Windows, noise: Noise, num_vehicles: int, confidence: fl
     """Fit noise, scatter and memory; None where there is too little to fit them to."""
     if len(windows.count) < 3 or windows.count.sum() < 30:
         return None
-    prior = _Prior(float(np.log(noise.position_m)), NOISE_PRIOR)
-    fit = _best(windows, np.log([noise.position_m, 0.05, 3.0]), num_vehicles, prior)
-    num_blocks = int(windows.block.max()) + 1
-    _, (mean, mean_influence) = _likelihood(windows, fit.theta, num_vehicles, num_blocks)
-    ends = (np.exp(_range(windows, fit, k, num_vehicles, prior, confidence)).tolist() for k in (1, 2))
+    likelihood = _Likelihood(windows, num_vehicles, float(np.log(noise.position_m)))
+    fit = _best(likelihood, np.log([noise.position_m, 0.05, 3.0]))
+    _, (mean, mean_influence) = likelihood.at(fit.theta, likelihood.num_blocks)
+    ends = (np.exp(_range(likelihood, fit, k, confidence)).tolist() for k in (1, 2))
     noise_range, tau_range = ((low, high) for low, high in ends)
     noise_m, relative, tau_s = np.exp(fit.theta).tolist()
     return Cruise(windows, mean, mean_influence, noise_m, Scatter(relative, tau_s), noise_range, tau_range)
 
 
-@dataclass(frozen=True)
-class _Prior:
-    """What stands say of the noise of positions."""
-
-    mean: float  # of its logarithm
-    deviation: float
-
-    def log(self, theta: FloatArray) -> float:
-        return -(((float(theta[0]) - self.mean) / self.deviation) ** 2) / 2
-
-
-def _bounds(prior: _Prior) -> tuple[FloatArray, FloatArray]:
-    return np.array([prior.mean - 1, np.log(1e-3), np.log(0.1)]), np.array([prior.mean + 1.5, np.log(1.0), np.log(300.0)])
-
-
-def _best(windows: Windows, theta: FloatArray, num_vehicles: int, prior: _Prior) -> _Fit:
+def _best(likelihood: "_Likelihood", theta: FloatArray) -> _Fit:
     """Levenberg's steps with the outer products of the blocks' scores."""
-    num_blocks = int(windows.block.max()) + 1
-    value = _total(windows, theta, num_vehicles, prior)
-    damping = 1e-2
+    value, damping = likelihood.total(theta), 1e-2
     for _ in range(25):
-        blocks, pull = _block_scores(windows, theta, num_vehicles, num_blocks), (prior.mean - theta[0]) / prior.deviation**2
+        blocks, pull = likelihood.block_scores(theta), (likelihood.usual_noise - theta[0]) / NOISE_PRIOR**2
         information = blocks.T @ blocks
-        information[0, 0] += prior.deviation**-2
+        information[0, 0] += NOISE_PRIOR**-2
         gradient = blocks.sum(0) + np.array([pull, 0.0, 0.0])
         gain = 0.0
         for _ in range(6):
             step = np.linalg.solve(information + damping * np.diag(np.diag(information) + 1e-6), gradient)
-            ahead = np.clip(theta + np.clip(step, -1.0, 1.0), *_bounds(prior))
-            new = _total(windows, ahead, num_vehicles, prior)
+            ahead = np.clip(theta + np.clip(step, -1.0, 1.0), *likelihood.bounds)
+            new = likelihood.total(ahead)
             if new > value + 1e-9:
                 gain, theta, value, damping = new - value, ahead, new, damping / 3
                 break
             damping *= 4
         if gain < 2e-3:
             break
-    blocks = _block_scores(windows, theta, num_vehicles, num_blocks)
-    return _Fit(theta, value, _hessian(windows, theta, num_vehicles, prior), blocks)
+    return _Fit(theta, value, likelihood.hessian(theta), likelihood.block_scores(theta))
 
 
-def _total(windows: Windows, theta: FloatArray, num_vehicles: int, prior: _Prior) -> float:
-    return float(_likelihood(windows, theta, num_vehicles)[0].sum()) + prior.log(theta)
-
-
-def _range(windows: Windows, fit: _Fit, k: int, num_vehicles: int, prior: _Prior, confidence: float) -> tuple[float, float]:
+def _range(likelihood: "_Likelihood", fit: _Fit, k: int, confidence: float) -> tuple[float, float]:
     """Where the profile likelihood of an unknown, scaled by what the blocks scatter, leaves its interval; the bounds where it does not."""
     inverse = np.linalg.pinv(fit.hessian)
     robust = inverse @ (fit.blocks.T @ fit.blocks) @ inverse
+    low, high = (float(bound[k]) for bound in likelihood.bounds)
     if not (inverse[k, k] > 0 and robust[k, k] > 0):
-        return tuple(float(bound[k]) for bound in _bounds(prior))  # type: ignore[return-value]
+        return low, high
     blocks = int(np.count_nonzero(np.abs(fit.blocks).sum(1)))
     reach = HELD * student(confidence, blocks - 1)
     drop = reach**2 / 2 * float(robust[k, k] / inverse[k, k])
     ends = []
-    for sign, bound in zip((-1.0, 1.0), _bounds(prior)):
+    for sign, bound in ((-1.0, low), (1.0, high)):
         inside, theta, step = 0.0, fit.theta.copy(), reach * float(np.sqrt(robust[k, k]))
         outside, low_theta = None, theta
         for _ in range(9):
             at = (inside + outside) / 2 if outside is not None else inside + step
-            value, theta = _profiled(windows, low_theta, fit, k, fit.theta[k] + sign * at, num_vehicles, prior)
+            value, theta = _profiled(likelihood, low_theta, fit, k, fit.theta[k] + sign * at)
             if fit.value - value < drop:
                 inside, low_theta, step = at, theta, step * 1.3
-                if sign * (fit.theta[k] + sign * at - bound[k]) >= 0:
+                if sign * (fit.theta[k] + sign * at - bound) >= 0:
                     break
             else:
                 outside = at
@@ -247,34 +225,28 @@ def _range(windows: Windows, fit: _Fit, k: int, num_vehicles: int, prior: _Prior
     return ends[0], ends[1]
 
 
-def _profiled(
-    windows: Windows, theta: FloatArray, fit: _Fit, k: int, at: float, num_vehicles: int, prior: _Prior
-) -> tuple[float, FloatArray]:
+def _profiled(likelihood: "_Likelihood", theta: FloatArray, fit: _Fit, k: int, at: float) -> tuple[float, FloatArray]:
     """The likelihood with one unknown fixed, and where: the others by a few steps from where they were."""
     others = [i for i in range(3) if i != k]
     inverse = np.linalg.pinv(fit.hessian[np.ix_(others, others)])
+
+    def bounded(theta: FloatArray) -> FloatArray:
+        theta = np.clip(theta, *likelihood.bounds)
+        theta[k] = at
+        return theta
+
     here = theta.copy()
     here[others] -= inverse @ fit.hessian[others, k] * (at - theta[k])
-    here[k] = at
-    here = np.clip(here, *_bounds(prior))
-    here[k] = at
-    value = _total(windows, here, num_vehicles, prior)
+    here = bounded(here)
+    value = likelihood.total(here)
     for _ in range(3):
-        gradient = np.zeros(len(others))
-        for i, other in enumerate(others):
-            up, down = here.copy(), here.copy()
-            up[other] += 0.02
-            down[other] -= 0.02
-            gradient[i] = (_total(windows, up, num_vehicles, prior) - _total(windows, down, num_vehicles, prior)) / 0.04
+        gradient = [(likelihood.total(here + h) - likelihood.total(here - h)) / 0.04 for h in 0.02 * np.eye(3)[others]]
         ahead = here.copy()
         ahead[others] += np.clip(inverse @ gradient, -0.7, 0.7)
-        ahead = np.clip(ahead, *_bounds(prior))
-        ahead[k] = at
-        new = _total(windows, ahead, num_vehicles, prior)
+        ahead = bounded(ahead)
+        new = likelihood.total(ahead)
         if new < value + 0.02:
-            if new > value:
-                value, here = new, ahead
-            break
+            return (new, ahead) if new > value else (value, here)
         value, here = new, ahead
     return value, here
 
@@ -284,75 +256,77 @@ def student(confidence: float, freedom: int) -> float:
     return t_quantile((1 + confidence) / 2, max(freedom, 1))
 
 
-def _block_scores(windows: Windows, theta: FloatArray, num_vehicles: int, num_blocks: int) -> FloatArray:
-    """[B, 3] of each block."""
-    return _by_block(_scores(windows, theta, num_vehicles), windows.block, num_blocks)
+@dataclass(frozen=True, eq=False)
+class _Likelihood:
+    """Likelihood of the logarithms theta [3] of noise, scatter and memory, each vehicle at its best mean."""
 
+    windows: Windows
+    num_vehicles: int
+    usual_noise: float  # its logarithm, as stands say it
 
-def _by_block(scores: FloatArray, block: IntArray, num_blocks: int) -> FloatArray:
-    summed = np.zeros((num_blocks, scores.shape[1]))
-    np.add.at(summed, block, scores)
-    return summed
+    @property
+    def num_blocks(self) -> int:
+        return int(self.windows.block.max()) + 1
 
+    @property
+    def bounds(self) -> tuple[FloatArray, FloatArray]:
+        """The least and the largest theta."""
+        noise = self.usual_noise
+        return np.array([noise - 1, np.log(1e-3), np.log(0.1)]), np.array([noise + 1.5, np.log(1.0), np.log(300.0)])
 
-def _scores(windows: Windows, theta: FloatArray, num_vehicles: int) -> FloatArray:
-    """[W, 3] of each window."""
-    h, columns = 0.02, []
-    for k in range(3):
-        up, down = theta.copy(), theta.copy()
-        up[k] += h
-        down[k] -= h
-        columns.append((_likelihood(windows, up, num_vehicles)[0] - _likelihood(windows, down, num_vehicles)[0]) / (2 * h))
-    return np.stack(columns, 1)
+    def total(self, theta: FloatArray) -> float:
+        """Of all windows, and of the noise beside that of stands."""
+        return float(self.at(theta)[0].sum()) - ((float(theta[0]) - self.usual_noise) / NOISE_PRIOR) ** 2 / 2
 
+    def scores(self, theta: FloatArray) -> FloatArray:
+        """[W, 3] of each window."""
+        return np.stack([(self.at(theta + h)[0] - self.at(theta - h)[0]) / 0.04 for h in 0.02 * np.eye(3)], 1)
 
-def _hessian(windows: Windows, theta: FloatArray, num_vehicles: int, prior: _Prior) -> FloatArray:
-    """[3, 3] minus the second derivatives of the log likelihood."""
-    h, rows = 0.05, []
-    for k in range(3):
-        up, down = theta.copy(), theta.copy()
-        up[k] += h
-        down[k] -= h
-        rows.append((_scores(windows, down, num_vehicles).sum(0) - _scores(windows, up, num_vehicles).sum(0)) / (2 * h))
-    hessian = np.array(rows)
-    hessian[0, 0] += prior.deviation**-2
-    symmetric: FloatArray = (hessian + hessian.T) / 2
-    return symmetric
+    def block_scores(self, theta: FloatArray) -> FloatArray:
+        """[B, 3] of each block."""
+        summed = np.zeros((self.num_blocks, 3))
+        np.add.at(summed, self.windows.block, self.scores(theta))
+        return summed
 
+    def hessian(self, theta: FloatArray) -> FloatArray:
+        """[3, 3] minus the second derivatives."""
+        hessian = np.array([(self.scores(theta - h).sum(0) - self.scores(theta + h).sum(0)) / 0.1 for h in 0.05 * np.eye(3)])
+        hessian[0, 0] += NOISE_PRIOR**-2
+        symmetric: FloatArray = (hessian + hessian.T) / 2
+        return symmetric
 
-def _likelihood(
-    windows: Windows, theta: FloatArray, num_vehicles: int, num_blocks: int = 0
-) -> tuple[FloatArray, tuple[FloatArray, FloatArray]]:
-    """[W] log likelihoods with each vehicle's best mean; and those means [R] with influences of blocks [R, B] on their logarithms."""
-    noise_m, (relative, tau_s) = float(np.exp(theta[0])), np.exp(theta[1:])
-    n = windows.dt_s.shape[1]
-    there = np.arange(n) < windows.count[:, None]
-    speed = windows.step_m.sum(1) / np.where(there, windows.dt_s, 0.0).sum(1)
-    usual = np.array([np.mean(speed[windows.vehicle == r]) if (windows.vehicle == r).any() else np.nan for r in range(num_vehicles)])
-    top = usual[windows.vehicle] / (1 - MEAN_LOSS * min(relative, 0.8))
-    x = np.concatenate((np.zeros((len(speed), 1)), np.cumsum(windows.dt_s, 1)), 1)
-    whole = integrated_cov(x, Scatter(float(relative), float(tau_s))) * (top**2)[:, None, None]
-    cov = whole[:, 1:, 1:] - whole[:, :-1, 1:] - whole[:, 1:, :-1] + whole[:, :-1, :-1]
-    k = np.arange(n)
-    cov[:, k, k] += 2 * noise_m**2
-    cov[:, k[1:], k[:-1]] -= noise_m**2
-    cov[:, k[:-1], k[1:]] -= noise_m**2
-    both = there[:, :, None] & there[:, None, :]
-    cov = np.where(both, cov, 0.0)
-    cov[:, k, k] = np.where(there, cov[:, k, k] + 1e-12, 1.0)
-    lower = np.linalg.cholesky(cov)
-    columns = np.stack((np.where(there, windows.dt_s, 0.0), np.where(there, windows.step_m, 0.0)), 2)
-    white = np.linalg.solve(lower, columns)
-    weight, product = (white[:, :, 0] ** 2).sum(1), (white[:, :, 0] * white[:, :, 1]).sum(1)
-    summed = np.zeros((2, num_vehicles))
-    np.add.at(summed[0], windows.vehicle, weight)
-    np.add.at(summed[1], windows.vehicle, product)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        mean = summed[1] / summed[0]
-    residual = white[:, :, 1] - white[:, :, 0] * mean[windows.vehicle][:, None]
-    logs = -(np.log(lower[:, k, k]) * there).sum(1) - (residual**2).sum(1) / 2
-    influence = np.zeros((num_vehicles, num_blocks))
-    if num_blocks:
-        own = (product - weight * mean[windows.vehicle]) / summed[0][windows.vehicle] / mean[windows.vehicle]
-        np.add.at(influence, (windows.vehicle, windows.block), own)
-    return logs, (mean, influence)
+    def at(self, theta: FloatArray, num_blocks: int = 0) -> tuple[FloatArray, tuple[FloatArray, FloatArray]]:
+        """[W] log likelihoods with each vehicle's best mean; and those means [R] with influences of blocks [R, B] on their logarithms."""
+        windows, num_vehicles = self.windows, self.num_vehicles
+        noise_m, (relative, tau_s) = float(np.exp(theta[0])), np.exp(theta[1:])
+        n = windows.dt_s.shape[1]
+        there = np.arange(n) < windows.count[:, None]
+        speed = windows.step_m.sum(1) / np.where(there, windows.dt_s, 0.0).sum(1)
+        usual = np.array([np.mean(speed[windows.vehicle == r]) if (windows.vehicle == r).any() else np.nan for r in range(num_vehicles)])
+        top = usual[windows.vehicle] / (1 - MEAN_LOSS * min(relative, 0.8))
+        x = np.concatenate((np.zeros((len(speed), 1)), np.cumsum(windows.dt_s, 1)), 1)
+        whole = integrated_cov(x, Scatter(float(relative), float(tau_s))) * (top**2)[:, None, None]
+        cov = whole[:, 1:, 1:] - whole[:, :-1, 1:] - whole[:, 1:, :-1] + whole[:, :-1, :-1]
+        k = np.arange(n)
+        cov[:, k, k] += 2 * noise_m**2
+        cov[:, k[1:], k[:-1]] -= noise_m**2
+        cov[:, k[:-1], k[1:]] -= noise_m**2
+        both = there[:, :, None] & there[:, None, :]
+        cov = np.where(both, cov, 0.0)
+        cov[:, k, k] = np.where(there, cov[:, k, k] + 1e-12, 1.0)
+        lower = np.linalg.cholesky(cov)
+        columns = np.stack((np.where(there, windows.dt_s, 0.0), np.where(there, windows.step_m, 0.0)), 2)
+        white = np.linalg.solve(lower, columns)
+        weight, product = (white[:, :, 0] ** 2).sum(1), (white[:, :, 0] * white[:, :, 1]).sum(1)
+        summed = np.zeros((2, num_vehicles))
+        np.add.at(summed[0], windows.vehicle, weight)
+        np.add.at(summed[1], windows.vehicle, product)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            mean = summed[1] / summed[0]
+        residual = white[:, :, 1] - white[:, :, 0] * mean[windows.vehicle][:, None]
+        logs = -(np.log(lower[:, k, k]) * there).sum(1) - (residual**2).sum(1) / 2
+        influence = np.zeros((num_vehicles, num_blocks))
+        if num_blocks:
+            own = (product - weight * mean[windows.vehicle]) / summed[0][windows.vehicle] / mean[windows.vehicle]
+            np.add.at(influence, (windows.vehicle, windows.block), own)
+        return logs, (mean, influence)

@@ -6,12 +6,14 @@ other by more than their episodes explain, each vehicle counts once. What a log 
 """
 
 import math
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
 from mrp_sumo.calibration.cruise import HELD, MEAN_LOSS, Cruise, Scatter, fit_cruise, of_top_speed, student, top_windows
-from mrp_sumo.calibration.log import MotionLog, Track
+from mrp_sumo.calibration.log import ActionTime, Charge, MotionLog, Track
 from mrp_sumo.calibration.phases import Noise, Phases, noise_of, phases_of, refined, usual_speed
 from mrp_sumo.calibration.ramps import Ramp, fit_ramp
 from mrp_sumo.calibration.stops import Stops, fit_stops
@@ -47,28 +49,36 @@ class CalibratedFigure:
         return {"value": self.value, "low": self.low, "high": self.high, "unit": self.unit, "count": self.count, "of": self.of}
 
 
+class Unknown(NamedTuple):
+    """A figure that the log does not show, and why."""
+
+    name: str
+    reason: str
+
+
 @dataclass(frozen=True, eq=False)
 class Fits:
     """Fits that the figures are from, for pictures."""
 
     noise: Noise
     phases: list[Phases]
+    speed_mps: float  # that vehicles usually drive
     speeding: Ramp | None
     braking: Ramp | None
     cruise: Cruise | None
     turning: TurnFit | None
-    stops: Stops | None
+    stops: Stops
 
 
-@dataclass
+@dataclass(frozen=True)
 class Calibration:
     """Figures of a log."""
 
     log: MotionLog
     vehicles: list[str]
     span_s: float
-    quantities: dict[str, CalibratedFigure] = field(default_factory=dict)
-    unknown: dict[str, str] = field(default_factory=dict)  # figure -> why the log does not tell it
+    quantities: Mapping[str, CalibratedFigure]
+    unknown: Mapping[str, str] = field(default_factory=dict)  # figure -> why the log does not show it
     fits: Fits | None = None
 
 
@@ -78,20 +88,23 @@ def calibrated(log: MotionLog) -> Calibration:
     vehicles = sorted({track.vehicle for track in tracks})
     if not tracks:
         raise MrpSumoError(f"{log.source}: no vehicle has four poses in a row without a gap: too short to tell anything")
-    speed = usual_speed(tracks)
-    noise = noise_of(tracks)
+    speed, noise = usual_speed(tracks), noise_of(tracks)
     if max(_extent_m(track) for track in tracks) < max(LEAST_EXTENT_M, 12 * noise.position_m):
         raise MrpSumoError(f"{log.source}: no vehicle drives: positions change by no more than their noise, {noise.position_m:.3f} m")
-    result = Calibration(log, vehicles, sum(float(track.t_s[-1] - track.t_s[0]) for track in tracks))
     phases: list[Phases] = []
     for _ in range(2):
         phases = [phases_of(track, noise, speed) for track in tracks]
         noise = refined(noise, phases)
-    _motion(result, phases, noise, speed, tracks)
-    _services(result)
-    _accuracy(result, phases, noise)
-    _battery(result)
-    return result
+    fits = _fitted(log, vehicles, phases, noise, speed)
+    figures = [*_driving(fits), *_services(log.visits), *_accuracy(phases, noise), *_battery(log.charges)]
+    return Calibration(
+        log,
+        vehicles,
+        sum(float(track.t_s[-1] - track.t_s[0]) for track in tracks),
+        {each.name: each for each in figures if isinstance(each, CalibratedFigure)},
+        {each.name: each.reason for each in figures if isinstance(each, Unknown)},
+        fits,
+    )
 
 
 def _extent_m(track: Track) -> float:
@@ -99,8 +112,9 @@ def _extent_m(track: Track) -> float:
     return float(np.hypot(*(np.subtract(*np.quantile(each, (0.98, 0.02))) for each in (track.x_m, track.y_m))))
 
 
-def _motion(result: Calibration, phases: list[Phases], noise: Noise, speed: float, tracks: list[Track]) -> None:
-    vehicles, guess, scatter, driving = result.vehicles, (0.5 * speed, 0.5 * speed), Scatter(0.05, 3.0), noise
+def _fitted(log: MotionLog, vehicles: list[str], phases: list[Phases], noise: Noise, speed: float) -> Fits:
+    """Ramps and cruise by turns, since each is fitted with what the other says; then turns and stops."""
+    guess, scatter, driving = (0.5 * speed, 0.5 * speed), Scatter(0.05, 3.0), noise
     cruise: Cruise | None = None
     speeding = braking = None
     for k in range(ROUNDS):
@@ -115,36 +129,10 @@ def _motion(result: Calibration, phases: list[Phases], noise: Noise, speed: floa
         if cruise is not None:
             scatter, speed = cruise.scatter, float(np.nanmedian(cruise.mean_mps))
             driving = Noise(cruise.noise_m, noise.heading_rad)
-    if cruise is None:
-        result.unknown["max_speed_mps"] = "no vehicle is at a steady speed for long enough on a straight way"
-    else:
-        _speeds(result, cruise)
-    for name, ramp in (("accel_mps2", speeding), ("decel_mps2", braking)):
-        if ramp is None:
-            result.unknown[name] = "too few vehicles leave a stand of three samples or come to one on a straight way"
-        elif ramp.value * AT_ONCE_S > speed:
-            result.unknown[name] = f"vehicles reach {speed:.2g} m/s, or stand, sooner than the log shows"
-        else:
-            misfit = MISFIT_M * 8 * ramp.value / speed**2
-            figure = _by_scores(name, "m/s^2", ramp.value, ramp.scores, ramp.episodes.vehicle, misfit)
-            result.quantities[name] = CalibratedFigure(*figure, ramp.count, "stops" if ramp is braking else "starts")
-    turning = fit_turning(tracks, noise, speed)
-    if turning is None:
-        any_heading = any(track.has_headings for track in tracks)
-        result.unknown["turn_rate_rad_s"] = "fewer than five turns in place" if any_heading else "the log has no headings"
-    else:
-        figure = _by_scores("turn_rate_rad_s", "rad/s", turning.value, turning.scores, np.arange(len(turning.scores)), 0.0)
-        result.quantities["turn_rate_rad_s"] = CalibratedFigure(*figure, len(turning.scores), "turns")
-    left_s, came_s = _times(speeding, 1.0), _times(braking, -1.0)
+    turning = fit_turning([each.track for each in phases], noise, speed)
     drop = student(CONFIDENCE, 30) ** 2 / 2
-    stops = fit_stops(phases, result.log.visits, noise, speed / guess[1], left_s, came_s, drop)
-    result.quantities["stops_per_s"] = CalibratedFigure("stops_per_s", "1/s", *stops.rate_per_s, len(stops.hold_s), "stops on the way")
-    for name, unit, figure3 in (("stop_median_s", "s", stops.median_s), ("stop_sigma", "", stops.sigma)):
-        if figure3 is None:
-            result.unknown[name] = f"{len(stops.hold_s)} stops on the way, expected five or more"
-        else:
-            result.quantities[name] = CalibratedFigure(name, unit, *figure3, len(stops.hold_s), "stops on the way")
-    result.fits = Fits(noise, phases, speeding, braking, cruise, turning, stops)
+    stops = fit_stops(phases, log.visits, noise, speed / guess[1], _times(speeding, 1.0), _times(braking, -1.0), drop)
+    return Fits(noise, phases, speed, speeding, braking, cruise, turning, stops)
 
 
 def _times(ramp: Ramp | None, sign: float) -> dict[tuple[int, int], float]:
@@ -154,10 +142,43 @@ def _times(ramp: Ramp | None, sign: float) -> dict[tuple[int, int], float]:
     return {(int(n), int(k)): float(t) for (n, k), t, used in zip(ramp.episodes.stand, at, ramp.used) if used}
 
 
-def _by_scores(
-    name: str, unit: str, value: float, scores: FloatArray, vehicle: IntArray, misfit: float
-) -> tuple[str, str, float, float, float]:
-    """A figure whose logarithm has a score for each episode; by vehicle where these differ by more than episodes explain."""
+def _driving(fits: Fits) -> Iterator[CalibratedFigure | Unknown]:
+    """How vehicles drive, turn and stop on the way."""
+    speed, turning, stops = fits.speed_mps, fits.turning, fits.stops
+    if fits.cruise is None:
+        yield Unknown("max_speed_mps", "no vehicle is at a steady speed for long enough on a straight way")
+    else:
+        yield from _speeds(fits.cruise)
+    for name, ramp, of in (("accel_mps2", fits.speeding, "starts"), ("decel_mps2", fits.braking, "stops")):
+        if ramp is None:
+            yield Unknown(name, "too few vehicles leave a stand of three samples or come to one on a straight way")
+        elif ramp.value * AT_ONCE_S > speed:
+            yield Unknown(name, f"vehicles reach {speed:.2g} m/s, or stand, sooner than the log shows")
+        else:
+            reach = _reach(ramp.scores, ramp.episodes.vehicle, MISFIT_M * 8 * ramp.value / speed**2)
+            yield _within_factor(name, "m/s^2", ramp.value, reach, ramp.count, of)
+    if turning is None:
+        any_heading = any(each.track.has_headings for each in fits.phases)
+        yield Unknown("turn_rate_rad_s", "fewer than five turns in place" if any_heading else "the log has no headings")
+    else:
+        count = len(turning.scores)
+        yield _within_factor("turn_rate_rad_s", "rad/s", turning.value, _reach(turning.scores, np.arange(count), 0.0), count, "turns")
+    count, of = len(stops.hold_s), "stops on the way"
+    yield CalibratedFigure("stops_per_s", "1/s", *stops.rate_per_s, count, of)
+    for name, unit, figure in (("stop_median_s", "s", stops.median_s), ("stop_sigma", "", stops.sigma)):
+        if figure is None:
+            yield Unknown(name, f"{count} {of}, expected five or more")
+        else:
+            yield CalibratedFigure(name, unit, *figure, count, of)
+
+
+def _within_factor(name: str, unit: str, value: float, reach: float, count: int, of: str) -> CalibratedFigure:
+    """A figure whose logarithm is known to a reach."""
+    return CalibratedFigure(name, unit, value, value * math.exp(-reach), value * math.exp(reach), count, of)
+
+
+def _reach(scores: FloatArray, vehicle: IntArray, misfit: float) -> float:
+    """Half the interval of a logarithm that has a score for each episode; by vehicle where these differ by more than episodes explain."""
     used = np.flatnonzero(scores)
     deviation = math.sqrt(float((scores**2).sum()) * len(used) / max(len(used) - 1, 1))
     freedom = len(used) - 1
@@ -168,12 +189,10 @@ def _by_scores(
         ratio = float((sums[there] ** 2).sum() / own.sum())
         if ratio > 1 + 3.0 * math.sqrt(2 / there.sum()):
             deviation, freedom = math.sqrt(float((sums**2).sum()) * there.sum() / (there.sum() - 1)), int(there.sum()) - 1
-    reach = math.hypot(HELD * student(CONFIDENCE, freedom) * deviation, student(CONFIDENCE, 1000) * misfit)
-    reach = min(reach, WIDEST)
-    return name, unit, value, value * math.exp(-reach), value * math.exp(reach)
+    return min(math.hypot(HELD * student(CONFIDENCE, freedom) * deviation, student(CONFIDENCE, 1000) * misfit), WIDEST)
 
 
-def _speeds(result: Calibration, cruise: Cruise) -> None:
+def _speeds(cruise: Cruise) -> Iterator[CalibratedFigure | Unknown]:
     """Top speed, the spread of vehicles about it, and the scatter in time."""
     known = np.flatnonzero(np.isfinite(cruise.mean_mps))
     means, blocks = np.log(cruise.mean_mps[known]), int(np.count_nonzero(np.abs(cruise.mean_influence).sum(0)))
@@ -188,16 +207,14 @@ def _speeds(result: Calibration, cruise: Cruise) -> None:
     below = math.hypot(top[0] - top[1], loss(s) - loss(low))
     above = math.hypot(top[2] - top[0], loss(high) - loss(s))
     value = top[0] + loss(s)
-    steps = int(cruise.windows.count.sum())
-    ends = math.exp(value), math.exp(value - below), math.exp(value + above)
-    result.quantities["max_speed_mps"] = CalibratedFigure("max_speed_mps", "m/s", *ends, steps, "steps at top speed")
-    result.quantities["speed_noise"] = CalibratedFigure("speed_noise", "", s, low, high, steps, "steps at top speed")
-    tau = (cruise.scatter.tau_s, *cruise.tau_range)
-    result.quantities["speed_noise_tau_s"] = CalibratedFigure("speed_noise_tau_s", "s", *tau, steps, "steps at top speed")
+    steps = int(cruise.windows.count.sum()), "steps at top speed"
+    yield CalibratedFigure("max_speed_mps", "m/s", math.exp(value), math.exp(value - below), math.exp(value + above), *steps)
+    yield CalibratedFigure("speed_noise", "", s, low, high, *steps)
+    yield CalibratedFigure("speed_noise_tau_s", "s", cruise.scatter.tau_s, *cruise.tau_range, *steps)
     if len(known) < 3:
-        result.unknown["speed_spread"] = f"{len(known)} vehicles at top speed, expected three or more"
+        yield Unknown("speed_spread", f"{len(known)} vehicles at top speed, expected three or more")
     else:
-        result.quantities["speed_spread"] = CalibratedFigure("speed_spread", "", *spread, len(known), "vehicles")
+        yield CalibratedFigure("speed_spread", "", *spread, len(known), "vehicles")
 
 
 def _spread_of(means: FloatArray, deviation: FloatArray) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
@@ -224,79 +241,71 @@ def _ends(at: FloatArray, log: FloatArray, drop: float) -> tuple[float, float]:
     return float(inside[0]), float(inside[-1])
 
 
-def _services(result: Calibration) -> None:
+def _services(visits: Iterable[ActionTime]) -> Iterator[CalibratedFigure | Unknown]:
     """Median and sigma of lognormal times, by action."""
-    from scipy.stats import chi2
-
     by_action: dict[str, list[float]] = {}
-    for visit in result.log.visits:
+    for visit in visits:
         by_action.setdefault(visit.action, []).append(visit.end_s - visit.begin_s)
     if not by_action:
-        result.unknown["actions"] = "the log does not say what vehicles do at stops"
+        yield Unknown("actions", "the log does not say what vehicles do at stops")
     for action, lasted in sorted(by_action.items()):
         times = np.array([each for each in lasted if each > 0])
         if len(times) < FEW:
-            result.unknown[f"actions.{action}"] = f"{len(times)} times, expected three or more"
+            yield Unknown(f"actions.{action}", f"{len(times)} times, expected three or more")
             continue
-        logs = np.log(times)
-        sigma, n = float(logs.std(ddof=1)), len(logs)
-        median, reach = float(np.exp(logs.mean())), student(CONFIDENCE, n - 1) * sigma / math.sqrt(n)
-        ends = median, median * math.exp(-reach), median * math.exp(reach)
-        result.quantities[f"actions.{action}.median_s"] = CalibratedFigure(
-            f"actions.{action}.median_s", "s", *ends, n, f"times of {action}"
-        )
-        low, high = (sigma * math.sqrt((n - 1) / float(chi2.ppf(q, n - 1))) for q in ((1 + CONFIDENCE) / 2, (1 - CONFIDENCE) / 2))
-        result.quantities[f"actions.{action}.sigma"] = CalibratedFigure(
-            f"actions.{action}.sigma", "", sigma, low, high, n, f"times of {action}"
-        )
+        logs, n, of = np.log(times), len(times), f"times of {action}"
+        sigma = float(logs.std(ddof=1))
+        reach = student(CONFIDENCE, n - 1) * sigma / math.sqrt(n)
+        yield _within_factor(f"actions.{action}.median_s", "s", float(np.exp(logs.mean())), reach, n, of)
+        low, high = (sigma * math.sqrt((n - 1) / chi2) for chi2 in _chi2(n - 1))
+        yield CalibratedFigure(f"actions.{action}.sigma", "", sigma, low, high, n, of)
 
 
-def _accuracy(result: Calibration, phases: list[Phases], noise: Noise) -> None:
-    """How far apart the places are at which vehicles stop for one place: standard deviation in x and y, without the noise of positions."""
-    from scipy.spatial import cKDTree
+def _chi2(freedom: int) -> tuple[float, float]:
+    """The upper and lower end of the interval of chi squared."""
     from scipy.stats import chi2
 
-    long = [
-        (stand.x_m, stand.y_m, stand.last - stand.first - 1) for each in phases for stand in each.stands if stand.last - stand.first > 4
-    ]
-    xy = np.array([row[:2] for row in long]).reshape(-1, 2)
+    return float(chi2.ppf((1 + CONFIDENCE) / 2, freedom)), float(chi2.ppf((1 - CONFIDENCE) / 2, freedom))
+
+
+def _accuracy(phases: list[Phases], noise: Noise) -> Iterator[CalibratedFigure | Unknown]:
+    """How far apart the places are at which vehicles stop for one place: standard deviation in x and y, without the noise of positions."""
+    from scipy.spatial import cKDTree
+
+    long = [(stand.x_m, stand.y_m, stand.last - stand.first - 1) for each in phases for stand in each.stands]
+    xy, count = np.array([row[:2] for row in long if row[2] > 3]).reshape(-1, 2), np.array([row[2] for row in long if row[2] > 3])
     squares, freedom, taken = 0.0, 0, np.zeros(len(xy), np.bool_)
-    if len(xy):
-        count = np.array([row[2] for row in long])
-        groups = cKDTree(xy).query_ball_point(xy, PLACE_M)
-        for k in sorted(range(len(xy)), key=lambda k: -len(groups[k])):
-            mine = np.array([i for i in groups[k] if not taken[i]], np.int64)
-            if len(mine) >= OFTEN:
-                taken[mine] = True
-                middle = np.median(xy[mine], 0)
-                near = mine[np.hypot(*(xy[mine] - middle).T) < 0.6 * PLACE_M]
-                if len(near) >= OFTEN:
-                    squares += float(((xy[near] - xy[near].mean(0)) ** 2).sum())
-                    squares -= (
-                        2 * float((math.pi / 2 * noise.position_m**2 / np.maximum(count[near], 1)).sum()) * (len(near) - 1) / len(near)
-                    )
-                    freedom += 2 * (len(near) - 1)
+    groups = cKDTree(xy).query_ball_point(xy, PLACE_M) if len(xy) else []
+    for k in sorted(range(len(xy)), key=lambda k: -len(groups[k])):
+        mine = np.array([i for i in groups[k] if not taken[i]], np.int64)
+        if len(mine) < OFTEN:
+            continue
+        taken[mine] = True
+        near = mine[np.hypot(*(xy[mine] - np.median(xy[mine], 0)).T) < 0.6 * PLACE_M]
+        if len(near) >= OFTEN:
+            of_noise = float((math.pi / 2 * noise.position_m**2 / np.maximum(count[near], 1)).sum())
+            squares += float(((xy[near] - xy[near].mean(0)) ** 2).sum())
+            squares -= 2 * of_noise * (len(near) - 1) / len(near)
+            freedom += 2 * (len(near) - 1)
     if freedom < 6:
-        result.unknown["stopping_m"] = "no place at which vehicles stop three times for five samples or more"
+        yield Unknown("stopping_m", "no place at which vehicles stop three times for five samples or more")
         return
-    mean_noise = noise.position_m**2 * math.pi / 2 / float(np.median([row[2] for row in long]))
+    mean_noise = noise.position_m**2 * math.pi / 2 / float(np.median(count))
     variance = max(squares / freedom, 0.0)
     total = variance + mean_noise
-    low, high = (math.sqrt(max(total * freedom / float(chi2.ppf(q, freedom)) - mean_noise, 0.0)) for q in (0.95, 0.05))
-    result.quantities["stopping_m"] = CalibratedFigure(
-        "stopping_m", "m", math.sqrt(variance), low, high, freedom // 2, "stops at the same places"
-    )
+    low, high = (math.sqrt(max(total * freedom / chi2 - mean_noise, 0.0)) for chi2 in _chi2(freedom))
+    yield CalibratedFigure("stopping_m", "m", math.sqrt(variance), low, high, freedom // 2, "stops at the same places")
 
 
-def _battery(result: Calibration) -> None:
+def _battery(charges: Iterable[Charge]) -> Iterator[CalibratedFigure | Unknown]:
     """Shares of the capacity an hour: drawn without charging, and charged."""
-    if not result.log.charges:
-        result.unknown["battery"] = "the log has no state of charge"
-        return
     slopes: dict[bool, list[float]] = {False: [], True: []}
     by_vehicle: dict[str, list[tuple[float, float, bool]]] = {}
-    for each in result.log.charges:
+    for each in charges:
         by_vehicle.setdefault(each.vehicle, []).append((each.t_s, each.share, each.charging))
+    if not by_vehicle:
+        yield Unknown("battery", "the log has no state of charge")
+        return
     for rows in by_vehicle.values():
         rows.sort()
         begin = 0
@@ -309,10 +318,7 @@ def _battery(result: Calibration) -> None:
     for name, charging in (("battery_drawn_per_h", False), ("battery_charged_per_h", True)):
         rates = np.array(slopes[charging]) * (1 if charging else -1)
         if len(rates) < FEW:
-            result.unknown[name] = f"{len(rates)} stretches of five minutes, expected three or more"
+            yield Unknown(name, f"{len(rates)} stretches of five minutes, expected three or more")
             continue
-        reach = student(CONFIDENCE, len(rates) - 1) * float(rates.std(ddof=1)) / math.sqrt(len(rates))
-        mean = float(rates.mean())
-        result.quantities[name] = CalibratedFigure(
-            name, "of the capacity an hour", mean, mean - reach, mean + reach, len(rates), "stretches"
-        )
+        mean, reach = float(rates.mean()), student(CONFIDENCE, len(rates) - 1) * float(rates.std(ddof=1)) / math.sqrt(len(rates))
+        yield CalibratedFigure(name, "of the capacity an hour", mean, mean - reach, mean + reach, len(rates), "stretches")

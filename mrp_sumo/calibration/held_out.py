@@ -15,9 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from mrp_sumo.calibration.log import ActionTime, LoggedOrder, MotionLog
+from mrp_sumo.calibration.log import ActionTime, LoggedOrder, MotionLog, levels_on, shift_on
 from mrp_sumo.calibration.orders import CHARGING
-from mrp_sumo.calibration.site import assigned_places, levels_on, shift_on
 from mrp_sumo.core.graph import FloatArray, IntArray
 from mrp_sumo.core.problem import graphs_of_kinds
 from mrp_sumo.errors import MrpSumoError, duration, nearest
@@ -92,7 +91,9 @@ def cut(log: MotionLog, setup: SetUp, share: float) -> HeldOut:
     begin_s, end_s = (float(np.median([getattr(t, end)() for t in times.values()])) for end in ("min", "max"))
     odd = [name for name, t in times.items() if t.max() < begin_s or t.min() > end_s]
     if odd:
-        raise MrpSumoError(f"{log.source}: the clock of '{odd[0]}' is {_off(times[odd[0]], begin_s, end_s)} off those of the others")
+        t = times[odd[0]]
+        off = duration(float(begin_s - t.min() if t.max() < begin_s else t.min() - begin_s))
+        raise MrpSumoError(f"{log.source}: the clock of '{odd[0]}' is {off} off those of the others")
     cut_s = end_s - share * (end_s - begin_s)
     if min(cut_s - begin_s, end_s - cut_s) < SHORTEST_S:
         raise MrpSumoError(
@@ -112,10 +113,6 @@ def cut(log: MotionLog, setup: SetUp, share: float) -> HeldOut:
     xy = np.array([row[1:3] for row in rows]) + by[level]
     orders = tuple(order for order in log.orders if not order.ended_s < cut_s and order.release_s < end_s)
     return HeldOut(log, begin_s, cut_s, end_s, tuple(vehicles), np.array([kinds[name] for name in vehicles]), xy, level, orders, notes)
-
-
-def _off(t: FloatArray, begin_s: float, end_s: float) -> str:
-    return duration(float(begin_s - t.min() if t.max() < begin_s else t.min() - begin_s))
 
 
 def _natural(name: str) -> list[Any]:
@@ -155,18 +152,32 @@ def _kinds(log: MotionLog, file: ScenarioFile, vehicles: Sequence[str]) -> dict[
 
 
 def starts_at(held: HeldOut, setup: SetUp) -> list[str]:
-    """[R] names of the vertices at which vehicles start. Raises MrpSumoError where there is none for one."""
+    """[R] names of the vertices at which vehicles start: the nearest such that no two are too near to each other, the nearer vehicle first.
+
+    Raises MrpSumoError where there is none for one.
+    """
     problem, nav = setup.problem, setup.map.nav
     graphs = graphs_of_kinds(problem.graph, problem.barred, len(problem.fleet.types))
     free = []
     for graph, model in zip(graphs, robot_types(setup.file)):
         stands = stands_of(graph, vehicle=model if model.is_vehicle else None).start
         free.append(np.flatnonzero(np.isin(graph.vertex_of_station, stands)))
-    vertices = assigned_places(held.xy, held.level, held.kind, free, setup.map, problem.fleet.separation_m)
-    if (vertices < 0).any():
-        odd = held.vehicles[int(np.argmax(vertices < 0))]
-        raise MrpSumoError(f"{held.log.source}: '{nav.name}' has no vertex left for '{odd}' to start at: too many vehicles for the map")
-    return [nav.label(v) for v in vertices.tolist()]
+    by_type, taken = [free[k] for k in held.kind.tolist()], np.full(len(held.xy), -1)
+    away = [
+        np.hypot(*(nav.xy[vertices] - place).T) + 1e6 * (nav.level[vertices] != on)
+        for place, on, vertices in zip(held.xy, held.level, by_type)
+    ]
+    for r in sorted(range(len(away)), key=lambda r: (float(away[r].min(initial=np.inf)), r)):
+        for v in by_type[r][np.argsort(away[r], kind="stable")].tolist():
+            others = taken[taken >= 0]
+            same = others[nav.level[others] == nav.level[v]]
+            if v not in others and (np.hypot(*(nav.xy[same] - nav.xy[v]).T) >= problem.fleet.separation_m).all():
+                taken[r] = v
+                break
+        else:
+            odd = held.vehicles[r]
+            raise MrpSumoError(f"{held.log.source}: '{nav.name}' has no vertex left for '{odd}' to start at: too many vehicles for the map")
+    return [nav.label(v) for v in taken.tolist()]
 
 
 class ServiceTimes:
@@ -263,29 +274,14 @@ def more_of(tasks: Sequence[Mapping[str, Any]], span_s: float) -> list[dict[str,
 
 
 def scenario_of_later(
-    held: HeldOut,
-    setup: SetUp,
-    types: Sequence[Path],
-    disturbances: Mapping[str, Any],
-    times: ServiceTimes,
-    seed: int,
+    held: HeldOut, setup: SetUp, types: Sequence[Path], disturbances: Mapping[str, Any], times: ServiceTimes
 ) -> ScenarioFile:
-    """The scenario whose run is the later part, with calibrated robots. Raises MrpSumoError.
-
-    Parameters
-    ----------
-    types
-        Files of the calibrated types.
-    disturbances
-        Calibrated figures of `execution.disturbances`.
-    """
+    """The scenario whose run is the later part, with files of calibrated types and disturbances. Raises MrpSumoError."""
     file, starts = setup.file, starts_at(held, setup)
     ends = np.searchsorted(held.kind, np.arange(len(types) + 1)).tolist()
     groups = [{"type": str(path), "starts": starts[a:b]} for path, (a, b) in zip(types, pairwise(ends)) if b > a]
     tasks = {} if file.scenario.tasks is None else file.scenario.tasks.model_dump()
-    opened = _open(file)
-    listed = tasks_of(held, times, seed)
-    tasks |= {"list": listed + (more_of(listed, held.span_s) if opened else []), "file": None, "streams": (), "profile": (), "open": opened}
+    tasks |= {"file": None, "streams": (), "profile": (), "open": _open(file), **_listed(held, file, times, file.scenario.seed)}
     if times.is_known:
         tasks["service_factor"] = {}
     if tasks.get("charging") and (levels := _levels_at(held)):
@@ -293,7 +289,6 @@ def scenario_of_later(
     data: dict[Place, Any] = {
         ("robots",): groups,
         ("tasks",): tasks,
-        ("seed",): seed,
         ("record", "bag"): False,
         ("execution", "time_limit_s"): round(held.span_s, 3),
         **{("execution", "disturbances", name): value for name, value in disturbances.items()},
@@ -301,6 +296,16 @@ def scenario_of_later(
     if file.scenario.people is not None:
         data["people", "clock_h"] = (file.scenario.people.clock_h + (held.cut_s - held.begin_s) / 3600) % 24
     return changed(file, {place: ("the log", value) for place, value in data.items()})
+
+
+def with_seed(scenario: ScenarioFile, held: HeldOut, file: ScenarioFile, times: ServiceTimes, seed: int) -> ScenarioFile:
+    """The scenario of the later part of a site's scenario with another seed, and other draws of services."""
+    return changed(scenario, {("seed",): ("the log", seed), ("tasks", "list"): ("the log", _listed(held, file, times, seed)["list"])})
+
+
+def _listed(held: HeldOut, file: ScenarioFile, times: ServiceTimes, seed: int) -> dict[str, Any]:
+    listed = tasks_of(held, times, seed)
+    return {"list": listed + (more_of(listed, held.span_s) if _open(file) else [])}
 
 
 def _open(file: ScenarioFile) -> int | None:

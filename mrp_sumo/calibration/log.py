@@ -8,18 +8,23 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mrp_sumo.core.graph import FloatArray
 from mrp_sumo.errors import MrpSumoError
+from mrp_sumo.maps.levels import shifts_of
+
+if TYPE_CHECKING:
+    from mrp_sumo.maps.map import Map
 
 MOST_HZ = 5.0  # beyond which samples say the same again
 GAP_PERIODS = 3.5  # a longer time without a sample, in usual periods, is a gap
 LEAST_GAP_S = 1.0
 FASTEST_MPS = 12.0  # beyond it a pose is not where the vehicle was, or is that of another one
 SHORTEST = 4  # samples of a track
+BESIDE_M, ELSEWHERE = 10.0, 0.2  # how far from a map's lanes poses may be, and which share of them may be farther
 TWO_AT_ONCE = 0.2  # share of steps beyond `FASTEST_MPS` that two vehicles of one name make
 
 
@@ -119,9 +124,11 @@ def _tracks_of(vehicle: str, rows: FloatArray, log: MotionLog) -> list[Track]:
         jumps = (np.diff(part[:, 5]) == 0) & (np.hypot(*np.diff(part[:, 1:3], axis=0).T) > FASTEST_MPS * np.maximum(dt, period_s) + 1.0)
         too_fast, steps = too_fast + int(jumps.sum()), steps + len(dt)
         gaps = (dt > max(GAP_PERIODS * period_s, LEAST_GAP_S)) | jumps | (np.diff(part[:, 5]) != 0)
+        step = max(1, int(1 / (MOST_HZ * period_s) + 0.5)) if period_s > 0 else 1
         for c, d in pairwise([0, *(np.flatnonzero(gaps) + 1).tolist(), len(part)]):
             if d - c >= SHORTEST:
-                tracks.append(_track(vehicle, part[c:d], period_s))
+                t_s, x_m, y_m, yaw, waits, _ = part[c:d:step].T
+                tracks.append(Track(vehicle, t_s, x_m, y_m, np.unwrap(yaw), waits))
     if steps and too_fast > max(3.0, TWO_AT_ONCE * steps):
         raise MrpSumoError(
             f"{log.source}: vehicle '{vehicle}' is at two places at once, {too_fast} times: two vehicles of one name, or other units "
@@ -132,7 +139,30 @@ def _tracks_of(vehicle: str, rows: FloatArray, log: MotionLog) -> list[Track]:
     return tracks
 
 
-def _track(vehicle: str, rows: FloatArray, period_s: float) -> Track:
-    step = max(1, int(1 / (MOST_HZ * period_s) + 0.5)) if period_s > 0 else 1
-    t_s, x_m, y_m, yaw, waits, _ = rows[::step].T
-    return Track(vehicle, t_s, x_m, y_m, np.unwrap(yaw), waits)
+def require_here(log: MotionLog, map_: "Map") -> None:
+    """Refuse a log whose vehicles are elsewhere than the map is. Raises MrpSumoError."""
+    from scipy.spatial import cKDTree
+
+    nav = map_.nav
+    places = nav.xy if log.is_laid_out or not map_.level_shift_m else nav.xy - shifts_of(nav.level_names, map_.level_shift_m)[nav.level]
+    ends = np.concatenate([places[nav.tail] * (1 - share) + places[nav.head] * share for share in np.linspace(0, 1, 9)] + [places])
+    poses = np.array([row[1:3] for rows in log.poses.values() for row in rows[:: max(1, len(rows) // 500)]])
+    away = cKDTree(ends).query(poses)[0]
+    if (away > BESIDE_M).mean() > ELSEWHERE:
+        low, high = poses.min(0), poses.max(0)
+        raise MrpSumoError(
+            f"{log.source}: {(away > BESIDE_M).mean():.0%} of the poses are more than {BESIDE_M:g} m from any lane of '{map_.name}' "
+            f"(x {low[0]:.1f} to {high[0]:.1f}, y {low[1]:.1f} to {high[1]:.1f}): another site, another frame, or other units than metres"
+        )
+
+
+def levels_on(log: MotionLog, map_: "Map") -> Mapping[float, int]:
+    """Levels of a map by the numbers that poses of a log have; a log that names none of them is on the first."""
+    names = list(map_.nav.level_names)
+    return {number: names.index(name) if name in names else 0 for number, name in log.levels.items()}
+
+
+def shift_on(log: MotionLog, map_: "Map") -> FloatArray:
+    """[L, 2] what is added to poses of each level of a map, m, to lay levels out as the map does."""
+    shift = shifts_of(map_.nav.level_names, map_.level_shift_m)
+    return np.zeros_like(shift) if log.is_laid_out else shift

@@ -6,16 +6,14 @@ from dataclasses import replace
 import numpy as np
 
 from mrp_sumo.calibration.held_out import HeldOut
-from mrp_sumo.calibration.site import levels_on, shift_on
-from mrp_sumo.core.angles import wrapped
+from mrp_sumo.calibration.log import levels_on, shift_on
 from mrp_sumo.core.execution import RECORDED, Execution, Outcome
 from mrp_sumo.core.graph import FloatArray, frozen
-from mrp_sumo.core.plan import PlanResult, Status, plan_of_visits
+from mrp_sumo.core.plan import plan_of_visits
 from mrp_sumo.core.task import NOBODY, TASK_STATES, StopLog, TaskLog
+from mrp_sumo.experiments.recorded import between, finished
 from mrp_sumo.experiments.result import RunResult
-from mrp_sumo.experiments.solve import Solution
 from mrp_sumo.experiments.staging.set_up import SetUp
-from mrp_sumo.io.run_folder import plain
 
 SAMPLE_S = 0.1
 GAP_S = 60.0  # without poses, in which nobody knows where a vehicle is
@@ -23,20 +21,11 @@ GAP_S = 60.0  # without poses, in which nobody knows where a vehicle is
 
 def logged_run(held: HeldOut, setup: SetUp) -> RunResult:
     """The run that the later part of a log tells of, on the problem that simulates it; its clock begins at the cut."""
-    from mrp_sumo.metrics.audit import audit
-    from mrp_sumo.metrics.evaluate import evaluate
-    from mrp_sumo.metrics.metric import Evidence
-    from mrp_sumo.traffic.referee import judge
-
     problem = replace(setup.problem, fleet=replace(setup.problem.fleet, robot_name=held.vehicles))
     setup = replace(setup, problem=problem)
     plan = plan_of_visits([(problem.start[r : r + 1], np.zeros(1), np.full(1, np.inf)) for r in range(problem.num_robots)])
-    result = PlanResult(Status.SOLVED, plan, np.arange(problem.num_robots))
-    verdict, execution = judge(problem, plan, in_seconds=True), _execution(held, setup)
-    audited = audit(execution, problem.fleet, problem.graph.level[problem.start], None)
-    metrics = evaluate(Evidence(problem, result, verdict, execution, audited, time_limit_s=held.span_s))
     note = f"recorded: {len(held.vehicles)} vehicles of {held.log.source}, {held.span_s:.0f} s from {held.cut_s - held.begin_s:.0f} s on"
-    return RunResult(setup, "completed", note, Solution(setup, problem, result, verdict, 0.0), execution, audited, plain(metrics))
+    return replace(finished(setup, plan, _execution(held, setup), note, held.span_s), status="completed")
 
 
 def _execution(held: HeldOut, setup: SetUp) -> Execution:
@@ -46,19 +35,12 @@ def _execution(held: HeldOut, setup: SetUp) -> Execution:
     for r, name in enumerate(held.vehicles):
         rows = np.array(held.log.poses[name], np.float64)
         rows = rows[np.argsort(rows[:, 0], kind="stable")]
-        at_s = rows[:, 0] - held.cut_s
-        here = np.array([on.get(number, 0) for number in rows[:, 5].tolist()], np.int64)
-        after = np.clip(np.searchsorted(at_s, t_s), 1, len(at_s) - 1)
-        before = after - 1
-        there = (t_s >= at_s[0]) & (t_s <= at_s[-1]) & (at_s[after] - at_s[before] < GAP_S)
+        at_s, here = rows[:, 0] - held.cut_s, np.array([on.get(number, 0) for number in rows[:, 5].tolist()], np.int64)
         place = rows[:, 1:3] + by[here]
-        rides = here[before] != here[after]  # nothing lies between
-        nearest = np.where(t_s - at_s[before] <= at_s[after] - t_s, before, after)
-        for k, column in ((0, x), (1, y)):
-            column[there, r] = np.where(rides, place[nearest, k], np.interp(t_s, at_s, place[:, k]))[there]
-        heading = _headings(rows[:, 3], place)
-        yaw[there, r] = wrapped(np.interp(t_s, at_s, np.unwrap(heading)))[there]
-        level[:, r] = here[nearest]
+        poses = between(t_s, at_s, place, _headings(rows[:, 3], place), here)
+        there = (t_s >= at_s[0]) & (t_s <= at_s[-1]) & (poses.gap_s < GAP_S)
+        x[there, r], y[there, r] = poses.xy[there].T
+        yaw[there, r], level[:, r] = poses.yaw_rad[there], poses.level
         speed[there, r] = np.hypot(*(np.gradient(column[:, r], SAMPLE_S) for column in (x, y)))[there]
     tasks, stops = _logs(held, setup)
     return Execution(
@@ -97,17 +79,12 @@ def _logs(held: HeldOut, setup: SetUp) -> tuple[TaskLog, StopLog]:
     graph, tasks = setup.problem.graph, setup.scenario.tasks
     robot_of = {name: r for r, name in enumerate(held.vehicles)}
     places = {name: station.places[0] for name, station in (tasks.stations if tasks else {}).items()}
-    rows: list[tuple[float, ...]] = []
-    names, robots, status = [], [], []
-    times: list[tuple[float, ...]] = []
-    for n, order in enumerate(held.orders):
-        robot = robot_of.get(order.vehicle, NOBODY)
+    robots = [robot_of.get(order.vehicle, NOBODY) for order in held.orders]
+    rows, times, status = list[tuple[float, ...]](), list[tuple[float, ...]](), []
+    for n, (order, robot) in enumerate(zip(held.orders, robots)):
         begun = [begin_s for begin_s, _ in order.services if begin_s < held.end_s]
         is_known = (order.assigned_s < held.end_s, bool(begun), order.done_s < held.end_s)
-        state = TASK_STATES[sum(is_known)] if not order.ended_s < held.end_s or is_known[2] else TASK_STATES[4]
-        names.append(order.name)
-        robots.append(robot)
-        status.append(state)
+        status.append(TASK_STATES[sum(is_known)] if not order.ended_s < held.end_s or is_known[2] else TASK_STATES[4])
         at_s = (order.release_s, order.assigned_s, begun[0] if begun else math.nan, order.done_s, order.ended_s)
         times.append(tuple(t - held.cut_s if t < held.end_s else math.nan for t in at_s))
         since_s = order.assigned_s - held.cut_s
@@ -126,8 +103,5 @@ def _logs(held: HeldOut, setup: SetUp) -> tuple[TaskLog, StopLog]:
     since, begin, end = (frozen(column) for column in table[:, 4:].T)
     stops = StopLog(task, by, stations, at, since, begin, end, none, none, frozen(due_s))
     released, assigned, opened, done, ended = (frozen(column) for column in np.array(times, np.float64).reshape(-1, 5).T)
-    reasons = ("",) * len(names)
-    log = TaskLog(
-        tuple(names), frozen(np.array(robots, np.int64)), released, assigned, opened, done, ended, tuple(status), reasons
-    )  # fmt: skip
-    return log, stops
+    names, reasons, of = tuple(order.name for order in held.orders), ("",) * len(robots), frozen(np.array(robots, np.int64))
+    return TaskLog(names, of, released, assigned, opened, done, ended, tuple(status), reasons), stops

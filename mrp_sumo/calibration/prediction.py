@@ -15,13 +15,12 @@ from typing import Any
 
 import numpy as np
 
-from mrp_sumo.calibration.estimates import CalibratedFigure, Calibration, calibrated
+from mrp_sumo.calibration.estimates import Calibration, calibrated
 from mrp_sumo.calibration.files import disturbances_of, drift, type_of, write_options
-from mrp_sumo.calibration.held_out import HeldOut, ServiceTimes, cut, scenario_of_later, stations_of, with_stations
-from mrp_sumo.calibration.log import LoggedOrder, MotionLog
+from mrp_sumo.calibration.held_out import HeldOut, ServiceTimes, cut, scenario_of_later, stations_of, with_seed, with_stations
+from mrp_sumo.calibration.log import LoggedOrder, MotionLog, require_here
 from mrp_sumo.calibration.logged_run import logged_run
 from mrp_sumo.calibration.orders import matched
-from mrp_sumo.calibration.site import require_here
 from mrp_sumo.core.disturbances import Disturbances
 from mrp_sumo.core.execution import Execution
 from mrp_sumo.core.graph import FloatArray
@@ -148,20 +147,10 @@ def predicted(
     maps: MapCache,
     report: Report,
 ) -> Prediction:
-    """Predict the later part of a log. Raises MrpSumoError: one line, for a log that does not fit, or tells too little.
+    """Predict the later part of a log, a share of its time, by some simulations. Raises MrpSumoError: one line, for one that does not fit.
 
-    Parameters
-    ----------
-    file
-        The site: map, stations, planner, dispatcher, and types as far as the log does not tell them.
-    orders
-        Of a file, instead of those that the log shows; its times are those of the log.
-    hold_out
-        Share of the log's time that is predicted.
-    runs
-        How many simulations.
-    folder
-        Where files of the types are written.
+    `file` is the site: map, stations, planner, dispatcher, and types as far as the log does not tell them. `orders` are of a file, instead
+    of those that the log shows, with times of the log. Files of the types are written into `folder`.
     """
     setup = set_up(file, maps)
     require_here(log, setup.map)
@@ -172,17 +161,17 @@ def predicted(
     _require_orders(held)
     report("calibrating", 0.0, 0.0)
     times = ServiceTimes(held.earlier().visits, stations_of(file))
-    calibrations = tuple(_calibrations(held, len(robot_types(file))))
+    num_types = len(robot_types(file))
+    there = [kind for kind in range(num_types) if (held.kind == kind).any()]
+    calibrations = tuple(calibrated(held.earlier(kind if num_types > 1 else None)) for kind in there)
     disturbing, files = _write(held, calibrations, file, folder, times.is_known)
     _note_what_is_assumed(held, file, times, disturbing)
-    seed = file.scenario.seed
-    base = scenario_of_later(held, setup, files, disturbing, times, seed)
+    base, seed = scenario_of_later(held, setup, files, disturbing, times), file.scenario.seed
     made, outcomes, station = [], [], _busiest(held)
     usual = runs // 2
     for n, moves in enumerate([{}] * usual + list(_drawn(base, runs - usual, seed))):
         report(f"driving run {n + 1} of {runs}", float(n), float(runs))
-        again = scenario_of_later(held, setup, files, disturbing, times, seed + n) if n else base
-        result = carry_out(changed(again, as_changes(moves)), maps)
+        result = carry_out(changed(with_seed(base, held, file, times, seed + n), as_changes(moves)), maps)
         if result.execution is None or result.execution.tasks is None:
             raise MrpSumoError(f"the simulation of {held.log.source}: {result.status.replace('_', ' ')}: {result.note}")
         outcomes.append(outcomes_of(result, held, station))
@@ -213,12 +202,6 @@ def _require_orders(held: HeldOut) -> None:
         )
 
 
-def _calibrations(held: HeldOut, num_types: int) -> Iterator[Calibration]:
-    for kind in range(num_types):
-        if (held.kind == kind).any():
-            yield calibrated(held.earlier(kind if num_types > 1 else None))
-
-
 def _write(
     held: HeldOut, calibrations: Sequence[Calibration], file: ScenarioFile, folder: Path, is_served: bool
 ) -> tuple[dict[str, Any], tuple[Path, ...]]:
@@ -226,7 +209,9 @@ def _write(
     models = [model for k, model in enumerate(robot_types(file)) if (held.kind == k).any()]
     disturbing = _together([disturbances_of(one) for one in calibrations], calibrations)
     if file.scenario.people is not None:  # who walk there, and stop robots, themselves
-        disturbing = _without(disturbing, ("stops_per_s", "stop_median_s", "stop_sigma"))
+        for figures in (disturbing, disturbing["intervals"]):
+            for name in ("stops_per_s", "stop_median_s", "stop_sigma"):
+                figures.pop(name, None)
     paths = []
     for model, one in zip(models, calibrations):
         shape = RobotShape(**{name: value for name, value in vars(model).items() if name != "name"})
@@ -243,23 +228,14 @@ def _together(each: Sequence[Disturbances], calibrations: Sequence[Calibration])
     figures: dict[str, Any] = {"intervals": {}}
     for name in dict.fromkeys(name for one in each for name in one.intervals):
         known = [(one, calibration) for one, calibration in zip(each, calibrations) if name in one.intervals]
-        weights = np.array([_weight(calibration.quantities[name], calibration) for _, calibration in known])
+        # rates count by time, all others by their episodes
+        weights = np.array([one.span_s if name == "stops_per_s" else max(one.quantities[name].count, 1) for _, one in known])
         rows = np.array([(getattr(one, name), *one.intervals[name]) for one, _ in known])
         value, low, high = (float(f"{number:.4g}") for number in weights @ rows / weights.sum())
         figures[name], figures["intervals"][name] = value, [min(low, value), max(high, value)]
     if "stops_per_s" in figures:  # whose rate is that of stops as long as these
         figures = {name: getattr(each[0], name) for name in ("stop_median_s", "stop_sigma")} | figures
     return figures
-
-
-def _weight(figure: CalibratedFigure, calibration: Calibration) -> float:
-    """Rates count by time, all others by their episodes."""
-    return calibration.span_s if figure.name == "stops_per_s" else max(figure.count, 1)
-
-
-def _without(figures: Mapping[str, Any], names: Sequence[str]) -> dict[str, Any]:
-    intervals = {name: span for name, span in figures["intervals"].items() if name not in names}
-    return {name: value for name, value in figures.items() if name not in names} | {"intervals": intervals}
 
 
 def _note_what_is_assumed(held: HeldOut, file: ScenarioFile, times: ServiceTimes, disturbing: Mapping[str, Any]) -> None:

@@ -77,18 +77,8 @@ def fit_ramp(
 ) -> Ramp | None:
     """The acceleration of starts, or of stops; None where there are too few.
 
-    Parameters
-    ----------
-    phases, vehicles
-        All tracks, and names of vehicles.
-    noise, scatter
-        Of positions; of speed.
-    guess
-        What vehicles usually drive at, and accelerations of speeding up and braking so far, which choose samples.
-    braking
-        Whether to fit stops.
-    mean_mps
-        [R] mean speeds of vehicles at the top, as far as they are known.
+    `guess` is what vehicles usually drive at, and accelerations of speeding up and braking so far, which choose samples; `mean_mps` [R] are
+    mean speeds of vehicles at the top, as far as they are known.
     """
     first = _episodes(phases, vehicles, guess, {}, braking=braking)
     begin = None if first is None else _fit(first, noise, scatter, guess[2 if braking else 1])
@@ -167,14 +157,8 @@ def _episodes(
 ) -> Episodes | None:
     """Samples about each stand that begins or ends a leg.
 
-    Until it is known when vehicles leave stands, samples are chosen by where they are, which their noise decides, too; then by time alone.
-
-    Parameters
-    ----------
-    phases, vehicles, guess, braking
-        See `fit_ramp`.
-    left_s
-        When, by number of track and stand.
+    Until it is known when vehicles leave stands, by number of track and stand, samples are chosen by where they are, which their noise
+    decides, too; then by time alone.
     """
     speed_mps, accel, decel = guess
     here, there = (decel, accel) if braking else (accel, decel)

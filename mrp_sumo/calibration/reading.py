@@ -7,6 +7,7 @@ import csv
 import io
 import math
 from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -197,7 +198,12 @@ def _csv_row(
         level = float(hash_of(text("level")))
         log.levels[level] = text("level")
         log.poses.setdefault(vehicle, []).append((t_s, x_m, y_m, number("yaw_rad"), math.nan, level))
-    _note_action(log, doing, vehicle, text("action"), text("station"), t_s)
+    action, now = text("action"), doing.get(vehicle)
+    if now is not None and action != now.action:  # it lasts from its first row to the first without it
+        log.visits.append(replace(doing.pop(vehicle), end_s=t_s))
+        now = None
+    if action and now is None and math.isfinite(t_s):
+        doing[vehicle] = ActionTime(vehicle, action, text("station"), t_s, t_s)
     share = number("battery")
     if math.isfinite(share + t_s):
         share = share / 100 if share > 1.5 else share
@@ -215,38 +221,16 @@ def hash_of(level: str) -> int:
     return int.from_bytes(level.encode()[:6], "big")
 
 
-def _note_action(log: MotionLog, doing: dict[str, ActionTime], vehicle: str, action: str, station: str, t_s: float) -> None:
-    """An action lasts from its first row to the first without it."""
-    now = doing.get(vehicle)
-    if now is not None and action != now.action:
-        log.visits.append(ActionTime(vehicle, now.action, now.station, now.begin_s, t_s))
-        del doing[vehicle]
-        now = None
-    if action and now is None and math.isfinite(t_s):
-        doing[vehicle] = ActionTime(vehicle, action, station, t_s, t_s)
-
-
 def _vda(path: Path) -> MotionLog:
     """States of VDA 5050, of any version, as `{"t_s":, "topic":, "payload": {}}` or alone, a JSON object a line."""
     require_regular(path, LARGEST)
-    log, name, doing = MotionLog(path.name, "VDA 5050"), shortened(path), dict[tuple[str, str], tuple[str, str, float]]()
-    waits: dict[str, float] = {}
-    told_s, sent = dict[str, float](), dict[str, list[tuple[float, str]]]()
+    name, messages = shortened(path), _Messages(MotionLog(path.name, "VDA 5050"))
     for number, document in _lines(path, name):
-        payload = document.get("payload") if isinstance(document.get("payload"), dict) else document
-        topic = str(document.get("topic") or "")
-        kind = topic.rpartition("/")[2]
-        assert isinstance(payload, dict)
-        if kind == "factsheet" or "physicalParameters" in payload:
-            _factsheet(log, payload)
-        elif kind == "order" and isinstance(payload.get("nodes"), list):
-            t_s = _time_of(document, payload, f"{name}:{number}")
-            sent.setdefault(_vehicle_of(payload, topic), []).append((t_s, _note_order(payload, t_s, told_s)))
-        elif kind in ("state", "visualization", "") and ("agvPosition" in payload or "mobileRobotPosition" in payload):
-            _state(log, document, payload, topic, doing, waits, told_s, f"{name}:{number}")
+        messages.read(document, f"{name}:{number}")
+    log = messages.log
     if not log.poses:
         raise MrpSumoError(f"{name}: no state says where a vehicle is (agvPosition or mobileRobotPosition)")
-    log.orders = orders_of_visits(log.visits, sent)
+    log.orders = orders_of_visits(log.visits, messages.sent)
     return log
 
 
@@ -264,44 +248,71 @@ def _lines(path: Path, name: str) -> Iterator[tuple[int, dict[str, Any]]]:
             yield number, document
 
 
-def _state(
-    log: MotionLog,
-    document: dict[str, Any],
-    payload: dict[str, Any],
-    topic: str,
-    doing: dict[tuple[str, str], tuple[str, str, float]],
-    waits: dict[str, float],
-    told_s: dict[str, float],
-    where: str,
-) -> None:
-    vehicle = _vehicle_of(payload, topic)
-    if fault := fault_of(vehicle):
-        raise MrpSumoError(f"{where}: serialNumber: {fault}")
-    t_s = _time_of(document, payload, where)
-    if "nodeStates" in payload:
-        ahead = payload["nodeStates"]
-        is_free = isinstance(ahead, list) and any(isinstance(node, dict) and node.get("released") for node in ahead)
-        waits[vehicle] = 0.0 if is_free and not payload.get("paused") else 1.0
-    place = payload.get("mobileRobotPosition", payload.get("agvPosition"))
-    if isinstance(place, dict) and place.get("positionInitialized", True):
-        x, y, theta = (_number(place.get(key)) for key in ("x", "y", "theta"))
-        if math.isfinite(x + y) and max(abs(x), abs(y)) < FARTHEST_M:
-            level = float(hash_of(on := str(place.get("mapId", ""))))
-            log.levels[level] = on
-            log.poses.setdefault(vehicle, []).append((t_s, x, y, theta, waits.get(vehicle, math.nan), level))
-    for each in payload.get("actionStates") or ():
-        if isinstance(each, dict):
-            _note_status(log, doing, vehicle, each, str(payload.get("lastNodeId", "")), t_s, told_s)
-    power = payload.get("powerSupply", payload.get("batteryState"))
-    if isinstance(power, dict):
-        share = _number(power.get("stateOfCharge", power.get("batteryCharge"))) / 100
-        if 0 <= share <= 1:
-            log.charges.append(Charge(vehicle, t_s, share, bool(power.get("charging"))))
+@dataclass
+class _Messages:
+    """Messages of VDA 5050 on their way into a log."""
 
+    log: MotionLog
+    doing: dict[tuple[str, str], tuple[str, str, float]] = field(default_factory=dict)  # by vehicle and action: kind, node, begin
+    waits: dict[str, float] = field(default_factory=dict)  # by vehicle
+    ordered_s: dict[str, float] = field(default_factory=dict)  # when each action was first asked for, by its id, unique among all
+    sent: dict[str, list[tuple[float, str]]] = field(default_factory=dict)  # by vehicle: when, and to which node
 
-def _vehicle_of(payload: dict[str, Any], topic: str) -> str:
-    parts = topic.split("/")
-    return str(payload.get("serialNumber") or (parts[-2] if len(parts) > 2 else "")) or "vehicle"
+    def read(self, document: dict[str, Any], where: str) -> None:
+        """Take what a message says; those of other kinds are left out."""
+        payload = document.get("payload") if isinstance(document.get("payload"), dict) else document
+        assert isinstance(payload, dict)
+        topic = str(document.get("topic") or "")
+        kind, parts = topic.rpartition("/")[2], topic.split("/")
+        vehicle = str(payload.get("serialNumber") or (parts[-2] if len(parts) > 2 else "")) or "vehicle"
+        if kind == "factsheet" or "physicalParameters" in payload:
+            _factsheet(self.log, payload)
+        elif kind == "order" and isinstance(payload.get("nodes"), list):
+            self._order(vehicle, _time_of(document, payload, where), payload)
+        elif kind in ("state", "visualization", "") and ("agvPosition" in payload or "mobileRobotPosition" in payload):
+            if fault := fault_of(vehicle):
+                raise MrpSumoError(f"{where}: serialNumber: {fault}")
+            self._state(vehicle, _time_of(document, payload, where), payload)
+
+    def _order(self, vehicle: str, t_s: float, payload: dict[str, Any]) -> None:
+        nodes = [node for node in payload["nodes"] if isinstance(node, dict)]
+        for each in (each for node in nodes for each in node.get("actions") or () if isinstance(each, dict)):
+            self.ordered_s.setdefault(str(each.get("actionId")), t_s)
+        self.sent.setdefault(vehicle, []).append((t_s, str(nodes[-1].get("nodeId", "")) if nodes else ""))
+
+    def _state(self, vehicle: str, t_s: float, payload: dict[str, Any]) -> None:
+        log = self.log
+        if "nodeStates" in payload:
+            ahead = payload["nodeStates"]
+            is_free = isinstance(ahead, list) and any(isinstance(node, dict) and node.get("released") for node in ahead)
+            self.waits[vehicle] = 0.0 if is_free and not payload.get("paused") else 1.0
+        place = payload.get("mobileRobotPosition", payload.get("agvPosition"))
+        if isinstance(place, dict) and place.get("positionInitialized", True):
+            x, y, theta = (_number(place.get(key)) for key in ("x", "y", "theta"))
+            if math.isfinite(x + y) and max(abs(x), abs(y)) < FARTHEST_M:
+                level = float(hash_of(on := str(place.get("mapId", ""))))
+                log.levels[level] = on
+                log.poses.setdefault(vehicle, []).append((t_s, x, y, theta, self.waits.get(vehicle, math.nan), level))
+        for each in payload.get("actionStates") or ():
+            if isinstance(each, dict):
+                self._action(vehicle, t_s, each, str(payload.get("lastNodeId", "")))
+        power = payload.get("powerSupply", payload.get("batteryState"))
+        if isinstance(power, dict):
+            share = _number(power.get("stateOfCharge", power.get("batteryCharge"))) / 100
+            if 0 <= share <= 1:
+                log.charges.append(Charge(vehicle, t_s, share, bool(power.get("charging"))))
+
+    def _action(self, vehicle: str, t_s: float, state: dict[str, Any], node: str) -> None:
+        """An action lasts from the first state in which it runs to the first in which it has ended."""
+        key, kind = (vehicle, str(state.get("actionId"))), str(state.get("actionType", "action"))
+        if kind in NOT_AT_STOPS or fault_of(kind):
+            return
+        if state.get("actionStatus") in ("RUNNING", "INITIALIZING"):
+            self.doing.setdefault(key, (kind, node, t_s))
+        elif state.get("actionStatus") == "FINISHED" and key in self.doing:
+            action, at, begin_s = self.doing.pop(key)
+            if t_s > begin_s:
+                self.log.visits.append(ActionTime(vehicle, action, at, begin_s, t_s, self.ordered_s.get(key[1], math.nan)))
 
 
 def _time_of(document: dict[str, Any], payload: dict[str, Any], where: str) -> float:
@@ -313,35 +324,6 @@ def _time_of(document: dict[str, Any], payload: dict[str, Any], where: str) -> f
     if not isinstance(t_s, int | float) or isinstance(t_s, bool):
         raise MrpSumoError(f"{where}: timestamp: found {str(payload.get('timestamp'))[:40]!r}, expected YYYY-MM-DDTHH:mm:ss.fffZ")
     return float(t_s)
-
-
-def _note_order(payload: dict[str, Any], t_s: float, told_s: dict[str, float]) -> str:
-    """Note when each action was first asked for, by its id, which is unique among all; the node to which the order leads."""
-    nodes = [node for node in payload["nodes"] if isinstance(node, dict)]
-    for each in (each for node in nodes for each in node.get("actions") or () if isinstance(each, dict)):
-        told_s.setdefault(str(each.get("actionId")), t_s)
-    return str(nodes[-1].get("nodeId", "")) if nodes else ""
-
-
-def _note_status(
-    log: MotionLog,
-    doing: dict[tuple[str, str], tuple[str, str, float]],
-    vehicle: str,
-    state: dict[str, Any],
-    node: str,
-    t_s: float,
-    told_s: dict[str, float],
-) -> None:
-    """An action lasts from the first state in which it runs to the first in which it has ended."""
-    key, kind = (vehicle, str(state.get("actionId"))), str(state.get("actionType", "action"))
-    if kind in NOT_AT_STOPS or fault_of(kind):
-        return
-    if state.get("actionStatus") in ("RUNNING", "INITIALIZING"):
-        doing.setdefault(key, (kind, node, t_s))
-    elif state.get("actionStatus") == "FINISHED" and key in doing:
-        action, at, begin_s = doing.pop(key)
-        if t_s > begin_s:
-            log.visits.append(ActionTime(vehicle, action, at, begin_s, t_s, told_s.get(key[1], math.nan)))
 
 
 def _factsheet(log: MotionLog, payload: dict[str, Any]) -> None:

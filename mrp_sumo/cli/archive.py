@@ -21,8 +21,8 @@ UNIX_S = 1e8  # later times are dates
 def import_logs(options: argparse.Namespace) -> int:
     """Make an archive of logs."""
     from mrp_sumo.calibration.archive import ArchiveHead, merged, safe_name, write_archive
+    from mrp_sumo.calibration.log import require_here
     from mrp_sumo.calibration.reading import read_fleet
-    from mrp_sumo.calibration.site import require_here
     from mrp_sumo.maps.catalogue import find_map
     from mrp_sumo.maps.load import load_map
 

@@ -46,8 +46,8 @@ def run(options: argparse.Namespace) -> int:
     """Calibrate, write, and print what was result."""
     from mrp_sumo.calibration.estimates import calibrated
     from mrp_sumo.calibration.files import document_of, drift, write_files
+    from mrp_sumo.calibration.log import require_here
     from mrp_sumo.calibration.reading import read_fleet
-    from mrp_sumo.calibration.site import require_here
     from mrp_sumo.io.scenario.robots import robot_type
     from mrp_sumo.maps.catalogue import bundled_folder, find_map
     from mrp_sumo.maps.load import load_map

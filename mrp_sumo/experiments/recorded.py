@@ -9,6 +9,7 @@ import math
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -43,22 +44,11 @@ WAITS = ("blocked",)  # types of errors that are waits; others are disturbances
 
 
 def recorded_run(path: Path, model: RobotType, drawn: Map | None = None) -> RunResult:
-    """The run that a log tells of. Raises MrpSumoError for a log that cannot be read, of more than a day, or that says too little.
+    """The run that a log (see `formats.vda.recorded`) tells of, of vehicles as a model has them where their factsheets do not say.
 
-    Parameters
-    ----------
-    path
-        The log; see `formats.vda.recorded`.
-    model
-        What vehicles are like, as far as their factsheets do not say.
-    drawn
-        The map, for its walls; without, the nodes of orders are all there is.
+    Without a map, for its walls, the nodes of orders are all there is. Raises MrpSumoError for a log that cannot be read, of more than a
+    day, or that says too little.
     """
-    from mrp_sumo.metrics.audit import audit
-    from mrp_sumo.metrics.evaluate import evaluate
-    from mrp_sumo.metrics.metric import Evidence
-    from mrp_sumo.traffic.referee import judge
-
     log = read_log(path)
     vehicles = list(log.vehicles.values())
     begin_s = min(vehicle.t_s[0] for vehicle in vehicles)
@@ -70,8 +60,8 @@ def recorded_run(path: Path, model: RobotType, drawn: Map | None = None) -> RunR
     xy = graph.xy - shifts_of(graph.level_names, shift)[graph.level]
     leave_s = [_departures(vehicle, xy[vertex], at_s + begin_s) - begin_s for vehicle, (vertex, at_s) in zip(vehicles, ways)]
     plan = plan_of_visits([(vertex, at_s, left_s) for (vertex, at_s), left_s in zip(ways, leave_s)])
-    goal = plan.last_vertex
-    problem = Problem(graph, fleet, plan.vertex[plan.first[:-1]], goal, np.arange(len(goal)), _step_s(graph, fleet))
+    step_s = round(float(graph.length_m.max(initial=1.0)) / float(fleet.max_speed_mps.min()), 3)  # for the longest lane, as for others
+    problem = Problem(graph, fleet, plan.vertex[plan.first[:-1]], plan.last_vertex, np.arange(plan.num_robots), step_s)
     execution = _execution(vehicles, begin_s, span_s, plan, graph, shift)
     values = {
         "map": str(drawn.path if drawn else path),
@@ -85,14 +75,44 @@ def recorded_run(path: Path, model: RobotType, drawn: Map | None = None) -> RunR
     _, planner, assigner, settings = choices(file)
     map_ = replace(drawn, nav=graph, level_shift_m=shift) if drawn else Map(name=graph.name, path=path, nav=graph, level_shift_m=shift)
     setup = SetUp(file, map_, problem, assigner, planner, settings)
-    result = PlanResult(Status.SOLVED, plan, np.arange(len(goal)))
-    verdict = judge(problem, plan, in_seconds=True)
     walls = standing_walls(drawn.building, graph.level_names) if drawn and drawn.building else None
-    audited = audit(execution, fleet, graph.level[problem.start], walls)
-    metrics = evaluate(Evidence(problem, result, verdict, execution, audited, time_limit_s=settings.time_limit_s))
-    status = "audit_failed" if audited["num_overlaps"] else "completed"
     note = f"recorded: {len(vehicles)} vehicles of {path.name}, {span_s:.0f} s"
+    return finished(setup, plan, execution, note, settings.time_limit_s, walls)
+
+
+def finished(setup: SetUp, plan: Plan, execution: Execution, note: str, time_limit_s: float, walls: FloatArray | None = None) -> RunResult:
+    """The result of a run that was recorded: judged, audited and measured."""
+    from mrp_sumo.metrics.audit import audit
+    from mrp_sumo.metrics.evaluate import evaluate
+    from mrp_sumo.metrics.metric import Evidence
+    from mrp_sumo.traffic.referee import judge
+
+    problem = setup.problem
+    result, verdict = PlanResult(Status.SOLVED, plan, np.arange(problem.num_robots)), judge(problem, plan, in_seconds=True)
+    audited = audit(execution, problem.fleet, problem.graph.level[problem.start], walls)
+    metrics = evaluate(Evidence(problem, result, verdict, execution, audited, time_limit_s=time_limit_s))
+    status = "audit_failed" if audited["num_overlaps"] else "completed"
     return RunResult(setup, status, note, Solution(setup, problem, result, verdict, 0.0), execution, audited, plain(metrics))
+
+
+class Between(NamedTuple):
+    """Poses at T times, straight in between reports; on the way from one level to another as the nearer report has it."""
+
+    xy: FloatArray  # [T, 2] m
+    yaw_rad: FloatArray  # [T]
+    level: IntArray  # [T]
+    gap_s: FloatArray  # [T] between the reports around
+
+
+def between(t_s: FloatArray, at_s: FloatArray, xy: FloatArray, yaw_rad: FloatArray, level: IntArray) -> Between:
+    """Poses at times [T], of N reports at ascending ones."""
+    after = np.clip(np.searchsorted(at_s, t_s), min(1, len(at_s) - 1), len(at_s) - 1)
+    before = np.maximum(after - 1, 0)
+    nearest = np.where(t_s - at_s[before] <= at_s[after] - t_s, before, after)
+    rides = level[before] != level[after]  # nothing lies between
+    places = [np.where(rides, xy[nearest, k], np.interp(t_s, at_s, xy[:, k])) for k in (0, 1)]
+    yaw = wrapped(np.interp(t_s, at_s, np.unwrap(yaw_rad)))
+    return Between(np.stack(places, 1), yaw, level[nearest], at_s[after] - at_s[before])
 
 
 def _fleet(vehicles: list[Recorded], model: RobotType) -> Fleet:
@@ -149,7 +169,10 @@ def _graph(
         shift = {key: drawn.level_shift_m[key] for key in shift}
     nav = replace(nav, xy=frozen(xy + shifts_of(level_names, shift)[level]))
     graph = plan_graph(nav, kind="roadmap", cell_m=round(float(np.median(length_m)), 3) if lanes else 1.0)
-    ways = [(np.array([number[node] for node, _ in nodes], np.int64), _ascending([t for _, t in nodes])) for nodes in visits]
+    ways = []
+    for nodes in visits:  # a first one is at 0 s, whatever else is known
+        at_s = np.maximum.accumulate(np.array([0.0, *(t_s for _, t_s in nodes[1:])]))
+        ways.append((np.array([number[node] for node, _ in nodes], np.int64), at_s))
     return graph, shift, ways
 
 
@@ -166,11 +189,6 @@ def _departures(vehicle: Recorded, xy: FloatArray, at_s: FloatArray) -> FloatArr
     return leave_s
 
 
-def _ascending(t_s: list[float]) -> FloatArray:
-    """A first visit is at 0 s, whatever else is known."""
-    return np.maximum.accumulate(np.array([0.0, *t_s[1:]]))
-
-
 def _pose_at(vehicle: Recorded, t_s: float) -> tuple[float, float, str]:
     """Where a vehicle was, by its nearest report."""
     k = int(np.argmin(np.abs(np.array(vehicle.t_s) - t_s)))
@@ -183,27 +201,14 @@ def _execution(vehicles: list[Recorded], begin_s: float, span_s: float, plan: Pl
     level, by = np.zeros((len(t_s), len(vehicles)), np.int64), shifts_of(graph.level_names, shift)
     events = []
     for r, vehicle in enumerate(vehicles):
-        at_s = np.array(vehicle.t_s) - begin_s
+        at_s, on = np.array(vehicle.t_s) - begin_s, np.array([graph.level_names.index(name) for name in vehicle.map_id])
         there = (t_s >= at_s[0] - 1e-6) & (t_s <= at_s[-1] + 1e-6)
-        now_s = t_s[there]
-        x[there, r], y[there, r] = np.interp(now_s, at_s, vehicle.x_m), np.interp(now_s, at_s, vehicle.y_m)
-        turned = np.interp(now_s, at_s, np.unwrap(vehicle.yaw_rad))
-        yaw[there, r] = wrapped(turned)
+        poses = between(t_s[there], at_s, np.column_stack((vehicle.x_m, vehicle.y_m)) + by[on], np.array(vehicle.yaw_rad), on)
+        x[there, r], y[there, r] = poses.xy.T
+        yaw[there, r], level[there, r] = poses.yaw_rad, poses.level
         said = np.array(vehicle.speed_mps)
         known = np.isfinite(said)
-        on = np.array([graph.level_names.index(name) for name in vehicle.map_id])
-        before = np.maximum(np.searchsorted(at_s, now_s + 1e-6, side="right") - 1, 0)
-        after = np.minimum(before + 1, len(at_s) - 1)
-        nearest = np.where(now_s - at_s[before] <= at_s[after] - now_s, before, after)
-        level[there, r] = on[nearest]
-        rides = on[before] != on[after]  # nothing lies between
-        poses = np.column_stack((vehicle.x_m, vehicle.y_m))
-        x[there, r], y[there, r] = (
-            np.where(rides, poses[nearest, k], column[there, r]) + by[level[there, r], k] for k, column in ((0, x), (1, y))
-        )
-        speed[there, r] = (
-            np.interp(now_s, at_s[known], said[known]) if known.any() else _derived_mps(x[there, r], y[there, r], level[there, r])
-        )
+        speed[there, r] = np.interp(t_s[there], at_s[known], said[known]) if known.any() else _derived_mps(poses)
         for (kind, text), spans in vehicle.errors.items():
             for since_s, until_s in spans:
                 what = "blocked" if kind in WAITS else "disturbed"
@@ -230,11 +235,11 @@ def _execution(vehicles: list[Recorded], begin_s: float, span_s: float, plan: Pl
     )
 
 
-def _derived_mps(x_m: FloatArray, y_m: FloatArray, level: IntArray) -> FloatArray:
-    """[T] speeds by positions [T] before and after; where the level changes, those are in other frames."""
-    if len(x_m) < 2:
-        return np.zeros(len(x_m))
-    moves = np.where(np.diff(level) != 0, 0.0, np.stack((np.diff(x_m), np.diff(y_m))))
+def _derived_mps(poses: Between) -> FloatArray:
+    """[T] speeds by positions before and after; where the level changes, those are in other frames."""
+    if len(poses.xy) < 2:
+        return np.zeros(len(poses.xy))
+    moves = np.where(np.diff(poses.level) != 0, 0.0, np.diff(poses.xy, axis=0).T)
     moved = np.concatenate([moves[:, :1], (moves[:, :-1] + moves[:, 1:]) / 2, moves[:, -1:]], 1)
     speed: FloatArray = np.hypot(*moved) / SAMPLE_S
     return speed
@@ -248,9 +253,3 @@ def _batteries(vehicles: list[Recorded], begin_s: float, end_s: float) -> Batter
     level = np.stack([np.interp(t_s, *np.array(vehicle.percent).T - [[begin_s], [0.0]]) / 100 for vehicle in vehicles], 1)
     none = frozen(np.zeros(len(vehicles)))
     return BatteryLog(frozen(t_s), frozen(level), none, none, 0.0)
-
-
-def _step_s(graph: NavGraph, fleet: Fleet) -> float:
-    """The time for the longest lane, as for any other problem."""
-    longest_m = float(graph.length_m.max(initial=1.0))
-    return round(longest_m / float(fleet.max_speed_mps.min()), 3)
