@@ -47,7 +47,7 @@ class Timetable:
         self._start, self._goal = problem.start.tolist(), problem.target.tolist()
         self._start_rad, self._goal_rad = problem.heading_at_start.tolist(), problem.heading_at_target.tolist()
         self.table = _table.empty_table(graph.num_vertices + self.resources.num_zones, 64 * graph.num_vertices)
-        self.scratch = _search.new_scratch(1 << 14, num_lanes)
+        self.scratch = _search.new_scratch(1 << 10, num_lanes)
         self.work = 0  # entries that searches have looked at
         self.exhausted = False  # whether the last search has looked at everything
         self._protected_steps = 0
