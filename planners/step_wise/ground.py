@@ -65,6 +65,11 @@ class FreeCells:
         return len(self._slot) - len(self._old)
 
     @property
+    def xy(self) -> NDArray[np.int64]:
+        """[C, 2] of cells, columns and rows."""
+        return self._at[::-1].T
+
+    @property
     def num_cells(self) -> int:
         """Free ones."""
         return len(self.ahead) // 4

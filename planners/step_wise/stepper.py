@@ -4,15 +4,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrp_sumo.core.graph import IntArray
-from mrp_sumo.core.step_wise import FORWARD, LEFT, NOTHING, RIGHT, StepWiseProblem
+from mrp_sumo.core.step_wise import FORWARD, LEFT, NOTHING, RIGHT, ActionArray, StepWiseProblem
 from mrp_sumo.planning.step_wise import Decision, Observation
 from planners.step_wise.ground import FAR, RESERVE, FreeCells, moved_up, operations
 from planners.step_wise.tasks import Choice, InTurn, NearestGoal
 from planners.step_wise.traffic import CrowdTraffic
+from planners.step_wise.way_out import WayOut, way_out
 
 SHUFFLE = 20  # steps that chance may put a robot before another in the order of a step
 MOST_VISITS = 10  # how often one robot may be pushed when another one chooses
 TRY_LIMIT = 300  # operations that are looked at when a robot that is drawn changes its own
+PATIENCE = 20, 3  # steps without an errand, and so many times those to the nearest one, after which a crowd is led out of where it stands
 FADES = 3.0  # the logarithm of how much more the cost of the first in the order counts than that of the last
 
 
@@ -58,6 +60,10 @@ class OperationStepper:
             straight=problem.ticks > 0,
         )
         self._expected: NDArray[np.int32] | None = None  # [R] states after the step
+        self._seed, self._ticks = seed, problem.ticks
+        self._done: tuple[int, int] = (0, 0)  # how far the pool is
+        self._patient_until, self._patience = 0, 1
+        self._way_out: WayOut | None = None
 
     def step(self, seen: Observation) -> Decision:
         """Actions of robots in the next step, and their tasks."""
@@ -72,6 +78,8 @@ class OperationStepper:
         slot, goal, onward, rest = self._errands(seen, task_of)
         appraise(crowd, ground.table, slot, goal, onward)
         steps = np.where(slot[:, 0] >= 0, ground.table[slot[:, 0], crowd.state] + rest, FAR)
+        if (action := self._led_out(seen, goal, slot, steps)) is not None:
+            return Decision(action, task_of)
         shuffled = steps + self._rng.integers(0, SHUFFLE, len(steps))  # else the same robots stand off for good
         order = np.argsort(shuffled, kind="stable")
         crowd.weight[order] = self._weight_of_place
@@ -82,6 +90,23 @@ class OperationStepper:
         if self._traffic is not None:
             self._traffic.see(crowd.state, action)
         return Decision(action, task_of)
+
+    def _led_out(self, seen: Observation, goal: IntArray, slot: IntArray, steps: IntArray) -> ActionArray | None:
+        """[R] actions where no errand has been done for long; None: robots choose for themselves."""
+        crowd, done = self._crowd, (sum(seen.pool.values()), max(seen.pool, default=0))
+        if done != self._done:
+            left = np.where(slot[:, 0] >= 0, self._ground.table[slot[:, 0], crowd.state], FAR).min()
+            self._done, self._patience, self._patient_until = done, 1, seen.time + PATIENCE[0] + PATIENCE[1] * int(left)
+        if self._way_out is None and seen.time > self._patient_until and not self._ticks:
+            self._way_out = way_out(self._ground, crowd.state, goal, np.argsort(steps, kind="stable"), self._seed)
+            self._patience *= 2
+            self._patient_until = seen.time + self._patience * PATIENCE[0]
+        action = self._way_out.action(crowd.state) if self._way_out else None
+        if action is None:
+            self._way_out = None
+        else:
+            self._expected = np.full(len(crowd.state), NOTHING, np.int32)  # nothing is left of what robots chose
+        return action
 
     def _errands(self, seen: Observation, task_of: IntArray) -> tuple[IntArray, IntArray, IntArray, IntArray]:
         """Tables of the next two errands [R, 2], the cell of the next, the steps between them, and those from it to the task's end [R]."""

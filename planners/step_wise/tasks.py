@@ -62,6 +62,8 @@ class NearestGoal:
             steps[slot < 0] = ground.apart(goal[slot < 0][:, None], state[group][None, :] >> 2)
             cost = np.where(steps == FAR, 10 * FAR, steps + through[left][:, None])
             task, robot = linear_sum_assignment(cost)
+            can_end = cost[task, robot] < FAR
+            task, robot = task[can_end], robot[can_end]
             task_of[group[robot]] = np.array(tasks)[left[task]]
             left = np.delete(left, task)
         return task_of

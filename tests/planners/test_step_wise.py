@@ -70,6 +70,27 @@ def test_full_ring_turns():
     assert (solution.action == 0).any(axis=1).all()
 
 
+def test_a_crowd_that_stands_still_is_led_out():
+    """Two rows that one aisle joins, where four robots stand off for good if each chooses for itself."""
+    problem = problem_of([".....", "@@.@@", "@@.@@", "....."], [0, 4, 15, 19], [[0, 19], [15, 4], [12, 2]], 6)
+    times = ran(problem, 400).event[:, 0]
+    assert (np.diff([0, *times, 400]) < 100).all(), times
+
+
+def test_a_crowd_for_which_there_is_no_way_out_stays():
+    """Two robots in an aisle, each with errands behind the other."""
+    problem = problem_of(["....."], [1, 3], [[4], [0]])
+    assert not len(ran(replace(problem, own_tasks=True), 200).event)
+
+
+@pytest.mark.kernel
+def test_tasks_that_cannot_be_ended_are_not_begun():
+    """The first of three tasks leads through a wall: robot 1 stands at its first errand. It is left until the pool has no other."""
+    problem = problem_of(["..@.."], [0, 4], [[4, 0], [3, 4], [0, 1]], 3)
+    solution = ran(problem, 40)
+    assert solution.num_done == 4 and not (solution.event[:, 2] % 3 == 0).any()
+
+
 @pytest.mark.kernel
 def test_nearest_tasks_are_those_of_the_least_sum():
     problem = problem_of(["......."], [1, 5], [[6], [0], [3]], 3)
