@@ -212,6 +212,10 @@ def test_batteries_balance(logs):
         assert bool(list(energy.batteries(changed(logs, "batteries", "level", (5, 0), level[5, 0] + by)))) == found
     assert "batteries" in rules(changed(logs, "batteries", "used_j", 0, logs.execution.batteries.used_j[0] * 1.1))
     assert "batteries" in rules(changed(logs, "batteries", "charged_j", 0, logs.execution.batteries.charged_j[0] + 500))
+    begin, *_, end = level[:, 0].tolist()
+    unused = changed(logs, "batteries", "used_j", 0, logs.execution.batteries.charged_j[0])
+    says = f"robot_0 ends with {100 * end:.4f} %, but what was drawn and charged leaves {100 * begin:.4f} %"
+    assert begin != end and says in [finding.text for finding in energy.batteries(unused)]
     assert list(energy.batteries(replace(logs, terms=replace(logs.terms, start_level=(0.5, 0.6)))))
 
 

@@ -31,7 +31,7 @@ def states(logs: Logs) -> Iterator[Finding]:
         return
     for robot in range(logs.fleet.num_robots):
         who, mine = logs.robot(robot), np.flatnonzero(log.robot == robot)
-        edges = [0.0, *np.stack([log.begin_s[mine], log.end_s[mine]], 1).reshape(-1).tolist(), logs.end_s]
+        edges = [0.0, *np.stack([log.begin_s[mine], log.end_s[mine]], 1).ravel().tolist(), logs.end_s]
         gaps = [(a, b) for a, b in zip(edges[::2], edges[1::2]) if abs(a - b) > EPS_S]
         for a, b in gaps:
             yield Finding("states", a, f"{who}: its states end at {a:.2f} s and go on at {b:.2f} s, expected no gap", who)
