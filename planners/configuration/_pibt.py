@@ -230,7 +230,7 @@ def _too_close(world, scratch, here, to, i, u):
             if to[j] >= 0:
                 return CHOSEN
             standing = j
-        if reserved[w] >= 0 and reserved[w] != i:
+        if reserved[w] >= 0 and reserved[w] != i and (w != here[i] or to[reserved[w]] == w):  # who pushes i does not come yet
             return CHOSEN
     for k in range(clashes.lane_first[move], clashes.lane_first[move + 1]):
         lane = clashes.lane[k]

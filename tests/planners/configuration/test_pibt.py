@@ -118,3 +118,16 @@ def test_who_has_had_its_goal_for_longest_keeps_its_priority_from_window_to_wind
         problem = replace(problem_on(line(7), here, [5, 1]), window_steps=1, since_s=None if since_s is None else np.array(since_s))
         here = [int(path[-1]) for path in paths_of_plan(Pibt().plan(problem, 60.0).plan, 1.0)]
     assert here == ends
+
+
+def test_who_stands_in_a_group_leaves_it_for_one_that_pushes():
+    """On a one-way ring, of which vertices 2 and 3 are a group: the robot at 1 chooses first and waits, the one at 2 drives on."""
+    ring = graph_of([(np.cos(k * np.pi / 4), np.sin(k * np.pi / 4)) for k in range(8)], (), one_way=[(k, (k + 1) % 8) for k in range(8)])
+    grouped = replace(ring, vertex_options=tuple({"mutex": "machine"} if v in (2, 3) else {} for v in range(8)))
+    problem = replace(problem_on(grouped, [1, 2], [4, 6]), drivable=True)
+    (world, scratch), here, rng = stepping(problem), problem.start.copy(), np.random.default_rng(0)
+    for _ in range(3):
+        to = np.full(2, -1)
+        assert _pibt.step(world, scratch, here, to, np.arange(2), rng)
+        here = to
+    assert here.tolist() == [2, 5]
