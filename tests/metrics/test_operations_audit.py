@@ -282,6 +282,21 @@ def test_who_waits_first_is_served_first(queue):
     assert finding.order not in [f.order for f in places.waits(urgent)]
 
 
+@pytest.mark.parametrize(
+    ("away_m", "lasts_s", "since_s"), [(1.9, 1.1, 10), (1.9, 0.9, np.inf), (2.1, 1.1, np.inf), (2.1, 47, 10), (2.1, 46, np.inf)]
+)
+def test_who_stands_near_its_place_for_a_second_waits_from_then_on_and_farther_away_for_most_of_its_time(away_m, lasts_s, since_s):
+    """It sets out at 2 s, and stands from 10 s on; until 60 s. Two robots keep 0.4 m, of which five are near."""
+    logs = SimpleNamespace(
+        standing=[np.array([[10.0, 10.0 + lasts_s]])],
+        graph=SimpleNamespace(xy=np.zeros((1, 2))),
+        fleet=SimpleNamespace(apart_m=np.array([[0.4]])),
+        xy_at=lambda robots, t_s: np.tile([away_m, 0.0], (len(t_s), 1)),
+        was_in=lambda *_: False,
+    )
+    assert places._waits_since_s(logs, places.Wish(0, 0, "A", [0], 2.0, np.inf, np.inf), 60.0) == since_s
+
+
 def starved(queue, since_s=0.0, at_m=(2.0, 0.0), state=WORKING, urgent=(), others_m=None):
     """The rows of robot_1's stops are gone, as if it had driven, and stood from then on 3 m before A, or elsewhere.
 
