@@ -17,10 +17,10 @@ from mrp_sumo.drive.work import Work
 
 
 class Fleet:
-    """Robots on a line of 20 vertices, a step of a second each, and the tasks that they have or could have."""
+    """Robots on a line of 20 vertices or another graph, a step of a second each, and the tasks that they have or could have."""
 
-    def __init__(self, at, *tasks, service_s=1.0, types=()):
-        problem = problem_on(line(20), at, at)
+    def __init__(self, at, *tasks, service_s=1.0, types=(), graph=None):
+        problem = problem_on(graph or line(20), at, at)
         problem = replace(problem, fleet=replace(problem.fleet, type_name=types))
         stations = [[Station(f"at {v}", (v,)) for v in stops] for _, stops, *_ in tasks]
         listed = [

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from floors import driven, ring, scenario
 from line_fleets import Fleet
@@ -10,7 +11,7 @@ from worlds import graph_of, line
 from mrp_sumo.core.execution import BOOKINGS
 from mrp_sumo.drive.dispatchers.estimates import FAR_S
 from mrp_sumo.drive.robot_work import NONE, Change, Leg
-from mrp_sumo.drive.work_request import work_request
+from mrp_sumo.drive.work_request import in_turn, work_request
 from mrp_sumo.errors import PlugInError
 
 ALL = ("nearest", "hungarian", "central", "min_cost_flow", "regret", "token_passing", "tpts")
@@ -236,6 +237,22 @@ def test_who_is_about_to_come_to_a_stop_takes_another_order_only_behind_its_last
     robot.leaves, robot.legs = True, [Leg(0, 0, 3), Leg(0, 1, 19)][:num_legs]
     fleet.work.accepted(swap, 3.0)
     assert (robot.task, robot.then) == (0, then)
+
+
+@pytest.mark.parametrize(("in_line", "order"), [(True, [1, 0]), (False, [0, 1])])
+def test_who_is_in_line_on_the_way_of_one_that_waits_for_longer_comes_first_and_who_comes_later_lets_it_pass(in_line, order):
+    """robot_0 waits at 0 for the place 4 when robot_1 sets out for it, which is at 3 then and can get out of the way, to 5 beside 2."""
+    graph = graph_of([(0, 0), (1, 0), (2, 0), (3, 0), (4, 0), (2, 1)], [(0, 1), (1, 2), (2, 3), (3, 4), (2, 5)])
+    crew = Fleet([0, 3], (0.0, (4,)), (0.0, (4,)), graph=graph).crew
+    crew.orders.reveal(0.0)
+    for r, sets_out_s in enumerate((0.0, 5.0)):
+        crew.orders.assign(r, r, sets_out_s)
+        crew.give(crew.robots[r], r, sets_out_s, sets_out_s)
+    for robot, came_s in ((0, 1.0), (1, 6.0))[: 1 + in_line]:
+        crew.robots[robot].came_s = came_s
+        crew.robots[robot].on(Change.LINED_UP, came_s)
+    stops = {r: crew.tasks[r].stops[0] for r in (0, 1)}
+    assert in_turn(crew, np.array([0, 3]), stops, {0: 0, 1: 1}, np.zeros(2, np.bool_), ()) == order
 
 
 def test_who_waits_at_a_place_is_served_when_it_is_given_it_not_before():

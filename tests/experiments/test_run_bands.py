@@ -1,6 +1,8 @@
 """Error bands of a run, driven: where one station binds, and where the way does, their effects are known by hand."""
 
+from dataclasses import dataclass
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from ring_floor import LAP_S, MOVE_UP_S, ring
@@ -51,3 +53,33 @@ def test_a_station_that_is_not_there_is_refused_before_anything_is_driven():
     values |= {"tasks": {"streams": [{"arrivals": {"open": 2}, "stops": ["pantry", "lounge"]}]}}
     with MapCache() as maps, pytest.raises(MrpSumoError, match="--error-bands: 'pantri' is no station, group or vertex"):
         require_bounds(scenario_of(values, Path(), "case"), {"tasks.service_factor.pantri": (0.9, 1.1)}, maps)
+
+
+@dataclass(frozen=True)
+class Result:
+    """A run without orders, in which everybody takes 100 s."""
+
+    setup: SimpleNamespace
+    metrics: dict
+    execution: None = None
+    error_bands: dict | None = None
+
+
+@pytest.mark.parametrize(
+    ("slow_is_possible", "high", "without"), [(True, 100 / 0.9, ""), (False, 100.0, " 4 of 8 runs have no such figures.")]
+)
+def test_runs_that_a_quantity_makes_impossible_are_counted_and_leave_no_hole(slow_is_possible, high, without):
+    """Robots are all the slower, the lower their top speed, and nothing else matters."""
+    file = scenario_of({"map": "office", "robots": 2, "planner": "lacam"}, Path(), "case")
+
+    def run(file):
+        factor = file.scenario.robots.factor.max_speed_mps
+        if factor < 1 and not slow_is_possible:
+            raise MrpSumoError("too slow")
+        return SimpleNamespace(metrics={"driven_makespan_s": 100.0 / factor})
+
+    setup = SimpleNamespace(file=file, scenario=file.scenario)
+    bands = with_error_bands(Result(setup, {"driven_makespan_s": 100.0}), {}, run).error_bands
+    ends = bands["measures"]["driven_makespan_s"]
+    assert (ends["value"], ends["low"], ends["high"]) == pytest.approx((100.0, 100 / 1.1, high), rel=1e-3)
+    assert bands["sentence"].endswith(without or "top speed.")

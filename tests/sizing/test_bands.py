@@ -64,6 +64,16 @@ def test_an_answer_is_the_same_but_for_its_bands_and_has_none_unless_asked():
     assert bands.spent_s == without.spent_s < inf
 
 
+def test_the_runs_that_bands_cost_are_counted_beside_those_of_the_study():
+    made = []
+    for bounds in (None, ()):
+        asked = question((4, 60), demand_per_h=200.0, tasks=STATION, bounds=bounds)
+        fleets = Fleets(lambda n: 10.0 * n, asked, moved=lambda n, values: 10.0 * n * values.get("max_speed_mps", 1.0))
+        answer, _ = answer_of(asked, fleets)
+        made.append(len(set(fleets.made)))
+    assert answer.bands.num_runs == made[1] - made[0] > 0
+
+
 @pytest.mark.parametrize("bounds", [None, ()], ids=("not asked for", "asked for"))
 def test_an_answer_without_the_bands_that_were_asked_for_says_so(bounds):
     answer = replace(answered(lambda n, speed, service: 10.0 * n * speed, demand_per_h=200.0, bounds=bounds), bands=None)
