@@ -5,6 +5,7 @@ is taken at once. Each may use an equal share of what is left of the time limit 
 to fall back on; the first is bounded in work, too. Refuses portfolios of planners that are not there, and of itself.
 """
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from time import process_time
@@ -19,7 +20,8 @@ from mrp_sumo.planning.registry import planner, planner_names
 NOT_IN_IT = ("auto", "external", "plan_file")  # nothing without a program or a file, nor itself
 NEAR = 1.7  # times its lower bound a plan may cost to be taken at once
 THIN = 3.0  # vertices that a robot has for itself on average, from which on one after another finds its way in a window
-FEW = 5  # robots whose real motion is planned on grids, where ways of one length differ in turns
+FEW, FEW_SLOW = 5, 20  # robots whose real motion is planned on grids, where ways of one length differ in turns; if they turn slowly
+SLOW = 0.3  # of a step at least, that a quarter turn takes then
 SOME = 200  # robots for whom a bounded search is tried first, and a second planner asked, to keep the cheaper plan
 FIRST_EFFORT = {"pbs": 150_000, "ecbs": 40_000}  # labels of those who are asked first: about an eighth and a hundredth of a second
 
@@ -103,14 +105,17 @@ def portfolio_for(problem: Problem) -> Portfolio:
         if problem.graph.num_vertices >= THIN * robots:
             return Portfolio(("prioritised", "lacam", "pibt"), 1, "robots have room in the window")
         return Portfolio(("lacam", "prioritised", "pibt"), 1, "robots crowd")
-    if problem.drivable and problem.graph.kind == "grid" and robots <= FEW:
-        return Portfolio(
-            ("pbs", "ecbs", "lacam", "lns2", "continuous"), 1, f"few enough robots ({robots}) on a grid to plan their real motion"
-        )
+    if problem.drivable and problem.graph.kind == "grid" and robots <= (FEW_SLOW if _turn_slowly(problem) else FEW):
+        why = f"few enough robots ({robots}) on a grid to plan their real motion"
+        return Portfolio(("pbs", "ecbs", "lacam", "lns2", "continuous"), 1, why)
     if robots <= SOME:
         others = ("continuous",) if problem.drivable else ("prioritised",)
         return Portfolio(("ecbs", "lacam", "lns2", *others), 3, f"few enough robots ({robots}) to try a bounded search first")
     return Portfolio(("lacam", "lns2", "prioritised"), 1, f"many robots ({robots})")
+
+
+def _turn_slowly(problem: Problem) -> bool:
+    return bool((math.pi / 2 >= SLOW * problem.step_s * problem.fleet.turn_rate_rad_s).all())
 
 
 def _above_bound(result: PlanResult, problem: Problem) -> float:

@@ -16,6 +16,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, Literal, get_args, get_origin
 
+import numpy as np
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
@@ -25,7 +26,7 @@ from mrp_sumo.drive.robot_work import Change
 from mrp_sumo.io.documents import declared_in, keys_of
 from mrp_sumo.io.scenario.model import SECTIONS, ScenarioModel
 from mrp_sumo.metrics import registry
-from planners.auto import FEW, SOME, THIN, portfolio_for
+from planners.auto import FEW, FEW_SLOW, SLOW, SOME, THIN, portfolio_for
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 TECHNICAL = 1e9  # bounds from here on are nobody's concern
@@ -71,15 +72,20 @@ def planners() -> str:
 def auto() -> str:
     """Planners that `auto` asks, by the problem."""
 
-    def asked(robots: int, vertices: float = 0, kind: str = "roadmap", **problem: Any) -> tuple[str, str]:
-        graph = SimpleNamespace(num_vertices=vertices, kind=kind)
-        chosen = portfolio_for(SimpleNamespace(num_robots=robots, graph=graph, **problem))  # type: ignore[arg-type]
+    def asked(robots: int, vertices: float = 0, kind: str = "roadmap", turn_steps: float = 0.1, **problem: Any) -> tuple[str, str]:
+        graph, fleet = (
+            SimpleNamespace(num_vertices=vertices, kind=kind),
+            SimpleNamespace(turn_rate_rad_s=np.full(1, np.pi / 2 / turn_steps)),
+        )
+        chosen = portfolio_for(SimpleNamespace(num_robots=robots, graph=graph, fleet=fleet, step_s=1.0, **problem))  # type: ignore[arg-type]
         plan = f"the cheapest of the first {chosen.compared}" if chosen.compared > 1 else "the first"
         return ", ".join(f"`{name}`" for name in chosen.names), plan
 
     one_shot, window = {"drivable": False, "window_steps": 0}, {"drivable": True, "window_steps": 1}
+    grid: dict[str, Any] = {"kind": "grid", "drivable": True, "window_steps": 0}
     rows = (
-        (f"one-shot, robots keep the plan's order, up to {FEW} robots on a grid", *asked(FEW, kind="grid", drivable=True, window_steps=0)),
+        (f"one-shot, robots keep the plan's order, up to {FEW} robots on a grid", *asked(FEW, **grid)),
+        (f"the same, up to {FEW_SLOW}, a quarter turn takes {SLOW:g} of a step or more", *asked(FEW_SLOW, turn_steps=SLOW, **grid)),
         (f"one-shot, robots keep the plan's order, up to {SOME} robots", *asked(SOME, drivable=True, window_steps=0)),
         (f"one-shot, robots need not, up to {SOME} robots", *asked(SOME, **one_shot)),
         ("one-shot, more", *asked(SOME + 1, **one_shot)),

@@ -75,7 +75,7 @@ def read_problem(path: Path) -> StepWiseProblem:
     ticks, size = _of_2026(path, document)
     delays = _delays_of(path, document["delayConfig"]) if ticks and document.get("delayConfig") is not None else None
     return StepWiseProblem(
-        name=path.stem,
+        name=path.name,
         free=frozen(free),
         start=frozen(start),
         first=frozen(first),

@@ -82,13 +82,16 @@ def test_by_rule_everybody_gets_an_answer():
         assert judge(problem, result.plan, in_seconds=True).valid
 
 
-@pytest.mark.parametrize(("drivable", "kind", "robots", "first"), [
-    (True, "grid", 5, "pbs"), (True, "grid", 6, "ecbs"), (True, "roadmap", 5, "ecbs"), (False, "grid", 5, "ecbs"),
-    (False, "grid", 200, "ecbs"), (False, "grid", 201, "lacam"),
+@pytest.mark.parametrize(("drivable", "kind", "robots", "quarter_s", "first"), [
+    (True, "grid", 5, 0.5, "pbs"), (True, "grid", 6, 0.5, "ecbs"), (True, "roadmap", 5, 0.5, "ecbs"), (False, "grid", 5, 0.5, "ecbs"),
+    (True, "grid", 20, 0.61, "pbs"), (True, "grid", 20, 0.59, "ecbs"), (True, "grid", 21, 0.61, "ecbs"), (False, "grid", 20, 0.61, "ecbs"),
+    (False, "grid", 200, 0.5, "ecbs"), (False, "grid", 201, 0.5, "lacam"),
 ])  # fmt: skip
-def test_real_motion_is_planned_on_grids_where_the_order_is_kept_and_robots_are_few(drivable, kind, robots, first):
-    graph = SimpleNamespace(kind=kind)
-    assert portfolio_for(SimpleNamespace(num_robots=robots, graph=graph, drivable=drivable, window_steps=0)).names[0] == first
+def test_real_motion_is_planned_on_grids_where_the_order_is_kept_and_robots_are_few(drivable, kind, robots, quarter_s, first):
+    """More of them where a quarter turn takes 0.3 of a step of 2 s."""
+    graph, fleet = SimpleNamespace(kind=kind), SimpleNamespace(turn_rate_rad_s=np.pi / 2 / np.array([quarter_s, 0.7]))
+    problem = SimpleNamespace(num_robots=robots, graph=graph, fleet=fleet, step_s=2.0, drivable=drivable, window_steps=0)
+    assert portfolio_for(problem).names[0] == first
 
 
 def test_in_windows_robots_with_room_go_one_after_another_and_crowds_by_lacam():
