@@ -274,11 +274,7 @@ def _closeness(execution: Execution, fleet: Fleet, level: IntArray | None) -> tu
     if not np.isfinite(best) or best > FAR_M / 2:
         return [], None
 
-    def time(k: float, share: float) -> float:
-        t, after = execution.t_s, min(int(k) + 1, len(execution.t_s) - 1)
-        return float(t[int(k)] + share * (t[after] - t[int(k)]))
-
-    pairs = sorted((time(k, share), int(a), int(b)) for k, share, a, b in hits.tolist())
+    pairs = sorted((_moment(execution.t_s, k, share), int(a), int(b)) for k, share, a, b in hits.tolist())
     overlaps = []
     for t_s, a, b in pairs:
         (xs,), (ys,), _ = positions_at(execution, np.array([t_s]))
@@ -289,7 +285,13 @@ def _closeness(execution: Execution, fleet: Fleet, level: IntArray | None) -> tu
         place = {"x_m": x_m if execution.level is None else x_m - FAR_M * round(x_m / FAR_M), "y_m": float(ys[a] + ys[b]) / 2}
         overlaps.append({"robots": [fleet.robot_name[a], fleet.robot_name[b]], "t_s": t_s, **place})
     robots = [fleet.robot_name[int(r)] for r in where[2:]]
-    return overlaps, {"m": float(best), "robots": robots, "t_s": time(where[0], where[1])}
+    return overlaps, {"m": float(best), "robots": robots, "t_s": _moment(execution.t_s, *where[:2].tolist())}
+
+
+def _moment(t_s: FloatArray, k: float, share: float) -> float:
+    """The time of a share of the way from a sample to the next."""
+    before = float(t_s[int(k)])
+    return before + share * (float(t_s[min(int(k) + 1, len(t_s) - 1)]) - before)
 
 
 def _at_walls(execution: Execution, fleet: Fleet, walls: FloatArray | None) -> dict[str, Any]:
@@ -298,21 +300,15 @@ def _at_walls(execution: Execution, fleet: Fleet, walls: FloatArray | None) -> d
         names = ("num_wall_contacts", "num_wall_crossings", "wall_contacts", "min_wall_clearance_m", "min_wall_clearance")
         return dict.fromkeys(names)
     best, where, hits = _nearest_walls(execution, fleet, walls)
-    t = execution.t_s
     hits = hits[np.lexsort((hits[:, 3], hits[:, 2], hits[:, 0] + hits[:, 1]))]
-
-    def time(k: float, share: float) -> float:
-        return float(t[int(k)] + share * (t[min(int(k) + 1, len(t) - 1)] - t[int(k)]))
-
     contacts = []
     for k, share, r, _, crosses in hits[:LISTED].tolist():
-        robot, t_s = int(r), time(k, share)
+        robot, t_s = int(r), _moment(execution.t_s, k, share)
         (xs,), (ys,), _ = positions_at(execution, np.array([t_s]))
         place = {"x_m": float(xs[robot]), "y_m": float(ys[robot])}
         contacts.append({"robot": fleet.robot_name[robot], "t_s": t_s, **place, "crosses": bool(crosses)})
-    nearest = None
-    if np.isfinite(best):
-        nearest = {"robot": fleet.robot_name[int(where[2])], "t_s": time(where[0], where[1])}
+    k, share, r, _ = where.tolist()
+    nearest = {"robot": fleet.robot_name[int(r)], "t_s": _moment(execution.t_s, k, share)} if np.isfinite(best) else None
     return {
         "num_wall_contacts": len(hits),
         "num_wall_crossings": int(hits[:, 4].sum()),

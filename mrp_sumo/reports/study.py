@@ -146,9 +146,15 @@ def read_study(path: Path) -> ReportedRuns:
     return _study(name, description, until, frame, gaps, folders)
 
 
+def floats(runs: pd.DataFrame, column: str) -> FloatArray:
+    """[N] the values of a column, NaN where one is missing."""
+    values: FloatArray = runs[column].to_numpy(np.float64, na_value=np.nan)
+    return values
+
+
 def numbers(runs: pd.DataFrame, column: str) -> FloatArray:
     """The values of a column that are not missing, [N]."""
-    values: FloatArray = runs[column].to_numpy(np.float64, na_value=np.nan)
+    values = floats(runs, column)
     return values[np.isfinite(values)]
 
 

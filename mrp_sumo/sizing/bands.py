@@ -120,18 +120,17 @@ def bands(desk: Desk, limit: Limits, served: Served | None, why: Sequence[Reason
     near = min(why, key=lambda each: (abs(each.robots - robots), each.robots))
     of = quantities(desk.question.file, dict(desk.question.bounds or ()), stations_of(desk.question.file, near.stations))
     by_quantity = _effects(desk, limit.curve.planner, robots, of)
-    as_is = _saturated(desk, limit.curve.planner, {robots})
-    ends = []
+    as_is = _saturated(desk, limit.curve.planner, {robots}).points.get(robots)
+    as_is_per_h, ends = as_is.throughput.value if as_is else nan, []
     for better in (False, True):
         moves = _ordered(corner(by_quantity, better))
         there = _saturated(desk, limit.curve.planner, {robots, *(_sizes_near(limit, robots) if answer == KNEE else ())}, moves)
         per_h = there.points[robots].throughput.value if robots in there.points else nan
         if answer == DEMANDED and served:
-            ends.append(_serving(desk, served, robots, moves, per_h, as_is.points[robots].throughput.value if as_is.points else nan))
+            ends.append(_serving(desk, served, robots, moves, per_h, as_is_per_h))
         else:
             ends.append(End(per_h, _knee(there) if answer == KNEE else robots, max([*there.sizes, robots])))
-    per_h = as_is.points[robots].throughput.value if robots in as_is.points else nan
-    return Bands(answer, robots, per_h, by_quantity, ends[0], ends[1], len(desk.asked) - before)
+    return Bands(answer, robots, as_is_per_h, by_quantity, ends[0], ends[1], len(desk.asked) - before)
 
 
 def stations_of(file: ScenarioFile, shares: Sequence[Share]) -> list[str]:

@@ -22,6 +22,7 @@ from mrp_sumo.io.run_reader import RunFolder
 from mrp_sumo.reports.charts.chart import COLOURS, GRID, NARROW, Chart, around_zero, distribution, draw, printable
 from mrp_sumo.reports.charts.task_charts import task_charts
 from mrp_sumo.reports.pictures.map_picture import BLUE, FLOOR, INK, MUTED, ORANGE, VERMILION, WALL, draw_strokes
+from mrp_sumo.reports.pictures.view import drawn_lanes
 
 WIDE_INCH = 10.2
 MAX_TIMES = 1200  # of a chart
@@ -134,7 +135,7 @@ def _plan(ax: Axes, record: RunRecord, outline: Outline | None) -> None:
     else:
         ax.set_facecolor(FLOOR)
     nav = record.nav if record.nav is not None else record.graph
-    once = ((nav.tail < nav.head) | (nav.reverse < 0)) & (nav.level[nav.tail] == nav.level[nav.head])  # rides are on no floor
+    once = drawn_lanes(nav)
     draw_strokes(ax, np.stack([nav.xy[nav.tail[once]], nav.xy[nav.head[once]]], axis=1), "#a9b4c2", 0.7, 1)
     if outline is not None:
         draw_strokes(ax, outline.walls, WALL, 1.0, 2)

@@ -28,7 +28,7 @@ from mrp_sumo.reports.charts.chart import (
     series_style,
 )
 from mrp_sumo.reports.pictures.map_picture import INK, MUTED, PAPER
-from mrp_sumo.reports.study import ReportedRuns, numbers
+from mrp_sumo.reports.study import ReportedRuns, floats, numbers
 
 OVER_RUNS = "Median over runs, with the middle half of them."
 COUNTED = "Numbers of runs in brackets."
@@ -190,7 +190,7 @@ def _cactus(drawn: Drawn) -> Chart | None:
 
 
 def _suboptimality(drawn: Drawn) -> Chart | None:
-    bound, cost = (drawn.runs[column].to_numpy(np.float64, na_value=np.nan) for column in ("lower_bound_steps", "soc_steps"))
+    bound, cost = (floats(drawn.runs, column) for column in ("lower_bound_steps", "soc_steps"))
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.where((bound > 0) & drawn.runs["_valid"].to_numpy(np.bool_), cost / bound, np.nan)
     caption = (

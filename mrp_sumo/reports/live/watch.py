@@ -24,8 +24,8 @@ from mrp_sumo.io.outline import outline_of
 from mrp_sumo.io.record import AT_GOAL, BLOCKED, MOVING, STANDING_MPS, WAITING
 from mrp_sumo.reports.live.broadcast import Broadcast
 from mrp_sumo.reports.live.server import LiveServer
-from mrp_sumo.reports.pictures.view import ABSENT, extent, parts_of, subtitle_of
-from mrp_sumo.reports.replay.page import MAX_POSES, About, PageFrame, about_run, drawn_lanes, replay_page, task_document
+from mrp_sumo.reports.pictures.view import ABSENT, drawn_lanes, extent, parts_of, subtitle_of
+from mrp_sumo.reports.replay.page import MAX_POSES, About, PageFrame, about_run, replay_page, task_document
 
 SAMPLE = np.dtype([("x", "<u2"), ("y", "<u2"), ("yaw", "<u1"), ("state", "<u1"), ("waits", "<i2")])  # of a robot, trailer or load
 REASONS = {PLANNED: -2, DISTURBED: -3, LETTING_PASS: -4}  # for waiting without a robot to wait for, as `waits`; live.js knows them

@@ -13,7 +13,7 @@ from mrp_sumo.experiments.paper import Kinds
 from mrp_sumo.experiments.statistics import Interval, bootstrap_deviation, bootstrap_mean, holm, mcnemar, pairs, wilcoxon, wilson
 from mrp_sumo.reports.paper.printed import map_of_paper, numbers_of_paper, printed
 from mrp_sumo.reports.paper.tables import commonly_solved
-from mrp_sumo.reports.study import PLANNER_NAMES, ReportedRuns, numbers
+from mrp_sumo.reports.study import PLANNER_NAMES, ReportedRuns, floats, numbers
 from mrp_sumo.reports.tables.table import percent
 
 YIELDING, REPLANNING, ORDERED = "local yielding", "local yielding, then lacam", "the plan's order"  # ways to drive
@@ -35,7 +35,8 @@ class Beside:
         """True where the paper's number lies in the interval of ours, as far as the digits go that it prints; None without both."""
         if self.paper_value is None or math.isnan(self.ours.low):
             return None
-        half = 0.5 * 10.0 ** -_decimals(self.paper_value)
+        decimals = len(f"{self.paper_value:.6f}".rstrip("0").partition(".")[2])
+        half = 0.5 * 10.0**-decimals
         return bool(self.ours.low - half <= self.paper_value <= self.ours.high + half)
 
     @property
@@ -215,7 +216,7 @@ def order(executed: ReportedRuns, costs: ReportedRuns) -> list[Ordered]:
         tests = []
         for first, second in combinations(_planners(common), 2):
             a, b = pairs(common, "planner", first, second)
-            values = wilcoxon(*(runs[column].to_numpy(np.float64, na_value=np.nan) for runs in (a, b)))
+            values = wilcoxon(floats(a, column), floats(b, column))
             tests.append((first, second, values.difference, values.p_value))
         rows += _adjusted({"table": "table_4", "map": costs.maps[0], "quantity": quantity}, tests, numbers_of_paper()["table_4"][quantity])
     return rows
@@ -265,8 +266,3 @@ def _adjusted(labels: dict[str, Any], tests: list[tuple[str, str, Interval, floa
         both = first in theirs and second in theirs
         rows.append(Ordered(labels, first, second, difference, p_value, round(theirs[second] - theirs[first], 6) if both else None))
     return rows
-
-
-def _decimals(value: float) -> int:
-    """Digits after the point as printed."""
-    return len(f"{value:.6f}".rstrip("0").partition(".")[2])

@@ -37,20 +37,14 @@ TITLE = "Beside the MRP-Bench paper"
 class PaperComparison:
     """Every number of the paper beside ours, and what is drawn of them."""
 
-    table_1: list[Beside]
-    table_2: list[Beside]
-    table_3: list[Beside]
-    table_4: list[Beside]
-    figure_5: list[Beside]
-    replicability: list[Beside]
+    rows: dict[str, list[Beside]]  # by table or figure
     order: list[Ordered]
     sections: list[Section]
 
     @property
     def compared(self) -> list[Beside]:
         """Numbers that the paper prints, too."""
-        every = (self.table_1, self.table_2, self.table_3, self.table_4, self.figure_5, self.replicability)
-        return [row for rows in every for row in rows if row.agrees is not None]
+        return [row for rows in self.rows.values() for row in rows if row.agrees is not None]
 
 
 def compare_with_paper(campaign: Campaign) -> PaperComparison:
@@ -58,30 +52,29 @@ def compare_with_paper(campaign: Campaign) -> PaperComparison:
     studies = {name: read_study(campaign.results(name)) for name in SUITES if (campaign.results(name) / PLAN).exists()}
     maps, plans, driven, costs, times, single = (studies[name] for name in SUITES[:6])
     kinds = kinds_of(driven.frame)
-    comparison = PaperComparison(
-        beside.table_1(maps),
-        beside.table_2(plans),
-        beside.table_3(driven),
-        beside.table_4(costs),
-        beside.figure_5(times),
-        beside.replicability(single, studies.get("replicability_five"), kinds),
-        beside.order(driven, costs),
-        [],
-    )
+    rows = {
+        "table_1": beside.table_1(maps),
+        "table_2": beside.table_2(plans),
+        "table_3": beside.table_3(driven),
+        "table_4": beside.table_4(costs),
+        "figure_5": beside.figure_5(times),
+        "replicability": beside.replicability(single, studies.get("replicability_five"), kinds),
+    }
+    order = beside.order(driven, costs)
     yielding = dict(beside.ways(driven)).get(YIELDING)
     one = plain_tables.table_1(maps)
     sections = [
         Section("maps", "Table I: maps", parts=[replace(one, title="Table I", note="")] if one else []),
-        Section("planning", "Table II: planning", parts=[_table_2(comparison.table_2)]),
-        Section("execution", "Table III: execution", parts=[*arrivals_charts(comparison.table_3), _table_3(comparison.table_3)]),
-        Section("times", "Figure 5: planning time", parts=[*figure_5(times), _figure_5(comparison.figure_5)]),
-        Section("cost", "Table IV: makespan and cost", parts=[_table_4(comparison.table_4)]),
-        Section("replicability", "Replicability", _kinds_in_words(kinds), [_replicability(comparison.replicability)]),
-        Section("causes", "Why numbers differ", parts=[causes(studies, comparison.table_3, comparison.table_2)]),
-        Section("order", "The order of the planners", parts=[_order(comparison.order)]),
+        Section("planning", "Table II: planning", parts=[_table_2(rows["table_2"])]),
+        Section("execution", "Table III: execution", parts=[*arrivals_charts(rows["table_3"]), _table_3(rows["table_3"])]),
+        Section("times", "Figure 5: planning time", parts=[*figure_5(times), _figure_5(rows["figure_5"])]),
+        Section("cost", "Table IV: makespan and cost", parts=[_table_4(rows["table_4"])]),
+        Section("replicability", "Replicability", _kinds_in_words(kinds), [_replicability(rows["replicability"])]),
+        Section("causes", "Why numbers differ", parts=[causes(studies, rows["table_3"], rows["table_2"])]),
+        Section("order", "The order of the planners", parts=[_order(order)]),
         Section("blocked", "Execution and blocked time", parts=[*(execution_violins(yielding) if yielding else [])]),
     ]
-    return replace(comparison, sections=sections)
+    return PaperComparison(rows, order, sections)
 
 
 def write_paper(campaign: Campaign, comparison: PaperComparison, made: Made) -> Path:
@@ -105,7 +98,6 @@ def write_paper(campaign: Campaign, comparison: PaperComparison, made: Made) -> 
 
 
 def _document(campaign: Campaign, comparison: PaperComparison, made: Made) -> dict[str, Any]:
-    rows = ("table_1", "table_2", "table_3", "table_4", "figure_5", "replicability", "order")
     return {
         "source": " ".join(numbers_of_paper()["source"].split()),
         "maps": "mrp_bench" if campaign.maps else "bundled",
@@ -114,7 +106,8 @@ def _document(campaign: Campaign, comparison: PaperComparison, made: Made) -> di
         "runs_made": made.num_made,
         "seconds": round(made.seconds, 1),
         "code": code_version(),
-        **{name: [row.document for row in getattr(comparison, name)] for name in rows},
+        **{name: [row.document for row in rows] for name, rows in comparison.rows.items()},
+        "order": [row.document for row in comparison.order],
     }
 
 

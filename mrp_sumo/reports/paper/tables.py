@@ -9,7 +9,7 @@ import pandas as pd
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.experiments.statistics import bootstrap_mean, par2, success_rates, wilson
 from mrp_sumo.reports.paper.printed import map_of_paper, printed
-from mrp_sumo.reports.study import ReportedRuns, numbers
+from mrp_sumo.reports.study import ReportedRuns, floats, numbers
 from mrp_sumo.reports.tables.table import Cell, ReportTable, percent, table_of, whole
 
 QUANTITIES = ("vertices", "edges", "width_m", "height_m", "cells", "free_cells")  # of Table I
@@ -89,7 +89,7 @@ def table_2(study: ReportedRuns) -> ReportTable | None:
     of_paper = is_of_paper(study)
     for (name, robots, series), runs in study.groups("_map", "_robots", "_series"):
         valid = runs["_valid"].to_numpy(np.bool_)
-        time_s = runs["planning_time_s"].to_numpy(np.float64, na_value=np.nan)
+        time_s = floats(runs, "planning_time_s")
         solved_s = time_s[valid & np.isfinite(time_s)]
         limit_s = float(runs["planner.time_limit_s"].max())
         rows.append(
@@ -127,8 +127,8 @@ def table_3(study: ReportedRuns) -> ReportTable | None:
     of_paper = is_of_paper(study)
     for (name, robots, series), runs in study.groups("_map", "_robots", "_series"):
         normalised, overall = success_rates(runs["_valid"], runs["_succeeded"])
-        time = bootstrap_mean(runs.loc[runs["_succeeded"], "execution_time_s"].to_numpy(np.float64, na_value=np.nan))
-        share = runs["goals_reached"].to_numpy(np.float64, na_value=np.nan) / runs["num_robots"].to_numpy(np.float64, na_value=np.nan)
+        time = bootstrap_mean(floats(runs[runs["_succeeded"]], "execution_time_s"))
+        share = floats(runs, "goals_reached") / floats(runs, "num_robots")
         theirs = {rate: printed("table_3", rate, map_of_paper(name), _planner(runs)) for rate in ("normalised", "overall")}
         rows.append(
             {

@@ -11,11 +11,12 @@ from mrp_sumo.core.graph import FloatArray
 from mrp_sumo.io.outline import Outline
 from mrp_sumo.io.record import RunRecord
 from mrp_sumo.reports.pictures.labels import place_labels
-from mrp_sumo.reports.pictures.view import crossings, furniture_and_walls, is_grid_map
+from mrp_sumo.reports.pictures.view import crossings, drawn_lanes, furniture_and_walls, is_grid_map
 from mrp_sumo.reports.replay.constants import THEMES
 
 LIGHT = THEMES["light"]
 NAME_PT = 6.5  # names of stations
+NO_STROKES = np.zeros((0, 2, 2))
 
 
 def draw_floor(ax: Axes, record: RunRecord, outline: Outline | None, points_per_m: float, *, name_pt: float = NAME_PT) -> None:
@@ -34,16 +35,16 @@ def draw_floor(ax: Axes, record: RunRecord, outline: Outline | None, points_per_
         cells = record.graph.xy[:, None] + np.array([(-half, -half), (half, -half), (half, half), (-half, half)])
         ax.add_collection(PolyCollection(list(cells), facecolor=LIGHT["floor"], edgecolor=LIGHT["floor"], lw=0.3, zorder=0), autolim=False)
         return
-    once = ((nav.reverse < 0) | (nav.tail < nav.head)) & (nav.level[nav.tail] == nav.level[nav.head])  # rides are on no floor
+    once = drawn_lanes(nav)
     ends = np.stack([nav.xy[nav.tail[once]], nav.xy[nav.head[once]]], axis=1)
     ax.add_collection(LineCollection(list(ends), color=LIGHT["lane"], lw=max(0.05 * points_per_m, 0.8), zorder=1.5), autolim=False)
     named = np.flatnonzero([bool(name) for name in nav.vertex_name] & ~crossings(nav)).tolist()
     at = nav.xy[named]
     ax.scatter(at[:, 0], at[:, 1], s=max(0.16 * points_per_m, 3) ** 2, color=LIGHT["station"], lw=0, zorder=2.5)
     if 0 < len(named) <= 80:
-        drawn = None if outline is None else np.concatenate([outline.walls, outline.doors])
+        drawn = NO_STROKES if outline is None else np.concatenate([outline.walls, outline.doors])
         names = [nav.known_as(v) for v in named]
-        for name, xy in zip(names, name_places(ax, names, at, name_pt, 2 + 0.08 * points_per_m, points_per_m, drawn, ends)):
+        for name, xy in zip(names, name_places(ax, names, at, name_pt, 2 + 0.08 * points_per_m, points_per_m, (ends, drawn))):
             if np.isfinite(xy[0]):
                 write_name(ax, name, xy, name_pt, LIGHT["muted"], 3)
 
@@ -55,12 +56,11 @@ def name_places(
     size_pt: float,
     gap_pt: float,
     points_per_m: float,
-    walls: FloatArray | None = None,
-    lanes: FloatArray | None = None,
+    strokes: tuple[FloatArray, FloatArray],
 ) -> FloatArray:
-    """[N, 2] centres of names beside points, in m: clear of each other and, if possible, of walls and lanes; NaN without room."""
+    """[N, 2] centres of names beside points, in m: clear of each other and, if possible, of strokes, lanes and walls; NaN without room."""
     low, high = np.array([ax.get_xlim(), ax.get_ylim()]).T
-    wall, lane = ((np.zeros((0, 2, 2)) if ends is None else ends - low) * points_per_m for ends in (walls, lanes))
+    lane, wall = ((ends - low) * points_per_m for ends in strokes)
     size = np.array([(0.58 * size_pt * len(name) + 1, 1.15 * size_pt) for name in names])
     page = np.array([(0.0, 0.0), (high - low) * points_per_m])
     centres: FloatArray = low + (place_labels((xy - low) * points_per_m, size, lane, wall, page, gap_pt) + size / 2) / points_per_m

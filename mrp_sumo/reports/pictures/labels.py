@@ -12,25 +12,10 @@ DIRECTIONS = np.array([(1, 0.35), (-1, 0.35), (0, 1), (0, -1), (1, 1), (-1, 1), 
 
 
 def place_labels(anchor: Array, size: Array, lane: Array, wall: Array, page: Array, gap: float) -> Array:
-    """Choose a place for each label.
+    """[N, 2] the lower left of each label in a length such as points, NaN where there is no good place.
 
-    Parameters
-    ----------
-    anchor
-        [N, 2] the points that have names, the most important first. All lengths are in one unit, say 1/72 inch.
-    size
-        [N, 2] width and height of each label.
-    lane, wall
-        [S, 2, 2] each, strokes that a label should not cover; three lanes weigh more than any number of walls.
-    page
-        [2, 2] lower left and upper right; labels stay inside.
-    gap
-        Between a point and its label.
-
-    Returns
-    -------
-    corner
-        [N, 2] lower left of each label; NaN where there is no good place.
+    `anchor` [N, 2] are the points that have names, the most important first, `size` [N, 2] those of labels, which stay on the `page`
+    [2, 2] and a `gap` away from their points. A label should not cover strokes [S, 2, 2]: three lanes weigh more than any number of walls.
     """
     corner = np.full((len(anchor), 2), np.nan)
     reach = np.concatenate([DIRECTIONS, 2 * DIRECTIONS])

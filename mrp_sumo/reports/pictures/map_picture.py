@@ -27,7 +27,7 @@ from mrp_sumo.maps.check import FOUND_ON_GRAPHS
 from mrp_sumo.maps.facts import num_lift_lanes
 from mrp_sumo.maps.map import Map
 from mrp_sumo.reports.pictures.labels import place_labels
-from mrp_sumo.reports.pictures.picture import Picture, require_suffix
+from mrp_sumo.reports.pictures.picture import Picture, require_suffix, round_length
 
 INK, MUTED, WALL, FLOOR, PAPER = "#1f2328", "#6b7280", "#3b4048", "#f4f1ea", "#ffffff"
 BLUE, ORANGE, GREEN, VERMILION, SKY, PURPLE = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#56B4E9", "#CC79A7"
@@ -398,9 +398,7 @@ def _mark_findings(ax: Axes, panel: Panel, map_: Map, legend: dict[str, Artist])
 
 def _draw_scale(ax: Axes, panel: Panel, points_per_m: float) -> None:
     """A bar of a round length, below the plan at the right."""
-    wanted = 110 / points_per_m
-    magnitude = 10.0 ** np.floor(np.log10(wanted))
-    length = float(max(m * magnitude for m in (1, 2, 5) if m * magnitude <= wanted))
+    length = round_length(110 / points_per_m)
     right, y = panel.high[0], panel.low[1] - 12 / points_per_m
     tick = 3 / points_per_m
     for k, colour in enumerate((INK, PAPER)):

@@ -1,6 +1,7 @@
 """Pictures on their own, without pyplot: notebooks show them, scripts save them, PNG or SVG by the file's suffix."""
 
 import io
+import math
 from pathlib import Path
 
 import matplotlib as mpl
@@ -45,3 +46,9 @@ def require_suffix(path: Path, error: type[MrpSumoError] = MrpSumoError) -> None
     """Refuse a file that is neither PNG nor SVG."""
     if path.suffix not in (".png", ".svg"):
         raise error(f"{path}: a picture ends in .png or .svg, not '{path.suffix}'")
+
+
+def round_length(most: float) -> float:
+    """The longest length of 1, 2 or 5 and zeros, such as 0.2 or 50, that is not longer."""
+    power = 10.0 ** math.floor(math.log10(most))
+    return max(m * power for m in (1, 2, 5) if m * power <= most)

@@ -18,8 +18,8 @@ from mrp_sumo.files.reading import shortened
 from mrp_sumo.io.outline import Outline
 from mrp_sumo.io.record import RunRecord
 from mrp_sumo.io.run_reader import damage_in
-from mrp_sumo.reports.pictures.floor import LIGHT, draw_floor, name_places, write_name
-from mrp_sumo.reports.pictures.picture import Picture, require_suffix
+from mrp_sumo.reports.pictures.floor import LIGHT, NO_STROKES, draw_floor, name_places, write_name
+from mrp_sumo.reports.pictures.picture import Picture, require_suffix, round_length
 from mrp_sumo.reports.pictures.view import (
     ABSENT,
     AnyRun,
@@ -145,7 +145,7 @@ def _draw_robots(ax: Axes, record: RunRecord, at_s: float, points_per_m: float) 
     if few and len(there):
         half_pt = 0.5 * float((np.hypot(fleet.length_m, fleet.width_m) * grow).max()) * points_per_m
         names = [fleet.robot_name[r] for r in there]
-        centres = name_places(ax, names, xy[there], ROBOT_PT, half_pt + 2, points_per_m, lanes=bars)
+        centres = name_places(ax, names, xy[there], ROBOT_PT, half_pt + 2, points_per_m, (bars, NO_STROKES))
         for r, at in zip(there, centres):
             beside = at if np.isfinite(at[0]) else xy[r] + (0.0, (half_pt + 6) / points_per_m)
             write_name(ax, fleet.robot_name[r], beside, ROBOT_PT, LIGHT["ink"], 6)
@@ -209,8 +209,7 @@ def _write_head_and_foot(figure: Figure, ax: Axes, record: RunRecord, at_s: floa
         columnspacing=1.4,
     )
     wanted = 90 / (72 * width * ax.get_position().width / float(np.ptp(ax.get_xlim())))
-    power = 10.0 ** np.floor(np.log10(wanted))
-    length = float(max(m * power for m in (1, 2, 5) if m * power <= wanted))
+    length = round_length(wanted)
     right, low = ax.get_xlim()[1], ax.get_ylim()[0] - 0.12 * wanted
     ax.plot([right - length, right], [low, low], color=LIGHT["muted"], lw=2.5, solid_capstyle="butt", clip_on=False)
     ax.annotate(

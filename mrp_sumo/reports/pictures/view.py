@@ -301,6 +301,11 @@ def crossings(nav: "NavGraph") -> NDArray[np.bool_]:
     return named & (np.count_nonzero(named) > MANY_NAMES)
 
 
+def drawn_lanes(nav: "NavGraph") -> IntArray:
+    """Lanes that are drawn: one of two opposite ones, and no rides, which are on no floor."""
+    return np.flatnonzero(((nav.reverse < 0) | (nav.tail < nav.head)) & (nav.level[nav.tail] == nav.level[nav.head]))
+
+
 def level_boxes(record: RunRecord, outline: "Outline | None") -> dict[str, tuple[FloatArray, FloatArray]]:
     """Lower left and upper right corner, m, of each level that is driven on. A wall is of the level whose lanes it is nearest to."""
     nav = record.nav or record.graph

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from mrp_sumo.core.bodies import Rectangles
 from mrp_sumo.core.execution import RECORDED, Execution
-from mrp_sumo.core.graph import FloatArray, IntArray, NavGraph, PlanGraph
+from mrp_sumo.core.graph import FloatArray, IntArray, PlanGraph
 from mrp_sumo.core.people import PeopleLog
 from mrp_sumo.core.task import StopLog, TaskLog
 from mrp_sumo.errors import MrpSumoError
@@ -37,6 +37,7 @@ from mrp_sumo.reports.pictures.view import (
     ABSENT,
     AnyRun,
     crossings,
+    drawn_lanes,
     driven_backward,
     extent,
     forks_of,
@@ -149,11 +150,6 @@ def write_page(page: str, out: Path) -> Path:
     return out
 
 
-def drawn_lanes(nav: NavGraph) -> IntArray:
-    """Lanes as the page draws them, one of two opposite ones, without rides."""
-    return np.flatnonzero(((nav.reverse < 0) | (nav.tail < nav.head)) & (nav.level[nav.tail] == nav.level[nav.head]))
-
-
 def page_of(run: AnyRun) -> str:
     """The page of a run. Raises MrpSumoError where its folder is damaged or there is nothing to replay."""
     return replay_page(*shown(run))
@@ -184,16 +180,9 @@ class PageFrame:
 
 
 def replay_page(record: RunRecord, about: About, *, live_period_s: float | None = None) -> str:
-    """The page as text. Raises MrpSumoError when there is nothing to show.
+    """The page of an executed run as text; for a plan alone see `plan_as_execution`. Raises MrpSumoError when there is nothing to show.
 
-    Parameters
-    ----------
-    record
-        An executed run; at least one sample and one robot. For a plan alone see `plan_as_execution`.
-    about
-        The run in words, and the building.
-    live_period_s
-        For a run under way, of which the record has the first sample: time between those that the page will be sent.
+    For a run under way, the record has the first sample, and `live_period_s` is the time between those that the page will be sent.
     """
     execution = record.execution
     num_samples, num_robots = execution.x_m.shape
@@ -239,7 +228,7 @@ def replay_page(record: RunRecord, about: About, *, live_period_s: float | None 
         style=filled(SOURCES / "page.css", light=css_variables("light"), dark=css_variables("dark")),
         head=_script_json(head),
         data=columns.packed(),
-        library=_packed_library(),
+        library=base64.b64encode(zlib.compress((SOURCES / "pixi.min.js").read_bytes(), 9)).decode(),
         modules=_import_map(SCRIPTS if live_period_s is None else LIVE_SCRIPTS),
         begin=f'{"" if live_period_s is None else LIVE}import "replay/main.js";',
     )
@@ -472,11 +461,6 @@ def _json(value: Any) -> str:
         raise TypeError(type(item))
 
     return json.dumps(value, default=plain, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
-
-
-def _packed_library() -> str:
-    code = (SOURCES / "pixi.min.js").read_bytes()
-    return base64.b64encode(zlib.compress(code, 9)).decode()
 
 
 def _import_map(scripts: tuple[str, ...]) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from mrp_sumo.experiments.statistics import bootstrap_mean, holm, mcnemar, wilcoxon
-from mrp_sumo.reports.study import ReportedRuns, numbers, short_key
+from mrp_sumo.reports.study import ReportedRuns, floats, numbers, short_key
 from mrp_sumo.reports.tables.table import Cell, FileLink, ReportTable, percent, scaled, table_of, whole
 
 MAX_PAIRS = 45  # pairs of series that are compared
@@ -79,7 +79,7 @@ def main_figures(study: ReportedRuns) -> ReportTable | None:
     rows: list[dict[str, Cell]] = []
     for (name, robots, series), runs in study.groups("_map", "_robots", "_series"):
         done = runs[runs["_succeeded"]]
-        driven_s, planned_s = (done[column].to_numpy(np.float64, na_value=np.nan) for column in ("driven_makespan_s", "makespan_s"))
+        driven_s, planned_s = (floats(done, column) for column in ("driven_makespan_s", "makespan_s"))
         ratio = driven_s[planned_s > 0] / planned_s[planned_s > 0]
         ratio = ratio[np.isfinite(ratio)]
         clearance, overlaps = numbers(runs, "min_clearance_m"), numbers(runs, "num_overlaps")
@@ -124,9 +124,7 @@ def paired(study: ReportedRuns) -> ReportTable | None:
         one, two = of[a].loc[shared], of[b].loc[shared]
         both = (one[outcome] & two[outcome]).to_numpy(np.bool_)
         rate = mcnemar(one[outcome].to_numpy(np.bool_), two[outcome].to_numpy(np.bool_))
-        values = wilcoxon(
-            one.loc[both, time].to_numpy(np.float64, na_value=np.nan), two.loc[both, time].to_numpy(np.float64, na_value=np.nan)
-        )
+        values = wilcoxon(floats(one[both], time), floats(two[both], time))
         results.append((a, b, rate, values))
     if not results:
         return None
@@ -165,7 +163,7 @@ def worst_runs(study: ReportedRuns, page: Path) -> ReportTable | None:
     if not study.is_executed or len(study.frame) < 2:
         return None
     frame = study.frame
-    blocked = frame["blocked_s"].to_numpy(np.float64, na_value=np.nan)
+    blocked = floats(frame, "blocked_s")
     ended = frame["_arrived"].to_numpy(np.int64) + frame["_succeeded"].to_numpy(np.int64)
     order = np.lexsort((np.arange(len(frame)), -np.nan_to_num(blocked), ended))
     linked = [i for i in order if str(frame["key"].iloc[i]) in study.folders] if "key" in frame else []

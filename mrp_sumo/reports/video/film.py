@@ -15,6 +15,7 @@ from matplotlib.transforms import Bbox
 from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray
 from mrp_sumo.io.record import AT_GOAL, BLOCKED
 from mrp_sumo.reports.pictures.floor import LIGHT, draw_floor
+from mrp_sumo.reports.pictures.picture import round_length
 from mrp_sumo.reports.pictures.view import ABSENT, drawbars, state_names
 from mrp_sumo.reports.replay.constants import STATE_COLOURS
 from mrp_sumo.reports.video.canvas import Canvas, Pixels, font, shortened_to
@@ -169,9 +170,7 @@ class Film:
 
     def _draw_scale(self, pane: Pane) -> None:
         u = self.unit
-        wanted = 150 * u / pane.scale
-        power = 10.0 ** math.floor(math.log10(wanted))
-        length = max(m * power for m in (1, 2, 5) if m * power <= wanted)
+        length = round_length(150 * u / pane.scale)
         right, y = pane.left + pane.width, pane.bottom + pane.foot_px - 28 * u
         self.canvas.fill(_rectangle(right - length * pane.scale, y - 1.5 * u, length * pane.scale, 3 * u), LIGHT["muted"])
         self.canvas.write(f"{length:g} m", (right - length * pane.scale - 8 * u, y), 16 * u, LIGHT["muted"], align="right")
