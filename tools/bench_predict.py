@@ -69,7 +69,7 @@ def rows(options: argparse.Namespace) -> Iterator[bench.Row]:
             file = scenario_of(guess, Path.cwd(), f"site_{seed}")
             try:
                 with MapCache() as maps:
-                    result = predicted(file, log, None, hold_out=0.5, runs=options.runs, folder=types, maps=maps, report=silent)
+                    result = predicted(file, log, hold_out=0.5, runs=options.runs, folder=types, maps=maps, report=silent)
             except MrpSumoError as error:  # such as a site that came to a standstill
                 print(f"site {seed}: {error}", file=sys.stderr)
                 continue

@@ -11,7 +11,7 @@ from math import pi, sqrt
 
 import numpy as np
 
-from mrp_sumo.calibration.phases import Noise, Phases
+from mrp_sumo.calibration.phases import Noise, Phases, padded
 from mrp_sumo.core.graph import FloatArray, IntArray
 from mrp_sumo.experiments.replications import t_quantile
 
@@ -95,18 +95,15 @@ def top_windows(phases: list[Phases], vehicles: list[str], speed_mps: float, acc
             dt, step = np.diff(time[inner]), np.diff(along[inner])
             parts = [(slice(k, k + LONGEST), float(time[inner[k]])) for k in range(0, len(dt) - LEAST_STEPS + 1, LONGEST)]
             rows += [(dt[part], step[part], vehicle, begin_s) for part, begin_s in parts]
-    return _padded(rows)
+    return _windows(rows)
 
 
-def _padded(rows: list[tuple[FloatArray, FloatArray, int, float]]) -> Windows:
-    most = max((len(row[0]) for row in rows), default=1)
-    dt, step = np.ones((len(rows), most)), np.zeros((len(rows), most))
-    for w, row in enumerate(rows):
-        dt[w, : len(row[0])], step[w, : len(row[0])] = row[0], row[1]
+def _windows(rows: list[tuple[FloatArray, FloatArray, int, float]]) -> Windows:
+    dt_s, step_m, is_there = padded([row[0] for row in rows], [row[1] for row in rows])
     keys = [(row[2], int(row[3] // BLOCK_S)) for row in rows]
     number = {key: k for k, key in enumerate(sorted(set(keys)))}
-    count, vehicle = np.array([len(row[0]) for row in rows], np.int64), np.array([row[2] for row in rows], np.int64)
-    return Windows(dt, step, count, vehicle, np.array([number[key] for key in keys], np.int64))
+    vehicle, block = (np.array(each, np.int64) for each in ([row[2] for row in rows], [number[key] for key in keys]))
+    return Windows(np.where(is_there, dt_s, 1.0), step_m, is_there.sum(1), vehicle, block)
 
 
 def of_top_speed(windows: Windows, noise: Noise, num_vehicles: int) -> Windows:
@@ -135,7 +132,7 @@ def of_top_speed(windows: Windows, noise: Noise, num_vehicles: int) -> Windows:
     total = sum(len(row[0]) for row in rows)
     if total > MOST_STEPS:
         rows = [rows[k] for k in np.linspace(0, len(rows) - 1, int(len(rows) * MOST_STEPS / total)).astype(int).tolist()]
-    return _padded(rows)
+    return _windows(rows)
 
 
 def _upper_mode(means: FloatArray, count: IntArray) -> float:

@@ -4,6 +4,7 @@ Labels only choose which samples a fit gets; how long a vehicle accelerates or s
 noise of positions, which is estimated first: at stands, where a vehicle is at one place.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -199,3 +200,13 @@ def _corners(xy: FloatArray, near_m: float) -> list[int]:
             corners.add(a + 1 + k)
             stack += [(a, a + 1 + k), (a + 1 + k, b)]
     return sorted(corners)
+
+
+def padded(first: Sequence[FloatArray], second: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """Two columns of arrays as rows [E, n], filled up with zeros, and which of these values are there."""
+    count = np.array([len(each) for each in first], np.int64)
+    is_there = np.arange(count.max(initial=1)) < count[:, None]
+    rows, others = np.zeros(is_there.shape), np.zeros(is_there.shape)
+    if len(count):
+        rows[is_there], others[is_there] = np.concatenate(first), np.concatenate(second)
+    return rows, others, is_there

@@ -18,9 +18,8 @@ import numpy as np
 from mrp_sumo.calibration.estimates import Calibration, calibrated
 from mrp_sumo.calibration.files import disturbances_of, drift, type_of, write_options
 from mrp_sumo.calibration.held_out import HeldOut, ServiceTimes, cut, scenario_of_later, stations_of, with_seed, with_stations
-from mrp_sumo.calibration.log import LoggedOrder, MotionLog, require_here
+from mrp_sumo.calibration.log import MotionLog, require_here
 from mrp_sumo.calibration.logged_run import logged_run
-from mrp_sumo.calibration.orders import matched
 from mrp_sumo.core.disturbances import Disturbances
 from mrp_sumo.core.execution import Execution
 from mrp_sumo.core.graph import FloatArray
@@ -139,7 +138,6 @@ def _said(value: float) -> float | None:
 def predicted(
     file: ScenarioFile,
     log: MotionLog,
-    orders: Sequence[LoggedOrder] | None,
     *,
     hold_out: float,
     runs: int,
@@ -149,13 +147,11 @@ def predicted(
 ) -> Prediction:
     """Predict the later part of a log, a share of its time, by some simulations. Raises MrpSumoError: one line, for one that does not fit.
 
-    `file` is the site: map, stations, planner, dispatcher, and types as far as the log does not tell them. `orders` are of a file, instead
-    of those that the log shows, with times of the log. Files of the types are written into `folder`.
+    `file` is the site: map, stations, planner, dispatcher, and types as far as the log does not tell them. Files of the types are written
+    into `folder`.
     """
     setup = set_up(file, maps)
     require_here(log, setup.map)
-    if orders is not None:
-        log = replace(log, orders=matched(orders, log.orders))
     log = replace(log, orders=with_stations(log.orders, setup, log.source))
     held = cut(log, setup, hold_out)
     _require_orders(held)

@@ -15,7 +15,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from mrp_sumo.calibration.cruise import Scatter, integrated_cov
-from mrp_sumo.calibration.phases import Noise, Phases
+from mrp_sumo.calibration.phases import Noise, Phases, padded
 from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray
 
 MOST_SAMPLES = 20  # of an episode
@@ -203,23 +203,10 @@ def _episodes(
         return None
     if len(rows) > MOST_EPISODES:
         rows = [rows[k] for k in np.linspace(0, len(rows) - 1, MOST_EPISODES).astype(int).tolist()]
-    most = max(len(row[1]) for row in rows)
-    t, s, mask = np.zeros((len(rows), most)), np.zeros((len(rows), most)), np.zeros((len(rows), most), np.bool_)
-    for e, row in enumerate(rows):
-        t[e, : len(row[1])], s[e, : len(row[1])], mask[e, : len(row[1])] = row[1], row[2], True
-    speeds = np.clip(np.array([row[3] for row in rows]), 0.1 * speed_mps, 2 * speed_mps)
-    begin = np.array([row[0] for row in rows])
-    return Episodes(
-        begin,
-        t,
-        s,
-        mask,
-        speeds,
-        SPEED_PRIOR * speeds,
-        np.array([row[6] for row in rows]),
-        np.array([row[4] for row in rows]),
-        np.array([row[5] for row in rows]),
-    )
+    begin, times, alongs, speed, robot, place, period = zip(*rows)
+    speeds = np.clip(np.array(speed), 0.1 * speed_mps, 2 * speed_mps)
+    samples = padded(times, alongs)
+    return Episodes(np.array(begin), *samples, speeds, SPEED_PRIOR * speeds, *map(np.array, (period, robot, place)))
 
 
 def position(u: FloatArray, v: FloatArray, a: float) -> FloatArray:

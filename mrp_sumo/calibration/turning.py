@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mrp_sumo.calibration.log import Track
-from mrp_sumo.calibration.phases import Noise
+from mrp_sumo.calibration.phases import Noise, padded
 from mrp_sumo.core.graph import FloatArray
 
 LEAST_RAD = 0.5
@@ -38,12 +38,9 @@ def fit_turning(tracks: list[Track], noise: Noise, speed_mps: float) -> TurnFit 
         return None
     if len(turns) > MOST_TURNS:
         turns = [turns[k] for k in np.linspace(0, len(turns) - 1, MOST_TURNS).astype(int).tolist()]
-    n = max(len(t) for t, _, _ in turns)
-    time, angle, there = np.zeros((len(turns), n)), np.zeros((len(turns), n)), np.zeros((len(turns), n), np.bool_)
-    whole = np.array([total for _, _, total in turns])
-    for k, (t, turned, _) in enumerate(turns):
-        time[k, : len(t)], angle[k, : len(t)], there[k, : len(t)] = t, turned, True
-    last = np.array([t[-1] for t, _, _ in turns])
+    times, angles, totals = zip(*turns)
+    time, angle, there = padded(times, angles)
+    whole, last = np.array(totals), np.array([t[-1] for t in times])
 
     def logs(rate: float) -> FloatArray:
         begin = -whole / rate  # [T] the earliest time at which a turn may have begun
@@ -66,7 +63,7 @@ def fit_turning(tracks: list[Track], noise: Noise, speed_mps: float) -> TurnFit 
         return None
     at = float(np.clip(-slope / (2 * bend), -0.1, 0.1))
     scores = np.stack([np.polyfit(fine[near] - fine[k] - at, each, 2)[1] for each in values[near].T]) / (-2 * bend)
-    return TurnFit(float(np.exp(fine[k] + at)), scores, whole, [t for t, _, _ in turns], [turned for _, turned, _ in turns])
+    return TurnFit(float(np.exp(fine[k] + at)), scores, whole, list(times), list(angles))
 
 
 def _turns(track: Track, noise: Noise, speed_mps: float) -> list[tuple[FloatArray, FloatArray, float]]:

@@ -9,6 +9,7 @@ intervals of the calibrated figures. --out gets the page, the types, both as run
 import argparse
 import os
 import shutil
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -38,7 +39,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Predict, compare, write, print."""
-    from mrp_sumo.calibration.orders import orders_of_file
+    from mrp_sumo.calibration.orders import matched, orders_of_file
     from mrp_sumo.calibration.prediction import predicted
     from mrp_sumo.calibration.reading import read_fleet
     from mrp_sumo.cli.run import progress_bar
@@ -60,15 +61,14 @@ def run(options: argparse.Namespace) -> int:
     out = (options.out or Path("runs") / f"predict_{file.scenario.name}").resolve()
     _require_replaceable(out)
     log = read_fleet(options.log)
-    orders = None if options.orders is None else orders_of_file(options.orders)
+    if options.orders is not None:
+        log = replace(log, orders=matched(orders_of_file(options.orders), log.orders))
     warn_of_kernels()
     new = out.parent / f".{out.name}.new-{os.getpid()}"
     try:
         new.mkdir(parents=True)
         with MapCache() as maps, progress_bar() as progress:
-            result = predicted(
-                file, log, orders, hold_out=options.hold_out, runs=options.runs, folder=new, maps=maps, report=progress
-            )  # fmt: skip
+            result = predicted(file, log, hold_out=options.hold_out, runs=options.runs, folder=new, maps=maps, report=progress)
             progress("writing", 0.0, 0.0)
             write_prediction(result, file.scenario.name, new, maps)
         put_in_place(new, out)

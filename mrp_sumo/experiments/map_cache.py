@@ -1,8 +1,7 @@
 """Maps, plan graphs and SUMO networks, made once and used by every run of a process."""
 
-from collections.abc import Callable, Hashable, Mapping
+from collections.abc import Callable, Hashable
 from dataclasses import replace
-from math import inf
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from types import TracebackType
@@ -10,10 +9,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 if TYPE_CHECKING:  # loaded with the first map: workers are there at once
     from mrp_sumo.core.graph import PlanGraph
-    from mrp_sumo.core.robot_type import RobotType
     from mrp_sumo.io.scenario.map import Discretisation, MapChoice
     from mrp_sumo.maps.building import Building
-    from mrp_sumo.maps.clearance import Narrow
     from mrp_sumo.maps.load import Map
 
 MAX_KEPT = 48  # things made; a suite with more maps makes some of them again
@@ -91,53 +88,11 @@ class MapCache:
             cut = cut_lanes(nav, choice.cell_m, choice.lanes == "two_way" or doubled)
             return cut if curved else replace(cut, curves={})
 
-        return self._once((id(nav), choice, doubled, curved), make, nav)
+        return self._once((nav, choice, doubled, curved), make)
 
-    def narrow(self, map_: "Map", graph: "PlanGraph", robot: "RobotType") -> "Narrow":
-        """Places where walls leave a type of robot no room on a plan graph."""
-        from mrp_sumo.maps.clearance import narrow
-
-        return self._once(("narrow", id(graph), robot), lambda: narrow(graph, map_.building, robot), graph)
-
-    def pruned(self, graph: "PlanGraph", narrow: "Narrow") -> "PlanGraph":
-        """The plan graph without the lanes and vertices where there is no room."""
-        from mrp_sumo.maps.clearance import pruned
-
-        return self._once(("pruned", id(narrow)), lambda: pruned(graph, narrow), narrow)
-
-    def with_walls(self, map_: "Map", graph: "PlanGraph") -> "PlanGraph":
-        """The plan graph with the walls of its levels, which turns of vehicles have to keep clear of."""
-        from mrp_sumo.maps.clearance import standing_walls
-        from mrp_sumo.maps.facts import driven_levels
-
-        building = map_.building
-        if building is None:
-            return graph
-        return self._once(("walls", id(graph)), lambda: replace(graph, walls=standing_walls(building, driven_levels(map_.nav))), graph)
-
-    def with_limits(self, graph: "PlanGraph", limits: Mapping[str, float]) -> "PlanGraph":
-        """The plan graph with limits of speed on lanes by their class; the map's where they are lower."""
-
-        def make() -> "PlanGraph":
-            most_mps = [limits.get(str(options.get("class", "")), inf) for options in graph.lane_options]
-            return replace(graph, speed_mps=graph.speed_mps.clip(max=most_mps))
-
-        return self._once(("limits", id(graph), tuple(sorted(limits.items()))), make, graph)
-
-    def with_rides(self, map_: "Map", graph: "PlanGraph", step_s: float, radius_m: float) -> "PlanGraph":
-        """The plan graph with its lifts as robots of a radius use them, in planned steps of `step_s`; see `maps.lifts`."""
-        from mrp_sumo.maps.lifts import with_rides
-
-        def make() -> "PlanGraph":
-            return with_rides(graph, step_s, radius_m, map_.building, map_.level_shift_m)
-
-        return self._once(("rides", id(graph), step_s, radius_m), make, graph) if graph.is_ride.any() else graph
-
-    def with_doors(self, map_: "Map", graph: "PlanGraph", radius_m: float) -> "PlanGraph":
-        """The plan graph with doors that open for robots of a radius; see `maps.doors`."""
-        from mrp_sumo.maps.doors import with_doors
-
-        return self._once(("doors", id(graph), radius_m), lambda: with_doors(graph, map_.building, radius_m), graph)
+    def of(self, make: Callable[..., T], graph: "PlanGraph", *more: Hashable) -> T:
+        """The result of a function of a plan graph and of what else it needs, made once."""
+        return self._once((make, graph, *more), lambda: make(graph, *more))
 
     def network(self, graph: "PlanGraph", backdrop: "Building | None" = None) -> Path:
         """The SUMO network of a plan graph, with a building drawn behind it for those who look."""
@@ -150,13 +105,13 @@ class MapCache:
             path.parent.mkdir()
             return build_network(graph, path, backdrop)
 
-        return self._once(("network", id(graph), backdrop is None), make, graph)
+        return self._once(("network", graph, backdrop is None), make)
 
-    def _once(self, key: Hashable, make: Callable[[], T], of: object = None) -> T:
-        """What was made under `key`, or is made now; `of` is kept alive with it, so that its id stays its own."""
+    def _once(self, key: Hashable, make: Callable[[], T]) -> T:
+        """What was made under `key`, or is made now."""
         if key not in self._made:
             if len(self._made) >= MAX_KEPT:
                 self._made.clear()
-            self._made[key] = make(), of
-        made: T = self._made[key][0]
+            self._made[key] = make()
+        made: T = self._made[key]
         return made

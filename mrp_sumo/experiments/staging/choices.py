@@ -3,7 +3,8 @@
 Refuses names that are not there, wrong parameters, and programs that are not trusted.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
+from contextlib import AbstractContextManager
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
@@ -38,18 +39,15 @@ def choices(file: ScenarioFile, *, run_programs: bool = True) -> tuple[tuple[Rob
     if run_programs:
         require_trust(file)
     require_known(file)
-    for i, name in enumerate(scenario.record.metrics):
+    for i, name in enumerate(scenario.record.metrics if run_programs else ()):  # else nobody can tell
+        from mrp_sumo.metrics.own import own_metric  # loads all metrics
+
         with file.located("record", "metrics", i):
-            _check_metric(name, file.folder, run_programs)
+            own_metric(name, file.folder)
     parameters = scenario.planner.parameters
     if path := _plan_path(scenario, file.folder):
         parameters = {**parameters, "path": str(path)}
-    return (
-        robot_types(file),
-        _planner(file, parameters),
-        _assigner(file),
-        settings_of(file),
-    )
+    return robot_types(file), _planner(file, parameters), _assigner(file), settings_of(file)
 
 
 def named_files(scenario: ScenarioModel, folder: Path) -> list[Path]:
@@ -66,51 +64,34 @@ def named_files(scenario: ScenarioModel, folder: Path) -> list[Path]:
     return paths
 
 
-def _check_metric(name: str, folder: Path, run_programs: bool) -> None:
-    """Refuse what is no metric, as far as that can be told without running it if not `run_programs`."""
-    if run_programs:
-        from mrp_sumo.metrics.own import own_metric  # loads all metrics
-
-        own_metric(name, folder)
-
-
 def _plan_path(scenario: ScenarioModel, folder: Path) -> Path | None:
     """The plan that is there already, if the scenario names one."""
     path = scenario.planner.parameters.get("path") if scenario.planner.name == "plan_file" else None
     return folder / path if isinstance(path, str) and path else None
 
 
-def _plug_in(
-    file: ScenarioFile, place: tuple[str, ...], kind: str, make: Callable[..., Any], name: str, parameters: Mapping[str, Any]
-) -> Any:
-    """The plug-in of a known name; the code of those from outside is not executed yet. A wrong parameter is reported at its place."""
-    section = place if kind in ("policies", "dispatchers") else place[:-1]
-    with file.located(*((*section, "parameters") if parameters else place)):
-        return make(name, parameters, file.folder)
-
-
-def _checked_policy(name: str, parameters: Mapping[str, Any], folder: Path) -> None:
-    """Refuse wrong parameters of a policy of ours."""
-    if find("policies", name, folder).ours:
-        policy_of(name, parameters)
-
-
-def _checked_dispatcher(name: str, parameters: Mapping[str, Any], folder: Path) -> None:
-    """Refuse wrong parameters of a dispatcher of ours."""
-    if parameters and find("dispatchers", name, folder).ours:
-        make_plug_in("dispatchers", name, parameters)
+def _located(
+    file: ScenarioFile, section: tuple[str, ...], name: tuple[str, ...], parameters: Mapping[str, Any]
+) -> AbstractContextManager[None]:
+    """Where a wrong choice of a section is reported: at its parameters, where it has some."""
+    return file.located(*section, *(("parameters",) if parameters else name))
 
 
 def settings_of(file: ScenarioFile) -> ExecutionSettings:
     """Settings of a scenario's execution, apart from those that only its map can tell."""
-    execution = file.scenario.execution
-    _plug_in(file, ("execution", "policy"), "policies", _checked_policy, execution.policy.name, execution.policy.parameters)
-    tasks = file.scenario.tasks
+    execution, tasks = file.scenario.execution, file.scenario.tasks
+    policy, parameters = execution.policy, execution.dispatcher.parameters
+    with _located(file, ("execution", "policy"), (), policy.parameters):
+        if find("policies", policy.name, file.folder).ours:  # the code of those from outside is not executed yet
+            policy_of(policy.name, policy.parameters)
     dispatcher = execution.dispatcher.name or (ONE_SHOT if tasks is None else NEAREST)
-    _plug_in(file, ("execution", "dispatcher"), "dispatchers", _checked_dispatcher, dispatcher, execution.dispatcher.parameters)
+    with _located(file, ("execution", "dispatcher"), (), parameters):
+        if find("dispatchers", dispatcher, file.folder).ours and parameters:
+            make_plug_in("dispatchers", dispatcher, parameters)
     disturbances, replanner = execution.disturbances, execution.recovery.replanner or ""
     if replanner and execution.on_deadlock == "resolve":  # else it is not needed, and slow to load
-        _plug_in(file, ("execution", "recovery", "replanner"), "planners", planner, replanner, {})
+        with file.located("execution", "recovery", "replanner"):
+            planner(replanner, {}, file.folder)
     with file.located("execution"):
         options: dict[str, Any] = {each.name: getattr(execution, each.name) for each in fields(DrivingOptions)} | {
             "planning": execution.planning if tasks else AT_ONCE,
@@ -122,7 +103,7 @@ def settings_of(file: ScenarioFile) -> ExecutionSettings:
             policy=resolved(execution.policy.name, file.folder),
             policy_parameters=execution.policy.parameters,
             dispatcher=resolved(dispatcher, file.folder),
-            dispatcher_parameters=execution.dispatcher.parameters,
+            dispatcher_parameters=parameters,
             time_limit_s=execution.time_limit_s or (LEAST_TIME_LIMIT_S if tasks is None else TASKS_TIME_LIMIT_S),
             goal_tolerance_m=execution.goal_tolerance_m,
             record_period_s=file.scenario.record.period_s,
@@ -135,7 +116,8 @@ def settings_of(file: ScenarioFile) -> ExecutionSettings:
 def _planner(file: ScenarioFile, parameters: Mapping[str, Any]) -> Planner:
     """The planner; a window is refused where it plans to the end, a budget where it does not count what it does."""
     scenario, place = file.scenario, ("execution", "planning", "window_s")
-    chosen: Planner = _plug_in(file, ("planner", "name"), "planners", planner, scenario.planner.name, parameters)
+    with _located(file, ("planner",), ("name",), parameters):
+        chosen = planner(scenario.planner.name, parameters, file.folder)
     if scenario.planner.budget and "effort" not in getattr(chosen, "supports", ()):
         expected = f"expected one that does ({planners_that('effort')}), or no budget"
         raise ScenarioError(f"{file.at('planner', 'budget')}: planner '{scenario.planner.name}' does not count its labels, {expected}")
@@ -147,8 +129,8 @@ def _planner(file: ScenarioFile, parameters: Mapping[str, Any]) -> Planner:
 
 def _assigner(file: ScenarioFile) -> Assigner | None:
     """Who assigns goals that are free; None where they are not, unless there are parameters to check."""
-    choice, place = file.scenario.assignment, ("assignment", "solver")
-    if choice.parameters or (choice.mode == "optimal" and file.scenario.tasks is None):
-        made: Assigner = _plug_in(file, place, "assigners", assigner, choice.solver, choice.parameters)
-        return made
-    return None
+    choice = file.scenario.assignment
+    if not choice.parameters and (choice.mode != "optimal" or file.scenario.tasks is not None):
+        return None
+    with _located(file, ("assignment",), ("solver",), choice.parameters):
+        return assigner(choice.solver, choice.parameters, file.folder)

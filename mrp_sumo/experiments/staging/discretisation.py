@@ -56,16 +56,9 @@ def _step_m(nav: NavGraph, wanted_m: float, needed_m: float) -> float:
 
 
 def with_drawn_one_ways(nav: NavGraph, graph: PlanGraph) -> tuple[PlanGraph, tuple[str, ...]]:
-    """A grid without the steps that go against one-way lanes of its map, and a line about them.
+    """A grid without the steps that go against one-way lanes of its map, and a line about them; graphs that are no such grid as they are.
 
     A step belongs to the lane that it is nearest to, of those that lead its way or the opposite way.
-
-    Parameters
-    ----------
-    nav
-        The map's lanes.
-    graph
-        Its plan graph; one that is no grid of those lanes is returned as it is.
     """
     one_way = (nav.reverse < 0) & ~nav.is_ride
     if graph.kind != "grid" or isinstance(nav, PlanGraph) or not one_way.any():

@@ -5,19 +5,20 @@ Refuses what does not fit in one line, with what would help.
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from mrp_sumo.core.facilities import CABIN_M, beyond_cabin_m
 from mrp_sumo.core.fleet import fleet_of, fleet_of_types
 from mrp_sumo.core.graph import BoolArray, NavGraph, PlanGraph
-from mrp_sumo.core.robot_type import RobotShape, RobotType
+from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.errors import ScenarioError, nearest
 from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.io.scenario.file import ScenarioFile
 from mrp_sumo.io.scenario.names import type_at
 from mrp_sumo.maps.chains import chains_of
-from mrp_sumo.maps.clearance import Narrow
+from mrp_sumo.maps.clearance import Narrow, narrow, pruned
 from mrp_sumo.maps.lifts import cabins_of
 from mrp_sumo.maps.load import Map
 from mrp_sumo.maps.repair import join_short
@@ -104,22 +105,20 @@ def _remedy(nav: NavGraph, cell_m: float, needed_m: float) -> str:
 
 def require_brakes(file: ScenarioFile, graph: PlanGraph, models: Sequence[RobotType]) -> None:
     """Robots may brake over several lanes, which they then hold; over more than the whole map none would ever come to its speed."""
-    both = [(kind, f"'{each.name}'{says}", shape) for kind, each in enumerate(models) for says, shape in _with_and_without_load(each)]
-    for kind, name, model in both:
+    shapes = [
+        (kind, each.name, says, shape) for kind, each in enumerate(models) for says, shape in (("", each), (" with a load", each.with_load))
+    ]
+    for kind, name, says, model in shapes:
         top = min(model.max_speed_mps, float(graph.speed_mps.max(initial=0.0)))
         across_m = float(np.hypot(*np.ptp(graph.xy, axis=0))) if graph.num_lanes else np.inf
         braking_m = top**2 / (2 * model.decel_mps2)
         if braking_m > across_m:
             slower = _rounded(math.sqrt(2 * across_m * model.decel_mps2), math.floor)
             raise ScenarioError(
-                f"{file.at(*type_at(file, kind))}: {name} cannot stop: from {top:g} m/s at {model.decel_mps2:g} m/s2 it takes "
+                f"{file.at(*type_at(file, kind))}: '{name}'{says} cannot stop: from {top:g} m/s at {model.decel_mps2:g} m/s2 it takes "
                 f"{braking_m:.4g} m, and '{graph.name}' is {across_m:.4g} m across (decel_mps2: "
                 f"{_rounded(top**2 / (2 * across_m), math.ceil)} or max_speed_mps: {slower} would do)"
             )
-
-
-def _with_and_without_load(model: RobotType) -> list[tuple[str, RobotShape]]:
-    return [("", model), *([(" with a load", model.with_load)] if model.loaded else [])]
 
 
 def _rounded(value: float, towards: Callable[[float], int]) -> str:
@@ -138,21 +137,21 @@ def with_room(
     choice = file.scenario.discretisation.clearance
     if choice == "ignore" or (choice == "prune" and len(models) > 1):
         return graph, ()
-    for narrow in (maps.narrow(map_, graph, model) for model in models):
+    for without in (maps.of(narrow, graph, map_.building, model) for model in models):
         if choice == "prune":
             with file.located("discretisation", "clearance"):
-                left = maps.pruned(graph, narrow)
-            return left, () if left is graph else (_left_out(map_.nav, graph, left, narrow),)
-        if not narrow.notes:
+                left = maps.of(pruned, graph, without)
+            return left, () if left is graph else (_left_out(map_.nav, graph, left, without),)
+        if not without.notes:
             continue
         fits = "; clearance: prune leaves them out"
-        if (radius_m := narrow.radius_that_fits_m) > 0:
+        if (radius_m := without.radius_that_fits_m) > 0:
             fits = f"; a robot that needs no more than {radius_m:.2f} m around its centre would fit{fits}"
-        raise ScenarioError(f"{file.at('discretisation', 'clearance')}: '{graph.name}': {', '.join(narrow.notes)}{fits}")
+        raise ScenarioError(f"{file.at('discretisation', 'clearance')}: '{graph.name}': {', '.join(without.notes)}{fits}")
     return graph, ()
 
 
-def _left_out(nav: NavGraph, graph: PlanGraph, left: PlanGraph, narrow: Narrow) -> str:
+def _left_out(nav: NavGraph, graph: PlanGraph, left: PlanGraph, without: Narrow) -> str:
     """A line on the lanes that walls leave no room on, and on the stations that robots cannot reach and leave any more."""
     before, after = (np.isin(np.arange(each.num_vertices), main_piece(each)) for each in (graph, left))
     station = graph.vertex_of_station
@@ -160,7 +159,7 @@ def _left_out(nav: NavGraph, graph: PlanGraph, left: PlanGraph, narrow: Narrow) 
     cut_off = [nav.known_as(v) for v in sorted(lost, key=lambda v: nav.known_as(v) == f"v{v}")]  # those with a name first
     what = f"{graph.num_lanes - left.num_lanes} of {graph.num_lanes} {'steps' if graph.kind == 'grid' else 'pieces of lanes'} left out"
     names = ", ".join(cut_off[:NAMED]) + (f" and {len(cut_off) - NAMED} more" if len(cut_off) > NAMED else "")
-    return f"{what}: {', '.join(narrow.notes)}" + (f"; cut off by that: {names}" if cut_off else "")
+    return f"{what}: {', '.join(without.notes)}" + (f"; cut off by that: {names}" if cut_off else "")
 
 
 def by_vehicle_type(map_: Map, graph: PlanGraph, barred: BoolArray | None, models: Sequence[RobotType]) -> BoolArray | None:
@@ -187,7 +186,11 @@ def by_class(maps: MapCache, graph: PlanGraph, models: Sequence[RobotType]) -> t
     limits = {name: min(model.lane_class_mps.get(name, math.inf) for model in models) for name in set(of_lane)}
     if len(models) > 1 and (differ := [name for name in limits if len({model.lane_class_mps.get(name) for model in models}) > 1]):
         notes.append(f"types have several speeds on lanes of class {', '.join(sorted(differ))}; the lowest holds for all of them")
-    return maps.with_limits(graph, limits), tuple(notes)
+    return maps.of(_no_faster, graph, tuple(limits[name] for name in of_lane)), tuple(notes)
+
+
+def _no_faster(graph: PlanGraph, most_mps: tuple[float, ...]) -> PlanGraph:
+    return replace(graph, speed_mps=graph.speed_mps.clip(max=most_mps))
 
 
 def by_load(file: ScenarioFile, graph: PlanGraph, barred: BoolArray | None, num_types: int) -> tuple[BoolArray | None, bool]:
@@ -208,14 +211,14 @@ def without_room(
         return None, ()
     barred, notes = np.zeros((len(models), graph.num_lanes), np.bool_), []
     for kind, model in enumerate(models):
-        narrow = maps.narrow(map_, graph, model)
-        barred[kind] = narrow.is_barred & ~graph.is_ride  # cabins have walls of their own
+        without = maps.of(narrow, graph, map_.building, model)
+        barred[kind] = without.is_barred & ~graph.is_ride  # cabins have walls of their own
         if barred[kind].all():
             raise ScenarioError(f"{file.at(*type_at(file, kind))}: no lane of '{graph.name}' leaves '{model.name}' room beside the walls")
         if barred[kind].any():
-            lane = int(np.flatnonzero(barred[kind])[np.argmin(narrow.lane_m[barred[kind]])])
+            lane = int(np.flatnonzero(barred[kind])[np.argmin(without.lane_m[barred[kind]])])
             ends = f"'{graph.known_as(int(graph.tail[lane]))}' - '{graph.known_as(int(graph.head[lane]))}'"
-            where = f"the narrowest {ends}: {narrow.lane_m[lane]:.2f} m to a wall"
+            where = f"the narrowest {ends}: {without.lane_m[lane]:.2f} m to a wall"
             notes.append(f"'{model.name}' has no room on {np.count_nonzero(barred[kind])} of {graph.num_lanes} lanes, {where}")
     supports = getattr(chosen_planner, "supports", ())
     if "types" not in supports:

@@ -46,6 +46,10 @@ from mrp_sumo.experiments.staging.vehicles import headings_not_kept, require_sta
 from mrp_sumo.io.scenario.file import ScenarioFile
 from mrp_sumo.io.scenario.model import ScenarioModel
 from mrp_sumo.io.scenario.programs import require_trust
+from mrp_sumo.maps.clearance import standing_walls
+from mrp_sumo.maps.doors import with_doors
+from mrp_sumo.maps.facts import driven_levels
+from mrp_sumo.maps.lifts import with_rides
 from mrp_sumo.maps.load import Map
 from mrp_sumo.planning.protocol import Assigner, Planner
 from mrp_sumo.plugins.source import place_in_file
@@ -71,44 +75,21 @@ class SetUp:
 def set_up(file: ScenarioFile, maps: MapCache, *, run_programs: bool = True) -> SetUp:
     """Load the map, fit the robots, draw or look up starts and goals. Raises MrpSumoError: one line a fault, naming file and key.
 
-    Parameters
-    ----------
-    file
-        The scenario.
-    maps
-        Where maps are made, once.
-    run_programs
-        Whether plug-in files may run. Without, there is no planning, and a map reader that is one is refused.
+    Without `run_programs`, plug-in files do not run: there is no planning, and a map reader that is one is refused.
     """
     scenario = file.scenario
     models, chosen_planner, chosen_assigner, settings = choices(file, run_programs=run_programs)
     if not run_programs and place_in_file(scenario.map.reader or ""):
         raise ScenarioError(f"{file.at('map', 'reader')}: would run {scenario.map.reader}, but programs of users are not run here")
-    one_of_each, radius_m = fleet_of_types(models, np.arange(len(models))), max(model.radius_m for model in models)
     with file.located("map"):
-        driven = tuple(model.in_layouts for model in models)
+        driven, radius_m = tuple(model.in_layouts for model in models), max(model.radius_m for model in models)
         map_ = maps.map(scenario.map, file.folder, loaded_cell_m(scenario.discretisation, models), radius_m, driven)
     is_auto, file = scenario.discretisation.kind == "auto", as_discretised(file, map_, models)
     scenario = file.scenario
-    graph = maps.graph(map_, scenario.discretisation, doubled(file, map_.nav), curved=any(model.is_vehicle for model in models))
-    require_fit(file, map_.nav, graph, models, is_auto=is_auto)
-    require_brakes(file, graph, models)
-    graph, by_lane = by_class(maps, graph, models)
-    graph, left_out = with_room(file, maps, map_, graph, models)
-    graph, broken = with_drawn_one_ways(map_.nav, graph)
-    graph = with_one_ways(file, map_.nav, graph)
-    graph = with_mutex_groups(file, map_.nav, graph)
-    step_s = scenario.planner.step_s or planned_step_s(graph, one_of_each, scenario.execution.step_length_s)
-    graph = maps.with_rides(map_, in_service(file, graph), step_s, radius_m)  # rides are as many lanes as they take steps
-    require_cabins(file, map_, graph, models)
-    if scenario.execution.doors == "automatic":
-        graph = maps.with_doors(map_, graph, radius_m)
-    graph, shut = without_shut_doors(file, graph)
-    if any(model.is_vehicle for model in models) and scenario.discretisation.clearance != "ignore":
-        graph = maps.with_walls(map_, graph)
+    graph, step_s, notes = _graph(file, maps, map_, models, is_auto=is_auto)
     barred, narrow = without_room(file, maps, map_, graph, models, chosen_planner)
     barred = by_vehicle_type(map_, graph, barred, models)
-    fleet, start, goal = _fleet_at(file, map_.nav, graph, models, barred, one_of_each.separation_m)
+    fleet, start, goal = _fleet_at(file, map_.nav, graph, models, barred)
     barred, with_load = by_load(file, graph, barred, len(models))
     fleet = fleet_of_types(models, fleet.kind, by_load=True) if with_load else fleet
     _require_robots(file, fleet)
@@ -139,22 +120,50 @@ def set_up(file: ScenarioFile, maps: MapCache, *, run_programs: bool = True) -> 
         narrow += oddities(settings.tasks, problem, settings.time_limit_s)
     if scenario.people is not None:
         settings = replace(settings, people=people_of(file, map_, graph))
-    return SetUp(
-        file,
-        map_,
-        problem,
-        chosen_assigner,
-        chosen_planner,
-        with_closures(file, map_.nav, graph, settings),
-        left_out + by_lane + broken + shut + narrow,
-    )
+    settings = with_closures(file, map_.nav, graph, settings)
+    return SetUp(file, map_, problem, chosen_assigner, chosen_planner, settings, notes + narrow)
+
+
+def _graph(
+    file: ScenarioFile, maps: MapCache, map_: Map, models: Sequence[RobotType], *, is_auto: bool
+) -> tuple[PlanGraph, float, tuple[str, ...]]:
+    """The plan graph as the scenario changes it and the types fit on it, the time planned for a lane, and lines on what is left out."""
+    scenario, is_driven = file.scenario, any(model.is_vehicle for model in models)
+    graph = maps.graph(map_, scenario.discretisation, doubled(file, map_.nav), curved=is_driven)
+    require_fit(file, map_.nav, graph, models, is_auto=is_auto)
+    require_brakes(file, graph, models)
+    graph, by_lane = by_class(maps, graph, models)
+    graph, left_out = with_room(file, maps, map_, graph, models)
+    graph, broken = with_drawn_one_ways(map_.nav, graph)
+    graph = with_one_ways(file, map_.nav, graph)
+    graph = with_mutex_groups(file, map_.nav, graph)
+    one_of_each, radius_m = fleet_of_types(models, np.arange(len(models))), max(model.radius_m for model in models)
+    step_s = scenario.planner.step_s or planned_step_s(graph, one_of_each, scenario.execution.step_length_s)
+    graph = maps.of(_with_rides, in_service(file, graph), map_, step_s, radius_m)  # rides are as many lanes as they take steps
+    require_cabins(file, map_, graph, models)
+    if scenario.execution.doors == "automatic":
+        graph = maps.of(with_doors, graph, map_.building, radius_m)
+    graph, shut = without_shut_doors(file, graph)
+    if is_driven and scenario.discretisation.clearance != "ignore":
+        graph = maps.of(_with_walls, graph, map_)
+    return graph, step_s, left_out + by_lane + broken + shut
+
+
+def _with_rides(graph: PlanGraph, map_: Map, step_s: float, radius_m: float) -> PlanGraph:
+    return with_rides(graph, step_s, radius_m, map_.building, map_.level_shift_m)
+
+
+def _with_walls(graph: PlanGraph, map_: Map) -> PlanGraph:
+    """The plan graph with the walls of its levels, which turns of vehicles have to keep clear of."""
+    building = map_.building
+    return replace(graph, walls=standing_walls(building, driven_levels(map_.nav))) if building else graph
 
 
 def _fleet_at(
-    file: ScenarioFile, nav: NavGraph, graph: PlanGraph, models: Sequence[RobotType], barred: BoolArray | None, separation_m: float
+    file: ScenarioFile, nav: NavGraph, graph: PlanGraph, models: Sequence[RobotType], barred: BoolArray | None
 ) -> tuple[Fleet, IntArray, IntArray]:
     """The robots, of one type or several, and the vertices of their starts and goals."""
-    robots = file.scenario.robots
+    robots, separation_m = file.scenario.robots, fleet_of_types(models, np.arange(len(models))).separation_m
     if robots.fleet is None:
         start, goal = places(file, nav, graph, models[0], separation_m)
         return fleet_of_types(models, np.zeros(len(start), np.int64)), start, goal
