@@ -93,7 +93,7 @@ ROOMS = {  # the files of each, and the tests that hold it
     ),
     "predict": (
         ["mrp_sumo/calibration/prediction.py", "mrp_sumo/calibration/held_out.py"],
-        ["tests/calibration/test_held_out.py", "tests/cli/test_predict.py"],
+        ["tests/calibration/test_prediction.py", "tests/calibration/test_held_out.py", "tests/cli/test_predict.py"],
     ),
 }
 LEFT_OUT = ("RemoveDecorator", "VariableReplacer", "VariableInserter")  # of the operators: decorators are @njit and @dataclass

@@ -8,7 +8,7 @@ done an hour; shares of the time for which vehicles have orders, and the busiest
 """
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -161,7 +161,7 @@ def predicted(
     there = [kind for kind in range(num_types) if (held.kind == kind).any()]
     calibrations = tuple(calibrated(held.earlier(kind if num_types > 1 else None)) for kind in there)
     disturbing, files = _write(held, calibrations, file, folder, times.is_known)
-    _note_what_is_assumed(held, file, times, disturbing)
+    _note_what_is_assumed(held, file, times)
     base, seed = scenario_of_later(held, setup, files, disturbing, times), file.scenario.seed
     made, outcomes, station = [], [], _busiest(held)
     usual = runs // 2
@@ -172,7 +172,7 @@ def predicted(
             raise MrpSumoError(f"the simulation of {held.log.source}: {result.status.replace('_', ' ')}: {result.note}")
         outcomes.append(outcomes_of(result, held, station))
         made.append(result)
-    middle = int(np.argsort([_quantile(each.lead_time_s, 0.5) for each in outcomes[:usual]], kind="stable")[(usual - 1) // 2])
+    middle = _middle(outcomes[:usual])
     report("comparing", 0.0, 0.0)
     log_run = logged_run(held, made[middle].setup)
     logged = outcomes_of(log_run, held, station)
@@ -234,7 +234,7 @@ def _together(each: Sequence[Disturbances], calibrations: Sequence[Calibration])
     return figures
 
 
-def _note_what_is_assumed(held: HeldOut, file: ScenarioFile, times: ServiceTimes, disturbing: Mapping[str, Any]) -> None:
+def _note_what_is_assumed(held: HeldOut, file: ScenarioFile, times: ServiceTimes) -> None:
     if not times.is_known:
         held.notes.append("the log does not say how long services take: as the scenario's types and the orders have it")
     if file.scenario.people is not None:
@@ -336,6 +336,11 @@ def _compared(logged: Outcomes, usual: Sequence[Outcomes], drawn: Sequence[Outco
     yield figure("throughput_per_h", "orders done an hour", "1/h", lambda run: run.throughput_per_h)
     yield figure("robots_busy_share", "robots with an order", "", lambda run: run.robots_busy_share)
     yield figure("station_busy_share", f"'{station}' serves", "", lambda run: run.station_busy_share)
+
+
+def _middle(outcomes: Sequence[Outcomes]) -> int:
+    """The run whose median lead time is in the middle, of two the lower."""
+    return int(np.argsort([_quantile(each.lead_time_s, 0.5) for each in outcomes], kind="stable")[(len(outcomes) - 1) // 2])
 
 
 def _quantile(values: FloatArray, share: float) -> float:
