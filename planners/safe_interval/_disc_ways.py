@@ -43,20 +43,19 @@ def forbidden_by(lanes, ways, way, room):
 
 
 @kernel
-def by_place(rows, num_places):
-    """[N] places and [N] times of [3, N] rows, sorted by both: into places first, then within each, where few are."""
-    num = rows.shape[1]
+def sort_rules(rows, num_places, kind, rules):
+    """Make [3, N] rows the rules of a kind, sorted by place and time: into places first, then within each, where few are."""
+    place, begin, end = rules.place[kind], rules.begin[kind], rules.end[kind]
     next_of = np.zeros(num_places + 1, np.int64)
-    for i in range(num):
+    for i in range(rows.shape[1]):
         next_of[np.int64(rows[0, i]) + 1] += 1
     next_of = np.cumsum(next_of)
-    place, first, second = np.zeros(num, np.int64), np.zeros(num), np.zeros(num)
-    for i in range(num):
+    for i in range(rows.shape[1]):
         p, t = np.int64(rows[0, i]), rows[1, i]
         k = next_of[p]
         next_of[p] += 1
-        while k > 0 and place[k - 1] == p and first[k - 1] > t:
-            place[k], first[k], second[k] = p, first[k - 1], second[k - 1]
+        while k > 0 and place[k - 1] == p and begin[k - 1] > t:
+            place[k], begin[k], end[k] = p, begin[k - 1], end[k - 1]
             k -= 1
-        place[k], first[k], second[k] = p, t, rows[2, i]
-    return place, first, second
+        place[k], begin[k], end[k] = p, t, rows[2, i]
+    rules.count[kind] = rows.shape[1]

@@ -47,24 +47,21 @@ def new_ways(room: int) -> DiscPaths:
 
 
 class DiscConstraints(NamedTuple):
-    """Constraints of one robot: K departures and M stays, sorted; there may be room for more."""
+    """Constraints of one robot, departures to lanes and stays at vertices: in rows 0 and 1, each sorted; there may be room for more."""
 
-    count: np.ndarray  # [2] K and M
-    lane: np.ndarray  # [K] to which it may not depart
-    not_from: np.ndarray  # [K] s, from when on
-    not_until: np.ndarray  # [K] s, and until when
-    vertex: np.ndarray  # [M] at which it may not stay
-    begins: np.ndarray  # [M] s, if it has come before
-    lasts: np.ndarray  # [M] s, until this or longer
+    count: np.ndarray  # [2] how many of each
+    place: np.ndarray  # [2, N] the lane, and the vertex
+    begin: np.ndarray  # [2, N] s, from when on it may not depart, and before when it may not have come to stay
+    end: np.ndarray  # [2, N] s, until when it may not depart, and until when or longer it may not stay
 
 
 class DiscScratch(NamedTuple):
-    """Room for a search of N entries."""
+    """Room for a search of N entries, and as many forbidden stays."""
 
     move_of: np.ndarray  # [L] the first forbidden departure, -1: none
     stay_of: np.ndarray  # [V] the first forbidden stay, -1: none
-    leave_by: np.ndarray  # [M] s, of those who come before a forbidden stay begins
-    best: np.ndarray  # [V + M] s, earliest arrival by state
+    leave_by: np.ndarray  # [N] s, of those who come before a forbidden stay begins
+    best: np.ndarray  # [V + N] s, earliest arrival by state
     state: np.ndarray  # [N]
     vertex: np.ndarray  # [N]
     until: np.ndarray  # [N] s
@@ -226,7 +223,7 @@ def conflicts_with_all(lanes, ways, one, others, most, found, of):
 
 
 @kernel(allocates=False)
-def find(lanes, left_s, start, goal, rules, scratch, to_stay):
+def find(lanes, trip, rules, scratch, to_stay, barred):
     """The earliest way to a goal for a robot that is at its start from 0 on.
 
     A vertex has windows of arrival; in each a robot must have left by some time. At rest it may wait, so within a window the earlier of
@@ -234,43 +231,47 @@ def find(lanes, left_s, start, goal, rules, scratch, to_stay):
 
     Parameters
     ----------
-    left_s
-        [V] to the goal without others, inf: none.
+    trip
+        [V] s to the goal without others, inf: none; the start and the goal.
     to_stay
         Whether it must stay at the goal.
+    barred
+        A lane that it may not use, -1: none.
 
     Returns
     -------
     int
         The entry at the goal, -1: no way, -2: no room.
     """
-    num_moves, num_stays, num_vertices = rules.count[0], rules.count[1], len(lanes.first) - 1
+    num_vertices, num_stays, lane, vertex, lasts = len(lanes.first) - 1, rules.count[1], rules.place[0], rules.place[1], rules.end[1]
     if num_stays > len(scratch.leave_by):
         return -2
-    for k in range(num_moves - 1, -1, -1):
-        scratch.move_of[rules.lane[k]] = k
+    for k in range(rules.count[0] - 1, -1, -1):
+        scratch.move_of[lane[k]] = k
     for k in range(num_stays - 1, -1, -1):
-        v = rules.vertex[k]
-        later = k + 1 < num_stays and rules.vertex[k + 1] == v
-        scratch.leave_by[k] = min(rules.lasts[k], scratch.leave_by[k + 1]) if later else rules.lasts[k]
-        scratch.stay_of[v] = k
+        later = k + 1 < num_stays and vertex[k + 1] == vertex[k]
+        scratch.leave_by[k] = min(lasts[k], scratch.leave_by[k + 1]) if later else lasts[k]
+        scratch.stay_of[vertex[k]] = k
     scratch.best[: num_vertices + num_stays] = np.inf
-    found = search(lanes, left_s, start, goal, rules, scratch, to_stay)
-    for k in range(num_moves):
-        scratch.move_of[rules.lane[k]] = -1
+    found = search(lanes, trip, rules, scratch, to_stay, barred)
+    for k in range(rules.count[0]):
+        scratch.move_of[lane[k]] = -1
     for k in range(num_stays):
-        scratch.stay_of[rules.vertex[k]] = -1
+        scratch.stay_of[vertex[k]] = -1
     return found
 
 
 @kernel(allocates=False)
-def search(lanes, left_s, start, goal, rules, scratch, to_stay):
+def search(lanes, trip, rules, scratch, to_stay, barred):
     """See `find`."""
+    left_s, start, goal = trip
     num_moves, num_stays, num_vertices = rules.count[0], rules.count[1], len(lanes.first) - 1
+    lane, not_from, not_until = rules.place[0], rules.begin[0], rules.end[0]
+    vertex, begins = rules.place[1], rules.begin[1]
     window = scratch.stay_of[start]
-    while 0 <= window < num_stays and rules.vertex[window] == start and rules.begins[window] <= 0.0:
+    while 0 <= window < num_stays and vertex[window] == start and begins[window] <= 0.0:
         window += 1
-    inside = 0 <= window < num_stays and rules.vertex[window] == start
+    inside = 0 <= window < num_stays and vertex[window] == start
     scratch.state[0] = num_vertices + window if inside else start
     scratch.until[0] = scratch.leave_by[window] if inside else np.inf
     scratch.vertex[0], scratch.arrived[0], scratch.parent[0], scratch.lane[0], scratch.key[0] = start, 0.0, -1, -1, left_s[start]
@@ -289,17 +290,16 @@ def search(lanes, left_s, start, goal, rules, scratch, to_stay):
             return n
         for e in range(lanes.first[v], lanes.first[v + 1]):
             w = lanes.head[e]
-            if not np.isfinite(left_s[w]):
+            if e == barred or not np.isfinite(left_s[w]):
                 continue
             window, since = scratch.stay_of[w], 0.0
             while True:
-                inside = 0 <= window < num_stays and rules.vertex[window] == w
-                before = rules.begins[window] if inside else np.inf
+                inside = 0 <= window < num_stays and vertex[window] == w
+                before = begins[window] if inside else np.inf
                 at = max(t, since - lanes.duration[e])
                 m = scratch.move_of[e]
-                while 0 <= m < num_moves and rules.lane[m] == e and rules.not_from[m] <= at:
-                    if at < rules.not_until[m]:
-                        at = rules.not_until[m]
+                while 0 <= m < num_moves and lane[m] == e and not_from[m] <= at:
+                    at = max(at, not_until[m])
                     m += 1
                 there, stays_until = at + lanes.duration[e], scratch.leave_by[window] if inside else np.inf
                 state = num_vertices + window if inside else w
@@ -340,53 +340,38 @@ def write_way(entry, scratch, start, way, ways):
 
 
 @kernel
-def new_rules(moves, stays):
-    """No rules, with room for so many."""
-    return DiscConstraints(
-        np.zeros(2, np.int64), np.zeros(moves, np.int64), np.zeros(moves), np.zeros(moves), np.zeros(stays, np.int64), np.zeros(stays),
-        np.zeros(stays),
-    )  # fmt: skip
+def new_rules(room):
+    """No rules, with room for so many of each kind."""
+    return DiscConstraints(np.zeros(2, np.int64), np.zeros((2, room), np.int64), np.zeros((2, room)), np.zeros((2, room)))
 
 
 @kernel
-def with_rule(rules, is_stay, place, t0, t1):
+def with_rule(rules, is_stay, place, begin, end):
     """The rules and one more."""
-    num_moves, num_stays = rules.count[0], rules.count[1]
-    new = new_rules(num_moves + 1 - is_stay, num_stays + is_stay)
+    new = new_rules(max(rules.count[0], rules.count[1]) + 1)
     copy_rules(rules, new)
-    add_rule(new, is_stay, place, t0, t1)
+    add_rule(new, is_stay, place, begin, end)
     return new
 
 
 @kernel(allocates=False)
 def copy_rules(rules, into):
     """The same rules in other arrays."""
-    num_moves, num_stays = rules.count[0], rules.count[1]
-    into.count[0], into.count[1] = num_moves, num_stays
-    for k in range(num_moves):
-        into.lane[k], into.not_from[k], into.not_until[k] = rules.lane[k], rules.not_from[k], rules.not_until[k]
-    for k in range(num_stays):
-        into.vertex[k], into.begins[k], into.lasts[k] = rules.vertex[k], rules.begins[k], rules.lasts[k]
+    for kind in range(2):
+        into.count[kind] = rules.count[kind]
+        for k in range(rules.count[kind]):
+            into.place[kind, k], into.begin[kind, k], into.end[kind, k] = rules.place[kind, k], rules.begin[kind, k], rules.end[kind, k]
 
 
 @kernel(allocates=False)
-def add_rule(rules, is_stay, place, t0, t1):
-    """Insert one: a stay at a vertex (begins, lasts), or a departure to a lane (from, until)."""
-    k = rules.count[is_stay]
+def add_rule(rules, is_stay, place, begin, end):
+    """Insert one: a stay at a vertex, or a departure to a lane."""
+    where, first, second, k = rules.place[is_stay], rules.begin[is_stay], rules.end[is_stay], rules.count[is_stay]
     rules.count[is_stay] = k + 1
-    if is_stay:
-        sort_in(rules.vertex, rules.begins, rules.lasts, k, place, t0, t1)
-    else:
-        sort_in(rules.lane, rules.not_from, rules.not_until, k, place, t0, t1)
-
-
-@kernel(allocates=False)
-def sort_in(where, first, second, k, place, t0, t1):
-    """Insert one row into k, which are sorted by the first two columns."""
-    while k > 0 and (where[k - 1] > place or (where[k - 1] == place and first[k - 1] > t0)):
+    while k > 0 and (where[k - 1] > place or (where[k - 1] == place and first[k - 1] > begin)):
         where[k], first[k], second[k] = where[k - 1], first[k - 1], second[k - 1]
         k -= 1
-    where[k], first[k], second[k] = place, t0, t1
+    where[k], first[k], second[k] = place, begin, end
 
 
 @kernel(allocates=False)

@@ -17,7 +17,6 @@ NEIGHBOURHOOD, NEIGHBOURHOODS = 9, 1000  # most robots in one, and how many are 
 ANY = 0.2  # that a neighbourhood is any robots
 WORSE = 0.005  # of the cost: the mean by which ways may be worse that are kept, at first
 MOST_NODES = 400  # of a tree over two robots
-MOST_RULES = 128  # a robot gets in a tree of two
 PER_PAIR = 4  # with each other, the first ones
 
 
@@ -28,7 +27,7 @@ class UnitMotion:
         graph = problem.graph
         self.problem = problem
         self._start, self._goal = problem.start.tolist(), problem.target.tolist()
-        self.nothing = _discs.new_rules(0, 0)
+        self.nothing = _discs.new_rules(0)
         duration_s = graph.length_m / speed_mps
         self._lanes = lanes_of(graph, duration_s, 2 * radius_m)
         self._left_s = seconds_left(graph, duration_s, problem.target)
@@ -37,7 +36,6 @@ class UnitMotion:
         self._num_ways = 0
         self._arrival: list[float] = []  # of each way
         self._starts, self._goals = problem.start, problem.target
-        self._rules = _discs.new_rules(MOST_RULES, MOST_RULES)
         self._room = 1 << 12
         self._forbidden: dict[int, tuple[FloatArray, FloatArray]] = {}  # by the ways at hand, to others
         self._pair = _disc_pairs.new_pair(MOST_NODES, 64 * MOST_NODES)
@@ -60,18 +58,14 @@ class UnitMotion:
 
     def search(self, robot: int, forbidden: _discs.DiscConstraints) -> int | None:
         start = self._start[robot]
-        while True:
-            entry = _discs.find(self._lanes, self._left_s[robot], start, self._goal[robot], forbidden, self._scratch, True)
-            if entry != -2:
-                break
+        trip = self._left_s[robot], start, self._goal[robot]
+        while (entry := _discs.find(self._lanes, trip, forbidden, self._scratch, True, -1)) == -2:
             self._scratch = _discs.new_scratch(len(self._lanes.first) - 1, len(self._lanes.tail), 4 * len(self._scratch.heap))
         return None if entry < 0 else self._kept(start, entry)
 
     def _kept(self, start: int, entry: int) -> int:
         path, paths = self._num_ways, self._paths
-        while True:
-            if _discs.write_way(entry, self._scratch, start, path, paths):
-                break
+        while not _discs.write_way(entry, self._scratch, start, path, paths):
             paths = self._paths = _discs.DiscPaths(*(np.concatenate([column, np.zeros_like(column)]) for column in paths))
         self._num_ways += 1
         self._arrival.append(float(self._scratch.arrived[entry]))
@@ -87,32 +81,17 @@ class UnitMotion:
     def split(
         self, conflict: TimedConflict, ours: _discs.DiscConstraints, theirs: _discs.DiscConstraints
     ) -> tuple[_discs.DiscConstraints, _discs.DiscConstraints]:
-        """Constraints on either robot: see `_corridors.departures` and `_discs.rule_against`."""
-        both = self._lanes, self._paths, conflict.what, conflict.path, conflict.other_path
-        p, q, num = run = _corridors.corridor(*both)
-        if num:
-            last, other_last = (_corridors.last_lane(self._paths, first, num) for first in (p, q))
-            at_ends = self._at_end(conflict.path, last, ours), self._at_end(conflict.other_path, other_last, theirs)
-            until, other_until = _corridors.departures(self._lanes, self._paths, run, *at_ends)
-            if until >= 0:
-                return _discs.with_rule(ours, 0, last, -1.0, until), _discs.with_rule(theirs, 0, other_last, -1.0, other_until)
-        return _discs.with_rule(ours, *_discs.rule_against(*both, False)), _discs.with_rule(theirs, *_discs.rule_against(*both, True))
-
-    def _at_end(self, path: int, lane: int, forbidden: _discs.DiscConstraints) -> tuple[float, float]:
-        """When the robot of a path can be at the end of a lane, and when without that lane."""
-        start, end = int(self._paths.start[path]), int(self._lanes.head[lane])
-        either = forbidden, _discs.with_rule(forbidden, 0, lane, -1.0, np.inf)
-        direct, round_ = (_corridors.earliest(self._lanes, start, end, rules, self._scratch) for rules in either)
-        return direct, round_
+        """See `_corridors.rules_of`."""
+        both = (conflict.path, conflict.other_path), (ours, theirs)
+        one, other = _corridors.rules_of(self._lanes, self._paths, conflict.what, *both, self._scratch)
+        return _discs.with_rule(ours, *one), _discs.with_rule(theirs, *other)
 
     def least_cost_s(self, robot: int, other: int, ours: _discs.DiscConstraints, theirs: _discs.DiscConstraints) -> float:
         """Least cost of two robots that are forbidden this."""
-        both = [robot, other]
-        room = max(ours.count.max(), theirs.count.max()) + MOST_RULES
-        if len(self._rules.lane) < room:
-            self._rules = _discs.new_rules(2 * room, 2 * room)
+        both, room = [robot, other], max(ours.count.max(), theirs.count.max()) + MOST_NODES
+        rules, others, more = (_discs.new_rules(room) for _ in range(3))
         ends = self._left_s[both], self._starts[both], self._goals[both]
-        task = _disc_pairs.PairTask(self._lanes, *ends, (ours, theirs), self._rules, self._scratch)
+        task = _disc_pairs.PairTask(self._lanes, *ends, (ours, theirs), (rules, others), more, self._scratch)
         return float(_disc_pairs.least_cost(task, self._pair))
 
     def some_paths(self, rng: np.random.Generator, enough_s: float, deadline_s: float) -> list[int] | None:
@@ -169,12 +148,11 @@ class UnitMotion:
     def _around(self, paths: list[int]) -> _discs.DiscConstraints:
         """What a robot may not do among others on these ways."""
         rows = [self._forbidden_by(path) for path in paths]
-        columns = [
-            column
-            for kind, places in enumerate((len(self._lanes.tail), len(self._lanes.first) - 1))
-            for column in _disc_ways.by_place(np.hstack([np.zeros((3, 0)), *(row[kind] for row in rows)]), places)
-        ]
-        return _discs.DiscConstraints(np.array([len(columns[0]), len(columns[3])]), *columns)
+        moves, stays = (np.hstack([np.zeros((3, 0)), *(row[kind] for row in rows)]) for kind in range(2))
+        rules: _discs.DiscConstraints = _discs.new_rules(max(moves.shape[1], stays.shape[1]))
+        _disc_ways.sort_rules(moves, len(self._lanes.tail), 0, rules)
+        _disc_ways.sort_rules(stays, len(self._lanes.first) - 1, 1, rules)
+        return rules
 
     def _forbidden_by(self, path: int) -> tuple[FloatArray, FloatArray]:
         """[3, K] departures and [3, M] stays, see `_disc_ways.forbidden_by`."""
