@@ -65,56 +65,63 @@ def next_speed(course, s, v, here, num):
     return v
 
 
-@kernel(allocates=False)
-def lay_course(course, s_out, v_out):
-    """Positions after 0, 1, ... steps from rest, and the speed of the step that follows, until the ray's end is passed.
-
-    Returns how many, or -1 where there is no room for them.
-    """
+@kernel
+def lay_course(course):
+    """Positions after 0, 1, ... steps from rest, and the speed of the step that follows, until the ray's end is passed."""
     dist, dt, num = course.end_m, course.dt, len(course.end_m)
+    s_out, v_out = np.empty(64), np.empty(64)
     s, v, n, here = -MARGIN_M, 0.0, 0, 0
-    while n < len(s_out):
+    while n == 0 or s_out[n - 1] <= dist[num - 1] + v * dt:
         while here < num - 1 and s >= dist[here]:
             here += 1
         v = next_speed(course, s, v, here, num)
-        s_out[n] = s
-        v_out[n] = v
+        if n == len(s_out):
+            s_out, v_out = np.concatenate((s_out, np.empty(n))), np.concatenate((v_out, np.empty(n)))
+        s_out[n], v_out[n] = s, v
         n += 1
-        if s > dist[num - 1] + v * dt:
-            return n
         s += v * dt
-    return -1
+    return s_out[:n], v_out[:n]
 
 
-@kernel(allocates=False)
-def lay_tails(course, s_in, v_in, brake, time, tail_first, tail_s):
+@kernel
+def lay_tails(course, s_in, v_in):
     """Of each run: the step before which it brakes, the step after which it has arrived, and its positions from the first to the second.
 
-    Returns how many positions there are, or -1 where there is no room for them.
+    Parameters
+    ----------
+    course
+        The ray.
+    s_in, v_in
+        Positions and speeds, see `lay_course`.
+
+    Returns
+    -------
+    brake, time, first, tail
+        [K] the steps, and where the positions of each run begin in `tail`.
     """
     dist, decel, dt = course.end_m, course.decel_mps2, course.dt
-    n, used = 0, 0
+    brake, time, first = np.empty(len(dist), np.int64), np.empty(len(dist), np.int64), np.empty(len(dist), np.int64)
+    tail, n, used = np.empty(64), 0, 0
     for k in range(len(dist)):
         free = dist[k] - MARGIN_M
         while stop_speed(free - s_in[n], decel, dt) >= v_in[n] - 1e-9:
             n += 1
-        brake[k] = n
-        tail_first[k] = used
+        brake[k], first[k] = n, used
         s, v, m = s_in[n], v_in[n - 1] if n > 0 else 0.0, n
         here = k
         while here > 0 and s < dist[here - 1]:
             here -= 1
-        while s < dist[k] - ARRIVED_M:
+        while True:
+            if used == len(tail):
+                tail = np.concatenate((tail, np.empty(used)))
+            tail[used] = s
+            used += 1
+            if s >= dist[k] - ARRIVED_M:
+                break
             while here < k and s >= dist[here]:
                 here += 1
-            if used >= len(tail_s) - 1:
-                return -1
-            tail_s[used] = s
-            used += 1
             v = min(stop_speed(free - s, decel, dt), next_speed(course, s, v, here, k + 1))
             s += v * dt
             m += 1
-        tail_s[used] = s
-        used += 1
         time[k] = m
-    return used
+    return brake, time, first, tail[:used].copy()

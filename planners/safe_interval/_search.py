@@ -610,7 +610,7 @@ def push_later(scratch, run, later, takes, weight, entries, count):
 
 
 @kernel
-def needs_along(moves, start, runs, num_runs, resource, begin, end):
+def needs_along(moves, start, runs):
     """Resources that a robot holds on its way, and from which step until when. Consecutive visits keep what both of them need.
 
     Parameters
@@ -619,47 +619,47 @@ def needs_along(moves, start, runs, num_runs, resource, begin, end):
         Vertex.
     runs
         [K, 3] first lane, number of lanes, step at which the robot sets out.
-    resource, begin, end
-        To be filled.
 
     Returns
     -------
-    num
-        Filled places, -1 where there is no room.
+    held
+        [3, H] resources, first steps, and steps after the last; by resource, then by visit.
     """
-    num = 0
-    visit = np.empty(len(resource), np.int64)
-    k = 0
+    size = moves.at_first[start + 1] - moves.at_first[start]
+    for r in range(len(runs)):
+        lane = runs[r, 0]
+        for _ in range(runs[r, 1]):
+            v = moves.head[lane]
+            size += moves.on_first[lane + 1] - moves.on_first[lane] + moves.at_first[v + 1] - moves.at_first[v]
+            lane = moves.onward[lane]
+    held = np.empty((3, size), np.int64)
+    resource, begin, end, visit = held[0], held[1], held[2], np.empty(size, np.int64)
+    num = k = 0
     for i in range(moves.at_first[start], moves.at_first[start + 1]):
-        if num >= len(resource):
-            return -1
         resource[num], begin[num], end[num], visit[num] = moves.at[i], 0, FOREVER, 0
         num += 1
-    held = 0  # where the last vertex's resources begin
-    for r in range(num_runs):
+    last = 0  # where the last vertex's resources begin
+    for r in range(len(runs)):
         ray, lanes, left = runs[r, 0], runs[r, 1], runs[r, 2]
         course, lane, begin_m = moves.course[ray], ray, 0.0
         for n in range(1, lanes + 1):
             k += 1
             for i in range(moves.off_first[lane + 1] - moves.off_first[lane]):
-                end[held + i] = left + step_of_run(moves, ray, lanes, begin_m + moves.off_m[moves.off_first[lane] + i])
+                end[last + i] = left + step_of_run(moves, ray, lanes, begin_m + moves.off_m[moves.off_first[lane] + i])
             taken = left + taken_at(moves, ray, n) - GUARD
             v = moves.head[lane]
-            size = moves.on_first[lane + 1] - moves.on_first[lane]
-            if num + size + moves.at_first[v + 1] - moves.at_first[v] > len(resource):
-                return -1
             for i in range(moves.on_first[lane], moves.on_first[lane + 1]):
                 resource[num], begin[num], visit[num] = moves.on[i], max(taken, 0), k
                 end[num] = left + step_of_run(moves, ray, lanes, begin_m + moves.on_m[i])
                 num += 1
-            held = num
+            last = num
             for i in range(moves.at_first[v], moves.at_first[v + 1]):
                 resource[num], begin[num], end[num], visit[num] = moves.at[i], max(taken, 0), FOREVER, k
                 num += 1
             begin_m = moves.end_m[moves.run_first[course] + n - 1]
             lane = moves.onward[lane]
-    order = np.argsort(resource[:num] * (k + 1) + visit[:num])
-    resource[:num], begin[:num], end[:num], visit[:num] = resource[order], begin[order], end[order], visit[order]
+    order = np.argsort(resource * (k + 1) + visit)
+    resource[:], begin[:], end[:], visit[:] = resource[order], begin[order], end[order], visit[order]
     kept = 0
     for i in range(1, num):
         same = resource[i] == resource[kept]
@@ -669,20 +669,18 @@ def needs_along(moves, start, runs, num_runs, resource, begin, end):
             continue
         kept += 1
         resource[kept], begin[kept], end[kept], visit[kept] = resource[i], begin[i], end[i], visit[i]
-    return kept + 1
+    return held[:, : kept + 1].copy()
 
 
-@kernel(allocates=False)
-def runs_to(state, scratch, runs):
-    """The runs that led to a state, in order. Returns their number, or -1 where there is no room for them."""
+@kernel
+def runs_to(state, scratch):
+    """[K, 3] the runs that led to a state, in order: first lane, number of lanes, step at which the robot sets out."""
     num, at = 0, state
     while scratch.parent[at] >= 0:
         num += 1
         at = scratch.parent[at]
-    if num > len(runs):
-        return -1
-    at = state
+    runs, at = np.empty((num, 3), np.int64), state
     for k in range(num - 1, -1, -1):
         runs[k, 0], runs[k, 1], runs[k, 2] = scratch.ray[at], scratch.lanes[at], scratch.left[at]
         at = scratch.parent[at]
-    return num
+    return runs

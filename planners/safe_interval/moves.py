@@ -187,23 +187,9 @@ def _ray(onward: IntArray, lane: int, length: IntArray) -> IntArray:
 
 def _runs(driven: FloatArray, limit: FloatArray, limits: tuple[float, float, float], dt: float) -> tuple[np.ndarray, ...]:
     """Of one course: end_m, brake, time, tail_first, tail_m, along_m."""
-    end_m, num = np.cumsum(driven), len(driven)
-    driven_ray = DrivenRay(end_m, limit, *limits, dt)
-    room = 64 + int(2 * (driven / limit).sum() / dt) + 4 * int(limits[0] / min(limits[1:]) / dt)
-    while True:
-        s, v = np.empty(room), np.empty(room)
-        count = lay_course(driven_ray, s, v)
-        if count >= 0:
-            break
-        room *= 2
-    brake, time, first = np.empty(num, np.int64), np.empty(num, np.int64), np.empty(num, np.int64)
-    room = 16 * num + 64
-    while True:
-        tail = np.empty(room)
-        used = lay_tails(driven_ray, s, v, brake, time, first, tail)
-        if used >= 0:
-            return end_m, brake, time, first, tail[:used], s[:count]
-        room *= 2
+    ray = DrivenRay(np.cumsum(driven), limit, *limits, dt)
+    s, v = lay_course(ray)
+    return ray.end_m, *lay_tails(ray, s, v), s
 
 
 def _left_on(

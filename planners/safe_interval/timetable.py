@@ -151,39 +151,22 @@ class Timetable:
         moves = self.moves[self.kind[robot]]
         start, heading, since = begin or (self._start[robot], self._start_rad[robot], 0)
         trip = _search.Trip(start, heading, self._goal[robot], self._goal_rad[robot])
-        while True:
+        code = SCRATCH_FULL
+        while code == SCRATCH_FULL:
             before = int(self.scratch.work[1])
             ground = _search.RunGround(moves, table, self.at_rest[robot], self.facing[robot], weight)
             code, state = _search.find(ground, trip, most, latest, self.scratch)
             self.work += int(self.scratch.work[1]) - before
-            if code != SCRATCH_FULL:
-                break
-            self.scratch = _search.new_scratch(4 * len(self.scratch.lane), len(self.scratch.seen))
+            if code == SCRATCH_FULL:
+                self.scratch = _search.new_scratch(4 * len(self.scratch.lane), len(self.scratch.seen))
         self.exhausted = code == NO_PATH
         if code != OK:
             return None
-        return self._path(moves, start, since, state)
-
-    def _path(self, moves: Moves, start: int, since: int, state: int) -> TimedPath:
-        room = 64
-        while True:
-            runs = np.empty((room, 3), np.int64)
-            num = _search.runs_to(state, self.scratch, runs)
-            if num >= 0:
-                break
-            room *= 4
-        runs = runs[:num].copy()
+        runs = _search.runs_to(state, self.scratch)
         runs[:, 2] += since
-        room = 4 * (int(runs[:, 1].sum()) + 8)
-        while True:
-            resource, begin, end = (np.empty(room, np.int64) for _ in range(3))
-            held = _search.needs_along(moves, start, runs, num, resource, begin, end)
-            if held >= 0:
-                break
-            room *= 2
-        begin = np.maximum(begin[:held], since)
+        resource, begin, end = _search.needs_along(moves, start, runs)
         steps = int(self.scratch.arrived[state]) + int(self.scratch.work[4]) + since
-        return TimedPath(runs, resource[:held].copy(), begin, end[:held].copy(), steps)
+        return TimedPath(runs, resource, np.maximum(begin, since), end, steps)
 
     def hinders(self, robot: int, path: TimedPath) -> IntArray:
         """The robots in the table that a way would get in conflict with, in the order of the conflicts."""
