@@ -77,11 +77,17 @@ def enter(table, at, robot):
 
 
 @kernel(allocates=False)
+def take_out(table, at, robot):
+    """Empty the places of a robot's way in a table."""
+    for t in range(table.shape[0]):
+        table[t, at[robot, t]] = NOBODY
+
+
+@kernel(allocates=False)
 def leave(table, at, num_robots):
     """Empty a table of all ways."""
     for r in range(num_robots):
-        for t in range(table.shape[0]):
-            table[t, at[r, t]] = NOBODY
+        take_out(table, at, r)
 
 
 @kernel(inline="always", allocates=False)
@@ -384,10 +390,9 @@ def mend(task, room, holder, at, cost, most_labels, rng):
     bool
         Whether nobody meets anybody.
     """
-    num_robots, others = len(task.start), room.others
-    saved, saved_cost = np.zeros((AT_A_TIME, at.shape[1]), np.int32), np.zeros(AT_A_TIME, np.int64)
-    chosen, unordered = np.zeros(AT_A_TIME, np.int64), np.zeros((num_robots, num_robots), np.bool_)
-    clear = False
+    num_robots, others, nobody = len(task.start), room.others, np.zeros(len(task.start), np.bool_)
+    hood, unordered = _room_for_hood(at), np.zeros((num_robots, num_robots), np.bool_)
+    chosen, clear = hood[0], False
     while room.count[1] < most_labels:
         first, second = first_conflict(task, holder, unordered, at)
         clear = first < 0
@@ -395,8 +400,7 @@ def mend(task, room, holder, at, cost, most_labels, rng):
             break
         if rng.random() < 0.5:
             first, second = second, first
-        for r in range(num_robots):
-            enter(others, at, r)
+        _enter_all(others, at, nobody)
         num = _around(task, others, at, first, chosen)
         met = False
         for k in range(num):
@@ -405,34 +409,28 @@ def mend(task, room, holder, at, cost, most_labels, rng):
             num = min(num + 1, AT_A_TIME)
             chosen[num - 1] = second
         leave(others, at, num_robots)
-        is_chosen = np.zeros(num_robots, np.bool_)
         _shuffle(chosen, num, rng)
+        is_chosen = np.zeros(num_robots, np.bool_)
         for k in range(num):
-            saved[k], saved_cost[k], is_chosen[chosen[k]] = at[chosen[k]], cost[chosen[k]], True
-        for r in range(num_robots):
-            if not is_chosen[r]:
-                enter(others, at, r)
+            is_chosen[chosen[k]] = True
+        _enter_all(others, at, is_chosen)
         old = np.int64(0)
         for k in range(num):
             old += _num_crossed(task, others, at, chosen[k])
             enter(others, at, chosen[k])
         leave(others, at, num_robots)
-        for r in range(num_robots):
-            if not is_chosen[r]:
-                enter(others, at, r)
-        new, planned = np.int64(0), 0
-        while planned < num and new <= old:
-            steps = find_way(task, room, at, chosen[planned], True)
-            new += room.count[2] if steps < NO_WAY else NO_WAY
-            if new <= old:
-                cost[chosen[planned]] = steps
-                enter(others, at, chosen[planned])
-                planned += 1
+        _enter_all(others, at, is_chosen)
+        _replan(task, room, (at, cost), hood, num, old, True)
         others[:] = NOBODY
-        if new > old:
-            for k in range(num):
-                at[chosen[k]], cost[chosen[k]] = saved[k], saved_cost[k]
     return clear
+
+
+@kernel(allocates=False)
+def _enter_all(table, at, but):
+    """Put robots' ways into a table of who is where, but for those of some [R]."""
+    for r in range(len(but)):
+        if not but[r]:
+            enter(table, at, r)
 
 
 @kernel(allocates=False)
@@ -459,10 +457,9 @@ def polish(task, room, at, cost, most_labels, rng):
     rng
         Chance.
     """
-    num_robots, least = len(task.start), task.least
-    saved, saved_cost = np.zeros((AT_A_TIME, at.shape[1]), np.int32), np.zeros(AT_A_TIME, np.int64)
-    chosen = np.zeros(AT_A_TIME, np.int64)
-    for r in range(num_robots):
+    least, hood = task.least, _room_for_hood(at)
+    chosen = hood[0]
+    for r in range(len(at)):
         enter(room.above, at, r)
     while room.count[1] < most_labels:
         late = (cost - least).sum()
@@ -473,31 +470,53 @@ def polish(task, room, at, cost, most_labels, rng):
             drawn -= cost[r] - least[r]
             r += 1
         num = _around(task, room.above, at, r, chosen)
-        old = np.int64(0)
         _shuffle(chosen, num, rng)
+        old = np.int64(0)
         for k in range(num):
-            saved[k], saved_cost[k] = at[chosen[k]], cost[chosen[k]]
-            old += saved_cost[k]
-        for k in range(num):
-            for t in range(at.shape[1]):
-                room.above[t, at[chosen[k], t]] = NOBODY
-        new, planned = np.int64(0), 0
-        while planned < num:
-            steps = find_way(task, room, at, chosen[planned], False)
-            new += steps
-            if new > old:
-                break
+            old += cost[chosen[k]]
+            take_out(room.above, at, chosen[k])
+        _replan(task, room, (at, cost), hood, num, old, False)
+    leave(room.above, at, len(at))
+
+
+@kernel
+def _room_for_hood(at):
+    """Room for robots that are planned again, their old ways, and the steps of these."""
+    return np.zeros(AT_A_TIME, np.int64), np.zeros((AT_A_TIME, at.shape[1]), np.int32), np.zeros(AT_A_TIME, np.int64)
+
+
+@kernel
+def _replan(task, room, ways, hood, num, old, clear):
+    """Plan the robots of a neighbourhood, whose ways are in no table, one after another; they keep these where all together are worse.
+
+    Parameters
+    ----------
+    ways
+        The ways of all, and their steps.
+    hood, num
+        See `_room_for_hood`, and how many robots there are.
+    old
+        What their ways cost: the steps, or the others that they cross.
+    clear
+        Whether to cross few among `room.others`, or to take few steps around `room.above`.
+    """
+    (at, cost), (chosen, saved, saved_cost), table = ways, hood, room.others if clear else room.above
+    for k in range(num):
+        saved[k], saved_cost[k] = at[chosen[k]], cost[chosen[k]]
+    new, planned = np.int64(0), 0
+    while planned < num and new <= old:
+        steps = find_way(task, room, at, chosen[planned], clear)
+        new += room.count[2] if clear and steps < NO_WAY else steps
+        if new <= old:
             cost[chosen[planned]] = steps
-            enter(room.above, at, chosen[planned])
+            enter(table, at, chosen[planned])
             planned += 1
-        if planned < num:
-            for k in range(planned):
-                for t in range(at.shape[1]):
-                    room.above[t, at[chosen[k], t]] = NOBODY
-            for k in range(num):
-                at[chosen[k]], cost[chosen[k]] = saved[k], saved_cost[k]
-                enter(room.above, at, chosen[k])
-    leave(room.above, at, num_robots)
+    if new > old:
+        for k in range(planned):
+            take_out(table, at, chosen[k])
+        for k in range(num):
+            at[chosen[k]], cost[chosen[k]] = saved[k], saved_cost[k]
+            enter(table, at, chosen[k])
 
 
 @kernel(allocates=False)
