@@ -1,9 +1,8 @@
 """The tree of priority-based search over any motion: nodes say which robots go before which, and each robot's way keeps to that."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from time import process_time
-from typing import Generic, Protocol, TypeVar
+from typing import Protocol, TypeVar
 
 import numpy as np
 
@@ -31,7 +30,8 @@ class PriorityMotion(Protocol[Ways]):
     def branched(self, paths: Ways, above: BoolArray) -> list[tuple[BoolArray, Ways]] | None:
         """The orders, with ways in them, in which one of the two robots that meet first goes before the other; None where nobody meets.
 
-        The order in which the second of both goes first comes first; one in which somebody finds no way is left out. See `branched_on`.
+        `above` [R, R] is whether one robot goes before another, as far as that is decided. The order in which the second of both goes first
+        comes first; one in which somebody finds no way is left out. See `branched_on`.
         """
 
     def cost(self, paths: Ways) -> int:
@@ -39,14 +39,6 @@ class PriorityMotion(Protocol[Ways]):
 
     def plan(self, paths: Ways) -> tuple[Plan, dict[str, float]]:
         """The plan of ways without conflicts, made shorter or as they are, and what it costs."""
-
-
-@dataclass(frozen=True, eq=False)
-class PriorityNode(Generic[Ways]):
-    """Priorities, and ways that keep them."""
-
-    above: BoolArray  # [R, R] whether one robot goes before another, as far as that is decided
-    paths: Ways
 
 
 def branched_on(
@@ -58,7 +50,7 @@ def branched_on(
     ----------
     pair
         Two robots that meet.
-    ways, above
+    paths, above
         Of the node.
     replanned
         The ways in an order where some robots, of which each comes after those above it, look for others if those above them are in their
@@ -75,7 +67,7 @@ def branched_on(
 
 
 def search(motion: PriorityMotion[Ways], problem: Problem, began: float, deadline_s: float, max_nodes: int) -> PlanResult:
-    """Look at nodes depth first, the cheaper child first, until one has no conflict.
+    """Look at nodes, priorities and ways that keep them, depth first, the cheaper child first, until one has no conflict.
 
     Parameters
     ----------
@@ -87,7 +79,7 @@ def search(motion: PriorityMotion[Ways], problem: Problem, began: float, deadlin
         Nodes to look at.
     """
     alone = motion.alone()
-    stack = [] if alone is None else [PriorityNode(np.zeros((problem.num_robots, problem.num_robots), np.bool_), alone)]
+    stack = [] if alone is None else [(np.zeros((problem.num_robots, problem.num_robots), np.bool_), alone)]
     nodes = 0
     status = Status.GAVE_UP
     while stack and nodes < max_nodes:
@@ -96,16 +88,15 @@ def search(motion: PriorityMotion[Ways], problem: Problem, began: float, deadlin
             break
         if used_up(problem, sum(motion.counters().values())):
             return without_effort(problem, began, motion.least_steps, nodes=float(nodes))
-        node = stack.pop()
+        above, paths = stack.pop()
         nodes += 1
-        orders = motion.branched(node.paths, node.above)
-        if orders is None:
+        children = motion.branched(paths, above)
+        if children is None:
             stats = {"nodes": float(nodes), **motion.counters()}
-            plan, costs = motion.plan(node.paths)
+            plan, costs = motion.plan(paths)
             took_s = process_time() - began
             return PlanResult(Status.SOLVED, plan, None, took_s, lower_bound_steps=motion.least_steps, stats=stats | costs)
-        children = [PriorityNode(above, paths) for above, paths in orders]
-        children.sort(key=lambda child: -motion.cost(child.paths))
+        children.sort(key=lambda child: -motion.cost(child[1]))
         stack += children if len(stack) + len(children) <= motion.most_open else children[-1:]
     message = f"no plan among {nodes} orders of priorities"
     return unplanned(status, began, message, motion.least_steps, nodes=float(nodes), **motion.counters())
