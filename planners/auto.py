@@ -6,7 +6,6 @@ to fall back on; the first is bounded in work, too. Refuses portfolios of planne
 """
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from time import process_time
 from typing import ClassVar
@@ -62,40 +61,36 @@ class Auto:
         portfolio = Portfolio(self.planners, 1, "as the scenario says") if self.planners else portfolio_for(problem)
         best: tuple[str, PlanResult] | None = None
         refusals: list[str] = []
-        for k, name, result, final in self._answers(portfolio, problem, time_limit_s, until_s):
+        effort = problem.effort
+        for k, name in enumerate(portfolio.names, 1):
+            num_left = len(portfolio.names) - k + 1
+            part = max(1, effort // num_left) if effort else 0
+            if name in FIRST_EFFORT and not self.planners:
+                part = min(part, FIRST_EFFORT[name]) or FIRST_EFFORT[name]
+            effort -= min(effort, part)
+            result, proves = _answer(name, replace(problem, effort=part), until_s, num_left)
             if result.status is Status.SOLVED and (best is None or _above_bound(result, problem) < _above_bound(best[1], problem)):
                 best = name, result
-            if final or (best and (k >= portfolio.compared or _above_bound(best[1], problem) <= NEAR)):
+            is_last = proves or num_left == 1 or until_s - process_time() <= 0.01 * time_limit_s
+            if is_last or (best and (k >= portfolio.compared or _above_bound(best[1], problem) <= NEAR)):
                 by, chosen = best or (name, result)
                 by = "lacam" if chosen.stats.get("from_lacam") else by
                 why = "; ".join((portfolio.why, *refusals))
                 return replace(chosen, planning_time_s=process_time() - began, chosen=by, why=why)
             if result.status is not Status.SOLVED:
                 refusals.append(f"{name} {str(result.status).replace('_', ' ')}")
-        raise AssertionError("the last answer is final")
+        raise AssertionError("the last answer ends the search")
 
-    def _answers(
-        self, portfolio: Portfolio, problem: Problem, time_limit_s: float, until_s: float
-    ) -> Iterator[tuple[int, str, PlanResult, bool]]:
-        """How many have been asked, who, the answer, and whether it ends the search: a proof that there is no plan, or the last."""
-        effort = problem.effort
-        for k, name in enumerate(portfolio.names, 1):
-            left_s = max(until_s - process_time(), 1e-9)  # the clock went on since it was looked at last
-            num_left = len(portfolio.names) - k + 1
-            part = max(1, effort // num_left) if effort else 0
-            if name in FIRST_EFFORT and not self.planners:
-                part = min(part, FIRST_EFFORT[name]) or FIRST_EFFORT[name]
-            chosen, bounded = planner(name, {}), replace(problem, effort=part)
-            if name == "continuous":
-                chosen.prepare()  # outside of the time that is left to it
-            supported = as_supported(chosen, bounded)
-            result = chosen.plan(supported, left_s / num_left)
-            effort -= min(effort, part)
-            proof = result.status is Status.INFEASIBLE and supported is bounded
-            over = num_left == 1 or until_s - process_time() <= 0.01 * time_limit_s
-            yield k, name, result, proof or over
-            if proof or over:
-                return
+
+def _answer(name: str, problem: Problem, until_s: float, num_left: int) -> tuple[PlanResult, bool]:
+    """An answer within a share of what is left of the time, and whether it proves that there is no plan."""
+    left_s = max(until_s - process_time(), 1e-9)  # the clock went on since it was looked at last
+    chosen = planner(name, {})
+    if name == "continuous":
+        chosen.prepare()  # outside of the time that is left to it
+    supported = as_supported(chosen, problem)
+    result = chosen.plan(supported, left_s / num_left)
+    return result, result.status is Status.INFEASIBLE and supported is problem
 
 
 def portfolio_for(problem: Problem) -> Portfolio:
