@@ -113,30 +113,23 @@ def _require_goals(goal_of: IntArray, num_goals: int) -> None:
 
 
 def _integers(what: str, value: Any, length: int | None = None, of: str = "") -> IntArray:
-    array = _array(what, value)
-    if array.dtype.kind not in "iu" and array.size:
-        raise WrongAnswer(f"returned {what} of {array.dtype}, expected whole numbers")
-    return frozen(_of_length(what, array, length, of).astype(np.int64))
+    return frozen(_array(what, value, length, of, ("iu", "whole numbers")).astype(np.int64))
 
 
 def _numbers(what: str, value: Any, length: int) -> FloatArray:
-    array = _array(what, value)
-    if array.dtype.kind not in "iuf" and array.size:
-        raise WrongAnswer(f"returned {what} of {array.dtype}, expected numbers")
-    return frozen(_of_length(what, array, length, "visits").astype(np.float64))
+    return frozen(_array(what, value, length, "visits", ("iuf", "numbers")).astype(np.float64))
 
 
-def _array(what: str, value: Any) -> np.ndarray:
+def _array(what: str, value: Any, length: int | None, of: str, kinds: tuple[str, str]) -> np.ndarray:
+    """An array of one dimension, of some kinds of elements, and of a length if there is one."""
     try:
         array = np.asarray(value)
     except ValueError:  # lists of different lengths
         raise WrongAnswer(f"returned {_kind(value)} as {what}, expected an array") from None
     if array.ndim != 1:
         raise WrongAnswer(f"returned {_kind(value)} as {what}, expected an array of one dimension")
-    return array
-
-
-def _of_length(what: str, array: np.ndarray, length: int | None, of: str) -> np.ndarray:
+    if array.dtype.kind not in kinds[0] and array.size:
+        raise WrongAnswer(f"returned {what} of {array.dtype}, expected {kinds[1]}")
     if length is not None and len(array) != length:
         raise WrongAnswer(f"returned {what} of length {len(array)}, expected {length}, the number of {of}")
     return array
