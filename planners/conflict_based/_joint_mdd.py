@@ -238,7 +238,7 @@ def joint_paths(instance, store, scratch, one, other, splits):
     theirs, mine_after, meets = np.empty(one_most, np.int64), np.empty(one_most, np.int64), np.empty(one_most, np.int64)
     one_kept, one_kept_after = np.ones(one_most, np.uint8), np.zeros(one_most, np.uint8)
     other_kept, other_kept_after = np.ones(other_most, np.uint8), np.zeros(other_most, np.uint8)
-    one_lost, other_lost = np.empty((len(one_first), 2), np.int64), np.empty((len(other_first), 2), np.int64)
+    one_lost, other_lost = np.empty((len(one_first) + one_most, 2), np.int64), np.empty((len(other_first) + other_most, 2), np.int64)
     num_one, num_other = 0, 0
     one_begin, other_begin = 0, 0
     found = TOGETHER
