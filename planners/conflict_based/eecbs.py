@@ -17,9 +17,10 @@ from heapq import heappop, heappush
 from itertools import count
 from typing import ClassVar
 
+from planners.conflict_based.best_first import BestFirst
 from planners.conflict_based.frame import Forest, OpenNodes, Paths, TreePlanner
 from planners.conflict_based.incumbent import Incumbent
-from planners.conflict_based.tree import ConflictNode, OutOfReach, Tree
+from planners.conflict_based.tree import ConflictNode, OutOfReach
 from planners.neighbourhood.refinement import prepare
 
 LABELS = 2  # of the incumbent for each unit of the tree's work
@@ -65,8 +66,9 @@ class ExplicitEstimation:
         self.chosen_for_bound = 0
         self.from_incumbent = False
         self._forest, self._tree, self._w, self._bypass = forest, tree, w, bypass
-        self._bound = LowerBound(tree)
-        self._incumbent = Incumbent(forest.problem, tree.instance.distance, forest.limits.deadline) if incumbent else None
+        self._bound: BestFirst | None = None  # a search with shortest paths and WDG, which raises the lower bound
+        self._is_bound_best = False  # no more than it has been raised
+        self._incumbent = Incumbent(forest.problem, tree.instance.distance, forest.limits.deadline_s) if incumbent else None
         self._turn = 0.0  # work of the tree at which the incumbent's turn comes
         self._until = 0  # work of the tree at which the incumbent is the answer; 0 as long as it would not do
         self._number = count()
@@ -160,13 +162,12 @@ class ExplicitEstimation:
             heappop(self._open)
         if not self._cleanup:
             return None
-        self.lower = max(self.lower, self._cleanup[0][0], self._bound.lower)
+        self.lower = max(self.lower, self._cleanup[0][0])
         limit = self._w * self.lower + 1e-9
         reach = self._w * self._open[0][0] + 1e-9
         self._move_within(reach)
         if not (self._focal and self._focal[0][3].cost <= limit) and self._open[0][3].cost > limit:
-            self._bound.improve()
-            self.lower = max(self.lower, self._bound.lower)
+            self._raise_bound()
             limit = self._w * self.lower + 1e-9
         if self._focal and self._focal[0][3].cost <= limit:
             _, _, serial, node = heappop(self._focal)
@@ -177,6 +178,18 @@ class ExplicitEstimation:
             self.chosen_for_bound += 1
         self._closed.add(serial)
         return node
+
+    def _raise_bound(self) -> None:
+        """Expand the node of least cost of a search by conflict-based search: the next one's is a lower bound of all solutions."""
+        if self._is_bound_best:
+            return
+        if self._bound is None:
+            self._bound = BestFirst(self._forest.again(), heuristic=True, bypass=True, learns=False)
+        node = self._bound.select()
+        self.lower = max(self.lower, self._bound.lower)
+        self._is_bound_best = node is None or not (len(node.conflicts) or node.tree.ring(node))
+        if node is not None and not self._is_bound_best:
+            self._bound.expand(node)
 
     def _move_within(self, reach: float) -> None:
         """Let FOCAL hold the open nodes with estimates up to `reach`."""
@@ -202,38 +215,3 @@ class ExplicitEstimation:
         if self._distance_error >= 1:
             return max(0.0, self._cost_error) * 100
         return max(0.0, self._cost_error) / (1 - self._distance_error)
-
-
-class LowerBound:
-    """A lower bound by conflict-based search with shortest paths and WDG, one node at a call."""
-
-    def __init__(self, tree: Tree) -> None:
-        self.lower = 0
-        self._like = tree
-        self._tree: Tree | None = None
-        self._number = count()
-        self._open: list[tuple[int, int, int, ConflictNode]] = []
-
-    def improve(self) -> None:
-        """Expand the node of least cost; the next one's is a lower bound of all solutions."""
-        if self._tree is None:
-            self._tree = self._like.again()
-            if root := self._tree.root():
-                self._insert(root)
-        while self._open:
-            f, _, _, node = self._open[0]
-            self.lower = max(self.lower, f)
-            if not len(node.conflicts) and not self._tree.ring(node):
-                return
-            heappop(self._open)
-            if node.looked_at < 0:
-                self._tree.look_at(node)
-                self._insert(node)
-                continue
-            for child in self._tree.children(node):
-                child.h = max(0, node.f - child.cost)
-                self._insert(child)
-            return
-
-    def _insert(self, node: ConflictNode) -> None:
-        heappush(self._open, (node.f, len(node.conflicts), -next(self._number), node))

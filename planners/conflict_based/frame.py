@@ -23,7 +23,7 @@ from mrp_sumo.planning.costs import costs_of
 from mrp_sumo.planning.ranking import ranked_assignments
 from mrp_sumo.search.solvable import unsolvable
 from planners.conflict_based._cover import cover
-from planners.conflict_based.tree import ConflictNode, OutOfReach, SearchLimits, Tree, limits
+from planners.conflict_based.tree import ConflictNode, OutOfReach, SearchLimits, Tree
 from planners.world import small_problem
 
 Paths = list[IntArray]  # [R] the vertex of each robot at each step
@@ -32,11 +32,14 @@ Paths = list[IntArray]  # [R] the vertex of each robot at each step
 class Forest:
     """The trees of a problem; they share their tables."""
 
-    def __init__(self, problem: Problem, limits: SearchLimits, *, assigns: bool, following: bool, symmetries: bool) -> None:
+    def __init__(
+        self, problem: Problem, limits: SearchLimits, *, assigns: bool, following: bool, symmetries: bool, like: Tree | None = None
+    ) -> None:
+        """`like` is a tree whose tables they are to share, too."""
         self.problem, self.limits, self.assigns = problem, limits, assigns
         self.num_roots = 0
         self._following, self._symmetries = following, symmetries
-        self.first: Tree | None = None if assigns else self._tree(problem)
+        self.first: Tree | None = None if assigns else self._tree(problem, like)
         self._assignments = self._ranked() if assigns else iter([(float(self.tree.least), problem)])
         self._next: tuple[float, Problem] | None = None
         self._asked = False
@@ -46,6 +49,11 @@ class Forest:
         """The first tree; there is one from the start where goals are assigned."""
         assert self.first is not None
         return self.first
+
+    def again(self) -> "Forest":
+        """Another one of the same problem with its assignment, in the same room."""
+        following, symmetries = self._following, self._symmetries
+        return Forest(self.problem, self.limits, assigns=False, following=following, symmetries=symmetries, like=self.tree)
 
     @property
     def next_cost(self) -> float | None:
@@ -62,7 +70,7 @@ class Forest:
         if self.assigns:
             if impossible(problem, self.limits.check) is not None:
                 return None
-            tree = self._tree(problem)
+            tree = self._tree(problem, self.first)
             self.first = self.first or tree
         else:
             tree = self.tree
@@ -76,8 +84,8 @@ class Forest:
         else:
             self.first.check_clock()
 
-    def _tree(self, problem: Problem) -> Tree:
-        return Tree(problem, self.limits, following=self._following, symmetries=self._symmetries, like=getattr(self, "first", None))
+    def _tree(self, problem: Problem, like: Tree | None) -> Tree:
+        return Tree(problem, self.limits, following=self._following, symmetries=self._symmetries, like=like)
 
     def _ranked(self) -> Iterator[tuple[float, Problem]]:
         problem = self.problem
@@ -130,7 +138,7 @@ class TreePlanner(ABC):
         """Compile or load the kernels: plan a swap beside a siding, and take every step of a tree on it."""
         problem = small_problem()
         self.plan(problem, math.inf)
-        tree = Tree(problem, limits(math.inf, 1000))
+        tree = Tree(problem, SearchLimits(math.inf, 1000))
         root = tree.root()
         assert root is not None
         tree.heuristic(root)
@@ -148,7 +156,7 @@ class TreePlanner(ABC):
         """
         began = process_time()
         assigns = self.assigns and not problem.is_assigned  # goals that are given are kept
-        limit = limits(time_limit_s, self.memory_mb, problem.effort)
+        limit = SearchLimits(time_limit_s, self.memory_mb, problem.effort)
         try:
             if refusal := goals_clash(problem) if assigns else impossible(problem, limit.check):
                 return refusal

@@ -53,32 +53,20 @@ class OutOfReach(Exception):
         self.status = status
 
 
-@dataclass(frozen=True, slots=True)
 class SearchLimits:
-    """Limits of a search, from now on."""
+    """Limits of a search, from now on. Raises PlanError for a time that is not above 0."""
 
-    time_limit_s: float
-    memory_mb: int
-    deadline: float  # on the clock of `process_time`
-    effort: int = 0  # labels, see `Problem.effort`
+    def __init__(self, time_limit_s: float, memory_mb: int, effort: int = 0) -> None:
+        """`effort` is in labels, see `Problem.effort`."""
+        self.deadline_s = deadline_of(time_limit_s)  # on the clock of `process_time`
+        self.effort, self._time_limit_s, self._memory_mb = effort, time_limit_s, memory_mb
 
     def check(self, num_bytes: int = 0) -> None:
         """Raise OutOfReach when the time is up, or the tables and nodes take more than is allowed."""
-        if process_time() > self.deadline:
-            raise OutOfReach(Status.TIMED_OUT, f"no plan within {self.time_limit_s:g} s")
-        if num_bytes > self.memory_mb * 1_000_000:
-            raise OutOfReach(Status.GAVE_UP, f"no plan within {self.memory_mb} MB")
-
-
-def limits(time_limit_s: float, memory_mb: int, effort: int = 0) -> SearchLimits:
-    """Limits that begin now.
-
-    Raises
-    ------
-    PlanError
-        When the time is not above 0.
-    """
-    return SearchLimits(time_limit_s, memory_mb, deadline_of(time_limit_s), effort)
+        if process_time() > self.deadline_s:
+            raise OutOfReach(Status.TIMED_OUT, f"no plan within {self._time_limit_s:g} s")
+        if num_bytes > self._memory_mb * 1_000_000:
+            raise OutOfReach(Status.GAVE_UP, f"no plan within {self._memory_mb} MB")
 
 
 @dataclass(slots=True, eq=False)
@@ -143,10 +131,6 @@ class Tree:
         self.num_clusters = 0  # that were found so far
         self.generated = 0
         self.problem, self._num_split, self._unsolvable = problem, 0, False
-
-    def again(self) -> "Tree":
-        """Another tree of the same problem, in the same room."""
-        return Tree(self.problem, self.limits, following=bool(self.instance.following), symmetries=self.symmetries, like=self)
 
     @property
     def least(self) -> int:
@@ -533,7 +517,7 @@ class Tree:
             self._buffers.grow_horizon()
         else:
             self.limits.check()
-            left = self.limits.deadline - process_time()
+            left = self.limits.deadline_s - process_time()
             return max(1000, int(min(4 * budget, left * EXPANSIONS_PER_S)))
         return budget
 

@@ -8,7 +8,7 @@ from mrp_sumo.planning.answers import impossible
 from mrp_sumo.search import _records as st
 from mrp_sumo.search._mdd import mdd_of
 from planners.conflict_based._joint_mdd import APART, LOST, TOGETHER, joint_paths
-from planners.conflict_based.tree import Tree, limits
+from planners.conflict_based.tree import SearchLimits, Tree
 
 
 def asked(seed, *, following):
@@ -16,7 +16,7 @@ def asked(seed, *, following):
     problem = random_problem(seed, most_robots=2, side=5)
     if problem.num_robots < 2 or impossible(problem) is not None:
         return None
-    tree = Tree(problem, limits(60.0, 1000), following=following)
+    tree = Tree(problem, SearchLimits(60.0, 1000), following=following)
     root = tree.root()
     store, scratch = tree._buffers.store, tree._buffers.scratch
     for record in root.records:
