@@ -4,7 +4,7 @@ Robots go on driving what they have been granted. One that can reach its goal no
 """
 
 from collections.abc import Collection, Mapping, Sequence
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from dataclasses import dataclass, replace
 from functools import cache
 from time import process_time
@@ -78,7 +78,7 @@ def request_for(now_s: float, context: Surroundings, robots: Sequence[int], reas
     )
 
 
-def situation(now_s: float, context: Surroundings, stays: BoolArray, end: IntArray) -> Situation:
+def situation(now_s: float, context: Surroundings, stays: BoolArray, end: IntArray, *, makes_way: bool = False) -> Situation:
     """The question for a planner.
 
     Parameters
@@ -87,6 +87,9 @@ def situation(now_s: float, context: Surroundings, stays: BoolArray, end: IntArr
         [R] robots that cannot go anywhere: they keep what they have been granted.
     end
         [R] vertices that the others are to reach.
+    makes_way
+        Whether those that cannot go on where one waits on its lane to come go to the nearest vertex that is nobody's: who waits there bars
+        the lane, and those whose ways it cuts off may be the ones that it waits for.
     """
     ledger, graph, grants = context.ledger, context.graph, context.state.grants
     visits, taken, joint = ledger.visits, grants.holder.copy(), ledger.joint
@@ -117,6 +120,10 @@ def situation(now_s: float, context: Surroundings, stays: BoolArray, end: IntArr
     standing = _standing(ledger, start, on_lane & ~waits)
     robots = np.flatnonzero(~waits)
     goal, cut_off = _goals(context.crew.site, robots, ~blocked, start[robots], end[robots])
+    if makes_way and alone:
+        wanted = np.concatenate([context.of_lane(r, int(visits.lane[context.ahead(r)])) for r in sorted(alone)])
+        in_way = np.isin(robots, grants.holder[wanted]) & (goal == start[robots]) & (end[robots] != start[robots])
+        goal = _out_of_the_way(context.crew.site, robots, ~blocked, start[robots], goal, in_way)
     request = Request(
         now_s=now_s,
         site=context.crew.site,
@@ -184,14 +191,17 @@ def _ways(
     """As `planned`, with robots [R] that stay."""
     left_out, end = np.ones(context.ledger.num_robots, np.bool_), context.ledger.end_of_tasks.copy()
     left_out[request.robot], end[request.robot] = False, request.end
-    standing = situation(begin_s, context, left_out | stays, end)
-    if len(request.stop) > len(request.robot):
-        via = dict(zip(request.robot.tolist(), request.via))
-        reached = zip(standing.request.robot.tolist(), standing.request.stop.tolist())
-        passed = [via.get(r, ()) if goal == end[r] else () for r, goal in reached]
-        standing = replace(standing, request=with_stops_before(standing.request, passed))
-    answer = replan(standing, context, planner, parameters, limits)
     ends = dict(zip(request.robot.tolist(), request.end.tolist()))
+    for makes_way in (True, False):
+        standing = situation(begin_s, context, left_out | stays, end, makes_way=makes_way)
+        if len(request.stop) > len(request.robot):
+            via = dict(zip(request.robot.tolist(), request.via))
+            reached = zip(standing.request.robot.tolist(), standing.request.stop.tolist())
+            passed = [via.get(r, ()) if goal == end[r] else () for r, goal in reached]
+            standing = replace(standing, request=with_stops_before(standing.request, passed))
+        with suppress(PlanError) if makes_way and standing.left_alone else nullcontext():
+            answer = replan(standing, context, planner, parameters, limits)
+            break
     return replace(answer, reason=request.reason, text="", ends=ends)
 
 
@@ -310,3 +320,15 @@ def _goals(problem: Problem, robots: IntArray, open_: BoolArray, start: IntArray
         if not contested.any():
             return goal, np.flatnonzero(goal != target).tolist()
         goal[contested] = start[contested]
+
+
+def _out_of_the_way(problem: Problem, robots: IntArray, open_: BoolArray, start: IntArray, goal: IntArray, in_way: BoolArray) -> IntArray:
+    """[K] goals of some robots, those in the way at the nearest vertex that is nobody's start or goal, if there is one."""
+    goal = goal.copy()
+    for i in np.flatnonzero(in_way).tolist():
+        free = open_ if problem.barred is None else open_ & ~problem.barred[int(problem.fleet.kind[robots[i]])]
+        away_m = reach_m(problem.graph, free, start[[i]])[0]
+        away_m[np.concatenate([start, goal])] = np.inf
+        if np.isfinite(away_m).any():
+            goal[i] = int(away_m.argmin())
+    return goal

@@ -377,3 +377,18 @@ def test_who_waits_behind_another_on_a_lane_is_not_sent_past_it():
         context = Surroundings(ledger, world, Work(Crew(ledger, settings, 3)), lambda _: pytest.fail("asked"))
         asked = situation(9.0, context, np.zeros(2, np.bool_), ledger.end_of_tasks)
         assert asked.request.robot.tolist() == [front] and asked.request.start.tolist() == [2] and asked.left_alone == {behind}
+
+
+@pytest.mark.parametrize(("makes_way", "stops"), [(False, [1, 3]), (True, [2, 3])])
+def test_who_stands_where_another_waits_to_come_makes_way_though_its_own_goal_is_taken(makes_way, stops):
+    """On a one-way ring robot_0 waits on the lane to 1, which bars it: robot_2 cannot get from 3 to 2, nor robot_1 from 1 to 3."""
+    ring = [(np.cos(k), np.sin(k)) for k in range(6)]
+    graph = graph_of(ring, (), 2.0, one_way=[(k, (k + 1) % 6) for k in range(6)])
+    ledger, _ = ledger_of(graph, [[0, 1, 2], [1, 2, 3], [3, 4, 5, 0, 1, 2]], "open_loop")
+    ledger.state.motion.s_m[0], ledger.state.grants.on_lane[0] = 0.3, True
+    ledger.state.grants.claims[graph.lane_between(0, 1)] = 1
+    settings = ExecutionSettings()
+    world = World(ledger.problem, settings, facilities_of(graph, ledger.resources))
+    context = Surroundings(ledger, world, Work(Crew(ledger, settings, 3)), lambda _: pytest.fail("asked"))
+    asked = situation(9.0, context, np.zeros(3, np.bool_), np.array([5, 3, 2]), makes_way=makes_way)
+    assert asked.left_alone == {0} and asked.request.stop.tolist() == stops
