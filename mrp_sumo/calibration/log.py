@@ -25,6 +25,7 @@ LEAST_GAP_S = 1.0
 FASTEST_MPS = 12.0  # beyond it a pose is not where the vehicle was, or is that of another one
 SHORTEST = 4  # samples of a track
 BESIDE_M, ELSEWHERE = 10.0, 0.2  # how far from a map's lanes poses may be, and which share of them may be farther
+LEAP_RAD, LEAPS = 7.0, 3  # between two headings, farther than once round; how many of them make degrees
 TWO_AT_ONCE = 0.2  # share of steps beyond `FASTEST_MPS` that two vehicles of one name make
 
 
@@ -129,6 +130,12 @@ def _tracks_of(vehicle: str, rows: FloatArray, log: MotionLog) -> list[Track]:
             if d - c >= SHORTEST:
                 t_s, x_m, y_m, yaw, waits, _ = part[c:d:step].T
                 tracks.append(Track(vehicle, t_s, x_m, y_m, np.unwrap(yaw), waits))
+    leaps = np.abs(np.diff(rows[:, 3]))
+    if np.count_nonzero(leaps > LEAP_RAD) > LEAPS:
+        raise MrpSumoError(
+            f"{log.source}: the heading of '{vehicle}' leaps by {np.nanmax(leaps):.0f} rad: degrees, expected radians "
+            "(a column of degrees is called yaw_deg)"
+        )
     if steps and too_fast > max(3.0, TWO_AT_ONCE * steps):
         raise MrpSumoError(
             f"{log.source}: vehicle '{vehicle}' is at two places at once, {too_fast} times: two vehicles of one name, or other units "

@@ -26,6 +26,8 @@ from mrp_sumo.maps.catalogue import bundled_folder
 LARGEST = 2**40  # bytes of a log that is read line by line
 LONGEST_LINE = 8 * 2**20
 LARGEST_NUMBER = 1e15
+LATEST_S = 1e11  # beyond it, three thousand years from now, times are not in seconds
+NO_SECONDS = "seconds; a column of milliseconds is called t_ms, of nanoseconds t_ns"
 FARTHEST_M = 1e7
 MAX_ROWS = 20_000_000
 BAGS = (".mcap", ".db3", ".bag")
@@ -184,8 +186,9 @@ def _csv_row(
             value = _seconds(word) if column == "t_s" and "-" in word[1:] and ":" in word else float(word) * scale[column]
         except ValueError:
             raise MrpSumoError(f"{where}: {column}: found '{word[:40]}', expected a number") from None
-        if abs(value) > LARGEST_NUMBER:
-            raise MrpSumoError(f"{where}: {column}: found {word[:40]}, expected less than {LARGEST_NUMBER:g}")
+        most, expected = (LATEST_S, NO_SECONDS) if column == "t_s" else (LARGEST_NUMBER, f"less than {LARGEST_NUMBER:g}")
+        if abs(value) > most:
+            raise MrpSumoError(f"{where}: {column}: found {word[:40]}, expected {expected}")
         return value
 
     vehicle, t_s = text("robot") or "robot", number("t_s")
@@ -234,6 +237,17 @@ def _vda(path: Path) -> MotionLog:
     return log
 
 
+def _payload(document: dict[str, Any]) -> dict[str, Any]:
+    """The payload of a message, also where a recorder has it as text; else the document itself."""
+    payload = document.get("payload")
+    if isinstance(payload, str):
+        try:
+            payload = json_value(payload, largest=LARGEST_NUMBER)
+        except (ValueError, RecursionError):
+            payload = None
+    return payload if isinstance(payload, dict) else document
+
+
 def _lines(path: Path, name: str) -> Iterator[tuple[int, dict[str, Any]]]:
     with path.open(encoding="utf-8-sig", errors="replace") as file:
         for number, line in enumerate(iter(lambda: file.readline(LONGEST_LINE + 1), ""), 1):
@@ -260,8 +274,7 @@ class _Messages:
 
     def read(self, document: dict[str, Any], where: str) -> None:
         """Take what a message says; those of other kinds are left out."""
-        payload = document.get("payload") if isinstance(document.get("payload"), dict) else document
-        assert isinstance(payload, dict)
+        payload = _payload(document)
         topic = str(document.get("topic") or "")
         kind, parts = topic.rpartition("/")[2], topic.split("/")
         vehicle = str(payload.get("serialNumber") or (parts[-2] if len(parts) > 2 else "")) or "vehicle"
@@ -323,6 +336,8 @@ def _time_of(document: dict[str, Any], payload: dict[str, Any], where: str) -> f
     t_s = document.get("t_s") if t_s is None else t_s
     if not isinstance(t_s, int | float) or isinstance(t_s, bool):
         raise MrpSumoError(f"{where}: timestamp: found {str(payload.get('timestamp'))[:40]!r}, expected YYYY-MM-DDTHH:mm:ss.fffZ")
+    if abs(t_s) > LATEST_S:
+        raise MrpSumoError(f"{where}: t_s: found {t_s:g}, expected seconds")
     return float(t_s)
 
 

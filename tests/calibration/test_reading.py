@@ -46,6 +46,11 @@ def test_dates_are_times(tmp_path):
         ("t_s,x_m,y_m\n0,1,2\n1,one,2\n", "poses.csv:3: x_m: found 'one', expected a number"),
         ("t_s,x_m,y_m\n", "no row says where a vehicle is"),
         ("t_s,x_m,y_m\n0,1e9,2\n", "expected metres of a floor"),
+        (
+            "timestamp,x,y\n1764230400480,1,2\n",
+            "poses.csv:2: t_s: found 1764230400480, expected seconds; a column of milliseconds is called t_ms",
+        ),
+        ("timestamp,x,y\n1764230400480000000,1,2\n", "poses.csv:2: t_s: found 1764230400480000000, expected seconds"),
     ],
 )
 def test_bad_csv_is_one_line(tmp_path, text, line):
@@ -55,6 +60,18 @@ def test_bad_csv_is_one_line(tmp_path, text, line):
         read_fleet(path)
     assert line in str(error.value)
     assert "\n" not in str(error.value)
+
+
+def test_payload_that_a_recorder_has_as_text_is_read(tmp_path):
+    path = states(tmp_path / "messages.jsonl", [{"topic": "uagv/v2/KIT/agv/state", "payload": json.dumps(state(k))} for k in range(5)])
+    assert [row[1] for row in read_fleet(path).poses["agv"]] == [1.0, 2.0, 3.0, 4.0, 5.0]
+
+
+def test_headings_in_degrees_are_one_line(tmp_path):
+    path = tmp_path / "poses.csv"
+    path.write_text("t,x,y,yaw\n" + "\n".join(f"{k},{k},0,{90 * (k // 4 % 4)}" for k in range(40)))
+    with pytest.raises(MrpSumoError, match="the heading of 'robot' leaps by 270 rad: degrees, expected radians"):
+        read_fleet(path).tracks()
 
 
 def test_actions_of_a_csv_last_until_the_first_row_without(tmp_path):
