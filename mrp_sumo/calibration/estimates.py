@@ -24,7 +24,8 @@ from mrp_sumo.errors import MrpSumoError
 CONFIDENCE = 0.9
 ROUNDS = 3
 MISFIT_M = 0.001  # by which vehicles may be elsewhere than the law of motion has them
-AT_ONCE_S = 0.02  # within which no vehicle reaches its speed
+AT_ONCE, TURNS_AT_ONCE = 0.25, 0.5  # of a log's period: ramps and turns that are shorter are not told
+COARSE_S, ANY_NOISE = 2.5, 0.15  # period from which on logs do not tell how speed scatters; it may be as much as this
 LEAST_EXTENT_M = 0.2  # of where a vehicle is that drives
 FEW = 3  # actions of a kind
 WIDEST = 3.0  # half of an interval, as a logarithm: beyond it nothing is known
@@ -145,14 +146,15 @@ def _times(ramp: Ramp | None, sign: float) -> dict[tuple[int, int], float]:
 def _driving(fits: Fits) -> Iterator[CalibratedFigure | Unknown]:
     """How vehicles drive, turn and stop on the way."""
     speed, turning, stops = fits.speed_mps, fits.turning, fits.stops
+    period_s = float(np.median(np.concatenate([np.diff(each.track.t_s) for each in fits.phases])))
     if fits.cruise is None:
         yield Unknown("max_speed_mps", "no vehicle is at a steady speed for long enough on a straight way")
     else:
-        yield from _speeds(fits.cruise)
+        yield from _speeds(fits.cruise, period_s)
     for name, ramp, of in (("accel_mps2", fits.speeding, "starts"), ("decel_mps2", fits.braking, "stops")):
         if ramp is None:
             yield Unknown(name, "too few vehicles leave a stand of three samples or come to one on a straight way")
-        elif ramp.value * AT_ONCE_S > speed:
+        elif ramp.value * AT_ONCE * period_s > speed:
             yield Unknown(name, f"vehicles reach {speed:.2g} m/s, or stand, sooner than the log shows")
         else:
             reach = _reach(ramp.scores, ramp.episodes.vehicle, MISFIT_M * 8 * ramp.value / speed**2)
@@ -160,6 +162,8 @@ def _driving(fits: Fits) -> Iterator[CalibratedFigure | Unknown]:
     if turning is None:
         any_heading = any(each.track.has_headings for each in fits.phases)
         yield Unknown("turn_rate_rad_s", "fewer than five turns in place" if any_heading else "the log has no headings")
+    elif float(np.median(turning.angle_rad)) < turning.value * TURNS_AT_ONCE * period_s:
+        yield Unknown("turn_rate_rad_s", f"turns are over sooner than a pose every {period_s:.2g} s shows")
     else:
         count = len(turning.scores)
         yield _within_factor("turn_rate_rad_s", "rad/s", turning.value, _reach(turning.scores, np.arange(count), 0.0), count, "turns")
@@ -192,14 +196,15 @@ def _reach(scores: FloatArray, vehicle: IntArray, misfit: float) -> float:
     return min(math.hypot(HELD * student(CONFIDENCE, freedom) * deviation, student(CONFIDENCE, 1000) * misfit), WIDEST)
 
 
-def _speeds(cruise: Cruise) -> Iterator[CalibratedFigure | Unknown]:
+def _speeds(cruise: Cruise, period_s: float) -> Iterator[CalibratedFigure | Unknown]:
     """Top speed, the spread of vehicles about it, and the scatter in time."""
     known = np.flatnonzero(np.isfinite(cruise.mean_mps))
     means, blocks = np.log(cruise.mean_mps[known]), int(np.count_nonzero(np.abs(cruise.mean_influence).sum(0)))
     deviation = np.maximum(np.sqrt((cruise.mean_influence[known] ** 2).sum(1)), 1e-4)
     factor = student(CONFIDENCE, max(blocks - 1, 1)) / student(CONFIDENCE, 100000)
     top, spread = _spread_of(means, deviation * factor)
-    s, (low, high) = cruise.scatter.noise, cruise.noise_range
+    is_coarse = period_s > COARSE_S
+    s, (low, high) = (0.0, (0.0, ANY_NOISE)) if is_coarse else (cruise.scatter.noise, cruise.noise_range)
 
     def loss(noise: float) -> float:
         return -math.log(1 - MEAN_LOSS * min(noise, 0.9))
@@ -209,8 +214,12 @@ def _speeds(cruise: Cruise) -> Iterator[CalibratedFigure | Unknown]:
     value = top[0] + loss(s)
     steps = int(cruise.windows.count.sum()), "steps at top speed"
     yield CalibratedFigure("max_speed_mps", "m/s", math.exp(value), math.exp(value - below), math.exp(value + above), *steps)
-    yield CalibratedFigure("speed_noise", "", s, low, high, *steps)
-    yield CalibratedFigure("speed_noise_tau_s", "s", cruise.scatter.tau_s, *cruise.tau_range, *steps)
+    if is_coarse:
+        why = f"a pose every {period_s:.2g} s, expected every {COARSE_S:g} s or oftener"
+        yield from (Unknown("speed_noise", why), Unknown("speed_noise_tau_s", why))
+    else:
+        yield CalibratedFigure("speed_noise", "", s, low, high, *steps)
+        yield CalibratedFigure("speed_noise_tau_s", "s", cruise.scatter.tau_s, *cruise.tau_range, *steps)
     if len(known) < 3:
         yield Unknown("speed_spread", f"{len(known)} vehicles at top speed, expected three or more")
     else:

@@ -50,6 +50,23 @@ def test_log_without_headings_leaves_the_turn_rate(shuttles):
     assert found.unknown["turn_rate_rad_s"] == "the log has no headings"
 
 
+def test_coarse_log_says_what_it_does_not_tell(monkeypatch):
+    monkeypatch.setattr("shuttles.LENGTH_M", 60.0)
+    rng = np.random.default_rng(5)
+    found = calibrated(log_of({f"s{k}": shuttle_rows(rng, trips=20, period_s=3.0) for k in range(3)}))
+    assert found.unknown["speed_noise"] == "a pose every 3 s, expected every 2.5 s or oftener"
+    assert not {"speed_noise", "speed_noise_tau_s"} & set(found.quantities)
+    top = found.quantities["max_speed_mps"]
+    assert top.low < 1.2 < top.high
+    assert top.high > 1.1 * top.value
+
+
+def test_turns_that_are_over_between_two_poses_are_not_told():
+    rng = np.random.default_rng(5)
+    found = calibrated(log_of({f"s{k}": shuttle_rows(rng, turn=8.0) for k in range(2)}))
+    assert found.unknown["turn_rate_rad_s"] == "turns are over sooner than a pose every 1 s shows"
+
+
 def test_times_of_actions_are_lognormal():
     rng = np.random.default_rng(1)
     log = log_of({"s": shuttle_rows(rng, trips=8)})
@@ -123,10 +140,15 @@ def test_place_where_one_of_many_stood_is_none_where_vehicles_often_stand():
     assert often.tolist() == [True, False]  # it turns at the end, and passes the middle
 
 
-def test_stands_where_a_vehicle_turns_are_explained_and_one_on_its_way_is_not():
+def one_stop():
+    """A vehicle that stands from 20 to 28 s at x = 10, on its way to where it turns at x = 20."""
     t = np.arange(0.0, 60.0)
     x = np.where(t < 10, 0, np.where(t < 20, t - 10, np.where(t < 28, 10.0, np.where(t < 38, t - 18, np.where(t < 45, 20.0, 65 - t)))))
     track = Track("s", t, np.maximum(x, 5.0), np.zeros(60), np.zeros(60), np.full(60, np.nan))
-    phases = phases_of(track, Noise(0.002, 0.002), 1.0)
+    return track, phases_of(track, Noise(0.002, 0.002), 1.0)
+
+
+def test_stands_where_a_vehicle_turns_are_explained_and_one_on_its_way_is_not():
+    _, phases = one_stop()
     assert [round(phases.stands[k].x_m) for k in _unexplained(phases, [])] == [10]
     assert not _unexplained(phases, [ActionTime("s", "pick", "a", 20.0, 28.0)])
