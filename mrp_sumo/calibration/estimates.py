@@ -83,8 +83,14 @@ class Calibration:
     fits: Fits | None = None
 
 
-def calibrated(log: MotionLog) -> Calibration:
-    """All figures of a log. Raises MrpSumoError where nothing drives in it, or it is too short to tell anything."""
+def calibrated(log: MotionLog, others: MotionLog | None = None) -> Calibration:
+    """All figures of a log. Raises MrpSumoError where nothing drives in it, or it is too short to tell anything.
+
+    Parameters
+    ----------
+    others
+        Vehicles for which those of the log may have waited, too.
+    """
     tracks = log.tracks()
     vehicles = sorted({track.vehicle for track in tracks})
     if not tracks:
@@ -96,7 +102,7 @@ def calibrated(log: MotionLog) -> Calibration:
     for _ in range(2):
         phases = [phases_of(track, noise, speed) for track in tracks]
         noise = refined(noise, phases)
-    fits = _fitted(log, vehicles, phases, noise, speed)
+    fits = _fitted(log.visits, tracks if others is None else tracks + others.tracks(), phases, noise, speed)
     figures = [*_driving(fits), *_services(log.visits), *_accuracy(phases, noise), *_battery(log.charges)]
     return Calibration(
         log,
@@ -113,8 +119,9 @@ def _extent_m(track: Track) -> float:
     return float(np.hypot(*(np.subtract(*np.quantile(each, (0.98, 0.02))) for each in (track.x_m, track.y_m))))
 
 
-def _fitted(log: MotionLog, vehicles: list[str], phases: list[Phases], noise: Noise, speed: float) -> Fits:
+def _fitted(visits: list[ActionTime], all_tracks: list[Track], phases: list[Phases], noise: Noise, speed: float) -> Fits:
     """Ramps and cruise by turns, since each is fitted with what the other says; then turns and stops."""
+    vehicles = sorted({each.track.vehicle for each in phases})
     guess, scatter, driving = (0.5 * speed, 0.5 * speed), Scatter(0.05, 3.0), noise
     cruise: Cruise | None = None
     speeding = braking = None
@@ -132,7 +139,7 @@ def _fitted(log: MotionLog, vehicles: list[str], phases: list[Phases], noise: No
             driving = Noise(cruise.noise_m, noise.heading_rad)
     turning = fit_turning([each.track for each in phases], noise, speed)
     drop = student(CONFIDENCE, 30) ** 2 / 2
-    stops = fit_stops(phases, log.visits, noise, speed / guess[1], _times(speeding, 1.0), _times(braking, -1.0), drop)
+    stops = fit_stops(phases, visits, all_tracks, speed / guess[1], _times(speeding, 1.0), _times(braking, -1.0), drop)
     return Fits(noise, phases, speed, speeding, braking, cruise, turning, stops)
 
 

@@ -156,10 +156,11 @@ def predicted(
     held = cut(log, setup, hold_out)
     _require_orders(held)
     report("calibrating", 0.0, 0.0)
-    times = ServiceTimes(held.earlier().visits, stations_of(file))
+    before = held.earlier()
+    times = ServiceTimes(before.visits, stations_of(file))
     num_types = len(robot_types(file))
     there = [kind for kind in range(num_types) if (held.kind == kind).any()]
-    calibrations = tuple(calibrated(held.earlier(kind if num_types > 1 else None)) for kind in there)
+    calibrations = tuple(calibrated(held.earlier(kind), before) if num_types > 1 else calibrated(before) for kind in there)
     disturbing, files = _write(held, calibrations, file, folder, times.is_known)
     _note_what_is_assumed(held, file, times)
     base, seed = scenario_of_later(held, setup, files, disturbing, times), file.scenario.seed

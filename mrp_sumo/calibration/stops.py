@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mrp_sumo.calibration.log import ActionTime
-from mrp_sumo.calibration.phases import BEND_RAD, Noise, Phases
+from mrp_sumo.calibration.log import ActionTime, Track
+from mrp_sumo.calibration.phases import BEND_RAD, Phases
 from mrp_sumo.core.angles import wrapped
 from mrp_sumo.core.graph import BoolArray, FloatArray
 
@@ -41,7 +41,7 @@ class Stops:
 def fit_stops(
     phases: list[Phases],
     visits: list[ActionTime],
-    noise: Noise,
+    all_tracks: list[Track],
     brake_s: float,
     left_s: dict[tuple[int, int], float],
     came_s: dict[tuple[int, int], float],
@@ -51,8 +51,10 @@ def fit_stops(
 
     Parameters
     ----------
-    phases, visits, noise
+    phases, visits
         Of the log.
+    all_tracks
+        All vehicles that are there, these and others.
     brake_s
         How long vehicles brake from their mean speed.
     left_s, came_s
@@ -61,7 +63,7 @@ def fit_stops(
         Of the logarithm of a profile likelihood, at which ranges end.
     """
     unexplained = [_unexplained(each, visits) for each in phases]
-    places, others = _Stands(phases, unexplained), _Others(phases)
+    places, others = _Stands(phases, unexplained), _Others(all_tracks)
     holds, driven_s, periods = [], 0.0, []
     for number, each in enumerate(phases):
         track, t = each.track, each.track.t_s
@@ -161,10 +163,9 @@ class _Stands:
 class _Others:
     """Where all vehicles were, by second."""
 
-    def __init__(self, phases: list[Phases]) -> None:
+    def __init__(self, tracks: list[Track]) -> None:
         self._rows: dict[int, list[tuple[str, float, float]]] = {}
-        for each in phases:
-            track = each.track
+        for track in tracks:
             whole = np.floor(track.t_s).astype(np.int64)
             for k in np.flatnonzero(np.append(True, np.diff(whole) > 0)).tolist():
                 self._rows.setdefault(int(whole[k]), []).append((track.vehicle, float(track.x_m[k]), float(track.y_m[k])))

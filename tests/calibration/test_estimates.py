@@ -5,7 +5,7 @@ from shuttles import shuttle_rows
 from mrp_sumo.calibration.estimates import calibrated
 from mrp_sumo.calibration.log import ActionTime, MotionLog, Track
 from mrp_sumo.calibration.phases import Noise, phases_of
-from mrp_sumo.calibration.stops import _fit, _Stands, _unexplained
+from mrp_sumo.calibration.stops import _fit, _Stands, _unexplained, fit_stops
 from mrp_sumo.errors import MrpSumoError
 
 TRUTH = {"max_speed_mps": 1.2, "accel_mps2": 0.6, "decel_mps2": 0.8, "turn_rate_rad_s": 1.0, "speed_noise": 0.06}
@@ -152,3 +152,10 @@ def test_stands_where_a_vehicle_turns_are_explained_and_one_on_its_way_is_not():
     _, phases = one_stop()
     assert [round(phases.stands[k].x_m) for k in _unexplained(phases, [])] == [10]
     assert not _unexplained(phases, [ActionTime("s", "pick", "a", 20.0, 28.0)])
+
+
+def test_stop_beside_another_vehicle_may_be_a_wait_for_it_whatever_its_type():
+    track, phases = one_stop()
+    other = Track("t", track.t_s, np.full(60, 10.0), np.full(60, 1.0), np.zeros(60), np.full(60, np.nan))
+    alone, beside = (fit_stops([phases], [], tracks, 1.0, {}, {}, 1.4) for tracks in ([track], [track, other]))
+    assert (len(alone.hold_s), len(beside.hold_s)) == (1, 0)
