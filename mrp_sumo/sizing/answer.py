@@ -294,10 +294,7 @@ def _gains(desk: Desk, limit: Limits, why: Sequence[Reasons]) -> tuple[Gain, ...
         trials = [Trial(SATURATED, best, seed, change, limit.curve.planner) for seed in seeds]
         if desk.affords(trials, f"what if '{change}'"):
             tried[change] = trials
-    records = iter(desk.records([trial for trials in tried.values() for trial in trials]))
-    points = {
-        c: Point(best, question.effort.horizon_s, tuple(next(records) for _ in trials), base.first_seed) for c, trials in tried.items()
-    }
+    points = desk.points(tried)
     tests = {change: compared(base, point) for change, point in points.items()}
     adjusted = holm([test.p_value for test in tests.values()])
     gains = [

@@ -27,7 +27,6 @@ from mrp_sumo.experiments.error_bands import (
 )
 from mrp_sumo.io.documents import Place
 from mrp_sumo.io.scenario.file import ScenarioFile
-from mrp_sumo.sizing.points import Point
 from mrp_sumo.sizing.question import DEMAND, SATURATED, Question, Trial
 from mrp_sumo.sizing.reasons import Reasons, Share
 from mrp_sumo.sizing.search import LEVEL, STEP, Curve, Desk, Limits, Served, serving
@@ -154,8 +153,7 @@ def _effects(desk: Desk, planner: str, robots: int, of: Sequence[Quantity]) -> t
     trials = [
         Trial(SATURATED, robots, s, planner=planner, moves=_ordered(values_at(of, row))) for row, s in zip(settings.tolist(), seed.tolist())
     ]
-    point = Point(robots, desk.question.effort.horizon_s, tuple(desk.records(trials)))
-    return effects(of, settings, seed, point.per_h)
+    return effects(of, settings, seed, desk.points({robots: trials})[robots].per_h)
 
 
 def _saturated(desk: Desk, planner: str, sizes: Iterable[int], moves: Ordered = ()) -> Curve:

@@ -40,9 +40,7 @@ def confirmations(desk: Desk, limit: Limits | None, served: Served | None) -> tu
     for _, kind, n, curve in sizes:  # the first runs of each again
         first, num = curve.points[n].first_seed, min(SEEDS, len(curve.points[n].records))
         trials[kind, n] = [Trial(kind, n, seed, IN_SUMO, curve.planner) for seed in range(first, first + num)]
-    records = iter(desk.records([trial for of_size in trials.values() for trial in of_size]))
-    horizon_s, within_s = desk.question.effort.horizon_s, served.within_s if served else 0.0
-    points = {size: Point(size[1], horizon_s, tuple(next(records) for _ in of_size), of_size[0].seed) for size, of_size in trials.items()}
+    points, within_s = desk.points(trials), served.within_s if served else 0.0
     confirmed = []
     for name, kind, n, curve in sizes:
         measure, before, after = _measured(kind, curve.points[n], points[kind, n], within_s)

@@ -13,10 +13,11 @@ seeds, and those chosen are then *measured* on as many new ones, from which alon
 the new runs confirm it; where they do not, the next size outwards is tried.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
+from itertools import islice, pairwise
 from math import isnan, sqrt
+from typing import TypeVar
 
 from mrp_sumo.experiments.replications import t_mean
 from mrp_sumo.experiments.statistics import Interval, wilson
@@ -33,6 +34,7 @@ PATIENCE = 3.0  # times what an order takes undisturbed, in which one without a 
 LEAST_SEEDS = 2  # of a size that counts
 STEP = 2  # seeds that are added at a time
 
+K = TypeVar("K", bound=Hashable)
 Recorded = Callable[[Trial], Record | None]
 
 
@@ -90,6 +92,12 @@ class Desk:
             raise Missing(missing)
         return [record for record in records if record is not None]
 
+    def points(self, wanted: Mapping[K, Sequence[Trial]]) -> dict[K, Point]:
+        """Fleets by the trials of each, which are of one size and paid for. Raises Missing."""
+        records = iter(self.records([trial for trials in wanted.values() for trial in trials]))
+        horizon_s = self.question.effort.horizon_s
+        return {key: Point(of[0].robots, horizon_s, tuple(islice(records, len(of))), of[0].seed) for key, of in wanted.items()}
+
 
 @dataclass
 class Curve:
@@ -111,12 +119,10 @@ class Curve:
             if all(seeds <= self.seeds(n) for n, seeds in wanted.items()):
                 self.desk.leave_out(reason)
                 return False
-        trials = [self._trial(n, k) for n, seeds in wanted.items() for k in range(seeds)]
-        if not self.desk.affords(trials, reason):
+        trials = {n: [self._trial(n, k) for k in range(seeds)] for n, seeds in wanted.items()}
+        if not self.desk.affords([trial for of_size in trials.values() for trial in of_size], reason):
             return False
-        records = iter(self.desk.records(trials))
-        for n, seeds in wanted.items():
-            point = Point(n, self.desk.question.effort.horizon_s, tuple(next(records) for _ in range(seeds)), self.first_seed)
+        for n, point in self.desk.points(trials).items():
             for sizes in (self.points, self.unfit):
                 sizes.pop(n, None)
             (self.unfit if self.kind != ONE_SHOT and point.fault else self.points)[n] = point
