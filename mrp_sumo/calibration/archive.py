@@ -154,35 +154,25 @@ def _whole(values: Sequence[float] | FloatArray) -> Any:
 
 def _states(log: MotionLog) -> dict[str, Any]:
     """Poses by vehicle and time, each with the latest battery."""
-    names, parts, levels, battery, charging = [], [], [], [], []
-    charges: dict[str, list[Charge]] = {}
-    for charge in log.charges:
-        charges.setdefault(charge.vehicle, []).append(charge)
-    for name in sorted(log.poses):
-        rows = np.array(log.poses[name], np.float64).reshape(-1, 6)
-        names += [name] * len(rows)
-        parts.append(rows)
-        levels += [log.levels.get(number, "") for number in rows[:, 5].tolist()]
-        mine = sorted(charges.get(name, ()), key=lambda charge: charge.t_s)
-        place = np.searchsorted(rows[:, 0], [charge.t_s for charge in mine])
-        shares, plugs = np.full(len(rows), np.nan), np.zeros(len(rows), np.bool_)
-        for k, charge in zip(place.tolist(), mine):
-            if k < len(rows):
-                shares[k], plugs[k] = charge.share, charge.charging
-        battery.append(shares)
-        charging.append(plugs)
-    table = np.concatenate(parts)
-    share, said = np.concatenate(battery), np.isfinite(table[:, 4])
+    of = {name: np.array(rows, np.float64).reshape(-1, 6) for name, rows in sorted(log.poses.items())}
+    table, count = np.concatenate(list(of.values())), [len(rows) for rows in of.values()]
+    begin = dict(zip(of, np.cumsum([0, *count]).tolist()))
+    share, plugged = np.full(len(table), np.nan), np.zeros(len(table), np.bool_)
+    for charge in sorted((charge for charge in log.charges if charge.vehicle in of), key=lambda charge: charge.t_s):
+        k = int(np.searchsorted(of[charge.vehicle][:, 0], charge.t_s))
+        if k < len(of[charge.vehicle]):
+            share[begin[charge.vehicle] + k], plugged[begin[charge.vehicle] + k] = charge.share, charge.charging
+    said = np.isfinite(table[:, 4])
     return {
         "t_ms": _whole(table[:, 0]),
-        "vehicle": dictionary(names),
+        "vehicle": dictionary(np.repeat(list(of), count).tolist()),
         "x_mm": _whole(table[:, 1]),
         "y_mm": _whole(table[:, 2]),
         "yaw_mrad": _whole(table[:, 3]),
-        "level": dictionary(levels),
+        "level": dictionary([log.levels.get(number, "") for number in table[:, 5].tolist()]),
         "waits": numbers((table[:, 4] > 0.5).astype(np.int8), said),
         "battery_percent": numbers(np.nan_to_num(100 * share).round(2), np.isfinite(share)),
-        "charging": numbers(np.concatenate(charging).astype(np.int8), np.isfinite(share)),
+        "charging": numbers(plugged.astype(np.int8), np.isfinite(share)),
     }
 
 

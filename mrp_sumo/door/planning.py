@@ -316,7 +316,7 @@ def _named(setup: SetUp, name: str, parameters: Mapping[str, Any]) -> SetUp:
     """The setup with the name of a planner that no scenario could choose, for what is written of the run."""
     file = setup.file
     chosen = file.scenario.planner.model_copy(update={"name": name, "parameters": dict(parameters)})
-    return replace(setup, file=replace(file, scenario=file.scenario.model_copy(update={"planner": chosen})))
+    return replace(setup, file=file.having(planner=chosen))
 
 
 def _size(graph: Any) -> str:

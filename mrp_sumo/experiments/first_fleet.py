@@ -92,8 +92,7 @@ def _is_solved(setup: SetUp) -> bool:
     """True if the planner finds a valid plan in the time of a trial."""
     planner = setup.scenario.planner
     limited = planner.model_copy(update={"time_limit_s": min(TRIAL_S, planner.time_limit_s)})
-    scenario = setup.scenario.model_copy(update={"planner": limited})
-    return setup.scenario.tasks is not None or solve(replace(setup, file=replace(setup.file, scenario=scenario))).is_valid
+    return setup.scenario.tasks is not None or solve(replace(setup, file=setup.file.having(planner=limited))).is_valid
 
 
 def _drawn(file: ScenarioFile, count: int, seed: int) -> ScenarioFile:

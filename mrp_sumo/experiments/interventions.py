@@ -79,8 +79,7 @@ class Interventions(Listener):
         choice = Closure(between, now_s, lasts_s)
         execution = self.setup.scenario.execution
         alone = replace(execution, disturbances=replace(execution.disturbances, closures=(choice,)))
-        file = replace(self.setup.file, scenario=self.setup.scenario.model_copy(update={"execution": alone}))
-        return choice, closed_lanes(file, self.setup.map.nav, self.setup.problem.graph)
+        return choice, closed_lanes(self.setup.file.having(execution=alone), self.setup.map.nav, self.setup.problem.graph)
 
     def _added(self, stops: tuple[str, ...], now_s: float) -> tuple[Done, tuple[Intervention, ...]]:
         tasks = self.setup.scenario.tasks
@@ -89,8 +88,7 @@ class Interventions(Listener):
         number = len(tasks.list) + len([choice for choice in self._done if isinstance(choice, TaskChoice)])
         choice = TaskChoice(name=f"asked_{number}", stops=list(stops), release_s=now_s)
         alone = tasks.model_copy(update={"list": (choice,), "file": None, "streams": ()})
-        file = replace(self.setup.file, scenario=self.setup.scenario.model_copy(update={"tasks": alone}))
-        (source,) = task_sources(file, self.setup.map.nav, self.setup.problem)
+        (source,) = task_sources(self.setup.file.having(tasks=alone), self.setup.map.nav, self.setup.problem)
         assert isinstance(source, TaskList)
         return choice, source.listed
 
@@ -107,12 +105,7 @@ def _with(file: ScenarioFile, choice: Done) -> ScenarioFile:
     scenario = file.scenario
     if isinstance(choice, TaskChoice):
         assert scenario.tasks is not None
-        tasks = scenario.tasks.model_copy(update={"list": (*scenario.tasks.list, choice)})
-        return replace(file, scenario=scenario.model_copy(update={"tasks": tasks}))
-    what = scenario.execution.disturbances
-    if isinstance(choice, Breakdown):
-        what = replace(what, breakdowns=(*what.breakdowns, choice))
-    else:
-        what = replace(what, closures=(*what.closures, choice))
-    execution = replace(scenario.execution, disturbances=what)
-    return replace(file, scenario=scenario.model_copy(update={"execution": execution}))
+        return file.having(tasks=scenario.tasks.model_copy(update={"list": (*scenario.tasks.list, choice)}))
+    what, key = scenario.execution.disturbances, "breakdowns" if isinstance(choice, Breakdown) else "closures"
+    more: dict[str, Any] = {key: (*getattr(what, key), choice)}
+    return file.having(execution=replace(scenario.execution, disturbances=replace(what, **more)))

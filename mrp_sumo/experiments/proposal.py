@@ -310,9 +310,8 @@ def _fault(file: ScenarioFile, maps: MapCache) -> str:
     """Why a scenario does not run for ten simulated minutes; '' where it does."""
     execution = replace(file.scenario.execution, time_limit_s=TRIAL_S, engine="kinematic")
     record = file.scenario.record.model_copy(update={"bag": False})
-    trial = replace(file, scenario=file.scenario.model_copy(update={"execution": execution, "record": record}))
     try:
-        result = carry_out(trial, maps)
+        result = carry_out(file.having(execution=execution, record=record), maps)
     except MrpSumoError as error:
         return str(error)
     return "" if result.status == "completed" else f"{result.status.replace('_', ' ')}: {result.note}"

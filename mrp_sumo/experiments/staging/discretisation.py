@@ -5,7 +5,6 @@ Steps are as fine as the scenario asks for and as long as its robots need.
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -39,7 +38,7 @@ def as_discretised(file: ScenarioFile, map_: Map, models: Sequence[RobotType]) -
         chosen = choice.model_copy(update={"kind": "grid", "cell_m": map_.nav.cell_m, "lanes": "single_track"})
     else:
         chosen = choice.model_copy(update={"kind": "roadmap", "cell_m": _step_m(map_.nav, choice.cell_m, separation_m(models))})
-    return replace(file, scenario=file.scenario.model_copy(update={"discretisation": chosen}))
+    return file.having(discretisation=chosen)
 
 
 def separation_m(models: Sequence[RobotType]) -> float:

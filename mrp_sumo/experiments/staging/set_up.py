@@ -185,20 +185,15 @@ def _require_robots(file: ScenarioFile, fleet: Fleet) -> None:
 
 def planned_as(setup: SetUp, file: ScenarioFile) -> SetUp:
     """The same problem, for the planner of another scenario."""
-    return replace(setup, file=_discretised_as(setup, file), planner=choices(file)[1])
+    return replace(setup, file=file.having(discretisation=setup.scenario.discretisation), planner=choices(file)[1])
 
 
 def driven_as(setup: SetUp, file: ScenarioFile) -> SetUp:
     """The same problem, driven as another scenario says."""
     require_trust(file)
-    file = _discretised_as(setup, file)
+    file = file.having(discretisation=setup.scenario.discretisation)
     settings = replace(settings_of(file), people=people_of(file, setup.map, setup.problem.graph))
     return replace(setup, file=file, settings=with_closures(file, setup.map.nav, setup.problem.graph, settings))
-
-
-def _discretised_as(setup: SetUp, file: ScenarioFile) -> ScenarioFile:
-    """Another scenario, about the plan graph of this one."""
-    return replace(file, scenario=file.scenario.model_copy(update={"discretisation": setup.scenario.discretisation}))
 
 
 def with_time_limit(setup: SetUp, plan: Plan) -> SetUp:
@@ -210,8 +205,7 @@ def with_time_limit(setup: SetUp, plan: Plan) -> SetUp:
         TASKS_TIME_LIMIT_S if scenario.tasks else max(LEAST_TIME_LIMIT_S, math.ceil(TIMES_MAKESPAN * float(plan.end_s.max(initial=0.0))))
     )
     execution = replace(scenario.execution, time_limit_s=float(limit_s))
-    file = replace(setup.file, scenario=scenario.model_copy(update={"execution": execution}))
-    return replace(setup, file=file, settings=replace(setup.settings, time_limit_s=float(limit_s)))
+    return replace(setup, file=setup.file.having(execution=execution), settings=replace(setup.settings, time_limit_s=float(limit_s)))
 
 
 def planned_step_s(graph: PlanGraph, fleet: Fleet, step_length_s: float) -> float:

@@ -3,8 +3,9 @@
 import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from mrp_sumo.errors import MrpSumoError, PlugInError, ScenarioError, nearest
 from mrp_sumo.files.reading import require_regular, shortened
@@ -38,6 +39,10 @@ class ScenarioFile:
             raise
         except MrpSumoError as error:
             raise type(error)(*(f"{self.at(*place)}: {line}" for line in str(error).splitlines())) from None
+
+    def having(self, **sections: Any) -> "ScenarioFile":
+        """The scenario with other sections, which are not checked again."""
+        return replace(self, scenario=self.scenario.model_copy(update=sections))
 
     @property
     def folder(self) -> Path:
