@@ -281,7 +281,7 @@ def scenario_of_later(
     ends = np.searchsorted(held.kind, np.arange(len(types) + 1)).tolist()
     groups = [{"type": str(path), "starts": starts[a:b]} for path, (a, b) in zip(types, pairwise(ends)) if b > a]
     tasks = {} if file.scenario.tasks is None else file.scenario.tasks.model_dump()
-    tasks |= {"file": None, "streams": (), "profile": (), "open": _open(file), **_listed(held, file, times, file.scenario.seed)}
+    tasks |= {"file": None, "streams": (), "profile": (), "open": _open(file), "list": _listed(held, file, times, file.scenario.seed)}
     if times.is_known:
         tasks["service_factor"] = {}
     if tasks.get("charging") and (levels := _levels_at(held)):
@@ -300,12 +300,12 @@ def scenario_of_later(
 
 def with_seed(scenario: ScenarioFile, held: HeldOut, file: ScenarioFile, times: ServiceTimes, seed: int) -> ScenarioFile:
     """The scenario of the later part of a site's scenario with another seed, and other draws of services."""
-    return changed(scenario, {("seed",): ("the log", seed), ("tasks", "list"): ("the log", _listed(held, file, times, seed)["list"])})
+    return changed(scenario, {("seed",): ("the log", seed), ("tasks", "list"): ("the log", _listed(held, file, times, seed))})
 
 
-def _listed(held: HeldOut, file: ScenarioFile, times: ServiceTimes, seed: int) -> dict[str, Any]:
+def _listed(held: HeldOut, file: ScenarioFile, times: ServiceTimes, seed: int) -> list[dict[str, Any]]:
     listed = tasks_of(held, times, seed)
-    return {"list": listed + (more_of(listed, held.span_s) if _open(file) else [])}
+    return listed + (more_of(listed, held.span_s) if _open(file) else [])
 
 
 def _open(file: ScenarioFile) -> int | None:
