@@ -70,6 +70,14 @@ def test_orders_of_a_file_are_found_in_the_log_by_their_stops(tmp_path):
     assert (later.release_s, later.done_s) == (20, 36)
 
 
+@pytest.mark.parametrize(("begins_s", "mine"), [((98.9,), None), ((99.0,), 0), ((40.0, 150.0, 120.0), 2)])
+def test_an_order_of_a_file_is_the_first_of_its_stops_that_begins_after_its_release_or_a_second_before(begins_s, mine):
+    """It is released at 100 s."""
+    seen = [LoggedOrder(f"seen_{k}", ("A",), begin_s, services=((begin_s, begin_s + 5.0),)) for k, begin_s in enumerate(begins_s)]
+    (order,) = matched([LoggedOrder("order", ("A",), 100.0)], seen)
+    assert order.services == (() if mine is None else seen[mine].services)
+
+
 def test_bad_file_of_orders_is_one_line(tmp_path):
     (tmp_path / "orders.csv").write_text("release_s,stops\nsoon,shelf\n")
     with pytest.raises(MrpSumoError, match=r"orders.csv:2: release_s: .*found 'soon'"):

@@ -1,6 +1,7 @@
 """What is predicted and its band, by hand; and what a prediction assumes is said."""
 
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -54,3 +55,11 @@ def test_the_run_that_is_shown_is_the_one_whose_median_lead_time_is_in_the_middl
     """Medians of 30, 10, 20 and 40 s."""
     runs = [outcomes(1.0, *lead_s) for lead_s in ((1.0, 30.0, 31.0), (1.0, 10.0, 99.0), (1.0, 20.0, 98.0), (1.0, 40.0, 41.0))]
     assert _middle(runs) == 2 and _middle(runs[:3]) == 2 and _middle(runs[:1]) == 0
+
+
+def test_halves_and_the_last_twentieth_of_lead_times_and_waits_are_compared():
+    """Lead times of 0 to 20 s, and waits of 0 to 40 s."""
+    run = replace(outcomes(1.0, *map(float, range(21))), station_wait_s=np.arange(41.0))
+    figures = {each.name: each.logged for each in _compared(run, [run], [run], "A")}
+    assert (figures["lead_time_p50_s"], figures["lead_time_p95_s"]) == (10.0, 19.0)
+    assert (figures["station_wait_p50_s"], figures["station_wait_p95_s"]) == (20.0, 38.0)
