@@ -219,10 +219,10 @@ def position(u: FloatArray, v: FloatArray, a: float) -> FloatArray:
 def _fit(episodes: Episodes, noise: Noise, scatter: Scatter, guess: float) -> Ramp | None:
     """Gauss-Newton, each episode's own unknowns eliminated in each round."""
     t, y, there = episodes.t_s, episodes.along_m, episodes.there
-    num, most = t.shape
+    num = len(t)
     v, log_a = episodes.speed_mps.copy(), float(np.log(guess))
     prior_mps, expected = episodes.prior_mps, episodes.speed_mps
-    s0 = np.array([np.median(y[e, : min(2, most)]) for e in range(num)])
+    s0 = np.median(y[:, :2], axis=1)
     last = there.sum(1) - 1
     rows = np.arange(num)
     moved = np.maximum(y[rows, last] - s0, 1e-3)
@@ -241,17 +241,10 @@ def _fit(episodes: Episodes, noise: Noise, scatter: Scatter, guess: float) -> Ra
         speed = np.where(u <= 0, 0.0, np.minimum(a * u, v[:, None]))
         model = s0[:, None] + position(u, v[:, None], a)
         late = u >= ramp
-        columns = np.stack(
-            (
-                np.ones_like(u),
-                -speed,
-                np.where(late, u - ramp, 0.0),
-                np.where(u <= 0, 0.0, np.where(late, (v**2 / (2 * a))[:, None], a * u**2 / 2)),
-            ),
-            2,
-        )
+        by_speed = np.where(late, u - ramp, 0.0)
+        by_accel = np.where(u <= 0, 0.0, np.where(late, (v**2 / (2 * a))[:, None], a * u**2 / 2))
+        columns = np.stack((np.ones_like(u), -speed, by_speed, by_accel), 2) * there[:, :, None]
         residual = np.where(there, y - model, 0.0)
-        columns *= there[:, :, None]
         r, j = whiten @ residual[:, :, None], whiten @ columns
         normal = j.transpose(0, 2, 1) @ j
         right = (j.transpose(0, 2, 1) @ r)[:, :, 0]
