@@ -29,7 +29,7 @@ def waits_s(rng, num_runs, num_customers, arrivals_per_s, service_s, servers):
 
 def coverage(seed, num_studies, replications, num_customers, servers=2, share=0.7):
     """Share of studies whose 95 % limits of the mean wait hold the truth; the warm-up is left out by MSER-5 on the study's mean series."""
-    from mrp_sumo.experiments.replications import t_mean
+    from mrp_sumo.experiments.statistics import t_mean
     from mrp_sumo.metrics.warm_up import warm_up_length
 
     truth, rng, hits = mean_wait_s(servers * share, 1.0, servers), np.random.default_rng(seed), 0

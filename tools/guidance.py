@@ -25,7 +25,7 @@ from scipy.sparse.csgraph import connected_components, dijkstra
 
 import mrp_sumo as ms
 from mrp_sumo.core.graph import FloatArray, IntArray
-from mrp_sumo.experiments.replications import t_mean
+from mrp_sumo.experiments.statistics import t_mean
 
 CASES = {  # grid: robots; costs by hand, optimised
     "warehouse 33x36": (

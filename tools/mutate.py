@@ -64,7 +64,7 @@ ROOMS = {  # the files of each, and the tests that hold it
     "dispatchers": (["mrp_sumo/drive/dispatchers/*.py"], ["tests/drive/test_dispatchers.py", "tests/drive/test_bundle.py"]),
     "sizing": ([f"mrp_sumo/sizing/{name}.py" for name in ("search", "points", "answer", "causes", "confirmation")], ["tests/sizing"]),
     "statistics": (
-        ["mrp_sumo/experiments/statistics.py", "mrp_sumo/experiments/replications.py"],
+        ["mrp_sumo/experiments/statistics.py"],
         ["tests/experiments/test_statistics.py", "tests/experiments/test_replications.py"],
     ),
     "warm-up": (["mrp_sumo/metrics/warm_up.py"], ["tests/metrics/test_warm_up.py"]),

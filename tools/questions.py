@@ -25,7 +25,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import mrp_sumo as ms
-from mrp_sumo.experiments.replications import t_mean
+from mrp_sumo.experiments.statistics import t_mean
 
 OPTIMAL, OTHERS = "cbs", ("ecbs", "lacam", "prioritised")
 WORK = {"warehouse_lifelong": 8, "plant_lifelong": 5}  # robots

@@ -13,7 +13,7 @@ import numpy as np
 
 from mrp_sumo.calibration.phases import Noise, Phases, padded
 from mrp_sumo.core.graph import FloatArray, IntArray
-from mrp_sumo.experiments.replications import t_quantile
+from mrp_sumo.experiments.statistics import t_quantile
 
 MEAN_LOSS = sqrt(2 / pi)  # of |u| over the standard deviation of u
 # Cov(|u(0)|, |u(t)|) = (2 / pi) s^2 (r asin r + sqrt(1 - r^2) - 1) with r = exp(-t / tau), as

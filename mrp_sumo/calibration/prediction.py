@@ -28,10 +28,10 @@ from mrp_sumo.core.task import StopLog, orders_of
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.experiments.error_bands import as_changes, quantities
 from mrp_sumo.experiments.map_cache import MapCache
-from mrp_sumo.experiments.replications import t_quantile
 from mrp_sumo.experiments.result import RunResult
 from mrp_sumo.experiments.run import carry_out
 from mrp_sumo.experiments.staging.set_up import set_up
+from mrp_sumo.experiments.statistics import t_quantile
 from mrp_sumo.io.documents import Place
 from mrp_sumo.io.scenario.file import ScenarioFile
 from mrp_sumo.io.scenario.names import robot_types

@@ -15,8 +15,7 @@ import numpy as np
 from mrp_sumo.core.graph import FloatArray
 from mrp_sumo.core.robot_type import Factors
 from mrp_sumo.errors import MrpSumoError, nearest
-from mrp_sumo.experiments.replications import t_quantile
-from mrp_sumo.experiments.statistics import Interval
+from mrp_sumo.experiments.statistics import Interval, t_quantile
 from mrp_sumo.io.documents import Place
 from mrp_sumo.io.scenario.file import ScenarioFile
 from mrp_sumo.io.scenario.keys import unknown_key

@@ -6,8 +6,7 @@ from math import inf, isfinite, isnan
 from typing import Any
 
 from mrp_sumo.errors import MrpSumoError, count, duration
-from mrp_sumo.experiments.replications import PairedMeans
-from mrp_sumo.experiments.statistics import holm
+from mrp_sumo.experiments.statistics import PairedMeans, holm
 from mrp_sumo.sizing.bands import Bands, bands
 from mrp_sumo.sizing.confirmation import Confirmation, confirmations
 from mrp_sumo.sizing.points import UNANSWERED, Point, compared

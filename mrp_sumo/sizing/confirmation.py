@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from mrp_sumo.core.graph import FloatArray
-from mrp_sumo.experiments.replications import PairedMeans, paired_t
+from mrp_sumo.experiments.statistics import PairedMeans, paired_t
 from mrp_sumo.sizing.points import Point
 from mrp_sumo.sizing.question import DEMAND, IN_SUMO, ONE_SHOT, SATURATED, Trial
 from mrp_sumo.sizing.search import Curve, Desk, Limits, Served

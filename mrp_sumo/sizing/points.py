@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 
 from mrp_sumo.core.graph import FloatArray
-from mrp_sumo.experiments.replications import PairedMeans, paired_t, t_mean
-from mrp_sumo.experiments.statistics import Interval
+from mrp_sumo.experiments.statistics import Interval, PairedMeans, paired_t, t_mean
 from mrp_sumo.metrics.warm_up import warm_up_length
 
 BINS = 60  # of a run, for the warm-up

@@ -19,8 +19,7 @@ from itertools import islice, pairwise
 from math import isnan, sqrt
 from typing import TypeVar
 
-from mrp_sumo.experiments.replications import t_mean
-from mrp_sumo.experiments.statistics import Interval, wilson
+from mrp_sumo.experiments.statistics import Interval, t_mean, wilson
 from mrp_sumo.io.documents import Place
 from mrp_sumo.sizing.points import UNANSWERED, Point, Record, compared
 from mrp_sumo.sizing.question import CORES, DEMAND, ONE_SHOT, SATURATED, Effort, Question, Trial, predicted_cpu_s

@@ -9,7 +9,7 @@ import numpy as np
 
 from mrp_sumo.core.graph import FloatArray
 from mrp_sumo.errors import BatchError, MrpSumoError
-from mrp_sumo.experiments.replications import paired_t
+from mrp_sumo.experiments.statistics import paired_t
 from mrp_sumo.io.record import BLOCKED, WAITING
 from mrp_sumo.io.results import BatchRecord, read_record, record_files
 from mrp_sumo.io.run_reader import RunFolder

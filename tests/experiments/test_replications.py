@@ -7,7 +7,7 @@ import pytest
 from queues import coverage, mean_wait_s, waits_s
 from scipy import stats
 
-from mrp_sumo.experiments.replications import paired_t, t_mean
+from mrp_sumo.experiments.statistics import paired_t, t_mean
 
 
 def test_limits_are_students():

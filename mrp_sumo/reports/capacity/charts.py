@@ -13,9 +13,8 @@ from matplotlib.ticker import MaxNLocator
 
 from mrp_sumo.core.graph import FloatArray, IntArray
 from mrp_sumo.core.places import BETWEEN, places_of
-from mrp_sumo.experiments.replications import t_mean
 from mrp_sumo.experiments.staging.set_up import SetUp
-from mrp_sumo.experiments.statistics import Interval, wilson
+from mrp_sumo.experiments.statistics import Interval, t_mean, wilson
 from mrp_sumo.maps.clearance import standing_walls
 from mrp_sumo.reports.charts.chart import COLOURS, MARKERS, SOFT, Chart, draw, key
 from mrp_sumo.reports.pictures.map_picture import BLUE, GREEN, INK, MUTED, ORANGE, PURPLE, SKY, VERMILION
