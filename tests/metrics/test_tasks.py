@@ -1,5 +1,6 @@
 """The warm-up is what comes before a run is steady, and is told only where that can be seen."""
 
+import math
 from types import SimpleNamespace
 
 import numpy as np
@@ -51,6 +52,16 @@ def test_a_queue_that_does_not_grow_is_no_overload():
     assert overload(waiting(released_s, released_s + 60.0), 400.0, 5) == ""
 
 
+@pytest.mark.parametrize(
+    ("each", "grows"), [((1, 2, 4), True), ((1, 4, 2), False), ((2, 1, 4), False), ((3, 4, 4.5), True), ((4, 4.5, 5), False)]
+)
+def test_a_queue_grows_from_quarter_to_quarter_and_by_half_or_is_no_overload(each, grows):
+    """So many wait in the last three quarters of 400 s, the last of each only for a part of it."""
+    waits = [(100.0 * k, 100.0 * k + 100.0 * min(1.0, many - n)) for k, many in enumerate(each, 1) for n in range(math.ceil(many))]
+    released_s, assigned_s = np.array(waits).T
+    assert bool(overload(waiting(released_s, assigned_s), 400.0, 5)) == grows
+
+
 def metrics_of(tasks, due_s):
     """The metrics of tasks with a stop each."""
     num = len(tasks.name)
@@ -58,9 +69,8 @@ def metrics_of(tasks, due_s):
     stops = StopLog(np.arange(num), none, ("A",) * num, none, tasks.assigned_s, tasks.done_s - 2, tasks.done_s, zeros, zeros, due_s)
     execution = SimpleNamespace(tasks=tasks, stops=stops, sim_time_s=float(tasks.done_s[-1]))
     run = Evidence(None, None, None, execution)
-    return {
-        metric.name: metric.function(run) for metric in METRICS if metric.name in ("on_time_share", "throughput_per_h", "lead_time_mean_s")
-    }
+    shown = ("on_time_share", "throughput_per_h", "lead_time_mean_s", "station_utilisation_max")
+    return {metric.name: metric.function(run) for metric in METRICS if metric.name in shown}
 
 
 def test_orders_count_from_the_end_of_the_warm_up_on():
@@ -72,4 +82,5 @@ def test_orders_count_from_the_end_of_the_warm_up_on():
     shown = metrics_of(tasks, due_s)
     assert shown["throughput_per_h"] == pytest.approx(360.0) and shown["lead_time_mean_s"] == pytest.approx(2.0)
     assert shown["on_time_share"] == pytest.approx(0.9)
+    assert shown["station_utilisation_max"] == pytest.approx(0.2)  # two of every ten seconds
     assert metrics_of(tasks, np.full(170, np.inf))["on_time_share"] is None
