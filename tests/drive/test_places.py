@@ -262,3 +262,9 @@ def test_a_robot_without_work_stays_where_no_way_leads_to_a_place_to_park():
     graph = plan_graph(nav, kind="roadmap", cell_m=CELL_M)
     assert chosen(graph, [1], {}, parking=(0,))[0] == [1]
     assert chosen(graph, [0], {}, parking=(1,))[0] == [1]
+
+
+@pytest.mark.parametrize(("stands", "near"), [([2], [1, 3, 0, 4, 2]), ([1, 2], [0, 3, 4, 1, 2])])
+def test_beside_robots_are_the_nearest_vertices_that_are_clear_of_all_of_them(stands, near):
+    """On a row of five; where somebody stands comes last."""
+    assert RobotPlaces(problem_on(row(5), [0], [0])).beside(np.array(stands)) == near
