@@ -89,6 +89,26 @@ def order_of(plan: Plan, needs: Needs) -> Schedule:
     )
 
 
+def joined(schedule: Schedule) -> Schedule:
+    """The schedule with one passage where a robot makes two at consecutive visits, and nobody passes between them.
+
+    It waits beside the resource then and would have to stop there, since its turn comes when the first passage has ended.
+    """
+    begins = np.ones(schedule.num_passages, np.bool_)
+    begins[1:] = (schedule.robot[1:] != schedule.robot[:-1]) | (schedule.visit[1:] != schedule.last_visit[:-1] + 1)
+    begins[schedule.first[:-1][np.diff(schedule.first) > 0]] = True
+    ends = np.roll(begins, -1)
+    number = np.append(0, np.cumsum(begins))
+    return Schedule(
+        first=frozen(number[schedule.first]),
+        robot=frozen(schedule.robot[begins]),
+        visit=frozen(schedule.visit[begins]),
+        last_visit=frozen(schedule.last_visit[ends]),
+        left_at=frozen(schedule.left_at[ends]),
+        passage_of_need=frozen(number[schedule.passage_of_need + 1] - 1),
+    )
+
+
 def in_places(schedule: Schedule, place: IntArray) -> Schedule:
     """The schedule in another order: place [M] of each need among all, equal for the needs of one passage."""
     resource = np.repeat(np.arange(len(schedule.first) - 1), np.diff(schedule.first))

@@ -16,7 +16,7 @@ from mrp_sumo.core.graph import BoolArray, IntArray
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError
-from mrp_sumo.traffic.passages import Needs, Schedule, order_of, vertex_needs, waiting_arcs, waits
+from mrp_sumo.traffic.passages import Needs, Schedule, joined, order_of, vertex_needs, waiting_arcs, waits
 from mrp_sumo.traffic.reorder import reordered
 
 
@@ -33,7 +33,7 @@ def schedule_of(problem: Problem, plan: Plan, needs: Needs | None = None) -> Sch
         fault = _fault(problem, plan, schedule)
     if fault:
         raise PlanError(fault)
-    return schedule
+    return joined(schedule)
 
 
 def check_order(problem: Problem, plan: Plan, schedule: Schedule) -> None:

@@ -92,6 +92,19 @@ def test_consecutive_visits_of_one_zone_are_one_passage():
     assert schedule.passage_of_need[2] == schedule.passage_of_need[4] == passage
 
 
+@pytest.mark.parametrize("path, passes", [([4, 3], [0]), ([3, 4, 4, 4, 4], [0, 1, 0]), ([3, 3, 3, 3, 3, 4], [0, 1])])
+def test_who_waits_beside_a_zone_passes_it_once_unless_another_does_between(path, passes):
+    """robot_0 leaves zone 5 where its lane to vertex 1 ends, waits there, and needs the zone again on the next lane."""
+    problem, plan = world([(k, k > 2) for k in range(5)], [(0, 1), (1, 2), (3, 4)], [[0, 1, 1, 1, 2], path])
+    zone = [[path[0]], [4, 5]] if path[0] == 3 else [[4], [3]]
+    needs = needs_of([0], [1, 5], [2, 5], *zone, num_resources=6, on_lane=[2, 4, 7])
+    schedule = schedule_of(problem, plan, needs)
+    assert passing(plan, schedule, 5) == passes
+    assert schedule.passage_of_need.max() == schedule.num_passages - 1
+    first, last = schedule.passage_of_need[[2, 4]].tolist()
+    assert (schedule.visit[first], schedule.left_at[last]) == (1, 2) and (first == last) == (passes != [0, 1, 0])
+
+
 CROSS = [(-1, 0), (1, 0), (0, -1), (0, 1)], [(0, 1), (2, 3)]
 
 
