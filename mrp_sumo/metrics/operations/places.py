@@ -6,10 +6,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mrp_sumo.core.angles import wrapped
 from mrp_sumo.core.arrivals import DAY_S
 from mrp_sumo.core.digraph import strong_components, weak_components
 from mrp_sumo.core.facilities import DOOR_STATES, LIFT_STATES
-from mrp_sumo.core.graph import FloatArray, PlanGraph
+from mrp_sumo.core.graph import BoolArray, FloatArray, PlanGraph
 from mrp_sumo.core.handling import load_change
 from mrp_sumo.core.robot_states import STALLED
 from mrp_sumo.metrics.operations.evidence import EPS_S, LOST, Finding, Logs
@@ -26,17 +27,32 @@ STOOD = 0.8  # of its time, of one that waits farther away
 
 
 def service(logs: Logs) -> Iterator[Finding]:
-    """A robot stands at the place for as long as it is served, and is there when it passes a stop that takes no time."""
+    """A robot stands at the place for as long as it is served, and is there when it passes a stop that takes no time.
+
+    Where lanes meet at a bend, a vehicle that cannot turn in place may be on the arc that cuts the corner.
+    """
     stops, xy = logs.stops, logs.graph.xy
     there = np.hypot(*(logs.xy_at(stops.robot, np.minimum(stops.begin_s, logs.end_s)) - xy[stops.vertex]).T)
-    passing_m = BESIDE_M + CORNER * logs.fleet.max_speed_mps * logs.period_s
+    beside_m = BESIDE_M + np.where(_is_corner(logs.graph)[stops.vertex], logs.fleet.aside_m[stops.robot], 0.0)
+    passing_m = beside_m + CORNER * (logs.fleet.max_speed_mps * logs.period_s)[stops.robot]
     for row, (begin_s, end_s, robot) in enumerate(zip(stops.begin_s.tolist(), stops.end_s.tolist(), stops.robot.tolist())):
-        if not there[row] <= passing_m[robot]:
+        if not there[row] <= passing_m[row]:
             yield logs.of_stop("service", row, f"begins {there[row]:.2f} m away")
             continue
         away_m, at_s = logs.strays_m(robot, begin_s + logs.period_s, end_s, xy[int(stops.vertex[row])])
-        if away_m > BESIDE_M:
+        if away_m > beside_m[row]:
             yield logs.of_stop("service", row, f"is {away_m:.2f} m away while it is served from {begin_s:.2f} s to {end_s:.2f} s", at_s)
+
+
+def _is_corner(graph: PlanGraph) -> BoolArray:
+    """[V] True where a lane leads on in another direction than one that comes, neither straight on nor back."""
+    out = np.diff(graph.first)[graph.head]
+    lane = np.repeat(np.arange(graph.num_lanes), out)
+    onward = np.arange(len(lane)) - np.repeat(np.cumsum(out) - out - graph.first[graph.head], out)
+    bend = np.abs(wrapped(graph.heading_rad[onward] - graph.heading_rad[lane]))
+    corner = np.zeros(graph.num_vertices, np.bool_)
+    corner[graph.head[lane[(bend > OFF_RAD) & (bend < np.pi - OFF_RAD)]]] = True
+    return corner
 
 
 def shifts(logs: Logs) -> Iterator[Finding]:
