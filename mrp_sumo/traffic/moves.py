@@ -184,18 +184,26 @@ def _with_room_behind(problem: Problem, robot: int, course: FloatArray, taken: s
 
 
 def _facing(problem: Problem, robot: int, course: FloatArray) -> tuple[int, int, int]:
-    """What a vehicle does at its start with its heading, as if it had come so or were to go so: state, lane and gear."""
+    """What a vehicle does at its start with its heading, as if it had come so or were to go so: state, lane and gear.
+
+    If it can go on so, that is.
+    """
     graph, v, heading = problem.graph, int(problem.start[robot]), float(problem.heading_at_start[robot])
     turns = turns_of(graph, problem.fleet.types[int(problem.fleet.kind[robot])])
     faces, along = f"{problem.fleet.robot_name[robot]} faces {np.degrees(heading):.0f} degrees at '{graph.known_as(v)}'", False
+    states: list[tuple[bool, int, int, int]] = []
     for gear in (FORWARD, BACKWARD):
         off = off_rad(course, heading + gear * np.pi)
         for does, end in ((STANDING, graph.head), (BOUND, graph.tail)):
             at_end = int(does == STANDING)
             lanes = (end == v) & (off[:, at_end] <= MAY_STAND_RAD) & turns.gears[:, gear]
             along |= bool(lanes.any())
-            if len(free := np.flatnonzero(lanes & turns.stands[:, at_end])):
-                return does, int(free[0]), gear
+            for lane in np.flatnonzero(lanes & turns.stands[:, at_end]).tolist():
+                ends = does == STANDING and (turns.may_stand[turns.first[lane] : turns.first[lane + 1], gear] == NEVER).all()
+                states.append((bool(ends), does, lane, gear))
+    if states:
+        _, does, lane, gear = min(states, key=lambda each: each[0])
+        return does, lane, gear
     raise PlanError(f"{faces}, where " + ("it touches a wall" if along else "no lane leads that way or back"))
 
 

@@ -46,6 +46,14 @@ def test_who_cannot_reverse_goes_round_the_block_and_who_can_goes_back():
     assert plan(vehicles_on(graph, [1], [0], TRICYCLE, start_heading_rad=east)).plan.vertex.tolist() == [1, 0]
 
 
+def test_a_car_that_faces_along_a_lane_drives_along_it_though_it_could_not_go_on_from_the_lane_before():
+    """The lanes to and from 1 are 6 degrees off each other: who had stopped at the end of the first would have missed the arc."""
+    graph = roads([(0.0, 0.0), (4.0, 0.0), (8.0, 0.4), (12.0, 0.8)], [(0, 1), (1, 2), (2, 3)])
+    facing = np.array([np.arctan2(0.4, 4.0)])
+    assert plan(vehicles_on(graph, [1], [3], CAR, start_heading_rad=facing)).plan.vertex.tolist() == [1, 2, 3]
+    assert "cannot reach" in plan(vehicles_on(graph, [1], [3], CAR, start_heading_rad=facing + np.pi)).message
+
+
 def test_a_car_comes_to_its_goal_by_the_side_on_which_nobody_else_has_one():
     """On a ring of twelve, from 0 to 4: the shorter way is over 2, where a cart stays, and 4 from there is another state than from 5."""
     side = range(3)
