@@ -227,6 +227,8 @@ class PlanGraph(NavGraph):
     walls: FloatArray = field(default_factory=lambda: np.zeros((0, 2, 2)))  # [W, 2, 2] m, which vehicles' turns have to keep clear of
     curves: Mapping[tuple[int, int], FloatArray] = field(default_factory=dict)
     """By tail and head of lanes that vehicles follow as curves [N, 4]: m along the lane, x, y, course in rad without jumps."""
+    closed_to: Mapping[str, frozenset[tuple[int, int]]] = field(default_factory=dict)
+    """By the name of a type of vehicles, tail and head of lanes that it never takes, so that it stops where it can go on along others."""
 
 
 def nav_graph(
@@ -378,7 +380,7 @@ def relaid(graph: PlanGraph, **parts: Any) -> PlanGraph:
         frame=graph.frame,
         curves=graph.curves,
     )
-    return replace(laid, walls=graph.walls)
+    return replace(laid, walls=graph.walls, closed_to=graph.closed_to)
 
 
 def frozen(array: NDArray[Any]) -> NDArray[Any]:

@@ -94,7 +94,10 @@ def turns_of(graph: PlanGraph, vehicle: RobotType) -> Turns:
     """All turns of a type on a graph."""
     room = _beside_walls(graph, vehicle, _on_lanes(graph, vehicle))
     lane, onward, sharp = room.lane, room.onward, np.abs(room.bend)
-    gears, next_gear = _gears(room, (gears_of(graph, vehicle) > 0) & room.drives)
+    allowed = (gears_of(graph, vehicle) > 0) & room.drives
+    closed = graph.closed_to.get(vehicle.name, ())
+    allowed[[lane for lane in (graph.lane_between(*ends) for ends in closed) if lane >= 0]] = False
+    gears, next_gear = _gears(room, allowed)
     keep, change = np.array([FORWARD, BACKWARD]), np.array([BACKWARD, FORWARD])
     stands = (room.stands[lane, 1] & room.stood)[:, None]
     on = stands & (sharp <= SMOOTH_RAD)[:, None] & gears[onward]
@@ -333,6 +336,8 @@ def _obstacle(graph: PlanGraph, vehicle: RobotType, turn: int, lane: int, onward
     tail, head = graph.known_as(int(graph.tail[onward])), graph.known_as(int(graph.head[onward]))
     if not gears_of(graph, vehicle)[onward].any():
         return f"{name} would have to reverse from '{tail}' to '{head}' (kinematics.reverse: true would do)"
+    if (int(graph.tail[onward]), int(graph.head[onward])) in graph.closed_to.get(name, ()):
+        return f"{name} may not drive from '{tail}' to '{head}', or would not come back"
     curve = [obstacle_on_curve(graph, vehicle, onward, gear) for gear in np.flatnonzero(gears_of(graph, vehicle)[onward]).tolist()]
     if all(curve):
         return curve[0]

@@ -109,7 +109,7 @@ def set_up(file: ScenarioFile, maps: MapCache, *, run_programs: bool = True) -> 
             goal_kind=None if scenario.robots.fleet is None else fleet.kind,
         )
     if fleet.vehicle_of_kind:
-        problem = with_vehicles(file, problem)
+        problem = with_vehicles(file, maps, problem)
     require_headings(file, problem)
     if named_places(scenario) and scenario.tasks is None and not scenario.execution.disturbances.outages:
         require_reachable(file, problem)

@@ -11,20 +11,23 @@ import numpy as np
 
 from mrp_sumo.core.angles import wrapped
 from mrp_sumo.core.digraph import strong_components
-from mrp_sumo.core.graph import BoolArray, FloatArray, NavGraph, frozen
+from mrp_sumo.core.graph import BoolArray, FloatArray, NavGraph, PlanGraph, frozen
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.core.stream import TaskSource
 from mrp_sumo.errors import PlanError, ScenarioError
+from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.io.scenario.file import ScenarioFile
 from mrp_sumo.traffic.courses import course_rad
 from mrp_sumo.traffic.moves import BOUND, UNDER_WAY, arrivals_at, move_graph, off_rad, standing_at_starts
 from mrp_sumo.traffic.turns import BACKWARD, FORWARD, MAY_STAND_RAD, turns_of
 
 
-def with_vehicles(file: ScenarioFile, problem: Problem) -> Problem:
+def with_vehicles(file: ScenarioFile, maps: MapCache, problem: Problem) -> Problem:
     """The problem, in which vehicles that wait for tasks face along a lane. Raises ScenarioError where one cannot stand at its start."""
     if file.scenario.tasks is not None:
         problem = replace(problem, barred=_without_traps(problem))
+        closed = _closed(problem)
+        problem = replace(problem, graph=maps.of(_closed_to, problem.graph, *closed.items())) if any(closed.values()) else problem
         problem = replace(problem, start_heading_rad=frozen(_along_lanes(problem)))
     try:
         standing = standing_at_starts(problem)
@@ -111,6 +114,22 @@ def _without_traps(problem: Problem) -> BoolArray | None:
             returns[moves.tail[more]] = True
         barred[kind] |= ~(returns[states.at[UNDER_WAY]] & (states.at[UNDER_WAY] >= 0)).any(1)
     return frozen(barred) if barred.any() else None
+
+
+def _closed_to(graph: PlanGraph, *lanes: tuple[str, frozenset[tuple[int, int]]]) -> PlanGraph:
+    """The plan graph with lanes that types of vehicles never take."""
+    return replace(graph, closed_to=dict(lanes))
+
+
+def _closed(problem: Problem) -> dict[str, frozenset[tuple[int, int]]]:
+    """Lanes that types of vehicles never take, with a load or without, by their ends."""
+    graph, types, barred = problem.graph, problem.fleet.types, problem.barred
+    closed: dict[str, frozenset[tuple[int, int]]] = {}
+    for kind, each in enumerate(types if barred is not None else ()):
+        if barred is not None and each.is_vehicle and barred[kind].any():
+            lanes = frozenset(zip(graph.tail[barred[kind]].tolist(), graph.head[barred[kind]].tolist()))
+            closed[each.name] = closed.get(each.name, lanes) & lanes
+    return closed
 
 
 def _along_lanes(problem: Problem) -> FloatArray:
