@@ -24,6 +24,7 @@ CAMPAIGNS = {  # name -> (module:class, wall time of a trial in s)
     "engines": ("campaigns.engines:Engines", 600.0),
     "engines_in_buildings": ("campaigns.engines:EnginesInBuildings", 600.0),
     "operations": ("campaigns.operations:Operations", 1200.0),
+    "working_vehicles": ("campaigns.working_vehicles:WorkingVehicles", 1200.0),
     "vehicles": ("campaigns.vehicles:Vehicles", 300.0),
     "times": ("campaigns.times:Times", 300.0),
     "referee": ("campaigns.referee:Referee", 60.0),

@@ -23,6 +23,7 @@ from mrp_sumo.maps.load import load_map
 MAPS = Path(__file__).resolve().parents[3] / "shared" / "maps"
 PLANNERS = ("lacam", "prioritised", "pbs", "auto")
 DISPATCHERS = tuple(name for name in OURS if name != ONE_SHOT)
+UNEXPLAINED = ("stalled", "planner_stalled", "deadlock")  # ends that need a reason
 LARGEST = 6000  # lanes of a map as drawn
 BATTERY = {"voltage_v": 12.0, "charging_a": 40.0, "mass_kg": 20.0, "inertia_kgm2": 1.0, "friction": 0.2, "device_w": 10.0}
 SMALL = {"length_m": 0.3, "width_m": 0.3, "max_speed_mps": 0.8, "accel_mps2": 0.8, "decel_mps2": 1.0, "turn_rate_rad_s": 1.5}
@@ -40,12 +41,10 @@ class Operations:
 
     def trial(self, number: int, folder: Path) -> Trial:
         rng = np.random.default_rng([self._first + number, 81])
-        path = self._paths[int(rng.integers(len(self._paths)))]
         try:
-            places = self._places(path)
-            if len(places) < 4:
-                return Trial(path.parent.name, "no places")
-            values = drawn(rng, path, places, self._nav[path])
+            where, values = self.drawn(rng, folder)
+            if values is None:
+                return Trial(where, "no places")
             (folder / "scenario.json").write_text(json.dumps(values, indent=1))
             self._maps = self._maps or MapCache()
             result = carry_out(scenario_of(values, folder, "operations"), self._maps)
@@ -55,8 +54,16 @@ class Operations:
         faults = [f"{finding['rule']}: {finding['text']}" for finding in work["findings"]]
         if bodies is not None and not bodies["passed"]:
             faults.append(f"bodies: {result.note}")
+        if result.status in UNEXPLAINED and not result.note:
+            faults.append(f"{result.status} without a reason")
         kind = f"{values['execution']['dispatcher']}, {values['planner']}"
         return Trial(kind, result.status, tuple(faults), "mrp-sumo run scenario.json --out run")
+
+    def drawn(self, rng: np.random.Generator, folder: Path) -> tuple[str, dict[str, Any] | None]:
+        """The folder of a map, and the values of a scenario; None where it has too few places."""
+        path = self._paths[int(rng.integers(len(self._paths)))]
+        places = self._places(path)
+        return path.parent.name, drawn(rng, path, places, self._nav[path]) if len(places) >= 4 else None
 
     def _places(self, path: Path) -> list[str]:
         """Names of vertices that can all be reached from each other."""

@@ -201,6 +201,11 @@ def drawn_world(rng: np.random.Generator, types: list[RobotType]) -> tuple[PlanG
 
 
 def drawn_roads(rng: np.random.Generator, cell_m: float, *, curved: bool) -> PlanGraph:
+    """Drawn roads in steps of this length, about."""
+    return cut_lanes(drawn_nav(rng, cell_m, curved=curved), cell_m)
+
+
+def drawn_nav(rng: np.random.Generator, cell_m: float, *, curved: bool) -> NavGraph:
     """Roads of squares or slightly bent ones, two-way or one-way, some missing, some of them curves."""
     columns, rows = (int(n) for n in rng.integers(4, 8, 2))
     xy = np.array([(x * cell_m, y * cell_m) for y in range(rows) for x in range(columns)])
@@ -212,8 +217,8 @@ def drawn_roads(rng: np.random.Generator, cell_m: float, *, curved: bool) -> Pla
             if there and rng.random() < 0.92:
                 lanes += [(v, w) if forward else (w, v)] if one_way else [(v, w), (w, v)]
     if curved:
-        return cut_lanes(with_curves(rng, float(rng.choice([1.0, 2.0])) * xy, lanes), cell_m)
-    return cut_lanes(nav_graph(name="roads", xy=xy, lanes=lanes), cell_m)
+        return with_curves(rng, float(rng.choice([1.0, 2.0])) * xy, lanes)
+    return nav_graph(name="roads", xy=xy, lanes=lanes)
 
 
 def with_curves(rng: np.random.Generator, xy: np.ndarray, lanes: list[tuple[int, int]]) -> NavGraph:
