@@ -27,9 +27,9 @@ class Chargers:
     def look(self, now_s: float) -> None:
         """Send robots to chargers whose batteries are low, and with `opportunity` those that have nothing to do; call others off."""
         crew, charging = self._crew, self._charging
-        due, self._go_first = (crew.level <= charging.critical) | self._go_first, np.zeros(len(crew.robots), np.bool_)
+        go_first, self._go_first = self._go_first, np.zeros(len(crew.robots), np.bool_)
         for robot in crew.robots:
-            if due[robot.number] and not (robot.charges or robot.is_down):
+            if (crew.is_low(robot) or go_first[robot.number]) and not (robot.charges or robot.is_down):
                 if crew.has_yet_to_begin(robot):
                     crew.take_back(robot, now_s)
                 if robot.task == NONE:

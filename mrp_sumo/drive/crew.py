@@ -171,10 +171,15 @@ class Crew:
     def has_room_for_more(self, robot: RobotWork) -> bool:
         """True if a robot with orders can be given another beside them."""
         capacity = self.problem.fleet.capacity
-        if capacity is None or robot.is_out or robot.charges or robot.task == NONE:
+        if capacity is None or robot.is_out or robot.is_called or robot.charges or robot.task == NONE or self.is_low(robot):
             return False
         over = robot.leaves and robot.making is not None and robot.stop == len(self.tasks[robot.task].stops) - 1
         return len(robot.orders) - over < int(capacity[robot.number])
+
+    def is_low(self, robot: RobotWork) -> bool:
+        """True if a robot goes to charge as soon as it has no order."""
+        charging = self.settings.charging if self.settings.chargers else None
+        return charging is not None and bool(self.level[robot.number] <= charging.critical)
 
     def goes_on_here(self, robot: RobotWork) -> bool:
         """True if a robot with several orders makes the next of its stops where it makes one now."""

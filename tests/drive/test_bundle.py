@@ -7,6 +7,7 @@ import pytest
 from floors import BATTERY, driven, lanes, ring, scenario
 from line_fleets import Fleet
 
+from mrp_sumo.core.robot_states import ROBOT_STATES
 from mrp_sumo.drive.dispatchers.bundle import tours
 from mrp_sumo.drive.work_request import work_request
 from mrp_sumo.errors import PlugInError
@@ -114,6 +115,17 @@ def test_low_batteries_are_charged_when_a_tour_is_over(tmp_path):
     tasks = {"streams": [{**ORDERS["streams"][0], "count": 30}], "charging": charging}
     run = carried(tmp_path, tasks, shape={"battery": BATTERY}).execution
     assert not run.tasks.is_order.all() and run.loads.max() == 3
+
+
+def test_a_robot_whose_battery_is_low_is_given_no_more_orders(tmp_path):
+    """There are always more: it ends its tour all the same, and charges. So it does when it is to be maintained."""
+    endless = {"streams": [{"name": "o", "stops": ["A", "B"], "service": [5, 3], "arrivals": {"open": 12}}]}
+    levels = {"critical_low_charging_level": 60, "minimum_desired_charging_level": 65, "maximum_desired_charging_level": 90}
+    charging = {"charging": {"stations": ["c3"], "start_level": [70, 70], **levels}}
+    result = carried(tmp_path, endless | charging, shape={"battery": BATTERY})
+    assert "charge" in result.execution.tasks.kind
+    served = carried(tmp_path, endless, shape={"maintenance": {"every_h": 0.1, "takes_s": 60}})
+    assert "broken" in {ROBOT_STATES[k] for k in served.execution.robot_states.state.tolist()}
 
 
 def test_the_audit_sees_one_order_too_many(tmp_path):
