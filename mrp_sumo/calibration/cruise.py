@@ -26,6 +26,7 @@ LONGEST = 16  # steps of a window
 LEAST_STEPS = 2
 MOST_STEPS = 4500  # of all windows
 HELD = 1.15  # factor on intervals for what is held fixed while a figure is fitted; by the tuning fleets of tools/bench_calibrate.py
+SCATTER_HELD = 1.5  # of the scatter and its memory, since braking and speeding up are in short windows, too; by the same fleets
 FAR_OFF = 4.5  # standard deviations
 NOISE_PRIOR = 0.1  # standard deviation of the logarithm of noise while driving, about that of standing
 BLOCK_S = 60.0  # within which windows of a vehicle are taken for one
@@ -201,7 +202,7 @@ def _range(likelihood: "_Likelihood", fit: _Fit, k: int, confidence: float) -> t
     if not (inverse[k, k] > 0 and robust[k, k] > 0):
         return low, high
     blocks = int(np.count_nonzero(np.abs(fit.blocks).sum(1)))
-    reach = HELD * student(confidence, blocks - 1)
+    reach = SCATTER_HELD * student(confidence, blocks - 1)
     drop = reach**2 / 2 * float(robust[k, k] / inverse[k, k])
     ends = []
     for sign, bound in ((-1.0, low), (1.0, high)):
