@@ -164,23 +164,37 @@ def predicted(
     disturbing, files = _write(held, calibrations, file, folder, times.is_known)
     _note_what_is_assumed(held, file, times)
     base, seed = scenario_of_later(held, setup, files, disturbing, times), file.scenario.seed
-    made, outcomes, station = [], [], _busiest(held)
+    made: tuple[list[RunResult], list[RunResult]] = [], []  # with calibrated figures, and with drawn ones
+    station, standing = _busiest(held), []
     usual = runs // 2
     for n, moves in enumerate([{}] * usual + list(_drawn(base, runs - usual, seed))):
         report(f"driving run {n + 1} of {runs}", float(n), float(runs))
         result = carry_out(changed(with_seed(base, held, file, times, seed + n), as_changes(moves)), maps)
         if result.execution is None or result.execution.tasks is None:
             raise MrpSumoError(f"the simulation of {held.log.source}: {result.status.replace('_', ' ')}: {result.note}")
-        outcomes.append(outcomes_of(result, held, station))
-        made.append(result)
-    middle = _middle(outcomes[:usual])
+        if result.status == "stalled":
+            standing.append(result.note)
+        else:
+            made[n >= usual].append(result)
+    _note_standstills(held, standing, runs, all(made))
+    nominal, drawn = ([outcomes_of(each, held, station) for each in half] for half in made)
+    middle = made[0][_middle(nominal)]
     report("comparing", 0.0, 0.0)
-    log_run = logged_run(held, made[middle].setup)
+    log_run = logged_run(held, middle.setup)
     logged = outcomes_of(log_run, held, station)
-    figures = tuple(_compared(logged, outcomes[:usual], outcomes[usual:], station))
+    figures = tuple(_compared(logged, nominal, drawn, station))
     return Prediction(
-        held, calibrations, station, logged, tuple(outcomes), figures, log_run, made[middle], _drift(held, files), files, held.notes
+        held, calibrations, station, logged, (*nominal, *drawn), figures, log_run, middle, _drift(held, files), files, held.notes
     )
+
+
+def _note_standstills(held: HeldOut, standing: Sequence[str], runs: int, is_enough: bool) -> None:
+    """Say of simulations that came to a standstill. Raises MrpSumoError where no others are left to predict from."""
+    if standing:
+        said = f"{len(standing)} of {runs} simulations came to a standstill ({standing[0]})"
+        if not is_enough:
+            raise MrpSumoError(f"{held.log.source}: {said}, expected some that do not")
+        held.notes.append(f"{said}; they are not counted, and a planner with less in the way may not have them")
 
 
 def _require_orders(held: HeldOut) -> None:

@@ -1,9 +1,14 @@
 import json
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
+from mrp_sumo.calibration.prediction import _note_standstills
 from mrp_sumo.cli.main import main
+from mrp_sumo.errors import MrpSumoError
+from mrp_sumo.experiments.run import carry_out
 from mrp_sumo.io.scenario.robots import robot_type
 
 ROBOT = "{length_m: 0.5, width_m: 0.45, max_speed_mps: %s, accel_mps2: 0.6, decel_mps2: 0.8, turn_rate_rad_s: 1.0, gap_m: 0.05}"
@@ -78,6 +83,26 @@ def test_messages_of_the_fleet_with_orders_of_a_file(site, capsys):
     (site / "wrong.csv").write_text("release_s,stops\n800,pick_a1 packng_1\n")
     assert main([*line, "--orders", str(site / "wrong.csv")]) == 2
     assert "wrong.csv:2: 'packng_1' is no station or vertex of the scenario (did you mean 'packing_1'?)" in capsys.readouterr().err
+
+
+def test_simulations_that_stand_still_are_not_counted_and_said(site, capsys, monkeypatch):
+    runs = []
+
+    def carried_out(file, maps):
+        runs.append(replace(carry_out(file, maps), **({"status": "stalled", "note": "all stand"} if len(runs) == 2 else {})))
+        return runs[-1]
+
+    monkeypatch.setattr("mrp_sumo.calibration.prediction.carry_out", carried_out)
+    line = ["predict", str(site / "guess.yaml"), "--log", str(site / "log"), "--runs", "3", "--out", str(site / "p3"), "--json"]
+    assert main(line) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["runs"] == 2
+    assert any(note.startswith("1 of 3 simulations came to a standstill (all stand)") for note in document["notes"])
+
+
+def test_prediction_of_simulations_that_all_stand_still_is_refused():
+    with pytest.raises(MrpSumoError, match=r"log: 3 of 3 simulations came to a standstill \(all stand\), expected some that do not"):
+        _note_standstills(SimpleNamespace(log=SimpleNamespace(source="log"), notes=[]), ["all stand"] * 3, 3, False)
 
 
 @pytest.mark.parametrize(
