@@ -122,7 +122,8 @@ class RobotPlaces:
             Robots that were passed over often: who leaves the place of one does not push it away, but steps aside where it can. Nobody is
             served at a place that is on every way of one: it would be shut in behind it.
         not_free
-            Places where a robot cannot make its stop, by robots, since of what was set down there.
+            Places where a robot cannot make its stop, by robots, because of what was set down there. One that cannot at any place waits
+            where it is in nobody's way: others have to come there before.
         """
         vertex, makes = start.copy(), np.zeros(len(start), np.bool_)
         blocked, taken = set(start[stays].tolist()), set(start[stays].tolist())
@@ -140,11 +141,15 @@ class RobotPlaces:
                 taken.add(aside)
                 continue
             shuts_in = [route for doors, route in comes_out if not doors.isdisjoint(stop.places)]
-            place = self._nearest(r, at, [v for v in stop.places if reach[v] < UNREACHABLE], taken.union(*shuts_in, not_free.get(r, ())))
+            full = not_free.get(r, ())
+            place = self._nearest(r, at, [v for v in stop.places if reach[v] < UNREACHABLE], taken.union(*shuts_in, full))
             past = _before(at, [route for other, route in ways if other.places == stop.places], reach).union(*shuts_in)
             if place is not None:
                 vertex[r], makes[r] = place, True
                 ways.append((stop, self._way(r, at, place, blocked)))
+            elif set(stop.places).issubset(full) and not stop.queue:  # until others come there, whom it lets by
+                stuck.append(r)
+                continue
             elif (wait := self._where_to_wait(r, at, stop, taken | past, blocked, waits, reach)) is not None:
                 vertex[r] = wait
                 waits.add(wait)

@@ -258,14 +258,14 @@ def test_a_heavy_load_goes_to_who_can_carry_it(tmp_path, load_kg, robot):
     assert f"the order is for robots that carry {load_kg:g} kg" in weaker["findings"][0]["text"]
 
 
-def buffered(tmp_path, places, picks, **other):
-    """Three loads to a buffer off the ring with so many places, and as many away from there from a time on."""
+def buffered(tmp_path, places, picks, *, queue=("c2",), loads=3, **other):
+    """Loads to a buffer off the ring with so many places, and as many away from there from a time on."""
     xy = {"c1": (0.0, 0.0), "A": (5.0, 0.0), "c2": (10.0, 0.0), "B": (10.0, 10.0), "c4": (0.0, 10.0), "p1": (10.0, 4.0), "p2": (10.0, 7.0)}
     names = ["c1", "A", "c2", "p1", "p2", "B", "c4"]
     path = lanes(tmp_path / "buffer.csv", xy, zip(names, names[1:] + names[:1]), False)
     tasks = {
-        "stations": {"buffer": {"places": places, "queue": ["c2"], "holds": 1}},
-        "list": [{"stops": ["A", "buffer"], "service_s": 3, "release_s": 1.0 * k} for k in range(3)]
+        "stations": {"buffer": {"places": places, "queue": list(queue), "holds": 1}},
+        "list": [{"stops": ["A", "buffer"], "service_s": 3, "release_s": 1.0 * k} for k in range(loads)]
         + [{"stops": ["buffer", "c4"], "service_s": 3, "release_s": 200.0 + k} for k in range(picks)],
     }
     return driven(scenario(path, tasks, starts=["c1", "c4"], execution={"time_limit_s": 600.0}, **other))
@@ -282,6 +282,13 @@ def test_a_load_that_is_set_down_takes_its_place_until_it_is_picked_up(tmp_path)
     vertex[last_of[other]] = vertex[last_of[one]]
     changed = replace(logs, execution=replace(logs.execution, stops=replace(logs.stops, vertex=vertex)))
     assert "one load a place" in {finding["rule"] for finding in operations_audit(changed)["findings"]}
+
+
+def test_who_waits_to_set_down_lets_by_who_is_to_pick_up(tmp_path):
+    """One robot has set down its load in the only place, the other waits on the one-way ring that leads there."""
+    result = buffered(tmp_path, ["p1"], 2, queue=(), loads=2)
+    assert result.status == "completed" and set(result.execution.tasks.status) == {"done"}, result.note
+    assert result.operations_audit["passed"], result.operations_audit["findings"]
 
 
 def test_with_nobody_to_pick_up_the_last_load_stays_on_its_robot(tmp_path):
