@@ -40,10 +40,10 @@ class People:
 class LaneSpeeds:
     """Instead of people: a robot's speed is drawn for each lane it enters, from a triangular distribution."""
 
-    least_mps: float = 0.274
-    usual_mps: float = 0.508
-    most_mps: float = 0.63
-    seed: int = 0
+    least_mps: float
+    usual_mps: float
+    most_mps: float
+    seed: int
 
 
 def joint_places(people: People) -> list[list[int]]:

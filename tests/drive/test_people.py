@@ -126,7 +126,7 @@ def test_same_seed_same_people_and_same_robots(tmp_path, engine):
 @BOTH
 def test_speeds_drawn_for_lanes_are_kept_and_the_same_with_both_engines(tmp_path, engine):
     graph = line(12, 1.0)
-    run = drive(tmp_path, graph, [range(12)], robot=CART, engine=engine, people=LaneSpeeds(seed=5))
+    run = drive(tmp_path, graph, [range(12)], robot=CART, engine=engine, people=LaneSpeeds(0.274, 0.508, 0.63, 5))
     speed = run.speed_mps[:, 0]
     assert speed.max() <= 0.63 + 1e-9 and run.people is None
     draws = np.random.default_rng([5, 56, 0])
