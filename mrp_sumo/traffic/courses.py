@@ -58,7 +58,8 @@ def obstacle_on_curve(graph: PlanGraph, vehicle: RobotType, lane: int, gear: int
     name = f"the curve '{_name(graph, lane)}'"
     least_m, radius_m = vehicle.kinematics.least_radius_m, float(curve_radius_m(graph)[lane])
     if radius_m < TIGHT * least_m:
-        return f"{vehicle.name} needs {least_m:.2f} m to drive {name} and it has {radius_m:.2f} m"
+        needs, has = told_apart(least_m, radius_m)
+        return f"{vehicle.name} needs {needs} m to drive {name} and it has {has} m"
     route, begin_m = _route(graph, loaded, [lane], gear)
     end_m = begin_m + float(graph.length_m[lane])
     path = wheel_path(route, loaded.kinematics.ahead_m, least_m)
@@ -145,6 +146,12 @@ def _walls_beside(graph: PlanGraph, bodies: list[MovingBody]) -> FloatArray:
         near |= point_distances((low + high) / 2, graph.walls) <= around_m
     walls: FloatArray = graph.walls[near]
     return walls
+
+
+def told_apart(needs_m: float, has_m: float) -> tuple[str, str]:
+    """Two lengths in as many digits as show that they differ."""
+    digits = next((digits for digits in (2, 3, 4) if round(needs_m, digits) != round(has_m, digits)), 5)
+    return f"{needs_m:.{digits}f}", f"{has_m:.{digits}f}"
 
 
 def _name(graph: NavGraph, lane: int) -> str:

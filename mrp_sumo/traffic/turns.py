@@ -25,7 +25,7 @@ from mrp_sumo.core.angles import wrapped
 from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, NavGraph, PlanGraph, frozen
 from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.core.wheel_path import SHARPEST_RAD
-from mrp_sumo.traffic.courses import SMOOTH_RAD, bend_beside_curve, clear_at, course_rad, curve_radius_m, obstacle_on_curve
+from mrp_sumo.traffic.courses import SMOOTH_RAD, bend_beside_curve, clear_at, course_rad, curve_radius_m, obstacle_on_curve, told_apart
 from mrp_sumo.traffic.sweeps import (
     CLEAR_M,
     TOUCH_M,
@@ -344,7 +344,8 @@ def _obstacle(graph: PlanGraph, vehicle: RobotType, turn: int, lane: int, onward
     if not turns.gears[onward].any():
         walls = _walls_at(graph, int(graph.head[onward]), onward, _reach_m(loaded, 0.0))
         needs_m, has_m = shift_to_clear([[in_line(loaded)]], walls, TOUCH_M)
-        return f"{name} needs {needs_m:.2f} m beside '{head}' to stand there, coming from '{tail}', and has {has_m:.2f} m to a wall"
+        needs, has = told_apart(needs_m, has_m)
+        return f"{name} needs {needs} m beside '{head}' to stand there, coming from '{tail}', and has {has} m to a wall"
     before = graph.known_as(int(graph.tail[lane]))
     if abs(turns.bend_rad[turn]) >= np.pi - MAY_STAND_RAD and not vehicle.kinematics.reverse:
         return f"{name} cannot reverse, from '{before}' to '{tail}' and back (kinematics.reverse: true would do)"
@@ -356,9 +357,11 @@ def _obstacle(graph: PlanGraph, vehicle: RobotType, turn: int, lane: int, onward
     if beside_curve and not np.isnan(room.radius[turn, gear]):
         return f"{name} touches a wall where it turns {over}"
     if np.isnan(room.radius[turn, gear]) and not room.swings[turn, gear]:
-        return f"{name} needs {turns.tangent_m[turn, gear]:.2f} m to turn {over} and has {turns.room_m[turn]:.2f} m"
+        needs, has = told_apart(float(turns.tangent_m[turn, gear]), float(turns.room_m[turn]))
+        return f"{name} needs {needs} m to turn {over} and has {has} m"
     sweep, most_m = _Sweep(graph, loaded, room, turn), float(room.radius[turn, gear])
     arcs = radii(sweep.least_m, most_m) if math.isfinite(most_m) else []
     sweeps = [sweep.swing(gear)] if room.swings[turn, gear] else [sweep.arc(gear, radius_m) for radius_m in arcs] or [[in_line(loaded)]]
     needs_m, has_m = shift_to_clear(sweeps, sweep.walls, CLEAR_M)
-    return f"{name} needs {needs_m:.2f} m beside '{tail}' to turn {over} and has {has_m:.2f} m to a wall"
+    needs, has = told_apart(needs_m, has_m)
+    return f"{name} needs {needs} m beside '{tail}' to turn {over} and has {has} m to a wall"
