@@ -73,24 +73,7 @@ def audit(
     Returns
     -------
     dict
-        `passed`, whether nothing was found; `num_overlaps`, pairs of robots that ever overlap, at a sample or
-        between two, and `overlaps`, each pair's first one (robots, t_s, x_m, y_m); `min_clearance_m`, the least
-        distance of two footprints at any time (to 0.1 mm; 0 when they overlap, None without two robots), and
-        `min_clearance` with robots and time; `num_wall_contacts`, pairs of a robot and a wall that its footprint ever
-        touches, `num_wall_crossings`, those whose wall its centre crosses, and `wall_contacts`, each pair's first one
-        (robot, t_s, x_m, y_m of the robot, crosses); `min_wall_clearance_m`, the least distance of a footprint from a
-        wall, and `min_wall_clearance` with robot and time, all None without walls; `num_person_contacts`, how often a robot that
-        moves faster than its field allows comes to touch a person, `num_person_touches`, how often people come to touch one that
-        stands, or brakes as its field demands, `person_contacts`, the first of both (robot, t_s, person, kind),
-        `num_field_violations`, samples of robots that are faster than their fields allow and do not brake, `field_violations`, the
-        first of them, and `min_person_distance_m`, the least distance of a moving footprint from a person, all None without people;
-        `num_rides_outside`, changes of level by robots whose body is not in a cabin before and after, and `rides_outside`, the first of
-        them (robot, t_s, x_m, y_m, level), None without cabins;
-        counts of samples over the limits of speed, acceleration, deceleration and turn rate; `num_jumps`, steps longer than the
-        robot can drive in the time between two samples, and `num_heading_jumps`, turns of more than twice what it can turn;
-        `violations`, the first of each kind; `num_sumo_disagreements`, robots SUMO had elsewhere, and `sumo_disagreements`, the
-        first of each; `sumo_apart_m`, the most that SUMO's positions are off (None without any);
-        `num_sumo_collisions`, what SUMO reports of collisions, and `sumo_collisions`.
+        `passed`, whether nothing was found, and counts, least distances and first findings by the keys of docs/metrics.md, section Audit.
     """
     rides = _outside_cabins(execution, fleet, cabins)
     if execution.level is not None:
