@@ -8,7 +8,6 @@ from mrp_sumo.search._kernel import kernel
 from mrp_sumo.search._records import (
     EDGE,
     FOREVER,
-    MAX_COST,
     MIN_COST,
     NO_PATH,
     OK,
@@ -24,7 +23,7 @@ SEARCH_STATE = np.dtype((np.record, [(name, np.int32) for name in ("vertex", "st
 # entries of ConstraintScratch.number
 STAMP, EXPANSIONS, NUM_RULES, MARK = 0, 1, 2, 3
 # entries of ConstraintScratch.limit, what the constraints say
-LAST_MUST, EARLIEST, LATEST, OPEN_FROM = 0, 1, 2, 3
+LAST_MUST, EARLIEST, OPEN_FROM = 0, 1, 2
 
 
 class ConstraintScratch(NamedTuple):
@@ -44,7 +43,7 @@ class ConstraintScratch(NamedTuple):
     level: np.ndarray  # [M] int64 levels being built
     member: np.ndarray  # [Q] int32
     number: np.ndarray  # [4] int64
-    limit: np.ndarray  # [4] int64
+    limit: np.ndarray  # [3] int64
 
 
 @kernel(allocates=False)
@@ -61,8 +60,7 @@ def load(instance, store, scratch, record):
     number[STAMP] += 1
     stamp = number[STAMP]
     num_rules = 0
-    open_from, earliest, latest = np.int64(0), np.int64(0), np.int64(FOREVER)
-    last_must, last_must_vertex = np.int64(-1), np.int64(-1)
+    open_from, earliest, last_must = np.int64(0), np.int64(0), np.int64(-1)
     while record >= 0:
         for k in range(store.meta[record].row0, store.meta[record].row1):
             kind = store.rows[k].kind
@@ -83,8 +81,6 @@ def load(instance, store, scratch, record):
                 num_rules += 1
             elif kind == MIN_COST:
                 earliest = max(earliest, begin)
-            elif kind == MAX_COST:
-                latest = min(latest, begin)
             else:
                 if begin + 1 >= len(scratch.must):
                     return TOO_LATE
@@ -92,19 +88,15 @@ def load(instance, store, scratch, record):
                 if old >> 32 == stamp and (old & 0xFFFFFFFF) != v:
                     return NO_PATH
                 scratch.must[begin] = (stamp << 32) | v
-                if begin > last_must:
-                    last_must, last_must_vertex = begin, v
+                last_must = max(last_must, begin)
         record = store.meta[record].parent
     for t in range(last_must + 1):  # the robot may only end after every place it must pass
         old = scratch.must[t]
         if old >> 32 == stamp and (old & 0xFFFFFFFF) != goal:
             open_from = max(open_from, t + 1)
-    if last_must_vertex >= 0 and last_must > latest and last_must_vertex != goal:
-        return NO_PATH
     number[NUM_RULES] = num_rules
-    earliest = max(earliest, open_from)
-    limit[LAST_MUST], limit[EARLIEST], limit[LATEST], limit[OPEN_FROM] = last_must, earliest, latest, open_from
-    return OK if earliest <= latest else NO_PATH
+    limit[LAST_MUST], limit[EARLIEST], limit[OPEN_FROM] = last_must, max(earliest, open_from), open_from
+    return OK
 
 
 @kernel(inline="always", allocates=False)

@@ -10,7 +10,6 @@ from mrp_sumo.search._constraints import (
     EARLIEST,
     EXPANSIONS,
     LAST_MUST,
-    LATEST,
     OPEN_FROM,
     STAMP,
     elsewhere,
@@ -129,7 +128,7 @@ def earliest_arrival(instance, scratch, start, distance, stay, banned, budget):
     stamp, last_must = scratch.number[STAMP], limit[LAST_MUST]
     shortest = np.int64(distance[start])
     least = max(shortest, limit[EARLIEST]) if stay else shortest
-    if shortest >= UNREACHABLE or least > limit[LATEST] or forbidden(scratch, start, start, 0):
+    if shortest >= UNREACHABLE or forbidden(scratch, start, start, 0):
         return NO_PATH, least, np.int64(-1)
     open_from = limit[OPEN_FROM] if stay else np.int64(0)
     # a bucket for each delay; LABEL is the first step of the state's interval, ALIKE the vertex's state before this one
@@ -189,6 +188,4 @@ def earliest_arrival(instance, scratch, start, distance, stay, banned, budget):
                 arrive = _free_until(scratch, first_rule, v, arrive) + 1  # the next interval, if u can be held so long
     top[: longest + 1] = -1
     scratch.number[EXPANSIONS] += spent
-    if code == OK and stay and least > limit[LATEST]:
-        code = NO_PATH
     return code, least, end

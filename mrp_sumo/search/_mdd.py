@@ -113,7 +113,7 @@ def mdd_of(instance, store, scratch, record):
         if code != OK:
             return code
         robot = store.meta[record].robot
-        distance = instance.distance[instance.row[robot]]
+        distance = instance.distance[robot]
         cost = max(store.meta[origin].bound, scratch.limit[EARLIEST])
         total = _levels(instance, scratch, instance.start[robot], instance.goal[robot], distance, cost)
         while total == 0:
@@ -175,19 +175,13 @@ def raises_cost(instance, store, scratch, record, row0, row1):
         elif kind in (RANGE, EDGE, MUST):
             begin = min(begin, np.int64(store.rows[r].begin))
             end = max(end, np.int64(store.rows[r].end))
-    if mdd < 0 or begin > end or begin > cost:
-        # after its end the robot is at its goal
-        if begin <= end and end > cost:
-            goal = instance.goal[store.meta[record].robot]
-            for r in range(row0, row1):
-                if store.rows[r].kind == RANGE and store.rows[r].vertex == goal and store.rows[r].end >= cost:
-                    return True
-        return False
-    if end > cost:
+    if end > cost:  # after its end the robot is at its goal
         goal = instance.goal[store.meta[record].robot]
         for r in range(row0, row1):
             if store.rows[r].kind == RANGE and store.rows[r].vertex == goal and store.rows[r].end >= cost:
                 return True
+    if mdd < 0 or begin > end or begin > cost:
+        return False
     end = min(end, cost)
     begin = max(begin, 1)
     mark, number, queue, first, head = scratch.mark, scratch.number, scratch.queue, instance.first, instance.head

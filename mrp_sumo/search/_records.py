@@ -14,7 +14,7 @@ from mrp_sumo.search._kernel import kernel
 FOREVER = 1 << 30
 OK, NO_PATH, STORE_FULL, SCRATCH_FULL, TOO_LATE, OUT_OF_BUDGET = 0, 1, 2, 3, 4, 5  # what searches return
 
-RANGE, EDGE, MIN_COST, MAX_COST, MUST = 0, 1, 2, 3, 4  # kinds of constraints
+RANGE, EDGE, MIN_COST, MUST = 0, 1, 2, 3  # kinds of constraints
 CONSTRAINT = np.dtype((np.record, [(name, np.int32) for name in ("kind", "vertex", "tail", "begin", "end")]))  # steps, both included
 # parent: the record before in its chain, -1 for none; row0, row1: the constraints that it adds; origin: the first record with the same
 # constraints; path0, cost: its path; bound: on its cost; mdd0: where the levels of its MDD begin, -1: not built yet
@@ -26,14 +26,13 @@ RECORDS, ROWS, PATH, LEVELS, MEMBERS = 0, 1, 2, 3, 4
 
 
 class SearchInstance(NamedTuple):
-    """Search instance, which does not change: V vertices, L lanes, R robots, G goals."""
+    """Search instance, which does not change: V vertices, L lanes, R robots."""
 
     first: np.ndarray  # [V + 1] int64, lanes that leave a vertex
     head: np.ndarray  # [L] int64
     first_in: np.ndarray  # [V + 1] int64, lanes that enter a vertex
     tail_in: np.ndarray  # [L] int64
-    distance: np.ndarray  # [G, V] int32 steps to each goal
-    row: np.ndarray  # [R] int64, the row of `distance` of each robot
+    distance: np.ndarray  # [R, V] int32 steps to each robot's goal
     start: np.ndarray  # [R] int64
     goal: np.ndarray  # [R] int64
     column: np.ndarray  # [V] int64 cell coordinates on a 4-connected grid; empty on other graphs

@@ -15,7 +15,6 @@ from mrp_sumo.search._constraints import (
     EARLIEST,
     EXPANSIONS,
     LAST_MUST,
-    LATEST,
     STAMP,
     ConstraintScratch,
     is_forbidden,
@@ -71,7 +70,7 @@ def _window(scratch, num_vertices, shortest, least, bound):
     delays = np.int64(1)  # how many there is room for, a power of two
     while 2 * delays * num_vertices <= len(scratch.visited):
         delays *= 2
-    latest = min(scratch.limit[LATEST], max(least, min(bound, shortest + delays - 1)))
+    latest = max(least, min(bound, shortest + delays - 1))
     shift = np.int64(0)
     while (1 << shift) <= latest - shortest:
         shift += 1
@@ -125,7 +124,7 @@ def find_path(tables, robot, least, bound, hurry, budget):
         OK and the last state, from which `BEFORE` leads back.
     """
     instance, store, occupancy, scratch = tables
-    start, goal, distance = instance.start[robot], instance.goal[robot], instance.distance[instance.row[robot]]
+    start, goal, distance = instance.start[robot], instance.goal[robot], instance.distance[robot]
     first, head, following, near = instance.first, instance.head, instance.following, instance.clashes.any
     state, top, visited, later = scratch.state, scratch.top, scratch.visited, scratch.later
     stamp, last_must, earliest = scratch.number[STAMP], scratch.limit[LAST_MUST], scratch.limit[EARLIEST]
@@ -223,7 +222,7 @@ def replan(tables, record, effort):
         return code
     if occupancy.record[robot] >= 0:
         uninstall(store, occupancy, robot)
-    distance = instance.distance[instance.row[robot]]
+    distance = instance.distance[robot]
     code, least, end = earliest_arrival(instance, scratch, instance.start[robot], distance, True, NO_EDGE, effort.budget)
     if code != OK:
         return code

@@ -88,7 +88,7 @@ class Buffers:
             np.zeros(4 * horizon, np.int64),
             np.empty(self._members, np.int32),
             self._number,
-            np.zeros(4, np.int64),
+            np.zeros(3, np.int64),
         )
         self._measure()
 

@@ -104,7 +104,6 @@ class Tree:
             tables.first_in,
             tables.tail_in,
             tables.to_all(target, limits.check),
-            np.arange(problem.num_robots),
             np.array(problem.start, np.int64),
             np.array(target, np.int64),
             column,
