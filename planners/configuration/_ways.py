@@ -129,32 +129,27 @@ def _hold(ways, robot, change):
 
 
 @kernel(allocates=False)
-def _begin(place, step, mask):
-    """Where to look first: places near each other are near at the same time, which is placed by Fibonacci hashing."""
-    return 16 * np.int64(place) + (step & 15) + (((step >> 4) * np.int64(0x9E3779B1)) >> 8) & mask
-
-
-@kernel(allocates=False)
 def _held(ways, place, step):
     """How many hold a vertex, or a lane beyond those, at a step."""
-    wanted, mask = _key(ways, place, step), len(ways.held) - 1
-    slot = _begin(place, step, mask)
-    while ways.held[slot] != 0:
-        if ways.held[slot] >> COUNT == wanted:
-            return ways.held[slot] & ((1 << COUNT) - 1)
-        slot = (slot + 1) & mask
-    return np.int64(0)
+    return ways.held[_probed(ways, place, step)] & ((1 << COUNT) - 1)
 
 
 @kernel(allocates=False)
 def _slot(ways, place, step):
     """Where that is counted."""
+    slot = _probed(ways, place, step)
+    if ways.held[slot] == 0:
+        ways.held[slot] = _key(ways, place, step) << COUNT
+    return slot
+
+
+@kernel(allocates=False)
+def _probed(ways, place, step):
+    """Where that is counted, or could be; places near each other are near at the same time, which is placed by Fibonacci hashing."""
     wanted, mask = _key(ways, place, step), len(ways.held) - 1
-    slot = _begin(place, step, mask)
+    slot = 16 * np.int64(place) + (step & 15) + (((step >> 4) * np.int64(0x9E3779B1)) >> 8) & mask
     while ways.held[slot] != 0 and ways.held[slot] >> COUNT != wanted:
         slot = (slot + 1) & mask
-    if ways.held[slot] == 0:
-        ways.held[slot] = wanted << COUNT
     return slot
 
 

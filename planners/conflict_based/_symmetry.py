@@ -107,7 +107,7 @@ def _split_joint(instance, store, scratch, one, other, row, known):
         k += 1
     if k == num_joint[0]:
         first, second = (one, other) if row.one == low else (other, one)
-        code, found, row0, middle, row1 = joint_paths(instance, store, scratch, first, second, True)
+        code, found, row0, middle, row1 = joint_paths(instance, store, scratch, first, second)
         if code != OK:
             return code
         if found == LOST and not (breaks(store, first, row0, middle) and breaks(store, second, middle, row1)):
@@ -261,6 +261,19 @@ def _between(instance, v, ends):
 
 
 @kernel
+def _followed(instance, row, before, at, other_end):
+    """Follow a corridor to which one comes from `before`: its end, the vertex before that, and the lanes to there, -1 on a ring."""
+    ends, ways = np.empty(2, np.int64), 0
+    places = instance.goal[row.one], instance.goal[row.other], instance.start[row.one], instance.start[row.other]
+    while at not in places and _between(instance, at, ends):
+        onward = ends[0] if ends[1] == before else ends[1]
+        if onward == other_end:
+            return at, before, -1
+        before, at, ways = at, onward, ways + 1
+    return at, before, ways
+
+
+@kernel
 def _corridor_of(instance, store, one, other, row, corridor):
     """Find the corridor around a conflict of robots that go through it in opposite directions.
 
@@ -290,23 +303,13 @@ def _corridor_of(instance, store, one, other, row, corridor):
         ahead, behind = at, row.tail
         length = 1
         last, previous = behind, ahead
-    before = last
-    while ahead != one_goal and ahead != other_goal and ahead != one_start and ahead != other_start and _between(instance, ahead, ends):
-        step_on = ends[0] if ends[1] == before else ends[1]
-        if step_on == behind:
-            return False  # a ring
-        before, ahead = ahead, step_on
-        length += 1
-    corridor[3] = before
-    before = previous
-    while (
-        behind != one_goal and behind != other_goal and behind != one_start and behind != other_start and _between(instance, behind, ends)
-    ):
-        step_on = ends[0] if ends[1] == before else ends[1]
-        if step_on == ahead:
-            return False
-        before, behind = behind, step_on
-        length += 1
+    ahead, corridor[3], more = _followed(instance, row, last, ahead, behind)
+    if more < 0:
+        return False
+    behind, _, others = _followed(instance, row, previous, behind, ahead)
+    if others < 0:
+        return False
+    length += more + others
     if length < 2:
         return False
     corridor[0], corridor[1], corridor[2] = ahead, behind, length
@@ -426,23 +429,22 @@ def _split_rectangle(instance, store, one, other, row):
         return NO_PATH
     if step > mdd_cost(store, one) or step > mdd_cost(store, other):
         return NO_PATH
-    from_one, from_other = np.empty(MOST_CORNERS, np.int64), np.empty(MOST_CORNERS, np.int64)
-    to_one, to_other = np.empty(MOST_CORNERS, np.int64), np.empty(MOST_CORNERS, np.int64)
-    num_from_one = _corners(instance, store, one, at, step, -1, from_one)
-    num_from_other = _corners(instance, store, other, at, step, -1, from_other)
-    num_to_one = _corners(instance, store, one, at, step, 1, to_one)
-    num_to_other = _corners(instance, store, other, at, step, 1, to_other)
-    ways = np.empty((4, 2), np.int64)
-    for a in range(num_from_one - 1, -1, -1):
-        for b in range(num_from_other - 1, -1, -1):
-            for c in range(num_to_one - 1, -1, -1):
-                for d in range(num_to_other - 1, -1, -1):
-                    _ways(instance, store, one, at, -1, from_one[a], ways[0])
-                    _ways(instance, store, other, at, -1, from_other[b], ways[1])
-                    _ways(instance, store, one, at, 1, to_one[c], ways[2])
-                    _ways(instance, store, other, at, 1, to_other[d], ways[3])
-                    begins = only(store, one, from_one[a]), only(store, other, from_other[b])
-                    ends = only(store, one, to_one[c]), only(store, other, to_other[d])
+    corner, num, ways = np.empty((4, MOST_CORNERS), np.int64), np.empty(4, np.int64), np.empty((4, 2), np.int64)
+    for side in range(4):  # where ONE and OTHER come from, where they go
+        record, direction = one if side % 2 == 0 else other, -1 if side < 2 else 1
+        num[side] = _corners(instance, store, record, at, step, direction, corner[side])
+    for a in range(num[0] - 1, -1, -1):
+        for b in range(num[1] - 1, -1, -1):
+            for c in range(num[2] - 1, -1, -1):
+                for d in range(num[3] - 1, -1, -1):
+                    steps = corner[0, a], corner[1, b], corner[2, c], corner[3, d]
+                    for side in range(4):
+                        record, direction = one if side % 2 == 0 else other, -1 if side < 2 else 1
+                        _ways(instance, store, record, at, direction, steps[side], ways[side])
+                    begins, ends = (
+                        (only(store, one, steps[0]), only(store, other, steps[1])),
+                        (only(store, one, steps[2]), only(store, other, steps[3])),
+                    )
                     code = _barriers(instance, store, one, other, row, (begins, ends), ways)
                     if code != NO_PATH:
                         return code
