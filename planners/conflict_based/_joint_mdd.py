@@ -196,7 +196,7 @@ def _note_lost(store, lost, count, both_kept, moves, level):
 
 
 @kernel
-def joint_paths(instance, store, scratch, one, other, splits):
+def joint_paths(instance, store, scratch, one, other):
     """Shortest paths of two robots without a conflict, and where there are none, what to split on.
 
     Conflicts of moves that clash are not looked for: with these, TOGETHER may be said of robots that are LOST.
@@ -205,14 +205,12 @@ def joint_paths(instance, store, scratch, one, other, splits):
     ----------
     one, other
         Records with their MDDs.
-    splits
-        Whether to write constraints.
 
     Returns
     -------
     code, found, row0, middle, row1
-        OK, or why there is no room; APART, TOGETHER, LOST or UNKNOWN_YET; where LOST, the constraints of ONE and those of OTHER, if
-        wanted, one side of which each pair of paths without a conflict keeps.
+        OK, or why there is no room; APART, TOGETHER, LOST or UNKNOWN_YET; where LOST, the constraints of ONE and those of OTHER, one side
+        of which each pair of paths without a conflict keeps.
     """
     nothing = np.int64(0)
     if store.meta[one].mdd0 < 0 or store.meta[other].mdd0 < 0:
@@ -267,11 +265,10 @@ def joint_paths(instance, store, scratch, one, other, splits):
                 if after[a, b]:
                     one_kept_after[a], other_kept_after[b] = 1, 1
                     num_kept += 1
-        if splits:
-            level = one_begin, one_size, one_low, t
-            num_one = _note_lost(store, one_lost, num_one, (one_kept, one_kept_after), (one_first, one_to), level)
-            level = other_begin, other_size, other_low, t
-            num_other = _note_lost(store, other_lost, num_other, (other_kept, other_kept_after), (other_first, other_to), level)
+        level = one_begin, one_size, one_low, t
+        num_one = _note_lost(store, one_lost, num_one, (one_kept, one_kept_after), (one_first, one_to), level)
+        level = other_begin, other_size, other_low, t
+        num_other = _note_lost(store, other_lost, num_other, (other_kept, other_kept_after), (other_first, other_to), level)
         if num_kept == 0:
             found = LOST
             break
@@ -282,7 +279,7 @@ def joint_paths(instance, store, scratch, one, other, splits):
         pair, after = after, pair
         one_begin += one_size
         other_begin += other_size
-    if found != LOST or not splits:
+    if found != LOST:
         return OK, found, nothing, nothing, nothing
     row0 = store.used[ROWS]
     fits = _bar_lost(store, one_lost[:num_one], one_cost)

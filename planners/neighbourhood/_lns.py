@@ -151,7 +151,7 @@ def repair(traffic, labels, hood, pairs, iterations, rng):
         elif kind == 1:
             num = around_failure(traffic, hood, rng)
         else:
-            num = fill_by_hits(hood, 0, len(hood.saved), rng)
+            num = fill_by_hits(hood, len(hood.saved), rng)
         old = np.int64(0)
         for k in range(num):
             old += forget(hood, hood.robot[k])

@@ -171,10 +171,9 @@ def fill_any(hood, num, rng):
 
 
 @kernel(allocates=False)
-def fill_by_hits(hood, num, size, rng):
+def fill_by_hits(hood, size, rng):
     """Fill up to a size with robots by the number of their collisions."""
-    num_robots = len(hood.chosen)
-    total = np.int64(0)
+    num, num_robots, total = 0, len(hood.chosen), np.int64(0)
     for robot in range(num_robots):
         total += hood.num_hits[robot] + 1
     for _ in range(4 * size):
@@ -376,7 +375,7 @@ def around_collision(traffic, hood, rng):
 def around_failure(traffic, hood, rng):
     """A robot in collision, those that stand for good on its way, and those that pass its goal after it."""
     task = traffic.task
-    num = fill_by_hits(hood, 0, 1, rng)
+    num = fill_by_hits(hood, 1, rng)
     robot = hood.robot[0]
     if task.steps.shape[1] > 0:
         num = _fill_by_goals_on_the_way(traffic, hood, num, robot, rng)

@@ -197,11 +197,11 @@ def taken_at(moves, ray, lanes):
 
 
 @kernel(allocates=False)
-def safe_until(moves, table, v, t):
-    """The end of the safe interval of a vertex that step t is in; t or less if it is not in one."""
+def safe_until(moves, table, v):
+    """The end of the safe interval of a vertex that step 0 is in; 0 or less if it is not in one."""
     until = FOREVER
     for k in range(moves.at_first[v], moves.at_first[v + 1]):
-        until = min(until, next_begin(table, moves.at[k], t))
+        until = min(until, next_begin(table, moves.at[k], 0))
     return until
 
 
@@ -315,7 +315,7 @@ def find(ground, trip, most, latest, scratch):
     """
     (moves, table, at_rest, facing, weight), (start, start_heading, goal, goal_heading) = ground, trip
     scratch.searches[0] += 1
-    until = safe_until(moves, table, start, 0)
+    until = safe_until(moves, table, start)
     if until <= 0:
         return NO_PATH, 0
     scratch.lane[0] = -1

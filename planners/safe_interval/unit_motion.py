@@ -8,7 +8,7 @@ import numpy as np
 from mrp_sumo.core.graph import FloatArray, IntArray, PlanGraph
 from mrp_sumo.core.plan import Plan, plan_of_visits
 from mrp_sumo.core.problem import Problem
-from planners.safe_interval import _corridors, _disc_pairs, _disc_ways, _discs
+from planners.safe_interval import _corridors, _disc_pairs, _discs
 from planners.safe_interval.conflict_tree import TimedConflict
 
 MOST = 1024  # conflicts of one way
@@ -150,15 +150,15 @@ class UnitMotion:
         rows = [self._forbidden_by(path) for path in paths]
         moves, stays = (np.hstack([np.zeros((3, 0)), *(row[kind] for row in rows)]) for kind in range(2))
         rules: _discs.DiscConstraints = _discs.new_rules(max(moves.shape[1], stays.shape[1]))
-        _disc_ways.sort_rules(moves, len(self._lanes.tail), 0, rules)
-        _disc_ways.sort_rules(stays, len(self._lanes.first) - 1, 1, rules)
+        _discs.sort_rules(moves, len(self._lanes.tail), 0, rules)
+        _discs.sort_rules(stays, len(self._lanes.first) - 1, 1, rules)
         return rules
 
     def _forbidden_by(self, path: int) -> tuple[FloatArray, FloatArray]:
-        """[3, K] departures and [3, M] stays, see `_disc_ways.forbidden_by`."""
+        """[3, K] departures and [3, M] stays, see `_discs.forbidden_by`."""
         if path not in self._forbidden:
             while True:
-                rows, num_moves, num_stays = _disc_ways.forbidden_by(self._lanes, self._paths, path, self._room)
+                rows, num_moves, num_stays = _discs.forbidden_by(self._lanes, self._paths, path, self._room)
                 if num_moves >= 0:
                     break
                 self._room *= 4

@@ -21,7 +21,7 @@ def asked(seed, *, following):
     store, scratch = tree._buffers.store, tree._buffers.scratch
     for record in root.records:
         assert mdd_of(tree.instance, store, scratch, record) == st.OK
-    code, *told = joint_paths(tree.instance, store, scratch, *root.records, True)
+    code, *told = joint_paths(tree.instance, store, scratch, *root.records)
     assert code == st.OK
     return problem, tree, root, told
 
