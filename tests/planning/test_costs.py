@@ -3,7 +3,8 @@
 from dataclasses import replace
 
 import numpy as np
-from worlds import graph_of
+import pytest
+from worlds import graph_of, problem_on
 
 from mrp_sumo.core.fleet import fleet_of_types
 from mrp_sumo.core.problem import Problem
@@ -23,3 +24,9 @@ def test_each_robot_counts_the_lanes_of_its_own_type():
     assert costs_of(problem, "path").tolist() == [[1], [3]]
     shut = barred | (graph.head == 1) & (kind == 1)[:, None]
     assert costs_of(replace(problem, barred=shut), "path").tolist() == [[1], [np.inf]]
+
+
+@pytest.mark.parametrize(("kind", "cost"), [("path", 4), ("euclidean", 5.0), ("manhattan", 7.0)])
+def test_a_goal_four_lanes_away_is_five_metres_off_and_seven_along_the_axes(kind, cost):
+    graph = graph_of([(0, 0), (3, 0), (3, 2), (5, 2), (3, 4)], [(0, 1), (1, 2), (2, 3), (3, 4)], 1.0)
+    assert costs_of(problem_on(graph, [0], [4]), kind).tolist() == [[cost]]
