@@ -25,7 +25,7 @@ from mrp_sumo.search._earliest import NO_EDGE, earliest_arrival
 from mrp_sumo.search._occupancy import install_all, uninstall
 from mrp_sumo.search._space_time import TreeTables, find_path
 from planners.conflict_based.incumbent import Incumbent
-from planners.conflict_based.tree import Tree, limits
+from planners.conflict_based.tree import SearchLimits, Tree
 
 ASKED = (("random-32-32-20", 100), ("random-32-32-10", 200), ("airport_terminal_0.4", 20), ("warehouse-10-20-10-2-1", 200))
 PLENTY = 1 << 40
@@ -34,7 +34,7 @@ W = 1.2
 
 def focal(problem: Problem) -> tuple[int, float]:
     """(expansions, seconds) of space-time A*."""
-    tree = Tree(problem, limits(np.inf, 4000))
+    tree = Tree(problem, SearchLimits(np.inf, 4000))
     root = tree.root(W)
     assert root is not None
     for _ in range(6):  # so much room that no search is broken off for want of it
@@ -59,7 +59,7 @@ def focal(problem: Problem) -> tuple[int, float]:
 
 def earliest(problem: Problem) -> tuple[int, float]:
     """(expansions, seconds) of SIPP."""
-    tree = Tree(problem, limits(np.inf, 4000))
+    tree = Tree(problem, SearchLimits(np.inf, 4000))
     for _ in range(4):
         tree._buffers.grow_scratch()
     world, store, scratch = tree.instance, tree._buffers.store, tree._buffers.scratch
@@ -77,7 +77,7 @@ def earliest(problem: Problem) -> tuple[int, float]:
 
 def lns(problem: Problem) -> tuple[int, float]:
     """(labels, seconds) of large neighbourhood search, laying out its tables not counted."""
-    tree = Tree(problem, limits(np.inf, 4000))
+    tree = Tree(problem, SearchLimits(np.inf, 4000))
     other = Incumbent(problem, tree.instance.distance, np.inf)
     other.work(1, 0.0)
     before, began = other.labels, process_time()

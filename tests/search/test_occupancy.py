@@ -13,7 +13,7 @@ from mrp_sumo.search import _records as st
 from mrp_sumo.search._constraints import load
 from mrp_sumo.search._occupancy import MANY, ONE, WORD, install_all, steps_known, uninstall
 from mrp_sumo.search._space_time import FINISH, TreeTables, find_path
-from planners.conflict_based.tree import Tree, limits
+from planners.conflict_based.tree import SearchLimits, Tree
 
 pytestmark = pytest.mark.kernel
 
@@ -22,7 +22,7 @@ def root_of(free, start, goal, *, following=False):
     """A tree, and its root, in which paths collide."""
     robots = np.arange(len(start))
     problem = Problem(grid_graph(free, 1.0, (0.0, 0.0)), fleet_of(ROBOT, len(start)), np.array(start), np.array(goal), robots, 1.0)
-    tree = Tree(problem, limits(np.inf, 4000), following=following)
+    tree = Tree(problem, SearchLimits(np.inf, 4000), following=following)
     return tree, tree.root(1.0)
 
 
