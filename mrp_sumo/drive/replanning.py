@@ -4,7 +4,7 @@ Robots go on driving what they have been granted. One that can reach its goal no
 """
 
 from collections.abc import Collection, Mapping, Sequence
-from contextlib import nullcontext, suppress
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cache
 from time import process_time
@@ -51,6 +51,7 @@ class Situation:
     back: BoolArray  # [R] who turns round on its lane first
     left_alone: frozenset[int]  # robots that wait on their lanes
     cut_off: tuple[int, ...]  # robots that cannot reach where their tasks end
+    makes_way: bool  # whether some go elsewhere, since they would stand where another waits to come
 
 
 def request_for(now_s: float, context: Surroundings, robots: Sequence[int], reason: str, stop: IntArray | None = None) -> Request:
@@ -120,6 +121,7 @@ def situation(now_s: float, context: Surroundings, stays: BoolArray, end: IntArr
     standing = _standing(ledger, start, on_lane & ~waits)
     robots = np.flatnonzero(~waits)
     goal, cut_off = _goals(context.crew.site, robots, ~blocked, start[robots], end[robots])
+    in_way = np.zeros(len(robots), np.bool_)
     if makes_way and alone:
         wanted = np.concatenate([context.of_lane(r, int(visits.lane[context.ahead(r)])) for r in sorted(alone)])
         in_way = np.isin(robots, grants.holder[wanted]) & (goal == start[robots]) & (end[robots] != start[robots])
@@ -137,7 +139,7 @@ def situation(now_s: float, context: Surroundings, stays: BoolArray, end: IntArr
         standing=None if standing is None else Standing(*(column[robots] for column in vars(standing).values())),
         end_heading_rad=context.crew.end_heading_rad(robots, goal, goal != start[robots]),
     )
-    return Situation(request, waits, back, alone, tuple(int(robots[i]) for i in cut_off))
+    return Situation(request, waits, back, alone, tuple(int(robots[i]) for i in cut_off), bool(in_way.any()))
 
 
 def _standing(ledger: Ledger, start: IntArray, on_lane: BoolArray) -> Standing | None:
@@ -191,17 +193,24 @@ def _ways(
     """As `planned`, with robots [R] that stay."""
     left_out, end = np.ones(context.ledger.num_robots, np.bool_), context.ledger.end_of_tasks.copy()
     left_out[request.robot], end[request.robot] = False, request.end
-    ends = dict(zip(request.robot.tolist(), request.end.tolist()))
-    for makes_way in (True, False):
+
+    def situated(*, makes_way: bool) -> Situation:
         standing = situation(begin_s, context, left_out | stays, end, makes_way=makes_way)
-        if len(request.stop) > len(request.robot):
-            via = dict(zip(request.robot.tolist(), request.via))
-            reached = zip(standing.request.robot.tolist(), standing.request.stop.tolist())
-            passed = [via.get(r, ()) if goal == end[r] else () for r, goal in reached]
-            standing = replace(standing, request=with_stops_before(standing.request, passed))
-        with suppress(PlanError) if makes_way and standing.left_alone else nullcontext():
-            answer = replan(standing, context, planner, parameters, limits)
-            break
+        if len(request.stop) == len(request.robot):
+            return standing
+        via = dict(zip(request.robot.tolist(), request.via))
+        reached = zip(standing.request.robot.tolist(), standing.request.stop.tolist())
+        passed = [via.get(r, ()) if goal == end[r] else () for r, goal in reached]
+        return replace(standing, request=with_stops_before(standing.request, passed))
+
+    standing = situated(makes_way=True)
+    try:
+        answer = replan(standing, context, planner, parameters, limits)
+    except PlanError:
+        if not standing.makes_way:
+            raise
+        answer = replan(situated(makes_way=False), context, planner, parameters, limits)
+    ends = dict(zip(request.robot.tolist(), request.end.tolist()))
     return replace(answer, reason=request.reason, text="", ends=ends)
 
 
@@ -311,7 +320,7 @@ def _goals(problem: Problem, robots: IntArray, open_: BoolArray, start: IntArray
     goal, kind = start.copy(), problem.fleet.kind[robots]
     for k in np.unique(kind).tolist():
         mine = np.flatnonzero(kind == k)
-        reach = reach_m(problem.graph, open_ if problem.barred is None else open_ & ~problem.barred[k], start[mine])
+        reach = reach_m(problem.graph, _open_to(problem, open_, k), start[mine])
         reaches = np.isfinite(reach[np.arange(len(mine)), target[mine]])
         goal[mine[reaches]] = target[mine[reaches]]
     while True:  # who stays may stand on another's goal: that one stays too
@@ -322,12 +331,16 @@ def _goals(problem: Problem, robots: IntArray, open_: BoolArray, start: IntArray
         goal[contested] = start[contested]
 
 
+def _open_to(problem: Problem, open_: BoolArray, kind: int) -> BoolArray:
+    """[L] open lanes that are not barred to a type."""
+    return open_ if problem.barred is None else open_ & ~problem.barred[kind]
+
+
 def _out_of_the_way(problem: Problem, robots: IntArray, open_: BoolArray, start: IntArray, goal: IntArray, in_way: BoolArray) -> IntArray:
     """[K] goals of some robots, those in the way at the nearest vertex that is nobody's start or goal, if there is one."""
     goal = goal.copy()
     for i in np.flatnonzero(in_way).tolist():
-        free = open_ if problem.barred is None else open_ & ~problem.barred[int(problem.fleet.kind[robots[i]])]
-        away_m = reach_m(problem.graph, free, start[[i]])[0]
+        away_m = reach_m(problem.graph, _open_to(problem, open_, int(problem.fleet.kind[robots[i]])), start[[i]])[0]
         away_m[np.concatenate([start, goal])] = np.inf
         if np.isfinite(away_m).any():
             goal[i] = int(away_m.argmin())
