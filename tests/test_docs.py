@@ -3,7 +3,8 @@
 import argparse
 import re
 import shlex
-from dataclasses import dataclass, fields
+import tomllib
+from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 
@@ -13,11 +14,14 @@ from test_architecture import FLOORS, tool
 
 from mrp_sumo.cli.main import COMMANDS
 from mrp_sumo.core.driving import Planning
+from mrp_sumo.core.execution import Outcome
 from mrp_sumo.core.options import option
+from mrp_sumo.core.plan import Status
+from mrp_sumo.experiments.run import DISPATCHER_FAILED, POLICY_FAILED
 from mrp_sumo.io.documents import declared_in, keys_of
 from mrp_sumo.io.scenario.execution import ExecutionChoice
 from mrp_sumo.io.scenario.model import ScenarioModel
-from planners import PLUGINS
+from mrp_sumo.plugins.kinds import KINDS
 
 PROJECT = Path(__file__).resolve().parents[1]
 DOCUMENTS = [*(PROJECT / name for name in ("README.md", "CONTRIBUTING.md")), *sorted((PROJECT / "docs").glob("*.md"))]
@@ -107,12 +111,89 @@ def test_tables_of_the_pages_are_what_the_code_makes(path):
     assert text == tool("doc_tables").with_tables(text)
 
 
-def test_every_parameter_of_planners_is_explained():
-    text = (PROJECT / "docs" / "planners.md").read_text(encoding="utf-8").split("| parameter | meaning |")[1]
-    explained = set(re.findall(r"`(\w+)`", " ".join(re.findall(r"^\| (`.+?) \|", text, re.M))))
-    for name, where in PLUGINS["planners"].items():
-        module, _, kind = where.partition(":")
-        assert {field.name for field in fields(getattr(import_module(module), kind))} <= explained, name
+EXPLAINED_IN = {
+    "planners": "planners.md",
+    "assigners": "planners.md",
+    "dispatchers": "lifelong.md",
+    "policies": "execution.md",
+    "step_planners": "step_wise.md",
+}
+
+
+@pytest.mark.parametrize("kind", EXPLAINED_IN)
+def test_every_parameter_of_plug_ins_is_explained(kind):
+    page = (PROJECT / "docs" / EXPLAINED_IN[kind]).read_text(encoding="utf-8")
+    explained = set(re.findall(r"`(\w+)(?:`|: )", re.sub(r"<!-- table: .*?<!-- end -->", "", page, flags=re.S)))
+    unexplained = {key for one in tool("doc_tables")._plug_ins(kind, []) for key in one["parameters"]} - explained
+    assert not unexplained
+
+
+def first_column(page, head):
+    """Words in backticks of the first column of the table whose head begins so."""
+    text = (PROJECT / "docs" / page).read_text(encoding="utf-8")
+    rows = re.search(rf"^\| {re.escape(head)} \|.*?\n\n", text + "\n", re.M | re.S)[0]
+    return {word for cell in re.findall(r"^\| (.+?) \|", rows.partition("\n")[2], re.M) for word in re.findall(r"`([^`]+)`", cell)}
+
+
+def literals(folder, pattern):
+    """Groups of a pattern in the sources of a folder."""
+    texts = (path.read_text(encoding="utf-8") for path in sorted((PROJECT / "mrp_sumo" / folder).rglob("*.py")))
+    return {word for text in texts for word in re.findall(pattern, text)}
+
+
+def test_statuses_of_runs_are_listed():
+    no_plan = {f"planning_{one}" for one in Status} - {"planning_solved", "planning_planner_failed"}
+    assert first_column("scenario.md", "`status`") == {
+        *Outcome,
+        *no_plan,
+        "planner_failed",
+        POLICY_FAILED,
+        DISPATCHER_FAILED,
+        "audit_failed",
+        "refused",
+    }
+
+
+def test_rules_of_the_operations_audit_are_listed():
+    assert first_column("audits.md", "rule") == literals("metrics/operations", r"\b(?:Finding|of_order|of_stop)\(\s*\"([^\"]+)\"")
+
+
+def test_counts_of_the_audit_of_bodies_are_listed():
+    assert literals(
+        "metrics", r"\"(num_\w+_(?:violations|contacts|crossings|touches|outside|disagreements|collisions|jumps))\""
+    ) <= first_column("metrics.md", "key")
+
+
+def test_files_of_run_folders_are_listed():
+    assert literals("io", r"\"(\w+\.(?:parquet|jsonl))\"") - {"results.parquet"} <= first_column("logs.md", "file")
+
+
+def test_commands_that_listen_are_listed():
+    text = (PROJECT / "SECURITY.md").read_text(encoding="utf-8").partition("## What listens")[2]
+    listening = {name for name in COMMANDS if "--port" in options_of(parser_of(name))}
+    assert listening == {"replay", "run", "status", "studio"}
+    assert all(f"`{name}" in text for name in listening)
+
+
+def test_kinds_of_plug_ins_and_extras_are_listed():
+    kinds = re.search(r"^Kinds are (.+?)\.", (PROJECT / "docs" / "own_plugins.md").read_text(encoding="utf-8"), re.M)[1]
+    assert set(re.findall(r"`(\w+)`", kinds)) == set(KINDS)
+    extras = tomllib.loads((PROJECT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["optional-dependencies"]
+    named = re.search(r"^Extras.*?\n\n", (PROJECT / "README.md").read_text(encoding="utf-8"), re.M | re.S)[0]
+    assert {name for name in re.findall(r"`(\w+)`", named) if name != "Dockerfile"} == set(extras) - {"docs", "test"}
+
+
+def test_keys_that_pages_name_exist():
+    tables = tool("doc_tables")
+    sections = list(keys_of(ScenarioModel))
+    keys = {re.sub(r"\[\]", "", key) for section in ("", *sections) for key, _ in tables.keys_in(section)}
+    known = {".".join(key.split(".")[: depth + 1]) for key in keys for depth in range(key.count(".") + 1)}
+    wrong = set()
+    for path in DOCUMENTS:
+        for key in re.findall(rf"`(?:--set )?((?:{'|'.join(sections)})\.[a-z_0-9.]+)", path.read_text(encoding="utf-8")):
+            if key not in known and not key.startswith(FREE) and not key.endswith((".md", ".parquet", ".yaml", ".png")):
+                wrong.add(f"{path.name}: {key}")
+    assert not wrong
 
 
 def without_a_sentence(keys):
@@ -139,6 +220,7 @@ def test_key_without_a_sentence_is_noticed_and_a_new_key_changes_the_page(monkey
     assert "`execution.planning.flux`" in tables.with_tables("<!-- table: keys_execution -->\n<!-- end -->")
 
 
+FREE = ("planner.parameters.", "planner.chosen", "planner.why", "execution.policy.parameters.", "tasks.service_factor.", "tasks.stations.")
 EXAMPLES = ("name", "map.file", "robots.count", "robots.starts", "robots.goals", "execution.policy")
 
 
