@@ -63,7 +63,7 @@ def _counted(studies: Iterable[Any], per_h: Mapping[int, float], known_per_h: Ma
     for studied in studies:
         desk = Desk(studied.question, studied)
         answer = limits(coarse(desk))
-        count, runs = count + 1, runs + len(desk.asked)
+        count, runs = count + 1, runs + len(desk.trials)
         for name, holds in {**held(answer, per_h), "by_hand": by_hand(answer, known_per_h or {})}.items():
             shares[name] += holds
     found = {name: 100 * sum(of) / len(of) for name, of in sorted(shares.items()) if of}
@@ -97,9 +97,9 @@ def saving() -> Row:
     least, most = desk.question.sizes
     full = len(range(least, most + 1, 3)) * max(len(point.records) for point in found.curve.points.values())
     return {
-        "runs": len(desk.asked),
+        "runs": len(desk.trials),
         "full_grid": full,
-        "saving": full / len(desk.asked),
+        "saving": full / len(desk.trials),
         "peak": found.peak.estimate or 0,
         "cpu_s": time.process_time() - began,
     }

@@ -63,7 +63,6 @@ class Ask(NamedTuple):
 
 
 def _of_lifts(log: FacilityLog) -> Iterator[Ask]:
-    """What robots ask of lifts."""
     for lift, name in enumerate(log.lift_name):
         was, level = NOBODY, -1
         for row in np.flatnonzero(log.lift == lift).tolist():
@@ -76,7 +75,6 @@ def _of_lifts(log: FacilityLog) -> Iterator[Ask]:
 
 
 def _of_doors(log: FacilityLog) -> Iterator[Ask]:
-    """What robots ask of doors."""
     shut = [k for k, state in enumerate(DOOR_STATES) if state in ("closed", "closing")]
     for door, name in enumerate(log.door_name):
         was = NOBODY
@@ -99,7 +97,6 @@ def _request(m: Messages, ask: Ask) -> bytes:
 
 
 def _session(m: Messages, robot: int) -> str:
-    """Who asks."""
     return f"{FLEET_NAME}/{m.robots[robot]}" if robot >= 0 else ""
 
 

@@ -113,7 +113,6 @@ def write_archive(log: MotionLog, about: ArchiveHead, out: Path, map_: Path | No
 
 
 def _manifest(log: MotionLog, about: ArchiveHead, folder: Path) -> dict[str, Any]:
-    """The manifest of tables that are written."""
     times = [row[0] for rows in log.poses.values() for row in rows]
     rows = {STATES: len(times), ORDERS: len(log.orders), EVENTS: len(list(_rows_of(log)))}
     names = sorted({*log.poses, *(v.vehicle for v in log.visits), *(o.vehicle for o in log.orders if o.vehicle)})

@@ -71,7 +71,6 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _stops(out: Path, office: "RunResult", warehouse: "RunResult", num_runs: int) -> tuple["TourPage", ...]:
-    """Pages of the tour, in its order."""
     from mrp_sumo.reports.tour import TourPage
 
     done = warehouse.metrics

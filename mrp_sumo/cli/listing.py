@@ -65,7 +65,6 @@ def _plug_ins(kind: str, faults: list[str]) -> list[Entry]:
 
 
 def _files(what: str) -> list[Entry]:
-    """What comes with the program as files."""
     from mrp_sumo.maps.catalogue import bundled_folder, bundled_maps
 
     if what == "maps":
@@ -100,7 +99,6 @@ def _files(what: str) -> list[Entry]:
 
 
 def _formats() -> str:
-    """The formats of all map readers."""
     from mrp_sumo.plugins.registry import make, names
 
     readers = [make("readers", name, {}) for name in names("readers")]

@@ -123,7 +123,6 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _check_watching(options: argparse.Namespace) -> None:
-    """Refuse options of what is not asked for."""
     if not (options.live or options.foxglove):
         only_for("--live and --foxglove", port=options.port)
     if not options.dds:

@@ -120,7 +120,6 @@ def _log(path: Path) -> Iterator[TextIO]:
 
 
 def _be_driven(session: Session, stack: ExitStack) -> int:
-    """Be vehicles."""
     from mrp_sumo.experiments.run import interrupts
     from mrp_sumo.wire.fleet import Reporting, VirtualFleet
     from mrp_sumo.wire.mqtt import VehicleLink, encoded

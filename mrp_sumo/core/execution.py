@@ -75,7 +75,7 @@ class GrantLog:
 class PlannerCalls:
     """Counts of the planner's answers while robots drove to tasks."""
 
-    asked: int = 0
+    requests: int = 0
     late: int = 0  # used up their effort without a plan: robots kept what they had
     failed: int = 0  # found no plan, or none that could be driven from where robots were: likewise
     stepped: int = 0  # of late and failed ones, answered by PIBT instead, since the one before had failed, too

@@ -150,7 +150,6 @@ def with_loads(fleet: Fleet, is_loaded: BoolArray) -> Fleet:
 
 
 def _columns(types: Sequence[RobotShape], kind: IntArray) -> dict[str, Any]:
-    """Limits by robot."""
     return {name: frozen(np.array([getattr(each, OF_TYPE.get(name, name)) for each in types], np.float64)[kind]) for name in LIMITS}
 
 

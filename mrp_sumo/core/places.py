@@ -55,7 +55,6 @@ def beside(nav: NavGraph, name: str) -> str:
 
 
 def _squares(graph: PlanGraph) -> Places:
-    """Squares of cells."""
     side = SQUARE * graph.cell_m
     cell = np.floor((graph.xy - graph.xy.min(0)) / side + 1e-9).astype(np.int64)
     square, of_vertex = np.unique(cell, axis=0, return_inverse=True)

@@ -252,8 +252,8 @@ class RobotShape(Options):
 
     def _check_availability(self) -> None:
         if (self.mtbf_h is None) != (self.mttr_h is None):
-            given, missing = ("mttr_h", "mtbf_h") if self.mtbf_h is None else ("mtbf_h", "mttr_h")
-            raise OptionError(f"{given} without {missing}, expected both: a robot that fails is repaired")
+            present, missing = ("mttr_h", "mtbf_h") if self.mtbf_h is None else ("mtbf_h", "mttr_h")
+            raise OptionError(f"{present} without {missing}, expected both: a robot that fails is repaired")
         if self.mtbf_h is None:
             wrong = next((key for key in ("mttr_sigma", "tow_s") if getattr(self, key) is not None), "")
             wrong = "mtbf_shape" if self.mtbf_shape != 1.0 else wrong

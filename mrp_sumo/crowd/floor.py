@@ -162,7 +162,6 @@ def _outside_lifts(building: Building, level: Level, x: FloatArray, y: FloatArra
 
 
 def _free_cells(free: BoolArray, corner: FloatArray, cell_m: float, x: FloatArray, y: FloatArray) -> BoolArray:
-    """The free cells of a grid."""
     row, column = ((y - corner[1]) / cell_m).astype(np.int64), ((x - corner[0]) / cell_m).astype(np.int64)
     mask: BoolArray = free[np.clip(row, 0, free.shape[0] - 1)[:, None], np.clip(column, 0, free.shape[1] - 1)]
     return mask

@@ -133,10 +133,8 @@ class Watching(Watcher):
         self.progress = progress
 
     def report(self, line: str) -> None:
-        """See Watcher."""
         warnings.warn(line, stacklevel=2)
 
     def show(self) -> None:
-        """See Watcher."""
         if self.progress:
             self.progress(self.num_done, self.num_runs)

@@ -23,18 +23,18 @@ if TYPE_CHECKING:
 class Capacity:
     """The answer of a study."""
 
-    found: Answer
+    study: Answer
     page: Path  # one HTML file for any browser
 
     @property
     def answer(self) -> dict[str, Any]:
         """As `mrp-sumo capacity --json` prints it."""
-        return dict(self.found.document["answer"])
+        return dict(self.study.document["answer"])
 
     @property
     def sentence(self) -> str:
         """The answer in words."""
-        return self.found.sentence
+        return self.study.sentence
 
     @property
     def curve(self) -> "pandas.DataFrame":
@@ -48,7 +48,7 @@ class Capacity:
         """A row for each number of robots: mean parts of an order's time, in s."""
         import pandas as pd
 
-        rows = [{"robots": point.robots, **{f"{part}_s": cycle(point)[part] for part in PARTS}} for point in self.found.points]
+        rows = [{"robots": point.robots, **{f"{part}_s": cycle(point)[part] for part in PARTS}} for point in self.study.points]
         return pd.DataFrame(rows)
 
     @property
@@ -56,7 +56,7 @@ class Capacity:
         """A row for each number of robots and station or place: kind, name, utilisation, waited_s_per_h; the heaviest first."""
         import pandas as pd
 
-        rows = [{"robots": of.robots, **vars(share)} for of in self.found.reasons for share in (*of.stations, *of.places)]
+        rows = [{"robots": of.robots, **vars(share)} for of in self.study.reasons for share in (*of.stations, *of.places)]
         return pd.DataFrame(rows, columns=["robots", "kind", "name", "utilisation", "waited_s_per_h"])
 
     @property
@@ -73,7 +73,7 @@ class Capacity:
 
     @property
     def _summary(self) -> Summary:
-        rows: list[tuple[str, object]] = [("answer", self.sentence), *(("note", note) for note in self.found.notes), ("page", self.page)]
+        rows: list[tuple[str, object]] = [("answer", self.sentence), *(("note", note) for note in self.study.notes), ("page", self.page)]
         return summary(f"Capacity of {self.answer['scenario']}", rows)
 
     def __repr__(self) -> str:

@@ -44,7 +44,7 @@ SHAPES_PROBLEM = (
 class Run:
     """A run that has ended: just now, or long ago in the folder it was read from."""
 
-    kept: RunResult | run_reader.RunFolder
+    content: RunResult | run_reader.RunFolder
 
     @property
     def status(self) -> str:
@@ -59,71 +59,71 @@ class Run:
     @property
     def metrics(self) -> dict[str, Any]:
         """Every metric by name; None where one does not exist."""
-        return self.kept.metrics
+        return self.content.metrics
 
     @property
     def audit(self) -> dict[str, Any] | None:
         """The audit of the trajectory; None where nothing was driven."""
-        return self.kept.audit
+        return self.content.audit
 
     @property
     def result(self) -> dict[str, Any]:
         """As in `result.json`."""
-        return self.kept.result
+        return self.content.result
 
     @property
     def folder(self) -> Path | None:
         """The run folder it was read from; None for a run in memory."""
-        return self.kept.folder if isinstance(self.kept, run_reader.RunFolder) else None
+        return self.content.folder if isinstance(self.content, run_reader.RunFolder) else None
 
     @property
     def executed(self) -> bool:
         """True where there is a trajectory."""
-        return self.kept.executed
+        return self.content.executed
 
     @property
     def plan(self) -> Plan | None:
         """Visits as arrays; None when there is no plan."""
-        return self.kept.plan
+        return self.content.plan
 
     @property
     def graph(self) -> PlanGraph:
         """The graph that was planned on."""
-        return self.kept.graph
+        return self.content.graph
 
     @property
     def fleet(self) -> Fleet:
-        return self.kept.fleet
+        return self.content.fleet
 
     @property
     def trajectory(self) -> "pandas.DataFrame":
         """One row per robot and sample: t_s, robot, x_m, y_m, yaw_rad, speed_mps."""
-        return self.kept.trajectory
+        return self.content.trajectory
 
     @property
     def visits(self) -> "pandas.DataFrame":
         """One row per planned visit: robot, visit, vertex, x_m, y_m, arrive_s, depart_s, arrived_s."""
-        return self.kept.visits
+        return self.content.visits
 
     @property
     def events(self) -> "pandas.DataFrame":
         """One row per event: t_s, kind, robot, vertex, x_m, y_m, other, duration_s, text."""
-        return self.kept.events
+        return self.content.events
 
     @property
     def samples(self) -> "Trajectory":
         """The trajectory as arrays [T, R]."""
-        return self.kept.samples
+        return self.content.samples
 
     @property
     def believed(self) -> "Trajectory | None":
         """The poses that robots believed to have, [T, R]; None where these are the true ones."""
-        return self.kept.believed
+        return self.content.believed
 
     @property
     def execution(self) -> Execution | None:
         """Trajectory, arrivals and events as arrays."""
-        return self.kept.execution
+        return self.content.execution
 
     def plot(self, at_s: float | None = None) -> "Picture":
         """Draw the run at a moment: robots with heading and state, where they came from, where the plan has them.
@@ -147,8 +147,8 @@ class Run:
         from mrp_sumo.reports.pictures.view import view_record
 
         if at_s is None:
-            at_s = round(float(view_record(self.kept).execution.t_s[-1]) / 2, 1)
-        return still(self.kept, at_s)
+            at_s = round(float(view_record(self.content).execution.t_s[-1]) / 2, 1)
+        return still(self.content, at_s)
 
     def replay(self) -> "Replay":
         """The page that replays the run; notebooks show it, `write` makes a file of it for any browser.
@@ -160,7 +160,7 @@ class Run:
         """
         from mrp_sumo.reports.replay.page import page_of
 
-        return Replay(self.kept.source, page_of(self.kept))
+        return Replay(self.content.source, page_of(self.content))
 
     def save(self, folder: str | Path) -> Path:
         """Write the run folder, as `mrp-sumo run` does: everything above, and the rosbag.
@@ -175,9 +175,9 @@ class Run:
         MrpSumoError
             When the folder holds something else, or the run is in a folder already.
         """
-        if isinstance(self.kept, run_reader.RunFolder):
-            raise MrpSumoError(f"{self.kept.source}: is a run folder already; copy it")
-        self.kept.write(Path(folder), shared_maps())
+        if isinstance(self.content, run_reader.RunFolder):
+            raise MrpSumoError(f"{self.content.source}: is a run folder already; copy it")
+        self.content.write(Path(folder), shared_maps())
         return Path(folder)
 
     @property

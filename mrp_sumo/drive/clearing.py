@@ -42,11 +42,11 @@ def cleared(
     """
     at = {v: r for r, v in idle.items()}
     for n in _front_first(ways):
-        way = ways[n]
-        for k in range(1, len(way)):
-            if way[k] not in at or (k < len(way) - 1 and passable(n, way[k])):
+        route = ways[n]
+        for k in range(1, len(route)):
+            if route[k] not in at or (k < len(route) - 1 and passable(n, route[k])):
                 continue
-            path = _path_off(graph, way, k, closed, taken | at.keys(), near)
+            path = _path_off(graph, route, k, closed, taken | at.keys(), near)
             for behind, ahead in _moves(path, at):
                 at[ahead] = at.pop(behind)
     return {r: v for v, r in at.items() if idle[r] != v}
@@ -62,17 +62,17 @@ def _front_first(ways: Sequence[Sequence[int]]) -> list[int]:
     return order
 
 
-def _path_off(graph: PlanGraph, way: Sequence[int], k: int, closed: set[int], taken: set[int], near: Near) -> list[int]:
-    """The vertices from the k-th of a way to the nearest off it, best ahead of who comes and clear of it; the k-th alone: none."""
-    rest = way[k:]
+def _path_off(graph: PlanGraph, route: Sequence[int], k: int, closed: set[int], taken: set[int], near: Near) -> list[int]:
+    """The vertices from the k-th of a route to the nearest off it, best ahead of who comes and clear of it; the k-th alone: none."""
+    rest = route[k:]
 
     def off(v: int) -> bool:
-        return v not in way and v not in taken and not graph.vertex_options[v].get("is_passthrough_point")
+        return v not in route and v not in taken and not graph.vertex_options[v].get("is_passthrough_point")
 
-    for barred in (closed | set(way[:k]), closed):
-        if path := _nearest(graph, way[k], barred, lambda v: off(v) and not near(v, rest)) or _nearest(graph, way[k], barred, off):
+    for barred in (closed | set(route[:k]), closed):
+        if path := _nearest(graph, route[k], barred, lambda v: off(v) and not near(v, rest)) or _nearest(graph, route[k], barred, off):
             return path
-    return [way[k]]
+    return [route[k]]
 
 
 def _nearest(graph: PlanGraph, start: int, barred: set[int], fits: Callable[[int], bool]) -> list[int]:

@@ -181,7 +181,6 @@ class Controller:
 
 
 def _kinematics(fleet: Fleet, step_s: float) -> Kinematics:
-    """Limits as they are now."""
     return Kinematics(
         speed_mps=fleet.max_speed_mps,
         decel_mps2=fleet.decel_mps2,

@@ -131,7 +131,6 @@ class FacilityRecorder(Listener):
         self._from = facilities.car.copy()  # levels where rides begin
 
     def hear(self, snapshot: Moment) -> None:
-        """See Listener."""
         now = self._facilities
         target = np.where(now.mode == _facilities.COMING, now.target, now.car)
         doors, motion = np.where(now.mode == _facilities.CLOSED, 0, OPEN), np.zeros(len(target), np.int64)

@@ -38,9 +38,9 @@ class GivingWay:
 
 def who_gives_way(context: Surroundings, ring: Sequence[int], disturbed: BoolArray, now: float) -> tuple[GivingWay, Reroute] | None:
     """The robot of a ring of waiting ones that gives way, and how; None if nobody can."""
-    for asked in (list(ring), _behind(context.state, ring)):
+    for candidates in (list(ring), _behind(context.state, ring)):
         best: tuple[float, int, list[int], tuple[int, ...]] | None = None
-        for robot in asked:
+        for robot in candidates:
             if disturbed[robot] or not context.stands(robot):
                 continue
             others = tuple(other for other in ring if other != robot)

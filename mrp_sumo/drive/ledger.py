@@ -668,7 +668,6 @@ def replies_of(ledger: Ledger) -> tuple[Reply, ...]:
 
 
 def _at_starts(start: IntArray) -> Plan:
-    """The plan of robots that stay where they are."""
     num_robots = len(start)
     return Plan(frozen(np.arange(num_robots + 1)), start, frozen(np.zeros(num_robots)), frozen(np.full(num_robots, np.inf)))
 

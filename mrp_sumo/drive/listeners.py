@@ -80,7 +80,6 @@ class Recorder(Listener):
         self._columns = tuple(SpooledTemporaryFile(max_size=IN_MEMORY) for _ in range(num_columns))  # noqa: SIM115 they are read at the end
 
     def hear(self, snapshot: Moment) -> None:
-        """See Listener."""
         if not snapshot.is_sample:
             return
         motion, row = snapshot.ledger.state.motion, self.room(snapshot.ledger)[0]
@@ -192,7 +191,6 @@ class EventLog(Listener):
     events: list[Event] = field(default_factory=list)
 
     def hear(self, snapshot: Moment) -> None:
-        """See Listener."""
         self.events += snapshot.events
 
 
@@ -204,7 +202,6 @@ class GrantRecorder(Listener):
         self._rows: list[tuple[FloatArray, IntArray, IntArray]] = []
 
     def hear(self, snapshot: Moment) -> None:
-        """See Listener."""
         visits = snapshot.ledger.visits
         granted = 2 * visits.rank[visits.granted] + snapshot.ledger.state.grants.on_lane
         more = np.flatnonzero(granted != self.known)
@@ -237,7 +234,6 @@ class Witness(Listener):
         return len(self.t_s) * COMPARE_EVERY_S
 
     def hear(self, snapshot: Moment) -> None:
-        """See Listener."""
         if snapshot.is_sample and (snapshot.is_last or snapshot.now_s >= self.due_s):
             visits, graph = snapshot.ledger.visits, snapshot.ledger.graph
             xy_m = snapshot.bodies.positions()
@@ -259,7 +255,6 @@ class ProgressReport(Listener):
     is_patient = True
 
     def hear(self, snapshot: Moment) -> None:
-        """See Listener."""
         if snapshot.now_s >= self.due_s and not snapshot.is_last:
             self.due_s = math.floor(snapshot.now_s) + 1.0
             self.report(snapshot.now_s, int(np.isfinite(snapshot.ledger.state.waits.goal_s).sum()))

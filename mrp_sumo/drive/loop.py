@@ -503,7 +503,6 @@ class Drive:
 
 
 def _execution(drive: Drive, plan: Plan, records: Records) -> Execution:
-    """All that was recorded."""
     settings, ledger, what = drive.settings, drive.ledger, drive.settings.disturbances
     x, y, yaw, speed, level, hitch = records.samples.samples(ledger)
     believed = None

@@ -166,7 +166,6 @@ class PeopleRecorder(Listener):
     rows: list[tuple[Any, ...]] = field(default_factory=list)
 
     def hear(self, snapshot: Moment) -> None:
-        """See Listener."""
         crowd = self.bystanders.crowd
         if snapshot.is_sample and crowd is not None:
             who, n = crowd.walkers, crowd.count
@@ -218,7 +217,6 @@ class PeopleInGui(Listener):
     crowd: Crowd
 
     def hear(self, snapshot: Moment) -> None:
-        """See Listener."""
         who, n = self.crowd.walkers, self.crowd.count
         cast(SumoEngine, snapshot.bodies).show_people(np.stack([who.x_m[:n], who.y_m[:n]], 1), BODY_M)
 

@@ -51,8 +51,8 @@ class RobotPlaces:
         steps = np.minimum.reduce([self._distances(robot).to(v) for v in stop.places])
         return int(steps[steps < UNREACHABLE].max(initial=0))
 
-    def way(self, robot: int, at: int, stop: Stop, blocked: set[int]) -> list[int]:
-        """The vertices of a shortest way from one to the nearest place of a stop, both included; just the first where there is none.
+    def route(self, robot: int, at: int, stop: Stop, blocked: set[int]) -> list[int]:
+        """The vertices of a shortest route from one to the nearest place of a stop, both included; just the first where there is none.
 
         It passes no `blocked` vertex unless every way does.
         """
@@ -65,15 +65,15 @@ class RobotPlaces:
         reach = self._reach(robot, at, blocked - {at})
         return any(reach[v] < UNREACHABLE for v in stop.places)
 
-    def can_let_pass(self, robot: int, at: int, way: Sequence[int], blocked: set[int], *, back: bool = False) -> bool:
-        """True if a robot that stands on another's way can get off it without passing the way's end or some others.
+    def can_let_pass(self, robot: int, at: int, route: Sequence[int], blocked: set[int], *, back: bool = False) -> bool:
+        """True if a robot that stands on another's route can get off it without passing its end or some others.
 
         It passes the other one only if both may drive `back`, to a crossing of three lanes or more.
         """
-        reach = self._reach(robot, at, blocked | ({way[-1]} if back else {way[0], way[-1]}))
+        reach = self._reach(robot, at, blocked | ({route[-1]} if back else {route[0], route[-1]}))
         if back and not (np.diff(self._graph(robot).first)[reach < UNREACHABLE] >= CROSSING).any():
             return False
-        reach[list({*way, *blocked})] = UNREACHABLE
+        reach[list({*route, *blocked})] = UNREACHABLE
         return bool((reach < UNREACHABLE).any())
 
     def has_room(self, robot: int, stops: Sequence[Stop]) -> bool:
@@ -198,7 +198,7 @@ class RobotPlaces:
 
     def _aside(self, robot: int, at: int, stop: Stop, blocked: set[int], comes: int, taken: set[int]) -> int | None:
         """The vertex nearest to a robot that is none of the way of another that comes to where it is; None: its own way is none of it."""
-        if comes not in self.way(robot, at, stop, blocked):
+        if comes not in self.route(robot, at, stop, blocked):
             return None
         reach = self._reach(robot, at, blocked | {comes})
         reach[list({at, *taken, *self._way(robot, comes, at)})] = UNREACHABLE
@@ -327,13 +327,13 @@ class RobotPlaces:
     def _way(self, robot: int, start: int, end: int, blocked: set[int] | None = None) -> list[int]:
         """The vertices of a shortest way, both ends included; it passes no `blocked` vertex unless every way does."""
         graph = self._graph(robot)
-        way = _downhill(graph, start, end, self._distances(robot).to(end))
-        if not blocked or blocked.isdisjoint(way[1:]):
-            return way
+        route = _downhill(graph, start, end, self._distances(robot).to(end))
+        if not blocked or blocked.isdisjoint(route[1:]):
+            return route
         steps, queue = np.empty(graph.num_vertices, np.int32), np.empty(graph.num_vertices, np.int64)
         steps_to(end, *reversed_lanes(*_without(graph, blocked)), steps, queue)
         if steps[start] >= UNREACHABLE:
-            return way
+            return route
         steps[list(blocked - {start, end})] = UNREACHABLE
         return _downhill(graph, start, end, steps)
 
@@ -384,11 +384,11 @@ def _before(at: int, routes: Sequence[Sequence[int]], reach: StepArray) -> set[i
 
 def _downhill(graph: PlanGraph, start: int, end: int, steps: StepArray) -> list[int]:
     """The vertices of a way on which the steps to its end become fewer, both ends included."""
-    way = [start]
-    while way[-1] != end:
-        v = way[-1]
-        way.append(min(graph.head[graph.first[v] : graph.first[v + 1]].tolist(), key=lambda u: (int(steps[u]), u)))
-    return way
+    route = [start]
+    while route[-1] != end:
+        v = route[-1]
+        route.append(min(graph.head[graph.first[v] : graph.first[v + 1]].tolist(), key=lambda u: (int(steps[u]), u)))
+    return route
 
 
 def _without(graph: PlanGraph, vertices: set[int], *, tails: bool = False) -> tuple[IntArray, IntArray]:

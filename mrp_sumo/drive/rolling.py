@@ -87,7 +87,7 @@ class Rolling:
             ways = None
             report(str(error))
             self._count(late=isinstance(error, LatePlanError), failed=not isinstance(error, LatePlanError))
-        self._count(asked=1, wall_time_s=perf_counter() - began)
+        self._count(requests=1, wall_time_s=perf_counter() - began)
         if self.calls.cpu_time_s is not None:
             self._count(cpu_time_s=_cpu_s() - cpu_began_s)
         self.answer = WindowAnswer(request, ways, now_s + planning.budget_s)

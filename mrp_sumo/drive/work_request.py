@@ -212,7 +212,7 @@ def in_turn(
             continue
         nearer = [s for s in wished[n + 1 :] if s not in order and away[s] < away[r] and stops[s].places == stops[r].places]
         if nearer:
-            route = places.way(r, int(start[r]), stops[r], stands)
+            route = places.route(r, int(start[r]), stops[r], stands)
             new = [s for s in nearer if r in aged or came_s[s] == np.inf]
             later = [s for s in new if _sets_out_s(crew, s, task[s]) > came_s[r]]
             ahead = [s for s in nearer if int(start[s]) in route]

@@ -49,7 +49,6 @@ def logs_in(run: RunFolder) -> Logs | None:
 
 
 def _terms(file: ScenarioFile, graph: PlanGraph, nav: NavGraph, num_robots: int, step_s: float, doors_xy: FloatArray) -> Terms:
-    """What a scenario asks for."""
     models = robot_types(file)
     kind = np.repeat(np.arange(len(models)), [group.size for group in file.scenario.robots.groups])[:num_robots]
     tasks, planning = file.scenario.tasks, file.scenario.execution.planning

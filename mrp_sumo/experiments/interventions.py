@@ -54,7 +54,6 @@ class Interventions(Listener):
         return ""
 
     def interventions(self, now_s: float) -> list[Intervention]:
-        """See Listener."""
         due: list[Intervention] = []
         while not self._asked.empty():
             choice, wishes = self._asked.get()(now_s)
@@ -101,7 +100,6 @@ def _lasts(more: Mapping[str, Any]) -> float | None:
 
 
 def _with(file: ScenarioFile, choice: Done) -> ScenarioFile:
-    """A scenario with one key more."""
     scenario = file.scenario
     if isinstance(choice, TaskChoice):
         assert scenario.tasks is not None

@@ -252,7 +252,6 @@ def _num_robots(setup: SetUp, wanted: int | None) -> tuple[int, str]:
 
 
 def _proposal(map_values: Mapping[str, Any], name: str, setup: SetUp, stations: Stations, num_robots: int, wishes: Wishes) -> Proposal:
-    """The scenario, and why it is so."""
     groups, stops, choice = stations.groups, stations.stops, setup.scenario.discretisation
     trip_s = _trip_s(setup, [groups[stop] for stop in stops])
     service_s = SERVICE_S[1] if wishes.service_s is None else wishes.service_s

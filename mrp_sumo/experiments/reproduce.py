@@ -104,7 +104,6 @@ def _files_that_differ(before: Mapping[str, Any], after: Mapping[str, Any], old:
 
 
 def _without_clocks(result: dict[str, Any]) -> dict[str, Any]:
-    """A result without what clocks and versions say."""
     plan = {key: value for key, value in (result.get("plan") or {}).items() if key != "clock_limited"}
     stats = plan.get("stats")
     if isinstance(stats, dict):

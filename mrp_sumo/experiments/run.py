@@ -81,7 +81,6 @@ class Interrupt(Listener):
     is_patient = True
 
     def wants_end(self) -> bool:
-        """See Listener."""
         return self.is_pressed
 
 
@@ -208,10 +207,10 @@ def _with_work_judged(result: "RunResult") -> "RunResult":
 def _unanswered(execution: Execution) -> str:
     """A line for people where the planner had no answer to most of what it was asked while robots drove, '' elsewhere."""
     calls = execution.calls
-    if calls is None or calls.failed + calls.late <= calls.asked / 2:
+    if calls is None or calls.failed + calls.late <= calls.requests / 2:
         return ""
     why = next((event.text for event in execution.events if event.kind == "unresolved"), "")
-    return f"{calls.failed + calls.late} of {calls.asked} requests had no answer{f', at first: {why}' if why else ''}"
+    return f"{calls.failed + calls.late} of {calls.requests} requests had no answer{f', at first: {why}' if why else ''}"
 
 
 def _execute(

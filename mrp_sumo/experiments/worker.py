@@ -54,7 +54,6 @@ def measure_and_trace(job: Job, maps: MapCache) -> Answer:
 
 
 def _made(job: Job, maps: MapCache) -> "tuple[Answer, RunResult | None]":
-    """The answer, and the run where it came to one."""
     from mrp_sumo.experiments.run import RunOptions, carry_out
     from mrp_sumo.metrics.evaluate import succeeded
 

@@ -101,7 +101,6 @@ def _of_2026(path: Path, document: dict[str, Any]) -> tuple[int, float]:
 
 
 def _delays_of(path: Path, document: Any) -> DelayLaw:
-    """The law of delays of a problem."""
     if not isinstance(document, dict):
         raise PlanError(f"{path.name}: delayConfig is {document!r:.40}, expected an object with {', '.join(DELAYS)}")
     values = []

@@ -58,7 +58,6 @@ def write_plan(path: Path, problem: Problem, plan: Plan, *, has_goals: bool = Tr
 
 
 def _headings(problem: Problem, plan: Plan, robot: int) -> dict[str, float | None]:
-    """What a robot's headings are, if any have one."""
     headings = {}
     if problem.start_heading_rad is not None:
         headings["start_heading_rad"] = float(problem.heading_at_start[robot])

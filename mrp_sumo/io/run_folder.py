@@ -235,8 +235,6 @@ def _write_evidence(folder: Path, run: EndedRun) -> None:
 
 
 def _answers(problem: Problem, result: PlanResult, verdict: Verdict | None) -> dict[str, Any]:
-    """Answers of planner and referee."""
-
     def conflict(c: Conflict) -> dict[str, Any]:
         names, graph = problem.fleet.robot_name, problem.graph
         conflict = {"kind": c.kind, "robots": [names[c.robot], names[c.other]], "vertex": graph.label(c.vertex), "t_s": c.t_s}

@@ -240,7 +240,6 @@ def _league(names: _Names, path: Path, free: BoolArray, begin: int) -> Iterator[
 
 
 def _checked(names: _Names, path: Path, content: Any, begin: int) -> list[Task]:
-    """Tasks of a document."""
     if not isinstance(content, list) or not content:
         raise ScenarioError(f"{shortened(path)}: found no tasks, expected a list of them")
     tasks = []
@@ -258,7 +257,6 @@ def _checked(names: _Names, path: Path, content: Any, begin: int) -> list[Task]:
 
 
 def _read(names: _Names, path: Path, begin: int) -> list[Task]:
-    """The tasks of a CSV file."""
     return [_task(names.of_line(line), (), task, number) for number, (line, task) in enumerate(choices_in(path), begin)]
 
 

@@ -159,7 +159,6 @@ def _of_type(vehicle: _VehicleType, properties: dict[str, Any]) -> dict[str, Any
 
 
 def _stations(nav: NavGraph, vertices: Iterable[int], names: list[str]) -> list[dict[str, Any]]:
-    """Stations of a level with their nodes."""
     nodes: dict[str, list[str]] = {}
     for v in vertices:
         for station in stations_of(nav.vertex_options[v]):

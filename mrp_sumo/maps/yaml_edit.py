@@ -54,7 +54,6 @@ def text_of(document: Mapping[str, Any]) -> str:
 
 
 def _block(value: Mapping[str, Any], indent: int, depth: int) -> Iterator[str]:
-    """The lines of a mapping."""
     for key, content in value.items():
         name = f"{' ' * indent}{scalar(key)}:"
         if isinstance(content, Mapping) and content and depth < BLOCK_DEPTH - 1:
@@ -68,7 +67,6 @@ def _block(value: Mapping[str, Any], indent: int, depth: int) -> Iterator[str]:
 
 
 def _flow(value: Any) -> str:
-    """A value on one line."""
     if isinstance(value, Mapping):
         return f"{{{', '.join(f'{scalar(key)}: {_flow(content)}' for key, content in value.items())}}}"
     if isinstance(value, list):

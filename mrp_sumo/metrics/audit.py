@@ -170,7 +170,6 @@ class Parts(Fleet):
 
 
 def _with_trailers(execution: Execution, fleet: Fleet, level: IntArray | None) -> tuple[Execution, Fleet, IntArray | None]:
-    """The execution with trailers as robots of their own."""
     if not execution.hitch_rad:
         return execution, fleet, level
     bodies = bodies_of(execution, fleet)

@@ -187,7 +187,9 @@ METRICS = (
            "share of the time after the warm-up for which the busiest place of a station served a robot", statistic(_utilisation, np.max)),
     Metric("station_utilisation_mean", "", NONE, "mean of the same over all places where a stop was made",
            statistic(_utilisation, np.mean)),
-    Metric("planner_calls", "", NONE, "answers that the planner was asked for while robots drove", of(_calls, lambda calls: calls.asked)),
+    Metric(
+        "planner_calls", "", NONE, "answers that the planner was asked for while robots drove", of(_calls, lambda calls: calls.requests)
+    ),
     Metric("planner_calls_late", "", LESS,
            "of these, requests for which `execution.planning.effort` did not suffice; robots kept what they had",
            of(_calls, lambda calls: calls.late)),

@@ -165,7 +165,6 @@ def _package(entry: "EntryPoint") -> str:
 
 @cache
 def _table(entry: "EntryPoint") -> Mapping[str, Mapping[str, str]]:
-    """What an entry point names."""
     table = load(source_in_module(entry.name, entry.value, ours=False))
     if not isinstance(table, Mapping) or set(table) - set(KINDS):
         raise ScenarioError(f"plug-in '{entry.name}' ({entry.value}): expected a table by kind: {', '.join(KINDS)}")

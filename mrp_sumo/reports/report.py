@@ -69,7 +69,6 @@ def write_report(source: Path, out: Path | None = None) -> Path:
 
 
 def _of_study(study: ReportedRuns, out: Path) -> tuple[str, list[Section]]:
-    """The sections about many runs."""
     charts, is_driven = study_charts(study), study.is_executed
     many = f"Charts show the first {MANY_SERIES} of {len(study.series)} series; the tables hold all." * (len(study.series) > MANY_SERIES)
     plans = "These runs end with the plan: they were not driven." * (study.is_planned and not is_driven)
@@ -122,7 +121,6 @@ def _title_of(study: ReportedRuns, key: str) -> str:
 
 
 def _of_run(study: ReportedRuns, out: Path) -> tuple[str, list[Section]]:
-    """The sections about a single run."""
     (run,) = study.folders.values()
     robots: list[list[Cell]] = [
         [str(r["name"]), _known_as(run, r["start"]), _known_as(run, r["goal"]), r["goal_s"]]

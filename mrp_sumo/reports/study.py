@@ -173,7 +173,6 @@ def _run_folders(path: Path, gaps: list[str]) -> dict[str, RunFolder]:
 
 
 def _row(key: str, run: RunFolder) -> dict[str, Any]:
-    """A run folder as a row of `load_results`."""
     metrics = {name: value for name, value in run.metrics.items() if not isinstance(value, list)}
     return {
         "key": key,

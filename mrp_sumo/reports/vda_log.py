@@ -157,7 +157,6 @@ class LoggedVehicle:
         yield end_s, "connection", send("connection", end_s, {"connectionState": "OFFLINE"})
 
     def _happenings(self) -> list[Happening]:
-        """All that happens to the robot, by time."""
         plan, execution, r = self.record.plan, self.execution, self.robot
         assert plan is not None
         mine = slice(int(plan.first[r]), int(plan.first[r + 1]))
@@ -246,7 +245,6 @@ class LoggedVehicle:
         )
 
     def _edge(self, k: int, sequence: int, released: bool) -> Json:
-        """The edge after the visit k."""
         return edge_of(self.dialect, self.record.graph, self.route[k].vertex, self.route[k + 1].vertex, sequence, released)
 
     def _state(self, t_s: float) -> Json:
@@ -279,7 +277,6 @@ class LoggedVehicle:
         )
 
     def _of_order(self) -> list[tuple[Json, float, float]]:
-        """The actions in the order."""
         sent = {one_action["actionId"] for one in self.orders.nodes for one_action in one["actions"]}
         return [made for made in self.actions.values() if made[0]["actionId"] in sent]
 
@@ -314,7 +311,6 @@ class LoggedVehicle:
         return self.dialect.place(float(x), float(y), yaw, level), velocity, abs(speed) >= STANDING_MPS
 
     def _level(self, sample: int) -> int:
-        """The level that the robot is on at a sample."""
         if self.execution.level is None:
             return int(self.record.graph.level[self.route[self.reached].vertex])
         return int(self.execution.level[sample, self.robot])

@@ -241,8 +241,8 @@ def answer_of(question: Question, recorded: Recorded, *, closed: bool = False) -
     try:
         answer = _one_shot(desk) if not question.has_tasks else _lifelong(desk)
     except Missing:
-        return None, tuple(desk.asked)
-    return answer, tuple(desk.asked)
+        return None, tuple(desk.trials)
+    return answer, tuple(desk.trials)
 
 
 def _tells_a_limit(point: Point) -> bool:
@@ -253,7 +253,7 @@ def _tells_a_limit(point: Point) -> bool:
 def _one_shot(desk: Desk) -> Answer:
     served, spent_s = one_shot(desk), desk.spent_s
     confirmed = confirmations(desk, None, served) if desk.question.confirm else ()
-    return Answer(desk.question, tuple(desk.asked), None, served, (), (), confirmed, tuple(desk.left_out), spent_s, None, not desk.closed)
+    return Answer(desk.question, tuple(desk.trials), None, served, (), (), confirmed, tuple(desk.left_out), spent_s, None, not desk.closed)
 
 
 def _lifelong(desk: Desk) -> Answer:
@@ -271,7 +271,7 @@ def _lifelong(desk: Desk) -> Answer:
     spent_s = desk.spent_s  # of the budget; confirmation comes on top
     confirmed = confirmations(desk, limit, served) if question.confirm else ()
     moved = bands(desk, limit, served, why) if question.bounds is not None else None
-    return Answer(question, tuple(desk.asked), limit, served, why, gains, confirmed, tuple(desk.left_out), spent_s, moved, not desk.closed)
+    return Answer(question, tuple(desk.trials), limit, served, why, gains, confirmed, tuple(desk.left_out), spent_s, moved, not desk.closed)
 
 
 def _require_driven(points: Iterable[Point]) -> None:

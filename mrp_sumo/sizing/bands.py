@@ -109,7 +109,7 @@ def bands(desk: Desk, limit: Limits, served: Served | None, why: Sequence[Reason
     if not limit.curve.points:
         return None
     effort = replace(desk.question.effort, budget_s=inf, most_seeds=desk.question.effort.seeds + STEP)
-    before, desk = len(desk.asked), Desk(replace(desk.question, effort=effort), desk.recorded, asked=desk.asked)
+    before, desk = len(desk.trials), Desk(replace(desk.question, effort=effort), desk.recorded, trials=desk.trials)
     if served and served.smallest.estimate is not None:
         answer, robots = DEMANDED, served.smallest.estimate
     elif limit.knee.estimate is not None:
@@ -129,7 +129,7 @@ def bands(desk: Desk, limit: Limits, served: Served | None, why: Sequence[Reason
             ends.append(_serving(desk, served, robots, moves, per_h, as_is_per_h))
         else:
             ends.append(End(per_h, _knee(there) if answer == KNEE else robots, max([*there.sizes, robots])))
-    return Bands(answer, robots, as_is_per_h, by_quantity, ends[0], ends[1], len(desk.asked) - before)
+    return Bands(answer, robots, as_is_per_h, by_quantity, ends[0], ends[1], len(desk.trials) - before)
 
 
 def stations_of(file: ScenarioFile, shares: Sequence[Share]) -> list[str]:

@@ -55,7 +55,7 @@ def observation(result: RunResult) -> dict[str, Any]:
     every = max(1, round(LOOK_S / period_s))
     x, y = execution.x_m[::every], execution.y_m[::every]
     calls = execution.calls or PlannerCalls()
-    planning_share = min(1.0, calls.asked * settings.planning.budget_s / execution.sim_time_s)
+    planning_share = min(1.0, calls.requests * settings.planning.budget_s / execution.sim_time_s)
     places = places_of(graph, result.nav)
     stations = [("station", station) for source in settings.tasks for station in source.stations()]
     stations += [("charger", settings.chargers)] if settings.chargers else []
@@ -75,7 +75,7 @@ def observation(result: RunResult) -> dict[str, Any]:
         "lane_m": round(float(graph.length_m[(graph.reverse < 0) | (graph.reverse > np.arange(graph.num_lanes))].sum()), 2),
         "deadlocks": sum(event.kind in ("deadlock", "blocked_for_good") for event in execution.events),
         "planning_share": round(planning_share, 4),
-        "requests": [calls.asked, calls.failed + calls.late],
+        "requests": [calls.requests, calls.failed + calls.late],
         "operations": [str(finding["text"]) for finding in result.result.get("operations_audit", {}).get("findings", [])][:3],
     }
 

@@ -60,7 +60,7 @@ class Desk:
 
     question: Question
     recorded: Recorded
-    asked: dict[Trial, None] = field(default_factory=dict)  # in order
+    trials: dict[Trial, None] = field(default_factory=dict)  # in order
     spent_s: float = 0.0
     left_out: list[str] = field(default_factory=list)  # for want of budget
     share: float = 1.0  # of the budget that may be spent by now: the rest is for what comes after
@@ -68,7 +68,7 @@ class Desk:
 
     def affords(self, trials: Sequence[Trial], reason: str) -> bool:
         """True if the budget pays for these trials; those that it does not are noted."""
-        cost = sum(predicted_cpu_s(trial, self.question) for trial in trials if trial not in self.asked) / CORES
+        cost = sum(predicted_cpu_s(trial, self.question) for trial in trials if trial not in self.trials) / CORES
         made = not self.closed or all(self.recorded(trial) is not None for trial in trials)
         if made and self.spent_s + cost <= self.share * self.question.effort.budget_s:
             return True
@@ -83,8 +83,8 @@ class Desk:
     def records(self, trials: Sequence[Trial]) -> list[Record]:
         """The records of trials, which are paid for. Raises Missing."""
         for trial in trials:
-            if trial not in self.asked:
-                self.asked[trial] = None
+            if trial not in self.trials:
+                self.trials[trial] = None
                 self.spent_s += predicted_cpu_s(trial, self.question) / CORES
         records = [self.recorded(trial) for trial in trials]
         if missing := [trial for trial, record in zip(trials, records) if record is None]:
@@ -245,23 +245,23 @@ def _next(curve: Curve, effort: Effort) -> dict[int, int]:
     sizes, best = curve.sizes, curve.best
     gaps = [(a, b) for a, b in pairwise(sizes) if b > a + 1 and b > effort.gap * a and _middle(a, b) not in curve.unfit]
     at = sizes.index(best)
-    around = {pair for pair in pairwise(sizes) if best in pair}  # the peak
+    brackets = {pair for pair in pairwise(sizes) if best in pair}  # the peak
     below = [n for n in sizes[:at] if curve.points[n].throughput.value < LEVEL * curve.points[best].throughput.value]
     above = [n for n in sizes[at + 1 :] if curve.points[n].throughput.value < LEVEL * curve.points[best].throughput.value]
     if below:
         knee = below[-1], sizes[sizes.index(below[-1]) + 1]
-        around.add(knee)
+        brackets.add(knee)
     beyond = min((n for n, point in curve.unfit.items() if n > best == sizes[-1] and point.num_empty), default=0)
     if beyond > max(best + 1, effort.gap * best):
         return {_middle(best, beyond): effort.seeds}  # where batteries begin to run empty
     if best == sizes[-1]:  # no peak is known, only where little is added on the way there
         gaps = [pair for pair in gaps if below and pair == knee]
     if above:
-        around.add((sizes[sizes.index(above[0]) - 1], above[0]))  # the collapse
-    if _rises(curve) and (parted := [pair for pair in gaps if pair in around]):
+        brackets.add((sizes[sizes.index(above[0]) - 1], above[0]))  # the collapse
+    if _rises(curve) and (parted := [pair for pair in gaps if pair in brackets]):
         widest = max(parted, key=lambda pair: pair[1] / pair[0])
         return {_middle(*widest): effort.seeds}
-    ends = sorted({n for pair in around for n in pair})
+    ends = sorted({n for pair in brackets for n in pair})
     vague = [n for n in ends if curve.seeds(n) < effort.most_seeds and _is_vague(curve, n, effort)]
     return {n: min(effort.most_seeds, curve.seeds(n) + STEP) for n in vague}
 

@@ -48,7 +48,6 @@ def _run(workspace: Workspace, values: Values) -> tuple[list[str], str]:
 
 
 def _capacity(workspace: Workspace, values: Values) -> tuple[list[str], str]:
-    """Ask how many robots."""
     name = _file(workspace, values, "scenario")
     out = _free(workspace, f"studies/{_stem(name)}")
     words = ["capacity", name, "--json", "--out", out, *(["--quick"] if values.get("quick", True) else [])]
@@ -94,14 +93,12 @@ def first_map(workspace: Workspace, out: str) -> str:
 
 
 def _report(workspace: Workspace, values: Values) -> tuple[list[str], str]:
-    """The page of a run."""
     run = _file(workspace, values, "run")
     out = _free(workspace, f"{run}_report")
     return ["report", run, "--out", out], f"{out}/index.html"
 
 
 def _video(workspace: Workspace, values: Values) -> tuple[list[str], str]:
-    """A video of a run."""
     run = _file(workspace, values, "run")
     out = f"{run}.gif"
     return ["render", run, "--video", out, "--to", "60"], out

@@ -118,7 +118,7 @@ def _places(text: str, building: Building) -> Iterator[Place]:
         drawn = _file_xy(level, building)
         lines = [(x.start, x.end) for x in level.lanes], level.walls.tolist(), [(v,) for v in range(len(drawn))]
         for pattern, ends in zip((LANES, WALLS, VERTICES), lines):
-            numbers = [int(number) for found in pattern.findall(text) for number in re.findall(r"\d+", found)]
+            numbers = [int(number) for match in pattern.findall(text) for number in re.findall(r"\d+", match)]
             yield from ([level.name, *drawn[list(ends[k])].mean(axis=0).round(3).tolist()] for k in numbers if k < len(ends))
         for x, y in AT.findall(text):
             yield [level.name, *_from(_to_file(level, building, world=True), np.array([float(x), float(y)]))]

@@ -283,7 +283,6 @@ class _Handler(LocalHandler):
         self.answer(200, kind, body)
 
     def _own(self, name: str) -> None:
-        """A file of the page."""
         if name == "constants.js":
             self.answer(200, KINDS[".js"], constants_module().encode())
             return

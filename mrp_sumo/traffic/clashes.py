@@ -41,12 +41,12 @@ def clashes_of(problem: Problem) -> Clashes:
 def _at(clashes: Clashes, at: BoolArray, along: BoolArray) -> Clashes:
     """The clashes with vertices [V] that robots can be at and lanes [L] that they can drive along."""
 
-    def kept(first: IntArray, others: IntArray, some: BoolArray) -> tuple[IntArray, IntArray]:
+    def chosen(first: IntArray, others: IntArray, some: BoolArray) -> tuple[IntArray, IntArray]:
         keep = some[others]
         return frozen(np.concatenate([[0], np.cumsum(keep)])[first]), frozen(others[keep])
 
-    vertex_first, vertex = kept(clashes.vertex_first, clashes.vertex, at)
-    lane_first, lane = kept(clashes.lane_first, clashes.lane, along)
+    vertex_first, vertex = chosen(clashes.vertex_first, clashes.vertex, at)
+    lane_first, lane = chosen(clashes.lane_first, clashes.lane, along)
     return Clashes(vertex_first, vertex, lane_first, lane, clashes.any, clashes.rotations)
 
 

@@ -142,7 +142,6 @@ def _impossible_turns(problem: Problem, plan: Plan) -> list[str]:
 
 
 def _faults_of(robot: int, problem: Problem, plan: Plan, target: int, lane_s: float) -> list[str]:
-    """What is wrong with one robot's visits; a target of -1 is none."""
     graph, name, faults = problem.graph, problem.fleet.robot_name[robot], list[str]()
     a, b = int(plan.first[robot]), int(plan.first[robot + 1])
     if plan.vertex[a] != problem.start[robot]:

@@ -94,7 +94,6 @@ class Publishing(Listener):
     live: LiveMessages
 
     def hear(self, state: Moment) -> None:
-        """See Listener."""
         for topic, typename, message in self.live.of(state):
             self.view.publish(topic, typename, message, self.live.messages.typestore)
 
@@ -120,7 +119,6 @@ def _struct(typename: str, store: Any) -> Any:
 
 
 def _field(kind: str, what: Any, store: Any) -> Any:
-    """The DDS type of a field."""
     from cyclonedds.idl import types as known
 
     types: Any = known  # what its annotations say of itself is too narrow

@@ -345,7 +345,6 @@ class VirtualFleet:
             self.world.slow(r, min(1.0, limit[0] / top[r]) if limit else 1.0)
 
     def _report(self) -> None:
-        """Send what is due."""
         shows = self.reporting.view_s > 0 and self.now_s >= self._to_show - 1e-9
         due: BoolArray = self.now_s >= self._to_send - 1e-9
         for r, vehicle in enumerate(self.vehicles):

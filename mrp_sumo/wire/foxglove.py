@@ -143,7 +143,6 @@ class Showing(Listener):
     until_s: float
 
     def hear(self, state: Moment) -> None:
-        """See Listener."""
         if state.step == 1:  # all that is said at the beginning has been said
             self.view.start(self.name, self.until_s, self.playback)
         self.say(self.bag.of(state), round(state.now_s * 1e9))

@@ -44,7 +44,6 @@ class Paced(Listener):
     pace: Pace
 
     def hear(self, state: Moment) -> None:
-        """See Listener."""
         self.pace.wait(state.now_s, _sleep)
 
 

@@ -165,7 +165,6 @@ class Playback:
         return there
 
     def _wait(self) -> None:
-        """Wait until there may be something to do."""
         with self._changed:
             left_s = max(0.0, self._newest_ns - self._now_ns(time.monotonic())) / 1e9 / self._speed
             self._changed.wait(min(BEAT_S, left_s) if self._playing and left_s else BEAT_S)

@@ -131,7 +131,6 @@ class Logging(Listener):
             self._plan(self.record.plan)
 
     def hear(self, state: Moment) -> None:
-        """See Listener."""
         for event in state.events:
             self._at(event.t_s)
             robot = self.record.fleet.robot_name[event.robot] if event.robot >= 0 else ""
@@ -199,7 +198,6 @@ def _blueprint(record: RunRecord) -> Any:
 
 
 def _figure(state_name: str) -> str:
-    """The path of how many robots are in a state."""
     return f"figures/{state_name.replace(' ', '_')}"
 
 

@@ -29,7 +29,6 @@ class CbsTa(TreePlanner):
     guarantee: ClassVar[str] = "optimal with assignment"
 
     def open_nodes(self, forest: Forest) -> OpenNodes:
-        """See `TreePlanner`."""
         return BestFirst(forest, heuristic=self.heuristic, bypass=self.bypass)
 
 
@@ -47,5 +46,4 @@ class Cbs(CbsTa):
     supports: ClassVar[frozenset[str]] = frozenset({"effort"})
 
     def open_nodes(self, forest: Forest) -> OpenNodes:
-        """See `TreePlanner`."""
         return BestFirst(forest, heuristic=self.heuristic, bypass=self.bypass, disjoint=self.disjoint)

@@ -33,11 +33,9 @@ class Ecbs(TreePlanner):
 
     @property
     def factor(self) -> float:
-        """See `TreePlanner`."""
         return self.w
 
     def open_nodes(self, forest: Forest) -> OpenNodes:
-        """See `TreePlanner`."""
         return Focal(forest, self.w)
 
 

@@ -44,15 +44,12 @@ class Eecbs(TreePlanner):
 
     @property
     def factor(self) -> float:
-        """See `TreePlanner`."""
         return self.w
 
     def open_nodes(self, forest: Forest) -> OpenNodes:
-        """See `TreePlanner`."""
         return ExplicitEstimation(forest, self.w, bypass=self.bypass, incumbent=self.incumbent and not self.following)
 
     def prepare(self) -> None:
-        """See `TreePlanner`."""
         super().prepare()
         prepare(1)
 

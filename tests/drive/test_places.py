@@ -153,7 +153,7 @@ def test_nobody_is_served_where_one_that_was_passed_over_often_has_to_come_out(a
 def test_the_way_to_a_place_is_that_round_who_stays(stays, way):
     """A ring of six: from 0 to 3 there are two ways."""
     where = RobotPlaces(problem_on(row(6, ring=True), [0], [0]))
-    assert where.way(0, 0, Stop(3, 1.0, "", Station("at 3", (3,))), {stays}) == way
+    assert where.route(0, 0, Stop(3, 1.0, "", Station("at 3", (3,))), {stays}) == way
 
 
 @pytest.mark.parametrize(("at", "turn"), [(3, [1, 0]), (7, [0, 1])])
@@ -252,8 +252,8 @@ def test_to_a_place_that_no_way_leads_to_a_robot_does_not_set_out():
     nav = nav_graph(name="one way", xy=[(0, 0), (CELL_M, 0)], lanes=[(0, 1)])
     where = RobotPlaces(problem_on(plan_graph(nav, kind="roadmap", cell_m=CELL_M), [0], [0]))
     stops = [Stop(v, 1.0, "", Station(f"at {v}", (v,))) for v in (0, 1)]
-    assert (where.way(0, 0, stops[1], set()), where.away(0, 0, stops[1])) == ([0, 1], 1)
-    assert (where.way(0, 1, stops[0], set()), where.away(0, 1, stops[0])) == ([1], UNREACHABLE)
+    assert (where.route(0, 0, stops[1], set()), where.away(0, 0, stops[1])) == ([0, 1], 1)
+    assert (where.route(0, 1, stops[0], set()), where.away(0, 1, stops[0])) == ([1], UNREACHABLE)
 
 
 def test_a_robot_without_work_stays_where_no_way_leads_to_a_place_to_park():

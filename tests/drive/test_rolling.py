@@ -71,7 +71,7 @@ def test_plans_do_not_depend_on_the_speed_of_the_machine(tmp_path, monkeypatch, 
             runs.append(carry(tmp_path, planner=planner, planner_parameters=parameters))
     one, other = runs
     assert one.tasks.done_s.tobytes() == other.tasks.done_s.tobytes() and one.x_m.tobytes() == other.x_m.tobytes()
-    assert one.calls.asked > 4 and replace(one.calls, wall_time_s=0.0, cpu_time_s=0.0) == replace(
+    assert one.calls.requests > 4 and replace(one.calls, wall_time_s=0.0, cpu_time_s=0.0) == replace(
         other.calls, wall_time_s=0.0, cpu_time_s=0.0
     )
 
@@ -195,7 +195,7 @@ def test_a_crowd_makes_more_stops_where_it_is_planned_less_often(tmp_path):
     seldom, often = (
         drive(tmp_path, square_grid(12), starts, planning=Planning(period_s=period_s, effort=50_000), **usual) for period_s in (None, 0.0)
     )
-    assert seldom.calls.asked <= 9 and seldom.calls.failed == 0 and often.calls.asked > 30
+    assert seldom.calls.requests <= 9 and seldom.calls.failed == 0 and often.calls.requests > 30
     assert len(seldom.stops.task) > len(often.stops.task)
 
 

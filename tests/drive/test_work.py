@@ -128,7 +128,7 @@ def test_a_robot_that_waits_for_a_place_is_booked_as_queueing(tmp_path):
 
 def test_nobody_has_a_goal_of_its_own_where_tasks_come(tmp_path):
     run = work(tmp_path, line(5), [0], orders([(2, 4)], count=1))
-    assert np.isnan(run.goal_s).all() and run.calls.asked >= 2 and run.calls.failed == 0
+    assert np.isnan(run.goal_s).all() and run.calls.requests >= 2 and run.calls.failed == 0
 
 
 def listed(*tasks):

@@ -29,7 +29,7 @@ def test_the_search_makes_a_third_of_the_runs_of_a_full_grid_of_the_same_precisi
     desk = Desk(question(), fleets)
     found = limits(coarse(desk))
     full = sum(1 for n in range(4, 91) if n % 3 == 1) * max(len(p.records) for p in found.curve.points.values())
-    assert len(desk.asked) * 3 < full
+    assert len(desk.trials) * 3 < full
 
 
 def test_throughput_that_still_rises_has_no_peak():

@@ -17,7 +17,6 @@ class Central(ByTask):
     """All robots that carry nothing and all orders not begun are matched again each time; the sum of times to pick-ups is least."""
 
     def assigned(self, now_s: float, context: Surroundings) -> dict[int, int]:
-        """See ByTask."""
         from scipy.optimize import linear_sum_assignment
 
         options = choice(now_s, context, len(context.crew.robots), reassign=True)

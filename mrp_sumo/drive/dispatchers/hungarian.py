@@ -18,7 +18,6 @@ class Hungarian(ByTask):
     busy: bool = True  # a task may wait for a robot that is at work
 
     def assigned(self, now_s: float, context: Surroundings) -> dict[int, int]:
-        """See ByTask."""
         from scipy.optimize import linear_sum_assignment
 
         options = choice(now_s, context, len(context.crew.robots), reassign=self.reassign, busy=self.busy)

@@ -29,7 +29,6 @@ class MinCostFlow(ByTask):
             raise ScenarioError(f"depth is {self.depth}, expected 1 or more")
 
     def assigned(self, now_s: float, context: Surroundings) -> dict[int, int]:
-        """See ByTask."""
         num_robots = len(context.crew.robots)
         options = choice(now_s, context, self.depth * num_robots, reassign=self.reassign, busy=True)
         depth = max(1, min(self.depth, -(-len(options.task) // num_robots)))  # no longer rows than all need

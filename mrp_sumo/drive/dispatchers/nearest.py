@@ -15,7 +15,6 @@ class Nearest(ByTask):
     """Each order goes to the free robot nearest to its first stop; everything is replanned when an order comes or a stop is made."""
 
     def assigned(self, now_s: float, context: Surroundings) -> dict[int, int]:
-        """See ByTask."""
         crew = context.crew
         steps, start = distances(context.graph), context.start
         free, assigned = set(crew.free), {}

@@ -16,7 +16,6 @@ class Regret(ByTask):
     """Of the orders that free robots can do soonest, the one that loses most with its second best robot goes first."""
 
     def assigned(self, now_s: float, context: Surroundings) -> dict[int, int]:
-        """See ByTask."""
         options, assigned = choice(now_s, context, len(context.crew.free), reassign=False), dict[int, int]()
         free = options.able.tolist()
         done_s = options.pick_up_s + options.rest_s + options.later_s

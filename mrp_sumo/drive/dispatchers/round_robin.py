@@ -16,7 +16,6 @@ class RoundRobin(ByTask):
     """Each order goes to the free robot that was given one longest ago, wherever it is; the most urgent and oldest order first."""
 
     def assigned(self, now_s: float, context: Surroundings) -> dict[int, int]:
-        """See ByTask."""
         crew, steps, start = context.crew, distances(context.graph), context.start
         orders, last_s = crew.orders, np.full(len(context.start), -np.inf)
         for task, robot in enumerate(orders.robot):

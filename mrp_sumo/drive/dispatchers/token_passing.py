@@ -23,7 +23,6 @@ class TokenPassing(ByTask):
     exclusive: bool = False  # as in the paper, never another
 
     def assigned(self, now_s: float, context: Surroundings) -> dict[int, int]:
-        """See ByTask."""
         crew = context.crew
         start, assigned, waiting = context.start, dict[int, int](), list(to_give(context))
         away = dict(zip(waiting, steps_of(context, start, waiting).T))

@@ -18,7 +18,6 @@ class Tpts(ByTask):
     """Free robots in turn take the nearest order, also from one that would be at its first stop over a step later; that one is next."""
 
     def assigned(self, now_s: float, context: Surroundings) -> dict[int, int]:
-        """See ByTask."""
         crew, start = context.crew, context.start
         holder = crew.holder
         tasks = [*holder, *to_give(context)]

@@ -111,7 +111,6 @@ def excerpt(text: str, graph: NavGraph, lanes: IntArray, onward: IntArray) -> st
 
 
 def _network(graph: NavGraph) -> str:
-    """The network file's text."""
     edges = [edge_name(a, b) for a, b in zip(graph.tail.tolist(), graph.head.tolist())]
     with tempfile.TemporaryDirectory() as folder:
         work = Path(folder)

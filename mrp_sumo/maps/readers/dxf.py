@@ -170,7 +170,6 @@ def _lines(entities: Any, flat: float, layer: str = "", depth: int = 0) -> Itera
 
 
 def _chosen(path: Path, drawing: DxfLayers, layers: Sequence[str] | None) -> list[str]:
-    """The names of the layers that are read."""
     if layers is None:
         return list(drawing.shown)
     lines, others = drawing.strokes, drawing.others

@@ -157,7 +157,6 @@ def _line(fields: Fields, geometry: Mapping[str, Any], at: str) -> list[Any]:
 
 
 def _parts(fields: Fields, geometry: Mapping[str, Any], at: str) -> list[list[Any]]:
-    """The places of each part of a line."""
     places: list[Any] = fields.list(geometry, "coordinates", f"{at}.geometry", [])
     several = bool(places) and all(
         isinstance(part, list) and part and isinstance(part[0], list) for part in places

@@ -95,7 +95,6 @@ class _Layouts:
         self.driven = tuple(kind for kind in self.driven if kind in self.known)
 
     def _layouts(self, document: Mapping[str, Any]) -> Iterator[tuple[str, Mapping[str, Any]]]:
-        """Every layout with its path."""
         holders = [("", document)]
         if "origins" in document:
             holders = list(self.fields.each(document, "origins", ""))

@@ -64,7 +64,6 @@ def read_svg(source: Text, layers: Sequence[str] | None = None) -> SvgContent:
 
 
 def _lines(element: Element, frame: np.ndarray, layer: str) -> Iterator[tuple[str, Line]]:
-    """(layer, places) of all that an element draws."""
     name, attributes = element.name.rpartition(":")[2], element.attributes
     if name in APART or attributes.get("display") == "none" or HIDDEN.search(attributes.get("style", "")):
         return

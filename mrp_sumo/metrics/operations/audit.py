@@ -15,7 +15,7 @@ LISTED = 20  # findings of a rule that are listed
 RULES: tuple[Callable[[Logs], Iterator[Finding]], ...] = (
     orders.releases,
     orders.states,
-    orders.told,
+    orders.ends_are_events,
     orders.stops_in_order,
     orders.loads,
     orders.on_board,

@@ -225,7 +225,7 @@ def on_board(logs: Logs) -> Iterator[Finding]:
             yield Finding("loads", float(t_s[k]), text, who)
 
 
-def told(logs: Logs) -> Iterator[Finding]:
+def ends_are_events(logs: Logs) -> Iterator[Finding]:
     """That an order failed or was cancelled is an event of the run."""
     texts = [event.text for event in logs.execution.events if event.kind in (FAILED, CANCELLED)]
     tasks = logs.tasks

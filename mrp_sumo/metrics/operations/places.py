@@ -171,7 +171,6 @@ def waits(logs: Logs) -> Iterator[Finding]:
 
 
 def _made(logs: Logs) -> Iterator[Wish]:
-    """The stops that were made."""
     stops = logs.stops
     for row, (task, robot) in enumerate(zip(stops.task.tolist(), stops.robot.tolist())):
         times_s = (float(column[row]) for column in (stops.since_s, stops.begin_s, stops.end_s))
@@ -279,7 +278,6 @@ def _lost(logs: Logs) -> Iterator[tuple[int, int, float, float]]:
 
 
 def _vertex_at(logs: Logs, robot: int, t_s: float) -> int:
-    """The vertex nearest to where a robot is at a time."""
     return int(np.hypot(*(logs.graph.xy - logs.xy_at(np.array([robot]), np.array([t_s]))).T).argmin())
 
 
@@ -314,7 +312,6 @@ def lifts(logs: Logs) -> Iterator[Finding]:
 
 
 def _has(logs: Logs, lift: int, robot: int, t_s: float) -> bool:
-    """True if a robot has a lift at a time."""
     log = logs.execution.facilities
     assert log is not None
     rows = np.flatnonzero(log.lift == lift)
@@ -359,7 +356,6 @@ def _cross(a: FloatArray, b: FloatArray, door: FloatArray) -> FloatArray:
 
 
 def _passes(logs: Logs, door: FloatArray) -> Iterator[tuple[int, float]]:
-    """Robots that cross a door, and when."""
     run = logs.execution
     near_m = float(np.hypot(*(door[1] - door[0]))) / 2 + 1.0
     middle = door.mean(0)

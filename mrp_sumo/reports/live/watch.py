@@ -138,7 +138,6 @@ class Telling(Listener):
         broadcast.begin(SAMPLE.itemsize * (problem.num_robots + len(parts_of(execution, fleet).owner)))
 
     def hear(self, state: Moment) -> None:
-        """See Listener."""
         if state.events:
             self._broadcast.say("events", [_event_document(event, state.now_s) for event in state.events])
         if not state.is_sample:

@@ -113,7 +113,6 @@ def _page(record: RunRecord, outline: Outline | None) -> tuple[Picture, Axes, fl
 
 
 def _draw_robots(ax: Axes, record: RunRecord, at_s: float, points_per_m: float) -> list[int]:
-    """Draw the robots; returns how many are in each state."""
     execution, fleet = record.execution, record.fleet
     x, y, yaw = (c[0] for c in positions_at(execution, np.array([at_s])))
     xy = np.column_stack((x, y))

@@ -369,7 +369,6 @@ def task_document(log: TaskLog, stops: StopLog | None) -> dict[str, Any]:
 
 
 def _add_events(columns: Columns, record: RunRecord, index: IntArray) -> dict[str, Any]:
-    """The events, by time."""
     events = sorted(record.execution.events, key=lambda event: event.t_s)
     kinds = list(dict.fromkeys(event.kind for event in events))
     if events:
