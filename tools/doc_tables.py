@@ -26,6 +26,7 @@ from mrp_sumo.drive.robot_work import Change
 from mrp_sumo.io.documents import declared_in, keys_of
 from mrp_sumo.io.scenario.model import SECTIONS, ScenarioModel
 from mrp_sumo.metrics import registry
+from mrp_sumo.metrics.operations.audit import RULES
 from planners.auto import FEW, FEW_SLOW, SLOW, SOME, THIN, portfolio_for
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
@@ -141,6 +142,12 @@ def robot_changes() -> str:
     return _table(("change", "duty", "condition"), ((rule.when, arrows(rule.duty), arrows(rule.condition)) for rule in rules))
 
 
+def rules() -> str:
+    """Rules of the operations audit, by the docstrings of what looks for findings."""
+    proofs = ((name, " ".join(" ".join(str(each.__doc__).split()) for each in of)) for name, of in RULES.items())
+    return _table(("rule", "proves"), ((f"`{name}`", proof) for name, proof in proofs))
+
+
 def metrics(of: str) -> str:
     """Metrics of a table of `mrp_sumo.metrics`."""
     rows = ((f"`{one.name}`{' *' * one.of_machine}", one.sense, one.formula) for one in registry.TABLES[of])
@@ -192,7 +199,7 @@ def _possible(field: FieldInfo) -> str:
 
 
 TABLES: dict[str, Callable[[], str]] = {
-    one.__name__: one for one in (planners, auto, policies, dispatchers, suites, scenarios, robot_changes)
+    one.__name__: one for one in (planners, auto, policies, dispatchers, suites, scenarios, robot_changes, rules)
 }
 TABLES |= {"keys": keys} | {f"keys_{section}": partial(keys, section) for section in SECTIONS}
 TABLES |= {f"metrics_{of}": partial(metrics, of) for of in registry.TABLES}

@@ -98,7 +98,7 @@ def in_words(share: Share, nav: NavGraph) -> str:
     percent = f"{100 * share.utilisation:.0f} %"
     match share.kind:
         case "fleet":
-            return f"the fleet itself, at work {percent} of the time: more robots do more"
+            return f"the fleet itself, at work {percent} of the time: nothing else holds it up"
         case "orders":
             return f"a lack of orders that these robots may do: they have one {percent} of the time"
         case "charger":

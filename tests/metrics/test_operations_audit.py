@@ -94,12 +94,12 @@ def test_the_state_of_an_order_that_is_done(logs, status):
 def test_that_an_order_failed_is_said_and_why(logs):
     task = int(np.flatnonzero(np.isnan(logs.tasks.ended_s) & np.isnan(logs.tasks.opened_s))[0])
     failed = changed(changed(logs, "tasks", "status", task, "failed"), "tasks", "ended_s", task, logs.end_s)
-    texts = [finding.text for finding in orders.states(failed)] + [finding.text for finding in orders.told(failed)]
+    texts = [finding.text for finding in orders.states(failed)] + [finding.text for finding in orders.ends_are_events(failed)]
     assert any("nothing says why" in text for text in texts) and any("no event says so" in text for text in texts)
     event = Event(logs.end_s, "failed", -1, text=f"order '{logs.tasks.name[task]}': robot_0 broke down with it on board")
     said = changed(failed, "tasks", "reason", task, "robot_0 broke down with it on board")
     said = replace(said, execution=replace(said.execution, events=(*said.execution.events, event)))
-    assert not [*orders.states(said), *orders.told(said)]
+    assert not [*orders.states(said), *orders.ends_are_events(said)]
 
 
 def test_an_order_that_nobody_asked_for_and_one_that_is_missing(logs):

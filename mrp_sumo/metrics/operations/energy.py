@@ -18,7 +18,7 @@ LATE_S = 2.0  # for which charging may be off
 
 
 def batteries(logs: Logs) -> Iterator[Finding]:
-    """Levels balance to what was driven and charged; none rises but at a charger; they begin where the scenario says."""
+    """Levels balance with what was driven and charged; none rises but at a charger; they begin where the scenario says."""
     log, of_robot = logs.execution.batteries, logs.terms.batteries
     if log is None or not of_robot or not len(logs.execution.t_s):
         return
@@ -139,7 +139,7 @@ def charges(logs: Logs) -> list[tuple[int, float, float]]:
 
 
 def empty(logs: Logs) -> Iterator[Finding]:
-    """Nobody drives on with an empty battery."""
+    """No robot drives on with an empty battery."""
     log, run = logs.execution.batteries, logs.execution
     if log is None or not len(run.t_s):
         return

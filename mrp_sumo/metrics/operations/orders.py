@@ -25,7 +25,7 @@ TIMES = {  # of a state: those of `TASK_TIMES` that an order in it has; the othe
 
 
 def releases(logs: Logs) -> Iterator[Finding]:
-    """Each order becomes known once, when it was due to, and none that nobody asked for."""
+    """Each order of the scenario becomes known once, at its time, and no others; in a closed loop the right number is open."""
     tasks, asked_for = logs.tasks, set[str]()
     number: dict[str, int] = {}
     for k in np.flatnonzero(tasks.is_order).tolist():
@@ -74,7 +74,7 @@ def _goes_on(source: TaskSource, count: int) -> bool:
 
 
 def states(logs: Logs) -> Iterator[Finding]:
-    """The state of each order fits the times that it has, which ascend."""
+    """The state of each order fits its times, which ascend."""
     tasks, end_s = logs.tasks, logs.end_s
     columns = {name: getattr(tasks, name) for name in TASK_TIMES}
     for k, status in enumerate(tasks.status):
@@ -102,7 +102,7 @@ def states(logs: Logs) -> Iterator[Finding]:
 
 
 def stops_in_order(logs: Logs) -> Iterator[Finding]:
-    """Orders' stops are made one after the other, at the places that were asked for, for as long as they take; none is left out."""
+    """All stops of an order are made, in order, at places of the right stations, by one robot unless it was lost."""
     stops, tasks = logs.stops, logs.tasks
     rows_of: dict[int, list[int]] = {}
     for row, task in enumerate(stops.task.tolist()):
@@ -177,7 +177,7 @@ def _ends(logs: Logs, task: int, first: int, rows: Sequence[int], made: int, ord
 
 
 def loads(logs: Logs) -> Iterator[Finding]:
-    """A robot that has picked one order makes no stop of another until it is done with it, unless it can carry several, and is served
+    """A robot makes no stop of another order until it is done with the one it has picked, unless it can carry several, and is served
     once at a time.
     """
     stops, tasks = logs.stops, logs.tasks
@@ -196,7 +196,7 @@ def loads(logs: Logs) -> Iterator[Finding]:
 
 
 def on_board(logs: Logs) -> Iterator[Finding]:
-    """Nobody has more orders on board than it can carry, and what the trajectory has on board of each robot is what its stops put there.
+    """No robot has more orders on board than its `capacity`, and `loaded` of the trajectory is what its stops put there.
 
     Robots that were lost with orders, or fetched those of others, are left out.
     """
@@ -226,7 +226,7 @@ def on_board(logs: Logs) -> Iterator[Finding]:
 
 
 def ends_are_events(logs: Logs) -> Iterator[Finding]:
-    """That an order failed or was cancelled is an event of the run."""
+    """Failed and cancelled orders have an event."""
     texts = [event.text for event in logs.execution.events if event.kind in (FAILED, CANCELLED)]
     tasks = logs.tasks
     for k in np.flatnonzero(tasks.is_order).tolist():

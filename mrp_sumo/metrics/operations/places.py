@@ -27,7 +27,7 @@ STOOD = 0.8  # of its time, of one that waits farther away
 
 
 def service(logs: Logs) -> Iterator[Finding]:
-    """A robot stands at the place for as long as it is served, and is there when it passes a stop that takes no time.
+    """A robot stands at the place (to 5 cm) for as long as it is served, and is there when it passes a stop that takes no time.
 
     Where lanes meet at a bend, a vehicle that cannot turn in place may be on the arc that cuts the corner.
     """
@@ -56,7 +56,7 @@ def _is_corner(graph: PlanGraph) -> BoolArray:
 
 
 def shifts(logs: Logs) -> Iterator[Finding]:
-    """No service begins out of the shifts of its station; one of no time is none."""
+    """No service that takes time begins outside the shifts of its station."""
     spans = {station.name: station.spans_s for source in logs.terms.sources for station in source.stations()}
     for row in np.flatnonzero(logs.stops.end_s > logs.stops.begin_s + EPS_S).tolist():
         of_day, begin_s = spans.get(logs.stops.station[row], ()), float(logs.stops.begin_s[row])
@@ -92,7 +92,7 @@ def places(logs: Logs) -> Iterator[Finding]:
 
 
 def shares(logs: Logs) -> Iterator[Finding]:
-    """Shares of a time are shares."""
+    """Shares of time are between 0 and 1."""
     for name, value in logs.metrics.items():
         is_share = name.startswith(("station_utilisation", "robot_")) and name.endswith(("_share", "_max", "_mean"))
         if is_share and isinstance(value, int | float) and not -1e-9 <= value <= 1 + 1e-9:
@@ -100,7 +100,7 @@ def shares(logs: Logs) -> Iterator[Finding]:
 
 
 def held(logs: Logs) -> Iterator[Finding]:
-    """No more loads are set down at a place than stay there, less those that orders have picked up there."""
+    """No more loads are set down at a place than its station `holds`, less those that were picked up there."""
     count: dict[int, int] = {}
     stops, made = logs.stops, dict[int, int]()
     for row in np.lexsort((stops.task, stops.end_s)).tolist():
@@ -131,10 +131,10 @@ class Wish(NamedTuple):
 
 
 def waits(logs: Logs) -> Iterator[Finding]:
-    """Nobody waits near a place while several are served there who set out for it later, unless their orders are more urgent.
+    """No robot waits near a place while three or more are served there that set out later, unless their orders are more urgent.
 
     One that stands before a more urgent one in line has to go first, and so has one that stands between in an aisle without room.
-    One that waits where nobody passes it, as on a one-way ring, has to drive on for those behind it, and comes anew.
+    One that waits where nobody can pass, as on a one-way ring, has to drive on for those behind it, and comes anew.
     Stops without service are made in passing: nobody is in line for them.
     """
     wishes = [*_made(logs), *_left(logs)]

@@ -52,13 +52,13 @@ def states(logs: Logs) -> Iterator[Finding]:
         if stops.end_s[row] > stops.begin_s[row] + EPS_S and not fits.any():
             is_at = ", ".join(ROBOT_STATES[k] for k in log.state[now].tolist()) or "nothing"
             yield logs.of_stop("states", row, f"is served, but at {middle_s:.2f} s its state is {is_at}, or it has another order", middle_s)
-    yield from _held(logs)
 
 
-def _held(logs: Logs) -> Iterator[Finding]:
-    """An order is had from when it is assigned until it has ended: Little's law, robot by robot, between two tables."""
+def had(logs: Logs) -> Iterator[Finding]:
+    """Each order is with its robot from when it was assigned until it ended, in both tables."""
     log, tasks = logs.execution.robot_states, logs.tasks
-    assert log is not None
+    if log is None:
+        return
     rows = np.flatnonzero(np.isin(log.state, (WORKING, STALLED, BROKEN)) & (log.task >= 0))
     begin_s, end_s = np.full(len(tasks.name), np.inf), np.full(len(tasks.name), -np.inf)
     for k in rows.tolist():  # the last time that it was had without a break, by the one who has it
@@ -100,7 +100,7 @@ def _has_work(logs: Logs, task: int) -> Iterator[Finding]:
 
 
 def conservation(logs: Logs) -> Iterator[Finding]:
-    """Counts of a run are those of its tables; waits are no longer than robots stood."""
+    """Recorded counts are those of the tables; waits are no longer than robots stood."""
     tasks, stops, orders = logs.tasks, logs.stops, logs.tasks.is_order
     counts = {
         "tasks_done": int((np.isfinite(tasks.done_s) & orders).sum()),
@@ -128,7 +128,7 @@ def _stood_s(logs: Logs, row: int) -> float:
 
 
 def visits(logs: Logs) -> Iterator[Finding]:
-    """A robot is at each visit of its way when it is said to have reached it."""
+    """Robots are at a vertex when they are said to reach it."""
     run = logs.execution
     parts = [(reply.vertex, np.repeat(reply.robot, np.diff(reply.first)), reply.arrived_s) for reply in run.replies]
     if logs.plan is not None and len(run.arrived_s) == logs.plan.num_visits:
@@ -147,7 +147,8 @@ def visits(logs: Logs) -> Iterator[Finding]:
 
 
 def idle(logs: Logs) -> Iterator[Finding]:
-    """Nobody is idle for long beside an order that it could have picked, unless events say why, or robots crowd to its stations."""
+    """No robot is idle for 120 s plus twice the drive beside an order that it could have picked, unless events say why, or four others
+    for each place are bound for one of its stations."""
     log, tasks = logs.execution.robot_states, logs.tasks
     if log is None or logs.execution.outcome in NOBODY_WORKS:
         return
@@ -190,7 +191,7 @@ def _crowded_s(logs: Logs, task: int, since_s: float, until_s: float) -> float:
 
 
 def passed_over(logs: Logs) -> Iterator[Finding]:
-    """No order waits while others that are alike, and came later, are given to robots and begun: not once a robot could have come to it.
+    """No order waits while three or more that are alike and came later are given to robots and begun, once a robot could have come to it.
 
     Alike are orders of the same stops, priority, robot and type, and of no less service. Others may go first, and with them the robot.
     """
