@@ -23,7 +23,7 @@ from mrp_sumo.errors import MrpSumoError
 
 CONFIDENCE = 0.9
 ROUNDS = 3
-MISFIT_M = 0.001  # by which vehicles may be elsewhere than the law of motion has them
+MISFIT_M, MISFIT_RAD = 0.001, 0.0012  # by which vehicles may be elsewhere than the law of motion has them
 AT_ONCE, TURNS_AT_ONCE = 0.25, 0.5  # of a log's period: ramps and turns that are shorter are not told
 COARSE_S, ANY_NOISE = 2.5, 0.15  # period from which on logs do not tell how speed scatters; it may be as much as this
 LEAST_EXTENT_M = 0.2  # of where a vehicle is that drives
@@ -173,7 +173,8 @@ def _driving(fits: Fits) -> Iterator[CalibratedFigure | Unknown]:
         yield Unknown("turn_rate_rad_s", f"turns are over sooner than a pose every {period_s:.2g} s shows")
     else:
         count = len(turning.scores)
-        yield _within_factor("turn_rate_rad_s", "rad/s", turning.value, _reach(turning.scores, np.arange(count), 0.0), count, "turns")
+        reach = _reach(turning.scores, np.arange(count), MISFIT_RAD * 2 / float(np.median(turning.angle_rad)))
+        yield _within_factor("turn_rate_rad_s", "rad/s", turning.value, reach, count, "turns")
     count, of = len(stops.hold_s), "stops on the way"
     yield CalibratedFigure("stops_per_s", "1/s", *stops.rate_per_s, count, of)
     for name, unit, figure in (("stop_median_s", "s", stops.median_s), ("stop_sigma", "", stops.sigma)):
@@ -279,9 +280,9 @@ def _services(visits: Iterable[ActionTime]) -> Iterator[CalibratedFigure | Unkno
 
 def _chi2(freedom: int) -> tuple[float, float]:
     """The upper and lower end of the interval of chi squared."""
-    from scipy.stats import chi2
+    from scipy.special import chdtri
 
-    return float(chi2.ppf((1 + CONFIDENCE) / 2, freedom)), float(chi2.ppf((1 - CONFIDENCE) / 2, freedom))
+    return float(chdtri(freedom, (1 - CONFIDENCE) / 2)), float(chdtri(freedom, (1 + CONFIDENCE) / 2))
 
 
 def _accuracy(phases: list[Phases], noise: Noise) -> Iterator[CalibratedFigure | Unknown]:

@@ -4,20 +4,21 @@ A turn is a ramp of the heading at a constant rate from one heading to another, 
 So turns that are over between two samples tell how long a turn takes at most, and how often a sample falls into one how long it takes.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from mrp_sumo.calibration.log import Track
 from mrp_sumo.calibration.phases import Noise, padded
-from mrp_sumo.core.graph import FloatArray
+from mrp_sumo.core.graph import BoolArray, FloatArray
 
 LEAST_RAD = 0.5
 STEADY_SIGMA = 4.0
-AROUND = 4  # steady samples on each side
-NODES = 240
+AROUND = 8  # steady samples on each side, but for the one next to the turn, which may be in it
 MOST_TURNS = 400
-RATES = np.geomspace(0.03, 12.0, 90)
+RATES = np.geomspace(0.03, 12.0, 60)
+ROUNDS, WITHIN = 16, 2.5  # closer and closer about the maximum, to that many standard deviations, within which it is a parabola
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,30 +41,58 @@ def fit_turning(tracks: list[Track], noise: Noise, speed_mps: float) -> TurnFit 
         turns = [turns[k] for k in np.linspace(0, len(turns) - 1, MOST_TURNS).astype(int).tolist()]
     times, angles, totals = zip(*turns)
     time, angle, there = padded(times, angles)
-    whole, last = np.array(totals), np.array([t[-1] for t in times])
+    whole = np.array(totals)
 
     def logs(rate: float) -> FloatArray:
-        begin = -whole / rate  # [T] the earliest time at which a turn may have begun
-        nodes = begin[:, None] + np.linspace(0, 1, NODES) * (last - begin)[:, None]
-        off = angle[:, None, :] - np.clip((time[:, None, :] - nodes[:, :, None]) * rate, 0.0, whole[:, None, None])
-        log = -(np.where(there[:, None, :], off, 0.0) ** 2).sum(2) / (2 * noise.heading_rad**2)
-        top = log.max(1)
-        total: FloatArray = top + np.log(np.exp(log - top[:, None]).mean(1) * (last - begin))
-        return total
+        return _log_marginal(time, angle, there, whole, rate, noise.heading_rad)
 
-    coarse = [np.clip(logs(rate), -60.0, None).sum() for rate in RATES[::3]]
-    middle = float(np.log(RATES[::3][int(np.argmax(coarse))]))
-    fine = np.linspace(middle - 0.25, middle + 0.25, 41)
-    values = np.stack([logs(float(np.exp(each))) for each in fine])  # [41, T]
-    sums = np.clip(values, values.max(0) - 60.0, None).sum(1)
-    k = int(np.clip(np.argmax(sums), 4, len(fine) - 5))
-    near = slice(k - 4, k + 5)
-    bend, slope, _ = np.polyfit(fine[near] - fine[k], sums[near], 2)
+    coarse = [np.clip(logs(rate), -60.0, None).sum() for rate in RATES]
+    log_rate, width = float(np.log(RATES[int(np.argmax(coarse))])), float(np.log(RATES[1] / RATES[0]))
+    for _ in range(ROUNDS):
+        off = width * np.linspace(-1, 1, 7)
+        values = np.stack([logs(float(np.exp(log_rate + each))) for each in off])  # [7, T]
+        values = np.maximum(values, values.max(0) - 60.0)
+        sums = values.sum(1)
+        bend, slope, _ = np.polyfit(off, sums, 2)
+        if bend < 0 and width < WITHIN / math.sqrt(-2 * bend):
+            break
+        log_rate, width = log_rate + float(off[np.argmax(sums)]), width / 2
     if not bend < 0:
         return None
-    at = float(np.clip(-slope / (2 * bend), -0.1, 0.1))
-    scores = np.stack([np.polyfit(fine[near] - fine[k] - at, each, 2)[1] for each in values[near].T]) / (-2 * bend)
-    return TurnFit(float(np.exp(fine[k] + at)), scores, whole, list(times), list(angles))
+    at = float(np.clip(-slope / (2 * bend), -width, width))
+    scores = np.polyfit(off - at, values, 2)[1] / (-2 * bend)
+    return TurnFit(float(np.exp(log_rate + at)), scores, whole, list(times), list(angles))
+
+
+def _log_marginal(time_s: FloatArray, angle: FloatArray, there: BoolArray, whole: FloatArray, rate: float, noise: float) -> FloatArray:
+    """[T] logarithms of likelihoods at a rate, integrated over when turns begin.
+
+    Between times at which a sample enters the ramp or leaves it, squares add up to a parabola: so integrals are those of a normal density.
+    """
+    from scipy.special import log_ndtr
+
+    enters, leaves = np.where(there, time_s, np.nan), np.where(there, time_s - whole[:, None] / rate, np.nan)
+    edges = np.sort(np.concatenate((enters, leaves), 1), 1)  # those that are not there come last
+    begin, end = edges[:, :-1, None], edges[:, 1:, None]
+    middle = (begin + end) / 2
+    with np.errstate(invalid="ignore"):
+        on_ramp, after = (middle < enters[:, None, :]) & (middle > leaves[:, None, :]), middle <= leaves[:, None, :]
+    flat, on_ramp = there[:, None, :] & ~on_ramp, on_ramp & there[:, None, :]
+    off = np.where(flat, angle[:, None, :] - np.where(after, whole[:, None, None], 0.0), 0.0)
+    ahead = np.where(on_ramp, time_s[:, None, :] * rate - angle[:, None, :], 0.0)  # of the beginning, as angles
+    count = on_ramp.sum(2)
+    mean = ahead.sum(2) / np.maximum(count, 1)
+    squares = (off**2).sum(2) + (np.where(on_ramp, ahead - mean[:, :, None], 0.0) ** 2).sum(2)
+    deviation = noise / np.sqrt(np.maximum(count, 1))
+    low, high = ((each[:, :, 0] * rate - mean) / deviation for each in (begin, end))
+    low, high = np.where(low > 0, -high, low), np.where(low > 0, -low, high)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        normal = log_ndtr(high) + np.log1p(-np.exp(log_ndtr(low) - log_ndtr(high))) + np.log(deviation / rate * math.sqrt(2 * math.pi))
+        pieces = -squares / (2 * noise**2) + np.where(count > 0, normal, np.log(end - begin)[:, :, 0])
+    pieces = np.where(edges[:, 1:] > edges[:, :-1], pieces, -np.inf)
+    top = pieces.max(1)
+    total: FloatArray = top + np.log(np.exp(pieces - top[:, None]).sum(1))
+    return total
 
 
 def _turns(track: Track, noise: Noise, speed_mps: float) -> list[tuple[FloatArray, FloatArray, float]]:
@@ -71,15 +100,16 @@ def _turns(track: Track, noise: Noise, speed_mps: float) -> list[tuple[FloatArra
     yaw, t = track.yaw_rad, track.t_s
     steady = np.abs(np.diff(yaw)) < STEADY_SIGMA * np.sqrt(2) * noise.heading_rad + 0.02
     edges = np.flatnonzero(np.diff(np.concatenate(([1], steady.astype(np.int8), [1]))))
+    begins, ends = edges[::2].tolist(), edges[1::2].tolist()
     turns = []
-    for a, b in zip(edges[::2].tolist(), edges[1::2].tolist()):  # steps a to b - 1 turn: samples a to b
-        before, after = max(0, a - AROUND + 1), min(len(t), b + AROUND)
+    for a, b, earlier, later in zip(begins, ends, [-1, *ends], [*begins[1:], len(t)]):  # steps a to b - 1 turn: samples a to b
+        before, after = slice(max(earlier + 1, a - AROUND), a), slice(b + 1, min(later, b + 1 + AROUND))
         if not (steady[max(0, a - 2) : a].all() and steady[b : b + 2].all()) or a < 2 or b > len(t) - 3:
             continue
         away_m = float(np.hypot(track.x_m[b] - track.x_m[a], track.y_m[b] - track.y_m[a]))
         if away_m > 0.35 * speed_mps * (t[b] - t[a]) + 3 * noise.position_m:
             continue
-        low, high = float(np.median(yaw[before : a + 1])), float(np.median(yaw[b:after]))
+        low, high = float(np.median(yaw[before])), float(np.median(yaw[after]))
         whole = high - low
         if not LEAST_RAD < abs(whole) < 3.3:
             continue

@@ -6,6 +6,7 @@ from mrp_sumo.calibration.estimates import calibrated
 from mrp_sumo.calibration.log import ActionTime, MotionLog, Track
 from mrp_sumo.calibration.phases import Noise, phases_of
 from mrp_sumo.calibration.stops import _fit, _Stands, _unexplained, fit_stops
+from mrp_sumo.calibration.turning import fit_turning
 from mrp_sumo.errors import MrpSumoError
 
 TRUTH = {"max_speed_mps": 1.2, "accel_mps2": 0.6, "decel_mps2": 0.8, "turn_rate_rad_s": 1.0, "speed_noise": 0.06}
@@ -65,6 +66,20 @@ def test_turns_that_are_over_between_two_poses_are_not_told():
     rng = np.random.default_rng(5)
     found = calibrated(log_of({f"s{k}": shuttle_rows(rng, turn=8.0) for k in range(2)}))
     assert found.unknown["turn_rate_rad_s"] == "turns are over sooner than a pose every 1 s shows"
+
+
+def test_turns_are_as_fast_as_they_were():
+    off = []
+    for seed in range(5):
+        rng = np.random.default_rng(seed)
+        rate = rng.uniform(0.6, 1.8)
+        angles = rng.choice([np.pi / 2, -np.pi / 2, np.pi], 300)
+        begins = np.cumsum(rng.uniform(12, 30, 300)) + np.concatenate(([0.0], np.cumsum(np.abs(angles) / rate)[:-1]))
+        t = np.arange(0.0, begins[-1] + 10, 1.0)
+        yaw = (np.clip((t[:, None] - begins) * rate, 0.0, np.abs(angles)) * np.sign(angles)).sum(1) + rng.normal(0, 0.003, len(t))
+        track = Track("t", t, *rng.normal(0, 0.02, (2, len(t))), yaw, np.zeros(len(t)))
+        off.append(fit_turning([track], Noise(0.02, 0.003), 1.0).value / rate - 1)
+    assert np.abs(off).max() < 0.001
 
 
 def test_times_of_actions_are_lognormal():
