@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from time import process_time
 from typing import ClassVar
 
+from mrp_sumo.core.options import option
 from mrp_sumo.core.plan import PlanResult, Status
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError, nearest
@@ -38,7 +39,9 @@ class Portfolio:
 class Auto:
     """The planner that fits the problem, and others where it finds no plan."""
 
-    planners: tuple[str, ...] = ()  # in the order in which they are asked; empty: by what the problem is like
+    planners: tuple[str, ...] = option(
+        (), "planners to try, in order; each may use an equal share of the time and effort that are left. None: by the problem"
+    )
 
     assigns: ClassVar[bool] = False
     guarantee: ClassVar[str] = "valid, not complete"

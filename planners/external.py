@@ -3,6 +3,7 @@
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
+from mrp_sumo.core.options import option
 from mrp_sumo.core.plan import PlanResult
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.planning.external import assigns, check_command, plan_externally
@@ -15,7 +16,7 @@ class External:
     assigns: ClassVar[bool] = False  # of one with {yaml_free} in its command: True
     guarantee: ClassVar[str] = "the program's own, not complete here"
 
-    command: str = ""  # the template; there is no planning without one
+    command: str = option("", "command line of the program, with places such as `{map}` and `{out}`")
 
     def __post_init__(self) -> None:
         if self.command:

@@ -5,6 +5,7 @@ from pathlib import Path
 from time import process_time
 from typing import ClassVar
 
+from mrp_sumo.core.options import option
 from mrp_sumo.core.plan import PlanResult, Status
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError
@@ -18,7 +19,7 @@ class PlanFile:
     guarantee: ClassVar[str] = "none: as it is"
     supports: ClassVar[tuple[str, ...]] = ("seconds",)
 
-    path: str = ""  # of the file; relative to the scenario's
+    path: str = option("", "file of the plan, relative to the scenario")
 
     def prepare(self) -> None:
         """There is nothing to prepare."""

@@ -11,6 +11,7 @@ import numpy as np
 
 from mrp_sumo.core.fleet import fleet_of
 from mrp_sumo.core.graph import IntArray, PlanGraph, frozen, nav_graph, plan_graph
+from mrp_sumo.core.options import option
 from mrp_sumo.core.plan import PlanResult, Status, plan_of_paths
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.core.robot_type import RobotType
@@ -33,12 +34,14 @@ LONGEST_LOCAL = 126  # steps of a path of local guidance: its tables have a slot
 class ByConfigurations:
     """Parameters that PIBT and LaCAM have in common: the moves that robots may make at once, and what guides them."""
 
-    following: bool = False  # avoid following conflicts too: nobody enters a vertex in the step its holder leaves
-    rotations: bool = True  # rings of robots may move at once
-    hindrance: bool = True  # prefer, among equally near vertices, those that fewer neighbours want
-    ways: int = 2  # rounds of giving robots shortest ways that meet few others, where lanes are little used; 0 for none
-    flow: int = 1  # rounds of giving robots guide paths that avoid oncoming traffic, elsewhere; 0 for none
-    local: int = 14  # steps of short paths that robots are given before each step, around each other's; 0 for none
+    following: bool = option(
+        False, "also forbid entering a vertex in the step in which another robot leaves it; `pibt` then rarely gets through crowds"
+    )
+    rotations: bool = option(True, "allow rings of robots that all move at once, where the policy can drive them")
+    hindrance: bool = option(True, "among equally near vertices, prefer those that fewer neighbours want")
+    ways: int = option(2, "guidance by ways: rounds, 0 for none")
+    flow: int = option(1, "guidance by flow: rounds, 0 for none")
+    local: int = option(14, "local guidance: steps ahead, at most 126, 0 for none")
 
     def __post_init__(self) -> None:
         if not 0 <= self.local <= LONGEST_LOCAL:

@@ -70,6 +70,15 @@ def planners() -> str:
     return _table(("planner", "method", "guarantee", "parameters and defaults"), rows)
 
 
+def parameters(kind: str) -> str:
+    """Parameters of a kind of plug-ins: those that mean the same in one row."""
+    of: dict[tuple[str, str], list[str]] = {}
+    for entry in _plug_ins(kind, []):
+        for meaning in entry.get("meanings", {}).items():
+            of.setdefault(meaning, []).append(f"`{entry['name']}`")
+    return _table(("parameter", "of", "meaning"), ((f"`{name}`", ", ".join(those), says) for (name, says), those in sorted(of.items())))
+
+
 def auto() -> str:
     """Planners that `auto` asks, by the problem."""
 
@@ -202,6 +211,7 @@ TABLES: dict[str, Callable[[], str]] = {
     one.__name__: one for one in (planners, auto, policies, dispatchers, suites, scenarios, robot_changes, rules)
 }
 TABLES |= {"keys": keys} | {f"keys_{section}": partial(keys, section) for section in SECTIONS}
+TABLES |= {f"parameters_{kind}": partial(parameters, kind) for kind in ("planners", "dispatchers", "policies")}
 TABLES |= {f"metrics_{of}": partial(metrics, of) for of in registry.TABLES}
 
 

@@ -16,7 +16,7 @@ from mrp_sumo.errors import MrpSumoError, PlugInError, nearest
 from mrp_sumo.plugins.kinds import KINDS
 
 FILES = ("maps", "robots", "scenarios", "suites", "logs")
-Entry = dict[str, Any]  # name, summary, parameters: {name: {type, default}}, and what else is known of it
+Entry = dict[str, Any]  # name, summary, parameters: {name: {type, default}}, meanings: {name: sentence}, and what else is known of it
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -59,8 +59,10 @@ def _plug_ins(kind: str, faults: list[str]) -> list[Entry]:
         except PlugInError as error:
             faults.append(f"{KINDS[kind].one} '{name}': {error}")
             continue
-        parameters = {key: {"type": type_, "default": default} for key, type_, default in one.parameters}
-        entries.append({"name": name, "summary": one.summary, **one.attributes, "parameters": parameters, "source": one.source})
+        parameters = {key: {"type": type_, "default": default} for key, type_, default, _ in one.parameters}
+        meanings = {key: says for key, *_, says in one.parameters if says}
+        entry = {"name": name, "summary": one.summary, **one.attributes, "parameters": parameters, "source": one.source}
+        entries.append(entry | ({"meanings": meanings} if meanings else {}))
     return entries
 
 
@@ -160,7 +162,9 @@ def _loaded(one: Entry) -> str:
 def _lines(entry: Entry) -> Iterable[str]:
     if entry.get("summary"):
         yield entry["summary"]
-    rest = {key: value for key, value in entry.items() if key not in ("name", "summary", "parameters") and value not in ("", None)}
+    rest = {
+        key: value for key, value in entry.items() if key not in ("name", "summary", "parameters", "meanings") and value not in ("", None)
+    }
     if rest:
         yield ", ".join(f"{key} {_shown(value)}" for key, value in rest.items())
     if entry.get("parameters"):

@@ -12,6 +12,7 @@ from typing import Any, ClassVar, Protocol, cast
 import numpy as np
 
 from mrp_sumo.core.graph import FloatArray
+from mrp_sumo.core.options import option
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.drive.live_plan import LivePlan
@@ -76,7 +77,7 @@ class OpenLoop:
     keeps_order: ClassVar[bool] = False
     paced: ClassVar[bool] = False
 
-    look_ahead: int = 2
+    look_ahead: int = option(2, "visits that a robot may claim beyond those that it needs to brake")
 
     def order(self, problem: Problem, plan: Plan, needs: Needs) -> Schedule | None:
         return None
@@ -103,7 +104,7 @@ class Adg:
     keeps_order: ClassVar[bool] = True
     paced: ClassVar[bool] = False
 
-    look_ahead: int = 4
+    look_ahead: int = option(4, "visits that a robot may claim beyond those that it needs to brake")
 
     def order(self, problem: Problem, plan: Plan, needs: Needs) -> Schedule | None:
         return schedule_of(problem, plan, needs)
@@ -128,11 +129,11 @@ class AdgSwitch(Adg):
 
     asks_late: ClassVar[bool] = True  # robots claim no more than they need to drive on: what is granted cannot be switched
 
-    decides_every_s: float = 1.0
-    late_s: float = 1.0  # nothing is changed while all robots are less late than this
-    hold_s: float = 6.0  # how much longer a robot that is held by a disturbance is taken to stand
-    least_s: float = 1.0  # by which the sum of the times at which robots are done has to be lower
-    budget: int = 1000  # how often a decision may look for longest paths
+    decides_every_s: float = option(1.0, "time between decisions")
+    late_s: float = option(1.0, "nothing is changed while all robots are less late than this")
+    hold_s: float = option(6.0, "how much longer a robot that is held by a disturbance is taken to stand")
+    least_s: float = option(1.0, "by which the sum of arrival times has to fall; the last robot may then arrive later")
+    budget: int = option(1000, "how often a decision may look for longest paths")
 
     def decide(self, problem: Problem, plan: LivePlan, needs: Needs, now_s: float) -> Schedule | None:
         if plan.order is None or not (plan.late_s >= self.late_s).any():

@@ -4,12 +4,13 @@ Refuses costs that are NaN or -inf, and matrices in which min(R, G) goals cannot
 """
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
 
 from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray
+from mrp_sumo.core.options import meaning
 from mrp_sumo.errors import PlanError
 
 Objective = Literal["sum", "bottleneck"]
@@ -21,7 +22,7 @@ LARGEST = 1 << 52  # of the sum of whole costs: exact in a float, far from the e
 class ExactAssigner(ABC):
     """An assigner whose solver takes pairs with whole costs."""
 
-    objective: Objective = "sum"
+    objective: Objective = field(default="sum", metadata=meaning("`sum` of all robots' costs, or the worst robot's: `bottleneck`"))
 
     def assign(self, cost: FloatArray, time_limit_s: float) -> IntArray:
         """See `Assigner`."""

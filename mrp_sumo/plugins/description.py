@@ -18,7 +18,7 @@ class Described:
 
     name: str
     summary: str  # the first sentence of its docstring
-    parameters: tuple[tuple[str, str, Any], ...]  # name, type in words, default (`REQUIRED` in words where there is none)
+    parameters: tuple[tuple[str, str, Any, str], ...]  # name, type in words, default (`REQUIRED` in words where there is none), meaning
     attributes: Mapping[str, Any]  # of its face, and of simple types
     source: str  # '' for ours
 
@@ -36,7 +36,7 @@ def describe(kind: Kind, source: Source) -> Described:
     return Described(
         source.name,
         _first_sentence(plug_in),
-        tuple((p.name, p.expected, str(REQUIRED) if p.default is REQUIRED else _simple(p.default)) for p in parameters),
+        tuple((p.name, p.expected, str(REQUIRED) if p.default is REQUIRED else _simple(p.default), p.meaning) for p in parameters),
         {**said, "supports": supports} if supports else said,
         "" if source.ours else source.package or str(source.path or source.module),
     )

@@ -30,6 +30,7 @@ class Parameter:
     name: str
     type: Any  # a type hint; Any where there is none
     default: Any  # REQUIRED where there is none
+    meaning: str = ""  # that the metadata of a dataclass's field says as `description`
 
     @property
     def expected(self) -> str:
@@ -47,7 +48,7 @@ def parameters_of(target: Callable[..., Any]) -> tuple[Parameter, ...]:
             if field.default_factory is not MISSING:
                 default = field.default_factory()
             if field.init:
-                parameters.append(Parameter(field.name, hints.get(field.name, Any), default))
+                parameters.append(Parameter(field.name, hints.get(field.name, Any), default, field.metadata.get("description", "")))
         return tuple(parameters)
     try:
         signature = inspect.signature(target)

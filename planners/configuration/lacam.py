@@ -15,6 +15,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from mrp_sumo.core.options import option
 from mrp_sumo.core.plan import PlanResult, Status, paths_of_plan
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError
@@ -68,14 +69,17 @@ class Lacam(ByConfigurations):
     guarantee: ClassVar[str] = "complete; eventually optimal in sum of loss when anytime"
     supports: ClassVar[frozenset[str]] = frozenset({"effort", "window"})
 
-    anytime: bool = False
-    num_tries: int = 1  # configurations generated each time, of which the best is kept
-    traffic: int = 0  # further solutions, guided by the traffic in those before, see `_flow`; 0 for none
-    polish: int = 1800  # labels per robot to spend on improving the first solution, see `polishing_labels`; 0 for none
-    neighbourhood: int = 4  # robots replanned at a time
-    memory_mb: int = 2000  # for the search, and for neighbourhoods; beyond it gives up, or keeps what it has
-    threads: int = 1  # that improve the first solution, as many as have room for tables of their own
-    bandit: bool = False  # improve around late robots for whom it has paid, instead of by three kinds of neighbourhoods
+    anytime: bool = option(False, "spend the rest of the time limit on lowering the cost")
+    num_tries: int = option(1, "configurations generated at a time, of which the best is kept")
+    traffic: int = option(0, "guidance by traffic: further solutions, guided by those before, 0 for none")
+    polish: int = option(
+        1800,
+        "labels a robot spent at most on improving the first plan, 0 for none; more than 4,000 robots are polished only with `anytime`",
+    )
+    neighbourhood: int = option(4, "robots replanned at a time")
+    memory_mb: int = option(2000, "limit for tables and nodes; beyond it a planner gives up or keeps the plan it has")
+    threads: int = option(1, "refiners that improve a plan together; as many as fit into `memory_mb`")
+    bandit: bool = option(False, "improve around late robots where that has helped (ADDRESS)")
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -16,6 +16,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from mrp_sumo.core.options import option
 from mrp_sumo.core.plan import PlanResult, Status
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError
@@ -35,8 +36,8 @@ class Pibt(ByConfigurations):
     guarantee: ClassVar[str] = "valid, not complete"
     supports: ClassVar[frozenset[str]] = frozenset({"effort", "window"})
 
-    max_steps: int = 0  # give up an attempt after so many steps; 0: 20 x the longest path + 10 x robots, 1,000 to 20,000
-    num_attempts: int = 10
+    max_steps: int = option(0, "steps of an attempt; 0: 20 times the longest path plus 10 a robot, 1,000 to 20,000")
+    num_attempts: int = option(10, "attempts with other random choices")
 
     def __post_init__(self) -> None:
         super().__post_init__()

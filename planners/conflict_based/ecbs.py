@@ -15,6 +15,7 @@ from heapq import heappop, heappush
 from itertools import count
 from typing import ClassVar
 
+from mrp_sumo.core.options import option
 from planners.conflict_based.frame import Forest, OpenNodes, TreePlanner
 from planners.conflict_based.tree import ConflictNode
 
@@ -26,7 +27,7 @@ class Ecbs(TreePlanner):
     Among nodes that cost at most w times the least lower bound, the one with the fewest conflicts is expanded.
     """
 
-    w: float = 1.2  # how many times the optimum a plan may cost
+    w: float = option(1.2, "allowed cost as a multiple of the optimum, 1 or more")
 
     guarantee: ClassVar[str] = "w-bounded"
     supports: ClassVar[frozenset[str]] = frozenset({"effort", "window"})

@@ -17,6 +17,7 @@ from heapq import heappop, heappush
 from itertools import count
 from typing import ClassVar
 
+from mrp_sumo.core.options import option
 from planners.conflict_based.best_first import BestFirst
 from planners.conflict_based.frame import Forest, OpenNodes, Paths, TreePlanner
 from planners.conflict_based.incumbent import Incumbent
@@ -33,10 +34,10 @@ TURNS = 1.1  # until then both do so many times their work, by turns
 class Eecbs(TreePlanner):
     """Explicit estimation CBS: the planner of choice when nearly optimal is good enough."""
 
-    w: float = 1.2  # how many times the optimum a plan may cost
-    bypass: bool = True  # take a path with fewer conflicts, within the bound, instead of splitting
-    incumbent: bool = (
-        True  # look for a plan by large neighbourhood search too; without, or with `following`, the search is the paper's alone
+    w: float = option(1.2, "allowed cost as a multiple of the optimum, 1 or more")
+    bypass: bool = option(True, "replace a node's path by one with fewer conflicts instead of splitting")
+    incumbent: bool = option(
+        True, "also look for a plan by large neighbourhood search; without, or with `following`, the search is the paper's alone"
     )
 
     guarantee: ClassVar[str] = "w-bounded"

@@ -15,6 +15,7 @@ from typing import ClassVar, Protocol
 import numpy as np
 
 from mrp_sumo.core.graph import IntArray
+from mrp_sumo.core.options import option
 from mrp_sumo.core.plan import PlanResult, Status, plan_of_paths
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError
@@ -113,9 +114,9 @@ class OpenNodes(Protocol):
 class TreePlanner(ABC):
     """A planner that expands the nodes of constraint trees, in an order of its own."""
 
-    symmetries: bool = True  # rectangles, corridors, targets
-    following: bool = False  # following conflicts count too
-    memory_mb: int = 4000  # for tables and nodes; beyond it gives up
+    symmetries: bool = option(True, "resolve rectangle, corridor and target conflicts by one split each")
+    following: bool = option(False, "also forbid entering a vertex in the step in which another robot leaves it")
+    memory_mb: int = option(4000, "limit for tables and nodes; beyond it a planner gives up or keeps the plan it has")
 
     assigns: ClassVar[bool] = False
 

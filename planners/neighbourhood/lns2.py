@@ -11,6 +11,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from mrp_sumo.core.options import option
 from mrp_sumo.core.plan import PlanResult, Status
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError
@@ -41,15 +42,15 @@ class Lns2:
     guarantee: ClassVar[str] = "valid, not complete"
     supports: ClassVar[frozenset[str]] = frozenset({"effort", "window"})
 
-    anytime: bool = False
-    following: bool = False  # avoid following conflicts too: nobody enters a vertex in the step its holder leaves
-    rotations: bool = True  # rings of robots may move at once
-    neighbourhood: int = 8  # robots replanned at a time while there are collisions; half as many afterwards
-    horizon: int = 0  # steps to plan for; 0: twice the longest path, plus 128 and half a step per robot
-    polish: int = 2500  # labels per robot to spend on improving the first solution, see `polishing_labels`; 0 for none
-    memory_mb: int = 2000  # for tables; gives up at once where they would take more
-    threads: int = 1  # that improve the plan, as many as have room for tables of their own
-    bandit: bool = False  # improve around late robots for whom it has paid, instead of by three kinds of neighbourhoods
+    anytime: bool = option(False, "spend the rest of the time limit on lowering the cost")
+    following: bool = option(False, "also forbid entering a vertex in the step in which another robot leaves it")
+    rotations: bool = option(True, "allow rings of robots that all move at once, where the policy can drive them")
+    neighbourhood: int = option(8, "robots replanned at a time, half as many once there are no collisions")
+    horizon: int = option(0, "steps planned for; 0: twice the longest path, plus 128 and half a step a robot")
+    polish: int = option(2500, "labels a robot spent at most on improving the first plan, 0 for none")
+    memory_mb: int = option(2000, "limit for tables; gives up at once where they would take more")
+    threads: int = option(1, "refiners that improve a plan together; as many as fit into `memory_mb`")
+    bandit: bool = option(False, "improve around late robots where that has helped (ADDRESS)")
 
     def __post_init__(self) -> None:
         if self.neighbourhood < 1 or self.memory_mb < 1 or self.threads < 1 or self.horizon < 0 or self.polish < 0:

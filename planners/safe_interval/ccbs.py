@@ -22,6 +22,7 @@ import numpy as np
 
 from mrp_sumo.core.fleet import fleet_of
 from mrp_sumo.core.graph import nav_graph, plan_graph
+from mrp_sumo.core.options import option
 from mrp_sumo.core.plan import PlanResult, Status, plan_of_paths
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.core.robot_type import RobotType
@@ -39,12 +40,12 @@ MOTIONS = ("real", "unit")
 class Ccbs:
     """Conflict-based search in continuous time, for small fleets."""
 
-    w: float = 1.0  # times the optimum that a plan may cost
-    motion: str = "real"  # of the robots; 'unit': discs of one radius that drive at one speed and turn at once
-    radius_m: float = 0.0  # of the discs; 0 for half the distance that the robots must keep
-    speed_mps: float = 1.0  # of the discs
-    max_nodes: int = 200_000  # of the tree
-    step_length_s: float = 0.1  # of the simulation that is to drive the plan, for real motion
+    w: float = option(1.0, "allowed cost as a multiple of the optimum, 1 or more")
+    motion: str = option("real", "`real`: the robots' own; `unit`: discs at one speed that turn at once, as in the literature")
+    radius_m: float = option(0.0, "radius of discs (`motion: unit`); 0: half the distance that robots must keep")
+    speed_mps: float = option(1.0, "speed of discs (`motion: unit`)")
+    max_nodes: int = option(200_000, "nodes of the search tree at most")
+    step_length_s: float = option(0.1, "step of the simulation that drives the plan")
 
     assigns: ClassVar[bool] = False
     guarantee: ClassVar[str] = "w-bounded sum of costs in seconds (w = 1: optimal)"

@@ -15,6 +15,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from mrp_sumo.core.options import option
 from mrp_sumo.core.plan import PlanResult, Status, plan_of_paths
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError
@@ -36,10 +37,10 @@ class Continuous:
     ways one by one, or not soon, get the plan of `lacam`, in steps, in windows through the window: its order is what robots can keep.
     """
 
-    anytime: bool = False  # whether to spend the rest of the time limit on lower costs
-    neighbourhood: int = 3  # robots that are planned again at a time
-    polish: int = 150  # entries for each pair of robots that searches may look at to improve the first solution; 0 for none
-    step_length_s: float = 0.1  # of the simulation that is to drive the plan
+    anytime: bool = option(False, "spend the rest of the time limit on lowering the cost")
+    neighbourhood: int = option(3, "robots replanned at a time")
+    polish: int = option(150, "entries for each pair of robots spent at most on improving the first plan, 0 for none")
+    step_length_s: float = option(0.1, "step of the simulation that drives the plan")
 
     assigns: ClassVar[bool] = False
     guarantee: ClassVar[str] = "drivable, not complete"

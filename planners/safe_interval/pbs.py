@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
+from mrp_sumo.core.options import option
 from mrp_sumo.core.plan import PlanResult, Status, plan_of_paths
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError
@@ -28,8 +29,8 @@ WINDOW_NODES, NODES_A_ROBOT = 1000, 20  # of the tree, in windows: four to ten t
 class Pbs:
     """Priority-based search with the robots' real motion."""
 
-    max_nodes: int = 20_000  # of the tree
-    step_length_s: float = 0.1  # of the simulation that is to drive the plan
+    max_nodes: int = option(20_000, "nodes of the search tree at most")
+    step_length_s: float = option(0.1, "step of the simulation that drives the plan")
 
     assigns: ClassVar[bool] = False
     guarantee: ClassVar[str] = "drivable, not complete"

@@ -12,6 +12,7 @@ from typing import ClassVar
 import numpy as np
 
 from mrp_sumo.core.graph import IntArray
+from mrp_sumo.core.options import option
 from mrp_sumo.core.plan import Plan, PlanResult, Status, plan_of_paths
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError
@@ -37,8 +38,8 @@ class Prioritised:
     after a failure the robot that failed goes first, and every fourth order is random.
     """
 
-    restarts: int = 1000  # further orders of the robots to try
-    following: bool = False  # avoid following conflicts too: nobody enters a vertex in the step its holder leaves
+    restarts: int = option(1000, "further orders of the robots to try")
+    following: bool = option(False, "also forbid entering a vertex in the step in which another robot leaves it")
 
     assigns: ClassVar[bool] = False
     guarantee: ClassVar[str] = "valid, not complete"

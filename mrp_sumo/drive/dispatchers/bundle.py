@@ -10,6 +10,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import combinations_with_replacement
 
+from mrp_sumo.core.options import option
 from mrp_sumo.core.request import Request
 from mrp_sumo.drive.dispatchers.estimates import FAR_S
 from mrp_sumo.drive.reroute import Replan
@@ -23,7 +24,7 @@ from mrp_sumo.search.distance import UNREACHABLE, distances
 class Bundle:
     """Each order goes into the tour of the robot with room for it where the sum of the times at which orders are done grows least."""
 
-    most: int = 30  # orders that are looked at together, the most urgent and oldest that wait
+    most: int = option(30, "orders looked at together, the most urgent and oldest that wait")
 
     def finished(self, now_s: float, context: Surroundings) -> bool:
         """See Dispatcher."""

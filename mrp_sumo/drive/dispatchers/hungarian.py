@@ -5,6 +5,7 @@ The assignment problem of Kuhn, "The Hungarian method for the assignment problem
 
 from dataclasses import dataclass
 
+from mrp_sumo.core.options import option
 from mrp_sumo.drive.dispatchers.by_task import ByTask
 from mrp_sumo.drive.dispatchers.estimates import FAR_S, choice, held
 from mrp_sumo.drive.surroundings import Surroundings
@@ -14,8 +15,8 @@ from mrp_sumo.drive.surroundings import Surroundings
 class Hungarian(ByTask):
     """The sum of the times at which orders will be done is least, busy robots included; of more orders than robots the shortest first."""
 
-    reassign: bool = True  # tasks may go to others until their first stops are made
-    busy: bool = True  # a task may wait for a robot that is at work
+    reassign: bool = option(True, "orders may go to other robots until their first stops are made")
+    busy: bool = option(True, "an order may wait for a robot that is at work")
 
     def assigned(self, now_s: float, context: Surroundings) -> dict[int, int]:
         from scipy.optimize import linear_sum_assignment

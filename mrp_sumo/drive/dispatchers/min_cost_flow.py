@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mrp_sumo.core.options import option
 from mrp_sumo.drive.dispatchers.by_task import ByTask
 from mrp_sumo.drive.dispatchers.estimates import FAR_S, choice, held
 from mrp_sumo.drive.surroundings import Surroundings
@@ -21,8 +22,8 @@ from mrp_sumo.plugins import registry
 class MinCostFlow(ByTask):
     """Rows of several orders for each robot, busy robots included, as a flow for which the sum of times until orders are done is least."""
 
-    depth: int = 3  # tasks in a row at most
-    reassign: bool = True  # tasks may go to others until their first stops are made
+    depth: int = option(3, "orders in a row at most")
+    reassign: bool = option(True, "orders may go to other robots until their first stops are made")
 
     def __post_init__(self) -> None:
         if self.depth < 1:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mrp_sumo.core.options import option
 from mrp_sumo.core.task import Task
 from mrp_sumo.drive.dispatchers.by_task import ByTask
 from mrp_sumo.drive.dispatchers.estimates import FAR_S, steps_of, to_give
@@ -20,7 +21,7 @@ from mrp_sumo.drive.surroundings import Surroundings
 class TokenPassing(ByTask):
     """Free robots in turn take the most urgent and nearest order, best one at whose ends no other robot's order ends."""
 
-    exclusive: bool = False  # as in the paper, never another
+    exclusive: bool = option(False, "as in the paper, only orders at whose ends no other robot's order ends")
 
     def assigned(self, now_s: float, context: Surroundings) -> dict[int, int]:
         crew = context.crew
