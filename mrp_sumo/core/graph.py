@@ -229,6 +229,13 @@ class PlanGraph(NavGraph):
     """By tail and head of lanes that vehicles follow as curves [N, 4]: m along the lane, x, y, course in rad without jumps."""
     closed_to: Mapping[str, frozenset[tuple[int, int]]] = field(default_factory=dict)
     """By the name of a type of vehicles, tail and head of lanes that it never takes, so that it stops where it can go on along others."""
+    beyond_m: FloatArray = field(default_factory=lambda: np.zeros(0))
+    """[V] distance from each vertex, beyond their radii, that vehicles need which change gear there on a corner; empty: nobody does."""
+
+    @property
+    def swing_m(self) -> FloatArray:
+        """[V] `beyond_m`, 0 where nobody needs any."""
+        return self.beyond_m if len(self.beyond_m) else np.zeros(self.num_vertices)
 
 
 def nav_graph(
@@ -380,7 +387,8 @@ def relaid(graph: PlanGraph, **parts: Any) -> PlanGraph:
         frame=graph.frame,
         curves=graph.curves,
     )
-    return replace(laid, walls=graph.walls, closed_to=graph.closed_to)
+    beyond_m = np.append(graph.beyond_m, np.zeros(num_new)) if len(graph.beyond_m) else graph.beyond_m
+    return replace(laid, walls=graph.walls, closed_to=graph.closed_to, beyond_m=beyond_m)
 
 
 def frozen(array: NDArray[Any]) -> NDArray[Any]:

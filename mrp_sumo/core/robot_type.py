@@ -293,7 +293,9 @@ class RobotShape(Options):
 
     @property
     def aside_m(self) -> float:
-        """Distance of the middle of its body, at corners at most, from where a robot would be that turns in place."""
+        """Distance of the middle of its body, on arcs at most, from where a robot would be that turns in place. Where it changes gear at a
+        corner it is farther away: see `PlanGraph.swing_m`.
+        """
         if not self.is_vehicle:
             return 0.0
         from mrp_sumo.core.wheel_path import most_aside_m

@@ -199,16 +199,29 @@ class Turning:
 
 @lru_cache(maxsize=64)
 def most_aside_m(vehicle: Turning) -> float:
-    """Distance of the middle of a body, at any corner at most, from where that of a robot would be that turns in place."""
-    most = 0.0
-    for route, path in _corners(vehicle):
-        nominal = np.stack([np.interp(path.on_m, route.at_m, route.xy[:, n]) for n in (0, 1)], 1)
-        most = max(most, float(np.hypot(*(_middle(path, vehicle.ahead_m) - nominal).T).max()))
-    return most
+    """Distance of the middle of a body, on arcs at most, from where that of a robot would be that turns in place."""
+    return max(float(_off_m(vehicle, *arc).max()) for arc in _arcs(vehicle))
 
 
-def _corners(vehicle: Turning) -> Iterator[tuple[Route, WheelPath]]:
-    """Paths round corners at the origin: by the tightest and the widest arcs, and with changes of gear."""
+@lru_cache(maxsize=4096)
+def swing_beyond_m(vehicle: Turning, bend_rad: float, gear: int, reach_m: float) -> float:
+    """Distance from a corner of the middle of a body that changes gear there, where it is farther than on arcs from where a robot would be
+    that turns in place; at most, and less what arcs take.
+    """
+    aside_m, corner = most_aside_m(vehicle), _corner(vehicle, bend_rad, (gear, 1 - gear), reach_m, 2 * (reach_m + abs(vehicle.ahead_m)))
+    away_m = np.hypot(*_middle(corner[1], vehicle.ahead_m).T)
+    return max(0.0, float(away_m.max(where=_off_m(vehicle, *corner) > aside_m, initial=0.0)) - aside_m)
+
+
+def _off_m(vehicle: Turning, route: Route, path: WheelPath) -> FloatArray:
+    """[K] distances of the middle of a body from where that of a robot would be that turns in place."""
+    nominal = np.stack([np.interp(path.on_m, route.at_m, route.xy[:, n]) for n in (0, 1)], 1)
+    off: FloatArray = np.hypot(*(_middle(path, vehicle.ahead_m) - nominal).T)
+    return off
+
+
+def _arcs(vehicle: Turning) -> Iterator[tuple[Route, WheelPath]]:
+    """Paths round corners at the origin, by the tightest and the widest arcs."""
     least_m = vehicle.least_radius_m
     for bend in np.linspace(0.1, SHARPEST_RAD, 12).tolist():
         half, ahead = math.tan(bend / 2), abs(vehicle.ahead_m)
@@ -216,10 +229,6 @@ def _corners(vehicle: Turning) -> Iterator[tuple[Route, WheelPath]]:
         for tangent in {widest * half, least_m * half}:
             for gear in (0, 1) if vehicle.reverse else (0,):
                 yield _corner(vehicle, bend, (gear, gear), tangent, 4 * (tangent + ahead))
-        if vehicle.reverse:
-            for room in (1.0, 2.0, 4.0):
-                reach = room * (least_m * half + ahead)
-                yield _corner(vehicle, math.pi - bend, (1, 0), reach, 2 * reach)
 
 
 def _corner(vehicle: Turning, bend: float, gears: tuple[int, int], tangent_m: float, lane_m: float) -> tuple[Route, WheelPath]:

@@ -60,14 +60,16 @@ def check_room(problem: Problem) -> None:
     if len(stranded):
         r = int(stranded[0])
         raise ExecutionError(f"{fleet.robot_name[r]} starts at '{graph.known_as(int(problem.start[r]))}', which has no lane")
-    where = graph.xy[problem.start]
-    pairs = pairs_within(where, separation - 1e-9)
+    where, beyond_m = graph.xy[problem.start], graph.swing_m[problem.start]
+    pairs = pairs_within(where, separation + 2 * float(beyond_m.max()) - 1e-9)
     pairs = pairs[graph.level[problem.start[pairs[:, 0]]] == graph.level[problem.start[pairs[:, 1]]]]
     apart_m, needed_m = np.hypot(*(where[pairs[:, 0]] - where[pairs[:, 1]]).T), fleet.apart_m[tuple(fleet.kind[pairs].T)]
+    needed_m = needed_m + beyond_m[pairs].sum(1)
     pairs = pairs[apart_m < needed_m - 1e-9]
     if len(pairs):
         i, j = sorted(pairs.tolist())[0]
         apart, separation = float(np.hypot(*(where[i] - where[j]))), float(fleet.apart_m[fleet.kind[i], fleet.kind[j]])
+        separation += float(beyond_m[[i, j]].sum())
         raise ExecutionError(
             f"{fleet.robot_name[i]} and {fleet.robot_name[j]} start {apart:.3f} m apart, at '{graph.known_as(int(problem.start[i]))}' "
             f"and '{graph.known_as(int(problem.start[j]))}', expected {separation:.3f} m or more"

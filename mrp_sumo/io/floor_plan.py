@@ -32,7 +32,8 @@ LONGEST_M = 1e6  # of a lane, which is cut into pieces of a robot's size
 
 def write_floor(path: Path, graph: PlanGraph, fleet: Fleet, nav: NavGraph | None) -> None:
     """Write `floor.json`."""
-    about = {"kind": graph.kind, "cell_m": graph.cell_m, "vertex_of_station": graph.vertex_of_station.tolist()}
+    about: dict[str, Any] = {"kind": graph.kind, "cell_m": graph.cell_m, "vertex_of_station": graph.vertex_of_station.tolist()}
+    about |= {"beyond_m": graph.beyond_m.tolist()} if len(graph.beyond_m) else {}
     document = {
         "schema_version": SCHEMA_VERSION,
         "units": "m, s, rad",
@@ -54,6 +55,7 @@ def read_floor(path: Path) -> tuple[PlanGraph, Fleet, NavGraph | None]:
         raise MrpSumoError(f"{path}: schema version {version}, expected {SCHEMA_VERSION}")
     plan, fleet, nav = document["plan_graph"], document["fleet"], document["nav_graph"]
     graph = plan_graph(_graph(plan), kind=plan["kind"], cell_m=plan["cell_m"], vertex_of_station=plan["vertex_of_station"])
+    graph = replace(graph, beyond_m=frozen(np.array(plan.get("beyond_m", ()), np.float64)))
     return graph, _fleet(fleet, document.get("vehicles")), _graph(nav) if nav else None
 
 

@@ -93,8 +93,8 @@ def _crowded(problem: Problem, vertex: IntArray, what: str) -> PlanResult | None
             names = " and ".join(problem.fleet.robot_name[r] for r in pair)
             places = " and ".join(f"'{problem.graph.known_as(int(vertex[r]))}'" for r in pair)
             apart_m = float(np.hypot(*(problem.graph.xy[vertex[pair[0]]] - problem.graph.xy[vertex[pair[1]]])))
-            near = apart_m < problem.fleet.separation_m
-            why = f"{apart_m:.3f} m apart, where they need {problem.fleet.separation_m:.3f} m" if near else "in one mutex group"
+            needs_m = problem.fleet.separation_m + float(problem.graph.swing_m[vertex[list(pair)]].sum())
+            why = f"{apart_m:.3f} m apart, where they need {needs_m:.3f} m" if apart_m < needs_m else "in one mutex group"
             return PlanResult(Status.INFEASIBLE, message=f"{names} {what} at {places}, {why}")
     return None
 

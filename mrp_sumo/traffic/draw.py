@@ -192,7 +192,11 @@ def _shared(graph: PlanGraph, station: IntArray, separation_m: float) -> dict[in
             zones = resources.zones_at(v, 0)
             if groups := {("group", int(g)) for g in zones[zones >= len(resources.zone)]}:
                 shared[v] = groups
-    near = pairs_within(graph.xy[station], separation_m - 1e-9) if separation_m > 0 else np.zeros((0, 2), np.int64)
+    near, beyond_m = np.zeros((0, 2), np.int64), graph.swing_m[station]
+    if separation_m > 0:
+        near = pairs_within(graph.xy[station], separation_m + 2 * float(beyond_m.max(initial=0.0)) - 1e-9)
+    away_m = np.hypot(*(graph.xy[station[near[:, 0]]] - graph.xy[station[near[:, 1]]]).T)
+    near = near[away_m < separation_m + beyond_m[near].sum(1) - 1e-9] if graph.swing_m.any() else near
     for pair, (a, b) in enumerate(station[near].tolist()):
         if graph.level[a] == graph.level[b]:
             for v in (a, b):

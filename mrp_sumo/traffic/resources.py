@@ -15,6 +15,8 @@ its name as option `cabin`. Rides in it are on no floor, so that they are near t
 Robots of several types have a separation for each pair of types. A zone is then two places, and the types that need it at each: small
 robots pass beside each other where a large one passes alone. At vertices, who leaves is far enough away for the largest.
 
+Vehicles that change gear at a corner swing farther away from it than their radii count (`PlanGraph.beyond_m`): R is so much more there.
+
 Together: a robot that holds the vertices and zones of its visits is R away from every other robot that holds its own.
 """
 
@@ -111,15 +113,15 @@ def _resources_of(graph: NavGraph, num_kinds: int, apart: bytes) -> Resources:
     on_floor[track[graph.is_ride]] = False
     forward = graph.tail < graph.head
     leave, enter = np.zeros((2, num_kinds, graph.num_lanes))
-    lines = _lines(graph, ends)
+    lines, beyond_m = _lines(graph, ends), _beyond_m(graph)
     curved = (np.diff(lines.first)[num_vertices:] > 1)[track]
     length_m, most_m = np.hypot(*(graph.xy[ends[:, 1]] - graph.xy[ends[:, 0]]).T), np.where(curved, graph.length_m - LEFT_M, np.inf)
     np.maximum.at(length_m, track[curved], graph.length_m[curved])
     for kind, separation in enumerate(apart_m.max(1)):
-        at_low, at_high = _clearances(graph, ends, on_floor, float(separation), lines, length_m)
+        at_low, at_high = _clearances(graph, ends, on_floor, float(separation) + beyond_m, lines, length_m)
         leave[kind] = np.minimum(np.where(forward, at_low[track], at_high[track]), most_m)
         enter[kind] = np.minimum(np.where(forward, at_high[track], at_low[track]), most_m)
-    zone, zone_needs = _by_types(*_zones(graph, ends, on_floor, float(apart_m.max()), lines), apart_m)
+    zone, zone_needs = _by_types(*_zones(graph, ends, on_floor, float(apart_m.max()), lines, beyond_m), apart_m)
     num_places = num_vertices + len(ends)
     group_name, grouped, group = _groups(graph, ends, track)
     place, which = [], []
@@ -252,7 +254,8 @@ def left_after_m(graph: NavGraph, resources: Resources, course: Course, needs: N
     mine = np.where(needs.on_lane[part], num_vertices + resources.track[lane[visit[part]]], plan.vertex[visit[part]])
     second = (pair[:, 0] != mine).astype(np.int64)  # whether it is at the second place of the zone
     others = resources.zone_needs[resource[part] - num_vertices, 1 - second]  # [P, K] who needs it at the other
-    radius_m = np.where(others, resources.apart_m[of_visit[part]], 0.0).max(1)
+    beyond_m = np.append(_beyond_m(graph), np.zeros(len(resources.ends)))[pair].sum(1)
+    radius_m = np.where(others, resources.apart_m[of_visit[part]], 0.0).max(1) + beyond_m
     along, back, other = num_vertices + resources.track[used[part]], graph.tail > graph.head, pair[np.arange(len(pair)), 1 - second]
     after[part] = _last_share(resources.lines, along, back[used[part]], other, radius_m) * graph.length_m[used[part]]
     if behind_m is not None:
@@ -261,6 +264,10 @@ def left_after_m(graph: NavGraph, resources: Resources, course: Course, needs: N
     limit = np.where(used >= 0, graph.length_m[used] - LEFT_M, np.inf)
     left: FloatArray = origin + np.minimum(after, limit) * np.where(used >= 0, stretch[used], 1.0)
     return left
+
+
+def _beyond_m(graph: NavGraph) -> FloatArray:
+    return graph.swing_m if isinstance(graph, PlanGraph) else np.zeros(graph.num_vertices)
 
 
 def _lines(graph: NavGraph, ends: IntArray) -> Lines:
@@ -311,10 +318,10 @@ def distance_m(a: FloatArray, b: FloatArray) -> FloatArray:
 
 
 def _clearances(
-    graph: NavGraph, ends: IntArray, on_floor: BoolArray, separation: float, lines: Lines, lane_m: FloatArray
+    graph: NavGraph, ends: IntArray, on_floor: BoolArray, apart_m: FloatArray, lines: Lines, lane_m: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """[T] each, for the lower and the higher end of every track: from this far along it no other track at that vertex, nor
-    the vertex, is closer than the separation; at most its length less LEFT_M. Tracks that are not on a floor [T] are near to nothing.
+    """[T] each, for the lower and the higher end of every track: from this far along it no other track at that vertex, nor the vertex, is
+    closer than the separation there, `apart_m` [V]; at most its length less LEFT_M. Tracks that are not on a floor [T] are near to nothing.
     """
     num_tracks, xy = len(ends), graph.xy
     vertex = ends.T.reshape(-1)  # a half is a track seen from one of its ends
@@ -328,6 +335,7 @@ def _clearances(
     other = order[ranges(first[vertex], degree)]
     meets = (half != other) & on_floor[half % num_tracks] & on_floor[other % num_tracks]
     half, other = half[meets], other[meets]
+    separation = apart_m[vertex[half]]
     cos = (direction[half] * direction[other]).sum(1)
     sin = np.abs(_cross(direction[half], direction[other]))
     reach = length[other % num_tracks]  # how far the other track goes
@@ -335,21 +343,26 @@ def _clearances(
         beside = separation / sin  # beyond it, the other track's line is far enough
         beyond = reach * cos + np.sqrt(np.maximum(separation**2 - (reach * sin) ** 2, 0))  # beyond it, its end is
         clear = np.where(cos <= 0, separation, np.where(separation * cos <= reach * sin, beside, beyond))
-    clearance_m = np.full(2 * num_tracks, separation)
+    clearance_m = apart_m[vertex]
     np.maximum.at(clearance_m, half, clear)
     curved = np.diff(lines.first)[len(xy) :] > 1
     by_line = curved[half % num_tracks] | curved[other % num_tracks]
     bent = np.flatnonzero(np.tile(curved, 2))
     one = np.concatenate([half[by_line], bent])
     far = np.concatenate([len(xy) + other[by_line] % num_tracks, vertex[bent]])
-    share = _last_share(lines, len(xy) + one % num_tracks, one >= num_tracks, far, np.full(len(one), separation))
+    share = _last_share(lines, len(xy) + one % num_tracks, one >= num_tracks, far, apart_m[vertex[one]])
     np.maximum.at(clearance_m, one, share * lane_m[one % num_tracks])
     clearance_m = np.minimum(clearance_m, np.tile(lane_m, 2) - LEFT_M)
     return clearance_m[:num_tracks], clearance_m[num_tracks:]
 
 
-def _zones(graph: NavGraph, ends: IntArray, on_floor: BoolArray, separation: float, lines: Lines) -> tuple[IntArray, FloatArray]:
-    """[P, 2] pairs of places closer than the separation that no vertex keeps apart, and [P] how far apart they are."""
+def _zones(
+    graph: NavGraph, ends: IntArray, on_floor: BoolArray, separation: float, lines: Lines, beyond_m: FloatArray
+) -> tuple[IntArray, FloatArray]:
+    """[P, 2] pairs of places closer than the separation that no vertex keeps apart, and [P] how far apart they are.
+
+    Both less what robots need `beyond_m` [V] it at vertices.
+    """
     num_vertices = graph.num_vertices
     if not len(ends):
         return np.zeros((0, 2), np.int64), np.zeros(0)
@@ -364,7 +377,7 @@ def _zones(graph: NavGraph, ends: IntArray, on_floor: BoolArray, separation: flo
     half = float((length[parts > 0] / parts[parts > 0]).max(initial=0.0)) / 2
     point = np.concatenate([graph.xy[used], sample])
     owner = np.concatenate([used, num_vertices + owner])
-    pair = pairs_within(point, separation + 2 * half)
+    pair = pairs_within(point, separation + 2 * (half + float(beyond_m.max())))
     pair = np.sort(np.sort(owner[pair], axis=1) @ np.array([len(piece), 1]))
     pair = pair[np.diff(pair, prepend=-1) > 0]  # each once; np.unique takes ten times as long
     one, other = pair // len(piece), pair % len(piece)
@@ -375,7 +388,8 @@ def _zones(graph: NavGraph, ends: IntArray, on_floor: BoolArray, separation: flo
     level = graph.level[corner[:, 0]]
     apart = ~meets & (level[a] == level[b])
     one, other = one[apart], other[apart]
-    away_m = distance_m(piece[one], piece[other])
+    beyond_m = np.append(beyond_m, np.zeros(len(ends)))
+    away_m = distance_m(piece[one], piece[other]) - (beyond_m[of[one]] + beyond_m[of[other]])
     close = away_m < separation - 1e-9
     key = of[one[close]] * (num_vertices + len(ends)) + of[other[close]]
     order = np.argsort(key, kind="stable")

@@ -14,6 +14,7 @@ back into a station.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
 from itertools import pairwise
@@ -24,7 +25,7 @@ import numpy as np
 from mrp_sumo.core.angles import wrapped
 from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, NavGraph, PlanGraph, frozen
 from mrp_sumo.core.robot_type import RobotType
-from mrp_sumo.core.wheel_path import SHARPEST_RAD
+from mrp_sumo.core.wheel_path import SHARPEST_RAD, swing_beyond_m
 from mrp_sumo.traffic.courses import SMOOTH_RAD, bend_beside_curve, clear_at, course_rad, curve_radius_m, obstacle_on_curve, told_apart
 from mrp_sumo.traffic.sweeps import (
     CLEAR_M,
@@ -249,6 +250,20 @@ def swing_m(vehicle: RobotType, room_m: float, gear: int) -> float:
     """
     ahead_m = vehicle.kinematics.ahead_m
     return room_m - max(0.0, ahead_m if gear == FORWARD else -ahead_m)
+
+
+def with_swings(graph: PlanGraph, types: Sequence[RobotType]) -> PlanGraph:
+    """The plan graph with the room that types need beyond their radii where they change gear at corners."""
+    beyond_m = np.zeros(graph.num_vertices)
+    for each in (each for each in types if each.is_vehicle and each.kinematics.reverse):
+        turns, came = turns_of(graph, each), np.arange(graph.num_lanes).repeat(np.diff(turns_of(graph, each).first))
+        left = np.pi - np.abs(turns.bend_rad)
+        for gear in (FORWARD, BACKWARD):
+            swings = (turns.next_gear[:, gear] == 1 - gear) & (left > STRAIGHT_RAD)
+            for k in np.flatnonzero(swings).tolist():
+                reach_m, v = swing_m(each, float(turns.room_m[k]), gear), graph.head[came[k]]
+                beyond_m[v] = max(beyond_m[v], swing_beyond_m(each.turning, abs(float(turns.bend_rad[k])), gear, round(reach_m, 3)))
+    return replace(graph, beyond_m=frozen(beyond_m)) if beyond_m.any() else graph
 
 
 def stands_bent(turns: Turns, lane: int, gear: int) -> tuple[int, int] | None:

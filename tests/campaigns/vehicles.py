@@ -38,6 +38,7 @@ from mrp_sumo.planning.answers import planned_by
 from mrp_sumo.planning.registry import planner
 from mrp_sumo.traffic.draw import stands_of
 from mrp_sumo.traffic.referee import judge
+from mrp_sumo.traffic.turns import with_swings
 
 PLANNERS = ("lacam", "pibt", "prioritised", "lns2", "cbs", "ecbs", "eecbs", "pbs", "continuous", "auto")
 FIELD = Path(__file__).resolve().parents[3] / "shared" / "maps" / "field"
@@ -60,6 +61,7 @@ class Vehicles:
         try:
             types = drawn_types(rng)
             graph, walls, kind = drawn_world(rng, types)
+            graph = with_swings(graph, types)
             problem = drawn_problem(rng, graph, types)
         except (OptionError, MrpSumoError, ValueError) as error:
             return Trial("drawn", str(error).partition(":")[0][:40])

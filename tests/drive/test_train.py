@@ -7,14 +7,16 @@ import numpy as np
 import pytest
 
 from mrp_sumo.core.bodies import axle_of, bodies_of
+from mrp_sumo.core.disturbances import Breakdown, Disturbances
 from mrp_sumo.core.plan import plan_of_paths
+from mrp_sumo.core.robot_type import Wheels
 from mrp_sumo.drive._towed import follow
 from mrp_sumo.drive.loop import simulate
 from mrp_sumo.drive.retime import retime
 from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.engines.sumo.network import build_network
 from mrp_sumo.metrics.audit import audit
-from mrp_sumo.traffic.turns import gears_of, obstacle_to, turns_of
+from mrp_sumo.traffic.turns import gears_of, obstacle_to, turns_of, with_swings
 from tests.vehicles import CAR, TRICYCLE, TUGGER, corner, roads, vehicles_on
 
 
@@ -198,3 +200,23 @@ def test_arcs_are_driven_no_faster_than_the_sideways_acceleration_allows(tmp_pat
     radius_m = turns.radius_m[turns.between(graph.lane_between(0, 1), graph.lane_between(1, 2)), 0]
     assert rate.max() * radius_m <= sqrt(0.1 * radius_m) + 1e-6
     assert run.speed_mps.max() > sqrt(0.1 * radius_m) + 0.1  # and faster elsewhere
+
+
+def test_who_waits_across_a_corner_is_clear_of_a_truck_that_swings_past_it(tmp_path):
+    """0 is at a dead end north of the crossing 1, 2 and 3 are west and east of it. One that backs into 0 swings to the south, where
+    another stands at 4 until it is mended.
+    """
+    wheels = Wheels(kind="tricycle", wheelbase_m=1.4, steering_max_rad=1.2, reverse=True, docking="forks_first")
+    truck = replace(TRICYCLE, length_m=1.9, kinematics=wheels)
+    long_m = 2 * truck.radius_m + truck.gap_m + 0.01
+    xy = [(0.0, 8.0), (0.0, 0.0), (-8.0, 0.0), (8.0, 0.0), (0.0, -long_m), (0.0, -8.0)]
+    graph = roads(xy, [(0, 1), (1, 2), (1, 3), (1, 4), (4, 5)], cell_m=8.0)
+    graph = with_swings(replace(graph, cell_m=long_m), [truck])
+    problem = vehicles_on(graph, [2, 4], [0, 5], truck)
+    broken = Disturbances(breakdowns=(Breakdown(robot=1, begin_s=0.0, duration_s=60.0),))
+    settings = ExecutionSettings(engine="kinematic", time_limit_s=300.0, disturbances=broken)
+    plan = plan_of_paths([[2, 2, 1, 0], [4, 5, 5, 5]], problem.step_s)
+    run = simulate(problem, plan, settings, tmp_path)
+    found = audit(run, problem.fleet)
+    assert found["passed"], found["violations"]
+    assert np.isfinite(run.goal_s).all() and np.nanmin(run.y_m[:, 0]) < -truck.kinematics.least_radius_m

@@ -8,7 +8,7 @@ import pytest
 
 from mrp_sumo.core.robot_type import Wheels
 from mrp_sumo.errors import OptionError
-from mrp_sumo.traffic.turns import BACKWARD, FORWARD, NEVER, obstacle_to, turns_of
+from mrp_sumo.traffic.turns import BACKWARD, FORWARD, NEVER, obstacle_to, turns_of, with_swings
 from tests.vehicles import CAR, TRICYCLE, corner, roads
 
 ONE_GEAR = replace(TRICYCLE, kinematics=replace(TRICYCLE.kinematics, reverse=False))
@@ -72,3 +72,12 @@ def test_straight_on_is_no_turn_and_keeps_the_gear():
 def test_forks_first_needs_a_vehicle_that_can_come_so(wheels, words):
     with pytest.raises(OptionError, match=words):
         Wheels(**wheels, docking="forks_first")
+
+
+def test_room_beyond_its_radius_is_that_of_the_closed_form_where_a_vehicle_changes_gear():
+    """It stops past the corner with its axle a tangent away, and its middle beyond that."""
+    forks = replace(TRICYCLE, kinematics=replace(TRICYCLE.kinematics, docking="forks_first"))
+    graph = roads([(0.0, 8.0), (0.0, 0.0), (8.0, 0.0), (-8.0, 0.0)], [(0, 1), (1, 2), (1, 3)], cell_m=8.0)
+    radius_m, ahead_m = forks.kinematics.least_radius_m, forks.kinematics.ahead_m
+    assert with_swings(graph, [forks]).swing_m[1] == pytest.approx(radius_m + ahead_m - forks.aside_m, abs=1e-6)
+    assert not with_swings(graph, [CAR]).swing_m.any()

@@ -53,6 +53,7 @@ from mrp_sumo.maps.lifts import with_rides
 from mrp_sumo.maps.load import Map
 from mrp_sumo.planning.protocol import Assigner, Planner
 from mrp_sumo.plugins.source import place_in_file
+from mrp_sumo.traffic.turns import with_swings
 
 
 @dataclass(frozen=True)
@@ -146,6 +147,8 @@ def _graph(
     graph, shut = without_shut_doors(file, graph)
     if is_driven and scenario.discretisation.clearance != "ignore":
         graph = maps.of(_with_walls, graph, map_)
+    if is_driven:
+        graph = maps.of(with_swings, graph, tuple(models))
     return graph, step_s, left_out + by_lane + broken + shut
 
 

@@ -32,8 +32,9 @@ def service(logs: Logs) -> Iterator[Finding]:
     Where lanes meet at a bend, a vehicle that cannot turn in place may be on the arc that cuts the corner.
     """
     stops, xy = logs.stops, logs.graph.xy
+    aside_m = logs.fleet.aside_m[stops.robot] + logs.graph.swing_m[stops.vertex]
     there = np.hypot(*(logs.xy_at(stops.robot, np.minimum(stops.begin_s, logs.end_s)) - xy[stops.vertex]).T)
-    beside_m = BESIDE_M + np.where(_is_corner(logs.graph)[stops.vertex], logs.fleet.aside_m[stops.robot], 0.0)
+    beside_m = BESIDE_M + np.where(_is_corner(logs.graph)[stops.vertex], aside_m, 0.0)
     passing_m = beside_m + CORNER * (logs.fleet.max_speed_mps * logs.period_s)[stops.robot]
     for row, (begin_s, end_s, robot) in enumerate(zip(stops.begin_s.tolist(), stops.end_s.tolist(), stops.robot.tolist())):
         if not there[row] <= passing_m[row]:
