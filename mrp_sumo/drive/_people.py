@@ -3,7 +3,7 @@
 The protective field reaches S_L(v) ahead of a robot at speed v, as wide as its footprint and a margin; somebody in it makes the robot
 stop, and go on once the field of its slowest speed has been free for a while. The warning field is what it takes to slow down in time:
 robots drive no faster than v with S_L(v) <= the distance, less a step, but for their slowest speed. Who turns in place has a field
-all around.
+all around. That of a vehicle which cannot lies ahead of its body as it faces, on arcs, too, or behind it where it reverses.
 """
 
 import numpy as np
@@ -88,6 +88,9 @@ def room_ahead(r, most, visits, motion, people):
     x, y = people.head_x[lane] - before * people.along_x[lane], people.head_y[lane] - before * people.along_y[lane]
     size = np.hypot(people.along_x[lane], people.along_y[lane])
     ux, uy = people.along_x[lane] / size, people.along_y[lane] / size
+    if not np.isnan(people.body_yaw[r]):
+        x, y, sign = people.body_x[r], people.body_y[r], 1.0 - 2.0 * visits.gear[k]
+        ux, uy = sign * np.cos(people.body_yaw[r]), sign * np.sin(people.body_yaw[r])
     front, half = people.half_length_m[r], people.half_width_m[r] + people.side_m
     body = people.body_m
     end, best = front + most, np.inf
@@ -113,6 +116,8 @@ def room_ahead(r, most, visits, motion, people):
 def is_clear_around(r, visits, motion, people):
     """True if nobody is where a robot that turns in place could touch them."""
     x, y = place_of(in_grains(motion.s_m[r]), visits.reached[r], visits, people)
+    if not np.isnan(people.body_yaw[r]):
+        x, y = people.body_x[r], people.body_y[r]
     most = np.hypot(people.half_length_m[r], people.half_width_m[r]) + people.side_m + people.body_m
     for row in range(bin_row(y - most, people), bin_row(y + most, people) + 1):
         begin = people.first[row * people.columns + bin_column(x - most, people)]
@@ -159,12 +164,16 @@ def in_grains(where):
 
 @kernel(allocates=False)
 def see_robots(dt, driven_m, visits, motion, people):
-    """Places in which people see robots that have driven `driven_m` [R]: those when the step is over, headings one step old."""
+    """Places in which people see robots that have driven `driven_m` [R]: those when the step is over. Headings of robots that turn in
+    place are one step old.
+    """
     following, at_m, lane = visits.next, visits.at_m, visits.lane
     for r in range(len(driven_m)):
         reached, s, was = visits.reached[r], in_grains(driven_m[r]), in_grains(motion.s_m[r])
         people.robot_x[r], people.robot_y[r] = place_of(s, reached, visits, people)
         people.robot_yaw[r] = motion.yaw_rad[r]
+        if not np.isnan(people.body_yaw[r]):
+            people.robot_x[r], people.robot_y[r], people.robot_yaw[r] = people.body_x[r], people.body_y[r], people.body_yaw[r]
         along = (s - was) / dt
         k = following[reached]
         if k >= 0:
@@ -173,4 +182,6 @@ def see_robots(dt, driven_m, visits, motion, people):
                 people.robot_x[r] = np.nan
             faces = np.cos(motion.yaw_rad[r]) * people.along_x[on] + np.sin(motion.yaw_rad[r]) * people.along_y[on]
             along = along if faces >= 0.0 else -along
+            if not np.isnan(people.body_yaw[r]):
+                along = (s - was) / dt * (1.0 - 2.0 * visits.gear[k])
         people.robot_along[r] = along

@@ -19,9 +19,11 @@ from mrp_sumo.crowd.model import LaneSpeeds, People
 from mrp_sumo.crowd.options import ProtectiveFields
 from mrp_sumo.crowd.state import BODY_M
 from mrp_sumo.drive import _people
+from mrp_sumo.drive._causes import GRAINS
 from mrp_sumo.drive.ledger import Ledger
 from mrp_sumo.drive.listeners import Listener, Moment
 from mrp_sumo.drive.state import PeopleState
+from mrp_sumo.drive.train import Trains
 from mrp_sumo.engines.sumo.engine import SumoEngine
 
 LANE_SPEEDS = 56  # purpose of the stream of chance
@@ -77,6 +79,9 @@ def _people_of(
         side_m=fields.side_m,
         slowest_mps=fields.slowest_mps,
         restart_s=fields.restart_s,
+        body_x=of(np.nan),
+        body_y=of(np.nan),
+        body_yaw=of(np.nan),
         robot_x=robots.x_m if robots else none,
         robot_y=robots.y_m if robots else none,
         robot_yaw=robots.yaw_rad if robots else none,
@@ -98,6 +103,7 @@ class Bystanders:
         fields = what.fields if isinstance(what, People) else None
         self.seen = _people_of(num_robots, graph, fleet, self.crowd, fields or ProtectiveFields(), watches=fields is not None)
         self._was_halted = self.seen.halted.copy()
+        self._trains = Trains(fleet)
         self.stops: list[tuple[int, float, float, bool]] = []  # robot, since, duration, whether it was in motion
         if isinstance(what, LaneSpeeds):
             self._streams = [np.random.default_rng([what.seed, LANE_SPEEDS, r]) for r in range(num_robots)]
@@ -107,6 +113,7 @@ class Bystanders:
     def begin(self, dt: float, ledger: Ledger, driven_m: FloatArray) -> None:
         """People are there before robots set out."""
         if self.crowd is not None:
+            self._place_vehicles(ledger, driven_m)
             _people.see_robots(dt, driven_m, ledger.visits, ledger.state.motion, self.seen)
             self.crowd.begin()
 
@@ -114,10 +121,18 @@ class Bystanders:
         """Robots have driven `driven_m` [R] by the time `now_s + dt`: people walk until then."""
         motion, visits = ledger.state.motion, ledger.visits
         if self.crowd is not None:
+            self._place_vehicles(ledger, driven_m)
             _people.see_robots(dt, driven_m, visits, motion, self.seen)
             self.crowd.step(now_s, dt)
         elif isinstance(self._what, LaneSpeeds):
             self._draw_speeds(self._what, ledger)
+
+    def _place_vehicles(self, ledger: Ledger, driven_m: FloatArray) -> None:
+        """Bodies of vehicles that have driven so far [R]."""
+        seen = self.seen
+        for r, train in self._trains.of_robot.items():
+            s_m = round(float(driven_m[r]) * GRAINS) / GRAINS  # people walk alike with either engine
+            seen.body_x[r], seen.body_y[r], seen.body_yaw[r] = train.pose(ledger, r, s_m)
 
     def notice(self, now_s: float) -> list[Event]:
         """Stops of robots that are over."""

@@ -208,6 +208,9 @@ class PeopleState(NamedTuple):
     side_m: float
     slowest_mps: float
     restart_s: float
+    body_x: FloatArray  # [R] where the middles of vehicles are that cannot turn in place, and how they face; NaN: it can
+    body_y: FloatArray
+    body_yaw: FloatArray
     robot_x: FloatArray  # [R] where people see robots, NaN: nowhere
     robot_y: FloatArray  # [R]
     robot_yaw: FloatArray  # [R]
@@ -392,6 +395,6 @@ OWNERS: Mapping[str, str | Mapping[str, str]] = {  # the module of `drive` that 
     "Conditions": WORLD,
     "RideRequests": "_facilities",
     "Facilities": {"service": WORLD, "door_service": WORLD, "held_until_s": "visitors", "": "_facilities"},
-    "PeopleState": {"cap_mps": "people", "": "_people"},
+    "PeopleState": {**dict.fromkeys(("cap_mps", "body_x", "body_y", "body_yaw"), "people"), "": "_people"},
     "Log": OBSERVER,
 }

@@ -52,6 +52,7 @@ class Train:
         self._since_m = 0.0  # of the last sample
         self._yaw_rad = math.nan  # then
         self._towed_rad = np.zeros(0)  # [N] headings of trailers, then
+        self._known: tuple[tuple[int, int], tuple[FloatArray, FloatArray, FloatArray]] | None = None  # path by visits
 
     def poses(self, ledger: "Ledger", robot: int, s_m: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Positions of the body's middle, yaws [T], and [N, T] angles of trailers to what is in front of them; `s_m` [T] is driven."""
@@ -72,6 +73,17 @@ class Train:
         self._since_m, self._yaw_rad = last_m, float(yaw_at[-1])
         ahead = vehicle.kinematics.ahead_m
         return x + ahead * np.cos(yaw_at), y + ahead * np.sin(yaw_at), yaw_at, angles
+
+    def pose(self, ledger: "Ledger", robot: int, s_m: float) -> tuple[float, float, float]:
+        """Position of the body's middle, and yaw, where it has driven so far now."""
+        visits, self._since_m = ledger.visits, s_m
+        key = int(visits.reached[robot]), int(visits.last[robot])
+        if self._known is None or self._known[0] != key:
+            self._known = key, self._path(ledger, robot)
+        on_m, axle, yaw = self._known[1]
+        x, y, facing = (float(np.interp(s_m, on_m, column)) for column in (*axle.T, yaw))
+        ahead = self.vehicle.kinematics.ahead_m
+        return x + ahead * math.cos(facing), y + ahead * math.sin(facing), facing
 
     def _path(self, ledger: "Ledger", robot: int) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Where the fixed axle is, and how the vehicle faces [K], at distances driven [K]."""

@@ -29,7 +29,7 @@ class Sightings(NamedTuple):
 
 
 @kernel
-def meet_people(poses, speed, period_s, bodies, decel, people, fields):
+def meet_people(poses, speed, period_s, bodies, decel, steered, people, fields):
     """Robots and people in T samples of R robots.
 
     Parameters
@@ -42,6 +42,8 @@ def meet_people(poses, speed, period_s, bodies, decel, people, fields):
         Between samples.
     decel
         [R]
+    steered
+        [R] whether a robot cannot turn in place: its field lies ahead of it as it faces, or behind.
     people
         Where they are seen.
     fields
@@ -81,7 +83,8 @@ def meet_people(poses, speed, period_s, bodies, decel, people, fields):
             turn = (yaw[after, r] - yaw[k, r] + np.pi) % (2.0 * np.pi) - np.pi if going else 0.0
             ux, uy = (moved_x / moved, moved_y / moved) if moved > MOVES_M else (0.0, 0.0)
             heading_x, heading_y = np.cos(yaw[k, r]), np.sin(yaw[k, r])
-            if moved > MOVES_M and abs(moved_x * heading_y - moved_y * heading_x) <= SLACK_M:  # a short way tells less than the heading
+            straight = abs(moved_x * heading_y - moved_y * heading_x) <= SLACK_M  # a short way tells less than the heading
+            if moved > MOVES_M and (straight or steered[r]):
                 sign = 1.0 if moved_x * heading_x + moved_y * heading_y >= 0.0 else -1.0
                 ux, uy = sign * heading_x, sign * heading_y
             around = bodies.radius[r]

@@ -8,6 +8,7 @@ from floors import driven, lanes, scenario
 from worlds import CART, drive, graph_of, line, problem_of
 
 from mrp_sumo.core.fleet import fleet_of
+from mrp_sumo.core.plan import plan_of_paths
 from mrp_sumo.crowd import _walk
 from mrp_sumo.crowd.floor import floor_of
 from mrp_sumo.crowd.model import LaneSpeeds, People
@@ -19,6 +20,7 @@ from mrp_sumo.engines.sumo import session
 from mrp_sumo.engines.sumo.network import build_network
 from mrp_sumo.maps.map import Map
 from mrp_sumo.metrics.audit import audit
+from tests.vehicles import CAR, TRICYCLE, corner, vehicles_on
 
 BOTH = pytest.mark.parametrize("engine", ["sumo", "kinematic"])
 
@@ -101,6 +103,20 @@ def test_robot_does_not_turn_where_somebody_stands_beside_it(tmp_path, script, e
     assert at_corner.sum() > 100
     assert np.abs(run.yaw_rad[at_corner, 0]).max() <= 0.1 + 1e-9  # what it turns in the step in which it sees the person
     assert run.goal_s[0] > 22.0
+
+
+@pytest.mark.parametrize("vehicle", [CAR, TRICYCLE], ids=lambda each: each.name)
+@pytest.mark.parametrize("where", [(4.0, 1.6), (4.6, 0.9), (3.4, 1.2), (5.0, 0.4)], ids=str)
+def test_vehicle_on_an_arc_keeps_to_the_field_ahead_of_its_body(tmp_path, script, vehicle, where):
+    script(lambda now_s: where if now_s < 20.0 - 1e-9 else None)
+    graph = corner()
+    people = corridor_of(graph)
+    problem = vehicles_on(graph, [0], [2], vehicle)
+    settings = ExecutionSettings(engine="kinematic", people=people, time_limit_s=60.0)
+    run = simulate(problem, plan_of_paths([[0, 1, 2]], problem.step_s), settings, tmp_path)
+    found = audit(run, problem.fleet)
+    assert found["num_field_violations"] == 0 and found["num_person_contacts"] == 0
+    assert run.goal_s[0] > 0
 
 
 def test_robots_behind_wait_and_the_rest_of_the_fleet_triggers_no_field(tmp_path, script):
