@@ -28,7 +28,7 @@ class Breakdown(Options):
     duration_s: float | None = option(None, FOR_GOOD, **DURATION)
 
 
-MAINTAINED = "is maintained"
+BREAKS, MAINTAINED = "breaks down", "is maintained"
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class Failure:
     duration_s: float
     stands_s: float = inf
     speed_mps: float = inf  # at most, of one that is moved
-    text: str = "breaks down"
+    text: str = BREAKS
 
 
 @dataclass(frozen=True)

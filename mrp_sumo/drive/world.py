@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mrp_sumo.core.disturbances import Breakdown, ClosedLane, Failure, Obstacle, end_s
+from mrp_sumo.core.disturbances import BREAKS, Breakdown, ClosedLane, Failure, Obstacle, end_s
 from mrp_sumo.core.execution import Event
 from mrp_sumo.core.facilities import door_names, lift_names
 from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray
@@ -166,7 +166,7 @@ class World:
             robot, lasts_s = breakdown.robot, np.inf if breakdown.duration_s is None else breakdown.duration_s
             self.broken[robot] |= breakdown.duration_s is None
             self.down_until_s[robot] = max(self.down_until_s[robot], now + lasts_s)
-            stands_s, text = lasts_s, "breaks down"
+            stands_s, text = lasts_s, BREAKS
             if isinstance(breakdown, Failure):
                 stands_s, text = min(lasts_s, breakdown.stands_s), breakdown.text
                 self._pushed[robot] = breakdown.speed_mps

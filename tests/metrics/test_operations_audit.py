@@ -8,10 +8,11 @@ import pytest
 from floors import BATTERY, driven, lanes, ring, scenario, tee
 from worlds import line
 
+from mrp_sumo.core.disturbances import BREAKS
 from mrp_sumo.core.execution import Event, Outcome
 from mrp_sumo.core.facilities import LIFT_STATES, FacilityLog
 from mrp_sumo.core.graph import nav_graph, plan_graph
-from mrp_sumo.core.robot_states import IDLE, STALLED, WORKING, RobotStateLog
+from mrp_sumo.core.robot_states import BROKEN, IDLE, STALLED, WORKING, RobotStateLog
 from mrp_sumo.core.task import StopLog
 from mrp_sumo.experiments.audit_work import logs_of
 from mrp_sumo.metrics.operations import energy, orders, places, robots
@@ -544,3 +545,16 @@ def test_on_a_line_nobody_gets_to_a_place_beyond_which_there_is_no_room_for_all_
 
 def test_on_a_ring_everybody_gets_everywhere(queue):
     assert not places._is_too_far_back(queue, places.Wish(0, 1, "at 0", [0], 0.0, np.inf, np.inf))
+
+
+@pytest.mark.parametrize(("moves_s", "is_fine"), [(20.0, True), (19.5, False)])
+def test_a_broken_robot_may_be_pushed_so_long_after_it_broke_down_and_not_before(logs, moves_s, is_fine):
+    """It breaks down at 30 s, which is noted 0.5 s later."""
+    run = logs.execution
+    x_m, y_m = run.x_m.copy(), run.y_m.copy()
+    y_m[:, 0], x_m[:, 0] = 0.0, 0.5 * np.clip(run.t_s - 30.0 - moves_s, 0.0, None)
+    names = RobotStateLog(*(np.array([value]) for value in (0, BROKEN, 30.5, 90.0, -1)))
+    breaks = Event(30.0, "disturbed", 0, duration_s=60.0, text=BREAKS)
+    broken = replace(run, x_m=x_m, y_m=y_m, robot_states=names, events=(*run.events, breaks))
+    found = [*robots.stands(replace(logs, execution=broken, terms=replace(logs.terms, stands_s=(20.0, 20.0))))]
+    assert bool(found) == (not is_fine)

@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from mrp_sumo.core.disturbances import MAINTAINED
+from mrp_sumo.core.disturbances import BREAKS, MAINTAINED
 from mrp_sumo.core.execution import Outcome
 from mrp_sumo.core.graph import FloatArray
 from mrp_sumo.core.robot_states import BROKEN, CHARGING, EMPTY, IDLE, ROBOT_STATES, STALLED, WORKING
@@ -140,7 +140,7 @@ def visits(logs: Logs) -> Iterator[Finding]:
     some = np.isfinite(arrived_s) & ~in_lift[vertex]
     vertex, robot, arrived_s = vertex[some], robot[some], arrived_s[some]
     away_m = np.hypot(*(logs.xy_at(robot, arrived_s) - logs.graph.xy[vertex]).T)
-    limit_m = BESIDE_M + CORNER * logs.fleet.max_speed_mps[robot] * logs.period_s + logs.fleet.aside_m[robot]
+    limit_m = BESIDE_M + CORNER * logs.fleet.max_speed_mps[robot] * logs.period_s + logs.fleet.aside_m[robot] + logs.graph.swing_m[vertex]
     for k in np.flatnonzero(~(away_m <= limit_m)).tolist():
         who, place, t_s = logs.robot(int(robot[k])), logs.graph.known_as(int(vertex[k])), float(arrived_s[k])
         yield Finding("visits", t_s, f"{who} is {away_m[k]:.2f} m from {place} when it reaches it at {t_s:.2f} s", who, place)
@@ -271,17 +271,18 @@ def stands(logs: Logs) -> Iterator[Finding]:
     log, run = logs.execution.robot_states, logs.execution
     if log is None:
         return
-    maintained_s: dict[int, list[float]] = {}
-    for event in (event for event in run.events if event.text == MAINTAINED):
-        maintained_s.setdefault(event.robot, []).append(event.t_s)
+    noted_s: dict[tuple[int, str], list[float]] = {}
+    for event in (event for event in run.events if event.text in (BREAKS, MAINTAINED)):
+        noted_s.setdefault((event.robot, event.text), []).append(event.t_s)
     for k in np.flatnonzero(np.isin(log.state, (EMPTY, BROKEN))).tolist():
         robot = int(log.robot[k])
         brakes_s = float(logs.fleet.max_speed_mps[robot] / logs.fleet.decel_mps2[robot]) + 1.0 + 2 * logs.period_s
         begin_s, end_s = float(log.begin_s[k]), float(log.end_s[k])
-        if any(abs(t_s - begin_s) <= SETS_OUT_S for t_s in maintained_s.get(robot, ())):
+        if any(abs(t_s - begin_s) <= SETS_OUT_S for t_s in noted_s.get((robot, MAINTAINED), ())):
             continue
-        if log.state[k] == BROKEN and logs.terms.stands_s:
-            end_s = min(end_s, begin_s + logs.terms.stands_s[robot])
+        if log.state[k] == BROKEN and logs.terms.stands_s:  # who looks after orders notes it a little later
+            broke_s = min((t_s for t_s in noted_s.get((robot, BREAKS), ()) if 0 <= begin_s - t_s <= SETS_OUT_S), default=begin_s)
+            end_s = min(end_s, broke_s + logs.terms.stands_s[robot])
         some = logs.samples_between(begin_s + brakes_s, end_s)
         x, y = run.x_m[some, robot], run.y_m[some, robot]
         if len(x) and (moved_m := float(np.hypot(np.ptp(x), np.ptp(y)))) > BESIDE_M:
