@@ -33,7 +33,7 @@ class RobotPlaces:
         """Robots without work go to `parking`, as far as there is room."""
         self._problem, self._parking = problem, parking
         self._outwards: dict[tuple[PlanGraph, int], tuple[int, ...]] = {}  # vertices by their distance from one
-        self._piece: dict[int, IntArray] = {}  # [V] strong components of the graphs of types
+        self._piece: dict[tuple[int, int], IntArray] = {}  # [V] strong components by type and start, -1: not reached from there
         fleet = problem.fleet
         self._apart_m = 2 * float(fleet.radius_m.max()) + float(fleet.gap_m.max())
 
@@ -77,24 +77,31 @@ class RobotPlaces:
         return bool((reach < UNREACHABLE).any())
 
     def has_room(self, robot: int, stops: Sequence[Stop]) -> bool:
-        """True if a robot's type can come from its start to some stops and back."""
+        """True if a robot's type can come from its start to some stops, and from each of them to the others.
+
+        It need not come back to its start: a vehicle may begin where it never turns round again.
+        """
         if self._problem.barred is None:
             return True
-        fleet, kind = self._problem.fleet, int(self._problem.fleet.kind[robot])
-        if kind not in self._piece:
+        fleet, kind, start = self._problem.fleet, int(self._problem.fleet.kind[robot]), int(self._problem.start[robot])
+        if (kind, start) not in self._piece:
             graph = self._problem.graph_of_kind[kind]
             barred = self._problem.barred
             if fleet.loaded is not None and fleet.is_by_load:  # on its way it is now loaded, now not
                 graph = with_lanes(self._problem.graph, ~(barred[kind] & barred[int(fleet.loaded.kind[robot])]))
-            self._piece[kind] = strong_components(graph.num_vertices, graph.tail, graph.head)
-        piece, start = self._piece[kind], int(self._problem.start[robot])
-        return all(any(piece[v] == piece[start] for v in stop.places) for stop in stops)
+            reached = np.arange(graph.num_vertices) == start
+            while (more := reached[graph.tail] & ~reached[graph.head]).any():
+                reached[graph.head[more]] = True
+            self._piece[kind, start] = np.where(reached, strong_components(graph.num_vertices, graph.tail, graph.head), -1)
+        piece = self._piece[kind, start]
+        return bool(set.intersection(*({int(piece[v]) for v in stop.places} for stop in stops)) - {-1})
 
     def beside(self, stands: IntArray) -> list[int]:
         """Vertices, those clear of a robot on or between some others first; of these the nearest."""
         graph = self._problem.graph
         away_m = np.hypot(*(graph.xy[:, None] - graph.xy[stands][None]).transpose(2, 0, 1))
-        near: list[int] = np.argsort(np.where((away_m >= self._apart_m).all(1), away_m.sum(1), np.inf), kind="stable").tolist()
+        apart_m = self._apart_m + graph.swing_m[:, None] + graph.swing_m[stands][None]
+        near: list[int] = np.argsort(np.where((away_m >= apart_m).all(1), away_m.sum(1), np.inf), kind="stable").tolist()
         return near
 
     def choose(
@@ -299,7 +306,8 @@ class RobotPlaces:
     def _is_near(self, graph: PlanGraph, vertex: int, others: IntArray) -> bool:
         """True if a robot on a vertex would stand too near to one on another."""
         away_m = np.hypot(*(graph.xy[others] - graph.xy[vertex]).T)
-        return bool(((away_m < self._apart_m) & (graph.level[others] == graph.level[vertex])).any())
+        apart_m = self._apart_m + graph.swing_m[others] + graph.swing_m[vertex]
+        return bool(((away_m < apart_m) & (graph.level[others] == graph.level[vertex])).any())
 
     def _leaves_way_out(self, robot: int, place: int, vertex: int, waits: set[int]) -> bool:
         """True if who is at a place can still get out, and clear of the way in, if a robot waits at a vertex and others at theirs.

@@ -1,5 +1,6 @@
 """Robots go to places where they are no trouble; each case by hand, on a line."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -268,3 +269,14 @@ def test_a_robot_without_work_stays_where_no_way_leads_to_a_place_to_park():
 def test_beside_robots_are_the_nearest_vertices_that_are_clear_of_all_of_them(stands, near):
     """On a row of five; where somebody stands comes last."""
     assert RobotPlaces(problem_on(row(5), [0], [0])).beside(np.array(stands)) == near
+
+
+@pytest.mark.parametrize(
+    ("stops", "has_room"), [((1, 3), True), ((2,), True), ((4,), False), ((1, 4), False), ((0,), True), ((0, 1), False)]
+)
+def test_a_robot_has_room_where_it_comes_and_goes_on_though_it_never_comes_back_to_its_start(stops, has_room):
+    """A lane leads from its start 0 to the row 1, 2, 3, and none back; that from 3 to 4 is barred to it."""
+    lanes = [(0, 1), (1, 2), (2, 1), (2, 3), (3, 2), (3, 4)]
+    graph = plan_graph(nav_graph(name="row", xy=[(i * CELL_M, 0) for i in range(5)], lanes=lanes), kind="roadmap", cell_m=CELL_M)
+    problem = replace(problem_on(graph, [0], [0]), barred=(graph.head == 4)[None])
+    assert RobotPlaces(problem).has_room(0, [Stop(v) for v in stops]) == has_room
