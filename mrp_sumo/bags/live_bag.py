@@ -107,7 +107,6 @@ class LiveBag:
                 yield *topic, message
 
     def _tasks(self, execution: Execution, now_s: float) -> Iterator[Said]:
-        """What has become of tasks since the last time."""
         self.messages.record = replace(self._at_outset, execution=execution)
         for ns, state in task_states(self.messages, now_s):
             if ns > EPOCH_NS + self._tasks_until_s * 1e9:

@@ -236,7 +236,6 @@ class Messages:
             yield self._path_request(i, str(tasks[i]), ns, xy[row], yaw[row], vertex[row])
 
     def _path_request(self, robot: int, task: str, ns: IntArray, xy: FloatArray, yaw: FloatArray, vertex: IntArray) -> bytes:
-        """One request with K locations."""
         level = self.record.graph.level[vertex]
         xy = xy - self.shift_m[level]
         kind = "rmf_fleet_msgs/PathRequest"

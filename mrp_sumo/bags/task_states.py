@@ -51,7 +51,6 @@ def _changes(tasks: TaskLog, stops: StopLog | None, k: int, rows: list[int]) -> 
 
 
 def _state(m: Messages, tasks: TaskLog, stops: StopLog | None, k: int, rows: list[int], t_s: float) -> dict[str, Any]:
-    """The state of a task at a time, by the keys of the schema."""
     released_s, assigned_s, opened_s, ended_s = (
         float(column[k]) for column in (tasks.released_s, tasks.assigned_s, tasks.opened_s, tasks.ended_s)
     )

@@ -222,7 +222,6 @@ def _sampled(
 
 
 def _diagnosed(writer: PartedWriter, messages: Messages, record: RunRecord, topic: "_Topics", t_ns: IntArray) -> _Stream:
-    """How robots are, and figures of the run so far."""
     diagnosed = topic("/diagnostics", "diagnostic_msgs/DiagnosticArray")
     metrics = {name: topic(f"/metrics/{name}", "std_msgs/Float64") for name in say.metrics(say.Samples(record, t_ns[:1]), 0)}
 
@@ -265,7 +264,6 @@ def _spans(times: Sequence[IntArray], begins_ns: IntArray) -> Iterator[list[slic
 
 
 def _samples(record: RunRecord, t_ns: IntArray, part: slice) -> say.Samples:
-    """Samples at some of a topic's times."""
     before_ns = int(t_ns[part.start - 1]) if part.start else -1
     return say.Samples(record, t_ns[part], part.start, before_ns)
 

@@ -58,7 +58,6 @@ def orders_of_run(run: "RunFolder") -> list[LoggedOrder]:
 
 
 def _asked_for(run: "RunFolder", names: Sequence[str]) -> dict[str, Task]:
-    """Tasks of the run's scenario by name, as far as its files are there."""
     from mrp_sumo.experiments.audit_work import logs_in
 
     try:

@@ -84,7 +84,6 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _said(options: argparse.Namespace) -> dict[str, object]:
-    """Options of MRP-Bench's metrics by their names."""
     return {"config": options.config, "rmf": options.rmf, **{option: getattr(options, key) for key, option in OPTIONS.items()}}
 
 
@@ -271,7 +270,6 @@ def _point(value: Any) -> tuple[float, float]:
 
 
 def _constants_in(metadata: Path) -> dict[str, float]:
-    """The constants a bag of ours carries in its metadata."""
     from mrp_sumo.errors import MrpSumoError
     from mrp_sumo.maps.yaml_text import parse, read_text
 

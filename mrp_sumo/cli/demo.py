@@ -106,7 +106,6 @@ def _say(text: str, options: argparse.Namespace) -> None:
 
 
 def _run(name: str, out: Path, *, at_s: float, limit_s: float | None = None) -> "RunResult":
-    """Run a bundled scenario and draw it."""
     from mrp_sumo.cli.run import progress_bar
     from mrp_sumo.experiments.run import RunOptions, run_scenario
     from mrp_sumo.io.scenario.file import find_scenario

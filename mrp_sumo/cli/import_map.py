@@ -95,7 +95,6 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _import_stream(options: argparse.Namespace) -> int:
-    """Make a run folder of a recorded stream."""
     from mrp_sumo.cli.run import print_result
     from mrp_sumo.errors import MrpSumoError
     from mrp_sumo.experiments.map_cache import MapCache
@@ -253,7 +252,6 @@ def _run_command(map_: "Map", out: Path, options: argparse.Namespace) -> list[st
 
 
 def _print(map_: "Map", known: dict[str, Any], options: argparse.Namespace) -> None:
-    """A short table."""
     from rich.markup import escape
 
     from mrp_sumo.maps.map import unused

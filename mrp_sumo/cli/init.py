@@ -101,7 +101,6 @@ def _require_free(scenario: Path) -> None:
 
 
 def _wishes(values: dict[str, Any]) -> "Wishes":
-    """What the user wants, checked."""
     from mrp_sumo.experiments.proposal import Wishes
 
     for key, (name, least, most) in BOUNDS.items():

@@ -108,7 +108,6 @@ def _formats() -> str:
 
 
 def _print(entries: list[Entry]) -> None:
-    """One row per entry: its name, what it is, and its parameters."""
     from rich.text import Text
 
     table = plain_table()
@@ -152,7 +151,6 @@ def _wheels(wheels: Entry) -> str:
 
 
 def _loaded(one: Entry) -> str:
-    """Differences with a load, in words."""
     loaded = {key: value for key, value in (one["loaded"] or {}).items() if value is not None}
     length_m, width_m = loaded.get("length_m", one["length_m"]), loaded.get("width_m", one["width_m"])
     larger = [f"{length_m:.2f} x {width_m:.2f}"] if "length_m" in loaded or "width_m" in loaded else []
@@ -173,7 +171,6 @@ def _lines(entry: Entry) -> Iterable[str]:
 
 
 def _shown(value: Any) -> str:
-    """As YAML has it."""
     if isinstance(value, dict):
         return f"({', '.join(f'{key} {_shown(inner)}' for key, inner in value.items() if inner is not None)})"
     return json.dumps(value) if value is None or isinstance(value, bool | list) else "''" if value == "" else str(value)

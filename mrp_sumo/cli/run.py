@@ -173,7 +173,6 @@ def _run(file: "ScenarioFile", out: Path, options: argparse.Namespace, watches: 
 
 
 def _run_live(file: "ScenarioFile", out: Path, options: argparse.Namespace, watches: "Sequence[Watch]") -> "RunResult":
-    """Run it while a browser shows it."""
     import webbrowser
 
     from mrp_sumo.experiments.run import RunOptions, run_scenario

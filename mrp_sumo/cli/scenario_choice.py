@@ -245,7 +245,6 @@ def require_sound(options: argparse.Namespace) -> None:
 
 
 def _named(options: argparse.Namespace) -> dict[tuple[str | int, ...], Override]:
-    """What the options with a name of their own say."""
     from mrp_sumo.plugins.source import resolved
 
     said: dict[tuple[str | int, ...], Override] = {}

@@ -138,7 +138,6 @@ def _print_some(lines: list[str], limit: int) -> None:
 
 
 def _messages(options: argparse.Namespace) -> int:
-    """Judge a log of messages, print."""
     from itertools import islice
 
     from mrp_sumo.errors import MrpSumoError, count

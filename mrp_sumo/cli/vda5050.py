@@ -166,7 +166,6 @@ def _be_driven(session: Session, stack: ExitStack) -> int:
 
 
 def _drive(session: Session, stack: ExitStack) -> int:
-    """Be the master of vehicles, and write the run."""
     from mrp_sumo.cli.run import print_json, print_result, progress_bar
     from mrp_sumo.experiments.run import RunOptions, finish
     from mrp_sumo.experiments.solve import solve

@@ -232,7 +232,6 @@ def _arcs(vehicle: Turning) -> Iterator[tuple[Route, WheelPath]]:
 
 
 def _corner(vehicle: Turning, bend: float, gears: tuple[int, int], tangent_m: float, lane_m: float) -> tuple[Route, WheelPath]:
-    """A path from one lane to another, in the gears before and after the corner between them."""
     xy = np.array([[-lane_m, 0.0], [0.0, 0.0], lane_m * _ray(bend)])
     gear = np.array([gears[0], *gears])
     course = np.repeat([[0.0], [0.0], [bend]], 2, 1)

@@ -111,7 +111,6 @@ class Crowd:
         return waited_s
 
     def _trip_from(self, places: list[int]) -> tuple[int, int]:
-        """A trip from one of some places to any that can be reached."""
         stream = self._stream[TRIPS]
         origin = places[stream.integers(len(places))]
         ends = self._reachable[origin]

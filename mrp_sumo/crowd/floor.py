@@ -132,7 +132,6 @@ class _Part:
 
 
 def _part(map_: Map, graph: PlanGraph, level: int, corridor_m: float) -> _Part:
-    """The floor of a level by what is known of it."""
     name, nav = graph.level_names[level], map_.nav
     walls = standing_walls(map_.building, (name,)) if map_.building else np.zeros((0, 2, 2))
     if map_.building is not None and len(walls):

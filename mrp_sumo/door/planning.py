@@ -298,7 +298,6 @@ class _Own:
 
 
 def _with_own(setup: SetUp, planner: Planner | Function) -> SetUp:
-    """The setup with a planner that has no name."""
     from mrp_sumo.plugins.face import check_face
 
     if callable(planner) and not hasattr(planner, "plan"):

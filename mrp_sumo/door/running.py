@@ -316,6 +316,5 @@ def load_run(folder: str | Path) -> Run:
 
 
 def _ended(solution: Solution) -> str:
-    """How planning ended, after the planner's name."""
     ends = {Status.TIMED_OUT: "ran out of time", Status.INFEASIBLE: "found it infeasible", Status.GAVE_UP: "gave up"}
     return ends.get(solution.status, "failed")

@@ -415,7 +415,6 @@ class Crew:
         return t_s if station is None else opens_s(station.spans_s, t_s)
 
     def _pick(self, robot: RobotWork) -> None:
-        """A robot has begun the first stop of its order."""
         assert robot.making is not None
         if robot.stop == 0 and self.orders.status[robot.task] == ASSIGNED:
             self.orders.pick(robot.task, robot.making.begin_s)
@@ -437,7 +436,6 @@ class Crew:
                 robot.making = None
 
     def _service_s(self, robot: RobotWork) -> float:
-        """How long the service at a robot's next stop takes."""
         if not robot.charges:
             return self.stop_s(robot.number, robot.task, robot.stop)
         charging = self.settings.charging

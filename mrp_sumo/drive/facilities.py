@@ -87,7 +87,6 @@ def facilities_of(graph: NavGraph, resources: Resources, *, people_open: bool = 
 
 
 def _nobody(num_lifts: int) -> RideRequests:
-    """No people who want to ride."""
     begin, end, stage = (np.zeros(num_lifts, np.int64) for _ in range(3))
     return RideRequests(np.full(num_lifts, np.inf), begin, end, np.zeros(num_lifts), stage)
 

@@ -431,7 +431,6 @@ class Ledger:
         return True
 
     def _under_way(self, plan: Plan, ids: IntArray, needs: Needs, now_s: float) -> LivePlan:
-        """What is left of the plan, the order in force, and where robots are."""
         visits, reached, motion = self.visits, self.visits.reached, self.state.motion
         ahead = visits.next[reached]
         late_s = visits.arrived_s[reached] - visits.arrive_s[reached]
@@ -552,7 +551,6 @@ class Ledger:
         _grants.take_turns(self.state.grants, schedule.first[:-1])
 
     def _departure(self, robots: IntArray, joint: IntArray, ways: Sequence[Reroute], does: IntArray) -> Departure:
-        """From where these robots leave the last visits that they have been granted."""
         visits, motion = self.visits, self.state.motion
         stands = self.visits.reached[robots] == joint
         back, turned = np.array([route.back for route in ways], np.bool_), self.is_driving_back[robots]
@@ -647,7 +645,6 @@ class Ledger:
         self.state.facing_rad[robot] = yaw_rad
 
     def _resources_of(self, visit: int) -> IntArray:
-        """All that a visit needs, or has needed."""
         return self.needs.resource[self.needs.first[visit] : self.needs.first[visit + 1]]
 
 

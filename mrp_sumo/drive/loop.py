@@ -335,7 +335,6 @@ class Drive:
         return min(self.tasks.wake_s, self.wear.wake_s, math.inf if self.rolling.answer is None else self.rolling.answer.ready_s)
 
     def _close(self) -> None:
-        """What is still going on ends with the run."""
         self._update_tasks()
         self.crew.close(self.now_s)
         self.events += self.rolling.close(self.now_s)

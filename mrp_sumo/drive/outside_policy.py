@@ -52,7 +52,6 @@ class OutsidePolicy:
         return None if answer is None else self._checked(answer, self._policy.decide, plan, needs)
 
     def _checked(self, answer: Any, method: Callable[..., Any], plan: Plan, needs: Needs) -> Schedule:
-        """The answer of a method as a schedule that kernels can drive by."""
         wrong = (
             ""
             if isinstance(answer, Schedule)

@@ -154,7 +154,6 @@ class Recovery:
         return events
 
     def _let_go(self, now_s: float, context: Surroundings) -> None:
-        """Robots that have let others pass go on."""
         for giving in list(self._giving):
             other = still_to_pass(context, giving, self.world.broken)
             self.ledger.let_pass(giving.robot, other)

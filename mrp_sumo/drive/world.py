@@ -147,7 +147,6 @@ class World:
         return [self._hold(robot, now, each_s, "stops at random") for robot, each_s in zip(np.flatnonzero(stops).tolist(), lasts_s)]
 
     def _delay_some(self, now: float, grants: Grants) -> list[Event]:
-        """Robots are held for some planned steps."""
         what, chance = self.what, self._stream[DELAYS]
         if not what.delay_probability or now < self._next_step_s - 1e-9:
             return []

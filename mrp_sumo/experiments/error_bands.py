@@ -208,7 +208,6 @@ def _carried(file: ScenarioFile) -> Iterator[tuple[Place, tuple[float, float]]]:
 
 
 def _given(file: ScenarioFile, bounds: Bounds) -> Iterator[tuple[Place, tuple[float, float]]]:
-    """Intervals that the user gives, by key of the scenario."""
     for key, (low, high) in bounds.items():
         place: Place = tuple(key.split("."))
         value = value_of(file, key)

@@ -160,7 +160,6 @@ def _is_passed(nav: NavGraph, graph: PlanGraph, v: int) -> bool:
 
 
 def _role(nav: NavGraph, v: int) -> str:
-    """What a vertex is for."""
     options = nav.vertex_options[v]
     text = " ".join(str(part) for part in (nav.vertex_name[v], options.get("station", ""), options.get("actions", "")) if part)
     for role, keys in (("pick", ("pickup_dispenser",)), ("drop", ("dropoff_ingestor",)), ("charger", ("is_charger",))):
@@ -226,7 +225,6 @@ def type_like(vehicle: ListedVehicle) -> RobotType:
 
 
 def _room(setup: SetUp) -> int:
-    """How many robots may stand at stations at once."""
     fleet = setup.problem.fleet
     return most_drawn(setup.problem.graph, 0, fleet.separation_m, vehicle=fleet.types[0])
 
@@ -240,7 +238,6 @@ def _reached(setup: SetUp) -> float:
 
 
 def _num_robots(setup: SetUp, wanted: int | None) -> tuple[int, str]:
-    """How many robots to begin with, and why."""
     if wanted is not None:
         return wanted, "as you say"
     room = _room(setup)

@@ -190,7 +190,6 @@ def _departures(vehicle: Recorded, xy: FloatArray, at_s: FloatArray) -> FloatArr
 
 
 def _pose_at(vehicle: Recorded, t_s: float) -> tuple[float, float, str]:
-    """Where a vehicle was, by its nearest report."""
     k = int(np.argmin(np.abs(np.array(vehicle.t_s) - t_s)))
     return vehicle.x_m[k], vehicle.y_m[k], vehicle.map_id[k]
 

@@ -195,7 +195,6 @@ def _remarks(execution: Execution, names: Sequence[str]) -> Iterator[str]:
 
 
 def _with_work_judged(result: "RunResult") -> "RunResult":
-    """The result with what the operations audit says."""
     from mrp_sumo.experiments.audit_work import logs_of
     from mrp_sumo.metrics.operations.audit import in_words, operations_audit
 

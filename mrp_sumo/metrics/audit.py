@@ -387,7 +387,6 @@ def _squares(x: FloatArray, y: FloatArray, low: FloatArray, high: FloatArray, si
 
 
 def _motion(execution: Execution, fleet: Fleet) -> tuple[dict[str, int], list[dict[str, Any]]]:
-    """Counts of samples over the limits, and the first of them."""
     first = np.zeros((len(KINDS), LISTED, 4))
     t, speed = _rows(execution.t_s), _rows(execution.speed_mps)
     limits = (_rows(v) for v in (fleet.max_speed_mps, fleet.accel_mps2, fleet.decel_mps2, _turn_rates(fleet)))

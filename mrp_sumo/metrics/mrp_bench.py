@@ -164,7 +164,6 @@ def fleet_states(execution: Execution) -> tuple[IntArray, FloatArray, FloatArray
 
 
 def _analysed(run: Evidence) -> dict[str, Any]:
-    """The analyser's metrics of an execution, none without one."""
     if run.execution is None:
         return {}
     t_ns, x, y, _ = fleet_states(run.execution)

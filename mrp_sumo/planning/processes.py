@@ -92,7 +92,6 @@ class PlugInProcess:
         return answer, float(time_s)
 
     def _ending(self) -> str:
-        """How the process ended."""
         import subprocess
 
         with suppress(subprocess.TimeoutExpired):

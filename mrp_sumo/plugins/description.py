@@ -57,7 +57,6 @@ def _first_sentence(plug_in: Any) -> str:
 
 
 def _simple(value: Any) -> Any:
-    """A value as JSON knows it."""
     if value is None or isinstance(value, bool):
         return value
     if isinstance(value, str):

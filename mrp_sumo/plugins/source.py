@@ -229,7 +229,6 @@ def _public(module: ModuleType) -> list[str]:
 
 
 def _module_path(module: str) -> Path | None:
-    """A module's file, without importing it."""
     top, *rest = module.split(".")
     try:
         spec = importlib.util.find_spec(top)
@@ -246,7 +245,6 @@ def _module_path(module: str) -> Path | None:
 
 
 def _in_folder(folder: Path, parts: list[str]) -> Path | None:
-    """The file of a dotted name below a folder."""
     for path in (folder.joinpath(*parts).with_suffix(".py"), folder.joinpath(*parts, "__init__.py")):
         if path.is_file():
             return path.resolve()

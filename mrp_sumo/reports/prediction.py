@@ -113,8 +113,6 @@ def _table(result: Prediction) -> str:
 
 
 def _shares(name: str, title: str, what: str, of: str, values: Sequence[FloatArray]) -> Chart:
-    """Shares of values below each time, of the log and of the runs."""
-
     def paint(figure: Figure) -> None:
         ax = figure.add_subplot()
         share = np.linspace(0, 1, 201)

@@ -163,7 +163,6 @@ def _known_as(run: RunFolder, label: Any) -> str:
 
 
 def _task_tables(run: RunFolder) -> Iterator[ReportTable]:
-    """What became of the orders of a run, by release, and of its charges."""
     if run.metrics.get("tasks_done") is None or (tasks := run.record.execution.tasks) is None:
         return
     for name, title, word, wanted in (

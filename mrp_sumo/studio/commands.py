@@ -30,7 +30,6 @@ def words_of(workspace: Workspace, values: Values) -> tuple[list[str], str]:
 
 
 def _init(workspace: Workspace, values: Values) -> tuple[list[str], str]:
-    """Propose a scenario for a map."""
     name = _file(workspace, values, "map")
     out = _free(workspace, values.get("out") or map_name(Path(name)).replace(".", "_"))
     words = ["init", name, "--out", out]
@@ -105,13 +104,11 @@ def _video(workspace: Workspace, values: Values) -> tuple[list[str], str]:
 
 
 def _replay(workspace: Workspace, values: Values) -> tuple[list[str], str]:
-    """The replay page of a run as a file."""
     run = _file(workspace, values, "run")
     return ["replay", run], f"{run}/replay.html"
 
 
 def _convert(workspace: Workspace, values: Values) -> tuple[list[str], str]:
-    """A model for fleet managers."""
     name, suffix = _file(workspace, values, "map"), FORMATS.get(str(values.get("format")))
     if suffix is None:
         raise MrpSumoError(f"format: found '{str(values.get('format'))[:20]}', expected one of {', '.join(FORMATS)}")

@@ -327,7 +327,6 @@ class _Handler(LocalHandler):
 
 
 def _page_of_folder(path: Path) -> bytes:
-    """A page that a command has written into the folder."""
     if path.suffix != ".html" or not path.is_file():
         raise MrpSumoError(f"{path.name}: no page")
     return path.read_bytes()

@@ -132,7 +132,6 @@ def _faults(problem: Problem, plan: Plan, goal_of: IntArray, lane_s: float) -> l
 
 
 def _impossible_turns(problem: Problem, plan: Plan) -> list[str]:
-    """Turns that vehicles cannot make, the first of each."""
     faults, fleet = [], problem.fleet
     for robot in np.flatnonzero(fleet.is_vehicle).tolist():
         route = plan.vertex[plan.first[robot] : plan.first[robot + 1]].tolist()

@@ -434,7 +434,6 @@ def cabin_group(lift: str) -> str:
 
 
 def _groups(graph: NavGraph, ends: IntArray, track: IntArray) -> tuple[tuple[str, ...], IntArray, IntArray]:
-    """Names of the mutex groups, and pairs of a place and the group it is in."""
     at_vertex = [(name, v) for v, options in enumerate(graph.vertex_options) for name in groups_of(options)]
     on_track = {(name, int(track[lane])) for lane, options in enumerate(graph.lane_options) for name in groups_of(options)}
     names = tuple(sorted({name for name, _ in at_vertex} | {name for name, _ in on_track}))

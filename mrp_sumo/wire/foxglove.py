@@ -175,7 +175,6 @@ def _listener(websocket: Any, playback: Playback) -> Any:
 
 
 def _state(websocket: Any, position: Position, did_seek: bool, request: str) -> Any:
-    """Where viewers are, as Foxglove is to be told."""
     status = websocket.PlaybackStatus
     now = (
         status.Ended

@@ -97,7 +97,6 @@ def to_give(context: Surroundings) -> Sequence[int]:
 
 
 def _bound_for(crew: Crew, robot: RobotWork) -> set[tuple[int, ...]]:
-    """Places of the stops that a robot is still to make."""
     ahead = [*robot.tour, *(crew.stops_of(robot.then) if robot.then != NONE else ())]
     return {crew.tasks[task].stops[nth].places for task, nth in ahead}
 

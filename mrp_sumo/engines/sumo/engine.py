@@ -127,7 +127,6 @@ class SumoEngine:
         self._sent_mps = speed_mps
 
     def _rest(self, moving: BoolArray) -> None:
-        """Take out who has come to the end of its way."""
         if moving.all():
             self._rested[:] = 0
             return

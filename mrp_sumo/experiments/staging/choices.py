@@ -65,7 +65,6 @@ def named_files(scenario: ScenarioModel, folder: Path) -> list[Path]:
 
 
 def _plan_path(scenario: ScenarioModel, folder: Path) -> Path | None:
-    """The plan that is there already, if the scenario names one."""
     path = scenario.planner.parameters.get("path") if scenario.planner.name == "plan_file" else None
     return folder / path if isinstance(path, str) and path else None
 

@@ -164,7 +164,6 @@ class _Model:
                 self.draft.notes.add("path_length_disagrees", f"'{name}': {length_m:.2f} m, drawn {drawn:.2f} m")
 
     def _line(self, path: Element, name: str, tail: int, head: int, scale: tuple[float, float]) -> Line:
-        """The line of a path, ends included."""
         ends = np.array([self.draft.place(tail), self.draft.place(head)])
         kind, points = self._control_points(path, name, scale)
         if not points or kind in ("DIRECT", "ELBOW", "SLANTED"):

@@ -191,7 +191,6 @@ class _Site:
                 self.cabin[anchor] = (name, xy)
 
     def _drawing(self) -> tuple[dict[str, list[Any]], dict[str, list[Any]]]:
-        """Walls, and doors, of every level."""
         fields = self.fields
         walls: dict[str, list[Any]] = {}
         doors: dict[str, list[Any]] = {}

@@ -158,7 +158,6 @@ def _as_asked(logs: Logs, row: int, order: Task, nth: int) -> Iterator[Finding]:
 
 
 def _ends(logs: Logs, task: int, first: int, rows: Sequence[int], made: int, order: Task | None) -> Iterator[Finding]:
-    """The times of an order are those of its stops."""
     stops, tasks = logs.stops, logs.tasks
     last, status = rows[-1], tasks.status[task]
     if status in (RELEASED, ASSIGNED, CANCELLED) and not tasks.reason[task]:

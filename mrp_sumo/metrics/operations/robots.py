@@ -235,7 +235,6 @@ def _was_sound(logs: Logs, task: int, until_s: float) -> bool:
 
 
 def _unheld(logs: Logs, task: int) -> list[tuple[float, float]]:
-    """From when until when nobody had an order."""
     log, tasks = logs.execution.robot_states, logs.tasks
     assert log is not None
     end_s = float(tasks.ended_s[task]) if np.isfinite(tasks.ended_s[task]) else logs.end_s

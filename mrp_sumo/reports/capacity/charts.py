@@ -114,7 +114,6 @@ def success(answer: Answer) -> Chart:
 
 
 def _with_limits(ax: Axes, n: IntArray, means: Sequence[Interval], colour: str, *, most: float, scale: float = 1.0, **look: Any) -> None:
-    """Means over the size of the fleet, and their limits up to a value."""
     low, high = (scale * np.clip([getattr(mean, end) for mean in means], 0, most) for end in ("low", "high"))
     ax.fill_between(n, low, high, color=colour, alpha=0.16, lw=0)
     ax.plot(n, [scale * mean.value for mean in means], color=colour, **{"marker": "o", **look})

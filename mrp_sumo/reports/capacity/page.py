@@ -94,7 +94,6 @@ def _table(answer: Answer) -> list[str]:
 
 
 def _named(answer: Answer, robots: int) -> str:
-    """What the answer calls a size."""
     assert answer.limits is not None
     limits = answer.limits
     named = (("knee", limits.knee), ("peak", limits.peak), ("collapse", limits.collapse))

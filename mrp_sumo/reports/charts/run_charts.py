@@ -129,7 +129,6 @@ def _heat_maps(record: RunRecord, outline: Outline | None, times: FloatArray, st
 
 
 def _plan(ax: Axes, record: RunRecord, outline: Outline | None) -> None:
-    """Floor, lanes and walls."""
     if outline is not None:
         ax.add_collection(PolyCollection(list(outline.floors), facecolor=FLOOR, edgecolor="none", zorder=0), autolim=False)
     else:
@@ -279,7 +278,6 @@ def _along(line: FloatArray, along: FloatArray, points: FloatArray, reach: float
 
 
 def _planned(record: RunRecord, robot: int, line: FloatArray, along: FloatArray, reach: float) -> tuple[FloatArray, FloatArray]:
-    """Times and positions of a robot's plan on the line."""
     plan = record.plan
     assert plan is not None
     visits = slice(plan.first[robot], plan.first[robot + 1])

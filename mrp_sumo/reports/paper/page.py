@@ -262,7 +262,6 @@ def _replicability(rows: Sequence[Beside]) -> ReportTable:
 
 
 def _kinds_in_words(kinds: Kinds) -> str:
-    """How many scenarios there are of the paper's kinds."""
     counts = list(kinds.survivors.values())
     none, every = counts.count(0), counts.count(max(counts, default=0))
     return (

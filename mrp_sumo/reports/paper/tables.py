@@ -209,7 +209,6 @@ def commonly_solved(runs: pd.DataFrame) -> tuple[pd.DataFrame, set[str]]:
 
 
 def _planner(runs: pd.DataFrame) -> str:
-    """The name of the one planner of some runs."""
     return str(runs["planner"].iloc[0]) if len(runs) else ""
 
 

@@ -116,7 +116,6 @@ def map_picture(map_: Map, *, findings: bool = True) -> Picture:
 
 
 def _panels(map_: Map) -> list[Panel]:
-    """The levels with something to draw."""
     nav, building = map_.nav, map_.building
     panels = []
     for i, name in enumerate(nav.level_names):

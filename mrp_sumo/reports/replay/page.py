@@ -308,7 +308,6 @@ def _add_motion(columns: Columns, execution: Execution, parts: Rectangles, frame
 
 
 def _add_people(columns: Columns, log: PeopleLog, frame: PageFrame, num_kept: int, num_samples: int) -> dict[str, Any]:
-    """Where people are, person by person, at every so many of the samples that are kept."""
     stride = math.ceil(num_samples / max(1, num_kept))
     every = math.ceil(len(log.person) / stride / MAX_SIGHTINGS) or 1
     sample = np.repeat(np.arange(num_samples), np.diff(log.first))

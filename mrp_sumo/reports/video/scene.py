@@ -199,7 +199,6 @@ def _way(since_s: float, visits: Visits, xy: FloatArray) -> PlannedRoute:
 
 
 def _waits(record: RunRecord) -> tuple[tuple[tuple[float, float, int], ...], ...]:
-    """By robot, whom it waited for, and when."""
     num_robots = record.fleet.num_robots
     waits: list[list[tuple[float, float, int]]] = [[] for _ in range(num_robots)]
     for event in record.execution.events:
