@@ -143,14 +143,15 @@ def observed(run: Path, rng: np.random.Generator) -> MotionLog:
     noise_m, noise_rad = rng.uniform(0.005, 0.05, 2)
     log = MotionLog(run.name, "CSV", visits=exact.visits)
     for name, poses in exact.poses.items():
-        t, x, y, yaw = np.array(poses).T[:4]
+        t, x, y, yaw, _, level = np.array(poses).T
         at = np.clip(np.arange(rng.uniform(), t[-1], 1.0) + rng.uniform(-0.02, 0.02), 0.0, t[-1])
         seen = [np.interp(at, t, each) for each in (x, y, np.unwrap(yaw))]
         seen = [each + rng.normal(0, deviation, len(at)) for each, deviation in zip(seen, (noise_m, noise_m, noise_rad))]
         there = rng.random(len(at)) > 0.03
         for begin_s in rng.uniform(0, t[-1], 3):
             there &= ~((at > begin_s) & (at < begin_s + rng.uniform(5, 60)))
-        table = np.column_stack((at + rng.uniform(-3, 3), *seen, np.full(len(at), np.nan), np.zeros(len(at))))[there]
+        on = level[np.searchsorted(t, at)]
+        table = np.column_stack((at + rng.uniform(-3, 3), *seen, np.full(len(at), np.nan), on))[there]
         log.poses[name] = [tuple(row) for row in table.tolist()]
     return log
 

@@ -31,7 +31,7 @@ TWO_AT_ONCE = 0.2  # share of steps beyond `FASTEST_MPS` that two vehicles of on
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """N poses of one vehicle without a gap."""
+    """N poses of one vehicle on one level, without a gap."""
 
     vehicle: str
     t_s: FloatArray  # [N] ascending
@@ -39,6 +39,7 @@ class Track:
     y_m: FloatArray  # [N]
     yaw_rad: FloatArray  # [N] unwrapped; NaN where it is not said
     waits: FloatArray  # [N] 1: it has no way ahead that it may drive, 0: it has, NaN: not said
+    level: float = 0.0  # its number
 
     @property
     def has_headings(self) -> bool:
@@ -128,8 +129,8 @@ def _tracks_of(vehicle: str, rows: FloatArray, log: MotionLog) -> list[Track]:
         step = max(1, int(1 / (MOST_HZ * period_s) + 0.5)) if period_s > 0 else 1
         for c, d in pairwise([0, *(np.flatnonzero(gaps) + 1).tolist(), len(part)]):
             if d - c >= SHORTEST:
-                t_s, x_m, y_m, yaw, waits, _ = part[c:d:step].T
-                tracks.append(Track(vehicle, t_s, x_m, y_m, np.unwrap(yaw), waits))
+                t_s, x_m, y_m, yaw, waits, level = part[c:d:step].T
+                tracks.append(Track(vehicle, t_s, x_m, y_m, np.unwrap(yaw), waits, float(level[0])))
     leaps = np.abs(np.diff(rows[:, 3]))
     if np.count_nonzero(leaps > LEAP_RAD) > LEAPS:
         raise MrpSumoError(

@@ -2,20 +2,22 @@
 
 A vehicle that is held brakes, stands and goes on. Holds that end before it stands, or before the log shows it, are not seen: the
 likelihood is that of a Poisson stream of lognormal holds of which only the longer ones are. Not counted are stands at actions, where the
-way bends, where many of those who pass stand without such a reason, with another vehicle near, and where the log says that the way ahead
-was not free. The rate is the posterior's median over all durations that stops may have; a prior has them last about as long as usual.
+way bends, where many of those who pass stand without such a reason, beside a lift or another vehicle, and where the log says that the way
+ahead was not free. The rate is the posterior's median over all durations that stops may have; a prior has them last about as long as usual.
 """
 
+import math
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
-from mrp_sumo.calibration.log import ActionTime, Track
+from mrp_sumo.calibration.log import FASTEST_MPS, ActionTime, Track
 from mrp_sumo.calibration.phases import BEND_RAD, Phases
 from mrp_sumo.core.angles import wrapped
 from mrp_sumo.core.graph import BoolArray, FloatArray
 
-NEAR_M = 4.0  # of another vehicle, for which one may wait
+NEAR_M, LIFT_M = 4.0, 3.0  # of another vehicle, and of where vehicles change levels, for which one may wait
 PLACE_M = 0.35
 OFTEN, SHARE = 4, 0.05  # stands that make a place, where so many of those who pass stand
 CHORD = 1.57  # of a disc of radius 1, on average
@@ -63,7 +65,7 @@ def fit_stops(
         Of the logarithm of a profile likelihood, at which ranges end.
     """
     unexplained = [_unexplained(each, visits) for each in phases]
-    places, others = _Stands(phases, unexplained), _Others(all_tracks)
+    places, others, lifts = _Stands(phases, unexplained), _Others(all_tracks), _lifts(all_tracks)
     holds, driven_s, periods = [], 0.0, []
     for number, each in enumerate(phases):
         track, t = each.track, each.track.t_s
@@ -71,6 +73,8 @@ def fit_stops(
         periods.append(period_s)
         alone = ~others.near(track.vehicle, t, track.x_m, track.y_m)
         free = alone & ~(track.waits > 0) & ~places.often(track.x_m, track.y_m)
+        if len(lifts):
+            free &= (np.hypot(track.x_m[:, None] - lifts[:, 0], track.y_m[:, None] - lifts[:, 1]) > LIFT_M).all(1)
         for leg in each.legs:
             inner = np.arange(leg.first + EDGE, leg.last + 1 - EDGE)
             driven_s += float(((t[inner] - t[inner - 1]) * free[inner]).sum())
@@ -135,6 +139,18 @@ def _within(at: FloatArray, log: FloatArray, drop: float) -> tuple[float, float]
         return float(at[one] + share * (at[other] - at[one]))
 
     return (cross(a - 1, a) if a else float(at[0])), (cross(b + 1, b) if b < len(at) - 1 else float(at[-1]))
+
+
+def _lifts(tracks: list[Track]) -> FloatArray:
+    """[L, 2] m of places where vehicles change levels: they go on at once, on another level or farther away than anybody drives."""
+    places = set()
+    for one, other in pairwise(tracks):
+        if one.vehicle != other.vehicle:
+            continue
+        (x, y), (then_x, then_y) = ((float(each.x_m[k]), float(each.y_m[k])) for each, k in ((one, -1), (other, 0)))
+        if one.level != other.level or math.hypot(then_x - x, then_y - y) > FASTEST_MPS * abs(float(other.t_s[0] - one.t_s[-1])) + 1.0:
+            places |= {(round(x), round(y)), (round(then_x), round(then_y))}
+    return np.array(sorted(places), np.float64).reshape(-1, 2)
 
 
 class _Stands:

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from shuttles import shuttle_rows
@@ -173,4 +175,13 @@ def test_stop_beside_another_vehicle_may_be_a_wait_for_it_whatever_its_type():
     track, phases = one_stop()
     other = Track("t", track.t_s, np.full(60, 10.0), np.full(60, 1.0), np.zeros(60), np.full(60, np.nan))
     alone, beside = (fit_stops([phases], [], tracks, 1.0, {}, {}, 1.4) for tracks in ([track], [track, other]))
+    assert (len(alone.hold_s), len(beside.hold_s)) == (1, 0)
+
+
+@pytest.mark.parametrize(("level", "x_m"), [(1.0, 13.0), (0.0, 113.0)])
+def test_stop_before_a_lift_may_be_a_wait_for_it(level, x_m):
+    track, phases = one_stop()
+    before = replace(track, vehicle="t", t_s=track.t_s + 100.0, x_m=np.full(60, 12.5))
+    after = replace(before, t_s=track.t_s + 161.0, x_m=np.full(60, x_m), level=level)
+    alone, beside = (fit_stops([phases], [], tracks, 1.0, {}, {}, 1.4) for tracks in ([track], [track, before, after]))
     assert (len(alone.hold_s), len(beside.hold_s)) == (1, 0)
