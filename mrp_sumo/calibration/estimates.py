@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mrp_sumo.calibration.cruise import HELD, MEAN_LOSS, Cruise, Scatter, fit_cruise, of_top_speed, student, top_windows
-from mrp_sumo.calibration.log import ActionTime, Charge, MotionLog, Track
+from mrp_sumo.calibration.log import ActionTime, Charge, MotionLog, Track, require_different
 from mrp_sumo.calibration.phases import Noise, Phases, noise_of, phases_of, refined, usual_speed
 from mrp_sumo.calibration.ramps import Ramp, fit_ramp
 from mrp_sumo.calibration.stops import Stops, fit_stops
@@ -28,6 +28,7 @@ AT_ONCE, TURNS_AT_ONCE = 0.25, 0.5  # of a log's period: ramps and turns that ar
 COARSE_S, ANY_NOISE = 2.5, 0.15  # period from which on logs do not tell how speed scatters; it may be as much as this
 LEAST_EXTENT_M = 0.2  # of where a vehicle is that drives
 FEW = 3  # actions of a kind
+LEAST_DRIVEN_S = 10.0  # on which a stop would be seen
 WIDEST = 3.0  # half of an interval, as a logarithm: beyond it nothing is known
 PLACE_M, OFTEN = 0.5, 3  # within which stands are at one place, and how many make one
 
@@ -91,6 +92,7 @@ def calibrated(log: MotionLog, others: MotionLog | None = None) -> Calibration:
     others
         Vehicles for which those of the log may have waited, too.
     """
+    require_different(log)
     tracks = log.tracks()
     vehicles = sorted({track.vehicle for track in tracks})
     if not tracks:
@@ -176,7 +178,10 @@ def _driving(fits: Fits) -> Iterator[CalibratedFigure | Unknown]:
         reach = _reach(turning.scores, np.arange(count), MISFIT_RAD * 2 / float(np.median(turning.angle_rad)))
         yield _within_factor("turn_rate_rad_s", "rad/s", turning.value, reach, count, "turns")
     count, of = len(stops.hold_s), "stops on the way"
-    yield CalibratedFigure("stops_per_s", "1/s", *stops.rate_per_s, count, of)
+    if stops.driven_s < LEAST_DRIVEN_S:
+        yield Unknown("stops_per_s", f"{stops.driven_s:.0f} s of driving with nobody near, expected {LEAST_DRIVEN_S:.0f} s or more")
+    else:
+        yield CalibratedFigure("stops_per_s", "1/s", *stops.rate_per_s, count, of)
     for name, unit, figure in (("stop_median_s", "s", stops.median_s), ("stop_sigma", "", stops.sigma)):
         if figure is None:
             yield Unknown(name, f"{count} {of}, expected five or more")

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from mrp_sumo.calibration.log import ActionTime, LoggedOrder, MotionLog, levels_on, shift_on
+from mrp_sumo.calibration.log import ActionTime, LoggedOrder, MotionLog, levels_on, require_different, shift_on
 from mrp_sumo.calibration.orders import CHARGING
 from mrp_sumo.core.graph import FloatArray, IntArray
 from mrp_sumo.core.problem import graphs_of_kinds
@@ -33,7 +33,6 @@ SHORTEST_S = 120.0  # of each part
 ENOUGH = 8  # services at a station, from which on it has times of its own
 SERVICES = 83  # purpose of the stream of chance
 CARRIED = 10**6  # priority of an order that is on board: its robot has nothing else to do
-SAME_M, ALWAYS = 0.05, 0.9  # two vehicles nearer to each other than this for so much of the time are one
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +86,7 @@ def cut(log: MotionLog, setup: SetUp, share: float) -> HeldOut:
                 f"{log.source}: the clock of '{name}' jumps back by {duration(-float(back[k]))} at {t[k]:.0f} s, so that nobody knows "
                 "when its orders were done: cut the log there"
             )
-    _require_different(log, times)
+    require_different(log)
     begin_s, end_s = (float(np.median([getattr(t, end)() for t in times.values()])) for end in ("min", "max"))
     odd = [name for name, t in times.items() if t.max() < begin_s or t.min() > end_s]
     if odd:
@@ -118,17 +117,6 @@ def cut(log: MotionLog, setup: SetUp, share: float) -> HeldOut:
 def _natural(name: str) -> list[Any]:
     """A key by which robot_10 comes after robot_9."""
     return [int(part) if part.isdecimal() else part for part in re.split(r"(\d+)", name)]
-
-
-def _require_different(log: MotionLog, times: Mapping[str, FloatArray]) -> None:
-    """Refuse one vehicle of two names: both are at the same places all the time."""
-    names = sorted(times)
-    at = {name: np.array([row[1:3] for row in log.poses[name]]) for name in names}
-    for one, other in ((a, b) for k, a in enumerate(names) for b in names[k + 1 :]):
-        t = np.linspace(max(times[one].min(), times[other].min()), min(times[one].max(), times[other].max()), 200)
-        both = [np.stack([np.interp(t, times[name], at[name][:, k]) for k in (0, 1)]) for name in (one, other)]
-        if t[-1] > t[0] and np.ptp(both[0]) > 1.0 and (np.hypot(*(both[0] - both[1])) < SAME_M).mean() > ALWAYS:
-            raise MrpSumoError(f"{log.source}: '{one}' and '{other}' are at the same places all the time: one vehicle of two names")
 
 
 def _kinds(log: MotionLog, file: ScenarioFile, vehicles: Sequence[str]) -> dict[str, int]:

@@ -7,7 +7,7 @@ between two tracks of a vehicle is unknown.
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from itertools import pairwise
+from itertools import combinations, pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,6 +26,8 @@ FASTEST_MPS = 12.0  # beyond it a pose is not where the vehicle was, or is that 
 SHORTEST = 4  # samples of a track
 BESIDE_M, ELSEWHERE = 10.0, 0.2  # how far from a map's lanes poses may be, and which share of them may be farther
 LEAP_RAD, LEAPS = 7.0, 3  # between two headings, farther than once round; how many of them make degrees
+SAME_M, ALWAYS = 0.05, 0.9  # two vehicles nearer to each other than this for so much of the time are one
+NO_ORDER = 0.02  # share of poses before the one that precedes them, which no clock makes
 TWO_AT_ONCE = 0.2  # share of steps beyond `FASTEST_MPS` that two vehicles of one name make
 
 
@@ -111,6 +113,8 @@ class MotionLog:
 def _tracks_of(vehicle: str, rows: FloatArray, log: MotionLog) -> list[Track]:
     back = np.flatnonzero(np.diff(rows[:, 0]) < 0) + 1
     far_back = [k for k in back.tolist() if rows[k - 1, 0] - rows[k, 0] > LEAST_GAP_S]
+    if len(far_back) > max(3.0, NO_ORDER * len(rows)):
+        raise MrpSumoError(f"{log.source}: poses of '{vehicle}' go back in time {len(far_back)} times, expected them in order of time")
     if len(far_back):
         log.notes.append(f"the clock of {vehicle} jumps back {len(far_back)} times: the log is cut there")
     tracks: list[Track] = []
@@ -131,20 +135,30 @@ def _tracks_of(vehicle: str, rows: FloatArray, log: MotionLog) -> list[Track]:
             if d - c >= SHORTEST:
                 t_s, x_m, y_m, yaw, waits, level = part[c:d:step].T
                 tracks.append(Track(vehicle, t_s, x_m, y_m, np.unwrap(yaw), waits, float(level[0])))
+    if steps and too_fast > max(3.0, TWO_AT_ONCE * steps):
+        raise MrpSumoError(
+            f"{log.source}: vehicle '{vehicle}' is at two places at once, {too_fast} times: two vehicles of one name, or other units "
+            "than metres"
+        )
     leaps = np.abs(np.diff(rows[:, 3]))
     if np.count_nonzero(leaps > LEAP_RAD) > LEAPS:
         raise MrpSumoError(
             f"{log.source}: the heading of '{vehicle}' leaps by {np.nanmax(leaps):.0f} rad: degrees, expected radians "
             "(a column of degrees is called yaw_deg)"
         )
-    if steps and too_fast > max(3.0, TWO_AT_ONCE * steps):
-        raise MrpSumoError(
-            f"{log.source}: vehicle '{vehicle}' is at two places at once, {too_fast} times: two vehicles of one name, or other units "
-            "than metres"
-        )
     if too_fast:
         log.notes.append(f"{vehicle} jumps {too_fast} times farther than any vehicle drives: the log is cut there")
     return tracks
+
+
+def require_different(log: MotionLog) -> None:
+    """Refuse one vehicle of two names: both are at the same places all the time. Raises MrpSumoError."""
+    tables = {name: np.array(rows)[:, :3] for name, rows in sorted(log.poses.items()) if len(rows) > 1}
+    for (one, a), (other, b) in combinations(tables.items(), 2):
+        t = np.linspace(max(a[:, 0].min(), b[:, 0].min()), min(a[:, 0].max(), b[:, 0].max()), 200)
+        both = [np.stack([np.interp(t, table[:, 0], table[:, k]) for k in (1, 2)]) for table in (a, b)]
+        if t[-1] > t[0] and np.ptp(both[0]) > 1.0 and (np.hypot(*(both[0] - both[1])) < SAME_M).mean() > ALWAYS:
+            raise MrpSumoError(f"{log.source}: '{one}' and '{other}' are at the same places all the time: one vehicle of two names")
 
 
 def require_here(log: MotionLog, map_: "Map") -> None:

@@ -139,6 +139,8 @@ def _csv(path: Path) -> MotionLog:
     log, name = MotionLog(path.name, "CSV"), shortened(path)
     with path.open(encoding="utf-8-sig", errors="replace", newline="") as file:
         head = file.readline(LONGEST_LINE)
+        if "\0" in head or "\ufffd" in head:
+            raise MrpSumoError(f"{name}: not text in UTF-8, expected a CSV")
         cut = max(",;\t", key=head.count)
         place, scale = _columns(next(csv.reader(io.StringIO(head), delimiter=cut), []), name)
         doing: dict[str, ActionTime] = {}
@@ -233,6 +235,9 @@ def _vda(path: Path) -> MotionLog:
     log = messages.log
     if not log.poses:
         raise MrpSumoError(f"{name}: no state says where a vehicle is (agvPosition or mobileRobotPosition)")
+    for vehicle, rows in log.poses.items():
+        if not any(row[4] == 0 for row in rows):  # nodes are never released: so they say nothing of waits
+            log.poses[vehicle] = [(*row[:4], math.nan, row[5]) for row in rows]
     log.orders = orders_of_visits(log.visits, messages.sent)
     return log
 
@@ -288,16 +293,15 @@ class _Messages:
             self._state(vehicle, _time_of(document, payload, where), payload)
 
     def _order(self, vehicle: str, t_s: float, payload: dict[str, Any]) -> None:
-        nodes = [node for node in payload["nodes"] if isinstance(node, dict)]
-        for each in (each for node in nodes for each in node.get("actions") or () if isinstance(each, dict)):
+        nodes = _objects(payload["nodes"])
+        for each in (each for node in nodes for each in _objects(node.get("actions"))):
             self.ordered_s.setdefault(str(each.get("actionId")), t_s)
         self.sent.setdefault(vehicle, []).append((t_s, str(nodes[-1].get("nodeId", "")) if nodes else ""))
 
     def _state(self, vehicle: str, t_s: float, payload: dict[str, Any]) -> None:
         log = self.log
         if "nodeStates" in payload:
-            ahead = payload["nodeStates"]
-            is_free = isinstance(ahead, list) and any(isinstance(node, dict) and node.get("released") for node in ahead)
+            is_free = any(node.get("released") for node in _objects(payload["nodeStates"]))
             self.waits[vehicle] = 0.0 if is_free and not payload.get("paused") else 1.0
         place = payload.get("mobileRobotPosition", payload.get("agvPosition"))
         if isinstance(place, dict) and place.get("positionInitialized", True):
@@ -306,9 +310,8 @@ class _Messages:
                 level = float(hash_of(on := str(place.get("mapId", ""))))
                 log.levels[level] = on
                 log.poses.setdefault(vehicle, []).append((t_s, x, y, theta, self.waits.get(vehicle, math.nan), level))
-        for each in payload.get("actionStates") or ():
-            if isinstance(each, dict):
-                self._action(vehicle, t_s, each, str(payload.get("lastNodeId", "")))
+        for each in _objects(payload.get("actionStates")):
+            self._action(vehicle, t_s, each, str(payload.get("lastNodeId", "")))
         power = payload.get("powerSupply", payload.get("batteryState"))
         if isinstance(power, dict):
             share = _number(power.get("stateOfCharge", power.get("batteryCharge"))) / 100
@@ -347,6 +350,10 @@ def _factsheet(log: MotionLog, payload: dict[str, Any]) -> None:
         size = _number(about.get(key)) if isinstance(about, dict) else math.nan
         if 0 < size < 100:
             log.body[name] = max(size, log.body.get(name, 0.0))
+
+
+def _objects(value: Any) -> list[dict[str, Any]]:
+    return [each for each in value if isinstance(each, dict)] if isinstance(value, list) else []
 
 
 def _number(value: Any) -> float:

@@ -35,6 +35,7 @@ class Stops:
     """Stops that were seen, and of the rate, median and sigma the best value and its range."""
 
     hold_s: FloatArray  # [N]
+    driven_s: float  # for which vehicles drove where a stop would be seen
     rate_per_s: tuple[float, float, float]
     median_s: tuple[float, float, float] | None
     sigma: tuple[float, float, float] | None
@@ -121,11 +122,11 @@ def _fit(hold_s: FloatArray, driven_s: float, seen_s: float, drop: float) -> Sto
     if not count:
         low = rate = 0.0
     if count < FEW:
-        return Stops(hold_s, (rate, low, high), None, None)
+        return Stops(hold_s, driven_s, (rate, low, high), None, None)
     i, j = np.unravel_index(int(np.argmax(durations)), durations.shape)
     median = float(MEDIANS[i]), *_within(MEDIANS, durations.max(1), drop)
     spread = float(SIGMAS[j]), *_within(SIGMAS, durations.max(0), drop)
-    return Stops(hold_s, (rate, low, high), median, spread)
+    return Stops(hold_s, driven_s, (rate, low, high), median, spread)
 
 
 def _within(at: FloatArray, log: FloatArray, drop: float) -> tuple[float, float]:

@@ -107,6 +107,22 @@ def test_two_vehicles_of_one_name_are_refused(shuttles):
         calibrated(log_of({"s": both[np.argsort(both[:, 0])]}))
 
 
+def test_one_vehicle_of_two_names_is_refused(shuttles):
+    with pytest.raises(MrpSumoError, match="'s' and 't' are at the same places all the time: one vehicle of two names"):
+        calibrated(log_of({"s": shuttles["s0"], "t": shuttles["s0"] + [0.0, 0.01, 0.0, 0.0]}))
+
+
+def test_poses_in_no_order_are_refused(shuttles):
+    with pytest.raises(MrpSumoError, match=r"poses of 's' go back in time \d+ times, expected them in order of time"):
+        calibrated(log_of({"s": np.random.default_rng(0).permutation(shuttles["s0"])}))
+
+
+def test_fleet_whose_vehicles_are_never_alone_does_not_tell_its_stops(shuttles):
+    beside = shuttles["s0"] + [0.0, 0.0, 2.0, 0.0]
+    found = calibrated(log_of({"s": shuttles["s0"], "t": beside}))
+    assert found.unknown["stops_per_s"] == "0 s of driving with nobody near, expected 10 s or more"
+
+
 def test_clock_that_jumps_back_cuts_the_log(shuttles):
     rows = shuttles["s0"].copy()
     rows[300:, 0] -= 100.0

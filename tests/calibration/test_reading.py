@@ -45,6 +45,7 @@ def test_dates_are_times(tmp_path):
         ("t_s,robot,x_m,yaw\n", "poses.csv:1: no column 'y_m' (did you mean 'x_m'?)"),
         ("t_s,x_m,y_m\n0,1,2\n1,one,2\n", "poses.csv:3: x_m: found 'one', expected a number"),
         ("t_s,x_m,y_m\n", "no row says where a vehicle is"),
+        ("t_s,x_m\0,y_m\n", "poses.csv: not text in UTF-8, expected a CSV"),
         ("t_s,x_m,y_m\n0,1e9,2\n", "expected metres of a floor"),
         (
             "timestamp,x,y\n1764230400480,1,2\n",
@@ -95,6 +96,11 @@ def test_vehicle_whose_way_is_not_released_waits(tmp_path):
     free, held = [{"released": True}], [{"released": False}]
     log = read_fleet(states(tmp_path / "log.jsonl", [state(0, nodeStates=free), state(1, nodeStates=held), state(2, nodeStates=[])]))
     assert [row[4] for row in log.poses["agv"]] == [0.0, 1.0, 1.0]
+
+
+def test_vehicle_to_which_nothing_is_ever_released_does_not_say_that_it_waits(tmp_path):
+    log = read_fleet(states(tmp_path / "log.jsonl", [state(k, nodeStates=[], actionStates=5) for k in range(3)]))
+    assert [math.isnan(row[4]) for row in log.poses["agv"]] == [True] * 3
 
 
 @pytest.mark.parametrize(
