@@ -119,6 +119,7 @@ def _tracks_of(vehicle: str, rows: FloatArray, log: MotionLog) -> list[Track]:
         log.notes.append(f"the clock of {vehicle} jumps back {len(far_back)} times: the log is cut there")
     tracks: list[Track] = []
     too_fast = steps = 0
+    leaps: list[float] = []
     for a, b in pairwise([0, *far_back, len(rows)]):
         part = rows[a:b]
         part = part[np.argsort(part[:, 0], kind="stable")]
@@ -130,6 +131,8 @@ def _tracks_of(vehicle: str, rows: FloatArray, log: MotionLog) -> list[Track]:
         jumps = (np.diff(part[:, 5]) == 0) & (np.hypot(*np.diff(part[:, 1:3], axis=0).T) > FASTEST_MPS * np.maximum(dt, period_s) + 1.0)
         too_fast, steps = too_fast + int(jumps.sum()), steps + len(dt)
         gaps = (dt > max(GAP_PERIODS * period_s, LEAST_GAP_S)) | jumps | (np.diff(part[:, 5]) != 0)
+        turned = np.abs(np.diff(part[:, 3]))
+        leaps += turned[~gaps & (turned > LEAP_RAD)].tolist()
         step = max(1, int(1 / (MOST_HZ * period_s) + 0.5)) if period_s > 0 else 1
         for c, d in pairwise([0, *(np.flatnonzero(gaps) + 1).tolist(), len(part)]):
             if d - c >= SHORTEST:
@@ -140,10 +143,9 @@ def _tracks_of(vehicle: str, rows: FloatArray, log: MotionLog) -> list[Track]:
             f"{log.source}: vehicle '{vehicle}' is at two places at once, {too_fast} times: two vehicles of one name, or other units "
             "than metres"
         )
-    leaps = np.abs(np.diff(rows[:, 3]))
-    if np.count_nonzero(leaps > LEAP_RAD) > LEAPS:
+    if len(leaps) > LEAPS:
         raise MrpSumoError(
-            f"{log.source}: the heading of '{vehicle}' leaps by {np.nanmax(leaps):.0f} rad: degrees, expected radians "
+            f"{log.source}: the heading of '{vehicle}' leaps by {max(leaps):.0f} rad: degrees, expected radians "
             "(a column of degrees is called yaw_deg)"
         )
     if too_fast:
