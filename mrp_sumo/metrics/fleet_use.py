@@ -6,7 +6,7 @@ import numpy as np
 
 from mrp_sumo.core.battery import BatteryLog
 from mrp_sumo.core.execution import Execution, Outcome
-from mrp_sumo.core.robot_states import BROKEN, CHARGING, EMPTY, IDLE, ROBOT_STATES, STALLED, WORKING
+from mrp_sumo.core.robot_states import BROKEN, CHARGING, EMPTY, IDLE, ROBOT_STATES, STALLED, WORKING, RobotStateLog
 from mrp_sumo.core.task import StopLog, TaskLog, orders_of
 from mrp_sumo.metrics.metric import LESS, MORE, NONE, TOGETHER, Evidence, Metric, of, part
 
@@ -14,13 +14,24 @@ from mrp_sumo.metrics.metric import LESS, MORE, NONE, TOGETHER, Evidence, Metric
 def stalled_robots(execution: Execution, robot_name: Sequence[str]) -> str:
     """A line for people where robots, or all work, stand stalled at the end of a run with orders, '' elsewhere."""
     log = execution.robot_states
-    last = np.flatnonzero((log.state == STALLED) & (log.end_s >= execution.sim_time_s - 1e-9)).tolist() if log else []
-    if log is None or not last:
-        of_all = (event.text for event in reversed(execution.events) if event.kind == "stalled" and event.robot < 0)
-        return next(of_all, "") if execution.outcome is Outcome.STALLED else ""
+    if log is None or (stalled := _at_end(log, STALLED, execution.sim_time_s, robot_name)):
+        return f"stalled at the end: {stalled}" if log else ""
+    if execution.outcome is not Outcome.STALLED:
+        return ""
+    broken = _at_end(log, BROKEN, execution.sim_time_s, robot_name)
+    of_all = (event.text for event in reversed(execution.events) if event.kind == "stalled" and event.robot < 0)
+    at_work_s = float(log.end_s.max(where=~np.isin(log.state, (IDLE, BROKEN, EMPTY)), initial=0.0))
+    return next(of_all, f"broken down at the end: {broken}" if broken else f"nobody has been at work since {at_work_s:.0f} s")
+
+
+def _at_end(log: RobotStateLog, state: int, end_s: float, robot_name: Sequence[str]) -> str:
+    """The robot that has been in a state longest at the end, and how many more are, '' where none is."""
+    last = np.flatnonzero((log.state == state) & (log.end_s >= end_s - 1e-9)).tolist()
+    if not last:
+        return ""
     first = min(last, key=lambda k: float(log.begin_s[k]))
     others = f" and {len(last) - 1} more" if len(last) > 1 else ""
-    return f"stalled at the end: {robot_name[log.robot[first]]} since {log.begin_s[first]:.0f} s{others}"
+    return f"{robot_name[log.robot[first]]} since {log.begin_s[first]:.0f} s{others}"
 
 
 def ran_empty(log: BatteryLog, robot_name: Sequence[str]) -> str:
