@@ -46,9 +46,9 @@ class WorkingVehicles(Operations):
         nav, _ = join_short(map_.nav, step_m)
         chains = chains_of(nav)
         lanes_m = (chains.nav if chains else nav).length_m
-        if (lanes_m < step_m).any():
+        if (lanes_m < step_m).any() and one_of_each.behind_m.any():
             return path.parent.name, None
-        cell_m = cell_that_fits(lanes_m, step_m)
+        cell_m = cell_that_fits(lanes_m[lanes_m >= step_m], step_m)
         graph = cut_lanes(nav, cell_m)
         for each in types:
             graph = pruned(graph, narrow(graph, map_.building, each))
@@ -94,7 +94,7 @@ def at_work(
     others = count // 2 if len(shapes) > 1 else 0
     counts = [count - others, others]
     values["robots"] = {"fleet": [{"type": shape, "count": each} for shape, each in zip(shapes, counts) if each]}
-    values["discretisation"] = {"kind": "roadmap", "cell_m": cell_m, "clearance": "prune"}
+    values["discretisation"] = {"kind": "roadmap", "cell_m": cell_m, "clearance": "prune", "short_lanes": "drive"}
     values["planner"] = str(rng.choice(PLANNERS))
     if any("capacity" in shape for shape in shapes):
         values["execution"]["dispatcher"] = "bundle"

@@ -95,7 +95,8 @@ levels:
         (
             "[0.2, 0, {name: b}]",
             "lane 'a' - 'b' of 'hall' is 0.200 m long; 'a' - 'b' cannot be joined, as both ends have a name or properties: "
-            "lengthen it in the map, or choose smaller robots, or one alone",
+            "lengthen it in the map, or choose smaller robots, or one alone, or let one at a time drive there "
+            "(discretisation.short_lanes: drive)",
         ),
         (
             "[0.2, 0]",
@@ -119,6 +120,22 @@ def test_robot_too_large_for_a_step_learns_which_lane_it_is_and_what_would_help(
     path.write_text(text)
     with MapCache() as maps:
         assert set_up(read_scenario(path), maps).problem.num_robots == 2
+
+
+def test_robots_drive_lanes_that_are_too_short_for_two_of_them_one_at_a_time(tmp_path):
+    """One from c to b and beyond: the other has left a by then."""
+    (tmp_path / "hall.nav.yaml").write_text(SHORT)
+    path = tmp_path / "scenario.yaml"
+    path.write_text(
+        "map:\n  file: hall.nav.yaml\ndiscretisation: {kind: roadmap, cell_m: 0.4, short_lanes: drive}\n"
+        "robots: {starts: [a, c], goals: [c, a]}\nexecution: {engine: kinematic}\nplanner: lacam\n"
+    )
+    with MapCache() as maps:
+        setup = set_up(read_scenario(path), maps)
+        assert setup.problem.graph.length_m.min() == pytest.approx(0.2)
+        path.write_text(path.read_text().replace("cell_m: 0.4", "cell_m: 0.2"))
+        with pytest.raises(ScenarioError, match=r"discretisation.cell_m: 0.38 would do"):
+            set_up(read_scenario(path), maps)
 
 
 # a grid that reaches into walls

@@ -30,7 +30,8 @@ NAMED = 5  # stations in a line
 
 
 def require_fit(file: ScenarioFile, nav: NavGraph, graph: PlanGraph, models: Sequence[RobotType], *, is_auto: bool = False) -> None:
-    """Every step is at least as long as any two robots' centres are apart; `is_auto` where the cell length follows from that.
+    """Every step is at least as long as any two robots' centres are apart, and as trains are; `is_auto` where the cell length follows from
+    that. With `short_lanes: drive` lanes may be shorter, but for trains, which are on one lane and at the vertex before it.
 
     A robot that is alone on its map keeps clear of nobody.
     """
@@ -42,8 +43,9 @@ def require_fit(file: ScenarioFile, nav: NavGraph, graph: PlanGraph, models: Seq
         )
     if file.scenario.robots.size == 1:
         return
+    one_of_each = fleet_of_types(models, np.arange(len(models)))
     kind, model = max(enumerate(models), key=lambda each: fleet_of(each[1], 1).separation_m)
-    needed_m = fleet_of_types(models, np.arange(len(models))).separation_m
+    needed_m, train_m = one_of_each.separation_m, float(one_of_each.behind_m.max())
     shortest_m = float(graph.length_m.min(where=~graph.is_ride, initial=np.inf))
     if needed_m <= shortest_m + 1e-9:
         return
@@ -51,6 +53,12 @@ def require_fit(file: ScenarioFile, nav: NavGraph, graph: PlanGraph, models: Seq
     nav = chains.nav if chains else nav
     what = f"{file.at(*type_at(file, kind))}: '{model.name}' does not fit: two of them need {needed_m:.3f} m between centres, "
     length_m = nav.length_m[~nav.is_ride] if graph.kind == "roadmap" else np.full(1, np.inf)
+    may_be_short = file.scenario.discretisation.short_lanes == "drive"
+    if may_be_short and (length_m < needed_m - 1e-9).any() and length_m.min() >= train_m - 1e-9:
+        length_m = length_m[length_m >= needed_m - 1e-9]
+        step_m = length_m / np.maximum(np.rint(length_m / graph.cell_m), 1)
+        if min(graph.cell_m, step_m.min(initial=np.inf)) >= needed_m - 1e-9:
+            return
     if (short := np.flatnonzero(length_m < needed_m - 1e-9)).size:
         lane = int(short[np.argmin(length_m[short])])
         count = len({frozenset((int(nav.tail[k]), int(nav.head[k]))) for k in short})
@@ -58,7 +66,7 @@ def require_fit(file: ScenarioFile, nav: NavGraph, graph: PlanGraph, models: Seq
         raise ScenarioError(
             f"{what}lane {ends} of '{nav.name}' is {length_m[lane]:.3f} m "
             + (f"and {count - 1} more are too short; " if count > 1 else "long; ")
-            + _remedy(nav, np.inf if is_auto else graph.cell_m, needed_m)
+            + _remedy(nav, np.inf if is_auto else graph.cell_m, needed_m, is_train=train_m > 0)
         )
     cell_m = cell_that_fits(length_m, needed_m)
     raise ScenarioError(f"{what}the shortest step of '{graph.name}' is {shortest_m:.3f} m (discretisation.cell_m: {cell_m:g} would do)")
@@ -85,7 +93,7 @@ def require_cabins(file: ScenarioFile, map_: Map, graph: PlanGraph, models: Sequ
                 )
 
 
-def _remedy(nav: NavGraph, cell_m: float, needed_m: float) -> str:
+def _remedy(nav: NavGraph, cell_m: float, needed_m: float, *, is_train: bool) -> str:
     """What helps against lanes shorter than two robots' centres are apart."""
     millimetres = math.ceil(1000 * needed_m - 1e-6) / 1000
     joined, _ = join_short(nav, millimetres)
@@ -100,6 +108,7 @@ def _remedy(nav: NavGraph, cell_m: float, needed_m: float) -> str:
     ends = f"'{joined.known_as(int(joined.tail[lane]))}' - '{joined.known_as(int(joined.head[lane]))}'"
     return (
         f"{ends} cannot be joined, as both ends have a name or properties: lengthen it in the map, or choose smaller robots, or one alone"
+        + ("" if is_train else ", or let one at a time drive there (discretisation.short_lanes: drive)")
     )
 
 

@@ -72,6 +72,12 @@ class Discretisation(Strict):
         "or 'ignore' it. A run that touches a wall fails its audit in any case.",
     )
 
+    short_lanes: Literal["refuse", "drive"] = Field(
+        "refuse",
+        description="What to do on roadmaps with lanes that are shorter than two robots need between their centres: 'refuse' the scenario, "
+        "or 'drive' them, with nobody else near meanwhile.",
+    )
+
     @model_validator(mode="after")
     def _lanes_of_a_roadmap(self) -> "Discretisation":
         if self.kind == "grid" and self.lanes == "two_way":
