@@ -3,7 +3,7 @@
 import argparse
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -22,6 +22,8 @@ FIRST_PLAN_S = 3.0  # CPU time of the planner of a map alone, whose user wants t
 INSTANCE_CELL_M = 1.0  # side of a cell where there is no scenario to say it
 
 Override = tuple[str, Any]  # the option, for messages, and the value
+Changes = Mapping[tuple[str | int, ...], Override]  # by place
+NOTHING: Changes = {}
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -71,20 +73,20 @@ def chosen_scenario(options: argparse.Namespace) -> "ScenarioFile":
     Raises MrpSumoError: one line a fault, with the option or the file and line.
     """
     from mrp_sumo.io.scenario.file import find_scenario
-    from mrp_sumo.io.scenario.read import changed, read_scenario
+    from mrp_sumo.io.scenario.read import read_scenario
     from mrp_sumo.plugins.trust import trust_everything
 
     require_sound(options)
     if options.trust:
         trust_everything()
     if options.scenario is None:
-        return with_set(options, changed(_of_instance(options), _named(options)))
+        return with_set(options, _of_instance(options), _named(options))
     if "meters_per_pixel" in options and is_map(options.scenario):
         return _of_map(options)
     if getattr(options, "meters_per_pixel", None) is not None:
         raise MrpSumoError("--scale is for a map; a scenario says it itself: map.meters_per_pixel")
     require_scenario(options.scenario)
-    return with_set(options, changed(read_scenario(find_scenario(options.scenario)), _named(options)))
+    return with_set(options, read_scenario(find_scenario(options.scenario)), _named(options))
 
 
 def require_scenario(name_or_path: str) -> None:
@@ -113,7 +115,7 @@ def _is_scenario(path: Path) -> bool:
 
 def _of_map(options: argparse.Namespace) -> "ScenarioFile":
     """The scenario of a map alone: as many robots as fit, goals drawn, everything else by default."""
-    from mrp_sumo.io.scenario.read import changed, scenario_of
+    from mrp_sumo.io.scenario.read import scenario_of
     from mrp_sumo.maps.catalogue import bundled_maps
     from mrp_sumo.maps.readers.reader import map_name
 
@@ -128,7 +130,7 @@ def _of_map(options: argparse.Namespace) -> "ScenarioFile":
     }
     name = folder_name(map_name(path if path.is_file() else bundled_maps()[options.scenario]))
     named = _named(options)
-    chosen = with_set(options, changed(scenario_of(values, Path.cwd(), name), named))
+    chosen = with_set(options, scenario_of(values, Path.cwd(), name), named)
     changes, robots = {**named, **_set(options, chosen)}, chosen.scenario.robots
     if robots.fleet or robots.starts or chosen.scenario.planner.name in ("plan_file", "external"):
         return chosen
@@ -160,15 +162,17 @@ def folder_name(name: str) -> str:
     return re.sub(r"[^\w.+-]+", "_", name).strip("._") or "map"
 
 
-def with_set(options: argparse.Namespace, file: "ScenarioFile") -> "ScenarioFile":
-    """The scenario with what `--set` says instead.
+def with_set(options: argparse.Namespace, file: "ScenarioFile", named: Changes = NOTHING) -> "ScenarioFile":
+    """The scenario with what `--set` says instead, and at the same time what options with a name of their own say.
 
     Raises MrpSumoError: one line a fault, with the option; and for names in the scenario that are not there.
     """
     from mrp_sumo.io.scenario.names import require_known
     from mrp_sumo.io.scenario.read import changed
 
-    chosen = changed(file, _set(options, file))
+    of_planner = {place: value for place, value in named.items() if place[0] == "planner"}  # of whose parameters `--set` speaks
+    file = changed(file, of_planner)
+    chosen = changed(file, {place: value for place, value in named.items() if place not in of_planner} | _set(options, file))
     require_known(chosen)
     return chosen
 

@@ -22,6 +22,13 @@ ENGINES = ("sumo", "kinematic")
 AT_ONCE = Planning(budget_s=0.0)
 
 
+def check_period(period_s: float, step_s: float) -> None:
+    """A period of samples that is not a whole number of steps is refused."""
+    steps = period_s / step_s
+    if round(steps) < 1 or abs(steps - round(steps)) > 1e-6:
+        raise ExecutionError(f"a sample every {period_s:g} s, expected a whole number of steps of {step_s:g} s")
+
+
 @dataclass(frozen=True, kw_only=True)
 class ExecutionSettings(DrivingOptions):
     """Policy, clock and recording of an execution."""
@@ -69,11 +76,7 @@ class ExecutionSettings(DrivingOptions):
                 f"planning.window_s is {planning.window_s:g}, expected more than {least_s:g}: twice the budget and the period, "
                 "or robots come to the ends of their ways before there is a new plan"
             )
-        steps = self.record_period_s / self.step_length_s
-        if round(steps) < 1 or abs(steps - round(steps)) > 1e-6:
-            raise ExecutionError(
-                f"record.period_s is {self.record_period_s:g}, expected a whole number of steps of {self.step_length_s:g} s (step_length_s)"
-            )
+        check_period(self.record_period_s, self.step_length_s)
 
     @property
     def steps_per_sample(self) -> int:

@@ -133,7 +133,11 @@ def test_time_limit_that_is_too_short_is_a_result_not_an_error(tmp_path):
         ),
         (
             "map: office\nrobots: {count: 3}\nexecution: {step_length_s: 0.3}",
-            "case.yaml:3: execution: record.period_s is 0.1, expected a whole number of steps",
+            "case.yaml:3: execution.step_length_s: a sample every 0.1 s, expected a whole number of steps of 0.3 s",
+        ),
+        (
+            "map: office\nrobots: {count: 3}\nexecution: {policy: adg}\nrecord: {period_s: 0.25}",
+            "case.yaml:4: record.period_s: a sample every 0.25 s, expected a whole number of steps of 0.1 s",
         ),
         ("map: {file: office, graph: 4}\nrobots: {count: 3}", "office.building.yaml has no lane in graph 4"),
         ("map: {file: office, level: L7}\nrobots: {count: 3}", "has no level 'L7'"),
@@ -338,3 +342,11 @@ def test_command_after_a_timeout_says_another_planner_and_limit_also_where_set_s
         f"      mrp-sumo run office_9 --set planner.name=lacam --set seed=1 --out {out} --time-limit 300",
         "      mrp-sumo list planners",
     ]
+
+
+def test_options_with_a_name_and_set_are_one_change(tmp_path):
+    case = tmp_path / "case.yaml"
+    case.write_text("map: office\nrobots: {starts: [v1, v2], goals: [v3, v4]}\nplanner: prioritised\n")
+    more = ("--robots", "3", "--set", "robots.starts=null", "--set", "robots.goals=null")  # which two starts alone would refuse
+    code, result = run(tmp_path / "run", str(case), *more, "--planner", "eecbs", "--set", "w=1.5")
+    assert code == 0 and result["metrics"]["num_robots"] == 3 and result["scenario"]["planner"]["parameters"] == {"w": 1.5}

@@ -259,7 +259,7 @@ def test_what_cannot_be_driven_is_refused_in_one_line(tmp_path):
     refused("'v2', which has no lane", graph_of([(0, 0), (1, 0), (2, 0)], [(0, 1)]), [[2]])
     refused("start 0.300 m apart", graph_of([(0, 0), (1, 0), (0.3, 0), (0.3, 1)], [(0, 1), (2, 3)]), [[0, 1], [2, 3]])
     refused(r"unknown execution policy 'agd' \(did you mean 'adg'\?\)", line(3), [[0, 1]], policy="agd")
-    refused("record.period_s is 0.25, expected a whole number of steps", line(3), [[0, 1]], record_period_s=0.25)
+    refused("a sample every 0.25 s, expected a whole number of steps", line(3), [[0, 1]], record_period_s=0.25)
     refused("time_limit_s is 0.0", line(3), [[0, 1]], time_limit_s=0.0)
 
 

@@ -13,7 +13,7 @@ from mrp_sumo.core.driving import DrivingOptions
 from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.drive.dispatchers import NEAREST, ONE_SHOT
 from mrp_sumo.drive.policy import policy_of
-from mrp_sumo.drive.settings import AT_ONCE, ExecutionSettings
+from mrp_sumo.drive.settings import AT_ONCE, ExecutionSettings, check_period
 from mrp_sumo.errors import ScenarioError
 from mrp_sumo.io.scenario.file import ScenarioFile
 from mrp_sumo.io.scenario.model import ScenarioModel
@@ -91,6 +91,9 @@ def settings_of(file: ScenarioFile) -> ExecutionSettings:
     if replanner and execution.on_deadlock == "resolve":  # else it is not needed, and slow to load
         with file.located("execution", "recovery", "replanner"):
             planner(replanner, {}, file.folder)
+    record = file.scenario.record
+    with file.located(*(("record", "period_s") if "period_s" in record.model_fields_set else ("execution", "step_length_s"))):
+        check_period(record.period_s, execution.step_length_s)
     with file.located("execution"):
         options: dict[str, Any] = {each.name: getattr(execution, each.name) for each in fields(DrivingOptions)} | {
             "planning": execution.planning if tasks else AT_ONCE,
@@ -105,7 +108,7 @@ def settings_of(file: ScenarioFile) -> ExecutionSettings:
             dispatcher_parameters=parameters,
             time_limit_s=execution.time_limit_s or (LEAST_TIME_LIMIT_S if tasks is None else TASKS_TIME_LIMIT_S),
             goal_tolerance_m=execution.goal_tolerance_m,
-            record_period_s=file.scenario.record.period_s,
+            record_period_s=record.period_s,
             seed=file.scenario.seed if disturbances.seed is None else disturbances.seed,
             planner=resolved(file.scenario.planner.name, file.folder),
             planner_parameters=file.scenario.planner.parameters,
