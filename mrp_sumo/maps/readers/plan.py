@@ -29,6 +29,7 @@ WALL_BELOW = 0.75  # of white
 RESOLUTION_M = 0.05  # of a drawing's pixels, or as coarse as it needs
 COARSEST_M = 0.2
 SMALLEST_M = 2.0  # of a drawing: a smaller one is in another unit
+ROUNDING_OF_UNITS = 1e-6  # pixels
 ENCLOSED = 0.1  # share of the plan
 ROUNDING_PX = 0.25  # pixels' centres are less far from a wall than a robot may be
 MAX_TRACED = 10_000  # strokes of a picture's outlines
@@ -156,7 +157,8 @@ def _drawing(file: MapFile, selection: Selection, strokes: FloatArray, content: 
     if resolution_m > COARSEST_M or max(width, height) < SMALLEST_M:
         layers = ", ".join(list(content.layers)[:8])
         raise file.source.fault(f"the drawing is {width:.4g} x {height:.4g} m {measure}, or choose --layers ({layers})")
-    occupied = _rasterised(strokes, low, resolution_m, math.ceil(width / resolution_m) + 1, math.ceil(height / resolution_m) + 1)
+    columns, rows = (math.ceil(side / resolution_m - ROUNDING_OF_UNITS) + 1 for side in (width, height))
+    occupied = _rasterised(strokes, low, resolution_m, columns, rows)
     notes = Notes()
     shown = ", ".join(f"{layer or 'no layer'} ({count})" for layer, count in content.layers.items())
     left = f"; left out: {', '.join(content.left_out)}" if content.left_out else "; --layers chooses" if len(content.layers) > 1 else ""
@@ -217,8 +219,8 @@ def _rasterised(strokes: FloatArray, low: FloatArray, resolution_m: float, width
 
     image = Image.new("1", (width, height), 0)
     draw = ImageDraw.Draw(image)
-    for x0, y0, x1, y1 in ((strokes - low) / resolution_m).reshape(-1, 4).tolist():
-        draw.line((int(x0), int(y0), int(x1), int(y1)), fill=1)
+    for ends in ((strokes - low) / resolution_m + ROUNDING_OF_UNITS).astype(np.int64).reshape(-1, 4).tolist():
+        draw.line(ends, fill=1)
     return np.array(image, np.bool_)
 
 

@@ -13,7 +13,7 @@ from mrp_sumo.maps.load import load_map
 from mrp_sumo.maps.readers.svg import read_svg
 from mrp_sumo.maps.yaml_text import Text
 
-MM, M, NONE = 4, 6, 0  # $INSUNITS
+INCH, FOOT, MM, M, NONE = 1, 2, 4, 6, 0  # $INSUNITS
 
 
 def hall(path, unit=M, scale=1.0, form="asc", around=False):
@@ -35,7 +35,10 @@ def hall(path, unit=M, scale=1.0, form="asc", around=False):
     return path
 
 
-@pytest.mark.parametrize(("unit", "scale", "form"), [(M, 1.0, "asc"), (MM, 1000.0, "asc"), (M, 1.0, "bin")])
+@pytest.mark.parametrize(
+    ("unit", "scale", "form"),
+    [(M, 1.0, "asc"), (MM, 1000.0, "asc"), (INCH, 1 / 0.0254, "asc"), (FOOT, 1 / 0.3048, "asc"), (M, 1.0, "bin")],
+)
 def test_a_drawing_has_its_walls_in_metres_and_a_grid_between_them(tmp_path, unit, scale, form):
     found = load_map(hall(tmp_path / "hall.dxf", unit, scale, form), layers=("WALLS", "racks"), cell_m=0.5, robot_radius_m=0.2)
     walls = found.building.levels["L1"].wall_xy
