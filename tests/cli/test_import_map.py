@@ -130,12 +130,10 @@ def test_lanes_without_room_for_a_robot_are_reported(capsys):
 
 
 def test_turns_without_room_for_a_vehicle_are_reported(capsys):
-    assert main(["import", "office", "--check", "--robot", "pallet_truck", "--json"]) == 0
-    turns = json.loads(capsys.readouterr().out)["narrow_turns"]
-    line = "pallet_truck needs 2.05 m beside 'v2' to turn from 'pantry' over 'v2' to 'v4' and has 1.39 m to a wall"
-    assert line in turns and len(set(turns)) == len(turns)
     assert main(["import", "office", "--check", "--robot", "pallet_truck"]) == 0
-    assert f"office.building.yaml: note: {line}\n" in capsys.readouterr().out
+    lines = capsys.readouterr().out.splitlines()
+    turn = "pallet_truck needs 2.05 m beside 'v2' to turn from 'pantry' over 'v2' to 'v4' and has 1.39 m to a wall"
+    assert lines.count(f"office.building.yaml: note: {turn}") == 1 and len(set(lines)) == len(lines)
     assert main(["import", "office", "--check", "--robot", "forklift", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["narrow_turns"] == []
 
