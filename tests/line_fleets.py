@@ -14,6 +14,7 @@ from mrp_sumo.drive.dispatchers.estimates import choice
 from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.drive.state import state_at_rest
 from mrp_sumo.drive.work import Work
+from mrp_sumo.traffic.resources import resources_of
 
 
 class Fleet:
@@ -36,7 +37,8 @@ class Fleet:
         columns = dict.fromkeys(("reached", "last", "granted"), number)
         zeros = dict.fromkeys(("arrived_s", "at_m"), np.zeros(len(at)))
         self.visits = SimpleNamespace(**columns, **zeros, vertex=np.array(at), next=np.full(len(at), -1))
-        ledger = SimpleNamespace(problem=problem, committed=[(v,) for v in at], visits=self.visits, state=self.state)
+        about = {"problem": problem, "resources": resources_of(problem.graph, problem.fleet.apart_m)}
+        ledger = SimpleNamespace(**about, committed=[(v,) for v in at], visits=self.visits, state=self.state)
         self.crew = Crew(ledger, ExecutionSettings(tasks=(TaskList(tuple(listed)),)))
         self.work = Work(self.crew)
         self.context = SimpleNamespace(

@@ -29,9 +29,9 @@ CROSSING = 3  # lanes from a vertex where two robots can change places
 class RobotPlaces:
     """Places that the robots of a problem can go to."""
 
-    def __init__(self, problem: Problem, parking: Sequence[int] = ()) -> None:
-        """Robots without work go to `parking`, as far as there is room."""
-        self._problem, self._parking = problem, parking
+    def __init__(self, problem: Problem, parking: Sequence[int] = (), groups: Mapping[int, Collection[int]] = NONE_HELD) -> None:
+        """Robots without work go to `parking`, as far as there is room; `groups` are the mutex groups of vertices that are in some."""
+        self._problem, self._parking, self._groups = problem, parking, groups
         self._outwards: dict[tuple[PlanGraph, int], tuple[int, ...]] = {}  # vertices by their distance from one
         self._piece: dict[tuple[int, int], IntArray] = {}  # [V] strong components by type and start, -1: not reached from there
         fleet = problem.fleet
@@ -304,7 +304,10 @@ class RobotPlaces:
         return list(dict.fromkeys([place, *([first] if (first := next(ahead, None)) is not None else [])]))
 
     def _is_near(self, graph: PlanGraph, vertex: int, others: IntArray) -> bool:
-        """True if a robot on a vertex would stand too near to one on another."""
+        """True if a robot on a vertex would stand too near to one on another, or in its mutex group."""
+        own = self._groups.get(vertex, ())
+        if own and any(not set(own).isdisjoint(self._groups.get(other, ())) for other in others.tolist()):
+            return True
         away_m = np.hypot(*(graph.xy[others] - graph.xy[vertex]).T)
         apart_m = self._apart_m + graph.swing_m[others] + graph.swing_m[vertex]
         return bool(((away_m < apart_m) & (graph.level[others] == graph.level[vertex])).any())

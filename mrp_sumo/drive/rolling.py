@@ -7,9 +7,11 @@ another.
 
 Where there is no plan, or none that can be driven, robots keep what they have; where the next request fails, too, PIBT moves them for
 a window, step by step and however crowded they are; where even that fails they stop at the ends of what they have. All is counted.
+Where a plan would let robots stand on that have not got on for a minute, LaCAM plans instead, which is complete, until a stop is made.
 """
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from resource import RUSAGE_CHILDREN, getrusage
@@ -26,6 +28,7 @@ from mrp_sumo.drive.controller import Controller
 from mrp_sumo.drive.dispatcher import Dispatcher
 from mrp_sumo.drive.replanning import AnswerLimits, LatePlanError, planned, supports_of
 from mrp_sumo.drive.reroute import Replan
+from mrp_sumo.drive.robot_work import Condition
 from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.drive.surroundings import Surroundings
 from mrp_sumo.drive.work_request import WorkRequest
@@ -35,6 +38,7 @@ from mrp_sumo.plugins.registry import find
 WINDOW_STEPS = 20  # at least, by default
 BEYOND_STEPS = 10  # the way into the longest aisle and back
 STEPWISE = "pibt"  # what answers where the planner has failed twice running
+COMPLETE = "lacam"  # what answers where the planner lets robots stand for good
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +61,7 @@ class Rolling:
         self._next_s = 0.0  # no request before
         self.window_over_s = np.inf  # a new plan is to be there by then
         self._failures = 0  # running
+        self._led_since_s = -np.inf  # the last stop before LaCAM took over; it leads until the next
         self._events: list[Event] = []
         self._serves = False  # whether anybody has been served
         self.refused_since_s = np.inf  # since when there have been no plans; inf: the last request had one
@@ -103,7 +108,8 @@ class Rolling:
         )
         begin_s += settings.planning.budget_s
         try:
-            return planned(request, begin_s, context, settings.planner, settings.planner_parameters, limits)
+            ways = planned(request, begin_s, context, settings.planner, settings.planner_parameters, limits)
+            return self._led_out(request, begin_s, ways, limits) if settings.tasks and settings.planner != COMPLETE else ways
         except PlanError as error:
             if not self._failures:
                 raise
@@ -116,6 +122,26 @@ class Rolling:
             raise PlanError(f"{error}; robots stop at the ends of their ways") from error
         self._count(stepped=1)
         return ways
+
+    def _led_out(self, request: Request, begin_s: float, ways: Replan, limits: AnswerLimits) -> Replan:
+        """The ways, or those of LaCAM where robots that have stood for long would stand on; from then on LaCAM's until a stop is made."""
+        made_s = self._around.crew.made_s
+        if self._led_since_s != made_s and not self._stay(request, ways):
+            return ways
+        others = replace(limits, window_steps=self._window_steps or WINDOW_STEPS)
+        with suppress(PlanError):
+            led = planned(request, begin_s, self._around, COMPLETE, {}, others)
+            if not self._stay(request, led):
+                self._led_since_s = made_s
+                return led
+        return ways
+
+    def _stay(self, request: Request, ways: Replan) -> bool:
+        """True if somebody who has stalled is sent nowhere, though its order ends elsewhere."""
+        robots, visits, granted = self._around.crew.robots, self._around.ledger.visits, self._around.granted
+        has_way = {r for r in request.robot.tolist() if r in ways.reroute and len(ways.reroute[r].vertex)}
+        ends = zip(request.robot.tolist(), request.end.tolist())
+        return any(r not in has_way and end != visits.vertex[granted(r)] and robots[r].condition is Condition.STALLED for r, end in ends)
 
     def due(self, now_s: float) -> WindowAnswer | None:
         """The answer that is to take effect now."""

@@ -20,8 +20,9 @@ Vehicles that change gear at a corner swing farther away from it than their radi
 Together: a robot that holds the vertices and zones of its visits is R away from every other robot that holds its own.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -70,6 +71,10 @@ class Resources:
         return len(self.zone) + len(self.group_name)
 
     @property
+    def num_vertices(self) -> int:
+        return self.num_places - len(self.ends)
+
+    @property
     def num_kinds(self) -> int:
         return len(self.apart_m)
 
@@ -81,6 +86,16 @@ class Resources:
         """Zones and groups of a place for a type of robots."""
         row = kind * self.num_places + place
         return self.zones_of[self.zones_first[row] : self.zones_first[row + 1]]
+
+    @cached_property
+    def groups_at(self) -> Mapping[int, frozenset[int]]:
+        """The groups of each vertex that is in some; they are the same for all types."""
+        count = np.diff(self.zones_first[: self.num_places + 1])
+        place, zone = np.repeat(np.arange(self.num_places), count), self.zones_of[: self.zones_first[self.num_places]]
+        groups: dict[int, set[int]] = {}
+        for k in np.flatnonzero((zone >= len(self.zone)) & (place < self.num_vertices)).tolist():
+            groups.setdefault(int(place[k]), set()).add(int(zone[k]))
+        return {v: frozenset(of) for v, of in groups.items()}
 
     def on_lanes(self, lanes: BoolArray) -> "Resources":
         """The same resources, on a graph that has these lanes [L] only."""

@@ -9,7 +9,7 @@ from worlds import CELL_M, problem_on
 
 from mrp_sumo.core.graph import nav_graph, plan_graph
 from mrp_sumo.core.task import Station, Stop
-from mrp_sumo.drive.places import RobotPlaces
+from mrp_sumo.drive.places import NONE_HELD, RobotPlaces
 from mrp_sumo.drive.robot_work import Leg
 from mrp_sumo.drive.work_request import in_turn, older_first, passed_over
 from mrp_sumo.search.distance import UNREACHABLE
@@ -23,9 +23,9 @@ def row(length, *doorsteps, ring=False):
     return plan_graph(nav, kind="roadmap", cell_m=CELL_M)
 
 
-def chosen(graph, start, stops, parking=(), stays=(), aged=()):
+def chosen(graph, start, stops, parking=(), stays=(), aged=(), groups=NONE_HELD):
     """Where robots go that begin at `start`, and who of them makes a stop there; `stops` are vertices by robot."""
-    where = RobotPlaces(problem_on(graph, start, start), parking)
+    where = RobotPlaces(problem_on(graph, start, start), parking, groups)
     at = {r: Stop(v, 1.0, "", Station(f"at {v}", (v,))) for r, v in stops.items()}
     vertex, makes = where.choose(np.array(start), np.isin(np.arange(len(start)), stays), at, list(stops), aged)
     return vertex.tolist(), makes.tolist()
@@ -39,6 +39,11 @@ def test_a_robot_that_makes_room_does_not_stand_on_a_doorstep(doorsteps, rests_a
 
 def test_where_there_are_only_doorsteps_a_robot_makes_room_on_the_nearest():
     assert chosen(row(3, 0, 1, 2), [0, 1], {0: 1}) == ([1, 0], [True, False])
+
+
+@pytest.mark.parametrize(("groups", "waits_at"), [({}, 3), ({4: {0}, 3: {0}}, 5), ({4: {0}, 3: {1}}, 3), ({4: {0}, 3: {0, 1}, 5: {0}}, 2)])
+def test_a_robot_does_not_wait_in_the_mutex_group_of_a_place_that_another_is_sent_to(groups, waits_at):
+    assert chosen(row(9, ring=True), [0, 4], {0: 4}, stays=[1], groups=groups) == ([waits_at, 4], [False, False])
 
 
 @pytest.mark.parametrize(("third", "rests_at"), [(2, 4), (4, 3)])

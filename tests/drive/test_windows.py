@@ -39,3 +39,16 @@ def test_robots_take_turns_in_a_long_dead_end(tmp_path, planner):
     result = driven(scenario(floor, tasks, robots=3, planner=planner, execution={"time_limit_s": 1500.0}))
     begin_s = np.sort(result.execution.stops.begin_s[np.array(result.execution.stops.station) == "end"])
     assert result.operations_audit["passed"] and np.diff(begin_s).mean() < 84
+
+
+@pytest.mark.parametrize("planner", ["auto", "prioritised"])
+def test_robots_that_bar_each_others_places_are_led_out(tmp_path, planner):
+    """robot_0 waits in the dead end where robot_1 is to be served next, which waits on the only street, where robot_2 has to pass first."""
+    xy = {"dock": (0.0, 0.0), "a": (3.0, 0.0), "b": (6.0, 0.0), "c": (9.0, 0.0), "d": (12.0, 0.0), "off": (6.0, 3.0)}
+    xy |= {"one": (9.0, 3.0), "two": (15.0, 0.0)}
+    street = [("dock", "a"), ("a", "b"), ("b", "c"), ("c", "d"), ("d", "two"), ("b", "off"), ("c", "one")]
+    stream = {"name": "o", "stops": ["place", "place"], "service": [20, 20], "arrivals": {"open": 3}}
+    tasks = {"groups": {"place": ["one", "two"]}, "streams": [stream]}
+    floor, execution = lanes(tmp_path / "comb.csv", xy, street, True), {"time_limit_s": 1800.0}
+    result = driven(scenario(floor, tasks, starts=["dock", "one", "two"], planner=planner, execution=execution))
+    assert result.status == "completed" and result.metrics["tasks_done"] > 15, result.note

@@ -254,3 +254,10 @@ def test_a_lane_leaves_the_reach_of_a_place_where_its_points_do(spacing_m):
         point = np.repeat((begin[k] + fraction[:, None] * along[k])[:, None], 2, axis=1)
         near = distance_m(point, np.broadcast_to(place[k], point.shape)) < 0.35 - 1e-6
         assert found[k] == pytest.approx(fraction[near].max() if near.any() else 0.0, abs=6e-4 if near.any() else 0.02)
+
+
+def test_a_vertex_whose_lanes_are_all_in_a_group_is_in_it():
+    lanes, grouped = [(0, 1), (1, 0), (1, 2), (2, 1), (2, 3), (3, 2)], ({"mutex": "dock"},) * 4 + ({},) * 2
+    nav = nav_graph(name="row", xy=[(5.0 * i, 0.0) for i in range(4)], lanes=lanes, lane_options=grouped)
+    assert resources_of(nav, 1.0).groups_at.keys() == {0, 1}
+    assert not resources_of(replace(nav, lane_options=({},) * 6), 1.0).groups_at
