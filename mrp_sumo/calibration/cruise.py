@@ -207,13 +207,13 @@ def _range(likelihood: "_Likelihood", fit: _Fit, k: int, confidence: float) -> t
     ends = []
     for sign, bound in ((-1.0, low), (1.0, high)):
         inside, theta, step = 0.0, fit.theta.copy(), reach * float(np.sqrt(robust[k, k]))
-        outside, low_theta = None, theta
+        outside, low_theta, farthest = None, theta, abs(bound - float(fit.theta[k]))
         for _ in range(9):
-            at = (inside + outside) / 2 if outside is not None else inside + step
+            at = (inside + outside) / 2 if outside is not None else min(inside + step, farthest)
             value, theta = _profiled(likelihood, low_theta, fit, k, fit.theta[k] + sign * at)
             if fit.value - value < drop:
                 inside, low_theta, step = at, theta, step * 1.3
-                if sign * (fit.theta[k] + sign * at - bound) >= 0:
+                if at >= farthest:
                     break
             else:
                 outside = at

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from shuttles import shuttle_rows
 
+from mrp_sumo.calibration.cruise import _windows, fit_cruise
 from mrp_sumo.calibration.estimates import calibrated
 from mrp_sumo.calibration.log import ActionTime, MotionLog, Track
 from mrp_sumo.calibration.phases import Noise, phases_of
@@ -31,6 +32,12 @@ def test_figures_of_noisy_states_of_1_hz_are_near_the_truth(shuttles):
         assert found[name].low < found[name].value < found[name].high
         assert found[name].value == pytest.approx(truth, rel=0.25 if name == "speed_noise" else 0.05)
         assert 0.9 * found[name].low < truth < 1.1 * found[name].high
+
+
+def test_memory_of_vehicles_that_each_keep_one_speed_has_the_bounds_of_the_fit():
+    rows = [(np.full(16, 0.5), np.full(16, 0.1 + 0.002 * (k % 5)), k % 4, 60.0 * (k // 4)) for k in range(20)]
+    cruise = fit_cruise(_windows(rows), Noise(0.002, 0.01), 4)
+    assert cruise.tau_range[1] == pytest.approx(300.0)
 
 
 def test_offsets_of_clocks_change_nothing(shuttles):
