@@ -6,9 +6,9 @@
 
 Questions with even numbers are for choosing rules, those with odd numbers for reporting. A question hangs on the maps, `--seed` and its
 number; one that cannot be set up is no question. Costs are flow times in s of plans as they will be driven: valid, with the times of real
-motion. Times and limits are CPU seconds of planning, each planner's on a copy of the graph of which nothing is known yet. The best time is that of the quickest planner whose plan costs at most 2 % more
-than the cheapest of all. Planners that choose goals themselves are left out: they answer another question. `astar` is, too: its plans are
-valid by chance.
+motion. Times and limits are CPU seconds of planning, each planner's on a copy of the graph of which nothing is known yet. The best time
+is that of the quickest planner whose plan costs at most 2 % more than the cheapest of all. Planners that choose goals themselves are left
+out: they answer another question. `astar` is, too: its plans are valid by chance.
 """
 
 import argparse

@@ -6,8 +6,8 @@ FAR = 65535  # no way
 
 
 @kernel
-def fill_distance(ahead, price, goal, distance, bucket, size):
-    """Cost of the cheapest way from each state to a goal cell, in any heading; a turn costs 1.
+def fill_distance(ahead, price, goals, distance, bucket, size):
+    """Cost of the cheapest way from each state to the nearest of goal cells, in any heading; a turn costs 1.
 
     Parameters
     ----------
@@ -15,8 +15,8 @@ def fill_distance(ahead, price, goal, distance, bucket, size):
         [S] the cell ahead of a state, 4 x cell + heading, or -1.
     price
         [S] int32, of driving there, 1 to B - 1.
-    goal
-        A cell.
+    goals
+        Cells.
     distance
         [S] out, uint16; FAR where there is no way.
     bucket, size
@@ -25,10 +25,11 @@ def fill_distance(ahead, price, goal, distance, bucket, size):
     num_buckets = len(size)
     distance[:] = FAR
     size[:] = 0
-    for heading in range(4):
-        distance[4 * goal + heading] = 0
-        bucket[0, heading] = 4 * goal + heading
-    size[0] = 4
+    for goal in goals:
+        for heading in range(4):
+            distance[4 * goal + heading] = 0
+            bucket[0, size[0]] = 4 * goal + heading
+            size[0] += 1
     spent, empty = 0, 0
     while empty < num_buckets:
         now = spent % num_buckets

@@ -5,8 +5,9 @@ wait for another that turns, can say so. Operations are inherited from step to s
 one chooses. Here they are improved too, a counted number of times: a robot that is drawn takes another operation, pushing others,
 where the steps that are left fall for all together, those of who chose early counting most. Robots choose in the order of the steps to
 the ends of their tasks, shuffled a little: in a fixed order those that stand off do so for good. In crowds ways count as longer where
-robots wait, and against the stream (`traffic`), as in guidance graphs. Written from the description alone. No guarantee: robots may
-block each other; where none gets on any more they are led out, if there is a way (`way_out`).
+robots wait, and against the stream, as in guidance graphs, and those who are last go to where there is room (`traffic`). Written from
+the description alone. No guarantee: robots may block each other; where none gets on any more they are led out, if there is a way
+(`way_out`).
 """
 
 from dataclasses import dataclass, replace

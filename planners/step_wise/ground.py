@@ -10,6 +10,7 @@ from itertools import accumulate, product
 import numpy as np
 from numpy.typing import NDArray
 
+from mrp_sumo.core.graph import IntArray
 from mrp_sumo.core.step_wise import ACTION_LETTERS, FORWARD, LEFT, RIGHT, WAIT, StepWiseProblem, cell_ahead
 from mrp_sumo.errors import PlanError
 
@@ -40,7 +41,7 @@ class FreeCells:
             raise PlanError(
                 f"{problem.name}: memory_mb is {memory_mb}, expected {need_mb} or more: two tables a robot of {2 * num_states} bytes"
             )
-        self.table: NDArray[np.uint16] = np.empty((num_slots, num_states), np.uint16)  # steps; FAR where there is no way
+        self.table: NDArray[np.uint16] = np.empty((num_slots + 1, num_states), np.uint16)  # steps; FAR where there is no way
         self._slot: dict[int, int] = {}  # goal -> its table; the least recently used first
         self._old: set[int] = set()  # goals whose tables are of prices that were
         self.work, self._left_of_step = work, work
@@ -82,17 +83,25 @@ class FreeCells:
         slot = self._slot.pop(goal, -1)
         if slot < 0 or goal in self._old:
             if self._left_of_step > reserve * self.work:
-                from planners.step_wise._distance import fill_distance
-
                 if slot < 0:
                     slot = self._unused.pop() if self._unused else self._forget(next(iter(self._slot)))
-                fill_distance(self.ahead, self.price, goal, self.table[slot], self._bucket, self._size)
-                self._left_of_step -= len(self.ahead)
+                self._fill(slot, np.array([goal]))
                 self._old.discard(goal)
             elif slot < 0:
                 return -1
         self._slot[goal] = slot
         return slot
+
+    def to_nearest(self, goals: IntArray) -> int:
+        """A table of the steps to the nearest of some cells, until it is asked for again."""
+        self._fill(len(self.table) - 1, goals)
+        return len(self.table) - 1
+
+    def _fill(self, slot: int, goals: IntArray) -> None:
+        from planners.step_wise._distance import fill_distance
+
+        fill_distance(self.ahead, self.price, goals, self.table[slot], self._bucket, self._size)
+        self._left_of_step -= len(self.ahead)
 
     def _forget(self, goal: int) -> int:
         self._old.discard(goal)

@@ -8,10 +8,10 @@ from mrp_sumo.core.step_wise import FORWARD, LEFT, NOTHING, RIGHT, ActionArray, 
 from mrp_sumo.planning.step_wise import Decision, Observation
 from planners.step_wise.ground import FAR, RESERVE, FreeCells, moved_up, operations
 from planners.step_wise.tasks import Choice, InTurn, NearestGoal
-from planners.step_wise.traffic import CrowdTraffic
+from planners.step_wise.traffic import CrowdRoom, CrowdTraffic
 from planners.step_wise.way_out import WayOut, way_out
 
-SHUFFLE = 20  # steps that chance may put a robot before another in the order of a step
+SHUFFLE, KEPT = 20, 0.9  # steps that chance may put a robot before another in the order of a step; share of robots that keep theirs
 MOST_VISITS = 10  # how often one robot may be pushed when another one chooses
 TRY_LIMIT = 300  # operations that are looked at when a robot that is drawn changes its own
 PATIENCE = 20, 3  # steps without an errand, and so many times those to the nearest one, after which a crowd is led out of where it stands
@@ -27,9 +27,11 @@ class OperationStepper:
 
         self._ground = ground
         self._traffic = CrowdTraffic(ground) if ground.against else None
+        self._room = CrowdRoom(ground, problem.num_robots)
         self._tasks = InTurn(problem.num_robots) if tasks == "in_turn" or problem.own_tasks else NearestGoal()
         depth, self._limit, self._tries = effort
         self._rng = np.random.default_rng([seed, 13])
+        self._luck = self._rng.integers(0, SHUFFLE, problem.num_robots)
         action = operations(depth)
         self._weight_of_place = 1 + 1000 * np.exp(-FADES * np.arange(problem.num_robots) / problem.num_robots)  # [R] in the order of a step
         num_robots, num_ops, num_cells = problem.num_robots, len(action), self._ground.num_cells
@@ -76,12 +78,16 @@ class OperationStepper:
             crowd.surprised[:] = crowd.state != self._expected
         task_of = self._tasks.choose(seen, ground, crowd.state)
         slot, goal, onward, rest = self._errands(seen, task_of)
-        appraise(crowd, ground.table, slot, goal, onward)
         steps = np.where(slot[:, 0] >= 0, ground.table[slot[:, 0], crowd.state] + rest, FAR)
         if (action := self._led_out(seen, goal, slot, steps)) is not None:
             return Decision(action, task_of)
-        shuffled = steps + self._rng.integers(0, SHUFFLE, len(steps))  # else the same robots stand off for good
-        order = np.argsort(shuffled, kind="stable")
+        sent, there = self._room.send(crowd.state, np.argsort(steps, kind="stable"))
+        slot[sent], goal[sent] = (there, NOTHING), NOTHING
+        onward[sent] = 0
+        appraise(crowd, ground.table, slot, goal, onward)
+        luck = self._rng.integers(0, SHUFFLE, len(steps))  # else the same robots stand off for good
+        self._luck = np.where(self._rng.random(len(steps)) < KEPT, self._luck, luck)
+        order = np.argsort(steps + self._luck, kind="stable")
         crowd.weight[order] = self._weight_of_place
         plan_step(crowd, order, self._limit, MOST_VISITS, self._tries, TRY_LIMIT, self._rng)
         action = crowd.action[crowd.chosen, 0]

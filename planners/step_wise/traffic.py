@@ -1,4 +1,4 @@
-"""The traffic of a crowd, and the prices of steps that follow from it.
+"""The traffic of a crowd: the prices of steps that follow from it, and where it leaves room.
 
 A step counts as more against the stream, and into a cell where robots wait. So streams form where the map wants them, and robots
 drive round jams before these grow: traffic flow as guidance, after Chen et al., "Traffic Flow Optimisation for Lifelong Multi-Agent
@@ -8,13 +8,19 @@ Path Finding" (AAAI 2024), from its description.
 import numpy as np
 from numpy.typing import NDArray
 
-from mrp_sumo.core.step_wise import FORWARD, WAIT
+from mrp_sumo.core.graph import IntArray
+from mrp_sumo.core.step_wise import FORWARD, NOTHING, WAIT
 from planners.step_wise.ground import MOST_DEAR, FreeCells
 
 EVERY = 10  # steps, at the least, from prices to prices
 SHARE = 0.006  # of the work of a step that goes into tables of new prices, at most
 STAYS = 0.9  # of what was seen, after EVERY steps
 STREAM, JAM = 2, 10  # times `against` that a step counts more against a stream with nobody against it, and where always somebody waits
+CROWDED = 0.6  # robots per free cell from which room is made:
+FIRST = 0.6  # of the robots go to their errands in the densest parts of the crowd; the others to where there is room
+ROOMY = 1.75  # times as many cells are free there as elsewhere
+AROUND = 8  # times the mean with their neighbours is taken of cells to see that
+LASTS = 0.8  # of what was seen around a cell, after a step
 
 
 class CrowdTraffic:
@@ -47,3 +53,28 @@ class CrowdTraffic:
         more = against * (STREAM * np.maximum(2 * share - 1, 0.0) + JAM * waiting)
         price: NDArray[np.int32] = 1 + np.rint(np.minimum(more, MOST_DEAR * against)).astype(np.int32)
         return price
+
+
+class CrowdRoom:
+    """Parts of a crowd where there is room. Robots come to stand around errands in its midst, and those that cannot reach theirs shut others out."""
+
+    def __init__(self, ground: FreeCells, num_robots: int) -> None:
+        ahead, cells = ground.ahead.reshape(-1, 4), np.arange(ground.num_cells)
+        self._ground, self._around = ground, np.where(ahead < 0, cells[:, None], ahead)
+        share = num_robots / ground.num_cells
+        self._most = 1 - ROOMY * (1 - share) if share >= CROWDED else 0.0  # robots a cell where there is room
+        self._robots = np.full(ground.num_cells, share)  # for each cell around it
+
+    def send(self, state: NDArray[np.int32], order: IntArray) -> tuple[IntArray, int]:
+        """The last robots in the order that stand where there is no room, and the slot of a table of steps to where there is."""
+        if not self._most:
+            return order[:0], NOTHING
+        robots = np.bincount(state >> 2, minlength=len(self._robots)).astype(np.float64)
+        for _ in range(AROUND):
+            robots = (robots + robots[self._around].sum(1)) / 5
+        self._robots = LASTS * self._robots + (1 - LASTS) * robots
+        late = order[int(FIRST * len(order)) :]
+        roomy = np.flatnonzero(self._robots < self._most)
+        if not len(roomy):
+            return late[:0], NOTHING
+        return late[self._robots[state[late] >> 2] >= self._most], self._ground.to_nearest(roomy)

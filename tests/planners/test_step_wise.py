@@ -13,6 +13,7 @@ from mrp_sumo.planning.step_wise import run_step_wise
 from mrp_sumo.plugins.registry import make, names
 from mrp_sumo.traffic.step_wise_referee import judge_step_wise
 from planners.step_wise.ground import FreeCells, moved_up, operations
+from planners.step_wise.traffic import CrowdRoom
 
 LETTERS = "FRCW"
 
@@ -151,6 +152,21 @@ def test_tables_of_old_prices_serve_until_there_is_time_for_new_ones():
     assert ground.table[ground.slot(2), 0] == 2
     ground.begin_step()
     assert ground.table[ground.slot(2), 0] == 6
+
+
+@pytest.mark.kernel
+def test_the_last_of_a_crowd_are_sent_to_where_it_leaves_room():
+    """A row of forty cells, the first thirty of which are full."""
+    ground = FreeCells(problem_of(["." * 40], [0], [[1]]), 1)
+    room, state = CrowdRoom(ground, 30), 4 * np.arange(30, dtype=np.int32)
+    for _ in range(20):
+        sent, there = room.send(state, np.arange(30)[::-1])
+    assert set(sent.tolist()) <= set(range(12)) and 0 in sent  # the last twelve in the order
+    steps = ground.table[there, 0::4]  # of those that head east
+    assert (np.diff(steps[:30].astype(int)) <= 0).all() and steps[0] > steps[29] and steps[39] == 0
+    everywhere = 4 * np.array([c for c in range(40) if c % 4], np.int32)
+    assert len(CrowdRoom(ground, 30).send(everywhere, np.arange(30))[0]) == 0
+    assert len(CrowdRoom(ground, 20).send(state[:20], np.arange(20))[0]) == 0  # no crowd
 
 
 @pytest.mark.kernel
