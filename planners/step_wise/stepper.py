@@ -63,7 +63,7 @@ class OperationStepper:
         )
         self._expected: NDArray[np.int32] | None = None  # [R] states after the step
         self._seed, self._ticks = seed, problem.ticks
-        self._done: tuple[int, int] = (0, 0)  # how far the pool is
+        self._done: tuple[int, int] = (0, 0)  # errands done of tasks in the pool, and the sum of their numbers, which grows as they end
         self._patient_until, self._patience = 0, 1
         self._way_out: WayOut | None = None
 
@@ -99,7 +99,7 @@ class OperationStepper:
 
     def _led_out(self, seen: Observation, goal: IntArray, slot: IntArray, steps: IntArray) -> ActionArray | None:
         """[R] actions where no errand has been done for long; None: robots choose for themselves."""
-        crowd, done = self._crowd, (sum(seen.pool.values()), max(seen.pool, default=0))
+        crowd, done = self._crowd, (sum(seen.pool.values()), sum(seen.pool))
         if done != self._done:
             left = np.where(slot[:, 0] >= 0, self._ground.table[slot[:, 0], crowd.state], FAR).min()
             self._done, self._patience, self._patient_until = done, 1, seen.time + PATIENCE[0] + PATIENCE[1] * int(left)

@@ -56,7 +56,10 @@ class CrowdTraffic:
 
 
 class CrowdRoom:
-    """Parts of a crowd where there is room. Robots come to stand around errands in its midst, and those that cannot reach theirs shut others out."""
+    """Parts of a crowd where there is room.
+
+    Robots come to stand around errands in its midst, and those that cannot reach theirs shut others out.
+    """
 
     def __init__(self, ground: FreeCells, num_robots: int) -> None:
         ahead, cells = ground.ahead.reshape(-1, 4), np.arange(ground.num_cells)

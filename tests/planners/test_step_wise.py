@@ -78,6 +78,14 @@ def test_a_crowd_that_stands_still_is_led_out():
     assert (np.diff([0, *times, 400]) < 100).all(), times
 
 
+def test_robots_with_tasks_of_their_own_are_not_led_out_while_errands_are_done(monkeypatch):
+    """The first robot goes to and fro; the second, which has done more tasks by then, is under way for long."""
+    monkeypatch.setattr("planners.step_wise.stepper.way_out", lambda *_: pytest.fail("led out"))
+    tasks = [[cell] for k in range(8) for cell in (3, 201 + 2 * k, 0, 202 + 2 * k)]
+    problem = problem_of(["." * 100, "@" * 100, "." * 100], [0, 200], [*tasks, [3], [299]])
+    assert ran(replace(problem, own_tasks=True), 90).num_done > 25
+
+
 def test_a_crowd_for_which_there_is_no_way_out_stays():
     """Two robots in an aisle, each with errands behind the other."""
     problem = problem_of(["....."], [1, 3], [[4], [0]])
