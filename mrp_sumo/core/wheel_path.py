@@ -93,10 +93,9 @@ def _in_gear(route: Route, begin: int, end: int, facing: FloatArray, ahead_m: fl
             nodes.append((at[k] - reach + 2 * reach * arc[:, 0], arc[:, 1:3], facing[k, 1] + (arc[:, 3] - route.course_rad[k, 1])))
         else:
             off = float(facing[k, 1] - facing[k + 1, 0])
-    if begin < end:
-        there, into = _on_lane(route, end, at[[end]])
-        beyond = there + far * _ray(float(into[0]))
-        nodes.append((np.array([at[end], at[end] + far]), np.concatenate([there, beyond]), np.full(2, facing[end, 1])))
+    there, into = _on_lane(route, end, at[[end]]) if begin < end else (here, out)
+    beyond = there + far * _ray(float(into[0]))
+    nodes.append((np.array([at[end], at[end] + far]), np.concatenate([there, beyond]), np.full(2, facing[end, 1])))
     path_m, places, yaw = (np.concatenate([node[n] for node in nodes]) for n in range(3))
     low = at[begin] + (route.tangent_m[begin] if begin and route.gear[begin] != gear else 0.0)
     high = at[end] - (route.tangent_m[end] if _changes(route, end) else 0.0)

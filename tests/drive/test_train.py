@@ -220,3 +220,10 @@ def test_who_waits_across_a_corner_is_clear_of_a_truck_that_swings_past_it(tmp_p
     found = audit(run, problem.fleet)
     assert found["passed"], found["violations"]
     assert np.isfinite(run.goal_s).all() and np.nanmin(run.y_m[:, 0]) < -truck.kinematics.least_radius_m
+
+
+@pytest.mark.parametrize("axle", ["rear", "front"])
+def test_a_vehicle_that_never_moves_stands_with_its_middle_at_its_place(tmp_path, axle):
+    vehicle = replace(CAR, kinematics=replace(CAR.kinematics, fixed_axle=axle))
+    run = driven(tmp_path, corner(), [[0, 1], [2]], vehicle)[2]
+    assert (run.x_m[:, 1], run.y_m[:, 1]) == (pytest.approx(4.0), pytest.approx(4.0))
