@@ -81,3 +81,15 @@ def test_room_beyond_its_radius_is_that_of_the_closed_form_where_a_vehicle_chang
     radius_m, ahead_m = forks.kinematics.least_radius_m, forks.kinematics.ahead_m
     assert with_swings(graph, [forks]).swing_m[1] == pytest.approx(radius_m + ahead_m - forks.aside_m, abs=1e-6)
     assert not with_swings(graph, [CAR]).swing_m.any()
+
+
+@pytest.mark.parametrize(("lane_m", "obstacle"), [(0.61, ""), (0.59, "tricycle needs 0.60 m of a lane from 'v1' to 'v2' and has 0.59 m")])
+def test_a_vehicle_comes_into_line_before_the_end_of_a_lane_or_does_not_take_it(lane_m, obstacle):
+    """Its axle is 0.3 m behind its middle."""
+    graph = roads([(0.0, 0.0), (4.0, 0.0), (4.0 + lane_m, 0.0), (8.0, 0.0)], [(0, 1), (1, 2), (2, 3)])
+    assert obstacle_to(graph, TRICYCLE, [0, 1, 2, 3]) == obstacle
+
+
+def test_a_corner_that_is_too_sharp_is_named_with_its_angle():
+    graph = roads([(0.0, 0.0), (8.0, 0.0), (2.0, 6.0)], [(0, 1), (1, 2)], cell_m=8.0)
+    assert obstacle_to(graph, ONE_GEAR, [0, 1, 2]) == "tricycle turns by 105 degrees at most, and it is 135 from 'v0' over 'v1' to 'v2'"
