@@ -140,6 +140,17 @@ def scenarios() -> str:
     return _table(("a goal for each robot", "orders"), (names,))
 
 
+def maps() -> str:
+    """Key facts of the bundled maps, as `mrp-sumo import` prints them."""
+    from mrp_sumo.maps.catalogue import bundled_maps
+    from mrp_sumo.maps.facts import facts
+    from mrp_sumo.maps.load import load_map
+
+    known = ((name, facts(load_map(path))) for name, path in bundled_maps().items())
+    rows = ((f"`{name}`", "{:g} x {:g} m".format(*of["extent_m"]), str(of["vertices"]), str(of["edges"])) for name, of in known)
+    return _table(("map", "extent", "vertices", "edges"), rows)
+
+
 def robot_changes() -> str:
     """Changes of what a robot of a run with tasks is at: of its duty and of its condition."""
 
@@ -208,7 +219,7 @@ def _possible(field: FieldInfo) -> str:
 
 
 TABLES: dict[str, Callable[[], str]] = {
-    one.__name__: one for one in (planners, auto, policies, dispatchers, suites, scenarios, robot_changes, rules)
+    one.__name__: one for one in (planners, auto, policies, dispatchers, suites, scenarios, maps, robot_changes, rules)
 }
 TABLES |= {"keys": keys} | {f"keys_{section}": partial(keys, section) for section in SECTIONS}
 TABLES |= {f"parameters_{kind}": partial(parameters, kind) for kind in ("planners", "dispatchers", "policies")}
