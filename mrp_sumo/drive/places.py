@@ -157,7 +157,7 @@ class RobotPlaces:
             elif set(stop.places).issubset(full) and not stop.queue:  # until others come there, whom it lets by
                 stuck.append(r)
                 continue
-            elif (wait := self._where_to_wait(r, at, stop, taken | past, blocked, waits, reach)) is not None:
+            elif (wait := self._where_to_wait(r, at, stops, taken | past, blocked, waits, reach)) is not None:
                 vertex[r] = wait
                 waits.add(wait)
                 if wait not in stop.queue:
@@ -228,7 +228,7 @@ class RobotPlaces:
             behind = self._reach(r, at, blocked | stand)
             if behind[own] < UNREACHABLE:
                 continue
-            wait = self._where_to_wait(r, at, stops[r], (taken - {own}) | past, blocked, stand, behind)
+            wait = self._where_to_wait(r, at, stops, (taken - {own}) | past, blocked, stand, behind)
             if wait is not None:
                 taken.discard(own)
                 taken.add(wait)
@@ -267,15 +267,23 @@ class RobotPlaces:
         return v if away < UNREACHABLE else None
 
     def _where_to_wait(
-        self, robot: int, at: int, stop: Stop, taken: set[int], blocked: set[int], waits: set[int], past: StepArray
+        self,
+        robot: int,
+        at: int,
+        stops: Mapping[int, Stop],
+        taken: set[int],
+        blocked: set[int],
+        waits: set[int],
+        past: StepArray,
     ) -> int | None:
         """The first free place to wait of a stop's station; elsewhere the nearest vertex that leaves the way out open.
 
         `past` are the steps from the robot to each vertex without passing those that are blocked.
 
-        It is best behind those who wait already: on a one-way ring they would have to drive once round to let this one pass.
+        It is one where others are to be served only if there is no other. It is best behind those who wait already: on a one-way ring
+        they would have to drive once round to let this one pass.
         """
-        known, graph = self._distances(robot), self._graph(robot)
+        known, graph, stop = self._distances(robot), self._graph(robot), stops[robot]
         away, place = min((int(known.to(v)[at]), v) for v in stop.places)
         if away >= UNREACHABLE:
             return None
@@ -287,8 +295,10 @@ class RobotPlaces:
         steps, held = known.to(place), np.array(sorted(taken), np.int64)
         rank = 2 * steps.astype(np.int64)
         rank[at] -= 1  # of vertices that are as near, the one where it is
-        for reach in (behind, past):
-            there = (reach < UNREACHABLE) & (steps < UNREACHABLE)
+        wanted = np.zeros(graph.num_vertices, np.bool_)
+        wanted[[v for other in stops.values() for v in other.places]] = True
+        for reach, may in ((behind, ~wanted), (past, ~wanted), (behind, wanted), (past, wanted)):
+            there = (reach < UNREACHABLE) & (steps < UNREACHABLE) & may
             for v in np.argsort(np.where(there, rank, 2 * UNREACHABLE), kind="stable").tolist()[: there.sum()]:
                 if v in taken or v in stop.places or graph.vertex_options[v].get("is_passthrough_point"):
                     continue

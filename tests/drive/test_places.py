@@ -67,6 +67,13 @@ def test_a_robot_waits_for_a_place_as_near_as_it_can_but_on_no_doorstep(doorstep
     assert chosen(row(9, *doorsteps, ring=True), [0, 4], {0: 4}, stays=[1]) == ([waits_at, 4], [False, False])
 
 
+@pytest.mark.parametrize(("doorsteps", "goes_to"), [((), [5, 4, 3]), ((5, 2, 1, 0, 8, 7, 6), [3, 4, 1])])
+def test_a_robot_waits_where_another_is_to_be_served_only_if_there_is_no_other_vertex(doorsteps, goes_to):
+    """robot_1 is served at 4, for which robot_0 waits; robot_2 is to be served at 3."""
+    vertex, makes = chosen(row(9, *doorsteps, ring=True), [0, 4, 1], {0: 4, 2: 3}, stays=[1])
+    assert (vertex, makes[2]) == (goes_to, goes_to[2] == 3)
+
+
 @pytest.mark.parametrize(("start", "waits_at"), [((0, 2), [2, 3]), ((2, 0), [3, 2])])
 def test_robots_that_wait_in_line_need_not_pass_each_other(start, waits_at):
     """robot_0 is the next to be served at 4, but may stand behind robot_1."""
