@@ -20,6 +20,7 @@ CONTRADICTION = (
     "another planner or execution.dispatcher: the log of work contradicts itself ({rule}), by a fault of one of them or of mrp_sumo, "
     "which is worth a report"
 )
+BROKEN_DOWN = "broken down at the end"  # in the note of `metrics.fleet_use`
 CONFLICTS = "a planner that coordinates robots, such as lacam: this plan has conflicts"
 
 
@@ -34,6 +35,8 @@ def remedy(result: Mapping[str, Any]) -> str:
     status, metrics = str(result["status"]), result.get("metrics") or {}
     if metrics.get("plan_success") and metrics.get("plan_valid") is False:
         return CONFLICTS
+    if status == "stalled" and BROKEN_DOWN in str(result.get("note")):
+        return "more robots, or shorter repairs: nobody was left to work"
     if status == "audit_failed":
         return _audit(result, metrics)
     if status == "time_limit" and metrics.get("tasks_done") is None:

@@ -61,3 +61,10 @@ def test_remedy_for_work_is_a_change_that_a_user_can_make(findings, words):
 )
 def test_planner_that_had_no_plan_is_not_advised(planner, line):
     assert remedy({"status": "planning_timed_out", "metrics": {"plan_success": False}} | planned_by(planner)) == line
+
+
+@pytest.mark.parametrize(
+    ("note", "words"), [("", "where they can pass each other"), ("broken down at the end: robot_0 since 10 s", "shorter repairs")]
+)
+def test_remedy_for_a_fleet_that_broke_down_is_not_room(note, words):
+    assert words in remedy({"status": "stalled", "note": note, "metrics": {}} | planned_by("cbs"))
