@@ -32,7 +32,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "--hold-out", metavar="SHARE", type=float, default=0.5, help="share of the log's time that is predicted, its end (default: 0.5)"
     )
     parser.add_argument("--orders", metavar="FILE.csv", type=Path, help="orders to drive instead of those that the log shows")
-    parser.add_argument("--runs", metavar="N", type=int, default=RUNS, help=f"simulations that the band is from (default: {RUNS})")
+    parser.add_argument("--runs", metavar="N", type=int, default=RUNS, help=f"simulations for the band, 3 or more (default: {RUNS})")
     parser.add_argument("--out", metavar="DIR", type=Path, help="folder of the page (default: runs/predict_<scenario>)")
     parser.add_argument("--json", action="store_true", help="print the comparison as a line of JSON")
 
