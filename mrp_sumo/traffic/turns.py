@@ -144,17 +144,17 @@ def _on_lanes(graph: PlanGraph, vehicle: RobotType) -> _Corners:
     half, least_m, left = np.tan(sharp / 2), wheels.least_radius_m, np.pi - sharp
     with np.errstate(divide="ignore"):
         leaves = vehicle.corner_m / (1 / np.cos(sharp / 2) - 1)
-        radius = np.minimum(np.minimum(room / half, leaves), np.maximum(vehicle.length_m / half, least_m))
+        widest_m = np.minimum(room, 2 * room - abs(wheels.ahead_m))  # the axle has left the corner where the middle comes to the next
+        radius = np.minimum(np.minimum(widest_m / half, leaves), np.maximum(vehicle.length_m / half, least_m))
     radius = np.where(sharp <= STRAIGHT_RAD, np.inf, np.where(~rides & (radius >= least_m - 1e-9), radius, np.nan))
     swing_m = least_m / np.maximum(half, 1e-9)  # the heading changes by what the bend leaves of a half turn
     swings = (left <= SHARPEST_RAD) & (swing_m <= room - abs(wheels.ahead_m) + 1e-9) & (~rides | (left <= MAY_STAND_RAD)) & wheels.reverse
-    reach, curved = np.full(len(lane), np.nan), curve_radius_m(graph) < np.inf
-    drives = np.repeat((graph.length_m >= least_lane_m(vehicle) - 1e-9) | graph.is_ride, 2).reshape(-1, 2)
+    reach, drives, curved = np.full(len(lane), np.nan), np.ones((graph.num_lanes, 2), np.bool_), curve_radius_m(graph) < np.inf
     for k in np.flatnonzero(curved[lane] | curved[onward]).tolist():
         swings[k] &= left[k] <= STRAIGHT_RAD
         is_smooth, ends = sharp[k] <= SMOOTH_RAD, (int(lane[k]), int(onward[k]))
         radius[k], reach[k] = (np.inf, np.nan) if is_smooth else bend_beside_curve(graph, vehicle, *ends, float(room[k]))
-    for n in np.flatnonzero(curved & drives[:, 0]).tolist():
+    for n in np.flatnonzero(curved).tolist():
         drives[n] = [not obstacle_on_curve(graph, vehicle, n, gear) for gear in (FORWARD, BACKWARD)]
     only_back = ~(gears_of(graph, vehicle)[onward, FORWARD] > 0)
     by_gear = np.stack([swings & ((left <= MAY_STAND_RAD) | only_back), swings], 1)
@@ -242,13 +242,6 @@ def _walls_at(graph: PlanGraph, vertex: int, lane: int, within_m: float) -> Floa
     near = graph.walls[point_distances(graph.xy[vertex], graph.walls) <= within_m]
     turned: FloatArray = (near - graph.xy[vertex]) @ np.array([[cos, -sin], [sin, cos]])
     return turned
-
-
-def least_lane_m(vehicle: RobotType) -> float:
-    """Length of the shortest lane that a type drives along: on a shorter one its fixed axle would not have left the corner before it where
-    its middle comes to the next.
-    """
-    return 2 * abs(vehicle.kinematics.ahead_m)
 
 
 def swing_m(vehicle: RobotType, room_m: float, gear: int) -> float:
@@ -361,9 +354,6 @@ def _obstacle(graph: PlanGraph, vehicle: RobotType, turn: int, lane: int, onward
         return f"{name} would have to reverse from '{tail}' to '{head}' (kinematics.reverse: true would do)"
     if (int(graph.tail[onward]), int(graph.head[onward])) in graph.closed_to.get(name, ()):
         return f"{name} may not drive from '{tail}' to '{head}', or would not come back"
-    if (has_m := float(graph.length_m[onward])) < least_lane_m(vehicle) - 1e-9 and not graph.is_ride[onward]:
-        needs, has = told_apart(least_lane_m(vehicle), has_m)
-        return f"{name} needs {needs} m of a lane from '{tail}' to '{head}' and has {has} m"
     curve = [obstacle_on_curve(graph, vehicle, onward, gear) for gear in np.flatnonzero(gears_of(graph, vehicle)[onward]).tolist()]
     if all(curve):
         return curve[0]
@@ -386,7 +376,8 @@ def _obstacle(graph: PlanGraph, vehicle: RobotType, turn: int, lane: int, onward
         sharp, most = abs(float(turns.bend_rad[turn])), 2 * math.acos(1 / (1 + vehicle.corner_m / vehicle.kinematics.least_radius_m))
         if most < sharp and turns.tangent_m[turn, gear] <= turns.room_m[turn]:
             return f"{name} turns by {math.degrees(most):.0f} degrees at most, and it is {math.degrees(sharp):.0f} {over}"
-        needs, has = told_apart(float(turns.tangent_m[turn, gear]), float(turns.room_m[turn]))
+        needs_m, has_m = float(turns.tangent_m[turn, gear]), float(turns.room_m[turn])
+        needs, has = told_apart(needs_m, has_m if needs_m > has_m else 2 * has_m - abs(vehicle.kinematics.ahead_m))
         return f"{name} needs {needs} m to turn {over} and has {has} m"
     sweep, most_m = _Sweep(graph, loaded, room, turn), float(room.radius[turn, gear])
     arcs = radii(sweep.least_m, most_m) if math.isfinite(most_m) else []

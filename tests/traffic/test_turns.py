@@ -83,11 +83,13 @@ def test_room_beyond_its_radius_is_that_of_the_closed_form_where_a_vehicle_chang
     assert not with_swings(graph, [CAR]).swing_m.any()
 
 
-@pytest.mark.parametrize(("lane_m", "obstacle"), [(0.61, ""), (0.59, "tricycle needs 0.60 m of a lane from 'v1' to 'v2' and has 0.59 m")])
-def test_a_vehicle_comes_into_line_before_the_end_of_a_lane_or_does_not_take_it(lane_m, obstacle):
-    """Its axle is 0.3 m behind its middle."""
-    graph = roads([(0.0, 0.0), (4.0, 0.0), (4.0 + lane_m, 0.0), (8.0, 0.0)], [(0, 1), (1, 2), (2, 3)])
-    assert obstacle_to(graph, TRICYCLE, [0, 1, 2, 3]) == obstacle
+@pytest.mark.parametrize(("lane_m", "has_m"), [(1.01, ""), (0.99, "0.39")])
+def test_the_axle_leaves_a_corner_before_the_middle_comes_to_the_next(lane_m, has_m):
+    """It is 0.6 m behind the middle, and its least arc begins 0.4 m from a right angle."""
+    wheels = replace(ONE_GEAR.kinematics, axle_m=0.6, wheelbase_m=0.4 * tan(1.0), steering_max_rad=1.0)
+    graph = roads([(0.0, 0.0), (4.0, 0.0), (4.0, lane_m), (8.0, lane_m)], [(0, 1), (1, 2), (2, 3)])
+    obstacle = f"tricycle needs 0.40 m to turn from 'v0' over 'v1' to 'v2' and has {has_m} m" if has_m else ""
+    assert obstacle_to(graph, replace(ONE_GEAR, kinematics=wheels), [0, 1, 2, 3]) == obstacle
 
 
 def test_a_corner_that_is_too_sharp_is_named_with_its_angle():
