@@ -107,6 +107,8 @@ def _check_sources(options: argparse.Namespace) -> None:
 
     if options.plan is None:
         raise MrpSumoError("expected a PLAN, or --vda5050 FILE")
+    if not options.plan.exists():
+        raise MrpSumoError(f"{options.plan}: no such file or directory")
     if sum(source is not None for source in (options.map, options.scenario, options.problem)) != 1:
         raise MrpSumoError("expected either --map (with --scen), --scenario or --problem")
     if options.map is None:

@@ -59,6 +59,7 @@ def test_validate_names_the_first_fault(planned, capsys):
         (["plan", "none.json", "--steps", "5"], "none.json: no such file or directory"),
         (["validate", "x.json", "--problem", "x.json"], "x.json: start is missing"),
         (["validate", "none.json", "--problem", "x.json"], "none.json: no such file or directory"),
+        (["validate", "none.zip2"], "none.zip2: no such file or directory"),
         (["validate", "x.json", "--problem", "x.json", "--map", "x.map"], "expected either --map (with --scen), --scenario or --problem"),
     ],
 )
