@@ -44,12 +44,12 @@ def check_lanes(problem: Problem, plan: Plan) -> None:
 
 
 def check_room(problem: Problem) -> None:
-    """Refuse robots that do not fit the cells, stand where no lane is, or start within reach of each other."""
+    """Refuse robots that do not fit the cells beside others, stand where no lane is, or start within reach of each other."""
     graph, fleet = problem.graph, problem.fleet
     separation = fleet.separation_m
     if not problem.num_robots:
         raise ExecutionError("there are no robots to execute a plan with")
-    if separation > graph.cell_m + 1e-9:
+    if problem.num_robots > 1 and separation > graph.cell_m + 1e-9:
         raise ExecutionError(
             f"the robots do not fit: with their gap they need {separation:.3f} m from centre to centre, "
             f"and cells of '{graph.name}' are {graph.cell_m:g} m"

@@ -248,13 +248,19 @@ def test_step_lengths_change_the_outcome_little(tmp_path, dt):
     assert run.goal_s[0] == pytest.approx(2.0 / 0.22, abs=2 * dt + 0.2)
 
 
+@pytest.mark.parametrize("engine", ["sumo", "kinematic"])
+def test_a_robot_alone_drives_steps_shorter_than_two_robots_need(tmp_path, engine):
+    run = drive(tmp_path, line(9, 0.1), [range(9)], engine=engine)
+    assert run.outcome is Outcome.COMPLETED and run.x_m[-1, 0] == pytest.approx(0.8, abs=0.02)
+
+
 def test_what_cannot_be_driven_is_refused_in_one_line(tmp_path):
     def refused(message, graph, paths, **settings):
         with pytest.raises(MrpSumoError, match=message) as caught:
             drive(tmp_path, graph, paths, **settings)
         assert "\n" not in str(caught.value)
 
-    refused(r"do not fit: with their gap they need 0\.325 m", line(3, 0.3), [[0, 1]])
+    refused(r"do not fit: with their gap they need 0\.325 m", line(3, 0.3), [[0, 1], [2]])
     refused("where there is no lane", line(4), [[0, 2]])
     refused("'v2', which has no lane", graph_of([(0, 0), (1, 0), (2, 0)], [(0, 1)]), [[2]])
     refused("start 0.300 m apart", graph_of([(0, 0), (1, 0), (0.3, 0), (0.3, 1)], [(0, 1), (2, 3)]), [[0, 1], [2, 3]])
