@@ -7,7 +7,7 @@ positions makes neighbours negatively and scatter of speed makes them positively
 """
 
 from dataclasses import dataclass
-from math import pi, sqrt
+from math import nan, pi, sqrt
 
 import numpy as np
 
@@ -159,14 +159,15 @@ class _Fit:
     blocks: FloatArray  # [B, 3] scores
 
 
-def fit_cruise(windows: Windows, noise: Noise, num_vehicles: int, confidence: float = 0.9) -> Cruise | None:
-    """Fit noise, scatter and memory; None where there is too little to fit them to."""
+def fit_cruise(windows: Windows, noise: Noise, num_vehicles: int, confidence: float | None = 0.9) -> Cruise | None:
+    """Fit noise, scatter and memory; None where there is too little to fit them to. Without a confidence, ranges are not told."""
     if len(windows.count) < 3 or windows.count.sum() < 30:
         return None
     likelihood = _Likelihood(windows, num_vehicles, float(np.log(noise.position_m)))
     fit = _best(likelihood, np.log([noise.position_m, 0.05, 3.0]))
     _, (mean, mean_influence) = likelihood.at(fit.theta, likelihood.num_blocks)
-    ends = (np.exp(_range(likelihood, fit, k, confidence)).tolist() for k in (1, 2))
+    unknown = nan, nan
+    ends = (unknown if confidence is None else np.exp(_range(likelihood, fit, k, confidence)).tolist() for k in (1, 2))
     noise_range, tau_range = ((low, high) for low, high in ends)
     noise_m, relative, tau_s = np.exp(fit.theta).tolist()
     return Cruise(windows, mean, mean_influence, noise_m, Scatter(relative, tau_s), noise_range, tau_range)
@@ -296,35 +297,42 @@ class _Likelihood:
     def at(self, theta: FloatArray, num_blocks: int = 0) -> tuple[FloatArray, tuple[FloatArray, FloatArray]]:
         """[W] log likelihoods with each vehicle's best mean; and those means [R] with influences of blocks [R, B] on their logarithms."""
         windows, num_vehicles = self.windows, self.num_vehicles
-        noise_m, (relative, tau_s) = float(np.exp(theta[0])), np.exp(theta[1:])
-        n = windows.dt_s.shape[1]
-        there = np.arange(n) < windows.count[:, None]
+        there = np.arange(windows.dt_s.shape[1]) < windows.count[:, None]
         speed = windows.step_m.sum(1) / np.where(there, windows.dt_s, 0.0).sum(1)
         usual = np.array([np.mean(speed[windows.vehicle == r]) if (windows.vehicle == r).any() else np.nan for r in range(num_vehicles)])
-        top = usual[windows.vehicle] / (1 - MEAN_LOSS * min(relative, 0.8))
-        x = np.concatenate((np.zeros((len(speed), 1)), np.cumsum(windows.dt_s, 1)), 1)
-        whole = integrated_cov(x, Scatter(float(relative), float(tau_s))) * (top**2)[:, None, None]
-        cov = whole[:, 1:, 1:] - whole[:, :-1, 1:] - whole[:, 1:, :-1] + whole[:, :-1, :-1]
-        k = np.arange(n)
-        cov[:, k, k] += 2 * noise_m**2
-        cov[:, k[1:], k[:-1]] -= noise_m**2
-        cov[:, k[:-1], k[1:]] -= noise_m**2
-        both = there[:, :, None] & there[:, None, :]
-        cov = np.where(both, cov, 0.0)
-        cov[:, k, k] = np.where(there, cov[:, k, k] + 1e-12, 1.0)
-        lower = np.linalg.cholesky(cov)
-        columns = np.stack((np.where(there, windows.dt_s, 0.0), np.where(there, windows.step_m, 0.0)), 2)
-        white = np.linalg.solve(lower, columns)
-        weight, product = (white[:, :, 0] ** 2).sum(1), (white[:, :, 0] * white[:, :, 1]).sum(1)
+        top = usual[windows.vehicle] / (1 - MEAN_LOSS * min(float(np.exp(theta[1])), 0.8))
+        weight, product, square, determinant = np.zeros((4, len(speed)))
+        for most in range(4, LONGEST + 4, 4):  # windows of like length, or most of the numbers would be none
+            rows = np.flatnonzero((windows.count <= most) & (windows.count > most - 4))
+            if len(rows):
+                white, determinant[rows] = self._whitened(theta, rows, min(most, there.shape[1]), top[rows])
+                weight[rows], product[rows], square[rows] = ((white[:, :, i] * white[:, :, j]).sum(1) for i, j in ((0, 0), (0, 1), (1, 1)))
         summed = np.zeros((2, num_vehicles))
         np.add.at(summed[0], windows.vehicle, weight)
         np.add.at(summed[1], windows.vehicle, product)
         with np.errstate(invalid="ignore", divide="ignore"):
             mean = summed[1] / summed[0]
-        residual = white[:, :, 1] - white[:, :, 0] * mean[windows.vehicle][:, None]
-        logs = -(np.log(lower[:, k, k]) * there).sum(1) - (residual**2).sum(1) / 2
+        own = mean[windows.vehicle]
+        logs = -determinant - (square - 2 * own * product + own**2 * weight) / 2
         influence = np.zeros((num_vehicles, num_blocks))
         if num_blocks:
-            own = (product - weight * mean[windows.vehicle]) / summed[0][windows.vehicle] / mean[windows.vehicle]
-            np.add.at(influence, (windows.vehicle, windows.block), own)
+            np.add.at(influence, (windows.vehicle, windows.block), (product - weight * own) / summed[0][windows.vehicle] / own)
         return logs, (mean, influence)
+
+    def _whitened(self, theta: FloatArray, rows: IntArray, n: int, top_mps: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Times and steps [w, n, 2] of w windows of n steps at most, made independent; and half the logarithm of their determinants."""
+        noise_m, relative, tau_s = np.exp(theta).tolist()
+        dt_s, step_m = self.windows.dt_s[rows, :n], self.windows.step_m[rows, :n]
+        k = np.arange(n)
+        there = k < self.windows.count[rows, None]
+        x = np.concatenate((np.zeros((len(rows), 1)), np.cumsum(dt_s, 1)), 1)
+        whole = integrated_cov(x, Scatter(relative, tau_s)) * (top_mps**2)[:, None, None]
+        cov = whole[:, 1:, 1:] - whole[:, :-1, 1:] - whole[:, 1:, :-1] + whole[:, :-1, :-1]
+        cov[:, k, k] += 2 * noise_m**2
+        cov[:, k[1:], k[:-1]] -= noise_m**2
+        cov[:, k[:-1], k[1:]] -= noise_m**2
+        cov = np.where(there[:, :, None] & there[:, None, :], cov, 0.0)
+        cov[:, k, k] = np.where(there, cov[:, k, k] + 1e-12, 1.0)
+        lower = np.linalg.cholesky(cov)
+        white = np.linalg.solve(lower, np.stack((np.where(there, dt_s, 0.0), np.where(there, step_m, 0.0)), 2))
+        return white, (np.log(lower[:, k, k]) * there).sum(1)

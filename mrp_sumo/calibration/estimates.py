@@ -15,7 +15,7 @@ import numpy as np
 from mrp_sumo.calibration.cruise import HELD, MEAN_LOSS, Cruise, Scatter, fit_cruise, of_top_speed, student, top_windows
 from mrp_sumo.calibration.log import ActionTime, Charge, MotionLog, Track, require_different
 from mrp_sumo.calibration.phases import Noise, Phases, noise_of, phases_of, refined, usual_speed
-from mrp_sumo.calibration.ramps import Ramp, fit_ramp
+from mrp_sumo.calibration.ramps import Ramp, fit_ramp, marginal
 from mrp_sumo.calibration.stops import Stops, fit_stops
 from mrp_sumo.calibration.turning import TurnFit, fit_turning
 from mrp_sumo.core.graph import FloatArray, IntArray
@@ -126,19 +126,22 @@ def _fitted(visits: list[ActionTime], all_tracks: list[Track], phases: list[Phas
     vehicles = sorted({each.track.vehicle for each in phases})
     guess, scatter, driving = (0.5 * speed, 0.5 * speed), Scatter(0.05, 3.0), noise
     cruise: Cruise | None = None
-    speeding = braking = None
+    speeding: Ramp | None = None
+    braking: Ramp | None = None
     for k in range(ROUNDS):
         mean = None if cruise is None else cruise.mean_mps
         speeding, braking = (
-            fit_ramp(phases, vehicles, driving, scatter, (speed, *guess), braking=each, mean_mps=mean) for each in (False, True)
+            fit_ramp(phases, vehicles, driving, scatter, (speed, *guess), before, braking=each, mean_mps=mean)
+            for each, before in ((False, speeding), (True, braking))
         )
         guess = (speeding.value if speeding else guess[0]), (braking.value if braking else guess[1])
         if k < ROUNDS - 1:
             windows = of_top_speed(top_windows(phases, vehicles, speed, *guess), noise, len(vehicles))
-            cruise = fit_cruise(windows, noise, len(vehicles), CONFIDENCE)
+            cruise = fit_cruise(windows, noise, len(vehicles), CONFIDENCE if k == ROUNDS - 2 else None)
         if cruise is not None:
             scatter, speed = cruise.scatter, float(np.nanmedian(cruise.mean_mps))
             driving = Noise(cruise.noise_m, noise.heading_rad)
+    speeding, braking = (None if each is None else marginal(each, driving, scatter) for each in (speeding, braking))
     turning = fit_turning([each.track for each in phases], noise, speed)
     drop = student(CONFIDENCE, 30) ** 2 / 2
     stops = fit_stops(phases, visits, all_tracks, speed / guess[1], _times(speeding, 1.0), _times(braking, -1.0), drop)

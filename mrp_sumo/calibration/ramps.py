@@ -71,36 +71,37 @@ def fit_ramp(
     noise: Noise,
     scatter: Scatter,
     guess: tuple[float, float, float],
+    before: Ramp | None,
     *,
     braking: bool,
     mean_mps: FloatArray | None = None,
 ) -> Ramp | None:
-    """The acceleration of starts, or of stops; None where there are too few.
+    """The acceleration of starts, or of stops, with each episode's time at its best; None where there are too few.
 
-    `guess` is what vehicles usually drive at, and accelerations of speeding up and braking so far, which choose samples; `mean_mps` [R] are
-    mean speeds of vehicles at the top, as far as they are known.
+    `guess` is what vehicles usually drive at, and accelerations of speeding up and braking so far, which choose samples, as do the times of
+    a fit before; `mean_mps` [R] are mean speeds of vehicles at the top, as far as they are known.
     """
-    first = _episodes(phases, vehicles, guess, {}, braking=braking)
-    begin = None if first is None else _fit(first, noise, scatter, guess[2 if braking else 1])
-    if first is None or begin is None:
+    if before is None:
+        first = _episodes(phases, vehicles, guess, {}, braking=braking)
+        before = None if first is None else _fit(first, noise, scatter, guess[2 if braking else 1])
+    if before is None:
         return None
-    left_s = {(int(n), int(k)): float(t) for (n, k), t in zip(first.stand, first.begin_s + begin.t0_s)}
-    guess = (*guess[:2], begin.value) if braking else (guess[0], begin.value, guess[2])
+    left_s = {(int(n), int(k)): float(t) for (n, k), t in zip(before.episodes.stand, before.episodes.begin_s + before.t0_s)}
+    guess = (*guess[:2], before.value) if braking else (guess[0], before.value, guess[2])
     episodes = _episodes(phases, vehicles, guess, left_s, braking=braking)
     if episodes is not None and mean_mps is not None:
         own = mean_mps[episodes.vehicle]
         usual = np.flatnonzero(np.abs(episodes.speed_mps / own - 1) < SAME_SPEED)
         if len(usual) >= FEW:
             episodes = replace(_some(episodes, usual), speed_mps=own[usual], prior_mps=KNOWN_SPEED * own[usual])
-    ramp = None if episodes is None else _fit(episodes, noise, scatter, begin.value)
-    return None if ramp is None else _marginal(ramp, noise, scatter)
+    return None if episodes is None else _fit(episodes, noise, scatter, before.value)
 
 
 def _some(episodes: Episodes, rows: IntArray) -> Episodes:
     return Episodes(*(getattr(episodes, each.name)[rows] for each in fields(episodes)))
 
 
-def _marginal(ramp: Ramp, noise: Noise, scatter: Scatter) -> Ramp:
+def marginal(ramp: Ramp, noise: Noise, scatter: Scatter) -> Ramp:
     """The maximum of the likelihood in which each episode's time is integrated out, not fitted.
 
     A sample or two lie on a ramp, if any: fitted times lean to where ramps hide between samples, which makes all of them steep.
