@@ -27,7 +27,8 @@ from mrp_sumo.io.scenario.names import robot_types
 from mrp_sumo.io.scenario.read import changed
 from mrp_sumo.traffic.draw import stands_of
 
-ABSENT_S = 120.0  # without a pose around the cut, after which nobody knows where a vehicle is
+ABSENT_S = 120.0  # without a pose, after which nobody knows where a vehicle is
+SEEN = 0.9  # share of the later part: who is seen for less is said
 BACK_S = 60.0  # by which a clock may jump back
 SHORTEST_S = 120.0  # of each part
 ENOUGH = 8  # services at a station, from which on it has times of its own
@@ -104,6 +105,10 @@ def cut(log: MotionLog, setup: SetUp, share: float) -> HeldOut:
         notes.append(f"left out, since nobody knows where they are at the cut: {', '.join(gone)}")
     if not there:
         raise MrpSumoError(f"{log.source}: no vehicle says where it is around {cut_s:.0f} s, where the log is cut")
+    seen = {name: _seen(times[name], cut_s, end_s) for name in there}
+    missing = [f"{name} for {share:.0%}" for name, share in sorted(seen.items()) if share < SEEN]
+    if missing:
+        notes.append(f"seen for a part of the later part only, and driven for all of it: {', '.join(missing)}")
     kinds = _kinds(log, setup.file, there)
     vehicles = sorted(there, key=lambda name: (kinds[name], _natural(name)))
     on, by = levels_on(log, setup.map), shift_on(log, setup.map)
@@ -112,6 +117,13 @@ def cut(log: MotionLog, setup: SetUp, share: float) -> HeldOut:
     xy = np.array([row[1:3] for row in rows]) + by[level]
     orders = tuple(order for order in log.orders if not order.ended_s < cut_s and order.release_s < end_s)
     return HeldOut(log, begin_s, cut_s, end_s, tuple(vehicles), np.array([kinds[name] for name in vehicles]), xy, level, orders, notes)
+
+
+def _seen(pose_s: FloatArray, begin_s: float, end_s: float) -> float:
+    """Share of a time in which a vehicle has a pose that is not too long ago or ahead."""
+    at_s, pose_s = np.linspace(begin_s, end_s, 101), np.sort(pose_s)
+    k = np.clip(np.searchsorted(pose_s, at_s), 1, len(pose_s) - 1)
+    return float((np.minimum(np.abs(at_s - pose_s[k - 1]), np.abs(pose_s[k] - at_s)) < ABSENT_S).mean())
 
 
 def _natural(name: str) -> list[Any]:

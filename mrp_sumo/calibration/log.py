@@ -26,9 +26,9 @@ FASTEST_MPS = 12.0  # beyond it a pose is not where the vehicle was, or is that 
 SHORTEST = 4  # samples of a track
 BESIDE_M, ELSEWHERE = 10.0, 0.2  # how far from a map's lanes poses may be, and which share of them may be farther
 LEAP_RAD, LEAPS = 7.0, 3  # between two headings, farther than once round; how many of them make degrees
-SAME_M, ALWAYS = 0.05, 0.9  # two vehicles nearer to each other than this for so much of the time are one
+SAME_M, ALWAYS = 0.3, 0.8  # two vehicles nearer to each other than bodies are for so much of the time are one
 NO_ORDER = 0.02  # share of poses before the one that precedes them, which no clock makes
-TWO_AT_ONCE = 0.2  # share of steps beyond `FASTEST_MPS` that two vehicles of one name make
+TWO_AT_ONCE = 0.05  # share of steps beyond `FASTEST_MPS` that two vehicles of one name make
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,7 +146,7 @@ def _tracks_of(vehicle: str, rows: FloatArray, log: MotionLog) -> list[Track]:
     if len(leaps) > LEAPS:
         raise MrpSumoError(
             f"{log.source}: the heading of '{vehicle}' leaps by {max(leaps):.0f} rad: degrees, expected radians "
-            "(a column of degrees is called yaw_deg)"
+            "(a column of degrees is called yaw_deg), or two vehicles of one name"
         )
     if too_fast:
         log.notes.append(f"{vehicle} jumps {too_fast} times farther than any vehicle drives: the log is cut there")
@@ -155,11 +155,12 @@ def _tracks_of(vehicle: str, rows: FloatArray, log: MotionLog) -> list[Track]:
 
 def require_different(log: MotionLog) -> None:
     """Refuse one vehicle of two names: both are at the same places all the time. Raises MrpSumoError."""
-    tables = {name: np.array(rows)[:, :3] for name, rows in sorted(log.poses.items()) if len(rows) > 1}
+    tables = {name: np.array(rows)[:, [0, 1, 2, 5]] for name, rows in sorted(log.poses.items()) if len(rows) > 1}
     for (one, a), (other, b) in combinations(tables.items(), 2):
         t = np.linspace(max(a[:, 0].min(), b[:, 0].min()), min(a[:, 0].max(), b[:, 0].max()), 200)
-        both = [np.stack([np.interp(t, table[:, 0], table[:, k]) for k in (1, 2)]) for table in (a, b)]
-        if t[-1] > t[0] and np.ptp(both[0]) > 1.0 and (np.hypot(*(both[0] - both[1])) < SAME_M).mean() > ALWAYS:
+        here, there = (np.stack([np.interp(t, table[:, 0], table[:, k]) for k in (1, 2, 3)]) for table in (a, b))
+        together = (np.hypot(*(here - there)[:2]) < SAME_M) & (here[2] == there[2])
+        if t[-1] > t[0] and np.ptp(here[:2]) > 1.0 and together.mean() > ALWAYS:
             raise MrpSumoError(f"{log.source}: '{one}' and '{other}' are at the same places all the time: one vehicle of two names")
 
 

@@ -161,6 +161,7 @@ def predicted(
     num_types = len(robot_types(file))
     there = [kind for kind in range(num_types) if (held.kind == kind).any()]
     calibrations = tuple(calibrated(held.earlier(kind), before) if num_types > 1 else calibrated(before) for kind in there)
+    held.notes.extend(note for one in calibrations for note in one.log.notes)
     disturbing, files = _write(held, calibrations, file, folder, times.is_known)
     _note_what_is_assumed(held, file, times)
     base, seed = scenario_of_later(held, setup, files, disturbing, times), file.scenario.seed
@@ -205,6 +206,9 @@ def _require_orders(held: HeldOut) -> None:
             first_s, last_s = held.log.orders[0].release_s, held.log.orders[-1].release_s
             what = f"{len(new)} orders are released in {held.cut_s:.0f} to {held.end_s:.0f} s, all in {first_s:.0f} to {last_s:.0f} s"
         more = "" if held.log.orders else "; give them with --orders FILE.csv"
+        actions = sorted({visit.action for visit in held.log.visits})
+        if actions and "pick" not in actions:
+            more += f"; its actions are {', '.join(actions[:5])}, expected pick and drop"
         raise MrpSumoError(f"{held.log.source}: {what}, expected {FEW} or more to compare{more}")
     if sum(order.done_s < held.end_s for order in new) < FEW:
         raise MrpSumoError(

@@ -6,7 +6,7 @@ import pytest
 
 from mrp_sumo.calibration.estimates import CalibratedFigure, Calibration
 from mrp_sumo.calibration.files import disturbances_of
-from mrp_sumo.calibration.held_out import HeldOut, ServiceTimes, cut, more_of, tasks_of
+from mrp_sumo.calibration.held_out import HeldOut, ServiceTimes, _seen, cut, more_of, tasks_of
 from mrp_sumo.calibration.log import ActionTime, LoggedOrder, MotionLog
 from mrp_sumo.calibration.prediction import _together
 from mrp_sumo.errors import MrpSumoError
@@ -61,6 +61,7 @@ def test_service_times_are_those_of_the_station_where_it_has_enough():
     "named, line",
     [
         ({"a": poses(), "b": poses(at_m=0.01)}, "'a' and 'b' are at the same places all the time: one vehicle of two names"),
+        ({"a": poses(), "b": poses(shift_s=0.4)}, "'a' and 'b' are at the same places all the time: one vehicle of two names"),
         ({"a": poses() + poses(shift_s=100), "b": poses(at_m=30)}, "the clock of 'a' jumps back by 8 min at 599 s"),
         ({"a": poses(seconds=60)}, "59 s in all, too short to tell anything"),
         ({"a": poses(), "b": poses(at_m=30), "c": poses(shift_s=1e6, at_m=60)}, "the clock of 'c' is "),
@@ -71,6 +72,13 @@ def test_log_that_cannot_be_compared_is_refused(named, line):
         cut(MotionLog("log", "CSV", poses=named), SimpleNamespace(file=None, map=None), 0.5)
     assert line in str(error.value)
     assert "\n" not in str(error.value)
+
+
+def test_vehicle_that_is_gone_for_a_part_is_seen_for_less_of_it():
+    t = np.arange(600.0)
+    assert _seen(t, 300.0, 599.0) == 1.0
+    assert _seen(t[t < 330], 300.0, 600.0) == pytest.approx((330 + 120 - 300) / 300, abs=0.02)
+    assert _seen(np.concatenate((t[t < 301], t[t < 301] + 5000)), 300.0, 700.0) == pytest.approx(0.3, abs=0.02)
 
 
 def test_disturbances_of_two_types_count_by_what_they_are_from():
