@@ -25,7 +25,7 @@ from typing import Any
 
 import numpy as np
 
-from mrp_sumo.calibration.log import ActionTime, Charge, LoggedOrder, MotionLog
+from mrp_sumo.calibration.log import ActionTime, Charge, LoggedOrder, MotionLog, require_different
 from mrp_sumo.core.graph import BoolArray, FloatArray
 from mrp_sumo.errors import MrpSumoError, nearest
 from mrp_sumo.files.names import fault_of
@@ -381,6 +381,10 @@ def _faults_of_log(log: MotionLog, document: Mapping[str, Any]) -> Iterator[str]
         same: BoolArray = np.diff(table[:, 5]) == 0
         if (far & same).any():
             yield f"{STATES}: '{name}' is at two places at once at {table[int(np.argmax(far & same)), 0]:.3f} s"
+    try:
+        require_different(log)
+    except MrpSumoError as error:
+        yield f"{STATES}{str(error).removeprefix(log.source)}"
     names = [order.name for order in log.orders]
     yield from (f"{ORDERS}: two orders '{name}'" for name in sorted({name for name in names if names.count(name) > 1})[:LISTED])
     for order in log.orders:

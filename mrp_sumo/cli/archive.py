@@ -20,7 +20,7 @@ UNIX_S = 1e8  # later times are dates
 
 def import_logs(options: argparse.Namespace) -> int:
     """Make an archive of logs."""
-    from mrp_sumo.calibration.archive import ArchiveHead, merged, safe_name, write_archive
+    from mrp_sumo.calibration.archive import LISTED, MANIFEST, ArchiveHead, faults_of, merged, safe_name, write_archive
     from mrp_sumo.calibration.log import require_here
     from mrp_sumo.calibration.reading import read_fleet
     from mrp_sumo.maps.catalogue import find_map
@@ -41,7 +41,9 @@ def import_logs(options: argparse.Namespace) -> int:
         require_here(log, map_)
         about = replace(about, levels=map_.nav.level_names, **_named(options.map, drawn))
         drawn = drawn if about.map_file else None
-    return _written(write_archive(log, about, options.out, drawn), log, options, ())
+    made = write_archive(log, about, options.out, drawn)
+    faults = [fault for fault in faults_of(made) if not fault.startswith(MANIFEST)]  # of the logs, not of what is not stated
+    return _written(made, log, options, tuple(faults[:LISTED]))
 
 
 def _base(log: "MotionLog") -> str:

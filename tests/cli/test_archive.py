@@ -17,7 +17,7 @@ def said(capsys):
 
 def test_logs_become_an_archive_that_is_valid_and_calibrates(tmp_path, capsys):
     (tmp_path / "a.csv").write_text(LOG)
-    (tmp_path / "b.csv").write_text(LOG.replace(",a,", ",b,"))
+    (tmp_path / "b.csv").write_text(LOG.replace(",a,", ",b,").replace(",1,", ",9,"))
     logs = [str(tmp_path / name) for name in ("a.csv", "b.csv")]
     assert main(["import", "--log", *logs, "--licence", "CC0-1.0", "--out", str(tmp_path / "both"), "--json"]) == 0
     assert json.loads(said(capsys))["vehicles"] == 2
@@ -28,6 +28,14 @@ def test_logs_become_an_archive_that_is_valid_and_calibrates(tmp_path, capsys):
     assert main(["export", str(tmp_path / "both"), "--archive", str(tmp_path / "x.zip"), "--anonymise", "--move"]) == 0
     assert "what remains: " in said(capsys)
     assert manifest_in(tmp_path / "x.zip")["vehicles"] == {"vehicle_1": "", "vehicle_2": ""}
+
+
+def test_import_says_what_no_fleet_does(tmp_path, capsys):
+    (tmp_path / "log.csv").write_text(LOG + LOG.replace(",a,", ",b,").partition("\n")[2] + "5,a,2.5,1,,\n")
+    assert main(["import", "--log", str(tmp_path / "log.csv"), "--out", str(tmp_path / "made")]) == 0
+    text = said(capsys)
+    assert "note: states.parquet: the clock of 'a' jumps back at 59.000 s" in text
+    assert "note: states.parquet: 'a' and 'b' are at the same places all the time: one vehicle of two names" in text
 
 
 @pytest.mark.parametrize(
