@@ -18,6 +18,7 @@ TF, ODOMETRY = "tf2_msgs/msg/TFMessage", "nav_msgs/msg/Odometry"
 POSES = ("geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/PoseWithCovarianceStamped")
 FLEET = "rmf_fleet_msgs/msg/FleetState"
 GOALS = ("goal", "target", "setpoint", "initialpose")  # topics of poses where nobody is
+NAMELESS = "robot"  # a vehicle without a namespace
 BASES = ("base_link", "base_footprint", "base")
 ROOTS = ("map", "odom", "world")
 CHARGING = 1  # of rmf_fleet_msgs/RobotMode
@@ -72,10 +73,11 @@ def _gather(messages: Iterator[Message]) -> list[PoseLog]:
             for transform in message.transforms:
                 _chain(frames, parents, transform, ns)
         elif hasattr(message, "child_frame_id"):
-            odometry.poses.setdefault(_vehicle(topic), []).append(_pose(message, message.pose.pose, ns))
+            vehicle = _vehicle(topic) or _vehicle(message.child_frame_id) or NAMELESS
+            odometry.poses.setdefault(vehicle, []).append(_pose(message, message.pose.pose, ns))
         elif hasattr(message, "pose") and not any(word in topic.lower() for word in GOALS):
             pose = message.pose.pose if hasattr(message.pose, "pose") else message.pose
-            stamped.poses.setdefault(_vehicle(topic), []).append(_pose(message, pose, ns))
+            stamped.poses.setdefault(_vehicle(topic) or NAMELESS, []).append(_pose(message, pose, ns))
     return [fleet, frames, odometry, stamped]
 
 
@@ -96,11 +98,12 @@ def _chain(frames: PoseLog, parents: dict[str, tuple[str, Pose]], transform: Any
         if frame.rpartition("/")[2] == ROOTS[0]:
             break
     if frame.rpartition("/")[2] in ROOTS:
-        frames.poses.setdefault(child.rpartition("/")[0] or "robot", []).append((t_s, x, y, yaw))
+        frames.poses.setdefault(_vehicle(child) or NAMELESS, []).append((t_s, x, y, yaw))
 
 
-def _vehicle(topic: str) -> str:
-    return topic.strip("/").rpartition("/")[0] or "robot"
+def _vehicle(name: str) -> str:
+    """The namespace of a topic, or of a frame."""
+    return name.strip("/").rpartition("/")[0]
 
 
 def _pose(message: Any, pose: Any, ns: int) -> Pose:

@@ -127,7 +127,11 @@ def _bag(path: Path) -> MotionLog:
         on = read.levels.get(name, [""] * len(rows))
         number = {level: float(k) for k, level in enumerate(sorted(set(on)))}
         log.levels |= {k: level for level, k in number.items()}
-        log.poses[name] = [(t, x, y, yaw, math.nan, number[level]) for (t, x, y, yaw), level in zip(rows, on) if math.isfinite(x + y + yaw)]
+        there = [math.isfinite(t + x + y + yaw) and max(abs(x), abs(y)) < FARTHEST_M for t, x, y, yaw in rows]
+        if any(there):
+            log.poses[name] = [(*row, math.nan, number[level]) for row, level, is_there in zip(rows, on, there) if is_there]
+    if not log.poses:
+        raise MrpSumoError(f"{shortened(path)}: {read.kind}: no pose is one of a floor: found no numbers, or more than {FARTHEST_M:g} m")
     log.charges = [Charge(*charge) for charge in read.charges]
     log.notes.append(f"poses are those of {read.kind}" + (f"; {', '.join(read.others)} left out" if read.others else ""))
     return log

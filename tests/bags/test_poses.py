@@ -8,6 +8,7 @@ from rosbags.rosbag2 import Writer
 
 from mrp_sumo.bags.messages import typestore
 from mrp_sumo.bags.poses import read_poses
+from mrp_sumo.calibration.reading import read_fleet
 from mrp_sumo.errors import MrpSumoError
 
 STORE = typestore("jazzy")
@@ -29,7 +30,7 @@ def transform(second, parent, child, x, y, yaw):
     return kind("geometry_msgs/msg/TransformStamped")(header=header(second, parent), child_frame_id=child, transform=moved)
 
 
-def odometry(second, x, yaw):
+def odometry(second, x, yaw, child="base_link"):
     point = kind("geometry_msgs/msg/Point")(x=x, y=0.0, z=0.0)
     turned = kind("geometry_msgs/msg/Quaternion")(x=0.0, y=0.0, z=math.sin(yaw / 2), w=math.cos(yaw / 2))
     pose = kind("geometry_msgs/msg/PoseWithCovariance")(
@@ -39,7 +40,7 @@ def odometry(second, x, yaw):
     twist = kind("geometry_msgs/msg/TwistWithCovariance")(
         twist=kind("geometry_msgs/msg/Twist")(linear=zero, angular=zero), covariance=np.zeros(36)
     )
-    return kind("nav_msgs/msg/Odometry")(header=header(second, "odom"), child_frame_id="base_link", pose=pose, twist=twist)
+    return kind("nav_msgs/msg/Odometry")(header=header(second, "odom"), child_frame_id=child, pose=pose, twist=twist)
 
 
 def bag(path, messages):
@@ -57,6 +58,22 @@ def test_odometry_alone_is_named_by_its_topic(tmp_path):
     log = read_poses(bag(tmp_path / "bag", messages))
     assert log.kind == "odometry"
     assert log.poses["cart_3"][2] == pytest.approx((3.0, 1.0, 0.0, 0.3))
+
+
+def test_odometry_on_one_topic_is_named_by_its_frames(tmp_path):
+    messages = [
+        ("/odom", "nav_msgs/msg/Odometry", k * 10**9 + 1, odometry(k + 1, 0.5 * k, 0.3, f"cart_{k % 2}/base_link")) for k in range(4)
+    ]
+    assert {name: [row[1] for row in rows] for name, rows in read_poses(bag(tmp_path / "bag", messages)).poses.items()} == {
+        "cart_0": [0.0, 1.0],
+        "cart_1": [0.5, 1.5],
+    }
+
+
+def test_poses_that_are_no_numbers_are_one_line(tmp_path):
+    messages = [("/odom", "nav_msgs/msg/Odometry", k * 10**9 + 1, odometry(k + 1, math.nan, 0.3)) for k in range(4)]
+    with pytest.raises(MrpSumoError, match="odometry: no pose is one of a floor: found no numbers"):
+        read_fleet(bag(tmp_path / "bag", messages))
 
 
 def test_transforms_are_chained_from_the_map(tmp_path):
