@@ -265,6 +265,7 @@ def _lifelong(desk: Desk) -> Answer:
     desk.share = before_changes
     served = demand(desk, curve) if question.demand_per_h is not None else None
     limit = limits(curve)
+    served = served and served.beside(limit.curve)
     desk.share = 1.0
     why = tuple(reasons(limit.curve.points[n]) for n in limit.curve.sizes)
     gains = _gains(desk, limit, why) if question.what_if and limit.curve.points else ()
@@ -434,6 +435,9 @@ def _of_demand(served: Served, question: Question, most_robots: int) -> str:
         return f"Whether a{wanted[1:]} is met cannot be told: the runs on it do not count."
     if _too_short(served):
         return f"Whether a{wanted[1:]} is met cannot be told from runs this short."
+    if served.doubt is not None and smallest.estimate is None:
+        does = f"they do it in runs this short, but {served.doubt.throughput.value:.0f} when work is always waiting"
+        return f"Whether a{wanted[1:]} is met by {count(served.doubt.robots, 'robot')} cannot be told: {does}."
     if smallest.estimate is None and tried < most_robots:
         return f"{on_time} is not met by {count(tried, 'robot')}; larger fleets were not tried on it."
     if smallest.estimate is None:

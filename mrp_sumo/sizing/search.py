@@ -358,6 +358,16 @@ class Served:
     smallest: Bracket
     target: float
     within_s: float = 0.0  # after they come, orders without due times are due
+    doubt: Point | None = None  # of the smallest fleet that serves it in these runs, where it does less if work is always waiting
+
+    def beside(self, saturated: Curve) -> "Served":
+        """The same beside the throughput of saturated fleets: one that does less than the demand may have served it from full batteries."""
+        question, point = self.curve.desk.question, saturated.points.get(self.smallest.estimate or 0)
+        wanted = self.target * (question.demand_per_h or 0.0)
+        if point is None or point.throughput.value >= wanted:
+            return self
+        keeps_up = next((n for n in saturated.sizes if n > point.robots and saturated.points[n].throughput.value >= wanted), None)
+        return replace(self, smallest=Bracket(keeps_up, self.smallest.low, keeps_up), doubt=point)
 
 
 def demand(desk: Desk, saturated: Curve) -> Served:

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from fleets import EFFORT, question, record_with
 
-from mrp_sumo.sizing.answer import answer_of
+from mrp_sumo.sizing.answer import _of_demand, answer_of
 from mrp_sumo.sizing.points import Point
-from mrp_sumo.sizing.question import DEMAND
+from mrp_sumo.sizing.question import DEMAND, SATURATED
 from mrp_sumo.sizing.reasons import Reasons, Share
-from mrp_sumo.sizing.search import Bracket, Desk, _smallest, coarse, limits
+from mrp_sumo.sizing.search import Bracket, Curve, Desk, Served, _smallest, coarse, limits
 
 FEW = replace(EFFORT, seeds=4, most_seeds=4, gap=9.0)  # the grid alone: nothing is parted, no seeds are added
 SURE, VAGUE = (1, -1, 1, -1), (12, -12, 12, -12)  # orders an hour more or less, seed by seed
@@ -78,6 +78,30 @@ def test_a_fleet_is_ruled_out_by_the_upper_limit_of_what_it_can_do(off, low):
     asked = question((4, 9), FEW, demand_per_h=200.0)
     answer, _ = answer_of(asked, Known(asked, {4: (184, off), 6: (300, SURE), 9: (300, SURE)}))
     assert answer.served.smallest.low == low
+
+
+@pytest.mark.parametrize(
+    ("four", "nine", "smallest", "words"),
+    [
+        (184, 300, Bracket(9, 4, 9), "is met from 9 robots on (4 to 9)."),
+        (
+            184,
+            184,
+            Bracket(None, 4, None),
+            "by 4 robots cannot be told: they do it in runs this short, but 185 when work is always waiting.",
+        ),
+        (192, 300, Bracket(4, 4, 4), "is met from 4 robots on."),
+    ],
+)
+def test_a_fleet_that_does_less_with_work_always_waiting_is_not_said_to_meet_a_demand(four, nine, smallest, words):
+    """Four robots do the 200 orders that come in an hour, 95 % of which are wanted, from full batteries."""
+    rates = {4: (four, VAGUE), 9: (nine, VAGUE)}
+    asked = question((4, 9), FEW, demand_per_h=200.0)
+    saturated = Curve(Desk(asked, Known(asked, rates)), SATURATED)
+    saturated.ask(dict.fromkeys(rates, 4), "")
+    served = Served(saturated, Bracket(4, 4, 4), 0.95).beside(saturated)
+    assert served.smallest == smallest
+    assert _of_demand(served, asked, 9).endswith(words)
 
 
 def test_the_smallest_fleet_is_not_looked_for_below_those_that_are_asked_about():
