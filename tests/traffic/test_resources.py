@@ -11,7 +11,7 @@ from mrp_sumo.core.graph import nav_graph, relaid
 from mrp_sumo.core.plan import plan_of_paths
 from mrp_sumo.traffic.resources import LEFT_M, OF_CURVE_M, _last_share, distance_m, needs_of, resources_of, segments
 from tests.campaigns.vehicles import drawn_roads
-from tests.vehicles import along, quarter, straight
+from tests.vehicles import along, quarter, roads, straight
 
 R = 0.325
 
@@ -261,3 +261,13 @@ def test_a_vertex_whose_lanes_are_all_in_a_group_is_in_it():
     nav = nav_graph(name="row", xy=[(5.0 * i, 0.0) for i in range(4)], lanes=lanes, lane_options=grouped)
     assert resources_of(nav, 1.0).groups_at.keys() == {0, 1}
     assert not resources_of(replace(nav, lane_options=({},) * 6), 1.0).groups_at
+
+
+@pytest.mark.parametrize(("beyond_m", "near"), [(1.1, {(0, 2), (0, 5)}), (0.9, set())])
+def test_a_vertex_at_which_vehicles_swing_is_in_zones_that_much_farther_away(beyond_m, near):
+    """Two lanes 3 m beside each other; robots need 2 m, and beyond_m more at vertex 0. Place 5 is the second lane."""
+    graph = replace(roads([(0.0, 0.0), (4.0, 0.0), (0.0, 3.0), (4.0, 3.0)], [(0, 1), (2, 3)]), beyond_m=np.array([beyond_m, 0.0, 0.0, 0.0]))
+    found, pairs = zones(graph, 2.0)
+    assert pairs == near
+    lane = graph.lane_between(0, 1)
+    assert (found.leave_m[0, lane], found.leave_m[0, graph.reverse[lane]]) == (pytest.approx(2.0 + beyond_m), pytest.approx(2.0))

@@ -30,8 +30,9 @@ NAMED = 5  # stations in a line
 
 
 def require_fit(file: ScenarioFile, nav: NavGraph, graph: PlanGraph, models: Sequence[RobotType], *, is_auto: bool = False) -> None:
-    """Every step is at least as long as any two robots' centres are apart, and as trains are; `is_auto` where the cell length follows from
-    that. With `short_lanes: drive` lanes may be shorter, but for trains, which are on one lane and at the vertex before it.
+    """Every step is at least as long as any two robots' centres are apart; `is_auto` where the cell length follows from that.
+
+    With `short_lanes: drive` lanes may be shorter, but not than trains, which hold one lane and the vertex before it.
 
     A robot that is alone on its map keeps clear of nobody.
     """
