@@ -295,8 +295,9 @@ class RobotPlaces:
         steps, held = known.to(place), np.array(sorted(taken), np.int64)
         rank = 2 * steps.astype(np.int64)
         rank[at] -= 1  # of vertices that are as near, the one where it is
-        wanted = np.zeros(graph.num_vertices, np.bool_)
-        wanted[[v for other in stops.values() for v in other.places]] = True
+        wanted, places = np.zeros(graph.num_vertices, np.bool_), {v for other in stops.values() for v in other.places}
+        groups = {group for v in places for group in self._groups.get(v, ())}
+        wanted[[*places, *(v for v, own in self._groups.items() if not groups.isdisjoint(own))]] = True
         for reach, may in ((behind, ~wanted), (past, ~wanted), (behind, wanted), (past, wanted)):
             there = (reach < UNREACHABLE) & (steps < UNREACHABLE) & may
             for v in np.argsort(np.where(there, rank, 2 * UNREACHABLE), kind="stable").tolist()[: there.sum()]:

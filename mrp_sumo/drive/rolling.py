@@ -7,7 +7,8 @@ another.
 
 Where there is no plan, or none that can be driven, robots keep what they have; where the next request fails, too, PIBT moves them for
 a window, step by step and however crowded they are; where even that fails they stop at the ends of what they have. All is counted.
-Where a plan would let robots stand on that have not got on for a minute, LaCAM plans instead, which is complete, until a stop is made.
+Where a plan would let robots stand on that have not got on for a minute, LaCAM plans instead until a stop is made, and to the end: there it
+is complete.
 """
 
 from collections.abc import Callable
@@ -38,7 +39,7 @@ from mrp_sumo.plugins.registry import find
 WINDOW_STEPS = 20  # at least, by default
 BEYOND_STEPS = 10  # the way into the longest aisle and back
 STEPWISE = "pibt"  # what answers where the planner has failed twice running
-COMPLETE = "lacam"  # what answers where the planner lets robots stand for good
+COMPLETE = "lacam"  # what answers to the end where the planner lets robots stand for good
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +110,7 @@ class Rolling:
         begin_s += settings.planning.budget_s
         try:
             ways = planned(request, begin_s, context, settings.planner, settings.planner_parameters, limits)
-            return self._led_out(request, begin_s, ways, limits) if settings.tasks and settings.planner != COMPLETE else ways
+            return self._led_out(request, begin_s, ways, limits) if settings.tasks else ways
         except PlanError as error:
             if not self._failures:
                 raise
@@ -124,24 +125,24 @@ class Rolling:
         return ways
 
     def _led_out(self, request: Request, begin_s: float, ways: Replan, limits: AnswerLimits) -> Replan:
-        """The ways, or those of LaCAM where robots that have stood for long would stand on; from then on LaCAM's until a stop is made."""
-        made_s = self._around.crew.made_s
-        if self._led_since_s != made_s and not self._stay(request, ways):
+        """The ways, or LaCAM's to the end where robots that have stood for long would stand on, and from then on until a stop is made."""
+        made_s, num_staying = self._around.crew.made_s, self._staying(request, ways)
+        if self._led_since_s != made_s and not num_staying:
             return ways
-        others = replace(limits, window_steps=self._window_steps or WINDOW_STEPS)
         with suppress(PlanError):
-            led = planned(request, begin_s, self._around, COMPLETE, {}, others)
-            if not self._stay(request, led):
+            led = planned(request, begin_s, self._around, COMPLETE, {}, replace(limits, window_steps=0))
+            if self._staying(request, led) <= max(0, num_staying - 1):
                 self._led_since_s = made_s
                 return led
         return ways
 
-    def _stay(self, request: Request, ways: Replan) -> bool:
-        """True if somebody who has stalled is sent nowhere, though its order ends elsewhere."""
+    def _staying(self, request: Request, ways: Replan) -> int:
+        """Robots that have stalled and are sent nowhere, though their orders end elsewhere."""
         robots, visits, granted = self._around.crew.robots, self._around.ledger.visits, self._around.granted
         has_way = {r for r in request.robot.tolist() if r in ways.reroute and len(ways.reroute[r].vertex)}
         ends = zip(request.robot.tolist(), request.end.tolist())
-        return any(r not in has_way and end != visits.vertex[granted(r)] and robots[r].condition is Condition.STALLED for r, end in ends)
+        stay = (r not in has_way and end != visits.vertex[granted(r)] and robots[r].condition is Condition.STALLED for r, end in ends)
+        return sum(stay)
 
     def due(self, now_s: float) -> WindowAnswer | None:
         """The answer that is to take effect now."""

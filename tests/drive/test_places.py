@@ -74,6 +74,12 @@ def test_a_robot_waits_where_another_is_to_be_served_only_if_there_is_no_other_v
     assert (vertex, makes[2]) == (goes_to, goes_to[2] == 3)
 
 
+@pytest.mark.parametrize(("groups", "waits_at"), [({}, 3), ({8: {0}, 3: {0}}, 5), ({8: {0}, 3: {1}}, 3)])
+def test_a_robot_does_not_wait_in_the_mutex_group_of_a_place_where_another_is_to_be_served_next(groups, waits_at):
+    """robot_1 is served at 4, for which robot_0 waits; robot_2 is to be served at 8, where it chooses its place later."""
+    assert chosen(row(9, ring=True), [0, 4, 7], {0: 4, 2: 8}, stays=[1], groups=groups)[0] == [waits_at, 4, 8]
+
+
 @pytest.mark.parametrize(("start", "waits_at"), [((0, 2), [2, 3]), ((2, 0), [3, 2])])
 def test_robots_that_wait_in_line_need_not_pass_each_other(start, waits_at):
     """robot_0 is the next to be served at 4, but may stand behind robot_1."""
