@@ -2,7 +2,8 @@
 
 Plans are compared by how many times their planner's lower bound they cost, steps with steps and seconds with seconds: near its bound a plan
 is taken at once. Each may use an equal share of what is left of the time limit and of the effort, so that there is always something left
-to fall back on; the first is bounded in work, too. Refuses portfolios of planners that are not there, and of itself.
+to fall back on; the first, and those who are asked for a cheaper plan than there is, are bounded in work, too. Refuses portfolios of
+planners that are not there, and of itself.
 """
 
 import math
@@ -24,6 +25,7 @@ FEW, FEW_SLOW = 5, 20  # robots whose real motion is planned on grids, where way
 SLOW = 0.3  # of a step at least, that a quarter turn takes then
 SOME = 200  # robots for whom a bounded search is tried first, and a second planner asked, to keep the cheaper plan
 FIRST_EFFORT = {"pbs": 150_000, "ecbs": 40_000}  # labels of those who are asked first: about an eighth and a hundredth of a second
+CHEAPER_EFFORT = 10_000  # labels a robot of those who are asked for a cheaper plan than there is
 
 
 @dataclass(frozen=True)
@@ -68,14 +70,17 @@ class Auto:
         for k, name in enumerate(portfolio.names, 1):
             num_left = len(portfolio.names) - k + 1
             part = max(1, effort // num_left) if effort else 0
-            if name in FIRST_EFFORT and not self.planners:
-                part = min(part, FIRST_EFFORT[name]) or FIRST_EFFORT[name]
+            most = 0 if self.planners else FIRST_EFFORT.get(name, CHEAPER_EFFORT * problem.num_robots if best else 0)
+            part = min(part, most) or most or part
             effort -= min(effort, part)
             result, proves = _answer(name, replace(problem, effort=part), until_s, num_left)
-            if result.status is Status.SOLVED and (best is None or _above_bound(result, problem) < _above_bound(best[1], problem)):
-                best = name, result
+            best = _cheaper(best, name, result, problem)
             is_last = proves or num_left == 1 or until_s - process_time() <= 0.01 * time_limit_s
             if is_last or (best and (k >= portfolio.compared or _above_bound(best[1], problem) <= NEAR)):
+                if best and portfolio.compared > 1 and _above_bound(best[1], problem) > NEAR and "prioritised" not in portfolio.names[:k]:
+                    most = CHEAPER_EFFORT * problem.num_robots
+                    last = replace(problem, effort=max(1, min(effort, most)) if problem.effort else most)
+                    best = _cheaper(best, "prioritised", _answer("prioritised", last, until_s, 1)[0], problem)
                 by, chosen = best or (name, result)
                 by = "lacam" if chosen.stats.get("from_lacam") else by
                 why = "; ".join((portfolio.why, *refusals))
@@ -83,6 +88,13 @@ class Auto:
             if result.status is not Status.SOLVED:
                 refusals.append(f"{name} {str(result.status).replace('_', ' ')}")
         raise AssertionError("the last answer ends the search")
+
+
+def _cheaper(best: tuple[str, PlanResult] | None, name: str, result: PlanResult, problem: Problem) -> tuple[str, PlanResult] | None:
+    """The best answer so far and who gave it, or this one if it is a plan that costs less beside its bound."""
+    if result.status is Status.SOLVED and (best is None or _above_bound(result, problem) < _above_bound(best[1], problem)):
+        return name, result
+    return best
 
 
 def _answer(name: str, problem: Problem, until_s: float, num_left: int) -> tuple[PlanResult, bool]:

@@ -116,16 +116,34 @@ class Says:
 
 @pytest.mark.parametrize(("waits", "by"), [
     ({"ecbs": 2, "lacam": 0, "lns2": 0, "prioritised": 0}, "ecbs"),  # less than 1.7 times its bound: taken at once
-    ({"ecbs": -1, "lacam": 3, "lns2": 4, "prioritised": 0}, "lacam"),  # the cheapest of three; prioritised is not asked
-    ({"ecbs": -1, "lacam": 4, "lns2": 3, "prioritised": 0}, "lns2"),
+    ({"ecbs": -1, "lacam": 3, "lns2": 4, "prioritised": 5}, "lacam"),  # the cheapest of all
+    ({"ecbs": -1, "lacam": 4, "lns2": 3, "prioritised": 5}, "lns2"),
+    ({"ecbs": -1, "lacam": 4, "lns2": 3, "prioritised": 0}, "prioritised"),
     ({"ecbs": -1, "lacam": 2, "lns2": 0, "prioritised": 0}, "lacam"),
     ({"ecbs": -1, "lacam": -1, "lns2": -1, "prioritised": 5}, "prioritised"),
 ])  # fmt: skip
-def test_of_the_first_three_the_first_that_is_near_its_bound_or_the_cheapest_plan_is_taken(waits, by, monkeypatch):
+def test_the_first_plan_near_its_bound_or_the_cheapest_is_taken(waits, by, monkeypatch):
     monkeypatch.setattr("planners.auto.planner", lambda name, parameters: Says(waits[name]))
     result = Auto().plan(world("0..a"), 5.0)
     assert result.chosen == by
     assert result.why.count("gave up") == list(waits.values()).count(-1)
+
+
+def test_who_is_asked_for_a_cheaper_plan_has_a_bounded_effort(monkeypatch):
+    """Without a plan lns2 may do what it wants; ecbs is asked first."""
+    efforts = []
+
+    @dataclass(frozen=True)
+    class Counts(Says):
+        def plan(self, problem, time_limit_s):
+            efforts.append(problem.effort)
+            return super().plan(problem, time_limit_s)
+
+    for waits, wanted in (({"lacam": 3}, [0, 10_000, 10_000]), ({"lns2": 3}, [0, 0, 10_000])):
+        efforts.clear()
+        monkeypatch.setattr("planners.auto.planner", lambda name, parameters, waits=waits: Counts(waits.get(name, -1)))
+        Auto().plan(world("0..a"), 5.0)
+        assert efforts[1:] == wanted
 
 
 @pytest.mark.parametrize(("parameters", "said"), [
