@@ -142,7 +142,7 @@ def _on_lanes(graph: PlanGraph, vehicle: RobotType) -> _Corners:
     room, rides = np.minimum(graph.length_m[lane], graph.length_m[onward]) / 2, graph.is_ride[lane] | graph.is_ride[onward]
     sharp = np.minimum(np.abs(bend), SHARP_RAD)
     half, least_m, left = np.tan(sharp / 2), wheels.least_radius_m, np.pi - sharp
-    with np.errstate(divide="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore"):  # straight on
         leaves = vehicle.corner_m / (1 / np.cos(sharp / 2) - 1)
         widest_m = np.minimum(room, 2 * room - abs(wheels.ahead_m))  # the axle has left the corner where the middle comes to the next
         radius = np.minimum(np.minimum(widest_m / half, leaves), np.maximum(vehicle.length_m / half, least_m))

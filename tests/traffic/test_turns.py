@@ -95,3 +95,10 @@ def test_the_axle_leaves_a_corner_before_the_middle_comes_to_the_next(lane_m, ha
 def test_a_corner_that_is_too_sharp_is_named_with_its_angle():
     graph = roads([(0.0, 0.0), (8.0, 0.0), (2.0, 6.0)], [(0, 1), (1, 2)], cell_m=8.0)
     assert obstacle_to(graph, ONE_GEAR, [0, 1, 2]) == "tricycle turns by 105 degrees at most, and it is 135 from 'v0' over 'v1' to 'v2'"
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_lane_as_short_as_from_axle_to_middle_is_driven_straight_on():
+    graph = roads([(0.0, 0.0), (4.0, 0.0), (4.0 + TRICYCLE.kinematics.ahead_m, 0.0), (8.0, 0.0)], [(0, 1), (1, 2), (2, 3)])
+    graph = replace(graph, length_m=np.where(graph.length_m < 1, TRICYCLE.kinematics.ahead_m, graph.length_m))
+    assert obstacle_to(graph, TRICYCLE, [0, 1, 2, 3]) == ""
