@@ -163,6 +163,7 @@ class Orders:
     def hand_over(self, task: int, stops: tuple[Stop, ...], why: str) -> None:
         """Its robot is lost; another is to fetch the load at the first of these stops, and to make the others."""
         self._enter(task, HANDED_OVER)
+        self._times["assigned_s"][task] = np.nan
         self._handed.add(task)
         self.tasks[task] = replace(self.tasks[task], stops=stops)
         self._reason[task] = why

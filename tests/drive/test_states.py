@@ -129,7 +129,7 @@ def test_a_load_is_handed_over_beside_the_robot_that_is_lost(tmp_path):
 
 def test_nobody_is_left_to_fetch_a_load(tmp_path):
     run = work(tmp_path, square_grid(3), [1], order("a", 0, 8), broken=[(0, 12.0)], retry=Retry(hand_over=True))
-    assert run.tasks.status == ("handed over",) and run.outcome is Outcome.STALLED
+    assert run.tasks.status == ("handed over",) and np.isnan(run.tasks.assigned_s[0]) and run.outcome is Outcome.STALLED
 
 
 @pytest.mark.parametrize("after_s, status", [(20.0, "cancelled"), (100.0, "done")])
