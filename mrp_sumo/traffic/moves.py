@@ -95,7 +95,7 @@ def _made(graph: PlanGraph, types: tuple[RobotType, ...], barred: BoolArray | No
     )
     made = plan_graph(nav, kind="roadmap", cell_m=graph.cell_m)
     return MoveGraph(
-        **{each.name: getattr(made, each.name) for each in fields(PlanGraph)},
+        **{each.name: getattr(made, each.name) for each in fields(PlanGraph)} | {"beyond_m": frozen(graph.swing_m[place])},
         base=graph,
         place=frozen(place),
         behind=frozen(np.concatenate([mine.behind for mine in states])),

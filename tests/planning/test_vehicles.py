@@ -1,5 +1,7 @@
 """Problems of vehicles that cannot turn in place: every planner's plan is one that they can drive."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -11,7 +13,7 @@ from mrp_sumo.planning.vehicles import on_moves
 from mrp_sumo.traffic.clashes import clashes_of
 from mrp_sumo.traffic.moves import BOUND
 from mrp_sumo.traffic.referee import judge
-from mrp_sumo.traffic.turns import obstacle_to
+from mrp_sumo.traffic.turns import obstacle_to, with_swings
 from tests.vehicles import CAR, CART, TRICYCLE, TUGGER, corner, roads, squares, vehicles_on
 
 PLANNERS = ("astar", "cbs", "ecbs", "eecbs", "pbs", "prioritised", "pibt", "lacam", "lns2", "continuous", "auto")
@@ -138,3 +140,14 @@ def test_states_where_nobody_can_be_are_on_no_list_of_clashes():
     assert sorted(near) == [v for v in sorted(at) if graph.place[v] == 0 and v != problem.start[0]]
     moved = on_moves(vehicles_on(problem.graph.base, [1, 3], [0, 2], [TRICYCLE, CART]))
     assert problem.start[0] not in clashes_of(moved).vertex and moved.start[0] in clashes_of(moved).vertex
+
+
+def test_goals_too_near_to_a_corner_where_trucks_swing_are_named_with_what_they_need():
+    """1 is the corner before the dead end 0, 4 is across it."""
+    forks = replace(TRICYCLE, kinematics=replace(TRICYCLE.kinematics, docking="forks_first"))
+    long_m = 2 * forks.radius_m + forks.gap_m + 0.01
+    xy = [(0.0, 8.0), (0.0, 0.0), (-8.0, 0.0), (8.0, 0.0), (0.0, -long_m), (0.0, -8.0)]
+    graph = with_swings(roads(xy, [(0, 1), (1, 2), (1, 3), (1, 4), (4, 5)], cell_m=8.0), [forks])
+    result = plan(vehicles_on(graph, [2, 5], [1, 4], forks))
+    needs_m = long_m - 0.01 + graph.swing_m[[1, 4]].sum()
+    assert result.status is Status.INFEASIBLE and f"{long_m:.3f} m apart, where they need {needs_m:.3f} m" in result.message
