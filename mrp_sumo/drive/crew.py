@@ -395,7 +395,7 @@ class Crew:
         if leg.nth == 0:
             begin_s = max(begin_s, self.orders.assigned_s(leg.task))
         begin_s = self._opens_s(robot, begin_s) if takes_s else begin_s
-        robot.making = self._row(robot, leg.vertex, (begin_s, begin_s + takes_s), now_s)
+        robot.making = self._row(robot, visit, (begin_s, begin_s + takes_s), now_s)
         if begin_s <= now_s + 1e-9:
             self._pick(robot)
         robot.moved_s, robot.wait_at = begin_s, NONE
@@ -443,14 +443,20 @@ class Crew:
         missing = max(charging.maximum - float(self.level[robot.number]), 0.0)
         return max(charging.minimum_charging_time_s, self.charge_s(robot, missing))
 
-    def _row(self, robot: RobotWork, vertex: int, span_s: tuple[float, float], now_s: float) -> StopRow:
-        """A service of a robot. What was booked since it began, until now, is none of the way there."""
+    def _row(self, robot: RobotWork, visit: int, span_s: tuple[float, float], now_s: float) -> StopRow:
+        """A service of a robot at a visit. What was booked since it began, until now, is none of the way there."""
         task, stop, (begin_s, end_s), since_s = self.tasks[robot.task], self.next_stop(robot), span_s, robot.since_s
+        vertex = int(self.ledger.visits.vertex[visit])
         stood_s, queued_s = (now - then for now, then in zip(self._idle_s(robot), robot.idle_s))
         queued_s = min(max(queued_s - (now_s - begin_s), 0.0), begin_s - since_s)
-        stood_s = min(stood_s, begin_s - since_s - queued_s)
+        stood_s = min(max(stood_s - self._stands_there_s(robot, visit, now_s - begin_s), 0.0), begin_s - since_s - queued_s)
         station = stop.station.name if stop.station else ""
         return StopRow(task.id, robot.number, station, vertex, since_s, begin_s, end_s, stood_s, queued_s, task.due_s)
+
+    def _stands_there_s(self, robot: RobotWork, visit: int, within_s: float) -> float:
+        """For how long one that came to a visit so long ago has stood there, about: if it has gone on, at half its speed at least."""
+        on_m = float(self.ledger.state.motion.s_m[robot.number] - self.ledger.visits.at_m[visit])
+        return max(within_s - 2 * max(on_m, 0.0) / float(self.problem.fleet.max_speed_mps[robot.number]), 0.0)
 
     def _idle_s(self, robot: RobotWork) -> tuple[float, float]:
         """For how long a robot has stood on its way, and where it was sent."""

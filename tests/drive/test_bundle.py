@@ -8,6 +8,7 @@ from floors import BATTERY, driven, lanes, ring, scenario
 from line_fleets import Fleet
 
 from mrp_sumo.core.robot_states import ROBOT_STATES
+from mrp_sumo.drive.crew import STANDS
 from mrp_sumo.drive.dispatchers.bundle import tours
 from mrp_sumo.drive.work_request import work_request
 from mrp_sumo.errors import PlugInError
@@ -151,3 +152,16 @@ def test_orders_that_nobody_can_do_are_refused_in_tours():
     fleet.crew.orders.reveal(0.0)
     with pytest.raises(PlugInError, match="needs a robot of type 'lift'"):
         work_request(fleet.crew, 0.0, fleet.context.closed, {}, {0: [(0, 0), (0, 1)]})
+
+
+@pytest.mark.parametrize(("on_m", "stood_s"), [(0.0, 4.5), (0.022, 4.7), (1.0, 8.1)])
+def test_who_waits_where_it_made_a_stop_in_passing_has_not_stood_so_long_on_the_way_there(on_m, stood_s):
+    """It stood for 4.5 s on its way of 10 s, made the stop, and is seen 3.6 s later: it still stands, has just gone on, or drove on."""
+    fleet = Fleet([2], (0.0, (3,)))
+    robot, speed_mps = fleet.crew.robots[0], float(fleet.crew.problem.fleet.max_speed_mps[0])
+    fleet.crew.orders.reveal(0.0)
+    robot.begin([(0, 0)], 90.0, 90.0, (0.0, 0.0), charges=False)
+    fleet.state.waits.booked_s[0, STANDS[1]] = 8.1
+    fleet.state.motion.s_m[0] = on_m * speed_mps / 0.22
+    row = fleet.crew._row(robot, 0, (100.0, 100.0), 103.6)
+    assert row.stood_s == pytest.approx(stood_s)
