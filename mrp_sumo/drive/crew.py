@@ -454,9 +454,12 @@ class Crew:
         return StopRow(task.id, robot.number, station, vertex, since_s, begin_s, end_s, stood_s, queued_s, task.due_s)
 
     def _stands_there_s(self, robot: RobotWork, visit: int, within_s: float) -> float:
-        """For how long one that came to a visit so long ago has stood there, about: if it has gone on, at half its speed at least."""
-        on_m = float(self.ledger.state.motion.s_m[robot.number] - self.ledger.visits.at_m[visit])
-        return max(within_s - 2 * max(on_m, 0.0) / float(self.problem.fleet.max_speed_mps[robot.number]), 0.0)
+        """For how long one that came to a visit so long ago has stood there, about, if its way leads on: at half its speed at least."""
+        visits, r = self.ledger.visits, robot.number
+        if visit == visits.last[r]:  # where its way ends, it is booked as there
+            return 0.0
+        on_m = float(self.ledger.state.motion.s_m[r] - visits.at_m[visit])
+        return max(within_s - 2 * max(on_m, 0.0) / float(self.problem.fleet.max_speed_mps[r]), 0.0)
 
     def _idle_s(self, robot: RobotWork) -> tuple[float, float]:
         """For how long a robot has stood on its way, and where it was sent."""

@@ -154,14 +154,15 @@ def test_orders_that_nobody_can_do_are_refused_in_tours():
         work_request(fleet.crew, 0.0, fleet.context.closed, {}, {0: [(0, 0), (0, 1)]})
 
 
-@pytest.mark.parametrize(("on_m", "stood_s"), [(0.0, 4.5), (0.022, 4.7), (1.0, 8.1)])
-def test_who_waits_where_it_made_a_stop_in_passing_has_not_stood_so_long_on_the_way_there(on_m, stood_s):
-    """It stood for 4.5 s on its way of 10 s, made the stop, and is seen 3.6 s later: it still stands, has just gone on, or drove on."""
+@pytest.mark.parametrize(("on_m", "last", "stood_s"), [(0.0, 1, 4.5), (0.022, 1, 4.7), (1.0, 1, 8.1), (0.0, 0, 8.1)])
+def test_who_waits_where_it_made_a_stop_in_passing_has_not_stood_so_long_on_the_way_there(on_m, last, stood_s):
+    """It stood for 4.5 s on its way of 10 s, made the stop, and is seen 3.6 s later: it stands, has just gone on, drove on; at its end."""
     fleet = Fleet([2], (0.0, (3,)))
     robot, speed_mps = fleet.crew.robots[0], float(fleet.crew.problem.fleet.max_speed_mps[0])
     fleet.crew.orders.reveal(0.0)
     robot.begin([(0, 0)], 90.0, 90.0, (0.0, 0.0), charges=False)
     fleet.state.waits.booked_s[0, STANDS[1]] = 8.1
     fleet.state.motion.s_m[0] = on_m * speed_mps / 0.22
+    fleet.visits.last = np.array([last])
     row = fleet.crew._row(robot, 0, (100.0, 100.0), 103.6)
     assert row.stood_s == pytest.approx(stood_s)
