@@ -79,9 +79,8 @@ def check_room(problem: Problem) -> None:
 def check_groups(problem: Problem, resources: Resources) -> None:
     """Refuse two robots that start in one mutex group."""
     inside: dict[int, int] = {}
-    for r, vertex in enumerate(problem.start.tolist() if resources.group_name else ()):
-        for zone in resources.zones_at(vertex, int(problem.fleet.kind[r])).tolist():
-            other = inside.setdefault(zone, r)
-            if zone >= len(resources.zone) and other != r:
-                names, group = problem.fleet.robot_name, resources.group_name[zone - len(resources.zone)]
-                raise ExecutionError(f"{names[other]} and {names[r]} both start in mutex group '{group}', where one robot at a time may be")
+    for r, vertex in enumerate(problem.start.tolist()):
+        for group in sorted(resources.groups_at.get(vertex, ())):
+            if (other := inside.setdefault(group, r)) != r:
+                names, name = problem.fleet.robot_name, resources.group_name[group]
+                raise ExecutionError(f"{names[other]} and {names[r]} both start in mutex group '{name}', where one robot at a time may be")

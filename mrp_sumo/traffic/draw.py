@@ -187,11 +187,8 @@ def _shared(graph: PlanGraph, station: IntArray, separation_m: float) -> dict[in
     """What each station shares with others, as names: its mutex groups, and pairs of stations that are too near; most share nothing."""
     shared: dict[int, set[Name]] = {}
     if any(groups_of(options) for options in (*graph.vertex_options, *graph.lane_options)):
-        resources = resources_of(graph, separation_m)
-        for v in station.tolist():
-            zones = resources.zones_at(v, 0)
-            if groups := {("group", int(g)) for g in zones[zones >= len(resources.zone)]}:
-                shared[v] = groups
+        groups_at = resources_of(graph, separation_m).groups_at
+        shared = {v: {("group", group) for group in groups_at[v]} for v in station.tolist() if v in groups_at}
     near, beyond_m = np.zeros((0, 2), np.int64), graph.swing_m[station]
     if separation_m > 0:
         near = pairs_within(graph.xy[station], separation_m + 2 * float(beyond_m.max(initial=0.0)) - 1e-9)

@@ -94,7 +94,7 @@ class Resources:
         place, zone = np.repeat(np.arange(self.num_places), count), self.zones_of[: self.zones_first[self.num_places]]
         groups: dict[int, set[int]] = {}
         for k in np.flatnonzero((zone >= len(self.zone)) & (place < self.num_vertices)).tolist():
-            groups.setdefault(int(place[k]), set()).add(int(zone[k]))
+            groups.setdefault(int(place[k]), set()).add(int(zone[k]) - len(self.zone))
         return {v: frozenset(of) for v, of in groups.items()}
 
     def on_lanes(self, lanes: BoolArray) -> "Resources":
