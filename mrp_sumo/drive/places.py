@@ -7,7 +7,7 @@ vertices.
 """
 
 import heapq
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence, Set
 from functools import cache
 from itertools import chain, combinations
 from types import MappingProxyType
@@ -23,13 +23,14 @@ from mrp_sumo.search._distance import reversed_lanes, steps_to
 from mrp_sumo.search.distance import UNREACHABLE, Distances, StepArray, distances
 
 NONE_HELD: Mapping[int, Collection[int]] = MappingProxyType({})
+NO_GROUPS: Mapping[int, Set[int]] = MappingProxyType({})
 CROSSING = 3  # lanes from a vertex where two robots can change places
 
 
 class RobotPlaces:
     """Places that the robots of a problem can go to."""
 
-    def __init__(self, problem: Problem, parking: Sequence[int] = (), groups: Mapping[int, Collection[int]] = NONE_HELD) -> None:
+    def __init__(self, problem: Problem, parking: Sequence[int] = (), groups: Mapping[int, Set[int]] = NO_GROUPS) -> None:
         """Robots without work go to `parking`, as far as there is room; `groups` are the mutex groups of vertices that are in some."""
         self._problem, self._parking, self._groups = problem, parking, groups
         self._outwards: dict[tuple[PlanGraph, int], tuple[int, ...]] = {}  # vertices by their distance from one
@@ -89,9 +90,7 @@ class RobotPlaces:
             barred = self._problem.barred
             if fleet.loaded is not None and fleet.is_by_load:  # on its way it is now loaded, now not
                 graph = with_lanes(self._problem.graph, ~(barred[kind] & barred[int(fleet.loaded.kind[robot])]))
-            reached = np.arange(graph.num_vertices) == start
-            while (more := reached[graph.tail] & ~reached[graph.head]).any():
-                reached[graph.head[more]] = True
+            reached = _steps(start, graph.first, graph.head) < UNREACHABLE
             self._piece[kind, start] = np.where(reached, strong_components(graph.num_vertices, graph.tail, graph.head), -1)
         piece = self._piece[kind, start]
         return bool(set.intersection(*({int(piece[v]) for v in stop.places} for stop in stops)) - {-1})
@@ -316,8 +315,8 @@ class RobotPlaces:
 
     def _is_near(self, graph: PlanGraph, vertex: int, others: IntArray) -> bool:
         """True if a robot on a vertex would stand too near to one on another, or in its mutex group."""
-        own = self._groups.get(vertex, ())
-        if own and any(not set(own).isdisjoint(self._groups.get(other, ())) for other in others.tolist()):
+        own = self._groups.get(vertex)
+        if own and any(not own.isdisjoint(self._groups.get(other, ())) for other in others.tolist()):
             return True
         away_m = np.hypot(*(graph.xy[others] - graph.xy[vertex]).T)
         apart_m = self._apart_m + graph.swing_m[others] + graph.swing_m[vertex]
@@ -333,18 +332,12 @@ class RobotPlaces:
         graph = self._graph(robot)
         out = self._reach(robot, place, waits | {vertex}) < UNREACHABLE
         out[self._way(robot, vertex, place)] = False
-        first, head = _without(graph, {place}, tails=True)
-        back, queue = np.empty(graph.num_vertices, np.int32), np.empty(graph.num_vertices, np.int64)
-        steps_to(vertex, *reversed_lanes(first, head), back, queue)
+        back = _steps(vertex, *reversed_lanes(*_without(graph, {place}, tails=True)))
         return bool((out & (back < UNREACHABLE)).any())
 
     def _reach(self, robot: int, at: int, blocked: set[int]) -> StepArray:
         """[V] steps from a vertex to each other without passing some."""
-        graph = self._graph(robot)
-        first, head = _without(graph, blocked)
-        steps, queue = np.empty(graph.num_vertices, np.int32), np.empty(graph.num_vertices, np.int64)
-        steps_to(at, first, head, steps, queue)
-        return steps
+        return _steps(at, *_without(self._graph(robot), blocked))
 
     def _way(self, robot: int, start: int, end: int, blocked: set[int] | None = None) -> list[int]:
         """The vertices of a shortest way, both ends included; it passes no `blocked` vertex unless every way does."""
@@ -352,8 +345,7 @@ class RobotPlaces:
         route = _downhill(graph, start, end, self._distances(robot).to(end))
         if not blocked or blocked.isdisjoint(route[1:]):
             return route
-        steps, queue = np.empty(graph.num_vertices, np.int32), np.empty(graph.num_vertices, np.int64)
-        steps_to(end, *reversed_lanes(*_without(graph, blocked)), steps, queue)
+        steps = _steps(end, *reversed_lanes(*_without(graph, blocked)))
         if steps[start] >= UNREACHABLE:
             return route
         steps[list(blocked - {start, end})] = UNREACHABLE
@@ -402,6 +394,13 @@ def _before(at: int, routes: Sequence[Sequence[int]], reach: StepArray) -> set[i
     `reach` are its steps to each vertex.
     """
     return {v for route in routes for n, v in enumerate(route) if at in route or reach[v] <= n}
+
+
+def _steps(at: int, first: IntArray, head: IntArray) -> StepArray:
+    """[V] steps from a vertex to each other over some lanes."""
+    steps, queue = np.empty(len(first) - 1, np.int32), np.empty(len(first) - 1, np.int64)
+    steps_to(at, first, head, steps, queue)
+    return steps
 
 
 def _downhill(graph: PlanGraph, start: int, end: int, steps: StepArray) -> list[int]:

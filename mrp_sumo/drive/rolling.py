@@ -138,11 +138,13 @@ class Rolling:
 
     def _staying(self, request: Request, ways: Replan) -> int:
         """Robots that have stalled and are sent nowhere, though their orders end elsewhere."""
-        robots, visits, granted = self._around.crew.robots, self._around.ledger.visits, self._around.granted
-        has_way = {r for r in request.robot.tolist() if r in ways.reroute and len(ways.reroute[r].vertex)}
-        ends = zip(request.robot.tolist(), request.end.tolist())
-        stay = (r not in has_way and end != visits.vertex[granted(r)] and robots[r].condition is Condition.STALLED for r, end in ends)
-        return sum(stay)
+        context, vertex = self._around, self._around.ledger.visits.vertex
+
+        def is_left(r: int, end: int) -> bool:
+            is_sent = r in ways.reroute and len(ways.reroute[r].vertex) > 0
+            return context.crew.robots[r].condition is Condition.STALLED and not is_sent and end != vertex[context.granted(r)]
+
+        return sum(map(is_left, request.robot.tolist(), request.end.tolist()))
 
     def due(self, now_s: float) -> WindowAnswer | None:
         """The answer that is to take effect now."""
