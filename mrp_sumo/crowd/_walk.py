@@ -28,6 +28,7 @@ ROBOT_MPS2, ROBOT_M, ROBOT_AHEAD_S = 7.0, 0.3, 0.6  # push of a robot at its sur
 ROUND_M, ROUND_ROOM_M = 3.0, 0.35  # people begin to walk round a robot so far before it, and so far beside
 YIELD_M, ASIDE_M = 2.0, 0.15  # where there is no way past a robot: how near one lets it pass, and how far beside it
 SLOWS_M = 0.7  # from there
+CORNER_M, PARTS = 0.5, 4  # who has no room so far ahead is in a corner, and looks for room beside this many parts of the way to the robot
 AGAINST = -0.5  # cosine of the angle between one's way and a robot's, for who meets it
 CLEAR_M = 0.02  # beside a robot
 AT_WALL_M = 0.15  # nobody's centre is closer to a wall
@@ -127,11 +128,13 @@ def push(now, p, walkers, ground, robots, ways):
     if code < NUM_ANGLES:
         angle = code * (2.0 * np.pi / NUM_ANGLES)
         ex, ey = np.cos(angle - KEEP_RIGHT), np.sin(angle - KEEP_RIGHT)
-    tx, ty = round_robots(x, y, ex, ey, walkers.stuck_s[p] > WAITS_S, ground, robots)
+    tx, ty, is_cornered = round_robots(x, y, ex, ey, walkers.stuck_s[p] > WAITS_S, ground, robots)
     if tx == ex and ty == ey:  # robots come first
         tx, ty = round_people(p, x, y, ex, ey, walkers, ground)
     ax, ay, gap = push_of_people(p, x, y, tx, ty, walkers, ground)
     rx, ry, away = push_of_robots(x, y, ex, ey, ground, robots)
+    if is_cornered:  # it would never get out
+        rx, ry = 0.0, 0.0
     wx, wy = push_of_walls(x, y, ex, ey, ground, cell) if away > YIELD_M else (0.0, 0.0)
     goes = min(wish, max(gap - walkers.spacing_m[p], 0.0) / walkers.headway_s[p])
     back = min(ax * ex + ay * ey + goes / RELAX_S, 0.0)  # nobody walks backwards for others
@@ -269,8 +272,9 @@ def push_of_robots(x, y, ex, ey, ground, robots):
 def round_robots(x, y, ex, ey, is_stuck, ground, robots):
     """The direction that leads past the robots that stand or come in the way, on a side with room. Where there is none, where one has
     made no way, or where the robot stands for people before it, one lets it pass: out of its path, and then (0, 0).
+    Third: whether one does so from a corner.
     """
-    tx, ty, nearest = ex, ey, ROUND_M
+    tx, ty, nearest, is_cornered = ex, ey, ROUND_M, False
     row0, row1, column0, column1 = bins_around(x, y, ground)
     for row in range(row0, row1):
         for k in range(robots.first[row * ground.columns + column0], robots.first[row * ground.columns + column1]):
@@ -283,7 +287,7 @@ def round_robots(x, y, ex, ey, is_stuck, ground, robots):
             ahead, left = dx * fx + dy * fy, dy * fx - dx * fy
             beside = np.hypot(robots.half_length_m[i], robots.half_width_m[i]) + BODY_M + ROUND_ROOM_M / 2.0
             if ex == 0.0 and ey == 0.0 and robots.is_halted[i] and is_met and np.hypot(dx, dy) < YIELD_M:
-                tx, ty = out_of_path(x, y, i, ground, robots)
+                tx, ty, is_cornered = out_of_path(x, y, i, ground, robots)
             if ahead <= 0.0 or ahead >= nearest or abs(left) >= beside:
                 continue
             side, has_room = -1.0 if left > -0.05 else 1.0, False  # to the right of a robot that is right ahead
@@ -297,8 +301,8 @@ def round_robots(x, y, ex, ey, is_stuck, ground, robots):
                 side = -side
             if not has_room and ahead < YIELD_M:
                 nearest = ahead
-                tx, ty = out_of_path(x, y, i, ground, robots)
-    return tx, ty
+                tx, ty, is_cornered = out_of_path(x, y, i, ground, robots)
+    return tx, ty, is_cornered
 
 
 @kernel(inline="always", allocates=False)
@@ -318,20 +322,27 @@ def is_free_way(x, y, dx, dy, ground):
 
 @kernel(allocates=False)
 def out_of_path(x, y, i, ground, robots):
-    """The direction that leads out of a robot's path, shorter than 1 for who is nearly out of it, (0, 0) for who is beside it."""
+    """The direction that leads out of a robot's path, shorter than 1 for who is nearly out of it, (0, 0) for who is beside it.
+
+    Where there is no room to the sides one goes before it; from a corner towards it, to where there is room beside its way (third: True).
+    """
     cos, sin = np.cos(robots.yaw_rad[i]), np.sin(robots.yaw_rad[i])
     dx, dy = x - robots.x_m[i], y - robots.y_m[i]
     ahead, left, beside = cos * dx + sin * dy, cos * dy - sin * dx, robots.half_width_m[i] + BODY_M + ASIDE_M
     if ahead <= 0.0 or abs(left) >= beside:
-        return 0.0, 0.0
-    side = 1.0 if left >= 0.0 else -1.0
-    for _ in range(2):
-        step = beside - side * left
-        if ground.free[cell_of(x - side * sin * step, y + side * cos * step, ground)]:
-            share = min(step / SLOWS_M, 1.0)
-            return -side * sin * share, side * cos * share
-        side = -side
-    return cos, sin
+        return 0.0, 0.0, False
+    is_corner = not ground.free[cell_of(x + CORNER_M * cos, y + CORNER_M * sin, ground)]
+    for part in range(1 + is_corner * PARTS):
+        back, side = part * ahead / PARTS, 1.0 if left >= 0.0 else -1.0
+        for _ in range(2):
+            step = beside - side * left
+            far = np.hypot(step, back)
+            tx, ty = -side * sin * (step / far) - cos * (back / far), side * cos * (step / far) - sin * (back / far)
+            if ground.free[cell_of(x + tx * far, y + ty * far, ground)]:
+                share = min(far / SLOWS_M, 1.0)
+                return tx * share, ty * share, part > 0
+            side = -side
+    return cos, sin, False
 
 
 @kernel(allocates=False)

@@ -83,6 +83,19 @@ def test_people_who_meet_pass_each_other_and_a_robot_that_stands_in_their_way():
     assert np.hypot(*np.maximum(beyond, 0).transpose(2, 0, 1)).min() >= BODY_M
 
 
+@pytest.mark.kernel
+@pytest.mark.parametrize(("width_m", "has_room"), [(2.0, True), (1.2, False)])
+def test_person_in_a_corner_gets_out_of_the_path_of_a_robot_where_there_is_room_beside_that(width_m, has_room):
+    """The corner is a wedge: there is none beside the person, and some beside the robot, whose field reaches 0.1 m aside."""
+    middle = width_m / 2
+    floor = room(6, width_m, (0, middle, 1, 0), (0, middle, 1, width_m))
+    crowd = crowd_on(floor, [(0.7, middle), (5, middle)], [((0.6, middle), (0, 1))], robots=[(1.6, middle, 0.6, 0.6)])
+    crowd.robots.yaw_rad[0], crowd.robots.is_halted[0] = np.pi, True
+    aside_m = np.abs(paths(crowd, 10)[:, 0, 1] - middle)
+    assert (aside_m[30:] > 0.3 + 0.1 + BODY_M).all() == has_room
+    assert (aside_m[30:] < 0.3 + 0.1 + BODY_M).all() != has_room
+
+
 def test_nobody_walks_through_a_wall_however_dense_the_crowd():
     floor = room(4, 4, (2, 0, 2, 1.5), (2, 2.5, 2, 4))
     starts = [((0.5 + 0.35 * (k % 4), 0.5 + 0.4 * (k // 4)), (0, 1)) for k in range(32)]
