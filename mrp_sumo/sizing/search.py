@@ -251,9 +251,9 @@ def _next(curve: Curve, effort: Effort) -> dict[int, int]:
     if below:
         knee = below[-1], sizes[sizes.index(below[-1]) + 1]
         brackets.add(knee)
-    beyond = min((n for n, point in curve.unfit.items() if n > best == sizes[-1] and point.num_empty), default=0)
+    beyond = min((n for n in curve.unfit if n > best == sizes[-1]), default=0)
     if beyond > max(best + 1, effort.gap * best):
-        return {_middle(best, beyond): effort.seeds}  # where batteries begin to run empty
+        return {_middle(best, beyond): effort.seeds}  # where runs begin not to count
     if best == sizes[-1]:  # no peak is known, only where little is added on the way there
         gaps = [pair for pair in gaps if below and pair == knee]
     if above:

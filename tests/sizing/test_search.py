@@ -44,6 +44,19 @@ def test_a_dip_before_the_peak_is_reported_and_not_parted():
     assert set(found.curve.sizes) <= set(grid(question((4, 60))))
 
 
+@pytest.mark.parametrize("most", [6, 11])
+def test_fleets_up_to_the_last_whose_runs_count_are_parted_closely(most):
+    """With geometric steps of 1.5 from 4, the runs of 9 count and those of 14 and 20 do not, or none above 6: it is told to 15 %."""
+
+    def audited(trial, fleets=Fleets(rises_and_falls)):  # noqa: B008
+        record = fleets(trial)
+        return record if trial.robots <= most else record | {"observed": record["observed"] | {"operations": ["robot_1 waits"]}}
+
+    result = limits(coarse(Desk(question(), audited)))
+    largest, fails = max(result.curve.points), min(result.curve.unfit)
+    assert largest <= most < fails <= max(largest + 1, 1.15 * largest)
+
+
 @pytest.mark.parametrize("demand_per_h", [100.0, 215.0])
 def test_the_smallest_fleet_for_a_demand_is_bracketed(demand_per_h):
     asked = question((4, 60), demand_per_h=demand_per_h)
