@@ -38,7 +38,7 @@ class Crew:
         self.ledger, self.problem, self.settings, self.ahead_steps = ledger, ledger.problem, settings, ahead_steps
         self.orders = Orders(settings.tasks, settings.cancel)
         self._max_load_kg = ledger.problem.fleet.max_load_kg
-        self.places = RobotPlaces(self.problem, settings.parking, ledger.resources.groups_at)
+        self.places = RobotPlaces(self.problem, settings.parking)
         self.robots = [RobotWork(r) for r in range(num_robots)]
         self.seen = np.arange(num_robots)  # [R] the last visit of each robot that has been looked at
         self.level: FloatArray = np.ones(num_robots)  # [R] states of charge

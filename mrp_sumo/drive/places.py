@@ -3,11 +3,12 @@
 A robot for which no place is free, or which cannot come to one since somebody stands in between, drives up as near as it can and waits
 there: at the station's places to wait, in their order, where it has some, else at the nearest vertex from which who is being served can
 still get out and past it. Robots that rest where others have to pass are sent on (`drive.clearing`). All robots are sent to different
-vertices.
+vertices, and no two to vertices that exclude each other, as planners see it: nearer than they may be, or in one mutex group.
 """
 
 import heapq
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence, Set
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import cache
 from itertools import chain, combinations
 from types import MappingProxyType
@@ -21,22 +22,20 @@ from mrp_sumo.core.task import Stop
 from mrp_sumo.drive.clearing import cleared
 from mrp_sumo.search._distance import reversed_lanes, steps_to
 from mrp_sumo.search.distance import UNREACHABLE, Distances, StepArray, distances
+from mrp_sumo.traffic.clashes import clashes_of
 
 NONE_HELD: Mapping[int, Collection[int]] = MappingProxyType({})
-NO_GROUPS: Mapping[int, Set[int]] = MappingProxyType({})
 CROSSING = 3  # lanes from a vertex where two robots can change places
 
 
 class RobotPlaces:
     """Places that the robots of a problem can go to."""
 
-    def __init__(self, problem: Problem, parking: Sequence[int] = (), groups: Mapping[int, Set[int]] = NO_GROUPS) -> None:
-        """Robots without work go to `parking`, as far as there is room; `groups` are the mutex groups of vertices that are in some."""
-        self._problem, self._parking, self._groups = problem, parking, groups
+    def __init__(self, problem: Problem, parking: Sequence[int] = ()) -> None:
+        """Robots without work go to `parking`, as far as there is room."""
+        self._problem, self._parking, self._excludes = problem, parking, _exclusive(problem)
         self._outwards: dict[tuple[PlanGraph, int], tuple[int, ...]] = {}  # vertices by their distance from one
         self._piece: dict[tuple[int, int], IntArray] = {}  # [V] strong components by type and start, -1: not reached from there
-        fleet = problem.fleet
-        self._apart_m = 2 * float(fleet.radius_m.max()) + float(fleet.gap_m.max())
 
     def see(self, problem: Problem) -> None:
         """Robots are loaded as in this problem from now on."""
@@ -98,9 +97,9 @@ class RobotPlaces:
     def beside(self, stands: IntArray) -> list[int]:
         """Vertices, those clear of a robot on or between some others first; of these the nearest."""
         graph = self._problem.graph
-        away_m = np.hypot(*(graph.xy[:, None] - graph.xy[stands][None]).transpose(2, 0, 1))
-        apart_m = self._apart_m + graph.swing_m[:, None] + graph.swing_m[stands][None]
-        near: list[int] = np.argsort(np.where((away_m >= apart_m).all(1), away_m.sum(1), np.inf), kind="stable").tolist()
+        away_m = np.hypot(*(graph.xy[:, None] - graph.xy[stands][None]).transpose(2, 0, 1)).sum(1)
+        away_m[list(self._closed_by(set(stands.tolist())))] = np.inf
+        near: list[int] = np.argsort(away_m, kind="stable").tolist()
         return near
 
     def choose(
@@ -139,16 +138,16 @@ class RobotPlaces:
         stuck: list[int] = []
         comes_out: list[tuple[set[int], list[int]]] = []  # places that would shut in one that was passed over often, and its way
         for r in turn:
-            at, stop = int(start[r]), stops[r]
+            at, stop, closed = int(start[r]), stops[r], self._closed_by(taken)
             reach = self._reach(r, at, blocked)
             comes = next((a for a in aged if makes[a] and vertex[a] == at), None)
-            if comes is not None and (aside := self._aside(r, at, stop, blocked, int(start[comes]), taken)) is not None:
+            if comes is not None and (aside := self._aside(r, at, stop, blocked, int(start[comes]), closed)) is not None:
                 vertex[r] = aside
                 taken.add(aside)
                 continue
             shuts_in = [route for doors, route in comes_out if not doors.isdisjoint(stop.places)]
             full = not_free.get(r, ())
-            place = self._nearest(r, at, [v for v in stop.places if reach[v] < UNREACHABLE], taken.union(*shuts_in, full))
+            place = self._nearest(r, at, [v for v in stop.places if reach[v] < UNREACHABLE], closed.union(*shuts_in, full))
             past = _before(at, [route for other, route in ways if other.places == stop.places], reach).union(*shuts_in)
             if place is not None:
                 vertex[r], makes[r] = place, True
@@ -185,7 +184,7 @@ class RobotPlaces:
         """Send idle robots to the nearest places to park that are free; returns those that have one."""
         parked = set[int]()
         for r in idle:
-            if self._parking and (spot := self._nearest(r, int(start[r]), self._parking, taken)) is not None:
+            if self._parking and (spot := self._nearest(r, int(start[r]), self._parking, self._closed_by(taken))) is not None:
                 vertex[r] = spot
                 taken.add(spot)
                 parked.add(r)
@@ -202,12 +201,12 @@ class RobotPlaces:
             vertex[r] = self._resting_place(r, int(start[r]), taken, stood_on)
             taken.add(int(vertex[r]))
 
-    def _aside(self, robot: int, at: int, stop: Stop, blocked: set[int], comes: int, taken: set[int]) -> int | None:
+    def _aside(self, robot: int, at: int, stop: Stop, blocked: set[int], comes: int, closed: set[int]) -> int | None:
         """The vertex nearest to a robot that is none of the way of another that comes to where it is; None: its own way is none of it."""
         if comes not in self.route(robot, at, stop, blocked):
             return None
         reach = self._reach(robot, at, blocked | {comes})
-        reach[list({at, *taken, *self._way(robot, comes, at)})] = UNREACHABLE
+        reach[list({at, *closed, *self._way(robot, comes, at)})] = UNREACHABLE
         v = int(reach.argmin())
         return v if reach[v] < UNREACHABLE else None
 
@@ -286,23 +285,19 @@ class RobotPlaces:
         away, place = min((int(known.to(v)[at]), v) for v in stop.places)
         if away >= UNREACHABLE:
             return None
-        behind = self._reach(robot, at, blocked | waits - {at}) if waits else past
+        behind, closed = self._reach(robot, at, blocked | waits - {at}) if waits else past, self._closed_by(taken)
         for v in stop.queue:
-            if v not in taken and past[v] < UNREACHABLE:
+            if v not in closed and past[v] < UNREACHABLE:
                 return v
-        occupied = self._occupied(robot, at, place, blocked)
-        steps, held = known.to(place), np.array(sorted(taken), np.int64)
+        occupied, steps = self._occupied(robot, at, place, blocked), known.to(place)
         rank = 2 * steps.astype(np.int64)
         rank[at] -= 1  # of vertices that are as near, the one where it is
-        wanted, places = np.zeros(graph.num_vertices, np.bool_), {v for other in stops.values() for v in other.places}
-        groups = {group for v in places for group in self._groups.get(v, ())}
-        wanted[[*places, *(v for v, own in self._groups.items() if not groups.isdisjoint(own))]] = True
+        wanted = np.zeros(graph.num_vertices, np.bool_)
+        wanted[list(self._closed_by({v for other in stops.values() for v in other.places}))] = True
         for reach, may in ((behind, ~wanted), (past, ~wanted), (behind, wanted), (past, wanted)):
             there = (reach < UNREACHABLE) & (steps < UNREACHABLE) & may
             for v in np.argsort(np.where(there, rank, 2 * UNREACHABLE), kind="stable").tolist()[: there.sum()]:
-                if v in taken or v in stop.places or graph.vertex_options[v].get("is_passthrough_point"):
-                    continue
-                if len(held) and self._is_near(graph, v, held):
+                if v in closed or v in stop.places or graph.vertex_options[v].get("is_passthrough_point"):
                     continue
                 if all(self._leaves_way_out(robot, p, v, waits) for p in occupied):
                     return int(v)
@@ -313,14 +308,9 @@ class RobotPlaces:
         ahead = (v for v in self._way(robot, at, place)[1:] if v in blocked)
         return list(dict.fromkeys([place, *([first] if (first := next(ahead, None)) is not None else [])]))
 
-    def _is_near(self, graph: PlanGraph, vertex: int, others: IntArray) -> bool:
-        """True if a robot on a vertex would stand too near to one on another, or in its mutex group."""
-        own = self._groups.get(vertex)
-        if own and any(not own.isdisjoint(self._groups.get(other, ())) for other in others.tolist()):
-            return True
-        away_m = np.hypot(*(graph.xy[others] - graph.xy[vertex]).T)
-        apart_m = self._apart_m + graph.swing_m[others] + graph.swing_m[vertex]
-        return bool(((away_m < apart_m) & (graph.level[others] == graph.level[vertex])).any())
+    def _closed_by(self, taken: set[int]) -> set[int]:
+        """Some vertices, and those at which no robot may be while others are there."""
+        return taken.union(*(self._excludes[v] for v in taken if v in self._excludes)) if self._excludes else taken
 
     def _leaves_way_out(self, robot: int, place: int, vertex: int, waits: set[int]) -> bool:
         """True if who is at a place can still get out, and clear of the way in, if a robot waits at a vertex and others at theirs.
@@ -370,22 +360,32 @@ class RobotPlaces:
         graph = self._problem.for_any().graph
         ways = [self._way(r, int(start[r]), int(vertex[r])) for r in goes]
         return cleared(
-            graph, ways, idle, blocked, taken,
-            near=lambda v, others: self._is_near(graph, v, np.array(others, np.int64)),
+            graph, ways, idle, blocked, self._closed_by(taken),
+            near=lambda v, others: not self._excludes.get(v, frozenset()).isdisjoint(others),
             passable=lambda n, v: passable(goes[n], v),
         )  # fmt: skip
 
     def _resting_place(self, robot: int, at: int, taken: set[int], stood_on: set[int]) -> int:
         """The vertex nearest to where a robot is that nobody needs, where best nobody is."""
-        if at not in taken:
+        closed = self._closed_by(taken)
+        if at not in closed:
             return at
         graph = self._graph(robot)
         if (graph, at) not in self._outwards:
             self._outwards[graph, at] = tuple(_outwards(graph, at))
-        free = (v for v in self._outwards[graph, at] if v not in taken)
+        closed = closed if len(closed) < graph.num_vertices else taken
+        free = (v for v in self._outwards[graph, at] if v not in closed)
         nearest = next(free)
         clear = (v for v in chain((nearest,), free) if not graph.vertex_options[v].get("is_passthrough_point"))
         return next((v for v in clear if v not in stood_on), nearest)
+
+
+def _exclusive(problem: Problem) -> dict[int, frozenset[int]]:
+    """Vertices at which no robot may be while another is at one, by that one; those that exclude no others are left out."""
+    clashes = clashes_of(replace(problem, drivable=True))
+    first = clashes.vertex_first[problem.graph.num_lanes :]
+    excludes = ((v, frozenset(clashes.vertex[first[v] : first[v + 1]].tolist()) - {v}) for v in np.flatnonzero(np.diff(first)).tolist())
+    return {v: others for v, others in excludes if others}
 
 
 def _before(at: int, routes: Sequence[Sequence[int]], reach: StepArray) -> set[int]:

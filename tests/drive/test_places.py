@@ -9,23 +9,25 @@ from worlds import CELL_M, problem_on
 
 from mrp_sumo.core.graph import nav_graph, plan_graph
 from mrp_sumo.core.task import Station, Stop
-from mrp_sumo.drive.places import NONE_HELD, RobotPlaces
+from mrp_sumo.drive.places import RobotPlaces
 from mrp_sumo.drive.robot_work import Leg
 from mrp_sumo.drive.work_request import in_turn, older_first, passed_over
 from mrp_sumo.search.distance import UNREACHABLE
 
 
-def row(length, *doorsteps, ring=False):
-    """Vertices 0 to length - 1 in a row, on some of which nobody should stand; as a ring, the last one leads on to the first."""
+def row(length, *doorsteps, ring=False, groups=None):
+    """Vertices 0 to length - 1 in a row, on some of which nobody should stand; as a ring, the last one leads on to the first. Some are
+    in mutex groups.
+    """
     lanes = [lane for i in range(length - 1) for lane in ((i, i + 1), (i + 1, i))] + [(0, length - 1), (length - 1, 0)] * ring
-    options = [{"is_passthrough_point": True} if v in doorsteps else {} for v in range(length)]
+    options = [{"is_passthrough_point": v in doorsteps} | (groups or {}).get(v, {}) for v in range(length)]
     nav = nav_graph(name="row", xy=[(i * CELL_M, 0) for i in range(length)], lanes=lanes, vertex_options=options)
     return plan_graph(nav, kind="roadmap", cell_m=CELL_M)
 
 
-def chosen(graph, start, stops, parking=(), stays=(), aged=(), groups=NONE_HELD):
+def chosen(graph, start, stops, parking=(), stays=(), aged=()):
     """Where robots go that begin at `start`, and who of them makes a stop there; `stops` are vertices by robot."""
-    where = RobotPlaces(problem_on(graph, start, start), parking, groups)
+    where = RobotPlaces(problem_on(graph, start, start), parking)
     at = {r: Stop(v, 1.0, "", Station(f"at {v}", (v,))) for r, v in stops.items()}
     vertex, makes = where.choose(np.array(start), np.isin(np.arange(len(start)), stays), at, list(stops), aged)
     return vertex.tolist(), makes.tolist()
@@ -41,9 +43,53 @@ def test_where_there_are_only_doorsteps_a_robot_makes_room_on_the_nearest():
     assert chosen(row(3, 0, 1, 2), [0, 1], {0: 1}) == ([1, 0], [True, False])
 
 
-@pytest.mark.parametrize(("groups", "waits_at"), [({}, 3), ({4: {0}, 3: {0}}, 5), ({4: {0}, 3: {1}}, 3), ({4: {0}, 3: {0, 1}, 5: {0}}, 2)])
+A, B, BOTH = {"mutex": "a"}, {"mutex": "b"}, {"mutex": "b", "cabin": "a"}
+
+
+@pytest.mark.parametrize(
+    ("groups", "waits_at"), [({}, 3), ({4: A, 3: A}, 5), ({4: A, 3: B}, 3), ({4: BOTH, 3: B, 5: {"cabin": "a"}}, 2)]
+)
 def test_a_robot_does_not_wait_in_the_mutex_group_of_a_place_that_another_is_sent_to(groups, waits_at):
-    assert chosen(row(9, ring=True), [0, 4], {0: 4}, stays=[1], groups=groups) == ([waits_at, 4], [False, False])
+    assert chosen(row(9, ring=True, groups=groups), [0, 4], {0: 4}, stays=[1]) == ([waits_at, 4], [False, False])
+
+
+def near_row(away_m, beyond_m=0.0, groups=None):
+    """Ten vertices on a ring, of which 5 is so far from 4, where robots that need 0.383 m swing out by some."""
+    graph = row(10, ring=True, groups=groups)
+    xy = graph.xy.copy()
+    xy[5, 0] = xy[4, 0] + away_m
+    beyond = np.zeros(10)
+    beyond[4] = beyond_m
+    return replace(graph, xy=xy, beyond_m=beyond)
+
+
+@pytest.mark.parametrize(
+    ("graph", "both_go"),
+    [
+        (near_row(0.39), True),
+        (near_row(0.37), False),
+        (near_row(0.39, beyond_m=0.02), False),
+        (near_row(0.39, groups={4: A, 5: B}), True),
+        (near_row(0.39, groups={4: A, 5: A}), False),
+    ],
+)
+def test_robots_are_not_sent_to_places_that_exclude_each_other(graph, both_go):
+    """robot_0 is to be served at 4, robot_1 at 5: it waits beyond it, and who rests, or parks, there makes room."""
+    assert chosen(graph, [0, 8], {0: 4, 1: 5}) == ([4, 5 if both_go else 6], [True, both_go])
+    assert chosen(graph, [0, 5], {0: 4})[0] == [4, 5 if both_go else 6]
+    assert chosen(graph, [0, 6], {0: 4}, parking=(5, 8))[0] == [4, 5 if both_go else 8]
+
+
+@pytest.mark.parametrize(("away_m", "goes_to"), [(0.39, 5), (0.37, 7)])
+def test_of_the_places_of_a_stop_a_robot_goes_to_one_that_is_not_too_near_to_where_another_is_sent(away_m, goes_to):
+    where, start = RobotPlaces(problem_on(near_row(away_m), [3, 6], [3, 6])), np.array([3, 6])
+    stops = {0: Stop(4, 1.0, "", Station("one", (4,))), 1: Stop(5, 1.0, "", Station("both", (5, 7)))}
+    assert where.choose(start, np.zeros(2, bool), stops, [0, 1])[0].tolist() == [4, goes_to]
+
+
+def test_where_all_places_exclude_each_other_robots_are_sent_to_different_ones():
+    graph = row(4, groups=dict.fromkeys(range(4), A))
+    assert chosen(graph, [0, 2], {0: 2})[0] == [2, 1]
 
 
 @pytest.mark.parametrize(("third", "rests_at"), [(2, 4), (4, 3)])
@@ -74,10 +120,10 @@ def test_a_robot_waits_where_another_is_to_be_served_only_if_there_is_no_other_v
     assert (vertex, makes[2]) == (goes_to, goes_to[2] == 3)
 
 
-@pytest.mark.parametrize(("groups", "waits_at"), [({}, 3), ({8: {0}, 3: {0}}, 5), ({8: {0}, 3: {1}}, 3)])
+@pytest.mark.parametrize(("groups", "waits_at"), [({}, 3), ({8: A, 3: A}, 5), ({8: A, 3: B}, 3)])
 def test_a_robot_does_not_wait_in_the_mutex_group_of_a_place_where_another_is_to_be_served_next(groups, waits_at):
     """robot_1 is served at 4, for which robot_0 waits; robot_2 is to be served at 8, where it chooses its place later."""
-    assert chosen(row(9, ring=True), [0, 4, 7], {0: 4, 2: 8}, stays=[1], groups=groups)[0] == [waits_at, 4, 8]
+    assert chosen(row(9, ring=True, groups=groups), [0, 4, 7], {0: 4, 2: 8}, stays=[1])[0] == [waits_at, 4, 8]
 
 
 @pytest.mark.parametrize(("start", "waits_at"), [((0, 2), [2, 3]), ((2, 0), [3, 2])])
