@@ -162,6 +162,12 @@ class Ledger:
         return self.visits.granted.copy() if self._cut is None else self._cut
 
     @property
+    def behind(self) -> IntArray:
+        """[R] vertices on which trailers stand when new ways begin, -1: none."""
+        lane = self.visits.lane[self.joint]
+        return np.where(self._tows, np.where(lane >= 0, self.graph.tail[lane], self._behind), -1)
+
+    @property
     def come_m(self) -> FloatArray:
         """[R] how far robots have come; while there is a cut, how far they may have come when new ways begin."""
         return self.state.motion.s_m if self._cut is None else self._cut_m
@@ -565,9 +571,7 @@ class Ledger:
             back_lane=lane,
             back_m=motion.s_m[robots] - visits.at_m[joint],  # it stands where it turned
             gear=visits.gear[joint],
-            behind=np.where(
-                self._tows[robots], np.where(visits.lane[joint] >= 0, self.graph.tail[visits.lane[joint]], self._behind[robots]), -1
-            ),
+            behind=self.behind[robots],
             may_turn=does != STANDING,
         )
 

@@ -3,12 +3,12 @@
 A robot for which no place is free, or which cannot come to one since somebody stands in between, drives up as near as it can and waits
 there: at the station's places to wait, in their order, where it has some, else at the nearest vertex from which who is being served can
 still get out and past it. Robots that rest where others have to pass are sent on (`drive.clearing`). All robots are sent to different
-vertices, and no two to vertices that exclude each other, as planners see it: nearer than they may be, or in one mutex group.
+vertices, and no two to vertices that exclude each other, as planners see it: nearer than they may be, or in one mutex group. Trailers take
+the vertex before the last on the way.
 """
 
 import heapq
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
 from functools import cache
 from itertools import chain, combinations
 from types import MappingProxyType
@@ -22,7 +22,7 @@ from mrp_sumo.core.task import Stop
 from mrp_sumo.drive.clearing import cleared
 from mrp_sumo.search._distance import reversed_lanes, steps_to
 from mrp_sumo.search.distance import UNREACHABLE, Distances, StepArray, distances
-from mrp_sumo.traffic.clashes import clashes_of
+from mrp_sumo.traffic.clashes import exclusive_vertices
 
 NONE_HELD: Mapping[int, Collection[int]] = MappingProxyType({})
 CROSSING = 3  # lanes from a vertex where two robots can change places
@@ -33,13 +33,14 @@ class RobotPlaces:
 
     def __init__(self, problem: Problem, parking: Sequence[int] = ()) -> None:
         """Robots without work go to `parking`, as far as there is room."""
-        self._problem, self._parking, self._excludes = problem, parking, _exclusive(problem)
+        self._problem, self._parking, self._excludes = problem, parking, exclusive_vertices(problem)
+        self._behind: IntArray | None = None
         self._outwards: dict[tuple[PlanGraph, int], tuple[int, ...]] = {}  # vertices by their distance from one
         self._piece: dict[tuple[int, int], IntArray] = {}  # [V] strong components by type and start, -1: not reached from there
 
-    def see(self, problem: Problem) -> None:
-        """Robots are loaded as in this problem from now on."""
-        self._problem = problem
+    def see(self, problem: Problem, behind: IntArray | None = None) -> None:
+        """Robots are loaded as in this problem from now on; trailers stand on vertices `behind` [R], -1: none; None: nobody tows any."""
+        self._problem, self._behind = problem, behind
 
     def away(self, robot: int, at: int, stop: Stop) -> int:
         """Steps from a vertex to the nearest place of a stop, `UNREACHABLE` where there is no way."""
@@ -131,7 +132,9 @@ class RobotPlaces:
             where it is in nobody's way: others have to come there before.
         """
         vertex, makes = start.copy(), np.zeros(len(start), np.bool_)
-        blocked, taken = set(start[stays].tolist()), set(start[stays].tolist())
+        blocked, taken = set(start[stays].tolist()), set[int]()
+        for r in np.flatnonzero(stays).tolist():
+            taken |= self._held(r, int(start[r]), int(start[r]))
         waits: set[int] = set()  # vertices where somebody is to wait
         ways: list[tuple[Stop, list[int]]] = []  # of those who have a place
         lines: dict[tuple[int, ...], dict[int, set[int]]] = {}  # robots that wait for the same places; where each may not
@@ -143,7 +146,7 @@ class RobotPlaces:
             comes = next((a for a in aged if makes[a] and vertex[a] == at), None)
             if comes is not None and (aside := self._aside(r, at, stop, blocked, int(start[comes]), closed)) is not None:
                 vertex[r] = aside
-                taken.add(aside)
+                taken |= self._held(r, at, aside)
                 continue
             shuts_in = [route for doors, route in comes_out if not doors.isdisjoint(stop.places)]
             full = not_free.get(r, ())
@@ -163,7 +166,7 @@ class RobotPlaces:
             else:
                 stuck.append(r)
                 continue
-            taken.add(int(vertex[r]))
+            taken |= self._held(r, at, int(vertex[r]))
             if r in aged and (doors := self._doors(r, at, int(vertex[r]), stops, blocked)):
                 comes_out.append((doors, self._way(r, at, int(vertex[r]), blocked)))
         for line in lines.values():
@@ -186,7 +189,7 @@ class RobotPlaces:
         for r in idle:
             if self._parking and (spot := self._nearest(r, int(start[r]), self._parking, self._closed_by(taken))) is not None:
                 vertex[r] = spot
-                taken.add(spot)
+                taken |= self._held(r, int(start[r]), spot)
                 parked.add(r)
         return parked
 
@@ -196,10 +199,10 @@ class RobotPlaces:
         sent_on = self._sent_on(start, vertex, rest, blocked, taken)
         for r, v in sent_on.items():
             vertex[r] = v
-            taken.add(v)
+            taken |= self._held(r, int(start[r]), v)
         for r in (r for r in rest if r not in sent_on):
             vertex[r] = self._resting_place(r, int(start[r]), taken, stood_on)
-            taken.add(int(vertex[r]))
+            taken |= self._held(r, int(start[r]), int(vertex[r]))
 
     def _aside(self, robot: int, at: int, stop: Stop, blocked: set[int], comes: int, closed: set[int]) -> int | None:
         """The vertex nearest to a robot that is none of the way of another that comes to where it is; None: its own way is none of it."""
@@ -207,8 +210,8 @@ class RobotPlaces:
             return None
         reach = self._reach(robot, at, blocked | {comes})
         reach[list({at, *closed, *self._way(robot, comes, at)})] = UNREACHABLE
-        v = int(reach.argmin())
-        return v if reach[v] < UNREACHABLE else None
+        near = np.argsort(reach, kind="stable")[: (reach < UNREACHABLE).sum()].tolist()
+        return next((v for v in near if closed.isdisjoint(self._held(robot, at, v))), None)
 
     def _stay_behind(
         self,
@@ -226,10 +229,11 @@ class RobotPlaces:
             behind = self._reach(r, at, blocked | stand)
             if behind[own] < UNREACHABLE:
                 continue
-            wait = self._where_to_wait(r, at, stops, (taken - {own}) | past, blocked, stand, behind)
+            held = self._held(r, at, own)
+            wait = self._where_to_wait(r, at, stops, (taken - held) | past, blocked, stand, behind)
             if wait is not None:
-                taken.discard(own)
-                taken.add(wait)
+                taken -= held
+                taken |= self._held(r, at, wait)
                 vertex[r] = wait
 
     def _keep_order(self, line: Mapping[int, set[int]], start: IntArray, vertex: IntArray) -> None:
@@ -261,7 +265,8 @@ class RobotPlaces:
     def _nearest(self, robot: int, at: int, choice: Sequence[int], taken: set[int]) -> int | None:
         """The nearest of some vertices that nobody has, None where none can be reached."""
         known = self._distances(robot)
-        away, v = min(((int(known.to(v)[at]), v) for v in choice if v not in taken), default=(UNREACHABLE, -1))
+        free = (v for v in choice if taken.isdisjoint(self._held(robot, at, v)))
+        away, v = min(((int(known.to(v)[at]), v) for v in free), default=(UNREACHABLE, -1))
         return v if away < UNREACHABLE else None
 
     def _where_to_wait(
@@ -287,7 +292,7 @@ class RobotPlaces:
             return None
         behind, closed = self._reach(robot, at, blocked | waits - {at}) if waits else past, self._closed_by(taken)
         for v in stop.queue:
-            if v not in closed and past[v] < UNREACHABLE:
+            if past[v] < UNREACHABLE and closed.isdisjoint(self._held(robot, at, v)):
                 return v
         occupied, steps = self._occupied(robot, at, place, blocked), known.to(place)
         rank = 2 * steps.astype(np.int64)
@@ -299,7 +304,7 @@ class RobotPlaces:
             for v in np.argsort(np.where(there, rank, 2 * UNREACHABLE), kind="stable").tolist()[: there.sum()]:
                 if v in closed or v in stop.places or graph.vertex_options[v].get("is_passthrough_point"):
                     continue
-                if all(self._leaves_way_out(robot, p, v, waits) for p in occupied):
+                if closed.isdisjoint(self._held(robot, at, v)) and all(self._leaves_way_out(robot, p, v, waits) for p in occupied):
                     return int(v)
         return None
 
@@ -307,6 +312,12 @@ class RobotPlaces:
         """The place that a robot waits for, and the first blocked vertex on the shortest way there."""
         ahead = (v for v in self._way(robot, at, place)[1:] if v in blocked)
         return list(dict.fromkeys([place, *([first] if (first := next(ahead, None)) is not None else [])]))
+
+    def _held(self, robot: int, at: int, v: int) -> set[int]:
+        """Vertices that a robot takes where it stops: one, and of those that tow the one before on the way there, or where trailers are."""
+        if self._behind is None or self._behind[robot] < 0 or self._distances(robot).to(v)[at] >= UNREACHABLE:
+            return {v}
+        return {v, int(self._behind[robot]) if v == at else self._way(robot, at, v)[-2]}
 
     def _closed_by(self, taken: set[int]) -> set[int]:
         """Some vertices, and those at which no robot may be while others are there."""
@@ -368,24 +379,17 @@ class RobotPlaces:
     def _resting_place(self, robot: int, at: int, taken: set[int], stood_on: set[int]) -> int:
         """The vertex nearest to where a robot is that nobody needs, where best nobody is."""
         closed = self._closed_by(taken)
-        if at not in closed:
+        if closed.isdisjoint(self._held(robot, at, at)):
             return at
         graph = self._graph(robot)
         if (graph, at) not in self._outwards:
             self._outwards[graph, at] = tuple(_outwards(graph, at))
-        closed = closed if len(closed) < graph.num_vertices else taken
-        free = (v for v in self._outwards[graph, at] if v not in closed)
-        nearest = next(free)
+        free = (v for v in self._outwards[graph, at] if v not in closed and closed.isdisjoint(self._held(robot, at, v)))
+        nearest = next(free, None)
+        if nearest is None:
+            return next(v for v in self._outwards[graph, at] if v not in taken)
         clear = (v for v in chain((nearest,), free) if not graph.vertex_options[v].get("is_passthrough_point"))
         return next((v for v in clear if v not in stood_on), nearest)
-
-
-def _exclusive(problem: Problem) -> dict[int, frozenset[int]]:
-    """Vertices at which no robot may be while another is at one, by that one; those that exclude no others are left out."""
-    clashes = clashes_of(replace(problem, drivable=True))
-    first = clashes.vertex_first[problem.graph.num_lanes :]
-    excludes = ((v, frozenset(clashes.vertex[first[v] : first[v + 1]].tolist()) - {v}) for v in np.flatnonzero(np.diff(first)).tolist())
-    return {v: others for v, others in excludes if others}
 
 
 def _before(at: int, routes: Sequence[Sequence[int]], reach: StepArray) -> set[int]:

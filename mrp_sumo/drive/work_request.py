@@ -53,7 +53,7 @@ def work_request(
     crew.is_changed = False
     committed = crew.ledger.committed
     start, site = np.array([vertices[-1] for vertices in committed], np.int64), crew.site
-    crew.places.see(site)
+    crew.places.see(site, crew.ledger.behind if site.fleet.behind_m.any() else None)
     stays = np.array([robot.is_busy or robot.is_out for robot in crew.robots], np.bool_)
     robots, passed_on = np.flatnonzero(~stays), set(assigned.values())
     on_the_way: dict[int, list[Leg]] = {}  # stops that robots make on what they are committed to

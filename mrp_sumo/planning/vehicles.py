@@ -40,6 +40,8 @@ def on_moves(problem: Problem) -> Problem:
             goal[r] = graph.states[kind].begin + place
         if goal[r] < 0:
             raise PlanError(_why_not(problem, graph, r))
+        if graph.behind[goal[r]] >= 0:
+            taken[graph.behind[goal[r]]] = True
     return replace(
         problem,
         graph=graph,

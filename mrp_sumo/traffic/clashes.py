@@ -38,6 +38,14 @@ def clashes_of(problem: Problem) -> Clashes:
     return _from_starts[problem]
 
 
+def exclusive_vertices(problem: Problem) -> dict[int, frozenset[int]]:
+    """Vertices at which no robot may stand while another is at one, by that one; those that exclude no others are left out."""
+    clashes = _on(problem.graph, problem.fleet.separation_m)
+    first = clashes.vertex_first[problem.graph.num_lanes :]
+    excludes = ((v, frozenset(clashes.vertex[first[v] : first[v + 1]].tolist()) - {v}) for v in np.flatnonzero(np.diff(first)).tolist())
+    return {v: others for v, others in excludes if others}
+
+
 def _at(clashes: Clashes, at: BoolArray, along: BoolArray) -> Clashes:
     """The clashes with vertices [V] that robots can be at and lanes [L] that they can drive along."""
 

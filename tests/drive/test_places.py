@@ -46,9 +46,7 @@ def test_where_there_are_only_doorsteps_a_robot_makes_room_on_the_nearest():
 A, B, BOTH = {"mutex": "a"}, {"mutex": "b"}, {"mutex": "b", "cabin": "a"}
 
 
-@pytest.mark.parametrize(
-    ("groups", "waits_at"), [({}, 3), ({4: A, 3: A}, 5), ({4: A, 3: B}, 3), ({4: BOTH, 3: B, 5: {"cabin": "a"}}, 2)]
-)
+@pytest.mark.parametrize(("groups", "waits_at"), [({}, 3), ({4: A, 3: A}, 5), ({4: A, 3: B}, 3), ({4: BOTH, 3: B, 5: {"cabin": "a"}}, 2)])
 def test_a_robot_does_not_wait_in_the_mutex_group_of_a_place_that_another_is_sent_to(groups, waits_at):
     assert chosen(row(9, ring=True, groups=groups), [0, 4], {0: 4}, stays=[1]) == ([waits_at, 4], [False, False])
 
@@ -85,6 +83,27 @@ def test_of_the_places_of_a_stop_a_robot_goes_to_one_that_is_not_too_near_to_whe
     where, start = RobotPlaces(problem_on(near_row(away_m), [3, 6], [3, 6])), np.array([3, 6])
     stops = {0: Stop(4, 1.0, "", Station("one", (4,))), 1: Stop(5, 1.0, "", Station("both", (5, 7)))}
     assert where.choose(start, np.zeros(2, bool), stops, [0, 1])[0].tolist() == [4, goes_to]
+
+
+@pytest.mark.parametrize(
+    ("start", "behind", "places", "goes_to"),
+    [
+        ((0, 7), (11, -1), (4, 3), [4, 2]),  # trailers at 3 come after it
+        ((0, 7), (11, -1), (4, 2), [4, 2]),
+        ((7, 0), (8, -1), (4, 3), [4, 3]),  # they are at 5
+        ((4, 7), (3, -1), (4, 3), [4, 2]),  # it is there
+        ((4, 7), (5, -1), (4, 3), [4, 3]),
+        ((2, 0), (1, 11), (4, 5), [4, 6]),  # the other's would be at 4
+        ((2, 7), (1, 8), (4, 5), [4, 5]),
+        ((0, 7), (-1, -1), (4, 3), [4, 3]),  # nobody tows
+    ],
+)
+def test_nobody_is_sent_to_where_trailers_stand_of_one_that_is_sent_beside_it(start, behind, places, goes_to):
+    """A ring of twelve; robot_0 chooses first, robot_1 waits where it is out of the way if its place is taken."""
+    where = RobotPlaces(problem := problem_on(row(12, ring=True), start, start))
+    where.see(problem, np.array(behind))
+    stops = {r: Stop(v, 1.0, "", Station(f"at {v}", (v,))) for r, v in enumerate(places)}
+    assert where.choose(np.array(start), np.zeros(2, bool), stops, [0, 1])[0].tolist() == goes_to
 
 
 def test_where_all_places_exclude_each_other_robots_are_sent_to_different_ones():

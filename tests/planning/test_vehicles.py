@@ -101,6 +101,18 @@ def test_nobody_stands_where_trailers_are():
     assert "robot_0 starts at 'v0', where no free lane behind it has 2.90 m for its trailers" in alone.message
 
 
+@pytest.mark.parametrize(("types", "passes"), [([TUGGER, TUGGER], 7), ([CART, TUGGER], 4)])
+def test_a_tugger_comes_to_its_goal_by_the_side_on_which_no_trailers_stand(types, passes):
+    """One from 1 goes straight on over 4 to 5, the other from 2 over 4 to 8, or round by 6 and 7 if trailers stand at 4."""
+    xy = [(-16, 0), (-8, 0), (0, -16), (0, -8), (0, 0), (8, 0), (16, -8), (16, 8), (0, 8), (0, -24), (0, 16)]
+    lanes = [(0, 1), (1, 4), (4, 5), (9, 2), (2, 3), (3, 4), (4, 8), (3, 6), (6, 7), (7, 8), (8, 10)]
+    problem = vehicles_on(roads(xy, one_way=lanes, cell_m=16.0), [1, 2], [5, 8], types)
+    result = planned_by(planner("cbs", {}), problem, 5.0)
+    assert result.plan is not None, result.message
+    path = result.plan.vertex[result.plan.first[1] : result.plan.first[2]].tolist()
+    assert (passes in path, 4 in path and 7 in path) == (True, False)
+
+
 def test_the_referee_knows_turns_that_a_vehicle_cannot_make():
     """A plan that turns round at a dead end is one for those who may reverse."""
     graph = roads([(0.0, 0.0), (4.0, 0.0)], [(0, 1)])
