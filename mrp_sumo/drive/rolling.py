@@ -37,6 +37,7 @@ from mrp_sumo.errors import PlanError, ScenarioError
 from mrp_sumo.plugins.registry import find
 
 WINDOW_STEPS = 20  # at least, by default
+LOOK_S = 1.0  # at least, between looks at how far robots have come
 BEYOND_STEPS = 10  # the way into the longest aisle and back
 STEPWISE = "pibt"  # what answers where the planner has failed twice running
 COMPLETE = "lacam"  # what answers to the end where the planner lets robots stand for good
@@ -60,7 +61,8 @@ class Rolling:
         self.answer: WindowAnswer | None = None  # that has not taken effect yet
         self._window_steps = window_of(settings, context.ledger.problem)
         self._next_s = 0.0  # no request before
-        self.window_over_s = np.inf  # a new plan is to be there by then
+        self.window_over_s = np.inf  # a new plan is to be there by then, or may have to be
+        self._half_over_s = np.inf  # at the latest
         self._failures = 0  # running
         self._led_since_s = -np.inf  # the last stop before LaCAM took over; it leads until the next
         self._events: list[Event] = []
@@ -73,7 +75,8 @@ class Rolling:
         if self.answer is not None or now_s < self._next_s - 1e-9:
             return
         if now_s >= self.window_over_s - 1e-9:
-            context.crew.is_changed = True
+            self.window_over_s = self._over_s(now_s)
+            context.crew.is_changed |= now_s >= self.window_over_s - 1e-9
         if self._settings.tasks and not context.crew.is_changed:
             return
         if planning.budget_s:
@@ -159,7 +162,20 @@ class Rolling:
             work.accepted(answer.request, now_s)
         short = not self._around.state.home.all()
         window_s = self._window_steps * self._around.ledger.problem.step_s
-        self.window_over_s = now_s + window_s / 2 - self._settings.planning.budget_s if short and window_s else np.inf
+        self._half_over_s = now_s + window_s / 2 - self._settings.planning.budget_s if short and window_s else np.inf
+        self.window_over_s = self._over_s(now_s)
+
+    def _over_s(self, now_s: float) -> float:
+        """When half of the window is over; now, where a robot that is ahead of its plan comes to its end; or when to look again."""
+        if not self._half_over_s < np.inf:
+            return np.inf
+        state, visits, kinematics = self._around.state, self._around.ledger.visits, self._controller.kinematics
+        left_m = visits.at_m[visits.last] - state.motion.s_m - kinematics.reach_m - kinematics.speed_mps * self._settings.planning.budget_s
+        drives = ~state.home & (visits.last != visits.reached)
+        if (drives & (left_m <= 0) & (visits.arrive_s[visits.reached] > now_s)).any():
+            return now_s
+        soonest_s = float((left_m / kinematics.speed_mps)[drives].min(initial=np.inf))
+        return min(self._half_over_s, now_s + max(soonest_s, LOOK_S))
 
     def drop(self, now_s: float, *, failed: bool) -> None:
         """An answer does not take effect: there is none, it cannot be driven, or robots have been sent other ways meanwhile."""

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from worlds import BURGER, drive, ending_there, line, problem_of, problem_on, square_grid
+from worlds import BURGER, POINT, drive, ending_there, line, problem_of, problem_on, square_grid
 
 from mrp_sumo.core.arrivals import Arrivals, ServiceTime
 from mrp_sumo.core.disturbances import Breakdown, Disturbances
@@ -147,6 +147,17 @@ def test_nobody_collides_within_a_window(planner):
 def test_windows_bring_robots_past_each_other_and_to_their_stops(tmp_path):
     run = carry(tmp_path, planner="prioritised", planning=Planning(budget_s=1.0, window_s=15.0), time_limit_s=120.0)
     assert run.tasks.status.count("done") >= 12 and run.calls.failed + run.calls.late <= 2
+
+
+@pytest.mark.parametrize("step_s", [0.4, 3.0])
+def test_robots_that_are_ahead_of_their_plan_have_another_before_its_end(tmp_path, step_s):
+    """With steps of 3 s robots come to the end of a window of 20 cells in 9 s, long before half of its 60 s are over."""
+    tasks = TaskList((Task(0, (Stop(69),), name="far"),))
+    planning = Planning(budget_s=1.0, window_s=20 * step_s)
+    usual = {"planning": planning, "engine": "kinematic", "dispatcher": "nearest", "tasks": (tasks,), "planner": "lacam"}
+    run = drive(tmp_path, line(70), [[0]], robot=POINT, step_s=step_s, **usual)
+    moved_s = run.booked_s[0, BOOKINGS.index("moving")]
+    assert run.calls.requests > 2 and run.tasks.done_s[0] == pytest.approx(moved_s + 1.0, abs=0.3)
 
 
 def test_robots_go_by_stops_at_which_nothing_is_to_be_done(tmp_path):
