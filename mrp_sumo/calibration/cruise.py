@@ -6,13 +6,13 @@ the model: top speed m / (1 - s sqrt(2 / pi)). Estimated by a Gaussian likelihoo
 positions makes neighbours negatively and scatter of speed makes them positively correlated: that tells both apart.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from math import nan, pi, sqrt
 
 import numpy as np
 
 from mrp_sumo.calibration.phases import Noise, Phases, padded
-from mrp_sumo.core.graph import FloatArray, IntArray
+from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray
 from mrp_sumo.experiments.statistics import t_quantile
 
 MEAN_LOSS = sqrt(2 / pi)  # of |u| over the standard deviation of u
@@ -28,6 +28,8 @@ MOST_STEPS = 4500  # of all windows
 HELD = 1.15  # factor on intervals for what is held fixed while a figure is fitted; by the tuning fleets of tools/bench_calibrate.py
 SCATTER_HELD = 1.5  # of the scatter and its memory, since braking and speeding up are in short windows, too; by the same fleets
 FAR_OFF = 4.5  # standard deviations
+UNEXPLAINED = 4.0  # standard deviations by which a window's residuals may be larger than they should
+TRIMS, MOST_FIT = 2, 0.8  # how often others are left out, and how many windows are to fit, or none is
 NOISE_PRIOR = 0.1  # standard deviation of the logarithm of noise while driving, about that of standing
 BLOCK_S = 60.0  # within which windows of a vehicle are taken for one
 
@@ -53,11 +55,11 @@ class Windows:
 
 @dataclass(frozen=True, eq=False)
 class Cruise:
-    """Driving at top speed, with influences of blocks on it: their sums are 0, their squares variances."""
+    """Driving at top speed."""
 
     windows: Windows
     mean_mps: FloatArray  # [R] by vehicle, NaN: never at top speed
-    mean_influence: FloatArray  # [R, B] on the logarithm of it
+    mean_deviation: FloatArray  # [R] of the logarithm of it, the larger of what the fit expects and what minutes show
     noise_m: float  # of positions
     scatter: Scatter
     noise_range: tuple[float, float]  # of the scatter, at `confidence`
@@ -165,12 +167,25 @@ def fit_cruise(windows: Windows, noise: Noise, num_vehicles: int, confidence: fl
         return None
     likelihood = _Likelihood(windows, num_vehicles, float(np.log(noise.position_m)))
     fit = _best(likelihood, np.log([noise.position_m, 0.05, 3.0]))
-    _, (mean, mean_influence) = likelihood.at(fit.theta, likelihood.num_blocks)
+    for _ in range(TRIMS):  # a vehicle that brakes or creeps in a few windows would make all scatter
+        fits = explained(_Likelihood(windows, num_vehicles, likelihood.usual_noise).squares(fit.theta), windows.count, UNEXPLAINED)
+        if fits.sum() == len(likelihood.windows.count) or fits.mean() < MOST_FIT:
+            break
+        likelihood = replace(likelihood, windows=Windows(*(getattr(windows, each.name)[fits] for each in fields(windows))))
+        fit = _best(likelihood, fit.theta)
+    mean, mean_deviation = likelihood.means(fit.theta)
     unknown = nan, nan
     ends = (unknown if confidence is None else np.exp(_range(likelihood, fit, k, confidence)).tolist() for k in (1, 2))
     noise_range, tau_range = ((low, high) for low, high in ends)
     noise_m, relative, tau_s = np.exp(fit.theta).tolist()
-    return Cruise(windows, mean, mean_influence, noise_m, Scatter(relative, tau_s), noise_range, tau_range)
+    return Cruise(likelihood.windows, mean, mean_deviation, noise_m, Scatter(relative, tau_s), noise_range, tau_range)
+
+
+def explained(chi2: FloatArray, freedom: IntArray, within: float) -> BoolArray:
+    """[N] whether sums of squares are as large as noise makes them, or as most of them are (Wilson and Hilferty, 1931)."""
+    usual = max(1.0, float(np.median(chi2 / freedom)))
+    fits: BoolArray = (chi2 / freedom / usual) ** (1 / 3) < 1 - 2 / (9 * freedom) + within * np.sqrt(2 / (9 * freedom))
+    return fits
 
 
 def _best(likelihood: "_Likelihood", theta: FloatArray) -> _Fit:
@@ -275,11 +290,11 @@ class _Likelihood:
 
     def total(self, theta: FloatArray) -> float:
         """Of all windows, and of the noise beside that of stands."""
-        return float(self.at(theta)[0].sum()) - ((float(theta[0]) - self.usual_noise) / NOISE_PRIOR) ** 2 / 2
+        return float(self.at(theta).sum()) - ((float(theta[0]) - self.usual_noise) / NOISE_PRIOR) ** 2 / 2
 
     def scores(self, theta: FloatArray) -> FloatArray:
         """[W, 3] of each window."""
-        return np.stack([(self.at(theta + h)[0] - self.at(theta - h)[0]) / 0.04 for h in 0.02 * np.eye(3)], 1)
+        return np.stack([(self.at(theta + h) - self.at(theta - h)) / 0.04 for h in 0.02 * np.eye(3)], 1)
 
     def block_scores(self, theta: FloatArray) -> FloatArray:
         """[B, 3] of each block."""
@@ -294,12 +309,40 @@ class _Likelihood:
         symmetric: FloatArray = (hessian + hessian.T) / 2
         return symmetric
 
-    def at(self, theta: FloatArray, num_blocks: int = 0) -> tuple[FloatArray, tuple[FloatArray, FloatArray]]:
-        """[W] log likelihoods with each vehicle's best mean; and those means [R] with influences of blocks [R, B] on their logarithms."""
-        windows, num_vehicles = self.windows, self.num_vehicles
+    def at(self, theta: FloatArray) -> FloatArray:
+        """[W] log likelihoods."""
+        _, determinant, squares, _ = self._sums(theta)
+        return -determinant - squares / 2
+
+    def squares(self, theta: FloatArray) -> FloatArray:
+        """[W] sums of squares of independent residuals."""
+        return self._sums(theta)[2]
+
+    def means(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Means of vehicles [R], and deviations [R] of their logarithms."""
+        weight, _, _, pull = self._sums(theta)
+        mean, per_vehicle = self._mean_of(pull, weight), np.bincount(self.windows.vehicle, weight, self.num_vehicles)
+        influence = np.zeros((self.num_vehicles, self.num_blocks))
+        own = mean[self.windows.vehicle]
+        np.add.at(influence, (self.windows.vehicle, self.windows.block), (pull - weight * own) / per_vehicle[self.windows.vehicle] / own)
+        blocks = np.maximum(np.count_nonzero(influence, axis=1), 2)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            expected = 1 / np.sqrt(per_vehicle) / mean
+        return mean, np.maximum(expected, np.sqrt((influence**2).sum(1) * blocks / (blocks - 1)))
+
+    def _mean_of(self, pull: FloatArray, weight: FloatArray) -> FloatArray:
+        """[R] weighted means, NaN where there are none."""
+        pulls, weights = (np.bincount(self.windows.vehicle, each, self.num_vehicles) for each in (pull, weight))
+        with np.errstate(invalid="ignore", divide="ignore"):
+            mean: FloatArray = pulls / weights
+        return mean
+
+    def _sums(self, theta: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Of windows [W] each: weights of their means, half the logarithm of determinants, squares with each vehicle's best mean, pulls."""
+        windows = self.windows
         there = np.arange(windows.dt_s.shape[1]) < windows.count[:, None]
         speed = windows.step_m.sum(1) / np.where(there, windows.dt_s, 0.0).sum(1)
-        usual = np.array([np.mean(speed[windows.vehicle == r]) if (windows.vehicle == r).any() else np.nan for r in range(num_vehicles)])
+        usual = self._mean_of(speed, np.ones(len(speed)))
         top = usual[windows.vehicle] / (1 - MEAN_LOSS * min(float(np.exp(theta[1])), 0.8))
         weight, product, square, determinant = np.zeros((4, len(speed)))
         for most in range(4, LONGEST + 4, 4):  # windows of like length, or most of the numbers would be none
@@ -307,17 +350,8 @@ class _Likelihood:
             if len(rows):
                 white, determinant[rows] = self._whitened(theta, rows, min(most, there.shape[1]), top[rows])
                 weight[rows], product[rows], square[rows] = ((white[:, :, i] * white[:, :, j]).sum(1) for i, j in ((0, 0), (0, 1), (1, 1)))
-        summed = np.zeros((2, num_vehicles))
-        np.add.at(summed[0], windows.vehicle, weight)
-        np.add.at(summed[1], windows.vehicle, product)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            mean = summed[1] / summed[0]
-        own = mean[windows.vehicle]
-        logs = -determinant - (square - 2 * own * product + own**2 * weight) / 2
-        influence = np.zeros((num_vehicles, num_blocks))
-        if num_blocks:
-            np.add.at(influence, (windows.vehicle, windows.block), (product - weight * own) / summed[0][windows.vehicle] / own)
-        return logs, (mean, influence)
+        own = self._mean_of(product, weight)[windows.vehicle]
+        return weight, determinant, np.maximum(square - 2 * own * product + own**2 * weight, 0.0), product
 
     def _whitened(self, theta: FloatArray, rows: IntArray, n: int, top_mps: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Times and steps [w, n, 2] of w windows of n steps at most, made independent; and half the logarithm of their determinants."""

@@ -24,11 +24,16 @@ from mrp_sumo.errors import MrpSumoError
 CONFIDENCE = 0.9
 ROUNDS = 3
 MISFIT_M, MISFIT_RAD = 0.001, 0.0012  # by which vehicles may be elsewhere than the law of motion has them
+ROUNDED = 0.5  # of the scatter squared, by which accelerations seem less: a speed that scatters rounds where a ramp meets it
 AT_ONCE, TURNS_AT_ONCE = 0.25, 0.5  # of a log's period: ramps and turns that are shorter are not told
 COARSE_S, ANY_NOISE = 2.5, 0.15  # period from which on logs do not tell how speed scatters; it may be as much as this
 LEAST_EXTENT_M = 0.2  # of where a vehicle is that drives
 FEW = 3  # actions of a kind
 LEAST_DRIVEN_S = 10.0  # on which a stop would be seen
+NO_SPREAD, USUAL_SPREAD = (
+    1 / 3,
+    0.1,
+)  # how likely vehicles are as fast as each other, and by how much they are not, where nobody knows better
 WIDEST = 3.0  # half of an interval, as a logarithm: beyond it nothing is known
 PLACE_M, OFTEN = 0.5, 3  # within which stands are at one place, and how many make one
 
@@ -169,8 +174,9 @@ def _driving(fits: Fits) -> Iterator[CalibratedFigure | Unknown]:
         elif ramp.value * AT_ONCE * period_s > speed:
             yield Unknown(name, f"vehicles reach {speed:.2g} m/s, or stand, sooner than the log shows")
         else:
-            reach = _reach(ramp.scores, ramp.episodes.vehicle, MISFIT_M * 8 * ramp.value / speed**2)
-            yield _within_factor(name, "m/s^2", ramp.value, reach, ramp.count, of)
+            rounded = 0.0 if fits.cruise is None else ROUNDED * min(fits.cruise.scatter.noise, ANY_NOISE) ** 2
+            reach = _reach(ramp.scores, ramp.episodes.vehicle, math.hypot(MISFIT_M * 8 * ramp.value / speed**2, rounded))
+            yield _within_factor(name, "m/s^2", ramp.value * math.exp(rounded), reach, ramp.count, of)
     if turning is None:
         any_heading = any(each.track.has_headings for each in fits.phases)
         yield Unknown("turn_rate_rad_s", "fewer than five turns in place" if any_heading else "the log has no headings")
@@ -215,10 +221,9 @@ def _reach(scores: FloatArray, vehicle: IntArray, misfit: float) -> float:
 def _speeds(cruise: Cruise, period_s: float) -> Iterator[CalibratedFigure | Unknown]:
     """Top speed, the spread of vehicles about it, and the scatter in time."""
     known = np.flatnonzero(np.isfinite(cruise.mean_mps))
-    means, blocks = np.log(cruise.mean_mps[known]), int(np.count_nonzero(np.abs(cruise.mean_influence).sum(0)))
-    deviation = np.maximum(np.sqrt((cruise.mean_influence[known] ** 2).sum(1)), 1e-4)
+    blocks = len(np.unique(cruise.windows.block))
     factor = student(CONFIDENCE, max(blocks - 1, 1)) / student(CONFIDENCE, 100000)
-    top, spread = _spread_of(means, deviation * factor)
+    top, spread = _spread_of(np.log(cruise.mean_mps[known]), np.maximum(cruise.mean_deviation[known], 1e-4) * factor)
     is_coarse = period_s > COARSE_S
     s, (low, high) = (0.0, (0.0, ANY_NOISE)) if is_coarse else (cruise.scatter.noise, cruise.noise_range)
 
@@ -243,10 +248,13 @@ def _speeds(cruise: Cruise, period_s: float) -> Iterator[CalibratedFigure | Unkn
 
 
 def _spread_of(means: FloatArray, deviation: FloatArray) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
-    """Logarithm of the speed of vehicles that lose nothing, and the spread of the others: half of the vehicles lose |N(0, sd)|."""
+    """Logarithm of the speed of vehicles that lose nothing, and the spread of the others: half of the vehicles lose |N(0, sd)|.
+
+    Medians and intervals of both, of the posterior on a grid: any speed, and a spread of 0 or about as much as usual.
+    """
     from scipy.special import log_ndtr
 
-    tops = np.linspace(means.min() - 3 * deviation.max(), means.max() + 4 * deviation.max() + 0.5 * float(np.ptp(means)), 201)
+    tops = np.linspace(means.min() - 4 * deviation.max(), means.max() + 4 * deviation.max() + 0.7 * float(np.ptp(means)), 241)
     spreads = np.concatenate(([0.0], np.geomspace(1e-3, 0.4, 79)))
     off = means - tops[:, None, None]
     width = np.hypot(deviation, spreads[None, :, None])
@@ -254,16 +262,16 @@ def _spread_of(means: FloatArray, deviation: FloatArray) -> tuple[tuple[float, f
     z = off / width
     skewed = math.log(2) - z**2 / 2 - np.log(width) + log_ndtr(-z * spreads[None, :, None] / deviation)
     log = np.logaddexp(alone, skewed).sum(2)
-    i, j = np.unravel_index(int(np.argmax(log)), log.shape)
-    drop = student(CONFIDENCE, max(len(means) - 1, 2)) ** 2 / 2
-    top = _ends(tops, log.max(1), drop)
-    spread = _ends(spreads, log.max(0), drop) if len(means) > 1 else (0.0, 0.0)
-    return (float(tops[i]), *top), (float(spreads[j]), *spread)
+    usual = np.gradient(spreads) * np.exp(-((spreads / USUAL_SPREAD) ** 2) / 2)
+    usual[0] = NO_SPREAD / (1 - NO_SPREAD) * usual[1:].sum()
+    weight = np.exp(log - log.max()) * usual
+    return _quantiles(tops, weight.sum(1)), _quantiles(spreads, weight.sum(0))
 
 
-def _ends(at: FloatArray, log: FloatArray, drop: float) -> tuple[float, float]:
-    inside = at[log > log.max() - drop]
-    return float(inside[0]), float(inside[-1])
+def _quantiles(at: FloatArray, weight: FloatArray) -> tuple[float, float, float]:
+    """The median of weights, and the ends of their interval."""
+    median, low, high = np.interp((0.5, (1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2), np.cumsum(weight) / weight.sum(), at).tolist()
+    return median, low, high
 
 
 def _services(visits: Iterable[ActionTime]) -> Iterator[CalibratedFigure | Unknown]:

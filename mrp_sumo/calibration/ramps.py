@@ -14,7 +14,7 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from mrp_sumo.calibration.cruise import Scatter, integrated_cov
+from mrp_sumo.calibration.cruise import Scatter, explained, integrated_cov
 from mrp_sumo.calibration.phases import Noise, Phases, padded
 from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray
 
@@ -257,7 +257,7 @@ def _fit(episodes: Episodes, noise: Noise, scatter: Scatter, guess: float) -> Ra
         information = normal[:, 3, 3] - (cross * solved[:, :, 1]).sum(1)
         gradient = right[:, 3] - (cross * solved[:, :, 0]).sum(1)
         if k >= 3:
-            used = _explained(r[:, :, 0], there)
+            used = explained((r[:, :, 0] ** 2).sum(1), np.maximum(there.sum(1) - 3, 1), UNEXPLAINED)
         if used.sum() < 3:
             return None
         total = float(information[used].sum())
@@ -283,12 +283,3 @@ def _whitening(episodes: Episodes, t0: FloatArray, v: FloatArray, a: float, nois
     cov[:, np.arange(n), np.arange(n)] += noise.position_m**2
     whitening: FloatArray = np.linalg.inv(np.linalg.cholesky(cov))
     return whitening
-
-
-def _explained(r: FloatArray, there: BoolArray) -> BoolArray:
-    """[E] whether residuals are as large as noise makes them, or as most of the episodes have them."""
-    free = np.maximum(there.sum(1) - 3, 1)
-    chi2 = (r**2).sum(1) / free
-    usual = max(1.0, float(np.median(chi2)))
-    off: BoolArray = (chi2 / usual) ** (1 / 3) < 1 - 2 / (9 * free) + UNEXPLAINED * np.sqrt(2 / (9 * free))  # Wilson and Hilferty, 1931
-    return off

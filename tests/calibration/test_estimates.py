@@ -5,7 +5,7 @@ import pytest
 from shuttles import shuttle_rows
 
 from mrp_sumo.calibration.cruise import _windows, fit_cruise
-from mrp_sumo.calibration.estimates import calibrated
+from mrp_sumo.calibration.estimates import _spread_of, calibrated
 from mrp_sumo.calibration.log import ActionTime, MotionLog, Track
 from mrp_sumo.calibration.phases import Noise, phases_of
 from mrp_sumo.calibration.stops import _fit, _Stands, _unexplained, fit_stops
@@ -38,6 +38,22 @@ def test_memory_of_vehicles_that_each_keep_one_speed_has_the_bounds_of_the_fit()
     rows = [(np.full(16, 0.5), np.full(16, 0.1 + 0.002 * (k % 5)), k % 4, 60.0 * (k // 4)) for k in range(20)]
     cruise = fit_cruise(_windows(rows), Noise(0.002, 0.01), 4)
     assert cruise.tau_range[1] == pytest.approx(300.0)
+
+
+def test_few_windows_in_which_a_vehicle_brakes_make_no_scatter_of_all():
+    rng = np.random.default_rng(3)
+    steady = [(np.ones(8), 1.0 + rng.normal(0, 0.02, 8), k % 3, 60.0 * (k // 3)) for k in range(30)]
+    braking = [(np.ones(8), np.linspace(1.0, 0.6, 8), 0, 30.0), (np.ones(3), np.array([0.9, 0.7, 0.6]), 1, 90.0)]
+    alone, beside = (fit_cruise(_windows(rows), Noise(0.01, 0.01), 3) for rows in (steady, steady + braking))
+    assert beside.scatter.noise == pytest.approx(alone.scatter.noise, rel=0.05)
+    assert len(beside.windows.count) == len(alone.windows.count) == 30
+
+
+def test_vehicles_differ_where_their_means_differ_by_more_than_is_known_of_them():
+    means, deviation = np.log([1.0, 0.9, 0.99, 0.93]), np.full(4, 0.005)
+    (top, low, high), (spread, least, most) = _spread_of(means, deviation)
+    assert low < 0.0 < high and top == pytest.approx(0.0, abs=0.02) and 0.02 < least < spread < most < 0.2
+    assert _spread_of(means, 20 * deviation)[1][1] == 0.0 and _spread_of(np.zeros(4), deviation)[1][:2] == (0.0, 0.0)
 
 
 def test_offsets_of_clocks_change_nothing(shuttles):
