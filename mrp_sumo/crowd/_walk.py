@@ -128,13 +128,12 @@ def push(now, p, walkers, ground, robots, ways):
     if code < NUM_ANGLES:
         angle = code * (2.0 * np.pi / NUM_ANGLES)
         ex, ey = np.cos(angle - KEEP_RIGHT), np.sin(angle - KEEP_RIGHT)
-    tx, ty, is_cornered = round_robots(x, y, ex, ey, walkers.stuck_s[p] > WAITS_S, ground, robots)
+    is_stuck = walkers.stuck_s[p] > WAITS_S
+    tx, ty = round_robots(x, y, ex, ey, is_stuck, ground, robots)
     if tx == ex and ty == ey:  # robots come first
         tx, ty = round_people(p, x, y, ex, ey, walkers, ground)
     ax, ay, gap = push_of_people(p, x, y, tx, ty, walkers, ground)
-    rx, ry, away = push_of_robots(x, y, ex, ey, ground, robots)
-    if is_cornered:  # it would never get out
-        rx, ry = 0.0, 0.0
+    rx, ry, away = push_of_robots(x, y, ex, ey, is_stuck or is_away, ground, robots)
     wx, wy = push_of_walls(x, y, ex, ey, ground, cell) if away > YIELD_M else (0.0, 0.0)
     goes = min(wish, max(gap - walkers.spacing_m[p], 0.0) / walkers.headway_s[p])
     back = min(ax * ex + ay * ey + goes / RELAX_S, 0.0)  # nobody walks backwards for others
@@ -250,8 +249,8 @@ def from_robot(x, y, robot, robots, reach_s):
 
 
 @kernel(allocates=False)
-def push_of_robots(x, y, ex, ey, ground, robots):
-    """The push of robots and of where they will soon be, and how near the nearest is."""
+def push_of_robots(x, y, ex, ey, is_stuck, ground, robots):
+    """The push of robots and of where they will soon be, and how near the nearest is. Those that are halted push nobody who is stuck."""
     ax, ay, nearest = 0.0, 0.0, np.inf
     row0, row1, column0, column1 = bins_around(x, y, ground)
     for row in range(row0, row1):
@@ -263,6 +262,8 @@ def push_of_robots(x, y, ex, ey, ground, robots):
             size = ROBOT_MPS2 * np.exp(-max(away - BODY_M, 0.0) / ROBOT_M)
             if -(ex * nx + ey * ny) < SIGHT:
                 size *= BEHIND
+            if is_stuck and robots.is_halted[robots.member[k]]:
+                size = 0.0
             ax += size * nx
             ay += size * ny
     return ax, ay, nearest
@@ -272,9 +273,8 @@ def push_of_robots(x, y, ex, ey, ground, robots):
 def round_robots(x, y, ex, ey, is_stuck, ground, robots):
     """The direction that leads past the robots that stand or come in the way, on a side with room. Where there is none, where one has
     made no way, or where the robot stands for people before it, one lets it pass: out of its path, and then (0, 0).
-    Third: whether one does so from a corner.
     """
-    tx, ty, nearest, is_cornered = ex, ey, ROUND_M, False
+    tx, ty, nearest = ex, ey, ROUND_M
     row0, row1, column0, column1 = bins_around(x, y, ground)
     for row in range(row0, row1):
         for k in range(robots.first[row * ground.columns + column0], robots.first[row * ground.columns + column1]):
@@ -287,7 +287,7 @@ def round_robots(x, y, ex, ey, is_stuck, ground, robots):
             ahead, left = dx * fx + dy * fy, dy * fx - dx * fy
             beside = np.hypot(robots.half_length_m[i], robots.half_width_m[i]) + BODY_M + ROUND_ROOM_M / 2.0
             if ex == 0.0 and ey == 0.0 and robots.is_halted[i] and is_met and np.hypot(dx, dy) < YIELD_M:
-                tx, ty, is_cornered = out_of_path(x, y, i, ground, robots)
+                tx, ty = out_of_path(x, y, i, ground, robots)
             if ahead <= 0.0 or ahead >= nearest or abs(left) >= beside:
                 continue
             side, has_room = -1.0 if left > -0.05 else 1.0, False  # to the right of a robot that is right ahead
@@ -301,8 +301,8 @@ def round_robots(x, y, ex, ey, is_stuck, ground, robots):
                 side = -side
             if not has_room and ahead < YIELD_M:
                 nearest = ahead
-                tx, ty, is_cornered = out_of_path(x, y, i, ground, robots)
-    return tx, ty, is_cornered
+                tx, ty = out_of_path(x, y, i, ground, robots)
+    return tx, ty
 
 
 @kernel(inline="always", allocates=False)
@@ -324,13 +324,17 @@ def is_free_way(x, y, dx, dy, ground):
 def out_of_path(x, y, i, ground, robots):
     """The direction that leads out of a robot's path, shorter than 1 for who is nearly out of it, (0, 0) for who is beside it.
 
-    Where there is no room to the sides one goes before it; from a corner towards it, to where there is room beside its way (third: True).
+    Where there is no room to the sides one goes before it; from a corner towards it, to where there is room beside its way.
     """
     cos, sin = np.cos(robots.yaw_rad[i]), np.sin(robots.yaw_rad[i])
     dx, dy = x - robots.x_m[i], y - robots.y_m[i]
     ahead, left, beside = cos * dx + sin * dy, cos * dy - sin * dx, robots.half_width_m[i] + BODY_M + ASIDE_M
     if ahead <= 0.0 or abs(left) >= beside:
-        return 0.0, 0.0, False
+        return 0.0, 0.0
+    code = ground.back[cell_of(x, y, ground)]
+    if code < NUM_ANGLES:  # people are pushed to walls: the room is beside where there is room
+        angle = code * (2.0 * np.pi / NUM_ANGLES)
+        x, y = x + CELL_M * np.cos(angle), y + CELL_M * np.sin(angle)
     is_corner = not ground.free[cell_of(x + CORNER_M * cos, y + CORNER_M * sin, ground)]
     for part in range(1 + is_corner * PARTS):
         back, side = part * ahead / PARTS, 1.0 if left >= 0.0 else -1.0
@@ -340,9 +344,9 @@ def out_of_path(x, y, i, ground, robots):
             tx, ty = -side * sin * (step / far) - cos * (back / far), side * cos * (step / far) - sin * (back / far)
             if ground.free[cell_of(x + tx * far, y + ty * far, ground)]:
                 share = min(far / SLOWS_M, 1.0)
-                return tx * share, ty * share, part > 0
+                return tx * share, ty * share
             side = -side
-    return cos, sin, False
+    return cos, sin
 
 
 @kernel(allocates=False)

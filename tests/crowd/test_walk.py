@@ -92,8 +92,29 @@ def test_person_in_a_corner_gets_out_of_the_path_of_a_robot_where_there_is_room_
     crowd = crowd_on(floor, [(0.7, middle), (5, middle)], [((0.6, middle), (0, 1))], robots=[(1.6, middle, 0.6, 0.6)])
     crowd.robots.yaw_rad[0], crowd.robots.is_halted[0] = np.pi, True
     aside_m = np.abs(paths(crowd, 10)[:, 0, 1] - middle)
-    assert (aside_m[30:] > 0.3 + 0.1 + BODY_M).all() == has_room
-    assert (aside_m[30:] < 0.3 + 0.1 + BODY_M).all() != has_room
+    assert (aside_m[60:] > 0.3 + 0.1 + BODY_M).all() == has_room
+    assert (aside_m[60:] < 0.3 + 0.1 + BODY_M).all() != has_room
+
+
+@pytest.mark.parametrize("y_m", [2.25, 2.6, 2.95])
+@pytest.mark.parametrize("yaw_rad", [-0.03, 0.0, 0.03])
+def test_person_at_the_wall_where_corridors_meet_steps_aside_into_one(y_m, yaw_rad):
+    """It has been pushed to where there is no room, 0.17 m from the wall; room beside it is where there is room along the wall."""
+    walls = [
+        (0, 2, 4, 2),
+        (0, 3.2, 4, 3.2),
+        (0, 2, 0, 3.2),
+        (4, 0, 4, 2),
+        (4, 3.2, 4, 5.2),
+        (4, 0, 5.2, 0),
+        (4, 5.2, 5.2, 5.2),
+        (5.2, 0, 5.2, 5.2),
+    ]
+    floor = floor_between(walls, 5.4, 5.4)
+    crowd = crowd_on(floor, [(4.6, 4.8), (0.6, 2.6)], [((5.03, y_m), (0, 1))], robots=[(4.0, 2.6, 0.6, 0.6)])
+    crowd.robots.is_halted[0], crowd.robots.yaw_rad[0] = True, yaw_rad
+    away_m = paths(crowd, 10)[80:, 0] - (4.0, 2.6)
+    assert (np.abs(away_m @ (-np.sin(yaw_rad), np.cos(yaw_rad))) > 0.3 + 0.1 + BODY_M).all()
 
 
 def test_nobody_walks_through_a_wall_however_dense_the_crowd():
