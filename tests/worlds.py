@@ -1,5 +1,6 @@
 """Small worlds, where the answer is known by hand: graphs, paths driven in SUMO, and records of runs that were never driven."""
 
+import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -15,7 +16,8 @@ from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.drive.loop import simulate
 from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.engines.sumo.network import build_network
-from mrp_sumo.io.record import RunRecord
+from mrp_sumo.io.floor_plan import write_costmap
+from mrp_sumo.io.record import RunRecord, record_of
 from mrp_sumo.io.run_folder import EndedRun, write_run
 from mrp_sumo.io.scenario.model import ScenarioModel
 from mrp_sumo.maps.costmap import Costmap
@@ -211,7 +213,17 @@ def run_of_four(out, network, *, executed=True, **changes):
         "audit": {"passed": True} if executed else None,
         "nav": record.nav,
     }
-    return write_run(out, EndedRun(**{**given, **changes}), network=network, costmap=record.costmap, write_bag=write_recorded_bag)
+    run = EndedRun(**{**given, **changes})
+
+    def write_more(folder):
+        shutil.copyfile(network, folder / "network.net.xml")
+        if record.costmap is not None:
+            write_costmap(folder, "map", record.costmap)
+        if run.execution is not None and run.scenario.record.bag:
+            logged = record_of(run.scenario, run.problem, run.result.plan, run.execution, run.nav, record.costmap, run.levels)
+            write_recorded_bag(folder / "bag", logged, run.scenario.record)
+
+    return write_run(out, run, write_more)
 
 
 def record_of_two(names=("a", "b"), num_samples=41):

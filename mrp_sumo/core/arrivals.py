@@ -5,7 +5,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
 
-from mrp_sumo.core.options import Options, Within, option
+from annotated_types import Interval
+
+from mrp_sumo.core.options import Options, option
 from mrp_sumo.errors import OptionError
 
 if TYPE_CHECKING:
@@ -14,8 +16,8 @@ if TYPE_CHECKING:
 HOUR_S = 3600.0
 DAY_S = 24 * HOUR_S
 MAX_OPEN = 100_000
-Positive = Annotated[float, Within(gt=0)]
-NotNegative = Annotated[float, Within(ge=0)]
+Positive = Annotated[float, Interval(gt=0)]
+NotNegative = Annotated[float, Interval(ge=0)]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,14 +6,16 @@ The levels at which robots charge are those of a VDA 5050 factsheet (`batteryCha
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Annotated, Literal
 
-from mrp_sumo.core.options import Options, Within, meaning, option
+from annotated_types import Interval
+
+from mrp_sumo.core.options import Options, meaning, option
 from mrp_sumo.errors import OptionError
 
 if TYPE_CHECKING:
     from mrp_sumo.core.graph import FloatArray
 
 PERCENT: dict[str, float] = {"ge": 0, "le": 100}
-Percent = Annotated[float, Within(**PERCENT)]
+Percent = Annotated[float, Interval(**PERCENT)]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mrp_sumo.core.graph import NO_OPTIONS, FloatArray, IntArray, NavGraph
+from mrp_sumo.core.graph import NO_PROPERTIES, FloatArray, IntArray, NavGraph
 
 LIFT_STATES = ("closed", "coming", "open", "taken", "held")
 """Of lifts: one that is coming closes its doors, travels, and opens them again; a robot takes one, people hold its doors open."""
@@ -44,7 +44,7 @@ def lift_names(graph: NavGraph) -> list[str]:
 
 def door_names(graph: NavGraph) -> list[str]:
     """Of the doors that open for robots."""
-    if graph.lane_options.count(NO_OPTIONS) == graph.num_lanes:  # the common case, quickly
+    if graph.lane_options.count(NO_PROPERTIES) == graph.num_lanes:  # the common case, quickly
         return []
     return sorted({str(options["door"]) for options in graph.lane_options if options.get("door")})
 

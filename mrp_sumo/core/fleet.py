@@ -93,6 +93,16 @@ class Fleet:
         return np.array(most)[self.kind] if most else np.full(self.num_robots, np.inf)
 
     @property
+    def batteries(self) -> tuple[Battery, ...]:
+        """[K] of each type; empty where one has none."""
+        return batteries_of(self.types)
+
+    @property
+    def batteries_loaded(self) -> tuple[Battery, ...]:
+        """[K] of each type with a load; empty where it is the same robot, or one type has none."""
+        return () if self.loaded is None else batteries_of([each.with_load for each in self.types])
+
+    @property
     def is_by_load(self) -> bool:
         """True if robots are of other types with a load, since some lanes are for those with one or without only."""
         return self.loaded is not None and bool((self.loaded.kind != self.kind).any())

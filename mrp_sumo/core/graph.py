@@ -21,9 +21,9 @@ if TYPE_CHECKING:
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
-Options = Mapping[str, Any]
+Properties = Mapping[str, Any]
 
-NO_OPTIONS: Options = {}
+NO_PROPERTIES: Properties = {}
 STATIONS = "; "  # between the names of several stations at one vertex, in its option `station`
 
 
@@ -41,14 +41,14 @@ class NavGraph:
     level: IntArray  # [V] index into level_names
     vertex_name: tuple[str, ...]  # [V] '' where the map gives none
     vertex_options: tuple[
-        Options, ...
+        Properties, ...
     ]  # [V] properties by RMF's names: is_charger, lift, dock_name, mutex, ...; station; is_bend of curves
     tail: IntArray  # [L] vertex a lane leaves; ascending
     head: IntArray  # [L] vertex it enters; ascending for one tail
     length_m: FloatArray  # [L] > 0
     speed_mps: FloatArray  # [L] speed limit, inf without one
     reverse: IntArray  # [L] the lane back, -1 where there is none
-    lane_options: tuple[Options, ...]  # [L] properties by RMF's names: door_name, mutex, orientation_constraint, ...
+    lane_options: tuple[Properties, ...]  # [L] properties by RMF's names: door_name, mutex, orientation_constraint, ...
     source_lane: IntArray  # [L] position of the lane in the source's list
     source: str = ""  # the file it was read from
 
@@ -116,14 +116,14 @@ class NavGraph:
     @cached_property
     def is_ride(self) -> BoolArray:
         """[L] whether a lane is a ride in a lift, or part of one (option `lift`)."""
-        if self.lane_options.count(NO_OPTIONS) == self.num_lanes:  # the common case, quickly
+        if self.lane_options.count(NO_PROPERTIES) == self.num_lanes:  # the common case, quickly
             return frozen(np.zeros(self.num_lanes, np.bool_))
         return frozen(np.array(["lift" in options for options in self.lane_options], np.bool_))
 
     @cached_property
     def is_backward(self) -> BoolArray:
         """[L] whether robots drive backwards on a lane (option `orientation_constraint`)."""
-        if self.lane_options.count(NO_OPTIONS) == self.num_lanes:
+        if self.lane_options.count(NO_PROPERTIES) == self.num_lanes:
             return frozen(np.zeros(self.num_lanes, np.bool_))
         return frozen(np.array([options.get("orientation_constraint") == "backward" for options in self.lane_options], np.bool_))
 
@@ -201,16 +201,6 @@ class NavGraph:
         return nav_graph(**parts_of(graph, name))
 
 
-@dataclass(frozen=True)
-class Frame:
-    """The rectangle of cells that a grid was given as; not all of them need be free."""
-
-    x_m: float  # of the lower left corner
-    y_m: float
-    width: int  # in cells
-    height: int
-
-
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PlanGraph(NavGraph):
     """A NavGraph whose lanes are one time step each: what planners plan on and SUMO drives on.
@@ -223,7 +213,7 @@ class PlanGraph(NavGraph):
     vertex_of_station: IntArray  # [Vnav] the vertex here for each vertex of the nav graph
     nav_lane: IntArray  # [V] lane of the nav graph a cut lies on, -1 elsewhere
     offset_m: FloatArray  # [V] distance from that lane's tail
-    frame: Frame | None = None  # of a grid, where it is known
+    frame_m: FloatArray | None = None  # [2, 2] lower left and upper right corner of all cells of a grid, free or not; None: not known
     walls: FloatArray = field(default_factory=lambda: np.zeros((0, 2, 2)))  # [W, 2, 2] m, which vehicles' turns have to keep clear of
     curves: Mapping[tuple[int, int], FloatArray] = field(default_factory=dict)
     """By tail and head of lanes that vehicles follow as curves [N, 4]: m along the lane, x, y, course in rad without jumps."""
@@ -246,10 +236,10 @@ def nav_graph(
     level_names: Sequence[str] = ("L1",),
     level: Any = None,
     vertex_name: Sequence[str] = (),
-    vertex_options: Sequence[Options] = (),
+    vertex_options: Sequence[Properties] = (),
     length_m: Any = None,
     speed_mps: Any = None,
-    lane_options: Sequence[Options] = (),
+    lane_options: Sequence[Properties] = (),
     source: str = "",
 ) -> NavGraph:
     """Build a NavGraph from vertices and directed lanes in any order.
@@ -304,13 +294,13 @@ def nav_graph(
         xy=frozen(xy),
         level=frozen(np.zeros(num_vertices, np.int64) if level is None else np.asarray(level, np.int64)),
         vertex_name=tuple(vertex_name) or ("",) * num_vertices,
-        vertex_options=tuple(vertex_options) or (NO_OPTIONS,) * num_vertices,
+        vertex_options=tuple(vertex_options) or (NO_PROPERTIES,) * num_vertices,
         tail=frozen(tail),
         head=frozen(head),
         length_m=frozen(length_m[order]),
         speed_mps=frozen(np.full(num_lanes, np.inf) if speed_mps is None else np.asarray(speed_mps, np.float64)[order]),
         reverse=frozen(_opposite(tail, head, num_vertices)),
-        lane_options=tuple(lane_options[i] for i in order) if lane_options else (NO_OPTIONS,) * num_lanes,
+        lane_options=tuple(lane_options[i] for i in order) if lane_options else (NO_PROPERTIES,) * num_lanes,
         source_lane=frozen(order.astype(np.int64)),
         source=source,
     )
@@ -324,7 +314,7 @@ def plan_graph(
     vertex_of_station: Any = None,
     nav_lane: Any = None,
     offset_m: Any = None,
-    frame: Frame | None = None,
+    frame_m: FloatArray | None = None,
     curves: Mapping[tuple[int, int], FloatArray] | None = None,
 ) -> PlanGraph:
     """A graph whose lanes are single steps, as a PlanGraph.
@@ -339,8 +329,8 @@ def plan_graph(
         [Vnav] the vertex for each vertex of the nav graph; by default the nav graph's vertices are the first, in order.
     nav_lane, offset_m
         [V] where cuts lie on the nav graph's lanes; by default there are none.
-    frame
-        Of a grid.
+    frame_m
+        Of a grid, see `PlanGraph`.
     curves
         See `PlanGraph`; by default there are none.
     """
@@ -352,7 +342,7 @@ def plan_graph(
         vertex_of_station=frozen(np.asarray(np.arange(num_vertices) if vertex_of_station is None else vertex_of_station, np.int64)),
         nav_lane=frozen(np.asarray(np.full(num_vertices, -1) if nav_lane is None else nav_lane, np.int64)),
         offset_m=frozen(np.asarray(np.zeros(num_vertices) if offset_m is None else offset_m, np.float64)),
-        frame=frame,
+        frame_m=frame_m,
         curves=curves or {},
     )
 
@@ -384,7 +374,7 @@ def relaid(graph: PlanGraph, **parts: Any) -> PlanGraph:
         vertex_of_station=graph.vertex_of_station,
         nav_lane=np.append(graph.nav_lane, np.full(num_new, -1)),
         offset_m=np.append(graph.offset_m, np.zeros(num_new)),
-        frame=graph.frame,
+        frame_m=graph.frame_m,
         curves=graph.curves,
     )
     beyond_m = np.append(graph.beyond_m, np.zeros(num_new)) if len(graph.beyond_m) else graph.beyond_m

@@ -3,39 +3,29 @@
 Times are drawn by order, stop and action, so that they are the same for whichever robot of a type comes.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import lru_cache
 from zlib import crc32
 
 import numpy as np
 
 from mrp_sumo.core.arrivals import ServiceTime
+from mrp_sumo.core.fleet import Fleet
 from mrp_sumo.core.task import Task
 
 HANDLING = 71  # purpose of the stream of chance
 STANDS_S = 1.0  # at least, where a load goes on or off a robot whose limits change with it
 
 
-@dataclass(frozen=True)
-class Handling:
-    """Times that stops take robots beside what is asked for."""
-
-    actions: tuple[Mapping[str, ServiceTime], ...] = ()  # [K] times of actions, by type of robots
-    kind: tuple[int, ...] = ()  # [R] types
-    seed: int = 0
-    least_s: float = 0.0  # of stops at which a load goes on or off
-
-    def stop_s(self, robot: int, task: Task, nth: int) -> float:
-        """Time in s for which a robot is at a stop of an order."""
-        stop, change = task.stops[nth], load_change(task, nth)
-        takes_s = stop.service_s
-        if self.actions:
-            times = self.actions[self.kind[robot]]
-            done = (*(("pick",) if change > 0 else ("drop",) if change else ()), *(stop.station.actions if stop.station else ()))
-            from_end = len(task.stops) - nth  # the same where another robot goes on with it
-            takes_s += sum(_drawn_s(self.seed, task.name, from_end, action, times[action]) for action in done if action in times)
-        return max(takes_s, self.least_s) if change else takes_s
+def stop_s(fleet: Fleet, seed: int, robot: int, task: Task, nth: int) -> float:
+    """Time in s for which a robot is at a stop of an order: what is asked for, and the actions of its type."""
+    stop, change = task.stops[nth], load_change(task, nth)
+    takes_s = stop.service_s
+    times = fleet.types[fleet.kind[robot]].actions if fleet.types else None
+    if times is not None:
+        done = (*(("pick",) if change > 0 else ("drop",) if change else ()), *(stop.station.actions if stop.station else ()))
+        from_end = len(task.stops) - nth  # the same where another robot goes on with it
+        takes_s += sum(_drawn_s(seed, task.name, from_end, action, time) for action in done if (time := getattr(times, action)))
+    return max(takes_s, STANDS_S) if change and fleet.loaded is not None else takes_s
 
 
 def load_change(task: Task, nth: int) -> int:

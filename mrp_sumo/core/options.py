@@ -5,9 +5,11 @@ Python gives. pydantic reads the metadata of fields by the names of its own argu
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import field, fields
 from typing import Annotated, Any, ClassVar
+
+from annotated_types import Interval
 
 from mrp_sumo.errors import OptionError, nearest
 
@@ -19,17 +21,7 @@ INTERVALS = (
 )
 
 
-class Within:
-    """Bounds of the parts of an option, as `meaning` has them of a whole one: `tuple[Annotated[float, Within(ge=0)], ...]`."""
-
-    def __init__(self, **bounds: float) -> None:
-        self._bounds = bounds
-
-    def __get_pydantic_core_schema__(self, source: Any, schema_of: Callable[[Any], dict[str, Any]]) -> dict[str, Any]:
-        return {**schema_of(source), "allow_inf_nan": False, **self._bounds}
-
-
-Figure = Annotated[float, Within(ge=0)]
+Figure = Annotated[float, Interval(ge=0)]
 
 
 class Options:

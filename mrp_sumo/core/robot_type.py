@@ -14,8 +14,10 @@ import math
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
+from annotated_types import Interval
+
 from mrp_sumo.core.arrivals import ServiceTime
-from mrp_sumo.core.options import INTERVALS, Figure, Options, Within, meaning, option, require_intervals
+from mrp_sumo.core.options import INTERVALS, Figure, Options, meaning, option, require_intervals
 from mrp_sumo.errors import OptionError
 
 if TYPE_CHECKING:  # numpy is slow to load, and files are checked without it
@@ -219,7 +221,7 @@ class RobotShape(Options):
         default=None,
         metadata=meaning("As soon as it is done with its order, out of the way or at a place of `tasks.parking`; none by default."),
     )
-    lane_class_mps: dict[str, Annotated[float, Within(ge=1e-4, le=1e3)]] = field(
+    lane_class_mps: dict[str, Annotated[float, Interval(ge=1e-4, le=1e3)]] = field(
         default_factory=dict,
         hash=False,
         metadata=meaning("Top speeds on lanes by the `class` that the map gives these, such as {ramp: 0.5}."),

@@ -137,10 +137,9 @@ def _part(map_: Map, graph: PlanGraph, level: int, corridor_m: float) -> _Part:
     if map_.building is not None and len(walls):
         points = np.concatenate([walls.reshape(-1, 2), graph.xy[graph.level == level]])
         return _Part(points.min(axis=0), points.max(axis=0), walls, partial(_outside_lifts, map_.building, map_.building.levels[name]))
-    if map_.free is not None and isinstance(nav, PlanGraph) and nav.frame is not None:
-        corner = np.array([nav.frame.x_m, nav.frame.y_m])
-        size_m = nav.cell_m * np.array([nav.frame.width, nav.frame.height])
-        return _Part(corner, corner + size_m, walls, partial(_free_cells, map_.free, corner, nav.cell_m))
+    if map_.free is not None and isinstance(nav, PlanGraph) and nav.frame_m is not None:
+        low, high = nav.frame_m
+        return _Part(low, high, walls, partial(_free_cells, map_.free, low, nav.cell_m))
     lanes = np.flatnonzero((graph.level[graph.tail] == level) & (graph.level[graph.head] == level) & ~graph.is_ride)
     ends = np.stack([graph.xy[graph.tail[lanes]], graph.xy[graph.head[lanes]]], axis=1)
     points = ends.reshape(-1, 2) if len(lanes) else graph.xy[graph.level == level]

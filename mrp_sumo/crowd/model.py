@@ -36,16 +36,6 @@ class People:
     seed: int = 0
 
 
-@dataclass(frozen=True)
-class LaneSpeeds:
-    """Instead of people: a robot's speed is drawn for each lane it enters, from a triangular distribution."""
-
-    least_mps: float
-    usual_mps: float
-    most_mps: float
-    seed: int
-
-
 def joint_places(people: People) -> list[list[int]]:
     """[K] the places that can be reached from each place, itself excluded."""
     region = people.floor.region[people.place]

@@ -30,7 +30,7 @@ Paths = Sequence[Sequence[int]]  # a vertex per step, for each robot
 
 @with_summary
 @dataclass(frozen=True, eq=False, repr=False)
-class Problem(core.Problem):
+class ScenarioProblem(core.Problem):
     """A planning problem with the scenario it comes from: graph, fleet, starts and goals; nothing is planned yet."""
 
     setup: SetUp = field(kw_only=True)
@@ -75,7 +75,8 @@ class Problem(core.Problem):
         )
 
 
-Function = Callable[[Problem, float], PlanResult | Plan | Paths]
+Problem = ScenarioProblem  # as scripts know it
+Function = Callable[[ScenarioProblem, float], PlanResult | Plan | Paths]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -133,7 +134,7 @@ class Judgement:
         return summary(self._head, [("", line) for line in self.lines[:LISTED]]).html
 
 
-def problem(scenario: Scenario) -> Problem:
+def problem(scenario: Scenario) -> ScenarioProblem:
     """Set a scenario up: load its map, draw or look up starts and goals.
 
     Parameters
@@ -143,7 +144,7 @@ def problem(scenario: Scenario) -> Problem:
 
     Returns
     -------
-    Problem
+    ScenarioProblem
         What planners plan; give it to `plan`.
 
     Raises
@@ -158,11 +159,11 @@ def problem(scenario: Scenario) -> Problem:
     required(scenario, Scenario, "problem", "a Scenario; ms.Scenario.read(...) reads a file")
     setup = set_up(scenario.file, shared_maps())
     drawn = setup.problem
-    return Problem(**{each.name: getattr(drawn, each.name) for each in fields(drawn)}, setup=setup)
+    return ScenarioProblem(**{each.name: getattr(drawn, each.name) for each in fields(drawn)}, setup=setup)
 
 
 def plan(
-    problem: Problem, planner: str | Planner | Function | None = None, *, time_limit_s: float | None = None, **parameters: Any
+    problem: ScenarioProblem, planner: str | Planner | Function | None = None, *, time_limit_s: float | None = None, **parameters: Any
 ) -> Solution:
     """Assign goals and plan.
 
@@ -192,7 +193,7 @@ def plan(
     --------
     >>> ms.plan(problem, "ecbs", w=1.2, time_limit_s=10)
     """
-    required(problem, Problem, "plan", "a Problem; make one with ms.problem(scenario)")
+    required(problem, ScenarioProblem, "plan", "a Problem; make one with ms.problem(scenario)")
     places: dict[Place, Any] = {}
     if time_limit_s is not None:
         places["planner", "time_limit_s"] = time_limit_s
@@ -211,7 +212,7 @@ def plan(
     return replace(solution, setup=own, problem=plain)
 
 
-def judge(problem: Problem, plan: Solution | Plan) -> Judgement:
+def judge(problem: ScenarioProblem, plan: Solution | Plan) -> Judgement:
     """Ask the referee, who knows no planner, about a plan.
 
     Parameters
@@ -240,9 +241,9 @@ def judge(problem: Problem, plan: Solution | Plan) -> Judgement:
     return Judgement(solution.problem, solution.verdict, f"{solution.status}: {solution.message}".rstrip(": ").replace("_", " "))
 
 
-def solution_of(problem: Problem, plan: Solution | Plan, call: str) -> Solution:
+def solution_of(problem: ScenarioProblem, plan: Solution | Plan, call: str) -> Solution:
     """The plan as a solution of the problem; one that was not made for it is judged first."""
-    required(problem, Problem, call, "a Problem; make one with ms.problem(scenario)")
+    required(problem, ScenarioProblem, call, "a Problem; make one with ms.problem(scenario)")
     if isinstance(plan, Solution):
         return plan if plan.setup.problem is problem.setup.problem else _moved(problem, plan, call)
     required(plan, Plan, call, "what ms.plan returns, or a Plan")
@@ -254,7 +255,7 @@ def solution_of(problem: Problem, plan: Solution | Plan, call: str) -> Solution:
     return Solution(own, drawn, PlanResult(Status.SOLVED, plan), referee.judge(drawn, plan), 0.0)
 
 
-def _moved(problem: Problem, other: Solution, call: str) -> Solution:
+def _moved(problem: ScenarioProblem, other: Solution, call: str) -> Solution:
     """A plan made for other robots or another execution, in this problem: its paths and its order, at the pace of these robots."""
     theirs, setup, plan = other.problem, problem.setup, other.plan
     if theirs.graph.num_vertices != problem.graph.num_vertices or not np.array_equal(theirs.start, problem.start):
@@ -283,7 +284,7 @@ class _Own:
 
     def plan(self, problem: core.Problem, time_limit_s: float) -> PlanResult:
         began = perf_counter()
-        assert isinstance(problem, Problem)  # the caller's, with the goals assigned
+        assert isinstance(problem, ScenarioProblem)  # the caller's, with the goals assigned
         answer = self.function(problem, time_limit_s)
         time_s = perf_counter() - began
         if isinstance(answer, PlanResult):

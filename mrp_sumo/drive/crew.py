@@ -11,7 +11,7 @@ import numpy as np
 from mrp_sumo.core.execution import BOOKINGS, Event
 from mrp_sumo.core.fleet import with_loads
 from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, frozen
-from mrp_sumo.core.handling import load_change
+from mrp_sumo.core.handling import load_change, stop_s
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.core.shifts import opens_s
 from mrp_sumo.core.task import ASSIGNED, CHARGE, NOBODY, Station, Stop, Task
@@ -37,7 +37,7 @@ class Crew:
         num_robots = ledger.problem.num_robots
         self.ledger, self.problem, self.settings, self.ahead_steps = ledger, ledger.problem, settings, ahead_steps
         self.orders = Orders(settings.tasks, settings.cancel)
-        self._max_load_kg = ledger.problem.fleet.max_load_kg
+        self._max_load_kg, self._batteries = ledger.problem.fleet.max_load_kg, ledger.problem.fleet.batteries
         self.places = RobotPlaces(self.problem, settings.parking)
         self.robots = [RobotWork(r) for r in range(num_robots)]
         self.seen = np.arange(num_robots)  # [R] the last visit of each robot that has been looked at
@@ -145,7 +145,7 @@ class Crew:
 
     def stop_s(self, robot: int, task: int, nth: int) -> float:
         """Time in s for which a robot is at a stop of an order; 0: it goes by."""
-        return self.settings.handling.stop_s(robot, self.tasks[task], nth)
+        return stop_s(self.problem.fleet, self.problem.seed, robot, self.tasks[task], nth)
 
     def can_do(self, robot: int, task: int) -> bool:
         """True if a task is for a robot, which has room on the way to its stops."""
@@ -248,10 +248,10 @@ class Crew:
 
     def charge_s(self, robot: RobotWork, share: float) -> float:
         """Time in s that charging by a share of the capacity takes a robot."""
-        batteries, charging = self.settings.batteries, self.settings.charging
+        charging = self.settings.charging
         if charging is not None and charging.swap_s is not None:
             return charging.swap_s
-        return batteries[int(self.problem.fleet.kind[robot.number])].charge_s(share) if batteries else 0.0
+        return self._batteries[int(self.problem.fleet.kind[robot.number])].charge_s(share) if self._batteries else 0.0
 
     def set_free(self, robot: RobotWork, at_s: float) -> None:
         """A robot has nothing to do."""

@@ -88,7 +88,7 @@ def simulate(
     """
     policy = policy_of(settings.policy, settings.policy_parameters)
     ledger = Ledger(problem, resources_for(problem, plan))
-    bystanders = Bystanders(settings.people, problem.graph, problem.fleet)
+    bystanders = Bystanders(settings, problem)
     world = World(problem, settings, facilities_of(problem.graph, ledger.resources), bystanders.seen)
     work = dispatcher_of(settings.dispatcher, settings.dispatcher_parameters)
     # a plan in steps lets robots be early, one with the times of real motion does not
@@ -167,14 +167,12 @@ class Drive:
         self.crew = Crew(self.ledger, settings, steps_ahead(settings, self.ledger.problem))
         self.tasks = Work(self.crew)
         self.batteries: Batteries | None = None
-        if settings.tasks and settings.batteries:
-            fleet, period_s = self.ledger.problem.fleet, settings.steps_per_sample * settings.step_length_s
-            about = settings.start_level, settings.seed, period_s
-            self.batteries = Batteries(settings.batteries, fleet.kind, *about, settings.batteries_loaded, settings.charging)
+        fleet = self.ledger.problem.fleet
+        if settings.tasks and fleet.batteries:
+            about = settings.start_level, settings.seed, settings.steps_per_sample * settings.step_length_s
+            self.batteries = Batteries(fleet.batteries, fleet.kind, *about, fleet.batteries_loaded, settings.charging)
             self._most_per_s = self.batteries.most_per_s(fleet)
-        problem = self.ledger.problem
-        types = problem.fleet.types
-        self.wear = Wear([types[k] for k in problem.fleet.kind.tolist()] if types else (), settings.seed)
+        self.wear = Wear([fleet.types[k] for k in fleet.kind.tolist()] if fleet.types else (), settings.seed)
         self.context = Surroundings(self.ledger, self.world, self.tasks, self._plan)
         self.rolling = Rolling(self.settings, self.context, self.work, self.controller)
         self._loads = [(0.0, self.crew.loads)]  # [R] loads on board, since when

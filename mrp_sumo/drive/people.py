@@ -13,15 +13,16 @@ from mrp_sumo.core.execution import Event
 from mrp_sumo.core.fleet import Fleet
 from mrp_sumo.core.graph import FloatArray, IntArray, PlanGraph, frozen
 from mrp_sumo.core.people import PeopleLog
+from mrp_sumo.core.problem import Problem
 from mrp_sumo.crowd._walk import BIN_M
 from mrp_sumo.crowd.crowd import Crowd
-from mrp_sumo.crowd.model import LaneSpeeds, People
 from mrp_sumo.crowd.options import ProtectiveFields
 from mrp_sumo.crowd.state import BODY_M
 from mrp_sumo.drive import _people
 from mrp_sumo.drive._causes import GRAINS
 from mrp_sumo.drive.ledger import Ledger
 from mrp_sumo.drive.listeners import Listener, Moment
+from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.drive.state import PeopleState
 from mrp_sumo.drive.train import Trains
 from mrp_sumo.engines.sumo.engine import SumoEngine
@@ -92,21 +93,21 @@ def _people_of(
 class Bystanders:
     """People of one execution, as the loop uses them. Costs nothing where there are none."""
 
-    def __init__(self, what: People | LaneSpeeds | None, graph: PlanGraph, fleet: Fleet) -> None:
-        num_robots = fleet.num_robots
-        self.any = what is not None
-        self._graph, self._what = graph, what
-        self.crowd = Crowd(what, fleet.length_m / 2, fleet.width_m / 2) if isinstance(what, People) else None
-        if what is None:
+    def __init__(self, settings: ExecutionSettings, problem: Problem) -> None:
+        graph, fleet, num_robots = problem.graph, problem.fleet, problem.num_robots
+        people, self._lane_speeds_mps = settings.people, settings.lane_speeds_mps
+        self.any = people is not None or self._lane_speeds_mps is not None
+        self.crowd = None if people is None else Crowd(people, fleet.length_m / 2, fleet.width_m / 2)
+        if not self.any:
             self.seen = nobody(num_robots)
             return
-        fields = what.fields if isinstance(what, People) else None
+        fields = None if people is None else people.fields
         self.seen = _people_of(num_robots, graph, fleet, self.crowd, fields or ProtectiveFields(), watches=fields is not None)
         self._was_halted = self.seen.halted.copy()
         self._trains = Trains(fleet)
         self.stops: list[tuple[int, float, float, bool]] = []  # robot, since, duration, whether it was in motion
-        if isinstance(what, LaneSpeeds):
-            self._streams = [np.random.default_rng([what.seed, LANE_SPEEDS, r]) for r in range(num_robots)]
+        if self._lane_speeds_mps is not None:
+            self._streams = [np.random.default_rng([problem.seed, LANE_SPEEDS, r]) for r in range(num_robots)]
             self._stretch = _stretches(graph)
             self._reached, self._on = np.full(num_robots, -1), np.full(num_robots, -1)
 
@@ -124,8 +125,8 @@ class Bystanders:
             self._place_vehicles(ledger, driven_m)
             _people.see_robots(dt, driven_m, visits, motion, self.seen)
             self.crowd.step(now_s, dt)
-        elif isinstance(self._what, LaneSpeeds):
-            self._draw_speeds(self._what, ledger)
+        elif self._lane_speeds_mps is not None:
+            self._draw_speeds(self._lane_speeds_mps, ledger)
 
     def _place_vehicles(self, ledger: Ledger, driven_m: FloatArray) -> None:
         """Bodies of vehicles that have driven so far [R]."""
@@ -154,7 +155,7 @@ class Bystanders:
         text = "somebody in its protective field" if moved else "somebody in its protective field as it was to set out"
         return Event(since_s, "person", robot, duration_s=duration_s, text=text)
 
-    def _draw_speeds(self, what: LaneSpeeds, ledger: Ledger) -> None:
+    def _draw_speeds(self, speeds_mps: tuple[float, float, float], ledger: Ledger) -> None:
         """Those of robots that have come to another lane of the map."""
         visits = ledger.visits
         for r in np.flatnonzero(visits.reached != self._reached).tolist():
@@ -163,7 +164,7 @@ class Bystanders:
             stretch = self._on[r] if ahead < 0 else int(self._stretch[visits.lane[ahead]])
             if stretch != self._on[r]:
                 self._on[r] = stretch
-                self.seen.cap_mps[r] = self._streams[r].triangular(what.least_mps, what.usual_mps, what.most_mps)
+                self.seen.cap_mps[r] = self._streams[r].triangular(*speeds_mps)
 
 
 def _stretches(graph: PlanGraph) -> IntArray:

@@ -9,12 +9,10 @@ import numpy as np
 from mrp_sumo.core.battery import Charging
 from mrp_sumo.core.disturbances import ClosedLane
 from mrp_sumo.core.driving import DrivingOptions, Planning
-from mrp_sumo.core.handling import Handling
 from mrp_sumo.core.order_rules import Cancel, Retry
-from mrp_sumo.core.robot_type import Battery
 from mrp_sumo.core.stream import TaskSource
 from mrp_sumo.core.task import Station
-from mrp_sumo.crowd.model import LaneSpeeds, People
+from mrp_sumo.crowd.model import People
 from mrp_sumo.errors import ExecutionError, nearest
 
 ON_DEADLOCK = ("report", "stop", "resolve")
@@ -42,10 +40,7 @@ class ExecutionSettings(DrivingOptions):
     tasks: tuple[TaskSource, ...] = ()
     cancel: Cancel | None = None  # orders that nobody picks; None: they wait
     retry: Retry | None = None  # orders whose robot is lost with them on board; None: they have failed
-    handling: Handling = field(default_factory=Handling)  # how long stops take beside their services
     parking: tuple[int, ...] = ()  # vertices where robots without a task go
-    batteries: tuple[Battery, ...] = ()  # of each type of robots, if they have some; in runs with tasks
-    batteries_loaded: tuple[Battery, ...] = ()  # the same while robots carry a load; empty: it makes no difference
     charging: Charging | None = None
     chargers: Station | None = None  # where, if they do
     start_level: tuple[float, float] = (1.0, 1.0)  # of batteries, drawn evenly between them
@@ -55,7 +50,8 @@ class ExecutionSettings(DrivingOptions):
     record_period_s: float = 0.1  # a whole number of steps
     seed: int = 0  # of what chance decides while driving
     closed_lanes: tuple[ClosedLane, ...] = ()  # of the disturbances' closures
-    people: People | LaneSpeeds | None = None  # who walks among the robots, or the speeds that they are drawn instead
+    people: People | None = None  # who walks among the robots
+    lane_speeds_mps: tuple[float, float, float] | None = None  # instead, least, usual and most of those that robots draw for each lane
 
     def __post_init__(self) -> None:
         super().__post_init__()

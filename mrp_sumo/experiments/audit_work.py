@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 
 from mrp_sumo.core.battery import start_shares
-from mrp_sumo.core.fleet import batteries_of, fleet_of_types
+from mrp_sumo.core.fleet import fleet_of_types
 from mrp_sumo.core.graph import FloatArray, NavGraph, PlanGraph
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.experiments.result import RunResult
-from mrp_sumo.experiments.staging.tasks import handling_of, sources_on
+from mrp_sumo.experiments.staging.tasks import sources_on
 from mrp_sumo.io.outline import outline_of
 from mrp_sumo.io.run_reader import RunFolder
 from mrp_sumo.io.scenario.file import ScenarioFile
@@ -54,19 +54,13 @@ def _terms(file: ScenarioFile, graph: PlanGraph, nav: NavGraph, num_robots: int,
     tasks, planning = file.scenario.tasks, file.scenario.execution.planning
     assert tasks is not None
     fleet = fleet_of_types(models, kind)
-    batteries, loaded = batteries_of(models), batteries_of([model.with_load for model in models])
     return Terms(
         sources=sources_on(file, nav, graph, fleet, step_s),
-        type_name=fleet.type_name,
-        capacity=() if fleet.capacity is None else tuple(fleet.capacity.tolist()),
-        batteries=tuple(batteries[k] for k in kind.tolist()) if batteries else (),
-        max_load_kg=tuple(fleet.max_load_kg.tolist()),
-        batteries_loaded=tuple(loaded[k] for k in kind.tolist()) if batteries and fleet.loaded else (),
-        handling=handling_of(models, fleet, file.scenario.seed),
+        fleet=fleet,
+        seed=file.scenario.seed,
         swap_s=tasks.charging.swap_s if tasks.charging else None,
         charges=frozenset(name for name, station in tasks.stations.items() if station.charges),
         start_level=start_shares(tasks.charging),
-        stands_s=tuple(np.inf if models[k].tow_s is None else models[k].tow_s for k in kind.tolist()),
         waits_s=planning.budget_s + planning.least_period_s(num_robots, step_s),
         doors_xy=doors_xy,
     )

@@ -17,7 +17,7 @@ from mrp_sumo.core.angles import wrapped
 from mrp_sumo.core.battery import BatteryLog
 from mrp_sumo.core.execution import RECORDED, Event, Execution, Outcome
 from mrp_sumo.core.fleet import LIMITS, Fleet, fleet_of_types
-from mrp_sumo.core.graph import FloatArray, IntArray, NavGraph, Options, PlanGraph, frozen, nav_graph, plan_graph
+from mrp_sumo.core.graph import FloatArray, IntArray, NavGraph, PlanGraph, Properties, frozen, nav_graph, plan_graph
 from mrp_sumo.core.plan import Plan, PlanResult, Status, plan_of_visits
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.core.robot_type import RobotType
@@ -153,7 +153,7 @@ def _graph(
     lanes = sorted((number[a], number[b]) for a, b in edges if a != b)
     length_m = [max(float(np.hypot(*(xy[b] - xy[a]))), SHORTEST_LANE_M) for a, b in lanes]
     level = np.array([level_names.index(places[node][2]) for node in names], np.int64)
-    options: list[Options] = [{} if level[a] == level[b] else {"lift": LIFT} for a, b in lanes]
+    options: list[Properties] = [{} if level[a] == level[b] else {"lift": LIFT} for a, b in lanes]
     nav = nav_graph(
         name=name,
         xy=xy,

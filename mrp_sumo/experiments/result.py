@@ -1,5 +1,6 @@
 """A run that has ended, in memory: what it came to, and everything that its run folder would hold."""
 
+import shutil
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -15,24 +16,24 @@ from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.experiments.solve import Solution
 from mrp_sumo.experiments.staging.set_up import SetUp
+from mrp_sumo.io.floor_plan import write_costmap
+from mrp_sumo.io.outline import write_outline
 from mrp_sumo.io.record import RunRecord, record_of
 from mrp_sumo.io.run_folder import EndedRun, result_document, write_run, write_trace_files
-from mrp_sumo.maps.levels import shifts_of
+from mrp_sumo.maps.lifts import Shift
 
 if TYPE_CHECKING:
     import pandas
 
     from mrp_sumo.io.outline import Outline
     from mrp_sumo.io.trace import Trace
-    from mrp_sumo.io.trajectory import Levels, Trajectory
+    from mrp_sumo.io.trajectory import Trajectory
     from mrp_sumo.maps.costmap import Costmap
 
 
-def levels_of(setup: SetUp, graph: PlanGraph) -> "Levels":
+def levels_of(setup: SetUp, graph: PlanGraph) -> Shift:
     """The levels of a graph, and how they lie side by side."""
-    from mrp_sumo.io.trajectory import Levels
-
-    return Levels(graph.level_names, shifts_of(graph.level_names, setup.map.level_shift_m))
+    return {name: setup.map.level_shift_m.get(name, (0.0, 0.0)) for name in graph.level_names}
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,7 +134,7 @@ class RunResult:
         return self.execution
 
     @property
-    def levels(self) -> "Levels | None":
+    def levels(self) -> Shift | None:
         """Those of the graph, where robots change them."""
         return None if self.execution is None or self.execution.level is None else levels_of(self.setup, self.graph)
 
@@ -183,11 +184,20 @@ class RunResult:
 
         Raises MrpSumoError when `out` holds something else, or the disk refuses. Nothing half-written stays.
         """
-        from mrp_sumo.bags.writer import write_recorded_bag
 
-        graph = self.solution.problem.graph  # that of a recorded fleet of which nobody moved has no lanes
-        network = maps.network(graph) if graph.num_lanes else None
-        write_run(out, self._ended, network=network, costmap=self.costmap, outline=self.outline, write_bag=write_recorded_bag)
+        def write_map_and_bag(folder: Path) -> None:
+            if self.graph.num_lanes:  # that of a recorded fleet of which nobody moved has none
+                shutil.copyfile(maps.network(self.graph), folder / "network.net.xml")
+            if self.costmap is not None:
+                write_costmap(folder, "map", self.costmap)
+            if self.outline is not None:
+                write_outline(folder / "building.json", self.outline)
+            if self.execution is not None and self.setup.scenario.record.bag and len(self.execution.t_s):
+                from mrp_sumo.bags.writer import write_recorded_bag
+
+                write_recorded_bag(folder / "bag", self.record, self.setup.scenario.record)
+
+        write_run(out, self._ended, write_map_and_bag)
 
     @property
     def trace(self) -> "Trace | None":

@@ -50,9 +50,10 @@ def cells_of(graph: PlanGraph) -> Cells | None:
     """
     if graph.kind != "grid" or len(graph.level_names) > 1 or not graph.num_vertices:
         return None
-    corner = (graph.frame.x_m, graph.frame.y_m) if graph.frame else graph.xy.min(axis=0) - graph.cell_m / 2
-    column, up = np.floor((graph.xy - corner) / graph.cell_m + 1e-6).astype(np.int64).T
-    width, height = (graph.frame.width, graph.frame.height) if graph.frame else (int(column.max()) + 1, int(up.max()) + 1)
+    low, high = (graph.xy.min(axis=0), graph.xy.max(axis=0)) if graph.frame_m is None else graph.frame_m
+    half = graph.cell_m / 2 if graph.frame_m is None else 0.0
+    column, up = np.floor((graph.xy - low + half) / graph.cell_m + 1e-6).astype(np.int64).T
+    width, height = np.rint((high - low + 2 * half) / graph.cell_m).astype(np.int64).tolist()
     return Cells(column, height - 1 - up, width, height)
 
 

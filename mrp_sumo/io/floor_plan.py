@@ -14,7 +14,7 @@ import numpy as np
 import yaml
 
 from mrp_sumo.core.fleet import LIMITS, Fleet, fleet_of_types
-from mrp_sumo.core.graph import NO_OPTIONS, NavGraph, PlanGraph, frozen, nav_graph, plan_graph
+from mrp_sumo.core.graph import NO_PROPERTIES, NavGraph, PlanGraph, frozen, nav_graph, plan_graph
 from mrp_sumo.core.robot_type import OF_LOADED, Loaded, RobotType, Trailer, Wheels
 from mrp_sumo.errors import MrpSumoError, first_line
 from mrp_sumo.files.reading import read_head, read_json, require_regular
@@ -188,7 +188,7 @@ def _graph(document: dict[str, Any]) -> NavGraph:
         xy=document["xy"],
         level=document["level"],
         vertex_name=[names.get(str(v), "") for v in range(len(document["xy"]))],
-        vertex_options=[options.get(str(v), NO_OPTIONS) for v in range(len(document["xy"]))],
+        vertex_options=[options.get(str(v), NO_PROPERTIES) for v in range(len(document["xy"]))],
         lanes=document["lanes"],
         length_m=document["length_m"],
     )

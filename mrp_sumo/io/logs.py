@@ -39,13 +39,13 @@ from mrp_sumo.io.trajectory import write_trajectory
 from mrp_sumo.io.visits import VISITS, write_visits
 
 if TYPE_CHECKING:
-    from mrp_sumo.io.trajectory import Levels
+    from mrp_sumo.maps.lifts import Shift
 
 BATTERY, GRANTS, STATES, ZONES = "battery.parquet", "grants.parquet", "robot_states.parquet", "zones.parquet"
 
 
 def write_logs(
-    folder: Path, problem: Problem, plan: Plan | None, execution: Execution, levels: "Levels | None", about: Mapping[str, Any]
+    folder: Path, problem: Problem, plan: Plan | None, execution: Execution, levels: "Shift | None", about: Mapping[str, Any]
 ) -> None:
     """Write what was logged of an execution; `about` is for the metadata of trajectories."""
     names, graph = problem.fleet.robot_name, problem.graph

@@ -19,7 +19,7 @@ from mrp_sumo.io.arrow import KEY, numbers, texts
 from mrp_sumo.io.tables import read_table
 
 if TYPE_CHECKING:
-    from mrp_sumo.io.trajectory import Levels
+    from mrp_sumo.maps.lifts import Shift
 
 PEOPLE = "people.parquet"
 ROWS_PER_GROUP = 1_000_000
@@ -31,7 +31,7 @@ PER_STOP, FIGURES = (
 )
 
 
-def write_people(path: Path, log: PeopleLog, t_s: FloatArray, levels: "Levels | None") -> None:
+def write_people(path: Path, log: PeopleLog, t_s: FloatArray, levels: "Shift | None") -> None:
     """Write the table. `t_s` [T]: the times of the samples."""
     t_ns = np.repeat(np.rint(t_s * 1e9).astype(np.int64), np.diff(log.first))
     order = np.lexsort((t_ns, log.person))
@@ -39,8 +39,9 @@ def write_people(path: Path, log: PeopleLog, t_s: FloatArray, levels: "Levels | 
     columns = {"t_ns": numbers(t_ns[order]), "person": numbers(person)}
     if levels:
         on = log.level[person]
-        x_m, y_m = (column - levels.shift_m[on, k].astype(np.float32) for k, column in enumerate((x_m, y_m)))
-        columns["level"] = pa.DictionaryArray.from_arrays(numbers(on.astype(np.int16)), texts(levels.name))
+        shift_m = np.array(list(levels.values()))[on].astype(np.float32)
+        x_m, y_m = (column - shift_m[:, k] for k, column in enumerate((x_m, y_m)))
+        columns["level"] = pa.DictionaryArray.from_arrays(numbers(on.astype(np.int16)), texts(levels))
     columns |= {"x_m": numbers(x_m), "y_m": numbers(y_m)}
     about = {name: getattr(log, name).tolist() for name in (*PER_PERSON, *PER_ROBOT, *PER_STOP)}
     about |= {name: value if np.isfinite(value := getattr(log, name)) else None for name in FIGURES}
@@ -49,11 +50,11 @@ def write_people(path: Path, log: PeopleLog, t_s: FloatArray, levels: "Levels | 
     pq.write_table(table, path, row_group_size=ROWS_PER_GROUP, compression="zstd", use_dictionary=["level"], column_encoding=encoding)
 
 
-def read_people(path: Path, t_ns: IntArray, levels: "Levels | None", num_robots: int) -> PeopleLog:
+def read_people(path: Path, t_ns: IntArray, levels: "Shift | None", num_robots: int) -> PeopleLog:
     """The log as it was written. `t_ns` [T]: the times of the samples."""
     table = read_table(path)
     listed = {name: table.about_numbers(name) for name in ("level", "stop_robot")}
-    num_people, num_stops, num_levels = len(listed["level"]), len(listed["stop_robot"]), len(levels.name) if levels else 1
+    num_people, num_stops, num_levels = len(listed["level"]), len(listed["stop_robot"]), len(levels) if levels else 1
     listed |= {name: table.about_numbers(name, size) for name, size in zip(LISTED, (num_people, num_robots, *[num_stops] * 3))}
     for name, most in (("level", num_levels), ("stop_robot", num_robots)):
         if not np.isin(listed[name], np.arange(most)).all():
@@ -68,7 +69,8 @@ def read_people(path: Path, t_ns: IntArray, levels: "Levels | None", num_robots:
     level = listed["level"].astype(np.int64)
     if levels:
         on = level[person]
-        x_m, y_m = (column + levels.shift_m[on, k].astype(np.float32) for k, column in enumerate((x_m, y_m)))
+        shift_m = np.array(list(levels.values()))[on].astype(np.float32)
+        x_m, y_m = (column + shift_m[:, k] for k, column in enumerate((x_m, y_m)))
     first = np.searchsorted(time[order], t_ns)
     kinds = {"level": np.int64, "stop_robot": np.int64, "stop_in_motion": np.bool_}
     columns: dict[str, Any] = {name: frozen(values.astype(kinds.get(name, np.float64))) for name, values in listed.items()}

@@ -16,8 +16,8 @@ from mrp_sumo.core.problem import Problem
 
 if TYPE_CHECKING:
     from mrp_sumo.io.scenario.model import ScenarioModel
-    from mrp_sumo.io.trajectory import Levels
     from mrp_sumo.maps.costmap import Costmap
+    from mrp_sumo.maps.lifts import Shift
 
 MOVING, WAITING, BLOCKED, AT_GOAL = range(4)
 STATE_NAMES = ("moving", "waiting", "blocked", "at goal")
@@ -38,14 +38,14 @@ class RunRecord:
     execution: Execution
     nav: NavGraph | None = None  # the map as drawn; the plan graph serves where it is not known
     costmap: "Costmap | None" = None  # walls
-    levels: "Levels | None" = None  # where robots change them
+    levels: "Shift | None" = None  # where robots change them, as `Trajectory` has them
     goal_heading_rad: FloatArray | None = None  # [R] in which robots are to stay at their goals, NaN: any; None: all of them in any
     constants: Mapping[str, float] = field(default_factory=dict)  # MRP-Bench's, by its names, that metrics were computed with
 
     @cached_property
     def shift_m(self) -> FloatArray:
         """[K, 2] how far each level is moved to lie beside the others."""
-        return self.levels.shift_m if self.levels else np.zeros((max(1, len(self.graph.level_names)), 2))
+        return np.array(list(self.levels.values())) if self.levels else np.zeros((max(1, len(self.graph.level_names)), 2))
 
 
 def record_of(
@@ -55,7 +55,7 @@ def record_of(
     execution: Execution,
     nav: NavGraph | None,
     costmap: "Costmap | None",
-    levels: "Levels | None" = None,
+    levels: "Shift | None" = None,
 ) -> RunRecord:
     """The record of a run that has just ended."""
     return RunRecord(

@@ -29,22 +29,17 @@ from mrp_sumo.errors import MrpSumoError, sentence
 from mrp_sumo.files.folders import RESULT
 from mrp_sumo.files.reading import shortened
 from mrp_sumo.formats.plan_json import write_plan
-from mrp_sumo.io.floor_plan import write_costmap, write_floor
-from mrp_sumo.io.outline import Outline, write_outline
-from mrp_sumo.io.record import RunRecord, record_of
+from mrp_sumo.io.floor_plan import write_floor
 from mrp_sumo.traffic.referee import Conflict, Verdict
 
 if TYPE_CHECKING:  # of scenarios, too: what reads run folders needs no model of them
-    from mrp_sumo.io.scenario.model import Recording, ScenarioModel
-    from mrp_sumo.io.trajectory import Levels
-    from mrp_sumo.maps.costmap import Costmap
+    from mrp_sumo.io.scenario.model import ScenarioModel
+    from mrp_sumo.maps.lifts import Shift
 
 SCHEMA_VERSION = 1  # of it
 LIBRARIES = ("libsumo", "numpy", "scipy", "numba", "ortools", "rosbags", "pyarrow")  # libraries that shape results
 LISTED_CONFLICTS = 20
 FIRST_LOOK = 0.5  # of its time limit: before, no planner does anything that depends on the clock
-
-WriteBag = Callable[[Path, RunRecord, "Recording"], object]  # folder, run, what the scenario says of it
 
 
 def check_replaceable(out: Path) -> None:
@@ -84,18 +79,10 @@ class EndedRun:
     lanes: Mapping[str, float] | None = None  # how far robots drove off them
     zones: ZoneLog | None = None  # how occupied they were, where that is known
     nav: NavGraph | None  # the map as drawn
-    levels: "Levels | None" = None  # where robots change them
+    levels: "Shift | None" = None  # where robots change them, as `Trajectory` has them
 
 
-def write_run(
-    out: Path,
-    run: EndedRun,
-    *,
-    network: Path | None,
-    costmap: "Costmap | None",
-    outline: Outline | None = None,
-    write_bag: "WriteBag | None" = None,
-) -> dict[str, Any]:
+def write_run(out: Path, run: EndedRun, write_more: Callable[[Path], None] = lambda folder: None) -> dict[str, Any]:
     """Write the run folder. Raises MrpSumoError when `out` holds something else, or the disk refuses. Nothing half-written stays.
 
     Parameters
@@ -104,12 +91,8 @@ def write_run(
         Where; a run folder that is there already is replaced.
     run
         What is written.
-    network
-        The SUMO network, copied; None for a graph without lanes, which has none.
-    costmap, outline
-        The walls as sensors see them, and as drawn.
-    write_bag
-        Writes the bag where the scenario asks for one.
+    write_more
+        Writes what else is to be in the folder that it is called with, such as the map and the bag.
 
     Returns
     -------
@@ -122,20 +105,11 @@ def write_run(
     _clear_leftovers(out)
     from mrp_sumo.io.logs import ZONES, write_zones
 
-    scenario, execution = run.scenario, run.execution
     try:
         new.mkdir(parents=True)
         document = result_document(run)
-        if network is not None:
-            shutil.copyfile(network, new / "network.net.xml")
-        if costmap is not None:
-            write_costmap(new, "map", costmap)
-        if outline is not None:
-            write_outline(new / "building.json", outline)
         _write_evidence(new, run)
-        if write_bag and execution is not None and scenario.record.bag and len(execution.t_s):
-            record = record_of(scenario, run.problem, run.result.plan, execution, run.nav, costmap, run.levels)
-            write_bag(new / "bag", record, scenario.record)
+        write_more(new)
         if run.zones is not None:
             write_zones(new / ZONES, run.zones)
         document["files"] = files_in(new)

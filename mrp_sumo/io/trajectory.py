@@ -9,7 +9,7 @@ compressed with zstd after a byte-stream split. Equal executions give equal byte
 """
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import count, takewhile
 from pathlib import Path
@@ -27,19 +27,13 @@ from mrp_sumo.io.tables import Table, read_table
 if TYPE_CHECKING:
     import pandas
 
+    from mrp_sumo.maps.lifts import Shift
+
 SCHEMA_VERSION = 1
 ROWS_PER_GROUP = 500_000
 MAX_PLACES = 2**29  # samples of all robots
 COLUMNS = ("x_m", "y_m", "yaw_rad", "speed_mps")
 UNITS = {"t_ns": "ns of simulated time", "x_m": "m", "y_m": "m", "yaw_rad": "rad, counter-clockwise from +x", "speed_mps": "m/s"}
-
-
-@dataclass(frozen=True, eq=False)
-class Levels:
-    """K levels that robots change between."""
-
-    name: tuple[str, ...]  # [K]
-    shift_m: FloatArray  # [K, 2] added to the positions on each, to lay them side by side
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +48,7 @@ class Trajectory:
     speed_mps: FloatArray  # [T, R]
     metadata: Mapping[str, Any]  # as given to the writer, with schema_version and units
     level: IntArray | None = None  # [T, R] in `levels`
-    levels: Levels | None = None
+    levels: "Shift | None" = None  # (x, y) in m added to the positions on each by name, to lay them side by side
     hitch_rad: Mapping[str, FloatArray] = field(default_factory=dict)  # [T, R] by column
     loads: IntArray | None = None  # [T, R] on board
 
@@ -65,7 +59,11 @@ class Trajectory:
 
 
 def write_trajectory(
-    path: Path, execution: Execution, robot_name: tuple[str, ...], metadata: Mapping[str, Any], levels: Levels | None = None
+    path: Path,
+    execution: Execution,
+    robot_name: tuple[str, ...],
+    metadata: Mapping[str, Any],
+    levels: "Shift | None" = None,
 ) -> None:
     """Write the table.
 
@@ -80,7 +78,7 @@ def write_trajectory(
     metadata
         JSON values to keep in the file: scenario, seed, versions.
     levels
-        Of an execution in which robots change them.
+        Of an execution in which robots change them, as `Trajectory` has them.
     """
     t_ns = _ticks(execution)
     about = {
@@ -91,7 +89,7 @@ def write_trajectory(
         **metadata,
     }
     if levels:
-        about |= {"levels": dict(zip(levels.name, levels.shift_m.tolist()))}
+        about |= {"levels": dict(levels)}
     schema = _schema(execution, levels).with_metadata({"mrp_sumo": json.dumps(about, sort_keys=True, ensure_ascii=False, allow_nan=False)})
     encoding = {"t_ns": "DELTA_BINARY_PACKED", **dict.fromkeys((*COLUMNS, *execution.hitch_rad), "BYTE_STREAM_SPLIT")}
     with pq.ParquetWriter(path, schema, compression="zstd", use_dictionary=["robot", "level"], column_encoding=encoding) as writer:
@@ -106,7 +104,7 @@ def trajectory_of(execution: Execution, robot_name: tuple[str, ...]) -> Trajecto
     return Trajectory(_ticks(execution), robot_name, **columns, metadata={}, **more)
 
 
-def trajectory_table(execution: Execution, robot_name: tuple[str, ...], levels: Levels | None = None) -> pa.Table:
+def trajectory_table(execution: Execution, robot_name: tuple[str, ...], levels: "Shift | None" = None) -> pa.Table:
     """The table in memory, without metadata."""
     return pa.concat_tables([_schema(execution, levels).empty_table(), *_tables(execution, robot_name, _ticks(execution), levels)])
 
@@ -122,7 +120,7 @@ def _ticks(execution: Execution) -> IntArray:
     return np.rint(execution.t_s * 1e9).astype(np.int64)
 
 
-def _schema(execution: Execution, levels: Levels | None) -> pa.Schema:
+def _schema(execution: Execution, levels: Collection[str] | None) -> pa.Schema:
     robot = pa.dictionary(pa.from_numpy_dtype(_index(execution.x_m.shape[1])), pa.string())
     fields = [pa.field("t_ns", pa.int64(), False), pa.field("robot", robot, False)]
     fields += [pa.field(name, pa.float64(), False) for name in (*COLUMNS, *execution.hitch_rad)]
@@ -134,7 +132,7 @@ def _index(num_robots: int) -> type[np.signedinteger]:
     return np.int16 if num_robots < 2**15 else np.int32
 
 
-def _tables(execution: Execution, robot_name: tuple[str, ...], t_ns: IntArray, levels: Levels | None) -> Iterator[pa.Table]:
+def _tables(execution: Execution, robot_name: tuple[str, ...], t_ns: IntArray, levels: "Shift | None") -> Iterator[pa.Table]:
     """The rows, half a million at a time, robot by robot in each."""
     num_samples, num_robots = execution.x_m.shape
     schema, names = _schema(execution, levels), texts(robot_name)
@@ -149,14 +147,15 @@ def _tables(execution: Execution, robot_name: tuple[str, ...], t_ns: IntArray, l
         time, robot = np.tile(t_ns[rows], num_robots), np.repeat(np.arange(num_robots), length)
         if levels and execution.level is not None:
             flat.append(np.ascontiguousarray(execution.level[rows].T).ravel())
-            flat[:2] = flat[0] - levels.shift_m[flat[-1], 0], flat[1] - levels.shift_m[flat[-1], 1]
+            shift_m = np.array(list(levels.values()))[flat[-1]]
+            flat[:2] = flat[0] - shift_m[:, 0], flat[1] - shift_m[:, 1]
         there = np.isfinite(flat[0]) & np.isfinite(flat[1])
         if not there.all():
             time, robot, flat = time[there], robot[there], [column[there] for column in flat]
         robots = pa.DictionaryArray.from_arrays(numbers(robot.astype(_index(num_robots))), names)
         columns = [numbers(time), robots, *map(numbers, flat[: len(values) + (execution.loads is not None)])]
         if levels:
-            columns.append(pa.DictionaryArray.from_arrays(numbers(flat[-1].astype(np.int16)), texts(levels.name)))
+            columns.append(pa.DictionaryArray.from_arrays(numbers(flat[-1].astype(np.int16)), texts(levels)))
         yield pa.Table.from_arrays(columns, schema=schema)
 
 
@@ -186,9 +185,9 @@ def read_trajectory(path: Path) -> Trajectory:
         return Trajectory(t_ns, names, **columns, metadata=about, loads=loads)
     levels = _levels(table, about["levels"])
     level = np.zeros((len(t_ns), len(names)), np.int64)
-    level[row, robot] = on = table.indices("level", levels.name)
+    level[row, robot] = on = table.indices("level", tuple(levels))
     for k, axis in enumerate(COLUMNS[:2]):
-        columns[axis][row, robot] += levels.shift_m[on, k]
+        columns[axis][row, robot] += np.array(list(levels.values()))[on, k]
     return Trajectory(t_ns, names, **columns, metadata=about, level=level, levels=levels, loads=loads)
 
 
@@ -219,11 +218,11 @@ def _stamps(table: Table, about: Mapping[str, Any]) -> IntArray:
     return t_ns
 
 
-def _levels(table: Table, document: object) -> Levels:
+def _levels(table: Table, document: object) -> "Shift":
     """Names and shifts of the document in the table's metadata."""
     pairs = list(document.values()) if isinstance(document, dict) else [None]
     if isinstance(document, dict) and all(isinstance(pair, list) and list(map(_is_length, pair)) == [True, True] for pair in pairs):
-        return Levels(tuple(document), np.array(pairs, np.float64).reshape(-1, 2))
+        return {name: (float(x), float(y)) for name, (x, y) in document.items()}
     raise table.fault("its metadata 'levels' are not two metres for each level")
 
 

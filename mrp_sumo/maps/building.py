@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, Options
+from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, Properties
 from mrp_sumo.maps.finding import MapFinding
 
 WALL_THICKNESS_M = 0.1  # of Open-RMF's generator (wall.py)
@@ -25,7 +25,7 @@ class Lane:
     end: int
     graph: int
     is_bidirectional: bool
-    options: Options
+    options: Properties
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +59,7 @@ class Level:
     world_xy: FloatArray  # [N, 2] m, in the frame of Open-RMF's nav graphs
     xy: FloatArray  # [N, 2] m, in the frame of the map: less `Building.origin_m`, levels laid apart
     vertex_name: tuple[Any, ...]  # [N] as in the file, '' without one
-    vertex_options: tuple[Options, ...]  # [N] as in the file
+    vertex_options: tuple[Properties, ...]  # [N] as in the file
     lanes: tuple[Lane, ...] = ()
     walls: IntArray = field(default_factory=lambda: np.zeros((0, 2), np.int64))  # [W, 2] vertices
     doors: tuple[Door, ...] = ()

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mrp_sumo.core.graph import Options, PlanGraph
+from mrp_sumo.core.graph import PlanGraph, Properties
 from mrp_sumo.core.motion import rest_to_rest_s
 from mrp_sumo.maps.building import Building
 from mrp_sumo.maps.clearance import point_distances, segment_distances
@@ -32,8 +32,8 @@ def with_doors(graph: PlanGraph, building: Building | None, radius_m: float) -> 
     """
     if building is None:
         return graph
-    vertex_options: list[Options] = list(graph.vertex_options)
-    lane_options: list[Options] = list(graph.lane_options)
+    vertex_options: list[Properties] = list(graph.vertex_options)
+    lane_options: list[Properties] = list(graph.lane_options)
     away = np.full(graph.num_vertices + graph.num_lanes, np.inf)
     names: set[str] = set()
     tail, head = graph.xy[graph.tail], graph.xy[graph.head]

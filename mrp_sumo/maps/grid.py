@@ -10,7 +10,18 @@ from typing import Any
 
 import numpy as np
 
-from mrp_sumo.core.graph import NO_OPTIONS, BoolArray, FloatArray, Frame, IntArray, NavGraph, Options, PlanGraph, nav_graph, plan_graph
+from mrp_sumo.core.graph import (
+    NO_PROPERTIES,
+    BoolArray,
+    FloatArray,
+    IntArray,
+    NavGraph,
+    PlanGraph,
+    Properties,
+    frozen,
+    nav_graph,
+    plan_graph,
+)
 from mrp_sumo.errors import MapError
 from mrp_sumo.maps.roadmap import check_cell
 
@@ -72,7 +83,7 @@ def _grids(nav: NavGraph, cell_m: float, levels: IntArray) -> PlanGraph:
         vertex_name=[name for part in parts for name in part.vertex_name],
         vertex_options=[options for part in parts for options in part.vertex_options],
         length_m=np.concatenate([np.full(num_lanes, float(cell_m)), nav.length_m[rides]]),
-        lane_options=[*([NO_OPTIONS] * num_lanes), *(nav.lane_options[k] for k in rides.tolist())],
+        lane_options=[*([NO_PROPERTIES] * num_lanes), *(nav.lane_options[k] for k in rides.tolist())],
         source=nav.source,
     )
     return plan_graph(graph, kind="grid", cell_m=cell_m, vertex_of_station=station)
@@ -169,7 +180,7 @@ def grid_graph(
     )
     lanes = np.concatenate([pairs, pairs[:, ::-1]])
     vertex_name = [""] * len(xy)
-    vertex_options: list[Options] = [NO_OPTIONS] * len(xy)
+    vertex_options: list[Properties] = [NO_PROPERTIES] * len(xy)
     vertex_of_station = np.arange(len(xy))
     if stations is not None and nav is not None:
         vertex_of_station = number[stations[:, 1], stations[:, 0]]
@@ -187,9 +198,8 @@ def grid_graph(
         length_m=np.full(len(lanes), float(cell_m)),
         source=source,
     )
-    height, width = free.shape
-    frame = Frame(float(origin[0]), float(origin[1]), width, height)
-    return plan_graph(graph, kind="grid", cell_m=cell_m, vertex_of_station=vertex_of_station, frame=frame)
+    corners_m = np.asarray(origin, np.float64) + cell_m * np.array([(0, 0), free.shape[::-1]])
+    return plan_graph(graph, kind="grid", cell_m=cell_m, vertex_of_station=vertex_of_station, frame_m=frozen(corners_m))
 
 
 def _one_level(nav: NavGraph) -> tuple[str, ...]:

@@ -12,7 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from mrp_sumo.core.graph import FloatArray, Options, PlanGraph, relaid
+from mrp_sumo.core.graph import FloatArray, PlanGraph, Properties, relaid
 from mrp_sumo.core.motion import rest_to_rest_s
 from mrp_sumo.maps.building import Building, Lift
 
@@ -37,7 +37,7 @@ def travel_s(height_m: float) -> float:
     return rest_to_rest_s(height_m, CABIN_MPS, CABIN_MPS2)
 
 
-def ride_of(name: str, lift: Lift | None, levels: tuple[str, str], height_m: float) -> Options:
+def ride_of(name: str, lift: Lift | None, levels: tuple[str, str], height_m: float) -> Properties:
     """The options of the lane for a ride between two levels, which take `ride_s`: doors close, the cabin travels, doors open."""
     close_s, open_s = (door_s(_door_width_m(lift, level)) for level in levels)
     return {"lift": name, "ride_s": close_s + travel_s(max(height_m, LEAST_TRAVEL_M)) + open_s, "close_s": close_s, "open_s": open_s}
@@ -167,7 +167,7 @@ def _stopping_inside(graph: PlanGraph, radius_m: float, building: Building | Non
     )
 
 
-def _timed(graph: PlanGraph, lane: int) -> Options:
+def _timed(graph: PlanGraph, lane: int) -> Properties:
     """The options of a ride, with its times where a map gives none."""
     options = graph.lane_options[lane]
     return options if "ride_s" in options else ride_of(str(options["lift"]), None, ("", ""), float(graph.length_m[lane]))

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from mrp_sumo.core.graph import FloatArray, IntArray, NavGraph, Options, PlanGraph, nav_graph
+from mrp_sumo.core.graph import FloatArray, IntArray, NavGraph, PlanGraph, Properties, nav_graph
 from mrp_sumo.core.near import pairs_within
 from mrp_sumo.errors import MapError, count
 from mrp_sumo.maps.check import FOUND_ON_GRAPHS, check_graph, crossings, near_misses
@@ -20,7 +20,7 @@ from mrp_sumo.maps.map import Map
 
 SAME_PLACE_M = 0.01  # crossings this close are one
 
-Lane = tuple[int, int, float, float, Options]  # tail, head, length_m (0: the straight distance), speed_mps, options
+Lane = tuple[int, int, float, float, Properties]  # tail, head, length_m (0: the straight distance), speed_mps, options
 
 
 def repair(

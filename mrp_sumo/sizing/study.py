@@ -216,7 +216,7 @@ class Study:
 
     def _cycle(self) -> Cycle | None:
         """Of robots with batteries, the slowest to charge of its types."""
-        batteries = [battery for battery in self.setup.settings.batteries if battery.energy_j > 0]
+        batteries = [battery for battery in self.setup.problem.fleet.batteries if battery.energy_j > 0]
         if not (self.question.has_tasks and batteries) or self.pilot.power_w <= 0:
             return None
         battery = max(batteries, key=lambda battery: battery.charge_s(1.0))

@@ -28,7 +28,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mrp_sumo.core.bezier import corners_of
-from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, NavGraph, Options, PlanGraph, frozen
+from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, NavGraph, PlanGraph, Properties, frozen
 from mrp_sumo.core.near import pairs_within
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.traffic.moves import MoveGraph
@@ -437,7 +437,7 @@ def _by_types(pair: IntArray, away_m: FloatArray, apart_m: FloatArray) -> tuple[
     return pair[which[order]], needs[order]
 
 
-def groups_of(options: Options) -> list[str]:
+def groups_of(options: Properties) -> list[str]:
     """The names of the groups that a vertex or lane with these options is in."""
     names = [str(options["mutex"])] if options.get("mutex") else []
     return [*names, cabin_group(str(options["cabin"]))] if options.get("cabin") else names

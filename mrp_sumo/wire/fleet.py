@@ -17,7 +17,6 @@ from typing import NamedTuple
 import numpy as np
 
 from mrp_sumo.core.disturbances import NONE
-from mrp_sumo.core.fleet import batteries_of
 from mrp_sumo.core.graph import BoolArray, PlanGraph, frozen
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.drive.batteries import Batteries
@@ -42,7 +41,6 @@ from mrp_sumo.formats.vda.messages import MANUFACTURER, Dialect, Json, Sender, s
 from mrp_sumo.formats.vda.order import Edge, Node
 from mrp_sumo.formats.vda.report import state_of, view_of
 from mrp_sumo.formats.vda.vehicle import FACES_RAD, Body, Vehicle
-from mrp_sumo.io.scenario.names import robot_types
 from mrp_sumo.maps.levels import shifts_of
 from mrp_sumo.search.route import shortest_route
 from mrp_sumo.traffic.resources import resources_of
@@ -165,7 +163,7 @@ class VirtualFleet:
         self.policy = policy_of("open_loop")
         self.controller = Controller(self.ledger, self.policy, self.settings, paced=False)
         self.batteries: Batteries | None = None
-        if batteries := batteries_of(robot_types(setup.file)):
+        if batteries := problem.fleet.batteries:
             self.batteries = Batteries(batteries, problem.fleet.kind, settings.start_level, settings.seed, settings.step_length_s)
         self.serials = serials_of(problem.fleet.robot_name)
         self.robot_of = {serial: r for r, serial in enumerate(self.serials)}

@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 
-import numpy as np
 from rosbags.highlevel import AnyReader
 from worlds import BURGER, line, problem_of, two_levels
 
@@ -10,14 +9,13 @@ from mrp_sumo.bags.writer import BagOptions, write_bag
 from mrp_sumo.drive.loop import simulate
 from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.io.record import RunRecord
-from mrp_sumo.io.trajectory import Levels
 
 
 def test_a_ride_in_the_bag(tmp_path):
     graph = two_levels(ride_s=10.0, step_s=3.0)
     problem, plan = problem_of(graph, [[1, 2, 3, 10, 11, 12, 4, 5, 6, 7]], BURGER)
     run = simulate(problem, plan, ExecutionSettings(engine="kinematic"), tmp_path)
-    levels = Levels(graph.level_names, np.array([[0.0, 0.0], [50.0, 0.0]]))
+    levels = dict(zip(graph.level_names, ([0.0, 0.0], [50.0, 0.0])))
     write_bag(tmp_path / "bag", RunRecord("ride", 0, problem.fleet, graph, problem.goal, plan, run, levels=levels), BagOptions())
     states, places, asked = [], [], []
     with AnyReader([tmp_path / "bag"]) as reader:

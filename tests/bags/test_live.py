@@ -15,7 +15,6 @@ from mrp_sumo.drive.listeners import Listener
 from mrp_sumo.drive.loop import simulate
 from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.io.record import RunRecord
-from mrp_sumo.io.trajectory import Levels
 
 
 @dataclass
@@ -34,7 +33,7 @@ class Heard(Listener):
 def test_live_messages_of_a_ride_in_a_lift_are_those_of_the_bag(tmp_path, period_s):
     graph = two_levels(ride_s=10.0, step_s=3.0)
     problem, plan = problem_of(graph, [[1, 2, 3, 10, 11, 12, 4, 5]], BURGER)
-    levels = Levels(graph.level_names, np.array([[0.0, 0.0], [50.0, 0.0]]))
+    levels = dict(zip(graph.level_names, ([0.0, 0.0], [50.0, 0.0])))
     here = graph.xy[problem.start][None]
     nothing = Execution(
         *(np.zeros(1), here[..., 0], here[..., 1], np.zeros((1, 1)), np.zeros((1, 1)), np.zeros(0), np.full(1, np.nan)),

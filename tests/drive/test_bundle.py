@@ -132,7 +132,8 @@ def test_a_robot_whose_battery_is_low_is_given_no_more_orders(tmp_path):
 def test_the_audit_sees_one_order_too_many(tmp_path):
     logs = logs_of(carried(tmp_path))
     for most, passed in ((3, True), (2, False)):
-        audited = operations_audit(replace(logs, terms=replace(logs.terms, capacity=(most, most))))
+        roomy = replace(logs.terms.fleet, capacity=np.array([most, most]))
+        audited = operations_audit(replace(logs, terms=replace(logs.terms, fleet=roomy)))
         assert audited["passed"] is passed
     assert "can carry 2" in audited["findings"][0]["text"]
 

@@ -119,7 +119,8 @@ def test_lift_that_no_battery_has_drawn_is_found(tmp_path):
     result = run_of(tmp_path, shape={"battery": {**BATTERY, "lift_j": 1500.0}})
     logs = logs_of(result)
     assert operations_audit(logs)["passed"]
-    free = replace(logs.terms, batteries=tuple(replace(each, lift_j=0.0) for each in logs.terms.batteries))
+    types = tuple(replace(each, battery=replace(each.battery, lift_j=0.0)) for each in logs.terms.fleet.types)
+    free = replace(logs.terms, fleet=replace(logs.terms.fleet, types=types))
     again = operations_audit(replace(logs, terms=free))
     assert not again["passed"] and "batteries" in str(again)
 
@@ -254,7 +255,8 @@ def test_a_heavy_load_goes_to_who_can_carry_it(tmp_path, load_kg, robot):
     result = driven(two_types(tmp_path, [{"stops": ["A", "B"], "load_kg": load_kg, "service_s": 2}]))
     assert result.execution.tasks.robot.tolist() == [robot] and result.operations_audit["passed"], result.note
     logs = logs_of(result)
-    weaker = operations_audit(replace(logs, terms=replace(logs.terms, max_load_kg=(49.0, 49.0))))
+    weak = replace(logs.terms.fleet, types=tuple(replace(each, max_load_kg=49.0) for each in logs.terms.fleet.types))
+    weaker = operations_audit(replace(logs, terms=replace(logs.terms, fleet=weak)))
     assert f"the order is for robots that carry {load_kg:g} kg" in weaker["findings"][0]["text"]
 
 

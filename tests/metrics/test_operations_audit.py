@@ -556,5 +556,7 @@ def test_a_broken_robot_may_be_pushed_so_long_after_it_broke_down_and_not_before
     names = RobotStateLog(*(np.array([value]) for value in (0, BROKEN, 30.5, 90.0, -1)))
     breaks = Event(30.0, "disturbed", 0, duration_s=60.0, text=BREAKS)
     broken = replace(run, x_m=x_m, y_m=y_m, robot_states=names, events=(*run.events, breaks))
-    found = [*robots.stands(replace(logs, execution=broken, terms=replace(logs.terms, stands_s=(20.0, 20.0))))]
+    towed = tuple(replace(each, mtbf_h=1.0, mttr_h=1.0, tow_s=20.0) for each in logs.terms.fleet.types)
+    terms = replace(logs.terms, fleet=replace(logs.terms.fleet, types=towed))
+    found = [*robots.stands(replace(logs, execution=broken, terms=terms))]
     assert bool(found) == (not is_fine)

@@ -10,7 +10,6 @@ from mrp_sumo.core.fleet import fleet_of
 from mrp_sumo.core.people import PeopleLog
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.io.people_table import read_people, write_people
-from mrp_sumo.io.trajectory import Levels
 from mrp_sumo.metrics.audit import audit, in_words
 
 FIELDS = {"radius_m": 0.25, "extra_m": 0.45, "reaction_s": 0.2, "side_m": 0.1, "slowest_mps": 0.1}
@@ -110,7 +109,7 @@ def test_nothing_is_said_of_people_where_there_are_none():
 
 
 def test_people_are_read_as_they_were_written(tmp_path):
-    t_s, levels = np.arange(30) * 0.1, Levels(("L1", "L2"), np.array([[0.0, 0.0], [50.0, 0.0]]))
+    t_s, levels = np.arange(30) * 0.1, {"L1": [0.0, 0.0], "L2": [50.0, 0.0]}
     x = np.where(np.arange(30) < 20, 1.0 + 0.1 * np.arange(30), np.nan)
     log = sightings(x, np.full(30, 2.0))
     for shifts in (None, levels):

@@ -274,5 +274,5 @@ def test_positions_are_in_the_frame_of_the_level_that_they_name(tmp_path):
     messages = [json.loads(line) for line in (tmp_path / "vda" / "messages.jsonl").read_text().splitlines()]
     assert faults(messages) == []
     places = [m["payload"]["mobileRobotPosition"] for m in of(messages, "visualization")]
-    assert {place["mapId"] for place in places} == set(record.levels.name)
+    assert {place["mapId"] for place in places} == set(record.levels)
     assert min(place["y"] for place in places) > record.graph.xy[:, 1].min() + 5.0

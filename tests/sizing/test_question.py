@@ -74,7 +74,7 @@ def test_a_cycle_ends_at_the_level_from_which_robots_are_called_off(tmp_path, mo
     question = Question(read_scenario(tmp_path / "charging.yaml"), (1, 2), QUICK, 60.0)
     monkeypatch.setattr(Study, "pilot", Pilot(2, 1.0, 10.0))
     cycle = Study(question).charged.charging
-    battery = Study(question).setup.settings.batteries[0]
+    battery = Study(question).setup.problem.fleet.batteries[0]
     assert (cycle.highest, cycle.places) == (highest, 1)
     assert cycle.drive_s == pytest.approx((highest - 0.2) * battery.energy_j / 10.0)
     assert cycle.charge_s == pytest.approx(battery.charge_s(highest - 0.2))

@@ -11,7 +11,7 @@ import numpy as np
 
 from mrp_sumo.core.disturbances import ClosedLane
 from mrp_sumo.core.facilities import door_names, lift_names
-from mrp_sumo.core.graph import NavGraph, Options, PlanGraph, with_lanes
+from mrp_sumo.core.graph import NavGraph, PlanGraph, Properties, with_lanes
 from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.errors import ScenarioError, nearest
 from mrp_sumo.experiments.staging.places import as_drawn, looked_up
@@ -56,8 +56,8 @@ def with_mutex_groups(file: ScenarioFile, nav: NavGraph, graph: PlanGraph) -> Pl
     groups = file.scenario.execution.mutex_groups
     if not groups:
         return graph
-    vertex_options: list[Options] = list(graph.vertex_options)
-    lane_options: list[Options] = list(graph.lane_options)
+    vertex_options: list[Properties] = list(graph.vertex_options)
+    lane_options: list[Properties] = list(graph.lane_options)
     for name, vertices in groups.items():
         members = set(looked_up(file, nav, graph, ("execution", "mutex_groups", name), vertices).tolist())
         for v in members:

@@ -3,13 +3,16 @@
 Refuses names that the map does not have, places without room, and maps on which there is nowhere to go, each in one line.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from mrp_sumo.core.arrivals import HOUR_S, Arrivals
 from mrp_sumo.core.graph import IntArray, NavGraph, PlanGraph
 from mrp_sumo.crowd.floor import BEFORE_LIFT_M, SNAP_M, Floor, floor_of
-from mrp_sumo.crowd.model import Flow, LaneSpeeds, People, joint_places
+from mrp_sumo.crowd.model import Flow, People, joint_places
 from mrp_sumo.crowd.options import EVERYBODY, Group
+from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.errors import ScenarioError, nearest
 from mrp_sumo.io.documents import Place
 from mrp_sumo.io.scenario.file import ScenarioFile
@@ -21,13 +24,19 @@ DRAW = 50  # purpose of the stream of chance
 IntPlaces = tuple[int, ...]
 
 
-def people_of(file: ScenarioFile, map_: Map, graph: PlanGraph) -> People | LaneSpeeds | None:
-    """People who walk among the robots of a scenario; None where it has no people."""
-    choice, seed = file.scenario.people, file.scenario.seed
+def with_people(settings: ExecutionSettings, file: ScenarioFile, map_: Map, graph: PlanGraph) -> ExecutionSettings:
+    """The settings with the people of a scenario, if it has some."""
+    choice = file.scenario.people
     if choice is None:
-        return None
+        return settings
     if choice.model == "lane_speeds":
-        return LaneSpeeds(*choice.lane_speeds, seed)
+        return replace(settings, lane_speeds_mps=choice.lane_speeds)
+    return replace(settings, people=_people(choice, file, map_, graph))
+
+
+def _people(choice: PeopleChoice, file: ScenarioFile, map_: Map, graph: PlanGraph) -> People:
+    """People who walk among the robots."""
+    seed = file.scenario.seed
     floor = floor_of(map_, graph, choice.corridor_m)
     if not floor.free.any():
         raise ScenarioError(f"{file.at('people')}: '{graph.name}' has no room for people: nowhere are 0.5 m free between walls")

@@ -31,7 +31,7 @@ from mrp_sumo.experiments.staging.fit import (
     without_room,
 )
 from mrp_sumo.experiments.staging.lanes import doubled, in_service, with_closures, with_mutex_groups, with_one_ways, without_shut_doors
-from mrp_sumo.experiments.staging.people import people_of
+from mrp_sumo.experiments.staging.people import with_people
 from mrp_sumo.experiments.staging.places import (
     goal_headings,
     headings,
@@ -119,8 +119,7 @@ def set_up(file: ScenarioFile, maps: MapCache, *, run_programs: bool = True) -> 
         require_station_headings(file, map_.nav, problem)
         narrow += headings_not_kept(problem, settings.tasks)
         narrow += oddities(settings.tasks, problem, settings.time_limit_s)
-    if scenario.people is not None:
-        settings = replace(settings, people=people_of(file, map_, graph))
+    settings = with_people(settings, file, map_, graph)
     settings = with_closures(file, map_.nav, graph, settings)
     return SetUp(file, map_, problem, chosen_assigner, chosen_planner, settings, notes + narrow)
 
@@ -195,7 +194,7 @@ def driven_as(setup: SetUp, file: ScenarioFile) -> SetUp:
     """The same problem, driven as another scenario says."""
     require_trust(file)
     file = file.having(discretisation=setup.scenario.discretisation)
-    settings = replace(settings_of(file), people=people_of(file, setup.map, setup.problem.graph))
+    settings = with_people(settings_of(file), file, setup.map, setup.problem.graph)
     return replace(setup, file=file, settings=with_closures(file, setup.map.nav, setup.problem.graph, settings))
 
 

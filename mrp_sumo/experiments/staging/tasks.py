@@ -9,9 +9,8 @@ from functools import partial
 
 from mrp_sumo.core.arrivals import HOUR_S
 from mrp_sumo.core.battery import start_shares
-from mrp_sumo.core.fleet import Fleet, batteries_of
+from mrp_sumo.core.fleet import Fleet
 from mrp_sumo.core.graph import BoolArray, NavGraph, PlanGraph
-from mrp_sumo.core.handling import STANDS_S, Handling
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.core.shifts import opens_s
@@ -54,17 +53,8 @@ def with_tasks(
         parking=parking_of(choice, site),
         cancel=choice.cancel,
         retry=choice.retry,
-        batteries=batteries_of(models),
-        batteries_loaded=batteries_of([model.with_load for model in models]) if problem.fleet.loaded else (),
-        handling=handling_of(models, problem.fleet, file.scenario.seed),
         start_level=start_shares(choice.charging),
     )
-
-
-def handling_of(models: Sequence[RobotType], fleet: Fleet, seed: int) -> Handling:
-    """Times that stops take these robots beside their services."""
-    actions = [{} if model.actions is None else {key: time for key, time in vars(model.actions).items() if time} for model in models]
-    return Handling(tuple(actions) if any(actions) else (), tuple(fleet.kind.tolist()), seed, STANDS_S if fleet.loaded else 0.0)
 
 
 def task_sources(file: ScenarioFile, nav: NavGraph, problem: Problem) -> tuple[TaskSource, ...]:

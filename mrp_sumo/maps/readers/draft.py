@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mrp_sumo.core.digraph import strong_components
-from mrp_sumo.core.graph import NO_OPTIONS, STATIONS, FloatArray, NavGraph, Options, nav_graph
+from mrp_sumo.core.graph import NO_PROPERTIES, STATIONS, FloatArray, NavGraph, Properties, nav_graph
 from mrp_sumo.files.reading import shortened
 from mrp_sumo.maps.building import Building, Door, Level
 from mrp_sumo.maps.check import check_graph
@@ -32,7 +32,7 @@ class _Lane(NamedTuple):
     tail: int
     head: int
     speed_mps: float
-    options: Options
+    options: Properties
 
 
 @dataclass
@@ -66,7 +66,9 @@ class Draft:
         self._options.append({name: value for name, value in options.items() if value is not None and value is not False})
         return v
 
-    def add_lane(self, tail: int, head: int, *, speed_mps: float = np.inf, options: Options = NO_OPTIONS, line: Line | None = None) -> None:
+    def add_lane(
+        self, tail: int, head: int, *, speed_mps: float = np.inf, options: Properties = NO_PROPERTIES, line: Line | None = None
+    ) -> None:
         """A lane, straight or along a line with bends; lanes without length are noted and left out."""
         if tail == head:
             self.notes.add("lane_without_length", f"from '{self.label(tail)}' to itself")
@@ -225,7 +227,7 @@ class Draft:
                 joined.setdefault((tail, head), lane._replace(tail=tail, head=head))
         return list(joined.values())
 
-    def _add(self, tail: int, head: int, speed_mps: float, options: Options) -> None:
+    def _add(self, tail: int, head: int, speed_mps: float, options: Properties) -> None:
         before = self._lanes.get((tail, head))
         if before is None:
             self._lanes[tail, head] = _Lane(tail, head, speed_mps, options)
@@ -319,7 +321,7 @@ def building_of_walls(
             world_xy=xy,
             xy=xy,
             vertex_name=("",) * len(xy),
-            vertex_options=(NO_OPTIONS,) * len(xy),
+            vertex_options=(NO_PROPERTIES,) * len(xy),
             walls=np.arange(first).reshape(-1, 2),
             doors=tuple(Door(first + 2 * i, first + 2 * i + 1, str(door[2]), str(door[3])) for i, door in enumerate(openings)),
         )

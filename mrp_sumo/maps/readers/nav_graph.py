@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from mrp_sumo.core.graph import FloatArray, NavGraph, Options, nav_graph
+from mrp_sumo.core.graph import FloatArray, NavGraph, Properties, nav_graph
 from mrp_sumo.errors import MapError
 from mrp_sumo.maps.levels import shifts_of
 from mrp_sumo.maps.map import Map
@@ -124,7 +124,7 @@ def _lines(document: Document) -> Iterator[str]:
     """The YAML text; vertices and lanes without the general emitter, which takes ten times as long for them."""
     flow: dict[str, str] = {"{}": "{}"}
 
-    def options(mapping: Options) -> str:
+    def options(mapping: Properties) -> str:
         key = repr(mapping)
         if key not in flow and (plain := _plain(mapping)):
             return plain
@@ -148,7 +148,7 @@ def _lines(document: Document) -> Iterator[str]:
     yield _dumped(after)
 
 
-def _plain(options: Options) -> str:
+def _plain(options: Properties) -> str:
     """Options that need neither quotes nor a second line; '' for others."""
     parts = []
     for key in sorted(options, key=str):

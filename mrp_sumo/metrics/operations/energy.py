@@ -19,7 +19,7 @@ LATE_S = 2.0  # for which charging may be off
 
 def batteries(logs: Logs) -> Iterator[Finding]:
     """Levels balance with what was driven and charged; none rises but at a charger; they begin where the scenario says."""
-    log, of_robot = logs.execution.batteries, logs.terms.batteries
+    log, of_robot = logs.execution.batteries, _of_each(logs, logs.terms.fleet.batteries)
     if log is None or not of_robot or not len(logs.execution.t_s):
         return
     energy_j = np.array([battery.energy_j for battery in of_robot])
@@ -69,11 +69,16 @@ def _balance(
         yield Finding("batteries", logs.end_s, text, who)
 
 
+def _of_each(logs: Logs, of_kind: tuple[Battery, ...]) -> tuple[Battery, ...]:
+    """[R] the battery of each robot, of those of the types; empty where there are none."""
+    return tuple(of_kind[k] for k in logs.terms.fleet.kind.tolist()) if of_kind else ()
+
+
 def drawn_j(logs: Logs, of_robot: tuple[Battery, ...], t_s: FloatArray) -> FloatArray:
     """[K, R] drawn by each robot until times [K], by its poses; nothing at chargers."""
     run, period_s = logs.execution, logs.period_s
     at, so_far = np.zeros((len(t_s), logs.fleet.num_robots)), np.zeros(logs.fleet.num_robots)
-    with_load = logs.terms.batteries_loaded or of_robot
+    with_load = _of_each(logs, logs.terms.fleet.batteries_loaded) or of_robot
     pairs = list(zip(of_robot, with_load))
     kinds = {pair: np.flatnonzero([mine == pair for mine in pairs]) for pair in dict.fromkeys(pairs)}
     at_chargers = charges(logs)

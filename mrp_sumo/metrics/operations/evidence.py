@@ -11,10 +11,8 @@ import numpy as np
 from mrp_sumo.core.execution import Execution
 from mrp_sumo.core.fleet import Fleet
 from mrp_sumo.core.graph import FloatArray, IntArray, PlanGraph
-from mrp_sumo.core.handling import Handling
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.core.robot_states import BROKEN, EMPTY
-from mrp_sumo.core.robot_type import Battery
 from mrp_sumo.core.stream import TaskSource
 from mrp_sumo.core.task import NOBODY, StopLog, Task, TaskLog
 from mrp_sumo.metrics.metric import TOGETHER
@@ -29,16 +27,11 @@ class Terms:
     """Terms of a run's scenario, beside what stands in the logs."""
 
     sources: tuple[TaskSource, ...]  # of orders
-    type_name: tuple[str, ...]  # [R]
-    capacity: tuple[int, ...] = ()  # [R] orders on board at once; empty: one each
-    max_load_kg: tuple[float, ...] = ()  # [R] that robots can carry; empty: any
-    batteries: tuple[Battery, ...] = ()  # [R] of each robot; empty: not known, or none
-    batteries_loaded: tuple[Battery, ...] = ()  # [R] of each robot with a load; empty: the same
-    handling: Handling = field(default_factory=Handling)  # how long stops take beside their services
+    fleet: Fleet  # whose types are known
+    seed: int
     swap_s: float | None = None  # of batteries, instead of charging
     charges: frozenset[str] = frozenset()  # stations where robots charge while they are served
     start_level: tuple[float, float] = (0.0, 1.0)  # of batteries
-    stands_s: tuple[float, ...] = ()  # [R] after which each may be moved when it breaks down; empty: not before it is repaired
     waits_s: float = 0.0  # for which nothing is decided, since planners take their time
     doors_xy: FloatArray = field(default_factory=lambda: np.zeros((0, 2, 2)))  # [D, 2, 2] m, of the building
 
@@ -104,7 +97,12 @@ class Logs:
     @cached_property
     def capacity(self) -> Sequence[int]:
         """[R] orders that robots can have on board at once."""
-        return self.terms.capacity or (1,) * self.fleet.num_robots
+        return (1,) * self.fleet.num_robots if self.terms.fleet.capacity is None else self.terms.fleet.capacity.tolist()
+
+    @cached_property
+    def max_load_kg(self) -> FloatArray:
+        """[R] weight of the heaviest order that each robot can carry; inf: any."""
+        return self.terms.fleet.max_load_kg
 
     def robot(self, number: int) -> str | None:
         """A robot's name; None for nobody."""
@@ -112,9 +110,9 @@ class Logs:
 
     def is_for(self, robot: int, order: Task) -> bool:
         """True if an order needs no robot, or no type of robot, other than that."""
-        if self.terms.max_load_kg and order.load_kg > self.terms.max_load_kg[robot]:
+        if order.load_kg > self.max_load_kg[robot]:
             return False
-        return order.robot in (NOBODY, robot) and (not order.robot_type or self.terms.type_name[robot] == order.robot_type)
+        return order.robot in (NOBODY, robot) and (not order.robot_type or self.terms.fleet.type_name[robot] == order.robot_type)
 
     def was_in(self, states: Sequence[int], robot: int, begin_s: float, end_s: float) -> bool | None:
         """True for a robot that was in one of some states within a time; None where states are not known."""

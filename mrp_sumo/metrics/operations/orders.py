@@ -6,6 +6,7 @@ from itertools import pairwise
 import numpy as np
 
 from mrp_sumo.core.execution import Outcome
+from mrp_sumo.core.handling import stop_s
 from mrp_sumo.core.robot_states import BROKEN
 from mrp_sumo.core.stream import TaskSource
 from mrp_sumo.core.task import ASSIGNED, CANCELLED, DONE, FAILED, HANDED_OVER, NOBODY, PICKED, RELEASED, TASK_STATES, TASK_TIMES, Task
@@ -147,7 +148,7 @@ def _as_asked(logs: Logs, row: int, order: Task, nth: int) -> Iterator[Finding]:
     if int(stops.vertex[row]) not in stop.places or stops.station[row] != name:
         wanted = name or logs.graph.known_as(stop.vertex)
         yield logs.of_stop("stops in order", row, f"stop {nth + 1} at {logs.graph.known_as(int(stops.vertex[row]))}, expected {wanted}")
-    expected_s = logs.terms.handling.stop_s(int(stops.robot[row]), order, nth)
+    expected_s = stop_s(logs.terms.fleet, logs.terms.seed, int(stops.robot[row]), order, nth)
     if takes_s < expected_s - EPS_S:
         yield logs.of_stop("service", row, f"is served for {takes_s:.2f} s, which takes {expected_s:.2f} s")
     elif takes_s > expected_s + EPS_S and logs.was_in((BROKEN,), int(stops.robot[row]), stops.begin_s[row], stops.end_s[row]) is False:

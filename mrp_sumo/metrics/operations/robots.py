@@ -267,7 +267,7 @@ def _route_s(logs: Logs, robot: int, route: list[int]) -> float:
 
 def stands(logs: Logs) -> Iterator[Finding]:
     """An empty robot stands; one that broke down, once it has braked and until it is pushed; one that is maintained may move."""
-    log, run = logs.execution.robot_states, logs.execution
+    log, run, types = logs.execution.robot_states, logs.execution, logs.terms.fleet
     if log is None:
         return
     noted_s: dict[tuple[int, str], list[float]] = {}
@@ -279,9 +279,10 @@ def stands(logs: Logs) -> Iterator[Finding]:
         begin_s, end_s = float(log.begin_s[k]), float(log.end_s[k])
         if any(abs(t_s - begin_s) <= SETS_OUT_S for t_s in noted_s.get((robot, MAINTAINED), ())):
             continue
-        if log.state[k] == BROKEN and logs.terms.stands_s:  # who looks after orders notes it a little later
+        tow_s = types.types[types.kind[robot]].tow_s
+        if log.state[k] == BROKEN and tow_s is not None:  # who looks after orders notes it a little later
             broke_s = min((t_s for t_s in noted_s.get((robot, BREAKS), ()) if 0 <= begin_s - t_s <= SETS_OUT_S), default=begin_s)
-            end_s = min(end_s, broke_s + logs.terms.stands_s[robot])
+            end_s = min(end_s, broke_s + tow_s)
         some = logs.samples_between(begin_s + brakes_s, end_s)
         x, y = run.x_m[some, robot], run.y_m[some, robot]
         if len(x) and (moved_m := float(np.hypot(np.ptp(x), np.ptp(y)))) > BESIDE_M:

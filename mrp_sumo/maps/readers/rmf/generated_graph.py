@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from mrp_sumo.core.graph import Options
+from mrp_sumo.core.graph import Properties
 from mrp_sumo.maps.building import Building, Door, Lane, Level
 
 BACKWARD = {"forward": "backward", "backward": "forward"}
@@ -61,7 +61,7 @@ def _level_document(level: Level, graph: int, door_of_lane: Mapping[int, Door], 
     return {"vertices": vertices, "lanes": lanes}
 
 
-def _directed(lane: Lane, number: Mapping[int, int], vertex_options: Sequence[Options], door: Door | None) -> list[list[Any]]:
+def _directed(lane: Lane, number: Mapping[int, int], vertex_options: Sequence[Properties], door: Door | None) -> list[list[Any]]:
     """The one or two lanes that a drawn lane becomes (level.py, generate_nav_graph)."""
     forth: dict[str, Any] = {"door_name": door.name} if door else {}
     forth |= lane.options
