@@ -1,12 +1,12 @@
 """Small worlds, where the answer is known by hand: graphs, paths driven in SUMO, and records of runs that were never driven."""
 
-import shutil
+import json
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 from scipy.spatial.distance import pdist
 
-from mrp_sumo.bags.writer import write_recorded_bag
 from mrp_sumo.core.execution import Event, Execution, Outcome
 from mrp_sumo.core.fleet import fleet_of
 from mrp_sumo.core.graph import nav_graph, plan_graph
@@ -16,9 +16,9 @@ from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.drive.loop import simulate
 from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.engines.sumo.network import build_network
-from mrp_sumo.io.floor_plan import write_costmap
-from mrp_sumo.io.record import RunRecord, record_of
-from mrp_sumo.io.run_folder import EndedRun, write_run
+from mrp_sumo.experiments.result import RunResult
+from mrp_sumo.experiments.solve import Solution
+from mrp_sumo.io.record import RunRecord
 from mrp_sumo.io.scenario.model import ScenarioModel
 from mrp_sumo.maps.costmap import Costmap
 from mrp_sumo.maps.grid import grid_graph
@@ -199,31 +199,23 @@ def run_of_four(out, network, *, executed=True, **changes):
         graph=record.graph, fleet=record.fleet, start=np.array([0, 8, 16, 24]), goal=record.target, goal_of=np.arange(4), step_s=1.0, seed=7
     )
     network.write_text("<net/>")
+    scenario = changes.pop("scenario", None) or ScenarioModel.model_validate(
+        {"name": "four", "seed": 7, "map": "four", "robots": {"count": 4}, "execution": {"time_limit_s": 300}}
+    )
+    setup = SimpleNamespace(scenario=scenario, map=SimpleNamespace(nav=record.nav, building=None, level_shift_m={}))
+    result = PlanResult(Status.SOLVED, plan=record.plan) if executed else PlanResult(Status.TIMED_OUT, message="no time")
     given = {
         "status": "completed",
         "note": "",
-        "scenario": ScenarioModel.model_validate(
-            {"name": "four", "seed": 7, "map": "four", "robots": {"count": 4}, "execution": {"time_limit_s": 300}}
-        ),
-        "problem": problem,
-        "result": PlanResult(Status.SOLVED, plan=record.plan) if executed else PlanResult(Status.TIMED_OUT, message="no time"),
-        "verdict": judge(problem, record.plan) if executed else None,
         "execution": record.execution if executed else None,
-        "metrics": {"min_distance_m": np.float64(1.5), "real_time_factor": float("inf"), "time_blocked_s": [0.0, 1.0], "flag": np.True_},
         "audit": {"passed": True} if executed else None,
-        "nav": record.nav,
+        "metrics": {"min_distance_m": np.float64(1.5), "real_time_factor": float("inf"), "time_blocked_s": [0.0, 1.0], "flag": np.True_},
     }
-    run = EndedRun(**{**given, **changes})
-
-    def write_more(folder):
-        shutil.copyfile(network, folder / "network.net.xml")
-        if record.costmap is not None:
-            write_costmap(folder, "map", record.costmap)
-        if run.execution is not None and run.scenario.record.bag:
-            logged = record_of(run.scenario, run.problem, run.result.plan, run.execution, run.nav, record.costmap, run.levels)
-            write_recorded_bag(folder / "bag", logged, run.scenario.record)
-
-    return write_run(out, run, write_more)
+    solution = Solution(setup, problem, result, judge(problem, record.plan) if executed else None, 0.0)
+    run = RunResult(setup=setup, solution=solution, **{**given, **changes})
+    vars(run)["costmap"] = record.costmap  # of no building
+    run.write(out, SimpleNamespace(network=lambda graph: network))
+    return json.loads((out / "result.json").read_text())
 
 
 def record_of_two(names=("a", "b"), num_samples=41):

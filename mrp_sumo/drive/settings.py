@@ -11,7 +11,6 @@ from mrp_sumo.core.disturbances import ClosedLane
 from mrp_sumo.core.driving import DrivingOptions, Planning
 from mrp_sumo.core.order_rules import Cancel, Retry
 from mrp_sumo.core.stream import TaskSource
-from mrp_sumo.core.task import Station
 from mrp_sumo.crowd.model import People
 from mrp_sumo.errors import ExecutionError, nearest
 
@@ -42,7 +41,7 @@ class ExecutionSettings(DrivingOptions):
     retry: Retry | None = None  # orders whose robot is lost with them on board; None: they have failed
     parking: tuple[int, ...] = ()  # vertices where robots without a task go
     charging: Charging | None = None
-    chargers: Station | None = None  # where, if they do
+    chargers: tuple[int, ...] = ()  # vertices where, if they do
     start_level: tuple[float, float] = (1.0, 1.0)  # of batteries, drawn evenly between them
     planning: Planning = AT_ONCE
     time_limit_s: float = 300.0  # simulated

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from mrp_sumo.core.graph import BoolArray, FloatArray
-from mrp_sumo.core.task import Task
+from mrp_sumo.core.task import Station, Task
 from mrp_sumo.drive.charging import Chargers
 from mrp_sumo.drive.crew import Crew
 from mrp_sumo.drive.robot_work import NONE, Change, Condition, Duty, RobotWork
@@ -25,8 +25,8 @@ class Work:
 
     def __init__(self, crew: Crew) -> None:
         self.crew, self.progress = crew, Progress(crew)
-        charging, station = crew.settings.charging, crew.settings.chargers
-        self._chargers = None if charging is None or station is None else Chargers(crew, charging, station)
+        charging, places = crew.settings.charging, crew.settings.chargers
+        self._chargers = None if charging is None or not places else Chargers(crew, charging, Station("charger", places))
         self._lead_s = crew.settings.planning.budget_s  # what is asked for takes effect so much later
         self.wake_s = 0.0  # when something will have changed that is known already
         self._again_s = 0.0

@@ -74,11 +74,9 @@ def sources_of(choice: TasksChoice, site: TaskNames, seed: int, step_s: float, n
     return tuple(sources) if choice.open is None else (ClosedLoop(tuple(sources), choice.open),)
 
 
-def chargers_of(choice: TasksChoice, site: TaskNames) -> Station | None:
-    """The station where robots of a scenario charge. As `sources_of`."""
-    if choice.charging is None:
-        return None
-    return Station("charger", _places(choice, site, ("tasks", "charging", "stations"), choice.charging.stations))
+def chargers_of(choice: TasksChoice, site: TaskNames) -> tuple[int, ...]:
+    """Vertices where robots of a scenario charge. As `sources_of`."""
+    return () if choice.charging is None else _places(choice, site, ("tasks", "charging", "stations"), choice.charging.stations)
 
 
 def parking_of(choice: TasksChoice, site: TaskNames) -> tuple[int, ...]:

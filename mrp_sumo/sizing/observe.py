@@ -57,9 +57,8 @@ def observation(result: RunResult) -> dict[str, Any]:
     calls = execution.calls or PlannerCalls()
     planning_share = min(1.0, calls.requests * settings.planning.budget_s / execution.sim_time_s)
     places = places_of(graph, result.nav)
-    stations = [("station", station) for source in settings.tasks for station in source.stations()]
-    stations += [("charger", settings.chargers)] if settings.chargers else []
-    num_places = {(kind, station.name): len(station.places) for kind, station in stations}
+    num_places = {("station", station.name): len(station.places) for source in settings.tasks for station in source.stations()}
+    num_places |= {("charger", "charger"): len(settings.chargers)} if settings.chargers else {}
     pressed = causes(execution, graph, places, steady_s, planning_share, num_places)
     wait_s = _waiting(execution, graph, steady_s)
     heaviest = np.argsort(-wait_s, kind="stable")[:NUM_VERTICES]
@@ -69,7 +68,7 @@ def observation(result: RunResult) -> dict[str, Any]:
         "stations": _stations(stops, num_places, steady_s, execution.sim_time_s),
         "causes": [[kind, name, round(of.waited_s, 1), round(of.share, 4)] for (kind, name), of in sorted(pressed.items())],
         "idle_share": _idle_share(execution, steady_s, num_robots=x.shape[1]),
-        "batteries": _batteries(execution, steady_s, settings.chargers.places if settings.chargers else ()),
+        "batteries": _batteries(execution, steady_s, settings.chargers),
         "vertices": [[int(v), round(float(wait_s[v]), 1)] for v in heaviest if wait_s[v] > 0],
         "minutes": _minutes(execution, orders, stops, x, y, every),
         "lane_m": round(float(graph.length_m[(graph.reverse < 0) | (graph.reverse > np.arange(graph.num_lanes))].sum()), 2),

@@ -221,11 +221,11 @@ class Study:
             return None
         battery = max(batteries, key=lambda battery: battery.charge_s(1.0))
         charging, chargers = self.setup.settings.charging, self.setup.settings.chargers
-        if charging is None or chargers is None:
+        if charging is None or not chargers:
             return Cycle(battery.energy_j / self.pilot.power_w, 0.0, 0)
         highest = charging.minimum if charging.opportunity else charging.maximum  # where orders always wait
         share = highest - charging.critical
-        return Cycle(share * battery.energy_j / self.pilot.power_w, battery.charge_s(share), len(chargers.places), highest)
+        return Cycle(share * battery.energy_j / self.pilot.power_w, battery.charge_s(share), len(chargers), highest)
 
     def run(
         self,

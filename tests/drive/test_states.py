@@ -4,6 +4,7 @@ A Burger drives a cell of 0.4 m in 1.82 s; services take 5 s unless said otherwi
 """
 
 import re
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -33,6 +34,7 @@ from mrp_sumo.metrics.audit import audit
 from mrp_sumo.traffic.resources import resources_of
 
 SMALL = Battery(10.0, 1.0, 36.0, 1.0, 0.0, 0.0, 36.0)  # a thousandth of it goes in a second
+WITH_BATTERY = replace(BURGER, battery=SMALL)
 
 
 def order(name, *route, release_s=0.0, service_s=5.0, **other):
@@ -161,10 +163,10 @@ def test_a_robot_on_its_way_is_freed_when_its_order_is_withdrawn(tmp_path):
 
 def test_an_order_fails_whose_robot_runs_empty_with_it_on_board(tmp_path):
     # 2 cells and a service of 5 s take less than the 12 s that are left; 6 more cells do not
-    run = work(tmp_path, line(12), [0], order("a", 2, 11), batteries=(SMALL,), start_level=(0.012, 0.012))
+    run = work(tmp_path, line(12), [0], order("a", 2, 11), robot=WITH_BATTERY, start_level=(0.012, 0.012))
     assert run.tasks.status == ("failed",) and run.tasks.reason == ("robot_0 ran empty with it on board",)
     assert states(run, 0) == ["working", "empty"]
-    fuller = work(tmp_path / "more", line(12), [0], order("a", 2, 11), batteries=(SMALL,), start_level=(0.06, 0.06))
+    fuller = work(tmp_path / "more", line(12), [0], order("a", 2, 11), robot=WITH_BATTERY, start_level=(0.06, 0.06))
     assert fuller.tasks.status == ("done",)
 
 

@@ -1,5 +1,7 @@
 """Tasks are driven to the end, stop by stop; times and who had what are those of the run, by hand where robots drive alone."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from worlds import BURGER, drive, line, square_grid
@@ -181,6 +183,7 @@ def test_orders_in_a_closed_loop_are_due_after_they_become_known(tmp_path):
 
 
 SMALL = Battery(10.0, 1.0, 36.0, 1.0, 0.0, 0.0, 36.0)  # a thousandth of it goes in a second; it is charged in 100 s
+WITH_BATTERY = replace(BURGER, battery=SMALL)
 
 
 def charging(at, *, opportunity=False, least_s=0.0, first_percent=0.0):
@@ -191,11 +194,11 @@ def charging(at, *, opportunity=False, least_s=0.0, first_percent=0.0):
         minimum_charging_time_s=least_s,
         start_charging=first_percent,
     )
-    return {"charging": rules, "chargers": Station("charger", (at,))}
+    return {"charging": rules, "chargers": (at,)}
 
 
 def test_a_robot_with_little_left_charges_before_it_takes_a_task(tmp_path):
-    run = work(tmp_path, line(5), [0], listed((2, 0.0, 1.0)), batteries=(SMALL,), **charging(4), start_level=(0.25, 0.25))
+    run = work(tmp_path, line(5), [0], listed((2, 0.0, 1.0)), robot=WITH_BATTERY, **charging(4), start_level=(0.25, 0.25))
     tasks = run.tasks
     assert tasks.name == ("t0", "charge_0") and set(tasks.status) == {"done"}
     assert tasks.done_s[1] - tasks.opened_s[1] == pytest.approx(76, abs=2)  # from 24 % at its arrival
@@ -206,14 +209,14 @@ def test_a_robot_with_little_left_charges_before_it_takes_a_task(tmp_path):
 @pytest.mark.parametrize(("first_percent", "robots"), [(0, []), (50, [0]), (100, [0, 1])])
 def test_a_share_of_the_robots_begins_with_a_charge_though_nobody_has_to(tmp_path, first_percent, robots):
     place = charging(4, first_percent=first_percent)
-    run = work(tmp_path, line(9), [1, 7], listed((0, 50.0, 1.0)), batteries=(SMALL,), **place, start_level=(0.9, 0.9), time_limit_s=40.0)
+    run = work(tmp_path, line(9), [1, 7], listed((0, 50.0, 1.0)), robot=WITH_BATTERY, **place, start_level=(0.9, 0.9), time_limit_s=40.0)
     assert run.tasks.robot[[name.startswith("charge") for name in run.tasks.name]].tolist() == robots
 
 
 def test_a_robot_that_charges_for_want_of_work_is_called_off(tmp_path):
     late = listed((2, 40.0, 1.0))
     kept, called = (
-        work(tmp_path, line(5), [0], late, batteries=(SMALL,), **charging(4, opportunity=True, least_s=s), start_level=(0.35, 0.35))
+        work(tmp_path, line(5), [0], late, robot=WITH_BATTERY, **charging(4, opportunity=True, least_s=s), start_level=(0.35, 0.35))
         for s in (60.0, 0.0)
     )
     assert called.tasks.name[0] == "charge_0" and called.tasks.assigned_s[1] == pytest.approx(40.5, abs=0.6)
@@ -227,7 +230,7 @@ def test_nobody_goes_to_charge_that_need_not_while_there_is_an_order_for_each(tm
     """Both have 35 % left: a minute of charging and more."""
     orders = listed(*[(2, 0.0, 30.0), (6, 0.0, 30.0)][:num_orders])
     place = charging(4, opportunity=True)
-    run = work(tmp_path, line(9), [1, 8], orders, batteries=(SMALL,), **place, start_level=(0.35, 0.35), time_limit_s=20.0)
+    run = work(tmp_path, line(9), [1, 8], orders, robot=WITH_BATTERY, **place, start_level=(0.35, 0.35), time_limit_s=20.0)
     assert sum(name.startswith("charge") for name in run.tasks.name) == num_charge
 
 
@@ -236,14 +239,14 @@ def test_nobody_is_called_off_a_charger_for_an_order_that_another_is_free_for(tm
     """robot_0 charges from 2 s on and would until 67 s, robot_1 has nothing to do when one order comes, or two."""
     late = listed(*[(4, 40.0, 1.0), (6, 40.0, 1.0)][:num_orders])
     charger = charging(0, opportunity=True)
-    run = work(tmp_path, line(9), [1, 8], late, batteries=(SMALL,), **charger, start_level=(0.35, 0.35), time_limit_s=90.0)
+    run = work(tmp_path, line(9), [1, 8], late, robot=WITH_BATTERY, **charger, start_level=(0.35, 0.35), time_limit_s=90.0)
     done_s = dict(zip(run.tasks.name, run.tasks.done_s.tolist()))
     assert (done_s["charge_0"] < 45) == called_off and run.tasks.robot[run.tasks.name.index("charge_0")] == 0
     assert set(run.tasks.robot[1 : 1 + num_orders].tolist()) == ({0, 1} if called_off else {1})
 
 
 def test_a_robot_that_runs_empty_stands_and_others_do_its_task(tmp_path):
-    run = work(tmp_path, line(9), [0, 8], listed((3, 0.0, 1.0)), batteries=(SMALL,), start_level=(0.004, 0.004), time_limit_s=30.0)
+    run = work(tmp_path, line(9), [0, 8], listed((3, 0.0, 1.0)), robot=WITH_BATTERY, start_level=(0.004, 0.004), time_limit_s=30.0)
     assert [event.robot for event in run.events if event.kind == "battery_empty"] == [0, 1]
     assert run.outcome is Outcome.TIME_LIMIT and run.tasks.status == ("released",) and (run.speed_mps[-1] == 0).all()
     assert run.x_m[-1, 0] < 1.2 and (run.batteries.level[-1] == 0).all()
