@@ -81,10 +81,10 @@ def _models(source: Text, draft: LevelDraft, placement: Placement, crs_name: str
     """Things in metres (model.py, generate): a level's turn is added to theirs."""
     if not draft.models:
         return ()
-    raw = np.array([[x, y] for _, x, y, _ in draft.models])
+    raw = np.array([[model.x_m, model.y_m] for model in draft.models])
     at = project(source, raw, crs_name) if crs_name else placement.apply(raw)
-    yaws = [yaw + placement.turn_rad for *_, yaw in draft.models]
-    return tuple(Model(model[0], x, y, yaw) for model, (x, y), yaw in zip(draft.models, at.tolist(), yaws))
+    turned = [model.yaw_rad + placement.turn_rad for model in draft.models]
+    return tuple(Model(model.name, x, y, yaw_rad) for model, (x, y), yaw_rad in zip(draft.models, at.tolist(), turned))
 
 
 def _unused(document: Mapping[str, Any], levels: Mapping[Any, Any], system: str) -> tuple[str, ...]:

@@ -4,7 +4,7 @@ Refuses vertices, lanes and parameters of a wrong form, indices out of range, an
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -18,41 +18,17 @@ NUM_GRAPHS = 9  # 0..8; 9 is for human lanes, which are never exported
 FARTHEST = 1e8  # no building is larger, in pixels or metres; SUMO computes with 6 decimals
 
 
-@dataclass(frozen=True, eq=False)
-class LevelDraft:
-    """A level in units of its file."""
+@dataclass(frozen=True, eq=False, kw_only=True)
+class LevelDraft(Level):
+    """A level that has no place yet: positions, and those of models, are in units of its file, y up."""
 
-    name: str
-    elevation_m: float
-    raw_xy: FloatArray  # [N, 2] y up
-    vertex_name: tuple[Any, ...]
-    vertex_options: tuple[Mapping[str, Any], ...]
-    lanes: tuple[Lane, ...]
-    walls: tuple[tuple[int, int], ...]
-    doors: tuple[Door, ...]
-    floors: tuple[tuple[int, ...], ...]
-    holes: tuple[tuple[int, ...], ...]
     measurements: tuple[tuple[int, int, float], ...]
-    fiducials: tuple[tuple[float, float, str], ...]  # y up
-    models: tuple[tuple[str, float, float, float], ...]  # name, x, y up, yaw in radians
+    fiducials: tuple[tuple[float, float, str], ...]
     is_mapping: bool
 
     def level(self, world_xy: FloatArray, origin_m: tuple[float, float], models: tuple[Model, ...]) -> Level:
-        return Level(
-            name=self.name,
-            elevation_m=self.elevation_m,
-            raw_xy=self.raw_xy,
-            world_xy=world_xy,
-            xy=world_xy - origin_m,
-            vertex_name=self.vertex_name,
-            vertex_options=self.vertex_options,
-            lanes=self.lanes,
-            walls=np.array(self.walls, np.int64).reshape(-1, 2),
-            doors=self.doors,
-            floors=self.floors,
-            holes=self.holes,
-            models=models,
-        )
+        drawn = {each.name: getattr(self, each.name) for each in fields(Level)}
+        return Level(**drawn | {"world_xy": world_xy, "xy": world_xy - origin_m, "models": models})
 
 
 class LevelReader:
@@ -154,14 +130,17 @@ def draft_of(reader: LevelReader, name: str, document: Any, key: Any, system: st
         return tuple(outlines)
 
     lanes = [_lane(reader, what, keys, *edge) for what, keys, edge in edges("lanes", "lane")]
+    raw_xy = np.array(xy, np.float64).reshape(-1, 2)
     return LevelDraft(
         name=name,
         elevation_m=reader.number(document.get("elevation", 0) or 0, f"level {name}: elevation", (*at, "elevation")),
-        raw_xy=np.array(xy, np.float64).reshape(-1, 2),
+        raw_xy=raw_xy,
+        world_xy=raw_xy,
+        xy=raw_xy,
         vertex_name=tuple(names),
         vertex_options=tuple(options),
         lanes=tuple(lane for lane in lanes if lane is not None),
-        walls=tuple(edge[:2] for _, _, edge in edges("walls", "wall")),
+        walls=np.array([edge[:2] for _, _, edge in edges("walls", "wall")], np.int64).reshape(-1, 2),
         doors=tuple(
             Door(a, b, str(o.get("name", "null")), str(o.get("type", "")), o.get("plugin") == "none")
             for _, _, (a, b, o) in edges("doors", "door")
@@ -175,13 +154,13 @@ def draft_of(reader: LevelReader, name: str, document: Any, key: Any, system: st
     )
 
 
-def _models(document: Any, up: float) -> tuple[tuple[str, float, float, float], ...]:
+def _models(document: Any, up: float) -> tuple[Model, ...]:
     """Models with a name and a place; others, which nothing here needs, are left out."""
     models = []
     for model in document if isinstance(document, list) else ():
         place = [model.get(key, 0.0) for key in ("x", "y", "yaw")] if isinstance(model, Mapping) else []
         if place and "model_name" in model and all(type(v) in (int, float) and abs(v) <= FARTHEST for v in place):
-            models.append((str(model["model_name"]), float(place[0]), up * float(place[1]), float(place[2])))
+            models.append(Model(str(model["model_name"]), float(place[0]), up * float(place[1]), float(place[2])))
     return tuple(models)
 
 
