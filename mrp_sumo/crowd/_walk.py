@@ -33,7 +33,7 @@ AGAINST = -0.5  # cosine of the angle between one's way and a robot's, for who m
 CLEAR_M = 0.02  # beside a robot
 AT_WALL_M = 0.15  # nobody's centre is closer to a wall
 SLOW = 0.2  # of the speed that one likes: who is slower stands
-BEFORE_ROBOT_M = 1.2  # and waits for a robot that is no farther
+BEFORE_ROBOT_M, FORGETS = 1.2, 0.25  # and waits for a robot that is no farther; how fast it forgets that if it walks there
 WAITS_S, PATIENCE_S, AWAY_S = 1.5, 8.0, 12.0  # who has stood so long before a robot lets it pass; and goes back for a while
 
 
@@ -249,6 +249,18 @@ def from_robot(x, y, robot, robots, reach_s):
 
 
 @kernel(allocates=False)
+def robot_away_m(x, y, ground, robots):
+    """Distance of a point from the nearest robot, inf where none is near."""
+    nearest = np.inf
+    row0, row1, column0, column1 = bins_around(x, y, ground)
+    for row in range(row0, row1):
+        for k in range(robots.first[row * ground.columns + column0], robots.first[row * ground.columns + column1]):
+            away, _, _ = from_robot(x, y, robots.member[k], robots, 0.0)
+            nearest = min(nearest, away)
+    return nearest
+
+
+@kernel(allocates=False)
 def push_of_robots(x, y, ex, ey, is_stuck, ground, robots):
     """The push of robots and of where they will soon be, and how near the nearest is. Those that are halted push nobody who is stuck."""
     ax, ay, nearest = 0.0, 0.0, np.inf
@@ -342,7 +354,8 @@ def out_of_path(x, y, i, ground, robots):
             step = beside - side * left
             far = np.hypot(step, back)
             tx, ty = -side * sin * (step / far) - cos * (back / far), side * cos * (step / far) - sin * (back / far)
-            if ground.free[cell_of(x + tx * far, y + ty * far, ground)]:
+            sx, sy = x + tx * far, y + ty * far
+            if ground.free[cell_of(sx, sy, ground)] and robot_away_m(sx, sy, ground, robots) > BODY_M:
                 share = min(far / SLOWS_M, 1.0)
                 return tx * share, ty * share
             side = -side
@@ -393,21 +406,18 @@ def leads_through_wall(x, y, nx, ny, ground):
 
 @kernel(allocates=False)
 def look_back(now, dt, p, walkers, ground, robots):
-    """True if a person stands, and before a robot; who has stood for long goes back a little."""
+    """Count how long a person has stood, and before a robot; who has stood for long goes back a little.
+
+    Beside a robot, where people may walk to and fro, what they have stood is forgotten slowly.
+    """
     x, y = walkers.x_m[p], walkers.y_m[p]
+    nearest = robot_away_m(x, y, ground, robots)
     if np.hypot(walkers.vx_mps[p], walkers.vy_mps[p]) >= SLOW * walkers.wish_mps[p]:
-        walkers.stuck_s[p] = max(walkers.stuck_s[p] - dt, 0.0)
+        walkers.stuck_s[p] = max(walkers.stuck_s[p] - (dt if nearest > BEFORE_ROBOT_M else FORGETS * dt), 0.0)
         return
-    is_away = now < walkers.away_until_s[p]
-    nearest = np.inf
-    row0, row1, column0, column1 = bins_around(x, y, ground)
-    for row in range(row0, row1):
-        for k in range(robots.first[row * ground.columns + column0], robots.first[row * ground.columns + column1]):
-            away, _, _ = from_robot(x, y, robots.member[k], robots, 0.0)
-            nearest = min(nearest, away)
     if nearest <= BEFORE_ROBOT_M:
         walkers.waited_s[p] += dt
-    walkers.stuck_s[p] = 0.0 if is_away else walkers.stuck_s[p] + dt
+    walkers.stuck_s[p] = 0.0 if now < walkers.away_until_s[p] else walkers.stuck_s[p] + dt
     if walkers.stuck_s[p] >= PATIENCE_S:
         walkers.stuck_s[p] = 0.0
         walkers.away_until_s[p] = now + AWAY_S
