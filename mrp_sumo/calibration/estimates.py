@@ -27,6 +27,7 @@ MISFIT_M, MISFIT_RAD = 0.001, 0.0012  # by which vehicles may be elsewhere than 
 ROUNDED = 0.5  # of the scatter squared, by which accelerations seem less: a speed that scatters rounds where a ramp meets it
 AT_ONCE, TURNS_AT_ONCE = 0.25, 0.5  # of a log's period: ramps and turns that are shorter are not told
 COARSE_S, ANY_NOISE = 2.5, 0.15  # period from which on logs do not tell how speed scatters; it may be as much as this
+SLOWEST_MPS = 0.02  # at which vehicles drive that are vehicles
 LEAST_EXTENT_M = 0.2  # of where a vehicle is that drives
 FEW = 3  # actions of a kind
 LEAST_DRIVEN_S = 10.0  # on which a stop would be seen
@@ -105,6 +106,11 @@ def calibrated(log: MotionLog, others: MotionLog | None = None) -> Calibration:
     speed, noise = usual_speed(tracks), noise_of(tracks)
     if max(_extent_m(track) for track in tracks) < max(LEAST_EXTENT_M, 12 * noise.position_m):
         raise MrpSumoError(f"{log.source}: no vehicle drives: positions change by no more than their noise, {noise.position_m:.3f} m")
+    if speed < SLOWEST_MPS:
+        raise MrpSumoError(
+            f"{log.source}: vehicles drive at {speed:.2g} m/s, expected {SLOWEST_MPS:g} or more: other units than metres and seconds "
+            "(a column of milliseconds is called t_ms)"
+        )
     phases: list[Phases] = []
     for _ in range(2):
         phases = [phases_of(track, noise, speed) for track in tracks]

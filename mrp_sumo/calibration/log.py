@@ -24,7 +24,9 @@ GAP_PERIODS = 3.5  # a longer time without a sample, in usual periods, is a gap
 LEAST_GAP_S = 1.0
 FASTEST_MPS = 12.0  # beyond it a pose is not where the vehicle was, or is that of another one
 SHORTEST = 4  # samples of a track
-BESIDE_M, ELSEWHERE = 10.0, 0.2  # how far from a map's lanes poses may be, and which share of them may be farther
+BESIDE_M, ELSEWHERE = 10.0, 0.2  # how far from a map's lanes poses may be, and which share of a vehicle's may be farther
+BESIDE_LANES_M, BETWEEN_M = 0.5, 0.5  # how far they are off lanes where it is said, and between points that lanes are taken for
+NAMED = 3  # vehicles in a message
 LEAP_RAD, LEAPS = 7.0, 3  # between two headings, farther than once round; how many of them make degrees
 SAME_M, ALWAYS = 0.3, 0.8  # two vehicles nearer to each other than bodies are for so much of the time are one
 NO_ORDER = 0.02  # share of poses before the one that precedes them, which no clock makes
@@ -106,7 +108,10 @@ class MotionLog:
         """The poses without gaps, jumps of clocks and repeated samples. Raises MrpSumoError where two vehicles share a name."""
         made: list[Track] = []
         for vehicle, rows in sorted(self.poses.items()):
-            made += _tracks_of(vehicle, np.array(rows, np.float64).reshape(-1, 6), self)
+            tracks = _tracks_of(vehicle, np.array(rows, np.float64).reshape(-1, 6), self)
+            if not tracks:
+                self.notes.append(f"{vehicle} has no {SHORTEST} poses in a row without a gap: left out")
+            made += tracks
         return made
 
 
@@ -123,7 +128,9 @@ def _tracks_of(vehicle: str, rows: FloatArray, log: MotionLog) -> list[Track]:
     for a, b in pairwise([0, *far_back, len(rows)]):
         part = rows[a:b]
         part = part[np.argsort(part[:, 0], kind="stable")]
-        part = part[np.append(True, np.diff(part[:, 0]) > 1e-6)]
+        is_later, away = np.diff(part[:, 0]) > 1e-6, np.hypot(*np.diff(part[:, 1:3], axis=0).T)
+        too_fast, steps = too_fast + int((~is_later & (away > 1.0)).sum()), steps + int((~is_later).sum())
+        part = part[np.append(True, is_later)]
         if len(part) < SHORTEST:
             continue
         dt = np.diff(part[:, 0])
@@ -141,7 +148,7 @@ def _tracks_of(vehicle: str, rows: FloatArray, log: MotionLog) -> list[Track]:
     if steps and too_fast > max(3.0, TWO_AT_ONCE * steps):
         raise MrpSumoError(
             f"{log.source}: vehicle '{vehicle}' is at two places at once, {too_fast} times: two vehicles of one name, or other units "
-            "than metres"
+            "than metres and seconds"
         )
     if len(leaps) > LEAPS:
         raise MrpSumoError(
@@ -166,20 +173,36 @@ def require_different(log: MotionLog) -> None:
 
 
 def require_here(log: MotionLog, map_: "Map") -> None:
-    """Refuse a log whose vehicles are elsewhere than the map is. Raises MrpSumoError."""
+    """Refuse a log of which vehicles are elsewhere than the map is; note where they are off its lanes. Raises MrpSumoError."""
+    poses = {name: np.array(rows[:: max(1, len(rows) // 500)])[:, 1:3] for name, rows in log.poses.items() if len(rows) >= SHORTEST}
+    away_m = _away_from_lanes(log, map_, poses)
+    share = {name: float((away > BESIDE_M).mean()) for name, away in away_m.items()}
+    strangers = [name for name in share if share[name] > ELSEWHERE]
+    if strangers:
+        low, high = (end(np.concatenate([poses[name] for name in strangers]), 0) for end in (np.min, np.max))
+        named = ", ".join(strangers[:NAMED]) + (f" and {len(strangers) - NAMED} more" if len(strangers) > NAMED else "")
+        whose = "the poses" if len(strangers) == len(poses) else f"the poses of {named}"
+        raise MrpSumoError(
+            f"{log.source}: {np.mean([share[name] for name in strangers]):.0%} of {whose} are more than {BESIDE_M:g} m from any lane of "
+            f"'{map_.name}' (x {low[0]:.1f} to {high[0]:.1f}, y {low[1]:.1f} to {high[1]:.1f}): another site, another frame, or other "
+            "units than metres"
+        )
+    if away_m and (usual_m := float(np.median(np.concatenate(list(away_m.values()))))) > BESIDE_LANES_M:
+        log.notes.append(f"half of the poses are more than {usual_m:.1f} m from any lane of '{map_.name}': is it the map of this log?")
+
+
+def _away_from_lanes(log: MotionLog, map_: "Map", poses: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+    """[N] how far poses [N, 2] of vehicles are from the nearest lane of a map."""
     from scipy.spatial import cKDTree
 
     nav = map_.nav
     places = nav.xy if log.is_laid_out or not map_.level_shift_m else nav.xy - shifts_of(nav.level_names, map_.level_shift_m)[nav.level]
-    ends = np.concatenate([places[nav.tail] * (1 - share) + places[nav.head] * share for share in np.linspace(0, 1, 9)] + [places])
-    poses = np.array([row[1:3] for rows in log.poses.values() for row in rows[:: max(1, len(rows) // 500)]])
-    away = cKDTree(ends).query(poses)[0]
-    if (away > BESIDE_M).mean() > ELSEWHERE:
-        low, high = poses.min(0), poses.max(0)
-        raise MrpSumoError(
-            f"{log.source}: {(away > BESIDE_M).mean():.0%} of the poses are more than {BESIDE_M:g} m from any lane of '{map_.name}' "
-            f"(x {low[0]:.1f} to {high[0]:.1f}, y {low[1]:.1f} to {high[1]:.1f}): another site, another frame, or other units than metres"
-        )
+    begin, end = places[nav.tail], places[nav.head]
+    count = 1 + np.ceil(np.hypot(*(end - begin).T) / BETWEEN_M).astype(np.int64)
+    lane = np.repeat(np.arange(len(count)), count)
+    share = ((np.arange(len(lane)) - (np.cumsum(count) - count)[lane]) / count[lane])[:, None]
+    tree = cKDTree(np.concatenate((begin[lane] * (1 - share) + end[lane] * share, places)))
+    return {name: tree.query(xy)[0] for name, xy in poses.items()}
 
 
 def levels_on(log: MotionLog, map_: "Map") -> Mapping[float, int]:

@@ -6,6 +6,7 @@ Foreign logs say less than ours: what is missing is left out, not refused, as lo
 import csv
 import io
 import math
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
@@ -30,6 +31,7 @@ LATEST_S = 1e11  # beyond it, three thousand years from now, times are not in se
 NO_SECONDS = "seconds; a column of milliseconds is called t_ms, of nanoseconds t_ns"
 FARTHEST_M = 1e7
 MAX_ROWS = 20_000_000
+DECIMAL_COMMA, CAMEL = re.compile(r"^(-?\d+),(\d+)$"), re.compile(r"(?<=[a-z])(?=[A-Z])")
 BAGS = (".mcap", ".db3", ".bag")
 COLUMNS = {  # of a CSV: name -> other names, units of suffixes in SI
     "t_s": (("t", "time", "timestamp", "stamp"), {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}),
@@ -145,13 +147,16 @@ def _csv(path: Path) -> MotionLog:
         head = file.readline(LONGEST_LINE)
         if "\0" in head or "\ufffd" in head:
             raise MrpSumoError(f"{name}: not text in UTF-8, expected a CSV")
+        said = head.lower().startswith("sep=")  # as spreadsheets write it
+        head = file.readline(LONGEST_LINE) if said else head
         cut = max(",;\t", key=head.count)
         place, scale = _columns(next(csv.reader(io.StringIO(head), delimiter=cut), []), name)
         doing: dict[str, ActionTime] = {}
-        for number, row in enumerate(csv.reader(file, delimiter=cut), 2):
+        for number, row in enumerate(csv.reader(file, delimiter=cut), 3 if said else 2):
             if number > MAX_ROWS:
                 raise MrpSumoError(f"{name}: more than {MAX_ROWS} rows, cut it")
             if row and any(row):
+                row = row if cut == "," else [DECIMAL_COMMA.sub(r"\1.\2", cell) for cell in row]
                 _csv_row(log, row, place, scale, doing, f"{name}:{number}")
     if not log.poses:
         raise MrpSumoError(f"{name}: no row says where a vehicle is")
@@ -164,7 +169,7 @@ def _columns(head: list[str], name: str) -> tuple[dict[str, int], dict[str, floa
     place: dict[str, int] = {}
     scale: dict[str, float] = {}
     for k, title in enumerate(head):
-        word = title.strip().lower().replace(" ", "_").replace("[", "_").replace("]", "").replace("__", "_")
+        word = re.sub(r"[^a-z0-9]+", "_", CAMEL.sub("_", title.strip()).lower()).strip("_")
         for column, (others, units) in COLUMNS.items():
             stem = column.rpartition("_")[0] if units and column not in ("battery",) else column
             for base in {stem, *others}:
@@ -191,7 +196,8 @@ def _csv_row(
         try:
             value = _seconds(word) if column == "t_s" and "-" in word[1:] and ":" in word else float(word) * scale[column]
         except ValueError:
-            raise MrpSumoError(f"{where}: {column}: found '{word[:40]}', expected a number") from None
+            expected = "seconds, or a date such as 2026-01-31T08:00:00Z" if column == "t_s" else "a number"
+            raise MrpSumoError(f"{where}: {column}: found '{word[:40]}', expected {expected}") from None
         most, expected = (LATEST_S, NO_SECONDS) if column == "t_s" else (LARGEST_NUMBER, f"less than {LARGEST_NUMBER:g}")
         if abs(value) > most:
             raise MrpSumoError(f"{where}: {column}: found {word[:40]}, expected {expected}")
@@ -234,9 +240,9 @@ def _vda(path: Path) -> MotionLog:
     """States of VDA 5050, of any version, as `{"t_s":, "topic":, "payload": {}}` or alone, a JSON object a line."""
     require_regular(path, LARGEST)
     name, messages = shortened(path), _Messages(MotionLog(path.name, "VDA 5050"))
-    for number, document in _lines(path, name):
-        messages.read(document, f"{name}:{number}")
     log = messages.log
+    for number, document in _lines(path, name, log.notes):
+        messages.read(document, f"{name}:{number}")
     if not log.poses:
         raise MrpSumoError(f"{name}: no state says where a vehicle is (agvPosition or mobileRobotPosition)")
     for vehicle, rows in log.poses.items():
@@ -257,7 +263,7 @@ def _payload(document: dict[str, Any]) -> dict[str, Any]:
     return payload if isinstance(payload, dict) else document
 
 
-def _lines(path: Path, name: str) -> Iterator[tuple[int, dict[str, Any]]]:
+def _lines(path: Path, name: str, notes: list[str]) -> Iterator[tuple[int, dict[str, Any]]]:
     with path.open(encoding="utf-8-sig", errors="replace") as file:
         for number, line in enumerate(iter(lambda: file.readline(LONGEST_LINE + 1), ""), 1):
             if not line.strip():
@@ -265,6 +271,9 @@ def _lines(path: Path, name: str) -> Iterator[tuple[int, dict[str, Any]]]:
             try:
                 document = json_value(line, largest=LARGEST_NUMBER)
             except (ValueError, RecursionError):
+                if number > 1 and not line.endswith("\n") and len(line) <= LONGEST_LINE:  # its writer was stopped
+                    notes.append(f"line {number}, the last, is cut off: left out")
+                    return
                 raise MrpSumoError(f"{name}:{number}: not JSON, expected an object a line") from None
             if not isinstance(document, dict):
                 raise MrpSumoError(f"{name}:{number}: found {type(document).__name__}, expected a JSON object a line")

@@ -123,6 +123,11 @@ def test_fleet_that_stands_is_refused():
         calibrated(log_of({"s": rows}))
 
 
+def test_milliseconds_taken_for_seconds_are_refused(shuttles):
+    with pytest.raises(MrpSumoError, match=r"vehicles drive at 0\.0012 m/s, expected 0\.02 or more: other units than metres and seconds"):
+        calibrated(log_of({"s": shuttles["s0"] * [1000, 1, 1, 1]}))
+
+
 def test_two_vehicles_of_one_name_are_refused(shuttles):
     one, other = shuttles["s0"], shuttles["s1"] + [0.0, 500.0, 0.0, 0.0]
     both = np.concatenate((one, other))

@@ -1,10 +1,14 @@
 import json
 import math
+from pathlib import Path
 
 import pytest
 
+from mrp_sumo.calibration.log import MotionLog, require_here
 from mrp_sumo.calibration.reading import read_fleet
 from mrp_sumo.errors import MrpSumoError
+from mrp_sumo.maps.catalogue import find_map
+from mrp_sumo.maps.load import load_map
 
 
 def states(path, documents):
@@ -32,6 +36,13 @@ def test_degrees_and_milliseconds(tmp_path):
     assert read_fleet(path).poses["robot"][2][:4] == pytest.approx((2.0, 1.0, 2.0, math.pi / 2))
 
 
+@pytest.mark.parametrize("first", ["", "sep=;\n"])
+def test_spreadsheets_with_decimal_commas_are_read(tmp_path, first):
+    path = tmp_path / "poses.csv"
+    path.write_text(f"{first}Time (s);vehicleId;X [m];posY;yaw_deg\n" + "\n".join(f"{k},5;agv 1;{k},25;-2,0;90" for k in range(5)))
+    assert read_fleet(path).poses["agv 1"][3][:4] == pytest.approx((3.5, 3.25, -2.0, math.pi / 2))
+
+
 def test_dates_are_times(tmp_path):
     path = tmp_path / "poses.csv"
     path.write_text("timestamp,x,y\n" + "\n".join(f"2026-01-31T08:00:0{k}.500Z,{k},0" for k in range(5)))
@@ -45,6 +56,11 @@ def test_dates_are_times(tmp_path):
         ("t_s,robot,x_m,yaw\n", "poses.csv:1: no column 'y_m' (did you mean 'x_m'?)"),
         ("t_s,x_m,y_m\n0,1,2\n1,one,2\n", "poses.csv:3: x_m: found 'one', expected a number"),
         ("t_s,x_m,y_m\n", "no row says where a vehicle is"),
+        (
+            "time,x,y\n31.01.2026 08:00:00,1,2\n",
+            "t_s: found '31.01.2026 08:00:00', expected seconds, or a date such as 2026-01-31T08:00:00Z",
+        ),
+        ('t_s,x_m,y_m\n"1,5",1,2\n', "poses.csv:2: t_s: found '1,5'"),
         ("t_s,x_m\0,y_m\n", "poses.csv: not text in UTF-8, expected a CSV"),
         ("t_s,x_m,y_m\n0,1e9,2\n", "expected metres of a floor"),
         (
@@ -75,6 +91,37 @@ def test_headings_in_degrees_are_one_line(tmp_path):
         read_fleet(path).tracks()
 
 
+def test_vehicles_of_one_name_are_at_two_places_even_at_equal_times(tmp_path):
+    path = tmp_path / "poses.csv"
+    path.write_text("t,x,y\n" + "\n".join(f"{k},{k},0\n{k},{k},50" for k in range(40)))
+    with pytest.raises(MrpSumoError, match="'robot' is at two places at once, 40 times"):
+        read_fleet(path).tracks()
+
+
+def test_vehicle_of_one_pose_is_left_out_and_said(tmp_path):
+    path = tmp_path / "poses.csv"
+    path.write_text("t,robot,x,y\n0,ghost,1,1\n" + "\n".join(f"{k},a,{k},0" for k in range(9)))
+    log = read_fleet(path)
+    assert [track.vehicle for track in log.tracks()] == ["a"]
+    assert log.notes == ["ghost has no 4 poses in a row without a gap: left out"]
+
+
+def rows_on(map_, shift_m):
+    begin, end = (map_.nav.xy[each[0]] for each in (map_.nav.tail, map_.nav.head))
+    return [(float(k), *(begin + (end - begin) * (k / 20) + shift_m).tolist(), math.nan, math.nan, 0.0) for k in range(21)]
+
+
+def test_vehicles_of_another_site_are_named_and_poses_beside_lanes_are_said():
+    map_ = load_map(find_map("office", Path()))
+    require_here(here := MotionLog("log", "CSV", poses={"a": rows_on(map_, 0.0)}), map_)
+    assert here.notes == []
+    require_here(beside := MotionLog("log", "CSV", poses={"a": rows_on(map_, -3.0)}), map_)
+    assert "from any lane of 'office': is it the map of this log?" in beside.notes[0]
+    mixed = {name: rows_on(map_, shift) for name, shift in (("a", 0.0), ("b", 0.0), ("c", 500.0))}
+    with pytest.raises(MrpSumoError, match="log: 100% of the poses of c are more than 10 m from any lane of 'office'"):
+        require_here(MotionLog("log", "CSV", poses=mixed), map_)
+
+
 def test_actions_of_a_csv_last_until_the_first_row_without(tmp_path):
     path = tmp_path / "poses.csv"
     path.write_text("t_s,x_m,y_m,action,station\n0,0,0,,\n1,0,0,pick,a\n2,0,0,pick,a\n3,0,0,,\n")
@@ -90,6 +137,16 @@ def test_states_alone_with_missing_members_are_read(tmp_path):
     assert [row[1] for row in log.poses["agv"]] == [1.0, 2.0, 3.0, 8.0]
     assert math.isnan(log.poses["agv"][0][4])  # nothing says what was released
     assert [(visit.action, visit.end_s - visit.begin_s) for visit in log.visits] == [("pick", 6.0)]
+
+
+def test_last_line_may_be_cut_off_and_no_other(tmp_path):
+    lines = [json.dumps(state(k)) for k in range(5)]
+    (path := tmp_path / "log.jsonl").write_text("\n".join(lines)[:-9])
+    log = read_fleet(path)
+    assert len(log.poses["agv"]) == 4 and log.notes == ["line 5, the last, is cut off: left out"]
+    path.write_text("\n".join([*lines[:2], lines[2][:-9], *lines[3:]]))
+    with pytest.raises(MrpSumoError, match=r"log\.jsonl:3: not JSON"):
+        read_fleet(path)
 
 
 def test_vehicle_whose_way_is_not_released_waits(tmp_path):
