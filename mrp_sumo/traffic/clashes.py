@@ -7,6 +7,7 @@ a robot that enters a vertex in the step in which another leaves it waits for an
 those waits form a circle only where robots rotate. So the schedule of the plan (`traffic.schedule`) has no cycle.
 """
 
+from typing import NamedTuple, Self
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -20,6 +21,7 @@ from mrp_sumo.traffic.resources import Resources, groups_of, ranges, resources_o
 NO_SEPARATION = -1.0  # stands for the rules of MAPF alone
 
 _known: WeakKeyDictionary[NavGraph, dict[float, Clashes]] = WeakKeyDictionary()
+_of_moves_known: WeakKeyDictionary[MoveGraph, dict[float, tuple["_Pairs", "_Pairs"]]] = WeakKeyDictionary()
 _from_starts: WeakKeyDictionary[Problem, Clashes] = WeakKeyDictionary()
 
 
@@ -32,9 +34,7 @@ def clashes_of(problem: Problem) -> Clashes:
     if not isinstance(graph, MoveGraph):
         return _on(graph, separation_m)
     if problem not in _from_starts:
-        at = np.zeros(graph.num_vertices, np.bool_)
-        at[graph.head] = at[problem.start] = True
-        _from_starts[problem] = _at(_on(graph, separation_m), at, at[graph.tail])
+        _from_starts[problem] = _with_starts(graph, separation_m, problem.start)
     return _from_starts[problem]
 
 
@@ -46,16 +46,45 @@ def exclusive_vertices(problem: Problem) -> dict[int, frozenset[int]]:
     return {v: others for v, others in excludes if others}
 
 
-def _at(clashes: Clashes, at: BoolArray, along: BoolArray) -> Clashes:
-    """The clashes with vertices [V] that robots can be at and lanes [L] that they can drive along."""
+class _Pairs(NamedTuple):
+    """Pairs of M moves and those of N vertices or lanes that each excludes, apart from the latter where paths only begin."""
 
-    def chosen(first: IntArray, others: IntArray, some: BoolArray) -> tuple[IntArray, IntArray]:
-        keep = some[others]
-        return frozen(np.concatenate([[0], np.cumsum(keep)])[first]), frozen(others[keep])
+    first: IntArray  # [M + 1] CSR
+    of: IntArray  # ascending by move
+    key: IntArray  # move * N + of, ascending
+    rest_first: IntArray  # [N + 1] CSR: the keys of the pairs left out
+    rest: IntArray
 
-    vertex_first, vertex = chosen(clashes.vertex_first, clashes.vertex, at)
-    lane_first, lane = chosen(clashes.lane_first, clashes.lane, along)
-    return Clashes(vertex_first, vertex, lane_first, lane, clashes.any, clashes.rotations)
+    @classmethod
+    def apart_from(cls, first: IntArray, of: IntArray, begins: BoolArray) -> Self:
+        """All pairs but those with some of N, where paths only begin."""
+        key = np.repeat(np.arange(len(first) - 1), np.diff(first)) * len(begins) + of
+        rest = np.flatnonzero(begins[of])
+        rest, keep = rest[np.argsort(of[rest], kind="stable")], np.flatnonzero(~begins[of])
+        rest_first = np.append(0, np.cumsum(np.bincount(of[rest], minlength=len(begins))))
+        return cls(np.searchsorted(keep, first), of[keep], key[keep], rest_first, key[rest])
+
+    def and_of(self, some: IntArray) -> tuple[IntArray, IntArray]:
+        """CSR of these pairs, and of those with some others."""
+        begin = self.rest_first[some]
+        more, size = np.sort(self.rest[ranges(begin, self.rest_first[some + 1] - begin)]), len(self.rest_first) - 1
+        if not len(more):
+            return frozen(self.first), frozen(self.of)
+        place, count = np.searchsorted(self.key, more), np.bincount(more // size, minlength=len(self.first) - 1)
+        return frozen(self.first + np.append(0, np.cumsum(count))), frozen(np.insert(self.of, place, more % size))
+
+
+def _with_starts(graph: MoveGraph, separation_m: float, start: IntArray) -> Clashes:
+    """The clashes with states that moves lead to, and those at which paths begin."""
+    clashes, known = _on(graph, separation_m), _of_moves_known.setdefault(graph, {})
+    if separation_m not in known:
+        begins = np.ones(graph.num_vertices, np.bool_)
+        begins[graph.head] = False
+        vertices = _Pairs.apart_from(clashes.vertex_first, clashes.vertex, begins)
+        known[separation_m] = vertices, _Pairs.apart_from(clashes.lane_first, clashes.lane, begins[graph.tail])
+    vertices, lanes = known[separation_m]
+    begun = ranges(graph.first[start], np.diff(graph.first)[start])
+    return Clashes(*vertices.and_of(start), *lanes.and_of(begun), clashes.any, clashes.rotations)
 
 
 def _on(graph: PlanGraph, separation_m: float) -> Clashes:

@@ -27,6 +27,7 @@ AT_ONCE = 40  # runs that are worse by so many steps are looked at together
 EXPAND, TURN = -1, -2
 MOST_GAPS = 64
 MOST_PENDING = 1024
+LONG = 300  # entries after which a search looks whether there is any way at all
 
 # ray: or EXPAND, the state itself, or TURN, its last turn; lanes: of the run, 0: any; bound, step: from which on
 ENTRY = np.dtype((np.record, [(name, np.int64) for name in ("state", "ray", "lanes", "bound", "step")]))
@@ -53,6 +54,8 @@ class IntervalScratch(NamedTuple):
     pending: np.ndarray  # [2, MOST_PENDING] resource, and the step at which it is taken
     pending_m: np.ndarray  # [MOST_PENDING] where along the ray it is left
     seen: np.ndarray  # [L] ARRIVAL, of the last state at the end of each lane
+    soonest: np.ndarray  # [L] step after which the robot may be at the end of each lane, of `is_shut_in`
+    queue: np.ndarray  # [L] its lanes that come next, -1: they do not
     work: np.ndarray  # [5] states and entries so far, over all searches; of `find` when the goal is free for ever, `latest`, last turn
 
 
@@ -91,6 +94,8 @@ def new_scratch(states: int, num_lanes: int) -> IntervalScratch:
         pending=np.zeros((2, MOST_PENDING), np.int64),
         pending_m=np.zeros(MOST_PENDING),
         seen=np.zeros(num_lanes, ARRIVAL),
+        soonest=np.zeros(num_lanes, np.int64),
+        queue=np.zeros(num_lanes, np.int64),
         work=np.zeros(5, np.int64),
     )
 
@@ -346,6 +351,9 @@ def find(ground, trip, most, latest, scratch):
         state, ray = scratch.entry[e].state, scratch.entry[e].ray
         lane, arrived = scratch.lane[state], scratch.arrived[state]
         looked += 1
+        if looked == LONG and is_shut_in(ground, scratch, start, goal):
+            scratch.work[1] += looked
+            return NO_PATH, 0
         if looked > most:
             scratch.work[1] += looked
             return OUT_OF_BUDGET, 0
@@ -392,6 +400,57 @@ def find(ground, trip, most, latest, scratch):
     scratch.work[0] += states
     scratch.work[1] += looked
     return NO_PATH, 0
+
+
+@kernel(allocates=False)
+def is_shut_in(ground, scratch, start, goal):
+    """True if on every way to a goal others stay for ever before the robot can have passed, even at its highest speed all along."""
+    moves, facing, soonest, queue = ground.moves, ground.facing, scratch.soonest, scratch.queue
+    soonest[:] = FAR
+    queue[:] = -1
+    end = len(queue)
+    first, last, v, at = end, end, start, np.int64(0)
+    while True:
+        for out in range(moves.first[v], moves.first[v + 1]):
+            there = at + np.int64(moves.end_m[moves.run_first[moves.course[out]]] * moves.steps_per_m)
+            if facing[out] >= FAR or there >= soonest[out] or is_closed_by(ground, out, at, there):
+                continue
+            if moves.head[out] == goal:
+                return False
+            soonest[out] = there
+            if queue[out] < 0:
+                queue[out] = end
+                if first == end:
+                    first = out
+                else:
+                    queue[last] = out
+                last = out
+        if first == end:
+            return True
+        lane = first
+        first, queue[lane] = queue[lane], -1
+        v, at = moves.head[lane], soonest[lane]
+
+
+@kernel(inline="always", allocates=False)
+def is_closed_by(ground, lane, at, there):
+    """True if what a lane needs is held for ever from the step on at which the robot may be at its tail, or what its head needs."""
+    moves, table = ground.moves, ground.table
+    v = moves.head[lane]
+    for k in range(moves.on_first[lane], moves.on_first[lane + 1]):
+        if stays_from(table, moves.on[k]) <= at:
+            return True
+    for k in range(moves.at_first[v], moves.at_first[v + 1]):  # noqa: SIM110  numba knows no any()
+        if stays_from(table, moves.at[k]) <= there:
+            return True
+    return False
+
+
+@kernel(inline="always", allocates=False)
+def stays_from(table, q):
+    """The step from which on somebody holds a resource for ever, FOREVER if nobody does."""
+    last = table.row[q] + table.count[q] - 1
+    return table.begin[last] if last >= table.row[q] and table.end[last] >= FOREVER else FOREVER
 
 
 @kernel(inline="always", allocates=False)

@@ -23,11 +23,13 @@ from mrp_sumo.metrics.referee_in_seconds import judge_in_seconds
 from mrp_sumo.planning.answers import planned_by
 from mrp_sumo.planning.registry import planner
 from mrp_sumo.search._motion import turn_steps
+from mrp_sumo.search._records import FOREVER
 from mrp_sumo.traffic.draw import uniform_draw
 from mrp_sumo.traffic.referee import judge
 from mrp_sumo.traffic.resources import resources_of
-from planners.safe_interval._search import FAR, step_of_run, steps_left
+from planners.safe_interval._search import FAR, RunGround, is_shut_in, step_of_run, steps_left
 from planners.safe_interval.moves import moves_of
+from planners.safe_interval.timetable import Timetable
 
 pytestmark = pytest.mark.kernel
 
@@ -238,3 +240,26 @@ def test_who_is_kept_from_its_way_by_a_start_that_is_protected_again_looks_for_a
     result = planner("continuous", {}).plan(problem, 60.0)
     assert result.status is Status.SOLVED
     assert judge(problem, result.plan).valid
+
+
+@pytest.mark.parametrize(
+    ("pairs", "held", "shut_in"),
+    [
+        ([(k, k + 1) for k in range(5)], (3, 9, FOREVER), True),
+        ([(k, k + 1) for k in range(5)], (3, 20, FOREVER), False),  # it may have passed by then
+        ([(k, k + 1) for k in range(5)], (3, 0, 90), False),
+        ([(k, (k + 1) % 6) for k in range(6)], (3, 0, FOREVER), False),
+        ([(k, (k + 1) % 6) for k in range(6)], (4, 0, FOREVER), False),
+    ],
+    ids=("before it", "after it", "for a while", "other way", "neighbour"),
+)
+def test_a_robot_is_shut_in_where_others_stay_on_every_way_before_it_can_have_passed(pairs, held, shut_in):
+    """From 0 to 4 or 5 in a row, or on a ring, at 1 m/s in steps of 0.1 s: it is at 3 after 12 steps at the earliest."""
+    xy = [(0.4 * k, 0.0) for k in range(6)] if len(pairs) < 6 else [(0.4 * np.cos(k), 0.4 * np.sin(k)) for k in np.arange(6) * np.pi / 3]
+    graph = graph_of(xy, pairs)
+    goal = 4 if held[0] != 4 else 5
+    timetable = Timetable(Problem(graph, fleet_of(CART, 1), np.array([0]), np.array([goal]), np.arange(1), 1.0), 0.1)
+    timetable.look_back(0)
+    timetable._reserve(-1, tuple(np.array([each]) for each in held))
+    ground = RunGround(timetable.moves[0], timetable.table, timetable.at_rest[0], timetable.facing[0], 1.0)
+    assert is_shut_in(ground, timetable.scratch, 0, goal) == shut_in
