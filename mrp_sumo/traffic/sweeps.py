@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mrp_sumo.core.graph import FloatArray, frozen
+from mrp_sumo.core.graph import BoolArray, FloatArray, frozen
 from mrp_sumo.core.robot_type import RobotShape
 from mrp_sumo.core.wheel_path import Route, Turning, WheelPath, wheel_path
 
@@ -45,8 +45,7 @@ def touches(bodies: Iterable[MovingBody], walls: FloatArray, clear_m: float = CL
 def _touches(body: MovingBody, walls: FloatArray, clear_m: float) -> bool:
     move = np.diff(body.poses, axis=0)
     radius_m, moved_m, turned = math.hypot(body.length_m, body.width_m) / 2, np.hypot(move[:, 0], move[:, 1]), np.abs(move[:, 2])
-    from_wall = point_distances((body.poses[:-1, :2] + move[:, :2] / 2)[:, None], walls[None])
-    k, wall = np.nonzero(from_wall <= radius_m + clear_m + moved_m[:, None] / 2)
+    k, wall = np.nonzero(_may_touch(body, walls, clear_m))
     share, part = np.full(len(k), 0.5), 1.0
     while len(k):
         poses, straight = body.poses[k] + share[:, None] * move[k], turned[k] == 0.0  # then it sweeps a longer rectangle
@@ -61,6 +60,15 @@ def _touches(body: MovingBody, walls: FloatArray, clear_m: float) -> bool:
         k, wall, share, part = np.tile(k[unsure], 2), np.tile(wall[unsure], 2), share[unsure], part / 2
         share = np.concatenate([share - part / 2, share + part / 2])
     return False
+
+
+def _may_touch(body: MovingBody, walls: FloatArray, clear_m: float) -> BoolArray:
+    """[K - 1, W] whether a circle around a body comes near a wall on each of its moves."""
+    move = np.diff(body.poses[:, :2], axis=0)
+    radius_m, moved_m = math.hypot(body.length_m, body.width_m) / 2, np.hypot(move[:, 0], move[:, 1])
+    from_wall = point_distances((body.poses[:-1, :2] + move / 2)[:, None], walls[None])
+    near: BoolArray = from_wall <= radius_m + clear_m + moved_m[:, None] / 2
+    return near
 
 
 def rectangle_distances(poses: FloatArray, half_length: FloatArray | float, half_width: float, walls: FloatArray) -> FloatArray:
@@ -135,6 +143,7 @@ def _turning(vehicle: Turning, bend_rad: float, gears: tuple[int, int], tangent_
     return frozen(np.column_stack([path.axle + vehicle.ahead_m * _rays(path.yaw_rad), path.yaw_rad])[begin:end])
 
 
+@lru_cache(maxsize=256)
 def _train(vehicle: RobotShape, bend_rad: float, tangent_m: float, lane_m: float, before: Before | None) -> list[MovingBody]:
     """A vehicle and its trailers from the beginning of an arc to the end of the lane after it."""
     turning, before = vehicle.turning, before or Before(0.0, vehicle.behind_m + tangent_m)
@@ -213,7 +222,8 @@ def shift_to_clear(sweeps: Sequence[list[MovingBody]], walls: FloatArray, clear_
     """Distances from the origin at which the wall that blocks the least blocked sweep would have to be, and is."""
     needs = []
     for bodies in sweeps:
-        blocked = [_needed(bodies, wall, clear_m) for wall in walls if touches(bodies, wall[None], clear_m)]
+        near = walls[np.any([_may_touch(body, walls, clear_m).any(0) for body in bodies], axis=0)]
+        blocked = [_needed(bodies, wall, clear_m) for wall in near if touches(bodies, wall[None], clear_m)]
         needs.append(max(blocked, key=lambda each: each[0] - each[1], default=(0.0, 0.0)))
     return min(needs, key=lambda each: each[0] - each[1])
 

@@ -335,14 +335,18 @@ def obstacle_to(graph: PlanGraph, vehicle: RobotType, route: list[int]) -> str:
 
 
 def narrow_turns(graph: PlanGraph, vehicle: RobotType) -> tuple[str, ...]:
-    """Lines on curves that a type cannot drive, and on turns that lanes have room for and walls have not."""
+    """Lines on curves that a type cannot drive, and on turns that lanes have room for and walls have not, the sharpest at each place."""
     turns, wide = turns_of(graph, vehicle), turns_of(replace(graph, walls=graph.walls[:0]), vehicle)
     came = np.repeat(np.arange(graph.num_lanes), np.diff(turns.first))
     lines = [obstacle_on_curve(graph, vehicle, lane, FORWARD) for lane in np.flatnonzero(curve_radius_m(graph) < np.inf).tolist()]
     lost = (wide.next_gear != NEVER).any(1) & (turns.next_gear == NEVER).all(1) & (np.abs(turns.bend_rad) < np.pi - MAY_STAND_RAD)
-    for k in np.flatnonzero(lost).tolist():
+    for v in np.unique(graph.tail[turns.onward[lost]]).tolist():
+        here = np.flatnonzero(lost & (graph.tail[turns.onward] == v))
+        k = int(here[np.abs(turns.bend_rad[here]).argmax()])
         gears = set(np.flatnonzero(wide.next_gear[k] != NEVER).tolist())
-        lines.append(_obstacle(graph, vehicle, k, int(came[k]), int(turns.onward[k]), gears))
+        line = _obstacle(graph, vehicle, k, int(came[k]), int(turns.onward[k]), gears)
+        more = len(here) - 1
+        lines.append(f"{line} (nor has it room for {more} more turn{'s' * (more > 1)} there)" if more else line)
     return tuple(dict.fromkeys(line for line in lines if line))
 
 

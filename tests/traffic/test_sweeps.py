@@ -11,7 +11,7 @@ from vehicles import CAR, TRICYCLE, TUGGER, corner, roads
 
 from mrp_sumo.core.robot_type import Loaded, Trailer
 from mrp_sumo.traffic.sweeps import MovingBody, rectangle_distances, swept_at_corner, touches
-from mrp_sumo.traffic.turns import BACKWARD, FORWARD, NEVER, obstacle_to, turns_of
+from mrp_sumo.traffic.turns import BACKWARD, FORWARD, NEVER, narrow_turns, obstacle_to, turns_of
 
 ONE_GEAR = replace(TRICYCLE, kinematics=replace(TRICYCLE.kinematics, reverse=False))
 FRONT_AXLE = replace(CAR, kinematics=replace(CAR.kinematics, fixed_axle="front"))
@@ -95,6 +95,15 @@ def test_a_wall_outside_a_corner_leaves_room_or_a_centimetre_less(spare_m, expec
     assert turns.next_gear[k, FORWARD] == expected
     line = f"tricycle needs 0.61 m beside 'v1' to turn from 'v0' over 'v1' to 'v2' and has {OUTSIDE_M - 0.01:.2f} m to a wall"
     assert obstacle_to(graph, ONE_GEAR, [0, 1, 2]) == ("" if expected == FORWARD else line)
+    assert narrow_turns(graph, ONE_GEAR) == (() if expected == FORWARD else (line,))
+
+
+def test_of_narrow_turns_at_a_place_the_sharpest_is_named():
+    """Lanes meet at v1 at 90 and 60 degrees, and a wall stands across the place."""
+    xy = [(0.0, 0.0), (4.0, 0.0), (4.0, 4.0), (6.0, 3.46)]
+    graph = beside(roads(xy, one_way=[(0, 1), (1, 2), (1, 3)]), wall((4.2, -0.1), (4.2, 0.1)))
+    (line,) = narrow_turns(graph, ONE_GEAR)
+    assert "from 'v0' over 'v1' to 'v2'" in line and line.endswith("(nor has it room for 1 more turn there)")
 
 
 @pytest.mark.parametrize(("away_m", "radius_m"), [(0.56, WIDEST_M), (0.54, (0.535 - 0.3) / (sqrt(2) - 1)), (0.50, 0.195 / (sqrt(2) - 1))])
