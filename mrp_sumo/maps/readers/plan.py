@@ -6,6 +6,7 @@ largest stays. Both are reported, with their areas. Refuses pictures without a s
 """
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar
 
@@ -32,6 +33,7 @@ SMALLEST_M = 2.0  # of a drawing: a smaller one is in another unit
 ROUNDING_OF_UNITS = 1e-6  # pixels
 ENCLOSED = 0.1  # share of the plan
 ROUNDING_PX = 0.25  # pixels' centres are less far from a wall than a robot may be
+STRAIGHT_PX = 1.0  # a slanted wall is stairs of pixels, which lie as far off a straight line
 MAX_TRACED = 10_000  # strokes of a picture's outlines
 
 
@@ -233,10 +235,48 @@ def _coarser(clear: BoolArray, pixels: int) -> BoolArray:
 
 
 def _traced(clear: BoolArray) -> FloatArray:
-    """[N, 2, 2] pixels: the outlines of what is not clear, sides in a row as one stroke; the plan's edge has none."""
+    """[N, 2, 2] pixels: the outlines of what is not clear, straight within a pixel; the plan's edge has none."""
     upright = _runs(clear[:, 1:] != clear[:, :-1], True)
     level = _runs((clear[1:] != clear[:-1]).T, False)
-    return np.concatenate([upright, level])
+    lines = [_straightened(chain) for chain in _chains(np.concatenate([upright, level]))]
+    return np.concatenate([np.zeros((0, 2, 2)), *(np.stack((line[:-1], line[1:]), axis=1) for line in lines)])
+
+
+def _chains(strokes: FloatArray) -> Iterator[FloatArray]:
+    """[K, 2] corners of strokes that follow each other, from end to end or around."""
+    beside: dict[tuple[float, float], list[tuple[float, float]]] = {}
+    for (ax, ay), (bx, by) in strokes.tolist():
+        beside.setdefault((ax, ay), []).append((bx, by))
+        beside.setdefault((bx, by), []).append((ax, ay))
+    for start in sorted(beside, key=lambda corner: len(beside[corner]) % 2 == 0):  # ends first
+        while beside[start]:
+            chain = [start]
+            while beside[chain[-1]]:
+                corner = chain[-1]
+                following = beside[corner].pop()
+                beside[following].remove(corner)
+                chain.append(following)
+            yield np.array(chain)
+
+
+def _straightened(chain: FloatArray) -> FloatArray:
+    """[K, 2] those corners of a line that lie more than a pixel off the straight between others (Ramer 1972, Douglas and Peucker 1973)."""
+    kept, spans = np.zeros(len(chain), np.bool_), [(0, len(chain) - 1)]
+    kept[[0, -1]] = True
+    while spans:
+        first, last = spans.pop()
+        if last - first < 2:
+            continue
+        along, off = chain[last] - chain[first], chain[first + 1 : last] - chain[first]
+        long = float(np.hypot(*along))
+        away = np.abs(off @ (-along[1], along[0])) / long if long else np.hypot(*off.T)
+        farthest = int(away.argmax())
+        if away[farthest] > STRAIGHT_PX:
+            middle = first + 1 + farthest
+            kept[middle] = True
+            spans += [(first, middle), (middle, last)]
+    line: FloatArray = chain[kept]
+    return line[:2] if len(line) == 3 and (line[0] == line[2]).all() else line  # there and back
 
 
 def _runs(sides: BoolArray, upright: bool) -> FloatArray:

@@ -10,6 +10,7 @@ from PIL import Image, ImageDraw
 from mrp_sumo.cli.main import main
 from mrp_sumo.errors import MapError
 from mrp_sumo.maps.load import load_map
+from mrp_sumo.maps.readers.plan import _traced
 from mrp_sumo.maps.readers.svg import read_svg
 from mrp_sumo.maps.yaml_text import Text
 
@@ -330,15 +331,31 @@ def test_a_pdf_that_is_none_is_one_line(tmp_path):
 
 
 def test_a_picture_with_much_hatching_has_coarser_walls(tmp_path):
-    """Three thousand dots, 4 pixels apart: each has four sides, until squares of 3 pixels join some of them."""
+    """Three thousand dots of 2 pixels, 4 apart: each has four sides, until squares of 2 pixels make it a dot of one, which is a stroke."""
     shade = np.full((400, 800), 255, np.uint8)
     shade[[0, -1]] = shade[:, [0, -1]] = 0
-    shade[40:280:4, 400:600:4] = 0
+    for k in range(4):
+        shade[40 + k // 2 : 280 : 4, 400 + k % 2 : 600 : 4] = 0
     Image.fromarray(shade).save(tmp_path / "hall.png")
     map_ = load_map(tmp_path / "hall.png", meters_per_pixel=0.05)
     assert [f.details for f in map_.findings if f.kind == "walls_traced_coarsely"] == [
-        ("outlines of what is dark are drawn up to 0.15 m too far out",)
+        ("outlines of what is dark are drawn up to 0.1 m too far out",)
     ]
     walls = map_.building.levels["L1"].wall_xy
     assert 40 < len(walls) <= 10_000
     assert np.ptp(walls.reshape(-1, 2), axis=0) == pytest.approx([40, 20], abs=0.4)
+
+
+def test_a_slanted_wall_of_a_picture_is_a_few_strokes_and_a_corner_stays():
+    """A wall of 3 pixels that climbs one pixel in ten, and a square of 40: 4 sides each, about."""
+    clear = np.ones((80, 200), np.bool_)
+    for x in range(100):
+        clear[5 + x // 10 : 8 + x // 10, 10 + x] = False
+    slanted = _traced(clear)
+    assert len(slanted) <= 6
+    assert abs(np.hypot(*(slanted[:, 1] - slanted[:, 0]).T).sum() - 2 * (100 + 3)) < 6
+    clear[:] = True
+    clear[20:60, 120:160] = False
+    square = {tuple(sorted(map(tuple, stroke))) for stroke in _traced(clear).tolist()}
+    corners = [(120, 20), (120, 60), (160, 60), (160, 20)]
+    assert square == {tuple(sorted((corners[k], corners[k - 1]))) for k in range(4)}
