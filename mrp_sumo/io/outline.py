@@ -44,7 +44,7 @@ def outline_of(building: Building, level_names: Collection[str]) -> Outline:
                 lifts.append(across @ np.array([(c, s), (-s, c)]) + (lift.x_m, lift.y_m) + shift)
     none = np.zeros((0, 2, 2))
     return Outline(
-        walls=np.concatenate([none, *(level.wall_xy for level in levels)]),
+        walls=np.concatenate([none, *(part for level in levels for part in (level.wall_xy, level.zone_sides_xy))]),
         doors=np.concatenate([none, *(level.xy[[(d.start, d.end)]] for level in levels for d in level.doors)]),
         floors=tuple(level.xy[list(polygon)] for level in levels for polygon in level.floors if len(polygon) > 2),
         holes=tuple(level.xy[list(polygon)] for level in levels for polygon in level.holes if len(polygon) > 2),

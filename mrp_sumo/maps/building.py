@@ -65,6 +65,7 @@ class Level:
     doors: tuple[Door, ...] = ()
     floors: tuple[tuple[int, ...], ...] = ()  # polygons of vertices
     holes: tuple[tuple[int, ...], ...] = ()
+    zones: tuple[tuple[int, ...], ...] = ()  # polygons of vertices, where no robot may be
     models: tuple[Model, ...] = ()
     furniture_xy: FloatArray = field(default_factory=lambda: np.zeros((0, 2, 2)))  # [F, 2, 2] m, sides of models whose size is known
 
@@ -72,6 +73,16 @@ class Level:
     def wall_xy(self) -> FloatArray:
         """[W + F, 2, 2] m, the two ends of each wall and of each side of furniture."""
         return np.concatenate([self.xy[self.walls], self.furniture_xy])
+
+    @property
+    def zone_xy(self) -> tuple[FloatArray, ...]:
+        """[N, 2] m, the corners of each zone without robots."""
+        return tuple(self.xy[list(zone)] for zone in self.zones if len(zone) > 2)
+
+    @property
+    def zone_sides_xy(self) -> FloatArray:
+        """[S, 2, 2] m, the two ends of each side of zones."""
+        return np.concatenate([np.zeros((0, 2, 2)), *(np.stack((zone, np.roll(zone, -1, axis=0)), axis=1) for zone in self.zone_xy)])
 
     @cached_property
     def lane_vertices(self) -> IntArray:

@@ -19,6 +19,7 @@ OF_LANES = {
     "speed_limit": "speed_limit",
     "mutex": "mutex",
     "class": "class",
+    "width": "width",
 }  # option -> parameter of a drawn lane
 OF_READERS = frozenset({"lift", "is_bend", "load", *COURSES})  # options that a drawing has no parameter for
 

@@ -1,4 +1,4 @@
-"""Room that walls leave: the distance of every lane and vertex of a graph from the nearest wall of its level.
+"""Room that walls leave: the distance of every lane and vertex of a graph from the nearest wall of its level, or zone without robots.
 
 Walls are the strokes of a building's drawing, without thickness; where a door is drawn on one, it is open. Grid maps have no building:
 their free cells are those with room already. A robot needs half its width beside a lane, and at a vertex, where it may turn, the radius
@@ -25,9 +25,9 @@ STOPS_SHORT_M = 0.001  # of a vertex: where robots wait and turn
 
 @dataclass(frozen=True, eq=False)
 class Clearance:
-    """Distances in m from the nearest wall, inf where none is as near as was asked for. Read-only."""
+    """Distances in m from the nearest wall or zone, inf where none is as near as was asked for. Read-only."""
 
-    lane_m: FloatArray  # [L] of the whole lane, its ends included; 0 when it meets a wall
+    lane_m: FloatArray  # [L] of the whole lane, its ends included; 0 when it meets a wall, or a part of it is in a zone
     vertex_m: FloatArray  # [V]
 
 
@@ -39,8 +39,10 @@ class Narrow:
     graph: NavGraph
     lane_m: FloatArray  # [L] distance from the nearest wall, inf where it is of no interest
     vertex_m: FloatArray  # [V]
-    is_narrow_lane: BoolArray  # [L] the robot touches a wall when it drives along
+    width_m: FloatArray  # [L] of lanes as they are drawn, inf where the map does not say
+    is_narrow_lane: BoolArray  # [L] the robot touches a wall when it drives along, or is wider than the lane
     is_narrow_vertex: BoolArray  # [V] the robot touches a wall when it turns, and there are lanes
+    limit: str = "a wall"  # what leaves no room, in words
 
     @property
     def is_barred(self) -> BoolArray:
@@ -60,6 +62,13 @@ class Narrow:
         return vertices[np.argsort(self.vertex_m[vertices], kind="stable")]
 
     @property
+    def slim(self) -> IntArray:
+        """Lanes narrower than the robot, a lane and its reverse once, the narrowest first."""
+        lanes = self.lanes
+        slim = lanes[self.width_m[lanes] < 2 * self.robot.with_load.beside_m - SHORTEST_M]
+        return slim[np.argsort(self.width_m[slim], kind="stable")]
+
+    @property
     def radius_that_fits_m(self) -> float:
         """Of the circle around a robot with room everywhere; 0 where lanes lead through walls, inf where nothing is narrow."""
         return float(self.lane_m.min(initial=np.inf))  # whose ends are the vertices
@@ -68,26 +77,32 @@ class Narrow:
     def notes(self) -> tuple[str, ...]:
         """A line on the lanes without room and one on the vertices; none where there is room everywhere."""
         lanes, vertices, name, notes = self.lanes, self.vertices, self.robot.name, []
+        half_m = self.robot.with_load.beside_m
         if crossing := int(np.count_nonzero(self.lane_m[lanes] == 0)):
-            notes.append(f"{count(crossing, 'lane leads', 'lanes lead')} through a wall, such as {self._lane(lanes[0])}")
-        if beside := lanes[crossing:].tolist():
-            room = f"{self.robot.with_load.beside_m:.2f} m to a wall, too close for '{name}'"
+            notes.append(f"{count(crossing, 'lane leads', 'lanes lead')} through {self.limit}, such as {self._lane(lanes[0])}")
+        if beside := lanes[crossing : crossing + int(np.count_nonzero((self.lane_m[lanes] > 0) & (self.lane_m[lanes] < half_m)))].tolist():
+            room = f"{half_m:.2f} m to {self.limit}, too close for '{name}'"
             nearest = f"the closest {self._lane(beside[0])}: {self.lane_m[beside[0]]:.2f} m"
             notes.append(f"{count(len(beside), 'lane runs', 'lanes run')} closer than {room}, {nearest}")
         if len(vertices):
-            room = f"{self.robot.radius_m:.2f} m to a wall, too close for '{name}' to turn"
+            room = f"{self.robot.radius_m:.2f} m to {self.limit}, too close for '{name}' to turn"
             nearest = f"the closest {self._vertex(vertices[0])}: {self.vertex_m[vertices[0]]:.2f} m"
             notes.append(f"{count(len(vertices), 'vertex is', 'vertices are')} closer than {room}, {nearest}")
+        if len(slim := self.slim):
+            which = f"{self._lane(slim[0])}: {self.width_m[slim[0]]:.2f} m"
+            notes.append(f"{count(len(slim), 'lane is', 'lanes are')} narrower than '{name}' with {2 * half_m:.2f} m, such as {which}")
         return tuple(notes)
 
     @property
     def lane_notes(self) -> tuple[str, ...]:
         """A line for each lane without room, the nearest to a wall first."""
-        half_m = self.robot.with_load.beside_m
+        half_m, slim = self.robot.with_load.beside_m, set(self.slim.tolist())
         return tuple(
-            f"lane {self._lane(lane)} leads through a wall"
+            f"lane {self._lane(lane)} leads through {self.limit}"
             if self.lane_m[lane] == 0
-            else f"lane {self._lane(lane)} is {self.lane_m[lane]:.2f} m from a wall, '{self.robot.name}' needs {half_m:.2f} m"
+            else f"lane {self._lane(lane)} is {self.width_m[lane]:.2f} m wide, '{self.robot.name}' needs {2 * half_m:.2f} m"
+            if lane in slim
+            else f"lane {self._lane(lane)} is {self.lane_m[lane]:.2f} m from {self.limit}, '{self.robot.name}' needs {half_m:.2f} m"
             for lane in self.lanes.tolist()
         )
 
@@ -100,10 +115,12 @@ class Narrow:
 
 
 def narrow(graph: NavGraph, building: Building | None, robot: RobotType) -> Narrow:
-    """Places of a graph without room for a robot; none without a building."""
+    """Places of a graph without room for a robot; without a building, lanes that are drawn too narrow."""
+    width_m = np.array([float(options.get("width", np.inf)) for options in graph.lane_options], np.float64)
+    slim = width_m < 2 * robot.with_load.beside_m - SHORTEST_M
     if building is None:
         far = np.full(graph.num_lanes, np.inf), np.full(graph.num_vertices, np.inf)
-        return Narrow(robot, graph, *far, *(np.isnan(distance) for distance in far))
+        return Narrow(robot, graph, *far, width_m, slim, np.isnan(far[1]))
     clearances = clearance(graph, building, robot.radius_m + STOPS_SHORT_M)
     turned = np.zeros(graph.num_vertices, np.bool_)
     turned[graph.tail] = turned[graph.head] = not robot.is_vehicle
@@ -113,7 +130,8 @@ def narrow(graph: NavGraph, building: Building | None, robot: RobotType) -> Narr
             np.arange(graph.num_lanes), [graph.lane_between(*ends) for ends in graph.curves]
         )  # the steps are no part of these
     vertices = turned & (clearances.vertex_m < robot.radius_m + STOPS_SHORT_M)
-    return Narrow(robot, graph, clearances.lane_m, clearances.vertex_m, lanes, vertices)
+    limit = "a wall or a zone without robots" if any(level.zones for level in building.levels.values()) else "a wall"
+    return Narrow(robot, graph, clearances.lane_m, clearances.vertex_m, width_m, lanes | slim, vertices, limit)
 
 
 def pruned(graph: PlanGraph, without: Narrow) -> PlanGraph:
@@ -133,6 +151,12 @@ def standing_walls(building: Building, level_names: Collection[str]) -> FloatArr
     return np.concatenate([np.zeros((0, 2, 2)), *parts])
 
 
+def kept_from(building: Building, level_name: str) -> FloatArray:
+    """[W, 2, 2] m, what robots keep from on a level: standing walls, and sides of zones without robots."""
+    walls = standing_walls(building, (level_name,))
+    return np.concatenate([walls, building.levels[level_name].zone_sides_xy]) if level_name in building.levels else walls
+
+
 def clearance(graph: NavGraph, building: Building, within_m: float) -> Clearance:
     """Distances of the lanes and vertices of a graph from walls.
 
@@ -149,7 +173,7 @@ def clearance(graph: NavGraph, building: Building, within_m: float) -> Clearance
     lane_m, vertex_m = np.full(graph.num_lanes, np.inf), np.full(graph.num_vertices, np.inf)
     is_once = ((graph.reverse < 0) | (tail < head)) & (graph.level[tail] == graph.level[head])  # a lift has walls of its own
     for k, name in enumerate(graph.level_names):
-        walls = standing_walls(building, (name,))
+        walls = kept_from(building, name)
         lanes = np.flatnonzero(is_once & (graph.level[tail] == k))
         near, wall = _near(xy[tail[lanes]], xy[head[lanes]], walls, within_m)
         lane = lanes[near]
@@ -157,6 +181,9 @@ def clearance(graph: NavGraph, building: Building, within_m: float) -> Clearance
         vertices = np.flatnonzero(graph.level == k)
         near, wall = _near(xy[vertices], xy[vertices], walls, within_m)
         np.minimum.at(vertex_m, vertices[near], point_distances(xy[vertices[near]], *walls[wall].transpose(1, 0, 2)))
+        for zone in building.levels[name].zone_xy if name in building.levels else ():
+            vertex_m[vertices[_inside(xy[vertices], zone)]] = 0.0
+            lane_m[lanes[_inside(xy[tail[lanes]], zone)]] = 0.0  # one that leads in or out meets a side
     back = np.flatnonzero((graph.reverse >= 0) & (tail > head))
     lane_m[back] = lane_m[graph.reverse[back]]
     lane_m[lane_m > within_m] = np.inf
@@ -183,6 +210,16 @@ def segment_distances(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray
     ends = np.stack([point_distances(a, c, d), point_distances(b, c, d), point_distances(c, a, b), point_distances(d, a, b)])
     apart: FloatArray = np.where(meets, 0.0, ends.min(axis=0))
     return apart
+
+
+def _inside(points: FloatArray, polygon: FloatArray) -> BoolArray:
+    """[N] points within a polygon [P, 2]: a ray to the right of them crosses its sides an odd number of times."""
+    (ax, ay), (bx, by) = polygon.T[..., None], np.roll(polygon, -1, axis=0).T[..., None]
+    x, y = points.T
+    with np.errstate(divide="ignore", invalid="ignore"):
+        crosses = ((ay > y) != (by > y)) & (x < ax + (bx - ax) * (y - ay) / (by - ay))
+    inside: BoolArray = np.count_nonzero(crosses, axis=0) % 2 == 1
+    return inside
 
 
 def _near(a: FloatArray, b: FloatArray, walls: FloatArray, within_m: float) -> tuple[IntArray, IntArray]:

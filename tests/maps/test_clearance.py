@@ -1,5 +1,7 @@
 """Room beside walls, on floors where the distances are known by hand."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from shapely import geometry
@@ -161,3 +163,29 @@ def test_a_crowded_floor_has_the_distances_of_all_pairs():
     for distance, place in zip(room.vertex_m, xy):
         truth = geometry.Point(place).distance(drawn)
         assert distance == (pytest.approx(truth, abs=1e-9) if truth <= 1 else np.inf)
+
+
+def test_a_robot_needs_a_lane_as_wide_as_itself():
+    on = graph(*ALONG, lane_options=[{"width": 0.6}] * 2)
+    assert narrow(on, building(level([])), CART).notes == ()  # 0.5 m wide
+    wide = RobotType("wide", 0.2, 0.7, 1.0, 1.0, 1.0, 1.0)
+    for of in (building(level([])), None):
+        places = narrow(on, of, wide)
+        assert places.notes == ("1 lane is narrower than 'wide' with 0.70 m, such as v0 (1.00, 0.50) -> v1 (9.00, 0.50): 0.60 m",)
+        assert places.is_barred.all()
+        assert places.lane_notes == ("lane v0 (1.00, 0.50) -> v1 (9.00, 0.50) is 0.60 m wide, 'wide' needs 0.70 m",)
+
+
+def test_robots_keep_out_of_a_zone_and_people_do_not():
+    zone = np.array([(4, 0), (6, 0), (6, 3), (4, 3)], float)
+    square = replace(level([]), xy=zone, zones=((0, 1, 2, 3),))
+    xy = [(1, 1), (9, 1), (4.5, 2), (5.5, 2), (1, 3.4), (9, 3.4), (1, 4), (9, 4)]  # through it, within it, beside it twice
+    places = narrow(graph(xy, [(0, 1), (2, 3), (4, 5), (6, 7)]), building(square), replace(CART, width_m=1.0))
+    assert {tuple(sorted(pair)) for pair in zip(places.graph.tail[places.lanes], places.graph.head[places.lanes])} == {
+        (0, 1),
+        (2, 3),
+        (4, 5),
+    }
+    assert places.vertices.tolist() == [2, 3]
+    assert "2 lanes lead through a wall or a zone without robots" in places.notes[0]
+    assert len(standing_walls(building(square), ["L1"])) == 0

@@ -27,7 +27,7 @@ PLAIN_NAME = re.compile(
     r"(?!(?:y|n|yes|no|on|off|true|false|null)\Z)[A-Za-z][A-Za-z0-9_-]{0,40}\Z", re.IGNORECASE
 )  # needs no quotes in YAML
 SHORT_LINE = 64  # characters that always fit on a line, however deep
-NUMBERS = ("speed_limit", "merge_radius")
+NUMBERS = ("speed_limit", "merge_radius", "width")
 
 
 class Misplaced(MapError):

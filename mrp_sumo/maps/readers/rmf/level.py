@@ -79,6 +79,20 @@ class LevelReader:
         start, end = (self.vertex(value[i], what, num_vertices, keys) for i in (0, 1))
         return start, end, self.options(value[2] if len(value) == 3 else None, what, keys)
 
+    def polygons(
+        self, value: Any, what: str, num_vertices: int, keys: tuple[str | int, ...], *, zones: bool
+    ) -> tuple[tuple[int, ...], ...]:
+        """Corners of floors and holes, or of zones, which are floors that no robot may be on."""
+        outlines = []
+        for i, one in enumerate(self.items(value, what, keys)):
+            each, at = f"{what[:-1]} {i}", (*keys, i)
+            if not isinstance(one, Mapping):
+                raise self.source.fault(f"{each} is {shown(one)}, expected a mapping", *at)
+            if _is_zone(one) == zones:
+                corners = self.items(one.get("vertices"), f"{each}: vertices", at)
+                outlines.append(tuple(self.vertex(v, each, num_vertices, at) for v in corners))
+        return tuple(outlines)
+
     def vertex(self, value: Any, what: str, num_vertices: int, keys: tuple[str | int, ...]) -> int:
         if type(value) is not int:
             raise self.source.fault(f"{what} names vertex {value!r:.40}, expected a number from 0", *keys)
@@ -119,15 +133,8 @@ def draft_of(reader: LevelReader, name: str, document: Any, key: Any, system: st
             what, keys = f"level {name} {singular} {i}", (*at, kind, i)
             yield what, keys, reader.edge(value, what, num, keys)
 
-    def polygons(kind: str) -> tuple[tuple[int, ...], ...]:
-        outlines = []
-        for i, value in enumerate(reader.items(document.get(kind), f"level {name}: {kind}", (*at, kind))):
-            what, keys = f"level {name} {kind[:-1]} {i}", (*at, kind, i)
-            if not isinstance(value, Mapping):
-                raise reader.source.fault(f"{what} is {shown(value)}, expected a mapping", *keys)
-            corners = reader.items(value.get("vertices"), f"{what}: vertices", keys)
-            outlines.append(tuple(reader.vertex(v, what, num, keys) for v in corners))
-        return tuple(outlines)
+    def polygons(kind: str, *, zones: bool = False) -> tuple[tuple[int, ...], ...]:
+        return reader.polygons(document.get(kind), f"level {name} {kind}", num, (*at, kind), zones=zones)
 
     lanes = [_lane(reader, what, keys, *edge) for what, keys, edge in edges("lanes", "lane")]
     raw_xy = np.array(xy, np.float64).reshape(-1, 2)
@@ -147,6 +154,7 @@ def draft_of(reader: LevelReader, name: str, document: Any, key: Any, system: st
         ),
         floors=polygons("floors"),
         holes=polygons("holes"),
+        zones=polygons("floors", zones=True),
         measurements=tuple(_measurement(reader, *m) for m in edges("measurements", "measurement")),
         fiducials=_fiducials(reader, name, document.get("fiducials"), (*at, "fiducials"), up),
         models=_models(document.get("models"), up),
@@ -186,6 +194,8 @@ def _lane(reader: LevelReader, what: str, keys: tuple[str | int, ...], start: in
     options: dict[str, Any] = {"orientation_constraint": orientation} if orientation else {}
     if reader.number(members.get("speed_limit") or 0, f"{what}: speed_limit", keys) > 0:
         options["speed_limit"] = members["speed_limit"]
+    if (width_m := reader.number(members.get("width") or 0, f"{what}: width", keys)) > 0:
+        options["width"] = width_m
     options |= {k: members[k] for k in ("mutex", "class", "demo_mock_floor_name", "demo_mock_lift_name") if members.get(k)}
     return Lane(start, end, int(graph), bool(both_ways), options)
 

@@ -159,6 +159,19 @@ def test_nav_graph_keeps_speed_limits_and_directions(tmp_path):
     assert graph.num_edges == 2
 
 
+def test_lanes_have_widths_and_floors_without_robots_are_zones(tmp_path):
+    drawn = TINY.replace("speed_limit: [3, 0.5]", "width: [3, 1.2]")
+    assert drawn != TINY
+    floor = "      - {parameters: {PARAMETER: [4, true]}, vertices: [0, 1, 2]}\n"
+    floors = f"    floors:\n{floor.replace('PARAMETER', 'no_robots')}{floor.replace('PARAMETER', 'indoor')}"
+    read = building(tmp_path, drawn.replace("    lanes:", f"{floors}    lanes:"))
+    graph = graph_of_document(nav_graph_documents(read)[0], "tiny")
+    assert [options.get("width") for options in graph.lane_options] == [None, 1.2, None]
+    assert (read.levels["L1"].zones, read.levels["L1"].floors) == (((0, 1, 2),), ((0, 1, 2),))
+    with pytest.raises(MapError, match="lane 1: width is 'wide', expected a number"):
+        building(tmp_path, TINY.replace("speed_limit: [3, 0.5]", "width: [1, wide]"))
+
+
 def test_levels_are_aligned_by_fiducials(tmp_path):
     # ground: 0.1 m a pixel. upper: drawn twice as large and turned by a quarter, so c lies on a and d on b.
     levels = building(tmp_path, TWO_LEVELS).levels
