@@ -16,6 +16,7 @@ from mrp_sumo.maps.building import Building, Level
 
 LEAST_ANGLE_RAD = np.radians(3)  # lanes that leave a vertex at less lie on each other
 SAME_PLACE_M = 0.05  # vertices closer than this were probably meant to be one
+MOST_NAMED = 3  # walls that one lane goes through
 DOORWAY_M = 0.3  # a lane may cross a wall this close to a door: walls are often drawn through
 
 
@@ -37,13 +38,17 @@ def _of_level(level: Level) -> Iterator[str]:
     doors = np.array([(door.start, door.end) for door in level.doors], np.int64).reshape(-1, 2)
     lane, door, _ = _crossings(level.xy, lanes, doors)
     for i in np.flatnonzero(np.bincount(lane, minlength=len(lanes)) > 1).tolist():
-        through = [level.doors[d].name for d in door[lane == i].tolist()]
-        yield f"{where}: lane {i} goes through doors {', '.join(through)}; the nav graph knows the last one in the file"
+        names = [level.doors[d].name for d in door[lane == i].tolist()]
+        yield f"{where}: lane {i} goes through doors {', '.join(names)}; the nav graph knows the last one in the file"
     middle = level.xy[doors].mean(axis=1)
+    through: dict[int, list[int]] = {}
     for i, w, place in zip(*_crossings(level.xy, lanes, level.walls)):
         reach = np.hypot(*(level.xy[doors[:, 0]] - level.xy[doors[:, 1]]).T) / 2 + DOORWAY_M
         if not (np.hypot(*(middle - place).T) <= reach).any():
-            yield f"{where}: lane {i} goes through wall {w}"
+            through.setdefault(int(i), []).append(int(w))
+    for i, walls in through.items():
+        more = f" and {len(walls) - MOST_NAMED} more" if len(walls) > MOST_NAMED else ""
+        yield f"{where}: lane {i} goes through wall{'s' * (len(walls) > 1)} {', '.join(map(str, walls[:MOST_NAMED]))}{more}"
     idle = [level.doors[d].name for d in range(len(doors)) if len(lanes) and d not in set(door.tolist())]
     if idle:
         yield f"{where}: no lane leads through {len(idle)} of {len(doors)} doors, such as '{idle[0]}'"

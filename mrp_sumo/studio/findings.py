@@ -15,7 +15,7 @@ from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.errors import MapError
 from mrp_sumo.maps.building import Building, Level
 from mrp_sumo.maps.check import check_building, findings_of
-from mrp_sumo.maps.clearance import narrow
+from mrp_sumo.maps.clearance import kept_from, narrow, point_distances, segment_distances
 from mrp_sumo.maps.finding import CURE, MapFinding, ordered
 from mrp_sumo.maps.map import Map
 from mrp_sumo.maps.oddities import oddities
@@ -30,6 +30,7 @@ WALLS = re.compile(r"\bwall (\d+)")
 AT = re.compile(r"at \((-?[\d.]+), (-?[\d.]+)\)")
 NAMED = re.compile(r"'([^']+)'")
 Place = list[Any]  # level, x, y
+DRAWN_HERE = ("no_lanes",)  # findings whose cure is this workbench
 
 
 def check(document: Any, path: Path, robot: RobotType) -> dict[str, Any]:
@@ -56,7 +57,8 @@ def check(document: Any, path: Path, robot: RobotType) -> dict[str, Any]:
             findings = ordered(building.findings + check_building(building))
     lines = [line for finding in findings for line in _of_finding(finding, building)]
     if building is not None:
-        lines += [{"severity": "note", "text": note, "places": list(_places(note, building))} for note in oddities(building)]
+        notes = [note for note in oddities(building) if map_ is None or len(building.graphs) > 1 or "goes through wall" not in note]
+        lines += [{"severity": "note", "text": note, "places": list(_places(note, building))} for note in notes]  # of walls see below
     if map_ is not None:
         lines += _of_clearance(map_, robot)
     size = {"vertices": map_.nav.num_vertices, "lanes": map_.nav.num_lanes} if map_ is not None else {}
@@ -77,7 +79,7 @@ def drawn(xy: FloatArray, document: Any, path: Path) -> list[Place]:
 
 def _of_finding(finding: MapFinding, building: Building | None) -> Iterator[dict[str, Any]]:
     """A line for each place, so that each can be gone to."""
-    name, cure = finding.kind.replace("_", " "), CURE.get(finding.kind, "")
+    name, cure = finding.kind.replace("_", " "), CURE.get(finding.kind, "") if finding.kind not in DRAWN_HERE else ""
     for detail in finding.details[:MOST_PLACES] or ("",):
         text = f"{name}: {detail}" if detail else name
         places = list(_places(detail, building)) if building is not None else []
@@ -86,27 +88,54 @@ def _of_finding(finding: MapFinding, building: Building | None) -> Iterator[dict
 
 def _of_clearance(map_: Map, robot: RobotType) -> list[dict[str, Any]]:
     """A line on lanes and one on vertices without room beside walls."""
-    if map_.building is None:
+    building = map_.building
+    if building is None:
         return []
-    room, nav = narrow(map_.nav, map_.building, robot), map_.nav
-    of_level = {name: _to_file(level, map_.building) for name, level in map_.building.levels.items()}
+    room, nav = narrow(map_.nav, building, robot), map_.nav
+    of_level = {name: _to_file(level, building) for name, level in building.levels.items()}
 
     def place(xy: np.ndarray, vertex: int) -> Place:
         name = nav.level_names[nav.level[vertex]]
         return [name, *(_from(of_level[name], xy) if name in of_level else (0.0, 0.0))]
 
+    walls = {name: kept_from(building, name) for name in nav.level_names}
+
+    def nearest(lane: int) -> Place:
+        a, b = nav.tail[lane], nav.head[lane]
+        return place(_nearest(nav.xy[a], nav.xy[b], walls[nav.level_names[nav.level[a]]]), a)
+
     lines = []
     lanes, vertices = room.lanes[:MOST_PLACES].tolist(), room.vertices[:MOST_PLACES].tolist()
+    slim = set(room.slim.tolist())
     crossing = [lane for lane in lanes if room.lane_m[lane] == 0]
-    middle = {lane: (nav.xy[nav.tail[lane]] + nav.xy[nav.head[lane]]) / 2 for lane in lanes}
-    for some, many in ((crossing, "lead through a wall"), ([x for x in lanes if x not in crossing], f"too near a wall for '{robot.name}'")):
+    beside = [lane for lane in lanes[len(crossing) :] if lane not in slim]
+    kinds = (
+        (crossing, f"lead through {room.limit}"),
+        (beside, f"too near {room.limit} for '{robot.name}'"),
+        (slim, f"narrower than '{robot.name}'"),
+    )
+    for some, many in kinds:
         if some:
-            places = [place(middle[lane], nav.tail[lane]) for lane in some]
+            middles = some is slim
+            places = [place((nav.xy[nav.tail[x]] + nav.xy[nav.head[x]]) / 2, nav.tail[x]) if middles else nearest(x) for x in some]
             lines.append({"severity": "note", "kind": "narrow_lanes", "text": f"lanes {many}: {len(some)}", "places": places})
     if vertices:
-        text = f"vertices too near a wall for '{robot.name}' to turn: {len(vertices)}"
+        text = f"vertices too near {room.limit} for '{robot.name}' to turn: {len(vertices)}"
         lines.append({"severity": "note", "kind": "narrow_vertices", "text": text, "places": [place(nav.xy[v], v) for v in vertices]})
     return lines
+
+
+def _nearest(a: FloatArray, b: FloatArray, walls: FloatArray) -> FloatArray:
+    """The place of a-b, [2] m, that is nearest to a wall [W, 2, 2]."""
+    from_a, to_b = (np.broadcast_to(end, (len(walls), 2)) for end in (a, b))
+    c, d = walls[segment_distances(from_a, to_b, walls[:, 0], walls[:, 1]).argmin()]
+    along, across = b - a, d - c
+    det = along[0] * across[1] - along[1] * across[0]
+    meets = ((c - a)[0] * across[1] - (c - a)[1] * across[0]) / (det or np.inf)
+    shares = np.clip([meets, *((end - a) @ along / (along @ along) for end in (c, d)), 0, 1], 0, 1)
+    places: FloatArray = a + shares[:, None] * along
+    nearest: FloatArray = places[point_distances(places, np.broadcast_to(c, places.shape), np.broadcast_to(d, places.shape)).argmin()]
+    return nearest
 
 
 def _places(text: str, building: Building) -> Iterator[Place]:

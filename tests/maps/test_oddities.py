@@ -51,7 +51,7 @@ def test_doors_that_cannot_be_told_apart(tmp_path, name, note):
 
 def test_a_lane_through_a_wall_but_not_beside_a_door(tmp_path):
     walls = "    walls: [[2, 3, {}], [6, 7, {}]]\n"
-    assert notes(tmp_path, PLACES, [(0, 1)], walls) == ("level L1: lane 0 goes through wall 0", "level L1: lane 0 goes through wall 1")
+    assert notes(tmp_path, PLACES, [(0, 1)], walls) == ("level L1: lane 0 goes through walls 0, 1",)
     door = "    doors: [[2, 3, {name: [1, in], type: [1, hinged]}]]\n"
     assert notes(tmp_path, PLACES, [(0, 1)], walls + door) == ("level L1: lane 0 goes through wall 1",)
 

@@ -123,6 +123,29 @@ def test_what_is_found_says_where(folder):
     assert {tuple(level["vertices"][v][:2]) for v in (0, 1)} <= twice
 
 
+def test_a_lane_without_room_is_ringed_where_that_is():
+    vertices = [
+        [0, 0, 0, ""],
+        [400, 0, 0, ""],
+        [300, -20, 0, ""],
+        [300, 20, 0, ""],
+        [0, 100, 0, ""],
+        [400, 110, 0, ""],
+        [80, 103, 0, ""],
+        [90, 103, 0, ""],
+    ]
+    lane = {"bidirectional": [4, True], "graph_idx": [2, 0], "width": [3, 0.1]}
+    level = {"vertices": vertices, "measurements": [[0, 1, {"distance": [3, 20.0]}]], "walls": [[2, 3, {}], [6, 7, {}]]}
+    document = {"name": "hall", "levels": {"L1": {**level, "lanes": [[0, 1, lane], [4, 5, {**lane, "width": [3, 0.0]}]]}}}
+    found = {line["text"]: line["places"] for line in check(document, Path("hall.building.yaml"), ROBOT)["findings"]}
+    assert found.pop("lanes lead through a wall: 1") == [["L1", pytest.approx(300), pytest.approx(0, abs=0.1)]]
+    assert found.pop(f"lanes too near a wall for '{ROBOT.name}': 1") == [["L1", pytest.approx(90, abs=1), pytest.approx(102, abs=1)]]
+    assert not [text for text in found if "goes through wall" in text]
+    document["levels"]["L1"]["lanes"] = [[4, 5, lane]]
+    found = {line["text"]: line["places"] for line in check(document, Path("hall.building.yaml"), ROBOT)["findings"]}
+    assert found[f"lanes narrower than '{ROBOT.name}': 1"] == [["L1", 200.0, 105.0]]
+
+
 def test_a_drawing_without_lanes_or_scale_is_refused_in_words(folder):
     hall(folder.root / "hall.png")
     document = folder.open("hall.png", {})["document"]
