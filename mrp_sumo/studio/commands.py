@@ -109,10 +109,14 @@ def _replay(workspace: Workspace, values: Values) -> tuple[list[str], str]:
 
 
 def _convert(workspace: Workspace, values: Values) -> tuple[list[str], str]:
-    name, suffix = _file(workspace, values, "map"), FORMATS.get(str(values.get("format")))
-    if suffix is None:
-        raise MrpSumoError(f"format: found '{str(values.get('format'))[:20]}', expected one of {', '.join(FORMATS)}")
-    out = (Path(name).parent / f"{map_name(Path(name))}{suffix}").as_posix()
+    """A drawing in another format, under a name that is free or beside it."""
+    name, out, suffix = _file(workspace, values, "map"), str(values.get("out") or ""), FORMATS.get(str(values.get("format")))
+    if suffix is not None:
+        out = (Path(name).parent / f"{map_name(Path(name))}{suffix}").as_posix()
+    elif not out.endswith(tuple(FORMATS.values())):
+        raise MrpSumoError(f"format: found '{str(values.get('format') or out)[:80]}', expected one of {', '.join(FORMATS)}")
+    elif workspace.path(out).exists() or out.startswith("-"):
+        raise MrpSumoError(f"{out[:80]}: is there already: choose another name")
     return ["convert", name, out], out
 
 

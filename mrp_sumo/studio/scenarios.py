@@ -10,6 +10,7 @@ from mrp_sumo.io.scenario.model import ScenarioModel
 from mrp_sumo.io.scenario.read import read_scenario
 from mrp_sumo.maps.yaml_edit import document_of, edited
 from mrp_sumo.maps.yaml_text import Text
+from mrp_sumo.plugins.registry import names
 
 UNITS = {
     "_s": "s",
@@ -23,6 +24,7 @@ UNITS = {
     "_deg": "°",
     "_pct": "%",
 }
+NAMED = {"planner.name": "planners", "execution.dispatcher.name": "dispatchers", "execution.policy.name": "policies"}  # kinds of plug-ins
 DEEPEST = 5
 MOST_BYTES = 4_000_000
 
@@ -95,7 +97,10 @@ def _fields(schema: Mapping[str, Any], definitions: Mapping[str, Any], above: st
         )
         if simple is None:
             continue
-        choices = list(dict.fromkeys(value for o in options for value in (*o.get("enum", ()), *((o["const"],) if "const" in o else ()))))
+        named = names(NAMED[key]) if key in NAMED else ()
+        choices = list(named) or list(
+            dict.fromkeys(value for o in options for value in (*o.get("enum", ()), *((o["const"],) if "const" in o else ())))
+        )
         yield {
             "key": key,
             "says": declared.get("description", ""),

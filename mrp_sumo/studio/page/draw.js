@@ -5,7 +5,8 @@ import { canRemoveLevel, doorChoices, doorsOn, isCabin, lifts, ordered, removeLe
 import { button, check, field, fields, muted, next } from "./parts.js";
 import { actions, shared } from "./shared.js";
 import { changed, edited, isDirty, level, list, option, rounded, site } from "./site.js";
-import { aligned, bent, choose, chosenVertices, doubled, mirrored, removeChosen, renamed, repeated, setOptions, tool, turned } from "./tools.js";
+import { aligned, bent, chosenVertices, doubled, mirrored, removeChosen, renamed, repeated, setOptions, turned } from "./edits.js";
+import { choose, tool } from "./tools.js";
 import { camera, KINDS, up } from "./view.js";
 
 const LANE_KINDS = ["forward", "backward"];
@@ -17,7 +18,7 @@ export function drawPanel() {
   else if (!lanes) parts.push(next("Press ", make("kbd", { textContent: "l" }), " and click along the aisles: lanes join where they meet. On the Floor step, lanes can be laid all over a picture."));
   else if (stations < 2) parts.push(next("Press ", make("kbd", { textContent: "s" }), " and click where loads are picked up and set down; name the places and say what they are for."));
   else if (site.refused) parts.push(next("Mend what is found below: click a line to go there."));
-  else parts.push(next("It can be driven on. Save it, and go to Orders."), make("div", { className: "row" }, button("Orders", () => actions.show("orders"), { className: "main" })));
+  else parts.push(next(site.findings.some((f) => f.kind === "narrow_lanes") ? `Robots of type ${shared.robot} have no room where it is ringed, and are not planned there: move these lanes, or choose another robot below. Else save it, and go to Orders.` : "It can be driven on. Save it, and go to Orders."), make("div", { className: "row" }, button("Orders", () => actions.show("orders"), { className: "main" })));
   parts.push(...properties(), ...(site.saved && isDirty() && shared.scenario ? whatIfPart() : []), ...findings());
   return parts;
 }
@@ -29,6 +30,7 @@ function properties() {
   else if (kinds.size === 1 && kinds.has("lanes")) parts.push(...lanePart());
   else if (one?.kind === "doors") parts.push(...doorPart(one.index));
   else if (one?.kind === "measurements") parts.push(...rulerPart(one.index));
+  else if (one?.kind === "floors") parts.push(make("h2", { textContent: "Zone without robots" }), muted("No robot is planned through it, nor near enough to reach into it. Drag its corners."));
   else if (one?.kind === "lifts") parts.push(...liftPart(one.index));
   else if (chosen.length) parts.push(make("h2", { textContent: `${chosen.length} chosen` }));
   if (chosenVertices().length > 1) parts.push(...arrangePart());
@@ -74,6 +76,7 @@ function lanePart() {
     fields(
       field("both ways", { type: "boolean", value: option(first, "bidirectional") }, (value) => setOptions("lanes", { bidirectional: value })),
       field("speed limit", { type: "number", value: option(first, "speed_limit") || "", unit: "m/s", least: 0, placeholder: "the robot's" }, (value) => setOptions("lanes", { speed_limit: value })),
+      field("width", { type: "number", value: option(first, "width") || "", unit: "m", least: 0, placeholder: "what walls leave", says: "robots that are wider are not planned over it" }, (value) => setOptions("lanes", { width: value })),
       field("driven", { choices: LANE_KINDS, value: option(first, "orientation") || "" }, (value) => setOptions("lanes", { orientation: value ?? null })),
       field("group", { value: option(first, "mutex") ?? "", says: "of lanes and vertices for one robot at a time" }, (value) => setOptions("lanes", { mutex: value })),
     ),
@@ -133,14 +136,16 @@ function arrangePart() {
   ];
 }
 
+const visits = new Map();  // text of a finding -> how often somebody went there
 function findings() {
   const parts = [make("h3", { textContent: site.findings.length ? `Found (${site.findings.length})` : "Nothing to report" })];
   if (site.size?.vertices) parts.push(muted(`${site.size.vertices} vertices and ${site.size.lanes} directed lanes to drive on`));
   parts.push(make("ul", { className: "list" }, ...site.findings.slice(0, 100).map((finding) => make("li", {}, make("button", {
-    type: "button", className: `finding ${finding.severity}`, title: finding.places.length ? "go there" : "",
+    type: "button", className: `finding ${finding.severity}`, title: finding.places.length > 1 ? "go there; again: to the next" : finding.places.length ? "go there" : "",
     onclick: () => {
-      const [name, x, y] = finding.places[0] || [];
+      const visit = visits.get(finding.text) ?? 0, [name, x, y] = finding.places[visit % finding.places.length] || [];
       if (!name) return;
+      visits.set(finding.text, visit + 1);
       site.level = name;
       Object.assign(camera, { x, y, scale: Math.max(camera.scale, 15 / ((1 / (unit() || 0.05)) * 1)) });
       changed("view");

@@ -10,11 +10,11 @@ import { choosePlan, hasLayers } from "./plan.js";
 import { askPanel } from "./ask.js";
 import { drawPanel } from "./draw.js";
 import { addFile, floorPanel, leavePanel, openScenario, ordersPanel, runPanel } from "./panels.js";
-import { actions, follow, of, refresh, shared, stemOf } from "./shared.js";
+import { actions, follow, of, refresh, shared, start, stemOf } from "./shared.js";
 
 const element = (id) => document.getElementById(id);
 const STEPS = [["floor", "1 Floor", floorPanel], ["draw", "2 Draw", drawPanel], ["orders", "3 Orders", ordersPanel], ["run", "4 Run", runPanel], ["ask", "5 Ask", askPanel], ["leave", "6 Leave", leavePanel]];
-const KEYS = [["1–6 with Alt", "steps"], ...TOOLS.map(([, letter, word]) => [letter, word]), ["n, then arrows, Enter", "a cross that clicks, with the keyboard alone"], ["arrows", "move what is chosen, with Shift ten steps"], ["Delete", "remove"], ["Esc", "end a line, let go"], ["+ − f", "closer, farther, whole floor"], ["Ctrl+Z, Ctrl+Y", "undo, redo"], ["Ctrl+C, Ctrl+V", "copy, paste, also onto another level"], ["Ctrl+A", "choose all"], ["Ctrl+S", "save"]];
+const KEYS = [["1–6 with Alt", "steps"], ...TOOLS.map(([, letter, word]) => [letter, word]), ["n, then arrows, Enter", "a cross that clicks, with the keyboard alone"], ["arrows", "move what is chosen, with Shift ten steps"], ["Delete", "remove"], ["Esc", "end a line, let go"], ["+ − f", "closer, farther, whole floor"], ["Ctrl+Z, Ctrl+Y", "undo, redo"], ["Ctrl+C, Ctrl+V", "copy, paste, also onto another level"], ["Ctrl+A", "choose all"], ["Ctrl+S, Ctrl+Shift+S", "save, save as"]];
 let checking = 0, wanted = 0, polled = false;
 
 /* Panels */
@@ -25,11 +25,11 @@ const labelOf = (input) => input.getAttribute("aria-label") || input.labels?.[0]
 function panel() {
   const side = element("side"), active = document.activeElement, label = side.contains(active) && labelOf(active), scroll = side.scrollTop;
   const typed = active.dataset.typed ? active.value : null, caret = [active.selectionStart, active.selectionEnd];
-  const unfolded = [...side.querySelectorAll("details[open] summary")].map((one) => one.textContent);
+  const unfolded = new Map([...side.querySelectorAll("summary")].map((one) => [one.textContent, one.parentElement.open]));
   delete active.dataset.typed;
   const [, title, parts] = STEPS.find(([name]) => name === shared.step);
   side.replaceChildren(make("h2", { className: "hidden", textContent: title.slice(2) }), ...parts().filter(Boolean));
-  for (const one of side.querySelectorAll("summary")) if (unfolded.includes(one.textContent)) one.parentElement.open = true;
+  for (const one of side.querySelectorAll("summary")) one.parentElement.open = unfolded.get(one.textContent) ?? one.parentElement.open;
   side.scrollTop = scroll;
   const again = label && [...side.querySelectorAll("input, select, textarea")].find((input) => labelOf(input) === label);
   if (!again) return;
@@ -66,6 +66,7 @@ function bars() {
   element("undo").disabled = !canUndo();
   element("redo").disabled = !canRedo();
   element("save").disabled = !isDirty();
+  element("saveas").disabled = !site.document;
   for (const one of element("palette").querySelectorAll("button")) one.setAttribute("aria-pressed", String(one.dataset.tool === tool.name));
   element("hint").textContent = site.document ? TOOLS.find(([name]) => name === tool.name)[3] : "Open a plan or a map, or begin with an empty floor.";
   const names = ordered(), levels = element("levels");
@@ -134,9 +135,16 @@ function conflict(text) {
     button("Write mine over it", async () => { banner(""); site.digest = (await get("digest", { path: site.path })).digest; site.saved = null; save(); }, { className: "danger" }));
 }
 
+/* Under another name; LIF, openTCS models and nav graphs are written by `convert`, which says what they do not hold. */
 async function saveAs() {
-  const name = await ask("Save as", ".building.yaml", site.path.replace(/\.building\.yaml$/, "_2"), "text");
+  const name = await ask("Save as", "or .lif.json, .xml (openTCS), .nav.yaml", site.path.replace(/\.building\.yaml$/, "_2.building.yaml"), "text");
   if (!name) return false;
+  if (/\.(lif\.json|xml|nav\.yaml)$/.test(name)) {
+    if (!(await save())) return false;
+    show("leave");
+    await start({ what: "convert", map: site.path, out: name });
+    return true;
+  }
   Object.assign(site, { path: `${name.replace(/\.building\.yaml$/, "")}.building.yaml`, digest: "", saved: null });
   changed("view");
   return save();
@@ -196,6 +204,7 @@ element("palette").append(...TOOLS.map(([name, letter, word]) => { const one = m
 element("undo").onclick = () => undo();
 element("redo").onclick = () => redo();
 element("save").onclick = () => save();
+element("saveas").onclick = () => saveAs();
 element("theme").onclick = () => theme(document.documentElement.dataset.theme === "dark" ? "light" : "dark");
 element("help").onclick = help;
 function help() {
@@ -214,7 +223,7 @@ prefersDark.addEventListener("change", () => theme(prefersDark.matches ? "dark" 
 
 addEventListener("keydown", (event) => {
   const meta = event.ctrlKey || event.metaKey;
-  if (meta && event.key === "s") { event.preventDefault(); save(); return; }
+  if (meta && event.key.toLowerCase() === "s") { event.preventDefault(); event.shiftKey ? saveAs() : save(); return; }
   if (event.altKey && event.key >= "1" && event.key <= "6") { event.preventDefault(); show(STEPS[Number(event.key) - 1][0]); return; }
   if (event.key === "?" && !/^(INPUT|TEXTAREA|SELECT)$/.test(event.target.tagName)) { help(); return; }
   if (key(event)) event.preventDefault();

@@ -18,7 +18,7 @@ export function floorPanel() {
   else parts.push(next(image && !list("lanes").length ? "The floor has a scale. Have lanes laid over it below, or draw them yourself." : "The floor has a scale. Go to Draw."), button("Draw lanes", () => actions.show("draw"), { className: "main" }));
   if (site.document) {
     parts.push(make("h2", { textContent: site.path }));
-    parts.push(muted(`${site.digest ? "saved" : "not saved yet"}${site.from && site.from !== site.path ? `, made of ${site.from}` : ""}${scale ? `, ${(1 / scale).toPrecision(3)} units a metre` : ""}`));
+    parts.push(muted(`${site.digest ? "saved" : "not saved yet"}${site.from && site.from !== site.path ? `, made of ${site.from}` : ""}${scale ? `, ${extent(image, scale)}` : ""}`));
     if (image && scale) parts.push(...proposal());
   }
   parts.push(make("h3", { textContent: `In ${shared.start?.folder || "the folder"}` }));
@@ -30,6 +30,8 @@ export function floorPanel() {
   parts.push(make("div", { className: "row" }, bundled));
   return parts;
 }
+
+const extent = (image, scale) => (image?.isThere ? `${(image.naturalWidth * scale).toPrecision(3)} x ${(image.naturalHeight * scale).toPrecision(3)} m, ` : "") + `${(100 * scale).toPrecision(3)} cm a unit`;
 
 /* A file from elsewhere: a copy in the folder is opened. */
 export async function addFile(file) {
@@ -63,6 +65,7 @@ function proposal() {
 }
 
 async function propose(withLanes) {
+  note("Walls are traced …");
   try {
     const made = await post("propose", { picture: folderOf(site.path) + level().drawing.filename, scale_m: unit(), ...proposed });
     const n = list("vertices").length, shifted = (items) => items.map(([a, b, ...rest]) => [a + n, b + n, ...rest]);
@@ -112,12 +115,22 @@ export async function openScenario(path) {
   const said = await get("text", { path });
   Object.assign(shared, { scenario: path, text: said.text, textDigest: said.digest, fault: said.fault });
   shared.values = (await post("scenario", { path, text: said.text })).values;
+  followRobot();
+}
+
+/* Room beside walls is that of the scenario's robots. */
+function followRobot() {
+  const type = valueAt("robots.type");
+  if (!shared.start.robots.includes(type) || type === shared.robot) return;
+  shared.robot = type;
+  changed("robot");
 }
 
 async function setValue(key, value) {
   try {
     const said = await post("scenario", { path: shared.scenario, text: shared.text, key, value });
     Object.assign(shared, said);
+    followRobot();
     await saveScenario();
   } catch (error) { banner(error.message); }
   changed("panel");
@@ -157,6 +170,12 @@ function placesPart() {
     make("div", { className: "row" }, button("Add a station with places …", addStation)))];
 }
 
+/* What `init` guessed, as it says beside each key. */
+function guessesPart() {
+  const guesses = [...shared.text.matchAll(/^[\s-]*(\w+):.*# guessed: (.*)$/gm)].map(([, key, why]) => make("li", {}, make("b", { textContent: key.replace(/_per_h$/, "") }), `: ${why}`));
+  return guesses.length ? [make("details", { open: true }, make("summary", { textContent: "What was guessed" }), make("ul", { className: "guesses" }, ...guesses))] : [];
+}
+
 async function addStation() {
   const chosen = site.selection.filter((s) => s.kind === "vertices").map((s) => list("vertices")[s.index]?.[3]).filter(Boolean).join(", ");
   const name = await ask("What is the station called?", "", "", "text");
@@ -186,7 +205,7 @@ export function ordersPanel() {
     const value = valueAt(one.key), choices = one.key === "robots.type" ? shared.start.robots : one.choices;
     return field(WORDS[one.key] || one.key, { ...one, choices: choices.length ? choices : null, value: typeof value === "object" ? "" : value, placeholder: one.default ?? "" }, (v) => setValue(one.key, v));
   });
-  parts.push(fields(...shown));
+  parts.push(fields(...shown), ...guessesPart());
   const listId = "all-options";
   const other = make("input", { placeholder: "another option …", "aria-label": "Another option" });
   other.setAttribute("list", listId);
@@ -246,6 +265,7 @@ export function runPanel() {
     parts.push(make("h3", { textContent: "Runs" }));
     parts.push(make("ul", { className: "list" }, ...runs.slice(0, 20).map((run) => make("li", {}, make("button", { type: "button", "aria-pressed": String(run === shared.run), onclick: () => openRun(run) }, run)))));
   }
+  if (site.heat) parts.push(muted(site.heat.length ? `Where robots stood and waited: the redder the longer, ${Math.round(Math.max(...site.heat.map((place) => place[3])))} s of all robots at the worst place.` : "No robot waited."));
   if (shared.run) parts.push(make("div", { className: "row" }, button(site.heat ? "Waits off the plan" : "Waits over the plan", showWaits, { disabled: !site.document })));
   parts.push(make("div", { className: "row" }, button("Back to the drawing", () => actions.frame(""))));
   return parts;

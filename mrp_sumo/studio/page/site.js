@@ -89,18 +89,31 @@ export function without(selection, of = level()) {
     lists[name] = list(name).filter(([a, b], i) => !these.has(i) && !gone.has(a) && !gone.has(b)).map((item) => (gone.size ? [number[item[0]], number[item[1]], ...item.slice(2)] : item));
   }
   for (const name of OUTLINES) {
-    if (!of[name] || !gone.size) continue;
-    lists[name] = list(name).map((one) => ({ ...one, vertices: one.vertices.filter((v) => !gone.has(v)).map((v) => number[v]) })).filter((one) => one.vertices.length > 2);
+    const these = new Set(selection.filter((s) => s.kind === name).map((s) => s.index));
+    if (!of[name] || !(gone.size || these.size)) continue;
+    lists[name] = list(name).filter((_, i) => !these.has(i)).map((one) => ({ ...one, vertices: one.vertices.filter((v) => !gone.has(v)).map((v) => number[v]) })).filter((one) => one.vertices.length > 2);
   }
   return lists;
 }
 
+/* A floor that no robot may be on. */
+export const isZone = (floor) => Boolean(floor.parameters?.no_robots?.[1]);
+const isBare = (vertex) => !vertex[3] && vertex.length < 5;
+const ends = (all, names) => names.flatMap((name) => (all[name] || []).flatMap(([a, b]) => [a, b]));
+const used = (all) => new Set([...ends(all, LISTS), ...OUTLINES.flatMap((name) => (all[name] || []).flatMap((one) => one.vertices))]);
+
+/* Vertices that are only corners of walls, ends of doors and rulers, and such: robots have no use for them. */
+export function corners() {
+  const all = used(level());
+  for (const v of ends(level(), ["lanes"])) all.delete(v);
+  return new Set([...all].filter((v) => list("vertices")[v] && isBare(list("vertices")[v])));
+}
+
 /* Corners of walls and ends of rulers that nothing uses any more go with what used them. */
 export function withoutLoose(lists, before) {
-  const used = (all) => new Set([...LISTS.flatMap((name) => (all[name] || []).flatMap(([a, b]) => [a, b])), ...OUTLINES.flatMap((name) => (all[name] || []).flatMap((one) => one.vertices))]);
   if (lists.vertices.length !== before.vertices.length) return lists;
   const was = used(before), is = used({ ...before, ...lists });
-  const loose = [...was].filter((v) => !is.has(v) && !before.vertices[v][3] && before.vertices[v].length < 5);
+  const loose = [...was].filter((v) => !is.has(v) && isBare(before.vertices[v]));
   return loose.length ? without(loose.map((index) => ({ kind: "vertices", index })), { ...before, ...lists }) : lists;
 }
 

@@ -1,7 +1,7 @@
 /* The floor under the pen: camera and drawing on a canvas. A frame draws what is seen in a few paths, so that no scene graph is needed. */
 import { cssColor } from "./elements.js";
 import { cabin, cabins, doorsOn, unit } from "./levels.js";
-import { isPixels, level, list, option, site } from "./site.js";
+import { isPixels, isZone, level, list, option, site } from "./site.js";
 
 export const KINDS = [
   ["is_charger", "charger", "--goal"], ["is_parking_spot", "parking", "--accent"], ["pickup_dispenser", "pick-up", "--special"],
@@ -87,8 +87,9 @@ function draw() {
   drawPicture();
   for (const [name, color] of [["floors", "--floor"], ["holes", "--hole"]]) {
     pen.fillStyle = cssColor(color);
-    for (const one of list(name)) outline(one.vertices.map((v) => at[v]));
+    for (const one of list(name)) if (!isZone(one)) outline(one.vertices.map((v) => at[v]));
   }
+  drawZones(at);
   stroke(list("walls"), at, "--wall", Math.min(Math.max(WALL_M * perMetre(), 1), 2.5));
   stroke(list("doors"), at, "--door", 4);
   drawLanes(at);
@@ -96,7 +97,7 @@ function draw() {
   drawLifts();
   drawVertices(vertices, at);
   drawRulers(at);
-  drawFindings();
+  if (!site.heat) drawFindings();
   overlay.draw?.(pen, at);
   if (overlay.cross) drawCross(toScreen(overlay.cross));
 }
@@ -120,6 +121,29 @@ function outline(points) {
   pen.fill();
 }
 
+function drawZones(at) {
+  list("floors").forEach((one, index) => {
+    if (!isZone(one)) return;
+    const isChosen = site.selection.some((s) => s.kind === "floors" && s.index === index);
+    pen.globalAlpha = 0.13;
+    pen.fillStyle = pen.strokeStyle = cssColor("--blocked");
+    outline(one.vertices.map((v) => at[v]));
+    pen.globalAlpha = 1;
+    pen.setLineDash([7, 5]);
+    stroke(one.vertices.map((v, k) => [v, one.vertices[(k + 1) % one.vertices.length]]), at, isChosen ? "--waiting" : "--blocked", isChosen ? 4 : 1.5);
+    pen.setLineDash([]);
+  });
+}
+
+/* Bands as wide as lanes are drawn. */
+function drawWidths(lanes, at) {
+  pen.globalAlpha = 0.14;
+  for (const width of new Set(lanes.map((lane) => option(lane, "width")).filter((value) => value > 0))) {
+    stroke(lanes.filter((lane) => option(lane, "width") === width), at, "--accent", width * perMetre());
+  }
+  pen.globalAlpha = 1;
+}
+
 function stroke(items, at, color, size) {
   pen.strokeStyle = cssColor(color);
   pen.lineWidth = size;
@@ -135,6 +159,7 @@ function stroke(items, at, color, size) {
 function drawLanes(at) {
   const lanes = list("lanes"), color = cssColor("--accent");
   const both = lanes.filter((lane) => option(lane, "bidirectional")), single = lanes.filter((lane) => !option(lane, "bidirectional"));
+  drawWidths(lanes, at);
   pen.globalAlpha = 0.7;
   stroke(both, at, "--accent", 2);
   stroke(single, at, "--accent", 2);

@@ -162,6 +162,12 @@ def draft_of(reader: LevelReader, name: str, document: Any, key: Any, system: st
     )
 
 
+def _is_zone(floor: Mapping[str, Any]) -> bool:
+    """A floor with the parameter `no_robots: [4, true]`."""
+    parameters = floor.get("parameters")
+    return isinstance(parameters, Mapping) and parameters.get("no_robots") in ([4, True], True)
+
+
 def _models(document: Any, up: float) -> tuple[Model, ...]:
     """Models with a name and a place; others, which nothing here needs, are left out."""
     models = []
