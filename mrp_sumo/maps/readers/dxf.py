@@ -21,7 +21,7 @@ from mrp_sumo.files.reading import read_bytes, shortened
 from mrp_sumo.maps.yaml_text import MAX_BYTES
 
 UNIT_M = {"mm": 0.001, "cm": 0.01, "dm": 0.1, "m": 1.0, "in": 0.0254, "ft": 0.3048}
-OF_HEADER = {1: "in", 2: "ft", 4: "mm", 5: "cm", 6: "m", 14: "dm"}  # $INSUNITS
+OF_HEADER = {1: "in", 2: "ft", 4: "mm", 5: "cm", 6: "m", 14: "dm", 21: "ft"}  # $INSUNITS; 21: survey feet, 2 mm longer in a kilometre
 CURVES = {"LINE", "ARC", "CIRCLE", "ELLIPSE", "SPLINE", "LWPOLYLINE", "POLYLINE", "HELIX"}
 CORNERS = {"SOLID", "TRACE", "3DFACE"}
 NESTED = {"INSERT", "MLINE"}
@@ -108,6 +108,8 @@ def read_dxf_layers(path: Path, unit: str | None = None) -> DxfLayers:
         raise
     except Exception as error:  # ezdxf raises anything on damaged entities
         raise _damaged(path, first_line(error)) from None
+    if not strokes and (sheet := _sheet(document)):
+        raise MapError(f"{shortened(path)}: nothing is drawn in model space, but on the sheet '{sheet}': copy that to model space")
     layers = {layer: np.concatenate(parts) for layer, parts in strokes.items()}
     if not all(np.isfinite(lines).all() for lines in layers.values()):
         raise _damaged(path, "a coordinate is no number")
@@ -120,6 +122,12 @@ def read_dxf_layers(path: Path, unit: str | None = None) -> DxfLayers:
         known=tuple(layer.dxf.name for layer in document.layers),
         others=others,
     )
+
+
+def _sheet(document: Any) -> str:
+    """A sheet of paper on which something is drawn, '' where there is none."""
+    sheets = (layout for layout in document.layouts if not layout.is_modelspace)
+    return next((str(sheet.name) for sheet in sheets if any(each.dxftype() != "VIEWPORT" for each in sheet)), "")
 
 
 def _document(path: Path) -> Any:

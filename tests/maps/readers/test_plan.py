@@ -359,3 +359,12 @@ def test_a_slanted_wall_of_a_picture_is_a_few_strokes_and_a_corner_stays():
     square = {tuple(sorted(map(tuple, stroke))) for stroke in _traced(clear).tolist()}
     corners = [(120, 20), (120, 60), (160, 60), (160, 20)]
     assert square == {tuple(sorted((corners[k], corners[k - 1]))) for k in range(4)}
+
+
+def test_a_drawing_on_a_sheet_of_paper_alone_is_told_from_an_empty_one(tmp_path):
+    drawing = ezdxf.new()
+    for fault in ("nothing is drawn: no line", "nothing is drawn in model space, but on the sheet 'Layout1': copy that to model space"):
+        drawing.saveas(tmp_path / "hall.dxf")
+        with pytest.raises(MapError, match=fault):
+            load_map(tmp_path / "hall.dxf", unit="m")
+        drawing.layout("Layout1").add_line((0, 0), (30, 0))
