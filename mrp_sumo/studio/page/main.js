@@ -68,7 +68,7 @@ function bars() {
   element("save").disabled = !isDirty();
   element("saveas").disabled = !site.document;
   for (const one of element("palette").querySelectorAll("button")) one.setAttribute("aria-pressed", String(one.dataset.tool === tool.name));
-  element("hint").textContent = site.document ? TOOLS.find(([name]) => name === tool.name)[3] : "Open a plan or a map, or begin with an empty floor.";
+  element("hint").textContent = !["floor", "draw"].includes(shared.step) ? "" : site.document ? TOOLS.find(([name]) => name === tool.name)[3] : "Open a plan or a map, or begin with an empty floor.";
   const names = ordered(), levels = element("levels");
   levels.hidden = !site.document || (names.length < 2 && shared.step !== "draw");
   levels.replaceChildren(...names.map((name) => button(name, () => showLevel(name), { "aria-pressed": String(name === site.level) })), ...(shared.step === "draw" ? [button("+", addLevel, { title: "Add a level above" })] : []));

@@ -13,7 +13,7 @@ export function field(label, { type = "text", value = "", unit = "", choices = n
     input.addEventListener("change", () => change(input.checked));
   } else if (choices?.length) {
     const all = value === "" || value === null || choices.includes(value) ? choices : [value, ...choices];
-    input = make("select", { id, title: says }, ...["", ...all].map((choice) => make("option", { value: String(choice), textContent: choice === "" ? "–" : String(choice), selected: choice === (value ?? "") })));
+    input = make("select", { id, title: says }, ...["", ...all].map((choice) => make("option", { value: String(choice), textContent: choice === "" ? `– ${placeholder && `(${placeholder})`}` : String(choice), selected: choice === (value ?? "") })));
     input.addEventListener("change", () => change(input.value === "" ? null : all.find((choice) => String(choice) === input.value)));
   } else {
     const isNumber = type === "number" || type === "integer";

@@ -226,7 +226,7 @@ function drawVertices(vertices, at) {
   pen.fill();
   pen.font = "12px system-ui, sans-serif";
   pen.textBaseline = "middle";
-  const named = vertices.filter((vertex) => vertex[3]).length;
+  const isMany = vertices.filter((vertex) => vertex[3]).length >= MANY, labels = [];
   vertices.forEach((vertex, v) => {
     if (!(vertex[3] || vertex.length > 4) || !seen(at[v])) return;
     const kind = KINDS.find(([name]) => option(vertex, name));
@@ -234,14 +234,9 @@ function drawVertices(vertices, at) {
     pen.beginPath();
     pen.arc(at[v][0], at[v][1], size + 2.5, 0, 7);
     pen.fill();
-    if (vertex[3] !== "" && vertex[3] !== null && (near > 60 || named < MANY)) {
-      pen.strokeStyle = cssColor("--halo");
-      pen.lineWidth = 3;
-      pen.strokeText(String(vertex[3]), at[v][0] + 9, at[v][1] - 9);
-      pen.fillStyle = cssColor("--ink");
-      pen.fillText(String(vertex[3]), at[v][0] + 9, at[v][1] - 9);
-    }
+    if (vertex[3] !== "" && vertex[3] !== null && (near > 60 || !isMany)) labels.push([String(vertex[3]), at[v]]);
   });
+  drawNames(labels);
   pen.strokeStyle = cssColor("--waiting");
   pen.lineWidth = 3;
   for (const { kind, index } of site.selection) {
@@ -252,15 +247,32 @@ function drawVertices(vertices, at) {
   }
 }
 
+/* Names beside their places, above or below, where no other name is yet. */
+function drawNames(labels) {
+  const taken = [];
+  for (const [text, [x, y]] of labels) {
+    const wide = pen.measureText(text).width, isFree = (dx, dy) => !taken.some(([l, t, w]) => x + dx < l + w && l < x + dx + wide && Math.abs(y + dy - t) < 13);
+    const [dx, dy] = [[9, -9], [9, 13], [-wide - 9, -9], [-wide - 9, 13]].find((shift) => isFree(...shift)) || [9, -9];
+    taken.push([x + dx, y + dy, wide]);
+    named(text, x + dx, y + dy, "--ink");
+  }
+}
+
+function named(text, x, y, color) {
+  pen.strokeStyle = cssColor("--halo");
+  pen.lineWidth = 3;
+  pen.strokeText(text, x, y);
+  pen.fillStyle = cssColor(color);
+  pen.fillText(text, x, y);
+}
+
 function drawRulers(at) {
   pen.save();
   pen.setLineDash([6, 5]);
   stroke(list("measurements"), at, "--special", 1.5);
   pen.restore();
-  pen.fillStyle = cssColor("--special");
-  pen.font = "12px system-ui, sans-serif";
   for (const [a, b, options] of list("measurements")) {
-    if (at[a] && at[b] && options?.distance) pen.fillText(`${options.distance[1]} m`, (at[a][0] + at[b][0]) / 2 + 6, (at[a][1] + at[b][1]) / 2 - 8);
+    if (at[a] && at[b] && options?.distance) named(`${options.distance[1]} m`, (at[a][0] + at[b][0]) / 2 + 6, (at[a][1] + at[b][1]) / 2 + 12, "--special");
   }
 }
 
