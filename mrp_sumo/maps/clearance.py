@@ -151,7 +151,7 @@ def standing_walls(building: Building, level_names: Collection[str]) -> FloatArr
     return np.concatenate([np.zeros((0, 2, 2)), *parts])
 
 
-def kept_from(building: Building, level_name: str) -> FloatArray:
+def barriers(building: Building, level_name: str) -> FloatArray:
     """[W, 2, 2] m, what robots keep from on a level: standing walls, and sides of zones without robots."""
     walls = standing_walls(building, (level_name,))
     return np.concatenate([walls, building.levels[level_name].zone_sides_xy]) if level_name in building.levels else walls
@@ -173,7 +173,7 @@ def clearance(graph: NavGraph, building: Building, within_m: float) -> Clearance
     lane_m, vertex_m = np.full(graph.num_lanes, np.inf), np.full(graph.num_vertices, np.inf)
     is_once = ((graph.reverse < 0) | (tail < head)) & (graph.level[tail] == graph.level[head])  # a lift has walls of its own
     for k, name in enumerate(graph.level_names):
-        walls = kept_from(building, name)
+        walls = barriers(building, name)
         lanes = np.flatnonzero(is_once & (graph.level[tail] == k))
         near, wall = _near(xy[tail[lanes]], xy[head[lanes]], walls, within_m)
         lane = lanes[near]

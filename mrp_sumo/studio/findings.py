@@ -15,7 +15,7 @@ from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.errors import MapError
 from mrp_sumo.maps.building import Building, Level
 from mrp_sumo.maps.check import check_building, findings_of
-from mrp_sumo.maps.clearance import kept_from, narrow, point_distances, segment_distances
+from mrp_sumo.maps.clearance import barriers, narrow, point_distances, segment_distances
 from mrp_sumo.maps.finding import CURE, MapFinding, ordered
 from mrp_sumo.maps.map import Map
 from mrp_sumo.maps.oddities import oddities
@@ -98,7 +98,7 @@ def _of_clearance(map_: Map, robot: RobotType) -> list[dict[str, Any]]:
         name = nav.level_names[nav.level[vertex]]
         return [name, *(_from(of_level[name], xy) if name in of_level else (0.0, 0.0))]
 
-    walls = {name: kept_from(building, name) for name in nav.level_names}
+    walls = {name: barriers(building, name) for name in nav.level_names}
 
     def nearest(lane: int) -> Place:
         a, b = nav.tail[lane], nav.head[lane]

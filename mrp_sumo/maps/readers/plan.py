@@ -261,8 +261,8 @@ def _chains(strokes: FloatArray) -> Iterator[FloatArray]:
 
 def _straightened(chain: FloatArray) -> FloatArray:
     """[K, 2] those corners of a line that lie more than a pixel off the straight between others (Ramer 1972, Douglas and Peucker 1973)."""
-    kept, spans = np.zeros(len(chain), np.bool_), [(0, len(chain) - 1)]
-    kept[[0, -1]] = True
+    stays, spans = np.zeros(len(chain), np.bool_), [(0, len(chain) - 1)]
+    stays[[0, -1]] = True
     while spans:
         first, last = spans.pop()
         if last - first < 2:
@@ -273,9 +273,9 @@ def _straightened(chain: FloatArray) -> FloatArray:
         farthest = int(away.argmax())
         if away[farthest] > STRAIGHT_PX:
             middle = first + 1 + farthest
-            kept[middle] = True
+            stays[middle] = True
             spans += [(first, middle), (middle, last)]
-    line: FloatArray = chain[kept]
+    line: FloatArray = chain[stays]
     return line[:2] if len(line) == 3 and (line[0] == line[2]).all() else line  # there and back
 
 
