@@ -39,7 +39,7 @@ function studyPart() {
   parts.push(fields(
     field("quick", { type: "boolean", value: question.quick, says: "3 seeds of 20 simulated minutes at first, wider limits" }, (value) => (question.quick = value)),
     field("at most", { value: question.budget, says: "what the study may take on two cores", placeholder: "20min" }, (value) => (question.budget = value || "")),
-    field("orders to serve", { value: question.demand, placeholder: "the scenario's, such as 180/h" }, (value) => (question.demand = value || "")),
+    field("orders to serve", { value: question.demand, placeholder: "such as 180/h", says: "of the scenario where it is empty" }, (value) => (question.demand = value || "")),
     field("sizes of fleets", { value: question.robots, placeholder: "4..what fits" }, (value) => (question.robots = value || "")),
   ));
   parts.push(make("div", { className: "row" }, button("How many robots?", ask, { className: shared.answer ? "" : "main", disabled: isRunning() })));

@@ -31,7 +31,7 @@ export function floorPanel() {
   return parts;
 }
 
-const extent = (image, scale) => (image?.isThere ? `${(image.naturalWidth * scale).toPrecision(3)} x ${(image.naturalHeight * scale).toPrecision(3)} m, ` : "") + `${(100 * scale).toPrecision(3)} cm a unit`;
+const extent = (image, scale) => (image?.isThere ? `${(image.naturalWidth * scale).toPrecision(3)} x ${(image.naturalHeight * scale).toPrecision(3)} m, ` : "") + `${(100 * scale).toPrecision(3)} cm a ${image ? "pixel" : "unit"}`;
 
 /* A file from elsewhere: a copy in the folder is opened. */
 export async function addFile(file) {
@@ -172,7 +172,7 @@ function placesPart() {
 
 /* What `init` guessed, as it says beside each key. */
 function guessesPart() {
-  const guesses = [...shared.text.matchAll(/^[\s-]*(\w+):.*# guessed: (.*)$/gm)].map(([, key, why]) => make("li", {}, make("b", { textContent: key.replace(/_per_h$/, "") }), `: ${why}`));
+  const guesses = [...shared.text.matchAll(/^[\s-]*(\w+):.*# guessed: (.*)$/gm)].map(([, key, why]) => make("li", {}, make("b", { textContent: { count: "robots", arrivals: "orders" }[key] || key }), `: ${why}`));
   return guesses.length ? [make("details", { open: true }, make("summary", { textContent: "What was guessed" }), make("ul", { className: "guesses" }, ...guesses))] : [];
 }
 

@@ -37,7 +37,7 @@ export const picture = () => {
 export function fit() {
   const places = list("vertices").map(([x, y]) => [x, y]);
   const image = picture();
-  if (image?.isThere) places.push([0, 0], [image.naturalWidth, image.naturalHeight]);
+  if (image?.isThere && !list("lanes").length) places.push([0, 0], [image.naturalWidth, image.naturalHeight]);
   if (!places.length) places.push([0, 0], [800, 500]);
   const [xs, ys] = [0, 1].map((k) => places.map((p) => p[k]));
   const [left, right, top, bottom] = [xs.reduce((a, b) => Math.min(a, b)), xs.reduce((a, b) => Math.max(a, b)), ys.reduce((a, b) => Math.min(a, b)), ys.reduce((a, b) => Math.max(a, b))];
