@@ -17,7 +17,7 @@ await goes(async () => {
   await click(620, 20);
   await answer("30");
   await until("l.measurements.length === 1");
-  say("two places and their distance are the scale", (await tab.textContent("#side")).includes("20.0 units a metre"));
+  say("two places and their distance are the scale", (await tab.textContent("#side")).includes("32.0 x 22.0 m, 5.00 cm a pixel"));
 
   await press("Walls and lanes");
   await until("l.lanes.length > 20");
