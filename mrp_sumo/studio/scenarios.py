@@ -45,9 +45,9 @@ def fault_of(path: Path, text: str) -> str:
 
 
 def with_value(path: Path, text: str, key: str, value: Any) -> str:
-    """A scenario's text with another value of a dotted key, `tasks.streams.0.arrivals.rate_per_h`; None drops the key.
+    """A scenario's text with another value of a dotted key, `tasks.streams.0.arrivals.rate_per_h`; None drops the key or item.
 
-    Raises MrpSumoError for text that is no mapping, and keys of lists that are not there.
+    The number after a list's last adds an item. Raises MrpSumoError for text that is no mapping, and keys of lists that are not there.
     """
     source = Text(path, text)
     document = document_of(source)
@@ -64,7 +64,11 @@ def with_value(path: Path, text: str, key: str, value: Any) -> str:
         if not isinstance(holder.get(name), dict | list):  # a short form, such as `robots: 4`
             holder[name] = _long_form(name, holder.get(name))
         holder = holder[name]
-    if value is None:
+    if isinstance(holder, list):
+        if not last.isdecimal() or int(last) > len(holder):
+            raise MapError(f"{path.name}: {key}: no item {last}")
+        holder[int(last) : int(last) + 1] = [] if value is None else [value]
+    elif value is None:
         holder.pop(last, None)
     else:
         holder[last] = value

@@ -21,7 +21,7 @@ from mrp_sumo.maps.catalogue import bundled_maps
 from mrp_sumo.maps.load import load_map
 from mrp_sumo.maps.map import Map
 from mrp_sumo.maps.readers.dxf import UNIT_M, read_dxf_layers
-from mrp_sumo.maps.readers.pdf import page_picture
+from mrp_sumo.maps.readers.pdf import num_pages, page_picture
 from mrp_sumo.maps.readers.reader import HEAD, map_name, plan_kind
 from mrp_sumo.maps.readers.rmf.building_yaml import is_building
 from mrp_sumo.maps.readers.svg import read_svg
@@ -116,7 +116,7 @@ class Workspace:
         return {**drawing, "notes": [finding.line for finding in map_.findings]}
 
     def layers(self, name: str) -> dict[str, Any]:
-        """Layers of a drawing in DXF or SVG, to choose from. Raises MrpSumoError for other files.
+        """Layers of a drawing in DXF or SVG, or `pages`, the number of those of a PDF, to choose from. Raises MrpSumoError for other files.
 
         Returns
         -------
@@ -126,6 +126,8 @@ class Workspace:
         """
         path = self.path(name)
         kind = plan_kind(read_head(path, HEAD, MapError))
+        if kind == "pdf":
+            return {"pages": num_pages(path)}
         if kind == "dxf":
             dxf = read_dxf_layers(path)
             strokes, shown, unit, units = dxf.strokes, dxf.shown, dxf.unit, dict(UNIT_M)

@@ -12,7 +12,7 @@ from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.io.scenario.robots import robot_type
 from mrp_sumo.maps.catalogue import bundled_folder, bundled_maps
 from mrp_sumo.studio.findings import check
-from mrp_sumo.studio.scenarios import fault_of, fields, with_value
+from mrp_sumo.studio.scenarios import fault_of, fields, values_of, with_value
 from mrp_sumo.studio.workspace import Stale, Workspace, lanes_over_floor
 
 ROBOT: RobotType = robot_type("turtlebot3", bundled_folder("robots"), Path())
@@ -161,6 +161,11 @@ def test_forms_change_one_value_of_a_scenario_and_keep_the_rest():
     longer = with_value(path, text, "robots.type", "amr_600")
     assert "count: 4" in longer and "type: amr_600" in longer and longer.startswith("map: office  # ours\n")
     assert with_value(path, with_value(path, text, "seed", 3), "seed", None) == text
+    two = with_value(path, text, "tasks.streams.1", {"name": "b", "arrivals": {"rate_per_h": 5}})
+    assert two.startswith(text) and [stream["name"] for stream in values_of(path, two)["tasks"]["streams"]] == ["a", "b"]
+    assert values_of(path, with_value(path, two, "tasks.streams.1", None)) == values_of(path, text)
+    with pytest.raises(MrpSumoError, match="no item 3"):
+        with_value(path, text, "tasks.streams.3", {})
 
 
 def test_faults_of_a_scenario_are_those_of_a_command(tmp_path):
@@ -181,6 +186,9 @@ def test_pages_and_drawings_open_with_what_they_do_not_say(folder):
     hall(folder.root / "hall.png")
     with Image.open(folder.root / "hall.png") as image:
         image.save(folder.root / "sheet.pdf", resolution=150)
+        image.save(folder.root / "sheets.pdf", resolution=150, save_all=True, append_images=[image.rotate(180)])
+    assert [folder.layers(name)["pages"] for name in ("sheet.pdf", "sheets.pdf")] == [1, 2]
+    assert folder.open("sheets.pdf", {"page": 2})["document"]["levels"]["L1"]["drawing"] == {"filename": "sheets_page2.png"}
     opened = folder.open("sheet.pdf", {})
     assert opened["document"]["levels"]["L1"]["drawing"] == {"filename": "sheet_page1.png"}
     assert folder.picture("sheet_page1.png")[0] == "image/png"

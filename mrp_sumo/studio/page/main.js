@@ -6,7 +6,7 @@ import { canRedo, canUndo, changed, isDirty, onChange, opened, redo, site, undo 
 import { addLevel, ordered, unit } from "./levels.js";
 import { camera, fit, frames, isInSight, redraw, toFloor, toScreen, up } from "./view.js";
 import { choose, key, tool, TOOLS } from "./tools.js";
-import { choosePlan, hasLayers } from "./plan.js";
+import { choosePlan, hasChoice } from "./plan.js";
 import { askPanel } from "./ask.js";
 import { drawPanel } from "./draw.js";
 import { addFile, floorPanel, leavePanel, openScenario, ordersPanel, runPanel } from "./panels.js";
@@ -85,7 +85,7 @@ function showLevel(name) {
 async function open(path) {
   if (isDirty() && site.digest && !(await sure(`${site.path} has changes that are not saved.`))) return;
   try {
-    const chosen = hasLayers(path) ? await choosePlan(path) : {};
+    const chosen = hasChoice(path) ? await choosePlan(path) : {};
     if (!chosen) return;
     const drawing = await get("open", { path, ...chosen }), isOther = drawing.path !== site.path;
     opened(drawing);

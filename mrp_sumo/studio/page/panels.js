@@ -158,10 +158,12 @@ async function proposeOrders() {
   if (await actions.save()) start({ what: "init", map: site.path, ...wishes });
 }
 
+const listed = (text) => (text || "").split(",").map((name) => name.trim()).filter(Boolean);
+
 /* Groups of stations, and stations with several places and a queue: lists of names. */
 function placesPart() {
   const { groups = {}, stations = {} } = shared.values?.tasks || {}, known = level().vertices?.map((v) => v[3]).filter(Boolean).join(", ") || "";
-  const names = (label, key, value, says) => field(label, { value: (value || []).join(", "), says: `${says}, with commas; on this level: ${known}` }, (text) => setValue(key, text ? text.split(",").map((name) => name.trim()).filter(Boolean) : null));
+  const names = (label, key, value, says) => field(label, { value: (value || []).join(", "), says: `${says}, with commas; on this level: ${known}` }, (text) => setValue(key, text ? listed(text) : null));
   const rows = [
     ...Object.entries(groups).map(([name, value]) => names(`group ${name}`, `tasks.groups.${name}`, value, "names of stations or vertices")),
     ...Object.entries(stations).flatMap(([name, one]) => [names(`${name}: places`, `tasks.stations.${name}.places`, one?.places, "names of vertices, one robot at a time is served at each"), names(`${name}: queue`, `tasks.stations.${name}.queue`, one?.queue, "names of vertices where robots wait for a place")]),
@@ -176,11 +178,33 @@ function guessesPart() {
   return guesses.length ? [make("details", { open: true }, make("summary", { textContent: "What was guessed" }), make("ul", { className: "guesses" }, ...guesses))] : [];
 }
 
+/* Kinds of orders: how many of each, and between which stops. */
+function streamsPart() {
+  const streams = shared.values?.tasks?.streams;
+  if (!Array.isArray(streams)) return [];
+  const rows = streams.flatMap((stream, k) => {
+    const key = `tasks.streams.${k}`, name = stream?.name ?? `stream_${k}`;
+    return [
+      field(`${name}: orders`, { type: "number", value: stream?.arrivals?.rate_per_h ?? "", unit: "an hour", least: 0 }, (value) => setValue(`${key}.arrivals.rate_per_h`, value)),
+      field(`${name}: stops`, { value: (stream?.stops || []).join(", "), says: "groups, stations or vertices in their order, with commas" }, (text) => setValue(`${key}.stops`, listed(text))),
+    ];
+  });
+  return [make("details", {}, make("summary", { textContent: "Kinds of orders" }), muted(`Stops are names of groups, of which one place is drawn, or of stations: ${Object.keys(shared.values.tasks.groups || {}).join(", ")}.`), fields(...rows),
+    make("div", { className: "row" }, button("Add a kind of orders …", addStream), ...(streams.length > 1 ? [button("Remove the last", () => setValue(`tasks.streams.${streams.length - 1}`, null), { className: "danger" })] : [])))];
+}
+
+async function addStream() {
+  const { streams } = shared.values.tasks, name = await ask("What is this kind of orders called?", "", `order_${streams.length + 1}`, "text");
+  const stops = name && await ask("Where does each stop?", "names, with commas", (streams[0]?.stops || []).toReversed().join(", "), "text");
+  const rate_per_h = stops && await ask("How many are there?", "an hour", 10);
+  if (rate_per_h > 0) setValue(`tasks.streams.${streams.length}`, { ...streams[0], name: name.replace(/[^\w-]+/g, "_"), arrivals: { rate_per_h }, stops: listed(stops) });
+}
+
 async function addStation() {
   const chosen = site.selection.filter((s) => s.kind === "vertices").map((s) => list("vertices")[s.index]?.[3]).filter(Boolean).join(", ");
   const name = await ask("What is the station called?", "", "", "text");
   const places = name && await ask("Which vertices are its places?", "names, with commas", chosen, "text");
-  if (places) setValue(`tasks.stations.${name.replace(/[^\w-]+/g, "_")}.places`, places.split(",").map((one) => one.trim()).filter(Boolean));
+  if (places) setValue(`tasks.stations.${name.replace(/[^\w-]+/g, "_")}.places`, listed(places));
 }
 
 export function ordersPanel() {
@@ -211,7 +235,7 @@ export function ordersPanel() {
   other.setAttribute("list", listId);
   other.addEventListener("change", () => { if (declared.has(other.value)) { more = [...more, other.value]; changed("panel"); } });
   parts.push(make("div", { className: "row" }, other, make("datalist", { id: listId }, ...shared.start.fields.filter((one) => !MAIN.includes(one.key)).map((one) => make("option", { value: one.key, label: one.says })))));
-  parts.push(...placesPart());
+  parts.push(...streamsPart(), ...placesPart());
   const text = make("textarea", { className: "yaml", value: shared.text, spellcheck: false, "aria-label": `Text of ${shared.scenario}` });
   committed(text, async () => {
     shared.text = text.value;

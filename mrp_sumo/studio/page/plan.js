@@ -1,14 +1,16 @@
-/* Layers and the unit of a plan in DXF or SVG, chosen in a dialog that shows what is chosen. */
+/* Layers and the unit of a plan in DXF or SVG, or the page of a PDF, chosen in a dialog that shows what is chosen. */
 import { make } from "./elements.js";
 import { get } from "./api.js";
-import { check, field, fields, muted } from "./parts.js";
+import { ask, check, field, fields, muted } from "./parts.js";
 
-export const hasLayers = (path) => /\.(dxf|svg)$/i.test(path);
+export const hasChoice = (path) => /\.(dxf|svg|pdf)$/i.test(path);
 const SPACE = "http://www.w3.org/2000/svg";
 
-/* {layers, unit, scale} as `open` takes them, where there is something to choose; null where it was given up. */
+/* {layers, unit, scale, page} as `open` takes them, where there is something to choose; null where it was given up. */
 export async function choosePlan(path) {
-  const plan = await get("layers", { path }), units = Object.keys(plan.units), isDxf = units.length > 0;
+  const plan = await get("layers", { path });
+  if (plan.pages) return plan.pages === 1 ? {} : pageOf(path, plan.pages);
+  const units = Object.keys(plan.units), isDxf = units.length > 0;
   if (plan.layers.length === 1 && plan.unit) return {};
   const chosen = new Set(plan.layers.filter((layer) => layer.shown).map((layer) => layer.name)), values = isDxf ? { unit: plan.unit } : { scale: null };
   const metres = () => (isDxf ? plan.units[values.unit] : values.scale);
@@ -40,4 +42,9 @@ export async function choosePlan(path) {
   if (dialog.returnValue !== "ok") return null;
   const all = chosen.size === plan.layers.length;
   return { ...(all || (plan.layers.length === 1 && !plan.layers[0].name) ? {} : { layers: JSON.stringify([...chosen]) }), ...(isDxf ? { unit: values.unit } : { scale: values.scale }) };
+}
+
+async function pageOf(path, pages) {
+  const page = await ask(`Which page of ${path}?`, `of ${pages}`, 1);
+  return page && { page };
 }
