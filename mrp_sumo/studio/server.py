@@ -91,18 +91,7 @@ class Studio:
 
     def open(self, values: Values) -> Any:
         """A map or a plan as a drawing."""
-        chosen: dict[str, Any] = {}
-        if layers := values.get("layers"):
-            chosen["layers"] = tuple(map(str, _list("layers", layers)))
-        if unit := values.get("unit"):
-            chosen["unit"] = unit
-        for key, name, kind in (("scale", "meters_per_pixel", float), ("page", "page", int)):
-            if key in values:
-                try:
-                    chosen[name] = kind(values[key])
-                except ValueError:
-                    raise MrpSumoError(f"{key}: found '{values[key][:40]}', expected a number") from None
-        return self.workspace.open(_text(values, "path"), chosen)
+        return self.workspace.open(_text(values, "path"), _chosen(values))
 
     def layers(self, values: Values) -> Any:
         """Layers of a plan, to choose from."""
@@ -142,9 +131,9 @@ class Studio:
         return {"text": text, "values": scenarios.values_of(path, text), "fault": scenarios.fault_of(path, text)}
 
     def propose(self, values: Values) -> Any:
-        """Walls, and lanes wherever a robot has room, over a picture."""
-        scale_m, pitch_m, radius_m = (_number(values, key) for key in ("scale_m", "pitch_m", "radius_m"))
-        return lanes_over_floor(self.workspace, _text(values, "picture"), scale_m, pitch_m, radius_m)
+        """Lanes wherever a robot has room, over a plan; walls of a picture, too."""
+        pitch_m, radius_m = (_number(values, key) for key in ("pitch_m", "radius_m"))
+        return lanes_over_floor(self.workspace, _text(values, "plan"), _chosen(values), pitch_m, radius_m)
 
     def start(self, values: Values) -> Any:
         """Start a command."""
@@ -330,6 +319,22 @@ def _page_of_folder(path: Path) -> bytes:
     if path.suffix != ".html" or not path.is_file():
         raise MrpSumoError(f"{path.name}: no page")
     return path.read_bytes()
+
+
+def _chosen(values: Values) -> dict[str, Any]:
+    """Layers, unit, scale and page of a plan, as `load_map` has them."""
+    chosen: dict[str, Any] = {}
+    if layers := values.get("layers"):
+        chosen["layers"] = tuple(map(str, _list("layers", layers)))
+    if unit := values.get("unit"):
+        chosen["unit"] = unit
+    for key, name, kind in (("scale", "meters_per_pixel", float), ("page", "page", int)):
+        if key in values:
+            try:
+                chosen[name] = kind(values[key])
+            except (TypeError, ValueError):
+                raise MrpSumoError(f"{key}: found '{str(values[key])[:40]}', expected a number") from None
+    return chosen
 
 
 def _list(key: str, text: str) -> list[Any]:

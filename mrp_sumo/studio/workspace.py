@@ -261,27 +261,32 @@ class Workspace:
             raise MrpSumoError(f"{name[:80]}: cannot be read: {error}") from None
 
 
-def lanes_over_floor(workspace: Workspace, name: str, scale_m: float, pitch_m: float, radius_m: float) -> dict[str, Any]:
-    """Walls, and lanes in a grid wherever a robot has room, over a picture; in its pixels. Raises MapError where there is no room.
+def lanes_over_floor(workspace: Workspace, name: str, chosen: Mapping[str, Any], pitch_m: float, radius_m: float) -> dict[str, Any]:
+    """Lanes in a grid wherever a robot has room over a plan, and walls of a picture; in units of its drawing.
+
+    Raises MapError where there is no room.
 
     Parameters
     ----------
     workspace, name
-        The picture.
-    scale_m
-        Metres a pixel.
+        The plan.
+    chosen
+        Its layers, unit and scale, as `load_map` has them.
     pitch_m
         Between lanes.
     radius_m
         Of the circle around a robot.
     """
     path = workspace.path(name)
-    map_: Map = load_map(path, meters_per_pixel=scale_m, cell_m=pitch_m, robot_radius_m=radius_m)
+    map_: Map = load_map(path, **chosen, cell_m=pitch_m, robot_radius_m=radius_m)
     if map_.nav.num_vertices > MOST_VERTICES:
         raise MrpSumoError(f"{map_.nav.num_vertices} crossings, expected at most {MOST_VERTICES}: choose lanes farther apart")
     assert map_.floor is not None
     height, width = map_.floor.occupied.shape
-    level = next(iter(building_document(map_, picture=(path.name, width, height))["levels"].values()))
+    is_picture = plan_kind(read_head(path, HEAD, MapError)) == "picture"
+    level = next(iter(building_document(map_, picture=(path.name, width, height) if is_picture else None)["levels"].values()))
+    if not is_picture:
+        level["walls"] = []  # which its drawing has
     lines = [*level["lanes"], *level["walls"]]
     used = {v: k for k, v in enumerate(sorted({v for line in lines for v in line[:2]}))}  # without the ends of the ruler
     lanes, walls = ([[used[a], used[b], *rest] for a, b, *rest in level[kind]] for kind in ("lanes", "walls"))

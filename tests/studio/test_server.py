@@ -102,7 +102,7 @@ def test_a_map_is_opened_checked_and_saved(studio, tmp_path):
         ("api/start", {"what": "rm"}, "unknown command 'rm'"),
         ("api/start", {"what": "run", "scenario": "none.yaml"}, "none.yaml: is not there"),
         ("api/stop", {"number": "7"}, "no command 7"),
-        ("api/propose", {"picture": "office.building.yaml", "scale_m": "x"}, "scale_m: expected a number"),
+        ("api/propose", {"plan": "office.building.yaml", "pitch_m": "x"}, "pitch_m: expected a number"),
         ("api/scenario", {"path": "day.yaml", "text": "[1]", "key": "a", "value": 1}, "expected keys and values"),
     ],
 )

@@ -99,7 +99,7 @@ def test_a_picture_opens_without_a_scale_and_gets_lanes_where_there_is_room(fold
     opened = folder.open("hall.png", {})
     level = opened["document"]["levels"]["L1"]
     assert (opened["path"], level["drawing"], level["measurements"]) == ("hall.building.yaml", {"filename": "hall.png"}, [])
-    made = lanes_over_floor(folder, "hall.png", 0.05, 2.0, 0.5)
+    made = lanes_over_floor(folder, "hall.png", {"meters_per_pixel": 0.05}, 2.0, 0.5)
     assert len(made["walls"]) >= 8
     assert all(0 <= v < len(made["vertices"]) for line in (*made["lanes"], *made["walls"]) for v in line[:2])
     for a, b, _ in made["lanes"]:
@@ -250,6 +250,13 @@ def test_layers_of_a_drawing_are_listed_with_their_lines(folder):
     assert layers["TABLES"]["lines"] == [[167, 500, 333, 500]]  # thousandths of 30 m, from the upper left; y of 667 is the lower wall
     chosen = {"layers": ("WALLS", "TABLES"), "unit": "m"}
     assert len(folder.open("hall.dxf", chosen)["document"]["levels"]["L1"]["walls"]) == 5
+    level = folder.open("hall.dxf", {"layers": ("WALLS",), "unit": "m"})["document"]["levels"]["L1"]
+    made = lanes_over_floor(folder, "hall.dxf", {"layers": ("WALLS",), "unit": "m"}, 2.0, 0.5)
+    corners = [level["vertices"][v][:2] for wall in level["walls"] for v in wall[:2]]
+    assert len(made["lanes"]) > 100 and not made["walls"]
+    for k in (0, 1):  # 0.5 m, 10 pixels, within the walls
+        low, high = min(corner[k] for corner in corners), max(corner[k] for corner in corners)
+        assert all(low + 10 <= vertex[k] <= high - 10 for vertex in made["vertices"])
     (folder.root / "hall.svg").write_text(
         '<!DOCTYPE svg PUBLIC "-//W3C//DTD SVG 1.1//EN" "http://www.w3.org/Graphics/SVG/1.1/DTD/svg11.dtd">\n'
         '<svg xmlns="http://www.w3.org/2000/svg"><g id="A"><rect width="9" height="6"/></g><g id="B"><path d="M1 1H2"/></g></svg>'

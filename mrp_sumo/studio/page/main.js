@@ -89,6 +89,7 @@ async function open(path) {
     if (!chosen) return;
     const drawing = await get("open", { path, ...chosen }), isOther = drawing.path !== site.path;
     opened(drawing);
+    site.plan = chosen.unit || chosen.scale || hasChoice(path) ? { plan: path, ...chosen } : null;
     if (isOther) await openOwnScenario();
     fit();
     note(drawing.from !== drawing.path ? drawing.notes.join("; ") : "");

@@ -15,11 +15,11 @@ export function floorPanel() {
   const image = picture(), scale = unit();
   if (!site.document) parts.push(next("Open a plan of your floor or a map from the list, or begin with an empty floor. Drop a PNG, JPG, PDF, DXF or SVG onto this page, or choose one from elsewhere."));
   else if (!scale) parts.push(next("Say how large the plan is: click two places whose distance you know, such as both ends of a wall, then type the metres between them."), ...(tool.name === "scale" ? [] : [button("Scale (m)", () => choose("scale"), { className: "main" })]));
-  else parts.push(next(image && !list("lanes").length ? "The floor has a scale. Have lanes laid over it below, or draw them yourself." : "The floor has a scale. Go to Draw."), button("Draw lanes", () => actions.show("draw"), { className: "main" }));
+  else parts.push(next((image || site.plan) && !list("lanes").length ? "The floor has a scale. Have lanes laid over it below, or draw them yourself." : "The floor has a scale. Go to Draw."), button("Draw lanes", () => actions.show("draw"), { className: "main" }));
   if (site.document) {
     parts.push(make("h2", { textContent: site.path }));
     parts.push(muted(`${site.digest ? "saved" : "not saved yet"}${site.from && site.from !== site.path ? `, made of ${site.from}` : ""}${scale ? `, ${extent(image, scale)}` : ""}`));
-    if (image && scale) parts.push(...proposal());
+    if (scale && (image || site.plan)) parts.push(...proposal(image));
   }
   parts.push(make("h3", { textContent: `In ${shared.start?.folder || "the folder"}` }));
   const shown = shared.files.filter((file) => file.kind === "plan" || file.kind === "map").slice(0, 40);
@@ -52,22 +52,22 @@ function chooseFile() {
 
 /* Lanes wherever there is room, over a picture. */
 const proposed = { pitch_m: 2, radius_m: 0.5 };
-function proposal() {
+function proposal(image) {
   return [
     make("h3", { textContent: "Lanes all over the free floor" }),
-    muted("What is dark in the picture is wall. Lanes go wherever a robot has room; then take away what you do not want."),
+    muted(`${image ? "What is dark in the picture is wall. " : ""}Lanes go wherever a robot has room; then take away what you do not want.`),
     fields(
       field("between lanes", { type: "number", value: proposed.pitch_m, unit: "m", least: 0.3 }, (value) => (proposed.pitch_m = value || 2)),
       field("robot's radius", { type: "number", value: proposed.radius_m, unit: "m", least: 0.05 }, (value) => (proposed.radius_m = value || 0.5)),
     ),
-    make("div", { className: "row" }, button("Walls and lanes", () => propose(true)), button("Walls only", () => propose(false))),
+    make("div", { className: "row" }, ...(image ? [button("Walls and lanes", () => propose(true)), button("Walls only", () => propose(false))] : [button("Lay lanes", () => propose(true))])),
   ];
 }
 
 async function propose(withLanes) {
-  note("Walls are traced …");
+  note("Looking for room …");
   try {
-    const made = await post("propose", { picture: folderOf(site.path) + level().drawing.filename, scale_m: unit(), ...proposed });
+    const made = await post("propose", { ...(picture() ? { plan: folderOf(site.path) + level().drawing.filename, scale: unit() } : site.plan), ...proposed });
     const n = list("vertices").length, shifted = (items) => items.map(([a, b, ...rest]) => [a + n, b + n, ...rest]);
     const lists = { vertices: [...list("vertices"), ...made.vertices], walls: [...list("walls"), ...shifted(made.walls)] };
     if (withLanes) lists.lanes = [...list("lanes"), ...shifted(made.lanes)];

@@ -1,7 +1,7 @@
 /* The drawing that is open, as a building.yaml says it, and how it came about: every edit makes a new document that shares what stays. */
 
 export const site = {
-  path: "", digest: "", from: "", document: null, level: "", saved: null, selection: [], findings: [], refused: true, size: null, heat: null, change: "",
+  path: "", digest: "", from: "", document: null, level: "", saved: null, selection: [], findings: [], refused: true, size: null, heat: null, change: "", plan: null,
 };
 const past = [], future = [], listeners = [];
 const LISTS = ["lanes", "walls", "doors", "measurements"], OUTLINES = ["floors", "holes"];
@@ -17,7 +17,7 @@ export const list = (name) => level()[name] || [];
 export const isPixels = () => (site.document?.coordinate_system || "reference_image") === "reference_image";
 
 export function opened(drawing) {
-  Object.assign(site, { path: drawing.path, digest: drawing.digest, from: drawing.from, document: drawing.document, selection: [], findings: [], refused: true, heat: null, change: "" });
+  Object.assign(site, { path: drawing.path, digest: drawing.digest, from: drawing.from, document: drawing.document, selection: [], findings: [], refused: true, heat: null, change: "", plan: null });
   site.saved = drawing.digest ? drawing.document : null;
   const levels = Object.keys(drawing.document.levels || {});
   site.level = levels.includes(site.level) ? site.level : levels[0] || "";
