@@ -25,6 +25,7 @@ AHEAD_S, ROUND, ALIKE, FADE_M, SIDE_M = 1.0, 0.5, 0.4, 0.6, 0.8  # how people tu
 TOUCH_M, TOUCH_PS2 = 0.4, 100.0  # distance at which two touch; push of bodies by what they are closer
 KEEP_RIGHT = np.radians(3.0)
 ROBOT_MPS2, ROBOT_M, ROBOT_AHEAD_S = 7.0, 0.3, 0.6  # push of a robot at its surface, how it fades; where it will be is seen so far ahead
+STANDS_MPS = 0.05  # a robot that is slower stands
 ROUND_M, ROUND_ROOM_M = 3.0, 0.35  # people begin to walk round a robot so far before it, and so far beside
 YIELD_M, ASIDE_M = 2.0, 0.15  # where there is no way past a robot: how near one lets it pass, and how far beside it
 SLOWS_M = 0.7  # from there
@@ -262,7 +263,7 @@ def robot_away_m(x, y, ground, robots):
 
 @kernel(allocates=False)
 def push_of_robots(x, y, ex, ey, is_stuck, ground, robots):
-    """The push of robots and of where they will soon be, and how near the nearest is. Those that are halted push nobody who is stuck."""
+    """The push of robots and of where they will soon be, and how near the nearest is. Those that stand push nobody who is stuck."""
     ax, ay, nearest = 0.0, 0.0, np.inf
     row0, row1, column0, column1 = bins_around(x, y, ground)
     for row in range(row0, row1):
@@ -274,7 +275,7 @@ def push_of_robots(x, y, ex, ey, is_stuck, ground, robots):
             size = ROBOT_MPS2 * np.exp(-max(away - BODY_M, 0.0) / ROBOT_M)
             if -(ex * nx + ey * ny) < SIGHT:
                 size *= BEHIND
-            if is_stuck and robots.is_halted[robots.member[k]]:
+            if is_stuck and abs(robots.along_mps[robots.member[k]]) < STANDS_MPS:
                 size = 0.0
             ax += size * nx
             ay += size * ny

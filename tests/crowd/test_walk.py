@@ -117,6 +117,16 @@ def test_person_at_the_wall_where_corridors_meet_steps_aside_into_one(y_m, yaw_r
     assert (np.abs(away_m @ (-np.sin(yaw_rad), np.cos(yaw_rad))) > 0.3 + 0.1 + BODY_M).all()
 
 
+@pytest.mark.parametrize(("speed_mps", "gets_out"), [(0.0, True), (0.3, False)])
+def test_person_who_is_stuck_goes_near_a_robot_that_stands_and_not_near_one_that_comes(speed_mps, gets_out):
+    """At the wall, before a robot that is halted for it; its way out leads towards another."""
+    floor = room(5, 4)
+    crowd = crowd_on(floor, [(1, 3), (4.5, 0.5)], [((2.45, 3.75), (0, 1))], robots=[(2.0, 2.75, 0.6, 0.6), (3.55, 3.5, 0.6, 0.6)])
+    crowd.robots.yaw_rad[:], crowd.robots.is_halted[0], crowd.robots.along_mps[1] = (np.pi / 2, np.pi), True, speed_mps
+    aside_m = paths(crowd, 8)[60:, 0, 0] - 2.0
+    assert (aside_m > 0.3 + 0.1 + BODY_M).all() == gets_out
+
+
 def test_nobody_walks_through_a_wall_however_dense_the_crowd():
     floor = room(4, 4, (2, 0, 2, 1.5), (2, 2.5, 2, 4))
     starts = [((0.5 + 0.35 * (k % 4), 0.5 + 0.4 * (k // 4)), (0, 1)) for k in range(32)]
