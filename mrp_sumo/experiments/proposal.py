@@ -5,7 +5,7 @@ What the map says is taken as it is; what it leaves open is guessed, and every g
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,7 @@ import numpy as np
 
 from mrp_sumo.core.graph import STATIONS, FloatArray, NavGraph, PlanGraph
 from mrp_sumo.core.robot_type import RobotType
+from mrp_sumo.core.task import TaskLog, some_tasks
 from mrp_sumo.errors import MapError, MrpSumoError
 from mrp_sumo.experiments.first_fleet import STATIONS_A_ROBOT
 from mrp_sumo.experiments.map_cache import MapCache
@@ -33,6 +34,7 @@ SERVICE_S = (10.0, 20.0, 40.0)  # at a stop: least, usual and most
 ORDERS_A_ROBOT = 5  # that a run has time for, at the least
 BUSY = 0.25  # share of their time that robots would work if nobody were in their way
 TRIAL_S = 600.0  # simulated: robots that stand in each other's way for good have been seen by then
+AMPLE = 3.0  # times what an order takes undisturbed: of orders that have been there so long, some are done
 ENDS = 20  # of each of two groups, whose ways to each other are measured
 LARGE, MEDIUM, SMALL = "forklift", "amr_600", "turtlebot3"
 SLENDER = 0.7  # width of a vehicle of which the map says its length alone, in lengths
@@ -84,7 +86,8 @@ class Proposal:
     """Values of a scenario, and a sentence on each that was guessed or read."""
 
     values: dict[str, Any]
-    reasons: Mapping[str, str] = field(default_factory=dict)  # by section, or group
+    reasons: Mapping[str, str]  # by section, or group
+    order_s: float  # what an order takes undisturbed
 
 
 def propose(map_values: Mapping[str, Any], folder: Path, name: str, wishes: Wishes) -> Proposal:
@@ -104,7 +107,7 @@ def propose(map_values: Mapping[str, Any], folder: Path, name: str, wishes: Wish
         fault = ""
         while num_robots:
             proposal = _proposal(map_values, name, setup, stations, num_robots, wishes)
-            fault = _fault(scenario_of(proposal.values, folder, name), maps)
+            fault = _fault(scenario_of(proposal.values, folder, name), maps, proposal.order_s)
             if not fault or wishes.num_robots is not None:
                 break
             why_number = f"fewer than guessed first, as {num_robots} did not get on with their work in ten simulated minutes"
@@ -285,7 +288,7 @@ def _proposal(map_values: Mapping[str, Any], name: str, setup: SetUp, stations: 
             "time_limit_s": max(1200.0, round(ORDERS_A_ROBOT * order_s)) if wishes.hours is None else 3600.0 * wishes.hours,
         },
     }
-    return Proposal(values, why)
+    return Proposal(values, why, order_s)
 
 
 def _trip_s(setup: SetUp, groups: Sequence[Sequence[str]]) -> float:
@@ -302,12 +305,21 @@ def _trip_s(setup: SetUp, groups: Sequence[Sequence[str]]) -> float:
     return float(reached.mean()) if len(reached) else setup.problem.step_s
 
 
-def _fault(file: ScenarioFile, maps: MapCache) -> str:
-    """Why a scenario does not run for ten simulated minutes; '' where it does."""
+def _fault(file: ScenarioFile, maps: MapCache, order_s: float) -> str:
+    """Why a scenario does not run for ten simulated minutes, in which orders are done that have been there for long; '' where it does."""
     execution = replace(file.scenario.execution, time_limit_s=TRIAL_S, engine="kinematic")
     record = file.scenario.record.model_copy(update={"bag": False})
     try:
         result = carry_out(file.having(execution=execution, record=record), maps)
     except MrpSumoError as error:
         return str(error)
-    return "" if result.status == "completed" else f"{result.status.replace('_', ' ')}: {result.note}"
+    if result.status != "completed":
+        return f"{result.status.replace('_', ' ')}: {result.note}"
+    tasks = result.execution.tasks if result.execution is not None else None
+    return "" if tasks is None or not stands_still(tasks, order_s) else "no order is done"
+
+
+def stands_still(tasks: TaskLog, order_s: float) -> bool:
+    """True if no order of a trial is done, though one has been there for `AMPLE` times what an order takes undisturbed."""
+    orders = some_tasks(tasks, tasks.is_order)
+    return not np.isfinite(orders.done_s).any() and bool((orders.released_s < TRIAL_S - AMPLE * order_s).any())

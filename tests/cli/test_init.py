@@ -8,8 +8,9 @@ import yaml
 
 from mrp_sumo.cli.main import main
 from mrp_sumo.core.graph import nav_graph
+from mrp_sumo.core.task import CHARGE, ORDER, log_of_times
 from mrp_sumo.errors import MrpSumoError
-from mrp_sumo.experiments.proposal import spread, stations_of
+from mrp_sumo.experiments.proposal import spread, stands_still, stations_of
 from mrp_sumo.maps.catalogue import bundled_folder
 from mrp_sumo.maps.roadmap import cut_lanes
 
@@ -202,6 +203,21 @@ def test_robots_that_would_stand_in_each_others_way_for_good_are_not_proposed(tm
     assert "count: 1  # fewer than guessed first, as 2 did not get on" in text
     assert main(["init", "row.building.yaml", "--type", "amr_600", "--robots", "2", "--out", "two"]) == 2
     assert capsys.readouterr().err.endswith("; try fewer --robots\n") and not (tmp_path / "two").exists()
+
+
+@pytest.mark.parametrize(
+    ("released_s", "done_s", "stands"),
+    [
+        ([299, 400], [np.nan, np.nan], True),
+        ([301, 400], [np.nan, np.nan], False),
+        ([10, 400], [np.nan, 590], False),
+    ],
+)
+def test_fleet_that_does_no_order_in_three_times_what_one_takes_stands_still(released_s, done_s, stands):
+    """An order takes 100 s, the trial 600 s. What charges is no order."""
+    released, done, never = np.array([*released_s, 0.0]), np.array([*done_s, 100.0]), np.full(3, np.nan)
+    tasks = log_of_times(("a", "b", "c"), np.zeros(3, np.int64), released, never, never, done, (ORDER, ORDER, CHARGE))
+    assert stands_still(tasks, 100.0) == stands
 
 
 def test_a_scenario_that_cannot_be_written_leaves_nothing(shop, monkeypatch, capsys):
