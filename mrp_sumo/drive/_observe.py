@@ -29,6 +29,7 @@ from mrp_sumo.drive._causes import (
     YIELDING,
 )
 from mrp_sumo.drive._grants import leave_lane
+from mrp_sumo.drive._people import STRAIGHT_RAD, heading_ahead, off_heading
 from mrp_sumo.drive.state import Motion, Waits
 from mrp_sumo.search._bodies import TIE_M
 from mrp_sumo.search._kernel import kernel
@@ -54,15 +55,14 @@ def observe(now, s_m, scene):
 @kernel(inline="always", allocates=False)
 def move(s_m, scene):
     """Speeds, and turns in place towards the lane that comes next, or at the end of its way as the robot is to stay."""
-    motion, visits, facing, dt = scene.state.motion, scene.visits, scene.state.facing_rad, scene.rules.step_s
+    motion, dt = scene.state.motion, scene.rules.step_s
     yaw, turning = motion.yaw_rad, motion.turning
     for r in range(len(s_m)):
         motion.moved_m[r] = s_m[r] - motion.s_m[r]
         motion.speed_mps[r] = motion.moved_m[r] / dt
-        ahead = visits.next[visits.reached[r]]
-        target = visits.heading_rad[ahead] if ahead >= 0 else visits.heading_rad[visits.last[r]] if np.isnan(facing[r]) else facing[r]
-        away = (target - yaw[r] + np.pi) % (2 * np.pi) - np.pi
-        turning[r] = abs(away) > 1e-12
+        target = heading_ahead(r, scene)
+        away = off_heading(target, yaw[r])
+        turning[r] = abs(away) > STRAIGHT_RAD
         if turning[r] and not scene.conditions.people.halted[r]:
             most = scene.kinematics.turn_rate_rad_s[r] * dt
             if abs(away) <= most + 1e-9:

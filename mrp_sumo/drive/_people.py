@@ -11,6 +11,7 @@ import numpy as np
 from mrp_sumo.drive._causes import GRAINS
 from mrp_sumo.search._kernel import kernel
 
+STRAIGHT_RAD = 1e-12  # a robot that is less off its heading does not turn
 EDGE_M = 2.0 / GRAINS  # so near the end of a field is outside
 
 
@@ -26,18 +27,20 @@ def heed(r, wanted, now, scene):
     """The speed for the next step, at most `wanted`, that people and lanes leave a robot."""
     dt, kinematics, visits, motion, people = scene.rules.step_s, scene.kinematics, scene.visits, scene.state.motion, scene.conditions.people
     halted, since, free_since, share = people.halted, people.since_s, people.free_since_s, people.lost_share
-    v, turns = min(wanted, people.cap_mps[r]), motion.turning[r] and motion.moved_m[r] == 0.0
+    v = min(wanted, people.cap_mps[r])
+    turns = v == 0.0 and abs(off_heading(heading_ahead(r, scene), motion.yaw_rad[r])) > STRAIGHT_RAD
     speed_mps = in_grains(motion.speed_mps[r])
     share[r] = 0.0
     if people.watches and (v > 0.0 or speed_mps > 0.0 or turns):
         decel, slowest = kinematics.decel_mps2[r], people.slowest_mps
+        room, is_free = np.inf, True
         if v > 0.0 or speed_mps > 0.0:
             speed = slowest if halted[r] else max(speed_mps, slowest)
             most = reach(max(wanted, speed), decel, people) + max(wanted, speed) * dt
             room = room_ahead(r, most, visits, motion, people)
             is_free = room >= reach(speed, decel, people) - EDGE_M
-        else:
-            room, is_free = np.inf, is_clear_around(r, visits, motion, people)
+        if turns:
+            is_free &= is_clear_around(r, visits, motion, people)
         if halted[r]:
             if not is_free:
                 free_since[r] = np.inf
@@ -56,6 +59,20 @@ def heed(r, wanted, now, scene):
     elif turns and halted[r]:
         share[r] = 1.0
     return v
+
+
+@kernel(inline="always", allocates=False)
+def heading_ahead(r, scene):
+    """The heading to which a robot turns: that of the lane that comes next, or at the end of its way the one in which it stays."""
+    visits, facing_rad = scene.visits, scene.state.facing_rad[r]
+    ahead = visits.next[visits.reached[r]]
+    return visits.heading_rad[ahead] if ahead >= 0 else visits.heading_rad[visits.last[r]] if np.isnan(facing_rad) else facing_rad
+
+
+@kernel(inline="always", allocates=False)
+def off_heading(heading_rad, yaw_rad):
+    """The angle from one heading to another, in [-pi, pi)."""
+    return (heading_rad - yaw_rad + np.pi) % (2 * np.pi) - np.pi
 
 
 @kernel(inline="always", allocates=False)
