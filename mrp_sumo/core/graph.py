@@ -306,6 +306,12 @@ def nav_graph(
     )
 
 
+def nav_like(nav: NavGraph, **parts: Any) -> NavGraph:
+    """A graph like another. `parts` are arguments of `nav_graph`: its lanes, and what else is not the other's."""
+    own = {key: getattr(nav, key) for key in ("name", "xy", "level_names", "level", "vertex_name", "vertex_options", "source")}
+    return nav_graph(**{**own, **parts})
+
+
 def plan_graph(
     graph: NavGraph,
     *,
@@ -365,10 +371,8 @@ def relaid(graph: PlanGraph, **parts: Any) -> PlanGraph:
     Vertices keep their order; new ones come after them and have no names.
     """
     num_new = len(parts.get("xy", graph.xy)) - graph.num_vertices
-    own = {key: getattr(graph, key) for key in ("name", "xy", "level_names", "level", "vertex_options", "source")}
-    nav = nav_graph(**{**own, "vertex_name": graph.vertex_name + ("",) * num_new, **parts})
     laid = plan_graph(
-        nav,
+        nav_like(graph, **{"vertex_name": graph.vertex_name + ("",) * num_new, **parts}),
         kind=graph.kind,
         cell_m=graph.cell_m,
         vertex_of_station=graph.vertex_of_station,

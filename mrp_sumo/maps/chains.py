@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mrp_sumo.core.graph import FloatArray, IntArray, NavGraph, frozen, nav_graph
+from mrp_sumo.core.graph import FloatArray, IntArray, NavGraph, frozen, nav_like
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,18 +85,12 @@ def _apart(nav: NavGraph, ways: list[list[int]]) -> list[list[int]]:
 
 
 def _chains(nav: NavGraph, ways: list[list[int]]) -> Chains:
-    merged = nav_graph(
-        name=nav.name,
-        xy=nav.xy,
+    merged = nav_like(
+        nav,
         lanes=[(int(nav.tail[chain[0]]), int(nav.head[chain[-1]])) for chain in ways],
-        level_names=nav.level_names,
-        level=nav.level,
-        vertex_name=nav.vertex_name,
-        vertex_options=nav.vertex_options,
         length_m=[float(nav.length_m[chain].sum()) for chain in ways],
         speed_mps=[float(nav.speed_mps[chain[0]]) for chain in ways],
         lane_options=[nav.lane_options[chain[0]] for chain in ways],
-        source=nav.source,
     )
     ordered = [ways[k] for k in merged.source_lane.tolist()]
     first = np.concatenate([[0], np.cumsum([len(chain) for chain in ordered])])

@@ -20,6 +20,7 @@ from mrp_sumo.core.graph import (
     Properties,
     frozen,
     nav_graph,
+    nav_like,
     plan_graph,
 )
 from mrp_sumo.errors import MapError
@@ -57,14 +58,14 @@ def _grids(nav: NavGraph, cell_m: float, levels: IntArray) -> PlanGraph:
         mine = np.flatnonzero(nav.level == k)
         lanes = np.flatnonzero((nav.level[nav.tail] == k) & (nav.level[nav.head] == k))
         number = np.cumsum(nav.level == k) - 1
-        alone = nav_graph(
-            name=nav.name,
+        alone = nav_like(
+            nav,
             xy=nav.xy[mine],
             lanes=np.stack([number[nav.tail[lanes]], number[nav.head[lanes]]], 1),
             level_names=(nav.level_names[k],),
+            level=None,
             vertex_name=[nav.vertex_name[v] for v in mine.tolist()],
             vertex_options=[nav.vertex_options[v] for v in mine.tolist()],
-            source=nav.source,
         )
         part = paper_grid(alone, cell_m)
         station[mine] = first + part.vertex_of_station
@@ -74,17 +75,15 @@ def _grids(nav: NavGraph, cell_m: float, levels: IntArray) -> PlanGraph:
     rides = np.flatnonzero(nav.is_ride)
     cells = [np.stack([part.tail, part.head], 1) + at for part, at in zip(parts, begin.tolist())]
     num_lanes = sum(map(len, cells))
-    graph = nav_graph(
-        name=nav.name,
+    graph = nav_like(
+        nav,
         xy=np.concatenate([part.xy for part in parts]),
         lanes=np.concatenate([*cells, np.stack([station[nav.tail[rides]], station[nav.head[rides]]], 1)]),
-        level_names=nav.level_names,
         level=np.repeat(levels, np.diff(begin)),
         vertex_name=[name for part in parts for name in part.vertex_name],
         vertex_options=[options for part in parts for options in part.vertex_options],
         length_m=np.concatenate([np.full(num_lanes, float(cell_m)), nav.length_m[rides]]),
         lane_options=[*([NO_PROPERTIES] * num_lanes), *(nav.lane_options[k] for k in rides.tolist())],
-        source=nav.source,
     )
     return plan_graph(graph, kind="grid", cell_m=cell_m, vertex_of_station=station)
 

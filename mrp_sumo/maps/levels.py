@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from mrp_sumo.core.graph import FloatArray, NavGraph, nav_graph
+from mrp_sumo.core.graph import FloatArray, NavGraph, nav_like
 from mrp_sumo.errors import ChoiceError, nearest
 from mrp_sumo.maps.building import Building, Lift
 from mrp_sumo.maps.lifts import LEAST_TRAVEL_M, Shift, ride_of
@@ -90,16 +90,11 @@ def joined_by_lifts(nav: NavGraph, shift: Shift, elevation_m: Mapping[str, float
             length.append(max(travel_m, LEAST_TRAVEL_M))
             options.append(ride_of(lift, lifts.get(lift), (nav.level_names[one], nav.level_names[other]), travel_m))
     order = np.argsort(nav.source_lane)
-    return nav_graph(
-        name=nav.name,
+    return nav_like(
+        nav,
         xy=xy,
         lanes=np.concatenate([np.stack([nav.tail, nav.head], axis=1)[order], np.array(pairs, np.int64).reshape(-1, 2)]),
-        level_names=nav.level_names,
-        level=nav.level,
-        vertex_name=nav.vertex_name,
-        vertex_options=nav.vertex_options,
         length_m=np.concatenate([nav.length_m[order], length]),
         speed_mps=np.concatenate([nav.speed_mps[order], np.full(len(pairs), np.inf)]),
         lane_options=[*(nav.lane_options[k] for k in order), *options],
-        source=nav.source,
     )

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from mrp_sumo.core.graph import FloatArray, IntArray, NavGraph, PlanGraph, Properties, nav_graph
+from mrp_sumo.core.graph import FloatArray, IntArray, NavGraph, PlanGraph, Properties, nav_like
 from mrp_sumo.core.near import pairs_within
 from mrp_sumo.errors import MapError, count
 from mrp_sumo.maps.check import FOUND_ON_GRAPHS, check_graph, crossings, near_misses
@@ -246,16 +246,14 @@ def _rebuilt(
         long = long or float(np.hypot(*(xy[a] - xy[b])))
         if a != b and long > 0:
             lane_of.setdefault((a, b), (a, b, long, limit, options))
-    return nav_graph(
-        name=nav.name,
+    return nav_like(
+        nav,
         xy=xy,
         lanes=list(lane_of),
-        level_names=nav.level_names,
         level=np.concatenate([nav.level[keep], np.array(list(new_level), np.int64)]),
         vertex_name=[nav.vertex_name[v] for v in keep] + [""] * len(new_xy),
         vertex_options=[nav.vertex_options[v] for v in keep] + [{}] * len(new_xy),
         length_m=[lane[2] for lane in lane_of.values()],
         speed_mps=[lane[3] for lane in lane_of.values()],
         lane_options=[lane[4] for lane in lane_of.values()],
-        source=nav.source,
     )

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mrp_sumo.core.graph import NO_PROPERTIES, BoolArray, FloatArray, IntArray, NavGraph, PlanGraph, frozen, nav_graph, plan_graph
+from mrp_sumo.core.graph import NO_PROPERTIES, BoolArray, FloatArray, IntArray, NavGraph, PlanGraph, frozen, nav_like, plan_graph
 from mrp_sumo.errors import MapError
 from mrp_sumo.maps.chains import Chains, chains_of
 from mrp_sumo.maps.curves import traced
@@ -62,18 +62,16 @@ def cut_lanes(nav: NavGraph, cell_m: float, two_way: bool | Collection[int] = Fa
         between = cuts.first[of] + np.where(cuts.own[of], j, n - j) - 1
         return np.where(j == 0, nav.tail[of], np.where(j == n, nav.head[of], between))
 
-    graph = nav_graph(
-        name=nav.name,
+    graph = nav_like(
+        nav,
         xy=np.concatenate([nav.xy, places]),
         lanes=np.stack([place(i), place(i + 1)], axis=1),
-        level_names=nav.level_names,
         level=np.concatenate([nav.level, nav.level[nav.tail[cuts.lane]]]),
         vertex_name=nav.vertex_name + ("",) * len(cuts.lane),
         vertex_options=nav.vertex_options + (NO_PROPERTIES,) * len(cuts.lane),
         length_m=length_m,
         speed_mps=nav.speed_mps[of],
         lane_options=[nav.lane_options[j] for j in of],
-        source=nav.source,
     )
     return plan_graph(
         graph,

@@ -19,7 +19,7 @@ import numpy as np
 from mrp_sumo.core.angles import wrapped
 from mrp_sumo.core.digraph import strong_components
 from mrp_sumo.core.fleet import Fleet, fleet_of
-from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, PlanGraph, frozen, nav_graph, plan_graph
+from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, PlanGraph, frozen, nav_like, plan_graph
 from mrp_sumo.core.problem import Problem, Standing
 from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.errors import PlanError
@@ -79,19 +79,16 @@ def _made(graph: PlanGraph, types: tuple[RobotType, ...], barred: BoolArray | No
         count += len(mine.place)
     place, lane = np.concatenate([mine.place for mine in states]), np.concatenate(lanes)
     moves = np.stack([np.concatenate(tails), np.concatenate(heads)], 1)
-    some = [graph.lane_options[k] for k in lane.tolist()]
-    nav = nav_graph(
-        name=graph.name,
+    nav = nav_like(
+        graph,
         xy=graph.xy[place],
         lanes=moves,
-        level_names=graph.level_names,
         level=graph.level[place],
         vertex_name=[graph.label(v) for v in place.tolist()],
         vertex_options=[graph.vertex_options[v] for v in place.tolist()],
         length_m=graph.length_m[lane],
         speed_mps=np.concatenate(speed),
-        lane_options=some,
-        source=graph.source,
+        lane_options=[graph.lane_options[k] for k in lane.tolist()],
     )
     made = plan_graph(nav, kind="roadmap", cell_m=graph.cell_m)
     return MoveGraph(
