@@ -17,28 +17,17 @@ SAMPLE_S = 10.0
 class Batteries:
     """States of charge of R robots."""
 
-    def __init__(
-        self,
-        batteries: Sequence[Battery],
-        kind: IntArray,
-        start: tuple[float, float],
-        seed: int,
-        period_s: float,
-        loaded: Sequence[Battery] = (),
-        charging: Charging | None = None,
-    ) -> None:
-        """`batteries` [K] are those of the types, `kind` [R] says which each robot is; `period_s` is the time between two samples; `loaded`
-        [K] are the batteries of robots with a load, if these draw more.
-        """
-        num_robots = len(kind)
-        self._of_kind = [(battery, np.flatnonzero(kind == k)) for k, battery in enumerate(batteries)]
-        self._loaded = loaded
+    def __init__(self, fleet: Fleet, start: tuple[float, float], seed: int, period_s: float, charging: Charging | None = None) -> None:
+        """All types of the fleet have a battery; `start` are the levels at first, `period_s` is the time between two samples."""
+        num_robots = fleet.num_robots
+        self._fleet, self._loaded = fleet, fleet.batteries_loaded
+        self._of_kind = [(battery, np.flatnonzero(fleet.kind == k)) for k, battery in enumerate(fleet.batteries)]
         self._energy_j, self._full_s = (np.zeros(num_robots) for _ in range(2))
         for battery, mine in self._of_kind:
             self._energy_j[mine], self._full_s[mine] = battery.energy_j, full_s(charging, battery.charge_s(1.0))
         self.level: FloatArray = np.random.default_rng([seed, BATTERIES]).uniform(*start, num_robots)  # [R] shares of the capacity
         self._used_j, self._charged_j = np.zeros(num_robots), np.zeros(num_robots)
-        self._lift_j = np.array([battery.lift_j for battery in batteries])[kind]
+        self._lift_j = np.array([battery.lift_j for battery in fleet.batteries])[fleet.kind]
         self._num_lifts = np.zeros(num_robots, np.int64)
         self._period_s = period_s
         self._samples: list[FloatArray] = []  # [K, 2, R] headings and speeds since the last look, and the last before it
@@ -121,9 +110,9 @@ class Batteries:
         self._used_j, self._charged_j = _sums(self._used_j, used_j)[-1], _sums(self._charged_j, charged_j)[-1]
         return level
 
-    def most_per_s(self, fleet: Fleet) -> FloatArray:
+    def most_per_s(self) -> FloatArray:
         """[R] shares of their capacity that robots draw in a second at most, or that they are charged by."""
-        share = 1 / self._full_s
+        share, fleet = 1 / self._full_s, self._fleet
         with_load = [(battery, mine, fleet.loaded or fleet) for battery, (_, mine) in zip(self._loaded, self._of_kind)]
         for battery, mine, limits in (*((battery, mine, fleet) for battery, mine in self._of_kind), *with_load):
             accel, rate = np.maximum(limits.accel_mps2, limits.decel_mps2)[mine], limits.turn_rate_rad_s[mine]

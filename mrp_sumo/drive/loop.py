@@ -169,9 +169,9 @@ class Drive:
         self.batteries: Batteries | None = None
         fleet = self.ledger.problem.fleet
         if settings.tasks and fleet.batteries:
-            about = settings.start_level, settings.seed, settings.steps_per_sample * settings.step_length_s
-            self.batteries = Batteries(fleet.batteries, fleet.kind, *about, fleet.batteries_loaded, settings.charging)
-            self._most_per_s = self.batteries.most_per_s(fleet)
+            period_s = settings.steps_per_sample * settings.step_length_s
+            self.batteries = Batteries(fleet, settings.start_level, settings.seed, period_s, settings.charging)
+            self._most_per_s = self.batteries.most_per_s()
         self.wear = Wear([fleet.types[k] for k in fleet.kind.tolist()] if fleet.types else (), settings.seed)
         self.context = Surroundings(self.ledger, self.world, self.tasks, self._plan)
         self.rolling = Rolling(self.settings, self.context, self.work, self.controller)

@@ -163,8 +163,8 @@ class VirtualFleet:
         self.policy = policy_of("open_loop")
         self.controller = Controller(self.ledger, self.policy, self.settings, paced=False)
         self.batteries: Batteries | None = None
-        if batteries := problem.fleet.batteries:
-            self.batteries = Batteries(batteries, problem.fleet.kind, settings.start_level, settings.seed, settings.step_length_s)
+        if problem.fleet.batteries:
+            self.batteries = Batteries(problem.fleet, settings.start_level, settings.seed, settings.step_length_s)
         self.serials = serials_of(problem.fleet.robot_name)
         self.robot_of = {serial: r for r, serial in enumerate(self.serials)}
         self.faults = sorted(faults, key=lambda fault: fault.begin_s)

@@ -4,15 +4,21 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from worlds import BURGER
 
+from mrp_sumo.core.fleet import fleet_of
 from mrp_sumo.core.robot_type import Battery
 from mrp_sumo.drive.batteries import Batteries
 
 SMALL = Battery(10.0, 1.0, 36.0, 1.0, 0.0, 0.0, 36.0)  # 36 kJ: a thousandth a second at rest, one more to accelerate; charged in 100 s
 
 
+def batteries_of(battery, num_robots, *about):
+    return Batteries(fleet_of(replace(BURGER, battery=battery), num_robots), *about)
+
+
 def test_standing_drains_by_time_and_charging_fills():
-    batteries = Batteries([SMALL], np.zeros(2, np.int64), (0.5, 0.5), 0, 0.5)
+    batteries = batteries_of(SMALL, 2, (0.5, 0.5), 0, 0.5)
     for now_s in np.arange(0.0, 10.5, 0.5):
         batteries.add(np.zeros((1, 2)), np.zeros((1, 2)))
         batteries.observe(now_s, np.array([False, True]))
@@ -24,7 +30,7 @@ def test_standing_drains_by_time_and_charging_fills():
 @pytest.mark.parametrize("looks", [(3,), (2, 1), (1, 1, 1)])
 def test_speeding_up_and_braking_between_two_looks_draw_both(looks):
     """1 kg to 1 m/s and back in a second: 0.5 J each, beside 36 W."""
-    batteries = Batteries([SMALL], np.zeros(1, np.int64), (0.5, 0.5), 0, 0.5)
+    batteries = batteries_of(SMALL, 1, (0.5, 0.5), 0, 0.5)
     speed_mps = np.array([[0.0], [1.0], [0.0]])
     for first, many in zip(np.cumsum((0, *looks)).tolist(), looks):
         batteries.add(np.zeros((many, 1)), speed_mps[first : first + many])
@@ -37,7 +43,7 @@ def test_speeding_up_and_braking_between_two_looks_draw_both(looks):
 def test_a_turn_draws_as_much_wherever_the_robot_faces(begin_rad, by_rad):
     """1 kg m2 to 0.4 rad/s in half a second and back to rest: 0.8 rad/s2 times 0.4 rad/s, for half a second."""
     turns = Battery(10.0, 1.0, 36.0, 1.0, 1.0, 0.0, 0.0)
-    batteries = Batteries([turns], np.zeros(1, np.int64), (0.5, 0.5), 0, 0.5)
+    batteries = batteries_of(turns, 1, (0.5, 0.5), 0, 0.5)
     yaw_rad = (begin_rad + np.array([[0.0], [by_rad], [by_rad]]) + np.pi) % (2 * np.pi) - np.pi
     batteries.add(yaw_rad, np.zeros((3, 1)))
     batteries.observe(1.0, np.array([False]))
@@ -46,7 +52,7 @@ def test_a_turn_draws_as_much_wherever_the_robot_faces(begin_rad, by_rad):
 
 def test_two_looks_at_once_charge_for_as_long_as_lies_between_them():
     """1 s and 2 s at a charger that fills the battery of 36 kJ in 100 s."""
-    batteries = Batteries([SMALL], np.zeros(1, np.int64), (0.5, 0.5), 0, 0.5)
+    batteries = batteries_of(SMALL, 1, (0.5, 0.5), 0, 0.5)
     batteries.add(np.zeros((7, 1)), np.zeros((7, 1)))
     batteries.observe_each([1.0, 3.0], [3, 7], np.array([True]))
     assert batteries.level == pytest.approx([0.53]) and batteries.log(3.0, 0.2).charged_j == pytest.approx([0.03 * 36_000])
@@ -55,7 +61,7 @@ def test_two_looks_at_once_charge_for_as_long_as_lies_between_them():
 def test_each_lift_draws_its_energy_once():
     """Two lifts until the first look, three until the second."""
     lifting = replace(SMALL, device_w=0.0, lift_j=90.0)
-    batteries, used_j = Batteries([lifting], np.zeros(1, np.int64), (0.5, 0.5), 0, 0.5), []
+    batteries, used_j = batteries_of(lifting, 1, (0.5, 0.5), 0, 0.5), []
     for now_s, num_lifts in ((0.5, 2), (1.0, 3)):
         batteries.add(np.zeros((2, 1)), np.zeros((2, 1)))
         batteries.observe(now_s, np.array([False]), None, np.array([num_lifts]))
@@ -66,7 +72,7 @@ def test_each_lift_draws_its_energy_once():
 @pytest.mark.parametrize(("level", "told"), [(0.0008, [[0], []]), (0.0018, [[], [0]]), (0.5, [[], []])])
 def test_who_runs_empty_is_told_once(level, told):
     """A thousandth a second, looked at after each."""
-    batteries, seen = Batteries([SMALL], np.zeros(1, np.int64), (level, level), 0, 0.5), []
+    batteries, seen = batteries_of(SMALL, 1, (level, level), 0, 0.5), []
     for now_s in (1.0, 2.0):
         batteries.add(np.zeros((3 if now_s == 1.0 else 2, 1)), np.zeros((3 if now_s == 1.0 else 2, 1)))
         seen.append(batteries.observe(now_s, np.array([False])))
