@@ -62,6 +62,12 @@ def test_a_robot_that_stands_at_a_wall_is_seen_once():
     assert found["num_wall_contacts"] == 1 and found["wall_contacts"][0]["t_s"] == 0
 
 
+def test_contacts_at_one_time_are_listed_by_robot():
+    """robot_1 stands at the wall that is drawn first."""
+    found = look([((4, 0.2), (6, 0.2)), ((-1, 0.2), (1, 0.2))], [[0.0, 5.0]])
+    assert [contact["robot"] for contact in found["wall_contacts"]] == ["robot_0", "robot_1"]
+
+
 def test_a_robot_that_comes_later_is_seen_where_it_is():
     nan = np.nan
     found = look([((5, -1), (5, 1))], [[nan], [5.2], [nan]], [[nan], [0.0], [nan]])
