@@ -9,6 +9,7 @@ from shapely import affinity, geometry
 from mrp_sumo.core.execution import Execution, Outcome
 from mrp_sumo.core.fleet import fleet_of
 from mrp_sumo.core.robot_type import RobotType, Wheels
+from mrp_sumo.metrics import _audit
 from mrp_sumo.metrics._audit import rectangle_distance
 from mrp_sumo.metrics.audit import audit, in_words
 
@@ -58,6 +59,15 @@ def test_a_pair_is_found_behind_one_in_the_same_square_that_is_too_far():
     """robot_1 is 1.4 m away, in the square of both; circles of two carts meet within 1.12 m."""
     found = audit(driven([[0.05, 1.05, 0.45]], [[0.05, 1.05, 0.05]]), fleet_of(CART, 3))
     assert [o["robots"] for o in found["overlaps"]] == [["robot_0", "robot_2"]]
+
+
+@pytest.mark.parametrize(("owner", "pairs"), [([0, 1, 0, 1], [[0, 3]]), ([0, 1, 0, 0], [])])
+def test_a_trailer_hides_nobody_who_overlaps_its_robot(owner, pairs):
+    """Squares of 0.2 m, all but the second in one square of the search: the fourth overlaps the first, and not the third."""
+    x, y, half = np.array([[0.05, 9.0, 0.05, 0.2]]), np.array([[0.05, 0.05, 0.27, 0.05]]), np.full(4, 0.1)
+    bodies = _audit.Footprints(np.hypot(half, half), half, half, np.array(owner))
+    _, _, hits = _audit.closeness(_audit.Poses(x, y, np.zeros((1, 4))), np.zeros(4, np.int64), bodies)
+    assert hits[:, 2:].tolist() == pairs
 
 
 def test_a_pair_is_one_overlap_however_long_it_lasts():

@@ -65,7 +65,14 @@ def test_a_robot_that_stands_at_a_wall_is_seen_once():
 def test_contacts_at_one_time_are_listed_by_robot():
     """robot_1 stands at the wall that is drawn first."""
     found = look([((4, 0.2), (6, 0.2)), ((-1, 0.2), (1, 0.2))], [[0.0, 5.0]])
-    assert [contact["robot"] for contact in found["wall_contacts"]] == ["robot_0", "robot_1"]
+    assert [contact["robot"] for contact in found["wall_contacts"]] == ["robot_0", "robot_1"] and found["num_wall_crossings"] == 0
+
+
+@pytest.mark.parametrize("elsewhere", [np.nan, 0.0])  # not on the floor, and standing beside a wall
+def test_a_robot_that_touches_no_wall_hides_nobody_who_does(elsewhere):
+    walls = [((4, 0.2), (6, 0.2)), ((-1, 0.6), (1, 0.6))]
+    found = look(walls, [[elsewhere, 9.0], [elsewhere, 9.0], [elsewhere, 5.0]])
+    assert [(contact["robot"], contact["t_s"] >= 1) for contact in found["wall_contacts"]] == [("robot_1", True)]
 
 
 def test_a_robot_that_comes_later_is_seen_where_it_is():
