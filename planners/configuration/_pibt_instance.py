@@ -4,8 +4,10 @@ Packed, it takes two bits a vertex to say which way is nearer, for thousands of 
 ways, steps to a goal differ by at most one between neighbours, so the distance modulo 3 tells which of two neighbours is nearer: a quarter
 of a byte a vertex instead of two to four. Where one distance is known, those along any way from there follow. Distances are found by a
 breadth-first search from the goal, which goes everywhere or keeps to the vertices v with d(v) + h(v, robot) <= d(robot) + slack, h an
-admissible guess of what is left: they are exact there, since no shortest path from such a vertex leaves the region.
-A robot that comes to the region's edge has it extended. What is not known is 0, so that memory that nobody wrote is never made.
+admissible guess of what is left: they are exact there, since no shortest path from such a vertex leaves the region. Where the guess is
+right for the robot itself, as it mostly is on open floors, a band about the straight line is enough: its own distance is exact then, and
+others are those of ways within the band. A robot that comes to the region's edge has it extended. What is not known is 0, so that memory
+that nobody wrote is never made.
 """
 
 from typing import NamedTuple
@@ -17,6 +19,7 @@ from mrp_sumo.search._kernel import kernel
 
 UNKNOWN = 0
 SLACK_STEPS = 10
+BAND_STEPS = 16  # on either side of the straight line
 
 
 class Compass(NamedTuple):
@@ -121,7 +124,7 @@ def extend(compass, goal, robot, at, slack):
     first, head, code = compass.first, compass.head, compass.code
     num_vertices = len(first) - 1
     while True:
-        distance, whole = _search(compass, goal, robot, at, slack)
+        distance, whole = _search(compass, goal, robot, at, slack, np.float32(np.inf))
         if whole:
             return distance
         known = distance >= 0
@@ -133,8 +136,11 @@ def extend(compass, goal, robot, at, slack):
 
 
 @kernel(allocates=False)
-def _search(compass, goal, robot, at, slack):
-    """One breadth-first search in the region of `slack`; (steps from `at` or -1, whether the region was everything)."""
+def _search(compass, goal, robot, at, slack, aside):
+    """One breadth-first search in the region of `slack`, so far aside of the line from the goal to `at` at most.
+
+    Returns steps from `at` or -1, and whether the region was everything.
+    """
     code, first, head, queue, bound = compass
     row = code[robot]
     if read_code(code, robot, goal) != UNKNOWN:
@@ -142,7 +148,8 @@ def _search(compass, goal, robot, at, slack):
     queue[0] = goal
     row[goal >> 2] |= np.uint8(1 << (2 * (goal & 3)))
     x, y = bound[at, 0], bound[at, 1]
-    limit = abs(bound[goal, 0] - x) + abs(bound[goal, 1] - y) + np.float32(slack + 0.01)
+    dx, dy = bound[goal, 0] - x, bound[goal, 1] - y
+    limit, most = abs(dx) + abs(dy) + np.float32(slack + 0.01), aside * max(np.hypot(dx, dy), np.float32(1.0))
     begin, end, whole, nearby = 0, 1, True, slack < len(first) - 1
     found = np.int64(0) if goal == at else np.int64(-1)
     d = 0
@@ -159,7 +166,8 @@ def _search(compass, goal, robot, at, slack):
                 shift = 2 * (u & 3)
                 if (row[u >> 2] >> shift) & 3 != UNKNOWN:
                     continue
-                if nearby and abs(bound[u, 0] - x) + abs(bound[u, 1] - y) > left:
+                ux, uy = bound[u, 0] - x, bound[u, 1] - y
+                if nearby and (abs(ux) + abs(uy) > left or abs(ux * dy - uy * dx) > most):
                     whole = False
                     continue
                 row[u >> 2] |= np.uint8(mark << shift)
@@ -173,6 +181,12 @@ def _search(compass, goal, robot, at, slack):
 @kernel(allocates=False)
 def extend_all(compass, goal, at, begin, end, slack, steps):
     """`extend` for those of robots begin to end - 1 whose own vertices are not known, with their steps to the goal in `steps`."""
+    bound = compass.bound
     for robot in range(begin, end):
         if read_code(compass.code, robot, at[robot]) == UNKNOWN:
-            steps[robot] = extend(compass, goal[robot], robot, at[robot], slack)
+            least = abs(bound[goal[robot], 0] - bound[at[robot], 0]) + abs(bound[goal[robot], 1] - bound[at[robot], 1])
+            steps[robot] = -1
+            if slack < len(compass.first) - 1 and least > BAND_STEPS:
+                steps[robot] = _search(compass, goal[robot], robot, at[robot], slack, np.float32(BAND_STEPS))[0]
+            if steps[robot] < 0 or steps[robot] > least + np.float32(0.01):
+                steps[robot] = extend(compass, goal[robot], robot, at[robot], slack)
