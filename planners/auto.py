@@ -1,9 +1,10 @@
 """A portfolio: planners asked one after another until one has a plan that is good enough, in an order that hangs on the problem.
 
 Plans are compared by how many times their planner's lower bound they cost, steps with steps and seconds with seconds: near its bound a plan
-is taken at once. Each may use an equal share of what is left of the time limit and of the effort, so that there is always something left
-to fall back on; the first, and those who are asked for a cheaper plan than there is, are bounded in work, too. Refuses portfolios of
-planners that are not there, and of itself.
+is taken at once. In a window, robots that are planned one after another may all wait where a search for all at once gets them on: who does
+not arrive costs the window and the steps that are left after it. Each planner may use an equal share of what is left of the time limit and
+of the effort, so that there is always something left to fall back on; the first, and those who are asked for a cheaper plan than there is,
+are bounded in work, too. Refuses portfolios of planners that are not there, and of itself.
 """
 
 import math
@@ -11,16 +12,21 @@ from dataclasses import dataclass, replace
 from time import process_time
 from typing import ClassVar
 
+import numpy as np
+
 from mrp_sumo.core.options import option
 from mrp_sumo.core.plan import PlanResult, Status
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError, nearest
 from mrp_sumo.planning.answers import as_supported, deadline_of
 from mrp_sumo.planning.registry import planner, planner_names
+from mrp_sumo.search.distance import steps_to_targets
 
 NOT_IN_IT = ("auto", "external", "plan_file")  # nothing without a program or a file, nor itself
 NEAR = 1.7  # times its lower bound a plan may cost to be taken at once
-THIN = 3.0  # vertices that a robot has for itself on average, from which on one after another finds its way in a window
+AT_BOUND = 1.001  # likewise where nobody loses a step
+THIN = 3.0  # vertices that a robot has for itself on average, from which on they are planned one after another in a window
+FEW_IN_WINDOW = 30  # robots for whom a second planner is asked there, unless nobody loses a step
 FEW, FEW_SLOW = 5, 20  # robots whose real motion is planned on grids, where ways of one length differ in turns; if they turn slowly
 SLOW = 0.3  # of a step at least, that a quarter turn takes then
 SOME = 200  # robots for whom a bounded search is tried first, and a second planner asked, to keep the cheaper plan
@@ -35,6 +41,7 @@ class Portfolio:
     names: tuple[str, ...]  # in this order
     compared: int  # of the first so many the cheapest plan is taken; of the others the first
     why: str
+    near: float = NEAR  # times its bound a plan may cost to be taken at once
 
 
 @dataclass(frozen=True)
@@ -76,7 +83,7 @@ class Auto:
             result, proves = _answer(name, replace(problem, effort=part), until_s, num_left)
             best = _cheaper(best, name, result, problem)
             is_last = proves or num_left == 1 or until_s - process_time() <= 0.01 * time_limit_s
-            if is_last or (best and (k >= portfolio.compared or _above_bound(best[1], problem) <= NEAR)):
+            if is_last or (best and (k >= portfolio.compared or _above_bound(best[1], problem) <= portfolio.near)):
                 if best and portfolio.compared > 1 and _above_bound(best[1], problem) > NEAR and "prioritised" not in portfolio.names[:k]:
                     most = CHEAPER_EFFORT * problem.num_robots
                     last = replace(problem, effort=max(1, min(effort, most)) if problem.effort else most)
@@ -113,7 +120,8 @@ def portfolio_for(problem: Problem) -> Portfolio:
     robots = problem.num_robots
     if problem.window_steps:
         if problem.graph.num_vertices >= THIN * robots:
-            return Portfolio(("prioritised", "lacam", "pibt"), 1, "robots have room in the window")
+            compared = 2 if robots <= FEW_IN_WINDOW else 1
+            return Portfolio(("prioritised", "lacam", "pibt"), compared, "robots have room in the window", AT_BOUND)
         return Portfolio(("lacam", "prioritised", "pibt"), 1, "robots crowd")
     if problem.drivable and problem.graph.kind == "grid" and robots <= (FEW_SLOW if _turn_slowly(problem) else FEW):
         why = f"few enough robots ({robots}) on a grid to plan their real motion"
@@ -133,4 +141,7 @@ def _above_bound(result: PlanResult, problem: Problem) -> float:
     assert result.plan is not None
     bound_s = result.stats.get("lower_bound_s", result.lower_bound_steps * problem.step_s)
     cost_s = float(result.plan.end_s.sum())
+    if problem.window_steps:
+        left = steps_to_targets(problem)[np.arange(problem.num_robots), result.plan.vertex[result.plan.first[1:] - 1]]
+        cost_s = float(np.where(left > 0, (problem.window_steps + left) * problem.step_s, result.plan.end_s).sum())
     return cost_s / bound_s if bound_s > 0 else 1.0 if cost_s <= 0 else float("inf")

@@ -27,7 +27,7 @@ from mrp_sumo.io.documents import declared_in, keys_of
 from mrp_sumo.io.scenario.model import SECTIONS, ScenarioModel
 from mrp_sumo.metrics import registry
 from mrp_sumo.metrics.operations.audit import RULES
-from planners.auto import FEW, FEW_SLOW, SLOW, SOME, THIN, portfolio_for
+from planners.auto import FEW, FEW_IN_WINDOW, FEW_SLOW, SLOW, SOME, THIN, portfolio_for
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 TECHNICAL = 1e9  # bounds from here on are nobody's concern
@@ -99,7 +99,8 @@ def auto() -> str:
         (f"one-shot, robots keep the plan's order, up to {SOME} robots", *asked(SOME, drivable=True, window_steps=0)),
         (f"one-shot, robots need not, up to {SOME} robots", *asked(SOME, **one_shot)),
         ("one-shot, more", *asked(SOME + 1, **one_shot)),
-        (f"in windows, {THIN:g} vertices or more a robot", *asked(1, THIN, **window)),
+        (f"in windows, {THIN:g} vertices or more a robot, up to {FEW_IN_WINDOW} robots", *asked(1, THIN, **window)),
+        ("the same, more robots", *asked(FEW_IN_WINDOW + 1, THIN * (FEW_IN_WINDOW + 1), **window)),
         ("in windows, fewer", *asked(1, **window)),
     )
     return _table(("problem", "planners, in this order", "plan"), rows)

@@ -129,6 +129,24 @@ def test_the_first_plan_near_its_bound_or_the_cheapest_is_taken(waits, by, monke
     assert result.why.count("gave up") == list(waits.values()).count(-1)
 
 
+@pytest.mark.parametrize(("ends", "names", "by"), [
+    ((3, 3), ["prioritised"], "prioritised"),  # nobody loses a step
+    ((0, 3), ["prioritised", "lacam"], "lacam"),  # one stands where the other gets on
+    ((2, 1), ["prioritised", "lacam"], "prioritised"),  # both get on, one farther
+])  # fmt: skip
+def test_in_windows_the_plan_is_taken_after_which_least_is_left(ends, names, by, monkeypatch):
+    called = []
+
+    @dataclass(frozen=True)
+    class GoesTo(Says):
+        def plan(self, problem, time_limit_s):
+            return PlanResult(Status.SOLVED, plan_of_paths([list(range(self.waits + 1))], 1.0), lower_bound_steps=3.0)
+
+    monkeypatch.setattr("planners.auto.planner", lambda name, parameters: called.append(name) or GoesTo(ends[len(called) - 1]))
+    result = Auto().plan(replace(world("0..a"), window_steps=5), 5.0)
+    assert (called, result.chosen) == (names, by)
+
+
 def test_who_is_asked_for_a_cheaper_plan_has_a_bounded_effort(monkeypatch):
     """Without a plan lns2 may do what it wants; ecbs is asked first."""
     efforts = []
