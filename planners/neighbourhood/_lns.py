@@ -27,7 +27,7 @@ from planners.neighbourhood._neighbourhoods import (
     forget,
     pick_kind,
 )
-from planners.neighbourhood._sipps import plan_one
+from planners.neighbourhood._sipps import plan_one, plan_straight
 from planners.neighbourhood._traffic import add_path, closes_ring, lane_between, remove_path
 
 
@@ -99,10 +99,14 @@ def improve(traffic, labels, hood, gains, iterations, most_labels, rng):
 def plan_all(traffic, labels, robots, clear):
     """Plan robots one after another, crossing others where it has to be. False when one has no path or room.
 
-    Where most have a path `clear` of all others it is sooner found by a search for such a path alone: both are as short.
+    Where most have a path `clear` of all others it is sooner found by a search for such a path alone: both are as short. Where
+    tables are packed and hashed, for many robots on large maps, one as short as the shortest way is looked for before.
     """
     latest = traffic.at.shape[1] - 2
     for robot in robots:
+        if traffic.task.steps.shape[1] == 0 and len(traffic.on.key) > 0 and plan_straight(traffic, labels, robot):
+            add_path(traffic, robot)
+            continue
         arrival = plan_one(traffic, labels, robot, latest, False) if clear else np.int64(-1)
         if arrival < 0:
             arrival = plan_one(traffic, labels, robot, latest, True)
@@ -114,7 +118,7 @@ def plan_all(traffic, labels, robots, clear):
 
 @kernel(allocates=False)
 def repair_each(traffic, labels, hood, pairs, rng):
-    """Plan each robot in collision again, the one in most pairs first, while any of the `pairs` is left.
+    """Plan each robot in collision again, the one in most pairs first, while any of the `pairs` is left; how many are.
 
     So a robot that is at a goal where others have to pass plans after them.
     """
@@ -136,6 +140,7 @@ def repair_each(traffic, labels, hood, pairs, rng):
         else:
             _put_back(traffic, hood, 1, 0)
         pairs += collide(traffic, hood, robot) - most
+    return find_collisions(traffic, hood) if traffic.task.rings else pairs
 
 
 @kernel(allocates=False)

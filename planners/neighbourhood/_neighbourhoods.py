@@ -48,7 +48,9 @@ class Neighbourhood(NamedTuple):
 def find_collisions(traffic, hood):
     """Fill `hit`; the number of pairs."""
     task = traffic.task
-    hood.hit[:] = False
+    for robot in range(len(task.goal)):  # pairs are noted for both
+        if hood.num_hits[robot] > 0:
+            hood.hit[robot, :] = False
     hood.num_hits[:] = 0
     pairs = 0
     for robot in range(len(task.goal)):
@@ -75,7 +77,7 @@ def collide(traffic, hood, robot):
             if traffic.task.following and num_in(traffic.on, before, t) > 1:
                 new += _hit_holders(traffic, hood, robot, before, t)
             back = lane_between(task.first, task.head, v, before)
-            if back >= 0 and num_in(traffic.arrivals, back, t) > 0:
+            if back >= 0 and (traffic.along[back, t >> 5] >> (t & 31)) & 1:
                 for other in range(len(traffic.at)):
                     crossed = traffic.at[other, t] == before and traffic.at[other, t - 1] == v and traffic.end[other] >= 0
                     if crossed and not hood.hit[robot, other]:
@@ -102,7 +104,7 @@ def _hit_near(traffic, hood, robot, u, v, t):
                 new += _hit_holders(traffic, hood, robot, w, step)
     for k in range(clashes.lane_first[move], clashes.lane_first[move + 1]):
         lane = clashes.lane[k]
-        if num_in(traffic.arrivals, lane, t) > 0:
+        if (traffic.along[lane, t >> 5] >> (t & 31)) & 1:
             for other in range(len(traffic.at)):
                 if other != robot and traffic.end[other] >= 0 and traffic.at[other, t] == task.head[lane] and not hood.hit[robot, other]:
                     w = np.int64(traffic.at[other, t - 1])
@@ -316,7 +318,7 @@ def _choose_about(traffic, hood, num, v, t):
         for k in range(clashes.vertex_first[move], clashes.vertex_first[move + 1]):
             num = _choose_on(traffic, hood, num, clashes.vertex[k], t)
         for k in range(clashes.lane_first[move], clashes.lane_first[move + 1]):
-            if num < len(hood.robot) and num_in(traffic.arrivals, clashes.lane[k], t) > 0:
+            if num < len(hood.robot) and (traffic.along[clashes.lane[k], t >> 5] >> (t & 31)) & 1:
                 num = _choose_on(traffic, hood, num, task.head[clashes.lane[k]], t)
     return num
 

@@ -13,7 +13,7 @@ import numpy as np
 from mrp_sumo.search._heap import pop_by, push_by
 from mrp_sumo.search._kernel import kernel
 from planners.configuration._pibt_instance import UNKNOWN
-from planners.neighbourhood._traffic import MOST_CELLS, add_path, closes_ring, free_start, run_end, slots_for
+from planners.neighbourhood._traffic import MOST_CELLS, add_path, closes_ring, free_start, mixed, run_end, slots_for
 
 FAR = 1 << 30
 EASE = 32  # steps of a detour that are as bad as one step done again: what is left weighs 1 + 1 / EASE
@@ -95,6 +95,52 @@ def plan_one(traffic, labels, robot, limit, crossing):
         end = _search(traffic, labels, robot, limit) if crossing else _search_free(traffic, labels, robot, limit)
     labels.stamp[1] += labels.count[0]
     return end
+
+
+@kernel(allocates=False)
+def plan_straight(traffic, labels, robot):
+    """A path of a robot that is not in the traffic, as short as its shortest way and past everybody, written to its row of `at`.
+
+    Searched depth first: such a path can be at each vertex at one step only. It gives up where it has come back from as many vertices
+    as the path has. True if there is one. `labels.stamp[1]` goes up by the number of vertices.
+    """
+    task, busy, along, barred = traffic.task, traffic.busy, traffic.along, traffic.barred
+    first, head, goal, least, steps, code = task.first, task.head, task.goal[robot], task.least[robot], task.steps[robot], task.code[robot]
+    path, lane_of, near, rings, following = labels.vertex, labels.low, len(traffic.num_near) > 1, task.rings, task.following
+    labels.stamp[0] += 1
+    stamp = labels.stamp[0] << 32
+    occupied, high = run_end(busy[goal], least)
+    if occupied or high < traffic.at.shape[1] - 1 or 2 * least >= len(path) or run_end(busy[task.start[robot]], 0)[0]:
+        return False
+    t, num = np.int64(0), np.int64(1)
+    path[0], lane_of[0] = task.start[robot], 0
+    while 0 <= t < least and num <= 2 * least:
+        v, word, shift = path[t], (t + 1) >> 5, (t + 1) & 31
+        degree = first[v + 1] - first[v]
+        if lane_of[t] == degree:
+            t -= 1
+            continue
+        lane = first[v] + (lane_of[t] + mixed((robot << 12) + (t >> 3))) % degree  # each has its own sides to go to first
+        lane_of[t] += 1
+        u, back, held = np.int64(head[lane]), task.reverse[lane], (busy[v, word] >> shift) & 1
+        if steps_from(steps, code, v, u, least - t) != least - t - 1 or (busy[u, word] >> shift) & 1 or (held and following):
+            continue
+        if (held and back >= 0 and (along[back, word] >> shift) & 1) or (near and (barred[lane, word] >> shift) & 1):
+            continue
+        k = u * len(labels.queue) if len(labels.run) == 0 else hashed_run(labels, u, np.int64(0))
+        if labels.closed[k] == stamp or (rings and closes_ring(traffic, v, u, t + 1)):
+            continue
+        labels.closed[k] = stamp
+        t, num = t + 1, num + 1
+        path[t], lane_of[t] = u, 0
+    labels.stamp[1] += num
+    if t != least:
+        return False
+    traffic.end[robot] = least
+    for step in range(least):
+        traffic.at[robot, step] = path[step]
+    traffic.at[robot, least:] = goal
+    return True
 
 
 @kernel(allocates=False)

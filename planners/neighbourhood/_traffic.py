@@ -3,9 +3,9 @@
 Where following is refused, a robot holds the vertex it leaves in the step of its move too: any two robots that come too
 near then hold one vertex at one step, and swaps and rings need no rules of their own.
 
-How many robots hold a vertex at a step, or arrive by a lane, is in tables over rows and steps: every cell has its slot, or, where that
-would take too much memory, only cells in use have one. Sparse tables are hashed: slots lie at the number of a cell, mixed, or behind it
-(Knuth, The Art of Computer Programming, volume 3, section 6.4: linear probing, algorithm R for deletion).
+How many robots hold a vertex at a step is in a table of vertices and steps: every cell has its slot, or, where that would take too much
+memory, only cells in use have one. A sparse table is hashed: slots lie at the number of a cell, mixed, or behind it (Knuth, The Art of
+Computer Programming, volume 3, section 6.4: linear probing, algorithm R for deletion).
 
 Where moves clash, a robot bars the vertices and lanes that are too close to its own: vertices are then busy as if it held them.
 """
@@ -42,12 +42,12 @@ class RepairTask(NamedTuple):
     window: int  # steps for which robots keep clear of each other; 0: always
 
 
-class RowOccupancy(NamedTuple):
-    """Number of robots on each row at each of T steps, over K slots."""
+class Holders(NamedTuple):
+    """Robots that hold each vertex at each of T steps, over K slots."""
 
     key: np.ndarray  # [K] int64 number of the cell and 1, 0 of an empty slot; [0] where every cell has its slot
     num: np.ndarray  # [K] uint8
-    who: np.ndarray  # [K] int32 one of them; [1] where nobody asks
+    who: np.ndarray  # [K] int32 one of them
     steps: int  # T
 
 
@@ -57,20 +57,25 @@ class Traffic(NamedTuple):
     task: RepairTask
     at: np.ndarray  # [R, T] int32 position of each robot, -1 where a robot has no path
     end: np.ndarray  # [R] int64 step at which each arrives to stay, -1 without a path
-    on: RowOccupancy  # robots that hold a vertex
+    on: Holders
     busy: np.ndarray  # [V, W] uint32 bits: somebody holds or bars it
     num_near: np.ndarray  # [V, T] uint16 moves that bar a vertex, at the step they end in and the one before; [1, 1] without clashes
-    arrivals: RowOccupancy  # robots that arrive by a lane
-    along: np.ndarray  # [L, W] uint32 bits: somebody does
+    along: np.ndarray  # [L, W] uint32 bits: somebody arrives by a lane
     num_barred: np.ndarray  # [L, T] uint16 moves that bar arrivals by a lane at a step; [1, 1] without clashes
     barred: np.ndarray  # [L, W] uint32 bits: some do; [1, 1] without clashes
     window: int  # paths count up to the step before this one only
 
 
+@kernel(inline="always")
+def mixed(key):
+    """A number whose lowest bits all bits of a key have a part in."""
+    return ((key ^ (key >> 17)) & 0x7FFFFFFF) * 0x9E3779B1 >> 20
+
+
 @kernel(allocates=False)
 def home(key, mask):
-    """Index at which the slot of a cell is looked for first."""
-    return (((key ^ (key >> 17)) & 0x7FFFFFFF) * 0x9E3779B1 >> 20) & mask
+    """Index at which the slot of a cell is looked for first: eight steps of a vertex are side by side in memory."""
+    return ((mixed(key >> 3) << 3) + (key & 7)) & mask
 
 
 @kernel(allocates=False)
@@ -105,48 +110,46 @@ def _empty_slot(keys, num, who, k):
     behind = (k + 1) & mask
     while keys[behind] != 0:
         if (behind - home(keys[behind] - 1, mask)) & mask >= (behind - k) & mask:
-            keys[k], num[k] = keys[behind], num[behind]
-            if len(who) > 1:
-                who[k] = who[behind]
+            keys[k], num[k], who[k] = keys[behind], num[behind], who[behind]
             k = behind
         behind = (behind + 1) & mask
     keys[k] = 0
 
 
 @kernel(inline="always")
-def slot_of(cells, row, t):
+def slot_of(cells, v, t):
     """The slot of a cell, -1 where nobody is."""
-    key = np.int64(row) * cells.steps + t
+    key = np.int64(v) * cells.steps + t
     return key if len(cells.key) == 0 else _find_slot(cells.key, key)
 
 
 @kernel(inline="always")
-def num_in(cells, row, t):
+def num_in(cells, v, t):
     """Number of robots in a cell."""
-    k = slot_of(cells, row, t)
+    k = slot_of(cells, v, t)
     return np.int64(cells.num[k]) if k >= 0 else np.int64(0)
 
 
 @kernel(inline="always")
-def anyone_in(cells, row, t):
+def anyone_in(cells, v, t):
     """One of the robots in a cell, -1 where there is none."""
-    k = slot_of(cells, row, t)
+    k = slot_of(cells, v, t)
     return np.int64(cells.who[k]) if k >= 0 and cells.num[k] > 0 else np.int64(-1)
 
 
 @kernel(inline="always")
-def enter(cells, row, t):
+def enter(cells, v, t):
     """One robot more in a cell; its slot."""
-    key = np.int64(row) * cells.steps + t
+    key = np.int64(v) * cells.steps + t
     k = key if len(cells.key) == 0 else _make_slot(cells.key, cells.num, key)
     cells.num[k] += 1
     return k
 
 
 @kernel(inline="always")
-def leave(cells, row, t):
+def leave(cells, v, t):
     """One robot fewer in a cell; how many are left."""
-    k = slot_of(cells, row, t)
+    k = slot_of(cells, v, t)
     cells.num[k] -= 1
     left = np.int64(cells.num[k])
     if left == 0 and len(cells.key) > 0:
@@ -193,9 +196,7 @@ def add_path(traffic, robot):
         on.who[enter(on, v, t)] = robot
         busy[v, t >> 5] |= bit
         if t > 0 and v != before:
-            lane = lane_between(first, head, before, v)
-            enter(traffic.arrivals, lane, t)
-            traffic.along[lane, t >> 5] |= bit
+            traffic.along[lane_between(first, head, before, v), t >> 5] |= bit
             if following:
                 on.who[enter(on, before, t)] = robot
                 busy[before, t >> 5] |= bit
@@ -254,14 +255,14 @@ def remove_path(traffic, robot):
     before = np.int64(-1)
     for t in range(traffic.window):
         v = np.int64(at[t])
-        if leave(on, v, t) == 0:
+        left = leave(on, v, t)
+        if left == 0:
             _set_free(traffic, v, t)
         else:
             _hand_over(traffic, robot, v, t)
         if t > 0 and v != before:
-            lane = lane_between(task.first, task.head, before, v)
-            if leave(traffic.arrivals, lane, t) == 0:
-                traffic.along[lane, t >> 5] &= ~(np.int64(1) << (t & 31))
+            if left == 0 or not _do_others_arrive(traffic, robot, before, v, t):
+                traffic.along[lane_between(task.first, task.head, before, v), t >> 5] &= ~(np.int64(1) << (t & 31))
             if task.following:
                 if leave(on, before, t) == 0:
                     _set_free(traffic, before, t)
@@ -286,6 +287,15 @@ def _hand_over(traffic, robot, v, t):
             if other != robot and holds(traffic, other, v, t):
                 traffic.on.who[k] = other
                 break
+
+
+@kernel(allocates=False)
+def _do_others_arrive(traffic, robot, u, v, t):
+    """True if other robots than this one come from u to v at t."""
+    for other in range(len(traffic.at)):
+        if other != robot and traffic.end[other] >= 0 and traffic.at[other, t] == v and traffic.at[other, t - 1] == u:
+            return True
+    return False
 
 
 @kernel(allocates=False)
@@ -338,17 +348,17 @@ def enter_all(traffic):
         add_path(traffic, robot)
 
 
-def cells_of(num_rows: int, num_steps: int, most: int, *, with_who: bool) -> RowOccupancy:
+def no_holders(num_vertices: int, num_steps: int, most: int) -> Holders:
     """Empty cells, of which at most so many are in use at a time."""
-    sparse = is_sparse(num_rows, num_steps)
-    num_slots = slots_for(most) if sparse else num_rows * num_steps
+    sparse = is_sparse(num_vertices, num_steps)
+    num_slots = slots_for(most) if sparse else num_vertices * num_steps
     key = np.zeros(num_slots if sparse else 0, np.int64)
-    return RowOccupancy(key, np.zeros(num_slots, np.uint8), np.empty(num_slots if with_who else 1, np.int32), num_steps)
+    return Holders(key, np.zeros(num_slots, np.uint8), np.empty(num_slots, np.int32), num_steps)
 
 
-def is_sparse(num_rows: int, num_steps: int) -> bool:
+def is_sparse(num_vertices: int, num_steps: int) -> bool:
     """True if only cells in use have a slot."""
-    return num_rows * num_steps > MOST_CELLS
+    return num_vertices * num_steps > MOST_CELLS
 
 
 def slots_for(most: int) -> int:
@@ -365,10 +375,9 @@ def empty_traffic(task: RepairTask, horizon: int) -> Traffic:
         task,
         at=np.full((num_robots, horizon), -1, np.int32),
         end=np.full(num_robots, -1, np.int64),
-        on=cells_of(num_vertices, horizon, held, with_who=True),
+        on=no_holders(num_vertices, horizon, held),
         busy=np.zeros((num_vertices, horizon // WORD), np.uint32),
         num_near=np.zeros((near[0], near[2]), np.uint16),
-        arrivals=cells_of(num_lanes, horizon, num_robots * horizon, with_who=False),
         along=np.zeros((num_lanes, horizon // WORD), np.uint32),
         num_barred=np.zeros((near[1], near[2]), np.uint16),
         barred=np.zeros((near[1], (near[2] + WORD - 1) // WORD), np.uint32),

@@ -103,8 +103,7 @@ class Repair:
 
     def repair_each(self, pairs: int, rng: np.random.Generator) -> int:
         """Plan each robot of the `pairs` in collision again; how many are left."""
-        _lns.repair_each(self.traffic, self.room, self._hood, pairs, rng)
-        return self.num_pairs()
+        return int(_lns.repair_each(self.traffic, self.room, self._hood, pairs, rng))
 
     def repair(self, pairs: int, times: int, rng: np.random.Generator) -> int:
         """Plan so many neighbourhoods again, or until nobody collides; how many `pairs` are left."""
@@ -131,9 +130,9 @@ def room_bytes(task: RepairTask, horizon: int, most_labels: int = FOREVER) -> in
     vertices, lanes, robots = len(task.first), len(task.head), len(task.goal)
     labels = min(labels_for(vertices, lanes), most_labels)
     clashes = horizon * (2 * vertices + 3 * lanes) if task.clashes.any else 0
-    on, along = (3 * slots_for(robots * horizon) if is_sparse(rows, horizon) else rows * horizon for rows in (vertices, lanes))
+    held = 13 * slots_for(robots * horizon) if is_sparse(vertices, horizon) else 5 * vertices * horizon
     runs = 2 * slots_for(labels) if is_sparse(vertices, horizon) else vertices * horizon
-    return horizon * ((vertices + lanes) // 8 + 4 * robots) + 5 * on + 3 * along + 16 * runs + 64 * labels + clashes
+    return horizon * ((vertices + lanes) // 8 + 4 * robots) + held + 16 * runs + 64 * labels + clashes
 
 
 def first_paths(

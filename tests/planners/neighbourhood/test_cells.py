@@ -16,7 +16,7 @@ def sparse(monkeypatch):
 @pytest.mark.kernel
 def test_hashed_cells_count_as_a_dictionary_does(sparse):
     rng = np.random.default_rng(5)
-    cells, truth = _traffic.cells_of(50, 40, 60, with_who=True), {}
+    cells, truth = _traffic.no_holders(50, 40, 60), {}
     for robot in range(1500):
         row, t = int(rng.integers(50)), int(rng.integers(40))
         if len(truth) < 60 and (truth.get((row, t), 0) == 0 or rng.random() < 0.5):

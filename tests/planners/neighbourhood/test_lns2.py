@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from worlds import graph_of, problem_on, random_grid
+from worlds import graph_of, problem_on, random_grid, square_grid
 
 from mrp_sumo.core.plan import Status, paths_of_plan, plan_of_paths
 from mrp_sumo.traffic.referee import judge
@@ -62,6 +62,16 @@ def test_search_over_intervals_arrives_as_early_as_search_over_steps(seed):
     clear, crossing = (_sipps.plan_one(repair.traffic, repair.room, robot, 62, may_cross) for may_cross in (False, True))
     assert clear == earliest
     assert earliest < 0 or crossing == earliest
+
+
+def test_straight_path_passes_who_stands_where_there_is_one_as_short():
+    across = repair_of(problem_on(square_grid(3), [4, 0], [4, 8]), 1)  # one stands in the middle
+    assert _sipps.plan_straight(across.traffic, across.room, 1)
+    path = across.traffic.at[1]
+    assert across.traffic.end[1] == 4 and path[[0, 4, 63]].tolist() == [0, 8, 8] and 4 not in path
+    along = repair_of(problem_on(square_grid(3), [1, 0], [1, 2]), 1)  # one stands between
+    assert not _sipps.plan_straight(along.traffic, along.room, 1)
+    assert _sipps.plan_one(along.traffic, along.room, 1, 62, False) == 4
 
 
 def test_robots_with_short_ways_are_planned_first_where_there_is_room():
