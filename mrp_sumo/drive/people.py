@@ -96,15 +96,18 @@ class Bystanders:
     def __init__(self, settings: ExecutionSettings, problem: Problem) -> None:
         graph, fleet, num_robots = problem.graph, problem.fleet, problem.num_robots
         people, self._lane_speeds_mps = settings.people, settings.lane_speeds_mps
-        self.any = people is not None or self._lane_speeds_mps is not None
-        self.crowd = None if people is None else Crowd(people, fleet.length_m / 2, fleet.width_m / 2)
+        self.any, self.crowd = people is not None or self._lane_speeds_mps is not None, None
         if not self.any:
             self.seen = nobody(num_robots)
             return
+        self._trains = Trains(fleet)
+        if people is not None:
+            towed = [(t.body_m or t.length_m, t.width_m or v.width_m) for v in self._trains.vehicles for t in v.trailers]
+            length_m, width_m = np.concatenate([np.stack([fleet.length_m, fleet.width_m], 1), np.array(towed).reshape(-1, 2)]).T
+            self.crowd = Crowd(people, length_m / 2, width_m / 2)
         fields = None if people is None else people.fields
         self.seen = _people_of(num_robots, graph, fleet, self.crowd, fields or ProtectiveFields(), watches=fields is not None)
         self._was_halted = self.seen.halted.copy()
-        self._trains = Trains(fleet)
         self.stops: list[tuple[int, float, float, bool]] = []  # robot, since, duration, whether it was in motion
         if self._lane_speeds_mps is not None:
             self._streams = [np.random.default_rng([problem.seed, LANE_SPEEDS, r]) for r in range(num_robots)]
@@ -114,26 +117,30 @@ class Bystanders:
     def begin(self, dt: float, ledger: Ledger, driven_m: FloatArray) -> None:
         """People are there before robots set out."""
         if self.crowd is not None:
-            self._place_vehicles(ledger, driven_m)
-            _people.see_robots(dt, driven_m, ledger.visits, ledger.state.motion, self.seen)
+            self._see(dt, ledger, driven_m)
             self.crowd.begin()
 
     def settle(self, now_s: float, dt: float, ledger: Ledger, driven_m: FloatArray) -> None:
         """Robots have driven `driven_m` [R] by the time `now_s + dt`: people walk until then."""
-        motion, visits = ledger.state.motion, ledger.visits
         if self.crowd is not None:
-            self._place_vehicles(ledger, driven_m)
-            _people.see_robots(dt, driven_m, visits, motion, self.seen)
+            self._see(dt, ledger, driven_m)
             self.crowd.step(now_s, dt)
         elif self._lane_speeds_mps is not None:
             self._draw_speeds(self._lane_speeds_mps, ledger)
 
-    def _place_vehicles(self, ledger: Ledger, driven_m: FloatArray) -> None:
-        """Bodies of vehicles that have driven so far [R]."""
-        seen = self.seen
+    def _see(self, dt: float, ledger: Ledger, driven_m: FloatArray) -> None:
+        """Have people see robots, and behind all of these the trailers, that have driven so far [R]."""
+        seen, k, of_trailer = self.seen, len(driven_m), list[int]()
         for r, train in self._trains.of_robot.items():
             s_m = round(float(driven_m[r]) * GRAINS) / GRAINS  # people walk alike with either engine
-            seen.body_x[r], seen.body_y[r], seen.body_yaw[r] = train.pose(ledger, r, s_m)
+            (seen.body_x[r], seen.body_y[r], seen.body_yaw[r]), *towed = train.bodies(ledger, r, s_m)
+            for seen.robot_x[k], seen.robot_y[k], seen.robot_yaw[k] in towed:
+                of_trailer.append(r)
+                k += 1
+        _people.see_robots(dt, driven_m, ledger.visits, ledger.state.motion, seen)
+        trailers = slice(len(driven_m), k)
+        seen.robot_along[trailers] = seen.robot_along[of_trailer]
+        seen.robot_x[trailers][np.isnan(seen.robot_x[of_trailer])] = np.nan  # in a lift with its vehicle
 
     def notice(self, now_s: float) -> list[Event]:
         """Stops of robots that are over."""

@@ -32,6 +32,7 @@ class Trains:
         types = fleet.vehicle_of_kind
         vehicles = [(r, types[k]) for r, k in enumerate(fleet.kind.tolist())] if types else []
         self.of_robot = {r: Train(vehicle) for r, vehicle in vehicles if vehicle is not None}
+        self.vehicles = tuple(train.vehicle for train in self.of_robot.values())
         count = max((len(train.vehicle.trailers) for train in self.of_robot.values()), default=0)
         self.columns = tuple(f"hitch_{k + 1}_rad" for k in range(count))  # angles of trailers
 
@@ -63,27 +64,42 @@ class Train:
         angles = np.zeros((len(vehicle.trailers), len(s_m)))
         if vehicle.trailers:
             node_m = np.unique(np.concatenate([[self._since_m], s_m, on_m[(on_m > self._since_m) & (on_m < last_m)]]))
-            node = np.stack([np.interp(node_m, on_m, column) for column in (places[:, 0], places[:, 1], yaw)], 1)
-            begin = np.full(len(vehicle.trailers), yaw_at[0]) if not len(self._towed_rad) else self._towed_rad
-            hitch, length = np.array([(each.hitch_m, each.length_m) for each in vehicle.trailers]).T
-            towed = follow(node, hitch, length, np.asarray(begin, np.float64))
-            self._towed_rad = towed[-1]
-            heading = np.stack([yaw_at, *(np.interp(s_m, node_m, towed[:, k]) for k in range(len(hitch)))])
+            towed = self._drawn(node_m, (on_m, places, yaw), float(yaw_at[0]))
+            heading = np.stack([yaw_at, *(np.interp(s_m, node_m, column) for column in towed.T)])
             angles = wrapped(heading[1:] - heading[:-1])
         self._since_m, self._yaw_rad = last_m, float(yaw_at[-1])
         ahead = vehicle.kinematics.ahead_m
         return x + ahead * np.cos(yaw_at), y + ahead * np.sin(yaw_at), yaw_at, angles
 
-    def pose(self, ledger: "Ledger", robot: int, s_m: float) -> tuple[float, float, float]:
-        """Position of the body's middle, and yaw, where it has driven so far now."""
-        visits, self._since_m = ledger.visits, s_m
+    def bodies(self, ledger: "Ledger", robot: int, s_m: float) -> list[tuple[float, float, float]]:
+        """Position of the middle, and yaw, of the vehicle and of each trailer, where it has driven so far now."""
+        visits, since_m, self._since_m = ledger.visits, self._since_m, s_m
         key = int(visits.reached[robot]), int(visits.last[robot])
         if self._known is None or self._known[0] != key:
             self._known = key, self._path(ledger, robot)
         on_m, axle, yaw = self._known[1]
         x, y, facing = (float(np.interp(s_m, on_m, column)) for column in (*axle.T, yaw))
         ahead = self.vehicle.kinematics.ahead_m
-        return x + ahead * math.cos(facing), y + ahead * math.sin(facing), facing
+        bodies = [(x + ahead * math.cos(facing), y + ahead * math.sin(facing), facing)]
+        if self.vehicle.trailers:
+            node_m = np.unique(np.concatenate([[since_m, s_m], on_m[(on_m > since_m) & (on_m < s_m)]]))
+            towed = self._drawn(node_m, self._known[1], facing)[-1].tolist()
+            for trailer, behind in zip(self.vehicle.trailers, towed):
+                x -= trailer.hitch_m * math.cos(facing) + trailer.length_m * math.cos(behind)
+                y -= trailer.hitch_m * math.sin(facing) + trailer.length_m * math.sin(behind)
+                facing = behind
+                bodies.append((x, y, facing))
+        return bodies
+
+    def _drawn(self, node_m: FloatArray, path: tuple[FloatArray, FloatArray, FloatArray], begin_rad: float) -> FloatArray:
+        """[K, N] headings of trailers after distances driven since the last, at first that of the vehicle."""
+        on_m, axle, yaw = path
+        node = np.stack([np.interp(node_m, on_m, column) for column in (*axle.T, yaw)], 1)
+        hitch, length = np.array([(each.hitch_m, each.length_m) for each in self.vehicle.trailers]).T
+        begin = self._towed_rad if len(self._towed_rad) else np.full(len(hitch), begin_rad)
+        towed: FloatArray = follow(node, hitch, length, np.asarray(begin, np.float64))
+        self._towed_rad = towed[-1]
+        return towed
 
     def _path(self, ledger: "Ledger", robot: int) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Where the fixed axle is, and how the vehicle faces [K], at distances driven [K]."""

@@ -7,6 +7,7 @@ import pytest
 from floors import driven, lanes, scenario
 from worlds import CART, drive, graph_of, line, problem_of
 
+from mrp_sumo.core.bodies import bodies_of
 from mrp_sumo.core.fleet import fleet_of
 from mrp_sumo.core.plan import plan_of_paths
 from mrp_sumo.crowd import _walk
@@ -20,7 +21,7 @@ from mrp_sumo.engines.sumo import session
 from mrp_sumo.engines.sumo.network import build_network
 from mrp_sumo.maps.map import Map
 from mrp_sumo.metrics.audit import audit
-from tests.vehicles import CAR, TRICYCLE, corner, vehicles_on
+from tests.vehicles import CAR, TRICYCLE, TUGGER, corner, roads, vehicles_on
 
 BOTH = pytest.mark.parametrize("engine", ["sumo", "kinematic"])
 
@@ -117,6 +118,36 @@ def test_vehicle_on_an_arc_keeps_to_the_field_ahead_of_its_body(tmp_path, script
     found = audit(run, problem.fleet)
     assert found["num_field_violations"] == 0 and found["num_person_contacts"] == 0
     assert run.goal_s[0] > 0
+
+
+def test_people_see_trailers_where_they_are(tmp_path, script, monkeypatch):
+    """On the way round a corner, as the samples of the run have them."""
+    seen = {}
+
+    def step(crowd, now_s, dt):
+        seen[round(now_s + dt, 6)] = np.stack([crowd.robots.x_m, crowd.robots.y_m, crowd.robots.yaw_rad])
+
+    script(lambda now_s: None)
+    monkeypatch.setattr(drive_people.Crowd, "step", step)
+    graph = roads([(-4.0, 0.0), (0.0, 0.0), (4.0, 0.0), (8.0, 0.0), (8.0, 4.0), (8.0, 8.0)], one_way=[(k, k + 1) for k in range(5)])
+    problem = vehicles_on(graph, [1], [5], TUGGER)
+    settings = ExecutionSettings(engine="kinematic", people=corridor_of(graph), time_limit_s=60.0)
+    run = simulate(problem, plan_of_paths([[1, 2, 3, 4, 5]], problem.step_s), settings, tmp_path)
+    bodies = bodies_of(run, problem.fleet)
+    compared = [(k, seen[t]) for k, t in enumerate(np.round(run.t_s, 6).tolist()) if t in seen]
+    assert len(compared) > 100 and bodies.x_m.shape[1] == 3
+    for k, (x, y, yaw) in compared:
+        assert np.hypot(x - bodies.x_m[k], y - bodies.y_m[k]).max() < 0.01
+        assert np.abs(yaw - bodies.yaw_rad[k]).max() < 0.02
+
+
+def test_people_walk_past_a_train_and_not_through_its_trailers(tmp_path):
+    graph = roads([(4.0 * k, 0.0) for k in range(8)], one_way=[(k, k + 1) for k in range(7)])
+    problem = vehicles_on(graph, [1], [7], TUGGER)
+    settings = ExecutionSettings(engine="kinematic", people=corridor_of(graph, count=6, seed=3), time_limit_s=100.0)
+    run = simulate(problem, plan_of_paths([range(1, 8)], problem.step_s), settings, tmp_path)
+    found = audit(run, problem.fleet)
+    assert len(run.people.person) > 1000 and found["num_person_touches"] == 0
 
 
 def test_robots_behind_wait_and_the_rest_of_the_fleet_triggers_no_field(tmp_path, script):
