@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from annotated_types import Interval
 
 from mrp_sumo.core.options import Options, meaning, option
+from mrp_sumo.core.shifts import Shift, Span
 from mrp_sumo.errors import OptionError
 
 if TYPE_CHECKING:
@@ -31,6 +32,9 @@ class Charging(Options):
     maximum_desired_charging_level: float = option(100.0, "Level at which charging ends.", **PERCENT)
     minimum_charging_time_s: float = option(0.0, "Least time that a robot stays.", ge=0)
     swap_s: float | None = option(None, "Time in which a battery is swapped for a full one instead, whatever its level.", gt=0, le=1e6)
+    shifts: tuple[Shift, ...] = option(
+        (), "Shifts of the people there: charging begins only within, and ends also after; always by default."
+    )
     start_level: tuple[Percent, Percent] = option((100.0, 100.0), "Range of levels at the start, drawn uniformly.")
     start_charging: float = option(0.0, "Share of the robots that go to charge first, whatever their level.", **PERCENT)
 
@@ -47,6 +51,11 @@ class Charging(Options):
             )
         if self.start_level[0] > self.start_level[1]:
             raise OptionError(f"start_level is {list(self.start_level)}, expected the least and the most")
+
+    @property
+    def spans_s(self) -> tuple[Span, ...]:
+        """Times of each day in which charging begins; none: always."""
+        return tuple(span for shift in self.shifts for span in shift.spans_s)
 
     @property
     def opportunity(self) -> bool:

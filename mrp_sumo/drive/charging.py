@@ -4,6 +4,7 @@ import numpy as np
 
 from mrp_sumo.core.battery import Charging
 from mrp_sumo.core.graph import BoolArray
+from mrp_sumo.core.shifts import opens_s
 from mrp_sumo.core.task import Station
 from mrp_sumo.drive.crew import Crew
 from mrp_sumo.drive.robot_work import NONE, RobotWork
@@ -42,6 +43,8 @@ class Chargers:
     def _use_chargers(self, free: list[RobotWork], now_s: float) -> None:
         """Send robots that nobody needs, as long as there are chargers; the emptiest first."""
         crew, charging = self._crew, self._charging
+        if opens_s(self._station.spans_s, now_s) > now_s:
+            return
         idle = max(0, len(free) - len(crew.orders.waiting))
         room = len(self._station.places) - sum(robot.charges for robot in crew.robots)
         for robot in sorted(free, key=lambda robot: (crew.level[robot.number], robot.number))[: max(0, min(idle, room))]:
@@ -55,7 +58,7 @@ class Chargers:
         ready = [
             robot
             for robot in crew.robots
-            if robot.is_charging
+            if crew.is_charging(robot)
             and crew.level[robot.number] >= charging.minimum
             and now_s - crew.orders.opened_s(robot.task) >= charging.minimum_charging_time_s
         ]

@@ -119,7 +119,16 @@ class Crew:
     @property
     def at_charger(self) -> BoolArray:
         """[R] robots that are being charged."""
-        return np.array([robot.is_charging or self._charges_in_service(robot) for robot in self.robots], np.bool_)
+        return np.array([self.is_charging(robot) or self._charges_in_service(robot) for robot in self.robots], np.bool_)
+
+    def is_charging(self, robot: RobotWork) -> bool:
+        """True if a robot is being charged, and does not wait for the next shift there."""
+        return robot.is_charging and robot.making is not None and (not self.has_shifts or robot.making.begin_s <= self.looks_s[-1])
+
+    @property
+    def has_shifts(self) -> bool:
+        """True if people charge robots, in shifts."""
+        return self.settings.charging is not None and bool(self.settings.charging.spans_s)
 
     def _charges_in_service(self, robot: RobotWork) -> bool:
         """True if a robot is being served at a station where robots charge meanwhile."""

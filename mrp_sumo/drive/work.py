@@ -26,7 +26,9 @@ class Work:
     def __init__(self, crew: Crew) -> None:
         self.crew, self.progress = crew, Progress(crew)
         charging, places = crew.settings.charging, crew.settings.chargers
-        self._chargers = None if charging is None or not places else Chargers(crew, charging, Station("charger", places))
+        self._chargers = None
+        if charging is not None and places:
+            self._chargers = Chargers(crew, charging, Station("charger", places, spans_s=charging.spans_s))
         self._lead_s = crew.settings.planning.budget_s  # what is asked for takes effect so much later
         self.wake_s = 0.0  # when something will have changed that is known already
         self._again_s = 0.0

@@ -24,7 +24,17 @@ VEHICLE_TYPE = "mrp_sumo.robot"
 KEPT = ("station", "actions", "is_charger", "theta_rad", "is_bend", "lift", *COURSES)  # options of vertices that LIF can hold
 RIDE = ("lift", "ride_s", "close_s", "open_s")
 TURNS = (("turns_at_start", "rotationAtStartNodeAllowed"), ("turns_at_end", "rotationAtEndNodeAllowed"))
-KEPT_OF_LANES = ("edge_id", "path", "load", "orientation_constraint", "turns_at_start", "turns_at_end", "vehicle_types", *RIDE)
+KEPT_OF_LANES = (
+    "edge_id",
+    "path",
+    "load",
+    "orientation_constraint",
+    "turns_at_start",
+    "turns_at_end",
+    "turns_on_way",
+    "vehicle_types",
+    *RIDE,
+)
 
 
 class _VehicleType(NamedTuple):
@@ -125,7 +135,7 @@ def _edge(
     allowed = [each for each in types if (only is None or each.name in only if each.robot is None else _may_drive(each.robot, is_back))]
     if not allowed:
         return None
-    properties: dict[str, Any] = {"rotationAllowed": False}
+    properties: dict[str, Any] = {"rotationAllowed": bool(options.get("turns_on_way", False))}
     if math.isfinite(nav.speed_mps[lane]):
         properties["maxSpeed"] = float(nav.speed_mps[lane])
     if is_back:
@@ -152,7 +162,7 @@ def _of_type(vehicle: _VehicleType, properties: dict[str, Any]) -> dict[str, Any
     if (robot := vehicle.robot) is None:
         return own
     if robot.is_vehicle:
-        own |= {key: "NONE" for _, key in TURNS}
+        own |= {"rotationAllowed": False} | {key: "NONE" for _, key in TURNS}
     elif robot.turn_rate_rad_s is not None:
         own["maxRotationSpeed"] = robot.turn_rate_rad_s
     return own

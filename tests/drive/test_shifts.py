@@ -165,3 +165,27 @@ def test_a_profile_without_a_rate_is_refused(tmp_path):
     streams = [{"name": "a", "stops": ["A"], "arrivals": {"open": 2}}]
     with pytest.raises(ScenarioError, match="profile goes with a stream with rate_per_h"):
         scenario(ring(tmp_path), {"streams": streams, "profile": [1, 2]}, starts=["c1"])
+
+
+@pytest.mark.parametrize(
+    ("shifts", "begin_s"), [([], None), ([{"begin_h": 0.02, "end_h": 0.03}], 72.0), ([{"begin_h": 0, "end_h": 1}], None)]
+)
+@pytest.mark.parametrize("policy", ["threshold", "opportunity"])
+def test_charging_begins_in_a_shift_and_fills_from_then_on(tmp_path, shifts, begin_s, policy):
+    """It has to charge at once; `opportunity` sends nobody else before, nor calls it off."""
+    levels = {"critical_low_charging_level": 60, "minimum_desired_charging_level": 70, "maximum_desired_charging_level": 90}
+    charging = {"stations": ["B"], "start_level": [50, 50], "policy": policy, "shifts": shifts, **levels}
+    tasks = {"charging": charging, "list": [{"name": "o", "stops": ["A"], "release_s": 250.0, "service_s": 1.0}]}
+    result = driven(scenario(ring(tmp_path), tasks, starts=["c1"], shape={"battery": BATTERY}))
+    run = result.execution
+    assert not result.operations_audit["findings"], result.note
+    began_s = float(run.stops.begin_s[int(np.flatnonzero(~run.tasks.is_order[run.stops.task])[0])])
+    assert began_s == begin_s if begin_s else began_s < 60.0
+    level, t_s = run.batteries.level[:, 0], run.batteries.t_s
+    assert level[t_s <= began_s].max() <= 0.5 < level.max()
+
+
+def test_a_shift_of_chargers_that_never_begins_is_refused(tmp_path):
+    tasks = {"charging": {"stations": ["B"], "shifts": [{"begin_h": 6, "end_h": 14}]}, "list": [{"name": "o", "stops": ["A"]}]}
+    with pytest.raises(ScenarioError, match=r"tasks.charging.shifts: the first begins at 6 h, but the run ends at 0\.0833333 h"):
+        driven(scenario(ring(tmp_path), tasks, starts=["c1"], shape={"battery": BATTERY}))

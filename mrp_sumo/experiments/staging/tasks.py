@@ -37,11 +37,12 @@ def with_tasks(
         raise ScenarioError(f"{file.at('tasks', 'stations', charging, 'charges')}: robot type '{without}' has no battery")
     if choice.charging is not None and without is not None:
         raise ScenarioError(f"{file.at('tasks', 'charging')}: robot type '{without}' has no battery, see robots/turtlebot3.yaml")
-    for name, station in choice.stations.items():
-        spans = tuple(span for shift in station.shifts for span in shift.spans_s)
+    shifts = {("stations", name): station.shifts for name, station in choice.stations.items()}
+    for place, some in (shifts | ({("charging",): choice.charging.shifts} if choice.charging else {})).items():
+        spans = tuple(span for shift in some for span in shift.spans_s)
         if (first_s := opens_s(spans, 0.0)) >= settings.time_limit_s:
             raise ScenarioError(
-                f"{file.at('tasks', 'stations', name, 'shifts')}: the first begins at {first_s / HOUR_S:g} h, but the run "
+                f"{file.at('tasks', *place, 'shifts')}: the first begins at {first_s / HOUR_S:g} h, but the run "
                 f"ends at {settings.time_limit_s / HOUR_S:g} h, expected one within it, or a longer execution.time_limit_s"
             )
     site = _site_of_tasks(file, nav, problem.graph, problem.fleet)

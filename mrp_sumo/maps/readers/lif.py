@@ -189,6 +189,8 @@ class _Layouts:
                 allowed = "BOTH" if allowed else "NONE"
             if allowed not in FREE_TURNS:
                 options[option] = fields.text({key: allowed}, key, where)
+        if properties.get("rotationAllowed") is True:
+            options["turns_on_way"] = True
         if "turns_at_start" in options or "turns_at_end" in options:
             self.restricted.append(name)
         return options

@@ -253,6 +253,18 @@ def test_edges_are_written_for_the_types_that_can_drive_them(load, tmp_path):
     assert {each["maxSpeed"] for each in edges["A-B"].values()} == {1.2}
 
 
+@pytest.mark.parametrize("allowed", [True, False])
+def test_rotation_on_an_edge_comes_back_for_types_that_can_turn(load, tmp_path, allowed):
+    document = lif()
+    for edge in document["layouts"][0]["edges"]:
+        for own in edge["vehicleTypeEdgeProperties"]:
+            own["rotationAllowed"] = allowed
+    write_map(load(document), tmp_path / "again.lif.json", robots=(BACKS, TURNS))
+    edges = json.loads((tmp_path / "again.lif.json").read_text())["layouts"][0]["edges"]
+    rotates = {(each["vehicleTypeId"], each["rotationAllowed"]) for edge in edges for each in edge["vehicleTypeEdgeProperties"]}
+    assert rotates == {("acme.backs", False), ("mrp_sumo.turns", allowed)}
+
+
 def test_types_of_a_layout_come_back(load, tmp_path):
     document = lif()
     for what in document["layouts"][0]["nodes"]:
