@@ -19,8 +19,11 @@ NAME_PT = 6.5  # names of stations
 NO_STROKES = np.zeros((0, 2, 2))
 
 
-def draw_floor(ax: Axes, record: RunRecord, outline: Outline | None, points_per_m: float, *, name_pt: float = NAME_PT) -> None:
-    """Draw what stands under the robots: floors, furniture, doors, walls, lanes or cells, and stations with their names."""
+def draw_floor(ax: Axes, record: RunRecord, outline: Outline | None, points_per_m: float, *, name_pt: float = NAME_PT) -> FloatArray:
+    """Draw what stands under the robots: floors, furniture, doors, walls, lanes or cells, and stations with their names.
+
+    Returns strokes [S, 2, 2] through the names, in m.
+    """
     nav = record.nav or record.graph
     if outline is not None:
         furniture, inner, walls = furniture_and_walls(outline.walls)
@@ -34,19 +37,23 @@ def draw_floor(ax: Axes, record: RunRecord, outline: Outline | None, points_per_
         half = record.graph.cell_m / 2
         cells = record.graph.xy[:, None] + np.array([(-half, -half), (half, -half), (half, half), (-half, half)])
         ax.add_collection(PolyCollection(list(cells), facecolor=LIGHT["floor"], edgecolor=LIGHT["floor"], lw=0.3, zorder=0), autolim=False)
-        return
+        return NO_STROKES
     once = drawn_lanes(nav)
     ends = np.stack([nav.xy[nav.tail[once]], nav.xy[nav.head[once]]], axis=1)
     ax.add_collection(LineCollection(list(ends), color=LIGHT["lane"], lw=max(0.05 * points_per_m, 0.8), zorder=1.5), autolim=False)
     named = np.flatnonzero([bool(name) for name in nav.vertex_name] & ~crossings(nav)).tolist()
     at = nav.xy[named]
     ax.scatter(at[:, 0], at[:, 1], s=max(0.16 * points_per_m, 3) ** 2, color=LIGHT["station"], lw=0, zorder=2.5)
+    through = []
     if 0 < len(named) <= 80:
         drawn = NO_STROKES if outline is None else np.concatenate([outline.walls, outline.doors])
         names = [nav.known_as(v) for v in named]
         for name, xy in zip(names, name_places(ax, names, at, name_pt, 2 + 0.08 * points_per_m, points_per_m, (ends, drawn))):
             if np.isfinite(xy[0]):
                 write_name(ax, name, xy, name_pt, LIGHT["muted"], 3)
+                reach = np.array([0.29 * name_pt * len(name) / points_per_m, 0.0])
+                through.append((xy - reach, xy + reach))
+    return np.array(through).reshape(-1, 2, 2)
 
 
 def name_places(

@@ -23,6 +23,7 @@ from mrp_sumo.reports.pictures.picture import Picture, require_suffix, round_len
 from mrp_sumo.reports.pictures.view import (
     ABSENT,
     AnyRun,
+    bodies_extent,
     drawbars,
     forks_of,
     level_corners,
@@ -72,10 +73,10 @@ def still(run: AnyRun, at_s: float) -> Picture:
     if not 0 <= at_s <= end_s + 1e-9:
         raise MrpSumoError(f"{at_s:g} s is outside the run, which lasts from 0 to {end_s:g} s")
     figure, ax, points_per_m = _page(record, outline)
-    draw_floor(ax, record, outline, points_per_m)
+    written = draw_floor(ax, record, outline, points_per_m)
     for name, x, y in level_corners(record, outline):
         ax.text(x, y + 3 / points_per_m, name, fontsize=LEVEL_PT, color=LIGHT["ink"], va="bottom", zorder=3).set_parse_math(False)
-    counts = _draw_robots(ax, record, at_s, points_per_m)
+    counts = _draw_robots(ax, record, at_s, points_per_m, written)
     _write_head_and_foot(figure, ax, record, at_s, counts, planned=not run.executed)
     return figure
 
@@ -94,7 +95,7 @@ def planned_at(plan: Plan, graph: PlanGraph, at_s: float) -> FloatArray:
 def _page(record: RunRecord, outline: Outline | None) -> tuple[Picture, Axes, float]:
     nav, execution = record.nav or record.graph, record.execution
     points = [nav.xy, np.column_stack([c[np.isfinite(c)][[0, 0]] for c in (execution.x_m, execution.y_m)])]
-    points += [np.array([(f(execution.x_m), f(execution.y_m)) for f in (np.nanmin, np.nanmax)])]
+    points += [bodies_extent(record, MARGIN_M)]
     if outline is not None:
         points += [outline.walls.reshape(-1, 2), *outline.floors]
     every = np.concatenate(points)
@@ -112,7 +113,7 @@ def _page(record: RunRecord, outline: Outline | None) -> tuple[Picture, Axes, fl
     return figure, ax, 72 * inch_per_m
 
 
-def _draw_robots(ax: Axes, record: RunRecord, at_s: float, points_per_m: float) -> list[int]:
+def _draw_robots(ax: Axes, record: RunRecord, at_s: float, points_per_m: float, written: FloatArray) -> list[int]:
     execution, fleet = record.execution, record.fleet
     x, y, yaw = (c[0] for c in positions_at(execution, np.array([at_s])))
     xy = np.column_stack((x, y))
@@ -144,7 +145,7 @@ def _draw_robots(ax: Axes, record: RunRecord, at_s: float, points_per_m: float) 
     if few and len(there):
         half_pt = 0.5 * float((np.hypot(fleet.length_m, fleet.width_m) * grow).max()) * points_per_m
         names = [fleet.robot_name[r] for r in there]
-        centres = name_places(ax, names, xy[there], ROBOT_PT, half_pt + 2, points_per_m, (bars, NO_STROKES))
+        centres = name_places(ax, names, xy[there], ROBOT_PT, half_pt + 2, points_per_m, (np.concatenate([bars, written]), NO_STROKES))
         for r, at in zip(there, centres):
             beside = at if np.isfinite(at[0]) else xy[r] + (0.0, (half_pt + 6) / points_per_m)
             write_name(ax, fleet.robot_name[r], beside, ROBOT_PT, LIGHT["ink"], 6)

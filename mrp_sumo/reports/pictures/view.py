@@ -182,13 +182,20 @@ def extent(record: RunRecord, outline: "Outline | None") -> tuple[FloatArray, Fl
     nav = record.nav or record.graph
     points = [nav.xy]
     if not np.isnan(execution.x_m).all():
-        points += [np.array([(f(execution.x_m), f(execution.y_m)) for f in (np.nanmin, np.nanmax)])]
+        points += [bodies_extent(record, MARGIN_M)]
     if record.plan is not None:
         points.append(record.graph.xy[record.plan.vertex])
     if outline is not None:
         points += [outline.walls.reshape(-1, 2), *outline.floors]
     every = np.concatenate(points)
     return every.min(axis=0) - MARGIN_M, every.max(axis=0) + MARGIN_M
+
+
+def bodies_extent(record: RunRecord, margin_m: float) -> FloatArray:
+    """[2, 2] lower left and upper right of where robots were, and of bodies that stand out from there beyond a margin, in m."""
+    x, y, fleet = record.execution.x_m, record.execution.y_m, record.fleet
+    beyond_m = max(float((np.hypot(fleet.length_m, fleet.width_m) / 2).max(initial=0.0)) - margin_m, 0.0)
+    return np.array([(f(x) + side * beyond_m, f(y) + side * beyond_m) for side, f in ((-1, np.nanmin), (1, np.nanmax))])
 
 
 def driven_backward(plan: Plan, graph: PlanGraph, fleet: Fleet, yaw_rad: FloatArray | None = None) -> BoolArray:

@@ -15,6 +15,7 @@ from mrp_sumo.core.task import StopLog, log_of_times
 from mrp_sumo.io.record import AT_GOAL, BLOCKED, MOVING, WAITING
 from mrp_sumo.reports.pictures.view import (
     ABSENT,
+    bodies_extent,
     drawbars,
     driven_backward,
     forks_of,
@@ -33,6 +34,15 @@ def test_states_are_those_of_the_run():
     assert state[15].tolist() == [MOVING, WAITING]
     assert state[25].tolist() == [MOVING, MOVING]
     assert state[-1].tolist() == [AT_GOAL, ABSENT]
+
+
+@pytest.mark.parametrize(("length_m", "beyond_m"), [(0.4, 0.0), (2.0, 0.5)])
+def test_a_view_leaves_room_for_bodies_that_stand_out_beyond_its_margin(length_m, beyond_m):
+    record = record_of_two()
+    x, y, fleet = record.execution.x_m, record.execution.y_m, record.fleet
+    wide = replace(fleet, length_m=np.full(2, length_m), width_m=np.zeros(2))
+    expected = [(np.nanmin(x) - beyond_m, np.nanmin(y) - beyond_m), (np.nanmax(x) + beyond_m, np.nanmax(y) + beyond_m)]
+    assert bodies_extent(replace(record, fleet=wide), 0.5) == pytest.approx(np.array(expected))
 
 
 def test_who_has_no_task_or_is_served_does_not_wait():
