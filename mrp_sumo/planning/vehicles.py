@@ -15,8 +15,8 @@ from mrp_sumo.errors import PlanError
 from mrp_sumo.search.distance import UNREACHABLE, Distances, StepArray, distances
 from mrp_sumo.search.route import shortest_route
 from mrp_sumo.traffic.courses import course_rad
-from mrp_sumo.traffic.moves import ANYWHERE, BOUND, MoveGraph, arrivals_at, move_graph, off_rad, standing_at_starts
-from mrp_sumo.traffic.turns import MAY_STAND_RAD, obstacle_to, stands_bent, turns_of
+from mrp_sumo.traffic.moves import ANYWHERE, BOUND, STANDING, MoveGraph, arrivals_at, move_graph, off_rad, standing_at_starts
+from mrp_sumo.traffic.turns import MAY_STAND_RAD, obstacle_from, obstacle_to, stands_bent, turns_of
 
 
 def on_moves(problem: Problem) -> Problem:
@@ -39,7 +39,8 @@ def on_moves(problem: Problem) -> Problem:
         else:
             goal[r] = graph.states[kind].begin + place
         if goal[r] < 0:
-            raise PlanError(_why_not(problem, graph, r))
+            reached = graph.place[_steps_past_goals(graph, start[[r]], np.zeros_like(taken))[0] < UNREACHABLE]
+            raise PlanError(_why_not(problem, standing, r, len(np.unique(reached))))
         if graph.behind[goal[r]] >= 0:
             taken[graph.behind[goal[r]]] = True
     return replace(
@@ -124,12 +125,15 @@ def _goal(graph: MoveGraph, kind: int, at: int, place: int, heading: float, othe
     return int(arrivals.state[np.lexsort((length_m, rank))[0]])
 
 
-def _why_not(problem: Problem, graph: MoveGraph, robot: int) -> str:
-    """Why a vehicle cannot reach its goal, by the shortest path of a robot that turns in place."""
+def _why_not(problem: Problem, standing: Standing, robot: int, num_reached: int) -> str:
+    """Why a vehicle cannot reach its goal, by how it stands and the shortest path of a robot that turns in place."""
     base, fleet = problem.graph, problem.fleet
     kind, start, goal = int(fleet.kind[robot]), int(problem.start[robot]), int(problem.target[robot])
     free = np.ones(base.num_lanes, np.bool_) if problem.barred is None else ~problem.barred[kind]
     text = f"{fleet.robot_name[robot]} cannot reach its goal '{base.known_as(goal)}' from '{base.known_as(start)}'"
     route = shortest_route(base, free, start, goal)
-    obstacle = obstacle_to(base, fleet.types[kind], route) if route else ""
-    return f"{text}: {obstacle}" if obstacle else text
+    obstacle = obstacle_from(base, fleet.types[kind], *(int(column[robot]) for column in (standing.lane, standing.gear)))
+    if standing.does[robot] != STANDING or not obstacle:
+        obstacle = obstacle_to(base, fleet.types[kind], route) if route else ""
+    places = len(np.union1d(base.tail[free], base.head[free]))
+    return f"{text}: {obstacle or f'by moves that it can make it comes to {num_reached} of {places} places only'}"

@@ -79,8 +79,8 @@ def clear_at(graph: PlanGraph, vehicle: RobotType, lane: int, onward: int, gear:
     return not touches(bodies, _walls_beside(graph, bodies))
 
 
-def bend_beside_curve(graph: PlanGraph, vehicle: RobotType, lane: int, onward: int, room_m: float) -> tuple[float, float]:
-    """Radius of the widest Bezier curve that cuts a corner, and how far from the corner it begins; NaN where none does."""
+def bend_beside_curve(graph: PlanGraph, vehicle: RobotType, lane: int, onward: int, room_m: float, least_m: float) -> tuple[float, float]:
+    """Radius of the widest Bezier curve that cuts a corner, and how far from the corner it begins; NaN where none of `least_m` does."""
     bend, best = float(wrapped(course_rad(graph)[onward, 0] - course_rad(graph)[lane, 1])), (math.nan, math.nan)
     for share in SHARES if abs(bend) <= SHARPEST_RAD else ():
         reach_m = share * min(room_m, max(vehicle.length_m, vehicle.kinematics.least_radius_m))
@@ -88,8 +88,8 @@ def bend_beside_curve(graph: PlanGraph, vehicle: RobotType, lane: int, onward: i
         arc = bend_at(route, len(route.at_m) - 3, bend)
         radius_m = _tightest_m(arc)
         leaves_m = float(np.hypot(*(arc[:, 1:3] - graph.xy[graph.tail[onward]]).T).min())
-        if radius_m >= TIGHT * vehicle.kinematics.least_radius_m and leaves_m <= vehicle.corner_m and not radius_m <= best[0]:
-            best = max(radius_m, vehicle.kinematics.least_radius_m), reach_m
+        if radius_m >= TIGHT * least_m and leaves_m <= vehicle.corner_m and not radius_m <= best[0]:
+            best = max(radius_m, least_m), reach_m
     return best
 
 

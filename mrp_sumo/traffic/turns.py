@@ -153,7 +153,7 @@ def _on_lanes(graph: PlanGraph, vehicle: RobotType) -> _Corners:
     for k in np.flatnonzero(curved[lane] | curved[onward]).tolist():
         swings[k] &= left[k] <= STRAIGHT_RAD
         is_smooth, ends = sharp[k] <= SMOOTH_RAD, (int(lane[k]), int(onward[k]))
-        radius[k], reach[k] = (np.inf, np.nan) if is_smooth else bend_beside_curve(graph, vehicle, *ends, float(room[k]))
+        radius[k], reach[k] = (np.inf, np.nan) if is_smooth else bend_beside_curve(graph, vehicle, *ends, float(room[k]), least_m)
     for n in np.flatnonzero(curved).tolist():
         drives[n] = [not obstacle_on_curve(graph, vehicle, n, gear) for gear in (FORWARD, BACKWARD)]
     only_back = ~(gears_of(graph, vehicle)[onward, FORWARD] > 0)
@@ -318,6 +318,15 @@ def _of_lane(graph: NavGraph, vehicle: RobotType, lane: int) -> tuple[bool, bool
     return gear != BACKWARD, gear != FORWARD and vehicle.kinematics.reverse
 
 
+def obstacle_from(graph: PlanGraph, vehicle: RobotType, lane: int, gear: int) -> str:
+    """The reason for which a type that stands at the end of a lane cannot leave it, in words; '' where it can."""
+    turns = turns_of(graph, vehicle)
+    if lane < 0 or (turns.may_stand[turns.first[lane] : turns.first[lane + 1], gear] != NEVER).any():
+        return ""
+    back, at = graph.known_as(int(graph.tail[lane])), graph.known_as(int(graph.head[lane]))
+    return f"{vehicle.name} stands at '{at}' with its back to '{back}', and from a stand it can go straight on only, where no lane leads"
+
+
 def obstacle_to(graph: PlanGraph, vehicle: RobotType, route: list[int]) -> str:
     """The first turn along a path of vertices that a type cannot make in any gear, in words; '' for none."""
     turns = turns_of(graph, vehicle)
@@ -380,6 +389,10 @@ def _obstacle(graph: PlanGraph, vehicle: RobotType, turn: int, lane: int, onward
         sharp, most = abs(float(turns.bend_rad[turn])), 2 * math.acos(1 / (1 + vehicle.corner_m / vehicle.kinematics.least_radius_m))
         if most < sharp and turns.tangent_m[turn, gear] <= turns.room_m[turn]:
             return f"{name} turns by {math.degrees(most):.0f} degrees at most, and it is {math.degrees(sharp):.0f} {over}"
+        if beside_curve:
+            has_m = bend_beside_curve(graph, vehicle, lane, onward, float(turns.room_m[turn]), 0.0)[0]
+            needs, has = told_apart(vehicle.kinematics.least_radius_m, 0.0 if math.isnan(has_m) else has_m)
+            return f"{name} needs a radius of {needs} m to turn {over}, where the widest curve has {has} m"
         needs_m, has_m = float(turns.tangent_m[turn, gear]), float(turns.room_m[turn])
         needs, has = told_apart(needs_m, has_m if needs_m > has_m else 2 * has_m - abs(vehicle.kinematics.ahead_m))
         return f"{name} needs {needs} m to turn {over} and has {has} m"

@@ -101,6 +101,25 @@ def test_nobody_stands_where_trailers_are():
     assert "robot_0 starts at 'v0', where no free lane behind it has 2.90 m for its trailers" in alone.message
 
 
+@pytest.mark.parametrize(
+    ("xy", "why"),
+    [
+        ([(0, 0), (4, 0), (8, 0), (8, 4)], ""),
+        ([(0, 0), (4, 0), (4, 4), (8, 4)], "tugger stands at 'v1' with its back to 'v0', and from a stand it can go straight on only"),
+        ([(0, 0), (4, 0), (8, 0), (4, 0.1)], "tugger cannot reverse, from 'v1' to 'v2' and back"),
+    ],
+)
+def test_why_a_tugger_cannot_come_to_its_goal_is_said(xy, why):
+    result = plan(vehicles_on(roads(xy, one_way=[(0, 1), (1, 2), (2, 3)]), [1], [3], TUGGER))
+    assert (result.status is Status.SOLVED) == (not why) and why in result.message
+
+
+def test_how_many_places_a_vehicle_comes_to_is_said_where_another_way_hides_the_turn_that_it_cannot_make():
+    """It stands at v1 and may go on to v4; the way of a robot that turns in place is over v2."""
+    graph = roads([(0, 0), (4, 0), (4, 4), (8, 4), (8, 0)], one_way=[(0, 1), (1, 2), (2, 3), (1, 4)])
+    assert plan(vehicles_on(graph, [1], [3], TUGGER)).message.endswith(": by moves that it can make it comes to 2 of 5 places only")
+
+
 @pytest.mark.parametrize(("types", "passes"), [([TUGGER, TUGGER], 7), ([CART, TUGGER], 4)])
 def test_a_tugger_comes_to_its_goal_by_the_side_on_which_no_trailers_stand(types, passes):
     """One from 1 goes straight on over 4 to 5, the other from 2 over 4 to 8, or round by 6 and 7 if trailers stand at 4."""

@@ -152,6 +152,14 @@ def test_a_corner_that_no_curve_cuts_is_named():
     assert obstacle_to(graph, CAR, [0, 1, 2, 3]) == "car turns by 100 degrees at most, and it is 101 from 'v1' over 'v2' to 'v3'"
 
 
+@pytest.mark.parametrize(("vehicle", "line"), [(TRICYCLE, ""), (CAR, "car needs a radius of 1.07 m to turn from 'v1' over 'v2' to 'v3'")])
+def test_a_corner_beside_a_curve_that_is_too_tight_is_named_with_the_radius(vehicle, line):
+    """A curve ends at v2, from which a lane leads back at a right angle."""
+    graph = along(straight((-6.0, 0.0), (0.0, 0.0)), quarter(5.0), straight((5.0, 5.0), (1.0, 5.0)), cell_m=9.0, both_ways=False)
+    told = obstacle_to(graph, vehicle, [0, 1, 2, 3])
+    assert told.startswith(line) and ("where the widest curve has 0." in told) == bool(line)
+
+
 def test_a_vehicle_waits_for_one_on_a_curve_that_comes_near_its_own_lane(tmp_path):
     """A quarter of a circle of 8 m in one step, and a lane 2.8 m beside its chord: 0.46 m from where the circle is nearest."""
     roads = along(straight((-9, 0), (0, 0)), quarter(8.0), straight((8, 8), (8, 17)), cell_m=14.0)
