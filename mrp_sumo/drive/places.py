@@ -360,7 +360,7 @@ class RobotPlaces:
         def is_on_way(robot: int, v: int) -> bool:
             end = int(vertex[robot])
             steps, known = self._distances(robot).to(end), self._distances(robot)
-            return bool(known.to(v)[start[robot]] + steps[v] == steps[start[robot]]) and not passable(robot, v)
+            return int(known.to(v)[start[robot]]) + int(steps[v]) == int(steps[start[robot]]) and not passable(robot, v)
 
         @cache
         def passable(robot: int, v: int) -> bool:

@@ -174,7 +174,7 @@ class _Layouts:
 
     def _orientation(self, name: str, properties: Mapping[str, Any], where: str) -> dict[str, Any]:
         """Options for how vehicles are turned on an edge, and may turn at its ends."""
-        fields, options = self.fields, {}
+        fields, options = self.fields, dict[str, Any]()
         angles = [fields.number(properties, "vehicleOrientation", where, None)]
         for key in ("vehicleOrientations", "mobileRobotOrientations"):
             angles += [fields.finite(a, f"{where}.{key}[{i}]") for i, a in enumerate(fields.list(properties, key, where, []))]
