@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from floors import BATTERY, driven, lanes, ring, scenario, tee
+from vehicles import along, quarter, straight
 from worlds import line
 
 from mrp_sumo.core.disturbances import BREAKS
@@ -17,7 +18,7 @@ from mrp_sumo.core.task import StopLog
 from mrp_sumo.experiments.audit_work import logs_of
 from mrp_sumo.metrics.operations import energy, orders, places, robots
 from mrp_sumo.metrics.operations.audit import LISTED, in_words, operations_audit
-from mrp_sumo.metrics.operations.places import LATER_ONES
+from mrp_sumo.metrics.operations.places import LATER_ONES, _is_corner
 
 
 @pytest.fixture(scope="module")
@@ -560,3 +561,9 @@ def test_a_broken_robot_may_be_pushed_so_long_after_it_broke_down_and_not_before
     terms = replace(logs.terms, fleet=replace(logs.terms.fleet, types=towed))
     found = [*robots.stands(replace(logs, execution=broken, terms=terms))]
     assert bool(found) == (not is_fine)
+
+
+def test_vehicles_may_stand_aside_at_the_ends_of_curves_and_nowhere_on_a_straight_line():
+    """From v0 straight to v1, round to v2, and straight on over v3 to v4, where no lane turns at v2 but the axle is on the curve still."""
+    graph = along(straight((0, 0), (4, 0)), quarter(4.0, (4, 0)), straight((8, 4), (8, 8)), straight((8, 8), (8, 12)), cell_m=9.0)
+    assert _is_corner(graph)[:5].tolist() == [False, True, True, False, False]

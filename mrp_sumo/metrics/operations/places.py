@@ -29,7 +29,8 @@ STOOD = 0.8  # of its time, of one that waits farther away
 def service(logs: Logs) -> Iterator[Finding]:
     """A robot stands at the place (to 5 cm) for as long as it is served, and is there when it passes a stop that takes no time.
 
-    Where lanes meet at a bend, a vehicle that cannot turn in place may be on the arc that cuts the corner.
+    Where lanes meet at a bend, a vehicle that cannot turn in place may be on the arc that cuts the corner; where one is a curve, its axle
+    may be on that.
     """
     stops, xy = logs.stops, logs.graph.xy
     aside_m = logs.fleet.aside_m[stops.robot] + logs.graph.swing_m[stops.vertex]
@@ -46,12 +47,13 @@ def service(logs: Logs) -> Iterator[Finding]:
 
 
 def _is_corner(graph: PlanGraph) -> BoolArray:
-    """[V] True where a lane leads on in another direction than one that comes, neither straight on nor back."""
+    """[V] True at ends of curves, and where a lane leads on in another direction than one that comes, neither straight on nor back."""
     out = np.diff(graph.first)[graph.head]
     lane = np.repeat(np.arange(graph.num_lanes), out)
     onward = np.arange(len(lane)) - np.repeat(np.cumsum(out) - out - graph.first[graph.head], out)
     bend = np.abs(wrapped(graph.heading_rad[onward] - graph.heading_rad[lane]))
     corner = np.zeros(graph.num_vertices, np.bool_)
+    corner[[v for ends in graph.curves for v in ends]] = True
     corner[graph.head[lane[(bend > OFF_RAD) & (bend < np.pi - OFF_RAD)]]] = True
     return corner
 
