@@ -18,6 +18,7 @@ STEADY_SIGMA = 4.0
 AROUND = 8  # steady samples on each side, but for the one next to the turn, which may be in it
 MOST_TURNS = 400
 RATES = np.geomspace(0.03, 12.0, 60)
+ROUGH_RAD = 0.02  # noise of headings, with less of which most rates would explain nothing of a turn: the maximum is near first
 ROUNDS, WITHIN = 16, 2.5  # closer and closer about the maximum, to that many standard deviations, within which it is a parabola
 
 
@@ -43,20 +44,22 @@ def fit_turning(tracks: list[Track], noise: Noise, speed_mps: float) -> TurnFit 
     time, angle, there = padded(times, angles)
     whole = np.array(totals)
 
-    def logs(rate: float) -> FloatArray:
-        return _log_marginal(time, angle, there, whole, rate, noise.heading_rad)
+    def logs(rate: float, noise_rad: float) -> FloatArray:
+        return _log_marginal(time, angle, there, whole, rate, noise_rad)
 
-    coarse = [np.clip(logs(rate), -60.0, None).sum() for rate in RATES]
+    rough_rad = max(noise.heading_rad, ROUGH_RAD)
+    coarse = [np.clip(logs(rate, rough_rad), -60.0, None).sum() for rate in RATES]
     log_rate, width = float(np.log(RATES[int(np.argmax(coarse))])), float(np.log(RATES[1] / RATES[0]))
-    for _ in range(ROUNDS):
-        off = width * np.linspace(-1, 1, 7)
-        values = np.stack([logs(float(np.exp(log_rate + each))) for each in off])  # [7, T]
-        values = np.maximum(values, values.max(0) - 60.0)
-        sums = values.sum(1)
-        bend, slope, _ = np.polyfit(off, sums, 2)
-        if bend < 0 and width < WITHIN / math.sqrt(-2 * bend):
-            break
-        log_rate, width = log_rate + float(off[np.argmax(sums)]), width / 2
+    for noise_rad in sorted({rough_rad, noise.heading_rad}, reverse=True):
+        for _ in range(ROUNDS):
+            off = width * np.linspace(-1, 1, 7)
+            values = np.stack([logs(float(np.exp(log_rate + each)), noise_rad) for each in off])  # [7, T]
+            values = np.maximum(values, values.max(0) - 60.0)
+            sums = values.sum(1)
+            bend, slope, _ = np.polyfit(off, sums, 2)
+            if bend < 0 and width < WITHIN / math.sqrt(-2 * bend):
+                break
+            log_rate, width = log_rate + float(off[np.argmax(sums)]), width / 2
     if not bend < 0:
         return None
     at = float(np.clip(-slope / (2 * bend), -width, width))

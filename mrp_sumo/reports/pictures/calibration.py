@@ -23,28 +23,32 @@ def picture_of(result: Calibration) -> Picture:
     assert fits is not None
     title = f"{result.log.source}: {len(result.vehicles)} vehicles, {result.span_s / 3600:.1f} h in all"
     figure.suptitle(title, x=0.01, ha="left", fontsize=10, color=INK, parse_math=False)
-    _ramp(axes[0, 0], fits.speeding, result, "accel_mps2", "Speeding up")
-    _ramp(axes[0, 1], fits.braking, result, "decel_mps2", "Braking, backward in time")
+    _ramp(axes[0, 0], fits.speeding, result, "accel_mps2", ("Speeding up", "after"))
+    _ramp(axes[0, 1], fits.braking, result, "decel_mps2", ("Braking", "before"))
     _turns(axes[0, 2], fits, result)
     _speeds(axes[1, 0], fits, result)
     _scatter(axes[1, 1], fits, result)
     _stops(axes[1, 2], fits, result)
     for ax in axes.flat:
         ax.tick_params(labelsize=8, colors=MUTED)
+        ax.locator_params(axis="x", nbins=5)
         ax.spines[["top", "right"]].set_visible(False)
+        if not ax.has_data():
+            ax.set_axis_off()
     figure.tight_layout(rect=(0, 0, 1, 0.97))
     return figure
 
 
 def _told(ax: Axes, result: Calibration, name: str, title: str) -> bool:
     known = result.quantities.get(name)
-    said = "not told" if known is None else f"{known.value:.3g} ({known.low:.3g} to {known.high:.3g}) {known.unit}"
+    said = "not told" if known is None else f"{known.value:.3g} ({known.low:.3g} to {known.high:.3g}) {known.unit.replace('^2', '²')}"
     ax.set_title(f"{title}: {said}", fontsize=8.5, loc="left", color=INK)
     return known is not None
 
 
-def _ramp(ax: Axes, ramp: Ramp | None, result: Calibration, name: str, title: str) -> None:
-    ax.set_xlabel("s from the stand", fontsize=8)
+def _ramp(ax: Axes, ramp: Ramp | None, result: Calibration, name: str, words: tuple[str, str]) -> None:
+    title, when = words
+    ax.set_xlabel(f"s {when} the stand", fontsize=8)
     ax.set_ylabel("m from the stand", fontsize=8)
     if not _told(ax, result, name, title) or ramp is None:
         return
@@ -83,7 +87,7 @@ def _turns(ax: Axes, fits: Fits, result: Calibration) -> None:
 
 def _speeds(ax: Axes, fits: Fits, result: Calibration) -> None:
     ax.set_xlabel("m/s between samples at top speed", fontsize=8)
-    ax.set_ylabel("share", fontsize=8)
+    ax.set_ylabel("density", fontsize=8)
     if not _told(ax, result, "max_speed_mps", "Top speed") or fits.cruise is None:
         return
     windows = fits.cruise.windows
