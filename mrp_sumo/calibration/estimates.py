@@ -52,6 +52,11 @@ class CalibratedFigure:
     of: str  # what these are
 
     @property
+    def basis(self) -> str:
+        """What it is from, in words."""
+        return f"{self.count} {self.of}" if self.count != 1 else f"1 {self.of.replace('stops', 'stop')}"
+
+    @property
     def document(self) -> dict[str, object]:
         """As JSON has it."""
         return {"value": self.value, "low": self.low, "high": self.high, "unit": self.unit, "count": self.count, "of": self.of}

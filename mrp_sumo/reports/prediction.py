@@ -13,19 +13,20 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from mrp_sumo import __version__
-from mrp_sumo.calibration.prediction import ComparedFigure, Prediction
+from mrp_sumo.calibration.prediction import NEAR_M, ComparedFigure, Prediction
 from mrp_sumo.core.graph import FloatArray
 from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.files.writing import write_text
 from mrp_sumo.io.run_reader import load_run
 from mrp_sumo.reports.charts.chart import Chart, draw, key
-from mrp_sumo.reports.page import Tile, chart_row, document, gap_list, grid, rows_of, tile_list
+from mrp_sumo.reports.page import chart_row, document, gap_list, grid, rows_of
 from mrp_sumo.reports.pictures.map_picture import BLUE, SKY, VERMILION
 from mrp_sumo.reports.replay.beside import page_of_two
 from mrp_sumo.reports.replay.page import write_page
 
 PAGE, DOCUMENT, REPLAY = "prediction.html", "prediction.json", "replay.html"
-BELOW = "The band is what {} runs have from the least to the most."
+BELOW = "The bands of these pictures are what {} runs have from the least to the most."
+NEAR = f"Within {NEAR_M:g} m of the place of the next service."
 
 
 def write_prediction(result: Prediction, name: str, folder: Path, maps: MapCache) -> None:
@@ -41,7 +42,7 @@ def sentence_of(result: Prediction) -> str:
     """The comparison in a sentence."""
     middle, throughput = result.figures[0], next(each for each in result.figures if each.name == "throughput_per_h")
     missed = [each.label for each in result.figures if not each.holds]
-    bands = "all bands hold" if not missed else f"the band of {', '.join(missed)} does not hold"
+    bands = "all bands hold" if not missed else f"outside of their bands: {'; '.join(missed)}"
     return (
         f"Half of the orders took {figure_text(middle.logged)} s or less, {figure_text(middle.predicted)} s were predicted"
         f"{_off(middle)}; {figure_text(throughput.logged)} an hour were done, {figure_text(throughput.predicted)} predicted"
@@ -61,26 +62,16 @@ def figure_text(value: float) -> str:
 def prediction_page(result: Prediction, name: str) -> str:
     """The whole page."""
     held, logged, simulated = result.held, result.logged, result.simulated
-    tiles = [
-        Tile(
-            each.label,
-            f"{figure_text(each.predicted)} {each.unit}",
-            f"log {figure_text(each.logged)}{_off(each)}",
-            "good" if each.holds else "bad",
-        )
-        for each in result.figures
-    ]
     leads, waits = ([getattr(each, of) for each in (logged, *simulated)] for of in ("lead_time_s", "station_wait_s"))
     charts = [
-        _shares("lead_time", "Lead time", "from release to done (s)", "orders", leads),
-        _shares("station_wait", "Waits at stations", "stood near a station before service (s)", "services", waits),
+        _shares("lead_time", "Lead time", "from release to done (s)", "orders", leads, BELOW.format(len(simulated))),
+        _shares("station_wait", "Waits at stations", "stood before service (s)", "services", waits, NEAR),
         _done(held.span_s, [each.done_s for each in (logged, *simulated)]),
     ]
     body = [
         f'<header><p class="question">Does the simulation fit the log? {html.escape(name)}</p>'
         f"<h1>{html.escape(sentence_of(result))}</h1></header>",
         "<main>",
-        tile_list(tiles),
         gap_list(result.notes),
         "<h2>Side by side</h2>",
         _table(result),
@@ -112,7 +103,7 @@ def _table(result: Prediction) -> str:
     return grid(("", "log", "predicted", "error", "90 % band", "unit", ""), rows_of(rows, range(1, 5)), range(1, 5))
 
 
-def _shares(name: str, title: str, what: str, of: str, values: Sequence[FloatArray]) -> Chart:
+def _shares(name: str, title: str, what: str, of: str, values: Sequence[FloatArray], caption: str) -> Chart:
     def paint(figure: Figure) -> None:
         ax = figure.add_subplot()
         share = np.linspace(0, 1, 201)
@@ -124,7 +115,7 @@ def _shares(name: str, title: str, what: str, of: str, values: Sequence[FloatArr
         key(figure, ax)
         ax.set(xlim=(0, None), ylim=(0, 100), xlabel=what, ylabel=f"{of} below (%)")
 
-    return draw(name, title, BELOW.format(len(values) - 1), paint)
+    return draw(name, title, caption, paint)
 
 
 def _quantiles(values: FloatArray, share: FloatArray) -> FloatArray:
@@ -146,9 +137,9 @@ def _done(span_s: float, done_s: Sequence[FloatArray]) -> Chart:
         ax.plot(t / 60, np.median(runs, 0), color=BLUE, ls=(0, (5, 1.6)), label="predicted")
         ax.plot(t / 60, logged, color=VERMILION, label="log")
         key(figure, ax)
-        ax.set(xlim=(0, t[-1] / 60), ylim=(0, None), xlabel="time from the cut (min)", ylabel="orders done")
+        ax.set(xlim=(0, t[-1] / 60), ylim=(0, None), xlabel="time (min)", ylabel="orders done")
 
-    return draw("done", "Orders done", BELOW.format(len(done_s) - 1), paint)
+    return draw("done", "Orders done", "Since the cut.", paint)
 
 
 def _calibrated(result: Prediction) -> list[str]:
@@ -159,8 +150,8 @@ def _calibrated(result: Prediction) -> list[str]:
                 html.escape(each.name),
                 f"{each.value:.4g}",
                 f"{each.low:.4g} to {each.high:.4g}",
-                each.unit,
-                f"{each.count} {html.escape(each.of)}",
+                each.unit.replace("^2", "²"),
+                html.escape(each.basis),
             )
             for each in one.quantities.values()
         ]
