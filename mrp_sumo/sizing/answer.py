@@ -122,6 +122,11 @@ class Answer:
         return self.question.demand_per_h / 3600 * cycle_s / SPREADSHEET
 
     @property
+    def notes_of_curve(self) -> list[str]:
+        """Those of sizes that do not count."""
+        return [f"{count(point.robots, 'robot')}: not counted; {point.fault}" for point in self.unfit]
+
+    @property
     def notes(self) -> tuple[str, ...]:
         """Caveats that a reader should know before believing the figures."""
         notes, own = [], self.question.file.scenario.planner.name
@@ -131,7 +136,7 @@ class Answer:
             notes.append(f"{over}; the answer is from those that were; {more}")
         if self.planner != own and self.question.has_tasks:
             notes.append(f"planned with {self.planner}, since {own} left more than 1 % of its requests unanswered")
-        notes += [f"{count(point.robots, 'robot')}: not counted; {point.fault}" for point in self.unfit]
+        notes += self.notes_of_curve
         if self.limits and self.served:
             at_demand = sorted(self.served.curve.unfit.items())
             notes += [f"{count(n, 'robot')} at the demand: not counted; {point.fault}" for n, point in at_demand]

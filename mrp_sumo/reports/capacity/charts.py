@@ -21,6 +21,7 @@ from mrp_sumo.reports.pictures.map_picture import BLUE, GREEN, INK, MUTED, ORANG
 from mrp_sumo.sizing.answer import Answer
 from mrp_sumo.sizing.points import Point
 from mrp_sumo.sizing.reasons import PARTS, Reasons, cycle, diagram
+from mrp_sumo.sizing.search import Bracket
 
 WIDE, HALF, FLOOR = (9.6, 3.5), (4.7, 3.0), (4.7, 3.6)
 PART_NAMES = {
@@ -48,19 +49,23 @@ def throughput(answer: Answer) -> Chart:
         ax.plot([0, n[-1]], [0, first * n[-1]], color=MUTED, ls=(0, (5, 3)), lw=1.2, label="if nobody were ever in the way")
         if demand:
             ax.axhline(demand, color=GREEN, lw=1.4, ls=(0, (1.2, 1.2)), label=f"demand, {demand:.0f} an hour")
-        together = limits.knee.estimate == limits.peak.estimate
+        named: dict[int, list[tuple[str, str]]] = {}
         for bracket, name, colour in (
-            (limits.knee, "" if together else "knee", INK),
-            (limits.peak, "knee and peak" if together else "peak", INK),
+            (answer.served.smallest if answer.served else Bracket(), "enough for the demand", GREEN),
+            (limits.knee, "knee", INK),
+            (limits.peak, "peak", INK),
             (limits.collapse, "collapse", VERMILION),
-            (answer.served.smallest if answer.served else limits.knee, "enough for the demand", GREEN),
         ):
-            if bracket.estimate is None or (name.startswith("enough") and not answer.served):
+            if bracket.estimate is None:
                 continue
             if bracket.low is not None and bracket.high is not None and bracket.high > bracket.low:
                 ax.axvspan(bracket.low, bracket.high, color=colour, alpha=0.08, lw=0)
-            ax.axvline(bracket.estimate, color=colour, lw=0.9)
-            ax.text(bracket.estimate, top * 0.99, f" {name}", rotation=90, va="top", ha="right", fontsize=8, color=colour)
+            named.setdefault(bracket.estimate, []).append((name, colour))
+        for robots, words in named.items():
+            colour = words[-1][1]
+            ax.axvline(robots, color=colour, lw=0.9)
+            text = ", ".join(name for name, _ in words)
+            ax.text(robots, top * 0.99, f" {text}", rotation=90, va="top", ha="right", fontsize=8, color=colour)
         ax.set(xlim=(0, n[-1] * 1.03), ylim=(0, top), xlabel="robots", ylabel="orders an hour")
         ax.xaxis.set_major_locator(MaxNLocator(integer=True))
         key(figure, ax)

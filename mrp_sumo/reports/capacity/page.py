@@ -47,7 +47,7 @@ def capacity_page(study: Study, answer: Answer, replays: Sequence[tuple[Replayed
         f'<header><p class="question">How many robots fit? {_text(scenario.name)}</p><h1>{_text(answer.sentence)}</h1></header>',
         "<main>",
         tile_list(_tiles(answer)),
-        gap_list(answer.notes),
+        gap_list([note for note in answer.notes if not (answer.limits and note in answer.notes_of_curve)]),  # the table has these
         *(_lifelong(study, answer, replays) if answer.limits else chart_row([success(answer)]) if answer.points else []),
         *(_bands(answer.bands) if answer.bands else []),
         *_confirmed(answer.confirmed),
@@ -62,7 +62,8 @@ def _lifelong(study: Study, answer: Answer, replays: Sequence[tuple[ReplayedRun,
     lines = [*(chart_row([throughput(answer)]) if answer.points else []), *_table(answer)]
     if limit := answer.limit:
         words = in_words(limit, study.nav)
-        lines += ["<h2>What binds</h2>", f"<p>{_text(words[0].upper() + words[1:])}.</p>"]
+        is_listed = bool(reasons and reasons.worst and in_words(reasons.worst[0], study.nav) == words)
+        lines += ["<h2>What binds</h2>", *([] if is_listed else [f"<p>{_text(words[0].upper() + words[1:])}.</p>"])]
     if reasons:
         if reasons.worst:
             lines.append(f"<p>With {reasons.robots} robot{'s' * (reasons.robots > 1)} most time is lost to:</p>")
