@@ -28,6 +28,7 @@ MOST_STEPS = 4500  # of all windows
 HELD = 1.15  # factor on intervals for what is held fixed while a figure is fitted; by the tuning fleets of tools/bench_calibrate.py
 SCATTER_HELD = 1.5  # of the scatter and its memory, since braking and speeding up are in short windows, too; by the same fleets
 FAR_OFF = 4.5  # standard deviations
+LEAST_SCATTER = 1e-3
 UNEXPLAINED = 4.0  # standard deviations by which a window's residuals may be larger than they should
 TRIMS, MOST_FIT = 2, 0.8  # how often others are left out, and how many windows are to fit, or none is
 NOISE_PRIOR = 0.1  # standard deviation of the logarithm of noise while driving, about that of standing
@@ -286,7 +287,7 @@ class _Likelihood:
     def bounds(self) -> tuple[FloatArray, FloatArray]:
         """The least and the largest theta."""
         noise = self.usual_noise
-        return np.array([noise - 1, np.log(1e-3), np.log(0.1)]), np.array([noise + 1.5, np.log(1.0), np.log(300.0)])
+        return np.array([noise - 1, np.log(LEAST_SCATTER), np.log(0.1)]), np.array([noise + 1.5, np.log(1.0), np.log(300.0)])
 
     def total(self, theta: FloatArray) -> float:
         """Of all windows, and of the noise beside that of stands."""

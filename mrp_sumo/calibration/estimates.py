@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mrp_sumo.calibration.cruise import HELD, MEAN_LOSS, Cruise, Scatter, fit_cruise, of_top_speed, student, top_windows
+from mrp_sumo.calibration.cruise import HELD, LEAST_SCATTER, MEAN_LOSS, Cruise, Scatter, fit_cruise, of_top_speed, student, top_windows
 from mrp_sumo.calibration.log import ActionTime, Charge, MotionLog, Track, require_different
 from mrp_sumo.calibration.phases import Noise, Phases, noise_of, phases_of, refined, usual_speed
 from mrp_sumo.calibration.ramps import Ramp, fit_ramp, marginal
@@ -237,6 +237,7 @@ def _speeds(cruise: Cruise, period_s: float) -> Iterator[CalibratedFigure | Unkn
     top, spread = _spread_of(np.log(cruise.mean_mps[known]), np.maximum(cruise.mean_deviation[known], 1e-4) * factor)
     is_coarse = period_s > COARSE_S
     s, (low, high) = (0.0, (0.0, ANY_NOISE)) if is_coarse else (cruise.scatter.noise, cruise.noise_range)
+    low = 0.0 if low < 1.01 * LEAST_SCATTER else low  # the fit knows no less
 
     def loss(noise: float) -> float:
         return -math.log(1 - MEAN_LOSS * min(noise, 0.9))

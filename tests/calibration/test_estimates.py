@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from shuttles import shuttle_rows
 
-from mrp_sumo.calibration.cruise import _windows, fit_cruise
+from mrp_sumo.calibration.cruise import Scatter, _windows, fit_cruise
 from mrp_sumo.calibration.estimates import _spread_of, calibrated
 from mrp_sumo.calibration.log import ActionTime, MotionLog, Track
 from mrp_sumo.calibration.phases import Noise, phases_of
@@ -54,6 +54,12 @@ def test_vehicles_differ_where_their_means_differ_by_more_than_is_known_of_them(
     (top, low, high), (spread, least, most) = _spread_of(means, deviation)
     assert low < 0.0 < high and top == pytest.approx(0.0, abs=0.02) and 0.02 < least < spread < most < 0.2
     assert _spread_of(means, 20 * deviation)[1][1] == 0.0 and _spread_of(np.zeros(4), deviation)[1][:2] == (0.0, 0.0)
+
+
+def test_vehicles_that_do_not_scatter_may_have_no_scatter():
+    rng = np.random.default_rng(5)
+    found = calibrated(log_of({f"s{k}": shuttle_rows(rng, scatter=Scatter(0.0, 3.0), sigma=0.0, trips=20) for k in range(2)})).quantities
+    assert found["speed_noise"].low == 0.0 and found["max_speed_mps"].low <= 1.2 <= found["max_speed_mps"].high
 
 
 def test_offsets_of_clocks_change_nothing(shuttles):
