@@ -53,7 +53,7 @@ class CalibratedFigure:
 
     @property
     def basis(self) -> str:
-        """What it is from, in words."""
+        """Its episodes, counted in words."""
         return f"{self.count} {self.of}" if self.count != 1 else f"1 {self.of.replace('stops', 'stop')}"
 
     @property
