@@ -69,7 +69,7 @@ def paired(folder: Path, first_map: str) -> dict[str, Any]:
 
 
 def waits(run: RunFolder) -> tuple[FloatArray, FloatArray]:
-    """Places [N, 2] m in the run's map where robots waited or were blocked, and [N] s for how long.
+    """Places [N, 2] m in the run's map where robots waited or were blocked, each the mean of those close by, and [N] s for how long.
 
     Raises MrpSumoError for a run that was not driven.
     """
@@ -81,8 +81,9 @@ def waits(run: RunFolder) -> tuple[FloatArray, FloatArray]:
     still = (states == WAITING) | (states == BLOCKED)
     period_s = float(np.diff(execution.t_s).mean()) if len(execution.t_s) > 1 else 1.0
     xy = np.column_stack((execution.x_m[still], execution.y_m[still]))
-    cells, count = np.unique(np.rint(xy / BIN_M).astype(np.int64), axis=0, return_counts=True)
-    return (cells * BIN_M).astype(np.float64), (count * period_s).astype(np.float64)
+    _, bin_of, count = np.unique(np.rint(xy / BIN_M).astype(np.int64), axis=0, return_inverse=True, return_counts=True)
+    middle = np.column_stack([np.bincount(bin_of.ravel(), axis) for axis in xy.T]) / count[:, None]
+    return middle, (count * period_s).astype(np.float64)
 
 
 def _records(folder: Path) -> Iterator[BatchRecord]:
