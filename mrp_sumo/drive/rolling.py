@@ -41,6 +41,7 @@ LOOK_S = 1.0  # at least, between looks at how far robots have come
 BEYOND_STEPS = 10  # the way into the longest aisle and back
 STEPWISE = "pibt"  # what answers where the planner has failed twice running
 COMPLETE = "lacam"  # what answers to the end where the planner lets robots stand for good
+PAUSE_S = 60.0  # before that is asked again after it had no way out either; twice as long each time
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,6 +66,8 @@ class Rolling:
         self._half_over_s = np.inf  # at the latest
         self._failures = 0  # running
         self._led_since_s = -np.inf  # the last stop before LaCAM took over; it leads until the next
+        self._tried = -np.inf, 0  # the last stop, and how many robots were broken, when it was asked
+        self._again_s, self._pause_s = -np.inf, PAUSE_S
         self._events: list[Event] = []
         self._serves = False  # whether anybody has been served
         self.refused_since_s = np.inf  # since when there have been no plans; inf: the last request had one
@@ -130,13 +133,16 @@ class Rolling:
     def _led_out(self, request: Request, begin_s: float, ways: Replan, limits: AnswerLimits) -> Replan:
         """The ways, or LaCAM's to the end where robots that have stood for long would stand on, and from then on until a stop is made."""
         made_s, num_staying = self._around.crew.made_s, self._staying(request, ways)
-        if self._led_since_s != made_s and not num_staying:
+        if self._tried != (tried := (made_s, int(self._around.world.broken.sum()))):
+            self._tried, self._again_s, self._pause_s = tried, -np.inf, PAUSE_S
+        if request.now_s < self._again_s or (self._led_since_s != made_s and not num_staying):
             return ways
         with suppress(PlanError):
             led = planned(request, begin_s, self._around, COMPLETE, {}, replace(limits, window_steps=0))
             if self._staying(request, led) <= max(0, num_staying - 1):
                 self._led_since_s = made_s
                 return led
+        self._again_s, self._pause_s = request.now_s + self._pause_s, 2 * self._pause_s
         return ways
 
     def _staying(self, request: Request, ways: Replan) -> int:

@@ -1,11 +1,15 @@
 """How far ahead plans reach by default: into the longest aisle and back, or robots meet in it again and again."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from floors import driven, lanes, scenario
 from worlds import graph_of
 
+from mrp_sumo.drive import rolling
 from mrp_sumo.drive.rolling import longest_aisle
+from mrp_sumo.errors import PlanError
 
 ROW = [(float(k), 0.0) for k in range(8)]
 LINE = [(k, k + 1) for k in range(7)]
@@ -52,3 +56,27 @@ def test_robots_that_bar_each_others_places_are_led_out(tmp_path, planner):
     floor, execution = lanes(tmp_path / "comb.csv", xy, street, True), {"time_limit_s": 1800.0}
     result = driven(scenario(floor, tasks, starts=["dock", "one", "two"], planner=planner, execution=execution))
     assert result.status == "completed" and result.metrics["tasks_done"] > 15, result.note
+
+
+def test_a_way_out_is_asked_for_ever_more_seldom_where_there_is_none(monkeypatch):
+    """Requests each second for ten minutes: after 60, 120, 240 s; at once after a stop, and when a broken robot is repaired."""
+    crew, broken, asked_s = SimpleNamespace(made_s=0.0), np.array([True, False]), list[float]()
+
+    def planned(request, begin_s, context, planner, parameters, limits):
+        if planner == rolling.COMPLETE:
+            asked_s.append(request.now_s)
+            raise PlanError("no way out")
+        return "ways"
+
+    monkeypatch.setattr(rolling, "planned", planned)
+    monkeypatch.setattr(rolling.Rolling, "_staying", lambda *_: 1)
+    settings = SimpleNamespace(planning=SimpleNamespace(effort=1, budget_s=0.0), tasks=True, planner="prioritised", planner_parameters={})
+    ledger = SimpleNamespace(problem=SimpleNamespace(num_robots=2))
+    monkeypatch.setattr(rolling, "window_of", lambda *_: 20)
+    around = SimpleNamespace(crew=crew, world=SimpleNamespace(broken=broken), ledger=ledger)
+    asks = rolling.Rolling(settings, around, None, None)
+    for now_s in range(1, 601):
+        crew.made_s = 500.0 if now_s >= 500 else 0.0
+        broken[0] = now_s < 550
+        assert asks.plan(SimpleNamespace(now_s=float(now_s)), float(now_s)) == "ways"
+    assert asked_s == [1.0, 61.0, 181.0, 421.0, 500.0, 550.0]
