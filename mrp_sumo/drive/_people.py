@@ -180,9 +180,9 @@ def in_grains(where):
 
 
 @kernel(allocates=False)
-def see_robots(dt, driven_m, visits, motion, people):
+def see_robots(dt, driven_m, visits, motion, people, towed_by, bodies):
     """Places in which people see robots that have driven `driven_m` [R]: those when the step is over. Headings of robots that turn in
-    place are one step old.
+    place are one step old. Behind them come trailers, towed by robots [N], with their `bodies` [N, 3] as x, y, yaw.
     """
     following, at_m, lane = visits.next, visits.at_m, visits.lane
     for r in range(len(driven_m)):
@@ -202,3 +202,7 @@ def see_robots(dt, driven_m, visits, motion, people):
             if not np.isnan(people.body_yaw[r]):
                 along = (s - was) / dt * (1.0 - 2.0 * visits.gear[k])
         people.robot_along[r] = along
+    for k in range(len(towed_by)):
+        r, t = towed_by[k], len(driven_m) + k
+        people.robot_x[t] = np.nan if np.isnan(people.robot_x[r]) else bodies[k, 0]  # in a lift with its vehicle
+        people.robot_y[t], people.robot_yaw[t], people.robot_along[t] = bodies[k, 1], bodies[k, 2], people.robot_along[r]

@@ -130,17 +130,14 @@ class Bystanders:
 
     def _see(self, dt: float, ledger: Ledger, driven_m: FloatArray) -> None:
         """Have people see robots, and behind all of these the trailers, that have driven so far [R]."""
-        seen, k, of_trailer = self.seen, len(driven_m), list[int]()
+        seen, trailers, of_trailer = self.seen, list[tuple[float, float, float]](), list[int]()
         for r, train in self._trains.of_robot.items():
             s_m = round(float(driven_m[r]) * GRAINS) / GRAINS  # people walk alike with either engine
             (seen.body_x[r], seen.body_y[r], seen.body_yaw[r]), *towed = train.bodies(ledger, r, s_m)
-            for seen.robot_x[k], seen.robot_y[k], seen.robot_yaw[k] in towed:
-                of_trailer.append(r)
-                k += 1
-        _people.see_robots(dt, driven_m, ledger.visits, ledger.state.motion, seen)
-        trailers = slice(len(driven_m), k)
-        seen.robot_along[trailers] = seen.robot_along[of_trailer]
-        seen.robot_x[trailers][np.isnan(seen.robot_x[of_trailer])] = np.nan  # in a lift with its vehicle
+            trailers += towed
+            of_trailer += [r] * len(towed)
+        towed_by, bodies = np.array(of_trailer, np.int64), np.array(trailers, np.float64).reshape(-1, 3)
+        _people.see_robots(dt, driven_m, ledger.visits, ledger.state.motion, seen, towed_by, bodies)
 
     def notice(self, now_s: float) -> list[Event]:
         """Stops of robots that are over."""
