@@ -31,10 +31,8 @@ SLOWEST_MPS = 0.02  # at which vehicles drive that are vehicles
 LEAST_EXTENT_M = 0.2  # of where a vehicle is that drives
 FEW = 3  # actions of a kind
 LEAST_DRIVEN_S = 10.0  # on which a stop would be seen
-NO_SPREAD, USUAL_SPREAD = (
-    1 / 3,
-    0.1,
-)  # how likely vehicles are as fast as each other, and by how much they are not, where nobody knows better
+NO_SPREAD = 1 / 3  # how likely vehicles are as fast as each other, where nobody knows better
+USUAL_SPREAD = 0.1  # by how much they are not, else
 WIDEST = 3.0  # half of an interval, as a logarithm: beyond it nothing is known
 PLACE_M, OFTEN = 0.5, 3  # within which stands are at one place, and how many make one
 

@@ -411,9 +411,11 @@ def look_back(now, dt, p, walkers, ground, robots):
 
     Beside a robot, where people may walk to and fro, what they have stood is forgotten slowly.
     """
-    x, y = walkers.x_m[p], walkers.y_m[p]
-    nearest = robot_away_m(x, y, ground, robots)
-    if np.hypot(walkers.vx_mps[p], walkers.vy_mps[p]) >= SLOW * walkers.wish_mps[p]:
+    walks = np.hypot(walkers.vx_mps[p], walkers.vy_mps[p]) >= SLOW * walkers.wish_mps[p]
+    if walks and walkers.stuck_s[p] == 0.0:
+        return
+    nearest = robot_away_m(walkers.x_m[p], walkers.y_m[p], ground, robots)
+    if walks:
         walkers.stuck_s[p] = max(walkers.stuck_s[p] - (dt if nearest > BEFORE_ROBOT_M else FORGETS * dt), 0.0)
         return
     if nearest <= BEFORE_ROBOT_M:

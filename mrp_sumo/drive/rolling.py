@@ -173,7 +173,7 @@ class Rolling:
 
     def _over_s(self, now_s: float) -> float:
         """When half of the window is over; now, where a robot that is ahead of its plan comes to its end; or when to look again."""
-        if not self._half_over_s < np.inf:
+        if self._half_over_s == np.inf:
             return np.inf
         state, visits, kinematics = self._around.state, self._around.ledger.visits, self._controller.kinematics
         left_m = visits.at_m[visits.last] - state.motion.s_m - kinematics.reach_m - kinematics.speed_mps * self._settings.planning.budget_s
