@@ -24,7 +24,7 @@ from mrp_sumo.core.problem import Problem, Standing
 from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.errors import PlanError
 from mrp_sumo.traffic.courses import course_rad
-from mrp_sumo.traffic.turns import BACKWARD, FORWARD, MAY_STAND_RAD, NEVER, stands_bent, turns_of
+from mrp_sumo.traffic.turns import BACKWARD, FORWARD, MAY_STAND_RAD, NEVER, Turns, stands_bent, turns_of
 
 UNDER_WAY, STANDING, BOUND, ANYWHERE = range(4)
 MOST_PLACES = 256  # for which lengths of ways are kept
@@ -177,7 +177,8 @@ def _with_room_behind(problem: Problem, robot: int, course: FloatArray, taken: s
     if not free:
         place = f"{problem.fleet.robot_name[robot]} starts at '{graph.known_as(start)}'"
         raise PlanError(f"{place}, where no free lane behind it has {behind_m:.2f} m for its trailers")
-    return min(free, key=lambda lane: not _goes_on(graph, course, lane))
+    turns = turns_of(graph, problem.fleet.types[int(problem.fleet.kind[robot])])
+    return min(free, key=lambda lane: not _goes_on(turns, lane, FORWARD))
 
 
 def _facing(problem: Problem, robot: int, course: FloatArray) -> tuple[int, int, int]:
@@ -195,9 +196,8 @@ def _facing(problem: Problem, robot: int, course: FloatArray) -> tuple[int, int,
             at_end = int(does == STANDING)
             lanes = (end == v) & (off[:, at_end] <= MAY_STAND_RAD) & turns.gears[:, gear]
             along |= bool(lanes.any())
-            for lane in np.flatnonzero(lanes & turns.stands[:, at_end]).tolist():
-                ends = does == STANDING and (turns.may_stand[turns.first[lane] : turns.first[lane + 1], gear] == NEVER).all()
-                states.append((bool(ends), does, lane, gear))
+            faces_so = np.flatnonzero(lanes & turns.stands[:, at_end]).tolist()
+            states += [(does == STANDING and not _goes_on(turns, lane, gear), does, lane, gear) for lane in faces_so]
     if states:
         _, does, lane, gear = min(states, key=lambda each: each[0])
         return does, lane, gear
@@ -209,10 +209,9 @@ def off_rad(course: FloatArray, heading: float) -> FloatArray:
     return np.abs(wrapped(course - heading))
 
 
-def _goes_on(graph: PlanGraph, course: FloatArray, lane: int) -> bool:
-    """True if another lane leads on in the direction of a lane."""
-    head = int(graph.head[lane])
-    return bool((off_rad(course[graph.first[head] : graph.first[head + 1], 0], float(course[lane, 1])) <= MAY_STAND_RAD).any())
+def _goes_on(turns: Turns, lane: int, gear: int) -> bool:
+    """True if a vehicle that stands at the end of a lane, by which it came in a gear, can drive on."""
+    return bool((turns.may_stand[turns.first[lane] : turns.first[lane + 1], gear] != NEVER).any())
 
 
 class RoundTrips(NamedTuple):
@@ -239,12 +238,11 @@ def round_trips(graph: PlanGraph, vehicle: RobotType, among: IntArray) -> RoundT
     is_on, begins, behind = np.zeros(num_places, np.bool_), leads[states.anywhere], np.full(num_places, -1)
     is_on[states.place[on]] = True
     if vehicle.trailers:
-        course = course_rad(graph)
         stands = states.at[STANDING, :, FORWARD]
         begins[:] = False
         for lane in np.flatnonzero((stands >= 0) & leads[stands] & (graph.length_m >= vehicle.behind_m)).tolist():
             v = int(graph.head[lane])
-            if not begins[v] or not _goes_on(graph, course, int(graph.lane_between(int(behind[v]), v))):
+            if not begins[v]:
                 begins[v], behind[v] = True, int(graph.tail[lane])
     return RoundTrips(is_on, begins, behind)
 

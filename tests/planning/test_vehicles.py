@@ -101,6 +101,14 @@ def test_nobody_stands_where_trailers_are():
     assert "robot_0 starts at 'v0', where no free lane behind it has 2.90 m for its trailers" in alone.message
 
 
+@pytest.mark.parametrize(("closed", "goal"), [([(1, 2)], 3), ([(1, 3)], 2)])
+def test_trailers_stand_where_the_tugger_can_go_on(closed, goal):
+    """At a crossing of two roads, of which one is closed to it beyond."""
+    graph = roads([(0, 0), (4, 0), (8, 0), (4, 4), (4, -4)], one_way=[(0, 1), (1, 2), (1, 3), (4, 1)])
+    graph = replace(graph, closed_to={TUGGER.name: frozenset(closed)})
+    assert plan(vehicles_on(graph, [1], [goal], TUGGER)).status is Status.SOLVED
+
+
 @pytest.mark.parametrize(
     ("xy", "why"),
     [
