@@ -36,6 +36,7 @@ class Trial:
     ended: str  # in a word
     faults: tuple[str, ...] = ()
     command: str = ""  # that shows the faults, in the trial's folder
+    num_runs: int = 1  # that were driven or made
 
 
 class Campaign(Protocol):
@@ -238,9 +239,10 @@ def table(rows: Any) -> str:
     kinds = collections.defaultdict(list)
     for row in rows:
         kinds[row["kind"]].append(row)
-    lines = ["| trial | trials | CPU-s | with faults | ended |", "|---|---|---|---|---|"]
+    lines = ["| trial | trials | runs | CPU-s | with faults | ended |", "|---|---|---|---|---|---|"]
     for kind, part in [*sorted(kinds.items()), ("all", rows)]:
         ended = ", ".join(f"{count} {word}" for word, count in collections.Counter(row["ended"] for row in part).most_common(8))
         cpu_s, faults = sum(row.get("cpu_s", 0.0) for row in part), sum(bool(row["faults"]) for row in part)
-        lines.append(f"| {kind} | {len(part)} | {cpu_s:.0f} | {faults} | {ended} |")
+        num_runs = sum(row.get("num_runs", 1) for row in part)
+        lines.append(f"| {kind} | {len(part)} | {num_runs} | {cpu_s:.0f} | {faults} | {ended} |")
     return "\n".join(lines)
