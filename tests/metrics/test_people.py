@@ -103,6 +103,18 @@ def test_person_who_walks_into_a_robot_that_stands_has_done_it():
     assert found["person_contacts"][0]["kind"] == "standing"
 
 
+@pytest.mark.parametrize(("beyond_m", "touches"), [(0.17, 1), (0.2, 0)])  # along either axis from the corner: 0.24 m and 0.28 m
+def test_person_of_a_quarter_metre_is_beside_a_corner(beyond_m, touches):
+    found = audited(np.zeros(4), CART.length_m / 2 + beyond_m, CART.width_m / 2 + beyond_m)
+    assert found["num_person_touches"] == touches
+
+
+def test_person_who_is_gone_has_not_walked_to_where_somebody_is_seen_last():
+    """Before a robot that stands, and later behind it."""
+    x = np.where(np.arange(20) < 5, 1.5, np.where(np.arange(20) < 12, np.nan, -1.5))
+    assert audited(np.zeros(20), x, 0.0)["num_person_touches"] == 0
+
+
 def test_nothing_is_said_of_people_where_there_are_none():
     found = audit(record_of_four().execution, fleet_of(CART, 4))
     assert found["num_person_contacts"] is None and found["min_person_distance_m"] is None
