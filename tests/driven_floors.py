@@ -18,9 +18,9 @@ from mrp_sumo.experiments.batch import Making, Watcher, run_batch
 from mrp_sumo.io.scenario.read import scenario_of
 from mrp_sumo.sizing.observe import FUNCTION
 from mrp_sumo.sizing.points import Point, Record, record_of
-from mrp_sumo.sizing.question import FULL, SATURATED, Question, Trial
+from mrp_sumo.sizing.question import FULL, SATURATED, Question, Trial, effort_of
 from mrp_sumo.sizing.search import NEW_SEEDS
-from mrp_sumo.sizing.study import Study, study_question
+from mrp_sumo.sizing.study import Study
 
 EFFORT = replace(FULL, horizon_s=1200.0, budget_s=1e9)
 LIGHT = {**BATTERY, "capacity_ah": 0.4, "charging_a": 2.0, "mass_kg": 10.0, "inertia_kgm2": 0.5, "friction": 0.05}
@@ -58,7 +58,7 @@ class Floor:
             "record": {"bag": False},
         }
         file = scenario_of(values, folder, self.name.replace(" ", "_"))
-        return Study(study_question(file, robots=self.sizes, horizon_s=EFFORT.horizon_s, budget_s=EFFORT.budget_s))
+        return Study(Question(file, self.sizes, effort_of(False, EFFORT.budget_s, EFFORT.horizon_s)))
 
 
 def orders(service, **more):

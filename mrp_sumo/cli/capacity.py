@@ -90,8 +90,8 @@ def run(options: argparse.Namespace) -> int:
     from mrp_sumo.experiments.batch import Making, require_ours
     from mrp_sumo.sizing.study import Study
 
-    warn_of_kernels()
     study = Study(question)
+    warn_of_kernels()
     folder = Path(options.out) if options.out else Path("runs") / study.variations.suite.name
     if folder.exists():
         require_ours(folder, study.variations.suite.name, study.variations.code)  # before the pilot run
@@ -118,7 +118,7 @@ def question_of(options: argparse.Namespace) -> "Question":
 
     robots = _sizes(options.robots) if options.robots else None
     demand_per_h = _rate_per_h(options.demand) if options.demand else None
-    on_time = _share(options.on_time) if options.on_time else None
+    on_time = _share(options.on_time) if options.on_time else 0.0
     budget_s = _duration_s("--budget", options.budget) if options.budget else None
     horizon_s = _duration_s("--horizon", options.horizon) if options.horizon else None
     if not all(text.strip() for text in options.what_if):
@@ -129,21 +129,20 @@ def question_of(options: argparse.Namespace) -> "Question":
         raise MrpSumoError(
             f"--horizon: '{file.scenario.name}' has no orders: its runs end once all robots are at their goals; leave it out"
         )
-    from mrp_sumo.sizing.study import study_question  # which loads what a study needs: after all that can be told without
+    from mrp_sumo.sizing.question import AS_MANY_AS_FIT, Question, effort_of  # loads arrays: after all that can be told without
 
-    return study_question(
+    bounds = intervals.bounds_of(options, file)
+    return Question(
         file,
-        robots=robots,
-        demand_per_h=demand_per_h,
-        on_time=on_time,
-        quick=options.quick,
-        budget_s=budget_s,
-        horizon_s=horizon_s,
-        engine=options.engine,
-        seed=options.seed,
-        what_if=options.what_if,
-        confirm=options.confirm,
-        bounds=intervals.bounds_of(options, file),
+        robots or AS_MANY_AS_FIT,
+        effort_of(options.quick, budget_s, horizon_s),
+        demand_per_h,
+        on_time,
+        options.engine,
+        file.scenario.seed if options.seed is None else options.seed,
+        tuple(options.what_if),
+        confirm=options.confirm == "sumo",
+        bounds=None if bounds is None else tuple(bounds.items()),
         command=_command(options),
     )
 

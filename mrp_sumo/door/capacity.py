@@ -12,8 +12,9 @@ from mrp_sumo.io.scenario.file import find_scenario
 from mrp_sumo.io.scenario.read import read_scenario
 from mrp_sumo.io.summary import Summary, summary
 from mrp_sumo.sizing.answer import Answer
+from mrp_sumo.sizing.question import AS_MANY_AS_FIT, Question, effort_of
 from mrp_sumo.sizing.reasons import PARTS, cycle
-from mrp_sumo.sizing.study import Study, study_question
+from mrp_sumo.sizing.study import Study
 
 if TYPE_CHECKING:
     import pandas
@@ -161,19 +162,17 @@ def capacity(
     file = scenario.file if isinstance(scenario, Scenario) else read_scenario(find_scenario(str(scenario)))
     workers = num_workers("workers", workers)
     study = Study(
-        study_question(
+        Question(
             file,
-            robots=robots,
-            demand_per_h=demand_per_h,
-            on_time=on_time,
-            quick=quick,
-            budget_s=budget_s,
-            horizon_s=horizon_s,
-            engine=engine,
-            seed=seed,
-            what_if=what_if,
-            confirm=confirm,
-            bounds=None if error_bands is False else {} if error_bands is True else dict(error_bands),
+            robots or AS_MANY_AS_FIT,
+            effort_of(quick, budget_s, horizon_s),
+            demand_per_h or None,
+            on_time or 0.0,
+            engine,
+            file.scenario.seed if seed is None else seed,
+            tuple(what_if),
+            confirm=confirm == "sumo",
+            bounds=None if error_bands is False else () if error_bands is True else tuple(error_bands.items()),
             command=f"ms.capacity({file.scenario.name!r}, ...)",
         )
     )

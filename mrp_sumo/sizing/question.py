@@ -5,7 +5,7 @@ size of the fleet: common random numbers. Refuses questions that the scenario ca
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import ceil
 from typing import Any
 
@@ -19,6 +19,7 @@ from mrp_sumo.io.scenario.tasks import StreamChoice
 Values = dict[Place, tuple[str, Any]]  # of a scenario, with the option that sets each
 
 SATURATED, DEMAND, ONE_SHOT = "saturated", "demand", "one_shot"
+AS_MANY_AS_FIT = -1, -1  # sizes that the map decides
 ON_TIME, SUCCEED = 0.95, 0.8  # wanted shares of orders, and of one-shot draws, by default
 GRID_SHARE, BEFORE_CHANGES = 0.6, 0.6  # of the budget
 BACKLOG = 2.0  # orders a robot that are known in saturated runs: the one it has, and one that waits
@@ -46,6 +47,12 @@ FULL = Effort(horizon_s=3600.0, seeds=5, most_seeds=30, precision=0.05, growth=1
 QUICK = Effort(horizon_s=1200.0, seeds=3, most_seeds=6, precision=0.1, growth=2.0, gap=1.3, budget_s=180.0)
 
 
+def effort_of(quick: bool, budget_s: float | None, horizon_s: float | None) -> Effort:
+    """The effort of a quick or a full study, with a budget and a horizon of its own where these are not None."""
+    effort = QUICK if quick else FULL
+    return replace(effort, budget_s=budget_s or effort.budget_s, horizon_s=horizon_s or effort.horizon_s)
+
+
 @dataclass(frozen=True)
 class Cycle:
     """Driving and charging of one robot, over and over."""
@@ -68,13 +75,13 @@ class Cycle:
 
 @dataclass(frozen=True)
 class Question:
-    """Question about a scenario."""
+    """Question about a scenario. What is left open follows from that, see `study.completed`."""
 
     file: ScenarioFile
-    sizes: tuple[int, int]  # least and most robots
-    effort: Effort
-    demand_per_h: float | None = None  # the scenario's own by default
-    on_time: float = 0.95  # share of orders that are to be on time; of one-shot scenarios, of fleets that are to succeed
+    sizes: tuple[int, int] = AS_MANY_AS_FIT  # least and most robots
+    effort: Effort = FULL
+    demand_per_h: float | None = None  # None: the scenario's own
+    share: float = 0.0  # of orders that are to be on time; of one-shot scenarios, of draws that are to succeed; 0: the usual one
     engine: str = "kinematic"
     first_seed: int = 0
     what_if: tuple[str, ...] = ()  # as the user wrote them; 'auto' tries the obvious ones
@@ -82,6 +89,11 @@ class Question:
     command: str = ""  # that asks it again
     charging: Cycle | None = None  # of robots with batteries
     bounds: tuple[tuple[str, tuple[float, float]], ...] | None = None  # intervals that the user gives; None: no error bands are wanted
+
+    @property
+    def on_time(self) -> float:
+        """The share of orders that are to be on time, or of draws that are to succeed."""
+        return self.share or (ON_TIME if self.has_tasks else SUCCEED)
 
     @property
     def most_robots(self) -> int:
@@ -220,7 +232,8 @@ def require_sizes(low: int, high: int) -> None:
 def require_answerable(question: Question) -> None:
     """Refuse what the scenario cannot answer. Raises MrpSumoError: one line, with what would do."""
     name, tasks = question.file.scenario.name, question.file.scenario.tasks
-    require_sizes(*question.sizes)
+    if question.sizes != AS_MANY_AS_FIT:
+        require_sizes(*question.sizes)
     if question.confirm and question.engine == "sumo":
         raise MrpSumoError("--confirm sumo: with --engine sumo every run is driven in SUMO already; leave one of them out")
     if tasks is None:

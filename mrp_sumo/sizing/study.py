@@ -3,7 +3,7 @@
 Killed and started again, it goes on where it was, and the answer is the same to the last byte.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import ceil
@@ -14,13 +14,12 @@ from typing import Any
 from mrp_sumo.core.graph import NavGraph
 from mrp_sumo.errors import MrpSumoError, PlanError, ScenarioError
 from mrp_sumo.experiments.batch import NOW, Lookup, Making, Watcher, run_batch
-from mrp_sumo.experiments.error_bands import MOST_QUANTITIES, Bounds, Quantity, design, quantities, values_at
+from mrp_sumo.experiments.error_bands import MOST_QUANTITIES, Quantity, design, quantities, values_at
 from mrp_sumo.experiments.identity import code_version
 from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.experiments.run import carry_out
 from mrp_sumo.experiments.staging.set_up import SetUp, set_up
 from mrp_sumo.experiments.suite import PlannedRun, Variations
-from mrp_sumo.io.scenario.file import ScenarioFile
 from mrp_sumo.io.scenario.read import changed
 from mrp_sumo.sizing.answer import Answer, answer_of
 from mrp_sumo.sizing.bands import likely_trials
@@ -28,13 +27,10 @@ from mrp_sumo.sizing.confirmation import most_trials
 from mrp_sumo.sizing.observe import FUNCTION
 from mrp_sumo.sizing.points import Record, record_of
 from mrp_sumo.sizing.question import (
+    AS_MANY_AS_FIT,
     CORES,
-    FULL,
-    ON_TIME,
     ONE_SHOT,
-    QUICK,
     SATURATED,
-    SUCCEED,
     Cycle,
     Question,
     Trial,
@@ -53,42 +49,15 @@ LOADING_S = 20.0  # simulated before a pilot is measured
 LEAST_ROBOTS, MOST_ROBOTS = 4, 200  # by default; fewer where the map holds fewer
 
 
-def study_question(
-    file: ScenarioFile,
-    *,
-    robots: tuple[int, int] | None = None,
-    demand_per_h: float | None = None,
-    on_time: float | None = None,
-    quick: bool = False,
-    budget_s: float | None = None,
-    horizon_s: float | None = None,
-    engine: str = "kinematic",
-    seed: int | None = None,
-    what_if: Sequence[str] = (),
-    confirm: str | None = None,
-    bounds: Bounds | None = None,
-    command: str = "",
-) -> Question:
-    """The question, with defaults that follow from the scenario. The parameters are those of `mrp-sumo capacity`."""
-    effort, tasks = QUICK if quick else FULL, file.scenario.tasks
-    effort = replace(effort, budget_s=budget_s or effort.budget_s, horizon_s=horizon_s or effort.horizon_s)
-    question = Question(
-        file=file,
-        sizes=robots or (1, 1),
-        effort=effort,
-        demand_per_h=demand_per_h or (own_demand_per_h(tasks.streams) if tasks else None),
-        on_time=on_time or (ON_TIME if tasks else SUCCEED),
-        engine=engine,
-        first_seed=file.scenario.seed if seed is None else seed,
-        what_if=tuple(what_if),
-        confirm=confirm == "sumo",
-        bounds=None if bounds is None else tuple(bounds.items()),
-        command=command,
-    )
+def completed(question: Question) -> Question:
+    """The question with what follows from the scenario where it leaves that open: demand, and sizes of fleets."""
+    tasks = question.file.scenario.tasks
+    if question.demand_per_h is None and tasks:
+        question = replace(question, demand_per_h=own_demand_per_h(tasks.streams))
     require_answerable(question)
-    if robots is None:
+    if question.sizes == AS_MANY_AS_FIT:
         most = max(1, most_robots(question, MOST_ROBOTS))
-        least = min(LEAST_ROBOTS, most, max(1, file.scenario.robots.size))  # what the scenario runs is tried
+        least = min(LEAST_ROBOTS, most, max(1, question.file.scenario.robots.size))  # what the scenario runs is tried
         question = replace(question, sizes=(least, most))
     return question
 
@@ -154,8 +123,7 @@ class Study:
         Raises MrpSumoError: one line, for what the scenario cannot answer, sizes that the map cannot hold, changes that cannot be made, and
         a budget that buys nothing.
         """
-        require_answerable(question)
-        self.question = question
+        self.question = question = completed(question)
         self._began_s = monotonic()  # the pilot counts, too
         self._runs: dict[Trial, PlannedRun] = {}
         self._records: dict[str, Record] = {}

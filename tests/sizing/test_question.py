@@ -34,7 +34,7 @@ def test_places_to_charge_keep_as_many_robots_going_as_they_charge_in_time(charg
 def test_fleets_as_small_as_the_scenarios_own_are_tried(tmp_path, robots, least):
     tasks = "{streams: [{arrivals: {rate_per_h: 60}, stops: [office_1]}]}"
     (tmp_path / "small.yaml").write_text(f"map: office\nrobots: {robots}\ntasks: {tasks}\n")
-    assert study.study_question(read_scenario(tmp_path / "small.yaml")).sizes[0] == least
+    assert study.completed(Question(read_scenario(tmp_path / "small.yaml"))).sizes[0] == least
 
 
 @pytest.mark.parametrize(("robots", "is_refused"), [((0, 2), True), ((5, 2), True), ((2, 2), False)])
@@ -42,7 +42,7 @@ def test_sizes_are_checked_whoever_asks(tmp_path, robots, is_refused):
     (tmp_path / "small.yaml").write_text("map: office\nrobots: 2\n")
     file = read_scenario(tmp_path / "small.yaml")
     with pytest.raises(MrpSumoError, match="at least one robot") if is_refused else nullcontext():
-        assert study.study_question(file, robots=robots).sizes == robots
+        assert study.completed(Question(file, robots)).sizes == robots
 
 
 CHARGING = """

@@ -113,7 +113,7 @@ def test_runs_that_are_too_short_for_orders_to_be_due_decide_nothing():
 
 
 def test_the_largest_fleet_whose_plans_succeed():
-    asked = question((2, 80), replace(EFFORT, most_seeds=20), tasks=None, on_time=0.8)
+    asked = question((2, 80), replace(EFFORT, most_seeds=20), tasks=None)
     answer, _ = answer_of(asked, Fleets(rises_and_falls, asked))
     found = answer.served.smallest
     assert found.low <= found.estimate and 36 <= found.estimate <= 52  # 80 % succeed at 44
