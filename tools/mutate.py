@@ -165,16 +165,18 @@ def places_of(room: str) -> list[list[Mutant]]:
             operator, occurrence = get_operator(name)(), 0
             for node in nodes:
                 for start, end in operator.mutation_positions(node):
-                    if not is_annotation(node):
+                    if not is_no_rule(node):
                         places.setdefault((file, (start, end)), []).append(Mutant(room, file, start[0], name, occurrence))
                     occurrence += 1
     return list(places.values())
 
 
-def is_annotation(node: Any) -> bool:
-    """Whether a node of the syntax tree is within a type, which says nothing to a running program."""
+def is_no_rule(node: Any) -> bool:
+    """Whether a node of the syntax tree is within a type, which says nothing to a running program, or a decorator such as @dataclass."""
     while node.parent is not None:
         child, node = node, node.parent
+        if node.type == "decorator":
+            return True
         if node.type == "tfpdef" and child is node.children[-1]:
             return True
         if node.type == "annassign" and child is node.children[1]:
