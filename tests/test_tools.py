@@ -114,7 +114,7 @@ def test_campaign_that_is_interrupted_ends_its_trial_and_says_what_was_found(tmp
         campaign.send_signal(signal.SIGINT)
         printed, said = campaign.communicate()  # which waits for the trial's process, too: it holds the pipe
     assert campaign.returncode == 0 and not said
-    assert "| first | 1 | 0 | 0 | 1 done |" in printed
+    assert "| first | 1 | 1 | 0 | 0 | 1 done |" in printed
     assert not places.work(1).exists()
 
 
