@@ -1,10 +1,10 @@
 """Measures how much longer it takes to plan for vehicles that cannot turn in place than for robots that can.
 
-    tools/bench_vehicles.py [--robots N ...] [--planner NAME ...] [--seeds N]
+    tools/bench_vehicles.py [--robots N ...] [--planner NAME ...] [--map NAME ...] [--vehicle NAME ...] [--seeds N] [--first SEED]
 
-The same starts and goals, the same roads: the warehouse that comes with the program, and drawn squares of 12 x 12. `cart` turns in place,
-`tricycle` may reverse, `car` may not; all have the same separation. CPU seconds are medians over the seeds that both solved, of the least
-of three, after one plan on the same map, which makes the tables of the map: `first_s` is that plan's. Every plan is judged.
+The same starts and goals, the same roads: warehouse and plant that come with the program, and drawn squares of 12 x 12. `cart` turns in
+place, `tricycle` may reverse, `car` may not; all have the same separation. CPU seconds are medians over the seeds that both solved, of the
+least of three, after one plan on the same map, which makes the tables of the map: `first_s` is that plan's. Every plan is judged.
 """
 
 import argparse
@@ -24,7 +24,10 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     """See the module."""
     parser.add_argument("--robots", type=int, nargs="+", default=[10, 30])
     parser.add_argument("--planner", nargs="+", default=["lacam", "eecbs", "continuous"])
+    parser.add_argument("--map", nargs="+", default=["warehouse", "plant", "squares"])
+    parser.add_argument("--vehicle", nargs="+", default=["tricycle", "car"])
     parser.add_argument("--seeds", type=int, default=5)
+    parser.add_argument("--first", type=int, default=0, metavar="SEED")
     parser.add_argument("--time-limit", type=float, default=10.0, metavar="S")
 
 
@@ -51,8 +54,12 @@ def rows(options: argparse.Namespace) -> Iterator[bench.Row]:
         RobotType("car", kinematics=Wheels(kind="ackermann", **wheels), **figures),
     ]
     step_m = max(fleet_of(each, 1).separation_m for each in types)
-    nav, _ = join_short(load_map(bundled_maps()["warehouse"]).nav, step_m)
-    graphs = {"warehouse": cut_lanes(nav, cell_that_fits(nav.length_m, step_m)), "squares": squares(12, step_m)}
+    types = [each for each in types if each.name in ("cart", *options.vehicle)]
+    graphs = {}
+    for name in options.map:
+        if name != "squares":
+            nav, _ = join_short(load_map(bundled_maps()[name]).nav, step_m)
+        graphs[name] = squares(12, step_m) if name == "squares" else cut_lanes(nav, cell_that_fits(nav.length_m, step_m))
     for where, graph in graphs.items():
         for name in options.planner:
             chosen = planner(name, {})
@@ -60,7 +67,7 @@ def rows(options: argparse.Namespace) -> Iterator[bench.Row]:
             for count in options.robots:
                 taken: dict[str, dict[int, float]] = {}
                 for each in types:
-                    for seed in range(options.seeds):
+                    for seed in range(options.first, options.first + options.seeds):
                         start, goal = uniform_draw(graph, count, seed)
                         problem = Problem(
                             graph,
@@ -72,7 +79,7 @@ def rows(options: argparse.Namespace) -> Iterator[bench.Row]:
                             seed,
                             drivable=True,
                         )
-                        if seed == 0:
+                        if seed == options.first:
                             _, first_s, _ = bench.timed(lambda: planned_by(chosen, problem, options.time_limit))  # noqa: B023 it is called at once
                             taken.setdefault(f"{each.name}_first", {})[0] = first_s
                         answers = [bench.timed(lambda: planned_by(chosen, problem, options.time_limit)) for _ in range(3)]  # noqa: B023 it is called at once
@@ -81,7 +88,7 @@ def rows(options: argparse.Namespace) -> Iterator[bench.Row]:
                             assert judge(problem, result.plan, in_seconds="seconds" in chosen.supports).valid
                             taken.setdefault(each.name, {})[seed] = cpu_s
                 row: bench.Row = {"map": where, "planner": name, "robots": count}
-                for vehicle in ("tricycle", "car"):
+                for vehicle in options.vehicle:
                     both = sorted(taken.get("cart", {}).keys() & taken.get(vehicle, {}).keys())
                     mine, theirs = (median([taken[kind][seed] for seed in both] or [np.nan]) for kind in (vehicle, "cart"))
                     row |= {
