@@ -139,7 +139,7 @@ def _turning(vehicle: Turning, bend_rad: float, gears: tuple[int, int], tangent_
     turned = np.flatnonzero(np.diff(path.yaw_rad) != 0)
     begin, end = int(turned[0]), int(turned[-1]) + 2
     if gears[0] != gears[1]:  # it goes on straight to where it stops
-        end = max(end, int(np.searchsorted(path.on_m, straight_m, "right")))
+        end = max(end, int(np.searchsorted(path.on_m, straight_m + 1e-9, "right")))
     return frozen(np.column_stack([path.axle + vehicle.ahead_m * _rays(path.yaw_rad), path.yaw_rad])[begin:end])
 
 

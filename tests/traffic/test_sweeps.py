@@ -157,6 +157,14 @@ def test_a_swing_needs_room_beyond_the_corner(spare_m, expected):
     assert bool(turns.swings[k, BACKWARD]) == expected
 
 
+@pytest.mark.parametrize("room_m", [1.7, 1.7327241062247132])  # of which the latter is rounded down on the way
+def test_a_swing_ends_where_the_vehicle_stops(room_m):
+    """A long one backs round the corner, and on until its middle is there."""
+    truck = replace(TRICYCLE, length_m=2.0, kinematics=replace(TRICYCLE.kinematics, wheelbase_m=1.4, axle_m=0.75, steering_max_rad=1.2))
+    (body,) = swept_at_corner(truck, -1.8883782533170237, (BACKWARD, FORWARD), room_m, 0.0)
+    assert body.poses[-1, :2] == pytest.approx([0.0, 0.0], abs=1e-9)
+
+
 @pytest.mark.parametrize("spare_m", [0.01, -0.01])
 def test_trailers_are_held_against_walls_inside_corners(spare_m):
     """By the steady radius of the last trailer, on a bend that is long enough to come to it."""
