@@ -6,12 +6,14 @@
 
 The mutants are cosmic-ray's, and are made in a copy of the project in a temporary folder. Tests run in forks of a process that has
 loaded the libraries; kernels run as plain Python where a file of kernels is changed, else compiled. First a place in the sources is
-drawn, then one of its mutants. A mutant is caught when a test fails or takes many times as long as without it.
+drawn, then one of its mutants. Of its room's tests those run that come to the changed statement, or all where that happens before
+any test or in other processes. A mutant is caught when one fails or takes many times as long as all without it.
 Those that survive are a missing test or dead code; those that change nothing which matters are listed with the reason in
 `tools/mutants.yaml`, and do not count. Exit code 1 when there are others.
 """
 
 import argparse
+import ast
 import difflib
 import multiprocessing
 import os
@@ -224,25 +226,39 @@ def outcomes(mutants: Sequence[Mutant], copy: Path) -> Iterator[tuple[Mutant, st
     FORKS.set_forkserver_preload(list(PRELOADED))
     limit_s: dict[tuple[str, bool], float] = {}
     for mutant in mutants:
-        file = copy / mutant.file
-        how = mutant.room, file.name.startswith("_")
-        if how not in limit_s:
+        file, tests = copy / mutant.file, ROOMS[mutant.room][1]
+        plain = file.name.startswith("_")
+        covered = copy / f"covered_{mutant.room}_{plain}"
+        if (mutant.room, plain) not in limit_s:
             begin_s = time.monotonic()
-            if not passes(*how, copy, None):
+            if not passes(tests, plain, copy, None, covered):
                 raise SystemExit(f"mutate: the tests of '{mutant.room}' fail without a mutant")
-            limit_s[how] = 30.0 + LIMIT * (time.monotonic() - begin_s)
+            limit_s[mutant.room, plain] = 30.0 + LIMIT * (time.monotonic() - begin_s)
         source = file.read_text()
         mutated = mutate_code(source, get_operator(mutant.operator)(), mutant.occurrence)
         assert mutated is not None, mutant
         file.write_text(mutated)
-        caught = not passes(*how, copy, limit_s[how])
+        caught = not passes(tests_of(file, source, mutant.line, covered) or tests, plain, copy, limit_s[mutant.room, plain])
         file.write_text(source)
         yield mutant, "caught" if caught else "survived", changed_lines(source, mutated)
 
 
-def passes(room: str, plain: bool, copy: Path, limit_s: float | None) -> bool:
-    """Whether the tests of a room pass, in time; `plain`: kernels are plain Python."""
-    process = FORKS.Process(target=run_tests, args=(ROOMS[room][1], plain, copy, limit_s is None))
+def tests_of(file: Path, source: str, line: int, covered: Path) -> list[str]:
+    """The tests that come to the statement on a line of a file, and all of a file whose fixtures do; none where that cannot be told."""
+    from coverage import CoverageData
+
+    data = CoverageData(str(covered))
+    data.read()
+    inside = [node for node in ast.walk(ast.parse(source)) if isinstance(node, ast.stmt) and node.lineno <= line <= (node.end_lineno or 0)]
+    lines = range(inside[-1].lineno, (inside[-1].end_lineno or 0) + 1) if inside else ()  # the innermost one
+    contexts = {name for number, names in data.contexts_by_lineno(str(file)).items() if number in lines for name in names}
+    whole = {name.partition("::")[0] for name in contexts if name.endswith("|setup")}
+    return [] if "" in contexts else sorted(whole | {name.rpartition("|")[0] for name in contexts if name.partition("::")[0] not in whole})
+
+
+def passes(tests: Sequence[str], plain: bool, copy: Path, limit_s: float | None, covered: Path | None = None) -> bool:
+    """Whether tests pass, in time; `plain`: kernels are plain Python. Which lines each comes to is written to `covered`."""
+    process = FORKS.Process(target=run_tests, args=(tests, plain, copy, covered))
     process.start()
     process.join(limit_s)
     if process.is_alive():
@@ -251,19 +267,22 @@ def passes(room: str, plain: bool, copy: Path, limit_s: float | None) -> bool:
     return process.exitcode == 0
 
 
-def run_tests(tests: Sequence[str], plain: bool, copy: Path, keeps_bytecode: bool) -> None:
-    """Run tests as a process of its own; `keeps_bytecode`: of files without a mutant."""
+def run_tests(tests: Sequence[str], plain: bool, copy: Path, covered: Path | None) -> None:
+    """Run tests as a process of its own; bytecode is kept of files without a mutant."""
     os.setsid()
     os.chdir(copy)
     os.environ |= {"NUMBA_DISABLE_JIT": str(int(plain)), "PYTHONPATH": str(copy)}
     sys.path[:] = [str(copy), *(path for path in sys.path if Path(path) not in (ROOT, ROOT / "tools"))]
-    sys.dont_write_bytecode = not keeps_bytecode
+    sys.dont_write_bytecode = covered is None
     for stream in (1, 2):
         os.dup2(os.open(os.devnull, os.O_WRONLY), stream)
     import pytest
 
-    ignored = "ignore::pytest.PytestAssertRewriteWarning"  # of plugins that are loaded already
-    os._exit(int(pytest.main(["-x", "-q", "-p", "no:cacheprovider", "-W", ignored, *tests])))
+    options = ["-p", "no:cacheprovider", "-W", "ignore::pytest.PytestAssertRewriteWarning"]  # of plugins that are loaded already
+    if covered:
+        os.environ["COVERAGE_FILE"] = str(covered)
+        options += ["--cov=mrp_sumo", "--cov-context=test", "--cov-report="]
+    os._exit(int(pytest.main(["-x", "-q", *options, *tests])))
 
 
 def changed_lines(before: str, after: str) -> list[tuple[str, str]]:
