@@ -12,8 +12,10 @@ from worlds import line
 from mrp_sumo.core.disturbances import BREAKS
 from mrp_sumo.core.execution import Event, Outcome
 from mrp_sumo.core.facilities import LIFT_STATES, FacilityLog
+from mrp_sumo.core.fleet import fleet_of
 from mrp_sumo.core.graph import nav_graph, plan_graph
 from mrp_sumo.core.robot_states import BROKEN, IDLE, STALLED, WORKING, RobotStateLog
+from mrp_sumo.core.robot_type import Loaded
 from mrp_sumo.core.task import StopLog
 from mrp_sumo.experiments.audit_work import logs_of
 from mrp_sumo.metrics.operations import energy, orders, places, robots
@@ -219,6 +221,37 @@ def test_batteries_balance(logs):
     says = f"robot_0 ends with {100 * end:.4f} %, but what was drawn and charged leaves {100 * begin:.4f} %"
     assert begin != end and says in [finding.text for finding in energy.batteries(unused)]
     assert list(energy.batteries(replace(logs, terms=replace(logs.terms, start_level=(0.5, 0.6)))))
+
+
+@pytest.mark.parametrize(("ends", "num_findings"), [(0.8, 0), (0.85, 2)])
+def test_a_battery_that_was_looked_at_twice_balances(logs, ends, num_findings):
+    """A tenth was drawn in between, and all in all."""
+    level, drawn, none = np.array([0.9, ends]), np.array([0.0, 0.1]), np.zeros(2)
+    assert len(list(energy._balance(logs, 0, level, drawn, none, (0.0, none)))) == num_findings
+
+
+def test_a_robot_draws_by_its_weight_with_a_load_while_it_has_one(logs):
+    light, t_s = logs.terms.fleet.types[0], logs.execution.t_s[-1:]
+    heavy = replace(light, battery=replace(light.battery, mass_kg=2 * light.battery.mass_kg))
+    by_load = replace(light, loaded=Loaded(mass_kg=2 * light.battery.mass_kg))
+
+    def drawn_j(of, loads):
+        fleet = fleet_of(of, 2)
+        changed = replace(logs, terms=replace(logs.terms, fleet=fleet), execution=replace(logs.execution, loads=loads))
+        return energy.drawn_j(changed, (fleet.batteries[0],) * 2, t_s)[0]
+
+    without = np.zeros(logs.execution.x_m.shape, np.int64)
+    assert (drawn_j(heavy, None) > 1.5 * drawn_j(light, None)).all()
+    assert (drawn_j(by_load, without + 1) == drawn_j(heavy, None)).all()
+    assert (drawn_j(by_load, without) == drawn_j(by_load, None)).all() and (drawn_j(by_load, None) == drawn_j(light, None)).all()
+
+
+def test_robots_are_on_straight_lines_between_two_samples_and_nowhere_outside_the_run(logs):
+    run = logs.execution
+    few = replace(logs, execution=replace(run, t_s=run.t_s[:2], x_m=np.array([[0.0], [1.0]]), y_m=np.array([[5.0], [5.0]])))
+    assert few.period_s == logs.period_s
+    at = few.xy_at(np.zeros(5, np.int64), few.period_s * np.array([-1.0, 0.0, 0.25, 1.0, 2.5]))
+    assert at == pytest.approx(np.array([[np.nan] * 2, [0.0, 5.0], [0.25, 5.0], [1.0, 5.0], [np.nan] * 2]), nan_ok=True)
 
 
 def test_a_robot_that_begins_at_a_charger_is_charged_once_the_planner_has_had_its_time(tmp_path):
@@ -515,9 +548,12 @@ def test_a_robot_that_another_one_cuts_off_is_passed_over_by_nobody(tmp_path, ch
     assert len(waits) == findings
 
 
-@pytest.mark.parametrize(("later_at", "cut_off"), [(0, True), (4, False)])
-def test_who_is_cut_off_by_a_lost_robot_is_so_where_it_waits_then(later_at, cut_off):
-    """On a row of six, with the place at 5, a robot is lost at 2 from 100 s on: another waits at 4 at first, and then there or at 0."""
+@pytest.mark.parametrize(("later_at", "found_s", "cut_off"), [(0, 600.0, True), (4, 600.0, False), (0, 376.0, True), (0, 374.0, False)])
+def test_who_is_cut_off_by_a_lost_robot_is_so_where_it_waits_then(later_at, found_s, cut_off):
+    """On a row of six, with the place at 5, a robot is lost at 2 from 100 s on: another waits at 4 at first, and then there or at 0.
+
+    What counts is most of its 550 s.
+    """
     graph, none = line(6), np.zeros(0)
 
     def xy_at(robot, t_s):
@@ -527,7 +563,7 @@ def test_who_is_cut_off_by_a_lost_robot_is_so_where_it_waits_then(later_at, cut_
         stops=SimpleNamespace(vertex=none, robot=none, begin_s=none, end_s=none),
         graph=graph,
         fleet=SimpleNamespace(num_robots=2),
-        times_in=lambda states, robot: [(100.0, 600.0)] * robot,
+        times_in=lambda states, robot: [(100.0, found_s)] * robot,
         xy_at=xy_at,
     )
     assert places._is_cut_off(logs, places.Wish(0, 0, "at 5", [5], 0.0, np.inf, np.inf), 50.0, 600.0) == cut_off
