@@ -7,8 +7,7 @@ vertices, and no two to vertices that exclude each other, as planners see it: ne
 the vertex before the last on the way.
 """
 
-import heapq
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from functools import cache
 from itertools import chain, combinations
 from types import MappingProxyType
@@ -22,6 +21,7 @@ from mrp_sumo.core.task import Stop
 from mrp_sumo.drive.clearing import cleared
 from mrp_sumo.search._distance import reversed_lanes, steps_to
 from mrp_sumo.search.distance import UNREACHABLE, Distances, StepArray, distances
+from mrp_sumo.search.route import reach_m
 from mrp_sumo.traffic.clashes import exclusive_vertices
 
 NONE_HELD: Mapping[int, Collection[int]] = MappingProxyType({})
@@ -383,7 +383,8 @@ class RobotPlaces:
             return at
         graph = self._graph(robot)
         if (graph, at) not in self._outwards:
-            self._outwards[graph, at] = tuple(_outwards(graph, at))
+            away_m = reach_m(graph, np.ones(graph.num_lanes, np.bool_), np.array([at]))[0]
+            self._outwards[graph, at] = tuple(np.argsort(away_m, kind="stable").tolist())
         free = (v for v in self._outwards[graph, at] if v not in closed and closed.isdisjoint(self._held(robot, at, v)))
         nearest = next(free, None)
         if nearest is None:
@@ -425,17 +426,3 @@ def _without(graph: PlanGraph, vertices: set[int], *, tails: bool = False) -> tu
     open_lanes = ~(barred[graph.head] | barred[graph.tail]) if tails else ~barred[graph.head]
     count = np.bincount(graph.tail[open_lanes], minlength=graph.num_vertices)
     return np.concatenate([[0], np.cumsum(count)]).astype(np.int64), graph.head[open_lanes]
-
-
-def _outwards(graph: PlanGraph, start: int) -> Iterator[int]:
-    """Vertices by their distance from one, then all others."""
-    seen, heap = set[int](), [(0.0, start)]
-    while heap:
-        cost, v = heapq.heappop(heap)
-        if v in seen:
-            continue
-        seen.add(v)
-        yield v
-        for lane in range(int(graph.first[v]), int(graph.first[v + 1])):
-            heapq.heappush(heap, (cost + float(graph.length_m[lane]), int(graph.head[lane])))
-    yield from (v for v in range(graph.num_vertices) if v not in seen)
