@@ -115,7 +115,7 @@ def bootstrap_deviation(values: ArrayLike) -> Interval:
         return Interval(math.nan, math.nan, math.nan, len(x))
     squares = (x - x.mean()) ** 2
     left = np.maximum(squares.sum() - squares * len(x) / (len(x) - 1), 0)  # sums of squares, each without one
-    return _bootstrap(x, float(x.std(ddof=1)), lambda rows: rows.std(1, ddof=1), np.sqrt(left / (len(x) - 2)))
+    return _bootstrap(x, float(x.std(ddof=1)), lambda rows: rows.std(1, ddof=1), np.sqrt(left))
 
 
 def _finite(values: ArrayLike) -> FloatArray:
@@ -131,7 +131,10 @@ def _bootstrap(
     confidence: float = 0.95,
     seed: int = 0,
 ) -> Interval:
-    """The interval of a statistic of at least two values [N]; it is taken of rows [n, N] of resampled ones, and without each value [N]."""
+    """The interval of a statistic of at least two values [N]; it is taken of rows [n, N] of resampled ones.
+
+    `without` [N] is a multiple of it without each value.
+    """
     if np.ptp(x) == 0:
         return Interval(value, value, value, len(x))
     rng = np.random.default_rng([seed, len(x)])

@@ -52,6 +52,22 @@ def test_paired_difference_has_newcombes_interval():
     assert (difference.low, difference.high) == pytest.approx((0.0562, 0.3290), abs=2e-3)
 
 
+@pytest.mark.parametrize("counts", [(30, 2, 8, 20), (20, 9, 9, 12), (4, 3, 9, 6)])  # both, only one of them, only the other, neither
+def test_paired_difference_has_the_interval_that_scipys_figures_give(counts):
+    """phi by Yates' chi-squared where outcomes go together by more than that corrects, 0 where by less, and as it is where they part."""
+    first, second = (np.repeat(outcomes, counts) for outcomes in ([True, True, False, False], [True, False, True, False]))
+    n, table = sum(counts), np.reshape(counts, (2, 2))
+    one, two = (stats.binomtest(int(each.sum()), n).proportion_ci(method="wilson") for each in (first, second))
+    excess = np.linalg.det(table)
+    phi = math.copysign(math.sqrt(stats.chi2_contingency(table, correction=excess > 0).statistic / n), excess)
+    phi = 0.0 if 0 < excess < n / 2 else phi
+    p, q = first.mean(), second.mean()
+    parts = [((q - two.low), (one.high - p)), ((two.high - q), (p - one.low))]
+    low, high = (math.sqrt(a * a - 2 * phi * a * b + b * b) for a, b in parts)
+    difference = mcnemar(first, second).difference
+    assert (difference.low, difference.high) == pytest.approx((q - p - low, q - p + high))
+
+
 def test_outcomes_that_never_differ_are_no_evidence():
     found = mcnemar([True, False, True], [True, False, True])
     assert (found.p_value, found.difference.value) == (1.0, 0.0)
@@ -86,6 +102,12 @@ def test_bootstrap_interval_is_that_of_scipy():
     assert ours.value == x.mean()
     assert (ours.low, ours.high) == pytest.approx((theirs.low, theirs.high), abs=0.02)
     assert bootstrap_mean(x) == ours  # the same every time
+
+
+def test_bootstrap_interval_of_few_values_leans_to_the_side_of_the_largest():
+    x = np.array([1.0, 1.0, 2.0, 2.0, 3.0, 4.0, 8.0, 30.0])
+    ours, theirs = bootstrap_mean(x), stats.bootstrap((x,), np.mean, rng=0, n_resamples=99_999).confidence_interval
+    assert (ours.low, ours.high) == pytest.approx((theirs.low, theirs.high), abs=0.5)
 
 
 def test_bootstrap_interval_of_a_deviation_is_that_of_scipy():
