@@ -11,7 +11,7 @@ from bins, so that the work grows with the number of people.
 import numpy as np
 
 from mrp_sumo.crowd._floor import NO_WAY, NUM_ANGLES, THERE, distance_to_wall, from_wall
-from mrp_sumo.crowd.state import BODY_M, CELL_M
+from mrp_sumo.crowd.state import ASIDE_M, BODY_M, CELL_M
 from mrp_sumo.search._kernel import kernel
 
 STEP_S = 0.04  # at most
@@ -27,7 +27,7 @@ KEEP_RIGHT = np.radians(3.0)
 ROBOT_MPS2, ROBOT_M, ROBOT_AHEAD_S = 7.0, 0.3, 0.6  # push of a robot at its surface, how it fades; where it will be is seen so far ahead
 STANDS_MPS = 0.05  # a robot that is slower stands
 ROUND_M, ROUND_ROOM_M = 3.0, 0.35  # people begin to walk round a robot so far before it, and so far beside
-YIELD_M, ASIDE_M = 2.0, 0.15  # where there is no way past a robot: how near one lets it pass, and how far beside it
+YIELD_M = 2.0  # where there is no way past a robot: how near one lets it pass
 SLOWS_M = 0.7  # from there
 CORNER_M, PARTS = 0.5, 4  # who has no room so far ahead is in a corner, and looks for room beside this many parts of the way to the robot
 AGAINST = -0.5  # cosine of the angle between one's way and a robot's, for who meets it
@@ -130,7 +130,7 @@ def push(now, p, walkers, ground, robots, ways):
         angle = code * (2.0 * np.pi / NUM_ANGLES)
         ex, ey = np.cos(angle - KEEP_RIGHT), np.sin(angle - KEEP_RIGHT)
     is_stuck = walkers.stuck_s[p] > WAITS_S
-    tx, ty = round_robots(x, y, ex, ey, is_stuck, ground, robots)
+    tx, ty = round_robots(p, x, y, ex, ey, is_stuck, walkers, ground, robots)
     if tx == ex and ty == ey:  # robots come first
         tx, ty = round_people(p, x, y, ex, ey, walkers, ground)
     ax, ay, gap = push_of_people(p, x, y, tx, ty, walkers, ground)
@@ -283,7 +283,7 @@ def push_of_robots(x, y, ex, ey, is_stuck, ground, robots):
 
 
 @kernel(allocates=False)
-def round_robots(x, y, ex, ey, is_stuck, ground, robots):
+def round_robots(p, x, y, ex, ey, is_stuck, walkers, ground, robots):
     """The direction that leads past the robots that stand or come in the way, on a side with room. Where there is none, where one has
     made no way, or where the robot stands for people before it, one lets it pass: out of its path, and then (0, 0).
     """
@@ -300,7 +300,7 @@ def round_robots(x, y, ex, ey, is_stuck, ground, robots):
             ahead, left = dx * fx + dy * fy, dy * fx - dx * fy
             beside = np.hypot(robots.half_length_m[i], robots.half_width_m[i]) + BODY_M + ROUND_ROOM_M / 2.0
             if ex == 0.0 and ey == 0.0 and robots.is_halted[i] and is_met and np.hypot(dx, dy) < YIELD_M:
-                tx, ty = out_of_path(x, y, i, ground, robots)
+                tx, ty = out_of_path(p, x, y, i, walkers, ground, robots)
             if ahead <= 0.0 or ahead >= nearest or abs(left) >= beside:
                 continue
             side, has_room = -1.0 if left > -0.05 else 1.0, False  # to the right of a robot that is right ahead
@@ -314,7 +314,7 @@ def round_robots(x, y, ex, ey, is_stuck, ground, robots):
                 side = -side
             if not has_room and ahead < YIELD_M:
                 nearest = ahead
-                tx, ty = out_of_path(x, y, i, ground, robots)
+                tx, ty = out_of_path(p, x, y, i, walkers, ground, robots)
     return tx, ty
 
 
@@ -334,33 +334,51 @@ def is_free_way(x, y, dx, dy, ground):
 
 
 @kernel(allocates=False)
-def out_of_path(x, y, i, ground, robots):
+def out_of_path(p, x, y, i, walkers, ground, robots):
     """The direction that leads out of a robot's path, shorter than 1 for who is nearly out of it, (0, 0) for who is beside it.
 
     Where there is no room to the sides one goes before it; from a corner towards it, to where there is room beside its way.
     """
     cos, sin = np.cos(robots.yaw_rad[i]), np.sin(robots.yaw_rad[i])
     dx, dy = x - robots.x_m[i], y - robots.y_m[i]
-    ahead, left, beside = cos * dx + sin * dy, cos * dy - sin * dx, robots.half_width_m[i] + BODY_M + ASIDE_M
+    ahead, left, beside = cos * dx + sin * dy, cos * dy - sin * dx, robots.half_width_m[i] + robots.side_m + BODY_M + ASIDE_M
     if ahead <= 0.0 or abs(left) >= beside:
         return 0.0, 0.0
-    code = ground.back[cell_of(x, y, ground)]
-    if code < NUM_ANGLES:  # people are pushed to walls: the room is beside where there is room
+    ax, ay, code = x + CORNER_M * cos, y + CORNER_M * sin, ground.back[cell_of(x, y, ground)]
+    if code < NUM_ANGLES:  # along a wall to which one has been pushed
         angle = code * (2.0 * np.pi / NUM_ANGLES)
-        x, y = x + CELL_M * np.cos(angle), y + CELL_M * np.sin(angle)
-    is_corner = not ground.free[cell_of(x + CORNER_M * cos, y + CORNER_M * sin, ground)]
+        ax, ay = ax + CELL_M * np.cos(angle), ay + CELL_M * np.sin(angle)
+    is_corner = not ground.free[cell_of(ax, ay, ground)]
     for part in range(1 + is_corner * PARTS):
         back, side = part * ahead / PARTS, 1.0 if left >= 0.0 else -1.0
         for _ in range(2):
             step = beside - side * left
             far = np.hypot(step, back)
             tx, ty = -side * sin * (step / far) - cos * (back / far), side * cos * (step / far) - sin * (back / far)
-            sx, sy = x + tx * far, y + ty * far
-            if ground.free[cell_of(sx, sy, ground)] and robot_away_m(sx, sy, ground, robots) > BODY_M:
+            if can_stand_at(p, x, y, x + tx * far, y + ty * far, walkers, ground, robots):
                 share = min(far / SLOWS_M, 1.0)
                 return tx * share, ty * share
             side = -side
     return cos, sin
+
+
+@kernel(allocates=False)
+def can_stand_at(p, x, y, sx, sy, walkers, ground, robots):
+    """True if one can go to a point (sx, sy) and stand there: no wall is too near, no robot, and there nobody else."""
+    if leads_through_wall(x, y, sx, sy, ground):
+        return False
+    for part in range(1, 5):
+        mx, my = x + (sx - x) * part / 4.0, y + (sy - y) * part / 4.0
+        away, _, _ = nearest_wall(mx, my, ground, cell_of(mx, my, ground))
+        if away < AT_WALL_M - 1e-6 or robot_away_m(mx, my, ground, robots) <= BODY_M:
+            return False
+    row0, row1, column0, column1 = bins_around(sx, sy, ground)
+    for row in range(row0, row1):
+        for k in range(walkers.first[row * ground.columns + column0], walkers.first[row * ground.columns + column1]):
+            q = walkers.member[k]
+            if q != p and np.hypot(walkers.x_m[q] - sx, walkers.y_m[q] - sy) < TOUCH_M:
+                return False
+    return True
 
 
 @kernel(allocates=False)

@@ -62,6 +62,7 @@ class Crowd:
             along_mps=np.full(num_robots, np.nan),
             half_length_m=half_length_m,
             half_width_m=half_width_m,
+            side_m=people.fields.side_m if people.fields else 0.0,
             is_halted=np.zeros(num_robots, np.bool_),
             first=np.zeros(columns * rows + 1, np.int64),
             member=np.zeros(num_robots, np.int64),

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, PlanGraph, frozen
 from mrp_sumo.crowd import _floor
-from mrp_sumo.crowd.state import BODY_M, CELL_M
+from mrp_sumo.crowd.state import ASIDE_M, BODY_M, CELL_M
 from mrp_sumo.errors import ScenarioError
 from mrp_sumo.maps.building import Building, Level
 from mrp_sumo.maps.clearance import segment_distances, standing_walls
@@ -88,7 +88,12 @@ class Floor:
         return -1
 
 
-def floor_of(map_: Map, graph: PlanGraph, corridor_m: float | None = None) -> Floor:
+def corridor_beside(half_width_m: float, side_m: float) -> float:
+    """Width of a corridor in which people have room beside a robot, and out of its field: whole cells of it."""
+    return max(CORRIDOR_M, 2 * (half_width_m + side_m + ASIDE_M + 2 * BODY_M + CELL_M))
+
+
+def floor_of(map_: Map, graph: PlanGraph, corridor_m: float = CORRIDOR_M) -> Floor:
     """The free space of a map. Raises ScenarioError for a map that is too large.
 
     Parameters
@@ -100,7 +105,7 @@ def floor_of(map_: Map, graph: PlanGraph, corridor_m: float | None = None) -> Fl
     corridor_m
         Width of the ways along lanes, where there are neither walls nor cells.
     """
-    parts = [_part(map_, graph, k, corridor_m or CORRIDOR_M) for k in range(len(graph.level_names))]
+    parts = [_part(map_, graph, k, corridor_m) for k in range(len(graph.level_names))]
     low = np.floor(np.min([part.low for part in parts], axis=0) / CELL_M) * CELL_M
     size = np.ceil((np.max([part.high for part in parts], axis=0) - low) / CELL_M) + 1
     width, height = size.astype(np.int64).tolist()

@@ -9,6 +9,7 @@ from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray
 
 CELL_M = 0.2  # side of a cell
 BODY_M = 0.25  # radius of people
+ASIDE_M = 0.05  # between them and the field of a robot that they let pass
 
 
 class Ground(NamedTuple):
@@ -59,6 +60,7 @@ class Machines(NamedTuple):
     along_mps: FloatArray  # speed towards where the robot faces, negative backwards
     half_length_m: FloatArray
     half_width_m: FloatArray
+    side_m: float  # width of their fields beside the footprint
     is_halted: BoolArray  # whether it stands for somebody
     first: IntArray  # [B + 1] CSR: robots by bin
     member: IntArray

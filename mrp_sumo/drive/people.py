@@ -103,7 +103,8 @@ class Bystanders:
         self._trains = Trains(fleet)
         if people is not None:
             towed = [(t.body_m or t.length_m, t.width_m or v.width_m) for v in self._trains.vehicles for t in v.trailers]
-            length_m, width_m = np.concatenate([np.stack([fleet.length_m, fleet.width_m], 1), np.array(towed).reshape(-1, 2)]).T
+            bodies = fleet.loaded or fleet
+            length_m, width_m = np.concatenate([np.stack([bodies.length_m, bodies.width_m], 1), np.array(towed).reshape(-1, 2)]).T
             self.crowd = Crowd(people, length_m / 2, width_m / 2)
         fields = None if people is None else people.fields
         self.seen = _people_of(num_robots, graph, fleet, self.crowd, fields or ProtectiveFields(), watches=fields is not None)

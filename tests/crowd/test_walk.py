@@ -96,6 +96,26 @@ def test_person_in_a_corner_gets_out_of_the_path_of_a_robot_where_there_is_room_
     assert (aside_m[60:] < 0.3 + 0.1 + BODY_M).all() != has_room
 
 
+@pytest.mark.parametrize(("begin", "standing"), [((5.2, 1.62), []), ((4.9, 1.2), [(4.75, 1.7)])])
+def test_person_at_a_dead_end_goes_to_where_it_can_stand_beside_the_path_of_a_robot(begin, standing):
+    """The last 0.4 m are 0.02 m too narrow for that on either side, and elsewhere somebody stands on the nearer one."""
+    narrow = [(5, 0.22, 5.4, 0.22), (5, 1.78, 5.4, 1.78), (5, 0, 5, 0.22), (5, 1.78, 5, 2)]
+    floor = room(5.4, 2, *narrow)
+    crowd = crowd_on(floor, [(5.0, 1.0), (0.5, 1.0)], [(xy, (0, 1)) for xy in (begin, *standing)], robots=[(4.0, 1.0, 0.6, 0.6)])
+    crowd.robots.is_halted[0] = True
+    aside_m = np.abs(paths(crowd, 20)[150:, :, 1] - 1.0)
+    assert (aside_m > 0.3 + 0.1 + BODY_M).all()
+
+
+@pytest.mark.parametrize("side_m", [0.1, 0.4])
+def test_person_steps_out_of_the_field_of_a_robot_however_wide(side_m):
+    crowd = crowd_on(room(6, 4), [(5, 2), (0.5, 2)], [((3, 2.05), (0, 1))], robots=[(2.0, 2.0, 0.6, 0.6)])
+    crowd.robots = crowd.robots._replace(side_m=side_m)
+    crowd.robots.is_halted[0] = True
+    aside_m = np.abs(paths(crowd, 1.5)[:, 0, 1] - 2.0)
+    assert (aside_m.max() > 0.3 + 0.4 + BODY_M) == (side_m == 0.4)
+
+
 @pytest.mark.parametrize("y_m", [2.25, 2.6, 2.95])
 @pytest.mark.parametrize("yaw_rad", [-0.03, 0.0, 0.03])
 def test_person_at_the_wall_where_corridors_meet_steps_aside_into_one(y_m, yaw_rad):

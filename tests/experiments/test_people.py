@@ -1,8 +1,10 @@
 """People of a scenario: who walks where, and what is refused in one line."""
 
 import pytest
+from floors import lanes
 
 from mrp_sumo.crowd.options import ProtectiveFields
+from mrp_sumo.drive.people import Bystanders
 from mrp_sumo.errors import ScenarioError
 from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.experiments.staging.set_up import set_up
@@ -59,14 +61,33 @@ def test_bad_input_is_one_line(tmp_path, said, line):
     assert len(str(refused.value).splitlines()) == 1
 
 
+def free_y(people):
+    return people.floor.centre_of(people.floor.free.nonzero()[0])[:, 1]
+
+
 def test_graph_without_walls_has_corridors_and_one_that_is_too_narrow_is_refused(tmp_path):
     nav = tmp_path / "line.yaml"
     nav.write_text(
         "building_name: line\nlevels:\n  L1:\n    lanes: [[0, 1, {}], [1, 0, {}]]\n    vertices: [[0, 0, {name: a}], [8, 0, {name: b}]]\n"
     )
     more = {"map": "line.yaml", "discretisation": "roadmap", "robots": {"starts": ["a"], "goals": ["b"]}}
-    found = people(tmp_path, 3, **more)
-    y = found.floor.centre_of(found.floor.free.nonzero()[0])[:, 1]
+    y = free_y(people(tmp_path, 3, **more))
     assert y.max() <= 0.75 and y.min() >= -0.75 and y.max() > 0.5
     with pytest.raises(ScenarioError, match=r"people: 'line' has no room for people: nowhere are 0\.5 m free between walls$"):
         people(tmp_path, {"count": 3, "corridor_m": 0.55}, **more)
+
+
+CART = {"length_m": 0.8, "width_m": 0.8, "max_speed_mps": 1.0, "accel_mps2": 0.5, "decel_mps2": 0.5, "turn_rate_rad_s": 1.0}
+
+
+@pytest.mark.parametrize(("loaded", "half_m"), [({}, 0.4), ({"width_m": 1.6, "length_m": 1.6}, 0.8)])
+def test_people_see_loads_and_have_room_beside_them_on_graphs_without_walls(tmp_path, loaded, half_m):
+    """A field of 0.2 m beside the load, and somebody of 0.5 m."""
+    street = lanes(tmp_path / "street.csv", {"a": (0.0, 0.0), "b": (9.0, 0.0)}, [("a", "b")], True)
+    robots = {"type": {**CART, "loaded": {"speed_mps": 0.5, **loaded}}, "starts": ["a"], "goals": ["b"]}
+    document = {"map": str(street), "robots": robots, "people": {"count": 1, "fields": {"side_m": 0.2}}}
+    with MapCache() as maps:
+        setup = set_up(scenario_of(document, tmp_path, "loads"), maps)
+    seen = Bystanders(setup.settings, setup.problem).crowd.robots
+    assert seen.half_width_m == pytest.approx([half_m]) and seen.side_m == 0.2
+    assert half_m + 0.2 + 0.25 < free_y(setup.settings.people).max() < half_m + 0.2 + 0.25 + 0.3

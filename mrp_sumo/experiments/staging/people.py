@@ -8,8 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from mrp_sumo.core.arrivals import HOUR_S, Arrivals
+from mrp_sumo.core.fleet import Fleet
 from mrp_sumo.core.graph import IntArray, NavGraph, PlanGraph
-from mrp_sumo.crowd.floor import BEFORE_LIFT_M, SNAP_M, Floor, floor_of
+from mrp_sumo.crowd.floor import BEFORE_LIFT_M, SNAP_M, Floor, corridor_beside, floor_of
 from mrp_sumo.crowd.model import Flow, People, joint_places
 from mrp_sumo.crowd.options import EVERYBODY, Group
 from mrp_sumo.drive.settings import ExecutionSettings
@@ -24,20 +25,21 @@ DRAW = 50  # purpose of the stream of chance
 IntPlaces = tuple[int, ...]
 
 
-def with_people(settings: ExecutionSettings, file: ScenarioFile, map_: Map, graph: PlanGraph) -> ExecutionSettings:
+def with_people(settings: ExecutionSettings, file: ScenarioFile, map_: Map, graph: PlanGraph, fleet: Fleet) -> ExecutionSettings:
     """The settings with the people of a scenario, if it has some."""
     choice = file.scenario.people
     if choice is None:
         return settings
     if choice.model == "lane_speeds":
         return replace(settings, lane_speeds_mps=choice.lane_speeds)
-    return replace(settings, people=_people(choice, file, map_, graph))
+    return replace(settings, people=_people(choice, file, map_, graph, fleet))
 
 
-def _people(choice: PeopleChoice, file: ScenarioFile, map_: Map, graph: PlanGraph) -> People:
+def _people(choice: PeopleChoice, file: ScenarioFile, map_: Map, graph: PlanGraph, fleet: Fleet) -> People:
     """People who walk among the robots."""
     seed = file.scenario.seed
-    floor = floor_of(map_, graph, choice.corridor_m)
+    widest_m = max(each.with_load.beside_m for each in fleet.types)
+    floor = floor_of(map_, graph, choice.corridor_m or corridor_beside(widest_m, choice.fields.side_m))
     if not floor.free.any():
         raise ScenarioError(f"{file.at('people')}: '{graph.name}' has no room for people: nowhere are 0.5 m free between walls")
     places = _Places(file, map_.nav, floor)

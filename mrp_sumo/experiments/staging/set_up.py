@@ -119,7 +119,7 @@ def set_up(file: ScenarioFile, maps: MapCache, *, run_programs: bool = True) -> 
         require_station_headings(file, map_.nav, problem)
         narrow += headings_not_kept(problem, settings.tasks)
         narrow += oddities(settings.tasks, problem, settings.time_limit_s)
-    settings = with_people(settings, file, map_, graph)
+    settings = with_people(settings, file, map_, graph, fleet)
     settings = with_closures(file, map_.nav, graph, settings)
     return SetUp(file, map_, problem, chosen_assigner, chosen_planner, settings, notes + narrow)
 
@@ -194,7 +194,7 @@ def driven_as(setup: SetUp, file: ScenarioFile) -> SetUp:
     """The same problem, driven as another scenario says."""
     require_trust(file)
     file = file.having(discretisation=setup.scenario.discretisation)
-    settings = with_people(settings_of(file), file, setup.map, setup.problem.graph)
+    settings = with_people(settings_of(file), file, setup.map, setup.problem.graph, setup.problem.fleet)
     return replace(setup, file=file, settings=with_closures(file, setup.map.nav, setup.problem.graph, settings))
 
 

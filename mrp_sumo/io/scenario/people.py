@@ -43,7 +43,10 @@ class PeopleChoice(Strict):
     clock_h: Annotated[float, Field(ge=0, lt=24)] = Field(8.0, description="The hour of the day at which the run begins.")
     free_speed_mps: Walking | None = Field(None, description="Mean preferred speed of all, instead of groups; 1.34 by default.")
     groups: tuple[Group, ...] = Field((), description="Who walks how fast; by default 1.34 m/s, standard deviation 0.26 m/s.")
-    corridor_m: Annotated[float, Field(gt=0.5, le=100)] = Field(2.0, description="Width of the way along lanes, on maps without walls.")
+    corridor_m: Annotated[float, Field(gt=0.5, le=100)] | None = Field(
+        None,
+        description="Width of the way along lanes, on maps without walls; 2 m by default, or what people need beside the widest robot.",
+    )
     fields: ProtectiveFields = Field(ProtectiveFields(), description="What robots do about people.")
     lane_speeds: tuple[Walking, Walking, Walking] = Field(
         (0.274, 0.508, 0.63), description="Least, usual and greatest speed of model lane_speeds, m/s."
