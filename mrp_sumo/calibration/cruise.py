@@ -168,6 +168,8 @@ def fit_cruise(windows: Windows, noise: Noise, num_vehicles: int, confidence: fl
         return None
     likelihood = _Likelihood(windows, num_vehicles, float(np.log(noise.position_m)))
     fit = _best(likelihood, np.log([noise.position_m, 0.05, 3.0]))
+    if likelihood.total(none := np.log([noise.position_m, LEAST_SCATTER, 3.0])) > fit.value:  # blocks that are alike do not lead there
+        fit = _best(likelihood, none)
     for _ in range(TRIMS):  # a vehicle that brakes or creeps in a few windows would make all scatter
         fits = explained(_Likelihood(windows, num_vehicles, likelihood.usual_noise).squares(fit.theta), windows.count, UNEXPLAINED)
         if fits.sum() == len(likelihood.windows.count) or fits.mean() < MOST_FIT:
@@ -213,9 +215,11 @@ def _best(likelihood: "_Likelihood", theta: FloatArray) -> _Fit:
 
 def _range(likelihood: "_Likelihood", fit: _Fit, k: int, confidence: float) -> tuple[float, float]:
     """Where the profile likelihood of an unknown, scaled by what the blocks scatter, leaves its interval; the bounds where it does not."""
+    low, high = (float(bound[k]) for bound in likelihood.bounds)
+    if fit.theta[1] < np.log(1.01 * LEAST_SCATTER):  # at a bound scores do not add up to nothing
+        return low, _most_scatter(likelihood, fit, student(confidence, likelihood.num_blocks - 1) ** 2 / 2) if k == 1 else high
     inverse = np.linalg.pinv(fit.hessian)
     robust = inverse @ (fit.blocks.T @ fit.blocks) @ inverse
-    low, high = (float(bound[k]) for bound in likelihood.bounds)
     if not (inverse[k, k] > 0 and robust[k, k] > 0):
         return low, high
     blocks = int(np.count_nonzero(np.abs(fit.blocks).sum(1)))
@@ -238,6 +242,16 @@ def _range(likelihood: "_Likelihood", fit: _Fit, k: int, confidence: float) -> t
                 break
         ends.append(float(fit.theta[k] + sign * (inside if outside is None else (inside + outside) / 2)))
     return ends[0], ends[1]
+
+
+def _most_scatter(likelihood: "_Likelihood", fit: _Fit, drop: float) -> float:
+    """Logarithm of the largest scatter, of any memory, that a log without any allows."""
+    (_, inside, shortest), (_, outside, longest) = likelihood.bounds
+    for _ in range(8):
+        at = (inside + outside) / 2
+        best = max(likelihood.total(np.array([fit.theta[0], at, tau])) for tau in np.linspace(shortest, longest, 9))
+        inside, outside = (at, outside) if fit.value - best < drop else (inside, at)
+    return float(outside)
 
 
 def _profiled(likelihood: "_Likelihood", theta: FloatArray, fit: _Fit, k: int, at: float) -> tuple[float, FloatArray]:

@@ -12,7 +12,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mrp_sumo.calibration.cruise import HELD, LEAST_SCATTER, MEAN_LOSS, Cruise, Scatter, fit_cruise, of_top_speed, student, top_windows
+from mrp_sumo.calibration.cruise import (
+    HELD,
+    LEAST_SCATTER,
+    MEAN_LOSS,
+    SCATTER_HELD,
+    Cruise,
+    Scatter,
+    fit_cruise,
+    of_top_speed,
+    student,
+    top_windows,
+)
 from mrp_sumo.calibration.log import ActionTime, Charge, MotionLog, Track, require_different
 from mrp_sumo.calibration.phases import Noise, Phases, noise_of, phases_of, refined, usual_speed
 from mrp_sumo.calibration.ramps import Ramp, fit_ramp, marginal
@@ -52,12 +63,17 @@ class CalibratedFigure:
     @property
     def basis(self) -> str:
         """Its episodes, counted in words."""
-        return f"{self.count} {self.of}" if self.count != 1 else f"1 {self.of.replace('stops', 'stop')}"
+        return counted(self.count, self.of)
 
     @property
     def document(self) -> dict[str, object]:
         """As JSON has it."""
         return {"value": self.value, "low": self.low, "high": self.high, "unit": self.unit, "count": self.count, "of": self.of}
+
+
+def counted(count: int, of: str) -> str:
+    """Episodes in words."""
+    return f"{count} {of}" if count != 1 else f"1 {of.replace('stops', 'stop').replace('vehicles', 'vehicle')}"
 
 
 class Unknown(NamedTuple):
@@ -202,7 +218,7 @@ def _driving(fits: Fits) -> Iterator[CalibratedFigure | Unknown]:
         yield CalibratedFigure("stops_per_s", "1/s", *stops.rate_per_s, count, of)
     for name, unit, figure in (("stop_median_s", "s", stops.median_s), ("stop_sigma", "", stops.sigma)):
         if figure is None:
-            yield Unknown(name, f"{count} {of}, expected five or more")
+            yield Unknown(name, f"{counted(count, of)}, expected five or more")
         else:
             yield CalibratedFigure(name, unit, *figure, count, of)
 
@@ -240,8 +256,9 @@ def _speeds(cruise: Cruise, period_s: float) -> Iterator[CalibratedFigure | Unkn
     def loss(noise: float) -> float:
         return -math.log(1 - MEAN_LOSS * min(noise, 0.9))
 
-    below = math.hypot(top[0] - top[1], loss(s) - loss(low))
-    above = math.hypot(top[2] - top[0], loss(high) - loss(s))
+    wider = SCATTER_HELD if low > 0 else 1.0  # than what it is to the mean loss
+    below = math.hypot(top[0] - top[1], (loss(s) - loss(low)) / wider)
+    above = math.hypot(top[2] - top[0], (loss(high) - loss(s)) / wider)
     value = top[0] + loss(s)
     steps = int(cruise.windows.count.sum()), "steps at top speed"
     yield CalibratedFigure("max_speed_mps", "m/s", math.exp(value), math.exp(value - below), math.exp(value + above), *steps)
@@ -252,7 +269,7 @@ def _speeds(cruise: Cruise, period_s: float) -> Iterator[CalibratedFigure | Unkn
         yield CalibratedFigure("speed_noise", "", s, low, high, *steps)
         yield CalibratedFigure("speed_noise_tau_s", "s", cruise.scatter.tau_s, *cruise.tau_range, *steps)
     if len(known) < 3:
-        yield Unknown("speed_spread", f"{len(known)} vehicles at top speed, expected three or more")
+        yield Unknown("speed_spread", f"{counted(len(known), 'vehicles')} at top speed, expected three or more")
     else:
         yield CalibratedFigure("speed_spread", "", *spread, len(known), "vehicles")
 

@@ -1,10 +1,10 @@
 """Make a robot type and a set of disturbances of a fleet's log: how fast vehicles drive, how that scatters, what stops them.
 
 LOG is a recorded stream of VDA 5050 messages (FILE.jsonl), a bag with /fleet_states, /tf, odometry or stamped poses, a CSV of poses
-(t_s, x_m, y_m, and robot, yaw_rad, action, station, battery), or a run folder. Each figure has a 90 % interval; what the log does not
-tell stays as in --robot, and is said. --out TYPE.yaml gets the type, TYPE.disturbances.yaml beside it what disturbs it, and TYPE.png
-fit and data; --against TYPE.yaml says what of an earlier one no longer fits. A scenario names both: `robots: {type: ./TYPE.yaml}`,
-`execution: {disturbances: ./TYPE.disturbances.yaml}`.
+(t_s, x_m, y_m, and robot, yaw_rad, action, station, battery), a run folder, or a fleet log archive. Each figure has a 90 % interval; what
+the log does not tell stays as in --robot, and is said. --out TYPE.yaml gets the type, TYPE.disturbances.yaml beside it what disturbs it,
+and TYPE.png fit and data; --against TYPE.yaml says what of an earlier one no longer fits. A scenario names both:
+`robots: {type: ./TYPE.yaml}`, `execution: {disturbances: ./TYPE.disturbances.yaml}`.
 """
 
 import argparse
@@ -22,7 +22,7 @@ DEFAULT_ROBOT = "amr_600"
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """The command's arguments."""
-    parser.add_argument("log", metavar="LOG", type=Path, help="messages of VDA 5050, a bag, a CSV of poses, or a run folder")
+    parser.add_argument("log", metavar="LOG", type=Path, help="messages of VDA 5050, a bag, a CSV of poses, a run folder, or an archive")
     parser.add_argument("--map", metavar="MAP", help="a map file or the name of a bundled map: a log of another site is refused")
     parser.add_argument(
         "--robot",
@@ -85,7 +85,9 @@ def run(options: argparse.Namespace) -> int:
 def _print(result: "Calibration", options: argparse.Namespace, written: list[Path]) -> None:
     from rich.table import Table
 
-    say(f"{result.log.source}: {result.log.kind}, {len(result.vehicles)} vehicles, {result.span_s / 3600:.2f} h in all")
+    from mrp_sumo.calibration.estimates import counted
+
+    say(f"{result.log.source}: {result.log.kind}, {counted(len(result.vehicles), 'vehicles')}, {result.span_s / 3600:.2f} h in all")
     for note in result.log.notes:
         say(f"note: {note}")
     table = Table(box=None, padding=(0, 2, 0, 0))

@@ -25,9 +25,7 @@ RUNS, MOST_RUNS = 10, 1000
 def arguments(parser: argparse.ArgumentParser) -> None:
     """The command's arguments."""
     parser.add_argument("scenario", metavar="SCENARIO", help="scenario file of the site, or the name of a bundled scenario")
-    parser.add_argument(
-        "--log", metavar="LOG", type=Path, required=True, help="messages of VDA 5050, a bag, a CSV of poses, or a run folder"
-    )
+    parser.add_argument("--log", metavar="LOG", type=Path, required=True, help="what `calibrate` reads, with orders or actions")
     parser.add_argument(
         "--hold-out", metavar="SHARE", type=float, default=0.5, help="share of the log's time that is predicted, its end (default: 0.5)"
     )

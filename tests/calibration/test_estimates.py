@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from shuttles import shuttle_rows
 
-from mrp_sumo.calibration.cruise import Scatter, _windows, fit_cruise
+from mrp_sumo.calibration.cruise import Scatter, Windows, _windows, fit_cruise
 from mrp_sumo.calibration.estimates import _spread_of, calibrated
 from mrp_sumo.calibration.log import ActionTime, MotionLog, Track
 from mrp_sumo.calibration.phases import Noise, phases_of
@@ -60,6 +60,14 @@ def test_vehicles_that_do_not_scatter_may_have_no_scatter():
     rng = np.random.default_rng(5)
     found = calibrated(log_of({f"s{k}": shuttle_rows(rng, scatter=Scatter(0.0, 3.0), sigma=0.0, trips=20) for k in range(2)})).quantities
     assert found["speed_noise"].low == 0.0 and found["max_speed_mps"].low <= 1.2 <= found["max_speed_mps"].high
+
+
+@pytest.mark.parametrize(("scatter", "least", "most"), [(0.0, 0.0, 0.01), (0.05, 0.012, 0.1)])
+def test_exact_steps_leave_little_room_for_scatter_and_uneven_ones_have_some(scatter, least, most):
+    step_m = np.full((90, 16), 0.5) * (1 + scatter * np.random.default_rng(3).normal(size=(90, 1)))
+    windows = Windows(np.full((90, 16), 1.0), step_m, np.full(90, 16), np.arange(90) % 3, np.arange(90))
+    cruise = fit_cruise(windows, Noise(0.001, 0.001), 3)
+    assert least < cruise.scatter.noise + 1e-9 and cruise.noise_range[1] < most
 
 
 def test_offsets_of_clocks_change_nothing(shuttles):

@@ -93,10 +93,13 @@ def _speeds(ax: Axes, fits: Fits, result: Calibration) -> None:
     windows = fits.cruise.windows
     there = np.arange(windows.dt_s.shape[1]) < windows.count[:, None]
     speed = (windows.step_m / windows.dt_s)[there]
-    ax.hist(speed, 50, density=True, color=BLUE, alpha=0.6)
-    ax.axvline(result.quantities["max_speed_mps"].value, color=VERMILION, lw=1.4)
-    for mean in fits.cruise.mean_mps[np.isfinite(fits.cruise.mean_mps)]:
-        ax.axvline(mean, color=MUTED, lw=0.7, ls=":")
+    top, least = result.quantities["max_speed_mps"].value, 0.01 * float(speed.mean())  # speeds of exact logs are all the same
+    ends = float(speed.min()) - least, float(speed.max()) + least
+    ax.hist(speed, 50, range=ends, density=True, color=BLUE, alpha=0.6)
+    ax.axvline(top, color=VERMILION, lw=1.4, label="top speed")
+    for k, mean in enumerate(fits.cruise.mean_mps[np.isfinite(fits.cruise.mean_mps)]):
+        ax.axvline(mean, color=MUTED, lw=0.7, ls=":", label="" if k else "means of vehicles")
+    ax.legend(fontsize=7.5, frameon=False, loc="upper left")
 
 
 def _scatter(ax: Axes, fits: Fits, result: Calibration) -> None:
