@@ -68,7 +68,7 @@ class Vehicles:
             graph = with_swings(graph, types)
             problem = drawn_problem(rng, graph, types)
         except (OptionError, MrpSumoError, ValueError) as error:
-            return Trial("drawn", plain(str(error)))
+            return Trial("drawn", plain(str(error)), num_runs=0)
         kind = f"{kind}, {'tows' if problem.fleet.behind_m.any() else 'reverses' if types[0].kinematics.reverse else 'forward only'}"
         for name in (PLANNERS[number % len(PLANNERS)], "lacam"):
             chosen = planner(name, {})
@@ -77,7 +77,7 @@ class Vehicles:
             if result.plan is not None:
                 break
         else:
-            return Trial(kind, f"no plan: {result.status}, {plain(result.message)}")
+            return Trial(kind, f"no plan: {result.status}, {plain(result.message)}", num_runs=0)
         verdict = judge(problem, result.plan, in_seconds="seconds" in chosen.supports)
         if not verdict.valid:
             return Trial(kind, "invalid plan", (f"{name}: {verdict.summary(problem)}",))
