@@ -92,11 +92,22 @@ def _crowded(problem: Problem, vertex: IntArray, what: str) -> PlanResult | None
             pair = sorted((robot, int(others[0])))
             names = " and ".join(problem.fleet.robot_name[r] for r in pair)
             places = " and ".join(f"'{problem.graph.known_as(int(vertex[r]))}'" for r in pair)
-            apart_m = float(np.hypot(*(problem.graph.xy[vertex[pair[0]]] - problem.graph.xy[vertex[pair[1]]])))
-            needs_m = problem.fleet.separation_m + float(problem.graph.swing_m[vertex[list(pair)]].sum())
-            why = f"{apart_m:.3f} m apart, where they need {needs_m:.3f} m" if apart_m < needs_m else "in one mutex group"
+            why = _why_crowded(problem, int(vertex[pair[0]]), int(vertex[pair[1]]))
             return PlanResult(Status.INFEASIBLE, message=f"{names} {what} at {places}, {why}")
     return None
+
+
+def _why_crowded(problem: Problem, a: int, b: int) -> str:
+    """Why no two robots may be at two vertices at once."""
+    graph = problem.graph
+    apart_m, needs_m = float(np.hypot(*(graph.xy[a] - graph.xy[b]))), problem.fleet.separation_m + float(graph.swing_m[[a, b]].sum())
+    if apart_m < needs_m:
+        return f"{apart_m:.3f} m apart, where they need {needs_m:.3f} m"
+    if isinstance(graph, MoveGraph):
+        both = {int(graph.place[a]), int(graph.behind[a])} & {int(graph.place[b]), int(graph.behind[b])} - {-1}
+        if both:
+            return f"and '{graph.base.known_as(both.pop())}' would be taken twice, by trailers"
+    return "in one mutex group"
 
 
 def answer_of(chosen: Planner, problem: Problem, time_limit_s: float) -> PlanResult:

@@ -101,6 +101,14 @@ def test_nobody_stands_where_trailers_are():
     assert "robot_0 starts at 'v0', where no free lane behind it has 2.90 m for its trailers" in alone.message
 
 
+def test_goals_that_take_one_place_for_the_trailers_of_both_are_named():
+    """A road that forks: whoever ends beyond the fork has its trailers there."""
+    graph = roads([*((4.0 * k, 0.0) for k in range(6)), (20.0, 4.0)], one_way=[*((k, k + 1) for k in range(5)), (4, 6)])
+    message = plan(vehicles_on(graph, [3, 1], [5, 6], TUGGER)).message
+    assert message == "robot_0 and robot_1 have to end at 'v5' and 'v6', and 'v4' would be taken twice, by trailers"
+    assert plan(vehicles_on(graph, [3, 1], [5, 3], TUGGER)).status is Status.SOLVED
+
+
 @pytest.mark.parametrize(("closed", "goal"), [([(1, 2)], 3), ([(1, 3)], 2)])
 def test_trailers_stand_where_the_tugger_can_go_on(closed, goal):
     """At a crossing of two roads, of which one is closed to it beyond."""
