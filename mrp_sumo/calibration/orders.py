@@ -1,19 +1,21 @@
 """Orders of a fleet's log: of a run folder as its tables have them, else as the actions of vehicles show them, or those of a CSV.
 
-A log of actions tells of an order when a vehicle has it: from then on it counts as released. An order begins with a `pick` and ends with
-the next `drop`, or before the next `pick`; other actions at stations in between are its stops, too.
+A log of actions tells of an order when a vehicle has it: from then on it counts as released. Where nobody says when a vehicle was sent,
+that is when it set out from where it had stood for long. An order begins with a `pick` and ends with the next `drop`, or before the next
+`pick`; other actions at stations in between are its stops, too.
 """
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from itertools import islice
+from itertools import islice, pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mrp_sumo.calibration.log import ActionTime, LoggedOrder
+from mrp_sumo.core.graph import FloatArray
 from mrp_sumo.core.task import NOBODY, Task
 from mrp_sumo.errors import MrpSumoError
 
@@ -22,6 +24,7 @@ if TYPE_CHECKING:
 
 CHARGING = ("startCharging", "stopCharging", "charge", "charging")
 AHEAD = 1000  # orders of a stream that may be looked at beyond those that were known
+IDLE_S, STILL_M, AT_STOP_M = 20.0, 0.3, 5.0  # who stands so long, within so much, farther from its next stop, had nothing to do
 SAME_S = 1.0  # by which a service may begin before its order is released, for clocks that differ
 
 
@@ -75,7 +78,11 @@ def _asks(task: Task, names: Sequence[str]) -> dict[str, Any]:
     return {key: value for key, value in asks.items() if value} | ({} if task.robot == NOBODY else {"robot": names[task.robot]})
 
 
-def orders_of_visits(visits: Iterable[ActionTime], sent: Mapping[str, Sequence[tuple[float, str]]] | None = None) -> list[LoggedOrder]:
+def orders_of_visits(
+    visits: Iterable[ActionTime],
+    poses: Mapping[str, Sequence[tuple[float, ...]]] | None = None,
+    sent: Mapping[str, Sequence[tuple[float, str]]] | None = None,
+) -> list[LoggedOrder]:
     """Orders as the actions of vehicles show them, by release; `sent` has when each vehicle was sent to which node."""
     by_vehicle: dict[str, list[ActionTime]] = {}
     for visit in sorted(visits, key=lambda visit: visit.begin_s):
@@ -83,6 +90,7 @@ def orders_of_visits(visits: Iterable[ActionTime], sent: Mapping[str, Sequence[t
             by_vehicle.setdefault(visit.vehicle, []).append(visit)
     orders = []
     for vehicle, mine in by_vehicle.items():
+        track = np.array(sorted((poses or {}).get(vehicle, ()))).reshape(-1, 6)[:, :3]
         parts: list[list[ActionTime]] = []
         for visit in mine:
             if not parts or visit.action == "pick" or parts[-1][-1].action == "drop":
@@ -92,12 +100,26 @@ def orders_of_visits(visits: Iterable[ActionTime], sent: Mapping[str, Sequence[t
         for n, part in enumerate(parts):
             told_s = [visit.told_s for visit in part if math.isfinite(visit.told_s)]
             told_s += _sent_s((sent or {}).get(vehicle, ()), {visit.station for visit in part}, free_s, part[0].begin_s)
-            assigned_s = min([*told_s, part[0].begin_s]) if told_s or free_s == -math.inf else min(free_s, part[0].begin_s)
+            since_s = min(told_s) if told_s else _set_out_s(track, free_s, part[0].begin_s)
+            assigned_s = min(since_s, part[0].begin_s) if since_s > -math.inf else part[0].begin_s
             services = tuple((visit.begin_s, visit.end_s) for visit in part)
             stops = tuple(visit.station for visit in part)
             free_s = part[-1].end_s
             orders.append(LoggedOrder(f"{vehicle}_{n}", stops, assigned_s, assigned_s, vehicle, services, free_s, free_s))
     return sorted(orders, key=lambda order: order.release_s)
+
+
+def _set_out_s(track: FloatArray, free_s: float, begin_s: float) -> float:
+    """When a vehicle whose times and places are [N, 3] last left a long stand for its next stop; `free_s` where it had none."""
+    a, b = np.searchsorted(track[:, 0], (free_s, begin_s)).tolist()
+    rows, set_out_s = track[a : b + 1].tolist(), free_s
+    first_s, *first = rows[0] if rows else (0.0,)
+    for before, row in pairwise(rows):
+        if math.dist(row[1:], first) > STILL_M:
+            if before[0] - first_s >= IDLE_S and math.dist(first, rows[-1][1:]) > AT_STOP_M:
+                set_out_s = before[0]
+            first_s, *first = row
+    return float(set_out_s)
 
 
 def _sent_s(sent: Sequence[tuple[float, str]], nodes: set[str], free_s: float, begin_s: float) -> list[float]:

@@ -160,7 +160,7 @@ def _csv(path: Path) -> MotionLog:
                 _csv_row(log, row, place, scale, doing, f"{name}:{number}")
     if not log.poses:
         raise MrpSumoError(f"{name}: no row says where a vehicle is")
-    log.orders = orders_of_visits(log.visits)
+    log.orders = orders_of_visits(log.visits, log.poses)
     return log
 
 
@@ -248,7 +248,7 @@ def _vda(path: Path) -> MotionLog:
     for vehicle, rows in log.poses.items():
         if not any(row[4] == 0 for row in rows):  # nodes are never released: so they say nothing of waits
             log.poses[vehicle] = [(*row[:4], math.nan, row[5]) for row in rows]
-    log.orders = orders_of_visits(log.visits, messages.sent)
+    log.orders = orders_of_visits(log.visits, log.poses, messages.sent)
     return log
 
 

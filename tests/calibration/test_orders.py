@@ -28,6 +28,16 @@ def test_order_begins_with_a_pick_and_ends_with_the_next_drop():
     assert [order.release_s for order in orders] == [10, 34, 105]  # since it was free, or when it is first seen
 
 
+@pytest.mark.parametrize(
+    ("leaves_s", "far_m", "release_s"),
+    [(80, 20.0, 80), (60, 20.0, 60), (53, 20.0, 34), (80, 4.0, 34)],  # stands for 20 s; for less; where it is to be served
+)
+def test_order_of_a_vehicle_that_nobody_told_is_released_when_it_set_out(leaves_s, far_m, release_s):
+    visits = [visit("drop", "dock", 30, 34), visit("pick", "shelf", 100, 105)]
+    poses = [(float(t), 0.0 if t <= leaves_s else far_m, 0.0, 0.0, math.nan, 0.0) for t in range(110)]
+    assert orders_of_visits(visits, {"a": poses})[1].release_s == release_s
+
+
 def test_order_is_released_when_its_vehicle_is_told():
     orders = orders_of_visits([visit("pick", "shelf", 10, 15, told_s=3), visit("drop", "dock", 30, 34)])
     assert (orders[0].release_s, orders[0].assigned_s) == (3, 3)
@@ -36,7 +46,7 @@ def test_order_is_released_when_its_vehicle_is_told():
 def test_vehicle_that_was_sent_to_the_stop_before_its_action_is_said_had_the_order_then():
     visits = [visit("pick", "shelf", 50, 55, told_s=40), visit("drop", "dock", 70, 74)]
     sent = {"a": [(5, "park"), (20, "shelf"), (30, "shelf"), (60, "dock")]}
-    assert orders_of_visits(visits, sent)[0].assigned_s == 20
+    assert orders_of_visits(visits, sent=sent)[0].assigned_s == 20
 
 
 def test_orders_of_a_log_of_messages(tmp_path):
