@@ -183,7 +183,7 @@ def predicted(
     report("comparing", 0.0, 0.0)
     log_run = logged_run(held, middle.setup)
     logged = outcomes_of(log_run, held, station)
-    figures = tuple(_compared(logged, nominal, drawn, station))
+    figures = tuple(_compared(logged, nominal, drawn, station, HOUR_S / held.span_s))
     return Prediction(
         held, calibrations, station, logged, (*nominal, *drawn), figures, log_run, middle, _drift(held, files), files, held.notes
     )
@@ -339,12 +339,17 @@ def _waits_s(execution: Execution, stops: StopLog) -> FloatArray:
     return np.array(waits)
 
 
-def _compared(logged: Outcomes, usual: Sequence[Outcomes], drawn: Sequence[Outcomes], station: str) -> Iterator[ComparedFigure]:
-    def figure(name: str, label: str, unit: str, read: Callable[[Outcomes], float]) -> ComparedFigure:
+def _compared(
+    logged: Outcomes, usual: Sequence[Outcomes], drawn: Sequence[Outcomes], station: str, order_per_h: float
+) -> Iterator[ComparedFigure]:
+    """Figures side by side; a band of orders done an hour reaches an order each way at least, also where all simulations are alike."""
+
+    def figure(name: str, label: str, unit: str, read: Callable[[Outcomes], float], least: float = 0.0) -> ComparedFigure:
         values = np.array([read(each) for each in drawn])
         value, reach = float(np.median([read(each) for each in usual])), math.inf
         if len(values) > 1 and np.isfinite(values).all():
             reach = t_quantile((1 + BAND) / 2, len(values) - 1) * float(values.std(ddof=1)) * math.sqrt(1 + 1 / len(values))
+            reach = max(reach, least)
         middle = float(values.mean())
         return ComparedFigure(name, label, unit, read(logged), value, max(0.0, middle - reach), middle + reach)
 
@@ -352,7 +357,7 @@ def _compared(logged: Outcomes, usual: Sequence[Outcomes], drawn: Sequence[Outco
         yield figure(f"lead_time_{word}_s", f"lead time, {word}", "s", lambda run, q=share: _quantile(run.lead_time_s, q))  # type: ignore[misc]
     for share, word in ((0.5, "p50"), (0.95, "p95")):
         yield figure(f"station_wait_{word}_s", f"wait at stations, {word}", "s", lambda run, q=share: _quantile(run.station_wait_s, q))  # type: ignore[misc]
-    yield figure("throughput_per_h", "orders done an hour", "1/h", lambda run: run.throughput_per_h)
+    yield figure("throughput_per_h", "orders done an hour", "1/h", lambda run: run.throughput_per_h, order_per_h)
     yield figure("robots_busy_share", "robots with an order", "", lambda run: run.robots_busy_share)
     yield figure("station_busy_share", f"'{station}' serves", "", lambda run: run.station_busy_share)
 
