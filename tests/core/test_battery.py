@@ -1,5 +1,7 @@
 """Batteries drain and fill as Open-RMF's figures say."""
 
+from contextlib import nullcontext
+
 import numpy as np
 import pytest
 
@@ -47,6 +49,20 @@ def test_levels_that_do_not_ascend_are_refused(levels):
             minimum_desired_charging_level=minimum,
             maximum_desired_charging_level=maximum,
         )
+
+
+@pytest.mark.parametrize(
+    ("keys", "says"),
+    [
+        ({"swap_s": 60.0, "maximum_desired_charging_level": 90.0}, "maximum_desired_charging_level is 90 with swap_s, expected 100"),
+        ({"maximum_desired_charging_level": 100.5}, "maximum_desired_charging_level is 100.5"),
+        ({"start_level": (60.0, 50.0)}, "start_level is"),
+        ({"swap_s": 60.0}, ""),
+    ],
+)
+def test_levels_that_no_battery_reaches_are_refused(keys, says):
+    with pytest.raises(OptionError, match=says) if says else nullcontext():
+        Charging(stations=("dock",), **keys)
 
 
 def test_who_stands_draws_idle_power_instead():

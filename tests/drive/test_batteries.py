@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from worlds import BURGER
 
-from mrp_sumo.core.fleet import fleet_of
+from mrp_sumo.core.fleet import fleet_of, fleet_of_types
 from mrp_sumo.core.robot_type import Battery
 from mrp_sumo.drive.batteries import Batteries
 
@@ -77,3 +77,19 @@ def test_who_runs_empty_is_told_once(level, told):
         batteries.add(np.zeros((3 if now_s == 1.0 else 2, 1)), np.zeros((3 if now_s == 1.0 else 2, 1)))
         seen.append(batteries.observe(now_s, np.array([False])))
     assert seen == told
+
+
+def test_each_type_draws_from_its_own_battery():
+    """36 W of 36 kJ, and of twice as much, for a second."""
+    types = [replace(BURGER, battery=battery) for battery in (SMALL, replace(SMALL, capacity_ah=2.0))]
+    batteries = Batteries(fleet_of_types(types, np.array([0, 1, 0])), (0.5, 0.5), 0, 0.5)
+    batteries.add(np.zeros((3, 3)), np.zeros((3, 3)))
+    batteries.observe(1.0, np.zeros(3, np.bool_))
+    assert batteries.level == pytest.approx([0.499, 0.4995, 0.499])
+
+
+@pytest.mark.parametrize(("charging_a", "most_per_s"), [(36.0, 0.01), (1.8, 0.001 * (36.0 + 0.5 * 2.5) / 36.0)])
+def test_most_that_a_level_changes_is_by_charging_or_by_speeding_up(charging_a, most_per_s):
+    """Full in 100 s, or in 2000 s; 1 kg that gains 2.5 m/s2 at 0.5 m/s takes 1.25 W, beside 36 W of 36 kJ."""
+    fast = replace(BURGER, max_speed_mps=0.5, accel_mps2=2.5, decel_mps2=2.0, battery=replace(SMALL, charging_a=charging_a))
+    assert Batteries(fleet_of(fast, 1), (0.5, 0.5), 0, 0.5).most_per_s() == pytest.approx([most_per_s])
