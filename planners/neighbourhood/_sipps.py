@@ -3,7 +3,8 @@
 Source: SIPPS of Li, Chen, Harabor, Stuckey, Koenig, "MAPF-LNS2: fast repairing for multi-agent path finding via
 large neighborhood search", AAAI 2022 (section 4), after Phillips and Likhachev, "SIPP", ICRA 2011. A vertex's
 time falls into runs in which it is free or somebody is on it, or too close. A path is rated by the runs of others it enters
-and the swaps, clashes and rings it makes, then by its length; or, when crossing is forbidden, by its length alone.
+and the swaps, clashes and rings it makes, then by its length; or, when crossing is forbidden, by its length alone: exactly, and so with
+a queue of its own. `search._earliest` has the intervals of constraints, which are few; those of others' paths are bits.
 """
 
 from typing import NamedTuple

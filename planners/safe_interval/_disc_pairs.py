@@ -1,7 +1,7 @@
 """Kernel: what two discs cost at least that must not collide, by conflict-based search over both.
 
 It is the weight of an edge of the WDG heuristic (Li, Felner, Boyarski, Ma, Koenig, "Improved heuristics for multi-agent path finding with
-conflict-based search", IJCAI 2019).
+conflict-based search", IJCAI 2019). By a `TimedTree` of two robots, which knows any motion, `ccbs` takes twice as long.
 """
 
 from typing import NamedTuple

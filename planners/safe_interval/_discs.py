@@ -1,7 +1,7 @@
 """Kernels of discs that drive straight lanes at one speed: when two collide, and the earliest way of one that keeps off times or others.
 
 The moments at which one robot may set out relative to another without a collision are all but one interval, since the set of pairs of
-moments at which two discs on straight ways overlap is convex.
+moments at which two discs on straight ways overlap is convex. Times are exact, as published costs are: `_search` works in whole steps.
 """
 
 from typing import NamedTuple

@@ -3,7 +3,8 @@
 Sources: Li, Tinka, Kiesel, Durham, Kumar, Koenig, "Lifelong multi-agent path finding in large-scale warehouses", AAAI 2021 (windows;
 states that count the stops made); Silver, "Cooperative pathfinding", AIIDE 2005 (A* in space and time); Li, Chen, Harabor, Stuckey,
 Koenig, "Anytime multi-agent path finding via large neighborhood search", IJCAI 2021. Beyond the window a way is as long as the shortest
-one by the stops that are left. Of the shortest ways it is the one that crosses fewest others.
+one by the stops that are left. Of the shortest ways it is the one that crosses fewest others. `search._space_time` looks through steps,
+too, but to one goal, without end, and under the constraints of a tree, which windows would have to be written as.
 """
 
 from typing import NamedTuple
