@@ -49,12 +49,12 @@ def reordered(plan: Plan, schedule: Schedule, num_vertices: int) -> Schedule:
     if not pairs or len(pairs) > MOST_PAIRS or len(pairs) * plan.num_visits > MOST_STEPS:
         return schedule
     first_goes = _decided(plan, schedule, pairs, _arcs(source, target, schedule, undone))
-    rank = np.arange(len(resource), dtype=np.float64)
+    rank = np.arange(len(resource))  # compared within a resource
     for q in part.tolist():
         block = undone[resource[undone] == q].tolist()
         wins = {e: sum(first_goes.get((e, o), not first_goes.get((o, e), o < e)) for o in block if o != e) for e in block}
         for place, e in enumerate(sorted(block, key=lambda e: (-wins[e], e))):
-            rank[e] = block[0] + place
+            rank[e] = place
     return permuted(schedule, np.lexsort((rank, resource)))
 
 
