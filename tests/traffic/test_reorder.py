@@ -35,6 +35,13 @@ def test_nobody_overtakes_a_robot_that_begins_in_a_zone(way, after):
     assert passing(schedule, 2) == [1, 0]  # vertices keep the plan's order
 
 
+def test_vertices_keep_the_plans_order_even_where_another_would_undo_a_circle():
+    """robot_0 begins in the zone and leaves it for 2, from where robot_1 has to come into it."""
+    before, schedule = schedules([[0, 0, 0, 2, 4], [5, 2, 1, 3]], {0, 1})
+    for each in (before, schedule):
+        assert (passing(each), passing(each, 2)) == ([0, 1], [1, 0])
+
+
 @pytest.mark.parametrize(("way", "after"), [([0], [0, 1]), ([4, 0], [1, 0])])
 def test_a_robot_that_stays_in_a_zone_comes_last_there_unless_it_begins_there(way, after):
     before, schedule = schedules([way, [2, 2, 1, 3]], {0, 1})
