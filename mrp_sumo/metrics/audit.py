@@ -306,10 +306,12 @@ def _among_people(execution: Execution, fleet: Fleet) -> dict[str, Any]:
     if log is None or not len(execution.t_s):
         return dict.fromkeys((*names, "num_field_violations", "field_violations", "min_person_distance_m"))
     period_s = float(execution.t_s[1] - execution.t_s[0]) if len(execution.t_s) > 1 else 1.0
+    bodies = _bodies(fleet)
+    shapes = bodies.half_length, bodies.half_width, bodies.radius, _rows(fleet.decel_mps2), fleet.is_vehicle
     touches, fast, nearest = _people.meet_people(
-        *(_poses(execution), _rows(execution.speed_mps), period_s, _bodies(fleet), _rows(fleet.decel_mps2), fleet.is_vehicle),
+        _people.Robots(*_poses(execution), _rows(execution.speed_mps), *shapes, period_s),
         _people.Sightings(log.first, log.person, log.x_m, log.y_m, log.radius_m),
-        np.array([log.extra_m, log.reaction_s, log.side_m, log.slowest_mps]),
+        _people.Fields(log.extra_m, log.reaction_s, log.side_m, log.slowest_mps),
     )
     kinds, num_fast = ("standing", "braking", "too_fast"), int((touches[:, 3] == _people.TOO_FAST).sum())
 
