@@ -153,8 +153,8 @@ def effects(of: Sequence[Quantity], settings: FloatArray, block: FloatArray, fig
 
 def corner(of: Sequence[Effect], better: bool, more_is_better: bool = True) -> dict[Place, float]:
     """Values of all quantities at those ends at which a figure is better, or worse."""
-    up = 1.0 if better == more_is_better else -1.0
-    return {k: v for effect in of for k, v in effect.quantity.at(math.copysign(1.0, up * effect.change.value)).items()}
+    levels = [math.copysign(1.0, effect.change.value if better == more_is_better else -effect.change.value) for effect in of]
+    return values_at([effect.quantity for effect in of], levels)
 
 
 def values_at(of: Sequence[Quantity], levels: Sequence[float]) -> dict[Place, float]:
@@ -225,8 +225,8 @@ def value_of(file: ScenarioFile, key: str) -> float:
         raise MrpSumoError(f"--interval {key}: {fault}")
     place: Place = tuple(key.split("."))
     if place[:2] == OF_TYPE:
-        if len(place) != 3 or place[2] not in vars(file.scenario.robots.factor):
-            known = [f"robots.type.{name}" for name in Factors.__dataclass_fields__]
+        known = [f"robots.type.{name}" for name in Factors.__dataclass_fields__]
+        if key not in known:
             raise MrpSumoError(f"--interval {key}: expected one of {', '.join(known)}{nearest(key, known)}")
         values = {getattr(model, str(place[2])) for model in robot_types(file)}
         if len(values) > 1:
