@@ -18,7 +18,7 @@ SLACK_M = 2e-3
 STANDING, LAWFUL, TOO_FAST = range(3)  # what a robot did that was touched
 
 
-class Robots(NamedTuple):
+class RobotSamples(NamedTuple):
     """R robots in T samples; x is NaN where one is not on the floor."""
 
     x: np.ndarray  # [T, R] m
@@ -43,7 +43,7 @@ class Sightings(NamedTuple):
     radius: float  # of people
 
 
-class Fields(NamedTuple):
+class FieldRules(NamedTuple):
     """Protective fields, see `core.people.PeopleLog`."""
 
     extra: float  # NaN: there are none

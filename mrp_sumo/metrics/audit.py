@@ -309,9 +309,9 @@ def _among_people(execution: Execution, fleet: Fleet) -> dict[str, Any]:
     bodies = _bodies(fleet)
     shapes = bodies.half_length, bodies.half_width, bodies.radius, _rows(fleet.decel_mps2), fleet.is_vehicle
     touches, fast, nearest = _people.meet_people(
-        _people.Robots(*_poses(execution), _rows(execution.speed_mps), *shapes, period_s),
+        _people.RobotSamples(*_poses(execution), _rows(execution.speed_mps), *shapes, period_s),
         _people.Sightings(log.first, log.person, log.x_m, log.y_m, log.radius_m),
-        _people.Fields(log.extra_m, log.reaction_s, log.side_m, log.slowest_mps),
+        _people.FieldRules(log.extra_m, log.reaction_s, log.side_m, log.slowest_mps),
     )
     kinds, num_fast = ("standing", "braking", "too_fast"), int((touches[:, 3] == _people.TOO_FAST).sum())
 

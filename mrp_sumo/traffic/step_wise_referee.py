@@ -59,7 +59,7 @@ class Pool:
         self.num_finished = 0
         self.num_errands = 0
         num_robots = problem.num_robots
-        self._num_lacking = num_robots if problem.own_tasks else 0  # robots with fewer than `_least` tasks of their own in the pool
+        self._num_lacking = num_robots  # robots with fewer than `_least` tasks of their own in the pool
         self._least, self._num_own = max(1, problem.num_revealed // max(num_robots, 1)), [0] * num_robots
         self.reveal(0)
 
@@ -114,7 +114,7 @@ class Pool:
                 self.task_of[robot] = NOTHING
                 self.num_finished += 1
                 self._num_own[robot] -= 1
-                self._num_lacking += self.problem.own_tasks and self._num_own[robot] == self._least - 1
+                self._num_lacking += self._num_own[robot] == self._least - 1
         self.reveal(now)
         return events
 

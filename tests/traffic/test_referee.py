@@ -40,6 +40,14 @@ def test_two_robots_at_one_vertex_is_a_vertex_conflict_with_place_and_time():
     assert describe(found.conflicts[0], problem) == "robot_0 and robot_1 meet at 'v1' at 2 s"
 
 
+def test_summary_names_the_first_conflicts():
+    """Four robots stay at one vertex: six pairs."""
+    found, problem = verdict([[0, 1], [1], [2, 1], [5, 1]])
+    first = "; ".join(describe(conflict, problem) for conflict in found.conflicts[:2])
+    assert len(found.conflicts) == 6 and found.summary(problem, 2) == f"6 conflicts: {first}; ..."
+    assert found.summary(problem, 6).endswith(describe(found.conflicts[5], problem))
+
+
 def test_swap_is_an_edge_conflict():
     found, _ = verdict([[0, 1], [1, 0]])
     assert [(c.kind, c.robot, c.other, c.vertex, c.next_vertex, c.t_s) for c in found.conflicts] == [("edge", 0, 1, 0, 1, 0.0)]
@@ -121,7 +129,7 @@ def test_overtaking_on_a_lane_is_an_edge_conflict_in_continuous_time():
 
 
 def brute_force(paths):
-    """(robots, step) of every vertex and swap conflict, by looking at every pair at every step."""
+    """Robots and kind of every conflict, by looking at every pair at every step."""
     horizon = max(map(len, paths))
     at = [list(p) + [p[-1]] * (horizon - len(p)) for p in paths]
     found = set()
@@ -132,6 +140,9 @@ def brute_force(paths):
                     found.add((j, i, "vertex"))
                 if t and at[i][t] == at[j][t - 1] and at[i][t - 1] == at[j][t] and at[i][t] != at[j][t]:
                     found.add((j, i, "edge"))
+                for a, b in ((i, j), (j, i)):
+                    if t and at[a][t] == at[b][t - 1] and at[a][t - 1] != at[a][t] != at[b][t]:
+                        found.add((j, i, "following"))
     return found
 
 
@@ -155,4 +166,4 @@ def test_referee_agrees_with_brute_force_on_random_walks(seed):
         return
     problem = world([p[0] for p in paths], goals)
     found = judge(problem, plan_of_paths(paths, STEP_S))
-    assert {(c.robot, c.other, c.kind) for c in found.conflicts} == expected
+    assert {(c.robot, c.other, c.kind) for c in (*found.conflicts, *found.following)} == expected
