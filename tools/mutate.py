@@ -38,7 +38,7 @@ KERNELS = ("conflicts", "constraints", "disturbance", "earliest", "heap", "mdd",
 ROOMS = {  # the files of each, and the tests that hold it
     "referee": (
         ["mrp_sumo/traffic/referee.py", "mrp_sumo/traffic/step_wise_referee.py", "mrp_sumo/traffic/clashes.py"],
-        ["tests/traffic/test_referee.py", "tests/traffic/test_step_wise_referee.py", "tests/traffic/test_clashes.py"],
+        [*(f"tests/traffic/test_{name}.py" for name in ("referee", "step_wise_referee", "clashes")), "tests/planning/test_vehicles.py"],
     ),
     "reorder": (
         ["mrp_sumo/traffic/reorder.py", "mrp_sumo/traffic/schedule.py", "mrp_sumo/traffic/passages.py"],
