@@ -124,7 +124,7 @@ def looked_at(robots, people, fields, k, r):
 
 @kernel(allocates=False)
 def room_ahead(robots, people, fields, look, k, r):
-    """How far ahead of a robot, as it has come since the last sample, somebody is; and whether nobody is where its corners may come."""
+    """Room ahead of a robot, the way it has come since the last sample, and whether nobody is where its corners may come."""
     x, y, half, radius = robots.x[k, r], robots.y[k, r], robots.half_width[r] + fields.side, people.radius
     before = sample_before(robots, k, r)
     moved_x, moved_y = x - robots.x[before, r], y - robots.y[before, r]
