@@ -299,7 +299,7 @@ def round_robots(p, x, y, ex, ey, is_stuck, walkers, ground, robots):
                 fx, fy = -np.cos(robots.yaw_rad[i]), -np.sin(robots.yaw_rad[i])
             ahead, left = dx * fx + dy * fy, dy * fx - dx * fy
             beside = np.hypot(robots.half_length_m[i], robots.half_width_m[i]) + BODY_M + ROUND_ROOM_M / 2.0
-            if ex == 0.0 and ey == 0.0 and robots.is_halted[i] and is_met and np.hypot(dx, dy) < YIELD_M:
+            if ex == 0.0 and ey == 0.0 and robots.is_halted[i] and np.hypot(dx, dy) < YIELD_M:
                 tx, ty = out_of_path(p, x, y, i, walkers, ground, robots)
             if ahead <= 0.0 or ahead >= nearest or abs(left) >= beside:
                 continue
@@ -337,13 +337,16 @@ def is_free_way(x, y, dx, dy, ground):
 def out_of_path(p, x, y, i, walkers, ground, robots):
     """The direction that leads out of a robot's path, shorter than 1 for who is nearly out of it, (0, 0) for who is beside it.
 
-    Where there is no room to the sides one goes before it; from a corner towards it, to where there is room beside its way.
+    Who is beside or behind one that stands for people goes back from it, to where it has room to turn. Where there is no room to the sides
+    one goes before it; from a corner towards it, to where there is room beside its way.
     """
     cos, sin = np.cos(robots.yaw_rad[i]), np.sin(robots.yaw_rad[i])
     dx, dy = x - robots.x_m[i], y - robots.y_m[i]
     ahead, left, beside = cos * dx + sin * dy, cos * dy - sin * dx, robots.half_width_m[i] + robots.side_m + BODY_M + ASIDE_M
     if ahead <= 0.0 or abs(left) >= beside:
-        return 0.0, 0.0
+        away = np.hypot(dx, dy)
+        turns_m = np.hypot(robots.half_length_m[i], robots.half_width_m[i]) + robots.side_m + BODY_M + ASIDE_M
+        return (dx / away, dy / away) if robots.is_halted[i] and away < turns_m else (0.0, 0.0)
     ax, ay, code = x + CORNER_M * cos, y + CORNER_M * sin, ground.back[cell_of(x, y, ground)]
     if code < NUM_ANGLES:  # along a wall to which one has been pushed
         angle = code * (2.0 * np.pi / NUM_ANGLES)

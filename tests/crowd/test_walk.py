@@ -107,6 +107,15 @@ def test_person_at_a_dead_end_goes_to_where_it_can_stand_beside_the_path_of_a_ro
     assert (aside_m > 0.3 + 0.1 + BODY_M).all()
 
 
+@pytest.mark.parametrize("is_halted", [True, False])
+def test_person_who_cannot_get_past_goes_back_from_a_robot_that_has_no_room_to_turn(is_halted):
+    """From behind, in a corridor that it fills: its corners reach 0.42 m, and its field 0.1 m more."""
+    crowd = crowd_on(room(8, 1.1), [(7, 0.5), (7, 0.6)], [((3.4, 0.5), (0, 1))], robots=[(4.0, 0.55, 0.6, 0.6)])
+    crowd.robots.is_halted[0], crowd.walkers.stuck_s[0] = is_halted, 3.0
+    away_m = np.hypot(*(paths(crowd, 2)[:, 0] - (4.0, 0.55)).T)
+    assert (away_m.max() > np.hypot(0.3, 0.3) + 0.1 + BODY_M) == is_halted
+
+
 @pytest.mark.parametrize("side_m", [0.1, 0.4])
 def test_person_steps_out_of_the_field_of_a_robot_however_wide(side_m):
     crowd = crowd_on(room(6, 4), [(5, 2), (0.5, 2)], [((3, 2.05), (0, 1))], robots=[(2.0, 2.0, 0.6, 0.6)])
