@@ -172,8 +172,11 @@ def require_different(log: MotionLog) -> None:
             raise MrpSumoError(f"{log.source}: '{one}' and '{other}' are at the same places all the time: one vehicle of two names")
 
 
-def require_here(log: MotionLog, map_: "Map") -> None:
-    """Refuse a log of which vehicles are elsewhere than the map is; note where they are off its lanes. Raises MrpSumoError."""
+def require_here(log: MotionLog, map_: "Map", *, on_grid: bool = False) -> None:
+    """Refuse a log of which vehicles are elsewhere than the map is; note where they are off its lanes. Raises MrpSumoError.
+
+    Who drives `on_grid` is noted where the log's vehicles keep to lanes.
+    """
     poses = {name: np.array(rows[:: max(1, len(rows) // 500)])[:, 1:3] for name, rows in log.poses.items() if len(rows) >= SHORTEST}
     away_m = _away_from_lanes(log, map_, poses)
     share = {name: float((away > BESIDE_M).mean()) for name, away in away_m.items()}
@@ -187,8 +190,14 @@ def require_here(log: MotionLog, map_: "Map") -> None:
             f"'{map_.name}' (x {low[0]:.1f} to {high[0]:.1f}, y {low[1]:.1f} to {high[1]:.1f}): another site, another frame, or other "
             "units than metres"
         )
-    if away_m and (usual_m := float(np.median(np.concatenate(list(away_m.values()))))) > BESIDE_LANES_M:
+    usual_m, most_m = np.quantile(np.concatenate([*away_m.values(), [0.0]]), (0.5, 0.95)).tolist()
+    if usual_m > BESIDE_LANES_M:
         log.notes.append(f"half of the poses are more than {usual_m:.1f} m from any lane of '{map_.name}': is it the map of this log?")
+    elif on_grid and most_m < BETWEEN_M / 2:
+        log.notes.append(
+            f"vehicles keep to the lanes of '{map_.name}', and the scenario has them on a grid, whose ways are others: "
+            "`discretisation: {kind: roadmap}` is nearer to them"
+        )
 
 
 def _away_from_lanes(log: MotionLog, map_: "Map", poses: Mapping[str, FloatArray]) -> dict[str, FloatArray]:

@@ -151,7 +151,7 @@ def predicted(
     into `folder`.
     """
     setup = set_up(file, maps)
-    require_here(log, setup.map)
+    require_here(log, setup.map, on_grid=file.scenario.discretisation.kind == "grid")
     log = replace(log, orders=with_stations(log.orders, setup, log.source))
     held = cut(log, setup, hold_out)
     _require_orders(held)

@@ -117,6 +117,13 @@ def test_vehicles_of_another_site_are_named_and_poses_beside_lanes_are_said():
     assert here.notes == []
     require_here(beside := MotionLog("log", "CSV", poses={"a": rows_on(map_, -3.0)}), map_)
     assert "from any lane of 'office': is it the map of this log?" in beside.notes[0]
+
+
+@pytest.mark.parametrize(("shift_m", "on_grid", "says"), [(0.0, True, ["keep to the lanes"]), (0.0, False, []), (0.3, True, [])])
+def test_vehicles_on_lanes_are_said_to_whom_drives_on_a_grid(shift_m, on_grid, says):
+    map_ = load_map(find_map("office", Path()))
+    require_here(log := MotionLog("log", "CSV", poses={"a": rows_on(map_, shift_m)}), map_, on_grid=on_grid)
+    assert len(log.notes) == len(says) and all(words in note for words, note in zip(says, log.notes))
     mixed = {name: rows_on(map_, shift) for name, shift in (("a", 0.0), ("b", 0.0), ("c", 500.0))}
     with pytest.raises(MrpSumoError, match="log: 100% of the poses of c are more than 10 m from any lane of 'office'"):
         require_here(MotionLog("log", "CSV", poses=mixed), map_)
