@@ -59,7 +59,8 @@ def rows(options: argparse.Namespace) -> Iterator[bench.Row]:
     for name in options.map:
         if name != "squares":
             nav, _ = join_short(load_map(bundled_maps()[name]).nav, step_m)
-        graphs[name] = squares(12, step_m) if name == "squares" else cut_lanes(nav, cell_that_fits(nav.length_m, step_m))
+            cell_m = cell_that_fits(nav.length_m[nav.length_m >= step_m], step_m)
+        graphs[name] = squares(12, step_m) if name == "squares" else cut_lanes(nav, cell_m)
     for where, graph in graphs.items():
         for name in options.planner:
             chosen = planner(name, {})
