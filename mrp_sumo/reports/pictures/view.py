@@ -11,13 +11,14 @@ from numpy.typing import NDArray
 
 from mrp_sumo.core.bodies import Rectangles, bodies_of
 from mrp_sumo.core.digraph import weak_components
+from mrp_sumo.core.disturbances import BREAKS
 from mrp_sumo.core.execution import RECORDED, Execution, Outcome, positions_at
 from mrp_sumo.core.fleet import Fleet
 from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, PlanGraph
 from mrp_sumo.core.plan import Plan
 from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.errors import MrpSumoError, count
-from mrp_sumo.io.record import AT_GOAL, MOVING, STATE_NAMES, WAITING, RunRecord, robot_states
+from mrp_sumo.io.record import AT_GOAL, BLOCKED, MOVING, STATE_NAMES, WAITING, RunRecord, robot_states
 from mrp_sumo.io.run_summary import planner_of
 from mrp_sumo.traffic.courses import course_rad
 from mrp_sumo.traffic.turns import BACKWARD, FORWARD, NEVER, turns_of
@@ -87,7 +88,7 @@ def view_record(run: AnyRun) -> RunRecord:
 def view_states(execution: Execution) -> NDArray[np.int8]:
     """[T, R] the state of each robot at each sample: `robot_states`, with ABSENT, and turning in place counted as moving.
 
-    In runs with tasks, who stands without a task, or is being served, does not wait: that is AT_GOAL there.
+    In runs with tasks, who stands without a task, or is being served, does not wait: that is AT_GOAL there. Who is broken is BLOCKED.
     """
     state = robot_states(execution, execution.t_s)
     turning = np.zeros(state.shape, np.bool_)
@@ -96,6 +97,9 @@ def view_states(execution: Execution) -> NDArray[np.int8]:
     state[turning & (state == WAITING)] = MOVING
     if execution.tasks is not None:
         state[(state == WAITING) & _at_rest(execution)] = AT_GOAL
+    for event in (event for event in execution.events if event.text == BREAKS):
+        a, b = np.searchsorted(execution.t_s, (event.t_s - 1e-9, event.t_s + event.duration_s - 1e-9))
+        state[a:b, event.robot] = np.where(state[a:b, event.robot] == MOVING, MOVING, BLOCKED)
     state[np.isnan(execution.x_m) | np.isnan(execution.y_m)] = ABSENT
     return state
 

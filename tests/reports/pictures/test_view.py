@@ -7,6 +7,7 @@ import pytest
 from vehicles import TRICYCLE, TUGGER, roads
 from worlds import SMALL_CART, record_of_two
 
+from mrp_sumo.core.execution import Event
 from mrp_sumo.core.fleet import fleet_of
 from mrp_sumo.core.graph import nav_graph, plan_graph
 from mrp_sumo.core.plan import plan_of_paths
@@ -56,6 +57,18 @@ def test_who_has_no_task_or_is_served_does_not_wait():
     assert set(state[:, 1].tolist()) == {AT_GOAL}
     assert [int(state[np.searchsorted(t_s, t), 0]) for t in (0.3, 0.7, 1.2, 1.7)] == [AT_GOAL, WAITING, AT_GOAL, WAITING]
     assert (state_names(True)[AT_GOAL], state_names(False)[AT_GOAL]) == ("idle or served", "at goal")
+
+
+def test_a_broken_robot_is_blocked_whether_it_has_work_or_not_but_not_while_it_is_pushed():
+    """From 1.5 s on; robot 0 drives until 3 s, robot 1 from 2 to 3 s, as if pushed; no stop of noise or maintenance counts."""
+    record = record_of_two()
+    broken = [Event(1.5, "disturbed", r, duration_s=np.inf, text="breaks down") for r in (0, 1)]
+    resting = log_of_times((), np.zeros(0, np.int64), *(np.zeros(0),) * 4)
+    state = view_states(replace(record.execution, events=tuple(broken), tasks=resting))
+    assert state[[14, 16, 25, 35], 1].tolist() == [AT_GOAL, BLOCKED, MOVING, BLOCKED]
+    assert state[[25, 35], 0].tolist() == [MOVING, BLOCKED]
+    stops = tuple(replace(event, text=text) for event, text in zip(broken, ("", "is maintained")))
+    assert BLOCKED not in view_states(replace(record.execution, events=stops, tasks=resting))
 
 
 def test_a_robot_that_turns_in_place_does_not_wait():
