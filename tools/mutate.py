@@ -44,7 +44,7 @@ ROOMS = {  # the files of each, and the tests that hold it
         ["mrp_sumo/traffic/reorder.py", "mrp_sumo/traffic/schedule.py", "mrp_sumo/traffic/passages.py"],
         ["tests/traffic/test_reorder.py", "tests/traffic/test_schedule.py"],
     ),
-    "ledger": (["mrp_sumo/drive/ledger.py"], ["tests/drive/test_ledger.py", "tests/drive/test_turns.py"]),
+    "ledger": (["mrp_sumo/drive/ledger.py"], [f"tests/drive/test_{name}.py" for name in ("ledger", "turns", "rolling")]),
     "controller": (
         ["mrp_sumo/drive/controller.py", "mrp_sumo/drive/cycle.py", "mrp_sumo/drive/_grants.py", "mrp_sumo/drive/_observe.py"],
         ["tests/drive/test_loop.py"],

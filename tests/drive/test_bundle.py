@@ -25,12 +25,18 @@ def block(folder):
     return lanes(folder / "block.csv", xy, pairs, True)
 
 
-def bundles(at, *orders, capacity=2, most=30, types=()):
-    """The stops ahead of robots at vertices of the line, once they have been given the orders."""
+def fleet_with_room(at, *orders, capacity=2, types=()):
+    """Robots at vertices of the line that can have so many orders on board."""
     fleet = Fleet(at, *orders, types=types)
     problem = fleet.context.ledger.problem
     fleet.context.ledger.problem = replace(problem, fleet=replace(problem.fleet, capacity=np.full(len(at), capacity)))
     fleet.crew.problem = fleet.context.ledger.problem
+    return fleet
+
+
+def bundles(at, *orders, most=30, **other):
+    """The stops ahead of robots, once they have been given the orders."""
+    fleet = fleet_with_room(at, *orders, **other)
     fleet.crew.orders.reveal(0.0)
     return tours(fleet.context, 0.0, most)
 
@@ -47,6 +53,15 @@ def carried(tmp_path, tasks=ORDERS, floor=ring, capacity=3, **other):
 def test_orders_on_the_way_go_on_board_together():
     # 3 to 10 and 5 to 12, from 0: one after the other would drive from 10 back to 5
     assert bundles([0], (0.0, (3, 10)), (0.0, (5, 12))) == {0: [(0, 0), (1, 0), (0, 1), (1, 1)]}
+
+
+@pytest.mark.parametrize(("other_at", "taken_by"), [(19, 0), (6, 1)])
+def test_what_an_order_delays_counts_and_not_what_a_robot_has_to_do_anyway(other_at, taken_by):
+    """robot_0 is to go from 3 to 10 and passes 4 on its way: both orders together take 9 s more. robot_1 takes 19 s, or 6."""
+    fleet = fleet_with_room([0, other_at], (0.0, (3, 10), 0, "", 0), (1.0, (3, 4)))
+    assert fleet.decides("bundle") == {0: 0}
+    fleet.crew.orders.reveal(1.0)
+    assert list(tours(fleet.context, 1.0, 30)) == [taken_by]
 
 
 def test_a_robot_that_carries_one_is_given_one():
