@@ -385,7 +385,7 @@ class RobotPlaces:
         if (graph, at) not in self._outwards:
             away_m = reach_m(graph, np.ones(graph.num_lanes, np.bool_), np.array([at]))[0]
             self._outwards[graph, at] = tuple(np.argsort(away_m, kind="stable").tolist())
-        free = (v for v in self._outwards[graph, at] if v not in closed and closed.isdisjoint(self._held(robot, at, v)))
+        free = (v for v in self._outwards[graph, at] if closed.isdisjoint(self._held(robot, at, v)))
         nearest = next(free, None)
         if nearest is None:
             return next(v for v in self._outwards[graph, at] if v not in taken)

@@ -25,11 +25,11 @@ def row(length, *doorsteps, ring=False, groups=None):
     return plan_graph(nav, kind="roadmap", cell_m=CELL_M)
 
 
-def chosen(graph, start, stops, parking=(), stays=(), aged=()):
+def chosen(graph, start, stops, parking=(), stays=(), aged=(), **other):
     """Where robots go that begin at `start`, and who of them makes a stop there; `stops` are vertices by robot."""
     where = RobotPlaces(problem_on(graph, start, start), parking)
     at = {r: Stop(v, 1.0, "", Station(f"at {v}", (v,))) for r, v in stops.items()}
-    vertex, makes = where.choose(np.array(start), np.isin(np.arange(len(start)), stays), at, list(stops), aged)
+    vertex, makes = where.choose(np.array(start), np.isin(np.arange(len(start)), stays), at, list(stops), aged, **other)
     return vertex.tolist(), makes.tolist()
 
 
@@ -37,6 +37,16 @@ def chosen(graph, start, stops, parking=(), stays=(), aged=()):
 def test_a_robot_that_makes_room_does_not_stand_on_a_doorstep(doorsteps, rests_at):
     """robot_1 makes room at 4 for robot_0, which comes from 0: beyond it, and where there is no room, on the side it comes from."""
     assert chosen(row(9, *doorsteps), [0, 4], {0: 4}) == ([4, rests_at], [True, False])
+
+
+def test_who_finds_its_place_full_is_passed_over_by_those_after_it():
+    """A load was set down at 4, which robot_0 is to bring another to; robot_1 goes to 6 all the same."""
+    assert chosen(row(9), [2, 7], {0: 4, 1: 6}, not_free={0: (4,)}) == ([2, 6], [False, True])
+
+
+@pytest.mark.parametrize(("groups", "rests_at"), [({4: {"mutex": "a"}, 5: {"mutex": "b"}}, 5), ({4: {"mutex": "a"}, 5: {"mutex": "a"}}, 6)])
+def test_a_robot_does_not_make_room_in_the_mutex_group_of_the_place(groups, rests_at):
+    assert chosen(row(9, groups=groups), [0, 4], {0: 4}) == ([4, rests_at], [True, False])
 
 
 def test_where_there_are_only_doorsteps_a_robot_makes_room_on_the_nearest():
@@ -193,6 +203,15 @@ def test_who_stands_ahead_of_one_that_waits_lets_it_pass_where_it_can(aside, ser
     xy = [(v * CELL_M, 0.0) for v in range(6)] + [(aside * CELL_M, CELL_M), (6 * CELL_M, 0.0)]
     graph = plan_graph(nav_graph(name="aside", xy=xy, lanes=lanes), kind="roadmap", cell_m=CELL_M)
     assert RobotPlaces(problem_on(graph, [0, 3], [0, 3])).can_let_pass(1, 3, [0, 1, 2, 3, 4], {served}, back=back) == lets_pass
+
+
+@pytest.mark.parametrize(("fork", "lets_pass"), [(3, False), (0, True)])
+def test_nobody_drives_back_past_the_end_of_the_others_way_to_let_it_pass(fork, lets_pass):
+    """On 2 of the way 0, 1, 2, 3 of another, with a crossing at 4 beyond one of its ends."""
+    pairs = [(0, 1), (1, 2), (2, 3), (fork, 4), (4, 5), (4, 6)]
+    nav = nav_graph(name="fork", xy=[(i * CELL_M, 0) for i in range(7)], lanes=[lane for a, b in pairs for lane in ((a, b), (b, a))])
+    where = RobotPlaces(problem_on(plan_graph(nav, kind="roadmap", cell_m=CELL_M), [2], [2]))
+    assert where.can_let_pass(0, 2, [0, 1, 2, 3], set(), back=True) == lets_pass
 
 
 @pytest.mark.parametrize(("pairs", "lets_pass"), [([(0, 1)], False), ([(0, 1), (1, 5)], True)], ids=("line", "siding"))
