@@ -78,10 +78,11 @@ def audit(
     rides = _outside_cabins(execution, fleet, cabins)
     if execution.level is not None:
         execution, level = _on_floors(execution, execution.level), None
-    parts, members, floors = _by_load(*_with_trailers(execution, fleet, level), fleet)
+    spread, trains, level = _with_trailers(execution, fleet, level)
+    parts, members, floors = _by_load(spread, trains, level, fleet)
     overlaps, clearance = _closeness(_apart(parts), members, floors)
     walls_found = _at_walls(parts, members, walls)
-    people_found = _among_people(parts, members)
+    people_found = _among_people(parts, members, range(fleet.num_robots, trains.num_robots))
     counts, violations = _motion(*_by_load(execution, fleet, None, fleet)[:2])
     wheels = _wheels(execution, fleet)
     counts |= {"num_wheel_violations": len(wheels)} if fleet.vehicle_of_kind else {}
@@ -300,8 +301,8 @@ def _at_walls(execution: Execution, fleet: Fleet, walls: FloatArray | None) -> d
     }
 
 
-def _among_people(execution: Execution, fleet: Fleet) -> dict[str, Any]:
-    """Contacts of footprints with people, and robots that are faster than their fields allow."""
+def _among_people(execution: Execution, fleet: Fleet, towed: range) -> dict[str, Any]:
+    """Contacts of footprints with people, and robots that are faster than their fields allow; those that are towed have none."""
     log, names = execution.people, ("num_person_contacts", "num_person_touches", "person_contacts")
     if log is None or not len(execution.t_s):
         return dict.fromkeys((*names, "num_field_violations", "field_violations", "min_person_distance_m"))
@@ -313,6 +314,7 @@ def _among_people(execution: Execution, fleet: Fleet) -> dict[str, Any]:
         _people.Sightings(log.first, log.person, log.x_m, log.y_m, log.radius_m),
         _people.FieldRules(log.extra_m, log.reaction_s, log.side_m, log.slowest_mps),
     )
+    fast = fast[~np.isin(fast[:, 1], towed)]
     kinds, num_fast = ("standing", "braking", "too_fast"), int((touches[:, 3] == _people.TOO_FAST).sum())
 
     def where(k: float, r: float) -> dict[str, Any]:

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from vehicles import TUGGER
 from worlds import CART, record_of_four
 
 from mrp_sumo.core.fleet import fleet_of
@@ -35,14 +36,16 @@ def sightings(x, y, **fields):
     )
 
 
-def audited(robot_x, person_x, person_y, robot_y=0.0, **fields):
-    """What is found of a cart that drives along x with samples each 0.1 s, and a person."""
+def audited(robot_x, person_x, person_y, robot_y=0.0, vehicle=CART, **fields):
+    """What is found of a cart that drives along x with samples each 0.1 s, its trailers behind it, and a person."""
     run, x = record_of_four().execution, np.asarray(robot_x, np.float64)[:, None]
     still, t = np.zeros_like(x), np.arange(len(x)) * 0.1
     y = still + np.reshape(robot_y, (-1, 1))
     speed = np.diff(x, axis=0, prepend=x[:1]) / 0.1
     log = sightings(np.broadcast_to(person_x, len(x)).astype(float), np.broadcast_to(person_y, len(x)).astype(float), **fields)
-    return audit(replace(run, t_s=t, x_m=x, y_m=y, yaw_rad=still, speed_mps=speed, people=log), fleet_of(CART, 1))
+    hitches = {f"hitch_{n + 1}_rad": still for n in range(len(vehicle.trailers))}
+    driven = replace(run, t_s=t, x_m=x, y_m=y, yaw_rad=still, speed_mps=speed, hitch_rad=hitches, people=log)
+    return audit(driven, fleet_of(vehicle, 1))
 
 
 def braking(from_mps, to_m, decel_mps2=1.0):
@@ -65,6 +68,14 @@ def test_robot_that_is_too_fast_near_somebody_is_a_failure_without_a_contact():
     found = audited(x, 3.0, 0.0)
     assert found["num_person_contacts"] == 0 and found["num_field_violations"] > 0 and not found["passed"]
     assert audited(x, 3.0, 0.0)["min_person_distance_m"] == pytest.approx(0.1, abs=1e-5)
+
+
+@pytest.mark.parametrize(("robot_x", "finds"), [(2.0, False), (1.0, True)])
+def test_fields_are_those_of_the_robot_and_not_of_its_trailers(robot_x, finds):
+    """Somebody comes out beside a train, 0.6 m from its middle: beside the tugger, ahead of its trailers, or ahead of all."""
+    x = np.arange(40) * 0.1
+    found = audited(x, 2.0, np.where(x > robot_x - 0.01, 0.6, 9.0), vehicle=TUGGER)
+    assert bool(found["num_field_violations"]) == finds and found["num_person_contacts"] == 0
 
 
 @pytest.mark.parametrize(("outside_m", "finds"), [(0.002, False), (-0.002, True)])
