@@ -183,7 +183,7 @@ def predicted(
     report("comparing", 0.0, 0.0)
     log_run = logged_run(held, middle.setup)
     logged = outcomes_of(log_run, held, station)
-    figures = tuple(_compared(logged, nominal, drawn, station, HOUR_S / held.span_s))
+    figures = tuple(_compared(logged, nominal, drawn, station, (HOUR_S / held.span_s, _period_s(held))))
     return Prediction(
         held, calibrations, station, logged, (*nominal, *drawn), figures, log_run, middle, _drift(held, files), files, held.notes
     )
@@ -340,9 +340,11 @@ def _waits_s(execution: Execution, stops: StopLog) -> FloatArray:
 
 
 def _compared(
-    logged: Outcomes, usual: Sequence[Outcomes], drawn: Sequence[Outcomes], station: str, order_per_h: float
+    logged: Outcomes, usual: Sequence[Outcomes], drawn: Sequence[Outcomes], station: str, least: tuple[float, float]
 ) -> Iterator[ComparedFigure]:
-    """Figures side by side; a band of orders done an hour reaches an order each way at least, also where all simulations are alike."""
+    """Figures side by side. Also where all simulations are alike, bands reach as far as a log tells: `least`, an order more or less done
+    an hour, and the time between two poses for a wait."""
+    order_per_h, period_s = least
 
     def figure(name: str, label: str, unit: str, read: Callable[[Outcomes], float], least: float = 0.0) -> ComparedFigure:
         values = np.array([read(each) for each in drawn])
@@ -356,10 +358,19 @@ def _compared(
     for share, word in ((0.5, "p50"), (0.95, "p95")):
         yield figure(f"lead_time_{word}_s", f"lead time, {word}", "s", lambda run, q=share: _quantile(run.lead_time_s, q))  # type: ignore[misc]
     for share, word in ((0.5, "p50"), (0.95, "p95")):
-        yield figure(f"station_wait_{word}_s", f"wait at stations, {word}", "s", lambda run, q=share: _quantile(run.station_wait_s, q))  # type: ignore[misc]
+
+        def wait_s(run: Outcomes, q: float = share) -> float:
+            return _quantile(run.station_wait_s, q)
+
+        yield figure(f"station_wait_{word}_s", f"wait at stations, {word}", "s", wait_s, period_s)
     yield figure("throughput_per_h", "orders done an hour", "1/h", lambda run: run.throughput_per_h, order_per_h)
     yield figure("robots_busy_share", "robots with an order", "", lambda run: run.robots_busy_share)
     yield figure("station_busy_share", f"'{station}' serves", "", lambda run: run.station_busy_share)
+
+
+def _period_s(held: HeldOut) -> float:
+    """The usual time between two poses of a vehicle of a log."""
+    return float(np.median(np.concatenate([np.diff([row[0] for row in held.log.poses[name]]) for name in held.vehicles])))
 
 
 def _middle(outcomes: Sequence[Outcomes]) -> int:

@@ -17,7 +17,9 @@ def outcomes(per_h, *lead_time_s):
 @pytest.mark.parametrize(("logged", "holds"), [(6.6, False), (6.7, True), (13.3, True), (13.4, False)])
 def test_the_median_is_predicted_and_the_band_is_that_of_one_run_more(logged, holds):
     """Three drawn runs do 9, 10 and 11 an hour: 10 +- 2.92 sqrt(1 + 1 / 3), since t(0.95, 2) is 2.92."""
-    figures = _compared(outcomes(logged), [outcomes(n) for n in (10.0, 30.0, 12.0)], [outcomes(n) for n in (9.0, 10.0, 11.0)], "A", 2.0)
+    figures = _compared(
+        outcomes(logged), [outcomes(n) for n in (10.0, 30.0, 12.0)], [outcomes(n) for n in (9.0, 10.0, 11.0)], "A", (2.0, 1.0)
+    )
     figure = next(each for each in figures if each.name == "throughput_per_h")
     assert figure.predicted == 12.0 and figure.error == 12.0 / logged - 1
     assert (figure.low, figure.high) == pytest.approx((10 - 3.3717, 10 + 3.3717), abs=1e-3)
@@ -26,9 +28,15 @@ def test_the_median_is_predicted_and_the_band_is_that_of_one_run_more(logged, ho
 
 @pytest.mark.parametrize(("drawn", "low", "high"), [((9.0,), 0.0, math.inf), ((9.0, 9.0), 7.0, 11.0)])
 def test_one_run_says_nothing_of_a_band_and_runs_that_are_alike_leave_room_for_an_order(drawn, low, high):
-    figures = _compared(outcomes(5.0), [outcomes(10.0)], [outcomes(n) for n in drawn], "A", 2.0)
+    figures = _compared(outcomes(5.0), [outcomes(10.0)], [outcomes(n) for n in drawn], "A", (2.0, 1.0))
     figure = next(each for each in figures if each.name == "throughput_per_h")
     assert (figure.low, figure.high) == (low, high)
+
+
+def test_waits_are_told_to_the_time_between_two_poses():
+    run = replace(outcomes(1.0), station_wait_s=np.full(4, 3.0))
+    figures = {each.name: each for each in _compared(run, [run] * 2, [run] * 2, "A", (2.0, 0.5))}
+    assert (figures["station_wait_p50_s"].low, figures["station_wait_p95_s"].high) == (2.5, 3.5)
 
 
 @pytest.mark.parametrize(("share", "value"), [(0.0, 1.0), (0.5, 3.0), (0.25, 2.0), (0.9, math.inf), (1.0, math.inf)])
@@ -62,6 +70,6 @@ def test_the_run_that_is_shown_is_the_one_whose_median_lead_time_is_in_the_middl
 def test_halves_and_the_last_twentieth_of_lead_times_and_waits_are_compared():
     """Lead times of 0 to 20 s, and waits of 0 to 40 s."""
     run = replace(outcomes(1.0, *map(float, range(21))), station_wait_s=np.arange(41.0))
-    figures = {each.name: each.logged for each in _compared(run, [run], [run], "A", 2.0)}
+    figures = {each.name: each.logged for each in _compared(run, [run], [run], "A", (2.0, 1.0))}
     assert (figures["lead_time_p50_s"], figures["lead_time_p95_s"]) == (10.0, 19.0)
     assert (figures["station_wait_p50_s"], figures["station_wait_p95_s"]) == (20.0, 38.0)
