@@ -82,9 +82,9 @@ class SearchStart:
     def solved(self, path: np.ndarray, **stats: float) -> PlanResult:
         """SOLVED with the plan of `path` [T, R], in the problem's own numbers."""
         stats = {"cost": float(sum_of_costs(path, self.world.goal))} | stats
-        path = path if self.original is None else self.original[path]
         window = self.given.window_steps
         path = path[: window + 1] if window else path
+        path = path if self.original is None else np.take(self.original.astype(path.dtype), path.T).T
         return solved(self.given, path, self.begin_s, self.lower_bound, **stats)
 
 

@@ -101,16 +101,22 @@ def plan_of_paths(paths: Sequence[IntArray | Sequence[int]], step_s: float) -> P
     PlanError
         When a robot has no step 0.
     """
-    visits = []
-    for robot, path in enumerate(paths):
-        path = np.asarray(path, np.int64)
-        if not len(path):
-            raise PlanError(f"the path of robot {robot} is empty")
-        begin = np.flatnonzero(np.concatenate(([True], path[1:] != path[:-1])))
-        depart_s = np.append(begin[1:] - 1, 0) * step_s
-        depart_s[-1] = np.inf
-        visits.append((path[begin], np.asarray(begin * step_s, np.float64), depart_s))
-    return plan_of_visits(visits)
+    if not len(paths):
+        return plan_of_visits([])
+    num_steps = np.array([len(path) for path in paths], np.int64)
+    if not num_steps.all():
+        raise PlanError(f"the path of robot {int(np.argmin(num_steps))} is empty")
+    at, begin = np.concatenate(paths), np.cumsum(num_steps) - num_steps
+    comes = np.append(True, at[1:] != at[:-1])
+    comes[begin] = True
+    visit = np.flatnonzero(comes)
+    first = np.searchsorted(visit, np.append(begin, len(at))).astype(np.int64)
+    vertex = at[visit].astype(np.int64)
+    del at, comes  # of thousands of robots
+    step = np.subtract(visit, np.repeat(begin, np.diff(first)), out=visit)
+    depart_s = np.append(step[1:] - 1, 0) * float(step_s)
+    depart_s[first[1:] - 1] = np.inf
+    return Plan(frozen(first), frozen(vertex), frozen(step * float(step_s)), frozen(depart_s))
 
 
 def plan_of_visits(visits: Sequence[tuple[IntArray, FloatArray, FloatArray]]) -> Plan:

@@ -85,7 +85,7 @@ class Incumbent:
             pairs = paths.repair(pairs, AT_ONCE, rng)
             yield paths.labels - before
             before = paths.labels
-        self._path = path_of(paths.traffic)
+        self._path = path_of(paths.traffic.at, paths.traffic.end)
         self.cost, self._first = sum_of_costs(self._path, task.goal), self.labels
         del paths
         self._refinement = refinement = Refinement(task, self._path, NEIGHBOURHOOD // 2, rng)

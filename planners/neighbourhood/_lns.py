@@ -139,7 +139,7 @@ def repair_each(traffic, labels, hood, pairs, rng):
             add_path(traffic, robot)
         else:
             _put_back(traffic, hood, 1, 0)
-        pairs += collide(traffic, hood, robot) - most
+        pairs += collide(traffic, hood, robot, traffic.at.shape[1]) - most
     return find_collisions(traffic, hood) if traffic.task.rings else pairs
 
 
@@ -170,7 +170,7 @@ def repair(traffic, labels, hood, pairs, iterations, rng):
                 if plan_one(traffic, labels, robot, traffic.at.shape[1] - 2, True) < 0:
                     break
                 add_path(traffic, robot)
-                new += collide(traffic, hood, robot)
+                new += collide(traffic, hood, robot, traffic.at.shape[1])
                 planned += 1
                 if new > old:
                     break
@@ -180,7 +180,7 @@ def repair(traffic, labels, hood, pairs, iterations, rng):
                 _put_back(traffic, hood, num, planned)
                 new = np.int64(0)
                 for k in range(num):
-                    new += collide(traffic, hood, hood.robot[k])
+                    new += collide(traffic, hood, hood.robot[k], traffic.at.shape[1])
         pairs += new - old
         hood.record[kind] = (1 - DECAY) * hood.record[kind] + DECAY * max(old - new, 0.05)
         if pairs == 0 and traffic.task.rings:

@@ -54,13 +54,15 @@ def find_collisions(traffic, hood):
     hood.num_hits[:] = 0
     pairs = 0
     for robot in range(len(task.goal)):
-        pairs += collide(traffic, hood, robot)
+        pairs += collide(traffic, hood, robot, traffic.at.shape[1] if task.clashes.any else traffic.end[robot] + 1)
     return pairs
 
 
 @kernel(allocates=False)
-def collide(traffic, hood, robot):
-    """Enter the pairs of a robot whose path is in the traffic; how many were not known.
+def collide(traffic, hood, robot, until):
+    """Enter the pairs of a robot whose path is in the traffic, before a step; how many were not known.
+
+    Who passes a robot that stays at its goal sees it, too.
 
     Of a ring the robot and the one ahead of it are such a pair. It stays one until one of the two is planned again,
     also when the ring is broken elsewhere; and where several hold a vertex only one of them is followed. So rings have
@@ -69,7 +71,7 @@ def collide(traffic, hood, robot):
     task = traffic.task
     new = 0
     before = np.int64(-1)
-    for t in range(traffic.at.shape[1]):
+    for t in range(until):
         v = np.int64(traffic.at[robot, t])
         if num_in(traffic.on, v, t) > 1:
             new += _hit_holders(traffic, hood, robot, v, t)

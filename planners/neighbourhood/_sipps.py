@@ -17,6 +17,8 @@ from planners.configuration._pibt_instance import UNKNOWN
 from planners.neighbourhood._traffic import MOST_CELLS, add_path, closes_ring, free_start, mixed, run_end, slots_for
 
 FAR = 1 << 30
+FEW_LABELS, FEW_SLOTS = 1 << 15, 1 << 16  # of a search that is tried first: its hashed runs stay in the processor's cache
+NO_ROOM = -2  # how a search ends that has made all the labels it may
 EASE = 32  # steps of a detour that are as bad as one step done again: what is left weighs 1 + 1 / EASE
 
 
@@ -36,7 +38,7 @@ class Labels(NamedTuple):
     closed: np.ndarray  # [K] int64 likewise: stamp and earliest arrival that was expanded
     run: np.ndarray  # [K] int64 which run a slot is of; [0] where each that can be has its slot
     run_stamp: np.ndarray  # [K] int64 the search that it is of, likewise
-    stamp: np.ndarray  # [2] int64 number of searches, number of labels in all of them
+    stamp: np.ndarray  # [3] int64 number of searches, number of labels in all of them, slots of the search at hand less one
     count: np.ndarray  # [2] int64 labels of this search, and how many of them are in the heap
 
 
@@ -58,7 +60,7 @@ def hashed_run(labels, v, high):
 
     Runs of a vertex and of those around it that end at about one time are near each other in memory: searches stay in a few places.
     """
-    runs, run_stamp, stamp, mask = labels.run, labels.run_stamp, labels.stamp[0], len(labels.run) - 1
+    runs, run_stamp, stamp, mask = labels.run, labels.run_stamp, labels.stamp[0], labels.stamp[2]
     run = v * len(labels.queue) + high
     k = (8 * v + (high & 7) + (((high >> 3) * 0x9E3779B1) >> 8)) & mask
     while run_stamp[k] == stamp:
@@ -89,13 +91,26 @@ def plan_one(traffic, labels, robot, limit, crossing):
     int
         Step of arrival, -1 when there is no path. `labels.stamp[1]` goes up by the number of labels.
     """
-    labels.stamp[0] += 1
-    labels.count[0], labels.count[1] = 1, 0
-    end = np.int64(-1)
-    if traffic.task.least[robot] <= limit:
-        end = _search(traffic, labels, robot, limit) if crossing else _search_free(traffic, labels, robot, limit)
+    most, end = len(labels.vertex), np.int64(NO_ROOM)
+    room = min(FEW_LABELS, most) if len(labels.run) > 0 else most
+    while end == NO_ROOM:
+        _begin(labels, room)
+        end = np.int64(-1)
+        if traffic.task.least[robot] <= limit:
+            end = _search(traffic, labels, robot, limit, room) if crossing else _search_free(traffic, labels, robot, limit, room)
+        if room == most:
+            break
+        room = most
     labels.stamp[1] += labels.count[0]
-    return end
+    return max(end, np.int64(-1))
+
+
+@kernel(inline="always")
+def _begin(labels, most):
+    """Begin a search that makes so many labels at most."""
+    labels.stamp[0] += 1
+    labels.stamp[2] = min(len(labels.run), FEW_SLOTS if most <= FEW_LABELS else len(labels.run)) - 1
+    labels.count[0], labels.count[1] = 1, 0
 
 
 @kernel(allocates=False)
@@ -108,7 +123,7 @@ def plan_straight(traffic, labels, robot):
     task, busy, along, barred = traffic.task, traffic.busy, traffic.along, traffic.barred
     first, head, goal, least, steps, code = task.first, task.head, task.goal[robot], task.least[robot], task.steps[robot], task.code[robot]
     path, lane_of, near, rings, following = labels.vertex, labels.low, len(traffic.num_near) > 1, task.rings, task.following
-    labels.stamp[0] += 1
+    _begin(labels, 2 * least + 2)
     stamp = labels.stamp[0] << 32
     occupied, high = run_end(busy[goal], least)
     if occupied or high < traffic.at.shape[1] - 1 or 2 * least >= len(path) or run_end(busy[task.start[robot]], 0)[0]:
@@ -157,8 +172,8 @@ def plan_apart(traffic, labels, robots):
 
 
 @kernel(allocates=False)
-def _search_free(traffic, labels, robot, limit):
-    """`plan_one` where nobody may be crossed: only arrivals count, so that a queue of lengths does for a heap.
+def _search_free(traffic, labels, robot, limit, room):
+    """`plan_one` where nobody may be crossed, or NO_ROOM: only arrivals count, so that a queue of lengths does for a heap.
 
     What is left to the goal is the length of a label less its arrival. Where it is not known no path would be short enough.
     Of labels of one length the last is the first to be expanded, which goes straight on.
@@ -213,9 +228,9 @@ def _search_free(traffic, labels, robot, limit):
                     if t <= until:
                         k = np.int64(u) * horizon + run if dense else hashed_run(labels, np.int64(u), run)
                     if t <= until and (seen[k] < stamp or seen[k] - stamp > t):
-                        if num_labels >= len(vertex):
+                        if num_labels >= room:
                             labels.count[0] = num_labels
-                            return np.int64(-1)
+                            return np.int64(NO_ROOM)
                         seen[k] = stamp + t
                         vertex[num_labels], lows[num_labels], highs[num_labels], parent[num_labels] = u, t, run, x
                         link[num_labels] = queue[t + to_go]
@@ -227,8 +242,8 @@ def _search_free(traffic, labels, robot, limit):
 
 
 @kernel(allocates=False)
-def _search(traffic, labels, robot, limit):
-    """`plan_one` where others may be crossed.
+def _search(traffic, labels, robot, limit, room):
+    """`plan_one` where others may be crossed, or NO_ROOM.
 
     Steps that are left count a little more than steps that are done, so that of all paths that are about as short not every one is tried
     before the first that is a step longer (weighted A*: Pohl, "Heuristic search viewed as path finding in a graph", AIJ 1970).
@@ -237,7 +252,7 @@ def _search(traffic, labels, robot, limit):
     first, head, steps, code, count = task.first, task.head, task.steps[robot], task.code[robot], labels.count
     along, barred, reverse, near, rings = traffic.along, traffic.barred, task.reverse, len(traffic.num_near) > 1, task.rings
     stamp, start, dense = labels.stamp[0] << 32, task.start[robot], len(labels.run) == 0
-    room = len(labels.vertex) - 2
+    room -= 2
     occupied, high = run_end(busy[start], 0)
     labels.vertex[0], labels.low[0], labels.high[0], labels.parent[0] = start, 0, high, -1
     labels.cost[0] = 1 if occupied else 0
@@ -271,7 +286,7 @@ def _search(traffic, labels, robot, limit):
             push_by(labels.heap_key, labels.heap_label, count[1], _rank(later, low, 0), -1 - x)
             count[1] += 1
         if max(count[0], count[1]) + 8 * (first[v + 1] - first[v] + 1) > room:
-            return np.int64(-1)
+            return np.int64(NO_ROOM)
         if high + 1 + left <= limit:
             occupied, end = run_end(busy[v], high + 1)
             _reach(labels, x, v, high + 1, end, cost + (1 if occupied else 0), left)
@@ -294,7 +309,7 @@ def _search(traffic, labels, robot, limit):
                 if arrive > until:
                     arrive, price = t, price + 1
                 if max(count[0], count[1]) >= room:
-                    return np.int64(-1)
+                    return np.int64(NO_ROOM)
                 _reach(labels, x, np.int64(u), arrive, end, price, to_go)
                 t = end + 1
     return np.int64(-1)
@@ -355,6 +370,6 @@ def room_for_labels(num_vertices: int, num_lanes: int, horizon: int, most: int =
         closed=known(num_runs, np.int64),
         run=np.empty(num_runs if sparse else 0, np.int64),
         run_stamp=np.zeros(num_runs if sparse else 0, np.int64),
-        stamp=np.zeros(2, np.int64),
+        stamp=np.zeros(3, np.int64),
         count=np.zeros(2, np.int64),
     )

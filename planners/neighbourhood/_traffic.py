@@ -5,7 +5,7 @@ near then hold one vertex at one step, and swaps and rings need no rules of thei
 
 How many robots hold a vertex at a step is in a table of vertices and steps: every cell has its slot, or, where that would take too much
 memory, only cells in use have one. A sparse table is hashed: slots lie at the number of a cell, mixed, or behind it (Knuth, The Art of
-Computer Programming, volume 3, section 6.4: linear probing, algorithm R for deletion).
+Computer Programming, volume 3, section 6.4: linear probing, algorithm R for deletion). A robot that stays at its goal is one entry there.
 
 Where moves clash, a robot bars the vertices and lanes that are too close to its own: vertices are then busy as if it held them.
 """
@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mrp_sumo.core.clashes import Clashes
+from mrp_sumo.core.graph import IntArray
 from mrp_sumo.search._clashing import move_of
 from mrp_sumo.search._kernel import kernel
 
@@ -48,6 +49,8 @@ class Holders(NamedTuple):
     key: np.ndarray  # [K] int64 number of the cell and 1, 0 of an empty slot; [0] where every cell has its slot
     num: np.ndarray  # [K] uint8
     who: np.ndarray  # [K] int32 one of them
+    since: np.ndarray  # [V] int64 step from which on a robot stays at a vertex, not counted in slots; [0] where stays are, too
+    stayer: np.ndarray  # [V] int32 that robot
     steps: int  # T
 
 
@@ -124,17 +127,25 @@ def slot_of(cells, v, t):
 
 
 @kernel(inline="always")
+def is_stayed_at(cells, v, t):
+    """True if a robot that is one entry stays in a cell."""
+    return len(cells.since) > 0 and cells.since[v] <= t
+
+
+@kernel(inline="always")
 def num_in(cells, v, t):
     """Number of robots in a cell."""
     k = slot_of(cells, v, t)
-    return np.int64(cells.num[k]) if k >= 0 else np.int64(0)
+    return (np.int64(cells.num[k]) if k >= 0 else np.int64(0)) + (1 if is_stayed_at(cells, v, t) else 0)
 
 
 @kernel(inline="always")
 def anyone_in(cells, v, t):
     """One of the robots in a cell, -1 where there is none."""
     k = slot_of(cells, v, t)
-    return np.int64(cells.who[k]) if k >= 0 and cells.num[k] > 0 else np.int64(-1)
+    if k >= 0 and cells.num[k] > 0:
+        return np.int64(cells.who[k])
+    return np.int64(cells.stayer[v]) if is_stayed_at(cells, v, t) else np.int64(-1)
 
 
 @kernel(inline="always")
@@ -154,7 +165,7 @@ def leave(cells, v, t):
     left = np.int64(cells.num[k])
     if left == 0 and len(cells.key) > 0:
         _empty_slot(cells.key, cells.num, cells.who, k)
-    return left
+    return left + (1 if is_stayed_at(cells, v, t) else 0)
 
 
 @kernel(allocates=False)
@@ -183,17 +194,30 @@ def lane_between(first, head, u, v):
     return np.int64(-1)
 
 
+@kernel(inline="always")
+def stay_of(traffic, robot):
+    """Step from which on a robot stays where it is as one entry; that of the window's end where cells have to be entered one by one."""
+    return traffic.end[robot] if len(traffic.on.since) > 0 else np.int64(traffic.window)
+
+
 @kernel(allocates=False)
 def add_path(traffic, robot):
-    """Enter the robot's row of `at` in the rest of the traffic."""
+    """Enter the robot's row of `at`, which ends at its `end`, in the rest of the traffic."""
     task = traffic.task
     first, head = task.first, task.head
     at, on, busy, following = traffic.at[robot], traffic.on, traffic.busy, traffic.task.following
-    before = np.int64(-1)
-    for t in range(traffic.window):
+    before, stay = np.int64(-1), stay_of(traffic, robot)
+    if stay < traffic.window:
+        v = np.int64(at[stay])
+        on.since[v], on.stayer[v] = stay, robot
+        busy[v, stay >> 5] |= (np.int64(0xFFFFFFFF) << (stay & 31)) & 0xFFFFFFFF
+        for word in range((stay >> 5) + 1, busy.shape[1]):
+            busy[v, word] = 0xFFFFFFFF
+    for t in range(min(stay + 1, traffic.window)):
         v = np.int64(at[t])
         bit = np.int64(1) << (t & 31)
-        on.who[enter(on, v, t)] = robot
+        if t < stay:
+            on.who[enter(on, v, t)] = robot
         busy[v, t >> 5] |= bit
         if t > 0 and v != before:
             traffic.along[lane_between(first, head, before, v), t >> 5] |= bit
@@ -252,10 +276,12 @@ def remove_path(traffic, robot):
     task, at, on = traffic.task, traffic.at[robot], traffic.on
     if task.clashes.any:
         _unbar(traffic, robot)
-    before = np.int64(-1)
+    before, stay = np.int64(-1), stay_of(traffic, robot)
+    if stay < traffic.window:
+        on.since[at[stay]] = traffic.window
     for t in range(traffic.window):
         v = np.int64(at[t])
-        left = leave(on, v, t)
+        left = leave(on, v, t) if t < stay else num_in(on, v, t)
         if left == 0:
             _set_free(traffic, v, t)
         else:
@@ -280,11 +306,11 @@ def _set_free(traffic, v, t):
 
 @kernel(allocates=False)
 def _hand_over(traffic, robot, v, t):
-    """Of those that still hold v at t let another one be known of than this robot."""
+    """Of those that still hold v at t, and do not stay there, let another one be known of than this robot."""
     k = slot_of(traffic.on, v, t)
-    if traffic.on.who[k] == robot:
+    if k >= 0 and traffic.on.who[k] == robot:
         for other in range(len(traffic.at)):
-            if other != robot and holds(traffic, other, v, t):
+            if other != robot and t < stay_of(traffic, other) and holds(traffic, other, v, t):
                 traffic.on.who[k] = other
                 break
 
@@ -348,12 +374,13 @@ def enter_all(traffic):
         add_path(traffic, robot)
 
 
-def no_holders(num_vertices: int, num_steps: int, most: int) -> Holders:
-    """Empty cells, of which at most so many are in use at a time."""
+def no_holders(num_vertices: int, num_steps: int, most: int, *, stays: bool = True) -> Holders:
+    """Empty cells, of which at most so many are in use at a time; with `stays`, a sparse table has one entry for a robot that stays."""
     sparse = is_sparse(num_vertices, num_steps)
     num_slots = slots_for(most) if sparse else num_vertices * num_steps
     key = np.zeros(num_slots if sparse else 0, np.int64)
-    return Holders(key, np.zeros(num_slots, np.uint8), np.empty(num_slots, np.int32), num_steps)
+    since = np.full(num_vertices if sparse and stays else 0, num_steps, np.int64)
+    return Holders(key, np.zeros(num_slots, np.uint8), np.empty(num_slots, np.int32), since, np.empty(len(since), np.int32), num_steps)
 
 
 def is_sparse(num_vertices: int, num_steps: int) -> bool:
@@ -366,16 +393,16 @@ def slots_for(most: int) -> int:
     return 1 << max(4, int(np.ceil(np.log2(1.5 * most))))
 
 
-def empty_traffic(task: RepairTask, horizon: int) -> Traffic:
-    """Traffic without paths over `horizon` steps, a multiple of WORD."""
+def empty_traffic(task: RepairTask, horizon: int, most: int | None = None) -> Traffic:
+    """Traffic without paths over `horizon` steps, a multiple of WORD; all together may move or wait on their ways for `most`, None: any."""
     num_vertices, num_lanes, num_robots = len(task.first) - 1, len(task.head), len(task.goal)
     near = (num_vertices, num_lanes, horizon) if task.clashes.any else (1, 1, 1)
-    held = num_robots * horizon * (2 if task.following else 1)
+    held = (num_robots * horizon if most is None or task.window else most) * (2 if task.following else 1)
     return Traffic(
         task,
         at=np.full((num_robots, horizon), -1, np.int32),
         end=np.full(num_robots, -1, np.int64),
-        on=no_holders(num_vertices, horizon, held),
+        on=no_holders(num_vertices, horizon, held, stays=not task.window),
         busy=np.zeros((num_vertices, horizon // WORD), np.uint32),
         num_near=np.zeros((near[0], near[2]), np.uint16),
         along=np.zeros((num_lanes, horizon // WORD), np.uint32),
@@ -396,6 +423,6 @@ def traffic_of(task: RepairTask, path: np.ndarray, spare: int) -> Traffic:
     return traffic
 
 
-def path_of(traffic: Traffic) -> np.ndarray:
-    """[T, R] where everybody is, up to the last arrival."""
-    return np.ascontiguousarray(traffic.at[:, : int(traffic.end.max(initial=0)) + 1].T)
+def path_of(at: np.ndarray, end: IntArray) -> np.ndarray:
+    """[T, R] where everybody is, up to the last arrival; `at` and `end` are those of the traffic."""
+    return np.ascontiguousarray(at[:, : int(end.max(initial=0)) + 1].T)

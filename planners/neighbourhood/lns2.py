@@ -100,7 +100,7 @@ class Lns2:
         if pairs:
             message = f"{pairs} pairs of robots are left in collision after {time_limit_s:g} s"
             return unplanned(Status.TIMED_OUT, begin_s, message, lower_bound, pairs=float(pairs), **stats)
-        path, left = path_of(paths.traffic), max(1, problem.effort - paths.labels) if problem.effort else 0
+        path, left = path_of(paths.traffic.at, paths.traffic.end), max(1, problem.effort - paths.labels) if problem.effort else 0
         del paths  # polishing takes as much memory
         cost = sum_of_costs(path, task.goal)
         stats |= {"first_solution_time_s": process_time() - begin_s, "first_solution_cost": float(cost)}

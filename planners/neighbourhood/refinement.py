@@ -39,6 +39,7 @@ SPARE = 64  # steps beyond the longest shortest way
 MOST_LABELS = 1 << 19  # of a search; so few stay in the processor's cache on any map
 LABELS_A_STEP = 64  # of shortest ways: where paths take more to find, the map is not used thinly
 MOST_DETOUR = 0.1  # of shortest ways: where paths have longer ones, first solutions of LaCAM are as cheap
+MOST_LOAD = 0.9  # of the slots of a hashed table
 REPAIRS = 32  # times AT_ONCE neighbourhoods
 SIZE = 8  # robots in a neighbourhood
 
@@ -78,13 +79,14 @@ def _task(problem: Problem, steps: tuple[np.ndarray, np.ndarray, np.ndarray], fo
 class Repair:
     """Paths that may collide: planned one by one, past each other where it has to be, then again until nobody collides."""
 
-    def __init__(self, task: RepairTask, horizon: int, size: int, most_labels: int = FOREVER) -> None:
-        """Paths may take `horizon` steps or some more; `size` robots are planned again at a time.
+    def __init__(self, task: RepairTask, horizon: int, size: int, most_labels: int = FOREVER, most_steps: int | None = None) -> None:
+        """Paths may take `horizon` steps or some more, all together `most_steps` where that is given; `size` robots are planned again
+        at a time.
 
         A search makes `most_labels`, or fewer on small maps.
         """
         horizon = -(-horizon // WORD) * WORD
-        self.traffic = empty_traffic(task, horizon)
+        self.traffic = empty_traffic(task, horizon, most_steps)
         self.room = room_for_labels(len(task.first) - 1, len(task.head), horizon, most_labels)
         self._hood = room_for_hood(task, horizon, size, with_hits=True)
 
@@ -100,6 +102,12 @@ class Repair:
     def num_pairs(self) -> int:
         """Pairs of robots in collision."""
         return int(find_collisions(self.traffic, self._hood))
+
+    def has_room(self, robots: int) -> bool:
+        """True if so many robots can be planned again, however long their paths get."""
+        on, task, horizon = self.traffic.on, self.traffic.task, self.traffic.at.shape[1]
+        steps = int(self.traffic.end.sum()) + robots * horizon
+        return len(on.key) == 0 or steps * (2 if task.following else 1) <= MOST_LOAD * len(on.key)
 
     def repair_each(self, pairs: int, rng: np.random.Generator) -> int:
         """Plan each robot of the `pairs` in collision again; how many are left."""
@@ -125,12 +133,13 @@ def first_order(task: RepairTask, rng: np.random.Generator) -> np.ndarray:
     return np.argsort(task.least * rng.uniform(0.75, 1.25, len(task.least)), kind="stable")
 
 
-def room_bytes(task: RepairTask, horizon: int, most_labels: int = FOREVER) -> int:
-    """Memory for traffic and searches over so many steps."""
+def room_bytes(task: RepairTask, horizon: int, most_labels: int = FOREVER, most_steps: int | None = None) -> int:
+    """Memory for traffic and searches over so many steps, see `Repair`."""
     vertices, lanes, robots = len(task.first), len(task.head), len(task.goal)
     labels = min(labels_for(vertices, lanes), most_labels)
     clashes = horizon * (2 * vertices + 3 * lanes) if task.clashes.any else 0
-    held = 13 * slots_for(robots * horizon) if is_sparse(vertices, horizon) else 5 * vertices * horizon
+    steps = robots * horizon if most_steps is None else most_steps
+    held = 13 * slots_for(steps) if is_sparse(vertices, horizon) else 5 * vertices * horizon
     runs = 2 * slots_for(labels) if is_sparse(vertices, horizon) else vertices * horizon
     return horizon * ((vertices + lanes) // 8 + 4 * robots) + held + 16 * runs + 64 * labels + clashes
 
@@ -159,27 +168,30 @@ def first_paths(
         For tables.
     """
     horizon = int(task.least.max()) + SPARE
-    if room_bytes(task, horizon, MOST_LABELS) + len(task.goal) ** 2 > memory_mb * 1_000_000:
+    least_steps = int(task.least.sum())
+    room = MOST_LABELS, int((1 + MOST_DETOUR) * least_steps) + AT_ONCE * SIZE * (horizon + WORD)
+    if room_bytes(task, horizon, *room) + len(task.goal) ** 2 > memory_mb * 1_000_000:
         return None, 0
-    most = LABELS_A_STEP * int(task.least.sum() + len(task.goal))
+    most = LABELS_A_STEP * (least_steps + len(task.goal))
     most = min(most, effort) if effort else most
-    paths = Repair(task, horizon, SIZE, MOST_LABELS)
+    paths = Repair(task, horizon, SIZE, *room)
     order = rng.permutation(len(task.least))
     order = order[np.argsort(task.least[order], kind="stable")]  # those of one length in random order
-    left = MOST_DETOUR * task.least.sum()
+    left = MOST_DETOUR * least_steps
     for robot in order:
         if left < 0 or paths.labels > most or process_time() > deadline_s or not paths.plan(np.array([robot])):
             return None, paths.labels
         left -= paths.traffic.end[robot] - task.least[robot]
     pairs = paths.num_pairs()
-    if 0 < pairs <= len(order):
+    if 0 < pairs <= len(order) and paths.has_room(2 * pairs):
         pairs = paths.repair_each(pairs, rng)
     for _ in range(REPAIRS):
-        if pairs == 0 or pairs > len(order) or paths.labels > most or process_time() > deadline_s:
+        if pairs == 0 or pairs > len(order) or paths.labels > most or process_time() > deadline_s or not paths.has_room(AT_ONCE * SIZE):
             break
         pairs = paths.repair(pairs, AT_ONCE, rng)
-    done = pairs == 0 and paths.traffic.end.sum() - task.least.sum() <= MOST_DETOUR * task.least.sum()
-    return path_of(paths.traffic) if done else None, paths.labels
+    at, end, labels = paths.traffic.at, paths.traffic.end, paths.labels
+    del paths  # the paths are copied when its memory is free again
+    return path_of(at, end) if pairs == 0 and end.sum() - least_steps <= MOST_DETOUR * least_steps else None, labels
 
 
 def prepare(threads: int) -> None:
@@ -285,7 +297,7 @@ class Refinement:
 
     def path(self) -> np.ndarray:
         """[T, R], up to the last arrival."""
-        return path_of(self._best.traffic)
+        return path_of(self._best.traffic.at, self._best.traffic.end)
 
 
 def _at_a_time(pool: ThreadPoolExecutor, calls: list[Callable[[], None]]) -> None:
