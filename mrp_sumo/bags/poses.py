@@ -34,6 +34,7 @@ class PoseLog:
     levels: dict[str, list[str]] = field(default_factory=dict)  # of each pose, where there are several
     charges: list[tuple[str, float, float, bool]] = field(default_factory=list)  # vehicle, s, share, charging
     others: tuple[str, ...] = ()  # sources that were not used
+    frames: tuple[str, ...] = ()  # of transforms
 
 
 def read_poses(path: Path) -> PoseLog:
@@ -50,6 +51,8 @@ def read_poses(path: Path) -> PoseLog:
     full = [log for log in logs if log.poses]
     if not full:
         listed = ", ".join(sorted(topic for topic, _ in topics)[:8]) or "none"
+        if frames := next((log.frames for log in logs if log.frames), ()):
+            listed += f"; /tf has {', '.join(frames[:4])}, expected a chain of frames from {', '.join(ROOTS)} to {', '.join(BASES)}"
         raise MrpSumoError(f"{path}: expected {FLEET_STATES}, /tf, odometry or stamped poses, found topics: {listed}")
     if fault := next(filter(None, map(fault_of, full[0].poses)), ""):
         raise MrpSumoError(f"{path}: name of a vehicle: {fault}")
@@ -78,6 +81,7 @@ def _gather(messages: Iterator[Message]) -> list[PoseLog]:
         elif hasattr(message, "pose") and not any(word in topic.lower() for word in GOALS):
             pose = message.pose.pose if hasattr(message.pose, "pose") else message.pose
             stamped.poses.setdefault(_vehicle(topic) or NAMELESS, []).append(_pose(message, pose, ns))
+    frames.frames = tuple(sorted(parents))
     return [fleet, frames, odometry, stamped]
 
 

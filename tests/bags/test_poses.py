@@ -86,6 +86,12 @@ def test_transforms_are_chained_from_the_map(tmp_path):
     assert log.poses["a"] == [pytest.approx((2.0, 10.0, 1.0, math.pi / 2))]
 
 
+def test_transforms_to_no_base_are_named(tmp_path):
+    frames = kind("tf2_msgs/msg/TFMessage")(transforms=[transform(1, "map", "a/laser", 1.0, 0.0, 0.0)])
+    with pytest.raises(MrpSumoError, match="/tf has a/laser, expected a chain of frames from map, odom, world to base_link"):
+        read_poses(bag(tmp_path / "bag", [("/tf", "tf2_msgs/msg/TFMessage", 1, frames)]))
+
+
 def test_bag_without_poses_says_what_it_has(tmp_path):
     text = kind("std_msgs/msg/String")(data="x")
     with pytest.raises(MrpSumoError, match="expected /fleet_states, /tf, odometry or stamped poses, found topics: /chatter"):
