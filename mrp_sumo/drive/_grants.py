@@ -7,6 +7,7 @@ needs no more than its deceleration. At the end are the changes of grants that n
 import numpy as np
 from numpy.typing import NDArray
 
+from mrp_sumo.core.visits import Visits
 from mrp_sumo.drive._causes import DISTURBED, FACILITY, FINISHED, FREE, LETTING_PASS, MARGIN_M, ONCOMING, OTHER, PLANNED, TURNING
 from mrp_sumo.drive._people import heed
 from mrp_sumo.drive.state import Grants
@@ -224,6 +225,14 @@ def hold(grants: Grants, robot: int, resource: NDArray[np.int64]) -> None:
     """A robot holds these resources, once more."""
     grants.holder[resource] = robot
     grants.held[resource] += 1
+
+
+def give_back(grants: Grants, visits: Visits, robot: int, last: int, resource: NDArray[np.int64], lane: NDArray[np.int64]) -> None:
+    """A robot drives no farther than to a visit: it holds these resources, and claims these lanes, once less."""
+    np.subtract.at(grants.held, resource, 1)
+    np.subtract.at(grants.claims, lane, 1)
+    grants.holder[resource[grants.held[resource] == 0]] = -1
+    visits.granted[robot], grants.on_lane[robot], grants.allowed_m[robot] = last, False, visits.at_m[last]
 
 
 def turn_back(grants: Grants, robot: int, at_m: float, lane: int, behind: NDArray[np.int64]) -> None:

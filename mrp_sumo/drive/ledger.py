@@ -246,6 +246,23 @@ class Ledger:
         self._pause_before = pause.copy()
         np.minimum(pause, self.visits.rank[self._cut], out=pause)
 
+    def give_back(self, robots: IntArray) -> None:
+        """Robots that stand for good give back what they have been granted beyond the visit to which they are under way."""
+        visits, grants, s_m = self.visits, self.state.grants, self.state.motion.s_m
+        for r in robots.tolist():
+            last, granted = int(visits.reached[r]), int(visits.granted[r])
+            if last != granted and s_m[r] > visits.at_m[last] + TIE_M:
+                last = int(visits.next[last])
+            if last == granted:
+                continue
+            beyond = self.ids(r, last)[1:]
+            beyond = beyond[visits.rank[beyond] <= visits.rank[granted]]
+            needs = self._needs_of(beyond)[1]
+            entered = visits.next[[granted]] if grants.on_lane[r] else beyond[:0]
+            lanes = visits.lane[np.append(beyond, entered)]
+            _grants.give_back(grants, visits, r, last, self.needs.resource[needs[~self.needs.freed[needs]]], lanes)
+            self.state.yielding.pause[r] = visits.rank[last]
+
     def lift(self) -> None:
         """Robots may be granted what comes after the cut."""
         if self._cut is not None:

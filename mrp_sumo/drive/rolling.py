@@ -82,6 +82,7 @@ class Rolling:
             context.crew.is_changed |= now_s >= self.window_over_s - 1e-9
         if self._settings.tasks and not context.crew.is_changed:
             return
+        context.ledger.give_back(np.flatnonzero(context.world.broken & (context.ledger.state.motion.speed_mps == 0.0)))
         if planning.budget_s:
             stays = context.world.broken | context.entering
             context.ledger.cut(planning.budget_s, self._controller.kinematics, context.closed, stays)

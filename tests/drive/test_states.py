@@ -5,13 +5,14 @@ A Burger drives a cell of 0.4 m in 1.82 s; services take 5 s unless said otherwi
 
 import re
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from floors import BATTERY, driven, ring, scenario
-from worlds import BURGER, drive, line, problem_on, square_grid
+from worlds import BURGER, drive, graph_of, line, problem_on, square_grid
 
 from mrp_sumo.core.disturbances import Breakdown, Disturbances
 from mrp_sumo.core.execution import Outcome
@@ -199,6 +200,17 @@ def test_who_stands_behind_a_robot_that_is_lost_is_stalled_and_so_is_the_run(tmp
     assert stalled.robot == 1 and stalled.t_s == pytest.approx(60.0 + 2.0, abs=3.0)
     mended = work(tmp_path / "mended", line(8), [2, 0], *tasks, broken=[(0, 1.0, 30.0)])
     assert mended.outcome is Outcome.COMPLETED and not events(mended, "stalled")
+
+
+@pytest.mark.parametrize(("broken_s", "status"), [(3.0, "done"), (5.0, "assigned")])
+def test_a_robot_that_is_lost_gives_back_what_it_was_granted_ahead_of_it(tmp_path, broken_s, status):
+    """It was on its way from 0 over the crossing 3 to 7, and stops 0.5 or 0.1 m before it for good; another has to cross there."""
+    row = [(0.4 * k, 0.0) for k in range(8)]
+    lanes = [*pairwise(range(8)), (3, 8), (8, 9), (3, 10), (10, 11)]
+    graph = graph_of([*row, (1.2, 0.4), (1.2, 0.8), (1.2, -0.4), (1.2, -0.8)], lanes, 0.4)
+    tasks = order("a", 7, robot=0), order("b", 11, robot=1, release_s=20.0)
+    run = work(tmp_path, graph, [0, 9], *tasks, broken=[(0, broken_s)])
+    assert run.tasks.status == ("failed", status)
 
 
 def test_a_robot_that_is_stalled_for_good_makes_a_run_stalled_though_others_work(tmp_path):
