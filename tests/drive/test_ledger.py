@@ -214,6 +214,13 @@ def test_as_much_is_frozen_as_a_robot_needs_to_brake(decel_mps2, frozen):
     assert ledger.joint.tolist() == [frozen]
 
 
+@pytest.mark.parametrize(("policy", "ends"), [("adg", [2]), ("open_loop", [0])])
+def test_without_an_order_no_more_is_frozen_than_was_granted(policy, ends):
+    ledger, _ = ledger_of(line(3), [[0, 1, 2]], policy)
+    frozen_ahead(ledger)
+    assert ledger.visits.vertex[ledger.joint].tolist() == ends
+
+
 def truck_on(vertices, s_m, *, speed_mps=0.5, graph=None):
     """A truck on its way over these vertices of a corner with lanes of 8 m, on the first of which it is, granted to its end."""
     graph = graph or corner(8.0)
