@@ -78,7 +78,10 @@ ROOMS = {  # the files of each, and the tests that hold it
         ["mrp_sumo/metrics/planning.py", "mrp_sumo/planning/costs.py", "mrp_sumo/planning/answer_check.py"],
         ["tests/planning", "tests/metrics/test_evaluate.py"],
     ),
-    "searches": ([f"mrp_sumo/search/_{name}.py" for name in KERNELS], ["tests/search", "tests/planners/conflict_based"]),
+    "searches": (
+        [f"mrp_sumo/search/_{name}.py" for name in KERNELS],
+        ["tests/search", "tests/planners/conflict_based/test_cover.py", "tests/planners/conflict_based/test_joint_mdd.py"],
+    ),
     "bodies": (
         [f"mrp_sumo/metrics/{name}.py" for name in ("audit", "_audit", "_walls", "_people", "_whereabouts", "referee_in_seconds")],
         [f"tests/metrics/test_{name}.py" for name in ("audit", "walls", "people", "referee_in_seconds")],
