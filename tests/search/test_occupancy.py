@@ -1,4 +1,4 @@
-"""Who is where and when: the bits against paths written out, and the robots that a search says it disturbs, counted again."""
+"""Who is where and when: bits against paths written out, robots that a search disturbs counted again, conflicts against all pairs."""
 
 from itertools import permutations
 
@@ -10,6 +10,7 @@ from mrp_sumo.core.fleet import fleet_of
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.maps.grid import grid_graph
 from mrp_sumo.search import _records as st
+from mrp_sumo.search._conflicts import CONFLICT, FOLLOW, MEET, SWAP, TARGET, conflicts_of
 from mrp_sumo.search._constraints import load
 from mrp_sumo.search._occupancy import MANY, ONE, WORD, install_all, steps_known, uninstall
 from mrp_sumo.search._space_time import FINISH, TreeTables, find_path
@@ -101,3 +102,39 @@ def test_search_disturbs_as_many_as_can_be_counted_on_its_path(seed, following):
         assert disturbed == counted
         seen += counted
     assert seen > 0
+
+
+def by_hand(paths, robot, following):
+    """Conflicts of one robot as (one, other, kind, tail, at, step)."""
+    expected, mine = set(), paths[robot]
+    for other, path in enumerate(paths):
+        for t in range(max(map(len, paths))) if other != robot else ():
+            (u, v), (x, y) = ((at(each, max(t - 1, 0)), at(each, t)) for each in (mine, path))
+            if v == y:
+                stays = [r for r, each in ((robot, mine), (other, path)) if t >= len(each) - 1]
+                pair = (stays[0], robot + other - stays[0]) if stays else (min(robot, other), max(robot, other))
+                expected.add((*pair, TARGET if stays else MEET, -1, v, t))
+            if u != v and x != y and not following and (u, v) == (y, x):
+                expected.add((robot, other, SWAP, u, v, t) if robot < other else (other, robot, SWAP, v, u, t))
+            if u != v and following and x == v != y:
+                expected.add((other, robot, FOLLOW, -1, v, t - 1))
+            if u != v and following and y == u != x != v:
+                expected.add((robot, other, FOLLOW, -1, u, t - 1))
+    return expected
+
+
+@pytest.mark.parametrize("following", [False, True])
+@pytest.mark.parametrize("seed", range(3))
+def test_conflicts_are_those_of_every_pair_at_every_step(seed, following):
+    chance, kinds = np.random.default_rng(seed), set()
+    tree, root = root_of(np.ones((5, 5), bool), chance.permutation(25)[:14], chance.permutation(25)[:14], following=following)
+    store, occupancy = tree._buffers.store, tree._buffers.occupancy
+    paths = [path_of(store, record) for record in root.records]
+    for robot, record in enumerate(root.records.tolist()):
+        install_all(store, occupancy, root.records, -1)
+        uninstall(store, occupancy, robot)
+        rows = conflicts_of(tree.instance, store, occupancy, robot, record, np.empty(0, CONFLICT))
+        listed = [tuple(row[name].item() for name in ("one", "other", "kind", "tail", "at", "step")) for row in rows]
+        assert set(listed) == by_hand(paths, robot, following) and len(set(listed)) == len(listed)
+        kinds |= {conflict[2] for conflict in listed}
+    assert kinds == {MEET, TARGET, FOLLOW if following else SWAP}
