@@ -70,7 +70,19 @@ def metrics_of(tasks, due_s):
     execution = SimpleNamespace(tasks=tasks, stops=stops, sim_time_s=float(tasks.done_s[-1]))
     run = Evidence(None, None, None, execution)
     shown = ("on_time_share", "throughput_per_h", "lead_time_mean_s", "station_utilisation_max")
-    return {metric.name: metric.function(run) for metric in METRICS if metric.name in shown}
+    quantiles = [f"{of}_time_p{share}_s" for of in ("lead", "waiting", "task") for share in (50, 95)]
+    return {metric.name: metric.function(run) for metric in METRICS if metric.name in (*shown, *quantiles)}
+
+
+def test_quantiles_are_of_the_times_before_and_with_a_robot_and_of_both():
+    """Of 100 orders, one every 10 s: one in four waits for 3 s and has a robot for 6 s, others for 1 s and 4 s."""
+    done_s, n = 10.0 * np.arange(1, 101), np.arange(100)
+    task_s, waiting_s = np.where(n % 4 == 0, 6.0, 4.0), np.where(n % 4 == 0, 3.0, 1.0)
+    assigned_s = done_s - task_s
+    log = log_of_times(tuple(map(str, n)), np.zeros(100, np.int64), assigned_s - waiting_s, assigned_s, assigned_s, done_s)
+    shown = metrics_of(log, np.full(100, np.inf))
+    found = [shown[f"{of}_time_p{share}_s"] for of in ("waiting", "task", "lead") for share in (50, 95)]
+    assert found == [1.0, 3.0, 4.0, 6.0, 5.0, 9.0]
 
 
 def test_orders_count_from_the_end_of_the_warm_up_on():
