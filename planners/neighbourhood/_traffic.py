@@ -15,7 +15,6 @@ from typing import NamedTuple
 import numpy as np
 
 from mrp_sumo.core.clashes import Clashes
-from mrp_sumo.core.graph import IntArray
 from mrp_sumo.search._clashing import move_of
 from mrp_sumo.search._kernel import kernel
 
@@ -423,6 +422,6 @@ def traffic_of(task: RepairTask, path: np.ndarray, spare: int) -> Traffic:
     return traffic
 
 
-def path_of(at: np.ndarray, end: IntArray) -> np.ndarray:
+def path_of(at: np.ndarray, end: np.ndarray) -> np.ndarray:
     """[T, R] where everybody is, up to the last arrival; `at` and `end` are those of the traffic."""
     return np.ascontiguousarray(at[:, : int(end.max(initial=0)) + 1].T)
