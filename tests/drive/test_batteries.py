@@ -7,14 +7,14 @@ import pytest
 from worlds import BURGER
 
 from mrp_sumo.core.fleet import fleet_of, fleet_of_types
-from mrp_sumo.core.robot_type import Battery
+from mrp_sumo.core.robot_type import Battery, Loaded
 from mrp_sumo.drive.batteries import Batteries
 
 SMALL = Battery(10.0, 1.0, 36.0, 1.0, 0.0, 0.0, 36.0)  # 36 kJ: a thousandth a second at rest, one more to accelerate; charged in 100 s
 
 
-def batteries_of(battery, num_robots, *about):
-    return Batteries(fleet_of(replace(BURGER, battery=battery), num_robots), *about)
+def batteries_of(battery, num_robots, *about, **other):
+    return Batteries(fleet_of(replace(BURGER, battery=battery, **other), num_robots), *about)
 
 
 def test_standing_drains_by_time_and_charging_fills():
@@ -93,3 +93,20 @@ def test_most_that_a_level_changes_is_by_charging_or_by_speeding_up(charging_a, 
     """Full in 100 s, or in 2000 s; 1 kg that gains 2.5 m/s2 at 0.5 m/s takes 1.25 W, beside 36 W of 36 kJ."""
     fast = replace(BURGER, max_speed_mps=0.5, accel_mps2=2.5, decel_mps2=2.0, battery=replace(SMALL, charging_a=charging_a))
     assert Batteries(fleet_of(fast, 1), (0.5, 0.5), 0, 0.5).most_per_s() == pytest.approx([most_per_s])
+
+
+def test_a_load_is_sped_up_and_braked_too():
+    """1 kg without a load and 3 kg with one, to 1 m/s and back in a second: 1 J or 3 J, beside 36 J."""
+    batteries = batteries_of(SMALL, 2, (0.5, 0.5), 0, 0.5, loaded=Loaded(mass_kg=3.0))
+    batteries.add(np.zeros((3, 2)), np.array([[0.0], [1.0], [0.0]]).repeat(2, 1))
+    batteries.observe(1.0, np.zeros(2, np.bool_), np.array([False, True]))
+    assert batteries.log(1.0, 0.2).used_j == pytest.approx([37.0, 39.0])
+
+
+@pytest.mark.parametrize(("loaded", "more_w"), [(None, 0.0), (Loaded(mass_kg=3.0), 2 * 0.5 * 2.5)])
+def test_most_that_a_level_changes_is_with_a_load_and_in_a_turn(loaded, more_w):
+    """1 kg m2 from 0.5 rad/s one way to the other in half a second takes 1 W; 1 kg that gains 2.5 m/s2 at 0.5 m/s takes 1.25 W."""
+    limits = {"max_speed_mps": 0.5, "accel_mps2": 2.5, "decel_mps2": 2.0, "turn_rate_rad_s": 0.5, "loaded": loaded}
+    slow = replace(SMALL, charging_a=0.1, inertia_kgm2=1.0)
+    batteries = batteries_of(slow, 1, (0.5, 0.5), 0, 0.5, **limits)
+    assert batteries.most_per_s() == pytest.approx([(36.0 + 1.25 + 1.0 + more_w) / 36_000])
