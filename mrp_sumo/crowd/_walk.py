@@ -130,10 +130,10 @@ def push(now, p, walkers, ground, robots, ways):
         angle = code * (2.0 * np.pi / NUM_ANGLES)
         ex, ey = np.cos(angle - KEEP_RIGHT), np.sin(angle - KEEP_RIGHT)
     is_stuck = walkers.stuck_s[p] > WAITS_S
-    tx, ty = round_robots(p, x, y, ex, ey, is_stuck, walkers, ground, robots)
+    tx, ty = round_robots(p, ex, ey, is_stuck, walkers, ground, robots)
     if tx == ex and ty == ey:  # robots come first
-        tx, ty = round_people(p, x, y, ex, ey, walkers, ground)
-    ax, ay, gap = push_of_people(p, x, y, tx, ty, walkers, ground)
+        tx, ty = round_people(p, ex, ey, walkers, ground)
+    ax, ay, gap = push_of_people(p, tx, ty, walkers, ground)
     rx, ry, away = push_of_robots(x, y, ex, ey, is_stuck or is_away, ground, robots)
     wx, wy = push_of_walls(x, y, ex, ey, ground, cell) if away > YIELD_M else (0.0, 0.0)
     goes = min(wish, max(gap - walkers.spacing_m[p], 0.0) / walkers.headway_s[p])
@@ -144,13 +144,13 @@ def push(now, p, walkers, ground, robots, ways):
 
 
 @kernel(allocates=False)
-def round_people(p, x, y, tx, ty, walkers, ground):
+def round_people(p, tx, ty, walkers, ground):
     """The direction, as long as it was, turned to where there is less of others ahead.
 
     Those who come towards one count more than those who go the same way (`ALIKE`), as near as they will be in `AHEAD_S`, and less the
     farther ahead and aside they are.
     """
-    size = np.hypot(tx, ty)
+    size, x, y = np.hypot(tx, ty), walkers.x_m[p], walkers.y_m[p]
     if size < 1e-6:
         return tx, ty
     ex, ey, turn = tx / size, ty / size, 0.0  # to the left
@@ -174,9 +174,9 @@ def round_people(p, x, y, tx, ty, walkers, ground):
 
 
 @kernel(allocates=False)
-def push_of_people(p, x, y, ex, ey, walkers, ground):
+def push_of_people(p, ex, ey, walkers, ground):
     """The push of bodies, and how far ahead the next one is."""
-    ax, ay, gap = 0.0, 0.0, np.inf
+    x, y, ax, ay, gap = walkers.x_m[p], walkers.y_m[p], 0.0, 0.0, np.inf
     row0, row1, column0, column1 = bins_around(x, y, ground)
     for row in range(row0, row1):
         for k in range(walkers.first[row * ground.columns + column0], walkers.first[row * ground.columns + column1]):
@@ -283,11 +283,11 @@ def push_of_robots(x, y, ex, ey, is_stuck, ground, robots):
 
 
 @kernel(allocates=False)
-def round_robots(p, x, y, ex, ey, is_stuck, walkers, ground, robots):
+def round_robots(p, ex, ey, is_stuck, walkers, ground, robots):
     """The direction that leads past the robots that stand or come in the way, on a side with room. Where there is none, where one has
     made no way, or where the robot stands for people before it, one lets it pass: out of its path, and then (0, 0).
     """
-    tx, ty, nearest = ex, ey, ROUND_M
+    x, y, tx, ty, nearest = walkers.x_m[p], walkers.y_m[p], ex, ey, ROUND_M
     row0, row1, column0, column1 = bins_around(x, y, ground)
     for row in range(row0, row1):
         for k in range(robots.first[row * ground.columns + column0], robots.first[row * ground.columns + column1]):
@@ -300,7 +300,7 @@ def round_robots(p, x, y, ex, ey, is_stuck, walkers, ground, robots):
             ahead, left = dx * fx + dy * fy, dy * fx - dx * fy
             beside = np.hypot(robots.half_length_m[i], robots.half_width_m[i]) + BODY_M + ROUND_ROOM_M / 2.0
             if ex == 0.0 and ey == 0.0 and robots.is_halted[i] and np.hypot(dx, dy) < YIELD_M:
-                tx, ty = out_of_path(p, x, y, i, walkers, ground, robots)
+                tx, ty = out_of_path(p, i, walkers, ground, robots)
             if ahead <= 0.0 or ahead >= nearest or abs(left) >= beside:
                 continue
             side, has_room = -1.0 if left > -0.05 else 1.0, False  # to the right of a robot that is right ahead
@@ -314,7 +314,7 @@ def round_robots(p, x, y, ex, ey, is_stuck, walkers, ground, robots):
                 side = -side
             if not has_room and ahead < YIELD_M:
                 nearest = ahead
-                tx, ty = out_of_path(p, x, y, i, walkers, ground, robots)
+                tx, ty = out_of_path(p, i, walkers, ground, robots)
     return tx, ty
 
 
@@ -334,13 +334,13 @@ def is_free_way(x, y, dx, dy, ground):
 
 
 @kernel(allocates=False)
-def out_of_path(p, x, y, i, walkers, ground, robots):
+def out_of_path(p, i, walkers, ground, robots):
     """The direction that leads out of a robot's path, shorter than 1 for who is nearly out of it, (0, 0) for who is beside it.
 
     Who is beside or behind one that stands for people goes back from it, to where it has room to turn. Where there is no room to the sides
     one goes before it; from a corner towards it, to where there is room beside its way.
     """
-    cos, sin = np.cos(robots.yaw_rad[i]), np.sin(robots.yaw_rad[i])
+    x, y, cos, sin = walkers.x_m[p], walkers.y_m[p], np.cos(robots.yaw_rad[i]), np.sin(robots.yaw_rad[i])
     dx, dy = x - robots.x_m[i], y - robots.y_m[i]
     ahead, left, beside = cos * dx + sin * dy, cos * dy - sin * dx, robots.half_width_m[i] + robots.side_m + BODY_M + ASIDE_M
     if ahead <= 0.0 or abs(left) >= beside:
@@ -358,7 +358,7 @@ def out_of_path(p, x, y, i, walkers, ground, robots):
             step = beside - side * left
             far = np.hypot(step, back)
             tx, ty = -side * sin * (step / far) - cos * (back / far), side * cos * (step / far) - sin * (back / far)
-            if can_stand_at(p, x, y, x + tx * far, y + ty * far, walkers, ground, robots):
+            if can_stand_at(p, x + tx * far, y + ty * far, walkers, ground, robots):
                 share = min(far / SLOWS_M, 1.0)
                 return tx * share, ty * share
             side = -side
@@ -366,8 +366,9 @@ def out_of_path(p, x, y, i, walkers, ground, robots):
 
 
 @kernel(allocates=False)
-def can_stand_at(p, x, y, sx, sy, walkers, ground, robots):
+def can_stand_at(p, sx, sy, walkers, ground, robots):
     """True if one can go to a point (sx, sy) and stand there: no wall is too near, no robot, and there nobody else."""
+    x, y = walkers.x_m[p], walkers.y_m[p]
     if leads_through_wall(x, y, sx, sy, ground):
         return False
     for part in range(1, 5):
