@@ -24,7 +24,7 @@ from mrp_sumo.core.problem import Problem, Standing
 from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.errors import PlanError
 from mrp_sumo.traffic.courses import course_rad
-from mrp_sumo.traffic.turns import BACKWARD, FORWARD, MAY_STAND_RAD, NEVER, Turns, stands_bent, turns_of
+from mrp_sumo.traffic.turns import BACKWARD, FORWARD, MAY_STAND_RAD, NEVER, stands_bent, turns_of
 
 UNDER_WAY, STANDING, BOUND, ANYWHERE = range(4)
 MOST_PLACES = 256  # for which lengths of ways are kept
@@ -178,7 +178,7 @@ def _with_room_behind(problem: Problem, robot: int, course: FloatArray, taken: s
         place = f"{problem.fleet.robot_name[robot]} starts at '{graph.known_as(start)}'"
         raise PlanError(f"{place}, where no free lane behind it has {behind_m:.2f} m for its trailers")
     turns = turns_of(graph, problem.fleet.types[int(problem.fleet.kind[robot])])
-    return min(free, key=lambda lane: not _goes_on(turns, lane, FORWARD))
+    return min(free, key=lambda lane: not turns.goes_on(lane, FORWARD))
 
 
 def _facing(problem: Problem, robot: int, course: FloatArray) -> tuple[int, int, int]:
@@ -197,7 +197,7 @@ def _facing(problem: Problem, robot: int, course: FloatArray) -> tuple[int, int,
             lanes = (end == v) & (off[:, at_end] <= MAY_STAND_RAD) & turns.gears[:, gear]
             along |= bool(lanes.any())
             faces_so = np.flatnonzero(lanes & turns.stands[:, at_end]).tolist()
-            states += [(does == STANDING and not _goes_on(turns, lane, gear), does, lane, gear) for lane in faces_so]
+            states += [(does == STANDING and not turns.goes_on(lane, gear), does, lane, gear) for lane in faces_so]
     if states:
         _, does, lane, gear = min(states, key=lambda each: each[0])
         return does, lane, gear
@@ -207,11 +207,6 @@ def _facing(problem: Problem, robot: int, course: FloatArray) -> tuple[int, int,
 def off_rad(course: FloatArray, heading: float) -> FloatArray:
     """[N] by how much directions differ from a heading."""
     return np.abs(wrapped(course - heading))
-
-
-def _goes_on(turns: Turns, lane: int, gear: int) -> bool:
-    """True if a vehicle that stands at the end of a lane, by which it came in a gear, can drive on."""
-    return bool((turns.may_stand[turns.first[lane] : turns.first[lane + 1], gear] != NEVER).any())
 
 
 class RoundTrips(NamedTuple):

@@ -70,6 +70,10 @@ class Turns(NamedTuple):
         at = np.flatnonzero(self.onward[a:b] == onward)
         return a + int(at[0]) if len(at) else -1
 
+    def goes_on(self, lane: int, gear: int) -> bool:
+        """True if a vehicle that stands at the end of a lane, by which it came in a gear, can drive on."""
+        return bool((self.may_stand[self.first[lane] : self.first[lane + 1], gear] != NEVER).any())
+
     def first_gear(self, lane: int) -> int:
         """The gear in which one that has not moved yet drives along a lane: backward only where it has to."""
         return FORWARD if self.gears[lane, FORWARD] else BACKWARD
@@ -274,7 +278,7 @@ def stands_bent(turns: Turns, lane: int, gear: int) -> tuple[int, int] | None:
     """
     some = slice(int(turns.first[lane]), int(turns.first[lane + 1]))
     gears, onward = turns.next_gear[some, gear], turns.onward[some]
-    if (turns.may_stand[some, gear] != NEVER).any() or not (gears != NEVER).any():
+    if turns.goes_on(lane, gear) or not (gears != NEVER).any():
         return None
     k = int(np.argmin(np.where(gears != NEVER, np.abs(turns.bend_rad[some]), np.inf)))
     return int(onward[k]), int(gears[k])
@@ -320,8 +324,7 @@ def _of_lane(graph: NavGraph, vehicle: RobotType, lane: int) -> tuple[bool, bool
 
 def obstacle_from(graph: PlanGraph, vehicle: RobotType, lane: int, gear: int) -> str:
     """The reason for which a type that stands at the end of a lane cannot leave it, in words; '' where it can."""
-    turns = turns_of(graph, vehicle)
-    if lane < 0 or (turns.may_stand[turns.first[lane] : turns.first[lane + 1], gear] != NEVER).any():
+    if lane < 0 or turns_of(graph, vehicle).goes_on(lane, gear):
         return ""
     back, at = graph.known_as(int(graph.tail[lane])), graph.known_as(int(graph.head[lane]))
     return f"{vehicle.name} stands at '{at}' with its back to '{back}', and from a stand it can go straight on only, where no lane leads"
