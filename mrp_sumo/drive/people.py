@@ -102,7 +102,8 @@ class Bystanders:
             return
         self._trains = Trains(fleet)
         if people is not None:
-            towed = [(t.body_m or t.length_m, t.width_m or v.width_m) for v in self._trains.vehicles for t in v.trailers]
+            vehicles = [train.vehicle for train in self._trains.of_robot.values()]
+            towed = [(t.body_m or t.length_m, t.width_m or v.width_m) for v in vehicles for t in v.trailers]
             bodies = fleet.loaded or fleet
             length_m, width_m = np.concatenate([np.stack([bodies.length_m, bodies.width_m], 1), np.array(towed).reshape(-1, 2)]).T
             self.crowd = Crowd(people, length_m / 2, width_m / 2)

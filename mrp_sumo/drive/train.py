@@ -32,7 +32,6 @@ class Trains:
         types = fleet.vehicle_of_kind
         vehicles = [(r, types[k]) for r, k in enumerate(fleet.kind.tolist())] if types else []
         self.of_robot = {r: Train(vehicle) for r, vehicle in vehicles if vehicle is not None}
-        self.vehicles = tuple(train.vehicle for train in self.of_robot.values())
         count = max((len(train.vehicle.trailers) for train in self.of_robot.values()), default=0)
         self.columns = tuple(f"hitch_{k + 1}_rad" for k in range(count))  # angles of trailers
 
