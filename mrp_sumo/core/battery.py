@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from annotated_types import Interval
 
 from mrp_sumo.core.options import Options, meaning, option
-from mrp_sumo.core.shifts import Shift, Span
+from mrp_sumo.core.shifts import Shift, Span, spans_of
 from mrp_sumo.errors import OptionError
 
 if TYPE_CHECKING:
@@ -55,7 +55,7 @@ class Charging(Options):
     @property
     def spans_s(self) -> tuple[Span, ...]:
         """Times of each day in which charging begins; none: always."""
-        return tuple(span for shift in self.shifts for span in shift.spans_s)
+        return spans_of(self.shifts)
 
     @property
     def opportunity(self) -> bool:

@@ -1,5 +1,6 @@
 """Shifts of the people at stations: hours of each day, counted from the begin of a run, in which services may begin."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from math import floor, inf
 
@@ -41,6 +42,11 @@ class Shift(Options):
         """Times in which services begin."""
         edges = [self.begin_h, *(edge for each in self.breaks_h for edge in each), self.end_h]
         return tuple((a * HOUR_S, b * HOUR_S) for a, b in zip(edges[::2], edges[1::2]) if b > a)
+
+
+def spans_of(shifts: Iterable[Shift]) -> tuple[Span, ...]:
+    """Times of each day in which services begin in some shifts; none: there are no shifts."""
+    return tuple(span for shift in shifts for span in shift.spans_s)
 
 
 def opens_s(spans_s: tuple[Span, ...], t_s: float) -> float:

@@ -18,6 +18,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from mrp_sumo.core.graph import BoolArray
+from mrp_sumo.core.shifts import spans_of
 from mrp_sumo.core.stream import ClosedLoop, TaskList, TaskSource, TaskStream, zipf_weights
 from mrp_sumo.core.task import NOBODY, Station, Stop, Task
 from mrp_sumo.errors import ScenarioError, nearest
@@ -114,7 +115,7 @@ class _Names:
                 tuple(self._vertex(("tasks", "stations", name, "queue", i), v) for i, v in enumerate(station.queue)),
                 station.holds,
                 tuple(station.actions),
-                tuple(sorted(span for shift in station.shifts for span in shift.spans_s)),
+                tuple(sorted(spans_of(station.shifts))),
                 station.charges,
                 self._factor.get(name, 1.0),
                 self._of_map(places[name])

@@ -13,7 +13,7 @@ from mrp_sumo.core.fleet import Fleet
 from mrp_sumo.core.graph import BoolArray, NavGraph, PlanGraph
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.core.robot_type import RobotType
-from mrp_sumo.core.shifts import opens_s
+from mrp_sumo.core.shifts import opens_s, spans_of
 from mrp_sumo.core.stream import TaskList, TaskSource
 from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.errors import ScenarioError
@@ -39,8 +39,7 @@ def with_tasks(
         raise ScenarioError(f"{file.at('tasks', 'charging')}: robot type '{without}' has no battery, see robots/turtlebot3.yaml")
     shifts = {("stations", name): station.shifts for name, station in choice.stations.items()}
     for place, some in (shifts | ({("charging",): choice.charging.shifts} if choice.charging else {})).items():
-        spans = tuple(span for shift in some for span in shift.spans_s)
-        if (first_s := opens_s(spans, 0.0)) >= settings.time_limit_s:
+        if (first_s := opens_s(spans_of(some), 0.0)) >= settings.time_limit_s:
             raise ScenarioError(
                 f"{file.at('tasks', *place, 'shifts')}: the first begins at {first_s / HOUR_S:g} h, but the run "
                 f"ends at {settings.time_limit_s / HOUR_S:g} h, expected one within it, or a longer execution.time_limit_s"
