@@ -61,6 +61,11 @@ class CalibratedFigure:
     of: str  # what these are
 
     @property
+    def symbol(self) -> str:
+        """Its unit as people write it."""
+        return self.unit.replace("^2", "²")
+
+    @property
     def basis(self) -> str:
         """Its episodes, counted in words."""
         return counted(self.count, self.of)

@@ -94,7 +94,7 @@ def _print(result: "Calibration", options: argparse.Namespace, written: list[Pat
     for title, side in (("figure", "left"), ("value", "right"), ("90 % interval", "left"), ("unit", "left"), ("from", "left")):
         table.add_column(title, justify=side)  # type: ignore[arg-type]
     for each in result.quantities.values():
-        table.add_row(each.name, f"{each.value:.4g}", f"{each.low:.4g} to {each.high:.4g}", each.unit.replace("^2", "²"), each.basis)
+        table.add_row(each.name, f"{each.value:.4g}", f"{each.low:.4g} to {each.high:.4g}", each.symbol, each.basis)
     print_table(table, 120)
     for name, why in result.unknown.items():
         say(f"{name}: not told by the log ({why}); as in {options.robot}")

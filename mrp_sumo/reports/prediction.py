@@ -150,7 +150,7 @@ def _calibrated(result: Prediction) -> list[str]:
                 html.escape(each.name),
                 f"{each.value:.4g}",
                 f"{each.low:.4g} to {each.high:.4g}",
-                each.unit.replace("^2", "²"),
+                each.symbol,
                 html.escape(each.basis),
             )
             for each in one.quantities.values()

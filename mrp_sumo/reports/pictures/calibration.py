@@ -41,7 +41,7 @@ def picture_of(result: Calibration) -> Picture:
 
 def _told(ax: Axes, result: Calibration, name: str, title: str) -> bool:
     known = result.quantities.get(name)
-    said = "not told" if known is None else f"{known.value:.3g} ({known.low:.3g} to {known.high:.3g}) {known.unit.replace('^2', '²')}"
+    said = "not told" if known is None else f"{known.value:.3g} ({known.low:.3g} to {known.high:.3g}) {known.symbol}"
     ax.set_title(f"{title}: {said}", fontsize=8.5, loc="left", color=INK)
     return known is not None
 
