@@ -66,7 +66,7 @@ def _options(module: str) -> list[str]:
 
 def _names() -> dict[str, list[str]]:
     """What the first word after a command may be, beside a file."""
-    from mrp_sumo.cli.listing import FILES
+    from mrp_sumo.cli.listing import COMES_WITH_IT
     from mrp_sumo.maps.catalogue import bundled_folder, bundled_maps
     from mrp_sumo.plugins.kinds import KINDS
 
@@ -75,6 +75,6 @@ def _names() -> dict[str, list[str]]:
         **dict.fromkeys(("run", "plan", "capacity"), scenarios),
         "import": sorted(bundled_maps()),
         "batch": suites,
-        "list": [*KINDS, *FILES],
+        "list": [*KINDS, *COMES_WITH_IT],
         "completion": ["bash", "fish", "zsh"],
     }

@@ -1,7 +1,8 @@
 """List by name what a scenario can name, with parameters and their defaults.
 
 Planners, assigners, dispatchers, policies, metrics and readers are those of this program and of installed packages; maps, robots,
-scenarios, suites and logs of fleets are those that come with this program. Exit code 1 when a plug-in of a package cannot be loaded.
+scenarios, suites, logs of fleets and sets of disturbances are those that come with this program. Exit code 1 when a plug-in of a package
+cannot be loaded.
 """
 
 import argparse
@@ -15,23 +16,23 @@ from mrp_sumo.cli.printing import plain_table, print_table, say, say_json, warn
 from mrp_sumo.errors import MrpSumoError, PlugInError, nearest
 from mrp_sumo.plugins.kinds import KINDS
 
-FILES = ("maps", "robots", "scenarios", "suites", "logs")
+COMES_WITH_IT = ("maps", "robots", "scenarios", "suites", "logs", "disturbances")
 Entry = dict[str, Any]  # name, summary, parameters: {name: {type, default}}, meanings: {name: sentence}, and what else is known of it
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `mrp-sumo list`."""
-    parser.add_argument("what", metavar="WHAT", help=", ".join((*KINDS, *FILES)))
+    parser.add_argument("what", metavar="WHAT", help=", ".join((*KINDS, *COMES_WITH_IT)))
     parser.add_argument("--json", action="store_true", help="print a JSON list of objects")
 
 
 def run(options: argparse.Namespace) -> int:
     """Print a table, or JSON."""
-    known = (*KINDS, *FILES)
+    known = (*KINDS, *COMES_WITH_IT)
     if options.what not in known:
         raise MrpSumoError(f"cannot list '{options.what}'{nearest(options.what, known, limit=len(known))}")
     faults: list[str] = []
-    entries = _plug_ins(options.what, faults) if options.what in KINDS else _files(options.what)
+    entries = _plug_ins(options.what, faults) if options.what in KINDS else _come_with_it(options.what)
     if options.json:
         say_json(entries, indent=2)
     elif options.what == "robots":
@@ -66,9 +67,12 @@ def _plug_ins(kind: str, faults: list[str]) -> list[Entry]:
     return entries
 
 
-def _files(what: str) -> list[Entry]:
+def _come_with_it(what: str) -> list[Entry]:
+    from mrp_sumo.core.disturbances import NAMED_DISTURBANCES
     from mrp_sumo.maps.catalogue import bundled_folder, bundled_maps
 
+    if what == "disturbances":
+        return [{"name": name, **values} for name, values in NAMED_DISTURBANCES.items()]
     if what == "maps":
         return [{"name": name, "file": str(path)} for name, path in bundled_maps().items()]
     if what == "logs":

@@ -75,7 +75,14 @@ def test_metrics_have_unit_and_sense(capsys):
 
 @pytest.mark.parametrize(
     ("what", "name"),
-    [("maps", "office"), ("robots", "turtlebot3"), ("scenarios", "office_9"), ("suites", "paper_table_1"), ("logs", "warehouse_hour")],
+    [
+        ("maps", "office"),
+        ("robots", "turtlebot3"),
+        ("scenarios", "office_9"),
+        ("suites", "paper_table_1"),
+        ("logs", "warehouse_hour"),
+        ("disturbances", "nav2_like"),
+    ],
 )
 def test_files_of_the_program_are_listed(capsys, what, name):
     assert name in listed(capsys, what)
