@@ -55,6 +55,12 @@ def test_private_names_of_others_are_counted(source, num):
     assert len(MEASURES.private_names(trees(a=source))) == num
 
 
+def test_private_name_that_another_folder_defines_is_not_ours():
+    parser, own = "parser._actions", "def _actions(): ..."
+    assert len(MEASURES.private_names(trees(**{"cli/a.py": parser, "core/b.py": own}))) == 1
+    assert MEASURES.private_names(trees(**{"cli/a.py": parser, "cli/b.py": own})) == []
+
+
 def test_types_are_followed_through_fields_quotes_and_names_of_annotations(monkeypatch):
     monkeypatch.setattr(MEASURES, "MAIN_PATH", {"mrp_sumo/a.py": "run"})
     source = 'Calls = list["Third"]\nclass First:\n    second: "Second | None"\nclass Second:\n    calls: Calls\nclass Third: ...\n'

@@ -172,10 +172,20 @@ def field_of(node: ast.expr) -> tuple[str, str] | None:
 
 
 def private_names(trees: Trees) -> list[str]:
-    """Names that begin with one underscore, are imported or looked up in something, and that no source of ours defines."""
-    ours = {*(name for tree in trees.values() for name in defined(tree)), "_replace", "_asdict", "_fields"}  # the last of named tuples
+    """Names with one underscore in front that are imported or looked up in something, and that no source of ours defines.
+
+    Of what is looked up in another object than `self`, a source in the same folder has to.
+    """
+    documented = {"_replace", "_asdict", "_fields", "_make", "_exit"}  # of named tuples and `os`
+    ours: dict[str, set[str]] = defaultdict(set)
+    for path, tree in trees.items():
+        ours[path.rpartition("/")[0]].update(defined(tree))
+    anywhere = documented.union(*ours.values())
     return [
-        f"{path}:{line}: {name}" for path, tree in trees.items() for line, name in looked_up(tree) if is_private(name) and name not in ours
+        f"{path}:{line}: {name}"
+        for path, tree in trees.items()
+        for line, name, of_self in looked_up(tree)
+        if is_private(name) and name not in (anywhere if of_self else ours[path.rpartition("/")[0]] | documented)
     ]
 
 
@@ -190,15 +200,15 @@ def defined(tree: ast.Module) -> Iterator[str]:
             yield node.id
 
 
-def looked_up(tree: ast.Module) -> Iterator[tuple[int, str]]:
-    """Lines and names of attributes, and of what is imported from other libraries."""
+def looked_up(tree: ast.Module) -> Iterator[tuple[int, str, bool]]:
+    """Lines and names of attributes, and of what is imported from other libraries; True where `self` has it."""
     for node in ast.walk(tree):
         if isinstance(node, ast.Attribute):
-            yield node.lineno, node.attr
+            yield node.lineno, node.attr, isinstance(node.value, ast.Name) and node.value.id == "self"
         elif isinstance(node, ast.Import):
-            yield from ((node.lineno, part) for alias in node.names for part in alias.name.split("."))
+            yield from ((node.lineno, part, False) for alias in node.names for part in alias.name.split("."))
         elif isinstance(node, ast.ImportFrom) and node.module and node.module.split(".")[0] not in ("mrp_sumo", "planners"):
-            yield from ((node.lineno, part) for part in [*node.module.split("."), *(alias.name for alias in node.names)])
+            yield from ((node.lineno, part, False) for part in [*node.module.split("."), *(alias.name for alias in node.names)])
 
 
 def is_private(name: str) -> bool:

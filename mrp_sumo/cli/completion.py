@@ -5,6 +5,7 @@ fish: mrp-sumo completion fish > ~/.config/fish/completions/mrp-sumo.fish
 """
 
 import argparse
+import re
 from importlib import import_module
 
 from mrp_sumo.cli.printing import say
@@ -58,10 +59,11 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _options(module: str) -> list[str]:
-    """All options of a command, and of commands within it."""
+    """All options of a command, as its help has them."""
     parser = argparse.ArgumentParser()
     import_module(module).arguments(parser)
-    return sorted({option for action in parser._actions for option in action.option_strings})
+    rows = re.findall(r"^  (-.*?)(?:  |$)", parser.format_help(), re.MULTILINE)  # `-h, --help` before the meaning
+    return sorted({option for row in rows for option in re.findall(r"(?<!\S)--?[a-z][-\w]*", row)})
 
 
 def _names() -> dict[str, list[str]]:

@@ -139,10 +139,9 @@ class Relay(LocalServer):
         return f"ws://{HOST}:{self.server_port}/{self.token}/"
 
     def drain(self) -> None:
-        """Wait until viewers have what was sent to them, for two seconds at most."""
+        """Wait until viewers have what was sent to them, for two seconds at most; lets nobody in any more."""
         until = time.monotonic() + 2.0
-        while self._room._value < MOST_CONNECTIONS and time.monotonic() < until:
-            time.sleep(0.02)
+        all(self._room.acquire(timeout=max(0.0, until - time.monotonic())) for _ in range(MOST_CONNECTIONS))
 
 
 class _RelayHandler(LocalHandler):
