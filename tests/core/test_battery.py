@@ -5,7 +5,7 @@ from contextlib import nullcontext
 import numpy as np
 import pytest
 
-from mrp_sumo.core.battery import Charging, start_shares
+from mrp_sumo.core.battery import Charging, full_s, start_shares
 from mrp_sumo.core.robot_type import Battery
 from mrp_sumo.errors import OptionError
 
@@ -39,22 +39,37 @@ def test_what_no_battery_has_is_refused():
         Battery(**TINY | {"capacity_ah": 0.0})
 
 
-@pytest.mark.parametrize("levels", [(30.0, 20.0, 90.0), (30.0, 95.0, 90.0), (90.0, 90.0, 90.0)])
-def test_levels_that_do_not_ascend_are_refused(levels):
+@pytest.mark.parametrize(
+    ("levels", "policy", "says"),
+    [
+        ((30.0, 20.0, 90.0), "threshold", "in ascending order"),
+        ((30.0, 95.0, 90.0), "threshold", "in ascending order"),
+        ((90.0, 90.0, 90.0), "threshold", "in ascending order"),
+        ((30.0, 30.0, 90.0), "threshold", ""),
+        ((30.0, 90.0, 90.0), "opportunity", ""),
+        ((30.0, 30.0, 90.0), "opportunity", "a minimum_desired above critical_low"),
+    ],
+)
+def test_levels_that_do_not_ascend_are_refused(levels, policy, says):
     critical, minimum, maximum = levels
-    with pytest.raises(OptionError, match="in ascending order"):
-        Charging(
+    with pytest.raises(OptionError, match=says) if says else nullcontext():
+        charging = Charging(
             stations=("dock",),
+            policy=policy,
             critical_low_charging_level=critical,
             minimum_desired_charging_level=minimum,
             maximum_desired_charging_level=maximum,
         )
+        assert (charging.critical, charging.minimum, charging.maximum) == (critical / 100, minimum / 100, maximum / 100)
+        assert charging.opportunity == (policy == "opportunity")
 
 
 @pytest.mark.parametrize(
     ("keys", "says"),
     [
-        ({"swap_s": 60.0, "maximum_desired_charging_level": 90.0}, "maximum_desired_charging_level is 90 with swap_s, expected 100"),
+        ({"swap_s": 60.0, "maximum_desired_charging_level": 99.5}, "maximum_desired_charging_level is 99.5 with swap_s, expected 100"),
+        ({"maximum_desired_charging_level": 90.0}, ""),
+        ({"start_level": (50.0, 50.0)}, ""),
         ({"maximum_desired_charging_level": 100.5}, "maximum_desired_charging_level is 100.5"),
         ({"start_level": (60.0, 50.0)}, "start_level is"),
         ({"swap_s": 60.0}, ""),
@@ -63,6 +78,12 @@ def test_levels_that_do_not_ascend_are_refused(levels):
 def test_levels_that_no_battery_reaches_are_refused(keys, says):
     with pytest.raises(OptionError, match=says) if says else nullcontext():
         Charging(stations=("dock",), **keys)
+
+
+def test_a_swap_takes_its_own_time():
+    """Instead of the 400 s that a charger would need."""
+    chargers = None, Charging(stations=("A",)), Charging(stations=("A",), swap_s=60.0)
+    assert [full_s(charging, 400.0) for charging in chargers] == [400.0, 400.0, 60.0]
 
 
 def test_who_stands_draws_idle_power_instead():

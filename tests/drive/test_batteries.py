@@ -79,6 +79,49 @@ def test_who_runs_empty_is_told_once(level, told):
     assert seen == told
 
 
+@pytest.mark.parametrize(("num_looks", "told"), [(1, []), (2, [0]), (3, [])])
+def test_a_battery_that_runs_empty_gives_what_it_has_and_is_told_of_in_that_look_alone(num_looks, told):
+    """64.8 J are left of the first, at 36 J a look; the other has plenty."""
+    batteries = batteries_of(SMALL, 2, (0.5, 0.5), 0, 0.5)
+    batteries.level = np.array([0.0018, 0.5])
+    batteries.add(np.zeros((1 + 2 * num_looks, 2)), np.zeros((1 + 2 * num_looks, 2)))
+    looks = range(1, num_looks + 1)
+    assert batteries.observe_each([float(k) for k in looks], [1 + 2 * k for k in looks], np.zeros(2, np.bool_)) == told
+    assert batteries.level == pytest.approx([max(0.0018 - 0.001 * num_looks, 0.0), 0.5 - 0.001 * num_looks])
+    assert batteries.log(3.0, 0.2).used_j == pytest.approx([min(64.8, 36.0 * num_looks), 36.0 * num_looks])
+
+
+def test_what_draws_nothing_does_not_run_empty():
+    batteries = batteries_of(replace(SMALL, device_w=0.0), 2, (0.0, 0.0), 0, 0.5)
+    batteries.level = np.array([0.0, 1e-7])
+    batteries.add(np.zeros((3, 2)), np.zeros((3, 2)))
+    assert batteries.observe(1.0, np.zeros(2, np.bool_)) == []
+    assert batteries.log(1.0, 0.2).level.tolist() == [[0.0, 1e-6]]  # rounded up: it is not empty
+
+
+def test_a_charger_fills_no_more_than_the_battery_holds_and_spares_it():
+    """2 s at 360 W, of which one fits; the other draws 36 W meanwhile."""
+    batteries = batteries_of(SMALL, 2, (0.99, 0.99), 0, 0.5)
+    batteries.add(np.zeros((5, 2)), np.zeros((5, 2)))
+    batteries.observe_each([1.0, 2.0], [3, 5], np.array([True, False]))
+    log = batteries.log(2.0, 0.2)
+    assert batteries.level == pytest.approx([1.0, 0.988])
+    assert log.charged_j == pytest.approx([360.0, 0.0]) and log.used_j == pytest.approx([0.0, 72.0])
+
+
+def test_levels_are_kept_every_ten_seconds_and_at_the_end():
+    batteries = batteries_of(SMALL, 1, (0.5, 0.5), 0, 0.5)
+    batteries.add(np.zeros((1, 1)), np.zeros((1, 1)))
+    batteries.observe_each([0.0, 5.0, 10.0 - 1e-10, 15.0, 24.5, 29.5], [1] * 6, np.array([False]))
+    assert batteries.log(24.5, 0.2).t_s.tolist() == [0.0, 10.0 - 1e-10, 24.5]
+    assert batteries.log(29.5, 0.2).t_s.tolist() == [0.0, 10.0 - 1e-10, 24.5, 29.5]
+
+
+def test_the_levels_at_first_belong_to_the_seed():
+    level = batteries_of(SMALL, 3, (0.2, 0.6), 7, 0.5).level
+    assert level.tolist() == np.random.default_rng([7, 43]).uniform(0.2, 0.6, 3).tolist()
+
+
 def test_each_type_draws_from_its_own_battery():
     """36 W of 36 kJ, and of twice as much, for a second."""
     types = [replace(BURGER, battery=battery) for battery in (SMALL, replace(SMALL, capacity_ah=2.0))]
