@@ -79,14 +79,14 @@ def test_who_runs_empty_is_told_once(level, told):
     assert seen == told
 
 
-@pytest.mark.parametrize(("num_looks", "told"), [(1, []), (2, [0]), (3, [])])
-def test_a_battery_that_runs_empty_gives_what_it_has_and_is_told_of_in_that_look_alone(num_looks, told):
+@pytest.mark.parametrize(("num_looks", "emptied"), [(1, []), (2, [0]), (3, [])])
+def test_a_battery_that_runs_empty_gives_what_it_has_and_is_named_in_that_look_alone(num_looks, emptied):
     """64.8 J are left of the first, at 36 J a look; the other has plenty."""
     batteries = batteries_of(SMALL, 2, (0.5, 0.5), 0, 0.5)
     batteries.level = np.array([0.0018, 0.5])
     batteries.add(np.zeros((1 + 2 * num_looks, 2)), np.zeros((1 + 2 * num_looks, 2)))
     looks = range(1, num_looks + 1)
-    assert batteries.observe_each([float(k) for k in looks], [1 + 2 * k for k in looks], np.zeros(2, np.bool_)) == told
+    assert batteries.observe_each([float(k) for k in looks], [1 + 2 * k for k in looks], np.zeros(2, np.bool_)) == emptied
     assert batteries.level == pytest.approx([max(0.0018 - 0.001 * num_looks, 0.0), 0.5 - 0.001 * num_looks])
     assert batteries.log(3.0, 0.2).used_j == pytest.approx([min(64.8, 36.0 * num_looks), 36.0 * num_looks])
 

@@ -111,6 +111,9 @@ def test_every_metric_is_there_and_right():
         "lateness_mean_s": 1.0,
         "lateness_max_s": 2.0,
         "lateness_p95_s": 2.0,
+        "driven_makespan_s": 8.0,
+        "driven_flowtime_s": 13.0,
+        "execution_time_limit_s": 300,
         "sim_time_s": 12.0,
         "real_time_factor": 24.0,
         "robot_seconds_per_cpu_second": 96.0,
@@ -135,6 +138,7 @@ def test_a_robot_that_stands_short_of_its_goal_is_blocked_and_times_out():
     execution = Execution(**{**vars(execution), "x_m": x, "goal_s": np.array([5.0, np.nan])})
     found = evaluate(Evidence(problem, result, judge(problem, result.plan), execution, time_limit_s=300))
     assert found["goals_reached"] == found["robots_at_goal"] == 1
+    assert found["driven_makespan_s"] is found["driven_flowtime_s"] is None
     assert found["execution_timed_out"] and found["execution_time_s"] == 300
     assert found["time_blocked_s"][0] == 0 < found["time_blocked_s"][1] == found["time_blocked_total_s"]
 
@@ -151,3 +155,16 @@ def test_positions_are_those_of_float32_messages():
     execution = driven(problem, result.plan, late_s=0.0)
     moved = Execution(**{**vars(execution), "y_m": np.add(execution.y_m, [0.0, 1e-9])})  # float32 does not see a nanometre
     assert evaluate(Evidence(problem, result, None, moved))["min_distance_m"] == 1.0
+
+
+def test_lateness_is_of_visits_that_were_reached():
+    """Of eleven the second robot came to two, 2 s late; without its starts, which are never late."""
+    problem, result = corridors(), planned()
+    arrived_s = driven(problem, result.plan, late_s=2.0).arrived_s
+    arrived_s[[0, 6]] = 99.0
+    arrived_s[9:] = np.nan
+    for times_s, late_s in ((arrived_s, (4 / 7, 2.0)), (arrived_s[:-1], (None, None))):
+        execution = Execution(**{**vars(driven(problem, result.plan, 0.0)), "arrived_s": times_s, "wall_time_s": 0.0, "cpu_time_s": 0.0})
+        shown = evaluate(Evidence(problem, result, None, execution))
+        assert (shown["lateness_mean_s"], shown["lateness_max_s"]) == pytest.approx(late_s)
+        assert shown["real_time_factor"] is shown["robot_seconds_per_cpu_second"] is None

@@ -6,13 +6,17 @@ import numpy as np
 import pytest
 from worlds import record_of_four
 
+from mrp_sumo.metrics import zones
+from mrp_sumo.metrics.metric import Evidence
 from mrp_sumo.metrics.zones import occupancy
 
 
-def test_zones_count_the_looks_at_which_robots_are_there():
+@pytest.mark.parametrize(("period_s", "together"), [(0.5, 4096), (0.5, 4), (1.0, 4), (0.25, 1)])
+def test_zones_count_the_looks_at_which_robots_are_there(monkeypatch, period_s, together):
+    monkeypatch.setattr(zones, "TOGETHER", together)
     record = record_of_four()
     execution, graph = record.execution, record.graph
-    t_s = np.arange(0, 10.5, 0.5)  # 11 looks, a second apart
+    t_s = np.arange(0, 10 + period_s, period_s)  # 11 looks, a second apart
     at = np.where(t_s < 4, 0, graph.num_vertices - 1)  # robot 0 at the first vertex for 4 looks, then at the last
     x, y = np.tile(graph.xy[-1, 0], (len(t_s), 2)), np.tile(graph.xy[-1, 1], (len(t_s), 2))
     x[:, 0], y[:, 0] = graph.xy[at].T
@@ -22,3 +26,15 @@ def test_zones_count_the_looks_at_which_robots_are_there():
     assert list(order) == list(range(len(found.name))) and len(found.name) == 2
     assert found.occupied_share == pytest.approx([1.0, 4 / 11]) and found.robots_mean == pytest.approx([17 / 11, 4 / 11])
     assert found.robots_max.tolist() == [2, 1]
+
+
+def test_one_look_is_enough():
+    record = record_of_four()
+    execution, graph = record.execution, record.graph
+    first = replace(execution, t_s=execution.t_s[:1], x_m=execution.x_m[:1], y_m=execution.y_m[:1])
+    seen = occupancy(first, graph, record.nav or graph)
+    assert seen.occupied_share.tolist() == [1.0] and seen.robots_max.tolist() == [4]
+    metrics = [metric(Evidence(None, None, None, None, zones=seen)) for metric in zones.METRICS]
+    assert metrics == [1.0, 4.0, 4]
+    nowhere = replace(seen, name=(), kind=(), occupied_share=np.zeros(0), robots_mean=np.zeros(0), robots_max=np.zeros(0))
+    assert {metric(Evidence(None, None, None, None, zones=each)) for metric in zones.METRICS for each in (None, nowhere)} == {None}
