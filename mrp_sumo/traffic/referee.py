@@ -86,9 +86,10 @@ def judge(problem: Problem, plan: Plan, goal_of: IntArray | None = None, *, in_s
     faults = _faults(problem, plan, problem.goal_of if goal_of is None else goal_of, 0.0 if in_seconds else problem.step_s)
     if faults:
         return Verdict(tuple(faults), (), ())
-    vertex = _vertex_conflicts(plan)
+    meetings = _overlaps(plan.vertex, plan.arrive_s, plan.depart_s + EPSILON_S)
+    vertex = _vertex_conflicts(plan, meetings)
     edge = _edge_conflicts(plan, problem.graph.num_vertices)
-    following = _following_conflicts(plan)
+    following = _following_conflicts(plan, set(meetings))
     return Verdict((), tuple(sorted(vertex + edge, key=_by_time)), tuple(sorted(following, key=_by_time)))
 
 
@@ -187,19 +188,16 @@ def _on_barred(problem: Problem, plan: Plan) -> list[str]:
 
 def _without_lane(plan: Plan, graph: NavGraph) -> BoolArray:
     """[N] whether a visit is not its robot's last and no lane leads to the next."""
-    lanes = graph.tail * graph.num_vertices + graph.head  # ascending
+    lanes = graph.tail * graph.num_vertices + graph.head
     inner = np.append(plan.robot[1:] == plan.robot[:-1], False)
-    wanted = plan.vertex * graph.num_vertices + np.append(plan.vertex[1:], 0)
-    at = np.minimum(np.searchsorted(lanes, wanted), max(len(lanes) - 1, 0))
-    return inner & (lanes[at] != wanted) if len(lanes) else inner
+    return inner & ~np.isin(plan.vertex * graph.num_vertices + np.roll(plan.vertex, -1), lanes)
 
 
-def _vertex_conflicts(plan: Plan) -> list[Conflict]:
+def _vertex_conflicts(plan: Plan, meetings: list[tuple[int, int]]) -> list[Conflict]:
     robot = plan.robot
-    pairs = _overlaps(plan.vertex, plan.arrive_s - EPSILON_S / 2, plan.depart_s + EPSILON_S / 2)
     return [
         _conflict("vertex", robot[i], robot[j], plan.vertex[i], -1, max(plan.arrive_s[i], plan.arrive_s[j]))
-        for i, j in pairs
+        for i, j in meetings
         if robot[i] != robot[j]
     ]
 
@@ -211,7 +209,7 @@ def _edge_conflicts(plan: Plan, num_vertices: int) -> list[Conflict]:
     depart, arrive = plan.depart_s[k], plan.arrive_s[k + 1]
     both = np.minimum(tail, head) * num_vertices + np.maximum(tail, head)
     conflicts = []
-    for i, j in _overlaps(both, depart + EPSILON_S / 2, arrive - EPSILON_S / 2):
+    for i, j in _overlaps(both, depart, arrive - EPSILON_S):
         if robot[k[i]] == robot[k[j]]:
             continue
         overtakes = (depart[i] - depart[j]) * (arrive[i] - arrive[j]) < 0
@@ -221,19 +219,17 @@ def _edge_conflicts(plan: Plan, num_vertices: int) -> list[Conflict]:
     return conflicts
 
 
-def _following_conflicts(plan: Plan) -> list[Conflict]:
-    """A visit claims its vertex from the departure towards it to the arrival at the next one."""
+def _following_conflicts(plan: Plan, meetings: set[tuple[int, int]]) -> list[Conflict]:
+    """A visit claims its vertex from the departure towards it to the arrival at the next one; those who meet there do not follow."""
     robot = plan.robot
     inner = np.flatnonzero(robot[1:] == robot[:-1])
     begin, end = plan.arrive_s.copy(), plan.depart_s.copy()
     begin[inner + 1] = plan.depart_s[inner]
     end[inner] = plan.arrive_s[inner + 1]
-    vertex_pairs = set(_overlaps(plan.vertex, plan.arrive_s - EPSILON_S / 2, plan.depart_s + EPSILON_S / 2))
-    pairs = _overlaps(plan.vertex, begin + EPSILON_S / 2, end - EPSILON_S / 2)
     return [
         _conflict("following", robot[i], robot[j], plan.vertex[i], -1, max(begin[i], begin[j]))
-        for i, j in pairs
-        if robot[i] != robot[j] and (i, j) not in vertex_pairs
+        for i, j in _overlaps(plan.vertex, begin, end - EPSILON_S)
+        if robot[i] != robot[j] and (i, j) not in meetings
     ]
 
 
@@ -241,13 +237,9 @@ def _overlaps(key: IntArray, begin: FloatArray, end: FloatArray) -> list[tuple[i
     """Pairs i < j of intervals [begin, end] of one key that overlap: sorted sweep, each against the still open."""
     order = np.lexsort((begin, key))
     key, begin, end = key[order], begin[order], end[order]
-    # most keys have no overlap: look at those only whose running latest end reaches a next beginning
-    span = 2 * (begin.max(initial=0) - begin.min(initial=0) + 1)
-    group = np.cumsum(np.append(0, key[1:] != key[:-1]))
-    latest = np.maximum.accumulate(group * span + np.minimum(end - begin.min(initial=0), span / 2))
-    reached = (key[1:] == key[:-1]) & (group[1:] * span + begin[1:] - begin.min(initial=0) <= latest[:-1])
+    overlaps_next = (key[1:] == key[:-1]) & (begin[1:] <= end[:-1])  # where none does so, no others do; most keys have none
     pairs: list[tuple[int, int]] = []
-    for value in np.unique(key[1:][reached]):
+    for value in np.unique(key[1:][overlaps_next]):
         still: list[int] = []
         for j in range(*np.searchsorted(key, [value, value + 1])):
             still = [i for i in still if end[i] >= begin[j]]
