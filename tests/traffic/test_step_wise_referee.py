@@ -5,7 +5,7 @@ import pytest
 from step_wise_worlds import ROUND, problem_of, solution_of
 
 from mrp_sumo.core.step_wise import FORWARD, LEFT, RIGHT, WAIT, StepWiseSolution
-from mrp_sumo.traffic.step_wise_referee import CrowdProgress, judge_step_wise, pace_of
+from mrp_sumo.traffic.step_wise_referee import CrowdProgress, Pool, judge_step_wise, pace_of
 
 
 def by_hand(problem, paths, schedule=(), events=(), released=None, done=0):
@@ -68,7 +68,10 @@ def test_conflicts_are_named(rows, start, paths, message):
         ([(1, 0, 0), (2, 0, 1)], "time 2: robot 0 is given task 1, but has opened task 0"),
         ([(1, 0, 0), (2, 1, 0)], "time 2: robot 1 is given task 0, which robot 0 has opened"),
         ([(1, 0, 0), (2, 0, -1)], "time 2: robot 0 is given no task, but has opened task 0"),
-        ([(1, 7, 0)], "the schedule is of robots that there are not"),
+        ([(1, 2, 0)], "the schedule is of robots that there are not"),
+        ([(1, -1, 0)], "the schedule is of robots that there are not"),
+        ([(1, 0, -2)], "time 1: robot 0 is given task -2, which is not revealed"),
+        ([(1, 0, 2)], "time 1: robot 0 is given task 2, which is not revealed"),
     ],
 )
 def test_tasks_that_a_robot_may_not_have_are_named(schedule, message):
@@ -120,6 +123,56 @@ def test_what_is_stated_has_to_be_what_follows():
     for key, (value, message) in wrong.items():
         assert message in fault(problem, replace(solution, **{key: value})), key
     assert "robots, but the problem has 2" in fault(problem, replace(solution, start=solution.start[:1]))
+
+
+@pytest.mark.parametrize(
+    ("schedule", "events", "released", "done", "message"),
+    [
+        ([(0, 0, 0)], [(2, 0, 0, 1)], [0, 2], 1, ""),  # what is given at time 0 holds from the first step on
+        ([(3, 0, 0)], [], [0], 0, ""),  # when all is over
+        ([(1, 0, 0)], [(2, 0, 0, 1)], [0], 1, "1 tasks are stated to be revealed, 2 are"),
+        ([(1, 0, 0)], [(2, 0, 0, 1)], [0, 1], 1, "task 1 is stated to be revealed at time 1, but is at 2"),
+        ([(1, 0, 0)], [(2, 0, 0, 1)], [0, 2], 0, "0 tasks are stated to be finished, 1 are"),
+        ([(1, 0, 0)], [(0, 0, 0, 1)], [0, 2], 1, "an errand is done outside the times 1 to 2"),
+        ([(1, 0, 0)], [(2, 0, 0, 1), (3, 0, 0, 1)], [0, 2], 1, "an errand is done outside the times 1 to 2"),
+        (
+            [(1, 0, 0)],
+            [(1, 0, 0, 1)],
+            [0, 1],
+            1,
+            "time 1: errand 1 of task 0 by robot 0 is stated, but the robot is at row 0, column 1 with its schedule",
+        ),
+        (
+            [(1, 0, 0)],
+            [(2, 0, 0, 1), (2, 1, 0, 1)],
+            [0, 2],
+            1,
+            "time 2: errand 1 of task 0 by robot 1 is stated, but the robot is at no cell with its schedule",
+        ),
+        (
+            [(1, 0, 0)],
+            [],
+            [0],
+            0,
+            "time 2: errand 1 of task 0 by robot 0 is not stated, though the robot is at row 0, column 2 with its schedule",
+        ),
+        ([], [], [0], 0, ""),
+    ],
+)
+def test_statements_are_compared_with_what_follows(schedule, events, released, done, message):
+    """One robot drives two cells to its errand, where it is at time 2."""
+    problem = problem_of(["...."], [0], [[2], [0]])
+    assert fault(problem, by_hand(problem, ["FF"], schedule, events, released, done)) == message
+
+
+@pytest.mark.parametrize(("num_revealed", "released"), [(2, [0, 0, 1, 1]), (4, [0, 0, 0, 0, 1, 1]), (5, [0, 0, 0, 0, 1, 1])])
+def test_robots_have_as_many_tasks_of_their_own_as_each_may(num_revealed, released):
+    """Two robots, with every second task each; robot 1 finishes its first, and the next of its own follows one of the other's."""
+    problem = replace(problem_of(["....", "...."], [0, 4], [[1], [7], [3], [5]]), own_tasks=True, num_revealed=num_revealed)
+    pool = Pool(problem)
+    assert pool.released == released[: num_revealed // 2 * 2] and pool.give([(1, 1)]) == ""
+    pool.advance(1, [1, 7])
+    assert (pool.num_finished, pool.num_errands) == (1, 1) and pool.released == released
 
 
 def slow_truth(problem, solution):
