@@ -112,7 +112,8 @@ def watch_progress(now, s_m, rules, visits, state, log):
         stands_until_s = visits.depart_s[k] if visits.depart_s[k] > visits.arrive_s[k] else 0.0
         planned_until_s = visits.arrive_s[ahead] if on_lane else stands_until_s
         is_planned = state.grants.cause[r] == FACILITY or now <= planned_until_s
-        if kind in (TURN, PLANNED_WAIT, DISTURBANCE, YIELDING) or (kind == DEPENDENCY_WAIT and is_planned):
+        as_planned = is_planned and (kind == DEPENDENCY_WAIT or (kind == MOVING and rules.paced))  # who is early may creep
+        if kind in (TURN, PLANNED_WAIT, DISTURBANCE, YIELDING) or as_planned:
             mark_s[r] += rules.step_s
         if ahead < 0 or s_m[r] - mark_m[r] >= rules.cell_m:
             if stuck[r]:

@@ -1,13 +1,16 @@
 """Small worlds driven in SUMO whose outcome is known by hand."""
 
 import dataclasses
+from pathlib import Path
 
 import numpy as np
 import pytest
 from worlds import BURGER, cross, drive, graph_of, kinds, least_distance_m, line, problem_of, square_grid
 
 from mrp_sumo.core.disturbances import Breakdown, Disturbances
-from mrp_sumo.core.execution import Outcome
+from mrp_sumo.core.execution import BOOKINGS, Outcome
+from mrp_sumo.core.robot_type import Loaded
+from mrp_sumo.drive._causes import FACILITY, FOLLOWING
 from mrp_sumo.drive.controller import Controller
 from mrp_sumo.drive.fit import resources_for
 from mrp_sumo.drive.ledger import Ledger
@@ -168,6 +171,66 @@ def test_the_waits_of_those_who_are_sent_another_way_end_and_those_of_others_go_
     assert waits == [[1], [], [0, 1]]
 
 
+def controller_of(paths, robot=BURGER, graph=None, policy="open_loop"):
+    problem, plan = problem_of(graph or line(5), paths, robot)
+    ledger = Ledger(problem, resources_for(problem, plan))
+    ledger.append(first_of(plan), policy_of(policy), 0.0)
+    return Controller(ledger, policy_of(policy), ExecutionSettings())
+
+
+def test_waits_of_half_a_second_and_blockings_are_told_with_their_reasons():
+    controller = controller_of([[0, 1], [2, 1], [4, 3]])
+    state = controller.ledger.state
+    state.waits.since_s[:] = [4.5, 4.6, 2.0]
+    state.waits.stuck[:] = [False, True, False]
+    state.waits.mark_s[:], state.waits.cause[:], state.waits.other[:], state.waits.where[:] = 1.0, FOLLOWING, [-1, 0, 1], [-1, 3, 5]
+    events = [(e.kind, e.robot, e.vertex, e.other, e.t_s, e.duration_s, e.text) for e in controller.unfinished_waits(5.0)]
+    assert events == [
+        ("waited", 0, -1, -1, 4.5, 0.5, "behind another robot"),
+        ("waited", 2, 3, 1, 2.0, 3.0, "behind robot_1"),
+        ("blocked", 1, 1, 0, 1.0, 4.0, "behind robot_0"),
+    ]
+    assert [e.robot for e in controller.unfinished_waits(5.0, [0, 1])] == [0, 1]
+
+
+@pytest.mark.parametrize(
+    ("options", "text"), [({"door": "glass"}, "waits for door 'glass'"), ({"cabin": "goods"}, "waits for lift 'goods'")]
+)
+def test_what_a_robot_waits_for_is_named(options, text):
+    controller = controller_of([[0, 1]])
+    graph, waits = controller.ledger.graph, controller.ledger.state.waits
+    lane = int(controller.ledger.visits.lane[1])
+    vars(graph)["lane_options"] = tuple(options if at == lane else {} for at in range(graph.num_lanes))
+    waits.since_s[:], waits.cause[:], waits.where[:] = 1.0, FACILITY, 1
+    (event,) = controller.unfinished_waits(5.0)
+    assert (event.vertex, event.text) == (1, text)
+
+
+def test_a_deadlock_names_where_each_wants_to_go():
+    controller = controller_of([[0, 1], [2, 1], [4, 3]])
+    controller.ledger.state.grants.wanted[:] = [3, 4, 5]
+    event = controller.deadlock(7.0, (2, 0, 1))
+    assert event.text == "robot_2 (to 'v3') waits for robot_0 (to 'v1') waits for robot_1 (to 'v1') waits for robot_2"
+    assert (event.t_s, event.kind, event.robot, event.vertex, event.other) == (7.0, "deadlock", 2, 3, 0)
+    alone = controller.deadlock(7.0, (1,))
+    assert (alone.robot, alone.other, alone.text) == (1, 1, "robot_1 (to 'v1') waits for robot_1")
+
+
+@pytest.mark.parametrize(
+    ("speed_mps", "decel_mps2", "reach_m"), [(1.0, 1.0, 0.5 + 0.3 + 0.02), (2.0, 1.0, 2.0 + 0.6 + 0.02), (0.2, 0.5, 0.12)]
+)
+def test_robots_look_as_many_visits_ahead_as_their_policy_says_and_as_they_need_to_brake(speed_mps, decel_mps2, reach_m):
+    """To brake takes v^2 / 2a; three steps and 2 cm are added. Lanes are 0.4 m long."""
+    robot = dataclasses.replace(BURGER, max_speed_mps=speed_mps, decel_mps2=decel_mps2)
+    controller = controller_of([[0, 1]], robot)
+    assert controller.kinematics.reach_m.tolist() == pytest.approx([reach_m])
+    assert controller.rules.look_ahead == 2 + int(reach_m / 0.4)
+    loaded = dataclasses.replace(robot, loaded=Loaded(decel_mps2=decel_mps2 / 2))
+    far_m = speed_mps**2 / decel_mps2 + 0.3 * speed_mps + 0.02
+    assert controller_of([[0, 1]], loaded).rules.look_ahead == 2 + int(far_m / 0.4)
+    assert controller.rules.cell_m == pytest.approx(0.39, abs=1e-6)
+
+
 def test_a_final_blocking_ends_the_run_where_that_is_asked_for(tmp_path):
     # robot_2 is behind robot_1, which is behind robot_0
     run = drive(tmp_path, line(6), [[3], [1, 2, 3, 4], [0, 1, 2]], "open_loop", time_limit_s=100.0, on_deadlock="stop")
@@ -213,6 +276,131 @@ def test_every_second_is_booked_once(tmp_path):
     run = drive(tmp_path, cross(), [[1, 1, 0, 7], [4, 0, 10], [12]])
     assert run.booked_s.shape == (3, 8)
     assert run.booked_s.sum(1) == pytest.approx(run.sim_time_s)
+
+
+LONG = graph_of([(0, 0), (0.4, 0), (6, 0), (6.4, 0)], [(0, 1), (1, 2), (2, 3)])
+BEHIND_0 = "needs what robot_0 holds or is to pass first"
+
+
+def drive_in_the_plane(graph, paths, policy="adg", step_s=3.0, limit_s=20.0, broken=(), goal_heading_rad=None):
+    """Drive paths without SUMO."""
+    problem, plan = problem_of(graph, paths, BURGER, step_s)
+    broken = Disturbances(breakdowns=tuple(Breakdown(*each) for each in broken))
+    settings = ExecutionSettings(policy=policy, engine="kinematic", time_limit_s=limit_s, disturbances=broken)
+    return simulate(dataclasses.replace(problem, goal_heading_rad=goal_heading_rad), plan, settings, Path("no.net.xml"))
+
+
+@pytest.mark.parametrize(
+    ("graph", "paths", "how", "booked", "events"),
+    [
+        pytest.param(  # 0.398 m at 0.22 m/s are 1.8 s, and braking takes some more; it leaves vertex 1 with the plan
+            line(3),
+            [[0, 1, 1, 1, 1, 1, 2]],
+            {"policy": "timed"},
+            [{"moving": 6.0, "planned_wait": 12.0}],
+            [],
+            id="waits as planned",
+        ),
+        pytest.param(  # a tenth of its speed is the least: 18.1 s for a lane of 30 s, and that is no blocking
+            line(3),
+            [[0, 1, 2]],
+            {"policy": "adg_timed", "step_s": 30.0, "limit_s": 60.0},
+            [{"moving": 36.4, "planned_wait": 11.8}],
+            [],
+            id="creeps as planned",
+        ),
+        pytest.param(square_grid(2), [[0, 1, 3]], {}, [{"moving": 3.8, "turning": 0.6}], [], id="turns"),
+        pytest.param(
+            line(3),
+            [[0, 1, 2]],
+            {"goal_heading_rad": np.array([np.pi])},
+            [{"moving": 3.7, "turning": 1.2}],
+            [],
+            id="turns at its goal",
+        ),
+        pytest.param(  # the second may set out when the first has left the crossing by its size and the gap
+            cross(),
+            [[4, 0, 10], [1, 1, 0, 7]],
+            {},
+            [{"moving": 3.7, "at_goal": 3.3}, {"moving": 3.7, "dependency_wait": 3.3}],
+            [("waited", 1, 0, 0.0, 3.3, BEHIND_0)],
+            id="lets another pass",
+        ),
+        pytest.param(  # no cell in the 10 s since it was at vertex 1, but for 2 mm
+            line(5),
+            [[2], [0, 1, 2, 3]],
+            {"policy": "open_loop"},
+            [{"at_goal": 20.0}, {"moving": 1.9, "dependency_wait": 9.9, "blocked": 8.2}],
+            [("blocked", 1, 2, 1.8, 18.2, BEHIND_0), ("waited", 1, 2, 1.9, 18.1, BEHIND_0)],
+            id="is blocked for good",
+        ),
+        pytest.param(  # what it stood broken is none of it
+            line(5),
+            [[2], [0, 1, 2, 3]],
+            {"policy": "open_loop", "broken": [(1, 5.0, 4.0)], "limit_s": 18.0},
+            [{"at_goal": 18.0}, {"moving": 1.9, "dependency_wait": 9.9, "disturbed": 4.0, "blocked": 2.2}],
+            [("waited", 1, 2, 1.9, 3.1, BEHIND_0), ("blocked", 1, 2, 5.8, 12.2, BEHIND_0), ("waited", 1, 2, 9.0, 9.0, BEHIND_0)],
+            id="is blocked beside a breakdown",
+        ),
+        pytest.param(  # the first breaks down when it has driven 2.2 m of the lane; who stands at its goal may break down for nothing
+            LONG,
+            [[1, 2, 3], [0, 1, 2]],
+            {"step_s": 45.0, "limit_s": 15.0, "broken": [(0, 10.0)]},
+            [{"moving": 10.0, "disturbed": 5.0}, {"moving": 10.4, "dependency_wait": 4.6}],
+            [("waited", 1, 1, 0.0, 1.5, BEHIND_0), ("waited", 1, 2, 11.9, 3.1, BEHIND_0)],
+            id="stands behind another on its lane",
+        ),
+        pytest.param(
+            line(4),
+            [[0, 1, 2], [3]],
+            {"broken": [(1, 0.5, 1.0)]},
+            [{"moving": 3.7}, {"at_goal": 3.7}],
+            [],
+            id="breaks down at its goal",
+        ),
+        pytest.param(
+            LONG,
+            [[0, 1, 2, 3], [3, 2, 1, 0]],
+            {"policy": "open_loop", "limit_s": 5.0},
+            [{"moving": 5.0}, {"moving": 1.9, "dependency_wait": 3.1}],
+            [("waited", 1, 1, 1.9, 3.1, "robot_0 comes towards it on the lane")],
+            id="meets another on a long lane",
+        ),
+    ],
+)
+def test_every_second_is_booked_to_what_it_was_spent_on(graph, paths, how, booked, events):
+    run = drive_in_the_plane(graph, paths, **how)
+    spent = [{name: round(s, 6) for name, s in zip(BOOKINGS, row) if s > 0} for row in run.booked_s.tolist()]
+    assert spent == booked
+    waits = [(e.kind, e.robot, e.vertex, e.t_s, e.duration_s, e.text) for e in run.events if e.kind in ("waited", "blocked")]
+    assert waits == events
+
+
+def test_followers_on_a_lane_keep_their_gap_and_the_millimetre_in_which_they_stop():
+    run = drive_in_the_plane(LONG, [[1, 2, 3], [0, 1, 2]], step_s=45.0, limit_s=20.0, broken=[(0, 10.0)])
+    assert run.x_m[-1, 0] == pytest.approx(0.4 + 2.2)
+    assert run.x_m[-1, 0] - run.x_m[-1, 1] == pytest.approx(np.hypot(0.138, 0.178) + 0.1 + 0.001)
+
+
+@pytest.mark.parametrize(
+    ("heading_rad", "goal_s"), [(np.nan, 3.6857), (0.0, 3.6857), (np.pi / 2, 3.7 + 0.6), (-np.pi / 2, 3.7 + 0.6), (np.pi, 3.7 + 1.2)]
+)
+def test_who_is_to_face_a_side_at_its_goal_is_there_when_it_does(heading_rad, goal_s):
+    """Two lanes of 0.4 m, whose last 2 mm are not driven, and 2.84 rad/s: 6 steps of 0.1 s for a quarter, 12 for a half."""
+    run = drive_in_the_plane(line(3), [[0, 1, 2]], goal_heading_rad=np.array([heading_rad]))
+    assert run.goal_s[0] == pytest.approx(goal_s, abs=1e-3) and run.arrived_s[2] == pytest.approx(3.6857, abs=1e-3)
+    assert run.arrived_s[1] == pytest.approx(0.398 / 0.22)
+    assert np.cos(run.yaw_rad[-1, 0] - np.nan_to_num(heading_rad)) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(("from_north", "first"), [([5, 4, 0, 1, 2], 2), ([4, 0, 1, 2], 1)])
+def test_without_an_order_who_has_asked_longest_goes_first_and_of_two_the_lower_number(from_north, first):
+    """robot_0 is the first on the crossing. robot_2 asks for it at once, robot_1 when it has come near, or at once too."""
+    run = drive_in_the_plane(cross(), [[1, 0, 10, 11, 12], from_north, [7, 0, 10]], "open_loop")
+    begins = {event.robot: event.t_s for event in run.events if event.kind == "waited" and event.other == 0}
+    assert begins[2] == 0.0 and (begins[1] == 0.0) == (first == 1)
+    _, of_1, of_2 = np.split(run.arrived_s, [5, 5 + len(from_north)])
+    assert (of_1[-3] < of_2[1]) == (first == 1)
 
 
 def test_the_same_input_gives_the_same_bytes(tmp_path):
