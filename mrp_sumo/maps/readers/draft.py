@@ -91,10 +91,10 @@ class Draft:
 
     def add_station(self, v: int, name: str, **options: Any) -> None:
         """A station of this name at a vertex, with options for the vertex."""
-        v = self._root(v)
-        held = self._options[v]
-        held["station"] = f"{held['station']}{STATIONS}{name}" if "station" in held else name
-        self.set_options(v, **options)
+        held = self._options[self._root(v)]
+        names = [*held["station"].split(STATIONS), name] if "station" in held else [name]
+        held["station"] = STATIONS.join(dict.fromkeys(names))  # once, where two nodes of a station are at one place
+        self.set_options(self._root(v), **options)
 
     def set_options(self, v: int, **options: Any) -> None:
         """More options of a vertex; None and false are left out."""

@@ -108,7 +108,9 @@ def test_nodes_at_one_place_between_which_vehicles_turn_are_one_vertex(load):
     layout["edges"].append(json.loads(json.dumps(layout["edges"][0]).replace('"A"', '"B"').replace('"B"', '"B"', 1).replace("A-B", "turn")))
     layout["edges"][-1] |= {"startNodeId": "B", "endNodeId": "B2"}
     layout["edges"][1]["startNodeId"] = "B2"
+    layout["stations"].append({"stationId": "turntable", "interactionNodeIds": ["B", "B2"]})
     map_ = load(document)
+    assert sum(str(vertex.get("station")).count("turntable") for vertex in map_.nav.vertex_options) == 1
     assert kinds(map_)["vertices_at_one_place"].details == ("'B2' is 'B'",)
     assert "several_components" not in kinds(map_)
     assert "not_strongly_connected" not in kinds(map_)
