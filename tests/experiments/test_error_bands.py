@@ -6,15 +6,28 @@ import numpy as np
 import pytest
 
 from mrp_sumo.errors import MrpSumoError
-from mrp_sumo.experiments.error_bands import Quantity, corner, design, effects, most, quantities, spans, values_at
+from mrp_sumo.experiments.error_bands import (
+    Effect,
+    Quantity,
+    as_changes,
+    corner,
+    design,
+    effects,
+    most,
+    quantities,
+    spans,
+    value_of,
+    values_at,
+)
+from mrp_sumo.experiments.statistics import Interval
 from mrp_sumo.io.scenario.read import scenario_of
 
 SHAPE = {"length_m": 0.5, "width_m": 0.5, "max_speed_mps": 1.0, "accel_mps2": 1.0, "decel_mps2": 1.0, "turn_rate_rad_s": 1.0}
 STREAM = {"arrivals": {"rate_per_h": 60.0}, "stops": ["a", "b"]}
 
 
-def scenario(robot=None, disturbances=None, **tasks):
-    values = {"map": "office", "robots": {"count": 2, "type": robot or SHAPE}, "planner": "lacam"}
+def scenario(robot=None, disturbances=None, robots=None, **tasks):
+    values = {"map": "office", "robots": robots or {"count": 2, "type": robot or SHAPE}, "planner": "lacam"}
     values |= {"tasks": {"streams": [STREAM], **tasks}, "execution": {"disturbances": disturbances or {}}}
     return scenario_of(values, Path(), "case")
 
@@ -117,3 +130,112 @@ def test_what_is_no_quantity_is_refused_in_a_line(given, says):
     with pytest.raises(MrpSumoError, match=says) as raised:
         design(len(quantities(scenario(), given, ())))
     assert "\n" not in str(raised.value)
+
+
+def effect(name, change, low=None, high=None, given=False):
+    quantity = Quantity(name, ((("robots", "factor", name), 0.91234567, 1.1),), given)
+    return Effect(quantity, Interval(change, change - 1 if low is None else low, change + 1 if high is None else high, 8))
+
+
+@pytest.mark.parametrize(("low", "high", "sure"), [(0.1, 9, True), (0.0, 9, False), (-9, 0.0, False), (-9, -0.1, True), (-1, 1, False)])
+def test_an_effect_is_sure_where_its_limits_are_on_one_side_of_nothing(low, high, sure):
+    assert effect("a", 3.0, low, high).is_sure == sure
+
+
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        ((-10.0, 8.1), "what matters most is a and b"),
+        ((10.0, -8.0), "what matters most is a"),
+        ((10.0, 9.0, 9.0), "what matters most is a and b"),
+        ((0.5, 0.4), "none of these quantities stands out from chance"),
+    ],
+)
+def test_the_second_is_named_beside_the_first_where_it_has_more_than_four_fifths_of_its_effect(changes, says):
+    assert most([effect(name, change) for name, change in zip("abc", changes)]) == says
+
+
+def test_an_effect_is_written_with_four_digits():
+    assert effect("a", 1.23456789, 0.5, 2.0, True).document == {
+        "name": "a",
+        "intervals": {"robots.factor.a": [0.9123, 1.1]},
+        "given": True,
+        "effect": 1.235,
+        "low": 0.5,
+        "high": 2.0,
+    }
+
+
+@pytest.mark.parametrize(("better", "more", "values"), [(True, True, (1.1, 0.9)), (True, False, (0.9, 1.1)), (False, False, (1.1, 0.9))])
+def test_at_a_better_corner_a_figure_is_larger_or_smaller(better, more, values):
+    both = [Effect(quantity(name), Interval(change, change - 1, change + 1, 8)) for name, change in (("a", 5.0), ("b", -4.0))]
+    assert tuple(corner(both, better, more).values()) == values
+
+
+@pytest.mark.parametrize(
+    ("given", "says"),
+    [
+        ((False, False), "10 % up and down of what is assumed"),
+        ((True, True), "these intervals"),
+        ((True, False), "these intervals (10 % up and down where none is known)"),
+    ],
+)
+def test_whose_intervals_they_are_is_said(given, says):
+    assert spans([Quantity("a", (), each) for each in given]) == says
+
+
+def test_keys_are_moved_as_they_are_and_figures_of_types_by_the_factor_of_the_fleet():
+    """The type's 1 m/s, now 0.8 by its factor: 0.5 and 2 m/s are factors of 0.5 and 2."""
+    robots = {"count": 2, "type": SHAPE, "factor": {"max_speed_mps": 0.8}}
+    file = scenario(None, {"stops_per_s": 0.01, "speed_noise": 0.1}, robots)
+    bounds = {
+        "robots.type.max_speed_mps": (0.5, 2.0),
+        "robots.factor.accel_mps2": (0.7, 1.2),
+        "execution.disturbances.stops_per_s": (0.0, 0.02),
+        "tasks.service_factor.a": (1.0, 1.5),
+    }
+    ends = {".".join(place): (low, high) for each in quantities(file, bounds, ()) if each.is_given for place, low, high in each.ends}
+    assert ends == {
+        "robots.factor.max_speed_mps": pytest.approx((0.5, 2.0)),
+        "robots.factor.accel_mps2": (0.7, 1.2),
+        "execution.disturbances.stops_per_s": (0.0, 0.02),
+        "tasks.service_factor.a": (1.0, 1.5),
+    }
+    assert [each.name for each in quantities(file, {}, ()) if each.name.startswith(("how", "the scatter"))] == [
+        "how often robots stop",
+        "how long robots stop",
+        "the scatter of the speed",
+    ]
+    changes = as_changes({("execution", "disturbances", "stops_per_s"): 0.02, ("robots", "factor", "accel_mps2"): 0.7})
+    assert {place: value for place, (_, value) in changes.items()} == {
+        ("execution", "disturbances", "stops_per_s"): 0.02,
+        ("robots", "factor", "accel_mps2"): 0.7,
+        ("execution", "disturbances", "intervals", "stops_per_s"): [0.02, 0.02],
+    }
+
+
+def test_what_a_scenario_does_not_have_is_no_quantity():
+    """Neither how long robots stop that never do, nor how those turn that cannot."""
+    car = {key: value for key, value in SHAPE.items() if key != "turn_rate_rad_s"}
+    car["kinematics"] = {"kind": "ackermann", "wheelbase_m": 0.3, "steering_max_rad": 0.6}
+    for robot, turns in ((SHAPE, ["turning"]), (car, [])):
+        assert [each.name for each in quantities(scenario(robot), {}, ())] == ["the top speed", *turns, "acceleration and braking"]
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [("tasks.service_factor.b", 2.0), ("tasks.service_factor.a", 1.0), ("robots.count", 2.0), ("execution.blocking_window_s", 10.0)],
+)
+def test_values_are_those_of_the_scenario(key, value):
+    assert value_of(scenario(service_factor={"b": 2.0}), key) == value
+
+
+def test_a_figure_in_which_types_differ_is_refused_and_carried_intervals_are_the_widest():
+    slow = {**SHAPE, "max_speed_mps": 0.5, "intervals": {"max_speed_mps": [0.4, 0.55]}}
+    fast = {**SHAPE, "intervals": {"max_speed_mps": [0.9, 1.3]}}
+    file = scenario(robots={"fleet": [{"type": each, "count": 1} for each in (slow, fast)]})
+    (speed,) = (each for each in quantities(file, {}, ()) if each.name == "the top speed")
+    assert speed.ends[0][1:] == pytest.approx((0.8, 1.3))
+    with pytest.raises(MrpSumoError, match=r"types of the fleet differ in it, expected robots.factor.max_speed_mps, a factor on all"):
+        value_of(file, "robots.type.max_speed_mps")
+    assert value_of(file, "robots.type.accel_mps2") == 1.0

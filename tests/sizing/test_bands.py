@@ -2,11 +2,17 @@
 
 from dataclasses import replace
 from math import inf
+from types import SimpleNamespace
 
 import pytest
 from fleets import Fleets, question
 
+from mrp_sumo.experiments.error_bands import Effect, Quantity
+from mrp_sumo.experiments.statistics import Interval
 from mrp_sumo.sizing.answer import answer_of
+from mrp_sumo.sizing.bands import Bands, End, _knee, _sizes_near, likely_trials, stations_of
+from mrp_sumo.sizing.question import DEMAND, SATURATED
+from mrp_sumo.sizing.reasons import Share
 
 STATION = {
     "stations": {"pack": {"places": ["a"]}},
@@ -84,3 +90,58 @@ def test_intervals_that_are_given_move_further():
     wide = answered(lambda n, s, _: 10.0 * n * s, demand_per_h=200.0, bounds=(("robots.type.max_speed_mps", (0.11, 0.22)),)).bands
     assert wide.largest == pytest.approx(2 * wide.robots, abs=2)
     assert wide.effects[0].quantity.is_given and "these intervals (10 % up and down where none is known)" in wide.sentence
+
+
+SPEED = Effect(Quantity("the top speed", ((("robots", "factor", "max_speed_mps"), 0.9, 1.1),), False), Interval(40.0, 30.0, 50.0, 8))
+WITHIN = "if your robots and stations are within 10 % up and down of what is assumed; what matters most is the top speed."
+
+
+@pytest.mark.parametrize(
+    ("answer", "worse", "better", "sentence", "low", "high"),
+    [
+        ("demand", 24, 18, f"Between 18 and 24 robots serve the demand {WITHIN} 20 robots do 181 to 219 orders an hour then.", 18, 24),
+        ("knee", 18, 24, f"20 robots do 95 % of the most all the same {WITHIN} 20 robots do 181 to 219 orders an hour then.", 20, 20),
+        (
+            "demand",
+            None,
+            None,
+            f"20 robots serve the demand at best, and not even 40 at worst, {WITHIN} 20 robots do 181 to 219 orders an hour then.",
+            20,
+            None,
+        ),
+        ("unknown", 18, 24, f"20 robots do 181 to 219 orders an hour {WITHIN}", None, None),
+    ],
+)
+def test_bands_say_between_which_numbers_the_answer_is(answer, worse, better, sentence, low, high):
+    """The worse ends never need fewer robots than the answer, the better ones never more."""
+    bands = Bands(answer, 20, 200.0, (SPEED,), End(181.2, worse, 40), End(218.7, better, 40), 11)
+    assert bands.sentence == sentence
+    assert bands.document == {
+        "sentence": sentence,
+        "answer": answer,
+        "robots": {"estimate": 20, "low": low, "high": high},
+        "throughput_per_h": {"estimate": 200.0, "low": 181.2, "high": 218.7},
+        "quantities": [SPEED.document],
+        "runs": 11,
+    }
+
+
+def test_the_busiest_station_speaks_for_its_group_and_idle_ones_are_left_out():
+    file = question(tasks=STATION).file
+    shares = [Share("station", name, share) for name, share in (("c", 0.9), ("pack", 0.5), ("b", 0.4), ("ship", 0.1), ("idle", 0.0))]
+    assert stations_of(file, shares) == ["pick", "pack", "ship"]
+
+
+def test_bands_cost_a_design_the_answers_size_and_three_sizes_at_either_end():
+    """Five quantities are eight settings and their mirror image; four seeds."""
+    trials = likely_trials(question(), 20, 5)
+    assert [sum(trial.kind == kind for trial in trials) for kind in (SATURATED, DEMAND)] == [16 + 2 * 4, 2 * 3 * 4]
+    assert {trial.robots for trial in trials} == {20} and len(set(trials)) == len(trials)
+
+
+def test_the_knee_is_looked_for_from_half_the_answer_to_twice_and_is_the_first_that_does_enough():
+    sizes = [9, 10, 20, 40, 41]
+    assert _sizes_near(SimpleNamespace(curve=SimpleNamespace(sizes=sizes)), 20) == [10, 20, 40]
+    points = {n: SimpleNamespace(throughput=SimpleNamespace(value=per_h)) for n, per_h in zip(sizes, (94.9, 95.0, 100.0, 99.0, 20.0))}
+    assert _knee(SimpleNamespace(sizes=sizes, points=points)) == 10
+    assert _knee(SimpleNamespace(sizes=[], points={})) is None
