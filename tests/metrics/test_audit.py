@@ -121,6 +121,32 @@ def test_overlap_before_one_of_both_is_in_a_lift_has_a_place():
     assert found["overlaps"] == [{"robots": ["robot_0", "robot_1"], "t_s": 0.0, "x_m": 2.0, "y_m": 0.0}]
 
 
+def test_overlap_between_two_rides_of_one_of_both_has_a_place():
+    """One comes out of a lift at 4 s, where the other stands, and is in it again at 5 s."""
+    level = np.array([[0, 1]] * 4 + [[0, 0]] * 2 + [[0, 1]])
+    (overlap,) = audit(driven([[2.0, 2.0]] * 7, 0.5, level=level), fleet_of(CART, 2))["overlaps"]
+    assert overlap == {"robots": ["robot_0", "robot_1"], "t_s": 4.0, "x_m": 2.0, "y_m": 0.5}
+
+
+@pytest.mark.parametrize(
+    ("aside_m", "turn_rad", "least_m", "touches"), [(0.0, 0.0, 0.0, 1 / 3), (0.6, 0.0, 0.1, -1), (0.6, np.pi, 0.0, 0.4)]
+)
+@pytest.mark.parametrize("sought", [_audit.NONE, _audit.ANY, _audit.FIRST])
+def test_rectangles_that_pass_are_as_near_as_they_come_and_overlap_when_they_do(aside_m, turn_rad, least_m, touches, sought):
+    """Of 1 m by 0.5 m, from 3 m before to 3 m behind, and one may turn round meanwhile; what was in the scratch is no matter."""
+    scratch, half = (np.full((64, 4), 1e9), np.full(3, 1e9)), (0.5, 0.25)
+    pace = 6.0 + np.hypot(*half) * turn_rad
+    _audit.approach((-3.0, aside_m, 0.0, 0.0), (6.0, 0.0, 0.0, turn_rad), (half, half), pace, np.inf, sought, scratch)
+    nearest, when, overlap = scratch[1].tolist()
+    assert nearest == pytest.approx(least_m, abs=1e-3) and 1 / 3 - 0.01 < when < 2 / 3 + 0.01
+    if sought == _audit.NONE or touches < 0:
+        assert overlap == -1.0
+    elif sought == _audit.FIRST:
+        assert overlap == pytest.approx(touches, abs=2e-3 if not turn_rad else 0.04)
+    else:
+        assert touches - 0.01 <= overlap <= 2 / 3
+
+
 def test_robots_that_pass_through_each_other_between_two_samples_overlap():
     # head on at 1 m/s each: 1.2 m of air at both samples, bodies meet at 0.6 s and have passed at 1.6 s of 2 s
     x = [[0.0, 2.2], [2.2, 0.0]]
