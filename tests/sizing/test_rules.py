@@ -7,11 +7,13 @@ import numpy as np
 import pytest
 from fleets import EFFORT, question, record_with
 
+from mrp_sumo.experiments.statistics import Interval, PairedMeans
 from mrp_sumo.sizing.answer import _of_demand, answer_of
-from mrp_sumo.sizing.points import Point
+from mrp_sumo.sizing.confirmation import Confirmation, _named, most_trials
+from mrp_sumo.sizing.points import Point, record_of
 from mrp_sumo.sizing.question import DEMAND, SATURATED
 from mrp_sumo.sizing.reasons import Reasons, Share
-from mrp_sumo.sizing.search import Bracket, Curve, Desk, Served, _smallest, coarse, limits
+from mrp_sumo.sizing.search import Bracket, Curve, Desk, Served, _guess, _judge, _smallest, coarse, grid, limits, one_shot
 
 FEW = replace(EFFORT, seeds=4, most_seeds=4, gap=9.0)  # the grid alone: nothing is parted, no seeds are added
 SURE, VAGUE = (1, -1, 1, -1), (12, -12, 12, -12)  # orders an hour more or less, seed by seed
@@ -355,3 +357,167 @@ def test_a_fleet_binds_only_where_larger_ones_are_not_kept_from_more(kinds, bind
     of_size = tuple(Reasons(n, Share(kind, "", 0.9), (), (), Share("fleet", "", 0.9), ()) for n, kind in zip((4, 6, 9), kinds))
     assert answer.limits.curve.best == 6 and replace(answer, reasons=of_size).limit.kind == binds
     assert replace(answer, reasons=tuple(replace(each, limit=each.fleet) for each in of_size)).limit.kind == "fleet"
+
+
+@pytest.mark.parametrize(
+    ("sizes", "most", "growth", "expected"),
+    [
+        ((4, 90), 90, 1.5, [4, 6, 9, 14, 20, 30, 46, 68, 90]),
+        ((1, 9), 4, 1.2, [1, 2, 3, 4]),  # by one at least
+        ((4, 9), 4, 1.5, [4]),
+        ((5, 9), 4, 1.5, []),
+    ],
+)
+def test_the_coarse_grid_is_geometric_up_to_what_can_be_kept_going(sizes, most, growth, expected):
+    assert grid(SimpleNamespace(sizes=sizes, most_robots=most, effort=SimpleNamespace(growth=growth))) == expected
+
+
+@pytest.mark.parametrize(
+    ("per_h", "guess"),
+    [
+        ({10: 80, 20: 120}, 16),  # half of the way from 10 to 20, rounded up
+        ({10: 120}, 9),  # from nothing without robots
+        ({10: 100, 20: 120}, 10),
+        ({10: 80, 20: 90}, 20),  # none does it: the best
+        ({10: 400}, 4),
+        ({30: 100.1, 20: 10}, 25),
+        ({}, 4),
+    ],
+)
+def test_a_fleet_for_a_demand_is_guessed_straight_between_sizes_within_those_that_are_asked_about(per_h, guess):
+    points = {n: SimpleNamespace(throughput=SimpleNamespace(value=value)) for n, value in per_h.items()}
+    curve = SimpleNamespace(points=points, sizes=sorted(points), best=max(points, key=per_h.get, default=0))
+    assert _guess(curve, SimpleNamespace(sizes=(4, 25), most_robots=25, demand_per_h=100.0)) == guess
+
+
+@pytest.mark.parametrize("enough", [4, 5, 9, 17, 40, 41])
+@pytest.mark.parametrize("guess", [4, 12, 40])
+def test_the_smallest_of_all_fleets_is_found_to_the_gap_from_any_guess(enough, guess):
+    """Of 4 to 40 robots, so many serve the demand; a tenth between what does and what does not is near enough."""
+    points, effort = {}, replace(EFFORT, gap=1.2)
+    curve = SimpleNamespace(desk=SimpleNamespace(question=question((4, 40), effort)), points=points, sizes=[])
+
+    def judge(n):
+        points[n] = Interval(share := float(n >= enough), share - 0.01, share + 0.01, 4)
+        curve.sizes = sorted(points)
+        return 1 if n >= enough else -1
+
+    bracket = _smallest(judge, lambda point: point, curve, (4, 40), guess)
+    if enough > 40:
+        assert bracket == Bracket(None, 41, None) and max(points) == 40
+        return
+    no = max((n for n in points if n < enough), default=3)
+    assert bracket == Bracket(min(n for n in points if n >= enough), no + 1, bracket.estimate)
+    assert bracket.estimate <= max(no + 1, round(no * 1.1)) and len(points) <= 11
+
+
+@pytest.mark.parametrize(
+    ("verdict", "share", "estimate"),
+    [(0, 0.95, 9), (0, 0.94, None)],
+    ids=("undecided and reached on the mean", "undecided and not reached"),
+)
+def test_where_it_stays_undecided_the_mean_decides(verdict, share, estimate):
+    curve = SimpleNamespace(desk=SimpleNamespace(question=question((9, 9))), points={9: None}, sizes=[9])
+    mean = Interval(share, share - 0.1, share + 0.1, 4)
+    assert _smallest(lambda n: verdict, lambda point: mean, curve, (9, 9), 9) == Bracket(estimate, 9, None)
+
+
+@pytest.mark.parametrize(
+    ("intervals", "seeds", "verdict"),
+    [
+        ([(0.96, 0.95, 0.97)], [4], 1),
+        ([(0.93, 0.92, 0.949)], [4], -1),
+        ([(0.96, 0.94, 0.98), (0.94, 0.93, 0.95), (0.96, 0.95, 0.97)], [4, 6, 7], 1),
+        ([(0.96, 0.94, 0.98)] * 3, [4, 6, 7], 0),
+        ([(float("nan"),) * 3], [4], None),
+    ],
+)
+def test_seeds_are_added_two_at_a_time_until_the_interval_decides(intervals, seeds, verdict):
+    asked, left = [], list(intervals)
+    curve = SimpleNamespace(points={9: None}, seeds=lambda n: 0)
+    curve.ask = lambda wanted, reason: asked.append(wanted[9]) or True
+    told = _judge(curve, 9, replace(EFFORT, seeds=4, most_seeds=7), "", lambda point: Interval(*left.pop(0), 4), 0.95)
+    assert (told, asked) == (verdict, seeds)
+
+
+def test_sizes_that_do_not_count_or_cannot_be_paid_for_are_told_apart():
+    curve = SimpleNamespace(points={}, seeds=lambda n: 0, ask=lambda wanted, reason: True)
+    assert _judge(curve, 9, EFFORT, "", None, 0.95) == -1
+    curve.ask = lambda wanted, reason: False
+    assert _judge(curve, 9, EFFORT, "", None, 0.95) is None
+    curve.points[9] = None
+    assert _judge(curve, 9, EFFORT, "", None, 0.95) == 0
+
+
+@pytest.mark.parametrize("most", [3, 4, 11, 29, 40])
+def test_the_largest_fleet_whose_plans_succeed_is_found_to_the_gap(most):
+    asked = question((4, 40), replace(EFFORT, gap=1.1), tasks=None)
+    made = []
+
+    def recorded(trial):
+        made.append(trial.robots)
+        return {"success": trial.robots <= most, "status": "completed", "observed": None}
+
+    served = one_shot(Desk(asked, recorded)).smallest
+    sizes = set(made)
+    good = max((n for n in sizes if n <= most), default=None)
+    fails = min((n for n in sizes if n > most), default=None)
+    assert served.estimate == good and served.high == (None if fails is None else fails - 1)
+    assert fails is None or good is None or fails <= max(good + 1, good * 1.1)
+
+
+def orders(released_s, done_s, due_s=None):
+    """A run with these orders."""
+    times = {"released_s": released_s, "done_s": done_s, "due_s": due_s or [None] * len(done_s), "assigned_s": released_s}
+    usual = {"stations": {}, "vertices": [], "minutes": [], "deadlocks": 0, "planning_share": 0.0, "steady_s": 0.0}
+    return record_of({"status": "completed", "success": True, "metrics": {}, "observed": {**usual, **times}})
+
+
+@pytest.mark.parametrize(
+    ("released_s", "done_s", "due_s", "share"),
+    [
+        ([199, 200, 500, 900, 1001], [999, 350, 651, 960, 1002], None, 1 / 2),  # the first is not asked; two are due in time
+        ([199, 200, 500, 900, 1001], [999, 350, 651, 960, 1002], [None, None, None, 950, None], 1 / 3),
+        ([200, 900, 900, 900], [300, 910, 910, 910], None, 1.0),  # one of four says something
+        ([200, 900, 900, 900, 900], [300, 910, 910, 910, 910], None, np.nan),
+        ([200, 850], [None, 1000], None, 1 / 2),  # never done is late
+        ([900], [910], None, np.nan),
+    ],
+)
+def test_orders_are_punctual_that_are_done_when_due_of_those_due_in_the_run(released_s, done_s, due_s, share):
+    """A run of 1000 s, of which 200 s fill the floor; without due times 150 s are allowed."""
+    point = Point(4, 1000.0, (orders(released_s, done_s, due_s), {"status": "bad_input", "observed": None}))
+    assert point.punctual(150.0) == pytest.approx([share, np.nan], nan_ok=True)
+    assert point.has_due_times == (due_s is not None)
+
+
+def test_orders_are_counted_in_sixty_parts_of_the_time_that_counts():
+    """One a minute for an hour; in another run one at the end, and one that is never done."""
+    minutes = (np.arange(60) * 60.0 + 30.0).tolist()
+    point = Point(4, 3600.0, (orders(minutes, minutes), orders([0.0, 9.0], [3600.0, None])))
+    assert point.series.tolist() == [0.5] * 59 + [1.0] and point.num_done == 61
+    assert Point(4, 3600.0, ({"observed": None, "status": "bad_input"},)).series.tolist() == [0.0] * 60
+
+
+@pytest.mark.parametrize(
+    ("value", "low", "high", "agrees"), [(-9.0, -20.0, 1.0, True), (9.0, 0.0, 18.0, True), (5.0, 4.0, 6.0, True), (-5.1, -6.0, -4.0, False)]
+)
+def test_engines_agree_where_they_differ_by_chance_or_by_a_twentieth(value, low, high, agrees):
+    difference = PairedMeans(100.0, 100.0 + value, Interval(value, low, high, 3), 0.5, 0.0)
+    assert Confirmation("peak", 9, "throughput_per_h", difference).agrees == agrees
+
+
+@pytest.mark.parametrize(
+    ("knee", "peak", "collapse", "served", "names"),
+    [
+        (6, 9, 14, 5, [("knee", 6), ("peak", 9), ("collapse", 14), ("demand", 5)]),
+        (9, 9, None, None, [("knee, peak", 9)]),
+        (None, None, None, None, [("largest tried", 9)]),
+    ],
+)
+def test_each_size_that_an_answer_names_is_driven_again_once(knee, peak, collapse, served, names):
+    curve = SimpleNamespace(points={9: None}, best=9, kind=DEMAND)
+    limit = SimpleNamespace(curve=curve, knee=Bracket(knee), peak=Bracket(peak), collapse=Bracket(collapse))
+    assert [(name, n) for name, _, n, _ in _named(limit, Served(curve, Bracket(served), 0.95))] == names
+    assert [name for name, *_ in _named(None, Served(curve, Bracket(5), 0.95))] == ["largest"]
+    assert [len(most_trials(has_tasks, 9)) for has_tasks in (True, False)] == [12, 3]
