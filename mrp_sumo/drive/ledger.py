@@ -345,7 +345,7 @@ class Ledger:
         self.entries.append(Entry(now_s, replan.reason, replan.text, before[0], self.num_visits, robots, since, count))
         self._face(robots, laid_out.heading_rad[plan.first[:-1]], np.diff(plan.first) > 1)
         self._turn_back([r for r, route in zip(robots.tolist(), ways) if route.back])
-        self._take_over_joints(laid_out, ids, departure.back_lane >= 0, does)
+        self._take_over_joints(laid_out, ids, does)
         for r, visits in new.items():
             self._link(r, int(joints[r]), visits)
         self._keep_order(policy, live, at, schedule)
@@ -612,19 +612,16 @@ class Ledger:
             begin, end = xy[visits.vertex[behind]], xy[visits.vertex[ahead]]
             self.turn_backs.append(TurnBack(r, at_m, begin + share * (end - begin)))
 
-    def _take_over_joints(self, laid_out: MotionPlan, ids: IntArray, back: BoolArray, does: IntArray) -> None:
+    def _take_over_joints(self, laid_out: MotionPlan, ids: IntArray, does: IntArray) -> None:
         """Robots leave joints by other lanes: where they turn there, and when they have left what they need there, is new."""
         visits, needs, plan = self.visits, self.needs, laid_out.plan
-        for i, turns_back in enumerate(back.tolist()):
-            place = int(plan.first[i])
+        for i, place in enumerate(plan.first[:-1].tolist()):
             joint = int(ids[place])
             visits.depart_s[joint] = plan.depart_s[place]
             visits.turns[joint] = laid_out.turns[place]
             if does[i] != BOUND:
                 visits.tangent_m[joint] = laid_out.tangent_m[place]
                 visits.bend_m[joint], visits.bend_mps[joint] = laid_out.bend_m[place], laid_out.bend_mps[place]
-            if turns_back:  # it is clear of the joint already, and comes to it again
-                continue
             mine = np.arange(self.needs.first[joint], self.needs.first[joint + 1])
             mine = mine[~needs.on_lane[mine]]
             needs.left_at_m[mine] = laid_out.left_at_m[laid_out.needs.first[place] : laid_out.needs.first[place + 1]]

@@ -155,28 +155,31 @@ def test_what_is_over_is_forgotten_and_the_rest_has_new_ids():
     assert ledger.logged(ledger.entries[0])["vertex"].tolist() == [1, 2, 3, 4, 5]  # the log knows all
 
 
-def test_a_robot_that_turns_back_comes_to_the_vertex_behind_it_again():
-    graph = graph_of([(0, 0), (2, 0), (0, 1)], [(0, 1), (0, 2)])
-    ledger, _ = ledger_of(graph, [[0, 1]], "open_loop")
+@pytest.mark.parametrize("begin", [0, 1])
+def test_a_robot_that_turns_back_comes_to_the_vertex_behind_it_again(begin):
+    end, side = 1 - begin, 1 - 2 * begin
+    graph = graph_of([(0, 0), (2, 0), (2 * begin, 1)], [(0, 1), (begin, 2)])
+    ledger, _ = ledger_of(graph, [[begin, end]], "open_loop")
     ledger.state.motion.s_m[0] = 0.5  # half a metre into the lane, which it has not won the end of
     ledger.state.grants.on_lane[0] = True
-    lane = int(graph.lane_between(0, 1))
-    ledger.state.grants.claims[lane], ledger.state.grants.holder[0] = 1, -1  # and has left the vertex behind it
+    lane = int(graph.lane_between(begin, end))
+    ledger.state.grants.claims[lane], ledger.state.grants.holder[begin] = 1, -1  # and has left the vertex behind it
+    left_at_m = ledger.needs.left_at_m[0]
     assert not ledger.is_driving_back[0]
-    ledger.append(Replan({0: way(0, 2, back=True)}, "give_way"), policy_of("open_loop"), 3.0)
-    assert ledger.is_driving_back[0]
+    ledger.append(Replan({0: way(begin, 2, back=True)}, "give_way"), policy_of("open_loop"), 3.0)
+    assert ledger.is_driving_back[0] and ledger.needs.left_at_m[0] == left_at_m
     behind = int(ledger.all_ids(0)[1])
     assert column(ledger, "lane")[behind] == graph.reverse[lane]
     assert column(ledger, "at_m")[behind] == pytest.approx(1.0)  # half a metre there, half a metre back
     assert column(ledger, "from_m")[behind] == pytest.approx(-1.0)  # as if it had come from the lane's other end
     assert ledger.state.grants.claims[[lane, graph.reverse[lane]]].tolist() == [1, 1]
-    assert ledger.state.grants.holder[0] == 0  # nobody else is to come there
-    assert ledger.turn_backs[0].xy == pytest.approx([0.5, 0.0])
+    assert ledger.state.grants.holder[begin] == 0  # nobody else is to come there
+    assert ledger.turn_backs[0].xy == pytest.approx([2 * begin + 0.5 * side, 0.0]) and ledger.turn_backs[0].at_m == 0.5
     ledger.append(
-        Replan({0: way(0, 1)}, "replan"), policy_of("open_loop"), 4.0
+        Replan({0: way(begin, end)}, "replan"), policy_of("open_loop"), 4.0
     )  # another way before it has set out: it is still to come back
     again = ledger.all_ids(0).tolist()
-    assert column(ledger, "vertex")[again].tolist() == [0, 0, 1]
+    assert column(ledger, "vertex")[again].tolist() == [begin, begin, end]
     assert column(ledger, "lane")[again].tolist() == [-1, graph.reverse[lane], lane]
     assert column(ledger, "at_m")[again] == pytest.approx([0.0, 1.0, 3.0])
     assert ledger.state.grants.claims[[lane, graph.reverse[lane]]].tolist() == [1, 1] and len(ledger.turn_backs) == 1
