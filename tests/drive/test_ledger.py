@@ -402,3 +402,36 @@ def test_who_stands_where_another_waits_to_come_makes_way_though_its_own_goal_is
     context = Surroundings(ledger, world, Work(Crew(ledger, settings, 3)), lambda _: pytest.fail("asked"))
     asked = situation(9.0, context, np.zeros(3, np.bool_), np.array([5, 3, 2]), makes_way=makes_way)
     assert asked.left_alone == {0} and asked.request.stop.tolist() == stops
+
+
+@pytest.mark.parametrize(("policy", "due_s", "earliest_s"), [("adg", [0, 0, 0], [0, 0, 0]), ("adg_timed", [0, 3, 6], [0, 3, np.inf])])
+def test_robots_are_due_when_planned_only_where_their_policy_has_a_pace(policy, due_s, earliest_s):
+    ledger, _ = ledger_of(line(3), [[0, 1, 2]], policy)
+    assert column(ledger, "due_s").tolist()[1:] == due_s[1:] and column(ledger, "earliest_s").tolist() == earliest_s
+
+
+@pytest.mark.parametrize(
+    ("s_m", "granted", "enters", "keeps"),
+    [
+        (0.0, 3, False, 0),
+        (0.0, 0, False, 0),
+        (0.1, 3, False, 1),  # it is on its way to the first
+        (0.1, 1, False, 1),
+        (0.1, 2, True, 1),  # it has begun to claim a lane, too
+    ],
+)
+def test_a_robot_that_stands_for_good_gives_back_what_it_is_not_on_its_way_to(s_m, granted, enters, keeps):
+    """It has been granted some of the vertices 1 to 5, 0.4 m apart."""
+    ledger, _ = ledger_of(line(6), [[0, 1, 2, 3, 4, 5]])
+    grants, visits, lanes = ledger.state.grants, ledger.visits, ledger.graph.lane_between
+    grants.held[: granted + 1], grants.holder[: granted + 1] = 1, 0
+    for k in range(granted + enters):
+        grants.claims[lanes(k, k + 1)] = 1
+    visits.granted[0], grants.allowed_m[0], grants.on_lane[0], ledger.state.motion.s_m[0] = granted, 0.4 * granted, enters, s_m
+    ledger.give_back(np.array([0]))
+    assert visits.granted[0] == keeps and grants.allowed_m[0] == pytest.approx(0.4 * keeps)
+    assert grants.holder.tolist() == [0] * (keeps + 1) + [-1] * (5 - keeps) and grants.held.tolist() == [1] * (keeps + 1) + [0] * (
+        5 - keeps
+    )
+    assert [grants.claims[lanes(k, k + 1)] for k in range(5)] == [1] * keeps + [0] * (5 - keeps)
+    assert ledger.state.yielding.pause[0] == (keeps if granted != keeps else NEVER) and not grants.on_lane[0]
