@@ -435,3 +435,12 @@ def test_a_robot_that_stands_for_good_gives_back_what_it_is_not_on_its_way_to(s_
     )
     assert [grants.claims[lanes(k, k + 1)] for k in range(5)] == [1] * keeps + [0] * (5 - keeps)
     assert ledger.state.yielding.pause[0] == (keeps if granted != keeps else NEVER) and not grants.on_lane[0]
+
+
+def test_a_robot_is_at_its_goal_from_the_start_or_since_it_was_told_to_stay():
+    """robot_0 drives to 1, robot_1 stays at 3; at 7 s robot_2 is told to stay at 5, its goal no more being 4."""
+    ledger, _ = ledger_of(line(6), [[0, 1], [3], [5, 4]])
+    assert ledger.state.waits.goal_s.tolist() == pytest.approx([np.nan, 0.0, np.nan], nan_ok=True)
+    ledger.append(Replan({1: way(), 2: way()}, "replan", ends={2: 5}), policy_of("adg"), 7.0)
+    assert ledger.state.waits.goal_s.tolist() == pytest.approx([np.nan, 0.0, 7.0], nan_ok=True)
+    assert ledger.state.home.tolist() == [True, True, True]

@@ -1,9 +1,11 @@
 """Metrics of a run, on a corridor where every number is known by hand."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from mrp_sumo.core.execution import Event, Execution, Outcome
+from mrp_sumo.core.execution import Event, Execution, Outcome, PlannerCalls
 from mrp_sumo.core.fleet import fleet_of
 from mrp_sumo.core.graph import nav_graph, plan_graph
 from mrp_sumo.core.plan import PlanResult, Status, plan_of_paths
@@ -82,7 +84,10 @@ def test_every_metric_is_there_and_right():
     judged = judge(problem, result.plan), execution, audit(execution, problem.fleet)
     found = evaluate(Evidence(problem, result, *judged, assignment_time_s=0.1, time_limit_s=300))
     assert set(NAMES) <= set(found)
-    assert set(MACHINE_DEPENDENT) <= set(found)
+    clocks = {
+        f"{of}_s" for of in ("planning_time", "planning_cpu", "prepare_time", "retime_time", "assignment_time", "wall_time", "cpu_time")
+    }
+    assert set(MACHINE_DEPENDENT) == clocks | {"real_time_factor", "robot_seconds_per_cpu_second"}
     expected = {
         "plan_success": True,
         "plan_valid": True,
@@ -168,3 +173,20 @@ def test_lateness_is_of_visits_that_were_reached():
         shown = evaluate(Evidence(problem, result, None, execution))
         assert (shown["lateness_mean_s"], shown["lateness_max_s"]) == pytest.approx(late_s)
         assert shown["real_time_factor"] is shown["robot_seconds_per_cpu_second"] is None
+
+
+@pytest.mark.parametrize(
+    ("first_s", "calls", "expected"),
+    [
+        (0.5, None, (0.25, 0.5)),
+        (0.5, PlannerCalls(wall_time_s=2.0, cpu_time_s=3.0), (2.25, 3.5)),
+        (None, PlannerCalls(wall_time_s=2.0, cpu_time_s=3.0), (2.25, 3.0)),
+        (0.5, PlannerCalls(wall_time_s=2.0), (2.25, 0.5)),  # of a planner from outside
+    ],
+)
+def test_planning_takes_what_all_answers_took(first_s, calls, expected):
+    problem, result = corridors(), replace(planned(), planning_cpu_s=first_s)
+    execution = Execution(**{**vars(driven(problem, result.plan, late_s=0.0)), "calls": calls})
+    shown = evaluate(Evidence(problem, result, None, execution))
+    assert (shown["planning_time_s"], shown["planning_cpu_s"]) == expected
+    assert (shown["makespan_s"], shown["flowtime_s"]) == (6.0, 11.0)
