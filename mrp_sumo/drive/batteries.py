@@ -100,8 +100,7 @@ class Batteries:
 
     def _take(self, drawn_j: FloatArray, charged_s: FloatArray, charging: BoolArray) -> FloatArray:
         """Robots draw so much [K, R] between looks, or are charged for so long [K]. Returns levels [K + 1, R] from the last look on."""
-        filled = np.where(charging, charged_s[:, None] / self._full_s, 0.0)
-        change = np.where(charging, filled, -drawn_j / self._energy_j)
+        change = np.where(charging, charged_s[:, None] / self._full_s, -drawn_j / self._energy_j)
         level = np.minimum(_sums(self.level, change), 1.0)
         drained = np.logical_or.accumulate(~charging & (drawn_j > 0) & (drawn_j >= level[:-1] * self._energy_j))
         level[1:][drained] = 0.0

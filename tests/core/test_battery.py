@@ -73,6 +73,12 @@ def test_levels_that_do_not_ascend_are_refused(levels, policy, says):
         ({"maximum_desired_charging_level": 100.5}, "maximum_desired_charging_level is 100.5"),
         ({"start_level": (60.0, 50.0)}, "start_level is"),
         ({"swap_s": 60.0}, ""),
+        ({"swap_s": 1e6}, ""),
+        ({"swap_s": 1e6 + 1}, "swap_s is 1e\\+06, expected above 0 and at most 1e\\+06"),
+        ({"swap_s": 0.0}, "swap_s is 0, expected above 0"),
+        ({"minimum_charging_time_s": 0.0, "critical_low_charging_level": 0.0, "start_charging": 100.0}, ""),
+        ({"critical_low_charging_level": -0.1}, "expected at least 0 and at most 100"),
+        ({"start_charging": 100.1}, "expected at least 0 and at most 100"),
     ],
 )
 def test_levels_that_no_battery_reaches_are_refused(keys, says):

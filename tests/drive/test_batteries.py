@@ -50,6 +50,20 @@ def test_a_turn_draws_as_much_wherever_the_robot_faces(begin_rad, by_rad):
     assert batteries.log(1.0, 0.2).used_j == pytest.approx([0.16])
 
 
+@pytest.mark.parametrize("calls", [[[1], [3], [6]], [[1, 3], [6]], [[1], [3, 6]], [[1, 3, 6]]])
+def test_turns_and_speeds_draw_as_much_however_looks_are_put_together(calls):
+    """Five intervals of 0.5 s: 1 kg to 0.5 m/s and on to 1 m/s, and 1 kg m2 to 0.4 rad/s, to 0.8 rad/s, and back to rest."""
+    batteries = batteries_of(Battery(10.0, 1.0, 36.0, 1.0, 1.0, 0.0, 0.0), 1, (0.5, 0.5), 0, 0.5)
+    speed_mps, yaw_rad = np.array([0, 0.5, 1, 1, 1, 1.0])[:, None], np.array([0, 0, 0, 0.2, 0.6, 0.6])[:, None]
+    seen = 0
+    for looks in calls:
+        batteries.add(yaw_rad[seen : looks[-1]], speed_mps[seen : looks[-1]])
+        batteries.observe_each([0.5 * (k - 1) for k in looks], [k - seen + (seen > 0) for k in looks], np.zeros(1, np.bool_))
+        seen = looks[-1]
+    turns_j = (0.8 * 0.4 + 0.8 * 0.8) * 0.5
+    assert batteries.log(2.5, 0.2).used_j == pytest.approx([0.5 + turns_j])
+
+
 def test_two_looks_at_once_charge_for_as_long_as_lies_between_them():
     """1 s and 2 s at a charger that fills the battery of 36 kJ in 100 s."""
     batteries = batteries_of(SMALL, 1, (0.5, 0.5), 0, 0.5)
