@@ -190,6 +190,69 @@ def test_a_second_load_on_board(logs):
     assert not list(orders.loads(logs))
 
 
+@pytest.mark.parametrize(
+    ("station", "is_lost", "num_findings"),
+    [("beside robot_{}", True, 0), ("beside robot_{}", False, 1), ("A", True, 0), ("B", True, 1)],
+    ids=("fetches the load", "nobody was lost", "begins anew", "elsewhere"),
+)
+def test_another_robot_goes_on_with_what_a_lost_one_began_where_it_fetches_the_load(logs, station, is_lost, num_findings):
+    task = done(logs)
+    pick, drop = np.flatnonzero(logs.stops.task == task).tolist()
+    robot = int(logs.stops.robot[pick])
+    rows, begin_s = [pick, pick, drop], float(logs.stops.end_s[pick])
+    columns = {key: getattr(logs.stops, key)[rows] for key in StopLog.__dataclass_fields__ if key != "station"}
+    columns["robot"] = np.array([robot, 1 - robot, 1 - robot])
+    columns["begin_s"] = np.array([logs.stops.begin_s[pick], begin_s + 1.0, logs.stops.begin_s[drop]])
+    columns["end_s"] = np.array([begin_s, begin_s + 6.0, logs.stops.end_s[drop]])
+    stops = StopLog(**columns, station=(logs.stops.station[pick], station.format(robot), logs.stops.station[drop]))
+    states = RobotStateLog(
+        np.array([robot, 1 - robot]),
+        np.array([BROKEN if is_lost else WORKING, WORKING]),
+        np.full(2, begin_s),
+        np.full(2, logs.end_s),
+        np.full(2, -1),
+    )
+    tasks = replace(logs.tasks, robot=np.where(np.arange(len(logs.tasks.name)) == task, 1 - robot, logs.tasks.robot))
+    fetched = replace(logs, execution=replace(logs.execution, stops=stops, robot_states=states, tasks=tasks))
+    findings = [f for f in orders.stops_in_order(fetched) if f.order == logs.tasks.name[task]]
+    assert len(findings) == num_findings, [f.text for f in findings]
+
+
+@pytest.mark.parametrize(
+    ("open_orders", "sources", "goes_on", "may_end"), [(0, 1, False, True), (1, 0, False, True), (1, 1, True, True), (1, 1, False, False)]
+)
+def test_a_run_is_completed_with_open_orders_only_where_more_would_come(monkeypatch, open_orders, sources, goes_on, may_end):
+    monkeypatch.setattr(orders, "_goes_on", lambda source, num: goes_on)
+    tasks = SimpleNamespace(ended_s=np.array([9.0, np.nan if open_orders else 9.0]), is_order=np.ones(2, bool))
+    known = SimpleNamespace(tasks=tasks, terms=SimpleNamespace(sources=(None,) * sources), known=((),) * sources)
+    assert orders._all_open_end(known) == may_end
+
+
+@pytest.mark.parametrize(
+    ("spans", "ended_s", "since_s"),
+    [
+        ([(10.0, 40.0)], 40.0, None),
+        ([(10.0 + robots.SETS_OUT_S, 40.0)], 40.0, None),  # it sets out a little later
+        ([(10.1 + robots.SETS_OUT_S, 40.0)], 40.0, 10.0 + robots.SETS_OUT_S),
+        ([(5.0, 20.0), (20.0, 40.0)], 40.0, None),
+        ([(5.0, 20.0), (21.0, 40.0)], 40.0, 20.0),
+        ([(5.0, 20.0)], np.nan, 20.0),  # to the end of the run
+        ([(5.0, 50.0)], np.nan, None),
+        ([(0.0, 5.0)], 40.0, 10.0 + robots.SETS_OUT_S),
+    ],
+)
+def test_a_robot_with_several_orders_has_work_as_long_as_it_has_one(spans, ended_s, since_s):
+    """The order is its from 10 s on; the run is over at 50 s."""
+    known = SimpleNamespace(
+        tasks=SimpleNamespace(robot=np.array([0]), assigned_s=np.array([10.0]), ended_s=np.array([ended_s])),
+        terms=SimpleNamespace(waits_s=0.0),
+        end_s=50.0,
+        times_in=lambda states, robot: spans,
+        of_order=lambda rule, task, text, t_s: t_s,
+    )
+    assert list(robots._has_work(known, 0)) == ([] if since_s is None else [since_s])
+
+
 def test_visits_are_where_robots_are(logs):
     reply = next(k for k, reply in enumerate(logs.execution.replies) if np.isfinite(reply.arrived_s).sum() > 1)
     arrived_s = logs.execution.replies[reply].arrived_s
@@ -228,6 +291,13 @@ def test_a_battery_that_was_looked_at_twice_balances(logs, ends, num_findings):
     """A tenth was drawn in between, and all in all."""
     level, drawn, none = np.array([0.9, ends]), np.array([0.0, 0.1]), np.zeros(2)
     assert len(list(energy._balance(logs, 0, level, drawn, none, (0.0, none)))) == num_findings
+
+
+@pytest.mark.parametrize(("slack", "num_findings"), [((0.0, 0.0, 0.06), 0), ((0.0, 0.06, 0.0), 1), ((0.0, 0.0, 0.0), 2)])
+def test_a_lift_shortly_before_the_end_may_be_drawn_after_it(logs, slack, num_findings):
+    """A twentieth more was to be drawn at last: a lift before the end may be that, one before the look before it all but the whole."""
+    level, drawn, none = np.array([0.9, 0.85, 0.8]), np.array([0.0, 0.05, 0.15]), np.zeros(3)
+    assert len(list(energy._balance(logs, 0, level, drawn, none, (0.0, np.array(slack))))) == num_findings
 
 
 def test_a_robot_draws_by_its_weight_with_a_load_while_it_has_one(logs):
