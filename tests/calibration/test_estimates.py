@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 from shuttles import shuttle_rows
 
-from mrp_sumo.calibration.cruise import Scatter, Windows, _windows, fit_cruise
-from mrp_sumo.calibration.estimates import _spread_of, calibrated
-from mrp_sumo.calibration.log import ActionTime, MotionLog, Track
-from mrp_sumo.calibration.phases import Noise, phases_of
-from mrp_sumo.calibration.stops import _fit, _Stands, _unexplained, fit_stops
+from mrp_sumo.calibration.cruise import PARTS, Scatter, Windows, _windows, fit_cruise, integrated_cov
+from mrp_sumo.calibration.estimates import CONFIDENCE, _battery, _spread_of, calibrated, student
+from mrp_sumo.calibration.log import ActionTime, Charge, MotionLog, Track
+from mrp_sumo.calibration.phases import Noise, _balls, _corners, phases_of
+from mrp_sumo.calibration.ramps import position
+from mrp_sumo.calibration.stops import _fit, _Stands, _unexplained, _within, fit_stops
 from mrp_sumo.calibration.turning import fit_turning
 from mrp_sumo.errors import MrpSumoError
 
@@ -32,6 +33,84 @@ def test_figures_of_noisy_states_of_1_hz_are_near_the_truth(shuttles):
         assert found[name].low < found[name].value < found[name].high
         assert found[name].value == pytest.approx(truth, rel=0.25 if name == "speed_noise" else 0.05)
         assert 0.9 * found[name].low < truth < 1.1 * found[name].high
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_without_noise_and_scatter_figures_are_the_truth(seed):
+    rng = np.random.default_rng(seed)
+    logs = {f"s{k}": shuttle_rows(rng, scatter=Scatter(0.0, 3.0), sigma=1e-4, trips=12) for k in range(2)}
+    figures = calibrated(log_of(logs)).quantities
+    for name, rel in (("max_speed_mps", 0.001), ("accel_mps2", 0.006), ("decel_mps2", 0.006), ("turn_rate_rad_s", 0.01)):
+        assert figures[name].value == pytest.approx(TRUTH[name], rel=rel)
+    assert figures["speed_noise"].value < 0.002 and figures["stopping_m"].value < 0.002
+
+
+def test_the_covariance_of_lost_speed_is_that_of_a_folded_normal_pair():
+    """Its variance and its slope at once are exact; in between and integrated it is near."""
+    weights, rates = np.array(PARTS).T
+    assert weights.sum() == pytest.approx(1 - 2 / np.pi) and weights @ rates == pytest.approx(1.0)
+    scatter, ends = Scatter(0.1, 3.0), np.array([1.0, 5.0])
+    t = (np.arange(1000) + 0.5) * 0.005
+    r = np.exp(-np.abs(t[:, None] - t) / scatter.tau_s)
+    exact = 2 / np.pi * scatter.noise**2 * (r * np.arcsin(r) + np.sqrt(1 - r**2) - 1)
+    integrals = [[exact[: round(a / 0.005), : round(b / 0.005)].sum() * 0.005**2 for b in ends] for a in ends]
+    assert integrated_cov(ends, scatter) == pytest.approx(np.array(integrals), rel=0.02)
+
+
+@pytest.mark.parametrize(("u", "at_m"), [(-1.0, 0.0), (0.0, 0.0), (1.0, 0.25), (2.0, 1.0), (4.0, 3.0), (10.0, 9.0)])
+def test_a_vehicle_speeds_up_and_then_keeps_its_speed(u, at_m):
+    """0.5 m/s2 to 1 m/s, in 2 s and 1 m."""
+    assert float(position(np.array(u), np.array(1.0), 0.5)) == pytest.approx(at_m)
+
+
+def charges(*stretches):
+    """Charge of a vehicle: stretches of (duration in s, from share, to share, whether it charges), a reading a minute."""
+    rows, begin_s = [], 0.0
+    for long_s, begin, end, charging in stretches:
+        times_s = np.arange(0.0, long_s + 1e-9, 60.0).tolist()
+        rows += [Charge("a", begin_s + t, begin + (end - begin) * t / long_s, charging) for t in times_s]
+        begin_s += long_s + 60.0
+    return rows
+
+
+def test_charge_an_hour_is_the_mean_of_stretches_that_are_long_enough():
+    """Drawn 12, 18 and 24 % an hour in 10 min each, and more in 5; charged 60 % an hour three times."""
+    drawn = [(600.0, 0.9, 0.9 - share, False) for share in (0.02, 0.03, 0.04)]
+    charged = [(600.0, 0.3, 0.4, True)] * 3
+    short = (300.0, 0.9, 0.5, False), (300.0, 0.1, 0.9, True)
+    stretches = [each for pair in zip(drawn, charged) for each in pair]
+    figures = {figure.name: figure for figure in _battery(charges(*stretches, *short))}
+    draws, fills = figures["battery_drawn_per_h"], figures["battery_charged_per_h"]
+    assert (draws.value, draws.count) == (pytest.approx(0.18), 3) and (fills.value, fills.count) == (pytest.approx(0.6), 3)
+    assert draws.high - draws.value == pytest.approx(student(CONFIDENCE, 2) * 0.06 / 3**0.5) == pytest.approx(draws.value - draws.low)
+    assert fills.high == pytest.approx(0.6)
+
+
+def test_one_long_stretch_is_cut_and_few_tell_nothing():
+    """An hour and a minute without charging are three stretches of 20 min and a minute's rest."""
+    (draws, unknown) = _battery(charges((3660.0, 0.9, 0.9 - 0.1 * 61 / 60, False)))
+    assert (draws.value, draws.count) == (pytest.approx(0.1), 3)
+    assert unknown.reason == "0 stretches of five minutes, expected three or more"
+    (none,) = _battery([])
+    assert none.reason == "the log has no state of charge"
+
+
+@pytest.mark.parametrize(("drop", "low", "high"), [(1.0, 2.0, 4.0), (0.25, 2.5, 3.5), (16.0, 0.0, 6.0)])
+def test_a_range_ends_where_the_profile_has_dropped(drop, low, high):
+    at = np.linspace(0.0, 6.0, 6001)
+    assert _within(at, 7.0 - (at - 3.0) ** 2, drop) == pytest.approx((low, high), abs=1e-3)
+
+
+def test_corners_are_where_ways_bend_by_more_than_noise():
+    xy = np.array([(0, 0), (1, 0.01), (2, 0), (3, 0), (3, 1), (3.01, 2), (3, 3), (2, 4), (1, 5)], float)
+    assert _corners(xy, 0.05) == [0, 3, 6, 8] and _corners(xy, 5.0) == [0, 8]
+    assert _corners(np.array([(0, 0), (2, 0), (0, 0)], float), 0.05) == [0, 1, 2]  # to and fro
+
+
+def test_a_vehicle_stands_where_samples_stay_together_and_a_creeping_one_does_not():
+    xy = np.array([(0, 0), (0.01, 0), (0, 0.01), (0.5, 0), (0.6, 0), (0.7, 0), (2, 2), (2, 2)], float)
+    stands = _balls(xy, 0, 8, 0.05)
+    assert [(stand.first, stand.last, stand.x_m, stand.y_m) for stand in stands] == [(0, 2, 0.0, 0.0), (6, 7, 2.0, 2.0)]
 
 
 def test_memory_of_vehicles_that_each_keep_one_speed_has_the_bounds_of_the_fit():

@@ -14,7 +14,7 @@ from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.metrics.audit import audit
 from mrp_sumo.metrics.evaluate import evaluate
 from mrp_sumo.metrics.metric import Evidence
-from mrp_sumo.metrics.registry import MACHINE_DEPENDENT
+from mrp_sumo.metrics.registry import MACHINE_DEPENDENT, METRICS
 from mrp_sumo.traffic.referee import judge
 
 NAMES = [
@@ -124,6 +124,15 @@ def test_every_metric_is_there_and_right():
         "robot_seconds_per_cpu_second": 96.0,
     }
     assert {key: found[key] for key in expected} == expected
+
+
+def test_metrics_of_one_plan_to_one_goal_each_are_none_in_runs_with_orders():
+    ends = {"makespan", "flowtime", "driven_makespan", "driven_flowtime", "execution_time", "time_blocked", "time_blocked_total"}
+    steps = {"soc", "cost", "makespan", "lower_bound", "cost_smoothed", "makespan_smoothed"}
+    counts = {f"num_{kind}_conflicts" for kind in ("vertex", "edge", "following")} | {"goals_reached", "robots_at_goal", "run_invalid"}
+    late = {f"lateness_{of}_s" for of in ("mean", "p95", "max")} | {"execution_timed_out", "all_goals_reached", "assignment_time_s"}
+    names = {f"{name}_s" for name in ends} | {f"{name}_steps" for name in steps} | counts | late
+    assert {metric.name for metric in METRICS if metric.one_goal} == names
 
 
 def test_without_a_plan_there_is_nothing_to_measure_and_names_stay():
