@@ -302,7 +302,7 @@ class RobotPlaces:
         for reach, may in ((behind, ~wanted), (past, ~wanted), (behind, wanted), (past, wanted)):
             there = (reach < UNREACHABLE) & (steps < UNREACHABLE) & may
             for v in np.argsort(np.where(there, rank, 2 * UNREACHABLE), kind="stable").tolist()[: there.sum()]:
-                if v in closed or v in stop.places or graph.vertex_options[v].get("is_passthrough_point"):
+                if v in stop.places or graph.vertex_options[v].get("is_passthrough_point"):
                     continue
                 if closed.isdisjoint(self._held(robot, at, v)) and all(self._leaves_way_out(robot, p, v, waits) for p in occupied):
                     return int(v)

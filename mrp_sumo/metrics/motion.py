@@ -54,9 +54,9 @@ MOTION = (
     Metric("cpu_time_s", "s", LESS, "CPU time of the simulation loop", of_execution(lambda execution: execution.cpu_time_s),
            of_machine=True),
     Metric("real_time_factor", "", MORE, "`sim_time_s / wall_time_s`",
-           of_execution(lambda done: done.sim_time_s / done.wall_time_s if done.wall_time_s > 0 else None), of_machine=True),
+           of_execution(lambda done: done.sim_time_s / done.wall_time_s if done.wall_time_s else None), of_machine=True),
     Metric("robot_seconds_per_cpu_second", "", MORE, "`n * sim_time_s / cpu_time_s`",
-           of_execution(lambda done: done.num_robots * done.sim_time_s / done.cpu_time_s if done.cpu_time_s > 0 else None),
+           of_execution(lambda done: done.num_robots * done.sim_time_s / done.cpu_time_s if done.cpu_time_s else None),
            of_machine=True),
     Metric("blocked_s", "s", LESS,
            "sum of the durations of all `blocked` events: of robots that made no progress by a cell along their path within "

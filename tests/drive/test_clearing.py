@@ -38,6 +38,8 @@ def test_who_goes_ahead_pushes_first_and_leaves_room_behind():
 def test_nobody_is_sent_on_where_there_is_a_way_round():
     assert sent(corridor(6), [range(0, 5)], [2], passable=lambda n, v: True) == {}
     assert sent(corridor(6), [range(0, 5)], [2]) == {0: 5}
+    assert sent(corridor(6), [range(0, 5)], [3], passable=lambda n, v: True) == {}
+    assert sent(corridor(6), [range(0, 5)], [4], passable=lambda n, v: True) == {0: 5}  # at the end of the way
 
 
 def test_a_side_road_is_taken_where_it_is_nearer_and_far_enough_from_who_passes():

@@ -116,6 +116,12 @@ def test_nobody_is_sent_to_where_trailers_stand_of_one_that_is_sent_beside_it(st
     assert where.choose(np.array(start), np.zeros(2, bool), stops, [0, 1])[0].tolist() == goes_to
 
 
+def test_after_one_that_steps_aside_others_choose_too():
+    """robot_1 leaves the place at 4 of a ring for robot_0, which was passed over often and waits at 5; robot_2 goes to 8."""
+    vertex, makes = chosen(row(10, ring=True), [5, 4, 9], {0: 4, 1: 7, 2: 8}, aged=[0])
+    assert (vertex[0], vertex[2], makes[2]) == (4, 8, True) and vertex[1] not in (4, 7)
+
+
 def test_where_all_places_exclude_each_other_robots_are_sent_to_different_ones():
     graph = row(4, groups=dict.fromkeys(range(4), A))
     assert chosen(graph, [0, 2], {0: 2})[0] == [2, 1]

@@ -182,6 +182,8 @@ def test_lateness_is_of_visits_that_were_reached():
         shown = evaluate(Evidence(problem, result, None, execution))
         assert (shown["lateness_mean_s"], shown["lateness_max_s"]) == pytest.approx(late_s)
         assert shown["real_time_factor"] is shown["robot_seconds_per_cpu_second"] is None
+    without = evaluate(Evidence(problem, PlanResult(Status.TIMED_OUT), None, driven(problem, result.plan, 0.0)))
+    assert without["lateness_mean_s"] is None and without["driven_makespan_s"] == 6.0
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from floors import BATTERY, driven, lanes, ring, scenario, tee
+from shapely import LineString
 from vehicles import along, quarter, straight
 from worlds import line
 
@@ -16,7 +17,7 @@ from mrp_sumo.core.fleet import fleet_of
 from mrp_sumo.core.graph import nav_graph, plan_graph
 from mrp_sumo.core.robot_states import BROKEN, IDLE, STALLED, WORKING, RobotStateLog
 from mrp_sumo.core.robot_type import Loaded
-from mrp_sumo.core.task import StopLog
+from mrp_sumo.core.task import Station, Stop, StopLog, Task
 from mrp_sumo.experiments.audit_work import logs_of
 from mrp_sumo.metrics.operations import energy, orders, places, robots
 from mrp_sumo.metrics.operations.audit import LISTED, in_words, operations_audit
@@ -673,3 +674,45 @@ def test_vehicles_may_stand_aside_at_the_ends_of_curves_and_nowhere_on_a_straigh
     """From v0 straight to v1, round to v2, and straight on over v3 to v4, where no lane turns at v2 but the axle is on the curve still."""
     graph = along(straight((0, 0), (4, 0)), quarter(4.0, (4, 0)), straight((8, 4), (8, 8)), straight((8, 8), (8, 12)), cell_m=9.0)
     assert _is_corner(graph)[:5].tolist() == [False, True, True, False, False]
+
+
+SHELF, OTHER = Station("shelf", (5,), holds=1), Station("other", (6,))
+BRINGS, FETCHES = (Stop(6, station=OTHER), Stop(5, station=SHELF)), (Stop(5, station=SHELF), Stop(6, station=OTHER))
+
+
+@pytest.mark.parametrize(
+    ("orders_made", "end_s", "reason", "rows"),
+    [
+        ([BRINGS, BRINGS], 99.0, "", [3]),
+        ([BRINGS, FETCHES, BRINGS], 99.0, "", []),
+        ([BRINGS, BRINGS, FETCHES, BRINGS], 99.0, "", [3, 7]),
+        ([FETCHES, BRINGS, BRINGS], 99.0, "", [5]),  # what was there before is not known
+        ([BRINGS, BRINGS], 3.5, "", []),  # over before it is set down
+        ([BRINGS, BRINGS], 99.0, "robot_0 broke down", []),
+    ],
+)
+def test_a_place_holds_no_more_than_it_has_room_for(orders_made, end_s, reason, rows):
+    """Each order takes two seconds: a stop a second."""
+    num = len(orders_made)
+    vertex = [stop.places[0] for stops in orders_made for stop in stops]
+    known = SimpleNamespace(
+        stops=SimpleNamespace(task=np.repeat(np.arange(num), 2), end_s=np.arange(1.0, 2 * num + 1), vertex=np.array(vertex)),
+        tasks=SimpleNamespace(reason=(reason,) * num),
+        ordered={k: Task(k, stops) for k, stops in enumerate(orders_made)},
+        end_s=end_s,
+        graph=SimpleNamespace(known_as=str),
+        of_stop=lambda rule, row, text, t_s: (row, text),
+    )
+    findings = list(places.held(known))
+    assert [row for row, _ in findings] == rows
+    assert {text for _, text in findings} <= {"sets down load 2 at 5, which holds 1"}
+
+
+def test_ways_cross_a_door_where_lines_do():
+    chance = np.random.default_rng(2)
+    a, b, door = chance.uniform(-1, 1, (200, 2)), chance.uniform(-1, 1, (200, 2)), chance.uniform(-1, 1, (2, 2))
+    lines = [LineString([one, other]).crosses(LineString(door)) for one, other in zip(a, b)]
+    assert 20 < sum(lines) < 180 and places._cross(a, b, door).tolist() == lines
+    to_it, from_it = np.array([[0.0, -1.0]]), np.array([[0.0, 0.0]])  # who ends on it has crossed it, who begins on it does not again
+    for ways, crosses in (((to_it, from_it), True), ((from_it, to_it), False)):
+        assert places._cross(*ways, np.array([[-1.0, 0.0], [1.0, 0.0]])).tolist() == [crosses]

@@ -28,6 +28,16 @@ def test_zones_count_the_looks_at_which_robots_are_there(monkeypatch, period_s, 
     assert found.robots_max.tolist() == [2, 1]
 
 
+@pytest.mark.parametrize(("num_samples", "period_s", "looks"), [(1, 1.0, 1), (2, 1.0, 2), (2, 0.5, 1), (3, 0.5, 2)])
+def test_robots_are_looked_at_once_a_second_however_few_samples_there_are(num_samples, period_s, looks):
+    record = record_of_four()
+    execution, graph = record.execution, record.graph
+    x = np.tile(graph.xy[-1, 0], (num_samples, 1))
+    x[0] = graph.xy[0, 0]
+    one = replace(execution, t_s=np.arange(num_samples) * period_s, x_m=x, y_m=np.full_like(x, graph.xy[0, 1]))
+    assert occupancy(one, graph, record.nav or graph).occupied_share.tolist() == [1 / looks] * looks
+
+
 def test_one_look_is_enough():
     record = record_of_four()
     execution, graph = record.execution, record.graph
