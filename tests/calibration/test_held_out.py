@@ -4,9 +4,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from mrp_sumo.calibration import held_out
 from mrp_sumo.calibration.estimates import CalibratedFigure, Calibration
 from mrp_sumo.calibration.files import disturbances_of
-from mrp_sumo.calibration.held_out import HeldOut, ServiceTimes, _seen, cut, more_of, tasks_of
+from mrp_sumo.calibration.held_out import HeldOut, ServiceTimes, _natural, _seen, action_of, cut, more_of, tasks_of
 from mrp_sumo.calibration.log import ActionTime, LoggedOrder, MotionLog
 from mrp_sumo.calibration.prediction import _together
 from mrp_sumo.errors import MrpSumoError
@@ -93,3 +94,40 @@ def test_disturbances_of_two_types_count_by_what_they_are_from():
     assert figures["intervals"]["speed_noise"] == pytest.approx([0.025, 0.1])
     assert figures["stops_per_s"] == pytest.approx(0.004)
     assert figures["stop_median_s"] == 6.0
+
+
+def test_what_is_left_of_a_service_is_drawn_from_those_that_took_longer():
+    visits = [ActionTime("a", "pick", "s", 0.0, lasted_s) for lasted_s in (5.0, 10.0, 20.0)] + [
+        ActionTime("a", "startCharging", "s", 0.0, 99.0)
+    ]
+    times, rng = ServiceTimes(visits, {"s": "shelf"}), np.random.default_rng(0)
+    assert {times.drawn_s("shelf", "pick", rng, 10.0) for _ in range(20)} == {10.0}
+    assert {times.drawn_s("shelf", "drop", rng, 4.0) for _ in range(60)} == {1.0, 6.0, 16.0}  # of any action
+    assert times.drawn_s("shelf", "pick", rng, 20.0) == 0.0
+    assert times.is_known and not ServiceTimes(visits[-1:], {}).is_known
+
+
+def test_actions_are_named_by_their_place_in_the_order():
+    assert [action_of(n, 3) for n in range(3)] == ["pick", "service", "drop"] and action_of(0, 1) == "pick"
+    assert sorted(["robot_10", "robot_9", "a1b"], key=_natural) == ["a1b", "robot_9", "robot_10"]
+
+
+def test_a_log_is_cut_at_a_share_of_its_time_and_keeps_who_is_there_and_what_is_open():
+    """Of 0 to 599 s, of which 40 % are held out: 359.4 s."""
+    named = {"b": poses(at_m=30), "a": poses(), "gone": poses(at_m=60, seconds=239)}
+    orders = [order("early", 10, (20.0, 30.0), (40.0, 50.0)), order("open", 10), order("new", 400), order("after", 600)]
+    log = MotionLog("log", "CSV", poses=named)
+    log.orders = orders
+    site = SimpleNamespace(xy=np.zeros((1, 2)), level_names=("L1",))
+    setup = SimpleNamespace(file=SimpleNamespace(), map=SimpleNamespace(nav=site, building=None, level_shift_m={}))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(held_out, "robot_types", lambda file: [None])
+        patch.setattr(held_out, "levels_on", lambda log, map_: {})
+        patch.setattr(held_out, "shift_on", lambda log, map_: np.array([[100.0, 0.0]]))
+        held = cut(log, setup, 0.4)
+    assert (held.begin_s, held.cut_s, held.end_s, held.span_s) == pytest.approx((0.0, 359.4, 599.0, 239.6))
+    assert held.vehicles == ("a", "b") and [each.name for each in held.orders] == ["open", "new"]
+    assert held.xy == pytest.approx(np.array([(math.sin(359 / 50) * 10 + 100 + at_m, 0.0) for at_m in (0, 30)]))
+    assert held.notes == ["left out, since nobody knows where they are at the cut: gone"]
+    assert {name: len(rows) for name, rows in held.earlier().poses.items()} == {"a": 360, "b": 360, "gone": 239}
+    assert {name: len(rows) for name, rows in held.later().poses.items()} == {"a": 240, "b": 240}

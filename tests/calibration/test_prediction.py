@@ -1,13 +1,37 @@
 """What is predicted and its band, by hand; and what a prediction assumes is said."""
 
 import math
+import re
+from contextlib import nullcontext
 from dataclasses import replace
+from pathlib import Path
+from statistics import NormalDist
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from mrp_sumo.calibration.prediction import Outcomes, _compared, _middle, _note_what_is_assumed, _quantile
+from mrp_sumo.calibration.log import LoggedOrder
+from mrp_sumo.calibration.prediction import (
+    FEW,
+    NORMAL,
+    WITHIN_S,
+    Outcomes,
+    _busiest,
+    _compared,
+    _drawn,
+    _middle,
+    _note_what_is_assumed,
+    _period_s,
+    _quantile,
+    _require_orders,
+    _usual_lead_s,
+    _waits_s,
+    outcomes_of,
+)
+from mrp_sumo.core.task import StopLog, log_of_times
+from mrp_sumo.errors import MrpSumoError
+from mrp_sumo.io.scenario.read import scenario_of
 
 
 def outcomes(per_h, *lead_time_s):
@@ -73,3 +97,107 @@ def test_halves_and_the_last_twentieth_of_lead_times_and_waits_are_compared():
     figures = {each.name: each.logged for each in _compared(run, [run], [run], "A", (2.0, 1.0))}
     assert (figures["lead_time_p50_s"], figures["lead_time_p95_s"]) == (10.0, 19.0)
     assert (figures["station_wait_p50_s"], figures["station_wait_p95_s"]) == (20.0, 38.0)
+
+
+def logged(name, release_s, done_s, *services, vehicle="a"):
+    return LoggedOrder(name, ("A", "B")[: max(len(services), 1)], release_s, release_s, vehicle, services, done_s, done_s)
+
+
+def held_of(*orders, log_orders=None, cut_s=100.0, end_s=500.0):
+    log = SimpleNamespace(orders=orders if log_orders is None else log_orders, kind="CSV", source="log", poses={})
+    return SimpleNamespace(orders=orders, log=log, cut_s=cut_s, end_s=end_s, span_s=end_s - cut_s, vehicles=("a", "b"), notes=[])
+
+
+def test_the_station_that_serves_longest_in_the_later_part_is_the_busiest():
+    """A for 10 s after the cut and 5 s before the end, B for 14 s; what comes before, and after the end, does not count."""
+    early, late = logged("1", 0.0, 130.0, (50.0, 110.0), (116.0, 130.0)), logged("2", 490.0, 600.0, (495.0, 600.0))
+    assert _busiest(held_of(early, late)) == "A" and _busiest(held_of(early)) == "B" and _busiest(held_of()) == ""
+
+
+@pytest.mark.parametrize(("leads_s", "usual_s"), [((10.0,) * 20, 10.0), ((*(10.0,) * 19, 50.0), 12.0), ((400.0,), 100.0), ((), 0.0)])
+def test_orders_released_within_the_usual_lead_time_before_the_end_are_not_compared(leads_s, usual_s):
+    """At most a quarter of 400 s; orders that were not done in the log tell nothing."""
+    orders = [logged(str(k), 20.0, 20.0 + lead_s) for k, lead_s in enumerate(leads_s)]
+    assert _usual_lead_s(held_of(log_orders=[*orders, logged("open", 20.0, 500.0), logged("never", 20.0, math.nan)])) == pytest.approx(
+        usual_s
+    )
+
+
+def test_outcomes_are_of_orders_done_in_the_part_and_counted_from_their_release_in_the_log():
+    """A part of 400 s; orders take 40 s. `old` came 30 s before the cut, `late` 30 s before the end; `over` is done after it."""
+    held = held_of(logged("old", 70.0, 110.0), log_orders=[logged(str(k), 0.0, 40.0) for k in range(4)])
+    names = ("old", "new", "late", "over", "edge")
+    released_s, assigned_s = np.array([0.0, 50, 370, 200, 360]), np.array([-5.0, 60, 372, 210, 362])
+    done_s = np.array([20.0, 100, 390, 401, 400])
+    tasks = log_of_times(names, np.zeros(5, np.int64), released_s, assigned_s, assigned_s, done_s)
+    begin_s, end_s = np.array([10.0, 90, 380, 395, 390]), np.array([20.0, 100, 390, 405, 400])
+    zeros, none = np.zeros(5), np.zeros(5, np.int64)
+    stops = StopLog(np.arange(5), none, ("A", "A", "B", "A", "A"), none, begin_s - 5, begin_s, end_s, zeros, zeros, np.full(5, np.inf))
+    t_s = np.arange(0.0, 400.5, 0.5)
+    still = np.zeros((len(t_s), 1))
+    execution = SimpleNamespace(tasks=tasks, stops=stops, t_s=t_s, x_m=still, y_m=still)
+    told = outcomes_of(SimpleNamespace(execution=execution), held, "A")
+    assert told.lead_time_s.tolist() == [50.0, math.inf, 40.0]  # of `new`, `over` and `edge`
+    assert told.done_s.tolist() == [20.0, 100.0, 390.0, 400.0] and told.throughput_per_h == 36.0
+    assert told.robots_busy_share == pytest.approx((20 + 40 + 18 + 190 + 38) / 800)
+    assert told.station_busy_share == pytest.approx((10 + 10 + 5 + 10) / 400)
+    assert told.station_wait_s.tolist() == [5.0] * 5
+
+
+@pytest.mark.parametrize(
+    ("stands_from_s", "since_s", "begin_s", "waits_s"),
+    [(10.0, 0.0, 30.0, 20.0), (10.0, 15.0, 30.0, 15.0), (35.0, 0.0, 30.0, 0.0), (10.0, 0.0, -1.0, None), (10.0, 29.9, 30.0, None)],
+)
+def test_robots_wait_that_stand_near_a_station_before_they_are_served(stands_from_s, since_s, begin_s, waits_s):
+    t_s = np.arange(0.0, 60.0, 0.1)
+    x = np.minimum(t_s, stands_from_s)[:, None]
+    execution = SimpleNamespace(t_s=t_s, x_m=x, y_m=np.zeros_like(x))
+    stops = SimpleNamespace(robot=np.array([0]), since_s=np.array([since_s]), begin_s=np.array([begin_s]))
+    assert _waits_s(execution, stops).tolist() == ([] if waits_s is None else [pytest.approx(waits_s, abs=WITHIN_S / 2 + 0.11)])
+
+
+@pytest.mark.parametrize("runs", [1, 4])
+def test_figures_are_drawn_evenly_within_their_intervals(runs):
+    robot = {"length_m": 0.5, "width_m": 0.5, "max_speed_mps": 1.0, "accel_mps2": 1.0, "decel_mps2": 1.0, "turn_rate_rad_s": 1.0}
+    robot |= {"intervals": {"max_speed_mps": [0.9, 1.05], "accel_mps2": [0.5, 2.0]}}
+    values = {
+        "map": "office",
+        "robots": {"count": 2, "type": robot},
+        "planner": "lacam",
+        "execution": {"disturbances": {"speed_noise": 0.1, "intervals": {"speed_noise": [0.0, 0.3]}}},
+    }
+    drawn = list(_drawn(scenario_of(values, Path(), "case"), runs, 1))
+    assert len(drawn) == runs
+    for place, low, high, usual in (
+        (("robots", "factor", "max_speed_mps"), 0.9, 1.05, 1.0),
+        (("execution", "disturbances", "speed_noise"), 0.0, 0.3, 0.1),
+    ):
+        shares = sorted((moves[place] - usual) / (high - usual if moves[place] > usual else usual - low) for moves in drawn)
+        normal = [NormalDist().inv_cdf((k + 0.5) / runs) / NORMAL for k in range(runs)]
+        assert shares == pytest.approx(normal, abs=1e-4)
+    if runs > 1:
+        assert len({tuple(np.argsort([moves[place] for moves in drawn])) for place in drawn[0]}) > 1
+
+
+def test_the_period_of_a_log_is_the_usual_one_of_its_vehicles():
+    held = held_of()
+    held.log.poses = {"a": [(t,) for t in (0.0, 1.0, 2.0, 9.0)], "b": [(t,) for t in (0.0, 0.5, 1.0, 1.5, 2.0)], "c": [(0.0,), (50.0,)]}
+    assert _period_s(held) == 0.5
+    held.vehicles = ("a",)
+    assert _period_s(held) == 1.0
+
+
+@pytest.mark.parametrize(
+    ("done", "log_orders", "line"),
+    [
+        ((110.0,) * 5, None, None),
+        ((110.0,) * (FEW - 1), None, f"{FEW - 1} orders are released in 100 to 500 s, all in 100 to {98 + FEW} s, expected {FEW} or more"),
+        ((), (), f"the log has no orders, expected {FEW} or more to compare; give them with --orders FILE.csv"),
+        ((math.nan,) * 5, None, f"it says of fewer than {FEW} orders after 100 s when they were done"),
+    ],
+)
+def test_a_log_needs_a_few_orders_to_compare(done, log_orders, line):
+    held = held_of(*(logged(str(k), 100.0 + k, done_s) for k, done_s in enumerate(done)), log_orders=log_orders)
+    held.log.visits = []
+    with pytest.raises(MrpSumoError, match=re.escape(line)) if line else nullcontext():
+        _require_orders(held)

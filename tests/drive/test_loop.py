@@ -178,6 +178,11 @@ def controller_of(paths, robot=BURGER, graph=None, policy="open_loop"):
     return Controller(ledger, policy_of(policy), ExecutionSettings())
 
 
+def test_robots_have_been_at_their_starts_from_the_beginning():
+    visits = controller_of([[0, 1], [4, 3]]).ledger.visits
+    assert visits.arrived_s[:4].tolist() == pytest.approx([0.0, 0.0, np.nan, np.nan], nan_ok=True)
+
+
 def test_waits_of_half_a_second_and_blockings_are_told_with_their_reasons():
     controller = controller_of([[0, 1], [2, 1], [4, 3]])
     state = controller.ledger.state

@@ -98,6 +98,15 @@ def test_grids_that_robots_fit_on_have_no_clashes():
     assert clashes_of(replace(problem, drivable=False)).rotations
 
 
+@pytest.mark.parametrize(("side_m", "fits"), [(0.21, True), (0.215, False)])
+def test_grids_that_robots_do_not_fit_on_have_clashes(side_m, fits):
+    """Cells of 0.4 m, and squares with 0.1 m between the circles around them."""
+    robot = replace(BURGER, length_m=side_m, width_m=side_m)
+    assert fleet_of(robot, 1).separation_m == pytest.approx(0.397 if fits else 0.404, abs=1e-3)
+    problem = replace(problem_on(square_grid(3), [0], [8]), fleet=fleet_of(robot, 1), drivable=True)
+    assert clashes_of(problem).any != fits
+
+
 def test_robots_on_the_arms_of_a_cross_do_not_clash():
     problem = replace(problem_on(cross(), [0], [1]), fleet=fleet_of(BURGER, 1), drivable=True)
     assert not clashes_of(problem).any
