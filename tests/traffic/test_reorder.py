@@ -113,7 +113,7 @@ def orders(plan, schedule, passages):
 
 def test_an_order_is_found_wherever_one_of_all_there_are_can_be_kept():
     chance, outcomes = np.random.default_rng(3), []
-    for _ in range(150):
+    for _ in range(80):
         plan, before, num_zones = drawn(chance)
         after = reordered(plan, before, NUM_VERTICES)
         blocks = [tuple(range(*before.first[q : q + 2])) for q in range(NUM_VERTICES + num_zones)]
@@ -124,4 +124,4 @@ def test_an_order_is_found_wherever_one_of_all_there_are_can_be_kept():
         for q in range(NUM_VERTICES):
             assert passing(after, q) == passing(before, q)
         outcomes.append(possible)
-    assert 10 <= sum(outcomes) <= 140
+    assert 5 <= sum(outcomes) <= 75

@@ -83,8 +83,9 @@ def needs_of(*resources, num_resources, on_lane=()):
     return Needs(first, flat, np.isin(np.arange(len(flat)), on_lane), num_resources)
 
 
-def test_consecutive_visits_of_one_zone_are_one_passage():
-    _, plan = world(*line(4), [[0, 1, 2, 3]])
+@pytest.mark.parametrize("path", [[0, 1, 2, 3], [0, 1, 1, 1, 2, 2, 3]], ids=("drives through", "waits in it"))
+def test_consecutive_visits_of_one_zone_are_one_passage(path):
+    _, plan = world(*line(4), [path])
     schedule = order_of(plan, needs_of([0], [1, 4], [2, 4], [3], num_resources=5))
     assert passing(plan, schedule, 4) == [0]
     passage = schedule.first[4]
