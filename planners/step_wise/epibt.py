@@ -5,7 +5,8 @@ wait for another that turns, can say so. Operations are inherited from step to s
 one chooses. Here they are improved too, a counted number of times: a robot that is drawn takes another operation, pushing others,
 where the steps that are left fall for all together, those of who chose early counting most. Robots choose in the order of the steps to
 the ends of their tasks, shuffled a little: in a fixed order those that stand off do so for good. In crowds ways count as longer where
-robots wait, and against the stream, as in guidance graphs, and those who are last go to where there is room (`traffic`). Written from
+robots wait, and against the stream, as in guidance graphs, and those who are last go to where there is room, and who stands in a
+dead end that another has to go into comes before it (`traffic`). Written from
 the description alone. No guarantee: robots may block each other; where none gets on any more they are led out, if there is a way
 (`way_out`).
 """
@@ -20,10 +21,11 @@ from mrp_sumo.planning.step_wise import run_step_wise
 from planners.step_wise.ground import FreeCells
 from planners.step_wise.stepper import OperationStepper
 from planners.step_wise.tasks import Choice
+from planners.step_wise.traffic import CROWDED
 
 GUIDED = 0.02  # robots per free cell from which rows and columns have directions, for some twenty robots
 FEW = 20
-CROWDED = 0.9  # robots per free cell from which operations are shorter: longer ones collide with more than one other
+DENSE = 0.9  # robots per free cell from which operations are shorter: longer ones collide with more than one other
 
 
 @dataclass(frozen=True)
@@ -32,7 +34,7 @@ class Epibt:
 
     depth: int = 0  # actions of an operation, 1 to 6; 0: 4, or 3 where more than 0.9 of the free cells have robots
     tries: int = -1  # how many times a step a robot that is drawn may change its operation where all gain by it; -1: 3 per robot
-    limit: int = 0  # operations that are looked at when one robot chooses, with all that it pushes; 0: 3,000, or 1,000 in such crowds
+    limit: int = 0  # operations that are looked at when one robot chooses, with all that it pushes; 0: 3,000, or 30,000 in crowds
     tasks: Choice = "nearest"  # or "in_turn": robot r of R has the tasks r, r + R, ...
     against: int = -1  # what a step against the direction of a row or column counts more at first; -1: 2 from 0.02 robots per free cell on
     work: int = 50_000_000  # states of tables of distances that are filled in a step: about a quarter of a second
@@ -53,8 +55,8 @@ class Epibt:
     def begin(self, problem: StepWiseProblem, seed: int) -> OperationStepper:
         """The planner at work."""
         share = problem.num_robots / problem.free.sum()
-        depth = self.depth or (3 if share > CROWDED else 4)
-        limit = self.limit or (1000 if share > CROWDED else 3000)
+        depth = self.depth or (3 if share > DENSE else 4)
+        limit = self.limit or (30_000 if share >= CROWDED else 3000)
         tries = self.tries if self.tries >= 0 else 3 * problem.num_robots
         guided = share >= GUIDED and problem.num_robots >= FEW
         ground = FreeCells(problem, self.memory_mb, self.against if self.against >= 0 else 2 * guided, self.work)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrp_sumo.core.graph import IntArray
-from mrp_sumo.core.step_wise import ACTION_LETTERS, FORWARD, LEFT, RIGHT, WAIT, StepWiseProblem, cell_ahead
+from mrp_sumo.core.step_wise import ACTION_LETTERS, FORWARD, LEFT, NOTHING, RIGHT, WAIT, StepWiseProblem, cell_ahead
 from mrp_sumo.errors import PlanError
 
 FAR = 65535  # in tables: no way
@@ -32,6 +32,7 @@ class FreeCells:
         self.number[free] = np.arange(len(free))
         ahead = cell_ahead(problem.free)[free]
         self.ahead = np.where(ahead < 0, -1, self.number[ahead]).astype(np.int32).reshape(-1)  # [S]
+        self.outward = outward(self.ahead.reshape(-1, 4))
         num_states, (row, column) = len(self.ahead), np.divmod(free, problem.free.shape[1])
         turned = np.stack([row % 2 == 1, column % 2 == 1, row % 2 == 0, column % 2 == 0], 1)  # by heading
         self.against, self.price = against, np.where(turned.reshape(-1), 1 + against, 1).astype(np.int32)  # [S]
@@ -130,6 +131,20 @@ class FreeCells:
         if task not in self._errands:
             self._errands[task] = self.number[self._errands_of(task)].tolist()
         return self._errands[task]
+
+
+def outward(ahead: IntArray | NDArray[np.int32]) -> IntArray:
+    """[C] the cell by which one leaves a dead end, NOTHING for cells in none; `ahead` [C, 4] are neighbours."""
+    out, num_left = np.full(len(ahead), NOTHING), (ahead >= 0).sum(1)
+    ends = np.flatnonzero(num_left == 1).tolist()
+    for cell in ends:  # which grows
+        for beside in ahead[cell].tolist() if num_left[cell] == 1 else ():
+            if beside >= 0 and out[beside] == NOTHING:
+                out[cell] = beside
+                num_left[beside] -= 1
+                if num_left[beside] == 1:
+                    ends.append(beside)
+    return out
 
 
 def operations(depth: int) -> NDArray[np.int8]:

@@ -8,7 +8,7 @@ from mrp_sumo.core.step_wise import FORWARD, LEFT, NOTHING, RIGHT, ActionArray, 
 from mrp_sumo.planning.step_wise import Decision, Observation
 from planners.step_wise.ground import FAR, RESERVE, FreeCells, moved_up, operations
 from planners.step_wise.tasks import Choice, InTurn, NearestGoal
-from planners.step_wise.traffic import CrowdRoom, CrowdTraffic
+from planners.step_wise.traffic import CrowdRoom, CrowdTraffic, let_out
 from planners.step_wise.way_out import WayOut, way_out
 
 SHUFFLE, KEPT = 20, 0.9  # steps that chance may put a robot before another in the order of a step; share of robots that keep theirs
@@ -81,13 +81,14 @@ class OperationStepper:
         steps = np.where(slot[:, 0] >= 0, ground.table[slot[:, 0], crowd.state] + rest, FAR)
         if (action := self._led_out(seen, goal, slot, steps)) is not None:
             return Decision(action, task_of)
+        wanted = goal.copy()
         sent, there = self._room.send(crowd.state, np.argsort(steps, kind="stable"))
         slot[sent], goal[sent] = (there, NOTHING), NOTHING
         onward[sent] = 0
         appraise(crowd, ground.table, slot, goal, onward)
         luck = self._rng.integers(0, SHUFFLE, len(steps))  # else the same robots stand off for good
         self._luck = np.where(self._rng.random(len(steps)) < KEPT, self._luck, luck)
-        order = np.argsort(steps + self._luck, kind="stable")
+        order = np.argsort(let_out(ground.outward, crowd.state >> 2, wanted, steps + self._luck), kind="stable")
         crowd.weight[order] = self._weight_of_place
         plan_step(crowd, order, self._limit, MOST_VISITS, self._tries, TRY_LIMIT, self._rng)
         action = crowd.action[crowd.chosen, 0]

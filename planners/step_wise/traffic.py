@@ -8,7 +8,7 @@ Path Finding" (AAAI 2024), from its description.
 import numpy as np
 from numpy.typing import NDArray
 
-from mrp_sumo.core.graph import IntArray
+from mrp_sumo.core.graph import FloatArray, IntArray
 from mrp_sumo.core.step_wise import FORWARD, NOTHING, WAIT
 from planners.step_wise.ground import MOST_DEAR, FreeCells
 
@@ -81,3 +81,29 @@ class CrowdRoom:
         if not len(roomy):
             return late[:0], NOTHING
         return late[self._robots[state[late] >> 2] >= self._most], self._ground.to_nearest(roomy)
+
+
+def let_out(outward: IntArray, cell: IntArray, goal: IntArray, rank: IntArray) -> FloatArray:
+    """[R] ranks of robots at cells [R], the least first; who stands on the way into a dead end comes before who has to go in.
+
+    A robot before a dead end stays there, and the one inside, who comes later, does not get by: the first in the order would be those that
+    wait before dead ends.
+
+    Parameters
+    ----------
+    outward
+        [C] the cell by which one leaves a dead end; NOTHING elsewhere.
+    goal
+        [R] cells; NOTHING for none.
+    """
+    at, let = np.full(len(outward), NOTHING), rank.astype(np.float64)
+    at[cell] = np.arange(len(cell))
+    who, before = np.flatnonzero(goal != NOTHING), 0.5
+    now = goal[who]
+    while len(who):
+        going = (outward[now] != NOTHING) & (now != cell[who])
+        who, now = who[going], now[going]
+        there = at[now] != NOTHING
+        np.minimum.at(let, at[now[there]], rank[who[there]] - before)
+        now, before = outward[now], (1 + before) / 2  # the outermost first
+    return let

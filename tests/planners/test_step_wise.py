@@ -12,8 +12,8 @@ from mrp_sumo.core.step_wise import StepWiseProblem
 from mrp_sumo.planning.step_wise import run_step_wise
 from mrp_sumo.plugins.registry import make, names
 from mrp_sumo.traffic.step_wise_referee import judge_step_wise
-from planners.step_wise.ground import FreeCells, moved_up, operations
-from planners.step_wise.traffic import CrowdRoom
+from planners.step_wise.ground import FreeCells, moved_up, operations, outward
+from planners.step_wise.traffic import CrowdRoom, let_out
 
 LETTERS = "FRCW"
 
@@ -175,6 +175,32 @@ def test_the_last_of_a_crowd_are_sent_to_where_it_leaves_room():
     everywhere = 4 * np.array([c for c in range(40) if c % 4], np.int32)
     assert len(CrowdRoom(ground, 30).send(everywhere, np.arange(30))[0]) == 0
     assert len(CrowdRoom(ground, 20).send(state[:20], np.arange(20))[0]) == 0  # no crowd
+
+
+DEAD_END = ["....", ".@@.", "....", "@.@@", "@.@@"]  # cells 0 to 9 are a ring, 10 and 11 a dead end below cell 7
+
+
+def test_dead_ends_are_left_the_way_they_are_entered():
+    ground = FreeCells(problem_of(DEAD_END, [0], [[1]]), 1)
+    assert ground.outward.tolist() == [-1] * 10 + [7, 10]
+    assert outward(np.array([[1, -1, -1, -1], [2, -1, 0, -1], [-1, -1, 1, -1]])).tolist() == [1, -1, 1]  # an aisle
+
+
+@pytest.mark.parametrize(
+    ("goal", "rank"),
+    [
+        ([11, 0, 3], [5, 4.25, 4.5]),  # from cell 6 into the dead end: the outermost in it goes first
+        ([10, 0, 3], [5, 4.5, 9]),
+        ([7, 0, 3], [5, 8, 9]),  # to before it
+        ([-1, 0, 3], [5, 8, 9]),
+        ([0, 11, 3], [5, 8, 7.5]),  # the one that is half in
+        ([0, 3, 10], [5, 8, 9]),  # who is inside does not come before itself, nor does anybody before who is let out
+    ],
+)
+def test_who_stands_in_a_dead_end_comes_before_who_has_to_go_in(goal, rank):
+    """Robot 0 at cell 6, robot 1 at 10, and robot 2 at the end, 11."""
+    ground = FreeCells(problem_of(DEAD_END, [0], [[1]]), 1)
+    assert let_out(ground.outward, np.array([6, 10, 11]), np.array(goal), np.array([5, 8, 9])).tolist() == rank
 
 
 @pytest.mark.kernel
