@@ -266,6 +266,14 @@ def test_visits_are_where_robots_are(logs):
         assert len(list(robots.visits(replace(logs, execution=replace(logs.execution, replies=tuple(replies)))))) == count
 
 
+def test_visits_of_a_plan_of_which_not_all_are_logged_are_left_out(logs):
+    plan = SimpleNamespace(num_visits=3, vertex=np.array([0, 1, 2]), robot=np.zeros(3, int))
+    wrong_s = np.array([0.0, 10.0, 20.0])  # the robot is not there then
+    for arrived_s, count in ((wrong_s[:0], 0), (wrong_s[:2], 0), (wrong_s, 3)):
+        run = replace(logs.execution, replies=(), arrived_s=arrived_s)
+        assert len(list(robots.visits(replace(logs, plan=plan, execution=run)))) in (count, count - 1)
+
+
 def test_states_of_robots_have_no_gaps_and_fit_their_stops(logs):
     log = logs.execution.robot_states
     row = int(np.flatnonzero(log.end_s - log.begin_s > 5)[1])
@@ -716,3 +724,29 @@ def test_ways_cross_a_door_where_lines_do():
     to_it, from_it = np.array([[0.0, -1.0]]), np.array([[0.0, 0.0]])  # who ends on it has crossed it, who begins on it does not again
     for ways, crosses in (((to_it, from_it), True), ((from_it, to_it), False)):
         assert places._cross(*ways, np.array([[-1.0, 0.0], [1.0, 0.0]])).tolist() == [crosses]
+
+
+@pytest.mark.parametrize(
+    ("capacity", "done_s", "shown", "reason", "findings"),
+    [
+        (2, (20.0, 30.0), [1, 2, 1, 0], "", []),
+        (1, (20.0, 30.0), [1, 2, 1, 0], "", ["robot_0 has 2 orders on board from 10.00 s on, and can carry 1"]),
+        (1, (10.0, 30.0), [1, 1, 1, 0], "", []),  # the first is set down as the second is picked up
+        (1, (20.0, 30.0), [1, 2, 1, 0], "robot_0 broke down", []),  # it was lost
+        (2, (20.0, 30.0), [1, 1, 1, 0], "", ["robot_0 has 1 loads on board at 15.00 s, expected 2 after its stops"]),
+        (2, (20.0, 30.0), None, "", []),
+    ],
+)
+def test_a_robot_carries_what_its_stops_put_on_board_and_no_more_than_it_can(capacity, done_s, shown, reason, findings):
+    """Two orders of two stops each are picked at 5 s and at 10 s; the trajectory is looked at 7.5, 15, 25 and 35 s."""
+    task, end_s = np.array([0, 1, 0, 1]), np.array([5.0, 10.0, *done_s])
+    known = SimpleNamespace(
+        tasks=SimpleNamespace(reason=(reason, ""), done_s=np.array(done_s), status=("done", "done")),
+        stops=SimpleNamespace(task=task, robot=np.zeros(4, int), end_s=end_s),
+        execution=SimpleNamespace(loads=None if shown is None else np.array(shown)[:, None], t_s=np.array([7.5, 15.0, 25.0, 35.0])),
+        ordered={k: Task(k, BRINGS) for k in range(2)},
+        capacity=[capacity],
+        terms=SimpleNamespace(waits_s=0.0),
+        robot=lambda r: f"robot_{r}",
+    )
+    assert [finding.text for finding in orders.on_board(known)] == findings
