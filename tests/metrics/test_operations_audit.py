@@ -333,6 +333,14 @@ def test_robots_are_on_straight_lines_between_two_samples_and_nowhere_outside_th
     assert at == pytest.approx(np.array([[np.nan] * 2, [0.0, 5.0], [0.25, 5.0], [1.0, 5.0], [np.nan] * 2]), nan_ok=True)
 
 
+@pytest.mark.parametrize(("at", "x_m"), [(0.0, np.nan), (0.5, np.nan), (1.0, 1.0), (1.5, 1.5), (2.0, 2.0), (2.5, np.nan), (3.0, np.nan)])
+def test_a_robot_that_comes_or_goes_is_where_a_sample_has_it(logs, at, x_m):
+    """It is not on the floor at the first sample and the last; samples are a tenth of a second apart."""
+    x = np.array([np.nan, 1.0, 2.0, np.nan])[:, None]
+    few = replace(logs, execution=replace(logs.execution, t_s=np.arange(4) * 0.1, x_m=x, y_m=x))
+    assert few.xy_at(np.zeros(1, np.int64), np.array([at * 0.1]))[0] == pytest.approx([x_m] * 2, nan_ok=True)
+
+
 def test_a_robot_that_begins_at_a_charger_is_charged_once_the_planner_has_had_its_time(tmp_path):
     tasks = {
         "list": [{"stops": ["A"], "release_s": 100.0}],

@@ -153,8 +153,8 @@ class Logs:
             return np.full((len(t_s), 2), np.nan)
         at = np.where(np.isfinite(t_s), t_s, -1.0) / self.period_s
         k = np.clip(np.floor(at + 1e-9).astype(np.int64), 0, len(t) - 1)
-        after = np.minimum(k + 1, len(t) - 1)
         share = np.clip(at - k, 0.0, 1.0)
+        after = np.minimum(k + (share > 1e-9), len(t) - 1)  # at a sample the next one, at which the robot may be gone, is no matter
         values = np.stack([column[k, robot] + share * (column[after, robot] - column[k, robot]) for column in (x, y)], 1)
         values[~((t_s >= -EPS_S) & (t_s <= t[-1] + self.period_s))] = np.nan
         return values
