@@ -66,11 +66,14 @@ def drift(result: Calibration, path: Path) -> dict[str, str]:
 
     Two intervals of 90 % are widened to 99 % each, so that one figure in a hundred that has not changed seems to have.
 
-    Raises MrpSumoError for a file without intervals.
+    Raises MrpSumoError for a file that is no type, or without intervals.
     """
     from mrp_sumo.io.documents import read_document, validated
 
-    earlier: list[Options] = [validated(read_document(path), RobotShape)]
+    document = read_document(path)
+    if set(document.content) <= {each.name for each in fields(Disturbances)}:
+        raise MrpSumoError(f"{path}: found a set of disturbances, expected the robot type beside it")
+    earlier: list[Options] = [validated(document, RobotShape)]
     beside = path.with_name(f"{path.stem}.disturbances.yaml")
     if beside.is_file():
         earlier.append(validated(read_document(beside), Disturbances))

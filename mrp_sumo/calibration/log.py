@@ -25,7 +25,7 @@ LEAST_GAP_S = 1.0
 FASTEST_MPS = 12.0  # beyond it a pose is not where the vehicle was, or is that of another one
 SHORTEST = 4  # samples of a track
 BESIDE_M, ELSEWHERE = 10.0, 0.2  # how far from a map's lanes poses may be, and which share of a vehicle's may be farther
-BESIDE_LANES_M, BETWEEN_M = 0.5, 0.5  # how far they are off lanes where it is said, and between points that lanes are taken for
+BESIDE_LANES_M, BETWEEN_M = 0.5, 0.5  # how far half of them may be off lanes, and between points that lanes are taken for
 NAMED = 3  # vehicles in a message
 LEAP_RAD, LEAPS = 7.0, 3  # between two headings, farther than once round; how many of them make degrees
 SAME_M, ALWAYS = 0.3, 0.8  # two vehicles nearer to each other than bodies are for so much of the time are one
@@ -173,7 +173,7 @@ def require_different(log: MotionLog) -> None:
 
 
 def require_here(log: MotionLog, map_: "Map", *, on_grid: bool = False) -> None:
-    """Refuse a log of which vehicles are elsewhere than the map is; note where they are off its lanes. Raises MrpSumoError.
+    """Refuse a log of which vehicles are elsewhere than the map is, or half of the poses off its lanes. Raises MrpSumoError.
 
     Who drives `on_grid` is noted where the log's vehicles keep to lanes.
     """
@@ -192,8 +192,11 @@ def require_here(log: MotionLog, map_: "Map", *, on_grid: bool = False) -> None:
         )
     usual_m, most_m = np.quantile(np.concatenate([*away_m.values(), [0.0]]), (0.5, 0.95)).tolist()
     if usual_m > BESIDE_LANES_M:
-        log.notes.append(f"half of the poses are more than {usual_m:.1f} m from any lane of '{map_.name}': is it the map of this log?")
-    elif on_grid and most_m < BETWEEN_M / 2:
+        raise MrpSumoError(
+            f"{log.source}: half of the poses are more than {usual_m:.1f} m from any lane of '{map_.name}', "
+            f"expected {BESIDE_LANES_M:g} m or less: another site, or another frame"
+        )
+    if on_grid and most_m < BETWEEN_M / 2:
         log.notes.append(
             f"vehicles keep to the lanes of '{map_.name}', and the scenario has them on a grid, whose ways are others: "
             "`discretisation: {kind: roadmap}` is nearer to them"

@@ -26,6 +26,8 @@ if TYPE_CHECKING:
     from mrp_sumo.core.problem import Problem
     from mrp_sumo.formats.peers import Cells
 
+LOGS = (".csv", ".tsv", ".jsonl", ".ndjson", ".mcap", ".db3", ".bag")
+
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `mrp-sumo validate`."""
@@ -109,6 +111,9 @@ def _check_sources(options: argparse.Namespace) -> None:
         raise MrpSumoError("expected a PLAN, or --vda5050 FILE")
     if not options.plan.exists():
         raise MrpSumoError(f"{options.plan}: no such file or directory")
+    if options.plan.suffix.lower() in LOGS:
+        made = "--vda5050 for a log of VDA 5050, or an archive, which `mrp-sumo import --log` makes of any log"
+        raise MrpSumoError(f"{options.plan}: found a log, expected a plan, {made}")
     if sum(source is not None for source in (options.map, options.scenario, options.problem)) != 1:
         raise MrpSumoError("expected either --map (with --scen), --scenario or --problem")
     if options.map is None:

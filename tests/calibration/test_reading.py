@@ -111,12 +111,13 @@ def rows_on(map_, shift_m):
     return [(float(k), *(begin + (end - begin) * (k / 20) + shift_m).tolist(), math.nan, math.nan, 0.0) for k in range(21)]
 
 
-def test_vehicles_of_another_site_are_named_and_poses_beside_lanes_are_said():
+def test_log_of_an_overlapping_site_is_refused_and_one_beside_lanes_is_not():
     map_ = load_map(find_map("office", Path()))
-    require_here(here := MotionLog("log", "CSV", poses={"a": rows_on(map_, 0.0)}), map_)
-    assert here.notes == []
-    require_here(beside := MotionLog("log", "CSV", poses={"a": rows_on(map_, -3.0)}), map_)
-    assert "from any lane of 'office': is it the map of this log?" in beside.notes[0]
+    for shift_m in (0.0, 0.3):
+        require_here(here := MotionLog("log", "CSV", poses={"a": rows_on(map_, shift_m)}), map_)
+        assert here.notes == []
+    with pytest.raises(MrpSumoError, match="from any lane of 'office', expected"):
+        require_here(MotionLog("log", "CSV", poses={"a": rows_on(map_, -3.0)}), map_)
 
 
 @pytest.mark.parametrize(("shift_m", "on_grid", "says"), [(0.0, True, ["keep to the lanes"]), (0.0, False, []), (0.3, True, [])])

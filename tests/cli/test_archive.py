@@ -44,7 +44,7 @@ def test_import_says_what_no_fleet_does(tmp_path, capsys):
         (["import", "--log", "{log}"], "say where to write with --out DIR"),
         (["import", "office", "--log", "{log}", "--out", "x"], "is there beside FILE 'office'"),
         (["import"], "expected a FILE, or --log LOG"),
-        (["import", "--log", "{log}", "--map", "office", "--out", "{log}"], "is there already"),
+        (["import", "--log", "{log}", "--out", "{log}"], "is there already"),
         (["export", "{log}", "--csv"], "is a file, expected a run folder"),
         (["validate", "{log}.zip"], "log.csv.zip"),
     ],

@@ -43,11 +43,14 @@ def test_log_drifts_from_what_another_fleet_was_like(poses, tmp_path, capsys):
     write_csv(tmp_path / "worn.csv", {f"s{k}": shuttle_rows(rng, accel=0.45, trips=25) for k in range(3)})
     assert main(["calibrate", str(tmp_path / "worn.csv"), "--against", str(tmp_path / "mine.yaml"), "--json"]) == 1
     assert list(json.loads(capsys.readouterr().out)["drift"]) == ["accel_mps2"]
+    assert main(["calibrate", str(poses), "--against", str(tmp_path / "mine.disturbances.yaml")]) == 2
+    error = capsys.readouterr().err
+    assert "found a set of disturbances, expected the robot type beside it" in error and error.count("\n") == 1
 
 
 def test_log_of_another_site_is_refused(poses, capsys):
-    assert main(["calibrate", str(poses), "--map", "airport"]) in (0, 2)
-    capsys.readouterr()
+    assert main(["calibrate", str(poses), "--map", "airport"]) == 2
+    assert "71% of the poses are more than 10 m from any lane of 'airport'" in capsys.readouterr().err
     far = poses.with_name("far.csv")
     far.write_text("t_s,x_m,y_m\n" + "\n".join(f"{k},{5000 + k % 50},5000" for k in range(200)))
     assert main(["calibrate", str(far), "--map", "office"]) == 2

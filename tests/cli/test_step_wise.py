@@ -60,11 +60,13 @@ def test_validate_names_the_first_fault(planned, capsys):
         (["validate", "x.json", "--problem", "x.json"], "x.json: start is missing"),
         (["validate", "none.json", "--problem", "x.json"], "none.json: no such file or directory"),
         (["validate", "none.zip2"], "none.zip2: no such file or directory"),
+        (["validate", "x.csv"], "x.csv: found a log, expected a plan, --vda5050 for a log of VDA 5050, or an archive"),
         (["validate", "x.json", "--problem", "x.json", "--map", "x.map"], "expected either --map (with --scen), --scenario or --problem"),
     ],
 )
 def test_bad_request_is_one_line(tmp_path, monkeypatch, capsys, arguments, message):
     write_problem(tmp_path, ROUND, [0, 1], [[2]])
+    (tmp_path / "x.csv").write_text("t_s,x_m,y_m\n")
     monkeypatch.chdir(tmp_path)
     assert main(arguments) == 2
     printed = capsys.readouterr().err
