@@ -25,7 +25,7 @@ from mrp_sumo.io.documents import Place
 from mrp_sumo.io.scenario.file import ScenarioFile
 from mrp_sumo.io.scenario.names import robot_types
 from mrp_sumo.io.scenario.read import changed
-from mrp_sumo.traffic.draw import stands_of
+from mrp_sumo.traffic.draw import Name, shared_at, stands_of
 
 ABSENT_S = 120.0  # without a pose, after which nobody knows where a vehicle is
 SEEN = 0.9  # share of the later part: who is seen for less is said
@@ -152,38 +152,38 @@ def _kinds(log: MotionLog, file: ScenarioFile, vehicles: Sequence[str]) -> dict[
 
 
 def starts_at(held: HeldOut, setup: SetUp) -> list[str]:
-    """[R] names of the vertices at which vehicles start: the nearest such that no two are too near to each other, the nearer vehicle first.
+    """[R] names of the vertices at which vehicles start: the nearest on which they may stand at once, the nearer vehicle first.
 
     Raises MrpSumoError where there is none for one.
     """
     problem, nav = setup.problem, setup.map.nav
-    graphs = graphs_of_kinds(problem.graph, problem.barred, len(problem.fleet.types))
-    free = []
-    for graph, model in zip(graphs, robot_types(setup.file)):
-        stands = stands_of(graph, vehicle=model if model.is_vehicle else None).start
-        free.append(np.flatnonzero(np.isin(graph.vertex_of_station, stands)))
-    by_type, taken = [free[k] for k in held.kind.tolist()], np.full(len(held.xy), -1)
+    graphs, of = graphs_of_kinds(problem.graph, problem.barred, len(problem.fleet.types)), problem.graph.vertex_of_station
+    stands = [stands_of(graph, vehicle=model if model.is_vehicle else None).start for graph, model in zip(graphs, robot_types(setup.file))]
+    free = [np.flatnonzero(np.isin(of, each)) for each in stands]
+    shared, taken = shared_at(problem.graph, np.unique(np.concatenate(stands)), problem.fleet.separation_m), set[Name]()
+    by_type, start = [free[k] for k in held.kind.tolist()], np.full(len(held.xy), -1)
     away = [
         np.hypot(*(nav.xy[vertices] - place).T) + 1e6 * (nav.level[vertices] != on)
         for place, on, vertices in zip(held.xy, held.level, by_type)
     ]
     for r in sorted(range(len(away)), key=lambda r: (float(away[r].min(initial=np.inf)), r)):
         for v in by_type[r][np.argsort(away[r], kind="stable")].tolist():
-            others = taken[taken >= 0]
-            same = others[nav.level[others] == nav.level[v]]
-            if v not in others and (np.hypot(*(nav.xy[same] - nav.xy[v]).T) >= problem.fleet.separation_m).all():
-                taken[r] = v
+            own = {*shared.get(int(of[v]), ()), ("vertex", int(of[v]))}
+            if taken.isdisjoint(own):
+                taken |= own
+                start[r] = v
                 break
         else:
             odd = held.vehicles[r]
             raise MrpSumoError(f"{held.log.source}: '{nav.name}' has no vertex left for '{odd}' to start at: too many vehicles for the map")
-    return [nav.label(v) for v in taken.tolist()]
+    return [nav.label(v) for v in start.tolist()]
 
 
 class ServiceTimes:
     """Times of services in the earlier part, by station and action."""
 
     def __init__(self, visits: Sequence[ActionTime], station_of: Mapping[str, str]) -> None:
+        self._visits, self._station_of = visits, station_of
         self._at: dict[tuple[str, str], list[float]] = {}
         self._of: dict[str, list[float]] = {}
         for visit in visits:

@@ -96,7 +96,7 @@ def uniform_draw(
 def most_drawn(graph: PlanGraph, seed: int, separation_m: float = 0.0, *, anywhere: bool = False, vehicle: RobotType | None = None) -> int:
     """The largest number of robots that `uniform_draw` can draw; the parameters are its own."""
     stands = stands_of(graph, anywhere=anywhere, vehicle=vehicle)
-    shared = _shared(graph, np.union1d(stands.start, stands.goal), separation_m)
+    shared = shared_at(graph, np.union1d(stands.start, stands.goal), separation_m)
     streams = ((STARTS, stands.start), (GOALS, stands.goal))
     orders = ((np.random.default_rng([seed, purpose]).permutation(vertices), purpose) for purpose, vertices in streams)
     return min(len(_first_apart(order, stands, purpose, shared, set(), len(order))) for order, purpose in orders)
@@ -167,7 +167,7 @@ def _draw(
 ) -> tuple[IntArray, IntArray]:
     """Starts and goals of robots of these kinds, -1 where they are not given; raises PlanError where there are too few of `what`."""
     some = np.unique(np.concatenate([*(vertices for each in stands for vertices in each[:2]), *(named[named >= 0] for named in places)]))
-    shared, drawn = _shared(graph, some, separation_m), []
+    shared, drawn = shared_at(graph, some, separation_m), []
     for purpose, named in zip((STARTS, GOALS), places):
         chosen, taken, rng = named.astype(np.int64), set[Name](), np.random.default_rng([seed, purpose])
         for v in named[named >= 0].tolist():
@@ -183,8 +183,8 @@ def _draw(
     return drawn[0], drawn[1]
 
 
-def _shared(graph: PlanGraph, station: IntArray, separation_m: float) -> dict[int, set[Name]]:
-    """What each station shares with others, as names: its mutex groups, and pairs of stations that are too near; most share nothing."""
+def shared_at(graph: PlanGraph, station: IntArray, separation_m: float) -> dict[int, set[Name]]:
+    """Names of what each station shares with others: its mutex groups, and pairs of stations that are too near; most share nothing."""
     shared: dict[int, set[Name]] = {}
     if any(groups_of(options) for options in (*graph.vertex_options, *graph.lane_options)):
         groups_at = resources_of(graph, separation_m).groups_at

@@ -7,10 +7,13 @@ import pytest
 from mrp_sumo.calibration import held_out
 from mrp_sumo.calibration.estimates import CalibratedFigure, Calibration
 from mrp_sumo.calibration.files import disturbances_of
-from mrp_sumo.calibration.held_out import HeldOut, ServiceTimes, _natural, _seen, action_of, cut, more_of, tasks_of
+from mrp_sumo.calibration.held_out import HeldOut, ServiceTimes, _natural, _seen, action_of, cut, more_of, starts_at, tasks_of
 from mrp_sumo.calibration.log import ActionTime, LoggedOrder, MotionLog
 from mrp_sumo.calibration.prediction import _together
 from mrp_sumo.errors import MrpSumoError
+from mrp_sumo.experiments.map_cache import MapCache
+from mrp_sumo.experiments.staging.set_up import set_up
+from mrp_sumo.io.scenario.read import read_scenario
 
 
 def poses(shift_s=0.0, at_m=0.0, seconds=600):
@@ -131,3 +134,16 @@ def test_a_log_is_cut_at_a_share_of_its_time_and_keeps_who_is_there_and_what_is_
     assert held.notes == ["left out, since nobody knows where they are at the cut: gone"]
     assert {name: len(rows) for name, rows in held.earlier().poses.items()} == {"a": 360, "b": 360, "gone": 239}
     assert {name: len(rows) for name, rows in held.later().poses.items()} == {"a": 240, "b": 240}
+
+
+@pytest.mark.parametrize(("options", "starts"), [("{name: b, mutex: m}", ["a", "c"]), ("{name: b}", ["a", "b"])])
+def test_no_two_vehicles_start_in_a_mutex_group(options, starts, tmp_path):
+    """Vertices a to d are 2 m apart; two vehicles are at a and b when the log is cut."""
+    vertices = f"[[0, 0, {{name: a, mutex: m}}], [2, 0, {options}], [4, 0, {{name: c}}], [6, 0, {{name: d}}]]"
+    lanes = [[*ends, {}] for k in range(3) for ends in ((k, k + 1), (k + 1, k))]
+    (tmp_path / "row.nav.yaml").write_text(f"building_name: row\nlevels: {{L1: {{vertices: {vertices}, lanes: {lanes}}}}}\n")
+    (tmp_path / "s.yaml").write_text("map: ./row.nav.yaml\nrobots: 2\ndiscretisation: {kind: roadmap, cell_m: 2.0}\n")
+    here = {"xy": np.array([[0.0, 0.0], [2.1, 0.0]]), "level": np.zeros(2, np.int64), "kind": np.zeros(2, np.int64)}
+    with MapCache() as maps:
+        setup = set_up(read_scenario(tmp_path / "s.yaml"), maps)
+        assert starts_at(SimpleNamespace(vehicles=("x", "y"), log=SimpleNamespace(source="log"), **here), setup) == starts
