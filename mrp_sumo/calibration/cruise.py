@@ -24,6 +24,7 @@ PARTS = ((1 / pi, 2.0), (1 / (12 * pi), 4.0), (REST, (1 - 2 / pi - 1 / (3 * pi))
 LEAST_STEP_S = 0.45  # samples in between say nothing more about speeds
 LONGEST = 16  # steps of a window
 LEAST_STEPS = 2
+FEW_WINDOWS, FEW_STEPS, TELLING_STEPS = 3, 10, 30  # of all windows: fewer tell no speed; fewer tell how fast, not how that scatters
 MOST_STEPS = 4500  # of all windows
 HELD = 1.15  # factor on intervals for what is held fixed while a figure is fitted; by the tuning fleets of tools/bench_calibrate.py
 SCATTER_HELD = 1.5  # of the scatter and its memory, since braking and speeding up are in short windows, too; by the same fleets
@@ -65,6 +66,11 @@ class Cruise:
     scatter: Scatter
     noise_range: tuple[float, float]  # of the scatter, at `confidence`
     tau_range: tuple[float, float]
+
+    @property
+    def num_steps(self) -> int:
+        """Number of steps that it is fitted to."""
+        return int(self.windows.count.sum())
 
 
 def integrated_cov(x: FloatArray, scatter: Scatter) -> FloatArray:
@@ -164,10 +170,13 @@ class _Fit:
 
 def fit_cruise(windows: Windows, noise: Noise, num_vehicles: int, confidence: float | None = 0.9) -> Cruise | None:
     """Fit noise, scatter and memory; None where there is too little to fit them to. Without a confidence, ranges are not told."""
-    if len(windows.count) < 3 or windows.count.sum() < 30:
+    if len(windows.count) < FEW_WINDOWS or windows.count.sum() < FEW_STEPS:
         return None
-    likelihood = _Likelihood(windows, num_vehicles, float(np.log(noise.position_m)))
-    fit = _best(likelihood, np.log([noise.position_m, 0.05, 3.0]))
+    likelihood, usual = _Likelihood(windows, num_vehicles, float(np.log(noise.position_m))), np.log([noise.position_m, 0.05, 3.0])
+    unknown = nan, nan
+    if windows.count.sum() < TELLING_STEPS:
+        return Cruise(windows, *likelihood.means(usual), noise.position_m, Scatter(*np.exp(usual[1:]).tolist()), unknown, unknown)
+    fit = _best(likelihood, usual)
     if likelihood.total(none := np.log([noise.position_m, LEAST_SCATTER, 3.0])) > fit.value:  # blocks that are alike do not lead there
         fit = _best(likelihood, none)
     for _ in range(TRIMS):  # a vehicle that brakes or creeps in a few windows would make all scatter
@@ -177,7 +186,6 @@ def fit_cruise(windows: Windows, noise: Noise, num_vehicles: int, confidence: fl
         likelihood = replace(likelihood, windows=Windows(*(getattr(windows, each.name)[fits] for each in fields(windows))))
         fit = _best(likelihood, fit.theta)
     mean, mean_deviation = likelihood.means(fit.theta)
-    unknown = nan, nan
     ends = (unknown if confidence is None else np.exp(_range(likelihood, fit, k, confidence)).tolist() for k in (1, 2))
     noise_range, tau_range = ((low, high) for low, high in ends)
     noise_m, relative, tau_s = np.exp(fit.theta).tolist()

@@ -17,6 +17,7 @@ from mrp_sumo.calibration.cruise import (
     LEAST_SCATTER,
     MEAN_LOSS,
     SCATTER_HELD,
+    TELLING_STEPS,
     Cruise,
     Scatter,
     fit_cruise,
@@ -195,7 +196,7 @@ def _driving(fits: Fits) -> Iterator[CalibratedFigure | Unknown]:
     speed, turning, stops = fits.speed_mps, fits.turning, fits.stops
     period_s = float(np.median(np.concatenate([np.diff(each.track.t_s) for each in fits.phases])))
     if fits.cruise is None:
-        yield Unknown("max_speed_mps", "no vehicle is at a steady speed for long enough on a straight way")
+        yield Unknown("max_speed_mps", f"no vehicle is at a steady speed for long enough; {speed:.2g} m/s is seen")
     else:
         yield from _speeds(fits.cruise, period_s)
     for name, ramp, of in (("accel_mps2", fits.speeding, "starts"), ("decel_mps2", fits.braking, "stops")):
@@ -254,8 +255,10 @@ def _speeds(cruise: Cruise, period_s: float) -> Iterator[CalibratedFigure | Unkn
     blocks = len(np.unique(cruise.windows.block))
     factor = student(CONFIDENCE, max(blocks - 1, 1)) / student(CONFIDENCE, 100000)
     top, spread = _spread_of(np.log(cruise.mean_mps[known]), np.maximum(cruise.mean_deviation[known], 1e-4) * factor)
-    is_coarse = period_s > COARSE_S
-    s, (low, high) = (0.0, (0.0, ANY_NOISE)) if is_coarse else (cruise.scatter.noise, cruise.noise_range)
+    steps = cruise.num_steps, "steps at top speed"
+    why = f"{counted(*steps)}, expected {TELLING_STEPS} or more" if cruise.num_steps < TELLING_STEPS else ""
+    why = f"a pose every {period_s:.2g} s, expected every {COARSE_S:g} s or oftener" if period_s > COARSE_S else why
+    s, (low, high) = (0.0, (0.0, ANY_NOISE)) if why else (cruise.scatter.noise, cruise.noise_range)
     low = 0.0 if low < 1.01 * LEAST_SCATTER else low  # the fit knows no less
 
     def loss(noise: float) -> float:
@@ -265,10 +268,8 @@ def _speeds(cruise: Cruise, period_s: float) -> Iterator[CalibratedFigure | Unkn
     below = math.hypot(top[0] - top[1], (loss(s) - loss(low)) / wider)
     above = math.hypot(top[2] - top[0], (loss(high) - loss(s)) / wider)
     value = top[0] + loss(s)
-    steps = int(cruise.windows.count.sum()), "steps at top speed"
     yield CalibratedFigure("max_speed_mps", "m/s", math.exp(value), math.exp(value - below), math.exp(value + above), *steps)
-    if is_coarse:
-        why = f"a pose every {period_s:.2g} s, expected every {COARSE_S:g} s or oftener"
+    if why:
         yield from (Unknown("speed_noise", why), Unknown("speed_noise_tau_s", why))
     else:
         yield CalibratedFigure("speed_noise", "", s, low, high, *steps)

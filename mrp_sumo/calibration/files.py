@@ -27,6 +27,8 @@ def type_of(result: Calibration, base: RobotShape) -> RobotShape:
     """The robot type: what the log tells, and the rest as `base` has it."""
     figures: dict[str, Any] = {name: _digits(result.quantities[name].value) for name in LIMITS if name in result.quantities}
     intervals = {name: _interval(result.quantities[name]) for name in figures}
+    if "max_speed_mps" not in figures and result.fits is not None:
+        figures["max_speed_mps"] = max(base.max_speed_mps, _digits(result.fits.speed_mps))  # slower ones would not do what is seen
     figures |= {key: max(size, 0.0) for key, size in result.log.body.items()}
     kinds = {each.name for each in fields(Actions)}
     times = {}

@@ -1,16 +1,19 @@
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from shuttles import shuttle_rows
 
 from mrp_sumo.calibration.cruise import PARTS, Scatter, Windows, _windows, fit_cruise, integrated_cov
-from mrp_sumo.calibration.estimates import CONFIDENCE, _battery, _spread_of, calibrated, student
+from mrp_sumo.calibration.estimates import CONFIDENCE, Calibration, Unknown, _battery, _speeds, _spread_of, calibrated, student
+from mrp_sumo.calibration.files import type_of
 from mrp_sumo.calibration.log import ActionTime, Charge, MotionLog, Track
 from mrp_sumo.calibration.phases import Noise, _balls, _corners, phases_of
 from mrp_sumo.calibration.ramps import position
 from mrp_sumo.calibration.stops import _fit, _Stands, _unexplained, _within, fit_stops
 from mrp_sumo.calibration.turning import fit_turning
+from mrp_sumo.core.robot_type import RobotShape
 from mrp_sumo.errors import MrpSumoError
 
 TRUTH = {"max_speed_mps": 1.2, "accel_mps2": 0.6, "decel_mps2": 0.8, "turn_rate_rad_s": 1.0, "speed_noise": 0.06}
@@ -323,3 +326,24 @@ def test_stop_before_a_lift_may_be_a_wait_for_it(level, x_m):
     after = replace(before, t_s=track.t_s + 161.0, x_m=np.full(60, x_m), level=level)
     alone, beside = (fit_stops([phases], [], tracks, 1.0, {}, {}, 1.4) for tracks in ([track], [track, before, after]))
     assert (len(alone.hold_s), len(beside.hold_s)) == (1, 0)
+
+
+@pytest.mark.parametrize(("steps", "tells_speed", "tells_scatter"), [(9, False, False), (12, True, False), (30, True, True)])
+def test_few_steps_at_top_speed_tell_how_fast_but_not_how_that_scatters(steps, tells_speed, tells_scatter):
+    """Windows of 3 steps of 1 s at 0.95 m/s, and some noise."""
+    rng = np.random.default_rng(2)
+    rows = [(np.ones(3), 0.95 + rng.normal(0, 0.01, 3), k % 2, 60.0 * (k // 2)) for k in range(steps // 3)]
+    cruise = fit_cruise(_windows(rows), Noise(0.005, 0.01), 2)
+    assert (cruise is not None) == tells_speed
+    if cruise is not None:
+        figures = {each.name: each for each in _speeds(cruise, 1.0)}
+        top = figures["max_speed_mps"]
+        assert top.low < 0.96 < top.high and isinstance(figures["speed_noise"], Unknown) != tells_scatter
+        assert (top.high > 1.05) != tells_scatter  # 0.95 / (1 - 0.8 * 0.15) is the mean of 1.08 that scatter by 0.15
+
+
+@pytest.mark.parametrize(("usual_mps", "made_mps"), [(0.5, 0.8), (1.5, 1.5)])
+def test_type_is_no_slower_than_what_is_seen(usual_mps, made_mps):
+    base = RobotShape(length_m=0.6, width_m=0.6, max_speed_mps=usual_mps, accel_mps2=0.5, decel_mps2=0.5, turn_rate_rad_s=1.0)
+    seen = Calibration(MotionLog("log", "CSV"), ["a"], 60.0, {}, fits=SimpleNamespace(speed_mps=0.8))
+    assert type_of(seen, base).max_speed_mps == made_mps
