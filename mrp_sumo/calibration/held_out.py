@@ -196,6 +196,10 @@ class ServiceTimes:
     def is_known(self) -> bool:
         return bool(self._of)
 
+    def another(self, rng: np.random.Generator) -> "ServiceTimes":
+        """Times that such a part might have had instead (bootstrap, Efron, 1979): what is predicted moves by what the log does not tell."""
+        return ServiceTimes([self._visits[k] for k in rng.integers(len(self._visits), size=len(self._visits))], self._station_of)
+
     def drawn_s(self, station: str, action: str, rng: np.random.Generator, beyond_s: float = 0.0) -> float:
         """A time, or what is left of one that has lasted for a while."""
         mine = self._at.get((station, action), [])
@@ -237,7 +241,8 @@ def with_stations(orders: Sequence[LoggedOrder], setup: SetUp, source: str) -> l
 
 def tasks_of(held: HeldOut, times: ServiceTimes, seed: int) -> list[dict[str, Any]]:
     """Orders of the later part as tasks of a scenario, whose clock begins at the cut."""
-    rng, robot_of = np.random.default_rng([seed, SERVICES]), {name: f"robot_{r}" for r, name in enumerate(held.vehicles)}
+    rng = np.random.default_rng([seed, SERVICES])
+    times, robot_of = times.another(rng) if times.is_known else times, {name: f"robot_{r}" for r, name in enumerate(held.vehicles)}
     made = []
     for order in held.orders:
         asks = {key: value for key, value in order.asks.items() if key not in ("robot", "due_s", "service_s")}

@@ -1,8 +1,8 @@
 """A prediction held against what came: robots calibrated on the earlier part of a log, driven on the orders of the later one.
 
-Some runs are made, each with a seed of its own. The first half have the calibrated figures, and what they have in the median is predicted;
-the others have them drawn from their intervals, and a band of 90 % is where the log, as one more of these, is expected. How far vehicles
-differ is not drawn: they are the same ones. Figures of both are made by the same functions: lead times
+Some runs are made, each with a seed of its own, calibrated figures drawn from their intervals, and services drawn anew. What they have in
+the median is predicted, and a band of 90 % is where the log, as one more of them, is expected. How far vehicles differ is not drawn: they
+are the same ones. Figures of both are made by the same functions: lead times
 of orders that are released after the cut, not done by the end counting as longer than any; standing before services at stations; orders
 done an hour; shares of the time for which vehicles have orders, and the busiest station serves.
 """
@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from mrp_sumo.calibration.estimates import Calibration, calibrated
-from mrp_sumo.calibration.files import disturbances_of, drift, type_of, write_options
+from mrp_sumo.calibration.estimates import ANY_NOISE, Calibration, calibrated
+from mrp_sumo.calibration.files import LIMITS, disturbances_of, drift, type_of, write_options
 from mrp_sumo.calibration.held_out import HeldOut, ServiceTimes, cut, scenario_of_later, stations_of, with_seed, with_stations
 from mrp_sumo.calibration.log import MotionLog, require_here
 from mrp_sumo.calibration.logged_run import logged_run
@@ -39,6 +39,7 @@ from mrp_sumo.io.scenario.read import changed
 
 BAND = 0.9
 NORMAL = 1.6449  # of a 90 % interval
+OF_STOPS = ("stops_per_s", "stop_median_s", "stop_sigma")
 DRAWN = 89  # purpose of the stream of chance
 FEW = 5  # orders, from which on distributions are compared
 NEAR_M, STANDS_MPS, WITHIN_S = 5.0, 0.1, 3.0  # of a station, where standing is waiting for it; over how long speeds are taken
@@ -164,11 +165,11 @@ def predicted(
     held.notes.extend(note for one in calibrations for note in one.log.notes)
     disturbing, files = _write(held, calibrations, file, folder, times.is_known)
     _note_what_is_assumed(held, file, times)
+    _note_what_is_not_told(held, file, calibrations)
     base, seed = scenario_of_later(held, setup, files, disturbing, times), file.scenario.seed
-    made: tuple[list[RunResult], list[RunResult]] = [], []  # with calibrated figures, and with drawn ones
+    made: list[RunResult] = []
     station, standing = _busiest(held), []
-    usual = runs // 2
-    for n, moves in enumerate([{}] * usual + list(_drawn(base, runs - usual, seed))):
+    for n, moves in enumerate(_drawn(base, runs, seed)):
         report(f"driving run {n + 1} of {runs}", float(n), float(runs))
         result = carry_out(changed(with_seed(base, held, file, times, seed + n), as_changes(moves)), maps)
         if result.execution is None or result.execution.tasks is None:
@@ -176,17 +177,15 @@ def predicted(
         if result.status == "stalled":
             standing.append(result.note)
         else:
-            made[n >= usual].append(result)
-    _note_standstills(held, standing, runs, all(made))
-    nominal, drawn = ([outcomes_of(each, held, station) for each in half] for half in made)
-    middle = made[0][_middle(nominal)]
+            made.append(result)
+    _note_standstills(held, standing, runs, bool(made))
+    simulated = tuple(outcomes_of(each, held, station) for each in made)
+    middle = made[_middle(simulated)]
     report("comparing", 0.0, 0.0)
     log_run = logged_run(held, middle.setup)
     logged = outcomes_of(log_run, held, station)
-    figures = tuple(_compared(logged, nominal, drawn, station, (HOUR_S / held.span_s, _period_s(held))))
-    return Prediction(
-        held, calibrations, station, logged, (*nominal, *drawn), figures, log_run, middle, _drift(held, files), files, held.notes
-    )
+    figures = tuple(_compared(logged, simulated, station, (HOUR_S / held.span_s, _period_s(held))))
+    return Prediction(held, calibrations, station, logged, simulated, figures, log_run, middle, _drift(held, files), files, held.notes)
 
 
 def _note_standstills(held: HeldOut, standing: Sequence[str], runs: int, is_enough: bool) -> None:
@@ -223,9 +222,10 @@ def _write(
     """Write the types, and beside each what disturbs all: one set, in which each type counts by its episodes."""
     models = [model for k, model in enumerate(robot_types(file)) if (held.kind == k).any()]
     disturbing = _together([disturbances_of(one) for one in calibrations], calibrations)
+    disturbing["intervals"].setdefault("speed_noise", [0.0, ANY_NOISE])  # where no log tells it
     if file.scenario.people is not None:  # who walk there, and stop robots, themselves
         for figures in (disturbing, disturbing["intervals"]):
-            for name in ("stops_per_s", "stop_median_s", "stop_sigma"):
+            for name in OF_STOPS:
                 figures.pop(name, None)
     paths = []
     for model, one in zip(models, calibrations):
@@ -262,6 +262,13 @@ def _note_what_is_assumed(held: HeldOut, file: ScenarioFile, times: ServiceTimes
         held.notes.append("orders count as released when a vehicle has them, since the log does not say it; --orders FILE.csv does")
     if gone := {order.vehicle for order in held.orders if order.vehicle} - set(held.vehicles):
         held.notes.append(f"orders of {', '.join(sorted(gone))}, of which there are no poses, are done by the others")
+
+
+def _note_what_is_not_told(held: HeldOut, file: ScenarioFile, calibrations: Sequence[Calibration]) -> None:
+    untold = {name: why for one in calibrations for name, why in one.unknown.items()}
+    usual = dict.fromkeys(LIMITS, "as in the scenario's types") | {"speed_noise": f"drawn up to {ANY_NOISE:g}"}
+    usual |= {} if file.scenario.people else {"stops_per_s": "none"}
+    held.notes.extend(f"{name} is not told by the earlier part ({untold[name]}): {usual[name]}" for name in usual if name in untold)
 
 
 def _drawn(file: ScenarioFile, runs: int, seed: int) -> Iterator[dict[Place, float]]:
@@ -339,21 +346,18 @@ def _waits_s(execution: Execution, stops: StopLog) -> FloatArray:
     return np.array(waits)
 
 
-def _compared(
-    logged: Outcomes, usual: Sequence[Outcomes], drawn: Sequence[Outcomes], station: str, least: tuple[float, float]
-) -> Iterator[ComparedFigure]:
+def _compared(logged: Outcomes, simulated: Sequence[Outcomes], station: str, least: tuple[float, float]) -> Iterator[ComparedFigure]:
     """Figures side by side. Also where all simulations are alike, bands reach as far as a log tells: `least`, an order more or less done
     an hour, and the time between two poses for a wait."""
     order_per_h, period_s = least
 
     def figure(name: str, label: str, unit: str, read: Callable[[Outcomes], float], least: float = 0.0) -> ComparedFigure:
-        values = np.array([read(each) for each in drawn])
-        value, reach = float(np.median([read(each) for each in usual])), math.inf
+        values, reach = np.array([read(each) for each in simulated]), math.inf
         if len(values) > 1 and np.isfinite(values).all():
             reach = t_quantile((1 + BAND) / 2, len(values) - 1) * float(values.std(ddof=1)) * math.sqrt(1 + 1 / len(values))
             reach = max(reach, least)
         middle = float(values.mean())
-        return ComparedFigure(name, label, unit, read(logged), value, max(0.0, middle - reach), middle + reach)
+        return ComparedFigure(name, label, unit, read(logged), float(np.median(values)), max(0.0, middle - reach), middle + reach)
 
     for share, word in ((0.5, "p50"), (0.95, "p95")):
         yield figure(f"lead_time_{word}_s", f"lead time, {word}", "s", lambda run, q=share: _quantile(run.lead_time_s, q))  # type: ignore[misc]

@@ -173,5 +173,5 @@ def _small_print(result: Prediction) -> str:
     return (
         f"{held.log.source} ({held.log.kind}): {len(held.vehicles)} vehicles, {len(result.logged.lead_time_s)} orders compared, "
         f"{held.cut_s - held.begin_s:.0f} s calibrated on, {held.span_s:.0f} s predicted; {len(result.simulated)} runs, each with its own "
-        f"seed, half of them with figures drawn from their intervals. mrp_sumo {__version__}"
+        f"seed and figures drawn from their intervals. mrp_sumo {__version__}"
     )

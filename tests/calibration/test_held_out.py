@@ -61,6 +61,15 @@ def test_service_times_are_those_of_the_station_where_it_has_enough():
     assert {times.drawn_s("slow", "pick", rng) for _ in range(60)} == {5.0, 50.0}
 
 
+def test_other_service_times_are_as_many_of_the_same_drawn_again():
+    """Each of 9 is left out of such a draw with (8 / 9)^9, 35 %."""
+    visits = [ActionTime("a", "pick", "A", 0.0, float(k)) for k in range(1, 10)]
+    times, rng = ServiceTimes(visits, {}), np.random.default_rng(0)
+    one = times.another(rng)
+    mine = {one.drawn_s("A", "pick", rng) for _ in range(300)}
+    assert mine < {times.drawn_s("A", "pick", rng) for _ in range(300)} == set(map(float, range(1, 10)))
+
+
 @pytest.mark.parametrize(
     "named, line",
     [

@@ -22,6 +22,7 @@ from mrp_sumo.calibration.prediction import (
     _drawn,
     _middle,
     _note_what_is_assumed,
+    _note_what_is_not_told,
     _period_s,
     _quantile,
     _require_orders,
@@ -40,26 +41,24 @@ def outcomes(per_h, *lead_time_s):
 
 @pytest.mark.parametrize(("logged", "holds"), [(6.6, False), (6.7, True), (13.3, True), (13.4, False)])
 def test_the_median_is_predicted_and_the_band_is_that_of_one_run_more(logged, holds):
-    """Three drawn runs do 9, 10 and 11 an hour: 10 +- 2.92 sqrt(1 + 1 / 3), since t(0.95, 2) is 2.92."""
-    figures = _compared(
-        outcomes(logged), [outcomes(n) for n in (10.0, 30.0, 12.0)], [outcomes(n) for n in (9.0, 10.0, 11.0)], "A", (2.0, 1.0)
-    )
+    """Three runs do 9, 10 and 11 an hour: 10 +- 2.92 sqrt(1 + 1 / 3), since t(0.95, 2) is 2.92."""
+    figures = _compared(outcomes(logged), [outcomes(n) for n in (11.0, 9.0, 10.0)], "A", (2.0, 1.0))
     figure = next(each for each in figures if each.name == "throughput_per_h")
-    assert figure.predicted == 12.0 and figure.error == 12.0 / logged - 1
+    assert figure.predicted == 10.0 and figure.error == 10.0 / logged - 1
     assert (figure.low, figure.high) == pytest.approx((10 - 3.3717, 10 + 3.3717), abs=1e-3)
     assert figure.holds == holds
 
 
-@pytest.mark.parametrize(("drawn", "low", "high"), [((9.0,), 0.0, math.inf), ((9.0, 9.0), 7.0, 11.0)])
-def test_one_run_says_nothing_of_a_band_and_runs_that_are_alike_leave_room_for_an_order(drawn, low, high):
-    figures = _compared(outcomes(5.0), [outcomes(10.0)], [outcomes(n) for n in drawn], "A", (2.0, 1.0))
+@pytest.mark.parametrize(("simulated", "low", "high"), [((9.0,), 0.0, math.inf), ((9.0, 9.0), 7.0, 11.0)])
+def test_one_run_says_nothing_of_a_band_and_runs_that_are_alike_leave_room_for_an_order(simulated, low, high):
+    figures = _compared(outcomes(5.0), [outcomes(n) for n in simulated], "A", (2.0, 1.0))
     figure = next(each for each in figures if each.name == "throughput_per_h")
     assert (figure.low, figure.high) == (low, high)
 
 
 def test_waits_are_told_to_the_time_between_two_poses():
     run = replace(outcomes(1.0), station_wait_s=np.full(4, 3.0))
-    figures = {each.name: each for each in _compared(run, [run] * 2, [run] * 2, "A", (2.0, 0.5))}
+    figures = {each.name: each for each in _compared(run, [run] * 2, "A", (2.0, 0.5))}
     assert (figures["station_wait_p50_s"].low, figures["station_wait_p95_s"].high) == (2.5, 3.5)
 
 
@@ -85,6 +84,14 @@ def test_what_a_prediction_assumes_is_said(is_known, people, kind, vehicle, says
     assert len(held.notes) == len(says) and all(words in note for words, note in zip(says, held.notes))
 
 
+@pytest.mark.parametrize(("people", "says"), [(None, ["up to 0.15", "none"]), (20, ["up to 0.15"])])
+def test_what_the_earlier_part_does_not_tell_is_said_with_what_is_taken_instead(people, says):
+    held = SimpleNamespace(notes=[])
+    one = SimpleNamespace(unknown={"stops_per_s": "1 s of driving", "speed_noise": "26 steps", "stopping_m": "no place"})
+    _note_what_is_not_told(held, SimpleNamespace(scenario=SimpleNamespace(people=people)), [one])
+    assert len(held.notes) == len(says) and all(words in note for words, note in zip(says, held.notes))
+
+
 def test_the_run_that_is_shown_is_the_one_whose_median_lead_time_is_in_the_middle():
     """Medians of 30, 10, 20 and 40 s."""
     runs = [outcomes(1.0, *lead_s) for lead_s in ((1.0, 30.0, 31.0), (1.0, 10.0, 99.0), (1.0, 20.0, 98.0), (1.0, 40.0, 41.0))]
@@ -94,7 +101,7 @@ def test_the_run_that_is_shown_is_the_one_whose_median_lead_time_is_in_the_middl
 def test_halves_and_the_last_twentieth_of_lead_times_and_waits_are_compared():
     """Lead times of 0 to 20 s, and waits of 0 to 40 s."""
     run = replace(outcomes(1.0, *map(float, range(21))), station_wait_s=np.arange(41.0))
-    figures = {each.name: each.logged for each in _compared(run, [run], [run], "A", (2.0, 1.0))}
+    figures = {each.name: each.logged for each in _compared(run, [run], "A", (2.0, 1.0))}
     assert (figures["lead_time_p50_s"], figures["lead_time_p95_s"]) == (10.0, 19.0)
     assert (figures["station_wait_p50_s"], figures["station_wait_p95_s"]) == (20.0, 38.0)
 
