@@ -20,7 +20,7 @@ import numpy as np
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from mrp_sumo.cli.listing import _files, _plug_ins, _shown
+from mrp_sumo.cli.listing import _come_with_it, _plug_ins, _shown
 from mrp_sumo.core.options import BOUNDS, Options
 from mrp_sumo.drive.robot_work import Change
 from mrp_sumo.io.documents import declared_in, keys_of
@@ -126,7 +126,7 @@ def dispatchers() -> str:
 
 def suites() -> str:
     """Bundled suites."""
-    rows = ((f"`{one['name']}`", re.split(r": |\. |, (?:by|over|and) ", one["summary"])[0].rstrip(".")) for one in _files("suites"))
+    rows = ((f"`{one['name']}`", re.split(r": |\. |, (?:by|over|and) ", one["summary"])[0].rstrip(".")) for one in _come_with_it("suites"))
     return _table(("suite", "content"), rows)
 
 
