@@ -14,7 +14,7 @@ import numpy as np
 from mrp_sumo.search._heap import pop, push
 from mrp_sumo.search._kernel import kernel
 from mrp_sumo.search._records import FOREVER, NO_PATH, OK, OUT_OF_BUDGET, SCRATCH_FULL
-from planners.safe_interval._rays import steps_of_last_turn, steps_of_turn
+from planners.safe_interval._rays import STRAIGHT_RAD, steps_of_last_turn, steps_of_turn
 from planners.safe_interval._table import ReservationTable, first_after, next_begin
 from planners.safe_interval.moves import Moves
 
@@ -27,6 +27,7 @@ AT_ONCE = 40  # runs that are worse by so many steps are looked at together
 EXPAND, TURN = -1, -2
 MOST_GAPS = 64
 MOST_PENDING = 1024
+STATES_A_LANE = 16  # for which there is room where a search looks for a way that acceleration does not delay
 LONG = 300  # entries after which a search looks whether there is any way at all
 
 # ray: or EXPAND, the state itself, or TURN, its last turn; lanes: of the run, 0: any; bound, step: from which on
@@ -53,7 +54,7 @@ class IntervalScratch(NamedTuple):
     gap: np.ndarray  # [4, MOST_GAPS] steps from which on and until when the robot may set out; room for those still to be split
     pending: np.ndarray  # [2, MOST_PENDING] resource, and the step at which it is taken
     pending_m: np.ndarray  # [MOST_PENDING] where along the ray it is left
-    seen: np.ndarray  # [L] ARRIVAL, of the last state at the end of each lane
+    seen: np.ndarray  # [L] ARRIVAL, of the last state at the end of each lane, or of one alike
     soonest: np.ndarray  # [L] step after which the robot may be at the end of each lane, of `is_shut_in`
     queue: np.ndarray  # [L] its lanes that come next, -1: they do not
     work: np.ndarray  # [5] states and entries so far, over all searches; of `find` when the goal is free for ever, `latest`, last turn
@@ -302,7 +303,7 @@ def latest_start(moves, table, scratch, state, ray, lanes):
     return latest
 
 
-@kernel(allocates=False)
+@kernel
 def find(ground, trip, most, latest, scratch):
     """The earliest way to a goal, to stay, for a robot that stands at its start from step 0 on.
 
@@ -351,7 +352,7 @@ def find(ground, trip, most, latest, scratch):
         state, ray = scratch.entry[e].state, scratch.entry[e].ray
         lane, arrived = scratch.lane[state], scratch.arrived[state]
         looked += 1
-        if looked == LONG and is_shut_in(ground, scratch, start, goal):
+        if looked == LONG and (is_cut_off(ground, start, goal) if moves.many_states else is_shut_in(ground, scratch, start, goal)):
             scratch.work[1] += looked
             return NO_PATH, 0
         if looked > most:
@@ -365,7 +366,7 @@ def find(ground, trip, most, latest, scratch):
         if ray == EXPAND:
             if lane >= 0:
                 v = moves.head[lane]
-                h = key_place(scratch, state_key(lane, scratch.until[state]), now, mask)
+                h = key_place(scratch, state_key(moves.alike[lane], scratch.until[state]), now, mask)
                 if scratch.place[h] != state:
                     continue  # reached earlier meanwhile
                 if v == goal and scratch.until[state] >= FOREVER:
@@ -430,6 +431,96 @@ def is_shut_in(ground, scratch, start, goal):
         lane = first
         first, queue[lane] = queue[lane], -1
         v, at = moves.head[lane], soonest[lane]
+
+
+@kernel
+def is_cut_off(ground, start, goal):
+    """True if no way to a goal leads through times at which others leave it free, for a robot that brakes and accelerates at once.
+
+    States are lanes and safe intervals, as in `find`, each with the least steps at which it can be taken, and arrived at. A robot leaves a
+    stop from rest; where it goes straight on it may be at its highest speed. For vehicles, whose searches have so many states to look at
+    that `is_shut_in` would tell too little; False, too, where there are more than there is room for.
+    """
+    moves, table, facing, steps_per_m = ground.moves, ground.table, ground.facing, ground.moves.steps_per_m
+    most = STATES_A_LANE * len(moves.head)
+    newest, queue = np.full(len(moves.head), -1, np.int64), np.empty(most, np.int64)
+    lane_of, until, taken, arrived, before = np.empty((5, most), np.int64)
+    is_queued = np.zeros(most, np.bool_)
+    lane_of[0], until[0], taken[0], arrived[0] = -1, safe_until(moves, table, start), 0, 0
+    queue[0] = 0
+    begin, size, count = 0, 1, 1
+    while size:
+        state = queue[begin]
+        begin, size = (begin + 1) % most, size - 1
+        is_queued[state] = False
+        came_by = lane_of[state]
+        v = start if came_by < 0 else moves.head[came_by]
+        for out in range(moves.first[v], moves.first[v + 1]):
+            if facing[out] >= FAR:
+                continue
+            w, end_m = moves.head[out], moves.end_m[moves.run_first[moves.course[out]]]
+            off_m = moves.off_m[moves.off_first[out] : moves.off_first[out + 1]].min()
+            ready, off, there = arrived[state], np.int64(off_m * steps_per_m), np.int64(end_m * steps_per_m)
+            if came_by < 0 or not _goes_straight(moves, came_by, out):
+                ready += moves.turn[moves.turn_first[came_by] + out - moves.first[v]] if came_by >= 0 else 0
+                off, there = step_at(moves, out, off_m), step_at(moves, out, end_m)
+            at = taken[state]
+            while max(at, ready) + off <= until[state]:
+                free, end = _free_from(moves, table, out, at, max(at, ready), there)
+                if free > at:
+                    at = free
+                    continue
+                if w == goal and end >= FOREVER:
+                    return False
+                lane = moves.alike[out]
+                k = newest[lane]
+                while k >= 0 and until[k] != end:
+                    k = before[k]
+                if k < 0:
+                    if count == most:
+                        return False
+                    k, count = count, count + 1
+                    lane_of[k], until[k], taken[k], arrived[k], before[k] = lane, end, FOREVER, FOREVER, newest[lane]
+                    newest[lane] = k
+                arrives = max(at, ready) + there
+                if at < taken[k] or arrives < arrived[k]:
+                    taken[k], arrived[k] = min(at, taken[k]), min(arrives, arrived[k])
+                    if not is_queued[k]:
+                        is_queued[k] = True
+                        queue[(begin + size) % most] = k
+                        size += 1
+                at = end + 1
+    return True
+
+
+@kernel(inline="always", allocates=False)
+def _goes_straight(moves, came_by, out):
+    """True if a run may go on from a lane to the next."""
+    bend = (moves.heading_rad[out] - moves.heading_rad[came_by] + np.pi) % (2 * np.pi) - np.pi
+    return abs(bend) <= STRAIGHT_RAD + 1e-6
+
+
+@kernel(allocates=False)
+def _free_from(moves, table, lane, at, leaves, takes):
+    """(when a lane and its head are free, which is `at` or later; the end of the head's safe interval if it is `at`).
+
+    A robot takes both at step `at`, is on the lane from step `leaves` on, and at its head `takes` steps later.
+    """
+    free, until, v = at, FOREVER, moves.head[lane]
+    for k in range(moves.on_first[lane], moves.on_first[lane + 1]):
+        q = moves.on[k]
+        j = first_after(table, q, at)
+        if j < table.row[q] + table.count[q] and table.begin[j] < leaves + np.int64(moves.on_m[k] * moves.steps_per_m):
+            free = max(free, table.end[j])
+    for k in range(moves.at_first[v], moves.at_first[v + 1]):
+        q = moves.at[k]
+        j = first_after(table, q, at)
+        if j < table.row[q] + table.count[q]:
+            if table.begin[j] <= leaves + takes:
+                free = max(free, table.end[j])
+            else:
+                until = min(until, table.begin[j])
+    return free, until
 
 
 @kernel(inline="always", allocates=False)
@@ -561,10 +652,9 @@ def expand_ray(ground, scratch, e, states, entries, count):
         found = ready + moves.time[run] + at_rest[lane]
         if at_rest[lane] < FAR and (only == lanes or (only == 0 and bound <= found <= worst)):
             earliest = gap[0, 0] + moves.time[run]
-            if (
-                scratch.seen[lane].search == now and scratch.seen[lane].step <= earliest < scratch.seen[lane].until
-            ):  # no better than that one
-                later = scratch.seen[lane].until + 1 - taken
+            seen = scratch.seen[moves.alike[lane]]
+            if seen.search == now and seen.step <= earliest < seen.until:  # no better than that one
+                later = seen.until + 1 - taken
                 if later <= gap[1, num - 1]:
                     takes = moves.time[run], np.int64(at_rest[lane])
                     entries, count = push_later(scratch, (state, ray, lanes), later, takes, weight, entries, count)
@@ -634,7 +724,7 @@ def arrive(ground, scratch, way, taken, num, waiting, sizes):
             there = at + time
             if there + at_rest[lane] > scratch.work[3]:
                 break
-            key = state_key(lane, until)
+            key = state_key(moves.alike[lane], until)
             h = key_place(scratch, key, now, mask)
             if scratch.stamp[h] != now or there < scratch.arrived[scratch.place[h]]:
                 scratch.stamp[h] = now
@@ -649,7 +739,8 @@ def arrive(ground, scratch, way, taken, num, waiting, sizes):
                 scratch.left[states] = at
                 rank = priority(there, np.int64(at_rest[lane]), weight, scratch.work[2])
                 entries, count = push_entry(scratch, (states, EXPAND, 0), 0, 0, rank, entries, count)
-                scratch.seen[lane].search, scratch.seen[lane].step, scratch.seen[lane].until = now, there, until
+                seen = scratch.seen[moves.alike[lane]]
+                seen.search, seen.step, seen.until = now, there, until
                 states += 1
             later = until + 1 - taken  # at the earliest: what ends the safe interval takes a step at least
             if later <= latest and until < FOREVER:

@@ -10,6 +10,8 @@ from planners.safe_interval.timetable import TimedPath, Timetable
 EFFORTS = ((1_000, 1.0), (2_000, 1.5), (6_000, 2.5))  # entries a search looks at, and its weight
 RAISES = 1  # of each robot on average, before another order is tried
 
+KnownWays = dict[tuple[int | TimedPath | None, ...], tuple[TimedPath | None, int]]  # of a robot beside others' ways: its own, and entries
+
 
 def first_ways(timetable: Timetable, order: IntArray, protected_steps: int, deadline_s: float, most_work: int) -> bool:
     """Fill the timetable. Returns whether all robots have ways.
@@ -30,15 +32,16 @@ def first_ways(timetable: Timetable, order: IntArray, protected_steps: int, dead
     rank[order] = np.arange(len(order))
     raised = np.zeros(len(order), np.int64)
     waiting = order.tolist()
+    known: KnownWays = {}
     while waiting:
         if process_time() > deadline_s or timetable.work > most_work or raised.sum() > RAISES * len(order) + 20:
             return False
         robot = waiting.pop(0)
-        path = _first_way(timetable, robot)
+        path = _first_way(timetable, robot, known)
         evicted: list[int] = []
         if path is None:
             raised[robot] += 1
-            path, evicted = _raise(timetable, robot, raised)
+            path, evicted = _raise(timetable, robot, raised, known)
         if path is None:
             return False
         timetable.add(robot, path)
@@ -46,24 +49,33 @@ def first_ways(timetable: Timetable, order: IntArray, protected_steps: int, dead
     return True
 
 
-def _first_way(timetable: Timetable, robot: int) -> TimedPath | None:
-    """The earliest way, or where that takes long to find, one that is good."""
-    for most, weight in EFFORTS:
-        if path := timetable.search(robot, most, weight=weight):
-            return path
-        if timetable.exhausted:
-            break
-    return None
+def _first_way(timetable: Timetable, robot: int, known: KnownWays) -> TimedPath | None:
+    """The earliest way, or where that takes long to find, one that is good.
+
+    Robots that raise each other in turns look for the same ways again: these are known, but count as work as if they were not.
+    """
+    key = robot, *timetable.path
+    if key not in known:
+        path, before = None, timetable.work
+        for most, weight in EFFORTS:
+            path = timetable.search(robot, most, weight=weight)
+            if path or timetable.exhausted:
+                break
+        known[key] = path, timetable.work - before
+        return path
+    path, work = known[key]
+    timetable.work += work
+    return path
 
 
-def _raise(timetable: Timetable, robot: int, raised: IntArray) -> tuple[TimedPath | None, list[int]]:
+def _raise(timetable: Timetable, robot: int, raised: IntArray, known: KnownWays) -> tuple[TimedPath | None, list[int]]:
     """A way around those only that have been raised as often, or around nobody; and who has lost his way by that."""
     with_path = [r for r, path in enumerate(timetable.path) if path is not None]
     lower = [r for r in with_path if raised[r] < raised[robot]]
     lost: list[int] = []  # whom the starts of others, protected again for a moment, kept from their ways
     for others in (lower, with_path) if len(lower) < len(with_path) else (lower,):
         removed = [(r, path) for r in others if (path := timetable.remove(r)) is not None]
-        path = _first_way(timetable, robot)
+        path = _first_way(timetable, robot, known)
         if path is None:
             lost += _put_back(timetable, removed)
             continue

@@ -11,6 +11,7 @@ import numpy as np
 
 from mrp_sumo.core.graph import FloatArray, IntArray, NavGraph, frozen
 from mrp_sumo.core.plan import Plan
+from mrp_sumo.traffic.moves import MoveGraph
 from mrp_sumo.traffic.resources import Course, Resources, left_after_m, needs_of
 from planners.safe_interval._rays import STRAIGHT_RAD, DrivenRay, lay_course, lay_tails, steps_of_turns
 
@@ -30,6 +31,7 @@ class Moves(NamedTuple):
     heading_rad: FloatArray  # [L]
     turn_first: IntArray  # [L + 1] CSR: steps of turning from each lane to each that leaves its head
     turn: IntArray
+    alike: IntArray  # [L] the first of those that lead to one vertex along one lane of the map: robots go on alike from these
     onward: IntArray  # [L] the lane straight on, -1: none
     behind_first: IntArray  # [L + 1] CSR: the lanes whose `onward` it is
     behind: IntArray
@@ -53,6 +55,7 @@ class Moves(NamedTuple):
     turn_rad: float  # in a step
     concave: bool  # whether all lanes are driven at one top speed
     steps_per_m: float  # at the highest speed
+    many_states: bool  # whether the graph is one of moves, where a place of the map has many vertices
 
 
 def moves_of(graph: NavGraph, resources: Resources, limits: tuple[float, float, float, float], dt: float, kind: int = 0) -> Moves:
@@ -106,6 +109,7 @@ def moves_of(graph: NavGraph, resources: Resources, limits: tuple[float, float, 
         heading_rad=heading,
         turn_first=turn_first,
         turn=turn,
+        alike=_alike(graph),
         onward=onward,
         behind_first=np.searchsorted(onward[behind], lane).astype(np.int64),
         behind=behind.astype(np.int64),
@@ -129,7 +133,16 @@ def moves_of(graph: NavGraph, resources: Resources, limits: tuple[float, float, 
         turn_rad=turn_rate * dt,
         concave=bool((limit == limit[:1]).all()),
         steps_per_m=1.0 / (float(limit.max(initial=1e-9)) * dt),
+        many_states=isinstance(graph, MoveGraph),
     )
+
+
+def _alike(graph: NavGraph) -> IntArray:
+    """[L] see `Moves`."""
+    if not isinstance(graph, MoveGraph):
+        return np.arange(graph.num_lanes)
+    _, lane, which = np.unique(np.stack([graph.head, graph.base_lane]), axis=1, return_index=True, return_inverse=True)
+    return lane[which.reshape(-1)].astype(np.int64)
 
 
 def _straight_on(graph: NavGraph, heading: FloatArray) -> IntArray:

@@ -27,7 +27,8 @@ from mrp_sumo.search._records import FOREVER
 from mrp_sumo.traffic.draw import uniform_draw
 from mrp_sumo.traffic.referee import judge
 from mrp_sumo.traffic.resources import resources_of
-from planners.safe_interval._search import FAR, RunGround, is_shut_in, step_of_run, steps_left
+from planners.safe_interval._search import FAR, RunGround, is_cut_off, is_shut_in, step_of_run, steps_left
+from planners.safe_interval.first_ways import first_ways
 from planners.safe_interval.moves import moves_of
 from planners.safe_interval.timetable import Timetable
 
@@ -263,3 +264,46 @@ def test_a_robot_is_shut_in_where_others_stay_on_every_way_before_it_can_have_pa
     timetable._reserve(-1, tuple(np.array([each]) for each in held))
     ground = RunGround(timetable.moves[0], timetable.table, timetable.at_rest[0], timetable.facing[0], 1.0)
     assert is_shut_in(ground, timetable.scratch, 0, goal) == shut_in
+
+
+@pytest.mark.parametrize(
+    ("held", "cut_off"),
+    [
+        ([(3, 0, 90), (2, 50, FOREVER)], True),
+        ([(3, 0, 40), (2, 50, FOREVER)], False),  # it goes on in time
+        ([(3, 0, 90), (2, 50, 60)], False),
+    ],
+    ids=("too late", "in time", "for a while"),
+)
+def test_a_robot_is_cut_off_where_no_way_is_free_long_enough_for_it(held, cut_off):
+    """From 0 to 5 in a row: it cannot wait before 3 until that is free, since somebody stays at 2 by then."""
+    graph = graph_of([(0.4 * k, 0.0) for k in range(6)], [(k, k + 1) for k in range(5)])
+    timetable = Timetable(Problem(graph, fleet_of(CART, 1), np.array([0]), np.array([5]), np.arange(1), 1.0), 0.1)
+    timetable.look_back(0)
+    for each in held:
+        timetable._reserve(-1, tuple(np.array([value]) for value in each))
+    ground = RunGround(timetable.moves[0], timetable.table, timetable.at_rest[0], timetable.facing[0], 1.0)
+    assert is_cut_off(ground, 0, 5) == cut_off == (timetable.search(0) is None)
+    assert not is_shut_in(ground, timetable.scratch, 0, 5) or cut_off
+
+
+def test_robots_that_raise_each_other_in_turns_look_for_no_way_twice(monkeypatch):
+    """Two that would have to change places in a row: each raises itself above the other until that has been enough."""
+    graph = graph_of([(0.4 * k, 0.0) for k in range(6)], [(k, k + 1) for k in range(5)])
+    timetable = Timetable(Problem(graph, fleet_of(CART, 2), np.array([0, 5]), np.array([4, 1]), np.arange(2), 1.0), 0.1)
+    for robot in range(2):
+        timetable.look_back(robot)
+    asked, search, looked = [], timetable.search, 0
+
+    def noted(robot, most, weight):
+        nonlocal looked
+        asked.append((robot, most, *timetable.path))
+        before = timetable.work
+        path = search(robot, most, weight=weight)
+        looked += timetable.work - before
+        return path
+
+    monkeypatch.setattr(timetable, "search", noted)
+    assert not first_ways(timetable, np.arange(2), 20, np.inf, 10_000)
+    assert len(set(asked)) == len(asked) < 10
+    assert timetable.work > 2 * looked  # those known count, too
