@@ -24,6 +24,19 @@ class Clashes(NamedTuple):
     rotations: bool  # whether robots in a ring may all move at once, each to where the next one was
 
 
+class Beside(NamedTuple):
+    """Vertices of a graph that are one place: while a robot is at v, nobody else is at `vertex[first[v]:first[v + 1]]` at the same step."""
+
+    first: IntArray  # [V + 1] CSR
+    vertex: IntArray
+    place: IntArray  # [V] a number of the place
+
+
+def none_beside(num_vertices: int) -> Beside:
+    """Every vertex is a place of its own."""
+    return Beside(frozen(np.zeros(num_vertices + 1, np.int64)), frozen(np.zeros(0, np.int64)), frozen(np.arange(num_vertices)))
+
+
 def no_clashes(num_vertices: int, num_lanes: int, *, rotations: bool) -> Clashes:
     """The rules of MAPF alone."""
     first, nothing = frozen(np.zeros(num_lanes + num_vertices + 1, np.int64)), frozen(np.zeros(0, np.int64))

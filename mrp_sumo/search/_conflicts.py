@@ -158,8 +158,17 @@ def _left_too_late(store, occupancy, move, conflicts, count):
 
 @kernel(allocates=False)
 def _clashes(instance, store, occupancy, move, conflicts, count):
-    """Others whose moves to step t clash with the robot's from u to v."""
-    clashes, num_robots, before, t = instance.clashes, len(occupancy.record), count, move.t
+    """Others whose moves to step t clash with the robot's from u to v, or that are then at its place."""
+    clashes, beside, num_robots, before, t = instance.clashes, instance.beside, len(occupancy.record), count, move.t
+    for k in range(beside.first[move.v], beside.first[move.v + 1]):
+        w = beside.vertex[k]
+        if t < steps_known(occupancy):
+            visit = visitor(occupancy, w, t, 0)
+            while visit:
+                count = _add_clash(store, occupancy, move, visit - t * num_robots - 1, conflicts, before, count)
+                visit = visitor(occupancy, w, t, visit)
+        if occupancy.since[w] <= t:
+            count = _add_clash(store, occupancy, move, np.int64(occupancy.parked[w]), conflicts, before, count)
     own = move_of(instance.first, instance.head, move.u, move.v)
     for k in range(clashes.vertex_first[own], clashes.vertex_first[own + 1]):
         w = clashes.vertex[k]

@@ -48,10 +48,12 @@ def num_disturbed(store, occupancy, u, v, step, u_is_taken, following):
 
 
 @kernel(allocates=False)
-def num_too_close(instance, occupancy, move, step):
-    """Number, about, of places that clash with a move to `step` and are taken by others: one robot may count more than once."""
-    clashes = instance.clashes
+def num_too_close(instance, occupancy, move, at, step):
+    """Number, about, of places that clash with a move to `at` at `step` and are taken by others: one robot may count more than once."""
+    clashes, beside = instance.clashes, instance.beside
     num = np.int64(0)
+    for k in range(beside.first[at], beside.first[at + 1]):
+        num += is_taken(occupancy, beside.vertex[k], step)
     for k in range(clashes.vertex_first[move], clashes.vertex_first[move + 1]):
         v = clashes.vertex[k]
         num += is_taken(occupancy, v, step) or is_taken(occupancy, v, step - 1)

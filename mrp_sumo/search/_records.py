@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mrp_sumo.core.clashes import Clashes
+from mrp_sumo.core.clashes import Beside, Clashes
 from mrp_sumo.search._kernel import kernel
 
 FOREVER = 1 << 30
@@ -40,6 +40,7 @@ class SearchInstance(NamedTuple):
     following: bool  # whether following conflicts count
     tail: np.ndarray  # [L] int64
     clashes: Clashes
+    beside: Beside
 
 
 class Store(NamedTuple):

@@ -183,7 +183,7 @@ def find_path(tables, robot, least, bound, hurry, budget):
                 continue
             disturbs_there = disturbs + num_disturbed(store, occupancy, u, v, step, u_is_taken, following)
             if near:
-                disturbs_there += num_too_close(instance, occupancy, lane if lane < lanes_end else len(head) + u, step)
+                disturbs_there += num_too_close(instance, occupancy, lane if lane < lanes_end else len(head) + u, v, step)
             cell = (v << window.shift) + delay
             if _is_no_better(state, np.int64(visited[cell]), num_states, v, step, disturbs_there):
                 continue

@@ -12,7 +12,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from mrp_sumo.core.clashes import Clashes, no_clashes
+from mrp_sumo.core.clashes import Beside, Clashes, no_clashes, none_beside
 from mrp_sumo.core.graph import BoolArray, IntArray, NavGraph, PlanGraph, frozen
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.traffic.moves import MoveGraph
@@ -20,9 +20,10 @@ from mrp_sumo.traffic.resources import Resources, groups_of, ranges, resources_o
 
 NO_SEPARATION = -1.0  # stands for the rules of MAPF alone
 
-_known: WeakKeyDictionary[NavGraph, dict[float, Clashes]] = WeakKeyDictionary()
-_of_moves_known: WeakKeyDictionary[MoveGraph, dict[float, tuple["_Pairs", "_Pairs"]]] = WeakKeyDictionary()
+_known: WeakKeyDictionary[NavGraph, dict[tuple[float, bool], Clashes]] = WeakKeyDictionary()
+_of_moves_known: WeakKeyDictionary[MoveGraph, dict[tuple[float, bool], tuple["_Pairs", "_Pairs"]]] = WeakKeyDictionary()
 _from_starts: WeakKeyDictionary[Problem, Clashes] = WeakKeyDictionary()
+_from_starts_by_place: WeakKeyDictionary[Problem, tuple[Clashes, Beside]] = WeakKeyDictionary()
 
 
 def clashes_of(problem: Problem) -> Clashes:
@@ -34,8 +35,29 @@ def clashes_of(problem: Problem) -> Clashes:
     if not isinstance(graph, MoveGraph):
         return _on(graph, separation_m)
     if problem not in _from_starts:
-        _from_starts[problem] = _with_starts(graph, separation_m, problem.start)
+        _from_starts[problem] = _with_starts(graph, separation_m, problem.start, by_place=False)
     return _from_starts[problem]
+
+
+def clashes_by_place(problem: Problem, *, following: bool) -> tuple[Clashes, Beside]:
+    """The clashes for planners that know which vertices are one place, and these.
+
+    To them states at one place are no clashes: as on the map, a robot may come to a place in the step in which another leaves it, unless
+    `following` conflicts count.
+    """
+    graph = problem.graph
+    if not isinstance(graph, MoveGraph) or following:
+        return clashes_of(problem), none_beside(graph.num_vertices)
+    if problem not in _from_starts_by_place:
+        state = np.unique(np.concatenate([graph.head, problem.start]))
+        state = state[np.argsort(graph.place[state], kind="stable")]
+        one, other = _joined(np.arange(graph.num_vertices), graph.place, graph.place[state], state, graph.base.num_vertices)
+        one, other = one[one != other], other[one != other]  # ascending
+        first = np.append(0, np.cumsum(np.bincount(one, minlength=graph.num_vertices)))
+        beside = Beside(frozen(first), frozen(other), graph.place)
+        separation_m = problem.fleet.separation_m if problem.drivable else NO_SEPARATION
+        _from_starts_by_place[problem] = _with_starts(graph, separation_m, problem.start, by_place=True), beside
+    return _from_starts_by_place[problem]
 
 
 def exclusive_vertices(problem: Problem) -> dict[int, frozenset[int]]:
@@ -74,37 +96,40 @@ class _Pairs(NamedTuple):
         return frozen(self.first + np.append(0, np.cumsum(count))), frozen(np.insert(self.of, place, more % size))
 
 
-def _with_starts(graph: MoveGraph, separation_m: float, start: IntArray) -> Clashes:
+def _with_starts(graph: MoveGraph, separation_m: float, start: IntArray, *, by_place: bool) -> Clashes:
     """The clashes with states that moves lead to, and those at which paths begin."""
-    clashes, known = _on(graph, separation_m), _of_moves_known.setdefault(graph, {})
-    if separation_m not in known:
+    clashes, known, key = _on(graph, separation_m, by_place=by_place), _of_moves_known.setdefault(graph, {}), (separation_m, by_place)
+    if key not in known:
         begins = np.ones(graph.num_vertices, np.bool_)
         begins[graph.head] = False
         vertices = _Pairs.apart_from(clashes.vertex_first, clashes.vertex, begins)
-        known[separation_m] = vertices, _Pairs.apart_from(clashes.lane_first, clashes.lane, begins[graph.tail])
-    vertices, lanes = known[separation_m]
+        known[key] = vertices, _Pairs.apart_from(clashes.lane_first, clashes.lane, begins[graph.tail])
+    vertices, lanes = known[key]
     begun = ranges(graph.first[start], np.diff(graph.first)[start])
     return Clashes(*vertices.and_of(start), *lanes.and_of(begun), clashes.any, clashes.rotations)
 
 
-def _on(graph: PlanGraph, separation_m: float) -> Clashes:
-    known = _known.setdefault(graph, {})
-    if separation_m not in known:
+def _on(graph: PlanGraph, separation_m: float, *, by_place: bool = False) -> Clashes:
+    known, key = _known.setdefault(graph, {}), (separation_m, by_place)
+    if key not in known:
         if isinstance(graph, MoveGraph):
-            known[separation_m] = _of_states(graph, _on(graph.base, separation_m))
+            known[key] = _of_states(graph, _on(graph.base, separation_m), by_place=by_place)
         elif separation_m == NO_SEPARATION:
-            known[separation_m] = no_clashes(graph.num_vertices, graph.num_lanes, rotations=True)
+            known[key] = no_clashes(graph.num_vertices, graph.num_lanes, rotations=True)
         else:
-            known[separation_m] = _clashes(graph, separation_m)
-    return known[separation_m]
+            known[key] = _clashes(graph, separation_m)
+    return known[key]
 
 
-def _of_states(graph: MoveGraph, of_map: Clashes) -> Clashes:
-    """The clashes of a graph of moves: all states at a place exclude each other, and those at places that exclude each other on the map."""
+def _of_states(graph: MoveGraph, of_map: Clashes, *, by_place: bool) -> Clashes:
+    """The clashes of a graph of moves: all states at a place exclude each other, and those at places that exclude each other on the map.
+
+    `by_place` the states at the places of a move are left to planners, and lanes that lead the other way are clashes instead.
+    """
     base, place, count = graph.base, graph.place, graph.base.num_vertices
     tows = np.flatnonzero(graph.behind >= 0)
     held, state = np.concatenate([place, graph.behind[tows]]), np.concatenate([np.arange(len(place)), tows])  # places, and who is there
-    by_place, by_lane = np.argsort(held, kind="stable"), np.argsort(graph.base_lane, kind="stable")
+    by_held, by_lane = np.argsort(held, kind="stable"), np.argsort(graph.base_lane, kind="stable")
     num_vertices, num_lanes = graph.num_vertices, graph.num_lanes
     num_moves = num_lanes + num_vertices
     all_moves = np.arange(num_moves)
@@ -122,10 +147,15 @@ def _of_states(graph: MoveGraph, of_map: Clashes) -> Clashes:
         begin, number = of_map.lane_first[move[some]], np.diff(of_map.lane_first)[move[some]]
         lanes.append(np.stack([np.repeat(some, number), of_map.lane[ranges(begin, number)]]))
     pairs = np.unique(np.concatenate([one * count + at for one, at in parts]))
-    move, vertex = _joined(pairs // count, pairs % count, held[by_place], state[by_place], count)
+    move, vertex = _joined(pairs // count, pairs % count, held[by_held], state[by_held], count)
     grouped = np.isin(pairs, np.concatenate([one * count + at for one, at in parts[2:]]))  # excluded beyond the rules of MAPF
     keep = np.repeat(grouped, np.bincount(held, minlength=count)[pairs % count])
     keep |= (vertex != ends[0][move]) & (vertex != ends[1][move])
+    if by_place:  # but for trailers there
+        there = np.bincount(held, minlength=count)[pairs % count]
+        keep &= np.repeat(grouped, there) | (place[vertex] != np.repeat(pairs % count, there))
+        back = base.reverse[graph.base_lane]
+        lanes.append(np.stack([np.flatnonzero(back >= 0), back[back >= 0]]))
     vertex_first, vertex = _csr(move[keep], vertex[keep], num_moves)
     on, lane = np.unique(np.concatenate(lanes, 1), axis=1)
     on, lane = _joined(on, lane, graph.base_lane[by_lane], by_lane, base.num_lanes)

@@ -141,11 +141,14 @@ def _split(instance, store, scratch, one, other, row, symmetries):
         sort = AT_TARGET
         add_row(store, MIN_COST, at, -1, step + 1, step + 1)
         middle = store.used[ROWS]
-        add_row(store, RANGE, at, -1, step, FOREVER)
+        if not _bar_place(instance, store, at, step, FOREVER):
+            store.used[ROWS] = begin
+            return STORE_FULL
     elif kind == MEET:
-        add_row(store, RANGE, at, -1, step, step)
-        middle = store.used[ROWS]
-        add_row(store, RANGE, at, -1, step, step)
+        middle = _split_meeting(instance, store, at, at, step)
+        if middle < 0:
+            store.used[ROWS] = begin
+            return STORE_FULL
     elif kind == SWAP:
         add_row(store, EDGE, at, row.tail, step, step)
         middle = store.used[ROWS]
@@ -191,12 +194,17 @@ def _split_clash(instance, store, one, other, row):
     if row.kind == CLASH_AT_TARGET:
         fits = add_row(store, MIN_COST, row.at, -1, step + 1, step + 1)
         middle = store.used[ROWS]
+        fits = fits and _bar_place(instance, store, row.at, step, FOREVER)
         return middle if fits and _bar(instance, store, len(head) + row.at, (step - 1, FOREVER, step, FOREVER)) else np.int64(-1)
     moves = np.empty((2, 3), np.int64)
     for side in range(2):
         record = one if side == 0 else other
         u, v = place(store, record, step - 1), place(store, record, step)
         moves[side, 0], moves[side, 1], moves[side, 2] = u, v, move_of(first, head, u, v)
+    beside = instance.beside
+    for k in range(beside.first[moves[0, 1]], beside.first[moves[0, 1] + 1]):
+        if beside.vertex[k] == moves[1, 1]:
+            return _split_meeting(instance, store, moves[0, 1], moves[1, 1], step)
     for side in range(2):  # who is kept from a place
         mine, theirs = moves[side], moves[1 - side]
         for end in range(1, -1, -1):
@@ -205,6 +213,23 @@ def _split_clash(instance, store, one, other, row):
                 return _two_sides(instance, store, side, (RANGE, v, -1, t), len(head) + v, (max(t - 1, 0), t + 1, t, t + 1))
     edge = EDGE, moves[0, 1], moves[0, 0], step
     return _two_sides(instance, store, 0, edge, moves[0, 2], (step - 1, step, step, step))
+
+
+@kernel
+def _split_meeting(instance, store, one_at, other_at, step):
+    """Keep one of two robots from a place at a step; the row at which those of OTHER begin, -1 where there is no room."""
+    fits = _bar_place(instance, store, one_at, step, step)
+    middle = store.used[ROWS]
+    return middle if fits and _bar_place(instance, store, other_at, step, step) else np.int64(-1)
+
+
+@kernel
+def _bar_place(instance, store, v, begin, end):
+    """Keep a robot from a vertex and those that are one place with it, from a step to another. False where there is no room."""
+    beside, fits = instance.beside, add_row(store, RANGE, v, -1, begin, end)
+    for k in range(beside.first[v], beside.first[v + 1]):
+        fits = fits and add_row(store, RANGE, beside.vertex[k], -1, begin, end)
+    return fits
 
 
 @kernel

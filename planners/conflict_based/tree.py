@@ -25,7 +25,7 @@ from mrp_sumo.search._space_time import ReplanEffort, TreeTables
 from mrp_sumo.search.distance import distances
 from mrp_sumo.search.entries import Entries, enter, entries_of
 from mrp_sumo.search.solvable import unsolvable
-from mrp_sumo.traffic.clashes import clashes_of
+from mrp_sumo.traffic.clashes import clashes_by_place
 from planners.conflict_based._cover import cover
 from planners.conflict_based._nodes import all_rows, branch, same_path
 from planners.conflict_based._pairs import IMPOSSIBLE, pair_weight
@@ -98,6 +98,7 @@ class Tree:
         tables = distances(problem.graph)
         target = problem.target
         column, line = (like.instance.column, like.instance.line) if like else _cells(problem.graph)
+        clashes, beside = clashes_by_place(problem, following=following)
         self.instance: st.SearchInstance = st.SearchInstance(
             tables.first,
             tables.head,
@@ -110,9 +111,10 @@ class Tree:
             line,
             following,
             problem.graph.tail,
-            clashes_of(problem),
+            clashes,
+            beside,
         )
-        self._entries: Entries = like._entries if like else entries_of((*self.instance, *self.instance.clashes))
+        self._entries: Entries = like._entries if like else entries_of((*self.instance, *clashes, *beside))
         self.limits = limits
         self._window = problem.window_steps  # later conflicts are none; 0: all are
         self.symmetries = symmetries and not self._window  # their constraints reach beyond
@@ -289,7 +291,9 @@ class Tree:
         """Robots of a node without conflicts that rotate where they must not, each with its move: from, to, and the step it leads to."""
         if node.ring is None:
             end = self._window + 1 if self._window else None
-            node.ring = [] if self.instance.clashes.rotations else first_ring([path[:end] for path in self.paths(node)])
+            paths, place = [path[:end] for path in self.paths(node)], self.instance.beside.place
+            ring = [] if self.instance.clashes.rotations else first_ring([place[path] for path in paths])
+            node.ring = [(robot, int(paths[robot][step - 1]), int(paths[robot][step]), step) for robot, _, _, step in ring]
         return node.ring
 
     def _split_ring(self, node: ConflictNode, w: float) -> list[ConflictNode]:

@@ -13,7 +13,7 @@ import numpy as np
 from mrp_sumo.search._clashing import move_of
 from mrp_sumo.search._kernel import kernel
 from planners.neighbourhood._sipps import steps_from
-from planners.neighbourhood._traffic import RepairTask, anyone_in, closes_ring, holds, lane_between, num_in
+from planners.neighbourhood._traffic import RepairTask, anyone_at, anyone_in, closes_ring, holds, lane_between, num_in
 
 DECAY = 0.01  # of a neighbourhood kind's record
 LATEST = 32  # robots that a bandit chooses from
@@ -84,7 +84,7 @@ def collide(traffic, hood, robot, until):
                     crossed = traffic.at[other, t] == before and traffic.at[other, t - 1] == v and traffic.end[other] >= 0
                     if crossed and not hood.hit[robot, other]:
                         new += _hit(hood, robot, other)
-            ahead = anyone_in(traffic.on, v, t - 1) if task.rings else np.int64(-1)
+            ahead = anyone_at(traffic, v, t - 1) if task.rings else np.int64(-1)
             if ahead >= 0 and ahead != robot and not hood.hit[robot, ahead] and closes_ring(traffic, before, v, t):
                 new += _hit(hood, robot, ahead)
         if task.clashes.any and t > 0:
@@ -95,9 +95,12 @@ def collide(traffic, hood, robot, until):
 
 @kernel(allocates=False)
 def _hit_near(traffic, hood, robot, u, v, t):
-    """Enter the pairs of a robot that goes from u to v, or waits, and all others that come too close in that step."""
+    """Enter the pairs of a robot that goes from u to v, or waits, and all others that come too close in that step, or to one place."""
     task = traffic.task
-    clashes, new = task.clashes, 0
+    clashes, beside, new = task.clashes, task.beside, 0
+    for k in range(beside.first[v], beside.first[v + 1]):
+        if num_in(traffic.on, beside.vertex[k], t) > 0:
+            new += _hit_holders(traffic, hood, robot, beside.vertex[k], t)
     move = move_of(task.first, task.head, u, v)
     for k in range(clashes.vertex_first[move], clashes.vertex_first[move + 1]):
         w = clashes.vertex[k]
@@ -314,7 +317,9 @@ def _choose_about(traffic, hood, num, v, t):
     """Choose the robots that hold a vertex at a step, or stand too close to it."""
     task = traffic.task
     num = _choose_on(traffic, hood, num, v, t)
-    clashes = task.clashes
+    clashes, beside = task.clashes, task.beside
+    for k in range(beside.first[v], beside.first[v + 1]):
+        num = _choose_on(traffic, hood, num, beside.vertex[k], t)
     if clashes.any:
         move = len(task.head) + v
         for k in range(clashes.vertex_first[move], clashes.vertex_first[move + 1]):

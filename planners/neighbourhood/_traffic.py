@@ -7,14 +7,15 @@ How many robots hold a vertex at a step is in a table of vertices and steps: eve
 memory, only cells in use have one. A sparse table is hashed: slots lie at the number of a cell, mixed, or behind it (Knuth, The Art of
 Computer Programming, volume 3, section 6.4: linear probing, algorithm R for deletion). A robot that stays at its goal is one entry there.
 
-Where moves clash, a robot bars the vertices and lanes that are too close to its own: vertices are then busy as if it held them.
+Where moves clash, a robot bars the vertices and lanes that are too close to its own: vertices are then busy as if it held them. So are
+those that are one place with its own, at the step at which it is there.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
-from mrp_sumo.core.clashes import Clashes
+from mrp_sumo.core.clashes import Beside, Clashes
 from mrp_sumo.search._clashing import move_of
 from mrp_sumo.search._kernel import kernel
 
@@ -37,6 +38,7 @@ class RepairTask(NamedTuple):
     steps: np.ndarray  # [R, V] int32 to each robot's goal; [R, 0] where only `code` is known
     code: np.ndarray  # [R, ceil(V / 4)] uint8 which way is nearer, see _pibt_instance; [R, 0] where `steps` are
     clashes: Clashes
+    beside: Beside
     following: bool  # nobody may enter a vertex in the step in which another leaves it
     rings: bool  # rings of robots may not move at once, and there is no rule about following that keeps them from it
     window: int  # steps for which robots keep clear of each other; 0: always
@@ -232,9 +234,14 @@ def add_path(traffic, robot):
 def _bar(traffic, robot):
     """Bar what is too close to the robot's moves."""
     task = traffic.task
-    clashes, at, num_near, busy, num_barred, barred = (
-        task.clashes, traffic.at[robot], traffic.num_near, traffic.busy, traffic.num_barred, traffic.barred,
+    clashes, beside, at, num_near, busy, num_barred, barred = (
+        task.clashes, task.beside, traffic.at[robot], traffic.num_near, traffic.busy, traffic.num_barred, traffic.barred,
     )  # fmt: skip
+    for t in range(traffic.window):
+        for k in range(beside.first[at[t]], beside.first[at[t] + 1]):
+            v = beside.vertex[k]
+            num_near[v, t] += 1
+            busy[v, t >> 5] |= np.int64(1) << (t & 31)
     for t in range(1, traffic.window):
         move = move_of(task.first, task.head, np.int64(at[t - 1]), np.int64(at[t]))
         for k in range(clashes.vertex_first[move], clashes.vertex_first[move + 1]):
@@ -251,9 +258,15 @@ def _bar(traffic, robot):
 def _unbar(traffic, robot):
     """Take back what `_bar` did."""
     task = traffic.task
-    clashes, at, on, num_near, busy, num_barred, barred = (
-        task.clashes, traffic.at[robot], traffic.on, traffic.num_near, traffic.busy, traffic.num_barred, traffic.barred,
+    clashes, beside, at, on, num_near, busy, num_barred, barred = (
+        task.clashes, task.beside, traffic.at[robot], traffic.on, traffic.num_near, traffic.busy, traffic.num_barred, traffic.barred,
     )  # fmt: skip
+    for t in range(traffic.window):
+        for k in range(beside.first[at[t]], beside.first[at[t] + 1]):
+            v = beside.vertex[k]
+            num_near[v, t] -= 1
+            if num_near[v, t] == 0 and num_in(on, v, t) == 0:
+                busy[v, t >> 5] &= ~(np.int64(1) << (t & 31))
     for t in range(1, traffic.window):
         move = move_of(task.first, task.head, np.int64(at[t - 1]), np.int64(at[t]))
         for k in range(clashes.vertex_first[move], clashes.vertex_first[move + 1]):
@@ -332,17 +345,28 @@ def holds(traffic, robot, v, t):
 
 
 @kernel(allocates=False)
+def anyone_at(traffic, v, t):
+    """One of the robots at the place of a vertex at a step, -1 where there is none."""
+    beside = traffic.task.beside
+    robot = anyone_in(traffic.on, v, t)
+    for k in range(beside.first[v], beside.first[v + 1]):
+        if robot < 0:
+            robot = anyone_in(traffic.on, beside.vertex[k], t)
+    return robot
+
+
+@kernel(allocates=False)
 def closes_ring(traffic, v, u, t):
     """True if a move from v that arrives on u at step t completes a ring of robots that move at once."""
-    w = u
+    w, place = u, traffic.task.beside.place
     for _ in range(len(traffic.at)):
-        robot = anyone_in(traffic.on, w, t - 1)
+        robot = anyone_at(traffic, w, t - 1)
         if robot < 0:
             return False
         onward = np.int64(traffic.at[robot, t])
-        if onward == v:
+        if place[onward] == place[v]:
             return True
-        if onward == w:
+        if place[onward] == place[w]:
             return False
         w = onward
     return False

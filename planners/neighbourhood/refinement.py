@@ -14,7 +14,7 @@ import numpy as np
 from mrp_sumo.core.graph import IntArray
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.search.distance import distances
-from mrp_sumo.traffic.clashes import clashes_of
+from mrp_sumo.traffic.clashes import clashes_by_place
 from planners.configuration._pibt_instance import PibtInstance
 from planners.configuration.guides import MOVES_A_LANE
 from planners.neighbourhood import _lns
@@ -70,10 +70,10 @@ def task_on(problem: Problem, world: PibtInstance) -> RepairTask:
 
 
 def _task(problem: Problem, steps: tuple[np.ndarray, np.ndarray, np.ndarray], following: bool, rotations: bool) -> RepairTask:
-    graph, clashes = problem.graph, clashes_of(problem)
+    graph, (clashes, beside) = problem.graph, clashes_by_place(problem, following=following)
     rings = not (rotations and clashes.rotations) and not following
     ends = np.array(problem.start), np.array(problem.target)
-    return RepairTask(graph.first, graph.head, graph.reverse, *ends, *steps, clashes, following, rings, problem.window_steps)
+    return RepairTask(graph.first, graph.head, graph.reverse, *ends, *steps, clashes, beside, following, rings, problem.window_steps)
 
 
 class Repair:

@@ -10,10 +10,11 @@ from mrp_sumo.core.problem import Standing
 from mrp_sumo.planning.answers import planned_by
 from mrp_sumo.planning.registry import planner
 from mrp_sumo.planning.vehicles import on_moves
-from mrp_sumo.traffic.clashes import clashes_of
-from mrp_sumo.traffic.moves import BOUND
+from mrp_sumo.traffic.clashes import clashes_by_place, clashes_of
+from mrp_sumo.traffic.moves import BOUND, UNDER_WAY
 from mrp_sumo.traffic.referee import judge
 from mrp_sumo.traffic.turns import obstacle_to, with_swings
+from planners.conflict_based.tree import NO_CONFLICTS, ConflictNode, SearchLimits, Tree
 from tests.vehicles import CAR, CART, TRICYCLE, TUGGER, corner, roads, squares, vehicles_on
 
 PLANNERS = ("astar", "cbs", "ecbs", "eecbs", "pbs", "prioritised", "pibt", "lacam", "lns2", "continuous", "auto")
@@ -198,3 +199,41 @@ def test_goals_too_near_to_a_corner_where_trucks_swing_are_named_with_what_they_
     result = plan(vehicles_on(graph, [2, 5], [1, 4], forks))
     needs_m = long_m - 0.01 + graph.swing_m[[1, 4]].sum()
     assert result.status is Status.INFEASIBLE and f"{long_m:.3f} m apart, where they need {needs_m:.3f} m" in result.message
+
+
+@pytest.mark.parametrize("name", ["cbs", "eecbs", "prioritised"])
+def test_a_vehicle_comes_to_a_place_as_another_leaves_it_unless_following_is_forbidden(name):
+    """Over the crossing 0 from 1 to 2, and from 5, a lane farther off, over 3 to 4: nobody has to wait."""
+    graph = roads([(0.0, 0.0), (-4.0, 0.0), (4.0, 0.0), (0.0, -4.0), (0.0, 4.0), (0.0, -8.0)], [(0, 1), (0, 2), (0, 3), (0, 4), (3, 5)])
+    problem = vehicles_on(graph, [1, 5], [2, 4], TRICYCLE)
+    for following in (False, True):
+        result = planned_by(planner(name, {"following": following}), problem, 20.0)
+        assert judge(problem, result.plan).valid
+        assert (result.plan.end_s.sum() == pytest.approx(5 * problem.step_s)) != following
+
+
+@pytest.mark.parametrize("num_robots", [4, 3])
+def test_vehicles_on_a_block_that_all_go_on_at_once_rotate_though_none_enters_a_state_that_another_leaves(num_robots, monkeypatch):
+    """Each goes to where the next one is; of three the last one to where nobody is."""
+    ring = [0, 1, 3, 2][:num_robots]
+    problem = on_moves(vehicles_on(squares(2, 4.0), ring, [1, 3, 2, 0][:num_robots], TRICYCLE))
+    graph, tree = problem.graph, Tree(problem, SearchLimits(20.0, 100))
+    lanes = [graph.base.lane_between(*lane) for lane in zip(ring, [1, 3, 2, 0])]
+    paths = [np.array([start, graph.states[0].at[UNDER_WAY, lane, 0]]) for start, lane in zip(problem.start, lanes)]
+    monkeypatch.setattr(tree, "paths", lambda node: paths)
+    moves = [(robot, *paths[robot].tolist(), 1) for robot in range(num_robots)]
+    assert sorted(tree.ring(ConflictNode(tree, np.zeros(num_robots, np.int64), NO_CONFLICTS, 0, 0))) == (moves if num_robots == 4 else [])
+
+
+def test_states_of_one_place_are_beside_each_other_and_no_clashes_for_planners_that_know_places():
+    problem = on_moves(vehicles_on(squares(2, 4.0), [0, 3], [1, 2], [TRICYCLE, CART]))
+    graph, (clashes, beside) = problem.graph, clashes_by_place(problem, following=False)
+    at = set(graph.head.tolist()) | set(problem.start.tolist())
+    start = problem.start[0]
+    assert beside.vertex[slice(*beside.first[start : start + 2])].tolist() == [v for v in sorted(at - {start}) if graph.place[v] == 0]
+    assert not len(clashes.vertex)
+    lane = graph.first[start]
+    there = clashes.lane[slice(*clashes.lane_first[lane : lane + 2])]
+    assert set(graph.base_lane[there].tolist()) == {graph.base.reverse[graph.base_lane[lane]]}
+    strict, nobody = clashes_by_place(problem, following=True)
+    assert strict is clashes_of(problem) and not len(nobody.vertex)
