@@ -9,7 +9,7 @@ import pytest
 from mrp_sumo.experiments.paper import kinds_of
 from mrp_sumo.experiments.statistics import Interval
 from mrp_sumo.reports.paper import beside
-from mrp_sumo.reports.paper.beside import Beside
+from mrp_sumo.reports.paper.beside import BesidePaper
 from mrp_sumo.reports.paper.printed import map_of_paper, printed
 from mrp_sumo.reports.study import _study
 
@@ -42,14 +42,14 @@ def study(arrived):
 
 
 def test_paper_agrees_within_the_digits_that_it_prints():
-    assert Beside({}, "percent", Interval(80, 70, 83.6, 100), 84).agrees  # anything from 83.5 is printed as 84
-    assert not Beside({}, "percent", Interval(80, 70, 83.4, 100), 84).agrees
-    assert Beside({}, "cells", Interval(65, 64, 65.26, 10), 65.3).agrees
-    assert Beside({}, "percent", Interval(80, 70, 90, 100)).agrees is None
+    assert BesidePaper({}, "percent", Interval(80, 70, 83.6, 100), 84).agrees  # anything from 83.5 is printed as 84
+    assert not BesidePaper({}, "percent", Interval(80, 70, 83.4, 100), 84).agrees
+    assert BesidePaper({}, "cells", Interval(65, 64, 65.26, 10), 65.3).agrees
+    assert BesidePaper({}, "percent", Interval(80, 70, 90, 100)).agrees is None
 
 
 def test_number_without_an_interval_is_null_in_json():
-    document = Beside({"map": "office"}, "mean_s", Interval(1.0, math.nan, math.nan, 1)).document
+    document = BesidePaper({"map": "office"}, "mean_s", Interval(1.0, math.nan, math.nan, 1)).document
     assert (document["ours"], document["low"], document["high"], document["paper_value"]) == (1.0, None, None, None)
 
 

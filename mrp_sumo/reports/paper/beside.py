@@ -22,7 +22,7 @@ PRINTED = ("vertices", "edges", "width_m", "height_m", "cells", "free_cells", "b
 
 
 @dataclass(frozen=True)
-class Beside:
+class BesidePaper:
     """A number of ours, and the paper's where it prints one."""
 
     labels: dict[str, Any]  # what it is of
@@ -94,7 +94,7 @@ class Ordered:
         }
 
 
-def table_1(study: ReportedRuns) -> list[Beside]:
+def table_1(study: ReportedRuns) -> list[BesidePaper]:
     """Facts of the maps; the paper's are of cells of 0.4 m."""
     rows = []
     for name in study.maps:
@@ -104,21 +104,21 @@ def table_1(study: ReportedRuns) -> list[Beside]:
             for column, quantity in zip(COUNTED, PRINTED):
                 value = float(run[column])
                 theirs = printed("table_1", map_of_paper(name), quantity) if cell_m == 0.4 else None
-                rows.append(Beside({"map": name, "cell_m": cell_m}, quantity, Interval(value, value, value, 1), theirs))
+                rows.append(BesidePaper({"map": name, "cell_m": cell_m}, quantity, Interval(value, value, value, 1), theirs))
     return rows
 
 
-def table_2(study: ReportedRuns) -> list[Beside]:
+def table_2(study: ReportedRuns) -> list[BesidePaper]:
     """Share of the experiments with a plan, valid or not, within the limit; the paper's are of 5 and 9 robots together."""
     rows = []
     for labels, runs, together in _experiments(study):
         rate = wilson(int(runs["_planned"].sum()), len(runs))
         theirs = printed("table_2", map_of_paper(labels["map"]), labels["planner"]) if together else None
-        rows.append(Beside(labels, "planned_percent", percent(rate), theirs))
+        rows.append(BesidePaper(labels, "planned_percent", percent(rate), theirs))
     return rows
 
 
-def table_3(study: ReportedRuns) -> list[Beside]:
+def table_3(study: ReportedRuns) -> list[BesidePaper]:
     """Share of the experiments in which all robots reach their goals; the paper's robots yield locally."""
     rows = []
     for how, driven in ways(study):
@@ -128,14 +128,14 @@ def table_3(study: ReportedRuns) -> list[Beside]:
                 arrived = wilson(int((of["_planned"] & arrivals(of)).sum()), len(of))
                 theirs = printed("table_3", rate, map_of_paper(labels["map"]), labels["planner"])
                 rows.append(
-                    Beside(
+                    BesidePaper(
                         {"execution": how, **labels}, f"{rate}_percent", percent(arrived), theirs if together and how == YIELDING else None
                     )
                 )
     return rows
 
 
-def table_4(study: ReportedRuns) -> list[Beside]:
+def table_4(study: ReportedRuns) -> list[BesidePaper]:
     """Mean makespan and cost of what every planner solved, in cells with the start included."""
     common, _ = commonly_solved(study.frame)
     rows = []
@@ -143,11 +143,11 @@ def table_4(study: ReportedRuns) -> list[Beside]:
         runs = common[common["planner"] == planner]
         for quantity, column in (("makespan_cells", "makespan_steps"), ("cost_cells", "cost_steps")):
             mean = bootstrap_mean(numbers(runs, column))
-            rows.append(Beside({"planner": planner}, quantity, mean, printed("table_4", quantity, planner)))
+            rows.append(BesidePaper({"planner": planner}, quantity, mean, printed("table_4", quantity, planner)))
     return rows
 
 
-def figure_5(study: ReportedRuns) -> list[Beside]:
+def figure_5(study: ReportedRuns) -> list[BesidePaper]:
     """Planning time of the scenarios with a plan: mean and standard deviation; quartiles and what the paper says stand beside them."""
     rows = []
     for planner in _planners(study.frame):
@@ -156,13 +156,13 @@ def figure_5(study: ReportedRuns) -> list[Beside]:
         five = [float(q) for q in np.quantile(time_s, (0, 0.25, 0.5, 0.75, 1))] if len(time_s) else None
         says = numbers_of_paper()["figure_5"]["says"].get(planner)
         labels = {"planner": planner, "scenarios": len(runs), "solved": len(time_s), "five_numbers_s": five, "paper_says": says}
-        rows.append(Beside(labels, "mean_s", bootstrap_mean(time_s), printed("figure_5", "mean_s", planner)))
+        rows.append(BesidePaper(labels, "mean_s", bootstrap_mean(time_s), printed("figure_5", "mean_s", planner)))
         spread = printed("figure_5", "standard_deviation_s", planner)
-        rows.append(Beside(labels, "standard_deviation_s", bootstrap_deviation(time_s), spread))
+        rows.append(BesidePaper(labels, "standard_deviation_s", bootstrap_deviation(time_s), spread))
     return rows
 
 
-def replicability(single: ReportedRuns, five: ReportedRuns | None, kinds: Kinds) -> list[Beside]:
+def replicability(single: ReportedRuns, five: ReportedRuns | None, kinds: Kinds) -> list[BesidePaper]:
     """The paper's three studies of a hundred runs each: one robot, and scenarios of its two kinds."""
     rows = _repeated(single.frame, {"study": "one_robot", "robots": 1}, "one_robot")
     if five is None:
@@ -176,14 +176,14 @@ def replicability(single: ReportedRuns, five: ReportedRuns | None, kinds: Kinds)
     return rows
 
 
-def _repeated(runs: pd.DataFrame, labels: dict[str, Any], study: str) -> list[Beside]:
+def _repeated(runs: pd.DataFrame, labels: dict[str, Any], study: str) -> list[BesidePaper]:
     """Success, mean, fastest and spread of the runs of one plan."""
     arrived = arrivals(runs)
     time_s, planning_s = numbers(runs[arrived], "execution_time_s"), numbers(runs, "planning_time_s")
     fastest = float(time_s.min()) if len(time_s) else math.nan
     theirs = numbers_of_paper()["replicability"][study]
     return [
-        Beside(labels, quantity, ours, theirs.get(quantity))
+        BesidePaper(labels, quantity, ours, theirs.get(quantity))
         for quantity, ours in (
             ("success_percent", percent(wilson(int(arrived.sum()), len(runs)))),
             ("mean_s", bootstrap_mean(time_s)),

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from mrp_sumo.experiments.statistics import bootstrap_mean, wilson
-from mrp_sumo.reports.paper.beside import ORDERED, REPLANNING, YIELDING, Beside, arrivals
+from mrp_sumo.reports.paper.beside import ORDERED, REPLANNING, YIELDING, BesidePaper, arrivals
 from mrp_sumo.reports.paper.printed import map_of_paper, printed
 from mrp_sumo.reports.study import ReportedRuns, numbers
 from mrp_sumo.reports.tables.table import Cell, ReportTable, percent
@@ -14,7 +14,7 @@ SCENARIOS = 39  # of the paper's Table IV
 DRAWS = 10_000
 
 
-def causes(studies: Mapping[str, ReportedRuns], table_3: Sequence[Beside], table_2: Sequence[Beside]) -> ReportTable:
+def causes(studies: Mapping[str, ReportedRuns], table_3: Sequence[BesidePaper], table_2: Sequence[BesidePaper]) -> ReportTable:
     """The experiments, a row for each number that they change; `studies` by the names of their suites."""
     rows: list[list[Cell]] = []
     if study := studies.get("paper_no_yielding"):
@@ -33,7 +33,7 @@ def causes(studies: Mapping[str, ReportedRuns], table_3: Sequence[Beside], table
     )
 
 
-def _without_yielding(study: ReportedRuns, table_3: Sequence[Beside]) -> list[list[Cell]]:
+def _without_yielding(study: ReportedRuns, table_3: Sequence[BesidePaper]) -> list[list[Cell]]:
     rows: list[list[Cell]] = []
     for name in study.maps:
         runs = study.frame[study.frame["_map"] == name]
@@ -52,7 +52,7 @@ def _without_yielding(study: ReportedRuns, table_3: Sequence[Beside]) -> list[li
     return rows
 
 
-def _slow(study: ReportedRuns, table_2: Sequence[Beside]) -> list[list[Cell]]:
+def _slow(study: ReportedRuns, table_2: Sequence[BesidePaper]) -> list[list[Cell]]:
     rows: list[list[Cell]] = []
     (name,) = study.maps
     (base,) = (row for row in _together(table_2, name) if row.labels["planner"] == "cbs")
@@ -81,6 +81,6 @@ def _other_seeds(study: ReportedRuns, costs: ReportedRuns) -> list[list[Cell]]:
     return rows
 
 
-def _together(rows: Sequence[Beside], name: str) -> list[Beside]:
+def _together(rows: Sequence[BesidePaper], name: str) -> list[BesidePaper]:
     """Those on a map of all numbers of robots together."""
     return [row for row in rows if row.labels["map"] == name and " and " in row.labels["robots"]]

@@ -13,7 +13,7 @@ from mrp_sumo.reports.pictures.map_picture import INK, PAPER
 from mrp_sumo.reports.study import PLANNER_NAMES, ReportedRuns, numbers
 
 if TYPE_CHECKING:
-    from mrp_sumo.reports.paper.beside import Beside
+    from mrp_sumo.reports.paper.beside import BesidePaper
 
 
 def figure_5(study: ReportedRuns) -> list[Chart]:
@@ -116,7 +116,7 @@ def _violins(figure: Figure, values: list[tuple[str, FloatArray]], label: str) -
     ax.grid(axis="y", visible=False)
 
 
-def arrivals_chart(name: str, rows: "Sequence[Beside]") -> Chart:
+def arrivals_chart(name: str, rows: "Sequence[BesidePaper]") -> Chart:
     """Table III on a map: shares of the experiments in which all robots arrive, by planner and way to drive, and the paper's."""
     together = [row for row in rows if " and " in row.labels["robots"]] or list(rows)
     planners = list(dict.fromkeys(row.labels["planner"] for row in together))

@@ -21,7 +21,7 @@ from mrp_sumo.reports.charts.chart import Chart
 from mrp_sumo.reports.page import Section, Tile, page
 from mrp_sumo.reports.paper import beside
 from mrp_sumo.reports.paper import tables as plain_tables
-from mrp_sumo.reports.paper.beside import ORDERED, REPLANNING, YIELDING, Beside, Ordered
+from mrp_sumo.reports.paper.beside import ORDERED, REPLANNING, YIELDING, BesidePaper, Ordered
 from mrp_sumo.reports.paper.causes import causes
 from mrp_sumo.reports.paper.charts import arrivals_chart, execution_violins, figure_5
 from mrp_sumo.reports.paper.printed import numbers_of_paper
@@ -37,12 +37,12 @@ TITLE = "Beside the MRP-Bench paper"
 class PaperComparison:
     """Every number of the paper beside ours, and what is drawn of them."""
 
-    rows: dict[str, list[Beside]]  # by table or figure
+    rows: dict[str, list[BesidePaper]]  # by table or figure
     order: list[Ordered]
     sections: list[Section]
 
     @property
-    def compared(self) -> list[Beside]:
+    def compared(self) -> list[BesidePaper]:
         """Numbers that the paper prints, too."""
         return [row for rows in self.rows.values() for row in rows if row.agrees is not None]
 
@@ -135,7 +135,7 @@ def _tiles(comparison: PaperComparison, made: Made) -> list[Tile]:
     ]
 
 
-def arrivals_charts(rows: Sequence[Beside]) -> list[Chart]:
+def arrivals_charts(rows: Sequence[BesidePaper]) -> list[Chart]:
     """Table III drawn, a chart for each map."""
     names = dict.fromkeys(row.labels["map"] for row in rows)
     return [
@@ -147,17 +147,17 @@ def _name(planner: str) -> str:
     return PLANNER_NAMES.get(planner, planner)
 
 
-def _verdict(*rows: Beside | None) -> str | None:
+def _verdict(*rows: BesidePaper | None) -> str | None:
     """'yes' if the paper's numbers lie in our intervals, else 'no'; None: nothing can be said."""
     verdicts = [row.agrees for row in rows if row and row.agrees is not None]
     return None if not verdicts else "yes" if all(verdicts) else "no"
 
 
-def _find(rows: Sequence[Beside], quantity: str, **labels: Any) -> Beside | None:
+def _find(rows: Sequence[BesidePaper], quantity: str, **labels: Any) -> BesidePaper | None:
     return next((r for r in rows if r.quantity == quantity and all(r.labels.get(k) == v for k, v in labels.items())), None)
 
 
-def _table_2(rows: Sequence[Beside]) -> ReportTable:
+def _table_2(rows: Sequence[BesidePaper]) -> ReportTable:
     lines: list[list[Cell]] = []
     for row in rows:
         if " and " in row.labels["robots"]:
@@ -169,7 +169,7 @@ def _table_2(rows: Sequence[Beside]) -> ReportTable:
     return ReportTable("table_2", "Table II: experiments with a plan within 60 s", head, lines, note, labels=2, digits=_no_digits(head))
 
 
-def _table_3(rows: Sequence[Beside]) -> ReportTable:
+def _table_3(rows: Sequence[BesidePaper]) -> ReportTable:
     lines: list[list[Cell]] = []
     for row in rows:
         at = {key: row.labels[key] for key in ("map", "planner", "robots")}
@@ -200,7 +200,7 @@ def _no_digits(head: Sequence[str]) -> dict[str, int]:
     return {name: 0 for name in head if name.endswith("%")}
 
 
-def _table_4(rows: Sequence[Beside]) -> ReportTable:
+def _table_4(rows: Sequence[BesidePaper]) -> ReportTable:
     lines: list[list[Cell]] = []
     for planner in dict.fromkeys(row.labels["planner"] for row in rows):
         makespan, cost = (_find(rows, quantity, planner=planner) for quantity in ("makespan_cells", "cost_cells"))
@@ -212,7 +212,7 @@ def _table_4(rows: Sequence[Beside]) -> ReportTable:
     return ReportTable("table_4", "Table IV: warehouse, 9 robots", head, lines, note, digits=dict.fromkeys(head[2:6], 1))
 
 
-def _figure_5(rows: Sequence[Beside]) -> ReportTable:
+def _figure_5(rows: Sequence[BesidePaper]) -> ReportTable:
     lines: list[list[Cell]] = []
     for planner in dict.fromkeys(row.labels["planner"] for row in rows):
         mean, spread = (_find(rows, quantity, planner=planner) for quantity in ("mean_s", "standard_deviation_s"))
@@ -236,7 +236,7 @@ def _figure_5(rows: Sequence[Beside]) -> ReportTable:
     )
 
 
-def _replicability(rows: Sequence[Beside]) -> ReportTable:
+def _replicability(rows: Sequence[BesidePaper]) -> ReportTable:
     lines: list[list[Cell]] = []
     for row in rows:
         if row.quantity != "success_percent":
