@@ -26,6 +26,7 @@ TOUCH_M, TOUCH_PS2 = 0.4, 100.0  # distance at which two touch; push of bodies b
 KEEP_RIGHT = np.radians(3.0)
 ROBOT_MPS2, ROBOT_M, ROBOT_AHEAD_S = 7.0, 0.3, 0.6  # push of a robot at its surface, how it fades; where it will be is seen so far ahead
 STANDS_MPS = 0.05  # a robot that is slower stands
+COMES_MPS = 0.25  # who is slower does not come towards one, but is pushed
 ROUND_M, ROUND_ROOM_M = 3.0, 0.35  # people begin to walk round a robot so far before it, and so far beside
 YIELD_M = 2.0  # where there is no way past a robot: how near one lets it pass
 SLOWS_M = 0.7  # from there
@@ -131,9 +132,14 @@ def push(now, p, walkers, ground, robots, ways):
         ex, ey = np.cos(angle - KEEP_RIGHT), np.sin(angle - KEEP_RIGHT)
     is_stuck = walkers.stuck_s[p] > WAITS_S
     tx, ty = round_robots(p, ex, ey, is_stuck, walkers, ground, robots)
+    meets = False
     if tx == ex and ty == ey:  # robots come first
-        tx, ty = round_people(p, ex, ey, walkers, ground)
+        tx, ty, meets = round_people(p, ex, ey, walkers, ground)
     ax, ay, gap = push_of_people(p, tx, ty, walkers, ground)
+    if meets and gap < walkers.spacing_m[p] + wish * walkers.headway_s[p]:  # who is slowed there goes straight on if that leads farther
+        sx, sy, straight = push_of_people(p, ex, ey, walkers, ground)
+        if straight > max(gap, walkers.spacing_m[p]):
+            tx, ty, ax, ay, gap = ex, ey, sx, sy, straight
     rx, ry, away = push_of_robots(x, y, ex, ey, is_stuck or is_away, ground, robots)
     wx, wy = push_of_walls(x, y, ex, ey, ground, cell) if away > YIELD_M else (0.0, 0.0)
     goes = min(wish, max(gap - walkers.spacing_m[p], 0.0) / walkers.headway_s[p])
@@ -145,15 +151,15 @@ def push(now, p, walkers, ground, robots, ways):
 
 @kernel(allocates=False)
 def round_people(p, tx, ty, walkers, ground):
-    """The direction, as long as it was, turned to where there is less of others ahead.
+    """The direction, as long as it was, turned to where there is less of others ahead; True as well if anybody comes towards one.
 
     Those who come towards one count more than those who go the same way (`ALIKE`), as near as they will be in `AHEAD_S`, and less the
     farther ahead and aside they are.
     """
     size, x, y = np.hypot(tx, ty), walkers.x_m[p], walkers.y_m[p]
     if size < 1e-6:
-        return tx, ty
-    ex, ey, turn = tx / size, ty / size, 0.0  # to the left
+        return tx, ty, False
+    ex, ey, turn, meets = tx / size, ty / size, 0.0, False  # to the left
     row0, row1, column0, column1 = bins_around(x, y, ground)
     for row in range(row0, row1):
         for k in range(walkers.first[row * ground.columns + column0], walkers.first[row * ground.columns + column1]):
@@ -168,9 +174,10 @@ def round_people(p, tx, ty, walkers, ground):
             against = (1.0 - (ox * ex + oy * ey) / max(np.hypot(ox, oy), 0.1)) / 2.0
             weight = ROUND * (ALIKE + against) * np.exp((TOUCH_M - soon_m) / FADE_M - (left / SIDE_M) ** 2)
             turn += weight if left < 0.0 else -weight  # to the right of who is right ahead
+            meets |= ox * ex + oy * ey < -COMES_MPS
     bx, by = ex - turn * ey, ey + turn * ex
     scale = size / np.hypot(bx, by)
-    return scale * bx, scale * by
+    return scale * bx, scale * by, meets
 
 
 @kernel(allocates=False)

@@ -136,9 +136,31 @@ def test_bodies_that_touch_push_each_other_and_followers_do_not_push_forward():
 def test_people_turn_from_others_the_more_the_sooner_they_meet(dx, dy, vx, own, weight):
     """To the right of who is ahead or to the left, to the left of who is to the right."""
     walkers, ground = two(dx, dy, vx, own=(own, 0.0))
-    tx, ty = _walk.round_people(0, 0.5, 0.0, walkers, ground)
+    tx, ty, meets = _walk.round_people(0, 0.5, 0.0, walkers, ground)
+    assert meets == (weight != 0.0 and vx <= -0.5)
     assert np.hypot(tx, ty) == pytest.approx(0.5) and ty / tx == pytest.approx(-weight)
-    assert _walk.round_people(0, 0.0, 0.0, walkers, ground) == (0.0, 0.0)
+    assert _walk.round_people(0, 0.0, 0.0, walkers, ground) == (0.0, 0.0, False)
+
+
+@pytest.mark.parametrize(
+    ("others", "turns"),
+    [
+        ([], True),  # nobody slows it down there
+        ([(0.57, -0.4, 1.0)], False),
+        ([(0.57, -0.4, 1.0), (0.44, 0.0, -1.0)], True),  # straight on it would stand
+        ([(0.57, -0.4, 1.0), (0.6, 0.0, 1.0)], True),  # there it would be slower
+    ],
+)
+def test_who_is_slowed_by_turning_goes_straight_on_if_that_leads_farther(others, turns):
+    """Somebody comes on the left, others walk ahead: 0.7 m away to the right, and straight on."""
+    people = [(0.0, 0.0, 1.0), (1.2, 0.6, -1.0), *others]
+    crowd = crowd_on(room(12, 6), [(1, 3), (11, 3)], [((3 + dx, 3 + dy), (0, 1)) for dx, dy, _ in people])
+    walkers = crowd.walkers
+    walkers.vx_mps[: len(people)] = [vx for *_, vx in people]
+    _walk.put_in_bins(walkers.x_m, walkers.y_m, len(people), crowd.ground, walkers.first, walkers.member)
+    _walk.push(0.0, 0, walkers, crowd.ground, crowd.robots, crowd._ways)
+    heading = np.arctan2(walkers.ay_mps2[0], walkers.ax_mps2[0] + 1.0 / _walk.RELAX_S)
+    assert (heading < np.radians(-15)) == turns and (heading > np.radians(-8)) != turns
 
 
 @pytest.mark.parametrize(
