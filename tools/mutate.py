@@ -47,7 +47,7 @@ ROOMS = {  # the files of each, and the tests that hold it
     "ledger": (["mrp_sumo/drive/ledger.py"], [f"tests/drive/test_{name}.py" for name in ("ledger", "turns", "rolling")]),
     "controller": (
         ["mrp_sumo/drive/controller.py", "mrp_sumo/drive/cycle.py", "mrp_sumo/drive/_grants.py", "mrp_sumo/drive/_observe.py"],
-        ["tests/drive/test_loop.py", "tests/drive/test_deadlock.py", "tests/drive/test_policy.py"],
+        [f"tests/drive/test_{name}.py" for name in ("loop", "deadlock", "policy", "ledger", "people")],
     ),
     "work": (
         [
