@@ -212,6 +212,31 @@ def test_two_discs_that_change_places_cost_the_corridor_and_the_way_round():
     assert solved(problem, motion="unit", radius_m=RADIUS_M).stats["cost_s"] == pytest.approx(28.0)
 
 
+ROUND = [(0, 0), (1, 0), (2, 0), (3, 0), (4, 0), (0, 2), (4, 2)], [(0, 1), (1, 2), (2, 3), (3, 4), (0, 5), (5, 6), (6, 4)]
+ASIDE = [(0, 0), (1, 0), (2, 0), (3, 0), (4, 0), (2, 2), (4, 0.7)], [(0, 1), (1, 2), (2, 3), (3, 4), (2, 5), (4, 6)]
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize(
+    ("world", "start", "goal", "cost_s"),
+    [
+        (ROUND, [3, 2], [1, 3], 11.0),  # 2 m and 1 m in the wrong order: the first goes round, which is 10 m
+        (ROUND, [3, 2], [1, 0], 4.0),  # in the right order they do not have to
+        (ASIDE, [1, 0], [3, 4], 10.0),  # the second has to pass the first, which steps aside; beyond its goal that is of no use
+        (ASIDE, [1, 0], [4, 3], 6.0),
+    ],
+)
+def test_discs_in_the_wrong_order_on_a_line_leave_it(world, start, goal, cost_s):
+    result = solved(problem_of(graph_of(*world), start, goal), motion="unit", radius_m=RADIUS_M)
+    assert result.stats["cost_s"] == pytest.approx(cost_s)
+
+
+def test_discs_in_the_wrong_order_on_a_line_that_nobody_can_leave_have_no_plan():
+    chosen = made(motion="unit", radius_m=RADIUS_M, max_nodes=10)
+    assert chosen.plan(problem_of(line(4), [0, 2], [3, 1]), 60.0).status is Status.INFEASIBLE
+    assert chosen.plan(problem_of(line(4), [0, 2], [1, 3]), 60.0).status is Status.SOLVED
+
+
 def test_goals_too_close_for_discs_are_named():
     problem = problem_of(line(4), [0, 3], [1, 2])
     found = made(motion="unit", radius_m=RADIUS_M).plan(problem, 10.0)
