@@ -161,25 +161,10 @@ def _clashes(instance, store, occupancy, move, conflicts, count):
     """Others whose moves to step t clash with the robot's from u to v, or that are then at its place."""
     clashes, beside, num_robots, before, t = instance.clashes, instance.beside, len(occupancy.record), count, move.t
     for k in range(beside.first[move.v], beside.first[move.v + 1]):
-        w = beside.vertex[k]
-        if t < steps_known(occupancy):
-            visit = visitor(occupancy, w, t, 0)
-            while visit:
-                count = _add_clash(store, occupancy, move, visit - t * num_robots - 1, conflicts, before, count)
-                visit = visitor(occupancy, w, t, visit)
-        if occupancy.since[w] <= t:
-            count = _add_clash(store, occupancy, move, np.int64(occupancy.parked[w]), conflicts, before, count)
+        count = _clashes_at(store, occupancy, move, (beside.vertex[k], t), conflicts, before, count)
     own = move_of(instance.first, instance.head, move.u, move.v)
     for k in range(clashes.vertex_first[own], clashes.vertex_first[own + 1]):
-        w = clashes.vertex[k]
-        for step in range(t - 1, t + 1):
-            if step < steps_known(occupancy):
-                visit = visitor(occupancy, w, step, 0)
-                while visit:
-                    count = _add_clash(store, occupancy, move, visit - step * num_robots - 1, conflicts, before, count)
-                    visit = visitor(occupancy, w, step, visit)
-        if occupancy.since[w] <= t:
-            count = _add_clash(store, occupancy, move, np.int64(occupancy.parked[w]), conflicts, before, count)
+        count = _clashes_at(store, occupancy, move, (clashes.vertex[k], t - 1), conflicts, before, count)
     for k in range(clashes.lane_first[own], clashes.lane_first[own + 1]):
         lane = clashes.lane[k]
         if t - 1 < steps_known(occupancy):
@@ -189,6 +174,21 @@ def _clashes(instance, store, occupancy, move, conflicts, count):
                 if place(store, occupancy.record[other], t) == instance.head[lane]:
                     count = _add_clash(store, occupancy, move, other, conflicts, before, count)
                 visit = visitor(occupancy, instance.tail[lane], t - 1, visit)
+    return count
+
+
+@kernel(allocates=False)
+def _clashes_at(store, occupancy, move, since, conflicts, before, count):
+    """Others that are at a vertex from a step on to that of the move: (vertex, step)."""
+    (w, begin), num_robots = since, len(occupancy.record)
+    for step in range(begin, move.t + 1):
+        if step < steps_known(occupancy):
+            visit = visitor(occupancy, w, step, 0)
+            while visit:
+                count = _add_clash(store, occupancy, move, visit - step * num_robots - 1, conflicts, before, count)
+                visit = visitor(occupancy, w, step, visit)
+    if occupancy.since[w] <= move.t:
+        count = _add_clash(store, occupancy, move, np.int64(occupancy.parked[w]), conflicts, before, count)
     return count
 
 
