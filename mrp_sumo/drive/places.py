@@ -3,8 +3,8 @@
 A robot for which no place is free, or which cannot come to one since somebody stands in between, drives up as near as it can and waits
 there: at the station's places to wait, in their order, where it has some, else at the nearest vertex from which who is being served can
 still get out and past it. Robots that rest where others have to pass are sent on (`drive.clearing`). All robots are sent to different
-vertices, and no two to vertices that exclude each other, as planners see it: nearer than they may be, or in one mutex group. Trailers take
-the vertex before the last on the way.
+vertices, and no two to vertices that exclude each other, as planners see it: nearer than they may be, in one mutex group, or such that
+neither can be reached while a robot is at the other. Trailers take the vertex before the last on the way.
 """
 
 from collections.abc import Collection, Iterable, Mapping, Sequence

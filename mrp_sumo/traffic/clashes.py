@@ -61,11 +61,25 @@ def clashes_by_place(problem: Problem, *, following: bool) -> tuple[Clashes, Bes
 
 
 def exclusive_vertices(problem: Problem) -> dict[int, frozenset[int]]:
-    """Vertices at which no robot may stand while another is at one, by that one; those that exclude no others are left out."""
-    clashes = _on(problem.graph, problem.fleet.separation_m)
-    first = clashes.vertex_first[problem.graph.num_lanes :]
-    excludes = ((v, frozenset(clashes.vertex[first[v] : first[v + 1]].tolist()) - {v}) for v in np.flatnonzero(np.diff(first)).tolist())
-    return {v: others for v, others in excludes if others}
+    """Vertices at which no robot may stand while another is at one, by that one; those that exclude no others are left out.
+
+    Nor may it where neither comes to its vertex once the other is at its own, as where the last lane passes too near an end of an aisle.
+    """
+    graph, clashes = problem.graph, _on(problem.graph, problem.fleet.separation_m)
+    count, num_lanes, first = graph.num_vertices, graph.num_lanes, clashes.vertex_first
+    one, other = np.repeat(np.arange(count), np.diff(first[num_lanes:])), clashes.vertex[first[num_lanes] :]
+    lane, near = np.repeat(np.arange(num_lanes), np.diff(first[: num_lanes + 1])), clashes.vertex[: first[num_lanes]]
+    elsewhere = (near != graph.tail[lane]) & (near != graph.head[lane])
+    pair, times = np.unique(graph.head[lane[elsewhere]] * count + near[elsewhere], return_counts=True)
+    between, lanes = set(zip(graph.tail.tolist(), graph.head.tolist())), np.bincount(graph.head, minlength=count).tolist()
+    from_elsewhere = {(v, u): lanes[v] - ((u, v) in between) for v, u in zip(*(side.tolist() for side in np.divmod(pair, count)))}
+    shut = {at for at, n in zip(from_elsewhere, times.tolist()) if n == from_elsewhere[at]}  # v, where nobody comes while a robot is at u
+    never = [(v, u) for v, u in shut if (u, v) in shut or (lanes[u] == 1 and (v, u) in between)]
+    excludes: dict[int, set[int]] = {}
+    for v, u in [*zip(one.tolist(), other.tolist()), *never, *((u, v) for v, u in never)]:
+        if u != v:
+            excludes.setdefault(v, set()).add(u)
+    return {v: frozenset(others) for v, others in excludes.items()}
 
 
 class _Pairs(NamedTuple):

@@ -1,5 +1,6 @@
 """Plans without clashes and rotations can be driven in their order; what clashes is what the resources say."""
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -8,10 +9,12 @@ from truth import Rules, crowded_problem, rotates
 from worlds import BURGER, cross, problem_on, square_grid
 
 from mrp_sumo.core.fleet import fleet_of
+from mrp_sumo.core.graph import nav_graph, plan_graph
 from mrp_sumo.core.plan import plan_of_paths
+from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.drive.motion_plan import lanes_along
 from mrp_sumo.errors import PlanError
-from mrp_sumo.traffic.clashes import clashes_of
+from mrp_sumo.traffic.clashes import clashes_of, exclusive_vertices
 from mrp_sumo.traffic.passages import order_of
 from mrp_sumo.traffic.resources import needs_of
 from mrp_sumo.traffic.schedule import check_order
@@ -39,6 +42,28 @@ def test_moves_clash_where_they_need_one_zone_or_group(seed):
             if one[0] == other[0] or one[1] == other[1] or one == other[::-1]:
                 continue  # the rules of MAPF
             assert excluded(clashes, graph, a, b) == rules.clash(one, other), (one, other)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_vertices_exclude_each_other_where_two_robots_cannot_both_come_to_stand(seed):
+    """Too near, in one group, or by no last move of one while the other stands; asked of all pairs and lanes."""
+    problem = crowded_problem(seed)
+    graph, rules, excludes = problem.graph, Rules(problem), exclusive_vertices(problem)
+    for u, v in itertools.combinations(range(graph.num_vertices), 2):
+        last = [(lane, stood) for lane in zip(graph.tail.tolist(), graph.head.tolist()) for stood in (u, v) if {lane[1], stood} == {u, v}]
+        last = [(lane, stood) for lane, stood in last if lane[0] != stood]
+        never = bool(last) and all(rules.clash(lane, (stood, stood)) for lane, stood in last)
+        expected = rules.clash((u, u), (v, v)) or never
+        assert (v in excludes.get(u, ())) == (u in excludes.get(v, ())) == expected, (u, v)
+
+
+@pytest.mark.parametrize(("aside_m", "excluded"), [(0.1, True), (-0.1, False)])
+def test_nobody_is_at_the_mouth_of_an_aisle_while_another_is_at_its_end_if_the_way_in_passes_too_near(aside_m, excluded):
+    """Robots that need 1.1 m; the aisle leads 1.101 m down from 1, and the way to 1 comes from 0, a little from below or from above."""
+    graph = nav_graph(name="aisle", xy=[(2.0, -aside_m), (0.0, 0.0), (0.0, -1.101)], lanes=[(0, 1), (1, 0), (1, 2), (2, 1)])
+    fleet = fleet_of(RobotType("disc", 0.8, 0.6, 1.0, 1.0, 1.0, 1.0), 1)
+    problem = replace(problem_on(plan_graph(graph, kind="roadmap", cell_m=1.0), [0], [1]), fleet=fleet)
+    assert exclusive_vertices(problem) == ({1: frozenset({2}), 2: frozenset({1})} if excluded else {})
 
 
 def random_walks(problem, rng, num_steps=30):
