@@ -74,9 +74,15 @@ def sources():
 
 
 @cache
+def trees():
+    return tool("measures").sources(PROJECT)
+
+
+@cache
 def statements(path):
     """Imports and classes of a file, wherever they stand."""
-    return [node for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.Import | ast.ImportFrom | ast.ClassDef)]
+    tree = trees()[path.relative_to(PROJECT).as_posix()]
+    return [node for node in ast.walk(tree) if isinstance(node, ast.Import | ast.ImportFrom | ast.ClassDef)]
 
 
 def imports(path, each_name=False):
@@ -137,8 +143,7 @@ def tool(name):
 
 
 def test_no_private_name_of_another_library():
-    measures = tool("measures")
-    assert measures.private_names(measures.sources(PROJECT)) == []
+    assert tool("measures").private_names(trees()) == []
 
 
 @pytest.mark.parametrize("command", ["import mrp_sumo", "from mrp_sumo.cli.main import main; main(['--help'])"])

@@ -81,7 +81,7 @@ def test_messages_of_the_fleet_with_orders_of_a_file(site, capsys):
     figure = document["figures"]["lead_time_p50_s"]
     assert figure["predicted"] == pytest.approx(figure["logged"], rel=0.06)
     (site / "wrong.csv").write_text("release_s,stops\n800,pick_a1 packng_1\n")
-    assert main([*line, "--orders", str(site / "wrong.csv")]) == 2
+    assert main(["predict", str(site / "guess.yaml"), "--log", str(site / "log"), "--orders", str(site / "wrong.csv")]) == 2
     assert "wrong.csv:2: 'packng_1' is no station or vertex of the scenario (did you mean 'packing_1'?)" in capsys.readouterr().err
 
 

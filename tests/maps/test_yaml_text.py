@@ -41,7 +41,7 @@ JSON = st.recursive(
 )
 
 
-@settings(max_examples=60, deadline=None, derandomize=True)
+@settings(max_examples=25, deadline=None, derandomize=True)
 @given(JSON, st.sampled_from([None, False, True]))
 def test_documents_are_those_of_the_safe_loader(document, style):
     text = yaml.safe_dump(document, default_flow_style=style, allow_unicode=True)
