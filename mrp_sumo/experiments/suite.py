@@ -19,13 +19,13 @@ from mrp_sumo.errors import MrpSumoError, ScenarioError, nearest, sentence
 from mrp_sumo.experiments.identity import input_hash, plug_in_hash, run_key, scenario_key
 from mrp_sumo.files.names import fault_of_folder
 from mrp_sumo.files.reading import shortened
-from mrp_sumo.io.columns import parameter_columns, put, short_key
+from mrp_sumo.io.columns import parameter_columns, short_key
 from mrp_sumo.io.documents import Document, Place, read_document, validated
 from mrp_sumo.io.scenario.file import ScenarioFile, find_scenario
 from mrp_sumo.io.scenario.keys import unknown_key
 from mrp_sumo.io.scenario.model import ScenarioModel
 from mrp_sumo.io.scenario.programs import plug_ins_of, rename, require_trust
-from mrp_sumo.io.scenario.read import changed, read_scenario
+from mrp_sumo.io.scenario.read import changed, read_scenario, set_key
 from mrp_sumo.io.scenario.strict import Strict
 from mrp_sumo.maps.catalogue import bundled_folder, find_map
 from mrp_sumo.plugins.source import place_in_file
@@ -241,7 +241,7 @@ def _scenario_of(file: SuiteFile, values: tuple[Any, ...]) -> ScenarioModel:
     """The scenario of a combination of values. It has no name: a name is no reason to run it again."""
     data = dict(file.base)
     for (key, _), value in zip(file.axes, values, strict=True):
-        put(data, key.split("."), value)
+        set_key(data, tuple(key.split(".")), value, file.document.path.parent)
     data["name"] = ""
     for section in ("planner", "assignment"):  # the model keeps the order of other keys
         inner = data.get(section)

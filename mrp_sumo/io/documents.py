@@ -24,6 +24,8 @@ from mrp_sumo.maps.yaml_text import Place as Place
 from mrp_sumo.maps.yaml_text import Text, parse, places
 
 MAX_BYTES = 4_000_000
+EXPECTED = ", expected "  # between what was found and what it may be instead
+SCALARS = ("str", "bool")  # kinds in the place of keys and values
 UNITS = {  # end of a key -> its unit, and what others are of it
     "_s": ("seconds", {"s": 1.0, "sec": 1.0, "min": 60.0, "m": 60.0, "h": 3600.0, "ms": 0.001}),
     "_m": ("metres", {"m": 1.0, "cm": 0.01, "mm": 0.001}),
@@ -99,17 +101,31 @@ def validated(document: Document, model: type[Model], content: Any = None, optio
     try:
         return TypeAdapter(model).validate_python(document.content if content is None else content)
     except ValidationError as error:
-        raise ScenarioError(*(_fault(document, model, options or {}, e) for e in _of_keys(error.errors()))) from None
+        lines = dict[str, list[str]]()  # what was found at a key -> what it may be instead
+        for each in _of_keys(error.errors()):
+            line, _, expected = _fault(document, model, options or {}, each).partition(EXPECTED)
+            lines.setdefault(line, []).append(expected)
+        raise ScenarioError(*(f"{line}{EXPECTED}{' or '.join(kinds)}" if kinds[0] else line for line, kinds in lines.items())) from None
 
 
 def _of_keys(errors: list[ErrorDetails]) -> list[ErrorDetails]:
-    """Faults by key: what is a name or keys and values, and was given as the latter, is judged as such only."""
-    for named in [error for error in errors if error["loc"][-1:] == ("str",) and isinstance(error["input"], Mapping)]:
-        above = len(named["loc"]) - 1
-        others = [error for error in errors if error is not named and error["loc"][:above] == named["loc"][:above]]
-        errors = [error for error in errors if error is not named] if others else errors
+    """Faults by key: what may be of several kinds is judged as keys and values if it is such; what a section lacks is one fault."""
+    for scalar in [error for error in errors if error["loc"][-1:] and error["loc"][-1] in SCALARS]:
+        place = scalar["loc"][:-1]
+        others = [error for error in errors if error is not scalar and error["loc"][: len(place)] == place]
+        if others and isinstance(scalar["input"], Mapping):
+            errors = [error for error in errors if error is not scalar]
+        elif others:
+            scalar["loc"] = place
         for error in others:
-            error["loc"] = (*error["loc"][:above], *error["loc"][above + 1 :])
+            error["loc"] = (*place, *error["loc"][len(place) + 1 :])
+    lacking = dict[Place, ErrorDetails]()
+    for error in [error for error in errors if error["type"] == "missing"]:
+        first = lacking.setdefault(error["loc"][:-1], error)
+        if first is not error:
+            errors.remove(error)
+            if isinstance(error["loc"][-1], str):  # of a list the first place says enough
+                first["loc"] = (*first["loc"][:-1], f"{first['loc'][-1]}, {error['loc'][-1]}")
     return errors
 
 

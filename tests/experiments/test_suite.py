@@ -35,6 +35,15 @@ def test_range_in_a_list_is_written_out(tmp_path):
     assert [c["seed"] for c in columns(runs_of(file, "1"))] == [0, 1, 2, 10]
 
 
+def test_figure_of_a_type_is_an_axis_and_a_number_of_robots_stays_their_count(tmp_path):
+    text = "base: {map: office, robots: 3}\ngrid_search: {robots.type.max_speed_mps: [0.2, 0.3]}\n"
+    rows = columns(runs_of(suite(tmp_path, text), "1"))
+    assert [(c["robots.count"], c["robots.type.max_speed_mps"], c["robots.type.accel_mps2"]) for c in rows] == [
+        (3, 0.2, 2.5),
+        (3, 0.3, 2.5),
+    ]
+
+
 def test_repeated_runs_have_keys_of_their_own(tmp_path):
     runs = runs_of(suite(tmp_path, "base: office_5\nrepeat: 3\n"), "1")
     assert [run.repeat for run in runs] == [0, 1, 2]

@@ -103,6 +103,13 @@ def test_an_anchor_may_be_given_twice_as_yaml_has_it(tmp_path):
             "case.yaml:6: discretisation: lanes: two_way is for kind roadmap; lanes of a grid are two cells wide already",
         ),
         ("map: office\nrobots: {}\n", "case.yaml:2: robots: give count, or starts and goals"),
+        ("map: office\nrobots: {count: 2, type: 3}\n", "case.yaml:2: robots.type: found 3, expected text or keys and values"),
+        (
+            "map: office\nrobots: {count: 2, type: {length_m: 1, decel_mps2: 2}}\n",
+            "case.yaml:2: robots.type.width_m, max_speed_mps, accel_mps2: missing",
+        ),
+        (GOOD + "  retime: {margin_s: x}\n", "case.yaml:6: planner.retime.margin_s: found 'x', expected a number of seconds"),
+        (GOOD + "people: {lane_speeds: []}\n", "case.yaml:6: people.lane_speeds[0]: missing"),
         ("map: office\nrobots: {starts: [a]}\n", "case.yaml:2: robots: starts and goals go together: give both or neither"),
         (
             "map: office\nrobots: {count: 2, draw: uniforn}\n",
@@ -141,6 +148,16 @@ def test_command_line_overrides_are_checked_and_named(tmp_path):
     assert file.at("planner", "name") == "case.yaml:5: planner.name"
     with pytest.raises(ScenarioError, match=r"^--robots: found -1, expected 1 or more$"):
         read_scenario(path, {("robots", "count"): ("--robots", -1)})
+
+
+def test_a_figure_of_a_named_type_is_that_of_the_type_written_out(tmp_path):
+    (tmp_path / "mine.yaml").write_text("{length_m: 1, width_m: 1, max_speed_mps: 1, accel_mps2: 1, decel_mps2: 1, turn_rate_rad_s: 1}")
+    file = read_scenario(written(tmp_path, "map: office\nrobots: {count: 2, type: mine.yaml}\n"))
+    slow = changed(file, {("robots", "type", "max_speed_mps"): ("--set", 0.4), ("robots", "type", "gap_m"): ("--set", 0.2)}).scenario.robots
+    assert slow.type == RobotShape(length_m=1, width_m=1, max_speed_mps=0.4, accel_mps2=1, decel_mps2=1, turn_rate_rad_s=1, gap_m=0.2)
+    assert file.scenario.robots.type == "mine.yaml"
+    with pytest.raises(ScenarioError, match=r"unknown key \(did you mean 'max_speed_mps'\?\)$"):
+        changed(file, {("robots", "type", "max_sped_mps"): ("--set", 1)})
 
 
 def test_robot_types(tmp_path):

@@ -12,6 +12,8 @@ from mrp_sumo.io.documents import Document, Place, read_document, validated
 from mrp_sumo.io.scenario.file import ScenarioFile
 from mrp_sumo.io.scenario.model import ScenarioModel, folder_name
 from mrp_sumo.io.scenario.programs import programs_of, trust_programs
+from mrp_sumo.io.scenario.robots import Robots, non_default, robot_type
+from mrp_sumo.maps.catalogue import bundled_folder
 from mrp_sumo.plugins.trust import trust
 
 
@@ -81,7 +83,7 @@ def changed(file: ScenarioFile, overrides: Mapping[Place, tuple[str, Any]]) -> S
     if file.scenario.tasks is not None:
         del data["robots"]["goals"]  # robots have none but their starts, which may be others now
     for place, (_, value) in overrides.items():
-        put(data, place, value)
+        set_key(data, place, value, file.document.path.parent)
     scenario = validated(file.document, ScenarioModel, with_set(data, file.document.path.parent), options=options)
     if not scenario.name:
         scenario = scenario.model_copy(update={"name": file.scenario.name})
@@ -92,3 +94,18 @@ def changed(file: ScenarioFile, overrides: Mapping[Place, tuple[str, Any]]) -> S
         if whole or place in overrides or program not in before:  # not what stays of a section that is changed in part
             trust(program)
     return result
+
+
+def set_key(data: dict[str, Any], place: Place, value: Any, beside: Path) -> None:
+    """Set a key of a scenario in `data`, see `put`; a figure of a robot type that is named is set in the type written out.
+
+    Raises ScenarioError for an unknown type and a flawed file, which may stand in the folder `beside`.
+    """
+    robots = data.get("robots")
+    if place[0] == "robots" and len(place) > 1 and isinstance(robots, int):
+        robots = data["robots"] = {"count": robots}
+    if place[:2] == ("robots", "type") and len(place) > 2 and isinstance(robots, Mapping):
+        named = robots.get("type", Robots.model_fields["type"].default)
+        if isinstance(named, str):
+            data["robots"] = {**robots, "type": non_default(robot_type(named, bundled_folder("robots"), beside))}
+    put(data, place, value)

@@ -47,7 +47,9 @@ class Robots(Strict):
 
     count: Annotated[int, Field(ge=1, le=100_000)] | None = Field(None, description="Number of robots, drawn or the first of `starts`.")
     type: str | RobotShape = Field(
-        "turtlebot3", description="A type of robots/, a YAML file of the same form, a factsheet of VDA 5050 (JSON), or one written out."
+        "turtlebot3",
+        description="A type of robots/, a YAML file of the same form, a factsheet of VDA 5050 (JSON), or one written out. "
+        "`--set` and axes of suites change figures of any.",
     )
     fleet: Annotated[list[RobotGroup], Field(min_length=1)] | None = Field(
         None,
@@ -122,7 +124,7 @@ class Robots(Strict):
 
 def text_of_type(robot: RobotShape, notes: Sequence[str] = ()) -> str:
     """A file of robots/: the figures that differ from the defaults, below some notes."""
-    lines = [*(f"# {note}" for note in notes), *(f"{key}: {_flow(value)}" for key, value in _said(robot).items())]
+    lines = [*(f"# {note}" for note in notes), *(f"{key}: {_flow(value)}" for key, value in non_default(robot).items())]
     return "\n".join(lines) + "\n"
 
 
@@ -132,7 +134,7 @@ def _flow(value: Any) -> str:
     return text.removesuffix("...\n").strip()
 
 
-def _said(options: Any) -> dict[str, Any]:
+def non_default(options: Any) -> dict[str, Any]:
     """The options of a declaration that differ from their defaults."""
     said = {}
     for each in fields(options):
@@ -145,7 +147,7 @@ def _said(options: Any) -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:
-    return _said(value) if is_dataclass(value) else value
+    return non_default(value) if is_dataclass(value) else value
 
 
 def robot_type(choice: str | RobotShape, folder: Path, beside: Path) -> RobotType:
