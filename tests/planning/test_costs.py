@@ -30,3 +30,12 @@ def test_each_robot_counts_the_lanes_of_its_own_type():
 def test_a_goal_four_lanes_away_is_five_metres_off_and_seven_along_the_axes(kind, cost):
     graph = graph_of([(0, 0), (3, 0), (3, 2), (5, 2), (3, 4)], [(0, 1), (1, 2), (2, 3), (3, 4)], 1.0)
     assert costs_of(problem_on(graph, [0], [4]), kind).tolist() == [[cost]]
+
+
+@pytest.mark.parametrize(("at_once", "looks"), [(1, 3), (2, 2), (3, 1)])
+def test_goals_are_looked_at_a_few_at_a_time_and_all_of_them(monkeypatch, at_once, looks):
+    graph = graph_of([(0, 0), (1, 0), (2, 0), (3, 0)], [(0, 1), (1, 2), (2, 3)], 1.0)
+    monkeypatch.setattr("mrp_sumo.planning.costs.GOALS_AT_ONCE", at_once)
+    clock = []
+    assert costs_of(problem_on(graph, [0, 3], [1, 2, 3]), "path", lambda: clock.append(0)).tolist() == [[1, 2, 3], [2, 1, 0]]
+    assert len(clock) == looks
