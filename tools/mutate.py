@@ -46,9 +46,10 @@ ROOMS = {  # the files of each, and the tests that hold it
     ),
     "ledger": (["mrp_sumo/drive/ledger.py"], [f"tests/drive/test_{name}.py" for name in ("ledger", "turns", "rolling")]),
     "controller": (
-        ["mrp_sumo/drive/controller.py", "mrp_sumo/drive/cycle.py", "mrp_sumo/drive/_grants.py", "mrp_sumo/drive/_observe.py"],
+        ["mrp_sumo/drive/controller.py", "mrp_sumo/drive/cycle.py"],
         [f"tests/drive/test_{name}.py" for name in ("loop", "deadlock", "policy", "ledger", "people")],
     ),
+    "grants": (["mrp_sumo/drive/_grants.py", "mrp_sumo/drive/_observe.py"], ["tests/drive/test_rules.py"]),
     "work": (
         [
             *(f"mrp_sumo/drive/{name}.py" for name in ("work", "crew", "robot_work", "work_request", "stalling", "charging", "orders")),
