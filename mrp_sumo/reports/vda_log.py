@@ -8,7 +8,7 @@ node. A robot that has made its way to the end gets a new order with its next wa
 import json
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from itertools import groupby
+from itertools import chain, groupby
 from pathlib import Path
 from typing import NamedTuple
 
@@ -56,6 +56,15 @@ class Visit(NamedTuple):
     vertex: int
     arrived_s: float  # NaN: never
     reply: int  # number of the reply that it came with, -1: the first plan
+
+
+class Done(NamedTuple):
+    """An action with its times."""
+
+    document: Json
+    since_s: float  # the robot had it to do next
+    begin_s: float
+    end_s: float
 
 
 class Happening(NamedTuple):
@@ -119,7 +128,9 @@ class LoggedVehicle:
     route: tuple[Visit, ...] = ()
     granted: int = 0  # number of the last visit that it may drive to
     reached: int = 0
-    actions: dict[tuple[int, int], tuple[Json, float, float]] = field(default_factory=dict)  # by visit and reply: begin and end
+    actions: dict[tuple[int, int], list[Done]] = field(default_factory=dict)  # by visit and reply
+    past: set[str] = field(default_factory=set)  # actions of earlier orders
+    now_s: float = 0.0
     errors: list[tuple[float, float, str, str]] = field(default_factory=list)  # from, until, type, description
     charging: list[tuple[float, float]] = field(default_factory=list)
 
@@ -147,7 +158,10 @@ class LoggedVehicle:
             for happening in together:
                 kinds.add(happening.kind)
                 self._take(happening)
+            before, at_end = self.orders.number, self._state(t_s) if ACT in kinds else {}
             if kinds & {WAY, GRANT} and (order := self._order(t_s)):
+                if at_end and self.orders.number > before:  # what ends an order is said before the next one comes
+                    yield t_s, "state", send("state", t_s, at_end)
                 yield t_s, "order", send("order", t_s, order)
                 kinds.add(ARRIVE)
             if kinds - {SHOW, GRANT, WAY}:
@@ -176,8 +190,9 @@ class LoggedVehicle:
             visits = (*visits[:-1], visits[-1]._replace(arrived_s=float(execution.goal_s[r])))  # it is there once it faces as it is to
         happenings += [Happening(v.arrived_s, ARRIVE, k) for k, v in enumerate(visits) if k and v.arrived_s <= end_s]
         self._note_actions(visits)
-        for _, begin_s, until_s in self.actions.values():
-            happenings += [Happening(t, ACT) for t in (begin_s, until_s) if t <= end_s]
+        for made in chain.from_iterable(self.actions.values()):
+            happenings += [Happening(t, ACT) for t in made[2:] if t <= end_s]
+            happenings.append(Happening(made.since_s, GRANT))  # nothing more but to be there, perhaps
         for event in execution.events:
             if event.kind in ERRORS and event.robot == r:
                 until_s = event.t_s + event.duration_s if event.duration_s > 0 else np.inf
@@ -207,7 +222,7 @@ class LoggedVehicle:
             is_order = bool(tasks.is_order[task])
             kind = ("pick" if s == of_task[0] else "drop" if s == of_task[-1] else "service") if is_order else "startCharging"
             made = action(kind, f"{self.sender.serial}-{s}", "HARD", station=stops.station[s], duration=round(end_s - begin_s, 3))
-            self.actions[k, visits[k].reply] = (made, begin_s, end_s)
+            self.actions.setdefault((k, visits[k].reply), []).append(Done(made, max(0.0, float(stops.since_s[s])), begin_s, end_s))
             if not is_order:
                 self.charging.append((begin_s, end_s))
 
@@ -222,18 +237,23 @@ class LoggedVehicle:
 
     def _order(self, t_s: float) -> Json | None:
         """The order, or its update, that says what the robot may do now; nothing where that has been said."""
-        done = self.orders.is_driven(self.reached) and all(end_s <= t_s for _, _, end_s in self._of_order())
-        return self.orders.next(len(self.route), self.granted, self.reached, done, self._node, self._edge)
+        self.now_s, mine = t_s, self._of_order()
+        done = self.orders.is_driven(self.reached) and all(made.end_s <= t_s for made in mine)
+        if done:
+            self.past |= {made.document["actionId"] for made in mine}
+        is_at_work = done and bool(self._made_at(self.reached))
+        return self.orders.next(len(self.route), self.granted, self.reached, done, self._node, self._edge, is_at_work=is_at_work)
+
+    def _made_at(self, k: int) -> list[Json]:
+        """Actions of a visit: the first, and those that the robot has to do by now, without what earlier orders had."""
+        made = self.actions.get((k, self.route[k].reply), [])
+        known = [each.document for n, each in enumerate(made) if not n or each.since_s <= self.now_s]
+        return [each for each in known if each["actionId"] not in self.past]
 
     def _node(self, k: int, sequence: int, released: bool) -> Json:
-        visit, graph = self.route[k], self.record.graph
-        made = self.actions.get((k, visit.reply))
-        if k == self.orders.begin and self.orders.number:  # done in the order before
-            made = None
-        v = visit.vertex
+        v, graph = self.route[k].vertex, self.record.graph
         xy = (graph.xy[v] - self.record.shift_m[graph.level[v]]).tolist()
-        made_here = [made[0]] if made else ()
-        return node(graph.label(v), sequence, released, xy, graph.level_names[graph.level[v]], made_here, self._heading(k))
+        return node(graph.label(v), sequence, released, xy, graph.level_names[graph.level[v]], self._made_at(k), self._heading(k))
 
     def _heading(self, k: int) -> float:
         """How the robot is to face at a visit, NaN: in any way; only at its goal is that said."""
@@ -276,13 +296,13 @@ class LoggedVehicle:
             ),
         )
 
-    def _of_order(self) -> list[tuple[Json, float, float]]:
+    def _of_order(self) -> list[Done]:
         sent = {one_action["actionId"] for one in self.orders.nodes for one_action in one["actions"]}
-        return [made for made in self.actions.values() if made[0]["actionId"] in sent]
+        return [made for made in chain.from_iterable(self.actions.values()) if made.document["actionId"] in sent]
 
-    def _action_state(self, made: tuple[Json, float, float], t_s: float) -> Json:
-        document, begin_s, end_s = made
-        status = "WAITING" if t_s < begin_s else "RUNNING" if t_s < end_s else "FINISHED"
+    def _action_state(self, made: Done, t_s: float) -> Json:
+        document = made.document
+        status = "WAITING" if t_s < made.begin_s else "RUNNING" if t_s < made.end_s else "FINISHED"
         return {"actionId": document["actionId"], "actionType": document["actionType"], "actionStatus": status}
 
     def _view(self, t_s: float) -> Json:

@@ -254,6 +254,24 @@ def test_export_and_validate_from_the_command_line(folder, tmp_path, capsys):
     assert "headerId 5 follows 0, expected 1" in capsys.readouterr().out
 
 
+def test_whoever_is_served_twice_without_driving_has_an_order_for_each(tmp_path):
+    """robot_0 drops t0 at c, and takes t1 up there, which comes while it stands, and t2, which it had before."""
+    rows = [("t0", 0.0, ["b", "c"]), ("t1", 60.0, ["c", "a"]), ("t2", 60.0, ["a", "b"])]
+    tasks = [{"name": name, "stops": stops, "release_s": at, "service_s": 2.0} for name, at, stops in rows]
+    run = driven(tmp_path, WORK | {"robots": {"count": 1, "type": "turtlebot3", "starts": ["a"]}, "tasks": tasks})
+    write_vda(tmp_path / "vda", load_run(run).record, "3.0")
+    messages = [json.loads(line) for line in (tmp_path / "vda" / "messages.jsonl").read_text().splitlines()]
+    assert faults(messages) == []
+    done = {}
+    for message in of(messages, "state"):
+        for each in message["payload"]["actionStates"]:
+            done.setdefault((each["actionId"], each["actionType"]), []).append(each["actionStatus"])
+    kinds = [kind for (_, kind), status in done.items() if status[-1] == "FINISHED" and "RUNNING" in status]
+    assert kinds == ["pick", "drop"] * 3
+    asked_s = {each["actionId"]: m["t_s"] for m in reversed(of(messages, "order")) for n in m["payload"]["nodes"] for each in n["actions"]}
+    assert sorted(asked_s.values())[2] == pytest.approx(60.0, abs=0.2)  # nobody asks for what is not known
+
+
 def test_other_versions_are_refused():
     with pytest.raises(MrpSumoError, match=r"VDA 5050 1\.1: expected 2\.0, 2\.1 or 3\.0"):
         Dialect("1.1")

@@ -40,7 +40,9 @@ class VehicleOrders:
         """True where there is nothing left of the order to drive."""
         return reached == self.last_base and len(self.nodes) == self.last_base - self.begin + 1
 
-    def next(self, length: int, granted: int, reached: int, done: bool, make_node: MakeNode, make_edge: MakeEdge) -> Json | None:
+    def next(
+        self, length: int, granted: int, reached: int, done: bool, make_node: MakeNode, make_edge: MakeEdge, *, is_at_work: bool = False
+    ) -> Json | None:
         """The order, or its update, that says what the robot may do now; None where that has been said.
 
         Parameters
@@ -51,9 +53,11 @@ class VehicleOrders:
             The last that the robot may drive to, and the last that it has come to.
         done
             Whether the order is driven and its actions are over, so that a new one may come.
+        is_at_work
+            Whether the robot has more to do where it is.
         """
         if done or not self.nodes:
-            if length - 1 <= reached:
+            if length - 1 <= reached and not is_at_work:
                 return None
             self.number, self.update, self.begin, self.last_base = self.number + 1, 0, reached, reached
             nodes, edges, stitch = list[Json](), list[Json](), 0
