@@ -104,6 +104,12 @@ class MotionLog:
     is_laid_out: bool = False  # levels lie side by side, as those of maps do
     notes: list[str] = field(default_factory=list)  # what was left out, and why
 
+    def number_of(self, level: str) -> float:
+        """The number that poses on a level have."""
+        number = next((number for number, name in self.levels.items() if name == level), float(len(self.levels)))
+        self.levels[number] = level
+        return number
+
     def tracks(self) -> "list[Track]":
         """The poses without gaps, jumps of clocks and repeated samples. Raises MrpSumoError where two vehicles share a name."""
         made: list[Track] = []

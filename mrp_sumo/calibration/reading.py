@@ -210,9 +210,7 @@ def _csv_row(
     if math.isfinite(t_s + x_m + y_m):
         if max(abs(x_m), abs(y_m)) > FARTHEST_M:
             raise MrpSumoError(f"{where}: x_m, y_m: found {x_m:g}, {y_m:g}, expected metres of a floor")
-        level = float(hash_of(text("level")))
-        log.levels[level] = text("level")
-        log.poses.setdefault(vehicle, []).append((t_s, x_m, y_m, number("yaw_rad"), math.nan, level))
+        log.poses.setdefault(vehicle, []).append((t_s, x_m, y_m, number("yaw_rad"), math.nan, log.number_of(text("level"))))
     action, now = text("action"), doing.get(vehicle)
     if now is not None and action != now.action:  # it lasts from its first row to the first without it
         log.visits.append(replace(doing.pop(vehicle), end_s=t_s))
@@ -229,11 +227,6 @@ def _seconds(stamp: str) -> float:
     """Seconds since 1970 of a date and time of ISO 8601, in UTC where no zone is said."""
     at = datetime.fromisoformat(stamp)
     return (at if at.tzinfo else at.replace(tzinfo=UTC)).timestamp()
-
-
-def hash_of(level: str) -> int:
-    """A number of a level by its name, the same in every process."""
-    return int.from_bytes(level.encode()[:6], "big")
 
 
 def _vda(path: Path) -> MotionLog:
@@ -320,8 +313,7 @@ class _Messages:
         if isinstance(place, dict) and place.get("positionInitialized", True):
             x, y, theta = (_number(place.get(key)) for key in ("x", "y", "theta"))
             if math.isfinite(x + y) and max(abs(x), abs(y)) < FARTHEST_M:
-                level = float(hash_of(on := str(place.get("mapId", ""))))
-                log.levels[level] = on
+                level = log.number_of(str(place.get("mapId", "")))
                 log.poses.setdefault(vehicle, []).append((t_s, x, y, theta, self.waits.get(vehicle, math.nan), level))
         for each in _objects(payload.get("actionStates")):
             self._action(vehicle, t_s, each, str(payload.get("lastNodeId", "")))

@@ -49,7 +49,10 @@ def replacing(path: Path) -> Iterator[Path]:
 
 
 def write_csv(path: Path, record: RunRecord) -> None:
-    """The trajectory as CSV by time: t_s, robot, x_m, y_m, yaw_rad, speed_mps, state; numbers in full."""
+    """The trajectory as CSV by time: t_s, robot, x_m, y_m, yaw_rad, speed_mps, state; numbers in full.
+
+    Of a run on several levels also `level`, in whose frame positions are then.
+    """
     import pyarrow as pa
     from pyarrow import csv
 
@@ -59,6 +62,9 @@ def write_csv(path: Path, record: RunRecord) -> None:
     names, states = pa.array(list(record.fleet.robot_name), pa.string()), pa.array(list(STATE_NAMES), pa.string())
     fields = [("t_s", pa.float64()), ("robot", pa.string())]
     fields += [(name, pa.float64()) for name in ("x_m", "y_m", "yaw_rad", "speed_mps")] + [("state", pa.string())]
+    levels = execution.level
+    fields += [] if levels is None else [("level", pa.string())]
+    level_names = pa.array(list(record.graph.level_names), pa.string())
     num_samples, num_robots = execution.x_m.shape
     ticks = max(1, 200_000 // max(1, num_robots))
     with (
@@ -71,8 +77,13 @@ def write_csv(path: Path, record: RunRecord) -> None:
             there = (np.isfinite(execution.x_m[rows]) & np.isfinite(execution.y_m[rows])).ravel()
             robot = np.tile(np.arange(num_robots), len(t_s))[there]
             columns = [numbers(np.repeat(t_s, num_robots)[there]), names.take(numbers(robot))]
-            columns += [numbers(getattr(execution, name)[rows].ravel()[there]) for name in ("x_m", "y_m", "yaw_rad", "speed_mps")]
+            values = [getattr(execution, name)[rows] for name in ("x_m", "y_m", "yaw_rad", "speed_mps")]
+            if levels is not None:
+                values[:2] = [place - record.shift_m[levels[rows], axis] for axis, place in enumerate(values[:2])]
+            columns += [numbers(each.ravel()[there]) for each in values]
             columns.append(states.take(numbers(robot_states(execution, execution.t_s[rows]).ravel()[there])))
+            if levels is not None:
+                columns.append(level_names.take(numbers(levels[rows].ravel()[there])))
             out.write_table(pa.Table.from_arrays(columns, schema=pa.schema(fields)))
 
 

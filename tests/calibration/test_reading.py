@@ -43,6 +43,16 @@ def test_spreadsheets_with_decimal_commas_are_read(tmp_path, first):
     assert read_fleet(path).poses["agv 1"][3][:4] == pytest.approx((3.5, 3.25, -2.0, math.pi / 2))
 
 
+def test_levels_whose_names_begin_alike_are_others(tmp_path):
+    path = tmp_path / "poses.csv"
+    path.write_text("t_s,x_m,y_m,level\n" + "\n".join(f"{k},0,0,Level_{1 + k // 2 % 2}" for k in range(6)))
+    log = read_fleet(path)
+    assert [log.levels[row[5]] for row in log.poses["robot"]] == ["Level_1", "Level_1", "Level_2", "Level_2", "Level_1", "Level_1"]
+    states(tmp_path / "log.jsonl", [state(k) | {"agvPosition": {"x": k, "y": 0, "theta": 0, "mapId": f"Level_{k // 3}"}} for k in range(6)])
+    log = read_fleet(tmp_path / "log.jsonl")
+    assert [log.levels[row[5]] for row in log.poses["agv"]] == ["Level_0"] * 3 + ["Level_1"] * 3
+
+
 def test_dates_are_times(tmp_path):
     path = tmp_path / "poses.csv"
     path.write_text("timestamp,x,y\n" + "\n".join(f"2026-01-31T08:00:0{k}.500Z,{k},0" for k in range(5)))

@@ -7,6 +7,7 @@ import os
 import subprocess
 import sys
 import xml.etree.ElementTree as ElementTree
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -28,6 +29,19 @@ def test_csv_has_every_number_in_full(tmp_path):
     assert len(rows) == 21 * 4 - 20  # robot_2 comes after 20 samples
     row = next(r for r in rows if r["t_s"] == "0.3" and r["robot"] == "robot_0")
     assert float(row["x_m"]) == record.execution.x_m[3, 0] and row["state"] == "moving"
+
+
+def test_csv_of_several_levels_has_positions_in_the_frames_of_their_levels(tmp_path):
+    record = record_of_four(seconds=2.0)
+    on = np.zeros(record.execution.x_m.shape, np.int64)
+    on[10:, 1] = 1  # robot_1 has been on L2 since 1 s, which lies beside L1 by 20 m and -5 m
+    graph = replace(record.graph, level_names=("L1", "L2"))
+    record = replace(record, graph=graph, execution=replace(record.execution, level=on), levels={"L1": (0.0, 0.0), "L2": (20.0, -5.0)})
+    write_csv(tmp_path / "t.csv", record)
+    with (tmp_path / "t.csv").open() as stream:
+        place = {(row["t_s"], row["robot"]): (float(row["x_m"]), float(row["y_m"]), row["level"]) for row in csv.DictReader(stream)}
+    assert place["0.9", "robot_1"] == pytest.approx((0.9, 1.0, "L1")) and place["1", "robot_1"] == pytest.approx((-19.0, 6.0, "L2"))
+    assert place["1", "robot_0"] == pytest.approx((1.0, 0.0, "L1"))
 
 
 def test_fcd_points_north_clockwise(tmp_path):
