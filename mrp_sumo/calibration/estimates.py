@@ -142,6 +142,7 @@ def calibrated(log: MotionLog, others: MotionLog | None = None) -> Calibration:
         noise = refined(noise, phases)
     fits = _fitted(log.visits, tracks if others is None else tracks + others.tracks(), phases, noise, speed)
     figures = [*_driving(fits), *_services(log.visits), *_accuracy(phases, noise), *_battery(log.charges)]
+    _note_several_types(log, fits, vehicles, figures)
     return Calibration(
         log,
         vehicles,
@@ -149,6 +150,19 @@ def calibrated(log: MotionLog, others: MotionLog | None = None) -> Calibration:
         {each.name: each for each in figures if isinstance(each, CalibratedFigure)},
         {each.name: each.reason for each in figures if isinstance(each, Unknown)},
         fits,
+    )
+
+
+def _note_several_types(log: MotionLog, fits: Fits, vehicles: list[str], figures: list[CalibratedFigure | Unknown]) -> None:
+    """Say whose top speeds differ by more than those of one type do."""
+    spread = next((each for each in figures if each.name == "speed_spread" and isinstance(each, CalibratedFigure)), None)
+    if fits.cruise is None or spread is None or spread.low <= USUAL_SPREAD:
+        return
+    known = sorted((speed, name) for speed, name in zip(fits.cruise.mean_mps.tolist(), vehicles) if math.isfinite(speed))
+    (least, slowest), (most, fastest) = known[0], known[-1]
+    log.notes.append(
+        f"top speeds differ by more than those of one type, from {least:.2g} m/s of {slowest} to {most:.2g} m/s of {fastest}: "
+        "calibrate logs of each type alone"
     )
 
 
@@ -215,7 +229,7 @@ def _driving(fits: Fits) -> Iterator[CalibratedFigure | Unknown]:
         yield Unknown("turn_rate_rad_s", f"turns are over sooner than a pose every {period_s:.2g} s shows")
     else:
         count = len(turning.scores)
-        reach = _reach(turning.scores, np.arange(count), MISFIT_RAD * 2 / float(np.median(turning.angle_rad)))
+        reach = _reach(turning.scores, turning.vehicle, MISFIT_RAD * 2 / float(np.median(turning.angle_rad)))
         yield _within_factor("turn_rate_rad_s", "rad/s", turning.value, reach, count, "turns")
     count, of = len(stops.hold_s), "stops on the way"
     if stops.driven_s < LEAST_DRIVEN_S:

@@ -115,14 +115,18 @@ def document_of(result: Calibration) -> dict[str, Any]:
     }
 
 
-def write_files(result: Calibration, base: RobotShape, path: Path) -> tuple[Path, Path]:
-    """Write `TYPE.yaml` and beside it `TYPE.disturbances.yaml`. Raises MrpSumoError where something is there already."""
-    beside = path.with_name(f"{path.stem}.disturbances.yaml")
-    for each in (path, beside):
-        if each.exists():
-            raise MrpSumoError(f"{each}: is there already, expected a name of a new file")
+def require_free(path: Path) -> None:
+    """Raises MrpSumoError where a file of a calibration is there already, or its folder is not."""
     if not path.parent.is_dir():
         raise MrpSumoError(f"{path.parent}: no such folder")
+    for each in (path, path.with_suffix(".disturbances.yaml"), path.with_suffix(".png")):
+        if each.exists():
+            raise MrpSumoError(f"{each}: is there already, expected a name of a new file")
+
+
+def write_files(result: Calibration, base: RobotShape, path: Path) -> tuple[Path, Path]:
+    """Write `TYPE.yaml` and beside it `TYPE.disturbances.yaml`."""
+    beside = path.with_suffix(".disturbances.yaml")
     write_options(type_of(result, base), path)
     write_options(disturbances_of(result), beside)
     return path, beside

@@ -11,7 +11,7 @@ import numpy as np
 
 from mrp_sumo.calibration.log import Track
 from mrp_sumo.calibration.phases import Noise, padded
-from mrp_sumo.core.graph import BoolArray, FloatArray
+from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray
 
 LEAST_RAD = 0.5
 STEADY_SIGMA = 4.0
@@ -29,18 +29,20 @@ class TurnFit:
     value: float  # rad/s
     scores: FloatArray  # [T] of its logarithm, over the whole information
     angle_rad: FloatArray  # [T]
+    vehicle: IntArray  # [T] whose turn it is, as a number
     time_s: list[FloatArray]  # [n] of samples of each turn, from its first
     turned_rad: list[FloatArray]  # [n] since the heading before
 
 
 def fit_turning(tracks: list[Track], noise: Noise, speed_mps: float) -> TurnFit | None:
     """The rate; None where no log of headings shows a few turns."""
-    turns = [turn for track in tracks if track.has_headings for turn in _turns(track, noise, speed_mps)]
+    number = {vehicle: k for k, vehicle in enumerate(sorted({track.vehicle for track in tracks}))}
+    turns = [(*turn, number[track.vehicle]) for track in tracks if track.has_headings for turn in _turns(track, noise, speed_mps)]
     if len(turns) < 5:
         return None
     if len(turns) > MOST_TURNS:
         turns = [turns[k] for k in np.linspace(0, len(turns) - 1, MOST_TURNS).astype(int).tolist()]
-    times, angles, totals = zip(*turns)
+    times, angles, totals, vehicle = zip(*turns)
     time, angle, there = padded(times, angles)
     whole = np.array(totals)
 
@@ -64,7 +66,7 @@ def fit_turning(tracks: list[Track], noise: Noise, speed_mps: float) -> TurnFit 
         return None
     at = float(np.clip(-slope / (2 * bend), -width, width))
     scores = np.polyfit(off - at, values, 2)[1] / (-2 * bend)
-    return TurnFit(float(np.exp(log_rate + at)), scores, whole, list(times), list(angles))
+    return TurnFit(float(np.exp(log_rate + at)), scores, whole, np.array(vehicle), list(times), list(angles))
 
 
 def _log_marginal(time_s: FloatArray, angle: FloatArray, there: BoolArray, whole: FloatArray, rate: float, noise: float) -> FloatArray:

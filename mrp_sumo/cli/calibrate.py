@@ -45,7 +45,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Calibrate, write, and print what was result."""
     from mrp_sumo.calibration.estimates import calibrated
-    from mrp_sumo.calibration.files import document_of, drift, write_files
+    from mrp_sumo.calibration.files import document_of, drift, require_free, write_files
     from mrp_sumo.calibration.log import require_here
     from mrp_sumo.calibration.reading import read_fleet
     from mrp_sumo.io.scenario.robots import robot_type
@@ -54,6 +54,8 @@ def run(options: argparse.Namespace) -> int:
 
     if options.out is not None and options.out.suffix not in (".yaml", ".yml"):
         raise MrpSumoError(f"--out: found '{options.out.name}', expected a name that ends in .yaml")
+    if options.out is not None:
+        require_free(options.out)
     base = robot_type(options.robot, bundled_folder("robots"), Path())
     log = read_fleet(options.log)
     if options.map is not None:
@@ -66,11 +68,8 @@ def run(options: argparse.Namespace) -> int:
         from mrp_sumo.reports.pictures.calibration import picture_of
 
         shape = RobotShape(**{name: value for name, value in vars(base).items() if name != "name"})
-        picture = options.out.with_suffix(".png")
-        if picture.exists():
-            raise MrpSumoError(f"{picture}: is there already, expected a name of a new file")
         written += write_files(result, shape, options.out)
-        written.append(picture_of(result).write(picture))
+        written.append(picture_of(result).write(options.out.with_suffix(".png")))
     if options.json:
         say_json(document_of(result) | ({} if options.against is None else {"drift": changed}) | {"files": [str(path) for path in written]})
     else:

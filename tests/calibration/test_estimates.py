@@ -38,6 +38,18 @@ def test_figures_of_noisy_states_of_1_hz_are_near_the_truth(shuttles):
         assert 0.9 * found[name].low < truth < 1.1 * found[name].high
 
 
+def test_a_log_of_two_types_is_told_from_one_of_vehicles_that_are_alike(shuttles):
+    """One type stands for all: who differs is said, and turn rates of vehicles count once each."""
+    rng = np.random.default_rng(6)
+    slow = {f"slow{k}": shuttle_rows(rng, top=0.6, accel=0.3, turn=0.6, trips=12) for k in range(2)}
+    mixed, alike = (calibrated(log_of(dict(list(shuttles.items())[:2]) | others)) for others in (slow, {}))
+    said = [note for note in mixed.log.notes if "top speeds differ" in note]
+    assert len(said) == 1 and "m/s of slow" in said[0] and "m/s of s" in said[0] and not alike.log.notes
+    low, high = (getattr(mixed.quantities["turn_rate_rad_s"], end) for end in ("low", "high"))
+    assert low < 0.85 and high > 1.1
+    assert alike.quantities["turn_rate_rad_s"].high < 1.01
+
+
 @pytest.mark.parametrize("seed", range(2))
 def test_without_noise_and_scatter_figures_are_the_truth(seed):
     rng = np.random.default_rng(seed)

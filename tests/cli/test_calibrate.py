@@ -33,6 +33,8 @@ def test_scenario_takes_what_is_written(poses, tmp_path, capsys):
     assert what.latency_s == 0.2
     assert main(["calibrate", str(poses), "--out", str(tmp_path / "mine.yaml")]) == 2
     assert "is there already" in capsys.readouterr().err
+    assert main(["calibrate", "no.csv", "--out", str(tmp_path / "none" / "mine.yaml")]) == 2
+    assert "none: no such folder" in capsys.readouterr().err  # before anything is read
 
 
 def test_log_drifts_from_what_another_fleet_was_like(poses, tmp_path, capsys):
