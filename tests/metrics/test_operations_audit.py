@@ -254,6 +254,52 @@ def test_a_robot_with_several_orders_has_work_as_long_as_it_has_one(spans, ended
     assert list(robots._has_work(known, 0)) == ([] if since_s is None else [since_s])
 
 
+@pytest.mark.parametrize(("assigned_s", "ended_s", "robot", "says"), [
+    (10.0, 11.0 + 2.0, 0, None), (10.0, 11.1 + 2.0, 0, "from 10.00 to 13.10 s"), (10.0, np.nan, 0, "from 10.00 to 50.00 s"),
+    (47.5, np.nan, 0, None), (46.5, np.nan, 0, "from 46.50 to 50.00 s"), (10.0, 40.0, -1, None),
+])  # fmt: skip
+def test_a_robot_has_its_order_once_planners_have_had_their_time(assigned_s, ended_s, robot, says):
+    """Planners take 2 s, and a robot 1 s more to set out; nobody has the order in the table of robots. The run is over at 50 s."""
+    column = np.zeros(0, np.int64)
+    tasks = SimpleNamespace(name=("order",), robot=np.array([robot]), is_order=np.ones(1, bool), assigned_s=np.array([assigned_s]))
+    tasks.ended_s = np.array([ended_s])
+    known = SimpleNamespace(
+        tasks=tasks,
+        terms=SimpleNamespace(waits_s=2.0),
+        end_s=50.0,
+        capacity=(1,),
+        execution=SimpleNamespace(robot_states=SimpleNamespace(state=column, task=column, robot=column, begin_s=column, end_s=column)),
+        of_order=lambda rule, task, text, t_s: text,
+    )
+    assert [text.partition(", but")[0] for text in robots.had(known)] == ([] if says is None else [f"is assigned {says}"])
+
+
+def test_a_robot_that_is_broken_at_a_charger_is_not_charged():
+    """It stands there from 10 to 40 s, where orders are not charged, and is broken before, in between, and to the end."""
+    stops = SimpleNamespace(station=("c", "c"), task=np.array([0, 1]), robot=np.zeros(2, int), begin_s=np.array([10.0, 60.0]))
+    stops.end_s = np.array([40.0, 80.0])
+    known = SimpleNamespace(
+        stops=stops,
+        tasks=SimpleNamespace(is_order=np.array([False, True])),
+        terms=SimpleNamespace(charges=()),
+        fleet=SimpleNamespace(num_robots=1),
+        times_in=lambda states, robot: [(0.0, 10.0), (15.0, 20.0), (30.0, 40.0), (65.0, 70.0)],
+    )
+    assert energy.charges(known) == [(0, 10.0, 15.0), (0, 20.0, 30.0), (0, 40.0, 40.0)]
+    known.terms.charges = ("c",)
+    assert energy.charges(known)[3:] == [(0, 60.0, 65.0), (0, 70.0, 80.0)]
+    assert energy.charged_s(known, np.array([5.0, 12.0, 25.0, 75.0]))[:, 0].tolist() == [0.0, 2.0, 10.0, 25.0]
+
+
+def test_who_is_beside_a_door_when_the_run_ends_has_not_passed_it():
+    """A robot drives along x, a metre in a second, and stands in the line of the door between the last two looks."""
+    t_s = np.arange(4.0)
+    run = SimpleNamespace(t_s=t_s, x_m=t_s[:, None], y_m=np.zeros((4, 1)))
+    known = SimpleNamespace(execution=run, fleet=SimpleNamespace(num_robots=1))
+    for x, passed in ((2.5, [(0, 2.0)]), (0.5, [(0, 0.0)]), (3.5, []), (-0.5, [])):
+        assert list(places._passes(known, np.array([[x, -1.0], [x, 1.0]]))) == passed
+
+
 def test_visits_are_where_robots_are(logs):
     reply = next(k for k, reply in enumerate(logs.execution.replies) if np.isfinite(reply.arrived_s).sum() > 1)
     arrived_s = logs.execution.replies[reply].arrived_s
