@@ -58,7 +58,7 @@ ROOMS = {  # the files of each, and the tests that hold it
     ),
     "places": (
         ["mrp_sumo/drive/places.py", "mrp_sumo/drive/clearing.py"],
-        ["tests/drive/test_places.py", "tests/drive/test_clearing.py", "tests/drive/test_dispatchers.py"],
+        ["tests/drive/test_places.py", "tests/drive/test_clearing.py", "tests/drive/test_dispatchers.py", "tests/drive/test_ways.py"],
     ),
     "batteries": (
         ["mrp_sumo/drive/batteries.py", "mrp_sumo/core/battery.py"],

@@ -159,7 +159,8 @@ def test_a_robot_that_stands_short_of_its_goal_is_blocked_and_times_out():
 
 def test_seconds_blocked_add_up_without_a_trace_of_binary_fractions():
     problem, result = corridors(), planned()
-    events = tuple(Event(0.0, "blocked", robot, duration_s=duration_s) for robot, duration_s in ((0, 0.1), (1, 0.2), (0, 4 - 0.1)))
+    events = [Event(0.0, "blocked", robot, duration_s=duration_s) for robot, duration_s in ((0, 0.1), (1, 0.2), (0, 4 - 0.1))]
+    events += [Event(0.0, kind, 0, duration_s=7.0) for kind in ("arrived", "waited")]
     execution = Execution(**{**vars(driven(problem, result.plan, late_s=0.0)), "events": events})
     assert repr(evaluate(Evidence(problem, result, None, execution))["blocked_s"]) == "4.2"
 

@@ -10,7 +10,7 @@ import pytest
 from mrp_sumo.core.execution import Event, PlannerCalls
 from mrp_sumo.core.task import StopLog, log_of_times
 from mrp_sumo.metrics.metric import Evidence
-from mrp_sumo.metrics.tasks import METRICS, overload, steady_from
+from mrp_sumo.metrics.tasks import METRICS, _orders, _steadily_done, _throughput_per_h, overload, steady_from
 
 
 def log_of(service_s):
@@ -190,3 +190,15 @@ def test_without_tasks_there_is_nothing_to_say_of_them():
     nothing = SimpleNamespace(tasks=None, stops=None, sim_time_s=9.0, events=(), calls=None)
     for execution in (None, nothing):
         assert {metric.function(Evidence(None, None, None, execution)) for metric in METRICS} == {None}
+
+
+@pytest.mark.parametrize(
+    ("warm_s", "an_hour", "steady"), [(50.0, 144.0, 2), (99.0, 3600.0, 1), (100.0, None, 0), (120.0, None, 0), (None, None, 0)]
+)
+def test_orders_an_hour_are_those_after_the_warm_up_in_the_time_after_it(warm_s, an_hour, steady):
+    """One of 100 s; orders are done at 40, 60 and 100 s, and one is not."""
+    orders = SimpleNamespace(done_s=np.array([40.0, 60.0, 100.0, np.nan]))
+    run = SimpleNamespace(execution=SimpleNamespace(sim_time_s=100.0))
+    run.once = lambda what: (orders, None) if what is _orders else warm_s
+    assert _throughput_per_h(run) == (None if an_hour is None else pytest.approx(an_hour))
+    assert len(_steadily_done(run)) == steady
