@@ -16,23 +16,20 @@ def suite(tmp_path):
     return path
 
 
-def test_suite_is_made_once_and_read_as_a_table(suite, tmp_path, capsys):
+def test_suite_is_made_once_in_the_folder_of_the_command_line_and_read_as_a_table(suite, tmp_path, capsys, monkeypatch):
     heard = []
-    batch = ms.run_suite(suite, tmp_path / "out", workers=1, progress=lambda done, of: heard.append((done, of)))
+    monkeypatch.chdir(tmp_path)
+    batch = ms.run_suite("small.yaml", workers=1, progress=lambda done, of: heard.append((done, of)))
+    assert batch.folder.as_posix() == "runs/small"
     assert heard == [(0, 4), (1, 4), (2, 4), (3, 4), (4, 4)]
     assert batch.results["planner"].tolist() == ["cbs", "pibt", "cbs", "pibt"] and batch.results["success"].all()
     assert ms.load_results(batch.folder).equals(batch.results)
     assert batch.query("select count(*) as runs from results")["runs"].tolist() == [4]
-    assert repr(batch) == f"<Batch small: 4 of 4 runs done, in {tmp_path / 'out'}>"
+    assert repr(batch) == "<Batch small: 4 of 4 runs done, in runs/small>"
     assert batch.counts == {"planned": 4} and "planned" in str(batch) and "<table>" in batch._repr_html_()
-    again = ms.run_suite(suite, tmp_path / "out", workers=1, progress=lambda done, of: heard.append((done, of)))
+    again = ms.run_suite(suite, tmp_path / "runs" / "small", workers=1, progress=lambda done, of: heard.append((done, of)))
     assert heard[5:] == [(4, 4)] and again.counts == batch.counts
     assert capsys.readouterr() == ("", "")
-
-
-def test_folder_is_that_of_the_command_line(suite, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    assert ms.run_suite("small.yaml", workers=1).folder.as_posix() == "runs/small"
 
 
 @pytest.mark.parametrize(
