@@ -232,6 +232,7 @@ def test_nobody_drives_back_to_let_another_pass_where_nobody_can(pairs, lets_pas
 def test_nobody_waits_where_it_would_be_before_one_that_has_the_place():
     """One from 0 has the place at 4 of a ring: another, from beyond, stays at 5, though 3 is as near. One from behind waits at 3."""
     assert chosen(row(9, ring=True), [0, 5], {0: 4, 1: 4}) == ([4, 5], [True, False])
+    assert chosen(row(9, ring=True), [0, 6], {0: 4, 1: 4}) == ([4, 5], [True, False])
     assert chosen(row(9, ring=True), [0, 3], {1: 4, 0: 4}) == ([3, 4], [False, True])
 
 
