@@ -38,7 +38,7 @@ class Epibt:
     tasks: Choice = "nearest"  # or "in_turn": robot r of R has the tasks r, r + R, ...
     against: int = -1  # what a step against the direction of a row or column counts more at first; -1: 2 from 0.02 robots per free cell on
     work: int = 50_000_000  # states of tables of distances that are filled in a step: about a quarter of a second
-    memory_mb: int = 8000  # for tables of distances
+    memory_mb: int = 10_000  # for tables of distances
 
     def __post_init__(self) -> None:
         if not 0 <= self.depth <= 6:
