@@ -22,6 +22,7 @@ from mrp_sumo.drive.surroundings import Surroundings
 from mrp_sumo.errors import MrpSumoError, PlanError, PlanningOverrun
 from mrp_sumo.planning.answers import planned_by
 from mrp_sumo.planning.protocol import Planner
+from mrp_sumo.planning.vehicles import within_reach
 from mrp_sumo.search.route import reach_m
 from mrp_sumo.traffic.moves import STANDING, UNDER_WAY
 from mrp_sumo.traffic.resources import Resources
@@ -270,7 +271,7 @@ def answer(request: Request, planner: str, parameters: Mapping[str, Any], limits
         method = make(planner, parameters)
         window = limits.window_steps if "window" in getattr(method, "supports", ()) else 0
         # it is driven in its order where that can be kept
-        problem = replace(one_shot(request), drivable=True, window_steps=window, effort=limits.effort)
+        problem = within_reach(replace(one_shot(request), drivable=True, window_steps=window, effort=limits.effort))
         _prepare(method)
         began = process_time()
         result = planned_by(method, problem, GUARD_S)

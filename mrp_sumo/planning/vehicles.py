@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mrp_sumo.core.graph import BoolArray, IntArray, frozen
+from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, frozen
 from mrp_sumo.core.plan import Plan, PlanResult
 from mrp_sumo.core.problem import Problem, Standing
 from mrp_sumo.errors import PlanError
@@ -56,6 +56,26 @@ def on_moves(problem: Problem) -> Problem:
         goal_kind=None,
         standing=None,
     )
+
+
+def within_reach(problem: Problem) -> Problem:
+    """The problem in which vehicles stay where they start if none of their moves bring them to their goals, or others stay there."""
+    if not problem.fleet.vehicle_of_kind:
+        return problem
+    graph = move_graph(problem.graph, problem.fleet, problem.barred)
+    start = _starts(problem, graph, standing_at_starts(problem) if problem.standing is None else problem.standing)
+    target, heading, kind = problem.target.copy(), problem.heading_at_target.copy(), problem.fleet.kind
+    for r in np.flatnonzero(problem.fleet.is_vehicle & (target != problem.start)).tolist():
+        if not np.isfinite(_lengths_m(graph, int(kind[r]), int(start[r]), int(target[r]), float(heading[r]))).any():
+            target[r] = problem.start[r]
+    stay = target != problem.target
+    if not stay.any():
+        return problem
+    while (taken := ~stay & (target != problem.start) & np.isin(target, problem.start[stay])).any():
+        stay |= taken
+        target[taken] = problem.start[taken]
+    heading[stay] = np.nan
+    return replace(problem, goal=target, goal_of=np.arange(problem.num_robots), goal_heading_rad=heading, goal_kind=None)
 
 
 def on_map(result: PlanResult, graph: MoveGraph) -> PlanResult:
@@ -115,14 +135,20 @@ def _goal(graph: MoveGraph, kind: int, at: int, place: int, heading: float, othe
     stand there by then. There is a path over none where it has steps [V'].
     """
     arrivals, (taken, steps) = arrivals_at(graph, kind, place), others
-    length_m = arrivals.length_m[:, at]
-    if not np.isnan(heading):
-        length_m = np.where(off_rad(arrivals.heading_rad, heading) <= MAY_STAND_RAD, length_m, np.inf)
+    length_m = _lengths_m(graph, kind, at, place, heading)
     can_come = np.isfinite(length_m)
     if not can_come.any():
         return -1
     rank = np.where(can_come, 4 * ~arrivals.leaves + 2 * taken[arrivals.tail] + (steps[arrivals.state] >= UNREACHABLE), 8)
     return int(arrivals.state[np.lexsort((length_m, rank))[0]])
+
+
+def _lengths_m(graph: MoveGraph, kind: int, at: int, place: int, heading: float) -> FloatArray:
+    """[A] lengths of the ways from a state to those in which a vehicle of a type comes to a place; inf: none, or in another heading."""
+    arrivals = arrivals_at(graph, kind, place)
+    if np.isnan(heading):
+        return arrivals.length_m[:, at]
+    return np.where(off_rad(arrivals.heading_rad, heading) <= MAY_STAND_RAD, arrivals.length_m[:, at], np.inf)
 
 
 def _why_not(problem: Problem, standing: Standing, robot: int, num_reached: int) -> str:

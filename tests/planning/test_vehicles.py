@@ -9,7 +9,7 @@ from mrp_sumo.core.plan import Status, plan_of_paths
 from mrp_sumo.core.problem import Standing
 from mrp_sumo.planning.answers import planned_by
 from mrp_sumo.planning.registry import planner
-from mrp_sumo.planning.vehicles import on_moves
+from mrp_sumo.planning.vehicles import on_moves, within_reach
 from mrp_sumo.traffic.clashes import clashes_by_place, clashes_of
 from mrp_sumo.traffic.moves import BOUND, UNDER_WAY
 from mrp_sumo.traffic.referee import judge
@@ -237,3 +237,14 @@ def test_states_of_one_place_are_beside_each_other_and_no_clashes_for_planners_t
     assert set(graph.base_lane[there].tolist()) == {graph.base.reverse[graph.base_lane[lane]]}
     strict, nobody = clashes_by_place(problem, following=True)
     assert strict is clashes_of(problem) and not len(nobody.vertex)
+
+
+@pytest.mark.parametrize(("to", "stays", "goals"), [(0, True, [1, 3, 2]), (3, False, [3, 1, 4])])
+def test_a_vehicle_that_comes_to_its_goal_by_no_moves_stays_and_so_does_who_is_to_come_there(to, stays, goals):
+    """robot_0, which cannot back, faces east at 1 of a row; robot_1 is to come there, and robot_2 to where that one stands."""
+    graph = roads([(4.0 * v, 0.0) for v in range(5)], [(v, v + 1) for v in range(4)])
+    wanted = [to, 1, 3] if stays else [to, 1, 4]
+    problem = vehicles_on(graph, [1, 3, 2], wanted, [CAR, CART, CART], start_heading_rad=np.zeros(3))
+    within = within_reach(problem)
+    assert within.target.tolist() == goals
+    assert (within is problem) == (not stays)
