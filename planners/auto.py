@@ -3,8 +3,8 @@
 Plans are compared by how many times their planner's lower bound they cost, steps with steps and seconds with seconds: near its bound a plan
 is taken at once. In a window, robots that are planned one after another may all wait where a search for all at once gets them on: who does
 not arrive costs the window and the steps that are left after it. Each planner may use an equal share of what is left of the time limit and
-of the effort, so that there is always something left to fall back on; the first, and those who are asked for a cheaper plan than there is,
-are bounded in work, too. Refuses portfolios of planners that are not there, and of itself.
+of the effort, LaCAM most of the time, so that there is always something left to fall back on; the first, and those who are asked for a
+cheaper plan than there is, are bounded in work, too. Refuses portfolios of planners that are not there, and of itself.
 """
 
 import math
@@ -31,7 +31,8 @@ FEW, FEW_SLOW = 5, 20  # robots whose real motion is planned on grids, where way
 SLOW = 0.3  # of a step at least, that a quarter turn takes then
 SOME = 200  # robots for whom a bounded search is tried first, and a second planner asked, to keep the cheaper plan
 FIRST_EFFORT = {"pbs": 150_000, "ecbs": 40_000}  # labels of those who are asked first: about an eighth and a hundredth of a second
-CHEAPER_EFFORT = 10_000  # labels a robot of those who are asked for a cheaper plan than there is
+CHEAPER_EFFORT, IN_WINDOW = 1000, 10_000  # labels a robot of those who are asked for a cheaper plan than there is
+COMPLETE, MOST_OF_IT = "lacam", 0.8  # the planner that finds plans where others find none, and its share of the time that is left
 
 
 @dataclass(frozen=True)
@@ -73,21 +74,21 @@ class Auto:
         portfolio = Portfolio(self.planners, 1, "as the scenario says") if self.planners else portfolio_for(problem)
         best: tuple[str, PlanResult] | None = None
         refusals: list[str] = []
-        effort = problem.effort
+        effort, cheaper = problem.effort, problem.num_robots * (IN_WINDOW if problem.window_steps else CHEAPER_EFFORT)
         for k, name in enumerate(portfolio.names, 1):
             num_left = len(portfolio.names) - k + 1
             part = max(1, effort // num_left) if effort else 0
-            most = 0 if self.planners else FIRST_EFFORT.get(name, CHEAPER_EFFORT * problem.num_robots if best else 0)
+            most = 0 if self.planners else FIRST_EFFORT.get(name, cheaper if best else 0)
             part = min(part, most) or most or part
             effort -= min(effort, part)
-            result, proves = _answer(name, replace(problem, effort=part), until_s, num_left)
+            share = MOST_OF_IT if name == COMPLETE and num_left > 1 and not self.planners else 1 / num_left
+            result, proves = _answer(name, replace(problem, effort=part), until_s, share)
             best = _cheaper(best, name, result, problem)
             is_last = proves or num_left == 1 or until_s - process_time() <= 0.01 * time_limit_s
             if is_last or (best and (k >= portfolio.compared or _above_bound(best[1], problem) <= portfolio.near)):
                 if best and portfolio.compared > 1 and _above_bound(best[1], problem) > NEAR and "prioritised" not in portfolio.names[:k]:
-                    most = CHEAPER_EFFORT * problem.num_robots
-                    last = replace(problem, effort=max(1, min(effort, most)) if problem.effort else most)
-                    best = _cheaper(best, "prioritised", _answer("prioritised", last, until_s, 1)[0], problem)
+                    last = replace(problem, effort=max(1, min(effort, cheaper)) if problem.effort else cheaper)
+                    best = _cheaper(best, "prioritised", _answer("prioritised", last, until_s, 1.0)[0], problem)
                 by, chosen = best or (name, result)
                 by = "lacam" if chosen.stats.get("from_lacam") else by
                 why = "; ".join((portfolio.why, *refusals))
@@ -104,14 +105,14 @@ def _cheaper(best: tuple[str, PlanResult] | None, name: str, result: PlanResult,
     return best
 
 
-def _answer(name: str, problem: Problem, until_s: float, num_left: int) -> tuple[PlanResult, bool]:
+def _answer(name: str, problem: Problem, until_s: float, share: float) -> tuple[PlanResult, bool]:
     """An answer within a share of what is left of the time, and whether it proves that there is no plan."""
     left_s = max(until_s - process_time(), 1e-9)  # the clock went on since it was looked at last
     chosen = planner(name, {})
     if name == "continuous":
         chosen.prepare()  # outside of the time that is left to it
     supported = as_supported(chosen, problem)
-    result = chosen.plan(supported, left_s / num_left)
+    result = chosen.plan(supported, left_s * share)
     return result, result.status is Status.INFEASIBLE and supported is problem
 
 

@@ -157,11 +157,26 @@ def test_who_is_asked_for_a_cheaper_plan_has_a_bounded_effort(monkeypatch):
             efforts.append(problem.effort)
             return super().plan(problem, time_limit_s)
 
-    for waits, wanted in (({"lacam": 3}, [0, 10_000, 10_000]), ({"lns2": 3}, [0, 0, 10_000])):
+    for waits, wanted in (({"lacam": 3}, [0, 1000, 1000]), ({"lns2": 3}, [0, 0, 1000])):
         efforts.clear()
         monkeypatch.setattr("planners.auto.planner", lambda name, parameters, waits=waits: Counts(waits.get(name, -1)))
         Auto().plan(world("0..a"), 5.0)
         assert efforts[1:] == wanted
+
+
+@pytest.mark.parametrize(("names", "shares"), [((), [0.25, 0.8, 0.5, 1.0]), (("ecbs", "lacam", "lns2"), [1 / 3, 0.5, 1.0])])
+def test_by_rule_lacam_has_most_of_the_time_that_is_left(names, shares, monkeypatch):
+    limits = []
+
+    @dataclass(frozen=True)
+    class Limited(Says):
+        def plan(self, problem, time_limit_s):
+            limits.append(time_limit_s)
+            return super().plan(problem, time_limit_s)
+
+    monkeypatch.setattr("planners.auto.planner", lambda name, parameters: Limited(-1))
+    Auto(planners=names).plan(world("0..a"), 1e6)
+    assert limits == pytest.approx([1e6 * share for share in shares], rel=1e-3)
 
 
 @pytest.mark.parametrize(("parameters", "said"), [
