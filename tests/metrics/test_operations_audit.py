@@ -8,7 +8,7 @@ import pytest
 from floors import BATTERY, driven, lanes, ring, scenario, tee
 from shapely import LineString
 from vehicles import along, quarter, straight
-from worlds import line
+from worlds import graph_of, line
 
 from mrp_sumo.core.disturbances import BREAKS
 from mrp_sumo.core.execution import Event, Outcome
@@ -698,6 +698,22 @@ def test_who_is_cut_off_by_a_lost_robot_is_so_where_it_waits_then(later_at, foun
         fleet=SimpleNamespace(num_robots=2),
         times_in=lambda states, robot: [(100.0, found_s)] * robot,
         xy_at=xy_at,
+    )
+    assert places._is_cut_off(logs, places.Wish(0, 0, "at 5", [5], 0.0, np.inf, np.inf), 50.0, 600.0) == cut_off
+
+
+@pytest.mark.parametrize(("at", "two_way", "cut_off"), [(0, False, True), (4, False, False), (0, True, False)])
+def test_on_a_one_way_ring_a_lost_robot_cuts_off_who_has_yet_to_pass_it(at, two_way, cut_off):
+    """On a ring of six, with the place at 5 and a robot lost at 2: from 0 the way over 2 is the only one, unless it leads back, too."""
+    pairs, none = [(k, (k + 1) % 6) for k in range(6)], np.zeros(0)
+    xy = [(0.0, 0.0), (1.0, 0.0), (2.0, 0.0), (2.0, 1.0), (1.0, 1.0), (0.0, 1.0)]
+    graph = graph_of(xy, pairs if two_way else [], 1.0, [] if two_way else pairs)
+    logs = SimpleNamespace(
+        stops=SimpleNamespace(vertex=none, robot=none, begin_s=none, end_s=none),
+        graph=graph,
+        fleet=SimpleNamespace(num_robots=2),
+        times_in=lambda states, robot: [(0.0, 600.0)] * robot,
+        xy_at=lambda robot, t_s: graph.xy[np.where(robot == 1, 2, at)],
     )
     assert places._is_cut_off(logs, places.Wish(0, 0, "at 5", [5], 0.0, np.inf, np.inf), 50.0, 600.0) == cut_off
 

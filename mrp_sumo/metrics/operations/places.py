@@ -202,9 +202,9 @@ def _is_cut_off(logs: Logs, wish: Wish, since_s: float, until_s: float) -> bool:
         from_s = max(begin_s, since_s)
         if robot == wish.robot or v in wish.vertices or not (min(end_s, until_s) - from_s) / (until_s - since_s) > MOST:
             continue
-        leads = (graph.tail != v) & (graph.head != v)
-        piece = weak_components(graph.num_vertices, graph.tail[leads], graph.head[leads])
-        if piece[_vertex_at(logs, wish.robot, from_s)] not in piece[wish.vertices]:
+        leads, at = (graph.tail != v) & (graph.head != v), np.array([_vertex_at(logs, wish.robot, from_s)])
+        past, ever = (np.isfinite(reach_m(graph, lanes, at)[0, wish.vertices]).any() for lanes in (leads, leads | True))
+        if ever and not past:
             return True
     return False
 
