@@ -31,7 +31,7 @@ def on_moves(problem: Problem) -> Problem:
     heading, steps = problem.heading_at_target, _steps_past_goals(graph, start, taken)
     for r, (at, place, kind) in enumerate(zip(start.tolist(), target.tolist(), problem.fleet.kind.tolist())):
         stays = graph.place[at] == place and (np.isnan(heading[r]) or _faces(problem, standing, r, float(heading[r])))
-        is_first = standing.does[r] == ANYWHERE and problem.fleet.is_vehicle[r]  # once it has moved it comes into that state no more
+        is_first = problem.fleet.is_vehicle[r] and (problem.standing is None or standing.does[r] == ANYWHERE)  # into that it comes no more
         if stays and not (is_first and _is_passed(graph, start, target, r)):
             goal[r] = at
         elif problem.fleet.is_vehicle[r]:

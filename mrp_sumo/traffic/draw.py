@@ -18,6 +18,7 @@ from mrp_sumo.traffic.moves import round_trips
 from mrp_sumo.traffic.resources import groups_of, resources_of
 
 Name = tuple[str, int]  # of what robots share: a vertex, a mutex group, a pair of stations that are too near
+Behind = dict[int, list[int]]  # by vertex, of types that tow: those on one of which trailers stand then
 STARTS, GOALS = 1, 2  # purposes of the streams of chance
 
 
@@ -52,7 +53,7 @@ class Stands(NamedTuple):
 
     start: IntArray
     goal: IntArray
-    behind: dict[int, int]  # by start: the vertex on which trailers stand, where the type tows some
+    behind: tuple[Behind, Behind] = ({}, {})  # at starts and at goals
 
 
 def uniform_draw(
@@ -113,11 +114,13 @@ def stands_of(graph: PlanGraph, *, anywhere: bool = False, vehicle: RobotType | 
     station = station[~graph.having("is_passthrough_point")[station]]
     if vehicle is None or not vehicle.is_vehicle:
         station = main_piece(graph, station)
-        return Stands(station, station, {})
+        return Stands(station, station)
     trips = round_trips(graph, vehicle, station)
-    start = station[trips.begins[station]]
-    behind = dict(zip(start.tolist(), trips.behind[start].tolist(), strict=True)) if vehicle.trailers else {}
-    return Stands(start, station[trips.is_on[station]], behind)
+    start, goal = station[trips.begins[station]], station[trips.is_on[station]]
+    if not vehicle.trailers:
+        return Stands(start, goal)
+    came = {v: np.unique(graph.tail[trips.lanes & (graph.head == v)]).tolist() for v in goal.tolist()}
+    return Stands(start, goal, ({v: [int(trips.behind[v])] for v in start.tolist()}, came))
 
 
 def draw_by_type(
@@ -203,14 +206,15 @@ def shared_at(graph: PlanGraph, station: IntArray, separation_m: float) -> dict[
 
 def _first_apart(order: IntArray, stands: Stands, purpose: int, shared: dict[int, set[Name]], taken: set[Name], limit: int) -> IntArray:
     """The first stations in an order that share nothing with each other and what is taken, up to a limit; what they share is taken then."""
-    behind = stands.behind if purpose == STARTS else {}
+    behind = stands.behind[purpose - STARTS]
     chosen: list[int] = []
     for v in order.tolist():
         if len(chosen) == limit:
             break
-        own = {*shared.get(v, ()), ("vertex", v), ("vertex", behind.get(v, v))}
-        if taken.isdisjoint(own):
-            taken |= own
+        own = {*shared.get(v, ()), ("vertex", v)}
+        room = next((u for u in behind.get(v, [v]) if ("vertex", u) not in taken), None)
+        if room is not None and taken.isdisjoint(own):
+            taken |= {*own, ("vertex", room)}
             chosen.append(v)
     return np.array(chosen, np.int64)
 

@@ -215,6 +215,7 @@ class RoundTrips(NamedTuple):
     is_on: BoolArray  # [V] places on them
     begins: BoolArray  # [V] places from which it comes on them, having moved nowhere yet
     behind: IntArray  # [V] vertex on which trailers stand at such a beginning, -1: none
+    lanes: BoolArray  # [L] that lead on from a place on them to the next
 
 
 def round_trips(graph: PlanGraph, vehicle: RobotType, among: IntArray) -> RoundTrips:
@@ -225,7 +226,8 @@ def round_trips(graph: PlanGraph, vehicle: RobotType, among: IntArray) -> RoundT
     under_way = np.unique(states.at[UNDER_WAY][states.at[UNDER_WAY] >= 0])
     visited = np.unique(np.stack([component[under_way], states.place[under_way]], 1)[np.isin(states.place[under_way], among)], axis=0)
     if not len(visited):
-        return RoundTrips(np.zeros(num_places, np.bool_), np.zeros(num_places, np.bool_), np.full(num_places, -1))
+        nowhere = np.zeros(num_places, np.bool_)
+        return RoundTrips(nowhere, nowhere, np.full(num_places, -1), np.zeros(graph.num_lanes, np.bool_))
     on = component == np.bincount(visited[:, 0]).argmax()
     leads = on.copy()
     while (more := leads[moves.head] & ~leads[moves.tail]).any():
@@ -239,7 +241,9 @@ def round_trips(graph: PlanGraph, vehicle: RobotType, among: IntArray) -> RoundT
             v = int(graph.head[lane])
             if not begins[v]:
                 begins[v], behind[v] = True, int(graph.tail[lane])
-    return RoundTrips(is_on, begins, behind)
+    lanes = np.zeros(graph.num_lanes, np.bool_)
+    lanes[moves.base_lane[on[moves.tail] & on[moves.head]]] = True
+    return RoundTrips(is_on, begins, behind, lanes)
 
 
 class EndStates(NamedTuple):

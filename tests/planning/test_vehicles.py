@@ -67,18 +67,20 @@ def test_a_car_comes_to_its_goal_by_the_side_on_which_nobody_else_has_one():
     assert plan(vehicles_on(graph, [0, 2], [4, 6], [CAR, CART])).plan.vertex[:5].tolist() == [0, 1, 2, 3, 4]
 
 
-def test_a_car_at_its_goal_drives_round_where_another_has_to_pass():
-    """On a one-way ring of twelve, from 3 to 9, where one stands at 6 to which it can come back."""
+@pytest.mark.parametrize("vehicle", [CAR, TUGGER])
+def test_who_stands_at_its_goal_drives_round_where_another_has_to_pass(vehicle):
+    """On a one-way ring of twelve, from 3 to 9, where one stands at 6 to which it can come back; trailers stand straight behind it."""
     side = range(3)
     xy = [*((k, 0) for k in side), *((3, k) for k in side), *((3 - k, 3) for k in side), *((0, 3 - k) for k in side)]
     graph = roads([(4.0 * x, 4.0 * y) for x, y in xy], one_way=[(k, (k + 1) % 12) for k in range(12)])
-    passed = vehicles_on(graph, [6, 3], [6, 9], CAR)
+    begins = {CAR: (6, 3), TUGGER: (5, 2)}[vehicle]
+    passed = vehicles_on(graph, begins, [begins[0], 9], vehicle)
     result = plan(passed)
     assert result.status is Status.SOLVED and judge(passed, result.plan).valid, result.message
-    assert result.plan.vertex[result.plan.first[1] - 1] == 6
+    assert result.plan.vertex[result.plan.first[1] - 1] == begins[0]
     assert set(result.plan.vertex[: result.plan.first[1]].tolist()) == set(range(12))
-    beyond = plan(vehicles_on(graph, [6, 8], [6, 9], CAR))
-    assert set(beyond.plan.vertex[: beyond.plan.first[1]].tolist()) == {6}
+    beyond = plan(vehicles_on(graph, [begins[0], 8], [begins[0], 9], vehicle))
+    assert set(beyond.plan.vertex[: beyond.plan.first[1]].tolist()) == {begins[0]}
 
 
 def test_what_is_out_of_reach_is_named():

@@ -147,10 +147,11 @@ def test_vehicles_are_drawn_where_they_can_come_and_go(vehicle, starts, goals):
 
 def test_nobody_is_drawn_where_trailers_stand():
     graph = ring_with_a_spur()
+    behind = [{v: u for v, (u,) in each.items()} for each in stands_of(graph, vehicle=TUGGER).behind]
+    assert behind == [{4: 3, 6: 0}, {0: 4, 6: 0, 1: 6, 2: 1, 3: 2, 4: 3}]
     assert most_drawn(graph, 0, 1.0, vehicle=TUGGER) == 2
     for seed in range(9):
-        start, _ = uniform_draw(graph, 2, seed, 1.0, vehicle=TUGGER)
-        behind = [stands_of(graph, vehicle=TUGGER).behind[v] for v in start.tolist()]
-        assert len({*start.tolist(), *behind}) == 4
-        mixed, _ = draw_by_type([(TUGGER, graph), (CART, graph)], np.array([0, 1]), np.full(2, -1), np.full(2, -1), seed, 1.0)
-        assert int(mixed[1]) not in (int(mixed[0]), stands_of(graph, vehicle=TUGGER).behind[int(mixed[0])])
+        for chosen, tows in zip(uniform_draw(graph, 2, seed, 1.0, vehicle=TUGGER), behind):
+            assert len({*chosen.tolist(), *(tows[v] for v in chosen.tolist())}) == 4
+        for chosen, tows in zip(draw_by_type([(TUGGER, graph), (CART, graph)], np.array([0, 1]), *np.full((2, 2), -1), seed, 1.0), behind):
+            assert int(chosen[1]) not in (int(chosen[0]), tows[int(chosen[0])])
