@@ -3,8 +3,9 @@
     tools/bench_vehicles.py [--robots N ...] [--planner NAME ...] [--map NAME ...] [--vehicle NAME ...] [--seeds N] [--first SEED]
 
 The same starts and goals, the same roads: warehouse and plant that come with the program, and drawn squares of 12 x 12. `cart` turns in
-place, `tricycle` may reverse, `car` may not; all have the same separation. CPU seconds are medians over the seeds that both solved, of the
-least of three, after one plan on the same map, which makes the tables of the map: `first_s` is that plan's. Every plan is judged.
+place, `tricycle` may reverse, `car` may not, `tugger` has a trailer, for which there is room at all starts and goals then. Lanes are as
+long as the largest of them needs. CPU seconds are medians over the seeds that both solved, of the least of three, after one plan on the
+same map, which makes the tables of the map: `first_s` is that plan's. Every plan is judged.
 """
 
 import argparse
@@ -35,7 +36,7 @@ def rows(options: argparse.Namespace) -> Iterator[bench.Row]:
     """A row for each map, planner and number of robots."""
     from mrp_sumo.core.fleet import fleet_of
     from mrp_sumo.core.problem import Problem
-    from mrp_sumo.core.robot_type import RobotType, Wheels
+    from mrp_sumo.core.robot_type import RobotType, Trailer, Wheels
     from mrp_sumo.maps.catalogue import bundled_maps
     from mrp_sumo.maps.load import load_map
     from mrp_sumo.maps.repair import join_short
@@ -52,9 +53,16 @@ def rows(options: argparse.Namespace) -> Iterator[bench.Row]:
         RobotType("cart", turn_rate_rad_s=1.5, **figures),
         RobotType("tricycle", kinematics=Wheels(kind="tricycle", reverse=True, **wheels), **figures),
         RobotType("car", kinematics=Wheels(kind="ackermann", **wheels), **figures),
+        RobotType(
+            "tugger",
+            kinematics=Wheels(kind="tugger", wheelbase_m=0.2, steering_max_rad=0.45),
+            trailers=(Trailer(length_m=0.3, hitch_m=0.15),),
+            **figures,
+        ),
     ]
-    step_m = max(fleet_of(each, 1).separation_m for each in types)
     types = [each for each in types if each.name in ("cart", *options.vehicle)]
+    step_m = max(fleet_of(each, 1).separation_m for each in types)
+    tugger = next((each for each in types if each.trailers), None)
     graphs = {}
     for name in options.map:
         if name != "squares":
@@ -69,7 +77,7 @@ def rows(options: argparse.Namespace) -> Iterator[bench.Row]:
                 taken: dict[str, dict[int, float]] = {}
                 for each in types:
                     for seed in range(options.first, options.first + options.seeds):
-                        start, goal = uniform_draw(graph, count, seed)
+                        start, goal = uniform_draw(graph, count, seed, vehicle=tugger)
                         problem = Problem(
                             graph,
                             fleet_of(replace(each), count),

@@ -240,6 +240,12 @@ class RobotShape(Options):
             raise OptionError(f"trailers with kinematics of kind {wheels.kind}, expected kind tugger")
         if self.trailers and wheels.reverse:
             raise OptionError("trailers with reverse: true would jack-knife, expected reverse: false, or no trailers")
+        if (behind_m := abs(wheels.ahead_m)) > self.length_m / 2 + 1e-9:
+            key = "wheelbase_m" if wheels.axle_m is None else "axle_m"
+            raise OptionError(
+                f"kinematics.{key} is {getattr(wheels, key):g}: the fixed axle is {behind_m:g} m from the middle of the body, expected at "
+                f"most half of length_m, {self.length_m / 2:g}"
+            )
         self._towed()
 
     def _check_loaded(self) -> None:

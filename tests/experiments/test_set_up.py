@@ -258,6 +258,7 @@ def test_a_goal_that_only_other_types_reach_is_refused(tmp_path):
     ("groups", "says"),
     [
         ([f"{{type: {CART}, count: 1}}", f"{{type: {CART.replace('0.4', '1.9')}, count: 1}}"], r"fleet\[1\].type: 'custom_1' does not fit"),
+        ([f"{{type: {CART[:-1]}, loaded: {{length_m: 3}}}}, count: 2}}"], r"fleet\[0\].type: 'custom' with its load does not fit"),
         (["{type: turtlebot3}"], r"robots.fleet\[0\]: .*give count, or starts"),
         (["{type: turtelbot3, count: 1}"], r"robots.fleet\[0\].type: 'turtelbot3' is neither .*turtlebot3"),
         (["{type: turtlebot3, count: 2, starts: [a]}"], r"robots.fleet\[0\]: .*1 starts for 2 robots"),

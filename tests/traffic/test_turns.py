@@ -1,5 +1,6 @@
 """Turns of vehicles that cannot turn in place."""
 
+from contextlib import nullcontext
 from dataclasses import replace
 from math import cos, pi, tan
 
@@ -74,6 +75,19 @@ def test_forks_first_needs_a_vehicle_that_can_come_so(wheels, words):
         Wheels(**wheels, docking="forks_first")
 
 
+@pytest.mark.parametrize(
+    ("wheels", "words"),
+    [
+        ({"axle_m": 0.5, "wheelbase_m": 0.6}, None),
+        ({"axle_m": 0.51, "wheelbase_m": 0.6}, "axle_m is 0.51: the fixed axle is 0.51"),
+        ({"wheelbase_m": 1.02}, "wheelbase_m is 1.02: the fixed axle is 0.51"),
+    ],
+)
+def test_the_fixed_axle_is_within_the_body(wheels, words):
+    with nullcontext() if words is None else pytest.raises(OptionError, match=words):
+        replace(ONE_GEAR, kinematics=replace(ONE_GEAR.kinematics, **wheels))
+
+
 def test_room_beyond_its_radius_is_that_of_the_closed_form_where_a_vehicle_changes_gear():
     """It stops past the corner with its axle a tangent away, and its middle beyond that."""
     forks = replace(TRICYCLE, kinematics=replace(TRICYCLE.kinematics, docking="forks_first"))
@@ -89,7 +103,7 @@ def test_the_axle_leaves_a_corner_before_the_middle_comes_to_the_next(lane_m, ha
     wheels = replace(ONE_GEAR.kinematics, axle_m=0.6, wheelbase_m=0.4 * tan(1.0), steering_max_rad=1.0)
     graph = roads([(0.0, 0.0), (4.0, 0.0), (4.0, lane_m), (8.0, lane_m)], [(0, 1), (1, 2), (2, 3)])
     obstacle = f"tricycle needs 0.40 m to turn from 'v0' over 'v1' to 'v2' and has {has_m} m" if has_m else ""
-    assert obstacle_to(graph, replace(ONE_GEAR, kinematics=wheels), [0, 1, 2, 3]) == obstacle
+    assert obstacle_to(graph, replace(ONE_GEAR, length_m=1.2, kinematics=wheels), [0, 1, 2, 3]) == obstacle
 
 
 def test_a_corner_that_is_too_sharp_is_named_with_its_angle():

@@ -52,7 +52,8 @@ def require_fit(file: ScenarioFile, nav: NavGraph, graph: PlanGraph, models: Seq
         return
     chains = chains_of(nav)
     nav = chains.nav if chains else nav
-    what = f"{file.at(*type_at(file, kind))}: '{model.name}' does not fit: two of them need {needed_m:.3f} m between centres, "
+    with_load = " with its load" if fleet_of(replace(model, loaded=None), 1).separation_m < needed_m - 1e-9 else ""
+    what = f"{file.at(*type_at(file, kind))}: '{model.name}'{with_load} does not fit: two of them need {needed_m:.3f} m between centres, "
     length_m = nav.length_m[~nav.is_ride] if graph.kind == "roadmap" else np.full(1, np.inf)
     may_be_short = file.scenario.discretisation.short_lanes == "drive"
     if may_be_short and (length_m < needed_m - 1e-9).any() and length_m.min() >= train_m - 1e-9:
