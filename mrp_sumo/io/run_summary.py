@@ -45,7 +45,9 @@ def _rows(result: Mapping[str, Any]) -> Iterator[tuple[str, ...]]:
         _count(None if m["soc_steps"] is None else m["lower_bound_steps"] or None, "steps lower bound"),
     )
     if m["tasks_done"] is not None:
-        yield "orders", orders_in_words(m), _count(m["throughput_per_h"], "an hour")
+        saved = m.get("bundled_saved_share")
+        bundled = "" if saved is None else f"{100 * saved:.0f} % of the way saved by bundling"
+        yield "orders", orders_in_words(m), _count(m["throughput_per_h"], "an hour"), bundled
         yield (
             "lead time",
             _given("mean", seconds(m["lead_time_mean_s"])),

@@ -9,6 +9,7 @@ from mrp_sumo.core.execution import Execution, Outcome
 from mrp_sumo.core.robot_states import BROKEN, CHARGING, EMPTY, IDLE, ROBOT_STATES, STALLED, WORKING, RobotStateLog
 from mrp_sumo.core.task import StopLog, TaskLog, orders_of
 from mrp_sumo.metrics.metric import LESS, MORE, NONE, TOGETHER, Evidence, Metric, of, part
+from mrp_sumo.search.route import reach_m
 
 
 def stalled_robots(execution: Execution, robot_name: Sequence[str]) -> str:
@@ -145,6 +146,29 @@ def _distances_m(run: Evidence) -> dict[str, float]:
     return by if carried_m is None or not loaded_m else {**by, "loads": carried_m / loaded_m}
 
 
+def _bundled_share(run: Evidence) -> float | None:
+    """Ways are the shortest along lanes between the stops of a robot's orders that are done: as made, and order after order."""
+    logs = run.once(_logs)
+    if logs is None or not run.problem.fleet.carries_several:
+        return None
+    tasks, stops = logs
+    rows = np.flatnonzero(np.isfinite(tasks.done_s)[stops.task] & (stops.robot == tasks.robot[stops.task]))
+    begun_s = np.full(len(tasks.name), np.inf)
+    np.minimum.at(begun_s, stops.task[rows], stops.begin_s[rows])
+    graph = run.problem.for_any().graph
+    place, at = np.unique(stops.vertex[rows], return_inverse=True)
+    away_m = reach_m(graph, np.ones(graph.num_lanes, np.bool_), place)[:, place] if len(place) else np.zeros((0, 0))
+    time = stops.begin_s[rows]
+    together_m, apart_m = (
+        float(np.where(np.diff(stops.robot[rows][order]) == 0, away_m[at[order[:-1]], at[order[1:]]], 0.0).sum())
+        for order in (
+            np.lexsort((time, stops.robot[rows])),
+            np.lexsort((time, stops.task[rows], begun_s[stops.task[rows]], stops.robot[rows])),
+        )
+    )
+    return 1 - together_m / apart_m if 0 < apart_m < np.inf else None
+
+
 # fmt: off
 METRICS = (
     Metric("robot_busy_share", "", NONE, "share of the fleet's time for which robots had an order, those left out that were lost with one",
@@ -174,6 +198,10 @@ METRICS = (
     Metric("distance_per_order_m", "m", LESS, "driven by all robots, by order done", part(_distances_m, "order")),
     Metric("loads_mean", "", MORE, "mean number of loads on board, by metre driven with one; null where robots carry one at most",
            part(_distances_m, "loads")),
+    Metric("bundled_saved_share", "", MORE,
+           "what robots saved by carrying several orders at once: share of the shortest ways between stops of the orders that are done, "
+           "had each robot done its own one at a time, in the order in which they were begun; null where robots carry one at most",
+           _bundled_share),
     Metric("energy_j", "J", LESS, "drawn from all batteries, chargers left out; null where the robots' type has no battery",
            of(_batteries, lambda log: float(log.used_j.sum()))),
     Metric("battery_level_min", "", MORE, "least state of charge of a robot at any time, as a share of the capacity",

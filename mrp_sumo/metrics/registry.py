@@ -32,7 +32,7 @@ ORDER = """
     planner_calls_late planner_calls_failed planner_calls_stepped planner_calls_stopped waiting_time_p50_s waiting_time_p95_s
     task_time_p50_s task_time_p95_s robot_working_share robot_blocked_share robot_charging_share robot_idle_share robot_lost_share
     availability robot_stalled_share station_queue_mean station_queue_max distance_m empty_distance_m distance_per_order_m loads_mean
-    energy_j battery_level_min
+    bundled_saved_share energy_j battery_level_min
     robots_battery_critical robots_battery_empty lift_rides lift_wait_s lift_queue_max lift_utilisation_max door_openings num_people
     protective_stops_per_robot_h lost_to_people_s min_person_distance_m people_waiting_s num_person_contacts num_person_touches
     zone_occupancy_max zone_robots_mean_max zone_robots_max

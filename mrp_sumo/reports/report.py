@@ -224,6 +224,7 @@ def _run_tiles(study: ReportedRuns) -> list[Tile]:
         ("orders done an hour", "throughput_per_h", 1, ""),
         ("mean lead time of orders", "lead_time_mean_s", 1, "s"),
         ("lead time, 95 % below", "lead_time_p95_s", 1, "s"),
+        ("way saved by bundling orders", "bundled_saved_share", 100, "%"),
     ):
         if column in row and not pd.isna(row[column]):
             tiles.append(Tile(label, f"{scale * float(row[column]):.1f}", unit))
