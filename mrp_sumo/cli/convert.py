@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from mrp_sumo.cli.map_choice import add_choice, chosen_map
 from mrp_sumo.cli.option_rules import only_for
 from mrp_sumo.cli.printing import say_either
-from mrp_sumo.errors import MrpSumoError, OptionError, nearest
+from mrp_sumo.errors import MrpSumoError, OptionError, ScenarioError, nearest
 
 if TYPE_CHECKING:
     from mrp_sumo.maps.map import Map
@@ -90,7 +90,7 @@ def _write_vehicle(map_: "Map", wanted: str | None, destination: Path) -> list[s
     """Write a vehicle that a map lists, the longest by default, as a type of robots; returns what was guessed and left out."""
     from dataclasses import replace
 
-    from mrp_sumo.experiments.proposal import type_like
+    from mrp_sumo.experiments.proposal import type_like, type_of
     from mrp_sumo.files.writing import write_text
     from mrp_sumo.io.scenario.robots import text_of_type
 
@@ -105,7 +105,12 @@ def _write_vehicle(map_: "Map", wanted: str | None, destination: Path) -> list[s
     if vehicle is None or min(vehicle.length_m, vehicle.max_speed_mps) <= 0:
         raise MrpSumoError(f"{name}: vehicle '{wanted or next(iter(known))}' has no length or no maxVelocity, expected both")
     try:
+        if (written := type_of(vehicle)) is not None:
+            write_text(destination, text_of_type(written))
+            return []
         like = type_like(vehicle)
+    except ScenarioError as error:
+        raise MrpSumoError(f"{name}: {error}") from None
     except OptionError as error:
         raise MrpSumoError(f"{name}: vehicle '{vehicle.name}': {error}") from None
     robot, is_said = replace(like, source=f"vehicle {vehicle.name} of {name}", battery=None), vehicle.clear_m > like.radius_m

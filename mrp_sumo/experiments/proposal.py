@@ -18,13 +18,15 @@ from mrp_sumo.errors import MapError, MrpSumoError
 from mrp_sumo.experiments.first_fleet import STATIONS_A_ROBOT
 from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.experiments.run import carry_out
+from mrp_sumo.experiments.staging.places import obstacle_between
 from mrp_sumo.experiments.staging.set_up import SetUp, set_up
 from mrp_sumo.io.scenario.file import ScenarioFile
 from mrp_sumo.io.scenario.names import robot_types
 from mrp_sumo.io.scenario.read import scenario_of
-from mrp_sumo.io.scenario.robots import robot_type
+from mrp_sumo.io.scenario.robots import robot_type, type_of_text
 from mrp_sumo.maps.catalogue import bundled_folder
 from mrp_sumo.maps.map import ListedVehicle
+from mrp_sumo.maps.readers.opentcs import TYPE_KEY
 from mrp_sumo.traffic.draw import most_drawn, stands_of
 
 MOST_ROBOTS = 8
@@ -37,6 +39,7 @@ TRIAL_S = 600.0  # simulated: robots that stand in each other's way for good hav
 AMPLE = 3.0  # times what an order takes undisturbed: of orders that have been there so long, some are done
 ENDS = 20  # of each of two groups, whose ways to each other are measured
 LARGE, MEDIUM, SMALL = "forklift", "amr_600", "turtlebot3"
+SAME = 1.001e-3  # m and m/s: figures of plant models are in whole millimetres
 SLENDER = 0.7  # width of a vehicle of which the map says its length alone, in lengths
 KEPT = 0.8  # share of the small robot's stations that a larger one has to reach
 
@@ -99,10 +102,11 @@ def propose(map_values: Mapping[str, Any], folder: Path, name: str, wishes: Wish
         setup, why_type = _fitting_type(map_values, folder, maps, wishes.robot_type)
         stations = stations_of(setup.map.nav, setup.problem.graph, setup.problem.fleet.types[0])
         if not stations.stops:
-            raise MapError(
-                f"'{setup.map.name}' has fewer than two stations that reach each other: there is nothing to carry; "
-                "`mrp-sumo import` with --check says where lanes end or have no way back"
-            )
+            model, graph = setup.problem.fleet.types[0], setup.problem.graph
+            why = "`mrp-sumo import` with --check says where lanes end or have no way back"
+            if model.is_vehicle:
+                why = obstacle_between(graph, model) or why
+            raise MapError(f"'{setup.map.name}' has fewer than two stations that reach each other: there is nothing to carry; {why}")
         num_robots, why_number = _num_robots(setup, wishes.num_robots)
         fault = ""
         while num_robots:
@@ -202,9 +206,10 @@ def _fitting_type(map_values: Mapping[str, Any], folder: Path, maps: MapCache, w
     guess = "guessed: the largest type that reaches the stations; `mrp-sumo list robots` names others, docs/robots.md your own"
     candidates: list[tuple[str, str | dict[str, Any], str]] = [(name, name, guess) for name in (LARGE, MEDIUM)[not is_industrial :]]
     if vehicle := smallest.map.longest_vehicle:
-        read = "length and speed" if vehicle.width_m is None else "size and speed"
-        own = {key: value for key, value in asdict(type_like(vehicle)).items() if key not in ("name", "source")}
-        candidates.insert(0, (vehicle.name, own, f"{read} are those of the map's {vehicle.name!r}, the rest is guessed"))
+        read, known = "length and speed" if vehicle.width_m is None else "size and speed", type_of(vehicle)
+        own = {key: value for key, value in asdict(known or type_like(vehicle)).items() if key not in ("name", "source")}
+        said = f"{read} are those of the map's {vehicle.name!r}, the rest is guessed"
+        candidates.insert(0, (vehicle.name, own, f"the map's {vehicle.name!r}" if known else said))
     for name, model, why in candidates:
         try:
             setup = with_type(model, count)
@@ -217,6 +222,15 @@ def _fitting_type(map_values: Mapping[str, Any], folder: Path, maps: MapCache, w
             f"{name}: reaches {_reached(setup):.0f} of {reached:.0f} {'m2' if setup.problem.graph.kind == 'grid' else 'stations'}"
         )
     return smallest, f"guessed, as larger ones do not fit ({refused[-1]})"
+
+
+def type_of(vehicle: ListedVehicle) -> RobotType | None:
+    """The type with which a map was written for a vehicle; None without, or where the vehicle has another size or speed by now."""
+    if not vehicle.as_type:
+        return None
+    known = type_of_text(vehicle.name, vehicle.as_type, f"{TYPE_KEY} of vehicle '{vehicle.name}'")
+    figures = ((known.length_m, vehicle.length_m), (known.width_m, vehicle.width_m), (known.max_speed_mps, vehicle.max_speed_mps))
+    return known if all(b is not None and abs(a - b) < SAME for a, b in figures) else None
 
 
 def type_like(vehicle: ListedVehicle) -> RobotType:

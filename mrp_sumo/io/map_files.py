@@ -13,6 +13,7 @@ from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.errors import MapError, count, nearest, sentence
 from mrp_sumo.files.reading import shortened
 from mrp_sumo.files.writing import written_whole
+from mrp_sumo.io.scenario.robots import text_of_type
 from mrp_sumo.maps import lif_file, opentcs_file
 from mrp_sumo.maps.curves import TANGENT
 from mrp_sumo.maps.geojson import write_geojson
@@ -116,7 +117,7 @@ def _write_lif(map_: Map, path: Path, robots: Sequence[RobotType]) -> list[str]:
 
 
 def _write_opentcs(map_: Map, path: Path, robots: Sequence[RobotType]) -> list[str]:
-    write_opentcs(map_, path, robots)
+    write_opentcs(map_, path, robots, [text_of_type(robot) for robot in robots])
     nav = map_.nav
     losses = _option_losses(nav, opentcs_file.KEPT, opentcs_file.KEPT_OF_LANES) + _drawing_losses(map_, "walls", "floors", "doors", "lifts")
     curves = any(TANGENT in options for options in nav.vertex_options)

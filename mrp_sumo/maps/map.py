@@ -32,6 +32,7 @@ class ListedVehicle:
     max_speed_mps: float
     reverse_mps: float = 0.0
     clear_m: float = 0.0  # room that the map keeps around where it stands; 0 where the map does not say
+    as_type: str = ""  # the text of a file of robots/, in maps that were written with one
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

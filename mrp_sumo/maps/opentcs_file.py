@@ -18,6 +18,7 @@ from mrp_sumo.maps.chains import Chains, chains_of
 from mrp_sumo.maps.curves import COURSES
 from mrp_sumo.maps.lif_file import stations_of, vertex_names
 from mrp_sumo.maps.map import Map
+from mrp_sumo.maps.readers.opentcs import TYPE_KEY
 
 SCALE = 10  # millimetres for a unit of the layout
 NO_LIMIT_MPS = 10.0  # of lanes without a limit: a path has one
@@ -37,18 +38,21 @@ KEPT = (
 KEPT_OF_LANES = ("edge_id", "path", "mutex", "orientation_constraint")
 
 
-def write_opentcs(map_: Map, path: Path, robots: Sequence[RobotType] = ()) -> None:
-    """Write the graph of a map, and a vehicle of each of some types of robots, with its envelopes at points and along paths."""
+def write_opentcs(map_: Map, path: Path, robots: Sequence[RobotType] = (), as_type: Sequence[str] = ()) -> None:
+    """Write the graph of a map, and a vehicle of each of some types of robots, with its envelopes at points and along paths.
+
+    `as_type` are the texts of the types' files, which vehicles have as a property.
+    """
     chains = chains_of(map_.nav)
     nav = chains.nav if chains else map_.nav
     with path.open("w", encoding="utf-8") as out:
         out.write('<?xml version="1.0" encoding="UTF-8" standalone="yes"?>\n')
         out.write(f'<model version="7.0.0" name={quoteattr(map_.name)}>\n')
-        out.writelines(f"    {line}\n" for line in _lines(map_.nav, nav, chains, robots))
+        out.writelines(f"    {line}\n" for line in _lines(map_.nav, nav, chains, robots, as_type))
         out.write("</model>\n")
 
 
-def _lines(drawn: NavGraph, nav: NavGraph, chains: Chains | None, robots: Sequence[RobotType]) -> Iterator[str]:
+def _lines(drawn: NavGraph, nav: NavGraph, chains: Chains | None, robots: Sequence[RobotType], as_type: Sequence[str]) -> Iterator[str]:
     names, bends = vertex_names(nav), drawn.having("is_bend")
     points = [v for v in range(nav.num_vertices) if not bends[v]]
     paths = _paths(nav)
@@ -71,13 +75,14 @@ def _lines(drawn: NavGraph, nav: NavGraph, chains: Chains | None, robots: Sequen
         yield f"<point name={quoteattr(names[v])} {about}>{box}{envelopes}{leaving}{layout}</point>"
     for lane, ways in paths.items():
         yield _path(drawn, nav, chains, lane, ways, names, robots)
-    for robot in robots:
+    for robot, text in zip(robots, as_type):
         top = round(1000 * robot.max_speed_mps)
         back = (
             round(1000 * (robot.kinematics.reverse_mps or robot.max_speed_mps)) if robot.kinematics.reverse or not robot.is_vehicle else 0
         )
         about = f'name={quoteattr(robot.name)} {LEVELS} maxVelocity="{top}" maxReverseVelocity="{back}"'
         body = _box("boundingBox", robot.length_m, robot.width_m)
+        body += f"<property name={quoteattr(TYPE_KEY)} value={quoteattr(text)}/>" if text else ""
         yield f'<vehicle {about} envelopeKey={quoteattr(robot.name)}>{body}<vehicleLayout color="#00FF00"/></vehicle>'
     yield from _locations(nav, points, names)
     yield from _blocks(nav, points, paths, names)

@@ -362,12 +362,17 @@ def narrow_turns(graph: PlanGraph, vehicle: RobotType) -> tuple[str, ...]:
     return tuple(dict.fromkeys(line for line in lines if line))
 
 
+def _to_reverse(vehicle: RobotType) -> str:
+    """What would let a type that drives forward only through, in words."""
+    return "a way round, or a type without trailers, would do" if vehicle.trailers else "kinematics.reverse: true would do"
+
+
 def _obstacle(graph: PlanGraph, vehicle: RobotType, turn: int, lane: int, onward: int, came: set[int]) -> str:
     """The reason for which a type does not leave one lane along another."""
     turns, name, loaded = turns_of(graph, vehicle), vehicle.name, vehicle.with_load
     tail, head = graph.known_as(int(graph.tail[onward])), graph.known_as(int(graph.head[onward]))
     if not gears_of(graph, vehicle)[onward].any():
-        return f"{name} would have to reverse from '{tail}' to '{head}' (kinematics.reverse: true would do)"
+        return f"{name} would have to reverse from '{tail}' to '{head}' ({_to_reverse(vehicle)})"
     if (int(graph.tail[onward]), int(graph.head[onward])) in graph.closed_to.get(name, ()):
         return f"{name} may not drive from '{tail}' to '{head}', or would not come back"
     curve = [obstacle_on_curve(graph, vehicle, onward, gear) for gear in np.flatnonzero(gears_of(graph, vehicle)[onward]).tolist()]
@@ -380,7 +385,7 @@ def _obstacle(graph: PlanGraph, vehicle: RobotType, turn: int, lane: int, onward
         return f"{name} needs {needs} m beside '{head}' to stand there, coming from '{tail}', and has {has} m to a wall"
     before = graph.known_as(int(graph.tail[lane]))
     if abs(turns.bend_rad[turn]) >= np.pi - MAY_STAND_RAD and not vehicle.kinematics.reverse:
-        return f"{name} cannot reverse, from '{before}' to '{tail}' and back (kinematics.reverse: true would do)"
+        return f"{name} cannot reverse, from '{before}' to '{tail}' and back ({_to_reverse(vehicle)})"
     over = f"from '{before}' over '{tail}' to '{head}'"
     room, gear = _on_lanes(graph, vehicle), min(came)
     if np.isfinite(turns.radius_m[turn]).any() and not np.isnan(turns.radius_m[turn, gear]):

@@ -1,6 +1,8 @@
 """`mrp-sumo convert`."""
 
 import json
+import re
+from dataclasses import replace
 
 import pytest
 
@@ -64,6 +66,16 @@ def test_vehicle_of_a_plant_model_becomes_a_type(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert main(["convert", "plant", "plant.xml", "--robot", "pallet_truck", "--robot", "forklift"]) == 0
     capsys.readouterr()
+    assert main(["convert", "plant.xml", "same.yaml"]) == 0
+    assert capsys.readouterr().out == "same.yaml: written\n"
+    same = robot_type("./same.yaml", tmp_path, tmp_path)
+    assert replace(same, name="pallet_truck") == robot_type("pallet_truck", bundled_folder("robots"), tmp_path)
+    text = (tmp_path / "plant.xml").read_text()
+    (tmp_path / "other.xml").write_text(text.replace('<boundingBox length="1900"', '<boundingBox length="1950"'))
+    assert main(["convert", "other.xml", "other.yaml"]) == 0
+    assert robot_type("./other.yaml", tmp_path, tmp_path).length_m == 1.95
+    (tmp_path / "plant.xml").write_text(re.sub('<property name="mrp-sumo:type"[^>]*>', "", text))
+    capsys.readouterr()
     assert main(["convert", "plant.xml", "fork.yaml", "--vehicle-type", "forklift"]) == 0
     assert capsys.readouterr().out.startswith("fork.yaml: written\nguessed: accelerations and rate of turning")
     fork, drawn = robot_type("./fork.yaml", tmp_path, tmp_path), robot_type("forklift", bundled_folder("robots"), tmp_path)
@@ -83,6 +95,7 @@ def test_vehicle_of_a_plant_model_becomes_a_type(tmp_path, capsys, monkeypatch):
         (["huge.xml", "x.yaml"], "huge.xml: vehicle 'forklift': length_m is 1800, expected"),
         (["text.xml", "x.yaml"], "maxVelocity of <vehicle> is 'fast', expected a number"),
         (["envelope.xml", "x.yaml"], "<vehicleEnvelope> has no 'key'"),
+        (["key.xml", "x.yaml"], "key.xml: mrp-sumo:type of vehicle 'forklift':8: sourse: unknown key (did you mean 'source'?)"),
         (["vertex.xml", "x.yaml"], "x of <vertex> is '', expected a number"),
         (["office", "x.yaml"], "x.yaml: no map format ends in '.yaml'"),
         (
@@ -102,6 +115,7 @@ def test_bad_vehicles_end_with_one_line_and_leave_nothing(tmp_path, capsys, monk
         ("huge", '<boundingBox length="1800"', '<boundingBox length="1800000"'),
         ("text", '"45" maxVelocity="1500"', '"45" maxVelocity="fast"'),
         ("envelope", '<vehicleEnvelope key="forklift">', "<vehicleEnvelope>"),
+        ("key", "source: ", "sourse: "),
         ("vertex", '<vertex x="', '<vertex x="" z="'),
     ):
         assert old in text

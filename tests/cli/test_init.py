@@ -142,10 +142,14 @@ def test_orders_come_as_robots_that_drive_as_fast_as_each_lane_allows_can_do_a_q
         (["shop.building.yaml", "--out", "shop.building.yaml"], "is there already, and may be yours"),
         (["shop.building.yaml", "--out", "shop.building.yaml/new"], "is a file, expected a folder"),
         (["one.building.yaml"], "fewer than two stations"),
+        (["shop.building.yaml", "--type", "car.yaml"], "there is nothing to carry; car cannot reverse, from 'v10' to 'v1' and back"),
         (["office_5"], "no map 'office_5'"),
     ],
 )
 def test_what_cannot_be_made_is_one_line_and_leaves_nothing(shop, capsys, arguments, line):
+    wheels = "{kind: ackermann, wheelbase_m: 0.2, steering_max_rad: 1.2}"
+    figures = {"length_m": 0.3, "width_m": 0.2, "max_speed_mps": 1, "accel_mps2": 1, "decel_mps2": 1, "kinematics": wheels}
+    (shop / "car.yaml").write_text("".join(f"{key}: {value}\n" for key, value in figures.items()))
     (shop / "one.building.yaml").write_text(SHOP.partition("    lanes:")[0] + "    lanes: [[1, 3, {graph_idx: [2, 0]}]]\n")
     before = sorted(path.name for path in shop.iterdir())
     code = main(["init", *arguments])

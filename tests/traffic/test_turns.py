@@ -10,7 +10,7 @@ import pytest
 from mrp_sumo.core.robot_type import Wheels
 from mrp_sumo.errors import OptionError
 from mrp_sumo.traffic.turns import BACKWARD, FORWARD, NEVER, obstacle_to, turns_of, with_swings
-from tests.vehicles import CAR, TRICYCLE, corner, roads
+from tests.vehicles import CAR, TRICYCLE, TUGGER, corner, roads
 
 ONE_GEAR = replace(TRICYCLE, kinematics=replace(TRICYCLE.kinematics, reverse=False))
 
@@ -48,6 +48,7 @@ def test_who_may_reverse_goes_back_and_nobody_else():
     turns, k = turn(graph, CAR, 0, 1, 0)
     assert turns.next_gear[k].tolist() == [NEVER, NEVER]
     assert "kinematics.reverse: true would do" in obstacle_to(graph, CAR, [0, 1, 0])
+    assert "a way round, or a type without trailers, would do" in obstacle_to(graph, TUGGER, [0, 1, 0])
 
 
 def test_who_comes_backward_to_a_corner_leaves_forward_and_who_comes_forward_stays_so():

@@ -4,7 +4,7 @@ Refuses names the map does not have, goals that cannot be reached, headings that
 """
 
 from collections.abc import Sequence
-from itertools import islice, permutations
+from itertools import chain, islice, permutations
 
 import numpy as np
 
@@ -110,10 +110,11 @@ def _drawn(file: ScenarioFile, graph: PlanGraph, model: RobotType, separation_m:
 
 
 def obstacle_between(graph: PlanGraph, model: RobotType, *, anywhere: bool = False) -> str:
-    """The first turn, on ways between places of robots that turn in place, that a type cannot make, in words; '' for none."""
+    """The first turn, on ways between places of robots that turn in place, or there and back, that a type cannot make; '' for none."""
     station, free = stands_of(graph, anywhere=anywhere).goal.tolist(), np.ones(graph.num_lanes, np.bool_)
-    routes = (shortest_route(graph, free, *ends) for ends in islice(permutations(station, 2), WAYS))
-    return next((obstacle for route in routes if route and (obstacle := obstacle_to(graph, model, route))), "")
+    ways = [(shortest_route(graph, free, a, b), shortest_route(graph, free, b, a)) for a, b in islice(permutations(station, 2), WAYS)]
+    routes = chain((way for way, _ in ways if way), (there + back[1:] for there, back in ways if there and back))
+    return next((obstacle for route in routes if (obstacle := obstacle_to(graph, model, route))), "")
 
 
 def looked_up(file: ScenarioFile, nav: NavGraph, graph: PlanGraph, key: tuple[str | int, ...], names: Sequence[str]) -> IntArray:

@@ -29,6 +29,7 @@ from mrp_sumo.maps.readers.xml_text import Element, parse_xml, root_name
 
 LEVEL = "L1"
 MM = 1e-3
+TYPE_KEY = "mrp-sumo:type"  # property of a vehicle with the text of its type
 OFF_LENGTH = 0.05  # share by which a path's length may differ from its drawing
 OFF_POINT_M = 0.01
 COORDINATES = (("positionX", "positionY"), ("xPosition", "yPosition"))  # of points, since version 6 and before
@@ -271,7 +272,8 @@ def _listed(vehicle: Element, clear_m: float) -> ListedVehicle:
     length_mm = (vehicle if box is None else box).number("length", 0.0)
     speeds = (vehicle.number(key, 0.0) for key in ("maxVelocity", "maxReverseVelocity"))
     width_m, length_m, top_mps, back_mps = (round(each * MM, 6) for each in (width_mm, length_mm, *speeds))
-    return ListedVehicle(vehicle.get("name", ""), length_m, width_m or None, top_mps, back_mps, clear_m)
+    as_type = next((about.get("value", "") for about in vehicle.all("property") if about.get("name", "") == TYPE_KEY), "")
+    return ListedVehicle(vehicle.get("name", ""), length_m, width_m or None, top_mps, back_mps, clear_m, as_type)
 
 
 def _distance_m(xy: np.ndarray, corners: np.ndarray) -> float:
