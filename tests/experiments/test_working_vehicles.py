@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from floors import driven, lanes, ring, scenario
 
+from mrp_sumo.errors import ScenarioError
 from mrp_sumo.experiments.audit_work import logs_of
 from mrp_sumo.metrics.operations import places
 
@@ -47,3 +48,12 @@ def test_who_is_served_before_a_lane_of_no_return_can_go_on(tmp_path):
     result = driven(scenario(lanes(tmp_path / "trap.csv", xy, pairs, False), orders("c2", "c4"), starts=["c1"], shape=CAR, **ROADS))
     assert result.status == "completed" and not result.operations_audit["findings"], result.note
     assert sum(status == "done" for status in result.execution.tasks.status) >= 3
+
+
+def test_a_stop_from_which_a_type_does_not_come_back_is_refused_with_the_reason(tmp_path):
+    """On a one-way ring with a spur from c2 to x, and back."""
+    xy = {"c1": (0.0, 0.0), "c2": (10.0, 0.0), "c3": (10.0, 10.0), "c4": (0.0, 10.0), "x": (20.0, 0.0)}
+    pairs = [("c1", "c2"), ("c2", "c3"), ("c3", "c4"), ("c4", "c1"), ("c2", "x"), ("x", "c2")]
+    says = r"no robot can reach 'x' after 'c2', a stop of 'o': custom cannot reverse, from 'v\d+' to 'x' and back"
+    with pytest.raises(ScenarioError, match=says):
+        driven(scenario(lanes(tmp_path / "spur.csv", xy, pairs, False), orders("c2", "x"), starts=["c1"], shape=CAR, **ROADS))

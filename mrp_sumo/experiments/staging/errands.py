@@ -4,6 +4,7 @@ Refuses tasks at places that no robot can reach, in one line.
 """
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 from mrp_sumo.core.digraph import strong_components
 from mrp_sumo.core.graph import PlanGraph
@@ -11,6 +12,7 @@ from mrp_sumo.core.problem import Problem
 from mrp_sumo.core.stream import ClosedLoop, TaskList, TaskSource, TaskStream
 from mrp_sumo.core.task import NOBODY, Station
 from mrp_sumo.search.distance import UNREACHABLE, distances
+from mrp_sumo.traffic.turns import obstacle_to
 
 
 def unreachable(sources: Sequence[TaskSource], problem: Problem) -> str:
@@ -33,8 +35,16 @@ def unreachable(sources: Sequence[TaskSource], problem: Problem) -> str:
         if furthest < len(route):
             before = f" after '{route[furthest - 1].name}'" if furthest else ""
             who = "no robot can" if robot == NOBODY else f"{problem.fleet.robot_name[robot]} cannot"
-            return f"{who} reach '{route[furthest].name}'{before}, a stop of '{name}'"
+            return f"{who} reach '{route[furthest].name}'{before}, a stop of '{name}'{_no_way_back(problem, route[furthest])}"
     return ""
+
+
+def _no_way_back(problem: Problem, station: Station) -> str:
+    """Why a type that cannot turn in place would not come back along the lane to a station, in words; '' if it would."""
+    graph = replace(problem.graph, closed_to={})
+    models = [model for model in problem.fleet.types if model.is_vehicle]
+    ways = [[u, v, u] for v in station.places for u in graph.tail[graph.head == v].tolist() if graph.lane_between(v, u) >= 0]
+    return next((f": {why}" for model in models for way in ways if (why := obstacle_to(graph, model, way))), "")
 
 
 def oddities(sources: Sequence[TaskSource], problem: Problem, end_s: float) -> tuple[str, ...]:
