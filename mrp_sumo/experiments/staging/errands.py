@@ -43,8 +43,8 @@ def _no_way_back(problem: Problem, station: Station) -> str:
     """Why a type that cannot turn in place would not come back along the lane to a station, in words; '' if it would."""
     graph = replace(problem.graph, closed_to={})
     models = [model for model in problem.fleet.types if model.is_vehicle]
-    ways = [[u, v, u] for v in station.places for u in graph.tail[graph.head == v].tolist() if graph.lane_between(v, u) >= 0]
-    return next((f": {why}" for model in models for way in ways if (why := obstacle_to(graph, model, way))), "")
+    routes = [[u, v, u] for v in station.places for u in graph.tail[graph.head == v].tolist() if graph.lane_between(v, u) >= 0]
+    return next((f": {why}" for model in models for route in routes if (why := obstacle_to(graph, model, route))), "")
 
 
 def oddities(sources: Sequence[TaskSource], problem: Problem, end_s: float) -> tuple[str, ...]:

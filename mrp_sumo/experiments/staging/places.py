@@ -113,7 +113,7 @@ def obstacle_between(graph: PlanGraph, model: RobotType, *, anywhere: bool = Fal
     """The first turn, on ways between places of robots that turn in place, or there and back, that a type cannot make; '' for none."""
     station, free = stands_of(graph, anywhere=anywhere).goal.tolist(), np.ones(graph.num_lanes, np.bool_)
     ways = [(shortest_route(graph, free, a, b), shortest_route(graph, free, b, a)) for a, b in islice(permutations(station, 2), WAYS)]
-    routes = chain((way for way, _ in ways if way), (there + back[1:] for there, back in ways if there and back))
+    routes = chain((there for there, _ in ways if there), (there + back[1:] for there, back in ways if there and back))
     return next((obstacle for route in routes if (obstacle := obstacle_to(graph, model, route))), "")
 
 
