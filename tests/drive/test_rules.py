@@ -238,6 +238,14 @@ def test_who_is_to_drive_through_asks_as_early_as_it_takes_to_brake_and_who_is_t
     assert world.visits.granted[0] == granted
 
 
+@pytest.mark.parametrize(("earliest_s", "granted"), [(10.5, 3), (10.6, 1)])
+def test_who_brakes_at_once_asks_as_early_as_it_is_to_know_how_far_it_may_go(earliest_s, granted):
+    """It is to know that for 0.5 m at 1 m/s."""
+    world = put(scene(ordered=True), {"visits.earliest_s": {1: earliest_s}, "visits.due_s": {1: earliest_s}, "kinematics.decel_mps2": 10.0})
+    _grants.grant(10.0, world)
+    assert world.visits.granted[0] == granted
+
+
 def test_robots_pass_in_the_order_that_is_kept():
     world = put(scene(2, ordered=True), {"needs.resource": {1: 1, 5: 1}, "needs.passage": {1: 1, 5: 0}})
     world.needs.passing = np.array([1, 0])
@@ -290,6 +298,7 @@ SPEEDS = {  # at 0.2 m before the end of what it may drive, 0.5 m/s2, steps of 0
     "to stop there": ({}, _grants.stop_speed.py_func(0.199, 0.5, 0.1), FREE),
     "its top speed": ({"state.grants.allowed_m": 9.0}, 1.0, FREE),
     "slowed down": ({"state.grants.allowed_m": 9.0, "conditions.factor": 0.6}, 0.6, FREE),
+    "what rounding leaves": ({"state.grants.allowed_m": MARGIN_M + 5e-11}, 0.0, FREE),
     "held": ({"conditions.hold_until_s": 10.1}, 0.0, DISTURBED),
     "no longer held": ({"conditions.hold_until_s": 10.0, "state.grants.allowed_m": 9.0}, 1.0, FREE),
     "held at the end": ({"conditions.hold_until_s": 10.1, "state.grants.cause": FINISHED}, 0.0, FINISHED),
@@ -297,6 +306,7 @@ SPEEDS = {  # at 0.2 m before the end of what it may drive, 0.5 m/s2, steps of 0
     "halted at the end": ({"conditions.people.any": True, "conditions.people.halted": True, "state.grants.cause": FINISHED}, 0.0, FINISHED),
     "near people": ({"conditions.people.any": True, "state.grants.allowed_m": 9.0}, 0.25, FREE),
     "early": ({"rules.paced": True, "visits.due_s": {1: 12.0}, "state.grants.allowed_m": 9.0}, 0.5, FREE),
+    "early at its last visit": (AT_END | {"rules.paced": True, "visits.due_s": 90.0, "state.grants.allowed_m": 9.0}, 1.0, FREE),
     "very early": ({"rules.paced": True, "visits.due_s": {1: 90.0}, "state.grants.allowed_m": 9.0}, 0.1, FREE),
     "late": ({"rules.paced": True, "visits.due_s": {1: 10.0}, "state.grants.allowed_m": 9.0}, 1.0, FREE),
     "it has not heard": ({"conditions.prompt": False, "state.grants.allowed_m": 9.0, "conditions.told_m": 0.0}, 0.0, FREE),
