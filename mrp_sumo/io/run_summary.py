@@ -46,7 +46,7 @@ def _rows(result: Mapping[str, Any]) -> Iterator[tuple[str, ...]]:
     )
     if m["tasks_done"] is not None:
         saved = m.get("bundled_saved_share")
-        bundled = "" if saved is None else f"{100 * saved:.0f} % of the way saved by bundling"
+        bundled = f"{100 * saved:.0f} % of the way saved by bundling" if saved else ""  # 0: none was carried beside another
         yield "orders", orders_in_words(m), _count(m["throughput_per_h"], "an hour"), bundled
         yield (
             "lead time",

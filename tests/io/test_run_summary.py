@@ -1,5 +1,7 @@
 """A run in a few lines."""
 
+import pytest
+
 from mrp_sumo.io.run_summary import planner_of, run_summary
 
 RESULT = {
@@ -31,6 +33,12 @@ def test_run_is_told_in_order_without_what_is_not_known():
 def test_lateness_of_less_than_is_shown_is_0_s():
     metrics = {**RESULT["metrics"], "lateness_mean_s": 1e-13, "lateness_max_s": None}
     assert dict(run_summary({**RESULT, "metrics": metrics}).rows)["lateness"] == "mean 0 s"
+
+
+@pytest.mark.parametrize(("saved", "said"), [(0.254, ", 25 % of the way saved by bundling"), (0.0, ""), (None, "")])
+def test_what_bundling_saved_is_told_where_orders_were_bundled(saved, said):
+    metrics = RESULT["metrics"] | {"tasks_done": 3, "tasks_open": 1, "throughput_per_h": 6.0, "bundled_saved_share": saved}
+    assert dict(run_summary({**RESULT, "metrics": metrics}).rows)["orders"] == f"3 done, 1 open, 6 an hour{said}"
 
 
 def test_plug_ins_go_by_the_stems_of_their_files():
