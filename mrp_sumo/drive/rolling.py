@@ -51,6 +51,7 @@ class WindowAnswer:
     request: Request
     ways: Replan | None
     ready_s: float
+    is_counted: bool  # as late or failed, since another planner's ways are in their place
 
 
 class Rolling:
@@ -90,7 +91,7 @@ class Rolling:
         if request is None:
             context.ledger.lift()
             return
-        began, cpu_began_s = perf_counter(), _cpu_s()
+        began, cpu_began_s, without = perf_counter(), _cpu_s(), self.calls.late + self.calls.failed
         try:
             ways = self._dispatcher.answer(request, context)
             if ways is not None and ways.planner:
@@ -103,7 +104,7 @@ class Rolling:
         self._count(requests=1, wall_time_s=perf_counter() - began)
         if self.calls.cpu_time_s is not None:
             self._count(cpu_time_s=_cpu_s() - cpu_began_s)
-        self.answer = WindowAnswer(request, ways, now_s + planning.budget_s)
+        self.answer = WindowAnswer(request, ways, now_s + planning.budget_s, self.calls.late + self.calls.failed > without)
         self._serves = self._serves or bool(context.crew.busy.any())
         at_once = planning.period_s is None and self._serves  # who has been served waits for its way
         self._next_s = now_s + (0.0 if at_once else planning.least_period_s(request.site.num_robots, request.site.step_s))
@@ -193,7 +194,7 @@ class Rolling:
         self._failures += failed
         if failed:
             self.refused_since_s = min(self.refused_since_s, answer.request.now_s)
-        if failed and answer.ways is not None:
+        if failed and answer.ways is not None and not answer.is_counted:
             self._count(failed=1)
         if failed and self._settings.planning.period_s is None:
             self._next_s = now_s

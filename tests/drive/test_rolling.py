@@ -16,7 +16,7 @@ from mrp_sumo.core.plan import PlanResult, Status
 from mrp_sumo.core.stream import TaskList, TaskStream
 from mrp_sumo.core.task import Station, Stop, Task
 from mrp_sumo.drive import ledger as ledger_module
-from mrp_sumo.drive import replanning
+from mrp_sumo.drive import loop, replanning
 from mrp_sumo.drive.fit import resources_for
 from mrp_sumo.drive.ledger import Ledger
 from mrp_sumo.drive.listeners import Listener
@@ -98,6 +98,16 @@ def test_where_the_planner_fails_twice_running_robots_are_moved_step_by_step(tmp
         run = carry(tmp_path, planner="fails", planner_parameters={"status": status}, time_limit_s=80.0)
         calls = run.calls
         assert getattr(calls, counted) > calls.stepped > 0 and calls.stopped == 0 and run.tasks.status.count("done") > 0
+
+
+@pytest.mark.parametrize("planner", ["fails", "lacam"])
+def test_a_request_is_counted_once_though_what_pibt_answers_cannot_be_driven_either(tmp_path, monkeypatch, planner):
+    make = registry.planner
+    monkeypatch.setattr(registry, "planner", lambda name, parameters: Fails("timed_out") if name == "fails" else make(name, parameters))
+    monkeypatch.setattr(loop.Drive, "_append", lambda *given: False)
+    calls = carry(tmp_path, planner=planner, time_limit_s=20.0).calls
+    counts = (calls.requests, 0) if planner == "fails" else (0, calls.requests)
+    assert (calls.late, calls.failed) == counts and calls.requests > 3
 
 
 def test_a_planner_that_takes_far_too_long_ends_the_run(tmp_path, monkeypatch):
