@@ -316,7 +316,7 @@ class Drive:
             return -np.inf
         if not self.settings.tasks:
             return np.inf if type(self.work) is OneShot else -np.inf
-        if not self.tasks.is_quiet(self.now_s):
+        if not self.tasks.is_quiet(self.now_s) or not self.wear.is_current(self.crew.robots):
             return -np.inf
         level_s = np.inf if self.batteries is None else self.tasks.level_wake_s(self.now_s, self._most_per_s)
         return min(self.rolling.window_over_s, level_s)

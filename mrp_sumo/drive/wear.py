@@ -52,6 +52,10 @@ class Wear:
         self._works = [robot.number for robot in robots if robot.is_at_order and robot.number not in broken]
         return due
 
+    def is_current(self, robots: Sequence[RobotWork]) -> bool:
+        """True if those have orders who had some at the last look, so that nothing is due before `wake_s`."""
+        return not self.any or self._works == [robot.number for robot in robots if robot.is_at_order]
+
     @property
     def wake_s(self) -> float:
         """Time of the next, if all robots go on with their orders."""

@@ -81,8 +81,7 @@ class World:
         self._closing: list[Barrier] = []
         early = (self._deliver, self._slow_down, self._stop_some, self._delay_some, self._break_some)
         self._kinds = (*early, self._push_some, self._visit, self._close_some)
-        wears = any(each.mtbf_h or each.maintenance for each in problem.fleet.types)
-        self._only_breaks = not (what.any or settings.closed_lanes or wears)  # nothing comes up by itself but breakdowns by somebody's hand
+        self._only_breaks = not (what.any or settings.closed_lanes)  # nothing comes up by itself but breakdowns that somebody adds
         self.conditions = Conditions(
             factor=self._own.copy(),
             hold_until_s=starts_s,

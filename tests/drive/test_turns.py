@@ -57,12 +57,17 @@ def test_three_robots_take_turns_at_one_charger(tmp_path):
     assert result.operations_audit["passed"], result.operations_audit
 
 
-@pytest.mark.parametrize("engine", ["kinematic", "sumo"])
-def test_a_run_whose_looks_are_left_out_while_nobody_needs_them_is_the_same(tmp_path, monkeypatch, engine):
-    """Batteries come to the level at which their robots are to charge: with all steps seen, with looks twice a second, and without."""
+WEARS = {"mtbf_h": 0.03, "mttr_h": 0.004, "maintenance": {"every_h": 0.05, "takes_s": 20}}
+
+
+@pytest.mark.parametrize(("engine", "wears"), [("kinematic", {}), ("sumo", {}), ("kinematic", WEARS)])
+def test_a_run_whose_looks_are_left_out_while_nobody_needs_them_is_the_same(tmp_path, monkeypatch, engine, wears):
+    """Batteries come to the level at which their robots are to charge, and robots fail after so much time with orders: with all steps
+    seen, with looks twice a second, and without.
+    """
     charging = {"stations": ["c3"], "critical_low_charging_level": 50, "maximum_desired_charging_level": 60, "start_level": [52, 58]}
     tasks = {"streams": [{"name": "o", "stops": ["A", "B"], "service": [30, 5], "arrivals": {"open": 2}}], "charging": charging}
-    other = {"shape": {"battery": BATTERY}, "execution": {"time_limit_s": 700.0, "engine": engine}}
+    other = {"shape": {"battery": BATTERY, **wears}, "execution": {"time_limit_s": 700.0, "engine": engine}}
     looks, runs, update = [], [], Work.update
     for leaves_out in ("looks", "steps", "nothing"):
         looks.append(0)
@@ -78,8 +83,10 @@ def test_a_run_whose_looks_are_left_out_while_nobody_needs_them_is_the_same(tmp_
             monkeypatch.setattr(Records, "few", False)
         runs.append(driven(scenario(ring(tmp_path), tasks, starts=["A"], **other)).execution)
     one, *others = runs
-    assert looks[0] < looks[1] / 2 and (~one.tasks.is_order).sum() > 1
+    breaks = [event for event in one.events if event.kind == "disturbed"]
+    assert looks[0] < looks[1] * (0.9 if wears else 0.5) and (~one.tasks.is_order).sum() > 1 and (len(breaks) > 3) == bool(wears)
     for same in others:
+        assert [event for event in same.events if event.kind == "disturbed"] == breaks
         for name in ("x_m", "y_m", "yaw_rad", "speed_mps"):
             assert getattr(one, name).tobytes() == getattr(same, name).tobytes(), name
         assert one.stops.begin_s.tobytes() == same.stops.begin_s.tobytes()
