@@ -182,6 +182,7 @@ STOPS = {  # what holds a robot at its first visit -> why it waits, for whom, ho
     "a closed lane that it is on": ({"conditions.closed": {1: True}, "state.grants.on_lane": True}, FREE, -1, 1),
     "a robot that comes": ({"visits.reverse": {1: 2}, "state.grants.claims": {2: 1}, "state.grants.claimer": {2: 5}}, ONCOMING, 5, 0),
     "nobody on the other side": ({"visits.reverse": {1: 2}}, FREE, -1, 1),
+    "a lane without another side": ({"state.grants.claims": {3: 1}}, FREE, -1, 1),
     "a door": ({"conditions.facilities.shut": {1: True}}, FACILITY, -1, 0),
     "a door that it is in": ({"conditions.facilities.shut": {1: True}, "state.grants.on_lane": True}, FREE, -1, 1),
     "a door and a robot": ({"conditions.facilities.shut": {1: True}, "state.grants.holder": {1: 6}}, OTHER, 6, 0),
@@ -240,8 +241,9 @@ def test_who_is_to_drive_through_asks_as_early_as_it_takes_to_brake_and_who_is_t
 
 @pytest.mark.parametrize(("earliest_s", "granted"), [(10.5, 3), (10.6, 1)])
 def test_who_brakes_at_once_asks_as_early_as_it_is_to_know_how_far_it_may_go(earliest_s, granted):
-    """It is to know that for 0.5 m at 1 m/s."""
-    world = put(scene(ordered=True), {"visits.earliest_s": {1: earliest_s}, "visits.due_s": {1: earliest_s}, "kinematics.decel_mps2": 10.0})
+    """It is to know that for 1 m at 2 m/s."""
+    world = put(scene(ordered=True), {"visits.earliest_s": {1: earliest_s}, "visits.due_s": {1: earliest_s}})
+    put(world, {"kinematics.speed_mps": 2.0, "kinematics.decel_mps2": 20.0, "kinematics.reach_m": 1.0})
     _grants.grant(10.0, world)
     assert world.visits.granted[0] == granted
 
@@ -500,9 +502,12 @@ def test_waits_are_logged_from_when_they_begin_to_when_they_end_if_they_are_long
     grants.wanted[0] = 2
     watch(8.1)
     assert entries(world)[1] == (WAITED, 0, FOLLOWING, 1, 2, pytest.approx(6.9), pytest.approx(8.0)) and waits.where[0] == 2
+    grants.cause[0] = OTHER
+    watch(9.3)
+    assert entries(world)[2] == (WAITED, 0, FOLLOWING, 2, 2, pytest.approx(8.0), pytest.approx(9.2)) and waits.cause[0] == OTHER
     waits.waiting[0] = False
-    watch(9.5)
-    assert entries(world)[2] == (WAITED, 0, FOLLOWING, 2, 2, pytest.approx(8.0), pytest.approx(9.4)) and np.isinf(waits.since_s[0])
+    watch(10.9)
+    assert entries(world)[3] == (WAITED, 0, OTHER, 2, 2, pytest.approx(9.2), pytest.approx(10.8)) and np.isinf(waits.since_s[0])
 
 
 def test_arrivals_are_within_the_step_and_a_robot_that_is_home_has_come_to_its_goal():
