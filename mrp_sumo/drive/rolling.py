@@ -100,7 +100,8 @@ class Rolling:
         except PlanError as error:
             ways = None
             report(str(error))
-            self._count(late=isinstance(error, LatePlanError), failed=not isinstance(error, LatePlanError))
+            if self.calls.late + self.calls.failed == without:
+                self._count(late=isinstance(error, LatePlanError), failed=not isinstance(error, LatePlanError))
         self._count(requests=1, wall_time_s=perf_counter() - began)
         if self.calls.cpu_time_s is not None:
             self._count(cpu_time_s=_cpu_s() - cpu_began_s)
@@ -127,7 +128,7 @@ class Rolling:
         try:
             ways = planned(request, begin_s, context, STEPWISE, {}, replace(limits, window_steps=self._window_steps or WINDOW_STEPS))
         except PlanError as error:
-            self._count(stopped=1, failed=-1)  # the caller counts it as failed
+            self._count(stopped=1)
             raise PlanError(f"{error}; robots stop at the ends of their ways") from error
         self._count(stepped=1)
         return ways
