@@ -4,6 +4,7 @@ Refuses names the map does not have, goals that cannot be reached, headings that
 """
 
 from collections.abc import Sequence
+from functools import cache, partial
 from itertools import chain, islice, permutations
 
 import numpy as np
@@ -112,8 +113,11 @@ def _drawn(file: ScenarioFile, graph: PlanGraph, model: RobotType, separation_m:
 def obstacle_between(graph: PlanGraph, model: RobotType, *, anywhere: bool = False) -> str:
     """The first turn, on ways between places of robots that turn in place, or there and back, that a type cannot make; '' for none."""
     station, free = stands_of(graph, anywhere=anywhere).goal.tolist(), np.ones(graph.num_lanes, np.bool_)
-    ways = [(shortest_route(graph, free, a, b), shortest_route(graph, free, b, a)) for a, b in islice(permutations(station, 2), WAYS)]
-    routes = chain((there for there, _ in ways if there), (there + back[1:] for there, back in ways if there and back))
+    route, ends = cache(partial(shortest_route, graph, free)), list(islice(permutations(station, 2), WAYS))
+    there_and_back = ((route(a, b), route(b, a)) for a, b in ends)
+    routes = chain(
+        (there for a, b in ends if (there := route(a, b))), (there + back[1:] for there, back in there_and_back if there and back)
+    )
     return next((obstacle for route in routes if (obstacle := obstacle_to(graph, model, route))), "")
 
 
