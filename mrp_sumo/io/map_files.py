@@ -117,7 +117,7 @@ def _write_lif(map_: Map, path: Path, robots: Sequence[RobotType]) -> list[str]:
 
 
 def _write_opentcs(map_: Map, path: Path, robots: Sequence[RobotType]) -> list[str]:
-    write_opentcs(map_, path, robots, [text_of_type(robot) for robot in robots])
+    write_opentcs(map_, path, robots, {robot.name: text_of_type(robot) for robot in robots})
     nav = map_.nav
     losses = _option_losses(nav, opentcs_file.KEPT, opentcs_file.KEPT_OF_LANES) + _drawing_losses(map_, "walls", "floors", "doors", "lifts")
     curves = any(TANGENT in options for options in nav.vertex_options)

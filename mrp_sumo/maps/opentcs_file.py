@@ -6,7 +6,7 @@ there is a vehicle each, whose envelope at a point is around the circle that kee
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
@@ -36,12 +36,13 @@ KEPT = (
     *COURSES,
 )  # options of vertices that a model can hold
 KEPT_OF_LANES = ("edge_id", "path", "mutex", "orientation_constraint")
+NO_TEXTS: Mapping[str, str] = {}
 
 
-def write_opentcs(map_: Map, path: Path, robots: Sequence[RobotType] = (), as_type: Sequence[str] = ()) -> None:
+def write_opentcs(map_: Map, path: Path, robots: Sequence[RobotType] = (), as_type: Mapping[str, str] = NO_TEXTS) -> None:
     """Write the graph of a map, and a vehicle of each of some types of robots, with its envelopes at points and along paths.
 
-    `as_type` are the texts of the types' files, which vehicles have as a property.
+    `as_type` are the texts of the types' files, by name, which vehicles have as a property.
     """
     chains = chains_of(map_.nav)
     nav = chains.nav if chains else map_.nav
@@ -52,7 +53,7 @@ def write_opentcs(map_: Map, path: Path, robots: Sequence[RobotType] = (), as_ty
         out.write("</model>\n")
 
 
-def _lines(drawn: NavGraph, nav: NavGraph, chains: Chains | None, robots: Sequence[RobotType], as_type: Sequence[str]) -> Iterator[str]:
+def _lines(drawn: NavGraph, nav: NavGraph, chains: Chains | None, robots: Sequence[RobotType], as_type: Mapping[str, str]) -> Iterator[str]:
     names, bends = vertex_names(nav), drawn.having("is_bend")
     points = [v for v in range(nav.num_vertices) if not bends[v]]
     paths = _paths(nav)
@@ -75,14 +76,14 @@ def _lines(drawn: NavGraph, nav: NavGraph, chains: Chains | None, robots: Sequen
         yield f"<point name={quoteattr(names[v])} {about}>{box}{envelopes}{leaving}{layout}</point>"
     for lane, ways in paths.items():
         yield _path(drawn, nav, chains, lane, ways, names, robots)
-    for robot, text in zip(robots, as_type):
+    for robot in robots:
         top = round(1000 * robot.max_speed_mps)
         back = (
             round(1000 * (robot.kinematics.reverse_mps or robot.max_speed_mps)) if robot.kinematics.reverse or not robot.is_vehicle else 0
         )
         about = f'name={quoteattr(robot.name)} {LEVELS} maxVelocity="{top}" maxReverseVelocity="{back}"'
         body = _box("boundingBox", robot.length_m, robot.width_m)
-        body += f"<property name={quoteattr(TYPE_KEY)} value={quoteattr(text)}/>" if text else ""
+        body += f"<property name={quoteattr(TYPE_KEY)} value={quoteattr(as_type[robot.name])}/>" if robot.name in as_type else ""
         yield f'<vehicle {about} envelopeKey={quoteattr(robot.name)}>{body}<vehicleLayout color="#00FF00"/></vehicle>'
     yield from _locations(nav, points, names)
     yield from _blocks(nav, points, paths, names)
