@@ -69,10 +69,10 @@ def read_document(path: Path) -> Document:
             known = nearest(path.name, sorted(p.name for p in path.parent.glob("*.yaml")))
             raise ScenarioError(f"{shortened(path)}: no such file{known}") from None
         raise error from None
-    return document_of(path, text)
+    return document_from(path, text)
 
 
-def document_of(path: Path, text: str) -> Document:
+def document_from(path: Path, text: str) -> Document:
     """A YAML text that holds one mapping; errors as of `read_document`, with the name of the path."""
     try:
         content = parse(Text(path, text))  # nothing nested deep, no aliases that swell

@@ -12,7 +12,7 @@ from pydantic import Field, field_validator, model_validator
 from mrp_sumo.core.robot_type import AS_THEY_ARE, Factors, RobotShape, RobotType
 from mrp_sumo.errors import MrpSumoError, ScenarioError, nearest
 from mrp_sumo.files.reading import shortened
-from mrp_sumo.io.documents import document_of, read_document, validated
+from mrp_sumo.io.documents import document_from, read_document, validated
 from mrp_sumo.io.scenario.strict import Strict
 
 Heading = Annotated[float, Field(ge=-360, le=360, allow_inf_nan=False)]
@@ -130,7 +130,7 @@ def text_of_type(robot: RobotShape, notes: Sequence[str] = ()) -> str:
 
 def type_of_text(name: str, text: str, where: str) -> RobotType:
     """The type of a text as of `text_of_type`; raises ScenarioError with where it stands."""
-    return RobotType(name, **vars(validated(document_of(Path(where), text), RobotShape)))
+    return RobotType(name, **vars(validated(document_from(Path(where), text), RobotShape)))
 
 
 def _flow(value: Any) -> str:
