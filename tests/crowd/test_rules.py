@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from crowds import crowd_on, room
+from plain_kernels import as_plain_python
 from shapely import affinity, geometry
 
 from mrp_sumo.crowd import _floor, _walk
@@ -11,11 +12,7 @@ from mrp_sumo.crowd.state import BODY_M, Machines
 
 @pytest.fixture(autouse=True)
 def plain(monkeypatch):
-    """Kernels call each other as Python functions, so that none is compiled."""
-    for module in (_walk, _floor):
-        for name, value in vars(module).items():
-            if hasattr(value, "py_func"):
-                monkeypatch.setattr(module, name, value.py_func)
+    as_plain_python(monkeypatch, _walk, _floor)
 
 
 def machine(x=0.0, y=0.0, yaw=0.0, along=0.0, half_length=0.5, half_width=0.3, halted=False):

@@ -4,6 +4,7 @@ from types import SimpleNamespace as Group
 
 import numpy as np
 import pytest
+from plain_kernels import as_plain_python
 
 from mrp_sumo.drive import _causes, _grants, _observe
 from mrp_sumo.drive._causes import (
@@ -38,11 +39,7 @@ PER_ROBOT = 4  # visits at 0, 1, 2 and 3 m
 
 @pytest.fixture(autouse=True)
 def plain(monkeypatch):
-    """Kernels call each other as Python functions, so that none is compiled."""
-    for module in (_grants, _observe):
-        for name, value in vars(module).items():
-            if hasattr(value, "py_func"):
-                monkeypatch.setattr(module, name, value.py_func)
+    as_plain_python(monkeypatch, _grants, _observe)
 
 
 def scene(num_robots=1, ordered=False):
