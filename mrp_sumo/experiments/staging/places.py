@@ -118,7 +118,7 @@ def obstacle_between(graph: PlanGraph, model: RobotType, *, anywhere: bool = Fal
     routes = chain(
         (there for a, b in ends if (there := route(a, b))), (there + back[1:] for there, back in there_and_back if there and back)
     )
-    return next((obstacle for route in routes if (obstacle := obstacle_to(graph, model, route))), "")
+    return next((obstacle for each in routes if (obstacle := obstacle_to(graph, model, each))), "")
 
 
 def looked_up(file: ScenarioFile, nav: NavGraph, graph: PlanGraph, key: tuple[str | int, ...], names: Sequence[str]) -> IntArray:
