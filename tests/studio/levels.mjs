@@ -20,7 +20,13 @@ await goes(async () => {
   await until("site.level === 'L2'");
   say("a level is added above, where the other one is", (await site("l.elevation")) === 4 && (await site("JSON.stringify(l.fiducials) === JSON.stringify(site.document.levels.ground.fiducials)")));
   await type("elevation", 5);
-  say("a level has an elevation", (await site("l.elevation")) === 5);
+  say("a level has an elevation", (await site("l.elevation")) === 5, await site("l.elevation"));
+  await tab.getByLabel("elevation", { exact: true }).selectText();
+  await tab.evaluate(() => window.studio.show("draw"));
+  await tab.keyboard.insertText("6");
+  await tab.keyboard.press("Tab");
+  say("a number stays selected while its panel is made anew", (await site("l.elevation")) === 6, await site("l.elevation"));
+  await type("elevation", 5);
   await key("e");
   await drag([17, 3], [19, 5]);
   say("a lift serves all levels", (await site("Object.keys(site.document.lifts.lift_1.level_doors).join()")) === "ground,L2", await site("site.document.lifts"));

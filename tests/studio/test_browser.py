@@ -72,6 +72,7 @@ LEVELS = (
     "a level has another name",
     "a level is added above, where the other one is",
     "a level has an elevation",
+    "a number stays selected while its panel is made anew",
     "a lift serves all levels",
     "its shaft has a place on each",
     "a lift has a size, a name, and doors on each level",

@@ -39,6 +39,7 @@ function panel() {
     again.dataset.typed = "yes";
   }
   if (Number.isInteger(caret[0])) again.setSelectionRange(...caret);
+  else if (typed === null) again.select?.();  // fields of numbers do not tell what is selected in them
 }
 
 function show(name) {
