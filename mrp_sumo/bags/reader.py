@@ -144,7 +144,7 @@ def _messages(path: Path, generation: str, is_wanted: Callable[[str, str], bool]
         _require_topic(path, [c.topic for c in reader.connections], needed)
         decoded = _decoder(reader.typestore)
         wanted = [c for c in reader.connections if is_wanted(c.topic, c.msgtype)]
-        for connection, ns, raw in reader.messages(wanted):
+        for connection, ns, raw in reader.messages(wanted) if wanted else ():  # none would be all
             if reader.is2:
                 yield connection.topic, ns, decoded(connection.msgtype, bytes(raw))
             else:

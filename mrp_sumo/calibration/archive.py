@@ -93,6 +93,8 @@ def write_archive(log: MotionLog, about: ArchiveHead, out: Path, map_: Path | No
         raise MrpSumoError(f"{shortened(out)}: is there already, expected a name of a new archive")
     if not out.absolute().parent.is_dir():
         raise MrpSumoError(f"{shortened(out.parent)}: no such folder")
+    if log.is_commanded:
+        raise MrpSumoError(f"{log.source}: found commanded speeds alone, expected poses: an archive says where vehicles were")
     with TemporaryDirectory(dir=out.absolute().parent, prefix=f".{out.name}-") as scratch:
         folder = Path(scratch) / "archive"
         folder.mkdir()

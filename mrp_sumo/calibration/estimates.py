@@ -33,6 +33,7 @@ from mrp_sumo.calibration.turning import TurnFit, fit_turning
 from mrp_sumo.core.graph import FloatArray, IntArray
 from mrp_sumo.errors import MrpSumoError
 
+LIMITS = ("max_speed_mps", "accel_mps2", "decel_mps2", "turn_rate_rad_s")
 CONFIDENCE = 0.9
 ROUNDS = 3
 MISFIT_M, MISFIT_RAD = 0.001, 0.0012  # by which vehicles may be elsewhere than the law of motion has them
@@ -47,6 +48,7 @@ NO_SPREAD = 1 / 3  # how likely vehicles are as fast as each other, where nobody
 USUAL_SPREAD = 0.1  # by how much they are not, else
 WIDEST = 3.0  # half of an interval, as a logarithm: beyond it nothing is known
 PLACE_M, OFTEN = 0.5, 3  # within which stands are at one place, and how many make one
+APART_M = 1e6  # levels, and frames that are a vehicle's own
 
 
 @dataclass(frozen=True)
@@ -142,7 +144,11 @@ def calibrated(log: MotionLog, others: MotionLog | None = None) -> Calibration:
         noise = refined(noise, phases)
     fits = _fitted(log.visits, tracks if others is None else tracks + others.tracks(), phases, noise, speed)
     figures = [*_driving(fits), *_services(log.visits), *_accuracy(phases, noise), *_battery(log.charges)]
+    if log.is_commanded:
+        figures = [each if each.name in LIMITS else Unknown(each.name, "a commanded speed is not a driven one") for each in figures]
     _note_several_types(log, fits, vehicles, figures)
+    if not log.is_commanded and len(fits.stops.hold_s) and not others and len({track.level for track in tracks}) == len(vehicles):
+        log.notes.append("no two vehicles share a frame: where one stands for another, it counts as a stop on the way")
     return Calibration(
         log,
         vehicles,
@@ -352,8 +358,8 @@ def _accuracy(phases: list[Phases], noise: Noise) -> Iterator[CalibratedFigure |
     """How far apart the places are at which vehicles stop for one place: standard deviation in x and y, without the noise of positions."""
     from scipy.spatial import cKDTree
 
-    long = [(stand.x_m, stand.y_m, stand.last - stand.first - 1) for each in phases for stand in each.stands]
-    xy, count = np.array([row[:2] for row in long if row[2] > 3]).reshape(-1, 2), np.array([row[2] for row in long if row[2] > 3])
+    long = [(stand.x_m, stand.y_m, APART_M * each.track.level, stand.last - stand.first - 1) for each in phases for stand in each.stands]
+    xy, count = np.array([row[:3] for row in long if row[3] > 3]).reshape(-1, 3), np.array([row[3] for row in long if row[3] > 3])
     squares, freedom, taken = 0.0, 0, np.zeros(len(xy), np.bool_)
     groups = cKDTree(xy).query_ball_point(xy, PLACE_M) if len(xy) else []
     for k in sorted(range(len(xy)), key=lambda k: -len(groups[k])):
@@ -361,7 +367,7 @@ def _accuracy(phases: list[Phases], noise: Noise) -> Iterator[CalibratedFigure |
         if len(mine) < OFTEN:
             continue
         taken[mine] = True
-        near = mine[np.hypot(*(xy[mine] - np.median(xy[mine], 0)).T) < 0.6 * PLACE_M]
+        near = mine[np.hypot(*(xy[mine] - np.median(xy[mine], 0)).T[:2]) < 0.6 * PLACE_M]
         if len(near) >= OFTEN:
             of_noise = float((math.pi / 2 * noise.position_m**2 / np.maximum(count[near], 1)).sum())
             squares += float(((xy[near] - xy[near].mean(0)) ** 2).sum())
@@ -397,6 +403,9 @@ def _battery(charges: Iterable[Charge]) -> Iterator[CalibratedFigure | Unknown]:
                 begin = k
     for name, charging in (("battery_drawn_per_h", False), ("battery_charged_per_h", True)):
         rates = np.array(slopes[charging]) * (1 if charging else -1)
+        if len(rates) and not rates.any():
+            yield Unknown(name, "the state of charge never changes")
+            continue
         if len(rates) < FEW:
             yield Unknown(name, f"{len(rates)} stretches of five minutes, expected three or more")
             continue

@@ -8,7 +8,7 @@ from dataclasses import MISSING, fields, replace
 from pathlib import Path
 from typing import Any
 
-from mrp_sumo.calibration.estimates import CONFIDENCE, CalibratedFigure, Calibration
+from mrp_sumo.calibration.estimates import CONFIDENCE, LIMITS, CalibratedFigure, Calibration
 from mrp_sumo.calibration.stops import USUAL_S, USUAL_SIGMA
 from mrp_sumo.core.arrivals import ServiceTime
 from mrp_sumo.core.disturbances import Disturbances
@@ -17,7 +17,6 @@ from mrp_sumo.core.robot_type import Actions, Loaded, RobotShape
 from mrp_sumo.errors import MrpSumoError, duration
 from mrp_sumo.files.writing import write_text
 
-LIMITS = ("max_speed_mps", "accel_mps2", "decel_mps2", "turn_rate_rad_s")
 DISTURBING = ("speed_noise", "speed_noise_tau_s", "speed_spread", "stops_per_s", "stop_median_s", "stop_sigma")
 DIGITS = 4
 WIDER = 1.566  # 99 % intervals of a normal deviate beside 90 % ones

@@ -102,6 +102,7 @@ class MotionLog:
     types: dict[str, str] = field(default_factory=dict)  # of vehicles, where the log names them
     levels: dict[float, str] = field(default_factory=dict)  # names by the number that poses have
     is_laid_out: bool = False  # levels lie side by side, as those of maps do
+    is_commanded: bool = False  # poses are where vehicles were told to be, not where they were
     notes: list[str] = field(default_factory=list)  # what was left out, and why
 
     def number_of(self, level: str) -> float:

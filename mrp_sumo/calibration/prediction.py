@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from mrp_sumo.calibration.estimates import ANY_NOISE, Calibration, calibrated
-from mrp_sumo.calibration.files import LIMITS, disturbances_of, drift, type_of, write_options
+from mrp_sumo.calibration.estimates import ANY_NOISE, LIMITS, Calibration, calibrated
+from mrp_sumo.calibration.files import disturbances_of, drift, type_of, write_options
 from mrp_sumo.calibration.held_out import HeldOut, ServiceTimes, cut, scenario_of_later, stations_of, with_seed, with_stations
 from mrp_sumo.calibration.log import MotionLog, require_here
 from mrp_sumo.calibration.logged_run import logged_run

@@ -122,16 +122,15 @@ def _run(folder: Path) -> MotionLog:
 
 
 def _bag(path: Path) -> MotionLog:
-    from mrp_sumo.bags.poses import read_poses
+    from mrp_sumo.bags.poses import COMMANDED, read_poses
 
     read, log = read_poses(path), MotionLog(path.name or str(path.resolve().name), "bag")
-    for name, rows in read.poses.items():
-        on = read.levels.get(name, [""] * len(rows))
-        number = {level: float(k) for k, level in enumerate(sorted(set(on)))}
-        log.levels |= {k: level for level, k in number.items()}
+    log.is_commanded, levels, poses = read.kind == COMMANDED, read.levels, read.poses
+    number = {level: log.number_of(level) for level in sorted({level for on in levels.values() for level in on})}
+    for name, rows in poses.items():
         there = [math.isfinite(t + x + y + yaw) and max(abs(x), abs(y)) < FARTHEST_M for t, x, y, yaw in rows]
         if any(there):
-            log.poses[name] = [(*row, math.nan, number[level]) for row, level, is_there in zip(rows, on, there) if is_there]
+            log.poses[name] = [(*row, math.nan, number[level]) for row, level, is_there in zip(rows, levels[name], there) if is_there]
     if not log.poses:
         raise MrpSumoError(f"{shortened(path)}: {read.kind}: no pose is one of a floor: found no numbers, or more than {FARTHEST_M:g} m")
     log.charges = [Charge(*charge) for charge in read.charges]

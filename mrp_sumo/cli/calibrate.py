@@ -1,9 +1,9 @@
 """Make a robot type and a set of disturbances of a fleet's log: how fast vehicles drive, how that scatters, what stops them.
 
-LOG is a recorded stream of VDA 5050 messages (FILE.jsonl), a bag with /fleet_states, /tf, odometry or stamped poses, a CSV of poses
-(t_s, x_m, y_m, and robot, yaw_rad, action, station, battery), a run folder, or a fleet log archive. Each figure has a 90 % interval; what
-the log does not tell stays as in --robot, and is said. --out TYPE.yaml gets the type, TYPE.disturbances.yaml beside it what disturbs it,
-and TYPE.png fit and data; --against TYPE.yaml says what of an earlier one no longer fits. A scenario names both:
+LOG is a recorded stream of VDA 5050 messages (FILE.jsonl), a bag with /fleet_states, /tf, odometry, stamped poses or cmd_vel, a CSV of
+poses (t_s, x_m, y_m, and robot, yaw_rad, action, station, battery), a run folder, or a fleet log archive. Each figure has a 90 % interval;
+what the log does not tell stays as in --robot, and is said. --out TYPE.yaml gets the type, TYPE.disturbances.yaml beside it what disturbs
+it, and TYPE.png fit and data; --against TYPE.yaml says what of an earlier one no longer fits. A scenario names both:
 `robots: {type: ./TYPE.yaml}`, `execution: {disturbances: ./TYPE.disturbances.yaml}`.
 """
 
@@ -43,7 +43,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Calibrate, write, and print what was result."""
+    """Calibrate, write, print."""
     from mrp_sumo.calibration.estimates import calibrated
     from mrp_sumo.calibration.files import document_of, drift, require_free, write_files
     from mrp_sumo.calibration.log import require_here

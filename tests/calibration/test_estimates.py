@@ -106,6 +106,8 @@ def test_one_long_stretch_is_cut_and_few_tell_nothing():
     (draws, unknown) = _battery(charges((3660.0, 0.9, 0.9 - 0.1 * 61 / 60, False)))
     assert (draws.value, draws.count) == (pytest.approx(0.1), 3)
     assert unknown.reason == "0 stretches of five minutes, expected three or more"
+    (still, _) = _battery(charges((3660.0, 1.0, 1.0, False)))
+    assert (still.name, still.reason) == ("battery_drawn_per_h", "the state of charge never changes")
     (none,) = _battery([])
     assert none.reason == "the log has no state of charge"
 
@@ -359,3 +361,15 @@ def test_type_is_no_slower_than_what_is_seen(usual_mps, made_mps):
     base = RobotShape(length_m=0.6, width_m=0.6, max_speed_mps=usual_mps, accel_mps2=0.5, decel_mps2=0.5, turn_rate_rad_s=1.0)
     seen = Calibration(MotionLog("log", "CSV"), ["a"], 60.0, {}, fits=SimpleNamespace(speed_mps=0.8))
     assert type_of(seen, base).max_speed_mps == made_mps
+
+
+def test_stands_in_frames_of_their_own_are_not_at_one_place(shuttles):
+    """Half a centimetre apart in one frame, or on two levels at the same numbers; and nobody is seen to wait for whom."""
+    rows = {name: shuttles[name] for name in ("s0", "s1")}
+    moved = rows["s1"] + (0.0, 0.2, 0.0, 0.0)
+    one, apart = log_of(rows | {"s1": moved}), log_of(rows | {"s1": moved})
+    apart.poses["s1"] = [(*row[:5], 1.0) for row in apart.poses["s1"]]
+    together, alone = calibrated(one), calibrated(apart)
+    assert alone.quantities["stopping_m"].value < 0.01 < 0.05 < together.quantities["stopping_m"].value
+    note = "no two vehicles share a frame: where one stands for another, it counts as a stop on the way"
+    assert (note in apart.notes, note in one.notes) == (alone.quantities["stops_per_s"].count > 0, False)
