@@ -151,7 +151,9 @@ def _straight_on(graph: NavGraph, heading: FloatArray) -> IntArray:
     lane = np.repeat(np.arange(graph.num_lanes), count)
     following = np.arange(int(count.sum())) - np.repeat(np.cumsum(count) - count - graph.first[graph.head], count)
     bend = np.abs((heading[following] - heading[lane] + np.pi) % (2 * np.pi) - np.pi)
-    fits = (bend <= STRAIGHT_RAD) & (graph.head[following] != graph.tail[lane])
+    place = graph.place if isinstance(graph, MoveGraph) else np.arange(graph.num_vertices)
+    turns_back = (place[graph.head[following]] == place[graph.tail[lane]]) | (graph.is_backward[following] != graph.is_backward[lane])
+    fits = (bend <= STRAIGHT_RAD) & ~turns_back
     lane, following, bend = lane[fits], following[fits], bend[fits]
     order = np.lexsort((following, np.round(bend, 9), lane))[::-1]
     onward = np.full(graph.num_lanes, -1, np.int64)

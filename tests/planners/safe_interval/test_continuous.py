@@ -11,6 +11,7 @@ from stepped_motion import stepped_run
 from worlds import BURGER, CART, cross, graph_of, line, random_grid, square_grid
 
 from mrp_sumo.core.fleet import fleet_of
+from mrp_sumo.core.graph import nav_graph
 from mrp_sumo.core.plan import Status, as_planned_in_steps
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.drive.loop import simulate
@@ -18,10 +19,12 @@ from mrp_sumo.drive.retime import retime
 from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.engines.sumo.network import build_network
 from mrp_sumo.errors import ScenarioError
+from mrp_sumo.maps.roadmap import cut_lanes
 from mrp_sumo.metrics.audit import audit
 from mrp_sumo.metrics.referee_in_seconds import judge_in_seconds
 from mrp_sumo.planning.answers import planned_by
 from mrp_sumo.planning.registry import planner
+from mrp_sumo.planning.vehicles import on_moves
 from mrp_sumo.search._motion import turn_steps
 from mrp_sumo.search._records import FOREVER
 from mrp_sumo.traffic.draw import uniform_draw
@@ -31,6 +34,7 @@ from planners.safe_interval._search import FAR, RunGround, is_cut_off, is_shut_i
 from planners.safe_interval.first_ways import first_ways
 from planners.safe_interval.moves import moves_of
 from planners.safe_interval.timetable import Timetable
+from tests.vehicles import TRICYCLE, vehicles_on
 
 pytestmark = pytest.mark.kernel
 
@@ -106,6 +110,19 @@ def test_robot_waits_until_the_crossing_is_free_and_then_drives_through():
     assert (waits[moved_on] == 0).all()  # nobody stops on the way: the second one sets out later
     assert plan.depart_s[plan.first[:-1]].min() == 0
     assert plan.depart_s[plan.first[:-1]].max() > 0
+
+
+@pytest.mark.parametrize(
+    ("third_xy", "ahead", "back", "most"), [((8.0, 0.0), [(0, 1), (1, 2)], [(2, 1), (1, 0)], 2), ((0.0, 0.4), [(0, 1)], [(1, 2)], 1)]
+)
+@pytest.mark.parametrize("robot", [CART, TRICYCLE], ids=lambda robot: robot.name)
+def test_runs_end_where_robots_begin_to_drive_backward(third_xy, ahead, back, most, robot):
+    """They face east on all lanes: into a dock and out of it, and back beside the lane by which they came."""
+    options = [{}] * len(ahead) + [{"orientation_constraint": "backward"}] * len(back)
+    nav = nav_graph(name="dock", xy=[(0.0, 0.0), (4.0, 0.0), third_xy], lanes=ahead + back, lane_options=options)
+    problem = vehicles_on(cut_lanes(nav, 4.0), [0], [2], robot)
+    moves = Timetable(on_moves(problem) if robot is TRICYCLE else problem, 0.1).moves[0]
+    assert moves.length.max() == most
 
 
 @pytest.mark.parametrize("name", ["continuous", "pbs", "ccbs"])
