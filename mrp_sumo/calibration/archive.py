@@ -18,7 +18,7 @@ import zipfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
+from itertools import combinations, pairwise
 from pathlib import Path, PurePosixPath
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -61,6 +61,7 @@ LARGEST = 2**32  # bytes of a member
 LONGEST = 2**20  # of the manifest
 FASTEST_MPS = 20.0
 LISTED = 20  # faults of a kind
+ALIKE = 0.5  # share of the poses of a vehicle by which two logs are one
 DECIMALS = 1e3  # of seconds, metres and radians in the tables
 
 
@@ -353,7 +354,7 @@ def faults_of(path: Path) -> list[str]:
     name = str(shortened(path))
     with _opened(path) as folder:
         document = manifest_of(folder, name)
-        faults = [f"{MANIFEST}: licence: nothing, expected under which it may be used"] if not document["licence"] else []
+        faults = [f"{MANIFEST}: licence: nothing, expected under which it may be used"] if not document["licence"].strip() else []
         for each in TABLES:
             if not (folder / each).is_file():
                 raise MrpSumoError(f"{name}: no {each}")
@@ -371,6 +372,11 @@ def faults_of(path: Path) -> list[str]:
 def _faults_of_log(log: MotionLog, document: Mapping[str, Any]) -> Iterator[str]:
     odd = sorted(set(log.poses) - set(document["vehicles"]))
     yield from (f"{MANIFEST}: vehicles: no '{name}', which {STATES} has" for name in odd[:LISTED])
+    unseen = sorted(set(document["vehicles"]) - set(log.poses))
+    yield from (f"{STATES}: no pose of '{name}', which {MANIFEST} has" for name in unseen[:LISTED])
+    seconds = [row[0] for rows in log.poses.values() for row in rows]
+    if [document["time"].get(f"{end}_ms") for end in ("begin", "end")] != [round(DECIMALS * end(seconds)) for end in (min, max)]:
+        yield f"{MANIFEST}: time: begin_ms, end_ms: not the first and the last of {STATES}"
     types = set(document["robot_types"])
     missing = sorted({str(kind) for kind in document["vehicles"].values() if kind} - types)
     yield from (f"{MANIFEST}: robot_types: no '{name}'" for name in missing[:LISTED])
@@ -470,7 +476,13 @@ def merged(logs: Sequence[MotionLog]) -> MotionLog:
         return first
     if len({log.is_laid_out for log in logs}) > 1:
         raise MrpSumoError(f"{logs[1].source}: its levels lie otherwise than those of {first.source}: import one kind of log at a time")
+    for one, other in combinations(logs, 2):
+        for name in sorted(set(one.poses) & set(other.poses)):
+            both = [{row[:3] for row in log.poses[name]} for log in (one, other)]
+            if len(both[0] & both[1]) > ALIKE * min(map(len, both)):
+                raise MrpSumoError(f"{other.source}: poses of '{name}' are those of {one.source}: the same log twice")
     together = MotionLog(first.source, first.kind if len({log.kind for log in logs}) == 1 else "logs", is_laid_out=first.is_laid_out)
+    together.is_commanded = any(log.is_commanded for log in logs)
     number: dict[str, float] = {}
     for log in logs:
         for name, rows in log.poses.items():

@@ -111,7 +111,7 @@ def test_validator_names_what_is_wrong(tmp_path):
     with pytest.raises(MrpSumoError, match=r"events.parquet: no column 'begin_ms'"):
         faults_of(folder)
     folder = write_archive(log, ABOUT, tmp_path / "log2")
-    changed(folder, licence="", vehicles={"Anton": "Schlepper"}, tables={})
+    changed(folder, licence=" ", vehicles={"Anton": "Schlepper"}, tables={}, time={"base": "of the log", "begin_ms": 0, "end_ms": 0})
     faults = "\n".join(faults_of(folder))
     for line in (
         "licence: nothing",
@@ -120,6 +120,8 @@ def test_validator_names_what_is_wrong(tmp_path):
         "the clock of 'Berta' jumps back",
         "'Berta' is at two places at once",
         "two orders 'Auftrag 7'",
+        "no pose of 'Anton', which manifest.json has",
+        "time: begin_ms, end_ms: not the first and the last of states.parquet",
     ):
         assert line in faults
 
@@ -139,3 +141,9 @@ def test_logs_of_two_days_become_one():
     assert {name: len(rows) for name, rows in both.poses.items()} == {"Berta": 20, "Anton": 10}
     assert sorted(order.name for order in both.orders) == ["Auftrag 7", "Auftrag 7_2", "Auftrag 7_3", "offen", "offen_2", "offen_3"]
     assert set(both.levels.values()) == {"EG"}
+
+
+def test_a_log_does_not_go_on_with_itself_but_may_with_its_last_pose():
+    with pytest.raises(MrpSumoError, match="halle: poses of 'Berta' are those of halle: the same log twice"):
+        merged([log_of(), log_of()])
+    assert len(merged([log_of(), log_of(BEGIN_S + 9)]).poses["Berta"]) == 20
