@@ -53,9 +53,11 @@ def disturbances_of(result: Calibration) -> Disturbances:
     """The disturbances that the log tells of."""
     known = {name: result.quantities[name] for name in DISTURBING if name in result.quantities}
     if "stop_median_s" not in known:
-        known = {name: each for name, each in known.items() if not name.startswith("stop")} | (
-            {"stops_per_s": known["stops_per_s"]} if "stops_per_s" in known and known["stops_per_s"].value > 0 else {}
-        )
+        of_stops = known.get("stops_per_s")
+        known = {name: each for name, each in known.items() if not name.startswith("stop")}
+        if of_stops is not None and of_stops.value > 0:
+            usual = (of_stops.value, of_stops.low, of_stops.high) if result.fits is None else result.fits.stops.usual_rate_per_s
+            known["stops_per_s"] = replace(of_stops, value=usual[0], low=usual[1], high=usual[2])
     figures: dict[str, Any] = {name: _digits(each.value) for name, each in known.items()}
     if "stops_per_s" in known and "stop_median_s" not in known:
         figures |= {"stop_median_s": USUAL_S, "stop_sigma": USUAL_SIGMA}  # of which the rate was told

@@ -37,6 +37,7 @@ class Stops:
     hold_s: FloatArray  # [N]
     driven_s: float  # for which vehicles drove where a stop would be seen
     rate_per_s: tuple[float, float, float]
+    usual_rate_per_s: tuple[float, float, float]  # where stops last as long as usual: rates are the higher, the fewer stops are seen
     median_s: tuple[float, float, float] | None
     sigma: tuple[float, float, float] | None
 
@@ -106,7 +107,7 @@ def _unexplained(each: Phases, visits: list[ActionTime]) -> dict[int, int]:
 
 
 def _fit(hold_s: FloatArray, driven_s: float, seen_s: float, drop: float) -> Stops:
-    from scipy.special import gammainc, ndtr
+    from scipy.special import gammainc, gammaincinv, ndtr
 
     count, driven_s = len(hold_s), max(driven_s, 1e-9)
     log_median, sigma = np.log(MEDIANS)[:, None], SIGMAS[None, :]
@@ -119,14 +120,17 @@ def _fit(hold_s: FloatArray, driven_s: float, seen_s: float, drop: float) -> Sto
     rates = np.geomspace(1e-3, 1e3, 241) * (count + JEFFREYS) / driven_s
     below = gammainc(count + JEFFREYS, rates[:, None] * driven_s * longer[cells]) @ weight[cells] / weight[cells].sum()
     low, rate, high = np.interp((0.05, 0.5, 0.95), below, rates).tolist()
+    usual_s = driven_s * ndtr(np.log(USUAL_S / seen_s) / USUAL_SIGMA)
+    usual_low, usual, usual_high = (gammaincinv(count + JEFFREYS, (0.05, 0.5, 0.95)) / usual_s).tolist()
     if not count:
-        low = rate = 0.0
+        low = rate = usual_low = usual = 0.0
+    of_usual = usual, usual_low, usual_high
     if count < FEW:
-        return Stops(hold_s, driven_s, (rate, low, high), None, None)
+        return Stops(hold_s, driven_s, (rate, low, high), of_usual, None, None)
     i, j = np.unravel_index(int(np.argmax(durations)), durations.shape)
     median = float(MEDIANS[i]), *_within(MEDIANS, durations.max(1), drop)
     spread = float(SIGMAS[j]), *_within(SIGMAS, durations.max(0), drop)
-    return Stops(hold_s, driven_s, (rate, low, high), median, spread)
+    return Stops(hold_s, driven_s, (rate, low, high), of_usual, median, spread)
 
 
 def _within(at: FloatArray, log: FloatArray, drop: float) -> tuple[float, float]:
