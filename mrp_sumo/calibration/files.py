@@ -4,6 +4,7 @@ Figures that the log does not tell are those of another type, and of no disturba
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import MISSING, fields, replace
 from pathlib import Path
 from typing import Any
@@ -35,6 +36,7 @@ def type_of(result: Calibration, base: RobotShape) -> RobotShape:
         if (median := result.quantities.get(f"actions.{kind}.median_s")) is not None:
             sigma = result.quantities[f"actions.{kind}.sigma"].value
             times[kind] = ServiceTime(lognormal=(_digits(median.value), _digits(sigma)))
+            intervals[f"actions.{kind}"] = _interval(median)
     if times:
         figures["actions"] = Actions(**times)
     if base.loaded is not None:
@@ -82,15 +84,24 @@ def drift(result: Calibration, path: Path) -> dict[str, str]:
         earlier.append(validated(read_document(beside), Disturbances))
     if not any(getattr(each, "intervals", {}) for each in earlier):
         raise MrpSumoError(f"{path}: has no intervals, expected a file that `mrp-sumo calibrate --out` wrote")
-    changed = {}
+    before = {}
     for options in earlier:
-        for name, (low, high) in getattr(options, "intervals", {}).items():
-            now, before = result.quantities.get(name), float(getattr(options, name))
-            if now is None:
-                continue
-            reach = math.hypot(high - before, now.value - now.low) if now.value > before else math.hypot(before - low, now.high - now.value)
-            if abs(now.value - before) > WIDER * reach:
-                changed[name] = f"{before:.4g} ({low:.4g} to {high:.4g}) before, {now.value:.4g} ({now.low:.4g} to {now.high:.4g}) now"
+        actions: Actions | None = getattr(options, "actions", None)
+        usual = vars(options) | ({} if actions is None else actions.usual_s)
+        for name, ends in getattr(options, "intervals", {}).items():
+            before[f"{name}.median_s" if name.startswith("actions.") else name] = (float(usual[name]), *ends)
+    return differing(result, before)
+
+
+def differing(result: Calibration, before: Mapping[str, tuple[float, float, float]]) -> dict[str, str]:
+    """Figures that no longer fit earlier values, each with the ends of its interval: name -> both, in words."""
+    changed = {}
+    for name, (value, low, high) in before.items():
+        if (now := result.quantities.get(name)) is None:
+            continue
+        reach = math.hypot(high - value, now.value - now.low) if now.value > value else math.hypot(value - low, now.high - now.value)
+        if abs(now.value - value) > WIDER * reach:
+            changed[name] = f"{value:.4g} ({low:.4g} to {high:.4g}) before, {now.value:.4g} ({now.low:.4g} to {now.high:.4g}) now"
     return changed
 
 

@@ -37,10 +37,11 @@ class Options:
                 raise OptionError(f"{each.name} is {value:g}, expected {expected or 'a finite number'}")
 
 
-def require_intervals(options: Any) -> None:
-    """Refuse intervals of what is no figure, and such as do not hold the figure. Raises OptionError."""
+def require_intervals(options: Any, more: Mapping[str, float] | None = None) -> None:
+    """Refuse intervals of what is no figure, one of its fields or `more`, and such as do not hold it. Raises OptionError."""
     figures = {each.name: getattr(options, each.name) for each in fields(options)}
     figures = {name: value for name, value in figures.items() if isinstance(value, float | int) and not isinstance(value, bool)}
+    figures |= more or {}
     for name, (low, high) in options.intervals.items():
         if name not in figures:
             raise OptionError(f"intervals.{name} is no figure that is given here{nearest(name, figures)}")

@@ -159,6 +159,12 @@ class Actions(Options):
     lift: ServiceTime | None = field(default=None, metadata=meaning("At stations with this action."))
     dock: ServiceTime | None = field(default=None, metadata=meaning("At stations with this action."))
 
+    @property
+    def usual_s(self) -> dict[str, float]:
+        """Usual times, of lognormal ones the median, by `actions.KIND`."""
+        by_kind = {f"actions.{kind}": time for kind, time in vars(self).items() if time is not None}
+        return {name: time.lognormal[0] if time.lognormal else time.mean_s for name, time in by_kind.items()}
+
 
 @dataclass(frozen=True)
 class Factors(Options):
@@ -230,7 +236,7 @@ class RobotShape(Options):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_intervals(self)
+        require_intervals(self, {} if self.actions is None else self.actions.usual_s)
         self._check_loaded()
         self._check_availability()
         wheels = self.kinematics

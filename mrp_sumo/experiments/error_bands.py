@@ -198,7 +198,8 @@ def _carried(file: ScenarioFile) -> Iterator[tuple[Place, tuple[float, float]]]:
     """Intervals that types and disturbances carry; the widest where types have their own."""
     factors = vars(file.scenario.robots.factor)
     plain = changed(file, {OF_FLEET: ("--error-bands", dict.fromkeys(factors, 1.0))})  # with factors, types have no intervals
-    carrying = [(name, getattr(model, name), bounds) for model in robot_types(plain) for name, bounds in model.intervals.items()]
+    intervals = [(model, name, bounds) for model in robot_types(plain) for name, bounds in model.intervals.items() if name in factors]
+    carrying = [(name, getattr(model, name), bounds) for model, name, bounds in intervals]
     for name in factors:
         shares = [(low / value, high / value) for each, value, (low, high) in carrying if each == name]
         if shares:

@@ -6,8 +6,18 @@ import pytest
 from shuttles import shuttle_rows
 
 from mrp_sumo.calibration.cruise import PARTS, Scatter, Windows, _windows, fit_cruise, integrated_cov
-from mrp_sumo.calibration.estimates import CONFIDENCE, Calibration, Unknown, _battery, _speeds, _spread_of, calibrated, student
-from mrp_sumo.calibration.files import type_of
+from mrp_sumo.calibration.estimates import (
+    CONFIDENCE,
+    CalibratedFigure,
+    Calibration,
+    Unknown,
+    _battery,
+    _speeds,
+    _spread_of,
+    calibrated,
+    student,
+)
+from mrp_sumo.calibration.files import disturbances_of, drift, type_of, write_files
 from mrp_sumo.calibration.log import ActionTime, Charge, MotionLog, Track
 from mrp_sumo.calibration.phases import Noise, _balls, _corners, phases_of
 from mrp_sumo.calibration.ramps import position
@@ -373,3 +383,33 @@ def test_stands_in_frames_of_their_own_are_not_at_one_place(shuttles):
     assert alone.quantities["stopping_m"].value < 0.01 < 0.05 < together.quantities["stopping_m"].value
     note = "no two vehicles share a frame: where one stands for another, it counts as a stop on the way"
     assert (note in apart.notes, note in one.notes) == (alone.quantities["stops_per_s"].count > 0, False)
+
+
+def test_rate_of_one_stop_in_250_s_is_less_where_stops_last_as_long_as_usual():
+    """A stop is seen from 5 s on. Of those of 6 s 64 % are, but few of shorter ones, which may be the many that nobody saw."""
+    one, none = stops_of([7.0], driven_s=250.0), stops_of([], driven_s=250.0)
+    rate, low, high = one.usual_rate_per_s
+    assert (rate, low, high) == pytest.approx((1.183 / (250 * 0.6423), 0.1759 / (250 * 0.6423), 3.907 / (250 * 0.6423)), rel=1e-3)
+    assert one.rate_per_s[2] > 1.5 * high and none.usual_rate_per_s[0] == 0.0
+    written = {}
+    for name, stops in (("few", one), ("many", stops_of([5.5, 6.0, 7.0, 8.0, 9.0], driven_s=250.0))):
+        figures = {"stops_per_s": stops.rate_per_s} | ({} if stops.median_s is None else {"stop_median_s": stops.median_s})
+        known = {key: CalibratedFigure(key, "", *ends, 1, "stops") for key, ends in figures.items()}
+        written[name] = disturbances_of(Calibration(MotionLog("log", "CSV"), [], 1.0, known, fits=SimpleNamespace(stops=stops)))
+    assert (written["few"].stops_per_s, written["few"].stop_median_s) == (pytest.approx(rate, rel=1e-3), 6.0)
+    assert written["many"].stops_per_s == pytest.approx(stops.rate_per_s[0], rel=1e-3)
+
+
+@pytest.mark.parametrize(("now", "drifts"), [((10.0, 9.5, 10.5), True), ((9.0, 8.0, 10.0), False)])
+def test_time_of_an_action_drifts_where_both_intervals_do_not_explain_it(tmp_path, now, drifts):
+    """From 8 s, 7.5 to 8.5, in both cases."""
+
+    def known(*ends):
+        figures = {"actions.pick.median_s": ends, "actions.pick.sigma": (0.3, 0.2, 0.4)}
+        return Calibration(
+            MotionLog("log", "CSV"), [], 1.0, {name: CalibratedFigure(name, "s", *each, 9, "times") for name, each in figures.items()}
+        )
+
+    base = RobotShape(length_m=0.5, width_m=0.5, max_speed_mps=1.0, accel_mps2=1.0, decel_mps2=1.0, turn_rate_rad_s=1.0)
+    write_files(known(8.0, 7.5, 8.5), base, tmp_path / "a.yaml")
+    assert list(drift(known(*now), tmp_path / "a.yaml")) == ["actions.pick.median_s"] * drifts
