@@ -116,6 +116,9 @@ def cut(log: MotionLog, setup: SetUp, share: float) -> HeldOut:
     level = np.array([on.get(row[5], 0) for row in rows], np.int64)
     xy = np.array([row[1:3] for row in rows]) + by[level]
     orders = tuple(order for order in log.orders if not order.ended_s < cut_s and order.release_s < end_s)
+    if lost := sorted({order.vehicle for order in orders} - {"", *vehicles}):
+        notes.append(f"orders of {', '.join(lost)}, of which there are no poses at the cut, are left out")
+        orders = tuple(order for order in orders if order.vehicle not in lost)
     return HeldOut(log, begin_s, cut_s, end_s, tuple(vehicles), np.array([kinds[name] for name in vehicles]), xy, level, orders, notes)
 
 

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from mrp_sumo.calibration.estimates import ANY_NOISE, LIMITS, Calibration, calibrated
-from mrp_sumo.calibration.files import disturbances_of, drift, type_of, write_options
+from mrp_sumo.calibration.files import differing, disturbances_of, drift, type_of, write_options
 from mrp_sumo.calibration.held_out import HeldOut, ServiceTimes, cut, scenario_of_later, stations_of, with_seed, with_stations
 from mrp_sumo.calibration.log import MotionLog, require_here
 from mrp_sumo.calibration.logged_run import logged_run
@@ -185,7 +185,8 @@ def predicted(
     log_run = logged_run(held, middle.setup)
     logged = outcomes_of(log_run, held, station)
     figures = tuple(_compared(logged, simulated, station, (HOUR_S / held.span_s, _period_s(held))))
-    return Prediction(held, calibrations, station, logged, simulated, figures, log_run, middle, _drift(held, files), files, held.notes)
+    gone = _drift(held, files, calibrations)
+    return Prediction(held, calibrations, station, logged, simulated, figures, log_run, middle, gone, files, held.notes)
 
 
 def _note_standstills(held: HeldOut, standing: Sequence[str], runs: int, is_enough: bool) -> None:
@@ -231,8 +232,9 @@ def _write(
     for model, one in zip(models, calibrations):
         shape = RobotShape(**{name: value for name, value in vars(model).items() if name != "name"})
         made = type_of(one, shape)
+        plain = replace(made, actions=None, intervals={name: ends for name, ends in made.intervals.items() if name in LIMITS})
         path = folder / f"{model.name}.yaml"
-        write_options(replace(made, actions=None) if is_served else made, path)
+        write_options(plain if is_served else made, path)
         write_options(Disturbances(**disturbing), path.with_name(f"{path.stem}.disturbances.yaml"))
         paths.append(path)
     return disturbing, tuple(paths)
@@ -260,8 +262,6 @@ def _note_what_is_assumed(held: HeldOut, file: ScenarioFile, times: ServiceTimes
         held.notes.append("stops on the way are those that the scenario's people cause")
     if any(order.release_s == order.assigned_s for order in held.orders) and held.log.kind != "run folder":
         held.notes.append("orders count as released when a vehicle has them, since the log does not say it; --orders FILE.csv does")
-    if gone := {order.vehicle for order in held.orders if order.vehicle} - set(held.vehicles):
-        held.notes.append(f"orders of {', '.join(sorted(gone))}, of which there are no poses, are done by the others")
 
 
 def _note_what_is_not_told(held: HeldOut, file: ScenarioFile, calibrations: Sequence[Calibration]) -> None:
@@ -392,11 +392,13 @@ def _quantile(values: FloatArray, share: float) -> float:
     return low if low == high else low + (at - math.floor(at)) * (high - low)
 
 
-def _drift(held: HeldOut, files: Sequence[Path]) -> dict[str, str]:
+def _drift(held: HeldOut, files: Sequence[Path], calibrations: Sequence[Calibration]) -> dict[str, str]:
     """Figures of the later part that no longer fit; of a fleet of one type, since its vehicles are those of a file."""
     if len(files) > 1:
         return {}
     try:
-        return drift(calibrated(held.later()), files[0])
+        later = calibrated(held.later())
     except MrpSumoError:  # too short to tell
         return {}
+    services = {n: (q.value, q.low, q.high) for n, q in calibrations[0].quantities.items() if n.startswith("actions.") and n.endswith("_s")}
+    return drift(later, files[0]) | differing(later, services)

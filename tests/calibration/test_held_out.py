@@ -87,6 +87,20 @@ def test_log_that_cannot_be_compared_is_refused(named, line):
     assert "\n" not in str(error.value)
 
 
+@pytest.mark.parametrize(
+    ("vehicle", "says"), [("a", []), ("gone", ["orders of gone, of which there are no poses at the cut, are left out"])]
+)
+def test_orders_of_a_vehicle_that_is_not_there_are_left_out(monkeypatch, vehicle, says):
+    named = {"a": poses(), "b": poses(at_m=30)}
+    monkeypatch.setattr(held_out, "levels_on", lambda *_: {0.0: 0})
+    monkeypatch.setattr(held_out, "shift_on", lambda *_: np.zeros((1, 2)))
+    monkeypatch.setattr(held_out, "_kinds", lambda log, file, vehicles: dict.fromkeys(vehicles, 0))
+    orders = [LoggedOrder("kept", ("dock",), 400.0), LoggedOrder("its", ("dock",), 400.0, vehicle=vehicle)]
+    made = cut(MotionLog("log", "CSV", poses=named, orders=orders), SimpleNamespace(file=None, map=None), 0.5)
+    assert [each.name for each in made.orders] == ["kept", "its"][: 2 - len(says)]
+    assert made.notes == says
+
+
 def test_vehicle_that_is_gone_for_a_part_is_seen_for_less_of_it():
     t = np.arange(600.0)
     assert _seen(t, 300.0, 599.0) == 1.0

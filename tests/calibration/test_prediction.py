@@ -68,17 +68,16 @@ def test_a_quantile_of_times_of_which_some_are_never_over(share, value):
 
 
 @pytest.mark.parametrize(
-    ("is_known", "people", "kind", "vehicle", "says"),
+    ("is_known", "people", "kind", "says"),
     [
-        (True, None, "run folder", "a", []),
-        (False, None, "run folder", "a", ["how long services take"]),
-        (True, 20, "run folder", "a", ["people cause"]),
-        (True, None, "CSV", "a", ["orders count as released"]),
-        (True, None, "run folder", "b", ["orders of b"]),
+        (True, None, "run folder", []),
+        (False, None, "run folder", ["how long services take"]),
+        (True, 20, "run folder", ["people cause"]),
+        (True, None, "CSV", ["orders count as released"]),
     ],
 )
-def test_what_a_prediction_assumes_is_said(is_known, people, kind, vehicle, says):
-    orders = [SimpleNamespace(release_s=5.0, assigned_s=5.0, vehicle=vehicle)]
+def test_what_a_prediction_assumes_is_said(is_known, people, kind, says):
+    orders = [SimpleNamespace(release_s=5.0, assigned_s=5.0, vehicle="a")]
     held = SimpleNamespace(orders=orders, vehicles=("a",), log=SimpleNamespace(kind=kind), notes=[])
     _note_what_is_assumed(held, SimpleNamespace(scenario=SimpleNamespace(people=people)), SimpleNamespace(is_known=is_known))
     assert len(held.notes) == len(says) and all(words in note for words, note in zip(says, held.notes))
