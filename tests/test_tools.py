@@ -126,3 +126,20 @@ def test_plans_and_drives_are_compared_on_the_draws_that_both_have():
     row = questions.compared(best, {0: (110.0, 50.0, 0.1), 1: (220.0, 88.0, 0.3), 3: (1.0, 1.0, 1.0)})
     assert row["pairs"] == 2 and row["plan_percent"] == [10.0, 10.0, 10.0] and row["driven_percent"][0] == 5.0
     assert row["planner_cpu_s"] == 0.2
+
+
+@pytest.mark.parametrize(("words", "line"), [("2", ""), ("1", "--seeds: found 1, expected 2 or more: fewer have no limits")])
+def test_question_with_too_few_draws_is_one_line(monkeypatch, capsys, words, line):
+    path = TOOLS / "questions.py"
+    spec = importlib.util.spec_from_file_location("questions", path)
+    questions = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(questions)
+    monkeypatch.setitem(questions.QUESTIONS, "optimal", lambda options: print("asked"))
+    monkeypatch.setattr(sys, "argv", ["questions.py", "optimal", "--seeds", words])
+    if not line:
+        assert questions.main() == 0
+    else:
+        with pytest.raises(SystemExit, match="2"):
+            questions.main()
+    output = capsys.readouterr()
+    assert (output.out, output.err) == (("asked\n", "") if not line else ("", f"questions.py: {line}\n"))

@@ -19,12 +19,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from questions import DISTURBED, MOBILE, limits
+from questions import DISTURBED, MOBILE, limits, require_draws
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components, dijkstra
 
 import mrp_sumo as ms
 from mrp_sumo.core.graph import FloatArray, IntArray
+from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.experiments.statistics import t_mean
 
 CASES = {  # grid: robots; costs by hand, optimised
@@ -60,11 +61,21 @@ def main() -> int:
     options = parser.parse_args()
     if not options.json:
         print("| grid | robots | costs | errands a step | % | engine | | errands a minute, driven | % |\n|" + "---|" * 9)
-    for name, case in CASES.items():
-        if options.only in name:
-            for row in rows(name, *case, options):
+    try:
+        require_draws(options.seeds)
+        for name in named(options.only):
+            for row in rows(name, *CASES[name], options):
                 print(json.dumps(row) if options.json else "| " + " | ".join(map(str, row.values())) + " |", flush=True)
+    except (MrpSumoError, FileNotFoundError) as error:
+        parser.exit(2, f"guidance.py: {error}\n")
     return 0
+
+
+def named(part: str) -> list[str]:
+    """Names of grids with a part. Raises MrpSumoError where there is none."""
+    if names := [name for name in CASES if part in name]:
+        return names
+    raise MrpSumoError(f"--only: found '{part}', expected a part of {', '.join(CASES)}")
 
 
 def rows(name: str, num_robots: int, by_hand: str, optimised: str, options: argparse.Namespace) -> Iterator[dict[str, Any]]:
@@ -118,7 +129,7 @@ class Grid:
         ]
         weights = content["weights"][self.num_cells if content.get("optimize_wait") else 1 :] if costly else [1.0] * len(lanes)
         if len(weights) != len(lanes):
-            raise SystemExit(f"{file}: found {len(weights)} costs of lanes, expected {len(lanes)}")
+            raise MrpSumoError(f"{file}: found {len(weights)} costs of lanes, expected {len(lanes)}")
         tail, head = np.array(lanes).T
         costs = csr_array((np.array(weights, float), (head, tail)), shape=(self.num_cells, self.num_cells))  # reversed
         self.distance: FloatArray = dijkstra(costs)  # [to, from]
@@ -149,10 +160,14 @@ def measured(grid: Grid, num_robots: int, seed: int, engine: str, run: str, step
         problem = ms.problem(scenario)
     driven = ms.simulate(problem, ms.plan_of_paths(list(paths.T), problem.step_s))
     if driven.status != "completed":
-        raise SystemExit(f"seed {seed}: {driven}")
+        raise MrpSumoError(f"seed {seed}: {driven}")
     changes = np.cumsum(np.diff(paths, axis=0, prepend=paths[:1]) != 0, axis=0)  # [steps, robots] index of the visit
     times = [group["arrived_s"].to_numpy() for _, group in driven.visits.groupby("robot", sort=False)]
     until = min(float(column[-1]) for column in times)
+    if until <= 0:
+        raise MrpSumoError(
+            f"--steps: found {steps}, in which a robot never moves, so that nothing is driven until it is done: expected more"
+        )
     served = [times[robot][changes[t, robot]] for t, robot in done]
     return len(done) / steps, float(np.count_nonzero(np.array(served) <= until)) / until
 

@@ -25,6 +25,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import mrp_sumo as ms
+from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.experiments.statistics import t_mean
 
 OPTIMAL, OTHERS = "cbs", ("ecbs", "lacam", "prioritised")
@@ -57,8 +58,18 @@ def main() -> int:
     parser.add_argument("--engines", default="kinematic,sumo", metavar="NAMES")
     parser.add_argument("--json", action="store_true", help="a line a row")
     options = parser.parse_args()
-    QUESTIONS[options.question](options)
+    try:
+        require_draws(options.seeds)
+        QUESTIONS[options.question](options)
+    except MrpSumoError as error:
+        parser.exit(2, f"questions.py: {error}\n")
     return 0
+
+
+def require_draws(seeds: int) -> None:
+    """Raises MrpSumoError for fewer draws than limits can be taken of."""
+    if seeds < 2:
+        raise MrpSumoError(f"--seeds: found {seeds}, expected 2 or more: fewer have no limits")
 
 
 def optimal(options: argparse.Namespace) -> None:

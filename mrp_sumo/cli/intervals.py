@@ -51,6 +51,8 @@ def bounds_of(options: argparse.Namespace, file: "ScenarioFile") -> dict[str, tu
         from mrp_sumo.experiments.error_bands import value_of
 
         value, part = value_of(file, key), float(share[1]) / 100
+        if part >= 1:
+            raise MrpSumoError(f"--interval {text}: found {share[1]} %, expected less than 100: up and down")
         bounds[key] = value * (1 - part), value * (1 + part)
     return bounds
 

@@ -162,6 +162,7 @@ LINES = (
     line("run office_5 --interval seed=1:2", 2, "mrp-sumo: --interval is for --error-bands"),
     line("run office_5 --intervals x.yaml", 2, "mrp-sumo: --intervals is for --error-bands"),
     line("capacity warehouse_lifelong --error-bands --interval none", 2, "mrp-sumo: --interval none: expected KEY=LOW:HIGH or .*"),
+    line("run office_5 --error-bands --interval robots.type.max_speed_mps=100%", 2, "mrp-sumo: --interval .*: found 100 %, expected .*"),
     line("capacity warehouse_lifelong --intervals x.yaml", 2, "mrp-sumo: --intervals is for --error-bands"),
     line("studio hall.png --no-browser --port PORT", stops=True),
     line("studio --json --port none", 2, "mrp-sumo: --port: found 'none', expected a whole number up to 65535"),
