@@ -118,17 +118,22 @@ def steps_left(moves, end, at_rest, facing, lanes_best, stack, heap):
     count = 0
     for k in range(moves.first_in[goal], moves.first_in[goal + 1]):
         lane = moves.lane_in[k]
-        at_rest[lane] = steps_of_last_turn(goal_heading - moves.heading_rad[lane], moves.turn_rad)
-        push(heap, count, (np.int64(at_rest[lane]) << 32) | lane)
-        count += 1
+        if moves.alike[lane] == lane:
+            at_rest[lane] = steps_of_last_turn(goal_heading - moves.heading_rad[lane], moves.turn_rad)
+            push(heap, count, (np.int64(at_rest[lane]) << 32) | lane)
+            count += 1
     while count:
         key = pop(heap, count)
         count -= 1
         steps, end = key >> 32, key & 0xFFFFFFFF
         if steps != at_rest[end]:
             continue
-        stack[0] = (end << 32) | 1
-        depth = 1
+        depth, v = 0, moves.head[end]
+        for k in range(moves.first_in[v], moves.first_in[v + 1]):
+            if moves.alike[moves.lane_in[k]] == end:
+                at_rest[moves.lane_in[k]] = steps
+                stack[depth] = (moves.lane_in[k] << 32) | 1
+                depth += 1
         while depth:
             depth -= 1
             ray, lanes = stack[depth] >> 32, stack[depth] & 0xFFFFFFFF
@@ -149,7 +154,7 @@ def steps_left(moves, end, at_rest, facing, lanes_best, stack, heap):
                 for k in range(moves.first_in[v], moves.first_in[v + 1]):
                     lane = moves.lane_in[k]
                     turned = now + moves.turn[moves.turn_first[lane] + ray - moves.first[v]]
-                    if turned < at_rest[lane]:
+                    if turned < at_rest[lane] and moves.alike[lane] == lane:
                         at_rest[lane] = turned
                         if count >= len(heap):
                             return False
