@@ -29,12 +29,13 @@ def on_moves(problem: Problem) -> Problem:
     taken = np.zeros(problem.graph.num_vertices, np.bool_)
     taken[target] = True
     heading, steps = problem.heading_at_target, _steps_past_goals(graph, start, taken)
+    is_vehicle = problem.fleet.is_vehicle
     for r, (at, place, kind) in enumerate(zip(start.tolist(), target.tolist(), problem.fleet.kind.tolist())):
         stays = graph.place[at] == place and (np.isnan(heading[r]) or _faces(problem, standing, r, float(heading[r])))
-        is_first = problem.fleet.is_vehicle[r] and (problem.standing is None or standing.does[r] == ANYWHERE)  # into that it comes no more
+        is_first = is_vehicle[r] and (problem.standing is None or standing.does[r] == ANYWHERE)  # into that it comes no more
         if stays and not (is_first and _is_passed(graph, start, target, r)):
             goal[r] = at
-        elif problem.fleet.is_vehicle[r]:
+        elif is_vehicle[r]:
             goal[r] = _goal(graph, kind, at, place, float(heading[r]), (taken, steps[r]))
         else:
             goal[r] = graph.states[kind].begin + place

@@ -22,6 +22,7 @@ NO_SEPARATION = -1.0  # stands for the rules of MAPF alone
 
 _known: WeakKeyDictionary[NavGraph, dict[tuple[float, bool], Clashes]] = WeakKeyDictionary()
 _of_moves_known: WeakKeyDictionary[MoveGraph, dict[tuple[float, bool], tuple["_Pairs", "_Pairs"]]] = WeakKeyDictionary()
+_beside_known: WeakKeyDictionary[MoveGraph, "_Pairs"] = WeakKeyDictionary()
 _from_starts: WeakKeyDictionary[Problem, Clashes] = WeakKeyDictionary()
 _from_starts_by_place: WeakKeyDictionary[Problem, tuple[Clashes, Beside]] = WeakKeyDictionary()
 
@@ -49,14 +50,9 @@ def clashes_by_place(problem: Problem, *, following: bool) -> tuple[Clashes, Bes
     if not isinstance(graph, MoveGraph) or following:
         return clashes_of(problem), none_beside(graph.num_vertices)
     if problem not in _from_starts_by_place:
-        state = np.unique(np.concatenate([graph.head, problem.start]))
-        state = state[np.argsort(graph.place[state], kind="stable")]
-        one, other = _joined(np.arange(graph.num_vertices), graph.place, graph.place[state], state, graph.base.num_vertices)
-        one, other = one[one != other], other[one != other]  # ascending
-        first = np.append(0, np.cumsum(np.bincount(one, minlength=graph.num_vertices)))
-        beside = Beside(frozen(first), frozen(other), graph.place)
         separation_m = problem.fleet.separation_m if problem.drivable else NO_SEPARATION
-        _from_starts_by_place[problem] = _with_starts(graph, separation_m, problem.start, by_place=True), beside
+        clashes = _with_starts(graph, separation_m, problem.start, by_place=True)
+        _from_starts_by_place[problem] = clashes, _beside_with_starts(graph, problem.start)
     return _from_starts_by_place[problem]
 
 
@@ -114,13 +110,30 @@ def _with_starts(graph: MoveGraph, separation_m: float, start: IntArray, *, by_p
     """The clashes with states that moves lead to, and those at which paths begin."""
     clashes, known, key = _on(graph, separation_m, by_place=by_place), _of_moves_known.setdefault(graph, {}), (separation_m, by_place)
     if key not in known:
-        begins = np.ones(graph.num_vertices, np.bool_)
-        begins[graph.head] = False
+        begins = _where_paths_begin(graph)
         vertices = _Pairs.apart_from(clashes.vertex_first, clashes.vertex, begins)
         known[key] = vertices, _Pairs.apart_from(clashes.lane_first, clashes.lane, begins[graph.tail])
     vertices, lanes = known[key]
     begun = ranges(graph.first[start], np.diff(graph.first)[start])
     return Clashes(*vertices.and_of(start), *lanes.and_of(begun), clashes.any, clashes.rotations)
+
+
+def _beside_with_starts(graph: MoveGraph, start: IntArray) -> Beside:
+    """The same of states that are one place."""
+    if graph not in _beside_known:
+        state = np.argsort(graph.place, kind="stable")
+        one, other = _joined(np.arange(graph.num_vertices), graph.place, graph.place[state], state, graph.base.num_vertices)
+        differ = one != other
+        first, other = _csr(one[differ], other[differ], graph.num_vertices)
+        _beside_known[graph] = _Pairs.apart_from(first, other, _where_paths_begin(graph))
+    return Beside(*_beside_known[graph].and_of(start), graph.place)
+
+
+def _where_paths_begin(graph: MoveGraph) -> BoolArray:
+    """[V'] states to which no move leads."""
+    begins = np.ones(graph.num_vertices, np.bool_)
+    begins[graph.head] = False
+    return begins
 
 
 def _on(graph: PlanGraph, separation_m: float, *, by_place: bool = False) -> Clashes:

@@ -156,13 +156,13 @@ def standing_at_starts(problem: Problem) -> Standing:
     standing = Standing(np.full(num_robots, ANYWHERE), nowhere.copy(), np.zeros(num_robots, np.int64), nowhere)
     if not fleet.vehicle_of_kind:
         return standing
-    course, taken = course_rad(problem.graph), set(problem.start.tolist())
+    course, taken, behind_m, heading = course_rad(problem.graph), set(problem.start.tolist()), fleet.behind_m, problem.heading_at_start
     for r in np.flatnonzero(fleet.is_vehicle).tolist():
-        if fleet.behind_m[r] > 0:
+        if behind_m[r] > 0:
             lane = _with_room_behind(problem, r, course, taken)
             taken.add(int(problem.graph.tail[lane]))
             standing.does[r], standing.lane[r] = STANDING, lane
-        elif not np.isnan(problem.heading_at_start[r]):
+        elif not np.isnan(heading[r]):
             standing.does[r], standing.lane[r], standing.gear[r] = _facing(problem, r, course)
     return standing
 

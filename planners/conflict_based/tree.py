@@ -26,6 +26,7 @@ from mrp_sumo.search.distance import distances
 from mrp_sumo.search.entries import Entries, enter, entries_of
 from mrp_sumo.search.solvable import unsolvable
 from mrp_sumo.traffic.clashes import clashes_by_place
+from mrp_sumo.traffic.moves import MoveGraph
 from planners.conflict_based._cover import cover
 from planners.conflict_based._nodes import all_rows, branch, same_path
 from planners.conflict_based._pairs import IMPOSSIBLE, pair_weight
@@ -565,7 +566,7 @@ def first_ring(paths: list[IntArray]) -> list[tuple[int, int, int, int]]:
 def _cells(graph: PlanGraph) -> tuple[IntArray, IntArray]:
     """[V] column and line of each vertex where the graph is a 4-connected grid, else nothing."""
     nothing = np.zeros(0, np.int64), np.zeros(0, np.int64)
-    if not graph.num_lanes or not graph.cell_m > 0:
+    if not graph.num_lanes or not graph.cell_m > 0 or isinstance(graph, MoveGraph):  # states of a place share its cell
         return nothing
     cell = (graph.xy - graph.xy.min(axis=0)) / graph.cell_m
     whole = np.rint(cell).astype(np.int64)
