@@ -36,14 +36,13 @@ def lane_limits(dt, decel, visits, speed, s_m, cap_mps):
             continue
         cap = min(limit_mps[k], bend)
         reach_m = speed[r] * speed[r] / (2.0 * decel[r]) + 3.0 * (speed[r] + decel[r] * dt) * dt  # limits farther away do not matter yet
-        ahead = next_visit[k]
-        while ahead >= 0 and at_m[k] - bend_m[k] - s_m[r] <= reach_m:
+        while k >= 0 and at_m[k] - bend_m[k] - s_m[r] <= reach_m:  # the last may be on an arc, too
             if visits.bend_mps[k] < cap:
                 cap = min(cap, approach_speed(max(0.0, at_m[k] - bend_m[k] - s_m[r]), visits.bend_mps[k], decel[r], dt))
-            if limit_mps[ahead] < cap:
+            ahead = next_visit[k]
+            if ahead >= 0 and limit_mps[ahead] < cap:
                 cap = min(cap, approach_speed(at_m[k] - s_m[r], limit_mps[ahead], decel[r], dt))
             k = ahead
-            ahead = next_visit[k]
         cap_mps[r] = cap
 
 
