@@ -127,10 +127,12 @@ def take_over(crew: Crew, request: WorkRequest, now_s: float) -> None:
     for r, tour in request.tours.items():
         _extend(crew, robots[r], tour, now_s, request)
     crew.is_changed |= len(assigned) < len(request.assigned) or any(crew.orders.robot[k] == NOBODY for k in freed)
+    here = crew.ledger.visits.vertex[crew.ledger.visits.reached].tolist()
     for robot in (robots[r] for r in request.robot.tolist()):
         if robot.making is not None or robot.is_out:
             continue
-        if robot.charges or robot.wait_at != NONE:  # nobody charges, or has a place, before the answer is there, even if it stands there
+        is_there = bool(robot.legs) and robot.legs[0].vertex == here[robot.number]  # but was to go on
+        if robot.charges or robot.wait_at != NONE or is_there:  # nobody is served, or has a place, before the answer is there
             robot.earliest_s = max(robot.earliest_s, now_s)
         robot.legs = [leg for leg in request.legs[robot.number] if _is_ahead(robot, leg)]
         robot.wait_at = request.waits.get(robot.number, NONE) if robot.task != NONE else NONE

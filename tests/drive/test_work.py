@@ -1,6 +1,7 @@
 """Tasks are driven to the end, stop by stop; times and who had what are those of the run, by hand where robots drive alone."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,6 +15,8 @@ from mrp_sumo.core.fleet import fleet_of
 from mrp_sumo.core.robot_type import Battery
 from mrp_sumo.core.stream import ClosedLoop, TaskList, TaskStream
 from mrp_sumo.core.task import Station, Stop, Task
+from mrp_sumo.drive.robot_work import Leg, RobotWork
+from mrp_sumo.drive.work_request import take_over
 from mrp_sumo.metrics.audit import audit
 
 CELL_S = 0.4 / 0.22
@@ -263,3 +266,14 @@ def test_robots_without_a_task_go_to_park(tmp_path):
         time_limit_s=60.0,
     )
     assert run.x_m[-1, 0] == pytest.approx(2.4, abs=0.01)
+
+
+@pytest.mark.parametrize(("was_to_stop_at", "earliest_s"), [(5, 70.0), (6, 0.0)])
+def test_a_robot_that_was_to_go_on_from_its_stop_is_not_served_there_before_an_answer_ends_its_way(was_to_stop_at, earliest_s):
+    """It has stood at vertex 5 since 10 s, on a way that led on; an answer at 70 s has it stop there."""
+    robot, leg = RobotWork(0, tour=[(0, 0)], legs=[Leg(0, 0, was_to_stop_at)]), Leg(0, 0, 5)
+    visits = SimpleNamespace(vertex=np.array([5]), reached=np.array([0]))
+    crew = SimpleNamespace(robots=[robot], ledger=SimpleNamespace(visits=visits), is_changed=False, orders=None, follow=lambda *_: None)
+    request = SimpleNamespace(robot=np.array([0]), assigned={}, tours={}, legs={0: [leg]}, waits={})
+    take_over(crew, request, 70.0)
+    assert robot.legs == [leg] and robot.earliest_s == earliest_s
