@@ -11,6 +11,7 @@ Where a plan would let robots stand on that have not got on for a minute, LaCAM 
 is complete.
 """
 
+import math
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -42,6 +43,7 @@ BEYOND_STEPS = 10  # the way into the longest aisle and back
 STEPWISE = "pibt"  # what answers where the planner has failed twice running
 COMPLETE = "lacam"  # what answers to the end where the planner lets robots stand for good
 PAUSE_S = 60.0  # before that is asked again after it had no way out either; twice as long each time
+FIRST_EFFORT = 1 / 8  # of an answer's, for its first try; twice as much each time
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,8 +142,9 @@ class Rolling:
             self._tried, self._again_s, self._pause_s = tried, -np.inf, PAUSE_S
         if request.now_s < self._again_s or (self._led_since_s != made_s and not num_staying):
             return ways
+        effort = math.ceil(min(1.0, FIRST_EFFORT * self._pause_s / PAUSE_S) * limits.effort)
         with suppress(PlanError):
-            led = planned(request, begin_s, self._around, COMPLETE, {}, replace(limits, window_steps=0))
+            led = planned(request, begin_s, self._around, COMPLETE, {}, AnswerLimits(effort))
             if self._staying(request, led) <= max(0, num_staying - 1):
                 self._led_since_s = made_s
                 return led

@@ -59,18 +59,20 @@ def test_robots_that_bar_each_others_places_are_led_out(tmp_path, planner):
 
 
 def test_a_way_out_is_asked_for_ever_more_seldom_where_there_is_none(monkeypatch):
-    """Requests each second for ten minutes: after 60, 120, 240 s; at once after a stop, and when a broken robot is repaired."""
-    crew, broken, asked_s = SimpleNamespace(made_s=0.0), np.array([True, False]), list[float]()
+    """Requests each second for ten minutes: after 60, 120, 240 s; at once after a stop, and when a broken robot is repaired. At first with
+    an eighth of the effort, then with twice as much each time.
+    """
+    crew, broken, asked = SimpleNamespace(made_s=0.0), np.array([True, False]), list[tuple[float, int]]()
 
     def planned(request, begin_s, context, planner, parameters, limits):
         if planner == rolling.COMPLETE:
-            asked_s.append(request.now_s)
+            asked.append((request.now_s, limits.effort))
             raise PlanError("no way out")
         return "ways"
 
     monkeypatch.setattr(rolling, "planned", planned)
     monkeypatch.setattr(rolling.Rolling, "_staying", lambda *_: 1)
-    settings = SimpleNamespace(planning=SimpleNamespace(effort=1, budget_s=0.0), tasks=True, planner="prioritised", planner_parameters={})
+    settings = SimpleNamespace(planning=SimpleNamespace(effort=400, budget_s=0.0), tasks=True, planner="prioritised", planner_parameters={})
     ledger = SimpleNamespace(problem=SimpleNamespace(num_robots=2))
     monkeypatch.setattr(rolling, "window_of", lambda *_: 20)
     around = SimpleNamespace(crew=crew, world=SimpleNamespace(broken=broken), ledger=ledger)
@@ -79,4 +81,4 @@ def test_a_way_out_is_asked_for_ever_more_seldom_where_there_is_none(monkeypatch
         crew.made_s = 500.0 if now_s >= 500 else 0.0
         broken[0] = now_s < 550
         assert asks.plan(SimpleNamespace(now_s=float(now_s)), float(now_s)) == "ways"
-    assert asked_s == [1.0, 61.0, 181.0, 421.0, 500.0, 550.0]
+    assert asked == [(1.0, 50), (61.0, 100), (181.0, 200), (421.0, 400), (500.0, 50), (550.0, 50)]
