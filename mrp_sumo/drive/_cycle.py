@@ -143,12 +143,13 @@ def num_ended(visits, state):
 
 @kernel(allocates=False)
 def has_to_look(visits, state, tape):
-    """True if somebody waits for another robot, stands though it should not, or has come farther than it may unseen."""
+    """True if somebody waits for another robot, stands or gets on though it should not, or has come farther than it may unseen."""
     waits, motion = state.waits, state.motion
     for r in range(len(tape.rests)):
         if waits.waiting[r] or waits.stuck[r] or (tape.watched[r] >= 0 and visits.reached[r] != tape.watched[r]):
             return True
-        if not (tape.rests[r] or motion.speed_mps[r] > 0.0 or motion.turning[r]):
+        gets_on = motion.speed_mps[r] > 0.0 or motion.turning[r]
+        if tape.held[r] if gets_on else not (tape.rests[r] or tape.held[r]):
             return True
     return False
 

@@ -107,6 +107,12 @@ class Crew:
         return np.array([robot.making is not None or robot.task == NONE for robot in self.robots], np.bool_)
 
     @property
+    def held(self) -> BoolArray:
+        """[R] robots that stand broken on their way."""
+        motion = self.ledger.state.motion
+        return np.array([robot.is_broken for robot in self.robots], np.bool_) & ~self.rests & ~(motion.speed_mps > 0) & ~motion.turning
+
+    @property
     def busy(self) -> BoolArray:
         """[R] who is being served, and still will be when what is asked for now takes effect."""
         return np.array([robot.is_busy for robot in self.robots], np.bool_)

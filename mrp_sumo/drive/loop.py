@@ -18,7 +18,7 @@ import numpy as np
 
 from mrp_sumo.core.execution import Event, Execution, Outcome
 from mrp_sumo.core.fleet import with_loads
-from mrp_sumo.core.graph import FloatArray, IntArray, frozen
+from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, frozen
 from mrp_sumo.core.plan import Plan, as_planned_in_steps
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.core.request import Request
@@ -222,7 +222,7 @@ class Drive:
                 records.samples.settle(self.ledger)
                 cycle.forget(self.crew.seen)
             self._find(cycle.go(sent=self._send_robots_on()))
-            if alone and self.world.calm_until_s(self.now_s) > self.now_s:
+            if alone and self.world.calm_until_s > self.now_s:
                 self._go_on(records)
         self.wall_s, self.cpu_s = time.perf_counter() - wall, time.process_time() - cpu
 
@@ -261,13 +261,14 @@ class Drive:
             settings.time_limit_s,
             records.witness.due_s,
             self._wake_s,
-            self.world.calm_until_s(cycle.now_s),
+            self.world.calm_until_s,
             quiet_until_s if quiet else np.inf,
         ):
             until = min(until, math.ceil(steps)) if (steps := due_s / dt - 1e-9) < np.inf else until
         if until <= cycle.step:
             return
-        begin, tape = cycle.step, self._tape_for(until - cycle.step, row, records.grants, quiet=quiet)
+        held = self.crew.held
+        begin, tape = cycle.step, self._tape_for(until - cycle.step, row, records.grants, held if quiet else None)
         self._find(cycle.go_on(until - begin, tape))
         num_samples, num_grants = tape.filled.tolist()
         records.samples.add(num_samples)
@@ -277,10 +278,10 @@ class Drive:
             part = slice(num_grants)
             records.grants.add(tape.grant_s[part].copy(), tape.grant_robot[part].copy(), tape.granted[part].copy())
         if quiet and settings.tasks:
-            self._pass_over(begin, num_samples)
+            self._pass_over(begin, num_samples, held)
 
-    def _pass_over(self, begin: int, num_samples: int) -> None:
-        """Make up for the looks that nobody took since the step `begin`, with as many samples since."""
+    def _pass_over(self, begin: int, num_samples: int, held: BoolArray) -> None:
+        """Make up for the looks that nobody took since the step `begin`, with as many samples since; some robots were `held` [R]."""
         every, sample_every, dt = self._look_every, self.settings.steps_per_sample, self.settings.step_length_s
         looks = range(-(-begin // every) * every, self.cycle.step, every)
         looks_s = [round(look * dt, 9) for look in looks]
@@ -290,22 +291,23 @@ class Drive:
             self.batteries.observe_each(
                 looks_s, [before + look // sample_every - first + 1 for look in looks], self.crew.at_charger, self.crew.loads > 0
             )
-        self.tasks.pass_over(looks_s[-2:], None if self.batteries is None else self.batteries.level)
+        self.tasks.pass_over(looks_s[-2:], None if self.batteries is None else self.batteries.level, held)
 
-    def _tape_for(self, most: int, samples: FloatArray, grants: GrantRecorder, *, quiet: bool) -> Tape:
-        """Room for what is kept of so many steps."""
+    def _tape_for(self, most: int, samples: FloatArray, grants: GrantRecorder, held: BoolArray | None) -> Tape:
+        """Room for what is kept of so many steps, in which nobody looks if some are `held` [R] and all others get on."""
         robots, tape = self.ledger.num_robots, self._tape
         if tape is None or len(tape.granted) < most * robots:
             tape = self._tape = tape_for(robots, most * robots, self.settings.steps_per_sample)
         rests, watched = np.ones(robots, np.bool_), np.full(robots, -1)
-        if quiet and self.settings.tasks:
+        if held is not None and self.settings.tasks:
             rests, watched = self.crew.rests, np.where(self.tasks.watched, self.crew.seen, -1)
         return tape._replace(
             filled=np.zeros(2, np.int64),
             samples=samples,
             known=grants.known,
-            look_every=self._look_every if quiet else NEVER,
+            look_every=NEVER if held is None else self._look_every,
             rests=rests,
+            held=np.zeros(robots, np.bool_) if held is None else held,
             watched=watched,
         )
 
@@ -316,7 +318,8 @@ class Drive:
             return -np.inf
         if not self.settings.tasks:
             return np.inf if type(self.work) is OneShot else -np.inf
-        if not self.tasks.is_quiet(self.now_s) or not self.wear.is_current(self.crew.robots):
+        is_quiet = self.tasks.is_quiet(self.now_s, self.world.down_until_s, self.world.stands_until_s)
+        if not is_quiet or not self.wear.is_current(self.crew.robots):
             return -np.inf
         level_s = np.inf if self.batteries is None else self.tasks.level_wake_s(self.now_s, self._most_per_s)
         return min(self.rolling.window_over_s, level_s)

@@ -3,6 +3,7 @@
 import numpy as np
 
 from mrp_sumo.core.execution import Event
+from mrp_sumo.core.graph import BoolArray
 from mrp_sumo.core.task import NOBODY
 from mrp_sumo.drive._causes import FACILITY, PLANNED
 from mrp_sumo.drive.crew import Crew
@@ -35,15 +36,15 @@ class Progress:
         return any(robot.making is not None or robot.is_broken for robot in robots)
 
     def is_steady(self, now_s: float) -> bool:
-        """True if a look would see nothing but that others get on: nobody is stalled or broken for a while, and stops are being made."""
-        if self._stands or any(robot.condition is Condition.STALLED or robot.is_broken for robot in self._crew.robots):
+        """True if a look would see nothing but that others get on: nobody is stalled, and stops are being made."""
+        if self._stands or any(robot.condition is Condition.STALLED for robot in self._crew.robots):
             return False
         return now_s - self.made_s < STANDS_S / 2 or self.gets_done
 
-    def pass_over(self, now_s: float) -> None:
-        """Nobody looked at a time at which all was steady."""
-        for robot in self._crew.robots:
-            robot.moved_s = now_s
+    def pass_over(self, now_s: float, held: BoolArray) -> None:
+        """Nobody looked at a time at which all was steady, and robots got on but those that were `held` [R]."""
+        for robot, is_held in zip(self._crew.robots, held.tolist()):
+            robot.moved_s = robot.moved_s if is_held else now_s
         if self.gets_done:
             self._gets_done_s = now_s
 

@@ -289,6 +289,7 @@ class Tape(NamedTuple):
     left_s: FloatArray  # [N] when robots set out from visits; empty: nobody wants to know
     look_every: int  # steps, at which somebody looks at robots
     rests: BoolArray  # [R] robots that may stand
+    held: BoolArray  # [R] robots that are to stand
     watched: IntArray  # [R] the visits of robots from which they must not go on unseen, -1: they may
 
 
@@ -378,6 +379,7 @@ def tape_for(num_robots: int, num_grants: int, sample_every: int) -> Tape:
         left_s=np.zeros(0),
         look_every=1,
         rests=np.zeros(0, np.bool_),
+        held=np.zeros(0, np.bool_),
         watched=none,
     )
 

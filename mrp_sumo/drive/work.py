@@ -78,16 +78,27 @@ class Work:
         crew.looks_s = crew.looks_s[-1], now_s
         self.wake_s = self._next_change_s(now_s)
 
-    def is_quiet(self, now_s: float) -> bool:
+    def is_quiet(self, now_s: float, down_until_s: FloatArray, stands_until_s: FloatArray) -> bool:
         """True if `update` changes nothing before `wake_s` but the time since which robots have got on (see `pass_over`), as long as no
-        robot stands but those that `rests` has, nor goes on that is `watched`.
+        robot stands but those in `rests` and `held`, nor goes on that is `watched` or `held`, nor breaks, may be pushed or is mended.
         """
+        is_down, stands = (until_s > now_s for until_s in (down_until_s, stands_until_s))
+        if any(not self._has_seen(robot, *has) for robot, *has in zip(self.crew.robots, is_down.tolist(), stands.tolist())):
+            return False
         if self.crew.is_changed or not self.progress.is_steady(now_s) or (self._chargers is not None and self._chargers.watches):
             return False
         if any(map(self._lines_up, self.crew.robots)):  # a look notes since when, before they go on
             return False
         speed_mps = self.crew.ledger.state.motion.speed_mps
         return all(speed_mps[robot.number] > 0 for robot in self._passing())  # else nobody knows when they are near
+
+    def _has_seen(self, robot: RobotWork, is_down: bool, stands: bool) -> bool:
+        """True if it is known here whether a robot is broken, and whether it is pushed."""
+        if robot.condition is Condition.EMPTY:
+            return True
+        if robot.condition is Condition.BROKEN:
+            return is_down and (stands or robot.making is not None)
+        return robot.is_down == is_down
 
     @property
     def watched(self) -> BoolArray:
@@ -105,12 +116,14 @@ class Work:
         left[[robot.is_out for robot in self.crew.robots]] = np.inf
         return now_s + float((left / most_per_s).min(initial=np.inf)) - STEP_S
 
-    def pass_over(self, looks_s: Sequence[float], level: FloatArray | None) -> None:
-        """`update` was not called at some times, of which these are the last two, since it `is_quiet`; with states of charge [R] then."""
+    def pass_over(self, looks_s: Sequence[float], level: FloatArray | None, held: BoolArray) -> None:
+        """`update` was not called at some times, of which these are the last two, since it `is_quiet`; with states of charge [R] then, and
+        robots that were `held` [R].
+        """
         if level is not None and len(looks_s):
             self.crew.level = level
         for now_s in looks_s:
-            self.progress.pass_over(now_s)
+            self.progress.pass_over(now_s, held)
             self.crew.looks_s = self.crew.looks_s[-1], now_s
 
     def accepted(self, request: WorkRequest, now_s: float) -> None:

@@ -22,7 +22,6 @@ from mrp_sumo.errors import ExecutionError, count
 
 SPREAD, NOISE, STOPS, STARTS, DELAYS, MESSAGES = range(31, 37)  # purposes of the streams of chance
 SLOWEST_ROBOT = 0.7  # of its type's speed, however wide the spread
-SEEN_S = 2.0  # after which everybody has seen that a robot is mended
 SLOWEST_MOMENT = 0.2  # of the robot's speed, however strong the noise
 
 
@@ -58,6 +57,7 @@ class World:
         self.down_until_s = np.zeros(num_robots)  # [R] when each breakdown is over, inf: never
         self.stands_until_s = np.zeros(num_robots)  # [R] until when it stands in the way
         self._pushed: dict[int, float] = {}  # robots that may be moved while they are broken, and how fast
+        self._changes_s: list[float] = []  # when broken robots may be pushed, or are mended
         self._top_mps = problem.fleet.max_speed_mps
         self._num_robots, self._step_s, self._planned_step_s = num_robots, settings.step_length_s, problem.step_s
         self._radius_m = float(problem.fleet.radius_m.max())
@@ -119,13 +119,14 @@ class World:
 
     def update(self, now: float, grants: Grants) -> list[Event]:
         """Bring everything up to the step that begins at `now`. Returns what happened."""
-        return [] if now + 1e-9 < self.calm_until_s(now) else [event for kind in self._kinds for event in kind(now, grants)]
+        return [] if now + 1e-9 < self.calm_until_s else [event for kind in self._kinds for event in kind(now, grants)]
 
-    def calm_until_s(self, now: float) -> float:
-        """Time before which nothing comes up, -inf if something may at any time, or a robot is broken or has just been mended."""
-        if not self._only_breaks or (self.down_until_s > max(now - SEEN_S, 0.0)).any():
+    @property
+    def calm_until_s(self) -> float:
+        """Time before which nothing comes up, nor is over; -inf if something may at any time."""
+        if not self._only_breaks:
             return -np.inf
-        return min((each.begin_s for each in self._pending), default=np.inf)
+        return min((*(each.begin_s for each in self._pending), *self._changes_s), default=np.inf)
 
     def _slow_down(self, now: float, grants: Grants) -> list[Event]:
         """Robots lose a share of their speed that comes and goes."""
@@ -169,12 +170,14 @@ class World:
                 stands_s, text = min(lasts_s, breakdown.stands_s), breakdown.text
                 self._pushed[robot] = breakdown.speed_mps
             self.stands_until_s[robot] = max(self.stands_until_s[robot], now + stands_s)
+            self._changes_s += [now + stands_s, now + lasts_s]
             events.append(replace(self._hold(robot, now, stands_s, text), duration_s=lasts_s))
         return events
 
     def _push_some(self, now: float, grants: Grants) -> list[Event]:
         """Broken robots that may be moved are no faster than who pushes them."""
         factor = self.conditions.factor
+        self._changes_s = [change_s for change_s in self._changes_s if change_s > now]
         for robot, speed_mps in list(self._pushed.items()):
             if now >= self.down_until_s[robot]:
                 factor[robot] = self._own[robot] if not self.what.speed_noise else factor[robot]
