@@ -262,7 +262,7 @@ def _draw_robots(canvas: Canvas, pane: Pane, now: SceneState) -> None:
     for state in range(4):
         lines = []
         for robot in there[(now.state[there] == state) & planned[there]].tolist():
-            ahead = scene.ahead(robot, now.t_s)
+            ahead = scene.ahead(robot, now)
             if len(ahead) and np.abs(ahead - now.xy[robot]).max() > 0.05:
                 lines.append(np.concatenate([xy[robot : robot + 1], pane.pixels(ahead)]))
         canvas.stroke(lines, STATES[state], alpha=0.32, width=max(2 * u, 0.28 * breadth), clip=clip)

@@ -39,16 +39,16 @@ class PlannedRoute:
     """Visits of a robot from a time on, until it was sent elsewhere: N visits."""
 
     since_s: float
-    xy: FloatArray  # [N, 2] m
+    vertex: IntArray  # [N]
     arrive_s: FloatArray  # [N] as planned
     arrived_s: FloatArray  # [N] as driven, inf: never
 
-    def ahead(self, t_s: float) -> FloatArray:
-        """[K, 2] where the plan goes on within `AHEAD_S` from a time."""
+    def ahead(self, t_s: float) -> range:
+        """Visits with which the plan goes on within `AHEAD_S` from a time."""
         k = int(np.searchsorted(self.arrived_s, t_s, side="right"))
-        if k == len(self.xy):
-            return self.xy[:0]
-        return self.xy[k : max(k + 1, int(np.searchsorted(self.arrive_s, self.arrive_s[k] + AHEAD_S, side="right")))]
+        if k == len(self.vertex):
+            return range(0)
+        return range(k, max(k + 1, int(np.searchsorted(self.arrive_s, self.arrive_s[k] + AHEAD_S, side="right"))))
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,10 +96,20 @@ class Scene:
         state[~(np.isfinite(x) & np.isfinite(y))] = ABSENT
         return [SceneState(float(t), np.column_stack((x[k], y[k])), yaw[k], state[k], parts_xy[k], parts_yaw[k]) for k, t in enumerate(t_s)]
 
-    def ahead(self, robot: int, t_s: float) -> FloatArray:
-        """[K, 2] where a robot's plan goes on."""
-        path = next((path for path in reversed(self.ways[robot]) if path.since_s <= t_s), None)
-        return path.ahead(t_s) if path else np.zeros((0, 2))
+    def ahead(self, robot: int, now: SceneState) -> FloatArray:
+        """[K, 2] where a robot's plan goes on from where it is, along curves where lanes are drawn as such."""
+        path, graph = next((path for path in reversed(self.ways[robot]) if path.since_s <= now.t_s), None), self.record.graph
+        lines = [np.zeros((0, 2))]
+        if path is None:
+            return lines[0]
+        for k in path.ahead(now.t_s):
+            tail, head = path.vertex[max(k - 1, 0)], path.vertex[k]
+            curve = graph.curves.get((int(tail), int(head)))
+            line = graph.xy[[head]] if curve is None else curve[:, 1:3]
+            if len(lines) == 1:  # it is somewhere on this lane
+                line = line[np.hypot(*(line - now.xy[robot]).T).argmin() :]
+            lines.append(line)
+        return np.concatenate(lines)
 
     def waited_for(self, state: SceneState) -> list[tuple[int, int]]:
         """Pairs of a robot that waits and the one it waits for."""
@@ -170,7 +180,7 @@ def _extent_of_level(record: RunRecord, outline: Outline | None, level: str, sou
 
 def _ways(record: RunRecord, plan: Plan | None) -> tuple[tuple[PlannedRoute, ...], ...]:
     """What each robot was to do, by time: the plan, and what came instead while it drove."""
-    num_robots, execution, xy = record.fleet.num_robots, record.execution, record.graph.xy
+    num_robots, execution = record.fleet.num_robots, record.execution
     paths: list[list[PlannedRoute]] = [[] for _ in range(num_robots)]
     columns: list[Visits] = []
     if plan is None or len(execution.arrived_s) != len(plan.vertex):
@@ -179,7 +189,7 @@ def _ways(record: RunRecord, plan: Plan | None) -> tuple[tuple[PlannedRoute, ...
         columns.append((plan.vertex[a:b], plan.arrive_s[a:b], execution.arrived_s[a:b]))
     begin = [0] * num_robots  # number of each robot's first visit that is still kept
     for robot, path in enumerate(columns):
-        paths[robot].append(_way(0.0, path, xy))
+        paths[robot].append(_way(0.0, path))
     for reply in execution.replies:
         for k, robot in enumerate(reply.robot.tolist()):
             new = slice(int(reply.first[k]), int(reply.first[k + 1]))
@@ -188,14 +198,14 @@ def _ways(record: RunRecord, plan: Plan | None) -> tuple[tuple[PlannedRoute, ...
             begin[robot] += done
             parts = zip((column[done:] for column in old), (reply.vertex[new], reply.arrive_s[new], reply.arrived_s[new]))
             columns[robot] = tuple(np.concatenate(part) for part in parts)  # type: ignore[assignment]
-            paths[robot].append(_way(reply.t_s, columns[robot], xy))
+            paths[robot].append(_way(reply.t_s, columns[robot]))
     return tuple(map(tuple, paths))
 
 
-def _way(since_s: float, visits: Visits, xy: FloatArray) -> PlannedRoute:
+def _way(since_s: float, visits: Visits) -> PlannedRoute:
     vertex, arrive_s, arrived_s = visits
     reached = np.where(np.isfinite(arrived_s), arrived_s, np.inf)
-    return PlannedRoute(since_s, xy[vertex], arrive_s, np.maximum.accumulate(reached))
+    return PlannedRoute(since_s, vertex, arrive_s, np.maximum.accumulate(reached))
 
 
 def _waits(record: RunRecord) -> tuple[tuple[tuple[float, float, int], ...], ...]:

@@ -1,6 +1,7 @@
 """Videos: as many frames as the time asks for, the plan ahead as it is in force, names that stay; bad input is one line."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -82,12 +83,25 @@ def test_forks_are_drawn_at_the_end_where_a_truck_has_them(trains, end):
 
 
 def test_plan_ahead_is_what_is_in_force():
-    first = PlannedRoute(0.0, np.array([(0.0, 0), (1, 0), (2, 0)]), np.array([0.0, 1, 2]), np.array([0.0, 1.5, np.inf]))
-    assert first.ahead(0.5).tolist() == [[1, 0], [2, 0]]
-    assert first.ahead(1.6).tolist() == [[2, 0]]
-    far = PlannedRoute(0.0, np.arange(60.0).reshape(30, 2), np.arange(30.0), np.arange(30.0))
+    first = PlannedRoute(0.0, np.arange(3), np.array([0.0, 1, 2]), np.array([0.0, 1.5, np.inf]))
+    assert first.ahead(0.5) == range(1, 3)
+    assert first.ahead(1.6) == range(2, 3)
+    far = PlannedRoute(0.0, np.arange(30), np.arange(30.0), np.arange(30.0))
     assert len(far.ahead(2.5)) == 11
     assert len(far.ahead(40)) == 0
+
+
+def test_plan_ahead_follows_curves_from_where_the_robot_is(trains):
+    """A quarter of a circle about (0, 2) from (0, 0) to (2, 2), then straight on; seen after 30 degrees of it, and on the lane after it."""
+    scene = scene_of(load_run(trains))
+    angle = np.radians(np.arange(0, 91, 15))
+    arc = np.column_stack([2 * angle, 2 * np.sin(angle), 2 - 2 * np.cos(angle), angle])
+    graph = SimpleNamespace(xy=np.array([(0.0, 0.0), (2.0, 2.0), (2.0, 4.0)]), curves={(0, 1): arc})
+    way = PlannedRoute(0.0, np.arange(3), np.array([0.0, 4, 8]), np.array([0.0, 4, np.inf]))
+    scene = replace(scene, record=SimpleNamespace(graph=graph), ways=((way,),))
+    now = SimpleNamespace(t_s=1.0, xy=arc[2:3, 1:3])
+    assert np.allclose(scene.ahead(0, now), [*arc[2:, 1:3], (2, 4)])
+    assert np.allclose(scene.ahead(0, SimpleNamespace(t_s=5.0, xy=np.array([(2.0, 3.0)]))), [(2, 4)])
 
 
 def test_clock_counts_hours_only_where_there_are_any():
