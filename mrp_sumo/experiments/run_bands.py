@@ -57,7 +57,8 @@ def with_error_bands(result: "RunResult", bounds: Bounds, run: Callable[[Scenari
     figures_by_name, effects_by_name = {}, {}
     for name, value in values.items():
         by_quantity = effects(of, settings, np.zeros(len(settings)), np.array([row[name] for row in rows]))
-        ends = [value, *(figures(corner(by_quantity, better, measures[name][0]))[name] for better in (False, True))]
+        ends = [value, *(row[name] for row in rows)]  # what any of them shows may be
+        ends += [figures(corner(by_quantity, better, measures[name][0]))[name] for better in (False, True)]
         low, high = min(ends_there := [end for end in ends if math.isfinite(end)]), max(ends_there)
         effects_by_name[name] = by_quantity
         figures_by_name[name] = {"value": value, "low": low, "high": high}

@@ -6,7 +6,7 @@ is looked for once more with all quantities at their worse ends, and at their be
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from math import ceil, inf, nan
+from math import ceil, inf, isfinite, nan
 from typing import Any
 
 import numpy as np
@@ -71,10 +71,16 @@ class Bands:
         return None if self.worse.robots is None else max(self.robots, self.worse.robots)
 
     @property
+    def span_per_h(self) -> tuple[float, float]:
+        """Throughput of that fleet at least and at most, NaN where no run tells it."""
+        known = [each for each in (self.throughput_per_h, self.worse.throughput_per_h, self.better.throughput_per_h) if isfinite(each)]
+        return min(known, default=nan), max(known, default=nan)
+
+    @property
     def sentence(self) -> str:
         """In words."""
         within = f"if your robots and stations are within {spans([effect.quantity for effect in self.effects])}"
-        per_h = f"{self.worse.throughput_per_h:.0f} to {self.better.throughput_per_h:.0f} orders an hour"
+        per_h = "{:.0f} to {:.0f} orders an hour".format(*self.span_per_h)
         if self.answer == UNKNOWN:
             return f"{count(self.robots, 'robot')} do {per_h} {within}; {most(self.effects)}."
         serve = SAYS[self.answer]
@@ -96,8 +102,8 @@ class Bands:
             "robots": {"estimate": self.robots, "low": self.fewest if known else None, "high": self.largest if known else None},
             "throughput_per_h": {
                 "estimate": rounded(self.throughput_per_h),
-                "low": rounded(self.worse.throughput_per_h),
-                "high": rounded(self.better.throughput_per_h),
+                "low": rounded(self.span_per_h[0]),
+                "high": rounded(self.span_per_h[1]),
             },
             "quantities": [effect.document for effect in self.effects],
             "runs": self.num_runs,

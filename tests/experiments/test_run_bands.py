@@ -83,3 +83,18 @@ def test_runs_that_a_quantity_makes_impossible_are_counted_and_leave_no_hole(slo
     ends = bands["measures"]["driven_makespan_s"]
     assert (ends["value"], ends["low"], ends["high"]) == pytest.approx((100.0, 100 / 1.1, high), rel=1e-3)
     assert bands["sentence"].endswith(without or "top speed.")
+
+
+@pytest.mark.parametrize(("jammed_s", "high"), [(130.0, 130.0), (0.0, 100 / 0.9)])
+def test_band_holds_a_run_in_between_that_is_worse_than_all_worst_ends_together(jammed_s, high):
+    """Slow robots that brake well jam; those that brake badly as well do not."""
+    file = scenario_of({"map": "office", "robots": 2, "planner": "lacam"}, Path(), "case")
+
+    def run(file):
+        factor = file.scenario.robots.factor
+        is_jam = factor.max_speed_mps < 1 < factor.decel_mps2
+        return SimpleNamespace(metrics={"driven_makespan_s": max(100.0 / factor.max_speed_mps, jammed_s * is_jam)})
+
+    setup = SimpleNamespace(file=file, scenario=file.scenario)
+    bands = with_error_bands(Result(setup, {"driven_makespan_s": 100.0}), {}, run).error_bands
+    assert bands["measures"]["driven_makespan_s"]["high"] == pytest.approx(high, rel=1e-3)

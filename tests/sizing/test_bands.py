@@ -126,6 +126,10 @@ def test_bands_say_between_which_numbers_the_answer_is(answer, worse, better, se
     }
 
 
+def test_throughput_lies_between_the_least_and_the_most_though_chance_has_the_worse_ends_ahead():
+    assert Bands("unknown", 20, 180.0, (SPEED,), End(181.2, 20, 40), End(178.7, 20, 40), 11).span_per_h == (178.7, 181.2)
+
+
 def test_the_busiest_station_speaks_for_its_group_and_idle_ones_are_left_out():
     file = question(tasks=STATION).file
     shares = [Share("station", name, share) for name, share in (("c", 0.9), ("pack", 0.5), ("b", 0.4), ("ship", 0.1), ("idle", 0.0))]
