@@ -56,7 +56,7 @@ def run(options: argparse.Namespace) -> int:
     require_least("--limit", options.limit, 0)
     if options.vda5050 is not None:
         return _messages(options)
-    if options.plan is not None and (options.plan.suffix.lower() == ".zip" or (options.plan / "manifest.json").is_file()):
+    if options.plan is not None and (options.plan.suffix.lower() == ".zip" or options.plan.is_dir()):
         from mrp_sumo.cli.archive import validate_archive
 
         return validate_archive(options)

@@ -47,11 +47,12 @@ def test_import_says_what_no_fleet_does(tmp_path, capsys):
         (["import", "--log", "{log}", "--out", "{log}"], "is there already"),
         (["export", "{log}", "--csv"], "is a file, expected a run folder"),
         (["validate", "{log}.zip"], "log.csv.zip"),
+        (["validate", "{folder}"], "no manifest.json, expected a fleet log archive"),
     ],
 )
 def test_bad_lines_are_one_line(tmp_path, words, line, capsys):
     (tmp_path / "log.csv").write_text(LOG)
-    assert main([word.replace("{log}", str(tmp_path / "log.csv")) for word in words]) == 2
+    assert main([word.format(log=tmp_path / "log.csv", folder=tmp_path) for word in words]) == 2
     error = capsys.readouterr().err
     assert line in error
     assert error.count("\n") == 1
