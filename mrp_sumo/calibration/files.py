@@ -20,6 +20,7 @@ from mrp_sumo.files.writing import write_text
 
 DISTURBING = ("speed_noise", "speed_noise_tau_s", "speed_spread", "stops_per_s", "stop_median_s", "stop_sigma")
 DIGITS = 4
+USUAL_MEMORY_S = 4.0, 1.0, 16.0  # of a scatter whose memory the log does not tell: recorded ones are 1.5 to 32 s
 WIDER = 1.566  # 99 % intervals of a normal deviate beside 90 % ones
 
 
@@ -60,6 +61,9 @@ def disturbances_of(result: Calibration) -> Disturbances:
         if of_stops is not None and of_stops.value > 0:
             usual = (of_stops.value, of_stops.low, of_stops.high) if result.fits is None else result.fits.stops.usual_rate_per_s
             known["stops_per_s"] = replace(of_stops, value=usual[0], low=usual[1], high=usual[2])
+    if (memory := known.get("speed_noise_tau_s")) is not None and memory.low < USUAL_MEMORY_S[1] and memory.high > USUAL_MEMORY_S[2]:
+        value, low, high = USUAL_MEMORY_S
+        known["speed_noise_tau_s"] = replace(memory, value=value, low=low, high=high)
     figures: dict[str, Any] = {name: _digits(each.value) for name, each in known.items()}
     if "stops_per_s" in known and "stop_median_s" not in known:
         figures |= {"stop_median_s": USUAL_S, "stop_sigma": USUAL_SIGMA}  # of which the rate was told

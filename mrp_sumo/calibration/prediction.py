@@ -272,7 +272,7 @@ def _note_what_is_not_told(held: HeldOut, file: ScenarioFile, calibrations: Sequ
 
 
 def _drawn(file: ScenarioFile, runs: int, seed: int) -> Iterator[dict[Place, float]]:
-    """Calibrated figures of each run, drawn from their intervals: evenly over the normal ones, in an order of their own each."""
+    """Calibrated figures of each run, drawn from their intervals: evenly over the lognormal ones, in an order of their own each."""
     from scipy.special import ndtri
 
     rng = np.random.default_rng([seed, DRAWN])
@@ -284,8 +284,15 @@ def _drawn(file: ScenarioFile, runs: int, seed: int) -> Iterator[dict[Place, flo
         for quantity, share in zip(of, row):
             for place, low, high in quantity.ends:
                 usual = 1.0 if place[0] == "robots" else float(getattr(disturbances, str(place[-1])))
-                moves[place] = float(f"{usual + share * (high - usual if share > 0 else usual - low):.6g}")
+                moves[place] = _moved(usual, low, high, share)
         yield moves
+
+
+def _moved(usual: float, low: float, high: float, share: float) -> float:
+    """A value on the way from the usual one to the end of its interval, by factors where it is more than 0."""
+    end = high if share > 0 else low
+    moved = usual * (end / usual) ** abs(share) if min(usual, end) > 0 else usual + abs(share) * (end - usual)
+    return float(f"{moved:.6g}")
 
 
 def _busiest(held: HeldOut) -> str:

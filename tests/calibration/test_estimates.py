@@ -413,3 +413,13 @@ def test_time_of_an_action_drifts_where_both_intervals_do_not_explain_it(tmp_pat
     base = RobotShape(length_m=0.5, width_m=0.5, max_speed_mps=1.0, accel_mps2=1.0, decel_mps2=1.0, turn_rate_rad_s=1.0)
     write_files(known(8.0, 7.5, 8.5), base, tmp_path / "a.yaml")
     assert list(drift(known(*now), tmp_path / "a.yaml")) == ["actions.pick.median_s"] * drifts
+
+
+@pytest.mark.parametrize(("ends", "written"), [((71.0, 0.2, 300.0), (4.0, (1.0, 16.0))), ((8.0, 2.0, 40.0), (8.0, (2.0, 40.0)))])
+def test_memory_that_is_not_told_is_written_as_usual(ends, written):
+    figures = {
+        name: CalibratedFigure(name, "", *each, 9, "steps")
+        for name, each in (("speed_noise", (0.05, 0.04, 0.06)), ("speed_noise_tau_s", ends))
+    }
+    made = disturbances_of(Calibration(MotionLog("log", "CSV"), [], 1.0, figures))
+    assert (made.speed_noise_tau_s, made.intervals["speed_noise_tau_s"]) == written

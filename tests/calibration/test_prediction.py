@@ -178,7 +178,9 @@ def test_figures_are_drawn_evenly_within_their_intervals(runs):
         (("robots", "factor", "max_speed_mps"), 0.9, 1.05, 1.0),
         (("execution", "disturbances", "speed_noise"), 0.0, 0.3, 0.1),
     ):
-        shares = sorted((moves[place] - usual) / (high - usual if moves[place] > usual else usual - low) for moves in drawn)
+        at = sorted(moves[place] for moves in drawn)
+        above = [math.log(value / usual) / math.log(high / usual) for value in at if value >= usual]
+        shares = [math.log(value / usual) / math.log(usual / low) if low else value / usual - 1 for value in at if value < usual] + above
         normal = [NormalDist().inv_cdf((k + 0.5) / runs) / NORMAL for k in range(runs)]
         assert shares == pytest.approx(normal, abs=1e-4)
     if runs > 1:
