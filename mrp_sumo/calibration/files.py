@@ -9,7 +9,7 @@ from dataclasses import MISSING, fields, replace
 from pathlib import Path
 from typing import Any
 
-from mrp_sumo.calibration.estimates import CONFIDENCE, LIMITS, CalibratedFigure, Calibration
+from mrp_sumo.calibration.estimates import CONFIDENCE, LIMITS, CalibratedFigure, Calibration, counted
 from mrp_sumo.calibration.stops import USUAL_S, USUAL_SIGMA
 from mrp_sumo.core.arrivals import ServiceTime
 from mrp_sumo.core.disturbances import Disturbances
@@ -43,7 +43,7 @@ def type_of(result: Calibration, base: RobotShape) -> RobotShape:
     if base.loaded is not None:
         figures["loaded"] = _no_faster(base.loaded, figures)
     span = duration(result.span_s)
-    source = f"calibrated from {result.log.kind} {result.log.source}: {len(result.vehicles)} vehicles, {span} in all"
+    source = f"calibrated from {result.log.kind} {result.log.source}: {counted(len(result.vehicles), 'vehicles')}, {span} in all"
     return replace(base, **figures, source=source, intervals=intervals)
 
 
