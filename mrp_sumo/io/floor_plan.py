@@ -34,6 +34,7 @@ def write_floor(path: Path, graph: PlanGraph, fleet: Fleet, nav: NavGraph | None
     """Write `floor.json`."""
     about: dict[str, Any] = {"kind": graph.kind, "cell_m": graph.cell_m, "vertex_of_station": graph.vertex_of_station.tolist()}
     about |= {"beyond_m": graph.beyond_m.tolist()} if len(graph.beyond_m) else {}
+    about |= {"curves": [[*lane, places.tolist()] for lane, places in graph.curves.items()]} if graph.curves else {}
     document = {
         "schema_version": SCHEMA_VERSION,
         "units": "m, s, rad",
@@ -55,7 +56,10 @@ def read_floor(path: Path) -> tuple[PlanGraph, Fleet, NavGraph | None]:
         raise MrpSumoError(f"{path}: schema version {version}, expected {SCHEMA_VERSION}")
     plan, fleet, nav = document["plan_graph"], document["fleet"], document["nav_graph"]
     graph = plan_graph(_graph(plan), kind=plan["kind"], cell_m=plan["cell_m"], vertex_of_station=plan["vertex_of_station"])
-    graph = replace(graph, beyond_m=frozen(np.array(plan.get("beyond_m", ()), np.float64)))
+    curves = {(tail, head): frozen(np.array(places, np.float64).reshape(-1, 4)) for tail, head, places in plan.get("curves", ())}
+    if not set(curves) <= set(zip(graph.tail.tolist(), graph.head.tolist())):
+        raise ValueError("a curve is along no lane")
+    graph = replace(graph, curves=curves, beyond_m=frozen(np.array(plan.get("beyond_m", ()), np.float64)))
     return graph, _fleet(fleet, document.get("vehicles")), _graph(nav) if nav else None
 
 

@@ -16,7 +16,7 @@ from mrp_sumo.bags.writer import write_bag
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.formats.plan_json import read_plan
 from mrp_sumo.io import logs, run_folder
-from mrp_sumo.io.floor_plan import read_floor, read_walls
+from mrp_sumo.io.floor_plan import read_floor, read_walls, write_floor
 from mrp_sumo.io.run_folder import check_replaceable, laid_out, plain
 from mrp_sumo.io.run_reader import load_run
 from mrp_sumo.io.scenario.model import ScenarioModel
@@ -98,6 +98,17 @@ def test_plan_floor_and_walls_come_back(tmp_path):
     walls = read_walls(tmp_path / "run")
     assert walls is not None and np.array_equal(walls.occupied, record.costmap.occupied)
     assert walls.origin_m == record.costmap.origin_m and walls.resolution_m == record.costmap.resolution_m
+
+
+def test_curves_of_lanes_come_back(tmp_path):
+    record, arc = record_of_four(), np.array([[0.0, 0.0, 0.0, 0.0], [0.7, 0.6, 0.2, 0.6], [1.4, 1.0, 1.0, 1.5]])
+    lane = int(record.graph.tail[0]), int(record.graph.head[0])
+    write_floor(tmp_path / "floor.json", replace(record.graph, curves={lane: arc}), record.fleet, None)
+    (back,) = read_floor(tmp_path / "floor.json")[0].curves.items()
+    assert back[0] == lane and np.array_equal(back[1], arc)
+    write_floor(tmp_path / "floor.json", replace(record.graph, curves={(0, 0): arc}), record.fleet, None)
+    with pytest.raises(ValueError, match="a curve is along no lane"):
+        read_floor(tmp_path / "floor.json")
 
 
 def test_a_run_without_a_plan_is_a_result_too(tmp_path):
