@@ -8,7 +8,7 @@ neither can be reached while a robot is at the other. Trailers take the vertex b
 """
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from functools import cache
+from functools import cache, lru_cache
 from itertools import chain, combinations
 from types import MappingProxyType
 
@@ -283,8 +283,8 @@ class RobotPlaces:
 
         `past` are the steps from the robot to each vertex without passing those that are blocked.
 
-        It is one where others are to be served only if there is no other. It is best behind those who wait already: on a one-way ring
-        they would have to drive once round to let this one pass.
+        It is one where others are to be served, or in a dead end that they have to come out of, only if there is no other. It is best
+        behind those who wait already: on a one-way ring they would have to drive once round to let this one pass.
         """
         known, graph, stop = self._distances(robot), self._graph(robot), stops[robot]
         away, place = min((int(known.to(v)[at]), v) for v in stop.places)
@@ -298,7 +298,8 @@ class RobotPlaces:
         rank = 2 * steps.astype(np.int64)
         rank[at] -= 1  # of vertices that are as near, the one where it is
         wanted = np.zeros(graph.num_vertices, np.bool_)
-        wanted[list(self._closed_by({v for other in stops.values() for v in other.places}))] = True
+        served = {v for other in stops.values() for v in other.places}
+        wanted[list(self._closed_by(served.union(*(_dead_end(graph, v) for v in served | blocked))))] = True
         for reach, may in ((behind, ~wanted), (past, ~wanted), (behind, wanted), (past, wanted)):
             there = (reach < UNREACHABLE) & (steps < UNREACHABLE) & may
             for v in np.argsort(np.where(there, rank, 2 * UNREACHABLE), kind="stable").tolist()[: there.sum()]:
@@ -391,6 +392,20 @@ class RobotPlaces:
             return next(v for v in self._outwards[graph, at] if v not in taken)
         clear = (v for v in chain((nearest,), free) if not graph.vertex_options[v].get("is_passthrough_point"))
         return next((v for v in clear if v not in stood_on), nearest)
+
+
+@lru_cache(maxsize=4096)
+def _dead_end(graph: PlanGraph, place: int) -> tuple[int, ...]:
+    """The vertices between a place to which only one way leads and the first crossing on it."""
+
+    def beside(v: int, behind: int) -> set[int]:
+        return {*graph.head[graph.tail == v].tolist(), *graph.tail[graph.head == v].tolist()} - {behind, v}
+
+    route, ahead = [place], beside(place, -1)
+    while len(ahead) == 1:
+        route.append(ahead.pop())
+        ahead = beside(route[-1], route[-2])
+    return tuple(route[1:-1])
 
 
 def _before(at: int, routes: Sequence[Sequence[int]], reach: StepArray) -> set[int]:

@@ -161,6 +161,16 @@ def test_a_robot_does_not_wait_in_the_mutex_group_of_a_place_where_another_is_to
     assert chosen(row(9, ring=True, groups=groups), [0, 4, 7], {0: 4, 2: 8}, stays=[1])[0] == [waits_at, 4, 8]
 
 
+@pytest.mark.parametrize(("served_at", "waits_at"), [(10, 3), (8, 9)])
+def test_a_robot_does_not_wait_in_a_dead_end_that_another_has_to_come_out_of(served_at, waits_at):
+    """robot_1 is served at 5, for which robot_0 waits, which stands at 9 in the dead end from 4 to 10; robot_2 is to be served, too."""
+    lanes = [lane for i in range(9) for lane in ((i, (i + 1) % 9), ((i + 1) % 9, i))] + [(4, 9), (9, 4), (9, 10), (10, 9)]
+    xy = [(i * CELL_M, 0) for i in range(9)] + [(4 * CELL_M, CELL_M), (4 * CELL_M, 2 * CELL_M)]
+    options = [{"is_passthrough_point": v in (4, 6)} for v in range(11)]
+    graph = plan_graph(nav_graph(name="spur", xy=xy, lanes=lanes, vertex_options=options), kind="roadmap", cell_m=CELL_M)
+    assert chosen(graph, [9, 5, 7], {0: 5, 2: served_at}, stays=[1])[0] == [waits_at, 5, served_at]
+
+
 @pytest.mark.parametrize(("start", "waits_at"), [((0, 2), [2, 3]), ((2, 0), [3, 2])])
 def test_robots_that_wait_in_line_need_not_pass_each_other(start, waits_at):
     """robot_0 is the next to be served at 4, but may stand behind robot_1."""
