@@ -236,7 +236,7 @@ class RobotShape(Options):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_intervals(self, {} if self.actions is None else self.actions.usual_s)
+        require_intervals(self, self.actions.usual_s if self.intervals and self.actions is not None else {})
         self._check_loaded()
         self._check_availability()
         wheels = self.kinematics
