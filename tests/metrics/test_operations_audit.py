@@ -297,7 +297,8 @@ def test_who_is_beside_a_door_when_the_run_ends_has_not_passed_it():
     run = SimpleNamespace(t_s=t_s, x_m=t_s[:, None], y_m=np.zeros((4, 1)))
     known = SimpleNamespace(execution=run, fleet=SimpleNamespace(num_robots=1))
     for x, passed in ((2.5, [(0, 2.0)]), (0.5, [(0, 0.0)]), (3.5, []), (-0.5, [])):
-        assert list(places._passes(known, np.array([[x, -1.0], [x, 1.0]]))) == passed
+        for half_m in (1.0, 0.4):
+            assert list(places._passes(known, np.array([[x, -half_m], [x, half_m]]))) == passed
 
 
 def test_visits_are_where_robots_are(logs):
@@ -489,8 +490,20 @@ def starved(queue, since_s=0.0, at_m=(2.0, 0.0), state=WORKING, urgent=(), other
     return [f.robot for f in places.waits(logs) if f.order == queue.tasks.name[mine]]
 
 
-def test_who_is_never_served_waits_to_the_end(queue):
-    assert starved(queue) == ["robot_1"]
+@pytest.mark.parametrize(("state", "findings"), [(WORKING, ["robot_1"]), (BROKEN, [])])
+def test_who_is_never_served_waits_to_the_end_unless_it_is_broken(queue, state, findings):
+    assert starved(queue, state=state) == findings
+
+
+@pytest.mark.parametrize(("reason", "waiting"), [("", [0, 1]), ("robot_0 is lost", [1])])
+def test_stops_of_an_order_that_was_handed_over_are_left_to_nobody(reason, waiting):
+    """Two open orders of two robots, neither of which has made a stop."""
+    none, stop = np.zeros(0), SimpleNamespace(station=SimpleNamespace(name="A"), places=(7,))
+    tasks = SimpleNamespace(ended_s=np.full(2, np.nan), robot=np.arange(2), reason=(reason, ""), assigned_s=np.array([3.0, 5.0]))
+    known = SimpleNamespace(
+        stops=SimpleNamespace(task=none, end_s=none), tasks=tasks, ordered={k: SimpleNamespace(stops=(stop,)) for k in (0, 1)}
+    )
+    assert list(places._left(known)) == [places.Wish(k, k, "A", [7], (3.0, 5.0)[k], np.inf, np.inf) for k in waiting]
 
 
 @pytest.mark.parametrize(("served_after", "findings"), [(3, ["robot_1"]), (2, [])])
