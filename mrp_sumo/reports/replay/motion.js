@@ -22,6 +22,7 @@ export class Motion {
     this.isPlanOnly = run.plan_only;
     this.vertexX = c.vertex_x && Float32Array.from(c.vertex_x, (v) => v * run.vertex_unit_m);
     this.vertexY = c.vertex_y && Float32Array.from(c.vertex_y, (v) => v * run.vertex_unit_m);
+    this.bends = run.bends || {}; // by the vertices at the ends of lanes: share of the lane, x, y, course
     this.pose = new Float32Array(3 * this.numBodies); // x, y, yaw of everybody at the time last asked for
     this.states = new Uint8Array(this.numBodies); // and the states
     this.now = this.states.subarray(0, this.numRobots);
@@ -113,6 +114,12 @@ export class Motion {
     return low;
   }
 
+  /* Places [x, y] along the lane from a vertex to another, both ends included. */
+  lane(a, b) {
+    const bend = this.bends[`${a},${b}`];
+    return bend ? bend.map(([, x, y]) => [x, y]) : [[this.vertexX[a], this.vertexY[a]], [this.vertexX[b], this.vertexY[b]]];
+  }
+
   /* Fill `ghost` with where the plan has everybody. */
   seekPlan(t) {
     const { vertex, arrive, depart } = this.visit;
@@ -126,8 +133,15 @@ export class Motion {
       ghost[p] = ax + u * (bx - ax);
       ghost[p + 1] = ay + u * (by - ay);
       if (u === 0 && k > first[r]) a = k - 1, b = k; // standing: the way it came
+      const bend = this.bends[`${vertex[a]},${vertex[b]}`], back = this.backward && this.backward[b] ? Math.PI : 0;
+      if (bend) {
+        const share = b === k ? 1 : u, j = Math.max(1, bend.findIndex((node) => node[0] >= share));
+        const [from, to] = [bend[j - 1], bend[j]], w = (share - from[0]) / (to[0] - from[0]);
+        for (let n = 0; n < 3; n++) ghost[p + n] = from[n + 1] + w * (to[n + 1] - from[n + 1]) + (n === 2 ? back : 0);
+        continue;
+      }
       const dx = vertexX[vertex[b]] - vertexX[vertex[a]], dy = vertexY[vertex[b]] - vertexY[vertex[a]];
-      ghost[p + 2] = Math.atan2(dy, dx) + (this.backward && this.backward[b] ? Math.PI : 0);
+      ghost[p + 2] = Math.atan2(dy, dx) + back;
     }
   }
 

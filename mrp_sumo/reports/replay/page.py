@@ -344,9 +344,15 @@ def _add_plan(columns: Columns, record: RunRecord, low: FloatArray, high: FloatA
         if backward.any():
             columns.add("plan_backward", backward, "<u1")
         columns.add("plan_arrived", _milliseconds(record.execution.arrived_s), "<u4", 1)
+    bends = {  # by the vertices at the ends: share of the lane, x, y, course
+        f"{index[tail]},{index[head]}": (np.column_stack([places[:, 0] / places[-1, 0], places[:, 1:3] - low, places[:, 3]])).round(4)
+        for (tail, head), places in graph.curves.items()
+        if min(index[tail], index[head]) >= 0
+    }
     return {
         "vertex_unit_m": unit_m,
         "vertices": [graph.known_as(int(v)) for v in vertices],
+        "bends": bends,
         "target": index[record.target] if len(record.target) else [],
         "vertex_index": index,
     }

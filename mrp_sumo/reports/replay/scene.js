@@ -273,16 +273,13 @@ export class Scene {
   drawTies(view) {
     const { motion: m, ties, theme } = this, { pose, ghost: g } = m, one = view.selected;
     const visits = one >= 0 && m.hasPlan ? m.first[one + 1] - m.first[one] : 0;
-    ties.begin(2 * m.numBodies + visits + 16);
+    const path = Array.from({ length: Math.max(0, visits - 1) }, (_, n) => m.lane(m.visit.vertex[m.first[one] + n], m.visit.vertex[m.first[one] + n + 1]));
+    ties.begin(2 * m.numBodies + path.reduce((sum, line) => sum + line.length, 0) + 16);
     this.drawBars(packed(theme.muted));
     if (view.aisle && view.showsAisle) ties.add(view.aisle.ax, view.aisle.ay, view.aisle.bx, view.aisle.by, 0.3, 9, true, packed(theme.accent, 0.3));
     if (visits) {
-      const at = m.visitAt(one, view.t), { vertex } = m.visit;
-      const past = packed(theme.accent, 0.28), future = packed(theme.accent, 0.8);
-      for (let k = m.first[one]; k < m.first[one + 1] - 1; k++) {
-        const a = vertex[k], b = vertex[k + 1];
-        ties.add(m.vertexX[a], m.vertexY[a], m.vertexX[b], m.vertexY[b], 0.05, 2.5, true, k < at ? past : future);
-      }
+      const at = m.visitAt(one, view.t) - m.first[one], past = packed(theme.accent, 0.28), future = packed(theme.accent, 0.8);
+      path.forEach((line, k) => line.slice(1).forEach((to, n) => ties.add(...line[n], ...to, 0.05, 2.5, true, k < at ? past : future)));
     }
     if (m.hasPlan && !m.isPlanOnly) {
       const from = packed(theme.muted, 0.7), chosen = packed(theme.accent, 0.7);

@@ -118,6 +118,21 @@ def test_plan_and_events_come_back():
     assert head["event_text"] == {"0": "because of a"}
 
 
+def test_curves_of_lanes_that_the_plan_takes_are_on_the_page():
+    """Halfway along the first lane of the plan its curve is 0.2 m aside; the other one is between places that nothing names."""
+    record = record_of_two()
+    tail, head = record.plan.vertex[:2].tolist()
+    (ax, ay), (bx, by) = record.graph.xy[[tail, head]].tolist()
+    arc = np.array([[0.0, ax, ay, 0.5], [0.6, (ax + bx) / 2 + 0.2, (ay + by) / 2 + 0.2, 0.7], [1.2, bx, by, 0.9]])
+    unused = set(range(record.graph.num_vertices)) - set(record.plan.vertex.tolist())
+    curved = replace(record, graph=replace(record.graph, curves={(tail, head): arc, (min(unused), tail): arc}))
+    page, _ = read_back(replay_page(curved, About("trial")))
+    ((key, nodes),) = page["bends"].items()
+    assert [page["vertices"][int(v)] for v in key.split(",")] == [record.graph.label(v) for v in (tail, head)]
+    low = np.array([0.5, 0.5]) - 0.6  # of the cells' centres, less the margin
+    assert np.allclose(nodes, np.column_stack([[0, 0.5, 1], arc[:, 1:3] - low, arc[:, 3]]), atol=1e-4)
+
+
 def test_names_cannot_become_html():
     page = replay_page(record_of_two(names=(NASTY, "{{data}}")), About(NASTY, note=NASTY, facts=((NASTY, NASTY),)))
     plain = replay_page(record_of_two(), About("trial"))
