@@ -59,6 +59,8 @@ def read_floor(path: Path) -> tuple[PlanGraph, Fleet, NavGraph | None]:
     curves = {(tail, head): frozen(np.array(places, np.float64).reshape(-1, 4)) for tail, head, places in plan.get("curves", ())}
     if not set(curves) <= set(zip(graph.tail.tolist(), graph.head.tolist())):
         raise ValueError("a curve is along no lane")
+    if not all(np.isfinite(each).all() and (np.diff(each[:, 0]) >= 0).all() and each[-1:, 0].sum() > 0 for each in curves.values()):
+        raise ValueError("a curve is not places at growing distances")
     graph = replace(graph, curves=curves, beyond_m=frozen(np.array(plan.get("beyond_m", ()), np.float64)))
     return graph, _fleet(fleet, document.get("vehicles")), _graph(nav) if nav else None
 

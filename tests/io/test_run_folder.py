@@ -109,6 +109,10 @@ def test_curves_of_lanes_come_back(tmp_path):
     write_floor(tmp_path / "floor.json", replace(record.graph, curves={(0, 0): arc}), record.fleet, None)
     with pytest.raises(ValueError, match="a curve is along no lane"):
         read_floor(tmp_path / "floor.json")
+    for damaged in (arc[:1], arc[:0], arc[::-1]):
+        write_floor(tmp_path / "floor.json", replace(record.graph, curves={lane: damaged}), record.fleet, None)
+        with pytest.raises(ValueError, match="growing distances"):
+            read_floor(tmp_path / "floor.json")
 
 
 def test_a_run_without_a_plan_is_a_result_too(tmp_path):

@@ -136,7 +136,7 @@ export class Motion {
       const bend = this.bends[`${vertex[a]},${vertex[b]}`], back = this.backward && this.backward[b] ? Math.PI : 0;
       if (bend) {
         const share = b === k ? 1 : u, j = Math.max(1, bend.findIndex((node) => node[0] >= share));
-        const [from, to] = [bend[j - 1], bend[j]], w = (share - from[0]) / (to[0] - from[0]);
+        const [from, to] = [bend[j - 1], bend[j]], w = (share - from[0]) / (to[0] - from[0] || 1);
         for (let n = 0; n < 3; n++) ghost[p + n] = from[n + 1] + w * (to[n + 1] - from[n + 1]) + (n === 2 ? back : 0);
         continue;
       }
