@@ -267,8 +267,8 @@ class Drive:
             until = min(until, math.ceil(steps)) if (steps := due_s / dt - 1e-9) < np.inf else until
         if until <= cycle.step:
             return
-        held = self.crew.held
-        begin, tape = cycle.step, self._tape_for(until - cycle.step, row, records.grants, held if quiet else None)
+        held = self.crew.held if quiet else None
+        begin, tape = cycle.step, self._tape_for(until - cycle.step, row, records.grants, held)
         self._find(cycle.go_on(until - begin, tape))
         num_samples, num_grants = tape.filled.tolist()
         records.samples.add(num_samples)
@@ -277,7 +277,7 @@ class Drive:
         if num_grants:
             part = slice(num_grants)
             records.grants.add(tape.grant_s[part].copy(), tape.grant_robot[part].copy(), tape.granted[part].copy())
-        if quiet and settings.tasks:
+        if held is not None and settings.tasks:
             self._pass_over(begin, num_samples, held)
 
     def _pass_over(self, begin: int, num_samples: int, held: BoolArray) -> None:

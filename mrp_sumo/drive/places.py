@@ -8,7 +8,7 @@ neither can be reached while a robot is at the other. Trailers take the vertex b
 """
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from functools import cache, lru_cache
+from functools import cache
 from itertools import chain, combinations
 from types import MappingProxyType
 
@@ -36,6 +36,7 @@ class RobotPlaces:
         self._problem, self._parking, self._excludes = problem, parking, exclusive_vertices(problem)
         self._behind: IntArray | None = None
         self._outwards: dict[tuple[PlanGraph, int], tuple[int, ...]] = {}  # vertices by their distance from one
+        self._dead_ends: dict[tuple[PlanGraph, int], tuple[int, ...]] = {}  # see `_dead_end`
         self._piece: dict[tuple[int, int], IntArray] = {}  # [V] strong components by type and start, -1: not reached from there
 
     def see(self, problem: Problem, behind: IntArray | None = None) -> None:
@@ -299,7 +300,7 @@ class RobotPlaces:
         rank[at] -= 1  # of vertices that are as near, the one where it is
         wanted = np.zeros(graph.num_vertices, np.bool_)
         served = {v for other in stops.values() for v in other.places}
-        wanted[list(self._closed_by(served.union(*(_dead_end(graph, v) for v in served | blocked))))] = True
+        wanted[list(self._closed_by(served.union(*(self._dead_end(graph, v) for v in served | blocked))))] = True
         for reach, may in ((behind, ~wanted), (past, ~wanted), (behind, wanted), (past, wanted)):
             there = (reach < UNREACHABLE) & (steps < UNREACHABLE) & may
             for v in np.argsort(np.where(there, rank, 2 * UNREACHABLE), kind="stable").tolist()[: there.sum()]:
@@ -308,6 +309,20 @@ class RobotPlaces:
                 if closed.isdisjoint(self._held(robot, at, v)) and all(self._leaves_way_out(robot, p, v, waits) for p in occupied):
                     return int(v)
         return None
+
+    def _dead_end(self, graph: PlanGraph, place: int) -> tuple[int, ...]:
+        """The vertices between a place to which only one way leads and the first crossing on it."""
+
+        def beside(v: int, behind: int) -> set[int]:
+            return {*graph.head[graph.tail == v].tolist(), *graph.tail[graph.head == v].tolist()} - {behind, v}
+
+        if (graph, place) not in self._dead_ends:
+            route, ahead = [place], beside(place, -1)
+            while len(ahead) == 1:
+                route.append(ahead.pop())
+                ahead = beside(route[-1], route[-2])
+            self._dead_ends[graph, place] = tuple(route[1:-1])
+        return self._dead_ends[graph, place]
 
     def _occupied(self, robot: int, at: int, place: int, blocked: set[int]) -> list[int]:
         """The place that a robot waits for, and the first blocked vertex on the shortest way there."""
@@ -392,20 +407,6 @@ class RobotPlaces:
             return next(v for v in self._outwards[graph, at] if v not in taken)
         clear = (v for v in chain((nearest,), free) if not graph.vertex_options[v].get("is_passthrough_point"))
         return next((v for v in clear if v not in stood_on), nearest)
-
-
-@lru_cache(maxsize=4096)
-def _dead_end(graph: PlanGraph, place: int) -> tuple[int, ...]:
-    """The vertices between a place to which only one way leads and the first crossing on it."""
-
-    def beside(v: int, behind: int) -> set[int]:
-        return {*graph.head[graph.tail == v].tolist(), *graph.tail[graph.head == v].tolist()} - {behind, v}
-
-    route, ahead = [place], beside(place, -1)
-    while len(ahead) == 1:
-        route.append(ahead.pop())
-        ahead = beside(route[-1], route[-2])
-    return tuple(route[1:-1])
 
 
 def _before(at: int, routes: Sequence[Sequence[int]], reach: StepArray) -> set[int]:
