@@ -332,7 +332,7 @@ def _add_plan(columns: Columns, record: RunRecord, low: FloatArray, high: FloatA
     index = np.full(graph.num_vertices + 1, -1)
     index[vertices] = np.arange(len(vertices))
     unit_m = max(0.001, float((high - low).max()) / 1e6)
-    xy = np.rint((graph.xy[vertices] - low) / unit_m)
+    xy, bends = np.rint((graph.xy[vertices] - low) / unit_m), {}
     columns.add("vertex_x", xy[:, 0], "<u4", 1)
     columns.add("vertex_y", xy[:, 1], "<u4", 1)
     if plan is not None:
@@ -344,11 +344,11 @@ def _add_plan(columns: Columns, record: RunRecord, low: FloatArray, high: FloatA
         if backward.any():
             columns.add("plan_backward", backward, "<u1")
         columns.add("plan_arrived", _milliseconds(record.execution.arrived_s), "<u4", 1)
-    bends = {  # by the vertices at the ends: share of the lane, x, y, course
-        f"{index[tail]},{index[head]}": (np.column_stack([places[:, 0] / places[-1, 0], places[:, 1:3] - low, places[:, 3]])).round(4)
-        for (tail, head), places in graph.curves.items()
-        if min(index[tail], index[head]) >= 0
-    }
+        bends = {  # by the vertices at the ends: share of the lane, x, y, course
+            f"{index[tail]},{index[head]}": np.column_stack([places[:, 0] / places[-1, 0], places[:, 1:3] - low, places[:, 3]]).round(4)
+            for (tail, head), places in graph.curves.items()
+            if min(index[tail], index[head]) >= 0
+        }
     return {
         "vertex_unit_m": unit_m,
         "vertices": [graph.known_as(int(v)) for v in vertices],
