@@ -55,12 +55,8 @@ def _no_faster(loaded: Loaded, figures: dict[str, Any]) -> Loaded:
 def disturbances_of(result: Calibration) -> Disturbances:
     """The disturbances that the log tells of."""
     known = {name: result.quantities[name] for name in DISTURBING if name in result.quantities}
-    if "stop_median_s" not in known:
-        of_stops = known.get("stops_per_s")
-        known = {name: each for name, each in known.items() if not name.startswith("stop")}
-        if of_stops is not None and of_stops.value > 0:
-            usual = (of_stops.value, of_stops.low, of_stops.high) if result.fits is None else result.fits.stops.usual_rate_per_s
-            known["stops_per_s"] = replace(of_stops, value=usual[0], low=usual[1], high=usual[2])
+    if "stops_per_s" in known and not known["stops_per_s"].value:
+        del known["stops_per_s"]
     if (memory := known.get("speed_noise_tau_s")) is not None and memory.low < USUAL_MEMORY_S[1] and memory.high > USUAL_MEMORY_S[2]:
         value, low, high = USUAL_MEMORY_S
         known["speed_noise_tau_s"] = replace(memory, value=value, low=low, high=high)

@@ -4,6 +4,7 @@ A vehicle that is held brakes, stands and goes on. Holds that end before it stan
 likelihood is that of a Poisson stream of lognormal holds of which only the longer ones are. Not counted are stands at actions, where the
 way bends, where many of those who pass stand without such a reason, beside a lift or another vehicle, and where the log says that the way
 ahead was not free. The rate is the posterior's median over all durations that stops may have; a prior has them last about as long as usual.
+Fewer than five stops do not tell how long they last: theirs is the rate of stops that last as long as usual.
 """
 
 import math
@@ -37,7 +38,6 @@ class Stops:
     hold_s: FloatArray  # [N]
     driven_s: float  # for which vehicles drove where a stop would be seen
     rate_per_s: tuple[float, float, float]
-    usual_rate_per_s: tuple[float, float, float]  # where stops last as long as usual: rates are the higher, the fewer stops are seen
     median_s: tuple[float, float, float] | None
     sigma: tuple[float, float, float] | None
 
@@ -110,6 +110,10 @@ def _fit(hold_s: FloatArray, driven_s: float, seen_s: float, drop: float) -> Sto
     from scipy.special import gammainc, gammaincinv, ndtr
 
     count, driven_s = len(hold_s), max(driven_s, 1e-9)
+    if count < FEW:
+        seen_share = ndtr(np.log(USUAL_S / seen_s) / USUAL_SIGMA)
+        low, rate, high = (gammaincinv(count + JEFFREYS, (0.05, 0.5, 0.95)) / (driven_s * seen_share)).tolist()
+        return Stops(hold_s, driven_s, (rate, low, high) if count else (0.0, 0.0, high), None, None)
     log_median, sigma = np.log(MEDIANS)[:, None], SIGMAS[None, :]
     longer = np.maximum(ndtr((log_median - np.log(seen_s)) / sigma), 1e-12)
     off = (log_median - np.log(USUAL_S)) / USUAL_WITHIN[0], (np.log(sigma) - np.log(USUAL_SIGMA)) / USUAL_WITHIN[1]
@@ -120,17 +124,10 @@ def _fit(hold_s: FloatArray, driven_s: float, seen_s: float, drop: float) -> Sto
     rates = np.geomspace(1e-3, 1e3, 241) * (count + JEFFREYS) / driven_s
     below = gammainc(count + JEFFREYS, rates[:, None] * driven_s * longer[cells]) @ weight[cells] / weight[cells].sum()
     low, rate, high = np.interp((0.05, 0.5, 0.95), below, rates).tolist()
-    usual_s = driven_s * ndtr(np.log(USUAL_S / seen_s) / USUAL_SIGMA)
-    usual_low, usual, usual_high = (gammaincinv(count + JEFFREYS, (0.05, 0.5, 0.95)) / usual_s).tolist()
-    if not count:
-        low = rate = usual_low = usual = 0.0
-    of_usual = usual, usual_low, usual_high
-    if count < FEW:
-        return Stops(hold_s, driven_s, (rate, low, high), of_usual, None, None)
     i, j = np.unravel_index(int(np.argmax(durations)), durations.shape)
     median = float(MEDIANS[i]), *_within(MEDIANS, durations.max(1), drop)
     spread = float(SIGMAS[j]), *_within(SIGMAS, durations.max(0), drop)
-    return Stops(hold_s, driven_s, (rate, low, high), of_usual, median, spread)
+    return Stops(hold_s, driven_s, (rate, low, high), median, spread)
 
 
 def _within(at: FloatArray, log: FloatArray, drop: float) -> tuple[float, float]:

@@ -300,7 +300,8 @@ def test_intervals_of_rates_hold_the_truth_whether_stops_are_few_or_many():
     rng, held = np.random.default_rng(7), {5.0: 0, 50.0: 0}
     for expected in held:
         for _ in range(30):
-            rate, median, sigma = expected / 10_000, 6.0 * np.exp(0.5 * rng.normal()), 0.5 * np.exp(0.5 * rng.normal())
+            spread = 0.5 if expected > 5 else 0.0  # of durations about the usual ones, which few stops do not tell
+            rate, median, sigma = expected / 10_000, 6.0 * np.exp(spread * rng.normal()), 0.5 * np.exp(spread * rng.normal())
             holds = rng.lognormal(np.log(median), sigma, rng.poisson(expected))
             _, low, high = stops_of(holds[holds > 5.0]).rate_per_s
             held[expected] += low <= rate <= high
@@ -385,19 +386,21 @@ def test_stands_in_frames_of_their_own_are_not_at_one_place(shuttles):
     assert (note in apart.notes, note in one.notes) == (alone.quantities["stops_per_s"].count > 0, False)
 
 
-def test_rate_of_one_stop_in_250_s_is_less_where_stops_last_as_long_as_usual():
-    """A stop is seen from 5 s on. Of those of 6 s 64 % are, but few of shorter ones, which may be the many that nobody saw."""
-    one, none = stops_of([7.0], driven_s=250.0), stops_of([], driven_s=250.0)
-    rate, low, high = one.usual_rate_per_s
-    assert (rate, low, high) == pytest.approx((1.183 / (250 * 0.6423), 0.1759 / (250 * 0.6423), 3.907 / (250 * 0.6423)), rel=1e-3)
-    assert one.rate_per_s[2] > 1.5 * high and none.usual_rate_per_s[0] == 0.0
+def test_rate_of_few_stops_is_that_of_stops_that_last_as_long_as_usual():
+    """Of stops of 6 s (sigma 0.5) 64.23 % last the 5 s from which on they are seen; gamma quantiles of 0.5, 1.5 and 5 stops."""
+    one, none = stops_of([5.1], driven_s=250.0), stops_of([], driven_s=250.0)
+    seen_s = 250 * 0.6423
+    assert one.rate_per_s == pytest.approx((1.183 / seen_s, 0.1759 / seen_s, 3.907 / seen_s), rel=1e-3)
+    assert none.rate_per_s == pytest.approx((0.0, 0.0, 1.921 / seen_s), rel=1e-3)
+    assert stops_of([5.1, 5.1, 5.1, 5.1], driven_s=250.0).rate_per_s[2] == pytest.approx(8.459 / seen_s, rel=1e-3)
     written = {}
-    for name, stops in (("few", one), ("many", stops_of([5.5, 6.0, 7.0, 8.0, 9.0], driven_s=250.0))):
+    for name, stops in (("none", none), ("few", one), ("many", stops_of([5.5, 6.0, 7.0, 8.0, 9.0], driven_s=250.0))):
         figures = {"stops_per_s": stops.rate_per_s} | ({} if stops.median_s is None else {"stop_median_s": stops.median_s})
         known = {key: CalibratedFigure(key, "", *ends, 1, "stops") for key, ends in figures.items()}
-        written[name] = disturbances_of(Calibration(MotionLog("log", "CSV"), [], 1.0, known, fits=SimpleNamespace(stops=stops)))
-    assert (written["few"].stops_per_s, written["few"].stop_median_s) == (pytest.approx(rate, rel=1e-3), 6.0)
-    assert written["many"].stops_per_s == pytest.approx(stops.rate_per_s[0], rel=1e-3)
+        written[name] = disturbances_of(Calibration(MotionLog("log", "CSV"), [], 1.0, known))
+    assert written["none"].intervals == {}
+    assert (written["few"].stops_per_s, written["few"].stop_median_s) == (pytest.approx(one.rate_per_s[0], rel=1e-3), 6.0)
+    assert written["many"].stop_median_s != 6.0
 
 
 @pytest.mark.parametrize(("now", "drifts"), [((10.0, 9.5, 10.5), True), ((9.0, 8.0, 10.0), False)])
