@@ -149,12 +149,16 @@ def _csv(path: Path) -> MotionLog:
         said = head.lower().startswith("sep=")  # as spreadsheets write it
         head = file.readline(LONGEST_LINE) if said else head
         cut = max(",;\t", key=head.count)
-        place, scale = _columns(next(csv.reader(io.StringIO(head), delimiter=cut), []), name)
+        titles = next(csv.reader(io.StringIO(head), delimiter=cut), [])
+        place, scale = _columns(titles, name)
         doing: dict[str, ActionTime] = {}
         for number, row in enumerate(csv.reader(file, delimiter=cut), 3 if said else 2):
             if number > MAX_ROWS:
                 raise MrpSumoError(f"{name}: more than {MAX_ROWS} rows, cut it")
             if row and any(row):
+                if any(row[len(titles) :]):
+                    what = f"found {len(row)} cells, expected {len(titles)}, as in the first line"
+                    raise MrpSumoError(f"{name}:{number}: {what}; decimal commas need semicolons between columns")
                 row = row if cut == "," else [DECIMAL_COMMA.sub(r"\1.\2", cell) for cell in row]
                 _csv_row(log, row, place, scale, doing, f"{name}:{number}")
     if not log.poses:

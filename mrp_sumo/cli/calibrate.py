@@ -85,6 +85,7 @@ def _print(result: "Calibration", options: argparse.Namespace, written: list[Pat
     from rich.table import Table
 
     from mrp_sumo.calibration.estimates import counted
+    from mrp_sumo.calibration.files import disturbances_of
 
     say(f"{result.log.source}: {result.log.kind}, {counted(len(result.vehicles), 'vehicles')}, {result.span_s / 3600:.2f} h in all")
     for note in result.log.notes:
@@ -95,7 +96,9 @@ def _print(result: "Calibration", options: argparse.Namespace, written: list[Pat
     for each in result.quantities.values():
         table.add_row(each.name, f"{each.value:.4g}", f"{each.low:.4g} to {each.high:.4g}", each.symbol, each.basis)
     print_table(table, 120)
+    usual = vars(disturbances_of(result))
     for name, why in result.unknown.items():
-        say(f"{name}: not told by the log ({why}); as in {options.robot}")
+        stays = "" if name == "stopping_m" else f"; taken as {usual[name]:g}" if name in usual else f"; as in {options.robot}"
+        say(f"{name}: not told by the log ({why}){stays}")
     for path in written:
         say(f"written: {path}")

@@ -71,6 +71,7 @@ def test_dates_are_times(tmp_path):
             "t_s: found '31.01.2026 08:00:00', expected seconds, or a date such as 2026-01-31T08:00:00Z",
         ),
         ('t_s,x_m,y_m\n"1,5",1,2\n', "poses.csv:2: t_s: found '1,5'"),
+        ("t_s,x_m,y_m\n1,0,2,5,3,0\n", "poses.csv:2: found 6 cells, expected 3, as in the first line; decimal commas need semicolons"),
         ("t_s,x_m\0,y_m\n", "poses.csv: not text in UTF-8, expected a CSV"),
         ("t_s,x_m,y_m\n0,1e9,2\n", "expected metres of a floor"),
         (
