@@ -18,11 +18,15 @@ from mrp_sumo.traffic.resources import resources_of
 ROBOT = RobotType("square", 0.3, 0.3, 1.0, 1.0, 1.0, 1.0)
 
 
-def least_cost(problem, *, following=False):
-    """The least sum of costs, None when there is no plan. A joint state says where all are and who has stopped for good."""
+def least_cost(problem, *, following=False, on_map=None):
+    """The least sum of costs, None when there is no plan. A joint state says where all are and who has stopped for good.
+
+    `on_map` is the problem on the map, where `problem` is that on the graph of the moves of its vehicles.
+    """
     graph, target = problem.graph, problem.target.tolist()
     count = problem.num_robots
-    rules = Rules(problem) if problem.drivable else None
+    rules = Rules(on_map or problem) if problem.drivable else None
+    place = (np.arange(graph.num_vertices) if on_map is None else graph.place).tolist()
     moves = [[*graph.head[graph.first[v] : graph.first[v + 1]].tolist(), v] for v in range(graph.num_vertices)]
     begin = (tuple(problem.start.tolist()), (False,) * count)
     best = {begin: 0}
@@ -41,7 +45,8 @@ def least_cost(problem, *, following=False):
                     best[after] = cost
                     heappush(queue, (cost, after))
         for there in product(*([at[r]] if stopped[r] else moves[at[r]] for r in range(count))):
-            if len(set(there)) < count or _collide(at, there, following) or (rules and not rules.allow(at, there)):
+            here, onward = [place[v] for v in at], [place[v] for v in there]
+            if len(set(onward)) < count or _collide(here, onward, following) or (rules and not rules.allow(here, onward)):
                 continue
             after = (there, stopped)
             new = cost + count - sum(stopped)

@@ -92,9 +92,11 @@ def _entered_before(state, e, begin, arrive):
 
 
 @kernel(inline="always", allocates=False)
-def _banned(u, v, banned):
-    """Whether a lane is the banned edge, in either direction."""
-    return banned[0] >= 0 and ((u == banned[0] and v == banned[1]) or (u == banned[1] and v == banned[0]))
+def is_banned(place_of, u, v, banned):
+    """True if a lane is the banned edge between two places, in either direction."""
+    return banned[0] >= 0 and (
+        (place_of[u] == banned[0] and place_of[v] == banned[1]) or (place_of[u] == banned[1] and place_of[v] == banned[0])
+    )
 
 
 @kernel(allocates=False)
@@ -112,7 +114,7 @@ def earliest_arrival(instance, scratch, start, distance, stay, banned, budget):
     stay
         Whether the robot stays at the goal, so that the constraints on ending hold.
     banned
-        The two ends of an edge that must not be used, in either direction; see `NO_EDGE`.
+        The two places (`Beside.place`) between which no edge must be used, in either direction; see `NO_EDGE`.
     budget
         Expansions allowed.
 
@@ -122,7 +124,7 @@ def earliest_arrival(instance, scratch, start, distance, stay, banned, budget):
         OK, NO_PATH, SCRATCH_FULL or OUT_OF_BUDGET; the cost, a lower bound of it in the latter cases; the last
         state, from which `BEFORE` leads back, with waits left out.
     """
-    first, head = instance.first, instance.head
+    first, head, place_of = instance.first, instance.head, instance.beside.place
     limit, state, top, at = scratch.limit, scratch.state, scratch.top, scratch.visited
     touched, rule_at = scratch.touched, scratch.rule_at
     stamp, last_must = scratch.number[STAMP], limit[LAST_MUST]
@@ -162,7 +164,7 @@ def earliest_arrival(instance, scratch, start, distance, stay, banned, budget):
         for lane in range(first[u], first[u + 1]):
             v = head[lane]
             to_go = np.int64(distance[v])
-            if to_go >= UNREACHABLE or _banned(u, v, banned):
+            if to_go >= UNREACHABLE or is_banned(place_of, u, v, banned):
                 continue
             constrained = touched[v] == stamp or last_must >= 0  # a place that the robot had to be at ends intervals of all others
             first_rule = _first_rule(touched, rule_at, stamp, v)

@@ -24,7 +24,7 @@ from mrp_sumo.search._conflicts import (
 )
 from mrp_sumo.search._constraints import load
 from mrp_sumo.search._distance import UNREACHABLE
-from mrp_sumo.search._earliest import earliest_arrival
+from mrp_sumo.search._earliest import NO_EDGE, earliest_arrival, is_banned
 from mrp_sumo.search._kernel import kernel
 from mrp_sumo.search._mdd import mdd_cost, mdd_of, only, raises_cost
 from mrp_sumo.search._records import (
@@ -159,7 +159,7 @@ def _split(instance, store, scratch, one, other, row, symmetries):
         add_row(store, RANGE, at, -1, step + 1, step + 1)
     row.a0, row.a1, row.b0, row.b1 = begin, middle, middle, store.used[ROWS]
     rank = _rank(instance, store, scratch, one, other, row)
-    if symmetries and kind in (MEET, SWAP):
+    if symmetries and kind in (MEET, SWAP, CLASH):
         corridor = np.empty(4, np.int64)
         if _corridor_of(instance, store, one, other, row, corridor):
             code = _split_corridor(instance, store, scratch, one, other, row, corridor)
@@ -277,25 +277,48 @@ def _rank(instance, store, scratch, one, other, row):
 
 @kernel
 def _between(instance, v, ends):
-    """Whether v has exactly two neighbours, both ways; they are written to `ends`."""
-    if instance.first[v + 1] - instance.first[v] != 2 or instance.first_in[v + 1] - instance.first_in[v] != 2:
-        return False
-    a, b = instance.first[v], instance.first_in[v]
-    ends[0], ends[1] = instance.head[a], instance.head[a + 1]
-    return instance.head[a] == instance.tail_in[b] and instance.head[a + 1] == instance.tail_in[b + 1]
+    """Whether the place of v has exactly two neighbours; a vertex at each is written to `ends`."""
+    beside, count = instance.beside, 0
+    for k in range(beside.first[v] - 1, beside.first[v + 1]):
+        u = v if k < beside.first[v] else beside.vertex[k]
+        for m in range(instance.first[u], instance.first[u + 1]):
+            count = _noted(beside.place, ends, count, instance.head[m])
+        for m in range(instance.first_in[u], instance.first_in[u + 1]):
+            count = _noted(beside.place, ends, count, instance.tail_in[m])
+    return count == 2
+
+
+@kernel
+def _noted(place_of, ends, count, v):
+    """Write a vertex to `ends` unless one at its place is there; how many places there are then, of which two are written."""
+    for k in range(min(count, 2)):
+        if place_of[ends[k]] == place_of[v]:
+            return count
+    if count < 2:
+        ends[count] = v
+    return count + 1
 
 
 @kernel
 def _followed(instance, row, before, at, other_end):
     """Follow a corridor to which one comes from `before`: its end, the vertex before that, and the lanes to there, -1 on a ring."""
-    ends, ways = np.empty(2, np.int64), 0
-    places = instance.goal[row.one], instance.goal[row.other], instance.start[row.one], instance.start[row.other]
-    while at not in places and _between(instance, at, ends):
-        onward = ends[0] if ends[1] == before else ends[1]
-        if onward == other_end:
+    place_of, ends, lanes = instance.beside.place, np.empty(2, np.int64), 0
+    while not _is_bound_for(instance, row, at) and _between(instance, at, ends):
+        onward = ends[0] if place_of[ends[1]] == place_of[before] else ends[1]
+        if place_of[onward] == place_of[other_end]:
             return at, before, -1
-        before, at, ways = at, onward, ways + 1
-    return at, before, ways
+        before, at, lanes = at, onward, lanes + 1
+    return at, before, lanes
+
+
+@kernel
+def _is_bound_for(instance, row, v):
+    """Whether one of the two robots of a conflict starts or ends at the place of v."""
+    place_of = instance.beside.place
+    for robot in (row.one, row.other):
+        if place_of[v] == place_of[instance.start[robot]] or place_of[v] == place_of[instance.goal[robot]]:
+            return True
+    return False
 
 
 @kernel
@@ -305,27 +328,27 @@ def _corridor_of(instance, store, one, other, row, corridor):
     `corridor` becomes: the end at which ONE comes out, the end at which OTHER comes out, its length in lanes,
     and the vertex before ONE's end.
     """
-    at, step = row.at, row.step
-    ends = np.empty(2, np.int64)
-    one_goal, other_goal = instance.goal[row.one], instance.goal[row.other]
-    one_start, other_start = instance.start[row.one], instance.start[row.other]
-    if row.kind == MEET:
-        if not _between(instance, at, ends) or at in (one_goal, other_goal, one_start, other_start):
+    place_of, ends, step = instance.beside.place, np.empty(2, np.int64), row.step
+    at, beyond = place(store, one, step), place(store, other, step)
+    if place_of[at] == place_of[beyond]:
+        if _is_bound_for(instance, row, at) or not _between(instance, at, ends):
             return False
         # the robots came from either side
         one_from, other_from = np.int64(-1), np.int64(-1)
         for t in range(step - 1, -1, -1):
-            if one_from < 0 and place(store, one, t) != at:
+            if one_from < 0 and place_of[place(store, one, t)] != place_of[at]:
                 one_from = place(store, one, t)
-            if other_from < 0 and place(store, other, t) != at:
+            if other_from < 0 and place_of[place(store, other, t)] != place_of[at]:
                 other_from = place(store, other, t)
-        if one_from < 0 or other_from < 0 or one_from == other_from:
+        if one_from < 0 or other_from < 0 or place_of[one_from] == place_of[other_from]:
             return False
         ahead, behind = other_from, one_from  # seen from ONE
         length = 2
         last, previous = at, at
     else:
-        ahead, behind = at, row.tail
+        ahead, behind = at, beyond
+        if place_of[place(store, one, step - 1)] != place_of[behind] or place_of[place(store, other, step - 1)] != place_of[ahead]:
+            return False
         length = 1
         last, previous = behind, ahead
     ahead, corridor[3], more = _followed(instance, row, last, ahead, behind)
@@ -342,78 +365,81 @@ def _corridor_of(instance, store, one, other, row, corridor):
 
 
 @kernel
-def _first_at(store, record, vertex, step):
-    """When the path is at a vertex, from a step on; -1 for never."""
-    path0, cost = store.meta[record].path0, store.meta[record].cost
+def _first_at(instance, store, record, vertex, step):
+    """When the path is at the place of a vertex, from a step on; -1 for never."""
+    place_of, path0, cost = instance.beside.place, store.meta[record].path0, store.meta[record].cost
     for t in range(step, cost + 1):
-        if store.path[path0 + t] == vertex:
+        if place_of[store.path[path0 + t]] == place_of[vertex]:
             return t
     return -1
 
 
 @kernel
-def _steps_without(instance, scratch, end, ban_u, ban_v):
-    """Fill `scratch.reach` with the steps to `end` that do not use an edge."""
-    reach, queue = scratch.reach, scratch.queue
+def _steps_without(instance, scratch, end, banned):
+    """Fill `scratch.reach` with the steps to the place of `end` that do not use an edge between two places."""
+    reach, queue, beside = scratch.reach, scratch.queue, instance.beside
     reach[:] = UNREACHABLE
     reach[end] = 0
     queue[0] = end
     k, count = 0, 1
+    for m in range(beside.first[end], beside.first[end + 1]):
+        reach[beside.vertex[m]] = 0
+        queue[count] = beside.vertex[m]
+        count += 1
     while k < count:
         v = queue[k]
         k += 1
         for m in range(instance.first_in[v], instance.first_in[v + 1]):
             u = instance.tail_in[m]
-            if reach[u] == UNREACHABLE and not ((u == ban_u and v == ban_v) or (u == ban_v and v == ban_u)):
+            if reach[u] == UNREACHABLE and not is_banned(beside.place, u, v, banned):
                 reach[u] = reach[v] + 1
                 queue[count] = u
                 count += 1
 
 
 @kernel
-def _arrival(instance, scratch, start, end, ban_u, ban_v):
-    """The earliest step at `end` under the loaded constraints, FOREVER if never; a lower bound when it takes too long."""
-    _steps_without(instance, scratch, end, ban_u, ban_v)
-    code, cost, _ = earliest_arrival(instance, scratch, start, scratch.reach, False, (ban_u, ban_v), CORRIDOR_BUDGET)
+def _arrival(instance, scratch, start, end, banned):
+    """The earliest step at the place of `end` under the loaded constraints, FOREVER if never; a lower bound when it takes too long."""
+    _steps_without(instance, scratch, end, banned)
+    code, cost, _ = earliest_arrival(instance, scratch, start, scratch.reach, False, banned, CORRIDOR_BUDGET)
     return np.int64(FOREVER) if code == NO_PATH else np.int64(cost)
 
 
 @kernel
 def _split_corridor(instance, store, scratch, one, other, row, corridor):
     """Range constraints at the ends of a corridor; NO_PATH when they would not end the conflict."""
-    one_end, other_end, length = corridor[0], corridor[1], corridor[2]
-    if row.kind == MEET:
-        cut_u, cut_v = corridor[3], one_end
-    else:
-        cut_u, cut_v = row.tail, row.at
-    one_at = _first_at(store, one, one_end, row.step)
-    other_at = _first_at(store, other, other_end, row.step)
+    one_end, other_end, length, step, place_of = corridor[0], corridor[1], corridor[2], row.step, instance.beside.place
+    cut = place_of[place(store, one, step)], place_of[place(store, other, step)]
+    if cut[0] == cut[1]:
+        cut = place_of[corridor[3]], place_of[one_end]
+    one_at = _first_at(instance, store, one, one_end, step)
+    other_at = _first_at(instance, store, other, other_end, step)
     if one_at < 0 or other_at < 0:
         return NO_PATH
     code = load(instance, store, scratch, one)
     if code != OK:
         return code
     one_start = instance.start[row.one]
-    one_through = _arrival(instance, scratch, one_start, one_end, -1, -1)
-    one_around = _arrival(instance, scratch, one_start, one_end, cut_u, cut_v)
+    one_through = _arrival(instance, scratch, one_start, one_end, NO_EDGE)
+    one_around = _arrival(instance, scratch, one_start, one_end, cut)
     if one_at >= one_around:
         return NO_PATH
     code = load(instance, store, scratch, other)
     if code != OK:
         return code
     other_start = instance.start[row.other]
-    other_through = _arrival(instance, scratch, other_start, other_end, -1, -1)
-    other_around = _arrival(instance, scratch, other_start, other_end, cut_u, cut_v)
+    other_through = _arrival(instance, scratch, other_start, other_end, NO_EDGE)
+    other_around = _arrival(instance, scratch, other_start, other_end, cut)
     one_until = min(one_around - 1, other_through + length)
     other_until = min(other_around - 1, one_through + length)
     if one_at > one_until or other_at > other_until:
         return NO_PATH
     begin = store.used[ROWS]
-    if not add_row(store, RANGE, one_end, -1, 0, one_until):
+    fits = _bar_place(instance, store, one_end, 0, one_until)
+    middle = store.used[ROWS]
+    if not (fits and _bar_place(instance, store, other_end, 0, other_until)):
         return STORE_FULL
-    if not add_row(store, RANGE, other_end, -1, 0, other_until):
-        return STORE_FULL
-    row.a0, row.a1, row.b0, row.b1 = begin, begin + 1, begin + 1, begin + 2
+    row.a0, row.a1, row.b0, row.b1 = begin, middle, middle, store.used[ROWS]
     return OK
 
 

@@ -7,14 +7,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from truth import ROBOT, crowded_problem, least_cost, random_problem
+from vehicles import CART, TRICYCLE, roads, vehicles_on
 
 from mrp_sumo.core.fleet import fleet_of
 from mrp_sumo.core.plan import Status, paths_of_plan
 from mrp_sumo.core.problem import Problem
-from mrp_sumo.errors import ScenarioError
+from mrp_sumo.errors import PlanError, ScenarioError
 from mrp_sumo.maps.grid import grid_graph
 from mrp_sumo.planning.ranking import ranked_assignments
 from mrp_sumo.planning.registry import planner
+from mrp_sumo.planning.vehicles import on_moves
 from mrp_sumo.search import distance
 from mrp_sumo.traffic.draw import uniform_draw
 from mrp_sumo.traffic.referee import judge
@@ -38,14 +40,14 @@ def compiled():
         planner(name, {}).prepare()
 
 
-def compare(name, parameters, seed, problem=None):
+def compare(name, parameters, seed, problem=None, on_map=None):
     """Put one question to a planner and to the slow search, and hold the answer against the truth."""
     problem = problem or random_problem(seed)
     following = parameters.get("following", False)
     result = planner(name, parameters).plan(problem, LIMIT_S)
     if result.status is Status.TIMED_OUT:
         return
-    best = least_cost(problem, following=following)
+    best = least_cost(problem, following=following, on_map=on_map)
     assert (result.status is Status.SOLVED) == (best is not None), (seed, best, result.message)
     if best is None:
         return
@@ -69,6 +71,43 @@ def test_cost_is_within_the_guarantee(name, parameters, seed):
 def test_cost_is_within_the_guarantee_on_thousands(name, parameters):
     for seed in range(2_000_000, 2_002_000):
         compare(name, parameters, seed)
+
+
+def vehicles_in_corridors(seed):
+    """Two vehicles on eight places that are joined by a tree and one more road, so that there are corridors and dead ends."""
+    rng = np.random.default_rng([seed, 79])
+    places = rng.permutation(9)[:8].tolist()
+    xy = [(4.0 * (k % 3), 4.0 * (k // 3)) for k in range(9)]
+    roads_of = [(a, b) for a in places for b in places if a < b and (b - a == 3 or (b - a == 1 and b % 3))]
+    joined, lanes, spare = {k: k for k in places}, [], []
+    for a, b in rng.permutation(roads_of).tolist():
+        (lanes if joined[a] != joined[b] else spare).append((a, b))
+        joined = {k: joined[a] if group == joined[b] else group for k, group in joined.items()}
+    graph = roads(xy, lanes + spare[:1])
+    start, goal = (rng.permutation(places)[:2] for _ in range(2))
+    return vehicles_on(graph, start, goal, [TRICYCLE, TRICYCLE] if seed % 3 else [TRICYCLE, CART])
+
+
+def compare_vehicles(name, parameters, seed):
+    on_map = vehicles_in_corridors(seed)
+    try:
+        problem = on_moves(on_map)
+    except PlanError:  # no way for one of them
+        return
+    compare(name, parameters, seed, replace(problem, step_s=1.0), on_map)
+
+
+@pytest.mark.parametrize(("name", "parameters"), [*OPTIMAL[::2], *OPTIMAL[3:], ("eecbs", {"w": 1.0, "incumbent": False})], ids=str)
+def test_cost_of_vehicles_in_corridors_is_within_the_guarantee(name, parameters):
+    for seed in range(8):
+        compare_vehicles(name, parameters, seed)
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize(("name", "parameters"), OPTIMAL + BOUNDED, ids=str)
+def test_cost_of_vehicles_in_corridors_is_within_the_guarantee_on_hundreds(name, parameters):
+    for seed in range(1_000, 1_300):
+        compare_vehicles(name, parameters, seed)
 
 
 def compare_with_learning(seed):
