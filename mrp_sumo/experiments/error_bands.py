@@ -29,6 +29,7 @@ OF_TYPE: Place = ("robots", "type")
 OF_FLEET: Place = ("robots", "factor")
 AT_STATIONS: Place = ("tasks", "service_factor")
 DISTURBING: Place = ("execution", "disturbances")
+USUALLY = {OF_FLEET: 1.0, AT_STATIONS: -1.0, DISTURBING: -1.0}  # what more of it gains
 WORDS: dict[Place, str] = {
     (*OF_FLEET, "max_speed_mps"): "the top speed",
     (*OF_FLEET, "accel_mps2"): "acceleration",
@@ -152,8 +153,18 @@ def effects(of: Sequence[Quantity], settings: FloatArray, block: FloatArray, fig
 
 
 def corner(of: Sequence[Effect], better: bool, more_is_better: bool = True) -> dict[Place, float]:
-    """Values of all quantities at those ends at which a figure is better, or worse."""
-    levels = [math.copysign(1.0, effect.change.value if better == more_is_better else -effect.change.value) for effect in of]
+    """Values of all quantities at those ends at which a figure is better, or worse.
+
+    Where chance alone may have made an effect, faster robots, shorter services and fewer disturbances are better.
+    """
+
+    def gain(effect: Effect) -> float:
+        """By the high end of its interval."""
+        if not effect.is_sure and (usual := USUALLY.get(effect.quantity.ends[0][0][:2])):
+            return usual
+        return effect.change.value if more_is_better else -effect.change.value
+
+    levels = [math.copysign(1.0, gain(effect) if better else -gain(effect)) for effect in of]
     return values_at([effect.quantity for effect in of], levels)
 
 
@@ -177,6 +188,11 @@ def most(of: Sequence[Effect]) -> str:
     first = sure[0]
     close = [effect for effect in sure[1:2] if abs(effect.change.value) > 0.8 * abs(first.change.value)]
     return f"what matters most is {' and '.join(effect.quantity.name for effect in (first, *close))}"
+
+
+def between(low: float, high: float, form: str) -> str:
+    """Both ends in words, or one number where they look the same."""
+    return " to ".join(dict.fromkeys((format(low, form), format(high, form))))
 
 
 def spans(of: Sequence[Quantity]) -> str:

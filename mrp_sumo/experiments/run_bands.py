@@ -9,7 +9,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mrp_sumo.errors import MrpSumoError
-from mrp_sumo.experiments.error_bands import Bounds, Moves, as_changes, corner, design, effects, most, quantities, rounded, spans, values_at
+from mrp_sumo.experiments.error_bands import (
+    Bounds,
+    Moves,
+    as_changes,
+    between,
+    corner,
+    design,
+    effects,
+    most,
+    quantities,
+    rounded,
+    spans,
+    values_at,
+)
 from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.experiments.staging.set_up import set_up
 from mrp_sumo.io.scenario.file import ScenarioFile
@@ -63,7 +76,7 @@ def with_error_bands(result: "RunResult", bounds: Bounds, run: Callable[[Scenari
         effects_by_name[name] = by_quantity
         figures_by_name[name] = {"value": value, "low": low, "high": high}
     main = max(values, key=lambda name: (figures_by_name[name]["high"] - figures_by_name[name]["low"]) / (values[name] or 1.0))
-    said = ", ".join(f"{of['low']:.4g} to {of['high']:.4g} {measures[name][1]}" for name, of in figures_by_name.items())
+    said = ", ".join(f"{between(of['low'], of['high'], '.4g')} {measures[name][1]}" for name, of in figures_by_name.items())
     failed = sum(any(map(math.isnan, of_run.values())) for of_run in made.values())
     without = f" {failed} of {len(made)} runs have no such figures." if failed else ""
     document = {

@@ -1,7 +1,8 @@
 """Error bands: the answer as the quantities that it rests on move within their intervals.
 
 A fleet of the size that the answer names is driven at the settings of a design, which tells the effect of each quantity. Then the answer
-is looked for once more with all quantities at their worse ends, and at their better ones, on the same orders.
+is looked for once more with all quantities at their worse ends, and at their better ones, on the same orders. Bands hold the limits that
+the study has for its answer where nothing moves, too.
 """
 
 from collections.abc import Iterable, Sequence
@@ -16,6 +17,7 @@ from mrp_sumo.experiments.error_bands import (
     Effect,
     Moves,
     Quantity,
+    between,
     corner,
     design,
     effects,
@@ -25,11 +27,12 @@ from mrp_sumo.experiments.error_bands import (
     spans,
     values_at,
 )
+from mrp_sumo.experiments.statistics import Interval
 from mrp_sumo.io.documents import Place
 from mrp_sumo.io.scenario.file import ScenarioFile
 from mrp_sumo.sizing.question import DEMAND, SATURATED, Question, Trial
 from mrp_sumo.sizing.reasons import Reasons, Share
-from mrp_sumo.sizing.search import LEVEL, STEP, Curve, Desk, Limits, Served, serving
+from mrp_sumo.sizing.search import LEVEL, STEP, Bracket, Curve, Desk, Limits, Served, serving
 
 Ordered = tuple[tuple[Place, float], ...]  # values of quantities
 
@@ -54,7 +57,8 @@ class Bands:
 
     answer: str  # DEMANDED: the smallest fleet that serves it, KNEE or UNKNOWN
     robots: int  # the answer
-    throughput_per_h: float  # of that fleet
+    limits: Bracket  # of the answer by chance, where nothing moves
+    throughput_per_h: Interval  # of that fleet, likewise
     effects: tuple[Effect, ...]  # on its throughput, the largest first
     worse: End
     better: End
@@ -63,24 +67,25 @@ class Bands:
     @property
     def fewest(self) -> int:
         """Robots that do at best."""
-        return min(self.robots, self.better.robots or self.robots)
+        return min(n for n in (self.robots, self.better.robots, self.limits.low) if n)
 
     @property
     def largest(self) -> int | None:
         """Robots that it takes at worst; None where none of those that were tried do."""
-        return None if self.worse.robots is None else max(self.robots, self.worse.robots)
+        return None if self.worse.robots is None else max(n for n in (self.robots, self.worse.robots, self.limits.high) if n)
 
     @property
     def span_per_h(self) -> tuple[float, float]:
         """Throughput of that fleet at least and at most, NaN where no run tells it."""
-        known = [each for each in (self.throughput_per_h, self.worse.throughput_per_h, self.better.throughput_per_h) if isfinite(each)]
+        ends = self.throughput_per_h.low, self.throughput_per_h.high, self.worse.throughput_per_h, self.better.throughput_per_h
+        known = [each for each in ends if isfinite(each)]
         return min(known, default=nan), max(known, default=nan)
 
     @property
     def sentence(self) -> str:
         """In words."""
         within = f"if your robots and stations are within {spans([effect.quantity for effect in self.effects])}"
-        per_h = "{:.0f} to {:.0f} orders an hour".format(*self.span_per_h)
+        per_h = f"{between(*self.span_per_h, '.0f')} orders an hour"
         if self.answer == UNKNOWN:
             return f"{count(self.robots, 'robot')} do {per_h} {within}; {most(self.effects)}."
         serve = SAYS[self.answer]
@@ -101,7 +106,7 @@ class Bands:
             "answer": self.answer,
             "robots": {"estimate": self.robots, "low": self.fewest if known else None, "high": self.largest if known else None},
             "throughput_per_h": {
-                "estimate": rounded(self.throughput_per_h),
+                "estimate": rounded(self.throughput_per_h.value),
                 "low": rounded(self.span_per_h[0]),
                 "high": rounded(self.span_per_h[1]),
             },
@@ -117,25 +122,25 @@ def bands(desk: Desk, limit: Limits, served: Served | None, why: Sequence[Reason
     effort = replace(desk.question.effort, budget_s=inf, most_seeds=desk.question.effort.seeds + STEP)
     before, desk = len(desk.trials), Desk(replace(desk.question, effort=effort), desk.recorded, trials=desk.trials)
     if served and served.smallest.estimate is not None:
-        answer, robots = DEMANDED, served.smallest.estimate
+        answer, robots, within = DEMANDED, served.smallest.estimate, served.smallest
     elif limit.knee.estimate is not None:
-        answer, robots = KNEE, limit.knee.estimate
+        answer, robots, within = KNEE, limit.knee.estimate, limit.knee
     else:
-        answer, robots = UNKNOWN, limit.curve.best
+        answer, robots, within = UNKNOWN, limit.curve.best, Bracket()
     near = min(why, key=lambda each: (abs(each.robots - robots), each.robots))
     of = quantities(desk.question.file, dict(desk.question.bounds or ()), stations_of(desk.question.file, near.stations))
     by_quantity = _effects(desk, limit.curve.planner, robots, of)
     as_is = _saturated(desk, limit.curve.planner, {robots}).points.get(robots)
-    as_is_per_h, ends = as_is.throughput.value if as_is else nan, []
+    as_is_per_h, ends = as_is.throughput if as_is else Interval(nan, nan, nan, 0), []
     for better in (False, True):
         moves = _ordered(corner(by_quantity, better))
         there = _saturated(desk, limit.curve.planner, {robots, *(_sizes_near(limit, robots) if answer == KNEE else ())}, moves)
         per_h = there.points[robots].throughput.value if robots in there.points else nan
         if answer == DEMANDED and served:
-            ends.append(_serving(desk, served, robots, moves, per_h, as_is_per_h))
+            ends.append(_serving(desk, served, robots, moves, per_h, as_is_per_h.value))
         else:
             ends.append(End(per_h, _knee(there) if answer == KNEE else robots, max([*there.sizes, robots])))
-    return Bands(answer, robots, as_is_per_h, by_quantity, ends[0], ends[1], len(desk.trials) - before)
+    return Bands(answer, robots, within, as_is_per_h, by_quantity, ends[0], ends[1], len(desk.trials) - before)
 
 
 def stations_of(file: ScenarioFile, shares: Sequence[Share]) -> list[str]:

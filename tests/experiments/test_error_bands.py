@@ -10,6 +10,7 @@ from mrp_sumo.experiments.error_bands import (
     Effect,
     Quantity,
     as_changes,
+    between,
     corner,
     design,
     effects,
@@ -69,6 +70,10 @@ def test_where_travel_binds_the_speed_matters_most():
     assert first.quantity.name == "speed" and first.change.value == pytest.approx(ends[1] - ends[0], rel=1e-6)
     assert second.quantity.name == "pack" and second.change.value == pytest.approx(2 * third.change.value, rel=0.01)
     assert corner([first, second], better=False) == {("robots", "factor", "speed"): 0.9, ("robots", "factor", "pack"): 1.1}
+
+
+def test_ends_that_look_the_same_are_said_once():
+    assert (between(47.99, 48.01, ".0f"), between(47.4, 48.01, ".0f")) == ("48", "47 to 48")
 
 
 def test_limits_hold_the_truth_and_chance_is_not_named():
@@ -170,6 +175,20 @@ def test_an_effect_is_written_with_four_digits():
 def test_at_a_better_corner_a_figure_is_larger_or_smaller(better, more, values):
     both = [Effect(quantity(name), Interval(change, change - 1, change + 1, 8)) for name, change in (("a", 5.0), ("b", -4.0))]
     assert tuple(corner(both, better, more).values()) == values
+
+
+@pytest.mark.parametrize(("half", "at_best"), [(1.0, (0.9, 1.1)), (9.0, (1.1, 0.9))], ids=("sure", "chance"))
+@pytest.mark.parametrize("more", [True, False])
+def test_where_chance_alone_may_have_made_an_effect_faster_is_better(half, at_best, more):
+    """Speed seems to harm and longer services to help, by 5: that is believed only where limits say so."""
+    places = {("robots", "factor", "max_speed_mps"): -5.0, ("tasks", "service_factor", "pack"): 5.0}
+    both = [
+        Effect(Quantity(str(place), ((place, 0.9, 1.1),), False), Interval(sign * change, sign * change - half, sign * change + half, 8))
+        for place, change in places.items()
+        for sign in [1.0 if more else -1.0]
+    ]
+    assert tuple(corner(both, True, more).values()) == at_best
+    assert tuple(corner(both, False, more).values()) == at_best[::-1]
 
 
 @pytest.mark.parametrize(

@@ -13,6 +13,7 @@ from mrp_sumo.sizing.answer import answer_of
 from mrp_sumo.sizing.bands import Bands, End, _knee, _sizes_near, likely_trials, stations_of
 from mrp_sumo.sizing.question import DEMAND, SATURATED
 from mrp_sumo.sizing.reasons import Share
+from mrp_sumo.sizing.search import Bracket
 
 STATION = {
     "stations": {"pack": {"places": ["a"]}},
@@ -93,6 +94,7 @@ def test_intervals_that_are_given_move_further():
 
 
 SPEED = Effect(Quantity("the top speed", ((("robots", "factor", "max_speed_mps"), 0.9, 1.1),), False), Interval(40.0, 30.0, 50.0, 8))
+PER_H = Interval(200.0, 190.0, 210.0, 3)
 WITHIN = "if your robots and stations are within 10 % up and down of what is assumed; what matters most is the top speed."
 
 
@@ -114,7 +116,7 @@ WITHIN = "if your robots and stations are within 10 % up and down of what is ass
 )
 def test_bands_say_between_which_numbers_the_answer_is(answer, worse, better, sentence, low, high):
     """The worse ends never need fewer robots than the answer, the better ones never more."""
-    bands = Bands(answer, 20, 200.0, (SPEED,), End(181.2, worse, 40), End(218.7, better, 40), 11)
+    bands = Bands(answer, 20, Bracket(20, None, 20), PER_H, (SPEED,), End(181.2, worse, 40), End(218.7, better, 40), 11)
     assert bands.sentence == sentence
     assert bands.document == {
         "sentence": sentence,
@@ -127,7 +129,15 @@ def test_bands_say_between_which_numbers_the_answer_is(answer, worse, better, se
 
 
 def test_throughput_lies_between_the_least_and_the_most_though_chance_has_the_worse_ends_ahead():
-    assert Bands("unknown", 20, 180.0, (SPEED,), End(181.2, 20, 40), End(178.7, 20, 40), 11).span_per_h == (178.7, 181.2)
+    as_is = Interval(180.0, 180.0, 180.0, 3)
+    assert Bands("unknown", 20, Bracket(), as_is, (SPEED,), End(181.2, 20, 40), End(178.7, 20, 40), 11).span_per_h == (178.7, 181.2)
+
+
+def test_bands_are_no_narrower_than_chance_where_nothing_moves():
+    as_is = Interval(200.0, 170.0, 230.0, 3)
+    bands = Bands("knee", 20, Bracket(20, 17, 25), as_is, (SPEED,), End(181.2, 20, 40), End(218.7, 20, 40), 11)
+    assert (bands.fewest, bands.largest, bands.span_per_h) == (17, 25, (170.0, 230.0))
+    assert bands.sentence.startswith("Between 17 and 25 robots do 95 % of the most if")
 
 
 def test_the_busiest_station_speaks_for_its_group_and_idle_ones_are_left_out():

@@ -148,7 +148,7 @@ def _help(gains: Sequence[Gain], robots: int) -> list[str]:
 def _bands(bands: Bands) -> list[str]:
     rows = []
     for effect in bands.effects:
-        share = 100 / bands.throughput_per_h if bands.throughput_per_h > 0 else math.nan
+        share = 100 / as_is if (as_is := bands.throughput_per_h.value) > 0 else math.nan
         change, (_, low, high) = effect.change, effect.quantity.ends[0]
         limits = f"{share * change.low:+.0f} to {share * change.high:+.0f} %"
         spans = f"{low:.3g} to {high:.3g}" + ("" if effect.quantity.is_given else " (assumed)")
