@@ -24,12 +24,46 @@ class Clashes(NamedTuple):
     rotations: bool  # whether robots in a ring may all move at once, each to where the next one was
 
 
+class Spots(NamedTuple):
+    """Spots that robots take: a place of the map, and, with trailers, the place behind it, too. S spots, N moves between them.
+
+    On a map each vertex is a spot. On a graph of moves the states at a place are one, whichever way a vehicle faces there.
+    """
+
+    of: IntArray  # [V] spot of a vertex
+    move: IntArray  # [L] move between spots of a lane
+    first: IntArray  # [S + 1] CSR, moves that leave a spot
+    head: IntArray  # [N]
+    tail: IntArray  # [N]
+    first_in: IntArray  # [S + 1] CSR, moves that enter one
+    tail_in: IntArray  # [N]
+    place: IntArray  # [S] vertex of the map
+    beside_first: IntArray  # [S + 1] CSR
+    beside: (
+        IntArray  # other spots at the same place: while a robot is at s, nobody else is at `beside[beside_first[s]:beside_first[s + 1]]`
+    )
+
+
 class Beside(NamedTuple):
     """Vertices of a graph that are one place: while a robot is at v, nobody else is at `vertex[first[v]:first[v + 1]]` at the same step."""
 
     first: IntArray  # [V + 1] CSR
     vertex: IntArray
     place: IntArray  # [V] a number of the place
+
+
+def vertices_alone(first: IntArray, head: IntArray, *, two_way: bool = False) -> Spots:
+    """Every vertex is a spot of its own; `two_way` where a lane leads back along each."""
+    vertices, tail = frozen(np.arange(len(first) - 1)), frozen(np.repeat(np.arange(len(first) - 1), np.diff(first)))
+    entering = (first, head) if two_way else lanes_in(tail, head, len(first) - 1)
+    none = frozen(np.zeros(len(first), np.int64)), frozen(np.zeros(0, np.int64))
+    return Spots(vertices, frozen(np.arange(len(head))), first, head, tail, *entering, vertices, *none)
+
+
+def lanes_in(tail: IntArray, head: IntArray, num_vertices: int) -> tuple[IntArray, IntArray]:
+    """CSR of the tails of the lanes that enter each vertex."""
+    order = np.argsort(head, kind="stable")
+    return frozen(np.searchsorted(head[order], np.arange(num_vertices + 1)).astype(np.int64)), frozen(tail[order])
 
 
 def none_beside(num_vertices: int) -> Beside:

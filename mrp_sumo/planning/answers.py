@@ -19,7 +19,7 @@ from mrp_sumo.planning.protocol import Planner
 from mrp_sumo.planning.vehicles import on_map, on_moves
 from mrp_sumo.search.distance import UNREACHABLE, steps_to_targets
 from mrp_sumo.search.solvable import order_broken
-from mrp_sumo.traffic.clashes import clashes_by_place
+from mrp_sumo.traffic.clashes import clashes_of_spots
 from mrp_sumo.traffic.moves import MoveGraph
 
 
@@ -81,12 +81,14 @@ def goals_clash(problem: Problem) -> PlanResult | None:
 
 def _crowded(problem: Problem, vertex: IntArray, what: str) -> PlanResult | None:
     """INFEASIBLE where two robots that have to be drivable stand too close to each other at these vertices [R]; None otherwise."""
-    clashes, beside = clashes_by_place(problem, following=False)
-    waiting = problem.graph.num_lanes + vertex
-    robot_at = np.full(problem.graph.num_vertices, -1)
-    robot_at[vertex] = np.arange(problem.num_robots)
-    for robot, (v, begin, end) in enumerate(zip(vertex, clashes.vertex_first[waiting], clashes.vertex_first[waiting + 1])):
-        others = robot_at[np.append(clashes.vertex[begin:end], beside.vertex[beside.first[v] : beside.first[v + 1]])]
+    clashes, spots = clashes_of_spots(problem)
+    at = spots.of[vertex]
+    waiting = len(spots.head) + at
+    robot_at = np.full(len(spots.place), -1)
+    robot_at[at] = np.arange(problem.num_robots)
+    for robot, (spot, begin, end) in enumerate(zip(at.tolist(), clashes.vertex_first[waiting], clashes.vertex_first[waiting + 1])):
+        near = clashes.vertex[begin:end], spots.beside[spots.beside_first[spot] : spots.beside_first[spot + 1]], [spot]
+        others = robot_at[np.concatenate(near)]
         others = others[(others >= 0) & (others != robot)]
         if len(others):
             pair = sorted((robot, int(others[0])))

@@ -11,7 +11,7 @@ import numpy as np
 from mrp_sumo.search._clashing import move_of
 from mrp_sumo.search._kernel import kernel
 from mrp_sumo.search._occupancy import steps_known, visitor
-from mrp_sumo.search._records import place
+from mrp_sumo.search._records import spot_at
 
 CONFLICT = np.dtype(
     (np.record, [(name, np.int32) for name in ("one", "other", "kind", "tail", "at", "step", "priority", "a0", "a1", "b0", "b1")])
@@ -26,7 +26,7 @@ UNKNOWN = -1  # a priority not yet looked at
 
 
 class _Move(NamedTuple):
-    """A robot's move from u to v, which ends at step t; its path has `cost` steps."""
+    """A robot's move from spot u to spot v, which ends at step t; its path has `cost` steps."""
 
     robot: int
     cost: int
@@ -73,9 +73,9 @@ def _find(instance, store, occupancy, robot, record, conflicts, count):
     for r in range(len(occupancy.record)):
         if occupancy.record[r] >= 0:
             latest = max(latest, store.meta[occupancy.record[r]].cost)
-    u = np.int64(store.path[path0])
+    u = np.int64(store.path[path0].spot)
     for t in range(max(cost, latest) + 1):
-        v = np.int64(store.path[path0 + min(t, cost)])
+        v = np.int64(store.path[path0 + min(t, cost)].spot)
         move = _Move(robot, cost, u, v, np.int64(t))
         count = _meetings(occupancy, move, conflicts, count)
         if u != v and following:
@@ -115,7 +115,7 @@ def _swaps(store, occupancy, move, conflicts, count):
         visit = visitor(occupancy, v, t - 1, 0)
         while visit:
             other = visit - (t - 1) * len(occupancy.record) - 1
-            if place(store, occupancy.record[other], t) == u:
+            if spot_at(store, occupancy.record[other], t) == u:
                 if robot < other:
                     count = _add(conflicts, count, (robot, other), SWAP, u, v, t)
                 else:
@@ -132,7 +132,7 @@ def _entered_too_early(store, occupancy, move, conflicts, count):
         visit = visitor(occupancy, v, t - 1, 0)
         while visit:
             other = visit - (t - 1) * len(occupancy.record) - 1
-            if place(store, occupancy.record[other], t) != v:
+            if spot_at(store, occupancy.record[other], t) != v:
                 count = _add(conflicts, count, (other, robot), FOLLOW, -1, v, t - 1)
             visit = visitor(occupancy, v, t - 1, visit)
     return count
@@ -146,12 +146,12 @@ def _left_too_late(store, occupancy, move, conflicts, count):
         visit = visitor(occupancy, u, t, 0)
         while visit:
             other = visit - t * len(occupancy.record) - 1
-            came = place(store, occupancy.record[other], t - 1)
+            came = spot_at(store, occupancy.record[other], t - 1)
             if came != u and came != v:
                 count = _add(conflicts, count, (robot, other), FOLLOW, -1, u, t - 1)
             visit = visitor(occupancy, u, t, visit)
     parked = np.int64(occupancy.parked[u])
-    if parked >= 0 and occupancy.since[u] == t and place(store, occupancy.record[parked], t - 1) != v:
+    if parked >= 0 and occupancy.since[u] == t and spot_at(store, occupancy.record[parked], t - 1) != v:
         count = _add(conflicts, count, (robot, parked), FOLLOW, -1, u, t - 1)
     return count
 
@@ -159,27 +159,27 @@ def _left_too_late(store, occupancy, move, conflicts, count):
 @kernel(allocates=False)
 def _clashes(instance, store, occupancy, move, conflicts, count):
     """Others whose moves to step t clash with the robot's from u to v, or that are then at its place."""
-    clashes, beside, num_robots, before, t = instance.clashes, instance.beside, len(occupancy.record), count, move.t
-    for k in range(beside.first[move.v], beside.first[move.v + 1]):
-        count = _clashes_at(store, occupancy, move, (beside.vertex[k], t), conflicts, before, count)
-    own = move_of(instance.first, instance.head, move.u, move.v)
+    clashes, spots, num_robots, before, t = instance.clashes, instance.spots, len(occupancy.record), count, move.t
+    for k in range(spots.beside_first[move.v], spots.beside_first[move.v + 1]):
+        count = _clashes_at(store, occupancy, move, (spots.beside[k], t), conflicts, before, count)
+    own = move_of(spots.first, spots.head, move.u, move.v)
     for k in range(clashes.vertex_first[own], clashes.vertex_first[own + 1]):
         count = _clashes_at(store, occupancy, move, (clashes.vertex[k], t - 1), conflicts, before, count)
     for k in range(clashes.lane_first[own], clashes.lane_first[own + 1]):
         lane = clashes.lane[k]
         if t - 1 < steps_known(occupancy):
-            visit = visitor(occupancy, instance.tail[lane], t - 1, 0)
+            visit = visitor(occupancy, spots.tail[lane], t - 1, 0)
             while visit:
                 other = visit - (t - 1) * num_robots - 1
-                if place(store, occupancy.record[other], t) == instance.head[lane]:
+                if spot_at(store, occupancy.record[other], t) == spots.head[lane]:
                     count = _add_clash(store, occupancy, move, other, conflicts, before, count)
-                visit = visitor(occupancy, instance.tail[lane], t - 1, visit)
+                visit = visitor(occupancy, spots.tail[lane], t - 1, visit)
     return count
 
 
 @kernel(allocates=False)
 def _clashes_at(store, occupancy, move, since, conflicts, before, count):
-    """Others that are at a vertex from a step on to that of the move: (vertex, step)."""
+    """Others that are at a spot from a step on to that of the move: (vertex, step)."""
     (w, begin), num_robots = since, len(occupancy.record)
     for step in range(begin, move.t + 1):
         if step < steps_known(occupancy):
@@ -205,7 +205,7 @@ def _add_clash(store, occupancy, move, other, conflicts, before, count):
     if cost < t:
         return _add(conflicts, count, (robot, other), CLASH_AT_TARGET, -1, v, t)
     if store.meta[record].cost < t:
-        return _add(conflicts, count, (other, robot), CLASH_AT_TARGET, -1, place(store, record, t), t)
+        return _add(conflicts, count, (other, robot), CLASH_AT_TARGET, -1, spot_at(store, record, t), t)
     return _add(conflicts, count, (min(robot, other), max(robot, other)), CLASH, -1, v, t)
 
 

@@ -16,7 +16,7 @@ from mrp_sumo.search._records import (
     TOO_LATE,
 )
 
-# after: the vertex's next rule or -1; begin, end: steps, both included; tail: -1 for all
+# after: the spot's next rule or -1; begin, end: steps, both included; tail: -1 for all
 RULE = np.dtype((np.record, [(name, np.int32) for name in ("after", "begin", "end", "tail")]))
 # before: the state that it was reached from; below: the next in its bucket; alike: the vertex's state before it
 SEARCH_STATE = np.dtype((np.record, [(name, np.int32) for name in ("vertex", "step", "before", "label", "below", "alike")]))
@@ -29,10 +29,10 @@ LAST_MUST, EARLIEST, OPEN_FROM = 0, 1, 2
 class ConstraintScratch(NamedTuple):
     """Tables of one search. Entries tell by themselves whether they are of this search, so that none is cleared."""
 
-    touched: np.ndarray  # [V] int32, stamp of vertices with constraints
-    rule_at: np.ndarray  # [V] int32, the first rule of a vertex that is touched
+    touched: np.ndarray  # [S] int32, stamp of spots with constraints
+    rule_at: np.ndarray  # [S] int32, the first rule of a spot that is touched
     rule: np.ndarray  # [C] RULE
-    must: np.ndarray  # [T] int64, stamp << 32 | the vertex to be at
+    must: np.ndarray  # [T] int64, stamp << 32 | the spot to be at
     visited: np.ndarray  # [C] int32, states by vertex and delay; only what the state named says too holds
     state: np.ndarray  # [N] SEARCH_STATE
     top: np.ndarray  # [B] int32, the last state put into each bucket, -1 for none; empty between searches
@@ -55,7 +55,7 @@ def load(instance, store, scratch, record):
     code
         OK, NO_PATH when they contradict each other, TOO_LATE or SCRATCH_FULL.
     """
-    goal = instance.goal[store.meta[record].robot]
+    goal = instance.spots.of[instance.goal[store.meta[record].robot]]
     number, limit, rule, touched, rule_at = scratch.number, scratch.limit, scratch.rule, scratch.touched, scratch.rule_at
     number[STAMP] += 1
     stamp = number[STAMP]
@@ -64,7 +64,7 @@ def load(instance, store, scratch, record):
     while record >= 0:
         for k in range(store.meta[record].row0, store.meta[record].row1):
             kind = store.rows[k].kind
-            v = np.int64(store.rows[k].vertex)
+            v = np.int64(store.rows[k].spot)
             begin, end = np.int64(store.rows[k].begin), np.int64(store.rows[k].end)
             if kind in (RANGE, EDGE):
                 if kind == RANGE and v == goal:
@@ -100,14 +100,14 @@ def load(instance, store, scratch, record):
 
 
 @kernel(inline="always", allocates=False)
-def elsewhere(must, stamp, step, vertex):
-    """True if the robot must be at another vertex at this step."""
-    return must[step] >> 32 == stamp and (must[step] & 0xFFFFFFFF) != vertex
+def elsewhere(must, stamp, step, spot):
+    """True if the robot must be at another spot at this step."""
+    return must[step] >> 32 == stamp and (must[step] & 0xFFFFFFFF) != spot
 
 
 @kernel(inline="always", allocates=False)
 def barred(rule, rule_at, u, v, step):
-    """True if a rule of a touched vertex v forbids to come from u at this step."""
+    """True if a rule of a touched spot v forbids to come from u at this step."""
     k = rule_at[v]
     while k >= 0:
         if rule[k].begin <= step <= rule[k].end and (rule[k].tail < 0 or rule[k].tail == u):
@@ -126,7 +126,7 @@ def is_forbidden(scratch, stamp, last_must, u, v, step):
 
 @kernel(allocates=False)
 def forbidden(scratch, u, v, step):
-    """True if the constraints laid out forbid to come from u to v at this step, or to be at v = u at the first."""
+    """True if the constraints laid out forbid to come from spot u to spot v at this step, or to be at v = u at the first."""
     return is_forbidden(scratch, scratch.number[STAMP], scratch.limit[LAST_MUST], u, v, step)
 
 

@@ -7,20 +7,20 @@ import numpy as np
 
 from mrp_sumo.search._kernel import kernel
 from mrp_sumo.search._occupancy import MANY, ONE, WORD, next_visit
-from mrp_sumo.search._records import place
+from mrp_sumo.search._records import spot_at
 
 
 @kernel(inline="always", allocates=False)
-def is_taken(occupancy, vertex, step):
-    """True if another robot is at a vertex at a step, on its way or for good; False beyond the steps that are known."""
+def is_taken(occupancy, spot, step):
+    """True if another robot is at a spot at a step, on its way or for good; False beyond the steps that are known."""
     words = occupancy.words
-    on_way = step < words * WORD and ((occupancy.busy[vertex * words + (step >> 5)] >> np.uint64(step & 31)) & ONE) != 0
-    return on_way or (step < words * WORD and occupancy.since[vertex] <= step)
+    on_way = step < words * WORD and ((occupancy.busy[spot * words + (step >> 5)] >> np.uint64(step & 31)) & ONE) != 0
+    return on_way or (step < words * WORD and occupancy.since[spot] <= step)
 
 
 @kernel(inline="always", allocates=False)
 def num_disturbed(store, occupancy, u, v, step, u_is_taken, following):
-    """Number of robots disturbed by a move from u that arrives at v at a step, or by waiting at u = v.
+    """Number of robots disturbed by a move from spot u that arrives at spot v at a step, or by waiting at u = v.
 
     Parameters
     ----------
@@ -49,23 +49,23 @@ def num_disturbed(store, occupancy, u, v, step, u_is_taken, following):
 
 @kernel(allocates=False)
 def num_too_close(instance, occupancy, move, at, step):
-    """Number, about, of places that clash with a move to `at` at `step` and are taken by others: one robot may count more than once."""
-    clashes, beside = instance.clashes, instance.beside
+    """Number, about, of spots that clash with a move to `at` at `step` and are taken by others: one robot may count more than once."""
+    clashes, spots = instance.clashes, instance.spots
     num = np.int64(0)
-    for k in range(beside.first[at], beside.first[at + 1]):
-        num += is_taken(occupancy, beside.vertex[k], step)
+    for k in range(spots.beside_first[at], spots.beside_first[at + 1]):
+        num += is_taken(occupancy, spots.beside[k], step)
     for k in range(clashes.vertex_first[move], clashes.vertex_first[move + 1]):
         v = clashes.vertex[k]
         num += is_taken(occupancy, v, step) or is_taken(occupancy, v, step - 1)
     for k in range(clashes.lane_first[move], clashes.lane_first[move + 1]):
         lane = clashes.lane[k]
-        num += is_taken(occupancy, instance.tail[lane], step - 1) and is_taken(occupancy, instance.head[lane], step)
+        num += is_taken(occupancy, spots.tail[lane], step - 1) and is_taken(occupancy, spots.head[lane], step)
     return num
 
 
 @kernel(allocates=False)
 def _others_there(occupancy, visit, step):
-    """How many robots but the first are at a vertex at a step."""
+    """How many robots but the first are at a spot at a step."""
     after, num_robots = occupancy.after, len(occupancy.record)
     low = step * num_robots
     num = 0
@@ -84,7 +84,7 @@ def _who_leave(store, occupancy, visit, u, v, step, following):
     num = 0
     e = next_visit(after, visit, low, num_robots)
     while e:
-        went = place(store, occupancy.record[e - low - 1], step)
+        went = spot_at(store, occupancy.record[e - low - 1], step)
         if went == u or (following and went != v):
             num += 1
         e = next_visit(after, after[e], low, num_robots)
@@ -93,13 +93,13 @@ def _who_leave(store, occupancy, visit, u, v, step, following):
 
 @kernel(allocates=False)
 def _who_follow(store, occupancy, visit, v, step):
-    """How many robots enter the vertex that the robot leaves, but those that come from v, where it goes."""
+    """How many robots enter the spot that the robot leaves, but those that come from v, where it goes."""
     after, num_robots = occupancy.after, len(occupancy.record)
     low = step * num_robots
     num = 0
     e = next_visit(after, visit, low, num_robots)
     while e:
-        if place(store, occupancy.record[e - low - 1], step - 1) != v:
+        if spot_at(store, occupancy.record[e - low - 1], step - 1) != v:
             num += 1
         e = next_visit(after, after[e], low, num_robots)
     return num
@@ -107,7 +107,7 @@ def _who_follow(store, occupancy, visit, v, step):
 
 @kernel(allocates=False)
 def count_visits_from(occupancy, goal, begin, later):
-    """Fill `later` with the visits of others at the goal from each step on, from `begin`; the last step with one, -1 for none."""
+    """Fill `later` with the visits of others at the goal, a spot, from each step on, from `begin`; the last step with one, -1 for none."""
     words, num_robots = occupancy.words, len(occupancy.record)
     low, last = goal * words, np.int64(-1)
     for word in range(words - 1, (begin >> 5) - 1, -1):

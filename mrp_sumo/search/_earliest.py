@@ -25,13 +25,13 @@ NO_EDGE = (-1, -1)
 
 @kernel(inline="always", allocates=False)
 def _first_rule(touched, rule_at, stamp, v):
-    """The first rule of a vertex, -1 for none."""
+    """The first rule of a spot, -1 for none."""
     return np.int64(rule_at[v]) if touched[v] == stamp else np.int64(-1)
 
 
 @kernel(allocates=False)
 def _free_until(scratch, first_rule, v, step):
-    """The last step until which a robot that is at v can stay there."""
+    """The last step until which a robot that is at spot v can stay there."""
     rule, must, stamp, last_must = scratch.rule, scratch.must, scratch.number[STAMP], scratch.limit[LAST_MUST]
     until = np.int64(FOREVER)
     k = first_rule
@@ -47,7 +47,7 @@ def _free_until(scratch, first_rule, v, step):
 
 @kernel(allocates=False)
 def _entry(scratch, first_rule, u, v, step, latest):
-    """(when v can be entered from u, not before `step`; the first step of its interval then)."""
+    """(when spot v can be entered from spot u, not before `step`; the first step of its interval then)."""
     rule, must, stamp, last_must = scratch.rule, scratch.must, scratch.number[STAMP], scratch.limit[LAST_MUST]
     begin = np.int64(0)
     again = True
@@ -93,7 +93,7 @@ def _entered_before(state, e, begin, arrive):
 
 @kernel(inline="always", allocates=False)
 def is_banned(place_of, u, v, banned):
-    """True if a lane is the banned edge between two places, in either direction."""
+    """True if a move between spots is the banned edge between two places, in either direction."""
     return banned[0] >= 0 and (
         (place_of[u] == banned[0] and place_of[v] == banned[1]) or (place_of[u] == banned[1] and place_of[v] == banned[0])
     )
@@ -114,7 +114,7 @@ def earliest_arrival(instance, scratch, start, distance, stay, banned, budget):
     stay
         Whether the robot stays at the goal, so that the constraints on ending hold.
     banned
-        The two places (`Beside.place`) between which no edge must be used, in either direction; see `NO_EDGE`.
+        The two places (`Spots.place`) between which no edge must be used, in either direction; see `NO_EDGE`.
     budget
         Expansions allowed.
 
@@ -124,13 +124,13 @@ def earliest_arrival(instance, scratch, start, distance, stay, banned, budget):
         OK, NO_PATH, SCRATCH_FULL or OUT_OF_BUDGET; the cost, a lower bound of it in the latter cases; the last
         state, from which `BEFORE` leads back, with waits left out.
     """
-    first, head, place_of = instance.first, instance.head, instance.beside.place
+    first, head, spot_of, place_of = instance.first, instance.head, instance.spots.of, instance.spots.place
     limit, state, top, at = scratch.limit, scratch.state, scratch.top, scratch.visited
     touched, rule_at = scratch.touched, scratch.rule_at
     stamp, last_must = scratch.number[STAMP], limit[LAST_MUST]
     shortest = np.int64(distance[start])
     least = max(shortest, limit[EARLIEST]) if stay else shortest
-    if shortest >= UNREACHABLE or forbidden(scratch, start, start, 0):
+    if shortest >= UNREACHABLE or forbidden(scratch, spot_of[start], spot_of[start], 0):
         return NO_PATH, least, np.int64(-1)
     open_from = limit[OPEN_FROM] if stay else np.int64(0)
     # a bucket for each delay; LABEL is the first step of the state's interval, ALIKE the vertex's state before this one
@@ -158,20 +158,21 @@ def earliest_arrival(instance, scratch, start, distance, stay, banned, budget):
             code = OUT_OF_BUDGET
             break
         until = np.int64(FOREVER)
-        if touched[u] == stamp or t < last_must:
-            until = _free_until(scratch, _first_rule(touched, rule_at, stamp, u), u, t)
+        here = spot_of[u]
+        if touched[here] == stamp or t < last_must:
+            until = _free_until(scratch, _first_rule(touched, rule_at, stamp, here), here, t)
         latest = min(until + 1, FOREVER - 1)
         for lane in range(first[u], first[u + 1]):
             v = head[lane]
-            to_go = np.int64(distance[v])
-            if to_go >= UNREACHABLE or is_banned(place_of, u, v, banned):
+            to_go, there = np.int64(distance[v]), spot_of[v]
+            if to_go >= UNREACHABLE or is_banned(place_of, here, there, banned):
                 continue
-            constrained = touched[v] == stamp or last_must >= 0  # a place that the robot had to be at ends intervals of all others
-            first_rule = _first_rule(touched, rule_at, stamp, v)
+            constrained = touched[there] == stamp or last_must >= 0  # a place that the robot had to be at ends intervals of all others
+            first_rule = _first_rule(touched, rule_at, stamp, there)
             arrive, begin = t + 1, np.int64(0)
             while arrive <= latest:  # one interval of v after another
                 if constrained:
-                    arrive, begin = _entry(scratch, first_rule, u, v, arrive, latest)
+                    arrive, begin = _entry(scratch, first_rule, here, there, arrive, latest)
                     if arrive > latest:
                         break
                 last = _last_state_at(state, at, num_states, v)
@@ -187,7 +188,7 @@ def earliest_arrival(instance, scratch, start, distance, stay, banned, budget):
                     num_states += 1
                 if not constrained:
                     break
-                arrive = _free_until(scratch, first_rule, v, arrive) + 1  # the next interval, if u can be held so long
+                arrive = _free_until(scratch, first_rule, there, arrive) + 1  # the next interval, if u can be held so long
     top[: longest + 1] = -1
     scratch.number[EXPANSIONS] += spent
     return code, least, end

@@ -7,7 +7,7 @@ from mrp_sumo.search._kernel import kernel
 
 
 @kernel
-def can_reach(first, head, start, goal, following, clashes):
+def can_reach(first, head, start, goal, following, clashes, spots):
     """True if robots can go from their starts to their goals without a conflict.
 
     Parameters
@@ -18,7 +18,7 @@ def can_reach(first, head, start, goal, following, clashes):
         [R] vertices; V ** R must be a number small enough to hold that many flags.
     following
         Whether following conflicts are forbidden too.
-    clashes
+    clashes, spots
         Of the graph.
     """
     num_vertices, num_robots = len(first) - 1, len(start)
@@ -36,7 +36,7 @@ def can_reach(first, head, start, goal, following, clashes):
     done, count = 0, 1
     at = np.empty(num_robots, np.int64)
     there = np.empty(num_robots, np.int64)
-    move = np.empty(num_robots, np.int64)
+    move, spot_of = np.empty(num_robots, np.int64), spots.of
     while done < count:
         state = queue[done]
         done += 1
@@ -56,13 +56,17 @@ def can_reach(first, head, start, goal, following, clashes):
                 r -= 1
                 continue
             v = u if move[r] == degree else head[first[u] + move[r]]
-            clear = True
+            clear, here, onward = True, spot_of[u], spot_of[v]
             for s in range(r):
-                if there[s] == v or (there[s] == u and at[s] == v):
+                before, after = spot_of[at[s]], spot_of[there[s]]
+                if after == onward or (after == here and before == onward):
                     clear = False
-                if following and ((v == at[s] and there[s] != v) or (there[s] == u and v != u)):
+                if following and ((onward == before and after != onward) or (after == here and onward != here)):
                     clear = False
-                if clashes.any and too_close(clashes, move_of(first, head, u, v), move_of(first, head, at[s], there[s]), at[s], there[s]):
+                for k in range(spots.beside_first[onward], spots.beside_first[onward + 1]):
+                    clear = clear and spots.beside[k] != after
+                mine, theirs = move_of(spots.first, spots.head, here, onward), move_of(spots.first, spots.head, before, after)
+                if clashes.any and too_close(clashes, mine, theirs, before, after):
                     clear = False
             if not clear:
                 continue
@@ -71,7 +75,7 @@ def can_reach(first, head, start, goal, following, clashes):
                 r += 1
                 move[r] = -1
                 continue
-            if not clashes.rotations and _rotate(at, there):
+            if not clashes.rotations and _rotate(spots.place[spot_of[at]], spots.place[spot_of[there]]):
                 continue
             new = np.int64(0)
             for s in range(num_robots):

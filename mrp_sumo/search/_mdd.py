@@ -29,6 +29,7 @@ def _levels(instance, scratch, start, goal, distance, cost):
     """Build the levels 0..cost in scratch: how many members, 0 when there is no path of this cost, -1 too many, -2 no room."""
     level, member, mark, number = scratch.level, scratch.member, scratch.mark, scratch.number
     first, head, touched, stamp, last_must = instance.first, instance.head, scratch.touched, number[STAMP], scratch.limit[LAST_MUST]
+    spot_of = instance.spots.of
     if cost + 3 > len(level):
         return -2
     level[0], level[1] = 0, 1
@@ -46,7 +47,7 @@ def _levels(instance, scratch, start, goal, distance, cost):
                 v = head[lane] if lane < lanes_end else u
                 if mark[v] == now or t + distance[v] > cost:
                     continue
-                if (touched[v] == stamp or t <= last_must) and forbidden(scratch, u, v, t):
+                if (touched[spot_of[v]] == stamp or t <= last_must) and forbidden(scratch, spot_of[u], spot_of[v], t):
                     continue
                 mark[v] = now
                 member[end] = v
@@ -83,7 +84,7 @@ def _levels(instance, scratch, start, goal, distance, cost):
                 v = head[lane] if lane < lanes_end else u
                 if mark[v] != later:
                     continue
-                if not ((touched[v] == stamp or t < last_must) and forbidden(scratch, u, v, t + 1)):
+                if not ((touched[spot_of[v]] == stamp or t < last_must) and forbidden(scratch, spot_of[u], spot_of[v], t + 1)):
                     member[end] = u
                     end += 1
                     break
@@ -176,9 +177,9 @@ def raises_cost(instance, store, scratch, record, row0, row1):
             begin = min(begin, np.int64(store.rows[r].begin))
             end = max(end, np.int64(store.rows[r].end))
     if end > cost:  # after its end the robot is at its goal
-        goal = instance.goal[store.meta[record].robot]
+        goal = instance.spots.of[instance.goal[store.meta[record].robot]]
         for r in range(row0, row1):
-            if store.rows[r].kind == RANGE and store.rows[r].vertex == goal and store.rows[r].end >= cost:
+            if store.rows[r].kind == RANGE and store.rows[r].spot == goal and store.rows[r].end >= cost:
                 return True
     if mdd < 0 or begin > end or begin > cost:
         return False
@@ -201,16 +202,16 @@ def raises_cost(instance, store, scratch, record, row0, row1):
                 v = head[lane] if lane < lanes_end else u
                 if mark[v] == -now:
                     continue
-                barred = False
+                barred, here, there = False, instance.spots.of[u], instance.spots.of[v]
                 for r in range(row0, row1):
                     if store.rows[r].begin <= t <= store.rows[r].end:
                         kind = store.rows[r].kind
                         if kind == RANGE:
-                            barred = barred or store.rows[r].vertex == v
+                            barred = barred or store.rows[r].spot == there
                         elif kind == EDGE:
-                            barred = barred or (store.rows[r].vertex == v and store.rows[r].tail == u)
+                            barred = barred or (store.rows[r].spot == there and store.rows[r].tail == here)
                         elif kind == MUST:
-                            barred = barred or store.rows[r].vertex != v
+                            barred = barred or store.rows[r].spot != there
                 if not barred:
                     mark[v] = -now
         count = 0

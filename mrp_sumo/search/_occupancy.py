@@ -1,7 +1,7 @@
-"""Robots by vertex and step, of the records that are installed, so that a search can count the robots it would disturb.
+"""Robots by spot and step, of the records that are installed, so that a search can count the robots it would disturb.
 
-A bit for every vertex and step says whether a robot on its way is there, another whether more than one is; only
-where these do not suffice is the list looked up that tells who. Lists hold what happens at a vertex within WORD
+A bit for every spot and step says whether a robot on its way is there, another whether more than one is; only
+where these do not suffice is the list looked up that tells who. Lists hold what happens at a spot within WORD
 steps. Robots at their goals are kept apart from these.
 """
 
@@ -17,26 +17,26 @@ ONE, MANY = np.uint64(1), np.uint64(1 << WORD)  # bits of a word's first step
 
 
 class Occupancy(NamedTuple):
-    """V vertices, R robots, T steps, W = T / WORD. A visit is a robot at a step: its number is step * R + robot + 1."""
+    """S spots, R robots, T steps, W = T / WORD. A visit is a robot at a step: its number is step * R + robot + 1."""
 
-    busy: np.ndarray  # [V * W] uint64 bits: a robot on its way is there; above them: more than one
-    visit: np.ndarray  # [V * W] int32 the first visit within the word's steps, 0 for none
+    busy: np.ndarray  # [S * W] uint64 bits: a robot on its way is there; above them: more than one
+    visit: np.ndarray  # [S * W] int32 the first visit within the word's steps, 0 for none
     after: np.ndarray  # [T * R + 1] int32 the next visit within the same word
-    since: np.ndarray  # [V] int32 from when on a robot is there for good, FOREVER for nobody
-    parked: np.ndarray  # [V] int32 which
+    since: np.ndarray  # [S] int32 from when on a robot is there for good, FOREVER for nobody
+    parked: np.ndarray  # [S] int32 which
     record: np.ndarray  # [R] int64 installed, -1 for none
     words: int  # W
 
 
-def empty_occupancy(num_vertices: int, num_robots: int, horizon: int) -> Occupancy:
+def empty_occupancy(num_spots: int, num_robots: int, horizon: int) -> Occupancy:
     """Nobody anywhere; `horizon` is a multiple of WORD."""
     words = horizon // WORD
     return Occupancy(
-        np.zeros(num_vertices * words, np.uint64),
-        np.zeros(num_vertices * words, np.int32),
+        np.zeros(num_spots * words, np.uint64),
+        np.zeros(num_spots * words, np.int32),
         np.empty(horizon * num_robots + 1, np.int32),
-        np.full(num_vertices, FOREVER, np.int32),
-        np.full(num_vertices, -1, np.int32),
+        np.full(num_spots, FOREVER, np.int32),
+        np.full(num_spots, -1, np.int32),
         np.full(num_robots, -1, np.int64),
         words,
     )
@@ -58,11 +58,11 @@ def next_visit(after, first, low, num_robots):
 
 
 @kernel(allocates=False)
-def visitor(occupancy, vertex, step, visit):
-    """The next visit at a vertex and step after `visit` (0: the first one), 0 when there is none; step is below T."""
+def visitor(occupancy, spot, step, visit):
+    """The next visit at a spot and step after `visit` (0: the first one), 0 when there is none; step is below T."""
     num_robots = len(occupancy.record)
     if visit == 0:
-        word = vertex * occupancy.words + (step >> 5)
+        word = spot * occupancy.words + (step >> 5)
         if not (occupancy.busy[word] >> np.uint64(step & 31)) & ONE:
             return np.int64(0)
         k = np.int64(occupancy.visit[word])
@@ -80,13 +80,13 @@ def _install(store, occupancy, record):
     if cost >= WORD * words:
         return False
     for t in range(cost):
-        word = np.int64(store.path[path0 + t]) * words + (t >> 5)
+        word = np.int64(store.path[path0 + t].spot) * words + (t >> 5)
         k = t * num_robots + robot + 1
         after[k] = visit[word]
         visit[word] = k
         bit = ONE << np.uint64(t & 31)
         busy[word] |= bit | (busy[word] & bit) << np.uint64(WORD)
-    v = store.path[path0 + cost]
+    v = store.path[path0 + cost].spot
     occupancy.parked[v] = robot
     occupancy.since[v] = cost
     occupancy.record[robot] = record
@@ -103,7 +103,7 @@ def uninstall(store, occupancy, robot):
     num_robots, words = len(occupancy.record), occupancy.words
     path0, cost = store.meta[record].path0, store.meta[record].cost
     for t in range(cost):
-        word = np.int64(store.path[path0 + t]) * words + (t >> 5)
+        word = np.int64(store.path[path0 + t].spot) * words + (t >> 5)
         low = t * num_robots
         mine = low + robot + 1
         others = 0
@@ -121,7 +121,7 @@ def uninstall(store, occupancy, robot):
             k = following
         if others < 2:
             busy[word] &= ~((MANY if others else ONE) << np.uint64(t & 31))
-    v = store.path[path0 + cost]
+    v = store.path[path0 + cost].spot
     if occupancy.parked[v] == robot:
         occupancy.parked[v] = -1
         occupancy.since[v] = FOREVER

@@ -8,14 +8,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mrp_sumo.core.clashes import Beside, Clashes
+from mrp_sumo.core.clashes import Clashes, Spots
 from mrp_sumo.search._kernel import kernel
 
 FOREVER = 1 << 30
 OK, NO_PATH, STORE_FULL, SCRATCH_FULL, TOO_LATE, OUT_OF_BUDGET = 0, 1, 2, 3, 4, 5  # what searches return
 
 RANGE, EDGE, MIN_COST, MUST = 0, 1, 2, 3  # kinds of constraints
-CONSTRAINT = np.dtype((np.record, [(name, np.int32) for name in ("kind", "vertex", "tail", "begin", "end")]))  # steps, both included
+CONSTRAINT = np.dtype((np.record, [(name, np.int32) for name in ("kind", "spot", "tail", "begin", "end")]))  # steps, both included
+VISIT = np.dtype((np.record, [(name, np.int32) for name in ("vertex", "spot")]))
 # parent: the record before in its chain, -1 for none; row0, row1: the constraints that it adds; origin: the first record with the same
 # constraints; path0, cost: its path; bound: on its cost; mdd0: where the levels of its MDD begin, -1: not built yet
 RECORD = np.dtype(
@@ -38,9 +39,8 @@ class SearchInstance(NamedTuple):
     column: np.ndarray  # [V] int64 cell coordinates on a 4-connected grid; empty on other graphs
     line: np.ndarray  # [V] int64
     following: bool  # whether following conflicts count
-    tail: np.ndarray  # [L] int64
-    clashes: Clashes
-    beside: Beside
+    clashes: Clashes  # between spots
+    spots: Spots
 
 
 class Store(NamedTuple):
@@ -48,26 +48,26 @@ class Store(NamedTuple):
 
     meta: np.ndarray  # [N] RECORD
     rows: np.ndarray  # [C] CONSTRAINT
-    path: np.ndarray  # [P] int32 vertices by step
+    path: np.ndarray  # [P] VISIT by step
     level: np.ndarray  # [M] int64, where each level of an MDD begins in `member`
     member: np.ndarray  # [Q] int32 vertices
     used: np.ndarray  # [5] int64
 
 
 @kernel(allocates=False)
-def place(store, record, step):
-    """The vertex of a record's robot at a step."""
-    return np.int64(store.path[store.meta[record].path0 + min(step, store.meta[record].cost)])
+def spot_at(store, record, step):
+    """The spot of a record's robot at a step."""
+    return np.int64(store.path[store.meta[record].path0 + min(step, store.meta[record].cost)].spot)
 
 
 @kernel
-def add_row(store, kind, vertex, tail, from_step, to_step):
+def add_row(store, kind, spot, tail, from_step, to_step):
     """Append a constraint; False when there is no room."""
     k = store.used[ROWS]
     if k >= len(store.rows):
         return False
     store.rows[k].kind = kind
-    store.rows[k].vertex = vertex
+    store.rows[k].spot = spot
     store.rows[k].tail = tail
     store.rows[k].begin = from_step
     store.rows[k].end = to_step

@@ -99,6 +99,12 @@ def _is_no_better(state, e, num_states, vertex, step, disturbs):
     return known
 
 
+@kernel(inline="always", allocates=False)
+def _write(instance, store, k, vertex):
+    """Write a vertex of a path."""
+    store.path[k].vertex, store.path[k].spot = vertex, instance.spots.of[vertex]
+
+
 @kernel(allocates=False)
 def find_path(tables, robot, least, bound, hurry, budget):
     """The path of a cost of at most `bound` that disturbs fewest, under the constraints laid out.
@@ -126,13 +132,14 @@ def find_path(tables, robot, least, bound, hurry, budget):
     instance, store, occupancy, scratch = tables
     start, goal, distance = instance.start[robot], instance.goal[robot], instance.distance[robot]
     first, head, following, near = instance.first, instance.head, instance.following, instance.clashes.any
+    spot_of, lane_move, num_moves = instance.spots.of, instance.spots.move, len(instance.spots.head)
     state, top, visited, later = scratch.state, scratch.top, scratch.visited, scratch.later
     stamp, last_must, earliest = scratch.number[STAMP], scratch.limit[LAST_MUST], scratch.limit[EARLIEST]
     shortest = np.int64(distance[start])
     fits, window = _window(scratch, len(first) - 1, shortest, np.int64(least), np.int64(bound))
     if not fits:
         return SCRATCH_FULL, np.int64(-1)
-    last_visit = count_visits_from(occupancy, goal, shortest, later)
+    last_visit = count_visits_from(occupancy, spot_of[goal], shortest, later)
     put(scratch, 0, start, 0, -1, WAITING, 0)
     visited[start << window.shift] = 0
     num_states = 1
@@ -174,16 +181,17 @@ def find_path(tables, robot, least, bound, hurry, budget):
             code = OUT_OF_BUDGET
             break
         step = t + 1
-        u_is_taken = is_taken(occupancy, u, step)
+        here = spot_of[u]
+        u_is_taken = is_taken(occupancy, here, step)
         for lane in range(lanes_begin, lanes_end + 1):
             v = head[lane] if lane < lanes_end else u
-            to_go = np.int64(distance[v])
+            to_go, there = np.int64(distance[v]), spot_of[v]
             delay = step + to_go - shortest
-            if delay > window.latest - shortest or is_forbidden(scratch, stamp, last_must, u, v, step):
+            if delay > window.latest - shortest or is_forbidden(scratch, stamp, last_must, here, there, step):
                 continue
-            disturbs_there = disturbs + num_disturbed(store, occupancy, u, v, step, u_is_taken, following)
+            disturbs_there = disturbs + num_disturbed(store, occupancy, here, there, step, u_is_taken, following)
             if near:
-                disturbs_there += num_too_close(instance, occupancy, lane if lane < lanes_end else len(head) + u, v, step)
+                disturbs_there += num_too_close(instance, occupancy, lane_move[lane] if lane < lanes_end else num_moves + here, there, step)
             cell = (v << window.shift) + delay
             if _is_no_better(state, np.int64(visited[cell]), num_states, v, step, disturbs_there):
                 continue
@@ -233,7 +241,7 @@ def replan(tables, record, effort):
     cost = until = least
     while end >= 0:
         for t in range(state[end].step, until + 1):
-            store.path[begin + t] = state[end].vertex
+            _write(instance, store, begin + t, state[end].vertex)
         until = state[end].step - 1
         end = state[end].before
     if effort.patience > 0:
@@ -249,7 +257,7 @@ def replan(tables, record, effort):
             if begin + cost + 1 > len(store.path):
                 return STORE_FULL
             for t in range(cost, -1, -1):
-                store.path[begin + t] = state[end].vertex
+                _write(instance, store, begin + t, state[end].vertex)
                 end = state[end].before
         elif code != OUT_OF_BUDGET:  # out of patience: the robot takes its earliest path, whomever it disturbs
             return code

@@ -6,7 +6,7 @@ FOCS 1984); few robots on a small graph are searched outright. Says nothing abou
 
 import numpy as np
 
-from mrp_sumo.core.clashes import Clashes, no_clashes
+from mrp_sumo.core.clashes import Clashes, Spots, no_clashes, vertices_alone
 from mrp_sumo.core.graph import IntArray
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.search.distance import UNREACHABLE, distances
@@ -57,17 +57,17 @@ def _along(problem: Problem, vertices: IntArray) -> tuple[dict[int, int], bool]:
     return place, ring
 
 
-def unsolvable(problem: Problem, clashes: Clashes, following: bool = False) -> bool:
+def unsolvable(problem: Problem, clashes: Clashes, spots: Spots, following: bool = False) -> bool:
     """True if a search of all joint states, where it is small, finds no way. False for large problems."""
     from mrp_sumo.search._joint import can_reach
 
     graph, target = problem.graph, problem.target
-    if clashes.any:  # robots of different components may come too close
+    if clashes.any or len(spots.place) < graph.num_vertices:  # robots of different components may come too close
         degree = float(np.diff(graph.first).mean()) + 1
         num_states = problem.num_robots * np.log(graph.num_vertices)
         if num_states > np.log(MOST_STATES) or num_states + problem.num_robots * np.log(degree) > np.log(MOST_MOVES):
             return False
-        return not can_reach(graph.first, graph.head, np.array(problem.start), np.array(target), following, clashes)
+        return not can_reach(graph.first, graph.head, np.array(problem.start), np.array(target), following, clashes, spots)
     alone = no_clashes(0, 0, rotations=clashes.rotations)
     for component in np.unique(graph.component[problem.start]):
         vertices = np.flatnonzero(graph.component == component)
@@ -81,8 +81,7 @@ def unsolvable(problem: Problem, clashes: Clashes, following: bool = False) -> b
         inside = np.isin(graph.tail, vertices) & np.isin(graph.head, vertices)
         tail, head = number[graph.tail[inside]], number[graph.head[inside]]
         first = np.searchsorted(tail, np.arange(len(vertices) + 1)).astype(np.int64)
-        if (number[target[robots]] < 0).any() or not can_reach(
-            first, head.astype(np.int64), number[problem.start[robots]], number[target[robots]], following, alone
-        ):
+        ends, head = (number[problem.start[robots]], number[target[robots]]), head.astype(np.int64)
+        if (ends[1] < 0).any() or not can_reach(first, head, *ends, following, alone, vertices_alone(first, head)):
             return True
     return False

@@ -12,7 +12,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from mrp_sumo.core.clashes import Beside, Clashes, no_clashes, none_beside
+from mrp_sumo.core.clashes import Beside, Clashes, Spots, lanes_in, no_clashes, none_beside, vertices_alone
 from mrp_sumo.core.graph import BoolArray, IntArray, NavGraph, PlanGraph, frozen
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.traffic.moves import MoveGraph
@@ -23,6 +23,8 @@ NO_SEPARATION = -1.0  # stands for the rules of MAPF alone
 _known: WeakKeyDictionary[NavGraph, dict[tuple[float, bool], Clashes]] = WeakKeyDictionary()
 _of_moves_known: WeakKeyDictionary[MoveGraph, dict[tuple[float, bool], tuple["_Pairs", "_Pairs"]]] = WeakKeyDictionary()
 _beside_known: WeakKeyDictionary[MoveGraph, "_Pairs"] = WeakKeyDictionary()
+_spots_known: WeakKeyDictionary[NavGraph, Spots] = WeakKeyDictionary()
+_of_spots_known: WeakKeyDictionary[MoveGraph, dict[float, Clashes]] = WeakKeyDictionary()
 _from_starts: WeakKeyDictionary[Problem, Clashes] = WeakKeyDictionary()
 _from_starts_by_place: WeakKeyDictionary[Problem, tuple[Clashes, Beside]] = WeakKeyDictionary()
 
@@ -38,6 +40,37 @@ def clashes_of(problem: Problem) -> Clashes:
     if problem not in _from_starts:
         _from_starts[problem] = _with_starts(graph, separation_m, problem.start, by_place=False)
     return _from_starts[problem]
+
+
+def clashes_of_spots(problem: Problem) -> tuple[Clashes, Spots]:
+    """The clashes between spots that a plan for this problem must avoid, and the spots. Those of a graph are computed once.
+
+    As on the map, a robot may come to a spot in the step in which another leaves it.
+    """
+    graph = problem.graph
+    if graph not in _spots_known:
+        _spots_known[graph] = _spots(graph)
+    spots = _spots_known[graph]
+    if not isinstance(graph, MoveGraph):
+        return clashes_of(problem), spots
+    separation_m, known = problem.fleet.separation_m if problem.drivable else NO_SEPARATION, _of_spots_known.setdefault(graph, {})
+    if separation_m not in known:
+        known[separation_m] = _between_spots(graph, spots, _on(graph.base, separation_m))
+    return known[separation_m], spots
+
+
+def _spots(graph: PlanGraph) -> Spots:
+    if not isinstance(graph, MoveGraph):
+        return vertices_alone(graph.first, graph.head, two_way=bool((graph.reverse >= 0).all()))
+    count = graph.base.num_vertices + 1
+    pairs, of = np.unique(graph.place * count + graph.behind + 1, return_inverse=True)
+    ends, move = np.unique(of[graph.tail] * len(pairs) + of[graph.head], return_inverse=True)
+    tail, head, place, spots = ends // len(pairs), ends % len(pairs), pairs // count, np.arange(len(pairs))
+    first = np.searchsorted(tail, np.arange(len(pairs) + 1)).astype(np.int64)
+    one, other = _joined(spots, place, place, spots, count)
+    beside = _csr(one[one != other], other[one != other], len(pairs))
+    entering = lanes_in(tail, head, len(pairs))
+    return Spots(frozen(of), frozen(move), frozen(first), frozen(head), frozen(tail), *entering, frozen(place), *beside)
 
 
 def clashes_by_place(problem: Problem, *, following: bool) -> tuple[Clashes, Beside]:
@@ -140,7 +173,8 @@ def _on(graph: PlanGraph, separation_m: float, *, by_place: bool = False) -> Cla
     known, key = _known.setdefault(graph, {}), (separation_m, by_place)
     if key not in known:
         if isinstance(graph, MoveGraph):
-            known[key] = _of_states(graph, _on(graph.base, separation_m), by_place=by_place)
+            states = _States(graph.base, graph.place, graph.behind, graph.base_lane, graph.tail, graph.head)
+            known[key] = _of_states(states, _on(graph.base, separation_m), by_place=by_place)
         elif separation_m == NO_SEPARATION:
             known[key] = no_clashes(graph.num_vertices, graph.num_lanes, rotations=True)
         else:
@@ -148,21 +182,40 @@ def _on(graph: PlanGraph, separation_m: float, *, by_place: bool = False) -> Cla
     return known[key]
 
 
-def _of_states(graph: MoveGraph, of_map: Clashes, *, by_place: bool) -> Clashes:
+class _States(NamedTuple):
+    """V' states, or spots, and the L' moves between them, see `MoveGraph`."""
+
+    base: PlanGraph
+    place: IntArray
+    behind: IntArray
+    base_lane: IntArray
+    tail: IntArray
+    head: IntArray
+
+
+def _between_spots(graph: MoveGraph, spots: Spots, of_map: Clashes) -> Clashes:
+    """The clashes of the spots of a graph of moves."""
+    behind, lane = np.empty(len(spots.place), np.int64), np.empty(len(spots.head), np.int64)
+    behind[spots.of], lane[spots.move] = graph.behind, graph.base_lane
+    clashes = _of_states(_States(graph.base, spots.place, behind, lane, spots.tail, spots.head), of_map, by_place=True)
+    return clashes._replace(any=bool(len(clashes.vertex) or len(clashes.lane) or len(spots.beside)))
+
+
+def _of_states(states: _States, of_map: Clashes, *, by_place: bool) -> Clashes:
     """The clashes of a graph of moves: all states at a place exclude each other, and those at places that exclude each other on the map.
 
     `by_place` the states at the places of a move are left to planners, and lanes that lead the other way are clashes instead.
     """
-    base, place, count = graph.base, graph.place, graph.base.num_vertices
-    tows = np.flatnonzero(graph.behind >= 0)
-    held, state = np.concatenate([place, graph.behind[tows]]), np.concatenate([np.arange(len(place)), tows])  # places, and who is there
-    by_held, by_lane = np.argsort(held, kind="stable"), np.argsort(graph.base_lane, kind="stable")
-    num_vertices, num_lanes = graph.num_vertices, graph.num_lanes
+    base, place, behind_of, base_lane, tail, head = states
+    count, tows = base.num_vertices, np.flatnonzero(behind_of >= 0)
+    held, state = np.concatenate([place, behind_of[tows]]), np.concatenate([np.arange(len(place)), tows])  # places, and who is there
+    by_held, by_lane = np.argsort(held, kind="stable"), np.argsort(base_lane, kind="stable")
+    num_vertices, num_lanes = len(place), len(base_lane)
     num_moves = num_lanes + num_vertices
     all_moves = np.arange(num_moves)
-    of_base = np.concatenate([graph.base_lane, base.num_lanes + place])  # [M] the same move on the map
-    ends = np.concatenate([np.stack([graph.tail, graph.head]), np.tile(np.arange(num_vertices), (2, 1))], 1)  # [2, M] states
-    behind = graph.behind[ends]  # [2, M]
+    of_base = np.concatenate([base_lane, base.num_lanes + place])  # [M] the same move on the map
+    ends = np.concatenate([np.stack([tail, head]), np.tile(np.arange(num_vertices), (2, 1))], 1)  # [2, M] states
+    behind = behind_of[ends]  # [2, M]
     parts = [(all_moves, place[ends[0]]), (all_moves, place[ends[1]])]
     parts += [(all_moves[mine >= 0], mine[mine >= 0]) for mine in behind]
     moves = [of_base, *(np.where(mine >= 0, base.num_lanes + mine, -1) for mine in behind)]
@@ -181,11 +234,15 @@ def _of_states(graph: MoveGraph, of_map: Clashes, *, by_place: bool) -> Clashes:
     if by_place:  # but for trailers there
         there = np.bincount(held, minlength=count)[pairs % count]
         keep &= np.repeat(grouped, there) | (place[vertex] != np.repeat(pairs % count, there))
-        back = base.reverse[graph.base_lane]
+        back = base.reverse[base_lane]
         lanes.append(np.stack([np.flatnonzero(back >= 0), back[back >= 0]]))
-    vertex_first, vertex = _csr(move[keep], vertex[keep], num_moves)
+    move, vertex = np.divmod(np.unique(move[keep] * num_vertices + vertex[keep]), num_vertices)  # one may hold two of the places
+    vertex_first, vertex = _csr(move, vertex, num_moves)
     on, lane = np.unique(np.concatenate(lanes, 1), axis=1)
-    on, lane = _joined(on, lane, graph.base_lane[by_lane], by_lane, base.num_lanes)
+    on, lane = _joined(on, lane, base_lane[by_lane], by_lane, base.num_lanes)
+    if by_place:  # robots that change places are left to planners
+        swaps = (ends[0][on] == head[lane]) & (ends[1][on] == tail[lane])
+        on, lane = on[~swaps], lane[~swaps]
     lane_first, lane = _csr(on, lane, num_moves)
     return Clashes(vertex_first, vertex, lane_first, lane, True, of_map.rotations)
 

@@ -199,7 +199,8 @@ def _note_lost(store, lost, count, both_kept, moves, level):
 def joint_paths(instance, store, scratch, one, other):
     """Shortest paths of two robots without a conflict, and where there are none, what to split on.
 
-    Conflicts of moves that clash are not looked for: with these, TOGETHER may be said of robots that are LOST.
+    Conflicts of moves that clash are not looked for: with these, TOGETHER may be said of robots that are LOST. Nothing is known where
+    several vertices are one spot.
 
     Parameters
     ----------
@@ -213,7 +214,8 @@ def joint_paths(instance, store, scratch, one, other):
         of which each pair of paths without a conflict keeps.
     """
     nothing = np.int64(0)
-    if store.meta[one].mdd0 < 0 or store.meta[other].mdd0 < 0:
+    spots = instance.spots
+    if store.meta[one].mdd0 < 0 or store.meta[other].mdd0 < 0 or len(spots.place) < len(spots.of):  # members of a level are one spot
         return OK, UNKNOWN_YET, nothing, nothing, nothing
     first, last = _near(instance, store, scratch, one, other)
     if last == 0:
@@ -307,14 +309,14 @@ def breaks(store, record, row0, row1):
     """True if the path of a record does not keep these constraints, RANGE and MIN_COST."""
     path0, cost = store.meta[record].path0, store.meta[record].cost
     for r in range(row0, row1):
-        v, begin, end = store.rows[r].vertex, np.int64(store.rows[r].begin), np.int64(store.rows[r].end)
+        v, begin, end = store.rows[r].spot, np.int64(store.rows[r].begin), np.int64(store.rows[r].end)
         if store.rows[r].kind == MIN_COST:
             if cost < begin:
                 return True
         elif begin <= cost:
             for t in range(begin, min(end, cost) + 1):
-                if store.path[path0 + t] == v:
+                if store.path[path0 + t].spot == v:
                     return True
-        elif store.path[path0 + cost] == v:
+        elif store.path[path0 + cost].spot == v:
             return True
     return False

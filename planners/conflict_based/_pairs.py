@@ -66,7 +66,7 @@ def _solve_pair(tables, one, other, most_nodes, budget):
     count = 1
     code = OK
     weight = np.int64(IMPOSSIBLE)
-    is_told = not instance.clashes.any  # the joint MDD knows all conflicts
+    is_told = not instance.clashes.any and len(instance.spots.place) == len(instance.spots.of)  # the joint MDD knows all conflicts
     patience = 0 if is_told else PAIR_PATIENCE  # it also finds what these paths miss
     for expanded in range(most_nodes + 1):
         if count == 0:

@@ -37,7 +37,7 @@ from mrp_sumo.search._records import (
     ROWS,
     STORE_FULL,
     add_row,
-    place,
+    spot_at,
 )
 from planners.conflict_based._joint_mdd import LOST, UNKNOWN_YET, breaks, joint_paths
 
@@ -190,27 +190,26 @@ def _split_clash(instance, store, one, other, row):
     Koenig, "Multi-agent path finding for large agents", AAAI 2019. Of two robots in a plan one keeps its side, since
     everything on the one side clashes with everything on the other.
     """
-    clashes, first, head, step = instance.clashes, instance.first, instance.head, np.int64(row.step)
+    clashes, spots, step = instance.clashes, instance.spots, np.int64(row.step)
     if row.kind == CLASH_AT_TARGET:
         fits = add_row(store, MIN_COST, row.at, -1, step + 1, step + 1)
         middle = store.used[ROWS]
         fits = fits and _bar_place(instance, store, row.at, step, FOREVER)
-        return middle if fits and _bar(instance, store, len(head) + row.at, (step - 1, FOREVER, step, FOREVER)) else np.int64(-1)
+        return middle if fits and _bar(instance, store, len(spots.head) + row.at, (step - 1, FOREVER, step, FOREVER)) else np.int64(-1)
     moves = np.empty((2, 3), np.int64)
     for side in range(2):
         record = one if side == 0 else other
-        u, v = place(store, record, step - 1), place(store, record, step)
-        moves[side, 0], moves[side, 1], moves[side, 2] = u, v, move_of(first, head, u, v)
-    beside = instance.beside
-    for k in range(beside.first[moves[0, 1]], beside.first[moves[0, 1] + 1]):
-        if beside.vertex[k] == moves[1, 1]:
+        u, v = spot_at(store, record, step - 1), spot_at(store, record, step)
+        moves[side, 0], moves[side, 1], moves[side, 2] = u, v, move_of(spots.first, spots.head, u, v)
+    for k in range(spots.beside_first[moves[0, 1]], spots.beside_first[moves[0, 1] + 1]):
+        if spots.beside[k] == moves[1, 1]:
             return _split_meeting(instance, store, moves[0, 1], moves[1, 1], step)
     for side in range(2):  # who is kept from a place
         mine, theirs = moves[side], moves[1 - side]
         for end in range(1, -1, -1):
             v, t = mine[end], step - 1 + end
-            if too_close(clashes, len(head) + v, theirs[2], theirs[0], theirs[1]):
-                return _two_sides(instance, store, side, (RANGE, v, -1, t), len(head) + v, (max(t - 1, 0), t + 1, t, t + 1))
+            if too_close(clashes, len(spots.head) + v, theirs[2], theirs[0], theirs[1]):
+                return _two_sides(instance, store, side, (RANGE, v, -1, t), len(spots.head) + v, (max(t - 1, 0), t + 1, t, t + 1))
     edge = EDGE, moves[0, 1], moves[0, 0], step
     return _two_sides(instance, store, 0, edge, moves[0, 2], (step - 1, step, step, step))
 
@@ -225,10 +224,10 @@ def _split_meeting(instance, store, one_at, other_at, step):
 
 @kernel
 def _bar_place(instance, store, v, begin, end):
-    """Keep a robot from a vertex and those that are one place with it, from a step to another. False where there is no room."""
-    beside, fits = instance.beside, add_row(store, RANGE, v, -1, begin, end)
-    for k in range(beside.first[v], beside.first[v + 1]):
-        fits = fits and add_row(store, RANGE, beside.vertex[k], -1, begin, end)
+    """Keep a robot from the place of spot v, from a step to another. False where there is no room."""
+    spots, fits = instance.spots, add_row(store, RANGE, v, -1, begin, end)
+    for k in range(spots.beside_first[v], spots.beside_first[v + 1]):
+        fits = fits and add_row(store, RANGE, spots.beside[k], -1, begin, end)
     return fits
 
 
@@ -252,7 +251,7 @@ def _two_sides(instance, store, side, where, move, span):
 
 @kernel
 def _bar(instance, store, move, span):
-    """Keep a robot from what clashes with a move. `span`: the steps from and to which vertices are barred, and arrivals by lanes."""
+    """Keep a robot from what clashes with a move. `span`: the steps from and to which spots are barred, and arrivals by moves."""
     begin, end, arrive, until = span
     clashes = instance.clashes
     fits = True
@@ -260,7 +259,7 @@ def _bar(instance, store, move, span):
         fits = fits and add_row(store, RANGE, clashes.vertex[k], -1, begin, end)
     for k in range(clashes.lane_first[move], clashes.lane_first[move + 1]):
         lane = clashes.lane[k]
-        fits = fits and add_row(store, EDGE, instance.head[lane], instance.tail[lane], arrive, until)
+        fits = fits and add_row(store, EDGE, instance.spots.head[lane], instance.spots.tail[lane], arrive, until)
     return fits
 
 
@@ -277,20 +276,20 @@ def _rank(instance, store, scratch, one, other, row):
 
 @kernel
 def _between(instance, v, ends):
-    """Whether the place of v has exactly two neighbours; a vertex at each is written to `ends`."""
-    beside, count = instance.beside, 0
-    for k in range(beside.first[v] - 1, beside.first[v + 1]):
-        u = v if k < beside.first[v] else beside.vertex[k]
-        for m in range(instance.first[u], instance.first[u + 1]):
-            count = _noted(beside.place, ends, count, instance.head[m])
-        for m in range(instance.first_in[u], instance.first_in[u + 1]):
-            count = _noted(beside.place, ends, count, instance.tail_in[m])
+    """Whether the place of spot v has exactly two neighbours; a spot at each is written to `ends`."""
+    spots, count = instance.spots, 0
+    for k in range(spots.beside_first[v] - 1, spots.beside_first[v + 1]):
+        u = v if k < spots.beside_first[v] else spots.beside[k]
+        for m in range(spots.first[u], spots.first[u + 1]):
+            count = _noted(spots.place, ends, count, spots.head[m])
+        for m in range(spots.first_in[u], spots.first_in[u + 1]):
+            count = _noted(spots.place, ends, count, spots.tail_in[m])
     return count == 2
 
 
 @kernel
 def _noted(place_of, ends, count, v):
-    """Write a vertex to `ends` unless one at its place is there; how many places there are then, of which two are written."""
+    """Write a spot to `ends` unless one at its place is there; how many places there are then, of which two are written."""
     for k in range(min(count, 2)):
         if place_of[ends[k]] == place_of[v]:
             return count
@@ -301,8 +300,8 @@ def _noted(place_of, ends, count, v):
 
 @kernel
 def _followed(instance, row, before, at, other_end):
-    """Follow a corridor to which one comes from `before`: its end, the vertex before that, and the lanes to there, -1 on a ring."""
-    place_of, ends, lanes = instance.beside.place, np.empty(2, np.int64), 0
+    """Follow a corridor to which one comes from `before`: its end, the spot before that, and the lanes to there, -1 on a ring."""
+    place_of, ends, lanes = instance.spots.place, np.empty(2, np.int64), 0
     while not _is_bound_for(instance, row, at) and _between(instance, at, ends):
         onward = ends[0] if place_of[ends[1]] == place_of[before] else ends[1]
         if place_of[onward] == place_of[other_end]:
@@ -313,10 +312,11 @@ def _followed(instance, row, before, at, other_end):
 
 @kernel
 def _is_bound_for(instance, row, v):
-    """Whether one of the two robots of a conflict starts or ends at the place of v."""
-    place_of = instance.beside.place
+    """Whether one of the two robots of a conflict starts or ends at the place of spot v."""
+    spots = instance.spots
     for robot in (row.one, row.other):
-        if place_of[v] == place_of[instance.start[robot]] or place_of[v] == place_of[instance.goal[robot]]:
+        start, goal = spots.of[instance.start[robot]], spots.of[instance.goal[robot]]
+        if spots.place[v] == spots.place[start] or spots.place[v] == spots.place[goal]:
             return True
     return False
 
@@ -326,20 +326,20 @@ def _corridor_of(instance, store, one, other, row, corridor):
     """Find the corridor around a conflict of robots that go through it in opposite directions.
 
     `corridor` becomes: the end at which ONE comes out, the end at which OTHER comes out, its length in lanes,
-    and the vertex before ONE's end.
+    and the spot before ONE's end.
     """
-    place_of, ends, step = instance.beside.place, np.empty(2, np.int64), row.step
-    at, beyond = place(store, one, step), place(store, other, step)
+    place_of, ends, step = instance.spots.place, np.empty(2, np.int64), row.step
+    at, beyond = spot_at(store, one, step), spot_at(store, other, step)
     if place_of[at] == place_of[beyond]:
         if _is_bound_for(instance, row, at) or not _between(instance, at, ends):
             return False
         # the robots came from either side
         one_from, other_from = np.int64(-1), np.int64(-1)
         for t in range(step - 1, -1, -1):
-            if one_from < 0 and place_of[place(store, one, t)] != place_of[at]:
-                one_from = place(store, one, t)
-            if other_from < 0 and place_of[place(store, other, t)] != place_of[at]:
-                other_from = place(store, other, t)
+            if one_from < 0 and place_of[spot_at(store, one, t)] != place_of[at]:
+                one_from = spot_at(store, one, t)
+            if other_from < 0 and place_of[spot_at(store, other, t)] != place_of[at]:
+                other_from = spot_at(store, other, t)
         if one_from < 0 or other_from < 0 or place_of[one_from] == place_of[other_from]:
             return False
         ahead, behind = other_from, one_from  # seen from ONE
@@ -347,7 +347,7 @@ def _corridor_of(instance, store, one, other, row, corridor):
         last, previous = at, at
     else:
         ahead, behind = at, beyond
-        if place_of[place(store, one, step - 1)] != place_of[behind] or place_of[place(store, other, step - 1)] != place_of[ahead]:
+        if place_of[spot_at(store, one, step - 1)] != place_of[behind] or place_of[spot_at(store, other, step - 1)] != place_of[ahead]:
             return False
         length = 1
         last, previous = behind, ahead
@@ -365,33 +365,32 @@ def _corridor_of(instance, store, one, other, row, corridor):
 
 
 @kernel
-def _first_at(instance, store, record, vertex, step):
-    """When the path is at the place of a vertex, from a step on; -1 for never."""
-    place_of, path0, cost = instance.beside.place, store.meta[record].path0, store.meta[record].cost
+def _first_at(instance, store, record, spot, step):
+    """When the path is at the place of a spot, from a step on; -1 for never."""
+    place_of, path0, cost = instance.spots.place, store.meta[record].path0, store.meta[record].cost
     for t in range(step, cost + 1):
-        if place_of[store.path[path0 + t]] == place_of[vertex]:
+        if place_of[store.path[path0 + t].spot] == place_of[spot]:
             return t
     return -1
 
 
 @kernel
 def _steps_without(instance, scratch, end, banned):
-    """Fill `scratch.reach` with the steps to the place of `end` that do not use an edge between two places."""
-    reach, queue, beside = scratch.reach, scratch.queue, instance.beside
+    """Fill `scratch.reach` with the steps to the place of spot `end` that do not use an edge between two places."""
+    reach, queue, spots = scratch.reach, scratch.queue, instance.spots
     reach[:] = UNREACHABLE
-    reach[end] = 0
-    queue[0] = end
-    k, count = 0, 1
-    for m in range(beside.first[end], beside.first[end + 1]):
-        reach[beside.vertex[m]] = 0
-        queue[count] = beside.vertex[m]
-        count += 1
+    k, count = 0, 0
+    for v in range(len(spots.of)):
+        if spots.place[spots.of[v]] == spots.place[end]:
+            reach[v] = 0
+            queue[count] = v
+            count += 1
     while k < count:
         v = queue[k]
         k += 1
         for m in range(instance.first_in[v], instance.first_in[v + 1]):
             u = instance.tail_in[m]
-            if reach[u] == UNREACHABLE and not is_banned(beside.place, u, v, banned):
+            if reach[u] == UNREACHABLE and not is_banned(spots.place, spots.of[u], spots.of[v], banned):
                 reach[u] = reach[v] + 1
                 queue[count] = u
                 count += 1
@@ -399,7 +398,7 @@ def _steps_without(instance, scratch, end, banned):
 
 @kernel
 def _arrival(instance, scratch, start, end, banned):
-    """The earliest step at the place of `end` under the loaded constraints, FOREVER if never; a lower bound when it takes too long."""
+    """The earliest step at the place of spot `end` under the loaded constraints, FOREVER if never; a lower bound when it takes too long."""
     _steps_without(instance, scratch, end, banned)
     code, cost, _ = earliest_arrival(instance, scratch, start, scratch.reach, False, banned, CORRIDOR_BUDGET)
     return np.int64(FOREVER) if code == NO_PATH else np.int64(cost)
@@ -408,8 +407,8 @@ def _arrival(instance, scratch, start, end, banned):
 @kernel
 def _split_corridor(instance, store, scratch, one, other, row, corridor):
     """Range constraints at the ends of a corridor; NO_PATH when they would not end the conflict."""
-    one_end, other_end, length, step, place_of = corridor[0], corridor[1], corridor[2], row.step, instance.beside.place
-    cut = place_of[place(store, one, step)], place_of[place(store, other, step)]
+    one_end, other_end, length, step, place_of = corridor[0], corridor[1], corridor[2], row.step, instance.spots.place
+    cut = place_of[spot_at(store, one, step)], place_of[spot_at(store, other, step)]
     if cut[0] == cut[1]:
         cut = place_of[corridor[3]], place_of[one_end]
     one_at = _first_at(instance, store, one, one_end, step)
@@ -551,7 +550,7 @@ def _barriers(instance, store, one, other, row, corners, ways):
                 if right * instance.column[v] == x and up * instance.line[v] == y:
                     if not add_row(store, RANGE, v, -1, t, t):
                         return STORE_FULL
-                    if t <= cost and store.path[path0 + t] == v:
+                    if t <= cost and store.path[path0 + t].spot == v:
                         broken = True
                     break
         bounds[k + 1] = store.used[ROWS]

@@ -6,7 +6,7 @@ import numpy as np
 
 from mrp_sumo.search._constraints import EXPANSIONS, RULE, SEARCH_STATE, ConstraintScratch
 from mrp_sumo.search._occupancy import WORD, Occupancy, empty_occupancy
-from mrp_sumo.search._records import CONSTRAINT, RECORD, Store
+from mrp_sumo.search._records import CONSTRAINT, RECORD, VISIT, Store
 
 DELAYS = 256  # distinct states of a vertex, at first
 MOST_VISITED = 1 << 24  # states of all vertices, at first
@@ -15,12 +15,17 @@ MOST_VISITED = 1 << 24  # states of all vertices, at first
 class Buffers:
     """Tables by what makes them too small; what is in the store stays, the rest is reallocated when it grows."""
 
-    def __init__(self, num_vertices: int, num_robots: int, horizon: int) -> None:
-        self._num_vertices, self._num_robots, self._horizon = num_vertices, num_robots, -(-horizon // WORD) * WORD
+    def __init__(self, num_vertices: int, num_spots: int, num_robots: int, horizon: int) -> None:
+        self._num_vertices, self._num_spots, self._num_robots, self._horizon = (
+            num_vertices,
+            num_spots,
+            num_robots,
+            -(-horizon // WORD) * WORD,
+        )
         self.store = Store(
             np.empty(4096, RECORD),
             np.empty(1 << 14, CONSTRAINT),
-            np.empty(1 << 18, np.int32),
+            np.empty(1 << 18, VISIT),
             np.empty(1 << 16, np.int64),
             np.empty(1 << 18, np.int32),
             np.zeros(5, np.int64),
@@ -38,7 +43,7 @@ class Buffers:
     def pair(self) -> Occupancy:
         """For two robots alone; not all problems need it."""
         if self._pair is None:
-            self._pair = empty_occupancy(self._num_vertices, self._num_robots, self._horizon)
+            self._pair = empty_occupancy(self._num_spots, self._num_robots, self._horizon)
             self._measure()
         return self._pair
 
@@ -66,16 +71,16 @@ class Buffers:
         self._by_horizon()
 
     def _by_horizon(self) -> None:
-        self.occupancy = empty_occupancy(self._num_vertices, self._num_robots, self._horizon)
+        self.occupancy = empty_occupancy(self._num_spots, self._num_robots, self._horizon)
         self._pair = None
         self._make_scratch()
 
     def _make_scratch(self) -> None:
-        num_vertices, horizon = self._num_vertices, self._horizon
+        num_vertices, num_spots, horizon = self._num_vertices, self._num_spots, self._horizon
         self._number[:] = [0, self._number[EXPANSIONS], 0, 0]
         self.scratch = ConstraintScratch(
-            np.zeros(num_vertices, np.int32),
-            np.zeros(num_vertices, np.int32),
+            np.zeros(num_spots, np.int32),
+            np.zeros(num_spots, np.int32),
             np.empty(max(1024, self._states >> 4), RULE),
             np.zeros(horizon, np.int64),
             np.zeros(self._visited, np.int32),

@@ -148,7 +148,7 @@ class TreePlanner(ABC):
         tree.split(root, chosen, disjoint=True)
         tree.adopt(root, children[0])
         cover(3, np.array([0, 2, 4]), np.array([0, 1, 1, 2]), np.array([1, 1]))
-        unsolvable(problem, tree.instance.clashes)
+        unsolvable(problem, tree.instance.clashes, tree.instance.spots)
 
     def plan(self, problem: Problem, time_limit_s: float) -> PlanResult:
         """Expand nodes in order, until one without conflicts costs at most `factor` times the lower bound.

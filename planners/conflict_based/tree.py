@@ -25,7 +25,7 @@ from mrp_sumo.search._space_time import ReplanEffort, TreeTables
 from mrp_sumo.search.distance import distances
 from mrp_sumo.search.entries import Entries, enter, entries_of
 from mrp_sumo.search.solvable import unsolvable
-from mrp_sumo.traffic.clashes import clashes_by_place
+from mrp_sumo.traffic.clashes import clashes_of_spots
 from mrp_sumo.traffic.moves import MoveGraph
 from planners.conflict_based._cover import cover
 from planners.conflict_based._nodes import all_rows, branch, same_path
@@ -99,7 +99,7 @@ class Tree:
         tables = distances(problem.graph)
         target = problem.target
         column, line = (like.instance.column, like.instance.line) if like else _cells(problem.graph)
-        clashes, beside = clashes_by_place(problem, following=following)
+        clashes, spots = clashes_of_spots(problem)
         self.instance: st.SearchInstance = st.SearchInstance(
             tables.first,
             tables.head,
@@ -111,17 +111,18 @@ class Tree:
             column,
             line,
             following,
-            problem.graph.tail,
             clashes,
-            beside,
+            spots,
         )
-        self._entries: Entries = like._entries if like else entries_of((*self.instance, *clashes, *beside))
+        self._entries: Entries = like._entries if like else entries_of((*self.instance, *clashes, *spots))
         self.limits = limits
         self._window = problem.window_steps  # later conflicts are none; 0: all are
         self.symmetries = symmetries and not self._window  # their constraints reach beyond
         self.num_robots = problem.num_robots
         longest = int(self.instance.distance[np.arange(problem.num_robots), problem.start].max(initial=0))
-        self._buffers: Buffers = like._buffers if like else Buffers(problem.graph.num_vertices, problem.num_robots, 2 * longest + 64)
+        self._buffers: Buffers = (
+            like._buffers if like else Buffers(problem.graph.num_vertices, len(spots.place), problem.num_robots, 2 * longest + 64)
+        )
         self._weights: dict[tuple[int, int], int] = like._weights if like else {}
         # two robots -> clusters with both -> what these cost more than their paths at least, by what stands for their constraints
         self._clusters: dict[tuple[int, int], dict[tuple[int, ...], dict[tuple[int, ...], int]]] = like._clusters if like else {}
@@ -272,7 +273,7 @@ class Tree:
             return self._split_ring(node, w)
         self._num_split += within is None  # those of clusters are no sign of how hard the problem is
         if within is None and self._num_split == SPLITS_BEFORE_DOUBT and not self._window:
-            self._unsolvable = unsolvable(self.problem, self.instance.clashes, bool(self.instance.following))
+            self._unsolvable = unsolvable(self.problem, self.instance.clashes, self.instance.spots, bool(self.instance.following))
         if self._unsolvable:
             return []
         while True:
@@ -289,11 +290,11 @@ class Tree:
                 return [node]
 
     def ring(self, node: ConflictNode) -> list[tuple[int, int, int, int]]:
-        """Robots of a node without conflicts that rotate where they must not, each with its move: from, to, and the step it leads to."""
+        """Robots of a node without conflicts that rotate where they must not, each with its move between spots and the step it leads to."""
         if node.ring is None:
             end = self._window + 1 if self._window else None
-            paths, place = [path[:end] for path in self.paths(node)], self.instance.beside.place
-            ring = [] if self.instance.clashes.rotations else first_ring([place[path] for path in paths])
+            paths, spots = [self.instance.spots.of[path[:end]] for path in self.paths(node)], self.instance.spots
+            ring = [] if self.instance.clashes.rotations else first_ring([spots.place[path] for path in paths])
             node.ring = [(robot, int(paths[robot][step - 1]), int(paths[robot][step]), step) for robot, _, _, step in ring]
         return node.ring
 
@@ -388,7 +389,7 @@ class Tree:
         paths = []
         for record in node.records:
             begin, cost = store.meta["path0"][record], store.meta["cost"][record]
-            paths.append(store.path[begin : begin + cost + 1].astype(np.int64))
+            paths.append(store.path["vertex"][begin : begin + cost + 1].astype(np.int64))
         return paths
 
     def check_clock(self) -> None:
@@ -457,7 +458,7 @@ class Tree:
         return [made for made in children if made is not None]
 
     def _place(self, node: ConflictNode, robot: int, step: int) -> int:
-        return int(st.place(self._buffers.store, int(node.records[robot]), step))
+        return int(st.spot_at(self._buffers.store, int(node.records[robot]), step))
 
     def _rows(self, rows: list[tuple[int, int, int, int, int]]) -> tuple[int, int]:
         store = self._buffers.store

@@ -10,7 +10,7 @@ from mrp_sumo.core.problem import Standing
 from mrp_sumo.planning.answers import planned_by
 from mrp_sumo.planning.registry import planner
 from mrp_sumo.planning.vehicles import on_moves, within_reach
-from mrp_sumo.traffic.clashes import clashes_by_place, clashes_of
+from mrp_sumo.traffic.clashes import clashes_by_place, clashes_of, clashes_of_spots
 from mrp_sumo.traffic.moves import BOUND, UNDER_WAY
 from mrp_sumo.traffic.referee import judge
 from mrp_sumo.traffic.turns import obstacle_to, with_swings
@@ -223,7 +223,7 @@ def test_vehicles_on_a_block_that_all_go_on_at_once_rotate_though_none_enters_a_
     lanes = [graph.base.lane_between(*lane) for lane in zip(ring, [1, 3, 2, 0])]
     paths = [np.array([start, graph.states[0].at[UNDER_WAY, lane, 0]]) for start, lane in zip(problem.start, lanes)]
     monkeypatch.setattr(tree, "paths", lambda node: paths)
-    moves = [(robot, *paths[robot].tolist(), 1) for robot in range(num_robots)]
+    moves = [(robot, *tree.instance.spots.of[paths[robot]].tolist(), 1) for robot in range(num_robots)]
     assert sorted(tree.ring(ConflictNode(tree, np.zeros(num_robots, np.int64), NO_CONFLICTS, 0, 0))) == (moves if num_robots == 4 else [])
 
 
@@ -239,6 +239,29 @@ def test_states_of_one_place_are_beside_each_other_and_no_clashes_for_planners_t
     assert set(graph.base_lane[there].tolist()) == {graph.base.reverse[graph.base_lane[lane]]}
     strict, nobody = clashes_by_place(problem, following=True)
     assert strict is clashes_of(problem) and not len(nobody.vertex)
+
+
+def test_states_of_one_place_are_one_spot_and_where_nobody_tows_spots_clash_as_the_map_says():
+    problem = on_moves(vehicles_on(squares(2, 4.0), [0, 3], [1, 2], [TRICYCLE, CART]))
+    graph, (clashes, spots) = problem.graph, clashes_of_spots(problem)
+    assert (spots.place[spots.of] == graph.place).all() and sorted(spots.place.tolist()) == [0, 1, 2, 3]
+    assert not clashes.any and not len(spots.beside)
+    assert (spots.tail[spots.move] == spots.of[graph.tail]).all() and (spots.head[spots.move] == spots.of[graph.head]).all()
+    assert len(spots.head) == graph.base.num_lanes
+
+
+def test_a_spot_of_a_tugger_is_its_place_and_that_behind_it():
+    """A waiting tugger keeps others off both; heads at its own place are beside it."""
+    problem = on_moves(vehicles_on(squares(3, 4.0), [1, 7], [3, 5], TUGGER))
+    graph, (clashes, spots) = problem.graph, clashes_of_spots(problem)
+    held = {spot: (place, behind) for spot, place, behind in zip(spots.of.tolist(), graph.place.tolist(), graph.behind.tolist())}
+    assert len(set(held.values())) == len(held) == len(spots.place)
+    for spot, (place, behind) in held.items():
+        beside = spots.beside[slice(*spots.beside_first[spot : spot + 2])].tolist()
+        assert beside == [other for other, (at, _) in sorted(held.items()) if at == place and other != spot]
+        wait = len(spots.head) + spot
+        near = clashes.vertex[slice(*clashes.vertex_first[wait : wait + 2])].tolist()
+        assert near == [other for other, (at, tow) in sorted(held.items()) if tow == place or (behind >= 0 and behind in (at, tow))]
 
 
 @pytest.mark.parametrize(("to", "stays", "goals"), [(0, True, [1, 3, 2]), (3, False, [3, 1, 4])])

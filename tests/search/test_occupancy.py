@@ -29,7 +29,7 @@ def root_of(free, start, goal, *, following=False):
 
 def path_of(store, record):
     begin, cost = store.meta[record].path0, store.meta[record].cost
-    return store.path[begin : begin + cost + 1].tolist()
+    return store.path["vertex"][begin : begin + cost + 1].tolist()
 
 
 def at(path, step):

@@ -104,7 +104,7 @@ def test_a_robot_is_replanned_at_the_least_cost_and_disturbs_fewest(seed):
     if made is None:
         return
     meta = tree._buffers.store.meta[made[0]]
-    mine = tree._buffers.store.path[meta.path0 : meta.path0 + meta.cost + 1].tolist()
+    mine = tree._buffers.store.path["vertex"][meta.path0 : meta.path0 + meta.cost + 1].tolist()
     assert mine[0] == start and mine[-1] == goal and all(allowed(rows, u, v, t) for t, (u, v) in enumerate(pairwise(mine), 1))
     later = sum(path[meta.cost : -1].count(goal) for path in paths[:robot])
     num = sum(disturbed(paths[:robot], u, v, t) for t, (u, v) in enumerate(pairwise(mine), 1)) + later
