@@ -68,6 +68,9 @@ def read_fleet(path: Path) -> MotionLog:
         return _run(path)
     if path.is_dir():
         messages = [folder / "messages.jsonl" for folder in (path, path / "vda5050") if (folder / "messages.jsonl").is_file()]
+        if not messages and not any(each.suffix in BAGS or each.name == "metadata.yaml" for each in path.iterdir()):
+            within = "result.json of a run, manifest.json of an archive, metadata.yaml of a bag, or messages.jsonl of VDA 5050"
+            raise MrpSumoError(f"{shortened(path)}: a folder without a log, expected in it {within}")
         return _vda(messages[0]) if messages else _bag(path)
     if not path.exists():
         raise MrpSumoError(f"{shortened(path)}: no such log")

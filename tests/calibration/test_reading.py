@@ -202,3 +202,13 @@ def test_unknown_kinds_of_files_are_refused(tmp_path):
         read_fleet(tmp_path / "log.pdf")
     with pytest.raises(MrpSumoError, match="no such log"):
         read_fleet(tmp_path / "log.csv")
+
+
+def test_folder_of_logs_is_no_log(tmp_path):
+    """With the data of a bag in it, it may be one whose writer was interrupted."""
+    (tmp_path / "fleet_1").mkdir()
+    with pytest.raises(MrpSumoError, match=r"a folder without a log, expected in it result\.json"):
+        read_fleet(tmp_path)
+    (tmp_path / "bag_0.mcap").write_bytes(b"")
+    with pytest.raises(MrpSumoError, match="no metadata.yaml: not a bag, or its writer was interrupted"):
+        read_fleet(tmp_path)
