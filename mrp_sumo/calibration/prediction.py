@@ -272,12 +272,18 @@ def _note_what_is_not_told(held: HeldOut, file: ScenarioFile, calibrations: Sequ
 
 
 def _drawn(file: ScenarioFile, runs: int, seed: int) -> Iterator[dict[Place, float]]:
-    """Calibrated figures of each run, drawn from their intervals: evenly over the lognormal ones, in an order of their own each."""
+    """Calibrated figures of each run, drawn from their intervals: evenly over the lognormal ones, in an order of their own each.
+
+    But for the rate of stops and how long they last, one high where the other is low: many short ones or few long ones explain a log.
+    """
     from scipy.special import ndtri
 
     rng = np.random.default_rng([seed, DRAWN])
     of = [quantity for quantity in quantities(file, {}, ()) if quantity.is_given and quantity.ends[0][0][-1] != "speed_spread"]
     deviates = np.stack([rng.permutation(ndtri((np.arange(runs) + 0.5) / runs)) for _ in of], 1) if of else np.zeros((runs, 0))
+    names = [quantity.ends[0][0][-1] for quantity in of]
+    if {"stops_per_s", "stop_median_s"} <= set(names):
+        deviates[:, names.index("stop_median_s")] = -deviates[:, names.index("stops_per_s")]
     disturbances = file.scenario.execution.disturbances
     for row in np.clip(deviates / NORMAL, -1, 1).tolist():
         moves = {}

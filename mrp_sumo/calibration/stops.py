@@ -3,8 +3,8 @@
 A vehicle that is held brakes, stands and goes on. Holds that end before it stands, or before the log shows it, are not seen: the
 likelihood is that of a Poisson stream of lognormal holds of which only the longer ones are. Not counted are stands at actions, where the
 way bends, where many of those who pass stand without such a reason, beside a lift or another vehicle, and where the log says that the way
-ahead was not free. The rate is the posterior's median over all durations that stops may have; a prior has them last about as long as usual.
-Fewer than five stops do not tell how long they last: theirs is the rate of stops that last as long as usual.
+ahead was not free. The rate is that of stops of the best durations, with limits over all durations that they may have; a prior has them
+last about as long as usual. Fewer than five stops do not tell how long they last: theirs is the rate of stops that last as long as usual.
 """
 
 import math
@@ -123,8 +123,9 @@ def _fit(hold_s: FloatArray, driven_s: float, seen_s: float, drop: float) -> Sto
     cells = weight > 1e-6
     rates = np.geomspace(1e-3, 1e3, 241) * (count + JEFFREYS) / driven_s
     below = gammainc(count + JEFFREYS, rates[:, None] * driven_s * longer[cells]) @ weight[cells] / weight[cells].sum()
-    low, rate, high = np.interp((0.05, 0.5, 0.95), below, rates).tolist()
+    low, high = np.interp((0.05, 0.95), below, rates).tolist()
     i, j = np.unravel_index(int(np.argmax(durations)), durations.shape)
+    rate = min(max(float(gammaincinv(count + JEFFREYS, 0.5) / (driven_s * longer[i, j])), low), high)
     median = float(MEDIANS[i]), *_within(MEDIANS, durations.max(1), drop)
     spread = float(SIGMAS[j]), *_within(SIGMAS, durations.max(0), drop)
     return Stops(hold_s, driven_s, (rate, low, high), median, spread)

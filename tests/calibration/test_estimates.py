@@ -1,4 +1,6 @@
+import math
 from dataclasses import replace
+from statistics import NormalDist
 from types import SimpleNamespace
 
 import numpy as np
@@ -401,6 +403,14 @@ def test_rate_of_few_stops_is_that_of_stops_that_last_as_long_as_usual():
     assert written["none"].intervals == {}
     assert (written["few"].stops_per_s, written["few"].stop_median_s) == (pytest.approx(one.rate_per_s[0], rel=1e-3), 6.0)
     assert written["many"].stop_median_s != 6.0
+
+
+def test_rate_of_many_stops_is_that_of_stops_that_last_as_long_as_is_written():
+    """Five stops and a half in the median of a gamma distribution, 5.170, of which the share is seen that lasts 5 s or more."""
+    stops = stops_of([5.5, 6.0, 7.0, 8.0, 9.0], driven_s=250.0)
+    seen_share = 1 - NormalDist(math.log(stops.median_s[0]), stops.sigma[0]).cdf(math.log(5.0))
+    assert stops.rate_per_s[0] == pytest.approx(5.170 / (250.0 * seen_share), rel=1e-3)
+    assert stops.rate_per_s[1] < stops.rate_per_s[0] < stops.rate_per_s[2]
 
 
 @pytest.mark.parametrize(("now", "drifts"), [((10.0, 9.5, 10.5), True), ((9.0, 8.0, 10.0), False)])

@@ -162,6 +162,17 @@ def test_robots_wait_that_stand_near_a_station_before_they_are_served(stands_fro
     assert _waits_s(execution, stops).tolist() == ([] if waits_s is None else [pytest.approx(waits_s, abs=WITHIN_S / 2 + 0.11)])
 
 
+@pytest.mark.parametrize("figure", ["stop_median_s", "speed_noise"])
+def test_stops_are_drawn_short_where_they_are_many(figure):
+    """And no other figure follows their rate."""
+    told = {"stops_per_s": [0.005, 0.02], figure: [0.05, 50.0]}
+    disturbances = {"stops_per_s": 0.01, "stop_median_s": 5.0, "speed_noise": 0.1, "intervals": told}
+    values = {"map": "office", "robots": {"count": 2}, "planner": "lacam", "execution": {"disturbances": disturbances}}
+    drawn = list(_drawn(scenario_of(values, Path(), "case"), 8, 1))
+    rates, others = ([moves["execution", "disturbances", name] for moves in drawn] for name in told)
+    assert (np.argsort(rates).tolist() == np.argsort(others)[::-1].tolist()) == (figure == "stop_median_s")
+
+
 @pytest.mark.parametrize("runs", [1, 4])
 def test_figures_are_drawn_evenly_within_their_intervals(runs):
     robot = {"length_m": 0.5, "width_m": 0.5, "max_speed_mps": 1.0, "accel_mps2": 1.0, "decel_mps2": 1.0, "turn_rate_rad_s": 1.0}

@@ -210,5 +210,5 @@ def test_folder_of_logs_is_no_log(tmp_path):
     with pytest.raises(MrpSumoError, match=r"a folder without a log, expected in it result\.json"):
         read_fleet(tmp_path)
     (tmp_path / "bag_0.mcap").write_bytes(b"")
-    with pytest.raises(MrpSumoError, match="no metadata.yaml: not a bag, or its writer was interrupted"):
+    with pytest.raises(MrpSumoError, match=r"no metadata\.yaml: not a bag, or its writer was interrupted"):
         read_fleet(tmp_path)
