@@ -248,7 +248,7 @@ def _checked(names: _Names, path: Path, content: Any, begin: int) -> list[Task]:
             task = TaskChoice.model_validate(item)
         except ValidationError as error:
             first = error.errors()[0]
-            key = "".join(f".{part}" for part in first["loc"])
+            key = "".join(f".{part}" for part in first["loc"] if isinstance(part, int) or part in TaskChoice.model_fields)
             found_instead = f", found {first['input']!r}" if key else ""
             raise ScenarioError(f"{line}{key}: {in_words(first['msg'])}{found_instead}") from None
         tasks.append(_task(names.of_line(line), (), task, begin + number))
@@ -272,11 +272,13 @@ def choices_in(path: Path) -> Iterator[tuple[str, TaskChoice]]:
     for row in rows:
         line = f"{shortened(path)}:{rows.line_num}"
         values: Mapping[str, Any] = {key: value for key, value in row.items() if value not in (None, "")}
+        times_s = str(values.get("service_s", "")).split()
+        several = {"stops": str(values.get("stops", "")).split()} | ({"service_s": times_s} if len(times_s) > 1 else {})
         try:
-            yield line, TaskChoice.model_validate({**values, "stops": str(values.get("stops", "")).split()})
+            yield line, TaskChoice.model_validate({**values, **several})
         except ValueError as error:
             first = error.errors()[0] if hasattr(error, "errors") else {"loc": (), "msg": str(error)}
-            key, says = ".".join(map(str, first["loc"])), in_words(str(first["msg"]))
+            key, says = str(first["loc"][0]) if first["loc"] else "", in_words(str(first["msg"]))
             raise ScenarioError(f"{line}: {key}: {says}, found {row.get(key)!r}" if key else f"{line}: {says}") from None
 
 

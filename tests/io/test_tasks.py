@@ -73,6 +73,11 @@ def test_a_file_has_a_task_in_each_row(tmp_path):
     assert [(task.name, task.release_s, task.priority, len(task.stops)) for task in found] == [("task_1", 0, 0, 1), ("one", 5, 2, 2)]
 
 
+def test_a_row_has_a_service_time_for_every_stop_or_one_for_each(tmp_path):
+    (tmp_path / "orders.csv").write_text("release_s,stops,service_s\n0,a c,2 3.5\n1,a c,4\n2,a c,\n")
+    assert [[stop.service_s for stop in task.stops] for task in tasks_of("orders.csv", tmp_path)] == [[2, 3.5], [4, 4], [0, 0]]
+
+
 def test_a_stream_takes_one_of_each_group():
     found = tasks_of({**GROUPS, "streams": [{**STREAM, "service": [2, {"triangular_s": [1, 2, 3]}]}]})
     assert len(found) == 20 and {task.stops[0].vertex for task in found} == {0, 1}
@@ -212,6 +217,9 @@ def test_a_task_that_no_robot_can_do_is_refused(tmp_path, monkeypatch, capsys):
         ("bad.csv", r"bad.csv:3: release_s: .*found 'soon'"),
         ("far.csv", r"far.csv:2: release_s: expected 1000000000 or less, found '1e306'"),
         ("lacks.csv", "lacks.csv:1: has no column 'stops'"),
+        ("times.csv", r"times.csv:3: service_s: expected a number, found '2 x'"),
+        ("many.csv", r"many.csv:2: service_s has 3 times, but there are 2 stops"),
+        ("times.yaml", r"times.yaml: \[0\].service_s: expected a number, found 'x'"),
         ("name.csv", "name.csv:2: 'zz' is no station"),
     ],
 )
@@ -220,6 +228,9 @@ def test_what_is_wrong_is_one_line_with_its_place(tmp_path, choice, says):
     (tmp_path / "far.csv").write_text("release_s,stops\n1e306,a\n")
     (tmp_path / "lacks.csv").write_text("release_s\n1\n")
     (tmp_path / "name.csv").write_text("release_s,stops\n1,zz\n")
+    (tmp_path / "times.csv").write_text("release_s,stops,service_s\n1,a b,2 3\n1,a b,2 x\n")
+    (tmp_path / "many.csv").write_text("release_s,stops,service_s\n1,a b,2 3 4\n")
+    (tmp_path / "times.yaml").write_text("tasks:\n- {stops: [a], service_s: x}\n")
     with pytest.raises(ScenarioError, match=says) as raised:
         tasks_of(choice, tmp_path)
     assert "\n" not in str(raised.value)
