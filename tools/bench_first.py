@@ -97,13 +97,16 @@ def _lacam3(program: Path, flags: str, limit_s: float) -> Planner:
     return planner("external", {"command": command})
 
 
-def _measured(chosen: Planner, where: str, robots: int, seed: int, limit_s: float) -> dict[str, float | bool]:
-    """One answer. Its bound is the sum of shortest ways."""
+def _measured(
+    chosen: Planner, where: str, robots: int, seed: int, limit_s: float, whose: int | None = None
+) -> dict[str, float | bool]:
+    """One answer, with the peak so far of the process, or of its children, if it is asked `whose`. Its bound is the sum of shortest ways."""
     problem = problem_of(where, robots, seed)
     began = process_time()
     result = chosen.plan(problem, limit_s)
     cpu_s = process_time() - began
-    answer = {
+    peak = {} if whose is None else {"peak_mb": resource.getrusage(whose).ru_maxrss / 1024}  # the bound takes a table for each robot
+    answer = peak | {
         "bound": _shortest(problem),
         "cpu_s": result.stats.get("own_time_s", result.stats.get("cpu_s", cpu_s)),
     }
@@ -121,9 +124,8 @@ def _in_a_process(chosen: Planner, where: str, robots: int, seed: int, limit_s: 
     if (child := os.fork()) == 0:
         whose = resource.RUSAGE_CHILDREN if hasattr(chosen, "command") else resource.RUSAGE_SELF
         base_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-        answer = _measured(chosen, where, robots, seed, limit_s)
-        memory = {"peak_mb": resource.getrusage(whose).ru_maxrss / 1024, "base_mb": base_mb}
-        os.write(write, json.dumps(answer | memory).encode())
+        answer = _measured(chosen, where, robots, seed, limit_s, whose)
+        os.write(write, json.dumps(answer | {"base_mb": base_mb}).encode())
         os._exit(0)
     os.close(write)
     with os.fdopen(read) as said:

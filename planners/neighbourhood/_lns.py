@@ -280,7 +280,7 @@ def _is_free(traffic, robot):
         if v != before:
             lane = lane_between(task.first, task.head, before, v)
             back = task.reverse[lane]
-            if back >= 0 and (traffic.along[back, t >> 5] >> (t & 31)) & 1:
+            if back >= 0 and (traffic.along[t >> 5, back] >> (t & 31)) & 1:
                 return False
             if len(traffic.num_near) > 1 and (traffic.barred[lane, t >> 5] >> (t & 31)) & 1:
                 return False

@@ -79,7 +79,7 @@ def collide(traffic, hood, robot, until):
             if traffic.task.following and num_in(traffic.on, before, t) > 1:
                 new += _hit_holders(traffic, hood, robot, before, t)
             back = lane_between(task.first, task.head, v, before)
-            if back >= 0 and (traffic.along[back, t >> 5] >> (t & 31)) & 1:
+            if back >= 0 and (traffic.along[t >> 5, back] >> (t & 31)) & 1:
                 for other in range(len(traffic.at)):
                     crossed = traffic.at[other, t] == before and traffic.at[other, t - 1] == v and traffic.end[other] >= 0
                     if crossed and not hood.hit[robot, other]:
@@ -109,7 +109,7 @@ def _hit_near(traffic, hood, robot, u, v, t):
                 new += _hit_holders(traffic, hood, robot, w, step)
     for k in range(clashes.lane_first[move], clashes.lane_first[move + 1]):
         lane = clashes.lane[k]
-        if (traffic.along[lane, t >> 5] >> (t & 31)) & 1:
+        if (traffic.along[t >> 5, lane] >> (t & 31)) & 1:
             for other in range(len(traffic.at)):
                 if other != robot and traffic.end[other] >= 0 and traffic.at[other, t] == task.head[lane] and not hood.hit[robot, other]:
                     w = np.int64(traffic.at[other, t - 1])
@@ -277,7 +277,7 @@ def _walk(traffic, hood, num, robot, before, rng):
                 num = _choose_about(traffic, hood, num, u, t + 1)
             if num < len(hood.robot) and at < b and task.reverse[at] >= 0:
                 back = task.reverse[at]
-                if (traffic.along[back, (t + 1) >> 5] >> ((t + 1) & 31)) & 1:
+                if (traffic.along[(t + 1) >> 5, back] >> ((t + 1) & 31)) & 1:
                     num = _choose_on(traffic, hood, num, v, t + 1)
             v, to_go = u, onward
             break
@@ -325,7 +325,7 @@ def _choose_about(traffic, hood, num, v, t):
         for k in range(clashes.vertex_first[move], clashes.vertex_first[move + 1]):
             num = _choose_on(traffic, hood, num, clashes.vertex[k], t)
         for k in range(clashes.lane_first[move], clashes.lane_first[move + 1]):
-            if num < len(hood.robot) and (traffic.along[clashes.lane[k], t >> 5] >> (t & 31)) & 1:
+            if num < len(hood.robot) and (traffic.along[t >> 5, clashes.lane[k]] >> (t & 31)) & 1:
                 num = _choose_on(traffic, hood, num, task.head[clashes.lane[k]], t)
     return num
 

@@ -17,7 +17,7 @@ from planners.configuration._pibt_instance import UNKNOWN
 from planners.neighbourhood._traffic import MOST_CELLS, add_path, closes_ring, free_start, mixed, run_end, slots_for
 
 FAR = 1 << 30
-FEW_LABELS, FEW_SLOTS = 1 << 15, 1 << 16  # of a search that is tried first: its hashed runs stay in the processor's cache
+FEW_LABELS, MORE = 1 << 15, 8  # of a search that is tried first, so that its hashed runs stay in the processor's cache; times as many then
 NO_ROOM = -2  # how a search ends that has made all the labels it may
 EASE = 32  # steps of a detour that are as bad as one step done again: what is left weighs 1 + 1 / EASE
 
@@ -100,7 +100,7 @@ def plan_one(traffic, labels, robot, limit, crossing):
             end = _search(traffic, labels, robot, limit, room) if crossing else _search_free(traffic, labels, robot, limit, room)
         if room == most:
             break
-        room = most
+        room = min(MORE * room, most)
     labels.stamp[1] += labels.count[0]
     return max(end, np.int64(-1))
 
@@ -109,7 +109,10 @@ def plan_one(traffic, labels, robot, limit, crossing):
 def _begin(labels, most):
     """Begin a search that makes so many labels at most."""
     labels.stamp[0] += 1
-    labels.stamp[2] = min(len(labels.run), FEW_SLOTS if most <= FEW_LABELS else len(labels.run)) - 1
+    slots = 2 * FEW_LABELS
+    while slots < 2 * most:
+        slots *= 2
+    labels.stamp[2] = min(len(labels.run), slots) - 1
     labels.count[0], labels.count[1] = 1, 0
 
 
@@ -141,7 +144,7 @@ def plan_straight(traffic, labels, robot):
         u, back, held = np.int64(head[lane]), task.reverse[lane], (busy[v, word] >> shift) & 1
         if steps_from(steps, code, v, u, least - t) != least - t - 1 or (busy[u, word] >> shift) & 1 or (held and following):
             continue
-        if (held and back >= 0 and (along[back, word] >> shift) & 1) or (near and (barred[lane, word] >> shift) & 1):
+        if (held and back >= 0 and (along[word, back] >> shift) & 1) or (near and (barred[lane, word] >> shift) & 1):
             continue
         k = u * len(labels.queue) if len(labels.run) == 0 else hashed_run(labels, u, np.int64(0))
         if labels.closed[k] == stamp or (rings and closes_ring(traffic, v, u, t + 1)):
@@ -219,7 +222,7 @@ def _search_free(traffic, labels, robot, limit, room):
                 if not occupied:
                     until = min(run, last)
                     while t <= until and (  # a swap, for which the other is on v, a clash or a ring
-                        (back >= 0 and (busy[v, t >> 5] >> (t & 31)) & 1 and (along[back, t >> 5] >> (t & 31)) & 1)
+                        (back >= 0 and (busy[v, t >> 5] >> (t & 31)) & 1 and (along[t >> 5, back] >> (t & 31)) & 1)
                         or (near and (barred[lane, t >> 5] >> (t & 31)) & 1)
                         or (rings and closes_ring(traffic, v, u, t))
                     ):
@@ -301,7 +304,7 @@ def _search(traffic, labels, robot, limit, room):
                 arrive, price = t, cost + (1 if occupied else 0)
                 until = min(end, last)
                 while arrive <= until and (
-                    (back >= 0 and (busy[v, arrive >> 5] >> (arrive & 31)) & 1 and (along[back, arrive >> 5] >> (arrive & 31)) & 1)
+                    (back >= 0 and (busy[v, arrive >> 5] >> (arrive & 31)) & 1 and (along[arrive >> 5, back] >> (arrive & 31)) & 1)
                     or (near and (barred[lane, arrive >> 5] >> (arrive & 31)) & 1)
                     or (rings and closes_ring(traffic, v, u, arrive))
                 ):

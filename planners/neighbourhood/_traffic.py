@@ -6,6 +6,8 @@ near then hold one vertex at one step, and swaps and rings need no rules of thei
 How many robots hold a vertex at a step is in a table of vertices and steps: every cell has its slot, or, where that would take too much
 memory, only cells in use have one. A sparse table is hashed: slots lie at the number of a cell, mixed, or behind it (Knuth, The Art of
 Computer Programming, volume 3, section 6.4: linear probing, algorithm R for deletion). A robot that stays at its goal is one entry there.
+The table begins small and moves to one of twice as many slots, behind it in the same arrays, when two thirds of it are in use: memory that
+is never written to is not taken.
 
 Where moves clash, a robot bars the vertices and lanes that are too close to its own: vertices are then busy as if it held them. So are
 those that are one place with its own, at the step at which it is there.
@@ -20,6 +22,7 @@ from mrp_sumo.search._clashing import move_of
 from mrp_sumo.search._kernel import kernel
 
 MOST_CELLS = 1 << 22  # of a table in which every cell has its slot
+FEWEST_SLOTS = 16  # of a hashed table at first
 WORD = 32  # steps in a word of a bit set; reckoned with as an int64, so that nothing overflows
 _LOWEST = np.zeros(32, np.int64)  # position of the lowest bit by de Bruijn's sequence
 for _k in range(32):
@@ -45,13 +48,14 @@ class RepairTask(NamedTuple):
 
 
 class Holders(NamedTuple):
-    """Robots that hold each vertex at each of T steps, over K slots."""
+    """Robots that hold each vertex at each of T steps, over K slots; a hashed table of N slots is at N to 2 N - 1."""
 
     key: np.ndarray  # [K] int64 number of the cell and 1, 0 of an empty slot; [0] where every cell has its slot
     num: np.ndarray  # [K] uint8
     who: np.ndarray  # [K] int32 one of them
     since: np.ndarray  # [V] int64 step from which on a robot stays at a vertex, not counted in slots; [0] where stays are, too
     stayer: np.ndarray  # [V] int32 that robot
+    used: np.ndarray  # [2] int64 slots of the hashed table, and how many of them are in use
     steps: int  # T
 
 
@@ -64,7 +68,7 @@ class Traffic(NamedTuple):
     on: Holders
     busy: np.ndarray  # [V, W] uint32 bits: somebody holds or bars it
     num_near: np.ndarray  # [V, T] uint16 moves that bar a vertex, at the step they end in and the one before; [1, 1] without clashes
-    along: np.ndarray  # [L, W] uint32 bits: somebody arrives by a lane
+    along: np.ndarray  # [W, L] uint32 bits: somebody arrives by a lane; by time, so that steps to which nobody drives take no memory
     num_barred: np.ndarray  # [L, T] uint16 moves that bar arrivals by a lane at a step; [1, 1] without clashes
     barred: np.ndarray  # [L, W] uint32 bits: some do; [1, 1] without clashes
     window: int  # paths count up to the step before this one only
@@ -77,54 +81,78 @@ def mixed(key):
 
 
 @kernel(allocates=False)
-def home(key, mask):
+def home(key, slots):
     """Index at which the slot of a cell is looked for first: eight steps of a vertex are side by side in memory."""
-    return ((mixed(key >> 3) << 3) + (key & 7)) & mask
+    return slots + (((mixed(key >> 3) << 3) + (key & 7)) & (slots - 1))
+
+
+@kernel(inline="always")
+def _after(k, slots):
+    """The slot after another, around the end of a table."""
+    return slots + ((k + 1) & (slots - 1))
 
 
 @kernel(allocates=False)
-def _find_slot(keys, key):
+def _find_slot(cells, key):
     """The slot of a cell among hashed ones, -1 where it has none."""
-    mask = len(keys) - 1
-    k = home(key, mask)
+    keys, slots = cells.key, cells.used[0]
+    k = home(key, slots)
     while keys[k] != 0:
         if keys[k] == key + 1:
             return k
-        k = (k + 1) & mask
+        k = _after(k, slots)
     return np.int64(-1)
 
 
 @kernel(allocates=False)
-def _make_slot(keys, num, key):
+def _make_slot(cells, key):
     """The slot of a cell among hashed ones, made where it has none."""
-    mask = len(keys) - 1
-    k = home(key, mask)
+    keys, used = cells.key, cells.used
+    if 3 * used[1] >= 2 * used[0] and 4 * used[0] <= len(keys):
+        _move_all(cells)
+    k = home(key, used[0])
     while keys[k] != 0 and keys[k] != key + 1:
-        k = (k + 1) & mask
+        k = _after(k, used[0])
     if keys[k] == 0:
         keys[k] = key + 1
-        num[k] = 0
+        cells.num[k] = 0
+        used[1] += 1
     return k
 
 
 @kernel(allocates=False)
-def _empty_slot(keys, num, who, k):
+def _move_all(cells):
+    """Move what is in a hashed table to one of twice as many slots."""
+    keys, slots = cells.key, cells.used[0]
+    cells.used[0] = 2 * slots
+    for old in range(slots, 2 * slots):
+        if keys[old] != 0:
+            k = home(keys[old] - 1, 2 * slots)
+            while keys[k] != 0:
+                k = _after(k, 2 * slots)
+            keys[k], cells.num[k], cells.who[k] = keys[old], cells.num[old], cells.who[old]
+            keys[old] = 0
+
+
+@kernel(allocates=False)
+def _empty_slot(cells, k):
     """Empty a slot, and move up those behind it that would not be found any more."""
-    mask = len(keys) - 1
-    behind = (k + 1) & mask
+    keys, num, who, slots = cells.key, cells.num, cells.who, cells.used[0]
+    behind = _after(k, slots)
     while keys[behind] != 0:
-        if (behind - home(keys[behind] - 1, mask)) & mask >= (behind - k) & mask:
+        if (behind - home(keys[behind] - 1, slots)) & (slots - 1) >= (behind - k) & (slots - 1):
             keys[k], num[k], who[k] = keys[behind], num[behind], who[behind]
             k = behind
-        behind = (behind + 1) & mask
+        behind = _after(behind, slots)
     keys[k] = 0
+    cells.used[1] -= 1
 
 
 @kernel(inline="always")
 def slot_of(cells, v, t):
     """The slot of a cell, -1 where nobody is."""
     key = np.int64(v) * cells.steps + t
-    return key if len(cells.key) == 0 else _find_slot(cells.key, key)
+    return key if len(cells.key) == 0 else _find_slot(cells, key)
 
 
 @kernel(inline="always")
@@ -153,7 +181,7 @@ def anyone_in(cells, v, t):
 def enter(cells, v, t):
     """One robot more in a cell; its slot."""
     key = np.int64(v) * cells.steps + t
-    k = key if len(cells.key) == 0 else _make_slot(cells.key, cells.num, key)
+    k = key if len(cells.key) == 0 else _make_slot(cells, key)
     cells.num[k] += 1
     return k
 
@@ -165,7 +193,7 @@ def leave(cells, v, t):
     cells.num[k] -= 1
     left = np.int64(cells.num[k])
     if left == 0 and len(cells.key) > 0:
-        _empty_slot(cells.key, cells.num, cells.who, k)
+        _empty_slot(cells, k)
     return left + (1 if is_stayed_at(cells, v, t) else 0)
 
 
@@ -221,7 +249,7 @@ def add_path(traffic, robot):
             on.who[enter(on, v, t)] = robot
         busy[v, t >> 5] |= bit
         if t > 0 and v != before:
-            traffic.along[lane_between(first, head, before, v), t >> 5] |= bit
+            traffic.along[t >> 5, lane_between(first, head, before, v)] |= bit
             if following:
                 on.who[enter(on, before, t)] = robot
                 busy[before, t >> 5] |= bit
@@ -300,7 +328,7 @@ def remove_path(traffic, robot):
             _hand_over(traffic, robot, v, t)
         if t > 0 and v != before:
             if left == 0 or not _do_others_arrive(traffic, robot, before, v, t):
-                traffic.along[lane_between(task.first, task.head, before, v), t >> 5] &= ~(np.int64(1) << (t & 31))
+                traffic.along[t >> 5, lane_between(task.first, task.head, before, v)] &= ~(np.int64(1) << (t & 31))
             if task.following:
                 if leave(on, before, t) == 0:
                     _set_free(traffic, before, t)
@@ -400,10 +428,12 @@ def enter_all(traffic):
 def no_holders(num_vertices: int, num_steps: int, most: int, *, stays: bool = True) -> Holders:
     """Empty cells, of which at most so many are in use at a time; with `stays`, a sparse table has one entry for a robot that stays."""
     sparse = is_sparse(num_vertices, num_steps)
-    num_slots = slots_for(most) if sparse else num_vertices * num_steps
+    num_slots = 2 * slots_for(most) if sparse else num_vertices * num_steps
     key = np.zeros(num_slots if sparse else 0, np.int64)
     since = np.full(num_vertices if sparse and stays else 0, num_steps, np.int64)
-    return Holders(key, np.zeros(num_slots, np.uint8), np.empty(num_slots, np.int32), since, np.empty(len(since), np.int32), num_steps)
+    num, who = np.zeros(num_slots, np.uint8), np.empty(num_slots, np.int32)
+    used = np.array([min(num_slots // 2, FEWEST_SLOTS), 0])
+    return Holders(key, num, who, since, np.empty(len(since), np.int32), used, num_steps)
 
 
 def is_sparse(num_vertices: int, num_steps: int) -> bool:
@@ -428,7 +458,7 @@ def empty_traffic(task: RepairTask, horizon: int, most: int | None = None) -> Tr
         on=no_holders(num_vertices, horizon, held, stays=not task.window),
         busy=np.zeros((num_vertices, horizon // WORD), np.uint32),
         num_near=np.zeros((near[0], near[2]), np.uint16),
-        along=np.zeros((num_lanes, horizon // WORD), np.uint32),
+        along=np.zeros((horizon // WORD, num_lanes), np.uint32),
         num_barred=np.zeros((near[1], near[2]), np.uint16),
         barred=np.zeros((near[1], (near[2] + WORD - 1) // WORD), np.uint32),
         window=min(task.window + 1, horizon) if task.window else horizon,

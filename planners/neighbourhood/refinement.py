@@ -107,7 +107,7 @@ class Repair:
         """True if so many robots can be planned again, however long their paths get."""
         on, task, horizon = self.traffic.on, self.traffic.task, self.traffic.at.shape[1]
         steps = int(self.traffic.end.sum()) + robots * horizon
-        return len(on.key) == 0 or steps * (2 if task.following else 1) <= MOST_LOAD * len(on.key)
+        return len(on.key) == 0 or steps * (2 if task.following else 1) <= MOST_LOAD * len(on.key) / 2
 
     def repair_each(self, pairs: int, rng: np.random.Generator) -> int:
         """Plan each robot of the `pairs` in collision again; how many are left."""

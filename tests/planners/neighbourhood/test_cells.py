@@ -33,7 +33,7 @@ def test_hashed_cells_count_as_a_dictionary_does(sparse):
             assert _traffic.leave(cells, row, t) == truth[row, t]
             if truth[row, t] == 0:
                 del truth[row, t]
-    assert truth and np.count_nonzero(cells.key) == len(truth)
+    assert truth and np.count_nonzero(cells.key) == len(truth) == cells.used[1] and cells.used[0] > _traffic.FEWEST_SLOTS
     for row in range(50):
         for t in range(40):
             assert _traffic.num_in(cells, row, t) == truth.get((row, t), 0)
