@@ -201,6 +201,8 @@ def _sopp(options: argparse.Namespace) -> Iterator[bench.Row]:
     cell = [(y, x) for y, row in enumerate(rows) for x, letter in enumerate(row) if letter == "."]
     vertex = {c: v for v, c in enumerate(sorted(cell, key=lambda c: (-c[0], c[1])))}  # counted from the lower left
     numbers = [[int(word) for word in re.findall(r"\d+", line)] for line in path.read_text().splitlines() if re.match(r"\s*\d+,", line)]
+    if [row[0] for row in numbers] == list(range(1, len(numbers) + 1)):  # some files count their tasks there
+        numbers = [row[1:] for row in numbers]
     stops = np.array([[vertex[cell[n - 1]] for n in row[:2]] for row in numbers])
     unit = ms.Scenario.read("mapd_lifelong").values["robots"]["type"]
     grid = {"kind": "grid", "cell_m": 1.0, "clearance": "ignore"}
