@@ -26,6 +26,7 @@ EDGE = 2  # samples at the ends of a leg, where a stop would not be told from it
 LEAST_PERIODS = 3.0  # of a stand that is surely seen
 FEW = 5  # stops, from which on they tell how long stops last
 USUAL_S, USUAL_SIGMA = 6.0, 0.5  # of stops, where nobody knows better
+STANDING_S = 2.0, 4.0, 6.0  # after a stop began, when nobody else may be near, or it would not count
 USUAL_WITHIN = 0.5, 1.0  # standard deviations of the logarithms of both
 JEFFREYS = 0.5  # stops that a rate is taken to have shown before
 MEDIANS, SIGMAS = np.geomspace(0.5, 300.0, 110), np.linspace(0.05, 2.0, 60)
@@ -77,9 +78,10 @@ def fit_stops(
         free = alone & ~(track.waits > 0) & ~places.often(track.x_m, track.y_m)
         if len(lifts):
             free &= (np.hypot(track.x_m[:, None] - lifts[:, 0], track.y_m[:, None] - lifts[:, 1]) > LIFT_M).all(1)
+        stays = free & ~np.any([others.near(track.vehicle, t + later_s, track.x_m, track.y_m) for later_s in STANDING_S], 0)
         for leg in each.legs:
-            inner = np.arange(leg.first + EDGE, leg.last + 1 - EDGE)
-            driven_s += float(((t[inner] - t[inner - 1]) * free[inner]).sum())
+            inner = np.arange(leg.first + EDGE, leg.last + 1 - EDGE - round(brake_s / period_s))  # who brakes already stands at the end
+            driven_s += float(((t[inner] - t[inner - 1]) * stays[inner]).sum())
         for k, shortest in unexplained[number].items():
             stand = each.stands[k]
             if shortest <= EDGE or not free[stand.first : stand.last + 1].all():
@@ -180,20 +182,25 @@ class _Stands:
 
 
 class _Others:
-    """Where all vehicles were, by second."""
+    """Where all vehicles were, by second: points of which those of different seconds are never near."""
 
     def __init__(self, tracks: list[Track]) -> None:
-        self._rows: dict[int, list[tuple[str, float, float]]] = {}
+        from scipy.spatial import cKDTree
+
+        rows: dict[str, list[FloatArray]] = {}
         for track in tracks:
-            whole = np.floor(track.t_s).astype(np.int64)
-            for k in np.flatnonzero(np.append(True, np.diff(whole) > 0)).tolist():
-                self._rows.setdefault(int(whole[k]), []).append((track.vehicle, float(track.x_m[k]), float(track.y_m[k])))
+            first = np.flatnonzero(np.append(True, np.diff(np.floor(track.t_s)) > 0))
+            rows.setdefault(track.vehicle, []).append(_by_second(track.t_s[first], track.x_m[first], track.y_m[first]))
+        self._own = {vehicle: cKDTree(np.concatenate(points)) for vehicle, points in rows.items()}
+        self._all = cKDTree(np.concatenate([tree.data for tree in self._own.values()]))
 
     def near(self, vehicle: str, t_s: FloatArray, x_m: FloatArray, y_m: FloatArray) -> BoolArray:
         """[N] whether another vehicle is near."""
-        is_near = np.zeros(len(t_s), np.bool_)
-        for k, second in enumerate(np.floor(t_s).astype(np.int64).tolist()):
-            is_near[k] = any(
-                other != vehicle and (x - x_m[k]) ** 2 + (y - y_m[k]) ** 2 < NEAR_M**2 for other, x, y in self._rows.get(second, ())
-            )
+        points = _by_second(t_s, x_m, y_m)
+        every, own = (tree.query_ball_point(points, NEAR_M, return_length=True) for tree in (self._all, self._own[vehicle]))
+        is_near: BoolArray = every > own
         return is_near
+
+
+def _by_second(t_s: FloatArray, x_m: FloatArray, y_m: FloatArray) -> FloatArray:
+    return np.stack((x_m, y_m, 2 * NEAR_M * np.floor(t_s)), 1)

@@ -346,6 +346,15 @@ def test_stop_beside_another_vehicle_may_be_a_wait_for_it_whatever_its_type():
     assert (len(alone.hold_s), len(beside.hold_s)) == (1, 0)
 
 
+@pytest.mark.parametrize(("brake_s", "behind_s", "driven_s"), [(1.0, None, 17.0), (3.0, None, 12.0), (1.0, 5.0, 0.0), (1.0, 100.0, 17.0)])
+def test_driving_counts_where_a_stop_would_be_told(brake_s, behind_s, driven_s):
+    """Legs of 6, 11 and 15 poses, less two at each end and the time in which it brakes; who follows within 6 s would pass it."""
+    track, phases = one_stop()
+    other = [] if behind_s is None else [replace(track, vehicle="t", t_s=track.t_s + behind_s)]
+    stops = fit_stops([phases], [], [track, *other], brake_s, {}, {}, 1.4)
+    assert stops.driven_s == pytest.approx(driven_s, abs=1e-6)
+
+
 @pytest.mark.parametrize(("level", "x_m"), [(1.0, 13.0), (0.0, 113.0)])
 def test_stop_before_a_lift_may_be_a_wait_for_it(level, x_m):
     track, phases = one_stop()
