@@ -5,7 +5,7 @@
 Fleets of 4 to 8 robots work for 20 to 40 minutes on bundled maps, with orders, traffic and disturbances; all figures are drawn with the
 seed of the fleet. They are observed at 1 Hz with noise of 0.5 to 5 cm and 5 to 50 mrad, 3 % of the poses lost, gaps of up to a minute,
 and clocks that are off. A row for each figure; `too_high` and `too_low` are estimates beside whose interval the truth is, `held_...` shares
-by map. Methods were chosen on seeds 0 to 59, 2000 to 2039 and 3000 to 3049; report others.
+by map. Methods were chosen on seeds 0 to 59, 2000 to 2039, 3000 to 3049 and 12000 to 12099; report others.
 """
 
 import argparse
