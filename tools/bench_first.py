@@ -97,9 +97,7 @@ def _lacam3(program: Path, flags: str, limit_s: float) -> Planner:
     return planner("external", {"command": command})
 
 
-def _measured(
-    chosen: Planner, where: str, robots: int, seed: int, limit_s: float, whose: int | None = None
-) -> dict[str, float | bool]:
+def _measured(chosen: Planner, where: str, robots: int, seed: int, limit_s: float, whose: int | None = None) -> dict[str, float | bool]:
     """One answer, with the peak so far of the process, or of its children, if it is asked `whose`. Its bound is the sum of shortest ways."""
     problem = problem_of(where, robots, seed)
     began = process_time()

@@ -35,6 +35,7 @@ class Spots(NamedTuple):
     first: IntArray  # [S + 1] CSR, moves that leave a spot
     head: IntArray  # [N]
     tail: IntArray  # [N]
+    back: IntArray  # [N] the move the other way between two spots, -1: none
     first_in: IntArray  # [S + 1] CSR, moves that enter one
     tail_in: IntArray  # [N]
     place: IntArray  # [S] vertex of the map
@@ -44,31 +45,18 @@ class Spots(NamedTuple):
     )
 
 
-class Beside(NamedTuple):
-    """Vertices of a graph that are one place: while a robot is at v, nobody else is at `vertex[first[v]:first[v + 1]]` at the same step."""
-
-    first: IntArray  # [V + 1] CSR
-    vertex: IntArray
-    place: IntArray  # [V] a number of the place
-
-
-def vertices_alone(first: IntArray, head: IntArray, *, two_way: bool = False) -> Spots:
-    """Every vertex is a spot of its own; `two_way` where a lane leads back along each."""
-    vertices, tail = frozen(np.arange(len(first) - 1)), frozen(np.repeat(np.arange(len(first) - 1), np.diff(first)))
-    entering = (first, head) if two_way else lanes_in(tail, head, len(first) - 1)
+def vertices_alone(first: IntArray, head: IntArray, tail: IntArray, reverse: IntArray) -> Spots:
+    """Every vertex is a spot of its own. `reverse` [L] is the lane that leads back along each, -1: none."""
+    vertices = frozen(np.arange(len(first) - 1))
+    entering = (first, head) if (reverse >= 0).all() else lanes_in(tail, head, len(first) - 1)
     none = frozen(np.zeros(len(first), np.int64)), frozen(np.zeros(0, np.int64))
-    return Spots(vertices, frozen(np.arange(len(head))), first, head, tail, *entering, vertices, *none)
+    return Spots(vertices, frozen(np.arange(len(head))), first, head, tail, reverse, *entering, vertices, *none)
 
 
 def lanes_in(tail: IntArray, head: IntArray, num_vertices: int) -> tuple[IntArray, IntArray]:
     """CSR of the tails of the lanes that enter each vertex."""
     order = np.argsort(head, kind="stable")
     return frozen(np.searchsorted(head[order], np.arange(num_vertices + 1)).astype(np.int64)), frozen(tail[order])
-
-
-def none_beside(num_vertices: int) -> Beside:
-    """Every vertex is a place of its own."""
-    return Beside(frozen(np.zeros(num_vertices + 1, np.int64)), frozen(np.zeros(0, np.int64)), frozen(np.arange(num_vertices)))
 
 
 def no_clashes(num_vertices: int, num_lanes: int, *, rotations: bool) -> Clashes:

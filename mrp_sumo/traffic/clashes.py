@@ -12,7 +12,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from mrp_sumo.core.clashes import Beside, Clashes, Spots, lanes_in, no_clashes, none_beside, vertices_alone
+from mrp_sumo.core.clashes import Clashes, Spots, lanes_in, no_clashes, vertices_alone
 from mrp_sumo.core.graph import BoolArray, IntArray, NavGraph, PlanGraph, frozen
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.traffic.moves import MoveGraph
@@ -20,13 +20,11 @@ from mrp_sumo.traffic.resources import Resources, groups_of, ranges, resources_o
 
 NO_SEPARATION = -1.0  # stands for the rules of MAPF alone
 
-_known: WeakKeyDictionary[NavGraph, dict[tuple[float, bool], Clashes]] = WeakKeyDictionary()
-_of_moves_known: WeakKeyDictionary[MoveGraph, dict[tuple[float, bool], tuple["_Pairs", "_Pairs"]]] = WeakKeyDictionary()
-_beside_known: WeakKeyDictionary[MoveGraph, "_Pairs"] = WeakKeyDictionary()
+_known: WeakKeyDictionary[NavGraph, dict[float, Clashes]] = WeakKeyDictionary()
+_of_moves_known: WeakKeyDictionary[MoveGraph, dict[float, tuple["_Pairs", "_Pairs"]]] = WeakKeyDictionary()
 _spots_known: WeakKeyDictionary[NavGraph, Spots] = WeakKeyDictionary()
 _of_spots_known: WeakKeyDictionary[MoveGraph, dict[float, Clashes]] = WeakKeyDictionary()
 _from_starts: WeakKeyDictionary[Problem, Clashes] = WeakKeyDictionary()
-_from_starts_by_place: WeakKeyDictionary[Problem, tuple[Clashes, Beside]] = WeakKeyDictionary()
 
 
 def clashes_of(problem: Problem) -> Clashes:
@@ -38,7 +36,7 @@ def clashes_of(problem: Problem) -> Clashes:
     if not isinstance(graph, MoveGraph):
         return _on(graph, separation_m)
     if problem not in _from_starts:
-        _from_starts[problem] = _with_starts(graph, separation_m, problem.start, by_place=False)
+        _from_starts[problem] = _with_starts(graph, separation_m, problem.start)
     return _from_starts[problem]
 
 
@@ -61,7 +59,7 @@ def clashes_of_spots(problem: Problem) -> tuple[Clashes, Spots]:
 
 def _spots(graph: PlanGraph) -> Spots:
     if not isinstance(graph, MoveGraph):
-        return vertices_alone(graph.first, graph.head, two_way=bool((graph.reverse >= 0).all()))
+        return vertices_alone(graph.first, graph.head, graph.tail, graph.reverse)
     count = graph.base.num_vertices + 1
     pairs, of = np.unique(graph.place * count + graph.behind + 1, return_inverse=True)
     ends, move = np.unique(of[graph.tail] * len(pairs) + of[graph.head], return_inverse=True)
@@ -69,24 +67,10 @@ def _spots(graph: PlanGraph) -> Spots:
     first = np.searchsorted(tail, np.arange(len(pairs) + 1)).astype(np.int64)
     one, other = _joined(spots, place, place, spots, count)
     beside = _csr(one[one != other], other[one != other], len(pairs))
-    entering = lanes_in(tail, head, len(pairs))
-    return Spots(frozen(of), frozen(move), frozen(first), frozen(head), frozen(tail), *entering, frozen(place), *beside)
-
-
-def clashes_by_place(problem: Problem, *, following: bool) -> tuple[Clashes, Beside]:
-    """The clashes for planners that know which vertices are one place, and these.
-
-    To them states at one place are no clashes: as on the map, a robot may come to a place in the step in which another leaves it, unless
-    `following` conflicts count.
-    """
-    graph = problem.graph
-    if not isinstance(graph, MoveGraph) or following:
-        return clashes_of(problem), none_beside(graph.num_vertices)
-    if problem not in _from_starts_by_place:
-        separation_m = problem.fleet.separation_m if problem.drivable else NO_SEPARATION
-        clashes = _with_starts(graph, separation_m, problem.start, by_place=True)
-        _from_starts_by_place[problem] = clashes, _beside_with_starts(graph, problem.start)
-    return _from_starts_by_place[problem]
+    entering, other_way = lanes_in(tail, head, len(pairs)), head * len(pairs) + tail
+    back = np.minimum(np.searchsorted(ends, other_way), len(ends) - 1)
+    back = frozen(np.where(ends[back] == other_way, back, -1))
+    return Spots(frozen(of), frozen(move), frozen(first), frozen(head), frozen(tail), back, *entering, frozen(place), *beside)
 
 
 def exclusive_vertices(problem: Problem) -> dict[int, frozenset[int]]:
@@ -139,27 +123,16 @@ class _Pairs(NamedTuple):
         return frozen(self.first + np.append(0, np.cumsum(count))), frozen(np.insert(self.of, place, more % size))
 
 
-def _with_starts(graph: MoveGraph, separation_m: float, start: IntArray, *, by_place: bool) -> Clashes:
+def _with_starts(graph: MoveGraph, separation_m: float, start: IntArray) -> Clashes:
     """The clashes with states that moves lead to, and those at which paths begin."""
-    clashes, known, key = _on(graph, separation_m, by_place=by_place), _of_moves_known.setdefault(graph, {}), (separation_m, by_place)
-    if key not in known:
+    clashes, known = _on(graph, separation_m), _of_moves_known.setdefault(graph, {})
+    if separation_m not in known:
         begins = _where_paths_begin(graph)
         vertices = _Pairs.apart_from(clashes.vertex_first, clashes.vertex, begins)
-        known[key] = vertices, _Pairs.apart_from(clashes.lane_first, clashes.lane, begins[graph.tail])
-    vertices, lanes = known[key]
+        known[separation_m] = vertices, _Pairs.apart_from(clashes.lane_first, clashes.lane, begins[graph.tail])
+    vertices, lanes = known[separation_m]
     begun = ranges(graph.first[start], np.diff(graph.first)[start])
     return Clashes(*vertices.and_of(start), *lanes.and_of(begun), clashes.any, clashes.rotations)
-
-
-def _beside_with_starts(graph: MoveGraph, start: IntArray) -> Beside:
-    """The same of states that are one place."""
-    if graph not in _beside_known:
-        state = np.argsort(graph.place, kind="stable")
-        one, other = _joined(np.arange(graph.num_vertices), graph.place, graph.place[state], state, graph.base.num_vertices)
-        differ = one != other
-        first, other = _csr(one[differ], other[differ], graph.num_vertices)
-        _beside_known[graph] = _Pairs.apart_from(first, other, _where_paths_begin(graph))
-    return Beside(*_beside_known[graph].and_of(start), graph.place)
 
 
 def _where_paths_begin(graph: MoveGraph) -> BoolArray:
@@ -169,17 +142,17 @@ def _where_paths_begin(graph: MoveGraph) -> BoolArray:
     return begins
 
 
-def _on(graph: PlanGraph, separation_m: float, *, by_place: bool = False) -> Clashes:
-    known, key = _known.setdefault(graph, {}), (separation_m, by_place)
-    if key not in known:
+def _on(graph: PlanGraph, separation_m: float) -> Clashes:
+    known = _known.setdefault(graph, {})
+    if separation_m not in known:
         if isinstance(graph, MoveGraph):
             states = _States(graph.base, graph.place, graph.behind, graph.base_lane, graph.tail, graph.head)
-            known[key] = _of_states(states, _on(graph.base, separation_m), by_place=by_place)
+            known[separation_m] = _of_states(states, _on(graph.base, separation_m))
         elif separation_m == NO_SEPARATION:
-            known[key] = no_clashes(graph.num_vertices, graph.num_lanes, rotations=True)
+            known[separation_m] = no_clashes(graph.num_vertices, graph.num_lanes, rotations=True)
         else:
-            known[key] = _clashes(graph, separation_m)
-    return known[key]
+            known[separation_m] = _clashes(graph, separation_m)
+    return known[separation_m]
 
 
 class _States(NamedTuple):
@@ -197,14 +170,14 @@ def _between_spots(graph: MoveGraph, spots: Spots, of_map: Clashes) -> Clashes:
     """The clashes of the spots of a graph of moves."""
     behind, lane = np.empty(len(spots.place), np.int64), np.empty(len(spots.head), np.int64)
     behind[spots.of], lane[spots.move] = graph.behind, graph.base_lane
-    clashes = _of_states(_States(graph.base, spots.place, behind, lane, spots.tail, spots.head), of_map, by_place=True)
+    clashes = _of_states(_States(graph.base, spots.place, behind, lane, spots.tail, spots.head), of_map, as_spots=True)
     return clashes._replace(any=bool(len(clashes.vertex) or len(clashes.lane) or len(spots.beside)))
 
 
-def _of_states(states: _States, of_map: Clashes, *, by_place: bool) -> Clashes:
+def _of_states(states: _States, of_map: Clashes, *, as_spots: bool = False) -> Clashes:
     """The clashes of a graph of moves: all states at a place exclude each other, and those at places that exclude each other on the map.
 
-    `by_place` the states at the places of a move are left to planners, and lanes that lead the other way are clashes instead.
+    Of spots, those at the places of a move are left to planners, and lanes that lead the other way are clashes instead.
     """
     base, place, behind_of, base_lane, tail, head = states
     count, tows = base.num_vertices, np.flatnonzero(behind_of >= 0)
@@ -231,7 +204,7 @@ def _of_states(states: _States, of_map: Clashes, *, by_place: bool) -> Clashes:
     grouped = np.isin(pairs, np.concatenate([one * count + at for one, at in parts[2:]]))  # excluded beyond the rules of MAPF
     keep = np.repeat(grouped, np.bincount(held, minlength=count)[pairs % count])
     keep |= (vertex != ends[0][move]) & (vertex != ends[1][move])
-    if by_place:  # but for trailers there
+    if as_spots:  # but for trailers there
         there = np.bincount(held, minlength=count)[pairs % count]
         keep &= np.repeat(grouped, there) | (place[vertex] != np.repeat(pairs % count, there))
         back = base.reverse[base_lane]
@@ -240,7 +213,7 @@ def _of_states(states: _States, of_map: Clashes, *, by_place: bool) -> Clashes:
     vertex_first, vertex = _csr(move, vertex, num_moves)
     on, lane = np.unique(np.concatenate(lanes, 1), axis=1)
     on, lane = _joined(on, lane, base_lane[by_lane], by_lane, base.num_lanes)
-    if by_place:  # robots that change places are left to planners
+    if as_spots:  # robots that change places are left to planners
         swaps = (ends[0][on] == head[lane]) & (ends[1][on] == tail[lane])
         on, lane = on[~swaps], lane[~swaps]
     lane_first, lane = _csr(on, lane, num_moves)

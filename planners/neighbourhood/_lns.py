@@ -270,19 +270,19 @@ def take_over(traffic, hood, gains):
 @kernel(allocates=False)
 def _is_free(traffic, robot):
     """Whether a robot that is not in the traffic could follow its row of `at` without crossing anybody."""
-    task = traffic.task
+    task, spots = traffic.task, traffic.task.spots
     at = traffic.at[robot]
-    before = np.int64(at[0])
+    before = spots.of[at[0]]
     for t in range(traffic.window):
-        v = np.int64(at[t])
+        v = spots.of[at[t]]
         if (traffic.busy[v, t >> 5] >> (t & 31)) & 1:
             return False
         if v != before:
-            lane = lane_between(task.first, task.head, before, v)
-            back = task.reverse[lane]
+            move = lane_between(spots.first, spots.head, before, v)
+            back = task.spots.back[move]
             if back >= 0 and (traffic.along[t >> 5, back] >> (t & 31)) & 1:
                 return False
-            if len(traffic.num_near) > 1 and (traffic.barred[lane, t >> 5] >> (t & 31)) & 1:
+            if len(traffic.num_near) > 1 and (traffic.barred[move, t >> 5] >> (t & 31)) & 1:
                 return False
             if traffic.task.following and (traffic.busy[before, t >> 5] >> (t & 31)) & 1:
                 return False

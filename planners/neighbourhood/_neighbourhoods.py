@@ -68,21 +68,21 @@ def collide(traffic, hood, robot, until):
     also when the ring is broken elsewhere; and where several hold a vertex only one of them is followed. So rings have
     to be looked for again when no pair is left.
     """
-    task = traffic.task
+    task, spots = traffic.task, traffic.task.spots
     new = 0
     before = np.int64(-1)
     for t in range(until):
-        v = np.int64(traffic.at[robot, t])
+        v = spots.of[traffic.at[robot, t]]
         if num_in(traffic.on, v, t) > 1:
             new += _hit_holders(traffic, hood, robot, v, t)
         if t > 0 and v != before:
             if traffic.task.following and num_in(traffic.on, before, t) > 1:
                 new += _hit_holders(traffic, hood, robot, before, t)
-            back = lane_between(task.first, task.head, v, before)
+            back = lane_between(spots.first, spots.head, v, before)
             if back >= 0 and (traffic.along[t >> 5, back] >> (t & 31)) & 1:
                 for other in range(len(traffic.at)):
-                    crossed = traffic.at[other, t] == before and traffic.at[other, t - 1] == v and traffic.end[other] >= 0
-                    if crossed and not hood.hit[robot, other]:
+                    crossed = spots.of[traffic.at[other, t]] == before and spots.of[traffic.at[other, t - 1]] == v
+                    if crossed and traffic.end[other] >= 0 and not hood.hit[robot, other]:
                         new += _hit(hood, robot, other)
             ahead = anyone_at(traffic, v, t - 1) if task.rings else np.int64(-1)
             if ahead >= 0 and ahead != robot and not hood.hit[robot, ahead] and closes_ring(traffic, before, v, t):
@@ -95,13 +95,12 @@ def collide(traffic, hood, robot, until):
 
 @kernel(allocates=False)
 def _hit_near(traffic, hood, robot, u, v, t):
-    """Enter the pairs of a robot that goes from u to v, or waits, and all others that come too close in that step, or to one place."""
-    task = traffic.task
-    clashes, beside, new = task.clashes, task.beside, 0
-    for k in range(beside.first[v], beside.first[v + 1]):
-        if num_in(traffic.on, beside.vertex[k], t) > 0:
-            new += _hit_holders(traffic, hood, robot, beside.vertex[k], t)
-    move = move_of(task.first, task.head, u, v)
+    """Enter the pairs of a robot that goes from spot u to spot v, or waits, and all that come too close in that step, or to one place."""
+    clashes, spots, new = traffic.task.clashes, traffic.task.spots, 0
+    for k in range(spots.beside_first[v], spots.beside_first[v + 1]):
+        if num_in(traffic.on, spots.beside[k], t) > 0:
+            new += _hit_holders(traffic, hood, robot, spots.beside[k], t)
+    move = move_of(spots.first, spots.head, u, v)
     for k in range(clashes.vertex_first[move], clashes.vertex_first[move + 1]):
         w = clashes.vertex[k]
         for step in range(t - 1, t + 1):
@@ -111,16 +110,16 @@ def _hit_near(traffic, hood, robot, u, v, t):
         lane = clashes.lane[k]
         if (traffic.along[t >> 5, lane] >> (t & 31)) & 1:
             for other in range(len(traffic.at)):
-                if other != robot and traffic.end[other] >= 0 and traffic.at[other, t] == task.head[lane] and not hood.hit[robot, other]:
-                    w = np.int64(traffic.at[other, t - 1])
-                    if w != task.head[lane] and lane_between(task.first, task.head, w, task.head[lane]) == lane:
+                if other != robot and traffic.end[other] >= 0 and not hood.hit[robot, other]:
+                    at = traffic.at[other]
+                    if spots.of[at[t]] == spots.head[lane] and spots.of[at[t - 1]] == spots.tail[lane]:
                         new += _hit(hood, robot, other)
     return new
 
 
 @kernel(allocates=False)
 def _hit_holders(traffic, hood, robot, v, t):
-    """Enter the pairs of a robot and all others that hold a vertex at a step."""
+    """Enter the pairs of a robot and all others that hold a spot at a step."""
     new = 0
     for other in range(len(traffic.at)):
         if other != robot and not hood.hit[robot, other] and holds(traffic, other, v, t):
@@ -253,7 +252,7 @@ def _fill_around(traffic, hood, late, rng):
 @kernel(allocates=False)
 def _walk(traffic, hood, num, robot, before, rng):
     """Walk from a random step of a robot's path, so that it could still arrive `before`; choose whom it meets."""
-    task = traffic.task
+    task, spots = traffic.task, traffic.task.spots
     if traffic.end[robot] <= 0:
         return num
     t = np.int64(rng.random() * traffic.end[robot])
@@ -272,13 +271,13 @@ def _walk(traffic, hood, num, robot, before, rng):
             onward = steps_from(task.steps[robot], task.code[robot], v, u, to_go)
             if t + 1 + onward >= before:
                 continue
-            moved = True
-            if (traffic.busy[u, (t + 1) >> 5] >> ((t + 1) & 31)) & 1:
-                num = _choose_about(traffic, hood, num, u, t + 1)
-            if num < len(hood.robot) and at < b and task.reverse[at] >= 0:
-                back = task.reverse[at]
+            moved, there = True, spots.of[u]
+            if (traffic.busy[there, (t + 1) >> 5] >> ((t + 1) & 31)) & 1:
+                num = _choose_about(traffic, hood, num, there, t + 1)
+            if num < len(hood.robot) and at < b and task.spots.back[spots.move[at]] >= 0:
+                back = task.spots.back[spots.move[at]]
                 if (traffic.along[(t + 1) >> 5, back] >> ((t + 1) & 31)) & 1:
-                    num = _choose_on(traffic, hood, num, v, t + 1)
+                    num = _choose_on(traffic, hood, num, spots.of[v], t + 1)
             v, to_go = u, onward
             break
         if not moved:
@@ -301,7 +300,7 @@ def _to_go(traffic, robot, t):
 
 @kernel(allocates=False)
 def _choose_on(traffic, hood, num, v, t):
-    """Choose the robots that hold a vertex at a step."""
+    """Choose the robots that hold a spot at a step."""
     there = num_in(traffic.on, v, t)
     if there == 1 and num < len(hood.robot):
         return _choose(hood, num, anyone_in(traffic.on, v, t))
@@ -314,19 +313,18 @@ def _choose_on(traffic, hood, num, v, t):
 
 @kernel(allocates=False)
 def _choose_about(traffic, hood, num, v, t):
-    """Choose the robots that hold a vertex at a step, or stand too close to it."""
-    task = traffic.task
+    """Choose the robots that hold a spot at a step, or stand too close to it."""
+    clashes, spots = traffic.task.clashes, traffic.task.spots
     num = _choose_on(traffic, hood, num, v, t)
-    clashes, beside = task.clashes, task.beside
-    for k in range(beside.first[v], beside.first[v + 1]):
-        num = _choose_on(traffic, hood, num, beside.vertex[k], t)
+    for k in range(spots.beside_first[v], spots.beside_first[v + 1]):
+        num = _choose_on(traffic, hood, num, spots.beside[k], t)
     if clashes.any:
-        move = len(task.head) + v
+        move = len(spots.head) + v
         for k in range(clashes.vertex_first[move], clashes.vertex_first[move + 1]):
             num = _choose_on(traffic, hood, num, clashes.vertex[k], t)
         for k in range(clashes.lane_first[move], clashes.lane_first[move + 1]):
             if num < len(hood.robot) and (traffic.along[t >> 5, clashes.lane[k]] >> (t & 31)) & 1:
-                num = _choose_on(traffic, hood, num, task.head[clashes.lane[k]], t)
+                num = _choose_on(traffic, hood, num, spots.head[clashes.lane[k]], t)
     return num
 
 
@@ -343,9 +341,10 @@ def around_place(traffic, hood, rng):
     while begin < end and num < len(hood.robot):
         v = hood.queue[begin]
         begin += 1
+        here = task.spots.of[v]
         for d in range(-3, 4):
-            if 0 <= t + d < traffic.at.shape[1] and (traffic.busy[v, (t + d) >> 5] >> ((t + d) & 31)) & 1:
-                num = _choose_about(traffic, hood, num, v, t + d)
+            if 0 <= t + d < traffic.at.shape[1] and (traffic.busy[here, (t + d) >> 5] >> ((t + d) & 31)) & 1:
+                num = _choose_about(traffic, hood, num, here, t + d)
         a, b = task.first[v], task.first[v + 1]
         shift = np.int64(rng.random() * (b - a)) if b > a else np.int64(0)
         for k in range(b - a):
@@ -383,20 +382,21 @@ def around_collision(traffic, hood, rng):
 @kernel(allocates=False)
 def around_failure(traffic, hood, rng):
     """A robot in collision, those that stand for good on its way, and those that pass its goal after it."""
-    task = traffic.task
+    task, spot_of = traffic.task, traffic.task.spots.of
     num = fill_by_hits(hood, 1, rng)
     robot = hood.robot[0]
     if task.steps.shape[1] > 0:
         num = _fill_by_goals_on_the_way(traffic, hood, num, robot, rng)
     else:  # steps between other places are not known: those that it meets
         for t in range(traffic.end[robot]):
-            if num < len(hood.robot) and num_in(traffic.on, np.int64(traffic.at[robot, t]), t) > 1:
-                num = _choose_on(traffic, hood, num, np.int64(traffic.at[robot, t]), t)
+            here = spot_of[traffic.at[robot, t]]
+            if num < len(hood.robot) and num_in(traffic.on, here, t) > 1:
+                num = _choose_on(traffic, hood, num, here, t)
     for t in range(traffic.end[robot], traffic.at.shape[1]):
         if num >= len(hood.robot):
             break
-        if num_in(traffic.on, task.goal[robot], t) > 1:
-            num = _choose_on(traffic, hood, num, task.goal[robot], t)
+        if num_in(traffic.on, spot_of[task.goal[robot]], t) > 1:
+            num = _choose_on(traffic, hood, num, spot_of[task.goal[robot]], t)
     return fill_any(hood, num, rng)
 
 

@@ -126,10 +126,11 @@ def plan_straight(traffic, labels, robot):
     task, busy, along, barred = traffic.task, traffic.busy, traffic.along, traffic.barred
     first, head, goal, least, steps, code = task.first, task.head, task.goal[robot], task.least[robot], task.steps[robot], task.code[robot]
     path, lane_of, near, rings, following = labels.vertex, labels.low, len(traffic.num_near) > 1, task.rings, task.following
+    spot_of, move_along = task.spots.of, task.spots.move
     _begin(labels, 2 * least + 2)
     stamp = labels.stamp[0] << 32
-    occupied, high = run_end(busy[goal], least)
-    if occupied or high < traffic.at.shape[1] - 1 or 2 * least >= len(path) or run_end(busy[task.start[robot]], 0)[0]:
+    occupied, high = run_end(busy[spot_of[goal]], least)
+    if occupied or high < traffic.at.shape[1] - 1 or 2 * least >= len(path) or run_end(busy[spot_of[task.start[robot]]], 0)[0]:
         return False
     t, num = np.int64(0), np.int64(1)
     path[0], lane_of[0] = task.start[robot], 0
@@ -141,13 +142,15 @@ def plan_straight(traffic, labels, robot):
             continue
         lane = first[v] + (lane_of[t] + mixed((robot << 12) + (t >> 3))) % degree  # each has its own sides to go to first
         lane_of[t] += 1
-        u, back, held = np.int64(head[lane]), task.reverse[lane], (busy[v, word] >> shift) & 1
-        if steps_from(steps, code, v, u, least - t) != least - t - 1 or (busy[u, word] >> shift) & 1 or (held and following):
+        u, move = np.int64(head[lane]), move_along[lane]
+        here, there, back = spot_of[v], spot_of[u], task.spots.back[move]
+        held = (busy[here, word] >> shift) & 1
+        if steps_from(steps, code, v, u, least - t) != least - t - 1 or (busy[there, word] >> shift) & 1 or (held and following):
             continue
-        if (held and back >= 0 and (along[word, back] >> shift) & 1) or (near and (barred[lane, word] >> shift) & 1):
+        if (held and back >= 0 and (along[word, back] >> shift) & 1) or (near and (barred[move, word] >> shift) & 1):
             continue
         k = u * len(labels.queue) if len(labels.run) == 0 else hashed_run(labels, u, np.int64(0))
-        if labels.closed[k] == stamp or (rings and closes_ring(traffic, v, u, t + 1)):
+        if labels.closed[k] == stamp or (rings and closes_ring(traffic, here, there, t + 1)):
             continue
         labels.closed[k] = stamp
         t, num = t + 1, num + 1
@@ -186,9 +189,10 @@ def _search_free(traffic, labels, robot, limit, room):
     vertex, lows, highs, parent, link, queue, seen = (
         labels.vertex, labels.low, labels.high, labels.parent, labels.link, labels.queue, labels.pushed,
     )  # fmt: skip
-    along, barred, reverse, near, rings = traffic.along, traffic.barred, task.reverse, len(traffic.num_near) > 1, task.rings
+    along, barred, near, rings = traffic.along, traffic.barred, len(traffic.num_near) > 1, task.rings
+    spot_of, move_along, back_of = task.spots.of, task.spots.move, task.spots.back
     stamp, start, dense = labels.stamp[0] << 32, task.start[robot], len(labels.run) == 0
-    occupied, high = run_end(busy[start], 0)
+    occupied, high = run_end(busy[spot_of[start]], 0)
     if occupied:
         return np.int64(-1)
     length = task.least[robot]
@@ -211,20 +215,20 @@ def _search_free(traffic, labels, robot, limit, room):
         mark = seen[v * horizon + high if dense else hashed_run(labels, v, high)]
         if mark >= stamp and mark - stamp < low:
             continue
-        leave = high if task.following else high + 1
+        leave, here = high if task.following else high + 1, spot_of[v]
         for lane in range(first[v], first[v + 1]):
-            u = head[lane]
+            u, move = head[lane], move_along[lane]
             to_go = steps_from(steps, code, v, u, length - low)
             t = low + 1
-            last, back = min(leave, limit - to_go), reverse[lane]
+            last, back, there = min(leave, limit - to_go), back_of[move], spot_of[u]
             while t <= last:
-                occupied, run = run_end(busy[u], t)
+                occupied, run = run_end(busy[there], t)
                 if not occupied:
                     until = min(run, last)
                     while t <= until and (  # a swap, for which the other is on v, a clash or a ring
-                        (back >= 0 and (busy[v, t >> 5] >> (t & 31)) & 1 and (along[t >> 5, back] >> (t & 31)) & 1)
-                        or (near and (barred[lane, t >> 5] >> (t & 31)) & 1)
-                        or (rings and closes_ring(traffic, v, u, t))
+                        (back >= 0 and (busy[here, t >> 5] >> (t & 31)) & 1 and (along[t >> 5, back] >> (t & 31)) & 1)
+                        or (near and (barred[move, t >> 5] >> (t & 31)) & 1)
+                        or (rings and closes_ring(traffic, here, there, t))
                     ):
                         t += 1
                     k = np.int64(0)
@@ -253,10 +257,11 @@ def _search(traffic, labels, robot, limit, room):
     """
     task, busy, horizon, goal = traffic.task, traffic.busy, traffic.at.shape[1], traffic.task.goal[robot]
     first, head, steps, code, count = task.first, task.head, task.steps[robot], task.code[robot], labels.count
-    along, barred, reverse, near, rings = traffic.along, traffic.barred, task.reverse, len(traffic.num_near) > 1, task.rings
+    along, barred, near, rings = traffic.along, traffic.barred, len(traffic.num_near) > 1, task.rings
+    spot_of, move_along, back_of = task.spots.of, task.spots.move, task.spots.back
     stamp, start, dense = labels.stamp[0] << 32, task.start[robot], len(labels.run) == 0
     room -= 2
-    occupied, high = run_end(busy[start], 0)
+    occupied, high = run_end(busy[spot_of[start]], 0)
     labels.vertex[0], labels.low[0], labels.high[0], labels.parent[0] = start, 0, high, -1
     labels.cost[0] = 1 if occupied else 0
     push_by(labels.heap_key, labels.heap_label, 0, _rank(0, 0, task.least[robot]), 0)
@@ -280,7 +285,7 @@ def _search(traffic, labels, robot, limit, room):
         if v == goal:
             later, t = cost, high + 1
             while t < horizon:
-                occupied, t = run_end(busy[v], t)
+                occupied, t = run_end(busy[spot_of[v]], t)
                 later += 1 if occupied else 0
                 t += 1
             if later == cost:  # nobody comes by any more
@@ -291,22 +296,22 @@ def _search(traffic, labels, robot, limit, room):
         if max(count[0], count[1]) + 8 * (first[v + 1] - first[v] + 1) > room:
             return np.int64(NO_ROOM)
         if high + 1 + left <= limit:
-            occupied, end = run_end(busy[v], high + 1)
+            occupied, end = run_end(busy[spot_of[v]], high + 1)
             _reach(labels, x, v, high + 1, end, cost + (1 if occupied else 0), left)
-        leave = high if task.following else high + 1
+        leave, here = high if task.following else high + 1, spot_of[v]
         for lane in range(first[v], first[v + 1]):
-            u = head[lane]
+            u, move = head[lane], move_along[lane]
             to_go = steps_from(steps, code, v, u, left)
             t = low + 1
-            last, back = min(leave, limit - to_go), reverse[lane]
+            last, back, there = min(leave, limit - to_go), back_of[move], spot_of[u]
             while t <= last:
-                occupied, end = run_end(busy[u], t)
+                occupied, end = run_end(busy[there], t)
                 arrive, price = t, cost + (1 if occupied else 0)
                 until = min(end, last)
                 while arrive <= until and (
-                    (back >= 0 and (busy[v, arrive >> 5] >> (arrive & 31)) & 1 and (along[arrive >> 5, back] >> (arrive & 31)) & 1)
-                    or (near and (barred[lane, arrive >> 5] >> (arrive & 31)) & 1)
-                    or (rings and closes_ring(traffic, v, u, arrive))
+                    (back >= 0 and (busy[here, arrive >> 5] >> (arrive & 31)) & 1 and (along[arrive >> 5, back] >> (arrive & 31)) & 1)
+                    or (near and (barred[move, arrive >> 5] >> (arrive & 31)) & 1)
+                    or (rings and closes_ring(traffic, here, there, arrive))
                 ):
                     arrive += 1
                 if arrive > until:

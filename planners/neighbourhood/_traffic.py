@@ -1,23 +1,23 @@
-"""Traffic: the paths of robots as tables that answer at once whether a vertex is free and who is on it.
+"""Traffic: the paths of robots as tables that answer at once whether a spot is free and who is on it.
 
-Where following is refused, a robot holds the vertex it leaves in the step of its move too: any two robots that come too
-near then hold one vertex at one step, and swaps and rings need no rules of their own.
+Where following is refused, a robot holds the spot it leaves in the step of its move too: any two robots that come too
+near then hold one spot at one step, and swaps and rings need no rules of their own.
 
-How many robots hold a vertex at a step is in a table of vertices and steps: every cell has its slot, or, where that would take too much
+How many robots hold a spot at a step is in a table of spots and steps: every cell has its slot, or, where that would take too much
 memory, only cells in use have one. A sparse table is hashed: slots lie at the number of a cell, mixed, or behind it (Knuth, The Art of
 Computer Programming, volume 3, section 6.4: linear probing, algorithm R for deletion). A robot that stays at its goal is one entry there.
 The table begins small and moves to one of twice as many slots, behind it in the same arrays, when two thirds of it are in use: memory that
 is never written to is not taken.
 
-Where moves clash, a robot bars the vertices and lanes that are too close to its own: vertices are then busy as if it held them. So are
-those that are one place with its own, at the step at which it is there.
+Where moves clash, a robot bars the spots and moves that are too close to its own: spots are then busy as if it held them. So are
+others at its place, at the step at which it is there.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
-from mrp_sumo.core.clashes import Beside, Clashes
+from mrp_sumo.core.clashes import Clashes, Spots
 from mrp_sumo.search._clashing import move_of
 from mrp_sumo.search._kernel import kernel
 
@@ -30,47 +30,46 @@ for _k in range(32):
 
 
 class RepairTask(NamedTuple):
-    """Task of a repair, which does not change. V vertices, L lanes, R robots."""
+    """Task of a repair, which does not change. V vertices, L lanes, R robots; S spots and N moves between them, see `Spots`."""
 
     first: np.ndarray  # [V + 1] int64
     head: np.ndarray  # [L] int64
-    reverse: np.ndarray  # [L] int64
     start: np.ndarray  # [R] int64
     goal: np.ndarray  # [R] int64
     least: np.ndarray  # [R] int64 steps from each robot's start to its goal
     steps: np.ndarray  # [R, V] int32 to each robot's goal; [R, 0] where only `code` is known
     code: np.ndarray  # [R, ceil(V / 4)] uint8 which way is nearer, see _pibt_instance; [R, 0] where `steps` are
-    clashes: Clashes
-    beside: Beside
-    following: bool  # nobody may enter a vertex in the step in which another leaves it
+    clashes: Clashes  # between spots
+    spots: Spots
+    following: bool  # nobody may enter a spot in the step in which another leaves it
     rings: bool  # rings of robots may not move at once, and there is no rule about following that keeps them from it
     window: int  # steps for which robots keep clear of each other; 0: always
 
 
 class Holders(NamedTuple):
-    """Robots that hold each vertex at each of T steps, over K slots; a hashed table of N slots is at N to 2 N - 1."""
+    """Robots that hold each spot at each of T steps, over K slots; a hashed table of N slots is at N to 2 N - 1."""
 
     key: np.ndarray  # [K] int64 number of the cell and 1, 0 of an empty slot; [0] where every cell has its slot
     num: np.ndarray  # [K] uint8
     who: np.ndarray  # [K] int32 one of them
-    since: np.ndarray  # [V] int64 step from which on a robot stays at a vertex, not counted in slots; [0] where stays are, too
-    stayer: np.ndarray  # [V] int32 that robot
+    since: np.ndarray  # [S] int64 step from which on a robot stays at a spot, not counted in slots; [0] where stays are, too
+    stayer: np.ndarray  # [S] int32 that robot
     used: np.ndarray  # [2] int64 slots of the hashed table, and how many of them are in use
     steps: int  # T
 
 
 class Traffic(NamedTuple):
-    """Robots by vertex and step. V vertices, L lanes, R robots, T steps, W = T / WORD. Robots stay at their goals up to step T - 1."""
+    """Robots by spot and step. S spots, N moves, R robots, T steps, W = T / WORD. Robots stay at their goals up to step T - 1."""
 
     task: RepairTask
-    at: np.ndarray  # [R, T] int32 position of each robot, -1 where a robot has no path
+    at: np.ndarray  # [R, T] int32 vertex of each robot, -1 where a robot has no path
     end: np.ndarray  # [R] int64 step at which each arrives to stay, -1 without a path
     on: Holders
-    busy: np.ndarray  # [V, W] uint32 bits: somebody holds or bars it
-    num_near: np.ndarray  # [V, T] uint16 moves that bar a vertex, at the step they end in and the one before; [1, 1] without clashes
-    along: np.ndarray  # [W, L] uint32 bits: somebody arrives by a lane; by time, so that steps to which nobody drives take no memory
-    num_barred: np.ndarray  # [L, T] uint16 moves that bar arrivals by a lane at a step; [1, 1] without clashes
-    barred: np.ndarray  # [L, W] uint32 bits: some do; [1, 1] without clashes
+    busy: np.ndarray  # [S, W] uint32 bits: somebody holds or bars it
+    num_near: np.ndarray  # [S, T] uint16 moves that bar a spot, at the step they end in and the one before; [1, 1] without clashes
+    along: np.ndarray  # [W, N] uint32 bits: somebody arrives by a move; by time, so that steps to which nobody drives take no memory
+    num_barred: np.ndarray  # [N, T] uint16 moves that bar arrivals by another at a step; [1, 1] without clashes
+    barred: np.ndarray  # [N, W] uint32 bits: some do; [1, 1] without clashes
     window: int  # paths count up to the step before this one only
 
 
@@ -82,7 +81,7 @@ def mixed(key):
 
 @kernel(allocates=False)
 def home(key, slots):
-    """Index at which the slot of a cell is looked for first: eight steps of a vertex are side by side in memory."""
+    """Index at which the slot of a cell is looked for first: eight steps of a spot are side by side in memory."""
     return slots + (((mixed(key >> 3) << 3) + (key & 7)) & (slots - 1))
 
 
@@ -233,17 +232,17 @@ def stay_of(traffic, robot):
 def add_path(traffic, robot):
     """Enter the robot's row of `at`, which ends at its `end`, in the rest of the traffic."""
     task = traffic.task
-    first, head = task.first, task.head
+    spot_of, first, head = task.spots.of, task.spots.first, task.spots.head
     at, on, busy, following = traffic.at[robot], traffic.on, traffic.busy, traffic.task.following
     before, stay = np.int64(-1), stay_of(traffic, robot)
     if stay < traffic.window:
-        v = np.int64(at[stay])
+        v = spot_of[at[stay]]
         on.since[v], on.stayer[v] = stay, robot
         busy[v, stay >> 5] |= (np.int64(0xFFFFFFFF) << (stay & 31)) & 0xFFFFFFFF
         for word in range((stay >> 5) + 1, busy.shape[1]):
             busy[v, word] = 0xFFFFFFFF
     for t in range(min(stay + 1, traffic.window)):
-        v = np.int64(at[t])
+        v = spot_of[at[t]]
         bit = np.int64(1) << (t & 31)
         if t < stay:
             on.who[enter(on, v, t)] = robot
@@ -262,16 +261,17 @@ def add_path(traffic, robot):
 def _bar(traffic, robot):
     """Bar what is too close to the robot's moves."""
     task = traffic.task
-    clashes, beside, at, num_near, busy, num_barred, barred = (
-        task.clashes, task.beside, traffic.at[robot], traffic.num_near, traffic.busy, traffic.num_barred, traffic.barred,
+    clashes, spots, at, num_near, busy, num_barred, barred = (
+        task.clashes, task.spots, traffic.at[robot], traffic.num_near, traffic.busy, traffic.num_barred, traffic.barred,
     )  # fmt: skip
     for t in range(traffic.window):
-        for k in range(beside.first[at[t]], beside.first[at[t] + 1]):
-            v = beside.vertex[k]
+        here = spots.of[at[t]]
+        for k in range(spots.beside_first[here], spots.beside_first[here + 1]):
+            v = spots.beside[k]
             num_near[v, t] += 1
             busy[v, t >> 5] |= np.int64(1) << (t & 31)
     for t in range(1, traffic.window):
-        move = move_of(task.first, task.head, np.int64(at[t - 1]), np.int64(at[t]))
+        move = move_of(spots.first, spots.head, spots.of[at[t - 1]], spots.of[at[t]])
         for k in range(clashes.vertex_first[move], clashes.vertex_first[move + 1]):
             v = clashes.vertex[k]
             for step in range(t - 1, t + 1):
@@ -286,17 +286,18 @@ def _bar(traffic, robot):
 def _unbar(traffic, robot):
     """Take back what `_bar` did."""
     task = traffic.task
-    clashes, beside, at, on, num_near, busy, num_barred, barred = (
-        task.clashes, task.beside, traffic.at[robot], traffic.on, traffic.num_near, traffic.busy, traffic.num_barred, traffic.barred,
+    clashes, spots, at, on, num_near, busy, num_barred, barred = (
+        task.clashes, task.spots, traffic.at[robot], traffic.on, traffic.num_near, traffic.busy, traffic.num_barred, traffic.barred,
     )  # fmt: skip
     for t in range(traffic.window):
-        for k in range(beside.first[at[t]], beside.first[at[t] + 1]):
-            v = beside.vertex[k]
+        here = spots.of[at[t]]
+        for k in range(spots.beside_first[here], spots.beside_first[here + 1]):
+            v = spots.beside[k]
             num_near[v, t] -= 1
             if num_near[v, t] == 0 and num_in(on, v, t) == 0:
                 busy[v, t >> 5] &= ~(np.int64(1) << (t & 31))
     for t in range(1, traffic.window):
-        move = move_of(task.first, task.head, np.int64(at[t - 1]), np.int64(at[t]))
+        move = move_of(spots.first, spots.head, spots.of[at[t - 1]], spots.of[at[t]])
         for k in range(clashes.vertex_first[move], clashes.vertex_first[move + 1]):
             v = clashes.vertex[k]
             for step in range(t - 1, t + 1):
@@ -313,14 +314,14 @@ def _unbar(traffic, robot):
 @kernel(allocates=False)
 def remove_path(traffic, robot):
     """Take the robot's path out of the traffic; its row of `at` stays."""
-    task, at, on = traffic.task, traffic.at[robot], traffic.on
+    task, at, on, spots = traffic.task, traffic.at[robot], traffic.on, traffic.task.spots
     if task.clashes.any:
         _unbar(traffic, robot)
     before, stay = np.int64(-1), stay_of(traffic, robot)
     if stay < traffic.window:
-        on.since[at[stay]] = traffic.window
+        on.since[spots.of[at[stay]]] = traffic.window
     for t in range(traffic.window):
-        v = np.int64(at[t])
+        v = spots.of[at[t]]
         left = leave(on, v, t) if t < stay else num_in(on, v, t)
         if left == 0:
             _set_free(traffic, v, t)
@@ -328,7 +329,7 @@ def remove_path(traffic, robot):
             _hand_over(traffic, robot, v, t)
         if t > 0 and v != before:
             if left == 0 or not _do_others_arrive(traffic, robot, before, v, t):
-                traffic.along[t >> 5, lane_between(task.first, task.head, before, v)] &= ~(np.int64(1) << (t & 31))
+                traffic.along[t >> 5, lane_between(spots.first, spots.head, before, v)] &= ~(np.int64(1) << (t & 31))
             if task.following:
                 if leave(on, before, t) == 0:
                     _set_free(traffic, before, t)
@@ -358,40 +359,42 @@ def _hand_over(traffic, robot, v, t):
 @kernel(allocates=False)
 def _do_others_arrive(traffic, robot, u, v, t):
     """True if other robots than this one come from u to v at t."""
-    for other in range(len(traffic.at)):
-        if other != robot and traffic.end[other] >= 0 and traffic.at[other, t] == v and traffic.at[other, t - 1] == u:
+    at, spot_of = traffic.at, traffic.task.spots.of
+    for other in range(len(at)):
+        if other != robot and traffic.end[other] >= 0 and spot_of[at[other, t]] == v and spot_of[at[other, t - 1]] == u:
             return True
     return False
 
 
 @kernel(allocates=False)
 def holds(traffic, robot, v, t):
-    """True if a robot with a path holds a vertex at a step."""
+    """True if a robot with a path holds spot v at a step."""
     if traffic.end[robot] < 0 or t >= traffic.window:
         return False
-    return traffic.at[robot, t] == v or (traffic.task.following and t > 0 and traffic.at[robot, t - 1] == v)
+    at, spot_of = traffic.at[robot], traffic.task.spots.of
+    return spot_of[at[t]] == v or (traffic.task.following and t > 0 and spot_of[at[t - 1]] == v)
 
 
 @kernel(allocates=False)
 def anyone_at(traffic, v, t):
-    """One of the robots at the place of a vertex at a step, -1 where there is none."""
-    beside = traffic.task.beside
+    """One of the robots at the place of spot v at a step, -1 where there is none."""
+    spots = traffic.task.spots
     robot = anyone_in(traffic.on, v, t)
-    for k in range(beside.first[v], beside.first[v + 1]):
+    for k in range(spots.beside_first[v], spots.beside_first[v + 1]):
         if robot < 0:
-            robot = anyone_in(traffic.on, beside.vertex[k], t)
+            robot = anyone_in(traffic.on, spots.beside[k], t)
     return robot
 
 
 @kernel(allocates=False)
 def closes_ring(traffic, v, u, t):
-    """True if a move from v that arrives on u at step t completes a ring of robots that move at once."""
-    w, place = u, traffic.task.beside.place
+    """True if a move from spot v that arrives on spot u at step t completes a ring of robots that move at once."""
+    w, spot_of, place = u, traffic.task.spots.of, traffic.task.spots.place
     for _ in range(len(traffic.at)):
         robot = anyone_at(traffic, w, t - 1)
         if robot < 0:
             return False
-        onward = np.int64(traffic.at[robot, t])
+        onward = spot_of[traffic.at[robot, t]]
         if place[onward] == place[v]:
             return True
         if place[onward] == place[w]:
@@ -404,7 +407,7 @@ def closes_ring(traffic, v, u, t):
 def hold_starts(traffic):
     """Let everybody hold its start in the first step: where following is refused nobody can leave it sooner."""
     for robot in range(len(traffic.task.start)):
-        v = traffic.task.start[robot]
+        v = traffic.task.spots.of[traffic.task.start[robot]]
         traffic.on.who[enter(traffic.on, v, 1)] = robot
         traffic.busy[v, 0] |= 2
 
@@ -412,7 +415,7 @@ def hold_starts(traffic):
 @kernel(allocates=False)
 def free_start(traffic, robot):
     """Take back what `hold_starts` did for a robot."""
-    v = traffic.task.start[robot]
+    v = traffic.task.spots.of[traffic.task.start[robot]]
     if leave(traffic.on, v, 1) == 0:
         _set_free(traffic, v, 1)
 
@@ -425,20 +428,20 @@ def enter_all(traffic):
         add_path(traffic, robot)
 
 
-def no_holders(num_vertices: int, num_steps: int, most: int, *, stays: bool = True) -> Holders:
+def no_holders(num_spots: int, num_steps: int, most: int, *, stays: bool = True) -> Holders:
     """Empty cells, of which at most so many are in use at a time; with `stays`, a sparse table has one entry for a robot that stays."""
-    sparse = is_sparse(num_vertices, num_steps)
-    num_slots = 2 * slots_for(most) if sparse else num_vertices * num_steps
+    sparse = is_sparse(num_spots, num_steps)
+    num_slots = 2 * slots_for(most) if sparse else num_spots * num_steps
     key = np.zeros(num_slots if sparse else 0, np.int64)
-    since = np.full(num_vertices if sparse and stays else 0, num_steps, np.int64)
+    since = np.full(num_spots if sparse and stays else 0, num_steps, np.int64)
     num, who = np.zeros(num_slots, np.uint8), np.empty(num_slots, np.int32)
     used = np.array([min(num_slots // 2, FEWEST_SLOTS), 0])
     return Holders(key, num, who, since, np.empty(len(since), np.int32), used, num_steps)
 
 
-def is_sparse(num_vertices: int, num_steps: int) -> bool:
+def is_sparse(num_spots: int, num_steps: int) -> bool:
     """True if only cells in use have a slot."""
-    return num_vertices * num_steps > MOST_CELLS
+    return num_spots * num_steps > MOST_CELLS
 
 
 def slots_for(most: int) -> int:
@@ -448,17 +451,17 @@ def slots_for(most: int) -> int:
 
 def empty_traffic(task: RepairTask, horizon: int, most: int | None = None) -> Traffic:
     """Traffic without paths over `horizon` steps, a multiple of WORD; all together may move or wait on their ways for `most`, None: any."""
-    num_vertices, num_lanes, num_robots = len(task.first) - 1, len(task.head), len(task.goal)
-    near = (num_vertices, num_lanes, horizon) if task.clashes.any else (1, 1, 1)
+    num_spots, num_moves, num_robots = len(task.spots.place), len(task.spots.head), len(task.goal)
+    near = (num_spots, num_moves, horizon) if task.clashes.any else (1, 1, 1)
     held = (num_robots * horizon if most is None or task.window else most) * (2 if task.following else 1)
     return Traffic(
         task,
         at=np.full((num_robots, horizon), -1, np.int32),
         end=np.full(num_robots, -1, np.int64),
-        on=no_holders(num_vertices, horizon, held, stays=not task.window),
-        busy=np.zeros((num_vertices, horizon // WORD), np.uint32),
+        on=no_holders(num_spots, horizon, held, stays=not task.window),
+        busy=np.zeros((num_spots, horizon // WORD), np.uint32),
         num_near=np.zeros((near[0], near[2]), np.uint16),
-        along=np.zeros((horizon // WORD, num_lanes), np.uint32),
+        along=np.zeros((horizon // WORD, num_moves), np.uint32),
         num_barred=np.zeros((near[1], near[2]), np.uint16),
         barred=np.zeros((near[1], (near[2] + WORD - 1) // WORD), np.uint32),
         window=min(task.window + 1, horizon) if task.window else horizon,

@@ -14,7 +14,7 @@ import numpy as np
 from mrp_sumo.core.graph import IntArray
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.search.distance import distances
-from mrp_sumo.traffic.clashes import clashes_by_place
+from mrp_sumo.traffic.clashes import clashes_of_spots
 from planners.configuration._pibt_instance import PibtInstance
 from planners.configuration.guides import MOVES_A_LANE
 from planners.neighbourhood import _lns
@@ -70,10 +70,10 @@ def task_on(problem: Problem, world: PibtInstance) -> RepairTask:
 
 
 def _task(problem: Problem, steps: tuple[np.ndarray, np.ndarray, np.ndarray], following: bool, rotations: bool) -> RepairTask:
-    graph, (clashes, beside) = problem.graph, clashes_by_place(problem, following=following)
+    graph, (clashes, spots) = problem.graph, clashes_of_spots(problem)
     rings = not (rotations and clashes.rotations) and not following
     ends = np.array(problem.start), np.array(problem.target)
-    return RepairTask(graph.first, graph.head, graph.reverse, *ends, *steps, clashes, beside, following, rings, problem.window_steps)
+    return RepairTask(graph.first, graph.head, *ends, *steps, clashes, spots, following, rings, problem.window_steps)
 
 
 class Repair:
@@ -135,13 +135,13 @@ def first_order(task: RepairTask, rng: np.random.Generator) -> np.ndarray:
 
 def room_bytes(task: RepairTask, horizon: int, most_labels: int = FOREVER, most_steps: int | None = None) -> int:
     """Memory for traffic and searches over so many steps, see `Repair`."""
-    vertices, lanes, robots = len(task.first), len(task.head), len(task.goal)
-    labels = min(labels_for(vertices, lanes), most_labels)
-    clashes = horizon * (2 * vertices + 3 * lanes) if task.clashes.any else 0
+    vertices, spots, moves, robots = len(task.first), len(task.spots.first), len(task.spots.head), len(task.goal)
+    labels = min(labels_for(vertices, len(task.head)), most_labels)
+    clashes = horizon * (2 * spots + 3 * moves) if task.clashes.any else 0
     steps = robots * horizon if most_steps is None else most_steps
-    held = 13 * slots_for(steps) if is_sparse(vertices, horizon) else 5 * vertices * horizon
+    held = 13 * slots_for(steps) if is_sparse(spots, horizon) else 5 * spots * horizon
     runs = 2 * slots_for(labels) if is_sparse(vertices, horizon) else vertices * horizon
-    return horizon * ((vertices + lanes) // 8 + 4 * robots) + held + 16 * runs + 64 * labels + clashes
+    return horizon * ((spots + moves) // 8 + 4 * robots) + held + 16 * runs + 64 * labels + clashes
 
 
 def first_paths(

@@ -10,7 +10,7 @@ from mrp_sumo.core.problem import Standing
 from mrp_sumo.planning.answers import planned_by
 from mrp_sumo.planning.registry import planner
 from mrp_sumo.planning.vehicles import on_moves, within_reach
-from mrp_sumo.traffic.clashes import clashes_by_place, clashes_of, clashes_of_spots
+from mrp_sumo.traffic.clashes import clashes_of, clashes_of_spots
 from mrp_sumo.traffic.moves import BOUND, UNDER_WAY
 from mrp_sumo.traffic.referee import judge
 from mrp_sumo.traffic.turns import obstacle_to, with_swings
@@ -225,20 +225,6 @@ def test_vehicles_on_a_block_that_all_go_on_at_once_rotate_though_none_enters_a_
     monkeypatch.setattr(tree, "paths", lambda node: paths)
     moves = [(robot, *tree.instance.spots.of[paths[robot]].tolist(), 1) for robot in range(num_robots)]
     assert sorted(tree.ring(ConflictNode(tree, np.zeros(num_robots, np.int64), NO_CONFLICTS, 0, 0))) == (moves if num_robots == 4 else [])
-
-
-def test_states_of_one_place_are_beside_each_other_and_no_clashes_for_planners_that_know_places():
-    problem = on_moves(vehicles_on(squares(2, 4.0), [0, 3], [1, 2], [TRICYCLE, CART]))
-    graph, (clashes, beside) = problem.graph, clashes_by_place(problem, following=False)
-    at = set(graph.head.tolist()) | set(problem.start.tolist())
-    start = problem.start[0]
-    assert beside.vertex[slice(*beside.first[start : start + 2])].tolist() == [v for v in sorted(at - {start}) if graph.place[v] == 0]
-    assert not len(clashes.vertex)
-    lane = graph.first[start]
-    there = clashes.lane[slice(*clashes.lane_first[lane : lane + 2])]
-    assert set(graph.base_lane[there].tolist()) == {graph.base.reverse[graph.base_lane[lane]]}
-    strict, nobody = clashes_by_place(problem, following=True)
-    assert strict is clashes_of(problem) and not len(nobody.vertex)
 
 
 def test_states_of_one_place_are_one_spot_and_where_nobody_tows_spots_clash_as_the_map_says():
