@@ -98,7 +98,7 @@ def _lacam3(program: Path, flags: str, limit_s: float) -> Planner:
 
 
 def _measured(chosen: Planner, where: str, robots: int, seed: int, limit_s: float, whose: int | None = None) -> dict[str, float | bool]:
-    """One answer, with the peak so far of the process, or of its children, if it is asked `whose`. Its bound is the sum of shortest ways."""
+    """One answer, with the peak so far of the process or its children if it is asked `whose`. Its bound is the sum of shortest ways."""
     problem = problem_of(where, robots, seed)
     began = process_time()
     result = chosen.plan(problem, limit_s)

@@ -80,8 +80,9 @@ class Pbs:
 
 
 def _mended(steps: "WindowSteps", problem: Problem, tree: PlanResult, began: float, deadline_s: float) -> PlanResult:
-    """A plan for a window in which no order of the tree has one, or the result of the tree."""
-    paths, stats = steps.mended(deadline_s), {**tree.stats, **steps.counters()}
+    """A plan for a window in which no order of the tree has one, or the result of the tree where nobody can get on."""
+    paths = steps.mended(deadline_s) or steps.waited()
+    stats = {**tree.stats, **steps.counters()}
     if paths is None:
         message = f"no plan within an effort of {problem.effort} labels" if problem.effort else tree.message
         return replace(tree, planning_time_s=process_time() - began, stats=stats, message=message)

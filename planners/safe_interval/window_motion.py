@@ -69,22 +69,33 @@ class WindowSteps:
         """The ways of robots alone, planned again where they meet, whoever goes first, until nobody meets anybody; None without success."""
         paths, count, problem = self.alone(), self._room.count, self._problem
         most = int(count[1]) + MEND_LABELS * problem.num_robots
-        most = min(most, problem.effort or most)
+        most = min(most, problem.effort * 3 // 4 or most)  # the rest is for making ways shorter, these or those of robots that wait
         rng = np.random.default_rng([problem.seed, CHANCE])
         while paths is not None and count[1] < most and process_time() < deadline_s:
             if mend(self._task, self._room, self._holder, paths.at, paths.cost, min(most, int(count[1]) + MEND_AT_ONCE), rng):
                 return paths
         return None
 
+    def waited(self) -> StepWays | None:
+        """The ways of robots that wait, but for those that can get on past all others; None where nobody can, or no effort is left."""
+        at = np.repeat(self._problem.start.astype(np.int32)[:, None], self._problem.window_steps + 1, axis=1)
+        paths = StepWays(at, np.where(self._task.least > 0, self._task.least + self._problem.window_steps, 0))
+        self._shorten(paths)
+        return paths if (at != at[:, :1]).any() else None
+
     def plan(self, paths: StepWays) -> tuple[Plan, dict[str, float]]:
         """The plan of ways that have been made shorter."""
-        problem, first_cost = self._problem, self.cost(paths)
-        most = int(self._room.count[1]) + POLISH_LABELS * problem.num_robots
-        rng = np.random.default_rng([problem.seed, CHANCE])
-        most = min(most, problem.effort or most)
-        polish(self._task, self._room, paths.at, paths.cost, most, rng)
-        plan = plan_of_paths(list(paths.at.astype(np.int64)), problem.step_s)
+        first_cost = self.cost(paths)
+        self._shorten(paths)
+        plan = plan_of_paths(list(paths.at.astype(np.int64)), self._problem.step_s)
         return plan, {"first_solution_cost": float(first_cost), "cost": float(self.cost(paths))}
+
+    def _shorten(self, paths: StepWays) -> None:
+        """Plan late robots again with those in their way, within the effort."""
+        problem, count = self._problem, self._room.count
+        most = int(count[1]) + POLISH_LABELS * problem.num_robots
+        rng = np.random.default_rng([problem.seed, CHANCE])
+        polish(self._task, self._room, paths.at, paths.cost, min(most, problem.effort or most), rng)
 
 
 def task_of(problem: Problem) -> WindowTask:

@@ -9,7 +9,7 @@ from mrp_sumo.core.plan import Status, paths_of_plan
 from mrp_sumo.planning.registry import planner
 from mrp_sumo.traffic.referee import judge
 from planners.safe_interval._window_way import MOST_CROSSED, room_for
-from planners.safe_interval.window_motion import task_of
+from planners.safe_interval.window_motion import WindowSteps, task_of
 
 
 def test_a_way_goes_by_the_stops_before_the_goal():
@@ -79,3 +79,18 @@ def test_prioritised_has_robots_at_their_goals_give_way_in_a_window():
         problem_on(corridor(5), [2, 0], [2, 4]), window_steps=6
     )  # without the side road it can only go ahead, and not come back
     assert planner("prioritised", {}).plan(alone, 60.0).plan.vertex[-1] != 4
+
+
+def test_where_no_plan_keeps_all_apart_whoever_can_get_on_does_and_the_others_wait():
+    """Robots 0 and 1 are to change places on a row, of which one has to make room; robot 2 has a free way. On two cells nobody can."""
+    waited = WindowSteps(replace(problem_on(line(6), [0, 1, 3], [1, 0, 5]), window_steps=4)).waited()
+    assert waited.at[2].tolist() == [3, 4, 5, 5, 5] and waited.cost[2] == 2
+    assert WindowSteps(replace(problem_on(line(2), [0, 1], [1, 0]), window_steps=4)).waited() is None
+
+
+def test_a_crowd_that_effort_is_too_short_for_gets_on_as_far_as_it_can():
+    problem = replace(problem_on(square_grid(8), range(51), range(63, 12, -1)), window_steps=16, effort=50_000)
+    result = planner("pbs", {}).plan(problem, 60.0)
+    assert result.status is Status.SOLVED and judge(ending_there(problem, result.plan), result.plan).valid
+    moved = sum(path[0] != path[-1] for path in paths_of_plan(result.plan, problem.step_s))
+    assert 0 < moved <= 51 and result.stats["labels"] <= 51_000
