@@ -99,6 +99,7 @@ def situation(now_s: float, context: Surroundings, stays: BoolArray, end: IntArr
     on_lane = grants.on_lane & (joint == visits.granted)
     for r in np.flatnonzero(joint != visits.granted).tolist():
         taken[context.of_vertex(r, int(start[r]))] = r
+    held = taken.copy()  # by those who wait also where they are committed to come
     waits = stays | context.entering
     in_front: dict[int, int] = {}  # of those on each lane, who is to leave it first
     for r in sorted(np.flatnonzero(on_lane).tolist(), key=context.rest_of_lane_m):
@@ -115,7 +116,7 @@ def situation(now_s: float, context: Surroundings, stays: BoolArray, end: IntArr
         else:
             waits[r] = True
     alone = frozenset(np.flatnonzero(waits & on_lane).tolist())
-    blocked = context.closed | lanes_needing(graph, ledger.resources, (grants.holder >= 0) & waits[grants.holder])
+    blocked = context.closed | lanes_needing(graph, ledger.resources, (held >= 0) & waits[held])
     for r in alone:
         lane = int(visits.lane[context.ahead(r)])
         blocked[[lane, *([int(graph.reverse[lane])] if graph.reverse[lane] >= 0 else [])]] = True

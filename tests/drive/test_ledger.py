@@ -389,6 +389,19 @@ def test_who_waits_behind_another_on_a_lane_is_not_sent_past_it():
         assert asked.request.robot.tolist() == [front] and asked.request.start.tolist() == [2] and asked.left_alone == {behind}
 
 
+@pytest.mark.parametrize("stays", [True, False])
+def test_nobody_is_planned_past_where_another_is_committed_to_come_to_stay(stays):
+    """Robot 0 is at 0 and committed as far as 2, which is nobody's yet."""
+    graph = line(5, 2.0)
+    ledger, _ = ledger_of(graph, [[0, 1, 2], [4, 3]], "open_loop")
+    ledger._cut = np.array([ledger.all_ids(0)[2], ledger.joint[1]])
+    settings = ExecutionSettings()
+    world = World(ledger.problem, settings, facilities_of(graph, ledger.resources))
+    context = Surroundings(ledger, world, Work(Crew(ledger, settings, 3)), lambda _: pytest.fail("asked"))
+    request = situation(9.0, context, np.array([stays, False]), ledger.end_of_tasks).request
+    assert request.robot.tolist() == ([1] if stays else [0, 1]) and request.closed[graph.head == 2].tolist() == [stays] * 2
+
+
 @pytest.mark.parametrize(("makes_way", "stops"), [(False, [1, 3]), (True, [2, 3])])
 def test_who_stands_where_another_waits_to_come_makes_way_though_its_own_goal_is_taken(makes_way, stops):
     """On a one-way ring robot_0 waits on the lane to 1, which bars it: robot_2 cannot get from 3 to 2, nor robot_1 from 1 to 3."""
