@@ -82,6 +82,8 @@ def unsolvable(problem: Problem, clashes: Clashes, spots: Spots, following: bool
         tail, head = number[graph.tail[inside]], number[graph.head[inside]]
         first = np.searchsorted(tail, np.arange(len(vertices) + 1)).astype(np.int64)
         ends, head = (number[problem.start[robots]], number[target[robots]]), head.astype(np.int64)
-        if (ends[1] < 0).any() or not can_reach(first, head, *ends, following, alone, vertices_alone(first, head, tail, np.full(len(head), -1))):
+        if (ends[1] < 0).any() or not can_reach(
+            first, head, *ends, following, alone, vertices_alone(first, head, tail, np.full(len(head), -1))
+        ):
             return True
     return False
