@@ -13,7 +13,8 @@ class Clashes(NamedTuple):
     A robot that drives holds its lane and both ends of it for the step, a robot that waits holds its vertex. While
     a robot makes move m, nobody else may be at `vertex[vertex_first[m]:vertex_first[m + 1]]`, neither when the step begins
     nor when it ends, or drive along `lane[lane_first[m]:lane_first[m + 1]]`. That goes beyond the rules of MAPF, which
-    planners know: nobody else at its vertices or on its lane. All moves clash mutually.
+    planners know: nobody else at its vertices or on its lane. All moves clash mutually. Where they are those of spots, see `Spots`, these
+    are the vertices, and the moves between them the lanes.
     """
 
     vertex_first: IntArray  # [L + V + 1] CSR

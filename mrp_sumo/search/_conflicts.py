@@ -179,7 +179,7 @@ def _clashes(instance, store, occupancy, move, conflicts, count):
 
 @kernel(allocates=False)
 def _clashes_at(store, occupancy, move, since, conflicts, before, count):
-    """Others that are at a spot from a step on to that of the move: (vertex, step)."""
+    """Others that are at a spot from a step on to that of the move: (spot, step)."""
     (w, begin), num_robots = since, len(occupancy.record)
     for step in range(begin, move.t + 1):
         if step < steps_known(occupancy):
