@@ -41,9 +41,7 @@ class Spots(NamedTuple):
     tail_in: IntArray  # [N]
     place: IntArray  # [S] vertex of the map
     beside_first: IntArray  # [S + 1] CSR
-    beside: (
-        IntArray  # other spots at the same place: while a robot is at s, nobody else is at `beside[beside_first[s]:beside_first[s + 1]]`
-    )
+    beside: IntArray  # others at the same place: a robot at s keeps others off `beside[beside_first[s]:beside_first[s + 1]]` at that step
 
 
 def vertices_alone(first: IntArray, head: IntArray, tail: IntArray, reverse: IntArray) -> Spots:

@@ -215,7 +215,7 @@ def joint_paths(instance, store, scratch, one, other):
     """
     nothing = np.int64(0)
     spots = instance.spots
-    if store.meta[one].mdd0 < 0 or store.meta[other].mdd0 < 0 or len(spots.place) < len(spots.of):  # members of a level are one spot
+    if store.meta[one].mdd0 < 0 or store.meta[other].mdd0 < 0 or len(spots.place) < len(spots.of):  # members of a level share spots
         return OK, UNKNOWN_YET, nothing, nothing, nothing
     first, last = _near(instance, store, scratch, one, other)
     if last == 0:

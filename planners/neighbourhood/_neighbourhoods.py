@@ -274,10 +274,9 @@ def _walk(traffic, hood, num, robot, before, rng):
             moved, there = True, spots.of[u]
             if (traffic.busy[there, (t + 1) >> 5] >> ((t + 1) & 31)) & 1:
                 num = _choose_about(traffic, hood, num, there, t + 1)
-            if num < len(hood.robot) and at < b and task.spots.back[spots.move[at]] >= 0:
-                back = task.spots.back[spots.move[at]]
-                if (traffic.along[(t + 1) >> 5, back] >> ((t + 1) & 31)) & 1:
-                    num = _choose_on(traffic, hood, num, spots.of[v], t + 1)
+            back = spots.back[spots.move[at]] if at < b else -1
+            if num < len(hood.robot) and back >= 0 and (traffic.along[(t + 1) >> 5, back] >> ((t + 1) & 31)) & 1:
+                num = _choose_on(traffic, hood, num, spots.of[v], t + 1)
             v, to_go = u, onward
             break
         if not moved:
