@@ -21,7 +21,7 @@ await goes(async () => {
   say("a level is added above, where the other one is", (await site("l.elevation")) === 4 && (await site("JSON.stringify(l.fiducials) === JSON.stringify(site.document.levels.ground.fiducials)")));
   await type("elevation", 5);
   say("a level has an elevation", (await site("l.elevation")) === 5, await site("l.elevation"));
-  await tab.getByLabel("elevation", { exact: true }).selectText();
+  await tab.getByLabel("elevation", { exact: true }).press("Control+a");
   await tab.evaluate(() => window.studio.show("draw"));
   await tab.keyboard.insertText("6");
   await tab.keyboard.press("Tab");
