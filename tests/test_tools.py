@@ -3,15 +3,19 @@
 import csv
 import importlib.util
 import json
+import math
 import os
 import signal
 import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 from campaigns.driver import Places
+
+from mrp_sumo.calibration.log import ActionTime, LoggedOrder, MotionLog
 
 TOOLS = Path(__file__).resolve().parents[1] / "tools"
 GRID = ["..@..", ".....", "..@.."]
@@ -102,6 +106,30 @@ class Endless:
 
 sys.exit(driver.run(Endless(), driver.Places(sys.argv[1], 0, Path(sys.argv[2])), 60.0, 3600.0))
 """
+
+
+def test_what_a_vehicle_says_of_itself_is_by_one_clock_and_orders_are_by_another(monkeypatch):
+    monkeypatch.syspath_prepend(TOOLS)
+    bench_calibrate = importlib.import_module("bench_calibrate")
+    exact = MotionLog("run", "run folder", levels={0.0: "hall"})
+    t_s = np.arange(0, 601, 0.1)
+    for name, comes_s in (("a", 100.0), ("b", 300.0)):  # each drives at 1 m/s but for a service of 60 s
+        x_m = t_s - np.clip(t_s - comes_s, 0, 60)
+        exact.poses[name] = [(*row, 0.0, 0.0, math.nan, 0.0) for row in zip(t_s.tolist(), x_m.tolist())]
+        exact.visits.append(ActionTime(name, "pick", "shelf", comes_s, comes_s + 60))
+        exact.orders.append(LoggedOrder(f"of {name}", ("shelf",), 50.0, 60.0, name, ((comes_s, comes_s + 60),), comes_s + 60))
+    monkeypatch.setattr(bench_calibrate, "read_fleet", lambda run: exact)
+    log = bench_calibrate.observed(Path("run"), np.random.default_rng(1))
+    off_s = [visit.begin_s - comes_s for visit, comes_s in zip(log.visits, (100, 300))]
+    assert abs(off_s[0] - off_s[1]) > 0.5
+    for visit, order, off in zip(log.visits, log.orders, off_s):
+        t, x = np.array(log.poses[visit.vehicle])[:, :2].T
+        at = visit.begin_s - off
+        assert np.interp((visit.begin_s - 20, visit.begin_s, visit.end_s, visit.end_s + 20), t, x) == pytest.approx(
+            [at - 20, at, at, at + 20], abs=0.3
+        )
+        assert order.services == ((visit.begin_s, visit.end_s),)
+        assert (order.release_s, order.assigned_s, order.done_s) == (50.0, 60.0, at + 60)
 
 
 def test_campaign_that_is_interrupted_ends_its_trial_and_says_what_was_found(tmp_path):

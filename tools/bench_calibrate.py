@@ -14,6 +14,7 @@ import sys
 import time
 from collections import defaultdict
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -140,10 +141,14 @@ def run_of(seed: int, truth: dict[str, Any], folder: Path) -> Path:
 
 
 def observed(run: Path, rng: np.random.Generator) -> MotionLog:
-    """The log of a run as a foreign one would be: poses of 1 Hz with noise, losses, gaps and clocks that are off; and times of actions."""
+    """The log of a run as a foreign one would be: poses of 1 Hz with noise, losses and gaps, times of actions, and orders.
+
+    What a vehicle says of itself, poses and services, is by its own clock, which is off; orders are by the clock of who gives them.
+    """
     exact = read_fleet(run)
     noise_m, noise_rad = rng.uniform(0.005, 0.05, 2)
-    log = MotionLog(run.name, "CSV", visits=exact.visits)
+    log = MotionLog(run.name, "CSV", visits=exact.visits, levels=exact.levels, is_laid_out=exact.is_laid_out)
+    off_s = {}
     for name, poses in exact.poses.items():
         t, x, y, yaw, _, level = np.array(poses).T
         at = np.clip(np.arange(rng.uniform(), t[-1], 1.0) + rng.uniform(-0.02, 0.02), 0.0, t[-1])
@@ -153,8 +158,13 @@ def observed(run: Path, rng: np.random.Generator) -> MotionLog:
         for begin_s in rng.uniform(0, t[-1], 3):
             there &= ~((at > begin_s) & (at < begin_s + rng.uniform(5, 60)))
         on = level[np.searchsorted(t, at)]
-        table = np.column_stack((at + rng.uniform(-3, 3), *seen, np.full(len(at), np.nan), on))[there]
+        off_s[name] = float(rng.uniform(-3, 3))
+        table = np.column_stack((at, *seen, np.full(len(at), np.nan), on))[there]
         log.poses[name] = [tuple(row) for row in table.tolist()]
+        log.set_clock(name, off_s[name])
+    for order in exact.orders:
+        off = off_s.get(order.vehicle, 0.0)
+        log.orders.append(replace(order, services=tuple((begin_s + off, end_s + off) for begin_s, end_s in order.services)))
     return log
 
 

@@ -13,7 +13,6 @@ import argparse
 import sys
 import time
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -23,12 +22,10 @@ import numpy as np
 from bench_calibrate import GROUPS, observed
 
 import mrp_sumo as ms
-from mrp_sumo.calibration.orders import orders_of_run
 from mrp_sumo.calibration.prediction import predicted
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.experiments.solve import silent
-from mrp_sumo.io.run_reader import load_run
 from mrp_sumo.io.scenario.read import scenario_of
 
 SIZES = {"length_m": 0.5, "width_m": 0.45, "gap_m": 0.05}
@@ -61,9 +58,6 @@ def rows(options: argparse.Namespace) -> Iterator[bench.Row]:
             if not (folder / "result.json").is_file():
                 ms.run(ms.Scenario(**truth)).save(folder)
             log = observed(folder, np.random.default_rng([seed, 5]))
-            run = load_run(folder)
-            names = dict(enumerate(run.graph.level_names))
-            log = replace(log, orders=orders_of_run(run), is_laid_out=True, levels=names)
             began, types = time.process_time(), Path(scratch) / f"types_{seed}"
             types.mkdir()
             file = scenario_of(guess, Path.cwd(), f"site_{seed}")

@@ -8,7 +8,6 @@ losses and gaps. The manifest has the figures that drove them, as `truth`.
 
 import argparse
 import sys
-from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -18,8 +17,6 @@ from bench_calibrate import observed
 
 import mrp_sumo as ms
 from mrp_sumo.calibration.archive import ArchiveHead, write_archive
-from mrp_sumo.calibration.orders import orders_of_run
-from mrp_sumo.io.run_reader import load_run
 
 OUT = Path(__file__).resolve().parents[1] / "logs" / "warehouse_hour.zip"
 SEED = 11
@@ -57,16 +54,15 @@ def main() -> int:
     with TemporaryDirectory() as scratch:
         folder = Path(scratch) / "warehouse_hour"
         ms.run(scenario).save(folder)
-        log, run = observed(folder, np.random.default_rng([SEED, 5])), load_run(folder)
-        names = run.graph.level_names
-        log = replace(log, orders=orders_of_run(run), levels=dict(enumerate(names)), types=dict.fromkeys(log.poses, "cart"), body={})
+        log = observed(folder, np.random.default_rng([SEED, 5]))
+    log.types = dict.fromkeys(log.poses, "cart")
     times = {f"actions.{kind}.{name}": value for kind, pair in TIMES.items() for name, value in zip(("median_s", "sigma"), pair)}
     about = ArchiveHead(
         "warehouse_hour",
         "CC0-1.0",
         who="mrp_sumo, tools/make_log.py",
         map_name="warehouse",
-        levels=names,
+        levels=tuple(log.levels.values()),
         is_laid_out=True,
         types={"cart": {key: SIZES[key] for key in ("length_m", "width_m")}},
         truth=TYPE | DISTURBANCES | times,

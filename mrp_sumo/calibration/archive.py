@@ -57,6 +57,7 @@ ASKED: Mapping[str, tuple[type, ...]] = {
     "due_s": (int, float),
     "robot": (str,),
 }
+CLOCKS_S = 60.0  # by which the clock of a vehicle, and so its services, may differ from that of orders
 LARGEST = 2**32  # bytes of a member
 LONGEST = 2**20  # of the manifest
 FASTEST_MPS = 20.0
@@ -396,9 +397,9 @@ def _faults_of_log(log: MotionLog, document: Mapping[str, Any]) -> Iterator[str]
     names = [order.name for order in log.orders]
     yield from (f"{ORDERS}: two orders '{name}'" for name in sorted({name for name in names if names.count(name) > 1})[:LISTED])
     for order in log.orders:
-        times = [order.release_s, order.assigned_s, *(t for span in order.services for t in span), order.done_s]
-        said = [t for t in times if math.isfinite(t)]
-        if any(b < a - 1e-3 for a, b in pairwise(said)):
+        asked_s, served_s = (order.release_s, order.assigned_s), [t for span in order.services for t in span]
+        times = [([*asked_s, order.done_s], 1e-3), (served_s, 1e-3), ([*asked_s, *served_s, order.done_s], CLOCKS_S)]
+        if any(b < a - off_s for said, off_s in times for a, b in pairwise(filter(math.isfinite, said))):
             yield f"{ORDERS}: '{order.name}': its times do not follow each other"
             break
 

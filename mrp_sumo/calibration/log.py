@@ -1,12 +1,12 @@
 """Logs of a fleet as calibration sees them, wherever they come from: where vehicles were when, and what they did at stops.
 
-Times are each vehicle's own: nothing here compares clocks of two vehicles. A track has no gap and no jump of the clock; what lies
-between two tracks of a vehicle is unknown.
+Times are each vehicle's own, and clocks of two may be seconds apart. A track has no gap and no jump of the clock; what lies between two
+tracks of a vehicle is unknown.
 """
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import combinations, pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -110,6 +110,15 @@ class MotionLog:
         number = next((number for number, name in self.levels.items() if name == level), float(len(self.levels)))
         self.levels[number] = level
         return number
+
+    def set_clock(self, vehicle: str, off_s: float) -> None:
+        """Move all times that a vehicle says by so much."""
+        self.poses[vehicle] = [(row[0] + off_s, *row[1:]) for row in self.poses[vehicle]]
+        self.visits = [
+            replace(visit, begin_s=visit.begin_s + off_s, end_s=visit.end_s + off_s) if visit.vehicle == vehicle else visit
+            for visit in self.visits
+        ]
+        self.charges = [replace(each, t_s=each.t_s + off_s) if each.vehicle == vehicle else each for each in self.charges]
 
     def tracks(self) -> "list[Track]":
         """The poses without gaps, jumps of clocks and repeated samples. Raises MrpSumoError where two vehicles share a name."""

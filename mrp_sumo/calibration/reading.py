@@ -18,10 +18,11 @@ import numpy as np
 from mrp_sumo.calibration.archive import is_archive, read_archive
 from mrp_sumo.calibration.log import ActionTime, Charge, MotionLog
 from mrp_sumo.calibration.orders import orders_of_run, orders_of_visits
-from mrp_sumo.errors import MrpSumoError, nearest
+from mrp_sumo.errors import MrpSumoError, duration, nearest
 from mrp_sumo.files.folders import RESULT
 from mrp_sumo.files.names import fault_of
 from mrp_sumo.files.reading import json_value, require_regular, shortened
+from mrp_sumo.formats.vda.check import seconds_of
 from mrp_sumo.maps.catalogue import bundled_folder
 
 LARGEST = 2**40  # bytes of a log that is read line by line
@@ -31,6 +32,8 @@ LATEST_S = 1e11  # beyond it, three thousand years from now, times are not in se
 NO_SECONDS = "seconds; a column of milliseconds is called t_ms, of nanoseconds t_ns"
 FARTHEST_M = 1e7
 MAX_ROWS = 20_000_000
+DAY_S = 86_400.0  # beyond which a recorder's times are no clock, but say for how long it has recorded
+ON_TIME_S = 0.5  # that messages may take to come, and clocks be off
 DECIMAL_COMMA, CAMEL = re.compile(r"^(-?\d+),(\d+)$"), re.compile(r"(?<=[a-z])(?=[A-Z])")
 BAGS = (".mcap", ".db3", ".bag")
 COLUMNS = {  # of a CSV: name -> other names, units of suffixes in SI
@@ -247,6 +250,7 @@ def _vda(path: Path) -> MotionLog:
     for vehicle, rows in log.poses.items():
         if not any(row[4] == 0 for row in rows):  # nodes are never released: so they say nothing of waits
             log.poses[vehicle] = [(*row[:4], math.nan, row[5]) for row in rows]
+    messages.set_clocks()
     log.orders = orders_of_visits(log.visits, log.poses, messages.sent)
     return log
 
@@ -288,6 +292,7 @@ class _Messages:
     waits: dict[str, float] = field(default_factory=dict)  # by vehicle
     ordered_s: dict[str, float] = field(default_factory=dict)  # when each action was first asked for, by its id, unique among all
     sent: dict[str, list[tuple[float, str]]] = field(default_factory=dict)  # by vehicle: when, and to which node
+    late_s: dict[str, list[float]] = field(default_factory=dict)  # by sender: from when it says that it sent a message to when it came
 
     def read(self, document: dict[str, Any], where: str) -> None:
         """Take what a message says; those of other kinds are left out."""
@@ -298,11 +303,34 @@ class _Messages:
         if kind == "factsheet" or "physicalParameters" in payload:
             _factsheet(self.log, payload)
         elif kind == "order" and isinstance(payload.get("nodes"), list):
-            self._order(vehicle, _time_of(document, payload, where), payload)
+            self._order(vehicle, self._time_of("", document, payload, where), payload)
         elif kind in ("state", "visualization", "") and ("agvPosition" in payload or "mobileRobotPosition" in payload):
             if fault := fault_of(vehicle):
                 raise MrpSumoError(f"{where}: serialNumber: {fault}")
-            self._state(vehicle, _time_of(document, payload, where), payload)
+            self._state(vehicle, self._time_of(vehicle, document, payload, where), payload)
+
+    def _time_of(self, sender: str, document: dict[str, Any], payload: dict[str, Any], where: str) -> float:
+        """When a message was sent, by its own clock where it says it."""
+        came_s, sent_s = document.get("t_s"), seconds_of(payload.get("timestamp"))
+        t_s = came_s if sent_s is None else sent_s
+        if not isinstance(t_s, int | float) or isinstance(t_s, bool):
+            raise MrpSumoError(f"{where}: timestamp: found {str(payload.get('timestamp'))[:40]!r}, expected YYYY-MM-DDTHH:mm:ss.fffZ")
+        if abs(t_s) > LATEST_S:
+            raise MrpSumoError(f"{where}: t_s: found {t_s:g}, expected seconds")
+        if sent_s is not None and abs(late_s := _number(came_s) - sent_s) < DAY_S:
+            self.late_s.setdefault(sender, []).append(late_s)
+        return float(t_s)
+
+    def set_clocks(self) -> None:
+        """Set clocks of vehicles by that of who sends orders, else by each other's, as far as the recorder says when messages came."""
+        usual_s = {sender: float(np.median(late_s)) for sender, late_s in self.late_s.items()}
+        right_s = usual_s.get("", float(np.median([*usual_s.values()] or 0.0)))
+        for vehicle in self.log.poses:
+            off_s = usual_s.get(vehicle, right_s) - right_s
+            if abs(off_s) > ON_TIME_S:
+                self.log.set_clock(vehicle, off_s)
+                off = f"{duration(abs(off_s))} {'slow' if off_s > 0 else 'fast'}"
+                self.log.notes.append(f"the clock of {vehicle} is {off}, by when its messages came: set right")
 
     def _order(self, vehicle: str, t_s: float, payload: dict[str, Any]) -> None:
         nodes = _objects(payload["nodes"])
@@ -340,19 +368,6 @@ class _Messages:
             action, at, begin_s = self.doing.pop(key)
             if t_s > begin_s:
                 self.log.visits.append(ActionTime(vehicle, action, at, begin_s, t_s, self.ordered_s.get(key[1], math.nan)))
-
-
-def _time_of(document: dict[str, Any], payload: dict[str, Any], where: str) -> float:
-    """When a message was sent, by its own clock where it says it."""
-    from mrp_sumo.formats.vda.check import seconds_of
-
-    t_s = seconds_of(payload.get("timestamp"))
-    t_s = document.get("t_s") if t_s is None else t_s
-    if not isinstance(t_s, int | float) or isinstance(t_s, bool):
-        raise MrpSumoError(f"{where}: timestamp: found {str(payload.get('timestamp'))[:40]!r}, expected YYYY-MM-DDTHH:mm:ss.fffZ")
-    if abs(t_s) > LATEST_S:
-        raise MrpSumoError(f"{where}: t_s: found {t_s:g}, expected seconds")
-    return float(t_s)
 
 
 def _factsheet(log: MotionLog, payload: dict[str, Any]) -> None:

@@ -126,6 +126,23 @@ def test_validator_names_what_is_wrong(tmp_path):
         assert line in faults
 
 
+@pytest.mark.parametrize(
+    "times, is_odd",
+    [
+        ({}, False),
+        ({"done_s": BEGIN_S + 1}, True),  # before it was released
+        ({"services": ((BEGIN_S - 30, BEGIN_S - 20), (BEGIN_S - 15, BEGIN_S - 10))}, False),  # by a clock that is slow
+        ({"services": ((BEGIN_S + 5, BEGIN_S + 6), (BEGIN_S + 4, BEGIN_S + 7))}, True),
+        ({"services": ((BEGIN_S - 3600, BEGIN_S - 3590), (BEGIN_S - 3580, BEGIN_S - 3570))}, True),
+    ],
+)
+def test_services_may_be_by_another_clock_than_orders_but_follow_each_other(tmp_path, times, is_odd):
+    log = log_of()
+    log.orders[0] = replace(log.orders[0], **times)
+    faults = faults_of(write_archive(log, ABOUT, tmp_path / "log"))
+    assert faults == (["orders.parquet: 'Auftrag 7': its times do not follow each other"] if is_odd else [])
+
+
 def test_zip_with_other_members_is_refused(tmp_path):
     with zipfile.ZipFile(tmp_path / "evil.zip", "w") as pack:
         pack.writestr("../manifest.json", "{}")

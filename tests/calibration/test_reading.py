@@ -158,6 +158,36 @@ def test_states_alone_with_missing_members_are_read(tmp_path):
     assert [(visit.action, visit.end_s - visit.begin_s) for visit in log.visits] == [("pick", 6.0)]
 
 
+@pytest.mark.parametrize(
+    "came_s, moved_s, said",
+    [
+        (lambda sent_s: sent_s + 40, 40, ["the clock of agv is 40 s slow, by when its messages came: set right"]),
+        (lambda sent_s: sent_s - 2, -2, ["the clock of agv is 2 s fast, by when its messages came: set right"]),
+        (lambda sent_s: sent_s + 0.4, 0, []),
+        (lambda sent_s: sent_s - 1_767_225_600, 0, []),  # seconds since the recorder began
+        (lambda sent_s: None, 0, []),
+    ],
+)
+def test_clock_of_a_vehicle_is_set_by_when_its_messages_came(tmp_path, came_s, moved_s, said):
+    begin_s = 1_767_225_600  # 2026
+    doing = {
+        second: [{"actionId": "1", "actionType": "pick", "actionStatus": status}] for second, status in ((20, "RUNNING"), (25, "FINISHED"))
+    }
+    payloads = [state(second, actionStates=doing.get(second, []), batteryState={"batteryCharge": 50}) for second in (10, 20, 25)]
+    order = {"timestamp": "2026-01-01T00:00:12.100Z", "nodes": [{"nodeId": "n", "actions": [{"actionId": "1"}]}]}
+    lines = [
+        {"t_s": came_s(begin_s + second), "topic": "uagv/v2/m/agv/state", "payload": each} for second, each in zip((10, 20, 25), payloads)
+    ]
+    lines.insert(1, {"t_s": begin_s + 12.2, "topic": "uagv/v2/m/agv/order", "payload": order})
+    log = read_fleet(states(tmp_path / "log.jsonl", lines))
+    visit = log.visits[0]
+    assert [row[0] - begin_s for row in log.poses["agv"]] == pytest.approx([10 + moved_s, 20 + moved_s, 25 + moved_s], abs=0.11)
+    assert [visit.begin_s - begin_s, visit.end_s - begin_s] == pytest.approx([20 + moved_s, 25 + moved_s], abs=0.11)
+    assert [charge.t_s for charge in log.charges] == [row[0] for row in log.poses["agv"]]
+    assert log.orders[0].assigned_s - begin_s == pytest.approx(12.1)
+    assert log.notes == said
+
+
 def test_last_line_may_be_cut_off_and_no_other(tmp_path):
     lines = [json.dumps(state(k)) for k in range(5)]
     (path := tmp_path / "log.jsonl").write_text("\n".join(lines)[:-9])
