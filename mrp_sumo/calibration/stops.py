@@ -5,6 +5,8 @@ likelihood is that of a Poisson stream of lognormal holds of which only the long
 way bends, where many of those who pass stand without such a reason, beside a lift or another vehicle, and where the log says that the way
 ahead was not free. The rate is that of stops of the best durations, with limits over all durations that they may have; a prior has them
 last about as long as usual. Fewer than five stops do not tell how long they last: theirs is the rate of stops that last as long as usual.
+A rate is the median of its posterior, and its limits are the 5th and the 95th percentile, with a Gamma prior that is worth half a stop;
+without any stop it is 0.
 """
 
 import math
@@ -28,7 +30,7 @@ FEW = 5  # stops, from which on they tell how long stops last
 USUAL_S, USUAL_SIGMA = 6.0, 0.5  # of stops, where nobody knows better
 STANDING_S = 2.0, 4.0, 6.0  # after a stop began, when nobody else may be near, or it would not count
 USUAL_WITHIN = 0.5, 1.0  # standard deviations of the logarithms of both
-JEFFREYS = 0.5  # stops that a rate is taken to have shown before
+PRIOR, PRIOR_S = 0.5, 125.0  # stops, and seconds of driving, that a rate is taken to have shown before: one in four minutes, or far fewer
 MEDIANS, SIGMAS = np.geomspace(0.5, 300.0, 110), np.linspace(0.05, 2.0, 60)
 
 
@@ -114,7 +116,7 @@ def _fit(hold_s: FloatArray, driven_s: float, seen_s: float, drop: float) -> Sto
     count, driven_s = len(hold_s), max(driven_s, 1e-9)
     if count < FEW:
         seen_share = ndtr(np.log(USUAL_S / seen_s) / USUAL_SIGMA)
-        low, rate, high = (gammaincinv(count + JEFFREYS, (0.05, 0.5, 0.95)) / (driven_s * seen_share)).tolist()
+        low, rate, high = (gammaincinv(count + PRIOR, (0.05, 0.5, 0.95)) / (driven_s * seen_share + PRIOR_S)).tolist()
         return Stops(hold_s, driven_s, (rate, low, high) if count else (0.0, 0.0, high), None, None)
     log_median, sigma = np.log(MEDIANS)[:, None], SIGMAS[None, :]
     longer = np.maximum(ndtr((log_median - np.log(seen_s)) / sigma), 1e-12)
@@ -123,11 +125,11 @@ def _fit(hold_s: FloatArray, driven_s: float, seen_s: float, drop: float) -> Sto
     durations -= ((np.log(hold_s)[:, None, None] - log_median) ** 2).sum(0) / (2 * sigma**2) + count * np.log(sigma * longer)
     weight = np.exp(durations - durations.max()) / sigma
     cells = weight > 1e-6
-    rates = np.geomspace(1e-3, 1e3, 241) * (count + JEFFREYS) / driven_s
-    below = gammainc(count + JEFFREYS, rates[:, None] * driven_s * longer[cells]) @ weight[cells] / weight[cells].sum()
+    rates = np.geomspace(1e-3, 1e3, 241) * (count + PRIOR) / driven_s
+    below = gammainc(count + PRIOR, rates[:, None] * (driven_s * longer[cells] + PRIOR_S)) @ weight[cells] / weight[cells].sum()
     low, high = np.interp((0.05, 0.95), below, rates).tolist()
     i, j = np.unravel_index(int(np.argmax(durations)), durations.shape)
-    rate = min(max(float(gammaincinv(count + JEFFREYS, 0.5) / (driven_s * longer[i, j])), low), high)
+    rate = min(max(float(gammaincinv(count + PRIOR, 0.5) / (driven_s * longer[i, j] + PRIOR_S)), low), high)
     median = float(MEDIANS[i]), *_within(MEDIANS, durations.max(1), drop)
     spread = float(SIGMAS[j]), *_within(SIGMAS, durations.max(0), drop)
     return Stops(hold_s, driven_s, (rate, low, high), median, spread)

@@ -398,12 +398,15 @@ def test_stands_in_frames_of_their_own_are_not_at_one_place(shuttles):
 
 
 def test_rate_of_few_stops_is_that_of_stops_that_last_as_long_as_usual():
-    """Of stops of 6 s (sigma 0.5) 64.23 % last the 5 s from which on they are seen; gamma quantiles of 0.5, 1.5 and 5 stops."""
+    """Of stops of 6 s (sigma 0.5) 64.23 % last the 5 s from which on they are seen. Quantiles are those of
+    gamma distributions of 0.5, 1.5 and 5 stops; the prior is half a stop in 125 s, which hardly matters in long driving.
+    """
     one, none = stops_of([5.1], driven_s=250.0), stops_of([], driven_s=250.0)
-    seen_s = 250 * 0.6423
+    seen_s = 250 * 0.6423 + 125
     assert one.rate_per_s == pytest.approx((1.183 / seen_s, 0.1759 / seen_s, 3.907 / seen_s), rel=1e-3)
     assert none.rate_per_s == pytest.approx((0.0, 0.0, 1.921 / seen_s), rel=1e-3)
     assert stops_of([5.1, 5.1, 5.1, 5.1], driven_s=250.0).rate_per_s[2] == pytest.approx(8.459 / seen_s, rel=1e-3)
+    assert stops_of([5.1], driven_s=25_000.0).rate_per_s[0] == pytest.approx(1.183 / (25_000 * 0.6423 + 125), rel=1e-3)
     written = {}
     for name, stops in (("none", none), ("few", one), ("many", stops_of([5.5, 6.0, 7.0, 8.0, 9.0], driven_s=250.0))):
         figures = {"stops_per_s": stops.rate_per_s} | ({} if stops.median_s is None else {"stop_median_s": stops.median_s})
@@ -415,10 +418,10 @@ def test_rate_of_few_stops_is_that_of_stops_that_last_as_long_as_usual():
 
 
 def test_rate_of_many_stops_is_that_of_stops_that_last_as_long_as_is_written():
-    """Five stops and a half in the median of a gamma distribution, 5.170, of which the share is seen that lasts 5 s or more."""
+    """Median of the gamma distribution of 5.5, 5.170, by driving times the share of stops that is seen, and the prior's 125 s."""
     stops = stops_of([5.5, 6.0, 7.0, 8.0, 9.0], driven_s=250.0)
     seen_share = 1 - NormalDist(math.log(stops.median_s[0]), stops.sigma[0]).cdf(math.log(5.0))
-    assert stops.rate_per_s[0] == pytest.approx(5.170 / (250.0 * seen_share), rel=1e-3)
+    assert stops.rate_per_s[0] == pytest.approx(5.170 / (250.0 * seen_share + 125), rel=1e-3)
     assert stops.rate_per_s[1] < stops.rate_per_s[0] < stops.rate_per_s[2]
 
 
