@@ -16,6 +16,7 @@ import yaml
 from campaigns.driver import Places
 
 from mrp_sumo.calibration.log import ActionTime, LoggedOrder, MotionLog
+from mrp_sumo.errors import MrpSumoError
 
 TOOLS = Path(__file__).resolve().parents[1] / "tools"
 GRID = ["..@..", ".....", "..@.."]
@@ -171,3 +172,16 @@ def test_question_with_too_few_draws_is_one_line(monkeypatch, capsys, words, lin
             questions.main()
     output = capsys.readouterr()
     assert (output.out, output.err) == (("asked\n", "") if not line else ("", f"questions.py: {line}\n"))
+
+
+def test_questions_are_answered_in_figures_and_none_is_asked_of_an_engine_that_there_is_not(monkeypatch, capsys):
+    spec = importlib.util.spec_from_file_location("questions", TOOLS / "questions.py")
+    questions = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(questions)
+    row = {"planner": "ecbs", "pairs": 3, "percent": [1.84, -0.26, 3.94]}
+    questions.say(row, as_json=False)
+    questions.say(row, as_json=True)
+    assert capsys.readouterr().out == f"| ecbs | 3 | +1.8 (-0.3 to +3.9) |\n{json.dumps(row)}\n"
+    questions.require_engines("kinematic,sumo")
+    with pytest.raises(MrpSumoError, match="unknown value 'kinematik'"):
+        questions.require_engines("sumo,kinematik")

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from questions import DISTURBED, MOBILE, limits, require_draws
+from questions import DISTURBED, MOBILE, limits, require_draws, require_engines, say
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components, dijkstra
 
@@ -63,10 +63,13 @@ def main() -> int:
         print("| grid | robots | costs | errands a step | % | engine | | errands a minute, driven | % |\n|" + "---|" * 9)
     try:
         require_draws(options.seeds)
+        require_engines(options.engines)
         for name in named(options.only):
             for row in rows(name, *CASES[name], options):
-                print(json.dumps(row) if options.json else "| " + " | ".join(map(str, row.values())) + " |", flush=True)
-    except (MrpSumoError, FileNotFoundError) as error:
+                say(row, options.json)
+    except FileNotFoundError as error:
+        parser.exit(2, f"guidance.py: {error.filename}: no such file, expected maps/competition of ggo_public\n")
+    except MrpSumoError as error:
         parser.exit(2, f"guidance.py: {error}\n")
     return 0
 

@@ -60,6 +60,7 @@ def main() -> int:
     options = parser.parse_args()
     try:
         require_draws(options.seeds)
+        require_engines(options.engines)
         QUESTIONS[options.question](options)
     except MrpSumoError as error:
         parser.exit(2, f"questions.py: {error}\n")
@@ -72,6 +73,12 @@ def require_draws(seeds: int) -> None:
         raise MrpSumoError(f"--seeds: found {seeds}, expected 2 or more: fewer have no limits")
 
 
+def require_engines(names: str) -> None:
+    """Raises MrpSumoError for an engine that there is not, before the first of them has driven for long."""
+    for name in names.split(","):
+        ms.Scenario(map="hospital", robots={"count": 1}, execution={"engine": name})
+
+
 def optimal(options: argparse.Namespace) -> None:
     """Planners beside CBS."""
     if not options.json:
@@ -81,8 +88,7 @@ def optimal(options: argparse.Namespace) -> None:
             best = driven(OPTIMAL, engine, disturbances, options)
             for name in (OPTIMAL, *OTHERS):
                 row = compared(best, best if name == OPTIMAL else driven(name, engine, disturbances, options))
-                said = {"planner": name, "engine": engine, "run": word, **row}
-                print(json.dumps(said) if options.json else line(said), flush=True)
+                say({"planner": name, "engine": engine, "run": word, **row}, options.json)
 
 
 def dispatch(options: argparse.Namespace) -> None:
@@ -98,14 +104,9 @@ def dispatch(options: argparse.Namespace) -> None:
                     pairs = sorted(nearest.keys() & mine.keys())
                     above = t_mean([100 * (mine[seed][0] / nearest[seed][0] - 1) for seed in pairs])
                     rate, lead = (sum(mine[seed][k] for seed in pairs) / max(len(pairs), 1) for k in (0, 1))
-                    said = [name, engine, "busy" if busy else "", dispatcher, len(pairs), round(rate, 1)]
-                    span = limits(above.value, above.low, above.high)
-                    if options.json:
-                        print(json.dumps([*said, span, round(lead, 1)]), flush=True)
-                    else:
-                        print(
-                            f"| {' | '.join(map(str, said))} | {span[0]:+.1f} ({span[1]:+.1f} to {span[2]:+.1f}) | {lead:.0f} |", flush=True
-                        )
+                    row = {"scenario": name, "engine": engine, "run": "busy" if busy else "", "dispatcher": dispatcher, "runs": len(pairs)}
+                    row |= {"orders_an_hour": round(rate, 1), "percent": limits(above.value, above.low, above.high)}
+                    say({**row, "lead_time_s": round(lead, 1)}, options.json)
 
 
 def speeds(options: argparse.Namespace) -> None:
@@ -121,7 +122,7 @@ def speeds(options: argparse.Namespace) -> None:
                     figures = believed(name, belief, engine, slow, options)
                     pairs = sorted(best.keys() & figures.keys())
                     mean = t_mean([100 * (figures[seed] / best[seed] - 1) for seed in pairs])
-                    said = {
+                    row = {
                         "planner": name,
                         "engine": engine,
                         "robots": "up to 30 % slower" if slow else "alike",
@@ -129,7 +130,7 @@ def speeds(options: argparse.Namespace) -> None:
                         "draws": len(pairs),
                         "percent": limits(mean.value, mean.low, mean.high),
                     }
-                    print(json.dumps(said) if options.json else "| " + " | ".join(map(str, said.values())) + " |", flush=True)
+                    say(row, options.json)
 
 
 def believed(name: str, belief: dict[str, float], engine: str, slow: bool, options: argparse.Namespace) -> dict[int, float]:
@@ -209,10 +210,10 @@ def limits(*figures: float) -> Sequence[float]:
     return [round(figure, 2) for figure in figures]
 
 
-def line(row: dict[str, object]) -> str:
-    """A row of the table."""
-    spans = [f"{of[0]:+.1f} ({of[1]:+.1f} to {of[2]:+.1f})" for of in (row["plan_percent"], row["driven_percent"])]  # type: ignore[index]
-    return f"| {row['planner']} | {row['engine']} | {row['run']} | {row['pairs']} | {' | '.join(spans)} | {row['planner_cpu_s']} |"
+def say(row: dict[str, Any], as_json: bool) -> None:
+    """Print a row of the table, with lists of a mean and its limits as people write them, or as JSON."""
+    cells = ["{:+.1f} ({:+.1f} to {:+.1f})".format(*cell) if isinstance(cell, list) else str(cell) for cell in row.values()]
+    print(json.dumps(row) if as_json else f"| {' | '.join(cells)} |", flush=True)
 
 
 QUESTIONS = {"optimal": optimal, "dispatch": dispatch, "speeds": speeds}
