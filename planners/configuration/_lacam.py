@@ -70,12 +70,12 @@ def begin(world, search, start, h):
 
 
 @kernel
-def search_on(world, scratch, search, num_tries, iterations, rng):
+def search_on(world, room, search, num_tries, iterations, rng):
     """Go on for a number of iterations.
 
     Parameters
     ----------
-    world, scratch
+    world, room
         Of PIBT.
     search
         After `begin`.
@@ -97,7 +97,7 @@ def search_on(world, scratch, search, num_tries, iterations, rng):
     for _ in range(iterations):
         if n[OPEN] == 0:
             return EXHAUSTED
-        if _full(scratch, search):
+        if _full(room.step, search):
             return FULL
         n[EXPANSIONS] += 1
         goal = n[GOAL]
@@ -116,9 +116,9 @@ def search_on(world, scratch, search, num_tries, iterations, rng):
             continue
         search.first_branch[node] = search.branch_next[branch]
         _grow_tree(world, search, node, branch, rng)
-        if scratch.local.window > 0:
-            guide_locally(world, scratch, here, search.order[node], rng)
-        if not _generate(world, scratch, search, node, branch, num_tries, rng):
+        if room.local.window > 0:
+            guide_locally(world, room.local, room.step.onward, here, search.order[node], rng)
+        if not _generate(world, room.step, search, node, branch, num_tries, rng):
             continue
         cost, h_change = _transition(world, here, best)
         digest = _digest(best)

@@ -13,7 +13,7 @@ import numpy as np
 
 from mrp_sumo.search._kernel import kernel
 from planners.configuration._flow import STEP
-from planners.configuration._pibt_instance import nearer, next_on_way
+from planners.configuration._pibt_instance import move_along, nearer, next_on_way, spot_of
 
 COLLISION = 3 * STEP  # what a collision costs: robots that would wait longer for each other take their chance
 NONE = -1
@@ -25,16 +25,15 @@ NOW, SEARCH, LAST_BUCKET = 0, 1, 2
 
 
 class LocalGuidance(NamedTuple):
-    """Paths of R robots over a window, with slots for W steps, W a power of two: step t is in slot t modulo W.
+    """Paths of R robots over a window, with slots for W steps, W a power of two: step t is in slot t modulo W. S spots, N moves.
 
     Counts are kept modulo 256: they are seldom above 2, and only guide.
     """
 
     window: int  # steps of a path, at most W - 2; 0 for no guidance
-    reverse: np.ndarray  # [L] int64 the opposite of each lane, -1 for none
     path: np.ndarray  # [R, W] int32 vertices; NONE before there is a path
-    num_at: np.ndarray  # [W, V] uint8 paths at a vertex
-    num_on: np.ndarray  # [W, L] uint8 paths along a lane, by the step at its end
+    num_at: np.ndarray  # [W, S] uint8 paths at a spot
+    num_on: np.ndarray  # [W, N] uint8 paths along a move, by the step at its end
     seen: np.ndarray  # [W, V] int32 the search that came by last, and its least cost
     entry: np.ndarray  # [E, 4] int32 of a search: vertex, step, entry before it, next entry in its bucket
     bucket: np.ndarray  # [DEAREST + 1] int64 entries by cost
@@ -42,13 +41,13 @@ class LocalGuidance(NamedTuple):
 
 
 @kernel(allocates=False)
-def guide_locally(world, scratch, here, order, rng):
-    """Write robots' next steps to `scratch.onward`.
+def guide_locally(world, local, onward, here, order, rng):
+    """Write robots' next steps to `onward` [R].
 
     Parameters
     ----------
-    world, scratch
-        Of PIBT. `scratch.local` has the paths from where robots were before; those of robots that are on their paths go on.
+    world, local
+        Of PIBT. `local` has the paths from where robots were before; those of robots that are on their paths go on.
     here
         [R] where robots are.
     order
@@ -56,7 +55,6 @@ def guide_locally(world, scratch, here, order, rng):
     rng
         Chooses among equally good paths.
     """
-    local = scratch.local
     mask = local.path.shape[1] - 1
     last, now = local.count[NOW] & mask, (local.count[NOW] + 1) & mask
     as_before = True
@@ -68,7 +66,7 @@ def guide_locally(world, scratch, here, order, rng):
         if local.path[i, last] == NONE:
             continue
         if local.path[i, now] == here[i]:
-            local.num_at[last, local.path[i, last]] -= 1
+            local.num_at[last, spot_of(world, local.path[i, last])] -= 1
             _count_lane(world, local, i, local.count[NOW] + 1, -1)
             _lengthen(world, local, i, local.count[NOW] + local.window)
         else:
@@ -83,7 +81,7 @@ def guide_locally(world, scratch, here, order, rng):
         _find(world, local, i, here[i], rng)
         _count(world, local, i, 1)
     for i in range(len(here)):
-        scratch.onward[i] = local.path[i, (now + 1) & mask]
+        onward[i] = local.path[i, (now + 1) & mask]
 
 
 @kernel(allocates=False)
@@ -92,7 +90,7 @@ def _is_best(world, local, i):
     mask, now = local.path.shape[1] - 1, local.count[NOW]
     for t in range(now + 1, now + local.window + 1):
         v, u = np.int64(local.path[i, (t - 1) & mask]), np.int64(local.path[i, t & mask])
-        if local.num_at[t & mask, u] > 1:
+        if local.num_at[t & mask, spot_of(world, u)] > 1:
             return False
         if v == u:
             if v != world.goal[i]:
@@ -137,7 +135,7 @@ def _find(world, local, i, start, rng):
             else:
                 u = head[a + k]
                 cost = level + _loss(world, i, v, u, a + k) + COLLISION * _num_on_lane(world, local, a + k, u, t)
-            cost = min(cost + COLLISION * np.int64(local.num_at[slot, u]), DEAREST)
+            cost = min(cost + COLLISION * np.int64(local.num_at[slot, spot_of(world, u)]), DEAREST)
             if seen[slot, u] >> COST == search and seen[slot, u] & DEAREST <= cost:
                 continue
             seen[slot, u] = (search << COST) + cost
@@ -185,10 +183,10 @@ def _loss(world, i, v, u, lane):
 def _num_on_lane(world, local, lane, u, t):
     """How many others' paths forbid to come along a lane to u at a step, but for those that are at u then."""
     mask = local.path.shape[1] - 1
-    num = np.int64(local.num_at[(t - 1) & mask, u])
+    num = np.int64(local.num_at[(t - 1) & mask, spot_of(world, u)])
     if num == 0 or world.following:
         return num
-    back = local.reverse[lane]
+    back = world.back[move_along(world, lane)]
     return np.int64(local.num_on[t & mask, back]) if back >= 0 else np.int64(0)
 
 
@@ -205,10 +203,10 @@ def _lengthen(world, local, i, t):
         for lane in range(world.first[v], world.first[v + 1]):
             if _loss(world, i, v, world.head[lane], lane) <= 0:
                 u = world.head[lane]
-                if local.num_at[slot, u] == 0:
+                if local.num_at[slot, spot_of(world, u)] == 0:
                     break
     local.path[i, slot] = u
-    local.num_at[slot, u] += 1
+    local.num_at[slot, spot_of(world, u)] += 1
     _count_lane(world, local, i, t + 1, 1)
 
 
@@ -216,9 +214,9 @@ def _lengthen(world, local, i, t):
 def _count(world, local, i, change):
     """Count a path, or no longer."""
     mask, now = local.path.shape[1] - 1, local.count[NOW]
-    local.num_at[now & mask, local.path[i, now & mask]] += np.int64(change)
+    local.num_at[now & mask, spot_of(world, local.path[i, now & mask])] += np.int64(change)
     for t in range(now + 1, now + local.window + 1):
-        local.num_at[t & mask, local.path[i, t & mask]] += np.int64(change)
+        local.num_at[t & mask, spot_of(world, local.path[i, t & mask])] += np.int64(change)
         _count_lane(world, local, i, t, change)
 
 
@@ -228,7 +226,7 @@ def _count_lane(world, local, i, t, change):
     mask = local.path.shape[1] - 1
     v, u = np.int64(local.path[i, (t - 1) & mask]), np.int64(local.path[i, t & mask])
     if v != u:
-        local.num_on[t & mask, _lane(world, v, u)] += np.int64(change)
+        local.num_on[t & mask, move_along(world, _lane(world, v, u))] += np.int64(change)
 
 
 @kernel(allocates=False)

@@ -27,6 +27,8 @@ from planners.configuration._pibt_instance import (
     next_on_way,
     prefers,
     read_code,
+    spot_of,
+    wants,
 )
 
 NOBODY, CHOSEN = -1, -2  # who is too close
@@ -36,19 +38,25 @@ ON_WAY = 32.0  # more than any hindrance, less than a step
 
 
 class PibtScratch(NamedTuple):
-    """Room for a step. `now`, `next` and `wished` are -1 everywhere between calls."""
+    """Room for a step, with S spots. `now`, `next` and `wished` are -1 everywhere between calls."""
 
-    now: np.ndarray  # [V] robot on each vertex
-    next: np.ndarray  # [V] robot that has reserved it
-    wished: np.ndarray  # [V] robot that waits until nobody is there; [1] where there are no clashes
+    now: np.ndarray  # [S] robot at each spot
+    next: np.ndarray  # [S] robot that has reserved it
+    wished: np.ndarray  # [S] robot that waits until nobody is there; [1] where there are no clashes
     onward: np.ndarray  # [R] where local guidance leads each robot, -1: nowhere, see _local_guidance
-    wish: np.ndarray  # [R] the lane for which each robot waits, -1: none
+    wish: np.ndarray  # [R] the move for which each robot waits, -1: none
     stack: np.ndarray  # [R] robots that inherited priority
     choice: np.ndarray  # [R] position in the robot's candidates
     candidate: np.ndarray  # [R, D + 1] vertices from the most preferred down; D the largest out-degree
     num: np.ndarray  # [R] of them
     partner: np.ndarray  # [R] robot to swap with, -1 for none
     key: np.ndarray  # [D + 1] what candidates are sorted by
+
+
+class PibtRoom(NamedTuple):
+    """Room for PIBT over time. Kernels of a step, which pass on all that they are given, have no need of the guidance before it."""
+
+    step: PibtScratch
     local: LocalGuidance
 
 
@@ -76,7 +84,7 @@ def step(world, scratch, here, to, order, rng):
     """
     now, reserved = scratch.now, scratch.next
     for i in range(len(here)):
-        now[here[i]] = i
+        now[spot_of(world, here[i])] = i
     valid = _impose(world, scratch, here, to)
     for i in order:
         if not valid:
@@ -84,16 +92,18 @@ def step(world, scratch, here, to, order, rng):
         if to[i] >= 0:
             continue
         led_away = scratch.onward[i] >= 0 and scratch.onward[i] != here[i]
-        if here[i] == world.goal[i] and reserved[here[i]] < 0 and not led_away:  # at its goal and not pushed: it stays
+        at = spot_of(world, here[i])
+        if here[i] == world.goal[i] and reserved[at] < 0 and not led_away:  # at its goal and not pushed: it stays
             to[i] = here[i]
-            reserved[here[i]] = i
+            reserved[at] = i
         else:
             valid = _pibt(world, scratch, here, to, i, rng)
     for i in range(len(here)):
-        now[here[i]] = -1
-        reserved[here[i]] = -1
+        at = spot_of(world, here[i])
+        now[at] = -1
+        reserved[at] = -1
         if to[i] >= 0:
-            reserved[to[i]] = -1
+            reserved[spot_of(world, to[i])] = -1
         if world.near and scratch.wish[i] >= 0:
             _wish(world, scratch, scratch.wish[i], -1)
             scratch.wish[i] = -1
@@ -112,7 +122,7 @@ def _pibt(world, scratch, here, to, root, rng):
         while choice[i] < scratch.num[i] and _refused(world, scratch, here, to, i, scratch.candidate[i, choice[i]]):
             choice[i] += 1
         if choice[i] == scratch.num[i]:  # i stays (invalid); backtracking: who pushed it tries its next candidate
-            reserved[here[i]] = i
+            reserved[spot_of(world, here[i])] = i
             to[i] = here[i]
             depth -= 1
             if depth >= 0:
@@ -122,23 +132,24 @@ def _pibt(world, scratch, here, to, root, rng):
         if world.near:
             k = _too_close(world, scratch, here, to, i, v)
             if k >= 0:
-                if not _wait_all(scratch, here, to, depth):
+                if not _wait_all(world, scratch, here, to, depth):
                     choice[i] += 1
                     continue
                 if scratch.wish[i] >= 0:
                     _wish(world, scratch, scratch.wish[i], -1)
-                scratch.wish[i] = move_of(world.first, world.head, here[i], v)
+                scratch.wish[i] = move_of(world.spot_first, world.spot_head, spot_of(world, here[i]), spot_of(world, v))
                 _wish(world, scratch, scratch.wish[i], i)
-                reserved[here[k]] = i  # k may not stay
+                reserved[spot_of(world, here[k])] = i  # k may not stay
                 depth += 1
                 stack[depth] = k
                 _sort_candidates(world, scratch, here, to, k, rng)
                 continue
-        reserved[v] = i
+        there = spot_of(world, v)
+        reserved[there] = i
         to[i] = v
-        k = now[v]  # (a_k) who stands there
+        k = now[there]  # (a_k) who stands there
         if world.following and k >= 0 and k != i:  # i waits; k may not stay, since v is reserved
-            reserved[here[i]] = i
+            reserved[spot_of(world, here[i])] = i
             to[i] = here[i]
         if k >= 0 and k != i and to[k] < 0:  # priority inheritance
             depth += 1
@@ -160,7 +171,7 @@ def _pull_partner(world, scratch, here, to, i):
     if world.near and _too_close(world, scratch, here, to, p, here[i]) != NOBODY:
         return
     if not _refused(world, scratch, here, to, p, here[i]):
-        scratch.next[here[i]] = p
+        scratch.next[spot_of(world, here[i])] = p
         to[p] = here[i]
 
 
@@ -171,11 +182,12 @@ def _impose(world, scratch, here, to):
         u = to[i]
         if u < 0:
             continue
-        if _refused(world, scratch, here, to, i, u) or (world.following and scratch.now[u] >= 0 and u != here[i]):
+        there = spot_of(world, u)
+        if _refused(world, scratch, here, to, i, u) or (world.following and scratch.now[there] >= 0 and u != here[i]):
             return False
         if world.near and _too_close(world, scratch, here, to, i, u) >= 0:
             return False
-        scratch.next[u] = i
+        scratch.next[there] = i
     return True
 
 
@@ -190,23 +202,26 @@ def _refused(world, scratch, here, to, i, u):
 @kernel(allocates=False)
 def _taken(world, scratch, here, to, i, u):
     """`_refused` by the rules of MAPF."""
-    if scratch.next[u] >= 0 and scratch.next[u] != i:
+    there = spot_of(world, u)
+    if scratch.next[there] >= 0 and scratch.next[there] != i:
         return True
-    j = scratch.now[u]
+    j = scratch.now[there]
     if j < 0 or j == i:
         return False
-    if world.following:
+    if world.following or to[j] < 0:
         return to[j] >= 0  # who has chosen has been pushed already
-    if to[j] == here[i]:
+    at = spot_of(world, here[i])
+    if spot_of(world, to[j]) == at:
         return True
     if world.rotations:
         return False
     for _ in range(len(here)):
         if j < 0 or to[j] < 0 or to[j] == here[j]:
             return False
-        if to[j] == here[i]:
+        onward = spot_of(world, to[j])
+        if onward == at:
             return True
-        j = scratch.now[to[j]]
+        j = scratch.now[onward]
     return False
 
 
@@ -219,9 +234,10 @@ def _too_close(world, scratch, here, to, i, u):
     if u == here[i]:
         return NOBODY
     clashes, now, reserved = world.clashes, scratch.now, scratch.next
-    move = move_of(world.first, world.head, here[i], u)
-    if scratch.wished[u] >= 0 and scratch.wished[u] != i and scratch.wished[here[i]] < 0:
+    at, there = spot_of(world, here[i]), spot_of(world, u)
+    if scratch.wished[there] >= 0 and scratch.wished[there] != i and scratch.wished[at] < 0:
         return CHOSEN  # somebody with a higher priority waits until nobody is there
+    move = move_of(world.spot_first, world.spot_head, at, there)
     standing = NOBODY
     for k in range(clashes.vertex_first[move], clashes.vertex_first[move + 1]):
         w = clashes.vertex[k]
@@ -230,12 +246,13 @@ def _too_close(world, scratch, here, to, i, u):
             if to[j] >= 0:
                 return CHOSEN
             standing = j
-        if reserved[w] >= 0 and reserved[w] != i and (w != here[i] or to[reserved[w]] == w):  # who pushes i does not come yet
+        j = reserved[w]
+        if j >= 0 and j != i and (w != at or spot_of(world, to[j]) == w):  # who pushes i does not come yet
             return CHOSEN
     for k in range(clashes.lane_first[move], clashes.lane_first[move + 1]):
-        lane = clashes.lane[k]
-        j = now[world.tail[lane]]
-        if j >= 0 and j != i and to[j] == world.head[lane]:
+        other = clashes.lane[k]
+        j = now[world.spot_tail[other]]
+        if j >= 0 and j != i and to[j] >= 0 and spot_of(world, to[j]) == world.spot_head[other]:
             return CHOSEN
     return standing
 
@@ -244,20 +261,21 @@ def _too_close(world, scratch, here, to, i, u):
 def _wish(world, scratch, move, robot):
     """Let nobody come near a move for which a robot waits; -1 lifts that."""
     clashes = world.clashes
-    scratch.wished[world.head[move]] = robot
+    scratch.wished[world.spot_head[move]] = robot
     for k in range(clashes.vertex_first[move], clashes.vertex_first[move + 1]):
         scratch.wished[clashes.vertex[k]] = robot
 
 
 @kernel(allocates=False)
-def _wait_all(scratch, here, to, depth):
+def _wait_all(world, scratch, here, to, depth):
     """Let all on the stack stay for this step; False where somebody else is to come where the first of them stands."""
     first = scratch.stack[0]
-    if scratch.next[here[first]] >= 0 and scratch.next[here[first]] != first:
+    at = spot_of(world, here[first])
+    if scratch.next[at] >= 0 and scratch.next[at] != first:
         return False
     for d in range(depth + 1):
         robot = scratch.stack[d]
-        scratch.next[here[robot]] = robot
+        scratch.next[spot_of(world, here[robot])] = robot
         to[robot] = here[robot]
     return True
 
@@ -284,13 +302,15 @@ def _sort_candidates(world, scratch, here, to, i, rng):
         u = world.head[a + k] if k < num - 1 else v
         key = rng.random() + (world.guide[i, u] if world.guided else 64.0 * nearer(world, i, u, v))
         if world.hindrance and num > 2:
-            key += _num_hindered(world, scratch, i, u)
+            key += _num_hindered(world, scratch, here, i, u)
         if u == onward:
             key -= ON_WAY
         if u == scratch.onward[i]:
             key -= GUIDED
-        if world.near and scratch.wished[u] >= 0 and scratch.wished[u] != i:
-            key += IN_THE_WAY
+        if world.near:
+            there = spot_of(world, u)
+            if scratch.wished[there] >= 0 and scratch.wished[there] != i:
+                key += IN_THE_WAY
         p = k
         while p > 0 and scratch.key[p - 1] > key:
             scratch.key[p] = scratch.key[p - 1]
@@ -312,13 +332,12 @@ def _sort_candidates(world, scratch, here, to, i, rng):
 
 
 @kernel(allocates=False)
-def _num_hindered(world, scratch, i, u):
-    """How many other robots prefer u to where they are."""
-    num = 0
-    for k in range(world.first[u], world.first[u + 1]):
-        w = world.head[k]
-        j = scratch.now[w]
-        if j >= 0 and j != i and prefers(world, j, u, w):
+def _num_hindered(world, scratch, here, i, u):
+    """How many other robots prefer to be at u's spot to where they are."""
+    num, spot = 0, spot_of(world, u)
+    for k in range(world.spot_first[spot], world.spot_first[spot + 1]):
+        j = scratch.now[world.spot_head[k]]
+        if j >= 0 and j != i and wants(world, j, here[j], spot):
             num += 1
     return num
 
@@ -398,7 +417,7 @@ def _ways_on(world, scratch, before, at):
 
 
 @kernel(allocates=False)
-def run(world, scratch, path, begin, end, order, rng):
+def run(world, room, path, begin, end, order, rng):
     """PIBT over time: fill rows begin + 1 to end of `path` [T, R], or up to where all are at their goals.
 
     `order` [R] is the priorities at `begin` and is kept up to date: robots not yet at their goals in the order
@@ -410,10 +429,10 @@ def run(world, scratch, path, begin, end, order, rng):
             home = home and path[t, i] == world.goal[i]
         if home or t == end:
             return t, home
-        if scratch.local.window > 0:
-            guide_locally(world, scratch, path[t], order, rng)
+        if room.local.window > 0:
+            guide_locally(world, room.local, room.step.onward, path[t], order, rng)
         path[t + 1, :] = -1
-        step(world, scratch, path[t], path[t + 1], order, rng)
+        step(world, room.step, path[t], path[t + 1], order, rng)
         reorder(world, path[t + 1], order, order)
     return end, False
 
@@ -432,14 +451,14 @@ def reorder(world, here, order, out):
             k += 1
 
 
-def room_for_steps(world: PibtInstance, local: LocalGuidance) -> PibtScratch:
+def room_for_step(world: PibtInstance) -> PibtScratch:
     """Room for PIBT's steps."""
-    num_vertices, num_robots = len(world.first) - 1, len(world.goal)
+    num_spots, num_robots = len(world.spot_first) - 1, len(world.goal)
     width = int(np.diff(world.first).max(initial=0)) + 1
     return PibtScratch(
-        now=np.full(num_vertices, -1, np.int64),
-        next=np.full(num_vertices, -1, np.int64),
-        wished=np.full(num_vertices if world.near else 1, -1, np.int64),
+        now=np.full(num_spots, -1, np.int64),
+        next=np.full(num_spots, -1, np.int64),
+        wished=np.full(num_spots if world.near else 1, -1, np.int64),
         onward=np.full(num_robots, -1, np.int64),
         wish=np.full(num_robots, -1, np.int64),
         stack=np.zeros(num_robots + 1, np.int64),
@@ -448,5 +467,4 @@ def room_for_steps(world: PibtInstance, local: LocalGuidance) -> PibtScratch:
         num=np.zeros(num_robots, np.int64),
         partner=np.zeros(num_robots, np.int64),
         key=np.zeros(width, np.float64),
-        local=local,
     )

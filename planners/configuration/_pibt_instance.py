@@ -33,11 +33,13 @@ class Compass(NamedTuple):
 
 
 class PibtInstance(NamedTuple):
-    """Instance, which does not change while planning. V vertices, L lanes, R robots; only the compass's code is written to, and grows."""
+    """Instance, which does not change while planning; only the compass's code is written to, and grows.
+
+    V vertices, L lanes, R robots; S spots and N moves between them, see `core.clashes`. Not a `Spots`: kernels pass on all that is in here.
+    """
 
     first: np.ndarray  # [V + 1] int64, lanes that leave a vertex
     head: np.ndarray  # [L] int64
-    tail: np.ndarray  # [L] int64
     goal: np.ndarray  # [R] int64
     steps: np.ndarray  # [R] int64 from each robot's start to its goal
     base_order: np.ndarray  # [R] int64 robots, those longest on their way first where that is known, then the farthest from their goals
@@ -54,6 +56,19 @@ class PibtInstance(NamedTuple):
     hindrance: bool  # ties are broken in favour of vertices that fewer neighbours want
     near: bool  # there are clashes
     clashes: Clashes  # which moves robots cannot make in one step because they would come too close
+    shared: bool  # several vertices are one spot, as where vehicles cannot turn in place
+    spot: np.ndarray  # [V] int64 spot of a vertex
+    move: np.ndarray  # [L] int64 move of a lane
+    spot_first: np.ndarray  # [S + 1] int64 moves that leave a spot
+    spot_head: np.ndarray  # [N] int64
+    spot_tail: np.ndarray  # [N] int64
+    back: np.ndarray  # [N] int64 the move the other way, -1: none
+
+
+@kernel(inline="always", allocates=False)
+def spot_of(world, v):
+    """The spot that a robot takes at v."""
+    return world.spot[v]
 
 
 @kernel(allocates=False)
@@ -70,6 +85,23 @@ def prefers(world, robot, u, v):
     if world.guided:
         return world.guide[robot, u] < world.guide[robot, v]
     return nearer(world, robot, u, v) < 0
+
+
+@kernel(inline="always", allocates=False)
+def move_along(world, lane):
+    """The move between spots that a robot makes along a lane."""
+    return world.move[lane] if world.shared else np.int64(lane)
+
+
+@kernel(allocates=False)
+def wants(world, robot, v, spot):
+    """True if a robot at v prefers to be at a spot beside it."""
+    if not world.shared:
+        return prefers(world, robot, spot, v)
+    for lane in range(world.first[v], world.first[v + 1]):
+        if world.spot[world.head[lane]] == spot:
+            return prefers(world, robot, world.head[lane], v)
+    return False
 
 
 @kernel(allocates=False)

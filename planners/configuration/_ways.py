@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mrp_sumo.search._kernel import kernel
-from planners.configuration._pibt_instance import step_towards
+from planners.configuration._pibt_instance import move_along, spot_of, step_towards
 
 COUNT = 16  # bits of a slot that count who holds it
 MOST_MET = 63  # beyond, ways are equally bad
@@ -19,22 +19,23 @@ NEVER = 1 << 30
 
 
 class StepPaths(NamedTuple):
-    """The ways of R robots of at most N steps between V vertices, and what they hold at which step."""
+    """The ways of R robots of at most N steps between V vertices, what they hold at which step; S spots and M moves between them."""
 
     first: np.ndarray  # [V + 1] int64, lanes that leave a vertex
     head: np.ndarray  # [L] int64
-    reverse: np.ndarray  # [L] int64
     start: np.ndarray  # [R] int64
     goal: np.ndarray  # [R] int64
     steps: np.ndarray  # [R] int64 from each robot's start to its goal
     table: np.ndarray  # [R, V] steps to each robot's goal; [1, 1] when packed
     packed: bool  # distances are in `code` instead
     code: np.ndarray  # [R, ceil(V / 4)] uint8, see _pibt_instance
+    shared: bool  # see `PibtInstance`
+    spot: np.ndarray  # [V] int64
+    move: np.ndarray  # [L] int64
+    back: np.ndarray  # [M] int64
     way: np.ndarray  # [R, N + 1] int32 vertices; -1 before there is one
-    held: (
-        np.ndarray
-    )  # [H] int64 vertices, then lanes, with the step and by how many they are held; 0: nothing. A hash table, never half full
-    held_from: np.ndarray  # [V] int32 the step at which the robot arrives that stays there
+    held: np.ndarray  # [H] int64 spots, then moves, with the step and by how many they are held; 0: nothing. A hash table, never half full
+    held_from: np.ndarray  # [S] int32 the step at which the robot arrives that stays there
     stamp: np.ndarray  # [V] int64 search in which the rest was last written
     step: np.ndarray  # [V] int32 steps to a vertex from the start
     met: np.ndarray  # [V] int32 others met on the best way to a vertex
@@ -60,7 +61,7 @@ def give_ways(ways, robots, search, rng):
 def _find(ways, robot, search, rng):
     """Write the shortest way that meets the fewest others, the deepest vertex first among equals."""
     start, goal = ways.start[robot], ways.goal[robot]
-    first, head, reverse, bucket = ways.first, ways.head, ways.reverse, ways.bucket
+    first, head, bucket = ways.first, ways.head, ways.bucket
     bucket[:] = -1
     bucket[0] = 0
     ways.entry_vertex[0], ways.entry_met[0], ways.entry_next[0] = start, 0, -1
@@ -84,10 +85,11 @@ def _find(ways, robot, search, rng):
             u = head[lane]
             if not _leads_on(ways, robot, v, u):
                 continue
-            others = met + _held(ways, u, step) + (1 if ways.held_from[u] <= step else 0)
-            back = reverse[lane]
-            if back >= 0 and _held(ways, u, step - 1) > 0:  # looked up for nothing elsewhere, and far from the rest
-                others += _held(ways, len(first) - 1 + back, step)
+            there = spot_of(ways, u)
+            others = met + _held(ways, there, step) + (1 if ways.held_from[there] <= step else 0)
+            back = ways.back[move_along(ways, lane)]
+            if back >= 0 and _held(ways, there, step - 1) > 0:  # looked up for nothing elsewhere, and far from the rest
+                others += _held(ways, len(ways.held_from) + back, step)
             if ways.stamp[u] == search and ways.met[u] <= others:
                 continue
             ways.stamp[u], ways.step[u], ways.met[u], ways.before[u] = search, step, others, v
@@ -118,19 +120,19 @@ def _hold(ways, robot, change):
     steps = ways.steps[robot]
     for step in range(steps + 1):
         v = np.int64(way[step])
-        ways.held[_slot(ways, v, step)] += change
+        ways.held[_slot(ways, spot_of(ways, v), step)] += change
         if step > 0:
             u = np.int64(way[step - 1])
             for lane in range(first[u], first[u + 1]):
                 if head[lane] == v:
-                    ways.held[_slot(ways, len(first) - 1 + lane, step)] += change
+                    ways.held[_slot(ways, len(ways.held_from) + move_along(ways, lane), step)] += change
                     break
-    ways.held_from[way[steps]] = steps if change > 0 else NEVER
+    ways.held_from[spot_of(ways, way[steps])] = steps if change > 0 else NEVER
 
 
 @kernel(allocates=False)
 def _held(ways, place, step):
-    """How many hold a vertex, or a lane beyond those, at a step."""
+    """How many hold a spot, or a move beyond those, at a step."""
     return ways.held[_probed(ways, place, step)] & ((1 << COUNT) - 1)
 
 

@@ -84,16 +84,19 @@ def own_ways(problem: Problem, rounds: int, world: PibtInstance, deadline_s: flo
     ways = StepPaths(
         first=graph.first,
         head=graph.head,
-        reverse=graph.reverse,
         start=np.array(problem.start),
         goal=world.goal,
         steps=steps,
         table=world.table,
         packed=world.packed,
         code=world.compass.code,
+        shared=world.shared,
+        spot=world.spot,
+        move=world.move,
+        back=world.back,
         way=np.full((num_robots, int(steps.max()) + 1), -1, np.int32),
         held=np.zeros(slots, np.int64),
-        held_from=np.full(graph.num_vertices, _ways.NEVER, np.int32),
+        held_from=np.full(len(world.spot_first) - 1, _ways.NEVER, np.int32),
         stamp=np.full(graph.num_vertices, -1, np.int64),
         step=np.empty(graph.num_vertices, np.int32),
         met=np.empty(graph.num_vertices, np.int32),
@@ -112,17 +115,15 @@ def own_ways(problem: Problem, rounds: int, world: PibtInstance, deadline_s: flo
     return ways.way
 
 
-def local_guidance(problem: Problem, window: int) -> LocalGuidance:
+def local_guidance(world: PibtInstance, window: int) -> LocalGuidance:
     """Local guidance by paths of so many steps, none of which is there yet; 0 for no guidance."""
-    graph = problem.graph
-    num_slots = 1 << (window + 1).bit_length()
-    num_robots, num_vertices, num_lanes = (problem.num_robots, graph.num_vertices, graph.num_lanes) if window else (1, 1, 1)
+    num_slots, sizes = 1 << (window + 1).bit_length(), (world.goal, world.spot, world.spot_first, world.spot_head)
+    num_robots, num_vertices, num_spots, num_moves = (len(each) if window else 1 for each in sizes)
     return LocalGuidance(
         window=window,
-        reverse=graph.reverse,
         path=np.full((num_robots, num_slots), -1, np.int32),
-        num_at=np.zeros((num_slots, num_vertices), np.uint8),
-        num_on=np.zeros((num_slots, num_lanes), np.uint8),
+        num_at=np.zeros((num_slots, num_spots), np.uint8),
+        num_on=np.zeros((num_slots, num_moves), np.uint8),
         seen=np.zeros((num_slots, num_vertices), np.int32),
         entry=np.empty((ENTRIES, 4), np.int32),
         bucket=np.full(DEAREST + 1, -1, np.int64),

@@ -234,12 +234,12 @@ def _steps_of_window(start: SearchStart, local: int) -> np.ndarray | None:
     window, order = start.given.window_steps, start.world.base_order.copy()
     path = np.empty((window + 1, len(start.steps)), np.int32)
     path[0] = start.problem.start
-    scratch, t, home = _pibt.room_for_steps(start.world, local_guidance(start.problem, local)), 0, False
+    room, t, home = _pibt.PibtRoom(_pibt.room_for_step(start.world), local_guidance(start.world, local)), 0, False
     while t < window and not home:
         if process_time() > start.deadline_s:
             return None
         world, until = (start.guided, min(start.num_guided, window)) if t < start.num_guided else (start.world, window)
-        t, home = _pibt.run(world, scratch, path, t, until, order, start.rng)
+        t, home = _pibt.run(world, room, path, t, until, order, start.rng)
     return path[: t + 1]
 
 
@@ -330,9 +330,9 @@ class LacamSearch:
 
     def __init__(self, settings: Lacam, start: SearchStart, window: int) -> None:
         self.world = start.world
-        self._scratch = _pibt.room_for_steps(start.world, local_guidance(start.problem, window))
+        self._room = _pibt.PibtRoom(_pibt.room_for_step(start.world), local_guidance(start.world, window))
         self._settings, self._rng, self._guided, self._num_guided = settings, start.rng, start.guided, start.num_guided
-        self._memory = _lacam.room_for_nodes(len(start.steps), self._scratch.candidate.shape[1], nodes=256)
+        self._memory = _lacam.room_for_nodes(len(start.steps), self._room.step.candidate.shape[1], nodes=256)
         self._at_once = 1
         self.labels = start.labels  # what has been done to get here
         _lacam.begin(self.world, self._memory, start.problem.start.astype(np.int32), int(start.steps.sum()))
@@ -346,7 +346,7 @@ class LacamSearch:
         while (slice_s := process_time()) < deadline_s and (before := int(self._memory.count[_lacam.EXPANSIONS])) < expansions:
             world, most = (self._guided, self._num_guided) if before < self._num_guided else (self.world, expansions)
             iterations = min(self._at_once, most - before)
-            state: int = _lacam.search_on(world, self._scratch, self._memory, self._settings.num_tries, iterations, self._rng)
+            state: int = _lacam.search_on(world, self._room, self._memory, self._settings.num_tries, iterations, self._rng)
             if state == _lacam.REACHED and first:
                 return state
             if state == _lacam.EXHAUSTED:
@@ -360,7 +360,7 @@ class LacamSearch:
 
     def learn(self, path: np.ndarray) -> None:
         """Make a solution found elsewhere part of the search."""
-        while not _lacam.insert_path(self.world, self._scratch, self._memory, path):
+        while not _lacam.insert_path(self.world, self._room.step, self._memory, path):
             if not self._grow():
                 return
 

@@ -60,11 +60,11 @@ class Pibt(ByConfigurations):
         steps, num_robots = start.steps, problem.num_robots
         window = problem.window_steps
         max_steps = window or self.max_steps or int(min(max(1000, 20 * steps.max() + 10 * num_robots), 20_000))
-        room, at_once = _pibt.room_for_steps(start.world, local_guidance(start.problem, 0)), 1
+        scratch, at_once = _pibt.room_for_step(start.world), 1
         for attempt in range(1, self.num_attempts + 1):
             order = start.world.base_order.copy()
-            local = local_guidance(start.problem, self.local if attempt % 2 else 0)  # it can keep the last ones from their goals, too
-            scratch = room._replace(local=local, onward=np.full(num_robots, -1, np.int64))
+            local = local_guidance(start.world, self.local if attempt % 2 else 0)  # it can keep the last ones from their goals, too
+            room = _pibt.PibtRoom(scratch._replace(onward=np.full(num_robots, -1, np.int64)), local)
             path = np.empty((min(max_steps, 2 * int(steps.max()) + 64) + 1, num_robots), np.int32)
             path[0] = start.problem.start
             t = 0
@@ -79,7 +79,7 @@ class Pibt(ByConfigurations):
                 last = t
                 world, until = (start.guided, start.num_guided) if t < start.num_guided else (start.world, max_steps)
                 until = min(t + at_once, len(path) - 1, until)
-                t, home = _pibt.run(world, scratch, path, t, until, order, start.rng)
+                t, home = _pibt.run(world, room, path, t, until, order, start.rng)
                 if home or t == window > 0:
                     return start.solved(path[: t + 1], attempts=attempt)
                 if used_up(problem, t * num_robots):

@@ -11,7 +11,6 @@ from mrp_sumo.errors import PlanError
 from mrp_sumo.traffic.referee import judge
 from planners.configuration._flow import STEP
 from planners.configuration._local_guidance import COLLISION, SEARCH, guide_locally
-from planners.configuration._pibt import room_for_steps
 from planners.configuration.guides import local_guidance
 from planners.configuration.lacam import Lacam
 from planners.configuration.pibt import Pibt
@@ -38,13 +37,14 @@ class Guided:
 
     def __init__(self, problem, **rules):
         self.world = build_world(problem, np.inf, packed=False, rules=ByConfigurations(**rules))[0]
-        self.local, self.num_robots = local_guidance(problem, WINDOW), problem.num_robots
-        self.scratch = room_for_steps(self.world, self.local)
+        self.local, self.num_robots = local_guidance(self.world, WINDOW), problem.num_robots
+        self.onward = np.full(self.num_robots, -1)
         self.rng = np.random.default_rng(0)
 
     def next(self, here):
-        guide_locally(self.world, self.scratch, np.array(here, np.int32), np.arange(self.num_robots, dtype=np.int32), self.rng)
-        return self.scratch.onward.tolist()
+        order = np.arange(self.num_robots, dtype=np.int32)
+        guide_locally(self.world, self.local, self.onward, np.array(here, np.int32), order, self.rng)
+        return self.onward.tolist()
 
     @property
     def num_searches(self):
@@ -79,7 +79,7 @@ def test_what_is_counted_is_the_paths_that_there_are_wherever_robots_were_put():
     guided, rng = Guided(problem), np.random.default_rng(1)
     here = np.array(problem.start)
     for n in range(20):
-        here = rng.permutation(problem.graph.num_vertices)[:12] if n % 4 == 3 else np.array(guided.scratch.onward if n else here)
+        here = rng.permutation(problem.graph.num_vertices)[:12] if n % 4 == 3 else np.array(guided.onward if n else here)
         guided.next(here)
         local, now = guided.local, guided.local.count[0]
         slots = np.arange(now, now + WINDOW + 1) % local.path.shape[1]

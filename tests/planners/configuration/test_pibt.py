@@ -9,7 +9,6 @@ from worlds import corridor, graph_of, line, problem_on, random_grid
 
 from mrp_sumo.core.plan import paths_of_plan
 from planners.configuration import _pibt
-from planners.configuration.guides import local_guidance
 from planners.configuration.pibt import Pibt
 from planners.world import ByConfigurations, build_world, steps_table
 
@@ -22,7 +21,7 @@ def compiled():
 def stepping(problem, *, packed=False, hindrance=False):
     """World and scratch for PIBT's steps."""
     world, _ = build_world(problem, np.inf, packed=packed, rules=ByConfigurations(hindrance=hindrance))
-    return world, _pibt.room_for_steps(world, local_guidance(problem, 0))
+    return world, _pibt.room_for_step(world)
 
 
 @pytest.mark.parametrize("packed", [False, True])
