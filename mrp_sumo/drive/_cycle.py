@@ -3,7 +3,7 @@
 Runs, retimings and virtual fleets are driven by these.
 """
 
-from mrp_sumo.drive._facilities import run_facilities
+from mrp_sumo.drive._facilities import note_requests, run_doors, run_lifts
 from mrp_sumo.drive._grants import command, grant, release
 from mrp_sumo.drive._observe import is_turned, observe
 from mrp_sumo.drive._people import book_lost
@@ -35,26 +35,29 @@ def advance(look, now, s_m, routed, scene):
     num_logged, num_changed, num_due
         Entries in the log, robots with another speed, robots whose routes end soon.
     """
-    visits, needs, state, conditions = scene.visits, scene.needs, scene.state, scene.conditions
+    kinematics, rules, visits, needs, state, conditions, log, _ = scene
+    margin, facilities, people, grants, dt = conditions.margin, conditions.facilities, conditions.people, state.grants, rules.step_s
     if look:
         observe(now, s_m, scene)
-        if len(conditions.margin.steps) > 0:
-            look_late(s_m, visits, conditions.margin)
-            release(conditions.margin.left_m, visits, needs, state.grants)
+        if len(margin.steps) > 0:
+            look_late(s_m, visits, margin)
+            release(margin.left_m, visits, needs, grants)
         else:
-            release(s_m, visits, needs, state.grants)
-        if conditions.people.any:
-            book_lost(scene.rules.step_s, conditions.people)
-    if conditions.facilities.any:
-        run_facilities(now, scene)
+            release(s_m, visits, needs, grants)
+        if people.any:
+            book_lost(dt, people)
+    if facilities.any:
+        note_requests(dt, kinematics, visits, needs, state, facilities)
+        run_lifts(now, visits, state, facilities)
+        run_doors(now, facilities)
     grant(now, scene)
     num_changed = command(now, scene)
-    num_due = 0
+    due, num_due = scene.news.due, 0
     for r in range(len(s_m)):
-        if visits.rank[visits.granted[r]] + state.grants.on_lane[r] >= routed[r]:
-            scene.news.due[num_due] = r
+        if visits.rank[visits.granted[r]] + grants.on_lane[r] >= routed[r]:
+            due[num_due] = r
             num_due += 1
-    return scene.log.num_entries[0] if look else 0, num_changed, num_due
+    return log.num_entries[0] if look else 0, num_changed, num_due
 
 
 @kernel(allocates=False)

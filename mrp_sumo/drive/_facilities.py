@@ -22,15 +22,6 @@ IN_TIME_S = 1e-9
 
 
 @kernel(allocates=False)
-def run_facilities(now, scene):
-    """Bring lifts and doors up to the step that begins now."""
-    visits, state, facilities = scene.visits, scene.state, scene.conditions.facilities
-    note_requests(scene.rules.step_s, scene.kinematics, visits, scene.needs, state, facilities)
-    run_lifts(now, visits, state, facilities)
-    run_doors(now, facilities)
-
-
-@kernel(allocates=False)
 def note_requests(dt, kinematics, visits, needs, state, facilities):
     """Note calls of lifts and requests for doors: of robots that may pass already, and those that come near."""
     following, reached, granted, rank = visits.next, visits.reached, visits.granted, visits.rank

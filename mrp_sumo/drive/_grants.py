@@ -21,24 +21,25 @@ SLOWEST = 0.1  # a robot that is early keeps this share of its speed
 @kernel(inline="always", allocates=False)
 def grant(now, scene):
     """Let robots claim their next visits, as many as they can and may."""
-    ordered = len(scene.needs.passing) > 0
-    grants, visits, s_m = scene.state.grants, scene.visits, scene.state.motion.s_m
+    kinematics, rules, visits, needs, state, conditions, _, _ = scene
+    grants, s_m, ordered = state.grants, state.motion.s_m, len(needs.passing) > 0
+    closed, shut = conditions.closed, conditions.facilities.shut
     for r in range(len(s_m)):
         k = visits.next[visits.granted[r]]
         if grants.on_lane[r] and grants.ahead[r] >= 0 and k >= 0:
-            grants.allowed_m[r] = max(grants.allowed_m[r], room_on_lane(r, k, scene.kinematics, visits, grants, s_m))
+            grants.allowed_m[r] = max(grants.allowed_m[r], room_on_lane(r, k, kinematics, visits, grants, s_m))
     if not ordered:
         queue_up(grants)
     for i in range(len(s_m)):
-        grant_visits(i if ordered else grants.queue[i], now, ordered, scene)
+        r = i if ordered else grants.queue[i]
+        grant_visits(r, now, ordered, kinematics, rules, visits, needs, state, closed, shut)
 
 
 @kernel(inline="always", allocates=False)
-def grant_visits(r, now, ordered, scene):
+def grant_visits(r, now, ordered, kinematics, rules, visits, needs, state, closed, shut):
     """Let a robot claim its next visits."""
-    grants, visits, needs, motion, yielding = scene.state.grants, scene.visits, scene.needs, scene.state.motion, scene.state.yielding
-    rules, conditions = scene.rules, scene.conditions
-    top, decel, reach = scene.kinematics.speed_mps[r], scene.kinematics.decel_mps2[r], scene.kinematics.reach_m[r]
+    grants, motion, yielding = state.grants, state.motion, state.yielding
+    top, decel, reach = kinematics.speed_mps[r], kinematics.decel_mps2[r], kinematics.reach_m[r]
     rank, lanes, s_m = visits.rank, visits.lane, motion.s_m
     cause, other, asked, on_lane, claims = grants.cause, grants.other, grants.asked_s, grants.on_lane, grants.claims
     cause[r] = FREE
@@ -50,7 +51,7 @@ def grant_visits(r, now, ordered, scene):
         standing = visits.reached[r] == m
         if k < 0:
             if standing:
-                cause[r] = FINISHED if scene.state.home[r] else LETTING_PASS
+                cause[r] = FINISHED if state.home[r] else LETTING_PASS
             break
         if rank[m] >= yielding.pause[r]:
             if standing:
@@ -72,7 +73,7 @@ def grant_visits(r, now, ordered, scene):
         if (rules.asks_late or not ordered) and grants.allowed_m[r] - s_m[r] > reach + TIE_M:
             break
         lane = lanes[k]
-        if conditions.closed[lane] and not on_lane[r]:
+        if closed[lane] and not on_lane[r]:
             cause[r] = DISTURBED
             break
         back = visits.reverse[lane]
@@ -82,7 +83,7 @@ def grant_visits(r, now, ordered, scene):
             asked[r] = min(asked[r], now)
             break
         missing = who_is_before(r, k, ordered, needs, grants)
-        if conditions.facilities.shut[lane] and not on_lane[r]:
+        if shut[lane] and not on_lane[r]:
             waits_for = missing >= 0 and missing != r
             cause[r] = OTHER if waits_for else FACILITY
             other[r] = missing if waits_for else -1
@@ -95,7 +96,7 @@ def grant_visits(r, now, ordered, scene):
             if not on_lane[r] and visits.short_of_m[k] < np.inf:
                 on_lane[r] = True
                 grants.ahead[r] = grants.claimer[lane] if claims[lane] > 0 else -1
-                grants.allowed_m[r] = max(grants.allowed_m[r], room_on_lane(r, k, scene.kinematics, visits, grants, s_m))
+                grants.allowed_m[r] = max(grants.allowed_m[r], room_on_lane(r, k, kinematics, visits, grants, s_m))
                 claims[lane] += 1
                 grants.claimer[lane] = r
             asked[r] = min(asked[r], now)
@@ -160,13 +161,15 @@ def who_is_before(robot, visit, ordered, needs, grants):
 @kernel(inline="always", allocates=False)
 def command(now, scene):
     """The robots' speeds for the next step. Returns how many changed; `news.changed` tells which."""
-    kinematics, rules, visits, conditions, people = scene.kinematics, scene.rules, scene.visits, scene.conditions, scene.conditions.people
-    s_m, cause, commanded = scene.state.motion.s_m, scene.state.grants.cause, scene.state.grants.command_mps
-    known = scene.state.grants.allowed_m if conditions.prompt else conditions.told_m
+    kinematics, rules, visits, _, state, conditions, _, _ = scene
+    people, changed = conditions.people, scene.news.changed
+    motion, facing, cause, commanded = state.motion, state.facing_rad, state.grants.cause, state.grants.command_mps
+    s_m, hold_until_s, factor = motion.s_m, conditions.hold_until_s, conditions.factor
+    known = state.grants.allowed_m if conditions.prompt else conditions.told_m
     count = 0
     for r in range(len(s_m)):
-        top, held = kinematics.speed_mps[r], now < conditions.hold_until_s[r]
-        v = min(stop_speed(known[r] - s_m[r] - MARGIN_M, kinematics.decel_mps2[r], rules.step_s), top * conditions.factor[r])
+        top, held = kinematics.speed_mps[r], now < hold_until_s[r]
+        v = min(stop_speed(known[r] - s_m[r] - MARGIN_M, kinematics.decel_mps2[r], rules.step_s), top * factor[r])
         if v < 1e-9 or held:  # what rounding leaves of no way at all is no speed
             v = 0.0
         if held and cause[r] != FINISHED:
@@ -175,12 +178,12 @@ def command(now, scene):
         if rules.paced and v > 0.0 and k >= 0 and visits.due_s[k] > now:
             v = min(v, max((visits.at_m[k] - s_m[r]) / (visits.due_s[k] - now), SLOWEST * top))
         if people.any:
-            v = heed(r, v, now, scene)
+            v = heed(r, v, now, rules.step_s, kinematics, visits, motion, facing, people)
             if people.halted[r] and cause[r] != FINISHED:
                 cause[r] = DISTURBED
         if abs(v - commanded[r]) > 1e-4 or (v == 0.0 and commanded[r] != 0.0):
             commanded[r] = v
-            scene.news.changed[count] = r
+            changed[count] = r
             count += 1
     return count
 

@@ -40,31 +40,30 @@ AT_REST_M = 1e-6  # a robot that moved no more in a step stood still
 @kernel(inline="always", allocates=False)
 def observe(now, s_m, scene):
     """Book the step that ended at `now`; robots have driven `s_m` [R] in all."""
-    rules, visits, state, log = scene.rules, scene.visits, scene.state, scene.log
+    kinematics, rules, visits, _, state, conditions, log, _ = scene
     log.num_entries[0] = 0
-    move(s_m, scene)
+    move(s_m, rules.step_s, kinematics.turn_rate_rad_s, visits, state.motion, state.facing_rad, conditions.people.halted)
     if rules.books:
         book(rules, visits, state)
         watch_progress(now, s_m, rules, visits, state, log)
         watch_waits(now, rules, state, log)
-    arrive(now, s_m, scene)
+    arrive(now, s_m, rules.step_s, visits, state, log)
     for r in range(len(s_m)):
         state.motion.s_m[r] = s_m[r]
 
 
 @kernel(inline="always", allocates=False)
-def move(s_m, scene):
+def move(s_m, dt, turn_rate_rad_s, visits, motion, facing_rad, halted):
     """Speeds, and turns in place towards the lane that comes next, or at the end of its way as the robot is to stay."""
-    motion, dt = scene.state.motion, scene.rules.step_s
     yaw, turning = motion.yaw_rad, motion.turning
     for r in range(len(s_m)):
         motion.moved_m[r] = s_m[r] - motion.s_m[r]
         motion.speed_mps[r] = motion.moved_m[r] / dt
-        target = heading_ahead(r, scene)
+        target = heading_ahead(r, visits, facing_rad)
         away = off_heading(target, yaw[r])
         turning[r] = abs(away) > STRAIGHT_RAD
-        if turning[r] and not scene.conditions.people.halted[r]:
-            most = scene.kinematics.turn_rate_rad_s[r] * dt
+        if turning[r] and not halted[r]:
+            most = turn_rate_rad_s[r] * dt
             if abs(away) <= most + 1e-9:
                 yaw[r] = target
             else:
@@ -145,10 +144,9 @@ def watch_waits(now, rules, state, log):
 
 
 @kernel(inline="always", allocates=False)
-def arrive(now, s_m, scene):
+def arrive(now, s_m, dt, visits, state, log):
     """Departures, arrivals, and who has come to stand where its tasks end, as it is to stay there."""
-    visits, state, log, dt = scene.visits, scene.state, scene.log, scene.rules.step_s
-    motion, goal, facing = state.motion, state.waits.goal_s, state.facing_rad
+    motion, grants, goal, facing, home = state.motion, state.grants, state.waits.goal_s, state.facing_rad, state.home
     for r in range(len(s_m)):
         moved = motion.moved_m[r]
         if moved > 0.0 and motion.s_m[r] == 0.0:
@@ -157,10 +155,10 @@ def arrive(now, s_m, scene):
         while k >= 0 and s_m[r] >= visits.at_m[k] - ARRIVED_M - TIE_M:
             late = (s_m[r] - visits.at_m[k] + ARRIVED_M) / moved * dt if moved > 0.0 else 0.0
             visits.arrived_s[k] = now - min(max(late, 0.0), dt)
-            leave_lane(r, k, visits, state.grants)
+            leave_lane(r, k, visits, grants)
             visits.reached[r] = k
             k = visits.next[k]
-        if goal[r] != goal[r] and state.home[r] and k < 0 and is_turned(motion.yaw_rad[r], facing[r]):
+        if goal[r] != goal[r] and home[r] and k < 0 and is_turned(motion.yaw_rad[r], facing[r]):
             goal[r] = now if motion.turning[r] and not np.isnan(facing[r]) else visits.arrived_s[visits.last[r]]
             note(log, ARRIVED_AT_GOAL, r, (FREE, visits.last[r], -1), (goal[r], goal[r]))
 

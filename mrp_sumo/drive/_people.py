@@ -23,12 +23,11 @@ def book_lost(dt, people):
 
 
 @kernel(inline="always", allocates=False)
-def heed(r, wanted, now, scene):
+def heed(r, wanted, now, dt, kinematics, visits, motion, facing_rad, people):
     """The speed for the next step, at most `wanted`, that people and lanes leave a robot."""
-    dt, kinematics, visits, motion, people = scene.rules.step_s, scene.kinematics, scene.visits, scene.state.motion, scene.conditions.people
     halted, since, free_since, share = people.halted, people.since_s, people.free_since_s, people.lost_share
     v = min(wanted, people.cap_mps[r])
-    turns = v == 0.0 and abs(off_heading(heading_ahead(r, scene), motion.yaw_rad[r])) > STRAIGHT_RAD
+    turns = v == 0.0 and abs(off_heading(heading_ahead(r, visits, facing_rad), motion.yaw_rad[r])) > STRAIGHT_RAD
     speed_mps = in_grains(motion.speed_mps[r])
     share[r] = 0.0
     if people.watches and (v > 0.0 or speed_mps > 0.0 or turns):
@@ -62,11 +61,10 @@ def heed(r, wanted, now, scene):
 
 
 @kernel(inline="always", allocates=False)
-def heading_ahead(r, scene):
+def heading_ahead(r, visits, facing_rad):
     """The heading to which a robot turns: that of the lane that comes next, or at the end of its way the one in which it stays."""
-    visits, facing_rad = scene.visits, scene.state.facing_rad[r]
-    ahead = visits.next[visits.reached[r]]
-    return visits.heading_rad[ahead] if ahead >= 0 else visits.heading_rad[visits.last[r]] if np.isnan(facing_rad) else facing_rad
+    ahead, stays_rad = visits.next[visits.reached[r]], facing_rad[r]
+    return visits.heading_rad[ahead] if ahead >= 0 else visits.heading_rad[visits.last[r]] if np.isnan(stays_rad) else stays_rad
 
 
 @kernel(inline="always", allocates=False)

@@ -262,7 +262,10 @@ class News(NamedTuple):
 
 
 class StepArrays(NamedTuple):
-    """All that the kernels of a step look at and change."""
+    """All that the kernels of a step look at and change.
+
+    They take it apart where they begin: each look into it in a loop costs the compiler all of its arrays.
+    """
 
     kinematics: Kinematics
     rules: Rules

@@ -32,7 +32,7 @@ from mrp_sumo.drive._causes import (
     WAITED,
     YIELDING,
 )
-from mrp_sumo.drive.state import NEVER
+from mrp_sumo.drive.state import NEVER, StepArrays
 
 PER_ROBOT = 4  # visits at 0, 1, 2 and 3 m
 
@@ -50,7 +50,7 @@ def scene(num_robots=1, ordered=False):
     def each(value, count=num_robots, dtype=None):
         return np.full(count, value, dtype)
 
-    return Group(
+    return StepArrays(
         visits=Group(
             next=np.where(rank < PER_ROBOT - 1, visit + 1, -1),
             rank=rank,
@@ -316,7 +316,7 @@ SPEEDS = {  # at 0.2 m before the end of what it may drive, 0.5 m/s2, steps of 0
 @pytest.mark.parametrize("what", SPEEDS)
 def test_speed_that_a_robot_is_told(monkeypatch, what):
     places, speed, cause = SPEEDS[what]
-    monkeypatch.setattr(_grants, "heed", lambda r, v, now, world: 0.0 if world.conditions.people.halted[r] else v / 4)
+    monkeypatch.setattr(_grants, "heed", lambda r, v, *others: 0.0 if others[-1].halted[r] else v / 4)
     world = put(scene(), {"state.grants.allowed_m": 0.2, "state.grants.command_mps": -1.0} | places)
     assert _grants.command(10.0, world) == 1
     assert (world.state.grants.command_mps[0], world.state.grants.cause[0]) == (pytest.approx(speed), cause)
@@ -395,8 +395,8 @@ def test_changes_that_new_ways_bring():
 ])  # fmt: skip
 def test_robots_turn_the_shorter_way_unless_people_halt_them(yaw_rad, halted, after_rad, turning):
     world = put(scene(), {"visits.heading_rad": {1: 1.0}, "state.motion.yaw_rad": yaw_rad, "conditions.people.halted": halted})
-    _observe.move(np.array([0.03]), world)
     motion = world.state.motion
+    _observe.move(np.array([0.03]), 0.1, np.ones(1), world.visits, motion, world.state.facing_rad, world.conditions.people.halted)
     assert motion.yaw_rad[0] == pytest.approx(after_rad) and motion.turning[0] == turning
     assert (motion.moved_m[0], motion.speed_mps[0]) == (pytest.approx(0.03), pytest.approx(0.3))
 
@@ -507,25 +507,29 @@ def test_waits_are_logged_from_when_they_begin_to_when_they_end_if_they_are_long
     assert entries(world)[3] == (WAITED, 0, OTHER, 2, 2, pytest.approx(9.2), pytest.approx(10.8)) and np.isinf(waits.since_s[0])
 
 
+def arrive(now_s, s_m, world):
+    _observe.arrive(now_s, s_m, 0.1, world.visits, world.state, world.log)
+
+
 def test_arrivals_are_within_the_step_and_a_robot_that_is_home_has_come_to_its_goal():
     """In a step of 0.1 s it drives 0.1 m, and comes to within 2 mm of the vertex at 1 m after 0.048 of them."""
     world = put(scene(), {"state.motion.s_m": 0.95, "state.motion.moved_m": 0.1, "visits.granted": {0: 3}, "state.grants.claims": 1})
     visits = world.visits
-    _observe.arrive(10.0, np.array([1.05]), world)
+    arrive(10.0, np.array([1.05]), world)
     assert visits.arrived_s[1] == pytest.approx(9.948) and visits.reached[0] == 1 and np.isnan(visits.arrived_s[2])
     assert world.state.grants.claims.tolist() == [1, 0, 1, 1] and np.isnan(world.state.waits.goal_s[0]) and entries(world) == []
     world.state.motion.s_m[0] = 1.05
-    _observe.arrive(10.1, np.array([3.0 - 0.002]), world)
+    arrive(10.1, np.array([3.0 - 0.002]), world)
     assert visits.reached[0] == 3 and visits.arrived_s[3] == pytest.approx(10.1)
     assert entries(world) == [(ARRIVED_AT_GOAL, 0, FREE, 3, -1, pytest.approx(10.1), pytest.approx(10.1))]
-    _observe.arrive(10.2, np.array([3.0]), world)
+    arrive(10.2, np.array([3.0]), world)
     assert len(entries(world)) == 1 and world.state.waits.goal_s[0] == pytest.approx(10.1)
 
 
 @pytest.mark.parametrize(("s_m", "reached"), [(0.9979, 0), (0.998, 1)])
 def test_a_vertex_is_reached_two_millimetres_before(s_m, reached):
     world = put(scene(), {"state.motion.s_m": 0.9, "state.motion.moved_m": s_m - 0.9})
-    _observe.arrive(10.0, np.array([s_m]), world)
+    arrive(10.0, np.array([s_m]), world)
     assert world.visits.reached[0] == reached
 
 
@@ -544,16 +548,16 @@ def test_who_goes_elsewhere_waits_for_nothing_and_begins_to_make_progress_anew()
 ])  # fmt: skip
 def test_a_goal_is_reached_when_the_robot_faces_as_it_is_to_stay(home, facing_rad, turning, goal_s):
     world = put(scene(), AT_END | {"visits.arrived_s": {3: 7.0}, "state.home": home, "state.facing_rad": facing_rad})
-    _observe.arrive(10.0, np.array([3.0]), put(world, {"state.motion.turning": turning}))
+    arrive(10.0, np.array([3.0]), put(world, {"state.motion.turning": turning}))
     assert world.state.waits.goal_s[0] == pytest.approx(goal_s, nan_ok=True)
 
 
 def test_a_robot_sets_out_in_its_first_step():
     world = put(scene(2), {"state.motion.moved_m": {0: 0.02}})
-    _observe.arrive(10.0, np.array([0.02, 0.0]), world)
+    arrive(10.0, np.array([0.02, 0.0]), world)
     assert entries(world) == [(SET_OUT, 0, FREE, 0, -1, pytest.approx(9.9), pytest.approx(9.9))]
     world.state.motion.s_m[0] = 0.02
-    _observe.arrive(10.1, np.array([0.04, 0.0]), world)
+    arrive(10.1, np.array([0.04, 0.0]), world)
     assert len(entries(world)) == 1
 
 
