@@ -77,16 +77,16 @@ def drive_on(step, most, bodies, routed, scene, tape):
         Steps beyond `step`; what `advance` returned after the last of them, whose commands have not been given, and which is not on
         the tape.
     """
-    s_m, state, dt, decel, made = bodies.s_m, scene.state, scene.rules.step_s, scene.kinematics.decel_mps2, 0
+    s_m, dt, decel, visits = bodies.s_m, scene.rules.step_s, scene.kinematics.decel_mps2, scene.visits
+    changed, command_mps, made = scene.news.changed, scene.state.grants.command_mps, 0
     while True:
         goes_on, num_logged, num_changed, num_due = watch(step + made, made == most, s_m, routed, scene, tape)
         if not goes_on:
             return made, num_logged, num_changed, num_due
         for i in range(num_changed):
-            r = scene.news.changed[i]
-            bodies.wanted_mps[r] = state.grants.command_mps[r]
+            bodies.wanted_mps[changed[i]] = command_mps[changed[i]]
         if bodies.has_limits:
-            lane_limits(dt, decel, scene.visits, bodies.speed_mps, s_m, bodies.cap_mps)
+            lane_limits(dt, decel, visits, bodies.speed_mps, s_m, bodies.cap_mps)
         move_bodies(dt, bodies.wanted_mps, bodies.accel_mps2, decel, bodies.cap_mps, bodies.speed_mps, s_m)
         made += 1
 

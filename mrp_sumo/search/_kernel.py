@@ -119,6 +119,7 @@ def _compiler() -> Callable[[Callable[..., Any], dict[str, Any], bool, bool], An
     config: Any = numba.config
     njit: Any = numba.njit
     dispatcher_type: Any = types.Dispatcher
+    tuple_type: Any = types.Tuple
 
     class Show(event.Listener):
         """Shows those who wait that a kernel is about to be compiled."""
@@ -132,6 +133,8 @@ def _compiler() -> Callable[[Callable[..., Any], dict[str, Any], bool, bool], An
             """It is not stored yet."""
 
     def widened(argument: Any) -> Any:
+        if isinstance(argument, (types.UniTuple, types.Tuple)):
+            return tuple_type(tuple(map(widened, argument)))
         argument = getattr(argument, "literal_type", argument)
         return types.int64 if argument == types.int32 else argument
 

@@ -50,7 +50,7 @@ def pair_weight(tables, one, other, most_nodes, budget):
     return code, weight
 
 
-@kernel
+@kernel(inline="always")
 def _solve_pair(tables, one, other, most_nodes, budget):
     instance, store, occupancy, scratch = tables
     num_robots = len(instance.start)

@@ -94,7 +94,7 @@ def choose(instance, store, scratch, records, conflicts, symmetries, shortest):
     return OK, chosen
 
 
-@kernel
+@kernel(inline="always")
 def _split_joint(instance, store, scratch, one, other, row, known):
     """Where all shortest paths of the two are in conflict, write the split that raises the cost of both.
 
@@ -123,7 +123,7 @@ def _split_joint(instance, store, scratch, one, other, row, known):
     return OK
 
 
-@kernel
+@kernel(inline="always")
 def _split(instance, store, scratch, one, other, row, symmetries):
     """Write the best split of one conflict."""
     kind, at, step = row.kind, row.at, row.step
