@@ -34,11 +34,12 @@ def run(options: argparse.Namespace) -> int:
     from mrp_sumo.planning.registry import planner_names
     from mrp_sumo.plugins.registry import find
 
-    for name in options.planner:
-        if name != EXECUTION:
-            find("planners", name)  # an unknown name is refused before anything is compiled
     names = options.planner or [EXECUTION, *planner_names()]
-    answers = _prepared(names, sys.stderr.isatty() and not options.quiet)
+    packages = ["" if name == EXECUTION else find("planners", name).module.rpartition(".")[0] for name in names]  # refuses unknown ones
+    place = {
+        name: packages[:k].count(packages[k]) for k, name in enumerate(names)
+    }  # planners of a package share kernels: one after another
+    answers = _prepared(sorted(names, key=place.__getitem__), sys.stderr.isatty() and not options.quiet)
     for name in names:
         if reason := answers[name]["reason"]:  # one plug-in that fails must not keep the others cold
             warn(f"planner '{name}': {reason}")
