@@ -9,7 +9,6 @@ from time import process_time
 
 import numpy as np
 
-from mrp_sumo.core.clashes import Clashes, Spots
 from mrp_sumo.core.fleet import fleet_of
 from mrp_sumo.core.graph import IntArray, PlanGraph, frozen, nav_graph, plan_graph
 from mrp_sumo.core.options import option
@@ -19,8 +18,7 @@ from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.errors import PlanError
 from mrp_sumo.planning.answers import deadline_of, goals_clash, order_clash, unplanned
 from mrp_sumo.search.distance import UNREACHABLE, steps_to_targets
-from mrp_sumo.traffic.clashes import clashes_of_spots
-from mrp_sumo.traffic.resources import ranges
+from mrp_sumo.traffic.clashes import clashes_of, with_beside
 from planners.configuration._pibt_instance import SLACK_STEPS, Compass, PibtInstance, extend_all
 from planners.configuration.guides import are_thin, guide_of
 
@@ -195,7 +193,7 @@ def build_world(
     rules
         Which moves robots may make at once.
     """
-    graph, target, (clashes, spots) = problem.graph, np.array(problem.target), clashes_of_spots(problem)
+    graph, target, (clashes, spots) = problem.graph, np.array(problem.target), clashes_of(problem)
     num_robots, num_vertices = problem.num_robots, graph.num_vertices
     shared = len(spots.place) < num_vertices
     steps, table = np.full(num_robots, -1, np.int64), frozen(np.zeros((1, 1), np.int32))
@@ -231,7 +229,7 @@ def build_world(
         rotations=rules.rotations and clashes.rotations,
         hindrance=rules.hindrance,
         near=clashes.any,
-        clashes=_with_beside(clashes, spots),
+        clashes=with_beside(clashes, spots),
         shared=shared,
         spot=spots.of,
         move=spots.move,
@@ -241,16 +239,6 @@ def build_world(
         back=spots.back,
     )
     return world, steps
-
-
-def _with_beside(clashes: Clashes, spots: Spots) -> Clashes:
-    """The clashes with spots beside where a move ends: PIBT has robots wait until nobody is there."""
-    if not len(spots.beside):
-        return clashes
-    end = np.concatenate([spots.head, np.arange(len(spots.place))])
-    begin, number = spots.beside_first[end], np.diff(spots.beside_first)[end]
-    vertex = np.insert(clashes.vertex, np.repeat(clashes.vertex_first[1:], number), spots.beside[ranges(begin, number)])
-    return clashes._replace(vertex_first=frozen(clashes.vertex_first + np.append(0, np.cumsum(number))), vertex=frozen(vertex))
 
 
 def _is_two_way(problem: Problem) -> bool:

@@ -19,7 +19,7 @@ from mrp_sumo.planning.protocol import Planner
 from mrp_sumo.planning.vehicles import on_map, on_moves
 from mrp_sumo.search.distance import UNREACHABLE, steps_to_targets
 from mrp_sumo.search.solvable import order_broken
-from mrp_sumo.traffic.clashes import clashes_of_spots
+from mrp_sumo.traffic.clashes import clashes_of
 from mrp_sumo.traffic.moves import MoveGraph
 
 
@@ -81,7 +81,7 @@ def goals_clash(problem: Problem) -> PlanResult | None:
 
 def _crowded(problem: Problem, vertex: IntArray, what: str) -> PlanResult | None:
     """INFEASIBLE where two robots that have to be drivable stand too close to each other at these vertices [R]; None otherwise."""
-    clashes, spots = clashes_of_spots(problem)
+    clashes, spots = clashes_of(problem)
     at = spots.of[vertex]
     waiting = len(spots.head) + at
     robot_at = np.full(len(spots.place), -1)

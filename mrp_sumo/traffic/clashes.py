@@ -7,7 +7,6 @@ a robot that enters a vertex in the step in which another leaves it waits for an
 those waits form a circle only where robots rotate. So the schedule of the plan (`traffic.schedule`) has no cycle.
 """
 
-from typing import NamedTuple, Self
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -21,40 +20,32 @@ from mrp_sumo.traffic.resources import Resources, groups_of, ranges, resources_o
 NO_SEPARATION = -1.0  # stands for the rules of MAPF alone
 
 _known: WeakKeyDictionary[NavGraph, dict[float, Clashes]] = WeakKeyDictionary()
-_of_moves_known: WeakKeyDictionary[MoveGraph, dict[float, tuple["_Pairs", "_Pairs"]]] = WeakKeyDictionary()
 _spots_known: WeakKeyDictionary[NavGraph, Spots] = WeakKeyDictionary()
-_of_spots_known: WeakKeyDictionary[MoveGraph, dict[float, Clashes]] = WeakKeyDictionary()
-_from_starts: WeakKeyDictionary[Problem, Clashes] = WeakKeyDictionary()
 
 
-def clashes_of(problem: Problem) -> Clashes:
-    """The clashes that a plan for this problem must avoid: none unless it has to be drivable in its order.
-
-    Those of a graph are computed once. On a graph of moves, states from which paths only begin are left out but for the robots' own.
-    """
-    graph, separation_m = problem.graph, problem.fleet.separation_m if problem.drivable else NO_SEPARATION
-    if not isinstance(graph, MoveGraph):
-        return _on(graph, separation_m)
-    if problem not in _from_starts:
-        _from_starts[problem] = _with_starts(graph, separation_m, problem.start)
-    return _from_starts[problem]
-
-
-def clashes_of_spots(problem: Problem) -> tuple[Clashes, Spots]:
+def clashes_of(problem: Problem) -> tuple[Clashes, Spots]:
     """The clashes between spots that a plan for this problem must avoid, and the spots. Those of a graph are computed once.
 
-    As on the map, a robot may come to a spot in the step in which another leaves it.
+    Only trailers have any where a plan need not be drivable in its order. As on the map, a robot may come to a spot in the step in which
+    another leaves it.
     """
-    graph = problem.graph
+    return _on(problem.graph, problem.fleet.separation_m if problem.drivable else NO_SEPARATION), _spots_of(problem.graph)
+
+
+def with_beside(clashes: Clashes, spots: Spots) -> Clashes:
+    """The clashes with spots beside where a move ends, for planners that make no difference between the two."""
+    if not len(spots.beside):
+        return clashes
+    end = np.concatenate([spots.head, np.arange(len(spots.place))])
+    begin, number = spots.beside_first[end], np.diff(spots.beside_first)[end]
+    vertex = np.insert(clashes.vertex, np.repeat(clashes.vertex_first[1:], number), spots.beside[ranges(begin, number)])
+    return clashes._replace(vertex_first=frozen(clashes.vertex_first + np.append(0, np.cumsum(number))), vertex=frozen(vertex))
+
+
+def _spots_of(graph: PlanGraph) -> Spots:
     if graph not in _spots_known:
         _spots_known[graph] = _spots(graph)
-    spots = _spots_known[graph]
-    if not isinstance(graph, MoveGraph):
-        return clashes_of(problem), spots
-    separation_m, known = problem.fleet.separation_m if problem.drivable else NO_SEPARATION, _of_spots_known.setdefault(graph, {})
-    if separation_m not in known:
-        known[separation_m] = _between_spots(graph, spots, _on(graph.base, separation_m))
-    return known[separation_m], spots
+    return _spots_known[graph]
 
 
 def _spots(graph: PlanGraph) -> Spots:
@@ -95,59 +86,11 @@ def exclusive_vertices(problem: Problem) -> dict[int, frozenset[int]]:
     return {v: frozenset(others) for v, others in excludes.items()}
 
 
-class _Pairs(NamedTuple):
-    """Pairs of M moves and those of N vertices or lanes that each excludes, apart from the latter where paths only begin."""
-
-    first: IntArray  # [M + 1] CSR
-    of: IntArray  # ascending by move
-    key: IntArray  # move * N + of, ascending
-    rest_first: IntArray  # [N + 1] CSR: the keys of the pairs left out
-    rest: IntArray
-
-    @classmethod
-    def apart_from(cls, first: IntArray, of: IntArray, begins: BoolArray) -> Self:
-        """All pairs but those with some of N, where paths only begin."""
-        key = np.repeat(np.arange(len(first) - 1), np.diff(first)) * len(begins) + of
-        rest = np.flatnonzero(begins[of])
-        rest, keep = rest[np.argsort(of[rest], kind="stable")], np.flatnonzero(~begins[of])
-        rest_first = np.append(0, np.cumsum(np.bincount(of[rest], minlength=len(begins))))
-        return cls(np.searchsorted(keep, first), of[keep], key[keep], rest_first, key[rest])
-
-    def and_of(self, some: IntArray) -> tuple[IntArray, IntArray]:
-        """CSR of these pairs, and of those with some others."""
-        begin = self.rest_first[some]
-        more, size = np.sort(self.rest[ranges(begin, self.rest_first[some + 1] - begin)]), len(self.rest_first) - 1
-        if not len(more):
-            return frozen(self.first), frozen(self.of)
-        place, count = np.searchsorted(self.key, more), np.bincount(more // size, minlength=len(self.first) - 1)
-        return frozen(self.first + np.append(0, np.cumsum(count))), frozen(np.insert(self.of, place, more % size))
-
-
-def _with_starts(graph: MoveGraph, separation_m: float, start: IntArray) -> Clashes:
-    """The clashes with states that moves lead to, and those at which paths begin."""
-    clashes, known = _on(graph, separation_m), _of_moves_known.setdefault(graph, {})
-    if separation_m not in known:
-        begins = _where_paths_begin(graph)
-        vertices = _Pairs.apart_from(clashes.vertex_first, clashes.vertex, begins)
-        known[separation_m] = vertices, _Pairs.apart_from(clashes.lane_first, clashes.lane, begins[graph.tail])
-    vertices, lanes = known[separation_m]
-    begun = ranges(graph.first[start], np.diff(graph.first)[start])
-    return Clashes(*vertices.and_of(start), *lanes.and_of(begun), clashes.any, clashes.rotations)
-
-
-def _where_paths_begin(graph: MoveGraph) -> BoolArray:
-    """[V'] states to which no move leads."""
-    begins = np.ones(graph.num_vertices, np.bool_)
-    begins[graph.head] = False
-    return begins
-
-
 def _on(graph: PlanGraph, separation_m: float) -> Clashes:
     known = _known.setdefault(graph, {})
     if separation_m not in known:
         if isinstance(graph, MoveGraph):
-            states = _States(graph.base, graph.place, graph.behind, graph.base_lane, graph.tail, graph.head)
-            known[separation_m] = _of_states(states, _on(graph.base, separation_m))
+            known[separation_m] = _between_spots(graph, _spots_of(graph), _on(graph.base, separation_m))
         elif separation_m == NO_SEPARATION:
             known[separation_m] = no_clashes(graph.num_vertices, graph.num_lanes, rotations=True)
         else:
@@ -155,39 +98,22 @@ def _on(graph: PlanGraph, separation_m: float) -> Clashes:
     return known[separation_m]
 
 
-class _States(NamedTuple):
-    """V' states, or spots, and the L' moves between them, see `MoveGraph`."""
-
-    base: PlanGraph
-    place: IntArray
-    behind: IntArray
-    base_lane: IntArray
-    tail: IntArray
-    head: IntArray
-
-
 def _between_spots(graph: MoveGraph, spots: Spots, of_map: Clashes) -> Clashes:
-    """The clashes of the spots of a graph of moves."""
-    behind, lane = np.empty(len(spots.place), np.int64), np.empty(len(spots.head), np.int64)
-    behind[spots.of], lane[spots.move] = graph.behind, graph.base_lane
-    clashes = _of_states(_States(graph.base, spots.place, behind, lane, spots.tail, spots.head), of_map, as_spots=True)
-    return clashes._replace(any=bool(len(clashes.vertex) or len(clashes.lane) or len(spots.beside)))
+    """The clashes of the spots of a graph of moves: those at places that exclude each other on the map, where trailers are, too.
 
-
-def _of_states(states: _States, of_map: Clashes, *, as_spots: bool = False) -> Clashes:
-    """The clashes of a graph of moves: all states at a place exclude each other, and those at places that exclude each other on the map.
-
-    Of spots, those at the places of a move are left to planners, and lanes that lead the other way are clashes instead.
+    Those at the places of a move are left to planners, but for trailers there, and so are robots that change places.
     """
-    base, place, behind_of, base_lane, tail, head = states
+    base, place, tail, head = graph.base, spots.place, spots.tail, spots.head
+    behind_of, base_lane = np.empty(len(place), np.int64), np.empty(len(head), np.int64)
+    behind_of[spots.of], base_lane[spots.move] = graph.behind, graph.base_lane
     count, tows = base.num_vertices, np.flatnonzero(behind_of >= 0)
-    held, state = np.concatenate([place, behind_of[tows]]), np.concatenate([np.arange(len(place)), tows])  # places, and who is there
+    held, spot = np.concatenate([place, behind_of[tows]]), np.concatenate([np.arange(len(place)), tows])  # places, and who is there
     by_held, by_lane = np.argsort(held, kind="stable"), np.argsort(base_lane, kind="stable")
-    num_vertices, num_lanes = len(place), len(base_lane)
-    num_moves = num_lanes + num_vertices
+    num_spots, num_lanes = len(place), len(base_lane)
+    num_moves = num_lanes + num_spots
     all_moves = np.arange(num_moves)
     of_base = np.concatenate([base_lane, base.num_lanes + place])  # [M] the same move on the map
-    ends = np.concatenate([np.stack([tail, head]), np.tile(np.arange(num_vertices), (2, 1))], 1)  # [2, M] states
+    ends = np.concatenate([np.stack([tail, head]), np.tile(np.arange(num_spots), (2, 1))], 1)  # [2, M] spots
     behind = behind_of[ends]  # [2, M]
     parts = [(all_moves, place[ends[0]]), (all_moves, place[ends[1]])]
     parts += [(all_moves[mine >= 0], mine[mine >= 0]) for mine in behind]
@@ -200,24 +126,20 @@ def _of_states(states: _States, of_map: Clashes, *, as_spots: bool = False) -> C
         begin, number = of_map.lane_first[move[some]], np.diff(of_map.lane_first)[move[some]]
         lanes.append(np.stack([np.repeat(some, number), of_map.lane[ranges(begin, number)]]))
     pairs = np.unique(np.concatenate([one * count + at for one, at in parts]))
-    move, vertex = _joined(pairs // count, pairs % count, held[by_held], state[by_held], count)
+    move, vertex = _joined(pairs // count, pairs % count, held[by_held], spot[by_held], count)
     grouped = np.isin(pairs, np.concatenate([one * count + at for one, at in parts[2:]]))  # excluded beyond the rules of MAPF
-    keep = np.repeat(grouped, np.bincount(held, minlength=count)[pairs % count])
-    keep |= (vertex != ends[0][move]) & (vertex != ends[1][move])
-    if as_spots:  # but for trailers there
-        there = np.bincount(held, minlength=count)[pairs % count]
-        keep &= np.repeat(grouped, there) | (place[vertex] != np.repeat(pairs % count, there))
-        back = base.reverse[base_lane]
-        lanes.append(np.stack([np.flatnonzero(back >= 0), back[back >= 0]]))
-    move, vertex = np.divmod(np.unique(move[keep] * num_vertices + vertex[keep]), num_vertices)  # one may hold two of the places
+    there = np.bincount(held, minlength=count)[pairs % count]
+    keep = np.repeat(grouped, there) | (place[vertex] != np.repeat(pairs % count, there))
+    move, vertex = np.divmod(np.unique(move[keep] * num_spots + vertex[keep]), num_spots)  # one may hold two of the places
     vertex_first, vertex = _csr(move, vertex, num_moves)
+    back = base.reverse[base_lane]
+    lanes.append(np.stack([np.flatnonzero(back >= 0), back[back >= 0]]))
     on, lane = np.unique(np.concatenate(lanes, 1), axis=1)
     on, lane = _joined(on, lane, base_lane[by_lane], by_lane, base.num_lanes)
-    if as_spots:  # robots that change places are left to planners
-        swaps = (ends[0][on] == head[lane]) & (ends[1][on] == tail[lane])
-        on, lane = on[~swaps], lane[~swaps]
-    lane_first, lane = _csr(on, lane, num_moves)
-    return Clashes(vertex_first, vertex, lane_first, lane, True, of_map.rotations)
+    swaps = (ends[0][on] == head[lane]) & (ends[1][on] == tail[lane])
+    lane_first, lane = _csr(on[~swaps], lane[~swaps], num_moves)
+    any_clash = bool(len(vertex) or len(lane) or len(spots.beside))
+    return Clashes(vertex_first, vertex, lane_first, lane, any_clash, of_map.rotations)
 
 
 def _clashes(graph: PlanGraph, separation_m: float) -> Clashes:

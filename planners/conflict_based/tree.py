@@ -25,7 +25,7 @@ from mrp_sumo.search._space_time import ReplanEffort, TreeTables
 from mrp_sumo.search.distance import distances
 from mrp_sumo.search.entries import Entries, enter, entries_of
 from mrp_sumo.search.solvable import unsolvable
-from mrp_sumo.traffic.clashes import clashes_of_spots
+from mrp_sumo.traffic.clashes import clashes_of
 from mrp_sumo.traffic.moves import MoveGraph
 from planners.conflict_based._cover import cover
 from planners.conflict_based._nodes import all_rows, branch, same_path
@@ -99,7 +99,7 @@ class Tree:
         tables = distances(problem.graph)
         target = problem.target
         column, line = (like.instance.column, like.instance.line) if like else _cells(problem.graph)
-        clashes, spots = clashes_of_spots(problem)
+        clashes, spots = clashes_of(problem)
         self.instance: st.SearchInstance = st.SearchInstance(
             tables.first,
             tables.head,

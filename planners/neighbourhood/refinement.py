@@ -14,7 +14,7 @@ import numpy as np
 from mrp_sumo.core.graph import IntArray
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.search.distance import distances
-from mrp_sumo.traffic.clashes import clashes_of_spots
+from mrp_sumo.traffic.clashes import clashes_of
 from planners.configuration._pibt_instance import PibtInstance
 from planners.configuration.guides import MOVES_A_LANE
 from planners.neighbourhood import _lns
@@ -70,7 +70,7 @@ def task_on(problem: Problem, world: PibtInstance) -> RepairTask:
 
 
 def _task(problem: Problem, steps: tuple[np.ndarray, np.ndarray, np.ndarray], following: bool, rotations: bool) -> RepairTask:
-    graph, (clashes, spots) = problem.graph, clashes_of_spots(problem)
+    graph, (clashes, spots) = problem.graph, clashes_of(problem)
     rings = not (rotations and clashes.rotations) and not following
     ends = np.array(problem.start), np.array(problem.target)
     return RepairTask(graph.first, graph.head, *ends, *steps, clashes, spots, following, rings, problem.window_steps)

@@ -24,11 +24,17 @@ MOST_CROSSED = 31  # ways that cross more others count as equal
 
 
 class WindowTask(NamedTuple):
-    """R robots on a graph of V vertices and L lanes, each with stops, S in all, and W steps for which they keep clear of each other."""
+    """R robots on a graph of V vertices and L lanes, each with stops, S in all, and W steps for which they keep clear of each other.
+
+    P spots and N moves between them, see `core.clashes`.
+    """
 
     first: np.ndarray  # [V + 1]
     head: np.ndarray  # [L]
-    tail: np.ndarray  # [L]
+    spot: np.ndarray  # [V] spot of a vertex
+    spot_first: np.ndarray  # [P + 1] moves that leave a spot
+    spot_head: np.ndarray  # [N]
+    spot_tail: np.ndarray  # [N]
     clashes: Clashes
     start: np.ndarray  # [R]
     stop_first: np.ndarray  # [R + 1]
@@ -42,8 +48,8 @@ class WindowTask(NamedTuple):
 class Room(NamedTuple):
     """Table of who is where, and room for a search: K stops at most, N = (W + 1) (K + 1) V states."""
 
-    above: np.ndarray  # [W + 1, V] int32 who holds a vertex at a step and must not be met
-    others: np.ndarray  # [W + 1, V] int32 likewise, of those who may be crossed at a price; SEVERAL: more than one
+    above: np.ndarray  # [W + 1, P] int32 who holds a spot at a step and must not be met
+    others: np.ndarray  # [W + 1, P] int32 likewise, of those who may be crossed at a price; SEVERAL: more than one
     mark: np.ndarray  # [N] int64 the search that came to a state
     steps: np.ndarray  # [N] int32 its cost
     crossed: np.ndarray  # [N] int32 others crossed
@@ -60,7 +66,7 @@ def room_for(task: WindowTask) -> Room:
     longest, later = (int(np.max(each, where=each < UNREACHABLE, initial=0)) for each in (task.steps, task.after))
     num_states = (task.window + 1) * (int(np.diff(task.stop_first).max(initial=1)) + 1) * num_vertices
     return Room(
-        *(np.full((task.window + 1, num_vertices), NOBODY, np.int32) for _ in range(2)),
+        *(np.full((task.window + 1, len(task.spot_first) - 1), NOBODY, np.int32) for _ in range(2)),
         np.zeros(num_states, np.int64),
         *(np.zeros(num_states, np.int32) for _ in range(3)),
         np.full((task.window + longest + later + 1) * (MOST_CROSSED + 1), -1, np.int32),
@@ -70,30 +76,30 @@ def room_for(task: WindowTask) -> Room:
 
 
 @kernel(allocates=False)
-def enter(table, at, robot):
+def enter(task, table, at, robot):
     """Put a robot's way into a table of who is where."""
     for t in range(table.shape[0]):
-        v = at[robot, t]
+        v = task.spot[at[robot, t]]
         table[t, v] = robot if table[t, v] == NOBODY else SEVERAL
 
 
 @kernel(allocates=False)
-def take_out(table, at, robot):
+def take_out(task, table, at, robot):
     """Empty the places of a robot's way in a table."""
     for t in range(table.shape[0]):
-        table[t, at[robot, t]] = NOBODY
+        table[t, task.spot[at[robot, t]]] = NOBODY
 
 
 @kernel(allocates=False)
-def leave(table, at, num_robots):
+def leave(task, table, at):
     """Empty a table of all ways."""
-    for r in range(num_robots):
-        take_out(table, at, r)
+    for r in range(len(at)):
+        take_out(task, table, at, r)
 
 
 @kernel(inline="always", allocates=False)
 def meets(table, u, v, t):
-    """True if a robot that goes from u to v, or waits, and arrives at step t meets somebody of a table; clashes are not looked at."""
+    """True if a robot that goes from spot u to v, or waits, and arrives at step t meets somebody of a table; clashes are not looked at."""
     met = table[t, v] != NOBODY
     if not met and u != v and table[t - 1, v] != NOBODY and table[t, u] != NOBODY:
         met = table[t - 1, v] == SEVERAL or table[t - 1, v] == table[t, u]
@@ -102,30 +108,30 @@ def meets(table, u, v, t):
 
 @kernel(allocates=False)
 def comes_too_close(task, table, u, v, t):
-    """True if a move clashes with one of a table."""
-    clashes, move = task.clashes, move_of(task.first, task.head, u, v)
+    """True if the move from spot u to v clashes with one of a table."""
+    clashes, move = task.clashes, move_of(task.spot_first, task.spot_head, u, v)
     for k in range(clashes.vertex_first[move], clashes.vertex_first[move + 1]):
         w = clashes.vertex[k]
         if table[t - 1, w] != NOBODY or table[t, w] != NOBODY:
             return True
     for k in range(clashes.lane_first[move], clashes.lane_first[move + 1]):
         lane = clashes.lane[k]
-        other = table[t - 1, task.tail[lane]]
-        if other != NOBODY and (other == table[t, task.head[lane]] or other == SEVERAL):
+        other = table[t - 1, task.spot_tail[lane]]
+        if other != NOBODY and (other == table[t, task.spot_head[lane]] or other == SEVERAL):
             return True
     return False
 
 
 @kernel(allocates=False)
-def closes_ring(room, at, robot, u, v, t):
-    """True if a move from u to v that ends at step t completes a ring of robots that all move at once."""
+def closes_ring(task, room, at, robot, u, v, t):
+    """True if a move from spot u to v that ends at step t completes a ring of robots that all move at once."""
     for _ in range(len(at)):
         other = room.above[t - 1, v]
         if other < 0:
             other = room.others[t - 1, v]
-        if other < 0 or other == robot or at[other, t] == v:
+        if other < 0 or other == robot or task.spot[at[other, t]] == v:
             return False
-        v = at[other, t]
+        v = task.spot[at[other, t]]
         if v == u:
             return True
     return False
@@ -203,18 +209,23 @@ def find_way(task, room, at, robot, clear):
         if num + first[u + 1] - first[u] + 1 > len(state):
             length = NO_WAY
             break
-        row = begin + min(made, num_stops - 1)
+        row, here = begin + min(made, num_stops - 1), task.spot[u]
         for lane in range(first[u], first[u + 1] + 1):
             v = np.int64(head[lane]) if lane < first[u + 1] else u
-            if steps_to[row, v] >= UNREACHABLE or meets(above, u, v, t + 1) or (near and comes_too_close(task, above, u, v, t + 1)):
+            spot = task.spot[v]
+            if (
+                steps_to[row, v] >= UNREACHABLE
+                or meets(above, here, spot, t + 1)
+                or (near and comes_too_close(task, above, here, spot, t + 1))
+            ):
                 continue
-            if rings and v != u and closes_ring(room, at, robot, u, v, t + 1):
+            if rings and v != u and closes_ring(task, room, at, robot, here, spot, t + 1):
                 continue
             there = made
             while there < num_stops and stop[begin + there] == v:
                 there += 1
             steps = cost + (0 if made == num_stops and v == u and v == end else 1)
-            crosses = meets(others, u, v, t + 1) or (near and comes_too_close(task, others, u, v, t + 1))
+            crosses = meets(others, here, spot, t + 1) or (near and comes_too_close(task, others, here, spot, t + 1))
             price = min(crossed + (1 if crosses else 0), MOST_CROSSED)
             y = (t + 1) * layer + there * num_vertices + v
             if mark[y] == now:
@@ -241,7 +252,7 @@ def find_all(task, room, at, cost):
         if cost[r] == NO_WAY:
             complete = False
             break
-        enter(room.others, at, r)
+        enter(task, room.others, at, r)
     room.others[:] = NOBODY
     return complete
 
@@ -253,7 +264,7 @@ def branch(task, room, holder, above, at, cost):
     Parameters
     ----------
     holder
-        [2, V] scratch, NOBODY between calls.
+        [2, P] scratch, NOBODY between calls.
     above, at, cost
         [2, R, R], [2, R, W + 1] and [2, R] priorities, ways and their steps, of the node for both orders; written.
 
@@ -283,10 +294,10 @@ def find_below(task, room, above, at, cost, pair):
             continue
         for other in range(num_robots):
             if other != r:
-                enter(room.above if above[other, r] else room.others, at, other)
+                enter(task, room.above if above[other, r] else room.others, at, other)
         cost[r] = find_way(task, room, at, r, False)
-        leave(room.above, at, num_robots)
-        leave(room.others, at, num_robots)
+        leave(task, room.above, at)
+        leave(task, room.others, at)
         if cost[r] == NO_WAY:
             return False
     return True
@@ -294,17 +305,18 @@ def find_below(task, room, above, at, cost, pair):
 
 @kernel(allocates=False)
 def first_conflict(task, holder, above, at):
-    """The two robots that meet first; -1 where nobody does. `holder` [2, V] is scratch: NOBODY between calls."""
-    before, now, num_robots = holder[0], holder[1], len(at)
+    """The two robots that meet first; -1 where nobody does. `holder` [2, P] is scratch: NOBODY between calls."""
+    before, now, num_robots, spot = holder[0], holder[1], len(at), task.spot
     one, other = np.int64(-1), np.int64(-1)
     for r in range(num_robots):
-        before[at[r, 0]] = r
+        before[spot[at[r, 0]]] = r
     for t in range(1, at.shape[1]):
         for r in range(num_robots):
-            if now[at[r, t]] != NOBODY:
-                one, other = np.int64(now[at[r, t]]), np.int64(r)
+            there = spot[at[r, t]]
+            if now[there] != NOBODY:
+                one, other = np.int64(now[there]), np.int64(r)
                 break
-            now[at[r, t]] = r
+            now[there] = r
         if one < 0:
             for r in range(num_robots):
                 other = _met(task, before, now, above, at, r, t)
@@ -312,36 +324,36 @@ def first_conflict(task, holder, above, at):
                     one = np.int64(r)
                     break
         for r in range(num_robots):
-            before[at[r, t - 1]], now[at[r, t]] = NOBODY, NOBODY
+            before[spot[at[r, t - 1]]], now[spot[at[r, t]]] = NOBODY, NOBODY
         if one >= 0:
             break
         for r in range(num_robots):
-            before[at[r, t]] = r
+            before[spot[at[r, t]]] = r
     for r in range(num_robots):
-        before[at[r, at.shape[1] - 1]] = NOBODY
+        before[spot[at[r, at.shape[1] - 1]]] = NOBODY
     return one, other
 
 
 @kernel(allocates=False)
 def _met(task, before, now, above, at, r, t):
-    """Somebody that a robot meets on its way to step t, where all are on vertices of their own; -1: nobody."""
-    clashes = task.clashes
-    u, v = np.int64(at[r, t - 1]), np.int64(at[r, t])
+    """Somebody that a robot meets on its way to step t, where all are at spots of their own; -1: nobody."""
+    clashes, spot = task.clashes, task.spot
+    u, v = spot[at[r, t - 1]], spot[at[r, t]]
     ahead = np.int64(before[v])
     if u != v and ahead >= 0:
-        if at[ahead, t] == u:
+        if spot[at[ahead, t]] == u:
             return ahead
         if not clashes.rotations:
-            behind, x = ahead, np.int64(at[ahead, t])
+            behind, x = ahead, spot[at[ahead, t]]
             for _ in range(len(at)):
                 if x == u:
                     return ahead if not above[r, ahead] and not above[ahead, r] else behind
                 behind = np.int64(before[x])
-                if behind < 0 or at[behind, t] == x:
+                if behind < 0 or spot[at[behind, t]] == x:
                     break
-                x = np.int64(at[behind, t])
+                x = spot[at[behind, t]]
     if clashes.any:
-        move = move_of(task.first, task.head, u, v)
+        move = move_of(task.spot_first, task.spot_head, u, v)
         for k in range(clashes.vertex_first[move], clashes.vertex_first[move + 1]):
             w = clashes.vertex[k]
             for found in (np.int64(before[w]), np.int64(now[w])):
@@ -349,8 +361,8 @@ def _met(task, before, now, above, at, r, t):
                     return found
         for k in range(clashes.lane_first[move], clashes.lane_first[move + 1]):
             lane = clashes.lane[k]
-            found = np.int64(before[task.tail[lane]])
-            if found >= 0 and found != r and at[found, t] == task.head[lane]:
+            found = np.int64(before[task.spot_tail[lane]])
+            if found >= 0 and found != r and spot[at[found, t]] == task.spot_head[lane]:
                 return found
     return np.int64(-1)
 
@@ -361,12 +373,12 @@ def _is_hindered(task, at, above, r):
     for other in range(len(at)):
         if above[other, r]:
             for t in range(1, at.shape[1]):
-                if at[other, t] == at[r, t] or (at[other, t] == at[r, t - 1] and at[other, t - 1] == at[r, t]):
+                u, v, here, there = task.spot[at[other, t - 1]], task.spot[at[other, t]], task.spot[at[r, t - 1]], task.spot[at[r, t]]
+                if v == there or (v == here and u == there):
                     return True
                 if task.clashes.any:
-                    u, v = np.int64(at[other, t - 1]), np.int64(at[other, t])
-                    move = move_of(task.first, task.head, np.int64(at[r, t - 1]), np.int64(at[r, t]))
-                    if too_close(task.clashes, move, move_of(task.first, task.head, u, v), u, v):
+                    move = move_of(task.spot_first, task.spot_head, here, there)
+                    if too_close(task.clashes, move, move_of(task.spot_first, task.spot_head, u, v), u, v):
                         return True
     return False
 
@@ -378,7 +390,7 @@ def mend(task, room, holder, at, cost, most_labels, rng):
     Parameters
     ----------
     holder
-        [2, V] scratch, NOBODY between calls.
+        [2, P] scratch, NOBODY between calls.
     at, cost
         [R, W + 1] and [R] the ways of all, and their steps.
     most_labels
@@ -401,7 +413,7 @@ def mend(task, room, holder, at, cost, most_labels, rng):
             break
         if rng.random() < 0.5:
             first, second = second, first
-        _enter_all(others, at, nobody)
+        _enter_all(task, others, at, nobody)
         num = _around(task, others, at, first, chosen)
         met = False
         for k in range(num):
@@ -409,29 +421,29 @@ def mend(task, room, holder, at, cost, most_labels, rng):
         if not met:
             num = min(num + 1, AT_A_TIME)
             chosen[num - 1] = second
-        leave(others, at, num_robots)
+        leave(task, others, at)
         _shuffle(chosen, num, rng)
         is_chosen = np.zeros(num_robots, np.bool_)
         for k in range(num):
             is_chosen[chosen[k]] = True
-        _enter_all(others, at, is_chosen)
+        _enter_all(task, others, at, is_chosen)
         old = np.int64(0)
         for k in range(num):
             old += _num_crossed(task, others, at, chosen[k])
-            enter(others, at, chosen[k])
-        leave(others, at, num_robots)
-        _enter_all(others, at, is_chosen)
+            enter(task, others, at, chosen[k])
+        leave(task, others, at)
+        _enter_all(task, others, at, is_chosen)
         _replan(task, room, (at, cost), hood, num, old, True)
         others[:] = NOBODY
     return clear
 
 
 @kernel(allocates=False)
-def _enter_all(table, at, but):
+def _enter_all(task, table, at, but):
     """Put robots' ways into a table of who is where, but for those of some [R]."""
     for r in range(len(but)):
         if not but[r]:
-            enter(table, at, r)
+            enter(task, table, at, r)
 
 
 @kernel(allocates=False)
@@ -439,7 +451,7 @@ def _num_crossed(task, table, at, robot):
     """The others of a table that a robot's way crosses, a step each."""
     num = 0
     for t in range(1, at.shape[1]):
-        u, v = np.int64(at[robot, t - 1]), np.int64(at[robot, t])
+        u, v = task.spot[at[robot, t - 1]], task.spot[at[robot, t]]
         if meets(table, u, v, t) or (task.clashes.any and comes_too_close(task, table, u, v, t)):
             num += 1
     return num
@@ -461,7 +473,7 @@ def polish(task, room, at, cost, most_labels, rng):
     least, hood = task.least, _room_for_hood(at)
     chosen = hood[0]
     for r in range(len(at)):
-        enter(room.above, at, r)
+        enter(task, room.above, at, r)
     while room.count[1] < most_labels:
         late = (cost - least).sum()
         if late == 0:
@@ -475,9 +487,9 @@ def polish(task, room, at, cost, most_labels, rng):
         old = np.int64(0)
         for k in range(num):
             old += cost[chosen[k]]
-            take_out(room.above, at, chosen[k])
+            take_out(task, room.above, at, chosen[k])
         _replan(task, room, (at, cost), hood, num, old, False)
-    leave(room.above, at, len(at))
+    leave(task, room.above, at)
 
 
 @kernel
@@ -510,14 +522,14 @@ def _replan(task, room, ways, hood, num, old, clear):
         new += room.count[2] if clear and steps < NO_WAY else steps
         if new <= old:
             cost[chosen[planned]] = steps
-            enter(table, at, chosen[planned])
+            enter(task, table, at, chosen[planned])
             planned += 1
     if new > old:
         for k in range(planned):
-            take_out(table, at, chosen[k])
+            take_out(task, table, at, chosen[k])
         for k in range(num):
             at[chosen[k]], cost[chosen[k]] = saved[k], saved_cost[k]
-            enter(table, at, chosen[k])
+            enter(task, table, at, chosen[k])
 
 
 @kernel(allocates=False)
@@ -530,12 +542,12 @@ def _shuffle(chosen, num, rng):
 
 @kernel(allocates=False)
 def _around(task, table, at, robot, chosen):
-    """A robot and those of a table that hold vertices beside its way while it is near; how many."""
+    """A robot and those of a table that hold spots beside its way while it is near; how many."""
     chosen[0], num = robot, 1
     for t in range(1, at.shape[1]):
-        u = at[robot, t - 1]
-        for lane in range(task.first[u], task.first[u + 1]):
-            other = table[t, task.head[lane]]
+        u = task.spot[at[robot, t - 1]]
+        for move in range(task.spot_first[u], task.spot_first[u + 1]):
+            other = table[t, task.spot_head[move]]
             if other >= 0 and num < len(chosen):
                 known = False
                 for k in range(num):

@@ -15,7 +15,7 @@ from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError
 from mrp_sumo.search._distance import UNREACHABLE
 from mrp_sumo.search.distance import distances
-from mrp_sumo.traffic.clashes import clashes_of
+from mrp_sumo.traffic.clashes import clashes_of, with_beside
 from planners.safe_interval._window_way import NOBODY, WindowTask, branch, find_all, mend, polish, room_for
 
 CHANCE = 43  # purpose of the stream of chance
@@ -46,7 +46,7 @@ class WindowSteps:
         self.least_steps = float(self._task.least.sum())
         self.most_open = max(8, min(4 * robots, MOST_DEEP // max(robots * (robots + 4 * problem.window_steps + 12), 1)))
         self._room = room_for(self._task)
-        self._holder = np.full((2, problem.graph.num_vertices), NOBODY, np.int32)
+        self._holder = np.full((2, len(self._task.spot_first) - 1), NOBODY, np.int32)
 
     def counters(self) -> dict[str, float]:
         return {"labels": float(self._room.count[1])}
@@ -100,7 +100,7 @@ class WindowSteps:
 
 def task_of(problem: Problem) -> WindowTask:
     """The problem as kernels see it. Robots go as far as their stops can be reached one after the other, or stay at their starts."""
-    graph, known = problem.graph, distances(problem.graph)
+    graph, known, (clashes, spots) = problem.graph, distances(problem.graph), clashes_of(problem)
     ahead = []
     for start, via, goal in zip(problem.start.tolist(), problem.via or [()] * problem.num_robots, problem.target.tolist()):
         stops = [*via, goal]
@@ -114,6 +114,5 @@ def task_of(problem: Problem) -> WindowTask:
         for k in range(end - 2, begin - 1, -1):
             after[k] = after[k + 1] + steps[k + 1, stop[k]]
     least = steps[first[:-1], problem.start] + after[first[:-1]]
-    return WindowTask(
-        graph.first, graph.head, graph.tail, clashes_of(problem), problem.start, first, stop, steps, after, least, problem.window_steps
-    )
+    places = graph.first, graph.head, spots.of, spots.first, spots.head, spots.tail, with_beside(clashes, spots)
+    return WindowTask(*places, problem.start, first, stop, steps, after, least, problem.window_steps)

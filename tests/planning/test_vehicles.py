@@ -10,7 +10,7 @@ from mrp_sumo.core.problem import Standing
 from mrp_sumo.planning.answers import planned_by
 from mrp_sumo.planning.registry import planner
 from mrp_sumo.planning.vehicles import on_moves, within_reach
-from mrp_sumo.traffic.clashes import clashes_of, clashes_of_spots
+from mrp_sumo.traffic.clashes import clashes_of
 from mrp_sumo.traffic.moves import BOUND, UNDER_WAY
 from mrp_sumo.traffic.referee import judge
 from mrp_sumo.traffic.turns import obstacle_to, with_swings
@@ -179,19 +179,6 @@ def test_a_vehicle_on_an_arc_goes_on_along_it(vehicle):
     assert plan(vehicles_on(graph, [1], [3], vehicle, standing=standing)).plan.vertex.tolist() == [1, 2, 3]
 
 
-def test_states_where_nobody_can_be_are_on_no_list_of_clashes():
-    """All at a place exclude each other: those that moves lead to, and of those where paths only begin the robots' own."""
-    problem = on_moves(vehicles_on(squares(2, 4.0), [0, 3], [1, 2], [TRICYCLE, CART]))
-    graph, clashes = problem.graph, clashes_of(problem)
-    at = set(graph.head.tolist()) | set(problem.start.tolist())
-    assert set(clashes.vertex.tolist()) <= at
-    waiting = graph.num_lanes + problem.start[0]
-    near = clashes.vertex[clashes.vertex_first[waiting] : clashes.vertex_first[waiting + 1]].tolist()
-    assert sorted(near) == [v for v in sorted(at) if graph.place[v] == 0 and v != problem.start[0]]
-    moved = on_moves(vehicles_on(problem.graph.base, [1, 3], [0, 2], [TRICYCLE, CART]))
-    assert problem.start[0] not in clashes_of(moved).vertex and moved.start[0] in clashes_of(moved).vertex
-
-
 def test_goals_too_near_to_a_corner_where_trucks_swing_are_named_with_what_they_need():
     """1 is the corner before the dead end 0, 4 is across it."""
     forks = replace(TRICYCLE, kinematics=replace(TRICYCLE.kinematics, docking="forks_first"))
@@ -203,7 +190,7 @@ def test_goals_too_near_to_a_corner_where_trucks_swing_are_named_with_what_they_
     assert result.status is Status.INFEASIBLE and f"{long_m:.3f} m apart, where they need {needs_m:.3f} m" in result.message
 
 
-@pytest.mark.parametrize("name", ["cbs", "eecbs", "prioritised"])
+@pytest.mark.parametrize("name", ["cbs", "eecbs", "lacam", "pibt", "prioritised"])
 def test_a_vehicle_comes_to_a_place_as_another_leaves_it_unless_following_is_forbidden(name):
     """Over the crossing 0 from 1 to 2, and from 5, a lane farther off, over 3 to 4: nobody has to wait."""
     graph = roads([(0.0, 0.0), (-4.0, 0.0), (4.0, 0.0), (0.0, -4.0), (0.0, 4.0), (0.0, -8.0)], [(0, 1), (0, 2), (0, 3), (0, 4), (3, 5)])
@@ -212,6 +199,12 @@ def test_a_vehicle_comes_to_a_place_as_another_leaves_it_unless_following_is_for
         result = planned_by(planner(name, {"following": following}), problem, 20.0)
         assert judge(problem, result.plan).valid
         assert (result.plan.end_s.sum() == pytest.approx(5 * problem.step_s)) != following
+
+
+def test_in_windows_of_priority_based_search_too():
+    graph = roads([(0.0, 0.0), (-4.0, 0.0), (4.0, 0.0), (0.0, -4.0), (0.0, 4.0), (0.0, -8.0)], [(0, 1), (0, 2), (0, 3), (0, 4), (3, 5)])
+    result = planned_by(planner("pbs", {}), replace(vehicles_on(graph, [1, 5], [2, 4], TRICYCLE), window_steps=6), 20.0)
+    assert result.stats["cost"] == 5
 
 
 @pytest.mark.parametrize("num_robots", [4, 3])
@@ -229,7 +222,7 @@ def test_vehicles_on_a_block_that_all_go_on_at_once_rotate_though_none_enters_a_
 
 def test_states_of_one_place_are_one_spot_and_where_nobody_tows_spots_clash_as_the_map_says():
     problem = on_moves(vehicles_on(squares(2, 4.0), [0, 3], [1, 2], [TRICYCLE, CART]))
-    graph, (clashes, spots) = problem.graph, clashes_of_spots(problem)
+    graph, (clashes, spots) = problem.graph, clashes_of(problem)
     assert (spots.place[spots.of] == graph.place).all() and sorted(spots.place.tolist()) == [0, 1, 2, 3]
     assert not clashes.any and not len(spots.beside)
     assert (spots.tail[spots.move] == spots.of[graph.tail]).all() and (spots.head[spots.move] == spots.of[graph.head]).all()
@@ -239,7 +232,7 @@ def test_states_of_one_place_are_one_spot_and_where_nobody_tows_spots_clash_as_t
 def test_a_spot_of_a_tugger_is_its_place_and_that_behind_it():
     """A waiting tugger keeps others off both; heads at its own place are beside it."""
     problem = on_moves(vehicles_on(squares(3, 4.0), [1, 7], [3, 5], TUGGER))
-    graph, (clashes, spots) = problem.graph, clashes_of_spots(problem)
+    graph, (clashes, spots) = problem.graph, clashes_of(problem)
     held = {spot: (place, behind) for spot, place, behind in zip(spots.of.tolist(), graph.place.tolist(), graph.behind.tolist())}
     assert len(set(held.values())) == len(held) == len(spots.place)
     for spot, (place, behind) in held.items():

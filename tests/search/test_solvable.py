@@ -12,7 +12,7 @@ from mrp_sumo.core.problem import Problem
 from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.maps.roadmap import cut_lanes
 from mrp_sumo.search.solvable import order_broken, unsolvable
-from mrp_sumo.traffic.clashes import clashes_of_spots
+from mrp_sumo.traffic.clashes import clashes_of
 
 pytestmark = pytest.mark.kernel
 
@@ -49,30 +49,30 @@ def problem(edges, start, goal, num_vertices=5):
 def test_robots_keep_their_order_on_lines_and_rings(edges, start, goal, broken):
     asked = problem(edges, start, goal)
     assert (order_broken(asked) is not None) == broken
-    assert unsolvable(asked, *clashes_of_spots(asked)) == broken
+    assert unsolvable(asked, *clashes_of(asked)) == broken
 
 
 def test_two_robots_can_swap_on_a_star_and_three_cannot_move_round():
     two, three = problem(STAR, [1, 2], [2, 1], 4), problem(STAR, [0, 1, 2], [0, 2, 1], 4)
-    assert not unsolvable(two, *clashes_of_spots(two))
-    assert unsolvable(three, *clashes_of_spots(three))
+    assert not unsolvable(two, *clashes_of(two))
+    assert unsolvable(three, *clashes_of(three))
 
 
 def test_full_ring_turns_unless_following_is_forbidden():
     full = problem(RING, [0, 1, 2, 3, 4], [1, 2, 3, 4, 0])
-    assert not unsolvable(full, *clashes_of_spots(full))
-    assert unsolvable(full, *clashes_of_spots(full), following=True)
+    assert not unsolvable(full, *clashes_of(full))
+    assert unsolvable(full, *clashes_of(full), following=True)
     in_order = replace(full, drivable=True)
-    assert unsolvable(in_order, *clashes_of_spots(in_order))
+    assert unsolvable(in_order, *clashes_of(in_order))
 
 
 def test_large_problem_is_left_to_the_planner():
     line = [(k, k + 1) for k in range(600)]
     large = problem(line, list(range(500)), list(range(499, -1, -1)), 601)
-    assert not unsolvable(large, *clashes_of_spots(large))
+    assert not unsolvable(large, *clashes_of(large))
 
 
 @pytest.mark.parametrize("seed", range(30))
 def test_what_cannot_be_driven_is_what_the_slow_search_does_not_find(seed):
     asked = crowded_problem(seed, num_vertices=6)
-    assert unsolvable(asked, *clashes_of_spots(asked)) == (least_cost(asked) is None)
+    assert unsolvable(asked, *clashes_of(asked)) == (least_cost(asked) is None)
