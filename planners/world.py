@@ -216,7 +216,7 @@ def build_world(
         head=graph.head,
         goal=target,
         steps=steps,
-        base_order=np.lexsort((-steps, *(() if problem.since_s is None else (problem.since_s,)))),
+        base_order=np.lexsort((-steps, *(() if problem.since_s is None else (problem.since_s,)))).astype(np.int32),
         table=table,
         packed=packed,
         compass=compass,

@@ -42,7 +42,7 @@ class PibtInstance(NamedTuple):
     head: np.ndarray  # [L] int64
     goal: np.ndarray  # [R] int64
     steps: np.ndarray  # [R] int64 from each robot's start to its goal
-    base_order: np.ndarray  # [R] int64 robots, those longest on their way first where that is known, then the farthest from their goals
+    base_order: np.ndarray  # [R] int32 robots, those longest on their way first where that is known, then the farthest from their goals
     table: np.ndarray  # [R, V] steps to the robot's goal, or [1, 1] when packed
     packed: bool  # distances are looked up in `compass` instead: only which way is nearer is known
     compass: Compass

@@ -11,7 +11,7 @@ from time import process_time
 
 import numpy as np
 
-from mrp_sumo.core.graph import IntArray
+from mrp_sumo.core.graph import IntArray, frozen
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.search.distance import distances
 from mrp_sumo.traffic.clashes import clashes_of
@@ -66,7 +66,7 @@ def task_on(problem: Problem, world: PibtInstance) -> RepairTask:
     rules = bool(world.following), bool(world.rotations)
     if not world.packed:
         return task_of(problem, world.table, following=rules[0], rotations=rules[1])
-    return _task(problem, (world.steps, np.zeros((problem.num_robots, 0), np.int32), world.compass.code), *rules)
+    return _task(problem, (world.steps, frozen(np.zeros((problem.num_robots, 0), np.int32)), world.compass.code), *rules)
 
 
 def _task(problem: Problem, steps: tuple[np.ndarray, np.ndarray, np.ndarray], following: bool, rotations: bool) -> RepairTask:
