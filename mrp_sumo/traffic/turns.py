@@ -289,15 +289,21 @@ def gears_of(graph: NavGraph, vehicle: RobotType) -> IntArray:
     """[L, 2] 1 where a type may drive along a lane forward, and backward."""
     gears = np.array([_of_lane(graph, vehicle, lane) for lane in range(graph.num_lanes)], np.int64).reshape(-1, 2)
     if vehicle.kinematics.docking == "forks_first":
-        gears[_into_dead_ends(graph), FORWARD if vehicle.kinematics.fixed_axle == "rear" else BACKWARD] = 0
+        gears[_left_open(graph, _into_dead_ends(graph)), FORWARD if vehicle.kinematics.fixed_axle == "rear" else BACKWARD] = 0
     return frozen(gears)
 
 
-def _into_dead_ends(graph: NavGraph) -> list[int]:
-    """Lanes that lead to places with one neighbour, from the last place before them that has more than two.
+def idle_docking(graph: NavGraph, vehicle: RobotType) -> str:
+    """The reason for which a type that is to dock with its forks first does so nowhere, in words; '' where it does, or is not to."""
+    lanes = _into_dead_ends(graph) if vehicle.kinematics.docking == "forks_first" else []
+    if vehicle.kinematics.docking != "forks_first" or _left_open(graph, lanes):
+        return ""
+    why = "the map says in which gear its dead ends are driven" if lanes else "no place is at a dead end"
+    return f"docking: forks_first of '{vehicle.name}' changes nothing, as {why}"
 
-    Without those for which, or for whose reverse, the map says in which gear they are driven.
-    """
+
+def _into_dead_ends(graph: NavGraph) -> list[int]:
+    """Lanes that lead to places with one neighbour, from the last place before them that has more than two."""
     neighbours: list[set[int]] = [set() for _ in range(graph.num_vertices)]
     for tail, head in zip(graph.tail.tolist(), graph.head.tolist()):
         neighbours[tail].add(head)
@@ -312,8 +318,13 @@ def _into_dead_ends(graph: NavGraph) -> list[int]:
             if len(neighbours[tail]) != 2:
                 break
             head, tail = tail, next(iter(neighbours[tail] - {head}))
+    return [lane for lane in lanes if lane >= 0]
+
+
+def _left_open(graph: NavGraph, lanes: list[int]) -> list[int]:
+    """Those of some lanes of which, and of whose reverse, the map does not say in which gear they are driven."""
     said = [OF_LANE.get(str(options.get("orientation_constraint"))) is not None for options in graph.lane_options]
-    return [lane for lane in lanes if lane >= 0 and not said[lane] and not (graph.reverse[lane] >= 0 and said[graph.reverse[lane]])]
+    return [lane for lane in lanes if not said[lane] and not (graph.reverse[lane] >= 0 and said[graph.reverse[lane]])]
 
 
 def _of_lane(graph: NavGraph, vehicle: RobotType, lane: int) -> tuple[bool, bool]:

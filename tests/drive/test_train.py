@@ -16,7 +16,7 @@ from mrp_sumo.drive.retime import retime
 from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.engines.sumo.network import build_network
 from mrp_sumo.metrics.audit import audit
-from mrp_sumo.traffic.turns import gears_of, obstacle_to, turns_of, with_swings
+from mrp_sumo.traffic.turns import gears_of, idle_docking, obstacle_to, turns_of, with_swings
 from tests.vehicles import CAR, TRICYCLE, TUGGER, corner, roads, vehicles_on
 
 
@@ -167,6 +167,16 @@ def test_the_map_says_how_a_dead_end_is_driven_where_it_does():
     assert gears_of(graph, forks)[into].tolist() == [0, 1]
     options = [{"orientation_constraint": "backward"} if lane == out else {} for lane in range(graph.num_lanes)]
     assert gears_of(replace(graph, lane_options=tuple(options)), forks)[into].tolist() == [1, 1]
+
+
+def test_docking_that_changes_nothing_is_told():
+    ends, ring = roads([(0.0, 0.0), (4.0, 0.0)], [(0, 1)]), roads([(0.0, 0.0), (4.0, 0.0), (0.0, 4.0)], [(0, 1), (1, 2), (2, 0)])
+    forks = replace(TRICYCLE, kinematics=replace(TRICYCLE.kinematics, docking="forks_first"))
+    said = replace(ends, lane_options=({"orientation_constraint": "backward"}, {}))
+    assert [idle_docking(graph, forks).partition(", as ")[2] for graph in (ends, said, ring)] == [
+        "", "the map says in which gear its dead ends are driven", "no place is at a dead end",
+    ]  # fmt: skip
+    assert idle_docking(ring, TRICYCLE) == ""
 
 
 @pytest.mark.parametrize(("wall_m", "faces"), [(0.45, pi), (0.9, 0.0)])  # behind the axle it reaches 0.2 m, before it 0.8 m

@@ -53,7 +53,7 @@ from mrp_sumo.maps.lifts import with_rides
 from mrp_sumo.maps.load import Map
 from mrp_sumo.planning.protocol import Assigner, Planner
 from mrp_sumo.plugins.source import place_in_file
-from mrp_sumo.traffic.turns import with_swings
+from mrp_sumo.traffic.turns import idle_docking, with_swings
 
 
 @dataclass(frozen=True)
@@ -148,7 +148,8 @@ def _graph(
         graph = maps.of(_with_walls, graph, map_)
     if is_driven:
         graph = maps.of(with_swings, graph, tuple(models))
-    return graph, step_s, left_out + by_lane + broken + shut
+    docks = tuple(filter(None, (idle_docking(graph, model) for model in models)))
+    return graph, step_s, left_out + by_lane + broken + shut + docks
 
 
 def _with_rides(graph: PlanGraph, map_: Map, step_s: float, radius_m: float) -> PlanGraph:
