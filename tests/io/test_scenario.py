@@ -127,6 +127,16 @@ def test_missing_file_names_the_nearest(tmp_path):
         read_scenario(tmp_path / "ofice_9.yaml")
 
 
+def test_a_folder_with_one_scenario_in_it_names_that(tmp_path):
+    (tmp_path / "site").mkdir()
+    (tmp_path / "site" / "scenario.yaml").write_text("map: office\n")
+    with pytest.raises(ScenarioError, match=r"site is a folder, expected a file \(did you mean '.*site/scenario.yaml'\?\)"):
+        find_scenario(str(tmp_path / "site"))
+    (tmp_path / "site" / "other.yaml").write_text("map: office\n")
+    with pytest.raises(ScenarioError, match=r"site is a folder, expected a file$"):
+        find_scenario(str(tmp_path / "site"))
+
+
 def test_missing_file_names_the_nearest_of_any_kind_beside_it(tmp_path):
     (tmp_path / "Demo-01.xml").touch()
     with pytest.raises(ScenarioError, match=r"Demo-01.xm: no such file \(did you mean 'Demo-01.xml'\?\)"):

@@ -60,6 +60,8 @@ def find_scenario(name_or_path: str) -> Path:
     for file in (path, named):
         if os.path.isfile(file):  # noqa: PTH113  False for names that no system takes, too
             return file
+    if path.is_dir() and len(inside := [*path.glob("*.yaml")]) == 1:
+        raise ScenarioError(f"{shortened(path)} is a folder, expected a file (did you mean '{shortened(inside[0])}'?)")
     if os.path.lexists(path):
         require_regular(path, error=ScenarioError)
     names = sorted(p.stem for p in bundled.glob("*.yaml"))
