@@ -1,5 +1,6 @@
 """The rules of controller and observer, each by hand: the kernels as plain Python, on robots that drive along lines of 1 m lanes."""
 
+from inspect import unwrap
 from types import SimpleNamespace as Group
 
 import numpy as np
@@ -294,7 +295,7 @@ def test_who_is_first_on_a_lane_drives_up_to_the_place_that_it_waits_for():
 
 
 SPEEDS = {  # at 0.2 m before the end of what it may drive, 0.5 m/s2, steps of 0.1 s; what it is told, and why it waits then
-    "to stop there": ({}, _grants.stop_speed.py_func(0.199, 0.5, 0.1), FREE),
+    "to stop there": ({}, unwrap(_grants.stop_speed)(0.199, 0.5, 0.1), FREE),
     "its top speed": ({"state.grants.allowed_m": 9.0}, 1.0, FREE),
     "slowed down": ({"state.grants.allowed_m": 9.0, "conditions.factor": 0.6}, 0.6, FREE),
     "what rounding leaves": ({"state.grants.allowed_m": MARGIN_M + 5e-11}, 0.0, FREE),
