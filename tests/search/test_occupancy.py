@@ -7,10 +7,12 @@ import pytest
 from truth import ROBOT
 
 from mrp_sumo.core.fleet import fleet_of
+from mrp_sumo.core.graph import nav_graph
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.maps.grid import grid_graph
+from mrp_sumo.maps.roadmap import cut_lanes
 from mrp_sumo.search import _records as st
-from mrp_sumo.search._conflicts import CONFLICT, FOLLOW, MEET, SWAP, TARGET, conflicts_of
+from mrp_sumo.search._conflicts import CLASH, CONFLICT, FOLLOW, MEET, SWAP, TARGET, conflicts_of
 from mrp_sumo.search._constraints import load
 from mrp_sumo.search._occupancy import MANY, ONE, WORD, install_all, steps_known, uninstall
 from mrp_sumo.search._space_time import FINISH, TreeTables, find_path
@@ -138,3 +140,31 @@ def test_conflicts_are_those_of_every_pair_at_every_step(seed, following):
         assert set(listed) == by_hand(paths, robot, following) and len(set(listed)) == len(listed)
         kinds |= {conflict[2] for conflict in listed}
     assert kinds == {MEET, TARGET, FOLLOW if following else SWAP}
+
+
+@pytest.mark.parametrize(("start", "conflicts"), [([0, 2], [(0, 1, CLASH, 1)]), ([0, 4], [])])
+def test_lanes_that_cross_are_in_conflict_where_they_are_driven_in_the_same_step(start, conflicts):
+    """Robot 0 goes from 0 to 1, robot 1 from 2 to 3 across, in the same step, or one later, when it has come to 2 from 4."""
+    nav = nav_graph(name="cross", xy=[(-1, -1), (1, 1), (-1, 1), (1, -1), (-3, 1)], lanes=[(0, 1), (2, 3), (4, 2)])
+    problem = Problem(cut_lanes(nav, 3.0), fleet_of(ROBOT, 2), np.array(start), np.array([1, 3]), np.arange(2), 3.0, drivable=True)
+    tree = Tree(problem, SearchLimits(np.inf, 4000))
+    root = tree.root(1.0)
+    store, occupancy = tree._buffers.store, tree._buffers.occupancy
+    for robot in range(2):
+        install_all(store, occupancy, root.records, robot)
+        rows = conflicts_of(tree.instance, store, occupancy, robot, int(root.records[robot]), np.empty(0, CONFLICT))
+        assert [tuple(row[name].item() for name in ("one", "other", "kind", "step")) for row in rows] == conflicts
+
+
+def test_a_search_without_room_for_its_states_says_so_and_writes_no_further():
+    tree, root = root_of(np.ones((5, 5), bool), [0, 4], [24, 20])
+    store, occupancy, scratch = tree._buffers.store, tree._buffers.occupancy, tree._buffers.scratch
+    install_all(store, occupancy, root.records, 0)
+    record, codes = int(root.records[0]), []
+    for room in range(4, 200, 3):
+        assert load(tree.instance, store, scratch, record) == st.OK
+        scratch.state[room:].fill((-7,) * 6)
+        small = TreeTables(tree.instance, store, occupancy, scratch._replace(state=scratch.state[:room]))
+        codes.append(find_path(small, 0, 8, 10, False, 1 << 20)[0])
+        assert (scratch.state[room:]["vertex"] == -7).all()
+    assert codes == sorted(codes, reverse=True) and {*codes} == {st.OK, st.SCRATCH_FULL}
