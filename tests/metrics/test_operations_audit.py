@@ -91,6 +91,16 @@ def test_an_order_is_of_one_robot(logs):
     assert "stops in order" in rules(changed(logs, "tasks", "robot", task, 1 - logs.tasks.robot[task]))
 
 
+@pytest.mark.parametrize(("before_s", "passes"), [(0.9, True), (1.1, False)])
+def test_an_order_is_done_within_a_second_of_its_last_stop(logs, before_s, passes):
+    """The last stop of an order that counts as picked ends so long before the run does."""
+    task = done(logs)
+    rows = np.flatnonzero(logs.stops.task == task).tolist()
+    picked = changed(changed(logs, "tasks", "status", task, "picked"), "stops", "end_s", rows[-1], logs.end_s - before_s)
+    findings = [*orders._ends(picked, task, rows[0], rows, len(rows), logs.ordered[task])]
+    assert (findings == []) == passes
+
+
 @pytest.mark.parametrize("status", ["assigned", "picked", "failed", "cancelled", "released", "handed over", "lost"])
 def test_the_state_of_an_order_that_is_done(logs, status):
     assert "one state" in rules(changed(logs, "tasks", "status", done(logs), status))

@@ -9,7 +9,6 @@ import numpy as np
 
 from mrp_sumo.core.disturbances import BREAKS, MAINTAINED
 from mrp_sumo.core.execution import Outcome
-from mrp_sumo.core.graph import FloatArray
 from mrp_sumo.core.robot_states import BROKEN, CHARGING, EMPTY, IDLE, ROBOT_STATES, STALLED, WORKING
 from mrp_sumo.core.task import NOBODY, Task
 from mrp_sumo.metrics.operations.evidence import EPS_S, LOST, Finding, Logs
@@ -260,9 +259,8 @@ def _drive_s(logs: Logs, robot: int, at_s: float, order: Task) -> float:
 def _route_s(logs: Logs, robot: int, route: list[int]) -> float:
     """How long a robot takes along a route, turning at each vertex by a quarter at most."""
     graph, top = logs.graph, float(logs.fleet.max_speed_mps[robot])
-    lanes = [graph.lane_between(a, b) for a, b in pairwise(route)]
-    drives: FloatArray = graph.length_m[lanes] / np.minimum(graph.speed_mps[lanes], top) if lanes else np.zeros(0)
-    return float(drives.sum())
+    lanes = np.array([graph.lane_between(a, b) for a, b in pairwise(route)], np.int64)
+    return float((graph.length_m[lanes] / np.minimum(graph.speed_mps[lanes], top)).sum())
 
 
 def stands(logs: Logs) -> Iterator[Finding]:
