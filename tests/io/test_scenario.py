@@ -137,6 +137,11 @@ def test_a_folder_with_one_scenario_in_it_names_that(tmp_path):
         find_scenario(str(tmp_path / "site"))
 
 
+def test_a_name_that_no_system_takes_is_no_file():
+    with pytest.raises(ScenarioError, match="no such file"):
+        find_scenario("a" * 5000)
+
+
 def test_missing_file_names_the_nearest_of_any_kind_beside_it(tmp_path):
     (tmp_path / "Demo-01.xml").touch()
     with pytest.raises(ScenarioError, match=r"Demo-01.xm: no such file \(did you mean 'Demo-01.xml'\?\)"):

@@ -60,7 +60,7 @@ def find_scenario(name_or_path: str) -> Path:
     for file in (path, named):
         if os.path.isfile(file):  # noqa: PTH113  False for names that no system takes, too
             return file
-    if path.is_dir() and len(inside := [*path.glob("*.yaml")]) == 1:
+    if os.path.isdir(path) and len(inside := [*path.glob("*.yaml")]) == 1:  # noqa: PTH112  likewise
         raise ScenarioError(f"{shortened(path)} is a folder, expected a file (did you mean '{shortened(inside[0])}'?)")
     if os.path.lexists(path):
         require_regular(path, error=ScenarioError)
