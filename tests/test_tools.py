@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 import yaml
 from campaigns.driver import Places
+from test_architecture import tool
 
 from mrp_sumo.calibration.log import ActionTime, LoggedOrder, MotionLog
 from mrp_sumo.errors import MrpSumoError
@@ -148,9 +149,7 @@ def test_campaign_that_is_interrupted_ends_its_trial_and_says_what_was_found(tmp
 
 
 def test_plans_and_drives_are_compared_on_the_draws_that_both_have():
-    spec = importlib.util.spec_from_file_location("questions", TOOLS / "questions.py")
-    questions = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(questions)
+    questions = tool("questions")
     best = {0: (100.0, 50.0, 1.0), 1: (200.0, 80.0, 1.0), 2: (10.0, 10.0, 1.0)}
     row = questions.compared(best, {0: (110.0, 50.0, 0.1), 1: (220.0, 88.0, 0.3), 3: (1.0, 1.0, 1.0)})
     assert row["pairs"] == 2 and row["plan_percent"] == [10.0, 10.0, 10.0] and row["driven_percent"][0] == 5.0
@@ -159,10 +158,7 @@ def test_plans_and_drives_are_compared_on_the_draws_that_both_have():
 
 @pytest.mark.parametrize(("words", "line"), [("2", ""), ("1", "--seeds: found 1, expected 2 or more: fewer have no limits")])
 def test_question_with_too_few_draws_is_one_line(monkeypatch, capsys, words, line):
-    path = TOOLS / "questions.py"
-    spec = importlib.util.spec_from_file_location("questions", path)
-    questions = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(questions)
+    questions = tool("questions")
     monkeypatch.setitem(questions.QUESTIONS, "optimal", lambda options: print("asked"))
     monkeypatch.setattr(sys, "argv", ["questions.py", "optimal", "--seeds", words])
     if not line:
@@ -175,9 +171,7 @@ def test_question_with_too_few_draws_is_one_line(monkeypatch, capsys, words, lin
 
 
 def test_questions_are_answered_in_figures_and_none_is_asked_of_an_engine_that_there_is_not(monkeypatch, capsys):
-    spec = importlib.util.spec_from_file_location("questions", TOOLS / "questions.py")
-    questions = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(questions)
+    questions = tool("questions")
     row = {"planner": "ecbs", "pairs": 3, "percent": [1.84, -0.26, 3.94]}
     questions.say(row, as_json=False)
     questions.say(row, as_json=True)

@@ -36,9 +36,7 @@ def run(options: argparse.Namespace) -> int:
 
     names = options.planner or [EXECUTION, *planner_names()]
     packages = ["" if name == EXECUTION else find("planners", name).module.rpartition(".")[0] for name in names]  # refuses unknown ones
-    place = {
-        name: packages[:k].count(packages[k]) for k, name in enumerate(names)
-    }  # planners of a package share kernels: one after another
+    place = {name: packages[:k].count(packages[k]) for k, name in enumerate(names)}  # those of a package share kernels: in turn
     answers = _prepared(sorted(names, key=place.__getitem__), sys.stderr.isatty() and not options.quiet)
     for name in names:
         if reason := answers[name]["reason"]:  # one plug-in that fails must not keep the others cold

@@ -295,8 +295,10 @@ def gears_of(graph: NavGraph, vehicle: RobotType) -> IntArray:
 
 def idle_docking(graph: NavGraph, vehicle: RobotType) -> str:
     """The reason for which a type that is to dock with its forks first does so nowhere, in words; '' where it does, or is not to."""
-    lanes = _into_dead_ends(graph) if vehicle.kinematics.docking == "forks_first" else []
-    if vehicle.kinematics.docking != "forks_first" or _left_open(graph, lanes):
+    if vehicle.kinematics.docking != "forks_first":
+        return ""
+    lanes = _into_dead_ends(graph)
+    if _left_open(graph, lanes):
         return ""
     why = "the map says in which gear its dead ends are driven" if lanes else "no place is at a dead end"
     return f"docking: forks_first of '{vehicle.name}' changes nothing, as {why}"

@@ -206,10 +206,10 @@ def _taken(world, scratch, here, to, i, u):
     if scratch.next[there] >= 0 and scratch.next[there] != i:
         return True
     j = scratch.now[there]
-    if j < 0 or j == i:
+    if j < 0 or j == i or to[j] < 0:
         return False
-    if world.following or to[j] < 0:
-        return to[j] >= 0  # who has chosen has been pushed already
+    if world.following:
+        return True  # who has chosen has been pushed already
     at = spot_of(world, here[i])
     if spot_of(world, to[j]) == at:
         return True
