@@ -9,6 +9,8 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from mrp_sumo.core.csr import ranges
+
 IntArray = NDArray[np.int64]
 
 
@@ -51,8 +53,7 @@ def has_cycle(num_nodes: int, tail: IntArray, head: IntArray) -> bool:
     while len(free):
         num_left -= len(free)
         degree = first[free + 1] - first[free]
-        arcs = np.arange(degree.sum()) + np.repeat(first[free] - np.cumsum(degree) + degree, degree)
-        entered, times = np.unique(head[arcs], return_counts=True)
+        entered, times = np.unique(head[ranges(first[free], degree)], return_counts=True)
         entering[entered] -= times
         free = entered[entering[entered] == 0]
     return num_left > 0

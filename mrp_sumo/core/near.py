@@ -3,6 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from mrp_sumo.core.csr import ranges
+
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
@@ -29,7 +31,7 @@ def pairs_within(xy: FloatArray, distance_m: float) -> IntArray:
     for begin, end in (here, above):
         count = end - begin
         one.append(np.repeat(place, count))
-        other.append(np.arange(count.sum()) + np.repeat(begin - np.cumsum(count) + count, count))
+        other.append(ranges(begin, count))
     pairs = order[np.stack([np.concatenate(one), np.concatenate(other)], axis=1)]
     apart = xy[pairs[:, 0]] - xy[pairs[:, 1]]
     near: IntArray = np.sort(pairs[(apart**2).sum(axis=1) <= distance_m**2], axis=1)

@@ -15,6 +15,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
+from mrp_sumo.core.csr import ranges
 from mrp_sumo.core.execution import Reply
 from mrp_sumo.core.graph import IntArray, PlanGraph, frozen
 from mrp_sumo.io.arrow import dictionary, numbers, texts
@@ -47,7 +48,7 @@ def replans_table(replies: Sequence[Reply], graph: PlanGraph, robot_name: Sequen
         count = np.diff(reply.first)
         rows = np.maximum(count, 1)  # a robot that stays has a row, too
         whose = np.repeat(np.arange(len(reply.robot)), rows)
-        nth = np.arange(int(rows.sum())) - np.repeat(np.cumsum(rows) - rows, rows)
+        nth = ranges(0, rows)
         there = count[whose] > 0
         visit = np.where(there, reply.first[whose] + nth, -1)
         parts: dict[str, NDArray[Any]] = {

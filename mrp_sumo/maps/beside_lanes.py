@@ -4,8 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mrp_sumo.core.csr import ranges
 from mrp_sumo.core.graph import FloatArray, IntArray, NavGraph
-from mrp_sumo.maps.boxes import overlapping
+from mrp_sumo.maps.boxes import around, overlapping
 from mrp_sumo.maps.clearance import point_distances
 
 AGAINST = -0.3  # cosine of the angle between a motion and a lane from which the motion goes against it
@@ -42,8 +43,7 @@ def beside_lanes(
     a, b = nav.xy[nav.tail[lanes]], nav.xy[nav.head[lanes]]
     one_way = nav.reverse[lanes] < 0
     step, middle = end - begin, (begin + end) / 2
-    boxes = np.concatenate([np.minimum(a, b) - within_m, np.maximum(a, b) + within_m], axis=1)
-    motion, lane = _near(middle, boxes)
+    motion, lane = _near(middle, around(a, b, within_m))
     away_m = point_distances(middle[motion], a[lane], b[lane])
     near = away_m <= within_m + 1e-9
     if level is not None:
@@ -70,5 +70,4 @@ def _near(middle: FloatArray, boxes: FloatArray) -> tuple[IntArray, IntArray]:
     first = np.searchsorted(i, np.arange(len(square) + 1))
     count = np.diff(first)[of.ravel()]
     motion = np.repeat(np.arange(len(middle)), count)
-    at = np.repeat(first[:-1][of.ravel()], count) + np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
-    return motion, lane[at]
+    return motion, lane[ranges(first[:-1][of.ravel()], count)]

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from mrp_sumo.core.csr import ranges
 from mrp_sumo.core.graph import FloatArray, IntArray
 
 CELLS_PER_BOX = 8  # how finely boxes are rasterised, on average at most
@@ -34,12 +35,15 @@ def overlapping(a: FloatArray, b: FloatArray) -> tuple[IntArray, IntArray]:
     order = np.argsort(keys_b, kind="stable")
     keys_b, owner_b = keys_b[order], owner_b[order]
     first, last = np.searchsorted(keys_b, keys_a, "left"), np.searchsorted(keys_b, keys_a, "right")
-    count = last - first
-    i = np.repeat(owner_a, count)
-    j = owner_b[np.repeat(first, count) + np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)]
+    i, j = np.repeat(owner_a, last - first), owner_b[ranges(first, last - first)]
     hit = (a[i, 0] <= b[j, 2]) & (b[j, 0] <= a[i, 2]) & (a[i, 1] <= b[j, 3]) & (b[j, 1] <= a[i, 3])
     pair = np.unique(i[hit] * np.int64(len(b)) + j[hit])  # boxes that meet in several cells count once
     return pair // len(b), pair % len(b)
+
+
+def around(a: FloatArray, b: FloatArray, margin: float = 0.0) -> FloatArray:
+    """[N, 4] boxes around segments from a to b [N, 2], and a margin."""
+    return np.concatenate([np.minimum(a, b) - margin, np.maximum(a, b) + margin], axis=1)
 
 
 def _spans(boxes: FloatArray, low: FloatArray, cell: float) -> tuple[IntArray, IntArray, IntArray, IntArray]:
@@ -53,5 +57,5 @@ def _cells(spans: tuple[IntArray, IntArray, IntArray, IntArray], columns: int) -
     x, width, y, height = spans
     count = width * height
     owner = np.repeat(np.arange(len(x)), count)
-    k = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+    k = ranges(0, count)
     return (y[owner] + k // width[owner]) * columns + x[owner] + k % width[owner], owner

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mrp_sumo.core.csr import ranges
 from mrp_sumo.core.graph import NO_PROPERTIES, BoolArray, FloatArray, IntArray, NavGraph, PlanGraph, frozen, nav_like, plan_graph
 from mrp_sumo.errors import MapError
 from mrp_sumo.maps.chains import Chains, chains_of
@@ -51,7 +52,7 @@ def cut_lanes(nav: NavGraph, cell_m: float, two_way: bool | Collection[int] = Fa
             drawn, cuts._replace(lane=on_lane, share=along_m / drawn.length_m[on_lane], apart=_spread(cuts, drawn, on_lane)), cell_m
         )
     of = np.repeat(np.arange(nav.num_lanes), cuts.steps)  # [S] the lane of each step
-    i = np.arange(len(of)) - np.repeat(np.cumsum(cuts.steps) - cuts.steps, cuts.steps)  # [S] its number along the lane, from 0
+    i = ranges(0, cuts.steps)  # [S] its number along the lane, from 0
     n = cuts.steps[of]
     length_m = nav.length_m[of] / n
     aslant = cuts.apart[of] & ((i == 0) | (i == n - 1))  # from a vertex to its own track, and back

@@ -26,6 +26,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mrp_sumo.core.angles import wrapped
+from mrp_sumo.core.csr import ranges
 from mrp_sumo.core.fleet import Fleet, fleet_of
 from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, NavGraph, nav_graph, plan_graph
 from mrp_sumo.core.plan import Plan, plan_of_paths
@@ -301,7 +302,7 @@ def _in_cells(pieces: Pieces, cells: _Cells) -> tuple[IntArray, IntArray]:
     span = upper - pieces.corner + 1
     count = span.prod(1)
     piece = np.repeat(np.arange(len(count)), count)
-    within = np.arange(len(piece)) - np.repeat(np.cumsum(count) - count, count)
+    within = ranges(0, count)
     cell = pieces.corner[piece] + np.stack([within % span[piece, 0], within // span[piece, 0]], 1)
     order = np.lexsort((pieces.begin[piece], cell[:, 1], cell[:, 0]))
     return piece[order], np.ascontiguousarray(cell[order])

@@ -12,10 +12,11 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from mrp_sumo.core.clashes import Clashes, Spots, lanes_in, no_clashes, vertices_alone
+from mrp_sumo.core.csr import ranges
 from mrp_sumo.core.graph import BoolArray, IntArray, NavGraph, PlanGraph, frozen
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.traffic.moves import MoveGraph
-from mrp_sumo.traffic.resources import Resources, groups_of, ranges, resources_of
+from mrp_sumo.traffic.resources import Resources, groups_of, resources_of
 
 NO_SEPARATION = -1.0  # stands for the rules of MAPF alone
 
@@ -187,8 +188,7 @@ def _joined(left: IntArray, key: IntArray, other_key: IntArray, right: IntArray,
     """Pairs of `left` and `right` with one key; `other_key`, of `right`, is ascending."""
     first = np.searchsorted(other_key, np.arange(num_keys + 1))
     count = np.diff(first)[key]
-    begin = np.cumsum(count) - count
-    return np.repeat(left, count), right[np.arange(int(count.sum())) - np.repeat(begin - first[key], count)]
+    return np.repeat(left, count), right[ranges(first[key], count)]
 
 
 def _csr(row: IntArray, value: IntArray, num_rows: int) -> tuple[IntArray, IntArray]:

@@ -28,6 +28,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mrp_sumo.core.bezier import corners_of
+from mrp_sumo.core.csr import ranges
 from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, NavGraph, PlanGraph, Properties, frozen
 from mrp_sumo.core.near import pairs_within
 from mrp_sumo.core.plan import Plan
@@ -387,7 +388,7 @@ def _zones(
     length = np.hypot(*(piece[num_vertices:, 1] - piece[num_vertices:, 0]).T)
     parts = np.where(on_floor[of[num_vertices:] - num_vertices], np.maximum(1, np.ceil(length / (2 * separation)).astype(np.int64)), 0)
     owner = np.repeat(np.arange(len(parts)), parts)
-    fraction = (ranges(np.zeros(len(parts), np.int64), parts) + 0.5) / parts[owner]
+    fraction = (ranges(0, parts) + 0.5) / parts[owner]
     sample = piece[num_vertices + owner, 0] + fraction[:, None] * (piece[num_vertices + owner, 1] - piece[num_vertices + owner, 0])
     half = float((length[parts > 0] / parts[parts > 0]).max(initial=0.0)) / 2
     point = np.concatenate([graph.xy[used], sample])
@@ -471,7 +472,7 @@ def _last_share(lines: Lines, along: IntArray, back: BoolArray, other: IntArray,
     first, count = lines.first, np.diff(lines.first)
     pairs = count[along] * count[other]
     n = np.repeat(np.arange(len(along)), pairs)
-    k = ranges(np.zeros(len(along), np.int64), pairs)
+    k = ranges(0, pairs)
     mine, theirs = first[along[n]] + k // count[other[n]], first[other[n]] + k % count[other[n]]
     piece, share = lines.piece[mine], lines.share[mine]
     piece = np.where(back[n][:, None, None], piece[:, ::-1], piece)
@@ -523,9 +524,3 @@ def _to_segment(point: FloatArray, segment: FloatArray) -> FloatArray:
 def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
     product: FloatArray = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
     return product
-
-
-def ranges(start: IntArray, count: IntArray) -> IntArray:
-    """Numbers start[0], start[0] + 1, ... count[0] of them, then those of start[1], ..."""
-    begin = np.cumsum(count) - count
-    return np.arange(int(count.sum())) - np.repeat(begin - start, count)
