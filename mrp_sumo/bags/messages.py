@@ -149,7 +149,7 @@ class Messages:
         """The map's vertices, lanes and names, as MRP-Bench's graph reader expects them."""
         nav = self.record.nav or self.record.graph
         points = [self.point(x, y) for x, y in nav.xy.tolist()]
-        once = np.flatnonzero((nav.reverse < 0) | (nav.tail < nav.head))
+        once = np.flatnonzero(nav.is_once)
         ends = [points[v] for pair in zip(nav.tail[once].tolist(), nav.head[once].tolist()) for v in pair]
         size = float(self.record.fleet.width_m.max()) if self.record.fleet.num_robots else 0.2
         markers = [

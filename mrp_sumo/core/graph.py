@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mrp_sumo.core.csr import ranges
 from mrp_sumo.core.digraph import weak_components
 from mrp_sumo.errors import MapError
 
@@ -63,12 +64,18 @@ class NavGraph:
     @property
     def num_edges(self) -> int:
         """Lanes with a pair of opposite ones counted once."""
-        return int(self.num_lanes - np.count_nonzero(self.reverse >= 0) // 2)
+        return int(np.count_nonzero(self.is_once))
 
     @cached_property
     def first(self) -> IntArray:
         """[V + 1] CSR offsets: the lanes that leave v are `first[v]:first[v + 1]`."""
         return frozen(np.searchsorted(self.tail, np.arange(self.num_vertices + 1)).astype(np.int64))
+
+    @property
+    def onward(self) -> tuple[IntArray, IntArray]:
+        """Pairs of a lane and one that leaves its head, both ascending."""
+        count = np.diff(self.first)[self.head]
+        return np.repeat(np.arange(self.num_lanes), count), ranges(self.first[self.head], count)
 
     @cached_property
     def vertex_of_name(self) -> Mapping[str, int]:
@@ -81,6 +88,16 @@ class NavGraph:
             if self.vertex_name[v]:
                 vertex_of[self.vertex_name[v]] = v
         return vertex_of
+
+    @property
+    def is_once(self) -> BoolArray:
+        """[L] whether a lane counts where a lane and its reverse are one: of the two that from the lower vertex does."""
+        return (self.reverse < 0) | (self.tail < self.head)
+
+    @property
+    def driven(self) -> IntArray:
+        """Vertices that have lanes, ascending."""
+        return np.unique(np.concatenate([self.tail, self.head]))
 
     def label(self, vertex: int) -> str:
         """The vertex's name, or `v<index>` where it has none."""

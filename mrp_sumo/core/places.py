@@ -30,7 +30,7 @@ def places_of(graph: PlanGraph, nav: NavGraph) -> Places:
         return _squares(graph)
     to_vertex = np.where(graph.level[:, None] == nav.level, np.hypot(*(graph.xy[:, None] - nav.xy).transpose(2, 0, 1)), np.inf)
     vertex, away_m = to_vertex.argmin(1), to_vertex.min(1)
-    lanes = np.flatnonzero((nav.reverse < 0) | (nav.reverse > np.arange(nav.num_lanes)))
+    lanes = np.flatnonzero(nav.is_once)
     lane = lanes[_nearest_lane(graph.xy, nav.xy[nav.tail[lanes]], nav.xy[nav.head[lanes]])] if len(lanes) else np.zeros(len(vertex), int)
     at_vertex = (away_m <= NEAR * graph.cell_m) | (len(lanes) == 0)
     stop: dict[object, int] = {}  # of each lift, the first; all of them are one place

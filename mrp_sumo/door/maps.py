@@ -14,7 +14,7 @@ from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.io.documents import Document, validated
 from mrp_sumo.io.scenario.map import Discretisation, MapChoice
 from mrp_sumo.io.summary import Summary, summary, with_summary
-from mrp_sumo.maps.facts import driven_levels, extent_m, num_driven_components, num_lift_lanes
+from mrp_sumo.maps.facts import driven_levels, extent_m, num_drawn_edges, num_driven_components
 from mrp_sumo.maps.map import Map
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ class Site(Map):
     @property
     def num_edges(self) -> int:
         """Lanes, opposite ones counted once, without those of lifts."""
-        return self.nav.num_edges - num_lift_lanes(self.nav) // 2
+        return num_drawn_edges(self.nav)
 
     @property
     def size_m(self) -> tuple[float, float]:

@@ -3,6 +3,7 @@
 What `rmf.py` reads. Coordinates are x right, y up. Indices count from 0 in the lists of the level in the file.
 """
 
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -151,11 +152,14 @@ class Building:
     @cached_property
     def graphs(self) -> Mapping[int, int]:
         """Number of lanes of each graph that has any, in ascending order."""
-        count: dict[int, int] = {}
-        for level in self.levels.values():
-            for lane in level.lanes:
-                count[lane.graph] = count.get(lane.graph, 0) + 1
-        return dict(sorted(count.items()))
+        return dict(sorted(Counter(lane.graph for level in self.levels.values() for lane in level.lanes).items()))
+
+    def lift_of_vertex(self, level: Level) -> dict[int, str]:
+        """The lift around each vertex of a level that is in one; of several, the first in the file."""
+        lift_of: dict[int, str] = {}
+        for lift in reversed(list(self.lifts.values())):
+            lift_of |= dict.fromkeys(np.flatnonzero(lift.holds(level.world_xy, level.elevation_m)).tolist(), lift.name)
+        return lift_of
 
     def moved(self, shift_m: Mapping[str, tuple[float, float]]) -> "Building":
         """The building with levels laid elsewhere in the map's frame, each by its (x, y) in m."""

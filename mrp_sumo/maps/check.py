@@ -3,6 +3,7 @@
 Everything is measured graph by graph on the graphs as drawn, levels joined by lifts. Distances in m.
 """
 
+from collections import Counter
 from collections.abc import Sequence
 
 import numpy as np
@@ -10,7 +11,7 @@ import numpy as np
 from mrp_sumo.core.digraph import strong_components, weak_components
 from mrp_sumo.core.graph import FloatArray, IntArray, NavGraph
 from mrp_sumo.errors import MapError
-from mrp_sumo.maps.boxes import overlapping
+from mrp_sumo.maps.boxes import around, overlapping
 from mrp_sumo.maps.building import Building, Level
 from mrp_sumo.maps.finding import MapFinding, Notes, RefusedMap
 
@@ -39,7 +40,7 @@ def check_building(building: Building) -> tuple[MapFinding, ...]:
     notes = Notes()
     for level in building.levels.values():
         _note_stations(notes, level)
-    lifts = _lift_of_vertex(building)
+    lifts = {name: building.lift_of_vertex(level) for name, level in building.levels.items()}
     for graph in building.graphs:
         ends = {
             name: np.array([(x.start, x.end) for x in lv.lanes if x.graph == graph], np.int64).reshape(-1, 2)
@@ -60,11 +61,9 @@ def check_building(building: Building) -> tuple[MapFinding, ...]:
 def check_graph(nav: NavGraph) -> tuple[MapFinding, ...]:
     """The findings about a graph without a building, or after repairs; numbers are those of the graph's vertices."""
     notes = Notes()
-    once = (nav.reverse < 0) | (nav.tail < nav.head)
-    once &= np.array(["lift" not in options for options in nav.lane_options], np.bool_)
     bend = nav.having("is_bend")
     for k, name in enumerate(nav.level_names):
-        on = once & (nav.level[nav.tail] == k)
+        on = nav.is_once & ~nav.is_ride & (nav.level[nav.tail] == k)
         ends = np.stack([nav.tail[on], nav.head[on]], axis=1)
 
         def lane(i: int, ends: IntArray = ends) -> str:
@@ -78,12 +77,11 @@ def check_graph(nav: NavGraph) -> tuple[MapFinding, ...]:
             notes.add("lanes_cross_without_vertex", f"level {name} lanes {lane(i)} and {lane(j)} at ({x:.2f}, {y:.2f})")
     for i in np.flatnonzero(nav.speed_mps < VERY_SLOW_MPS).tolist():
         notes.add("very_slow_lanes", f"from {nav.label(nav.tail[i])} to {nav.label(nav.head[i])}: {nav.speed_mps[i]:g} m/s")
-    driven = np.unique(np.concatenate([nav.tail, nav.head]))
-    sizes = np.sort(np.bincount(np.unique(nav.component[driven], return_inverse=True)[1]))[::-1] if len(driven) else np.zeros(0, np.int64)
+    sizes = np.sort(np.unique(nav.component[nav.driven], return_counts=True)[1])[::-1]
     weak = len(sizes)
     if weak > 1:
         notes.add("several_components", f"sizes {_sizes(sizes.tolist())}", weak)
-    strong = len(np.unique(strong_components(nav.num_vertices, nav.tail, nav.head)[driven]))
+    strong = len(np.unique(strong_components(nav.num_vertices, nav.tail, nav.head)[nav.driven]))
     if strong > weak:
         notes.add("not_strongly_connected", f"{strong} strong, {weak} weak components")
     return notes.findings()
@@ -106,8 +104,7 @@ def near_misses(xy: FloatArray, ends: IntArray, within_m: float) -> tuple[IntArr
     """
     vertices = np.unique(ends)
     a, b = xy[ends[:, 0]], xy[ends[:, 1]]
-    boxes = np.concatenate([np.minimum(a, b) - within_m, np.maximum(a, b) + within_m], axis=1)
-    lane, near = overlapping(boxes, np.tile(xy[vertices], 2))
+    lane, near = overlapping(around(a, b, within_m), np.tile(xy[vertices], 2))
     vertex = vertices[near]
     off = (ends[lane] != vertex[:, None]).all(axis=1)
     lane, vertex = lane[off], vertex[off]
@@ -124,18 +121,19 @@ def near_misses(xy: FloatArray, ends: IntArray, within_m: float) -> tuple[IntArr
 
 def crossings(xy: FloatArray, ends: IntArray) -> tuple[IntArray, IntArray, FloatArray]:
     """Pairs of lanes [2 arrays, ascending] that cross within both, without a common vertex, and where [N, 2]."""
-    a, b = xy[ends[:, 0]], xy[ends[:, 1]]
-    boxes = np.concatenate([np.minimum(a, b), np.maximum(a, b)], axis=1)
-    i, j = overlapping(boxes, boxes)
-    once = i < j
-    i, j = i[once], j[once]
-    apart = (ends[i][:, :, None] != ends[j][:, None, :]).all(axis=(1, 2))
-    i, j = i[apart], j[apart]
-    r, s, q = b[i] - a[i], b[j] - a[j], a[j] - a[i]
+    i, j, place = strokes_crossed(xy, ends, ends)
+    apart = (i < j) & (ends[i][:, :, None] != ends[j][:, None, :]).all(axis=(1, 2))
+    return i[apart], j[apart], place[apart]
+
+
+def strokes_crossed(xy: FloatArray, lanes: IntArray, strokes: IntArray) -> tuple[IntArray, IntArray, FloatArray]:
+    """Lanes that cross a stroke (a wall, a door, another lane) within both: lane, stroke, place [N, 2]; of ends [L, 2] and [S, 2]."""
+    (a, b), (c, d) = ((xy[ends[:, 0]], xy[ends[:, 1]]) for ends in (lanes, strokes))
+    i, j = overlapping(around(a, b), around(c, d))
+    r, s, q = b[i] - a[i], d[j] - c[j], c[j] - a[i]
     det = r[:, 0] * s[:, 1] - r[:, 1] * s[:, 0]
     safe = np.where(det == 0, 1.0, det)
-    t = (q[:, 0] * s[:, 1] - q[:, 1] * s[:, 0]) / safe
-    u = (q[:, 0] * r[:, 1] - q[:, 1] * r[:, 0]) / safe
+    t, u = (q[:, 0] * s[:, 1] - q[:, 1] * s[:, 0]) / safe, (q[:, 0] * r[:, 1] - q[:, 1] * r[:, 0]) / safe
     hit = (det != 0) & (t > 0) & (t < 1) & (u > 0) & (u < 1)
     return i[hit], j[hit], a[i[hit]] + t[hit, None] * r[hit]
 
@@ -164,13 +162,8 @@ def _note_duplicates(notes: Notes, level: Level, graph: int, which: IntArray, en
 
 def _note_names(notes: Notes, building: Building, graph: int, ends: dict[str, IntArray]) -> None:
     """Names that Open-RMF's fleet adapter would refuse; here the later vertices get a number."""
-    count: dict[str, int] = {}
-    for name, level in building.levels.items():
-        for v in np.unique(ends[name]).tolist():
-            label = level.vertex_name[v]
-            if label != "":
-                count[str(label)] = count.get(str(label), 0) + 1
-    for label, times in count.items():
+    labels = (level.vertex_name[v] for name, level in building.levels.items() for v in np.unique(ends[name]).tolist())
+    for label, times in Counter(str(label) for label in labels if label != "").items():
         if times > 1:
             notes.add("name_twice_in_graph", f"graph {graph}: '{label}' names {times} vertices")
 
@@ -186,16 +179,7 @@ def _note_crossings(notes: Notes, level: Level, graph: int, which: IntArray, end
         notes.add("lanes_cross_without_vertex", f"graph {graph} level {level.name} lanes {which[i]} and {which[j]} at ({x:.2f}, {y:.2f})")
 
 
-def _lift_of_vertex(building: Building) -> dict[tuple[str, int], str]:
-    """(level, vertex) -> the lift around it; of several, the first in the file."""
-    lift_of: dict[tuple[str, int], str] = {}
-    for lift in reversed(list(building.lifts.values())):
-        for name, level in building.levels.items():
-            lift_of |= {(name, v): lift.name for v in np.flatnonzero(lift.holds(level.world_xy, level.elevation_m)).tolist()}
-    return lift_of
-
-
-def _note_pieces(notes: Notes, building: Building, graph: int, ends: dict[str, IntArray], lifts: dict[tuple[str, int], str]) -> None:
+def _note_pieces(notes: Notes, building: Building, graph: int, ends: dict[str, IntArray], lifts: dict[str, dict[int, str]]) -> None:
     """Weak and strong components of a graph over all levels."""
     base = dict(zip(building.levels, np.cumsum([0] + [len(lv.xy) for lv in building.levels.values()]).tolist()))
     tail, head = [], []
@@ -208,7 +192,7 @@ def _note_pieces(notes: Notes, building: Building, graph: int, ends: dict[str, I
     stop: dict[str, int] = {}
     for name in building.levels:
         for v in np.unique(ends[name]).tolist():
-            if lift := lifts.get((name, v)):
+            if lift := lifts[name].get(v):
                 other = stop.setdefault(lift, v + base[name])
                 tail += [[v + base[name], other]]
                 head += [[other, v + base[name]]]
@@ -221,27 +205,22 @@ def _note_pieces(notes: Notes, building: Building, graph: int, ends: dict[str, I
         notes.add("not_strongly_connected", f"graph {graph}: {strong} strong, {weak} weak components")
 
 
-def _note_lifts(notes: Notes, building: Building, graph: int, ends: dict[str, IntArray], lifts: dict[tuple[str, int], str]) -> None:
+def _note_lifts(notes: Notes, building: Building, graph: int, ends: dict[str, IntArray], lifts: dict[str, dict[int, str]]) -> None:
     places: dict[str, list[FloatArray]] = {}
     for name, level in building.levels.items():
         for v in np.unique(ends[name]).tolist():
-            lift = lifts.get((name, v))
-            if lift:
+            if lift := lifts[name].get(v):
                 places.setdefault(lift, []).append(level.world_xy[v])
             cabin = level.vertex_options[v].get("lift_cabin")
             if cabin and cabin != lift:
                 inside = f"inside '{lift}'" if lift else "in no lift"
                 notes.add("lift_cabin_mismatch", f"graph {graph} level {name} vertex {v}: lift_cabin {cabin}, {inside}")
     for lift, at in places.items():
-        apart = _largest_distance(at)
+        xy = np.array(at)
+        apart = float(np.hypot(*(xy[:, None] - xy[None]).T).max())
         if apart > MISALIGNED_M:
             notes.add("lift_vertices_misaligned", f"graph {graph} lift {lift}: {apart:.3f} m")
 
 
 def _sizes(sizes: Sequence[int]) -> str:
     return ", ".join(map(str, sizes[:20])) + (f" and {len(sizes) - 20} more" if len(sizes) > 20 else "")
-
-
-def _largest_distance(points: Sequence[FloatArray]) -> float:
-    xy = np.array(points)
-    return float(np.hypot(*(xy[:, None] - xy[None]).T).max())

@@ -14,7 +14,7 @@ import numpy as np
 from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, NavGraph, PlanGraph, frozen, with_lanes
 from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.errors import MapError, count
-from mrp_sumo.maps.boxes import overlapping
+from mrp_sumo.maps.boxes import around, overlapping
 from mrp_sumo.maps.building import WALL_THICKNESS_M, Building, Level
 
 ON_WALL_M = WALL_THICKNESS_M  # a door this near to a wall, and along it, is drawn on it
@@ -52,7 +52,7 @@ class Narrow:
     @property
     def lanes(self) -> IntArray:
         """Lanes without room, a lane and its reverse once, the nearest to a wall first."""
-        once = np.flatnonzero(self.is_narrow_lane & ((self.graph.reverse < 0) | (self.graph.tail < self.graph.head)))
+        once = np.flatnonzero(self.is_narrow_lane & self.graph.is_once)
         return once[np.argsort(self.lane_m[once], kind="stable")]
 
     @property
@@ -171,7 +171,7 @@ def clearance(graph: NavGraph, building: Building, within_m: float) -> Clearance
     """
     xy, tail, head = graph.xy, graph.tail, graph.head
     lane_m, vertex_m = np.full(graph.num_lanes, np.inf), np.full(graph.num_vertices, np.inf)
-    is_once = ((graph.reverse < 0) | (tail < head)) & (graph.level[tail] == graph.level[head])  # a lift has walls of its own
+    is_once = graph.is_once & (graph.level[tail] == graph.level[head])  # a lift has walls of its own
     for k, name in enumerate(graph.level_names):
         walls = barriers(building, name)
         lanes = np.flatnonzero(is_once & (graph.level[tail] == k))
@@ -224,8 +224,7 @@ def _inside(points: FloatArray, polygon: FloatArray) -> BoolArray:
 
 def _near(a: FloatArray, b: FloatArray, walls: FloatArray, within_m: float) -> tuple[IntArray, IntArray]:
     """Pairs of a segment a-b and a wall whose boxes are at most this far apart."""
-    boxes = np.concatenate([np.minimum(a, b) - within_m, np.maximum(a, b) + within_m], axis=1)
-    return overlapping(boxes, np.concatenate([walls.min(axis=1), walls.max(axis=1)], axis=1))
+    return overlapping(around(a, b, within_m), np.concatenate([walls.min(axis=1), walls.max(axis=1)], axis=1))
 
 
 def _without_doors(level: Level) -> FloatArray:

@@ -98,8 +98,7 @@ def paper_cells(nav: NavGraph, cell_m: float) -> tuple[BoolArray, IntArray, Floa
     cell = np.floor((_single_precision(nav.xy) - low) / cell_m).astype(np.int64)
     free = np.zeros((height, width), np.bool_)
     is_vertex = np.zeros_like(free)
-    is_once = (nav.reverse < 0) | (nav.tail < nav.head)
-    for a, b in zip(nav.tail[is_once].tolist(), nav.head[is_once].tolist()):
+    for a, b in zip(nav.tail[nav.is_once].tolist(), nav.head[nav.is_once].tolist()):
         start, end = cell[a].tolist(), cell[b].tolist()
         is_vertex[start[1], start[0]] = is_vertex[end[1], end[0]] = True
         _walk(free, start, end)
@@ -109,16 +108,17 @@ def paper_cells(nav: NavGraph, cell_m: float) -> tuple[BoolArray, IntArray, Floa
     return free, cell, low
 
 
-def grid_facts(nav: NavGraph, cell_m: float = 0.4) -> dict[str, Any]:
-    """Counts of the paper's Table I: cell_m, width, height, total, free, blocked."""
+def grid_facts(nav: NavGraph, cell_m: float = 0.4, free: BoolArray | None = None) -> dict[str, Any]:
+    """Counts of the paper's Table I: cell_m, width, height, total, free, blocked; `free` are the cells [H, W] of a map that is a grid."""
     if isinstance(nav, PlanGraph):
-        low, high = nav.xy.min(axis=0), nav.xy.max(axis=0)
-        width, height = (np.rint((high - low) / nav.cell_m) + 1).astype(int).tolist()
-        num_free, cell_m = nav.num_vertices, nav.cell_m
+        cell_m = nav.cell_m
     else:
         free, _, _ = paper_cells(nav, cell_m)
-        (height, width), num_free = free.shape, int(np.count_nonzero(free))
-    total = width * height
+    if free is None:
+        width, height = (np.rint(np.ptp(nav.xy, axis=0) / cell_m) + 1).astype(int).tolist()
+    else:
+        height, width = free.shape
+    num_free, total = nav.num_vertices if free is None else int(np.count_nonzero(free)), width * height
     return {"cell_m": cell_m, "width": width, "height": height, "total": total, "free": num_free, "blocked": total - num_free}
 
 

@@ -81,7 +81,7 @@ def with_rides(graph: PlanGraph, step_s: float, radius_m: float, building: Build
     length_m, speed_mps = graph.length_m[driven].tolist(), graph.speed_mps[driven].tolist()
     lane_options, vertex_options = [graph.lane_options[k] for k in driven.tolist()], list(graph.vertex_options)
     inside, beside = _cabins(graph, radius_m, building, shift_m)
-    for lane in np.flatnonzero(graph.is_ride & ((graph.tail < graph.head) | (graph.reverse < 0))).tolist():
+    for lane in np.flatnonzero(graph.is_ride & graph.is_once).tolist():
         ends, ride = (int(graph.tail[lane]), int(graph.head[lane])), _timed(graph, lane)
         name, steps = str(ride["lift"]), max(1, math.ceil(ride["ride_s"] / step_s - 1e-9))
         shaft = [ends[0], *range(len(xy), len(xy) + steps - 1), ends[1]]

@@ -11,8 +11,8 @@ import numpy as np
 from mrp_sumo.core.graph import FloatArray, IntArray
 from mrp_sumo.core.near import pairs_within
 from mrp_sumo.errors import nearest
-from mrp_sumo.maps.boxes import overlapping
 from mrp_sumo.maps.building import Building, Level
+from mrp_sumo.maps.check import strokes_crossed
 
 LEAST_ANGLE_RAD = np.radians(3)  # lanes that leave a vertex at less lie on each other
 SAME_PLACE_M = 0.05  # vertices closer than this were probably meant to be one
@@ -36,13 +36,13 @@ def _of_level(level: Level) -> Iterator[str]:
         for a, b, apart in _almost_one(level.xy, lanes[which]):
             yield f"{where}: vertices {a} and {b} are {apart:.3f} m apart and not connected; --snap joins them"
     doors = np.array([(door.start, door.end) for door in level.doors], np.int64).reshape(-1, 2)
-    lane, door, _ = _crossings(level.xy, lanes, doors)
+    lane, door, _ = strokes_crossed(level.xy, lanes, doors)
     for i in np.flatnonzero(np.bincount(lane, minlength=len(lanes)) > 1).tolist():
         names = [level.doors[d].name for d in door[lane == i].tolist()]
         yield f"{where}: lane {i} goes through doors {', '.join(names)}; the nav graph knows the last one in the file"
     middle = level.xy[doors].mean(axis=1)
     through: dict[int, list[int]] = {}
-    for i, w, place in zip(*_crossings(level.xy, lanes, level.walls)):
+    for i, w, place in zip(*strokes_crossed(level.xy, lanes, level.walls)):
         reach = np.hypot(*(level.xy[doors[:, 0]] - level.xy[doors[:, 1]]).T) / 2 + DOORWAY_M
         if not (np.hypot(*(middle - place).T) <= reach).any():
             through.setdefault(int(i), []).append(int(w))
@@ -99,15 +99,3 @@ def _almost_one(xy: FloatArray, lanes: IntArray) -> list[tuple[int, int, float]]
     joined = {tuple(sorted(pair)) for pair in lanes.tolist()}
     close = np.sort(on_lanes[pairs_within(xy[on_lanes], SAME_PLACE_M)], axis=1)
     return [(a, b, float(np.hypot(*(xy[a] - xy[b])))) for a, b in sorted(close.tolist()) if (a, b) not in joined]
-
-
-def _crossings(xy: FloatArray, lanes: IntArray, strokes: IntArray) -> tuple[IntArray, IntArray, FloatArray]:
-    """Lanes that cross a stroke (a wall or a door) within both: lane, stroke, place."""
-    (a, b), (c, d) = ((xy[ends[:, 0]], xy[ends[:, 1]]) for ends in (lanes, strokes))
-    i, j = overlapping(*(np.concatenate([np.minimum(p, q), np.maximum(p, q)], axis=1) for p, q in ((a, b), (c, d))))
-    r, s, q = b[i] - a[i], d[j] - c[j], c[j] - a[i]
-    det = r[:, 0] * s[:, 1] - r[:, 1] * s[:, 0]
-    safe = np.where(det == 0, 1.0, det)
-    t, u = (q[:, 0] * s[:, 1] - q[:, 1] * s[:, 0]) / safe, (q[:, 0] * r[:, 1] - q[:, 1] * r[:, 0]) / safe
-    hit = (det != 0) & (t > 0) & (t < 1) & (u > 0) & (u < 1)
-    return i[hit], j[hit], a[i[hit]] + t[hit, None] * r[hit]

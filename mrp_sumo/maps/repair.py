@@ -4,8 +4,9 @@ Open-RMF repairs nothing, and neither does loading. Each step takes a graph and 
 with a line for every change, so that the user can judge it. Lanes through lifts are left alone.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
@@ -46,28 +47,22 @@ def repair(
     only_largest
         Keep the largest connected piece only.
     """
-    if snap_m is None and not split_at_crossings and join_short_m is None and not only_largest:
-        return map_, ()
-    if isinstance(map_.nav, PlanGraph):
+    steps: list[Callable[[NavGraph], tuple[NavGraph, list[str]]]] = [
+        *([partial(snap, within_m=snap_m)] if snap_m is not None else []),
+        *([split_crossings] if split_at_crossings else []),
+        *([partial(join_short, shorter_than_m=join_short_m)] if join_short_m is not None else []),  # others may leave short pieces
+        *([largest_component] if only_largest else []),
+    ]
+    if steps and isinstance(map_.nav, PlanGraph):
         raise MapError(f"{map_.path.name} is a grid: there is nothing to snap, split or join")
-    nav, changes = map_.nav, []
-    if snap_m is not None:
-        nav, done = snap(nav, snap_m)
-        changes += done
-    if split_at_crossings:
-        nav, done = split_crossings(nav)
-        changes += done
-    if join_short_m is not None:  # after the steps that may leave short pieces
-        nav, done = join_short(nav, join_short_m)
-        changes += done
-    if only_largest:
-        nav, done = largest_component(nav)
+    nav, changes = map_.nav, list[str]()
+    for step in steps:
+        nav, done = step(nav)
         changes += done
     if not changes:
         return map_, ()
-    findings = check_graph(nav)
     others = tuple(finding for finding in map_.findings if finding.kind not in FOUND_ON_GRAPHS)
-    return replace(map_, nav=nav, findings=ordered(others + findings), changes=map_.changes + tuple(changes)), tuple(changes)
+    return replace(map_, nav=nav, findings=ordered(others + check_graph(nav)), changes=(*map_.changes, *changes)), tuple(changes)
 
 
 def snap(nav: NavGraph, within_m: float) -> tuple[NavGraph, list[str]]:
@@ -134,13 +129,9 @@ def join_short(nav: NavGraph, shorter_than_m: float) -> tuple[NavGraph, list[str
     while (joinable := _joinable(nav, shorter_than_m)) is not None:
         stays, goes, length_m = joinable
         changes.append(f"lane {label[stays]} - {label[goes]}, {length_m:.3f} m long, joined in {label[stays]}")
-        end = np.arange(nav.num_vertices)
-        end[goes] = stays
-        keep = end == np.arange(nav.num_vertices)
-        number = (np.cumsum(keep) - 1)[end]
-        moved = [goes in (a, b) for a, b in zip(nav.tail.tolist(), nav.head.tolist())]
-        lanes = [(int(number[a]), int(number[b]), 0.0 if new else long, v, o) for new, (a, b, long, v, o) in zip(moved, _lanes(nav))]
-        nav = _rebuilt(nav, lanes, np.flatnonzero(keep))
+        stand_in = np.arange(nav.num_vertices)
+        stand_in[goes] = stays
+        nav = _joined(nav, stand_in)
         del label[goes]
     return nav, changes
 
@@ -177,7 +168,7 @@ def largest_component(nav: NavGraph) -> tuple[NavGraph, list[str]]:
 def _merged(nav: NavGraph, within_m: float) -> tuple[NavGraph, list[str]]:
     target = np.arange(nav.num_vertices)
     changes = []
-    driven = np.unique(np.concatenate([nav.tail, nav.head]))
+    driven = nav.driven
     for level in range(len(nav.level_names)):
         on = driven[nav.level[driven] == level]
         if len(on) < 2:
@@ -191,23 +182,25 @@ def _merged(nav: NavGraph, within_m: float) -> tuple[NavGraph, list[str]]:
                 changes.append(f"vertex {nav.label(b)} merged into {nav.label(a)}, {apart:.3f} m away")
     if not changes:
         return nav, []
-    keep = target == np.arange(nav.num_vertices)
-    number = (np.cumsum(keep) - 1)[target]
-    options = list(nav.vertex_options)
-    names = list(nav.vertex_name)
-    for b in np.flatnonzero(~keep):
+    options, names = list(nav.vertex_options), list(nav.vertex_name)
+    for b in np.flatnonzero(target != np.arange(nav.num_vertices)):
         a = int(target[b])
         options[a] = {**options[b], **options[a]}
         names[a] = names[a] or names[b]
-    lanes = [(int(number[a]), int(number[b]), 0.0 if not (keep[a] and keep[b]) else long, v, o) for a, b, long, v, o in _lanes(nav)]
-    renamed = replace(nav, vertex_name=tuple(names), vertex_options=tuple(options))
-    return _rebuilt(renamed, lanes, np.flatnonzero(keep)), changes
+    return _joined(replace(nav, vertex_name=tuple(names), vertex_options=tuple(options)), target), changes
+
+
+def _joined(nav: NavGraph, stand_in: IntArray) -> NavGraph:
+    """The graph with each vertex replaced by the one that stands for it [V]; lanes that move are as long as they are straight."""
+    keep = stand_in == np.arange(nav.num_vertices)
+    number = (np.cumsum(keep) - 1)[stand_in]
+    lanes = [(int(number[a]), int(number[b]), long if keep[a] and keep[b] else 0.0, v, o) for a, b, long, v, o in _lanes(nav)]
+    return _rebuilt(nav, lanes, np.flatnonzero(keep))
 
 
 def _drawn(nav: NavGraph) -> tuple[IntArray, IntArray]:
     """[D, 2] ends of lanes, a lane and its reverse once and those of lifts left out; and [D] the lanes."""
-    once = (nav.reverse < 0) | (nav.tail < nav.head)
-    once &= np.array(["lift" not in options for options in nav.lane_options], np.bool_)
+    once = nav.is_once & ~nav.is_ride
     return np.stack([nav.tail[once], nav.head[once]], axis=1), np.flatnonzero(once)
 
 

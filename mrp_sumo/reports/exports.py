@@ -97,7 +97,7 @@ def write_geojson(path: Path, record: RunRecord) -> None:
     features = [
         _feature("Point", nav.xy[v].tolist(), {"layer": "vertex", "vertex": v, "name": nav.label(v)}) for v in range(nav.num_vertices)
     ]
-    for k in np.flatnonzero((nav.reverse < 0) | (nav.tail < nav.head)).tolist():
+    for k in np.flatnonzero(nav.is_once).tolist():
         a, b = int(nav.tail[k]), int(nav.head[k])
         about = {"layer": "lane", "from": nav.label(a), "to": nav.label(b), "two_way": bool(nav.reverse[k] >= 0)}
         features.append(_feature("LineString", nav.xy[[a, b]].tolist(), about))

@@ -71,7 +71,7 @@ def observation(result: RunResult) -> dict[str, Any]:
         "batteries": _batteries(execution, steady_s, settings.chargers),
         "vertices": [[int(v), round(float(wait_s[v]), 1)] for v in heaviest if wait_s[v] > 0],
         "minutes": _minutes(execution, orders, stops, x, y, every),
-        "lane_m": round(float(graph.length_m[(graph.reverse < 0) | (graph.reverse > np.arange(graph.num_lanes))].sum()), 2),
+        "lane_m": round(float(graph.length_m[graph.is_once].sum()), 2),
         "deadlocks": sum(event.kind in ("deadlock", "blocked_for_good") for event in execution.events),
         "planning_share": round(planning_share, 4),
         "requests": [calls.requests, calls.failed + calls.late],

@@ -139,9 +139,7 @@ def _gears(room: "_Corners", allowed: BoolArray) -> tuple[BoolArray, IntArray]:
 def _on_lanes(graph: PlanGraph, vehicle: RobotType) -> _Corners:
     """Room by lanes alone: arcs within their nearer halves."""
     course, wheels = course_rad(graph), vehicle.kinematics
-    count = np.diff(graph.first)[graph.head]
-    lane = np.repeat(np.arange(graph.num_lanes), count)
-    onward = np.arange(len(lane)) - np.repeat(np.cumsum(count) - count - graph.first[graph.head], count)
+    lane, onward = graph.onward
     bend = wrapped(course[onward, 0] - course[lane, 1])
     room, rides = np.minimum(graph.length_m[lane], graph.length_m[onward]) / 2, graph.is_ride[lane] | graph.is_ride[onward]
     sharp = np.minimum(np.abs(bend), SHARP_RAD)

@@ -115,7 +115,7 @@ class Logging(Listener):
             log("floor/walls", rr.LineStrips3D(_flat(outline.walls), colors=WALL, radii=0.05), static=True)
             log("floor/doors", rr.LineStrips3D(_flat(outline.doors), colors=DOOR, radii=0.04), static=True)
         lanes = nav if building else graph
-        once = (lanes.reverse < 0) | (lanes.tail < lanes.head)
+        once = lanes.is_once
         ends = np.stack([lanes.xy[lanes.tail[once]], lanes.xy[lanes.head[once]]], 1)
         log("floor/lanes", rr.LineStrips3D(_flat(ends), colors=LANE, radii=0.015), static=True)
         named = [v for v in range(nav.num_vertices) if nav.vertex_name[v]]

@@ -147,9 +147,7 @@ def _alike(graph: NavGraph) -> IntArray:
 
 def _straight_on(graph: NavGraph, heading: FloatArray) -> IntArray:
     """[L] of the lanes that leave each lane's head, the one that bends least, if it does not bend much."""
-    count = np.diff(graph.first)[graph.head]
-    lane = np.repeat(np.arange(graph.num_lanes), count)
-    following = np.arange(int(count.sum())) - np.repeat(np.cumsum(count) - count - graph.first[graph.head], count)
+    lane, following = graph.onward
     bend = np.abs((heading[following] - heading[lane] + np.pi) % (2 * np.pi) - np.pi)
     place = graph.place if isinstance(graph, MoveGraph) else np.arange(graph.num_vertices)
     turns_back = (place[graph.head[following]] == place[graph.tail[lane]]) | (graph.is_backward[following] != graph.is_backward[lane])

@@ -48,9 +48,7 @@ def service(logs: Logs) -> Iterator[Finding]:
 
 def _is_corner(graph: PlanGraph) -> BoolArray:
     """[V] True at ends of curves, and where a lane leads on in another direction than one that comes, neither straight on nor back."""
-    out = np.diff(graph.first)[graph.head]
-    lane = np.repeat(np.arange(graph.num_lanes), out)
-    onward = np.arange(len(lane)) - np.repeat(np.cumsum(out) - out - graph.first[graph.head], out)
+    lane, onward = graph.onward
     bend = np.abs(wrapped(graph.heading_rad[onward] - graph.heading_rad[lane]))
     corner = np.zeros(graph.num_vertices, np.bool_)
     corner[[v for ends in graph.curves for v in ends]] = True

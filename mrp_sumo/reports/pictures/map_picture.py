@@ -24,7 +24,7 @@ from mrp_sumo.core.graph import FloatArray, NavGraph, PlanGraph
 from mrp_sumo.errors import MapError, count
 from mrp_sumo.maps.building import Building, Level
 from mrp_sumo.maps.check import FOUND_ON_GRAPHS
-from mrp_sumo.maps.facts import num_lift_lanes
+from mrp_sumo.maps.facts import num_drawn_edges, num_driven_components
 from mrp_sumo.maps.map import Map
 from mrp_sumo.reports.pictures.labels import place_labels
 from mrp_sumo.reports.pictures.picture import Picture, require_suffix, round_length
@@ -412,14 +412,13 @@ def _draw_scale(ax: Axes, panel: Panel, points_per_m: float) -> None:
 def _title(figure: Figure, map_: Map, panels: list[Panel], findings: bool) -> None:
     nav = map_.nav
     height = figure.get_figheight()
-    on_lanes = np.unique(np.concatenate([nav.tail, nav.head]))
-    num_components = len(np.unique(nav.component[on_lanes]))
+
     bends = int(nav.having("is_bend").sum())  # of curves, which are one edge each
     facts = [
         count(nav.num_vertices - bends, "vertex", "vertices"),
-        count(nav.num_edges - bends - num_lift_lanes(nav) // 2, "edge", "edges"),
+        count(num_drawn_edges(nav) - bends, "edge", "edges"),
     ]
-    facts.append(count(num_components, "component", "components"))
+    facts.append(count(num_driven_components(nav), "component", "components"))
     facts.append("{:.1f} x {:.1f} m".format(*panels[0].extent) if len(panels) == 1 else count(len(panels), "level", "levels"))
     num_findings = sum(finding.severity == "warn" for finding in map_.findings)
     if findings and num_findings:

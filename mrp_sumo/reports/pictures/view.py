@@ -314,7 +314,7 @@ def crossings(nav: "NavGraph") -> NDArray[np.bool_]:
 
 def drawn_lanes(nav: "NavGraph") -> IntArray:
     """Lanes that are drawn: one of two opposite ones, and no rides, which are on no floor."""
-    return np.flatnonzero(((nav.reverse < 0) | (nav.tail < nav.head)) & (nav.level[nav.tail] == nav.level[nav.head]))
+    return np.flatnonzero(nav.is_once & (nav.level[nav.tail] == nav.level[nav.head]))
 
 
 def level_boxes(record: RunRecord, outline: "Outline | None") -> dict[str, tuple[FloatArray, FloatArray]]:

@@ -17,7 +17,7 @@ def nav_graph_documents(building: Building) -> dict[int, dict[str, Any]]:
     Values are as in the building file; coordinates are in the frame of Open-RMF, nothing subtracted.
     """
     door_of_lane = {name: _doors_on_lanes(level) for name, level in building.levels.items()}
-    lift_of_vertex = {name: _lifts_at_vertices(building, level) for name, level in building.levels.items()}
+    lift_of_vertex = {name: building.lift_of_vertex(level) for name, level in building.levels.items()}
     documents = {}
     for graph in building.graphs:
         document: dict[str, Any] = {"building_name": building.name}
@@ -41,12 +41,8 @@ def nav_graph_documents(building: Building) -> dict[int, dict[str, Any]]:
     return documents
 
 
-def _first_use(level: Level, graph: int) -> list[int]:
-    return list(dict.fromkeys(v for lane in level.lanes if lane.graph == graph for v in (lane.start, lane.end)))
-
-
 def _level_document(level: Level, graph: int, door_of_lane: Mapping[int, Door], lift_of_vertex: Mapping[int, str]) -> dict[str, Any]:
-    order = _first_use(level, graph)
+    order = list(dict.fromkeys(v for lane in level.lanes if lane.graph == graph for v in (lane.start, lane.end)))
     number = {v: i for i, v in enumerate(order)}
     vertices = []
     for v in order:
@@ -101,11 +97,3 @@ def _doors_on_lanes(level: Level) -> dict[int, Door]:
         crosses &= (t >= 0) & (t <= 1) & (u >= 0) & (u <= 1)
         door_of |= dict.fromkeys(np.flatnonzero(crosses).tolist(), door)
     return door_of
-
-
-def _lifts_at_vertices(building: Building, level: Level) -> dict[int, str]:
-    """The lift around each vertex on a lane; of several, the first in the file."""
-    lift_of: dict[int, str] = {}
-    for lift in reversed(list(building.lifts.values())):
-        lift_of |= dict.fromkeys(np.flatnonzero(lift.holds(level.world_xy, level.elevation_m)).tolist(), lift.name)
-    return lift_of
