@@ -20,6 +20,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from mrp_sumo.bags.template import tiled
 from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray
 from mrp_sumo.errors import MrpSumoError, nearest
+from mrp_sumo.files.names import distinct
 from mrp_sumo.io.events import event_document
 from mrp_sumo.io.record import RunRecord, task_names_at
 
@@ -52,17 +53,8 @@ def typestore(generation: str) -> Any:
 
 def ros_names(names: Iterable[str]) -> list[str]:
     """Names as tokens that ROS accepts in topics and frames, kept distinct: 'robot.1' becomes 'robot_1'."""
-    taken: set[str] = set()
-    tokens = []
-    for name in names:
-        plain = re.sub(r"[^A-Za-z0-9_]", "_", name) or "_"
-        plain = plain if not plain[0].isdigit() else f"r_{plain}"
-        token, number = plain, 2
-        while token in taken:
-            token, number = f"{plain}_{number}", number + 1
-        taken.add(token)
-        tokens.append(token)
-    return tokens
+    plain = (re.sub(r"[^A-Za-z0-9_]", "_", name) or "_" for name in names)
+    return distinct(f"r_{token}" if token[0].isdigit() else token for token in plain)
 
 
 class Messages:

@@ -1,6 +1,8 @@
 """Names that files give: of scenarios, suites, maps, vertices, robots. They are shown, and some become names of folders."""
 
 import re
+from collections.abc import Container, Iterable
+from itertools import chain, count
 
 MAX_BYTES = 200  # which leaves room for a suffix in a file's name
 _CONTROL = re.compile("[\x00-\x1f\x7f-\x9f]")
@@ -13,6 +15,19 @@ def fault_of(name: str) -> str:
     if len(name.encode(errors="surrogatepass")) > MAX_BYTES:
         return f"found '{name[:40]}...', expected a name of at most {MAX_BYTES} bytes"
     return ""
+
+
+def free_name(name: str, taken: Container[str]) -> str:
+    """The name, with the first number that makes it none of those taken: dock, dock_2, dock_3."""
+    return next(free for free in chain([name], (f"{name}_{k}" for k in count(2))) if free not in taken)
+
+
+def distinct(names: Iterable[str]) -> list[str]:
+    """The names, each another: of those alike the later ones get numbers."""
+    taken: dict[str, None] = {}
+    for name in names:
+        taken[free_name(name, taken)] = None
+    return list(taken)
 
 
 def fault_of_folder(name: str) -> str:

@@ -6,7 +6,7 @@ import numpy as np
 
 from mrp_sumo.core.csr import ranges
 from mrp_sumo.core.graph import FloatArray, IntArray, NavGraph
-from mrp_sumo.maps.boxes import around, overlapping
+from mrp_sumo.maps.boxes import boxes_of, overlapping
 from mrp_sumo.maps.clearance import point_distances
 
 AGAINST = -0.3  # cosine of the angle between a motion and a lane from which the motion goes against it
@@ -43,7 +43,7 @@ def beside_lanes(
     a, b = nav.xy[nav.tail[lanes]], nav.xy[nav.head[lanes]]
     one_way = nav.reverse[lanes] < 0
     step, middle = end - begin, (begin + end) / 2
-    motion, lane = _near(middle, around(a, b, within_m))
+    motion, lane = _near(middle, boxes_of(a, b, within_m))
     away_m = point_distances(middle[motion], a[lane], b[lane])
     near = away_m <= within_m + 1e-9
     if level is not None:

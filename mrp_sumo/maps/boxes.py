@@ -41,7 +41,7 @@ def overlapping(a: FloatArray, b: FloatArray) -> tuple[IntArray, IntArray]:
     return pair // len(b), pair % len(b)
 
 
-def around(a: FloatArray, b: FloatArray, margin: float = 0.0) -> FloatArray:
+def boxes_of(a: FloatArray, b: FloatArray, margin: float = 0.0) -> FloatArray:
     """[N, 4] boxes around segments from a to b [N, 2], and a margin."""
     return np.concatenate([np.minimum(a, b) - margin, np.maximum(a, b) + margin], axis=1)
 

@@ -10,13 +10,13 @@ import gc
 import hashlib
 import os
 import pickle
-import tempfile
 import zlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
 from mrp_sumo import __version__
+from mrp_sumo.files.writing import written_whole
 
 T = TypeVar("T")
 
@@ -88,18 +88,11 @@ def _checksum(content: bytes) -> bytes:
 
 
 def _keep(path: Path, value: Any) -> None:
-    try:
-        with tempfile.NamedTemporaryFile(dir=path.parent, prefix=".", delete=False) as file:
-            try:
-                content = pickle.dumps(value, protocol=5)
-                file.write(_checksum(content) + content)
-            except BaseException:
-                Path(file.name).unlink(missing_ok=True)
-                raise
-        Path(file.name).replace(path)
+    content = pickle.dumps(value, protocol=5)
+    with contextlib.suppress(OSError):
+        with written_whole(path) as part:
+            part.write_bytes(_checksum(content) + content)
         _prune(path.parent)
-    except OSError:
-        pass
 
 
 def _prune(folder: Path) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 from mrp_sumo.core.digraph import strong_components, weak_components
 from mrp_sumo.core.graph import FloatArray, IntArray, NavGraph
 from mrp_sumo.errors import MapError
-from mrp_sumo.maps.boxes import around, overlapping
+from mrp_sumo.maps.boxes import boxes_of, overlapping
 from mrp_sumo.maps.building import Building, Level
 from mrp_sumo.maps.finding import MapFinding, Notes, RefusedMap
 
@@ -104,7 +104,7 @@ def near_misses(xy: FloatArray, ends: IntArray, within_m: float) -> tuple[IntArr
     """
     vertices = np.unique(ends)
     a, b = xy[ends[:, 0]], xy[ends[:, 1]]
-    lane, near = overlapping(around(a, b, within_m), np.tile(xy[vertices], 2))
+    lane, near = overlapping(boxes_of(a, b, within_m), np.tile(xy[vertices], 2))
     vertex = vertices[near]
     off = (ends[lane] != vertex[:, None]).all(axis=1)
     lane, vertex = lane[off], vertex[off]
@@ -129,7 +129,7 @@ def crossings(xy: FloatArray, ends: IntArray) -> tuple[IntArray, IntArray, Float
 def strokes_crossed(xy: FloatArray, lanes: IntArray, strokes: IntArray) -> tuple[IntArray, IntArray, FloatArray]:
     """Lanes that cross a stroke (a wall, a door, another lane) within both: lane, stroke, place [N, 2]; of ends [L, 2] and [S, 2]."""
     (a, b), (c, d) = ((xy[ends[:, 0]], xy[ends[:, 1]]) for ends in (lanes, strokes))
-    i, j = overlapping(around(a, b), around(c, d))
+    i, j = overlapping(boxes_of(a, b), boxes_of(c, d))
     r, s, q = b[i] - a[i], d[j] - c[j], c[j] - a[i]
     det = r[:, 0] * s[:, 1] - r[:, 1] * s[:, 0]
     safe = np.where(det == 0, 1.0, det)

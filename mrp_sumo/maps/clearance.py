@@ -14,7 +14,7 @@ import numpy as np
 from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, NavGraph, PlanGraph, frozen, with_lanes
 from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.errors import MapError, count
-from mrp_sumo.maps.boxes import around, overlapping
+from mrp_sumo.maps.boxes import boxes_of, overlapping
 from mrp_sumo.maps.building import WALL_THICKNESS_M, Building, Level
 
 ON_WALL_M = WALL_THICKNESS_M  # a door this near to a wall, and along it, is drawn on it
@@ -224,7 +224,7 @@ def _inside(points: FloatArray, polygon: FloatArray) -> BoolArray:
 
 def _near(a: FloatArray, b: FloatArray, walls: FloatArray, within_m: float) -> tuple[IntArray, IntArray]:
     """Pairs of a segment a-b and a wall whose boxes are at most this far apart."""
-    return overlapping(around(a, b, within_m), np.concatenate([walls.min(axis=1), walls.max(axis=1)], axis=1))
+    return overlapping(boxes_of(a, b, within_m), np.concatenate([walls.min(axis=1), walls.max(axis=1)], axis=1))
 
 
 def _without_doors(level: Level) -> FloatArray:

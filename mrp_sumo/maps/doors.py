@@ -34,7 +34,7 @@ def with_doors(graph: PlanGraph, building: Building | None, radius_m: float) -> 
         return graph
     vertex_options: list[Properties] = list(graph.vertex_options)
     lane_options: list[Properties] = list(graph.lane_options)
-    away = np.full(graph.num_vertices + graph.num_lanes, np.inf)
+    lane_m, vertex_m = np.full(graph.num_lanes, np.inf), np.full(graph.num_vertices, np.inf)  # from the door that each has so far
     names: set[str] = set()
     tail, head = graph.xy[graph.tail], graph.xy[graph.head]
     for k, level_name in enumerate(graph.level_names):
@@ -45,23 +45,22 @@ def with_doors(graph: PlanGraph, building: Building | None, radius_m: float) -> 
         for door in level.doors:
             a, b = level.xy[[door.start, door.end]]
             ends = [np.tile(end, (len(lanes), 1)) for end in (a, b)]
-            near_m = segment_distances(tail[lanes], head[lanes], *ends)
-            if not (near_m == 0).any():  # no lane leads through it
+            away_m = segment_distances(tail[lanes], head[lanes], *ends)
+            if not (away_m == 0).any():  # no lane leads through it
                 continue
             name = door.name if door.name and door.name not in names else f"{door.name or 'door'} {level_name} {door.start}-{door.end}"
             names.add(name)
             seconds = opening_s(door.kind, float(np.hypot(*(b - a))))
-            at_m = point_distances(graph.xy[vertices], *(np.tile(end, (len(vertices), 1)) for end in (a, b)))
-            for each, distance_m, first in ((lanes, near_m, graph.num_vertices), (vertices, at_m, 0)):
-                for place, m in zip(each.tolist(), distance_m.tolist()):
-                    if m >= radius_m or m >= away[first + place]:
-                        continue
-                    away[first + place] = m
-                    if first:
-                        manual = {"door_manual": True} if door.is_manual else {}
-                        lane_options[place] = {**lane_options[place], "door": name, "door_s": seconds} | manual
-                    else:
-                        vertex_options[place] = {**vertex_options[place], "door": name}
-    if not np.isfinite(away).any():
+            of_lane: Properties = {"door": name, "door_s": seconds} | ({"door_manual": True} if door.is_manual else {})
+            nearer = away_m < np.minimum(radius_m, lane_m[lanes])
+            lane_m[lanes[nearer]] = away_m[nearer]
+            for lane in lanes[nearer].tolist():
+                lane_options[lane] = {**lane_options[lane], **of_lane}
+            away_m = point_distances(graph.xy[vertices], *(np.tile(end, (len(vertices), 1)) for end in (a, b)))
+            nearer = away_m < np.minimum(radius_m, vertex_m[vertices])
+            vertex_m[vertices[nearer]] = away_m[nearer]
+            for vertex in vertices[nearer].tolist():
+                vertex_options[vertex] = {**vertex_options[vertex], "door": name}
+    if not names:
         return graph
     return replace(graph, vertex_options=tuple(vertex_options), lane_options=tuple(lane_options))

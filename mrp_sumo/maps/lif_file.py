@@ -15,6 +15,7 @@ import numpy as np
 
 from mrp_sumo.core.graph import STATIONS, FloatArray, NavGraph
 from mrp_sumo.core.robot_type import RobotType
+from mrp_sumo.files.names import distinct
 from mrp_sumo.maps.chains import chains_of
 from mrp_sumo.maps.curves import COURSES, nurbs_of
 from mrp_sumo.maps.levels import shifts_of
@@ -91,15 +92,7 @@ def write_lif(map_: Map, path: Path, robots: Sequence[RobotType] = ()) -> None:
 
 def vertex_names(nav: NavGraph) -> list[str]:
     """[V] a name for every vertex, each another."""
-    names: list[str] = []
-    taken: set[str] = set()
-    for v in range(nav.num_vertices):
-        name, number = nav.label(v), 2
-        while name in taken:
-            name, number = f"{nav.label(v)}_{number}", number + 1
-        taken.add(name)
-        names.append(name)
-    return names
+    return distinct(map(nav.label, range(nav.num_vertices)))
 
 
 def stations_of(options: Mapping[str, Any]) -> list[str]:

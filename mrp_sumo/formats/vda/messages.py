@@ -13,6 +13,7 @@ from datetime import UTC, datetime, timedelta
 from typing import Any
 
 from mrp_sumo.errors import MrpSumoError
+from mrp_sumo.files.names import distinct
 
 Json = dict[str, Any]
 
@@ -200,14 +201,7 @@ class VehicleLimits:
 
 def serials_of(names: Sequence[str]) -> list[str]:
     """Serial numbers for names, of the characters that topics may have; each another, and none with a meaning as a path."""
-    serials: list[str] = []
-    for name in names:
-        plain = re.sub(r"[^A-Za-z0-9_.:-]", "_", name)[:60].lstrip(".") or "robot"
-        serial, number = plain, 2
-        while serial in serials:
-            serial, number = f"{plain}_{number}", number + 1
-        serials.append(serial)
-    return serials
+    return distinct(re.sub(r"[^A-Za-z0-9_.:-]", "_", name)[:60].lstrip(".") or "robot" for name in names)
 
 
 def line_of(t_s: float, topic: str, payload: Mapping[str, Any]) -> str:

@@ -13,18 +13,22 @@ import numpy as np
 
 from mrp_sumo.core.digraph import strong_components
 from mrp_sumo.core.graph import NO_PROPERTIES, STATIONS, FloatArray, NavGraph, Properties, nav_graph
+from mrp_sumo.errors import nearest
+from mrp_sumo.files.names import free_name
 from mrp_sumo.files.reading import shortened
 from mrp_sumo.maps.building import Building, Door, Level
 from mrp_sumo.maps.check import check_graph
 from mrp_sumo.maps.curves import Line
 from mrp_sumo.maps.finding import Notes, RefusedMap, ordered
-from mrp_sumo.maps.levels import joined_by_lifts, laid_out
+from mrp_sumo.maps.levels import joined_by_lifts, laid_out, level_choice
 from mrp_sumo.maps.map import Map
 from mrp_sumo.maps.readers.reader import map_name
 from mrp_sumo.maps.yaml_text import Text
 
+LEVEL = "L1"  # of files that name none
 SAME_PLACE_M = 1e-3  # ends and bends closer than this are one
 LARGE_M = 1000.0  # a site that is larger is probably drawn in another unit
+MOST_COMPARED = 2000  # names
 TURN_RAD = 2 * np.pi + 1e-3  # angles beyond are degrees
 
 
@@ -55,7 +59,7 @@ class Draft:
     _twin: dict[int, int] = field(default_factory=dict)  # vertex -> the one at its place that stands for both
     _riders: dict[str, set[int]] = field(default_factory=dict)  # vertices that a lift joins
 
-    def add_vertex(self, key: Any, name: str, xy: tuple[float, float], level: str, **options: Any) -> int:
+    def add_vertex(self, key: Any, name: str, xy: tuple[float, float], level: str = LEVEL, **options: Any) -> int:
         """A vertex; options that are None or false are left out."""
         if level not in self.level_names:
             self.level_names.append(level)
@@ -63,7 +67,8 @@ class Draft:
         self._xy.append(xy)
         self._level.append(self.level_names.index(level))
         self._name.append(name)
-        self._options.append({name: value for name, value in options.items() if value is not None and value is not False})
+        self._options.append({})
+        self.set_options(v, **options)
         return v
 
     def add_lane(
@@ -117,9 +122,7 @@ class Draft:
 
     def rename(self, v: int, name: str) -> None:
         """Give a vertex a name; one that another has gets a number: dock, dock_2."""
-        taken, number, free = set(self._names), 2, name
-        while free in taken:
-            free, number = f"{name}_{number}", number + 1
+        free = free_name(name, self._names)
         if free != name:
             self.notes.add("duplicate_vertex_name", name)
         self._names.add(free)
@@ -135,6 +138,11 @@ class Draft:
             self.notes.add("theta_in_degrees", f"{what} is {angle:g}")
             return True
         return False
+
+    def nearest(self, name: str) -> str:
+        """The end of a message about a vertex that is not there; '' where too many are to be compared with."""
+        known = [str(key) for key in self.vertex if not isinstance(key, tuple)]  # such as of bends
+        return nearest(name, known) if len(known) <= MOST_COMPARED else ""
 
     def label(self, v: int) -> str:
         return self._name[v] or f"v{v}"
@@ -176,7 +184,6 @@ class Draft:
         )
 
     def _nav(self, name: str, level: str | None) -> NavGraph:
-        from mrp_sumo.maps.levels import level_choice
 
         wanted = level_choice(dict.fromkeys(self.level_names), level, shortened(self.source.path))
         lanes = self._joined_lanes() if self._twin else list(self._lanes.values())

@@ -14,15 +14,14 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from mrp_sumo.errors import MapError, nearest
+from mrp_sumo.errors import MapError
 from mrp_sumo.maps.building import Building
 from mrp_sumo.maps.curves import Line
 from mrp_sumo.maps.map import Map
-from mrp_sumo.maps.readers.draft import Draft, building_of_walls, plain_options
+from mrp_sumo.maps.readers.draft import LEVEL, Draft, building_of_walls, plain_options
 from mrp_sumo.maps.readers.json_fields import Fields
 from mrp_sumo.maps.readers.reader import MapFile, Selection, refuse_choice
 
-LEVEL = "L1"
 OFF_END_M = 0.05  # a drawn line that begins further from its vertex is not followed
 LANE_KEYS = ("kind", "tail", "head", "is_bidirectional", "length_m", "speed_mps")
 
@@ -89,7 +88,7 @@ class Nav2Graph:
             about = fields.object(properties, "metadata", f"{at}.properties", {})
             name = about.get("name") if isinstance(about.get("name"), str) else None
             xy = fields.point(fields.list(geometry, "coordinates", f"{at}.geometry"), f"{at}.geometry.coordinates")
-            draft.add_vertex(number, name or f"node_{number}", xy, LEVEL, **plain_options(about, ("name", "mutex", "is_bend", "lift")))
+            draft.add_vertex(number, name or f"node_{number}", xy, **plain_options(about, ("name", "mutex", "is_bend", "lift")))
         for at, properties, geometry in edges:
             _nav2_edge(fields, draft, at, properties, geometry)
         return draft.to_map()
@@ -124,8 +123,7 @@ def _nav2_edge(fields: Fields, draft: Draft, at: str, properties: Mapping[str, A
     ends = [draft.vertex.get(number, -1) for number in numbers]
     if -1 in ends:
         key = ("startid", "endid")[ends.index(-1)]
-        known = nearest(str(properties[key]), map(str, draft.vertex)) if len(draft.vertex) < 2000 else ""
-        draft.note_nowhere(f"{where}.{key}", f"no node {properties[key]}{known}")
+        draft.note_nowhere(f"{where}.{key}", f"no node {properties[key]}{draft.nearest(str(properties[key]))}")
         return
     about = fields.object(properties, "metadata", where, {})
     limit = fields.number(about, "abs_speed_limit", f"{where}.metadata", math.inf)  # speed_limit is per cent of the robot's

@@ -95,8 +95,8 @@ class Fields:
         if value is None:
             if default is not NOTHING:
                 return default
-            close = nearest(key, [str(k) for k in holder if isinstance(k, str) and len(k) < 60], limit=3)
-            raise self.fault(at, f"no '{key}'" + (close.replace("did you mean", "there is") if "did you mean" in close else ""))
+            close = nearest(key, [k for k in holder if isinstance(k, str) and len(k) < 60], limit=0)
+            raise self.fault(at, f"no '{key}'{close.replace('did you mean', 'there is')}")
         return value
 
 

@@ -130,7 +130,7 @@ class _Layouts:
             ends = [draft.vertex.get(fields.text(edge, key, at), -1) for key in ("startNodeId", "endNodeId")]
             if -1 in ends:
                 key = "startNodeId" if ends[0] < 0 else "endNodeId"
-                draft.note_nowhere(f"{at}.{key}", f"no node '{edge[key][:60]}'{_nearest(edge[key], draft.path_of)}")
+                draft.note_nowhere(f"{at}.{key}", f"no node '{edge[key][:60]}'{draft.nearest(edge[key])}")
                 continue
             self._edge(name, ends[0], ends[1], self._properties(edge, EDGE_TYPES, at))
 
@@ -243,7 +243,7 @@ class _Layouts:
                 v = draft.vertex.get(node, -1) if isinstance(node, str) else -1
                 if v < 0:
                     where = f"{at}.interactionNodeIds[{j}]"
-                    draft.notes.add("dangling_reference", f"{where}: no node '{str(node)[:60]}'{_nearest(str(node), draft.path_of)}")
+                    draft.notes.add("dangling_reference", f"{where}: no node '{str(node)[:60]}'{draft.nearest(str(node))}")
                 else:
                     draft.add_station(v, name)
 
@@ -295,8 +295,3 @@ class _Layouts:
                 f"at ends of {len(self.restricted)} lanes; types that turn in place may do so at every vertex here",
                 len(self.restricted),
             )
-
-
-def _nearest(name: str, known: Mapping[Any, str]) -> str:
-    """The likeliest right name; of very many only when they are quick to compare."""
-    return nearest(name, known) if len(known) <= 2000 else ""

@@ -12,7 +12,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from mrp_sumo.core.graph import BoolArray, IntArray, PlanGraph, frozen
+from mrp_sumo.core.graph import BoolArray, IntArray, frozen
 from mrp_sumo.errors import MapError
 from mrp_sumo.maps.grid import MAX_CELLS, grid_graph
 from mrp_sumo.maps.map import Map
@@ -45,9 +45,13 @@ class MovingAiMap:
         return is_grid(file.text)
 
     def read(self, file: MapFile, selection: Selection) -> Map:
-        """The grid, with cells of the selection."""
+        """The grid, with cells of the selection, its lower left corner at (0, 0)."""
         refuse_choice(file.source, selection)
-        return grid_map(file.source, *read_grid(file.source, map_name(file.path), selection.cell_m))
+        free = occupancy(file.source)
+        if not free.any():
+            raise file.source.fault("no free cell: nothing to drive on")
+        nav = grid_graph(free, selection.cell_m, (0.0, 0.0), name=map_name(file.path), source=str(file.path))
+        return grid_map(file.source, nav, free)
 
 
 @dataclass(frozen=True)
@@ -59,7 +63,8 @@ class MovingAiScen:
 
     def detects(self, file: MapFile) -> bool:
         """Its first line."""
-        return is_problem_set(file.text)
+        head = file.text[:200].lstrip().splitlines()
+        return bool(head) and head[0].lower().split()[:1] == ["version"] and ":" not in head[0]
 
     def files(self, file: MapFile) -> tuple[Path, ...]:
         """Itself, and the grid."""
@@ -73,20 +78,6 @@ class MovingAiScen:
 def is_grid(text: str) -> bool:
     """True for a text that is meant as a `.map`."""
     return text[:200].lstrip().lower().startswith("type ")
-
-
-def is_problem_set(text: str) -> bool:
-    """True for a text that is meant as a `.scen`."""
-    head = text[:200].lstrip().splitlines()
-    return bool(head) and head[0].lower().split()[:1] == ["version"] and ":" not in head[0]
-
-
-def read_grid(source: Text, name: str, cell_m: float) -> tuple[PlanGraph, BoolArray]:
-    """The graph of a `.map` with cells of `cell_m`, its lower left corner at (0, 0), and its free cells [H, W]."""
-    free = occupancy(source)
-    if not free.any():
-        raise source.fault("no free cell: nothing to drive on")
-    return grid_graph(free, cell_m, (0.0, 0.0), name=name, source=str(source.path)), free
 
 
 def occupancy(source: Text) -> BoolArray:

@@ -6,7 +6,7 @@ lanes are left out of the NavGraph. Refuses documents whose lanes name vertices 
 """
 
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,7 @@ import yaml
 
 from mrp_sumo.core.graph import FloatArray, NavGraph, Properties, nav_graph
 from mrp_sumo.errors import MapError
+from mrp_sumo.files.names import free_name
 from mrp_sumo.maps.levels import shifts_of
 from mrp_sumo.maps.map import Map
 from mrp_sumo.maps.readers.rmf.level import FARTHEST
@@ -43,41 +44,64 @@ def write_nav_graph(document: Document, path: Path) -> None:
     path.write_text("".join(_lines(document)), encoding="utf-8")
 
 
-def graph_of_document(
-    document: Document, name: str, *, levels: Iterable[str] | None = None, origin_m: tuple[float, float] | None = None, source: str = ""
+def graph_of_documents(
+    documents: Collection[Document], name: str, *, levels: Iterable[str], origin_m: tuple[float, float] = (0.0, 0.0), source: str = ""
 ) -> NavGraph:
-    """The NavGraph of a nav graph document. Raises MapError for lanes between vertices that do not exist, and values of a wrong type.
+    """The NavGraph of nav graph documents. Raises MapError for lanes between vertices that do not exist, and values of a wrong type.
+
+    Of several, vertices follow graph by graph, as MRP-Bench unites them: those at equal places once for every graph; a lane joins the last
+    vertex at the place of each of its ends. So a repeated vertex may have no lane.
 
     Parameters
     ----------
-    document
-        Of one graph.
+    documents
+        Of one graph each.
     name
         Of the map.
     levels
-        Those to take; all by default. Of vertices with one name the later ones get a number: dock, dock_2.
+        Those to take. Of vertices of one graph with one name the later ones get a number: dock, dock_2.
     origin_m
-        What to subtract from coordinates; by default the document's offset, where coordinates contain it.
+        What to subtract from coordinates.
     source
-        The file it comes from.
+        The file they come from.
     """
-    return _assemble([document], name, levels, origin_m, source, merge=False)
-
-
-def united_graph(
-    documents: Iterable[Document],
-    name: str,
-    *,
-    levels: Iterable[str] | None = None,
-    origin_m: tuple[float, float] | None = None,
-    source: str = "",
-) -> NavGraph:
-    """Several nav graphs in one, as MRP-Bench unites them.
-
-    Vertices follow graph by graph, those at equal places once for every graph; a lane joins the last
-    vertex at the place of each of its ends. So a repeated vertex may have no lane.
-    """
-    return _assemble(list(documents), name, levels, origin_m, source, merge=True)
+    wanted, is_united = set(levels), len(documents) > 1
+    level_names: list[str] = []
+    xy: list[FloatArray] = [np.zeros((0, 2))]
+    level: list[int] = []
+    vertex_options: list[dict[str, Any]] = []
+    lanes: list[tuple[int, int, dict[str, Any]]] = []
+    for document in documents:
+        for level_name, (places, of_vertices, pairs) in _levels(document, wanted).items():
+            if level_name not in level_names:
+                level_names.append(level_name)
+            first = len(vertex_options)
+            xy.append(places)
+            level += [level_names.index(level_name)] * len(places)
+            vertex_options += of_vertices
+            lanes += [(a + first, b + first, o) for a, b, o in pairs]
+    places = np.concatenate(xy)
+    if is_united:
+        last = {(lv, *p): v for v, (lv, p) in enumerate(zip(level, places.tolist()))}
+        at = [last[(lv, *p)] for lv, p in zip(level, places.tolist())]
+        lanes = [(at[a], at[b], o) for a, b, o in lanes]
+    options_of: dict[tuple[int, int], dict[str, Any]] = {}
+    for a, b, options in lanes:
+        if (a, b) not in options_of and np.hypot(places[a, 0] - places[b, 0], places[a, 1] - places[b, 1]) >= SHORTEST_LANE_M:
+            options_of[a, b] = options
+    limits = [o.get("speed_limit", 0.0) for o in options_of.values()]
+    return nav_graph(
+        name=name,
+        xy=places - origin_m,
+        lanes=list(options_of),
+        level_names=level_names or ["L1"],
+        level=level,
+        vertex_name=_names(vertex_options, distinct=not is_united),
+        vertex_options=vertex_options,
+        speed_mps=[limit if limit > 0 else np.inf for limit in limits],
+        lane_options=list(options_of.values()),
+        source=source,
+    )
 
 
 def origin_of_document(document: Document) -> tuple[float, float]:
@@ -208,54 +232,6 @@ def _levels(
     return level_of
 
 
-def _assemble(
-    documents: Sequence[Document],
-    name: str,
-    wanted: Iterable[str] | None,
-    origin_m: tuple[float, float] | None,
-    source: str,
-    merge: bool,
-) -> NavGraph:
-    wanted = None if wanted is None else set(wanted)
-    level_names: list[str] = []
-    xy: list[FloatArray] = []
-    level: list[int] = []
-    vertex_options: list[dict[str, Any]] = []
-    lanes: list[tuple[int, int, dict[str, Any]]] = []
-    for document in documents:
-        for level_name, (places, of_vertices, pairs) in _levels(document, wanted).items():
-            if level_name not in level_names:
-                level_names.append(level_name)
-            first = len(vertex_options)
-            xy.append(places)
-            level += [level_names.index(level_name)] * len(places)
-            vertex_options += of_vertices
-            lanes += [(a + first, b + first, o) for a, b, o in pairs]
-    places = np.concatenate(xy) if xy else np.zeros((0, 2))
-    if merge:
-        last = {(lv, *p): v for v, (lv, p) in enumerate(zip(level, places.tolist()))}
-        at = [last[(lv, *p)] for lv, p in zip(level, places.tolist())]
-        lanes = [(at[a], at[b], o) for a, b, o in lanes]
-    origin_m = origin_of_document(documents[0]) if origin_m is None and documents else origin_m or (0.0, 0.0)
-    options_of: dict[tuple[int, int], dict[str, Any]] = {}
-    for a, b, options in lanes:
-        if (a, b) not in options_of and np.hypot(places[a, 0] - places[b, 0], places[a, 1] - places[b, 1]) >= SHORTEST_LANE_M:
-            options_of[a, b] = options
-    limits = [o.get("speed_limit", 0.0) for o in options_of.values()]
-    return nav_graph(
-        name=name,
-        xy=places - origin_m,
-        lanes=list(options_of),
-        level_names=level_names or ["L1"],
-        level=level,
-        vertex_name=_names(vertex_options, distinct=not merge),
-        vertex_options=vertex_options,
-        speed_mps=[limit if limit > 0 else np.inf for limit in limits],
-        lane_options=list(options_of.values()),
-        source=source,
-    )
-
-
 def _names(vertex_options: Sequence[dict[str, Any]], distinct: bool) -> list[str]:
     """Takes the names out of the options; one that occurs again gets a number: dock, dock_2."""
     names = [options.pop("name", "") for options in vertex_options]
@@ -263,10 +239,7 @@ def _names(vertex_options: Sequence[dict[str, Any]], distinct: bool) -> list[str
     seen: set[str] = set()
     for v, name in enumerate(names) if distinct else ():
         if name and name in seen:
-            number = 2
-            while f"{name}_{number}" in taken:
-                number += 1
-            names[v] = f"{name}_{number}"
+            names[v] = free_name(name, taken)
             taken.add(names[v])
         seen.add(name)
     return names

@@ -27,7 +27,6 @@ from mrp_sumo.maps.readers.reader import MapFile, Selection, refuse_choice
 from mrp_sumo.maps.readers.rmf.level import FARTHEST
 from mrp_sumo.maps.readers.xml_text import Element, parse_xml, root_name
 
-LEVEL = "L1"
 MM = 1e-3
 TYPE_KEY = "mrp-sumo:type"  # property of a vehicle with the text of its type
 OFF_LENGTH = 0.05  # share by which a path's length may differ from its drawing
@@ -113,7 +112,7 @@ class _Model:
             name = self._named(point)
             kind = point.get("type", "")
             angle = point.get("vehicleOrientationAngle", "NaN")
-            v = self.draft.add_vertex(name, name, xy, LEVEL, is_parking_spot=kind == "PARK_POSITION")
+            v = self.draft.add_vertex(name, name, xy, is_parking_spot=kind == "PARK_POSITION")
             self.drawn_at[v] = xy if at is None else at
             if angle != "NaN":
                 self.draft.set_options(v, theta_rad=math.radians(point.number("vehicleOrientationAngle")))
@@ -142,8 +141,8 @@ class _Model:
             if -1 in ends:
                 key = "sourcePoint" if ends[0] < 0 else "destinationPoint"
                 missing = path.text(key)
-                points = [str(p) for p in self.draft.vertex if isinstance(p, str)] if len(self.draft.vertex) < 2000 else []
-                self.draft.note_nowhere(f"line {path.line}", f"{key} of path '{name}': no point '{missing[:60]}'{nearest(missing, points)}")
+                what = f"{key} of path '{name}': no point '{missing[:60]}'{self.draft.nearest(missing)}"
+                self.draft.note_nowhere(f"line {path.line}", what)
                 continue
             if path.get("locked", "false") == "true":
                 self.draft.notes.add("locked_path", f"'{name}' is left out")

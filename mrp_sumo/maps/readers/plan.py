@@ -16,7 +16,7 @@ from mrp_sumo.core.graph import BoolArray, FloatArray
 from mrp_sumo.maps.costmap import Costmap
 from mrp_sumo.maps.finding import Notes
 from mrp_sumo.maps.map import Map
-from mrp_sumo.maps.readers.draft import Draft, building_of_walls
+from mrp_sumo.maps.readers.draft import LEVEL, Draft, building_of_walls
 from mrp_sumo.maps.readers.reader import MapFile, Selection, map_name, plan_kind, refuse_choice
 from mrp_sumo.maps.readers.ros_map import MAX_PIXELS, floor_grid, picture
 from mrp_sumo.maps.yaml_text import read_text
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from mrp_sumo.maps.readers.dxf import DxfContent
     from mrp_sumo.maps.readers.svg import SvgContent
 
-LEVEL = "L1"
 WALL_BELOW = 0.75  # of white
 RESOLUTION_M = 0.05  # of a drawing's pixels, or as coarse as it needs
 COARSEST_M = 0.2

@@ -20,6 +20,7 @@ HEAD = 4096
 DXF = re.compile(rb"AutoCAD Binary DXF|(?:\xef\xbb\xbf)?\s*(?:999\s*?\n[^\n]*\n\s*)*0\s*?\r?\n\s*SECTION\b")
 SVG = re.compile(rb"(?:\xef\xbb\xbf)?(?:<\?xml[^>]*\?>|<!--.*?-->|<!DOCTYPE[^\[>]*(?:\[[^\]]*\][^>]*)?>|\s)*<(?:\w+:)?svg\b", re.DOTALL)
 PICTURE = re.compile(rb"\x89PNG\r\n|\xff\xd8\xff|GIF8[79]a|BM.{4}\0{4}|II\*\0|MM\0\*|P[2-6]\s|RIFF....WEBP", re.DOTALL)
+SUFFIXES = ".yaml .json .xml .geojson .csv .building .nav .map .lif .site .net .dxf .png .jpg .pdf .svg"  # in the order they go
 ROBOT_RADIUS_M = 0.1126  # circumscribed circle of a TurtleBot3 Burger, 0.138 x 0.178 m
 
 
@@ -116,24 +117,7 @@ def plan_kind(head: bytes) -> str:
 def map_name(path: Path) -> str:
     """The name a map goes by: its file's, without the suffixes."""
     name = path.name
-    for suffix in (
-        ".yaml",
-        ".json",
-        ".xml",
-        ".geojson",
-        ".csv",
-        ".building",
-        ".nav",
-        ".map",
-        ".lif",
-        ".site",
-        ".net",
-        ".dxf",
-        ".png",
-        ".jpg",
-        ".pdf",
-        ".svg",
-    ):
+    for suffix in SUFFIXES.split():
         name = name.removesuffix(suffix)
     return name
 

@@ -21,7 +21,7 @@ from mrp_sumo.files.reading import require_regular
 from mrp_sumo.maps.costmap import Costmap
 from mrp_sumo.maps.grid import grid_graph
 from mrp_sumo.maps.map import Map
-from mrp_sumo.maps.readers.reader import ROBOT_RADIUS_M, MapFile, Selection, grid_map, map_name, refuse_choice
+from mrp_sumo.maps.readers.reader import MapFile, Selection, grid_map, map_name, refuse_choice
 from mrp_sumo.maps.roadmap import check_cell
 from mrp_sumo.maps.yaml_text import MAX_BYTES, Text
 
@@ -40,7 +40,7 @@ class RosMap:
 
     def detects(self, file: MapFile) -> bool:
         """An image and its resolution."""
-        return is_ros_map(file.document)
+        return isinstance(file.document, Mapping) and "image" in file.document and "resolution" in file.document
 
     def files(self, file: MapFile) -> tuple[Path, ...]:
         """Itself, and the image."""
@@ -48,32 +48,19 @@ class RosMap:
 
     def read(self, file: MapFile, selection: Selection) -> Map:
         """A grid over the image, where a robot of the selection's radius has room."""
-        refuse_choice(file.source, selection)
-        name, cell_m, radius_m = map_name(file.path), selection.cell_m, selection.robot_radius_m
-        return grid_map(file.source, *read_ros_map(file.document, file.source, name, cell_m, radius_m))
-
-
-def is_ros_map(document: Any) -> bool:
-    """True for a YAML document that is meant for map_server."""
-    return isinstance(document, Mapping) and "image" in document and "resolution" in document
-
-
-def read_ros_map(
-    document: Mapping[str, Any], source: Text, name: str, cell_m: float, robot_radius_m: float = ROBOT_RADIUS_M
-) -> tuple[PlanGraph, BoolArray]:
-    """The grid of a map with cells of `cell_m`, in the map's own frame, and its free cells [H, W]."""
-    resolution_m = _number(document, "resolution", source, None)
-    if not 1e-4 <= resolution_m <= MAX_RESOLUTION_M:
-        raise source.fault(
-            f"resolution is {resolution_m:g} m, expected metres a pixel, above 0 and at most {MAX_RESOLUTION_M:g}", "resolution"
-        )
-    origin = document.get("origin", [0, 0, 0])
-    if not isinstance(origin, list) or not 2 <= len(origin) <= 3 or not all(_is_finite(value) for value in origin):
-        raise source.fault(f"origin is {str(origin)[:40]}, expected [x, y, yaw]", "origin")
-    if len(origin) == 3 and abs(origin[2]) > 1e-6:
-        raise source.fault(f"origin has a yaw of {origin[2]:g}: turn the image instead", "origin")
-    floor = Costmap((float(origin[0]), float(origin[1])), resolution_m, ~_clear_pixels(document, source))
-    return floor_grid(source, floor, name, cell_m, robot_radius_m)
+        document, source = file.document, file.source
+        refuse_choice(source, selection)
+        resolution_m = _number(document, "resolution", source, None)
+        if not 1e-4 <= resolution_m <= MAX_RESOLUTION_M:
+            expected = f"metres a pixel, above 0 and at most {MAX_RESOLUTION_M:g}"
+            raise source.fault(f"resolution is {resolution_m:g} m, expected {expected}", "resolution")
+        origin = document.get("origin", [0, 0, 0])
+        if not isinstance(origin, list) or not 2 <= len(origin) <= 3 or not all(_is_finite(value) for value in origin):
+            raise source.fault(f"origin is {str(origin)[:40]}, expected [x, y, yaw]", "origin")
+        if len(origin) == 3 and abs(origin[2]) > 1e-6:
+            raise source.fault(f"origin has a yaw of {origin[2]:g}: turn the image instead", "origin")
+        floor = Costmap((float(origin[0]), float(origin[1])), resolution_m, ~_clear_pixels(document, source))
+        return grid_map(source, *floor_grid(source, floor, map_name(file.path), selection.cell_m, selection.robot_radius_m))
 
 
 def floor_grid(
@@ -122,9 +109,7 @@ def _clear_pixels(document: Mapping[str, Any], source: Text) -> BoolArray:
     if mode not in MODES:
         raise source.fault(f"mode is '{mode}', expected {' or '.join(MODES)}", "mode")
     free_below = _number(document, "free_thresh", source, 0.25)
-    path = image_of(document, source)
-    name = document["image"]
-    pixels = picture(path, name, lambda why: source.fault(why, "image"))
+    pixels = picture(image_of(document, source), document["image"], lambda why: source.fault(why, "image"))
     with_alpha = pixels.ndim == 3
     shade = pixels[..., 0] if with_alpha else pixels
     occupied = shade / 255 if document.get("negate") in (1, True) else (255 - shade) / 255
@@ -160,11 +145,9 @@ def picture(path: Path, name: str, fault: Callable[[str], MapError], on_white: b
             return np.asarray(image.convert("LA" if "A" in image.getbands() else "L"))
     except MapError:
         raise
-    except OSError as error:
-        why = sentence(error) if error.errno is not None else first_line(error)  # Pillow's own have no number
-        raise fault(f"image '{name}' cannot be read: {why}") from None
     except Exception as error:  # Pillow's decoders raise anything on damaged files
-        raise fault(f"image '{name}' cannot be read: {first_line(error)}") from None
+        why = sentence(error) if isinstance(error, OSError) and error.errno is not None else first_line(error)  # Pillow's have no number
+        raise fault(f"image '{name}' cannot be read: {why}") from None
 
 
 def _distance_px(clear: BoolArray) -> FloatArray:

@@ -16,8 +16,6 @@ from mrp_sumo.maps.readers.draft import Draft
 from mrp_sumo.maps.readers.reader import MapFile, Selection, refuse_choice
 from mrp_sumo.maps.readers.xml_text import Element, parse_xml, root_name
 
-LEVEL = "L1"
-
 
 @dataclass(frozen=True)
 class SumoNet:
@@ -42,7 +40,7 @@ class SumoNet:
             name = junction.text("id")
             if name in draft.vertex:
                 raise junction.fault(f"a second junction '{name[:60]}'")
-            draft.add_vertex(name, "" if ours else name, (junction.number("x"), junction.number("y")), LEVEL)
+            draft.add_vertex(name, "" if ours else name, (junction.number("x"), junction.number("y")))
         for edge in root.all("edge"):
             if edge.get("function", "") != "internal" and not edge.get("id", "").startswith(":"):
                 _edge(edge, draft)

@@ -14,12 +14,11 @@ from typing import Any, ClassVar
 
 from mrp_sumo.errors import MapError, nearest
 from mrp_sumo.maps.map import Map
-from mrp_sumo.maps.readers.draft import Draft, plain_options
+from mrp_sumo.maps.readers.draft import LEVEL, Draft, plain_options
 from mrp_sumo.maps.readers.json_fields import Fields
 from mrp_sumo.maps.readers.reader import MapFile, Selection, refuse_choice
 from mrp_sumo.maps.readers.rmf.level import FARTHEST
 
-LEVEL = "L1"
 NEEDED = ("from", "to", "from_x_m", "from_y_m", "to_x_m", "to_y_m")
 KNOWN = (*NEEDED, "both_ways", "speed_mps", "class")
 YES, NO = ("yes", "true", "1"), ("no", "false", "0", "")
@@ -80,7 +79,7 @@ class LaneTable:
             name, xy = row.get(end, ""), (number(f"{end}_x_m"), number(f"{end}_y_m"))
             if not name:
                 raise MapError(f"{file.path.name}:{line}: no name in column '{end}'")
-            v = draft.vertex[name] if name in draft.vertex else draft.add_vertex(name, name, xy, LEVEL)
+            v = draft.vertex[name] if name in draft.vertex else draft.add_vertex(name, name, xy)
             if math.dist(draft.place(v), xy) > 1e-3:
                 at = "({:g}, {:g})".format(*draft.place(v))
                 raise MapError(f"{file.path.name}:{line}: '{name[:60]}' is at ({xy[0]:g}, {xy[1]:g}), but at {at} before")

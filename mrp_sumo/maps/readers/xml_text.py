@@ -14,12 +14,12 @@ from xml.parsers import expat
 
 from mrp_sumo.errors import MapError, nearest
 from mrp_sumo.files.reading import shortened
+from mrp_sumo.maps.readers.json_fields import NOTHING
 from mrp_sumo.maps.readers.rmf.level import FARTHEST
 from mrp_sumo.maps.yaml_text import MAX_DEPTH, Text
 
 MAX_ELEMENTS = 2_000_000
 _ROOT = re.compile(r"(?:<\?[^>]*\?>|<!--.*?-->|<!DOCTYPE[^\[>]*(?:\[[^\]]*\][^>]*)?>|\s)*<([A-Za-z_][\w.:-]*)", re.DOTALL)
-NOTHING: Any = object()  # no default: the attribute must be there
 
 
 @dataclass
@@ -44,10 +44,7 @@ class Element:
         """An attribute that must be there."""
         value = self.attributes.get(key)
         if value is None:
-            close = nearest(key, self.attributes, limit=3)
-            raise self.fault(
-                f"<{self.name}> has no '{key}'" + (close.replace("did you mean", "there is") if "did you mean" in close else "")
-            )
+            raise self.fault(f"<{self.name}> has no '{key}'{nearest(key, self.attributes, limit=0).replace('did you mean', 'there is')}")
         return value
 
     def number(self, key: str, default: Any = NOTHING) -> float:

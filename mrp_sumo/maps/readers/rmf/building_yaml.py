@@ -11,6 +11,7 @@ broken), scales that cannot be computed. What Open-RMF would accept although no 
 """
 
 import math
+from collections import Counter
 from collections.abc import Mapping
 from typing import Any
 
@@ -204,10 +205,7 @@ def _door_widths(reader: LevelReader, lift: str, document: Any) -> dict[str, flo
 
 
 def _note_lanes(notes: Notes, drafts: Mapping[str, LevelDraft]) -> None:
-    graphs: dict[int, int] = {}
-    for draft in drafts.values():
-        for lane in draft.lanes:
-            graphs[lane.graph] = graphs.get(lane.graph, 0) + 1
+    graphs = Counter(lane.graph for draft in drafts.values() for lane in draft.lanes)
     if not graphs:
         num_vertices, num_walls = (sum(len(x) for x in xs) for xs in zip(*((d.raw_xy, d.walls) for d in drafts.values())))
         notes.add("no_lanes", f"{num_vertices} vertices, {num_walls} walls")
@@ -221,12 +219,8 @@ def _note_lanes(notes: Notes, drafts: Mapping[str, LevelDraft]) -> None:
 
 
 def _note_names(notes: Notes, drafts: Mapping[str, LevelDraft]) -> None:
-    count: dict[str, int] = {}
-    for draft in drafts.values():
-        for name in draft.vertex_name:
-            if name != "":
-                count[str(name)] = count.get(str(name), 0) + 1
-    for name in sorted(n for n, c in count.items() if c > 1):
+    names = Counter(str(name) for draft in drafts.values() for name in draft.vertex_name if name != "")
+    for name in sorted(name for name, times in names.items() if times > 1):
         notes.add("duplicate_vertex_name", name)
 
 

@@ -1,8 +1,9 @@
 """Open-RMF's formats: buildings as traffic-editor draws them, and the nav graphs that it generates."""
 
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from mrp_sumo.errors import ChoiceError
 from mrp_sumo.maps.building import Building
@@ -10,11 +11,10 @@ from mrp_sumo.maps.check import check_building, check_graph
 from mrp_sumo.maps.finding import CURE, RefusedMap, ordered
 from mrp_sumo.maps.levels import joined_by_lifts, laid_out, level_choice
 from mrp_sumo.maps.map import Map
-from mrp_sumo.maps.readers.nav_graph import Misplaced, graph_of_document, origin_of_document, united_graph
+from mrp_sumo.maps.readers.nav_graph import Misplaced, graph_of_documents, origin_of_document
 from mrp_sumo.maps.readers.reader import GraphChoice, MapFile, Selection, map_name, refuse_choice
 from mrp_sumo.maps.readers.rmf.building_yaml import building_of, is_building
 from mrp_sumo.maps.readers.rmf.generated_graph import nav_graph_documents
-from mrp_sumo.maps.yaml_text import Text
 
 REFUSAL = {
     "no_lanes": "no lanes in any level: nothing to drive on ({})",
@@ -55,8 +55,20 @@ class RmfNavGraph:
 
     def read(self, file: MapFile, selection: Selection) -> Map:
         """The chosen levels."""
-        refuse_choice(file.source, selection, "level")
-        return _from_nav_graph(file.document, file.source, selection.level)
+        source, document = file.source, file.document
+        refuse_choice(source, selection, "level")
+        levels = level_choice(document["levels"] or {}, selection.level, source.path.name)
+        try:
+            origin_m = origin_of_document(document)
+            nav = graph_of_documents([document], map_name(source.path), levels=levels, origin_m=origin_m, source=str(source.path))
+        except Misplaced as fault:
+            raise source.fault(str(fault), *fault.keys) from None
+        if not nav.num_lanes:
+            raise source.fault(f"no lanes: nothing to drive on ({nav.num_vertices} vertices)")
+        shift = laid_out(nav, None)
+        nav, documents = joined_by_lifts(nav, shift, {}, {}), {0: document}
+        findings = check_graph(nav)
+        return Map(name=nav.name, path=source.path, nav=nav, findings=findings, documents=documents, origin_m=origin_m, level_shift_m=shift)
 
 
 def map_of_building(building: Building, graph: GraphChoice = None, level: str | None = None) -> Map:
@@ -64,10 +76,7 @@ def map_of_building(building: Building, graph: GraphChoice = None, level: str | 
     building = replace(building, findings=ordered(building.findings + check_building(building)))
     _refuse(building, level)
     levels = level_choice(building.levels, level, building.path.name)
-    counts: dict[int, int] = {}
-    for name in levels:
-        for lane in building.levels[name].lanes:
-            counts[lane.graph] = counts.get(lane.graph, 0) + 1
+    counts = Counter(lane.graph for name in levels for lane in building.levels[name].lanes)
     if not counts:
         with_lanes = ", ".join(f"'{n}'" for n, lv in building.levels.items() if lv.lanes)
         raise ChoiceError(f"{building.path.name}: level '{level}' has no lane; levels with lanes: {with_lanes}")
@@ -82,11 +91,8 @@ def map_of_building(building: Building, graph: GraphChoice = None, level: str | 
         graphs = ", ".join(f"{g} ({n} lanes)" for g, n in sorted(counts.items()))
         raise ChoiceError(f"{where}{building.path.name} has no lane in graph {missing[0]}; graphs with lanes: {graphs}")
     documents = {g: d for g, d in nav_graph_documents(building).items() if g in chosen}
-    name, source = map_name(building.path), str(building.path)
-    if len(documents) == 1:
-        nav = graph_of_document(documents[chosen[0]], name, levels=levels, origin_m=building.origin_m, source=source)
-    else:
-        nav = united_graph(documents.values(), name, levels=levels, origin_m=building.origin_m, source=source)
+    name, origin_m = map_name(building.path), building.origin_m
+    nav = graph_of_documents(documents.values(), name, levels=levels, origin_m=origin_m, source=str(building.path))
     shift = laid_out(nav, building)
     return Map(
         name=name,
@@ -97,7 +103,7 @@ def map_of_building(building: Building, graph: GraphChoice = None, level: str | 
         graphs=tuple(building.graphs),
         chosen=chosen,
         documents=documents,
-        origin_m=building.origin_m,
+        origin_m=origin_m,
         level_shift_m=shift,
     )
 
@@ -109,19 +115,3 @@ def _refuse(building: Building, level: str | None) -> None:
                 continue  # levels are not put together
             message = ": ".join(filter(None, (REFUSAL[finding.kind].format(finding.details[0]), CURE.get(finding.kind))))
             raise RefusedMap(f"{building.path.name}: {message}", building.findings)
-
-
-def _from_nav_graph(document: Mapping[str, Any], source: Text, level: str | None) -> Map:
-    levels = level_choice(document["levels"] or {}, level, source.path.name)
-    try:
-        origin_m = origin_of_document(document)
-        nav = graph_of_document(document, map_name(source.path), levels=levels, origin_m=origin_m, source=str(source.path))
-    except Misplaced as fault:
-        raise source.fault(str(fault), *fault.keys) from None
-    if not nav.num_lanes:
-        raise source.fault(f"no lanes: nothing to drive on ({nav.num_vertices} vertices)")
-    shift = laid_out(nav, None)
-    nav = joined_by_lifts(nav, shift, {}, {})
-    return Map(
-        name=nav.name, path=source.path, nav=nav, findings=check_graph(nav), documents={0: document}, origin_m=origin_m, level_shift_m=shift
-    )

@@ -10,7 +10,7 @@ from mrp_sumo.errors import MapError
 from mrp_sumo.maps.check import findings_of
 from mrp_sumo.maps.lifts import travel_s
 from mrp_sumo.maps.load import load_map
-from mrp_sumo.maps.readers.nav_graph import graph_of_document
+from mrp_sumo.maps.readers.nav_graph import graph_of_documents
 from mrp_sumo.maps.readers.rmf.building_yaml import building_of
 from mrp_sumo.maps.readers.rmf.generated_graph import nav_graph_documents
 from mrp_sumo.maps.yaml_text import parse, read_text
@@ -150,7 +150,8 @@ def test_the_example_of_the_manual(tmp_path):
 
 
 def test_nav_graph_keeps_speed_limits_and_directions(tmp_path):
-    graph = graph_of_document(nav_graph_documents(building(tmp_path))[0], "tiny")
+    read = building(tmp_path)
+    graph = graph_of_documents([nav_graph_documents(read)[0]], "tiny", levels=read.levels)
     assert graph.vertex_name == ("", "dock_a", "station_b")
     assert graph.having("is_charger").tolist() == [False, True, False]
     assert graph.speed_mps[graph.lane_between(0, 2)] == 0.5
@@ -165,7 +166,7 @@ def test_lanes_have_widths_and_floors_without_robots_are_zones(tmp_path):
     floor = "      - {parameters: {PARAMETER: [4, true]}, vertices: [0, 1, 2]}\n"
     floors = f"    floors:\n{floor.replace('PARAMETER', 'no_robots')}{floor.replace('PARAMETER', 'indoor')}"
     read = building(tmp_path, drawn.replace("    lanes:", f"{floors}    lanes:"))
-    graph = graph_of_document(nav_graph_documents(read)[0], "tiny")
+    graph = graph_of_documents([nav_graph_documents(read)[0]], "tiny", levels=read.levels)
     assert [options.get("width") for options in graph.lane_options] == [None, 1.2, None]
     assert (read.levels["L1"].zones, read.levels["L1"].floors) == (((0, 1, 2),), ((0, 1, 2),))
     with pytest.raises(MapError, match="lane 1: width is 'wide', expected a number"):
@@ -211,7 +212,7 @@ def test_values_are_coerced_by_tag(tmp_path):
     text = TINY.replace("dock_name: [1, dock_a]", "mutex: [1, 5]").replace("[500, 200, 0, unused", "[500, 200, 0, 12")
     read = building(tmp_path, text)
     assert [(f.kind, f.count) for f in read.findings] == [("type_tag_mismatch", 1)]
-    assert graph_of_document(nav_graph_documents(read)[0], "tiny").vertex_options[1]["mutex"] == "5"
+    assert graph_of_documents([nav_graph_documents(read)[0]], "tiny", levels=read.levels).vertex_options[1]["mutex"] == "5"
 
 
 def test_names_that_occur_again_in_a_graph_get_a_number(tmp_path):
