@@ -20,6 +20,7 @@ from mrp_sumo.core.graph import BoolArray, IntArray, frozen
 from mrp_sumo.core.step_wise import ACTION_LETTERS, HEADING_LETTERS, ActionArray, DelayLaw, StepWiseProblem, StepWiseSolution
 from mrp_sumo.errors import PlanError, nearest
 from mrp_sumo.files.reading import read_json, read_text
+from mrp_sumo.maps.readers.movingai import free_cells
 
 KEYS = ("mapFile", "agentFile", "taskFile", "teamSize", "numTasksReveal")
 DELAYS: dict[str, tuple[Any, Any]] = {  # keys of `delayConfig`, in the order of `DelayLaw`, with what is expected
@@ -33,7 +34,7 @@ DELAYS: dict[str, tuple[Any, Any]] = {  # keys of `delayConfig`, in the order of
     "gaussStdRatio": (0.0, 1.0),
 }
 STRATEGIES = ("greedy", "roundrobin")  # of 2023: any robot may have any task, or each has tasks of its own
-FREE, BLOCKED = b".GSE", b"@OTW"
+LETTERS = b".ESG", b"@TOW"  # of free and of blocked cells
 MAX_CELLS = 10_000_000
 MAX_STEPS = 1_000_000
 
@@ -45,8 +46,7 @@ def read_problem(path: Path) -> StepWiseProblem:
         raise PlanError(f"{path.name}: expected an object with {', '.join(KEYS)}")
     for key in KEYS:
         if key not in document:
-            close = nearest(key, document) if document else ""
-            raise PlanError(f"{path.name}: {key} is missing{close if 'mean' in close else ''}")
+            raise PlanError(f"{path.name}: {key} is missing{nearest(key, document, limit=0)}")
     files = []
     for key in KEYS[:3]:
         if not isinstance(document[key], str):
@@ -107,8 +107,7 @@ def _delays_of(path: Path, document: Any) -> DelayLaw:
     for key, expected in DELAYS.items():
         unused = key.startswith("gauss") and document.get("durationModel") == "uniform"
         if key not in document and not unused:
-            close = nearest(key, document)
-            raise PlanError(f"{path.name}: delayConfig.{key} is missing{close if 'mean' in close else ''}")
+            raise PlanError(f"{path.name}: delayConfig.{key} is missing{nearest(key, document, limit=0)}")
         value = document.get(key, 0.0)
         if isinstance(expected[0], str):
             wrong, text = value not in expected, " or ".join(expected)
@@ -183,18 +182,9 @@ def read_map(path: Path) -> BoolArray:
     if len(size) != 2 or len(lines) < 4 or lines[3].strip() != "map" or not 0 < size["height"] * size["width"] <= MAX_CELLS:
         raise PlanError(f"{path.name}: expected a MovingAI map: type, height, width and map in the first four lines")
     rows = lines[4 : 4 + size["height"]]
-    for number, row in enumerate(rows, 5):
-        if len(row) != size["width"] or not row.isascii():
-            raise PlanError(f"{path.name}:{number}: a row of {len(row)} characters, but the header says {size['width']}")
     if len(rows) < size["height"]:
         raise PlanError(f"{path.name}: {len(rows)} rows, but the header says {size['height']}")
-    cells = np.frombuffer("".join(rows).encode(), np.uint8).reshape(size["height"], size["width"])
-    free = np.isin(cells, np.frombuffer(FREE, np.uint8))
-    strange = np.argwhere(~free & ~np.isin(cells, np.frombuffer(BLOCKED, np.uint8)))
-    if len(strange):
-        row_, column = strange[0]
-        raise PlanError(f"{path.name}:{row_ + 5}: column {column + 1} is '{chr(cells[row_, column])}', expected one of . E S G @ T O W")
-    return free
+    return free_cells(rows, 4, size["width"], LETTERS, lambda line, message: PlanError(f"{path.name}:{line}: {message}"))
 
 
 def print_solution(problem: StepWiseProblem, solution: StepWiseSolution, plan_times_s: list[float]) -> str:

@@ -21,6 +21,7 @@ from mrp_sumo.core.graph import IntArray, PlanGraph
 from mrp_sumo.core.plan import Plan, paths_of_plan, plan_of_paths
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import MapError, PlanError, nearest
+from mrp_sumo.maps.readers.movingai import grid_text
 from mrp_sumo.maps.yaml_text import Text, parse
 
 FORMATS = {"yaml": "libMultiRobotPlanning schedule", "paths": "EECBS paths.txt", "lacam": "lacam result.txt", "smart": "SMART paths"}
@@ -59,10 +60,9 @@ def cells_of(graph: PlanGraph) -> Cells | None:
 
 def movingai_map(cells: Cells) -> str:
     """The text of a `.map`."""
-    free = np.full((cells.height, cells.width), "@")
-    free[cells.row, cells.column] = "."
-    rows = "\n".join("".join(row) for row in free)
-    return f"type octile\nheight {cells.height}\nwidth {cells.width}\nmap\n{rows}\n"
+    free = np.zeros((cells.height, cells.width), np.bool_)
+    free[cells.row, cells.column] = True
+    return grid_text(free)
 
 
 def movingai_scen(problem: Problem, cells: Cells, map_name: str) -> str:
@@ -96,22 +96,10 @@ def yaml_instance(problem: Problem, cells: Cells | None, *, free: bool = False) 
 
 
 def read_paths(text: str, problem: Problem, cells: Cells | None, name: str = "plan", shift: tuple[int, int] = (0, 0)) -> Plan:
-    """The plan in a peer's output.
+    """The plan in a peer's output, in any of the formats; agent k is robot k, and columns and rows are shifted by so many.
 
-    Raises PlanError for a format that is not known, a robot without a path, a place that is not a vertex, a time that is skipped.
-
-    Parameters
-    ----------
-    text
-        Of the file, in any of the formats.
-    problem
-        Whose robots the plan is for; agent k is robot k.
-    cells
-        Of the problem's graph; None for a roadmap, on which only YAML makes sense.
-    name
-        Of the file, for messages.
-    shift
-        Columns and rows to add to the plan's.
+    `cells` are those of the problem's graph, None for a roadmap, on which only YAML makes sense; `name` is the file's, for messages. Raises
+    PlanError for a format that is not known, a robot without a path, a place that is not a vertex, a time that is skipped.
     """
     places = read_places(text, problem.num_robots, name)
     paths = []

@@ -26,26 +26,10 @@ def is_json(text: str) -> bool:
 
 
 def read_plan_file(path: Path, problem: Problem, cells: Cells | None) -> tuple[Plan, str]:
-    """The plan in a file, and what had to be done to read it.
+    """The plan for a problem's robots in a file, which need not be valid, and a note; `cells` are None where the graph is no grid.
 
-    Raises PlanError for a file that cannot be read, other robots, or a place that is not a vertex.
-
-    Parameters
-    ----------
-    path
-        The file.
-    problem
-        Whose robots the plan is for.
-    cells
-        Of the problem's graph; None where it is no grid.
-
-    Returns
-    -------
-    plan
-        On the problem's vertices. It need not be valid.
-    note
-        A line where the plan counts cells from another corner than the map, as is seen when all its robots start equally far from
-        where they are; '' else.
+    The note is a line where the plan counts cells from another corner than the map, as is seen when all its robots start equally far from
+    where they are; '' else. Raises PlanError for a file that cannot be read, other robots, or a place that is not a vertex.
     """
     text = text_of(path)
     if is_json(text):
@@ -66,19 +50,10 @@ def require_on_graph(plan: Plan, graph: PlanGraph, name: str, where: str) -> Non
 
 
 def plan_and_goals(path: Path, problem: Problem, cells: Cells | None) -> tuple[Plan, Problem, str]:
-    """The plan in a file, which solves the problem or has conflicts, and the problem with the assignment that the plan is for.
+    """The plan in a file, which solves the problem or has conflicts, the problem with the assignment that the plan is for, and a note.
 
-    Raises PlanError as `read_plan_file`; and for a plan with other starts or goals, or that leaves the lanes.
-
-    Parameters
-    ----------
-    path, problem, cells
-        As for `read_plan_file`. Where the problem has no assignment, robots may end at any of its goals.
-
-    Returns
-    -------
-    plan, problem, note
-        The note is that of `read_plan_file`.
+    As `read_plan_file`. Where the problem has no assignment, robots may end at any of its goals. Raises PlanError also for a plan with
+    other starts or goals, or that leaves the lanes.
     """
     plan, note = read_plan_file(path, problem, cells)
     if not problem.is_assigned:

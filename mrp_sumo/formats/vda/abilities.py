@@ -50,14 +50,7 @@ class VehicleMap(Protocol):
 def check_order(order: Order, site: VehicleMap, start: str, used: Set[str]) -> None:
     """Refuse an order that leads from a node where a vehicle cannot go, or has actions that vehicles do not know.
 
-    Raises RefusalError with the JSON path.
-
-    Parameters
-    ----------
-    start
-        The node of the map with which it begins.
-    used
-        Names of actions that it may not have.
+    Raises RefusalError with the JSON path. It begins with the node `start` of the map, and may not have actions whose names are used.
     """
     if order.zone_set:
         text = "zoneSetId: this vehicle knows no zones"

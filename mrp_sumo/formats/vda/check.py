@@ -7,7 +7,7 @@ actions), and states (of which order, what is left of it, where the vehicle is).
 
 import math
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Any
@@ -26,22 +26,20 @@ STATE = {
     **{"orderId": TEXT, "orderUpdateId": int, "lastNodeId": TEXT, "lastNodeSequenceId": int, "nodeStates": LIST, "edgeStates": LIST},
     **{"driving": FLAG, "actionStates": LIST, "operatingMode": TEXT, "errors": LIST, "safetyState": OBJECT},
 }
-NEEDED: dict[str, dict[str, dict[str, Any]]] = {  # members that must be there, by version and kind
-    "2": {
-        "order": {"orderId": TEXT, "orderUpdateId": int, "nodes": LIST, "edges": LIST},
-        "state": {**STATE, "batteryState": OBJECT},
-        "instantActions": {"actions": LIST},
-        "connection": {"connectionState": TEXT},
-        "visualization": {},
-        "factsheet": {"typeSpecification": OBJECT, "physicalParameters": OBJECT},
-    },
+OF_BOTH: dict[str, dict[str, Any]] = {  # members that must be there, by kind
+    "order": {"orderId": TEXT, "orderUpdateId": int, "nodes": LIST, "edges": LIST},
+    "state": STATE,
+    "instantActions": {"actions": LIST},
+    "connection": {"connectionState": TEXT},
+    "visualization": {},
+    "factsheet": {"typeSpecification": OBJECT, "physicalParameters": OBJECT},
+}
+NEEDED: dict[str, dict[str, dict[str, Any]]] = {  # by version, too
+    "2": {**OF_BOTH, "state": {**STATE, "batteryState": OBJECT}},
     "3": {
-        "order": {"orderId": TEXT, "orderUpdateId": int, "nodes": LIST, "edges": LIST},
+        **OF_BOTH,
         "state": {**STATE, "powerSupply": OBJECT, "instantActionStates": LIST},
-        "instantActions": {"actions": LIST},
-        "connection": {"connectionState": TEXT},
         "visualization": {"referenceStateHeaderId": int},
-        "factsheet": {"typeSpecification": OBJECT, "physicalParameters": OBJECT},
     },
 }
 ALLOWED: dict[str, dict[str, tuple[str, ...]]] = {  # and those that may be, where a misspelt one would pass unnoticed
@@ -66,18 +64,8 @@ ALLOWED: dict[str, dict[str, tuple[str, ...]]] = {  # and those that may be, whe
             *("trajectory", "corridor"),
         ),
         "state": (
-            *(
-                "maps",
-                "zoneSets",
-                "plannedPath",
-                "intermediatePath",
-                "mobileRobotPosition",
-                "velocity",
-                "loads",
-                "paused",
-                "newBaseRequest",
-            ),
-            *("zoneRequests", "edgeRequests", "distanceSinceLastNode", "zoneActionStates", "information"),
+            *("maps", "zoneSets", "plannedPath", "intermediatePath", "mobileRobotPosition", "velocity", "loads", "paused"),
+            *("newBaseRequest", "zoneRequests", "edgeRequests", "distanceSinceLastNode", "zoneActionStates", "information"),
         ),
         "visualization": ("plannedPath", "intermediatePath", "mobileRobotPosition", "velocity"),
     },
@@ -192,6 +180,11 @@ class _Message:
     @property
     def kind(self) -> str:
         return self.parts[4]
+
+    @property
+    def place(self) -> Any:
+        """Position of the vehicle, as it is said."""
+        return self.payload.get("mobileRobotPosition" if self.rules == "3" else "agvPosition")
 
     def faults(self) -> Iterator[str]:
         needed = HEADER | NEEDED[self.rules][self.kind]
@@ -313,11 +306,10 @@ class _Message:
         if vehicle.header.get("order") is not None:  # a log may begin in the midst of an order
             yield from self._progress()
         yield from self._action_states()
-        place = payload.get("mobileRobotPosition" if self.rules == "3" else "agvPosition")
-        if isinstance(place, Mapping) and all(type(place.get(key)) in NUMBER for key in "xy"):
+        if _is_at(self.place, "xy"):
             if payload["orderId"] == vehicle.order_id:
-                yield from self._whereabouts(float(place["x"]), float(place["y"]))
-            yield from self._motion(place)
+                yield from self._whereabouts(float(self.place["x"]), float(self.place["y"]))
+            yield from self._motion(self.place)
 
     def _progress(self) -> Iterator[str]:
         payload, vehicle = self.payload, self.vehicle
@@ -380,10 +372,10 @@ class _Message:
 
     def _heading(self, node: Mapping[str, Any]) -> Iterator[str]:
         """A vehicle faces as a node says before it has passed it; one that is on already when it says so may have turned since."""
-        wanted, place = node.get("nodePosition"), self.payload.get("mobileRobotPosition" if self.rules == "3" else "agvPosition")
-        if not all(isinstance(p, Mapping) and all(type(p.get(k)) in NUMBER for k in ("x", "y", "theta")) for p in (wanted, place)):
+        wanted: Any = node.get("nodePosition")
+        place = self.place
+        if not (_is_at(wanted, ("x", "y", "theta")) and _is_at(place, ("x", "y", "theta"))):
             return
-        assert isinstance(wanted, Mapping) and isinstance(place, Mapping)
         allowed = wanted.get("allowedDeviationTheta", 0.0)
         off = abs(math.remainder(place["theta"] - wanted["theta"], 2 * math.pi))
         is_there = math.hypot(place["x"] - wanted["x"], place["y"] - wanted["y"]) < STILL_THERE_M
@@ -396,7 +388,7 @@ class _Message:
         if vehicle.passed not in vehicle.base:
             return
         ends = [vehicle.base[s].get("nodePosition") for s in (vehicle.passed, vehicle.passed + 2) if s in vehicle.base]
-        places = [(float(p["x"]), float(p["y"])) for p in ends if isinstance(p, Mapping) and all(type(p.get(k)) in NUMBER for k in "xy")]
+        places = [(float(p["x"]), float(p["y"])) for p in ends if _is_at(p, "xy")]
         if len(places) != len(ends):
             return
         (ax, ay), (bx, by) = places[0], places[-1]
@@ -423,9 +415,13 @@ class _Message:
         payload, vehicle = self.payload, self.vehicle
         if self.rules == "3" and vehicle.state_header is not None and payload["referenceStateHeaderId"] != vehicle.state_header:
             yield f"referenceStateHeaderId is {payload['referenceStateHeaderId']}, but the last state is {vehicle.state_header}"
-        place = payload.get("mobileRobotPosition" if self.rules == "3" else "agvPosition")
-        if isinstance(place, Mapping) and all(type(place.get(key)) in NUMBER for key in "xy"):
-            yield from self._motion(place)
+        if _is_at(self.place, "xy"):
+            yield from self._motion(self.place)
+
+
+def _is_at(place: Any, keys: Sequence[str]) -> bool:
+    """True for a position with numbers under these keys."""
+    return isinstance(place, Mapping) and all(type(place.get(key)) in NUMBER for key in keys)
 
 
 def seconds_of(stamp: object) -> float | None:

@@ -415,15 +415,9 @@ def _envelopes(robot: RobotShape) -> Iterator[Json]:
 def _load_sets(robot: RobotShape) -> Iterator[Json]:
     """One set for all loads, and one of no weight where accelerations are others without."""
     loaded, with_load = robot.loaded or Loaded(), robot.with_load
-    one: Json = {}
-    if robot.max_load_kg is not None:
-        one["maximumWeight"] = robot.max_load_kg
-    if loaded.speed_mps is not None:
-        one["maximumSpeed"] = loaded.speed_mps
-    if loaded.accel_mps2 is not None:
-        one["maximumAcceleration"] = loaded.accel_mps2
-    if loaded.decel_mps2 is not None:
-        one["maximumDeceleration"] = loaded.decel_mps2
+    limits = {"maximumWeight": robot.max_load_kg, "maximumSpeed": loaded.speed_mps}
+    limits |= {"maximumAcceleration": loaded.accel_mps2, "maximumDeceleration": loaded.decel_mps2}
+    one: Json = {key: value for key, value in limits.items() if value is not None}
     for action, member in (("pick", "pickTime"), ("drop", "dropTime")):
         if robot.actions is not None and (time := getattr(robot.actions, action)) is not None:
             one[member] = round(time.mean_s, 6)

@@ -42,7 +42,8 @@ def _do(vehicle: Vehicle, action: Action, now_s: float) -> None:
     try:
         if action.kind not in INSTANT:
             raise RefusalError(Reason.INSTANT_ACTION, f"instant action '{action.kind[:60]}' is not known here", references)
-        DO[action.kind](vehicle, doing, now_s)
+        if DO[action.kind](vehicle, action, now_s):
+            doing.end(FINISHED)
     except RefusalError as refusal:
         doing.end(FAILED, refusal.text[: errors.LONGEST_TEXT])
         refusal.references = {"topic": "instantActions", **references, **refusal.references}
@@ -53,51 +54,47 @@ def _do(vehicle: Vehicle, action: Action, now_s: float) -> None:
         vehicle.refused.pop("instantActions", None)
 
 
-def _start_pause(vehicle: Vehicle, doing: ActionProgress, now_s: float) -> None:
+def _start_pause(vehicle: Vehicle, action: Action, now_s: float) -> bool:
     vehicle.paused = True
-    if not vehicle.body.moves:
-        doing.end(FINISHED)
+    return not vehicle.body.moves
 
 
-def _stop_pause(vehicle: Vehicle, doing: ActionProgress, now_s: float) -> None:
+def _stop_pause(vehicle: Vehicle, action: Action, now_s: float) -> bool:
     vehicle.paused = False
-    doing.end(FINISHED)
+    return True
 
 
-def _state_request(vehicle: Vehicle, doing: ActionProgress, now_s: float) -> None:
-    doing.end(FINISHED)
-
-
-def _factsheet_request(vehicle: Vehicle, doing: ActionProgress, now_s: float) -> None:
+def _factsheet_request(vehicle: Vehicle, action: Action, now_s: float) -> bool:
     vehicle.asked_for_factsheet = True
-    doing.end(FINISHED)
+    return True
 
 
-def _start_charging(vehicle: Vehicle, doing: ActionProgress, now_s: float) -> None:
+def _start_charging(vehicle: Vehicle, action: Action, now_s: float) -> bool:
     if vehicle.body.moves:
         raise RefusalError(Reason.INSTANT_ACTION, "the vehicle drives")
     vehicle.charging = True
-    doing.end(FINISHED)
+    return True
 
 
-def _stop_charging(vehicle: Vehicle, doing: ActionProgress, now_s: float) -> None:
+def _stop_charging(vehicle: Vehicle, action: Action, now_s: float) -> bool:
     vehicle.charging = False
-    doing.end(FINISHED)
+    return True
 
 
-def _cancel_order(vehicle: Vehicle, doing: ActionProgress, now_s: float) -> None:
-    wanted = doing.action.parameters.get("orderId")
+def _cancel_order(vehicle: Vehicle, action: Action, now_s: float) -> bool:
+    wanted = action.parameters.get("orderId")
     if not vehicle.is_busy or vehicle.cancels or (wanted is not None and vehicle.order and wanted != vehicle.order.name):
         raise RefusalError(Reason.NO_ORDER, "there is no such order to cancel")
-    vehicle.cancels = doing.action.name
+    vehicle.cancels = action.name
     for other in vehicle.doings.values():
         if not other.is_over:
             other.end(FAILED, "the order is cancelled")
+    return False
 
 
-def _init_position(vehicle: Vehicle, doing: ActionProgress, now_s: float) -> None:
+def _init_position(vehicle: Vehicle, action: Action, now_s: float) -> bool:
     """A simulated vehicle is where it is: a position that agrees has it localized again, another is refused."""
-    parameters, body = doing.action.parameters, vehicle.body
+    parameters, body = action.parameters, vehicle.body
     numbers: list[Any] = [parameters.get(key) for key in ("x", "y", "theta")]
     if not all(type(value) in (int, float) and abs(value) < 1e9 for value in numbers):
         raise RefusalError(Reason.INSTANT_ACTION, "expected the numbers x, y and theta")
@@ -106,20 +103,20 @@ def _init_position(vehicle: Vehicle, doing: ActionProgress, now_s: float) -> Non
     if off_m > SAME_POSE_M or off_rad > SAME_POSE_RAD or parameters.get("mapId", body.map_id) != body.map_id:
         raise RefusalError(Reason.INSTANT_ACTION, f"that is {off_m:.2f} m and {off_rad:.2f} rad from where the vehicle is")
     vehicle.faults.pop(LOST, None)
-    doing.end(FINISHED)
+    return True
 
 
-def _simulate_fault(vehicle: Vehicle, doing: ActionProgress, now_s: float) -> None:
-    kind, lasts_s = _fault(doing.action), doing.action.parameters.get("duration", math.inf)
+def _simulate_fault(vehicle: Vehicle, action: Action, now_s: float) -> bool:
+    kind, lasts_s = _fault(action), action.parameters.get("duration", math.inf)
     if type(lasts_s) not in (int, float) or not lasts_s > 0:
         raise RefusalError(Reason.INSTANT_ACTION, "duration: expected seconds above 0")
     vehicle.fail(kind, now_s + float(min(lasts_s, 1e9)) if lasts_s < math.inf else math.inf)
-    doing.end(FINISHED)
+    return True
 
 
-def _clear_fault(vehicle: Vehicle, doing: ActionProgress, now_s: float) -> None:
-    vehicle.faults.pop(_fault(doing.action), None)
-    doing.end(FINISHED)
+def _clear_fault(vehicle: Vehicle, action: Action, now_s: float) -> bool:
+    vehicle.faults.pop(_fault(action), None)
+    return True
 
 
 def _fault(action: Action) -> str:
@@ -129,10 +126,10 @@ def _fault(action: Action) -> str:
     return str(fault)
 
 
-DO: dict[str, Callable[[Vehicle, ActionProgress, float], None]] = {
+DO: dict[str, Callable[[Vehicle, Action, float], bool]] = {  # which say whether an action is done at once
     "startPause": _start_pause,
     "stopPause": _stop_pause,
-    "stateRequest": _state_request,
+    "stateRequest": lambda *_: True,
     "factsheetRequest": _factsheet_request,
     "startCharging": _start_charging,
     "stopCharging": _stop_charging,

@@ -45,16 +45,8 @@ class VehicleOrders:
     ) -> Json | None:
         """The order, or its update, that says what the robot may do now; None where that has been said.
 
-        Parameters
-        ----------
-        length
-            How many visits the way has.
-        granted, reached
-            The last that the robot may drive to, and the last that it has come to.
-        done
-            Whether the order is driven and its actions are over, so that a new one may come.
-        is_at_work
-            Whether the robot has more to do where it is.
+        The way has `length` visits, of which the robot may drive to `granted` and has come to `reached`. When the order is driven and its
+        actions are over (`done`), a new one may come. `is_at_work` is whether the robot has more to do where it is.
         """
         if done or not self.nodes:
             if length - 1 <= reached and not is_at_work:

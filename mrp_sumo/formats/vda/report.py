@@ -17,7 +17,7 @@ def state_of(vehicle: Vehicle, now_s: float) -> Json:
     body, own = vehicle.body, vehicle.site.place(vehicle.at)
     document = {"nodes": [_said_node(n) for n in vehicle.nodes], "edges": [_said_edge(e) for e in vehicle.edges]}
     nodes, edges = states_of(document, vehicle.passed)
-    place = vehicle.dialect.place(body.x_m, body.y_m, body.yaw_rad, body.map_id, known=LOST not in vehicle.faults)
+    place, velocity = _motion(vehicle)
     return vehicle.sender.message(
         "state",
         now_s,
@@ -29,7 +29,7 @@ def state_of(vehicle: Vehicle, now_s: float) -> Json:
                 nodes=nodes,
                 edges=edges,
                 place=place,
-                velocity={"vx": round(body.speed_mps, 6), "vy": 0.0, "omega": round(body.turn_rad_s, 6)},
+                velocity=velocity,
                 driving=body.moves,
                 paused=vehicle.paused,
                 away_m=math.hypot(body.x_m - own[0], body.y_m - own[1]) if own else 0.0,
@@ -47,11 +47,16 @@ def state_of(vehicle: Vehicle, now_s: float) -> Json:
 
 def view_of(vehicle: Vehicle, now_s: float) -> Json:
     """The payload of a visualization."""
-    body = vehicle.body
     reference = {"referenceStateHeaderId": max(0, vehicle.sender.count.get("state", 0) - 1)} if vehicle.dialect.is_new else {}
-    place = vehicle.dialect.place(body.x_m, body.y_m, body.yaw_rad, body.map_id, known=LOST not in vehicle.faults)
-    velocity = {"vx": round(body.speed_mps, 6), "vy": 0.0, "omega": round(body.turn_rad_s, 6)}
+    place, velocity = _motion(vehicle)
     return vehicle.sender.message("visualization", now_s, {**reference, vehicle.dialect.place_key: place, "velocity": velocity})
+
+
+def _motion(vehicle: Vehicle) -> tuple[Json, Json]:
+    """Position and velocity."""
+    body = vehicle.body
+    place = vehicle.dialect.place(body.x_m, body.y_m, body.yaw_rad, body.map_id, known=LOST not in vehicle.faults)
+    return place, {"vx": round(body.speed_mps, 6), "vy": 0.0, "omega": round(body.turn_rad_s, 6)}
 
 
 def _errors(vehicle: Vehicle) -> Iterator[Json]:

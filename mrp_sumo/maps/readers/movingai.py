@@ -5,21 +5,22 @@
 has it. Refuses other headers and characters, and rows that are missing or of a wrong length.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
 
 from mrp_sumo.core.graph import BoolArray, IntArray, frozen
-from mrp_sumo.errors import MapError
+from mrp_sumo.errors import MapError, MrpSumoError
 from mrp_sumo.maps.grid import MAX_CELLS, grid_graph
 from mrp_sumo.maps.map import Map
 from mrp_sumo.maps.readers.reader import MapFile, Selection, grid_map, map_name, refuse_choice
 from mrp_sumo.maps.yaml_text import Text, read_text
 
-FREE, BLOCKED = b".GS", b"@OTW"
+LETTERS = b".GS", b"@OTW"  # of free and of blocked cells
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,16 +92,27 @@ def occupancy(source: Text) -> BoolArray:
         raise source.fault(f"{len(rows)} rows, but the header says {height}")
     if any(line.strip() for line in lines[start + height :]):
         raise _fault(source, start + height + 1, f"more rows than the header's {height}")
-    for number, row in enumerate(rows, start + 1):
+    return free_cells(rows, start, width, LETTERS, partial(_fault, source))[::-1]
+
+
+def free_cells(
+    rows: Sequence[str], above: int, width: int, letters: tuple[bytes, bytes], fault: Callable[[int, str], MrpSumoError]
+) -> BoolArray:
+    """[H, W] whether cells are free, in the order of rows of letters, those of free and of blocked cells.
+
+    Refuses rows of another width, and other letters; `fault` makes the error about a line, which counts those above the rows, too.
+    """
+    for number, row in enumerate(rows, above + 1):
         if len(row) != width or not row.isascii():
-            raise _fault(source, number, f"a row of {len(row)} characters, but the header says {width}")
-    cells = np.frombuffer("".join(rows).encode(), np.uint8).reshape(height, width)
-    free = np.isin(cells, np.frombuffer(FREE, np.uint8))
-    strange = ~free & ~np.isin(cells, np.frombuffer(BLOCKED, np.uint8))
-    if strange.any():
-        row, column = np.argwhere(strange)[0]
-        raise _fault(source, start + 1 + int(row), f"column {column + 1} is '{chr(cells[row, column])}', expected one of . G S @ O T W")
-    return free[::-1]
+            raise fault(number, f"a row of {len(row)} characters, but the header says {width}")
+    cells = np.frombuffer("".join(rows).encode(), np.uint8).reshape(len(rows), width)
+    is_free, is_blocked = (np.isin(cells, np.frombuffer(some, np.uint8)) for some in letters)
+    strange = np.argwhere(~is_free & ~is_blocked)
+    if len(strange):
+        k, column = strange[0].tolist()
+        known = " ".join(b"".join(letters).decode())
+        raise fault(above + 1 + k, f"column {column + 1} is '{chr(cells[k, column])}', expected one of {known}")
+    return is_free
 
 
 def _header(source: Text, lines: Sequence[str]) -> tuple[int, int, int]:
@@ -159,10 +171,14 @@ def map_of_problem_set(source: Text) -> Path:
 
 def write_grid(free: BoolArray, path: Path) -> None:
     """Write free cells [H, W], row 0 the lowest, as `.map`."""
+    path.write_text(grid_text(free[::-1]), encoding="ascii")
+
+
+def grid_text(free: BoolArray) -> str:
+    """The text of a `.map` of free cells [H, W], row 0 the uppermost."""
     height, width = free.shape
-    rows = np.where(free[::-1], np.uint8(ord(".")), np.uint8(ord("@")))
-    text = f"type octile\nheight {height}\nwidth {width}\nmap\n" + "\n".join(row.tobytes().decode() for row in rows) + "\n"
-    path.write_text(text, encoding="ascii")
+    rows = np.where(free, np.uint8(ord(".")), np.uint8(ord("@")))
+    return f"type octile\nheight {height}\nwidth {width}\nmap\n" + "\n".join(row.tobytes().decode() for row in rows) + "\n"
 
 
 def _fault(source: Text, line: int, message: str) -> MapError:
