@@ -9,9 +9,9 @@ import numpy as np
 
 from mrp_sumo.core.battery import BatteryLog
 from mrp_sumo.core.facilities import FacilityLog
-from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, frozen
+from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray
 from mrp_sumo.core.people import PeopleLog
-from mrp_sumo.core.plan import Plan
+from mrp_sumo.core.plan import Plan, plan_of_visits
 from mrp_sumo.core.robot_states import RobotStateLog
 from mrp_sumo.core.task import StopLog, TaskLog
 
@@ -141,9 +141,7 @@ def plans_in_force(plan: Plan, replies: Sequence[Reply]) -> Iterator[Plan]:
                 depart_s = np.append(depart_s[:-1], np.inf)
             parts = (vertex, reply.vertex[new]), (arrive_s, reply.arrive_s[new]), (depart_s, reply.depart_s[new])
             columns[robot] = tuple(np.concatenate(part) for part in parts)  # type: ignore[assignment]
-        first = np.cumsum([0, *(len(vertex) for vertex, _, _ in columns)]).astype(np.int64)
-        vertex, arrive_s, depart_s = (frozen(np.concatenate([column[i] for column in columns])) for i in range(3))
-        yield Plan(frozen(first), vertex, arrive_s, depart_s)
+        yield plan_of_visits(columns)
 
 
 def let_go_of_samples(execution: Execution) -> None:
@@ -165,19 +163,9 @@ def as_believed(execution: Execution) -> Execution:
 
 
 def positions_at(execution: Execution, t_s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """x, y, yaw at any times within the run, linear between samples, yaw the short way round.
+    """x, y, yaw [K, R] at ascending times [K] of a run of one sample or more: linear between samples, yaw the short way round.
 
-    Parameters
-    ----------
-    execution
-        With at least one sample.
-    t_s
-        [K] ascending times, held at the first and last sample outside.
-
-    Returns
-    -------
-    x_m, y_m, yaw_rad
-        [K, R] each.
+    Outside, the first and the last sample hold.
     """
     last = len(execution.t_s) - 1
     k = np.clip(np.searchsorted(execution.t_s, t_s + 1e-9, side="right") - 1, 0, max(last - 1, 0))

@@ -119,6 +119,12 @@ def plan_of_paths(paths: Sequence[IntArray | Sequence[int]], step_s: float) -> P
     return Plan(frozen(first), frozen(vertex), frozen(step * float(step_s)), frozen(depart_s))
 
 
+def side_by_side(paths: Sequence[IntArray]) -> IntArray:
+    """[T, R] step-wise paths, as long as the longest; who has arrived stays."""
+    longest = max(map(len, paths), default=0)
+    return np.stack([np.pad(path, (0, longest - len(path)), "edge") for path in paths], axis=1) if paths else np.zeros((0, 0), np.int64)
+
+
 def plan_of_visits(visits: Sequence[tuple[IntArray, FloatArray, FloatArray]]) -> Plan:
     """A Plan of each robot's vertices, arrivals and departures in s."""
     vertex, arrive_s, depart_s = zip(*visits) if visits else ((), (), ())

@@ -14,7 +14,6 @@ from mrp_sumo.errors import ScenarioError, nearest
 from mrp_sumo.search.distance import UNREACHABLE, distances
 
 CostKind = Literal["euclidean", "manhattan", "path"]
-GOALS_AT_ONCE = 8  # between checks of the clock
 
 
 def costs_of(problem: Problem, kind: str, check_clock: Callable[[], None] = lambda: None) -> FloatArray:
@@ -33,33 +32,14 @@ def costs_of(problem: Problem, kind: str, check_clock: Callable[[], None] = lamb
 
 
 def cost_matrix(graph: NavGraph, start: IntArray, goal: IntArray, kind: str, check_clock: Callable[[], None] = lambda: None) -> FloatArray:
-    """Costs of every robot for every goal. Raises ScenarioError for another kind.
+    """[R, G] costs of robots at start vertices [R] for goal vertices [G], inf where the goal cannot be reached.
 
-    Parameters
-    ----------
-    graph
-        Where they drive.
-    start
-        [R] vertices.
-    goal
-        [G] vertices.
-    kind
-        'euclidean' or 'manhattan' distance in m, or 'path': steps along the lanes.
-    check_clock
-        Called before every few goals; may raise to give up.
-
-    Returns
-    -------
-    cost
-        [R, G], inf where the goal cannot be reached.
+    The kind is 'euclidean' or 'manhattan' distance in m, or 'path', steps along the lanes; raises ScenarioError for another. `check_clock`
+    is called before every few goals; it may raise to give up.
     """
     if kind not in get_args(CostKind):
         raise ScenarioError(f"unknown cost '{kind}'{nearest(kind, get_args(CostKind))}")
-    tables = distances(graph)
-    steps = np.empty((len(start), len(goal)), np.int32)
-    for k in range(0, len(goal), GOALS_AT_ONCE):
-        check_clock()
-        steps[:, k : k + GOALS_AT_ONCE] = tables.to_all(goal[k : k + GOALS_AT_ONCE])[:, start].T
+    steps = distances(graph).to_all(goal, check_clock)[:, start].T
     if kind == "path":
         cost = steps.astype(np.float64)
     else:

@@ -29,17 +29,13 @@ def planner(name: str, parameters: Mapping[str, Any], beside: Path | None = None
         Where a relative path begins; the current folder by default.
     """
     source = registry.find("planners", name, beside)
-    if not source.ours:
-        return OutsidePlanner(source, parameters)
-    return cast(Planner, registry.make("planners", name, parameters))
+    return cast(Planner, registry.make("planners", name, parameters)) if source.ours else OutsidePlanner(source, parameters)
 
 
 def assigner(name: str, parameters: Mapping[str, Any], beside: Path | None = None) -> Assigner:
     """The assigner of this name; as `planner`."""
     source = registry.find("assigners", name, beside)
-    if not source.ours:
-        return OutsideAssigner(source, parameters)
-    return cast(Assigner, registry.make("assigners", name, parameters))
+    return cast(Assigner, registry.make("assigners", name, parameters)) if source.ours else OutsideAssigner(source, parameters)
 
 
 def parameter_names(name: str) -> tuple[str, ...] | None:

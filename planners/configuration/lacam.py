@@ -16,7 +16,7 @@ from typing import ClassVar
 import numpy as np
 
 from mrp_sumo.core.options import option
-from mrp_sumo.core.plan import PlanResult, Status, paths_of_plan
+from mrp_sumo.core.plan import PlanResult, Status, paths_of_plan, side_by_side
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError
 from mrp_sumo.planning.answers import unplanned, without_effort
@@ -83,12 +83,10 @@ class Lacam(ByConfigurations):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for key in ("num_tries", "neighbourhood", "memory_mb", "threads"):
-            if getattr(self, key) < 1:
-                raise PlanError(f"lacam: {key} is {getattr(self, key)}, expected 1 or more")
-        for key in ("ways", "flow", "traffic", "polish"):
-            if getattr(self, key) < 0:
-                raise PlanError(f"lacam: {key} is {getattr(self, key)}, expected 0 or more")
+        for least, keys in ((1, ("num_tries", "neighbourhood", "memory_mb", "threads")), (0, ("ways", "flow", "traffic", "polish"))):
+            for key in keys:
+                if getattr(self, key) < least:
+                    raise PlanError(f"lacam: {key} is {getattr(self, key)}, expected {least} or more")
 
     def prepare(self) -> None:
         """Compile or load the kernels."""
@@ -199,9 +197,7 @@ def _repaired(lacam: Lacam, start: SearchStart, search: "LacamSearch", times: in
     result = lns2.plan(replace(problem, effort=effort), max(1e-3, 0.5 * (start.deadline_s - process_time())))
     if result.plan is None:
         return None
-    paths = paths_of_plan(result.plan, problem.step_s)
-    longest = max(map(len, paths))
-    return np.stack([np.pad(path, (0, longest - len(path)), "edge") for path in paths], axis=1).astype(np.int32)
+    return side_by_side(paths_of_plan(result.plan, problem.step_s)).astype(np.int32)
 
 
 def _with_cheaper_path(lacam: Lacam, start: SearchStart) -> SearchStart:

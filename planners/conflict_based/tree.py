@@ -8,14 +8,14 @@ from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from hashlib import blake2b
-from itertools import combinations
+from itertools import combinations, pairwise
 from time import process_time
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mrp_sumo.core.graph import IntArray, PlanGraph
-from mrp_sumo.core.plan import Status
+from mrp_sumo.core.plan import Status, side_by_side
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.planning.answers import deadline_of
 from mrp_sumo.search import _records as st
@@ -539,17 +539,8 @@ def _pair(row: np.void) -> tuple[int, int]:
 
 
 def first_ring(paths: list[IntArray]) -> list[tuple[int, int, int, int]]:
-    """The first robots that rotate, as in `Tree.ring`; none: [].
-
-    Parameters
-    ----------
-    paths
-        [R] vertices of each robot by step; without conflicts.
-    """
-    last = max(map(len, paths), default=0) - 1
-    at = np.array([np.concatenate([path, np.full(last + 1 - len(path), path[-1])]) for path in paths]).reshape(len(paths), -1)
-    for step in range(1, last + 1):
-        here, there = at[:, step - 1], at[:, step]
+    """The first robots that rotate, as in `Tree.ring`, on paths [R] without conflicts: vertices by step; none: []."""
+    for step, (here, there) in enumerate(pairwise(side_by_side(paths)), 1):
         moving = np.flatnonzero(here != there)
         behind = dict(zip(here[moving].tolist(), moving.tolist()))  # who leaves a vertex
         onward = {robot: behind[v] for robot, v in zip(moving.tolist(), there[moving].tolist()) if v in behind}

@@ -9,7 +9,7 @@ import numpy as np
 
 from mrp_sumo.core.fleet import fleet_of
 from mrp_sumo.core.graph import IntArray, nav_graph, plan_graph
-from mrp_sumo.core.plan import paths_of_plan
+from mrp_sumo.core.plan import paths_of_plan, side_by_side
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.core.step_wise import FORWARD, LEFT, NOTHING, RIGHT, WAIT, ActionArray
@@ -63,8 +63,4 @@ def way_out(ground: FreeCells, state: IntArray, goal: IntArray, order: IntArray,
     lacam = planner("lacam", {"polish": 0})
     lacam.prepare()
     plan = lacam.plan(problem, math.inf).plan
-    if plan is None:
-        return None
-    paths = paths_of_plan(plan, 1.0)
-    longest = max(map(len, paths))
-    return WayOut(ground, np.stack([np.pad(path, (0, longest - len(path)), "edge") for path in paths], 1))
+    return None if plan is None else WayOut(ground, side_by_side(paths_of_plan(plan, 1.0)))

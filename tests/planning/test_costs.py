@@ -35,7 +35,7 @@ def test_a_goal_four_lanes_away_is_five_metres_off_and_seven_along_the_axes(kind
 @pytest.mark.parametrize(("at_once", "looks"), [(1, 3), (2, 2), (3, 1)])
 def test_goals_are_looked_at_a_few_at_a_time_and_all_of_them(monkeypatch, at_once, looks):
     graph = graph_of([(0, 0), (1, 0), (2, 0), (3, 0)], [(0, 1), (1, 2), (2, 3)], 1.0)
-    monkeypatch.setattr("mrp_sumo.planning.costs.GOALS_AT_ONCE", at_once)
+    monkeypatch.setattr("mrp_sumo.search.distance.TABLES_AT_ONCE", at_once)
     clock = []
     assert costs_of(problem_on(graph, [0, 3], [1, 2, 3]), "path", lambda: clock.append(0)).tolist() == [[1, 2, 3], [2, 1, 0]]
     assert len(clock) == looks
