@@ -98,16 +98,8 @@ def search_start(
 ) -> SearchStart | PlanResult:
     """Beginning of the search for a problem, or the result where none is needed or the time is up already.
 
-    Parameters
-    ----------
-    planner, problem, time_limit_s
-        Who is asked, and what.
-    chance
-        Purpose of the stream of chance.
-    packed
-        Whether to pack distances; None to see for itself.
-    easy
-        Looks for paths without collisions where robots use lanes little, until a time: see `first_paths`; None for no such paths.
+    `chance` is the purpose of the stream of chance; `packed` is whether to pack distances, None to see for itself; `easy` looks for paths
+    without collisions where robots use lanes little, until a time, see `first_paths`.
     """
     begin_s = process_time()
     deadline_s = deadline_of(time_limit_s)
@@ -180,18 +172,9 @@ def tiled(problem: Problem) -> tuple[Problem, IntArray]:
 def build_world(
     problem: Problem, deadline_s: float, *, packed: bool, rules: ByConfigurations = ByConfigurations()
 ) -> tuple[PibtInstance, IntArray] | None:
-    """The instance and [R] steps from start to goal, -1 where there is no way; None when the deadline passes first.
+    """The instance and [R] steps from start to goal, -1 where there is no way; None when the deadline (process_time) passes first.
 
-    Parameters
-    ----------
-    problem
-        With an assignment.
-    deadline_s
-        On the clock of `process_time`.
-    packed
-        Whether to keep two bits a vertex; all lanes must have opposites.
-    rules
-        Which moves robots may make at once.
+    `packed` is whether to keep two bits a vertex, for which all lanes must have opposites; `rules` say which moves robots may make at once.
     """
     graph, target, (clashes, spots) = problem.graph, np.array(problem.target), clashes_of(problem)
     num_robots, num_vertices = problem.num_robots, graph.num_vertices
@@ -299,14 +282,9 @@ def solved(problem: Problem, path: np.ndarray, begin_s: float, lower_bound: floa
 
 
 def sum_of_costs(path: np.ndarray, goal: IntArray) -> int:
-    """Standard sum of costs in steps: for each robot the last step at which it is not yet at its goal to stay.
+    """Standard sum of costs of a path [T, R], with everybody at the goal [R] in the last row.
 
-    Parameters
-    ----------
-    path
-        [T, R], everybody at the goal in the last row.
-    goal
-        [R]
+    It counts for each robot the last step at which it is not yet at its goal to stay.
     """
     away = path != goal
     last = len(path) - np.argmax(away[::-1], axis=0)

@@ -81,12 +81,7 @@ class Arrivals(Options):
     def times(self, rng: "Generator", step_s: float = 1.0, clock_s: float = 0.0) -> Iterator[float]:
         """Ascending times, without end. Those of `open` are 0: such a task is released when one before it is done.
 
-        Parameters
-        ----------
-        step_s
-            Of the plan, for `per_step`.
-        clock_s
-            How much of the day is over at 0, for `rate_per_h`.
+        `step_s` is the plan's, for `per_step`; `clock_s` is how much of the day is over at 0, for `rate_per_h`.
         """
         t_s = 0.0
         if self.rate_per_h is not None:

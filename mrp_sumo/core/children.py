@@ -36,15 +36,7 @@ def num_workers(option: str, wanted: int | None) -> int:
 
 
 def command(call: str, *words: str) -> list[str]:
-    """The command of a process that makes a call.
-
-    Parameters
-    ----------
-    call
-        `MODULE:FUNCTION`, which is called without arguments.
-    words
-        What it has in `sys.argv[1:]`.
-    """
+    """The command of a process that calls `MODULE:FUNCTION` without arguments, with some words in `sys.argv[1:]`."""
     module, _, name = call.partition(":")
     code = f"import sys; sys.path[:] = {sys.path!r}; from mrp_sumo.core.children import read_no_configuration; read_no_configuration(); "
     return [sys.executable, "-P", "-c", f"{code}from {module} import {name}; {name}()", *words]
@@ -53,18 +45,10 @@ def command(call: str, *words: str) -> list[str]:
 def start(
     call: str, *words: str, output: "IO[bytes] | int", environment: "Mapping[str, str] | None" = None
 ) -> "tuple[subprocess.Popen[bytes], Connection]":
-    """Start a process to talk to, out of reach of Ctrl-C.
+    """Start a process to talk to, out of reach of Ctrl-C; all that it prints goes to `output`.
 
-    Parameters
-    ----------
-    call
-        As `command`'s; it begins with `connection_to_parent`.
-    words
-        What it has in `sys.argv[1:]` from then on.
-    output
-        Where all goes that it prints.
-    environment
-        Variables beside those of this process.
+    The call, as `command`'s, begins with `connection_to_parent`, and has the words in `sys.argv[1:]` from then on. The environment is that
+    of this process, with more variables.
     """
     import socket  # here and below: most commands need no process
     import subprocess

@@ -52,12 +52,7 @@ def door_names(graph: NavGraph) -> list[str]:
 def beyond_cabin_m(cabins: FloatArray, x_m: float, y_m: float, yaw_rad: float, length_m: float, width_m: float) -> FloatArray:
     """[C] how far a body stands out of each cabin, m, negative where it is wholly inside.
 
-    Parameters
-    ----------
-    cabins
-        [C, 6] level, x and y of the centre in m, yaw in rad, width and depth in m.
-    x_m, y_m, yaw_rad, length_m, width_m
-        The body.
+    Cabins are [C, 6]: level, x and y of the centre in m, yaw in rad, width and depth in m.
     """
     turned_rad = yaw_rad - cabins[:, 3]
     c, s = np.abs(np.cos(turned_rad)), np.abs(np.sin(turned_rad))

@@ -10,14 +10,9 @@ IntArray = NDArray[np.int64]
 
 
 def pairs_within(xy: FloatArray, distance_m: float) -> IntArray:
-    """[P, 2] pairs of points that are at most `distance_m` apart, the lower first, in no order.
+    """[P, 2] pairs of points [N, 2] m that are at most `distance_m`, above 0, apart, the lower first, in no order.
 
-    Parameters
-    ----------
-    xy
-        [N, 2] m.
-    distance_m
-        Above 0. Points are looked for in square cells of this side.
+    They are looked for in square cells of this side.
     """
     column, row = np.floor((xy - xy.min(axis=0, initial=np.inf)) / distance_m).astype(np.int64).T
     width = int(column.max(initial=0)) + 3

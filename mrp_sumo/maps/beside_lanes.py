@@ -24,20 +24,10 @@ class BesideLanes(NamedTuple):
 def beside_lanes(
     nav: NavGraph, begin: FloatArray, end: FloatArray, within_m: float, level: IntArray | None = None, against: float = AGAINST
 ) -> BesideLanes:
-    """Distances of straight motions, from their middle, to the lanes of a map; rides in lifts are none.
+    """Distances of straight motions [N, 2] m, from their middle, to the lanes of a map within some distance; rides in lifts are none.
 
-    Parameters
-    ----------
-    nav
-        The map's lanes.
-    begin, end
-        [N, 2] m, of each motion.
-    within_m
-        How far lanes are looked for.
-    level
-        [N] of each motion, which only lanes on its level are beside; None: on the plane on which levels are laid out.
-    against
-        Cosine of the angle to a lane from which a motion goes against it.
+    Only lanes on its level [N] are beside a motion; without levels, motions are on the plane on which these are laid out. `against` is the
+    cosine of the angle to a lane from which a motion goes against it.
     """
     lanes = np.flatnonzero(~nav.is_ride)
     a, b = nav.xy[nav.tail[lanes]], nav.xy[nav.head[lanes]]

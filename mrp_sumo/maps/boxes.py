@@ -9,13 +9,7 @@ CELLS_PER_BOX = 8  # how finely boxes are rasterised, on average at most
 
 
 def overlapping(a: FloatArray, b: FloatArray) -> tuple[IntArray, IntArray]:
-    """Pairs (i, j), ascending, of a box of `a` and a box of `b` that overlap or touch.
-
-    Parameters
-    ----------
-    a, b
-        [N, 4] and [M, 4]: x low, y low, x high, y high.
-    """
+    """Pairs (i, j), ascending, of a box of a [N, 4] and a box of b [M, 4] that overlap or touch: x low, y low, x high, y high."""
     empty = np.zeros(0, np.int64)
     if not len(a) or not len(b):
         return empty, empty

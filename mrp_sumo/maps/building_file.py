@@ -27,14 +27,8 @@ OF_READERS = frozenset({"lift", "is_bend", "load", *COURSES})  # options that a 
 def building_document(map_: Map, *, picture: tuple[str, int, int] | None = None, with_lanes: bool = True) -> dict[str, Any]:
     """A map of any format as a drawing in pixels, with a measurement that says what a pixel is.
 
-    Parameters
-    ----------
-    map_
-        Lanes, walls and doors come along; shafts of lifts do not.
-    picture
-        Name, width and height of the picture that the map was made of, whose lower left corner is (0, 0) m; `map_.floor` says its scale.
-    with_lanes
-        With the lanes and their vertices, not only the walls.
+    Walls and doors come along, and lanes with their vertices if wanted; shafts of lifts do not. `picture` is name, width and height of the
+    picture that the map was made of, whose lower left corner is (0, 0) m; `map_.floor` says its scale.
     """
     nav, building = map_.nav, map_.building
     names = list(dict.fromkeys([*(nav.level_names if with_lanes else ()), *(building.levels if building else ())])) or ["L1"]

@@ -29,12 +29,7 @@ def bundled_maps() -> dict[str, Path]:
 def find_map(name_or_path: str, beside: Path) -> Path:
     """The file of a map. Raises MapError when there is no such file and no such map.
 
-    Parameters
-    ----------
-    name_or_path
-        A path from `beside` or from the current folder, or the name of a bundled map.
-    beside
-        The folder of the file that names the map.
+    It is named by a path from `beside`, the folder of the file that names it, or from the current folder; or as a bundled map.
     """
     for path in (beside / name_or_path, Path(name_or_path)):
         if os.path.isfile(path):  # noqa: PTH113  False for names that no system takes, too

@@ -95,12 +95,9 @@ def findings_of(error: MapError) -> tuple[MapFinding, ...]:
 
 
 def near_misses(xy: FloatArray, ends: IntArray, within_m: float) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
-    """Vertices close to the interior of a lane they are not on, and not close to its ends.
+    """Vertices close to the interior of a lane they are not on, and not close to its ends: vertex, lane, distance, place along it in m.
 
-    Returns
-    -------
-    vertex, lane, distance_m, along_m
-        One entry a pair, by vertex, then lane; `along_m` is the place on the lane, from its start.
+    One entry a pair, by vertex, then lane.
     """
     vertices = np.unique(ends)
     a, b = xy[ends[:, 0]], xy[ends[:, 1]]

@@ -158,17 +158,7 @@ def barriers(building: Building, level_name: str) -> FloatArray:
 
 
 def clearance(graph: NavGraph, building: Building, within_m: float) -> Clearance:
-    """Distances of the lanes and vertices of a graph from walls.
-
-    Parameters
-    ----------
-    graph
-        A nav graph or plan graph of the building's map, in its frame.
-    building
-        With the walls.
-    within_m
-        Distances above this are inf.
-    """
+    """Distances of the lanes and vertices of a graph, in the frame of the building's map, from its walls; inf above `within_m`."""
     xy, tail, head = graph.xy, graph.tail, graph.head
     lane_m, vertex_m = np.full(graph.num_lanes, np.inf), np.full(graph.num_vertices, np.inf)
     is_once = graph.is_once & (graph.level[tail] == graph.level[head])  # a lift has walls of its own

@@ -65,17 +65,7 @@ class Line(NamedTuple):
 
 
 def flattened(degree: int, knots: Sequence[float], points: FloatArray, weights: FloatArray | None = None) -> Line:
-    """The line along a NURBS.
-
-    Parameters
-    ----------
-    degree, knots
-        Without fault; see `fault_of_curve`.
-    points
-        [P, 2] control points, in m.
-    weights
-        [P] above 0; all alike by default.
-    """
+    """The line along a NURBS without fault (`fault_of_curve`) of control points [P, 2] m; weights [P] above 0 are alike by default."""
     if degree == 1:
         return Line(points[corners_of(points, SPARE * TOLERANCE_M)])
     span = points[1:] - points[:-1]

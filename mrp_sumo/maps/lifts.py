@@ -51,26 +51,11 @@ def _door_width_m(lift: Lift | None, level: str) -> float:
 
 
 def with_rides(graph: PlanGraph, step_s: float, radius_m: float, building: Building | None, shift_m: Shift) -> PlanGraph:
-    """The plan graph with its rides cut into steps, and its cabins marked; the graph itself where no lift is.
+    """The plan graph with its rides, lanes of one step, cut into steps, and its cabins marked; the graph itself where no lift is.
 
-    Parameters
-    ----------
-    graph
-        Whose rides are lanes of one step. Its vertices keep their numbers; those in shafts follow.
-    step_s
-        That planners plan for a lane.
-    radius_m
-        Of the largest robot: it rides this far from the walls of a cabin where there is room, and this near to one it is in the way of
-        the doors.
-    building
-        Of the map, where there is one.
-    shift_m
-        By which levels were moved to lie beside each other.
-
-    Returns
-    -------
-    graph
-        Vertices and lanes on which one robot at a time may be have the option `cabin`, those inside also `in_lift`.
+    Its vertices keep their numbers; those in shafts follow. Vertices and lanes on which one robot at a time may be have the option `cabin`,
+    those inside also `in_lift`. Planners plan `step_s` for a lane; `radius_m` is that of the largest robot, which rides this far from the
+    walls of a cabin where there is room, and this near to one it is in the way of the doors.
     """
     if not graph.is_ride.any():
         return graph

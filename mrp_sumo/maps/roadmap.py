@@ -163,14 +163,7 @@ def _places(nav: NavGraph, cuts: _Cuts, cell_m: float) -> FloatArray:
 def cell_that_fits(length_m: FloatArray, step_m: float, least_m: float = 0.0) -> float:
     """A cell length, `least_m` or some whole centimetres above it, with which no step of these lanes is shorter than `step_m`.
 
-    Parameters
-    ----------
-    length_m
-        [L] of the lanes, each at least `step_m`; infinite for one that is cut into cells exactly, as on a grid.
-    step_m
-        The least step.
-    least_m
-        The least cell length.
+    Lengths of lanes [L] are at least `step_m`; infinite for one that is cut into cells exactly, as on a grid.
     """
     finite = length_m[np.isfinite(length_m)]
     cell_m = least_m if least_m >= step_m - 1e-9 else math.ceil(100 * step_m - 1e-7) / 100

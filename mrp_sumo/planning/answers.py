@@ -24,14 +24,9 @@ from mrp_sumo.traffic.moves import MoveGraph
 
 
 def impossible(problem: Problem, check_clock: Callable[[], None] | None = None) -> PlanResult | None:
-    """INFEASIBLE for an assigned problem that needs no search to see that; None for others.
+    """INFEASIBLE for an assigned problem that needs no search to see that; None for others. Robots without a goal stay where they are.
 
-    Parameters
-    ----------
-    problem
-        With an assignment, or robots that stay where they are.
-    check_clock
-        Called before every few goals; may raise to give up.
+    `check_clock` is called before every few goals; it may raise to give up.
     """
     if clash := goals_clash(problem):
         return clash

@@ -66,16 +66,8 @@ class PlugInProcess:
         """The answer to a call, and how many seconds it took.
 
         Raises Overtime after the limit and 5 % (at least 0.1 s) on top. The process is dead then. Raises PlugInError, ScenarioError,
-        MrpSumoError, MemoryError as the plug-in's process says.
-
-        Parameters
-        ----------
-        call
-            'load', or a method that `plug_in_process` knows.
-        arguments
-            To be pickled.
-        limit_s
-            From when the call has arrived, without the time in which its process waited for a processor.
+        MrpSumoError, MemoryError as the plug-in's process says. The limit counts from when the call has arrived, without the time in which
+        its process waited for a processor.
         """
         where = self.facts.get("places", {}).get(call, self._where)
         try:
@@ -111,16 +103,9 @@ def _end(process: "subprocess.Popen[bytes]", connection: "Connection") -> None:
 
 
 def ends_within(pid: int, limit_s: float, ended: Callable[[float], bool]) -> bool:
-    """True if something ends before a process has had its time, whatever else the machine does.
+    """True if something ends before a process has had its time: wall time, without what its first thread has waited for a processor.
 
-    Parameters
-    ----------
-    pid
-        The process.
-    limit_s
-        Wall time, without what its first thread has waited for a processor.
-    ended
-        Waits for so many seconds, and says whether it has ended.
+    `ended` waits for so many seconds, and says whether it has ended.
     """
     began_s = perf_counter() - _starved_s(pid)
     while (left_s := limit_s - (perf_counter() - _starved_s(pid) - began_s)) > 0:

@@ -102,17 +102,10 @@ class StepWiseWorld:
         return ends
 
     def advance(self, action: ActionArray, task_of: IntArray) -> list[tuple[int, int, int, int]]:
-        """Make a step. Raises PlanError for who leaves what is free, and for tasks that robots may not have.
+        """Make a step: (time, robot, task, errands done by then) of each errand that was done in it.
 
-        Parameters
-        ----------
-        action, task_of
-            [R] what robots do, and which tasks they have from now on, NOTHING for none.
-
-        Returns
-        -------
-        list
-            (time, robot, task, errands done by then) of each errand that was done in it.
+        `task_of` [R] are the tasks that robots have from now on, NOTHING for none. Raises PlanError for who leaves what is free, and for
+        tasks that robots may not have.
         """
         cell = self._free_ends(action)
         self._move(action, cell)

@@ -81,18 +81,7 @@ class CrowdInTicks:
         self._coming[end[drives]] += 1
 
     def tick(self, delayed: BoolArray) -> ActionArray:
-        """Make a tick.
-
-        Parameters
-        ----------
-        delayed
-            [R] who makes no progress.
-
-        Returns
-        -------
-        ndarray
-            [R] the actions in which robots make progress; WAIT for none.
-        """
+        """Make a tick: [R] the actions in which robots make progress, WAIT for none; those that are delayed [R] make none."""
         idle = np.flatnonzero((self._doing == WAIT) & (self._next != WAIT) & ~delayed)
         there = self._ahead[self.cell[idle], self.heading[idle]]
         begins = idle[(self._next[idle] != FORWARD) | (self._left[there] == self._ticket[idle])]

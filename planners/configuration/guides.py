@@ -38,18 +38,8 @@ def is_room_for_flow(problem: Problem) -> bool:
 def guide_of(problem: Problem, world: PibtInstance, ways: int, flow: int, deadline_s: float, rng: np.random.Generator) -> PibtInstance:
     """The instance with ways where robots are thin or there is no room for the flow, else with flow; as it was without room for either.
 
-    Parameters
-    ----------
-    problem
-        With an assignment.
-    world
-        Without a guide.
-    ways, flow
-        Rounds of giving ways of their own, and ways for the flow; 0 for none.
-    deadline_s
-        On the clock of `process_time`; half of the time until then is left to the search.
-    rng
-        Chance.
+    `ways` and `flow` are rounds of giving ways of their own, and ways for the flow, 0 for none; `deadline_s` is on the clock of
+    `process_time`, and half of the time until then is left to the search.
     """
     room_for_flow = is_room_for_flow(problem)
     few = ways * int(world.steps.sum()) < MOST_MOVES
@@ -63,20 +53,9 @@ def guide_of(problem: Problem, world: PibtInstance, ways: int, flow: int, deadli
 
 
 def own_ways(problem: Problem, rounds: int, world: PibtInstance, deadline_s: float, rng: np.random.Generator) -> np.ndarray | None:
-    """[R, N + 1] int32 a shortest way for each robot that meets few others, see `_ways`; None when the deadline passes.
+    """[R, N + 1] int32 a shortest way for each robot that meets few others, see `_ways`; None when the deadline (process_time) passes.
 
-    Parameters
-    ----------
-    problem
-        With an assignment.
-    rounds
-        Of giving all robots ways, 1 or more.
-    world
-        What is known of distances.
-    deadline_s
-        On the clock of `process_time`.
-    rng
-        Chance: the order of robots, and among equally good ways.
+    All robots are given ways in one or more `rounds`; the order of robots, and the choice among equally good ways, are left to chance.
     """
     graph, num_robots, steps = problem.graph, problem.num_robots, world.steps
     num_held = rounds * int((2 * steps + 1).sum())  # what rounds before held stays in the table, by nobody
@@ -132,18 +111,9 @@ def local_guidance(world: PibtInstance, window: int) -> LocalGuidance:
 
 
 def flow_guide(problem: Problem, rounds: int, deadline_s: float, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray] | None:
-    """[R, V] int32 what is left to each goal and [L] int64 what lanes cost, see `_flow`; None when the deadline passes.
+    """[R, V] int32 what is left to each goal and [L] int64 what lanes cost, see `_flow`; None when the deadline (process_time) passes.
 
-    Parameters
-    ----------
-    problem
-        With an assignment.
-    rounds
-        Of giving all robots ways, 1 or more.
-    deadline_s
-        On the clock of `process_time`.
-    rng
-        Chance: the order of robots.
+    All robots are given ways in one or more `rounds`, in an order left to chance.
     """
     num_robots = problem.num_robots
     flow = _flow_of(problem, num_robots)

@@ -45,16 +45,9 @@ SIZE = 8  # robots in a neighbourhood
 
 
 def task_of(problem: Problem, table: np.ndarray, *, following: bool = False, rotations: bool = True) -> RepairTask:
-    """The problem as arrays.
+    """The problem as arrays, with the steps [R, V] to each robot's goal; in a window, robots keep clear of each other until it ends.
 
-    Parameters
-    ----------
-    problem
-        With an assignment; in a window, robots keep clear of each other until it ends.
-    table
-        [R, V] steps to each robot's goal.
-    following, rotations
-        Whether following conflicts count, and whether rings of robots may move at once.
+    `following` is whether following conflicts count, `rotations` whether rings of robots may move at once.
     """
     robots = np.arange(problem.num_robots)
     least = table[robots, problem.start].astype(np.int64)
@@ -152,20 +145,8 @@ def first_paths(
     After MAPF-LNS2 (Li et al., AAAI 2022), whose paths cross others' where it has to be. What differs: robots with short ways plan first.
     One that is at its goal to stay is then in the way of longer paths only, which go around it; with longer paths first it would have to
     wait until the last of them has passed its goal. Where robots use the map thinly next to nobody collides, and paths are hardly longer
-    than shortest ones. Those that do collide are planned again, each alone, then in neighbourhoods.
-
-    Parameters
-    ----------
-    task
-        The problem.
-    rng
-        Chance.
-    deadline_s
-        On the clock of `process_time`.
-    effort
-        Labels that may be made, 0: as many as are worth it.
-    memory_mb
-        For tables.
+    than shortest ones. Those that do collide are planned again, each alone, then in neighbourhoods. The deadline is on the clock of
+    `process_time`, `effort` the labels that may be made, 0: as many as are worth it.
     """
     horizon = int(task.least.max()) + SPARE
     least_steps = int(task.least.sum())

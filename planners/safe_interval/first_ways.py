@@ -14,18 +14,10 @@ KnownWays = dict[tuple[int | TimedPath | None, ...], tuple[TimedPath | None, int
 
 
 def first_ways(timetable: Timetable, order: IntArray, protected_steps: int, deadline_s: float, most_work: int) -> bool:
-    """Fill the timetable. Returns whether all robots have ways.
+    """Fill the timetable by robots in an order [R]. Returns whether all have ways.
 
-    Parameters
-    ----------
-    order
-        [R] in which robots look for ways.
-    protected_steps
-        For how long the starts of robots that still have no way are left to them.
-    deadline_s
-        On the clock of `process_time`.
-    most_work
-        Of the timetable, in entries since it was made; when it has been done, no more searches begin.
+    Starts of robots that still have no way are left to them for `protected_steps`. No more searches begin after the deadline
+    (process_time), or when the timetable has done `most_work`, in entries since it was made.
     """
     timetable.clear(protected_steps)
     rank = np.empty(len(order), np.int64)

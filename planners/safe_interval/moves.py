@@ -59,20 +59,9 @@ class Moves(NamedTuple):
 
 
 def moves_of(graph: NavGraph, resources: Resources, limits: tuple[float, float, float, float], dt: float, kind: int = 0) -> Moves:
-    """Lay them out.
+    """Moves on the straight lanes of a graph, in simulation steps of `dt` s, of robots of a type that resources know by `kind`.
 
-    Parameters
-    ----------
-    graph
-        With straight lanes.
-    resources
-        Of the graph.
-    limits
-        Of the robots: top speed, acceleration, deceleration, turn rate.
-    dt
-        Length of a simulation step.
-    kind
-        The robots' type, as resources know it.
+    `limits` are their top speed, acceleration, deceleration and turn rate.
     """
     top, accel, decel, turn_rate = limits
     heading = np.array(graph.heading_rad)

@@ -44,17 +44,10 @@ class PriorityMotion(Protocol[Ways]):
 def branched_on(
     pair: tuple[int, int], paths: Ways, above: BoolArray, replanned: Callable[[Ways, BoolArray, IntArray], Ways | None]
 ) -> list[tuple[BoolArray, Ways]]:
-    """See `PriorityMotion.branched`.
+    """See `PriorityMotion.branched`; `pair` are two robots that meet.
 
-    Parameters
-    ----------
-    pair
-        Two robots that meet.
-    paths, above
-        Of the node.
-    replanned
-        The ways in an order where some robots, of which each comes after those above it, look for others if those above them are in their
-        way; None where somebody finds none. Those above may be in conflict with each other still.
+    `replanned` gives the ways in an order where some robots, of which each comes after those above it, look for others if those above them
+    are in their way; None where somebody finds none. Those above may be in conflict with each other still.
     """
     orders = []
     for first, second in (pair[::-1], pair):
@@ -67,16 +60,9 @@ def branched_on(
 
 
 def search(motion: PriorityMotion[Ways], problem: Problem, began: float, deadline_s: float, max_nodes: int) -> PlanResult:
-    """Look at nodes, priorities and ways that keep them, depth first, the cheaper child first, until one has no conflict.
+    """Look at nodes, priorities and ways that keep them, depth first, the cheaper child first, until one of `max_nodes` has no conflict.
 
-    Parameters
-    ----------
-    motion, problem
-        How robots of the problem move.
-    began, deadline_s
-        On the clock of `process_time`.
-    max_nodes
-        Nodes to look at.
+    `began` and `deadline_s` are on the clock of `process_time`.
     """
     alone = motion.alone()
     stack = [] if alone is None else [(np.zeros((problem.num_robots, problem.num_robots), np.bool_), alone)]

@@ -87,14 +87,7 @@ def let_out(outward: IntArray, cell: IntArray, goal: IntArray, rank: IntArray) -
     """[R] ranks of robots at cells [R], the least first; who stands on the way into a dead end comes before who has to go in.
 
     A robot before a dead end stays there, and the one inside, who comes later, does not get by: the first in the order would be those that
-    wait before dead ends.
-
-    Parameters
-    ----------
-    outward
-        [C] the cell by which one leaves a dead end; NOTHING elsewhere.
-    goal
-        [R] cells; NOTHING for none.
+    wait before dead ends. `outward` [C] is the cell by which one leaves a dead end, NOTHING elsewhere; goals [R] are cells, or NOTHING.
     """
     at, let = np.full(len(outward), NOTHING), rank.astype(np.float64)
     at[cell] = np.arange(len(cell))

@@ -151,14 +151,9 @@ class Draft:
         return self._xy[v]
 
     def to_map(self, level: str | None = None, building: Building | None = None) -> Map:
-        """The map, checked. Raises RefusedMap for edges that end nowhere, and for maps without lanes.
+        """The map of one level or of all, side by side, checked; the building is drawn around the lanes, in the same coordinates.
 
-        Parameters
-        ----------
-        level
-            Only this level; all by default, side by side where there are several.
-        building
-            What is drawn around the lanes, in the same coordinates.
+        Raises RefusedMap for edges that end nowhere, and for maps without lanes.
         """
         for detail in self._nowhere:
             self.notes.add("edge_to_nowhere", detail)
@@ -304,16 +299,9 @@ def building_of_walls(
     doors: Mapping[str, Sequence[Any]] = MappingProxyType({}),
     elevation_m: Mapping[str, float] = MappingProxyType({}),
 ) -> Building:
-    """The building that is drawn around the lanes of a draft, by level.
+    """The building that is drawn around the lanes of a draft.
 
-    Parameters
-    ----------
-    walls
-        Pairs of ends, each (x, y) in m.
-    doors
-        (end, end, name, kind of door) each.
-    elevation_m
-        Of levels; 0 by default.
+    By level: walls are pairs of ends, each (x, y) in m, doors (end, end, name, kind of door), elevations 0 by default.
     """
     levels = {}
     for name in dict.fromkeys([*draft.level_names, *walls, *doors]):

@@ -120,16 +120,9 @@ def _clear_pixels(document: Mapping[str, Any], source: Text) -> BoolArray:
 
 
 def picture(path: Path, name: str, fault: Callable[[str], MapError], on_white: bool = False) -> np.ndarray:
-    """Shades [h, w] of 0 to 255, or [h, w, 2] with how opaque each pixel is where the picture says so.
+    """Shades [h, w] of 0 to 255, or [h, w, 2] with how opaque each pixel is where the picture says so, unless it is laid `on_white`.
 
-    Parameters
-    ----------
-    path, name
-        Of the picture; the name is for messages.
-    fault
-        Makes the error to raise of what is wrong.
-    on_white
-        Lay what is see-through on white instead.
+    The name is for messages; `fault` makes the error to raise of what is wrong.
     """
     from PIL import Image
 
