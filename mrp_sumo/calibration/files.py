@@ -5,9 +5,11 @@ Figures that the log does not tell are those of another type, and of no disturba
 
 import math
 from collections.abc import Mapping
-from dataclasses import MISSING, fields, replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
+
+import yaml
 
 from mrp_sumo.calibration.estimates import CONFIDENCE, LIMITS, CalibratedFigure, Calibration, counted
 from mrp_sumo.calibration.stops import USUAL_S, USUAL_SIGMA
@@ -17,6 +19,8 @@ from mrp_sumo.core.options import Options
 from mrp_sumo.core.robot_type import Actions, Loaded, RobotShape
 from mrp_sumo.errors import MrpSumoError, duration
 from mrp_sumo.files.writing import write_text
+from mrp_sumo.io.documents import read_document, validated
+from mrp_sumo.io.scenario.robots import non_default
 
 DISTURBING = ("speed_noise", "speed_noise_tau_s", "speed_spread", "stops_per_s", "stop_median_s", "stop_sigma")
 DIGITS = 4
@@ -31,9 +35,8 @@ def type_of(result: Calibration, base: RobotShape) -> RobotShape:
     if "max_speed_mps" not in figures and result.fits is not None:
         figures["max_speed_mps"] = max(base.max_speed_mps, _digits(result.fits.speed_mps))  # slower ones would not do what is seen
     figures |= {key: max(size, 0.0) for key, size in result.log.body.items()}
-    kinds = {each.name for each in fields(Actions)}
     times = {}
-    for kind in sorted(kinds):
+    for kind in sorted(each.name for each in fields(Actions)):
         if (median := result.quantities.get(f"actions.{kind}.median_s")) is not None:
             sigma = result.quantities[f"actions.{kind}.sigma"].value
             times[kind] = ServiceTime(lognormal=(_digits(median.value), _digits(sigma)))
@@ -73,8 +76,6 @@ def drift(result: Calibration, path: Path) -> dict[str, str]:
 
     Raises MrpSumoError for a file that is no type, or without intervals.
     """
-    from mrp_sumo.io.documents import read_document, validated
-
     document = read_document(path)
     if set(document.content) <= {each.name for each in fields(Disturbances)}:
         raise MrpSumoError(f"{path}: found a set of disturbances, expected the robot type beside it")
@@ -146,27 +147,4 @@ def write_files(result: Calibration, base: RobotShape, path: Path) -> tuple[Path
 
 def write_options(options: Options, path: Path) -> None:
     """Write what differs from the defaults as YAML. Raises MrpSumoError where it cannot be written."""
-    import yaml
-
-    write_text(path, yaml.safe_dump(_plain(options), sort_keys=False, default_flow_style=None, width=140, allow_unicode=True))
-
-
-def _plain(options: Options) -> dict[str, Any]:
-    """What differs from the defaults, as YAML has it."""
-    document: dict[str, Any] = {}
-    for each in fields(options):  # type: ignore[arg-type]  # whose subclasses are dataclasses
-        value = getattr(options, each.name)
-        default = (
-            each.default if each.default is not MISSING else each.default_factory() if each.default_factory is not MISSING else MISSING
-        )
-        if value != default and each.name != "name":
-            document[each.name] = _value(value)
-    return document
-
-
-def _value(value: Any) -> Any:
-    if isinstance(value, Options):
-        return _plain(value)
-    if isinstance(value, tuple | list):
-        return [_value(each) for each in value]
-    return {key: _value(each) for key, each in value.items()} if isinstance(value, dict) else value
+    write_text(path, yaml.safe_dump(non_default(options), sort_keys=False, default_flow_style=None, width=140, allow_unicode=True))

@@ -145,13 +145,17 @@ def non_default(options: Any) -> dict[str, Any]:
     for each in fields(options):
         value = getattr(options, each.name)
         default = each.default if each.default_factory is MISSING else each.default_factory()
-        if each.name == "name" or value == default:
-            continue
-        said[each.name] = [_plain(one) for one in value] if isinstance(value, tuple) else _plain(value)
+        if each.name != "name" and value != default:
+            said[each.name] = _plain(value)
     return said
 
 
 def _plain(value: Any) -> Any:
+    """A value of an option as YAML has it."""
+    if isinstance(value, tuple | list):
+        return [_plain(one) for one in value]
+    if isinstance(value, dict):
+        return {key: _plain(one) for key, one in value.items()}
     return non_default(value) if is_dataclass(value) else value
 
 
