@@ -6,12 +6,12 @@ the model: top speed m / (1 - s sqrt(2 / pi)). Estimated by a Gaussian likelihoo
 positions makes neighbours negatively and scatter of speed makes them positively correlated: that tells both apart.
 """
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from math import nan, pi, sqrt
 
 import numpy as np
 
-from mrp_sumo.calibration.phases import Noise, Phases, padded
+from mrp_sumo.calibration.phases import Noise, Phases, padded, spans_of, taken, thinned
 from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray
 from mrp_sumo.experiments.statistics import t_quantile
 
@@ -91,11 +91,10 @@ def top_windows(phases: list[Phases], vehicles: list[str], speed_mps: float, acc
     rows: list[tuple[FloatArray, FloatArray, int, float]] = []
     for each in phases:
         t, vehicle = each.track.t_s, vehicles.index(each.track.vehicle)
-        period_s = float(np.median(np.diff(t)))
+        period_s = each.track.period_s
+        low, high = (speed_mps**2 / (2 * rate) + speed_mps * period_s for rate in (accel, decel))
         for leg in each.legs:
             time, along = t[leg.first : leg.last + 1], leg.along_m
-            low = speed_mps**2 / (2 * accel) + speed_mps * period_s
-            high = speed_mps**2 / (2 * decel) + speed_mps * period_s
             inner = np.flatnonzero((along > along[0] + low) & (along < along[-1] - high))
             if len(inner) <= LEAST_STEPS:
                 continue
@@ -134,15 +133,12 @@ def of_top_speed(windows: Windows, noise: Noise, num_vehicles: int) -> Windows:
             n = int(windows.count[w])
             speed = windows.step_m[w, :n] / windows.dt_s[w, :n]
             fits = np.abs(speed - usual) < FAR_OFF * spread
-            edges = np.flatnonzero(np.diff(np.concatenate(([0], fits.astype(np.int8), [0]))))
-            for a, b in zip(edges[::2].tolist(), edges[1::2].tolist()):
+            for a, b in spans_of(fits):
                 a, b = a + (a > 0), b - (b < n)  # what is beside a dip may be on its way into it
                 if b - a >= LEAST_STEPS:
                     rows.append((windows.dt_s[w, a:b], windows.step_m[w, a:b], r, float(windows.block[w]) * BLOCK_S))
     total = sum(len(row[0]) for row in rows)
-    if total > MOST_STEPS:
-        rows = [rows[k] for k in np.linspace(0, len(rows) - 1, int(len(rows) * MOST_STEPS / total)).astype(int).tolist()]
-    return _windows(rows)
+    return _windows(thinned(rows, int(len(rows) * MOST_STEPS / max(total, MOST_STEPS))))
 
 
 def _upper_mode(means: FloatArray, count: IntArray) -> float:
@@ -183,7 +179,7 @@ def fit_cruise(windows: Windows, noise: Noise, num_vehicles: int, confidence: fl
         fits = explained(_Likelihood(windows, num_vehicles, likelihood.usual_noise).squares(fit.theta), windows.count, UNEXPLAINED)
         if fits.sum() == len(likelihood.windows.count) or fits.mean() < MOST_FIT:
             break
-        likelihood = replace(likelihood, windows=Windows(*(getattr(windows, each.name)[fits] for each in fields(windows))))
+        likelihood = replace(likelihood, windows=taken(windows, fits))
         fit = _best(likelihood, fit.theta)
     mean, mean_deviation = likelihood.means(fit.theta)
     ends = (unknown if confidence is None else np.exp(_range(likelihood, fit, k, confidence)).tolist() for k in (1, 2))

@@ -7,6 +7,7 @@ tracks of a vehicle is unknown.
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import combinations, pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -48,6 +49,16 @@ class Track:
     @property
     def has_headings(self) -> bool:
         return bool(np.isfinite(self.yaw_rad).all())
+
+    @cached_property
+    def period_s(self) -> float:
+        """The usual time between two poses."""
+        return float(np.median(np.diff(self.t_s)))
+
+    @property
+    def xy_m(self) -> FloatArray:
+        """[N, 2]"""
+        return np.stack((self.x_m, self.y_m), 1)
 
 
 @dataclass(frozen=True)

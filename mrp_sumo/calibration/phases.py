@@ -5,13 +5,20 @@ noise of positions, which is estimated first: at stands, where a vehicle is at o
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from itertools import pairwise
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
 from mrp_sumo.calibration.log import Track
-from mrp_sumo.core.graph import BoolArray, FloatArray
+from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+T = TypeVar("T")
+D = TypeVar("D", bound="DataclassInstance")
 
 LEAST_NOISE_M = 0.002  # of positions: steps of the log's clock, rounding
 LEAST_NOISE_RAD = 0.002
@@ -102,7 +109,7 @@ def usual_speed(tracks: list[Track]) -> float:
     """The usual speed, roughly: the upper decile of what they cover in two seconds, of those that moved."""
     speeds = [np.zeros(0)]
     for track in tracks:
-        lag = max(1, round(2.0 / float(np.median(np.diff(track.t_s)))))
+        lag = max(1, round(2.0 / track.period_s))
         if len(track.t_s) > lag:
             away = np.hypot(track.x_m[lag:] - track.x_m[:-lag], track.y_m[lag:] - track.y_m[:-lag])
             speeds.append(away / (track.t_s[lag:] - track.t_s[:-lag]))
@@ -128,8 +135,7 @@ def phases_of(track: Track, noise: Noise, speed_mps: float) -> Phases:
 
 def _stands(track: Track, noise: Noise, speed_mps: float) -> list[Stand]:
     """Where samples stay together: first by how far it is to the sample `lag` later, then within a ball."""
-    xy = np.stack((track.x_m, track.y_m), 1)
-    period_s = float(np.median(np.diff(track.t_s)))
+    xy, period_s = track.xy_m, track.period_s
     least_m = STILL_SIGMA * np.sqrt(2) * noise.position_m
     lag = max(1, round(min(8.0, 3 * least_m / max(speed_mps, 1e-3), 2.0) / period_s)) if period_s else 1
     lag = min(lag, len(xy) - 1)
@@ -138,11 +144,8 @@ def _stands(track: Track, noise: Noise, speed_mps: float) -> list[Stand]:
     held = np.zeros(len(xy), np.bool_)
     for k in np.flatnonzero(still).tolist():
         held[k : k + lag + 1] = True
-    stands: list[Stand] = []
-    bounds = np.flatnonzero(np.diff(np.concatenate(([0], held.astype(np.int8), [0]))))
-    for a, b in zip(bounds[::2].tolist(), bounds[1::2].tolist()):
-        stands += _balls(xy, a, b, max(STILL_SIGMA * noise.position_m, 0.02 * speed_mps * period_s) + 0.005)
-    return stands
+    within_m = max(STILL_SIGMA * noise.position_m, 0.02 * speed_mps * period_s) + 0.005
+    return [stand for a, b in spans_of(held) for stand in _balls(xy, a, b, within_m)]
 
 
 def _balls(xy: FloatArray, a: int, b: int, near_m: float) -> list[Stand]:
@@ -166,17 +169,14 @@ def _balls(xy: FloatArray, a: int, b: int, near_m: float) -> list[Stand]:
 def _legs(track: Track, noise: Noise, begin: tuple[int, int], end: tuple[int, int]) -> list[StraightLeg]:
     """Straight pieces from one sample to another (Douglas and Peucker, 1973), each with the stand at its ends."""
     (a, before), (b, after) = begin, end
-    xy = np.stack((track.x_m[a : b + 1], track.y_m[a : b + 1]), 1)
-    corners = _corners(xy, STILL_SIGMA * noise.position_m + 0.02)
-    legs = []
-    for first, last in pairwise(corners):
+    xy, legs = track.xy_m[a : b + 1], []
+    for first, last in pairwise(_corners(xy, STILL_SIGMA * noise.position_m + 0.02)):
         away = xy[last] - xy[first]
         length_m = float(np.hypot(*away))
         if last - first < 2 or length_m < SHORTEST_LEG_M:
             continue
         inner = xy[first : last + 1]
-        middle = inner - inner.mean(0)
-        direction = np.linalg.svd(middle, full_matrices=False)[2][0]
+        direction = np.linalg.svd(inner - inner.mean(0), full_matrices=False)[2][0]
         direction = direction if direction @ away > 0 else -direction
         heading = float(np.arctan2(direction[1], direction[0]))
         stands = (before if first == 0 else -1), (after if last == len(xy) - 1 else -1)
@@ -200,6 +200,22 @@ def _corners(xy: FloatArray, near_m: float) -> list[int]:
             corners.add(a + 1 + k)
             stack += [(a, a + 1 + k), (a + 1 + k, b)]
     return sorted(corners)
+
+
+def spans_of(flags: BoolArray) -> list[tuple[int, int]]:
+    """Where flags are true: the first of each run of them, and the one after its last."""
+    edges = np.flatnonzero(np.diff(flags.astype(np.int8), prepend=0, append=0)).tolist()
+    return list(zip(edges[::2], edges[1::2]))
+
+
+def thinned(rows: list[T], most: int) -> list[T]:
+    """So many of the rows at most, evenly spread."""
+    return rows if len(rows) <= most else [rows[k] for k in np.linspace(0, len(rows) - 1, most).astype(int).tolist()]
+
+
+def taken(columns: D, rows: BoolArray | IntArray) -> D:
+    """Some rows of a dataclass whose fields are columns."""
+    return replace(columns, **{each.name: getattr(columns, each.name)[rows] for each in fields(columns)})
 
 
 def padded(first: Sequence[FloatArray], second: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray, BoolArray]:

@@ -10,12 +10,12 @@ differences of speeds never show. Episodes that no such motion explains, such as
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from mrp_sumo.calibration.cruise import Scatter, explained, integrated_cov
-from mrp_sumo.calibration.phases import Noise, Phases, padded
+from mrp_sumo.calibration.phases import Noise, Phases, padded, taken, thinned
 from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray
 
 MOST_SAMPLES = 20  # of an episode
@@ -93,12 +93,8 @@ def fit_ramp(
         own = mean_mps[episodes.vehicle]
         usual = np.flatnonzero(np.abs(episodes.speed_mps / own - 1) < SAME_SPEED)
         if len(usual) >= FEW:
-            episodes = replace(_some(episodes, usual), speed_mps=own[usual], prior_mps=KNOWN_SPEED * own[usual])
+            episodes = replace(taken(episodes, usual), speed_mps=own[usual], prior_mps=KNOWN_SPEED * own[usual])
     return None if episodes is None else _fit(episodes, noise, scatter, before.value)
-
-
-def _some(episodes: Episodes, rows: IntArray) -> Episodes:
-    return Episodes(*(getattr(episodes, each.name)[rows] for each in fields(episodes)))
 
 
 def marginal(ramp: Ramp, noise: Noise, scatter: Scatter) -> Ramp:
@@ -108,7 +104,7 @@ def marginal(ramp: Ramp, noise: Noise, scatter: Scatter) -> Ramp:
     """
     episodes, used = ramp.episodes, ramp.used
     keep = np.flatnonzero(used)
-    part = _some(episodes, keep)
+    part = taken(episodes, keep)
     whiten = _whitening(part, ramp.t0_s[keep], part.speed_mps, ramp.value, noise, scatter)
     reach = np.clip(REACH * ramp.t0_deviation_s[keep], 1e-4, part.period_s)
     t0 = ramp.t0_s[keep, None] + reach[:, None] * np.linspace(-1, 1, NODES)
@@ -166,7 +162,7 @@ def _episodes(
     rows: list[tuple[float, FloatArray, FloatArray, float, int, tuple[int, int], float]] = []
     for number, each in enumerate(phases):
         t = -each.track.t_s if braking else each.track.t_s
-        period_s = float(np.median(np.diff(each.track.t_s)))
+        period_s = each.track.period_s
         vehicle = vehicles.index(each.track.vehicle)
         for leg in each.legs:
             k, other = (leg.to_stand, leg.from_stand) if braking else (leg.from_stand, leg.to_stand)
@@ -179,7 +175,7 @@ def _episodes(
                 picked = np.arange(max(stand.last - 2 * REST_SAMPLES + 1, stand.first), leg.last + 1)
             direction = np.array([np.cos(leg.heading_rad), np.sin(leg.heading_rad)]) * (-1 if braking else 1)
             time = t[picked]
-            along = np.stack((each.track.x_m[picked] - stand.x_m, each.track.y_m[picked] - stand.y_m), 1) @ direction
+            along = (each.track.xy_m[picked] - (stand.x_m, stand.y_m)) @ direction
             is_cut = (leg.first if braking else leg.last) in (0, len(t) - 1) and other < 0
             length_m = np.inf if is_cut else float(np.ptp(leg.along_m))
             own = min(speed_mps, np.sqrt(2 * here * there * length_m / (here + there)) if np.isfinite(length_m) else np.inf)
@@ -202,9 +198,7 @@ def _episodes(
             rows.append((float(time[0]), time - time[0], along, slope if has_cruise else speed_mps, vehicle, (number, k), period_s))
     if len(rows) < 3:
         return None
-    if len(rows) > MOST_EPISODES:
-        rows = [rows[k] for k in np.linspace(0, len(rows) - 1, MOST_EPISODES).astype(int).tolist()]
-    begin, times, alongs, speed, robot, place, period = zip(*rows)
+    begin, times, alongs, speed, robot, place, period = zip(*thinned(rows, MOST_EPISODES))
     speeds = np.clip(np.array(speed), 0.1 * speed_mps, 2 * speed_mps)
     samples = padded(times, alongs)
     return Episodes(np.array(begin), *samples, speeds, SPEED_PRIOR * speeds, *map(np.array, (period, robot, place)))

@@ -71,11 +71,9 @@ def fit_stops(
     """
     unexplained = [_unexplained(each, visits) for each in phases]
     places, others, lifts = _Stands(phases, unexplained), _Others(all_tracks), _lifts(all_tracks)
-    holds, driven_s, periods = [], 0.0, []
+    holds, driven_s = [], 0.0
     for number, each in enumerate(phases):
-        track, t = each.track, each.track.t_s
-        period_s = float(np.median(np.diff(t)))
-        periods.append(period_s)
+        track, t, period_s = each.track, each.track.t_s, each.track.period_s
         alone = ~others.near(track.vehicle, t, track.x_m, track.y_m)
         free = alone & ~(track.waits > 0) & ~places.often(track.x_m, track.y_m)
         if len(lifts):
@@ -91,7 +89,7 @@ def fit_stops(
             lasted_s = left_s.get((number, k), t[stand.last] + period_s / 2) - came_s.get((number, k), t[stand.first] - period_s / 2)
             if lasted_s > LEAST_PERIODS * period_s:
                 holds.append(lasted_s + brake_s)
-    seen_s = LEAST_PERIODS * float(np.median(periods)) + brake_s
+    seen_s = LEAST_PERIODS * float(np.median([each.track.period_s for each in phases])) + brake_s
     return _fit(np.array(holds), driven_s, seen_s, drop)
 
 
@@ -167,9 +165,9 @@ class _Stands:
         from scipy.spatial import cKDTree
 
         xy = np.array([(each.stands[k].x_m, each.stands[k].y_m) for each, mine in zip(phases, stands) for k in mine]).reshape(-1, 2)
-        places = [np.stack((each.track.x_m, each.track.y_m), 1) for each in phases]
-        moving = np.concatenate([np.zeros((0, 2)), *(place[each.moving] for place, each in zip(places, phases))])
-        steps = [np.hypot(*np.diff(place[each.moving], axis=0).T) for place, each in zip(places, phases) if each.moving.sum() > 1]
+        moves = [each.track.xy_m[each.moving] for each in phases]
+        moving = np.concatenate([np.zeros((0, 2)), *moves])
+        steps = [np.hypot(*np.diff(places, axis=0).T) for places in moves if len(places) > 1]
         self._tree, self._passing = (cKDTree(points) if len(points) else None for points in (xy, moving))
         self._passes = float(np.median(np.concatenate(steps))) / (CHORD * PLACE_M) if steps else 0.0  # by sample nearby
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mrp_sumo.calibration.log import Track
-from mrp_sumo.calibration.phases import Noise, padded
+from mrp_sumo.calibration.phases import Noise, padded, spans_of, thinned
 from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray
 
 LEAST_RAD = 0.5
@@ -40,9 +40,7 @@ def fit_turning(tracks: list[Track], noise: Noise, speed_mps: float) -> TurnFit 
     turns = [(*turn, number[track.vehicle]) for track in tracks if track.has_headings for turn in _turns(track, noise, speed_mps)]
     if len(turns) < 5:
         return None
-    if len(turns) > MOST_TURNS:
-        turns = [turns[k] for k in np.linspace(0, len(turns) - 1, MOST_TURNS).astype(int).tolist()]
-    times, angles, totals, vehicle = zip(*turns)
+    times, angles, totals, vehicle = zip(*thinned(turns, MOST_TURNS))
     time, angle, there = padded(times, angles)
     whole = np.array(totals)
 
@@ -104,10 +102,9 @@ def _turns(track: Track, noise: Noise, speed_mps: float) -> list[tuple[FloatArra
     """Times and angles about each turn, and the whole angle, turned so that it is positive."""
     yaw, t = track.yaw_rad, track.t_s
     steady = np.abs(np.diff(yaw)) < STEADY_SIGMA * np.sqrt(2) * noise.heading_rad + 0.02
-    edges = np.flatnonzero(np.diff(np.concatenate(([1], steady.astype(np.int8), [1]))))
-    begins, ends = edges[::2].tolist(), edges[1::2].tolist()
-    turns = []
-    for a, b, earlier, later in zip(begins, ends, [-1, *ends], [*begins[1:], len(t)]):  # steps a to b - 1 turn: samples a to b
+    spans, turns = spans_of(~steady), []
+    for (a, b), (_, earlier), (later, _) in zip(spans, [(0, -1), *spans], [*spans[1:], (len(t), 0)]):
+        # steps a to b - 1 turn: samples a to b
         before, after = slice(max(earlier + 1, a - AROUND), a), slice(b + 1, min(later, b + 1 + AROUND))
         if not (steady[max(0, a - 2) : a].all() and steady[b : b + 2].all()) or a < 2 or b > len(t) - 3:
             continue
