@@ -21,7 +21,7 @@ class _Sightings:
         execution = m.record.execution
         assert execution.people is not None
         self.m, self.log, self.samples = m, execution.people, samples
-        self.period_s = float(execution.t_s[1] - execution.t_s[0]) if len(execution.t_s) > 1 else 1.0
+        self.period_s = execution.period_s
         rows = np.searchsorted(execution.t_s, samples.t_ns / 1e9 + 1e-9, side="right") - 1
         self.sample: IntArray = np.clip(rows, 0, len(execution.t_s) - 1)
 

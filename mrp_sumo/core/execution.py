@@ -125,6 +125,11 @@ class Execution:
         return int(self.x_m.shape[1])
 
     @property
+    def period_s(self) -> float:
+        """Time between samples; 1 s where there are not two."""
+        return float(self.t_s[1] - self.t_s[0]) if len(self.t_s) > 1 else 1.0
+
+    @property
     def all_at_goal(self) -> bool:
         return bool(np.isfinite(self.goal_s).all())
 

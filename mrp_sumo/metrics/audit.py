@@ -306,11 +306,10 @@ def _among_people(execution: Execution, fleet: Fleet, towed: range) -> dict[str,
     log, names = execution.people, ("num_person_contacts", "num_person_touches", "person_contacts")
     if log is None or not len(execution.t_s):
         return dict.fromkeys((*names, "num_field_violations", "field_violations", "min_person_distance_m"))
-    period_s = float(execution.t_s[1] - execution.t_s[0]) if len(execution.t_s) > 1 else 1.0
     bodies = _bodies(fleet)
     shapes = bodies.half_length, bodies.half_width, bodies.radius, _rows(fleet.decel_mps2), fleet.is_vehicle
     touches, fast, nearest = _people.meet_people(
-        _people.RobotSamples(*_poses(execution), _rows(execution.speed_mps), *shapes, period_s),
+        _people.RobotSamples(*_poses(execution), _rows(execution.speed_mps), *shapes, execution.period_s),
         _people.Sightings(log.first, log.person, log.x_m, log.y_m, log.radius_m),
         _people.FieldRules(log.extra_m, log.reaction_s, log.side_m, log.slowest_mps),
     )

@@ -21,8 +21,7 @@ def occupancy(execution: Execution, graph: PlanGraph, nav: NavGraph) -> ZoneLog:
     places, tree = places_of(graph, nav), cKDTree(graph.xy)
     num_zones, num_looks = len(places.name), 0
     total, occupied, most = (np.zeros(num_zones, np.int64) for _ in range(3))
-    period_s = float(execution.t_s[1] - execution.t_s[0]) if len(execution.t_s) > 1 else LOOK_S
-    every = max(1, round(LOOK_S / period_s))
+    every = max(1, round(LOOK_S / execution.period_s))
     for begin in range(0, len(execution.t_s), every * TOGETHER):
         looks = slice(begin, begin + every * TOGETHER, every)
         there = np.stack([execution.x_m[looks], execution.y_m[looks]], -1)  # [K, R, 2]

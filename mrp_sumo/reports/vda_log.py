@@ -202,8 +202,7 @@ class LoggedVehicle:
         drives = (np.abs(execution.speed_mps[:, r]) >= STANDING_MPS) & there
         happenings += [Happening(t, DRIVE) for t in execution.t_s[1:][drives[1:] != drives[:-1]].tolist()]
         happenings += [Happening(float(t), ALIVE) for t in np.arange(0.0, end_s + 1e-9, KEEP_ALIVE_S)] + [Happening(end_s, ALIVE)]
-        period_s = float(execution.t_s[1] - execution.t_s[0]) if len(execution.t_s) > 1 else 1.0
-        every = max(1, round(1 / (MOST_HZ * period_s)))
+        every = max(1, round(1 / (MOST_HZ * execution.period_s)))
         happenings += [Happening(t, SHOW) for t in execution.t_s[::every][there[::every]].tolist()]
         return sorted((h._replace(t_s=round(h.t_s, 9)) for h in happenings), key=lambda h: (h.t_s, h.kind))
 

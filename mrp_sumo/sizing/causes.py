@@ -171,8 +171,7 @@ def _looked_at(execution: Execution, graph: PlanGraph, places: Places, t_s: Floa
 
     stops, tasks = execution.stops, execution.tasks
     assert stops is not None and tasks is not None
-    period_s = float(execution.t_s[1] - execution.t_s[0]) if len(execution.t_s) > 1 else 1.0
-    later = np.minimum(look + max(1, round(1.0 / period_s)), len(execution.t_s) - 1)
+    later = np.minimum(look + max(1, round(1.0 / execution.period_s)), len(execution.t_s) - 1)
     here = np.stack([execution.x_m[look], execution.y_m[look]], -1)
     then = np.stack([execution.x_m[later], execution.y_m[later]], -1)
     turned = np.abs(wrapped(execution.yaw_rad[later] - execution.yaw_rad[look]))

@@ -51,8 +51,7 @@ def observation(result: RunResult) -> dict[str, Any]:
     orders, stops = orders_of(execution.tasks, execution.stops)
     assert stops is not None
     steady_s = steady_from(orders) or 0.0
-    period_s = float(execution.t_s[1] - execution.t_s[0]) if len(execution.t_s) > 1 else LOOK_S
-    every = max(1, round(LOOK_S / period_s))
+    every = max(1, round(LOOK_S / execution.period_s))
     x, y = execution.x_m[::every], execution.y_m[::every]
     calls = execution.calls or PlannerCalls()
     planning_share = min(1.0, calls.requests * settings.planning.budget_s / execution.sim_time_s)

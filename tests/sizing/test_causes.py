@@ -27,7 +27,8 @@ def pressed(at, served_s, place, *, busy_s=2.0, num_places=1, planning_share=0.0
     stops |= {"since_s": since_s, "begin_s": begin_s, "end_s": end_s}
     tasks = {"robot": np.arange(num), "assigned_s": since_s, "done_s": np.full(num, 8.0), "is_order": np.ones(num, np.bool_)}
     execution = SimpleNamespace(
-        **{"t_s": t_s, "x_m": x_m, "y_m": y_m, "yaw_rad": np.zeros(x_m.shape), "sim_time_s": END_S, "facilities": None},
+        **{"t_s": t_s, "period_s": PERIOD_S, "x_m": x_m, "y_m": y_m, "yaw_rad": np.zeros(x_m.shape)},
+        **{"sim_time_s": END_S, "facilities": None},
         **{"stops": SimpleNamespace(**stops), "tasks": SimpleNamespace(**tasks)},
     )
     graph = graph_of(RING, [(k, (k + 1) % 6) for k in range(6)])

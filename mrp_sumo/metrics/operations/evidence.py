@@ -72,11 +72,10 @@ class Logs:
     def end_s(self) -> float:
         return self.execution.sim_time_s
 
-    @cached_property
+    @property
     def period_s(self) -> float:
         """Between samples."""
-        t = self.execution.t_s
-        return float(t[1] - t[0]) if len(t) > 1 else 1.0
+        return self.execution.period_s
 
     @cached_property
     def ordered(self) -> Mapping[int, Task]:
