@@ -7,7 +7,7 @@ import numpy as np
 from mrp_sumo.core.execution import Execution
 from mrp_sumo.core.facilities import DOOR_STATES, LIFT_STATES
 from mrp_sumo.core.graph import NavGraph
-from mrp_sumo.metrics.metric import LESS, NONE, Evidence, Metric, of
+from mrp_sumo.metrics.metric import LESS, NONE, Evidence, Metric, logged, of
 
 BUSY = [LIFT_STATES.index(state) for state in ("coming", "taken", "held")]
 OPENING = DOOR_STATES.index("opening")
@@ -50,7 +50,7 @@ def _use(run: Evidence) -> list[LiftUse]:
 # fmt: off
 METRICS = (
     Metric("lift_rides", "", NONE, "rides of robots in lifts from one level to another",
-           of(lambda run: run.execution.level if run.execution else None, lambda level: int((level[1:] != level[:-1]).sum()))),
+           logged("level", lambda level: int((level[1:] != level[:-1]).sum()))),
     Metric("lift_wait_s", "s", LESS,
            "time that robots waited before lifts, for the car or for others in it; waits of half a second or more",
            of(_use, lambda lifts: float(sum(lift.waited_s for lift in lifts)) if lifts else None)),
@@ -59,6 +59,5 @@ METRICS = (
     Metric("lift_utilisation_max", "", NONE, "share of the time for which the busiest lift was taken or coming to who had called it",
            of(_use, lambda lifts: max((lift.busy_share for lift in lifts), default=None))),
     Metric("door_openings", "", NONE, "how often doors began to open for robots",
-           of(lambda run: run.execution.facilities if run.execution else None,
-              lambda log: int((log.door_state == OPENING).sum()) if log.door_name else None)),
+           logged("facilities", lambda log: int((log.door_state == OPENING).sum()) if log.door_name else None)),
 )

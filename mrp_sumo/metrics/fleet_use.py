@@ -8,7 +8,7 @@ from mrp_sumo.core.battery import BatteryLog
 from mrp_sumo.core.execution import Execution, Outcome
 from mrp_sumo.core.robot_states import BROKEN, CHARGING, EMPTY, IDLE, ROBOT_STATES, STALLED, WORKING, RobotStateLog
 from mrp_sumo.core.task import StopLog, TaskLog, orders_of
-from mrp_sumo.metrics.metric import LESS, MORE, NONE, TOGETHER, Evidence, Metric, of, part
+from mrp_sumo.metrics.metric import LESS, MORE, NONE, TOGETHER, Evidence, Metric, logged, of, part
 from mrp_sumo.search.route import reach_m
 
 
@@ -44,10 +44,6 @@ def ran_empty(log: BatteryLog, robot_name: Sequence[str]) -> str:
     at_s = float(log.t_s[int((log.level[:, first] <= 0).argmax())])
     others = f" and {len(empty) - 1} more" if len(empty) > 1 else ""
     return f"ran empty: {robot_name[first]} by {at_s:.0f} s{others}"
-
-
-def _batteries(run: Evidence) -> BatteryLog | None:
-    return run.execution.batteries if run.execution else None
 
 
 def _logs(run: Evidence) -> tuple[TaskLog, StopLog] | None:
@@ -203,11 +199,11 @@ METRICS = (
            "had each robot done its own one at a time, in the order in which they were begun; null where robots carry one at most",
            _bundled_share),
     Metric("energy_j", "J", LESS, "drawn from all batteries, chargers left out; null where the robots' type has no battery",
-           of(_batteries, lambda log: float(log.used_j.sum()))),
+           logged("batteries", lambda log: float(log.used_j.sum()))),
     Metric("battery_level_min", "", MORE, "least state of charge of a robot at any time, as a share of the capacity",
-           of(_batteries, lambda log: float(log.level.min()))),
+           logged("batteries", lambda log: float(log.level.min()))),
     Metric("robots_battery_critical", "", LESS, "robots whose state of charge was at or below `critical_low_charging_level` at some time",
-           of(_batteries, lambda log: int((log.level <= log.critical).any(0).sum()))),
+           logged("batteries", lambda log: int((log.level <= log.critical).any(0).sum()))),
     Metric("robots_battery_empty", "", LESS, "robots whose batteries ran empty: they stand where they were from then on",
-           of(_batteries, lambda log: int((log.level[-1] <= 0).sum()))),
+           logged("batteries", lambda log: int((log.level[-1] <= 0).sum()))),
 )

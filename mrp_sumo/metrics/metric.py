@@ -77,7 +77,7 @@ class Metric:
     """A number, a yes or no, or a number for each robot."""
 
     name: str
-    unit: str
+    unit: str  # SI, 'yes/no', or '' for a count
     sense: Sense
     formula: str  # in words, for the documentation
     function: Function
@@ -97,34 +97,15 @@ class Metric:
 
 
 def metric(
-    unit: str = "",
-    sense: str = Sense.NONE,
-    formula: str = "",
-    *,
-    of_machine: bool = False,
-    per_robot: bool = False,
-    one_goal: bool = False,
+    unit: str = "", sense: str = Sense.NONE, formula: str = "", *, of_machine: bool = False, per_robot: bool = False, one_goal: bool = False
 ) -> Callable[[Function], Metric]:
-    """Make a function of the evidence the metric of its name.
+    """Make a function of the evidence the metric of its name, with these fields of `Metric`.
 
-    Parameters
-    ----------
-    unit
-        SI, 'yes/no', or '' for a count.
-    sense
-        'more' or 'less' is better, or 'none'.
-    formula
-        What it is, for tables of metrics; the first line of the function's docstring by default.
-    of_machine
-        Whether it depends on the machine's clocks.
-    per_robot
-        Whether it is a list with a number for each robot.
-    one_goal
-        Whether it says something only where every robot has one goal.
+    The sense is 'more', 'less' or 'none'; the formula is by default the first line of the function's docstring.
     """
 
     def made(function: Function) -> Metric:
-        words = formula or first_line(function)
+        words = formula or (function.__doc__ or "").strip().split("\n")[0].rstrip(".")
         return Metric(function.__name__, unit, Sense(sense), words, function, of_machine, per_robot, one_goal)
 
     return made
@@ -165,6 +146,11 @@ def of_execution(read: Callable[[Execution], Any]) -> Function:
     return of(lambda run: run.execution, read)
 
 
+def logged(name: str, read: Callable[[Any], Any]) -> Function:
+    """Something that one of the logs of an execution tells, such as `batteries`; None where there is none."""
+    return of(lambda run: getattr(run.execution, name, None), read)
+
+
 def of_audit(name: str) -> Function:
     """A value of the audit; None where there was none."""
     return lambda run: run.audit[name] if run.audit else None
@@ -172,13 +158,7 @@ def of_audit(name: str) -> Function:
 
 def metric_of(function: Function) -> Metric:
     """The metric that a plain function is: its unit by its name's end, no sense, its docstring's first line as formula."""
-    unit = next((unit for end, unit in UNITS.items() if function.__name__.endswith(end)), "")
-    return Metric(function.__name__, unit, Sense.NONE, first_line(function), function)
-
-
-def first_line(function: Function) -> str:
-    """The first line of a docstring."""
-    return (function.__doc__ or "").strip().split("\n")[0].rstrip(".")
+    return metric(next((unit for end, unit in UNITS.items() if function.__name__.endswith(end)), ""))(function)
 
 
 def count_of(steps: float) -> float | int | None:

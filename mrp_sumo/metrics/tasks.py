@@ -9,10 +9,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from mrp_sumo.core.execution import PlannerCalls
 from mrp_sumo.core.graph import FloatArray, IntArray
 from mrp_sumo.core.task import CANCELLED, FAILED, StopLog, TaskLog, orders_of
-from mrp_sumo.metrics.metric import LESS, MORE, NONE, Evidence, Function, Metric, Sample, of, part, quantile, statistic
+from mrp_sumo.metrics.metric import LESS, MORE, NONE, Evidence, Function, Metric, Sample, logged, of, part, quantile, statistic
 from mrp_sumo.metrics.warm_up import warm_up_length
 
 HOUR_S = 3600.0
@@ -118,10 +117,6 @@ def _events(kind: str) -> Function:
     return lambda run: None if _tasks(run) is None or run.execution is None else sum(e.kind == kind for e in run.execution.events)
 
 
-def _calls(run: Evidence) -> PlannerCalls | None:
-    return run.execution.calls if run.execution else None
-
-
 def _throughput_per_h(run: Evidence) -> float | None:
     tasks, warm_s = _tasks(run), run.once(_warm_up)
     if tasks is None or run.execution is None or warm_s is None or run.execution.sim_time_s <= warm_s:
@@ -187,17 +182,16 @@ METRICS = (
            "share of the time after the warm-up for which the busiest place of a station served a robot", statistic(_utilisation, np.max)),
     Metric("station_utilisation_mean", "", NONE, "mean of the same over all places where a stop was made",
            statistic(_utilisation, np.mean)),
-    Metric(
-        "planner_calls", "", NONE, "answers that the planner was asked for while robots drove", of(_calls, lambda calls: calls.requests)
-    ),
+    Metric("planner_calls", "", NONE, "answers that the planner was asked for while robots drove",
+           logged("calls", lambda calls: calls.requests)),
     Metric("planner_calls_late", "", LESS,
            "of these, requests for which `execution.planning.effort` did not suffice; robots kept what they had",
-           of(_calls, lambda calls: calls.late)),
+           logged("calls", lambda calls: calls.late)),
     Metric("planner_calls_failed", "", LESS,
            "of these, requests without a plan, or with one that could not be driven; robots kept what they had",
-           of(_calls, lambda calls: calls.failed)),
+           logged("calls", lambda calls: calls.failed)),
     Metric("planner_calls_stepped", "", LESS, "late or failed requests in a row from the second on, which PIBT answered for a window",
-           of(_calls, lambda calls: calls.stepped)),
+           logged("calls", lambda calls: calls.stepped)),
     Metric("planner_calls_stopped", "", LESS, "such requests that PIBT could not answer either: robots stopped at the ends of their ways",
-           of(_calls, lambda calls: calls.stopped)),
+           logged("calls", lambda calls: calls.stopped)),
 )
