@@ -11,11 +11,10 @@ from mrp_sumo.core.execution import RECORDED, Execution, Outcome
 from mrp_sumo.core.graph import FloatArray, frozen
 from mrp_sumo.core.plan import plan_of_visits
 from mrp_sumo.core.task import NOBODY, TASK_STATES, StopLog, TaskLog
-from mrp_sumo.experiments.recorded import between, finished
+from mrp_sumo.experiments.recorded import SAMPLE_S, between, finished, samples_s
 from mrp_sumo.experiments.result import RunResult
 from mrp_sumo.experiments.staging.set_up import SetUp
 
-SAMPLE_S = 0.1
 GAP_S = 60.0  # without poses, in which nobody knows where a vehicle is
 
 
@@ -29,7 +28,7 @@ def logged_run(held: HeldOut, setup: SetUp) -> RunResult:
 
 
 def _execution(held: HeldOut, setup: SetUp) -> Execution:
-    t_s = np.round(np.arange(math.floor(held.span_s / SAMPLE_S + 1e-6) + 1) * SAMPLE_S, 9)
+    t_s = samples_s(held.span_s)
     x, y, yaw, speed = (np.full((len(t_s), len(held.vehicles)), np.nan) for _ in range(4))
     level, by, on = np.zeros(x.shape, np.int64), shift_on(held.log, setup.map), levels_on(held.log, setup.map)
     for r, name in enumerate(held.vehicles):

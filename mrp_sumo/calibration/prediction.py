@@ -2,9 +2,9 @@
 
 Some runs are made, each with a seed of its own, calibrated figures drawn from their intervals, and services drawn anew. What they have in
 the median is predicted, and a band of 90 % is where the log, as one more of them, is expected. How far vehicles differ is not drawn: they
-are the same ones. Figures of both are made by the same functions: lead times
-of orders that are released after the cut, not done by the end counting as longer than any; standing before services at stations; orders
-done an hour; shares of the time for which vehicles have orders, and the busiest station serves.
+are the same ones. Figures of both are made by the same functions: lead times of orders that are released after the cut, not done by the
+end counting as longer than any; standing before services at stations; orders done an hour; shares of the time for which vehicles have
+orders, and the busiest station serves.
 """
 
 import math
@@ -26,7 +26,7 @@ from mrp_sumo.core.graph import FloatArray
 from mrp_sumo.core.robot_type import RobotShape
 from mrp_sumo.core.task import StopLog, orders_of
 from mrp_sumo.errors import MrpSumoError
-from mrp_sumo.experiments.error_bands import as_changes, quantities
+from mrp_sumo.experiments.error_bands import as_changes, quantities, rounded
 from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.experiments.result import RunResult
 from mrp_sumo.experiments.run import carry_out
@@ -85,9 +85,8 @@ class ComparedFigure:
     @property
     def document(self) -> dict[str, Any]:
         """As JSON."""
-        return {**{key: _said(getattr(self, key)) for key in ("logged", "predicted", "low", "high", "error")}, "unit": self.unit} | {
-            "band_holds": self.holds
-        }
+        figures = {key: rounded(getattr(self, key), 6) for key in ("logged", "predicted", "low", "high", "error")}
+        return {**figures, "unit": self.unit, "band_holds": self.holds}
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,19 +131,8 @@ class Prediction:
         }
 
 
-def _said(value: float) -> float | None:
-    return float(f"{value:.6g}") if math.isfinite(value) else None
-
-
 def predicted(
-    file: ScenarioFile,
-    log: MotionLog,
-    *,
-    hold_out: float,
-    runs: int,
-    folder: Path,
-    maps: MapCache,
-    report: Report,
+    file: ScenarioFile, log: MotionLog, *, hold_out: float, runs: int, folder: Path, maps: MapCache, report: Report
 ) -> Prediction:
     """Predict the later part of a log, a share of its time, by some simulations. Raises MrpSumoError: one line, for one that does not fit.
 
@@ -372,14 +360,12 @@ def _compared(logged: Outcomes, simulated: Sequence[Outcomes], station: str, lea
         middle = float(values.mean())
         return ComparedFigure(name, label, unit, read(logged), float(np.median(values)), max(0.0, middle - reach), middle + reach)
 
-    for share, word in ((0.5, "p50"), (0.95, "p95")):
-        yield figure(f"lead_time_{word}_s", f"lead time, {word}", "s", lambda run, q=share: _quantile(run.lead_time_s, q))  # type: ignore[misc]
-    for share, word in ((0.5, "p50"), (0.95, "p95")):
+    def quantile(name: str, share: float) -> Callable[[Outcomes], float]:
+        return lambda run: _quantile(getattr(run, name), share)
 
-        def wait_s(run: Outcomes, q: float = share) -> float:
-            return _quantile(run.station_wait_s, q)
-
-        yield figure(f"station_wait_{word}_s", f"wait at stations, {word}", "s", wait_s, period_s)
+    for name, words, least_s in (("lead_time", "lead time", 0.0), ("station_wait", "wait at stations", period_s)):
+        for share, word in ((0.5, "p50"), (0.95, "p95")):
+            yield figure(f"{name}_{word}_s", f"{words}, {word}", "s", quantile(f"{name}_s", share), least_s)
     yield figure("throughput_per_h", "orders done an hour", "1/h", lambda run: run.throughput_per_h, order_per_h)
     yield figure("robots_busy_share", "robots with an order", "", lambda run: run.robots_busy_share)
     yield figure("station_busy_share", f"'{station}' serves", "", lambda run: run.station_busy_share)

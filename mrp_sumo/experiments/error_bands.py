@@ -261,6 +261,6 @@ def value_of(file: ScenarioFile, key: str) -> float:
     return float(value)
 
 
-def rounded(value: float) -> float | None:
-    """Four digits, as JSON."""
-    return float(f"{value:.4g}") if math.isfinite(value) else None
+def rounded(value: float, digits: int = 4) -> float | None:
+    """So many digits, as JSON."""
+    return float(f"{value:.{digits}g}") if math.isfinite(value) else None

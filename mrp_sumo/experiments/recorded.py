@@ -95,6 +95,11 @@ def finished(setup: SetUp, plan: Plan, execution: Execution, note: str, time_lim
     return RunResult(setup, status, note, Solution(setup, problem, result, verdict, 0.0), execution, audited, plain(metrics))
 
 
+def samples_s(span_s: float) -> FloatArray:
+    """[T] times of the samples of a span."""
+    return np.round(np.arange(math.floor(span_s / SAMPLE_S + 1e-6) + 1) * SAMPLE_S, 9)
+
+
 class Between(NamedTuple):
     """Poses at T times, straight in between reports; on the way from one level to another as the nearer report has it."""
 
@@ -195,7 +200,7 @@ def _pose_at(vehicle: Recorded, t_s: float) -> tuple[float, float, str]:
 
 
 def _execution(vehicles: list[Recorded], begin_s: float, span_s: float, plan: Plan, graph: NavGraph, shift: Shift) -> Execution:
-    t_s = np.round(np.arange(math.floor(span_s / SAMPLE_S + 1e-6) + 1) * SAMPLE_S, 9)
+    t_s = samples_s(span_s)
     x, y, yaw, speed = (np.full((len(t_s), len(vehicles)), np.nan) for _ in range(4))
     level, by = np.zeros((len(t_s), len(vehicles)), np.int64), shifts_of(graph.level_names, shift)
     events = []
