@@ -5,20 +5,16 @@ noise of positions, which is estimated first: at stands, where a vehicle is at o
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
 from mrp_sumo.calibration.log import Track
 from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray
 
-if TYPE_CHECKING:
-    from _typeshed import DataclassInstance
-
 T = TypeVar("T")
-D = TypeVar("D", bound="DataclassInstance")
 
 LEAST_NOISE_M = 0.002  # of positions: steps of the log's clock, rounding
 LEAST_NOISE_RAD = 0.002
@@ -213,9 +209,9 @@ def thinned(rows: list[T], most: int) -> list[T]:
     return rows if len(rows) <= most else [rows[k] for k in np.linspace(0, len(rows) - 1, most).astype(int).tolist()]
 
 
-def taken(columns: D, rows: BoolArray | IntArray) -> D:
+def taken(columns: T, rows: BoolArray | IntArray) -> T:
     """Some rows of a dataclass whose fields are columns."""
-    return replace(columns, **{each.name: getattr(columns, each.name)[rows] for each in fields(columns)})
+    return replace(columns, **{name: column[rows] for name, column in vars(columns).items()})  # type: ignore[type-var]
 
 
 def padded(first: Sequence[FloatArray], second: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray, BoolArray]:
