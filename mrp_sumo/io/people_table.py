@@ -23,12 +23,11 @@ if TYPE_CHECKING:
 
 PEOPLE = "people.parquet"
 ROWS_PER_GROUP = 1_000_000
-LISTED = ("waited_s", "lost_s", "stop_s", "stop_duration_s", "stop_in_motion")  # a number a person, a robot, and thrice a stop
-PER_PERSON, PER_ROBOT = ("level", "waited_s"), ("lost_s",)
-PER_STOP, FIGURES = (
-    ("stop_robot", "stop_s", "stop_duration_s", "stop_in_motion"),
-    ("radius_m", "extra_m", "reaction_s", "side_m", "slowest_mps"),
-)
+LISTED = {  # in the metadata, in their order: those of people, of robots, and of stops
+    **{"level": np.int64, "waited_s": np.float64, "lost_s": np.float64},
+    **{"stop_robot": np.int64, "stop_s": np.float64, "stop_duration_s": np.float64, "stop_in_motion": np.bool_},
+}
+FIGURES = ("radius_m", "extra_m", "reaction_s", "side_m", "slowest_mps")
 
 
 def write_people(path: Path, log: PeopleLog, t_s: FloatArray, levels: "Shift | None") -> None:
@@ -43,7 +42,7 @@ def write_people(path: Path, log: PeopleLog, t_s: FloatArray, levels: "Shift | N
         x_m, y_m = (column - shift_m[:, k] for k, column in enumerate((x_m, y_m)))
         columns["level"] = pa.DictionaryArray.from_arrays(numbers(on.astype(np.int16)), texts(levels))
     columns |= {"x_m": numbers(x_m), "y_m": numbers(y_m)}
-    about = {name: getattr(log, name).tolist() for name in (*PER_PERSON, *PER_ROBOT, *PER_STOP)}
+    about = {name: getattr(log, name).tolist() for name in LISTED}
     about |= {name: value if np.isfinite(value := getattr(log, name)) else None for name in FIGURES}
     table = pa.table(columns).replace_schema_metadata({KEY: json.dumps(about, allow_nan=False)})
     encoding = {"t_ns": "DELTA_BINARY_PACKED", "person": "DELTA_BINARY_PACKED", "x_m": "BYTE_STREAM_SPLIT", "y_m": "BYTE_STREAM_SPLIT"}
@@ -54,9 +53,11 @@ def read_people(path: Path, t_ns: IntArray, levels: "Shift | None", num_robots: 
     """The log as it was written. `t_ns` [T]: the times of the samples."""
     table = read_table(path)
     listed = {name: table.about_numbers(name) for name in ("level", "stop_robot")}
-    num_people, num_stops, num_levels = len(listed["level"]), len(listed["stop_robot"]), len(levels) if levels else 1
-    listed |= {name: table.about_numbers(name, size) for name, size in zip(LISTED, (num_people, num_robots, *[num_stops] * 3))}
-    for name, most in (("level", num_levels), ("stop_robot", num_robots)):
+    num_people, num_stops = len(listed["level"]), len(listed["stop_robot"])
+    for name in LISTED:
+        count = num_robots if name == "lost_s" else num_stops if name.startswith("stop_") else num_people
+        listed[name] = table.about_numbers(name, count)
+    for name, most in (("level", len(levels) if levels else 1), ("stop_robot", num_robots)):
         if not np.isin(listed[name], np.arange(most)).all():
             raise table.fault(f"its metadata '{name}' hold a number that is none of {most}")
     time, person = table.integers("t_ns"), table.integers("person", 0, num_people - 1).astype(np.int32)
@@ -72,8 +73,7 @@ def read_people(path: Path, t_ns: IntArray, levels: "Shift | None", num_robots: 
         shift_m = np.array(list(levels.values()))[on].astype(np.float32)
         x_m, y_m = (column + shift_m[:, k] for k, column in enumerate((x_m, y_m)))
     first = np.searchsorted(time[order], t_ns)
-    kinds = {"level": np.int64, "stop_robot": np.int64, "stop_in_motion": np.bool_}
-    columns: dict[str, Any] = {name: frozen(values.astype(kinds.get(name, np.float64))) for name, values in listed.items()}
+    columns: dict[str, Any] = {name: frozen(listed[name].astype(kind)) for name, kind in LISTED.items()}
     figures: dict[str, Any] = {name: table.about_number(name, missing=np.nan) for name in FIGURES}
     return PeopleLog(
         first=frozen(np.append(first, len(time)).astype(np.int64)),

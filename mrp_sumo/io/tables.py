@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -81,13 +81,12 @@ class Table:
         """[N] numbers; `missing` where there is none, if that may be."""
         column = self._column(name)
         if not (pa.types.is_integer(column.type) or pa.types.is_floating(column.type)):
-            self._fault_of_type(name, column, "numbers")
+            raise self._fault_of_type(name, column, "numbers")
         values: FloatArray = column.to_numpy(zero_copy_only=False).astype(np.float64)
         null = self._null(name, column, missing is not None)
         if (odd := ~(np.abs(values) < MOST) & ~null).any():
-            self._fault(
-                name, int(np.argmax(odd)), values[odd][0], f"a number below {MOST:g}" if np.isfinite(values[odd][0]) else "a number"
-            )
+            value, below = values[odd][0], f" below {MOST:g}" if np.isfinite(values[odd][0]) else ""
+            raise self._fault_at(name, int(np.argmax(odd)), f"found {value}, expected a number{below}")
         values[null] = np.nan if missing is None else missing
         return frozen(values)
 
@@ -95,14 +94,14 @@ class Table:
         """[N] whole numbers in a range."""
         column = self._column(name)
         if not pa.types.is_integer(column.type):
-            self._fault_of_type(name, column, "whole numbers")
+            raise self._fault_of_type(name, column, "whole numbers")
         self._null(name, column, False)
         values = column.to_numpy(zero_copy_only=False)
         if values.dtype == np.uint64:
             least = max(0, least)
         if (odd := (values < least) | (values > most)).any():
             bounds = f"{least} or more" if most == 2**62 else f"{least} to {most}"
-            self._fault(name, int(np.argmax(odd)), int(values[odd][0]), bounds)
+            raise self._fault_at(name, int(np.argmax(odd)), f"found {int(values[odd][0])}, expected {bounds}")
         return frozen(values.astype(np.int64))
 
     def times(self, name: str) -> FloatArray:
@@ -110,14 +109,14 @@ class Table:
         values = self.numbers(name)
         if (odd := np.diff(values) < 0).any():
             row = int(np.argmax(odd)) + 1
-            self._fault(name, row, values[row], f"{values[row - 1]} or more")
+            raise self._fault_at(name, row, f"found {values[row]}, expected {values[row - 1]} or more")
         return values
 
     def flags(self, name: str) -> BoolArray:
         """[N] true or false."""
         column = self._column(name)
         if not pa.types.is_boolean(column.type):
-            self._fault_of_type(name, column, "true or false")
+            raise self._fault_of_type(name, column, "true or false")
         self._null(name, column, False)
         return frozen(column.to_numpy(zero_copy_only=False).astype(np.bool_))
 
@@ -146,7 +145,7 @@ class Table:
         if len(listed) and (odd := unknown[at] & ~null).any():
             row = int(np.argmax(odd))
             text = listed[at[row]]
-            raise self.error(f"{self._place(name, row)}: found '{text[:40]}'{nearest(text[:40], number)}")
+            raise self._fault_at(name, row, f"found '{text[:40]}'{nearest(text[:40], number)}")
         values = np.array([number.get(text, -1) for text in listed], np.int64)[at] if len(listed) else np.zeros(self.num_rows, np.int64)
         values[null] = -1 if missing is None else missing
         return frozen(values)
@@ -157,7 +156,7 @@ class Table:
         try:
             return json_value((self.content.schema.metadata or {}).get(KEY, b"null"))
         except (ValueError, RecursionError):
-            raise self.error(f"{shortened(self.path)}: its metadata '{KEY.decode()}' are not JSON") from None
+            raise self.fault(f"its metadata '{KEY.decode()}' are not JSON") from None
 
     def about_numbers(self, name: str, length: int | None = None) -> FloatArray:
         """[length] numbers that the metadata list under a key; any number of them by default."""
@@ -166,9 +165,9 @@ class Table:
         kinds = {type(value) for value in listed} if isinstance(listed, list) else {None}
         if not kinds <= {int, float, bool} or (length is not None and len(listed or ()) != length):
             many = "a list of numbers" if length is None else f"a list of {length} numbers"
-            raise self.error(f"{shortened(self.path)}: its metadata have no '{name}', expected {many}")
+            raise self.fault(f"its metadata have no '{name}', expected {many}")
         if any(MOST <= abs(value) < math.inf for value in listed or ()):
-            raise self.error(f"{shortened(self.path)}: a number of '{name}' in its metadata is too large")
+            raise self.fault(f"a number of '{name}' in its metadata is too large")
         return frozen(np.array(listed, np.float64))
 
     def about_number(self, name: str, missing: float | None = None) -> float:
@@ -205,7 +204,7 @@ class Table:
             return np.zeros(len(column), np.bool_)
         null: BoolArray = column.is_null().to_numpy()
         if not may_be:
-            raise self.error(f"{self._place(name, int(np.argmax(null)))}: found nothing, expected a value")
+            raise self._fault_at(name, int(np.argmax(null)), "found nothing, expected a value")
         return null
 
     def _coded(self, name: str) -> tuple[list[str], IntArray]:
@@ -213,7 +212,7 @@ class Table:
         column = self._column(name).unify_dictionaries() if pa.types.is_dictionary(self._column(name).type) else self._column(name)
         kind = column.type.value_type if pa.types.is_dictionary(column.type) else column.type
         if not (pa.types.is_string(kind) or pa.types.is_large_string(kind)):
-            self._fault_of_type(name, column, "texts")
+            raise self._fault_of_type(name, column, "texts")
         if not pa.types.is_dictionary(column.type):
             column = column.dictionary_encode()
         if not column.num_chunks:
@@ -221,20 +220,17 @@ class Table:
         try:
             listed = [text or "" for text in column.chunk(0).dictionary.to_pylist()]
         except UnicodeDecodeError:
-            raise self.error(f"{shortened(self.path)}: column '{name}': not in UTF-8") from None
+            raise self.fault(f"column '{name}': not in UTF-8") from None
         at = np.concatenate([chunk.indices.fill_null(0).to_numpy(zero_copy_only=False) for chunk in column.chunks]).astype(np.int64)
         if len(at) and not (len(listed) and at.min() >= 0 and at.max() < len(listed)):
             if column.null_count == len(at):
                 return [""], np.zeros(len(at), np.int64)
-            raise self.error(f"{shortened(self.path)}: column '{name}' is damaged")
+            raise self.fault(f"column '{name}' is damaged")
         return listed, at
 
-    def _place(self, name: str, row: int) -> str:
-        return f"{shortened(self.path)}: column '{name}', row {row}"
+    def _fault_at(self, name: str, row: int, line: str) -> MrpSumoError:
+        return self.fault(f"column '{name}', row {row}: {line}")
 
-    def _fault(self, name: str, row: int, value: object, expected: str) -> NoReturn:
-        raise self.error(f"{self._place(name, row)}: found {value}, expected {expected}")
-
-    def _fault_of_type(self, name: str, column: pa.ChunkedArray, expected: str) -> NoReturn:
+    def _fault_of_type(self, name: str, column: pa.ChunkedArray, expected: str) -> MrpSumoError:
         kind = column.type.value_type if pa.types.is_dictionary(column.type) else column.type
-        raise self.error(f"{shortened(self.path)}: column '{name}' holds {str(kind)[:40]}, expected {expected}")
+        return self.fault(f"column '{name}' holds {str(kind)[:40]}, expected {expected}")

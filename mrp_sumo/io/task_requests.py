@@ -13,7 +13,8 @@ from typing import Any
 from mrp_sumo.errors import ScenarioError, nearest
 
 ROBOT_TYPE = "robot_type="  # of a label
-EARLIEST, ESTIMATE = "unix_millis_earliest_start_time", "unix_millis_action_duration_estimate"
+EARLIEST = "unix_millis_earliest_start_time"
+LASTING = {"wait_for": "duration", "perform_action": "unix_millis_action_duration_estimate"}  # activities without a place
 MOST_ROUNDS = 10_000
 FARTHEST = 1e15  # no time nor duration, in ms, is farther from 0: 30,000 years
 ACTIVITIES = ("go_to_place", "pickup", "dropoff", "wait_for", "perform_action", "sequence")
@@ -30,15 +31,17 @@ def tasks_of_requests(content: Any, where: str) -> list[dict[str, Any]]:
     first = min((t for t in millis if t is not None), default=0.0)
     tasks = []
     for n, (request, at) in enumerate(zip(requests, millis)):
-        stops = list(_stops(request, f"{where}: [{n}]"))
+        here = f"{where}: [{n}]"
+        stops, labels = list(_stops(request, here)), _labels(request, here)
+        types = [label.removeprefix(ROBOT_TYPE) for label in labels if label.startswith(ROBOT_TYPE)]  # Open-RMF has no key for it
         tasks.append(
             {
-                "name": next((label for label in _labels(request, f"{where}: [{n}]") if not _is_robot_type(label)), f"task_{n}"),
+                "name": next((label for label in labels if not label.startswith(ROBOT_TYPE)), f"task_{n}"),
                 "stops": [name for name, _ in stops],
                 "service_s": [seconds for _, seconds in stops],
                 "release_s": 0.0 if at is None else (at - first) / 1000,
-                "priority": _priority(request, f"{where}: [{n}]"),
-                "robot_type": _robot_type(_labels(request, f"{where}: [{n}]")),
+                "priority": _priority(request, here),
+                "robot_type": types[0] if types else "",
             }
         )
     return tasks
@@ -55,19 +58,9 @@ def _labels(request: Mapping[str, Any], where: str) -> list[str]:
     return [str(label) for label in _list(request, "labels", where)] if request.get("labels") else []
 
 
-def _is_robot_type(label: str) -> bool:
-    return label.startswith(ROBOT_TYPE)
-
-
-def _robot_type(labels: Sequence[str]) -> str:
-    """The type of robot that a label asks for; Open-RMF has no key for it."""
-    return next((label.removeprefix(ROBOT_TYPE) for label in labels if _is_robot_type(label)), "")
-
-
 def _priority(request: Mapping[str, Any], where: str) -> int:
     """Open-RMF's binary priority, or a number."""
-    priority = request.get("priority")
-    if isinstance(priority, dict):
+    if isinstance(priority := request.get("priority"), dict):
         return int(_number(priority, "value", f"{where}.priority") or 0)
     return int(_number(request, "priority", where) or 0)
 
@@ -104,10 +97,8 @@ def _activity(activity: Any, where: str) -> list[tuple[str, float]]:
     if category == "sequence":
         parts = what if isinstance(what, list) else _list(what, "activities", where)
         return [stop for part in parts for stop in _activity(part, where)]
-    if category == "wait_for":
-        return [("", (_number(what, "duration", where) or 0.0) / 1000)]
-    if category == "perform_action":
-        return [("", (_number(what, ESTIMATE, where) or 0.0) / 1000)]
+    if category in LASTING:
+        return [("", (_number(what, LASTING[category], where) or 0.0) / 1000)]
     return [(_place(what, where), 0.0)]
 
 

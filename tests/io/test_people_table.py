@@ -12,7 +12,7 @@ from mrp_sumo.io.arrow import KEY
 from mrp_sumo.io.people_table import FIGURES, LISTED, read_people
 
 SAMPLES_NS = np.array([0, 10**9])
-ABOUT = {"level": [0], "stop_robot": [], **{name: [] for name in LISTED}, "waited_s": [0.0], **dict.fromkeys(FIGURES)}
+ABOUT = {**{name: [] for name in LISTED}, "level": [0], "waited_s": [0.0], **dict.fromkeys(FIGURES)}
 
 
 def table(path, t_ns):
