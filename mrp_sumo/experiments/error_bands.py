@@ -15,7 +15,7 @@ import numpy as np
 from mrp_sumo.core.graph import FloatArray
 from mrp_sumo.core.robot_type import Factors
 from mrp_sumo.errors import MrpSumoError, nearest
-from mrp_sumo.experiments.statistics import Interval, t_quantile
+from mrp_sumo.experiments.statistics import NOTHING, Interval, t_quantile
 from mrp_sumo.io.documents import Place
 from mrp_sumo.io.scenario.file import ScenarioFile
 from mrp_sumo.io.scenario.keys import unknown_key
@@ -140,7 +140,7 @@ def effects(of: Sequence[Quantity], settings: FloatArray, block: FloatArray, fig
     matrix = np.column_stack([*blocks, settings])[there]
     freedom = int(there.sum()) - int(np.linalg.matrix_rank(matrix)) if there.any() else 0
     if freedom < 1:
-        return tuple(Effect(quantity, Interval(math.nan, math.nan, math.nan, 0)) for quantity in of)
+        return tuple(Effect(quantity, NOTHING) for quantity in of)
     inverse = np.linalg.pinv(matrix.T @ matrix)
     slopes = inverse @ matrix.T @ figures[there]
     left = figures[there] - matrix @ slopes

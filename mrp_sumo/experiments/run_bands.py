@@ -95,7 +95,7 @@ def _stations(result: "RunResult") -> list[str]:
     tasks, execution = result.setup.scenario.tasks, result.execution
     if tasks is None or execution is None or execution.stops is None:
         return []
-    group_of = {member: group for group, members in reversed(tasks.groups.items()) for member in members}
+    group_of = tasks.group_of
     served_s = defaultdict[str, float](float)
     stops = execution.stops
     for name, begin_s, end_s in zip(stops.station, stops.begin_s.tolist(), stops.end_s.tolist()):

@@ -42,6 +42,9 @@ class Interval:
         return f"{self.value:.4g} [{self.low:.4g}, {self.high:.4g}]"
 
 
+NOTHING = Interval(math.nan, math.nan, math.nan, 0)  # to estimate from
+
+
 @dataclass(frozen=True)
 class PairedRates:
     """Two yes-or-no outcomes of the same runs. Differences are second minus first."""
@@ -87,7 +90,7 @@ class PairedMeans:
 def wilson(successes: int, count: int, confidence: float = 0.95) -> Interval:
     """A rate with Wilson's score interval (Wilson, JASA 1927), which holds for few runs and rates near 0 or 1."""
     if count == 0:
-        return Interval(math.nan, math.nan, math.nan, 0)
+        return NOTHING
     z = NORMAL.inv_cdf((1 + confidence) / 2)
     rate = successes / count
     middle = rate + z * z / (2 * count)
@@ -101,7 +104,7 @@ def bootstrap_mean(values: ArrayLike, confidence: float = 0.95, seed: int = 0) -
     """A mean with its bias-corrected and accelerated bootstrap interval (Efron, JASA 1987); NaN values are left out."""
     x = _finite(values)
     if not len(x):
-        return Interval(math.nan, math.nan, math.nan, 0)
+        return NOTHING
     mean = float(x.mean())
     if len(x) == 1:
         return Interval(mean, math.nan, math.nan, 1)
@@ -123,13 +126,15 @@ def _finite(values: ArrayLike) -> FloatArray:
     return x[np.isfinite(x)]
 
 
+def _both(first: ArrayLike, second: ArrayLike) -> tuple[FloatArray, FloatArray]:
+    """Pairs that have both values."""
+    a, b = np.asarray(first, np.float64), np.asarray(second, np.float64)
+    there = np.isfinite(a) & np.isfinite(b)
+    return a[there], b[there]
+
+
 def _bootstrap(
-    x: FloatArray,
-    value: float,
-    statistic: Callable[[FloatArray], FloatArray],
-    without: FloatArray,
-    confidence: float = 0.95,
-    seed: int = 0,
+    x: FloatArray, value: float, statistic: Callable[[FloatArray], FloatArray], without: FloatArray, confidence: float = 0.95, seed: int = 0
 ) -> Interval:
     """The interval of a statistic of at least two values [N]; it is taken of rows [n, N] of resampled ones.
 
@@ -159,8 +164,7 @@ def mcnemar(first: ArrayLike, second: ArrayLike) -> PairedRates:
     n = len(a)
     both, only_a, only_b, neither = (int(np.count_nonzero(c)) for c in (a & b, a & ~b, b & ~a, ~a & ~b))
     if n == 0:
-        nothing = Interval(math.nan, math.nan, math.nan, 0)
-        return PairedRates(0, math.nan, math.nan, 0, 0, nothing, 1.0)
+        return PairedRates(0, math.nan, math.nan, 0, 0, NOTHING, 1.0)
     p_value = _sign_test(only_a, only_b)
     one, two = wilson(both + only_a, n), wilson(both + only_b, n)
     margins = (both + only_a) * (only_b + neither) * (both + only_b) * (only_a + neither)
@@ -179,12 +183,9 @@ def wilcoxon(first: ArrayLike, second: ArrayLike, confidence: float = 0.95, seed
     The effect size is the matched-pairs rank-biserial correlation (Kerby, Comprehensive Psychology 3, 2014).
     Runs without both values are left out.
     """
-    a, b = np.asarray(first, np.float64), np.asarray(second, np.float64)
-    there = np.isfinite(a) & np.isfinite(b)
-    a, b = a[there], b[there]
+    a, b = _both(first, second)
     if not len(a):
-        nothing = bootstrap_mean([])
-        return PairedValues(0, math.nan, math.nan, nothing, math.nan, math.nan, 1.0)
+        return PairedValues(0, math.nan, math.nan, NOTHING, math.nan, math.nan, 1.0)
     d = b - a
     moved = d[d != 0]
     p_value, rank_biserial = 1.0, 0.0
@@ -232,7 +233,7 @@ def t_mean(values: ArrayLike, confidence: float = 0.95, resolution: float = 0.0)
     """
     x = _finite(values)
     if not len(x):
-        return Interval(math.nan, math.nan, math.nan, 0)
+        return NOTHING
     mean = float(x.mean())
     if len(x) == 1:
         return Interval(mean, -math.inf, math.inf, 1)
@@ -248,9 +249,7 @@ def paired_t(first: ArrayLike, second: ArrayLike, confidence: float = 0.95, reso
     """
     from scipy.special import stdtr
 
-    a, b = np.asarray(first, np.float64), np.asarray(second, np.float64)
-    both = np.isfinite(a) & np.isfinite(b)
-    a, b = a[both], b[both]
+    a, b = _both(first, second)
     d = b - a
     of_a, of_b = t_mean(a, confidence), t_mean(b, confidence)
     mean = t_mean(d, confidence, resolution)
@@ -270,12 +269,9 @@ def t_quantile(share: float, freedom: int) -> float:
 
 def holm(p_values: Sequence[float]) -> list[float]:
     """p-values of several tests adjusted so that the chance of any false alarm stays as stated (Holm 1979)."""
-    adjusted = [0.0] * len(p_values)
-    least = 0.0
-    for rank, i in enumerate(sorted(range(len(p_values)), key=lambda i: p_values[i])):
-        least = max(least, min(1.0, (len(p_values) - rank) * p_values[i]))
-        adjusted[i] = least
-    return adjusted
+    p, order = np.array(p_values, np.float64), np.argsort(p_values, kind="stable")
+    p[order] = np.maximum.accumulate(np.minimum(1.0, np.arange(len(p), 0, -1) * p[order]))
+    return list(p.tolist())
 
 
 def success_rates(planned: ArrayLike, succeeded: ArrayLike, confidence: float = 0.95) -> tuple[Interval, Interval]:

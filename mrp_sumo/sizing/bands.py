@@ -27,7 +27,7 @@ from mrp_sumo.experiments.error_bands import (
     spans,
     values_at,
 )
-from mrp_sumo.experiments.statistics import Interval
+from mrp_sumo.experiments.statistics import NOTHING, Interval
 from mrp_sumo.io.documents import Place
 from mrp_sumo.io.scenario.file import ScenarioFile
 from mrp_sumo.sizing.question import DEMAND, SATURATED, Question, Trial
@@ -131,7 +131,7 @@ def bands(desk: Desk, limit: Limits, served: Served | None, why: Sequence[Reason
     of = quantities(desk.question.file, dict(desk.question.bounds or ()), stations_of(desk.question.file, near.stations))
     by_quantity = _effects(desk, limit.curve.planner, robots, of)
     as_is = _saturated(desk, limit.curve.planner, {robots}).points.get(robots)
-    as_is_per_h, ends = as_is.throughput if as_is else Interval(nan, nan, nan, 0), []
+    as_is_per_h, ends = as_is.throughput if as_is else NOTHING, []
     for better in (False, True):
         moves = _ordered(corner(by_quantity, better))
         there = _saturated(desk, limit.curve.planner, {robots, *(_sizes_near(limit, robots) if answer == KNEE else ())}, moves)
@@ -145,9 +145,8 @@ def bands(desk: Desk, limit: Limits, served: Served | None, why: Sequence[Reason
 
 def stations_of(file: ScenarioFile, shares: Sequence[Share]) -> list[str]:
     """Groups and stations by how busy they are; the busiest station speaks for its group."""
-    groups = file.scenario.tasks.groups if file.scenario.tasks else {}
-    names = (next((group for group, members in groups.items() if s.name in members), s.name) for s in shares if s.utilisation > 0)
-    return list(dict.fromkeys(names))
+    group_of = file.scenario.tasks.group_of if file.scenario.tasks else {}
+    return list(dict.fromkeys(group_of.get(share.name, share.name) for share in shares if share.utilisation > 0))
 
 
 def likely_trials(question: Question, robots: int, count: int) -> list[Trial]:

@@ -67,11 +67,8 @@ def obvious(question: Question, reasons: Reasons) -> tuple[str, ...]:
     """Changes worth trying for a fleet: the busiest stations once more, the worst aisle otherwise, another planner, policy, dispatcher."""
     scenario, tasks = question.file.scenario, question.file.scenario.tasks
     assert tasks is not None
-    grown = []
-    for station in reasons.stations:
-        name = next((group for group, members in tasks.groups.items() if station.name in members), station.name)
-        if (name in tasks.stations or name in tasks.groups) and name not in grown:
-            grown.append(name)
+    named = dict.fromkeys(tasks.group_of.get(station.name, station.name) for station in reasons.stations)
+    grown = [name for name in named if name in tasks.stations or name in tasks.groups]
     changes = [f"stations.{name}: +1" for name in grown[:NUM_STATIONS]]
     aisle = next((place for place in reasons.places if place.kind == "aisle"), None)
     if aisle:

@@ -129,6 +129,11 @@ class TasksChoice(Strict):
     cancel: Cancel | None = Field(None, description="When to withdraw orders that no robot has picked up; never by default.")
     retry: Retry | None = Field(None, description="What becomes of orders whose robot is lost with them; they fail by default.")
 
+    @property
+    def group_of(self) -> dict[str, str]:
+        """The first group of each station or vertex that is in some."""
+        return {member: group for group, members in reversed(self.groups.items()) for member in members}
+
     @model_validator(mode="before")
     @classmethod
     def _short_forms(cls, value: Any) -> Any:
