@@ -12,7 +12,6 @@ import numpy as np
 from mrp_sumo.core.disturbances import ClosedLane
 from mrp_sumo.core.facilities import door_names, lift_names
 from mrp_sumo.core.graph import NavGraph, PlanGraph, Properties, with_lanes
-from mrp_sumo.drive.settings import ExecutionSettings
 from mrp_sumo.errors import ScenarioError, nearest
 from mrp_sumo.experiments.staging.places import as_drawn, looked_up
 from mrp_sumo.io.documents import Place
@@ -133,11 +132,6 @@ def without_shut_doors(file: ScenarioFile, graph: PlanGraph) -> tuple[PlanGraph,
     graph = with_lanes(graph, np.array([options.get("door") not in shut for options in graph.lane_options]))
     beside = [{key: value for key, value in o.items() if key != "door"} if o.get("door") in shut else o for o in graph.vertex_options]
     return replace(graph, vertex_options=tuple(beside)), notes
-
-
-def with_closures(file: ScenarioFile, nav: NavGraph, graph: PlanGraph, settings: ExecutionSettings) -> ExecutionSettings:
-    """The settings with the stretches that are closed, which only the map can tell."""
-    return replace(settings, closed_lanes=closed_lanes(file, nav, graph))
 
 
 def closed_lanes(file: ScenarioFile, nav: NavGraph, graph: PlanGraph) -> tuple[ClosedLane, ...]:

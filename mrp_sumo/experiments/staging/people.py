@@ -4,6 +4,7 @@ Refuses names that the map does not have, places without room, and maps on which
 """
 
 from dataclasses import replace
+from itertools import islice
 
 import numpy as np
 
@@ -14,7 +15,8 @@ from mrp_sumo.crowd.floor import BEFORE_LIFT_M, SNAP_M, Floor, corridor_beside, 
 from mrp_sumo.crowd.model import Flow, People, joint_places
 from mrp_sumo.crowd.options import EVERYBODY, Group
 from mrp_sumo.drive.settings import ExecutionSettings
-from mrp_sumo.errors import ScenarioError, nearest
+from mrp_sumo.errors import ScenarioError
+from mrp_sumo.experiments.staging.places import as_drawn
 from mrp_sumo.io.documents import Place
 from mrp_sumo.io.scenario.file import ScenarioFile
 from mrp_sumo.io.scenario.people import PeopleChoice
@@ -43,12 +45,14 @@ def _people(choice: PeopleChoice, file: ScenarioFile, map_: Map, graph: PlanGrap
     if not floor.free.any():
         raise ScenarioError(f"{file.at('people')}: '{graph.name}' has no room for people: nowhere are 0.5 m free between walls")
     places = _Places(file, map_.nav, floor)
-    drawn = tuple(_drawn(file, choice, places, seed))
+    drawn = _drawn(choice, places, seed)
     ends, flows = list[tuple[IntPlaces, IntPlaces]](), list[Flow]()
     for i, each in enumerate(choice.flows or ()):
         key = ("people", "flows", i)
-        ends.append((places.all_of((*key, "origin"), each.origin, drawn), places.all_of((*key, "destination"), each.destination, drawn)))
-        flows += _flow(*ends[-1], each.rate_per_h, choice.profile if each.profile is None else each.profile)
+        named = (("origin", each.origin), ("destination", each.destination))
+        origins, destinations = (drawn if names is None else places.named((*key, end), names) for end, names in named)
+        ends.append((origins, destinations))
+        flows += _flow(origins, destinations, each.rate_per_h, choice.profile if each.profile is None else each.profile)
     if choice.rate_per_h is not None:
         ends.append((drawn, drawn))
         flows += _flow(drawn, drawn, choice.rate_per_h, choice.profile)
@@ -78,20 +82,13 @@ class _Places:
         self.nav, self.floor, self.cells = nav, floor, list[int]()
         self._file, self._of_vertex = file, dict[int, int]()
 
-    def named(self, place: Place, name: str) -> int:
-        """The place at the vertex of a name."""
-        vertex = self.nav.vertex_of_name.get(name)
-        if vertex is None:
-            known = [n for n in self.nav.vertex_name if n]
-            raise ScenarioError(f"{self._file.at(*place)}: '{name}' is not a vertex of '{self.nav.name}'{nearest(name, known)}")
-        v = self.at(vertex)
-        if v < 0:
-            raise ScenarioError(f"{self._file.at(*place)}: there is no room for people within a metre of '{name}'")
-        return v
-
-    def all_of(self, place: Place, names: list[str] | None, drawn: IntPlaces) -> IntPlaces:
-        """The places at the vertices of names, or those that are drawn."""
-        return drawn if names is None else tuple(self.named((*place, i), name) for i, name in enumerate(names))
+    def named(self, key: Place, names: list[str]) -> IntPlaces:
+        """The places at the vertices of names."""
+        places = tuple(self.at(vertex) for vertex in as_drawn(self._file, self.nav, key, names))
+        for i, name in enumerate(names):
+            if places[i] < 0:
+                raise ScenarioError(f"{self._file.at(*key, i)}: there is no room for people within a metre of '{name}'")
+        return places
 
     def at(self, vertex: int) -> int:
         """The place at a vertex; -1 where there is no room."""
@@ -104,22 +101,16 @@ class _Places:
         return self._of_vertex[vertex]
 
 
-def _drawn(file: ScenarioFile, choice: PeopleChoice, places: _Places, seed: int) -> list[int]:
+def _drawn(choice: PeopleChoice, places: _Places, seed: int) -> IntPlaces:
     """The places between which people walk where the scenario names none: those listed, else vertices with names, else any."""
     if choice.places is not None:
-        return [places.named(("people", "places", i), name) for i, name in enumerate(choice.places)]
+        return places.named(("people", "places"), choice.places)
     if choice.flows is not None and all(flow.origin and flow.destination for flow in choice.flows):
-        return []
+        return ()
     nav = places.nav
     named = [v for v in range(nav.num_vertices) if nav.vertex_name[v]]
     order: IntArray = np.random.default_rng([seed, DRAW]).permutation(named if len(named) > 1 else nav.num_vertices)
-    vertices: list[int] = []
-    for vertex in order.tolist():
-        if len(vertices) == MOST_PLACES:
-            break
-        if (place := places.at(vertex)) >= 0:
-            vertices.append(place)
-    return vertices
+    return tuple(islice((place for v in order.tolist() if (place := places.at(v)) >= 0), MOST_PLACES))
 
 
 def _flow(origins: IntPlaces, destinations: IntPlaces, rate_per_h: float, profile: list[float]) -> list[Flow]:

@@ -30,7 +30,7 @@ from mrp_sumo.experiments.staging.fit import (
     with_room,
     without_room,
 )
-from mrp_sumo.experiments.staging.lanes import doubled, in_service, with_closures, with_mutex_groups, with_one_ways, without_shut_doors
+from mrp_sumo.experiments.staging.lanes import closed_lanes, doubled, in_service, with_mutex_groups, with_one_ways, without_shut_doors
 from mrp_sumo.experiments.staging.people import with_people
 from mrp_sumo.experiments.staging.places import (
     goal_headings,
@@ -120,7 +120,7 @@ def set_up(file: ScenarioFile, maps: MapCache, *, run_programs: bool = True) -> 
         narrow += headings_not_kept(problem, settings.tasks)
         narrow += oddities(settings.tasks, problem, settings.time_limit_s)
     settings = with_people(settings, file, map_, graph, fleet)
-    settings = with_closures(file, map_.nav, graph, settings)
+    settings = replace(settings, closed_lanes=closed_lanes(file, map_.nav, graph))
     return SetUp(file, map_, problem, chosen_assigner, chosen_planner, settings, notes + narrow)
 
 
@@ -196,7 +196,8 @@ def driven_as(setup: SetUp, file: ScenarioFile) -> SetUp:
     require_trust(file)
     file = file.having(discretisation=setup.scenario.discretisation)
     settings = with_people(settings_of(file), file, setup.map, setup.problem.graph, setup.problem.fleet)
-    return replace(setup, file=file, settings=with_closures(file, setup.map.nav, setup.problem.graph, settings))
+    closed = closed_lanes(file, setup.map.nav, setup.problem.graph)
+    return replace(setup, file=file, settings=replace(settings, closed_lanes=closed))
 
 
 def with_time_limit(setup: SetUp, plan: Plan) -> SetUp:
