@@ -13,7 +13,9 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import partial
+from itertools import islice
 from pathlib import Path
+from typing import IO
 
 from mrp_sumo.errors import BatchError, sentence
 from mrp_sumo.experiments.cluster import Cluster
@@ -129,13 +131,7 @@ def open_batch(
 
 
 def run_batch(
-    file: SuiteFile,
-    folder: Path,
-    watcher: Watcher,
-    making: Making,
-    *,
-    function: str = MEASURE,
-    chooser: Chooser | None = None,
+    file: SuiteFile, folder: Path, watcher: Watcher, making: Making, *, function: str = MEASURE, chooser: Chooser | None = None
 ) -> BatchFolder:
     """Make all runs of a suite that have no result yet, and the tables of all, by a function `module:name`.
 
@@ -147,7 +143,7 @@ def run_batch(
         require_ours(folder, file.name, code_version())
     with _locked(folder):
         batch = open_batch(file, folder, watcher.report, quarantine=True, chosen=chooser is not None)
-        log = _Log(folder / "batch.log")
+        log = (folder / "batch.log").open("a", encoding="utf-8")
         try:
             if chooser is None or not (folder / PLAN).exists():
                 _write_plan(batch)
@@ -158,7 +154,7 @@ def run_batch(
             grow()
             watcher.begin(len(batch.runs), len(batch.runs) - len(todo))
             where = f"on {making.scheduler}" if making.scheduler else f"{making.workers} workers"
-            log.add(f"{len(todo)} of {len(batch.runs)} runs to make, {where}, {batch.code}")
+            _note(log, f"{len(todo)} of {len(batch.runs)} runs to make, {where}, {batch.code}")
             if todo:
                 drop_tables(folder)
                 makers: Makers = (
@@ -174,11 +170,9 @@ def run_batch(
                 _write_plan(batch)
             if all(run.key in batch.status for run in batch.runs) and not tables_are_whole(folder):
                 write_tables(folder, (read_record(record_path(folder, run.key)) for run in batch.runs))
-            log.add(", ".join(f"{count} {status}" for status, count in sorted(batch.counts().items())))
+            _note(log, ", ".join(f"{count} {status}" for status, count in sorted(batch.counts().items())))
         except OSError as error:
-            raise BatchError(
-                f"{folder}: {sentence(error)}; {len(batch.status)} of {len(batch.runs)} results are kept, start again to go on"
-            ) from None
+            raise BatchError(f"{folder}: {sentence(error)}; {_kept(batch)}") from None
         finally:
             log.close()
     return batch
@@ -194,25 +188,19 @@ def summary(batch: BatchFolder) -> str:
 def estimate_s(batch: BatchFolder, workers: int, retries: int) -> tuple[float, str]:
     """Roughly how long the rest takes, and where that comes from."""
     todo = batch.todo(retries)
-    known: list[float] = []
-    for record in records_in(batch.folder, lambda line: None):
-        if record["run_wall_s"] is not None:
-            known.append(record["run_wall_s"])
-        if len(known) == 1000:
-            break
+    all_s = (record["run_wall_s"] for record in records_in(batch.folder, lambda line: None))
+    known = list(islice((wall_s for wall_s in all_s if wall_s is not None), 1000))
     each = sum(known) / len(known) if known else {"map": 0.1, "plan": 0.2, "execution": 0.6}[batch.file.suite.until]
     source = f"from {len(known)} runs in the folder" if known else "a guess for small maps and few robots"
     return len(todo) * each / workers, source
 
 
+def _kept(batch: BatchFolder) -> str:
+    return f"{len(batch.status)} of {len(batch.runs)} results are kept, start again to go on"
+
+
 def _make(
-    batch: BatchFolder,
-    todo: deque[PlannedRun],
-    makers: Makers,
-    watcher: Watcher,
-    log: "_Log",
-    making: Making,
-    grow: Callable[[], bool],
+    batch: BatchFolder, todo: deque[PlannedRun], makers: Makers, watcher: Watcher, log: IO[str], making: Making, grow: Callable[[], bool]
 ) -> None:
     """The loop: hand out runs, keep what comes back."""
     stop = making.stop
@@ -234,17 +222,14 @@ def _make(
         hand_out()  # before the results are written: workers need not wait for the disk
         for run, answer in sorted(finished, key=lambda each: bool(each[1]["status"] == NO_ROOM)):
             if answer["status"] == NO_ROOM:
-                raise BatchError(
-                    f"{batch.folder}: files of a run cannot be written: {answer['reason']}; "
-                    f"{len(batch.status)} of {len(batch.runs)} results are kept, start again to go on"
-                )
+                raise BatchError(f"{batch.folder}: files of a run cannot be written: {answer['reason']}; {_kept(batch)}")
             attempts = batch.attempts.get(run.key, 0) + 1
             record = _record(batch, run, answer, attempts)
             if parts := answer.get("trace"):
                 write_trace(batch.folder, run.key, Trace(*(base64.b64decode(part) for part in parts)))
             write_record(batch.folder, record)
             batch.status[run.key], batch.attempts[run.key] = record["status"], attempts
-            log.add(f"{run.key} {record['status']} {record['reason']}".rstrip())
+            _note(log, f"{run.key} {record['status']} {record['reason']}")
             if record["status"] == CRASHED and attempts <= making.retries:
                 todo.append(run)
             else:
@@ -304,7 +289,7 @@ def _record(batch: BatchFolder, run: PlannedRun, answer: Answer, attempts: int) 
         "code": batch.code,
         **library_versions(),
         "attempts": attempts,
-        "ended_at": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
+        "ended_at": _now(),
         **{name: answer[name] for name in ("machine", "python", "run_wall_s", "run_cpu_s", "peak_memory_mb")},
         **({"observed": answer["observed"]} if "observed" in answer else {}),
     }
@@ -381,15 +366,11 @@ def is_under_way(folder: Path) -> bool:
     return False
 
 
-class _Log:
-    """Lines with times, appended to a file."""
+def _now() -> str:
+    return time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
 
-    def __init__(self, path: Path) -> None:
-        self._file = path.open("a", encoding="utf-8")
 
-    def add(self, line: str) -> None:
-        self._file.write(f"{time.strftime('%Y-%m-%dT%H:%M:%SZ', time.gmtime())} {' '.join(line.split())}\n")
-        self._file.flush()
-
-    def close(self) -> None:
-        self._file.close()
+def _note(log: IO[str], line: str) -> None:
+    """Append a line with the time."""
+    log.write(f"{_now()} {' '.join(line.split())}\n")
+    log.flush()

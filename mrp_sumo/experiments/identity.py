@@ -6,7 +6,6 @@ Keys are the same on every machine: paths are as the suite has them, files count
 import hashlib
 from collections.abc import Iterable
 from functools import cache
-from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -94,13 +93,10 @@ def code_version() -> str:
 @cache
 def library_versions() -> dict[str, str]:
     """Versions of the libraries that may change results, '' where one is missing."""
-    versions = {}
-    for name in _LIBRARIES:
-        try:
-            versions[name] = version(name)
-        except PackageNotFoundError:
-            versions[name] = ""
-    return versions
+    from mrp_sumo.io.run_folder import versions
+
+    here = versions()
+    return {name: here.get(name, "") for name in _LIBRARIES}
 
 
 def _digest(data: bytes) -> str:

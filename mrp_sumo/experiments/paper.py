@@ -83,9 +83,9 @@ def run_campaign(campaign: Campaign, watcher: Watcher, making: Making) -> Made:
         batch = run_batch(read_suite(path), campaign.results(name), watcher, making)
         num_runs += len(batch.runs)
         num_broken += sum(batch.counts()[status] for status in BROKEN)
-        if len(batch.status) < len(batch.runs):
-            return Made(num_runs, watcher.num_made, num_broken, time.monotonic() - begin, False)
-    return Made(num_runs, watcher.num_made, num_broken, time.monotonic() - begin, True)
+        if is_stopped := len(batch.status) < len(batch.runs):
+            break
+    return Made(num_runs, watcher.num_made, num_broken, time.monotonic() - begin, not is_stopped)
 
 
 def maps_in(folder: Path) -> dict[str, str]:

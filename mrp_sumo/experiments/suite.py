@@ -6,6 +6,7 @@ one line each with file and line.
 
 import itertools
 import json
+import math
 import os
 import re
 from collections.abc import Iterator, Mapping
@@ -147,9 +148,7 @@ def runs_of(file: SuiteFile, code: str, *, run_programs: bool = True) -> list[Pl
 
     Where plug-in files may run, those that are not trusted are refused. Raises ScenarioError: one line a fault of a scenario.
     """
-    count = file.suite.repeat
-    for _, values in file.axes:
-        count *= len(values)
+    count = file.suite.repeat * math.prod(len(values) for _, values in file.axes)
     if count > MAX_RUNS:
         raise ScenarioError(f"{file.document.path.name}: {count} runs, expected at most {MAX_RUNS}")
     excluded = _Exclusions(file)
@@ -224,16 +223,17 @@ def _base(document: Document, suite: Suite, path: Path) -> tuple[dict[str, Any],
     except MrpSumoError as error:
         raise ScenarioError(*(f"{document.at(('base',))}: {line}" for line in str(error).splitlines())) from None
     base: dict[str, Any] = file.scenario.model_dump()
-    for section, key in (("map", "file"), ("robots", "type")):
-        value = base[section][key]
-        if isinstance(value, str) and (file.folder / value).is_file():
-            base[section][key] = Path(os.path.relpath(file.folder / value, path.parent)).as_posix()
-    for group in base["robots"]["fleet"] or ():
-        if isinstance(value := group["type"], str) and (file.folder / value).is_file():
-            group["type"] = Path(os.path.relpath(file.folder / value, path.parent)).as_posix()
+
+    def moved(name: Any) -> str:
+        return Path(os.path.relpath(file.folder / name, path.parent)).as_posix()
+
+    types = [(group, "type") for group in (base["robots"], *(base["robots"]["fleet"] or ()))]
+    for section, key in [(base["map"], "file"), *types]:
+        if isinstance(section[key], str) and (file.folder / section[key]).is_file():
+            section[key] = moved(section[key])
     for place, _, name in plug_ins_of(file.scenario):
         if source := place_in_file(name):
-            rename(base, place, f"{Path(os.path.relpath(file.folder / source[0], path.parent)).as_posix()}:{source[1]}")
+            rename(base, place, f"{moved(source[0])}:{source[1]}")
     return base, file.folder
 
 
@@ -367,14 +367,5 @@ class _Inputs:
 
 def _names(scenario: ScenarioModel) -> tuple[str, ...]:
     """What a scenario names: files, map reader, planner, tasks, assigner, policy, metrics."""
-    parts = (
-        scenario.map.file,
-        scenario.map.reader,
-        [group.type for group in scenario.robots.groups],
-        scenario.planner,
-        scenario.tasks,
-        scenario.assignment,
-        scenario.execution,
-        scenario.record,
-    )
-    return tuple(str(part) for part in parts)
+    sections = (scenario.planner, scenario.tasks, scenario.assignment, scenario.execution, scenario.record)
+    return tuple(map(str, (scenario.map.file, scenario.map.reader, [group.type for group in scenario.robots.groups], *sections)))
