@@ -199,7 +199,7 @@ def _corners(xy: FloatArray, near_m: float) -> list[int]:
 
 
 def spans_of(flags: BoolArray) -> list[tuple[int, int]]:
-    """Where flags are true: the first of each run of them, and the one after its last."""
+    """Runs of flags that are true: the first of each, and the one after its last."""
     edges = np.flatnonzero(np.diff(flags.astype(np.int8), prepend=0, append=0)).tolist()
     return list(zip(edges[::2], edges[1::2]))
 
