@@ -28,23 +28,16 @@ SUFFIXES = (".nav.yaml", ".map", ".geojson", ".net.xml", ".lif.json", ".xml")
 
 
 def write_map(map_: Map, path: Path, cell_m: float = 0.4, robots: Sequence[RobotType] = ()) -> list[str]:
-    """Write a map, whole or not at all. Raises MapError as the module refuses.
+    """Write a map, whole or not at all; returns what the format cannot hold, in words. Raises MapError as the module refuses.
 
     Parameters
     ----------
-    map_
-        Any.
     path
         Ends in .nav.yaml (RMF nav graph), .map (MovingAI), .geojson, .net.xml (SUMO), .lif.json (LIF 1.0) or .xml (openTCS).
     cell_m
         Side of the cells of a `.map` made of a nav graph.
     robots
         Types of robots that the map is written for, where the format knows types of vehicles: LIF and openTCS.
-
-    Returns
-    -------
-    losses
-        What the format cannot hold, in words.
     """
     suffix = next((suffix for suffix in SUFFIXES if path.name.endswith(suffix) and path.name != suffix), None)
     if suffix is None:
@@ -55,19 +48,16 @@ def write_map(map_: Map, path: Path, cell_m: float = 0.4, robots: Sequence[Robot
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with written_whole(path) as part:
-            if suffix in _WRITE_WITH_TYPES:
-                return _graphs_left_out(map_) + _WRITE_WITH_TYPES[suffix](map_, part, robots)
-            return _graphs_left_out(map_) + _WRITE[suffix](map_, part, cell_m)
+            lost = _WRITE_WITH_TYPES[suffix](map_, part, robots) if suffix in _WRITE_WITH_TYPES else _WRITE[suffix](map_, part, cell_m)
+            return [*_graphs_left_out(map_), *filter(None, lost)]
     except OSError as error:
         raise MapError(f"{shortened(path)}: {sentence(error)}") from None
 
 
 def _write_nav_graph(map_: Map, path: Path, cell_m: float) -> list[str]:
     write_nav_graph(document_of_map(map_), path)
-    losses = _drawing_losses(map_, "walls", "floors")
-    if isinstance(map_.nav, PlanGraph):
-        losses.append(f"that it is a grid of {map_.nav.cell_m:g} m cells")
-    return [loss for loss in losses if loss]
+    is_grid = [f"that it is a grid of {map_.nav.cell_m:g} m cells"] if isinstance(map_.nav, PlanGraph) else []
+    return _drawing_losses(map_, "walls", "floors") + is_grid
 
 
 def _write_grid(map_: Map, path: Path, cell_m: float) -> list[str]:
@@ -77,17 +67,20 @@ def _write_grid(map_: Map, path: Path, cell_m: float) -> list[str]:
         return [f"the cell length, {nav.cell_m:g} m"] if isinstance(nav, PlanGraph) else []
     free, _, origin = paper_cells(nav, cell_m)
     write_grid(free, path)
-    losses = [f"the cell length, {cell_m:g} m, and the place of the lower left corner, ({origin[0]:.3f}, {origin[1]:.3f}) m"]
-    losses += ["where exactly vertices and lanes are", _count(sum(bool(name) for name in nav.vertex_name), "name")]
-    losses.append(_count(sum(bool(options) for options in nav.vertex_options), "vertex with properties", "vertices with properties"))
-    losses.append(_count(int(np.count_nonzero(nav.reverse < 0)), "one-way lane", "one-way lanes: cells have no direction"))
-    losses += _lane_losses(nav) + _drawing_losses(map_, "walls", "floors")
-    return [loss for loss in losses if loss]
+    return [
+        f"the cell length, {cell_m:g} m, and the place of the lower left corner, ({origin[0]:.3f}, {origin[1]:.3f}) m",
+        "where exactly vertices and lanes are",
+        *_vertex_losses(nav),
+        _count(int(np.count_nonzero(nav.reverse < 0)), "one-way lane", "one-way lanes: cells have no direction"),
+        _door_losses(nav),
+        _count(int(np.count_nonzero(np.isfinite(nav.speed_mps))), "speed limit"),
+        *_drawing_losses(map_, "walls", "floors"),
+    ]
 
 
 def _write_geojson(map_: Map, path: Path, cell_m: float) -> list[str]:
     write_geojson(map_, path)
-    return [loss for loss in _drawing_losses(map_, "floors", "doors", "lifts") if loss]
+    return _drawing_losses(map_, "floors", "doors", "lifts")
 
 
 def _write_network(map_: Map, path: Path, cell_m: float) -> list[str]:
@@ -97,14 +90,8 @@ def _write_network(map_: Map, path: Path, cell_m: float) -> list[str]:
         build_network(map_.nav, path, None)
     finally:
         backdrop_of(path).unlink(missing_ok=True)
-    nav = map_.nav
-    losses = [_count(sum(bool(name) for name in nav.vertex_name), "name")]
-    losses.append(_count(sum(bool(options) for options in nav.vertex_options), "vertex with properties", "vertices with properties"))
-    losses.append(_count(sum("door_name" in o for o in nav.lane_options), "lane with a door", "lanes with a door"))
-    losses += _drawing_losses(map_, "walls", "floors", "lifts")
-    if len(map_.level_shift_m) > 1:
-        losses.append(f"which of the {len(map_.level_shift_m)} levels an edge is on; they are laid out on one plane")
-    return [loss for loss in losses if loss]
+    losses = [*_vertex_losses(map_.nav), _door_losses(map_.nav), *_drawing_losses(map_, "walls", "floors", "lifts")]
+    return [*losses, _level_losses(map_, "an edge")]
 
 
 def _write_lif(map_: Map, path: Path, robots: Sequence[RobotType]) -> list[str]:
@@ -112,8 +99,7 @@ def _write_lif(map_: Map, path: Path, robots: Sequence[RobotType]) -> list[str]:
     losses = _option_losses(map_.nav, lif_file.KEPT, lif_file.KEPT_OF_LANES) + _drawing_losses(map_, "walls", "floors", "doors")
     if len(map_.vehicle_types) > 1:
         losses.append("limits, directions and loads that differ by type of vehicle on one edge")
-    losses.append("the cell length" if isinstance(map_.nav, PlanGraph) else "")
-    return [loss for loss in losses if loss]
+    return [*losses, "the cell length" if isinstance(map_.nav, PlanGraph) else ""]
 
 
 def _write_opentcs(map_: Map, path: Path, robots: Sequence[RobotType]) -> list[str]:
@@ -124,17 +110,10 @@ def _write_opentcs(map_: Map, path: Path, robots: Sequence[RobotType]) -> list[s
     losses.append("the courses of curves, which are polylines within 1 cm of them" if curves else "")
     free = int(np.count_nonzero(np.isinf(nav.speed_mps)))
     losses.append(_count(free, "lane") + f" without a speed limit, for which {opentcs_file.NO_LIMIT_MPS:g} m/s is written" if free else "")
-    if len(map_.level_shift_m) > 1:
-        losses.append(f"which of the {len(map_.level_shift_m)} levels a point is on; they are laid out on one plane")
-    return [loss for loss in losses if loss]
+    return [*losses, _level_losses(map_, "a point")]
 
 
-_WRITE = {
-    ".nav.yaml": _write_nav_graph,
-    ".map": _write_grid,
-    ".geojson": _write_geojson,
-    ".net.xml": _write_network,
-}
+_WRITE = {".nav.yaml": _write_nav_graph, ".map": _write_grid, ".geojson": _write_geojson, ".net.xml": _write_network}
 _WRITE_WITH_TYPES = {".lif.json": _write_lif, ".xml": _write_opentcs}
 
 
@@ -166,11 +145,19 @@ def _drawing_losses(map_: Map, *kinds: str) -> list[str]:
     return [_count(num[kind], kind.removesuffix("s")) for kind in kinds]
 
 
-def _lane_losses(nav: NavGraph) -> list[str]:
-    return [
-        _count(sum("door_name" in options for options in nav.lane_options), "lane with a door", "lanes with a door"),
-        _count(int(np.count_nonzero(np.isfinite(nav.speed_mps))), "speed limit"),
-    ]
+def _vertex_losses(nav: NavGraph) -> list[str]:
+    with_properties = sum(bool(options) for options in nav.vertex_options)
+    names = _count(sum(bool(name) for name in nav.vertex_name), "name")
+    return [names, _count(with_properties, "vertex with properties", "vertices with properties")]
+
+
+def _door_losses(nav: NavGraph) -> str:
+    return _count(sum("door_name" in options for options in nav.lane_options), "lane with a door", "lanes with a door")
+
+
+def _level_losses(map_: Map, what: str) -> str:
+    num = len(map_.level_shift_m)
+    return f"which of the {num} levels {what} is on; they are laid out on one plane" if num > 1 else ""
 
 
 def _count(number: int, one: str, more: str = "") -> str:
