@@ -118,12 +118,9 @@ class Calibration:
 
 
 def calibrated(log: MotionLog, others: MotionLog | None = None) -> Calibration:
-    """All figures of a log. Raises MrpSumoError where nothing drives in it, or it is too short to tell anything.
+    """All figures of a log, whose vehicles may have waited for `others`, too.
 
-    Parameters
-    ----------
-    others
-        Vehicles for which those of the log may have waited, too.
+    Raises MrpSumoError where nothing drives in it, or it is too short to tell anything.
     """
     require_different(log)
     tracks = log.tracks()

@@ -54,20 +54,10 @@ def fit_stops(
     came_s: dict[tuple[int, int], float],
     drop: float,
 ) -> Stops:
-    """Find the stops and fit their stream.
+    """Find the stops among the stands of a log and fit their stream; `all_tracks` are those of all vehicles that are there, others too.
 
-    Parameters
-    ----------
-    phases, visits
-        Of the log.
-    all_tracks
-        All vehicles that are there, these and others.
-    brake_s
-        How long vehicles brake from their mean speed.
-    left_s, came_s
-        When vehicles left stands and came to them, as far as it was fitted, by number of track and stand.
-    drop
-        Of the logarithm of a profile likelihood, at which ranges end.
+    Vehicles brake from their mean speed for `brake_s`; they left stands and came to them at `left_s` and `came_s`, by number of track and
+    stand, as far as it was fitted. Ranges end where the logarithm of a profile likelihood has dropped by `drop`.
     """
     unexplained = [_unexplained(each, visits) for each in phases]
     places, others, lifts = _Stands(phases, unexplained), _Others(all_tracks), _lifts(all_tracks)

@@ -15,14 +15,9 @@ KEY = b"mrp_sumo"  # of the document in a table's metadata
 
 
 def numbers(values: np.ndarray, there: BoolArray | None = None) -> pa.Array:
-    """An Arrow array that shares the memory of an array. `pa.array` would load pandas first.
+    """An Arrow array that shares the memory of numbers [N], or copies truth values; null where a value is not `there` [N].
 
-    Parameters
-    ----------
-    values
-        [N] numbers, or truth values, which are copied.
-    there
-        [N] whether a value is there; the others are null. By default all are.
+    `pa.array` would load pandas first.
     """
     data = _bits(values) if values.dtype == np.bool_ else pa.py_buffer(np.ascontiguousarray(values))
     return pa.Array.from_buffers(pa.from_numpy_dtype(values.dtype), len(values), [None if there is None else _bits(there), data])

@@ -90,18 +90,9 @@ def document_from(path: Path, text: str) -> Document:
 
 
 def validated(document: Document, model: type[Model], content: Any = None, options: Mapping[Place, str] | None = None) -> Model:
-    """The document as a model. Raises ScenarioError: one line per fault.
+    """The document, or other content with its line numbers, as a model. Raises ScenarioError: one line per fault.
 
-    Parameters
-    ----------
-    document
-        Where line numbers come from.
-    model
-        Forbids unknown keys.
-    content
-        The document's own by default.
-    options
-        What to call a place instead of its line in the file: the command line option that set it.
+    `options` has what to call a place instead of its line in the file: the command line option that set it.
     """
     try:
         return TypeAdapter(model).validate_python(document.content if content is None else content)

@@ -120,21 +120,9 @@ def constants_of(scenario: Mapping[str, Any]) -> dict[str, float]:
 
 
 def robot_states(execution: Execution, t_s: FloatArray) -> NDArray[np.int8]:
-    """The state of each robot at some times: MOVING, WAITING, BLOCKED or AT_GOAL.
+    """[K, R] the state of each robot at ascending times [K] of a run with samples: MOVING, WAITING, BLOCKED or AT_GOAL.
 
     Blocked is what the events call blocked; waiting is standing anywhere but at the goal.
-
-    Parameters
-    ----------
-    execution
-        With at least one sample.
-    t_s
-        [K] ascending.
-
-    Returns
-    -------
-    state
-        [K, R]
     """
     sample = np.clip(np.searchsorted(execution.t_s, t_s - 1e-9), 0, len(execution.t_s) - 1)
     speed = execution.speed_mps[sample]

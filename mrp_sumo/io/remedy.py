@@ -25,13 +25,7 @@ CONFLICTS = "a planner that coordinates robots, such as lacam: this plan has con
 
 
 def remedy(result: Mapping[str, Any]) -> str:
-    """The change that most likely mends a run.
-
-    Returns
-    -------
-    str
-        '' for a run that succeeded, and where its note is all that is known.
-    """
+    """The change that most likely mends a run; '' for one that succeeded, and where its note is all that is known."""
     status, metrics = str(result["status"]), result.get("metrics") or {}
     if metrics.get("plan_success") and metrics.get("plan_valid") is False:
         return CONFLICTS

@@ -80,14 +80,8 @@ def records_in(folder: Path, report: Callable[[str], None]) -> Iterator[BatchRec
 def standings_in(folder: Path, report: Callable[[str], None], *, quarantine: bool = False) -> Iterator[tuple[str, str, int]]:
     """Key, status and number of attempts of every record of a folder, without reading the rest.
 
-    Parameters
-    ----------
-    folder
-        Of a batch.
-    report
-        Called with a line for each file that cannot be used.
-    quarantine
-        Move such files away, and remove what a killed process left; for the batch, which makes their runs again.
+    `report` is called with a line for each file that cannot be used. For a batch, which makes their runs again, `quarantine` moves such
+    files away, and removes what a killed process left.
     """
 
     def aside(path: Path, reason: str) -> None:

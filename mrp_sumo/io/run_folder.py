@@ -47,16 +47,10 @@ def check_replaceable(out: Path) -> None:
 
 
 def write_run(out: Path, document: Mapping[str, Any], write_files: Callable[[Path], None]) -> None:
-    """Write the run folder. Raises MrpSumoError when `out` holds something else, or the disk refuses. Nothing half-written stays.
+    """Write the run folder: `result.json` of a document, with a list of the files, and what `write_files` writes into the folder.
 
-    Parameters
-    ----------
-    out
-        Where; a run folder that is there already is replaced.
-    document
-        What `result.json` holds, but for its list of files.
-    write_files
-        Writes all other files into the folder that it is called with.
+    A run folder that is there already is replaced. Raises MrpSumoError when `out` holds something else, or the disk refuses; nothing
+    half-written stays.
     """
     check_replaceable(out)
     out = out.resolve()

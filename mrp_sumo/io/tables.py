@@ -127,17 +127,7 @@ class Table:
         return tuple([listed[k] for k in at.tolist()])
 
     def indices(self, name: str, names: Names, missing: int | None = None) -> IntArray:
-        """[N] which of `names` each row has; `missing` where there is none, if that may be.
-
-        Parameters
-        ----------
-        name
-            Of the column.
-        names
-            What is known, in the order of its numbers or with its numbers.
-        missing
-            For rows without a name.
-        """
+        """[N] which of `names`, by their order or their numbers, each row has; `missing` where there is none, if that may be."""
         number = names if isinstance(names, Mapping) else {text: k for k, text in enumerate(names)}
         listed, at = self._coded(name)
         null = self._null(name, self._column(name), missing is not None)

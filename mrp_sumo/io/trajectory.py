@@ -59,37 +59,12 @@ class Trajectory:
 
 
 def write_trajectory(
-    path: Path,
-    execution: Execution,
-    robot_name: tuple[str, ...],
-    metadata: Mapping[str, Any],
-    levels: "Shift | None" = None,
+    path: Path, execution: Execution, robot_name: tuple[str, ...], metadata: Mapping[str, Any], levels: "Shift | None" = None
 ) -> None:
-    """Write the table.
-
-    Parameters
-    ----------
-    path
-        To be written.
-    execution
-        T samples.
-    robot_name
-        [R]
-    metadata
-        JSON values to keep in the file: scenario, seed, versions.
-    levels
-        Of an execution in which robots change them, as `Trajectory` has them.
-    """
+    """Write the table, with more metadata in JSON's types, and levels as `Trajectory` has them where robots change them."""
     t_ns = _ticks(execution)
-    about = {
-        "schema_version": SCHEMA_VERSION,
-        "units": UNITS,
-        "robots": list(robot_name),
-        "t_ns": _stamps_document(t_ns),
-        **metadata,
-    }
-    if levels:
-        about |= {"levels": dict(levels)}
+    about = {"schema_version": SCHEMA_VERSION, "units": UNITS, "robots": list(robot_name), "t_ns": _stamps_document(t_ns), **metadata}
+    about |= {"levels": dict(levels)} if levels else {}
     schema = _schema(execution, levels).with_metadata({"mrp_sumo": json.dumps(about, sort_keys=True, ensure_ascii=False, allow_nan=False)})
     encoding = {"t_ns": "DELTA_BINARY_PACKED", **dict.fromkeys((*COLUMNS, *execution.hitch_rad), "BYTE_STREAM_SPLIT")}
     with pq.ParquetWriter(path, schema, compression="zstd", use_dictionary=["robot", "level"], column_encoding=encoding) as writer:

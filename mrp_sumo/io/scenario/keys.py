@@ -28,12 +28,7 @@ def unknown_key(key: str) -> str:
 def nearest_key(key: str, others: Iterable[str] = ()) -> str:
     """The end of a message about an unknown key: the likeliest meant by its whole name and its last part, else by its last part.
 
-    Parameters
-    ----------
-    key
-        What the user wrote.
-    others
-        Keys that would have been right, too: those that are listed where none is close.
+    `others` would have been right, too, and are listed where none is close.
     """
     others = list(others)
     known = [name for name in (*others, *_all_keys(ScenarioModel)) if not key.startswith(f"{name}.")]

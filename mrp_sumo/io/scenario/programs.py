@@ -52,16 +52,10 @@ def trust_programs(file: ScenarioFile) -> None:
 
 
 def require_trust(file: ScenarioFile, *folders: Path) -> None:
-    """Refuse a scenario that names programs which are not trusted.
+    """Refuse a scenario that names programs which are not trusted, nor in a trusted folder, nor come with this program.
 
-    Raises ScenarioError: one line per program: what would be run, and how to trust it.
-
-    Parameters
-    ----------
-    file
-        What it names is trusted when it is in a trusted folder, or comes with this program.
-    folders
-        Of more files that had a say in it: of a suite's base.
+    `folders` are those of more files that had a say in it, such as a suite's base. Raises ScenarioError: one line per program: what would
+    be run, and how to trust it.
     """
     unknown = [(place, program) for place, program in programs_of(file) if not is_trusted(program)]
     if not unknown:

@@ -20,13 +20,8 @@ from mrp_sumo.plugins.trust import trust
 def read_scenario(path: Path, overrides: Mapping[Place, tuple[str, Any]] | None = None) -> ScenarioFile:
     """Read and check a scenario file. Raises ScenarioError: one line a fault, with file and line.
 
-    Parameters
-    ----------
-    path
-        The file.
-    overrides
-        What the command line says instead: place -> (option, value), such as
-        `{("planner", "name"): ("--planner", "cbs")}`. Naming another planner drops the parameters of the one before.
+    `overrides` has what the command line says instead: place -> (option, value), such as `{("planner", "name"): ("--planner", "cbs")}`.
+    Naming another planner drops the parameters of the one before.
     """
     document = read_document(path)
     if isinstance(document.content, dict) and "base" in document.content and "map" not in document.content:
