@@ -5,6 +5,7 @@ the program begin here.
 """
 
 import json
+import math
 import os
 import re
 import stat
@@ -71,6 +72,11 @@ def read_text(path: Path, max_bytes: int = MAX_BYTES, error: type[MrpSumoError] 
     except UnicodeDecodeError as fault:
         line = data.count(b"\n", 0, fault.start) + 1
         raise error(f"{shortened(path)}:{line}: not a text file in UTF-8") from None
+
+
+def is_number(value: object, beyond: float = math.inf) -> bool:
+    """True for a number that is finite and nearer to 0 than `beyond`; not for true and false, which Python counts among whole ones."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < beyond
 
 
 def json_value(text: str | bytes, *, finite: bool = False, largest: float | None = None) -> Any:

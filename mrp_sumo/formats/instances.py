@@ -210,11 +210,7 @@ def _pairs(source: Text, values: Any, what: str) -> IntArray:
     if not isinstance(values, list):
         raise source.fault(f"{what} {values!r:.40}, expected a list of [x, y]")
     for k, value in enumerate(values):
-        if (
-            not isinstance(value, list)
-            or len(value) != 2
-            or not all(isinstance(n, int) and not isinstance(n, bool) and abs(n) < 2**31 for n in value)
-        ):
+        if not isinstance(value, list) or len(value) != 2 or not all(type(n) is int and abs(n) < 2**31 for n in value):
             raise source.fault(f"{what} {value!r:.40} at position {k}, expected [x, y]")
     return np.array(values, np.int64).reshape(-1, 2)
 

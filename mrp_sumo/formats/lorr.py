@@ -19,7 +19,7 @@ import numpy as np
 from mrp_sumo.core.graph import BoolArray, IntArray, frozen
 from mrp_sumo.core.step_wise import ACTION_LETTERS, HEADING_LETTERS, ActionArray, DelayLaw, StepWiseProblem, StepWiseSolution
 from mrp_sumo.errors import PlanError, nearest
-from mrp_sumo.files.reading import read_json, read_text
+from mrp_sumo.files.reading import is_number, read_json, read_text
 from mrp_sumo.maps.readers.movingai import free_cells
 
 KEYS = ("mapFile", "agentFile", "taskFile", "teamSize", "numTasksReveal")
@@ -53,9 +53,9 @@ def read_problem(path: Path) -> StepWiseProblem:
             raise PlanError(f"{path.name}: {key} is {document[key]!r:.40}, expected the name of a file")
         files.append(path.parent / document[key])
     team, share = document["teamSize"], document["numTasksReveal"]
-    if not isinstance(team, int) or isinstance(team, bool) or not 1 <= team < 10**6:
+    if type(team) is not int or not 1 <= team < 10**6:
         raise PlanError(f"{path.name}: teamSize is {team!r:.20}, expected a whole number above 0")
-    if not isinstance(share, int | float) or isinstance(share, bool) or not 0 < share < 10**6:
+    if not is_number(share, 1e6) or share <= 0:
         raise PlanError(f"{path.name}: numTasksReveal is {share!r:.20}, expected a number above 0")
     free = read_map(files[0])
     agents = _numbers(files[1])
@@ -93,9 +93,9 @@ def _of_2026(path: Path, document: dict[str, Any]) -> tuple[int, float]:
     if "agentCounter" not in document and "2026" not in str(document.get("version", "")):
         return 0, 1.0
     ticks, size = document.get("agentCounter", 10), document.get("agentSize", 1.0)
-    if not isinstance(ticks, int) or isinstance(ticks, bool) or not 1 <= ticks <= 1000:
+    if type(ticks) is not int or not 1 <= ticks <= 1000:
         raise PlanError(f"{path.name}: agentCounter is {ticks!r:.20}, expected a whole number of ticks from 1 to 1000")
-    if not isinstance(size, int | float) or isinstance(size, bool) or not 0 < size <= 1:
+    if not is_number(size) or not 0 < size <= 1:
         raise PlanError(f"{path.name}: agentSize is {size!r:.20}, expected a number of cells above 0, at most 1")
     return ticks, float(size)
 
@@ -140,7 +140,7 @@ def read_solution(path: Path, problem: StepWiseProblem) -> StepWiseSolution:
     places, paths = parts["start"], parts["actualPaths"]
     schedule = [row for r, text in enumerate(parts["actualSchedule"]) for row in _schedule_of(path, r, text)]
     done = document.get("numTaskFinished")
-    if not isinstance(done, int) or isinstance(done, bool):
+    if type(done) is not int:
         raise PlanError(f"{path.name}: numTaskFinished is {done!r:.20}, expected a whole number")
     return StepWiseSolution(
         start=np.array([_cell(problem, *place[:2]) for place in places], np.int64),
@@ -168,7 +168,8 @@ def _require_rows(path: Path, parts: dict[str, list[Any]]) -> None:
         if not (isinstance(row, list) and len(row) == 4 and _are_whole(row)):
             raise PlanError(f"{path.name}: events[{k}] is {row!r:.40}, expected [time, robot, task, errands done]")
     for k, row in enumerate(parts["tasks"]):
-        if not (isinstance(row, list) and len(row) == 3 and _are_whole(row[:2]) and row[0] == k and _are_places(row[2])):
+        places = row[2] if isinstance(row, list) and len(row) == 3 and _are_whole(row[:2]) and row[0] == k else None
+        if not (isinstance(places, list) and len(places) % 2 == 0 and _are_whole(places)):
             raise PlanError(f"{path.name}: tasks[{k}] is {row!r:.40}, expected [{k}, time, [row, column, ...]]")
 
 
@@ -241,11 +242,7 @@ def _numbers(path: Path) -> list[tuple[int, list[int]]]:
 
 
 def _are_whole(values: list[Any]) -> bool:
-    return all(isinstance(value, int) and not isinstance(value, bool) and abs(value) < 2**31 for value in values)
-
-
-def _are_places(values: Any) -> bool:
-    return isinstance(values, list) and len(values) % 2 == 0 and _are_whole(values)
+    return all(type(value) is int and abs(value) < 2**31 for value in values)
 
 
 def _cell(problem: StepWiseProblem, row: int, column: int) -> int:

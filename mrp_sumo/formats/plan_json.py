@@ -19,7 +19,7 @@ from mrp_sumo.core.plan import Plan
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError
 from mrp_sumo.files.names import fault_of
-from mrp_sumo.files.reading import read_json
+from mrp_sumo.files.reading import is_number, read_json
 
 SCHEMA_VERSION = 1
 STEPS = ("arrive_step", "depart_step")
@@ -83,7 +83,7 @@ def read_plan(path: Path, robot_name: Sequence[str] | None = None) -> Plan:
     for k, robot in enumerate(robots):
         _require_robot(path, k, robot)
     step_s = document.get("step_s")
-    if not _is_number(step_s) or step_s <= 0:
+    if not is_number(step_s, FARTHEST) or step_s <= 0:
         raise PlanError(f"{path}: damaged: step_s is {step_s!r:.40}, expected a number of seconds above 0")
     if robot_name is not None:
         by_name = {robot["name"]: robot for robot in robots}
@@ -111,9 +111,9 @@ def _require_robot(path: Path, k: int, robot: Any) -> None:
     """Refuse the k-th robot of a plan where its name, its times or its visits are damaged."""
     if not isinstance(robot, dict) or not isinstance(robot.get("name"), str) or not isinstance(robot.get("visits"), list):
         raise PlanError(f"{path}: damaged: robots[{k}] has no name or no visits")
-    if not _is_number(turned_s := robot.get("turned_s", 0.0)):
+    if not is_number(turned_s := robot.get("turned_s", 0.0), FARTHEST):
         raise PlanError(f"{path}: damaged: robots[{k}].turned_s is {turned_s!r:.40}, expected a time in s")
-    if not _is_number(heading := robot.get("goal_heading_rad") or 0.0):
+    if not is_number(heading := robot.get("goal_heading_rad") or 0.0, FARTHEST):
         raise PlanError(f"{path}: damaged: robots[{k}].goal_heading_rad is {heading!r:.40}, expected an angle in rad")
     if fault := fault_of(robot["name"]):
         raise PlanError(f"{path}: robots[{k}].name: {fault}")
@@ -128,10 +128,6 @@ def goal_headings(path: Path, robot_name: Sequence[str]) -> FloatArray | None:
         return None
     named = {robot["name"]: robot.get("goal_heading_rad") for robot in read_json(path, error=PlanError)["robots"]}
     return frozen(np.array([np.nan if named[name] is None else named[name] for name in robot_name], np.float64))
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < FARTHEST
 
 
 def _fault(visit: Any) -> str:

@@ -16,6 +16,7 @@ import yaml
 from mrp_sumo.core.graph import FloatArray, NavGraph, Properties, nav_graph
 from mrp_sumo.errors import MapError
 from mrp_sumo.files.names import free_name
+from mrp_sumo.files.reading import is_number
 from mrp_sumo.maps.levels import shifts_of
 from mrp_sumo.maps.map import Map
 from mrp_sumo.maps.readers.rmf.level import FARTHEST
@@ -107,7 +108,7 @@ def graph_of_documents(
 def origin_of_document(document: Document) -> tuple[float, float]:
     """The document's offset, where its coordinates contain it; else zeros."""
     offset = document.get("offset")
-    if not (isinstance(offset, list) and len(offset) == 2 and all(_is_number(c) for c in offset)):
+    if not (isinstance(offset, list) and len(offset) == 2 and all(is_number(c, FARTHEST) for c in offset)):
         return (0.0, 0.0)
     places = [xy for xy, _, _ in _levels(document, None).values()]
     return origin_of(np.concatenate([*places, np.zeros((0, 2))]), (float(offset[0]), float(offset[1])))
@@ -216,7 +217,7 @@ def _levels(
         xy, options = [], []
         for v, vertex in enumerate(_list(level, "vertices", key)):
             at = ("levels", key, "vertices", v)
-            if not isinstance(vertex, list) or not 2 <= len(vertex) <= 3 or not all(_is_number(c) for c in vertex[:2]):
+            if not isinstance(vertex, list) or not 2 <= len(vertex) <= 3 or not all(is_number(c, FARTHEST) for c in vertex[:2]):
                 raise Misplaced(f"level {name} vertex {v} is {str(vertex)[:40]}, expected [x, y, {{options}}]", *at)
             xy.append(vertex[:2])
             options.append(_coerced(vertex[2] if len(vertex) == 3 else None, f"level {name} vertex {v}", at))
@@ -273,7 +274,3 @@ def _list(level: Mapping[str, Any], kind: str, key: Any) -> list[Any]:
     if value is not None and not isinstance(value, list):
         raise Misplaced(f"level {key}: {kind} is {str(value)[:40]}, expected a list", "levels", key, kind)
     return value or []
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < FARTHEST

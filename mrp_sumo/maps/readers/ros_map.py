@@ -8,16 +8,15 @@ mode `raw`, and maps without any place to stand.
 import math
 import os
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mrp_sumo.core.graph import BoolArray, FloatArray, PlanGraph
 from mrp_sumo.errors import MapError, first_line, sentence
-from mrp_sumo.files.reading import require_regular
+from mrp_sumo.files.reading import is_number, require_regular
 from mrp_sumo.maps.costmap import Costmap
 from mrp_sumo.maps.grid import grid_graph
 from mrp_sumo.maps.map import Map
@@ -28,15 +27,15 @@ from mrp_sumo.maps.yaml_text import MAX_BYTES, Text
 MAX_PIXELS = 50_000_000
 MAX_CELLS = 2_000_000
 MAX_RESOLUTION_M = 5.0  # maps of sites have 0.02 to 0.1
+FARTHEST = 1e12  # number that is read
 MODES = ("trinary", "scale")
 
 
-@dataclass(frozen=True)
 class RosMap:
     """ROS occupancy maps."""
 
-    name: ClassVar[str] = "ROS map_server YAML"
-    suffixes: ClassVar[tuple[str, ...]] = (".yaml",)
+    name = "ROS map_server YAML"
+    suffixes = (".yaml",)
 
     def detects(self, file: MapFile) -> bool:
         """An image and its resolution."""
@@ -55,7 +54,7 @@ class RosMap:
             expected = f"metres a pixel, above 0 and at most {MAX_RESOLUTION_M:g}"
             raise source.fault(f"resolution is {resolution_m:g} m, expected {expected}", "resolution")
         origin = document.get("origin", [0, 0, 0])
-        if not isinstance(origin, list) or not 2 <= len(origin) <= 3 or not all(_is_finite(value) for value in origin):
+        if not isinstance(origin, list) or not 2 <= len(origin) <= 3 or not all(is_number(value, FARTHEST) for value in origin):
             raise source.fault(f"origin is {str(origin)[:40]}, expected [x, y, yaw]", "origin")
         if len(origin) == 3 and abs(origin[2]) > 1e-6:
             raise source.fault(f"origin has a yaw of {origin[2]:g}: turn the image instead", "origin")
@@ -158,10 +157,6 @@ def _reach_at(reach: FloatArray, rows: NDArray[np.floating], columns: NDArray[np
 
 def _number(document: Mapping[str, Any], key: str, source: Text, default: float | None) -> float:
     value = document.get(key, default)
-    if not _is_finite(value):
+    if not is_number(value, FARTHEST):
         raise source.fault(f"{key} is {str(value)[:40]}, expected a number", key)
     return float(value)
-
-
-def _is_finite(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < 1e12
