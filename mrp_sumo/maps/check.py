@@ -50,8 +50,11 @@ def check_building(building: Building) -> tuple[MapFinding, ...]:
             which = np.array([i for i, lane in enumerate(level.lanes) if lane.graph == graph], np.int64)
             if len(which):
                 _note_duplicates(notes, level, graph, which, ends[name])
-                _note_near_misses(notes, level, graph, which, ends[name])
-                _note_crossings(notes, level, graph, which, ends[name])
+                for v, i, d, _ in zip(*near_misses(level.xy, ends[name], NEAR_MISS_M)):
+                    notes.add("t_junction_near_miss", f"graph {graph} level {name} vertex {v} near lane {which[i]}: {d:.3f} m")
+                for i, j, (x, y) in zip(*crossings(level.world_xy, ends[name])):
+                    place = f"lanes {which[i]} and {which[j]} at ({x:.2f}, {y:.2f})"
+                    notes.add("lanes_cross_without_vertex", f"graph {graph} level {name} {place}")
         _note_names(notes, building, graph, ends)
         _note_pieces(notes, building, graph, ends, lifts)
         _note_lifts(notes, building, graph, ends, lifts)
@@ -163,17 +166,6 @@ def _note_names(notes: Notes, building: Building, graph: int, ends: dict[str, In
     for label, times in Counter(str(label) for label in labels if label != "").items():
         if times > 1:
             notes.add("name_twice_in_graph", f"graph {graph}: '{label}' names {times} vertices")
-
-
-def _note_near_misses(notes: Notes, level: Level, graph: int, which: IntArray, ends: IntArray) -> None:
-    vertex, lane, away, _ = near_misses(level.xy, ends, NEAR_MISS_M)
-    for v, i, d in zip(vertex.tolist(), which[lane].tolist(), away.tolist()):
-        notes.add("t_junction_near_miss", f"graph {graph} level {level.name} vertex {v} near lane {i}: {d:.3f} m")
-
-
-def _note_crossings(notes: Notes, level: Level, graph: int, which: IntArray, ends: IntArray) -> None:
-    for i, j, (x, y) in zip(*crossings(level.world_xy, ends)):
-        notes.add("lanes_cross_without_vertex", f"graph {graph} level {level.name} lanes {which[i]} and {which[j]} at ({x:.2f}, {y:.2f})")
 
 
 def _note_pieces(notes: Notes, building: Building, graph: int, ends: dict[str, IntArray], lifts: dict[str, dict[int, str]]) -> None:

@@ -107,18 +107,15 @@ class Notes:
     """Gathers findings by kind while a map is read."""
 
     def __init__(self) -> None:
-        self._details: dict[str, list[str]] = {}
-        self._count: dict[str, int] = {}
+        self._places: dict[str, list[tuple[str, int]]] = {}
 
     def add(self, kind: str, detail: str, count: int = 1) -> None:
-        self._details.setdefault(kind, []).append(detail)
-        self._count[kind] = self._count.get(kind, 0) + count
+        self._places.setdefault(kind, []).append((detail, count))
 
     def findings(self) -> tuple[MapFinding, ...]:
         """One finding a kind, in the order of `ordered`."""
-        return tuple(
-            MapFinding(kind, SEVERITY[kind], self._count[kind], tuple(self._details[kind])) for kind in SEVERITY if kind in self._details
-        )
+        columns = {kind: tuple(zip(*self._places[kind])) for kind in SEVERITY if kind in self._places}
+        return tuple(MapFinding(kind, SEVERITY[kind], sum(counts), details) for kind, (details, counts) in columns.items())
 
 
 def ordered(findings: tuple[MapFinding, ...]) -> tuple[MapFinding, ...]:

@@ -125,7 +125,9 @@ def _edge(
     tail, head, options = int(nav.tail[lane]), int(nav.head[lane]), nav.lane_options[lane]
     is_back = options.get("orientation_constraint") == "backward"
     only = str(options["vehicle_types"]).split(", ") if "vehicle_types" in options else None
-    allowed = [each for each in types if (only is None or each.name in only if each.robot is None else _may_drive(each.robot, is_back))]
+    allowed = [each for each in types if each.robot is not None or only is None or each.name in only]
+    if is_back:  # which vehicles that do not reverse may not drive
+        allowed = [each for each in allowed if each.robot is None or not each.robot.is_vehicle or each.robot.kinematics.reverse]
     if not allowed:
         return None
     properties: dict[str, Any] = {"rotationAllowed": bool(options.get("turns_on_way", False))}
@@ -142,11 +144,6 @@ def _edge(
         properties["trajectory"] = trajectory
     ends = {"startNodeId": names[tail], "endNodeId": names[head]}
     return {"edgeId": f"{names[tail]}-{names[head]}", **ends, "vehicleTypeEdgeProperties": [_of_type(each, properties) for each in allowed]}
-
-
-def _may_drive(robot: RobotType, is_back: bool) -> bool:
-    """True if a type may drive along a lane, on which robots perhaps drive backward."""
-    return not is_back or not robot.is_vehicle or robot.kinematics.reverse
 
 
 def _of_type(vehicle: _VehicleType, properties: dict[str, Any]) -> dict[str, Any]:

@@ -158,7 +158,8 @@ class Draft:
         for detail in self._nowhere:
             self.notes.add("edge_to_nowhere", detail)
         if self._nowhere:
-            raise RefusedMap(f"{shortened(self.source.path)}: {self._nowhere[0]}{_more(self._nowhere)}", self.notes.findings())
+            more = f"; and {len(self._nowhere) - 1} more, which --check lists" if len(self._nowhere) > 1 else ""
+            raise RefusedMap(f"{shortened(self.source.path)}: {self._nowhere[0]}{more}", self.notes.findings())
         if not self._lanes:  # lanes without length make none
             self.notes.add("no_lanes", f"{len(self._xy)} vertices")
             message = f"{shortened(self.source.path)}: no lanes: nothing to drive on ({len(self._xy)} vertices)"
@@ -166,7 +167,9 @@ class Draft:
         nav = self._nav(map_name(self.source.path), level)
         shift = laid_out(nav, building)
         elevation_m = {k: lv.elevation_m for k, lv in building.levels.items()} if building else {}
-        self._note_extent(nav)
+        width, height = np.ptp(nav.xy, axis=0).tolist()
+        if max(width, height) > LARGE_M:
+            self.notes.add("extent_above_1_km", f"{width:.0f} x {height:.0f} m: is the file in millimetres?")
         joined = joined_by_lifts(nav, shift, elevation_m, building.lifts if building else {})
         self._note_stations(joined)
         return Map(
@@ -255,12 +258,10 @@ class Draft:
     def _chain_back(self, tail: int, head: int, bends: FloatArray) -> list[int]:
         """The bends of a curve from head to tail along the same line, in reverse."""
         for chain in self._chains.get((head, tail), []):
-            if len(chain) == len(bends):
-                near = np.abs(np.array([self._xy[v] for v in reversed(chain)]) - bends).max() < SAME_PLACE_M
-                if near:
-                    back = chain[::-1]
-                    self._chains.setdefault((tail, head), []).append(back)
-                    return back
+            back = chain[::-1]
+            if len(back) == len(bends) and np.abs(np.array([self._xy[v] for v in back]) - bends).max() < SAME_PLACE_M:
+                self._chains.setdefault((tail, head), []).append(back)
+                return back
         return []
 
     def _new_chain(self, tail: int, head: int, line: Line) -> list[int]:
@@ -277,11 +278,6 @@ class Draft:
         for chain in self._chains.get((tail, head), []):
             pieces += [pair for pair in zip([tail, *chain], [*chain, head]) if pair in self._lanes]
         return pieces
-
-    def _note_extent(self, nav: NavGraph) -> None:
-        width, height = np.ptp(nav.xy, axis=0).tolist()
-        if max(width, height) > LARGE_M:
-            self.notes.add("extent_above_1_km", f"{width:.0f} x {height:.0f} m: is the file in millimetres?")
 
     def _note_stations(self, nav: NavGraph) -> None:
         """Stations outside the largest part in which every vertex can be reached from every other."""
@@ -346,10 +342,6 @@ def simplified(line: Line) -> Line:
     apart = np.hypot(*(xy[1:] - xy[:-1]).T) >= SAME_PLACE_M
     keep = np.concatenate([[True], apart[:-1] & apart[1:], [True]])
     return Line(xy[keep], None if line.course_rad is None else line.course_rad[keep])
-
-
-def _more(details: Sequence[str]) -> str:
-    return f"; and {len(details) - 1} more, which --check lists" if len(details) > 1 else ""
 
 
 def plain_options(members: Mapping[str, Any], taken: Iterable[str] = ()) -> dict[str, Any]:

@@ -8,9 +8,8 @@ Refuses longitudes and latitudes, of which both formats know nothing: convert fr
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from itertools import chain, pairwise
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -26,12 +25,11 @@ OFF_END_M = 0.05  # a drawn line that begins further from its vertex is not foll
 LANE_KEYS = ("kind", "tail", "head", "is_bidirectional", "length_m", "speed_mps")
 
 
-@dataclass(frozen=True)
 class GeoJson:
     """This program's own GeoJSON."""
 
-    name: ClassVar[str] = "GeoJSON of mrp-sumo"
-    suffixes: ClassVar[tuple[str, ...]] = (".geojson",)
+    name = "GeoJSON of mrp-sumo"
+    suffixes = (".geojson",)
 
     def detects(self, file: MapFile) -> bool:
         """A collection whose features are of our kinds."""
@@ -61,12 +59,11 @@ class GeoJson:
         return draft.to_map(selection.level, building)
 
 
-@dataclass(frozen=True)
 class Nav2Graph:
     """Nav2's route graphs."""
 
-    name: ClassVar[str] = "Nav2 route graph"
-    suffixes: ClassVar[tuple[str, ...]] = (".geojson",)
+    name = "Nav2 route graph"
+    suffixes = (".geojson",)
 
     def detects(self, file: MapFile) -> bool:
         """A collection whose features have identifiers."""

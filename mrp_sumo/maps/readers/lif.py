@@ -15,7 +15,7 @@ import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -34,12 +34,11 @@ ACTIONS = ("actions", "requiredActions", "feasibleActions")
 FREE_TURNS = (None, "BOTH")
 
 
-@dataclass(frozen=True)
 class Lif:
     """The VDMA's layouts."""
 
-    name: ClassVar[str] = "LIF"
-    suffixes: ClassVar[tuple[str, ...]] = (".lif.json",)
+    name = "LIF"
+    suffixes = (".lif.json",)
 
     def detects(self, file: MapFile) -> bool:
         """Layouts, or origins with layouts, and the format's version or its nodes."""

@@ -9,7 +9,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import ClassVar
 
 import numpy as np
 
@@ -34,12 +33,11 @@ class ProblemSet:
     goal: IntArray  # [N, 2]
 
 
-@dataclass(frozen=True)
 class MovingAiMap:
     """MovingAI's grids."""
 
-    name: ClassVar[str] = "MovingAI grid"
-    suffixes: ClassVar[tuple[str, ...]] = (".map",)
+    name = "MovingAI grid"
+    suffixes = (".map",)
 
     def detects(self, file: MapFile) -> bool:
         """Its first word."""
@@ -55,12 +53,11 @@ class MovingAiMap:
         return grid_map(file.source, nav, free)
 
 
-@dataclass(frozen=True)
 class MovingAiScen:
     """MovingAI's problem sets: the grid beside them."""
 
-    name: ClassVar[str] = "MovingAI problem set"
-    suffixes: ClassVar[tuple[str, ...]] = (".scen",)
+    name = "MovingAI problem set"
+    suffixes = (".scen",)
 
     def detects(self, file: MapFile) -> bool:
         """Its first line."""

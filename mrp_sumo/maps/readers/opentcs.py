@@ -15,7 +15,6 @@ curve is turned and scaled to join the model's. Points that the model puts all a
 import math
 import re
 from dataclasses import dataclass, field, replace
-from typing import ClassVar
 
 import numpy as np
 
@@ -35,12 +34,11 @@ COORDINATES = (("positionX", "positionY"), ("xPosition", "yPosition"))  # of poi
 NOT_READ = {"group": "groups", "staticRoute": "static routes"}  # elements of models before version 6
 
 
-@dataclass(frozen=True)
 class OpenTcs:
     """openTCS's plant models."""
 
-    name: ClassVar[str] = "openTCS plant model"
-    suffixes: ClassVar[tuple[str, ...]] = (".xml",)
+    name = "openTCS plant model"
+    suffixes = (".xml",)
 
     def detects(self, file: MapFile) -> bool:
         """Its root, with the version that every model states."""

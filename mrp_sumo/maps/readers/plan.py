@@ -7,8 +7,8 @@ largest stays. Both are reported, with their areas. Refuses pictures without a s
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, ClassVar
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -36,12 +36,11 @@ STRAIGHT_PX = 1.0  # a slanted wall is stairs of pixels, which lie as far off a 
 MAX_TRACED = 10_000  # strokes of a picture's outlines
 
 
-@dataclass(frozen=True)
 class DxfPlan:
     """Drawings in DXF."""
 
-    name: ClassVar[str] = "plan of a floor"
-    suffixes: ClassVar[tuple[str, ...]] = (".dxf",)
+    name = "plan of a floor"
+    suffixes = (".dxf",)
 
     def detects(self, file: MapFile) -> bool:
         """Its first section, or the mark of a binary one."""
@@ -56,12 +55,11 @@ class DxfPlan:
         return _drawing(file, selection, drawing.strokes, drawing, f"in {drawing.unit}: state another with mrp-sumo import --unit")
 
 
-@dataclass(frozen=True)
 class SvgPlan:
     """Drawings in SVG."""
 
-    name: ClassVar[str] = "plan of a floor"
-    suffixes: ClassVar[tuple[str, ...]] = (".svg",)
+    name = "plan of a floor"
+    suffixes = (".svg",)
 
     def detects(self, file: MapFile) -> bool:
         """Its root."""
@@ -77,12 +75,11 @@ class SvgPlan:
         return _drawing(file, selection, drawing.strokes * scale_m, drawing, f"at {scale_m:g} m a unit: state another --scale")
 
 
-@dataclass(frozen=True)
 class PdfPlan:
     """Pages of PDF files."""
 
-    name: ClassVar[str] = "plan of a floor"
-    suffixes: ClassVar[tuple[str, ...]] = (".pdf",)
+    name = "plan of a floor"
+    suffixes = (".pdf",)
 
     def detects(self, file: MapFile) -> bool:
         """Its mark."""
@@ -98,12 +95,11 @@ class PdfPlan:
         return _picture(file, selection, pixels.mean(axis=2), scale_m)
 
 
-@dataclass(frozen=True)
 class PicturePlan:
     """Pictures."""
 
-    name: ClassVar[str] = "plan of a floor"
-    suffixes: ClassVar[tuple[str, ...]] = (".png", ".jpg")
+    name = "plan of a floor"
+    suffixes = (".png", ".jpg")
 
     def detects(self, file: MapFile) -> bool:
         """The marks of pictures."""

@@ -9,7 +9,7 @@ flat ones.
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import Any
 
 from mrp_sumo.errors import MapError
 from mrp_sumo.maps.map import Map
@@ -23,12 +23,11 @@ UNNAMED = "<Unnamed>"
 Anchors = dict[str, tuple[float, float]]
 
 
-@dataclass(frozen=True)
 class RmfSite:
     """Open-RMF's sites."""
 
-    name: ClassVar[str] = "RMF site"
-    suffixes: ClassVar[tuple[str, ...]] = (".site.json",)
+    name = "RMF site"
+    suffixes = (".site.json",)
 
     def detects(self, file: MapFile) -> bool:
         """A version of the format, or anchors, beside levels."""

@@ -5,8 +5,7 @@ not read. Vertices of our own networks are `n7`: they have no names. Refuses edg
 """
 
 import math
-from dataclasses import dataclass
-from typing import ClassVar
+import re
 
 import numpy as np
 
@@ -16,13 +15,14 @@ from mrp_sumo.maps.readers.draft import Draft
 from mrp_sumo.maps.readers.reader import MapFile, Selection, refuse_choice
 from mrp_sumo.maps.readers.xml_text import Element, parse_xml, root_name
 
+OURS = re.compile("n[0-9]{1,10}")
 
-@dataclass(frozen=True)
+
 class SumoNet:
     """SUMO's networks."""
 
-    name: ClassVar[str] = "SUMO network"
-    suffixes: ClassVar[tuple[str, ...]] = (".net.xml",)
+    name = "SUMO network"
+    suffixes = (".net.xml",)
 
     def detects(self, file: MapFile) -> bool:
         """Its root."""
@@ -33,7 +33,7 @@ class SumoNet:
         refuse_choice(file.source, selection)
         root, draft = parse_xml(file.source), Draft(file.source)
         junctions = [j for j in root.all("junction") if j.get("type", "") != "internal" and not j.get("id", "").startswith(":")]
-        ours = all(_is_ours(j.get("id", "")) for j in junctions)
+        ours = all(OURS.fullmatch(j.get("id", "")) for j in junctions)
         if ours:  # in the order of the numbers
             junctions.sort(key=lambda j: int(j.text("id")[1:]))
         for junction in junctions:
@@ -53,11 +53,9 @@ def _edge(edge: Element, draft: Draft) -> None:
         key = ("from", "to")[ends.index(-1)]
         draft.note_nowhere(f"line {edge.line}", f"edge '{edge.get('id', '')[:60]}' is {key} no junction '{edge.text(key)[:60]}'")
         return
-    lanes = list(edge.all("lane"))
-    speed = max((lane.number("speed", math.inf) for lane in lanes), default=math.inf)
-    shape = edge.get("shape", "")
+    speed = max((lane.number("speed", math.inf) for lane in edge.all("lane")), default=math.inf)
     line: Line | None = None
-    if shape:
+    if shape := edge.get("shape", ""):
         places = [_place(edge, text) for text in shape.split()]
         ends_xy = [draft.place(v) for v in ends]
         line = Line(np.array([ends_xy[0], *places[1:-1], ends_xy[1]]))
@@ -74,7 +72,3 @@ def _place(edge: Element, text: str) -> tuple[float, float]:
     if not (abs(x) < 1e8 and abs(y) < 1e8):
         raise edge.fault(f"shape has '{text[:40]}', expected metres")
     return x, y
-
-
-def _is_ours(name: str) -> bool:
-    return name[:1] == "n" and name[1:].isdecimal() and name.isascii() and len(name) < 12

@@ -9,8 +9,7 @@ import csv
 import io
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any
 
 from mrp_sumo.errors import MapError, nearest
 from mrp_sumo.maps.map import Map
@@ -25,12 +24,11 @@ YES, NO = ("yes", "true", "1"), ("no", "false", "0", "")
 NODE_KEYS = ("id", "name", "level", "x", "y", "x_m", "y_m", "pos", "is_bend")
 
 
-@dataclass(frozen=True)
 class LaneTable:
     """CSV with a row per lane."""
 
-    name: ClassVar[str] = "CSV of lanes"
-    suffixes: ClassVar[tuple[str, ...]] = (".csv",)
+    name = "CSV of lanes"
+    suffixes = (".csv",)
 
     def detects(self, file: MapFile) -> bool:
         """Its first line has most of the columns."""
@@ -94,12 +92,11 @@ class LaneTable:
             draft.add_lane(tail, head, speed_mps=speed, options={"class": row["class"]} if row.get("class") else {})
 
 
-@dataclass(frozen=True)
 class NodeLink:
     """Node-link JSON."""
 
-    name: ClassVar[str] = "node-link JSON"
-    suffixes: ClassVar[tuple[str, ...]] = (".json",)
+    name = "node-link JSON"
+    suffixes = (".json",)
 
     def detects(self, file: MapFile) -> bool:
         """Nodes, and links or edges, in lists."""

@@ -82,13 +82,15 @@ class LevelReader:
     def polygons(
         self, value: Any, what: str, num_vertices: int, keys: tuple[str | int, ...], *, zones: bool
     ) -> tuple[tuple[int, ...], ...]:
-        """Corners of floors and holes, or of zones, which are floors that no robot may be on."""
+        """Corners of floors and holes, or of zones, which are floors that no robot may be on: `no_robots: [4, true]`."""
         outlines = []
         for i, one in enumerate(self.items(value, what, keys)):
             each, at = f"{what[:-1]} {i}", (*keys, i)
             if not isinstance(one, Mapping):
                 raise self.source.fault(f"{each} is {shown(one)}, expected a mapping", *at)
-            if _is_zone(one) == zones:
+            parameters = one.get("parameters")
+            is_zone = isinstance(parameters, Mapping) and parameters.get("no_robots") in ([4, True], True)
+            if is_zone == zones:
                 corners = self.items(one.get("vertices"), f"{each}: vertices", at)
                 outlines.append(tuple(self.vertex(v, each, num_vertices, at) for v in corners))
         return tuple(outlines)
@@ -160,12 +162,6 @@ def draft_of(reader: LevelReader, name: str, document: Any, key: Any, system: st
         models=_models(document.get("models"), up),
         is_mapping=is_mapping,
     )
-
-
-def _is_zone(floor: Mapping[str, Any]) -> bool:
-    """A floor with the parameter `no_robots: [4, true]`."""
-    parameters = floor.get("parameters")
-    return isinstance(parameters, Mapping) and parameters.get("no_robots") in ([4, True], True)
 
 
 def _models(document: Any, up: float) -> tuple[Model, ...]:

@@ -2,8 +2,7 @@
 
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from typing import ClassVar
+from dataclasses import replace
 
 from mrp_sumo.errors import ChoiceError
 from mrp_sumo.maps.building import Building
@@ -24,12 +23,11 @@ REFUSAL = {
 }
 
 
-@dataclass(frozen=True)
 class RmfBuilding:
     """Open-RMF buildings, as traffic-editor writes them."""
 
-    name: ClassVar[str] = "RMF building"
-    suffixes: ClassVar[tuple[str, ...]] = (".building.yaml",)
+    name = "RMF building"
+    suffixes = (".building.yaml",)
 
     def detects(self, file: MapFile) -> bool:
         """Levels with typed parameters."""
@@ -42,12 +40,11 @@ class RmfBuilding:
         return map_of_building(building, selection.graph, selection.level)
 
 
-@dataclass(frozen=True)
 class RmfNavGraph:
     """Open-RMF nav graphs, as its generator writes them."""
 
-    name: ClassVar[str] = "RMF nav graph"
-    suffixes: ClassVar[tuple[str, ...]] = (".yaml",)
+    name = "RMF nav graph"
+    suffixes = (".yaml",)
 
     def detects(self, file: MapFile) -> bool:
         """Levels with plain options."""
