@@ -124,17 +124,14 @@ def portfolio_for(problem: Problem) -> Portfolio:
             compared = 2 if robots <= FEW_IN_WINDOW else 1
             return Portfolio(("prioritised", "lacam", "pibt"), compared, "robots have room in the window", AT_BOUND)
         return Portfolio(("lacam", "prioritised", "pibt"), 1, "robots crowd")
-    if problem.drivable and problem.graph.kind == "grid" and robots <= (FEW_SLOW if _turn_slowly(problem) else FEW):
+    turn_slowly = bool((math.pi / 2 >= SLOW * problem.step_s * problem.fleet.turn_rate_rad_s).all())
+    if problem.drivable and problem.graph.kind == "grid" and robots <= (FEW_SLOW if turn_slowly else FEW):
         why = f"few enough robots ({robots}) on a grid to plan their real motion"
         return Portfolio(("pbs", "ecbs", "lacam", "lns2", "continuous"), 1, why)
     if robots <= SOME:
         others = ("continuous",) if problem.drivable else ("prioritised",)
         return Portfolio(("ecbs", "lacam", "lns2", *others), 3, f"few enough robots ({robots}) to try a bounded search first")
     return Portfolio(("lacam", "lns2", "prioritised"), 1, f"many robots ({robots})")
-
-
-def _turn_slowly(problem: Problem) -> bool:
-    return bool((math.pi / 2 >= SLOW * problem.step_s * problem.fleet.turn_rate_rad_s).all())
 
 
 def _above_bound(result: PlanResult, problem: Problem) -> float:

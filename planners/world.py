@@ -238,13 +238,10 @@ def _compass(graph: PlanGraph | None, num_robots: int) -> Compass:
         return Compass(np.zeros((1, 1), np.uint8), one, one, one, np.zeros((1, 2), np.float32))
     longest = np.abs(graph.xy[graph.head] - graph.xy[graph.tail]).sum(1).max(initial=0)
     bound = np.array(graph.xy / longest if longest > 0 else graph.xy, np.float32)
-    code = _unwritten(num_robots, (graph.num_vertices + 3) // 4)
+    num_bytes = (graph.num_vertices + 3) // 4
+    # zeros of which only what is written takes memory; numpy's own arrays are laid out in large pages, mostly empty ones here
+    code = np.frombuffer(mmap(-1, num_robots * num_bytes), np.uint8).reshape(num_robots, num_bytes)
     return Compass(code, graph.first.astype(np.int32), graph.head.astype(np.int32), np.zeros(graph.num_vertices, np.int32), bound)
-
-
-def _unwritten(num_rows: int, num_columns: int) -> np.ndarray:
-    """[N, M] zeros of which only what is written takes memory; numpy's own arrays are laid out in large pages, mostly empty ones here."""
-    return np.frombuffer(mmap(-1, num_rows * num_columns), np.uint8).reshape(num_rows, num_columns)
 
 
 def steps_table(problem: Problem, deadline_s: float) -> np.ndarray | None:

@@ -104,18 +104,16 @@ class Ccbs:
                 return without_effort(problem, began, nodes=float(tree.nodes), lower_bound_s=tree.bound_s)
             status, message = Status.TIMED_OUT, f"no plan within {time_limit_s:g} s"
         stats = {"nodes": float(tree.nodes), "lower_bound_s": tree.bound_s if status is not Status.INFEASIBLE else 0.0}
+        # robots are there up to a step before they stand; no bound of discs holds for robots
+        arrivals_s = stats["lower_bound_s"] - problem.num_robots * self.step_length_s if self.motion == "real" else 0.0
         return PlanResult(
             status,
             plan=motion.plan(paths) if paths else None,
             planning_time_s=process_time() - began,
-            lower_bound_steps=self._sure_s(stats["lower_bound_s"], problem.num_robots) / problem.step_s,
+            lower_bound_steps=max(0.0, arrivals_s) / problem.step_s,
             stats=stats | ({"cost_s": sum(map(motion.cost_s, paths))} if paths else {}),
             message=message,
         )
-
-    def _sure_s(self, bound_s: float, num_robots: int) -> float:
-        """The bound on arrivals of robots: they are there up to a step before they stand. None of discs holds for robots."""
-        return max(0.0, bound_s - num_robots * self.step_length_s) if self.motion == "real" else 0.0
 
     def _motion(self, problem: Problem, deadline_s: float) -> "LowLevel":
         from planners.safe_interval.real_motion import RealMotion

@@ -6,6 +6,7 @@ Sources: Li, Chen, Harabor, Stuckey, Koenig, "Anytime multi-agent path finding v
 among neighbourhoods by their success after Ropke, Pisinger, "An adaptive large neighborhood search heuristic", 2006.
 """
 
+from functools import partial
 from time import process_time
 
 import numpy as np
@@ -39,7 +40,7 @@ class Improvement:
                 break
             self.tries += 1
             kind = int(self._rng.choice(KINDS, p=self._weight / self._weight.sum()))
-            gain = self._replan((self._by_delay, self._by_place, self._by_chance)[kind](), deadline_s)
+            gain = self._replan((self._by_delay, self._by_place, partial(self._filled, []))[kind](), deadline_s)
             self._weight[kind] = max(0.05, (1 - REACTION) * self._weight[kind] + REACTION * 10 * (gain > 0))
 
     def _replan(self, robots: list[int], deadline_s: float) -> int:
@@ -91,10 +92,7 @@ class Improvement:
             chosen += [r for r in passing[begin : begin + self._size].tolist() if r not in chosen]
         return self._filled(rng.permutation(chosen[: self._size]).tolist())
 
-    def _by_chance(self) -> list[int]:
-        return self._filled([])
-
     def _filled(self, robots: list[int]) -> list[int]:
-        """With others, as many as a neighbourhood has."""
+        """With others, by chance, as many as a neighbourhood has."""
         others = self._rng.permutation(self.timetable.num_robots).tolist()
         return (robots + [r for r in others if r not in robots])[: self._size] if len(robots) < 2 else robots[: self._size]

@@ -196,7 +196,8 @@ class Vehicle:
             expected = f"'{end.name}' with sequenceId {end.sequence}" if end else "none"
             text = f"nodes[0] is '{first.name}' with sequenceId {first.sequence}, expected the end of the base, {expected}"
             raise RefusalError(Reason.NOT_CONTINUED, text, order.references)
-        known = self._name_on_map(end) if self.nodes and self.nodes[0].sequence <= end.sequence else self.at
+        is_ahead = self.nodes and self.nodes[0].sequence <= end.sequence
+        known = end.name if is_ahead and self.site.place(end.name) is not None else self.at
         done = {action.name for action in first.actions}
         used = {name for name in self.doings if self._is_base(name)} - done
         check_order(order, self.site, known, used)
@@ -252,9 +253,6 @@ class Vehicle:
         x, y, map_id = (node.position["x"], node.position["y"], node.position["mapId"]) if node.position else where or (math.inf, 0.0, "")
         off_m = math.hypot(x - self.body.x_m, y - self.body.y_m)
         return map_id == self.body.map_id and off_m <= max(NEAR_M, node.deviation_m)
-
-    def _name_on_map(self, node: Node) -> str:
-        return node.name if self.site.place(node.name) is not None else self.at
 
     def _ahead(self) -> Iterator[tuple[Node, Edge, Edge | None]]:
         """Nodes that are still to be passed, with the edges to and after them."""
