@@ -30,25 +30,22 @@ SAY_EVERY_S = 30.0
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `mrp-sumo batch`."""
-    parser.add_argument("suite", help="suite file, or the name of a bundled suite such as paper_comparison")
-    parser.add_argument("--out", metavar="DIR", help="folder of the results (default: runs/<suite>)")
-    parser.add_argument("--workers", type=int, metavar="N", help="processes (default: one a core)")
-    parser.add_argument("--dry-run", action="store_true", help="print how many runs, which, and roughly how long; run nothing")
-    parser.add_argument(
-        "--scheduler", metavar="ADDRESS", help="let the workers of this Dask scheduler make the runs, such as tcp://host:8786"
-    )
-    parser.add_argument("--retries", type=int, default=1, metavar="N", help="how often a run that crashed is tried again (default: 1)")
-    parser.add_argument("--time-limit", type=float, metavar="S", help="wall time of a run, instead of the suite's limit")
-    parser.add_argument("--memory-limit", type=float, metavar="MB", help="memory of a run, instead of the suite's limit")
-    parser.add_argument(
+    add = parser.add_argument
+    add("suite", help="suite file, or the name of a bundled suite such as paper_comparison")
+    add("--out", metavar="DIR", help="folder of the results (default: runs/<suite>)")
+    add("--workers", type=int, metavar="N", help="processes (default: one a core)")
+    add("--dry-run", action="store_true", help="print how many runs, which, and roughly how long; run nothing")
+    add("--scheduler", metavar="ADDRESS", help="let the workers of this Dask scheduler make the runs, such as tcp://host:8786")
+    add("--retries", type=int, default=1, metavar="N", help="how often a run that crashed is tried again (default: 1)")
+    add("--time-limit", type=float, metavar="S", help="wall time of a run, instead of the suite's limit")
+    add("--memory-limit", type=float, metavar="MB", help="memory of a run, instead of the suite's limit")
+    add(
         "--keep-worst", type=int, default=0, metavar="N", help="make the N worst runs again with run folder and replay page, for the report"
     )
-    parser.add_argument(
-        "--metric", action="append", metavar="NAME", help="measure this too, a bundled metric or FILE.py:FUNCTION; may be repeated"
-    )
-    parser.add_argument("--trust", action="store_true", help="run the programs that the suite names: plug-in files, external planners")
-    parser.add_argument("--json", action="store_true", help="print the counts as a line of JSON in the end")
-    parser.add_argument("-v", "--verbose", action="store_true", help="with --dry-run: list every run")
+    add("--metric", action="append", metavar="NAME", help="measure this too, a bundled metric or FILE.py:FUNCTION; may be repeated")
+    add("--trust", action="store_true", help="run the programs that the suite names: plug-in files, external planners")
+    add("--json", action="store_true", help="print the counts as a line of JSON in the end")
+    add("-v", "--verbose", action="store_true", help="with --dry-run: list every run")
 
 
 def run(options: argparse.Namespace) -> int:

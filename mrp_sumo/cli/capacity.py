@@ -29,30 +29,25 @@ UNITS = {"s": 1.0, "min": 60.0, "h": 3600.0, "": 1.0}
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `mrp-sumo capacity`."""
-    parser.add_argument("scenario", help="scenario file, or the name of a bundled scenario such as warehouse_lifelong")
+    add = parser.add_argument
+    add("scenario", help="scenario file, or the name of a bundled scenario such as warehouse_lifelong")
     scenario_choice.set_argument(parser)
-    parser.add_argument(
-        "--demand", metavar="RATE", help="orders that are to be served, such as 180/h (default: the scenario's, at its busiest)"
-    )
-    parser.add_argument(
+    add("--demand", metavar="RATE", help="orders that are to be served, such as 180/h (default: the scenario's, at its busiest)")
+    add(
         "--on-time",
         metavar="SHARE",
         help="share of orders that are to be on time, such as 95%% (the default); without due times, of orders that are done at all; "
         "of a scenario without orders, share of draws that are to succeed (default: 80%%)",
     )
-    parser.add_argument(
+    add(
         "--robots",
         metavar="A..B",
         help="sizes of fleets (default: 4, or those of the scenario if fewer, to what the map holds, at most 200)",
     )
-    parser.add_argument(
-        "--quick", action="store_true", help="3 seeds of 20 simulated minutes at first, wider limits, about 3 min on two cores"
-    )
-    parser.add_argument(
-        "--budget", metavar="TIME", help="what the study may take on two cores, such as 30min, as predicted (default: 20min)"
-    )
-    parser.add_argument("--horizon", metavar="TIME", help="simulated time of a run (default: 1h, with --quick 20min)")
-    parser.add_argument(
+    add("--quick", action="store_true", help="3 seeds of 20 simulated minutes at first, wider limits, about 3 min on two cores")
+    add("--budget", metavar="TIME", help="what the study may take on two cores, such as 30min, as predicted (default: 20min)")
+    add("--horizon", metavar="TIME", help="simulated time of a run (default: 1h, with --quick 20min)")
+    add(
         "--what-if",
         action="append",
         default=[],
@@ -61,18 +56,16 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "'planner: lacam', or any key; 'auto' tries the obvious ones; may be given several times",
     )
     intervals.arguments(parser)
-    parser.add_argument("--replays", action="store_true", help="make replay pages of a run at the knee and of one at the collapse")
-    parser.add_argument("--engine", choices=("kinematic", "sumo"), default="kinematic", help="what moves the bodies (default: kinematic)")
-    parser.add_argument(
-        "--confirm", choices=("sumo",), help="drive knee, peak, collapse and the fleet for the demand in SUMO, too, on top of the budget"
-    )
-    parser.add_argument("--seed", type=int, metavar="N", help="first seed (default: the scenario's)")
-    parser.add_argument("--json", action="store_true", help="print the answer as JSON")
-    parser.add_argument("--out", metavar="DIR", help="folder of runs and page (default: runs/capacity_<scenario>)")
-    parser.add_argument("--workers", type=int, metavar="N", help="processes (default: one a core)")
-    parser.add_argument("--scheduler", metavar="ADDRESS", help="let the workers of this Dask scheduler make the runs")
-    parser.add_argument("--dry-run", action="store_true", help="say how long it would take; run nothing")
-    parser.add_argument("--trust", action="store_true", help="run the programs that the scenario names")
+    add("--replays", action="store_true", help="make replay pages of a run at the knee and of one at the collapse")
+    add("--engine", choices=("kinematic", "sumo"), default="kinematic", help="what moves the bodies (default: kinematic)")
+    add("--confirm", choices=("sumo",), help="drive knee, peak, collapse and the fleet for the demand in SUMO, too, on top of the budget")
+    add("--seed", type=int, metavar="N", help="first seed (default: the scenario's)")
+    add("--json", action="store_true", help="print the answer as JSON")
+    add("--out", metavar="DIR", help="folder of runs and page (default: runs/capacity_<scenario>)")
+    add("--workers", type=int, metavar="N", help="processes (default: one a core)")
+    add("--scheduler", metavar="ADDRESS", help="let the workers of this Dask scheduler make the runs")
+    add("--dry-run", action="store_true", help="say how long it would take; run nothing")
+    add("--trust", action="store_true", help="run the programs that the scenario names")
 
 
 def run(options: argparse.Namespace) -> int:

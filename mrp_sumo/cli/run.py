@@ -31,51 +31,46 @@ SET_AS = {"--planner": ("planner", "planner.name"), "--time-limit": ("planner.ti
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `mrp-sumo run`."""
-    parser.add_argument(
-        "scenario", nargs="?", metavar="FILE", help="scenario or map file, or the name of a bundled one, such as office_9 or office"
-    )
-    parser.add_argument(
-        "--plan", type=Path, metavar="FILE", help="drive this plan, in any format that `validate` reads, instead of planning"
-    )
-    parser.add_argument("--map", type=Path, metavar="FILE", help="MovingAI .map instead of a scenario, with cells of 1 m")
-    parser.add_argument("--scen", type=Path, metavar="FILE", help="MovingAI .scen of the map (default: starts and goals are the plan's)")
-    parser.add_argument("--type", "--robot", dest="robot", metavar="NAME", help="another type of robot: a bundled one, or a YAML file")
+    add = parser.add_argument
+    add("scenario", nargs="?", metavar="FILE", help="scenario or map file, or the name of a bundled one, such as office_9 or office")
+    add("--plan", type=Path, metavar="FILE", help="drive this plan, in any format that `validate` reads, instead of planning")
+    add("--map", type=Path, metavar="FILE", help="MovingAI .map instead of a scenario, with cells of 1 m")
+    add("--scen", type=Path, metavar="FILE", help="MovingAI .scen of the map (default: starts and goals are the plan's)")
+    add("--type", "--robot", dest="robot", metavar="NAME", help="another type of robot: a bundled one, or a YAML file")
     scenario_choice.scale_argument(parser)
-    parser.add_argument("--out", metavar="DIR", help="run folder (default: runs/<scenario>)")
+    add("--out", metavar="DIR", help="run folder (default: runs/<scenario>)")
     scenario_choice.arguments(parser)
-    parser.add_argument("--policy", metavar="NAME", help="another execution policy; FILE.py:CLASS for one of your own")
-    parser.add_argument(
+    add("--policy", metavar="NAME", help="another execution policy; FILE.py:CLASS for one of your own")
+    add(
         "--metric",
         action="append",
         metavar="NAME",
         help="a metric of your own, FILE.py:FUNCTION, instead of the scenario's; may be repeated",
     )
     intervals.arguments(parser)
-    parser.add_argument("--replay", action="store_true", help="write the replay page into the run folder")
-    parser.add_argument("--live", action="store_true", help="show the run in a browser while it drives: pause, step, speed, what has been")
-    parser.add_argument("--port", type=port_number, metavar="N", help="of --live (default: any free port) or --foxglove (default: 8765)")
-    parser.add_argument(
-        "--foxglove", action="store_true", help="show the run in Foxglove while it drives, with its playback control: pause, seek, speed"
-    )
-    parser.add_argument(
+    add("--replay", action="store_true", help="write the replay page into the run folder")
+    add("--live", action="store_true", help="show the run in a browser while it drives: pause, step, speed, what has been")
+    add("--port", type=port_number, metavar="N", help="of --live (default: any free port) or --foxglove (default: 8765)")
+    add("--foxglove", action="store_true", help="show the run in Foxglove while it drives, with its playback control: pause, seek, speed")
+    add(
         "--rerun",
         nargs="?",
         const="",
         metavar="FILE",
         help="write the run for Rerun, FILE.rrd, or show it as it drives in a viewer that is open (default: on this machine)",
     )
-    parser.add_argument("--dds", action="store_true", help="publish the run over DDS while it drives, as ROS 2 nodes do, in real time")
-    parser.add_argument(
+    add("--dds", action="store_true", help="publish the run over DDS while it drives, as ROS 2 nodes do, in real time")
+    add(
         "--speed",
         type=float,
         metavar="N",
         help="of --dds and --foxglove: simulated seconds a second (default: 1; that of --live is its page's)",
     )
-    parser.add_argument("--domain", type=int, metavar="N", help="of --dds, as ROS_DOMAIN_ID says it (default: 0)")
-    parser.add_argument("--interface", metavar="ADDRESS", help="of --dds: network interface (default: 127.0.0.1, this machine alone)")
-    parser.add_argument("--gui", action="store_true", help="drive in sumo-gui")
-    parser.add_argument("--json", action="store_true", help="print status, folder and metrics as a line of JSON instead of a table")
-    parser.add_argument("-v", "--verbose", action="store_true", help="print every metric, and the traceback of a plug-in that failed")
+    add("--domain", type=int, metavar="N", help="of --dds, as ROS_DOMAIN_ID says it (default: 0)")
+    add("--interface", metavar="ADDRESS", help="of --dds: network interface (default: 127.0.0.1, this machine alone)")
+    add("--gui", action="store_true", help="drive in sumo-gui")
+    add("--json", action="store_true", help="print status, folder and metrics as a line of JSON instead of a table")
+    add("-v", "--verbose", action="store_true", help="print every metric, and the traceback of a plug-in that failed")
 
 
 def run(options: argparse.Namespace) -> int:
