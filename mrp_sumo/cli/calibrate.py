@@ -11,7 +11,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mrp_sumo.cli.printing import print_table, say, say_json
+from mrp_sumo.cli.printing import plain_table, print_table, say, say_json
 from mrp_sumo.errors import MrpSumoError
 
 if TYPE_CHECKING:
@@ -82,17 +82,13 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _print(result: "Calibration", options: argparse.Namespace, written: list[Path]) -> None:
-    from rich.table import Table
-
     from mrp_sumo.calibration.estimates import counted
     from mrp_sumo.calibration.files import disturbances_of
 
     say(f"{result.log.source}: {result.log.kind}, {counted(len(result.vehicles), 'vehicles')}, {result.span_s / 3600:.2f} h in all")
     for note in result.log.notes:
         say(f"note: {note}")
-    table = Table(box=None, padding=(0, 2, 0, 0))
-    for title, side in (("figure", "left"), ("value", "right"), ("90 % interval", "left"), ("unit", "left"), ("from", "left")):
-        table.add_column(title, justify=side)  # type: ignore[arg-type]
+    table = plain_table("figure", "value", "90 % interval", "unit", "from", right=(1,))
     for each in result.quantities.values():
         table.add_row(each.name, f"{each.value:.4g}", f"{each.low:.4g} to {each.high:.4g}", each.symbol, each.basis)
     print_table(table, 120)

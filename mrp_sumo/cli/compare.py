@@ -7,7 +7,7 @@ the tolerance and that is unlikely by chance; with --strict, when any single run
 import argparse
 from pathlib import Path
 
-from mrp_sumo.cli.printing import print_table, say, say_json, warn
+from mrp_sumo.cli.printing import plain_table, print_table, say, say_json, warn
 from mrp_sumo.cli.result_folder import batch_folder
 
 
@@ -56,14 +56,11 @@ def run(options: argparse.Namespace) -> int:
     if options.json:
         say_json({**asdict(comparison), "worse": comparison.worse}, indent=2)
         return int(comparison.worse)
-    from rich.table import Table
-
     from mrp_sumo.experiments.statistics import PairedRates
 
     say(f"{comparison.num_pairs} runs in common, {comparison.num_only_first} only in A, {comparison.num_only_second} only in B")
-    table = Table(box=None, padding=(0, 2, 0, 0))
-    for name in ("metric", "runs", "A", "B", "B - A [95 %]", "effect", "p", "worse runs", ""):
-        table.add_column(name, justify="left" if name in ("metric", "") else "right", no_wrap=True)
+    head = ("metric", "runs", "A", "B", "B - A [95 %]", "effect", "p", "worse runs", "")
+    table = plain_table(*head, right=range(1, 8), no_wrap=True)
     for d in comparison.differences:
         p = d.paired
         effect = f"{p.only_second} gained, {p.only_first} lost" if isinstance(p, PairedRates) else f"r = {p.rank_biserial:+.2f}"

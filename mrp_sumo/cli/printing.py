@@ -4,7 +4,7 @@ All that a command prints goes through here; `tests/cli/test_shown.py` reads the
 """
 
 import sys
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +12,7 @@ from mrp_sumo.errors import shown
 
 if TYPE_CHECKING:
     from rich.table import Table
+    from rich.text import Text
 
 
 def say(*lines: object, to_stderr: bool = False) -> None:
@@ -52,13 +53,13 @@ def say_progress(text: str, *, is_last: bool = False) -> None:
         print(shown(text), end="\n" if is_last else "\r", file=sys.stderr, flush=True)
 
 
-def plain_table(*names: str, gap: int = 2, title: str = "", **of_columns: Any) -> "Table":
-    """A table without lines: with these headings, or without any; the options hold for all columns."""
+def plain_table(*names: "str | Text", right: Container[int] = (), gap: int = 2, title: str = "", **of_columns: Any) -> "Table":
+    """A table without lines: with these headings, or without any; some columns to the right, and options that hold for all."""
     from rich.table import Table
 
     table = Table(box=None, padding=(0, gap, 0, 0), show_header=bool(names), title=title or None, title_style="bold", title_justify="left")
-    for name in names:
-        table.add_column(name, **of_columns)
+    for k, name in enumerate(names):
+        table.add_column(name, justify="right" if k in right else "left", **of_columns)
     return table
 
 

@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 
 from mrp_sumo.cli.option_rules import only_for
-from mrp_sumo.cli.printing import print_table, say, warn
+from mrp_sumo.cli.printing import plain_table, print_table, say, warn
 from mrp_sumo.cli.result_folder import batch_folder
 
 
@@ -48,12 +48,10 @@ def run(options: argparse.Namespace) -> int:
     if options.csv:
         frame.to_csv(sys.stdout, index=False)
         return 0
-    from rich.table import Table
     from rich.text import Text
 
-    table = Table(box=None, padding=(0, 2, 0, 0))
-    for name, kind in frame.dtypes.items():
-        table.add_column(Text(shown(str(name))), justify="right" if kind.kind in "iuf" else "left")
+    numbers = [k for k, kind in enumerate(frame.dtypes) if kind.kind in "iuf"]
+    table = plain_table(*(Text(shown(str(name))) for name in frame.columns), right=numbers)
     for row in frame.itertuples(index=False):
         table.add_row(*(Text(shown(_cell(value))) for value in row))
     print_table(table, 200)
