@@ -17,8 +17,6 @@ With --log, logs of a fleet (all that `calibrate` reads, several of one fleet as
 import argparse
 import json
 import shlex
-import shutil
-import tempfile
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
@@ -28,6 +26,7 @@ from mrp_sumo.cli.map_choice import add_choice, chosen_map
 from mrp_sumo.cli.option_rules import only_for
 from mrp_sumo.cli.printing import plain_table, print_table, say, say_json
 from mrp_sumo.errors import ChoiceError, MapError, sentence
+from mrp_sumo.files.folders import is_replaceable
 
 if TYPE_CHECKING:
     from mrp_sumo.core.robot_type import RobotType
@@ -77,8 +76,8 @@ def run(options: argparse.Namespace) -> int:
     if options.out is None and not options.json:
         find_map(options.file, Path())  # that there is no such map comes before what to do with it
         raise MapError("say where to write with --out DIR, or use --json or --check to print only")
-    if options.out is not None:
-        _require_replaceable(options.out)
+    if options.out is not None and not is_replaceable(options.out, FACTS):
+        raise MapError(f"{options.out} exists and is no folder of an earlier import: choose another --out")
     model = _robot_type(options.robot)
     map_ = chosen_map(options.file, options)
     clearance = narrow(map_.nav, map_.building, model)
@@ -177,23 +176,16 @@ def _robot_type(name: str | None) -> "RobotType":
     return robot_type(name or DEFAULT_ROBOT, bundled_folder("robots"), Path())
 
 
-def _require_replaceable(out: Path) -> None:
-    if out.exists() and not (out.is_dir() and ((out / FACTS).is_file() or not any(out.iterdir()))):
-        raise MapError(f"{out} exists and is no folder of an earlier import: choose another --out")
-
-
 def _write(map_: "Map", known: dict[str, Any], out: Path) -> None:
-    """Write everything to a folder beside `out`, then put it in its place."""
+    """Write everything, whole or not at all."""
     from mrp_sumo.engines.sumo.network import build_network
+    from mrp_sumo.files.writing import new_folder
     from mrp_sumo.io.floor_plan import write_costmap, write_walls
     from mrp_sumo.maps.readers.nav_graph import write_nav_graph
     from mrp_sumo.reports.pictures.map_picture import draw_map
 
     try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=out.parent, prefix=f".{out.name}-") as folder:
-            work = Path(folder) / "import"
-            work.mkdir()
+        with new_folder(out) as work:
             with ThreadPoolExecutor(1) as beside:  # netconvert is another process: draw meanwhile
                 network = beside.submit(build_network, map_.nav, work / f"{map_.name}.net.xml", map_.building)
                 for name, document in _nav_graphs(map_).items():
@@ -204,9 +196,6 @@ def _write(map_: "Map", known: dict[str, Any], out: Path) -> None:
                     write_walls(map_, work)
                 network.result()
             (work / FACTS).write_text(json.dumps({**known, **_frame(map_)}, indent=2) + "\n", encoding="utf-8")
-            if out.exists():
-                shutil.rmtree(out)
-            work.replace(out)
     except OSError as error:
         raise MapError(f"{out}: {sentence(error)}") from None
 

@@ -7,13 +7,12 @@ intervals of the calibrated figures. --out gets the page, the types, both as run
 """
 
 import argparse
-import os
-import shutil
+import shlex
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mrp_sumo.cli.printing import print_table, say, say_json, warn_of_kernels
+from mrp_sumo.cli.printing import plain_table, print_table, say, say_json, warn_of_kernels
 from mrp_sumo.errors import MrpSumoError
 
 if TYPE_CHECKING:
@@ -43,11 +42,12 @@ def run(options: argparse.Namespace) -> int:
     from mrp_sumo.cli.run import progress_bar
     from mrp_sumo.cli.scenario_choice import require_scenario
     from mrp_sumo.experiments.map_cache import MapCache
-    from mrp_sumo.io.run_folder import put_in_place
+    from mrp_sumo.files.folders import is_replaceable
+    from mrp_sumo.files.writing import new_folder
     from mrp_sumo.io.scenario.file import find_scenario
     from mrp_sumo.io.scenario.names import require_known
     from mrp_sumo.io.scenario.read import read_scenario
-    from mrp_sumo.reports.prediction import PAGE, write_prediction
+    from mrp_sumo.reports.prediction import DOCUMENT, PAGE, write_prediction
 
     if not 0.05 <= options.hold_out <= 0.95:
         raise MrpSumoError(f"--hold-out: found {options.hold_out:g}, expected a share from 0.05 to 0.95")
@@ -57,21 +57,16 @@ def run(options: argparse.Namespace) -> int:
     file = read_scenario(find_scenario(options.scenario))
     require_known(file)
     out = (options.out or Path("runs") / f"predict_{file.scenario.name}").resolve()
-    _require_replaceable(out)
+    if not is_replaceable(out, DOCUMENT):
+        raise MrpSumoError(f"--out {out}: exists and is no earlier prediction, choose another place")
     log = read_fleet(options.log)
     if options.orders is not None:
         log = replace(log, orders=matched(orders_of_file(options.orders), log.orders))
     warn_of_kernels()
-    new = out.parent / f".{out.name}.new-{os.getpid()}"
-    try:
-        new.mkdir(parents=True)
-        with MapCache() as maps, progress_bar() as progress:
-            result = predicted(file, log, hold_out=options.hold_out, runs=options.runs, folder=new, maps=maps, report=progress)
-            progress("writing", 0.0, 0.0)
-            write_prediction(result, file.scenario.name, new, maps)
-        put_in_place(new, out)
-    finally:
-        shutil.rmtree(new, ignore_errors=True)
+    with new_folder(out) as new, MapCache() as maps, progress_bar() as progress:
+        result = predicted(file, log, hold_out=options.hold_out, runs=options.runs, folder=new, maps=maps, report=progress)
+        progress("writing", 0.0, 0.0)
+        write_prediction(result, file.scenario.name, new, maps)
     if options.json:
         say_json(result.document | {"page": str(out / PAGE)})
     else:
@@ -79,27 +74,14 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _require_replaceable(out: Path) -> None:
-    from mrp_sumo.reports.prediction import DOCUMENT
-
-    if out.exists() and not (out.is_dir() and ((out / DOCUMENT).is_file() or not any(out.iterdir()))):
-        raise MrpSumoError(f"--out {out}: exists and is no earlier prediction, choose another place")
-
-
 def _print(result: "Prediction", out: Path) -> None:
-    import shlex
-
-    from rich.table import Table
-
     from mrp_sumo.reports.prediction import PAGE, figure_text
 
     held = result.held
     say(f"{held.log.source}: {held.log.kind}, {len(held.vehicles)} vehicles, cut at {held.cut_s:.0f} s, {held.span_s:.0f} s predicted")
     for note in result.notes:
         say(f"note: {note}")
-    table = Table(box=None, padding=(0, 2, 0, 0))
-    for title, side in (("", "left"), ("log", "right"), ("predicted", "right"), ("error", "right"), ("90 % band", "left"), ("", "left")):
-        table.add_column(title, justify=side)  # type: ignore[arg-type]
+    table = plain_table("", "log", "predicted", "error", "90 % band", "", right=range(1, 4))
     for each in result.figures:
         error = f"{100 * each.error:+.1f} %" if each.error == each.error else ""
         band = f"{figure_text(each.low)} to {figure_text(each.high)} {each.unit}"

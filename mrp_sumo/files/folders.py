@@ -23,6 +23,11 @@ def require_batch(folder: Path) -> None:
         raise BatchError(f"{folder}: not the folder of a batch: there is no {PLAN}")
 
 
+def is_replaceable(out: Path, mark: str) -> bool:
+    """True where nothing is, or a folder that is empty or holds a file by which results of this kind are known."""
+    return not out.exists() or (out.is_dir() and ((out / mark).is_file() or not any(out.iterdir())))
+
+
 def is_batch(folder: Path) -> bool:
     """True for the folder of a batch, and not that of a run, which has a plan, too."""
     return (folder / PLAN).is_file() and (folder / "runs").is_dir() and not (folder / RESULT).is_file()

@@ -1,6 +1,7 @@
-"""Files that are written whole or not at all."""
+"""Files and folders that are written whole or not at all."""
 
 import os
+import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -32,13 +33,42 @@ def remove_parts(folder: Path) -> None:
 
 
 @contextmanager
+def writing_to(path: Path, error: type[MrpSumoError] = MrpSumoError) -> Iterator[None]:
+    """Within the block, faults of the system are about a place that a user has named. Raises `error` for them."""
+    try:
+        yield
+    except OSError as fault:
+        raise error(f"{shortened(path)}: cannot be written: {sentence(fault)}") from None
+
+
+@contextmanager
 def written_for_user(path: Path) -> Iterator[Path]:
     """As `written_whole`, for a place that a user has named. Raises MrpSumoError where it cannot be written."""
+    with writing_to(path), written_whole(path) as part:
+        yield part
+
+
+@contextmanager
+def new_folder(out: Path) -> Iterator[Path]:
+    """A folder beside `out` to write to, which replaces `out` at the end; after a fault nothing of it is left.
+
+    Raises OSError as the system reports it.
+    """
+    new, old = (out.parent / f".{out.name}.{age}-{os.getpid()}" for age in ("new", "old"))
     try:
-        with written_whole(path) as part:
-            yield part
-    except OSError as error:
-        raise MrpSumoError(f"{shortened(path)}: cannot be written: {sentence(error)}") from None
+        new.mkdir(parents=True)
+        yield new
+        if out.exists():
+            out.rename(old)
+        try:
+            new.rename(out)
+        except OSError:
+            if old.exists():
+                old.rename(out)
+            raise
+        shutil.rmtree(old, ignore_errors=True)
+    finally:
+        shutil.rmtree(new, ignore_errors=True)
 
 
 def write_text(path: Path, text: str) -> None:

@@ -19,9 +19,9 @@ from typing import Any
 import numpy as np
 
 from mrp_sumo import __version__
-from mrp_sumo.errors import MrpSumoError, sentence
+from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.files.folders import RESULT
-from mrp_sumo.files.reading import shortened
+from mrp_sumo.files.writing import new_folder, writing_to
 
 SCHEMA_VERSION = 1  # of `result.json`
 LIBRARIES = ("libsumo", "numpy", "scipy", "numba", "ortools", "rosbags", "pyarrow")  # libraries that shape results
@@ -54,17 +54,10 @@ def write_run(out: Path, document: Mapping[str, Any], write_files: Callable[[Pat
     """
     check_replaceable(out)
     out = out.resolve()
-    new = out.parent / f".{out.name}.new-{os.getpid()}"
     _clear_leftovers(out)
-    try:
-        new.mkdir(parents=True)
+    with writing_to(out), new_folder(out) as new:
         write_files(new)
         (new / RESULT).write_text(laid_out({**document, "files": files_in(new)}) + "\n", encoding="utf-8")
-        put_in_place(new, out)
-    except OSError as error:
-        raise MrpSumoError(f"{shortened(out)}: cannot be written: {sentence(error)}") from None
-    finally:
-        shutil.rmtree(new, ignore_errors=True)
 
 
 def versions() -> dict[str, str]:
@@ -142,17 +135,3 @@ def _is_alive(process: int) -> bool:
     except OSError:  # somebody else's
         return True
     return True
-
-
-def put_in_place(new: Path, out: Path) -> None:
-    """Rename `new` to `out`; what was there goes once the new one stands."""
-    old = out.parent / f".{out.name}.old-{os.getpid()}"
-    if out.exists():
-        out.rename(old)
-    try:
-        new.rename(out)
-    except OSError:
-        if old.exists():
-            old.rename(out)
-        raise
-    shutil.rmtree(old, ignore_errors=True)

@@ -10,9 +10,9 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from mrp_sumo.errors import MrpSumoError, in_one_line, sentence
+from mrp_sumo.errors import MrpSumoError, in_one_line
 from mrp_sumo.files.reading import read_text
-from mrp_sumo.files.writing import write_whole
+from mrp_sumo.files.writing import write_whole, writing_to
 
 MAX_BYTES = 1_000_000  # of the list of folders
 _named: set["Program"] = set()
@@ -108,7 +108,5 @@ def _list_file() -> Path:
 
 def _write(folders: set[Path]) -> None:
     path = _list_file()
-    try:
+    with writing_to(path):
         write_whole(path, "".join(f"{folder}\n" for folder in sorted(folders)).encode())
-    except OSError as error:
-        raise MrpSumoError(f"{path}: cannot be written: {sentence(error)}") from None

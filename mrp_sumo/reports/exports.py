@@ -18,8 +18,8 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from mrp_sumo.core.execution import positions_at
-from mrp_sumo.errors import MrpSumoError, sentence
-from mrp_sumo.files.reading import shortened
+from mrp_sumo.errors import MrpSumoError
+from mrp_sumo.files.writing import writing_to
 from mrp_sumo.io.events import event_document
 from mrp_sumo.io.record import STATE_NAMES, RunRecord, goal_name, robot_states
 
@@ -35,11 +35,10 @@ def replacing(path: Path) -> Iterator[Path]:
         raise MrpSumoError(f"{path}: exists already; choose another place with --out")
     partial = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        yield partial
-        partial.rename(path)
-    except OSError as error:
-        raise MrpSumoError(f"{shortened(path)}: cannot be written: {sentence(error)}") from None
+        with writing_to(path):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            yield partial
+            partial.rename(path)
     finally:
         if partial.is_dir():
             shutil.rmtree(partial, ignore_errors=True)

@@ -9,7 +9,6 @@ only: anything else in the way is refused.
 """
 
 import os
-import shutil
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -19,10 +18,9 @@ import pandas as pd
 
 from mrp_sumo import __version__
 from mrp_sumo.core.task import some_tasks
-from mrp_sumo.errors import BatchError, MrpSumoError, sentence
-from mrp_sumo.files.reading import shortened
+from mrp_sumo.errors import BatchError, MrpSumoError
+from mrp_sumo.files.writing import new_folder, writing_to
 from mrp_sumo.io.remedy import remedy
-from mrp_sumo.io.run_folder import put_in_place
 from mrp_sumo.io.run_reader import RunFolder
 from mrp_sumo.reports.answer import answer
 from mrp_sumo.reports.charts.chart import Chart, file_name
@@ -51,20 +49,13 @@ def write_report(source: Path, out: Path | None = None) -> Path:
     out = out.resolve()
     _check_replaceable(out)
     one = len(study.frame) == 1 and len(study.folders) == 1
-    new = out.parent / f".{out.name}.new-{os.getpid()}"
-    try:
-        new.mkdir(parents=True)  # before anything is drawn: it may be refused
+    with writing_to(out, BatchError), new_folder(out) as new:  # before anything is drawn: it may be refused
         title, sections = _of_run(study, out) if one else _of_study(study, out)
         text = page(title, study.description, _tiles(study, one), study.gaps, sections, _about(study), "" if one else answer(study))
         for section in sections:
             for part in section.parts:
                 write_part(new, part)
         (new / INDEX).write_text(text, encoding="utf-8")
-        put_in_place(new, out)
-    except OSError as error:
-        raise BatchError(f"{shortened(out)}: cannot be written: {sentence(error)}") from None
-    finally:
-        shutil.rmtree(new, ignore_errors=True)
     return out / INDEX
 
 
@@ -129,19 +120,11 @@ def _of_run(study: ReportedRuns, out: Path) -> tuple[str, list[Section]]:
     ]
     if run.metrics.get("tasks_done") is not None:  # nobody has a goal of its own
         robots = []
+    metrics = [[k, _cell(v)] for k, v in run.metrics.items() if not isinstance(v, list)]
+    head, digits = ("robot", "start", "goal", "at its goal s"), {"at its goal s": 1}
     tables = _there(
-        ReportTable(
-            "metrics",
-            "Metrics",
-            ("metric", "value"),
-            [[k, _cell(v)] for k, v in run.metrics.items() if not isinstance(v, list)],
-            folded=True,
-        ),
-        ReportTable(
-            "robots", "Robots", ("robot", "start", "goal", "at its goal s"), robots, folded=len(robots) > 30, digits={"at its goal s": 1}
-        )
-        if robots
-        else None,
+        ReportTable("metrics", "Metrics", ("metric", "value"), metrics, folded=True),
+        ReportTable("robots", "Robots", head, robots, folded=len(robots) > 30, digits=digits),
         *_task_tables(run),
     )
     note = str(run.result.get("note", ""))

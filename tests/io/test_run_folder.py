@@ -180,7 +180,7 @@ def test_a_writer_that_is_killed_leaves_no_run_and_the_next_one_tidies_up(tmp_pa
     code = (
         "import os, sys\nsys.path.insert(0, sys.argv[2])\n"
         "from pathlib import Path\nimport worlds\nfrom mrp_sumo.io import run_folder\n"
-        "run_folder.put_in_place = lambda new, out: os._exit(9)\n"
+        "run_folder.files_in = lambda folder: os._exit(9)\n"
         "folder = Path(sys.argv[1])\nworlds.run_of_four(folder / 'run', folder / 'x.net.xml')\n"
     )
     told = subprocess.run([sys.executable, "-c", code, str(tmp_path), str(Path(__file__).parents[1])], check=False)

@@ -13,8 +13,8 @@ from matplotlib.lines import Line2D
 from mrp_sumo.core.execution import positions_at
 from mrp_sumo.core.graph import FloatArray, IntArray, PlanGraph
 from mrp_sumo.core.plan import Plan
-from mrp_sumo.errors import MrpSumoError, sentence
-from mrp_sumo.files.reading import shortened
+from mrp_sumo.errors import MrpSumoError
+from mrp_sumo.files.writing import writing_to
 from mrp_sumo.io.outline import Outline
 from mrp_sumo.io.record import RunRecord
 from mrp_sumo.io.run_reader import damage_in
@@ -52,11 +52,8 @@ def render_still(run: AnyRun, at_s: float, path: Path, *, dpi: float = 150) -> P
     """
     require_suffix(path)
     figure = still(run, at_s)
-    try:
-        figure.write(path, dpi)
-    except OSError as error:
-        raise MrpSumoError(f"{shortened(path)}: cannot be written: {sentence(error)}") from None
-    return path
+    with writing_to(path):
+        return figure.write(path, dpi)
 
 
 def still(run: AnyRun, at_s: float) -> Picture:

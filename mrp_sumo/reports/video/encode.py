@@ -12,7 +12,7 @@ from PIL import Image
 
 from mrp_sumo.errors import MrpSumoError, sentence
 from mrp_sumo.files.reading import shortened
-from mrp_sumo.files.writing import written_for_user
+from mrp_sumo.files.writing import writing_to, written_for_user
 from mrp_sumo.reports.pictures.floor import LIGHT
 from mrp_sumo.reports.replay.constants import STATE_COLOURS
 from mrp_sumo.reports.video.canvas import Pixels
@@ -51,10 +51,8 @@ def write_video(frames: Iterator[Pixels], poster: Pixels, path: Path, kind: str,
 
 def write_png(pixels: Pixels, path: Path) -> None:
     """Write a frame. Raises MrpSumoError where it cannot be written."""
-    try:
+    with writing_to(path):
         Image.fromarray(pixels[..., :3]).save(path, compress_level=2)
-    except OSError as error:
-        raise MrpSumoError(f"{shortened(path)}: cannot be written: {sentence(error)}") from None
 
 
 def _write_frames(frames: Iterator[Pixels], folder: Path) -> None:
