@@ -19,7 +19,6 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Arc, Patch, Rectangle
 from matplotlib.transforms import Affine2D
 
-from mrp_sumo.core.digraph import weak_components
 from mrp_sumo.core.graph import FloatArray, NavGraph, PlanGraph
 from mrp_sumo.errors import MapError, count
 from mrp_sumo.maps.building import Building, Level
@@ -28,13 +27,14 @@ from mrp_sumo.maps.facts import num_drawn_edges, num_driven_components
 from mrp_sumo.maps.map import Map
 from mrp_sumo.reports.pictures.labels import place_labels
 from mrp_sumo.reports.pictures.picture import Picture, require_suffix, round_length
+from mrp_sumo.reports.pictures.view import furniture_and_walls
 
 INK, MUTED, WALL, FLOOR, PAPER = "#1f2328", "#6b7280", "#3b4048", "#f4f1ea", "#ffffff"
 BLUE, ORANGE, GREEN, VERMILION, SKY, PURPLE = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#56B4E9", "#CC79A7"
 COMPONENTS = (BLUE, ORANGE, GREEN, PURPLE, SKY, "#7f7f3f", "#8c564b")
 DOOR, FURNITURE, BLOCKED = "#b5651d", "#8b8f97", "#c9ccd1"
 
-NARROW_M = 4.0
+NARROW_M = 4.0  # closed walls narrower than this are drawn as furniture
 MANY = 5000  # vertices or lanes beyond which only stations of a kind are drawn, and no names
 
 
@@ -197,8 +197,9 @@ def _draw_building(ax: Axes, panel: Panel, building: Building, points_per_m: flo
     ax.add_collection(PolyCollection(floors, facecolor=FLOOR, edgecolor="none", zorder=0), autolim=False)
     ax.add_collection(PolyCollection(holes, facecolor=PAPER, edgecolor="none", zorder=0.5), autolim=False)
     width_pt = float(np.clip(0.1 * points_per_m, 0.6, 2.8))
-    for walls, lw, colour in zip(_furniture_and_walls(level), (max(0.35 * width_pt, 0.4), width_pt), (FURNITURE, WALL)):
-        draw_strokes(ax, walls, colour, lw, 2)
+    _, furniture, walls = furniture_and_walls(level.xy[level.walls], NARROW_M)
+    draw_strokes(ax, np.concatenate([furniture, level.furniture_xy]), FURNITURE, max(0.35 * width_pt, 0.4), 2)
+    draw_strokes(ax, walls, WALL, width_pt, 2)
     for door in level.doors:
         _draw_door(ax, level.xy[door.start], level.xy[door.end], door.kind, points_per_m)
         legend.setdefault("door", Line2D([], [], color=DOOR, lw=2.2))
@@ -230,22 +231,6 @@ def draw_strokes(ax: Axes, ends: FloatArray, colour: str, lw: float, zorder: flo
     """Many straight lines [N, 2, 2] as one element: one element per line makes large maps slow to write and to open."""
     broken = np.concatenate([ends, np.full((len(ends), 1, 2), np.nan)], axis=1).reshape(-1, 2)
     ax.add_line(Line2D(broken[:, 0], broken[:, 1], color=colour, lw=lw, solid_capstyle="projecting", zorder=zorder))
-
-
-def _furniture_and_walls(level: Level) -> tuple[FloatArray, FloatArray]:
-    """Walls that stand by themselves, close and are narrow are racks, desks or pillars: they are drawn with a finer pen."""
-    corners, end = np.unique(level.walls, return_inverse=True)
-    end = end.reshape(-1, 2)
-    island = weak_components(len(corners), *end.T)
-    num_islands = int(island.max(initial=-1)) + 1
-    low, high = np.full((num_islands, 2), np.inf), np.full((num_islands, 2), -np.inf)
-    np.minimum.at(low, island, level.xy[corners])
-    np.maximum.at(high, island, level.xy[corners])
-    closes = np.ones(num_islands, np.bool_)
-    closes[island[np.bincount(end.ravel(), minlength=len(corners)) < 2]] = False
-    fine = (closes & ((high - low).min(axis=1, initial=np.inf) < NARROW_M))[island[end[:, 0]]]
-    walls = level.xy[level.walls]
-    return np.concatenate([walls[fine], level.furniture_xy]), walls[~fine]
 
 
 def _draw_door(ax: Axes, hinge: FloatArray, end: FloatArray, kind: str, points_per_m: float) -> None:

@@ -11,8 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from mrp_sumo.core.execution import positions_at
-from mrp_sumo.core.graph import FloatArray, IntArray, PlanGraph
-from mrp_sumo.core.plan import Plan
+from mrp_sumo.core.graph import FloatArray, IntArray
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.files.writing import writing_to
 from mrp_sumo.io.outline import Outline
@@ -23,12 +22,13 @@ from mrp_sumo.reports.pictures.picture import Picture, require_suffix, round_len
 from mrp_sumo.reports.pictures.view import (
     ABSENT,
     AnyRun,
-    bodies_extent,
     drawbars,
+    extent,
     forks_of,
     level_corners,
     parts_at,
     parts_of,
+    planned_at,
     state_names,
     view_record,
     view_states,
@@ -36,7 +36,6 @@ from mrp_sumo.reports.pictures.view import (
 from mrp_sumo.reports.replay.constants import STATE_COLOURS
 
 STATES = tuple(LIGHT[name] for name in STATE_COLOURS)
-MARGIN_M = 0.6
 WIDTH_IN = 12.0  # of the page
 TRAIL_S = 20.0
 LEVEL_PT = 10.0  # names of levels
@@ -78,28 +77,11 @@ def still(run: AnyRun, at_s: float) -> Picture:
     return figure
 
 
-def planned_at(plan: Plan, graph: PlanGraph, at_s: float) -> FloatArray:
-    """[R, 2] where the plan has each robot at a time."""
-    xy = np.empty((plan.num_robots, 2))
-    for r in range(plan.num_robots):
-        visits = slice(int(plan.first[r]), int(plan.first[r + 1]))
-        when = np.column_stack((plan.arrive_s[visits], np.minimum(plan.depart_s[visits], plan.end_s[r] + 1))).ravel()
-        places = np.repeat(graph.xy[plan.vertex[visits]], 2, axis=0)
-        xy[r] = np.interp(at_s, when, places[:, 0]), np.interp(at_s, when, places[:, 1])
-    return xy
-
-
 def _page(record: RunRecord, outline: Outline | None) -> tuple[Picture, Axes, float]:
-    nav, execution = record.nav or record.graph, record.execution
-    points = [nav.xy, np.column_stack([c[np.isfinite(c)][[0, 0]] for c in (execution.x_m, execution.y_m)])]
-    points += [bodies_extent(record, MARGIN_M)]
-    if outline is not None:
-        points += [outline.walls.reshape(-1, 2), *outline.floors]
-    every = np.concatenate(points)
-    low, high = every.min(axis=0) - MARGIN_M, every.max(axis=0) + MARGIN_M
+    low, high = extent(record, outline)
     w, h = high - low
     inch_per_m = float(min((WIDTH_IN - 0.4) / w, 14 / h))
-    head_in, foot_in = 0.75 if len(np.unique(nav.level)) == 1 else 0.95, 0.45
+    head_in, foot_in = 0.75 if len(np.unique((record.nav or record.graph).level)) == 1 else 0.95, 0.45
     page = (max(w * inch_per_m + 0.4, 6.0), h * inch_per_m + head_in + foot_in)
     figure = Picture(*page, LIGHT["paper"])
     left = (page[0] - w * inch_per_m) / 2
@@ -125,7 +107,7 @@ def _draw_robots(ax: Axes, record: RunRecord, at_s: float, points_per_m: float, 
     trail = LineCollection(trails, colors=colours, lw=max(0.05 * points_per_m, 1), alpha=0.35, capstyle="round", zorder=4)
     ax.add_collection(trail, autolim=False)
     if few and record.plan is not None:
-        ghosts = planned_at(record.plan, record.graph, at_s)[there]
+        ghosts = planned_at(record.plan, record.graph, np.array([at_s]))[:, 0].T[there]
         ties = np.stack([ghosts, xy[there]], axis=1)
         ax.add_collection(LineCollection(list(ties), color=LIGHT["muted"], lw=0.6, zorder=4.5), autolim=False)
         boxes = [_box(ghosts[i], yaw[r], fleet.length_m[r] * grow[r], fleet.width_m[r] * grow[r]) for i, r in enumerate(there)]

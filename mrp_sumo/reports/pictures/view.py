@@ -236,21 +236,27 @@ def _next_gear(graph: PlanGraph, vehicle: RobotType, lanes: tuple[int, int], gea
     return next((move for move in moves if move != NEVER), gear)
 
 
+def planned_at(plan: Plan, graph: PlanGraph, t_s: FloatArray) -> FloatArray:
+    """[2, K, R] x and y of each robot at [K] times, as the plan has them, m."""
+    xy, end_s = np.empty((2, len(t_s), plan.num_robots)), plan.end_s
+    for r in range(plan.num_robots):
+        visits = slice(int(plan.first[r]), int(plan.first[r + 1]))
+        at_s = np.column_stack((plan.arrive_s[visits], np.minimum(plan.depart_s[visits], end_s[r] + 1))).ravel()
+        xy[:, :, r] = [np.interp(t_s, at_s, np.repeat(axis, 2)) for axis in graph.xy[plan.vertex[visits]].T]
+    return xy
+
+
 def plan_as_execution(plan: Plan, graph: PlanGraph, fleet: Fleet) -> Execution:
     """A plan as if it had been driven exactly, for runs that were not executed."""
     end_s, backward = float(plan.end_s.max(initial=0.0)), driven_backward(plan, graph, fleet)
     t_s: FloatArray = PERIOD_S * np.arange(math.ceil(end_s / PERIOD_S) + 2, dtype=np.float64)
-    x, y, yaw, speed = (np.zeros((len(t_s), plan.num_robots)) for _ in range(4))
+    (x, y), yaw = planned_at(plan, graph, t_s), np.zeros((len(t_s), plan.num_robots))
     for r in range(plan.num_robots):
         visits = slice(int(plan.first[r]), int(plan.first[r + 1]))
-        xy, arrive = graph.xy[plan.vertex[visits]], plan.arrive_s[visits]
-        depart = np.minimum(plan.depart_s[visits], t_s[-1] + 1)
-        at = np.column_stack((arrive, depart)).ravel()
-        x[:, r], y[:, r] = (np.interp(t_s, at, np.repeat(c, 2)) for c in xy.T)
-        step = np.diff(xy, axis=0)
+        step = np.diff(graph.xy[plan.vertex[visits]], axis=0)
         course = np.arctan2(step[:, 1], step[:, 0]) + np.pi * backward[visits][1:] if len(step) else np.zeros(1)
-        yaw[:, r] = course[np.clip(np.searchsorted(depart, t_s, side="left") - 1, 0, len(course) - 1)]
-        speed[1:, r] = np.hypot(np.diff(x[:, r]), np.diff(y[:, r])) / PERIOD_S
+        yaw[:, r] = course[np.clip(np.searchsorted(plan.depart_s[visits], t_s, side="left") - 1, 0, len(course) - 1)]
+    speed = np.hypot(np.diff(x, axis=0, prepend=x[:1]), np.diff(y, axis=0, prepend=y[:1])) / PERIOD_S
     return Execution(
         t_s=t_s,
         x_m=x,
@@ -267,8 +273,8 @@ def plan_as_execution(plan: Plan, graph: PlanGraph, fleet: Fleet) -> Execution:
     )
 
 
-def furniture_and_walls(walls: FloatArray) -> tuple[list[FloatArray], FloatArray, FloatArray]:
-    """Tell furniture (racks, desks, pillars) from walls: islands of walls that are closed and narrow.
+def furniture_and_walls(walls: FloatArray, narrow_m: float = NARROW_M) -> tuple[list[FloatArray], FloatArray, FloatArray]:
+    """Tell furniture (racks, desks, pillars) from walls [N, 2, 2]: islands of walls that are closed and narrow.
 
     Returns outlines, [N, 2] polygons, each the ring itself or the convex hull of an island with inner walls; all walls of furniture
     [F, 2, 2]; and the others.
@@ -288,7 +294,7 @@ def furniture_and_walls(walls: FloatArray) -> tuple[list[FloatArray], FloatArray
         beside.setdefault(b, []).append(a)
     for members in of_island:
         xy = corners[members]
-        if len(members) < 3 or degree[members].min() < 2 or np.ptp(xy, axis=0).min() >= NARROW_M:
+        if len(members) < 3 or degree[members].min() < 2 or np.ptp(xy, axis=0).min() >= narrow_m:
             continue
         is_furniture[island[members[0]]] = True
         if degree[members].max() == 2:
