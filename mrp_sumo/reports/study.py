@@ -46,6 +46,7 @@ ANYTIME = "planner.parameters.anytime"  # makes LaCAM LaCAM*
 NUMBERS = (*METRIC_NUMBERS, "run_wall_s", "planner.time_limit_s", "execution.time_limit_s", "seed")  # absent ones are filled in as missing
 FLAGS = ("success", *METRIC_FLAGS)
 NEEDED = ("status", "success", "planner", "map")
+MANY_MAPS = 6  # beyond which they are not told apart in charts
 MAX_FOLDERS = 200  # run folders that are opened beside a batch
 
 
@@ -87,9 +88,9 @@ class ReportedRuns:
         grouped = self.frame.groupby("_series", sort=False)
         return {str(name): rows.drop_duplicates("_instance").set_index("_instance") for name, rows in grouped}
 
-    def by_map(self, most: int = 6) -> list[tuple[str, pd.DataFrame]]:
-        """Maps with their runs; all together where there are more maps than that."""
-        if len(self.maps) > most:
+    def by_map(self) -> list[tuple[str, pd.DataFrame]]:
+        """Maps with their runs; all together where there are very many maps."""
+        if len(self.maps) > MANY_MAPS:
             return [("all maps", self.frame)]
         return [(name, self.frame[self.frame["_map"] == name]) for name in self.maps]
 

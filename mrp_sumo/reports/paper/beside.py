@@ -1,8 +1,9 @@
 """Numbers of the paper beside ours, each of ours with its interval of 95 %."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from itertools import combinations
 from typing import Any
 
@@ -42,17 +43,8 @@ class BesidePaper:
     @property
     def document(self) -> dict[str, Any]:
         """As JSON has it."""
-        value, low, high = (None if not math.isfinite(v) else v for v in (self.ours.value, self.ours.low, self.ours.high))
-        return {
-            **self.labels,
-            "quantity": self.quantity,
-            "ours": value,
-            "low": low,
-            "high": high,
-            "runs": self.ours.count,
-            "paper_value": self.paper_value,
-            "agrees": self.agrees,
-        }
+        compared = {"paper_value": self.paper_value, "agrees": self.agrees}
+        return {**self.labels, "quantity": self.quantity, **_document(self.ours), **compared}
 
 
 @dataclass(frozen=True)
@@ -80,18 +72,13 @@ class Ordered:
     @property
     def document(self) -> dict[str, Any]:
         """As JSON has it."""
-        return {
-            **self.labels,
-            "first": self.first,
-            "second": self.second,
-            "ours": self.difference.value,
-            "low": self.difference.low,
-            "high": self.difference.high,
-            "runs": self.difference.count,
-            "p_value": self.p_value,
-            "paper_difference": self.paper_difference,
-            "verdict": self.verdict,
-        }
+        verdict = {"p_value": self.p_value, "paper_difference": self.paper_difference, "verdict": self.verdict}
+        return {**self.labels, "first": self.first, "second": self.second, **_document(self.difference), **verdict}
+
+
+def _document(ours: Interval) -> dict[str, Any]:
+    value, low, high = (v if math.isfinite(v) else None for v in (ours.value, ours.low, ours.high))
+    return {"ours": value, "low": low, "high": high, "runs": ours.count}
 
 
 def table_1(study: ReportedRuns) -> list[BesidePaper]:
@@ -127,11 +114,8 @@ def table_3(study: ReportedRuns) -> list[BesidePaper]:
             for rate, of in (("normalised", runs[runs.index.isin(common.index)]), ("overall", runs)):
                 arrived = wilson(int((of["_planned"] & arrivals(of)).sum()), len(of))
                 theirs = printed("table_3", rate, map_of_paper(labels["map"]), labels["planner"])
-                rows.append(
-                    BesidePaper(
-                        {"execution": how, **labels}, f"{rate}_percent", percent(arrived), theirs if together and how == YIELDING else None
-                    )
-                )
+                theirs = theirs if together and how == YIELDING else None
+                rows.append(BesidePaper({"execution": how, **labels}, f"{rate}_percent", percent(arrived), theirs))
     return rows
 
 
@@ -181,6 +165,7 @@ def _repeated(runs: pd.DataFrame, labels: dict[str, Any], study: str) -> list[Be
     arrived = arrivals(runs)
     time_s, planning_s = numbers(runs[arrived], "execution_time_s"), numbers(runs, "planning_time_s")
     fastest = float(time_s.min()) if len(time_s) else math.nan
+    median = float(np.median(planning_s)) if len(planning_s) else math.nan
     theirs = numbers_of_paper()["replicability"][study]
     return [
         BesidePaper(labels, quantity, ours, theirs.get(quantity))
@@ -189,10 +174,7 @@ def _repeated(runs: pd.DataFrame, labels: dict[str, Any], study: str) -> list[Be
             ("mean_s", bootstrap_mean(time_s)),
             ("standard_deviation_s", bootstrap_deviation(time_s)),
             ("fastest_s", Interval(fastest, math.nan, math.nan, len(time_s))),
-            (
-                "median_planning_s",
-                Interval(float(np.median(planning_s)) if len(planning_s) else math.nan, math.nan, math.nan, len(planning_s)),
-            ),
+            ("median_planning_s", Interval(median, math.nan, math.nan, len(planning_s))),
         )
     ]
 
@@ -200,25 +182,40 @@ def _repeated(runs: pd.DataFrame, labels: dict[str, Any], study: str) -> list[Be
 def order(executed: ReportedRuns, costs: ReportedRuns) -> list[Ordered]:
     """Order of the planners, in the paper and here: every two on the same runs, Table III by McNemar's test, Table IV by Wilcoxon's."""
     rows: list[Ordered] = []
-    driven = dict(ways(executed)).get(YIELDING)
-    for name in driven.maps if driven else ():
-        assert driven is not None
-        runs = driven.frame[driven.frame["_map"] == name]
-        printed_of = numbers_of_paper()["table_3"]["overall"].get(map_of_paper(name), {})
-        tests = []
-        for first, second in combinations(_planners(runs), 2):
-            a, b = pairs(runs, "planner", first, second)
-            test = mcnemar(arrivals(a), arrivals(b))
-            tests.append((first, second, percent(test.difference), test.p_value))
-        rows += _adjusted({"table": "table_3", "map": name, "quantity": "overall_percent"}, tests, printed_of)
+    if driven := dict(ways(executed)).get(YIELDING):
+        for name in driven.maps:
+            runs, theirs = driven.frame[driven.frame["_map"] == name], numbers_of_paper()["table_3"]["overall"].get(map_of_paper(name), {})
+            rows += _ordered({"table": "table_3", "map": name, "quantity": "overall_percent"}, runs, _arrived_more, theirs)
     common, _ = commonly_solved(costs.frame)
     for quantity, column in (("makespan_cells", "makespan_steps"), ("cost_cells", "cost_steps")):
-        tests = []
-        for first, second in combinations(_planners(common), 2):
-            a, b = pairs(common, "planner", first, second)
-            values = wilcoxon(floats(a, column), floats(b, column))
-            tests.append((first, second, values.difference, values.p_value))
-        rows += _adjusted({"table": "table_4", "map": costs.maps[0], "quantity": quantity}, tests, numbers_of_paper()["table_4"][quantity])
+        labels, theirs = {"table": "table_4", "map": costs.maps[0], "quantity": quantity}, numbers_of_paper()["table_4"][quantity]
+        rows += _ordered(labels, common, partial(_cost_more, column), theirs)
+    return rows
+
+
+def _arrived_more(first: pd.DataFrame, second: pd.DataFrame) -> tuple[Interval, float]:
+    test = mcnemar(arrivals(first), arrivals(second))
+    return percent(test.difference), test.p_value
+
+
+def _cost_more(column: str, first: pd.DataFrame, second: pd.DataFrame) -> tuple[Interval, float]:
+    test = wilcoxon(floats(first, column), floats(second, column))
+    return test.difference, test.p_value
+
+
+def _ordered(
+    labels: dict[str, Any],
+    runs: pd.DataFrame,
+    test: Callable[[pd.DataFrame, pd.DataFrame], tuple[Interval, float]],  # how much more the second has, and how likely by chance
+    theirs: dict[str, float],
+) -> list[Ordered]:
+    """Every two planners of one table, their p-values adjusted together."""
+    both = list(combinations(_planners(runs), 2))
+    tests = [test(*pairs(runs, "planner", first, second)) for first, second in both]
+    rows = []
+    for (first, second), (difference, _), p_value in zip(both, tests, holm([p for _, p in tests])):
+        of_paper = round(theirs[second] - theirs[first], 6) if first in theirs and second in theirs else None
+        rows.append(Ordered(labels, first, second, difference, p_value, of_paper))
     return rows
 
 
@@ -256,13 +253,3 @@ def _planners(frame: pd.DataFrame) -> list[str]:
     """Planners of runs, in the order of the paper's tables."""
     there = set(frame["planner"].astype(str))
     return [name for name in PLANNER_NAMES if name in there]
-
-
-def _adjusted(labels: dict[str, Any], tests: list[tuple[str, str, Interval, float]], theirs: dict[str, float]) -> list[Ordered]:
-    """The tests of one table, their p-values adjusted together."""
-    adjusted = holm([p for *_, p in tests])
-    rows = []
-    for (first, second, difference, _), p_value in zip(tests, adjusted):
-        both = first in theirs and second in theirs
-        rows.append(Ordered(labels, first, second, difference, p_value, round(theirs[second] - theirs[first], 6) if both else None))
-    return rows

@@ -1,9 +1,11 @@
 """Figure 5 of the MRP-Bench paper, planning time, for any runs; and execution time and time blocked as its analysis script draws them."""
 
 from collections.abc import Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from mrp_sumo.core.graph import FloatArray
@@ -16,63 +18,67 @@ if TYPE_CHECKING:
     from mrp_sumo.reports.paper.beside import BesidePaper
 
 
+Values = list[tuple[str, FloatArray]]  # of series
+
+
 def figure_5(study: ReportedRuns) -> list[Chart]:
     """Planning time by planner on each map, all numbers of robots together, as a box plot."""
-    if not study.is_planned:
-        return []
+    caption = (
+        "Planning time of runs with a plan, valid or not, on a logarithmic axis. Line: median; box: middle half; whiskers: to the "
+        "farthest within 1.5 boxes; dots: beyond."
+    )
     charts: list[Chart] = []
-    for name, runs in study.by_map():
+    for name, runs in study.by_map() if study.is_planned else ():
         values = [(s, numbers(runs[(runs["_series"] == s) & runs["_planned"]], "planning_time_s")) for s in study.series]
-        values = [(s, v[v > 0]) for s, v in values if (v > 0).any()][:MAX_SERIES]
-        if not values:
-            continue
-
-        def paint(figure: Figure, values: list[tuple[str, FloatArray]] = values) -> None:
-            _boxes(figure, values)
-
-        caption = (
-            "Planning time of runs with a plan, valid or not, on a logarithmic axis. Line: median; box: middle half; whiskers: to the "
-            "farthest within 1.5 boxes; dots: beyond."
-        )
-        where = f", {name}" if len(study.maps) > 1 else ""
-        title = titled(study, "Figure 5", f"planning time{where}")
-        charts.append(draw(f"figure_5_{len(charts) + 1}", title, caption, paint, size=_size(values)))
+        if values := [(s, v[v > 0]) for s, v in values if (v > 0).any()][:MAX_SERIES]:
+            title = titled(study, "Figure 5", f"planning time{_where(study, name)}")
+            charts.append(draw(f"figure_5_{len(charts) + 1}", title, caption, partial(_boxes, values), size=_size(values)))
     return charts
 
 
 def execution_violins(study: ReportedRuns) -> list[Chart]:
     """Execution time and time blocked by planner, one violin per planner, as MRP-Bench's analysis script draws them."""
-    if not study.is_executed:
-        return []
     charts: list[Chart] = []
-    for name, runs in study.by_map():
+    for name, runs in study.by_map() if study.is_executed else ():
         common, _ = commonly_solved(runs)
         arrived = common[common["_arrived"]]
-        for column, what in (("execution_time_s", "execution time"), ("time_blocked_total_s", "time blocked")):
+        for column, what, of_all, more in (
+            ("execution_time_s", "Execution time", "", ""),
+            (
+                "time_blocked_total_s",
+                "Time blocked",
+                " of all robots",
+                " Blocked as MRP-Bench counts: without progress along the straight line to the goal, as on a detour.",
+            ),
+        ):
             values = [(s, numbers(arrived[arrived["_series"] == s], column)) for s in study.series]
-            values = [(s, v) for s, v in values if len(v) > 1][:MAX_SERIES]
-            if not values:
-                continue
-
-            def paint(figure: Figure, values: list[tuple[str, FloatArray]] = values, what: str = what) -> None:
-                _violins(figure, values, f"{what} (s)")
-
-            caption = (
-                f"{what.capitalize()}{' of all robots' if what == 'time blocked' else ''}, in runs that every planner had a plan for "
-                "and in which all robots arrived. Line: mean; box: middle half, its gap the median; the shape is the density."
-            )
-            if what == "time blocked":
-                caption += " Blocked as MRP-Bench counts: without progress along the straight line to the goal, as on a detour."
-            where = f", {name}" if len(study.maps) > 1 else ""
-            charts.append(draw(f"execution_{len(charts) + 1}", f"{what.capitalize()}{where}", caption, paint, size=_size(values)))
+            if values := [(s, v) for s, v in values if len(v) > 1][:MAX_SERIES]:
+                caption = (
+                    f"{what}{of_all}, in runs that every planner had a plan for and in which all robots arrived. Line: mean; "
+                    f"box: middle half, its gap the median; the shape is the density.{more}"
+                )
+                paint = partial(_violins, values, f"{what.lower()} (s)")
+                charts.append(draw(f"execution_{len(charts) + 1}", f"{what}{_where(study, name)}", caption, paint, size=_size(values)))
     return charts
 
 
-def _size(values: list[tuple[str, FloatArray]]) -> tuple[float, float]:
+def _where(study: ReportedRuns, name: str) -> str:
+    return f", {name}" if len(study.maps) > 1 else ""
+
+
+def _size(values: Values) -> tuple[float, float]:
     return (4.7, max(2.2, 0.9 + 0.42 * len(values)))
 
 
-def _boxes(figure: Figure, values: list[tuple[str, FloatArray]]) -> None:
+def _rows(ax: Axes, names: Sequence[str], label: str) -> None:
+    """A row for each name, the first on top."""
+    ax.set_yticks(range(len(names)), names)
+    ax.invert_yaxis()
+    ax.set_xlabel(label)
+    ax.grid(axis="y", visible=False)
+
+
+def _boxes(values: Values, figure: Figure) -> None:
     ax = figure.add_subplot()
     for i, (_, v) in enumerate(values):
         colour = COLOURS[i % len(COLOURS)]
@@ -89,15 +95,12 @@ def _boxes(figure: Figure, values: list[tuple[str, FloatArray]]) -> None:
             capprops={"color": colour},
             flierprops={"marker": ".", "ms": 4, "mfc": colour, "mec": "none"},
         )
-    ax.set_yticks(range(len(values)), [f"{printable(s)} ({len(v)})" for s, v in values])
-    ax.invert_yaxis()
+    _rows(ax, [f"{printable(s)} ({len(v)})" for s, v in values], "planning time")
     ax.set_xscale("log")
     log_seconds(ax.xaxis)
-    ax.set_xlabel("planning time")
-    ax.grid(axis="y", visible=False)
 
 
-def _violins(figure: Figure, values: list[tuple[str, FloatArray]], label: str) -> None:
+def _violins(values: Values, label: str, figure: Figure) -> None:
     ax = figure.add_subplot()
     for i, (_, v) in enumerate(values):
         colour = COLOURS[i % len(COLOURS)]
@@ -109,11 +112,8 @@ def _violins(figure: Figure, values: list[tuple[str, FloatArray]], label: str) -
         ax.plot([low, high], [i, i], color=colour, lw=5, solid_capstyle="butt")
         ax.plot([middle], [i], marker="|", color=PAPER, ms=5, mew=1.4)
         ax.plot([v.mean()] * 2, [i - 0.3, i + 0.3], color=INK, lw=1.6)
-    ax.set_yticks(range(len(values)), [f"{printable(s)} ({len(v)})" for s, v in values])
-    ax.invert_yaxis()
+    _rows(ax, [f"{printable(s)} ({len(v)})" for s, v in values], label)
     ax.set_xlim(left=0)
-    ax.set_xlabel(label)
-    ax.grid(axis="y", visible=False)
 
 
 def arrivals_chart(name: str, rows: "Sequence[BesidePaper]") -> Chart:
@@ -133,10 +133,7 @@ def arrivals_chart(name: str, rows: "Sequence[BesidePaper]") -> Chart:
         theirs = [(row.paper_value, planners.index(row.labels["planner"])) for row in together if row.paper_value is not None]
         if theirs:
             ax.plot(*zip(*theirs), marker="D", ls="none", mfc="none", mec=INK, ms=7, label="paper")
-        ax.set_yticks(range(len(planners)), [PLANNER_NAMES.get(p, p) for p in planners])
-        ax.invert_yaxis()
-        ax.set_xlabel("all robots at their goals, % of experiments")
-        ax.grid(axis="y", visible=False)
+        _rows(ax, [PLANNER_NAMES.get(p, p) for p in planners], "all robots at their goals, % of experiments")
         key(figure, ax)
 
     caption = "Lines: 95 % intervals. Local yielding is what the paper's robots do."
