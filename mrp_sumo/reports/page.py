@@ -61,17 +61,14 @@ def page(
         gap_list(gaps),
     ]
     for section in sections:
-        title, text = html.escape(section.title), f'<p class="lead">{html.escape(section.text)}</p>' if section.text else ""
+        name, heading = section.name, html.escape(section.title)
+        head, end = f'<section aria-labelledby="{name}">\n<h2 id="{name}">{heading}</h2>', "</section>"
         if section.is_folded:  # a link to what is inside opens it
-            lines.append(
-                f'<section class="folded" aria-label="{title}">\n<details><summary><h2>{title}</h2></summary>\n<div id="{section.name}">'
-            )
-            lines += [text, *_parts(section.parts), "</div></details>", "</section>"]
-        else:
-            lines.append(f'<section aria-labelledby="{section.name}">\n<h2 id="{section.name}">{title}</h2>')
-            lines += [text, *_parts(section.parts), "</section>"]
-    lines.append("</main>")
-    lines.append("<footer>" + "".join(f"<p>{html.escape(line)}</p>" for line in about) + "</footer>")
+            head = f'<section class="folded" aria-label="{heading}">\n<details><summary><h2>{heading}</h2></summary>\n<div id="{name}">'
+            end = "</div></details>\n</section>"
+        text = f'<p class="lead">{html.escape(section.text)}</p>' if section.text else ""
+        lines += [head, text, *_parts(section.parts), end]
+    lines += ["</main>", f"<footer>{''.join(f'<p>{html.escape(line)}</p>' for line in about)}</footer>"]
     return document(title, GENERATOR, lines)
 
 

@@ -328,6 +328,7 @@ def test_report_of_a_run_has_its_charts(run_folder):
     page = write_report(run_folder)
     text = page.read_text()
     checked(text)
+    assert "<title>office_5</title>" in text and "<h1>office_5</h1>" in text
     for title in ("Traffic on the floor plan", "Space and time on a lane", "What each robot did", "Lateness of the visits"):
         assert title in text
     assert {r["robot"] for r in table(page, "robots")} == {f"robot_{i}" for i in range(5)}
