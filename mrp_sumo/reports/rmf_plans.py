@@ -45,22 +45,17 @@ def write_rmf_plans(path: Path, record: RunRecord) -> None:
     ids = [_plan_id(record.name, record.seed, name) for name in names]
     progress = _ascending(plan.arrive_s, plan.first)
     blockers = _blockers(schedule, robot)
-    plans = []
-    for r, name in enumerate(names):
-        visits = range(int(plan.first[r]), int(plan.first[r + 1]))
-        said = [
-            _waypoint(
-                record,
-                int(plan.vertex[k]),
-                float(progress[k]),
-                [
-                    {"name": names[other], "plan_id": ids[other], "required_progress": float(progress[until])}
-                    for other, until in sorted(blockers.get(k, {}).items())
-                ],
-            )
-            for k in visits
+    waypoints: list[list[Json]] = [[] for _ in names]
+    for k, (r, vertex, at) in enumerate(zip(robot.tolist(), plan.vertex.tolist(), progress.tolist())):
+        before = [
+            {"name": names[other], "plan_id": ids[other], "required_progress": float(progress[until])}
+            for other, until in sorted(blockers.get(k, {}).items())
         ]
-        plans.append({"name": name, "plan": {"waypoints": said, "start_time": _time(0.0), "plan_id": ids[r], "workflow": ""}})
+        waypoints[r].append(_waypoint(record, vertex, at, before))
+    plans = [
+        {"name": name, "plan": {"waypoints": said, "start_time": _time(0.0), "plan_id": plan_id, "workflow": ""}}
+        for name, said, plan_id in zip(names, waypoints, ids)
+    ]
     document = {"experimental": True, "plans": plans, "releases": _releases(record, ids)}
     with replacing(path) as partial:
         partial.write_text(json.dumps(document, allow_nan=False), encoding="utf-8")
@@ -79,11 +74,10 @@ def _blockers(schedule: Schedule, robot: np.ndarray) -> dict[int, dict[int, int]
     known: dict[tuple[int, int], int] = {}
     for visit in sorted(blockers):
         for other, until in list(blockers[visit].items()):
-            pair = (int(robot[visit]), other)
-            if known.get(pair, -1) >= until:
+            if known.get((robot[visit], other), -1) >= until:
                 del blockers[visit][other]
             else:
-                known[pair] = until
+                known[robot[visit], other] = until
     return blockers
 
 

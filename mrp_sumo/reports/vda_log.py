@@ -7,6 +7,7 @@ node. A robot that has made its way to the end gets a new order with its next wa
 
 import json
 from collections.abc import Iterator
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from itertools import chain, groupby
 from pathlib import Path
@@ -94,17 +95,15 @@ def write_vda(path: Path, record: RunRecord, version: str) -> None:
         with scratch.open("wb") as out:
             for robot, serial in enumerate(serials):
                 (partial / serial).mkdir()
-                files = {kind: (partial / serial / f"{kind}.jsonl").open("w", encoding="utf-8") for kind in KINDS}
-                try:
+                with ExitStack() as stack:
+                    opened = (stack.enter_context((partial / serial / f"{kind}.jsonl").open("w", encoding="utf-8")) for kind in KINDS)
+                    files = dict(zip(KINDS, opened))
                     for t_s, kind, payload in LoggedVehicle(record, record.execution.grants, robot, Sender(dialect, serial)).messages():
                         files[kind].write(json.dumps(payload, separators=(",", ":"), allow_nan=False) + "\n")
                         line = line_of(t_s, dialect.topic(serial, kind), payload).encode()
                         out.write(line)
                         times.append(t_s)
                         offsets.append(offsets[-1] + len(line))
-                finally:
-                    for file in files.values():
-                        file.close()
         _sort(scratch, np.array(times), np.array(offsets), partial / "messages.jsonl")
         scratch.unlink()
 
@@ -256,12 +255,10 @@ class LoggedVehicle:
 
     def _heading(self, k: int) -> float:
         """How the robot is to face at a visit, NaN: in any way; only at its goal is that said."""
-        headings, v = self.record.goal_heading_rad, self.route[k].vertex
-        return (
-            float(headings[self.robot])
-            if headings is not None and k == len(self.route) - 1 and v == self.record.target[self.robot]
-            else np.nan
-        )
+        headings = self.record.goal_heading_rad
+        if headings is None or k < len(self.route) - 1 or self.route[k].vertex != self.record.target[self.robot]:
+            return np.nan
+        return float(headings[self.robot])
 
     def _edge(self, k: int, sequence: int, released: bool) -> Json:
         return edge_of(self.dialect, self.record.graph, self.route[k].vertex, self.route[k + 1].vertex, sequence, released)
@@ -271,29 +268,22 @@ class LoggedVehicle:
         graph, sequence = self.record.graph, 2 * (self.reached - self.orders.begin)
         nodes, edges = states_of(self.orders.document, sequence)
         pose, velocity, driving = self._motion(t_s)
-        away_m = float(np.hypot(*(graph.xy[at] - self.record.shift_m[graph.level[at]] - (pose["x"], pose["y"])))) if pose else 0.0
-        request = {"actionId": f"{self.sender.serial}-factsheet", "actionType": "factsheetRequest", "actionStatus": "FINISHED"}
-        return state(
-            self.dialect,
-            StateContent(
-                order=(self.orders.name, self.orders.update),
-                last=(graph.label(at), sequence),
-                nodes=nodes,
-                edges=edges,
-                place=pose,
-                velocity=velocity,
-                driving=driving,
-                away_m=away_m,
-                actions=[self._action_state(made, t_s) for made in self._of_order()],
-                instants=[request],
-                power=(self._percent(t_s), any(a <= t_s < b for a, b in self.charging)),
-                errors=[
-                    error(kind, ERRORS[kind][self.dialect.is_new], text, {})
-                    for begin_s, until_s, kind, text in self.errors
-                    if begin_s <= t_s < until_s
-                ],
-            ),
+        now = [(kind, text) for begin_s, until_s, kind, text in self.errors if begin_s <= t_s < until_s]
+        content = StateContent(
+            order=(self.orders.name, self.orders.update),
+            last=(graph.label(at), sequence),
+            nodes=nodes,
+            edges=edges,
+            place=pose,
+            velocity=velocity,
+            driving=driving,
+            away_m=float(np.hypot(*(graph.xy[at] - self.record.shift_m[graph.level[at]] - (pose["x"], pose["y"])))) if pose else 0.0,
+            actions=[self._action_state(made, t_s) for made in self._of_order()],
+            instants=[{"actionId": f"{self.sender.serial}-factsheet", "actionType": "factsheetRequest", "actionStatus": "FINISHED"}],
+            power=(self._percent(t_s), any(a <= t_s < b for a, b in self.charging)),
+            errors=[error(kind, ERRORS[kind][self.dialect.is_new], text, {}) for kind, text in now],
         )
+        return state(self.dialect, content)
 
     def _of_order(self) -> list[Done]:
         sent = {one_action["actionId"] for one in self.orders.nodes for one_action in one["actions"]}

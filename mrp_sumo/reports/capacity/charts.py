@@ -16,7 +16,7 @@ from mrp_sumo.core.places import BETWEEN, places_of
 from mrp_sumo.experiments.staging.set_up import SetUp
 from mrp_sumo.experiments.statistics import Interval, t_mean, wilson
 from mrp_sumo.maps.clearance import standing_walls
-from mrp_sumo.reports.charts.chart import COLOURS, MARKERS, SOFT, Chart, draw, key
+from mrp_sumo.reports.charts.chart import COLOURS, MARKERS, SOFT, Chart, draw, key, spread
 from mrp_sumo.reports.pictures.map_picture import BLUE, GREEN, INK, MUTED, ORANGE, PURPLE, SKY, VERMILION
 from mrp_sumo.sizing.answer import Answer
 from mrp_sumo.sizing.points import Point
@@ -148,7 +148,7 @@ def parts(points: Sequence[Point]) -> Chart:
 
 def flow(points: Sequence[Point]) -> Chart:
     """The macroscopic fundamental diagram."""
-    few = [points[i] for i in sorted({round(i) for i in np.linspace(0, len(points) - 1, min(SIZES, len(points)))})]
+    few = [points[i] for i in spread(len(points), SIZES)]
 
     def paint(figure: Figure) -> None:
         ax = figure.add_subplot()

@@ -7,7 +7,7 @@ Ito, which people with any colour vision can tell apart. Names of maps, planners
 import io
 import re
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,7 +20,7 @@ from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from mrp_sumo.core.graph import FloatArray
+from mrp_sumo.core.graph import FloatArray, IntArray
 from mrp_sumo.reports.pictures.map_picture import BLUE, GREEN, INK, MUTED, ORANGE, PAPER, PURPLE, SKY, VERMILION
 
 GRID, SOFT = "#d9dce1", "#eceef1"
@@ -185,10 +185,19 @@ def key(figure: Figure, ax: Axes) -> None:
     handles, labels = ax.get_legend_handles_labels()
     if len(labels) < 2 and not (labels and figure.axes.index(ax) > 0):
         return
-    width = figure.get_figwidth() * 72
-    longest = max(map(len, labels)) * 5.0 + 34
-    columns = max(1, min(len(labels), int(width / longest)))
+    columns = key_columns(labels, figure.get_figwidth())
     figure.legend(handles, labels, loc="outside lower left", ncols=columns, handlelength=2.6, columnspacing=1.4)
+
+
+def key_columns(labels: Sequence[str], width_in: float) -> int:
+    """Number of columns of labels in the legend of a chart of a width."""
+    longest_pt = max(map(len, labels), default=1) * 5.0 + 34
+    return max(1, min(len(labels), int(width_in * 72 / longest_pt)))
+
+
+def spread(count: int, most: int) -> IntArray:
+    """At most so many of the numbers below `count`, evenly, first and last included."""
+    return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(np.int64))
 
 
 def distribution(figure: Figure, values: FloatArray, unit: str, second_colour: str = INK) -> Axes:

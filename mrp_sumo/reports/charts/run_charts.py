@@ -19,7 +19,7 @@ from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.io.outline import Outline, read_outline
 from mrp_sumo.io.record import AT_GOAL, BLOCKED, MOVING, STANDING_MPS, WAITING, RunRecord, robot_states
 from mrp_sumo.io.run_reader import RunFolder
-from mrp_sumo.reports.charts.chart import COLOURS, GRID, NARROW, Chart, around_zero, distribution, draw, printable
+from mrp_sumo.reports.charts.chart import COLOURS, GRID, NARROW, Chart, around_zero, distribution, draw, printable, spread
 from mrp_sumo.reports.charts.task_charts import task_charts
 from mrp_sumo.reports.pictures.map_picture import BLUE, FLOOR, INK, MUTED, ORANGE, VERMILION, WALL, draw_strokes
 from mrp_sumo.reports.pictures.view import drawn_lanes
@@ -51,7 +51,7 @@ def run_charts(run: RunFolder, tag: str = "run") -> list[Chart]:
     if not len(record.execution.t_s) or not record.execution.num_robots:
         return []
     t = record.execution.t_s
-    times = t[np.unique(np.linspace(0, len(t) - 1, min(len(t), MAX_TIMES)).round().astype(np.int64))]  # the last sample included
+    times = t[spread(len(t), MAX_TIMES)]
     states = robot_states(record.execution, times)
     tasks, end_s = record.execution.tasks, record.execution.sim_time_s
     charts = [
@@ -77,10 +77,8 @@ def _heat_maps(record: RunRecord, outline: Outline | None, times: FloatArray, st
     step_s = np.gradient(times) if len(times) > 1 else np.ones(1)
     there = np.isfinite(x)
     weight = np.broadcast_to(step_s[:, None], x.shape)
-    points = [record.graph.xy]
-    if outline is not None and len(outline.walls):
-        points.append(outline.walls.reshape(-1, 2))
-    together = np.concatenate(points)
+    walls = np.zeros((0, 2)) if outline is None else outline.walls.reshape(-1, 2)
+    together = np.concatenate([record.graph.xy, walls])
     low, high = together.min(0) - 0.6, together.max(0) + 0.6
     size_m = high - low
     bin_m = max(record.graph.cell_m or 0.4, float(size_m.max()) / MAX_BINS)
@@ -89,14 +87,10 @@ def _heat_maps(record: RunRecord, outline: Outline | None, times: FloatArray, st
     shift = ((record.graph.xy[0] - low) % bin_m) - bin_m / 2 if bin_m == record.graph.cell_m else np.zeros(2)
     bins = [b + s for b, s in zip(bins, shift)]
     charts = []
+    occupied, standing = there & (states != AT_GOAL), there & ((states == WAITING) | (states == BLOCKED))
     for what, title, caption, mask in (
-        (
-            "traffic",
-            "Traffic",
-            "Robot-seconds for which a place was occupied, robots at their goals left out.",
-            there & (states != AT_GOAL),
-        ),
-        ("standing", "Congestion", "Robot-seconds spent standing away from the goal.", there & ((states == WAITING) | (states == BLOCKED))),
+        ("traffic", "Traffic", "Robot-seconds for which a place was occupied, robots at their goals left out.", occupied),
+        ("standing", "Congestion", "Robot-seconds spent standing away from the goal.", standing),
     ):
         heat, _, _ = np.histogram2d(x[mask], y[mask], bins=bins, weights=weight[mask])
         if not heat.any():
@@ -145,7 +139,7 @@ def _space_time(record: RunRecord, tag: str) -> Chart | None:
     if not nav.num_lanes:
         return None
     t = record.execution.t_s
-    sample = np.unique(np.linspace(0, len(t) - 1, min(len(t), 3000)).round().astype(np.int64))
+    sample = spread(len(t), 3000)
     x, y = record.execution.x_m[sample], record.execution.y_m[sample]
     moving = record.execution.speed_mps[sample] > STANDING_MPS
     chain = _busiest_corridor(nav, np.where(moving, x, np.nan), np.where(moving, y, np.nan))
@@ -174,13 +168,13 @@ def _space_time(record: RunRecord, tag: str) -> Chart | None:
             ax.axhline(a, color=GRID, lw=0.7, zorder=0)
         ax.grid(axis="y", visible=False)
         room = along[-1] / 18
-        labels: list[tuple[float, str]] = []
+        labels: dict[float, str] = {}
         for a, name in stations:
-            if name and (not labels or a - labels[-1][0] > room):
-                labels.append((a, printable(name, 18)))
+            if name and (not labels or a - max(labels) > room):
+                labels[a] = printable(name, 18)
         if labels:
             right = ax.secondary_yaxis("right")
-            right.set_yticks([a for a, _ in labels], [name for _, name in labels])
+            right.set_yticks(list(labels), list(labels.values()))
             right.spines["right"].set_visible(False)
             right.tick_params(length=0, labelsize=8)
         late = max(5.0, 0.04 * (span[1] - span[0]))
@@ -402,15 +396,11 @@ def _distances(record: RunRecord, times: FloatArray, tag: str) -> Chart | None:
         return None
     few = times[:: max(1, len(times) // 400)]
     x, y = _at(record, few)
-    nearest = []
-    for px, py in zip(x, y):
-        points = np.stack([px, py], axis=1)[np.isfinite(px)]
-        if len(points) > 1:
-            nearest.append(least_distance_m(points))
-    if len(nearest) < 2:
+    places = [np.stack([px, py], axis=1)[np.isfinite(px)] for px, py in zip(x, y)]
+    values = np.array([least_distance_m(points) for points in places if len(points) > 1])
+    if len(values) < 2:
         return None
     separation = float(record.fleet.separation_m)
-    values = np.array(nearest)
 
     def paint(figure: Figure) -> None:
         ax = figure.add_subplot()

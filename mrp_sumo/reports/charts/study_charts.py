@@ -23,6 +23,7 @@ from mrp_sumo.reports.charts.chart import (
     draw,
     file_name,
     key,
+    key_columns,
     log_seconds,
     printable,
     series_style,
@@ -362,9 +363,7 @@ def _factor(column: str) -> str:
 
 def _with_key(series: Sequence[str]) -> tuple[float, float]:
     """A size with room for the legend."""
-    longest = max((len(printable(s)) for s in series), default=1) * 5.0 + 34
-    columns = max(1, min(len(series), int(NARROW[0] * 72 / longest)))
-    return NARROW[0], NARROW[1] + 0.19 * -(-len(series) // columns)
+    return NARROW[0], NARROW[1] + 0.19 * -(-len(series) // key_columns([printable(s) for s in series], NARROW[0]))
 
 
 def _with_rows(rows: Sequence[object], each: float = 0.34) -> tuple[float, float]:

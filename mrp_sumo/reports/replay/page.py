@@ -382,9 +382,8 @@ def _add_events(columns: Columns, record: RunRecord, index: IntArray) -> dict[st
         lasts_s = np.array([e.duration_s for e in events])
         columns.add("event_duration", _milliseconds(np.where(np.isinf(lasts_s), left_s, lasts_s)), "<u4")
         columns.add("event_kind", np.array([kinds.index(e.kind) for e in events]) % 256, "<u1")
-        columns.add("event_robot", np.array([e.robot for e in events]) % 2**32, "<u4")
-        columns.add("event_other", np.array([e.other for e in events]) % 2**32, "<u4")
-        columns.add("event_vertex", index[np.array([e.vertex for e in events])] % 2**32, "<u4")
+        for name, numbers in zip(("robot", "other", "vertex"), np.array([(e.robot, e.other, index[e.vertex]) for e in events]).T):
+            columns.add(f"event_{name}", numbers % 2**32, "<u4")
     return {"event_kinds": kinds, "event_text": {i: e.text for i, e in enumerate(events) if e.text}}
 
 
@@ -402,13 +401,9 @@ def _map(record: RunRecord, outline: Outline | None, low: FloatArray, high: Floa
     parts |= {"lifts": [], "walls": [], "doors": [], "lanes": [], "stations": [], "junctions": []}
     if outline is not None:
         furniture, inner, walls = furniture_and_walls(outline.walls)
-        parts["floors"] = [_flat(p - low) for p in outline.floors]
-        parts["holes"] = [_flat(p - low) for p in outline.holes]
-        parts["lifts"] = [_flat(p - low) for p in outline.lifts]
-        parts["furniture"] = [_flat(p - low) for p in furniture]
-        parts["inner"] = _flat(inner - low)
-        parts["walls"] = _flat(walls - low)
-        parts["doors"] = [_flat(d - low) for d in outline.doors]
+        of_kind = {"floors": outline.floors, "holes": outline.holes, "lifts": outline.lifts, "furniture": furniture, "doors": outline.doors}
+        parts |= {kind: [_flat(p - low) for p in polygons] for kind, polygons in of_kind.items()}
+        parts |= {"inner": _flat(inner - low), "walls": _flat(walls - low)}
     if is_grid_map(record):
         parts["cells"] = [_flat(np.array(c) - (*low, 0, 0)) for c in _rows_of_cells(record.graph)]
     else:

@@ -118,31 +118,21 @@ class ReportTable:
         out = io.StringIO()
         writer = csv.writer(out, lineterminator="\n")
         wide = [any(isinstance(row[i], Interval) for row in self.rows) for i in range(len(self.columns))]
-        head: list[str] = []
-        for name, is_wide in zip(self.columns, wide):
-            head += [name, f"{name} low", f"{name} high"] if is_wide else [name]
-        writer.writerow(head)
+        writer.writerow(name + end for name, is_wide in zip(self.columns, wide) for end in ("", " low", " high")[: 3 if is_wide else 1])
         for row in self.rows:
-            line: list[Any] = []
+            line: list[str | int] = []
             for cell, is_wide in zip(row, wide):
-                if isinstance(cell, Interval):
-                    line += [_exact(cell.value), _exact(cell.low), _exact(cell.high)]
-                else:
-                    line.append(cell.text if isinstance(cell, FileLink) else _exact(cell))
-                    line += ["", ""] if is_wide else []
+                three = (cell.value, cell.low, cell.high) if isinstance(cell, Interval) else (cell, None, None)
+                line += map(_exact, three[: 3 if is_wide else 1])
             writer.writerow(line)
         return out.getvalue()
 
     def to_markdown(self) -> str:
         """A table as GitHub and mkdocs read it, without its title."""
-
-        def row(cells: Sequence[str]) -> str:
-            return "| " + " | ".join(cells) + " |"
-
-        escaped = [row([_markdown(name) for name in self.columns])]
-        escaped.append(row(["---" if i < self.labels else "---:" for i in range(len(self.columns))]))
-        escaped += [row([_markdown(self.text(i, cell)) for i, cell in enumerate(line)]) for line in self.rows]
-        return "\n".join(escaped) + "\n"
+        rule = ["---" if i < self.labels else "---:" for i in range(len(self.columns))]
+        rows = [[_markdown(name) for name in self.columns], rule]
+        rows += [[_markdown(self.text(i, cell)) for i, cell in enumerate(row)] for row in self.rows]
+        return "".join(f"| {' | '.join(row)} |\n" for row in rows)
 
     def to_latex(self) -> str:
         """A `table` with a `tabular` of booktabs' rules."""
@@ -164,14 +154,11 @@ class ReportTable:
     def text(self, column: int, cell: Cell) -> str:
         """A cell as people read it."""
         if isinstance(cell, Interval):
-            if not math.isfinite(cell.value):
-                return "–"
-            if not (math.isfinite(cell.low) and math.isfinite(cell.high)):
+            ends = (cell.value, cell.low, cell.high)
+            if not all(map(math.isfinite, ends)):
                 return self._number(column, cell.value)
-            # the value's digits for all three
-            digits = self.digits.get(self.columns[column], _decimals(cell.value))
-            low, high = _short(cell.low, digits), _short(cell.high, digits)
-            return f"{_short(cell.value, digits)} [{low}, {high}]"
+            digits = self.digits.get(self.columns[column], _decimals(cell.value))  # the value's for all three
+            return "{} [{}, {}]".format(*(_short(end, digits) for end in ends))
         if isinstance(cell, FileLink):
             return cell.text
         return cell if isinstance(cell, str) else self._number(column, cell)
@@ -229,9 +216,7 @@ def _short(value: float, digits: int) -> str:
     return text.replace("-", "−")
 
 
-def _exact(cell: str | float | int | None) -> str | int:
-    if cell is None or (isinstance(cell, float) and not math.isfinite(cell)):
-        return ""
+def _exact(cell: str | float | int | FileLink | None) -> str | int:
     if isinstance(cell, float):
-        return repr(float(cell)) if not float(cell).is_integer() else str(int(cell))
-    return cell
+        return "" if not math.isfinite(cell) else str(int(cell)) if cell.is_integer() else repr(float(cell))
+    return cell.text if isinstance(cell, FileLink) else "" if cell is None else cell

@@ -329,25 +329,18 @@ def _write_names(canvas: Canvas, pane: Pane, xy: FloatArray, robots: IntArray, r
     size = max(10.0, 14 * u)
     face = font(round(size), True)
     half = np.array([(face.getlength(name) / 2 + 2, 0.6 * size) for name in pane.scene.name])
-    taken: list[tuple[float, float, float, float]] = []
+    taken: list[tuple[FloatArray, FloatArray]] = []  # middles of names, and half their sizes
     for robot in robots.tolist():
-        fitting = None
         others = xy[robots[robots != robot]]
         for choice in dict.fromkeys((int(pane.place[robot]), *range(len(PLACES)))):
             direction = np.array(PLACES[choice])
             at = xy[robot] + direction * (reach[robot] * (0.75 if direction.all() else 1) + 2 * u + half[robot])
-            x, y = at
-            w, h = half[robot]
-            covers = any(abs(x - a) < w + b and abs(y - d) < h + e for a, d, b, e in taken)
-            covers |= bool(((np.abs(others - at) < half[robot] + 0.5 * float(reach[robot])).all(axis=1)).any())
-            if not covers:
-                fitting = choice, x, y
+            covers = any((np.abs(at - other) < half[robot] + of_other).all() for other, of_other in taken)
+            if not covers and not (np.abs(others - at) < half[robot] + 0.5 * float(reach[robot])).all(axis=1).any():
+                pane.place[robot] = choice
+                taken.append((at, half[robot]))
+                canvas.write(pane.scene.name[robot], tuple(at), size, LIGHT["ink"], bold=True, halo=LIGHT["halo"], align="center")
                 break
-        if fitting is None:
-            continue
-        pane.place[robot], x, y = fitting
-        taken.append((x, y, half[robot][0], half[robot][1]))
-        canvas.write(pane.scene.name[robot], (x, y), size, LIGHT["ink"], bold=True, halo=LIGHT["halo"], align="center")
 
 
 def _rectangle(left: float, bottom: float, width: float, height: float) -> FloatArray:

@@ -181,15 +181,11 @@ def _extent_of_level(record: RunRecord, outline: Outline | None, level: str, sou
 def _ways(record: RunRecord, plan: Plan | None) -> tuple[tuple[PlannedRoute, ...], ...]:
     """What each robot was to do, by time: the plan, and what came instead while it drove."""
     num_robots, execution = record.fleet.num_robots, record.execution
-    paths: list[list[PlannedRoute]] = [[] for _ in range(num_robots)]
-    columns: list[Visits] = []
     if plan is None or len(execution.arrived_s) != len(plan.vertex):
         return tuple(() for _ in range(num_robots))
-    for a, b in pairwise(plan.first.tolist()):
-        columns.append((plan.vertex[a:b], plan.arrive_s[a:b], execution.arrived_s[a:b]))
+    columns: list[Visits] = [(plan.vertex[a:b], plan.arrive_s[a:b], execution.arrived_s[a:b]) for a, b in pairwise(plan.first.tolist())]
+    paths = [[_way(0.0, visits)] for visits in columns]
     begin = [0] * num_robots  # number of each robot's first visit that is still kept
-    for robot, path in enumerate(columns):
-        paths[robot].append(_way(0.0, path))
     for reply in execution.replies:
         for k, robot in enumerate(reply.robot.tolist()):
             new = slice(int(reply.first[k]), int(reply.first[k + 1]))
