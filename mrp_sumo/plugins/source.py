@@ -145,20 +145,16 @@ def blamed(error: BaseException, source: Source, target: Any = None) -> PlugInEr
     details = "".join(traceback.format_exception(error))
     if isinstance(error, PlugInError):
         return PlugInError(str(error), error.details or details)
-    text = " ".join(str(error).split())[:300]
-    said = text if isinstance(error, MrpSumoError) else f"{type(error).__name__}: {text}" if text else type(error).__name__
-    if isinstance(error, Overran):
-        said = text
+    said = " ".join(str(error).split())[:300]
     if isinstance(error, SystemExit):
         said = f"ended the program (SystemExit: {error.code})"
+    elif not isinstance(error, MrpSumoError | Overran):
+        said = f"{type(error).__name__}: {said}" if said else type(error).__name__
     if isinstance(error, SyntaxError) and error.filename and _is_own(Path(error.filename), source):
         return PlugInError(f"{shown(Path(error.filename))}:{error.lineno}: {type(error).__name__}: {error.msg}", details)
-    frames = [f for f in traceback.extract_tb(error.__traceback__) if _is_own(Path(f.filename), source)]
-    if frames:
-        where = f"{shown(Path(frames[-1].filename))}:{frames[-1].lineno}"
-        inside = "" if frames[-1].name == "<module>" else f"in {frames[-1].name}: "
-        return PlugInError(f"{where}: {inside}{said}", details)
     where = place_of(target) if target is not None else shown(source.path) if source.path else source.module
+    if own := [f for f in traceback.extract_tb(error.__traceback__) if _is_own(Path(f.filename), source)]:
+        where = f"{shown(Path(own[-1].filename))}:{own[-1].lineno}" + ("" if own[-1].name == "<module>" else f": in {own[-1].name}")
     return PlugInError(f"{where}: {said}", details)
 
 
@@ -169,10 +165,8 @@ def digest(source: Source) -> str:
     """
     if source.path is None:
         return hashlib.sha256(f"{source.package} {source.module}:{source.attribute}".encode()).hexdigest()
-    root = _top(source.path)
-    parts = [
-        f"{path.relative_to(root).as_posix()} {hashlib.sha256(path.read_bytes()).hexdigest()}" for path in sorted(_closure(source.path))
-    ]
+    root, files = _top(source.path), sorted(_closure(source.path))
+    parts = [f"{path.relative_to(root).as_posix()} {hashlib.sha256(path.read_bytes()).hexdigest()}" for path in files]
     return hashlib.sha256("\n".join([source.package, source.attribute, *parts]).encode()).hexdigest()
 
 
@@ -238,17 +232,12 @@ def _module_path(module: str) -> Path | None:
         return None
     if not rest:
         return Path(spec.origin) if spec.origin and spec.origin.endswith(".py") else None
-    for folder in spec.submodule_search_locations or ():
-        if path := _in_folder(Path(folder), rest):
-            return path
-    return None
+    return next(filter(None, (_in_folder(Path(folder), rest) for folder in spec.submodule_search_locations or ())), None)
 
 
 def _in_folder(folder: Path, parts: list[str]) -> Path | None:
-    for path in (folder.joinpath(*parts).with_suffix(".py"), folder.joinpath(*parts, "__init__.py")):
-        if path.is_file():
-            return path.resolve()
-    return None
+    places = (folder.joinpath(*parts).with_suffix(".py"), folder.joinpath(*parts, "__init__.py"))
+    return next((path.resolve() for path in places if path.is_file()), None)
 
 
 def _top(path: Path) -> Path:
@@ -265,8 +254,9 @@ def _is_own(path: Path, source: Source) -> bool:
         return False
     if path == source.path:
         return True
-    lone = _top(source.path) == source.path.parent
-    folder = source.path.parent if lone else _top(source.path) / source.path.relative_to(_top(source.path)).parts[0]
+    top = _top(source.path)
+    lone = top == source.path.parent
+    folder = top if lone else top / source.path.relative_to(top).parts[0]
     if not path.is_relative_to(folder) or (lone and folder.name in _INSTALLED):
         return False
     return not (set(path.relative_to(folder).parts) & (_INSTALLED | _OURS))
@@ -276,10 +266,9 @@ def _closure(path: Path) -> set[Path]:
     """A file and what it imports from its own package or folder, directly or not."""
     files, todo = {path}, [path]
     while todo:
-        for imported in _imported(todo.pop()):
-            if imported not in files:
-                files.add(imported)
-                todo.append(imported)
+        new = set(_imported(todo.pop())) - files
+        files |= new
+        todo += new
     return files
 
 
@@ -303,7 +292,5 @@ def _imported(path: Path) -> Iterator[Path]:
         for name in dotted:
             if not name or name[0] in _OURS or (top.name in _INSTALLED and (lone or name[0] != package[0])):
                 continue
-            for end in range(1, len(name) + 1):
-                for folder in {top, path.parent}:
-                    if file := _in_folder(folder, list(name[:end])):
-                        yield file
+            places = (_in_folder(folder, list(name[:end])) for end in range(1, len(name) + 1) for folder in {top, path.parent})
+            yield from filter(None, places)

@@ -25,6 +25,7 @@ UNITS = {
     "_pct": "%",
 }
 NAMED = {"planner.name": "planners", "execution.dispatcher.name": "dispatchers", "execution.policy.name": "policies"}  # kinds of plug-ins
+SIMPLE = ("integer", "number", "boolean", "string")  # types of values
 DEEPEST = 5
 MOST_BYTES = 4_000_000
 
@@ -96,15 +97,10 @@ def _fields(schema: Mapping[str, Any], definitions: Mapping[str, Any], above: st
                 yield from _fields(option, definitions, f"{key}.", depth + 1)
             if (item := _resolved(option.get("items") or {}, definitions)).get("properties") and depth < DEEPEST:
                 yield from _fields(item, definitions, f"{key}.0.", depth + 1)
-        simple = next(
-            (o for o in options if o.get("type") in ("integer", "number", "boolean", "string") or "enum" in o or "const" in o), None
-        )
+        simple = next((o for o in options if o.get("type") in SIMPLE or "enum" in o or "const" in o), None)
         if simple is None:
             continue
-        named = names(NAMED[key]) if key in NAMED else ()
-        choices = list(named) or list(
-            dict.fromkeys(value for o in options for value in (*o.get("enum", ()), *((o["const"],) if "const" in o else ())))
-        )
+        listed = [value for o in options for value in (*o.get("enum", ()), *([o["const"]] if "const" in o else []))]
         yield {
             "key": key,
             "says": declared.get("description", ""),
@@ -113,7 +109,7 @@ def _fields(schema: Mapping[str, Any], definitions: Mapping[str, Any], above: st
             "default": declared.get("default"),
             "least": simple.get("minimum", simple.get("exclusiveMinimum")),
             "most": simple.get("maximum", simple.get("exclusiveMaximum")),
-            "choices": choices,
+            "choices": list(names(NAMED[key]) if key in NAMED else dict.fromkeys(listed)),
         }
 
 

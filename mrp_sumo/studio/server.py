@@ -173,27 +173,17 @@ class Studio:
         return robot_type(str(name or DEFAULT_ROBOT), bundled_folder("robots"), self.workspace.root)
 
 
-GETS: Mapping[str, Callable[[Studio, Values], Any]] = {
-    "start": Studio.start_page,
-    "files": Studio.files,
-    "open": Studio.open,
-    "layers": Studio.layers,
-    "digest": Studio.digest,
-    "text": Studio.text,
-    "commands": Studio.commands,
-    "curve": Studio.curve,
-    "paired": Studio.paired,
-    "waits": Studio.waits,
-}
-POSTS: Mapping[str, Callable[[Studio, Values], Any]] = {
-    "check": Studio.check,
-    "save": Studio.save,
-    "save_text": Studio.save_text,
-    "scenario": Studio.scenario,
-    "propose": Studio.propose,
-    "start": Studio.start,
-    "stop": Studio.stop,
-}
+Answer = Callable[[Studio, Values], Any]
+
+
+def _by_name(*answers: Answer) -> dict[str, Answer]:
+    return {answer.__name__: answer for answer in answers}
+
+
+GETS = {"start": Studio.start_page} | _by_name(
+    Studio.files, Studio.open, Studio.layers, Studio.digest, Studio.text, Studio.commands, Studio.curve, Studio.paired, Studio.waits
+)
+POSTS = _by_name(Studio.check, Studio.save, Studio.save_text, Studio.scenario, Studio.propose, Studio.start, Studio.stop)
 
 
 class _Handler(LocalHandler):
@@ -244,7 +234,7 @@ class _Handler(LocalHandler):
             return
         self._ask(POSTS, place.removeprefix("api/"), values)
 
-    def _ask(self, known: Mapping[str, Callable[[Studio, Values], Any]], name: str, values: Values) -> None:
+    def _ask(self, known: Mapping[str, Answer], name: str, values: Values) -> None:
         if name not in known:
             self._say(404, {"error": "not here"})
             return
@@ -275,12 +265,11 @@ class _Handler(LocalHandler):
         if name == "constants.js":
             self.answer(200, KINDS[".js"], constants_module().encode())
             return
-        folder = resources.files("mrp_sumo.reports.replay" if name in SHARED else "mrp_sumo.studio") / ("" if name in SHARED else "page")
-        file = folder / name if name in SHARED or "/" not in name else None
-        if file is None or not file.is_file() or Path(name).suffix not in KINDS:
+        folder = resources.files("mrp_sumo.reports.replay") if name in SHARED else resources.files("mrp_sumo.studio") / "page"
+        if "/" in name or Path(name).suffix not in KINDS or not (folder / name).is_file():
             self.answer(404, "text/plain; charset=utf-8", b"not here")
             return
-        text = file.read_text(encoding="utf-8")
+        text = (folder / name).read_text(encoding="utf-8")
         if name == "page.css":
             text = text.replace("{{light}}", css_variables("light")).replace("{{dark}}", css_variables("dark"))
         self.answer(200, KINDS[Path(name).suffix], text.encode())
@@ -323,11 +312,15 @@ def _page_of_folder(path: Path) -> bytes:
 
 def _chosen(values: Values) -> dict[str, Any]:
     """Layers, unit, scale and page of a plan, as `load_map` has them."""
-    chosen: dict[str, Any] = {}
-    if layers := values.get("layers"):
-        chosen["layers"] = tuple(map(str, _list("layers", layers)))
-    if unit := values.get("unit"):
-        chosen["unit"] = unit
+    chosen: dict[str, Any] = {"unit": values["unit"]} if values.get("unit") else {}
+    if text := values.get("layers"):
+        try:
+            layers = json.loads(text)
+        except (ValueError, RecursionError):
+            layers = None
+        if not isinstance(layers, list):
+            raise MrpSumoError("layers: expected a list")
+        chosen["layers"] = tuple(map(str, layers))
     for key, name, kind in (("scale", "meters_per_pixel", float), ("page", "page", int)):
         if key in values:
             try:
@@ -335,16 +328,6 @@ def _chosen(values: Values) -> dict[str, Any]:
             except (TypeError, ValueError):
                 raise MrpSumoError(f"{key}: found '{str(values[key])[:40]}', expected a number") from None
     return chosen
-
-
-def _list(key: str, text: str) -> list[Any]:
-    try:
-        value = json.loads(text)
-    except (ValueError, RecursionError):
-        value = None
-    if not isinstance(value, list):
-        raise MrpSumoError(f"{key}: expected a list")
-    return value
 
 
 def _text(values: Values, key: str) -> str:

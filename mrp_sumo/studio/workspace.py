@@ -165,14 +165,8 @@ class Workspace:
         except Exception as error:  # Pillow's decoders raise anything on damaged files
             raise MapError(f"image '{path.name}' cannot be read: {error}") from None
         level = {"drawing": {"filename": path.name}, "elevation": 0, "lanes": [], "measurements": [], "vertices": [], "walls": []}
-        document = {
-            "coordinate_system": "reference_image",
-            "graphs": {},
-            "levels": {"L1": level},
-            "lifts": {},
-            "name": map_name(path),
-        }
-        return {**self._copy(path, document), "size": size}
+        about = {"coordinate_system": "reference_image", "graphs": {}, "levels": {"L1": level}, "lifts": {}, "name": map_name(path)}
+        return {**self._copy(path, about), "size": size}
 
     def _page(self, path: Path, page: int) -> Path:
         """The picture of a page of a PDF, a file beside it."""
