@@ -6,7 +6,7 @@ expected and, where it helps, the nearest right name. Nothing else in the packag
 
 import errno
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from difflib import get_close_matches
 
 _CONTROL = re.compile("[\x00-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]")  # what moves a cursor, ends a line or turns text round
@@ -29,6 +29,11 @@ def duration(seconds: float) -> str:
 def count(number: int, one: str, more: str = "") -> str:
     """`1 robot`, `9 robots`."""
     return f"{number:,} {one if number == 1 else more or one + 's'}"
+
+
+def listed(names: Sequence[object], most: int) -> str:
+    """`a, b and 4 more`."""
+    return ", ".join(map(str, names[:most])) + (f" and {len(names) - most} more" if len(names) > most else "")
 
 
 def in_one_line(text: str) -> str:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mrp_sumo.core.graph import FloatArray
-from mrp_sumo.errors import MrpSumoError
+from mrp_sumo.errors import MrpSumoError, listed
 from mrp_sumo.maps.levels import shifts_of
 
 if TYPE_CHECKING:
@@ -210,8 +210,7 @@ def require_here(log: MotionLog, map_: "Map", *, on_grid: bool = False) -> None:
     strangers = [name for name in share if share[name] > ELSEWHERE]
     if strangers:
         low, high = (end(np.concatenate([poses[name] for name in strangers]), 0) for end in (np.min, np.max))
-        named = ", ".join(strangers[:NAMED]) + (f" and {len(strangers) - NAMED} more" if len(strangers) > NAMED else "")
-        whose = "the poses" if len(strangers) == len(poses) else f"the poses of {named}"
+        whose = "the poses" if len(strangers) == len(poses) else f"the poses of {listed(strangers, NAMED)}"
         raise MrpSumoError(
             f"{log.source}: {np.mean([share[name] for name in strangers]):.0%} of {whose} are more than {BESIDE_M:g} m from any lane of "
             f"'{map_.name}' (x {low[0]:.1f} to {high[0]:.1f}, y {low[1]:.1f} to {high[1]:.1f}): another site, another frame, or other "

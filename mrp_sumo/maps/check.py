@@ -4,13 +4,12 @@ Everything is measured graph by graph on the graphs as drawn, levels joined by l
 """
 
 from collections import Counter
-from collections.abc import Sequence
 
 import numpy as np
 
 from mrp_sumo.core.digraph import strong_components, weak_components
 from mrp_sumo.core.graph import FloatArray, IntArray, NavGraph
-from mrp_sumo.errors import MapError
+from mrp_sumo.errors import MapError, listed
 from mrp_sumo.maps.boxes import boxes_of, overlapping
 from mrp_sumo.maps.building import Building, Level
 from mrp_sumo.maps.finding import MapFinding, Notes, RefusedMap
@@ -83,7 +82,7 @@ def check_graph(nav: NavGraph) -> tuple[MapFinding, ...]:
     sizes = np.sort(np.unique(nav.component[nav.driven], return_counts=True)[1])[::-1]
     weak = len(sizes)
     if weak > 1:
-        notes.add("several_components", f"sizes {_sizes(sizes.tolist())}", weak)
+        notes.add("several_components", f"sizes {listed(sizes.tolist(), 20)}", weak)
     strong = len(np.unique(strong_components(nav.num_vertices, nav.tail, nav.head)[nav.driven]))
     if strong > weak:
         notes.add("not_strongly_connected", f"{strong} strong, {weak} weak components")
@@ -189,7 +188,7 @@ def _note_pieces(notes: Notes, building: Building, graph: int, ends: dict[str, I
     sizes = sorted(np.bincount(weak_components(len(used), tails, heads)).tolist(), reverse=True)
     weak, strong = len(sizes), int(strong_components(len(used), tails, heads).max(initial=-1)) + 1
     if weak > 1:
-        notes.add("several_components", f"graph {graph}: sizes {_sizes(sizes)}", weak)
+        notes.add("several_components", f"graph {graph}: sizes {listed(sizes, 20)}", weak)
     if strong > weak:
         notes.add("not_strongly_connected", f"graph {graph}: {strong} strong, {weak} weak components")
 
@@ -209,7 +208,3 @@ def _note_lifts(notes: Notes, building: Building, graph: int, ends: dict[str, In
         apart = float(np.hypot(*(xy[:, None] - xy[None]).T).max())
         if apart > MISALIGNED_M:
             notes.add("lift_vertices_misaligned", f"graph {graph} lift {lift}: {apart:.3f} m")
-
-
-def _sizes(sizes: Sequence[int]) -> str:
-    return ", ".join(map(str, sizes[:20])) + (f" and {len(sizes) - 20} more" if len(sizes) > 20 else "")

@@ -3,6 +3,7 @@
 import numpy as np
 import pandas as pd
 
+from mrp_sumo.errors import listed
 from mrp_sumo.experiments.statistics import Interval, bootstrap_mean, mcnemar, wilcoxon
 from mrp_sumo.reports.study import ReportedRuns
 
@@ -29,7 +30,7 @@ def answer(study: ReportedRuns) -> str:
         return ""
     best, *others = sorted(study.series, key=lambda name: -float(of[name].loc[shared, outcome].mean()))
     one, two = (of[name].loc[shared, outcome].to_numpy(np.bool_) for name in (best, others[0]))
-    rate, where = mcnemar(two, one), f"{len(shared)} instances ({_listed(study.maps)})"
+    rate, where = mcnemar(two, one), f"{len(shared)} instances ({listed(study.maps, 4)})"
     word = "succeeds" if study.is_executed else "finds valid plans"
     if (by := rate.difference).value == 0:
         word = "succeed" if study.is_executed else "find valid plans"
@@ -77,8 +78,3 @@ def _percent(ratio: Interval) -> str:
     """A share that is surely above or below 0, without its sign."""
     low, high = sorted((abs(ratio.low), abs(ratio.high)))
     return f"{100 * abs(ratio.value):.1f} % ({100 * low:.1f} to {100 * high:.1f})"
-
-
-def _listed(names: tuple[str, ...], most: int = 4) -> str:
-    shown = ", ".join(names[:most])
-    return shown if len(names) <= most else f"{shown} and {len(names) - most} more"

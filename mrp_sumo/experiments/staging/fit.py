@@ -13,7 +13,7 @@ from mrp_sumo.core.facilities import CABIN_M, beyond_cabin_m
 from mrp_sumo.core.fleet import fleet_of, fleet_of_types
 from mrp_sumo.core.graph import BoolArray, NavGraph, PlanGraph
 from mrp_sumo.core.robot_type import RobotType
-from mrp_sumo.errors import ScenarioError, nearest
+from mrp_sumo.errors import ScenarioError, listed, nearest
 from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.io.scenario.file import ScenarioFile
 from mrp_sumo.io.scenario.names import type_at
@@ -64,9 +64,8 @@ def require_fit(file: ScenarioFile, nav: NavGraph, graph: PlanGraph, models: Seq
     if (short := np.flatnonzero(length_m < needed_m - 1e-9)).size:
         lane = int(short[np.argmin(length_m[short])])
         count = len({frozenset((int(nav.tail[k]), int(nav.head[k]))) for k in short})
-        ends = f"'{nav.known_as(int(nav.tail[lane]))}' - '{nav.known_as(int(nav.head[lane]))}'"
         raise ScenarioError(
-            f"{what}lane {ends} of '{nav.name}' is {length_m[lane]:.3f} m "
+            f"{what}lane {_ends(nav, lane)} of '{nav.name}' is {length_m[lane]:.3f} m "
             + (f"and {count - 1} more are too short; " if count > 1 else "long; ")
             + _remedy(nav, np.inf if is_auto else graph.cell_m, needed_m, is_train=train_m > 0)
         )
@@ -106,12 +105,15 @@ def _remedy(nav: NavGraph, cell_m: float, needed_m: float, *, is_train: bool) ->
         if step_m.min(initial=np.inf) >= needed_m - 1e-9:
             return hint
         return f"{hint}, with discretisation.cell_m: {cell_that_fits(joined.length_m, needed_m):g}"
-    lane = int(left[0])
-    ends = f"'{joined.known_as(int(joined.tail[lane]))}' - '{joined.known_as(int(joined.head[lane]))}'"
-    return (
-        f"{ends} cannot be joined, as both ends have a name or properties: lengthen it in the map, or choose smaller robots, or one alone"
-        + ("" if is_train else ", or let one at a time drive there (discretisation.short_lanes: drive)")
+    cures = "lengthen it in the map, or choose smaller robots, or one alone"
+    return f"{_ends(joined, int(left[0]))} cannot be joined, as both ends have a name or properties: {cures}" + (
+        "" if is_train else ", or let one at a time drive there (discretisation.short_lanes: drive)"
     )
+
+
+def _ends(graph: NavGraph, lane: int) -> str:
+    """A lane by the names of its ends."""
+    return f"'{graph.known_as(int(graph.tail[lane]))}' - '{graph.known_as(int(graph.head[lane]))}'"
 
 
 def require_brakes(file: ScenarioFile, graph: PlanGraph, models: Sequence[RobotType]) -> None:
@@ -169,8 +171,7 @@ def _left_out(nav: NavGraph, graph: PlanGraph, left: PlanGraph, without: Narrow)
     lost = [v for v in range(nav.num_vertices) if before[station[v]] and not after[station[v]]]
     cut_off = [nav.known_as(v) for v in sorted(lost, key=lambda v: nav.known_as(v) == f"v{v}")]  # those with a name first
     what = f"{graph.num_lanes - left.num_lanes} of {graph.num_lanes} {'steps' if graph.kind == 'grid' else 'pieces of lanes'} left out"
-    names = ", ".join(cut_off[:NAMED]) + (f" and {len(cut_off) - NAMED} more" if len(cut_off) > NAMED else "")
-    return f"{what}: {', '.join(without.notes)}" + (f"; cut off by that: {names}" if cut_off else "")
+    return f"{what}: {', '.join(without.notes)}" + (f"; cut off by that: {listed(cut_off, NAMED)}" if cut_off else "")
 
 
 def by_vehicle_type(map_: Map, graph: PlanGraph, barred: BoolArray | None, models: Sequence[RobotType]) -> BoolArray | None:
@@ -228,8 +229,7 @@ def without_room(
             raise ScenarioError(f"{file.at(*type_at(file, kind))}: no lane of '{graph.name}' leaves '{model.name}' room beside the walls")
         if barred[kind].any():
             lane = int(np.flatnonzero(barred[kind])[np.argmin(without.lane_m[barred[kind]])])
-            ends = f"'{graph.known_as(int(graph.tail[lane]))}' - '{graph.known_as(int(graph.head[lane]))}'"
-            where = f"the narrowest {ends}: {without.lane_m[lane]:.2f} m to a wall"
+            where = f"the narrowest {_ends(graph, lane)}: {without.lane_m[lane]:.2f} m to a wall"
             notes.append(f"'{model.name}' has no room on {np.count_nonzero(barred[kind])} of {graph.num_lanes} lanes, {where}")
     supports = getattr(chosen_planner, "supports", ())
     if "types" not in supports:

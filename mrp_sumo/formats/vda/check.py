@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Any
 
-from mrp_sumo.errors import nearest
+from mrp_sumo.errors import listed, nearest
 from mrp_sumo.files.reading import json_value
 
 LARGEST_NUMBER = 1e15  # number that can be computed with
@@ -506,5 +506,4 @@ def _plain(one: Mapping[str, Any]) -> Any:
 
 
 def _listed(items: list[Any]) -> str:
-    names = [f"{sequence} {str(name)[:20]}{'' if released else ' (horizon)'}" for sequence, name, released in items[:3]]
-    return (", ".join(names) + (f" and {len(items) - 3} more" if len(items) > 3 else "")) or "none"
+    return listed([f"{sequence} {str(name)[:20]}{'' if released else ' (horizon)'}" for sequence, name, released in items], 3) or "none"

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from mrp_sumo.core.graph import FloatArray
-from mrp_sumo.errors import MapError, first_line, nearest
+from mrp_sumo.errors import MapError, first_line, listed, nearest
 from mrp_sumo.files.reading import read_bytes, shortened
 from mrp_sumo.maps.yaml_text import MAX_BYTES
 
@@ -185,8 +185,8 @@ def _chosen(path: Path, drawing: DxfLayers, layers: Sequence[str] | None) -> lis
     known = drawn | {layer.lower(): layer for layer, _ in others} | {layer.lower(): layer for layer in drawing.known}
     for name in layers:
         if name.lower() not in known:
-            there = ", ".join(sorted(lines)[:12]) + (f" and {len(lines) - 12} more" if len(lines) > 12 else "")
-            raise MapError(f"{shortened(path)}: no layer '{name}'{nearest(name, known.values())}; strokes are on {there or 'no layer'}")
+            there = listed(sorted(lines), 12) or "no layer"
+            raise MapError(f"{shortened(path)}: no layer '{name}'{nearest(name, known.values())}; strokes are on {there}")
         if name.lower() not in drawn:
             holds = ", ".join(f"{n} {kind}" for (layer, kind), n in others.items() if layer.lower() == name.lower())
             raise MapError(f"{shortened(path)}: layer '{name}' holds no line, polyline, arc or block ({holds or 'it is empty'})")
