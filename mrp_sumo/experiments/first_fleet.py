@@ -82,10 +82,15 @@ def _counts(setup: SetUp) -> list[int]:
     robots, fleet = setup.scenario.robots, setup.problem.fleet
     anywhere, vehicle = robots.draw == "anywhere", fleet.types[0]
     room = most_drawn(setup.problem.graph, setup.scenario.seed, fleet.separation_m, anywhere=anywhere, vehicle=vehicle)
-    counts = [max(1, min(MOST, max(room // STATIONS_A_ROBOT, min(2, room // 2))))]
+    counts = [first_count(room, MOST)]
     while counts[-1] > 1:
         counts.append(counts[-1] // 2)
     return counts
+
+
+def first_count(room: int, most: int) -> int:
+    """Number of robots, at most so many, for a map that has room for so many to stand at once."""
+    return max(1, min(most, max(room // STATIONS_A_ROBOT, min(2, room // 2))))
 
 
 def _is_solved(setup: SetUp) -> bool:

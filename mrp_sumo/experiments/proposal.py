@@ -4,6 +4,7 @@ What the map says is taken as it is; what it leaves open is guessed, and every g
 """
 
 import re
+from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -15,7 +16,7 @@ from mrp_sumo.core.graph import STATIONS, FloatArray, NavGraph, PlanGraph
 from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.core.task import TaskLog, some_tasks
 from mrp_sumo.errors import MapError, MrpSumoError
-from mrp_sumo.experiments.first_fleet import STATIONS_A_ROBOT
+from mrp_sumo.experiments.first_fleet import STATIONS_A_ROBOT, first_count
 from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.experiments.run import carry_out
 from mrp_sumo.experiments.staging.places import obstacle_between
@@ -62,15 +63,14 @@ class Stations:
     @property
     def groups(self) -> dict[str, list[str]]:
         """The first names of each group that has any, by the group's name."""
-        named = {"pick": self.pick, "drop": self.drop, "place": self.place, "charger": self.charger, "parking": self.parking}
-        return {name: list(members[:MOST_STATIONS]) for name, members in named.items() if members}
+        return {name: list(members[:MOST_STATIONS]) for name, members in vars(self).items() if members}
 
     @property
     def stops(self) -> list[str]:
         """The two groups between which orders go."""
         ways = (("pick", "drop"), ("pick", "place"), ("place", "drop"), ("place", "place"), ("pick", "pick"), ("drop", "drop"))
-        return next((list(roles) for roles in ways if len({name for group in roles for name in getattr(self, group)}) > 1 and
-                     all(getattr(self, group) for group in roles)), [])  # fmt: skip
+        named = ((roles, [getattr(self, role) for role in roles]) for roles in ways)
+        return next((list(roles) for roles, groups in named if all(groups) and len({*groups[0], *groups[1]}) > 1), [])
 
 
 @dataclass(frozen=True)
@@ -130,7 +130,7 @@ def stations_of(nav: NavGraph, graph: PlanGraph, vehicle: RobotType | None = Non
     named = [v for v in usable if nav.vertex_name[v] or "station" in nav.vertex_options[v]]
     if sum("station" in nav.vertex_options[v] for v in named) > 1:  # of maps that tell stations from mere points
         named = [v for v in named if "station" in nav.vertex_options[v] or _role(nav, v) in ("charger", "parking")]
-    roles: dict[str, list[str]] = {role: [] for role in ("pick", "drop", "place", "charger", "parking")}
+    roles = defaultdict[str, list[str]](list)
     for v in named:
         roles[_role(nav, v)].append(_name(nav, v))
     stations = Stations(**{role: tuple(dict.fromkeys(names)) for role, names in roles.items()})
@@ -260,9 +260,8 @@ def _num_robots(setup: SetUp, wanted: int | None) -> tuple[int, str]:
     room = _room(setup)
     if listed := min(len(setup.map.vehicles), room):
         return listed, f"as many vehicles as the map lists{'' if listed == len(setup.map.vehicles) else ' and has room for'}"
-    count = max(1, min(MOST_ROBOTS, max(room // STATIONS_A_ROBOT, min(2, room // 2))))
     why = f"guessed: {room} may stand at stations at once; a robot for {STATIONS_A_ROBOT} of them, at most {MOST_ROBOTS}"
-    return count, f"{why}; `capacity` knows better"
+    return first_count(room, MOST_ROBOTS), f"{why}; `capacity` knows better"
 
 
 def _proposal(map_values: Mapping[str, Any], name: str, setup: SetUp, stations: Stations, num_robots: int, wishes: Wishes) -> Proposal:

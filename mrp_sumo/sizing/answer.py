@@ -1,7 +1,7 @@
 """The answer of a capacity study: the sentences for people, and the JSON."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from math import inf, isfinite, isnan
 from typing import Any
 
@@ -222,11 +222,11 @@ class Answer:
             "answer": {
                 "scenario": self.question.file.scenario.name,
                 "sentence": self.sentence,
-                "peak_robots": _bracket(peak),
-                "knee_robots": _bracket(knee),
-                "collapse_robots": _bracket(collapse),
-                "smallest_for_demand": {**_bracket(served.smallest), **demanded} if limit and served else None,
-                "largest_that_succeeds": _bracket(served.smallest) if served and not limit else None,
+                "peak_robots": asdict(peak),
+                "knee_robots": asdict(knee),
+                "collapse_robots": asdict(collapse),
+                "smallest_for_demand": {**asdict(served.smallest), **demanded} if limit and served else None,
+                "largest_that_succeeds": asdict(served.smallest) if served and not limit else None,
                 "limit": _share(self.limit) if self.limit else None,
                 "planner": self.planner,
                 "curve": [_row(p, self.question) for p in sorted([*self.points, *self.unfit], key=lambda point: point.robots)],
@@ -325,10 +325,6 @@ def _row(point: Point, question: Question) -> dict[str, Any]:
         "counts": not point.fault,
         "why_not": point.fault or None,
     }
-
-
-def _bracket(bracket: Bracket) -> dict[str, int | None]:
-    return {"estimate": bracket.estimate, "low": bracket.low, "high": bracket.high}
 
 
 def _share(share: Share) -> dict[str, Any]:

@@ -4,7 +4,7 @@ A trial is a run of the study: so many robots, one seed. Trials of one seed meet
 size of the fleet: common random numbers. Refuses questions that the scenario cannot answer.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import ceil
 from typing import Any
@@ -125,15 +125,18 @@ def spendable(question: Question) -> tuple[float, float]:
     return GRID_SHARE * before_changes, before_changes
 
 
-def predicted_cpu_s(trial: Trial, question: Question, slower: float = 1.0) -> float:
-    """Roughly what a trial takes. A formula and no clock, so that a budget buys the same runs on every machine.
+def predicted_s(trials: Iterable[Trial], question: Question, slower: float = 1.0) -> float:
+    """Roughly what trials take on `CORES` cores. A formula and no clock, so that a budget buys the same runs on every machine.
 
     Driving takes `slower` times as long as usual.
     """
-    cost = 0.5 + slower * driving_cpu_s(trial.robots, question.effort.horizon_s)
-    if trial.kind == ONE_SHOT:
-        cost = 0.3 + trial.robots / 60
-    return cost * (SUMO_TIMES if question.engine == "sumo" or trial.change == IN_SUMO else 1.0)
+
+    def cpu_s(trial: Trial) -> float:
+        driving_s = 0.5 + slower * driving_cpu_s(trial.robots, question.effort.horizon_s)
+        cost = 0.3 + trial.robots / 60 if trial.kind == ONE_SHOT else driving_s
+        return cost * (SUMO_TIMES if question.engine == "sumo" or trial.change == IN_SUMO else 1.0)
+
+    return sum(map(cpu_s, trials)) / CORES
 
 
 def driving_cpu_s(robots: int, sim_time_s: float) -> float:

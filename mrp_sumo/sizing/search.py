@@ -22,7 +22,7 @@ from typing import TypeVar
 from mrp_sumo.experiments.statistics import Interval, t_mean, wilson
 from mrp_sumo.io.documents import Place
 from mrp_sumo.sizing.points import UNANSWERED, Point, Record, compared
-from mrp_sumo.sizing.question import CORES, DEMAND, ONE_SHOT, SATURATED, Effort, Question, Trial, predicted_cpu_s
+from mrp_sumo.sizing.question import DEMAND, ONE_SHOT, SATURATED, Effort, Question, Trial, predicted_s
 from mrp_sumo.sizing.reasons import undisturbed_s
 
 FALLBACK = ("auto",)  # planners that are tried where the one of the scenario has no plans
@@ -68,7 +68,7 @@ class Desk:
 
     def affords(self, trials: Sequence[Trial], reason: str) -> bool:
         """True if the budget pays for these trials; those that it does not are noted."""
-        cost = sum(predicted_cpu_s(trial, self.question) for trial in trials if trial not in self.trials) / CORES
+        cost = predicted_s((trial for trial in trials if trial not in self.trials), self.question)
         made = not self.closed or all(self.recorded(trial) is not None for trial in trials)
         if made and self.spent_s + cost <= self.share * self.question.effort.budget_s:
             return True
@@ -85,7 +85,7 @@ class Desk:
         for trial in trials:
             if trial not in self.trials:
                 self.trials[trial] = None
-                self.spent_s += predicted_cpu_s(trial, self.question) / CORES
+                self.spent_s += predicted_s([trial], self.question)
         records = [self.recorded(trial) for trial in trials]
         if missing := [trial for trial, record in zip(trials, records) if record is None]:
             raise Missing(missing)
@@ -378,7 +378,7 @@ def demand(desk: Desk, saturated: Curve) -> Served:
     target, least, most, wanted = question.on_time, question.sizes[0], question.most_robots, question.demand_per_h or 0.0
     short = [n for n in saturated.sizes if n <= saturated.best and saturated.points[n].throughput.high < target * wanted]
     least = min(max([least, *(n + 1 for n in short)]), most)  # who cannot do it with always work waiting does not do it at all
-    within_s = PATIENCE * undisturbed_s(saturated.points[saturated.sizes[0]]) if saturated.points else 0.0
+    within_s = PATIENCE * undisturbed_s(saturated.points[saturated.sizes[0]])
     return serving(curve, (least, most), max(least, _guess(saturated, question)), within_s)
 
 
@@ -458,8 +458,6 @@ def _judge(curve: Curve, n: int, effort: Effort, reason: str, interval: Callable
 def _guess(saturated: Curve, question: Question) -> int:
     """Where a saturated fleet's throughput reaches the demand, straight between sizes."""
     least, most, wanted = question.sizes[0], question.most_robots, question.demand_per_h or 0.0
-    if not saturated.points:
-        return least
     before = (0, 0.0)
     for n in saturated.sizes:
         value = saturated.points[n].throughput.value

@@ -36,7 +36,7 @@ from mrp_sumo.sizing.question import (
     Trial,
     driving_cpu_s,
     own_demand_per_h,
-    predicted_cpu_s,
+    predicted_s,
     require_answerable,
     spendable,
     values_of,
@@ -151,15 +151,14 @@ class Study:
         kind, sizes, spent_s = SATURATED if question.has_tasks else ONE_SHOT, [], 0.0
         slower = self.pilot.slower if question.has_tasks else 1.0
         for n in grid(question):
-            cost = question.effort.seeds * predicted_cpu_s(Trial(kind, n, 0), question, slower) / CORES
+            cost = question.effort.seeds * predicted_s([Trial(kind, n, 0)], question, slower)
             if spent_s + cost > self._grid_s:
                 break
             sizes.append(n)
             spent_s += cost
         last = most_trials(question.has_tasks, sizes[-1]) if question.confirm and sizes else []
-        confirm_s = sum(predicted_cpu_s(trial, question, slower) for trial in last) / CORES
         moved = likely_trials(question, sizes[len(sizes) // 2], len(self._quantities)) if question.bounds is not None and sizes else []
-        bands_s = sum(predicted_cpu_s(trial, question, slower) for trial in moved) / CORES
+        confirm_s, bands_s = (predicted_s(trials, question, slower) for trials in (last, moved))
         return Estimate(tuple(sizes), spent_s, question.effort.budget_s, confirm_s, bands_s)
 
     @cached_property
@@ -196,12 +195,7 @@ class Study:
         return Cycle(share * battery.energy_j / self.pilot.power_w, battery.charge_s(share), len(chargers), highest)
 
     def run(
-        self,
-        folder: Path,
-        watcher: Watcher,
-        making: Making,
-        *,
-        wondered: Callable[[Answer | None], None] = lambda answer: None,
+        self, folder: Path, watcher: Watcher, making: Making, *, wondered: Callable[[Answer | None], None] = lambda answer: None
     ) -> Answer | None:
         """Make the runs that are missing, kept in a folder, and answer; None where the study was stopped before an answer is known.
 
@@ -254,7 +248,7 @@ class Study:
         question = self.question
         kind = SATURATED if question.has_tasks else ONE_SHOT
         sizes = grid(question)[:2]
-        least_s = question.effort.seeds * sum(predicted_cpu_s(Trial(kind, n, 0), question) for n in sizes) / CORES
+        least_s = question.effort.seeds * predicted_s([Trial(kind, n, 0) for n in sizes], question)
         if least_s > self._grid_s:
             fleets = " and with ".join(map(str, sizes))
             runs = f"{question.effort.seeds} runs of {question.effort.horizon_s / 60:g} min with {fleets} robots"

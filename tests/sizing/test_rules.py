@@ -381,7 +381,6 @@ def test_the_coarse_grid_is_geometric_up_to_what_can_be_kept_going(sizes, most, 
         ({10: 80, 20: 90}, 20),  # none does it: the best
         ({10: 400}, 4),
         ({30: 100.1, 20: 10}, 25),
-        ({}, 4),
     ],
 )
 def test_a_fleet_for_a_demand_is_guessed_straight_between_sizes_within_those_that_are_asked_about(per_h, guess):
