@@ -98,18 +98,13 @@ class Logs:
         """[R] orders that robots can have on board at once."""
         return (1,) * self.fleet.num_robots if self.terms.fleet.capacity is None else self.terms.fleet.capacity.tolist()
 
-    @cached_property
-    def max_load_kg(self) -> FloatArray:
-        """[R] weight of the heaviest order that each robot can carry; inf: any."""
-        return self.terms.fleet.max_load_kg
-
     def robot(self, number: int) -> str | None:
         """A robot's name; None for nobody."""
         return None if number == NOBODY else self.fleet.robot_name[number]
 
     def is_for(self, robot: int, order: Task) -> bool:
         """True if an order needs no robot, or no type of robot, other than that."""
-        if order.load_kg > self.max_load_kg[robot]:
+        if order.load_kg > self.terms.fleet.max_load_kg[robot]:
             return False
         return order.robot in (NOBODY, robot) and (not order.robot_type or self.terms.fleet.type_name[robot] == order.robot_type)
 
@@ -192,3 +187,8 @@ class Logs:
             overs[r] += [t[-1:]] if stands else []
             ends.append((np.concatenate([np.zeros(0), *begins[r]]), np.concatenate([np.zeros(0), *overs[r]])))
         return [np.stack(each, 1) for each in ends]
+
+
+def end_of(logs: Logs, task: int) -> float:
+    """Time at which an order has ended, s; at the latest that of the end of the run."""
+    return float(np.fmin(logs.tasks.ended_s[task], logs.end_s))

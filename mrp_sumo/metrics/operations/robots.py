@@ -2,6 +2,7 @@
 no order passed over.
 """
 
+from collections import Counter
 from collections.abc import Hashable, Iterator
 from itertools import pairwise
 
@@ -10,8 +11,8 @@ import numpy as np
 from mrp_sumo.core.disturbances import BREAKS, MAINTAINED
 from mrp_sumo.core.execution import Outcome
 from mrp_sumo.core.robot_states import BROKEN, CHARGING, EMPTY, IDLE, ROBOT_STATES, STALLED, WORKING
-from mrp_sumo.core.task import NOBODY, Task
-from mrp_sumo.metrics.operations.evidence import EPS_S, LOST, Finding, Logs
+from mrp_sumo.core.task import CANCELLED, FAILED, NOBODY, Task
+from mrp_sumo.metrics.operations.evidence import EPS_S, LOST, Finding, Logs, end_of
 from mrp_sumo.metrics.operations.places import BESIDE_M, CORNER, LATER_ONES
 from mrp_sumo.search.route import shortest_route
 
@@ -36,9 +37,8 @@ def states(logs: Logs) -> Iterator[Finding]:
             yield Finding("states", a, f"{who}: its states end at {a:.2f} s and go on at {b:.2f} s, expected no gap", who)
         for k in mine[log.end_s[mine] < log.begin_s[mine]].tolist():
             yield Finding("states", float(log.begin_s[k]), f"{who}: {ROBOT_STATES[log.state[k]]} ends before it begins", who)
-    for k in np.flatnonzero(
-        np.isin(log.state, (IDLE, CHARGING, EMPTY)) & (log.task >= 0) | (log.state == WORKING) & (log.task < 0)
-    ).tolist():
+    odd = np.isin(log.state, (IDLE, CHARGING, EMPTY)) & (log.task >= 0) | (log.state == WORKING) & (log.task < 0)
+    for k in np.flatnonzero(odd).tolist():
         who, state, t_s = logs.robot(int(log.robot[k])), ROBOT_STATES[log.state[k]], float(log.begin_s[k])
         has = f"has order '{tasks.name[log.task[k]]}'" if log.task[k] >= 0 else "has no order"
         yield Finding("states", t_s, f"{who} is {state} from {t_s:.2f} s, but {has}", who)
@@ -72,13 +72,12 @@ def had(logs: Logs) -> Iterator[Finding]:
         if task in several:  # its robot may be on the way to stops of others
             yield from _has_work(logs, task)
             continue
-        over_s = min(tasks.ended_s[task], logs.end_s) if np.isfinite(tasks.ended_s[task]) else logs.end_s
-        sets_out_s = begin_s[task] - tasks.assigned_s[task]
+        over_s, sets_out_s = end_of(logs, task), begin_s[task] - tasks.assigned_s[task]
         if not -EPS_S <= sets_out_s <= logs.terms.waits_s + SETS_OUT_S or abs(over_s - end_s[task]) > EPS_S:
             had, said = f"{begin_s[task]:.2f} to {end_s[task]:.2f} s", f"{tasks.assigned_s[task]:.2f} to {over_s:.2f} s"
             yield logs.of_order("Little's law", task, f"its robot has it from {had}, but its times are {said}", float(begin_s[task]))
     for task in np.flatnonzero(tasks.is_order & np.isfinite(tasks.assigned_s) & ~np.isfinite(begin_s)).tolist():
-        over_s = tasks.ended_s[task] if np.isfinite(tasks.ended_s[task]) else logs.end_s
+        over_s = end_of(logs, task)
         if task in several:
             yield from _has_work(logs, task)
         elif over_s > tasks.assigned_s[task] + logs.terms.waits_s + SETS_OUT_S and tasks.robot[task] >= 0:
@@ -90,7 +89,7 @@ def _has_work(logs: Logs, task: int) -> Iterator[Finding]:
     """A robot that has several orders has work from when one of them is assigned until it has ended."""
     tasks, robot = logs.tasks, int(logs.tasks.robot[task])
     at_s = float(tasks.assigned_s[task]) + logs.terms.waits_s + SETS_OUT_S
-    over_s = min(tasks.ended_s[task], logs.end_s) if np.isfinite(tasks.ended_s[task]) else logs.end_s
+    over_s = end_of(logs, task)
     for begin_s, end_s in logs.times_in((WORKING, STALLED, BROKEN), robot):
         if begin_s <= at_s + EPS_S:
             at_s = max(at_s, end_s)
@@ -101,11 +100,11 @@ def _has_work(logs: Logs, task: int) -> Iterator[Finding]:
 def conservation(logs: Logs) -> Iterator[Finding]:
     """Recorded counts are those of the tables; waits are no longer than robots stood."""
     tasks, stops, orders = logs.tasks, logs.stops, logs.tasks.is_order
+    ends = Counter(status for status, is_order in zip(tasks.status, orders.tolist()) if is_order)
     counts = {
         "tasks_done": int((np.isfinite(tasks.done_s) & orders).sum()),
         "tasks_open": int((np.isnan(tasks.ended_s) & orders).sum()),
-        "tasks_failed": sum(status == "failed" for status, order in zip(tasks.status, orders.tolist()) if order),
-        "tasks_cancelled": sum(status == "cancelled" for status, order in zip(tasks.status, orders.tolist()) if order),
+        **{f"tasks_{end}": ends[end] for end in (FAILED, CANCELLED)},
     }
     for name, count in counts.items():
         if (recorded := logs.metrics.get(name)) is not None and recorded != count:
@@ -179,7 +178,7 @@ def _crowded_s(logs: Logs, task: int, since_s: float, until_s: float) -> float:
             if k == task or not np.isfinite(tasks.assigned_s[k]) or all(stop.places != places for stop in other.stops):
                 continue
             made_s = stops.end_s[(stops.task == k) & np.isin(stops.vertex, places)].max(initial=-np.inf)
-            over_s = made_s if np.isfinite(made_s) else tasks.ended_s[k] if np.isfinite(tasks.ended_s[k]) else logs.end_s
+            over_s = made_s if np.isfinite(made_s) else end_of(logs, k)
             span_s = np.clip((float(tasks.assigned_s[k]), float(over_s)), since_s, until_s).tolist()
             edges += [(span_s[0], 1), (span_s[1], -1)]
         edges.sort()
@@ -201,15 +200,14 @@ def passed_over(logs: Logs) -> Iterator[Finding]:
     service_s = {k: sum(stop.service_s for stop in order.stops) for k, order in logs.ordered.items()}
     kinds: dict[Hashable, list[int]] = {}
     for k, order in sorted(logs.ordered.items()):
-        kinds.setdefault(
-            (order.priority, order.robot, order.robot_type, order.load_kg, tuple(stop.places for stop in order.stops)), []
-        ).append(k)
-    for kind in kinds.values():
-        numbers, lasts_s = np.array(kind), np.array([service_s[k] for k in kind])
+        kind = order.priority, order.robot, order.robot_type, order.load_kg, tuple(stop.places for stop in order.stops)
+        kinds.setdefault(kind, []).append(k)
+    for alike in kinds.values():
+        numbers, lasts_s = np.array(alike), np.array([service_s[k] for k in alike])
         opened_s, assigned_s = tasks.opened_s[numbers], tasks.assigned_s[numbers]
         until_s = np.where(np.isfinite(opened_s), opened_s, np.minimum(said_s, logs.end_s))
         for n in np.flatnonzero(until_s - tasks.released_s[numbers] > IDLE_S).tolist():
-            task = kind[n]
+            task = alike[n]
             later = n + 1 + np.flatnonzero((opened_s[n + 1 :] < until_s[n] - EPS_S) & (lasts_s[n + 1 :] >= lasts_s[n] - EPS_S))
             if len(later) < LATER_ONES or until_s[n] > said_s or tasks.reason[task] or not _was_sound(logs, task, float(until_s[n])):
                 continue
@@ -221,8 +219,8 @@ def passed_over(logs: Logs) -> Iterator[Finding]:
                 comes_s += 2 * max((each for each in drives_s if np.isfinite(each)), default=np.inf)
             late = late[assigned_s[late] > comes_s]
             if len(late) >= LATER_ONES:
-                text = f"waits until {until_s[n]:.2f} s while {len(late)} that came later are begun, at first '{tasks.name[kind[late[0]]]}'"
-                yield logs.of_order("oldest first", task, text)
+                begun = f"{len(late)} that came later are begun, at first '{tasks.name[alike[late[0]]]}'"
+                yield logs.of_order("oldest first", task, f"waits until {until_s[n]:.2f} s while {begun}")
 
 
 def _was_sound(logs: Logs, task: int, until_s: float) -> bool:
@@ -236,7 +234,7 @@ def _was_sound(logs: Logs, task: int, until_s: float) -> bool:
 def _unheld(logs: Logs, task: int) -> list[tuple[float, float]]:
     log, tasks = logs.execution.robot_states, logs.tasks
     assert log is not None
-    end_s = float(tasks.ended_s[task]) if np.isfinite(tasks.ended_s[task]) else logs.end_s
+    end_s = end_of(logs, task)
     had = sorted((float(log.begin_s[k]), float(log.end_s[k])) for k in np.flatnonzero(log.task == task).tolist())
     if tasks.robot[task] != NOBODY and logs.capacity[int(tasks.robot[task])] > 1:  # between its stops it has others
         had = [span for span in had if span[1] <= tasks.assigned_s[task]]
