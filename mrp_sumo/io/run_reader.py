@@ -201,7 +201,7 @@ class RunFolder:
         replies = read_replans(folder / REPLANS, graph, names) if self.has(REPLANS) else ()
         tasks = read_tasks(folder, names) if self.has(TASKS) else None
         num_orders = 0 if tasks is None else int(tasks.is_order.sum())
-        has_lifts, has_doors = self.has(LIFTS), self.has(DOORS)
+        has_facilities = any([self.has(LIFTS), self.has(DOORS)])
         return Execution(
             t_s=frozen(samples.t_s),
             x_m=frozen(samples.x_m),
@@ -220,7 +220,7 @@ class RunFolder:
             level=None if samples.level is None else frozen(samples.level),
             hitch_rad=samples.hitch_rad,
             loads=None if samples.loads is None else frozen(samples.loads),
-            facilities=read_facilities(folder, names, graph.level_names) if has_lifts or has_doors else None,
+            facilities=read_facilities(folder, names, graph.level_names) if has_facilities else None,
             people=read_people(folder / PEOPLE, samples.t_ns, samples.levels, num_robots) if self.has(PEOPLE) else None,
             believed=frozen(np.stack((believed.x_m, believed.y_m, believed.yaw_rad))) if believed else None,
             replies=replies,

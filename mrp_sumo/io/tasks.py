@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
 from itertools import product
+from operator import ne
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +25,7 @@ from mrp_sumo.core.task import NOBODY, Station, Stop, Task
 from mrp_sumo.errors import ScenarioError, nearest
 from mrp_sumo.files.reading import read_json, read_text, shortened
 from mrp_sumo.io.documents import Place, in_words, read_document
-from mrp_sumo.io.scenario.tasks import StreamChoice, TaskChoice, TasksChoice
+from mrp_sumo.io.scenario.tasks import StationChoice, StreamChoice, TaskChoice, TasksChoice
 from mrp_sumo.io.task_requests import tasks_of_requests
 
 MAX_BYTES = 64_000_000
@@ -61,17 +62,8 @@ def sources_of(choice: TasksChoice, site: TaskNames, seed: int, step_s: float, n
         sources.append(_file(names, site, site.folder / choice.file, num_robots, len(listed)))
     for i, stream in enumerate(choice.streams):
         is_named = "name" in stream.model_fields_set or not (i or sources)
-        sources.append(
-            _stream(
-                names,
-                ("tasks", "streams", i),
-                _with_profile(stream, choice.profile),
-                i,
-                seed,
-                step_s,
-                stream.name if is_named else f"{stream.name}_{i + 1}",
-            )
-        )
+        name, stream = stream.name if is_named else f"{stream.name}_{i + 1}", _with_profile(stream, choice.profile)
+        sources.append(_stream(names, ("tasks", "streams", i), stream, i, seed, step_s, name))
     return tuple(sources) if choice.open is None else (ClosedLoop(tuple(sources), choice.open),)
 
 
@@ -96,39 +88,28 @@ class _Names:
     """Stations and groups by name."""
 
     def __init__(self, choice: TasksChoice, site: TaskNames) -> None:
-        self._vertex_of, self._known, self.at, self._group = site.vertex_of, site.known, site.at, choice.groups
-        self._robot_types, self._robots, self._max_load_kg = site.robot_types, site.robots, site.max_load_kg
-        self._heading_at = site.heading_at
+        self._site, self.at, self._group = site, site.at, choice.groups
         self._orders: dict[str, str] = {}  # where each was named
         self._factor: dict[str, float] = {}  # on service times
+        self._station: dict[str, Station] = {}
         for name, factor in choice.service_factor.items():
             for member in choice.groups.get(name, [name]):
                 self._factor[member] = factor * self._factor.get(member, 1.0)
-        places = {
-            name: tuple(self._vertex(("tasks", "stations", name, "places", i), v) for i, v in enumerate(station.places))
-            for name, station in choice.stations.items()
-        }
-        self._station = {
-            name: Station(
-                name,
-                places[name],
-                tuple(self._vertex(("tasks", "stations", name, "queue", i), v) for i, v in enumerate(station.queue)),
-                station.holds,
-                tuple(station.actions),
-                tuple(sorted(spans_of(station.shifts))),
-                station.charges,
-                self._factor.get(name, 1.0),
-                self._of_map(places[name])
-                if station.heading_deg is None
-                else math.remainder(math.radians(station.heading_deg), 2 * math.pi),
-            )
-            for name, station in choice.stations.items()
-        }
+        self._station = {name: self._made(name, station) for name, station in choice.stations.items()}
         for name in choice.service_factor:
             self.group(("tasks", "service_factor", name), name)
         for name, members in choice.groups.items():
             for i, member in enumerate(members):
                 self.station(("tasks", "groups", name, i), member)
+
+    def _made(self, name: str, station: StationChoice) -> Station:
+        places, queue = (
+            tuple(self._vertex(("tasks", "stations", name, key, i), vertex) for i, vertex in enumerate(vertices))
+            for key, vertices in (("places", station.places), ("queue", station.queue))
+        )
+        degrees, spans_s, factor = station.heading_deg, tuple(sorted(spans_of(station.shifts))), self._factor.get(name, 1.0)
+        heading_rad = self._of_map(places) if degrees is None else math.remainder(math.radians(degrees), 2 * math.pi)
+        return Station(name, places, queue, station.holds, tuple(station.actions), spans_s, station.charges, factor, heading_rad)
 
     def of_line(self, line: str) -> "_Names":
         """The same names, for messages about a line of another file."""
@@ -144,7 +125,7 @@ class _Names:
 
     def _of_map(self, places: tuple[int, ...]) -> float | None:
         """The heading that the map has for all of these places."""
-        headings = {self._heading_at(v) for v in places}
+        headings = {self._site.heading_at(v) for v in places}
         return headings.pop() if len(headings) == 1 else None
 
     def group(self, place: Place, name: str) -> tuple[Station, ...]:
@@ -159,16 +140,16 @@ class _Names:
 
     def robot_type(self, place: Place, name: str) -> str:
         """The type of robot that a task needs, which somebody has to be of."""
-        if name and name not in self._robot_types:
-            known = dict.fromkeys(self._robot_types)
+        if name and name not in self._site.robot_types:
+            known = dict.fromkeys(self._site.robot_types)
             had = ", ".join(f"'{each}'" for each in known)
             raise ScenarioError(f"{self.at(*place)}: no robot is of type '{name}', the fleet's are {had}{nearest(name, known)}")
         return name
 
     def load_kg(self, place: Place, load_kg: float, robot_type: str, robot: int) -> float:
         """The weight of an order, which somebody that it is for has to be able to carry."""
-        able = [robot] if robot != NOBODY else [r for r, name in enumerate(self._robot_types) if robot_type in ("", name)]
-        most_kg = max((self._max_load_kg[r] for r in able), default=math.inf) if self._max_load_kg else math.inf
+        able = [robot] if robot != NOBODY else [r for r, name in enumerate(self._site.robot_types) if robot_type in ("", name)]
+        most_kg = max((self._site.max_load_kg[r] for r in able), default=math.inf) if self._site.max_load_kg else math.inf
         if load_kg > most_kg:
             raise ScenarioError(f"{self.at(*place)}: found {load_kg:g}, but the robots that the order is for carry {most_kg:g} kg at most")
         return load_kg
@@ -177,22 +158,19 @@ class _Names:
         """The robot that a task is for, which has to be of the type that it needs."""
         if not name:
             return NOBODY
-        if name not in self._robots:
-            raise ScenarioError(f"{self.at(*place)}: no robot is called '{name}'{nearest(name, self._robots)}")
-        robot = self._robots.index(name)
-        if robot_type and self._robot_types[robot] != robot_type:
-            raise ScenarioError(f"{self.at(*place)}: {name} is of type '{self._robot_types[robot]}', the order needs '{robot_type}'")
+        if name not in self._site.robots:
+            raise ScenarioError(f"{self.at(*place)}: no robot is called '{name}'{nearest(name, self._site.robots)}")
+        robot = self._site.robots.index(name)
+        if robot_type and self._site.robot_types[robot] != robot_type:
+            raise ScenarioError(f"{self.at(*place)}: {name} is of type '{self._site.robot_types[robot]}', the order needs '{robot_type}'")
         return robot
 
     def _vertex(self, place: Place, name: str) -> int:
-        vertex = self._vertex_of(name)
+        vertex = self._site.vertex_of(name)
         if vertex is None:
-            likely = nearest(name, [*self._station_names(), *self._group, *filter(None, self._known)])
+            likely = nearest(name, [*self._station, *self._group, *filter(None, self._site.known)])
             raise ScenarioError(f"{self.at(*place)}: '{name}' is no station, group or vertex{likely}")
         return vertex
-
-    def _station_names(self) -> Sequence[str]:
-        return list(getattr(self, "_station", {}))
 
 
 def _listed(tasks: Sequence[Task]) -> TaskList:
@@ -220,7 +198,7 @@ def _file(names: _Names, site: TaskNames, path: Path, num_robots: int, begin: in
         return _listed(_checked(names, path, tasks_of_requests(read_json(path, MAX_BYTES, ScenarioError), str(shortened(path))), begin))
     if path.suffix in (".yaml", ".yml"):
         return _listed(_checked(names, path, read_document(path).content.get("tasks"), begin))
-    return _listed(_read(names, path, begin))
+    return _listed([_task(names.of_line(line), (), task, number) for number, (line, task) in enumerate(choices_in(path), begin)])
 
 
 def _league(names: _Names, path: Path, free: BoolArray, begin: int) -> Iterator[Task]:
@@ -253,10 +231,6 @@ def _checked(names: _Names, path: Path, content: Any, begin: int) -> list[Task]:
             raise ScenarioError(f"{line}{key}: {in_words(first['msg'])}{found_instead}") from None
         tasks.append(_task(names.of_line(line), (), task, begin + number))
     return tasks
-
-
-def _read(names: _Names, path: Path, begin: int) -> list[Task]:
-    return [_task(names.of_line(line), (), task, number) for number, (line, task) in enumerate(choices_in(path), begin)]
 
 
 def choices_in(path: Path) -> Iterator[tuple[str, TaskChoice]]:
@@ -300,7 +274,7 @@ def _stream(names: _Names, place: Place, stream: StreamChoice, number: int, seed
         if (num_ways := math.prod(map(len, groups))) > MAX_ROUTES:
             raise ScenarioError(f"{names.at(*place, 'stops')}: {num_ways} ways from group to group, expected at most {MAX_ROUTES}")
         all_weights = reduce(np.multiply.outer, [zipf_weights(len(group), stream.zipf) for group in groups]).reshape(-1)
-        weighted = [(route, weight) for route, weight in zip(product(*groups), all_weights.tolist()) if all(map(_differ, route, route[1:]))]
+        weighted = [(route, weight) for route, weight in zip(product(*groups), all_weights.tolist()) if all(map(ne, route, route[1:]))]
         routes = tuple(route for route, _ in weighted)
         weights = np.array([weight for _, weight in weighted], np.float64)
     if not routes:
@@ -328,7 +302,3 @@ def _with_profile(stream: StreamChoice, profile: tuple[float, ...]) -> StreamCho
     if not profile or stream.arrivals.rate_per_h is None or stream.arrivals.profile:
         return stream
     return stream.model_copy(update={"arrivals": replace(stream.arrivals, profile=profile)})
-
-
-def _differ(one: Station, other: Station) -> bool:
-    return one != other
