@@ -38,25 +38,11 @@ FORMAT, VERSION = "mrp_sumo fleet log", 1
 MANIFEST, STATES, ORDERS, EVENTS = "manifest.json", "states.parquet", "orders.parquet", "events.parquet"
 TABLES = (STATES, ORDERS, EVENTS)
 UNITS = {"t_ms": "milliseconds", "x_mm": "millimetres", "y_mm": "millimetres", "yaw_mrad": "milliradians, counter-clockwise from x"}
-NEEDED: Mapping[str, tuple[type, ...]] = {
-    "format": (str,),
-    "version": (int,),
-    "map": (dict,),
-    "robot_types": (dict,),
-    "vehicles": (dict,),
-    "units": (dict,),
-    "time": (dict,),
-    "licence": (str,),
-    "anonymised": (bool,),
-    "tables": (dict,),
+NEEDED: Mapping[str, type] = {
+    **{"format": str, "version": int, "licence": str, "anonymised": bool},
+    **dict.fromkeys(("map", "robot_types", "vehicles", "units", "time", "tables"), dict),
 }
-ASKED: Mapping[str, tuple[type, ...]] = {
-    "priority": (int,),
-    "robot_type": (str,),
-    "load_kg": (int, float),
-    "due_s": (int, float),
-    "robot": (str,),
-}
+ASKED = {"priority": int, "robot_type": str, "load_kg": int | float, "due_s": int | float, "robot": str}
 CLOCKS_S = 60.0  # by which the clock of a vehicle, and so its services, may differ from that of orders
 LARGEST = 2**32  # bytes of a member
 LONGEST = 2**20  # of the manifest
@@ -251,11 +237,11 @@ def manifest_of(folder: Path, name: str) -> dict[str, Any]:
     document = read_json(folder / MANIFEST, LONGEST)
     if not isinstance(document, dict) or document.get("format") != FORMAT:
         raise MrpSumoError(f"{name}: {MANIFEST}: format: expected '{FORMAT}'")
-    for key, kinds in NEEDED.items():
+    for key, kind in NEEDED.items():
         if key not in document:
             raise MrpSumoError(f"{name}: {MANIFEST}: no '{key}'{nearest(key, [str(k) for k in document])}")
-        if not isinstance(document[key], kinds) or (int in kinds and isinstance(document[key], bool)):
-            raise MrpSumoError(f"{name}: {MANIFEST}: {key}: found {type(document[key]).__name__}, expected {kinds[0].__name__}")
+        if type(document[key]) is not kind:
+            raise MrpSumoError(f"{name}: {MANIFEST}: {key}: found {type(document[key]).__name__}, expected {kind.__name__}")
     if document["version"] != VERSION:
         raise MrpSumoError(f"{name}: {MANIFEST}: version {document['version']}, expected {VERSION}")
     return document
@@ -336,7 +322,7 @@ def _listed(table: Table, text: str, row: int) -> tuple[str, ...]:
 
 def _mapping(table: Table, text: str, row: int) -> dict[str, Any]:
     value = _json(text or "{}")
-    if not isinstance(value, dict) or not all(isinstance(value.get(key), (*kinds, type(None))) for key, kinds in ASKED.items()):
+    if not isinstance(value, dict) or not all(isinstance(value.get(key), kind | None) for key, kind in ASKED.items()):
         raise table.fault(f"column 'asks', row {row}: expected a JSON object with {', '.join(ASKED)}")
     if odd := sorted(set(value) - set(ASKED)):
         raise table.fault(f"column 'asks', row {row}: found '{odd[0][:40]}', expected {', '.join(ASKED)}")

@@ -23,12 +23,14 @@ from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
+
 from mrp_sumo.errors import BatchError, MrpSumoError, sentence
 from mrp_sumo.files.folders import PLAN, require_batch
 from mrp_sumo.files.reading import json_value, read_bytes, shortened
 from mrp_sumo.files.writing import remove_parts, sync_folder, write_whole
-from mrp_sumo.io.batch_record import fault_of_record
 from mrp_sumo.io.columns import SECTIONS, parameter_columns
+from mrp_sumo.io.documents import in_words
 
 if TYPE_CHECKING:
     import pandas
@@ -51,6 +53,54 @@ _HEAD, _TAIL = b'{"crc32":"%08x","record":', b"}\n"
 _BEGIN = re.compile(rb'\{"key":"(\w+)","status":"(\w+)","attempts":(\d+),')
 
 BatchRecord = dict[str, Any]
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(strict=True)
+
+
+class _Group(_Strict):
+    count: int | None = None
+    starts: list[str] | None = None
+    goals: list[str] | None = None
+
+
+class _Robots(_Group):
+    fleet: list[_Group] | None = None
+
+    @model_validator(mode="after")
+    def _counted(self) -> "_Robots":
+        if any(group.count is None and group.starts is None and group.goals is None for group in self.fleet or [self]):
+            raise ValueError("neither count nor starts")
+        return self
+
+
+class _Scenario(_Strict):
+    robots: _Robots
+
+
+class _Record(_Strict):
+    """What all that reads records may rely on; other keys may hold anything."""
+
+    key: str
+    scenario_key: str
+    status: str
+    attempts: int
+    success: bool
+    reason: str
+    scenario: _Scenario
+    repeat: int
+    until: str
+    metrics: dict[str, Any]
+    code: str
+    libsumo: str
+    ortools: str
+    machine: str
+    python: str
+    run_wall_s: float | None
+    run_cpu_s: float | None
+    peak_memory_mb: float | None
+    ended_at: str
 
 
 def record_path(folder: Path, key: str) -> Path:
@@ -130,8 +180,12 @@ def _read_body(path: str, name: str) -> bytes:
         raise BatchError(f"{name}: {len(data)} bytes, not a whole record")
     if begin[1].decode() + ".json" != name:
         raise BatchError(f"{name}: the record of another run, {begin[1].decode()}")
-    if fault := fault_of_record(body):
-        raise BatchError(f"{name}: not a record: {fault}")
+    try:  # a checksum says that a file is what was written, not that a batch wrote it
+        _Record.__pydantic_validator__.validate_json(body)
+    except ValidationError as error:
+        first = error.errors(include_url=False, include_context=False)[0]
+        place = ".".join(map(str, first["loc"])) or "it"
+        raise BatchError(f"{name}: not a record: {place}: {in_words(first['msg'])}") from None
     return body
 
 
