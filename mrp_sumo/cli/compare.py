@@ -7,6 +7,7 @@ the tolerance and that is unlikely by chance; with --strict, when any single run
 import argparse
 from pathlib import Path
 
+from mrp_sumo.cli.option_rules import require_least
 from mrp_sumo.cli.printing import plain_table, print_table, say, say_json, warn
 from mrp_sumo.cli.result_folder import batch_folder
 
@@ -43,9 +44,7 @@ def run(options: argparse.Namespace) -> int:
 
     if not 0 < options.alpha < 1:
         raise BatchError(f"--alpha: found {options.alpha:g}, expected a number between 0 and 1")
-    if not options.tolerance >= 0:
-        raise BatchError(f"--tolerance: found {options.tolerance:g}, expected 0 or more")
-
+    require_least("--tolerance", options.tolerance, 0)
     a, b = (load_results(Path(path), warn) for path in (options.first, options.second))
     for name in options.metric or ():
         trust_named(name)

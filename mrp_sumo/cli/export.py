@@ -6,10 +6,9 @@ what exists is not replaced.
 """
 
 import argparse
-from math import inf
 from pathlib import Path
 
-from mrp_sumo.cli.option_rules import only_for
+from mrp_sumo.cli.option_rules import only_for, require_within
 from mrp_sumo.cli.printing import say_either
 from mrp_sumo.cli.result_folder import result_folder, run_folder
 
@@ -78,8 +77,7 @@ def run(options: argparse.Namespace) -> int:
     if options.format != "bag":
         only_for("ROS 2 bags: --bag", storage=options.storage, split=options.split)
     for name, seconds in (("--repeat-latched", options.repeat_latched), ("--split", options.split)):
-        if seconds is not None and not 0 <= seconds < inf:
-            raise MrpSumoError(f"{name}: found {seconds:g}, expected seconds of 0 or more")
+        require_within(name, seconds, 0, expected="seconds of 0 or more")
     loaded = load_run(options.run)
     out = options.out or Path(options.run) / ("vda5050" if options.vda5050 else FORMATS[options.format][0])
     if out.exists():
@@ -112,11 +110,7 @@ def run(options: argparse.Namespace) -> int:
 
         write_rmf_plans(out, record)
     else:
-        {
-            "csv": exports.write_csv,
-            "geojson": exports.write_geojson,
-            "fcd": exports.write_fcd,
-            "viewers": exports.write_viewers,
-        }[options.format](out, record)
+        write = {"csv": exports.write_csv, "geojson": exports.write_geojson, "fcd": exports.write_fcd, "viewers": exports.write_viewers}
+        write[options.format](out, record)
     say_either(options.json, {"file": str(out)}, out)
     return 0

@@ -142,15 +142,11 @@ def _check(options: argparse.Namespace) -> int:
         warnings = [finding.document() for finding in findings]
         document = {"file": path.name, "refused": refused, "warnings": warnings, "notes": notes, "unused": without_effect}
         say_json({**document, "clearance": room, "narrow_lanes": lanes, "narrow_turns": turns} if options.robot else document, indent=2)
-    elif not (findings or notes or room or turns or without_effect):
-        say(f"{path.name}: nothing to report")
     else:
-        for finding in findings:
-            say(f"{path.name}: {finding.severity}: {finding.line}")
-        for note in (*notes, *room, *(lanes if len(lanes) > 1 else ()), *turns):
-            say(f"{path.name}: note: {note}")
-        if without_effect:
-            say(f"{path.name}: info: {without_effect}")
+        lines = [f"{finding.severity}: {finding.line}" for finding in findings]
+        lines += [f"note: {note}" for note in (*notes, *room, *(lanes if len(lanes) > 1 else ()), *turns)]
+        lines += [f"info: {without_effect}"] if without_effect else []
+        say(*(f"{path.name}: {line}" for line in lines or ["nothing to report"]))
     return 2 if refused else 0
 
 
@@ -222,21 +218,14 @@ def _run_command(map_: "Map", out: Path, options: argparse.Namespace) -> list[st
     """What drives robots on the map as it was imported; on a plan of a floor, on the map that was made of it."""
     if map_.floor is not None:
         return ["mrp-sumo", "run", str(out / f"{map_.name}_map.yaml")]
-    chosen = {
-        "graph": list(options.graph) if isinstance(options.graph, tuple) else options.graph,
-        "level": options.level,
-        "vehicle_type": options.vehicle_type,
-        "reader": options.reader,
-        "snap_m": options.snap,
-        "join_short_m": options.join_short,
-        "split_crossings": True if options.split_crossings else None,
-        "largest_component": True if options.largest_component else None,
-    }
+    keys = {"snap": "snap_m", "join_short": "join_short_m"}  # of scenarios, where the option has another name
     command = ["mrp-sumo", "run", options.file]
     if options.meters_per_pixel is not None:
         command += ["--meters-per-pixel", f"{options.meters_per_pixel:g}"]
-    for key, value in chosen.items():
-        command += [] if value is None else ["--set", f"map.{key}={json.dumps(value)}"]
+    for name in ("graph", "level", "vehicle_type", "reader", "snap", "join_short", "split_crossings", "largest_component"):
+        value = getattr(options, name)
+        if value is not None and value is not False:  # graph 0 is one
+            command += ["--set", f"map.{keys.get(name, name)}={json.dumps(value)}"]
     return command
 
 
@@ -270,16 +259,14 @@ def _print(map_: "Map", known: dict[str, Any], options: argparse.Namespace) -> N
         table.add_row(*_shown(finding))
     for note in (*known["clearance"]["notes"], *filter(None, (unused(map_),))):
         table.add_row("note", f"[dim]{escape(note)}[/]")
-    for note in _shortened(oddities(map_.building) if map_.building else ()):
+    notes = oddities(map_.building) if map_.building else ()
+    more = [f"and {len(notes) - NOTES} more; --check lists them"] * (len(notes) > NOTES)
+    for note in (*notes[:NOTES], *more):
         table.add_row("note", f"[dim]{escape(note)}[/]")
     out: Path = options.out
     row("files", str(out))
     row("next", shlex.join(_run_command(map_, out, options)))
     print_table(table, 120)
-
-
-def _shortened(notes: tuple[str, ...]) -> tuple[str, ...]:
-    return notes if len(notes) <= NOTES else (*notes[:NOTES], f"and {len(notes) - NOTES} more; --check lists them")
 
 
 def _shown(finding: "MapFinding") -> tuple[str, str]:

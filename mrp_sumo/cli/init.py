@@ -11,6 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from mrp_sumo.cli.option_rules import require_within
 from mrp_sumo.cli.printing import say, warn_of_kernels
 from mrp_sumo.cli.scenario_choice import folder_name, map_alone, scale_argument
 from mrp_sumo.errors import MrpSumoError
@@ -62,10 +63,9 @@ def run(options: argparse.Namespace) -> int:
     scenario = out if out.suffix.lower() in (".yaml", ".yml") and not out.is_dir() else out / SCENARIO
     out = scenario.parent
     _require_free(scenario)
-    if options.orders is not None and not 1 <= options.orders <= 100_000:
-        raise MrpSumoError(f"--orders: found {options.orders}, expected 1 to 100000")
+    require_within("--orders", options.orders, 1, 100_000)
     for key, (option, least, most) in BOUNDS.items():
-        _require_within(option, getattr(options, key, None), least, most)
+        require_within(option, getattr(options, key, None), least, most)
     from mrp_sumo.experiments.proposal import propose  # with all that drives: after the options are sound
 
     warn_of_kernels()
@@ -104,13 +104,8 @@ def _wishes(values: dict[str, Any]) -> "Wishes":
     from mrp_sumo.experiments.proposal import Wishes
 
     for key, (name, least, most) in BOUNDS.items():
-        _require_within(name, values.get(key), least, most)
+        require_within(name, values.get(key), least, most)
     return Wishes(**values)
-
-
-def _require_within(name: str, value: float | None, least: float, most: float) -> None:
-    if value is not None and not least <= value <= most:
-        raise MrpSumoError(f"{name}: found {value:g}, expected {least:g} to {most:g}")
 
 
 def _asked(options: argparse.Namespace) -> "Wishes":

@@ -2,14 +2,21 @@
 
 import argparse
 import math
+import sys
 
 from mrp_sumo.errors import MrpSumoError
 
 
-def require_least(option: str, value: int | None, least: int) -> None:
-    """Refuse a number that is too small."""
-    if value is not None and value < least:
-        raise MrpSumoError(f"{option}: found {value}, expected {least} or more")
+def require_least(option: str, value: float | None, least: float) -> None:
+    """Refuse a number that is too small, or no number."""
+    require_within(option, value, least, expected=f"{least:g} or more")
+
+
+def require_within(option: str, value: float | None, least: float, most: float = sys.float_info.max, *, expected: str = "") -> None:
+    """Refuse a number outside of limits, or no number; None is not said."""
+    if value is not None and not least <= value <= most:
+        number = f"{value:g}" if isinstance(value, float) else value
+        raise MrpSumoError(f"{option}: found {number}, expected {expected or f'{least:g} to {most:g}'}")
 
 
 def port_number(text: str) -> int:

@@ -12,6 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from mrp_sumo.cli.option_rules import require_within
 from mrp_sumo.cli.printing import plain_table, print_table, say, say_json, warn_of_kernels
 from mrp_sumo.errors import MrpSumoError
 
@@ -49,10 +50,8 @@ def run(options: argparse.Namespace) -> int:
     from mrp_sumo.io.scenario.read import read_scenario
     from mrp_sumo.reports.prediction import DOCUMENT, PAGE, write_prediction
 
-    if not 0.05 <= options.hold_out <= 0.95:
-        raise MrpSumoError(f"--hold-out: found {options.hold_out:g}, expected a share from 0.05 to 0.95")
-    if not 3 <= options.runs <= MOST_RUNS:
-        raise MrpSumoError(f"--runs: found {options.runs}, expected 3 to {MOST_RUNS}: fewer make no band")
+    require_within("--hold-out", options.hold_out, 0.05, 0.95, expected="a share from 0.05 to 0.95")
+    require_within("--runs", options.runs, 3, MOST_RUNS, expected=f"3 to {MOST_RUNS}: fewer make no band")
     require_scenario(options.scenario)
     file = read_scenario(find_scenario(options.scenario))
     require_known(file)

@@ -13,7 +13,7 @@ from mrp_sumo.cli.result_folder import result_folder
 from mrp_sumo.errors import MrpSumoError, count
 
 if TYPE_CHECKING:
-    from mrp_sumo.experiments.reproduce import Reproduction
+    from mrp_sumo.io.results import BatchRecord
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -41,7 +41,12 @@ def run(options: argparse.Namespace) -> int:
         require_run(folder)
     if options.runs is not None and (not of_batch or options.runs < 1):
         raise MrpSumoError(f"--runs: found {options.runs}, expected 1 or more runs of a batch")
-    comparison, what = _batch(options) if of_batch else (_run(options), "file")
+    from mrp_sumo.experiments.reproduce import reproduce_batch, reproduce_run  # with all that drives: after the folder is known to be one
+
+    if of_batch:
+        comparison, what = reproduce_batch(_records(options), options.base), "run"
+    else:
+        comparison, what = reproduce_run(folder, options.base), "file"
     if options.json:
         say_json({"same": comparison.same, "equal": comparison.equal, "of": what, "differences": list(comparison.differences)})
         return 0 if comparison.same else 1
@@ -56,14 +61,8 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _run(options: argparse.Namespace) -> "Reproduction":
-    from mrp_sumo.experiments.reproduce import reproduce_run
-
-    return reproduce_run(options.folder, options.base)
-
-
-def _batch(options: argparse.Namespace) -> "tuple[Reproduction, str]":
-    from mrp_sumo.experiments.reproduce import reproduce_batch
+def _records(options: argparse.Namespace) -> "list[BatchRecord]":
+    """The records of a batch, or so many of them, spread over it."""
     from mrp_sumo.io.results import records_in
 
     records = sorted(records_in(options.folder, warn), key=lambda record: record["key"])
@@ -72,4 +71,4 @@ def _batch(options: argparse.Namespace) -> "tuple[Reproduction, str]":
     if options.runs is not None and options.runs > len(records):
         raise MrpSumoError(f"--runs: found {options.runs}, expected 1 to {len(records)}, the runs of {options.folder}")
     step = max(1, len(records) // options.runs) if options.runs else 1
-    return reproduce_batch(records[::step][: options.runs], options.base), "run"
+    return records[::step][: options.runs]

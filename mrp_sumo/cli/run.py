@@ -5,7 +5,6 @@ that, 2 for bad input.
 """
 
 import argparse
-import math
 import shlex
 import sys
 from collections.abc import Iterator, Sequence
@@ -14,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mrp_sumo.cli import intervals, scenario_choice
-from mrp_sumo.cli.option_rules import only_for, port_number
+from mrp_sumo.cli.option_rules import only_for, port_number, require_least
 from mrp_sumo.cli.printing import plain_table, print_failure, print_table, say, say_json, warn_of_kernels
 from mrp_sumo.errors import MrpSumoError
 
@@ -96,7 +95,7 @@ def run(options: argparse.Namespace) -> int:
     warn_of_kernels()
     with ExitStack() as stack:
         watches = _watches(options, stack)
-        result = _run_live(file, out, options, watches) if options.live else _run(file, out, options, watches, bounds)
+        result = _run(file, out, options, watches, bounds)
     if options.json:
         print_json(result, out)
     else:
@@ -126,8 +125,7 @@ def _check_watching(options: argparse.Namespace) -> None:
         only_for("--dds and --foxglove", speed=options.speed)
     if options.live:
         only_for("--dds and --foxglove without --live, whose page has a speed of its own", speed=options.speed)
-    if options.speed is not None and not 0.001 <= options.speed < math.inf:
-        raise MrpSumoError(f"--speed: found {options.speed:g}, expected 0.001 or more")
+    require_least("--speed", options.speed, 0.001)
     if options.rerun is not None:
         from mrp_sumo.wire.rerun_place import VIEWER, require_place
 
@@ -161,16 +159,14 @@ def _watches(options: argparse.Namespace, stack: ExitStack) -> "list[Watch]":
 
 
 def _run(file: "ScenarioFile", out: Path, options: argparse.Namespace, watches: "Sequence[Watch]", bounds: "Bounds | None") -> "RunResult":
+    """Run it, with the page of --live where that is asked for."""
     from mrp_sumo.experiments.run import RunOptions, run_scenario
 
-    with progress_bar() as progress:
-        return run_scenario(file, out, RunOptions(gui=options.gui, progress=progress, watches=watches, bounds=bounds))
-
-
-def _run_live(file: "ScenarioFile", out: Path, options: argparse.Namespace, watches: "Sequence[Watch]") -> "RunResult":
+    if not options.live:
+        with progress_bar() as progress:
+            return run_scenario(file, out, RunOptions(gui=options.gui, progress=progress, watches=watches, bounds=bounds))
     import webbrowser
 
-    from mrp_sumo.experiments.run import RunOptions, run_scenario
     from mrp_sumo.reports.live.watch import LiveView
 
     live = LiveView(options.port or 0)

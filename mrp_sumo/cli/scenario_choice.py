@@ -251,28 +251,23 @@ def require_sound(options: argparse.Namespace) -> None:
 def _named(options: argparse.Namespace) -> dict[tuple[str | int, ...], Override]:
     from mrp_sumo.plugins.source import resolved
 
-    said: dict[tuple[str | int, ...], Override] = {}
-    if options.seed is not None:
-        said["seed",] = ("--seed", options.seed)
-    if options.robots is not None:
-        said["robots", "count"] = ("--robots", options.robots)
-    if getattr(options, "robot", None) is not None:
-        said["robots", "type"] = ("--type", _robot(options.robot))
-    if options.planner is not None:
-        said["planner", "name"] = ("--planner", resolved(options.planner, Path()))
+    robot, plan, policy, metrics = (getattr(options, name, None) for name in ("robot", "plan", "policy", "metric"))
+    said = {
+        ("seed",): ("--seed", options.seed),
+        ("robots", "count"): ("--robots", options.robots),
+        ("robots", "type"): ("--type", robot and _robot(robot)),
+        ("planner", "name"): ("--planner", options.planner and resolved(options.planner, Path())),
+        ("planner", "time_limit_s"): ("--time-limit", options.time_limit),
+        ("execution", "policy"): ("--policy", policy and resolved(policy, Path())),
+        ("record", "metrics"): ("--metric", [resolved(name, Path()) for name in metrics] if metrics else None),
+    }
     if options.command:
         said["planner", "name"] = ("--command", "external")
         said["planner", "parameters", "command"] = ("--command", options.command)
-    if getattr(options, "plan", None):
+    if plan:
         said["planner", "name"] = ("--plan", "plan_file")
-        said["planner", "parameters"] = ("--plan", {"path": str(Path(options.plan).absolute())})
-    if options.time_limit is not None:
-        said["planner", "time_limit_s"] = ("--time-limit", options.time_limit)
-    if getattr(options, "policy", None) is not None:
-        said["execution", "policy"] = ("--policy", resolved(options.policy, Path()))
-    if getattr(options, "metric", None):
-        said["record", "metrics"] = ("--metric", [resolved(name, Path()) for name in options.metric])
-    return said
+        said["planner", "parameters"] = ("--plan", {"path": str(Path(plan).absolute())})
+    return {place: (option, value) for place, (option, value) in said.items() if value is not None}
 
 
 def _robot(name: str) -> str:

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
 from mrp_sumo.cli import scenario_choice
-from mrp_sumo.cli.option_rules import only_for
+from mrp_sumo.cli.option_rules import only_for, require_least
 from mrp_sumo.cli.printing import say, say_json, warn
 
 if TYPE_CHECKING:
@@ -83,9 +83,7 @@ def run(options: argparse.Namespace) -> int:
 
     broker, dialect = _broker(options), Dialect(options.version)
     for option, least in (("speed", 0.001), ("duration", 0.001), ("state_period", 0.001), ("visualization_period", 0.0)):
-        value = getattr(options, option)
-        if value is not None and not least <= value < math.inf:
-            raise MrpSumoError(f"--{option.replace('_', '-')}: found {value:g}, expected {least:g} or more")
+        require_least(f"--{option.replace('_', '-')}", getattr(options, option), least)
     if not SERIAL.fullmatch(options.manufacturer):
         raise MrpSumoError(f"--manufacturer {options.manufacturer[:80]}: expected letters, digits and _ . : -")
     if options.part == "master":
