@@ -192,7 +192,7 @@ class VirtualFleet:
         self.bodies: Engine = self._engine_context.__enter__()
         self._cycle = DriveCycle(self.world, self.controller, self.bodies)
         robots = range(self.problem.num_robots)
-        self._append({r: Reroute(*_nothing(), leave_s=math.inf) for r in robots})
+        self._append({r: _way_along((), 0.0) for r in robots})
         self.bodies.place(self.ledger.visits)
         for vehicle in self.vehicles:
             self._publish(vehicle, "factsheet", self._factsheet(vehicle))
@@ -272,7 +272,8 @@ class VirtualFleet:
             if passed:
                 vehicle.reach(path.sequence[passed - 1], now_s)
                 del path.rank[:passed], path.sequence[:passed], path.limit_mps[:passed], path.node[:passed]
-            vehicle.blocked_by = self._blocked_by(other[r]) if stuck[r] and path.rank and not vehicle.holds else ""
+            reason = f"waits for {self.serials[other[r]]}" if other[r] >= 0 else "the way is not free"
+            vehicle.blocked_by = reason if stuck[r] and path.rank and not vehicle.holds else ""
             if vehicle.cancels and ends[r] and visits.next[visits.granted[r]] < 0:
                 vehicle.stand(graph.label(int(visits.vertex[visits.reached[r]])))
                 self._ways[r] = OrderRoute()
@@ -280,9 +281,6 @@ class VirtualFleet:
         while self.faults and self.faults[0].begin_s <= now_s + 1e-9:
             fault = self.faults.pop(0)
             self.vehicles[fault.robot].fail(fault.kind, fault.end_s)
-
-    def _blocked_by(self, other: int) -> str:
-        return f"waits for {self.serials[other]}" if other >= 0 else "the way is not free"
 
     def _send_on(self) -> bool:
         """Send bodies along what has been released since, and those whose orders are cancelled no farther. Returns whether any were."""
@@ -327,9 +325,8 @@ class VirtualFleet:
         return None if len(base) == len(ahead) else _way_along(self.ledger.visits.vertex[base].tolist(), self.now_s)
 
     def _append(self, ways: Mapping[int, Reroute]) -> None:
-        ends = {r: int(path.vertex[-1]) for r, path in ways.items() if len(path.vertex)}
         at = self.ledger.visits.vertex[self.ledger.visits.granted]
-        ends |= {r: int(at[r]) for r, path in ways.items() if not len(path.vertex)}
+        ends = {r: int(path.vertex[-1] if len(path.vertex) else at[r]) for r, path in ways.items()}
         self.ledger.append(Replan(ways, "replan", ends=ends), self.policy, self.now_s)
 
     def _hold(self) -> None:
@@ -381,12 +378,6 @@ def _engine(problem: Problem, settings: ExecutionSettings, network: Path) -> Abs
 def _way_along(vertices: Sequence[int], now_s: float) -> Reroute:
     """A way whose times mean nothing: nobody keeps an order."""
     count = len(vertices)
-    if not count:
-        return Reroute(*_nothing(), leave_s=math.inf)
     depart_s = np.full(count, now_s)
-    depart_s[-1] = np.inf
-    return Reroute(np.array(vertices, np.int64), np.full(count, now_s), depart_s, leave_s=now_s)
-
-
-def _nothing() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    return np.zeros(0, np.int64), np.zeros(0), np.zeros(0)
+    depart_s[-1:] = np.inf
+    return Reroute(np.array(vertices, np.int64), np.full(count, now_s), depart_s, leave_s=now_s if count else math.inf)

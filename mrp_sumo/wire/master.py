@@ -10,7 +10,7 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import Any
+from functools import partial
 
 import numpy as np
 
@@ -147,7 +147,8 @@ class DrivenVehicles(KinematicEngine):
                 self._changed.add(r)  # the vehicle has not said yet that it is done
                 continue
             length = min(len(vehicle.route), granted[r] + 1 + HORIZON)
-            order = orders.next(length, granted[r], vehicle.reached, done, self._node_maker(vehicle), self._edge_maker(vehicle))
+            made = partial(self._node, vehicle), partial(self._edge, vehicle)
+            order = orders.next(length, granted[r], vehicle.reached, done, *made)
             if order is not None:
                 self._send(serial, "order", order)
 
@@ -156,24 +157,16 @@ class DrivenVehicles(KinematicEngine):
         said = vehicle.state or {}
         return said.get("orderId") == vehicle.orders.name and not said.get("nodeStates")
 
-    def _node_maker(self, vehicle: Driven) -> Any:
-        def made(k: int, sequence: int, released: bool) -> Json:
-            name = self._problem.graph.label(vehicle.route[k])
-            place = self._site.place(name)
-            assert place is not None
-            return node(name, sequence, released, place[:2], place[2], yaw_rad=self._heading(vehicle, k))
+    def _node(self, vehicle: Driven, k: int, sequence: int, released: bool) -> Json:
+        name = self._problem.graph.label(vehicle.route[k])
+        place = self._site.place(name)
+        assert place is not None
+        is_last = k == len(vehicle.route) - 1  # it faces as robots are to stay there, where that is a goal
+        yaw_rad = self._facing_rad.get(vehicle.route[k], math.nan) if is_last else math.nan
+        return node(name, sequence, released, place[:2], place[2], yaw_rad=yaw_rad)
 
-        return made
-
-    def _heading(self, vehicle: Driven, k: int) -> float:
-        """How a vehicle has to face at a visit: where its way ends at a goal, as robots are to stay there."""
-        return self._facing_rad.get(vehicle.route[k], math.nan) if k == len(vehicle.route) - 1 else math.nan
-
-    def _edge_maker(self, vehicle: Driven) -> Any:
-        def made(k: int, sequence: int, released: bool) -> Json:
-            return edge_of(self._dialect, self._problem.graph, vehicle.route[k], vehicle.route[k + 1], sequence, released)
-
-        return made
+    def _edge(self, vehicle: Driven, k: int, sequence: int, released: bool) -> Json:
+        return edge_of(self._dialect, self._problem.graph, vehicle.route[k], vehicle.route[k + 1], sequence, released)
 
     def _driven_m(self, robot: int, vehicle: Driven, visits: Visits) -> float:
         """How far a vehicle has come on its way, as it says; no farther than it may be."""
