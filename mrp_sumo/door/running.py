@@ -36,7 +36,7 @@ SHAPES_PROBLEM = (
     "doors",
     "manual_doors",
     "step_length_s",
-)  # keys of `execution` that decide what there is to plan
+)  # keys of `execution` that decide what is to be planned
 
 
 @with_summary

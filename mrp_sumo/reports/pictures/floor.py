@@ -12,9 +12,10 @@ from mrp_sumo.io.outline import Outline
 from mrp_sumo.io.record import RunRecord
 from mrp_sumo.reports.pictures.labels import place_labels
 from mrp_sumo.reports.pictures.view import crossings, drawn_lanes, furniture_and_walls, is_grid_map
-from mrp_sumo.reports.replay.constants import THEMES
+from mrp_sumo.reports.replay.constants import STATE_COLOURS, THEMES
 
 LIGHT = THEMES["light"]
+STATES = tuple(LIGHT[name] for name in STATE_COLOURS)  # colours of robots
 NAME_PT = 6.5  # names of stations
 NO_STROKES = np.zeros((0, 2, 2))
 

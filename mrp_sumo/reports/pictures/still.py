@@ -17,7 +17,7 @@ from mrp_sumo.files.writing import writing_to
 from mrp_sumo.io.outline import Outline
 from mrp_sumo.io.record import RunRecord
 from mrp_sumo.io.run_reader import damage_in
-from mrp_sumo.reports.pictures.floor import LIGHT, NO_STROKES, draw_floor, name_places, write_name
+from mrp_sumo.reports.pictures.floor import LIGHT, NO_STROKES, STATES, draw_floor, name_places, write_name
 from mrp_sumo.reports.pictures.picture import Picture, require_suffix, round_length
 from mrp_sumo.reports.pictures.view import (
     ABSENT,
@@ -33,9 +33,7 @@ from mrp_sumo.reports.pictures.view import (
     view_record,
     view_states,
 )
-from mrp_sumo.reports.replay.constants import STATE_COLOURS
 
-STATES = tuple(LIGHT[name] for name in STATE_COLOURS)
 WIDTH_IN = 12.0  # of the page
 TRAIL_S = 20.0
 LEVEL_PT = 10.0  # names of levels

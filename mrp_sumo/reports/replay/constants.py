@@ -11,67 +11,38 @@ from mrp_sumo.reports.pictures.view import ABSENT
 
 NEVER = 2**32 - 1  # in columns of times and of indices
 OFF_THE_FLOOR = "not on the floor"  # a state
+_COLOURS = {  # by name: light, dark
+    "paper": ("#eef1f5", "#0c1015"),
+    "floor": ("#ffffff", "#171f29"),
+    "furniture": ("#e6ebf1", "#232c37"),
+    "fine": ("#aab4c0", "#465260"),
+    "hole": ("#e2e7ee", "#0f141a"),
+    "wall": ("#3a4454", "#8a97a8"),
+    "lane": ("#b9c7d8", "#324154"),
+    "door": ("#c2813f", "#b98a55"),
+    "station": ("#7b8da3", "#5d7085"),
+    "special": ("#7c5cd6", "#a48df0"),  # a station with a purpose
+    "ink": ("#17202c", "#e6edf3"),
+    "muted": ("#5b6878", "#95a2b2"),
+    "halo": ("#ffffff", "#0c1015"),
+    "accent": ("#1d4ed8", "#6ea8ff"),
+    "moving": ("#2f7de1", "#4d9bff"),
+    "waiting": ("#e8960c", "#f7b02e"),
+    "blocked": ("#dc2f45", "#ff5468"),
+    "goal": ("#15936f", "#2fc597"),
+    "absent": ("#9aa5b1", "#667380"),
+    "person": ("#9d3f8f", "#e39bd6"),
+}
 THEMES: Mapping[str, Mapping[str, str]] = {
-    "light": {
-        "paper": "#eef1f5",
-        "floor": "#ffffff",
-        "furniture": "#e6ebf1",
-        "fine": "#aab4c0",
-        "hole": "#e2e7ee",
-        "wall": "#3a4454",
-        "lane": "#b9c7d8",
-        "door": "#c2813f",
-        "station": "#7b8da3",
-        "special": "#7c5cd6",  # a station with a purpose
-        "ink": "#17202c",
-        "muted": "#5b6878",
-        "halo": "#ffffff",
-        "accent": "#1d4ed8",
-        "moving": "#2f7de1",
-        "waiting": "#e8960c",
-        "blocked": "#dc2f45",
-        "goal": "#15936f",
-        "absent": "#9aa5b1",
-        "person": "#9d3f8f",
-    },
-    "dark": {
-        "paper": "#0c1015",
-        "floor": "#171f29",
-        "furniture": "#232c37",
-        "fine": "#465260",
-        "hole": "#0f141a",
-        "wall": "#8a97a8",
-        "lane": "#324154",
-        "door": "#b98a55",
-        "station": "#5d7085",
-        "special": "#a48df0",
-        "ink": "#e6edf3",
-        "muted": "#95a2b2",
-        "halo": "#0c1015",
-        "accent": "#6ea8ff",
-        "moving": "#4d9bff",
-        "waiting": "#f7b02e",
-        "blocked": "#ff5468",
-        "goal": "#2fc597",
-        "absent": "#667380",
-        "person": "#e39bd6",
-    },
+    theme: {name: pair[k] for name, pair in _COLOURS.items()} for k, theme in enumerate(("light", "dark"))
 }
 STATE_COLOURS = ("moving", "waiting", "blocked", "goal", "absent")  # in a theme, by state
 
 
 def constants_module() -> str:
     """The text of `constants.js`."""
-    values = {
-        "MOVING": record.MOVING,
-        "WAITING": record.WAITING,
-        "BLOCKED": record.BLOCKED,
-        "AT_GOAL": record.AT_GOAL,
-        "ABSENT": ABSENT,
-        "STATE_COLORS": STATE_COLOURS,
-        "NEVER": NEVER,
-        "THEMES": THEMES,
-    }
+    values: dict[str, object] = {name: getattr(record, name) for name in ("MOVING", "WAITING", "BLOCKED", "AT_GOAL")}
+    values |= {"ABSENT": ABSENT, "STATE_COLORS": STATE_COLOURS, "NEVER": NEVER, "THEMES": THEMES}
     return "".join(f"export const {name} = {json.dumps(value)};\n" for name, value in values.items())
 
 

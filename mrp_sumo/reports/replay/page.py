@@ -54,25 +54,9 @@ from mrp_sumo.reports.pictures.view import (
 from mrp_sumo.reports.replay.constants import NEVER, OFF_THE_FLOOR, constants_module, css_variables
 
 SOURCES = Path(__file__).parent
-SCRIPTS = (
-    "aisles.js",
-    "canvas.js",
-    "data.js",
-    "elements.js",
-    "gl.js",
-    "labels.js",
-    "main.js",
-    "motion.js",
-    "panel.js",
-    "rows.js",
-    "scene.js",
-    "shaders.js",
-    "spacetime.js",
-    "tasks.js",
-    "timeline.js",
-)
 LIVE = 'import "replay/live.js"; '
-LIVE_SCRIPTS = (*SCRIPTS, "live.js")  # the one that asks the network
+LIVE_SCRIPT = "live.js"  # the one that asks the network
+LIBRARY = "pixi.min.js"
 LONG, LONG_PARTS = "long", ("event_text", "tasks", "vertices")  # of the head, as JSON in a column: deflated they are a tenth
 POSITION_M = 0.005
 MAX_POSES = 9_000_000  # samples times robots; beyond it, every second, third, ... sample is kept
@@ -228,8 +212,8 @@ def replay_page(record: RunRecord, about: About, *, live_period_s: float | None 
         style=filled(SOURCES / "page.css", light=css_variables("light"), dark=css_variables("dark")),
         head=_script_json(head),
         data=columns.packed(),
-        library=base64.b64encode(zlib.compress((SOURCES / "pixi.min.js").read_bytes(), 9)).decode(),
-        modules=_import_map(SCRIPTS if live_period_s is None else LIVE_SCRIPTS),
+        library=base64.b64encode(zlib.compress((SOURCES / LIBRARY).read_bytes(), 9)).decode(),
+        modules=_import_map(is_live=live_period_s is not None),
         begin=f'{"" if live_period_s is None else LIVE}import "replay/main.js";',
     )
 
@@ -462,12 +446,13 @@ def _json(value: Any) -> str:
     return json.dumps(value, default=plain, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
 
 
-def _import_map(scripts: tuple[str, ...]) -> str:
-    """The scripts as an import map of `data:` addresses, which a page of one file can load without a server.
+def _import_map(*, is_live: bool) -> str:
+    """All scripts as an import map of `data:` addresses, which a page of one file can load without a server.
 
     In their files the modules import each other as `./scene.js`; an address like that leads nowhere from within
     a `data:` address, so it becomes the name `replay/scene.js`, which the map resolves.
     """
+    scripts = sorted({path.name for path in SOURCES.glob("*.js")} - {LIBRARY, LIVE_SCRIPT}) + [LIVE_SCRIPT] * is_live
     code = {"constants.js": constants_module()} | {name: (SOURCES / name).read_text(encoding="utf-8") for name in scripts}
     places = {}
     for name, text in code.items():

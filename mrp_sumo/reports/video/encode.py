@@ -13,8 +13,7 @@ from PIL import Image
 from mrp_sumo.errors import MrpSumoError, sentence
 from mrp_sumo.files.reading import shortened
 from mrp_sumo.files.writing import writing_to, written_for_user
-from mrp_sumo.reports.pictures.floor import LIGHT
-from mrp_sumo.reports.replay.constants import STATE_COLOURS
+from mrp_sumo.reports.pictures.floor import STATES
 from mrp_sumo.reports.video.canvas import Pixels
 
 SUFFIXES = (".mp4", ".gif", ".webp")
@@ -79,7 +78,7 @@ def _write_mp4(frames: Iterator[Pixels], poster: Pixels, path: Path, fps: int) -
 
 def _write_gif(frames: Iterator[Pixels], poster: Pixels, path: Path, fps: int) -> None:
     """All frames have the poster's colours and those of the states, or they would flicker."""
-    states = [tuple(bytes.fromhex(LIGHT[name][1:])) for name in STATE_COLOURS]
+    states = [tuple(bytes.fromhex(colour[1:])) for colour in STATES]
     band = np.repeat(np.array(states, np.uint8), len(poster) * poster.shape[1] // 40, axis=0)
     band = band[: len(band) // poster.shape[1] * poster.shape[1]].reshape(-1, poster.shape[1], 3)
     palette = Image.fromarray(np.concatenate([poster[..., :3], band])).quantize(255)

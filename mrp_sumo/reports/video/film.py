@@ -14,14 +14,12 @@ from matplotlib.transforms import Bbox
 
 from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray
 from mrp_sumo.io.record import AT_GOAL, BLOCKED
-from mrp_sumo.reports.pictures.floor import LIGHT, draw_floor
+from mrp_sumo.reports.pictures.floor import LIGHT, STATES, draw_floor
 from mrp_sumo.reports.pictures.picture import round_length
 from mrp_sumo.reports.pictures.view import ABSENT, drawbars, state_names
-from mrp_sumo.reports.replay.constants import STATE_COLOURS
 from mrp_sumo.reports.video.canvas import Canvas, Pixels, font, shortened_to
 from mrp_sumo.reports.video.scene import Scene, SceneState
 
-STATES = tuple(LIGHT[name] for name in STATE_COLOURS)
 NAMED = 60  # number of robots up to which each has a name beside it; inside them, names are for all
 PLANNED = 200  # number of robots up to which the plan ahead is drawn of all
 RINGED = 12  # number of blocked robots up to which each has a ring
