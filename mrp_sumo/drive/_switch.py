@@ -87,7 +87,7 @@ def cost_of(net, order, place, scratch):
     return total
 
 
-@kernel
+@kernel(allocates=False)
 def switch(net, order, place, passage, until, most, scratch):
     """Let a passage take place `until` in the order of its resource, and switch what this draws along: pairs of robots that
     would wait for each other otherwise, as in a corridor. Changes `order` and `place`.

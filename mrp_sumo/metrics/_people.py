@@ -194,7 +194,7 @@ def distance_until(robots, people, after, k, r, p):
     return least
 
 
-@kernel(inline="always")
+@kernel(inline="always", allocates=False)
 def find(person, begin, end, number):
     """The row of a person among those of a sample, -1: it is not there."""
     last = end

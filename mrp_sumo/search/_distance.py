@@ -37,7 +37,7 @@ def reversed_lanes(first, head):
     return first_in, tail_in
 
 
-@kernel
+@kernel(allocates=False)
 def steps_to(goal, first_in, tail_in, distance, queue):
     """Fill `distance` [V] int32 with the steps from each vertex to `goal`; `queue` [V] is scratch."""
     distance[:] = UNREACHABLE

@@ -3,7 +3,7 @@
 from mrp_sumo.search._kernel import kernel
 
 
-@kernel
+@kernel(allocates=False)
 def push(heap, count, key):
     """Add a key to the first `count`; the array has room for one more."""
     k = count
@@ -16,7 +16,7 @@ def push(heap, count, key):
     heap[k] = key
 
 
-@kernel
+@kernel(allocates=False)
 def pop(heap, count):
     """Take the smallest of `count` keys away and return it."""
     top = heap[0]

@@ -87,7 +87,7 @@ def can_reach(first, head, start, goal, following, clashes, spots):
     return False
 
 
-@kernel
+@kernel(allocates=False)
 def _rotate(at, there):
     """Whether some robots each go to where the next one was, in a ring."""
     for start in range(len(at)):

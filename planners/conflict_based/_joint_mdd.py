@@ -168,7 +168,7 @@ def _advance(following, pairs, moves, begins, sizes, swaps):
             after[a, meets[a]] = 0
 
 
-@kernel
+@kernel(allocates=False)
 def _note_lost(store, lost, count, both_kept, moves, level):
     """Write the lost places of a robot that it reaches from one that is not; the number written so far.
 
@@ -293,7 +293,7 @@ def joint_paths(instance, store, scratch, one, other):
     return OK, found, row0, middle, store.used[ROWS]
 
 
-@kernel
+@kernel(allocates=False)
 def _bar_lost(store, lost, cost):
     """Keep a robot from its lost places; False where there is no room. At its goal after its end: from ending so early."""
     fits = True

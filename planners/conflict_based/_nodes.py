@@ -61,7 +61,7 @@ def all_rows(store, record):
     return rows
 
 
-@kernel
+@kernel(allocates=False)
 def same_path(store, record, robot, path_of, like, row0, row1):
     """A record on the path of another one; -1 when there is no room.
 

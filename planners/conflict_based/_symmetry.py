@@ -214,7 +214,7 @@ def _split_clash(instance, store, one, other, row):
     return _two_sides(instance, store, 0, edge, moves[0, 2], (step - 1, step, step, step))
 
 
-@kernel
+@kernel(allocates=False)
 def _split_meeting(instance, store, one_at, other_at, step):
     """Keep one of two robots from a place at a step; the row at which those of OTHER begin, -1 where there is no room."""
     fits = _bar_place(instance, store, one_at, step, step)
@@ -222,7 +222,7 @@ def _split_meeting(instance, store, one_at, other_at, step):
     return middle if fits and _bar_place(instance, store, other_at, step, step) else np.int64(-1)
 
 
-@kernel
+@kernel(allocates=False)
 def _bar_place(instance, store, v, begin, end):
     """Keep a robot from the place of spot v, from a step to another. False where there is no room."""
     spots, fits = instance.spots, add_row(store, RANGE, v, -1, begin, end)
@@ -231,7 +231,7 @@ def _bar_place(instance, store, v, begin, end):
     return fits
 
 
-@kernel
+@kernel(allocates=False)
 def _two_sides(instance, store, side, where, move, span):
     """Keep the robot of a side from a place (kind, v, u, t), the other from what clashes with `move`; see `_bar` for `span`.
 
@@ -249,7 +249,7 @@ def _two_sides(instance, store, side, where, move, span):
     return middle if fits else np.int64(-1)
 
 
-@kernel
+@kernel(allocates=False)
 def _bar(instance, store, move, span):
     """Keep a robot from what clashes with a move. `span`: the steps from and to which spots are barred, and arrivals by moves."""
     begin, end, arrive, until = span
@@ -263,7 +263,7 @@ def _bar(instance, store, move, span):
     return fits
 
 
-@kernel
+@kernel(allocates=False)
 def _rank(instance, store, scratch, one, other, row):
     """2 for a cardinal split, 1 for a semi-cardinal one, else 0."""
     rank = 0
@@ -274,7 +274,7 @@ def _rank(instance, store, scratch, one, other, row):
     return rank
 
 
-@kernel
+@kernel(allocates=False)
 def _between(instance, v, ends):
     """Whether the place of spot v has exactly two neighbours; a spot at each is written to `ends`."""
     spots, count = instance.spots, 0
@@ -287,7 +287,7 @@ def _between(instance, v, ends):
     return count == 2
 
 
-@kernel
+@kernel(allocates=False)
 def _noted(place_of, ends, count, v):
     """Write a spot to `ends` unless one at its place is there; how many places there are then, of which two are written."""
     for k in range(min(count, 2)):
@@ -310,7 +310,7 @@ def _followed(instance, row, before, at, other_end):
     return at, before, lanes
 
 
-@kernel
+@kernel(allocates=False)
 def _is_bound_for(instance, row, v):
     """Whether one of the two robots of a conflict starts or ends at the place of spot v."""
     spots = instance.spots
@@ -364,7 +364,7 @@ def _corridor_of(instance, store, one, other, row, corridor):
     return True
 
 
-@kernel
+@kernel(allocates=False)
 def _first_at(instance, store, record, spot, step):
     """When the path is at the place of a spot, from a step on; -1 for never."""
     place_of, path0, cost = instance.spots.place, store.meta[record].path0, store.meta[record].cost
@@ -374,7 +374,7 @@ def _first_at(instance, store, record, spot, step):
     return -1
 
 
-@kernel
+@kernel(allocates=False)
 def _steps_without(instance, scratch, end, banned):
     """Fill `scratch.reach` with the steps to the place of spot `end` that do not use an edge between two places."""
     reach, queue, spots = scratch.reach, scratch.queue, instance.spots
@@ -396,7 +396,7 @@ def _steps_without(instance, scratch, end, banned):
                 count += 1
 
 
-@kernel
+@kernel(allocates=False)
 def _arrival(instance, scratch, start, end, banned):
     """The earliest step at the place of spot `end` under the loaded constraints, FOREVER if never; a lower bound when it takes too long."""
     _steps_without(instance, scratch, end, banned)
@@ -404,7 +404,7 @@ def _arrival(instance, scratch, start, end, banned):
     return np.int64(FOREVER) if code == NO_PATH else np.int64(cost)
 
 
-@kernel
+@kernel(allocates=False)
 def _split_corridor(instance, store, scratch, one, other, row, corridor):
     """Range constraints at the ends of a corridor; NO_PATH when they would not end the conflict."""
     one_end, other_end, length, step, place_of = corridor[0], corridor[1], corridor[2], row.step, instance.spots.place
@@ -442,7 +442,7 @@ def _split_corridor(instance, store, scratch, one, other, row, corridor):
     return OK
 
 
-@kernel
+@kernel(allocates=False)
 def _corners(instance, store, record, at, step, direction, corner):
     """Steps of MDD levels with one member from which (direction -1) or to which (+1) all paths run straight to the conflict.
 
@@ -463,7 +463,7 @@ def _corners(instance, store, record, at, step, direction, corner):
     return count
 
 
-@kernel
+@kernel(allocates=False)
 def _ways(instance, store, record, at, direction, step, ways):
     """The signs in which a corner at `step` lies from the conflict, in the sense of travel: ways[0] for columns, ways[1] for lines."""
     v = only(store, record, step)

@@ -105,7 +105,7 @@ def plan_one(traffic, labels, robot, limit, crossing):
     return max(end, np.int64(-1))
 
 
-@kernel(inline="always")
+@kernel(inline="always", allocates=False)
 def _begin(labels, most):
     """Begin a search that makes so many labels at most."""
     labels.stamp[0] += 1
@@ -323,13 +323,13 @@ def _search(traffic, labels, robot, limit, room):
     return np.int64(-1)
 
 
-@kernel(inline="always")
+@kernel(inline="always", allocates=False)
 def _rank(cost, low, to_go):
     """Where a label stands in the queue: by crossings, then by its length, then by what is left, which are the lowest 20 bits."""
     return (cost << 44) + ((EASE * (low + to_go) + to_go) << 20) + to_go
 
 
-@kernel(inline="always")
+@kernel(inline="always", allocates=False)
 def _reach(labels, parent, v, low, high, cost, to_go):
     """Put a label in the queue unless a better one of its run was there before."""
     k = v * len(labels.queue) + high if len(labels.run) == 0 else hashed_run(labels, v, high)

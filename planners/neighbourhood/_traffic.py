@@ -73,7 +73,7 @@ class Traffic(NamedTuple):
     window: int  # paths count up to the step before this one only
 
 
-@kernel(inline="always")
+@kernel(inline="always", allocates=False)
 def mixed(key):
     """A number whose lowest bits all bits of a key have a part in."""
     return ((key ^ (key >> 17)) & 0x7FFFFFFF) * 0x9E3779B1 >> 20
@@ -85,7 +85,7 @@ def home(key, slots):
     return slots + (((mixed(key >> 3) << 3) + (key & 7)) & (slots - 1))
 
 
-@kernel(inline="always")
+@kernel(inline="always", allocates=False)
 def _after(k, slots):
     """The slot after another, around the end of a table."""
     return slots + ((k + 1) & (slots - 1))
@@ -147,27 +147,27 @@ def _empty_slot(cells, k):
     cells.used[1] -= 1
 
 
-@kernel(inline="always")
+@kernel(inline="always", allocates=False)
 def slot_of(cells, v, t):
     """The slot of a cell, -1 where nobody is."""
     key = np.int64(v) * cells.steps + t
     return key if len(cells.key) == 0 else _find_slot(cells, key)
 
 
-@kernel(inline="always")
+@kernel(inline="always", allocates=False)
 def is_stayed_at(cells, v, t):
     """True if a robot that is one entry stays in a cell."""
     return len(cells.since) > 0 and cells.since[v] <= t
 
 
-@kernel(inline="always")
+@kernel(inline="always", allocates=False)
 def num_in(cells, v, t):
     """Number of robots in a cell."""
     k = slot_of(cells, v, t)
     return (np.int64(cells.num[k]) if k >= 0 else np.int64(0)) + (1 if is_stayed_at(cells, v, t) else 0)
 
 
-@kernel(inline="always")
+@kernel(inline="always", allocates=False)
 def anyone_in(cells, v, t):
     """One of the robots in a cell, -1 where there is none."""
     k = slot_of(cells, v, t)
@@ -176,7 +176,7 @@ def anyone_in(cells, v, t):
     return np.int64(cells.stayer[v]) if is_stayed_at(cells, v, t) else np.int64(-1)
 
 
-@kernel(inline="always")
+@kernel(inline="always", allocates=False)
 def enter(cells, v, t):
     """One robot more in a cell; its slot."""
     key = np.int64(v) * cells.steps + t
@@ -185,7 +185,7 @@ def enter(cells, v, t):
     return k
 
 
-@kernel(inline="always")
+@kernel(inline="always", allocates=False)
 def leave(cells, v, t):
     """One robot fewer in a cell; how many are left."""
     k = slot_of(cells, v, t)
@@ -222,7 +222,7 @@ def lane_between(first, head, u, v):
     return np.int64(-1)
 
 
-@kernel(inline="always")
+@kernel(inline="always", allocates=False)
 def stay_of(traffic, robot):
     """Step from which on a robot stays where it is as one entry; that of the window's end where cells have to be entered one by one."""
     return traffic.end[robot] if len(traffic.on.since) > 0 else np.int64(traffic.window)
@@ -338,7 +338,7 @@ def remove_path(traffic, robot):
         before = v
 
 
-@kernel(inline="always")
+@kernel(inline="always", allocates=False)
 def _set_free(traffic, v, t):
     """Nobody holds v any more at t."""
     if len(traffic.num_near) == 1 or traffic.num_near[v, t] == 0:
