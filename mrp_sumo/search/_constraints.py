@@ -40,6 +40,7 @@ class ConstraintScratch(NamedTuple):
     mark: np.ndarray  # [V] int64, stamps of level sets
     queue: np.ndarray  # [V] int64
     reach: np.ndarray  # [V] int32, distance table of a corridor's end
+    reach_read: np.ndarray  # the same read-only, as are tables of distances: the search is compiled once for both
     level: np.ndarray  # [M] int64 levels being built
     member: np.ndarray  # [Q] int32
     number: np.ndarray  # [4] int64

@@ -400,7 +400,7 @@ def _steps_without(instance, scratch, end, banned):
 def _arrival(instance, scratch, start, end, banned):
     """The earliest step at the place of spot `end` under the loaded constraints, FOREVER if never; a lower bound when it takes too long."""
     _steps_without(instance, scratch, end, banned)
-    code, cost, _ = earliest_arrival(instance, scratch, start, scratch.reach, False, banned, CORRIDOR_BUDGET)
+    code, cost, _ = earliest_arrival(instance, scratch, start, scratch.reach_read, False, banned, CORRIDOR_BUDGET)
     return np.int64(FOREVER) if code == NO_PATH else np.int64(cost)
 
 

@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 
+from mrp_sumo.core.graph import frozen
 from mrp_sumo.search._constraints import EXPANSIONS, RULE, SEARCH_STATE, ConstraintScratch
 from mrp_sumo.search._occupancy import WORD, Occupancy, empty_occupancy
 from mrp_sumo.search._records import CONSTRAINT, RECORD, VISIT, Store
@@ -78,6 +79,7 @@ class Buffers:
     def _make_scratch(self) -> None:
         num_vertices, num_spots, horizon = self._num_vertices, self._num_spots, self._horizon
         self._number[:] = [0, self._number[EXPANSIONS], 0, 0]
+        reach = np.zeros(num_vertices, np.int32)
         self.scratch = ConstraintScratch(
             np.zeros(num_spots, np.int32),
             np.zeros(num_spots, np.int32),
@@ -89,7 +91,8 @@ class Buffers:
             np.empty(horizon + 1, np.int32),
             np.zeros(num_vertices, np.int64),
             np.zeros(num_vertices, np.int64),
-            np.zeros(num_vertices, np.int32),
+            reach,
+            frozen(reach.view()),
             np.zeros(4 * horizon, np.int64),
             np.empty(self._members, np.int32),
             self._number,
