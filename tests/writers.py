@@ -14,15 +14,22 @@ NAMES = {  # of records, as variables, parameters and attributes have them; also
     "state": "State",
     "motion": "Motion",
     "grants": "Grants",
+    "holds": "Holds",
+    "claims": "Claims",
     "waits": "Waits",
     "yielding": "Yielding",
     "conditions": "Conditions",
     "margin": "Margin",
     "facilities": "Facilities",
-    "wish": "RideRequests",
+    "lifts": "Lifts",
+    "doors": "Doors",
     "people": "PeopleState",
     "seen": "PeopleState",
+    "machines": "Machines",
+    "among_people": "AmongPeople",
+    "floor_lanes": "FloorLanes",
     "log": "Log",
+    "entries": "Entries",
 }
 METHODS = {"fill", "sort", "partition", "put", "resize", "itemset", "byteswap", "setfield"}  # of arrays, which write
 FIRST = {

@@ -41,9 +41,9 @@ def advance(look, now, s_m, routed, scene):
         observe(now, s_m, scene)
         if len(margin.steps) > 0:
             look_late(s_m, visits, margin)
-            release(margin.left_m, visits, needs, grants)
+            release(margin.left_m, visits, needs, grants, state.holds)
         else:
-            release(s_m, visits, needs, grants)
+            release(s_m, visits, needs, grants, state.holds)
         if people.any:
             book_lost(dt, people)
     if facilities.any:

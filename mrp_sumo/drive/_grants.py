@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from mrp_sumo.core.visits import Visits
 from mrp_sumo.drive._causes import DISTURBED, FACILITY, FINISHED, FREE, LETTING_PASS, MARGIN_M, ONCOMING, OTHER, PLANNED, TURNING
 from mrp_sumo.drive._people import heed
-from mrp_sumo.drive.state import Grants
+from mrp_sumo.drive.state import Grants, Holds, State
 from mrp_sumo.search._bodies import TIE_M
 from mrp_sumo.search._kernel import kernel
 from mrp_sumo.search._motion import stop_speed
@@ -41,7 +41,8 @@ def grant_visits(r, now, ordered, kinematics, rules, visits, needs, state, close
     grants, motion, yielding = state.grants, state.motion, state.yielding
     top, decel, reach = kinematics.speed_mps[r], kinematics.decel_mps2[r], kinematics.reach_m[r]
     rank, lanes, s_m = visits.rank, visits.lane, motion.s_m
-    cause, other, asked, on_lane, claims = grants.cause, grants.other, grants.asked_s, grants.on_lane, grants.claims
+    cause, other, asked, on_lane = grants.cause, grants.other, grants.asked_s, grants.on_lane
+    holds, count, claimer = state.holds, state.claims.number, state.claims.claimer
     cause[r] = FREE
     other[r] = -1
     while True:
@@ -77,12 +78,12 @@ def grant_visits(r, now, ordered, kinematics, rules, visits, needs, state, close
             cause[r] = DISTURBED
             break
         back = visits.reverse[lane]
-        if not on_lane[r] and back >= 0 and claims[back] > 0:
+        if not on_lane[r] and back >= 0 and count[back] > 0:
             cause[r] = ONCOMING
-            other[r] = grants.claimer[back]
+            other[r] = claimer[back]
             asked[r] = min(asked[r], now)
             break
-        missing = who_is_before(r, k, ordered, needs, grants)
+        missing = who_is_before(r, k, ordered, needs, holds)
         if shut[lane] and not on_lane[r]:
             waits_for = missing >= 0 and missing != r
             cause[r] = OTHER if waits_for else FACILITY
@@ -95,19 +96,19 @@ def grant_visits(r, now, ordered, kinematics, rules, visits, needs, state, close
             other[r] = -1 if own else missing
             if not on_lane[r] and visits.short_of_m[k] < np.inf:
                 on_lane[r] = True
-                grants.ahead[r] = grants.claimer[lane] if claims[lane] > 0 else -1
+                grants.ahead[r] = claimer[lane] if count[lane] > 0 else -1
                 grants.allowed_m[r] = max(grants.allowed_m[r], room_on_lane(r, k, kinematics, visits, grants, s_m))
-                claims[lane] += 1
-                grants.claimer[lane] = r
+                count[lane] += 1
+                claimer[lane] = r
             asked[r] = min(asked[r], now)
             break
         for e in range(needs.first[k], needs.first[k + 1]):
             q = needs.resource[e]
-            grants.holder[q] = r
-            grants.held[q] += 1
+            holds.holder[q] = r
+            holds.held[q] += 1
         if not on_lane[r]:
-            claims[lane] += 1
-            grants.claimer[lane] = r
+            count[lane] += 1
+            claimer[lane] = r
         on_lane[r] = False
         asked[r] = np.inf
         visits.granted[r] = k
@@ -144,15 +145,15 @@ def queue_up(grants):
 
 
 @kernel(inline="always", allocates=False)
-def who_is_before(robot, visit, ordered, needs, grants):
+def who_is_before(robot, visit, ordered, needs, holds):
     """The robot that holds what a visit needs, or is to pass there first; -1: none."""
     missing = -1
     for e in range(needs.first[visit], needs.first[visit + 1]):
         q = needs.resource[e]
-        if ordered and grants.turn[q] != needs.passage[e]:
-            missing = needs.passing[grants.turn[q]]
-        elif grants.holder[q] >= 0 and grants.holder[q] != robot:
-            missing = grants.holder[q]
+        if ordered and holds.turn[q] != needs.passage[e]:
+            missing = needs.passing[holds.turn[q]]
+        elif holds.holder[q] >= 0 and holds.holder[q] != robot:
+            missing = holds.holder[q]
         if missing >= 0:
             break
     return missing
@@ -189,16 +190,16 @@ def command(now, scene):
 
 
 @kernel(inline="always", allocates=False)
-def leave_lane(robot, visit, visits, grants):
+def leave_lane(robot, visit, visits, grants, claims):
     """A robot has come to a visit: it is on the lane to there no more."""
-    grants.claims[visits.lane[visit]] -= 1
+    claims.number[visits.lane[visit]] -= 1
     if grants.turned_back[robot]:
-        grants.claims[visits.reverse[visits.lane[visit]]] -= 1
+        claims.number[visits.reverse[visits.lane[visit]]] -= 1
         grants.turned_back[robot] = False
 
 
 @kernel(allocates=False)
-def release(s_m, visits, needs, grants):
+def release(s_m, visits, needs, grants, holds):
     """Free what robots have left; the turn at a resource passes on when a passage ends."""
     rank, oldest = visits.rank, grants.oldest
     for r in range(len(s_m)):
@@ -214,39 +215,40 @@ def release(s_m, visits, needs, grants):
                     continue
                 q = needs.resource[e]
                 needs.freed[e] = True
-                grants.held[q] -= 1
-                if grants.held[q] == 0:
-                    grants.holder[q] = -1
+                holds.held[q] -= 1
+                if holds.held[q] == 0:
+                    holds.holder[q] = -1
                 if needs.closes[e]:
-                    grants.turn[q] += 1
+                    holds.turn[q] += 1
             k = visits.next[k]
             if all_freed and k >= 0:
                 oldest[r] = k
 
 
-def hold(grants: Grants, robot: int, resource: NDArray[np.int64]) -> None:
+def hold(holds: Holds, robot: int, resource: NDArray[np.int64]) -> None:
     """A robot holds these resources, once more."""
-    grants.holder[resource] = robot
-    grants.held[resource] += 1
+    holds.holder[resource] = robot
+    holds.held[resource] += 1
 
 
-def give_back(grants: Grants, visits: Visits, robot: int, last: int, resource: NDArray[np.int64], lane: NDArray[np.int64]) -> None:
+def give_back(state: State, visits: Visits, robot: int, last: int, resource: NDArray[np.int64], lane: NDArray[np.int64]) -> None:
     """A robot drives no farther than to a visit: it holds these resources, and claims these lanes, once less."""
-    np.subtract.at(grants.held, resource, 1)
-    np.subtract.at(grants.claims, lane, 1)
-    grants.holder[resource[grants.held[resource] == 0]] = -1
+    grants, holds = state.grants, state.holds
+    np.subtract.at(holds.held, resource, 1)
+    np.subtract.at(state.claims.number, lane, 1)
+    holds.holder[resource[holds.held[resource] == 0]] = -1
     visits.granted[robot], grants.on_lane[robot], grants.allowed_m[robot] = last, False, visits.at_m[last]
 
 
-def turn_back(grants: Grants, robot: int, at_m: float, lane: int, behind: NDArray[np.int64]) -> None:
+def turn_back(state: State, robot: int, at_m: float, lane: int, behind: NDArray[np.int64]) -> None:
     """A robot turns round on its lane: nobody is to come to the vertex behind it, which needs the resources `behind`, nor on either side
     of the lane.
     """
-    grants.turned_back[robot] = True
-    grants.allowed_m[robot] = at_m
-    grants.claims[lane] += 1
-    grants.claimer[lane] = robot
-    grants.holder[behind] = robot
+    state.grants.turned_back[robot] = True
+    state.grants.allowed_m[robot] = at_m
+    state.claims.number[lane] += 1
+    state.claims.claimer[lane] = robot
+    state.holds.holder[behind] = robot
 
 
 def ask_anew(grants: Grants, robot: int, visit: int) -> None:
@@ -259,9 +261,9 @@ def may_hold_from(grants: Grants, robot: int, visit: int) -> None:
     grants.oldest[robot] = visit
 
 
-def take_turns(grants: Grants, turn: NDArray[np.int64] | int) -> None:
+def take_turns(holds: Holds, turn: NDArray[np.int64] | int) -> None:
     """[Q] The passages whose turn it is are others."""
-    grants.turn[:] = turn
+    holds.turn[:] = turn
 
 
 def send_again(grants: Grants) -> None:

@@ -155,7 +155,7 @@ def arrive(now, s_m, dt, visits, state, log):
         while k >= 0 and s_m[r] >= visits.at_m[k] - ARRIVED_M - TIE_M:
             late = (s_m[r] - visits.at_m[k] + ARRIVED_M) / moved * dt if moved > 0.0 else 0.0
             visits.arrived_s[k] = now - min(max(late, 0.0), dt)
-            leave_lane(r, k, visits, grants)
+            leave_lane(r, k, visits, grants, state.claims)
             visits.reached[r] = k
             k = visits.next[k]
         if goal[r] != goal[r] and home[r] and k < 0 and is_turned(motion.yaw_rad[r], facing[r]):
@@ -172,10 +172,10 @@ def is_turned(yaw, facing):
 @kernel(allocates=False)
 def note(log, kind, robot, why, span_s):
     """Add an entry to the log: why is cause, visit and other robot, and the span when it began and ended."""
-    k = log.num_entries[0]
-    log.kind[k], log.robot[k] = kind, robot
-    log.cause[k], log.visit[k], log.other[k] = why
-    log.begin_s[k], log.end_s[k] = span_s
+    k, entries = log.num_entries[0], log.entries
+    entries.kind[k], entries.robot[k] = kind, robot
+    entries.cause[k], entries.visit[k], entries.other[k] = why
+    entries.begin_s[k], entries.end_s[k] = span_s
     log.num_entries[0] = k + 1
 
 

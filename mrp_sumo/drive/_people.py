@@ -18,15 +18,17 @@ EDGE_M = 2.0 / GRAINS  # so near the end of a field is outside
 @kernel(allocates=False)
 def book_lost(dt, people):
     """Time that the step that has ended cost robots because of people."""
-    for r in range(len(people.lost_s)):
-        people.lost_s[r] += dt * people.lost_share[r]
+    robots = people.robots
+    for r in range(len(robots.lost_s)):
+        robots.lost_s[r] += dt * robots.lost_share[r]
 
 
 @kernel(inline="always", allocates=False)
 def heed(r, wanted, now, dt, kinematics, visits, motion, facing_rad, people):
     """The speed for the next step, at most `wanted`, that people and lanes leave a robot."""
-    halted, since, free_since, share = people.halted, people.since_s, people.free_since_s, people.lost_share
-    v = min(wanted, people.cap_mps[r])
+    halted, robots = people.halted, people.robots
+    since, free_since, share = robots.since_s, robots.free_since_s, robots.lost_share
+    v = min(wanted, robots.cap_mps[r])
     turns = v == 0.0 and abs(off_heading(heading_ahead(r, visits, facing_rad), motion.yaw_rad[r])) > STRAIGHT_RAD
     speed_mps = in_grains(motion.speed_mps[r])
     share[r] = 0.0
@@ -48,7 +50,7 @@ def heed(r, wanted, now, dt, kinematics, visits, motion, facing_rad, people):
             halted[r] = not (is_free and now - free_since[r] >= people.restart_s - 1e-9)
         elif not is_free:
             halted[r], since[r], free_since[r] = True, now, np.inf
-            people.in_motion[r] = turns or speed_mps > 0.0
+            robots.in_motion[r] = turns or speed_mps > 0.0
         slowed = max(speed_within(room - people.extra_m, people.reaction_s + dt, decel), slowest)
         v = 0.0 if halted[r] else min(v, slowed)
     elif halted[r]:
@@ -96,17 +98,17 @@ def room_ahead(r, most, visits, motion, people):
     k = visits.next[visits.reached[r]]
     if k < 0:
         return np.inf
-    lane = visits.lane[k]
-    if people.is_ride[lane]:
+    lane, lanes, robots = visits.lane[k], people.lanes, people.robots
+    if lanes.is_ride[lane]:
         return np.inf
     before = visits.at_m[k] - in_grains(motion.s_m[r])
-    x, y = people.head_x[lane] - before * people.along_x[lane], people.head_y[lane] - before * people.along_y[lane]
-    size = np.hypot(people.along_x[lane], people.along_y[lane])
-    ux, uy = people.along_x[lane] / size, people.along_y[lane] / size
-    if not np.isnan(people.body_yaw[r]):
-        x, y, sign = people.body_x[r], people.body_y[r], 1.0 - 2.0 * visits.gear[k]
-        ux, uy = sign * np.cos(people.body_yaw[r]), sign * np.sin(people.body_yaw[r])
-    front, half = people.half_length_m[r], people.half_width_m[r] + people.side_m
+    x, y = lanes.head_x[lane] - before * lanes.along_x[lane], lanes.head_y[lane] - before * lanes.along_y[lane]
+    size = np.hypot(lanes.along_x[lane], lanes.along_y[lane])
+    ux, uy = lanes.along_x[lane] / size, lanes.along_y[lane] / size
+    if not np.isnan(robots.body_yaw[r]):
+        x, y, sign = robots.body_x[r], robots.body_y[r], 1.0 - 2.0 * visits.gear[k]
+        ux, uy = sign * np.cos(robots.body_yaw[r]), sign * np.sin(robots.body_yaw[r])
+    front, half = robots.half_length_m[r], robots.half_width_m[r] + people.side_m
     body = people.body_m
     end, best = front + most, np.inf
     x0, y0, x1, y1 = x + front * ux, y + front * uy, x + end * ux, y + end * uy
@@ -131,9 +133,10 @@ def room_ahead(r, most, visits, motion, people):
 def is_clear_around(r, visits, motion, people):
     """True if nobody is where a robot that turns in place could touch them."""
     x, y = place_of(in_grains(motion.s_m[r]), visits.reached[r], visits, people)
-    if not np.isnan(people.body_yaw[r]):
-        x, y = people.body_x[r], people.body_y[r]
-    most = np.hypot(people.half_length_m[r], people.half_width_m[r]) + people.side_m + people.body_m
+    robots = people.robots
+    if not np.isnan(robots.body_yaw[r]):
+        x, y = robots.body_x[r], robots.body_y[r]
+    most = np.hypot(robots.half_length_m[r], robots.half_width_m[r]) + people.side_m + people.body_m
     for row in range(bin_row(y - most, people), bin_row(y + most, people) + 1):
         begin = people.first[row * people.columns + bin_column(x - most, people)]
         last = people.first[row * people.columns + bin_column(x + most, people) + 1]
@@ -163,12 +166,10 @@ def place_of(s, reached, visits, people):
     k = following[reached]
     while k >= 0 and s > at_m[k] and following[k] >= 0:
         reached, k = k, following[k]
-    if k < 0:
-        return people.vertex_x[vertex[reached]], people.vertex_y[vertex[reached]]
-    if s <= at_m[reached]:  # it has not set out
-        return people.vertex_x[vertex[reached]], people.vertex_y[vertex[reached]]
-    before, on = at_m[k] - s, lane[k]
-    return people.head_x[on] - before * people.along_x[on], people.head_y[on] - before * people.along_y[on]
+    if k < 0 or s <= at_m[reached]:  # it is at its end, or has not set out
+        return people.vertex_xy[vertex[reached], 0], people.vertex_xy[vertex[reached], 1]
+    before, on, lanes = at_m[k] - s, lane[k], people.lanes
+    return lanes.head_x[on] - before * lanes.along_x[on], lanes.head_y[on] - before * lanes.along_y[on]
 
 
 @kernel(inline="always", allocates=False)
@@ -178,29 +179,31 @@ def in_grains(where):
 
 
 @kernel(allocates=False)
-def see_robots(dt, driven_m, visits, motion, people, towed_by, bodies):
-    """Places in which people see robots that have driven `driven_m` [R]: those when the step is over. Headings of robots that turn in
-    place are one step old. Behind them come trailers, towed by robots [N], with their `bodies` [N, 3] as x, y, yaw.
+def see_robots(dt, driven_m, visits, motion, people, machines, towed_by, bodies):
+    """Places in which people see robots, as `machines`, that have driven `driven_m` [R]: those when the step is over. Headings of robots
+    that turn in place are one step old. Behind them come trailers, towed by robots [N], with their `bodies` [N, 3] as x, y, yaw.
     """
-    following, at_m, lane = visits.next, visits.at_m, visits.lane
+    following, at_m, lane, robots, lanes = visits.next, visits.at_m, visits.lane, people.robots, people.lanes
+    x, y, yaw, along_mps = machines.x_m, machines.y_m, machines.yaw_rad, machines.along_mps
     for r in range(len(driven_m)):
         reached, s, was = visits.reached[r], in_grains(driven_m[r]), in_grains(motion.s_m[r])
-        people.robot_x[r], people.robot_y[r] = place_of(s, reached, visits, people)
-        people.robot_yaw[r] = motion.yaw_rad[r]
-        if not np.isnan(people.body_yaw[r]):
-            people.robot_x[r], people.robot_y[r], people.robot_yaw[r] = people.body_x[r], people.body_y[r], people.body_yaw[r]
+        x[r], y[r] = place_of(s, reached, visits, people)
+        yaw[r] = motion.yaw_rad[r]
+        is_vehicle = not np.isnan(robots.body_yaw[r])
+        if is_vehicle:
+            x[r], y[r], yaw[r] = robots.body_x[r], robots.body_y[r], robots.body_yaw[r]
         along = (s - was) / dt
         k = following[reached]
         if k >= 0:
             on = lane[k]
-            if people.is_ride[on] and s > at_m[reached] + 1e-6:
-                people.robot_x[r] = np.nan
-            faces = np.cos(motion.yaw_rad[r]) * people.along_x[on] + np.sin(motion.yaw_rad[r]) * people.along_y[on]
+            if lanes.is_ride[on] and s > at_m[reached] + 1e-6:
+                x[r] = np.nan
+            faces = np.cos(motion.yaw_rad[r]) * lanes.along_x[on] + np.sin(motion.yaw_rad[r]) * lanes.along_y[on]
             along = along if faces >= 0.0 else -along
-            if not np.isnan(people.body_yaw[r]):
+            if is_vehicle:
                 along = (s - was) / dt * (1.0 - 2.0 * visits.gear[k])
-        people.robot_along[r] = along
+        along_mps[r] = along
     for k in range(len(towed_by)):
         r, t = towed_by[k], len(driven_m) + k
-        people.robot_x[t] = np.nan if np.isnan(people.robot_x[r]) else bodies[k, 0]  # in a lift with its vehicle
-        people.robot_y[t], people.robot_yaw[t], people.robot_along[t] = bodies[k, 1], bodies[k, 2], people.robot_along[r]
+        x[t] = np.nan if np.isnan(x[r]) else bodies[k, 0]  # in a lift with its vehicle
+        y[t], yaw[t], along_mps[t] = bodies[k, 1], bodies[k, 2], along_mps[r]

@@ -12,7 +12,7 @@ from mrp_sumo.drive import _causes, _cycle, _grants
 from mrp_sumo.drive.ledger import Ledger
 from mrp_sumo.drive.policy import Policy
 from mrp_sumo.drive.settings import ExecutionSettings
-from mrp_sumo.drive.state import Conditions, Kinematics, Rules, StepArrays, Tape, empty_log, empty_news
+from mrp_sumo.drive.state import Conditions, Kinematics, Rules, StepArrays, Tape, empty_log, empty_news, for_kernels, packed
 from mrp_sumo.engines.kinematic.engine import KinematicEngine
 from mrp_sumo.engines.protocol import Bodies, Engine
 from mrp_sumo.search.entries import Entries, enter, entries_of
@@ -48,13 +48,11 @@ class Controller:
         """`paced` says whether robots that are early may be slowed down where the policy asks for it, `books`, whether somebody wants to
         know what their time is spent on.
         """
-        fleet, dt = ledger.problem.fleet, settings.step_length_s
-        self.ledger = ledger
-        self.kinematics = _kinematics(fleet, dt)
+        self.ledger, self._settings, self._paced, self._books = ledger, settings, paced, books
+        self.load(ledger.problem.fleet)
         self._cell_m = ledger.graph.cell_m - A_CELL_LESS_M
-        self._settings, self._paced, self._books = settings, paced, books
         self.follow(policy)
-        self._log, self._news = empty_log(ledger.num_robots), empty_news(ledger.num_robots)
+        self._log, self._news = for_kernels(empty_log(ledger.num_robots)), empty_news(ledger.num_robots)
         self._num_changed = self._num_due = 0
         self._visits: Visits | None = None  # for whose types `_entries` are
         self._entries: Entries = {}
@@ -83,6 +81,7 @@ class Controller:
     def load(self, fleet: Fleet) -> None:
         """Robots have other limits from now on; those that change stand."""
         self.kinematics = _kinematics(fleet, self._settings.step_length_s)
+        self._limits = for_kernels(self.kinematics)
 
     def advance(self, now_s: float, bodies: Bodies, conditions: Conditions, *, observe: bool) -> list[Event]:
         """Observe the step that ended now (not before the first one), grant, and set speeds. Returns what happened."""
@@ -104,13 +103,14 @@ class Controller:
 
     def _scene(self, conditions: Conditions) -> StepArrays:
         ledger = self.ledger
-        return StepArrays(self.kinematics, self.rules, ledger.visits, ledger.needs, ledger.state, conditions, self._log, self._news)
+        state, log = ledger.state_records, self._log
+        return StepArrays(self._limits, self.rules, ledger.visits, ledger.needs, state, conditions, log, self._news)
 
     def _call(self, kernel: Callable[..., Any], *arguments: Any) -> tuple[int, ...]:
         """Call a kernel with the ledger's arrays, whose types are looked at when these are new ones."""
         ledger = self.ledger
         if self._visits is not ledger.visits:
-            self._entries = entries_of((*self.rules, *self.kinematics, *ledger.visits, *ledger.needs))
+            self._entries = entries_of((*self.rules, *ledger.visits, *ledger.needs))
             self._visits = ledger.visits
         entered: tuple[int, ...] = enter(self._entries, kernel, *arguments)
         return entered
@@ -157,8 +157,7 @@ class Controller:
         return self._event(LogRow(kind, robot, *because, begin_s, end_s))
 
     def _events(self, num_logged: int) -> list[Event]:
-        columns = (column[:num_logged].tolist() for column in self._log[1:])
-        return [self._event(LogRow(*entry)) for entry in zip(*columns)]
+        return [self._event(LogRow(*entry)) for entry in self._log.entries[:num_logged].tolist()]
 
     def _event(self, logged: LogRow) -> Event:
         kind, robot, cause, visit, other, *times_s = logged
@@ -181,7 +180,7 @@ class Controller:
 
 
 def _kinematics(fleet: Fleet, step_s: float) -> Kinematics:
-    return Kinematics(
+    limits = Kinematics(
         speed_mps=fleet.max_speed_mps,
         decel_mps2=fleet.decel_mps2,
         turn_rate_rad_s=fleet.turn_rate_rad_s,
@@ -190,3 +189,4 @@ def _kinematics(fleet: Fleet, step_s: float) -> Kinematics:
         behind_m=fleet.behind_m,
         gap_m=fleet.gap_m,
     )
+    return packed(limits)

@@ -39,7 +39,7 @@ class DriveCycle:
 
     def look(self) -> list[Event]:
         """Bring the world up to now, observe the step that has ended, and grant what robots may enter. Returns what happened."""
-        events = self.world.update(self.now_s, self.ledger.state.grants)
+        events = self.world.update(self.now_s, self.ledger.state)
         if self._seen is None:
             events += self.controller.advance(self.now_s, self.bodies, self.world.conditions, observe=self.step > 0)
         else:

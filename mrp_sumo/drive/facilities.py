@@ -9,7 +9,7 @@ from mrp_sumo.core.facilities import FacilityLog, door_names, lift_names
 from mrp_sumo.core.graph import FloatArray, IntArray, NavGraph, frozen
 from mrp_sumo.drive import _facilities
 from mrp_sumo.drive.listeners import Listener, Moment
-from mrp_sumo.drive.state import Facilities, RideRequests
+from mrp_sumo.drive.state import Doors, Facilities, Lifts, packed
 from mrp_sumo.traffic.resources import Resources, cabin_group
 
 DOORS_MOVE, OPEN = 1, 2  # of `core.facilities.LIFT_DOORS`
@@ -44,51 +44,63 @@ def facilities_of(graph: NavGraph, resources: Resources, *, people_open: bool = 
     call_s = reach.max(axis=(1, 2), initial=0.0)
     group = {name: len(resources.zone) + graph.num_vertices + g for g, name in enumerate(resources.group_name)}
     through = np.flatnonzero(lane_door >= 0)
+
+    def index(value: int, count: int) -> IntArray:
+        return np.full(count, value, np.int64)
+
+    num_lifts, num_doors = len(lifts), len(doors)
     return Facilities(
         any=bool(lifts or doors),
+        lifts=packed(
+            Lifts(
+                resource=np.array([group[cabin_group(name)] for name in lifts], np.int64),
+                call_s=call_s,
+                recall=car,
+                mode=index(_facilities.CLOSED, num_lifts),
+                car=car,
+                target=car,
+                until_s=np.zeros(num_lifts),
+                session=index(_facilities.NOBODY, num_lifts),
+                caller=index(_facilities.NOBODY, num_lifts),
+                visit=index(-1, num_lifts),
+                since_s=np.zeros(num_lifts),
+                service=index(_facilities.IN_SERVICE, num_lifts),
+                ride_since_s=np.full(num_lifts, np.inf),
+                ride_begin=index(0, num_lifts),
+                ride_end=index(0, num_lifts),
+                ride_hold_s=np.zeros(num_lifts),
+                ride_stage=index(0, num_lifts),
+            )
+        ),
+        doors=packed(
+            Doors(
+                move_s=door_s,
+                manual=manual,
+                mode=index(_facilities.SHUT, num_doors),
+                until_s=np.zeros(num_doors),
+                asked=np.zeros(num_doors, np.bool_),
+                soon=np.zeros(num_doors, np.bool_),
+                robot=index(_facilities.NOBODY, num_doors),
+                service=index(_facilities.IN_SERVICE, num_doors),
+                held_until_s=np.zeros(num_doors),
+            )
+        ),
         shut=np.zeros(graph.num_lanes, np.bool_),
         level=np.array(graph.level),
-        resource=np.array([group[cabin_group(name)] for name in lifts], np.int64),
         vertex_lift=vertex_lift,
+        vertex_door=vertex_door,
         lane_lift=lane_lift,
+        lane_door=lane_door,
         gate_lane=gates,
         gate_lift=lane_lift[gates],
         gate_level=np.array(graph.level[head[gates]]),
+        through=through,
+        through_door=lane_door[through],
         ride_s=ride_s,
         close_s=close_s,
         open_s=open_s,
-        call_s=call_s,
-        mode=np.full(len(lifts), _facilities.CLOSED),
-        car=car,
-        target=car.copy(),
-        until_s=np.zeros(len(lifts)),
-        session=np.full(len(lifts), _facilities.NOBODY),
-        caller=np.full(len(lifts), _facilities.NOBODY),
-        calls=np.full(len(lifts), -1),
-        since_s=np.zeros(len(lifts)),
-        service=np.full(len(lifts), _facilities.IN_SERVICE),
-        recall=car.copy(),
-        wish=_nobody(len(lifts)),
-        lane_door=lane_door,
-        vertex_door=vertex_door,
-        through=through,
-        through_door=lane_door[through],
-        door_s=door_s,
-        door_mode=np.full(len(doors), _facilities.SHUT),
-        door_until_s=np.zeros(len(doors)),
-        asked=np.zeros(len(doors), np.bool_),
-        soon=np.zeros(len(doors), np.bool_),
-        door_robot=np.full(len(doors), _facilities.NOBODY),
-        door_service=np.full(len(doors), _facilities.IN_SERVICE),
-        manual=manual,
-        held_until_s=np.zeros(len(doors)),
         longest_s=float(max(call_s.max(initial=0.0), 2 * door_s.max(initial=0.0))),
     )
-
-
-def _nobody(num_lifts: int) -> RideRequests:
-    begin, end, stage = (np.zeros(num_lifts, np.int64) for _ in range(3))
-    return RideRequests(np.full(num_lifts, np.inf), begin, end, np.zeros(num_lifts), stage)
 
 
 def _numbered(names: list[str | None], known: list[str], count: int) -> IntArray:
@@ -127,10 +139,10 @@ class FacilityRecorder(Listener):
         self._doors: list[tuple[float, ...]] = []
         self._lift_was = np.full((len(self._names[0]), 7), UNKNOWN)
         self._door_was = np.full((len(self._names[1]), 2), UNKNOWN)
-        self._from = facilities.car.copy()  # levels where rides begin
+        self._from = facilities.lifts.car.copy()  # levels where rides begin
 
     def hear(self, snapshot: Moment) -> None:
-        now = self._facilities
+        now, gate = self._facilities.lifts, self._facilities.doors
         target = np.where(now.mode == _facilities.COMING, now.target, now.car)
         doors, motion = np.where(now.mode == _facilities.CLOSED, 0, OPEN), np.zeros(len(target), np.int64)
         for f in np.flatnonzero((now.mode == _facilities.COMING) | (now.mode == _facilities.TAKEN)).tolist():
@@ -146,7 +158,7 @@ class FacilityRecorder(Listener):
         runs_for = np.where(now.session == _facilities.PEOPLE, HUMAN, AGV)
         runs_for = np.where(now.service == _facilities.IN_SERVICE, runs_for, np.where(now.service == _facilities.FIRE, FIRE, OFFLINE))
         lift = np.stack([now.mode, now.car, target, now.session, doors, motion, runs_for], 1)
-        door = np.stack([now.door_mode, np.where(now.door_mode == _facilities.SHUT, _facilities.NOBODY, now.door_robot)], 1)
+        door = np.stack([gate.mode, np.where(gate.mode == _facilities.SHUT, _facilities.NOBODY, gate.robot)], 1)
         for f in np.flatnonzero((lift != self._lift_was).any(1)).tolist():
             self._lifts.append((snapshot.now_s, f, *lift[f].tolist()))
         for d in np.flatnonzero((door != self._door_was).any(1)).tolist():
@@ -155,7 +167,7 @@ class FacilityRecorder(Listener):
 
     def _ride(self, f: int, snapshot: Moment) -> tuple[float, int]:
         """How long the ride of who is in a lift still lasts, 0 before and after it, and to which level it leads."""
-        now, ledger = self._facilities, snapshot.ledger
+        now, ledger = self._facilities.lifts, snapshot.ledger
         visits, graph, robot = ledger.visits, ledger.graph, int(now.session[f])
         s_m, k, left_s, level = float(ledger.state.motion.s_m[robot]), int(visits.next[visits.reached[robot]]), 0.0, int(now.car[f])
         begun = graph.is_ride[visits.lane[visits.reached[robot]]] or (k >= 0 and s_m > visits.from_m[k] + AT_STOP_M)

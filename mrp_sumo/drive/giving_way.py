@@ -82,7 +82,7 @@ def _behind(state: State, ring: Sequence[int]) -> list[int]:
 def _place(context: Surroundings, robot: int, others: tuple[int, ...]) -> tuple[float, list[int]] | None:
     """The nearest place in nobody's way: metres, and the vertices from where the robot stands to it."""
     graph, grants, visits, granted = context.graph, context.state.grants, context.ledger.visits, context.granted(robot)
-    avoid, goals = np.zeros(len(grants.holder), np.bool_), np.zeros(len(grants.holder), np.bool_)
+    avoid, goals = np.zeros(len(context.state.holds.holder), np.bool_), np.zeros(len(context.state.holds.holder), np.bool_)
     for other in others:
         avoid[context.still_needed(other)] = True
         goals[context.of_vertex(other, int(visits.vertex[visits.last[other]]))] = True
@@ -107,7 +107,7 @@ def _place(context: Surroundings, robot: int, others: tuple[int, ...]) -> tuple[
             return cost, out[::-1]
         for lane in range(int(graph.first[vertex]), int(graph.first[vertex + 1])):
             head, back = int(graph.head[lane]), int(graph.reverse[lane])
-            usable = head not in came and back >= 0 and not barred[lane] and not grants.claims[back]
+            usable = head not in came and back >= 0 and not barred[lane] and not context.state.claims.number[back]
             if usable and context.free_for(robot, context.of_lane(robot, lane)):
                 heapq.heappush(heap, (cost + float(graph.length_m[lane]), head, vertex))
     return None

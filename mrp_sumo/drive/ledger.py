@@ -26,7 +26,7 @@ from mrp_sumo.drive.live_plan import LivePlan, in_grains
 from mrp_sumo.drive.motion_plan import Departure, MotionPlan, motion_plan
 from mrp_sumo.drive.policy import DecidingPolicy, Policy
 from mrp_sumo.drive.reroute import Replan, Reroute
-from mrp_sumo.drive.state import NEVER, Kinematics, VisitNeeds, state_at_rest
+from mrp_sumo.drive.state import NEVER, Kinematics, VisitNeeds, for_kernels, state_at_rest
 from mrp_sumo.errors import PlanError
 from mrp_sumo.search._bodies import TIE_M
 from mrp_sumo.traffic.moves import ANYWHERE, BOUND, STANDING, UNDER_WAY, standing_at_starts
@@ -78,7 +78,8 @@ class Entry:
 class Ledger:
     """Visits that R robots have been given to make, and the state they are in.
 
-    `visits`, `needs` and `state` are what kernels see; the arrays of visits and needs may be longer than there are visits.
+    Kernels see `visits`, `needs` and `state_records`, which are `state` by records. The arrays of visits and needs may be longer than
+    there are visits.
     """
 
     def __init__(self, problem: Problem, resources: Resources) -> None:
@@ -113,9 +114,10 @@ class Ledger:
         )
         self._write(laid_out, np.ones(num_robots, np.bool_))
         self.state = state_at_rest(num_robots, laid_out.needs.num_resources, graph.num_lanes, start)
+        self.state_records = for_kernels(self.state)
         _observe.begin(self.visits, self.state.motion, problem.heading_at_start)
         for r in range(num_robots):
-            _grants.hold(self.state.grants, r, self._resources_of(r))
+            _grants.hold(self.state.holds, r, self._resources_of(r))
 
     @property
     def graph(self) -> PlanGraph:
@@ -260,7 +262,7 @@ class Ledger:
             needs = self._needs_of(beyond)[1]
             entered = visits.next[[granted]] if grants.on_lane[r] else beyond[:0]
             lanes = visits.lane[np.append(beyond, entered)]
-            _grants.give_back(grants, visits, r, last, self.needs.resource[needs[~self.needs.freed[needs]]], lanes)
+            _grants.give_back(self.state, visits, r, last, self.needs.resource[needs[~self.needs.freed[needs]]], lanes)
             self.state.yielding.pause[r] = visits.rank[last]
 
     def lift(self) -> None:
@@ -276,7 +278,7 @@ class Ledger:
         cut = visits.granted.copy()
         top, pause = kinematics.speed_mps, self.state.yielding.pause
         to_m = self.state.motion.s_m + top * lead_s + top**2 / (2 * kinematics.decel_mps2) + kinematics.reach_m
-        needs, turn = self.needs, grants.turn
+        needs, turn = self.needs, self.state.holds.turn
         left = self._left_ranks()
         growing = [r for r in range(self.num_robots) if not stays[r]]
         grown = True
@@ -553,7 +555,7 @@ class Ledger:
     def _plan_needs(self, ids: IntArray) -> Needs:
         """What some visits still need, as policies see it."""
         first, needed = self._needs_of(ids)
-        return Needs(frozen(first), self.needs.resource[needed], self.needs.on_lane[needed], len(self.state.grants.holder))
+        return Needs(frozen(first), self.needs.resource[needed], self.needs.on_lane[needed], len(self.state.holds.holder))
 
     def _keep_order(self, policy: Policy, plan: Plan, ids: IntArray, schedule: Schedule | None) -> None:
         """Let the visits that are still to be made be driven as the policy says."""
@@ -567,11 +569,11 @@ class Ledger:
         first, at = self._needs_of(ids)
         if schedule is None:
             needs.closes[at] = True
-            _grants.take_turns(self.state.grants, 0)
+            _grants.take_turns(self.state.holds, 0)
             return
         needs.passage[at] = schedule.passage_of_need
         needs.closes[at] = schedule.last_visit[schedule.passage_of_need] == np.repeat(np.arange(len(ids)), np.diff(first))
-        _grants.take_turns(self.state.grants, schedule.first[:-1])
+        _grants.take_turns(self.state.holds, schedule.first[:-1])
 
     def _departure(self, robots: IntArray, joint: IntArray, ways: Sequence[Reroute], does: IntArray) -> Departure:
         visits, motion = self.visits, self.state.motion
@@ -647,7 +649,7 @@ class Ledger:
         s_m = float(self.state.motion.s_m[robot])
         if route.back:
             behind = int(self.visits.next[granted])
-            _grants.turn_back(grants, robot, s_m, int(self.visits.lane[behind]), self._resources_of(behind))
+            _grants.turn_back(self.state, robot, s_m, int(self.visits.lane[behind]), self._resources_of(behind))
         _grants.ask_anew(grants, robot, granted)
         _observe.go_elsewhere(self.state.waits, robot, s_m, now_s)
 

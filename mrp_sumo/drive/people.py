@@ -23,7 +23,7 @@ from mrp_sumo.drive._causes import GRAINS
 from mrp_sumo.drive.ledger import Ledger
 from mrp_sumo.drive.listeners import Listener, Moment
 from mrp_sumo.drive.settings import ExecutionSettings
-from mrp_sumo.drive.state import PeopleState
+from mrp_sumo.drive.state import AmongPeople, FloorLanes, PeopleState, for_kernels, packed
 from mrp_sumo.drive.train import Trains
 from mrp_sumo.engines.sumo.engine import SumoEngine
 
@@ -41,52 +41,47 @@ def _people_of(
     def of(value: float) -> FloatArray:
         return np.full(num_robots, value)
 
-    none, no_index = np.zeros(0), np.zeros(0, np.int64)
-    along = np.zeros((0, 2))
+    none, head, along = np.zeros(0), np.zeros((0, 2)), np.zeros((0, 2))
     if graph is not None:
-        along = (graph.xy[graph.head] - graph.xy[graph.tail]) / np.maximum(graph.length_m, 1e-9)[:, None]
-    robots = crowd.robots if crowd else None
+        head = graph.xy[graph.head]
+        along = (head - graph.xy[graph.tail]) / np.maximum(graph.length_m, 1e-9)[:, None]
+    bodies = fleet and (fleet.loaded or fleet)  # fields of robots with loads, which are no smaller
     return PeopleState(
         any=graph is not None,
         watches=watches,
-        halted=robots.is_halted if robots else np.zeros(num_robots, np.bool_),
-        since_s=of(0.0),
-        free_since_s=of(np.inf),
-        in_motion=np.zeros(num_robots, np.bool_),
-        lost_s=of(0.0),
-        lost_share=of(0.0),
-        cap_mps=of(np.inf),
+        halted=crowd.robots.is_halted if crowd else np.zeros(num_robots, np.bool_),
+        robots=packed(
+            AmongPeople(
+                since_s=of(0.0),
+                free_since_s=of(np.inf),
+                in_motion=np.zeros(num_robots, np.bool_),
+                lost_s=of(0.0),
+                lost_share=of(0.0),
+                cap_mps=of(np.inf),
+                half_length_m=bodies.length_m / 2 if bodies else of(np.nan),
+                half_width_m=bodies.width_m / 2 if bodies else of(np.nan),
+                body_x=of(np.nan),
+                body_y=of(np.nan),
+                body_yaw=of(np.nan),
+            )
+        ),
+        lanes=packed(FloorLanes(head[:, 0], head[:, 1], along[:, 0], along[:, 1], graph.is_ride if graph else np.zeros(0, np.bool_))),
+        vertex_xy=np.array(graph.xy) if graph else np.zeros((0, 2)),
         x_m=crowd.walkers.x_m if crowd else none,
         y_m=crowd.walkers.y_m if crowd else none,
         first=crowd.walkers.first if crowd else np.zeros(2, np.int64),
-        member=crowd.walkers.member if crowd else no_index,
+        member=crowd.walkers.member if crowd else np.zeros(0, np.int64),
         low_x=crowd.ground.x_m if crowd else 0.0,
         low_y=crowd.ground.y_m if crowd else 0.0,
         bin_m=BIN_M,
         columns=crowd.ground.columns if crowd else 1,
         rows=crowd.ground.rows if crowd else 1,
-        vertex_x=np.ascontiguousarray(graph.xy[:, 0]) if graph else none,
-        vertex_y=np.ascontiguousarray(graph.xy[:, 1]) if graph else none,
-        head_x=np.ascontiguousarray(graph.xy[graph.head, 0]) if graph else none,
-        head_y=np.ascontiguousarray(graph.xy[graph.head, 1]) if graph else none,
-        along_x=np.ascontiguousarray(along[:, 0]),
-        along_y=np.ascontiguousarray(along[:, 1]),
-        is_ride=np.array(graph.is_ride) if graph else np.zeros(0, np.bool_),
-        half_length_m=(fleet.loaded or fleet).length_m / 2 if fleet else none,  # fields of robots with loads, which are no smaller
-        half_width_m=(fleet.loaded or fleet).width_m / 2 if fleet else none,
         body_m=BODY_M,
         reaction_s=fields.scanner_s + fields.control_s,
         extra_m=fields.extra_m,
         side_m=fields.side_m,
         slowest_mps=fields.slowest_mps,
         restart_s=fields.restart_s,
-        body_x=of(np.nan),
-        body_y=of(np.nan),
-        body_yaw=of(np.nan),
-        robot_x=robots.x_m if robots else none,
-        robot_y=robots.y_m if robots else none,
-        robot_yaw=robots.yaw_rad if robots else none,
-        robot_along=robots.along_mps if robots else none,
     )
 
 
@@ -109,7 +104,7 @@ class Bystanders:
             self.crowd = Crowd(people, length_m / 2, width_m / 2)
         fields = None if people is None else people.fields
         self.seen = _people_of(num_robots, graph, fleet, self.crowd, fields or ProtectiveFields(), watches=fields is not None)
-        self._was_halted = self.seen.halted.copy()
+        self._seen, self._was_halted = for_kernels(self.seen), self.seen.halted.copy()
         self.stops: list[tuple[int, float, float, bool]] = []  # robot, since, duration, whether it was in motion
         if self._lane_speeds_mps is not None:
             self._streams = [np.random.default_rng([problem.seed, LANE_SPEEDS, r]) for r in range(num_robots)]
@@ -119,27 +114,28 @@ class Bystanders:
     def begin(self, dt: float, ledger: Ledger, driven_m: FloatArray) -> None:
         """People are there before robots set out."""
         if self.crowd is not None:
-            self._see(dt, ledger, driven_m)
+            self._see(dt, ledger, driven_m, self.crowd)
             self.crowd.begin()
 
     def settle(self, now_s: float, dt: float, ledger: Ledger, driven_m: FloatArray) -> None:
         """Robots have driven `driven_m` [R] by the time `now_s + dt`: people walk until then."""
         if self.crowd is not None:
-            self._see(dt, ledger, driven_m)
+            self._see(dt, ledger, driven_m, self.crowd)
             self.crowd.step(now_s, dt)
         elif self._lane_speeds_mps is not None:
             self._draw_speeds(self._lane_speeds_mps, ledger)
 
-    def _see(self, dt: float, ledger: Ledger, driven_m: FloatArray) -> None:
+    def _see(self, dt: float, ledger: Ledger, driven_m: FloatArray, crowd: Crowd) -> None:
         """Have people see robots, and behind all of these the trailers, that have driven so far [R]."""
-        seen, trailers, of_trailer = self.seen, list[tuple[float, float, float]](), list[int]()
+        robots, trailers, of_trailer = self.seen.robots, list[tuple[float, float, float]](), list[int]()
         for r, train in self._trains.of_robot.items():
             s_m = round(float(driven_m[r]) * GRAINS) / GRAINS  # people walk alike with either engine
-            (seen.body_x[r], seen.body_y[r], seen.body_yaw[r]), *towed = train.bodies(ledger, r, s_m)
+            (robots.body_x[r], robots.body_y[r], robots.body_yaw[r]), *towed = train.bodies(ledger, r, s_m)
             trailers += towed
             of_trailer += [r] * len(towed)
         towed_by, bodies = np.array(of_trailer, np.int64), np.array(trailers, np.float64).reshape(-1, 3)
-        _people.see_robots(dt, driven_m, ledger.visits, ledger.state.motion, seen, towed_by, bodies)
+        state = ledger.state_records
+        _people.see_robots(dt, driven_m, ledger.visits, state.motion, self._seen, crowd.robots, towed_by, bodies)
 
     def notice(self, now_s: float) -> list[Event]:
         """Stops of robots that are over."""
@@ -155,7 +151,7 @@ class Bystanders:
         return [self._stop(r, now_s) for r in np.flatnonzero(self.seen.halted).tolist()] if self.any else []
 
     def _stop(self, robot: int, now_s: float) -> Event:
-        since_s, moved = float(self.seen.since_s[robot]), bool(self.seen.in_motion[robot])
+        since_s, moved = float(self.seen.robots.since_s[robot]), bool(self.seen.robots.in_motion[robot])
         duration_s = round(now_s - since_s, 9)
         self.stops.append((robot, since_s, duration_s, moved))
         text = "somebody in its protective field" if moved else "somebody in its protective field as it was to set out"
@@ -170,7 +166,7 @@ class Bystanders:
             stretch = self._on[r] if ahead < 0 else int(self._stretch[visits.lane[ahead]])
             if stretch != self._on[r]:
                 self._on[r] = stretch
-                self.seen.cap_mps[r] = self._streams[r].triangular(*speeds_mps)
+                self.seen.robots.cap_mps[r] = self._streams[r].triangular(*speeds_mps)
 
 
 def _stretches(graph: PlanGraph) -> IntArray:
@@ -220,7 +216,7 @@ class PeopleRecorder(Listener):
             level=frozen(level),
             waited_s=frozen(crowd.totals()),
             radius_m=BODY_M,
-            lost_s=frozen(seen.lost_s),
+            lost_s=frozen(seen.robots.lost_s),
             stop_robot=frozen(robot.astype(np.int64)),
             stop_s=frozen(since_s.astype(np.float64)),
             stop_duration_s=frozen(duration_s.astype(np.float64)),

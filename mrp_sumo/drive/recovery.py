@@ -225,7 +225,7 @@ class Recovery:
     def _drive_around(self, now_s: float, late: tuple[int, ...], context: Surroundings) -> Replan | None:
         """Shorter ways than waiting, for all of these that have one."""
         graph, state, visits, closed = context.graph, context.state, context.ledger.visits, self.world.closed
-        holder, stays = state.grants.holder, self.world.broken | (state.grants.cause == _causes.FINISHED)
+        holder, stays = state.holds.holder, self.world.broken | (state.grants.cause == _causes.FINISHED)
         ways = {}
         for r in late:
             if not context.stands(r) or self.world.hold_until_s[r] > now_s or state.yielding.gives_way[r]:

@@ -94,7 +94,7 @@ def situation(now_s: float, context: Surroundings, stays: BoolArray, end: IntArr
         the lane, and those whose ways it cuts off may be the ones that it waits for.
     """
     ledger, graph, grants = context.ledger, context.graph, context.state.grants
-    visits, taken, joint = ledger.visits, grants.holder.copy(), ledger.joint
+    visits, taken, joint = ledger.visits, context.state.holds.holder.copy(), ledger.joint
     start, back = visits.vertex[joint].copy(), np.zeros(len(stays), np.bool_)
     on_lane = grants.on_lane & (joint == visits.granted)
     for r in np.flatnonzero(joint != visits.granted).tolist():
@@ -126,7 +126,7 @@ def situation(now_s: float, context: Surroundings, stays: BoolArray, end: IntArr
     in_way = np.zeros(len(robots), np.bool_)
     if makes_way and alone:
         wanted = np.concatenate([context.of_lane(r, int(visits.lane[context.ahead(r)])) for r in sorted(alone)])
-        in_way = np.isin(robots, grants.holder[wanted]) & (goal == start[robots]) & (end[robots] != start[robots])
+        in_way = np.isin(robots, context.state.holds.holder[wanted]) & (goal == start[robots]) & (end[robots] != start[robots])
         goal = _out_of_the_way(context.crew.site, robots, ~blocked, start[robots], goal, in_way)
     request = Request(
         now_s=now_s,

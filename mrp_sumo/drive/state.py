@@ -1,10 +1,11 @@
 """State that changes while robots drive, by its owner: every array is written in one module, which `OWNERS` names.
 
-The ledger's visits are in `core.visits`, its needs here; distances are along each robot's way since its start.
+The ledger's visits are in `core.visits`, its needs here; distances are along each robot's way since its start. Tables whose columns are
+of one length are `packed`: Python sees their columns, kernels their records, which for the compiler are one array instead of many.
 """
 
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray
 from mrp_sumo.core.visits import Visits
 
 NEVER = 2**62
+Table = TypeVar("Table", bound=tuple[Any, ...])  # a NamedTuple of arrays
 
 
 class VisitNeeds(NamedTuple):
@@ -39,7 +41,7 @@ class Motion(NamedTuple):
 
 
 class Grants(NamedTuple):
-    """Permissions to drive, and at which speed; [R] unless said."""
+    """Permissions to drive, and at which speed, [R]."""
 
     allowed_m: FloatArray  # how far
     on_lane: BoolArray  # whether it may enter the lane after its last granted visit without having won its end
@@ -52,15 +54,25 @@ class Grants(NamedTuple):
     asked_s: FloatArray  # since when it asks for its next visit, inf: it does not
     queue: IntArray  # the robots in the order in which they may claim, where nobody keeps an order
     command_mps: FloatArray  # speed for the next step; negative: to be sent again
-    holder: IntArray  # [Q] robot that holds each resource, -1: none
-    held: IntArray  # [Q] by how many of its needs
-    turn: IntArray  # [Q] the passage whose turn it is
-    claims: IntArray  # [L] robots that may enter the lane and have not arrived at its end
-    claimer: IntArray  # [L] the last of them
+
+
+class Holds(NamedTuple):
+    """Holders of resources, [Q]."""
+
+    holder: IntArray  # robot, -1: none
+    held: IntArray  # by how many of its needs
+    turn: IntArray  # the passage whose turn it is
+
+
+class Claims(NamedTuple):
+    """Robots that may enter lanes and have not arrived at their ends, [L]."""
+
+    number: IntArray
+    claimer: IntArray  # the last of them
 
 
 class Waits(NamedTuple):
-    """Uses of each robot's time, [R] unless said."""
+    """Uses of each robot's time, [R]."""
 
     category: IntArray  # how the last step is booked
     waiting: BoolArray  # whether it was spent on waiting for another robot
@@ -88,6 +100,8 @@ class State(NamedTuple):
 
     motion: Motion
     grants: Grants
+    holds: Holds
+    claims: Claims
     waits: Waits
     yielding: Yielding
     home: BoolArray  # [R] whether the robot's way ends where its tasks do
@@ -119,71 +133,100 @@ class Rules(NamedTuple):
     asks_late: bool  # whether robots claim no more than they need to drive on, so that the order of more passages may change
 
 
-class RideRequests(NamedTuple):
-    """People who want to ride, [F]: the next of each lift."""
+class Lifts(NamedTuple):
+    """Lifts, [F], and of people who want to ride the next of each."""
 
-    since_s: FloatArray  # inf: nobody
-    begin: IntArray  # level
-    end: IntArray  # level
-    hold_s: FloatArray  # for which they keep its doors open when they board, and when they leave
-    stage: IntArray
+    resource: IntArray  # what who is in the cabin holds
+    call_s: FloatArray  # how long a robot before it is there a lift is called
+    recall: IntArray  # the level to which it goes when there is a fire
+    mode: IntArray
+    car: IntArray  # the level at which the cabin is
+    target: IntArray  # and to which it comes
+    until_s: FloatArray  # when it is there, with open doors
+    session: IntArray  # the robot for which it comes or that is in it, -1: none, -2: people
+    caller: IntArray  # the robot that is next, and
+    visit: IntArray  # its visit in the cabin, -1: none
+    since_s: FloatArray  # when it asked, below 0: it may enter
+    service: IntArray  # whether it is in service
+    ride_since_s: FloatArray  # when people asked, inf: nobody
+    ride_begin: IntArray  # level
+    ride_end: IntArray  # level
+    ride_hold_s: FloatArray  # for which they keep its doors open when they board, and when they leave
+    ride_stage: IntArray
+
+
+class Doors(NamedTuple):
+    """Doors, [D]."""
+
+    move_s: FloatArray  # to open or close
+    manual: BoolArray  # whether only people open it
+    mode: IntArray
+    until_s: FloatArray
+    asked: BoolArray  # whether a robot is near
+    soon: BoolArray  # whether one comes before it could close and open again
+    robot: IntArray  # for whom it is open: a robot, or people
+    service: IntArray  # whether it is locked
+    held_until_s: FloatArray  # people keep it open
 
 
 class Facilities(NamedTuple):
-    """F lifts and D doors, K levels, as kernels see them."""
+    """F lifts and D doors, K levels."""
 
     any: bool  # whether there are facilities at all; else all below is empty, but for `shut`
+    lifts: Lifts
+    doors: Doors
     shut: BoolArray  # [L] lanes on which nobody may set out before a lift or a door is open
     level: IntArray  # [V] of vertices
-    resource: IntArray  # [F] what who is in the cabin holds
     vertex_lift: IntArray  # [V] the lift in whose cabin a vertex is, -1: none
+    vertex_door: IntArray  # [V] the door near which a vertex is, -1: none
     lane_lift: IntArray  # [L] the lift that one enters on a lane, -1: none
-    gate_lane: IntArray  # [G] these lanes, with their lifts and levels
+    lane_door: IntArray  # [L] the door that a lane leads through or near, -1: none
+    gate_lane: IntArray  # [G] lanes by which one enters lifts, with these and their levels
     gate_lift: IntArray  # [G]
     gate_level: IntArray  # [G]
+    through: IntArray  # [H] the lanes that need doors, with their doors
+    through_door: IntArray  # [H]
     ride_s: FloatArray  # [F, K, K] from level to level: doors close, the cabin travels, doors open
     close_s: FloatArray  # [F, K]
     open_s: FloatArray  # [F, K]
-    call_s: FloatArray  # [F] how long a robot before it is there a lift is called
-    mode: IntArray  # [F]
-    car: IntArray  # [F] the level at which the cabin is
-    target: IntArray  # [F] and to which it comes
-    until_s: FloatArray  # [F] when it is there, with open doors
-    session: IntArray  # [F] the robot for which it comes or that is in it, -1: none, -2: people
-    caller: IntArray  # [F] the robot that is next, and
-    calls: IntArray  # [F] its visit in the cabin, -1: none
-    since_s: FloatArray  # [F] when it asked, below 0: it may enter
-    service: IntArray  # [F] whether it is in service
-    recall: IntArray  # [F] the level to which it goes when there is a fire
-    wish: RideRequests
-    lane_door: IntArray  # [L] the door that a lane leads through or near, -1: none
-    vertex_door: IntArray  # [V] the door near which a vertex is, -1: none
-    through: IntArray  # [H] the lanes that need doors, with their doors
-    through_door: IntArray  # [H]
-    door_s: FloatArray  # [D] to open or close
-    door_mode: IntArray  # [D]
-    door_until_s: FloatArray  # [D]
-    asked: BoolArray  # [D] whether a robot is near
-    soon: BoolArray  # [D] whether one comes before it could close and open again
-    door_robot: IntArray  # [D] for whom it is open: a robot, or people
-    door_service: IntArray  # [D] whether it is locked
-    manual: BoolArray  # [D] whether only people open it
-    held_until_s: FloatArray  # [D] people keep it open
     longest_s: float  # of `call_s`, and of a door's closing and opening
 
 
-class PeopleState(NamedTuple):
-    """N people whom R robots see, on L lanes and V vertices, in B bins; where people are is written by the crowd."""
+class AmongPeople(NamedTuple):
+    """Shapes of robots, and what people cost them, [R]."""
 
-    any: bool  # whether there are people, or speeds drawn for lanes; else all below is empty, but for `halted`
+    since_s: FloatArray  # since when somebody has been in its protective field
+    free_since_s: FloatArray  # since when the field is free again, inf: it is not
+    in_motion: BoolArray  # whether the robot was in motion then
+    lost_s: FloatArray  # time that people have cost it: 1 s for each second at a standstill, half a second for one at half its speed
+    lost_share: FloatArray  # and what they cost it in this step
+    cap_mps: FloatArray  # the speed drawn for the lane it is on, inf: none
+    half_length_m: FloatArray
+    half_width_m: FloatArray
+    body_x: FloatArray  # where the middles of vehicles are that cannot turn in place, and how they face; NaN: it can
+    body_y: FloatArray
+    body_yaw: FloatArray
+
+
+class FloorLanes(NamedTuple):
+    """Lanes on the floor, [L]."""
+
+    head_x: FloatArray  # where they end
+    head_y: FloatArray
+    along_x: FloatArray  # for each metre of them
+    along_y: FloatArray
+    is_ride: BoolArray
+
+
+class PeopleState(NamedTuple):
+    """N people whom R robots see, on V vertices, in B bins; where people are is written by the crowd."""
+
+    any: bool  # whether there are people, or speeds drawn for lanes; else all below is empty, but for what is by robot
     watches: bool  # whether robots have fields
     halted: BoolArray  # [R] whether somebody is in the robot's protective field, or was just now
-    since_s: FloatArray  # [R] since when
-    free_since_s: FloatArray  # [R] since when the field is free again, inf: it is not
-    in_motion: BoolArray  # [R] whether the robot was in motion then
-    lost_s: FloatArray  # [R] time that people have cost it: 1 s for each second at a standstill, half a second for one at half its speed
-    lost_share: FloatArray  # [R] and what they cost it in this step
-    cap_mps: FloatArray  # [R] the speed drawn for the lane it is on, inf: none
+    robots: AmongPeople
+    lanes: FloorLanes
+    vertex_xy: FloatArray  # [V, 2]
     x_m: FloatArray  # [N] people
     y_m: FloatArray  # [N]
     first: IntArray  # [B + 1] CSR: people by bin
@@ -193,28 +236,12 @@ class PeopleState(NamedTuple):
     bin_m: float
     columns: int
     rows: int
-    vertex_x: FloatArray  # [V]
-    vertex_y: FloatArray  # [V]
-    head_x: FloatArray  # [L] where lanes end
-    head_y: FloatArray  # [L]
-    along_x: FloatArray  # [L] for each metre of them
-    along_y: FloatArray  # [L]
-    is_ride: BoolArray  # [L]
-    half_length_m: FloatArray  # [R]
-    half_width_m: FloatArray  # [R]
     body_m: float  # radius of people
     reaction_s: float  # of fields, see `crowd.model.Fields`
     extra_m: float
     side_m: float
     slowest_mps: float
     restart_s: float
-    body_x: FloatArray  # [R] where the middles of vehicles are that cannot turn in place, and how they face; NaN: it can
-    body_y: FloatArray
-    body_yaw: FloatArray
-    robot_x: FloatArray  # [R] where people see robots, NaN: nowhere
-    robot_y: FloatArray  # [R]
-    robot_yaw: FloatArray  # [R]
-    robot_along: FloatArray  # [R] speed towards where the robot faces
 
 
 class Margin(NamedTuple):
@@ -241,10 +268,9 @@ class Conditions(NamedTuple):
     margin: Margin
 
 
-class Log(NamedTuple):
-    """Happenings of one step."""
+class Entries(NamedTuple):
+    """Happenings of one step, [E]."""
 
-    num_entries: IntArray  # [1]
     kind: IntArray
     robot: IntArray
     cause: IntArray
@@ -252,6 +278,13 @@ class Log(NamedTuple):
     other: IntArray
     begin_s: FloatArray
     end_s: FloatArray
+
+
+class Log(NamedTuple):
+    """Entries of one step, and how many there are."""
+
+    num_entries: IntArray  # [1]
+    entries: Entries
 
 
 class News(NamedTuple):
@@ -296,6 +329,26 @@ class Tape(NamedTuple):
     watched: IntArray  # [R] the visits of robots from which they must not go on unseen, -1: they may
 
 
+def packed(table: Table) -> Table:
+    """A copy of a table of columns of one length that lie side by side: a record a row."""
+    columns: dict[str, Any] = dict(zip(table._fields, table))  # type: ignore[attr-defined]
+    kinds = np.dtype([(name, column.dtype, column.shape[1:]) for name, column in columns.items()], align=True)
+    records = np.empty(len(table[0]), np.dtype((np.record, kinds)))
+    for name, column in columns.items():
+        records[name] = column
+    return type(table)(*(records[name] for name in columns))
+
+
+def for_kernels(state: Any) -> Any:
+    """State as kernels take it: records in the place of packed tables."""
+    if not hasattr(state, "_fields"):
+        return state
+    records = getattr(state[0], "base", None)
+    if isinstance(records, np.ndarray) and records.dtype.names == state._fields:
+        return records.view(np.recarray)
+    return type(state)(*map(for_kernels, state))
+
+
 def state_at_rest(num_robots: int, num_resources: int, num_lanes: int, first: IntArray) -> State:
     """Robots that stand on their first visits [R] and hold nothing yet."""
 
@@ -309,39 +362,40 @@ def state_at_rest(num_robots: int, num_resources: int, num_lanes: int, first: In
         return np.zeros(num_robots, np.bool_)
 
     return State(
-        motion=Motion(of(0.0), of(0.0), of(0.0), of(0.0), flags()),
-        grants=Grants(
-            allowed_m=of(0.0),
-            on_lane=flags(),
-            ahead=index(-1),
-            turned_back=flags(),
-            oldest=first.copy(),
-            cause=index(0),
-            other=index(-1),
-            wanted=first.copy(),
-            asked_s=of(np.inf),
-            queue=np.arange(num_robots),
-            command_mps=of(0.0),
-            holder=np.full(num_resources, -1, np.int64),
-            held=np.zeros(num_resources, np.int64),
-            turn=np.zeros(num_resources, np.int64),
-            claims=np.zeros(num_lanes, np.int64),
-            claimer=np.full(num_lanes, -1, np.int64),
+        motion=packed(Motion(of(0.0), of(0.0), of(0.0), of(0.0), flags())),
+        grants=packed(
+            Grants(
+                allowed_m=of(0.0),
+                on_lane=flags(),
+                ahead=index(-1),
+                turned_back=flags(),
+                oldest=first.copy(),
+                cause=index(0),
+                other=index(-1),
+                wanted=first.copy(),
+                asked_s=of(np.inf),
+                queue=np.arange(num_robots),
+                command_mps=of(0.0),
+            )
         ),
-        waits=Waits(
-            category=index(0),
-            waiting=flags(),
-            booked_s=np.zeros((num_robots, len(BOOKINGS))),
-            mark_m=of(0.0),
-            mark_s=of(0.0),
-            stuck=flags(),
-            since_s=of(np.inf),
-            cause=index(0),
-            other=index(-1),
-            where=index(-1),
-            goal_s=of(np.nan),
+        holds=packed(Holds(np.full(num_resources, -1), np.zeros(num_resources, np.int64), np.zeros(num_resources, np.int64))),
+        claims=packed(Claims(np.zeros(num_lanes, np.int64), np.full(num_lanes, -1))),
+        waits=packed(
+            Waits(
+                category=index(0),
+                waiting=flags(),
+                booked_s=np.zeros((num_robots, len(BOOKINGS))),
+                mark_m=of(0.0),
+                mark_s=of(0.0),
+                stuck=flags(),
+                since_s=of(np.inf),
+                cause=index(0),
+                other=index(-1),
+                where=index(-1),
+                goal_s=of(np.nan),
+            )
         ),
-        yielding=Yielding(index(NEVER), index(-1), flags()),
+        yielding=packed(Yielding(index(NEVER), index(-1), flags())),
         home=flags(),
         facing_rad=of(np.nan),
     )
@@ -351,7 +405,7 @@ def empty_log(num_robots: int) -> Log:
     """Room for what can happen in a step: at most a blocking, a wait, a departure and an arrival a robot."""
     room = 4 * num_robots
     kind, robot, cause, visit, other = (np.zeros(room, np.int64) for _ in range(5))
-    return Log(np.zeros(1, np.int64), kind, robot, cause, visit, other, np.zeros(room), np.zeros(room))
+    return Log(np.zeros(1, np.int64), packed(Entries(kind, robot, cause, visit, other, np.zeros(room), np.zeros(room))))
 
 
 def empty_news(num_robots: int) -> News:
@@ -392,14 +446,17 @@ OWNERS: Mapping[str, str | Mapping[str, str]] = {  # the module of `drive` that 
     "Visits": {"reached": OBSERVER, "arrived_s": OBSERVER, "granted": CONTROLLER, "": LEDGER},
     "VisitNeeds": {"freed": CONTROLLER, "": LEDGER},
     "Motion": OBSERVER,
-    "Grants": CONTROLLER,
+    **dict.fromkeys(("Grants", "Holds", "Claims"), CONTROLLER),
     "Waits": OBSERVER,
     "Yielding": LEDGER,
     "State": LEDGER,
     "Margin": "_cycle",
     "Conditions": WORLD,
-    "RideRequests": "_facilities",
-    "Facilities": {"service": WORLD, "door_service": WORLD, "held_until_s": "visitors", "": "_facilities"},
-    "PeopleState": {**dict.fromkeys(("cap_mps", "body_x", "body_y", "body_yaw"), "people"), "": "_people"},
-    "Log": OBSERVER,
+    "Lifts": {"service": WORLD, "": "_facilities"},
+    "Doors": {"service": WORLD, "held_until_s": "visitors", "": "_facilities"},
+    "Facilities": "_facilities",
+    "PeopleState": "_people",
+    "Machines": "_people",  # of `crowd.state`
+    "AmongPeople": {**dict.fromkeys(("cap_mps", "body_x", "body_y", "body_yaw"), "people"), "": "_people"},
+    **dict.fromkeys(("Log", "Entries"), OBSERVER),
 }

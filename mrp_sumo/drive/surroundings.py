@@ -88,7 +88,7 @@ class Surroundings:
         return self.closed if problem.barred is None else self.closed | problem.barred[problem.fleet.kind[robot]]
 
     def free_for(self, robot: int, needs: IntArray) -> bool:
-        holder = self.state.grants.holder[needs]
+        holder = self.state.holds.holder[needs]
         return bool(((holder < 0) | (holder == robot)).all())
 
     def still_needed(self, robot: int) -> IntArray:
@@ -99,7 +99,7 @@ class Surroundings:
         """True if a robot that waits on a lane has the lane for itself and may drive back; vehicles that cannot turn in place may not."""
         if self.ledger.is_vehicle[robot]:
             return False
-        visits, claims = self.ledger.visits, self.state.grants.claims
+        visits, claims = self.ledger.visits, self.state.claims.number
         lane = int(visits.lane[self.ahead(robot)])
         back = int(visits.reverse[lane])
         return back >= 0 and not self.closed[back] and claims[lane] == 1 and claims[back] == 0

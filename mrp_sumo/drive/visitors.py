@@ -38,30 +38,30 @@ class Visitors:
         self._rides = [[(a, b) for a, b in permutations(each, 2) if np.isfinite(reach[a, b])] for each, reach in zip(levels, ride_s)]
         self._queue: list[deque[RideRequest]] = [deque() for _ in self._rides]
         self._of_lift = [np.random.default_rng([seed, RIDES, f]) for f in range(len(self._rides))]
-        self._of_door = [np.random.default_rng([seed, PASSAGES, d]) for d in range(len(facilities.door_s))]
+        self._of_door = [np.random.default_rng([seed, PASSAGES, d]) for d in range(len(facilities.doors.move_s))]
         self._next_ride_s = [_gap_s(rng, what.lift_rides_per_h) for rng in self._of_lift]
         self._next_passage_s = [_gap_s(rng, what.door_passages_per_h) for rng in self._of_door]
 
     def update(self, now: float) -> None:
         """Have those ask who come now."""
-        what, facilities = self._what, self._facilities
+        what, facilities, doors = self._what, self._facilities, self._facilities.doors
         for f, rng in enumerate(self._of_lift):
             while self._next_ride_s[f] <= now:
                 begin, end = self._rides[f][int(rng.integers(len(self._rides[f])))]
                 wish = RideRequest(self._next_ride_s[f], begin, end, float(rng.exponential(what.lift_hold_s)))
                 self._next_ride_s[f] += _gap_s(rng, what.lift_rides_per_h)
-                if facilities.service[f] == IN_SERVICE:
+                if facilities.lifts.service[f] == IN_SERVICE:
                     self._queue[f].append(wish)
-            if self._queue[f] and facilities.wish.since_s[f] == np.inf:
+            if self._queue[f] and facilities.lifts.ride_since_s[f] == np.inf:
                 self._ask(f, self._queue[f].popleft())
         for d, rng in enumerate(self._of_door):
             while self._next_passage_s[d] <= now:
-                until_s = self._next_passage_s[d] + float(facilities.door_s[d]) + float(rng.exponential(what.door_hold_s))
-                facilities.held_until_s[d] = max(facilities.held_until_s[d], until_s)
+                until_s = self._next_passage_s[d] + float(doors.move_s[d]) + float(rng.exponential(what.door_hold_s))
+                doors.held_until_s[d] = max(doors.held_until_s[d], until_s)
                 self._next_passage_s[d] += _gap_s(rng, what.door_passages_per_h)
 
     def _ask(self, lift: int, wish: RideRequest) -> None:
-        ask_for_ride(self._facilities.wish, lift, (wish.begin, wish.end), wish.since_s, wish.hold_s)
+        ask_for_ride(self._facilities.lifts, lift, (wish.begin, wish.end), wish.since_s, wish.hold_s)
 
 
 def _gap_s(rng: np.random.Generator, rate_per_h: float) -> float:

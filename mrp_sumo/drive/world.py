@@ -16,7 +16,7 @@ from mrp_sumo.core.problem import Problem
 from mrp_sumo.drive import _facilities
 from mrp_sumo.drive.people import nobody
 from mrp_sumo.drive.settings import ExecutionSettings
-from mrp_sumo.drive.state import Conditions, Facilities, Grants, Margin, PeopleState, margin_of
+from mrp_sumo.drive.state import Conditions, Facilities, Margin, PeopleState, State, for_kernels, margin_of
 from mrp_sumo.drive.visitors import Visitors
 from mrp_sumo.errors import ExecutionError, count
 
@@ -88,8 +88,8 @@ class World:
             told_m=np.zeros(num_robots),
             closed=np.zeros(self.graph.num_lanes, np.bool_),
             prompt=not (what.latency_s or what.message_loss),
-            facilities=self.facilities,
-            people=people or nobody(num_robots),
+            facilities=for_kernels(self.facilities),
+            people=for_kernels(people or nobody(num_robots)),
             margin=margin or margin_of(np.zeros(0, np.int64), num_robots),
         )
 
@@ -117,9 +117,9 @@ class World:
         """A robot stands still until then."""
         self.conditions.hold_until_s[robot] = until_s
 
-    def update(self, now: float, grants: Grants) -> list[Event]:
+    def update(self, now: float, state: State) -> list[Event]:
         """Bring everything up to the step that begins at `now`. Returns what happened."""
-        return [] if now + 1e-9 < self.calm_until_s else [event for kind in self._kinds for event in kind(now, grants)]
+        return [] if now + 1e-9 < self.calm_until_s else [event for kind in self._kinds for event in kind(now, state)]
 
     @property
     def calm_until_s(self) -> float:
@@ -128,7 +128,7 @@ class World:
             return -np.inf
         return min((*(each.begin_s for each in self._pending), *self._changes_s), default=np.inf)
 
-    def _slow_down(self, now: float, grants: Grants) -> list[Event]:
+    def _slow_down(self, now: float, state: State) -> list[Event]:
         """Robots lose a share of their speed that comes and goes."""
         what, dt = self.what, self._step_s
         if what.speed_noise:
@@ -137,7 +137,7 @@ class World:
             np.multiply(self._own, np.clip(1 - np.abs(self._u), SLOWEST_MOMENT, 1.0), out=self.conditions.factor)
         return []
 
-    def _stop_some(self, now: float, grants: Grants) -> list[Event]:
+    def _stop_some(self, now: float, state: State) -> list[Event]:
         """Robots stop at random."""
         what, chance = self.what, self._stream[STOPS]
         if not what.stops_per_s:
@@ -146,7 +146,7 @@ class World:
         lasts_s = [float(chance.lognormal(np.log(what.stop_median_s), what.stop_sigma)) for _ in range(np.count_nonzero(stops))]
         return [self._hold(robot, now, each_s, "stops at random") for robot, each_s in zip(np.flatnonzero(stops).tolist(), lasts_s)]
 
-    def _delay_some(self, now: float, grants: Grants) -> list[Event]:
+    def _delay_some(self, now: float, state: State) -> list[Event]:
         what, chance = self.what, self._stream[DELAYS]
         if not what.delay_probability or now < self._next_step_s - 1e-9:
             return []
@@ -156,7 +156,7 @@ class World:
         late = np.flatnonzero(delayed & (self.hold_until_s <= now)).tolist()
         return [self._hold(robot, now, float(steps[robot] * self._planned_step_s), "is delayed") for robot in late]
 
-    def _break_some(self, now: float, grants: Grants) -> list[Event]:
+    def _break_some(self, now: float, state: State) -> list[Event]:
         """Robots break down whose time has come."""
         events = []
         begun = [breakdown for breakdown in self._pending if breakdown.begin_s <= now + 1e-9]
@@ -174,7 +174,7 @@ class World:
             events.append(replace(self._hold(robot, now, stands_s, text), duration_s=lasts_s))
         return events
 
-    def _push_some(self, now: float, grants: Grants) -> list[Event]:
+    def _push_some(self, now: float, state: State) -> list[Event]:
         """Broken robots that may be moved are no faster than who pushes them."""
         factor = self.conditions.factor
         self._changes_s = [change_s for change_s in self._changes_s if change_s > now]
@@ -199,11 +199,11 @@ class World:
         self.broken[robot], self.conditions.hold_until_s[robot] = True, np.inf
         return Event(now, "battery_empty", robot, text="its battery is empty")
 
-    def _deliver(self, now: float, grants: Grants) -> list[Event]:
+    def _deliver(self, now: float, state: State) -> list[Event]:
         """Robots hear what they may drive late, or not this time. What they know never shrinks."""
         if self.conditions.prompt:
             return []
-        self._sent.append(grants.allowed_m.copy())
+        self._sent.append(state.grants.allowed_m.copy())
         if len(self._sent) < self._late:
             return []
         arrives = self._sent.pop(0)
@@ -218,12 +218,12 @@ class World:
         hold_until_s[robot] = max(hold_until_s[robot], now + duration)
         return Event(now, "disturbed", robot, duration_s=duration, text=text)
 
-    def _visit(self, now: float, grants: Grants) -> list[Event]:
+    def _visit(self, now: float, state: State) -> list[Event]:
         """People ride lifts and go through doors."""
         self._visitors.update(now)
         return []
 
-    def _close_some(self, now: float, grants: Grants) -> list[Event]:
+    def _close_some(self, now: float, state: State) -> list[Event]:
         """Lanes are closed when nobody may enter them, and open again."""
         events: list[Event] = []
         waiting: list[Barrier] = []
@@ -233,7 +233,7 @@ class World:
                 waiting.append(barrier)
             elif now >= barrier.end_s:
                 continue
-            elif grants.claims[lanes].any() or (grants.holder[barrier.vertices] >= 0).any():
+            elif state.claims.number[lanes].any() or (state.holds.holder[barrier.vertices] >= 0).any():
                 waiting.append(barrier)
             else:
                 self._closing.append(barrier)
@@ -255,9 +255,9 @@ class World:
 
     def _serve(self, barrier: Barrier, service: int) -> None:
         if barrier.lift >= 0:
-            self.facilities.service[barrier.lift] = service
+            self.facilities.lifts.service[barrier.lift] = service
         if barrier.door >= 0:
-            self.facilities.door_service[barrier.door] = service
+            self.facilities.doors.service[barrier.door] = service
 
     def _of_facilities(self) -> list[Barrier]:
         """Lifts out of service, locked doors, fires."""
@@ -275,7 +275,7 @@ class World:
                 barriers.append(Barrier(*span, through, none, f"door '{outage.door}' is locked", door=d))
         for fire in self.what.fires:
             for f, name in enumerate(lifts):
-                said = f"fire: lift '{name}' goes to {levels[facilities.recall[f]]}"
+                said = f"fire: lift '{name}' goes to {levels[facilities.lifts.recall[f]]}"
                 barriers.append(Barrier(fire.begin_s, end_s(fire), gates[f], none, said, lift=f, service=_facilities.FIRE))
         return barriers
 

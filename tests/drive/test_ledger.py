@@ -57,7 +57,7 @@ def test_a_ledger_begins_with_robots_that_hold_their_starts_and_have_nothing_to_
     problem, plan = problem_of(line(4), [[0, 1], [3, 2]], BURGER)
     ledger = Ledger(problem, resources_for(problem, plan))
     assert column(ledger, "vertex").tolist() == [0, 3] and column(ledger, "next").tolist() == [-1, -1]
-    assert ledger.state.grants.holder.tolist()[:4] == [0, -1, -1, 1]
+    assert ledger.state.holds.holder.tolist()[:4] == [0, -1, -1, 1]
     assert ledger.entries == [] and not ledger.state.home.any()
 
 
@@ -136,7 +136,7 @@ def test_a_robot_has_turned_when_it_faces_as_it_is_to_stay_whatever_turns_it_mad
 def test_a_robot_drives_back_until_it_is_granted_the_vertex_behind_it_though_it_goes_no_farther():
     ledger, _ = ledger_of(line(2, 2.0), [[0, 1]], "open_loop")
     ledger.state.motion.s_m[0], ledger.state.grants.on_lane[0] = 0.5, True
-    ledger.state.grants.claims[ledger.graph.lane_between(0, 1)] = 1
+    ledger.state.claims.number[ledger.graph.lane_between(0, 1)] = 1
     ledger.append(Replan({0: way(0, back=True)}, "give_way"), policy_of("open_loop"), 3.0)
     assert ledger.is_driving_back.tolist() == [True]
     ledger.visits.granted[0] = ledger.visits.last[0]
@@ -163,7 +163,7 @@ def test_a_robot_that_turns_back_comes_to_the_vertex_behind_it_again(begin):
     ledger.state.motion.s_m[0] = 0.5  # half a metre into the lane, which it has not won the end of
     ledger.state.grants.on_lane[0] = True
     lane = int(graph.lane_between(begin, end))
-    ledger.state.grants.claims[lane], ledger.state.grants.holder[begin] = 1, -1  # and has left the vertex behind it
+    ledger.state.claims.number[lane], ledger.state.holds.holder[begin] = 1, -1  # and has left the vertex behind it
     left_at_m = ledger.needs.left_at_m[0]
     assert not ledger.is_driving_back[0]
     ledger.append(Replan({0: way(begin, 2, back=True)}, "give_way"), policy_of("open_loop"), 3.0)
@@ -172,8 +172,8 @@ def test_a_robot_that_turns_back_comes_to_the_vertex_behind_it_again(begin):
     assert column(ledger, "lane")[behind] == graph.reverse[lane]
     assert column(ledger, "at_m")[behind] == pytest.approx(1.0)  # half a metre there, half a metre back
     assert column(ledger, "from_m")[behind] == pytest.approx(-1.0)  # as if it had come from the lane's other end
-    assert ledger.state.grants.claims[[lane, graph.reverse[lane]]].tolist() == [1, 1]
-    assert ledger.state.grants.holder[begin] == 0  # nobody else is to come there
+    assert ledger.state.claims.number[[lane, graph.reverse[lane]]].tolist() == [1, 1]
+    assert ledger.state.holds.holder[begin] == 0  # nobody else is to come there
     assert ledger.turn_backs[0].xy == pytest.approx([2 * begin + 0.5 * side, 0.0]) and ledger.turn_backs[0].at_m == 0.5
     ledger.append(
         Replan({0: way(begin, end)}, "replan"), policy_of("open_loop"), 4.0
@@ -182,13 +182,13 @@ def test_a_robot_that_turns_back_comes_to_the_vertex_behind_it_again(begin):
     assert column(ledger, "vertex")[again].tolist() == [begin, begin, end]
     assert column(ledger, "lane")[again].tolist() == [-1, graph.reverse[lane], lane]
     assert column(ledger, "at_m")[again] == pytest.approx([0.0, 1.0, 3.0])
-    assert ledger.state.grants.claims[[lane, graph.reverse[lane]]].tolist() == [1, 1] and len(ledger.turn_backs) == 1
+    assert ledger.state.claims.number[[lane, graph.reverse[lane]]].tolist() == [1, 1] and len(ledger.turn_backs) == 1
 
 
 def test_a_robot_that_is_sent_another_way_leaves_when_planned_though_one_before_it_turns_back():
     ledger, _ = ledger_of(square_grid(3), [[0, 1, 2], [6, 7, 8]], "open_loop")
     ledger.state.motion.s_m[0], ledger.state.grants.on_lane[0] = 0.1, True
-    ledger.state.grants.claims[ledger.graph.lane_between(0, 1)] = 1
+    ledger.state.claims.number[ledger.graph.lane_between(0, 1)] = 1
     ledger.append(Replan({0: way(0, back=True), 1: way(3, leave_s=9.0)}, "give_way"), policy_of("open_loop"), 3.0)
     joint = ledger.joint[1]
     assert (column(ledger, "depart_s")[joint], column(ledger, "turns")[joint]) == (9.0, True)
@@ -382,7 +382,7 @@ def test_who_waits_behind_another_on_a_lane_is_not_sent_past_it():
         visits.granted[behind] = visits.reached[behind] = first
         ledger.state.motion.s_m[behind] = visits.at_m[first] + 0.5
         ledger.state.motion.s_m[front] = 1.2
-        ledger.state.grants.on_lane[:], ledger.state.grants.holder[:], ledger.state.grants.claims[lane] = True, -1, 2
+        ledger.state.grants.on_lane[:], ledger.state.holds.holder[:], ledger.state.claims.number[lane] = True, -1, 2
         world = World(ledger.problem, settings, facilities_of(graph, ledger.resources))
         context = Surroundings(ledger, world, Work(Crew(ledger, settings, 3)), lambda _: pytest.fail("asked"))
         asked = situation(9.0, context, np.zeros(2, np.bool_), ledger.end_of_tasks)
@@ -409,7 +409,7 @@ def test_who_stands_where_another_waits_to_come_makes_way_though_its_own_goal_is
     graph = graph_of(ring, (), 2.0, one_way=[(k, (k + 1) % 6) for k in range(6)])
     ledger, _ = ledger_of(graph, [[0, 1, 2], [1, 2, 3], [3, 4, 5, 0, 1, 2]], "open_loop")
     ledger.state.motion.s_m[0], ledger.state.grants.on_lane[0] = 0.3, True
-    ledger.state.grants.claims[graph.lane_between(0, 1)] = 1
+    ledger.state.claims.number[graph.lane_between(0, 1)] = 1
     settings = ExecutionSettings()
     world = World(ledger.problem, settings, facilities_of(graph, ledger.resources))
     context = Surroundings(ledger, world, Work(Crew(ledger, settings, 3)), lambda _: pytest.fail("asked"))
@@ -436,17 +436,16 @@ def test_robots_are_due_when_planned_only_where_their_policy_has_a_pace(policy, 
 def test_a_robot_that_stands_for_good_gives_back_what_it_is_not_on_its_way_to(s_m, granted, enters, keeps):
     """It has been granted some of the vertices 1 to 5, 0.4 m apart."""
     ledger, _ = ledger_of(line(6), [[0, 1, 2, 3, 4, 5]])
-    grants, visits, lanes = ledger.state.grants, ledger.visits, ledger.graph.lane_between
-    grants.held[: granted + 1], grants.holder[: granted + 1] = 1, 0
+    grants, holds, claims = ledger.state.grants, ledger.state.holds, ledger.state.claims
+    visits, lanes = ledger.visits, ledger.graph.lane_between
+    holds.held[: granted + 1], holds.holder[: granted + 1] = 1, 0
     for k in range(granted + enters):
-        grants.claims[lanes(k, k + 1)] = 1
+        claims.number[lanes(k, k + 1)] = 1
     visits.granted[0], grants.allowed_m[0], grants.on_lane[0], ledger.state.motion.s_m[0] = granted, 0.4 * granted, enters, s_m
     ledger.give_back(np.array([0]))
     assert visits.granted[0] == keeps and grants.allowed_m[0] == pytest.approx(0.4 * keeps)
-    assert grants.holder.tolist() == [0] * (keeps + 1) + [-1] * (5 - keeps) and grants.held.tolist() == [1] * (keeps + 1) + [0] * (
-        5 - keeps
-    )
-    assert [grants.claims[lanes(k, k + 1)] for k in range(5)] == [1] * keeps + [0] * (5 - keeps)
+    assert holds.holder.tolist() == [0] * (keeps + 1) + [-1] * (5 - keeps) and holds.held.tolist() == [1] * (keeps + 1) + [0] * (5 - keeps)
+    assert [claims.number[lanes(k, k + 1)] for k in range(5)] == [1] * keeps + [0] * (5 - keeps)
     assert ledger.state.yielding.pause[0] == (keeps if granted != keeps else NEVER) and not grants.on_lane[0]
 
 

@@ -41,23 +41,23 @@ def test_each_array_is_written_by_its_owner_alone(written):
 
 def test_every_array_of_motion_grants_and_waits_is_found_to_be_written(written):
     fields = Records(sources()).fields
-    for record in ("Motion", "Grants", "Waits", "Yielding", "Margin"):
+    for record in ("Motion", "Grants", "Holds", "Claims", "Waits", "Yielding", "Margin"):
         assert {field for field in fields[record] if (record, field) not in written} <= {"steps"}  # of margins: given
 
 
 SECOND = {  # ways to write an array beside its owner
-    "an element": "def other(state):\n    state.grants.holder[0] = 1",
-    "another name": "def other(self):\n    held = self.ledger.state.grants.holder\n    held[2:] += 1",
-    "a name for a part": "def other(grants):\n    some = grants.holder[3:]\n    some[0] = 1",
-    "in place": "def other(grants):\n    grants.holder += 1",
-    "out": "import numpy as np\ndef other(scene):\n    np.add(1, 2, out=scene.state.grants.holder)",
-    "a method": "def other(grants):\n    grants.holder.fill(1)",
-    "a function of NumPy": "import numpy as np\ndef other(grants):\n    np.add.at(grants.holder, [0], 1)",
-    "a kernel": "def inner(into):\n    into[0] = 1\n\ndef middle(a):\n    inner(a)\n\ndef other(grants):\n    middle(grants.holder)",
-    "a record under another name": "def inner(record):\n    record.holder[0] = 1\n\ndef other(grants):\n    inner(grants)",
-    "its class": "def other(record: Grants) -> None:\n    record.holder[0] = 1",
-    "one of some": "def other(grants, waits):\n    for each in (grants.holder, waits.where):\n        each[:] = 0",
-    "all together": "def other(grants):\n    (grants.held[0], grants.holder[0]) = (1, 2)",
+    "an element": "def other(state):\n    state.holds.holder[0] = 1",
+    "another name": "def other(self):\n    held = self.ledger.state.holds.holder\n    held[2:] += 1",
+    "a name for a part": "def other(holds):\n    some = holds.holder[3:]\n    some[0] = 1",
+    "in place": "def other(holds):\n    holds.holder += 1",
+    "out": "import numpy as np\ndef other(scene):\n    np.add(1, 2, out=scene.state.holds.holder)",
+    "a method": "def other(holds):\n    holds.holder.fill(1)",
+    "a function of NumPy": "import numpy as np\ndef other(holds):\n    np.add.at(holds.holder, [0], 1)",
+    "a kernel": "def inner(into):\n    into[0] = 1\n\ndef middle(a):\n    inner(a)\n\ndef other(holds):\n    middle(holds.holder)",
+    "a record under another name": "def inner(record):\n    record.holder[0] = 1\n\ndef other(holds):\n    inner(holds)",
+    "its class": "def other(record: Holds) -> None:\n    record.holder[0] = 1",
+    "one of some": "def other(holds, waits):\n    for each in (holds.holder, waits.where):\n        each[:] = 0",
+    "all together": "def other(holds):\n    (holds.held[0], holds.holder[0]) = (1, 2)",
 }
 
 
@@ -65,16 +65,16 @@ SECOND = {  # ways to write an array beside its owner
 def test_a_second_writer_is_seen(how):
     path = "mrp_sumo/drive/state.py"
     texts = {path: (PROJECT / path).read_text(), "mrp_sumo/drive/other.py": SECOND[how]}
-    assert writers(texts)["Grants", "holder"] == {"mrp_sumo/drive/other.py"}
+    assert writers(texts)["Holds", "holder"] == {"mrp_sumo/drive/other.py"}
 
 
 @pytest.mark.parametrize(
     "text",
     [
-        "def other(grants):\n    holder = grants.holder.copy()\n    holder[0] = 1",
-        "def other(grants):\n    some = grants.holder[[0, 1]]\n    some[0] = 1",
+        "def other(holds):\n    holder = holds.holder.copy()\n    holder[0] = 1",
+        "def other(holds):\n    some = holds.holder[[0, 1]]\n    some[0] = 1",
         "def other(waits: list) -> None:\n    waits[0] = 1",
-        "def inner(into, values):\n    into[0] = values[0]\n\ndef other(grants, into):\n    inner(into, grants.holder)",
+        "def inner(into, values):\n    into[0] = values[0]\n\ndef other(holds, into):\n    inner(into, holds.holder)",
     ],
 )
 def test_copies_and_reading_are_no_writing(text):

@@ -93,12 +93,9 @@ def scene(num_robots=1, ordered=False):
                 command_mps=each(0.0),
                 oldest=first.copy(),
                 queue=robot.copy(),
-                claims=each(0, num_visits),
-                claimer=each(-1, num_visits),
-                holder=each(-1, num_visits),
-                held=each(0, num_visits),
-                turn=each(0, num_visits),
             ),
+            holds=Group(holder=each(-1, num_visits), held=each(0, num_visits), turn=each(0, num_visits)),
+            claims=Group(number=each(0, num_visits), claimer=each(-1, num_visits)),
             motion=Group(**{name: each(0.0) for name in ("s_m", "moved_m", "speed_mps", "yaw_rad")}, turning=each(False)),
             waits=Group(
                 waiting=each(False),
@@ -133,8 +130,11 @@ def scene(num_robots=1, ordered=False):
         ),
         news=Group(changed=each(-1)),
         log=Group(
-            num_entries=np.zeros(1, np.int64), **{name: each(-9, 9) for name in ("kind", "robot", "cause", "visit", "other")},
-            begin_s=each(np.nan, 9), end_s=each(np.nan, 9),
+            num_entries=np.zeros(1, np.int64),
+            entries=Group(
+                **{name: each(-9, 9) for name in ("kind", "robot", "cause", "visit", "other")},
+                **{name: each(np.nan, 9) for name in ("begin_s", "end_s")},
+            ),
         ),
     )  # fmt: skip
 
@@ -158,9 +158,8 @@ def put(world, places):
 
 def entries(world):
     """The log, an entry a row."""
-    log = world.log
-    columns = (log.kind, log.robot, log.cause, log.visit, log.other, log.begin_s, log.end_s)
-    return [tuple(column[k] for column in columns) for k in range(log.num_entries[0])]
+    columns = vars(world.log.entries).values()
+    return [tuple(column[k] for column in columns) for k in range(world.log.num_entries[0])]
 
 
 AT_SECOND = {"visits.reached": {0: 1}, "visits.granted": {0: 1}, "state.motion.s_m": {0: 1.0}, "state.grants.allowed_m": {0: 1.0}}
@@ -178,14 +177,14 @@ STOPS = {  # what holds a robot at its first visit -> why it waits, for whom, ho
     "a plan from now on": ({"visits.earliest_s": {0: 10.0}}, FREE, -1, 1),
     "a closed lane": ({"conditions.closed": {1: True}}, DISTURBED, -1, 0),
     "a closed lane that it is on": ({"conditions.closed": {1: True}, "state.grants.on_lane": True}, FREE, -1, 1),
-    "a robot that comes": ({"visits.reverse": {1: 2}, "state.grants.claims": {2: 1}, "state.grants.claimer": {2: 5}}, ONCOMING, 5, 0),
+    "a robot that comes": ({"visits.reverse": {1: 2}, "state.claims.number": {2: 1}, "state.claims.claimer": {2: 5}}, ONCOMING, 5, 0),
     "nobody on the other side": ({"visits.reverse": {1: 2}}, FREE, -1, 1),
-    "a lane without another side": ({"state.grants.claims": {3: 1}}, FREE, -1, 1),
+    "a lane without another side": ({"state.claims.number": {3: 1}}, FREE, -1, 1),
     "a door": ({"conditions.facilities.shut": {1: True}}, FACILITY, -1, 0),
     "a door that it is in": ({"conditions.facilities.shut": {1: True}, "state.grants.on_lane": True}, FREE, -1, 1),
-    "a door and a robot": ({"conditions.facilities.shut": {1: True}, "state.grants.holder": {1: 6}}, OTHER, 6, 0),
-    "a robot": ({"state.grants.holder": {1: 6}}, OTHER, 6, 0),
-    "itself, as it holds that already": ({"state.grants.holder": {1: 0}, "state.grants.held": {1: 1}}, FREE, -1, 1),
+    "a door and a robot": ({"conditions.facilities.shut": {1: True}, "state.holds.holder": {1: 6}}, OTHER, 6, 0),
+    "a robot": ({"state.holds.holder": {1: 6}}, OTHER, 6, 0),
+    "itself, as it holds that already": ({"state.holds.holder": {1: 0}, "state.holds.held": {1: 1}}, FREE, -1, 1),
 }
 
 
@@ -203,9 +202,9 @@ def test_what_holds_a_robot(what):
 def test_a_visit_that_is_granted_is_held_and_its_lane_claimed():
     world = scene()
     _grants.grant(10.0, world)
-    grants = world.state.grants
-    assert grants.holder.tolist() == [-1, 0, -1, -1] and grants.held.tolist() == [0, 1, 0, 0]
-    assert grants.claims.tolist() == [0, 1, 0, 0] and grants.claimer.tolist() == [-1, 0, -1, -1]
+    grants, holds, claims = world.state.grants, world.state.holds, world.state.claims
+    assert holds.holder.tolist() == [-1, 0, -1, -1] and holds.held.tolist() == [0, 1, 0, 0]
+    assert claims.number.tolist() == [0, 1, 0, 0] and claims.claimer.tolist() == [-1, 0, -1, -1]
     assert grants.allowed_m[0] == 1.0 and not grants.on_lane[0]
 
 
@@ -271,27 +270,27 @@ def test_without_an_order_who_has_asked_longest_is_first_then_the_lower_number()
 def test_who_waits_for_a_place_drives_up_to_it_behind_who_is_ahead():
     """Robot 1 is on the lane already, at 0.8 m of it; between the middles are to be two radii, a gap, and what robot 1 pulls."""
     world = put(scene(2), {"visits.lane": {5: 1}, "visits.short_of_m": 0.9, "state.motion.s_m": {1: 0.8}, "kinematics.behind_m": {1: 0.05}})
-    put(world, {"state.grants.claims": {1: 1}, "state.grants.claimer": {1: 1}, "state.grants.holder": {1: 1}, "visits.granted": {1: 7}})
+    put(world, {"state.claims.number": {1: 1}, "state.claims.claimer": {1: 1}, "state.holds.holder": {1: 1}, "visits.granted": {1: 7}})
     _grants.grant(10.0, world)
-    grants = world.state.grants
-    assert (grants.cause[0], grants.on_lane[0], grants.ahead[0], grants.claims[1]) == (OTHER, True, 1, 2)
+    grants, claims = world.state.grants, world.state.claims
+    assert (grants.cause[0], grants.on_lane[0], grants.ahead[0], claims.number[1]) == (OTHER, True, 1, 2)
     assert grants.allowed_m[0] == pytest.approx(0.8 - 0.5 - 0.1 - 0.05)
     world.state.motion.s_m[1] = 0.9
     _grants.grant(10.1, world)
     assert grants.allowed_m[0] == pytest.approx(0.9 - 0.5 - 0.1 - 0.05)
     world.visits.reached[1] = 5  # it has left the lane
     _grants.grant(10.2, world)
-    assert grants.allowed_m[0] == 0.9 and grants.ahead[0] == -1 and grants.claims[1] == 2
-    world.state.grants.holder[1], world.state.motion.s_m[0] = -1, 0.45
+    assert grants.allowed_m[0] == 0.9 and grants.ahead[0] == -1 and claims.number[1] == 2
+    world.state.holds.holder[1], world.state.motion.s_m[0] = -1, 0.45
     _grants.grant(10.3, world)
-    assert (grants.cause[0], grants.on_lane[0], grants.allowed_m[0], grants.claims[1]) == (FREE, False, 1.0, 2)
+    assert (grants.cause[0], grants.on_lane[0], grants.allowed_m[0], claims.number[1]) == (FREE, False, 1.0, 2)
 
 
 def test_who_is_first_on_a_lane_drives_up_to_the_place_that_it_waits_for():
-    world = put(scene(2), {"visits.short_of_m": 0.9, "state.grants.holder": {1: 1}, "state.grants.claimer": {1: 1}})
+    world = put(scene(2), {"visits.short_of_m": 0.9, "state.holds.holder": {1: 1}, "state.claims.claimer": {1: 1}})
     _grants.grant(10.0, world)
-    grants = world.state.grants
-    assert (grants.ahead[0], grants.allowed_m[0], grants.claims[1], grants.claimer[1]) == (-1, 0.9, 1, 0)
+    grants, claims = world.state.grants, world.state.claims
+    assert (grants.ahead[0], grants.allowed_m[0], claims.number[1], claims.claimer[1]) == (-1, 0.9, 1, 0)
 
 
 SPEEDS = {  # at 0.2 m before the end of what it may drive, 0.5 m/s2, steps of 0.1 s; what it is told, and why it waits then
@@ -333,56 +332,55 @@ def test_speeds_are_told_when_they_change_when_robots_are_to_stop_and_all_when_t
 
 
 def test_what_a_robot_has_left_is_free_and_the_turn_passes_on():
-    world = put(scene(), AT_SECOND | {"state.grants.holder": {0: 0, 1: 0}, "state.grants.held": {0: 2, 1: 1}, "needs.closes": {1: False}})
-    grants = world.state.grants
-    _grants.release(np.array([0.49]), world.visits, world.needs, grants)
-    assert grants.held.tolist() == [2, 1, 0, 0] and grants.oldest[0] == 0
-    _grants.release(np.array([0.5]), world.visits, world.needs, grants)
-    assert grants.held.tolist() == [1, 1, 0, 0] and grants.holder[0] == 0  # it holds that for another visit, too
-    assert grants.turn.tolist() == [1, 0, 0, 0] and grants.oldest[0] == 1 and world.needs.freed[0]
-    _grants.release(np.array([1.5]), world.visits, world.needs, grants)
-    assert grants.held.tolist() == [1, 0, 0, 0] and grants.holder[1] == -1 and grants.turn[1] == 0  # it is to come back
+    world = put(scene(), AT_SECOND | {"state.holds.holder": {0: 0, 1: 0}, "state.holds.held": {0: 2, 1: 1}, "needs.closes": {1: False}})
+    grants, holds = world.state.grants, world.state.holds
+    _grants.release(np.array([0.49]), world.visits, world.needs, grants, holds)
+    assert holds.held.tolist() == [2, 1, 0, 0] and grants.oldest[0] == 0
+    _grants.release(np.array([0.5]), world.visits, world.needs, grants, holds)
+    assert holds.held.tolist() == [1, 1, 0, 0] and holds.holder[0] == 0  # it holds that for another visit, too
+    assert holds.turn.tolist() == [1, 0, 0, 0] and grants.oldest[0] == 1 and world.needs.freed[0]
+    _grants.release(np.array([1.5]), world.visits, world.needs, grants, holds)
+    assert holds.held.tolist() == [1, 0, 0, 0] and holds.holder[1] == -1 and holds.turn[1] == 0  # it is to come back
     assert grants.oldest[0] == 2
 
 
 def test_a_robot_holds_what_it_has_been_granted_and_not_come_to():
     world = put(scene(), {"visits.granted": {0: 2}, "needs.left_at_m": 0.0})
-    _grants.release(np.zeros(1), world.visits, world.needs, world.state.grants)
+    _grants.release(np.zeros(1), world.visits, world.needs, world.state.grants, world.state.holds)
     assert world.needs.freed.tolist() == [True, True, False, False]  # that it is on its way to may be behind it already
 
 
 def test_grants_that_are_given_back_are_held_once_less():
     world = put(scene(), {"visits.granted": {0: 3}, "state.grants.on_lane": True, "state.grants.allowed_m": 3.0})
-    grants = put(
-        world, {"state.grants.held": {1: 1, 2: 2, 3: 3}, "state.grants.holder": 0, "state.grants.claims": {2: 1, 3: 2}}
-    ).state.grants
-    _grants.give_back(grants, world.visits, 0, 1, np.array([2, 3, 3]), np.array([2, 3]))
-    assert grants.held.tolist() == [0, 1, 1, 1] and grants.holder.tolist() == [0, 0, 0, 0] and grants.claims.tolist() == [0, 0, 0, 1]
+    put(world, {"state.holds.held": {1: 1, 2: 2, 3: 3}, "state.holds.holder": 0, "state.claims.number": {2: 1, 3: 2}})
+    grants, holds, claims = world.state.grants, world.state.holds, world.state.claims
+    _grants.give_back(world.state, world.visits, 0, 1, np.array([2, 3, 3]), np.array([2, 3]))
+    assert holds.held.tolist() == [0, 1, 1, 1] and holds.holder.tolist() == [0, 0, 0, 0] and claims.number.tolist() == [0, 0, 0, 1]
     assert (world.visits.granted[0], grants.on_lane[0], grants.allowed_m[0]) == (1, False, 1.0)
-    _grants.give_back(grants, world.visits, 0, 1, np.array([2]), np.array([3]))
-    assert grants.holder.tolist() == [0, 0, -1, 0]
+    _grants.give_back(world.state, world.visits, 0, 1, np.array([2]), np.array([3]))
+    assert holds.holder.tolist() == [0, 0, -1, 0]
 
 
 def test_who_turns_back_claims_the_other_side_of_its_lane_until_it_comes_to_the_vertex_behind():
-    world = put(scene(), {"visits.reverse": {1: 2, 2: 1}, "state.grants.claims": {1: 1, 2: 1}})
-    grants = world.state.grants
-    _grants.turn_back(grants, 0, 0.4, 2, np.array([0, 3]))
-    assert grants.turned_back[0] and grants.allowed_m[0] == 0.4 and grants.claims.tolist() == [0, 1, 2, 0]
-    assert grants.claimer[2] == 0 and grants.holder.tolist() == [0, -1, -1, 0]
-    _grants.leave_lane(0, 2, world.visits, grants)
-    assert grants.claims.tolist() == [0, 0, 1, 0] and not grants.turned_back[0]
-    _grants.leave_lane(0, 2, world.visits, grants)
-    assert grants.claims.tolist() == [0, 0, 0, 0]
+    world = put(scene(), {"visits.reverse": {1: 2, 2: 1}, "state.claims.number": {1: 1, 2: 1}})
+    grants, holds, claims = world.state.grants, world.state.holds, world.state.claims
+    _grants.turn_back(world.state, 0, 0.4, 2, np.array([0, 3]))
+    assert grants.turned_back[0] and grants.allowed_m[0] == 0.4 and claims.number.tolist() == [0, 1, 2, 0]
+    assert claims.claimer[2] == 0 and holds.holder.tolist() == [0, -1, -1, 0]
+    _grants.leave_lane(0, 2, world.visits, grants, claims)
+    assert claims.number.tolist() == [0, 0, 1, 0] and not grants.turned_back[0]
+    _grants.leave_lane(0, 2, world.visits, grants, claims)
+    assert claims.number.tolist() == [0, 0, 0, 0]
 
 
 def test_changes_that_new_ways_bring():
     world = put(scene(2), {"state.grants.cause": OTHER, "state.grants.other": 1, "state.grants.asked_s": 4.0})
-    grants = world.state.grants
+    grants, holds = world.state.grants, world.state.holds
     _grants.ask_anew(grants, 1, 6)
     assert (grants.cause[1], grants.other[1], grants.asked_s[1], grants.wanted[1]) == (FREE, -1, np.inf, 6)
     assert (grants.cause[0], grants.other[0], grants.asked_s[0]) == (OTHER, 1, 4.0)
-    _grants.hold(grants, 1, np.array([2, 5]))
-    assert grants.holder.tolist() == [-1, -1, 1, -1, -1, 1, -1, -1] and grants.held.sum() == 2
+    _grants.hold(holds, 1, np.array([2, 5]))
+    assert holds.holder.tolist() == [-1, -1, 1, -1, -1, 1, -1, -1] and holds.held.sum() == 2
     _grants.renumber(grants, np.array([-1, 0, 1, 2, 3, 4, 5, 6, -1]))
     assert grants.oldest.tolist() == [-1, 3] and grants.wanted.tolist() == [-1, 5]
     waits = put(world, {"state.waits.where": {0: 6, 1: -1}}).state.waits
@@ -514,11 +512,11 @@ def arrive(now_s, s_m, world):
 
 def test_arrivals_are_within_the_step_and_a_robot_that_is_home_has_come_to_its_goal():
     """In a step of 0.1 s it drives 0.1 m, and comes to within 2 mm of the vertex at 1 m after 0.048 of them."""
-    world = put(scene(), {"state.motion.s_m": 0.95, "state.motion.moved_m": 0.1, "visits.granted": {0: 3}, "state.grants.claims": 1})
+    world = put(scene(), {"state.motion.s_m": 0.95, "state.motion.moved_m": 0.1, "visits.granted": {0: 3}, "state.claims.number": 1})
     visits = world.visits
     arrive(10.0, np.array([1.05]), world)
     assert visits.arrived_s[1] == pytest.approx(9.948) and visits.reached[0] == 1 and np.isnan(visits.arrived_s[2])
-    assert world.state.grants.claims.tolist() == [1, 0, 1, 1] and np.isnan(world.state.waits.goal_s[0]) and entries(world) == []
+    assert world.state.claims.number.tolist() == [1, 0, 1, 1] and np.isnan(world.state.waits.goal_s[0]) and entries(world) == []
     world.state.motion.s_m[0] = 1.05
     arrive(10.1, np.array([3.0 - 0.002]), world)
     assert visits.reached[0] == 3 and visits.arrived_s[3] == pytest.approx(10.1)
@@ -564,7 +562,7 @@ def test_a_robot_sets_out_in_its_first_step():
 
 def test_a_step_is_observed_as_a_whole_but_not_booked_where_nothing_is():
     for books in (True, False):
-        world = put(scene(), {"visits.granted": {0: 1}, "rules.books": books, "state.grants.claims": 1})
+        world = put(scene(), {"visits.granted": {0: 1}, "rules.books": books, "state.claims.number": 1})
         _observe.observe(0.1, np.array([0.05]), world)
         assert world.state.motion.s_m[0] == 0.05 and world.state.motion.speed_mps[0] == pytest.approx(0.5)
         assert world.state.waits.booked_s[0, MOVING] == (pytest.approx(0.1) if books else 0.0)
