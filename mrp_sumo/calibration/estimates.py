@@ -31,6 +31,7 @@ from mrp_sumo.calibration.ramps import Ramp, fit_ramp, marginal
 from mrp_sumo.calibration.stops import Stops, fit_stops
 from mrp_sumo.calibration.turning import TurnFit, fit_turning
 from mrp_sumo.core.graph import FloatArray, IntArray
+from mrp_sumo.core.grouping import grouped
 from mrp_sumo.errors import MrpSumoError
 
 LIMITS = ("max_speed_mps", "accel_mps2", "decel_mps2", "turn_rate_rad_s")
@@ -326,9 +327,7 @@ def _quantiles(at: FloatArray, weight: FloatArray) -> tuple[float, float, float]
 
 def _services(visits: Iterable[ActionTime]) -> Iterator[CalibratedFigure | Unknown]:
     """Median and sigma of lognormal times, by action."""
-    by_action: dict[str, list[float]] = {}
-    for visit in visits:
-        by_action.setdefault(visit.action, []).append(visit.end_s - visit.begin_s)
+    by_action = grouped((visit.action, visit.end_s - visit.begin_s) for visit in visits)
     if not by_action:
         yield Unknown("actions", "the log does not say what vehicles do at stops")
     for action, lasted in sorted(by_action.items()):
@@ -383,9 +382,7 @@ def _accuracy(phases: list[Phases], noise: Noise) -> Iterator[CalibratedFigure |
 def _battery(charges: Iterable[Charge]) -> Iterator[CalibratedFigure | Unknown]:
     """Shares of the capacity an hour: drawn without charging, and charged."""
     slopes: dict[bool, list[float]] = {False: [], True: []}
-    by_vehicle: dict[str, list[tuple[float, float, bool]]] = {}
-    for each in charges:
-        by_vehicle.setdefault(each.vehicle, []).append((each.t_s, each.share, each.charging))
+    by_vehicle = grouped((each.vehicle, (each.t_s, each.share, each.charging)) for each in charges)
     if not by_vehicle:
         yield Unknown("battery", "the log has no state of charge")
         return

@@ -7,7 +7,7 @@ they were. How long services take is drawn from those of the earlier part, at th
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
@@ -18,6 +18,7 @@ import numpy as np
 from mrp_sumo.calibration.log import ActionTime, LoggedOrder, MotionLog, levels_on, require_different, shift_on
 from mrp_sumo.calibration.orders import CHARGING
 from mrp_sumo.core.graph import FloatArray, IntArray
+from mrp_sumo.core.grouping import grouped
 from mrp_sumo.core.problem import graphs_of_kinds
 from mrp_sumo.errors import MrpSumoError, duration, nearest
 from mrp_sumo.experiments.staging.set_up import SetUp
@@ -58,19 +59,19 @@ class HeldOut:
 
     def earlier(self, kind: int | None = None) -> MotionLog:
         """The log before the cut; of one type of vehicles only."""
-        log = self.log
         others = {v for v, k in zip(self.vehicles, self.kind.tolist()) if kind is not None and k != kind}
-        return _between(log, -math.inf, self.cut_s, lambda name: name not in others)
+        return _between(self.log, -math.inf, self.cut_s, others)
 
     def later(self) -> MotionLog:
         """The log from the cut on."""
-        return _between(self.log, self.cut_s, math.inf, lambda _: True)
+        return _between(self.log, self.cut_s, math.inf)
 
 
-def _between(log: MotionLog, begin_s: float, end_s: float, wanted: Any) -> MotionLog:
-    poses = {name: [row for row in rows if begin_s <= row[0] < end_s] for name, rows in log.poses.items() if wanted(name)}
-    visits = [v for v in log.visits if wanted(v.vehicle) and begin_s <= v.begin_s and v.end_s <= end_s]
-    charges = [c for c in log.charges if wanted(c.vehicle) and begin_s <= c.t_s < end_s]
+def _between(log: MotionLog, begin_s: float, end_s: float, others: Collection[str] = ()) -> MotionLog:
+    """The log of a time, without some other vehicles."""
+    poses = {name: [row for row in rows if begin_s <= row[0] < end_s] for name, rows in log.poses.items() if name not in others}
+    visits = [v for v in log.visits if v.vehicle not in others and begin_s <= v.begin_s and v.end_s <= end_s]
+    charges = [c for c in log.charges if c.vehicle not in others and begin_s <= c.t_s < end_s]
     return replace(log, poses={name: rows for name, rows in poses.items() if rows}, visits=visits, charges=charges, notes=[])
 
 
@@ -187,13 +188,9 @@ class ServiceTimes:
 
     def __init__(self, visits: Sequence[ActionTime], station_of: Mapping[str, str]) -> None:
         self._visits, self._station_of = visits, station_of
-        self._at: dict[tuple[str, str], list[float]] = {}
-        self._of: dict[str, list[float]] = {}
-        for visit in visits:
-            if visit.action not in CHARGING:
-                lasted_s = visit.end_s - visit.begin_s
-                self._at.setdefault((station_of.get(visit.station, visit.station), visit.action), []).append(lasted_s)
-                self._of.setdefault(visit.action, []).append(lasted_s)
+        served = [(visit, visit.end_s - visit.begin_s) for visit in visits if visit.action not in CHARGING]
+        self._at = grouped(((station_of.get(visit.station, visit.station), visit.action), lasted_s) for visit, lasted_s in served)
+        self._of = grouped((visit.action, lasted_s) for visit, lasted_s in served)
 
     @property
     def is_known(self) -> bool:
@@ -219,10 +216,7 @@ def action_of(nth: int, count: int) -> str:
 def stations_of(file: ScenarioFile) -> dict[str, str]:
     """Stations of a scenario by their places, where these have one each."""
     stations = file.scenario.tasks.stations if file.scenario.tasks else {}
-    by_place: dict[str, list[str]] = {}
-    for name, station in stations.items():
-        for place in station.places:
-            by_place.setdefault(place, []).append(name)
+    by_place = grouped((place, name) for name, station in stations.items() for place in station.places)
     return {place: names[0] for place, names in by_place.items() if len(names) == 1 and place not in stations}
 
 

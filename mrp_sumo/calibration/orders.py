@@ -16,6 +16,7 @@ import numpy as np
 
 from mrp_sumo.calibration.log import ActionTime, LoggedOrder
 from mrp_sumo.core.graph import FloatArray
+from mrp_sumo.core.grouping import grouped
 from mrp_sumo.core.task import NOBODY, Task
 from mrp_sumo.errors import MrpSumoError
 
@@ -84,10 +85,8 @@ def orders_of_visits(
     sent: Mapping[str, Sequence[tuple[float, str]]] | None = None,
 ) -> list[LoggedOrder]:
     """Orders as the actions of vehicles show them, by release; `sent` has when each vehicle was sent to which node."""
-    by_vehicle: dict[str, list[ActionTime]] = {}
-    for visit in sorted(visits, key=lambda visit: visit.begin_s):
-        if visit.action not in CHARGING:
-            by_vehicle.setdefault(visit.vehicle, []).append(visit)
+    by_begin = sorted(visits, key=lambda visit: visit.begin_s)
+    by_vehicle = grouped((visit.vehicle, visit) for visit in by_begin if visit.action not in CHARGING)
     orders = []
     for vehicle, mine in by_vehicle.items():
         track = np.array(sorted((poses or {}).get(vehicle, ()))).reshape(-1, 6)[:, :3]

@@ -18,6 +18,7 @@ import numpy as np
 from mrp_sumo.calibration.archive import is_archive, read_archive
 from mrp_sumo.calibration.log import ActionTime, Charge, MotionLog
 from mrp_sumo.calibration.orders import orders_of_run, orders_of_visits
+from mrp_sumo.core.grouping import grouped
 from mrp_sumo.errors import MrpSumoError, duration, nearest
 from mrp_sumo.files.folders import RESULT
 from mrp_sumo.files.names import fault_of
@@ -119,9 +120,9 @@ def _run(folder: Path) -> MotionLog:
                 log.visits.append(ActionTime(names[r], kind, station, begin_s, end_s))
     log.orders = orders_of_run(run)
     if execution.batteries is not None:
-        charging = {(v.vehicle, v.begin_s): v.end_s for v in log.visits if v.action == "startCharging"}
+        charging = grouped((v.vehicle, (v.begin_s, v.end_s)) for v in log.visits if v.action == "startCharging")
         for r, name in enumerate(names):
-            spans = [(begin, end) for (who, begin), end in charging.items() if who == name]
+            spans = charging.get(name, ())
             for t, share in zip(execution.batteries.t_s.tolist(), execution.batteries.level[:, r].tolist()):
                 log.charges.append(Charge(name, t, share, any(a <= t < b for a, b in spans)))
     return log

@@ -29,6 +29,7 @@ from mrp_sumo.core.angles import wrapped
 from mrp_sumo.core.csr import ranges
 from mrp_sumo.core.fleet import Fleet, fleet_of
 from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, NavGraph, nav_graph, plan_graph
+from mrp_sumo.core.grouping import grouped
 from mrp_sumo.core.plan import Plan, plan_of_paths
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.core.robot_type import RobotType
@@ -313,9 +314,8 @@ def _in_groups(problem: Problem, plan: Plan, runs: _Runs, pieces: Pieces, step_l
     of_vertex, of_lane = _groups(problem.graph)
     if not of_vertex and not of_lane:
         return []
-    held: dict[str, list[tuple[float, float, int, int]]] = {}
-    for group, begin_s, end_s, visit in _stays(problem.fleet, plan, runs, pieces, of_vertex, of_lane):
-        held.setdefault(group, []).append((begin_s, end_s, int(plan.robot[visit]), visit))
+    stays = _stays(problem.fleet, plan, runs, pieces, of_vertex, of_lane)
+    held = grouped((group, (begin_s, end_s, int(plan.robot[visit]), visit)) for group, begin_s, end_s, visit in stays)
     meetings_: dict[tuple[int, int, str], Meeting] = {}
     for group, times in held.items():
         times.sort()

@@ -6,6 +6,7 @@ from itertools import pairwise
 import numpy as np
 
 from mrp_sumo.core.execution import Outcome
+from mrp_sumo.core.grouping import grouped
 from mrp_sumo.core.handling import stop_s
 from mrp_sumo.core.robot_states import BROKEN
 from mrp_sumo.core.stream import TaskSource
@@ -105,9 +106,7 @@ def states(logs: Logs) -> Iterator[Finding]:
 def stops_in_order(logs: Logs) -> Iterator[Finding]:
     """All stops of an order are made, in order, at places of the right stations, by one robot unless it was lost."""
     stops, tasks = logs.stops, logs.tasks
-    rows_of: dict[int, list[int]] = {}
-    for row, task in enumerate(stops.task.tolist()):
-        rows_of.setdefault(task, []).append(row)
+    rows_of = grouped((task, row) for row, task in enumerate(stops.task.tolist()))
     for task, rows in rows_of.items():
         rows.sort(key=lambda row: (stops.begin_s[row], stops.end_s[row]))
         made, before, order = 0, None, logs.ordered.get(task)

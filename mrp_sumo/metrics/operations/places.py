@@ -10,7 +10,8 @@ from mrp_sumo.core.angles import wrapped
 from mrp_sumo.core.arrivals import DAY_S
 from mrp_sumo.core.digraph import strong_components, weak_components
 from mrp_sumo.core.facilities import DOOR_STATES, LIFT_STATES
-from mrp_sumo.core.graph import BoolArray, FloatArray, PlanGraph
+from mrp_sumo.core.graph import BoolArray, FloatArray, IntArray, PlanGraph
+from mrp_sumo.core.grouping import grouped
 from mrp_sumo.core.handling import load_change
 from mrp_sumo.core.robot_states import STALLED
 from mrp_sumo.metrics.operations.evidence import EPS_S, LOST, Finding, Logs
@@ -139,9 +140,7 @@ def waits(logs: Logs) -> Iterator[Finding]:
     Stops without service are made in passing: nobody is in line for them.
     """
     wishes = [*_made(logs), *_left(logs)]
-    at_place: dict[str, list[Wish]] = {}
-    for wish in wishes:
-        at_place.setdefault(wish.place, []).append(wish)
+    at_place = grouped((wish.place, wish) for wish in wishes)
     urgent = {task: order.priority for task, order in logs.ordered.items()}
     for wish in wishes:
         until_s = min(wish.begin_s, logs.end_s)
@@ -200,7 +199,7 @@ def _is_cut_off(logs: Logs, wish: Wish, since_s: float, until_s: float) -> bool:
         from_s = max(begin_s, since_s)
         if robot == wish.robot or v in wish.vertices or not (min(end_s, until_s) - from_s) / (until_s - since_s) > MOST:
             continue
-        leads, at = (graph.tail != v) & (graph.head != v), np.array([_vertex_at(logs, wish.robot, from_s)])
+        leads, at = (graph.tail != v) & (graph.head != v), np.array([vertex_at(logs, wish.robot, from_s)])
         past, ever = (np.isfinite(reach_m(graph, lanes, at)[0, wish.vertices]).any() for lanes in (leads, leads | True))
         if ever and not past:
             return True
@@ -210,7 +209,7 @@ def _is_cut_off(logs: Logs, wish: Wish, since_s: float, until_s: float) -> bool:
 def _is_too_far_back(logs: Logs, wish: Wish) -> bool:
     """True on a line, where nobody passes another, if there is no room beyond the places for all who are before a robot."""
     graph = logs.graph
-    at = _vertex_at(logs, wish.robot, wish.since_s)
+    at = vertex_at(logs, wish.robot, wish.since_s)
     piece = weak_components(graph.num_vertices, graph.tail, graph.head)
     beside = [set[int]() for _ in range(graph.num_vertices)]
     for a, b in zip(graph.tail.tolist(), graph.head.tolist()):
@@ -221,7 +220,7 @@ def _is_too_far_back(logs: Logs, wish: Wish) -> bool:
         row.append(min(ahead))
     if not row or (piece == piece[at]).sum() > len(row):
         return False
-    where = [_vertex_at(logs, robot, wish.since_s) for robot in range(logs.fleet.num_robots)]
+    where = [vertex_at(logs, robot, wish.since_s) for robot in range(logs.fleet.num_robots)]
     place = [row.index(v) for robot, v in enumerate(where) if v in row and robot != wish.robot]
     before = sum(each < row.index(at) for each in place)
     return not any(before <= row.index(v) < len(row) - (len(place) - before) for v in wish.vertices if v in row)
@@ -235,7 +234,7 @@ def _times_past(logs: Logs, wish: Wish, since_s: float, until_s: float) -> int:
     leaves_s = logs.execution.t_s[some][:-1][near[:-1] & ~near[1:]]
     stands_s = logs.standing[wish.robot][:, 0]
     stood_s = [stands_s[stands_s <= t_s].max(initial=since_s) for t_s in leaves_s.tolist()]
-    return sum(_bars_all(logs.graph, _vertex_at(logs, wish.robot, max(t_s, since_s))) for t_s in stood_s)
+    return sum(_bars_all(logs.graph, vertex_at(logs, wish.robot, max(t_s, since_s))) for t_s in stood_s)
 
 
 def _bars_all(graph: PlanGraph, v: int) -> bool:
@@ -258,7 +257,7 @@ def _stands_between(logs: Logs, wish: Wish, other: Wish) -> bool:
     Nobody passes robots that are lost.
     """
     graph, t_s = logs.graph, other.since_s
-    at, ahead = (_vertex_at(logs, each.robot, t_s) for each in (wish, other))
+    at, ahead = (vertex_at(logs, each.robot, t_s) for each in (wish, other))
     lost = [v for v, _, begin_s, end_s in _lost(logs) if begin_s <= t_s < end_s]
     free = ~np.isin(graph.head, lost) & ~np.isin(graph.tail, lost)
     past = free & (graph.tail != ahead) & (graph.head != ahead)
@@ -275,10 +274,11 @@ def _lost(logs: Logs) -> Iterator[tuple[int, int, float, float]]:
     """Robots that are lost: vertex, robot, from when and until when."""
     for robot in range(logs.fleet.num_robots):
         for begin_s, end_s in logs.times_in(LOST, robot):
-            yield _vertex_at(logs, robot, begin_s), robot, begin_s, end_s
+            yield vertex_at(logs, robot, begin_s), robot, begin_s, end_s
 
 
-def _vertex_at(logs: Logs, robot: int, t_s: float) -> int:
+def vertex_at(logs: Logs, robot: int, t_s: float) -> int:
+    """The vertex nearest to a robot at a time."""
     return int(np.hypot(*(logs.graph.xy - logs.xy_at(np.array([robot]), np.array([t_s]))).T).argmin())
 
 
@@ -315,10 +315,14 @@ def lifts(logs: Logs) -> Iterator[Finding]:
 def _has(logs: Logs, lift: int, robot: int, t_s: float) -> bool:
     log = logs.execution.facilities
     assert log is not None
-    rows = np.flatnonzero(log.lift == lift)
-    k = int(np.searchsorted(log.lift_t_s[rows], t_s + EPS_S, side="right")) - 1
-    row = int(rows[max(k, 0)]) if len(rows) else -1
-    return row >= 0 and log.lift_robot[row] == robot and LIFT_STATES[log.lift_state[row]] == "taken"
+    row = _row_at(np.flatnonzero(log.lift == lift), log.lift_t_s, t_s)
+    return row is not None and log.lift_robot[row] == robot and LIFT_STATES[log.lift_state[row]] == "taken"
+
+
+def _row_at(rows: IntArray, at_s: FloatArray, t_s: float) -> int | None:
+    """Of rows, whose times ascend, the one that says how it is at a time: the last until then, else the first; None without rows."""
+    k = int(np.searchsorted(at_s[rows], t_s + EPS_S, side="right")) - 1
+    return int(rows[max(k, 0)]) if len(rows) else None
 
 
 def doors(logs: Logs) -> Iterator[Finding]:
@@ -332,8 +336,8 @@ def doors(logs: Logs) -> Iterator[Finding]:
         rows = np.flatnonzero(log.door == number)
         for leaf in leaves:
             for robot, t_s in _passes(logs, leaf):
-                k = int(np.searchsorted(log.door_t_s[rows], t_s + EPS_S, side="right")) - 1
-                state = DOOR_STATES[log.door_state[rows[max(k, 0)]]] if len(rows) else "closed"
+                row = _row_at(rows, log.door_t_s, t_s)
+                state = "closed" if row is None else DOOR_STATES[log.door_state[row]]
                 if state != "open":
                     who = logs.robot(robot)
                     yield Finding("doors", t_s, f"{who} drives through door '{name}' at {t_s:.2f} s, which is {state}", who, name)

@@ -10,10 +10,11 @@ import numpy as np
 
 from mrp_sumo.core.disturbances import BREAKS, MAINTAINED
 from mrp_sumo.core.execution import Outcome
+from mrp_sumo.core.grouping import grouped
 from mrp_sumo.core.robot_states import BROKEN, CHARGING, EMPTY, IDLE, ROBOT_STATES, STALLED, WORKING
 from mrp_sumo.core.task import CANCELLED, FAILED, NOBODY, Task
 from mrp_sumo.metrics.operations.evidence import EPS_S, LOST, Finding, Logs, end_of
-from mrp_sumo.metrics.operations.places import BESIDE_M, CORNER, LATER_ONES
+from mrp_sumo.metrics.operations.places import BESIDE_M, CORNER, LATER_ONES, vertex_at
 from mrp_sumo.search.route import shortest_route
 
 CROWD = 4  # robots bound for each place of a station, beside which another is of no use there
@@ -198,11 +199,11 @@ def passed_over(logs: Logs) -> Iterator[Finding]:
         return
     said_s = min((event.t_s for event in logs.execution.events if event.kind in SAYS), default=np.inf)
     service_s = {k: sum(stop.service_s for stop in order.stops) for k, order in logs.ordered.items()}
-    kinds: dict[Hashable, list[int]] = {}
-    for k, order in sorted(logs.ordered.items()):
-        kind = order.priority, order.robot, order.robot_type, order.load_kg, tuple(stop.places for stop in order.stops)
-        kinds.setdefault(kind, []).append(k)
-    for alike in kinds.values():
+
+    def kind(order: Task) -> Hashable:
+        return order.priority, order.robot, order.robot_type, order.load_kg, tuple(stop.places for stop in order.stops)
+
+    for alike in grouped((kind(order), k) for k, order in sorted(logs.ordered.items())).values():
         numbers, lasts_s = np.array(alike), np.array([service_s[k] for k in alike])
         opened_s, assigned_s = tasks.opened_s[numbers], tasks.assigned_s[numbers]
         until_s = np.where(np.isfinite(opened_s), opened_s, np.minimum(said_s, logs.end_s))
@@ -246,11 +247,8 @@ def _unheld(logs: Logs, task: int) -> list[tuple[float, float]]:
 
 def _drive_s(logs: Logs, robot: int, at_s: float, order: Task) -> float:
     """How long a robot takes to an order's first stop by the shortest way, inf where there is none."""
-    graph = logs.graph
-    (here,) = logs.xy_at(np.array([robot]), np.array([at_s]))
-    start = int(np.hypot(*(graph.xy - here).T).argmin())
-    everywhere = np.ones(graph.num_lanes, np.bool_)
-    ways = [shortest_route(graph, everywhere, start, place) for place in order.stops[0].places]
+    everywhere, start = np.ones(logs.graph.num_lanes, np.bool_), vertex_at(logs, robot, at_s)
+    ways = [shortest_route(logs.graph, everywhere, start, place) for place in order.stops[0].places]
     return min((_route_s(logs, robot, route) for route in ways if route is not None), default=np.inf)
 
 
@@ -266,9 +264,7 @@ def stands(logs: Logs) -> Iterator[Finding]:
     log, run, types = logs.execution.robot_states, logs.execution, logs.terms.fleet
     if log is None:
         return
-    noted_s: dict[tuple[int, str], list[float]] = {}
-    for event in (event for event in run.events if event.text in (BREAKS, MAINTAINED)):
-        noted_s.setdefault((event.robot, event.text), []).append(event.t_s)
+    noted_s = grouped(((event.robot, event.text), event.t_s) for event in run.events if event.text in (BREAKS, MAINTAINED))
     for k in np.flatnonzero(np.isin(log.state, (EMPTY, BROKEN))).tolist():
         robot = int(log.robot[k])
         brakes_s = float(logs.fleet.max_speed_mps[robot] / logs.fleet.decel_mps2[robot]) + 1.0 + 2 * logs.period_s
