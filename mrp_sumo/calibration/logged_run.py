@@ -7,11 +7,11 @@ import numpy as np
 
 from mrp_sumo.calibration.held_out import HeldOut
 from mrp_sumo.calibration.log import levels_on, shift_on
-from mrp_sumo.core.execution import RECORDED, Execution, Outcome
+from mrp_sumo.core.execution import Execution
 from mrp_sumo.core.graph import FloatArray, frozen
 from mrp_sumo.core.plan import plan_of_visits
 from mrp_sumo.core.task import NOBODY, TASK_STATES, StopLog, TaskLog
-from mrp_sumo.experiments.recorded import SAMPLE_S, between, finished, samples_s
+from mrp_sumo.experiments.recorded import SAMPLE_S, between, finished, recorded_execution, samples_s
 from mrp_sumo.experiments.result import RunResult
 from mrp_sumo.experiments.staging.set_up import SetUp
 
@@ -42,23 +42,10 @@ def _execution(held: HeldOut, setup: SetUp) -> Execution:
         yaw[there, r], level[:, r] = poses.yaw_rad[there], poses.level
         speed[there, r] = np.hypot(*(np.gradient(column[:, r], SAMPLE_S) for column in (x, y)))[there]
     tasks, stops = _logs(held, setup)
-    return Execution(
-        t_s=frozen(t_s),
-        x_m=frozen(x),
-        y_m=frozen(y),
-        yaw_rad=frozen(yaw),
-        speed_mps=frozen(np.where(np.isfinite(x), np.nan_to_num(speed), np.nan)),
-        arrived_s=frozen(np.zeros(len(held.vehicles))),
-        goal_s=frozen(np.full(len(held.vehicles), np.nan)),
-        outcome=Outcome.COMPLETED,
-        policy=RECORDED,
-        sim_time_s=float(t_s[-1]),
-        wall_time_s=0.0,
-        cpu_time_s=0.0,
-        level=frozen(level) if len(setup.problem.graph.level_names) > 1 else None,
-        tasks=tasks,
-        stops=stops,
-    )
+    arrived_s, goal_s = np.zeros(len(held.vehicles)), np.full(len(held.vehicles), np.nan)
+    speed = np.where(np.isfinite(x), np.nan_to_num(speed), np.nan)
+    more = {"arrived_s": frozen(arrived_s), "goal_s": frozen(goal_s), "tasks": tasks, "stops": stops}
+    return recorded_execution(setup.problem.graph, t_s, (x, y, yaw, speed), level, more)
 
 
 def _headings(yaw_rad: FloatArray, place: FloatArray) -> FloatArray:

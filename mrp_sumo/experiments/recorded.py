@@ -6,10 +6,11 @@ become events. Each `mapId` is a level; levels lie side by side as those of maps
 """
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -220,22 +221,25 @@ def _execution(vehicles: list[Recorded], begin_s: float, span_s: float, plan: Pl
                 events.append(Event(since_s - begin_s, what, r, duration_s=lasts_s, text=f"{kind}: {text}" if text else kind))
     still = np.nan_to_num(speed, nan=0.0) < STANDING_MPS
     last_moved = np.where((~still).any(0), len(t_s) - 1 - np.argmax(~still[::-1], 0), 0)
+    more: dict[str, Any] = {"arrived_s": frozen(plan.arrive_s.copy()), "goal_s": frozen(t_s[last_moved])}
+    by_time = tuple(sorted(events, key=lambda event: (event.t_s, event.robot)))
+    more |= {"events": by_time, "batteries": _batteries(vehicles, begin_s, float(t_s[-1]))}
+    return recorded_execution(graph, t_s, (x, y, yaw, speed), level, more)
+
+
+def recorded_execution(
+    graph: NavGraph, t_s: FloatArray, columns: Sequence[FloatArray], level: IntArray, more: Mapping[str, Any]
+) -> Execution:
+    """The execution of a run that was recorded: x, y, yaw and speed [T, R] at times [T], on levels [T, R] of a graph, and more fields."""
+    x_m, y_m, yaw_rad, speed_mps = map(frozen, columns)
     return Execution(
-        t_s=frozen(t_s),
-        x_m=frozen(x),
-        y_m=frozen(y),
-        yaw_rad=frozen(yaw),
-        speed_mps=frozen(speed),
-        arrived_s=frozen(plan.arrive_s.copy()),
-        goal_s=frozen(t_s[last_moved]),
+        **{"t_s": frozen(t_s), "x_m": x_m, "y_m": y_m, "yaw_rad": yaw_rad, "speed_mps": speed_mps, **more},
         outcome=Outcome.COMPLETED,
         policy=RECORDED,
         sim_time_s=float(t_s[-1]),
         wall_time_s=0.0,
         cpu_time_s=0.0,
-        events=tuple(sorted(events, key=lambda event: (event.t_s, event.robot))),
         level=frozen(level) if len(graph.level_names) > 1 else None,
-        batteries=_batteries(vehicles, begin_s, float(t_s[-1])),
     )
 
 
