@@ -3,6 +3,7 @@
 Refuses suffixes it does not know, and several levels in formats that have one.
 """
 
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -119,14 +120,14 @@ _WRITE_WITH_TYPES = {".lif.json": _write_lif, ".xml": _write_opentcs}
 
 def _option_losses(nav: NavGraph, of_vertices: tuple[str, ...], of_lanes: tuple[str, ...]) -> list[str]:
     """How many vertices and lanes have each property that is lost."""
-    lost: dict[tuple[str, str], int] = {}
-    for what, held, options_of in (("vertex", of_vertices, nav.vertex_options), ("lane", of_lanes, nav.lane_options)):
-        for options in options_of:
-            for name in options:
-                if name not in held:
-                    lost[name, what] = lost.get((name, what), 0) + 1
-    many = {"vertex": "vertices", "lane": "lanes"}
-    return [_count(count, f"{what} with {name}", f"{many[what]} with {name}") for (name, what), count in lost.items()]
+    losses = []
+    for one, more, held, all_options in (
+        ("vertex", "vertices", of_vertices, nav.vertex_options),
+        ("lane", "lanes", of_lanes, nav.lane_options),
+    ):
+        lost = Counter(name for options in all_options for name in options if name not in held)
+        losses += [_count(number, f"{one} with {name}", f"{more} with {name}") for name, number in lost.items()]
+    return losses
 
 
 def _graphs_left_out(map_: Map) -> list[str]:

@@ -213,12 +213,7 @@ def row_of(record: BatchRecord) -> dict[str, Any]:
     robots = record["scenario"]["robots"]
     groups = robots.get("fleet") or [robots]
     return {
-        "key": record["key"],
-        "scenario_key": record["scenario_key"],
-        "status": record["status"],
-        "success": record["success"],
-        "reason": record["reason"],
-        "repeat": record["repeat"],
+        **{name: record[name] for name in ("key", "scenario_key", "status", "success", "reason", "repeat")},
         **parameter_columns(record["scenario"]),
         "num_robots": sum(group["count"] or len(group["starts"] or group["goals"]) for group in groups),  # also for a run without metrics
         **record["metrics"],

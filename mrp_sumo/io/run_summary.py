@@ -75,7 +75,7 @@ def _rows(result: Mapping[str, Any]) -> Iterator[tuple[str, ...]]:
             yield (
                 "people",
                 f"{m['num_people']}",
-                _rate(m["protective_stops_per_robot_h"], "protective stops per robot-hour"),
+                _count(m["protective_stops_per_robot_h"], "protective stops per robot-hour", ".1f"),
                 f"{seconds(m['lost_to_people_s'])} lost",
                 f"nearest {_metres(m['min_person_distance_m'])}",
                 count(m["num_person_contacts"], "contact"),
@@ -100,13 +100,9 @@ def _then(value: str, what: str) -> str:
     return f"{value} {what}" if value else ""
 
 
+def _count(value: float | None, unit: str = "", form: str = ".0f") -> str:
+    return "" if value is None else f"{value:{form}} {unit}".rstrip()
+
+
 def _metres(value: float | None) -> str:
-    return "" if value is None else f"{value:.3f} m"
-
-
-def _rate(value: float | None, unit: str) -> str:
-    return "" if value is None else f"{value:.1f} {unit}"
-
-
-def _count(value: float | None, unit: str = "") -> str:
-    return "" if value is None else f"{value:.0f} {unit}".rstrip()
+    return _count(value, "m", ".3f")

@@ -105,11 +105,7 @@ class Bands:
             "sentence": self.sentence,
             "answer": self.answer,
             "robots": {"estimate": self.robots, "low": self.fewest if known else None, "high": self.largest if known else None},
-            "throughput_per_h": {
-                "estimate": rounded(self.throughput_per_h.value),
-                "low": rounded(self.span_per_h[0]),
-                "high": rounded(self.span_per_h[1]),
-            },
+            "throughput_per_h": dict(zip(("estimate", "low", "high"), map(rounded, (self.throughput_per_h.value, *self.span_per_h)))),
             "quantities": [effect.document for effect in self.effects],
             "runs": self.num_runs,
         }

@@ -94,20 +94,19 @@ def _orders(tasks: TaskLog, stops: StopLog) -> dict[str, Any]:
 
 
 def _stations(stops: StopLog, num_places: Mapping[Cause, int], since_s: float, end_s: float) -> dict[str, dict[str, float]]:
-    by_name: dict[str, dict[str, float]] = {}
     served = np.clip(np.minimum(stops.end_s, end_s) - np.maximum(stops.begin_s, since_s), 0, None)
-    later = stops.begin_s >= since_s
-    names = np.array(stops.station)
-    for name in dict.fromkeys(stops.station):
-        rows = names == name
-        by_name[name] = {
+    later, names = stops.begin_s >= since_s, np.array(stops.station)
+    return {
+        name: {
             "places": num_places.get(("station", name), len(np.unique(stops.vertex[rows]))),
             "served_s": round(float(served[rows].sum()), 2),
             "queued_s": round(float(stops.queued_s[rows & later].sum()), 2),
             "stops": int((rows & later).sum()),
             "over_s": round(end_s - since_s, 2),
         }
-    return by_name
+        for name in dict.fromkeys(stops.station)
+        for rows in [names == name]
+    }
 
 
 def _waiting(execution: Execution, graph: PlanGraph, since_s: float) -> FloatArray:
