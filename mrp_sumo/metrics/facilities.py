@@ -7,7 +7,7 @@ import numpy as np
 from mrp_sumo.core.execution import Execution
 from mrp_sumo.core.facilities import DOOR_STATES, LIFT_STATES
 from mrp_sumo.core.graph import NavGraph
-from mrp_sumo.metrics.metric import LESS, NONE, Evidence, Metric, logged, of
+from mrp_sumo.metrics.metric import LESS, NONE, Evidence, Metric, logged, most_at_once, of
 
 BUSY = [LIFT_STATES.index(state) for state in ("coming", "taken", "held")]
 OPENING = DOOR_STATES.index("opening")
@@ -36,8 +36,7 @@ def lift_use(execution: Execution, graph: NavGraph, since_s: float = 0.0) -> lis
         lasts_s = np.append(begin_s[1:], execution.sim_time_s).clip(since_s) - begin_s.clip(since_s)
         busy_s = float(lasts_s[np.isin(log.lift_state[mine], BUSY)].sum())
         waits = [e for e in execution.events if e.kind == "waited" and e.t_s >= since_s and e.vertex >= 0 and cabin[e.vertex] == name]
-        changes = sorted([(e.t_s, 1) for e in waits] + [(e.t_s + e.duration_s, -1) for e in waits])
-        queue = int(np.cumsum([step for _, step in changes]).max(initial=0))
+        queue = most_at_once([e.t_s for e in waits], [e.t_s + e.duration_s for e in waits])
         parts.append(LiftUse(name, busy_s / over_s, sum(e.duration_s for e in waits), queue))
     return parts
 

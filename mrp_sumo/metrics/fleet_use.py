@@ -8,7 +8,7 @@ from mrp_sumo.core.battery import BatteryLog
 from mrp_sumo.core.execution import Execution, Outcome
 from mrp_sumo.core.robot_states import BROKEN, CHARGING, EMPTY, IDLE, ROBOT_STATES, STALLED, WORKING, RobotStateLog
 from mrp_sumo.core.task import StopLog, TaskLog, orders_of
-from mrp_sumo.metrics.metric import LESS, MORE, NONE, TOGETHER, Evidence, Metric, logged, of, part
+from mrp_sumo.metrics.metric import LESS, MORE, NONE, TOGETHER, Evidence, Metric, logged, most_at_once, of, part
 from mrp_sumo.search.route import reach_m
 
 
@@ -123,10 +123,7 @@ def _queues(run: Evidence) -> list[tuple[float, int]]:
         here = np.array([station == name for station in stops.station])
         begin_s, queued_s = stops.begin_s[here], stops.queued_s[here]
         waits = queued_s > 0
-        change = np.concatenate([np.ones(waits.sum()), -np.ones(waits.sum())])
-        at_s = np.concatenate([(begin_s - queued_s)[waits], begin_s[waits]])
-        order = np.lexsort((change, at_s))  # who comes to a place makes room first
-        queues.append((float(queued_s.sum() / execution.sim_time_s), int(change[order].cumsum().max(initial=0))))
+        queues.append((float(queued_s.sum() / execution.sim_time_s), most_at_once((begin_s - queued_s)[waits], begin_s[waits])))
     return queues
 
 

@@ -7,6 +7,7 @@ from enum import StrEnum
 from typing import Any, TypeVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from mrp_sumo.core.execution import Execution
 from mrp_sumo.core.graph import FloatArray
@@ -159,6 +160,12 @@ def of_audit(name: str) -> Function:
 def metric_of(function: Function) -> Metric:
     """The metric that a plain function is: its unit by its name's end, no sense, its docstring's first line as formula."""
     return metric(next((unit for end, unit in UNITS.items() if function.__name__.endswith(end)), ""))(function)
+
+
+def most_at_once(begin_s: ArrayLike, end_s: ArrayLike) -> int:
+    """The most spans that are under way at one time; one that ends makes room for one that begins then."""
+    at_s, change = np.append(begin_s, end_s), np.repeat((1, -1), (np.size(begin_s), np.size(end_s)))
+    return int(change[np.lexsort((change, at_s))].cumsum().max(initial=0))
 
 
 def count_of(steps: float) -> float | int | None:
