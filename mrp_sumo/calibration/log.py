@@ -189,8 +189,8 @@ def _tracks_of(vehicle: str, rows: FloatArray, log: MotionLog) -> list[Track]:
 
 def require_different(log: MotionLog) -> None:
     """Refuse one vehicle of two names: both are at the same places all the time. Raises MrpSumoError."""
-    tables = {name: np.array(rows)[:, [0, 1, 2, 5]] for name, rows in sorted(log.poses.items()) if len(rows) > 1}
-    tables = {name: table[np.argsort(table[:, 0], kind="stable")] for name, table in tables.items()}
+    by_time = {name: sorted(rows, key=lambda row: row[0]) for name, rows in sorted(log.poses.items()) if len(rows) > 1}
+    tables = {name: np.array(rows)[:, [0, 1, 2, 5]] for name, rows in by_time.items()}
     for (one, a), (other, b) in combinations(tables.items(), 2):
         t = np.linspace(max(a[:, 0].min(), b[:, 0].min()), min(a[:, 0].max(), b[:, 0].max()), 200)
         here, there = (np.stack([np.interp(t, table[:, 0], table[:, k]) for k in (1, 2, 3)]) for table in (a, b))

@@ -145,12 +145,7 @@ def _log_marginal(part: Episodes, whiten: FloatArray, t0: FloatArray, at_m: Floa
 
 
 def _episodes(
-    phases: list[Phases],
-    vehicles: list[str],
-    guess: tuple[float, float, float],
-    left_s: Mapping[tuple[int, int], float],
-    *,
-    braking: bool,
+    phases: list[Phases], vehicles: list[str], guess: tuple[float, float, float], left_s: Mapping[tuple[int, int], float], *, braking: bool
 ) -> Episodes | None:
     """Samples about each stand that begins or ends a leg.
 

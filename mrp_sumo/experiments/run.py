@@ -213,11 +213,7 @@ def _unanswered(execution: Execution) -> str:
 
 
 def _execute(
-    setup: SetUp,
-    solution: Solution,
-    network: Path,
-    options: RunOptions,
-    listeners: list[Listener],
+    setup: SetUp, solution: Solution, network: Path, options: RunOptions, listeners: list[Listener]
 ) -> tuple[Execution | None, str]:
     """The execution, and a line on what was done otherwise than the scenario says. `listeners` are there from when robots set out."""
     from mrp_sumo.drive import warm

@@ -147,7 +147,8 @@ def main() -> None:
 
 
 def _timed(function: Function, job: Job, maps: MapCache) -> Answer:
-    _forget_peak_memory()
+    with suppress(OSError):
+        Path("/proc/self/clear_refs").write_text("5")  # forgets the peak of memory
     wall, cpu = time.perf_counter(), os.times()
     try:
         answer = function(job, maps)
@@ -159,11 +160,6 @@ def _timed(function: Function, job: Job, maps: MapCache) -> Answer:
         answer = failure(NO_ROOM, full) if full else failure(CRASHED, f"{reason} ({Path(place.filename).name}, line {place.lineno})")
     took = sum(b - a for a, b in zip(cpu[:4], os.times()[:4]))
     return {**answer, "run_wall_s": time.perf_counter() - wall, "run_cpu_s": took, "peak_memory_mb": _peak_memory_mb(), **machine()}
-
-
-def _forget_peak_memory() -> None:
-    with suppress(OSError):
-        Path("/proc/self/clear_refs").write_text("5")
 
 
 def _peak_memory_mb() -> float | None:

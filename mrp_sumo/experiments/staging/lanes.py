@@ -106,9 +106,7 @@ def without_shut_doors(file: ScenarioFile, graph: PlanGraph) -> tuple[PlanGraph,
     Refuses doors that no lane leads through.
     """
     execution, known = file.scenario.execution, door_names(graph)
-    places: list[tuple[str, Place]] = [
-        (execution.manual_doors[i], ("execution", "manual_doors", i)) for i in range(len(execution.manual_doors))
-    ]
+    places: list[tuple[str, Place]] = [(name, ("execution", "manual_doors", i)) for i, name in enumerate(execution.manual_doors)]
     listed = [(i, outage) for i, outage in enumerate(execution.disturbances.outages) if outage.door]
     places += [(outage.door, ("execution", "disturbances", "outages", i, "door")) for i, outage in listed]
     if execution.disturbances.door_passages_per_h and not known:

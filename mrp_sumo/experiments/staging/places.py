@@ -30,14 +30,11 @@ WAYS = 50  # between places, on which a turn that cannot be made is looked for
 def places(file: ScenarioFile, nav: NavGraph, graph: PlanGraph, model: RobotType, separation_m: float) -> tuple[IntArray, IntArray]:
     """Plan vertices of starts and goals of robots of one type, not assigned yet; with tasks, robots have no goals but their starts."""
     robots = file.scenario.robots
+    start = None if robots.starts is None else looked_up(file, nav, graph, ("robots", "starts"), robots.starts[: robots.count])
     if file.scenario.tasks is not None:
-        if robots.starts is not None:
-            start = looked_up(file, nav, graph, ("robots", "starts"), robots.starts[: robots.count])
-        else:
-            start, _ = _drawn(file, graph, model, separation_m)
+        start = _drawn(file, graph, model, separation_m)[0] if start is None else start
         return start, start
-    if robots.starts is not None and robots.goals is not None:
-        start = looked_up(file, nav, graph, ("robots", "starts"), robots.starts[: robots.count])
+    if start is not None and robots.goals is not None:
         fixed = file.scenario.assignment.mode == "fixed"
         goal = looked_up(file, nav, graph, ("robots", "goals"), robots.goals[: len(start)] if fixed else robots.goals)
         values, times = np.unique(goal, return_counts=True)

@@ -101,21 +101,18 @@ class Robots(Strict):
             keys += ["type"] if self.type != Robots.model_fields["type"].default else []
             if keys or self.draw == "mrp_bench":
                 raise ValueError(f"fleet and {keys[0] if keys else 'draw: mrp_bench'} exclude each other: its groups have their own")
-            return self._with_headings()
+            return self
         if (self.starts is None) != (self.goals is None):
             raise ValueError("starts and goals go together: give both or neither")
         if self.starts is None and self.count is None:
             raise ValueError("give count, or starts and goals")
         if self.starts is not None and self.count is not None and self.count > len(self.starts):
             raise ValueError(f"count is {self.count}, but there are {len(self.starts)} starts")
-        return self._with_headings()
+        return self
 
-    def _with_headings(self) -> "Robots":
-        """Refuse lists of headings that are not one for each."""
-        for key, headings, places in (
-            ("start", self.start_heading_deg, self.starts),
-            ("goal", self.goal_heading_deg, self.goals),
-        ):
+    @model_validator(mode="after")
+    def _headings_for_each(self) -> "Robots":
+        for key, headings, places in (("start", self.start_heading_deg, self.starts), ("goal", self.goal_heading_deg, self.goals)):
             expected = self.size if places is None else len(places)
             if isinstance(headings, list) and len(headings) != expected:
                 raise ValueError(f"{key}_heading_deg has {len(headings)} headings, but there are {expected} {key}s")

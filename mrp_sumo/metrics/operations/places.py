@@ -332,20 +332,14 @@ def doors(logs: Logs) -> Iterator[Finding]:
         return
     for number, name in enumerate(log.door_name):
         lanes = [k for k, options in enumerate(graph.lane_options) if options.get("door") == name]
-        leaves = _leaves(graph.xy[graph.tail[lanes]], graph.xy[graph.head[lanes]], logs.terms.doors_xy)
-        rows = np.flatnonzero(log.door == number)
-        for leaf in leaves:
+        tail, head, rows = graph.xy[graph.tail[lanes]], graph.xy[graph.head[lanes]], np.flatnonzero(log.door == number)
+        for leaf in (leaf for leaf in logs.terms.doors_xy if _cross(tail, head, leaf).any()):
             for robot, t_s in _passes(logs, leaf):
                 row = _row_at(rows, log.door_t_s, t_s)
                 state = "closed" if row is None else DOOR_STATES[log.door_state[row]]
                 if state != "open":
                     who = logs.robot(robot)
                     yield Finding("doors", t_s, f"{who} drives through door '{name}' at {t_s:.2f} s, which is {state}", who, name)
-
-
-def _leaves(tail: FloatArray, head: FloatArray, doors_xy: FloatArray) -> list[FloatArray]:
-    """The doors of a building [2, 2] that some lanes [L, 2] lead through."""
-    return [door for door in doors_xy if any(_cross(tail, head, door))]
 
 
 def _cross(a: FloatArray, b: FloatArray, door: FloatArray) -> FloatArray:
