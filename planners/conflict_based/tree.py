@@ -4,12 +4,13 @@ Kernels work in fixed room and say when it does not suffice; here it is made lar
 The clock is looked at between kernel calls, and a search that takes long is broken off to look at it.
 """
 
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from hashlib import blake2b
 from itertools import combinations, pairwise
 from time import process_time
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -165,18 +166,16 @@ class Tree:
         """The row of the conflict to split on; of those between some robots, if wanted."""
         rows = self.conflicts_within(node, within) if within else None
         conflicts = node.conflicts if rows is None else node.conflicts[rows]
-        while True:
-            self.check_clock()
-            buffers = self._buffers
+
+        def call(buffers: Buffers, _: int) -> Any:
             tables = self.instance, buffers.store, buffers.scratch
-            code, chosen = enter(self._entries, choose, *tables, node.records, conflicts, self.symmetries, self.symmetries and w == 1)
-            if code == st.OK:
-                chosen = self._most_promising(conflicts, int(chosen))
-                if rows is None:
-                    return chosen
-                node.conflicts[rows] = conflicts  # with the splits found
-                return int(rows[chosen])
-            self._enlarge(code, 0)
+            return enter(self._entries, choose, *tables, node.records, conflicts, self.symmetries, self.symmetries and w == 1)
+
+        chosen = self._most_promising(conflicts, int(self._with_room(call)[1]))
+        if rows is None:
+            return chosen
+        node.conflicts[rows] = conflicts  # with the splits found
+        return int(rows[chosen])
 
     def conflicts_within(self, node: ConflictNode, robots: set[int]) -> IntArray:
         """The rows of the conflicts between some robots."""
@@ -235,11 +234,8 @@ class Tree:
         row = node.conflicts[chosen]
         if disjoint and row["priority"] % 4 == 0 and row["kind"] in (MEET, SWAP):
             return self._split_disjoint(node, row, w)
-        children = [
-            self._branch(node, int(row["one"]), int(row["a0"]), int(row["a1"]), w),
-            self._branch(node, int(row["other"]), int(row["b0"]), int(row["b1"]), w),
-        ]
-        return [child for child in children if child is not None]
+        sides = (("one", "a0", "a1"), ("other", "b0", "b1"))
+        return self._branches(node, [tuple(int(row[key]) for key in side) for side in sides], w)
 
     def children(
         self,
@@ -251,23 +247,12 @@ class Tree:
         disjoint: bool = False,
         within: set[int] | None = None,
     ) -> list[ConflictNode]:
-        """Split on the best conflict, unless a child shows a way to end it within the bounds: then look again (bypass).
+        """Split a node with conflicts, or a ring, on the best one, unless a child shows a way to end it within the bounds: then the node
+        gets its path, and another one is looked for (bypass).
 
-        Parameters
-        ----------
-        node
-            With conflicts, or a ring. It may get other paths.
-        w, lower
-            The factor and the tree's lower bound; without, a bypass may not cost more than the node.
-        bypass, disjoint
-            Whether to.
-        within
-            Robots: split on a conflict between two of them; None: of all.
-
-        Returns
-        -------
-        children
-            None at all for a problem that turns out to have no solution: that is looked for when many splits have not helped.
+        `w` and `lower` are the factor and the tree's lower bound; without, a bypass may not cost more than the node. `within` are robots:
+        split on a conflict between two of them. No children at all where the problem turns out to have no solution: that is looked for when
+        many splits have not helped.
         """
         if not len(node.conflicts):
             return self._split_ring(node, w)
@@ -300,12 +285,8 @@ class Tree:
 
     def _split_ring(self, node: ConflictNode, w: float) -> list[ConflictNode]:
         """A child for each robot of a ring, in which that one does not go along: one of them does not in any plan."""
-        children = []
-        for robot, tail, head, step in self.ring(node):
-            child = self._branch(node, robot, *self._rows([(st.EDGE, head, tail, step, step)]), w)
-            if child is not None:
-                children.append(child)
-        return children
+        ring = self.ring(node)
+        return self._branches(node, ((robot, *self._rows([(st.EDGE, head, tail, step, step)])) for robot, tail, head, step in ring), w)
 
     def adopt(self, node: ConflictNode, child: ConflictNode) -> None:
         """Bypass: give the node its child's paths, without the child's constraints."""
@@ -398,17 +379,28 @@ class Tree:
         if 0 < self.limits.effort <= self.work:
             raise OutOfReach(Status.TIMED_OUT, f"no plan within an effort of {self.limits.effort} labels")
 
+    def _branches(self, node: ConflictNode, sides: Iterable[tuple[int, ...]], w: float) -> list[ConflictNode]:
+        """A child for each robot and rows of its constraints, but where it has no path."""
+        children = [self._branch(node, robot, row0, row1, w) for robot, row0, row1 in sides]
+        return [child for child in children if child is not None]
+
     def _branch(self, node: ConflictNode, robot: int, row0: int, row1: int, w: float) -> ConflictNode | None:
         store = self._buffers.store
         old = int(node.records[robot])
         lower = int(store.meta["bound"][old]) if old >= 0 else 0
         patience = min(PATIENCE + self._num_split, MOST_PATIENCE)
-        made = self._replanned(node, robot, (row0, row1), ReplanEffort(w, lower, patience, FIRST_BUDGET))
+
+        def call(buffers: Buffers, budget: int) -> Any:
+            """The robot's new record, and the conflicts of the node with it."""
+            tables = TreeTables(self.instance, buffers.store, buffers.occupancy, buffers.scratch)
+            effort = ReplanEffort(w, lower, patience, budget)
+            return enter(self._entries, branch, tables, node.records, node.conflicts, robot, (row0, row1), effort)
+
+        code, record, conflicts = self._with_room(call)
         self.generated += 1
         self._buffers.generated += 1
-        if made is None:
+        if code == st.NO_PATH:
             return None
-        record, conflicts = made
         if self._window:
             conflicts = conflicts[conflicts["step"] <= self._window]
         self._buffers.node_bytes += conflicts.nbytes + node.records.nbytes + NODE_BYTES
@@ -490,41 +482,30 @@ class Tree:
             meta["bound"][record] = max(meta["bound"][record], min(meta["bound"][first], meta["cost"][record]))
 
     def _pair_weight(self, one: int, other: int) -> int:
-        buffers = self._buffers
-        budget = FIRST_BUDGET
-        while True:
-            self.check_clock()
+        def call(buffers: Buffers, budget: int) -> Any:
             tables = TreeTables(self.instance, buffers.store, buffers.pair, buffers.scratch)
-            code, weight = enter(self._entries, pair_weight, tables, one, other, PAIR_NODES, budget)
-            if code == st.OK:
-                return int(weight)
-            budget = self._enlarge(code, budget)
+            return enter(self._entries, pair_weight, tables, one, other, PAIR_NODES, budget)
 
-    def _replanned(self, node: ConflictNode, robot: int, rows: tuple[int, int], effort: ReplanEffort) -> tuple[int, np.ndarray] | None:
-        """The robot's new record, and the conflicts of the node with it; None where it has no path."""
-        buffers = self._buffers
+        return int(self._with_room(call)[1])
+
+    def _with_room(self, call: Callable[[Buffers, int], Any]) -> Any:
+        """What a kernel answers that is called again with more room, or a larger budget of expansions, as long as it asks for that."""
+        budget, buffers = FIRST_BUDGET, self._buffers
         while True:
             self.check_clock()
-            tables = TreeTables(self.instance, buffers.store, buffers.occupancy, buffers.scratch)
-            code, record, conflicts = enter(self._entries, branch, tables, node.records, node.conflicts, robot, rows, effort)
-            if code == st.OK:
-                return record, conflicts
-            if code == st.NO_PATH:
-                return None
-            effort = effort._replace(budget=self._enlarge(code, effort.budget))
-
-    def _enlarge(self, code: int, budget: int) -> int:
-        if code == st.STORE_FULL:
-            self._buffers.grow_store()
-        elif code == st.SCRATCH_FULL:
-            self._buffers.grow_scratch()
-        elif code == st.TOO_LATE:
-            self._buffers.grow_horizon()
-        else:
-            self.limits.check()
-            left = self.limits.deadline_s - process_time()
-            return max(1000, int(min(4 * budget, left * EXPANSIONS_PER_S)))
-        return budget
+            answer = call(buffers, budget)
+            if answer[0] in (st.OK, st.NO_PATH):
+                return answer
+            if answer[0] == st.STORE_FULL:
+                buffers.grow_store()
+            elif answer[0] == st.SCRATCH_FULL:
+                buffers.grow_scratch()
+            elif answer[0] == st.TOO_LATE:
+                buffers.grow_horizon()
+            else:
+                self.limits.check()
+                left = self.limits.deadline_s - process_time()
+                budget = max(1000, int(min(4 * budget, left * EXPANSIONS_PER_S)))
 
 
 def _pairs_of(conflicts: np.ndarray) -> NDArray[np.int32]:
