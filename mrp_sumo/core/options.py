@@ -5,6 +5,7 @@ Python gives. pydantic reads the metadata of fields by the names of its own argu
 """
 
 import math
+import operator
 from collections.abc import Mapping
 from dataclasses import field, fields
 from typing import Annotated, Any, ClassVar
@@ -31,9 +32,11 @@ class Options:
 
     def __post_init__(self) -> None:
         for each in fields(self):  # type: ignore[arg-type]  # whose subclasses are dataclasses
-            value, bounds = getattr(self, each.name), each.metadata
-            if isinstance(value, float | int) and not _within(value, bounds):
-                expected = " and ".join(says.format(bounds[bound]) for bound, says in BOUNDS.items() if bound in bounds)
+            value, bounds = getattr(self, each.name), {bound: each.metadata[bound] for bound in BOUNDS if bound in each.metadata}
+            if not isinstance(value, float | int):
+                continue
+            if not (math.isfinite(value) and all(getattr(operator, bound)(value, limit) for bound, limit in bounds.items())):
+                expected = " and ".join(BOUNDS[bound].format(limit) for bound, limit in bounds.items())
                 raise OptionError(f"{each.name} is {value:g}, expected {expected or 'a finite number'}")
 
 
@@ -57,13 +60,3 @@ def meaning(says: str = "", /, **bounds: float) -> dict[str, Any]:
 def option(default: Any, says: str = "", /, **bounds: float) -> Any:
     """A field with a default and its `meaning`."""
     return field(default=default, metadata=meaning(says, **bounds))
-
-
-def _within(value: float, bounds: Mapping[str, Any]) -> bool:
-    return (
-        math.isfinite(value)
-        and value > bounds.get("gt", -math.inf)
-        and value >= bounds.get("ge", -math.inf)
-        and value < bounds.get("lt", math.inf)
-        and value <= bounds.get("le", math.inf)
-    )
