@@ -14,12 +14,12 @@ from mrp_sumo.core.plan import Status, paths_of_plan
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError, ScenarioError
 from mrp_sumo.maps.grid import grid_graph
-from mrp_sumo.planning.ranking import ranked_assignments
 from mrp_sumo.planning.registry import planner
 from mrp_sumo.planning.vehicles import on_moves
 from mrp_sumo.search import distance
 from mrp_sumo.traffic.draw import uniform_draw
 from mrp_sumo.traffic.referee import judge
+from planners.conflict_based.frame import ranked_assignments
 from planners.conflict_based.incumbent import Incumbent
 from planners.neighbourhood.refinement import polishing_labels
 from planners.world import steps_table
