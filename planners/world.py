@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 from mmap import mmap
 from time import process_time
 
@@ -16,7 +16,7 @@ from mrp_sumo.core.plan import PlanResult, Status, plan_of_paths
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.core.robot_type import RobotType
 from mrp_sumo.errors import PlanError
-from mrp_sumo.planning.answers import deadline_of, goals_clash, order_clash, unplanned
+from mrp_sumo.planning.answers import check_time, deadline_of, goals_clash, order_clash, unplanned
 from mrp_sumo.search.distance import UNREACHABLE, steps_to_targets
 from mrp_sumo.traffic.clashes import clashes_of, with_beside
 from planners.configuration._pibt_instance import SLACK_STEPS, Compass, PibtInstance, extend_all
@@ -107,10 +107,10 @@ def search_start(
     packed = is_large(problem) if packed is None else packed
     if packed and is_vast(problem):
         problem, original = tiled(problem)
-    built = build_world(problem, deadline_s, packed=packed, rules=planner)
-    if built is None:
+    try:
+        world, steps = build_world(problem, deadline_s, packed=packed, rules=planner)
+    except TimeoutError:
         return unplanned(Status.TIMED_OUT, begin_s, "the time limit passed while distances were computed")
-    world, steps = built
     known = without_search(given, steps, begin_s) or order_clash(given)
     if known:
         return known
@@ -171,8 +171,8 @@ def tiled(problem: Problem) -> tuple[Problem, IntArray]:
 
 def build_world(
     problem: Problem, deadline_s: float, *, packed: bool, rules: ByConfigurations = ByConfigurations()
-) -> tuple[PibtInstance, IntArray] | None:
-    """The instance and [R] steps from start to goal, -1 where there is no way; None when the deadline (process_time) passes first.
+) -> tuple[PibtInstance, IntArray]:
+    """The instance and [R] steps from start to goal, -1 where there is no way; TimeoutError when the deadline (process_time) passes first.
 
     `packed` is whether to keep two bits a vertex, for which all lanes must have opposites; `rules` say which moves robots may make at once.
     """
@@ -184,14 +184,10 @@ def build_world(
     if packed:
         at_once, slack = max(1, 2_000_000 // num_vertices), SLACK_STEPS if is_vast(problem) else num_vertices
         for a in range(0, num_robots, at_once):
-            if process_time() > deadline_s:
-                return None
+            check_time(deadline_s)
             extend_all(compass, target, np.array(problem.start), a, min(a + at_once, num_robots), slack, steps)
     else:
-        known = steps_table(problem, deadline_s)
-        if known is None:
-            return None
-        table = known
+        table = steps_to_targets(problem, partial(check_time, deadline_s))
         steps[:] = table[np.arange(num_robots), problem.start]
         steps[steps >= UNREACHABLE] = -1
     world = PibtInstance(
@@ -242,19 +238,6 @@ def _compass(graph: PlanGraph | None, num_robots: int) -> Compass:
     # zeros of which only what is written takes memory; numpy's own arrays are laid out in large pages, mostly empty ones here
     code = np.frombuffer(mmap(-1, num_robots * num_bytes), np.uint8).reshape(num_robots, num_bytes)
     return Compass(code, graph.first.astype(np.int32), graph.head.astype(np.int32), np.zeros(graph.num_vertices, np.int32), bound)
-
-
-def steps_table(problem: Problem, deadline_s: float) -> np.ndarray | None:
-    """[R, V] int32 steps from each vertex to each robot's goal, read-only; None when the deadline passes first."""
-
-    def check() -> None:
-        if process_time() > deadline_s:
-            raise TimeoutError
-
-    try:
-        return steps_to_targets(problem, check)
-    except TimeoutError:
-        return None
 
 
 def without_search(problem: Problem, steps: IntArray, begin_s: float) -> PlanResult | None:

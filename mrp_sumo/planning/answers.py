@@ -161,3 +161,9 @@ def deadline_of(time_limit_s: float) -> float:
     if not time_limit_s > 0:
         raise PlanError(f"the time limit is {time_limit_s:g} s, expected a number above 0")
     return process_time() + time_limit_s
+
+
+def check_time(deadline_s: float) -> None:
+    """Raise TimeoutError after a deadline on the clock of `process_time`."""
+    if process_time() > deadline_s:
+        raise TimeoutError

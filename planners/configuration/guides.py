@@ -7,6 +7,7 @@ import numpy as np
 
 from mrp_sumo.core.graph import IntArray
 from mrp_sumo.core.problem import Problem
+from mrp_sumo.planning.answers import check_time
 from planners.configuration import _flow, _ways
 from planners.configuration._flow import LaneFlow
 from planners.configuration._local_guidance import DEAREST, LocalGuidance
@@ -36,24 +37,26 @@ def is_room_for_flow(problem: Problem) -> bool:
 
 
 def guide_of(problem: Problem, world: PibtInstance, ways: int, flow: int, deadline_s: float, rng: np.random.Generator) -> PibtInstance:
-    """The instance with ways where robots are thin or there is no room for the flow, else with flow; as it was without room for either.
+    """The instance with ways where robots are thin or there is no room for the flow, else with flow; as it was without room or time for it.
 
     `ways` and `flow` are rounds of giving ways of their own, and ways for the flow, 0 for none; `deadline_s` is on the clock of
     `process_time`, and half of the time until then is left to the search.
     """
     room_for_flow = is_room_for_flow(problem)
     few = ways * int(world.steps.sum()) < MOST_MOVES
-    if ways and few and (are_thin(problem, world.steps) or not room_for_flow):
-        shortest = own_ways(problem, ways, world, 0.5 * (process_time() + deadline_s), rng)
-        return world if shortest is None else world._replace(way=shortest)
-    if flow and room_for_flow:
-        by_flow = flow_guide(problem, flow, deadline_s, rng)
-        return world if by_flow is None else world._replace(guided=True, guide=by_flow[0], toll=by_flow[1])
+    try:
+        if ways and few and (are_thin(problem, world.steps) or not room_for_flow):
+            return world._replace(way=own_ways(problem, ways, world, 0.5 * (process_time() + deadline_s), rng))
+        if flow and room_for_flow:
+            guide, toll = flow_guide(problem, flow, deadline_s, rng)
+            return world._replace(guided=True, guide=guide, toll=toll)
+    except TimeoutError:
+        pass
     return world
 
 
-def own_ways(problem: Problem, rounds: int, world: PibtInstance, deadline_s: float, rng: np.random.Generator) -> np.ndarray | None:
-    """[R, N + 1] int32 a shortest way for each robot that meets few others, see `_ways`; None when the deadline (process_time) passes.
+def own_ways(problem: Problem, rounds: int, world: PibtInstance, deadline_s: float, rng: np.random.Generator) -> np.ndarray:
+    """[R, N + 1] int32 a shortest way for each robot that meets few others, see `_ways`; TimeoutError when the deadline passes.
 
     All robots are given ways in one or more `rounds`; the order of robots, and the choice among equally good ways, are left to chance.
     """
@@ -88,8 +91,7 @@ def own_ways(problem: Problem, rounds: int, world: PibtInstance, deadline_s: flo
     for n in range(rounds):
         order = rng.permutation(num_robots)
         for a in range(0, num_robots, AT_ONCE):
-            if process_time() > deadline_s:
-                return None
+            check_time(deadline_s)
             _ways.give_ways(ways, order[a : a + AT_ONCE], n * num_robots + a, rng)
     return ways.way
 
@@ -110,8 +112,8 @@ def local_guidance(world: PibtInstance, window: int) -> LocalGuidance:
     )
 
 
-def flow_guide(problem: Problem, rounds: int, deadline_s: float, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray] | None:
-    """[R, V] int32 what is left to each goal and [L] int64 what lanes cost, see `_flow`; None when the deadline (process_time) passes.
+def flow_guide(problem: Problem, rounds: int, deadline_s: float, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """[R, V] int32 what is left to each goal and [L] int64 what lanes cost, see `_flow`; TimeoutError when the deadline passes.
 
     All robots are given ways in one or more `rounds`, in an order left to chance.
     """
@@ -121,15 +123,13 @@ def flow_guide(problem: Problem, rounds: int, deadline_s: float, rng: np.random.
     for _ in range(rounds):
         order = rng.permutation(num_robots)
         for a in range(0, num_robots, at_once):
-            if process_time() > deadline_s:
-                return None
+            check_time(deadline_s)
             _flow.give_ways(flow, order[a : a + at_once])
-    guide = _guide_by(flow, deadline_s)
-    return None if guide is None else (guide, flow.cost)
+    return _guide_by(flow, deadline_s), flow.cost
 
 
-def traffic_guide(problem: Problem, toll: IntArray, deadline_s: float) -> np.ndarray | None:
-    """[R, V] int32 what is left to each goal where lanes cost `toll` [L]; None when the deadline passes."""
+def traffic_guide(problem: Problem, toll: IntArray, deadline_s: float) -> np.ndarray:
+    """[R, V] int32 what is left to each goal where lanes cost `toll` [L]; TimeoutError when the deadline passes."""
     return _guide_by(_flow_of(problem, 0)._replace(cost=toll), deadline_s)
 
 
@@ -157,12 +157,11 @@ def _flow_of(problem: Problem, num_ways: int) -> LaneFlow:
     )
 
 
-def _guide_by(flow: LaneFlow, deadline_s: float) -> np.ndarray | None:
+def _guide_by(flow: LaneFlow, deadline_s: float) -> np.ndarray:
     num_robots, num_vertices = len(flow.goal), len(flow.left)
     guide = np.empty((num_robots, num_vertices), np.int32)
     at_once = max(1, 200_000 // num_vertices)
     for a in range(0, num_robots, at_once):
-        if process_time() > deadline_s:
-            return None
+        check_time(deadline_s)
         _flow.write_guide(flow, guide, a, min(a + at_once, num_robots))
     return guide

@@ -248,8 +248,9 @@ def _searched_again(lacam: Lacam, start: SearchStart, path: np.ndarray, cost: in
         observe(start.world, traffic, other)
         toll = np.empty(num_lanes, np.int64)
         write_tolls(traffic, toll)
-        guide = traffic_guide(start.problem, toll, start.deadline_s)
-        if guide is None:
+        try:
+            guide = traffic_guide(start.problem, toll, start.deadline_s)
+        except TimeoutError:
             break
         guided = start.guided._replace(guided=True, guide=guide, toll=toll)
         search = LacamSearch(lacam, replace(start, guided=guided), lacam.local)

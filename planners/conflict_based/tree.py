@@ -389,18 +389,12 @@ class Tree:
         old = int(node.records[robot])
         lower = int(store.meta["bound"][old]) if old >= 0 else 0
         patience = min(PATIENCE + self._num_split, MOST_PATIENCE)
-
-        def call(buffers: Buffers, budget: int) -> Any:
-            """The robot's new record, and the conflicts of the node with it."""
-            tables = TreeTables(self.instance, buffers.store, buffers.occupancy, buffers.scratch)
-            effort = ReplanEffort(w, lower, patience, budget)
-            return enter(self._entries, branch, tables, node.records, node.conflicts, robot, (row0, row1), effort)
-
-        code, record, conflicts = self._with_room(call)
+        made = self._replanned(node, robot, (row0, row1), ReplanEffort(w, lower, patience, FIRST_BUDGET))
         self.generated += 1
         self._buffers.generated += 1
-        if code == st.NO_PATH:
+        if made is None:
             return None
+        record, conflicts = made
         if self._window:
             conflicts = conflicts[conflicts["step"] <= self._window]
         self._buffers.node_bytes += conflicts.nbytes + node.records.nbytes + NODE_BYTES
@@ -487,6 +481,17 @@ class Tree:
             return enter(self._entries, pair_weight, tables, one, other, PAIR_NODES, budget)
 
         return int(self._with_room(call)[1])
+
+    def _replanned(self, node: ConflictNode, robot: int, rows: tuple[int, int], effort: ReplanEffort) -> tuple[int, np.ndarray] | None:
+        """The robot's new record, and the conflicts of the node with it; None where it has no path."""
+
+        def call(buffers: Buffers, budget: int) -> Any:
+            tables = TreeTables(self.instance, buffers.store, buffers.occupancy, buffers.scratch)
+            limits = effort._replace(budget=budget)
+            return enter(self._entries, branch, tables, node.records, node.conflicts, robot, rows, limits)
+
+        code, record, conflicts = self._with_room(call)
+        return (record, conflicts) if code == st.OK else None
 
     def _with_room(self, call: Callable[[Buffers, int], Any]) -> Any:
         """What a kernel answers that is called again with more room, or a larger budget of expansions, as long as it asks for that."""

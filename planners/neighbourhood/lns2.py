@@ -69,10 +69,10 @@ class Lns2:
         if table_bytes > self.memory_mb * 1_000_000:
             return unplanned(Status.GAVE_UP, begin_s, f"tables of distances take more than {self.memory_mb} MB")
         rules = ByConfigurations(following=self.following, rotations=self.rotations)
-        built = build_world(problem, deadline_s, packed=packed, rules=rules)
-        if built is None:
+        try:
+            world, steps = build_world(problem, deadline_s, packed=packed, rules=rules)
+        except TimeoutError:
             return unplanned(Status.TIMED_OUT, begin_s, "the time limit passed while distances were computed")
-        world, steps = built
         known = without_search(problem, steps, begin_s) or order_clash(problem)
         if known:
             return known

@@ -7,10 +7,10 @@ import pytest
 from worlds import problem_on, random_grid
 
 from mrp_sumo.maps.grid import grid_graph
-from mrp_sumo.search.distance import UNREACHABLE, Distances, distances
+from mrp_sumo.search.distance import UNREACHABLE, Distances, distances, steps_to_targets
 from planners.configuration._pibt_instance import UNKNOWN, read_code
 from planners.configuration.pibt import Pibt
-from planners.world import build_world, is_large, steps_table, tiled
+from planners.world import build_world, is_large, tiled
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -74,7 +74,8 @@ def test_tiles_only_change_the_numbers():
 @pytest.mark.parametrize("size", [8, 200])  # of the larger one not all tables are made at once
 def test_tables_are_shared_with_others_on_the_graph(size):
     problem = random_grid(size, 120 if size == 200 else 4, 0)
-    table, goal = steps_table(problem, np.inf), int(problem.target[2])
+    table, goal = steps_to_targets(problem), int(problem.target[2])
     assert (table[2] == distances(problem.graph).to(goal)).all()
     assert (table[2] == Distances(problem.graph.first, problem.graph.head).to(goal)).all()
-    assert steps_table(problem, -np.inf) is None
+    with pytest.raises(TimeoutError):
+        build_world(problem, -np.inf, packed=False)

@@ -8,9 +8,10 @@ from plain_pibt import Step
 from worlds import corridor, graph_of, line, problem_on, random_grid
 
 from mrp_sumo.core.plan import paths_of_plan
+from mrp_sumo.search.distance import steps_to_targets
 from planners.configuration import _pibt
 from planners.configuration.pibt import Pibt
-from planners.world import ByConfigurations, build_world, steps_table
+from planners.world import ByConfigurations, build_world
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -57,7 +58,7 @@ def neighbours_and_steps(problem):
     """[V] lists of neighbours and [R][V] steps to the goals."""
     graph = problem.graph
     neighbours = [graph.head[graph.first[v] : graph.first[v + 1]].tolist() for v in range(graph.num_vertices)]
-    return neighbours, steps_table(problem, np.inf).tolist()
+    return neighbours, steps_to_targets(problem).tolist()
 
 
 @pytest.mark.parametrize("seed", range(20))

@@ -17,12 +17,12 @@ from mrp_sumo.maps.grid import grid_graph
 from mrp_sumo.planning.registry import planner
 from mrp_sumo.planning.vehicles import on_moves
 from mrp_sumo.search import distance
+from mrp_sumo.search.distance import steps_to_targets
 from mrp_sumo.traffic.draw import uniform_draw
 from mrp_sumo.traffic.referee import judge
 from planners.conflict_based.frame import ranked_assignments
 from planners.conflict_based.incumbent import Incumbent
 from planners.neighbourhood.refinement import polishing_labels
-from planners.world import steps_table
 
 OPTIMAL = [
     ("cbs", {}),
@@ -253,13 +253,13 @@ def test_incumbent_can_be_switched_off():
 
 def test_incumbent_is_polished_before_it_is_an_answer():
     problem = crowd(2)
-    incumbent = Incumbent(problem, steps_table(problem, np.inf), np.inf)
+    incumbent = Incumbent(problem, steps_to_targets(problem), np.inf)
     incumbent.work(10_000_000, np.inf)
     first, labels = incumbent.cost, incumbent.labels
     incumbent.polish()
     assert incumbent.cost < first
     assert incumbent.labels >= polishing_labels(2500, problem.num_robots, 0) > labels
-    bounded = Incumbent(replace(problem, effort=1), steps_table(problem, np.inf), np.inf)
+    bounded = Incumbent(replace(problem, effort=1), steps_to_targets(problem), np.inf)
     bounded.work(10_000_000, np.inf)
     labels = bounded.labels
     bounded.polish()
@@ -268,7 +268,7 @@ def test_incumbent_is_polished_before_it_is_an_answer():
 
 def test_incumbent_is_the_same_in_one_turn_and_in_many():
     problem = crowd(2)
-    table = steps_table(problem, np.inf)
+    table = steps_to_targets(problem)
     costs = []
     for turns in ([220_000], range(10_000, 230_000, 10_000)):
         other = Incumbent(problem, table, np.inf)

@@ -5,6 +5,7 @@ import pytest
 from worlds import graph_of, problem_on, random_grid, square_grid
 
 from mrp_sumo.core.plan import Status, paths_of_plan, plan_of_paths
+from mrp_sumo.search.distance import steps_to_targets
 from mrp_sumo.traffic.referee import judge
 from mrp_sumo.traffic.schedule import schedule_of
 from planners import world
@@ -12,7 +13,7 @@ from planners.configuration.lacam import Lacam
 from planners.neighbourhood import _sipps, _traffic
 from planners.neighbourhood.lns2 import Lns2
 from planners.neighbourhood.refinement import Refinement, Repair, first_order, task_of
-from planners.world import steps_table, sum_of_costs
+from planners.world import sum_of_costs
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -35,7 +36,7 @@ def test_runs_of_bits_end_where_they_end():
 
 def repair_of(problem, num_planned, **kind):
     """Paths of the first robots, planned one after another with collisions allowed."""
-    repair = Repair(task_of(problem, steps_table(problem, np.inf), **kind), 64, 4)
+    repair = Repair(task_of(problem, steps_to_targets(problem), **kind), 64, 4)
     assert repair.plan(np.arange(num_planned))
     return repair
 
@@ -77,7 +78,7 @@ def test_straight_path_passes_who_stands_where_there_is_one_as_short():
 def test_robots_with_short_ways_are_planned_first_where_there_is_room():
     for num_robots, roomy in ((20, True), (70, False)):
         problem = random_grid(16, num_robots, 0)
-        task = task_of(problem, steps_table(problem, np.inf))
+        task = task_of(problem, steps_to_targets(problem))
         order = first_order(task, np.random.default_rng(0))
         assert sorted(order.tolist()) == list(range(num_robots))
         farther = task.least[order][:, None] * 0.75 > task.least[order][None, :] * 1.25  # for certain
@@ -115,7 +116,7 @@ def test_refinement_only_ever_lowers_the_cost_of_valid_plans(more):
     kind = {key: value for key, value in more.items() if key in ("following", "rotations")}
     path = solved_by_lacam(problem, **kind)
     others = {key: value for key, value in more.items() if key not in kind}
-    refinement = Refinement(task_of(problem, steps_table(problem, np.inf), **kind), path, 5, np.random.default_rng(0), **others)
+    refinement = Refinement(task_of(problem, steps_to_targets(problem), **kind), path, 5, np.random.default_rng(0), **others)
     costs = [sum_of_costs(path, problem.target)]
     for labels in (2_000, 20_000, 100_000):
         refinement.until(np.inf, most_labels=labels)
@@ -134,7 +135,7 @@ def test_threads_bring_together_what_each_has_gained():
     """With as much work for each, and so the best that one has found and more."""
     problem = random_grid(16, 70, 2)
     path = solved_by_lacam(problem)
-    task = task_of(problem, steps_table(problem, np.inf))
+    task = task_of(problem, steps_to_targets(problem))
     cost = {}
     for threads in (1, 4):
         refinement = Refinement(task, path, 4, np.random.default_rng(0), threads=threads)
@@ -153,7 +154,7 @@ def test_polishing_ends_sooner_the_less_there_is_to_gain(num_lanes, share):
     xy = [(0, 0), (1, 0), (2, 0), (1, 1), *((k, 2) for k in range(num_lanes + 1))]
     problem = problem_on(graph_of(xy, edges, 1.0), [0, 2, 4], [2, 0, 4 + num_lanes])
     path = np.stack([np.pad(way, (0, num_lanes + 1 - len(way)), "edge") for way in ([0, 1, 3, 1, 2], [2, 2, 1, 0], line)], 1)
-    refinement = Refinement(task_of(problem, steps_table(problem, np.inf)), path.astype(np.int32), 2, np.random.default_rng(0))
+    refinement = Refinement(task_of(problem, steps_to_targets(problem)), path.astype(np.int32), 2, np.random.default_rng(0))
     refinement.polish(np.inf, 20_000)
     made = sum(refiner.labels for refiner in refinement.refiners)
     assert refinement.cost == 7 + num_lanes
@@ -162,7 +163,7 @@ def test_polishing_ends_sooner_the_less_there_is_to_gain(num_lanes, share):
 
 def test_bandit_tries_the_late_robot_that_has_been_worth_it():
     problem = random_grid(10, 30, 1)
-    task = task_of(problem, steps_table(problem, np.inf))
+    task = task_of(problem, steps_to_targets(problem))
     refinement = Refinement(task, solved_by_lacam(problem), 4, np.random.default_rng(0), bandit=True)
     refiner = refinement.refiners[0]
     traffic, tried = refiner.traffic, refiner.hood.tried
@@ -208,7 +209,7 @@ def test_packed_distances_do_as_well_as_tables(monkeypatch, kind):
     problem = random_grid(20, 60, 2)
     by_tables = Lns2(**kind).plan(problem, 60.0)
     monkeypatch.setattr(world, "TABLE_CELLS", 0)
-    monkeypatch.setattr(world, "steps_table", None)
+    monkeypatch.setattr(world, "steps_to_targets", None)
     packed = Lns2(**kind).plan(problem, 60.0)
     verdict = judge(problem, packed.plan)
     assert verdict.valid
