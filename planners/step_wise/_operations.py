@@ -106,7 +106,7 @@ def _cost(crowd, table, slots, goal, onward, r, o):
     return LATE * depth * left + late
 
 
-@kernel(allocates=False)
+@kernel
 def plan_step(crowd, priority, limit, most_visits, num_tries, try_limit, rng):
     """Choose an operation for each robot; `crowd` is appraised.
 
