@@ -36,8 +36,7 @@ def places_of(graph: PlanGraph, nav: NavGraph) -> Places:
     stop: dict[object, int] = {}  # of each lift, the first; all of them are one place
     first = np.array([stop.setdefault(options.get("lift") or v, v) for v, options in enumerate(nav.vertex_options)], np.int64)
     numbers, of_vertex = np.unique(np.where(at_vertex, first[vertex], nav.num_vertices + lane), return_inverse=True)
-    named = [_vertex_place(nav, k) if k < nav.num_vertices else _lane_place(nav, k - nav.num_vertices) for k in numbers.tolist()]
-    name, kind = zip(*named)
+    name, kind = zip(*(_named(nav, k) for k in numbers.tolist()))
     return Places(name, kind, frozen(of_vertex.reshape(-1).astype(np.int64)))
 
 
@@ -72,12 +71,12 @@ def _nearest_lane(xy: FloatArray, start: FloatArray, end: FloatArray) -> IntArra
     return nearest
 
 
-def _vertex_place(nav: NavGraph, vertex: int) -> tuple[str, str]:
-    lift = nav.vertex_options[vertex].get("lift")
-    return (str(lift), "lift") if lift else (nav.known_as(vertex), "crossing")
-
-
-def _lane_place(nav: NavGraph, lane: int) -> tuple[str, str]:
+def _named(nav: NavGraph, number: int) -> tuple[str, str]:
+    """Name and kind of the place that is a vertex, or, numbered after these, a lane."""
+    if number < nav.num_vertices:
+        lift = nav.vertex_options[number].get("lift")
+        return (str(lift), "lift") if lift else (nav.known_as(number), "crossing")
+    lane = number - nav.num_vertices
     ends = nav.known_as(int(nav.tail[lane])) + BETWEEN + nav.known_as(int(nav.head[lane]))
     door = nav.lane_options[lane].get("door_name")
     return (str(door), "door") if door else (ends, "aisle")

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import chain
 from math import inf
+from operator import attrgetter
 from typing import Protocol
 
 import numpy as np
@@ -107,7 +108,7 @@ class ClosedLoop:
 
     def tasks(self) -> Iterator[Task]:
         """See TaskSource. Sources without times of their own take turns, in proportion to how many of their tasks are open."""
-        return heapq.merge(*(self._spread(source) for source in self.sources), key=_release)
+        return heapq.merge(*(self._spread(source) for source in self.sources), key=attrgetter("release_s"))
 
     def stations(self) -> Iterator[Station]:
         """See TaskSource."""
@@ -119,10 +120,6 @@ class ClosedLoop:
             return source.tasks()
         spread_s = HOUR_S / source.num_open
         return (replace(t, release_s=k * spread_s, due_s=k * spread_s + t.due_s) for k, t in enumerate(source.tasks()))
-
-
-def _release(task: Task) -> float:
-    return task.release_s
 
 
 def zipf_weights(num: int, exponent: float) -> FloatArray:

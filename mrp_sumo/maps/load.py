@@ -72,8 +72,11 @@ def _detected(file: MapFile) -> str:
         if _reader(name).detects(file):
             return name
     for name in registry.names("readers"):
-        if name not in OURS and _asked(name, file):
-            return name
+        if name not in OURS:
+            reader = _reader(name)
+            with calling(registry.find("readers", name), type(reader)):
+                if reader.detects(file):
+                    return name
     if stranger := advice(file.head):
         raise file.source.fault(stranger)
     if file.fault:
@@ -88,13 +91,6 @@ def _detected(file: MapFile) -> str:
 
 def _reader(name: str, beside: Path | None = None) -> Reader:
     return cast(Reader, registry.make("readers", name, {}, beside))
-
-
-def _asked(name: str, file: MapFile) -> bool:
-    """True if a reader from outside recognises a file."""
-    reader = _reader(name)
-    with calling(registry.find("readers", name), type(reader)):
-        return bool(reader.detects(file))
 
 
 def _read(name: str, file: MapFile, selection: Selection, beside: Path | None = None) -> Map:
