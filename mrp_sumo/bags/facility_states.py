@@ -92,8 +92,8 @@ def _request(m: Messages, ask: Ask) -> bytes:
     stamp, session = m.time(EPOCH_NS + ask.ns), _session(m, ask.robot)
     if ask.topic == LIFT_REQUESTS[0]:
         to = m.record.graph.level_names[ask.level]
-        return m.serialised(m.make(LIFT_REQUESTS[1], ask.name, stamp, session, ask.kind, to, LIFT_DOOR_OPEN))
-    return m.serialised(m.make(DOOR_REQUESTS[1], stamp, session, ask.name, m.make("rmf_door_msgs/DoorMode", ask.kind)))
+        return m.message(LIFT_REQUESTS[1], ask.name, stamp, session, ask.kind, to, LIFT_DOOR_OPEN)
+    return m.message(DOOR_REQUESTS[1], stamp, session, ask.name, m.make("rmf_door_msgs/DoorMode", ask.kind))
 
 
 def _session(m: Messages, robot: int) -> str:
@@ -113,7 +113,7 @@ def _floors(m: Messages, log: FacilityLog) -> list[list[str]]:
 def _lift(m: Messages, log: FacilityLog, floors: list[str], ns: int, row: int) -> bytes:
     names = m.record.graph.level_names
     modes: IntArray = np.array([MODE_HUMAN, MODE_AGV], np.uint8)
-    message = m.make(
+    return m.message(
         LIFTS[1],
         m.time(EPOCH_NS + ns),
         log.lift_name[log.lift[row]],
@@ -126,9 +126,8 @@ def _lift(m: Messages, log: FacilityLog, floors: list[str], ns: int, row: int) -
         CURRENT_MODE[LIFT_MODES[log.lift_mode[row]]],
         _session(m, int(log.lift_robot[row])),
     )
-    return m.serialised(message)
 
 
 def _door(m: Messages, log: FacilityLog, ns: int, row: int) -> bytes:
     mode = m.make("rmf_door_msgs/DoorMode", DOOR_MODE[DOOR_STATES[log.door_state[row]]])
-    return m.serialised(m.make(DOORS[1], m.time(EPOCH_NS + ns), log.door_name[log.door[row]], mode))
+    return m.message(DOORS[1], m.time(EPOCH_NS + ns), log.door_name[log.door[row]], mode)

@@ -41,7 +41,7 @@ class LiveMessages:
         """(topic, type, message) of what is due at a moment. All moments have to come, since lifts and doors change between samples."""
         m, now_s, now_ns = self.messages, state.now_s, round(state.now_s * 1e9)
         if state.is_sample:
-            yield *CLOCK, m.serialised(m.make(CLOCK[1], m.time(EPOCH_NS + now_ns)))
+            yield *CLOCK, m.message(CLOCK[1], m.time(EPOCH_NS + now_ns))
         if state.facilities.any:
             self._facilities = self._facilities or FacilityRecorder(state.ledger.graph, state.facilities)
             self._facilities.hear(state)

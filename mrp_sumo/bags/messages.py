@@ -69,9 +69,10 @@ class Messages:
         self.shift_m = record.shift_m  # of levels in `map`
         self.plan = record.plan  # in force: the writer moves on to later ones
 
-    def serialised(self, message: Any) -> bytes:
-        """The message, serialised by the library."""
-        return bytes(self.typestore.serialize_cdr(message, message.__msgtype__))
+    def message(self, typename: str, *values: Any) -> bytes:
+        """As `make`, serialised by the library."""
+        made = self.make(typename, *values)
+        return bytes(self.typestore.serialize_cdr(made, made.__msgtype__))
 
     def make(self, typename: str, *values: Any, **named: Any) -> Any:
         """A message by its short name 'package/Type'."""
@@ -105,7 +106,7 @@ class Messages:
         """The transform from world to map."""
         levels = zip(ros_names(self.level_names), self.shift_m.tolist()) if self.record.levels else ()
         frames = [self.transform(ns, "map", name, x, y) for name, (x, y) in levels]
-        return self.serialised(self.make("tf2_msgs/TFMessage", [self.transform(ns, "world", "map", 0.0, 0.0), *frames]))
+        return self.message("tf2_msgs/TFMessage", [self.transform(ns, "world", "map", 0.0, 0.0), *frames])
 
     def map(self, ns: int) -> bytes:
         """Walls as an occupancy grid; without walls, the cells that no lane touches; without either, a free grid."""
@@ -120,7 +121,7 @@ class Messages:
             self.pose(float(origin[0]), float(origin[1]), z=MAP_Z_M),
         )
         cells = np.where(occupied, 100, 0).astype(np.int8).ravel()
-        return self.serialised(self.make("nav_msgs/OccupancyGrid", self.header(ns, "map"), info, cells))
+        return self.message("nav_msgs/OccupancyGrid", self.header(ns, "map"), info, cells)
 
     def _occupied(self) -> tuple[Any, float, BoolArray]:
         costmap, graph = self.record.costmap, self.record.graph
@@ -153,7 +154,7 @@ class Messages:
             pose, text = self.pose(float(x), float(y)), nav.known_as(v)
             look = {"scale": (0.0, 0.0, 0.35), "color": (0.15, 0.15, 0.20, 1.0)}
             markers.append(self.marker(ns, "map", "names", v, 9, **look, pose=pose, text=text))
-        return self.serialised(self.make("visualization_msgs/MarkerArray", markers))
+        return self.message("visualization_msgs/MarkerArray", markers)
 
     def robot_markers(self, ns: int) -> bytes:
         """A box and a name for each robot, attached to its frame, so that TF moves them."""
@@ -164,7 +165,7 @@ class Messages:
             words = {"scale": (0.0, 0.0, 0.25), "color": (0.1, 0.1, 0.1, 1.0), "text": fleet.robot_name[i]}
             markers.append(self.marker(ns, frame, "body", i, 1, **box, pose=self.pose(z=height / 2), frame_locked=True))
             markers.append(self.marker(ns, frame, "name", i, 9, **words, pose=self.pose(z=2 * height + 0.1), frame_locked=True))
-        return self.serialised(self.make("visualization_msgs/MarkerArray", markers))
+        return self.message("visualization_msgs/MarkerArray", markers)
 
     def plan_markers(self, ns: int) -> bytes:
         """The planned path of each robot that moves."""
@@ -177,7 +178,7 @@ class Messages:
                 points = [self.point(x, y) for x, y in xy.tolist()]
                 look = {"scale": (width, 0.0, 0.0), "color": (*_colour_of(i), 0.7)}
                 markers.append(self.marker(ns, "map", "plan", i, 4, **look, points=points))
-        return self.serialised(self.make("visualization_msgs/MarkerArray", markers))
+        return self.message("visualization_msgs/MarkerArray", markers)
 
     def marker(self, ns: int, frame: str, group: str, number: int, kind: int, **fields: Any) -> Any:
         """A marker; kinds: 1 CUBE, 4 LINE_STRIP, 5 LINE_LIST, 7 SPHERE_LIST, 8 POINTS, 9 TEXT_VIEW_FACING.
@@ -234,12 +235,12 @@ class Messages:
 
         def serialised(marks: Sequence[int]) -> bytes:
             path = [self.location(0.0, 0.0, 0.0, int(level[0]), t=self.make("builtin_interfaces/Time", mark, 0)) for mark in marks]
-            return self.serialised(self.make(kind, FLEET_NAME, self.robots[robot], path, task))
+            return self.message(kind, FLEET_NAME, self.robots[robot], path, task)
 
         if (level != level[0]).any():  # locations differ in length
             rows = zip(ns.tolist(), *xy.T.tolist(), yaw.tolist(), level.tolist(), vertex.tolist())
             path = [self.location(x, y, turned, on, v, t=self.time(t)) for t, x, y, turned, on, v in rows]
-            return self.serialised(self.make(kind, FLEET_NAME, self.robots[robot], path, task))
+            return self.message(kind, FLEET_NAME, self.robots[robot], path, task)
         raw, first, second, stride = tiled(serialised, len(ns))
         names, formats = ["sec", "nanosec", "x", "y", "yaw", "index"], ["<i4", "<u4", "<f4", "<f4", "<f4", "<u8"]
         for begin, end, part in ((first, second, slice(0, 1)), (second, second + stride * (len(ns) - 1), slice(1, None))):
@@ -264,7 +265,7 @@ class Messages:
             xy = self.record.graph.xy[plan.vertex[visits]]
             for t, (x, y), yaw in zip(plan.arrive_s[visits].tolist(), xy.tolist(), _headings(xy).tolist()):
                 poses.append(self.make("geometry_msgs/PoseStamped", self.header(EPOCH_NS + round(t * 1e9), "map"), self.pose(x, y, yaw)))
-        return self.serialised(self.make("nav_msgs/Path", self.header(ns, "map"), poses))
+        return self.message("nav_msgs/Path", self.header(ns, "map"), poses)
 
     def logs(self) -> Iterator[tuple[int, bytes]]:
         """(ns, message) of each event, by time; each message holds one JSON object."""
@@ -273,7 +274,7 @@ class Messages:
             level = {"deadlock": 40, "collision": 40, "blocked_for_good": 40, "blocked": 30}.get(event.kind, 20)
             text = json.dumps(event_document(event, self.record.fleet, self.record.graph), ensure_ascii=False, allow_nan=False)
             name = self.robots[event.robot] if event.robot >= 0 else FLEET_NAME
-            yield ns, self.serialised(self.make("rcl_interfaces/Log", self.time(ns), level, name, text, "", "", 0))
+            yield ns, self.message("rcl_interfaces/Log", self.time(ns), level, name, text, "", "", 0)
 
 
 def _corners(xy: FloatArray) -> FloatArray:

@@ -52,7 +52,7 @@ class PeopleTopic(_Sightings):
             m.make("people_msgs/Person", f"person_{p}", m.point(x, y), m.point(vx, vy), 1.0, [], [])
             for p, x, y, (vx, vy) in zip(*(c[rows].tolist() for c in (log.person, log.x_m, log.y_m)), self.velocity(k).tolist())
         ]
-        return m.serialised(m.make("people_msgs/People", m.header(EPOCH_NS + int(self.samples.t_ns[k]), "map"), people))
+        return m.message("people_msgs/People", m.header(EPOCH_NS + int(self.samples.t_ns[k]), "map"), people)
 
 
 class Markers(_Sightings):
@@ -66,4 +66,4 @@ class Markers(_Sightings):
         marker = m.marker(
             EPOCH_NS + int(self.samples.t_ns[k]), "map", "people", 0, SPHERES, scale=(size, size, size), color=COLOUR, points=points
         )
-        return m.serialised(m.make(MARKERS[1], [marker]))
+        return m.message(MARKERS[1], [marker])

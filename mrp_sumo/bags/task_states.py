@@ -31,7 +31,7 @@ def task_states(m: Messages, until_s: float) -> Iterator[tuple[int, bytes]]:
     for t_s, k in sorted(changes):
         if t_s <= until_s:
             text = json.dumps(_state(m, execution.tasks, execution.stops, k, rows[k], t_s), ensure_ascii=False, allow_nan=False)
-            yield round(t_s * 1e9), m.serialised(m.make(TYPE, text))
+            yield round(t_s * 1e9), m.message(TYPE, text)
 
 
 def _rows_of(tasks: TaskLog, stops: StopLog | None) -> list[list[int]]:
