@@ -104,10 +104,11 @@ class PartedWriter:
 def _join(folder: Path, parts: list[Path]) -> None:
     """Make one bag of bags that follow each other and have the same topics."""
     documents = [yaml.safe_load((part / "metadata.yaml").read_text(encoding="utf-8"))[ABOUT] for part in parts]
-    whole, (begin, end) = documents[0], (documents[0]["starting_time"]["nanoseconds_since_epoch"], _end_ns(documents[-1]))
+    whole, last = documents[0], documents[-1]
+    begin, end = (about["starting_time"]["nanoseconds_since_epoch"] for about in (whole, last))
     whole["relative_file_paths"] = [name for about in documents for name in about["relative_file_paths"]]
     whole["files"] = [file for about in documents for file in about["files"]]
-    whole["duration"]["nanoseconds"] = end - begin
+    whole["duration"]["nanoseconds"] = end + last["duration"]["nanoseconds"] - begin
     whole["message_count"] = sum(about["message_count"] for about in documents)
     for k, topic in enumerate(whole["topics_with_message_count"]):
         topic["message_count"] = sum(about["topics_with_message_count"][k]["message_count"] for about in documents)
@@ -116,7 +117,3 @@ def _join(folder: Path, parts: list[Path]) -> None:
         shutil.rmtree(part)
     text = yaml.safe_dump({ABOUT: whole}, sort_keys=False, allow_unicode=True)
     (folder / "metadata.yaml").write_text(text, encoding="utf-8")
-
-
-def _end_ns(about: Mapping[str, Any]) -> int:
-    return int(about["starting_time"]["nanoseconds_since_epoch"] + about["duration"]["nanoseconds"])

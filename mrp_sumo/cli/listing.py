@@ -42,7 +42,10 @@ def run(options: argparse.Namespace) -> int:
     else:
         say(f"no {options.what}")
     if options.what == "maps" and not options.json:
-        say(f"Other maps are read from files: {_formats()}")
+        from mrp_sumo.plugins.registry import make, names
+
+        readers = [make("readers", name, {}) for name in names("readers")]
+        say("Other maps are read from files: " + ", ".join(f"{reader.name} ({' '.join(reader.suffixes)})" for reader in readers))
     for line in faults:
         warn(line)
     return 1 if faults else 0
@@ -102,13 +105,6 @@ def _come_with_it(what: str) -> list[Entry]:
 
     scenarios = [read_scenario(path).scenario for path in files]
     return [{"name": one.name, "map": one.map.file, "robots": one.robots.size, "planner": one.planner.name} for one in scenarios]
-
-
-def _formats() -> str:
-    from mrp_sumo.plugins.registry import make, names
-
-    readers = [make("readers", name, {}) for name in names("readers")]
-    return ", ".join(f"{reader.name} ({' '.join(reader.suffixes)})" for reader in readers)
 
 
 def _print(entries: list[Entry]) -> None:

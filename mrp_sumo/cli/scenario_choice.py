@@ -97,20 +97,14 @@ def require_scenario(name_or_path: str) -> None:
 
 def is_map(name_or_path: str) -> bool:
     """True if a file is a map rather than a scenario, or a name that of a bundled map and of no bundled scenario."""
+    from mrp_sumo.files.reading import read_head
     from mrp_sumo.maps.catalogue import bundled_folder, bundled_maps
 
     path = Path(name_or_path)
-    if path.is_file():
-        return not _is_scenario(path)
-    return name_or_path in bundled_maps() and not (bundled_folder("scenarios") / f"{name_or_path}.yaml").is_file()
-
-
-def _is_scenario(path: Path) -> bool:
-    """True if a file names a map, or is YAML with none of a map's keys."""
-    from mrp_sumo.files.reading import read_head
-
-    head = read_head(path, HEAD, MrpSumoError)
-    return NAMES_A_MAP.search(head) is not None or (path.suffix in (".yaml", ".yml") and KEYS_OF_MAPS.search(head) is None)
+    if not path.is_file():
+        return name_or_path in bundled_maps() and not (bundled_folder("scenarios") / f"{name_or_path}.yaml").is_file()
+    head = read_head(path, HEAD, MrpSumoError)  # a scenario names a map, or is YAML with none of a map's keys
+    return NAMES_A_MAP.search(head) is None and (path.suffix not in (".yaml", ".yml") or KEYS_OF_MAPS.search(head) is not None)
 
 
 def _of_map(options: argparse.Namespace) -> "ScenarioFile":

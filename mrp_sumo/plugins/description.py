@@ -27,7 +27,8 @@ def describe(kind: Kind, source: Source) -> Described:
     """Load a plug-in and describe it; nothing is made of it. Raises PlugInError when it cannot be loaded, or lacks what its kind needs."""
     plug_in = loaded(kind, source)
     face = face_of(kind)
-    names = attributes_of(face) if face else {f.name: None for f in fields(plug_in)} if _is_record(plug_in) else {}
+    is_record = is_dataclass(plug_in) and not isinstance(plug_in, type)
+    names = attributes_of(face) if face else {f.name: None for f in fields(plug_in)} if is_record else {}
     parameters = parameters_of(plug_in) if kind.made else ()
     known = {parameter.name for parameter in parameters}
     values = {name: getattr(plug_in, name, None) for name in names if name not in known | {"name"}}
@@ -42,10 +43,6 @@ def describe(kind: Kind, source: Source) -> Described:
     )
 
 
-def _is_record(plug_in: Any) -> bool:
-    return is_dataclass(plug_in) and not isinstance(plug_in, type)
-
-
 def _first_sentence(plug_in: Any) -> str:
     """Of its docstring, not that of a class it comes from; of an object the function's that it holds, or nothing."""
     held = plug_in if isinstance(plug_in, type) or inspect.isfunction(plug_in) else getattr(plug_in, "function", None)
@@ -57,10 +54,6 @@ def _first_sentence(plug_in: Any) -> str:
 
 
 def _simple(value: Any) -> Any:
-    if value is None or isinstance(value, bool):
-        return value
-    if isinstance(value, str):
-        return str(value)
     if isinstance(value, list | tuple):
         return [_simple(each) for each in value]
-    return value if isinstance(value, int | float) else str(value)
+    return value if value is None or isinstance(value, int | float) else str(value)

@@ -42,7 +42,8 @@ def write_rmf_plans(path: Path, record: RunRecord) -> None:
     except PlanError as error:
         raise MrpSumoError(f"the run '{record.name}': {error}") from None
     names, robot = record.fleet.robot_name, plan.robot
-    ids = [_plan_id(record.name, record.seed, name) for name in names]
+    keys = [uuid5(NAMESPACE_URL, f"{record.name}/{record.seed}/{name}") for name in names]
+    ids: list[Json] = [{"destination_session": {"uuid": list(key.bytes)}, "plan_version": 0} for key in keys]
     progress = _ascending(plan.arrive_s, plan.first)
     blockers = _blockers(schedule, robot)
     waypoints: list[list[Json]] = [[] for _ in names]
@@ -106,10 +107,6 @@ def _releases(record: RunRecord, ids: list[Json]) -> list[Json]:
         for t_s, r, visit in zip(grants.t_s.tolist(), grants.robot.tolist(), grants.visit.tolist())
         if t_s < until_s
     ]
-
-
-def _plan_id(run: str, seed: int, name: str) -> Json:
-    return {"destination_session": {"uuid": list(uuid5(NAMESPACE_URL, f"{run}/{seed}/{name}").bytes)}, "plan_version": 0}
 
 
 def _time(t_s: float) -> Json:

@@ -197,7 +197,7 @@ def _space_time(record: RunRecord, tag: str) -> Chart | None:
 
 def _busiest_corridor(nav: NavGraph, x: FloatArray, y: FloatArray) -> IntArray:
     """[N] vertices of the straight stretch of lanes that most robots used, and among these where they spent most time."""
-    once = np.flatnonzero((nav.tail < nav.head) | (nav.reverse < 0))
+    once = np.flatnonzero(nav.is_once)
     tail, head = nav.tail[once], nav.head[once]
     chains, chain_of = _straight_stretches(nav, tail, head)
     there = np.isfinite(x)

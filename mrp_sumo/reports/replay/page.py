@@ -431,9 +431,7 @@ def _flat(values: NDArray[Any]) -> list[float]:
 
 def _script_json(value: Any) -> str:
     """JSON in which no tag can begin or end."""
-    text = _json(value)
-    for character in "<>&\u2028\u2029":
-        text = text.replace(character, f"\\u{ord(character):04x}")
+    text = _json(value).translate({ord(character): f"\\u{ord(character):04x}" for character in "<>&\u2028\u2029"})
     return text.encode("utf-8", "replace").decode("utf-8")
 
 
