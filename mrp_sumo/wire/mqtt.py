@@ -10,7 +10,7 @@ import socket
 import ssl
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -74,7 +74,7 @@ class Connections:
         self.broker, self._dialect, self._manufacturer = broker, dialect, manufacturer
         self._clients: dict[str, Client] = {}
         self._names: dict[int, str] = {}  # of sockets that are watched
-        self._topics: dict[str, tuple[str, ...]] = {}
+        self._topics: dict[str, frozenset[str]] = {}  # that are subscribed to, by connection
         self._welcome: dict[str, Mapping[str, bytes]] = {}
         self._refused = ""
         self._inbox: list[Received] = []
@@ -83,7 +83,7 @@ class Connections:
         self._report, self._is_away = report, False
         self.lost = 0  # messages for which there was no connection, or no room
 
-    def add(self, name: str, topics: tuple[str, ...], *, will: tuple[str, bytes] | None = None) -> None:
+    def add(self, name: str, topics: frozenset[str], *, will: tuple[str, bytes] | None = None) -> None:
         """Connect, and subscribe to topics. Raises MrpSumoError when there is no broker, or it does not let one in.
 
         Parameters
@@ -239,7 +239,7 @@ class Connections:
         if reason.is_failure:
             self._refused = str(reason).lower()
             return
-        for topic in self._topics[name]:
+        for topic in sorted(self._topics[name]):
             client.subscribe(topic)
         self._greet(name)
 
@@ -248,11 +248,11 @@ class Connections:
             self.send(name, topic, payload, qos=1, retain=True)
 
     def _on_message(self, client: "Client", name: str, message: "MQTTMessage") -> None:
-        parts = message.topic.split("/")
         if len(self._inbox) >= MOST_WAITING:
             self.lost += 1
-        elif len(parts) == 5:
-            self._inbox.append(Received(parts[3], parts[4], bytes(message.payload)))
+        elif message.topic in self._topics[name]:
+            *_, serial, kind = message.topic.split("/")
+            self._inbox.append(Received(serial, kind, bytes(message.payload)))
 
 
 @dataclass
@@ -260,15 +260,13 @@ class VehicleLink:
     """The ends of vehicles: a connection each, whose last will says that it is broken."""
 
     connections: Connections
-    serials: frozenset[str] = field(default_factory=frozenset)
 
     def join(self, serial: str, online: bytes, broken: bytes) -> None:
         """Connect a vehicle, with the payloads that say that its connection is there, and that it broke. Raises MrpSumoError."""
         connection = self.connections.topic(serial, "connection")
-        topics = tuple(self.connections.topic(serial, kind) for kind in TO_VEHICLES)
+        topics = frozenset(self.connections.topic(serial, kind) for kind in TO_VEHICLES)
         self.connections.add(serial, topics, will=(connection, broken))
         self.connections.on_return(serial, {connection: online})
-        self.serials |= {serial}
 
     def publish(self, serial: str, kind: str, payload: bytes) -> None:
         """See Link."""
@@ -277,7 +275,7 @@ class VehicleLink:
 
     def receive(self, wait_s: float) -> list[Received]:
         """See Link."""
-        return [message for message in self.connections.receive(wait_s) if message.serial in self.serials and message.kind in TO_VEHICLES]
+        return self.connections.receive(wait_s)
 
     def close(self) -> None:
         """See Link."""
@@ -293,9 +291,8 @@ class MasterLink:
 
     def join(self) -> None:
         """Connect. Raises MrpSumoError."""
-        kinds = (kind for kind in FROM_VEHICLES if kind != "visualization")
-        topics = tuple(self.connections.topic(serial, kind) for kind in kinds for serial in sorted(self.serials))
-        self.connections.add("master", topics)
+        kinds = [kind for kind in FROM_VEHICLES if kind != "visualization"]
+        self.connections.add("master", frozenset(self.connections.topic(serial, kind) for kind in kinds for serial in self.serials))
 
     def publish(self, serial: str, kind: str, payload: bytes) -> None:
         """See Link."""
@@ -303,7 +300,7 @@ class MasterLink:
 
     def receive(self, wait_s: float) -> list[Received]:
         """See Link."""
-        return [message for message in self.connections.receive(wait_s) if message.serial in self.serials]
+        return self.connections.receive(wait_s)
 
     def close(self) -> None:
         """See Link."""

@@ -74,13 +74,7 @@ class LiveView:
         """Say what the run came to, and let viewers go."""
         if result.executed:
             about = about_run(result, result.record)
-            said = {
-                "status_text": about.status,
-                "is_good": about.is_good,
-                "note": about.note,
-                "facts": about.facts,
-                "metrics": about.metrics,
-            }
+            said = {name: getattr(about, name) for name in ("status_text", "is_good", "note", "facts", "metrics")}
             self.broadcast.say_last("end", said)
         else:
             self.server.stage = f"{result.status.replace('_', ' ')}: {result.note}"
@@ -112,7 +106,7 @@ class Telling(Listener):
         about = About(
             name=record.name,
             subtitle=subtitle_of(result, problem.num_robots),
-            status="driving",
+            status_text="driving",
             note="The run is under way.",
             facts=(
                 ("Robots", str(problem.num_robots)),

@@ -75,18 +75,18 @@ STATION_KINDS = (  # option of RMF, what people call it; the first that applies
 
 @dataclass(frozen=True)
 class About:
-    """The run in words."""
+    """The run in words, by names that the page's scripts know."""
 
     name: str
     subtitle: str = ""
-    status: str = ""
+    status_text: str = ""
     is_good: bool = True
     remedy: str = ""  # what would most likely mend it
     note: str = ""
     facts: tuple[tuple[str, str], ...] = ()
     metrics: tuple[tuple[str, str], ...] = ()
     outline: Outline | None = None
-    is_plan_only: bool = False  # the record's execution is the plan itself
+    plan_only: bool = False  # the record's execution is the plan itself
 
 
 @dataclass
@@ -175,16 +175,7 @@ def replay_page(record: RunRecord, about: About, *, live_period_s: float | None 
     frame = PageFrame(*extent(record, about.outline))
     low, high = frame.low, frame.high
     columns, parts = Columns(), parts_of(execution, record.fleet)
-    head: dict[str, Any] = {
-        "name": about.name,
-        "subtitle": about.subtitle,
-        "status_text": about.status,
-        "is_good": about.is_good,
-        "remedy": about.remedy,
-        "note": about.note,
-        "facts": about.facts,
-        "metrics": about.metrics,
-        "plan_only": about.is_plan_only,
+    head: dict[str, Any] = {name: value for name, value in vars(about).items() if name != "outline"} | {
         "state_names": (*state_names(execution.tasks is not None), OFF_THE_FLOOR),
         "robots": record.fleet.robot_name,
         "length": np.append(record.fleet.length_m, parts.length_m).round(4),
@@ -263,14 +254,14 @@ def about_run(run: AnyRun, record: RunRecord) -> About:
     return About(
         name=record.name,
         subtitle=subtitle_of(run.result, num_robots),
-        status=status if run.executed else f"{status}, plan only",
+        status_text=status if run.executed else f"{status}, plan only",
         is_good=succeeded(run.result["status"], metrics),
         remedy=remedy(run.result),
         note=run.result.get("note") or ("" if run.executed else "The run was not executed: this is the plan, driven exactly."),
         facts=tuple((name, str(value)) for name, value in facts.items() if value not in (None, "")),
         metrics=tuple((name, str(value)) for name, value in numbers.items() if value not in (None, "")),
         outline=run.outline,
-        is_plan_only=not run.executed,
+        plan_only=not run.executed,
     )
 
 
