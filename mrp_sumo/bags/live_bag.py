@@ -31,14 +31,11 @@ LOG, DIAGNOSTICS = ("/rosout", "rcl_interfaces/Log"), ("/diagnostics", "diagnost
 Said = tuple[str, str, bytes]  # topic, type, message
 
 
-class LiveBag:
-    """Makes messages of moments of one run."""
+class LiveBag(LiveMessages):
+    """As LiveMessages, with all that viewers show."""
 
     def __init__(self, record: RunRecord, generation: str = "jazzy") -> None:
-        """`record`: of the run before it is driven. Raises MrpSumoError for an unknown generation of rmf_fleet_msgs."""
-        self.live = LiveMessages(record, generation)
-        self.messages = self.live.messages
-        self._at_outset = record
+        super().__init__(record, generation)
         self._fast: tuple[streams.Samples, streams.Stream, streams.Stream] | None = None
         self._num_fast = self._num_seconds = 0
         self._num_entries = 1
@@ -61,8 +58,7 @@ class LiveBag:
             yield *REQUESTS, request
 
     def of(self, state: Moment) -> Iterator[Said]:
-        """Messages that are due in a state. Every state has to be passed in."""
-        yield from self.live.of(state)
+        yield from super().of(state)
         m, now_ns = self.messages, round(state.now_s * 1e9)
         if state.events:
             m.record = replace(self._at_outset, execution=replace(self._at_outset.execution, events=tuple(state.events)))
@@ -72,7 +68,7 @@ class LiveBag:
         is_second = now_ns >= self._num_seconds * SECOND_NS
         if not (is_fast or is_second):
             return
-        execution = self.live.now(state)
+        execution = self.now(state)
         samples = self.robots(execution, state)
         if is_fast:
             self._num_fast = now_ns // FAST_NS + 1

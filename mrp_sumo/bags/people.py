@@ -20,7 +20,8 @@ class _Sightings:
     def __init__(self, m: Messages, samples: Samples) -> None:
         execution = m.record.execution
         assert execution.people is not None
-        self.m, self.log, self.samples = m, execution.people, samples
+        self.m, self.log = m, execution.people
+        self.stamps: list[int] = (EPOCH_NS + samples.t_ns).tolist()
         self.period_s = execution.period_s
         rows = np.searchsorted(execution.t_s, samples.t_ns / 1e9 + 1e-9, side="right") - 1
         self.sample: IntArray = np.clip(rows, 0, len(execution.t_s) - 1)
@@ -52,7 +53,7 @@ class PeopleTopic(_Sightings):
             m.make("people_msgs/Person", f"person_{p}", m.point(x, y), m.point(vx, vy), 1.0, [], [])
             for p, x, y, (vx, vy) in zip(*(c[rows].tolist() for c in (log.person, log.x_m, log.y_m)), self.velocity(k).tolist())
         ]
-        return m.message("people_msgs/People", m.header(EPOCH_NS + int(self.samples.t_ns[k]), "map"), people)
+        return m.message("people_msgs/People", m.header(self.stamps[k], "map"), people)
 
 
 class Markers(_Sightings):
@@ -62,8 +63,5 @@ class Markers(_Sightings):
         """The message at the k-th time."""
         m, (log, rows) = self.m, self.at(k)
         points = [m.point(x, y, CHEST_M) for x, y in zip(log.x_m[rows].tolist(), log.y_m[rows].tolist())]
-        size = 2 * log.radius_m
-        marker = m.marker(
-            EPOCH_NS + int(self.samples.t_ns[k]), "map", "people", 0, SPHERES, scale=(size, size, size), color=COLOUR, points=points
-        )
+        marker = m.marker(self.stamps[k], "map", "people", 0, SPHERES, scale=(2 * log.radius_m,) * 3, color=COLOUR, points=points)
         return m.message(MARKERS[1], [marker])

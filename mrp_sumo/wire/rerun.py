@@ -150,7 +150,7 @@ class Logging(Listener):
     def _robots(self, shown: Moment) -> None:
         """Bodies, whom the blocked wait for, and how many are in which state."""
         rr, fleet = self.rerun, self.record.fleet
-        now = self.bag.robots(self.bag.live.now(shown), shown)
+        now = self.bag.robots(self.bag.now(shown), shown)
         state, xy = now.state[0], np.column_stack([now.x[0], now.y[0]])
         half, height = now.yaw[0] / 2, fleet.width_m / 2
         turn = np.column_stack([np.zeros_like(half), np.zeros_like(half), np.sin(half), np.cos(half)])
