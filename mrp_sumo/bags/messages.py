@@ -140,7 +140,7 @@ class Messages:
 
     def map_markers(self, ns: int) -> bytes:
         """The map's vertices, lanes and names, as MRP-Bench's graph reader expects them."""
-        nav = self.record.nav or self.record.graph
+        nav = self.record.drawn
         points = [self.point(x, y) for x, y in nav.xy.tolist()]
         once = np.flatnonzero(nav.is_once)
         ends = [points[v] for pair in zip(nav.tail[once].tolist(), nav.head[once].tolist()) for v in pair]

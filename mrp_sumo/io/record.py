@@ -36,11 +36,16 @@ class RunRecord:
     target: IntArray  # [R] goal vertex of each robot; [0] where tasks come instead
     plan: Plan | None
     execution: Execution
-    nav: NavGraph | None = None  # the map as drawn; the plan graph serves where it is not known
+    nav: NavGraph | None = None  # the map as drawn
     costmap: "Costmap | None" = None  # walls
     levels: "Shift | None" = None  # where robots change them, as `Trajectory` has them
     goal_heading_rad: FloatArray | None = None  # [R] in which robots are to stay at their goals, NaN: any; None: all of them in any
     constants: Mapping[str, float] = field(default_factory=dict)  # MRP-Bench's, by its names, that metrics were computed with
+
+    @property
+    def drawn(self) -> NavGraph:
+        """The map as drawn; the plan graph where it is not known."""
+        return self.nav or self.graph
 
     @cached_property
     def shift_m(self) -> FloatArray:

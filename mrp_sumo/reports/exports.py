@@ -92,7 +92,7 @@ def write_geojson(path: Path, record: RunRecord) -> None:
     Coordinates are metres in the map's frame, not degrees; the member `crs_note` says so. Robots are
     sampled once a second; points where they stand still are left out.
     """
-    execution, nav = record.execution, record.nav or record.graph
+    execution, nav = record.execution, record.drawn
     features = [
         _feature("Point", nav.xy[v].tolist(), {"layer": "vertex", "vertex": v, "name": nav.label(v)}) for v in range(nav.num_vertices)
     ]
@@ -172,7 +172,7 @@ def write_ros1(path: Path, record: RunRecord, make_bag: Callable[[Path], Any]) -
 
 def write_viewers(path: Path, record: RunRecord) -> None:
     """Set-ups for RViz 2, Foxglove, PlotJuggler and Rerun in a folder, showing this run's map."""
-    xy = (record.nav or record.graph).xy
+    xy = record.drawn.xy
     low, high = (xy.min(0), xy.max(0)) if len(xy) else (np.zeros(2), np.ones(2))
     centre, width, height = (low + high) / 2, float(high[0] - low[0]) + 2, float(high[1] - low[1]) + 2
     robot_m, pixels_per_m = float(record.fleet.width_m.max(initial=0.1)), min(1000 / width, 700 / height)

@@ -127,7 +127,7 @@ def _plan(ax: Axes, record: RunRecord, outline: Outline | None) -> None:
         ax.add_collection(PolyCollection(list(outline.floors), facecolor=FLOOR, edgecolor="none", zorder=0), autolim=False)
     else:
         ax.set_facecolor(FLOOR)
-    nav = record.nav if record.nav is not None else record.graph
+    nav = record.drawn
     once = drawn_lanes(nav)
     draw_strokes(ax, np.stack([nav.xy[nav.tail[once]], nav.xy[nav.head[once]]], axis=1), "#a9b4c2", 0.7, 1)
     if outline is not None:

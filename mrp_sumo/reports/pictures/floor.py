@@ -25,7 +25,7 @@ def draw_floor(ax: Axes, record: RunRecord, outline: Outline | None, points_per_
 
     Returns strokes [S, 2, 2] through the names, in m.
     """
-    nav = record.nav or record.graph
+    nav = record.drawn
     if outline is not None:
         furniture, inner, walls = furniture_and_walls(outline.walls)
         for polygons, colour in ((outline.floors, LIGHT["floor"]), (outline.holes, LIGHT["paper"]), (furniture, LIGHT["furniture"])):

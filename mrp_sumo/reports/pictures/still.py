@@ -79,7 +79,7 @@ def _page(record: RunRecord, outline: Outline | None) -> tuple[Picture, Axes, fl
     low, high = extent(record, outline)
     w, h = high - low
     inch_per_m = float(min((WIDTH_IN - 0.4) / w, 14 / h))
-    head_in, foot_in = 0.75 if len(np.unique((record.nav or record.graph).level)) == 1 else 0.95, 0.45
+    head_in, foot_in = 0.75 if len(np.unique(record.drawn.level)) == 1 else 0.95, 0.45
     page = (max(w * inch_per_m + 0.4, 6.0), h * inch_per_m + head_in + foot_in)
     figure = Picture(*page, LIGHT["paper"])
     left = (page[0] - w * inch_per_m) / 2

@@ -183,7 +183,7 @@ def is_grid_map(record: RunRecord) -> bool:
 def extent(record: RunRecord, outline: "Outline | None") -> tuple[FloatArray, FloatArray]:
     """Lower left and upper right [2] of everything that is drawn, in m, with a margin."""
     execution = record.execution
-    nav = record.nav or record.graph
+    nav = record.drawn
     points = [nav.xy]
     if not np.isnan(execution.x_m).all():
         points += [bodies_extent(record, MARGIN_M)]
@@ -325,7 +325,7 @@ def drawn_lanes(nav: "NavGraph") -> IntArray:
 
 def level_boxes(record: RunRecord, outline: "Outline | None") -> dict[str, tuple[FloatArray, FloatArray]]:
     """Lower left and upper right corner, m, of each level that is driven on. A wall is of the level whose lanes it is nearest to."""
-    nav = record.nav or record.graph
+    nav = record.drawn
     on = {name: xy for k, name in enumerate(nav.level_names) if len(xy := nav.xy[nav.level == k])}
     walls = np.zeros((0, 2)) if outline is None else outline.walls.reshape(-1, 2)
     away = np.array([np.hypot(*np.maximum(np.maximum(xy.min(0) - walls, walls - xy.max(0)), 0.0).T) for xy in on.values()])

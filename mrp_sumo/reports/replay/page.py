@@ -371,7 +371,7 @@ def _milliseconds(t_s: FloatArray) -> NDArray[Any]:
 
 def _map(record: RunRecord, outline: Outline | None, low: FloatArray, high: FloatArray) -> dict[str, Any]:
     """What is drawn under the robots, in m from the lower left corner."""
-    nav = record.nav or record.graph
+    nav = record.drawn
     parts: dict[str, Any] = {"size_m": high - low, "floors": [], "holes": [], "cells": [], "furniture": [], "inner": []}
     parts |= {"lifts": [], "walls": [], "doors": [], "lanes": [], "stations": [], "junctions": []}
     if outline is not None:

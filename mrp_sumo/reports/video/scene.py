@@ -168,7 +168,7 @@ def scene_of(run: AnyRun, *, robots: Sequence[str] = (), level: str | None = Non
 
 def _extent_of_level(record: RunRecord, outline: Outline | None, level: str, source: str) -> tuple[FloatArray, FloatArray]:
     """The part of the floor that a level takes."""
-    names = (record.nav or record.graph).level_names
+    names = record.drawn.level_names
     if level not in names:
         raise MrpSumoError(f"--level {level}: {source} has no such level{nearest(level, names)}")
     boxes = level_boxes(record, outline)
