@@ -15,13 +15,7 @@ ODD = "#?%"
 
 @contextmanager
 def plain_path(path: Path) -> Iterator[Path]:
-    """The same place through folders without odd characters; `path` itself where it has none.
-
-    Parameters
-    ----------
-    path
-        Its folder must exist.
-    """
+    """The same place through folders without odd characters; `path` itself, whose folder exists, where it has none."""
     is_misnamed = path.suffix == ".bag" and path.is_dir()
     if not is_misnamed and not any(character in str(path.parent) for character in ODD):
         yield path

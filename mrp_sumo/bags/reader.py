@@ -47,14 +47,8 @@ class FleetLog:
 def read_fleet_log(path: Path, generation: str | None = None) -> FleetLog:
     """Read `/fleet_states`, and starts and goals from `/robot_path_requests` if there are any.
 
-    Raises MrpSumoError when the bag cannot be read, has no fleet states, or none of the generations fits.
-
-    Parameters
-    ----------
-    path
-        A bag: a folder with metadata.yaml, an .mcap or .db3 file, or a ROS 1 .bag.
-    generation
-        Of rmf_fleet_msgs, for bags without definitions; detected by default.
+    A bag is a folder with metadata.yaml, an .mcap or .db3 file, or a ROS 1 .bag. The generation of rmf_fleet_msgs is for bags without
+    definitions, and detected by default. Raises MrpSumoError when the bag cannot be read, has no fleet states, or no generation fits.
     """
     wanted = (FLEET_STATES, PATH_REQUESTS)
     return read_bag(path, lambda messages: _fleet_log(path, list(messages)), lambda topic, kind: topic in wanted, FLEET_STATES, generation)
@@ -69,18 +63,8 @@ def read_bag(
 ) -> T:
     """The result of `use` of the messages of a bag: topic, stamp of the bag in ns, message.
 
-    Raises MrpSumoError when the bag cannot be read, or none of the generations fits.
-
-    Parameters
-    ----------
-    path, generation
-        See `read_fleet_log`.
-    use
-        Reads all messages; may be called again, with other definitions.
-    is_wanted
-        True for a topic and a type that are to be read.
-    needed
-        A topic without which a bag is refused; '': none.
+    `use` may be called again, with other definitions; `is_wanted` says whether a topic and a type are to be read, and without the topic
+    `needed` a bag is refused. Path, generation and errors are those of `read_fleet_log`.
     """
     known = (generation,) if generation else GENERATIONS
     typestore(known[0])  # refuses an unknown one

@@ -17,18 +17,8 @@ HEADER = 4  # bytes before the body; CDR aligns from the end of them
 class Template:
     """A serialised message, of which many can be made whose numbers are set by kind, in the order in which `make` takes them.
 
-    Raises RuntimeError when a number is not found exactly once in the message; that is a mistake in `make` or `kinds`.
-
-    Parameters
-    ----------
-    typestore
-        The library that serialises.
-    typename
-        Of the message.
-    make
-        Builds a message from a list of numbers.
-    kinds
-        The dtype of each of these numbers: <f8, <f4, <i4, <u4 or <u8.
+    `make` builds a message of a list of numbers, whose dtypes are `kinds`: <f8, <f4, <i4, <u4 or <u8. Raises RuntimeError when a number
+    is not found exactly once in the message; that is a mistake in `make` or `kinds`.
     """
 
     def __init__(self, typestore: Any, typename: str, make: Callable[[list[Any]], Any], kinds: Sequence[str]) -> None:
@@ -99,20 +89,11 @@ MARKS = (0x51A2B3C1, 0x52A3B4C2, 0x53A4B5C3)
 
 
 def tiled(serialised: Callable[[Sequence[int]], bytes], count: int) -> tuple[NDArray[np.uint8], int, int, int]:
-    """The bytes of a message whose one sequence of records is `count` long.
+    """The bytes of a message whose one sequence of records is `count` long, at least 1, and where its records begin.
 
-    Parameters
-    ----------
-    serialised
-        The message with one record for each number given, which each record begins with; a record
-        ends on a multiple of eight bytes.
-    count
-        At least 1.
-
-    Returns
-    -------
-    message, first, second, stride
-        Records begin at `first`, `second`, `second + stride`, ...; all but the first hold the second's values.
+    `serialised` makes the message with one record for each number given, which the record begins with; it ends on a multiple of eight
+    bytes. Records begin at the three numbers that are returned: `first`, `second`, `second + stride`, ...; all but the first hold the
+    second's values.
     """
     raw = serialised(MARKS)
     places = [raw.find(mark.to_bytes(4, "little")) for mark in MARKS]

@@ -58,18 +58,9 @@ def write_recorded_bag(folder: Path, record: RunRecord, choice: Recording) -> No
 
 
 def write_bag(folder: Path, record: RunRecord, options: BagOptions = BagOptions()) -> None:
-    """Write the bag of a run.
+    """Write the bag of a run into a new folder; the bag file in it gets the same name.
 
     Raises MrpSumoError for unknown options, a folder that exists, or a record without samples, and OSError when the disk refuses.
-
-    Parameters
-    ----------
-    folder
-        To be created; the bag file in it gets the same name.
-    record
-        With at least one sample.
-    options
-        Storage, message generation, topics.
     """
     if options.storage not in STORAGES:
         raise MrpSumoError(f"unknown storage '{options.storage}'{nearest(options.storage, STORAGES)}")

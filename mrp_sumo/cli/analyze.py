@@ -155,15 +155,7 @@ def _failed(faults: list[str]) -> int:
 
 
 def analysed(bag: Path, config: Path | None, generation: str | None, overrides: dict[str, float | None]) -> dict[str, Any]:
-    """The metrics of a bag. Raises MrpSumoError when something is missing, in one line.
-
-    Parameters
-    ----------
-    bag, config, generation
-        As on the command line.
-    overrides
-        Constants that win over those of files; None for not given.
-    """
+    """The metrics of a bag; `overrides` win over constants of files. Raises MrpSumoError when something is missing, in one line."""
     from mrp_sumo.errors import MrpSumoError, nearest
     from mrp_sumo.files.folders import is_batch
 

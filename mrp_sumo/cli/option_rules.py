@@ -53,15 +53,7 @@ def above_0(text: str) -> float:
 
 
 def only_for(what: str, **options: object) -> None:
-    """Refuse the first option that is said, since it is for something else.
-
-    Parameters
-    ----------
-    what
-        The options are for, such as `--video`.
-    options
-        Values by names; None, False and () where the option is not said.
-    """
+    """Refuse the first option that is said, since it is for something else, such as `--video`; None, False, () and [] are not said."""
     for name, value in options.items():
-        if value is not None and value is not False and value != () and value != []:
+        if value not in (None, (), []) and value is not False:
             raise MrpSumoError(f"--{name.strip('_').replace('_', '-')} is for {what}")

@@ -27,14 +27,7 @@ def run(
 ) -> int:
     """Plan what is listed; the exit code is the worst of all.
 
-    Parameters
-    ----------
-    options
-        Of the command line, which hold for all lines.
-    arguments
-        Adds those of one instance to a parser.
-    planned
-        Plans one instance, and says what is to be printed.
+    The options of the command line hold for all lines; `arguments` adds those of one instance to a parser, and `planned` plans one.
     """
     code = 0
     for place, of_line in list(_listed(options, arguments)):

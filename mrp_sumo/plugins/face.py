@@ -22,18 +22,9 @@ def check_methods(target: type, face: type, one: str) -> None:
 
 
 def check_face(made: Any, face: type, one: str) -> None:
-    """Refuse what lacks a part of a Protocol.
+    """Refuse an object that lacks a method, property or annotated name of a Protocol, or a function where that has `__call__`.
 
     Raises PlugInError: one line with file and line of the class, method or function, and what is missing or takes other arguments.
-
-    Parameters
-    ----------
-    made
-        An object, or a function where the Protocol has `__call__`.
-    face
-        Its functions are the methods asked for, its properties and annotated names the attributes.
-    one
-        The kind in messages: 'planner'.
     """
     what = getattr(made, "__name__", type(made).__name__)
     for name, method in _methods(face).items():

@@ -33,18 +33,9 @@ def names(kind: str) -> tuple[str, ...]:
 
 
 def find(kind: str, name: str, beside: Path | None = None) -> Source:
-    """The source of a plug-in. A file's is read, not executed.
+    """The source of a plug-in of a kind in `KINDS`, by its name or `FILE.py:NAME`, `beside` a folder. A file's is read, not executed.
 
     Raises ScenarioError for an unknown name, with the nearest right one, and for a file that is not there or has no such name.
-
-    Parameters
-    ----------
-    kind
-        Of `KINDS`: 'planners', 'policies', ...
-    name
-        As registered, or `FILE.py:NAME`.
-    beside
-        Where a relative path begins; the current folder by default.
     """
     one = KINDS[kind].one
     if place_in_file(name):

@@ -131,17 +131,7 @@ def calling(source: Source, target: Any = None, *passed: type[BaseException]) ->
 
 
 def blamed(error: BaseException, source: Source, target: Any = None) -> PlugInError:
-    """An exception in a plug-in's code as one line that names the last of its own lines.
-
-    Parameters
-    ----------
-    error
-        What was raised.
-    source
-        The plug-in.
-    target
-        Its function or class, named where no line of its own was under way.
-    """
+    """An exception in a plug-in's code as one line that names the last of its own lines, or `target` where none was under way."""
     details = "".join(traceback.format_exception(error))
     if isinstance(error, PlugInError):
         return PlugInError(str(error), error.details or details)

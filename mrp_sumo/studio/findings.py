@@ -34,17 +34,7 @@ DRAWN_HERE = ("no_lanes",)  # findings whose cure is this workbench
 
 
 def check(document: Any, path: Path, robot: RobotType) -> dict[str, Any]:
-    """Findings and notes about a drawing, and how large it is as a graph.
-
-    Parameters
-    ----------
-    document
-        Of a building.
-    path
-        Of its file, for its name.
-    robot
-        The type that needs room beside the walls.
-    """
+    """Findings and notes about the document of a building, and how large it is as a graph; `robot` needs room beside the walls."""
     building: Building | None = None
     map_: Map | None = None
     try:

@@ -42,17 +42,7 @@ class Studio:
     """A workbench over one folder."""
 
     def __init__(self, root: Path, opened: str, port: int = 0) -> None:
-        """Raises MrpSumoError where the port cannot be had.
-
-        Parameters
-        ----------
-        root
-            The folder.
-        opened
-            What the page opens at first, '' for nothing.
-        port
-            To listen at; 0 for any that is free.
-        """
+        """The page opens something at first, '' for nothing, at a port, 0 for any. Raises MrpSumoError where the port cannot be had."""
         self.workspace = Workspace(root.resolve())
         self.opened = opened
         self.jobs = Jobs(self.workspace.root)

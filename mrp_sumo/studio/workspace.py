@@ -82,12 +82,7 @@ class Workspace:
     def open(self, name: str, chosen: Mapping[str, Any]) -> dict[str, Any]:
         """A map or a plan as a drawing, with the digest of the file that it is saved to. Raises MrpSumoError for what is neither.
 
-        Parameters
-        ----------
-        name
-            A file in the folder, or `bundled:NAME`.
-        chosen
-            Layers, unit, scale and page of a plan, as `load_map` has them.
+        It is a file in the folder, or `bundled:NAME`; layers, unit, scale and page of a plan are chosen as `load_map` has them.
         """
         path = bundled_maps().get(name.removeprefix(BUNDLED)) if name.startswith(BUNDLED) else self.path(name)
         if path is None:
@@ -256,20 +251,9 @@ class Workspace:
 
 
 def lanes_over_floor(workspace: Workspace, name: str, chosen: Mapping[str, Any], pitch_m: float, radius_m: float) -> dict[str, Any]:
-    """Lanes in a grid wherever a robot has room over a plan, and walls of a picture; in units of its drawing.
+    """Lanes in a grid wherever a robot has room over a plan, `pitch_m` apart, and walls of a picture; in units of its drawing.
 
-    Raises MapError where there is no room.
-
-    Parameters
-    ----------
-    workspace, name
-        The plan.
-    chosen
-        Its layers, unit and scale, as `load_map` has them.
-    pitch_m
-        Between lanes.
-    radius_m
-        Of the circle around a robot.
+    Layers, unit and scale are chosen as `load_map` has them. Raises MapError where there is no room for a circle of `radius_m`.
     """
     path = workspace.path(name)
     map_: Map = load_map(path, **chosen, cell_m=pitch_m, robot_radius_m=radius_m)

@@ -86,14 +86,8 @@ class Connections:
     def add(self, name: str, topics: frozenset[str], *, will: tuple[str, bytes] | None = None) -> None:
         """Connect, and subscribe to topics. Raises MrpSumoError when there is no broker, or it does not let one in.
 
-        Parameters
-        ----------
-        name
-            Of the connection; a part of the client's identifier.
-        topics
-            That are subscribed to.
-        will
-            Topic and payload that the broker sends, retained, when the connection breaks.
+        The name is a part of the client's identifier; `will` is the topic and payload that the broker sends, retained, when the
+        connection breaks.
         """
         mqtt = self._mqtt
         made = mqtt.Client(mqtt.CallbackAPIVersion.VERSION2, client_id=f"mrp_sumo_{name}", protocol=mqtt.MQTTv311)

@@ -39,14 +39,9 @@ class RerunView:
     """Shows the runs of one command to a viewer, or writes them to a file. To be used with `with`."""
 
     def __init__(self, to: str = VIEWER) -> None:
-        """Find out whether it can be done.
+        """Find out whether it can be done, to a file that ends with .rrd, or where a viewer listens: rerun+http://HOST:PORT/proxy.
 
         Raises MrpSumoError: without the extra `rerun`, when no viewer is there, and when the file cannot be written.
-
-        Parameters
-        ----------
-        to
-            A file to write, which ends with .rrd, or where a viewer listens: rerun+http://HOST:PORT/proxy.
         """
         os.environ.setdefault("RUST_LOG", "off")  # or its threads print what is said here in a line
         try:
