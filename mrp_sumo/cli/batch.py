@@ -7,7 +7,6 @@ cannot be run, or --keep-worst kept none, 2 for bad input, 130 or 143 when it wa
 
 import argparse
 import json
-import shlex
 import sys
 import time
 from collections.abc import Iterator
@@ -88,8 +87,7 @@ def run(options: argparse.Namespace) -> int:
             if num_kept:
                 shown.report(f"the worst {'run is' if num_kept == 1 else f'{num_kept} runs are'} kept in {folder / ARCHIVE}")
     if len(batch.status) < len(batch.runs):
-        warn(f"interrupted: {summary(batch)}; to go on: {shlex.join(options.command_line)}")
-        return stop.exit_code
+        return stop.interrupted(options.command_line, summary(batch))
     counts = {"suite": file.name, "folder": str(folder), "runs": len(batch.runs), "statuses": dict(batch.counts())}
     say_either(options.json, counts, f"{file.name}: {summary(batch)}; {folder}/results.parquet, {folder}/results.csv")
     failed = measure_named(folder, options.metric, quiet=options.json) if options.metric else 0

@@ -94,8 +94,7 @@ def run(options: argparse.Namespace) -> int:
     with stoppable() as stop:
         answer = study.run(folder, _watcher(), Making(workers, options.scheduler, stop=stop))
     if answer is None:
-        warn(f"interrupted; to go on: {shlex.join(options.command_line)}")
-        return stop.exit_code
+        return stop.interrupted(options.command_line)
     from mrp_sumo.reports.capacity.page import write_capacity_page
     from mrp_sumo.sizing.replays import keep
 

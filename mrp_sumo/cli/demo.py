@@ -4,11 +4,10 @@ Everything is made on this machine as `run`, `replay`, `render`, `batch` and `re
 """
 
 import argparse
-import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mrp_sumo.cli.printing import say, say_json, warn
+from mrp_sumo.cli.printing import say, say_json
 from mrp_sumo.errors import MrpSumoError
 
 if TYPE_CHECKING:
@@ -55,8 +54,7 @@ def run(options: argparse.Namespace) -> int:
     with stoppable() as stop, watcher() as shown:
         batch = run_batch(read_suite(suite), out / "planners", shown, Making(2, stop=stop))
     if len(batch.status) < len(batch.runs):
-        warn(f"interrupted; to go on: {shlex.join(options.command_line)}")
-        return stop.exit_code
+        return stop.interrupted(options.command_line)
     _say(f"\nwho is better, and is it certain?\n  $ mrp-sumo report {out / 'planners'}", options)
     write_report(out / "planners", None)
     page = write_page(tour_page(_stops(out, office, warehouse, len(batch.runs))), out / "index.html")

@@ -1,12 +1,13 @@
 """End of a command by a signal: Ctrl-C with exit code 130, SIGTERM with 143. What is under way is kept or removed, temporary files go."""
 
+import shlex
 import signal
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from types import FrameType
 
-from mrp_sumo.cli.printing import say
+from mrp_sumo.cli.printing import say, warn
 from mrp_sumo.core.interrupts import exit_code, lost
 
 
@@ -19,6 +20,11 @@ class StopRequest:
 
     def __call__(self) -> int:
         return min(self.num_signals, 2)
+
+    def interrupted(self, command_line: Sequence[str], standing: str = "") -> int:
+        """Print how to go on; returns the exit code."""
+        warn(f"interrupted{standing and f': {standing}'}; to go on: {shlex.join(command_line)}")
+        return self.exit_code
 
     def note(self, number: int, frame: FrameType | None) -> None:
         """Handle a signal."""

@@ -6,13 +6,12 @@ it goes on where it was. Exit code 0 when every run has a result, 1 when some cr
 """
 
 import argparse
-import shlex
 from pathlib import Path
 
 from mrp_sumo.cli.batch import watcher, workers_of
 from mrp_sumo.cli.ending import stoppable
 from mrp_sumo.cli.option_rules import require_least
-from mrp_sumo.cli.printing import say_either, warn
+from mrp_sumo.cli.printing import say_either
 from mrp_sumo.errors import duration
 
 
@@ -38,8 +37,7 @@ def run(options: argparse.Namespace) -> int:
     with stoppable() as stop, watcher() as shown:
         made = run_campaign(campaign, shown, Making(workers, stop=stop))
     if not made.finished:
-        warn(f"interrupted; to go on: {shlex.join(options.command_line)}")
-        return stop.exit_code
+        return stop.interrupted(options.command_line)
     comparison = compare_with_paper(campaign)
     page = write_paper(campaign, comparison, made)
     agree = sum(bool(row.agrees) for row in comparison.compared)

@@ -95,14 +95,11 @@ def study_charts(study: ReportedRuns) -> dict[str, list[Chart]]:
 
 
 def _success(drawn: Drawn, x: str) -> Chart:
-    curves: list[Curve] = []
-    for s in drawn.series:
-        points = []
-        for value, group in drawn.of(s).groupby(x):
-            rate = wilson(int(group[drawn.outcome].sum()), len(group))
-            points.append((float(value), rate.value, rate.low, rate.high))
-        if points:
-            curves.append((s, *(100 * np.array(p) if k else np.array(p) for k, p in enumerate(zip(*points)))))  # type: ignore[arg-type]
+    def rate_of(group: pd.DataFrame) -> FloatArray:
+        rate = wilson(int(group[drawn.outcome].sum()), len(group))
+        return 100 * np.array([rate.value, rate.low, rate.high])
+
+    curves = _curves(drawn, x, rate_of)
     what = "all robots reach their goals on a valid plan" if drawn.outcome == "_succeeded" else "a valid plan is found"
 
     def paint(figure: Figure) -> None:
@@ -153,7 +150,12 @@ def _about_zero(ax: Axes) -> None:
 
 def _against(drawn: Drawn, x: str, column: str, names: tuple[str, str, str], caption: str, limit: Callable[[Axes], object]) -> Chart | None:
     """Medians of a column over a factor; `names` are those of the file, the title and the axis, to which `limit` gives its limits."""
-    curves = _medians(drawn, x, column) if column in drawn.runs else []
+
+    def quartiles_of(group: pd.DataFrame) -> FloatArray | None:
+        there = numbers(group, column)
+        return np.quantile(there, (0.5, 0.25, 0.75)) if len(there) else None
+
+    curves = _curves(drawn, x, quartiles_of) if column in drawn.runs else []
     if not curves:
         return None
     file, title, label = names
@@ -305,15 +307,11 @@ def _clearance(drawn: Drawn) -> Chart | None:
     return draw(f"clearance_{drawn.tag}", f"Clearance{drawn.where}", caption, paint, size=(NARROW[0], max(2.3, 0.9 + 0.42 * len(values))))
 
 
-def _medians(drawn: Drawn, x: str, column: str) -> list[Curve]:
-    """Median and quartiles of a column by series and x, where there are values."""
+def _curves(drawn: Drawn, x: str, point: Callable[[pd.DataFrame], FloatArray | None]) -> list[Curve]:
+    """A curve for each series over x, where `point` has [3] y, low and high of runs."""
     curves: list[Curve] = []
     for s in drawn.series:
-        points = []
-        for value, group in drawn.of(s).groupby(x):
-            there = numbers(group, column)
-            if len(there):
-                points.append((float(value), *np.quantile(there, (0.5, 0.25, 0.75))))
+        points = [(float(value), *y) for value, group in drawn.of(s).groupby(x) if (y := point(group)) is not None]
         if points:
             curves.append((s, *map(np.array, zip(*points))))  # type: ignore[arg-type]
     return curves
