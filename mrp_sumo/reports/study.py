@@ -6,7 +6,7 @@ that are not those of runs.
 """
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -26,6 +26,7 @@ from mrp_sumo.metrics.registry import FLAGS as METRIC_FLAGS
 from mrp_sumo.metrics.registry import NUMBERS as METRIC_NUMBERS
 from mrp_sumo.plugins.source import short_name
 from mrp_sumo.reports.pictures.view import title_of
+from mrp_sumo.reports.tables.table import whole
 
 PLANNER_NAMES = {  # as papers write them, in the order of MRP-Bench's tables
     "astar": "A*",
@@ -104,6 +105,11 @@ class ReportedRuns:
         groups = dict(iter(self.frame.groupby(list(by), sort=False, dropna=False)))
         order = {"_map": self.maps, "_series": self.series}
         return sorted(groups.items(), key=lambda item: tuple(order[k].index(v) if k in order else v for k, v in zip(by, item[0])))
+
+    def blocks(self) -> Iterator[tuple[dict[str, Any], pd.DataFrame]]:
+        """Runs by map, number of robots and series, and what tables call these."""
+        for (name, robots, series), runs in self.groups("_map", "_robots", "_series"):
+            yield {"map": name, "robots": whole(robots), "planner": series}, runs
 
 
 def short_key(key: str) -> str:

@@ -87,20 +87,18 @@ def table_2(study: ReportedRuns) -> ReportTable | None:
         return None
     rows: list[dict[str, Cell]] = []
     of_paper = is_of_paper(study)
-    for (name, robots, series), runs in study.groups("_map", "_robots", "_series"):
+    for labels, runs in study.blocks():
         valid = runs["_valid"].to_numpy(np.bool_)
         time_s = floats(runs, "planning_time_s")
         solved_s = time_s[valid & np.isfinite(time_s)]
         limit_s = float(runs["planner.time_limit_s"].max())
         rows.append(
             {
-                "map": name,
-                "robots": whole(robots),
-                "planner": series,
+                **labels,
                 "runs": len(runs),
                 "success %": percent(wilson(int(valid.sum()), len(runs))),
                 "MRP-Bench success %": 100 * float(runs["_planned"].mean()) if of_paper else None,
-                "paper %": printed("table_2", map_of_paper(name), _planner(runs)),
+                "paper %": printed("table_2", map_of_paper(labels["map"]), _planner(runs)),
                 "mean ms": bootstrap_mean(solved_s * 1e3),
                 "median ms": float(np.median(solved_s) * 1e3) if len(solved_s) else None,
                 "longest ms": float(solved_s.max() * 1e3) if len(solved_s) else None,
@@ -125,16 +123,14 @@ def table_3(study: ReportedRuns) -> ReportTable | None:
         return None
     rows: list[dict[str, Cell]] = []
     of_paper = is_of_paper(study)
-    for (name, robots, series), runs in study.groups("_map", "_robots", "_series"):
+    for labels, runs in study.blocks():
         normalised, overall = success_rates(runs["_valid"], runs["_succeeded"])
         time = bootstrap_mean(floats(runs[runs["_succeeded"]], "execution_time_s"))
         share = floats(runs, "goals_reached") / floats(runs, "num_robots")
-        theirs = {rate: printed("table_3", rate, map_of_paper(name), _planner(runs)) for rate in ("normalised", "overall")}
+        theirs = {rate: printed("table_3", rate, map_of_paper(labels["map"]), _planner(runs)) for rate in ("normalised", "overall")}
         rows.append(
             {
-                "map": name,
-                "robots": whole(robots),
-                "planner": series,
+                **labels,
                 "runs": len(runs),
                 "normalised %": percent(normalised),
                 "overall %": percent(overall),

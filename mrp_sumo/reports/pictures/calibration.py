@@ -67,7 +67,7 @@ def _ramp(ax: Axes, ramp: Ramp | None, result: Calibration, name: str, words: tu
 
 def _turns(ax: Axes, fits: Fits, result: Calibration) -> None:
     ax.set_xlabel("angle turned by, rad", fontsize=8)
-    ax.set_ylabel("share of samples within the turn", fontsize=8)
+    ax.set_ylabel("s within the turn", fontsize=8)
     if not _told(ax, result, "turn_rate_rad_s", "Turning in place") or fits.turning is None:
         return
     turning = fits.turning
@@ -82,7 +82,6 @@ def _turns(ax: Axes, fits: Fits, result: Calibration) -> None:
             ax.plot(turning.angle_rad[mine].mean(), (inner * period)[mine].mean(), "o", ms=4, color=BLUE)
     angle = np.linspace(0.4, 3.3, 50)
     ax.plot(angle, (angle - 0.2) / turning.value, color=VERMILION, lw=1.4)
-    ax.set_ylabel("s within the turn", fontsize=8)
 
 
 def _speeds(ax: Axes, fits: Fits, result: Calibration) -> None:

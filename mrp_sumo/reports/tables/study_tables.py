@@ -77,7 +77,7 @@ def main_figures(study: ReportedRuns) -> ReportTable | None:
     if not study.is_executed:
         return None
     rows: list[dict[str, Cell]] = []
-    for (name, robots, series), runs in study.groups("_map", "_robots", "_series"):
+    for labels, runs in study.blocks():
         done = runs[runs["_succeeded"]]
         driven_s, planned_s = (floats(done, column) for column in ("driven_makespan_s", "makespan_s"))
         ratio = driven_s[planned_s > 0] / planned_s[planned_s > 0]
@@ -85,9 +85,7 @@ def main_figures(study: ReportedRuns) -> ReportTable | None:
         clearance, overlaps = numbers(runs, "min_clearance_m"), numbers(runs, "num_overlaps")
         rows.append(
             {
-                "map": name,
-                "robots": whole(robots),
-                "planner": series,
+                **labels,
                 "succeeded": len(done),
                 "execution time s": bootstrap_mean(numbers(done, "execution_time_s")),
                 "blocked s": bootstrap_mean(numbers(done, "blocked_s")),
