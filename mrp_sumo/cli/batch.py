@@ -62,8 +62,7 @@ def run(options: argparse.Namespace) -> int:
         only_for("--dry-run", verbose=options.verbose)
     elif options.json:
         raise BatchError("--dry-run runs nothing, and --json prints how runs ended: leave out one of the two")
-    if options.trust:
-        trust_everything()
+    trust_everything(options.trust)
     file = read_suite(find_suite(options.suite))
     from mrp_sumo.cli.analyze import measure_named, named_metrics
     from mrp_sumo.experiments.archive import ARCHIVE, archive_worst  # with all that runs: after the suite is known to be one

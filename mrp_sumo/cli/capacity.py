@@ -74,8 +74,7 @@ def run(options: argparse.Namespace) -> int:
 
     if options.dry_run:
         only_for("an answer: leave it out with --dry-run", json=options.json, replays=options.replays)
-    if options.trust:
-        trust_everything()
+    trust_everything(options.trust)
     workers = workers_of(options)
     if options.out and Path(options.out).is_file():  # said before anything large is loaded
         raise MrpSumoError(f"{options.out}: is a file, expected a folder for the study")

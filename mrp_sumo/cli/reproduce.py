@@ -30,8 +30,7 @@ def run(options: argparse.Namespace) -> int:
     """Make it again, print what differs."""
     from mrp_sumo.plugins.trust import trust_everything
 
-    if options.trust:
-        trust_everything()
+    trust_everything(options.trust)
     if not options.base.is_dir():
         raise MrpSumoError(f"--base {options.base}: no such folder")
     folder = options.folder = Path(options.folder)

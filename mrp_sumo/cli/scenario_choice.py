@@ -77,8 +77,7 @@ def chosen_scenario(options: argparse.Namespace) -> "ScenarioFile":
     from mrp_sumo.plugins.trust import trust_everything
 
     require_sound(options)
-    if options.trust:
-        trust_everything()
+    trust_everything(options.trust)
     if options.scenario is None:
         return with_set(options, _of_instance(options), _named(options))
     if "meters_per_pixel" in options and is_map(options.scenario):

@@ -37,17 +37,18 @@ def trust(program: Program) -> None:
     _named.add(program)
 
 
-def trust_everything() -> None:
-    """Trust all programs, until this process ends."""
+def trust_everything(wanted: bool = True) -> None:
+    """Trust all programs, until this process ends, where that is wanted."""
     global _everything
-    _everything = True
+    _everything = _everything or wanted
 
 
 @contextmanager
-def everything_trusted(wanted: bool = True) -> Iterator[None]:
+def everything_trusted(wanted: bool) -> Iterator[None]:
     """Trust all programs within a context, where that is wanted."""
     global _everything
-    before, _everything = _everything, _everything or wanted
+    before = _everything
+    trust_everything(wanted)
     try:
         yield
     finally:

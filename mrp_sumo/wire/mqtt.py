@@ -250,10 +250,22 @@ class Connections:
 
 
 @dataclass
-class VehicleLink:
-    """The ends of vehicles: a connection each, whose last will says that it is broken."""
+class _End:
+    """See Link."""
 
     connections: Connections
+
+    def receive(self, wait_s: float) -> list[Received]:
+        """See Link."""
+        return self.connections.receive(wait_s)
+
+    def close(self) -> None:
+        """See Link."""
+        self.connections.close()
+
+
+class VehicleLink(_End):
+    """The ends of vehicles: a connection each, whose last will says that it is broken."""
 
     def join(self, serial: str, online: bytes, broken: bytes) -> None:
         """Connect a vehicle, with the payloads that say that its connection is there, and that it broke. Raises MrpSumoError."""
@@ -267,20 +279,11 @@ class VehicleLink:
         lasting = kind in ("connection", "factsheet")
         self.connections.send(serial, self.connections.topic(serial, kind), payload, qos=int(kind == "connection"), retain=lasting)
 
-    def receive(self, wait_s: float) -> list[Received]:
-        """See Link."""
-        return self.connections.receive(wait_s)
-
-    def close(self) -> None:
-        """See Link."""
-        self.connections.close()
-
 
 @dataclass
-class MasterLink:
+class MasterLink(_End):
     """The end of a master: one connection."""
 
-    connections: Connections
     serials: frozenset[str]
 
     def join(self) -> None:
@@ -291,14 +294,6 @@ class MasterLink:
     def publish(self, serial: str, kind: str, payload: bytes) -> None:
         """See Link."""
         self.connections.send("master", self.connections.topic(serial, kind), payload)
-
-    def receive(self, wait_s: float) -> list[Received]:
-        """See Link."""
-        return self.connections.receive(wait_s)
-
-    def close(self) -> None:
-        """See Link."""
-        self.connections.close()
 
 
 def encoded(payload: Mapping[str, Any]) -> bytes:
