@@ -1,6 +1,7 @@
 """Topics with a message per moment: copies of serialised messages whose numbers are set, many moments at a time."""
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -37,6 +38,7 @@ CLOUD = np.dtype(
         "itemsize": 32,
     }
 )
+STAMP = ("<i4", "<u4")  # kinds of the numbers of a header's time
 ABSENT = -1  # as a level
 TOGETHER_BYTES = 2**20  # of messages that are made at once
 CDR_HEADER = b"\x00\x01\x00\x00"  # little endian; alignment counts from its end
@@ -116,40 +118,41 @@ def transforms(m: Messages, samples: Samples) -> Stream:
     """/tf: all robots in one message."""
     frames = [f"{name}/base_link" for name in m.robots]
 
-    def template(robots: IntArray, _: Any) -> Template:
-        def make(v: list[Any]) -> Any:
-            rows = zip(robots, v[0::6], v[1::6], v[2::6], v[3::6], v[4::6], v[5::6])
-            return m.make(
-                "tf2_msgs/TFMessage",
-                [
-                    m.make(
-                        "geometry_msgs/TransformStamped",
-                        m.make("std_msgs/Header", m.make("builtin_interfaces/Time", sec, nanosec), "map"),
-                        frames[r],
-                        m.make("geometry_msgs/Transform", m.make("geometry_msgs/Vector3", x, y, 0.0), m.turn(qz, qw)),
-                    )
-                    for r, sec, nanosec, x, y, qz, qw in rows
-                ],
+    def make(robots: IntArray, _: Any, v: list[Any]) -> Any:
+        moved = [
+            m.make(
+                "geometry_msgs/TransformStamped",
+                m.make("std_msgs/Header", m.make("builtin_interfaces/Time", sec, nanosec), "map"),
+                frames[r],
+                m.make("geometry_msgs/Transform", m.make("geometry_msgs/Vector3", x, y, 0.0), m.turn(qz, qw)),
             )
+            for r, sec, nanosec, x, y, qz, qw in zip(robots, *(v[k::6] for k in range(6)))
+        ]
+        return m.make("tf2_msgs/TFMessage", moved)
 
-        return Template(m.typestore, "tf2_msgs/msg/TFMessage", make, ("<i4", "<u4", "<f8", "<f8", "<f8", "<f8") * len(robots))
-
-    return Stream(samples, template, _fill_poses(samples))
+    return Stream(samples, _layout(m, make, each=("<i4", "<u4", "<f8", "<f8", "<f8", "<f8")), _fill_poses(samples))
 
 
 def poses(m: Messages, samples: Samples) -> Stream:
     """/robot_poses: all robots in one message."""
 
-    def template(robots: IntArray, _: Any) -> Template:
-        def make(v: list[Any]) -> Any:
-            header = m.make("std_msgs/Header", m.make("builtin_interfaces/Time", v[0], v[1]), "map")
-            rows = zip(v[2::4], v[3::4], v[4::4], v[5::4])
-            made = [m.make("geometry_msgs/Pose", m.make("geometry_msgs/Point", x, y, 0.0), m.turn(qz, qw)) for x, y, qz, qw in rows]
-            return m.make("geometry_msgs/PoseArray", header, made)
+    def make(robots: IntArray, _: Any, v: list[Any]) -> Any:
+        header = m.make("std_msgs/Header", m.make("builtin_interfaces/Time", v[0], v[1]), "map")
+        rows = zip(v[2::4], v[3::4], v[4::4], v[5::4])
+        made = [m.make("geometry_msgs/Pose", m.make("geometry_msgs/Point", x, y, 0.0), m.turn(qz, qw)) for x, y, qz, qw in rows]
+        return m.make("geometry_msgs/PoseArray", header, made)
 
-        return Template(m.typestore, "geometry_msgs/msg/PoseArray", make, ("<i4", "<u4", *("<f8",) * (4 * len(robots))))
+    return Stream(samples, _layout(m, make, STAMP, each=("<f8",) * 4), _fill_poses(samples))
 
-    return Stream(samples, template, _fill_poses(samples))
+
+def _layout(
+    m: Messages, make: Callable[[IntArray, NDArray[Any], list[Any]], Any], once: tuple[str, ...] = (), each: tuple[str, ...] = ()
+) -> Callable[[IntArray, NDArray[Any]], Template]:
+    """What makes a template for some robots: `make` has a message of these, what layouts differ by, and numbers.
+
+    The kinds of the numbers are those that a message has once, and then those of each robot.
+    """
+    return lambda robots, now: Template(m.typestore, partial(make, robots, now), once + each * len(robots))
 
 
 def _fill_poses(samples: Samples) -> Fill:
@@ -180,27 +183,22 @@ def fleet_states(m: Messages, samples: Samples) -> Stream:
     battery, charging = battery_percent_at(m.record, samples.t_ns / 1e9), charging_at(m.record, samples.t_ns / 1e9)
     more = ("",) if m.generation == "kilted" else ()  # performing_action
 
-    def template(robots: IntArray, now: NDArray[Any]) -> Template:
-        def make(v: list[Any]) -> Any:
-            rows = zip(robots, *(v[k::8] for k in range(8)))
-            states = [
-                m.make(
-                    "rmf_fleet_msgs/RobotState",
-                    m.robots[r],
-                    FLEET_NAME,
-                    str(names[now[r, 1]]),
-                    number,
-                    m.make("rmf_fleet_msgs/RobotMode", mode_now, 0, *more),
-                    percent,
-                    m.location(x, y, yaw, int(now[r, 0]), t=m.make("builtin_interfaces/Time", sec, nanosec)),
-                    [],
-                )
-                for r, number, mode_now, sec, nanosec, percent, x, y, yaw in rows
-            ]
-            return m.make("rmf_fleet_msgs/FleetState", FLEET_NAME, states)
-
-        kinds = ("<u8", "<u4", "<i4", "<u4", "<f4", "<f4", "<f4", "<f4")
-        return Template(m.typestore, "rmf_fleet_msgs/msg/FleetState", make, kinds * len(robots))
+    def make(robots: IntArray, now: NDArray[Any], v: list[Any]) -> Any:
+        states = [
+            m.make(
+                "rmf_fleet_msgs/RobotState",
+                m.robots[r],
+                FLEET_NAME,
+                str(names[now[r, 1]]),
+                number,
+                m.make("rmf_fleet_msgs/RobotMode", mode_now, 0, *more),
+                percent,
+                m.location(x, y, yaw, int(now[r, 0]), t=m.make("builtin_interfaces/Time", sec, nanosec)),
+                [],
+            )
+            for r, number, mode_now, sec, nanosec, percent, x, y, yaw in zip(robots, *(v[k::8] for k in range(8)))
+        ]
+        return m.make("rmf_fleet_msgs/FleetState", FLEET_NAME, states)
 
     def fill(copies: Copies, part: slice, robots: Any) -> None:
         now = np.where(charging[part, robots], RMF_CHARGING, mode[samples.state[part, robots]])
@@ -209,7 +207,8 @@ def fleet_states(m: Messages, samples: Samples) -> Stream:
         copies.set("<u4", _by_robot(now, nanosec))
         copies.set("<f4", _by_robot(*(column[part, robots] for column in (battery, x, y, samples.yaw))))
 
-    return Stream(samples, template, fill, nanosec=False, now=now)
+    layout = _layout(m, make, each=("<u8", "<u4", "<i4", "<u4", "<f4", "<f4", "<f4", "<f4"))
+    return Stream(samples, layout, fill, nanosec=False, now=now)
 
 
 def cloud(m: Messages, samples: Samples) -> Stream:
@@ -217,15 +216,11 @@ def cloud(m: Messages, samples: Samples) -> Stream:
     fields = [("x", 7), ("y", 7), ("z", 7), ("rgb", 7), ("speed", 7), ("yaw", 7), ("id", 6), ("blocked", 2)]
     rgb = np.array([int("".join(f"{round(255 * c):02x}" for c in COLOURS[state]), 16) for state in range(len(STATE_NAMES))], np.uint32)
 
-    def template(robots: IntArray, _: Any) -> Template:
+    def make(robots: IntArray, _: Any, v: list[Any]) -> Any:
         described = [m.make("sensor_msgs/PointField", name, CLOUD.fields[name][1], kind, 1) for name, kind in fields]  # type: ignore[index]
         data = np.zeros(len(robots) * CLOUD.itemsize, np.uint8)
-
-        def make(v: list[Any]) -> Any:
-            header = m.make("std_msgs/Header", m.make("builtin_interfaces/Time", *v), "map")
-            return m.make("sensor_msgs/PointCloud2", header, 1, len(robots), described, False, CLOUD.itemsize, len(data), data, True)
-
-        return Template(m.typestore, "sensor_msgs/msg/PointCloud2", make, ("<i4", "<u4"))
+        header = m.make("std_msgs/Header", m.make("builtin_interfaces/Time", *v), "map")
+        return m.make("sensor_msgs/PointCloud2", header, 1, len(robots), described, False, CLOUD.itemsize, len(data), data, True)
 
     def fill(copies: Copies, part: slice, robots: Any) -> None:
         state = samples.state[part, robots]
@@ -235,7 +230,7 @@ def cloud(m: Messages, samples: Samples) -> Stream:
         points["id"] = np.arange(samples.x.shape[1])[robots]
         copies.set_before_end(points.view(np.uint8).reshape(len(points), -1), after=1)
 
-    return Stream(samples, template, fill)
+    return Stream(samples, _layout(m, make, STAMP), fill)
 
 
 def odometry(m: Messages, samples: Samples, robot: int) -> Stream:
@@ -246,27 +241,24 @@ def odometry(m: Messages, samples: Samples, robot: int) -> Stream:
     turn = wrapped(np.diff(yaw, prepend=before))
     turn_rate = np.nan_to_num(turn / (np.diff(t_ns, prepend=since_ns) / 1e9))
 
-    def template(*_: Any) -> Template:
-        def make(v: list[Any]) -> Any:
-            header = m.make("std_msgs/Header", m.make("builtin_interfaces/Time", v[0], v[1]), "map")
-            pose = m.make("geometry_msgs/Pose", m.make("geometry_msgs/Point", v[2], v[3], 0.0), m.turn(v[4], v[5]))
-            twist = m.make("geometry_msgs/Twist", m.vector(v[6]), m.make("geometry_msgs/Vector3", 0.0, 0.0, v[7]))
-            return m.make(
-                "nav_msgs/Odometry",
-                header,
-                f"{m.robots[robot]}/base_link",
-                m.make("geometry_msgs/PoseWithCovariance", pose, covariance),
-                m.make("geometry_msgs/TwistWithCovariance", twist, covariance),
-            )
-
-        return Template(m.typestore, "nav_msgs/msg/Odometry", make, ("<i4", "<u4") + ("<f8",) * 6)
+    def make(_robots: IntArray, _now: Any, v: list[Any]) -> Any:
+        header = m.make("std_msgs/Header", m.make("builtin_interfaces/Time", v[0], v[1]), "map")
+        pose = m.make("geometry_msgs/Pose", m.make("geometry_msgs/Point", v[2], v[3], 0.0), m.turn(v[4], v[5]))
+        twist = m.make("geometry_msgs/Twist", m.vector(v[6]), m.make("geometry_msgs/Vector3", 0.0, 0.0, v[7]))
+        return m.make(
+            "nav_msgs/Odometry",
+            header,
+            f"{m.robots[robot]}/base_link",
+            m.make("geometry_msgs/PoseWithCovariance", pose, covariance),
+            m.make("geometry_msgs/TwistWithCovariance", twist, covariance),
+        )
 
     def fill(copies: Copies, part: slice, _: Any) -> None:
         half = samples.yaw[part, robot] / 2
         x, y, speed = (column[part, robot] for column in (samples.x, samples.y, samples.speed))
         copies.set("<f8", np.stack((x, y, np.sin(half), np.cos(half), speed, turn_rate[part]), 1))
 
-    return Stream(samples, template, fill, only=robot)
+    return Stream(samples, _layout(m, make, (*STAMP, *("<f8",) * 6)), fill, only=robot)
 
 
 class Diagnostics:

@@ -21,14 +21,12 @@ class Template:
     is not found exactly once in the message; that is a mistake in `make` or `kinds`.
     """
 
-    def __init__(self, typestore: Any, typename: str, make: Callable[[list[Any]], Any], kinds: Sequence[str]) -> None:
+    def __init__(self, typestore: Any, make: Callable[[list[Any]], Any], kinds: Sequence[str]) -> None:
         kind_of = np.asarray(kinds)
-        for seed in range(20):
-            if self._located(typestore, typename, make, kind_of, seed):
-                return
-        raise RuntimeError(f"{typename}: a number does not occur exactly once in the message")
+        if not any(self._located(typestore, make, kind_of, seed) for seed in range(20)):
+            raise RuntimeError("a number does not occur exactly once in the message")
 
-    def _located(self, typestore: Any, typename: str, make: Callable[[list[Any]], Any], kind_of: NDArray[np.str_], seed: int) -> bool:
+    def _located(self, typestore: Any, make: Callable[[list[Any]], Any], kind_of: NDArray[np.str_], seed: int) -> bool:
         """Try with one set of random numbers; False when they are ambiguous."""
         rng = np.random.default_rng(seed)
         marks = np.empty(len(kind_of), object)
@@ -36,7 +34,8 @@ class Template:
             count = int((kind_of == kind).sum())
             drawn = rng.uniform(1e6, 9e6, count) if kind[1] == "f" else rng.integers(2**20, 2**31 - 1, count)
             marks[kind_of == kind] = list(drawn.astype(kind))
-        raw = bytes(typestore.serialize_cdr(make(list(marks)), typename))
+        message = make(list(marks))
+        raw = bytes(typestore.serialize_cdr(message, message.__msgtype__))
         self.size = len(raw)
         # the body begins at byte 8 here, so that views of 8-byte numbers are aligned as CDR aligns them
         self._buffer = np.zeros(2 * HEADER + -(-self.size // 8) * 8, np.uint8)
