@@ -40,32 +40,23 @@ class Capacity:
     @property
     def curve(self) -> "pandas.DataFrame":
         """A row for each number of robots: throughput_per_h with its limits low and high, and replications."""
-        import pandas as pd
-
-        return pd.DataFrame(self.answer["curve"])
+        return _frame(self.answer["curve"])
 
     @property
     def parts(self) -> "pandas.DataFrame":
         """A row for each number of robots: mean parts of an order's time, in s."""
-        import pandas as pd
-
-        rows = [{"robots": point.robots, **{f"{part}_s": cycle(point)[part] for part in PARTS}} for point in self.study.points]
-        return pd.DataFrame(rows)
+        return _frame([{"robots": point.robots, **{f"{part}_s": cycle(point)[part] for part in PARTS}} for point in self.study.points])
 
     @property
     def places(self) -> "pandas.DataFrame":
         """A row for each number of robots and station or place: kind, name, utilisation, waited_s_per_h; the heaviest first."""
-        import pandas as pd
-
         rows = [{"robots": of.robots, **vars(share)} for of in self.study.reasons for share in (*of.stations, *of.places)]
-        return pd.DataFrame(rows, columns=["robots", "kind", "name", "utilisation", "waited_s_per_h"])
+        return _frame(rows, "robots", "kind", "name", "utilisation", "waited_s_per_h")
 
     @property
     def what_if(self) -> "pandas.DataFrame":
         """A row for each change that was tried, the best first."""
-        import pandas as pd
-
-        return pd.DataFrame(self.answer["what_if"])
+        return _frame(self.answer["what_if"])
 
     @property
     def error_bands(self) -> dict[str, Any] | None:
@@ -86,6 +77,12 @@ class Capacity:
     def _repr_html_(self) -> str:
         page = html.escape(self.page.read_text(encoding="utf-8"))
         return f'<iframe srcdoc="{page}" style="width: 100%; height: 640px; border: 0"></iframe>'
+
+
+def _frame(rows: list[dict[str, Any]], *columns: str) -> "pandas.DataFrame":
+    import pandas as pd
+
+    return pd.DataFrame(rows, columns=list(columns) or None)
 
 
 def capacity(

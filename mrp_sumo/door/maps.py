@@ -93,14 +93,8 @@ class Site(Map):
         return summary(f"Map {self.name}", rows)
 
     def __repr__(self) -> str:
-        nav = self.nav
-        parts = [
-            count(nav.num_vertices, "vertex", "vertices"),
-            count(self.num_edges, "edge"),
-            count(self.num_components, "component"),
-            "{:.1f} x {:.1f} m".format(*self.size_m),
-            count(len(self.findings), "finding"),
-        ]
+        parts = [count(self.nav.num_vertices, "vertex", "vertices"), count(self.num_edges, "edge"), count(self.num_components, "component")]
+        parts += ["{:.1f} x {:.1f} m".format(*self.size_m), count(len(self.findings), "finding")]
         return f"<Map {self.name}: {', '.join(parts)}>"
 
 

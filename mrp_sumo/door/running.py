@@ -30,13 +30,7 @@ if TYPE_CHECKING:
     from mrp_sumo.io.trajectory import Trajectory
     from mrp_sumo.reports.pictures.picture import Picture
 
-SHAPES_PROBLEM = (
-    "mutex_groups",
-    "one_way",
-    "doors",
-    "manual_doors",
-    "step_length_s",
-)  # keys of `execution` that decide what is to be planned
+SHAPES_PROBLEM = ("mutex_groups", "one_way", "doors", "manual_doors", "step_length_s")  # keys of `execution` that say what is planned
 
 
 @with_summary

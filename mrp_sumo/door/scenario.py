@@ -167,14 +167,8 @@ class Scenario:
 
     def __repr__(self) -> str:
         chosen = self.file.scenario
-        parts = [
-            _map_name(chosen),
-            f"{chosen.robots.size} robots",
-            chosen.planner.name,
-            chosen.execution.policy.name,
-            f"seed {chosen.seed}",
-        ]
-        return f"<Scenario {self.name}: {', '.join(parts)}>"
+        planner, policy = chosen.planner.name, chosen.execution.policy.name
+        return f"<Scenario {self.name}: {_map_name(chosen)}, {chosen.robots.size} robots, {planner}, {policy}, seed {chosen.seed}>"
 
 
 def places_of(changes: Section) -> dict[Place, Any]:
