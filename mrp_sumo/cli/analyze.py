@@ -101,12 +101,9 @@ def _audit(options: argparse.Namespace) -> int:
     logs = logs_in(run)
     if logs is not None:
         findings += operations_audit(logs)["findings"]
-    if options.json:
-        say_json(plain({"passed": not findings, "findings": findings}), indent=2)
-    elif not findings:
-        say(f"{options.bag}: audit of bodies {'passed, a run without orders' if logs is None else 'and operations audit passed'}")
-    for finding in () if options.json else findings:
-        say(f"{finding['t_s']:10.2f} s  {finding['rule']}: {finding['text']}")
+    passed = f"{options.bag}: audit of bodies {'passed, a run without orders' if logs is None else 'and operations audit passed'}"
+    lines = [f"{finding['t_s']:10.2f} s  {finding['rule']}: {finding['text']}" for finding in findings]
+    say_either(options.json, plain({"passed": not findings, "findings": findings}), *(lines or [passed]), indent=2)
     return 1 if findings else 0
 
 

@@ -94,7 +94,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _import_stream(options: argparse.Namespace) -> int:
-    from mrp_sumo.cli.run import print_result
+    from mrp_sumo.cli.run import print_run
     from mrp_sumo.errors import MrpSumoError
     from mrp_sumo.experiments.map_cache import MapCache
     from mrp_sumo.experiments.recorded import recorded_run
@@ -111,10 +111,7 @@ def _import_stream(options: argparse.Namespace) -> int:
         drawn = chosen_map(options.map, options) if options.map else None
         result = recorded_run(Path(options.file), _robot_type(options.robot), drawn)
         result.write(options.out, maps)
-    if options.json:
-        say_json({"status": result.status, "note": result.note, "folder": str(options.out), "metrics": result.metrics})
-    else:
-        print_result(result, options.out, False)
+    print_run(result, options.out, as_json=options.json)
     return 0 if result.status == "completed" else 1
 
 

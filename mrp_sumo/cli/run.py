@@ -96,10 +96,8 @@ def run(options: argparse.Namespace) -> int:
     with ExitStack() as stack:
         watches = _watches(options, stack)
         result = _run(file, out, options, watches, bounds)
-    if options.json:
-        print_json(result, out)
-    else:
-        print_result(result, out, options.verbose)
+    print_run(result, out, as_json=options.json, verbose=options.verbose)
+    if not options.json:
         if result.error_bands:
             say(f"error bands: {result.error_bands['sentence']}")
         _print_next(result, out, options)
@@ -204,15 +202,12 @@ def progress_bar() -> "Iterator[StageReport]":
         yield show
 
 
-def print_json(result: "RunResult", out: Path) -> None:
-    """Print what came of a run as a line of JSON."""
-    said = {"status": result.status, "note": result.note, "folder": str(out), "metrics": result.metrics}
-    said |= {"error_bands": result.error_bands} if result.error_bands else {}
-    say_json(said)
-
-
-def print_result(result: "RunResult", out: Path, verbose: bool) -> None:
-    """A short table."""
+def print_run(result: "RunResult", out: Path, *, as_json: bool, verbose: bool = False) -> None:
+    """Print what came of a run as a line of JSON, or a short table."""
+    if as_json:
+        said = {"status": result.status, "note": result.note, "folder": str(out), "metrics": result.metrics}
+        say_json(said | ({"error_bands": result.error_bands} if result.error_bands else {}))
+        return
     from rich.markup import escape
 
     from mrp_sumo.io.run_summary import CONFLICTS, NO_PLAN, run_summary

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from mrp_sumo.cli.ending import until_ctrl_c
 from mrp_sumo.cli.option_rules import port_number
-from mrp_sumo.cli.printing import say, say_json
+from mrp_sumo.cli.printing import say_either
 from mrp_sumo.errors import MapError
 
 
@@ -46,10 +46,8 @@ def run(options: argparse.Namespace) -> int:
     studio = Studio(root, opened, options.port)
     try:
         with until_ctrl_c():
-            if options.json:
-                say_json({"address": studio.address, "folder": str(root.resolve()), "opens": opened})
-            else:
-                say(f"{studio.address} (Ctrl+C ends)")
+            about = {"address": studio.address, "folder": str(root.resolve()), "opens": opened}
+            say_either(options.json, about, f"{studio.address} (Ctrl+C ends)")
             if not options.no_browser:
                 webbrowser.open(studio.address)
             studio.server.serve_forever()

@@ -7,7 +7,7 @@ kept in the user's configuration, $XDG_CONFIG_HOME/mrp-sumo/trusted.
 import argparse
 from pathlib import Path
 
-from mrp_sumo.cli.printing import say, say_json
+from mrp_sumo.cli.printing import say_either
 from mrp_sumo.errors import MrpSumoError
 
 
@@ -31,8 +31,5 @@ def run(options: argparse.Namespace) -> int:
         lines = [f"no longer trusted: {forget_folder(options.forget)}"]
     else:
         lines = [str(folder) for folder in trusted_folders()]
-    if options.json:
-        say_json({"trusted": [str(folder) for folder in trusted_folders()]}, indent=2)
-    else:
-        say(*lines)
+    say_either(options.json, {"trusted": [str(folder) for folder in trusted_folders()]}, *lines, indent=2)
     return 0

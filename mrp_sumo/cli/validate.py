@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 
 from mrp_sumo.cli import step_wise
 from mrp_sumo.cli.option_rules import only_for, require_least
-from mrp_sumo.cli.printing import say, say_json, warn
+from mrp_sumo.cli.printing import say, say_either, say_json, warn
 
 if TYPE_CHECKING:
     from mrp_sumo.core.problem import Problem
@@ -161,13 +161,10 @@ def _messages(options: argparse.Namespace) -> int:
         shown = list(islice(faults, options.limit))
         more = sum(1 for _ in faults)
     num_faults = len(shown) + more
-    if options.json:
-        faulty = [{"line": fault.line, "topic": fault.topic, "text": fault.text} for fault in shown]
-        say_json({"valid": not num_faults, "faults": num_faults, "first": faulty}, indent=2)
-    else:
-        for fault in shown:
-            say(f"{options.vda5050.name}: {fault}")
-        say(f"{shortened(options.vda5050)}: " + (count(num_faults, "fault") if num_faults else "keeps the standard"))
+    faulty = [{"line": fault.line, "topic": fault.topic, "text": fault.text} for fault in shown]
+    said = f"{shortened(options.vda5050)}: " + (count(num_faults, "fault") if num_faults else "keeps the standard")
+    document = {"valid": not num_faults, "faults": num_faults, "first": faulty}
+    say_either(options.json, document, *(f"{options.vda5050.name}: {fault}" for fault in shown), said, indent=2)
     return 1 if num_faults else 0
 
 

@@ -164,7 +164,7 @@ def _be_driven(session: Session, stack: ExitStack) -> int:
 
 
 def _drive(session: Session, stack: ExitStack) -> int:
-    from mrp_sumo.cli.run import print_json, print_result, progress_bar
+    from mrp_sumo.cli.run import print_run, progress_bar
     from mrp_sumo.experiments.run import RunOptions, finish
     from mrp_sumo.experiments.solve import solve
     from mrp_sumo.formats.vda.messages import serials_of
@@ -190,10 +190,7 @@ def _drive(session: Session, stack: ExitStack) -> int:
         run_options = RunOptions(progress=progress, keeps_interrupted=True, engine=engine)
         result = finish(setup, solve(setup, progress=progress), session.maps, run_options)
     result.write(out, session.maps)
-    if options.json:
-        print_json(result, out)
-    else:
-        print_result(result, out, False)
+    print_run(result, out, as_json=options.json)
     return 0 if result.status == "completed" else 1
 
 
