@@ -25,6 +25,7 @@ from planners.step_wise.traffic import CROWDED
 
 GUIDED = 0.02  # robots per free cell from which rows and columns have directions, for some twenty robots
 FEW = 20
+SPARSE, NUM_SPARSE = 0.3, 2000  # robots per free cell below which, and number up to which, operations are longer, and directions weaker
 DENSE = 0.9  # robots per free cell from which operations are shorter: longer ones collide with more than one other
 
 
@@ -32,11 +33,11 @@ DENSE = 0.9  # robots per free cell from which operations are shorter: longer on
 class Epibt:
     """PIBT over operations: fast, no guarantee."""
 
-    depth: int = 0  # actions of an operation, 1 to 6; 0: 4, or 3 where more than 0.9 of the free cells have robots
+    depth: int = 0  # actions of an operation, 1 to 6; 0: 5, or by how many robots there are 4 or 3
     tries: int = -1  # how many times a step a robot that is drawn may change its operation where all gain by it; -1: 3 per robot
     limit: int = 0  # operations that are looked at when one robot chooses, with all that it pushes; 0: 3,000, or 30,000 in crowds
     tasks: Choice = "nearest"  # or "in_turn": robot r of R has the tasks r, r + R, ...
-    against: int = -1  # what a step against the direction of a row or column counts more at first; -1: 2 from 0.02 robots per free cell on
+    against: int = -1  # what a step against the direction of a row or column counts more at first; -1: by how many robots there are
     work: int = 50_000_000  # states of tables of distances that are filled in a step: about a quarter of a second
     memory_mb: int = 10_000  # for tables of distances
 
@@ -55,9 +56,10 @@ class Epibt:
     def begin(self, problem: StepWiseProblem, seed: int) -> OperationStepper:
         """The planner at work."""
         share = problem.num_robots / problem.free.sum()
-        depth = self.depth or (3 if share > DENSE else 4)
+        is_sparse = share < SPARSE and problem.num_robots <= NUM_SPARSE
+        depth = self.depth or (5 if is_sparse else 3 if share > DENSE else 4)
         limit = self.limit or (30_000 if share >= CROWDED else 3000)
         tries = self.tries if self.tries >= 0 else 3 * problem.num_robots
-        guided = share >= GUIDED and problem.num_robots >= FEW
-        ground = FreeCells(problem, self.memory_mb, self.against if self.against >= 0 else 2 * guided, self.work)
+        against = 0 if share < GUIDED or problem.num_robots < FEW else 1 if is_sparse else 2
+        ground = FreeCells(problem, self.memory_mb, against if self.against < 0 else self.against, self.work)
         return OperationStepper(problem, seed, (depth, limit, tries), self.tasks, ground)
