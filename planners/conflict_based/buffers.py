@@ -4,7 +4,6 @@ from typing import Any
 
 import numpy as np
 
-from mrp_sumo.core.graph import frozen
 from mrp_sumo.search._constraints import EXPANSIONS, RULE, SEARCH_STATE, ConstraintScratch
 from mrp_sumo.search._occupancy import WORD, Occupancy, empty_occupancy
 from mrp_sumo.search._records import CONSTRAINT, RECORD, VISIT, Store
@@ -80,6 +79,8 @@ class Buffers:
         num_vertices, num_spots, horizon = self._num_vertices, self._num_spots, self._horizon
         self._number[:] = [0, self._number[EXPANSIONS], 0, 0]
         reach = np.zeros(num_vertices, np.int32)
+        read = reach.view()  # not a copy
+        read.setflags(write=False)
         self.scratch = ConstraintScratch(
             np.zeros(num_spots, np.int32),
             np.zeros(num_spots, np.int32),
@@ -92,7 +93,7 @@ class Buffers:
             np.zeros(num_vertices, np.int64),
             np.zeros(num_vertices, np.int64),
             reach,
-            frozen(reach.view()),
+            read,
             np.zeros(4 * horizon, np.int64),
             np.empty(self._members, np.int32),
             self._number,

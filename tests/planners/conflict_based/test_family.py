@@ -20,6 +20,7 @@ from mrp_sumo.search import distance
 from mrp_sumo.search.distance import steps_to_targets
 from mrp_sumo.traffic.draw import uniform_draw
 from mrp_sumo.traffic.referee import judge
+from planners.conflict_based.buffers import Buffers
 from planners.conflict_based.frame import ranked_assignments
 from planners.conflict_based.incumbent import Incumbent
 from planners.neighbourhood.refinement import polishing_labels
@@ -310,3 +311,9 @@ def test_time_that_is_up_makes_no_more_tables(name, monkeypatch):
     result = planner(name, {}).plan(problem, 1e-9)
     assert result.status is Status.TIMED_OUT
     assert len(made) == 0
+
+
+def test_steps_to_the_end_of_a_corridor_are_read_where_they_are_written():
+    buffers = Buffers(5, 5, 2, 64)
+    buffers.scratch.reach[:] = 7
+    assert (buffers.scratch.reach_read == 7).all() and not buffers.scratch.reach_read.flags.writeable
