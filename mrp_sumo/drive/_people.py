@@ -179,11 +179,12 @@ def in_grains(where):
 
 
 @kernel(allocates=False)
-def see_robots(dt, driven_m, visits, motion, people, machines, towed_by, bodies):
+def see_robots(dt, driven_m, visits, motion, people, machines, trailers):
     """Places in which people see robots, as `machines`, that have driven `driven_m` [R]: those when the step is over. Headings of robots
-    that turn in place are one step old. Behind them come trailers, towed by robots [N], with their `bodies` [N, 3] as x, y, yaw.
+    that turn in place are one step old. Behind them come trailers: robots that tow them [N], and their x, y, yaw [N, 3].
     """
     following, at_m, lane, robots, lanes = visits.next, visits.at_m, visits.lane, people.robots, people.lanes
+    towed_by, bodies = trailers
     x, y, yaw, along_mps = machines.x_m, machines.y_m, machines.yaw_rad, machines.along_mps
     for r in range(len(driven_m)):
         reached, s, was = visits.reached[r], in_grains(driven_m[r]), in_grains(motion.s_m[r])

@@ -135,7 +135,7 @@ class Bystanders:
             of_trailer += [r] * len(towed)
         towed_by, bodies = np.array(of_trailer, np.int64), np.array(trailers, np.float64).reshape(-1, 3)
         state = ledger.state_records
-        _people.see_robots(dt, driven_m, ledger.visits, state.motion, self._seen, crowd.robots, towed_by, bodies)
+        _people.see_robots(dt, driven_m, ledger.visits, state.motion, self._seen, crowd.robots, (towed_by, bodies))
 
     def notice(self, now_s: float) -> list[Event]:
         """Stops of robots that are over."""
