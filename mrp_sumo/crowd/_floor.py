@@ -16,7 +16,7 @@ SLOWEST = 0.4  # of their speed, close to a wall: ways keep away from walls
 ROOM_M = 0.6  # from a wall at which it no longer matters
 
 
-@kernel
+@kernel(allocates=True)
 def walls_near(walls, x_m, y_m, cell_m, width, height, within_m):
     """The walls near each cell.
 
@@ -67,7 +67,7 @@ def walls_near(walls, x_m, y_m, cell_m, width, height, within_m):
     return count, near, away_m
 
 
-@kernel(inline="always", allocates=False)
+@kernel(inline="always")
 def from_wall(x, y, x0, y0, x1, y1):
     """The way from a segment to a point, m."""
     dx, dy = x1 - x0, y1 - y0
@@ -76,14 +76,14 @@ def from_wall(x, y, x0, y0, x1, y1):
     return x - x0 - share * dx, y - y0 - share * dy
 
 
-@kernel(inline="always", allocates=False)
+@kernel(inline="always")
 def distance_to_wall(x, y, x0, y0, x1, y1):
     """Of a point from a segment, m."""
     dx, dy = from_wall(x, y, x0, y0, x1, y1)
     return np.hypot(dx, dy)
 
 
-@kernel
+@kernel(allocates=True)
 def march(start, free, away_m, cell_m, body_m, width, direction):
     """The way to a place from everywhere, by the fast marching method, slower close to walls.
 
@@ -138,7 +138,7 @@ def march(start, free, away_m, cell_m, body_m, width, direction):
         direction[cell] = int(np.rint(np.arctan2(dy, dx) * (NUM_ANGLES / (2.0 * np.pi)))) % NUM_ANGLES
 
 
-@kernel(inline="always", allocates=False)
+@kernel(inline="always")
 def known(time, cell, step, width):
     """The time of arrival at a neighbour, inf beyond the edge."""
     other = cell + step

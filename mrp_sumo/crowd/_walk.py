@@ -39,7 +39,7 @@ BEFORE_ROBOT_M, FORGETS = 1.2, 0.25  # and waits for a robot that is no farther;
 WAITS_S, PATIENCE_S, AWAY_S = 1.5, 8.0, 12.0  # who has stood so long before a robot lets it pass; and goes back for a while
 
 
-@kernel(allocates=False)
+@kernel
 def walk(now, dt, count, walkers, ground, robots, ways):
     """Let the first `count` people walk for `dt` seconds from `now`, among robots where these will be then.
 
@@ -70,7 +70,7 @@ def walk(now, dt, count, walkers, ground, robots, ways):
     return num_there
 
 
-@kernel(allocates=False)
+@kernel
 def put_in_bins(x, y, count, ground, first, member):
     """Sort people or robots into bins; NaN: into none."""
     first[:] = 0
@@ -90,32 +90,32 @@ def put_in_bins(x, y, count, ground, first, member):
     first[len(first) - 1] = total
 
 
-@kernel(inline="always", allocates=False)
+@kernel(inline="always")
 def within(distance, size, count):
     """The one of so many parts of a size that lies so far from the first one's edge; the first or last for what is beyond."""
     return min(max(int(distance / size), 0), count - 1)
 
 
-@kernel(inline="always", allocates=False)
+@kernel(inline="always")
 def bin_of(x, y, ground):
     """The bin of a place; those beyond the edge count as at it."""
     return within(y - ground.y_m, BIN_M, ground.rows) * ground.columns + within(x - ground.x_m, BIN_M, ground.columns)
 
 
-@kernel(inline="always", allocates=False)
+@kernel(inline="always")
 def bins_around(x, y, ground):
     """Rows and columns of the bins where neighbours are: from one up to, without, the other."""
     row, column = within(y - ground.y_m, BIN_M, ground.rows), within(x - ground.x_m, BIN_M, ground.columns)
     return max(row - 1, 0), min(row + 2, ground.rows), max(column - 1, 0), min(column + 2, ground.columns)
 
 
-@kernel(inline="always", allocates=False)
+@kernel(inline="always")
 def cell_of(x, y, ground):
     """The cell of a place, at the edge for those beyond."""
     return within(y - ground.y_m, CELL_M, ground.height) * ground.width + within(x - ground.x_m, CELL_M, ground.width)
 
 
-@kernel(allocates=False)
+@kernel
 def push(now, p, walkers, ground, robots, ways):
     """The force that drives a person, and those that push it."""
     x, y, vx, vy = walkers.x_m[p], walkers.y_m[p], walkers.vx_mps[p], walkers.vy_mps[p]
@@ -149,7 +149,7 @@ def push(now, p, walkers, ground, robots, ways):
     walkers.ay_mps2[p] = (goes * ty - vy) / RELAX_S + ay + ry + wy
 
 
-@kernel(allocates=False)
+@kernel
 def round_people(p, tx, ty, walkers, ground):
     """The direction, as long as it was, turned to where there is less of others ahead; True as well if anybody comes towards one.
 
@@ -180,7 +180,7 @@ def round_people(p, tx, ty, walkers, ground):
     return scale * bx, scale * by, meets
 
 
-@kernel(allocates=False)
+@kernel
 def push_of_people(p, ex, ey, walkers, ground):
     """The push of bodies, and how far ahead the next one is."""
     x, y, ax, ay, gap = walkers.x_m[p], walkers.y_m[p], 0.0, 0.0, np.inf
@@ -204,7 +204,7 @@ def push_of_people(p, ex, ey, walkers, ground):
     return ax, ay, gap
 
 
-@kernel(allocates=False)
+@kernel
 def push_of_walls(x, y, ex, ey, ground, cell):
     """The push of the nearest wall, to the side only: a way through a door leads through it."""
     away, nx, ny = nearest_wall(x, y, ground, cell)
@@ -216,7 +216,7 @@ def push_of_walls(x, y, ex, ey, ground, cell):
     return fx - back * ex, fy - back * ey
 
 
-@kernel(allocates=False)
+@kernel
 def nearest_wall(x, y, ground, cell):
     """Distance of the nearest wall, inf where none is near, and the direction away from it."""
     best, nearest = np.inf, -1
@@ -232,7 +232,7 @@ def nearest_wall(x, y, ground, cell):
     return best, nx / size, ny / size
 
 
-@kernel(inline="always", allocates=False)
+@kernel(inline="always")
 def from_robot(x, y, robot, robots, reach_s):
     """Distance of a point from a robot's footprint, negative inside, and the direction away from it.
 
@@ -256,7 +256,7 @@ def from_robot(x, y, robot, robots, reach_s):
     return away, cos * mx - sin * my, sin * mx + cos * my
 
 
-@kernel(allocates=False)
+@kernel
 def robot_away_m(x, y, ground, robots):
     """Distance of a point from the nearest robot, inf where none is near."""
     nearest = np.inf
@@ -268,7 +268,7 @@ def robot_away_m(x, y, ground, robots):
     return nearest
 
 
-@kernel(allocates=False)
+@kernel
 def push_of_robots(x, y, ex, ey, is_stuck, ground, robots):
     """The push of robots and of where they will soon be, and how near the nearest is. Those that stand push nobody who is stuck."""
     ax, ay, nearest = 0.0, 0.0, np.inf
@@ -289,7 +289,7 @@ def push_of_robots(x, y, ex, ey, is_stuck, ground, robots):
     return ax, ay, nearest
 
 
-@kernel(allocates=False)
+@kernel
 def round_robots(p, ex, ey, is_stuck, walkers, ground, robots):
     """The direction that leads past the robots that stand or come in the way, on a side with room. Where there is none, where one has
     made no way, or where the robot stands for people before it, one lets it pass: out of its path, and then (0, 0).
@@ -325,13 +325,13 @@ def round_robots(p, ex, ey, is_stuck, walkers, ground, robots):
     return tx, ty
 
 
-@kernel(inline="always", allocates=False)
+@kernel(inline="always")
 def is_before(x, y, i, robots):
     """True if one is where a robot faces."""
     return np.cos(robots.yaw_rad[i]) * (x - robots.x_m[i]) + np.sin(robots.yaw_rad[i]) * (y - robots.y_m[i]) > 0.0
 
 
-@kernel(allocates=False)
+@kernel
 def is_free_way(x, y, dx, dy, ground):
     """True if the cells on the way to a point are free, but for the first ones: people are pushed to walls."""
     is_free = True
@@ -340,7 +340,7 @@ def is_free_way(x, y, dx, dy, ground):
     return is_free
 
 
-@kernel(allocates=False)
+@kernel
 def out_of_path(p, i, walkers, ground, robots):
     """The direction that leads out of a robot's path, shorter than 1 for who is nearly out of it, (0, 0) for who is beside it.
 
@@ -372,7 +372,7 @@ def out_of_path(p, i, walkers, ground, robots):
     return cos, sin
 
 
-@kernel(allocates=False)
+@kernel
 def can_stand_at(p, sx, sy, walkers, ground, robots):
     """True if one can go to a point (sx, sy) and stand there: no wall is too near, no robot, and there nobody else."""
     x, y = walkers.x_m[p], walkers.y_m[p]
@@ -392,7 +392,7 @@ def can_stand_at(p, sx, sy, walkers, ground, robots):
     return True
 
 
-@kernel(allocates=False)
+@kernel
 def move(h, p, walkers, ground, robots):
     """A step: no faster than a person walks, not into robots, not through walls."""
     x, y = walkers.x_m[p], walkers.y_m[p]
@@ -420,7 +420,7 @@ def move(h, p, walkers, ground, robots):
     walkers.x_m[p], walkers.y_m[p] = nx, ny
 
 
-@kernel(allocates=False)
+@kernel
 def leads_through_wall(x, y, nx, ny, ground):
     """True if a step crosses a wall."""
     cell = cell_of(x, y, ground)
@@ -434,7 +434,7 @@ def leads_through_wall(x, y, nx, ny, ground):
     return False
 
 
-@kernel(allocates=False)
+@kernel
 def look_back(now, dt, p, walkers, ground, robots):
     """Count how long a person has stood, and before a robot; who has stood for long goes back a little.
 

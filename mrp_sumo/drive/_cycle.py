@@ -13,7 +13,7 @@ from mrp_sumo.search._kernel import kernel
 AT_VERTEX_M = 1e-6  # beyond it by more, a robot has left a vertex
 
 
-@kernel(allocates=False)
+@kernel
 def advance(look, now, s_m, routed, scene):
     """All between two steps of the engine: observe, run lifts and doors, grant, command.
 
@@ -60,7 +60,7 @@ def advance(look, now, s_m, routed, scene):
     return log.num_entries[0] if look else 0, num_changed, num_due
 
 
-@kernel(allocates=False)
+@kernel
 def drive_on(step, most, bodies, routed, scene, tape):
     """See the step `step`, which bodies have just made, and go on with it for `most` more steps at most, while nothing happens.
 
@@ -91,7 +91,7 @@ def drive_on(step, most, bodies, routed, scene, tape):
         made += 1
 
 
-@kernel(allocates=False)
+@kernel
 def watch(step, is_last, s_m, routed, scene, tape):
     """`advance` for the step `step`, which the engine has just made. It goes on the tape, and the next one may follow if nothing happens.
 
@@ -134,7 +134,7 @@ def watch(step, is_last, s_m, routed, scene, tape):
     return True, num_logged, num_changed, num_due
 
 
-@kernel(allocates=False)
+@kernel
 def num_ended(visits, state):
     """Number of robots that have come to the ends of their ways, and stand there as they are to."""
     count = 0
@@ -144,7 +144,7 @@ def num_ended(visits, state):
     return count
 
 
-@kernel(allocates=False)
+@kernel
 def has_to_look(visits, state, tape):
     """True if somebody waits for another robot, stands or gets on though it should not, or has come farther than it may unseen."""
     waits, motion = state.waits, state.motion
@@ -157,7 +157,7 @@ def has_to_look(visits, state, tape):
     return False
 
 
-@kernel(allocates=False)
+@kernel
 def look_late(s_m, visits, margin):
     """Positions of robots at the last step that is as long ago as what they had left then has to stay theirs."""
     past_m, past_steps, num_past = margin.past_m, margin.past_steps, len(margin.past_m)
@@ -173,7 +173,7 @@ def look_late(s_m, visits, margin):
         margin.left_m[r] = past_m[k % num_past, r]
 
 
-@kernel(allocates=False)
+@kernel
 def depart(began, s_m, visits, motion, tape):
     """Departures of robots that stood on a vertex and set out in the step that began at `began`, before it is observed."""
     for r in range(len(s_m)):
@@ -183,7 +183,7 @@ def depart(began, s_m, visits, motion, tape):
             tape.left_s[m] = began
 
 
-@kernel(allocates=False)
+@kernel
 def pass_through(now, visits, tape):
     """Visits that were made in this step are left at once, unless the robot stops there: then at the end of the step, or later."""
     for r in range(len(visits.reached)):

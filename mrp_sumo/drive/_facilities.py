@@ -21,19 +21,14 @@ SHUT, OPENING, STANDS_OPEN, CLOSING = range(4)  # doors
 IN_TIME_S = 1e-9
 
 
-@kernel(allocates=False)
+@kernel
 def note_requests(dt, kinematics, visits, needs, state, facilities):
     """Note calls of lifts and requests for doors: of robots that may pass already, and those that come near."""
     following, reached, granted, rank = visits.next, visits.reached, visits.granted, visits.rank
     from_m, vertex, lane = visits.from_m, visits.vertex, visits.lane
     lane_lift, lane_door, vertex_door = facilities.lane_lift, facilities.lane_door, facilities.vertex_door
-    lifts, doors, asked, soon, door_s = (
-        facilities.lifts,
-        facilities.doors,
-        facilities.doors.asked,
-        facilities.doors.soon,
-        facilities.doors.move_s,
-    )
+    lifts, doors = facilities.lifts, facilities.doors
+    asked, soon, door_s = doors.asked, doors.soon, doors.move_s
     s_m, top, reach, asked_s = state.motion.s_m, kinematics.speed_mps, kinematics.reach_m, state.grants.asked_s
     lifts.visit[:] = -1
     asked[:] = False
@@ -63,7 +58,7 @@ def note_requests(dt, kinematics, visits, needs, state, facilities):
             k = following[k]
 
 
-@kernel(inline="always", allocates=False)
+@kernel(inline="always")
 def is_next(robot, visit, q, needs, holds):
     """True if a robot may be the next in a lift whose cabin is the resource `q`."""
     found = True
@@ -73,7 +68,7 @@ def is_next(robot, visit, q, needs, holds):
     return found
 
 
-@kernel(allocates=False)
+@kernel
 def run_lifts(now, visits, state, facilities):
     """Move cabins, and let robots enter them."""
     lifts, ride_s, level = facilities.lifts, facilities.ride_s, facilities.level
@@ -116,7 +111,7 @@ def run_lifts(now, visits, state, facilities):
         facilities.shut[facilities.gate_lane[g]] = mode[f] != OPEN or car[f] != facilities.gate_level[g]
 
 
-@kernel(inline="always", allocates=False)
+@kernel(inline="always")
 def come(now, lift, wanted, facilities):
     """Send a lift that stands to a level, where it will stand with open doors."""
     lifts, mode, car, until_s = facilities.lifts, facilities.lifts.mode, facilities.lifts.car, facilities.lifts.until_s
@@ -128,7 +123,7 @@ def come(now, lift, wanted, facilities):
         mode[lift], lifts.target[lift], until_s[lift] = COMING, wanted, now + facilities.open_s[lift, wanted]
 
 
-@kernel(allocates=False)
+@kernel
 def run_doors(now, facilities):
     """Open and close doors, and let robots go through them."""
     doors = facilities.doors

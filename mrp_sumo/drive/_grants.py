@@ -18,7 +18,7 @@ from mrp_sumo.search._motion import stop_speed
 SLOWEST = 0.1  # a robot that is early keeps this share of its speed
 
 
-@kernel(inline="always", allocates=False)
+@kernel(inline="always")
 def grant(now, scene):
     """Let robots claim their next visits, as many as they can and may."""
     kinematics, rules, visits, needs, state, conditions, _, _ = scene
@@ -35,7 +35,7 @@ def grant(now, scene):
         grant_visits(r, now, ordered, kinematics, rules, visits, needs, state, closed, shut)
 
 
-@kernel(inline="always", allocates=False)
+@kernel(inline="always")
 def grant_visits(r, now, ordered, kinematics, rules, visits, needs, state, closed, shut):
     """Let a robot claim its next visits."""
     grants, motion, yielding = state.grants, state.motion, state.yielding
@@ -115,7 +115,7 @@ def grant_visits(r, now, ordered, kinematics, rules, visits, needs, state, close
         grants.allowed_m[r] = visits.at_m[k]
 
 
-@kernel(inline="always", allocates=False)
+@kernel(inline="always")
 def room_on_lane(robot, visit, kinematics, visits, grants, s_m):
     """Distance that a robot may drive on the lane to a visit that it has not won: short of it, and behind who is ahead, wherever that one
     comes to a stop. Followers so need no engine that keeps them apart.
@@ -132,7 +132,7 @@ def room_on_lane(robot, visit, kinematics, visits, grants, s_m):
     return room
 
 
-@kernel(allocates=False)
+@kernel
 def queue_up(grants):
     """Robots in the order in which they may claim: those first who have asked longest, then by number."""
     queue, asked = grants.queue, grants.asked_s
@@ -144,7 +144,7 @@ def queue_up(grants):
         queue[j + 1] = r
 
 
-@kernel(inline="always", allocates=False)
+@kernel(inline="always")
 def who_is_before(robot, visit, ordered, needs, holds):
     """The robot that holds what a visit needs, or is to pass there first; -1: none."""
     missing = -1
@@ -159,7 +159,7 @@ def who_is_before(robot, visit, ordered, needs, holds):
     return missing
 
 
-@kernel(inline="always", allocates=False)
+@kernel(inline="always")
 def command(now, scene):
     """The robots' speeds for the next step. Returns how many changed; `news.changed` tells which."""
     kinematics, rules, visits, _, state, conditions, _, _ = scene
@@ -189,7 +189,7 @@ def command(now, scene):
     return count
 
 
-@kernel(inline="always", allocates=False)
+@kernel(inline="always")
 def leave_lane(robot, visit, visits, grants, claims):
     """A robot has come to a visit: it is on the lane to there no more."""
     claims.number[visits.lane[visit]] -= 1
@@ -198,7 +198,7 @@ def leave_lane(robot, visit, visits, grants, claims):
         grants.turned_back[robot] = False
 
 
-@kernel(allocates=False)
+@kernel
 def release(s_m, visits, needs, grants, holds):
     """Free what robots have left; the turn at a resource passes on when a passage ends."""
     rank, oldest = visits.rank, grants.oldest

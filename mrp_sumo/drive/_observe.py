@@ -37,7 +37,7 @@ from mrp_sumo.search._kernel import kernel
 AT_REST_M = 1e-6  # a robot that moved no more in a step stood still
 
 
-@kernel(inline="always", allocates=False)
+@kernel(inline="always")
 def observe(now, s_m, scene):
     """Book the step that ended at `now`; robots have driven `s_m` [R] in all."""
     kinematics, rules, visits, _, state, conditions, log, _ = scene
@@ -52,7 +52,7 @@ def observe(now, s_m, scene):
         state.motion.s_m[r] = s_m[r]
 
 
-@kernel(inline="always", allocates=False)
+@kernel(inline="always")
 def move(s_m, dt, turn_rate_rad_s, visits, motion, facing_rad, halted):
     """Speeds, and turns in place towards the lane that comes next, or at the end of its way as the robot is to stay."""
     yaw, turning = motion.yaw_rad, motion.turning
@@ -70,7 +70,7 @@ def move(s_m, dt, turn_rate_rad_s, visits, motion, facing_rad, halted):
                 yaw[r] += most if away > 0 else -most
 
 
-@kernel(allocates=False)
+@kernel
 def book(rules, visits, state):
     """Book the step to what each robot spent it on."""
     motion, waits, cause = state.motion, state.waits, state.grants.cause
@@ -100,7 +100,7 @@ def book(rules, visits, state):
         waits.category[r] = kind
 
 
-@kernel(allocates=False)
+@kernel
 def watch_progress(now, s_m, rules, visits, state, log):
     """Blocked is who made no progress by a cell within the window, but for waits that the plan, a facility or a disturbance asks for."""
     waits, mark_m, mark_s, stuck = state.waits, state.waits.mark_m, state.waits.mark_s, state.waits.stuck
@@ -124,7 +124,7 @@ def watch_progress(now, s_m, rules, visits, state, log):
             stuck[r] = True
 
 
-@kernel(allocates=False)
+@kernel
 def watch_waits(now, rules, state, log):
     """Waits begin and end where their cause, the robot waited for or the place changes."""
     waits, grants, since, before = state.waits, state.grants, state.waits.since_s, now - rules.step_s
@@ -143,7 +143,7 @@ def watch_waits(now, rules, state, log):
             waits.where[r] = grants.wanted[r]
 
 
-@kernel(inline="always", allocates=False)
+@kernel(inline="always")
 def arrive(now, s_m, dt, visits, state, log):
     """Departures, arrivals, and who has come to stand where its tasks end, as it is to stay there."""
     motion, grants, goal, facing, home = state.motion, state.grants, state.waits.goal_s, state.facing_rad, state.home
@@ -163,13 +163,13 @@ def arrive(now, s_m, dt, visits, state, log):
             note(log, ARRIVED_AT_GOAL, r, (FREE, visits.last[r], -1), (goal[r], goal[r]))
 
 
-@kernel(inline="always", allocates=False)
+@kernel(inline="always")
 def is_turned(yaw, facing):
     """True if a robot faces as it is to stay; NaN: any will do."""
     return np.isnan(facing) or abs((facing - yaw + np.pi) % (2 * np.pi) - np.pi) <= TURNED_RAD
 
 
-@kernel(allocates=False)
+@kernel
 def note(log, kind, robot, why, span_s):
     """Add an entry to the log: why is cause, visit and other robot, and the span when it began and ended."""
     k, entries = log.num_entries[0], log.entries
@@ -179,13 +179,13 @@ def note(log, kind, robot, why, span_s):
     log.num_entries[0] = k + 1
 
 
-@kernel(inline="always", allocates=False)
+@kernel(inline="always")
 def get_on(robot, now, waits):
     """Note that what a robot is doing is progress: a ride."""
     waits.mark_s[robot] = now
 
 
-@kernel
+@kernel(allocates=True)
 def waiting_cycles(other, since_s):
     """[R] number of the wait-for cycle each robot is in, 0: none. One cause a robot, so a walk suffices."""
     num_robots = len(other)

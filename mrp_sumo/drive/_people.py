@@ -15,7 +15,7 @@ STRAIGHT_RAD = 1e-12  # a robot that is less off its heading does not turn
 EDGE_M = 2.0 / GRAINS  # so near the end of a field is outside
 
 
-@kernel(allocates=False)
+@kernel
 def book_lost(dt, people):
     """Time that the step that has ended cost robots because of people."""
     robots = people.robots
@@ -23,7 +23,7 @@ def book_lost(dt, people):
         robots.lost_s[r] += dt * robots.lost_share[r]
 
 
-@kernel(inline="always", allocates=False)
+@kernel(inline="always")
 def heed(r, wanted, now, dt, kinematics, visits, motion, facing_rad, people):
     """The speed for the next step, at most `wanted`, that people and lanes leave a robot."""
     halted, robots = people.halted, people.robots
@@ -62,26 +62,26 @@ def heed(r, wanted, now, dt, kinematics, visits, motion, facing_rad, people):
     return v
 
 
-@kernel(inline="always", allocates=False)
+@kernel(inline="always")
 def heading_ahead(r, visits, facing_rad):
     """The heading to which a robot turns: that of the lane that comes next, or at the end of its way the one in which it stays."""
     ahead, stays_rad = visits.next[visits.reached[r]], facing_rad[r]
     return visits.heading_rad[ahead] if ahead >= 0 else visits.heading_rad[visits.last[r]] if np.isnan(stays_rad) else stays_rad
 
 
-@kernel(inline="always", allocates=False)
+@kernel(inline="always")
 def off_heading(heading_rad, yaw_rad):
     """The angle from one heading to another, in [-pi, pi)."""
     return (heading_rad - yaw_rad + np.pi) % (2 * np.pi) - np.pi
 
 
-@kernel(inline="always", allocates=False)
+@kernel(inline="always")
 def reach(speed, decel, people):
     """S_L: how far the protective field reaches."""
     return speed * speed / (2.0 * decel) + speed * people.reaction_s + people.extra_m
 
 
-@kernel(inline="always", allocates=False)
+@kernel(inline="always")
 def speed_within(room, reaction_s, decel):
     """The speed from which a robot that reacts so late stops within so many metres."""
     if room <= 0.0:
@@ -92,7 +92,7 @@ def speed_within(room, reaction_s, decel):
     return np.sqrt(late * late + 2.0 * decel * room) - late
 
 
-@kernel(allocates=False)
+@kernel
 def room_ahead(r, most, visits, motion, people):
     """Distance from a robot's front to the nearest person in its field, inf where nobody is within `most`."""
     k = visits.next[visits.reached[r]]
@@ -129,7 +129,7 @@ def room_ahead(r, most, visits, motion, people):
     return best
 
 
-@kernel(allocates=False)
+@kernel
 def is_clear_around(r, visits, motion, people):
     """True if nobody is where a robot that turns in place could touch them."""
     x, y = place_of(in_grains(motion.s_m[r]), visits.reached[r], visits, people)
@@ -147,19 +147,19 @@ def is_clear_around(r, visits, motion, people):
     return True
 
 
-@kernel(inline="always", allocates=False)
+@kernel(inline="always")
 def bin_row(y, people):
     """The row of bins of a place, at the edge for those beyond."""
     return min(max(int((y - people.low_y) / people.bin_m), 0), people.rows - 1)
 
 
-@kernel(inline="always", allocates=False)
+@kernel(inline="always")
 def bin_column(x, people):
     """The column of bins of a place, at the edge for those beyond."""
     return min(max(int((x - people.low_x) / people.bin_m), 0), people.columns - 1)
 
 
-@kernel(inline="always", allocates=False)
+@kernel(inline="always")
 def place_of(s, reached, visits, people):
     """Place of a robot that has driven so far."""
     following, at_m, lane, vertex = visits.next, visits.at_m, visits.lane, visits.vertex
@@ -172,13 +172,13 @@ def place_of(s, reached, visits, people):
     return lanes.head_x[on] - before * lanes.along_x[on], lanes.head_y[on] - before * lanes.along_y[on]
 
 
-@kernel(inline="always", allocates=False)
+@kernel(inline="always")
 def in_grains(where):
     """A distance or a speed without what an engine's rounding adds: people would never again walk as with another engine."""
     return np.rint(where * GRAINS) / GRAINS
 
 
-@kernel(allocates=False)
+@kernel
 def see_robots(dt, driven_m, visits, motion, people, machines, trailers):
     """Places in which people see robots, as `machines`, that have driven `driven_m` [R]: those when the step is over. Headings of robots
     that turn in place are one step old. Behind them come trailers: robots that tow them [N], and their x, y, yaw [N, 3].

@@ -35,7 +35,7 @@ class SwitchScratch(NamedTuple):
     yields: np.ndarray  # [R] who lets the robot that is to go first pass
 
 
-@kernel(allocates=False)
+@kernel
 def cost_of(net, order, place, scratch):
     """Longest paths: the sum of the times at which robots make their last visits, s; CYCLIC where they wait for each other.
 
@@ -87,7 +87,7 @@ def cost_of(net, order, place, scratch):
     return total
 
 
-@kernel(allocates=False)
+@kernel
 def switch(net, order, place, passage, until, most, scratch):
     """Let a passage take place `until` in the order of its resource, and switch what this draws along: pairs of robots that
     would wait for each other otherwise, as in a corridor. Changes `order` and `place`.
@@ -135,7 +135,7 @@ def switch(net, order, place, passage, until, most, scratch):
     return CYCLIC, most
 
 
-@kernel(allocates=False)
+@kernel
 def in_a_cycle(net, order, place, scratch):
     """A robot among those that wait for each other, -1 where they wait for one that stays."""
     stuck, num_robots = scratch.stuck, len(net.ready_s)
@@ -152,14 +152,14 @@ def in_a_cycle(net, order, place, scratch):
     return -1
 
 
-@kernel(allocates=False)
+@kernel
 def may_switch(net, before, after):
     """True if, of two passages, one directly before the other, the second may be the first."""
     stays = net.left_at[after] == len(net.run_s)
     return not net.fixed[before] and not stays and net.robot[before] != net.robot[after]
 
 
-@kernel(allocates=False)
+@kernel
 def exchange(order, place, before, after):
     """Two passages, one directly before the other, change places."""
     place[after] -= 1
@@ -168,7 +168,7 @@ def exchange(order, place, before, after):
     order[place[before]] = before
 
 
-@kernel
+@kernel(allocates=True)
 def critical(net, order, place, scratch):
     """[E] how many robots would be done earlier if a passage began when its robot comes, after `cost_of`."""
     count = np.zeros(len(net.robot), np.int64)

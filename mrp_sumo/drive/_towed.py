@@ -7,7 +7,7 @@ from mrp_sumo.search._kernel import kernel
 STEP_M = 0.01
 
 
-@kernel
+@kernel(allocates=True)
 def follow(node, hitch, length, begin):
     """Headings of N trailers behind a vehicle, by the midpoint rule.
 

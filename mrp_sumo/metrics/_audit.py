@@ -49,7 +49,7 @@ class MotionLimits(NamedTuple):
     turn_rate: np.ndarray  # [R] rad/s
 
 
-@kernel(allocates=False)
+@kernel
 def rectangle_distance(dx, dy, yaw_a, yaw_b, size_a, size_b):
     """Distance of two rectangles, b's centre at (dx, dy) of a's; where they overlap, minus the depth they share.
 
@@ -77,13 +77,13 @@ def rectangle_distance(dx, dy, yaw_a, yaw_b, size_a, size_b):
     return np.sqrt(least)
 
 
-@kernel(allocates=False)
+@kernel
 def short_way(turn):
     """The angle between -pi and pi."""
     return (turn + np.pi) % (2.0 * np.pi) - np.pi
 
 
-@kernel
+@kernel(allocates=True)
 def closeness(poses, level, bodies):
     """Least distances between footprints in T samples of R robots.
 
@@ -171,7 +171,7 @@ def closeness(poses, level, bodies):
     return best, where, hits[:num_hits]
 
 
-@kernel(allocates=False)
+@kernel
 def _bound(poses, level, bodies, where):
     """The least distance at the first sample with two robots on a floor, which bounds that of the whole run. Sets `where`."""
     (x, y, yaw), radius, (num_samples, num_robots) = poses, bodies.radius, poses.x.shape
@@ -193,12 +193,12 @@ def _bound(poses, level, bodies, where):
     return best
 
 
-@kernel(allocates=False)
+@kernel
 def _size(bodies, r):
     return bodies.half_length[r], bodies.half_width[r]
 
 
-@kernel(allocates=False)
+@kernel
 def _meet(poses, bodies, k, pair, best, known, scratch):
     """Two robots in one interval: the second of `scratch` becomes the least distance (as far as it is below `best`), when, and when
     an overlap is seen first (-1: not, or it is known).
@@ -231,7 +231,7 @@ def _meet(poses, bodies, k, pair, best, known, scratch):
     approach((dx, dy, yaw_i, yaw_j), (move_x, move_y, turn_i, turn_j), (size_i, size_j), pace, best, NONE if known else ANY, scratch)
 
 
-@kernel(allocates=False)
+@kernel
 def approach(begin, change, sizes, pace, best, sought, scratch):
     """The least distance of two rectangles that move evenly for an interval, and when they overlap.
 
@@ -287,7 +287,7 @@ def approach(begin, change, sizes, pace, best, sought, scratch):
         found[2] = touched
 
 
-@kernel
+@kernel(allocates=True)
 def over_limits(t, poses, speed, limits, first):
     """[6] how many samples of each kind are over the limits; the first of each go to `first` [6, F, 4]: sample, robot,
     value, limit.
@@ -321,7 +321,7 @@ def over_limits(t, poses, speed, limits, first):
     return count
 
 
-@kernel(allocates=False)
+@kernel
 def _note(count, first, kind, k, r, value, limit):
     if count[kind] < first.shape[1]:
         row = first[kind, count[kind]]

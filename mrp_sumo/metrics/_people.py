@@ -52,7 +52,7 @@ class FieldRules(NamedTuple):
     slowest: float
 
 
-@kernel
+@kernel(allocates=True)
 def meet_people(robots, people, fields):
     """Robots and people in the same samples.
 
@@ -114,7 +114,7 @@ def meet_people(robots, people, fields):
     return touches[:num_touches], fast[:num_fast], nearest
 
 
-@kernel(inline="always", allocates=False)
+@kernel(inline="always")
 def looked_at(robots, people, fields, k, r):
     """The distance in x or y beyond which people matter to nobody."""
     speed = robots.speed[k, r]
@@ -122,7 +122,7 @@ def looked_at(robots, people, fields, k, r):
     return robots.radius[r] + people.radius + 1.0 + brakes + max(fields.extra, 0.0)
 
 
-@kernel(allocates=False)
+@kernel
 def room_ahead(robots, people, fields, look, k, r):
     """Room ahead of a robot, the way it has come since the last sample, and whether nobody is where its corners may come."""
     x, y, half, radius = robots.x[k, r], robots.y[k, r], robots.half_width[r] + fields.side, people.radius
@@ -150,13 +150,13 @@ def room_ahead(robots, people, fields, look, k, r):
     return room, clear
 
 
-@kernel(inline="always", allocates=False)
+@kernel(inline="always")
 def sample_before(robots, k, r):
     """The sample before, or the same where a robot was not on the floor then."""
     return k - 1 if k > 0 and robots.x[k - 1, r] == robots.x[k - 1, r] else k
 
 
-@kernel(allocates=False)
+@kernel
 def is_too_fast(robots, fields, room, k, r):
     """True if a robot does not brake, and its protective field does not end before somebody who is so far ahead."""
     decel, speed, before = robots.decel[r], robots.speed[k, r], sample_before(robots, k, r)
@@ -169,13 +169,13 @@ def is_too_fast(robots, fields, room, k, r):
     return speed > allowed * (1.0 + SLACK) + 1e-6 and not brakes
 
 
-@kernel(inline="always", allocates=False)
+@kernel(inline="always")
 def turn_until(robots, after, k, r):
     """By how much a robot turns until a sample, rad."""
     return (robots.yaw[after, r] - robots.yaw[k, r] + np.pi) % (2.0 * np.pi) - np.pi
 
 
-@kernel(allocates=False)
+@kernel
 def distance_until(robots, people, after, k, r, p):
     """The least distance of a footprint from a body until the next sample, less than 0 where they touch."""
     turn, half_length, half_width = turn_until(robots, after, k, r), robots.half_length[r], robots.half_width[r]
@@ -194,7 +194,7 @@ def distance_until(robots, people, after, k, r, p):
     return least
 
 
-@kernel(inline="always", allocates=False)
+@kernel(inline="always")
 def find(person, begin, end, number):
     """The row of a person among those of a sample, -1: it is not there."""
     last = end

@@ -9,7 +9,7 @@ from mrp_sumo.metrics._audit import FIRST, NONE, approach, short_way
 from mrp_sumo.search._kernel import kernel
 
 
-@kernel
+@kernel(allocates=True)
 def wall_closeness(poses, bodies, cell, first, listed, walls, best):
     """Least distances of footprints to walls in T samples of R robots.
 
@@ -74,7 +74,7 @@ def wall_closeness(poses, bodies, cell, first, listed, walls, best):
     return best, where, hits[:num_hits]
 
 
-@kernel(allocates=False)
+@kernel
 def _crosses(x0, y0, x1, y1, wall):
     """Whether a centre comes from one side of a wall to the other, or to the wall."""
     cos, sin = wall[4], wall[5]
@@ -85,7 +85,7 @@ def _crosses(x0, y0, x1, y1, wall):
     return abs(cos * (x0 + f * (x1 - x0) - wall[0]) + sin * (y0 + f * (y1 - y0) - wall[1])) <= wall[3]
 
 
-@kernel(allocates=False)
+@kernel
 def _meet_wall(poses, bodies, at, wall, best, known, scratch):
     """A robot and a wall in one interval, `at`: what `approach` leaves in `scratch`, with the first contact."""
     (x, y, yaw), (k, r) = poses, at

@@ -44,7 +44,7 @@ class Speeds(NamedTuple):
     verdict: np.ndarray  # [N] FINE, TOO_EARLY or TOO_LATE
 
 
-@kernel(allocates=False)
+@kernel
 def least_m(u, w, t, accel, decel):
     """The shortest way in time t from speed u to speed w: brake, stand, accelerate."""
     if u / decel + w / accel <= t:
@@ -53,7 +53,7 @@ def least_m(u, w, t, accel, decel):
     return (u * u - low * low) / (2 * decel) + (w * w - low * low) / (2 * accel)
 
 
-@kernel(allocates=False)
+@kernel
 def most_m(u, w, t, top, accel, decel):
     """The longest: accelerate, cruise at the top speed, brake."""
     high = (t + u / accel + w / decel) / (1 / accel + 1 / decel)
@@ -63,7 +63,7 @@ def most_m(u, w, t, top, accel, decel):
     return (top * top - u * u) / (2 * accel) + (top * top - w * w) / (2 * decel) + top * cruise
 
 
-@kernel(allocates=False)
+@kernel
 def speeds_after(between, length, slack, t, tops, accel, decel):
     """Speeds that a robot can have at the end of a lane.
 
@@ -115,7 +115,7 @@ def speeds_after(between, length, slack, t, tops, accel, decel):
     return min(b, fastest), fastest, FINE
 
 
-@kernel(allocates=False)
+@kernel
 def find_speeds(rides, limits, speeds):
     """Speeds of all robots at all visits, forward and back again; written to `speeds`."""
     first, begins, ends, stands, length, top = rides
@@ -138,7 +138,7 @@ def find_speeds(rides, limits, speeds):
                 high[k - 1] = max(min(high[k - 1], back[1]), low[k - 1])
 
 
-@kernel(allocates=False)
+@kernel
 def hurried(speeds, length, t, top, accel, decel, motion):
     """The motion that is farthest along a lane early on, and then waits: times and places from 0, ends at `length` at t.
 
@@ -180,7 +180,7 @@ def hurried(speeds, length, t, top, accel, decel, motion):
     at_s[5], at_m[5] = t, length
 
 
-@kernel
+@kernel(allocates=True)
 def motions(rides, limits, speeds, early, late):
     """The farthest and the nearest that robots can be at every moment on the lane to each visit, [N, 3, 6] each."""
     first, begins, ends, stands, length, top = rides
@@ -205,7 +205,7 @@ def motions(rides, limits, speeds, early, late):
             late[k, 2, 2] = accel[r]
 
 
-@kernel(allocates=False)
+@kernel
 def place_at(motion, t):
     """Place of a robot along its lane at a time."""
     if t <= motion[0, 0]:
@@ -220,7 +220,7 @@ def place_at(motion, t):
     return motion[1, p] + since * (speed + rate * since / 2)
 
 
-@kernel(allocates=False)
+@kernel
 def first_at(motion, place):
     """Time at which a robot comes to a place along its lane."""
     a, b = motion[0, 0], motion[0, 5]
@@ -233,7 +233,7 @@ def first_at(motion, place):
     return b
 
 
-@kernel(allocates=False)
+@kernel
 def where(piece, e, t, waits):
     """(x, y) of a robot at a moment of a piece of its way. `waits`: short of the vertex ahead as long as it can, where there is room."""
     k = piece.visit[e]
@@ -249,7 +249,7 @@ def where(piece, e, t, waits):
     )
 
 
-@kernel(allocates=False)
+@kernel
 def nearest(piece, e, f, apart, e_waits, f_waits):
     """First time at which two bodies come closer than `apart`, inf if never, and how close they come in all."""
     begin, end, pace = max(piece.begin[e], piece.begin[f]), min(piece.end[e], piece.end[f]), piece.top[e] + piece.top[f]
@@ -266,7 +266,7 @@ def nearest(piece, e, f, apart, e_waits, f_waits):
         t = min(end, t + max(abs(distance - apart) / pace, LEAST_S))
 
 
-@kernel(allocates=False)
+@kernel
 def meetings(order, cell, piece, apart, kind, pairs, seen):
     """Pieces in one cell, at one time, whose bodies come too close. Returns how many; writes as many as there is room for.
 

@@ -3,7 +3,7 @@
 from mrp_sumo.search._kernel import kernel
 
 
-@kernel(allocates=False)
+@kernel
 def write_over(into, values):
     """Write as many values as `into` [n] has places."""
     for k in range(len(into)):

@@ -8,7 +8,7 @@ from mrp_sumo.search._motion import approach_speed
 TIE_M = 1e-9  # engines round otherwise: who has come this near to a place has passed it
 
 
-@kernel(allocates=False)
+@kernel
 def lane_limits(dt, decel, visits, speed, s_m, cap_mps):
     """The highest speeds for the next step that lanes and bends allow: those that each robot is on, and slower ones ahead.
 
@@ -46,7 +46,7 @@ def lane_limits(dt, decel, visits, speed, s_m, cap_mps):
         cap_mps[r] = cap
 
 
-@kernel(allocates=False)
+@kernel
 def move_bodies(dt, wanted_mps, accel, decel, cap_mps, speed, s_m):
     """Let bodies take one step towards the speeds they are to have, within their limits.
 

@@ -3,7 +3,7 @@
 from mrp_sumo.search._kernel import kernel
 
 
-@kernel(allocates=False)
+@kernel
 def move_of(first, head, u, v):
     """The number of the move from u to v, or of waiting at u = v; -1 where there is no lane."""
     if u == v:
@@ -14,7 +14,7 @@ def move_of(first, head, u, v):
     return -1
 
 
-@kernel(allocates=False)
+@kernel
 def too_close(clashes, move, other, u, v):
     """True if a move clashes with another robot's move `other`, which leads from u to v or is waiting at u = v."""
     close = False

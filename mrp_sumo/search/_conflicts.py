@@ -35,7 +35,7 @@ class _Move(NamedTuple):
     t: int
 
 
-@kernel
+@kernel(allocates=True)
 def conflicts_of(instance, store, occupancy, robot, record, old):
     """The conflicts of a robot on a new record with all installed others, after those of `old` that are not its own.
 
@@ -65,7 +65,7 @@ def conflicts_of(instance, store, occupancy, robot, record, old):
     return conflicts[:count]
 
 
-@kernel(allocates=False)
+@kernel
 def _find(instance, store, occupancy, robot, record, conflicts, count):
     """Add the conflicts of a robot, step by step, to the first `count`; how many there are then, also where they do not fit."""
     path0, cost, following, near = store.meta[record].path0, store.meta[record].cost, instance.following, instance.clashes.any
@@ -89,7 +89,7 @@ def _find(instance, store, occupancy, robot, record, conflicts, count):
     return count
 
 
-@kernel(inline="always", allocates=False)
+@kernel(inline="always")
 def _meetings(occupancy, move, conflicts, count):
     """Others that are at v, where the robot is at t: on their way, or at their goals for good."""
     robot, cost, _, v, t = move
@@ -107,7 +107,7 @@ def _meetings(occupancy, move, conflicts, count):
     return count
 
 
-@kernel(inline="always", allocates=False)
+@kernel(inline="always")
 def _swaps(store, occupancy, move, conflicts, count):
     """Others that go from v to u as the robot goes from u to v."""
     robot, _, u, v, t = move
@@ -124,7 +124,7 @@ def _swaps(store, occupancy, move, conflicts, count):
     return count
 
 
-@kernel(inline="always", allocates=False)
+@kernel(inline="always")
 def _entered_too_early(store, occupancy, move, conflicts, count):
     """Others that leave v as the robot enters it."""
     robot, _, _, v, t = move
@@ -138,7 +138,7 @@ def _entered_too_early(store, occupancy, move, conflicts, count):
     return count
 
 
-@kernel(inline="always", allocates=False)
+@kernel(inline="always")
 def _left_too_late(store, occupancy, move, conflicts, count):
     """Others that enter u as the robot leaves it for v; of two that swap, `_entered_too_early` finds the conflict."""
     robot, _, u, v, t = move
@@ -156,7 +156,7 @@ def _left_too_late(store, occupancy, move, conflicts, count):
     return count
 
 
-@kernel(allocates=False)
+@kernel
 def _clashes(instance, store, occupancy, move, conflicts, count):
     """Others whose moves to step t clash with the robot's from u to v, or that are then at its place."""
     clashes, spots, num_robots, before, t = instance.clashes, instance.spots, len(occupancy.record), count, move.t
@@ -177,7 +177,7 @@ def _clashes(instance, store, occupancy, move, conflicts, count):
     return count
 
 
-@kernel(allocates=False)
+@kernel
 def _clashes_at(store, occupancy, move, since, conflicts, before, count):
     """Others that are at a spot from a step on to that of the move: (spot, step)."""
     (w, begin), num_robots = since, len(occupancy.record)
@@ -192,7 +192,7 @@ def _clashes_at(store, occupancy, move, since, conflicts, before, count):
     return count
 
 
-@kernel(allocates=False)
+@kernel
 def _add_clash(store, occupancy, move, other, conflicts, before, count):
     """Write the clash of two robots at a step unless it has been, since there were `before` conflicts."""
     robot, cost, _, v, t = move
@@ -209,7 +209,7 @@ def _add_clash(store, occupancy, move, other, conflicts, before, count):
     return _add(conflicts, count, (min(robot, other), max(robot, other)), CLASH, -1, v, t)
 
 
-@kernel(allocates=False)
+@kernel
 def _add(conflicts, count, robots, kind, tail, at, step):
     """Write a conflict where there is room for it; the number of conflicts with it."""
     if count < len(conflicts):

@@ -47,7 +47,7 @@ class ConstraintScratch(NamedTuple):
     limit: np.ndarray  # [3] int64
 
 
-@kernel(allocates=False)
+@kernel
 def load(instance, store, scratch, record):
     """Lay out the constraints of a record's chain.
 
@@ -100,13 +100,13 @@ def load(instance, store, scratch, record):
     return OK
 
 
-@kernel(inline="always", allocates=False)
+@kernel(inline="always")
 def elsewhere(must, stamp, step, spot):
     """True if the robot must be at another spot at this step."""
     return must[step] >> 32 == stamp and (must[step] & 0xFFFFFFFF) != spot
 
 
-@kernel(inline="always", allocates=False)
+@kernel(inline="always")
 def barred(rule, rule_at, u, v, step):
     """True if a rule of a touched spot v forbids to come from u at this step."""
     k = rule_at[v]
@@ -117,7 +117,7 @@ def barred(rule, rule_at, u, v, step):
     return False
 
 
-@kernel(inline="always", allocates=False)
+@kernel(inline="always")
 def is_forbidden(scratch, stamp, last_must, u, v, step):
     """See `forbidden`; for inner loops, where `number[STAMP]` and `limit[LAST_MUST]` are looked up before."""
     return (scratch.touched[v] == stamp and barred(scratch.rule, scratch.rule_at, u, v, step)) or (
@@ -125,13 +125,13 @@ def is_forbidden(scratch, stamp, last_must, u, v, step):
     )
 
 
-@kernel(allocates=False)
+@kernel
 def forbidden(scratch, u, v, step):
     """True if the constraints laid out forbid to come from spot u to spot v at this step, or to be at v = u at the first."""
     return is_forbidden(scratch, scratch.number[STAMP], scratch.limit[LAST_MUST], u, v, step)
 
 
-@kernel(inline="always", allocates=False)
+@kernel(inline="always")
 def put(scratch, k, vertex, step, before, label, bucket):
     """Write state k, and put it on top of a bucket: a list, of which the last state put in comes out first.
 

@@ -7,7 +7,7 @@ from mrp_sumo.search._kernel import kernel
 UNREACHABLE = 1 << 30  # distance of a vertex the goal cannot be reached from: larger than any, and two of them still fit int32
 
 
-@kernel
+@kernel(allocates=True)
 def reversed_lanes(first, head):
     """The lanes that enter each vertex.
 
@@ -37,7 +37,7 @@ def reversed_lanes(first, head):
     return first_in, tail_in
 
 
-@kernel(allocates=False)
+@kernel
 def steps_to(goal, first_in, tail_in, distance, queue):
     """Fill `distance` [V] int32 with the steps from each vertex to `goal`; `queue` [V] is scratch."""
     distance[:] = UNREACHABLE
@@ -56,7 +56,7 @@ def steps_to(goal, first_in, tail_in, distance, queue):
                 end += 1
 
 
-@kernel
+@kernel(allocates=True)
 def shortest_path(first, head, distance, start):
     """Vertices of a shortest path by a [V] table of steps to its end: the lowest lane first."""
     path = np.empty(distance[start] + 1, np.int64)

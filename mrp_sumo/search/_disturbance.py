@@ -10,7 +10,7 @@ from mrp_sumo.search._occupancy import MANY, ONE, WORD, next_visit
 from mrp_sumo.search._records import spot_at
 
 
-@kernel(inline="always", allocates=False)
+@kernel(inline="always")
 def is_taken(occupancy, spot, step):
     """True if another robot is at a spot at a step, on its way or for good; False beyond the steps that are known."""
     words = occupancy.words
@@ -18,7 +18,7 @@ def is_taken(occupancy, spot, step):
     return on_way or (step < words * WORD and occupancy.since[spot] <= step)
 
 
-@kernel(inline="always", allocates=False)
+@kernel(inline="always")
 def num_disturbed(store, occupancy, u, v, step, u_is_taken, following):
     """Number of robots disturbed by a move from spot u that arrives at spot v at a step, or by waiting at u = v.
 
@@ -47,7 +47,7 @@ def num_disturbed(store, occupancy, u, v, step, u_is_taken, following):
     return num
 
 
-@kernel(allocates=False)
+@kernel
 def num_too_close(instance, occupancy, move, at, step):
     """Number, about, of spots that clash with a move to `at` at `step` and are taken by others: one robot may count more than once."""
     clashes, spots = instance.clashes, instance.spots
@@ -63,7 +63,7 @@ def num_too_close(instance, occupancy, move, at, step):
     return num
 
 
-@kernel(allocates=False)
+@kernel
 def _others_there(occupancy, visit, step):
     """How many robots but the first are at a spot at a step."""
     after, num_robots = occupancy.after, len(occupancy.record)
@@ -76,7 +76,7 @@ def _others_there(occupancy, visit, step):
     return num
 
 
-@kernel(allocates=False)
+@kernel
 def _who_leave(store, occupancy, visit, u, v, step, following):
     """How many robots at v the step before go to u as the robot comes from there; with `following`, all who leave v."""
     after, num_robots = occupancy.after, len(occupancy.record)
@@ -91,7 +91,7 @@ def _who_leave(store, occupancy, visit, u, v, step, following):
     return num
 
 
-@kernel(allocates=False)
+@kernel
 def _who_follow(store, occupancy, visit, v, step):
     """How many robots enter the spot that the robot leaves, but those that come from v, where it goes."""
     after, num_robots = occupancy.after, len(occupancy.record)
@@ -105,7 +105,7 @@ def _who_follow(store, occupancy, visit, v, step):
     return num
 
 
-@kernel(allocates=False)
+@kernel
 def count_visits_from(occupancy, goal, begin, later):
     """Fill `later` with the visits of others at the goal, a spot, from each step on, from `begin`; the last step with one, -1 for none."""
     words, num_robots = occupancy.words, len(occupancy.record)

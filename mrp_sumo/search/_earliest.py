@@ -23,13 +23,13 @@ from mrp_sumo.search._records import FOREVER, NO_PATH, OK, OUT_OF_BUDGET, SCRATC
 NO_EDGE = (-1, -1)
 
 
-@kernel(inline="always", allocates=False)
+@kernel(inline="always")
 def _first_rule(touched, rule_at, stamp, v):
     """The first rule of a spot, -1 for none."""
     return np.int64(rule_at[v]) if touched[v] == stamp else np.int64(-1)
 
 
-@kernel(allocates=False)
+@kernel
 def _free_until(scratch, first_rule, v, step):
     """The last step until which a robot that is at spot v can stay there."""
     rule, must, stamp, last_must = scratch.rule, scratch.must, scratch.number[STAMP], scratch.limit[LAST_MUST]
@@ -45,7 +45,7 @@ def _free_until(scratch, first_rule, v, step):
     return until
 
 
-@kernel(allocates=False)
+@kernel
 def _entry(scratch, first_rule, u, v, step, latest):
     """(when spot v can be entered from spot u, not before `step`; the first step of its interval then)."""
     rule, must, stamp, last_must = scratch.rule, scratch.must, scratch.number[STAMP], scratch.limit[LAST_MUST]
@@ -72,7 +72,7 @@ def _entry(scratch, first_rule, u, v, step, latest):
     return step, begin
 
 
-@kernel(inline="always", allocates=False)
+@kernel(inline="always")
 def _last_state_at(state, at, num_states, v):
     """The state last put at v by this search, -1 for none."""
     k = np.int64(at[v])
@@ -81,7 +81,7 @@ def _last_state_at(state, at, num_states, v):
     return k
 
 
-@kernel(inline="always", allocates=False)
+@kernel(inline="always")
 def _entered_before(state, e, begin, arrive):
     """Whether an interval of a vertex, whose last state is e, was entered as early before."""
     known = False
@@ -91,7 +91,7 @@ def _entered_before(state, e, begin, arrive):
     return known
 
 
-@kernel(inline="always", allocates=False)
+@kernel(inline="always")
 def is_banned(place_of, u, v, banned):
     """True if a move between spots is the banned edge between two places, in either direction."""
     return banned[0] >= 0 and (
@@ -99,7 +99,7 @@ def is_banned(place_of, u, v, banned):
     )
 
 
-@kernel(allocates=False)
+@kernel
 def earliest_arrival(instance, scratch, start, distance, stay, banned, budget):
     """The least cost under the constraints laid out.
 

@@ -3,7 +3,7 @@
 from mrp_sumo.search._kernel import kernel
 
 
-@kernel(allocates=False)
+@kernel
 def push(heap, count, key):
     """Add a key to the first `count`; the array has room for one more."""
     k = count
@@ -16,7 +16,7 @@ def push(heap, count, key):
     heap[k] = key
 
 
-@kernel(allocates=False)
+@kernel
 def pop(heap, count):
     """Take the smallest of `count` keys away and return it."""
     top = heap[0]
@@ -37,7 +37,7 @@ def pop(heap, count):
     return top
 
 
-@kernel(allocates=False)
+@kernel
 def push_by(keys, entries, count, key, entry):
     """Add an entry with its key to the first `count`; both arrays have room for one more."""
     k = count
@@ -50,7 +50,7 @@ def push_by(keys, entries, count, key, entry):
     keys[k], entries[k] = key, entry
 
 
-@kernel(allocates=False)
+@kernel
 def pop_by(keys, entries, count):
     """Take the entry with the smallest of `count` keys away and return it."""
     top, last = entries[0], count - 1

@@ -6,7 +6,7 @@ from mrp_sumo.search._clashing import move_of, too_close
 from mrp_sumo.search._kernel import kernel
 
 
-@kernel
+@kernel(allocates=True)
 def can_reach(first, head, start, goal, following, clashes, spots):
     """True if robots can go from their starts to their goals without a conflict.
 
@@ -87,7 +87,7 @@ def can_reach(first, head, start, goal, following, clashes, spots):
     return False
 
 
-@kernel(allocates=False)
+@kernel
 def _rotate(at, there):
     """Whether some robots each go to where the next one was, in a ring."""
     for start in range(len(at)):

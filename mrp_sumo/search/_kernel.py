@@ -35,7 +35,7 @@ _shown: list[Callable[[], None]] = []  # to be called before a kernel is compile
 _unsealed: set[Path] = set()  # folders into which kernels were stored since their checksums were written
 
 
-def kernel(function: Callable[..., Any] | None = None, *, inline: str = "never", allocates: bool = True, nogil: bool = False) -> Any:
+def kernel(function: Callable[..., Any] | None = None, *, inline: str = "never", allocates: bool = False, nogil: bool = False) -> Any:
     """Compile a function when it is called, and store it.
 
     It is compiled once for each set of argument types; numba alone would also do so for each constant argument, and for each width of
@@ -49,8 +49,8 @@ def kernel(function: Callable[..., Any] | None = None, *, inline: str = "never",
     inline
         'always' puts its statements in the place of each call.
     allocates
-        Whether it makes arrays, or calls a kernel that does. References of arrays are counted only where it does: without,
-        to hand tuples of arrays from stage to stage costs nothing.
+        Whether it makes arrays, or calls a kernel that does: one that does without saying so is not compiled. References of arrays are
+        counted only there: without, to hand tuples of arrays from stage to stage costs nothing.
     nogil
         Whether other threads may run while Python waits for it. Two threads may then write the same array at once: give each its own.
     """

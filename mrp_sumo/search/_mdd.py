@@ -24,7 +24,7 @@ TOO_LARGE = -2  # in MDD0: more members than are worth building
 MOST_MEMBERS = 20_000
 
 
-@kernel(allocates=False)
+@kernel
 def _levels(instance, scratch, start, goal, distance, cost):
     """Build the levels 0..cost in scratch: how many members, 0 when there is no path of this cost, -1 too many, -2 no room."""
     level, member, mark, number = scratch.level, scratch.member, scratch.mark, scratch.number
@@ -96,7 +96,7 @@ def _levels(instance, scratch, start, goal, distance, cost):
     return total
 
 
-@kernel(allocates=False)
+@kernel
 def mdd_of(instance, store, scratch, record):
     """See that a record has its MDD: `MDD0` is where its levels begin, or TOO_LARGE.
 
@@ -144,13 +144,13 @@ def mdd_of(instance, store, scratch, record):
     return OK
 
 
-@kernel(allocates=False)
+@kernel
 def mdd_cost(store, record):
     """The cost of the record's MDD."""
     return store.meta[store.meta[record].origin].bound
 
 
-@kernel(allocates=False)
+@kernel
 def only(store, record, step):
     """The vertex of a level with one member, else -1; the last level's after the end."""
     mdd = store.meta[record].mdd0
@@ -162,7 +162,7 @@ def only(store, record, step):
     return np.int64(-1)
 
 
-@kernel(allocates=False)
+@kernel
 def raises_cost(instance, store, scratch, record, row0, row1):
     """True if these constraints cut through all paths of the record's MDD. False also when it is too large."""
     mdd = store.meta[record].mdd0

@@ -11,7 +11,7 @@ from mrp_sumo.search._kernel import kernel
 TURNED_RAD = 1e-9  # what is left of a turn that a last step does on top of its own
 
 
-@kernel(allocates=False)
+@kernel
 def stop_speed(free_m, decel_mps2, dt):
     """The highest speed for the next step that still allows a stop within `free_m` at `decel_mps2`.
 
@@ -24,7 +24,7 @@ def stop_speed(free_m, decel_mps2, dt):
     return n * b + (free_m - b * dt * n * (n + 1.0) / 2.0) / ((n + 1.0) * dt)
 
 
-@kernel(allocates=False)
+@kernel
 def approach_speed(free_m, limit_mps, decel_mps2, dt):
     """The highest speed for the next step with which a robot, braking at `decel_mps2`, has slowed to `limit_mps` within `free_m`.
 
@@ -41,7 +41,7 @@ def approach_speed(free_m, limit_mps, decel_mps2, dt):
     return w + n * b + max(0.0, left) / ((n + 1.0) * dt)
 
 
-@kernel(allocates=False)
+@kernel
 def turn_steps(angle_rad, turn_rate_rad_s, dt):
     """Number of steps that a turn in place takes."""
     most = turn_rate_rad_s * dt

@@ -42,13 +42,13 @@ def empty_occupancy(num_spots: int, num_robots: int, horizon: int) -> Occupancy:
     )
 
 
-@kernel(allocates=False)
+@kernel
 def steps_known(occupancy):
     """T: robots on their way are known of before this step."""
     return WORD * occupancy.words
 
 
-@kernel(inline="always", allocates=False)
+@kernel(inline="always")
 def next_visit(after, first, low, num_robots):
     """The first visit of a list, from visit `first` on, that is one of those numbered low + 1 .. low + num_robots; 0 for none."""
     k = np.int64(first)
@@ -57,7 +57,7 @@ def next_visit(after, first, low, num_robots):
     return k
 
 
-@kernel(allocates=False)
+@kernel
 def visitor(occupancy, spot, step, visit):
     """The next visit at a spot and step after `visit` (0: the first one), 0 when there is none; step is below T."""
     num_robots = len(occupancy.record)
@@ -71,7 +71,7 @@ def visitor(occupancy, spot, step, visit):
     return next_visit(occupancy.after, k, step * num_robots, num_robots)
 
 
-@kernel(allocates=False)
+@kernel
 def _install(store, occupancy, record):
     """Put a robot on its path; False when the path is longer than the tables."""
     busy, visit, after = occupancy.busy, occupancy.visit, occupancy.after
@@ -93,7 +93,7 @@ def _install(store, occupancy, record):
     return True
 
 
-@kernel(allocates=False)
+@kernel
 def uninstall(store, occupancy, robot):
     """Take a robot off its path."""
     record = occupancy.record[robot]
@@ -128,7 +128,7 @@ def uninstall(store, occupancy, robot):
     occupancy.record[robot] = -1
 
 
-@kernel(allocates=False)
+@kernel
 def install_all(store, occupancy, records, but):
     """Make the occupancy that of these records [R] without robot `but`; only what differs is touched."""
     for robot in range(len(records)):

@@ -54,13 +54,13 @@ class Store(NamedTuple):
     used: np.ndarray  # [5] int64
 
 
-@kernel(allocates=False)
+@kernel
 def spot_at(store, record, step):
     """The spot of a record's robot at a step."""
     return np.int64(store.path[store.meta[record].path0 + min(step, store.meta[record].cost)].spot)
 
 
-@kernel(allocates=False)
+@kernel
 def add_row(store, kind, spot, tail, from_step, to_step):
     """Append a constraint; False when there is no room."""
     k = store.used[ROWS]
@@ -75,7 +75,7 @@ def add_row(store, kind, spot, tail, from_step, to_step):
     return True
 
 
-@kernel(allocates=False)
+@kernel
 def add_record(store, parent, robot, row0, row1):
     """Append a record without path; -1 when there is no room."""
     k = store.used[RECORDS]

@@ -64,7 +64,7 @@ class _Window(NamedTuple):
     most: int  # robots disturbed that have buckets of their own; paths that disturb more share the last ones
 
 
-@kernel(allocates=False)
+@kernel
 def _window(scratch, num_vertices, shortest, least, bound):
     """(whether there is room for a search, its window)."""
     delays = np.int64(1)  # how many there is room for, a power of two
@@ -79,7 +79,7 @@ def _window(scratch, num_vertices, shortest, least, bound):
     return latest - shortest < delays and most >= 1, _Window(shortest, least, latest, shift, width, most)
 
 
-@kernel(inline="always", allocates=False)
+@kernel(inline="always")
 def _bucket(window, hurry, num_buckets, delay, to_go, disturbs):
     """Where a state goes: fewest robots disturbed first, then by cost; in a hurry, by a weighted sum of them and the steps to go."""
     if hurry:
@@ -89,7 +89,7 @@ def _bucket(window, hurry, num_buckets, delay, to_go, disturbs):
     return to
 
 
-@kernel(inline="always", allocates=False)
+@kernel(inline="always")
 def _is_no_better(state, e, num_states, vertex, step, disturbs):
     """Whether state e is the same vertex and step, and is expanded already or disturbs no more robots."""
     known = False
@@ -99,13 +99,13 @@ def _is_no_better(state, e, num_states, vertex, step, disturbs):
     return known
 
 
-@kernel(inline="always", allocates=False)
+@kernel(inline="always")
 def _write(instance, store, k, vertex):
     """Write a vertex of a path."""
     store.path[k].vertex, store.path[k].spot = vertex, instance.spots.of[vertex]
 
 
-@kernel(allocates=False)
+@kernel
 def find_path(tables, robot, least, bound, hurry, budget):
     """The path of a cost of at most `bound` that disturbs fewest, under the constraints laid out.
 
@@ -205,7 +205,7 @@ def find_path(tables, robot, least, bound, hurry, budget):
     return code, end
 
 
-@kernel(allocates=False)
+@kernel
 def replan(tables, record, effort):
     """Find the path of a record under its constraints, and write it to the store.
 

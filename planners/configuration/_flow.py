@@ -45,7 +45,7 @@ class LaneFlow(NamedTuple):
     left: np.ndarray  # [V] int32 scratch
 
 
-@kernel(allocates=False)
+@kernel
 def give_ways(flow, robots):
     """Give robots the cheapest ways, in the place of those they have."""
     first, head, cost, left, start, goal = flow.first, flow.head, flow.cost, flow.left, flow.start, flow.goal
@@ -68,7 +68,7 @@ def give_ways(flow, robots):
             _count(flow, flow.way[robot, m], 1)
 
 
-@kernel(allocates=False)
+@kernel
 def _count(flow, lane, change):
     flow.num[lane] += change
     back = flow.reverse[lane]
@@ -76,14 +76,14 @@ def _count(flow, lane, change):
         flow.cost[back] = min(STEP + AGAINST * flow.num[lane], MOST)
 
 
-@kernel(allocates=False)
+@kernel
 def write_guide(flow, guide, begin, end):
     """[R, V] what is left to each robot's goal from everywhere, for robots begin to end - 1."""
     for robot in range(begin, end):
         write_left(flow, flow.goal[robot], np.int64(-1), guide[robot])
 
 
-@kernel(allocates=False)
+@kernel
 def write_left(flow, goal, until, left):
     """Least costs [V] from every vertex to the goal, or from those that are nearer than `until`; FAR where there is no way.
 
@@ -128,7 +128,7 @@ class TrafficMap(NamedTuple):
     delay: np.ndarray  # [L] int64 steps lost by robots that would have taken it
 
 
-@kernel(allocates=False)
+@kernel
 def observe(world, traffic, path):
     """Enter what robots did on the way [T, R] to their goals."""
     for t in range(len(path) - 1):
@@ -145,7 +145,7 @@ def observe(world, traffic, path):
                     break
 
 
-@kernel(allocates=False)
+@kernel
 def write_tolls(traffic, toll):
     """[L] int64 what lanes cost, STEP to MOST."""
     for lane in range(len(toll)):

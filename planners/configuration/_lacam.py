@@ -55,7 +55,7 @@ class LacamMemory(NamedTuple):
     count: np.ndarray  # [6] int64
 
 
-@kernel
+@kernel(allocates=True)
 def begin(world, search, start, h):
     """Put the start in the empty search."""
     n = search.count
@@ -69,7 +69,7 @@ def begin(world, search, start, h):
     n[OPEN] = 1
 
 
-@kernel
+@kernel(allocates=True)
 def search_on(world, room, search, num_tries, iterations, rng):
     """Go on for a number of iterations.
 
@@ -148,7 +148,7 @@ def search_on(world, room, search, num_tries, iterations, rng):
     return RUNNING
 
 
-@kernel
+@kernel(allocates=True)
 def insert_path(world, scratch, search, path):
     """Make a solution found elsewhere, [T, R] rows from start to goal, part of the search. False when room is needed."""
     n = search.count
@@ -178,7 +178,7 @@ def insert_path(world, scratch, search, path):
     return True
 
 
-@kernel(allocates=False)
+@kernel
 def _full(scratch, search):
     """Whether the next visit may need more room than there is: a node, an edge, a branch a candidate, some of open."""
     n = search.count
@@ -190,7 +190,7 @@ def _full(scratch, search):
     )
 
 
-@kernel(allocates=False)
+@kernel
 def _digest(config):
     """31 bits; a product of 31 and 25 bits stays within an int64."""
     digest = np.int64(0x11C9DC5)
@@ -200,7 +200,7 @@ def _digest(config):
     return digest
 
 
-@kernel
+@kernel(allocates=True)
 def _find(search, config, digest):
     mask = len(search.slot) - 1
     k = digest & mask
@@ -212,7 +212,7 @@ def _find(search, config, digest):
     return np.int64(NONE)
 
 
-@kernel
+@kernel(allocates=True)
 def fill_slots(search):
     """Rebuild the hash table after the store has grown."""
     search.slot[:] = NONE
@@ -224,7 +224,7 @@ def fill_slots(search):
         search.slot[k] = node
 
 
-@kernel
+@kernel(allocates=True)
 def _create(search, config, digest, h):
     n = search.count
     node = n[NODES]
@@ -251,7 +251,7 @@ def _create(search, config, digest, h):
     return node
 
 
-@kernel(allocates=False)
+@kernel
 def _grow_tree(world, search, node, branch, rng):
     """Append what may come after a branch: one more robot on each of its vertices, in random order."""
     depth = search.branch_depth[branch]
@@ -278,7 +278,7 @@ def _grow_tree(world, search, node, branch, rng):
         search.last_branch[node] = new
 
 
-@kernel
+@kernel(allocates=True)
 def _generate(world, scratch, search, node, branch, num_tries, rng):
     """Generate configurations that keep to the branch; `search.best` is the one of least cost to come. False when there is none."""
     here, order, to = search.config[node], search.order[node], search.to
@@ -298,7 +298,7 @@ def _generate(world, scratch, search, node, branch, num_tries, rng):
     return least >= 0
 
 
-@kernel(allocates=False)
+@kernel
 def _transition(world, here, to):
     """(robots not at their goals before and after, change of the sum of steps to go). The sum of both is never negative."""
     cost, h_change = np.int64(0), np.int64(0)
@@ -311,7 +311,7 @@ def _transition(world, here, to):
     return cost, h_change
 
 
-@kernel(allocates=False)
+@kernel
 def _connect(search, node, other, cost):
     e = search.first_edge[node]
     while e >= 0:
@@ -327,7 +327,7 @@ def _connect(search, node, other, cost):
     search.first_edge[node] = e
 
 
-@kernel(allocates=False)
+@kernel
 def _relax_from(search, node):
     """Lower the costs of what is reached from a node, as far as that helps; open again what has become promising."""
     n = search.count

@@ -40,7 +40,7 @@ class LocalGuidance(NamedTuple):
     count: np.ndarray  # [3] int64 the present step, searches so far, the last bucket that was used
 
 
-@kernel(allocates=False)
+@kernel
 def guide_locally(world, local, onward, here, order, rng):
     """Write robots' next steps to `onward` [R].
 
@@ -84,7 +84,7 @@ def guide_locally(world, local, onward, here, order, rng):
         onward[i] = local.path[i, (now + 1) & mask]
 
 
-@kernel(allocates=False)
+@kernel
 def _is_best(world, local, i):
     """Whether a path loses no step and collides with nobody's."""
     mask, now = local.path.shape[1] - 1, local.count[NOW]
@@ -102,7 +102,7 @@ def _is_best(world, local, i):
     return True
 
 
-@kernel(allocates=False)
+@kernel
 def _find(world, local, i, start, rng):
     """Write the cheapest path: by cost, the deepest vertex first among equals."""
     mask, now = local.path.shape[1] - 1, local.count[NOW]
@@ -151,7 +151,7 @@ def _find(world, local, i, start, rng):
         e = np.int64(entry[e, 2])
 
 
-@kernel(allocates=False)
+@kernel
 def _next_search(local):
     """The number of a new search."""
     local.count[SEARCH] += 1
@@ -161,7 +161,7 @@ def _next_search(local):
     return local.count[SEARCH]
 
 
-@kernel(allocates=False)
+@kernel
 def _turn(world, i, v, rng):
     """Which move to enter first; the last is looked at first: the one on the robot's own way, or any."""
     num_lanes = world.first[v + 1] - world.first[v]
@@ -171,7 +171,7 @@ def _turn(world, i, v, rng):
     return np.int64(rng.random() * (num_lanes + 1))
 
 
-@kernel(allocates=False)
+@kernel
 def _loss(world, i, v, u, lane):
     """What a move costs, and what is left of the way after it, less what was left before it."""
     if world.guided:
@@ -179,7 +179,7 @@ def _loss(world, i, v, u, lane):
     return STEP * (1 + nearer(world, i, u, v))
 
 
-@kernel(allocates=False)
+@kernel
 def _num_on_lane(world, local, lane, u, t):
     """How many others' paths forbid to come along a lane to u at a step, but for those that are at u then."""
     mask = local.path.shape[1] - 1
@@ -190,7 +190,7 @@ def _num_on_lane(world, local, lane, u, t):
     return np.int64(local.num_on[t & mask, back]) if back >= 0 else np.int64(0)
 
 
-@kernel(allocates=False)
+@kernel
 def _lengthen(world, local, i, t):
     """Have a path that ends at step t lead one step nearer the goal, where nobody is if that is possible."""
     mask = local.path.shape[1] - 1
@@ -210,7 +210,7 @@ def _lengthen(world, local, i, t):
     _count_lane(world, local, i, t + 1, 1)
 
 
-@kernel(allocates=False)
+@kernel
 def _count(world, local, i, change):
     """Count a path, or no longer."""
     mask, now = local.path.shape[1] - 1, local.count[NOW]
@@ -220,7 +220,7 @@ def _count(world, local, i, change):
         _count_lane(world, local, i, t, change)
 
 
-@kernel(allocates=False)
+@kernel
 def _count_lane(world, local, i, t, change):
     """Count the lane on which a path comes to where it is at step t."""
     mask = local.path.shape[1] - 1
@@ -229,7 +229,7 @@ def _count_lane(world, local, i, t, change):
         local.num_on[t & mask, move_along(world, _lane(world, v, u))] += np.int64(change)
 
 
-@kernel(allocates=False)
+@kernel
 def _lane(world, v, u):
     """The lane from v to u, which are neighbours."""
     lane = world.first[v]

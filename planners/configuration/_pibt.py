@@ -60,7 +60,7 @@ class PibtRoom(NamedTuple):
     local: LocalGuidance
 
 
-@kernel(allocates=False)
+@kernel
 def step(world, scratch, here, to, order, rng):
     """Choose every robot's next vertex.
 
@@ -110,7 +110,7 @@ def step(world, scratch, here, to, order, rng):
     return valid
 
 
-@kernel(allocates=False)
+@kernel
 def _pibt(world, scratch, here, to, root, rng):
     """Find a next vertex for `root`, and for whoever it pushes (the function PIBT). False when `root` cannot even stay."""
     now, reserved, stack, choice = scratch.now, scratch.next, scratch.stack, scratch.choice
@@ -162,7 +162,7 @@ def _pibt(world, scratch, here, to, root, rng):
     return False
 
 
-@kernel(allocates=False)
+@kernel
 def _pull_partner(world, scratch, here, to, i):
     """Have the robot that i swaps with follow at once, so that the two can turn round at the fork ahead."""
     p = scratch.partner[i]
@@ -175,7 +175,7 @@ def _pull_partner(world, scratch, here, to, i):
         to[p] = here[i]
 
 
-@kernel(allocates=False)
+@kernel
 def _impose(world, scratch, here, to):
     """Reserve the vertices that are imposed on robots. False when they collide."""
     for i in range(len(here)):
@@ -191,7 +191,7 @@ def _impose(world, scratch, here, to):
     return True
 
 
-@kernel(allocates=False)
+@kernel
 def _refused(world, scratch, here, to, i, u):
     """Whether i may not go to u, given who has chosen already: taken, a swap, following, a ring or a clash."""
     if _taken(world, scratch, here, to, i, u):
@@ -199,7 +199,7 @@ def _refused(world, scratch, here, to, i, u):
     return world.near and u != here[i] and _too_close(world, scratch, here, to, i, u) == CHOSEN
 
 
-@kernel(allocates=False)
+@kernel
 def _taken(world, scratch, here, to, i, u):
     """`_refused` by the rules of MAPF."""
     there = spot_of(world, u)
@@ -225,7 +225,7 @@ def _taken(world, scratch, here, to, i, u):
     return False
 
 
-@kernel(allocates=False)
+@kernel
 def _too_close(world, scratch, here, to, i, u):
     """Who keeps i from going to u by being too close: NOBODY, robots that have CHOSEN, or else one that can be pushed away.
 
@@ -257,7 +257,7 @@ def _too_close(world, scratch, here, to, i, u):
     return standing
 
 
-@kernel(allocates=False)
+@kernel
 def _wish(world, scratch, move, robot):
     """Let nobody come near a move for which a robot waits; -1 lifts that."""
     clashes = world.clashes
@@ -266,7 +266,7 @@ def _wish(world, scratch, move, robot):
         scratch.wished[clashes.vertex[k]] = robot
 
 
-@kernel(allocates=False)
+@kernel
 def _wait_all(world, scratch, here, to, depth):
     """Let all on the stack stay for this step; False where somebody else is to come where the first of them stands."""
     first = scratch.stack[0]
@@ -280,7 +280,7 @@ def _wait_all(world, scratch, here, to, depth):
     return True
 
 
-@kernel(allocates=False)
+@kernel
 def _sort_candidates(world, scratch, here, to, i, rng):
     """List the candidates of robot i, the preferred first, and find its partner for a swap.
 
@@ -331,7 +331,7 @@ def _sort_candidates(world, scratch, here, to, i, rng):
                 scratch.candidate[i, num - 1 - k] = u
 
 
-@kernel(allocates=False)
+@kernel
 def _num_hindered(world, scratch, here, i, u):
     """How many other robots prefer to be at u's spot to where they are."""
     num, spot = 0, spot_of(world, u)
@@ -342,7 +342,7 @@ def _num_hindered(world, scratch, here, i, u):
     return num
 
 
-@kernel(allocates=False)
+@kernel
 def _swap_partner(world, scratch, here, to, i):
     """The robot that i has to change places with in a corridor, and can; -1 for none (Okumura, IJCAI 2023, section 4)."""
     v, best = here[i], scratch.candidate[i, 0]
@@ -361,7 +361,7 @@ def _swap_partner(world, scratch, here, to, i):
     return -1
 
 
-@kernel(allocates=False)
+@kernel
 def _swap_required(world, scratch, pusher, puller, at, ahead):
     """Follow the corridor through which the pusher would push the puller: does each want to get to the other's side?
 
@@ -384,7 +384,7 @@ def _swap_required(world, scratch, pusher, puller, at, ahead):
     return prefers(world, puller, at, ahead) and (pusher_there or prefers(world, pusher, ahead, at))
 
 
-@kernel(allocates=False)
+@kernel
 def _swap_possible(world, scratch, begin, at):
     """Follow the corridor the other way: is there a fork where one of the two can step aside?"""
     before, here = begin, at
@@ -400,7 +400,7 @@ def _swap_possible(world, scratch, begin, at):
     return False
 
 
-@kernel(allocates=False)
+@kernel
 def _ways_on(world, scratch, before, at):
     """How many ways lead on from `at`, and the last of them; not back to `before`, nor into a dead end whose robot is at its goal."""
     num, onward = 0, np.int64(-1)
@@ -416,7 +416,7 @@ def _ways_on(world, scratch, before, at):
     return num, onward
 
 
-@kernel(allocates=False)
+@kernel
 def run(world, room, path, begin, end, order, rng):
     """PIBT over time: fill rows begin + 1 to end of `path` [T, R], or up to where all are at their goals.
 
@@ -437,7 +437,7 @@ def run(world, room, path, begin, end, order, rng):
     return end, False
 
 
-@kernel(allocates=False)
+@kernel
 def reorder(world, here, order, out):
     """Priorities after a step: elapsed time since a robot was last at its goal. `out` may be `order`."""
     k = 0

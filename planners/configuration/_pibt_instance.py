@@ -65,13 +65,13 @@ class PibtInstance(NamedTuple):
     back: np.ndarray  # [N] int64 the move the other way, -1: none
 
 
-@kernel(inline="always", allocates=False)
+@kernel(inline="always")
 def spot_of(world, v):
     """The spot that a robot takes at v."""
     return world.spot[v]
 
 
-@kernel(allocates=False)
+@kernel
 def nearer(world, robot, u, v):
     """Steps to the goal of `robot` from u less those from v. u and v are neighbours or the same."""
     if not world.packed:
@@ -79,7 +79,7 @@ def nearer(world, robot, u, v):
     return step_towards(world.compass.code, robot, u, v)
 
 
-@kernel(allocates=False)
+@kernel
 def prefers(world, robot, u, v):
     """True if a robot prefers u to v, which are neighbours or the same."""
     if world.guided:
@@ -87,13 +87,13 @@ def prefers(world, robot, u, v):
     return nearer(world, robot, u, v) < 0
 
 
-@kernel(inline="always", allocates=False)
+@kernel(inline="always")
 def move_along(world, lane):
     """The move between spots that a robot makes along a lane."""
     return world.move[lane] if world.shared else np.int64(lane)
 
 
-@kernel(allocates=False)
+@kernel
 def wants(world, robot, v, spot):
     """True if a robot at v prefers to be at a spot beside it."""
     if not world.shared:
@@ -104,7 +104,7 @@ def wants(world, robot, v, spot):
     return False
 
 
-@kernel(allocates=False)
+@kernel
 def next_on_way(world, robot, v):
     """The vertex after v on the robot's way, -1 where v is not on it, or the robot has none."""
     if len(world.way) != len(world.goal):
@@ -119,13 +119,13 @@ def next_on_way(world, robot, v):
     return np.int64(-1)
 
 
-@kernel(allocates=False)
+@kernel
 def read_code(code, robot, v):
     """Distance modulo 3 and 1, or UNKNOWN."""
     return np.int64((code[robot, v >> 2] >> (2 * (v & 3))) & 3)
 
 
-@kernel(allocates=False)
+@kernel
 def step_towards(code, robot, u, v):
     """Steps to the goal of `robot` from u less those from v, neighbours or the same: -1, 0 or 1; 0 where one is not known."""
     a, b = read_code(code, robot, u), read_code(code, robot, v)
@@ -135,7 +135,7 @@ def step_towards(code, robot, u, v):
     return np.int64(d if d < 2 else -1)
 
 
-@kernel(allocates=False)
+@kernel
 def extend(compass, goal, robot, at, slack):
     """Search again for a robot at vertex `at`, with four times the room each time until it and its neighbours are known.
 
@@ -167,7 +167,7 @@ def extend(compass, goal, robot, at, slack):
         slack = slack * 4 if slack < num_vertices else 4 * num_vertices
 
 
-@kernel(allocates=False)
+@kernel
 def _search(compass, goal, robot, at, slack, aside):
     """One breadth-first search in the region of `slack`, so far aside of the line from the goal to `at` at most.
 
@@ -210,7 +210,7 @@ def _search(compass, goal, robot, at, slack, aside):
     return found, whole
 
 
-@kernel(allocates=False)
+@kernel
 def extend_all(compass, goal, at, begin, end, slack, steps):
     """`extend` for those of robots begin to end - 1 whose own vertices are not known, with their steps to the goal in `steps`."""
     bound = compass.bound

@@ -46,7 +46,7 @@ class StepPaths(NamedTuple):
     entry_next: np.ndarray  # [L + 1] int64
 
 
-@kernel(allocates=False)
+@kernel
 def give_ways(ways, robots, search, rng):
     """Give robots ways in the place of those they have; `search` is the number of the first one's search, never used before."""
     for k in range(len(robots)):
@@ -57,7 +57,7 @@ def give_ways(ways, robots, search, rng):
         _hold(ways, robot, 1)
 
 
-@kernel(allocates=False)
+@kernel
 def _find(ways, robot, search, rng):
     """Write the shortest way that meets the fewest others, the deepest vertex first among equals."""
     start, goal = ways.start[robot], ways.goal[robot]
@@ -105,7 +105,7 @@ def _find(ways, robot, search, rng):
         at = np.int64(ways.before[at])
 
 
-@kernel(allocates=False)
+@kernel
 def _leads_on(ways, robot, v, u):
     """Whether the lane from v to u is on a shortest way."""
     if ways.packed:
@@ -113,7 +113,7 @@ def _leads_on(ways, robot, v, u):
     return ways.table[robot, u] < ways.table[robot, v]
 
 
-@kernel(allocates=False)
+@kernel
 def _hold(ways, robot, change):
     """Enter the robot's way among what is held, or take it out."""
     way, first, head = ways.way[robot], ways.first, ways.head
@@ -130,13 +130,13 @@ def _hold(ways, robot, change):
     ways.held_from[spot_of(ways, way[steps])] = steps if change > 0 else NEVER
 
 
-@kernel(allocates=False)
+@kernel
 def _held(ways, place, step):
     """How many hold a spot, or a move beyond those, at a step."""
     return ways.held[_probed(ways, place, step)] & ((1 << COUNT) - 1)
 
 
-@kernel(allocates=False)
+@kernel
 def _slot(ways, place, step):
     """Where that is counted."""
     slot = _probed(ways, place, step)
@@ -145,7 +145,7 @@ def _slot(ways, place, step):
     return slot
 
 
-@kernel(allocates=False)
+@kernel
 def _probed(ways, place, step):
     """Where that is counted, or could be; places near each other are near at the same time, which is placed by Fibonacci hashing."""
     wanted, mask = _key(ways, place, step), len(ways.held) - 1
@@ -155,7 +155,7 @@ def _probed(ways, place, step):
     return slot
 
 
-@kernel(allocates=False)
+@kernel
 def _key(ways, place, step):
     """A number above 0."""
     return np.int64(place) * ways.way.shape[1] + step + 1

@@ -12,7 +12,7 @@ from mrp_sumo.search._kernel import kernel
 MOST_STEPS = 20_000
 
 
-@kernel
+@kernel(allocates=True)
 def cover(num_robots, first, member, least):
     """The least sum of x >= 0 in which every group g has a sum of at least least[g]: exact, or a lower bound where that takes long.
 
@@ -54,7 +54,7 @@ def cover(num_robots, first, member, least):
     return total
 
 
-@kernel
+@kernel(allocates=True)
 def _cover_part(order, groups, num_robots, first, member, least):
     """Depth first over the values of each robot, in the order of `order`, which is sorted here: those in the weightiest groups first."""
     size = len(order)

@@ -25,14 +25,14 @@ APART, TOGETHER, LOST = 0, 1, 2  # nowhere near each other; a pair of shortest p
 UNKNOWN_YET = 3  # an MDD is too large
 
 
-@kernel(inline="always", allocates=False)
+@kernel(inline="always")
 def _level(store, record, cost, step):
     """(first, end) of the members of a level; after the end the robot stays."""
     k = store.meta[record].mdd0 + min(step, cost)
     return store.level[k], store.level[k + 1]
 
 
-@kernel(allocates=False)
+@kernel
 def _near(instance, store, scratch, one, other):
     """(first, last) step at which the two may be in conflict, on shortest paths; last is 0 where they cannot."""
     mark, number = scratch.mark, scratch.number
@@ -58,7 +58,7 @@ def _near(instance, store, scratch, one, other):
     return first, last
 
 
-@kernel
+@kernel(allocates=True)
 def _moves(instance, store, scratch, record, begin, end):
     """The moves between the levels of an MDD from `begin` to `end`.
 
@@ -104,7 +104,7 @@ def _moves(instance, store, scratch, record, begin, end):
     return code, first, to
 
 
-@kernel(allocates=False)
+@kernel
 def _places(store, scratch, record, step, of, of_step, found):
     """For each member of a level of record `of`, its place in a level of `record`, -1 for none."""
     mark, queue, number = scratch.mark, scratch.queue, scratch.number
@@ -118,7 +118,7 @@ def _places(store, scratch, record, step, of, of_step, found):
         found[k - low] = queue[store.member[k]] if mark[store.member[k]] == now else -1
 
 
-@kernel(allocates=False)
+@kernel
 def _advance(following, pairs, moves, begins, sizes, swaps):
     """Find the pairs that both can be at a step after others.
 
@@ -168,7 +168,7 @@ def _advance(following, pairs, moves, begins, sizes, swaps):
             after[a, meets[a]] = 0
 
 
-@kernel(allocates=False)
+@kernel
 def _note_lost(store, lost, count, both_kept, moves, level):
     """Write the lost places of a robot that it reaches from one that is not; the number written so far.
 
@@ -195,7 +195,7 @@ def _note_lost(store, lost, count, both_kept, moves, level):
     return count
 
 
-@kernel
+@kernel(allocates=True)
 def joint_paths(instance, store, scratch, one, other):
     """Shortest paths of two robots without a conflict, and where there are none, what to split on.
 
@@ -293,7 +293,7 @@ def joint_paths(instance, store, scratch, one, other):
     return OK, found, row0, middle, store.used[ROWS]
 
 
-@kernel(allocates=False)
+@kernel
 def _bar_lost(store, lost, cost):
     """Keep a robot from its lost places; False where there is no room. At its goal after its end: from ending so early."""
     fits = True
@@ -304,7 +304,7 @@ def _bar_lost(store, lost, cost):
     return fits
 
 
-@kernel(allocates=False)
+@kernel
 def breaks(store, record, row0, row1):
     """True if the path of a record does not keep these constraints, RANGE and MIN_COST."""
     path0, cost = store.meta[record].path0, store.meta[record].cost

@@ -9,7 +9,7 @@ from mrp_sumo.search._records import CONSTRAINT, OK, RECORDS, STORE_FULL, add_re
 from mrp_sumo.search._space_time import replan
 
 
-@kernel
+@kernel(allocates=True)
 def branch(tables, records, conflicts, robot, rows, effort):
     """Replan a robot of a node with constraints on top of those it has.
 
@@ -42,7 +42,7 @@ def branch(tables, records, conflicts, robot, rows, effort):
     return OK, record, conflicts_of(instance, store, occupancy, robot, record, conflicts)
 
 
-@kernel
+@kernel(allocates=True)
 def all_rows(store, record):
     """[N] CONSTRAINT, those that a record's chain adds up to."""
     count = 0
@@ -61,7 +61,7 @@ def all_rows(store, record):
     return rows
 
 
-@kernel(allocates=False)
+@kernel
 def same_path(store, record, robot, path_of, like, row0, row1):
     """A record on the path of another one; -1 when there is no room.
 

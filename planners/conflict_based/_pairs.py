@@ -21,7 +21,7 @@ PAIR_PATIENCE = 20
 IMPOSSIBLE = 1 << 28  # the weight of a pair that cannot be solved under its constraints
 
 
-@kernel
+@kernel(allocates=True)
 def pair_weight(tables, one, other, most_nodes, budget):
     """The least sum of costs of two robots without conflicts, minus that of their paths.
 
@@ -50,7 +50,7 @@ def pair_weight(tables, one, other, most_nodes, budget):
     return code, weight
 
 
-@kernel(inline="always")
+@kernel(inline="always", allocates=True)
 def _solve_pair(tables, one, other, most_nodes, budget):
     instance, store, occupancy, scratch = tables
     num_robots = len(instance.start)

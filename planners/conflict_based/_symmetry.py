@@ -47,7 +47,7 @@ MOST_CORNERS = 5  # levels of one member looked at for each corner of a rectangl
 CORRIDOR_BUDGET = 20_000  # expansions for an arrival time
 
 
-@kernel
+@kernel(allocates=True)
 def choose(instance, store, scratch, records, conflicts, symmetries, shortest):
     """Fill in the priorities and splits that are unknown, and choose.
 
@@ -94,7 +94,7 @@ def choose(instance, store, scratch, records, conflicts, symmetries, shortest):
     return OK, chosen
 
 
-@kernel(inline="always")
+@kernel(inline="always", allocates=True)
 def _split_joint(instance, store, scratch, one, other, row, known):
     """Where all shortest paths of the two are in conflict, write the split that raises the cost of both.
 
@@ -123,7 +123,7 @@ def _split_joint(instance, store, scratch, one, other, row, known):
     return OK
 
 
-@kernel(inline="always")
+@kernel(inline="always", allocates=True)
 def _split(instance, store, scratch, one, other, row, symmetries):
     """Write the best split of one conflict."""
     kind, at, step = row.kind, row.at, row.step
@@ -182,7 +182,7 @@ def _split(instance, store, scratch, one, other, row, symmetries):
     return OK
 
 
-@kernel
+@kernel(allocates=True)
 def _split_clash(instance, store, one, other, row):
     """Rows that keep two robots from making moves that clash; the row at which those of OTHER begin, -1 where there is no room.
 
@@ -214,7 +214,7 @@ def _split_clash(instance, store, one, other, row):
     return _two_sides(instance, store, 0, edge, moves[0, 2], (step - 1, step, step, step))
 
 
-@kernel(allocates=False)
+@kernel
 def _split_meeting(instance, store, one_at, other_at, step):
     """Keep one of two robots from a place at a step; the row at which those of OTHER begin, -1 where there is no room."""
     fits = _bar_place(instance, store, one_at, step, step)
@@ -222,7 +222,7 @@ def _split_meeting(instance, store, one_at, other_at, step):
     return middle if fits and _bar_place(instance, store, other_at, step, step) else np.int64(-1)
 
 
-@kernel(allocates=False)
+@kernel
 def _bar_place(instance, store, v, begin, end):
     """Keep a robot from the place of spot v, from a step to another. False where there is no room."""
     spots, fits = instance.spots, add_row(store, RANGE, v, -1, begin, end)
@@ -231,7 +231,7 @@ def _bar_place(instance, store, v, begin, end):
     return fits
 
 
-@kernel(allocates=False)
+@kernel
 def _two_sides(instance, store, side, where, move, span):
     """Keep the robot of a side from a place (kind, v, u, t), the other from what clashes with `move`; see `_bar` for `span`.
 
@@ -249,7 +249,7 @@ def _two_sides(instance, store, side, where, move, span):
     return middle if fits else np.int64(-1)
 
 
-@kernel(allocates=False)
+@kernel
 def _bar(instance, store, move, span):
     """Keep a robot from what clashes with a move. `span`: the steps from and to which spots are barred, and arrivals by moves."""
     begin, end, arrive, until = span
@@ -263,7 +263,7 @@ def _bar(instance, store, move, span):
     return fits
 
 
-@kernel(allocates=False)
+@kernel
 def _rank(instance, store, scratch, one, other, row):
     """2 for a cardinal split, 1 for a semi-cardinal one, else 0."""
     rank = 0
@@ -274,7 +274,7 @@ def _rank(instance, store, scratch, one, other, row):
     return rank
 
 
-@kernel(allocates=False)
+@kernel
 def _between(instance, v, ends):
     """Whether the place of spot v has exactly two neighbours; a spot at each is written to `ends`."""
     spots, count = instance.spots, 0
@@ -287,7 +287,7 @@ def _between(instance, v, ends):
     return count == 2
 
 
-@kernel(allocates=False)
+@kernel
 def _noted(place_of, ends, count, v):
     """Write a spot to `ends` unless one at its place is there; how many places there are then, of which two are written."""
     for k in range(min(count, 2)):
@@ -298,7 +298,7 @@ def _noted(place_of, ends, count, v):
     return count + 1
 
 
-@kernel
+@kernel(allocates=True)
 def _followed(instance, row, before, at, other_end):
     """Follow a corridor to which one comes from `before`: its end, the spot before that, and the lanes to there, -1 on a ring."""
     place_of, ends, lanes = instance.spots.place, np.empty(2, np.int64), 0
@@ -310,7 +310,7 @@ def _followed(instance, row, before, at, other_end):
     return at, before, lanes
 
 
-@kernel(allocates=False)
+@kernel
 def _is_bound_for(instance, row, v):
     """Whether one of the two robots of a conflict starts or ends at the place of spot v."""
     spots = instance.spots
@@ -321,7 +321,7 @@ def _is_bound_for(instance, row, v):
     return False
 
 
-@kernel
+@kernel(allocates=True)
 def _corridor_of(instance, store, one, other, row, corridor):
     """Find the corridor around a conflict of robots that go through it in opposite directions.
 
@@ -364,7 +364,7 @@ def _corridor_of(instance, store, one, other, row, corridor):
     return True
 
 
-@kernel(allocates=False)
+@kernel
 def _first_at(instance, store, record, spot, step):
     """When the path is at the place of a spot, from a step on; -1 for never."""
     place_of, path0, cost = instance.spots.place, store.meta[record].path0, store.meta[record].cost
@@ -374,7 +374,7 @@ def _first_at(instance, store, record, spot, step):
     return -1
 
 
-@kernel(allocates=False)
+@kernel
 def _steps_without(instance, scratch, end, banned):
     """Fill `scratch.reach` with the steps to the place of spot `end` that do not use an edge between two places."""
     reach, queue, spots = scratch.reach, scratch.queue, instance.spots
@@ -396,7 +396,7 @@ def _steps_without(instance, scratch, end, banned):
                 count += 1
 
 
-@kernel(allocates=False)
+@kernel
 def _arrival(instance, scratch, start, end, banned):
     """The earliest step at the place of spot `end` under the loaded constraints, FOREVER if never; a lower bound when it takes too long."""
     _steps_without(instance, scratch, end, banned)
@@ -404,7 +404,7 @@ def _arrival(instance, scratch, start, end, banned):
     return np.int64(FOREVER) if code == NO_PATH else np.int64(cost)
 
 
-@kernel(allocates=False)
+@kernel
 def _split_corridor(instance, store, scratch, one, other, row, corridor):
     """Range constraints at the ends of a corridor; NO_PATH when they would not end the conflict."""
     one_end, other_end, length, step, place_of = corridor[0], corridor[1], corridor[2], row.step, instance.spots.place
@@ -442,7 +442,7 @@ def _split_corridor(instance, store, scratch, one, other, row, corridor):
     return OK
 
 
-@kernel(allocates=False)
+@kernel
 def _corners(instance, store, record, at, step, direction, corner):
     """Steps of MDD levels with one member from which (direction -1) or to which (+1) all paths run straight to the conflict.
 
@@ -463,7 +463,7 @@ def _corners(instance, store, record, at, step, direction, corner):
     return count
 
 
-@kernel(allocates=False)
+@kernel
 def _ways(instance, store, record, at, direction, step, ways):
     """The signs in which a corner at `step` lies from the conflict, in the sense of travel: ways[0] for columns, ways[1] for lines."""
     v = only(store, record, step)
@@ -471,7 +471,7 @@ def _ways(instance, store, record, at, direction, step, ways):
     ways[1] = direction * np.sign(instance.line[v] - instance.line[at])
 
 
-@kernel
+@kernel(allocates=True)
 def _split_rectangle(instance, store, one, other, row):
     """Barrier constraints of a rectangle around a meeting; NO_PATH when there is none."""
     at, step = row.at, row.step
@@ -501,7 +501,7 @@ def _split_rectangle(instance, store, one, other, row):
     return NO_PATH
 
 
-@kernel
+@kernel(allocates=True)
 def _barriers(instance, store, one, other, row, corners, ways):
     """The barriers for these corners; NO_PATH when they make no rectangle or a path does not break its barrier."""
     (from_one, from_other), (to_one, to_other) = corners

@@ -31,7 +31,7 @@ from planners.neighbourhood._sipps import plan_one, plan_straight
 from planners.neighbourhood._traffic import add_path, closes_ring, lane_between, remove_path
 
 
-@kernel(allocates=False, nogil=True)
+@kernel(nogil=True)
 def improve(traffic, labels, hood, gains, iterations, most_labels, rng):
     """Try to make paths without collisions shorter.
 
@@ -95,7 +95,7 @@ def improve(traffic, labels, hood, gains, iterations, most_labels, rng):
     return gained
 
 
-@kernel(allocates=False)
+@kernel
 def plan_all(traffic, labels, robots, clear):
     """Plan robots one after another, crossing others where it has to be. False when one has no path or room.
 
@@ -116,7 +116,7 @@ def plan_all(traffic, labels, robots, clear):
     return True
 
 
-@kernel(allocates=False)
+@kernel
 def repair_each(traffic, labels, hood, pairs, rng):
     """Plan each robot in collision again, the one in most pairs first, while any of the `pairs` is left; how many are.
 
@@ -143,7 +143,7 @@ def repair_each(traffic, labels, hood, pairs, rng):
     return find_collisions(traffic, hood) if traffic.task.rings else pairs
 
 
-@kernel(allocates=False)
+@kernel
 def repair(traffic, labels, hood, pairs, iterations, rng):
     """Try to bring down the number of pairs in collision, `pairs`; what is left of it."""
     for _ in range(iterations):
@@ -188,7 +188,7 @@ def repair(traffic, labels, hood, pairs, iterations, rng):
     return pairs
 
 
-@kernel(allocates=False)
+@kernel
 def _shuffle(hood, num, rng):
     """Put the chosen robots in any order."""
     for k in range(num):
@@ -196,14 +196,14 @@ def _shuffle(hood, num, rng):
         hood.robot[k], hood.robot[other] = hood.robot[other], hood.robot[k]
 
 
-@kernel(allocates=False)
+@kernel
 def _copy(path, row):
     """Write a path to a row, step by step: numba makes a copy of a whole row first, lest the two overlap."""
     for t in range(len(path)):
         row[t] = path[t]
 
 
-@kernel(allocates=False)
+@kernel
 def _take_out(traffic, hood, num):
     """Save and remove the chosen robots' paths."""
     for k in range(num):
@@ -214,7 +214,7 @@ def _take_out(traffic, hood, num):
         traffic.end[robot] = -1  # its row of `at` is out of date until it is planned
 
 
-@kernel(allocates=False)
+@kernel
 def _put_back(traffic, hood, num, planned):
     """Undo: the first `planned` robots have new paths in the traffic, the others none."""
     for k in range(planned):
@@ -227,7 +227,7 @@ def _put_back(traffic, hood, num, planned):
         add_path(traffic, robot)
 
 
-@kernel(allocates=False)
+@kernel
 def _keep_gain(traffic, hood, gains, num):
     """Note the new paths of the first `num` robots of the neighbourhood."""
     n = gains.num[0]
@@ -239,7 +239,7 @@ def _keep_gain(traffic, hood, gains, num):
         _copy(traffic.at[robot], gains.at[n, k])
 
 
-@kernel(allocates=False, nogil=True)
+@kernel(nogil=True)
 def take_over(traffic, hood, gains):
     """Replan by another's gains, those that still are gains and cross nobody here; how many do."""
     taken = 0
@@ -267,7 +267,7 @@ def take_over(traffic, hood, gains):
     return taken
 
 
-@kernel(allocates=False)
+@kernel
 def _is_free(traffic, robot):
     """Whether a robot that is not in the traffic could follow its row of `at` without crossing anybody."""
     task, spots = traffic.task, traffic.task.spots
@@ -292,7 +292,7 @@ def _is_free(traffic, robot):
     return True
 
 
-@kernel(allocates=False, nogil=True)
+@kernel(nogil=True)
 def catch_up(traffic, hood, best):
     """Replan all whose paths are others in the traffic `best`."""
     task = traffic.task

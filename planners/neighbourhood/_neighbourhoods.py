@@ -44,7 +44,7 @@ class Neighbourhood(NamedTuple):
     latest: np.ndarray  # [LATEST] int64
 
 
-@kernel(allocates=False)
+@kernel
 def find_collisions(traffic, hood):
     """Fill `hit`; the number of pairs."""
     task = traffic.task
@@ -58,7 +58,7 @@ def find_collisions(traffic, hood):
     return pairs
 
 
-@kernel(allocates=False)
+@kernel
 def collide(traffic, hood, robot, until):
     """Enter the pairs of a robot whose path is in the traffic, before a step; how many were not known.
 
@@ -93,7 +93,7 @@ def collide(traffic, hood, robot, until):
     return new
 
 
-@kernel(allocates=False)
+@kernel
 def _hit_near(traffic, hood, robot, u, v, t):
     """Enter the pairs of a robot that goes from spot u to spot v, or waits, and all that come too close in that step, or to one place."""
     clashes, spots, new = traffic.task.clashes, traffic.task.spots, 0
@@ -117,7 +117,7 @@ def _hit_near(traffic, hood, robot, u, v, t):
     return new
 
 
-@kernel(allocates=False)
+@kernel
 def _hit_holders(traffic, hood, robot, v, t):
     """Enter the pairs of a robot and all others that hold a spot at a step."""
     new = 0
@@ -127,7 +127,7 @@ def _hit_holders(traffic, hood, robot, v, t):
     return new
 
 
-@kernel(allocates=False)
+@kernel
 def _hit(hood, robot, other):
     hood.hit[robot, other] = True
     hood.hit[other, robot] = True
@@ -136,7 +136,7 @@ def _hit(hood, robot, other):
     return 1
 
 
-@kernel(allocates=False)
+@kernel
 def forget(hood, robot):
     """Drop the pairs of a robot; how many there were."""
     num = hood.num_hits[robot]
@@ -150,7 +150,7 @@ def forget(hood, robot):
     return num
 
 
-@kernel(allocates=False)
+@kernel
 def pick_kind(hood, rng):
     x = rng.random() * (hood.record[0] + hood.record[1] + hood.record[2])
     if x < hood.record[0]:
@@ -158,7 +158,7 @@ def pick_kind(hood, rng):
     return 1 if x < hood.record[0] + hood.record[1] else 2
 
 
-@kernel(allocates=False)
+@kernel
 def _choose(hood, num, robot):
     """Add a robot to the neighbourhood unless it is in it or that is full; how many there are then."""
     if num >= len(hood.robot) or hood.chosen[robot]:
@@ -168,7 +168,7 @@ def _choose(hood, num, robot):
     return num + 1
 
 
-@kernel(allocates=False)
+@kernel
 def fill_any(hood, num, rng):
     """Fill up with any robots."""
     while num < len(hood.robot):
@@ -176,7 +176,7 @@ def fill_any(hood, num, rng):
     return num
 
 
-@kernel(allocates=False)
+@kernel
 def fill_by_hits(hood, size, rng):
     """Fill up to a size with robots by the number of their collisions."""
     num, num_robots, total = 0, len(hood.chosen), np.int64(0)
@@ -196,7 +196,7 @@ def fill_by_hits(hood, size, rng):
     return num
 
 
-@kernel(allocates=False)
+@kernel
 def around_late(traffic, hood, rng):
     """A robot that is late, and those met on random walks that would bring it home earlier."""
     task = traffic.task
@@ -210,7 +210,7 @@ def around_late(traffic, hood, rng):
     return _fill_around(traffic, hood, late, rng)
 
 
-@kernel(allocates=False)
+@kernel
 def around_promising(traffic, hood, rng):
     """One of the latest robots, by Thompson sampling (Beta posteriors of its successes), and those met on random walks.
 
@@ -237,7 +237,7 @@ def around_promising(traffic, hood, rng):
     return _fill_around(traffic, hood, best, rng)
 
 
-@kernel(allocates=False)
+@kernel
 def _fill_around(traffic, hood, late, rng):
     """A robot, those met on random walks that would bring it home earlier, and any."""
     num = _choose(hood, 0, late)
@@ -249,7 +249,7 @@ def _fill_around(traffic, hood, late, rng):
     return fill_any(hood, num, rng)
 
 
-@kernel(allocates=False)
+@kernel
 def _walk(traffic, hood, num, robot, before, rng):
     """Walk from a random step of a robot's path, so that it could still arrive `before`; choose whom it meets."""
     task, spots = traffic.task, traffic.task.spots
@@ -285,7 +285,7 @@ def _walk(traffic, hood, num, robot, before, rng):
     return num
 
 
-@kernel(allocates=False)
+@kernel
 def _to_go(traffic, robot, t):
     """Steps to a robot's goal from where it is at t."""
     task = traffic.task
@@ -297,7 +297,7 @@ def _to_go(traffic, robot, t):
     return to_go
 
 
-@kernel(allocates=False)
+@kernel
 def _choose_on(traffic, hood, num, v, t):
     """Choose the robots that hold a spot at a step."""
     there = num_in(traffic.on, v, t)
@@ -310,7 +310,7 @@ def _choose_on(traffic, hood, num, v, t):
     return num
 
 
-@kernel(allocates=False)
+@kernel
 def _choose_about(traffic, hood, num, v, t):
     """Choose the robots that hold a spot at a step, or stand too close to it."""
     clashes, spots = traffic.task.clashes, traffic.task.spots
@@ -327,7 +327,7 @@ def _choose_about(traffic, hood, num, v, t):
     return num
 
 
-@kernel(allocates=False)
+@kernel
 def around_place(traffic, hood, rng):
     """Robots that are about a place at about one time: around a random robot's position at a random step."""
     task = traffic.task
@@ -353,7 +353,7 @@ def around_place(traffic, hood, rng):
     return fill_any(hood, num, rng)
 
 
-@kernel(allocates=False)
+@kernel
 def around_collision(traffic, hood, rng):
     """Robots of one component of the graph of collisions: all, and whom they meet on walks, or some on a random walk in it."""
     task = traffic.task
@@ -378,7 +378,7 @@ def around_collision(traffic, hood, rng):
     return fill_any(hood, num, rng)
 
 
-@kernel(allocates=False)
+@kernel
 def around_failure(traffic, hood, rng):
     """A robot in collision, those that stand for good on its way, and those that pass its goal after it."""
     task, spot_of = traffic.task, traffic.task.spots.of
@@ -399,7 +399,7 @@ def around_failure(traffic, hood, rng):
     return fill_any(hood, num, rng)
 
 
-@kernel(allocates=False)
+@kernel
 def _fill_by_goals_on_the_way(traffic, hood, num, robot, rng):
     """Those that are at their goals before the robot is at its own, if their goals are on a shortest way of the robot."""
     task = traffic.task

@@ -42,7 +42,7 @@ class Labels(NamedTuple):
     count: np.ndarray  # [2] int64 labels of this search, and how many of them are in the heap
 
 
-@kernel(allocates=False)
+@kernel
 def steps_from(steps, code, v, u, to_go):
     """Steps to the goal from u, of which there are `to_go` from its neighbour v; FAR where that is not known."""
     if len(steps) > 0:
@@ -54,7 +54,7 @@ def steps_from(steps, code, v, u, to_go):
     return to_go + (d if d < 2 else -1)
 
 
-@kernel(allocates=False)
+@kernel
 def hashed_run(labels, v, high):
     """Slot of what is known of a vertex's run with this last step, among hashed ones; those of earlier searches are empty.
 
@@ -71,7 +71,7 @@ def hashed_run(labels, v, high):
     return k
 
 
-@kernel(allocates=False)
+@kernel
 def plan_one(traffic, labels, robot, limit, crossing):
     """The best path of a robot that is not in the traffic, written to its row of `at`.
 
@@ -105,7 +105,7 @@ def plan_one(traffic, labels, robot, limit, crossing):
     return max(end, np.int64(-1))
 
 
-@kernel(inline="always", allocates=False)
+@kernel(inline="always")
 def _begin(labels, most):
     """Begin a search that makes so many labels at most."""
     labels.stamp[0] += 1
@@ -116,7 +116,7 @@ def _begin(labels, most):
     labels.count[0], labels.count[1] = 1, 0
 
 
-@kernel(allocates=False)
+@kernel
 def plan_straight(traffic, labels, robot):
     """A path of a robot that is not in the traffic, as short as its shortest way and past everybody, written to its row of `at`.
 
@@ -165,7 +165,7 @@ def plan_straight(traffic, labels, robot):
     return True
 
 
-@kernel(allocates=False)
+@kernel
 def plan_apart(traffic, labels, robots):
     """Plan robots one after another, each past those before it, until one has no path; how many have one."""
     for k in range(len(robots)):
@@ -177,7 +177,7 @@ def plan_apart(traffic, labels, robots):
     return len(robots)
 
 
-@kernel(allocates=False)
+@kernel
 def _search_free(traffic, labels, robot, limit, room):
     """`plan_one` where nobody may be crossed, or NO_ROOM: only arrivals count, so that a queue of lengths does for a heap.
 
@@ -248,7 +248,7 @@ def _search_free(traffic, labels, robot, limit, room):
     return end
 
 
-@kernel(allocates=False)
+@kernel
 def _search(traffic, labels, robot, limit, room):
     """`plan_one` where others may be crossed, or NO_ROOM.
 
@@ -323,13 +323,13 @@ def _search(traffic, labels, robot, limit, room):
     return np.int64(-1)
 
 
-@kernel(inline="always", allocates=False)
+@kernel(inline="always")
 def _rank(cost, low, to_go):
     """Where a label stands in the queue: by crossings, then by its length, then by what is left, which are the lowest 20 bits."""
     return (cost << 44) + ((EASE * (low + to_go) + to_go) << 20) + to_go
 
 
-@kernel(inline="always", allocates=False)
+@kernel(inline="always")
 def _reach(labels, parent, v, low, high, cost, to_go):
     """Put a label in the queue unless a better one of its run was there before."""
     k = v * len(labels.queue) + high if len(labels.run) == 0 else hashed_run(labels, v, high)
@@ -344,7 +344,7 @@ def _reach(labels, parent, v, low, high, cost, to_go):
         labels.count[1] += 1
 
 
-@kernel(allocates=False)
+@kernel
 def _write(labels, traffic, robot, x):
     """The path that ends in label x, and the stay at its end."""
     at = traffic.at[robot]

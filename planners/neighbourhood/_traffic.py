@@ -73,25 +73,25 @@ class Traffic(NamedTuple):
     window: int  # paths count up to the step before this one only
 
 
-@kernel(inline="always", allocates=False)
+@kernel(inline="always")
 def mixed(key):
     """A number whose lowest bits all bits of a key have a part in."""
     return ((key ^ (key >> 17)) & 0x7FFFFFFF) * 0x9E3779B1 >> 20
 
 
-@kernel(allocates=False)
+@kernel
 def home(key, slots):
     """Index at which the slot of a cell is looked for first: eight steps of a spot are side by side in memory."""
     return slots + (((mixed(key >> 3) << 3) + (key & 7)) & (slots - 1))
 
 
-@kernel(inline="always", allocates=False)
+@kernel(inline="always")
 def _after(k, slots):
     """The slot after another, around the end of a table."""
     return slots + ((k + 1) & (slots - 1))
 
 
-@kernel(allocates=False)
+@kernel
 def _find_slot(cells, key):
     """The slot of a cell among hashed ones, -1 where it has none."""
     keys, slots = cells.key, cells.used[0]
@@ -103,7 +103,7 @@ def _find_slot(cells, key):
     return np.int64(-1)
 
 
-@kernel(allocates=False)
+@kernel
 def _make_slot(cells, key):
     """The slot of a cell among hashed ones, made where it has none."""
     keys, used = cells.key, cells.used
@@ -119,7 +119,7 @@ def _make_slot(cells, key):
     return k
 
 
-@kernel(allocates=False)
+@kernel
 def _move_all(cells):
     """Move what is in a hashed table to one of twice as many slots."""
     keys, slots = cells.key, cells.used[0]
@@ -133,7 +133,7 @@ def _move_all(cells):
             keys[old] = 0
 
 
-@kernel(allocates=False)
+@kernel
 def _empty_slot(cells, k):
     """Empty a slot, and move up those behind it that would not be found any more."""
     keys, num, who, slots = cells.key, cells.num, cells.who, cells.used[0]
@@ -147,27 +147,27 @@ def _empty_slot(cells, k):
     cells.used[1] -= 1
 
 
-@kernel(inline="always", allocates=False)
+@kernel(inline="always")
 def slot_of(cells, v, t):
     """The slot of a cell, -1 where nobody is."""
     key = np.int64(v) * cells.steps + t
     return key if len(cells.key) == 0 else _find_slot(cells, key)
 
 
-@kernel(inline="always", allocates=False)
+@kernel(inline="always")
 def is_stayed_at(cells, v, t):
     """True if a robot that is one entry stays in a cell."""
     return len(cells.since) > 0 and cells.since[v] <= t
 
 
-@kernel(inline="always", allocates=False)
+@kernel(inline="always")
 def num_in(cells, v, t):
     """Number of robots in a cell."""
     k = slot_of(cells, v, t)
     return (np.int64(cells.num[k]) if k >= 0 else np.int64(0)) + (1 if is_stayed_at(cells, v, t) else 0)
 
 
-@kernel(inline="always", allocates=False)
+@kernel(inline="always")
 def anyone_in(cells, v, t):
     """One of the robots in a cell, -1 where there is none."""
     k = slot_of(cells, v, t)
@@ -176,7 +176,7 @@ def anyone_in(cells, v, t):
     return np.int64(cells.stayer[v]) if is_stayed_at(cells, v, t) else np.int64(-1)
 
 
-@kernel(inline="always", allocates=False)
+@kernel(inline="always")
 def enter(cells, v, t):
     """One robot more in a cell; its slot."""
     key = np.int64(v) * cells.steps + t
@@ -185,7 +185,7 @@ def enter(cells, v, t):
     return k
 
 
-@kernel(inline="always", allocates=False)
+@kernel(inline="always")
 def leave(cells, v, t):
     """One robot fewer in a cell; how many are left."""
     k = slot_of(cells, v, t)
@@ -196,7 +196,7 @@ def leave(cells, v, t):
     return left + (1 if is_stayed_at(cells, v, t) else 0)
 
 
-@kernel(allocates=False)
+@kernel
 def run_end(bits, t):
     """(whether the bit at t is set, the last step of the run of equal bits around t)."""
     word = t >> 5
@@ -213,7 +213,7 @@ def run_end(bits, t):
     return bit == 1, (len(bits) << 5) - 1
 
 
-@kernel(allocates=False)
+@kernel
 def lane_between(first, head, u, v):
     """The lane from u to v, -1 where there is none."""
     for lane in range(first[u], first[u + 1]):
@@ -222,13 +222,13 @@ def lane_between(first, head, u, v):
     return np.int64(-1)
 
 
-@kernel(inline="always", allocates=False)
+@kernel(inline="always")
 def stay_of(traffic, robot):
     """Step from which on a robot stays where it is as one entry; that of the window's end where cells have to be entered one by one."""
     return traffic.end[robot] if len(traffic.on.since) > 0 else np.int64(traffic.window)
 
 
-@kernel(allocates=False)
+@kernel
 def add_path(traffic, robot):
     """Enter the robot's row of `at`, which ends at its `end`, in the rest of the traffic."""
     task = traffic.task
@@ -257,7 +257,7 @@ def add_path(traffic, robot):
         _bar(traffic, robot)
 
 
-@kernel(allocates=False)
+@kernel
 def _bar(traffic, robot):
     """Bar what is too close to the robot's moves."""
     task = traffic.task
@@ -282,7 +282,7 @@ def _bar(traffic, robot):
             barred[clashes.lane[k], t >> 5] |= np.int64(1) << (t & 31)
 
 
-@kernel(allocates=False)
+@kernel
 def _unbar(traffic, robot):
     """Take back what `_bar` did."""
     task = traffic.task
@@ -311,7 +311,7 @@ def _unbar(traffic, robot):
                 barred[lane, t >> 5] &= ~(np.int64(1) << (t & 31))
 
 
-@kernel(allocates=False)
+@kernel
 def remove_path(traffic, robot):
     """Take the robot's path out of the traffic; its row of `at` stays."""
     task, at, on, spots = traffic.task, traffic.at[robot], traffic.on, traffic.task.spots
@@ -338,14 +338,14 @@ def remove_path(traffic, robot):
         before = v
 
 
-@kernel(inline="always", allocates=False)
+@kernel(inline="always")
 def _set_free(traffic, v, t):
     """Nobody holds v any more at t."""
     if len(traffic.num_near) == 1 or traffic.num_near[v, t] == 0:
         traffic.busy[v, t >> 5] &= ~(np.int64(1) << (t & 31))
 
 
-@kernel(allocates=False)
+@kernel
 def _hand_over(traffic, robot, v, t):
     """Of those that still hold v at t, and do not stay there, let another one be known of than this robot."""
     k = slot_of(traffic.on, v, t)
@@ -356,7 +356,7 @@ def _hand_over(traffic, robot, v, t):
                 break
 
 
-@kernel(allocates=False)
+@kernel
 def _do_others_arrive(traffic, robot, u, v, t):
     """True if other robots than this one come from u to v at t."""
     at, spot_of = traffic.at, traffic.task.spots.of
@@ -366,7 +366,7 @@ def _do_others_arrive(traffic, robot, u, v, t):
     return False
 
 
-@kernel(allocates=False)
+@kernel
 def holds(traffic, robot, v, t):
     """True if a robot with a path holds spot v at a step."""
     if traffic.end[robot] < 0 or t >= traffic.window:
@@ -375,7 +375,7 @@ def holds(traffic, robot, v, t):
     return spot_of[at[t]] == v or (traffic.task.following and t > 0 and spot_of[at[t - 1]] == v)
 
 
-@kernel(allocates=False)
+@kernel
 def anyone_at(traffic, v, t):
     """One of the robots at the place of spot v at a step, -1 where there is none."""
     spots = traffic.task.spots
@@ -386,7 +386,7 @@ def anyone_at(traffic, v, t):
     return robot
 
 
-@kernel(allocates=False)
+@kernel
 def closes_ring(traffic, v, u, t):
     """True if a move from spot v that arrives on spot u at step t completes a ring of robots that move at once."""
     w, spot_of, place = u, traffic.task.spots.of, traffic.task.spots.place
@@ -403,7 +403,7 @@ def closes_ring(traffic, v, u, t):
     return False
 
 
-@kernel(allocates=False)
+@kernel
 def hold_starts(traffic):
     """Let everybody hold its start in the first step: where following is refused nobody can leave it sooner."""
     for robot in range(len(traffic.task.start)):
@@ -412,7 +412,7 @@ def hold_starts(traffic):
         traffic.busy[v, 0] |= 2
 
 
-@kernel(allocates=False)
+@kernel
 def free_start(traffic, robot):
     """Take back what `hold_starts` did for a robot."""
     v = traffic.task.spots.of[traffic.task.start[robot]]
@@ -420,7 +420,7 @@ def free_start(traffic, robot):
         _set_free(traffic, v, 1)
 
 
-@kernel(allocates=False)
+@kernel
 def enter_all(traffic):
     """Put all paths of `at` into the empty traffic."""
     task = traffic.task

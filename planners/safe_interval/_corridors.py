@@ -21,7 +21,7 @@ EPS = 1e-6  # s that no rule may rest on
 MIDDLE = 1 << 40  # number of the first vertex of a way on its line
 
 
-@kernel(allocates=False)
+@kernel
 def rules_of(lanes, ways, conflict, paths, forbidden, scratch):
     """Rules that end a conflict, one against either robot: is_stay, place, two times.
 
@@ -63,7 +63,7 @@ def rules_of(lanes, ways, conflict, paths, forbidden, scratch):
     return rule_against(lanes, ways, conflict, one, other, False), rule_against(lanes, ways, conflict, one, other, True)
 
 
-@kernel(allocates=False)
+@kernel
 def at_end(lanes, start, lane, rules, scratch):
     """Earliest times of a robot at the end of a lane, to pass or to stay: at all, and by another lane; inf: never, nan: no room to say."""
     vertex = lanes.head[lane]
@@ -74,7 +74,7 @@ def at_end(lanes, start, lane, rules, scratch):
     return direct, scratch.arrived[entry] if entry >= 0 else np.inf if entry == -1 else np.nan
 
 
-@kernel(allocates=False)
+@kernel
 def corridor(lanes, ways, conflict, one, other):
     """The longest corridor about a conflict that both pass: a move of each, its first one there, and how many; 0: none.
 
@@ -89,7 +89,7 @@ def corridor(lanes, ways, conflict, one, other):
     return 0, 0, 0
 
 
-@kernel(allocates=False)
+@kernel
 def extended(lanes, ways, one, other, p, q):
     """All of a corridor of which one passes a lane in its move p, the other in its move q."""
     num, begin, end = 1, lanes.tail[ways.lane[p]], lanes.head[ways.lane[p]]
@@ -106,7 +106,7 @@ def extended(lanes, ways, one, other, p, q):
     return p, q, num
 
 
-@kernel(allocates=False)
+@kernel
 def cut(lanes, ways, one, other, p, q, num):
     """The part between the starts of both, where they are inside."""
     start, other_start = ways.start[one], ways.start[other]
@@ -121,7 +121,7 @@ def cut(lanes, ways, one, other, p, q, num):
     return p, q, num
 
 
-@kernel(allocates=False)
+@kernel
 def ends_off_line(lanes, ways, path, one, other, scratch):
     """Times before which two robots are not at their goals for good if they leave the line of a way; 0 where they need not leave it.
 
@@ -151,7 +151,7 @@ def ends_off_line(lanes, ways, path, one, other, scratch):
     return until, other_until
 
 
-@kernel(allocates=False)
+@kernel
 def number_line(lanes, ways, path, scratch):
     """Number the vertices of a way in turn, in `stay_of`, until it comes by one twice, and those of the corridors beyond its ends.
 
@@ -177,7 +177,7 @@ def number_line(lanes, ways, path, scratch):
     return size
 
 
-@kernel(allocates=False)
+@kernel
 def off_line(lanes, start, goal, scratch, low, high):
     """The earliest arrival at a goal of who leaves the numbered line on its way, inf: there is none; 0 where there is no room to say.
 

@@ -70,7 +70,7 @@ def new_pair(nodes: int, moves: int) -> Pair:
     )  # fmt: skip
 
 
-@kernel(allocates=False)
+@kernel
 def least_cost(task, pair):
     """A bound on the sum of costs of two robots, exact where there is room to find them."""
     node = pair.node
@@ -109,13 +109,13 @@ def least_cost(task, pair):
     return np.inf
 
 
-@kernel(allocates=False)
+@kernel
 def total(pair, n):
     """Cost of both at a node."""
     return pair.cost[n, 0] + pair.cost[n, 1]
 
 
-@kernel(allocates=False)
+@kernel
 def split(task, pair, n, made, used):
     """Make the children (`made`, and the next) for that conflict of a node of which the cheaper one costs most.
 
@@ -152,7 +152,7 @@ def split(task, pair, n, made, used):
     return used, True
 
 
-@kernel(allocates=False)
+@kernel
 def add_way(task, pair, n, k, used):
     """Let one of both drive at a node. Returns the number of ways by then, and whether there is room."""
     scratch = task.scratch
@@ -168,7 +168,7 @@ def add_way(task, pair, n, k, used):
     return used + (1 if entry >= 0 else 0), True
 
 
-@kernel(allocates=False)
+@kernel
 def load_rules(task, pair, n, k, rules):
     """Have the rules of one of both at a node in `rules`."""
     copy_rules(task.forbidden[k], rules)

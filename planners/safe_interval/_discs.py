@@ -82,7 +82,7 @@ def new_scratch(num_vertices: int, num_lanes: int, room: int) -> DiscScratch:
     )  # fmt: skip
 
 
-@kernel(allocates=False)
+@kernel
 def too_close_on(cx, cy, ux, uy, long, reach):
     """Times t from 0 to `long` at which |c + u t| < reach: an interval, empty as (0, 0)."""
     a, b, c = ux * ux + uy * uy, cx * ux + cy * uy, cx * cx + cy * cy - reach * reach
@@ -96,7 +96,7 @@ def too_close_on(cx, cy, ux, uy, long, reach):
     return (low, high) if low < high else (0.0, 0.0)
 
 
-@kernel(allocates=False)
+@kernel
 def passes(lanes, e, v):
     """Times after it has set out at which a robot on lane e is too close to vertex v: an open interval, empty as (0, 0)."""
     reach = lanes.reach
@@ -111,7 +111,7 @@ def passes(lanes, e, v):
     return too_close_on(lanes.xy[a, 0] - x, lanes.xy[a, 1] - y, ux, uy, long, reach)
 
 
-@kernel(allocates=False)
+@kernel
 def collide(lanes, e, f):
     """Delays of the one on lane f after the one on lane e at which they collide: an open interval, empty as (0, 0).
 
@@ -154,7 +154,7 @@ def collide(lanes, e, f):
     return (low, high) if low < high else (0.0, 0.0)
 
 
-@kernel(allocates=False)
+@kernel
 def conflicts(lanes, ways, one, other, most, found, num):
     """Write the conflicts of two ways to `found` from row `num` on, by time: kind, and which move or stay of each. Returns the new number.
 
@@ -192,26 +192,26 @@ def conflicts(lanes, ways, one, other, most, found, num):
     return num
 
 
-@kernel(allocates=False)
+@kernel
 def meets_stay(lanes, lane, left, vertex, begin, until):
     """True if a move that sets out at `left` comes too close to a stay at a vertex from `begin` until `until`."""
     low, high = passes(lanes, lane, vertex)
     return high > low and begin < left + high - EPS and until > left + low + EPS
 
 
-@kernel(allocates=False)
+@kernel
 def stands_at(lanes, ways, way, k):
     """The vertex of the stay before a way's move k (counted in all ways)."""
     return ways.start[way] if k == ways.first[way] else lanes.head[ways.lane[k - 1]]
 
 
-@kernel(allocates=False)
+@kernel
 def arrival(lanes, ways, way, k):
     """Time at which a robot begins the stay before its move k (counted in all ways)."""
     return 0.0 if k == ways.first[way] else ways.left[k - 1] + lanes.duration[ways.lane[k - 1]]
 
 
-@kernel(allocates=False)
+@kernel
 def conflicts_with_all(lanes, ways, one, others, most, found, of):
     """The conflicts of a way with others [N]; `of` says with which of them. Returns how many."""
     num = 0
@@ -222,7 +222,7 @@ def conflicts_with_all(lanes, ways, one, others, most, found, of):
     return num
 
 
-@kernel(allocates=False)
+@kernel
 def find(lanes, trip, rules, scratch, to_stay, barred):
     """The earliest way to a goal for a robot that is at its start from 0 on.
 
@@ -261,7 +261,7 @@ def find(lanes, trip, rules, scratch, to_stay, barred):
     return found
 
 
-@kernel(allocates=False)
+@kernel
 def search(lanes, trip, rules, scratch, to_stay, barred):
     """See `find`."""
     left_s, start, goal = trip
@@ -322,7 +322,7 @@ def search(lanes, trip, rules, scratch, to_stay, barred):
     return -1
 
 
-@kernel(allocates=False)
+@kernel
 def write_way(entry, scratch, start, way, ways):
     """Add the way that led to an entry under this number, the next one. Returns whether there is room."""
     num, n, begin = 0, entry, ways.first[way]
@@ -339,13 +339,13 @@ def write_way(entry, scratch, start, way, ways):
     return True
 
 
-@kernel
+@kernel(allocates=True)
 def new_rules(room):
     """No rules, with room for so many of each kind."""
     return DiscConstraints(np.zeros(2, np.int64), np.zeros((2, room), np.int64), np.zeros((2, room)), np.zeros((2, room)))
 
 
-@kernel
+@kernel(allocates=True)
 def with_rule(rules, is_stay, place, begin, end):
     """The rules and one more."""
     new = new_rules(max(rules.count[0], rules.count[1]) + 1)
@@ -354,7 +354,7 @@ def with_rule(rules, is_stay, place, begin, end):
     return new
 
 
-@kernel(allocates=False)
+@kernel
 def copy_rules(rules, into):
     """The same rules in other arrays."""
     for kind in range(2):
@@ -363,7 +363,7 @@ def copy_rules(rules, into):
             into.place[kind, k], into.begin[kind, k], into.end[kind, k] = rules.place[kind, k], rules.begin[kind, k], rules.end[kind, k]
 
 
-@kernel(allocates=False)
+@kernel
 def add_rule(rules, is_stay, place, begin, end):
     """Insert one: a stay at a vertex, or a departure to a lane."""
     where, first, second, k = rules.place[is_stay], rules.begin[is_stay], rules.end[is_stay], rules.count[is_stay]
@@ -374,7 +374,7 @@ def add_rule(rules, is_stay, place, begin, end):
     where[k], first[k], second[k] = place, begin, end
 
 
-@kernel(allocates=False)
+@kernel
 def rule_against(lanes, ways, conflict, one, other, second):
     """Rule of a conflict (kind, and move or stay of each way) against the first of two robots, or the second: is_stay, place, two times.
 
@@ -397,7 +397,7 @@ def rule_against(lanes, ways, conflict, one, other, second):
     return (1, v, t + high, min(until, NEVER)) if second else (0, e, t, until - low)
 
 
-@kernel
+@kernel(allocates=True)
 def forbidden_by(lanes, ways, way, room):
     """Rules that keep others from a conflict with a way: [2, 3, N] of departures and stays, see `Rules`, and how many of each.
 
@@ -433,7 +433,7 @@ def forbidden_by(lanes, ways, way, room):
     return rows, num_moves, num_stays
 
 
-@kernel
+@kernel(allocates=True)
 def sort_rules(rows, num_places, kind, rules):
     """Make [3, N] rows the rules of a kind, sorted by place and time: into places first, then within each, where few are."""
     place, begin, end = rules.place[kind], rules.begin[kind], rules.end[kind]

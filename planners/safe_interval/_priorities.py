@@ -5,7 +5,7 @@ import numpy as np
 from mrp_sumo.search._kernel import kernel
 
 
-@kernel
+@kernel(allocates=True)
 def put_before(above, first, second):
     """Let one robot go before another, and all above it before all below the other.
 

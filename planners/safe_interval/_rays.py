@@ -28,21 +28,21 @@ class DrivenRay(NamedTuple):
     dt: float  # s
 
 
-@kernel(allocates=False)
+@kernel
 def steps_of_turn(angle_rad, turn_rad):
     """Steps of a turn in place, at `turn_rad` a step. Lesser bends are driven through; an angle that is not known (NaN) is none."""
     angle = abs((angle_rad + np.pi) % (2.0 * np.pi) - np.pi)
     return turn_steps(angle, turn_rad, 1.0) if angle > STRAIGHT_RAD else 0
 
 
-@kernel(allocates=False)
+@kernel
 def steps_of_last_turn(angle_rad, turn_rad):
     """The same at a goal, where a robot turns to the very heading."""
     angle = abs((angle_rad + np.pi) % (2.0 * np.pi) - np.pi)
     return turn_steps(angle, turn_rad, 1.0) if angle > 0.0 else 0
 
 
-@kernel(allocates=False)
+@kernel
 def steps_of_turns(first, head, heading_rad, turn_first, turn_rad, out):
     """Of turns from each lane to each that leaves its head."""
     for lane in range(len(head)):
@@ -51,7 +51,7 @@ def steps_of_turns(first, head, heading_rad, turn_first, turn_rad, out):
             out[turn_first[lane] + following - first[v]] = steps_of_turn(heading_rad[following] - heading_rad[lane], turn_rad)
 
 
-@kernel(allocates=False)
+@kernel
 def next_speed(course, s, v, here, num):
     """Speed in the next step where nothing ends: acceleration, top speed, the limit of this lane and those ahead, of `num` lanes."""
     dist, limit, top, accel, decel, dt = course
@@ -65,7 +65,7 @@ def next_speed(course, s, v, here, num):
     return v
 
 
-@kernel
+@kernel(allocates=True)
 def lay_course(course):
     """Positions after 0, 1, ... steps from rest, and the speed of the step that follows, until the ray's end is passed."""
     dist, dt, num = course.end_m, course.dt, len(course.end_m)
@@ -83,7 +83,7 @@ def lay_course(course):
     return s_out[:n], v_out[:n]
 
 
-@kernel
+@kernel(allocates=True)
 def lay_tails(course, s_in, v_in):
     """Of each run: the step before which it brakes, the step after which it has arrived, and its positions from the first to the second.
 

@@ -101,7 +101,7 @@ def new_scratch(states: int, num_lanes: int) -> IntervalScratch:
     )
 
 
-@kernel(allocates=False)
+@kernel
 def steps_left(moves, end, at_rest, facing, lanes_best, stack, heap):
     """Steps to the goal without others: `at_rest` [L] after each lane, `facing` [L] at its tail and turned towards it.
 
@@ -167,7 +167,7 @@ def steps_left(moves, end, at_rest, facing, lanes_best, stack, heap):
     return True
 
 
-@kernel(allocates=False)
+@kernel
 def step_at(moves, ray, at_m):
     """The step after which a robot that drives along a ray without end is at a place or beyond."""
     a = moves.along_first[moves.course[ray]]
@@ -182,7 +182,7 @@ def step_at(moves, ray, at_m):
     return a - begin
 
 
-@kernel(allocates=False)
+@kernel
 def step_of_run(moves, ray, lanes, at_m):
     """The same of a run of so many lanes."""
     run = moves.run_first[moves.course[ray]] + lanes - 1
@@ -201,13 +201,13 @@ def step_of_run(moves, ray, lanes, at_m):
     return a
 
 
-@kernel(allocates=False)
+@kernel
 def taken_at(moves, ray, lanes):
     """The step at which a robot has to be let on to the last of so many lanes of a ray."""
     return 0 if lanes == 1 else moves.brake[moves.run_first[moves.course[ray]] + lanes - 2]
 
 
-@kernel(allocates=False)
+@kernel
 def safe_until(moves, table, v):
     """The end of the safe interval of a vertex that step 0 is in; 0 or less if it is not in one."""
     until = FOREVER
@@ -216,7 +216,7 @@ def safe_until(moves, table, v):
     return until
 
 
-@kernel(allocates=False)
+@kernel
 def free_for_ever(moves, table, v):
     """The step from which on nobody else needs a vertex, FOREVER if somebody stays."""
     free = 0
@@ -227,7 +227,7 @@ def free_for_ever(moves, table, v):
     return free
 
 
-@kernel(allocates=False)
+@kernel
 def without(table, q, taken, left, gap, num):
     """Take away from the gaps what a reservation of a resource forbids that is needed from `taken` until `left`. Returns their number."""
     count = 0
@@ -244,14 +244,14 @@ def without(table, q, taken, left, gap, num):
     return count
 
 
-@kernel(inline="always", allocates=False)
+@kernel(inline="always")
 def is_held_after(table, q, t):
     """True if somebody holds a resource after step t."""
     last = table.row[q] + table.count[q] - 1
     return last >= table.row[q] and table.end[last] > t
 
 
-@kernel(allocates=False)
+@kernel
 def split(table, q, needed, gap, num, i, count):
     """The rest of `without`, from gap i on, where some has to be taken away."""
     taken, left = needed
@@ -277,7 +277,7 @@ def split(table, q, needed, gap, num, i, count):
     return count
 
 
-@kernel(allocates=False)
+@kernel
 def holds(array, begin, end, q):
     """True if q is in a part of an array."""
     for k in range(begin, end):  # noqa: SIM110  numba knows no any()
@@ -286,7 +286,7 @@ def holds(array, begin, end, q):
     return False
 
 
-@kernel(allocates=False)
+@kernel
 def latest_start(moves, table, scratch, state, ray, lanes):
     """The last step at which a robot in this state may set out on a run: it is off its vertex before that is reserved."""
     came_by, t, v = scratch.lane[state], scratch.arrived[state], moves.tail[ray]
@@ -308,7 +308,7 @@ def latest_start(moves, table, scratch, state, ray, lanes):
     return latest
 
 
-@kernel
+@kernel(allocates=True)
 def find(ground, trip, most, latest, scratch):
     """The earliest way to a goal, to stay, for a robot that stands at its start from step 0 on.
 
@@ -408,7 +408,7 @@ def find(ground, trip, most, latest, scratch):
     return NO_PATH, 0
 
 
-@kernel(allocates=False)
+@kernel
 def is_shut_in(ground, scratch, start, goal):
     """True if on every way to a goal others stay for ever before the robot can have passed, even at its highest speed all along."""
     moves, facing, soonest, queue = ground.moves, ground.facing, scratch.soonest, scratch.queue
@@ -438,7 +438,7 @@ def is_shut_in(ground, scratch, start, goal):
         v, at = moves.head[lane], soonest[lane]
 
 
-@kernel
+@kernel(allocates=True)
 def is_cut_off(ground, start, goal):
     """True if no way to a goal leads through times at which others leave it free, for a robot that brakes and accelerates at once.
 
@@ -498,14 +498,14 @@ def is_cut_off(ground, start, goal):
     return True
 
 
-@kernel(inline="always", allocates=False)
+@kernel(inline="always")
 def _goes_straight(moves, came_by, out):
     """True if a run may go on from a lane to the next."""
     bend = (moves.heading_rad[out] - moves.heading_rad[came_by] + np.pi) % (2 * np.pi) - np.pi
     return abs(bend) <= STRAIGHT_RAD + 1e-6
 
 
-@kernel(allocates=False)
+@kernel
 def _free_from(moves, table, lane, at, leaves, takes):
     """(when a lane and its head are free, which is `at` or later; the end of the head's safe interval if it is `at`).
 
@@ -528,7 +528,7 @@ def _free_from(moves, table, lane, at, leaves, takes):
     return free, until
 
 
-@kernel(inline="always", allocates=False)
+@kernel(inline="always")
 def is_closed_by(ground, lane, at, there):
     """True if what a lane needs is held for ever from the step on at which the robot may be at its tail, or what its head needs."""
     moves, table = ground.moves, ground.table
@@ -542,20 +542,20 @@ def is_closed_by(ground, lane, at, there):
     return False
 
 
-@kernel(inline="always", allocates=False)
+@kernel(inline="always")
 def stays_from(table, q):
     """The step from which on somebody holds a resource for ever, FOREVER if nobody does."""
     last = table.row[q] + table.count[q] - 1
     return table.begin[last] if last >= table.row[q] and table.end[last] >= FOREVER else FOREVER
 
 
-@kernel(inline="always", allocates=False)
+@kernel(inline="always")
 def priority(spent, left, weight, floor):
     """Priority by which a state is expanded: when the robot can be at its goal, which is not before that is free; then what is left."""
     return (np.int64(min(max(spent + np.int64(weight * left), floor), NEVER)) << 16) | np.int64(min(left, 0xFFFF))
 
 
-@kernel(inline="always", allocates=False)
+@kernel(inline="always")
 def push_entry(scratch, run, bound, step, rank, entries, count):
     """Add an entry, for which there is room, by its `priority`. A run is a state, a ray and a number of lanes."""
     entry = scratch.entry[entries]
@@ -565,7 +565,7 @@ def push_entry(scratch, run, bound, step, rank, entries, count):
     return entries + 1, count + 1
 
 
-@kernel(inline="always", allocates=False)
+@kernel(inline="always")
 def push_last_turn(scratch, state, arrived, turn, weight, entries, count):
     """Add an entry for a robot that stays at its goal and turns there, if that is of use and there is room."""
     if arrived + turn > scratch.work[3] or entries >= len(scratch.entry):
@@ -573,13 +573,13 @@ def push_last_turn(scratch, state, arrived, turn, weight, entries, count):
     return push_entry(scratch, (state, TURN, 0), 0, turn, priority(arrived, turn, weight, scratch.work[2]), entries, count)
 
 
-@kernel(inline="always", allocates=False)
+@kernel(inline="always")
 def state_key(lane, until):
     """A state as a number."""
     return (lane << 31) | until
 
 
-@kernel(allocates=False)
+@kernel
 def key_place(scratch, key, now, mask):
     """Index of a state in the table of states, there or not."""
     h = ((key >> 31) * 2654435761 + (key & 0x7FFFFFFF) * 40503) & mask
@@ -588,7 +588,7 @@ def key_place(scratch, key, now, mask):
     return h
 
 
-@kernel(allocates=False)
+@kernel
 def expand_ray(ground, scratch, e, states, entries, count):
     """Add the states at the ends of those runs of a ray that could be the best by now, and an entry for the others."""
     moves, table, at_rest, weight, now = ground.moves, ground.table, ground.at_rest, ground.weight, scratch.searches[0]
@@ -675,7 +675,7 @@ def expand_ray(ground, scratch, e, states, entries, count):
     return states, entries, count
 
 
-@kernel(allocates=False)
+@kernel
 def arrive(ground, scratch, way, taken, num, waiting, sizes):
     """Add the earliest state at the end of one run, and an entry for the later ones.
 
@@ -754,7 +754,7 @@ def arrive(ground, scratch, way, taken, num, waiting, sizes):
     return states, entries, count
 
 
-@kernel(inline="always", allocates=False)
+@kernel(inline="always")
 def push_later(scratch, run, later, takes, weight, entries, count):
     """Add an entry for a run that sets out at a step or later; it takes so long, and so much is left after it."""
     time, left = takes
@@ -764,7 +764,7 @@ def push_later(scratch, run, later, takes, weight, entries, count):
     return push_entry(scratch, run, bound, later, priority(later + time, left, weight, scratch.work[2]), entries, count)
 
 
-@kernel
+@kernel(allocates=True)
 def needs_along(moves, start, runs):
     """Resources that a robot holds on its way, and from which step until when. Consecutive visits keep what both of them need.
 
@@ -827,7 +827,7 @@ def needs_along(moves, start, runs):
     return held[:, : kept + 1].copy()
 
 
-@kernel
+@kernel(allocates=True)
 def runs_to(state, scratch):
     """[K, 3] the runs that led to a state, in order: first lane, number of lanes, step at which the robot sets out."""
     num, at = 0, state

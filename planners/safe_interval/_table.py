@@ -28,7 +28,7 @@ def empty_table(num_resources: int, places: int) -> ReservationTable:
     )
 
 
-@kernel(allocates=False)
+@kernel
 def clear(table):
     """Nobody holds anything."""
     table.row[:] = 0
@@ -37,7 +37,7 @@ def clear(table):
     table.used[0] = 0
 
 
-@kernel
+@kernel(allocates=True)
 def copied(table, into):
     """The same reservations in another table with more room."""
     used = 0
@@ -53,7 +53,7 @@ def copied(table, into):
     into.used[0] = used
 
 
-@kernel(allocates=False)
+@kernel
 def first_after(table, q, t):
     """The place of the first reservation of a resource that ends after step t; may be one beyond the last."""
     a = table.row[q]
@@ -68,14 +68,14 @@ def first_after(table, q, t):
     return a
 
 
-@kernel(allocates=False)
+@kernel
 def next_begin(table, q, t):
     """Begin of the first reservation that ends after step t."""
     k = first_after(table, q, t)
     return table.begin[k] if k < table.row[q] + table.count[q] else FOREVER
 
 
-@kernel
+@kernel(allocates=True)
 def reserve(table, resource, begin, end, robot):
     """Add a robot's reservations. Returns whether there is room for them; if not, it has none afterwards."""
     for i in range(len(resource)):
@@ -105,7 +105,7 @@ def reserve(table, resource, begin, end, robot):
     return True
 
 
-@kernel(allocates=False)
+@kernel
 def settle(table):
     """Let searches see reservations that overlap as one that grows: they rely on ends in order. Nothing can be released then."""
     for q in range(len(table.row)):
@@ -113,7 +113,7 @@ def settle(table):
             table.end[k] = max(table.end[k], table.end[k - 1])
 
 
-@kernel(allocates=False)
+@kernel
 def release(table, resource, robot):
     """Take a robot's reservations of these resources away."""
     for q in resource:
@@ -128,7 +128,7 @@ def release(table, resource, robot):
         table.count[q] = kept - a
 
 
-@kernel(allocates=False)
+@kernel
 def holders(table, resource, begin, end, robot, found):
     """Write to `found` [R], of the robots but this one, the first step at which a reservation overlaps with these. Returns how many do."""
     overlaps = 0
@@ -144,7 +144,7 @@ def holders(table, resource, begin, end, robot, found):
     return overlaps
 
 
-@kernel(allocates=False)
+@kernel
 def overlaps(one_resource, one_begin, one_end, other_resource, other_begin, other_end, found):
     """Write resource, first step and the step after the last, for each time that two hold one resource at once. Returns how many.
 
@@ -160,7 +160,7 @@ def overlaps(one_resource, one_begin, one_end, other_resource, other_begin, othe
     return num
 
 
-@kernel(allocates=False)
+@kernel
 def first_overlap(one_resource, one_begin, one_end, other_resource, other_begin, other_end):
     """The first step at which two robots hold one resource, FOREVER if never."""
     i, j, first = 0, 0, FOREVER
@@ -171,7 +171,7 @@ def first_overlap(one_resource, one_begin, one_end, other_resource, other_begin,
         first = min(first, begin)
 
 
-@kernel(allocates=False)
+@kernel
 def next_overlap(one, other, i, j):
     """The next time that both hold one resource, from entries i and j on.
 

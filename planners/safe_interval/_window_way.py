@@ -75,7 +75,7 @@ def room_for(task: WindowTask) -> Room:
     )
 
 
-@kernel(allocates=False)
+@kernel
 def enter(task, table, at, robot):
     """Put a robot's way into a table of who is where."""
     for t in range(table.shape[0]):
@@ -83,21 +83,21 @@ def enter(task, table, at, robot):
         table[t, v] = robot if table[t, v] == NOBODY else SEVERAL
 
 
-@kernel(allocates=False)
+@kernel
 def take_out(task, table, at, robot):
     """Empty the places of a robot's way in a table."""
     for t in range(table.shape[0]):
         table[t, task.spot[at[robot, t]]] = NOBODY
 
 
-@kernel(allocates=False)
+@kernel
 def leave(task, table, at):
     """Empty a table of all ways."""
     for r in range(len(at)):
         take_out(task, table, at, r)
 
 
-@kernel(inline="always", allocates=False)
+@kernel(inline="always")
 def meets(table, u, v, t):
     """True if a robot that goes from spot u to v, or waits, and arrives at step t meets somebody of a table; clashes are not looked at."""
     met = table[t, v] != NOBODY
@@ -106,7 +106,7 @@ def meets(table, u, v, t):
     return met
 
 
-@kernel(allocates=False)
+@kernel
 def comes_too_close(task, table, u, v, t):
     """True if the move from spot u to v clashes with one of a table."""
     clashes, move = task.clashes, move_of(task.spot_first, task.spot_head, u, v)
@@ -122,7 +122,7 @@ def comes_too_close(task, table, u, v, t):
     return False
 
 
-@kernel(allocates=False)
+@kernel
 def closes_ring(task, room, at, robot, u, v, t):
     """True if a move from spot u to v that ends at step t completes a ring of robots that all move at once."""
     for _ in range(len(at)):
@@ -137,20 +137,20 @@ def closes_ring(task, room, at, robot, u, v, t):
     return False
 
 
-@kernel(inline="always", allocates=False)
+@kernel(inline="always")
 def _to_go(steps, after, begin, num_stops, made, v):
     """Steps from a vertex by the stops that have not been made, or back to the last."""
     row = begin + min(made, num_stops - 1)
     return np.int64(steps[row, v]) + (after[row] if made < num_stops else 0)
 
 
-@kernel(inline="always", allocates=False)
+@kernel(inline="always")
 def _bucket(late, crossed, most_late, clear):
     """The bucket of a state by its steps, then by the others crossed, or the other way round."""
     return crossed * most_late + late if clear else late * (MOST_CROSSED + 1) + crossed
 
 
-@kernel(allocates=False)
+@kernel
 def find_way(task, room, at, robot, clear):
     """The best way of a robot that is in neither table, written to its row of `at`.
 
@@ -243,7 +243,7 @@ def find_way(task, room, at, robot, clear):
     return length
 
 
-@kernel
+@kernel(allocates=True)
 def find_all(task, room, at, cost):
     """Each robot's best way, which may cross others'. Whether everybody has one."""
     complete = True
@@ -257,7 +257,7 @@ def find_all(task, room, at, cost):
     return complete
 
 
-@kernel
+@kernel(allocates=True)
 def branch(task, room, holder, above, at, cost):
     """Let either of the two robots that meet first go before the other, the second before the first at first.
 
@@ -281,7 +281,7 @@ def branch(task, room, holder, above, at, cost):
     return True, one, other
 
 
-@kernel
+@kernel(allocates=True)
 def find_below(task, room, above, at, cost, pair):
     """Let the first of two robots go before the second; whether everybody has a way.
 
@@ -303,7 +303,7 @@ def find_below(task, room, above, at, cost, pair):
     return True
 
 
-@kernel(allocates=False)
+@kernel
 def first_conflict(task, holder, above, at):
     """The two robots that meet first; -1 where nobody does. `holder` [2, P] is scratch: NOBODY between calls."""
     before, now, num_robots, spot = holder[0], holder[1], len(at), task.spot
@@ -334,7 +334,7 @@ def first_conflict(task, holder, above, at):
     return one, other
 
 
-@kernel(allocates=False)
+@kernel
 def _met(task, before, now, above, at, r, t):
     """Somebody that a robot meets on its way to step t, where all are at spots of their own; -1: nobody."""
     clashes, spot = task.clashes, task.spot
@@ -367,7 +367,7 @@ def _met(task, before, now, above, at, r, t):
     return np.int64(-1)
 
 
-@kernel(allocates=False)
+@kernel
 def _is_hindered(task, at, above, r):
     """Whether a robot meets one of those above it on its way, or moves in a ring."""
     for other in range(len(at)):
@@ -383,7 +383,7 @@ def _is_hindered(task, at, above, r):
     return False
 
 
-@kernel
+@kernel(allocates=True)
 def mend(task, room, holder, at, cost, most_labels, rng):
     """Plan robots that meet again, with those around them, by ways that cross fewest others, until nobody meets anybody.
 
@@ -438,7 +438,7 @@ def mend(task, room, holder, at, cost, most_labels, rng):
     return clear
 
 
-@kernel(allocates=False)
+@kernel
 def _enter_all(task, table, at, but):
     """Put robots' ways into a table of who is where, but for those of some [R]."""
     for r in range(len(but)):
@@ -446,7 +446,7 @@ def _enter_all(task, table, at, but):
             enter(task, table, at, r)
 
 
-@kernel(allocates=False)
+@kernel
 def _num_crossed(task, table, at, robot):
     """The others of a table that a robot's way crosses, a step each."""
     num = 0
@@ -457,7 +457,7 @@ def _num_crossed(task, table, at, robot):
     return num
 
 
-@kernel
+@kernel(allocates=True)
 def polish(task, room, at, cost, most_labels, rng):
     """Plan a late robot again with those in its way, and keep what is shorter, time and again.
 
@@ -492,13 +492,13 @@ def polish(task, room, at, cost, most_labels, rng):
     leave(task, room.above, at)
 
 
-@kernel
+@kernel(allocates=True)
 def _room_for_hood(at):
     """Room for robots that are planned again, their old ways, and the steps of these."""
     return np.zeros(AT_A_TIME, np.int64), np.zeros((AT_A_TIME, at.shape[1]), np.int32), np.zeros(AT_A_TIME, np.int64)
 
 
-@kernel
+@kernel(allocates=True)
 def _replan(task, room, ways, hood, num, old, clear):
     """Plan the robots of a neighbourhood, whose ways are in no table, one after another; they keep these where all together are worse.
 
@@ -532,7 +532,7 @@ def _replan(task, room, ways, hood, num, old, clear):
             enter(task, table, at, chosen[k])
 
 
-@kernel(allocates=False)
+@kernel
 def _shuffle(chosen, num, rng):
     """Put the first so many in an order by chance."""
     for k in range(num):
@@ -540,7 +540,7 @@ def _shuffle(chosen, num, rng):
         chosen[k], chosen[other] = chosen[other], chosen[k]
 
 
-@kernel(allocates=False)
+@kernel
 def _around(task, table, at, robot, chosen):
     """A robot and those of a table that hold spots beside its way while it is near; how many."""
     chosen[0], num = robot, 1

@@ -5,7 +5,7 @@ from mrp_sumo.search._kernel import kernel
 FAR = 65535  # no way
 
 
-@kernel(allocates=False)
+@kernel
 def fill_distance(ahead, price, goals, distance, bucket, size):
     """Cost of the cheapest way from each state to the nearest of goal cells, in any heading; a turn costs 1.
 

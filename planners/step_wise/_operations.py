@@ -42,7 +42,7 @@ class CrowdStep(NamedTuple):
     straight: bool  # whether a robot follows another one only straight ahead
 
 
-@kernel(allocates=False)
+@kernel
 def appraise(crowd, table, slot, goal, onward):
     """Cost and order of all operations of all robots.
 
@@ -75,7 +75,7 @@ def appraise(crowd, table, slot, goal, onward):
         crowd.num[r] = n
 
 
-@kernel(allocates=False)
+@kernel
 def _cost(crowd, table, slots, goal, onward, r, o):
     """The steps left after an operation, and a little for those left during it; -1 where it cannot be done. Writes its path."""
     depth, slot, next_slot = crowd.action.shape[1], slots[0], slots[1]
@@ -106,7 +106,7 @@ def _cost(crowd, table, slots, goal, onward, r, o):
     return LATE * depth * left + late
 
 
-@kernel
+@kernel(allocates=True)
 def plan_step(crowd, priority, limit, most_visits, num_tries, try_limit, rng):
     """Choose an operation for each robot; `crowd` is appraised.
 
@@ -134,7 +134,7 @@ def plan_step(crowd, priority, limit, most_visits, num_tries, try_limit, rng):
         _push(crowd, rng.integers(0, num_robots), True, try_limit, most_visits)
 
 
-@kernel(allocates=False)
+@kernel
 def _inherit(crowd):
     """Have robots hold what is left of their operations; who is surprised waits, and so does who would collide with one that waits."""
     num_robots = len(crowd.state)
@@ -157,7 +157,7 @@ def _inherit(crowd):
                 crowd.surprised[r], crowd.chosen[r], apart = True, 0, False
 
 
-@kernel(allocates=False)
+@kernel
 def _push(crowd, root, all_gain, limit, most_visits):
     """Have `root` take the best operation that it can, if it is not worse than what it has, and others make way.
 
@@ -225,7 +225,7 @@ def _push(crowd, root, all_gain, limit, most_visits):
         crowd.visits[crowd.touched[k]] = 0
 
 
-@kernel(allocates=False)
+@kernel
 def _occupy(crowd, r, o):
     """Take the cells of an operation."""
     crowd.chosen[r] = o
@@ -233,14 +233,14 @@ def _occupy(crowd, r, o):
         crowd.used[d, crowd.path[r, o, d]] = r
 
 
-@kernel(allocates=False)
+@kernel
 def _vacate(crowd, r):
     """Give the cells of the chosen operation back."""
     for d in range(1, crowd.path.shape[2]):
         crowd.used[d, crowd.path[r, crowd.chosen[r], d]] = -1
 
 
-@kernel(allocates=False)
+@kernel
 def _in_the_way(crowd, r, o):
     """The one robot that an operation collides with, NOBODY or MANY."""
     rival = NOBODY
@@ -262,7 +262,7 @@ def _in_the_way(crowd, r, o):
     return _round_a_corner(crowd.ahead, crowd.used, crowd.path[r, o], r, rival) if crowd.straight else rival
 
 
-@kernel(allocates=False)
+@kernel
 def _round_a_corner(ahead, used, path, r, rival):
     """The same, with who follows a robot or is followed by it not straight ahead."""
     for d in range(1, len(path)):
@@ -282,7 +282,7 @@ def _round_a_corner(ahead, used, path, r, rival):
     return rival
 
 
-@kernel(allocates=False)
+@kernel
 def _follows(ahead, used, j, d, one, other):
     """Whether the step between two cells, continued beyond the other, is the one that robot j makes, from it or to it, at depth d."""
     for heading in range(4):

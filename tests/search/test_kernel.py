@@ -192,7 +192,7 @@ def test_functions_of_other_programs_are_stored_as_numba_stores_them(copied, tmp
 def test_loaded_kernel_makes_arrays_and_raises_errors(copied, tmp_path):
     root = copied("one")
     (root / "planners/_callee.py").write_text(
-        "import numpy as np\nfrom mrp_sumo.search._kernel import kernel\n\n@kernel\ndef zeros(n):\n"
+        "import numpy as np\nfrom mrp_sumo.search._kernel import kernel\n\n@kernel(allocates=True)\ndef zeros(n):\n"
         "    if n < 0:\n        raise ValueError('less than none', n)\n    return np.zeros(n)\n"
     )
     call = (
