@@ -55,9 +55,9 @@ EasyPaths = Callable[[Problem, PibtInstance, np.random.Generator, float], tuple[
 class SearchStart:
     """Beginning of a search."""
 
-    given: Problem
+    request: Problem
     problem: Problem  # the same, or with its vertices renumbered
-    original: IntArray | None  # [V] the given number of each vertex, None where they are the same
+    original: IntArray | None  # [V] the number of each vertex in the request, None where they are the same
     world: PibtInstance  # without a guide
     guided: PibtInstance  # with one, or the same
     path: np.ndarray | None  # [T, R] paths without collisions, where they were looked for and easy to find
@@ -82,10 +82,10 @@ class SearchStart:
     def solved(self, path: np.ndarray, **stats: float) -> PlanResult:
         """SOLVED with the plan of `path` [T, R], in the problem's own numbers."""
         stats = {"cost": float(sum_of_costs(path, self.world.goal))} | stats
-        window = self.given.window_steps
+        window = self.request.window_steps
         path = path[: window + 1] if window else path
         path = path if self.original is None else np.take(self.original.astype(path.dtype), path.T).T
-        return solved(self.given, path, self.begin_s, self.lower_bound, **stats)
+        return solved(self.request, path, self.begin_s, self.lower_bound, **stats)
 
 
 def search_start(
@@ -103,7 +103,7 @@ def search_start(
     """
     begin_s = process_time()
     deadline_s = deadline_of(time_limit_s)
-    given, original = problem, None
+    request, original = problem, None
     packed = is_large(problem) if packed is None else packed
     if packed and is_vast(problem):
         problem, original = tiled(problem)
@@ -111,7 +111,7 @@ def search_start(
         world, steps = build_world(problem, deadline_s, packed=packed, rules=planner)
     except TimeoutError:
         return unplanned(Status.TIMED_OUT, begin_s, "the time limit passed while distances were computed")
-    known = without_search(given, steps, begin_s) or order_clash(given)
+    known = without_search(request, steps, begin_s) or order_clash(request)
     if known:
         return known
     rng = np.random.default_rng([problem.seed, chance])
@@ -122,7 +122,7 @@ def search_start(
     guided = world
     if path is None and problem.num_robots > 1:
         guided = guide_of(problem, world, planner.ways, planner.flow, deadline_s, rng)
-    return SearchStart(given, problem, original, world, guided, path, labels, steps, rng, begin_s, deadline_s)
+    return SearchStart(request, problem, original, world, guided, path, labels, steps, rng, begin_s, deadline_s)
 
 
 def is_large(problem: Problem) -> bool:
@@ -203,7 +203,7 @@ def build_world(
         guided=False,
         guide=np.zeros((1, 1), np.int32),
         toll=np.zeros(1, np.int64),
-        way=np.zeros((0, 1), np.int32),
+        path=np.zeros((0, 1), np.int32),
         following=rules.following,
         rotations=rules.rotations and clashes.rotations,
         hindrance=rules.hindrance,

@@ -16,7 +16,7 @@ from pathlib import Path
 PROJECT = Path(__file__).resolve().parents[1]
 DIALECT = {"found", "way", "around", "news", "kept", "given", "asked", "told", "moment"}
 QUESTION = re.compile(r"(?:What|Who|Whom|Whose|Whether|How|Where|When|Which)\b")
-MOST = {"names": 55, "docstrings": 0}
+MOST = {"names": 0, "docstrings": 0}
 
 
 def main() -> int:

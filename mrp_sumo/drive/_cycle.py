@@ -52,7 +52,7 @@ def advance(look, now, s_m, routed, scene):
         run_doors(now, facilities)
     grant(now, scene)
     num_changed = command(now, scene)
-    due, num_due = scene.news.due, 0
+    due, num_due = scene.notices.due, 0
     for r in range(len(s_m)):
         if visits.rank[visits.granted[r]] + grants.on_lane[r] >= routed[r]:
             due[num_due] = r
@@ -78,7 +78,7 @@ def drive_on(step, most, bodies, routed, scene, tape):
         the tape.
     """
     s_m, dt, decel, visits = bodies.s_m, scene.rules.step_s, scene.kinematics.decel_mps2, scene.visits
-    changed, command_mps, made = scene.news.changed, scene.state.grants.command_mps, 0
+    changed, command_mps, made = scene.notices.changed, scene.state.grants.command_mps, 0
     while True:
         goes_on, num_logged, num_changed, num_due = watch(step + made, made == most, s_m, routed, scene, tape)
         if not goes_on:

@@ -28,15 +28,15 @@ def note_requests(dt, kinematics, visits, needs, state, facilities):
     from_m, vertex, lane = visits.from_m, visits.vertex, visits.lane
     lane_lift, lane_door, vertex_door = facilities.lane_lift, facilities.lane_door, facilities.vertex_door
     lifts, doors = facilities.lifts, facilities.doors
-    asked, soon, door_s = doors.asked, doors.soon, doors.move_s
+    called, soon, door_s = doors.called, doors.soon, doors.move_s
     s_m, top, reach, asked_s = state.motion.s_m, kinematics.speed_mps, kinematics.reach_m, state.grants.asked_s
     lifts.visit[:] = -1
-    asked[:] = False
+    called[:] = False
     soon[:] = False
     for r in range(len(s_m)):
         door = vertex_door[vertex[reached[r]]]
         if door >= 0:
-            asked[door] = True
+            called[door] = True
         k = following[reached[r]]
         while k >= 0:
             may_pass = rank[k] <= rank[granted[r]]
@@ -46,9 +46,9 @@ def note_requests(dt, kinematics, visits, needs, state, facilities):
             door, lift = lane_door[lane[k]], lane_lift[lane[k]]
             if door >= 0 and (may_pass or (not doors.manual[door] and doors.service[door] == IN_SERVICE)):
                 if may_pass or ahead_s <= door_s[door]:
-                    if not asked[door]:
+                    if not called[door]:
                         doors.robot[door] = r
-                    asked[door] = True
+                    called[door] = True
                 elif ahead_s <= 2 * door_s[door]:
                     soon[door] = True
             if lift >= 0 and (may_pass or ahead_s <= lifts.call_s[lift]) and is_next(r, k, lifts.resource[lift], needs, state.holds):
@@ -61,11 +61,11 @@ def note_requests(dt, kinematics, visits, needs, state, facilities):
 @kernel(inline="always")
 def is_next(robot, visit, q, needs, holds):
     """True if a robot may be the next in a lift whose cabin is the resource `q`."""
-    found = True
+    free = True
     for e in range(needs.first[visit], needs.first[visit + 1]):
         if needs.resource[e] == q:
-            found = holds.turn[q] == needs.passage[e] if len(needs.passing) > 0 else holds.holder[q] < 0 or holds.holder[q] == robot
-    return found
+            free = holds.turn[q] == needs.passage[e] if len(needs.passing) > 0 else holds.holder[q] < 0 or holds.holder[q] == robot
+    return free
 
 
 @kernel
@@ -127,11 +127,11 @@ def come(now, lift, wanted, facilities):
 def run_doors(now, facilities):
     """Open and close doors, and let robots go through them."""
     doors = facilities.doors
-    mode, until_s, asked, soon, door_s = doors.mode, doors.until_s, doors.asked, doors.soon, doors.move_s
+    mode, until_s, called, soon, door_s = doors.mode, doors.until_s, doors.called, doors.soon, doors.move_s
     for d in range(len(mode)):
         people = now < doors.held_until_s[d]
-        wanted = doors.service[d] == IN_SERVICE and (people or (asked[d] and not doors.manual[d]))
-        if people and not asked[d]:
+        wanted = doors.service[d] == IN_SERVICE and (people or (called[d] and not doors.manual[d]))
+        if people and not called[d]:
             doors.robot[d] = PEOPLE
         if mode[d] == OPENING and now >= until_s[d] - IN_TIME_S:
             mode[d] = STANDS_OPEN
@@ -141,7 +141,7 @@ def run_doors(now, facilities):
             mode[d], until_s[d] = OPENING, now + door_s[d]
         elif mode[d] == CLOSING and wanted:  # it opens as far as it has closed
             mode[d], until_s[d] = OPENING, now + door_s[d] - (until_s[d] - now)
-        elif mode[d] == STANDS_OPEN and not (wanted or asked[d] or soon[d]):
+        elif mode[d] == STANDS_OPEN and not (wanted or called[d] or soon[d]):
             mode[d], until_s[d] = CLOSING, now + door_s[d]
     for i in range(len(facilities.through)):
         facilities.shut[facilities.through[i]] = mode[facilities.through_door[i]] != STANDS_OPEN

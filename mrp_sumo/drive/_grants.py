@@ -41,7 +41,7 @@ def grant_visits(r, now, ordered, kinematics, rules, visits, needs, state, close
     grants, motion, yielding = state.grants, state.motion, state.yielding
     top, decel, reach = kinematics.speed_mps[r], kinematics.decel_mps2[r], kinematics.reach_m[r]
     rank, lanes, s_m = visits.rank, visits.lane, motion.s_m
-    cause, other, asked, on_lane = grants.cause, grants.other, grants.asked_s, grants.on_lane
+    cause, other, since_s, on_lane = grants.cause, grants.other, grants.asked_s, grants.on_lane
     holds, count, claimer = state.holds, state.claims.number, state.claims.claimer
     cause[r] = FREE
     other[r] = -1
@@ -81,14 +81,14 @@ def grant_visits(r, now, ordered, kinematics, rules, visits, needs, state, close
         if not on_lane[r] and back >= 0 and count[back] > 0:
             cause[r] = ONCOMING
             other[r] = claimer[back]
-            asked[r] = min(asked[r], now)
+            since_s[r] = min(since_s[r], now)
             break
         missing = who_is_before(r, k, ordered, needs, holds)
         if shut[lane] and not on_lane[r]:
             waits_for = missing >= 0 and missing != r
             cause[r] = OTHER if waits_for else FACILITY
             other[r] = missing if waits_for else -1
-            asked[r] = min(asked[r], now)
+            since_s[r] = min(since_s[r], now)
             break
         if missing >= 0:
             own = missing == r  # it is to pass again before its last passage is over: it has not heard how far it may go
@@ -100,7 +100,7 @@ def grant_visits(r, now, ordered, kinematics, rules, visits, needs, state, close
                 grants.allowed_m[r] = max(grants.allowed_m[r], room_on_lane(r, k, kinematics, visits, grants, s_m))
                 count[lane] += 1
                 claimer[lane] = r
-            asked[r] = min(asked[r], now)
+            since_s[r] = min(since_s[r], now)
             break
         for e in range(needs.first[k], needs.first[k + 1]):
             q = needs.resource[e]
@@ -110,7 +110,7 @@ def grant_visits(r, now, ordered, kinematics, rules, visits, needs, state, close
             count[lane] += 1
             claimer[lane] = r
         on_lane[r] = False
-        asked[r] = np.inf
+        since_s[r] = np.inf
         visits.granted[r] = k
         grants.allowed_m[r] = visits.at_m[k]
 
@@ -135,10 +135,10 @@ def room_on_lane(robot, visit, kinematics, visits, grants, s_m):
 @kernel
 def queue_up(grants):
     """Robots in the order in which they may claim: those first who have asked longest, then by number."""
-    queue, asked = grants.queue, grants.asked_s
+    queue, since_s = grants.queue, grants.asked_s
     for i in range(1, len(queue)):  # few have moved since the last step
         r, j = queue[i], i - 1
-        while j >= 0 and (asked[queue[j]] > asked[r] or (asked[queue[j]] == asked[r] and queue[j] > r)):
+        while j >= 0 and (since_s[queue[j]] > since_s[r] or (since_s[queue[j]] == since_s[r] and queue[j] > r)):
             queue[j + 1] = queue[j]
             j -= 1
         queue[j + 1] = r
@@ -163,7 +163,7 @@ def who_is_before(robot, visit, ordered, needs, holds):
 def command(now, scene):
     """The robots' speeds for the next step. Returns how many changed; `news.changed` tells which."""
     kinematics, rules, visits, _, state, conditions, _, _ = scene
-    people, changed = conditions.people, scene.news.changed
+    people, changed = conditions.people, scene.notices.changed
     motion, facing, cause, commanded = state.motion, state.facing_rad, state.grants.cause, state.grants.command_mps
     s_m, hold_until_s, factor = motion.s_m, conditions.hold_until_s, conditions.factor
     known = state.grants.allowed_m if conditions.prompt else conditions.told_m

@@ -12,7 +12,7 @@ from mrp_sumo.drive import _causes, _cycle, _grants
 from mrp_sumo.drive.ledger import Ledger
 from mrp_sumo.drive.policy import Policy
 from mrp_sumo.drive.settings import ExecutionSettings
-from mrp_sumo.drive.state import Conditions, Kinematics, Rules, StepArrays, Tape, empty_log, empty_news, for_kernels, packed
+from mrp_sumo.drive.state import Conditions, Kinematics, Rules, StepArrays, Tape, empty_log, empty_notices, for_kernels, packed
 from mrp_sumo.engines.kinematic.engine import KinematicEngine
 from mrp_sumo.engines.protocol import Bodies, Engine
 from mrp_sumo.search.entries import Entries, enter, entries_of
@@ -52,7 +52,7 @@ class Controller:
         self.load(ledger.problem.fleet)
         self._cell_m = ledger.graph.cell_m - A_CELL_LESS_M
         self.follow(policy)
-        self._log, self._news = for_kernels(empty_log(ledger.num_robots)), empty_news(ledger.num_robots)
+        self._log, self._notices = for_kernels(empty_log(ledger.num_robots)), empty_notices(ledger.num_robots)
         self._num_changed = self._num_due = 0
         self._visits: Visits | None = None  # for whose types `_entries` are
         self._entries: Entries = {}
@@ -104,7 +104,7 @@ class Controller:
     def _scene(self, conditions: Conditions) -> StepArrays:
         ledger = self.ledger
         state, log = ledger.state_records, self._log
-        return StepArrays(self._limits, self.rules, ledger.visits, ledger.needs, state, conditions, log, self._news)
+        return StepArrays(self._limits, self.rules, ledger.visits, ledger.needs, state, conditions, log, self._notices)
 
     def _call(self, kernel: Callable[..., Any], *arguments: Any) -> tuple[int, ...]:
         """Call a kernel with the ledger's arrays, whose types are looked at when these are new ones."""
@@ -118,9 +118,9 @@ class Controller:
     def command(self, bodies: Engine) -> None:
         """Send the engine new speeds, and more of the way where it needs it."""
         if self._num_due:
-            bodies.lengthen(self._news.due[: self._num_due].tolist(), self.ledger.visits)
+            bodies.lengthen(self._notices.due[: self._num_due].tolist(), self.ledger.visits)
         if self._num_changed:
-            bodies.command(self._news.changed[: self._num_changed].tolist(), self.ledger.state.grants.command_mps)
+            bodies.command(self._notices.changed[: self._num_changed].tolist(), self.ledger.state.grants.command_mps)
 
     def send_again(self) -> None:
         """Speeds that were set in this step may be set again: send them all."""

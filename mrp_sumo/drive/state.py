@@ -162,7 +162,7 @@ class Doors(NamedTuple):
     manual: BoolArray  # whether only people open it
     mode: IntArray
     until_s: FloatArray
-    asked: BoolArray  # whether a robot is near
+    called: BoolArray  # whether a robot is near
     soon: BoolArray  # whether one comes before it could close and open again
     robot: IntArray  # for whom it is open: a robot, or people
     service: IntArray  # whether it is locked
@@ -287,7 +287,7 @@ class Log(NamedTuple):
     entries: Entries
 
 
-class News(NamedTuple):
+class Notices(NamedTuple):
     """Robots the engine has to hear of, [R] each, filled up to the counts that `advance` returns."""
 
     changed: IntArray  # whose speed is another
@@ -307,7 +307,7 @@ class StepArrays(NamedTuple):
     state: State
     conditions: Conditions
     log: Log
-    news: News
+    notices: Notices
 
 
 class Tape(NamedTuple):
@@ -408,9 +408,9 @@ def empty_log(num_robots: int) -> Log:
     return Log(np.zeros(1, np.int64), packed(Entries(kind, robot, cause, visit, other, np.zeros(room), np.zeros(room))))
 
 
-def empty_news(num_robots: int) -> News:
+def empty_notices(num_robots: int) -> Notices:
     """Room for all robots."""
-    return News(np.zeros(num_robots, np.int64), np.zeros(num_robots, np.int64))
+    return Notices(np.zeros(num_robots, np.int64), np.zeros(num_robots, np.int64))
 
 
 def margin_of(steps: IntArray, num_robots: int) -> Margin:

@@ -113,7 +113,7 @@ def closeness(poses, level, bodies):
     bucket, column, row = np.empty(num_robots, np.int64), np.empty(num_robots, np.int64), np.empty(num_robots, np.int64)
     mid_x, mid_y, reach = np.empty(num_robots), np.empty(num_robots), np.empty(num_robots)
     scratch = np.empty((128, 4)), np.empty(3)
-    found = scratch[1]
+    result = scratch[1]
     for k in range(max(1, num_samples - 1)):
         after = min(k + 1, num_samples - 1)
         # where each robot is in this interval: a circle; -1: nowhere
@@ -159,14 +159,14 @@ def closeness(poses, level, bodies):
                         one, two = min(i, j), max(i, j)
                         pair = one * num_robots + two
                         _meet(poses, bodies, k, (one, two), best, pair in known, scratch)
-                        if found[0] < best:
-                            best = found[0]
-                            where[0], where[1], where[2], where[3] = k, found[1], one, two
-                        if found[2] >= 0.0:
+                        if result[0] < best:
+                            best = result[0]
+                            where[0], where[1], where[2], where[3] = k, result[1], one, two
+                        if result[2] >= 0.0:
                             known.add(pair)
                             if num_hits == len(hits):
                                 hits = np.concatenate((hits, np.empty_like(hits)))
-                            hits[num_hits, 0], hits[num_hits, 1], hits[num_hits, 2], hits[num_hits, 3] = k, found[2], one, two
+                            hits[num_hits, 0], hits[num_hits, 1], hits[num_hits, 2], hits[num_hits, 3] = k, result[2], one, two
                             num_hits += 1
     return best, where, hits[:num_hits]
 
@@ -203,9 +203,9 @@ def _meet(poses, bodies, k, pair, best, known, scratch):
     """Two robots in one interval: the second of `scratch` becomes the least distance (as far as it is below `best`), when, and when
     an overlap is seen first (-1: not, or it is known).
     """
-    (x, y, yaw), radius, (i, j), found = poses, bodies.radius, pair, scratch[1]
+    (x, y, yaw), radius, (i, j), result = poses, bodies.radius, pair, scratch[1]
     after = min(k + 1, len(x) - 1)
-    found[0], found[1], found[2] = np.inf, 0.0, -1.0
+    result[0], result[1], result[2] = np.inf, 0.0, -1.0
     size_i, size_j = _size(bodies, i), _size(bodies, j)
     yaw_i, yaw_j, dx, dy = yaw[k, i], yaw[k, j], x[k, j] - x[k, i], y[k, j] - y[k, i]
     move_x, move_y = x[after, j] - x[after, i] - dx, y[after, j] - y[after, i] - dy
@@ -217,9 +217,9 @@ def _meet(poses, bodies, k, pair, best, known, scratch):
             dx, dy, yaw_i, yaw_j = x[after, j] - x[after, i], y[after, j] - y[after, i], yaw[after, i], yaw[after, j]
         if np.isfinite(dx + dy):
             d = rectangle_distance(dx, dy, yaw_i, yaw_j, size_i, size_j)
-            found[0], found[1] = max(d, 0.0), f
+            result[0], result[1] = max(d, 0.0), f
             if d < -TOUCH_M and not known:
-                found[2] = f
+                result[2] = f
         return
     # the circles around them first
     moved = np.hypot(move_x, move_y)
@@ -250,17 +250,17 @@ def approach(begin, change, sizes, pace, best, sought, scratch):
     scratch
         The second becomes the least distance (as far as it is below `best`), when, and when they overlap (-1: not).
     """
-    (dx, dy, yaw_a, yaw_b), (move_x, move_y, turn_a, turn_b), (size_a, size_b), (stack, found) = begin, change, sizes, scratch
+    (dx, dy, yaw_a, yaw_b), (move_x, move_y, turn_a, turn_b), (size_a, size_b), (stack, result) = begin, change, sizes, scratch
     first = rectangle_distance(dx, dy, yaw_a, yaw_b, size_a, size_b)
-    found[0], found[1], found[2] = max(first, 0.0), 0.0, -1.0
+    result[0], result[1], result[2] = max(first, 0.0), 0.0, -1.0
     if first < -TOUCH_M and sought != NONE:
-        found[2] = 0.0
+        result[2] = 0.0
         return
     if pace == 0.0:
         return
     last = rectangle_distance(dx + move_x, dy + move_y, yaw_a + turn_a, yaw_b + turn_b, size_a, size_b)
-    if max(last, 0.0) < found[0]:
-        found[0], found[1] = max(last, 0.0), 1.0
+    if max(last, 0.0) < result[0]:
+        result[0], result[1] = max(last, 0.0), 1.0
     touched = 1.0 if last < -TOUCH_M and sought != NONE else 2.0
     depth = 1 if sought == FIRST or touched > 1.0 else 0
     stack[0, 0], stack[0, 1], stack[0, 2], stack[0, 3] = 0.0, 1.0, max(first, 0.0), max(last, 0.0)
@@ -268,13 +268,13 @@ def approach(begin, change, sizes, pace, best, sought, scratch):
         depth -= 1
         a, b, distance_a, distance_b = stack[depth, 0], stack[depth, 1], stack[depth, 2], stack[depth, 3]
         least = (distance_a + distance_b - pace * (b - a)) / 2.0  # of all that may be in between
-        nearer = max(least, 0.0) < min(best, found[0]) - CLOSE_ENOUGH_M
+        nearer = max(least, 0.0) < min(best, result[0]) - CLOSE_ENOUGH_M
         if a >= touched or not (nearer or (least <= 0.0 and sought != NONE)) or pace * (b - a) <= TOUCH_M:
             continue
         f = (a + b) / 2.0
         d = rectangle_distance(dx + f * move_x, dy + f * move_y, yaw_a + f * turn_a, yaw_b + f * turn_b, size_a, size_b)
-        if max(d, 0.0) < found[0]:
-            found[0], found[1] = max(d, 0.0), f
+        if max(d, 0.0) < result[0]:
+            result[0], result[1] = max(d, 0.0), f
         if d < -TOUCH_M and sought != NONE:
             touched = min(touched, f)
             if sought == ANY:
@@ -284,7 +284,7 @@ def approach(begin, change, sizes, pace, best, sought, scratch):
         stack[depth + 1, 0], stack[depth + 1, 1], stack[depth + 1, 2], stack[depth + 1, 3] = a, f, distance_a, d
         depth += 2
     if touched <= 1.0:
-        found[2] = touched
+        result[2] = touched
 
 
 @kernel(allocates=True)

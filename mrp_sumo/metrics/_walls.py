@@ -39,7 +39,7 @@ def wall_closeness(poses, bodies, cell, first, listed, walls, best):
     where, hits, num_hits = np.full(4, -1.0), np.empty((64, 5)), 0
     known, crossed = {np.int64(-1)}, {np.int64(-1)}
     scratch = np.empty((128, 4)), np.empty(3)
-    found = scratch[1]
+    result = scratch[1]
     for k in range(num_samples):
         after = min(k + 1, num_samples - 1)
         for r in range(num_robots):
@@ -60,14 +60,14 @@ def wall_closeness(poses, bodies, cell, first, listed, walls, best):
                 _meet_wall(poses, bodies, (k, r), walls[wall], best, pair in known, scratch)
                 if _crosses(x[k, r], y[k, r], x[after, r], y[after, r], walls[wall]):
                     crossed.add(pair)
-                if found[0] < best:
-                    best = found[0]
-                    where[0], where[1], where[2], where[3] = k, found[1], r, wall
-                if found[2] >= 0.0:
+                if result[0] < best:
+                    best = result[0]
+                    where[0], where[1], where[2], where[3] = k, result[1], r, wall
+                if result[2] >= 0.0:
                     known.add(pair)
                     if num_hits == len(hits):
                         hits = np.concatenate((hits, np.empty_like(hits)))
-                    hits[num_hits, 0], hits[num_hits, 1], hits[num_hits, 2], hits[num_hits, 3] = k, found[2], r, wall
+                    hits[num_hits, 0], hits[num_hits, 1], hits[num_hits, 2], hits[num_hits, 3] = k, result[2], r, wall
                     num_hits += 1
     for hit in range(num_hits):
         hits[hit, 4] = 1.0 if np.int64(hits[hit, 2]) * num_walls + np.int64(hits[hit, 3]) in crossed else 0.0

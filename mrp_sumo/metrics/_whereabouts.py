@@ -126,8 +126,8 @@ def find_speeds(rides, limits, speeds):
         for k in range(a + 1, b):
             between = (0.0, 0.0) if stands[k - 1] else (low[k - 1], high[k - 1])
             most = min(top[k], stop[r]) if stands[k] else min(top[k], top[k + 1])
-            found = speeds_after(between, length[k], slack[r], ends[k] - begins[k], (top[k], most), accel[r], decel[r])
-            low[k], high[k], verdict[k] = found
+            answer = speeds_after(between, length[k], slack[r], ends[k] - begins[k], (top[k], most), accel[r], decel[r])
+            low[k], high[k], verdict[k] = answer
         for k in range(b - 1, a + 1, -1):
             if stands[k - 1] or verdict[k] != FINE:
                 continue
@@ -162,8 +162,8 @@ def hurried(speeds, length, t, top, accel, decel, motion):
             if peak > top:
                 cruise, peak = t - (top - u) / accel - (top - low) / decel - (w - low) / accel, top
             peak = max(peak, u)
-            way = (peak * peak - u * u) / (2 * accel) + cruise * peak + (peak * peak - low * low) / (2 * decel)
-            if way + (w * w - low * low) / (2 * accel) < length:
+            distance_m = (peak * peak - u * u) / (2 * accel) + cruise * peak + (peak * peak - low * low) / (2 * decel)
+            if distance_m + (w * w - low * low) / (2 * accel) < length:
                 a = low
             else:
                 b = low
@@ -253,16 +253,16 @@ def where(piece, e, t, waits):
 def nearest(piece, e, f, apart, e_waits, f_waits):
     """First time at which two bodies come closer than `apart`, inf if never, and how close they come in all."""
     begin, end, pace = max(piece.begin[e], piece.begin[f]), min(piece.end[e], piece.end[f]), piece.top[e] + piece.top[f]
-    t, found, least = begin, np.inf, np.inf
+    t, first_s, least = begin, np.inf, np.inf
     while True:
         ex, ey = where(piece, e, t, e_waits)
         fx, fy = where(piece, f, t, f_waits)
         distance = np.hypot(ex - fx, ey - fy)
         least = min(least, distance)
-        if distance < apart and found == np.inf:
-            found = t
+        if distance < apart and first_s == np.inf:
+            first_s = t
         if t >= end or pace == 0.0:
-            return found, least
+            return first_s, least
         t = min(end, t + max(abs(distance - apart) / pace, LEAST_S))
 
 

@@ -37,7 +37,7 @@ class LaneFlow(NamedTuple):
     goal: np.ndarray  # [R] int64
     cost: np.ndarray  # [L] int64
     num: np.ndarray  # [L] int64 ways along a lane
-    way: np.ndarray  # [R, N] int32 lanes of each robot's way
+    path_lanes: np.ndarray  # [R, N] int32 lanes of each robot's way
     length: np.ndarray  # [R] int64 lanes of it, up to N; the rest is not counted
     bucket: np.ndarray  # [MOST + 1] int64 entries of a queue by cost
     entry_vertex: np.ndarray  # [L + 1] int64
@@ -51,7 +51,7 @@ def give_ways(flow, robots):
     first, head, cost, left, start, goal = flow.first, flow.head, flow.cost, flow.left, flow.start, flow.goal
     for robot in robots:
         for n in range(flow.length[robot]):
-            _count(flow, flow.way[robot, n], -1)
+            _count(flow, flow.path_lanes[robot, n], -1)
         write_left(flow, goal[robot], start[robot], left)
         at, n = start[robot], 0
         while at != goal[robot]:
@@ -59,13 +59,13 @@ def give_ways(flow, robots):
             for lane in range(first[at], first[at + 1]):
                 if left[head[lane]] < FAR and cost[lane] + left[head[lane]] < least:
                     best, least = np.int64(lane), cost[lane] + left[head[lane]]
-            if n < flow.way.shape[1]:
-                flow.way[robot, n] = best
+            if n < flow.path_lanes.shape[1]:
+                flow.path_lanes[robot, n] = best
                 n += 1
             at = head[best]
         flow.length[robot] = n
         for m in range(n):
-            _count(flow, flow.way[robot, m], 1)
+            _count(flow, flow.path_lanes[robot, m], 1)
 
 
 @kernel

@@ -50,7 +50,7 @@ class PibtInstance(NamedTuple):
     guided: bool  # robots go by `guide`, not by steps
     guide: np.ndarray  # [R, V] int32 what is left to the goal, see _flow; [1, 1] where there is no guide
     toll: np.ndarray  # [L] int64 what lanes cost there
-    way: np.ndarray  # [R, N + 1] int32 vertices of shortest ways that meet few others, see _ways; [0, 1] where there are none
+    path: np.ndarray  # [R, N + 1] int32 vertices of shortest ways that meet few others, see _ways; [0, 1] where there are none
     following: bool  # nobody may enter a vertex in the step in which another leaves it
     rotations: bool  # rings of robots may move at once
     hindrance: bool  # ties are broken in favour of vertices that fewer neighbours want
@@ -107,15 +107,15 @@ def wants(world, robot, v, spot):
 @kernel
 def next_on_way(world, robot, v):
     """The vertex after v on the robot's way, -1 where v is not on it, or the robot has none."""
-    if len(world.way) != len(world.goal):
+    if len(world.path) != len(world.goal):
         return np.int64(-1)
-    way = world.way[robot]
+    path = world.path[robot]
     if not world.packed:
         step = world.steps[robot] - np.int64(world.table[robot, v])
-        return np.int64(way[step + 1]) if 0 <= step < len(way) - 1 and way[step] == v else np.int64(-1)
+        return np.int64(path[step + 1]) if 0 <= step < len(path) - 1 and path[step] == v else np.int64(-1)
     for step in range((world.steps[robot] - read_code(world.compass.code, robot, v) + 1) % 3, world.steps[robot], 3):
-        if way[step] == v:
-            return np.int64(way[step + 1])
+        if path[step] == v:
+            return np.int64(path[step + 1])
     return np.int64(-1)
 
 
@@ -183,7 +183,7 @@ def _search(compass, goal, robot, at, slack, aside):
     dx, dy = bound[goal, 0] - x, bound[goal, 1] - y
     limit, most = abs(dx) + abs(dy) + np.float32(slack + 0.01), aside * max(np.hypot(dx, dy), np.float32(1.0))
     begin, end, whole, nearby = 0, 1, True, slack < len(first) - 1
-    found = np.int64(0) if goal == at else np.int64(-1)
+    nearest = np.int64(0) if goal == at else np.int64(-1)
     d = 0
     while begin < end:
         d += 1
@@ -204,10 +204,10 @@ def _search(compass, goal, robot, at, slack, aside):
                     continue
                 row[u >> 2] |= np.uint8(mark << shift)
                 if u == at:
-                    found = np.int64(d)
+                    nearest = np.int64(d)
                 queue[end] = u
                 end += 1
-    return found, whole
+    return nearest, whole
 
 
 @kernel

@@ -33,7 +33,7 @@ class StepPaths(NamedTuple):
     spot: np.ndarray  # [V] int64
     move: np.ndarray  # [L] int64
     back: np.ndarray  # [M] int64
-    way: np.ndarray  # [R, N + 1] int32 vertices; -1 before there is one
+    path: np.ndarray  # [R, N + 1] int32 vertices; -1 before there is one
     held: np.ndarray  # [H] int64 spots, then moves, with the step and by how many they are held; 0: nothing. A hash table, never half full
     held_from: np.ndarray  # [S] int32 the step at which the robot arrives that stays there
     stamp: np.ndarray  # [V] int64 search in which the rest was last written
@@ -51,7 +51,7 @@ def give_ways(ways, robots, search, rng):
     """Give robots ways in the place of those they have; `search` is the number of the first one's search, never used before."""
     for k in range(len(robots)):
         robot = robots[k]
-        if ways.way[robot, 0] >= 0:
+        if ways.path[robot, 0] >= 0:
             _hold(ways, robot, -1)
         _find(ways, robot, search + k, rng)
         _hold(ways, robot, 1)
@@ -101,7 +101,7 @@ def _find(ways, robot, search, rng):
             num += 1
     at = np.int64(goal)
     for step in range(ways.steps[robot], -1, -1):
-        ways.way[robot, step] = at
+        ways.path[robot, step] = at
         at = np.int64(ways.before[at])
 
 
@@ -116,18 +116,18 @@ def _leads_on(ways, robot, v, u):
 @kernel
 def _hold(ways, robot, change):
     """Enter the robot's way among what is held, or take it out."""
-    way, first, head = ways.way[robot], ways.first, ways.head
+    path, first, head = ways.path[robot], ways.first, ways.head
     steps = ways.steps[robot]
     for step in range(steps + 1):
-        v = np.int64(way[step])
+        v = np.int64(path[step])
         ways.held[_slot(ways, spot_of(ways, v), step)] += change
         if step > 0:
-            u = np.int64(way[step - 1])
+            u = np.int64(path[step - 1])
             for lane in range(first[u], first[u + 1]):
                 if head[lane] == v:
                     ways.held[_slot(ways, len(ways.held_from) + move_along(ways, lane), step)] += change
                     break
-    ways.held_from[spot_of(ways, way[steps])] = steps if change > 0 else NEVER
+    ways.held_from[spot_of(ways, path[steps])] = steps if change > 0 else NEVER
 
 
 @kernel
@@ -158,4 +158,4 @@ def _probed(ways, place, step):
 @kernel
 def _key(ways, place, step):
     """A number above 0."""
-    return np.int64(place) * ways.way.shape[1] + step + 1
+    return np.int64(place) * ways.path.shape[1] + step + 1

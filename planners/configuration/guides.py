@@ -46,7 +46,7 @@ def guide_of(problem: Problem, world: PibtInstance, ways: int, flow: int, deadli
     few = ways * int(world.steps.sum()) < MOST_MOVES
     try:
         if ways and few and (are_thin(problem, world.steps) or not room_for_flow):
-            return world._replace(way=own_ways(problem, ways, world, 0.5 * (process_time() + deadline_s), rng))
+            return world._replace(path=own_ways(problem, ways, world, 0.5 * (process_time() + deadline_s), rng))
         if flow and room_for_flow:
             guide, toll = flow_guide(problem, flow, deadline_s, rng)
             return world._replace(guided=True, guide=guide, toll=toll)
@@ -76,7 +76,7 @@ def own_ways(problem: Problem, rounds: int, world: PibtInstance, deadline_s: flo
         spot=world.spot,
         move=world.move,
         back=world.back,
-        way=np.full((num_robots, int(steps.max()) + 1), -1, np.int32),
+        path=np.full((num_robots, int(steps.max()) + 1), -1, np.int32),
         held=np.zeros(slots, np.int64),
         held_from=np.full(len(world.spot_first) - 1, _ways.NEVER, np.int32),
         stamp=np.full(graph.num_vertices, -1, np.int64),
@@ -93,7 +93,7 @@ def own_ways(problem: Problem, rounds: int, world: PibtInstance, deadline_s: flo
         for a in range(0, num_robots, AT_ONCE):
             check_time(deadline_s)
             _ways.give_ways(ways, order[a : a + AT_ONCE], n * num_robots + a, rng)
-    return ways.way
+    return ways.path
 
 
 def local_guidance(world: PibtInstance, window: int) -> LocalGuidance:
@@ -148,7 +148,7 @@ def _flow_of(problem: Problem, num_ways: int) -> LaneFlow:
         goal=np.array(problem.target),
         cost=np.full(num_lanes, _flow.STEP, np.int64),
         num=np.zeros(num_lanes, np.int64),
-        way=np.empty((num_ways, min(num_vertices, LONGEST_WAY)), np.int32),
+        path_lanes=np.empty((num_ways, min(num_vertices, LONGEST_WAY)), np.int32),
         length=np.zeros(num_ways, np.int64),
         bucket=np.empty(_flow.MOST + 1, np.int64),
         entry_vertex=np.empty(num_lanes + 1, np.int64),

@@ -164,7 +164,7 @@ def _first(lacam: Lacam, start: SearchStart) -> tuple["LacamSearch", int, np.nda
     """
     if start.path is not None:
         return LacamSearch(lacam, start, 0), _lacam.REACHED, start.path
-    expansions, done, effort, window = 200 + 10 * start.num_guided, 0, start.given.effort, start.given.window_steps
+    expansions, done, effort, window = 200 + 10 * start.num_guided, 0, start.request.effort, start.request.window_steps
     most = max(1, effort // (LABELS * len(start.steps))) if effort else FOREVER
     windows = cycle((lacam.local, 0))
     for searches in count(1):
@@ -186,7 +186,7 @@ def _first(lacam: Lacam, start: SearchStart) -> tuple["LacamSearch", int, np.nda
 
 def _repaired(lacam: Lacam, start: SearchStart, search: "LacamSearch", times: int, polish: int) -> np.ndarray | None:
     """[T, R] paths that collided at first, see `lns2`; None where none are found with so many times the labels."""
-    problem = start.given
+    problem = start.request
     effort = min(times * REPAIR_LABELS * problem.num_robots**2, MOST_REPAIR_LABELS)
     if start.original is not None:
         return None  # too many robots or vertices for tables of them
@@ -203,11 +203,11 @@ def _repaired(lacam: Lacam, start: SearchStart, search: "LacamSearch", times: in
 def _with_cheaper_path(lacam: Lacam, start: SearchStart) -> SearchStart:
     """The start with the path of a search led by ways, as PIBT's is, where that costs less than an easy one that is close to the bound."""
     path, least = start.path, int(start.steps.sum())
-    if path is None or start.given.effort or least < FEWEST_MOVES or lacam.ways * least > MOST_MOVES:
+    if path is None or start.request.effort or least < FEWEST_MOVES or lacam.ways * least > MOST_MOVES:
         return start
     if not least < sum_of_costs(path, start.world.goal) < CLOSE * least:
         return start
-    rng = np.random.default_rng([start.given.seed, CHANCE_OF_WAYS])
+    rng = np.random.default_rng([start.request.seed, CHANCE_OF_WAYS])
     guided = guide_of(start.problem, start.world, lacam.ways, 0, start.deadline_s, rng)
     search = LacamSearch(lacam, replace(start, guided=guided, rng=rng), lacam.local)
     if search.until(start.deadline_s, first=True, expansions=2 * len(path)) != _lacam.REACHED:
@@ -218,7 +218,7 @@ def _with_cheaper_path(lacam: Lacam, start: SearchStart) -> SearchStart:
 def _in_window(lacam: Lacam, start: SearchStart) -> PlanResult | None:
     """A plan for a window beyond which there is none, or none was found: that of robots one after another, else of PIBT's steps."""
     prioritised = planner("prioritised", {"restarts": RESTARTS, "following": lacam.following})
-    by_turns = prioritised.plan(start.given, max(1e-3, start.deadline_s - process_time()))
+    by_turns = prioritised.plan(start.request, max(1e-3, start.deadline_s - process_time()))
     if by_turns.status is Status.SOLVED:
         return replace(by_turns, planning_time_s=process_time() - start.begin_s)
     path = _steps_of_window(start, lacam.local)
@@ -227,7 +227,7 @@ def _in_window(lacam: Lacam, start: SearchStart) -> PlanResult | None:
 
 def _steps_of_window(start: SearchStart, local: int) -> np.ndarray | None:
     """[T, R] PIBT's steps through a window, or fewer where all are at their goals sooner; None when the time is up."""
-    window, order = start.given.window_steps, start.world.base_order.copy()
+    window, order = start.request.window_steps, start.world.base_order.copy()
     path = np.empty((window + 1, len(start.steps)), np.int32)
     path[0] = start.problem.start
     room, t, home = _pibt.PibtRoom(_pibt.room_for_step(start.world), local_guidance(start.world, local)), 0, False

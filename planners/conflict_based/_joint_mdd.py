@@ -105,7 +105,7 @@ def _moves(instance, store, scratch, record, begin, end):
 
 
 @kernel
-def _places(store, scratch, record, step, of, of_step, found):
+def _places(store, scratch, record, step, of, of_step, entry):
     """For each member of a level of record `of`, its place in a level of `record`, -1 for none."""
     mark, queue, number = scratch.mark, scratch.queue, scratch.number
     number[MARK] += 1
@@ -115,7 +115,7 @@ def _places(store, scratch, record, step, of, of_step, found):
         mark[store.member[k]], queue[store.member[k]] = now, k - low
     low, high = _level(store, of, mdd_cost(store, of), of_step)
     for k in range(low, high):
-        found[k - low] = queue[store.member[k]] if mark[store.member[k]] == now else -1
+        entry[k - low] = queue[store.member[k]] if mark[store.member[k]] == now else -1
 
 
 @kernel
@@ -169,27 +169,27 @@ def _advance(following, pairs, moves, begins, sizes, swaps):
 
 
 @kernel
-def _note_lost(store, lost, count, both_kept, moves, level):
+def _note_lost(store, lost, count, both_alive, moves, level):
     """Write the lost places of a robot that it reaches from one that is not; the number written so far.
 
     Parameters
     ----------
     lost, count
         [N, 2] vertices and steps, and how many there are.
-    both_kept
+    both_alive
         Which places are not lost before, and after.
     moves
         (first, to), see `_moves`.
     level
         The first member of the level before, its members, the first member of the level after, its step.
     """
-    (kept, kept_after), (moves_first, moves_to), (begin, size, low, t) = both_kept, moves, level
+    (alive, alive_after), (moves_first, moves_to), (begin, size, low, t) = both_alive, moves, level
     for a in range(size):
-        if kept[a]:
+        if alive[a]:
             for m in range(moves_first[begin + a], moves_first[begin + a + 1]):
                 to = moves_to[m]
-                if kept_after[to] == 0:
-                    kept_after[to] = 2  # lost, and written
+                if alive_after[to] == 0:
+                    alive_after[to] = 2  # lost, and written
                     lost[count, 0], lost[count, 1] = store.member[low + to], t
                     count += 1
     return count
@@ -209,7 +209,7 @@ def joint_paths(instance, store, scratch, one, other):
 
     Returns
     -------
-    code, found, row0, middle, row1
+    code, verdict, row0, middle, row1
         OK, or why there is no room; APART, TOGETHER, LOST or UNKNOWN_YET; where LOST, the constraints of ONE and those of OTHER, one side
         of which each pair of paths without a conflict keeps.
     """
@@ -236,12 +236,12 @@ def joint_paths(instance, store, scratch, one, other):
     pair, after = np.ones((one_most, other_most), np.uint8), np.zeros((one_most, other_most), np.uint8)
     row = np.zeros(other_most, np.uint8)
     theirs, mine_after, meets = np.empty(one_most, np.int64), np.empty(one_most, np.int64), np.empty(one_most, np.int64)
-    one_kept, one_kept_after = np.ones(one_most, np.uint8), np.zeros(one_most, np.uint8)
-    other_kept, other_kept_after = np.ones(other_most, np.uint8), np.zeros(other_most, np.uint8)
+    one_alive, one_alive_after = np.ones(one_most, np.uint8), np.zeros(one_most, np.uint8)
+    other_alive, other_alive_after = np.ones(other_most, np.uint8), np.zeros(other_most, np.uint8)
     one_lost, other_lost = np.empty((len(one_first) + one_most, 2), np.int64), np.empty((len(other_first) + other_most, 2), np.int64)
     num_one, num_other = 0, 0
     one_begin, other_begin = 0, 0
-    found = TOGETHER
+    verdict = TOGETHER
     for t in range(first, last + 1):
         one_low, one_high = _level(store, one, one_cost, t - 1)
         other_low, other_high = _level(store, other, other_cost, t - 1)
@@ -260,37 +260,37 @@ def joint_paths(instance, store, scratch, one, other):
             (one_size, one_next, other_size, other_next),
             (theirs, mine_after, meets),
         )
-        one_kept_after[:one_next], other_kept_after[:other_next] = 0, 0
-        num_kept = 0
+        one_alive_after[:one_next], other_alive_after[:other_next] = 0, 0
+        num_alive = 0
         for a in range(one_next):
             for b in range(other_next):
                 if after[a, b]:
-                    one_kept_after[a], other_kept_after[b] = 1, 1
-                    num_kept += 1
+                    one_alive_after[a], other_alive_after[b] = 1, 1
+                    num_alive += 1
         level = one_begin, one_size, one_low, t
-        num_one = _note_lost(store, one_lost, num_one, (one_kept, one_kept_after), (one_first, one_to), level)
+        num_one = _note_lost(store, one_lost, num_one, (one_alive, one_alive_after), (one_first, one_to), level)
         level = other_begin, other_size, other_low, t
-        num_other = _note_lost(store, other_lost, num_other, (other_kept, other_kept_after), (other_first, other_to), level)
-        if num_kept == 0:
-            found = LOST
+        num_other = _note_lost(store, other_lost, num_other, (other_alive, other_alive_after), (other_first, other_to), level)
+        if num_alive == 0:
+            verdict = LOST
             break
         for a in range(one_next):
-            one_kept[a] = one_kept_after[a] == 1
+            one_alive[a] = one_alive_after[a] == 1
         for b in range(other_next):
-            other_kept[b] = other_kept_after[b] == 1
+            other_alive[b] = other_alive_after[b] == 1
         pair, after = after, pair
         one_begin += one_size
         other_begin += other_size
-    if found != LOST:
-        return OK, found, nothing, nothing, nothing
+    if verdict != LOST:
+        return OK, verdict, nothing, nothing, nothing
     row0 = store.used[ROWS]
     fits = _bar_lost(store, one_lost[:num_one], one_cost)
     middle = store.used[ROWS]
     fits = fits and _bar_lost(store, other_lost[:num_other], other_cost)
     if not fits:
         store.used[ROWS] = row0
-        return STORE_FULL, found, nothing, nothing, nothing
-    return OK, found, row0, middle, store.used[ROWS]
+        return STORE_FULL, verdict, nothing, nothing, nothing
+    return OK, verdict, row0, middle, store.used[ROWS]
 
 
 @kernel

@@ -107,12 +107,12 @@ def _split_joint(instance, store, scratch, one, other, row, known):
         k += 1
     if k == num_joint[0]:
         first, second = (one, other) if row.one == low else (other, one)
-        code, found, row0, middle, row1 = joint_paths(instance, store, scratch, first, second)
+        code, verdict, row0, middle, row1 = joint_paths(instance, store, scratch, first, second)
         if code != OK:
             return code
-        if found == LOST and not (breaks(store, first, row0, middle) and breaks(store, second, middle, row1)):
-            found = UNKNOWN_YET  # a path that is not among the shortest may go on as it is
-        joint[k, 0], joint[k, 1], joint[k, 2], joint[k, 3], joint[k, 4], joint[k, 5] = low, high, found, row0, middle, row1
+        if verdict == LOST and not (breaks(store, first, row0, middle) and breaks(store, second, middle, row1)):
+            verdict = UNKNOWN_YET  # a path that is not among the shortest may go on as it is
+        joint[k, 0], joint[k, 1], joint[k, 2], joint[k, 3], joint[k, 4], joint[k, 5] = low, high, verdict, row0, middle, row1
         num_joint[0] += 1
     if joint[k, 2] == LOST:
         if row.one == low:
@@ -169,13 +169,13 @@ def _split(instance, store, scratch, one, other, row, symmetries):
             elif code != NO_PATH:
                 return code
         if sort == PLAIN and kind == MEET and len(instance.column) and rank < 2:
-            kept = store.used[ROWS]
+            used_before = store.used[ROWS]
             code = _split_rectangle(instance, store, one, other, row)
             if code == OK:
                 sort = RECTANGLE
                 rank = _rank(instance, store, scratch, one, other, row)
             elif code == NO_PATH:
-                store.used[ROWS] = kept
+                store.used[ROWS] = used_before
             else:
                 return code
     row.priority = 4 * rank + sort

@@ -54,11 +54,11 @@ class Pair(NamedTuple):
     """Room for a tree of N nodes."""
 
     node: np.ndarray  # [N] PAIR_NODE
-    way: np.ndarray  # [N, 2]
+    path: np.ndarray  # [N, 2]
     cost: np.ndarray  # [N, 2] s, inf: that robot has no way
     key: np.ndarray  # [N] s, of a heap
     heap: np.ndarray  # [N] its nodes
-    found: np.ndarray  # [MOST_CONFLICTS, 3]
+    conflict_rows: np.ndarray  # [MOST_CONFLICTS, 3]
     ways: DiscPaths
 
 
@@ -121,21 +121,21 @@ def split(task, pair, n, made, used):
 
     Returns the number of ways by then, and whether there is room.
     """
-    node, ways, best, chosen, paths = pair.node, pair.ways, -1.0, made, (pair.way[n, 0], pair.way[n, 1])
-    num = conflicts(task.lanes, ways, paths[0], paths[1], MOST_CONFLICTS, pair.found, 0)
+    node, ways, best, chosen, paths = pair.node, pair.ways, -1.0, made, (pair.path[n, 0], pair.path[n, 1])
+    num = conflicts(task.lanes, ways, paths[0], paths[1], MOST_CONFLICTS, pair.conflict_rows, 0)
     if made + 4 > len(node):
         return used, False
     for k in range(2):
         load_rules(task, pair, n, k, task.rules[k])
     for c in range(num):
         low = np.inf
-        conflict = pair.found[c, 0], pair.found[c, 1], pair.found[c, 2]
+        conflict = pair.conflict_rows[c, 0], pair.conflict_rows[c, 1], pair.conflict_rows[c, 2]
         rules = rules_of(task.lanes, ways, conflict, paths, task.rules, task.scratch)
         for k in range(2):
             child = chosen + k
             node[child].parent, node[child].robot = n, k
             node[child].is_stay, node[child].place, node[child].begin, node[child].end = rules[k]
-            pair.way[child, 1 - k], pair.cost[child, 1 - k] = pair.way[n, 1 - k], pair.cost[n, 1 - k]
+            pair.path[child, 1 - k], pair.cost[child, 1 - k] = pair.path[n, 1 - k], pair.cost[n, 1 - k]
             used, fits = add_way(task, pair, child, k, used)
             if not fits:
                 return used, False
@@ -146,7 +146,7 @@ def split(task, pair, n, made, used):
                 for k in range(2):
                     node[made + k] = node[chosen + k]
                     for j in range(2):
-                        pair.way[made + k, j], pair.cost[made + k, j] = pair.way[chosen + k, j], pair.cost[chosen + k, j]
+                        pair.path[made + k, j], pair.cost[made + k, j] = pair.path[chosen + k, j], pair.cost[chosen + k, j]
         chosen = made + 2
     node[n].child = made if num else -1
     return used, True
@@ -164,7 +164,7 @@ def add_way(task, pair, n, k, used):
     pair.cost[n, k] = scratch.arrived[entry] if entry >= 0 else np.inf
     if entry >= 0 and not write_way(entry, scratch, task.start[k], used, pair.ways):
         return used, False
-    pair.way[n, k] = used
+    pair.path[n, k] = used
     return used + (1 if entry >= 0 else 0), True
 
 

@@ -75,10 +75,10 @@ class DiscScratch(NamedTuple):
 
 def new_scratch(num_vertices: int, num_lanes: int, room: int) -> DiscScratch:
     """Room for so many entries and stays."""
-    index, moment = (lambda: np.zeros(room, np.int64)), (lambda: np.zeros(room))
+    index, seconds = (lambda: np.zeros(room, np.int64)), (lambda: np.zeros(room))
     return DiscScratch(
-        np.full(num_lanes, -1), np.full(num_vertices, -1), moment(), np.zeros(num_vertices + room),
-        index(), index(), moment(), moment(), index(), index(), moment(), moment(), index(),
+        np.full(num_lanes, -1), np.full(num_vertices, -1), seconds(), np.zeros(num_vertices + room),
+        index(), index(), seconds(), seconds(), index(), index(), seconds(), seconds(), index(),
     )  # fmt: skip
 
 
@@ -155,14 +155,14 @@ def collide(lanes, e, f):
 
 
 @kernel
-def conflicts(lanes, ways, one, other, most, found, num):
-    """Write the conflicts of two ways to `found` from row `num` on, by time: kind, and which move or stay of each. Returns the new number.
+def conflicts(lanes, ways, one, other, most, rows, num):
+    """Write the conflicts of two ways to `rows` from row `num` on, by time: kind, and which move or stay of each. Returns the new number.
 
     Stay k of a way is the one before its move k. Rows are as many as there is room for.
     """
     a, b, c, d = ways.first[one], ways.first[one + 1], ways.first[other], ways.first[other + 1]
     i, j = a, c  # moves of both, each after its stay
-    most = min(most + num, len(found))
+    most = min(most + num, len(rows))
     while num < most:
         begin, left = arrival(lanes, ways, one, i), ways.left[i] if i < b else np.inf
         other_begin, other_left = arrival(lanes, ways, other, j), ways.left[j] if j < d else np.inf
@@ -171,17 +171,17 @@ def conflicts(lanes, ways, one, other, most, found, num):
         if i < b and j < d and left < other_end and other_left < end:
             low, high = collide(lanes, ways.lane[i], ways.lane[j])
             if low + EPS < other_left - left < high - EPS:
-                found[num, 0], found[num, 1], found[num, 2] = MOVES, i - a, j - c
+                rows[num, 0], rows[num, 1], rows[num, 2] = MOVES, i - a, j - c
                 num += 1
         if i < b and num < most and left < other_left and other_begin < end and other_left > other_begin + EPS:
             v = stands_at(lanes, ways, other, j)
             if meets_stay(lanes, ways.lane[i], left, v, other_begin, other_left):
-                found[num, 0], found[num, 1], found[num, 2] = STAYS_OTHER, i - a, j - c
+                rows[num, 0], rows[num, 1], rows[num, 2] = STAYS_OTHER, i - a, j - c
                 num += 1
         if j < d and num < most and other_left < left and begin < other_end and left > begin + EPS:
             v = stands_at(lanes, ways, one, i)
             if meets_stay(lanes, ways.lane[j], other_left, v, begin, left):
-                found[num, 0], found[num, 1], found[num, 2] = STAYS_ONE, i - a, j - c
+                rows[num, 0], rows[num, 1], rows[num, 2] = STAYS_ONE, i - a, j - c
                 num += 1
         if i >= b and j >= d:
             break
@@ -200,24 +200,24 @@ def meets_stay(lanes, lane, left, vertex, begin, until):
 
 
 @kernel
-def stands_at(lanes, ways, way, k):
+def stands_at(lanes, ways, path, k):
     """The vertex of the stay before a way's move k (counted in all ways)."""
-    return ways.start[way] if k == ways.first[way] else lanes.head[ways.lane[k - 1]]
+    return ways.start[path] if k == ways.first[path] else lanes.head[ways.lane[k - 1]]
 
 
 @kernel
-def arrival(lanes, ways, way, k):
+def arrival(lanes, ways, path, k):
     """Time at which a robot begins the stay before its move k (counted in all ways)."""
-    return 0.0 if k == ways.first[way] else ways.left[k - 1] + lanes.duration[ways.lane[k - 1]]
+    return 0.0 if k == ways.first[path] else ways.left[k - 1] + lanes.duration[ways.lane[k - 1]]
 
 
 @kernel
-def conflicts_with_all(lanes, ways, one, others, most, found, of):
+def conflicts_with_all(lanes, ways, one, others, most, rows, of):
     """The conflicts of a way with others [N]; `of` says with which of them. Returns how many."""
     num = 0
     for k in range(len(others)):
         before = num
-        num = conflicts(lanes, ways, one, others[k], most, found, num)
+        num = conflicts(lanes, ways, one, others[k], most, rows, num)
         of[before:num] = k
     return num
 
@@ -253,12 +253,12 @@ def find(lanes, trip, rules, scratch, to_stay, barred):
         scratch.leave_by[k] = min(lasts[k], scratch.leave_by[k + 1]) if later else lasts[k]
         scratch.stay_of[vertex[k]] = k
     scratch.best[: num_vertices + num_stays] = np.inf
-    found = search(lanes, trip, rules, scratch, to_stay, barred)
+    entry = search(lanes, trip, rules, scratch, to_stay, barred)
     for k in range(rules.count[0]):
         scratch.move_of[lane[k]] = -1
     for k in range(num_stays):
         scratch.stay_of[vertex[k]] = -1
-    return found
+    return entry
 
 
 @kernel
@@ -323,19 +323,19 @@ def search(lanes, trip, rules, scratch, to_stay, barred):
 
 
 @kernel
-def write_way(entry, scratch, start, way, ways):
+def write_way(entry, scratch, start, path, ways):
     """Add the way that led to an entry under this number, the next one. Returns whether there is room."""
-    num, n, begin = 0, entry, ways.first[way]
+    num, n, begin = 0, entry, ways.first[path]
     while scratch.parent[n] >= 0:
         num += 1
         n = scratch.parent[n]
-    if begin + num > len(ways.lane) or way + 2 > len(ways.first):
+    if begin + num > len(ways.lane) or path + 2 > len(ways.first):
         return False
     n = entry
     for k in range(begin + num - 1, begin - 1, -1):
         ways.lane[k], ways.left[k] = scratch.lane[n], scratch.left[n]
         n = scratch.parent[n]
-    ways.start[way], ways.first[way + 1] = start, begin + num
+    ways.start[path], ways.first[path + 1] = start, begin + num
     return True
 
 
@@ -398,17 +398,17 @@ def rule_against(lanes, ways, conflict, one, other, second):
 
 
 @kernel(allocates=True)
-def forbidden_by(lanes, ways, way, room):
+def forbidden_by(lanes, ways, path, room):
     """Rules that keep others from a conflict with a way: [2, 3, N] of departures and stays, see `Rules`, and how many of each.
 
     Without the room, the numbers are -1.
     """
     rows, num_moves, num_stays = np.zeros((2, 3, room)), 0, 0
-    for k in range(ways.first[way], ways.first[way + 1] + 1):
-        begin = arrival(lanes, ways, way, k)
-        last = k == ways.first[way + 1]
+    for k in range(ways.first[path], ways.first[path + 1] + 1):
+        begin = arrival(lanes, ways, path, k)
+        last = k == ways.first[path + 1]
         end = np.inf if last else ways.left[k]
-        u = stands_at(lanes, ways, way, k)
+        u = stands_at(lanes, ways, path, k)
         for e in range(len(lanes.tail)):
             if num_moves + 2 > room:
                 return rows, -1, -1

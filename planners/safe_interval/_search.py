@@ -604,11 +604,11 @@ def expand_ray(ground, scratch, e, states, entries, count):
         lane = ray
         for lanes in range(1, moves.length[ray] + 1):
             if at_rest[lane] < FAR:
-                found = ready + moves.time[first_run + lanes - 1] + at_rest[lane]
-                if bound <= found <= worst:
+                reached = ready + moves.time[first_run + lanes - 1] + at_rest[lane]
+                if bound <= reached <= worst:
                     last = lanes
-                elif found > worst and found < following:
-                    following = found
+                elif reached > worst and reached < following:
+                    following = reached
             lane = moves.onward[lane]
     gap = scratch.gap
     gap[0, 0] = ready
@@ -641,21 +641,21 @@ def expand_ray(ground, scratch, e, states, entries, count):
         if waiting > MOST_PENDING - 256:
             break
         brake_m = moves.along_m[moves.along_first[moves.course[ray]] + moves.brake[run]]
-        kept = 0
+        left = 0
         for i in range(waiting):  # what is left before the robot could brake is left at that step by all longer runs too
             if pending_m[i] <= brake_m:
                 if num and is_held_after(table, pending[0, i], gap[0, 0] + pending[1, i]):
                     num = without(table, pending[0, i], pending[1, i], step_at(moves, ray, pending_m[i]), gap, num)
             else:
-                pending[0, kept] = pending[0, i]
-                pending[1, kept] = pending[1, i]
-                pending_m[kept] = pending_m[i]
-                kept += 1
-        waiting = kept
+                pending[0, left] = pending[0, i]
+                pending[1, left] = pending[1, i]
+                pending_m[left] = pending_m[i]
+                left += 1
+        waiting = left
         if num == 0:
             return states, entries, count
-        found = ready + moves.time[run] + at_rest[lane]
-        if at_rest[lane] < FAR and (only == lanes or (only == 0 and bound <= found <= worst)):
+        reached = ready + moves.time[run] + at_rest[lane]
+        if at_rest[lane] < FAR and (only == lanes or (only == 0 and bound <= reached <= worst)):
             earliest = gap[0, 0] + moves.time[run]
             seen = scratch.seen[moves.alike[lane]]
             if seen.search == now and seen.step <= earliest < seen.until:  # no better than that one
@@ -676,12 +676,12 @@ def expand_ray(ground, scratch, e, states, entries, count):
 
 
 @kernel
-def arrive(ground, scratch, way, taken, num, waiting, sizes):
+def arrive(ground, scratch, stretch, taken, num, waiting, sizes):
     """Add the earliest state at the end of one run, and an entry for the later ones.
 
     Parameters
     ----------
-    way
+    stretch
         State, ray and number of lanes.
     taken
         Step of the run at which its last lane is taken.
@@ -690,7 +690,7 @@ def arrive(ground, scratch, way, taken, num, waiting, sizes):
     sizes
         Numbers of states, entries and keys of the heap, which are returned as they are then.
     """
-    (moves, table, at_rest, _, weight), (state, ray, lanes), (states, entries, count) = ground, way, sizes
+    (moves, table, at_rest, _, weight), (state, ray, lanes), (states, entries, count) = ground, stretch, sizes
     now, mask = scratch.searches[0], len(scratch.key) - 1
     run = moves.run_first[moves.course[ray]] + lanes - 1
     lane = ray
@@ -749,7 +749,7 @@ def arrive(ground, scratch, way, taken, num, waiting, sizes):
                 states += 1
             later = until + 1 - taken  # at the earliest: what ends the safe interval takes a step at least
             if later <= latest and until < FOREVER:
-                entries, count = push_later(scratch, way, later, (time, np.int64(at_rest[lane])), weight, entries, count)
+                entries, count = push_later(scratch, stretch, later, (time, np.int64(at_rest[lane])), weight, entries, count)
             return states, entries, count
     return states, entries, count
 
@@ -815,16 +815,16 @@ def needs_along(moves, start, runs):
             lane = moves.onward[lane]
     order = np.argsort(resource * (k + 1) + visit)
     resource[:], begin[:], end[:], visit[:] = resource[order], begin[order], end[order], visit[order]
-    kept = 0
+    row = 0
     for i in range(1, num):
-        same = resource[i] == resource[kept]
-        if same and (begin[i] <= end[kept] or visit[i] <= visit[kept] + 1):
-            end[kept] = max(end[kept], end[i])
-            visit[kept] = visit[i]
+        same = resource[i] == resource[row]
+        if same and (begin[i] <= end[row] or visit[i] <= visit[row] + 1):
+            end[row] = max(end[row], end[i])
+            visit[row] = visit[i]
             continue
-        kept += 1
-        resource[kept], begin[kept], end[kept], visit[kept] = resource[i], begin[i], end[i], visit[i]
-    return held[:, : kept + 1].copy()
+        row += 1
+        resource[row], begin[row], end[row], visit[row] = resource[i], begin[i], end[i], visit[i]
+    return held[:, : row + 1].copy()
 
 
 @kernel(allocates=True)

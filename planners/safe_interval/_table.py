@@ -118,19 +118,19 @@ def release(table, resource, robot):
     """Take a robot's reservations of these resources away."""
     for q in resource:
         a = table.row[q]
-        kept = a
+        last = a
         for k in range(a, a + table.count[q]):
             if table.robot[k] != robot:
-                table.begin[kept] = table.begin[k]
-                table.end[kept] = table.end[k]
-                table.robot[kept] = table.robot[k]
-                kept += 1
-        table.count[q] = kept - a
+                table.begin[last] = table.begin[k]
+                table.end[last] = table.end[k]
+                table.robot[last] = table.robot[k]
+                last += 1
+        table.count[q] = last - a
 
 
 @kernel
-def holders(table, resource, begin, end, robot, found):
-    """Write to `found` [R], of the robots but this one, the first step at which a reservation overlaps with these. Returns how many do."""
+def holders(table, resource, begin, end, robot, first_step):
+    """Write the first step at which a reservation of another robot overlaps with these to `first_step` [R]. Returns how many do."""
     overlaps = 0
     for i in range(len(resource)):
         q = resource[i]
@@ -138,24 +138,24 @@ def holders(table, resource, begin, end, robot, found):
         last = table.row[q] + table.count[q]
         while k < last and table.begin[k] < end[i]:
             if table.robot[k] != robot:
-                found[table.robot[k]] = min(found[table.robot[k]], max(table.begin[k], begin[i]))
+                first_step[table.robot[k]] = min(first_step[table.robot[k]], max(table.begin[k], begin[i]))
                 overlaps += 1
             k += 1
     return overlaps
 
 
 @kernel
-def overlaps(one_resource, one_begin, one_end, other_resource, other_begin, other_end, found):
+def overlaps(one_resource, one_begin, one_end, other_resource, other_begin, other_end, rows):
     """Write resource, first step and the step after the last, for each time that two hold one resource at once. Returns how many.
 
     What each holds is in order of resources, then of time. Rows are as many as there is room for.
     """
     i, j, num = 0, 0, 0
-    while num < len(found):
+    while num < len(rows):
         k, begin, end, i, j = next_overlap((one_resource, one_begin, one_end), (other_resource, other_begin, other_end), i, j)
         if k < 0:
             break
-        found[num, 0], found[num, 1], found[num, 2] = one_resource[k], begin, end
+        rows[num, 0], rows[num, 1], rows[num, 2] = one_resource[k], begin, end
         num += 1
     return num
 

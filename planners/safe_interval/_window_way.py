@@ -356,14 +356,14 @@ def _met(task, before, now, above, at, r, t):
         move = move_of(task.spot_first, task.spot_head, u, v)
         for k in range(clashes.vertex_first[move], clashes.vertex_first[move + 1]):
             w = clashes.vertex[k]
-            for found in (np.int64(before[w]), np.int64(now[w])):
-                if found >= 0 and found != r:
-                    return found
+            for other in (np.int64(before[w]), np.int64(now[w])):
+                if other >= 0 and other != r:
+                    return other
         for k in range(clashes.lane_first[move], clashes.lane_first[move + 1]):
             lane = clashes.lane[k]
-            found = np.int64(before[task.spot_tail[lane]])
-            if found >= 0 and found != r and spot[at[found, t]] == task.spot_head[lane]:
-                return found
+            other = np.int64(before[task.spot_tail[lane]])
+            if other >= 0 and other != r and spot[at[other, t]] == task.spot_head[lane]:
+                return other
     return np.int64(-1)
 
 

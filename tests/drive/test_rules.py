@@ -128,7 +128,7 @@ def scene(num_robots=1, ordered=False):
             facilities=Group(shut=each(False, num_visits)),
             people=Group(any=False, halted=each(False)),
         ),
-        news=Group(changed=each(-1)),
+        notices=Group(changed=each(-1)),
         log=Group(
             num_entries=np.zeros(1, np.int64),
             entries=Group(
@@ -325,10 +325,10 @@ def test_speed_that_a_robot_is_told(monkeypatch, what):
 def test_speeds_are_told_when_they_change_when_robots_are_to_stop_and_all_when_they_are_sent_again():
     world = put(scene(3), {"state.grants.allowed_m": {0: 9.0, 1: 9.0}, "state.grants.command_mps": {0: 1.0, 1: 0.9998, 2: 5e-5}})
     assert _grants.command(10.0, world) == 2
-    assert world.news.changed[:2].tolist() == [1, 2] and world.state.grants.command_mps.tolist() == [1.0, 1.0, 0.0]
+    assert world.notices.changed[:2].tolist() == [1, 2] and world.state.grants.command_mps.tolist() == [1.0, 1.0, 0.0]
     assert _grants.command(10.1, world) == 0
     _grants.send_again(world.state.grants)
-    assert _grants.command(10.2, world) == 3 and world.news.changed.tolist() == [0, 1, 2]
+    assert _grants.command(10.2, world) == 3 and world.notices.changed.tolist() == [0, 1, 2]
 
 
 def test_what_a_robot_has_left_is_free_and_the_turn_passes_on():

@@ -72,5 +72,5 @@ def test_crowds_are_guided_by_the_flow():
     crowd = problem_on(ring, list(range(10)), [(i + 5) % 10 for i in range(10)])  # 50 moves for 20 lanes
     assert not are_thin(crowd, np.full(10, 5))
     opening = search_start(ByConfigurations(), crowd, np.inf, 0, False)
-    assert not len(opening.guided.way) and opening.guided.guided
+    assert not len(opening.guided.path) and opening.guided.guided
     assert are_thin(small_problem(), np.array([2, 2]))  # so that both are compiled ahead
