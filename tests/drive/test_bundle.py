@@ -25,9 +25,9 @@ def block(folder):
     return lanes(folder / "block.csv", xy, pairs, True)
 
 
-def fleet_with_room(at, *orders, capacity=2, types=()):
+def fleet_with_room(at, *orders, capacity=2, **other):
     """Robots at vertices of the line that can have so many orders on board."""
-    fleet = Fleet(at, *orders, types=types)
+    fleet = Fleet(at, *orders, **other)
     problem = fleet.context.ledger.problem
     fleet.context.ledger.problem = replace(problem, fleet=replace(problem.fleet, capacity=np.full(len(at), capacity)))
     fleet.crew.problem = fleet.context.ledger.problem
@@ -62,6 +62,23 @@ def test_what_an_order_delays_counts_and_not_what_a_robot_has_to_do_anyway(other
     assert fleet.decides("bundle") == {0: 0}
     fleet.crew.orders.reveal(1.0)
     assert list(tours(fleet.context, 1.0, 30)) == [taken_by]
+
+
+@pytest.mark.parametrize(
+    ("leaves", "at", "then"),
+    [
+        (True, [3, 8], {0: [(1, 0), (1, 1), (0, 1)]}),
+        (False, [3, 15], {1: [(1, 0), (1, 1)]}),
+        (False, [3, 17], {0: [(0, 0), (1, 0), (1, 1), (0, 1)]}),
+    ],
+)
+def test_an_order_comes_after_the_service_that_is_being_made_unless_that_will_be_over(leaves, at, then):
+    """robot_0 is served at 3 for 11 s more, and would do the new order, from 4 to 5, 2 s later; robot_1 takes 5, 12 or 14 s."""
+    fleet = fleet_with_room(at, (0.0, (3, 10), 0, "", 0), (1.0, (4, 5)), service_s=(12.0, 0.0))
+    assert fleet.decides("bundle") == {0: 0} and fleet.crew.serving[0]
+    fleet.crew.robots[0].leaves = leaves
+    fleet.crew.orders.reveal(1.0)
+    assert tours(fleet.context, 1.0, 30) == then
 
 
 def test_a_robot_that_carries_one_is_given_one():
