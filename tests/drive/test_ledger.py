@@ -200,11 +200,11 @@ def passing(ledger, vertex):
     return [r for r, _ in sorted(visits, key=lambda visit: ledger.needs.passage[ledger.needs.first[visit[1]]])]
 
 
-def frozen_ahead(ledger):
-    """Freeze what robots will have been granted in a minute."""
+def frozen_ahead(ledger, *stays):
+    """Freeze what robots will have been granted in a minute; those that stay are granted nothing more."""
     num_robots, graph = ledger.num_robots, ledger.graph
     limits = Kinematics(*(np.full(num_robots, value) for value in (0.22, 2.5, 2.84, 0.1, 0.1, 0.1, 0.0)))
-    ledger.cut(60.0, limits, np.zeros(graph.num_lanes, np.bool_), np.zeros(num_robots, np.bool_))
+    ledger.cut(60.0, limits, np.zeros(graph.num_lanes, np.bool_), np.isin(np.arange(num_robots), stays))
 
 
 @pytest.mark.parametrize(("decel_mps2", "frozen"), [(1.0, 1), (0.25, 2)])
@@ -275,6 +275,14 @@ def test_what_is_frozen_keeps_its_order_whatever_comes_after_it(first):
     assert [way[-1] for way in ledger.committed] == ([5, 11] if first == 0 else [11, 5])
     ledger.append(Replan(dict(enumerate([way(6), way(12)] if first == 0 else [way(12), way(6)])), "replan"), policy_of("adg"), 1.0)
     assert passing(ledger, 0) == before == [first, 1 - first]
+
+
+@pytest.mark.parametrize(("stays", "ends"), [((), [5, 11]), ((0,), [2, 7]), ((1,), [5, 8])])
+def test_nothing_is_frozen_beyond_what_another_is_to_pass_first_who_stays(stays, ends):
+    """robot_1 comes to the middle after robot_0, from 8 by way of 7."""
+    ledger, _ = ledger_of(cross(3), [EAST_TO_NORTH, WEST_TO_SOUTH])
+    frozen_ahead(ledger, *stays)
+    assert [way[-1] for way in ledger.committed] == ends
 
 
 def test_what_is_not_frozen_goes_by_the_new_times():
@@ -447,6 +455,17 @@ def test_a_robot_that_stands_for_good_gives_back_what_it_is_not_on_its_way_to(s_
     assert holds.holder.tolist() == [0] * (keeps + 1) + [-1] * (5 - keeps) and holds.held.tolist() == [1] * (keeps + 1) + [0] * (5 - keeps)
     assert [claims.number[lanes(k, k + 1)] for k in range(5)] == [1] * keeps + [0] * (5 - keeps)
     assert ledger.state.yielding.pause[0] == (keeps if granted != keeps else NEVER) and not grants.on_lane[0]
+
+
+def test_of_robots_that_stand_for_good_each_gives_back_what_it_has_been_granted():
+    """The first has nothing to give back, the second two vertices and the lanes there."""
+    ledger, _ = ledger_of(square_grid(3), [[0, 1], [6, 7, 8]])
+    holds, claims, ids = ledger.state.holds, ledger.state.claims, ledger.all_ids(1)
+    lanes = [int(ledger.graph.lane_between(a, b)) for a, b in ((6, 7), (7, 8))]
+    ledger.visits.granted[1], holds.holder[[7, 8]], holds.held[[7, 8]], claims.number[lanes] = ids[2], 1, 1, 1
+    ledger.give_back(np.array([0, 1]))
+    assert ledger.visits.granted.tolist() == ledger.visits.reached.tolist() == [0, 1]
+    assert holds.holder[[6, 7, 8]].tolist() == [1, -1, -1] and claims.number[lanes].tolist() == [0, 0]
 
 
 def test_a_robot_is_at_its_goal_from_the_start_or_since_it_was_told_to_stay():
