@@ -14,7 +14,7 @@ def test_limits_are_students():
     found = t_mean([4.0, 5.0, 6.0, 9.0, math.nan])
     assert (found.value, found.count) == (6.0, 4)
     assert (found.low, found.high) == pytest.approx(stats.t.interval(0.95, 3, 6.0, stats.sem([4, 5, 6, 9])))
-    assert t_mean([3.0]).high == math.inf
+    assert (t_mean([3.0]).low, t_mean([3.0]).high) == (-math.inf, math.inf)
 
 
 def test_paired_test_is_that_of_the_differences():
@@ -24,6 +24,28 @@ def test_paired_test_is_that_of_the_differences():
     assert (found.difference.low, found.difference.high) == pytest.approx(tuple(known.confidence_interval()))
     assert found.variance_reduction == pytest.approx(1 - np.var(b - a, ddof=1) / (np.var(a, ddof=1) + np.var(b, ddof=1)))
     assert found.variance_reduction > 0.9
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "p_value", "variance_reduction"),
+    [
+        ([3.0, 4.0, 5.0], [5.0, 6.0, 7.0], 0.0, 1.0),  # two more each time
+        ([3.0, 3.0, 3.0], [3.0, 3.0, 3.0], 1.0, 0.0),
+        ([3.0, math.nan], [5.0, 6.0], 1.0, math.nan),  # one pair
+        ([3.0, 4.0], [5.0, 7.0], stats.ttest_rel([3, 4], [5, 7]).pvalue, 0.8),  # 1/2 of 1/2 + 2 is left
+    ],
+)
+def test_pairs_that_differ_alike_are_as_sure_as_can_be_and_one_pair_says_nothing(first, second, p_value, variance_reduction):
+    paired = paired_t(first, second)
+    assert paired.p_value == pytest.approx(p_value) and paired.variance_reduction == pytest.approx(variance_reduction, nan_ok=True)
+
+
+def test_counts_that_are_equal_are_not_believed_to_vary_by_less_than_half_a_step():
+    limits, pairs = t_mean([6.0] * 4, resolution=1.0), paired_t([6.0] * 4, [8.0] * 4, resolution=1.0)
+    assert (limits.low, limits.high) == pytest.approx(stats.t.interval(0.95, 3, 6.0, 0.25))
+    assert (pairs.difference.low, pairs.difference.high) == pytest.approx(stats.t.interval(0.95, 3, 2.0, 0.25))
+    assert pairs.p_value == pytest.approx(2 * stats.t.sf(8.0, 3))
+    assert t_mean([4.0, 5.0, 6.0, 9.0], resolution=1.0) == t_mean([4.0, 5.0, 6.0, 9.0])  # they vary by more
 
 
 def test_common_random_numbers_have_narrower_limits_than_independent_ones():

@@ -8,6 +8,8 @@ import pytest
 from scipy import stats
 
 from mrp_sumo.experiments.statistics import (
+    MAX_WALSH,
+    _hodges_lehmann,
     bootstrap_deviation,
     bootstrap_mean,
     holm,
@@ -89,6 +91,11 @@ def test_wilcoxon_leaves_out_runs_without_both_values():
     assert wilcoxon([np.nan], [1]).count == 0
 
 
+def test_runs_that_got_larger_and_smaller_are_weighed_by_the_ranks_of_their_differences():
+    """Three larger, of ranks 2, 3 and 4, one smaller, of rank 1, and one that is equal."""
+    assert wilcoxon([5, 5, 5, 5, 5], [6, 8, 4.5, 7, 5]).rank_biserial == pytest.approx((2 + 3 + 4 - 1) / 10)
+
+
 def test_wilcoxon_of_many_runs_is_that_of_scipy():
     rng = np.random.default_rng(3)
     a = rng.normal(size=80)
@@ -159,6 +166,13 @@ RESULTS = pd.DataFrame(
 )
 
 
+@pytest.mark.parametrize("column", ["planning_time_s", "plan_success"])
+def test_runs_without_a_time_or_a_plan_count_twice_the_limit_and_no_run_has_no_time(column):
+    first = rates(RESULTS.drop(columns=column), ["planner"]).to_dict("records")[0]
+    assert first["planning_par2_s"] == 120.0 and first["mrp_bench_planning"] == pytest.approx((column != "plan_success") / 3)
+    assert par2([60.0, 60.1], [True, True], 60.0) == 90.0 and math.isnan(par2([], [], 60.0))
+
+
 def test_rates_of_groups_count_every_run():
     cbs, ecbs = rates(RESULTS, ["planner"]).to_dict("records")
     assert (cbs["num_runs"], cbs["planning"], cbs["normalised"], cbs["overall"]) == (3, pytest.approx(1 / 3), 1.0, pytest.approx(1 / 3))
@@ -189,3 +203,16 @@ def test_p_values_are_those_of_scipy(seed):
     only_first, only_second = rng.integers(1, 60, 2)
     first = np.repeat([True, False], [only_first, only_second])
     assert mcnemar(first, ~first).p_value == pytest.approx(stats.binomtest(only_first, len(first)).pvalue, rel=1e-9)
+
+
+@pytest.mark.parametrize("counts", [(470, 530), (471, 530), (5, 2000), (700, 700)])
+def test_the_sign_test_of_many_runs_is_that_of_scipy(counts):
+    """Up to 1000 runs in whole numbers."""
+    first = np.repeat([True, False], counts)
+    assert mcnemar(first, ~first).p_value == pytest.approx(stats.binomtest(counts[0], sum(counts)).pvalue, rel=1e-9)
+
+
+@pytest.mark.parametrize(("more", "shift"), [(0, 0.5), (1, 0.0)])
+def test_a_shift_is_the_median_of_averages_or_of_the_differences_where_there_are_too_many(more, shift):
+    """A third of the differences is 1, the rest 0: four ninths of the averages are 0 and as many one half."""
+    assert _hodges_lehmann(np.repeat([0.0, 1.0], [1000, MAX_WALSH - 1000 + more])) == shift
