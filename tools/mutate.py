@@ -103,13 +103,16 @@ ROOMS = {  # the files of each, and the tests that hold it
     ),
 }
 LEFT_OUT = ("RemoveDecorator", "VariableReplacer", "VariableInserter")  # of the operators: decorators are @njit and @dataclass
-SAME = {("Eq", "Is"), ("Is", "Eq"), ("NotEq", "IsNot"), ("IsNot", "NotEq")}  # comparisons that mean the same where they are used here
+SAME = {  # operators that mean the same where they are used here: comparisons, and those of truth values
+    *(("Eq", "Is"), ("Is", "Eq"), ("NotEq", "IsNot"), ("IsNot", "NotEq")),
+    *(("BitAnd", "Mul"), ("BitOr", "Add")),
+}
 FORKS = multiprocessing.get_context("forkserver")
 PRELOADED = (  # all but numba, which reads its settings when it is loaded
     *("hypothesis.strategies", "pytest", "xdist", "pytest_cov", "yaml", "pydantic", "numpy", "pandas", "matplotlib.figure", "networkx"),
     *("scipy.optimize", "scipy.stats", "scipy.sparse.csgraph", "scipy.spatial", "scipy.ndimage", "rosbags.typesys", "pyarrow.parquet"),
 )
-LIMIT = 5.0  # times as long as the tests take without a mutant
+LIMIT = 2.5  # times as long as the tests take without a mutant
 
 
 @dataclass(frozen=True)
@@ -238,7 +241,7 @@ def outcomes(mutants: Sequence[Mutant], copy: Path) -> Iterator[tuple[Mutant, st
             begin_s = time.monotonic()
             if not passes(tests, plain, copy, None, covered):
                 raise SystemExit(f"mutate: the tests of '{mutant.room}' fail without a mutant")
-            limit_s[mutant.room, plain] = 30.0 + LIMIT * (time.monotonic() - begin_s)
+            limit_s[mutant.room, plain] = 20.0 + LIMIT * (time.monotonic() - begin_s)
         source = file.read_text()
         mutated = mutate_code(source, get_operator(mutant.operator)(), mutant.occurrence)
         assert mutated is not None, mutant
