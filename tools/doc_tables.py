@@ -10,6 +10,7 @@ import argparse
 import json
 import re
 import sys
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
@@ -59,24 +60,27 @@ def _table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
     return "".join(f"| {' | '.join(line)} |\n" for line in lines)
 
 
-def _parameters(entry: dict[str, Any]) -> str:
-    """Names and defaults of a plug-in's parameters."""
-    return ", ".join(f"`{name}` ({_shown(one['default'])})" for name, one in entry["parameters"].items())
-
-
 def planners() -> str:
-    """Planners: method, guarantee, parameters."""
-    rows = ((f"`{one['name']}`", one["summary"], one["guarantee"], _parameters(one)) for one in _plug_ins("planners", []))
-    return _table(("planner", "method", "guarantee", "parameters and defaults"), rows)
+    """Planners: method, guarantee."""
+    rows = ((f"`{one['name']}`", one["summary"], one["guarantee"]) for one in _plug_ins("planners", []))
+    return _table(("planner", "method", "guarantee"), rows)
 
 
 def parameters(kind: str) -> str:
-    """Parameters of a kind of plug-ins: those that mean the same in one row."""
-    of: dict[tuple[str, str], list[str]] = {}
+    """Parameters of a kind of plug-ins: those that mean the same in one row, with the usual default and those who have another."""
+    of: dict[tuple[str, str], dict[str, str]] = {}
     for entry in _plug_ins(kind, []):
         for meaning in entry.get("meanings", {}).items():
-            of.setdefault(meaning, []).append(f"`{entry['name']}`")
-    return _table(("parameter", "of", "meaning"), ((f"`{name}`", ", ".join(those), says) for (name, says), those in sorted(of.items())))
+            of.setdefault(meaning, {})[f"`{entry['name']}`"] = f"{_shown(entry['parameters'][meaning[0]]['default'])}"
+
+    def default(of: dict[str, str]) -> str:
+        usual = Counter(of.values()).most_common(1)[0][0]
+        return usual + "".join(
+            f" ({', '.join(n for n in of if of[n] == each)}: {each})" for each in dict.fromkeys(of.values()) if each != usual
+        )
+
+    rows = ((f"`{name}`", default(those), ", ".join(those), says) for (name, says), those in sorted(of.items()))
+    return _table(("parameter", "default", "of", "meaning"), rows)
 
 
 def auto() -> str:
@@ -110,18 +114,15 @@ def policies() -> str:
     """Execution policies."""
     yes = {True: "yes", False: "no"}
     rows = (
-        (f"`{one['name']}`", one["summary"], yes[one["keeps_order"]], yes[one["paced"]], yes[one["sound_plan_only"]], _parameters(one))
+        (f"`{one['name']}`", one["summary"], yes[one["keeps_order"]], yes[one["paced"]], yes[one["sound_plan_only"]])
         for one in _plug_ins("policies", [])
     )
-    return _table(("policy", "rule", "keeps the plan's order", "waits for planned times", "needs a valid plan", "parameters"), rows)
+    return _table(("policy", "rule", "keeps the plan's order", "waits for planned times", "needs a valid plan"), rows)
 
 
 def dispatchers() -> str:
     """Dispatchers."""
-    return _table(
-        ("dispatcher", "rule", "parameters"),
-        ((f"`{one['name']}`", one["summary"], _parameters(one)) for one in _plug_ins("dispatchers", [])),
-    )
+    return _table(("dispatcher", "rule"), ((f"`{one['name']}`", one["summary"]) for one in _plug_ins("dispatchers", [])))
 
 
 def suites() -> str:
