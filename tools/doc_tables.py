@@ -31,6 +31,7 @@ from mrp_sumo.metrics.operations.audit import RULES
 from planners.auto import FEW, FEW_IN_WINDOW, FEW_SLOW, SLOW, SOME, THIN, portfolio_for
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
+SIGNS = {"gt": ">", "ge": "≥", "lt": "<", "le": "≤"}  # of bounds
 TECHNICAL = 1e9  # bounds from here on are nobody's concern
 PLACE = re.compile(r"(<!-- table: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
 
@@ -188,12 +189,11 @@ def keys_in(section: str) -> Iterator[tuple[str, FieldInfo]]:
 
     def below(declared: type, above: str) -> Iterator[tuple[str, FieldInfo]]:
         for name, field in keys_of(declared).items():
-            listed = any(get_origin(kind) in (list, tuple) for kind in (field.annotation, *get_args(field.annotation)))
             yield above + name, field
             for inner in declared_in(field.annotation):
                 if inner not in shown:
                     shown.add(inner)
-                    yield from below(inner, f"{above}{name}{'[]' * listed}.")
+                    yield from below(inner, f"{above}{name}{_among(field.annotation, inner)}.")
 
     for name, field in keys_of(ScenarioModel).items():
         inner = next(declared_in(field.annotation), None)
@@ -201,6 +201,14 @@ def keys_in(section: str) -> Iterator[tuple[str, FieldInfo]]:
             yield from below(inner, f"{name}.")
         elif not section and not inner:
             yield name, field
+
+
+def _among(annotation: Any, inner: type) -> str:
+    """What stands in a key for which of several models an annotation has: '[]' of lists, '.NAME' of dictionaries, nothing of one."""
+    kind = get_origin(annotation)
+    if kind in (list, tuple, dict) and inner in declared_in(annotation):
+        return ".NAME" if kind is dict else "[]"
+    return next((among for part in get_args(annotation) if (among := _among(part, inner))), "")
 
 
 def _default(field: FieldInfo) -> str:
@@ -217,7 +225,7 @@ def _possible(field: FieldInfo) -> str:
     bounds = {key: bound for part in field.metadata for key in BOUNDS if (bound := getattr(part, key, TECHNICAL)) < TECHNICAL}
     if {"ge", "le"} <= set(bounds):
         return f"{bounds['ge']:g} to {bounds['le']:g}"
-    return ", ".join(choices) or " and ".join(says.format(bounds[key]) for key, says in BOUNDS.items() if key in bounds)
+    return ", ".join(choices or (f"{SIGNS[key]} {bounds[key]:g}" for key in BOUNDS if key in bounds))
 
 
 TABLES: dict[str, Callable[[], str]] = {
