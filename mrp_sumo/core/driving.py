@@ -18,14 +18,14 @@ class Planning(Options):
     budget_s: float = option(1.0, "Time from a request until its answer takes effect; until then robots keep their plan.", ge=0)
     period_s: float | None = option(
         None,
-        "The least time between two requests; else there is one when a task comes or a stop is made. By default 0 up to 12 robots and "
-        "where stops take time, and 5 planned steps from 60 on: crowds that are planned anew all the time do not get on.",
+        "Least time between two requests; there is one when a task comes or a stop is made. By default 0 up to 12 robots and where stops "
+        "take time, 5 planned steps from 60 robots on.",
         ge=0,
     )
     window_s: float | None = option(
         None,
-        "How far ahead plans reach: beyond, robots need not keep clear of each other. 0: to the end. By default the way into the longest "
-        "aisle and back and 10 planned steps, at least 20, for planners that support windows, to the end for others.",
+        "How far ahead robots keep clear of each other; 0: to the end. By default the way into the longest aisle and back and 10 planned "
+        "steps, at least 20; to the end for planners that do not support windows.",
         ge=0,
         le=1e6,
     )

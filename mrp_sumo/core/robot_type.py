@@ -218,8 +218,8 @@ class RobotShape(Options):
     mttr_sigma: float | None = option(None, "Of a lognormal time to repair instead: standard deviation of its logarithm.", ge=0, le=5)
     tow_s: float | None = option(
         None,
-        "Time after which people push a broken robot out of the way at 0.5 m/s, to `tasks.parking` if there is a place; it stands where it "
-        "is until it is repaired by default, and where it is being served.",
+        "Time after which people push a broken robot out of the way at 0.5 m/s, to `tasks.parking` if there is a place; never by default, "
+        "nor where it is being served.",
         ge=0,
         le=1e9,
     )

@@ -192,8 +192,8 @@ METRICS = (
     Metric("loads_mean", "", MORE, "mean number of loads on board, by metre driven with one; null where robots carry one at most",
            part(_distances_m, "loads")),
     Metric("bundled_saved_share", "", MORE,
-           "what robots saved by carrying several orders at once: share of the shortest ways between stops of the orders that are done, "
-           "had each robot done its own one at a time, in the order in which they were begun; null where robots carry one at most",
+           "share of the way that robots saved by carrying several orders at once, by the shortest ways between stops of orders that are "
+           "done: beside one order at a time, in the order in which they were begun; null where robots carry one at most",
            _bundled_share),
     Metric("energy_j", "J", LESS, "drawn from all batteries, chargers left out; null where the robots' type has no battery",
            logged("batteries", lambda log: float(log.used_j.sum()))),

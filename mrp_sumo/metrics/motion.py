@@ -59,8 +59,8 @@ MOTION = (
            of_execution(lambda done: done.num_robots * done.sim_time_s / done.cpu_time_s if done.cpu_time_s else None),
            of_machine=True),
     Metric("blocked_s", "s", LESS,
-           "sum of the durations of all `blocked` events: of robots that made no progress by a cell along their path within "
-           "`execution.blocking_window_s`, waits that the plan or a disturbance asks for left out", of_execution(_blocked_s)),
+           "sum of the durations of all `blocked` events, each of a robot that did not advance by a cell within "
+           "`execution.blocking_window_s`; waits of the plan and of disturbances left out", of_execution(_blocked_s)),
     Metric("execution_time_limit_s", "s", NONE,
            "simulated time that the execution was given: `execution.time_limit_s`, or what follows from the plan where that is null",
            lambda run: None if run.execution is None else run.time_limit_s),

@@ -46,8 +46,8 @@ class PlannerChoice(Strict):
     )
     budget: Annotated[int, Field(ge=1, le=10**12)] | None = Field(
         None,
-        description="Labels that the search may make, beside the time limit: what ends it at the same place on every machine, under any "
-        "load. With orders, see execution.planning.effort.",
+        description="Labels that the search may make, beside the time limit: the same on every machine, under any load. With orders, see "
+        "execution.planning.effort.",
     )
     parameters: dict[str, Any] = Field(default_factory=dict, description="Its parameters.")
     step_s: Positive | None = Field(

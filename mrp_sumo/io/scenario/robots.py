@@ -53,8 +53,8 @@ class Robots(Strict):
     )
     fleet: Annotated[list[RobotGroup], Field(min_length=1)] | None = Field(
         None,
-        description="Instead of count, type, starts and goals: groups of robots, each of a type. Lanes on which walls leave a type no room "
-        "are not its lanes, and goals of a group are for its robots. A list in the place of `robots` is short for it.",
+        description="Instead of count, type, starts and goals: groups of robots, each of a type and with goals of its own. A list in the "
+        "place of `robots` is short for it.",
     )
     factor: Factors = Field(AS_THEY_ARE, description="Factors on figures of all types of the fleet, with a load and without.")
     draw: Literal["uniform", "anywhere", "mrp_bench"] = Field(
