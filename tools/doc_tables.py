@@ -179,8 +179,10 @@ def metrics(of: str) -> str:
 
 def keys(section: str = "") -> str:
     """Keys of a section of scenario files, as they are declared; those without sections of their own where none is named."""
-    rows = ((f"`{key}`", _default(field), _possible(field), str(field.description)) for key, field in keys_in(section))
-    return _table(("key", "default", "values", "meaning"), rows)
+    alike: dict[tuple[str, ...], list[str]] = {}
+    for key, field in keys_in(section):
+        alike.setdefault((_default(field), _possible(field), str(field.description)), []).append(f"`{key}`")
+    return _table(("key", "default", "values", "meaning"), ((", ".join(names), *row) for row, names in alike.items()))
 
 
 def keys_in(section: str) -> Iterator[tuple[str, FieldInfo]]:
