@@ -30,8 +30,7 @@ STOOD = 0.8  # of its time, of one that waits farther away
 def service(logs: Logs) -> Iterator[Finding]:
     """A robot stands at the place (to 5 cm) for as long as it is served, and is there when it passes a stop that takes no time.
 
-    Where lanes meet at a bend, a vehicle that cannot turn in place may be on the arc that cuts the corner; where one is a curve, its axle
-    may be on that.
+    A vehicle that cannot turn in place may be on the arc that cuts a corner, and with its axle on a curve.
     """
     stops, xy = logs.stops, logs.graph.xy
     aside_m = logs.fleet.aside_m[stops.robot] + logs.graph.swing_m[stops.vertex]
@@ -135,9 +134,8 @@ class Wish(NamedTuple):
 def waits(logs: Logs) -> Iterator[Finding]:
     """No robot waits near a place while three or more are served there that set out later, unless their orders are more urgent.
 
-    One that stands before a more urgent one in line has to go first, and so has one that stands between in an aisle without room.
-    One that waits where nobody can pass, as on a one-way ring, has to drive on for those behind it, and comes anew.
-    Stops without service are made in passing: nobody is in line for them.
+    One that stands in the way of a more urgent one, in line or in an aisle without room, has to go first. One that waits where nobody can
+    pass, as on a one-way ring, has to drive on for those behind it, and comes anew. Nobody is in line for stops without service.
     """
     wishes = [*_made(logs), *_left(logs)]
     at_place = grouped((wish.place, wish) for wish in wishes)

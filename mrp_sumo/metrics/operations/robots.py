@@ -192,7 +192,7 @@ def _crowded_s(logs: Logs, task: int, since_s: float, until_s: float) -> float:
 def passed_over(logs: Logs) -> Iterator[Finding]:
     """No order waits while three or more that are alike and came later are given to robots and begun, once a robot could have come to it.
 
-    Alike are orders of the same stops, priority, robot and type, and of no less service. Others may go first, and with them the robot.
+    Alike are orders of the same stops, priority, robot and type, and of no less service.
     """
     log, tasks = logs.execution.robot_states, logs.tasks
     if log is None or logs.execution.outcome in NOBODY_WORKS:
