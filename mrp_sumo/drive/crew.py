@@ -269,7 +269,8 @@ class Crew:
         return self._batteries[int(self.problem.fleet.kind[robot.number])].charge_s(share) if self._batteries else 0.0
 
     def set_free(self, robot: RobotWork, at_s: float) -> None:
-        """A robot has nothing to do."""
+        """A robot has nothing to do; the task that it was to go on with waits again."""
+        self.give_up_next(robot)
         robot.legs = []
         robot.drop(Change.FREED, at_s)
 
@@ -299,7 +300,7 @@ class Crew:
             robot.tour = [each for each in robot.tour if each[0] != task]
         if robot.then != NONE:
             self.orders.take_back(robot.then)
-            robot.then = NONE
+            robot.then, self.is_changed = NONE, True
 
     def end_stop(self, robot: RobotWork, cut_s: float | None = None) -> None:
         """A service is over, or cut short; so is the task with its last."""

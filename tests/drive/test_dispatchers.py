@@ -302,3 +302,82 @@ def test_who_gives_way_drives_and_does_not_stand(spent_on, stood_s):
     fleet.visits.arrived_s[0] = 10.0
     fleet.work.accepted(work_request(crew, 10.0, fleet.context.closed, {}), 10.0)
     assert robot.making.begin_s == 10.0 and robot.making.stood_s == stood_s
+
+
+@pytest.mark.parametrize(
+    ("over_s", "released_s", "since_s", "earliest_s"), [(1.5, 0.0, 1.5, 1.5), (1.5, 1.75, 1.75, 1.75), (1.0, 0.0, 2.0, 5.0)]
+)
+def test_who_has_just_been_served_has_its_order_since_then_and_others_since_it_was_asked_for(over_s, released_s, since_s, earliest_s):
+    """The looks before were at 1 s and 2 s, and the answer is there at 5 s, before which nobody else is served."""
+    fleet = Fleet([3], (released_s, (6, 7)))
+    fleet.crew.orders.reveal(2.0)
+    robot, fleet.crew.looks_s = fleet.crew.robots[0], (1.0, 2.0)
+    robot.over_s = over_s
+    fleet.work.accepted(work_request(fleet.crew, 2.0, fleet.context.closed, {0: 0}), 5.0)
+    assert (fleet.crew.orders.assigned_s(0), robot.since_s, robot.earliest_s) == (since_s, since_s, earliest_s)
+
+
+@pytest.mark.parametrize(
+    ("at", "capacity", "is_changed"),
+    [([3], 1, False), ([3], 2, True), ([2], 1, True), ([3, 8], 1, True)],
+    ids=("in service", "with room for more", "on the way to its first stop", "another is free"),
+)
+def test_an_order_that_comes_while_nobody_could_take_it_changes_nothing(at, capacity, is_changed):
+    fleet = Fleet(at, (0.0, (3, 7), 0, "", 0), (5.0, (9,)), service_s=10.0)
+    fleet.crew.problem = replace(fleet.crew.problem, fleet=replace(fleet.crew.problem.fleet, capacity=np.full(len(at), capacity)))
+    fleet.work.update(0.0)
+    assert fleet.decides("nearest") == {0: 0}
+    fleet.work.update(5.0)
+    assert fleet.crew.unassigned == [1] and fleet.crew.is_changed == is_changed
+
+
+@pytest.mark.parametrize(("on_m", "speed_mps", "wake_s"), [(0.0, 1.0, 12.0), (1.5, 0.5, 10.5), (3.5, 1.0, 9.0 + 1e-6), (0.0, 0.0, np.inf)])
+def test_who_goes_to_a_stop_in_passing_is_looked_at_again_when_it_may_be_near(on_m, speed_mps, wake_s):
+    """It is 9 s now; the stop is 4 m ahead, near is 1 m, and at most it drives 1 m/s; one that stands is looked at when it goes on."""
+    fleet = Fleet([5], (0.0, (9,)), service_s=0.0)
+    fleet.decides("nearest")
+    fleet.visits.vertex, fleet.visits.at_m = np.array([9]), np.array([4.0])
+    fleet.state.motion.s_m[0], fleet.state.motion.speed_mps[0] = on_m, speed_mps
+    assert fleet.work._next_change_s(9.0) == pytest.approx(wake_s, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("cancelled", "task", "then", "waits"),
+    [(0, NONE, NONE, [1, 2]), (1, 0, NONE, [2]), (2, 0, 1, [])],
+    ids=("its own", "the next", "nobody's"),
+)
+def test_a_robot_whose_order_is_withdrawn_goes_on_with_no_other_and_the_next_one_waits_again(cancelled, task, then, waits):
+    """robot_1, the last of the two, comes to the stop of order 0 and has been given order 1."""
+    fleet = Fleet([12, 2], (0.0, (3,), 0, "", 1), (0.0, (5, 6)), (0.0, (7, 8)), service_s=0.0)
+    crew, robot = fleet.crew, fleet.crew.robots[1]
+    crew.orders.reveal(0.0)
+    crew.orders.assign(0, 1, 0.0)
+    crew.give(robot, 0, 0.0, 0.0)
+    crew.orders.assign(1, 1, 0.0)
+    robot.then, crew.is_changed = 1, False
+    crew.cancel(cancelled, "late")
+    assert (robot.task, robot.then, crew.unassigned, crew.is_changed) == (task, then, waits, True)
+
+
+@pytest.mark.parametrize(("goes_on", "near"), [(False, {1, 2, 4, 5}), (True, {1, 2, 5, 6})])
+def test_a_load_is_fetched_beside_where_a_robot_that_is_lost_stands_or_between_there_and_the_next_vertex(goes_on, near):
+    """It came to 3, and may be on the lane to 4; robot_1, the visits of which come last, is far away."""
+    fleet = Fleet([3, 15], (0.0, (9,)))
+    if goes_on:
+        fleet.visits.vertex, fleet.visits.next = np.array([3, 4, 15]), np.array([1, -1, -1])
+    fleet.crew.orders.reveal(0.0)
+    fetch = fleet.crew._place_to_hand_over(0, replace(fleet.crew.tasks[0].stops[0], service_s=7.0))
+    assert set(fetch.station.places) == near and fetch.service_s == 7.0
+
+
+@pytest.mark.parametrize(
+    ("at", "assigned", "comes"),
+    [([5, 6], {1: 0}, [True, True]), ([3, 6], {1: 0}, [False, True]), ([4, 5], {1: 0, 0: 1}, [False, True])],
+    ids=("makes room", "stays", "waits there, and is served there"),
+)
+def test_who_goes_elsewhere_or_is_served_where_it_stands_has_a_heading_there(at, assigned, comes):
+    """robot_1 is to be served at 5."""
+    fleet = Fleet(at, (0.0, (5,)), (0.0, (5,)))
+    fleet.crew.orders.reveal(0.0)
+    fleet.crew.end_heading_rad = lambda robots, end, comes: comes
+    assert work_request(fleet.crew, 0.0, fleet.context.closed, assigned).end_heading_rad.tolist() == comes
