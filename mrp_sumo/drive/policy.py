@@ -71,7 +71,7 @@ class DecidingPolicy(Policy, Protocol):
 
 @dataclass(frozen=True)
 class OpenLoop:
-    """Drive the path, whatever the clock says; right of way at a vertex goes to who asked first. Can deadlock."""
+    """Drive the path, whatever the clock says; right of way at a vertex goes to whoever asked first. Can deadlock."""
 
     sound_plan_only: ClassVar[bool] = False
     keeps_order: ClassVar[bool] = False
@@ -98,7 +98,7 @@ class Timed(OpenLoop):
 
 @dataclass(frozen=True)
 class Adg:
-    """Enter a vertex when everyone planned before has left it, as early as that is. Cannot deadlock."""
+    """Enter a vertex as soon as everyone planned before has left it. Cannot deadlock."""
 
     sound_plan_only: ClassVar[bool] = True
     keeps_order: ClassVar[bool] = True
@@ -132,8 +132,8 @@ class AdgSwitch(Adg):
     decides_every_s: float = option(1.0, "time between decisions")
     late_s: float = option(1.0, "nothing is changed while all robots are less late than this")
     hold_s: float = option(6.0, "how much longer a robot that is held by a disturbance is taken to stand")
-    least_s: float = option(1.0, "by which the sum of arrival times has to fall; the last robot may then arrive later")
-    budget: int = option(1000, "how often a decision may look for longest paths")
+    least_s: float = option(1.0, "what a change has to take off the sum of arrival times; the last robot may arrive later")
+    budget: int = option(1000, "searches for longest paths in a decision, at most")
 
     def decide(self, problem: Problem, plan: LivePlan, needs: Needs, now_s: float) -> Schedule | None:
         if plan.order is None or not (plan.late_s >= self.late_s).any():

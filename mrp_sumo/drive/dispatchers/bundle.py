@@ -22,7 +22,7 @@ from mrp_sumo.search.distance import UNREACHABLE, distances
 
 @dataclass(frozen=True)
 class Bundle:
-    """Each order goes into the tour of the robot with room for it where the sum of the times at which orders are done grows least."""
+    """Each order joins the tour of a robot with room for it, where it adds least to the sum of the times at which orders are done."""
 
     most: int = option(30, "orders looked at together, the most urgent and oldest that wait")
 

@@ -13,7 +13,7 @@ from mrp_sumo.drive.surroundings import Surroundings
 
 @dataclass(frozen=True)
 class Hungarian(ByTask):
-    """The sum of the times at which orders will be done is least, busy robots included; of more orders than robots the shortest first."""
+    """The sum of the times at which orders will be done is least, busy robots included; of too many orders the shortest go first."""
 
     reassign: bool = option(True, "orders may go to other robots until their first stops are made")
     busy: bool = option(True, "an order may wait for a robot that is at work")

@@ -20,7 +20,7 @@ from mrp_sumo.plugins import registry
 
 @dataclass(frozen=True)
 class MinCostFlow(ByTask):
-    """Rows of several orders for each robot, busy robots included, as a flow for which the sum of times until orders are done is least."""
+    """Several orders in a row for each robot, busy ones included: the flow with the least sum of the times at which orders are done."""
 
     depth: int = option(3, "orders in a row at most")
     reassign: bool = option(True, "orders may go to other robots until their first stops are made")

@@ -19,7 +19,7 @@ from mrp_sumo.drive.surroundings import Surroundings
 
 @dataclass(frozen=True)
 class TokenPassing(ByTask):
-    """Free robots in turn take the most urgent and nearest order, best one at whose ends no other robot's order ends."""
+    """Free robots in turn take the most urgent and nearest order, preferably one that shares no end with another robot's order."""
 
     exclusive: bool = option(False, "as in the paper, only orders at whose ends no other robot's order ends")
 

@@ -15,7 +15,7 @@ WORTH_STEPS = 1  # by more than which a robot is nearer to a task that it takes 
 
 @dataclass(frozen=True)
 class Tpts(ByTask):
-    """Free robots in turn take the nearest order, also from one that would be at its first stop over a step later; that one is next."""
+    """Free robots in turn take the nearest order, also from a robot that would reach its first stop over a step later and chooses next."""
 
     def assigned(self, now_s: float, context: Surroundings) -> dict[int, int]:
         crew, start = context.crew, context.start
