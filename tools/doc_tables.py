@@ -32,7 +32,7 @@ from planners.auto import FEW, FEW_IN_WINDOW, FEW_SLOW, SLOW, SOME, THIN, portfo
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 SIGNS = {"gt": ">", "ge": "≥", "lt": "<", "le": "≤"}  # of bounds
-TECHNICAL = 1e9  # bounds from here on are nobody's concern
+TINY, HUGE = 1e-3, 1e3  # bounds beyond are technical: more than nothing, and any number
 PLACE = re.compile(r"(<!-- table: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
 
 
@@ -224,7 +224,10 @@ def _possible(field: FieldInfo) -> str:
     """Choices, or the kind of value and its bounds."""
     parts = [field.annotation, *get_args(field.annotation)]
     choices = [f"`{value}`" for part in parts if get_origin(part) is Literal for value in get_args(part)]
-    bounds = {key: bound for part in field.metadata for key in BOUNDS if (bound := getattr(part, key, TECHNICAL)) < TECHNICAL}
+    bounds = {key: bound for part in field.metadata for key in BOUNDS if (bound := getattr(part, key, HUGE)) < HUGE}
+    if 0 < bounds.get("ge", 0) < TINY:
+        bounds["gt"] = 0
+        del bounds["ge"]
     if {"ge", "le"} <= set(bounds):
         return f"{bounds['ge']:g} to {bounds['le']:g}"
     return ", ".join(choices or (f"{SIGNS[key]} {bounds[key]:g}" for key in BOUNDS if key in bounds))
