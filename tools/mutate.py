@@ -54,7 +54,7 @@ ROOMS = {  # the files of each, and the tests that hold it
         [
             *(f"mrp_sumo/drive/{name}.py" for name in ("work", "crew", "robot_work", "work_request", "stalling", "charging", "orders")),
         ],
-        [f"tests/drive/test_{name}.py" for name in ("dispatchers", "looks", "places", "shifts", "states", "work")],
+        [f"tests/drive/test_{name}.py" for name in ("crew", "dispatchers", "looks", "places", "shifts", "states", "work")],
     ),
     "places": (
         ["mrp_sumo/drive/places.py", "mrp_sumo/drive/clearing.py"],
