@@ -349,7 +349,8 @@ def test_batteries_balance(logs):
     unused = changed(logs, "batteries", "used_j", 0, logs.execution.batteries.charged_j[0])
     says = f"robot_0 ends with {100 * end:.4f} %, but what was drawn and charged leaves {100 * begin:.4f} %"
     assert begin != end and says in [finding.text for finding in energy.batteries(unused)]
-    assert list(energy.batteries(replace(logs, terms=replace(logs.terms, start_level=(0.5, 0.6)))))
+    begins = next(energy.batteries(replace(logs, terms=replace(logs.terms, start_level=(0.5, 0.6)))))
+    assert begins.text == "robot_0 begins with 90.00 %, expected 50 to 60 %"
 
 
 @pytest.mark.parametrize(("ends", "num_findings"), [(0.8, 0), (0.85, 2)])
