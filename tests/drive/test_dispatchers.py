@@ -9,7 +9,7 @@ from line_fleets import Fleet
 from worlds import graph_of, line
 
 from mrp_sumo.core.execution import BOOKINGS
-from mrp_sumo.drive.dispatchers.estimates import FAR_S
+from mrp_sumo.drive.dispatchers.estimates import FAR_S, oldest_first
 from mrp_sumo.drive.robot_work import NONE, Change, Leg
 from mrp_sumo.drive.work_request import in_turn, work_request
 from mrp_sumo.errors import PlugInError
@@ -152,6 +152,23 @@ def test_of_tasks_that_are_alike_the_oldest_goes_first_unless_it_takes_longer(di
     shortest_first = dispatcher in ("hungarian", "min_cost_flow", "regret")
     fleet = Fleet([5], *[(0.0, (4, 6))] * 3, service_s=service_s)
     assert fleet.decides(dispatcher) == {0: shortest_goes if shortest_first else 0}
+
+
+@pytest.mark.parametrize("dispatcher", ["regret", "hungarian"])
+@pytest.mark.parametrize(("places", "then"), [(((6, 7), (4, 3)), {0: 1, 1: 0}), (((4, 3), (6, 7)), {0: 0, 1: 1})])
+def test_of_two_orders_a_step_from_one_robot_it_takes_the_one_that_is_farther_from_the_other(dispatcher, places, then):
+    """robot_0 is at 5, and robot_1 at 12: 6 steps from one of the orders, 8 from the other."""
+    assert Fleet([5, 12], *((0.0, of) for of in places)).decides(dispatcher) == then
+
+
+@pytest.mark.parametrize(("has", "gets", "then"), [(NONE, 0, {0: 0}), (0, 0, {}), (0, 1, {0: 1}), (1, 0, {0: 0})])
+def test_of_an_assignment_that_is_new_is_given_which_a_robot_does_not_have(has, gets, then):
+    fleet = Fleet([5], (0.0, (6, 7)), (0.0, (4, 3)))
+    fleet.crew.orders.reveal(0.0)
+    if has != NONE:
+        fleet.crew.orders.assign(has, 0, 0.0)
+        fleet.crew.give(fleet.crew.robots[0], has, 0.0, 0.0)
+    assert oldest_first({0: gets}, fleet.context) == then
 
 
 def test_token_passing_avoids_the_ends_of_others_and_as_in_the_paper_waits_for_them():

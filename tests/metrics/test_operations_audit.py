@@ -638,18 +638,30 @@ def test_an_order_is_not_passed_over_again_and_again_by_those_that_are_alike(log
     assert not [*robots.passed_over(logs), *robots.passed_over(said), *robots.passed_over(longer), *robots.passed_over(urgent)]
 
 
-def riding(robot, state):
-    """A robot changes levels after 1 s, when the only lift is in some state, for it or another."""
-    whole = [np.array([each]) for each in (LIFT_STATES.index(state), 0, 0, robot, 0, 0, 0)]
+def riding(*lifts):
+    """A robot changes levels after 1 s, when each lift is in some state, for it or another."""
+    zeros = np.zeros(len(lifts), np.int64)
+    robot, state = (np.array(column) for column in zip(*((robot, LIFT_STATES.index(state)) for robot, state in lifts)))
+    whole = [np.arange(len(lifts)), state, zeros, zeros, robot, zeros, zeros, zeros]
     none = np.zeros(0, np.int64)
-    return FacilityLog(("goods",), np.zeros(1), np.zeros(1, np.int64), *whole, (), np.zeros(0), none, none, none)
+    return FacilityLog(tuple("ab"[: len(lifts)]), np.zeros(len(lifts)), *whole, (), np.zeros(0), none, none, none)
 
 
-@pytest.mark.parametrize(("robot", "state", "count"), [(0, "taken", 0), (1, "taken", 1), (0, "coming", 1)])
-def test_who_changes_levels_has_the_lift(logs, robot, state, count):
+@pytest.mark.parametrize(
+    ("lifts", "count"),
+    [
+        ([(0, "taken")], 0),
+        ([(1, "taken")], 1),
+        ([(0, "coming")], 1),
+        ([(0, "taken"), (1, "coming")], 0),
+        ([(1, "coming"), (0, "taken")], 0),
+        ([(1, "taken"), (0, "coming")], 1),
+    ],
+)
+def test_who_changes_levels_has_a_lift(logs, lifts, count):
     level = np.zeros(logs.execution.x_m.shape, np.int64)
     level[10:, 0] = 1
-    rides = replace(logs, execution=replace(logs.execution, level=level, facilities=riding(robot, state)))
+    rides = replace(logs, execution=replace(logs.execution, level=level, facilities=riding(*lifts)))
     assert len(list(places.lifts(rides))) == count
 
 
