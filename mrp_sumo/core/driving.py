@@ -43,7 +43,7 @@ class Planning(Options):
 class RecoveryOptions(Options):
     """Remedies of `on_deadlock: resolve`, mildest first."""
 
-    give_way: bool = option(True, "First come first served, one of a ring of waiting robots steps aside or backs out.")
+    give_way: bool = option(True, "Under policies without an order, one of a ring of waiting robots steps aside or backs out.")
     patience_s: float = option(10.0, "Time blocked for good before a robot drives around, or all are replanned.", gt=0, le=1e9)
     replanner: str | None = option("lacam", "Any planner, by name or FILE.py:CLASS; null: none.")
 

@@ -43,7 +43,7 @@ class Battery(Options):
     inertia_kgm2: float = field(metadata=meaning("Moment of inertia around the vertical axis.", ge=0, le=1e5))
     friction: float = field(metadata=meaning("Coefficient.", ge=0, le=10))
     device_w: float = option(0.0, "Constant power of computer and sensors.", ge=0, le=1e5)
-    idle_w: float | None = option(None, "That power while it stands, instead.", ge=0, le=1e5)
+    idle_w: float | None = option(None, "The same while it stands; `device_w` by default.", ge=0, le=1e5)
     lift_j: float = option(0.0, "Energy of lifting a load, at the first stop of an order that has several.", ge=0, le=1e7)
 
     @property

@@ -55,7 +55,7 @@ METRICS = (
            of(_use, lambda lifts: float(sum(lift.waited_s for lift in lifts)) if lifts else None)),
     Metric("lift_queue_max", "", LESS, "most robots that waited before one lift at a time",
            of(_use, lambda lifts: max((lift.queue for lift in lifts), default=None))),
-    Metric("lift_utilisation_max", "", NONE, "share of the time for which the busiest lift was taken or coming to who had called it",
+    Metric("lift_utilisation_max", "", NONE, "share of the time for which the busiest lift was taken or on its way to a caller",
            of(_use, lambda lifts: max((lift.busy_share for lift in lifts), default=None))),
     Metric("door_openings", "", NONE, "how often doors began to open for robots",
            logged("facilities", lambda log: int((log.door_state == OPENING).sum()) if log.door_name else None)),

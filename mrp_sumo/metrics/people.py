@@ -25,7 +25,7 @@ METRICS = (
            "least distance of a moving robot's footprint from a person's body, also between samples; 0 when they touch",
            of_audit("min_person_distance_m")),
     Metric("people_waiting_s", "s", LESS,
-           "time that people stood within 1.2 m of a robot, below a fifth of the speed that they like; of all of them",
+           "time that all people together spent within 1.2 m of a robot, below a fifth of the speed that they prefer",
            logged("people", lambda log: float(log.waited_s.sum()))),
     Metric("num_person_contacts", "", LESS,
            "contacts of a footprint with a person while the robot moved faster than its field allows: failures of the audit",

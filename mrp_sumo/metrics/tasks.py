@@ -142,7 +142,7 @@ _TASK_S = _steady(lambda tasks: tasks.done_s - tasks.assigned_s)
 METRICS = (
     Metric("throughput_per_h", "", MORE, "orders done within an hour after the warm-up", _throughput_per_h),
     Metric("tasks_done", "", MORE, "orders that are done at the end", of(_tasks, lambda tasks: int(np.isfinite(tasks.done_s).sum()))),
-    Metric("tasks_open", "", LESS, "orders that are known and have not ended at the end: not done, failed or cancelled",
+    Metric("tasks_open", "", LESS, "known orders that are neither done, failed nor cancelled at the end",
            of(_tasks, lambda tasks: int(np.isnan(tasks.ended_s).sum()))),
     Metric("tasks_failed", "", LESS, "orders that failed: their robot was lost with them on board, or none that could do them was left",
            of(_tasks, lambda tasks: tasks.status.count(FAILED))),
@@ -182,7 +182,7 @@ METRICS = (
            "share of the time after the warm-up for which the busiest place of a station served a robot", statistic(_utilisation, np.max)),
     Metric("station_utilisation_mean", "", NONE, "mean of the same over all places where a stop was made",
            statistic(_utilisation, np.mean)),
-    Metric("planner_calls", "", NONE, "answers that the planner was asked for while robots drove",
+    Metric("planner_calls", "", NONE, "requests to the planner while robots drove",
            logged("calls", lambda calls: calls.requests)),
     Metric("planner_calls_late", "", LESS,
            "of these, requests for which `execution.planning.effort` did not suffice; robots kept what they had",

@@ -44,7 +44,7 @@ class StationChoice(Strict):
     charges: bool = Field(False, description="Whether robots charge while they are served there.")
     heading_deg: Annotated[float, Field(ge=-360, le=360)] | None = Field(
         None,
-        description="In which vehicles that cannot turn in place are served there, counter-clockwise from +x; any by default.",
+        description="Heading in which vehicles that cannot turn in place are served, counter-clockwise from +x; any by default.",
     )
 
 
