@@ -3,14 +3,16 @@
 from contextlib import nullcontext
 from dataclasses import replace
 from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from vehicles import TRICYCLE, corner, roads, vehicles_on
+from vehicles import TRICYCLE, TUGGER, corner, roads, vehicles_on
 from worlds import BURGER, cross, graph_of, line, problem_of, square_grid
 
 from mrp_sumo.core.execution import plans_in_force
 from mrp_sumo.core.plan import Plan
+from mrp_sumo.drive._causes import DISTURBED
 from mrp_sumo.drive.crew import Crew
 from mrp_sumo.drive.facilities import facilities_of
 from mrp_sumo.drive.fit import resources_for
@@ -156,6 +158,44 @@ def test_what_is_over_is_forgotten_and_the_rest_has_new_ids():
     assert ledger.logged(ledger.entries[0])["vertex"].tolist() == [1, 2, 3, 4, 5]  # the log knows all
 
 
+def test_what_was_cut_off_is_forgotten_too_and_logs_and_cuts_know_the_rest_by_new_ids():
+    """robot_0 has been sent back from vertex 2, so that its way is 0, 1, 2, 1, 0; robot_1 has not set out. Twice is as good as once."""
+    ledger, _ = ledger_of(square_grid(3), [[0, 1, 2, 5], [6, 7, 8]])
+    ledger.visits.reached[0] = ledger.visits.granted[0] = ledger.state.grants.oldest[0] = 3
+    ledger.visits.arrived_s[[2, 3]] = 1.0, 2.0
+    ledger.append(Replan({0: way(1, 0)}, "replan"), policy_of("adg"), 3.0)
+    assert ledger.all_ids(0).tolist() == [0, 2, 3, 7, 8]
+    ledger._cut, needed = np.array([7, 5]), np.array([3, 1])
+    for _ in range(2):
+        ledger.forget(needed)
+        assert column(ledger, "vertex").tolist() == [6, 1, 2, 7, 8, 1, 0]
+        assert ledger.all_ids(0).tolist() == [1, 2, 5, 6] and ledger.all_ids(1).tolist() == [0, 3, 4]
+        assert column(ledger, "next").tolist() == [3, 2, 5, 4, -1, 6, -1]
+        assert ledger.joint.tolist() == [5, 3] and needed.tolist() == [2, 0]
+        assert [ledger.resources_from(0, 5).tolist(), ledger.resources_from(1, 4).tolist()] == [[1, 0], [8]]
+    assert not ledger.is_full
+    ledger.visits.arrived_s[[3, 5]] = 4.0, 9.0
+    first, second = (ledger.logged(entry) for entry in ledger.entries)
+    assert first["vertex"].tolist() == [1, 2, 5, 7, 8] and second["vertex"].tolist() == [1, 0]
+    assert first["arrived_s"].tolist() == pytest.approx([1.0, 2.0, np.nan, 4.0, np.nan], nan_ok=True)
+    assert second["arrived_s"].tolist() == pytest.approx([9.0, np.nan], nan_ok=True)
+    assert planned_arrivals(ledger).tolist() == pytest.approx([0.0, 1.0, 2.0, np.nan, 0.0, 4.0, np.nan], nan_ok=True)
+
+
+def test_a_policy_sees_how_far_robots_have_come_how_late_they_are_and_who_is_held():
+    """robot_0 was to be at 0 at 0 s and came at 1 s, and was to be at 1 at 3 s; it is 7.5 s now. robot_1 has come early, to its end."""
+    seen = []
+    ledger, _ = ledger_of(line(7), [[0, 1, 2], [6, 5]])
+    last = ledger.visits.reached[1] = ledger.visits.granted[1] = ledger.all_ids(1)[1]
+    ledger.visits.arrived_s[[0, 1, last]] = 1.0, 0.0, 2.5
+    ledger.state.motion.s_m[:], ledger.state.grants.cause[1] = [0.25, ledger.visits.at_m[last]], DISTURBED
+    ledger.decide(SimpleNamespace(decide=lambda problem, plan, needs, now_s: seen.append(plan)), 7.5)
+    (plan,) = seen
+    assert plan.driven_m.tolist() == [0.25, 0.0] and plan.late_s.tolist() == [4.5, -0.5] and plan.held.tolist() == [False, True]
+    ledger.decide(SimpleNamespace(decide=lambda problem, plan, needs, now_s: seen.append(plan)), 3.5)
+    assert seen[1].late_s.tolist() == [1.0, -0.5]
+
+
 @pytest.mark.parametrize("begin", [0, 1])
 def test_a_robot_that_turns_back_comes_to_the_vertex_behind_it_again(begin):
     end, side = 1 - begin, 1 - 2 * begin
@@ -225,10 +265,10 @@ def test_without_an_order_no_more_is_frozen_than_was_granted(policy, ends):
     assert ledger.visits.vertex[ledger.joint].tolist() == ends
 
 
-def truck_on(vertices, s_m, *, speed_mps=0.5, graph=None):
+def truck_on(vertices, s_m, *, speed_mps=0.5, graph=None, truck=TRICYCLE):
     """A truck on its way over these vertices of a corner with lanes of 8 m, on the first of which it is, granted to its end."""
     graph = graph or corner(8.0)
-    problem = vehicles_on(graph, vertices[:1], vertices[-1:], TRICYCLE)
+    problem = vehicles_on(graph, vertices[:1], vertices[-1:], truck)
     count = len(vertices)
     plan = Plan(np.array([0, count]), np.array(vertices), 20.0 * np.arange(count), np.append(20.0 * np.arange(1, count), np.inf))
     ledger = Ledger(problem, resources_for(problem, plan))
@@ -249,6 +289,30 @@ def test_a_vehicle_counts_as_past_its_turn_where_it_may_be_when_a_new_way_begins
     assert ledger.standing.does.tolist() == [does]
     ledger.lift()
     assert ledger.standing.does.tolist() == [UNDER_WAY]
+
+
+@pytest.mark.parametrize(("to", "s_m", "does", "bends"), [(3, 1.0, UNDER_WAY, False), (2, 1.0, UNDER_WAY, True), (2, 7.0, BOUND, True)])
+def test_a_vehicle_that_is_sent_straight_on_does_not_bend_where_it_was_to_turn(to, s_m, does, bends):
+    """It was to turn at 1, to 2 in the north; 3 is straight on, in the east."""
+    graph = roads([(0.0, 0.0), (8.0, 0.0), (8.0, 8.0), (16.0, 0.0)], [(0, 1), (1, 2), (1, 3)], cell_m=8.0)
+    ledger = truck_on([0, 1, 2], s_m, graph=graph)
+    joint = int(ledger.joint[0])
+    assert column(ledger, "tangent_m")[joint] > 0 and ledger.standing.does.tolist() == [does]
+    ledger.append(Replan({0: way(to)}, "replan"), policy_of("adg"), 16.0)
+    assert [column(ledger, name)[joint] > 0 for name in ("tangent_m", "bend_m")] == [bends] * 2
+    assert np.isfinite(column(ledger, "bend_mps")[joint]) == bends
+
+
+SHORT = replace(TUGGER, trailers=(replace(TUGGER.trailers[0], length_m=0.3, hitch_m=0.2),))  # the trailer ends 1 m behind its middle
+
+
+@pytest.mark.parametrize(("truck", "first", "then"), [(TRICYCLE, -1, -1), (SHORT, 1, 0)])
+def test_trailers_stand_where_a_robot_came_from_and_at_first_where_its_start_has_them(truck, first, then):
+    """It stands at 0 as if it had come from 1, and is to come there."""
+    ledger = truck_on([0, 1, 2], 0.0, truck=truck)
+    assert ledger.behind.tolist() == [then]
+    ledger.visits.granted[0] = ledger.all_ids(0)[0]
+    assert ledger.behind.tolist() == [first]
 
 
 def test_a_vehicle_that_swings_out_to_change_gear_keeps_the_gear_in_which_it_leaves():
