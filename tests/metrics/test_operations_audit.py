@@ -638,6 +638,13 @@ def test_an_order_is_not_passed_over_again_and_again_by_those_that_are_alike(log
     assert not [*robots.passed_over(logs), *robots.passed_over(said), *robots.passed_over(longer), *robots.passed_over(urgent)]
 
 
+def test_a_run_without_samples_has_robots_nowhere(logs):
+    nothing = replace(
+        logs, execution=replace(logs.execution, **{name: getattr(logs.execution, name)[:0] for name in ("t_s", "x_m", "y_m")})
+    )
+    assert nothing.xy_at(np.array([0, 1]), np.array([0.0, 1.0])) == pytest.approx(np.full((2, 2), np.nan), nan_ok=True)
+
+
 def riding(*lifts):
     """A robot changes levels after 1 s, when each lift is in some state, for it or another."""
     zeros = np.zeros(len(lifts), np.int64)
