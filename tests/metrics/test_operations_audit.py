@@ -284,6 +284,19 @@ def test_a_robot_has_its_order_once_planners_have_had_their_time(assigned_s, end
     assert [text.partition(", but")[0] for text in robots.had(known)] == ([] if says is None else [f"is assigned {says}"])
 
 
+@pytest.mark.parametrize(
+    ("begin_s", "end_s", "fits"), [(10.0, 40.0, True), (13.0, 40.0, True), (13.1, 40.0, False), (9.9, 40.0, False), (10.0, 39.9, False)]
+)
+def test_a_robot_has_its_order_from_when_it_sets_out_to_its_end(begin_s, end_s, fits):
+    """The order is assigned at 10 s and done at 40 s; planners take 2 s, and a robot 1 s more to set out."""
+    zero = np.zeros(1, np.int64)
+    log = SimpleNamespace(state=zero + WORKING, task=zero, robot=zero, begin_s=zero + begin_s, end_s=zero + end_s)
+    tasks = SimpleNamespace(name=("order",), robot=zero, is_order=np.ones(1, bool), assigned_s=zero + 10.0, ended_s=zero + 40.0)
+    known = SimpleNamespace(tasks=tasks, terms=SimpleNamespace(waits_s=2.0), end_s=50.0, capacity=(1,))
+    known.execution, known.of_order = SimpleNamespace(robot_states=log), lambda rule, task, text, t_s: text
+    assert len(list(robots.had(known))) == (not fits)
+
+
 def test_a_robot_that_is_broken_at_a_charger_is_not_charged():
     """It stands there from 10 to 40 s, where orders are not charged, and is broken before, in between, and to the end."""
     stops = SimpleNamespace(station=("c", "c"), task=np.array([0, 1]), robot=np.zeros(2, int), begin_s=np.array([10.0, 60.0]))
@@ -337,6 +350,11 @@ def test_states_of_robots_have_no_gaps_and_fit_their_stops(logs):
     assert "states" in rules(changed(logs, "robot_states", "end_s", row, float(log.end_s[row]) - 1))
     assert "states" in rules(changed(logs, "robot_states", "state", int(np.flatnonzero(log.task == done(logs))[0]), IDLE))
     assert "states" in rules(changed(logs, "robot_states", "task", int(np.flatnonzero(log.task == done(logs))[0]), done(logs, 3)))
+    row, stop = int(np.flatnonzero(log.task == done(logs))[-1]), int(np.flatnonzero(logs.stops.task == done(logs))[-1])
+    for change in (("task", row, done(logs, 3)), ("end_s", row, float(logs.stops.begin_s[stop]))):
+        says = [finding.text for finding in robots.states(changed(logs, "robot_states", *change))]
+        assert any("is served, but at" in text for text in says)
+    assert not [*robots.states(logs)]
 
 
 def test_batteries_balance(logs):
