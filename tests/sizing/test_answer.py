@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import pytest
 
 from mrp_sumo.errors import duration
-from mrp_sumo.sizing.answer import _of_one_shot
+from mrp_sumo.sizing.answer import _of_one_shot, _robots_do
 from mrp_sumo.sizing.search import Bracket, Served
 
 
@@ -25,3 +25,7 @@ def test_the_largest_fleet_that_succeeds_is_told_with_how_sure_it_is_and_what_do
 @pytest.mark.parametrize(("seconds", "words"), [(20, "20 s"), (60, "1 min"), (90, "90 s"), (150, "2 min"), (9300, "2 h 35 min")])
 def test_a_time_is_said_in_minutes_unless_it_is_short(seconds, words):
     assert duration(seconds) == words
+
+
+def test_one_robot_does_what_two_robots_do():
+    assert (_robots_do(1), _robots_do(2, " (2 to 3)")) == ("1 robot does", "2 robots (2 to 3) do")
