@@ -115,7 +115,9 @@ class Disturbances(Options):
     seed: int | None = option(None, "By default the scenario's.", ge=0, lt=2**63)
     speed_spread: float = option(0.0, "Standard deviation of the robots' factors on their speed, N(1, sd) in [0.7, 1].", ge=0)
     speed_noise: float = option(
-        0.0, "Standard deviation of an Ornstein-Uhlenbeck process u: a robot loses |u| of its speed, at most 0.8.", ge=0
+        0.0,
+        "Standard deviation of an Ornstein-Uhlenbeck process. Its absolute value, at most 0.8, is the share of its speed that a robot loses.",
+        ge=0,
     )
     speed_noise_tau_s: float = option(2.0, "Time constant of that process.", ge=0)
     stops_per_s: float = option(0.0, "Random stops of a robot, Poisson.", ge=0)

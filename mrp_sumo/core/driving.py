@@ -52,9 +52,7 @@ class RecoveryOptions(Options):
 class DrivingOptions(Options):
     """Options that reach whoever drives as a scenario has them."""
 
-    engine: Literal["sumo", "kinematic"] = option(
-        "sumo", "What moves the bodies: SUMO, or the robots' limits alone, which takes a fraction of the time."
-    )
+    engine: Literal["sumo", "kinematic"] = option("sumo", "What moves the bodies: SUMO, or the robots' limits alone, which is faster.")
     planning: Planning = field(default=Planning(), metadata=meaning("Planning while robots drive, for `tasks`."))
     step_length_s: float = option(0.1, "Step of the simulation.", gt=0, le=1)
     blocking_window_s: float = option(10.0, "A robot without a cell of progress along its path for so long is blocked.", gt=0, le=1e9)

@@ -201,6 +201,6 @@ METRICS = (
            logged("batteries", lambda log: float(log.level.min()))),
     Metric("robots_battery_critical", "", LESS, "robots whose state of charge was at or below `critical_low_charging_level` at some time",
            logged("batteries", lambda log: int((log.level <= log.critical).any(0).sum()))),
-    Metric("robots_battery_empty", "", LESS, "robots whose batteries ran empty: they stand where they were from then on",
+    Metric("robots_battery_empty", "", LESS, "robots whose batteries ran empty",
            logged("batteries", lambda log: int((log.level[-1] <= 0).sum()))),
 )

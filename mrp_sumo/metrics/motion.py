@@ -62,7 +62,7 @@ MOTION = (
            "sum of the durations of all `blocked` events, each of a robot that did not advance by a cell within "
            "`execution.blocking_window_s`; waits of the plan and of disturbances left out", of_execution(_blocked_s)),
     Metric("execution_time_limit_s", "s", NONE,
-           "simulated time that the execution was given: `execution.time_limit_s`, or what follows from the plan where that is null",
+           "`execution.time_limit_s`, or what follows from the plan where that is null",
            lambda run: None if run.execution is None else run.time_limit_s),
 )
 SAFETY = (

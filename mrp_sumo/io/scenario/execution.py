@@ -54,7 +54,7 @@ class ExecutionChoice(DrivingOptions):
     )
     dispatcher: Annotated[DispatcherChoice, BeforeValidator(_named, str | DispatcherChoice)] = field(
         default=DispatcherChoice(),
-        metadata=meaning("Who decides what robots do next, once the first plan is being driven: by name, or name and parameters."),
+        metadata=meaning("Who decides what robots do next: a name, or name and parameters."),
     )
     disturbances: Annotated[Disturbances, BeforeValidator(_of_a_set, str | Disturbances)] = field(
         default=NONE, metadata=meaning("What goes wrong; the name of a set, or of a YAML file with these keys, alone is short for it.")
@@ -70,13 +70,13 @@ class ExecutionChoice(DrivingOptions):
     )
     mutex_groups: dict[str, tuple[str, ...]] = field(
         default_factory=dict,
-        metadata=meaning("Vertices on which, together, one robot at a time may be, by the group's name; lanes between them are in it too."),
+        metadata=meaning("Vertices, and lanes between them, for one robot at a time, by the group's name."),
     )
     one_way: tuple[tuple[str, str], ...] = option(
         (), "Pairs of vertices: along the shortest way from the first to the second, lanes go in that direction only."
     )
     doors: Literal["open", "automatic"] = option(
-        "open", "Whether the map's doors stand open, or open and close for robots, which takes as long as in Open-RMF's simulations."
+        "open", "Whether the map's doors stand open, or open and close for robots as in Open-RMF's simulations."
     )
     manual_doors: tuple[str, ...] = option(
         (), "Doors that only people open, beside those that the map gives no plugin: robots pass while people keep them open."

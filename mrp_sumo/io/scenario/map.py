@@ -68,14 +68,14 @@ class Discretisation(Strict):
     )
     clearance: Literal["refuse", "prune", "ignore"] = Field(
         "prune",
-        description="What to do with lanes and cells where walls leave the robots no room: 'prune': leave them out, 'refuse' the scenario, "
-        "or 'ignore' it. A run that touches a wall fails its audit in any case.",
+        description="Lanes and cells where walls leave the robots no room: 'prune' leaves them out, 'refuse' refuses the scenario, "
+        "'ignore' plans over them. A run that touches a wall fails its audit in any case.",
     )
 
     short_lanes: Literal["refuse", "drive"] = Field(
         "refuse",
-        description="What to do on roadmaps with lanes that are shorter than two robots need between their centres: 'refuse' the scenario, "
-        "or 'drive' them, with nobody else near meanwhile.",
+        description="Lanes of roadmaps that are shorter than two robots need between their centres: 'refuse' the scenario, or 'drive' them "
+        "one robot at a time, with nobody else near.",
     )
 
     @model_validator(mode="after")

@@ -59,9 +59,9 @@ class Robots(Strict):
     factor: Factors = Field(AS_THEY_ARE, description="Factors on figures of all types of the fleet, with a load and without.")
     draw: Literal["uniform", "anywhere", "mrp_bench"] = Field(
         "uniform",
-        description="How starts and goals are drawn where they are not given. 'uniform': distinct and mutually reachable stations; "
-        "'anywhere': the same between stations, too, on any vertex that robots plan on; "
-        "'mrp_bench': random.sample over the vertices with the seed (starts) and seed + 1 (goals), as MRP-Bench does.",
+        description="How starts and goals are drawn. 'uniform': distinct and mutually reachable stations; 'anywhere': the same of all "
+        "vertices that robots plan on; 'mrp_bench': random.sample over the vertices with the seed (starts) and seed + 1 (goals), "
+        "as MRP-Bench does.",
     )
     starts: list[str] | None = Field(None, description="Names of vertices, one a robot; an unnamed vertex is v<index>.")
     goals: list[str] | None = Field(None, description="Names of vertices.")
@@ -72,8 +72,8 @@ class Robots(Strict):
     )
     goal_heading_deg: Heading | list[Heading | None] | None = Field(
         None,
-        description="Headings to which robots turn at the goals, of lanes that lead to the goal or away from it: one for all, or one a "
-        "goal, null for any. By default all robots stay as they come.",
+        description="Headings to which robots turn at the goals, of lanes to or from these: one for all, or one a goal, null for any. By "
+        "default all robots stay as they come.",
     )
 
     @field_validator("start_heading_deg", "goal_heading_deg", mode="before")
