@@ -116,7 +116,7 @@ class Disturbances(Options):
     speed_spread: float = option(0.0, "Standard deviation of the robots' factors on their speed, N(1, sd) in [0.7, 1].", ge=0)
     speed_noise: float = option(
         0.0,
-        "Standard deviation of an Ornstein-Uhlenbeck process. Its absolute value, at most 0.8, is the share of its speed that a robot loses.",
+        "Standard deviation of an Ornstein-Uhlenbeck process: its absolute value, at most 0.8, is the share of speed that a robot loses.",
         ge=0,
     )
     speed_noise_tau_s: float = option(2.0, "Time constant of that process.", ge=0)
