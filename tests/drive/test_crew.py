@@ -222,3 +222,18 @@ def test_in_a_closed_loop_the_next_order_comes_when_one_has_ended(num_open, know
     orders.assign(0, 0, 5.0)
     orders.cancel(0, 5.0, "late") if num_open == 1 else orders.fail(0, 5.0, "lost")
     assert orders.reveal(6.0) == [len(known)]
+
+
+@pytest.mark.parametrize(
+    ("set_down", "not_for_pickup", "not_for_setting_down"),
+    [({}, set(), set()), ({5: 1}, {6}, {5}), ({5: 1, 6: 1}, set(), {5, 6}), ({9: 1}, set(), set())],
+)
+def test_loads_are_picked_up_where_there_are_some_and_set_down_where_there_is_room(set_down, not_for_pickup, not_for_setting_down):
+    """At a station with the places 5 and 6, which hold a load each; with none there, they may come from elsewhere."""
+    fleet = Fleet([2], (0.0, (3, 3)))
+    crew = fleet.crew
+    crew.orders.reveal(0.0)
+    station = Station("rack", (5, 6), holds=1)
+    crew.orders.tasks[0] = replace(crew.tasks[0], stops=tuple(replace(stop, station=station) for stop in crew.tasks[0].stops))
+    crew.set_down = set_down
+    assert (crew.not_free(0, 0), crew.not_free(0, 1)) == (not_for_pickup, not_for_setting_down)
