@@ -34,8 +34,8 @@ def make(file, folder, watcher=None, chooser=None, **options):
 
 def told_by(folder):
     """What the records say, apart from clocks and machines; by key."""
-    found = {}
+    result = {}
     for record in records_in(folder, lambda line: pytest.fail(line)):
         metrics = {name: value for name, value in record["metrics"].items() if name not in MACHINE_DEPENDENT}
-        found[record["key"]] = {**{k: v for k, v in record.items() if k not in MACHINE_COLUMNS}, "metrics": metrics}
-    return found
+        result[record["key"]] = {**{k: v for k, v in record.items() if k not in MACHINE_COLUMNS}, "metrics": metrics}
+    return result

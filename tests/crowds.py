@@ -38,10 +38,10 @@ def crowd_on(floor, places, starts, speed_mps=1.34, robots=()):
 
 def paths(crowd, seconds, dt=0.1):
     """[T, N, 2] where people are, until one has arrived."""
-    found = []
+    result = []
     for k in range(round(seconds / dt)):
         _walk.walk(k * dt, dt, crowd.count, crowd.walkers, crowd.ground, crowd.robots, crowd._ways)
-        found.append(np.stack([crowd.walkers.x_m[: crowd.count], crowd.walkers.y_m[: crowd.count]], 1))
+        result.append(np.stack([crowd.walkers.x_m[: crowd.count], crowd.walkers.y_m[: crowd.count]], 1))
         if crowd.walkers.is_there[: crowd.count].any():
             break
-    return np.array(found)
+    return np.array(result)

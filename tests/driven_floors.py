@@ -46,7 +46,7 @@ class Floor:
         """A study of it, of runs of 20 min."""
         rows = ["from,to,from_x_m,from_y_m,to_x_m,to_y_m,both_ways"]
         for ways, both in (((self.one_way,), "no"), (self.both_ways, "yes")):
-            rows += [f"{a},{b},{AT[a][0]},{AT[a][1]},{AT[b][0]},{AT[b][1]},{both}" for way in ways for a, b in pairwise(way.split())]
+            rows += [f"{a},{b},{AT[a][0]},{AT[a][1]},{AT[b][0]},{AT[b][1]},{both}" for route in ways for a, b in pairwise(route.split())]
         folder.mkdir(parents=True, exist_ok=True)
         (folder / "floor.csv").write_text("\n".join(rows) + "\n")
         values = {

@@ -34,9 +34,9 @@ def make(job, maps):
             Path(notes, "child").write_text(str(child.pid))
             time.sleep(600)
         case 104:
-            kept = bytearray(b"x" * 600_000_000)
+            rest = bytearray(b"x" * 600_000_000)
             time.sleep(600)
-            del kept
+            del rest
         case 105:
             raise ZeroDivisionError("one over none")
         case 106:

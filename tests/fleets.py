@@ -26,8 +26,8 @@ def rises_and_falls(robots):
 class Fleets:
     """Records of trials by a throughput curve; orders come by chance, the same for all fleets of a seed."""
 
-    def __init__(self, per_h, asked=None, factors=None, moved=None):
-        self.per_h, self.question, self.factors = per_h, asked or question(), factors or {}
+    def __init__(self, per_h, request=None, factors=None, moved=None):
+        self.per_h, self.question, self.factors = per_h, request or question(), factors or {}
         self.moved = moved or (lambda robots, values: per_h(robots))
         self.made = []
 

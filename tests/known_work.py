@@ -360,7 +360,7 @@ def charging(name: str) -> System:
 
 def systems() -> Mapping[str, System]:
     """By name."""
-    found = [
+    outcome = [
         on_ring("loop, 1 robot at A", 1, ["A"], [5.0], lambda *_: Truth(720.0, 720.0), ["A"]),
         on_ring("loop, A to B, 1 robot", 1, ["A", "B"], [5.0, 3.0], there_and_back((5.0, 3.0)), ["A"]),
         on_ring("loop, no services", 1, ["A", "B"], [0.0], passing, ["A"]),
@@ -377,7 +377,7 @@ def systems() -> Mapping[str, System]:
         queue("M/M/3", 3, True, 4),
         charging("battery with a charger"),
     ]
-    return {system.name: system for system in found}
+    return {system.name: system for system in outcome}
 
 
 GRANTED_M = 4.0  # visits that are granted ahead, by default, on lanes of a metre: from so far on the way beyond a stop can be asked for

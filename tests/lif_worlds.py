@@ -54,21 +54,21 @@ def lif():
 
 def lif_2():
     """The same as draft 2 says it."""
-    found = {"metaInformation": {"lifId": "p", "creator": "c", "exportTimestamp": "2026-01-01T00:00:00.00Z", "lifVersion": "2.0.0"}}
+    result = {"metaInformation": {"lifId": "p", "creator": "c", "exportTimestamp": "2026-01-01T00:00:00.00Z", "lifVersion": "2.0.0"}}
     layout = lif()["layouts"][0]
     kinds = [{"manufacturer": "maker", "seriesName": "series"}]
     for what in layout["nodes"]:
-        (given,) = what.pop("vehicleTypeNodeProperties")
-        del given["vehicleTypeId"]
-        if "actions" in given:
-            given["feasibleActions"] = [{k: v for k, v in a.items() if k != "requirementType"} for a in given.pop("actions")]
-        what["mobileRobotTypeNodeProperties"] = [{"mobileRobotTypes": kinds, **given}]
+        (params,) = what.pop("vehicleTypeNodeProperties")
+        del params["vehicleTypeId"]
+        if "actions" in params:
+            params["feasibleActions"] = [{k: v for k, v in a.items() if k != "requirementType"} for a in params.pop("actions")]
+        what["mobileRobotTypeNodeProperties"] = [{"mobileRobotTypes": kinds, **params}]
     for what in layout["edges"]:
-        (given,) = what.pop("vehicleTypeEdgeProperties")
-        del given["vehicleTypeId"], given["rotationAllowed"]
-        if "maxSpeed" in given:
-            given["maximumSpeed"] = given.pop("maxSpeed")
-        if "vehicleOrientation" in given:
-            given["mobileRobotOrientations"] = [given.pop("vehicleOrientation")]
-        what["mobileRobotTypeEdgeProperties"] = [{"mobileRobotTypes": kinds, **given}]
-    return found | {"origins": [{"originId": "o", "layouts": [layout]}]}
+        (params,) = what.pop("vehicleTypeEdgeProperties")
+        del params["vehicleTypeId"], params["rotationAllowed"]
+        if "maxSpeed" in params:
+            params["maximumSpeed"] = params.pop("maxSpeed")
+        if "vehicleOrientation" in params:
+            params["mobileRobotOrientations"] = [params.pop("vehicleOrientation")]
+        what["mobileRobotTypeEdgeProperties"] = [{"mobileRobotTypes": kinds, **params}]
+    return result | {"origins": [{"originId": "o", "layouts": [layout]}]}

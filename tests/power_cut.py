@@ -20,14 +20,14 @@ def watch(folder: Path, log: Path) -> None:
     def logged(target: Any) -> None:
         fsync(target)
         number = target if isinstance(target, int) else target.fileno()
-        path, found = str(Path(f"/proc/self/fd/{number}").readlink()), os.fstat(number)
+        path, result = str(Path(f"/proc/self/fd/{number}").readlink()), os.fstat(number)
         if not path.startswith(top):
             return
-        row: dict[str, Any] = {"inode": found.st_ino}
-        if stat.S_ISDIR(found.st_mode):
+        row: dict[str, Any] = {"inode": result.st_ino}
+        if stat.S_ISDIR(result.st_mode):
             row |= {"path": path, "entries": {e.name: [e.inode(), e.is_dir(follow_symlinks=False)] for e in os.scandir(path)}}
         else:
-            row["copy"] = f"{found.st_ino}.{os.getpid()}.{os.urandom(4).hex()}"
+            row["copy"] = f"{result.st_ino}.{os.getpid()}.{os.urandom(4).hex()}"
             shutil.copyfile(f"/proc/self/fd/{number}", log / row["copy"])
         line = (json.dumps(row) + "\n").encode()
         with (log / "syncs.jsonl").open("ab", buffering=0) as file:
@@ -56,10 +56,10 @@ def cut(folder: Path, log: Path) -> None:
             else:
                 (place / name).write_bytes((log / copies[inner]).read_bytes() if inner in copies else b"")
 
-    kept = folder.with_name(f"{folder.name}.kept")
-    restore(kept, top)
+    rest = folder.with_name(f"{folder.name}.kept")
+    restore(rest, top)
     shutil.rmtree(folder)
-    kept.rename(folder)
+    rest.rename(folder)
     shutil.rmtree(log)  # the next log begins with what is there, which is synced
     log.mkdir()
     for place in (folder, *(path for path in folder.rglob("*") if path.is_dir())):

@@ -19,12 +19,12 @@ def waits_s(rng, num_runs, num_customers, arrivals_per_s, service_s, servers):
     between = rng.exponential(1 / arrivals_per_s, (num_customers, num_runs))
     service = rng.exponential(service_s, (num_customers, num_runs))
     left = np.zeros((num_runs, servers))  # work of each server, ascending
-    found = np.empty((num_runs, num_customers))
+    result = np.empty((num_runs, num_customers))
     for k in range(num_customers):
-        found[:, k] = left[:, 0]
+        result[:, k] = left[:, 0]
         left[:, 0] += service[k]
         left = np.sort(np.maximum(left - between[k][:, None], 0.0), axis=1)
-    return found
+    return result
 
 
 def coverage(seed, num_studies, replications, num_customers, servers=2, share=0.7):

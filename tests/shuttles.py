@@ -23,15 +23,15 @@ def shuttle_rows(rng, *, top=1.2, accel=0.6, decel=0.8, turn=1.0, scatter=SCATTE
     """Poses (t_s, x_m, y_m, yaw_rad) of one shuttle: a trip, a stand of some seconds, a turn, and the way back."""
     t, x, yaw, heading, forth = [0.0], [0.0], [0.0], 0.0, True
     for _ in range(trips):
-        speed, way = 0.0, [0.0]
+        speed, route = 0.0, [0.0]
         for factor in factors(scatter, 600, rng):
-            wanted = min(stop_speed(LENGTH_M - way[-1] - 0.001, decel, STEP_S), top * factor)
+            wanted = min(stop_speed(LENGTH_M - route[-1] - 0.001, decel, STEP_S), top * factor)
             speed = min(speed + accel * STEP_S, max(wanted, speed - decel * STEP_S))
-            way.append(way[-1] + speed * STEP_S)
-            if LENGTH_M - way[-1] < 0.0015:
+            route.append(route[-1] + speed * STEP_S)
+            if LENGTH_M - route[-1] < 0.0015:
                 break
-        x += (np.array(way) if forth else LENGTH_M - np.array(way)).tolist()
-        yaw += [heading] * len(way)
+        x += (np.array(route) if forth else LENGTH_M - np.array(route)).tolist()
+        yaw += [heading] * len(route)
         wait = int(rng.uniform(4, 12) / STEP_S)
         x += [x[-1]] * wait
         yaw += [heading] * wait

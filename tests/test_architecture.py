@@ -149,8 +149,8 @@ def test_no_private_name_of_another_library():
 @pytest.mark.parametrize("command", ["import mrp_sumo", "from mrp_sumo.cli.main import main; main(['--help'])"])
 def test_import_and_help_load_nothing_heavy(command):
     code = f"{command}\nimport sys\nprint('loaded:', *(m for m in {HEAVY!r} if m in sys.modules))"
-    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=PROJECT).stdout
-    assert told.splitlines()[-1] == "loaded:"
+    output = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=PROJECT).stdout
+    assert output.splitlines()[-1] == "loaded:"
 
 
 SCENARIOS = {

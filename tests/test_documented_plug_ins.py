@@ -35,10 +35,10 @@ def result(folder):
 
 def test_planner_of_the_page_solves_the_office(files):
     assert main(["run", "office_9", "--planner", "onebyone.py:OneByOne", "--set", "attempts=20", "--out", "run"]) == 0
-    found = result(files / "run")
-    assert found["status"] == "completed"
-    assert found["metrics"]["plan_valid"]
-    assert found["metrics"]["planning_time_s"] > 0
+    outcome = result(files / "run")
+    assert outcome["status"] == "completed"
+    assert outcome["metrics"]["plan_valid"]
+    assert outcome["metrics"]["planning_time_s"] > 0
 
 
 def test_assigner_and_policy_of_the_page_run_from_a_scenario(files):
@@ -76,8 +76,8 @@ def test_planner_of_the_page_satisfies_the_protocol(files):
     text = text.replace("import PlanResult, Status, plan_of_paths\n", "import PlanResult, Status, plan_of_paths\n" + IMPORTS)
     (files / "typed.py").write_text(text + "planner: Planner = OneByOne()\n")
     check = [sys.executable, "-m", "mypy", "--strict", "--follow-imports=silent", "--no-incremental", "typed.py"]
-    told = subprocess.run(check, capture_output=True, text=True, check=False).stdout
-    assert "Success" in told, told
+    output = subprocess.run(check, capture_output=True, text=True, check=False).stdout
+    assert "Success" in output, output
 
 
 IMPORTS = "from mrp_sumo.core.problem import Problem\nfrom mrp_sumo.planning.protocol import Planner\n"

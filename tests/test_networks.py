@@ -107,9 +107,9 @@ def test_lanes_meet_at_sixty_degrees_or_more(name: str) -> None:
     both = np.concatenate([lanes, lanes[:, ::-1]])
     bearing = np.degrees(np.arctan2(*(xy[both[:, 1]] - xy[both[:, 0]]).T))
     for vertex in np.unique(lanes):
-        around = np.sort(bearing[both[:, 0] == vertex])
-        if len(around) > 1:
-            assert np.diff(np.append(around, around[0] + 360)).min() >= 60
+        surroundings = np.sort(bearing[both[:, 0] == vertex])
+        if len(surroundings) > 1:
+            assert np.diff(np.append(surroundings, surroundings[0] + 360)).min() >= 60
 
 
 @pytest.mark.parametrize("name", NAMES)

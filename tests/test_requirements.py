@@ -16,8 +16,8 @@ def locked(name):
     """Version and number of hashes of every package."""
     text = (ROOT / "requirements" / f"{name}.txt").read_text()
     parts = re.split(r"^(?=\S)", text, flags=re.MULTILINE)
-    found = [(re.match(r"([\w.-]+)==([^\s;\\]+)", part), part.count("--hash=sha256:")) for part in parts if part.strip()]
-    return {plain(match[1]): (match[2], hashes) for match, hashes in found}
+    result = [(re.match(r"([\w.-]+)==([^\s;\\]+)", part), part.count("--hash=sha256:")) for part in parts if part.strip()]
+    return {plain(match[1]): (match[2], hashes) for match, hashes in result}
 
 
 def test_every_locked_version_is_that_of_the_constraints_and_has_hashes():

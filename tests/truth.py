@@ -104,9 +104,9 @@ class Rules:
 
     def held(self, u, v):
         """(resource, place) of the zones and groups that a robot holds while it goes from u to v, or waits."""
-        found = self.found
-        places = {u, v} | ({self.graph.num_vertices + int(found.track[self.graph.lane_between(u, v)])} if u != v else set())
-        return {(int(q), p) for p in places for q in found.zones_at(p, 0)}
+        result = self.found
+        places = {u, v} | ({self.graph.num_vertices + int(result.track[self.graph.lane_between(u, v)])} if u != v else set())
+        return {(int(q), p) for p in places for q in result.zones_at(p, 0)}
 
     def _clash(self, one, other):
         """Whether two moves (u, v) need places of one zone, or one group."""

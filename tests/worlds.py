@@ -154,10 +154,10 @@ def least_distance_m(execution):
 
 def kinds(execution):
     """Events by kind: robots, in order of time."""
-    found = {}
+    outcome = {}
     for event in execution.events:
-        found.setdefault(event.kind, []).append(event.robot)
-    return found
+        outcome.setdefault(event.kind, []).append(event.robot)
+    return outcome
 
 
 def record_of_four(seconds=12.0, costmap=True, absent=False):
@@ -204,7 +204,7 @@ def run_of_four(out, network, *, executed=True, **changes):
     )
     setup = SimpleNamespace(scenario=scenario, map=SimpleNamespace(nav=record.nav, building=None, level_shift_m={}))
     result = PlanResult(Status.SOLVED, plan=record.plan) if executed else PlanResult(Status.TIMED_OUT, message="no time")
-    given = {
+    params = {
         "status": "completed",
         "note": "",
         "execution": record.execution if executed else None,
@@ -212,7 +212,7 @@ def run_of_four(out, network, *, executed=True, **changes):
         "metrics": {"min_distance_m": np.float64(1.5), "real_time_factor": float("inf"), "time_blocked_s": [0.0, 1.0], "flag": np.True_},
     }
     solution = Solution(setup, problem, result, judge(problem, record.plan) if executed else None, 0.0)
-    run = RunResult(setup=setup, solution=solution, **{**given, **changes})
+    run = RunResult(setup=setup, solution=solution, **{**params, **changes})
     vars(run)["costmap"] = record.costmap  # of no building
     run.write(out, SimpleNamespace(network=lambda graph: network))
     return json.loads((out / "result.json").read_text())

@@ -66,8 +66,8 @@ def _counted(studies: Iterable[Any], per_h: Mapping[int, float], known_per_h: Ma
         count, runs = count + 1, runs + len(desk.trials)
         for name, holds in {**held(answer, per_h), "by_hand": by_hand(answer, known_per_h or {})}.items():
             shares[name] += holds
-    found = {name: 100 * sum(of) / len(of) for name, of in sorted(shares.items()) if of}
-    return {"studies": count, **found, "runs": runs / count, "cpu_s": time.process_time() - began}
+    result = {name: 100 * sum(of) / len(of) for name, of in sorted(shares.items()) if of}
+    return {"studies": count, **result, "runs": runs / count, "cpu_s": time.process_time() - began}
 
 
 def agreement(pairs: int) -> Iterator[Row]:
@@ -93,14 +93,14 @@ def saving() -> Row:
 
     desk = Desk(question(), Fleets(rises_and_falls))
     began = time.process_time()
-    found = limits(coarse(desk))
+    result = limits(coarse(desk))
     least, most = desk.question.sizes
-    full = len(range(least, most + 1, 3)) * max(len(point.records) for point in found.curve.points.values())
+    full = len(range(least, most + 1, 3)) * max(len(point.records) for point in result.curve.points.values())
     return {
         "runs": len(desk.trials),
         "full_grid": full,
         "saving": full / len(desk.trials),
-        "peak": found.peak.estimate or 0,
+        "peak": result.peak.estimate or 0,
         "cpu_s": time.process_time() - began,
     }
 

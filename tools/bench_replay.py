@@ -72,8 +72,8 @@ def make_run(folder: Path, num_robots: int, duration_s: float) -> None:
         leave = np.maximum(np.append(at[1:] - STEP_S, at[-1]), at)
         when = np.column_stack((at, leave)).ravel()
         x[:, r], y[:, r] = (np.interp(t_s, when, np.repeat(c, 2)) for c in xy.T)
-        way = np.diff(xy, axis=0)
-        course = np.unwrap(np.arctan2(way[:, 1], way[:, 0])) if len(way) else np.zeros(1)
+        route = np.diff(xy, axis=0)
+        course = np.unwrap(np.arctan2(route[:, 1], route[:, 0])) if len(route) else np.zeros(1)
         yaw[:, r] = np.interp(t_s, np.maximum(leave[: len(course)], 0), course)
         for k in np.flatnonzero(leave - at > STEP_S)[:40]:
             kind = "blocked" if leave[k] - at[k] > 4 else "waited"
@@ -117,12 +117,12 @@ def shown(page: Path) -> dict[str, object]:
     chromium, node = shutil.which("chromium"), shutil.which("node")
     if not chromium or not node:
         return {"browser": "none found"}
-    told = subprocess.run(
+    output = subprocess.run(
         [node, BROWSER, chromium, page.resolve()], capture_output=True, text=True, env={"NODE_PATH": str(MODULES), **os.environ}
     )
-    if told.returncode:
-        return {"browser": next((line for line in told.stderr.splitlines() if "Error" in line), "failed")}
-    return dict(json.loads(told.stdout.splitlines()[-1]))
+    if output.returncode:
+        return {"browser": next((line for line in output.stderr.splitlines() if "Error" in line), "failed")}
+    return dict(json.loads(output.stdout.splitlines()[-1]))
 
 
 def _warehouse(num_robots: int) -> PlanGraph:

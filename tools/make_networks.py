@@ -449,9 +449,9 @@ def plant() -> dict[str, Any]:
     corner = {("B4", "R1"): (42, 0), ("R3", "T1"): (42, 20), ("T5", "L1"): (0, 20), ("L3", "B0"): (0, 0)}
     edges = []
 
-    def edge(a: str, b: str, **given: Any) -> None:
+    def edge(a: str, b: str, **params: Any) -> None:
         ends = {"edgeId": f"{a}-{b}", "startNodeId": a, "endNodeId": b}
-        edges.append({**ends, "vehicleTypeEdgeProperties": [{"vehicleTypeId": "plant.forklift", "rotationAllowed": False, **given}]})
+        edges.append({**ends, "vehicleTypeEdgeProperties": [{"vehicleTypeId": "plant.forklift", "rotationAllowed": False, **params}]})
 
     for a, b in [*pairwise(ring), ("B2", "M1"), ("M1", "M2"), ("M2", "T3")]:
         if (a, b) not in corner:
@@ -465,11 +465,11 @@ def plant() -> dict[str, Any]:
         edge(name, at, maxSpeed=0.5, vehicleOrientation=3.1415927, orientationType="TANGENTIAL")
     nodes = []
     for name, (x, y) in (places | {name: xy for name, (_, xy) in spurs.items()}).items():
-        given: dict[str, Any] = {"vehicleTypeId": "plant.forklift"}
+        params: dict[str, Any] = {"vehicleTypeId": "plant.forklift"}
         if name in actions:
-            given["actions"] = [{"actionType": actions[name], "requirementType": "OPTIONAL", "blockingType": "HARD"}]
+            params["actions"] = [{"actionType": actions[name], "requirementType": "OPTIONAL", "blockingType": "HARD"}]
         position = {"x": float(x), "y": float(y)}
-        nodes.append({"nodeId": name, "mapId": "hall", "nodePosition": position, "vehicleTypeNodeProperties": [given]})
+        nodes.append({"nodeId": name, "mapId": "hall", "nodePosition": position, "vehicleTypeNodeProperties": [params]})
     stations = [{"stationId": f"{name}_station", "interactionNodeIds": [name]} for name in spurs if "charger" not in name]
     about = {"projectIdentification": "plant", "creator": "mrp_sumo", "exportTimestamp": "2026-11-22T00:00:00.00Z", "lifVersion": "1.0.0"}
     layout = {"layoutId": "hall", "layoutVersion": "1", "layoutLevelId": "hall", "nodes": nodes, "edges": edges, "stations": stations}
@@ -538,7 +538,7 @@ def main() -> None:
     print(path)
     map_ = load_map(path)
     at_crossing = {map_.nav.vertex_of_name[name] for name in ("B2", "T3")}  # where the aisle leaves the ring, and comes back
-    options = tuple({**given, "mutex": "aisle"} if v in at_crossing else given for v, given in enumerate(map_.nav.vertex_options))
+    options = tuple({**params, "mutex": "aisle"} if v in at_crossing else params for v, params in enumerate(map_.nav.vertex_options))
     write_opentcs(replace(map_, nav=replace(map_.nav, vertex_options=options)), path.with_name("plant.xml"))
     print(path.with_name("plant.xml"))
 

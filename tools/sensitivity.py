@@ -47,9 +47,9 @@ def main() -> None:
 def measured(step_s: float, gap_m: float, usual: RobotType, options: argparse.Namespace) -> dict[str, float]:
     """The headlines of a setting."""
     shape = {key: getattr(usual, key) for key in ("length_m", "width_m", "max_speed_mps", "accel_mps2", "decel_mps2", "turn_rate_rad_s")}
-    found: dict[str, list[Any]] = {"yielding": [], "grid": [], "roadmap": []}
+    result: dict[str, list[Any]] = {"yielding": [], "grid": [], "roadmap": []}
     for seed in range(FIRST_SEED, FIRST_SEED + options.seeds):
-        for name, runs in found.items():
+        for name, runs in result.items():
             scenario = ms.Scenario(
                 map="warehouse",
                 discretisation="roadmap" if name == "roadmap" else "grid",
@@ -60,13 +60,13 @@ def measured(step_s: float, gap_m: float, usual: RobotType, options: argparse.Na
                 record={"period_s": step_s},
             )
             runs.append(ms.run(scenario).metrics)
-    ordered = [run for name in ("grid", "roadmap") for run in found[name] if run["driven_makespan_s"] is not None]
+    ordered = [run for name in ("grid", "roadmap") for run in result[name] if run["driven_makespan_s"] is not None]
     return {
-        "arrived_percent": 100 * mean(bool(run["all_goals_reached"]) for run in found["yielding"]),
-        "grid_s": mean(run["driven_makespan_s"] for run in found["grid"] if run["driven_makespan_s"] is not None),
-        "roadmap_s": mean(run["driven_makespan_s"] for run in found["roadmap"] if run["driven_makespan_s"] is not None),
+        "arrived_percent": 100 * mean(bool(run["all_goals_reached"]) for run in result["yielding"]),
+        "grid_s": mean(run["driven_makespan_s"] for run in result["grid"] if run["driven_makespan_s"] is not None),
+        "roadmap_s": mean(run["driven_makespan_s"] for run in result["roadmap"] if run["driven_makespan_s"] is not None),
         "off_s": max(abs(run["driven_makespan_s"] - run["makespan_s"]) for run in ordered),
-        "clearance_m": min(run["min_clearance_m"] for runs in found.values() for run in runs if run["min_clearance_m"] is not None),
+        "clearance_m": min(run["min_clearance_m"] for runs in result.values() for run in runs if run["min_clearance_m"] is not None),
     }
 
 

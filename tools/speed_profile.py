@@ -131,11 +131,11 @@ def runs_of(solution: Any, robot: int) -> list[tuple[float, Profile, float]]:
     stops = [k for k in range(len(vertex)) if k == 0 or depart[k] > arrive[k]]
     limits = (float(column[robot]) for column in (fleet.max_speed_mps, fleet.accel_mps2, fleet.decel_mps2))
     top, accel, decel = limits
-    found = []
+    result = []
     for a, b in pairwise(stops):
         profile = run_profile(graph.length_m[lane[a:b]], graph.speed_mps[lane[a:b]], top, accel, decel)
-        found.append((float(depart[a]), profile, float(arrive[b] - depart[a]) - profile.end_s))
-    return found
+        result.append((float(depart[a]), profile, float(arrive[b] - depart[a]) - profile.end_s))
+    return result
 
 
 def draw(out: Path, solution: Any, driven: Any, robot: int, runs: list[tuple[float, Profile, float]]) -> None:

@@ -1,57 +1,44 @@
 """Words that the code does without: the private dialect in names, and docstrings that do not name the thing first.
 
-    .venv/bin/python tools/words.py            # counts by room; exit code 1 where there are more than MOST
-    .venv/bin/python tools/words.py ROOM ...   # each place in these rooms, such as mrp_sumo/traffic
+    .venv/bin/python tools/words.py            # each place; exit code 1 where there is one
 
-A count may fall and not rise above its entry in MOST, which `tests/test_words.py` holds: who lowers a count lowers the entry, too.
+`tests/test_words.py` holds it.
 """
 
 import ast
 import re
 import sys
-from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
 PROJECT = Path(__file__).resolve().parents[1]
 DIALECT = {"found", "way", "around", "news", "kept", "given", "asked", "told", "moment"}
 QUESTION = re.compile(r"(?:What|Who|Whom|Whose|Whether|How|Where|When|Which)\b")
-MOST = {"names": 0, "docstrings": 0}
+ROOMS = {"mrp_sumo": True, "planners": True, "tools": False, "tests": False}  # whether docstrings are looked at, too
 
 
 def main() -> int:
-    """Print counts or places."""
+    """Print the places."""
     places = [place for path in sources() for place in faults_of(path)]
-    if rooms := sys.argv[1:]:
-        print(*(f"{path}:{line}: {kind}: {word}" for path, line, kind, word in places if path.startswith(tuple(rooms))), sep="\n")
-        return 0
-    for kind, most in MOST.items():
-        rooms_of = Counter(str(Path(path).parent) for path, _, one, _ in places if one == kind)
-        print(f"{kind}: {rooms_of.total()}, at most {most}")
-        print(*(f"  {count:4} {room}" for room, count in rooms_of.most_common()), sep="\n")
-    return int(any(count > MOST[kind] for kind, count in counts().items()))
-
-
-def counts() -> dict[str, int]:
-    """How often each kind of fault occurs in the program and its planners."""
-    kinds = Counter(kind for path in sources() for _, _, kind, _ in faults_of(path))
-    return {kind: kinds[kind] for kind in MOST}
+    print(*(f"{path}:{line}: {kind}: {word}" for path, line, kind, word in places), sep="\n", end="\n" if places else "")
+    return int(bool(places))
 
 
 def sources() -> list[Path]:
-    """The Python files of the program and its planners."""
-    return sorted(path for room in ("mrp_sumo", "planners") for path in (PROJECT / room).rglob("*.py"))
+    """The Python files of the program, its planners, tools and tests."""
+    return sorted(path for room in ROOMS for path in (PROJECT / room).rglob("*.py"))
 
 
 def faults_of(path: Path) -> Iterator[tuple[str, int, str, str]]:
     """Faults of a file: path, line, kind, word."""
     name = path.relative_to(PROJECT).as_posix() if path.is_relative_to(PROJECT) else path.name
+    with_docstrings = ROOMS.get(name.partition("/")[0], True)
     tree = ast.parse(path.read_text(encoding="utf-8"))
     for node in ast.walk(tree):
         word = named(node)
         if word in DIALECT:
             yield name, node.lineno, "names", word
-        if (isinstance(node, ast.FunctionDef | ast.ClassDef) and not node.name.startswith("_")) or isinstance(node, ast.Module):
+        if with_docstrings and (isinstance(node, ast.Module) or (isinstance(node, ast.FunctionDef | ast.ClassDef) and node.name[0] != "_")):
             text = ast.get_docstring(node) or ""
             if match := QUESTION.match(text):
                 yield name, getattr(node, "lineno", 1), "docstrings", match[0]

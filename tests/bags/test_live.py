@@ -24,8 +24,8 @@ class Heard(Listener):
     live: LiveMessages | LiveBag
     by_topic: dict = field(default_factory=dict)
 
-    def hear(self, moment):
-        for topic, _, message in self.live.of(moment):
+    def hear(self, time_s):
+        for topic, _, message in self.live.of(time_s):
             self.by_topic.setdefault(topic, []).append(message)
 
 

@@ -113,8 +113,8 @@ def twist(ahead, turn):
 
 def test_commanded_speeds_add_up_to_where_a_vehicle_would_be(tmp_path):
     """1 m/s for 0.4 s; a quarter turn in 0.4 s; 1 m/s, which lasts for half a second since nothing follows; then it stands."""
-    told = [(0.0, 1.0, 0.0), (0.4, 0.0, math.pi / 0.8), (0.8, 1.0, 0.0), (100.0, 0.0, 0.0)]
-    messages = [("/a/cmd_vel", "geometry_msgs/msg/Twist", int(1e9 * (1 + t)), twist(*v)) for t, *v in told]
+    output = [(0.0, 1.0, 0.0), (0.4, 0.0, math.pi / 0.8), (0.8, 1.0, 0.0), (100.0, 0.0, 0.0)]
+    messages = [("/a/cmd_vel", "geometry_msgs/msg/Twist", int(1e9 * (1 + t)), twist(*v)) for t, *v in output]
     log = read_poses(bag(tmp_path / "bag", messages))
     rows = np.array(log.poses["a"])
     assert log.kind == "commanded speeds"

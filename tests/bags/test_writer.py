@@ -54,8 +54,8 @@ def test_foxgloves_reader_accepts_the_bag(tmp_path, absent):
     write_bag(tmp_path / "bag", record_of_four(absent=absent), DETAILED)
     latched = ["/map", "/tf_static", "/map_markers", "/robot_markers", "/plan_markers", "/robot_1/plan"]
     command = [sys.executable, str(BAG_CHECKERS / "verify_mcap.py"), str(tmp_path / "bag"), "--latched", *latched, "--min-moving", "3"]
-    told = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert told.returncode == 0 and "OK:" in told.stdout, told.stdout + told.stderr
+    output = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert output.returncode == 0 and "OK:" in output.stdout, output.stdout + output.stderr
 
 
 def test_foxgloves_reader_for_browsers_accepts_the_bag(bag, tmp_path):
@@ -64,8 +64,8 @@ def test_foxgloves_reader_for_browsers_accepts_the_bag(bag, tmp_path):
     (tmp_path / "node_modules").symlink_to(MODULES)  # modules are looked for beside the script
     script = shutil.copy(BAG_CHECKERS / "check.mjs", tmp_path)
     latched = "--latched=/map,/tf_static,/map_markers,/robot_markers,/plan_markers,/robot_1/plan"
-    told = subprocess.run(["node", script, str(bag), latched, "--min-moving=3"], capture_output=True, text=True, check=False)
-    assert told.returncode == 0 and "OK:" in told.stdout, told.stdout + told.stderr
+    output = subprocess.run(["node", script, str(bag), latched, "--min-moving=3"], capture_output=True, text=True, check=False)
+    assert output.returncode == 0 and "OK:" in output.stdout, output.stdout + output.stderr
 
 
 @pytest.mark.slow
@@ -77,8 +77,8 @@ def test_the_rosbag_of_ros_1_accepts_the_converted_bag(bag):
     ):
         pytest.skip("no ROS 1 rosbag (Debian's python3-rosbag; tools/ci_tools.sh installs it)")
     command = [BAG_CHECKERS / "ros1.sh", bag, "/map", "/tf_static", "/map_markers", "/robot_markers", "/plan_markers", "/robot_1/plan"]
-    told = subprocess.run(command, capture_output=True, text=True, check=False, env={**os.environ, "ROSBAGS_CONVERT": str(converter)})
-    assert told.returncode == 0 and "OK:" in told.stdout, told.stdout + told.stderr
+    output = subprocess.run(command, capture_output=True, text=True, check=False, env={**os.environ, "ROSBAGS_CONVERT": str(converter)})
+    assert output.returncode == 0 and "OK:" in output.stdout, output.stdout + output.stderr
 
 
 @pytest.mark.parametrize("generation", GENERATIONS)
@@ -86,8 +86,8 @@ def test_cyclone_dds_accepts_sqlite_bags_of_every_generation(tmp_path, generatio
     pytest.importorskip("cyclonedds", reason="no cyclonedds for this machine")
     write_bag(tmp_path / "bag", record_of_four(seconds=3.0), BagOptions(storage="sqlite3", rmf=generation, robots=("robot_0",), poses=True))
     command = [sys.executable, "-W", "ignore", str(BAG_CHECKERS / "verify_cyclone.py"), str(tmp_path / "bag"), "--rmf", generation]
-    told = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert told.returncode == 0 and "OK:" in told.stdout, told.stdout + told.stderr
+    output = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert output.returncode == 0 and "OK:" in output.stdout, output.stdout + output.stderr
 
 
 @pytest.mark.parametrize("generation", GENERATIONS)
@@ -173,8 +173,8 @@ def test_map_shows_walls_and_without_them_where_no_lane_leads(bag, tmp_path):
 
 def test_events_are_json_in_rosout(bag):
     logs = [(ns, m) for topic, ns, m in decoded(bag) if topic == "/rosout"]
-    told = json.loads(logs[1][1].msg)
-    assert told["kind"] == "blocked" and told["robot"] == "robot_1" and told["other"] == "robot_2" and told["duration_s"] == 3.0
+    output = json.loads(logs[1][1].msg)
+    assert output["kind"] == "blocked" and output["robot"] == "robot_1" and output["other"] == "robot_2" and output["duration_s"] == 3.0
     assert logs[1][0] == EPOCH_NS + 3 * 10**9 and logs[1][1].level == 30
 
 
@@ -260,8 +260,8 @@ def test_a_writer_that_is_killed_leaves_complete_chunks(tmp_path):
         "parts.FastWriter.close = lambda self: os._exit(9)\n"
         "writer.write_bag(Path(sys.argv[1]), record_of_four(seconds=1500.0))\n"
     )
-    told = subprocess.run([sys.executable, "-c", code, str(tmp_path / "bag"), str(Path(__file__).parents[1])], check=False)
-    assert told.returncode == 9 and [p.name for p in (tmp_path / "bag").iterdir()] == ["bag.mcap"]
+    output = subprocess.run([sys.executable, "-c", code, str(tmp_path / "bag"), str(Path(__file__).parents[1])], check=False)
+    assert output.returncode == 9 and [p.name for p in (tmp_path / "bag").iterdir()] == ["bag.mcap"]
     kinds = set()
     with (tmp_path / "bag" / "bag.mcap").open("rb") as stream:
         try:

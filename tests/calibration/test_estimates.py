@@ -43,11 +43,11 @@ def shuttles():
 
 
 def test_figures_of_noisy_states_of_1_hz_are_near_the_truth(shuttles):
-    found = calibrated(log_of(shuttles)).quantities
+    result = calibrated(log_of(shuttles)).quantities
     for name, truth in TRUTH.items():
-        assert found[name].low < found[name].value < found[name].high
-        assert found[name].value == pytest.approx(truth, rel=0.25 if name == "speed_noise" else 0.05)
-        assert 0.9 * found[name].low < truth < 1.1 * found[name].high
+        assert result[name].low < result[name].value < result[name].high
+        assert result[name].value == pytest.approx(truth, rel=0.25 if name == "speed_noise" else 0.05)
+        assert 0.9 * result[name].low < truth < 1.1 * result[name].high
 
 
 def test_a_log_of_two_types_is_told_from_one_of_vehicles_that_are_alike(shuttles):
@@ -166,8 +166,8 @@ def test_vehicles_differ_where_their_means_differ_by_more_than_is_known_of_them(
 
 def test_vehicles_that_do_not_scatter_may_have_no_scatter():
     rng = np.random.default_rng(5)
-    found = calibrated(log_of({f"s{k}": shuttle_rows(rng, scatter=Scatter(0.0, 3.0), sigma=0.0, trips=20) for k in range(2)})).quantities
-    assert found["speed_noise"].low == 0.0 and found["max_speed_mps"].low <= 1.2 <= found["max_speed_mps"].high
+    result = calibrated(log_of({f"s{k}": shuttle_rows(rng, scatter=Scatter(0.0, 3.0), sigma=0.0, trips=20) for k in range(2)})).quantities
+    assert result["speed_noise"].low == 0.0 and result["max_speed_mps"].low <= 1.2 <= result["max_speed_mps"].high
 
 
 @pytest.mark.parametrize(("scatter", "least", "most"), [(0.0, 0.0, 0.01), (0.05, 0.012, 0.1)])
@@ -193,26 +193,26 @@ def test_less_of_a_log_tells_less(shuttles):
 
 def test_log_without_headings_leaves_the_turn_rate(shuttles):
     rows = {name: np.column_stack((each[:, :3], np.full(len(each), np.nan))) for name, each in shuttles.items()}
-    found = calibrated(log_of(rows))
-    assert "turn_rate_rad_s" not in found.quantities
-    assert found.unknown["turn_rate_rad_s"] == "the log has no headings"
+    result = calibrated(log_of(rows))
+    assert "turn_rate_rad_s" not in result.quantities
+    assert result.unknown["turn_rate_rad_s"] == "the log has no headings"
 
 
 def test_coarse_log_says_what_it_does_not_tell(monkeypatch):
     monkeypatch.setattr("shuttles.LENGTH_M", 60.0)
     rng = np.random.default_rng(5)
-    found = calibrated(log_of({f"s{k}": shuttle_rows(rng, trips=20, period_s=3.0) for k in range(3)}))
-    assert found.unknown["speed_noise"] == "a pose every 3 s, expected every 2.5 s or oftener"
-    assert not {"speed_noise", "speed_noise_tau_s"} & set(found.quantities)
-    top = found.quantities["max_speed_mps"]
+    result = calibrated(log_of({f"s{k}": shuttle_rows(rng, trips=20, period_s=3.0) for k in range(3)}))
+    assert result.unknown["speed_noise"] == "a pose every 3 s, expected every 2.5 s or oftener"
+    assert not {"speed_noise", "speed_noise_tau_s"} & set(result.quantities)
+    top = result.quantities["max_speed_mps"]
     assert top.low < 1.2 < top.high
     assert top.high > 1.1 * top.value
 
 
 def test_turns_that_are_over_between_two_poses_are_not_told():
     rng = np.random.default_rng(5)
-    found = calibrated(log_of({f"s{k}": shuttle_rows(rng, turn=8.0) for k in range(2)}))
-    assert found.unknown["turn_rate_rad_s"] == "turns are over sooner than a pose every 1 s shows"
+    result = calibrated(log_of({f"s{k}": shuttle_rows(rng, turn=8.0) for k in range(2)}))
+    assert result.unknown["turn_rate_rad_s"] == "turns are over sooner than a pose every 1 s shows"
 
 
 @pytest.mark.parametrize(("period_s", "noise_rad"), [(1.0, 0.003), (0.2, 1e-5)])
@@ -234,9 +234,9 @@ def test_times_of_actions_are_lognormal():
     rng = np.random.default_rng(1)
     log = log_of({"s": shuttle_rows(rng, trips=8)})
     log.visits = [ActionTime("s", "pick", "a", 100.0 * k, 100.0 * k + t) for k, t in enumerate(rng.lognormal(np.log(12.0), 0.3, 400))]
-    found = calibrated(log).quantities
-    assert found["actions.pick.median_s"].value == pytest.approx(12.0, rel=0.05)
-    assert found["actions.pick.sigma"].value == pytest.approx(0.3, rel=0.1)
+    result = calibrated(log).quantities
+    assert result["actions.pick.median_s"].value == pytest.approx(12.0, rel=0.05)
+    assert result["actions.pick.sigma"].value == pytest.approx(0.3, rel=0.1)
 
 
 def test_fleet_that_stands_is_refused():
@@ -270,16 +270,16 @@ def test_poses_in_no_order_are_refused(shuttles):
 
 def test_fleet_whose_vehicles_are_never_alone_does_not_tell_its_stops(shuttles):
     beside = shuttles["s0"] + [0.0, 0.0, 2.0, 0.0]
-    found = calibrated(log_of({"s": shuttles["s0"], "t": beside}))
-    assert found.unknown["stops_per_s"] == "0 s of driving with nobody near, expected 10 s or more"
+    result = calibrated(log_of({"s": shuttles["s0"], "t": beside}))
+    assert result.unknown["stops_per_s"] == "0 s of driving with nobody near, expected 10 s or more"
 
 
 def test_clock_that_jumps_back_cuts_the_log(shuttles):
     rows = shuttles["s0"].copy()
     rows[300:, 0] -= 100.0
-    found = calibrated(log_of({"s": rows}))
-    assert found.log.notes == ["the clock of s jumps back 1 times: the log is cut there"]
-    assert found.quantities["accel_mps2"].value == pytest.approx(0.6, rel=0.15)
+    result = calibrated(log_of({"s": rows}))
+    assert result.log.notes == ["the clock of s jumps back 1 times: the log is cut there"]
+    assert result.quantities["accel_mps2"].value == pytest.approx(0.6, rel=0.15)
 
 
 def test_a_few_poses_are_too_short_to_tell():

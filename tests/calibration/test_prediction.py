@@ -142,12 +142,12 @@ def test_outcomes_are_of_orders_done_in_the_part_and_counted_from_their_release_
     t_s = np.arange(0.0, 400.5, 0.5)
     still = np.zeros((len(t_s), 1))
     execution = SimpleNamespace(tasks=tasks, stops=stops, t_s=t_s, x_m=still, y_m=still)
-    told = outcomes_of(SimpleNamespace(execution=execution), held, "A")
-    assert told.lead_time_s.tolist() == [50.0, math.inf, 40.0]  # of `new`, `over` and `edge`
-    assert told.done_s.tolist() == [20.0, 100.0, 390.0, 400.0] and told.throughput_per_h == 36.0
-    assert told.robots_busy_share == pytest.approx((20 + 40 + 18 + 190 + 38) / 800)
-    assert told.station_busy_share == pytest.approx((10 + 10 + 5 + 10) / 400)
-    assert told.station_wait_s.tolist() == [5.0] * 5
+    output = outcomes_of(SimpleNamespace(execution=execution), held, "A")
+    assert output.lead_time_s.tolist() == [50.0, math.inf, 40.0]  # of `new`, `over` and `edge`
+    assert output.done_s.tolist() == [20.0, 100.0, 390.0, 400.0] and output.throughput_per_h == 36.0
+    assert output.robots_busy_share == pytest.approx((20 + 40 + 18 + 190 + 38) / 800)
+    assert output.station_busy_share == pytest.approx((10 + 10 + 5 + 10) / 400)
+    assert output.station_wait_s.tolist() == [5.0] * 5
 
 
 @pytest.mark.parametrize(
@@ -165,11 +165,11 @@ def test_robots_wait_that_stand_near_a_station_before_they_are_served(stands_fro
 @pytest.mark.parametrize("figure", ["stop_median_s", "speed_noise"])
 def test_stops_are_drawn_short_where_they_are_many(figure):
     """And no other figure follows their rate."""
-    told = {"stops_per_s": [0.005, 0.02], figure: [0.05, 50.0]}
-    disturbances = {"stops_per_s": 0.01, "stop_median_s": 5.0, "speed_noise": 0.1, "intervals": told}
+    output = {"stops_per_s": [0.005, 0.02], figure: [0.05, 50.0]}
+    disturbances = {"stops_per_s": 0.01, "stop_median_s": 5.0, "speed_noise": 0.1, "intervals": output}
     values = {"map": "office", "robots": {"count": 2}, "planner": "lacam", "execution": {"disturbances": disturbances}}
     drawn = list(_drawn(scenario_of(values, Path(), "case"), 8, 1))
-    rates, others = ([moves["execution", "disturbances", name] for moves in drawn] for name in told)
+    rates, others = ([moves["execution", "disturbances", name] for moves in drawn] for name in output)
     assert (np.argsort(rates).tolist() == np.argsort(others)[::-1].tolist()) == (figure == "stop_median_s")
 
 

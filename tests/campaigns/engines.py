@@ -85,22 +85,22 @@ class EnginesInBuildings(Engines):
 def differences(one: Execution, two: Execution, plan: Plan, drawn: Drawn) -> tuple[list[str], float]:
     """In what two executions of a plan do not agree, and how far robots are apart in them at most, in m."""
     problem, settings = drawn.problem, drawn.settings
-    step_s, found = settings.step_length_s + 1e-6, []
+    step_s, result = settings.step_length_s + 1e-6, []
     for engine, run in zip(ENGINES, (one, two)):
         judged = audit(run, problem.fleet, problem.graph.level[problem.start], drawn.walls if len(drawn.walls) else None)
-        found += [f"{engine}: {what}" for what in [*map(str, judged["violations"][:1]), *run.findings[:1]]]
+        result += [f"{engine}: {what}" for what in [*map(str, judged["violations"][:1]), *run.findings[:1]]]
     if one.outcome != two.outcome or abs(one.sim_time_s - two.sim_time_s) > step_s:
-        found.append(f"{one.outcome} at {one.sim_time_s:g} s, {two.outcome} at {two.sim_time_s:g} s")
+        result.append(f"{one.outcome} at {one.sim_time_s:g} s, {two.outcome} at {two.sim_time_s:g} s")
     num = min(len(one.t_s), len(two.t_s))
     apart_m = np.hypot(one.x_m[:num] - two.x_m[:num], one.y_m[:num] - two.y_m[:num])
     far_m = float(np.nanmax(apart_m, initial=0.0))
     if far_m > FAR_M:
         k, robot = np.argwhere(apart_m > FAR_M)[0].tolist()
-        found.append(f"robot {robot} is {apart_m[k, robot]:.4f} m apart at {one.t_s[k]:g} s, at most {far_m:.4f} m")
+        result.append(f"robot {robot} is {apart_m[k, robot]:.4f} m apart at {one.t_s[k]:g} s, at most {far_m:.4f} m")
     if one.people is not None and two.people is not None and not _walk_alike(one.people, two.people):
-        found.append("people walk other ways")
-    found += _visits(one, two, problem, plan, step_s) + _events(one, two, step_s)
-    return found, far_m
+        result.append("people walk other ways")
+    result += _visits(one, two, problem, plan, step_s) + _events(one, two, step_s)
+    return result, far_m
 
 
 def _walk_alike(one: PeopleLog, two: PeopleLog) -> bool:
@@ -116,14 +116,14 @@ def _visits(one: Execution, two: Execution, problem: Problem, plan: Plan, step_s
         return [f"{int((np.isfinite(a) != np.isfinite(b)).sum())} visits are made by one engine only"]
     made = np.isfinite(a)
     off = np.abs(a - b)[made]
-    found = [f"{int((off > step_s).sum())} visits are more than a step apart, at most {off.max():.3f} s"] if (off > step_s).any() else []
+    result = [f"{int((off > step_s).sum())} visits are more than a step apart, at most {off.max():.3f} s"] if (off > step_s).any() else []
     for vertex in np.unique(plan.vertex[made]):
         here = np.flatnonzero(made & (plan.vertex == vertex))
         orders = [[plan.robot[k] for k in here[np.argsort(times[here], kind="stable")].tolist()] for times in (a, b)]
         if orders[0] != orders[1]:
-            found.append(f"robots come to '{problem.graph.label(int(vertex))}' in another order")
+            result.append(f"robots come to '{problem.graph.label(int(vertex))}' in another order")
             break
-    return found
+    return result
 
 
 def _events(one: Execution, two: Execution, step_s: float) -> list[str]:

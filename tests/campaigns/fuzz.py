@@ -528,8 +528,8 @@ def _word(data: bytes, chance: random.Random) -> bytes:
     words = list(WORD.finditer(data[:200_000]))
     if not words:
         return chance.choice(JUNK)
-    found = chance.choice(words)
-    return data[: found.start()] + chance.choice(JUNK) + data[found.end() :]
+    result = chance.choice(words)
+    return data[: result.start()] + chance.choice(JUNK) + data[result.end() :]
 
 
 def _line(data: bytes, chance: random.Random) -> bytes:

@@ -94,16 +94,16 @@ Case = dict[str, Any]  # values by dotted key
 
 def keys(model: type = ScenarioModel, above: str = "") -> dict[str, list[Any]]:
     """Sample values of every key, by dotted key; keys of a list's items stand below the list's own."""
-    found: dict[str, list[Any]] = {}
+    outcome: dict[str, list[Any]] = {}
     for name, field in keys_of(model).items():
         key = above + name
         kind = Annotated[field.annotation, *field.metadata] if field.metadata else field.annotation
         inner = list(declared_in(kind)) if key not in WHOLE else []
         if not inner or key in NAMED:
-            found[key] = NAMED.get(key) or _values(kind, key)
+            outcome[key] = NAMED.get(key) or _values(kind, key)
         for part in inner:
-            found |= keys(part, f"{key}.")
-    return found
+            outcome |= keys(part, f"{key}.")
+    return outcome
 
 
 def document_of(case: Case) -> dict[str, Any]:
@@ -122,9 +122,9 @@ def document_of(case: Case) -> dict[str, Any]:
             items.setdefault(parent, {})[last] = value
         else:
             put(document, key.split("."), value)
-    for parent, given in items.items():
+    for parent, params in items.items():
         needed = {name: known[f"{parent}.{name}"][0] for name, field in keys_of(lists[parent][0]).items() if field.is_required()}
-        item = {**needed, **given}
+        item = {**needed, **params}
         put(document, parent.split("."), [item, item] if lists[parent][1] else item)  # two of the same: equal begin and duration
     if ("robots.fleet" in case or "robots.starts" in case) and "robots.count" not in case:
         document["robots"].pop("count", None) if isinstance(document["robots"], dict) else None

@@ -77,7 +77,7 @@ class Kills:
         out = folder / "out"
         dask = chance.random() < 0.25
         faults: list[str] = []
-        kept: set[str] = set()
+        rest: set[str] = set()
         kills = cuts = 0
         wanted = chance.randint(2, 5)
         for _ in range(60):
@@ -104,9 +104,9 @@ class Kills:
             if batch.returncode != 0 and chance.random() < 0.4:
                 _leave_parts(out, chance)
             there = _keys(out)
-            if len(lost := kept - there) > (victim == "power"):
+            if len(lost := rest - there) > (victim == "power"):
                 faults.append(f"{len(lost)} results were lost")
-            kept = there
+            rest = there
             if faults or (batch.returncode == 0 and len(there) == NUM_RUNS and tables_are_whole(out)):
                 break
         else:
@@ -236,11 +236,11 @@ def _kill(victim: str, batch: "subprocess.Popen[bytes]", servants: list["subproc
 
 def _children(pid: int) -> list[int]:
     """Processes that a process of ours started."""
-    found = []
+    result = []
     with suppress(OSError):
         for task in Path(f"/proc/{pid}/task").iterdir():
-            found += [int(child) for child in (task / "children").read_text().split()]
-    return found
+            result += [int(child) for child in (task / "children").read_text().split()]
+    return result
 
 
 def _started(folder: Path, *arguments: str) -> "subprocess.Popen[bytes]":
@@ -278,8 +278,8 @@ def _scheduler(folder: Path, num_workers: int) -> Iterator[tuple[list[str], list
         until = time.monotonic() + 30
         while not address and time.monotonic() < until:
             time.sleep(0.1)
-            found = re.search(r"tcp://127\.0\.0\.1:\d+", log.read_text())
-            address = found[0] if found else ""
+            result = re.search(r"tcp://127\.0\.0\.1:\d+", log.read_text())
+            address = result[0] if result else ""
         for _ in range(num_workers):
             command = [sys.executable, "-m", "dask", "worker", address, "--nworkers", "1", "--nthreads", "1", "--no-dashboard"]
             command += ["--preload", str(TESTS / "drive_batch.py")]

@@ -86,9 +86,9 @@ def tangle(rng: np.random.Generator) -> PlanGraph:
     xy = rng.uniform(0, 5.0 + 0.1 * num, (num, 2))
     triangles = Delaunay(xy).simplices
     pairs = {tuple(sorted(p)) for t in triangles.tolist() for p in ((t[0], t[1]), (t[1], t[2]), (t[0], t[2]))}
-    kept = [p for p in sorted(pairs) if rng.random() < 0.8]
-    kept += [tuple(sorted(rng.choice(num, 2, replace=False).tolist())) for _ in range(3)]
-    lanes = [lane for a, b in sorted(set(kept)) for lane in (((a, b), (b, a)) if rng.random() < 0.9 else ((a, b),))]
+    rest = [p for p in sorted(pairs) if rng.random() < 0.8]
+    rest += [tuple(sorted(rng.choice(num, 2, replace=False).tolist())) for _ in range(3)]
+    lanes = [lane for a, b in sorted(set(rest)) for lane in (((a, b), (b, a)) if rng.random() < 0.9 else ((a, b),))]
     return cut_lanes(nav_graph(name="tangle", xy=xy, lanes=lanes), float(rng.choice([0.5, 5.0])))
 
 
@@ -409,9 +409,9 @@ def findings(run: Execution, plan: Plan, problem: Problem, settings: ExecutionSe
     """What the audit and a few other looks find."""
     fleet, level, policy = problem.fleet, problem.graph.level[problem.start], settings.policy
     level = level if run.level is None else np.zeros_like(level)  # they lie beside each other
-    found = audit(run, fleet, level, walls if len(walls) else None)
-    wrong = [f"{found[key]} {key.removeprefix('num_')}" for key in found if key.startswith("num_") and key != TOUCHES and found[key]]
-    wrong += [str(found["violations"][0])] if found["violations"] else []
+    result = audit(run, fleet, level, walls if len(walls) else None)
+    wrong = [f"{result[key]} {key.removeprefix('num_')}" for key in result if key.startswith("num_") and key != TOUCHES and result[key]]
+    wrong += [str(result["violations"][0])] if result["violations"] else []
     events = collections.Counter(event.kind for event in run.events)
     if abs(run.booked_s.sum(1) - run.sim_time_s).max() > 1e-6:
         wrong.append("bookings do not add up")
@@ -436,9 +436,9 @@ def findings(run: Execution, plan: Plan, problem: Problem, settings: ExecutionSe
     return {
         "sim_s": run.sim_time_s,
         "at_goal": int(np.isfinite(run.goal_s).sum()),
-        "overlaps": found["num_overlaps"],
-        "other_faults": sum(v or 0 for k, v in found.items() if k.startswith("num_") and k not in ("num_overlaps", TOUCHES)),
-        "clearance_m": found["min_clearance_m"],
+        "overlaps": result["num_overlaps"],
+        "other_faults": sum(v or 0 for k, v in result.items() if k.startswith("num_") and k not in ("num_overlaps", TOUCHES)),
+        "clearance_m": result["min_clearance_m"],
         "deadlocks": events["deadlock"],
         "resolved": events["resolved"],
         "unresolved": events["unresolved"],
@@ -466,18 +466,18 @@ def in_walls(run: Execution, fleet: Fleet, walls: np.ndarray) -> list[str]:
     if not len(walls):
         return []
     tree = shapely.STRtree(shapely.linestrings(walls))
-    found: dict[int, str] = {}
+    result: dict[int, str] = {}
     for k in range(len(run.t_s)):
         there = np.flatnonzero(np.isfinite(run.x_m[k]))
         for i, wall in tree.query(footprints(run, fleet, k, there, 0.001), predicate="intersects").T.tolist():
             robot = int(there[i])
-            found.setdefault(robot, f"shapely: robot {robot} meets wall {walls[wall].round(2).tolist()} at {run.t_s[k]:.1f} s")
-    return list(found.values())
+            result.setdefault(robot, f"shapely: robot {robot} meets wall {walls[wall].round(2).tolist()} at {run.t_s[k]:.1f} s")
+    return list(result.values())
 
 
 def out_of_order(run: Execution, plan: Plan) -> list[str]:
     """Vertices at which a robot arrived before one that the plan has there earlier."""
-    robot, found = plan.robot, []
+    robot, result = plan.robot, []
     arrived = np.where(np.isfinite(run.arrived_s), run.arrived_s, np.inf)
     for vertex in np.unique(plan.vertex):
         visits = np.flatnonzero(plan.vertex == vertex)
@@ -485,10 +485,10 @@ def out_of_order(run: Execution, plan: Plan) -> list[str]:
         latest, who = -np.inf, -1
         for k in visits.tolist():
             if arrived[k] < latest - 1e-6 and robot[k] != who:
-                found.append(f"robot {robot[k]} is at {vertex} before robot {who}, against the plan")
+                result.append(f"robot {robot[k]} is at {vertex} before robot {who}, against the plan")
             if arrived[k] >= latest:
                 latest, who = arrived[k], robot[k]
-    return found[:3]
+    return result[:3]
 
 
 def uncounted(run: Execution, problem: Problem) -> list[str]:
@@ -497,8 +497,8 @@ def uncounted(run: Execution, problem: Problem) -> list[str]:
     away = np.hypot(run.x_m[-1] - goal[:, 0], run.y_m[-1] - goal[:, 1])
     stands = (away < 0.001) & (np.abs(run.speed_mps[-1]) < 1e-6)
     counts = np.isfinite(run.goal_s)
-    found = [f"robot {r} stands on its goal, but does not count as there" for r in np.flatnonzero(stands & ~counts).tolist()]
-    return found + [f"robot {r} counts as at its goal, {away[r]:.3f} m away" for r in np.flatnonzero(counts & (away > 0.01)).tolist()]
+    result = [f"robot {r} stands on its goal, but does not count as there" for r in np.flatnonzero(stands & ~counts).tolist()]
+    return result + [f"robot {r} counts as at its goal, {away[r]:.3f} m away" for r in np.flatnonzero(counts & (away > 0.01)).tolist()]
 
 
 def idle(run: Execution, settings: ExecutionSettings, events: Any) -> list[str]:
@@ -516,12 +516,12 @@ def idle(run: Execution, settings: ExecutionSettings, events: Any) -> list[str]:
 
 def overlaps(run: Execution, fleet: Fleet, level: np.ndarray, touch_m2: float = 1e-6) -> list[str]:
     """Pairs of footprints that overlap at a sample, by shapely; the first of each pair."""
-    found: dict[tuple[int, int], str] = {}
+    result: dict[tuple[int, int], str] = {}
     for k in range(len(run.t_s)):
         there = np.flatnonzero(np.isfinite(run.x_m[k]))
         shapes = footprints(run, fleet, k, there)
         for i, j in shapely.STRtree(shapes).query(shapes, predicate="intersects").T.tolist():
             pair = a, b = int(there[i]), int(there[j])
-            if a < b and level[a] == level[b] and pair not in found and shapely.intersection(shapes[i], shapes[j]).area > touch_m2:
-                found[pair] = f"shapely: robots {a} and {b} overlap at {run.t_s[k]:.1f} s"
-    return list(found.values())
+            if a < b and level[a] == level[b] and pair not in result and shapely.intersection(shapes[i], shapes[j]).area > touch_m2:
+                result[pair] = f"shapely: robots {a} and {b} overlap at {run.t_s[k]:.1f} s"
+    return list(result.values())

@@ -56,12 +56,12 @@ class Referee:
     def trial(self, number: int, folder: Path) -> Trial:
         chance = random.Random(f"{self._seed} {number}")
         problem, ways = world(chance.randrange(WORLDS))
-        ways = [list(way) for way in ways]
+        ways = [list(route) for route in ways]
         continuous = bool(number % 2)
         for _ in range(chance.choice((0, 1, 1, 2, 4))):
             chance.choice(MUTATIONS)(ways, chance, problem.graph)
         if continuous:
-            ways = [at_other_times(way, chance) for way in ways]
+            ways = [at_other_times(route, chance) for route in ways]
         plan = plan_of(ways)
         verdict = judge(problem, plan)
         kind = "continuous" if continuous else "in steps"
@@ -70,18 +70,18 @@ class Referee:
             faults = () if faulty == bool(verdict.faults) else (f"faults: referee {verdict.faults[:2]}, expected {faulty}",)
             ended = "not a plan"
         else:
-            found = {}
+            result = {}
             for conflict in verdict.conflicts:
-                found.setdefault((conflict.robot, conflict.other), (conflict.t_s, conflict.kind))
+                result.setdefault((conflict.robot, conflict.other), (conflict.t_s, conflict.kind))
             seen = overlaps(problem.graph, ways, CONTINUOUS if continuous else IN_STEPS)
             faults = tuple(
-                f"robots {a} and {b}: referee {found.get((a, b))}, footprints {seen.get((a, b))}"
-                for a, b in sorted(found.keys() ^ seen.keys())
+                f"robots {a} and {b}: referee {result.get((a, b))}, footprints {seen.get((a, b))}"
+                for a, b in sorted(result.keys() ^ seen.keys())
             )
             faults += tuple(
-                f"robots {pair}: referee {found[pair]}, footprints {seen[pair]}: more than a lane apart"
-                for pair in found.keys() & seen.keys()
-                if abs(found[pair][0] - seen[pair]) > 2 * STEP_S
+                f"robots {pair}: referee {result[pair]}, footprints {seen[pair]}: more than a lane apart"
+                for pair in result.keys() & seen.keys()
+                if abs(result[pair][0] - seen[pair]) > 2 * STEP_S
             )
             ended = "conflicts" if seen else "valid"
         if faults:
@@ -132,68 +132,68 @@ def timed(path: list[int]) -> Visits:
 
 def plan_of(ways: list[Visits]) -> Plan:
     first = np.cumsum([0, *map(len, ways)])
-    vertex, arrive, depart = (np.array(column) for column in zip(*(visit for way in ways for visit in way)))
+    vertex, arrive, depart = (np.array(column) for column in zip(*(visit for route in ways for visit in route)))
     return Plan(first, vertex.astype(np.int64), arrive.astype(np.float64), depart.astype(np.float64))
 
 
-def later(way: Visits, since: int, by_s: float) -> None:
+def later(route: Visits, since: int, by_s: float) -> None:
     """Stay longer at a visit."""
-    v, arrive, depart = way[since]
-    way[since] = (v, arrive, depart + by_s)
-    way[since + 1 :] = [(v, a + by_s, d + by_s) for v, a, d in way[since + 1 :]]
+    v, arrive, depart = route[since]
+    route[since] = (v, arrive, depart + by_s)
+    route[since + 1 :] = [(v, a + by_s, d + by_s) for v, a, d in route[since + 1 :]]
 
 
 def _wait(ways: list[Visits], chance: random.Random, graph: PlanGraph) -> None:
-    way = chance.choice(ways)
-    later(way, chance.randrange(len(way)), chance.randint(1, 3) * STEP_S)
+    route = chance.choice(ways)
+    later(route, chance.randrange(len(route)), chance.randint(1, 3) * STEP_S)
 
 
 def _hurry(ways: list[Visits], chance: random.Random, graph: PlanGraph) -> None:
     """Wait less somewhere; too little, now and then."""
-    way = chance.choice(ways)
-    waits = [k for k, (_, a, d) in enumerate(way[:-1]) if d > a] or [0]
-    later(way, chance.choice(waits), -STEP_S)
+    route = chance.choice(ways)
+    waits = [k for k, (_, a, d) in enumerate(route[:-1]) if d > a] or [0]
+    later(route, chance.choice(waits), -STEP_S)
 
 
 def _elsewhere(ways: list[Visits], chance: random.Random, graph: PlanGraph) -> None:
-    way = chance.choice(ways)
-    k = chance.randrange(len(way))
-    way[k] = (chance.randrange(graph.num_vertices), *way[k][1:])
+    route = chance.choice(ways)
+    k = chance.randrange(len(route))
+    route[k] = (chance.randrange(graph.num_vertices), *route[k][1:])
 
 
 def _other_corner(ways: list[Visits], chance: random.Random, graph: PlanGraph) -> None:
     """Another vertex between the ones before and after."""
-    way = chance.choice(ways)
-    if len(way) < 3:
+    route = chance.choice(ways)
+    if len(route) < 3:
         return
-    k = chance.randrange(1, len(way) - 1)
-    after = set(graph.head[graph.tail == way[k - 1][0]].tolist())
-    before = set(graph.tail[graph.head == way[k + 1][0]].tolist())
+    k = chance.randrange(1, len(route) - 1)
+    after = set(graph.head[graph.tail == route[k - 1][0]].tolist())
+    before = set(graph.tail[graph.head == route[k + 1][0]].tolist())
     if between := sorted(after & before):
-        way[k] = (chance.choice(between), *way[k][1:])
+        route[k] = (chance.choice(between), *route[k][1:])
 
 
 def _backwards(ways: list[Visits], chance: random.Random, graph: PlanGraph) -> None:
     """There and back again, on the way."""
-    way = chance.choice(ways)
-    if len(way) < 2:
+    route = chance.choice(ways)
+    if len(route) < 2:
         return
-    k = chance.randrange(1, len(way))
-    u, (v, arrive, _) = way[k - 1][0], way[k]
-    way[k:k] = [(v, arrive, arrive), (u, arrive + STEP_S, arrive + STEP_S)]
-    way[k + 2 :] = [(w, a + 2 * STEP_S, d + 2 * STEP_S) for w, a, d in way[k + 2 :]]
+    k = chance.randrange(1, len(route))
+    u, (v, arrive, _) = route[k - 1][0], route[k]
+    route[k:k] = [(v, arrive, arrive), (u, arrive + STEP_S, arrive + STEP_S)]
+    route[k + 2 :] = [(w, a + 2 * STEP_S, d + 2 * STEP_S) for w, a, d in route[k + 2 :]]
 
 
 def _cut_short(ways: list[Visits], chance: random.Random, graph: PlanGraph) -> None:
-    way = chance.choice(ways)
-    del way[chance.randrange(1, len(way) + 1) :]
-    way[-1] = (*way[-1][:2], np.inf)
+    route = chance.choice(ways)
+    del route[chance.randrange(1, len(route) + 1) :]
+    route[-1] = (*route[-1][:2], np.inf)
 
 
 def _left_out(ways: list[Visits], chance: random.Random, graph: PlanGraph) -> None:
-    way = chance.choice(ways)
-    if len(way) > 1:
-        del way[chance.randrange(len(way) - 1)]
+    route = chance.choice(ways)
+    if len(route) > 1:
+        del route[chance.randrange(len(route) - 1)]
 
 
 def _swapped(ways: list[Visits], chance: random.Random, graph: PlanGraph) -> None:
@@ -219,29 +219,29 @@ MUTATIONS = (
 )
 
 
-def at_other_times(way: Visits, chance: random.Random) -> Visits:
+def at_other_times(route: Visits, chance: random.Random) -> Visits:
     """The same way with slower lanes and longer stays, in quarters of a step."""
-    found, by_s = [], 0.0
-    for k, (v, arrive, depart) in enumerate(way):
+    result, by_s = [], 0.0
+    for k, (v, arrive, depart) in enumerate(route):
         if k and chance.random() < 0.2:
             by_s += chance.choice((0.5, 1.0)) * STEP_S  # a slower lane
         arrive += by_s
         if chance.random() < 0.2:
             by_s += chance.choice((0.25, 0.5, 0.75)) * STEP_S
-        found.append((v, arrive, depart + by_s))
-    return found
+        result.append((v, arrive, depart + by_s))
+    return result
 
 
 def faults_of(problem: Problem, ways: list[Visits]) -> bool:
     """Whether this is no plan for the problem, by the rules as they are written."""
     graph = problem.graph
     lanes = set(zip(graph.tail.tolist(), graph.head.tolist()))
-    for robot, way in enumerate(ways):
-        if way[0][0] != problem.start[robot] or way[-1][0] != problem.goal[problem.goal_of[robot]]:
+    for robot, route in enumerate(ways):
+        if route[0][0] != problem.start[robot] or route[-1][0] != problem.goal[problem.goal_of[robot]]:
             return True
-        if way[0][1] != 0.0 or way[-1][2] != np.inf:
+        if route[0][1] != 0.0 or route[-1][2] != np.inf:
             return True
-        for (u, arrive, depart), (v, then, _) in pairwise(way):
+        for (u, arrive, depart), (v, then, _) in pairwise(route):
             if (u, v) not in lanes or depart < arrive or then - depart < problem.step_s:
                 return True
     return False
@@ -249,28 +249,28 @@ def faults_of(problem: Problem, ways: list[Visits]) -> bool:
 
 def overlaps(graph: PlanGraph, ways: list[Visits], how: Sampling) -> dict[tuple[int, int], float]:
     """When footprints of two robots first overlap, by pair, as far as samples show it."""
-    end_s = max(way[-1][1] for way in ways) + 1.0
+    end_s = max(route[-1][1] for route in ways) + 1.0
     t = np.arange(0.0, end_s + how.every_s / 2, how.every_s)
     xy, yaw = np.empty((len(ways), len(t), 2)), np.empty((len(ways), len(t)))
-    for robot, way in enumerate(ways):
-        vertex = np.array([v for v, _, _ in way])
-        times = np.array([m for _, a, d in way for m in (a, min(d, end_s + 1.0))])
+    for robot, route in enumerate(ways):
+        vertex = np.array([v for v, _, _ in route])
+        times = np.array([m for _, a, d in route for m in (a, min(d, end_s + 1.0))])
         places = np.repeat(graph.xy[vertex], 2, axis=0)
         for axis in (0, 1):
             xy[robot, :, axis] = np.interp(t, times, places[:, axis])
         going = np.diff(graph.xy[vertex], axis=0)
         heading = np.append(0.0, np.arctan2(going[:, 1], going[:, 0]))  # at rest at the start, then as it came
-        yaw[robot] = heading[np.searchsorted([d for _, _, d in way[:-1]], t, side="left")]
+        yaw[robot] = heading[np.searchsorted([d for _, _, d in route[:-1]], t, side="left")]
     corners = np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)]) * (how.length_m / 2, how.width_m / 2)
     cos, sin = np.cos(yaw)[..., None], np.sin(yaw)[..., None]
     x = xy[..., 0, None] + cos * corners[:, 0] - sin * corners[:, 1]
     y = xy[..., 1, None] + sin * corners[:, 0] + cos * corners[:, 1]
     shapes = shapely.polygons(np.stack((x, y), -1).reshape(-1, 4, 2)).reshape(len(ways), len(t))
-    found = {}
+    result = {}
     for a in range(len(ways)):
         for b in range(a + 1, len(ways)):
             near = np.flatnonzero(np.abs(xy[a] - xy[b]).max(-1) < how.length_m + how.width_m)  # no others can touch
             hit = near[shapely.intersects(shapes[a, near], shapes[b, near])]
             if len(hit):
-                found[a, b] = float(t[hit[0]])
-    return found
+                result[a, b] = float(t[hit[0]])
+    return result

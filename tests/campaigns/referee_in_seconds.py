@@ -59,15 +59,15 @@ class RefereeInSeconds:
 
     def trial(self, number: int, folder: Path) -> Trial:
         chance = random.Random(f"{self._seed} {number}")
-        problem, given, last_turn_s = world(chance.randrange(WORLDS))
-        ways = [list(way) for way in given]
+        problem, params, last_turn_s = world(chance.randrange(WORLDS))
+        ways = [list(route) for route in params]
         for _ in range(chance.choice((0, 1, 1, 2, 3, 4))):
             chance.choice(MUTATIONS)(ways, chance)
         turn_s = [each * chance.choice((1.0, 1.0, 1.0, 0.0, chance.uniform(0.7, 1.2))) for each in last_turn_s]
         plan = plan_of(ways)
         plan = replace(plan, turned_s=plan.end_s + turn_s)
         verdict = judge_in_seconds(problem, plan, STEP_S)
-        motions = [motion(problem, robot, tuple(way)) for robot, way in enumerate(ways)]
+        motions = [motion(problem, robot, tuple(route)) for robot, route in enumerate(ways)]
         of_turns = [fault for fault in verdict.faults if "turned there" in fault]
         of_times = tuple(fault for fault in verdict.faults if fault not in of_turns)
         faults = [*wrong_times(problem, of_times, motions), *wrong_distances(problem, verdict.meetings, motions, ways)]
@@ -109,53 +109,53 @@ def world(which: int) -> tuple[Problem, tuple[tuple[tuple[int, float, float], ..
 
 def plan_of(ways: list[Visits]) -> Plan:
     first = np.cumsum([0, *map(len, ways)])
-    vertex, arrive, depart = (np.array(column) for column in zip(*(visit for way in ways for visit in way)))
+    vertex, arrive, depart = (np.array(column) for column in zip(*(visit for route in ways for visit in route)))
     return Plan(first, vertex.astype(np.int64), arrive.astype(np.float64), depart.astype(np.float64))
 
 
-def later(way: Visits, k: int, by_s: float) -> None:
+def later(route: Visits, k: int, by_s: float) -> None:
     """Leave a visit later, and make all others after it later."""
-    v, arrive, depart = way[k]
-    way[k] = (v, arrive, max(arrive, depart + by_s))
-    by_s = way[k][2] - depart
-    way[k + 1 :] = [(v, a + by_s, d + by_s) for v, a, d in way[k + 1 :]]
+    v, arrive, depart = route[k]
+    route[k] = (v, arrive, max(arrive, depart + by_s))
+    by_s = route[k][2] - depart
+    route[k + 1 :] = [(v, a + by_s, d + by_s) for v, a, d in route[k + 1 :]]
 
 
-def _stays(way: Visits) -> list[int]:
-    return [k for k, (_, a, d) in enumerate(way[:-1]) if d > a or k == 0]
+def _stays(route: Visits) -> list[int]:
+    return [k for k, (_, a, d) in enumerate(route[:-1]) if d > a or k == 0]
 
 
 def _longer(ways: list[Visits], chance: random.Random) -> None:
-    way = chance.choice(ways)
-    if stays := _stays(way):
-        later(way, chance.choice(stays), chance.choice((0.3, 1.0, 3.0, 10.0)) * chance.random())
+    route = chance.choice(ways)
+    if stays := _stays(route):
+        later(route, chance.choice(stays), chance.choice((0.3, 1.0, 3.0, 10.0)) * chance.random())
 
 
 def _shorter(ways: list[Visits], chance: random.Random) -> None:
-    way = chance.choice(ways)
-    if stays := _stays(way):
-        later(way, chance.choice(stays), -chance.choice((0.3, 1.0, 3.0, 10.0)) * chance.random())
+    route = chance.choice(ways)
+    if stays := _stays(route):
+        later(route, chance.choice(stays), -chance.choice((0.3, 1.0, 3.0, 10.0)) * chance.random())
 
 
 def _one_visit(ways: list[Visits], chance: random.Random) -> None:
-    way = chance.choice(ways)
-    if len(way) > 1:
-        k, by_s = chance.randrange(1, len(way)), chance.choice((0.1, 0.3, 1.0)) * chance.uniform(-1, 1)
-        v, a, d = way[k]
-        way[k] = (v, a + by_s, max(d, a + by_s) if d > a else a + by_s)
+    route = chance.choice(ways)
+    if len(route) > 1:
+        k, by_s = chance.randrange(1, len(route)), chance.choice((0.1, 0.3, 1.0)) * chance.uniform(-1, 1)
+        v, a, d = route[k]
+        route[k] = (v, a + by_s, max(d, a + by_s) if d > a else a + by_s)
 
 
 def _slower_from(ways: list[Visits], chance: random.Random) -> None:
     """What comes after a visit takes longer, without a stay."""
-    way = chance.choice(ways)
-    if len(way) > 1:
-        k, by_s = chance.randrange(1, len(way)), chance.choice((0.3, 1.0, 3.0, 10.0)) * chance.random()
-        way[k:] = [(v, a + by_s, d + by_s) for v, a, d in way[k:]]
+    route = chance.choice(ways)
+    if len(route) > 1:
+        k, by_s = chance.randrange(1, len(route)), chance.choice((0.3, 1.0, 3.0, 10.0)) * chance.random()
+        route[k:] = [(v, a + by_s, d + by_s) for v, a, d in route[k:]]
 
 
 def _other_pace(ways: list[Visits], chance: random.Random) -> None:
-    way, factor = chance.choice(ways), chance.uniform(0.93, 1.2)
-    way[:] = [(v, a * factor, d * factor) for v, a, d in way]
+    route, factor = chance.choice(ways), chance.uniform(0.93, 1.2)
+    route[:] = [(v, a * factor, d * factor) for v, a, d in route]
 
 
 MUTATIONS = (_longer, _longer, _shorter, _shorter, _one_visit, _slower_from, _slower_from, _other_pace)
@@ -170,35 +170,35 @@ class Motion:
 
 @lru_cache(maxsize=4096)
 def motion(
-    problem: Problem, robot: int, way: tuple[tuple[int, float, float], ...], moment: float | None = None, *, loose: bool = False
+    problem: Problem, robot: int, route: tuple[tuple[int, float, float], ...], time_s: float | None = None, *, loose: bool = False
 ) -> Motion:
     """By linear programs, run by run; as far along as it can be at a moment, or in sum; `loose`: with all that the referee grants."""
     fleet, graph = problem.fleet, problem.graph
     top, accel, decel = (float(x[robot]) for x in (fleet.max_speed_mps, fleet.accel_mps2, fleet.decel_mps2))
-    xy = graph.xy[[v for v, _, _ in way]]
+    xy = graph.xy[[v for v, _, _ in route]]
     along = np.diff(xy, axis=0)
     heading = headings_of(problem, robot, xy)  # before each visit, and after the first of them on the next lane
     bend = [*np.abs((np.diff(heading) + np.pi) % (2 * np.pi) - np.pi).tolist(), 0.0]
     turn_s = [b / float(fleet.turn_rate_rad_s[robot]) if b > LESSER_RAD else 0.0 for b in bend]
-    leave = [max(d, a + t) for (_, a, d), t in zip(way, turn_s)]
-    stops = [k for k, ((_, a, d), t) in enumerate(zip(way, turn_s)) if k == 0 or d > a + 1e-6 or t > 0]
+    leave = [max(d, a + t) for (_, a, d), t in zip(route, turn_s)]
+    stops = [k for k, ((_, a, d), t) in enumerate(zip(route, turn_s)) if k == 0 or d > a + 1e-6 or t > 0]
     slack = ARRIVES_M + (min(accel * STEP_S, top) + min(decel * STEP_S, top)) * STEP_S / 8
     at_rest = decel * STEP_S + np.sqrt(2 * decel * ARRIVES_M)
     times, places, yaws = [0.0], [xy[0]], [heading[0]]
     worst = 0.0
     for a, b in pairwise(stops):
         begin = leave[a] - STEP_S / 2
-        passes = [way[k][1] for k in range(a + 1, b + 1)]
+        passes = [route[k][1] for k in range(a + 1, b + 1)]
         lengths = np.hypot(*along[a:b].T)
-        since = moment - begin if moment is not None and begin < moment < passes[-1] else None
+        since = time_s - begin if time_s is not None and begin < time_s < passes[-1] else None
         error, t, s = run(tuple(p - begin for p in passes), tuple(lengths.tolist()), top, accel, decel, at_rest, slack, since, loose)
         worst = max(worst, error)
         if not np.isfinite(error):
             break
-        turned = np.linspace(way[a][1], way[a][1] + turn_s[a], 12) if turn_s[a] else []
-        for share, moment in enumerate(turned):
+        turned = np.linspace(route[a][1], route[a][1] + turn_s[a], 12) if turn_s[a] else []
+        for share, time_s in enumerate(turned):
             swing = (heading[a + 1] - heading[a] + np.pi) % (2 * np.pi) - np.pi
-            times, places, yaws = [*times, float(moment)], [*places, xy[a]], [*yaws, heading[a] + swing * share / 11]
+            times, places, yaws = [*times, float(time_s)], [*places, xy[a]], [*yaws, heading[a] + swing * share / 11]
         lane = np.minimum(np.searchsorted(np.cumsum(lengths), s, side="right"), len(lengths) - 1)
         on = s - np.append(0.0, np.cumsum(lengths))[lane]
         times += (begin + t).tolist()
@@ -246,19 +246,19 @@ def run(
     less = np.block([[change, none], [-change, none], [lanes, -np.ones((len(lengths), 1))], [-lanes, -np.ones((len(lengths), 1))]])
     bound = np.concatenate([np.full(n, accel * h), np.full(n, decel * h), lengths, [-x for x in lengths]])
     bounds = [(0.0, 0.0), *[(0.0, top)] * (n - 1), (0.0, min(top, at_rest)), (0.0, None)]
-    found = linprog(np.append(np.zeros(n + 1), 1.0), A_ub=less, b_ub=bound, bounds=bounds)
-    if not found.success:
+    result = linprog(np.append(np.zeros(n + 1), 1.0), A_ub=less, b_ub=bound, bounds=bounds)
+    if not result.success:
         return np.inf, nothing, nothing
-    error = float(found.fun)
+    error = float(result.fun)
     if error > slack:
         return error, nothing, nothing
     bounds[-1] = (0.0, slack if loose else error + 1e-5)
     sums = np.concatenate([np.cumsum(np.ones(n + 1)[::-1])[::-1], [0.0]])  # of all places, about
     aim = sums if farthest_at is None else np.append(farthest[0], 0.0)
-    found = linprog(-aim, A_ub=less, b_ub=bound, bounds=bounds)
-    if not found.success:
+    result = linprog(-aim, A_ub=less, b_ub=bound, bounds=bounds)
+    if not result.success:
         return np.inf, nothing, nothing
-    v = found.x[:-1]
+    v = result.x[:-1]
     driven = np.append(0.0, np.cumsum((v[1:] + v[:-1]) / 2 * h))
     at = weight @ v  # stretched so that every visit is where it shall be
     return error, t, np.interp(driven, at, np.append(0.0, np.cumsum(lengths)))
@@ -275,31 +275,33 @@ def headings_of(problem: Problem, robot: int, xy: np.ndarray) -> np.ndarray:
 
 
 def wrong_last_turns(problem: Problem, faults: list[str], ways: list[Visits], turn_s: list[float]) -> list[str]:
-    found = []
-    for robot, (name, way) in enumerate(zip(problem.fleet.robot_name, ways)):
-        wanted, heading = float(problem.heading_at_target[robot]), headings_of(problem, robot, problem.graph.xy[[v for v, _, _ in way]])
-        if np.isnan(wanted) or (len(way) == 1 and np.isnan(problem.heading_at_start[robot])):
+    result = []
+    for robot, (name, route) in enumerate(zip(problem.fleet.robot_name, ways)):
+        wanted, heading = float(problem.heading_at_target[robot]), headings_of(problem, robot, problem.graph.xy[[v for v, _, _ in route]])
+        if np.isnan(wanted) or (len(route) == 1 and np.isnan(problem.heading_at_start[robot])):
             need_s = 0.0
         else:
-            came = heading[-2:] if len(way) > 1 and abs(np.angle(np.exp(1j * np.diff(heading[-2:])))).max() <= LESSER_RAD else heading[-1:]
+            came = (
+                heading[-2:] if len(route) > 1 and abs(np.angle(np.exp(1j * np.diff(heading[-2:])))).max() <= LESSER_RAD else heading[-1:]
+            )
             need_s = float(np.abs(np.angle(np.exp(1j * (wanted - came)))).min()) / float(problem.fleet.turn_rate_rad_s[robot])
         said = any(fault.startswith(f"{name} ") for fault in faults)
         if abs(turn_s[robot] - need_s) > 0.01 and said != (turn_s[robot] < need_s):
-            found.append(f"{name} turns at its goal in {turn_s[robot]:.3f} s and needs {need_s:.3f} s, and the referee says {faults}")
-    return found
+            result.append(f"{name} turns at its goal in {turn_s[robot]:.3f} s and needs {need_s:.3f} s, and the referee says {faults}")
+    return result
 
 
 def wrong_times(problem: Problem, faults: tuple[str, ...], motions: list[Motion]) -> list[str]:
-    found = []
+    result = []
     for name, motion in zip(problem.fleet.robot_name, motions):
         said = [fault for fault in faults if fault.startswith(f"{name} ")]
         if said and motion.error_m < motion.slack_m - 1e-3:
-            found.append(f"the referee says '{said[0]}', but lanes are wrong by {motion.error_m:.4f} m only")
+            result.append(f"the referee says '{said[0]}', but lanes are wrong by {motion.error_m:.4f} m only")
         if not said and motion.error_m > motion.slack_m + 1e-3:
-            found.append(
+            result.append(
                 f"the referee has nothing against the times of {name}, but lanes would have to be {motion.error_m:.4f} m longer or shorter"
             )
-    return found
+    return result
 
 
 def wrong_distances(problem: Problem, meetings: tuple[Meeting, ...], motions: list[Motion], ways: list[Visits]) -> list[str]:
@@ -307,7 +309,7 @@ def wrong_distances(problem: Problem, meetings: tuple[Meeting, ...], motions: li
     t = np.arange(0.0, end, SAMPLE_S)
     xy = [np.stack([np.interp(t, m.t_s, m.xy[:, axis]) for axis in (0, 1)], 1) for m in motions]
     yaw = [np.interp(t, m.t_s, np.unwrap(m.yaw)) for m in motions]
-    fleet, found = problem.fleet, []
+    fleet, result = problem.fleet, []
     apart = float(fleet.separation_m) - CLOSE_M
     band = BAND_M + BAND_S * float(fleet.max_speed_mps.max())
     said = {(m.robot, m.other): m for m in reversed(meetings)}
@@ -317,15 +319,15 @@ def wrong_distances(problem: Problem, meetings: tuple[Meeting, ...], motions: li
         distance = np.hypot(*(xy[i] - xy[j]).T)
         least, k = float(distance.min()), int(distance.argmin())
         if (i, j) in said and least > apart + band and (then := distance_at(problem, said[i, j], ways)) > apart + band:
-            found.append(f"{describe_meeting(said[i, j], problem)}; sampled, they stay {least:.3f} m apart, {then:.3f} m then")
+            result.append(f"{describe_meeting(said[i, j], problem)}; sampled, they stay {least:.3f} m apart, {then:.3f} m then")
         if (i, j) not in said and least < apart - band and not apart_if_loose(problem, (i, j), ways, t, apart - band):
-            found.append(f"robots {i} and {j} come {least:.3f} m close at {t[k]:.2f} s, and the referee says nothing")
+            result.append(f"robots {i} and {j} come {least:.3f} m close at {t[k]:.2f} s, and the referee says nothing")
         near = np.flatnonzero(distance < 2 * float(fleet.radius_m[0]))
         if len(near) and (i, j) not in said:
             shapes = [footprints(fleet, r, xy[r][near], yaw[r][near]) for r in (i, j)]
             if shapely.intersects(*shapes).any():
-                found.append(f"the footprints of robots {i} and {j} overlap, and the referee says nothing")
-    return found
+                result.append(f"the footprints of robots {i} and {j} overlap, and the referee says nothing")
+    return result
 
 
 def apart_if_loose(problem: Problem, robots: tuple[int, int], ways: list[Visits], t: np.ndarray, least_m: float) -> bool:

@@ -53,10 +53,10 @@ class Repeat:
         return self._batch(scenario, a, b, surroundings, chance.sample((1, 2, 8), 2))
 
     def _run(self, scenario: dict[str, Any], a: Path, b: Path, surroundings: list[dict[str, str]], *, cold: bool) -> Trial:
-        for place, around in zip((a, b), surroundings):
+        for place, context in zip((a, b), surroundings):
             (place / "case.yaml").write_text(yaml.safe_dump(scenario, allow_unicode=True))
             extra = {"NUMBA_CACHE_DIR": str(place / "kernels")} if cold and place == b else {}
-            code, error = started(["run", "case.yaml", "--out", "out"], place, around | extra)
+            code, error = started(["run", "case.yaml", "--out", "out"], place, context | extra)
             if code not in (0, 1):
                 return Trial("run", f"exit code {code}", (f"exit code {code}: {error}",), f"cd '{place.name}' && mrp-sumo run case.yaml")
         first, second = (digests(place / "out") for place in (a, b))
@@ -66,16 +66,16 @@ class Repeat:
 
     def _batch(self, scenario: dict[str, Any], a: Path, b: Path, surroundings: list[dict[str, str]], workers: list[int]) -> Trial:
         suite = {"base": {**scenario, "name": ""}, "grid_search": {"seed": [0, 1, 2], "robots.count": [2, 4]}}
-        told = []
-        for place, around, count in zip((a, b), surroundings, workers):
+        output = []
+        for place, context, count in zip((a, b), surroundings, workers):
             (place / "study.yaml").write_text(yaml.safe_dump(suite, allow_unicode=True))
-            code, error = started(["batch", "study.yaml", "--out", "out", "--workers", str(count)], place, around)
+            code, error = started(["batch", "study.yaml", "--out", "out", "--workers", str(count)], place, context)
             if code != 0:
                 return Trial(
                     "batch", f"exit code {code}", (f"exit code {code}: {error}",), f"cd '{place.name}' && mrp-sumo batch study.yaml"
                 )
-            told.append(records(place / "out"))
-        same = told[0] == told[1]
+            output.append(records(place / "out"))
+        same = output[0] == output[1]
         return Trial("batch", "same" if same else "other", () if same else ("records differ",), "diff -r a/out/runs 'b with ü/out/runs'")
 
 
@@ -113,14 +113,14 @@ def started(command: list[str], folder: Path, surroundings: dict[str, str]) -> t
 
 def digests(folder: Path) -> dict[str, str]:
     """Of each file of a run; what clocks say is left out of result.json."""
-    found = {}
+    outcome = {}
     for path in sorted(folder.rglob("*")):
         if path.is_file():
             data = path.read_bytes()
             if path.name == "result.json":
                 data = json.dumps(without_clocks(json.loads(data)), sort_keys=True).encode()
-            found[str(path.relative_to(folder))] = hashlib.sha256(data).hexdigest()
-    return found
+            outcome[str(path.relative_to(folder))] = hashlib.sha256(data).hexdigest()
+    return outcome
 
 
 def without_clocks(result: dict[str, Any]) -> dict[str, Any]:
@@ -132,8 +132,8 @@ def without_clocks(result: dict[str, Any]) -> dict[str, Any]:
 
 def records(folder: Path) -> dict[str, Any]:
     """What a batch's records say but for clocks and machines, by scenario."""
-    found = {}
+    outcome = {}
     for record in records_in(folder, print):
         metrics = {name: value for name, value in record["metrics"].items() if name not in MACHINE_DEPENDENT}
-        found[record["key"]] = {**{k: v for k, v in record.items() if k not in MACHINE_COLUMNS}, "metrics": metrics}
-    return found
+        outcome[record["key"]] = {**{k: v for k, v in record.items() if k not in MACHINE_COLUMNS}, "metrics": metrics}
+    return outcome

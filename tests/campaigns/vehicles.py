@@ -103,8 +103,8 @@ class Vehicles:
     @staticmethod
     def judged(run: Execution, problem: Problem, walls: np.ndarray) -> list[str]:
         """Faults of a run."""
-        found = audit(run, problem.fleet, walls=walls if len(walls) else None)
-        faults = [] if found["passed"] else [in_words(found)]
+        answer = audit(run, problem.fleet, walls=walls if len(walls) else None)
+        faults = [] if answer["passed"] else [in_words(answer)]
         bodies = bodies_of(run, problem.fleet)
         reach = np.hypot(bodies.length_m, bodies.width_m) / 2
         lines = shapely.STRtree(shapely.linestrings(walls)) if len(walls) else None

@@ -59,12 +59,12 @@ def analyzed(capsys, *arguments):
     return json.loads(capsys.readouterr().out)
 
 
-def same(found, case):
+def same(result, case):
     expected = json.loads((METRICS / case / "expected.json").read_text())
-    assert set(found) == set(expected)
+    assert set(result) == set(expected)
     for key, value in expected.items():
         close = isinstance(value, float | dict)
-        assert found[key] == (pytest.approx(value, rel=1e-9, abs=1e-12) if close else value), key
+        assert result[key] == (pytest.approx(value, rel=1e-9, abs=1e-12) if close else value), key
 
 
 @pytest.mark.parametrize("case", CASES)
@@ -94,8 +94,8 @@ def test_every_generation_is_recognised(tmp_path, capsys, generation, form):
 def test_starts_and_goals_beside_the_bag_are_found(tmp_path, capsys):
     """MRP-Bench leaves a YAML file named like the bag's folder, starts and goals somewhere inside."""
     case = CASES[0]
-    told = json.loads((METRICS / case / "case.json").read_text())
-    places = [{"assignedAgent": name, "start_wcos": at["start"], "goal_wcos": at["goal"]} for name, at in told["robots"].items()]
+    output = json.loads((METRICS / case / "case.json").read_text())
+    places = [{"assignedAgent": name, "start_wcos": at["start"], "goal_wcos": at["goal"]} for name, at in output["robots"].items()]
     fleet_bag(tmp_path / "run_1", golden_rows(case))
     (tmp_path / "run_1.yaml").write_text(yaml.safe_dump({"config": {"cellSize": 0.35}, "metrics": {"startsAndGoals": places}}))
     same(analyzed(capsys, tmp_path / "run_1"), case)
@@ -141,8 +141,8 @@ def test_bad_input_is_told_in_one_line(tmp_path, capsys, monkeypatch, arguments,
     (tmp_path / "half.yaml").write_text("robots: {r0: {start: [0, 0], goal: [3, 0]}}")
     (tmp_path / "odd.yaml").write_text("robots: {r0: {start: [0, 0]}}")
     assert main(["analyze", *arguments]) == 2
-    told = capsys.readouterr()
-    assert told.out == "" and told.err.startswith(f"mrp-sumo: {line}") and told.err.count("\n") == 1
+    output = capsys.readouterr()
+    assert output.out == "" and output.err.startswith(f"mrp-sumo: {line}") and output.err.count("\n") == 1
 
 
 @pytest.mark.parametrize("name", ["bag", "folder.bag"])
@@ -151,16 +151,16 @@ def test_a_table_for_people(tmp_path, capsys, name):
     (tmp_path / "bag").rename(tmp_path / name)
     (tmp_path / "config.yaml").write_text("robots: {r0: {start: [0, 0], goal: [3, 0]}, r1: {start: [0, 1], goal: [3, 1]}}")
     assert main(["analyze", str(tmp_path / name), "--config", str(tmp_path / "config.yaml")]) == 0
-    told = capsys.readouterr().out
-    assert "goalsReached                        2\n" in told and "minDistanceBetweenTwoAgents         1.000 m\n" in told
-    assert np.isfinite(float(told.split("totalTimeForScheduleExecution")[1].split()[0]))
+    output = capsys.readouterr().out
+    assert "goalsReached                        2\n" in output and "minDistanceBetweenTwoAgents         1.000 m\n" in output
+    assert np.isfinite(float(output.split("totalTimeForScheduleExecution")[1].split()[0]))
 
 
 def test_the_bag_of_a_run_gives_the_metrics_of_its_result(tmp_path, capsys):
     """From scenario to bag and back: what evaluate says from the trajectory, analyze says from the messages."""
     assert main(["run", "office_5", "--planner", "prioritised", "--out", str(tmp_path / "run")]) == 0
     capsys.readouterr()
-    told, metrics = analyzed(capsys, tmp_path / "run"), json.loads((tmp_path / "run" / "result.json").read_text())["metrics"]
+    output, metrics = analyzed(capsys, tmp_path / "run"), json.loads((tmp_path / "run" / "result.json").read_text())["metrics"]
     ours = {
         "goalsReached": "goals_reached",
         "allGoalReached": "all_goals_reached",
@@ -172,7 +172,7 @@ def test_the_bag_of_a_run_gives_the_metrics_of_its_result(tmp_path, capsys):
         "minDistanceBetweenTwoAgentsDelta": "min_distance_delta_m",
         "invalidRun": "run_invalid",
     }
-    assert {key: told[key] for key in ours} == {key: pytest.approx(metrics[name], rel=1e-9) for key, name in ours.items()}
+    assert {key: output[key] for key in ours} == {key: pytest.approx(metrics[name], rel=1e-9) for key, name in ours.items()}
 
 
 @pytest.mark.parametrize("has_orders", [True, False])

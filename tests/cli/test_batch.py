@@ -66,18 +66,18 @@ def test_one_and_two_workers_give_equal_results(study):
 
 def test_dry_run_tells_runs_and_time_and_makes_none(study, capsys):
     assert main(["batch", str(study / "study.yaml"), "--out", str(study / "none"), "--dry-run"]) == 0
-    told = capsys.readouterr().out
-    assert told.startswith("study: 6 runs, 0 done, 6 to make\nTwo planners.\n  planner: astar, cbs (2)\n  seed: 3000, 3001, 3002 (3)\n")
-    assert "planner=cbs seed=3001" in told
-    assert "about" in told.splitlines()[-1]
+    output = capsys.readouterr().out
+    assert output.startswith("study: 6 runs, 0 done, 6 to make\nTwo planners.\n  planner: astar, cbs (2)\n  seed: 3000, 3001, 3002 (3)\n")
+    assert "planner=cbs seed=3001" in output
+    assert "about" in output.splitlines()[-1]
     assert not (study / "none").exists()
 
 
 def test_batch_in_a_pipe_is_quiet(study, capsys):
     assert main(["batch", str(study / "study.yaml"), "--out", str(study / "out")]) == 0
-    told = capsys.readouterr()
-    assert told.out == f"study: 6 of 6 runs done; {study}/out/results.parquet, {study}/out/results.csv\n"
-    assert told.err == "mrp-sumo: going on: 6 of 6 runs done\n"
+    output = capsys.readouterr()
+    assert output.out == f"study: 6 of 6 runs done; {study}/out/results.parquet, {study}/out/results.csv\n"
+    assert output.err == "mrp-sumo: going on: 6 of 6 runs done\n"
 
 
 def test_status_counts_what_ended_how(study, capsys):
@@ -112,7 +112,7 @@ def test_views_of_bundled_suites_name_columns_that_there_are(study):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "output"),
     [
         (["query", "OUT", "costs"], "'costs' is neither SQL nor a view of the suite (did you mean 'cost'?)"),
         (["query", "OUT", "select nothing from results"], "query: Binder Error"),
@@ -128,11 +128,11 @@ def test_views_of_bundled_suites_name_columns_that_there_are(study):
         (["compare", "OUT", "OUT", "--alpha", "2"], "--alpha: found 2, expected a number between 0 and 1"),
     ],
 )
-def test_bad_input_is_one_line(study, capsys, arguments, told):
+def test_bad_input_is_one_line(study, capsys, arguments, output):
     names = {"OUT": str(study / "out"), "OUT/nowhere": str(study / "nowhere"), "SUITE": str(study), "STUDY": str(study / "study.yaml")}
     assert main([names.get(argument, argument) for argument in arguments]) == 2
     error = capsys.readouterr().err
-    assert told in error
+    assert output in error
     assert error.count("\n") == 1
 
 
@@ -155,10 +155,10 @@ def test_worst_runs_are_kept_and_linked_in_the_report(study, capsys):
     assert main(["batch", str(suite), "--out", str(out), "--keep-worst", "1"]) == 0
     assert f"the worst run is kept in {out}/kept" in capsys.readouterr().err
     assert [folder.name for folder in (out / "kept").iterdir()] == [worst]
-    kept = json.loads((out / "kept" / worst / "result.json").read_text())
+    rest = json.loads((out / "kept" / worst / "result.json").read_text())
     recorded = results.set_index("key").loc[worst]
-    assert kept["status"] == recorded["status"]
-    assert kept["metrics"]["time_blocked_total_s"] == recorded["time_blocked_total_s"]
+    assert rest["status"] == recorded["status"]
+    assert rest["metrics"]["time_blocked_total_s"] == recorded["time_blocked_total_s"]
     assert main(["report", str(out)]) == 0
     text = (out / "report" / "index.html").read_text()
     assert f'<a href="../kept/{worst}/replay.html">replay</a>' in text
@@ -189,10 +189,10 @@ def test_interrupted_batch_finishes_what_runs_and_says_how_to_go_on(study, tmp_p
     while len(list((tmp_path / "out").glob("runs/*/*.json"))) < 2 and time.monotonic() < deadline:
         time.sleep(0.02)
     process.send_signal(number)
-    told = process.communicate(timeout=120)[1]
+    output = process.communicate(timeout=120)[1]
     assert process.returncode == code
-    assert "ending after the runs under way" in told
-    assert f"to go on: mrp-sumo batch {tmp_path / 'long.yaml'} --out {tmp_path / 'out'}" in told
+    assert "ending after the runs under way" in output
+    assert f"to go on: mrp-sumo batch {tmp_path / 'long.yaml'} --out {tmp_path / 'out'}" in output
     assert len(mrp_sumo.load_results(tmp_path / "out")) >= 2
 
 

@@ -11,14 +11,14 @@ SMALL = ["capacity", "warehouse_lifelong", "--robots", "1..2", "--horizon", "3mi
 SMALL += ["--set", "execution.dispatcher=hungarian"]
 
 
-def told(capsys, *arguments):
+def output(capsys, *arguments):
     code = main(list(arguments))
     return code, capsys.readouterr()
 
 
 @pytest.mark.slow
 def test_the_answer_is_the_same_after_an_interruption(tmp_path, capsys):
-    code, first = told(capsys, *SMALL, "--out", str(tmp_path / "out"))
+    code, first = output(capsys, *SMALL, "--out", str(tmp_path / "out"))
     assert code == 0
     answer = json.loads(first.out)["answer"]
     for name in ("peak_robots", "knee_robots", "collapse_robots", "smallest_for_demand"):
@@ -34,7 +34,7 @@ def test_the_answer_is_the_same_after_an_interruption(tmp_path, capsys):
     assert all('"dispatcher":"hungarian"' in record.read_text() for record in records)
     for record in records[::4]:
         record.unlink()
-    code, again = told(capsys, *SMALL, "--out", str(tmp_path / "out"), "--workers", "1")
+    code, again = output(capsys, *SMALL, "--out", str(tmp_path / "out"), "--workers", "1")
     assert (code, again.out) == (0, first.out)
     assert (tmp_path / "out" / "capacity.html").read_bytes() == page
     assert sorted((tmp_path / "out" / "runs").rglob("*.json")) == records
@@ -44,7 +44,7 @@ def test_the_answer_is_the_same_after_an_interruption(tmp_path, capsys):
 def test_the_line_for_going_on_has_all_that_was_typed(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr("mrp_sumo.sizing.study.Study.run", lambda *_, **__: None)  # as it ends when it is interrupted
     typed = [*SMALL, "--replays", "--workers", "1", "--out", str(tmp_path / "of two")]
-    _, said = told(capsys, *typed)
+    _, said = output(capsys, *typed)
     assert said.err.splitlines()[-1] == f"mrp-sumo: interrupted; to go on: {shlex.join(['mrp-sumo', *typed])}"
 
 
@@ -66,6 +66,6 @@ def test_the_line_for_going_on_has_all_that_was_typed(tmp_path, capsys, monkeypa
     ],
 )
 def test_what_cannot_be_answered_is_refused_in_a_line(arguments, line, tmp_path, capsys):
-    code, said = told(capsys, "capacity", *arguments, "--out", str(tmp_path / "out"))
+    code, said = output(capsys, "capacity", *arguments, "--out", str(tmp_path / "out"))
     assert code == 2 and line in said.err and said.err.count("\n") == 1
     assert not (tmp_path / "out").exists()

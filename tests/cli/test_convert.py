@@ -30,9 +30,9 @@ def cross(tmp_path):
 
 def test_grid_of_a_nav_graph_with_what_is_lost(cross, tmp_path, capsys):
     assert main(["convert", str(cross), str(tmp_path / "cross.map"), "--cell", "0.5"]) == 0
-    told = capsys.readouterr().out
-    assert "lost: 1 one-way lane" in told
-    assert "lost: 4 names" in told
+    output = capsys.readouterr().out
+    assert "lost: 1 one-way lane" in output
+    assert "lost: 4 names" in output
     assert load_map(tmp_path / "cross.map").free.shape == (5, 5)
 
 
@@ -40,9 +40,9 @@ def test_repairs_are_told_and_written(cross, tmp_path, capsys):
     out = tmp_path / "fixed.nav.yaml"
     assert main(["convert", str(cross), str(out), "--split-crossings"]) == 0
     assert "repair: vertex 4 at (0.00, 0.00) joins lanes that cross there" in capsys.readouterr().err
-    found = load_map(out).nav
-    assert found.num_edges == 4
-    assert found.speed_mps[found.lane_between(4, 3)] == 0.4
+    result = load_map(out).nav
+    assert result.num_edges == 4
+    assert result.speed_mps[result.lane_between(4, 3)] == 0.4
 
 
 def test_bad_destinations_end_with_one_line(cross, tmp_path, capsys):
@@ -123,8 +123,8 @@ def test_bad_vehicles_end_with_one_line_and_leave_nothing(tmp_path, capsys, monk
     before = sorted(f.name for f in tmp_path.iterdir())
     capsys.readouterr()
     assert main(["convert", *arguments]) == 2
-    told = capsys.readouterr()
-    assert told.err.count("\n") == 1 and line in told.err
+    output = capsys.readouterr()
+    assert output.err.count("\n") == 1 and line in output.err
     assert sorted(f.name for f in tmp_path.iterdir()) == before
 
 
@@ -166,8 +166,8 @@ def test_bad_types_end_with_one_line_and_leave_nothing(tmp_path, capsys, monkeyp
     (tmp_path / "bare.json").write_text('{"typeSpecification": {}}')
     before = sorted(f.name for f in tmp_path.iterdir())
     assert main(["convert", *arguments]) == 2
-    told = capsys.readouterr()
-    assert told.err.count("\n") == 1 and line in told.err
+    output = capsys.readouterr()
+    assert output.err.count("\n") == 1 and line in output.err
     assert sorted(f.name for f in tmp_path.iterdir()) == before
 
 

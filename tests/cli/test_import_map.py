@@ -48,10 +48,10 @@ def test_writes_network_nav_graph_picture_and_facts(square, tmp_path, capsys):
 
 def test_json_prints_exactly_the_key_facts_and_writes_nothing(square, tmp_path, capsys):
     assert main(["import", str(square), "--json", "--graph", "all"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert set(told) == {"levels", "graphs", "vertices", "edges", "components", "extent_m", "lane_extent_m", "warnings", "grid"}
-    assert (told["graphs"], told["vertices"], told["edges"], told["components"]) == ([0, 2], 5, 3, 1)
-    assert told["grid"]["width"] == 11
+    output = json.loads(capsys.readouterr().out)
+    assert set(output) == {"levels", "graphs", "vertices", "edges", "components", "extent_m", "lane_extent_m", "warnings", "grid"}
+    assert (output["graphs"], output["vertices"], output["edges"], output["components"]) == ([0, 2], 5, 3, 1)
+    assert output["grid"]["width"] == 11
     assert [f.name for f in tmp_path.iterdir()] == [square.name]
 
 
@@ -61,17 +61,17 @@ def test_check_reports_and_tells_refusals_by_its_exit_code(square, tmp_path, cap
     broken = tmp_path / "broken.building.yaml"
     broken.write_text("<<<<<<< HEAD\nname: x\n=======\n")
     assert main(["import", "--check", "--json", str(broken)]) == 2
-    told = json.loads(capsys.readouterr().out)
-    assert told["refused"]
-    assert told["warnings"][0]["kind"] == "not_yaml"
+    output = json.loads(capsys.readouterr().out)
+    assert output["refused"]
+    assert output["warnings"][0]["kind"] == "not_yaml"
 
 
 def test_notes_are_told_apart_from_the_findings(square, capsys):
     square.write_text(SQUARE.replace("walls: [[0, 1, {}]]", "walls: [[0, 2, {}]]") + "      - [1, 3, {graph_idx: [2, 0]}]\n")
     assert main(["import", "--check", "--json", str(square)]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert "lanes_cross_without_vertex" not in [finding["kind"] for finding in told["warnings"]]
-    assert told["notes"] == ["level L1: lane 3 goes through wall 0"]
+    output = json.loads(capsys.readouterr().out)
+    assert "lanes_cross_without_vertex" not in [finding["kind"] for finding in output["warnings"]]
+    assert output["notes"] == ["level L1: lane 3 goes through wall 0"]
     assert main(["import", "--check", str(square)]) == 0
     assert "square.building.yaml: note: level L1: lane 3 goes through wall 0" in capsys.readouterr().out
 

@@ -55,22 +55,22 @@ def listed(capsys, what, code=0):
 
 
 def test_planners_have_parameters_with_defaults(capsys):
-    found = listed(capsys, "planners")
-    assert found["ecbs"]["parameters"]["w"] == {"type": "a number", "default": 1.2}
-    assert found["ecbs"]["guarantee"] == "w-bounded"
-    assert found["cbs_ta"]["assigns"] is True
+    result = listed(capsys, "planners")
+    assert result["ecbs"]["parameters"]["w"] == {"type": "a number", "default": 1.2}
+    assert result["ecbs"]["guarantee"] == "w-bounded"
+    assert result["cbs_ta"]["assigns"] is True
 
 
 def test_policies_have_parameters_with_defaults(capsys):
-    found = listed(capsys, "policies")
-    assert found["adg"]["parameters"] == {"look_ahead": {"type": "a whole number", "default": 4}}
-    assert found["adg"]["sound_plan_only"] is True
+    result = listed(capsys, "policies")
+    assert result["adg"]["parameters"] == {"look_ahead": {"type": "a whole number", "default": 4}}
+    assert result["adg"]["sound_plan_only"] is True
 
 
 def test_metrics_have_unit_and_sense(capsys):
-    found = listed(capsys, "metrics")
-    assert found["lateness_max_s"]["unit"] == "s"
-    assert found["lateness_max_s"]["sense"] == "less"
+    result = listed(capsys, "metrics")
+    assert result["lateness_max_s"]["unit"] == "s"
+    assert result["lateness_max_s"]["sense"] == "less"
 
 
 @pytest.mark.parametrize(
@@ -116,11 +116,11 @@ def test_planner_of_a_package_is_listed_like_ours(package, capsys):
 def test_package_that_cannot_be_loaded_is_a_line_and_the_others_are_listed(package, capsys, text, says):
     package(text)
     assert main(["list", "planners", "--json"]) == 1
-    told = capsys.readouterr()
-    assert len(json.loads(told.out)) >= 11
-    assert told.err.startswith("mrp-sumo: planner 'mine': ")
-    assert says in told.err
-    assert told.err.count("\n") == 1
+    output = capsys.readouterr()
+    assert len(json.loads(output.out)) >= 11
+    assert output.err.startswith("mrp-sumo: planner 'mine': ")
+    assert says in output.err
+    assert output.err.count("\n") == 1
 
 
 def test_unknown_word_names_the_nearest(capsys):

@@ -27,30 +27,30 @@ def small(monkeypatch):
 @pytest.mark.campaign
 def test_paper_and_ours_stand_side_by_side_and_the_command_goes_on(tmp_path, capsys, small):
     assert main(["paper", "--out", str(tmp_path / "out"), "--seeds", "1", "--workers", "1"]) == 0
-    told = capsys.readouterr().out
-    found = check(tmp_path / "out")
-    assert f"{found['runs']} runs, {found['runs']} made now" in told
+    output = capsys.readouterr().out
+    result = check(tmp_path / "out")
+    assert f"{result['runs']} runs, {result['runs']} made now" in output
     for name in ("index.html", "tables/table_3.tex", "tables/table_3.csv", "figures/figure_5_1.svg", "figures/table_3_warehouse.png"):
         assert (tmp_path / "out" / name).stat().st_size > 500, name
     assert main(["paper", "--out", str(tmp_path / "out"), "--seeds", "1", "--workers", "1"]) == 0
-    assert f"{found['runs']} runs, 0 made now" in capsys.readouterr().out
+    assert f"{result['runs']} runs, 0 made now" in capsys.readouterr().out
     assert main(["paper", "--out", str(tmp_path / "out"), "--seeds", "1", "--workers", "1", "--json"]) == 0
     said = json.loads(capsys.readouterr().out)
-    assert (said["file"], said["runs"], said["broken"]) == (str(tmp_path / "out" / "index.html"), found["runs"], 0)
+    assert (said["file"], said["runs"], said["broken"]) == (str(tmp_path / "out" / "index.html"), result["runs"], 0)
 
 
 def check(folder):
     """The document, its rows as they are to be."""
-    found = json.loads((folder / "paper.json").read_text())
-    assert found["seconds"] > 0
+    result = json.loads((folder / "paper.json").read_text())
+    assert result["seconds"] > 0
     for name in ROWS:
-        for row in found[name]:
+        for row in result[name]:
             assert {"ours", "low", "high", "paper_value"} <= row.keys()
             if row["low"] is not None:
                 assert row["low"] <= row["ours"] <= row["high"]
-    warehouse = {row["quantity"]: row for row in found["table_1"] if row["map"] == "warehouse" and row["cell_m"] == 0.4}
+    warehouse = {row["quantity"]: row for row in result["table_1"] if row["map"] == "warehouse" and row["cell_m"] == 0.4}
     assert (warehouse["cells"]["ours"], warehouse["cells"]["paper_value"]) == (2684, 3009)
-    return found
+    return result
 
 
 def test_maps_that_are_not_there_are_one_line(tmp_path, capsys):

@@ -23,8 +23,8 @@ def files(tmp_path):
 def test_plan_is_found_written_validated_and_converted(files, tmp_path, capsys):
     out = tmp_path / "plan.json"
     assert main(["plan", *files, "--planner", "lacam", "--time-limit", "10", "--out", str(out), "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert (told["status"], told["valid"], told["robots"], told["cost"], told["lower_bound"]) == ("solved", True, 2, 2, 2)
+    output = json.loads(capsys.readouterr().out)
+    assert (output["status"], output["valid"], output["robots"], output["cost"], output["lower_bound"]) == ("solved", True, 2, 2, 2)
     assert main(["validate", str(out), *files]) == 0
     assert "valid: 2 robots, sum of costs 2" in capsys.readouterr().out
     for kind in ("yaml", "paths", "lacam", "smart"):
@@ -44,18 +44,18 @@ def test_invalid_plan_ends_with_its_first_conflicts(files, tmp_path, capsys):
     assert capsys.readouterr().out.splitlines()[0].startswith("robot_0 and robot_1 meet at")
     plan.write_text("Agent 0: (1,0)->(0,1)->(0,0)->\nAgent 1: (0,2)->(0,1)->\n")
     assert main(["validate", str(plan), *files, "--json"]) == 1
-    told = json.loads(capsys.readouterr().out)
-    assert not told["valid"]
-    assert "robot_0 jumps" in told["faults"][0]
+    output = json.loads(capsys.readouterr().out)
+    assert not output["valid"]
+    assert "robot_0 jumps" in output["faults"][0]
 
 
 def test_no_plan_is_exit_code_one(files, tmp_path, capsys):
     (tmp_path / "u.map").write_text(MAP.replace("...", ".@."))
     (tmp_path / "u.scen").write_text("version 1\n0\tu.map\t3\t2\t0\t1\t2\t1\t4\n")
     assert main(["plan", *files, "--out", str(tmp_path / "p.json"), "--json"]) == 1
-    told = json.loads(capsys.readouterr().out)
-    assert told["status"] == "infeasible"
-    assert "robot_0 cannot reach its goal" in told["message"]
+    output = json.loads(capsys.readouterr().out)
+    assert output["status"] == "infeasible"
+    assert "robot_0 cannot reach its goal" in output["message"]
     assert not (tmp_path / "p.json").exists()
 
 
@@ -162,8 +162,8 @@ def test_a_line_that_cannot_be_planned_is_refused_before_anything_is(line, says,
     ],
 )
 def test_plan_loads_only_what_it_needs(files, arguments, unneeded):
-    given = files if arguments == ["files"] else arguments
-    code = f"from mrp_sumo.cli.main import main; main(['plan', *{given!r}]); import sys; print(*sys.modules)"
+    params = files if arguments == ["files"] else arguments
+    code = f"from mrp_sumo.cli.main import main; main(['plan', *{params!r}]); import sys; print(*sys.modules)"
     for _ in range(2):  # the first may have to compile
         done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=Path(__file__).parents[2])
     loaded = done.stdout.splitlines()[-1].split()

@@ -87,9 +87,9 @@ def test_planner_that_fails_is_a_line_a_status_a_result_and_exit_code_1(folder, 
     (folder / "mine.py").write_text(text)
     line = line_of(FAILURES[says], text) if says.startswith("in plan") else line_of("def plan", text)
     assert main(["run", "mine.yaml", "--out", "out"]) == 1
-    told = capsys.readouterr().err
-    assert told.startswith(f"mrp-sumo: planner failed: mine.py:{line}: {says}")
-    assert told.count("\n") == 1
+    output = capsys.readouterr().err
+    assert output.startswith(f"mrp-sumo: planner failed: mine.py:{line}: {says}")
+    assert output.count("\n") == 1
     assert result(folder)["status"] == "planner_failed"
     assert says in result(folder)["note"]
 
@@ -100,9 +100,9 @@ def test_traceback_is_there_when_asked_for(folder, capsys, command):
     assert main(["plan", "mine.yaml", "--json"]) == 1
     assert json.loads(capsys.readouterr().out)["status"] == "planner_failed"
     assert main([*command, "-v"]) == 1
-    told = capsys.readouterr().err
-    assert "Traceback (most recent call last)" in told
-    assert told.splitlines()[-1].startswith("mrp-sumo: planner failed: mine.py:")
+    output = capsys.readouterr().err
+    assert "Traceback (most recent call last)" in output
+    assert output.splitlines()[-1].startswith("mrp-sumo: planner failed: mine.py:")
 
 
 def test_planner_that_lacks_a_method_is_named(folder, capsys):
@@ -117,9 +117,9 @@ def test_planner_that_lacks_a_method_is_named(folder, capsys):
 def test_planner_that_sleeps_is_killed_at_its_limit(folder):
     (folder / "mine.py").write_text(PLANNER.replace("        return", "        time.sleep(600)\n        return"))
     assert main(["run", "mine.yaml", "--out", "out"]) == 1
-    found = result(folder)
-    assert found["status"] == "planning_timed_out"
-    assert 1.0 <= found["metrics"]["planning_time_s"] < 600
+    outcome = result(folder)
+    assert outcome["status"] == "planning_timed_out"
+    assert 1.0 <= outcome["metrics"]["planning_time_s"] < 600
 
 
 @pytest.mark.slow
@@ -178,10 +178,10 @@ def test_policy_that_fails_is_a_line_a_status_a_result_and_exit_code_1(folder, c
     (folder / "mine.py").write_text(POLICY.replace("        return", f"        {POLICY_FAILURES[says]}\n        return"))
     (folder / "mine.yaml").write_text(SCENARIO + "planner: lacam\n")
     assert main(["run", "mine.yaml", "--policy", "mine.py:Mine", "--out", "out"]) == 1
-    told = capsys.readouterr().err
-    assert told.startswith("mrp-sumo: policy failed: mine.py:")
-    assert says in told
-    assert told.count("\n") == 1
+    output = capsys.readouterr().err
+    assert output.startswith("mrp-sumo: policy failed: mine.py:")
+    assert says in output
+    assert output.count("\n") == 1
     assert result(folder)["status"] == "policy_failed"
     assert (folder / "out" / "plan.json").is_file()
 

@@ -172,10 +172,10 @@ def test_bad_input_is_one_line_exit_2_and_nothing_written(tmp_path, capsys, text
     scenario = tmp_path / "case.yaml"
     scenario.write_text(text)
     code, _ = run(tmp_path / "out", str(scenario))
-    told = capsys.readouterr().err
+    output = capsys.readouterr().err
     assert code == 2
-    assert words in told
-    assert len(told.splitlines()) == 1
+    assert words in output
+    assert len(output.splitlines()) == 1
     assert sorted(p.name for p in tmp_path.iterdir()) == ["case.yaml"]
 
 
@@ -188,7 +188,7 @@ def test_folder_that_is_no_run_is_never_replaced(tmp_path, capsys):
 
 def test_table_has_what_a_person_asks_for(office, tmp_path, capsys):
     run(tmp_path / "out", "office_5")
-    told = capsys.readouterr().out
+    output = capsys.readouterr().out
     for words in (
         "planner",
         "planning time",
@@ -202,7 +202,7 @@ def test_table_has_what_a_person_asks_for(office, tmp_path, capsys):
         "real-time factor",
         "files",
     ):
-        assert words in told, words
+        assert words in output, words
 
 
 def test_schema_is_json(capsys):

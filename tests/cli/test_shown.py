@@ -139,7 +139,7 @@ def test_line_about_a_value_says_what_to_write(tmp_path, monkeypatch, capsys, te
 
 
 @pytest.mark.parametrize(
-    ("line", "told"),
+    ("line", "output"),
     [
         ("run office_5 --robots four", "--robots: found 'four', expected a whole number"),
         ("run office_5 --time-limit 5min", "--time-limit: found '5min', expected a number of seconds, such as 300"),
@@ -152,9 +152,9 @@ def test_line_about_a_value_says_what_to_write(tmp_path, monkeypatch, capsys, te
         ("batch office_5", "no suite 'office_5': neither a file nor a bundled suite; it is a scenario: `mrp-sumo run office_5`"),
     ],
 )
-def test_line_about_an_argument_says_what_to_write(capsys, line, told):
+def test_line_about_an_argument_says_what_to_write(capsys, line, output):
     assert main(line.split()) == 2
-    assert capsys.readouterr().err.startswith(f"mrp-sumo: {told}")
+    assert capsys.readouterr().err.startswith(f"mrp-sumo: {output}")
 
 
 def test_refused_batch_leaves_no_lock_behind(tmp_path, capsys):
@@ -176,13 +176,15 @@ def test_sigterm_ends_with_a_word_and_leaves_no_temporary_files(tmp_path):
     while not list(tmp_path.glob("mrp_sumo_*")) and process.poll() is None and time.monotonic() < deadline:
         time.sleep(0.05)
     process.send_signal(signal.SIGTERM)
-    told = process.communicate(timeout=120)[1]
-    assert process.returncode == 143 and "SIGTERM" in told and "Traceback" not in told
+    output = process.communicate(timeout=120)[1]
+    assert process.returncode == 143 and "SIGTERM" in output and "Traceback" not in output
     assert not list(tmp_path.glob("mrp_sumo_*"))
 
 
-@pytest.mark.parametrize(("number", "told"), [(signal.SIGINT, "mrp-sumo: interrupted\n"), (signal.SIGTERM, "mrp-sumo: ended by SIGTERM\n")])
-def test_signal_while_the_command_is_being_loaded_ends_it_with_a_line(number, told):
+@pytest.mark.parametrize(
+    ("number", "output"), [(signal.SIGINT, "mrp-sumo: interrupted\n"), (signal.SIGTERM, "mrp-sumo: ended by SIGTERM\n")]
+)
+def test_signal_while_the_command_is_being_loaded_ends_it_with_a_line(number, output):
     code = f"""
 import os, sys
 class Sending:
@@ -194,7 +196,7 @@ sys.argv = ["mrp-sumo", "--version"]
 from mrp_sumo.cli.start import main
 sys.exit(main())"""
     ended = subprocess.run([sys.executable, "-P", "-c", code], capture_output=True, text=True)
-    assert (ended.returncode, ended.stdout, ended.stderr) == (128 + number, "", told)
+    assert (ended.returncode, ended.stdout, ended.stderr) == (128 + number, "", output)
     ignored = f"import signal; signal.signal({int(number)}, signal.SIG_IGN)\n{code}"
     assert subprocess.run([sys.executable, "-P", "-c", ignored], capture_output=True).returncode == 0
 
@@ -219,7 +221,9 @@ def test_folder_in_which_kernels_cannot_be_kept_is_named_before_they_are_compile
     (tmp_path / "mrp-sumo").chmod(0o700 if writable else 0o777)  # where anybody can write, nothing is run
     code = "from mrp_sumo.cli.printing import warn_of_kernels; warn_of_kernels()"
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path), "NUMBA_DISABLE_JIT": "0"}
-    told = subprocess.run([sys.executable, "-P", "-c", code], capture_output=True, text=True, env=environment).stderr
+    output = subprocess.run([sys.executable, "-P", "-c", code], capture_output=True, text=True, env=environment).stderr
     assert (
-        told == "" if writable else re.fullmatch(rf"mrp-sumo: NUMBA_CACHE_DIR={re.escape(str(tmp_path))}: .*set NUMBA_CACHE_DIR.*\n", told)
+        output == ""
+        if writable
+        else re.fullmatch(rf"mrp-sumo: NUMBA_CACHE_DIR={re.escape(str(tmp_path))}: .*set NUMBA_CACHE_DIR.*\n", output)
     )

@@ -305,8 +305,8 @@ def test_people_leave_the_path_of_a_robot_to_the_nearer_side(at, halted, directi
     crowd.robots.is_halted[0] = halted
     for each, count in ((crowd.walkers, 1), (crowd.robots, 1)):
         _walk.put_in_bins(each.x_m, each.y_m, count, crowd.ground, each.first, each.member)
-    told = _walk.out_of_path(0, 0, crowd.walkers, crowd.ground, crowd.robots)
-    assert told == pytest.approx(tuple(size * part for part in direction), abs=1e-9)
+    output = _walk.out_of_path(0, 0, crowd.walkers, crowd.ground, crowd.robots)
+    assert output == pytest.approx(tuple(size * part for part in direction), abs=1e-9)
 
 
 @pytest.mark.parametrize(

@@ -22,11 +22,11 @@ CROWDS = [  # people per m2, whether they walk both ways, speed in m/s
 def test_person_alone_walks_at_its_own_speed_through_the_door_to_its_place():
     floor = room(6, 4, (3, 0, 3, 1.5), (3, 2.5, 3, 4))
     crowd = crowd_on(floor, [(1, 3.4), (5, 3.4)], [((1.0, 3.0), (0, 1))])
-    way = paths(crowd, 12)[:, 0]
+    route = paths(crowd, 12)[:, 0]
     assert crowd.walkers.is_there[0]
-    at_door = way[np.abs(way[:, 0] - 3.0).argmin()]
+    at_door = route[np.abs(route[:, 0] - 3.0).argmin()]
     assert 1.5 + 0.15 <= at_door[1] <= 2.5 - 0.15
-    steps = np.hypot(*np.diff(way, axis=0).T) / 0.1
+    steps = np.hypot(*np.diff(route, axis=0).T) / 0.1
     assert steps.max() <= 1.3 * 1.34 + 1e-9
     assert np.median(steps) == pytest.approx(1.34, rel=0.1)
 
@@ -144,14 +144,14 @@ def test_crowd_in_a_ring_is_as_fast_as_people_are(group, density, two_way, speed
     x, y = floor.centre_of(np.arange(floor.width * floor.height)).T - 10
     for k, ways in enumerate(crowd._ways):  # the second ones against the first
         ways[:] = np.rint((np.arctan2(y, x) + (k + 0.5) * np.pi) * (_floor.NUM_ANGLES / (2 * np.pi))).astype(np.int64) % _floor.NUM_ANGLES
-    way = np.where(np.arange(count) % 2 & two_way, -1, 1)
+    route = np.where(np.arange(count) % 2 & two_way, -1, 1)
     speeds, apart_m, who = [], [], crowd.walkers
     for k in range(400):
         who.stuck_s[:] = 0.0  # nobody turns back
         before = np.arctan2(who.y_m - 10, who.x_m - 10)
         _walk.walk(k * 0.1, 0.1, count, who, crowd.ground, crowd.robots, crowd._ways)
         turned = (np.arctan2(who.y_m - 10, who.x_m - 10) - before + np.pi) % (2 * np.pi) - np.pi
-        speeds.append((way * turned * np.hypot(who.x_m - 10, who.y_m - 10)).mean() / 0.1)
+        speeds.append((route * turned * np.hypot(who.x_m - 10, who.y_m - 10)).mean() / 0.1)
         between = np.hypot(np.subtract.outer(who.x_m, who.x_m), np.subtract.outer(who.y_m, who.y_m))
         apart_m.append((between + np.eye(count)).min(0))
     assert np.percentile(apart_m[200:], 1) > (0.25 if density < 2 else 0.2)  # HERMES: 0.4 at 0.5 a square metre, 0.3 at 2

@@ -21,15 +21,15 @@ def ended(x, speed=0.0, goal_s=np.nan):
 
 
 def test_robot_that_comes_to_rest_within_the_tolerance_has_reached_its_goal_since_then():
-    found = ended([0, 2, 3.5, 3.5, 3.5])
-    assert found.goal_s.tolist() == [2.0]
-    assert [(event.t_s, event.kind, event.vertex) for event in found.events] == [(2.0, "goal", 4)]
+    result = ended([0, 2, 3.5, 3.5, 3.5])
+    assert result.goal_s.tolist() == [2.0]
+    assert [(event.t_s, event.kind, event.vertex) for event in result.events] == [(2.0, "goal", 4)]
 
 
 @pytest.mark.parametrize(("x", "speed"), [([0, 1, 2, 3, 3], 0.0), ([3.5] * 5, 0.2), ([3.5, 3.5, 3.5, 2, 2], 0.0)])
 def test_robot_that_is_farther_or_moves_or_left_again_has_not(x, speed):
-    found = ended(x, speed)
-    assert np.isnan(found.goal_s).all() and not found.events
+    result = ended(x, speed)
+    assert np.isnan(result.goal_s).all() and not result.events
 
 
 def test_robot_that_arrived_keeps_its_time():

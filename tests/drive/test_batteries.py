@@ -83,14 +83,14 @@ def test_each_lift_draws_its_energy_once():
     assert used_j == pytest.approx([180.0, 270.0])
 
 
-@pytest.mark.parametrize(("level", "told"), [(0.0008, [[0], []]), (0.0018, [[], [0]]), (0.5, [[], []])])
-def test_who_runs_empty_is_told_once(level, told):
+@pytest.mark.parametrize(("level", "output"), [(0.0008, [[0], []]), (0.0018, [[], [0]]), (0.5, [[], []])])
+def test_who_runs_empty_is_told_once(level, output):
     """A thousandth a second, looked at after each."""
     batteries, seen = batteries_of(SMALL, 1, (level, level), 0, 0.5), []
     for now_s in (1.0, 2.0):
         batteries.add(np.zeros((3 if now_s == 1.0 else 2, 1)), np.zeros((3 if now_s == 1.0 else 2, 1)))
         seen.append(batteries.observe(now_s, np.array([False])))
-    assert seen == told
+    assert seen == output
 
 
 @pytest.mark.parametrize(("num_looks", "emptied"), [(1, []), (2, [0]), (3, [])])

@@ -17,7 +17,7 @@ def corridor_with(num, *sides):
 
 
 def sent(graph, ways, idle, closed=(), taken=(), near=lambda v, others: False, passable=lambda n, v: False):
-    taken = {*taken, *(way[-1] for way in ways), *closed}
+    taken = {*taken, *(route[-1] for route in ways), *closed}
     return cleared(graph, ways, dict(enumerate(idle)), set(closed), taken, near, passable)
 
 

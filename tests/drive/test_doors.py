@@ -110,12 +110,12 @@ def test_robots_need_a_door_open_wherever_they_would_touch_it():
         doors=(Door(0, 1, "gate", "hinged"), Door(2, 3, "elsewhere", "hinged")),
     )
     building = Building(name="b", path=None, coordinate_system="", levels={"L1": level}, lifts={})
-    found = with_doors(graph, building, 0.4)
-    assert {(a, b) for a, b, o in zip(found.tail.tolist(), found.head.tolist(), found.lane_options) if o} == {
+    result = with_doors(graph, building, 0.4)
+    assert {(a, b) for a, b, o in zip(result.tail.tolist(), result.head.tolist(), result.lane_options) if o} == {
         (0, 1),
         (1, 0),
         (1, 2),
         (2, 1),
     }
-    assert [v for v, options in enumerate(found.vertex_options) if options] == [1]
+    assert [v for v, options in enumerate(result.vertex_options) if options] == [1]
     assert with_doors(graph, building, 0.1).lane_options.count({}) == 4

@@ -37,7 +37,7 @@ def ledger_of(graph, paths, policy="adg"):
     return ledger, plan
 
 
-def way(*vertices, leave_s=0.0, **other):
+def route(*vertices, leave_s=0.0, **other):
     times = np.arange(1.0, len(vertices) + 1)
     return Reroute(np.array(vertices, np.int64), times, np.append(times[1:], np.inf)[: len(vertices)], leave_s, **other)
 
@@ -87,7 +87,7 @@ def test_new_visits_are_linked_in_the_place_of_those_that_are_cut_off():
     # vertex y * 3 + x: straight on along the bottom, then up and over the top instead
     ledger, plan = ledger_of(square_grid(3), [[0, 1, 2, 5]])
     before = column(ledger, "at_m").copy()
-    ledger.append(Replan({0: way(3, 4, 5)}, "detour"), policy_of("adg"), 1.0)
+    ledger.append(Replan({0: route(3, 4, 5)}, "detour"), policy_of("adg"), 1.0)
     assert ledger.num_visits == 7  # those that are cut off stay in the ledger
     assert ledger.all_ids(0).tolist() == [0, 4, 5, 6]
     assert column(ledger, "vertex").tolist() == [0, 1, 2, 5, 3, 4, 5]
@@ -101,7 +101,7 @@ def test_new_visits_are_linked_in_the_place_of_those_that_are_cut_off():
 
 def test_a_robot_that_is_given_nothing_more_stays_and_is_not_at_its_goal():
     ledger, plan = ledger_of(line(3), [[0, 1, 2]])
-    ledger.append(Replan({0: way(leave_s=np.inf)}, "replan"), policy_of("adg"), 1.0)
+    ledger.append(Replan({0: route(leave_s=np.inf)}, "replan"), policy_of("adg"), 1.0)
     assert ledger.all_ids(0).tolist() == [0] and not ledger.state.home.any()
     assert column(ledger, "next")[0] == -1
     assert next(plans_in_force(plan, replies_of(ledger))).vertex.tolist() == [0]
@@ -111,18 +111,18 @@ def test_an_order_that_nobody_can_keep_leaves_the_ledger_as_it_was():
     ledger, _ = ledger_of(square_grid(2), [[0, 1], [3, 2]])
     before = content(ledger)
     with pytest.raises(PlanError, match="robot_0 stays at 'v1'"):
-        ledger.append(Replan({0: way(1), 1: way(1)}, "replan"), policy_of("adg"), 1.0)
+        ledger.append(Replan({0: route(1), 1: route(1)}, "replan"), policy_of("adg"), 1.0)
     assert content(ledger) == before
     for seen, name in ((ledger.visits.arrived_s, "arrived_s"), (ledger.visits.next, "next")):  # kernels write where the ledger reads
         assert np.shares_memory(seen, column(ledger, name))
-    ledger.append(Replan({0: way(1, 3), 1: way(2, 0)}, "replan"), policy_of("adg"), 1.0)
+    ledger.append(Replan({0: route(1, 3), 1: route(2, 0)}, "replan"), policy_of("adg"), 1.0)
     assert len(ledger.entries) == 2
 
 
 def test_arrays_grow_and_ids_stay():
     ledger, _ = ledger_of(line(3), [[0, 1, 2]])
     for turn in range(40):
-        ledger.append(Replan({0: way(1, 0, 1, 2)}, "detour"), policy_of("adg"), float(turn))
+        ledger.append(Replan({0: route(1, 0, 1, 2)}, "detour"), policy_of("adg"), float(turn))
     assert ledger.num_visits == 3 + 40 * 4
     assert ledger.all_ids(0).tolist() == [0, *range(159, 163)]
     needs = [ledger.resources_from(0, int(k)).tolist() for k in ledger.all_ids(0)[-1:]]
@@ -140,7 +140,7 @@ def test_a_robot_drives_back_until_it_is_granted_the_vertex_behind_it_though_it_
     ledger, _ = ledger_of(line(2, 2.0), [[0, 1]], "open_loop")
     ledger.state.motion.s_m[0], ledger.state.grants.on_lane[0] = 0.5, True
     ledger.state.claims.number[ledger.graph.lane_between(0, 1)] = 1
-    ledger.append(Replan({0: way(0, back=True)}, "give_way"), policy_of("open_loop"), 3.0)
+    ledger.append(Replan({0: route(0, back=True)}, "give_way"), policy_of("open_loop"), 3.0)
     assert ledger.is_driving_back.tolist() == [True]
     ledger.visits.granted[0] = ledger.visits.last[0]
     assert ledger.is_driving_back.tolist() == [False]
@@ -163,7 +163,7 @@ def test_what_was_cut_off_is_forgotten_too_and_logs_and_cuts_know_the_rest_by_ne
     ledger, _ = ledger_of(square_grid(3), [[0, 1, 2, 5], [6, 7, 8]])
     ledger.visits.reached[0] = ledger.visits.granted[0] = ledger.state.grants.oldest[0] = 3
     ledger.visits.arrived_s[[2, 3]] = 1.0, 2.0
-    ledger.append(Replan({0: way(1, 0)}, "replan"), policy_of("adg"), 3.0)
+    ledger.append(Replan({0: route(1, 0)}, "replan"), policy_of("adg"), 3.0)
     assert ledger.all_ids(0).tolist() == [0, 2, 3, 7, 8]
     ledger._cut, needed = np.array([7, 5]), np.array([3, 1])
     for _ in range(2):
@@ -207,7 +207,7 @@ def test_a_robot_that_turns_back_comes_to_the_vertex_behind_it_again(begin):
     ledger.state.claims.number[lane], ledger.state.holds.holder[begin] = 1, -1  # and has left the vertex behind it
     left_at_m = ledger.needs.left_at_m[0]
     assert not ledger.is_driving_back[0]
-    ledger.append(Replan({0: way(begin, 2, back=True)}, "give_way"), policy_of("open_loop"), 3.0)
+    ledger.append(Replan({0: route(begin, 2, back=True)}, "give_way"), policy_of("open_loop"), 3.0)
     assert ledger.is_driving_back[0] and ledger.needs.left_at_m[0] == left_at_m
     behind = int(ledger.all_ids(0)[1])
     assert column(ledger, "lane")[behind] == graph.reverse[lane]
@@ -217,7 +217,7 @@ def test_a_robot_that_turns_back_comes_to_the_vertex_behind_it_again(begin):
     assert ledger.state.holds.holder[begin] == 0  # nobody else is to come there
     assert ledger.turn_backs[0].xy == pytest.approx([2 * begin + 0.5 * side, 0.0]) and ledger.turn_backs[0].at_m == 0.5
     ledger.append(
-        Replan({0: way(begin, end)}, "replan"), policy_of("open_loop"), 4.0
+        Replan({0: route(begin, end)}, "replan"), policy_of("open_loop"), 4.0
     )  # another way before it has set out: it is still to come back
     again = ledger.all_ids(0).tolist()
     assert column(ledger, "vertex")[again].tolist() == [begin, begin, end]
@@ -230,7 +230,7 @@ def test_a_robot_that_is_sent_another_way_leaves_when_planned_though_one_before_
     ledger, _ = ledger_of(square_grid(3), [[0, 1, 2], [6, 7, 8]], "open_loop")
     ledger.state.motion.s_m[0], ledger.state.grants.on_lane[0] = 0.1, True
     ledger.state.claims.number[ledger.graph.lane_between(0, 1)] = 1
-    ledger.append(Replan({0: way(0, back=True), 1: way(3, leave_s=9.0)}, "give_way"), policy_of("open_loop"), 3.0)
+    ledger.append(Replan({0: route(0, back=True), 1: route(3, leave_s=9.0)}, "give_way"), policy_of("open_loop"), 3.0)
     joint = ledger.joint[1]
     assert (column(ledger, "depart_s")[joint], column(ledger, "turns")[joint]) == (9.0, True)
 
@@ -298,7 +298,7 @@ def test_a_vehicle_that_is_sent_straight_on_does_not_bend_where_it_was_to_turn(t
     ledger = truck_on([0, 1, 2], s_m, graph=graph)
     joint = int(ledger.joint[0])
     assert column(ledger, "tangent_m")[joint] > 0 and ledger.standing.does.tolist() == [does]
-    ledger.append(Replan({0: way(to)}, "replan"), policy_of("adg"), 16.0)
+    ledger.append(Replan({0: route(to)}, "replan"), policy_of("adg"), 16.0)
     assert [column(ledger, name)[joint] > 0 for name in ("tangent_m", "bend_m")] == [bends] * 2
     assert np.isfinite(column(ledger, "bend_mps")[joint]) == bends
 
@@ -322,7 +322,7 @@ def test_a_vehicle_that_swings_out_to_change_gear_keeps_the_gear_in_which_it_lea
     ledger = truck_on([0, 1, 2], 7.0, graph=graph)
     before = ledger.all_ids(0)
     assert column(ledger, "gear")[before].tolist() == [0, 1, 0] and ledger.standing.does.tolist() == [BOUND]
-    ledger.append(Replan({0: way(2, 3)}, "replan"), policy_of("adg"), 16.0)
+    ledger.append(Replan({0: route(2, 3)}, "replan"), policy_of("adg"), 16.0)
     after = ledger.all_ids(0)
     assert column(ledger, "vertex")[after].tolist() == [0, 1, 2, 3] and column(ledger, "gear")[after].tolist() == [0, 1, 0, 0]
     assert column(ledger, "tangent_m")[after[1]] > 0 and column(ledger, "turns")[after[1]]
@@ -337,8 +337,8 @@ def test_what_is_frozen_keeps_its_order_whatever_comes_after_it(first):
     ledger, _ = ledger_of(cross(3), [EAST_TO_NORTH, WEST_TO_SOUTH] if first == 0 else [WEST_TO_SOUTH, EAST_TO_NORTH])
     before = passing(ledger, 0)
     frozen_ahead(ledger)
-    assert [way[-1] for way in ledger.committed] == ([5, 11] if first == 0 else [11, 5])
-    ledger.append(Replan(dict(enumerate([way(6), way(12)] if first == 0 else [way(12), way(6)])), "replan"), policy_of("adg"), 1.0)
+    assert [route[-1] for route in ledger.committed] == ([5, 11] if first == 0 else [11, 5])
+    ledger.append(Replan(dict(enumerate([route(6), route(12)] if first == 0 else [route(12), route(6)])), "replan"), policy_of("adg"), 1.0)
     assert passing(ledger, 0) == before == [first, 1 - first]
 
 
@@ -347,13 +347,13 @@ def test_nothing_is_frozen_beyond_what_another_is_to_pass_first_who_stays(stays,
     """robot_1 comes to the middle after robot_0, from 8 by way of 7."""
     ledger, _ = ledger_of(cross(3), [EAST_TO_NORTH, WEST_TO_SOUTH])
     frozen_ahead(ledger, *stays)
-    assert [way[-1] for way in ledger.committed] == ends
+    assert [route[-1] for route in ledger.committed] == ends
 
 
 def test_what_is_not_frozen_goes_by_the_new_times():
     ledger, _ = ledger_of(cross(3), [EAST_TO_NORTH, WEST_TO_SOUTH])
     slow = Reroute(np.array([1, 0, 4]), np.array([20.0, 23.0, 26.0]), np.array([20.0, 23.0, np.inf]), 17.0)
-    ledger.append(Replan({0: slow, 1: way(7, 0, 10)}, "replan"), policy_of("adg"), 1.0)
+    ledger.append(Replan({0: slow, 1: route(7, 0, 10)}, "replan"), policy_of("adg"), 1.0)
     assert passing(ledger, 0) == [1, 0]
 
 
@@ -419,7 +419,7 @@ def test_a_policy_sees_each_visit_that_is_ahead_once():
 @pytest.mark.parametrize(("other", "goes_on"), [(-1, True), (0, False)])
 def test_a_robot_that_gives_way_goes_on_when_it_lets_nobody_pass(other, goes_on):
     ledger, _ = ledger_of(square_grid(3), [[0, 1], [8, 7]])
-    ledger.append(Replan({1: way(5, 4, pause=1)}, "give_way"), policy_of("adg"), 1.0)
+    ledger.append(Replan({1: route(5, 4, pause=1)}, "give_way"), policy_of("adg"), 1.0)
     ledger.let_pass(1, other)
     yielding = ledger.state.yielding
     assert (yielding.pause[1] == NEVER, not yielding.gives_way[1]) == (goes_on, goes_on) and yielding.pause_for[1] == other
@@ -427,7 +427,7 @@ def test_a_robot_that_gives_way_goes_on_when_it_lets_nobody_pass(other, goes_on)
 
 def test_a_robot_that_is_left_alone_in_a_replan_stays_where_it_was_granted():
     ledger, _ = ledger_of(square_grid(3), [[0, 1], [8, 7]])
-    ledger.append(Replan({0: way(3), 1: way(5)}, "replan", left_alone=frozenset({1})), policy_of("adg"), 1.0)
+    ledger.append(Replan({0: route(3), 1: route(5)}, "replan", left_alone=frozenset({1})), policy_of("adg"), 1.0)
     rank = int(ledger.visits.rank[ledger.visits.granted[1]])
     assert ledger.state.yielding.pause.tolist() == [NEVER, rank]
 
@@ -443,14 +443,14 @@ def test_a_robot_that_is_sent_another_way_leaves_when_the_new_plan_says(leave_s)
     """It was to leave 0 at 3 s."""
     ledger, _ = ledger_of(square_grid(3), [[0, 0, 1, 2]], "timed")
     assert (column(ledger, "depart_s")[0], column(ledger, "earliest_s")[0]) == (3.0, 3.0)
-    ledger.append(Replan({0: way(3, 6, leave_s=leave_s)}, "detour"), policy_of("timed"), 1.0)
+    ledger.append(Replan({0: route(3, 6, leave_s=leave_s)}, "detour"), policy_of("timed"), 1.0)
     assert (column(ledger, "depart_s")[0], column(ledger, "earliest_s")[0]) == (leave_s, leave_s)
     assert column(ledger, "earliest_s")[ledger.all_ids(0)[1]] == 2.0  # as planned
 
 
 def test_robots_that_are_not_sent_elsewhere_keep_when_they_leave():
     ledger, _ = ledger_of(square_grid(3), [[0, 0, 1], [8, 8, 8, 7]], "timed")
-    ledger.append(Replan({0: way(3, leave_s=7.0)}, "detour"), policy_of("timed"), 1.0)
+    ledger.append(Replan({0: route(3, leave_s=7.0)}, "detour"), policy_of("timed"), 1.0)
     assert [float(column(ledger, "earliest_s")[ledger.all_ids(r)[0]]) for r in (0, 1)] == [7.0, 6.0]
 
 
@@ -468,8 +468,8 @@ def test_who_waits_behind_another_on_a_lane_is_not_sent_past_it():
         ledger.state.grants.on_lane[:], ledger.state.holds.holder[:], ledger.state.claims.number[lane] = True, -1, 2
         world = World(ledger.problem, settings, facilities_of(graph, ledger.resources))
         context = Surroundings(ledger, world, Work(Crew(ledger, settings, 3)), lambda _: pytest.fail("asked"))
-        asked = situation(9.0, context, np.zeros(2, np.bool_), ledger.end_of_tasks)
-        assert asked.request.robot.tolist() == [front] and asked.request.start.tolist() == [2] and asked.left_alone == {behind}
+        requests = situation(9.0, context, np.zeros(2, np.bool_), ledger.end_of_tasks)
+        assert requests.request.robot.tolist() == [front] and requests.request.start.tolist() == [2] and requests.left_alone == {behind}
 
 
 @pytest.mark.parametrize("stays", [True, False])
@@ -496,8 +496,8 @@ def test_who_stands_where_another_waits_to_come_makes_way_though_its_own_goal_is
     settings = ExecutionSettings()
     world = World(ledger.problem, settings, facilities_of(graph, ledger.resources))
     context = Surroundings(ledger, world, Work(Crew(ledger, settings, 3)), lambda _: pytest.fail("asked"))
-    asked = situation(9.0, context, np.zeros(3, np.bool_), np.array([5, 3, 2]), makes_way=makes_way)
-    assert asked.left_alone == {0} and asked.request.stop.tolist() == stops
+    requests = situation(9.0, context, np.zeros(3, np.bool_), np.array([5, 3, 2]), makes_way=makes_way)
+    assert requests.left_alone == {0} and requests.request.stop.tolist() == stops
 
 
 @pytest.mark.parametrize(("policy", "due_s", "earliest_s"), [("adg", [0, 0, 0], [0, 0, 0]), ("adg_timed", [0, 3, 6], [0, 3, np.inf])])
@@ -547,6 +547,6 @@ def test_a_robot_is_at_its_goal_from_the_start_or_since_it_was_told_to_stay():
     """robot_0 drives to 1, robot_1 stays at 3; at 7 s robot_2 is told to stay at 5, its goal no more being 4."""
     ledger, _ = ledger_of(line(6), [[0, 1], [3], [5, 4]])
     assert ledger.state.waits.goal_s.tolist() == pytest.approx([np.nan, 0.0, np.nan], nan_ok=True)
-    ledger.append(Replan({1: way(), 2: way()}, "replan", ends={2: 5}), policy_of("adg"), 7.0)
+    ledger.append(Replan({1: route(), 2: route()}, "replan", ends={2: 5}), policy_of("adg"), 7.0)
     assert ledger.state.waits.goal_s.tolist() == pytest.approx([np.nan, 0.0, 7.0], nan_ok=True)
     assert ledger.state.home.tolist() == [True, True, True]

@@ -140,8 +140,8 @@ def test_the_audit_holds_a_loaded_robot_to_its_limits(tmp_path):
     speed = run.speed_mps.copy()
     fast = loaded[len(loaded) // 4]
     speed[fast, 0] = 0.9  # which it may drive without a load
-    found = audit(replace(run, speed_mps=speed), result.fleet)
-    assert found["num_speed_violations"] == 1 and found["violations"][0]["limit"] == 0.5
+    outcome = audit(replace(run, speed_mps=speed), result.fleet)
+    assert outcome["num_speed_violations"] == 1 and outcome["violations"][0]["limit"] == 0.5
     assert audit(replace(run, speed_mps=speed, loads=run.loads * 0), result.fleet)["num_speed_violations"] == 0
 
 

@@ -21,9 +21,9 @@ def test_robots_drive_the_same_whatever_they_believe(tmp_path):
         assert getattr(unsure, name).tobytes() == getattr(sure, name).tobytes()
     assert unsure.events == sure.events
     assert again.believed.tobytes() == unsure.believed.tobytes() != other.believed.tobytes()
-    told = as_believed(unsure)
-    assert told.x_m.tobytes() == unsure.believed[0].tobytes() and told.speed_mps is unsure.speed_mps
-    assert 0.03 < (told.x_m - unsure.x_m).std() < 0.07
+    output = as_believed(unsure)
+    assert output.x_m.tobytes() == unsure.believed[0].tobytes() and output.speed_mps is unsure.speed_mps
+    assert 0.03 < (output.x_m - unsure.x_m).std() < 0.07
 
 
 @pytest.mark.parametrize("tau_s", [0.0, 0.5])

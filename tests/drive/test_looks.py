@@ -63,11 +63,11 @@ def test_a_run_has_stalled_when_an_order_waits_for_a_minute_though_robots_are_fr
 def test_that_no_stop_is_made_for_long_is_said_once_and_is_over_with_the_next():
     """For six minutes and three times the 14 s from the far end of the line to a stop at 5."""
     fleet = at_work(drives=(0, 1))
-    progress, told = fleet.work.progress, []
+    progress, output = fleet.work.progress, []
     for now_s in (10.0, 179.9, 180.0, 401.9, 402.0, 403.0):
         progress.look(now_s)
-        told.append((len(fleet.crew.drain()), progress.is_steady(now_s), progress.has_stalled(now_s)))
-    assert told == [(0, True, False), (0, True, False), (0, False, False), (0, False, False), (1, False, True), (0, False, True)]
+        output.append((len(fleet.crew.drain()), progress.is_steady(now_s), progress.has_stalled(now_s)))
+    assert output == [(0, True, False), (0, True, False), (0, False, False), (0, False, False), (1, False, True), (0, False, True)]
     fleet.crew.made_s = 402.5
     progress.look(404.0)
     assert progress.is_steady(404.0) and not progress.has_stalled(404.0) and progress.made_s == 402.5
@@ -165,12 +165,12 @@ def test_a_share_of_the_robots_goes_to_charge_first_whatever_their_level(percent
 
 
 @pytest.mark.parametrize(
-    ("level", "given", "begun", "goes"), [(0.2, 0, 0, True), (0.21, 0, 0, False), (0.2, 1, 0, True), (0.2, 1, 1, False)]
+    ("level", "params", "begun", "goes"), [(0.2, 0, 0, True), (0.21, 0, 0, False), (0.2, 1, 0, True), (0.2, 1, 1, False)]
 )
-def test_who_is_low_charges_unless_it_has_begun_an_order_and_one_that_it_has_not_waits_again(level, given, begun, goes):
+def test_who_is_low_charges_unless_it_has_begun_an_order_and_one_that_it_has_not_waits_again(level, params, begun, goes):
     fleet, chargers = charged([level], (0.0, (5, 9)))
     crew, robot = fleet.crew, fleet.crew.robots[0]
-    if given:
+    if params:
         crew.orders.assign(0, 0, 0.0)
         crew.give(robot, 0, 0.0, 0.0)
         robot.tour = robot.tour[begun:]

@@ -76,7 +76,7 @@ class Count(Listener):
     def __init__(self, *, is_patient=False):
         self.steps, self.is_patient = 0, is_patient
 
-    def hear(self, moment):
+    def hear(self, time_s):
         self.steps += 1
 
 
@@ -421,7 +421,7 @@ def test_what_no_robot_drives_on_changes_nothing_and_is_not_loaded(tmp_path, mon
     graph = square_grid(7)
     paths = [[0, 1, 2, 9], [9, 8, 7, 0], [16, 15, 14]]
     loaded = []
-    monkeypatch.setattr(engine, "excerpt", lambda *given, **more: loaded.append(network.excerpt(*given, **more)) or loaded[-1])
+    monkeypatch.setattr(engine, "excerpt", lambda *params, **more: loaded.append(network.excerpt(*params, **more)) or loaded[-1])
     one = drive(tmp_path, graph, paths, robot=robot)
     monkeypatch.setattr(engine, "excerpt", lambda text, **_: text)
     two = drive(tmp_path, graph, paths, robot=robot)
@@ -482,9 +482,9 @@ def test_a_network_of_another_graph_is_refused(tmp_path):
     ("others", "seconds"), [([Listener()], [1.0, 2.0, 3.0]), ([], [])], ids=("every moment is heard", "nothing happens")
 )
 def test_progress_is_told_once_a_second_while_something_happens(tmp_path, others, seconds):
-    told = []
+    output = []
     problem, plan = problem_of(line(3), [[0, 1, 2]], BURGER)
     network = build_network(line(3), tmp_path / "world.net.xml")
-    progress = ProgressReport(lambda t_s, at_goal: told.append((t_s, at_goal)))
+    progress = ProgressReport(lambda t_s, at_goal: output.append((t_s, at_goal)))
     simulate(problem, plan, ExecutionSettings(), network, listeners=[*others, progress])
-    assert told == [(second, 0) for second in seconds]
+    assert output == [(second, 0) for second in seconds]

@@ -69,8 +69,8 @@ def test_person_in_the_aisle_stops_the_robot_at_the_distance_of_its_field_until_
     assert again == pytest.approx(32.1)  # the field is free at 30.0 s, it may go on at 32.0 s, and has moved a step later
     (stop,) = [event for event in run.events if event.kind == "person"]
     assert stop.t_s + stop.duration_s == pytest.approx(32.0)
-    found = audit(run, fleet_of(CART, 1))
-    assert found["passed"] and found["min_person_distance_m"] == pytest.approx(stands, abs=1e-4)
+    outcome = audit(run, fleet_of(CART, 1))
+    assert outcome["passed"] and outcome["min_person_distance_m"] == pytest.approx(stands, abs=1e-4)
     assert run.people.lost_s[0] > 24.0
 
 
@@ -115,8 +115,8 @@ def test_vehicle_on_an_arc_keeps_to_the_field_ahead_of_its_body(tmp_path, script
     problem = vehicles_on(graph, [0], [2], vehicle)
     settings = ExecutionSettings(engine="kinematic", people=people, time_limit_s=60.0)
     run = simulate(problem, plan_of_paths([[0, 1, 2]], problem.step_s), settings, tmp_path)
-    found = audit(run, problem.fleet)
-    assert found["num_field_violations"] == 0 and found["num_person_contacts"] == 0
+    outcome = audit(run, problem.fleet)
+    assert outcome["num_field_violations"] == 0 and outcome["num_person_contacts"] == 0
     assert run.goal_s[0] > 0
 
 
@@ -146,8 +146,8 @@ def test_people_walk_past_a_train_and_not_through_its_trailers(tmp_path):
     problem = vehicles_on(graph, [1], [7], TUGGER)
     settings = ExecutionSettings(engine="kinematic", people=corridor_of(graph, count=6, seed=3), time_limit_s=100.0)
     run = simulate(problem, plan_of_paths([range(1, 8)], problem.step_s), settings, tmp_path)
-    found = audit(run, problem.fleet)
-    assert len(run.people.person) > 1000 and found["num_person_touches"] == 0
+    outcome = audit(run, problem.fleet)
+    assert len(run.people.person) > 1000 and outcome["num_person_touches"] == 0
 
 
 def test_robots_behind_wait_and_the_rest_of_the_fleet_triggers_no_field(tmp_path, script):
@@ -183,15 +183,15 @@ def test_speeds_drawn_for_lanes_are_kept_and_the_same_with_both_engines(tmp_path
 
 def test_people_are_discs_in_the_gui_that_come_and_go(tmp_path, script, monkeypatch):
     script(lambda now_s: (6.5, 1.0) if 1.0 <= now_s < 3.0 - 1e-9 else None)
-    monkeypatch.setattr(session, "_api", lambda gui, found=session._api: found(False))  # everything but the window
+    monkeypatch.setattr(session, "_api", lambda gui, outcome=session._api: outcome(False))  # everything but the window
     monkeypatch.setattr(session, "VIEW", ())
     graph, seen = line(12, 1.0), {}
     problem, plan = problem_of(graph, [range(12)], CART)
 
     class Look(Listener):
-        def hear(self, moment):
-            api = moment.bodies._sumo._api
-            seen[round(moment.now_s, 1)] = [api.polygon.getShape(name) for name in api.polygon.getIDList() if name.startswith("person")]
+        def hear(self, time_s):
+            api = time_s.bodies._sumo._api
+            seen[round(time_s.now_s, 1)] = [api.polygon.getShape(name) for name in api.polygon.getIDList() if name.startswith("person")]
 
     settings = ExecutionSettings(people=corridor_of(graph), time_limit_s=4.0)
     simulate(problem, plan, settings, build_network(graph, tmp_path / "world.net.xml"), gui=True, listeners=[Look()])

@@ -269,11 +269,11 @@ def test_nobody_is_served_where_one_that_was_passed_over_often_has_to_come_out(a
     assert chosen(plan_graph(nav, kind="roadmap", cell_m=CELL_M), [0, 5], {0: 4, 1: 2}, aged=aged) == goes
 
 
-@pytest.mark.parametrize(("stays", "way"), [(1, [0, 5, 4, 3]), (4, [0, 1, 2, 3]), (2, [0, 5, 4, 3])])
-def test_the_way_to_a_place_is_that_round_who_stays(stays, way):
+@pytest.mark.parametrize(("stays", "path"), [(1, [0, 5, 4, 3]), (4, [0, 1, 2, 3]), (2, [0, 5, 4, 3])])
+def test_the_way_to_a_place_is_that_round_who_stays(stays, path):
     """A ring of six: from 0 to 3 there are two ways."""
     where = RobotPlaces(problem_on(row(6, ring=True), [0], [0]))
-    assert where.route(0, 0, Stop(3, 1.0, "", Station("at 3", (3,))), {stays}) == way
+    assert where.route(0, 0, Stop(3, 1.0, "", Station("at 3", (3,))), {stays}) == path
 
 
 @pytest.mark.parametrize(("at", "turn"), [(3, [1, 0]), (7, [0, 1])])

@@ -105,9 +105,9 @@ def test_a_policy_may_change_the_order_while_robots_drive(tmp_path):
     file = tmp_path / "deciding.py"
     file.write_text(DECIDING)
     paths, held = [[3, 2, 1, 0, 7], [6, 6, 6, 5, 4, 0, 10]], Disturbances(breakdowns=(Breakdown(0, 0.5, 30.0),))
-    kept, changed = (drive(tmp_path, cross(), paths, policy, disturbances=held) for policy in ("adg", f"{file}:Overtaking"))
-    assert kept.all_at_goal and changed.all_at_goal
-    assert kept.goal_s[0] < kept.goal_s[1]
+    rest, changed = (drive(tmp_path, cross(), paths, policy, disturbances=held) for policy in ("adg", f"{file}:Overtaking"))
+    assert rest.all_at_goal and changed.all_at_goal
+    assert rest.goal_s[0] < rest.goal_s[1]
     assert changed.goal_s[1] < 20.0 < changed.goal_s[0]
     assert least_distance_m(changed) >= 0.325
 

@@ -119,8 +119,8 @@ def test_departures_of_a_plan_in_seconds_are_kept_by_a_policy_with_a_clock():
     problem, plan = problem_of(line(4), [[0, 1, 2, 3]])
     plan = retime(problem, plan, ExecutionSettings())
     later = replace(plan, depart_s=plan.depart_s + np.array([4.0, 0, 0, 0]), in_steps=None)
-    kept = retime(problem, later, ExecutionSettings(policy="adg_timed"))
-    assert kept.depart_s[0] == pytest.approx(4.0) and kept.arrive_s[1:] == pytest.approx(plan.arrive_s[1:] + 4.0)
+    rest = retime(problem, later, ExecutionSettings(policy="adg_timed"))
+    assert rest.depart_s[0] == pytest.approx(4.0) and rest.arrive_s[1:] == pytest.approx(plan.arrive_s[1:] + 4.0)
     assert retime(problem, later, ExecutionSettings(policy="adg")).depart_s[0] == 0.0  # that policy has no clock
 
 

@@ -104,7 +104,7 @@ def test_where_the_planner_fails_twice_running_robots_are_moved_step_by_step(tmp
 def test_a_request_is_counted_once_though_what_pibt_answers_cannot_be_driven_either(tmp_path, monkeypatch, planner):
     make = registry.planner
     monkeypatch.setattr(registry, "planner", lambda name, parameters: Fails("timed_out") if name == "fails" else make(name, parameters))
-    monkeypatch.setattr(loop.Drive, "_append", lambda *given: False)
+    monkeypatch.setattr(loop.Drive, "_append", lambda *params: False)
     calls = carry(tmp_path, planner=planner, time_limit_s=20.0).calls
     counts = (calls.requests, 0) if planner == "fails" else (0, calls.requests)
     assert (calls.late, calls.failed) == counts and calls.requests > 3
@@ -249,8 +249,8 @@ class EndedAt30(Listener):
     now_s: float = 0.0
     is_patient = True
 
-    def hear(self, moment):
-        self.now_s = moment.now_s
+    def hear(self, time_s):
+        self.now_s = time_s.now_s
 
     def wants_end(self):
         return self.now_s >= 30.0

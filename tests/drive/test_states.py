@@ -152,8 +152,8 @@ def test_orders_are_withdrawn_when_they_are_due(tmp_path, due_s, status):
     tasks = order("long", 2, service_s=60.0), order("waits", 4, due_s=due_s)
     run = work(tmp_path, line(5), [0], *tasks, cancel=Cancel(overdue=True))
     assert run.tasks.status == ("done", status)
-    kept = work(tmp_path / "kept", line(5), [0], *tasks)
-    assert kept.tasks.status == ("done", "done")
+    rest = work(tmp_path / "kept", line(5), [0], *tasks)
+    assert rest.tasks.status == ("done", "done")
 
 
 def test_a_robot_on_its_way_is_freed_when_its_order_is_withdrawn(tmp_path):

@@ -60,18 +60,18 @@ def least_cost(net, schedule):
 
 def test_a_robot_passes_before_one_that_is_late(tmp_path):
     held = Disturbances(breakdowns=(Breakdown(0, 0.5, 30.0),))
-    kept, changed = (drive(tmp_path, cross(), CROSSING, policy, disturbances=held) for policy in ("adg", "adg_switch"))
-    assert kept.all_at_goal and changed.all_at_goal
-    assert kept.goal_s[0] < kept.goal_s[1]
-    assert changed.goal_s[1] < 25.0 < changed.goal_s[0] <= kept.goal_s[0] + 3.0
+    remaining, changed = (drive(tmp_path, cross(), CROSSING, policy, disturbances=held) for policy in ("adg", "adg_switch"))
+    assert remaining.all_at_goal and changed.all_at_goal
+    assert remaining.goal_s[0] < remaining.goal_s[1]
+    assert changed.goal_s[1] < 25.0 < changed.goal_s[0] <= remaining.goal_s[0] + 3.0
     assert least_distance_m(changed) >= 0.325
 
 
 def test_nothing_is_changed_while_nobody_is_late(tmp_path):
     problem, plan = problem_of(square_grid(3), [[0, 1, 2, 5], [6, 3, 4, 4, 1], [8, 7, 6]])
     plan = retime(problem, plan, ExecutionSettings())
-    kept, other = (simulate(problem, plan, ExecutionSettings(policy=p, engine="kinematic"), tmp_path) for p in ("adg", "adg_switch"))
-    assert (kept.x_m == other.x_m).all() and (kept.y_m == other.y_m).all()
+    remaining, other = (simulate(problem, plan, ExecutionSettings(policy=p, engine="kinematic"), tmp_path) for p in ("adg", "adg_switch"))
+    assert (remaining.x_m == other.x_m).all() and (remaining.y_m == other.y_m).all()
     assert other.arrived_s == pytest.approx(plan.arrive_s, abs=0.1)
 
 
@@ -104,8 +104,8 @@ def test_the_best_order_of_a_small_world_is_found(paths, held):
     net, live = net_and_plan(problem, plan, held)
     start, scratch = np.arange(len(net.robot)), scratch_for(net)
     least = least_cost(net, live.order)
-    found = best_order(net, start, 0.0, 1000)
-    assert cost_of(net, start if found is None else found, scratch) == pytest.approx(least)
+    result = best_order(net, start, 0.0, 1000)
+    assert cost_of(net, start if result is None else result, scratch) == pytest.approx(least)
 
 
 def test_opposite_ways_through_a_corridor_switch_together():
@@ -133,10 +133,10 @@ def test_a_decision_looks_no_oftener_than_its_budget(budget, monkeypatch):
         def call(*arguments):
             nonlocal looks, depth
             depth += 1  # without the compiler, kernels call each other by these names too
-            found = kernel(*arguments)
+            result = kernel(*arguments)
             depth -= 1
-            looks += (found[1] if name == "switch" else 1) if not depth else 0
-            return found
+            looks += (result[1] if name == "switch" else 1) if not depth else 0
+            return result
 
         return call
 
@@ -173,9 +173,9 @@ def test_published_situations_get_better_and_stay_free_of_circles(name):
     for file in sorted((STPG / "sit").glob(f"{name}_sit_*.json")):
         net, order, problem, live = situation(file)
         before = cost_of(net, order, scratch_for(net))
-        found = best_order(net, order, 0.0, 2000)
-        assert found is not None and cost_of(net, found, scratch_for(net)) < before
-        check_order(problem, live, permuted(live.order, found))
+        result = best_order(net, order, 0.0, 2000)
+        assert result is not None and cost_of(net, result, scratch_for(net)) < before
+        check_order(problem, live, permuted(live.order, result))
 
 
 def situation(file: Path):
@@ -183,7 +183,7 @@ def situation(file: Path):
     data = json.loads(file.read_text())
     lines = (STPG / "path" / Path(data["path_file"]).name).read_text().splitlines()
     ways = [line.split(":")[1].strip(" >-").split("->") for line in lines if ":" in line]
-    cells = [[tuple(map(int, cell.strip("()").split(","))) for cell in way] for way in ways]
+    cells = [[tuple(map(int, cell.strip("()").split(","))) for cell in route] for route in ways]
     graph = grid_graph(np.ones((32, 32), np.bool_), 1.0, (0.0, 0.0))
     whole = plan_of_paths([[32 * y + x for y, x in path] for path in cells], 1.0)
     left = np.concatenate([np.arange(a + state, b) for a, b, state in zip(whole.first, whole.first[1:], data["states"])])

@@ -128,8 +128,8 @@ def test_a_forklift_backs_out_of_a_station_and_goes_on_forward(tmp_path, engine)
     graph = roads([(0.0, 4.0), (0.0, 0.0), (4.0, 0.0), (-4.0, 0.0)], [(0, 1), (1, 2), (1, 3)])
     problem, plan, run = driven(tmp_path, graph, [[2, 1, 0, 1, 3]], TRICYCLE, engine)
     assert run.arrived_s == pytest.approx(plan.arrive_s, abs=1e-6)
-    found = audit(run, problem.fleet)
-    assert found["passed"], found["violations"]
+    result = audit(run, problem.fleet)
+    assert result["passed"], result["violations"]
     yaw = np.unwrap(run.yaw_rad[:, 0])
     assert yaw[0] == pytest.approx(-pi)
     assert yaw.min() == pytest.approx(-3 * pi / 2, abs=1e-6)  # into the station
@@ -149,8 +149,8 @@ def test_a_truck_backs_into_a_dead_end_with_its_forks_first_and_leaves_forward(t
     forks = replace(TRICYCLE, kinematics=replace(TRICYCLE.kinematics, docking="forks_first"))
     problem, plan, run = driven(tmp_path, graph, [[3, 1, spur, 0, spur, 1, 2]], forks, engine)
     assert run.arrived_s == pytest.approx(plan.arrive_s, abs=1e-6)
-    found = audit(run, problem.fleet)
-    assert found["passed"], found["violations"]
+    result = audit(run, problem.fleet)
+    assert result["passed"], result["violations"]
     there = int(run.y_m[:, 0].argmax())
     assert (run.y_m[there, 0], run.yaw_rad[there, 0]) == (pytest.approx(8.0, abs=0.01), pytest.approx(-pi / 2))
     assert obstacle_to(graph, forks, [3, 1, spur, 0]) == ""
@@ -196,8 +196,8 @@ def test_a_swing_begins_where_the_axle_has_left_the_arc_before_it(tmp_path):
     graph = roads([(0.0, 0.0), corner_xy, end_xy, end_xy - 2 * back], one_way=[(0, 1), (1, 2), (2, 3)], cell_m=2.0)
     problem, plan, run = driven(tmp_path, graph, [[0, 1, 2, 3]], replace(TRICYCLE, length_m=1.1))
     assert run.arrived_s == pytest.approx(plan.arrive_s, abs=1e-6)
-    found = audit(run, problem.fleet)
-    assert found["passed"], found["violations"]
+    result = audit(run, problem.fleet)
+    assert result["passed"], result["violations"]
 
 
 def test_arcs_are_driven_no_faster_than_the_sideways_acceleration_allows(tmp_path):
@@ -227,8 +227,8 @@ def test_who_waits_across_a_corner_is_clear_of_a_truck_that_swings_past_it(tmp_p
     settings = ExecutionSettings(engine="kinematic", time_limit_s=300.0, disturbances=broken)
     plan = plan_of_paths([[2, 2, 1, 0], [4, 5, 5, 5]], problem.step_s)
     run = simulate(problem, plan, settings, tmp_path)
-    found = audit(run, problem.fleet)
-    assert found["passed"], found["violations"]
+    result = audit(run, problem.fleet)
+    assert result["passed"], result["violations"]
     assert np.isfinite(run.goal_s).all() and np.nanmin(run.y_m[:, 0]) < -truck.kinematics.least_radius_m
 
 

@@ -47,9 +47,9 @@ def test_a_way_is_shortest_and_passes_who_is_blocked_only_where_every_way_does(s
             continue
         clear = without(paths, blocked - {end}) if end not in blocked else without(paths, blocked)
         least = clear if nx.has_path(clear, start, end) else paths
-        way = places._way(0, start, end, blocked)
-        assert (way[0], way[-1]) == (start, end) and nx.is_path(least, way)
-        assert len(way) - 1 == nx.shortest_path_length(least, start, end)
+        path = places._way(0, start, end, blocked)
+        assert (path[0], path[-1]) == (start, end) and nx.is_path(least, path)
+        assert len(path) - 1 == nx.shortest_path_length(least, start, end)
 
 
 @SEEDS

@@ -62,11 +62,11 @@ def test_a_way_out_is_asked_for_ever_more_seldom_where_there_is_none(monkeypatch
     """Requests each second for ten minutes: after 60, 120, 240 s; at once after a stop, and when a broken robot is repaired. At first with
     an eighth of the effort, then with twice as much each time.
     """
-    crew, broken, asked = SimpleNamespace(made_s=0.0), np.array([True, False]), list[tuple[float, int]]()
+    crew, broken, requests = SimpleNamespace(made_s=0.0), np.array([True, False]), list[tuple[float, int]]()
 
     def planned(request, begin_s, context, planner, parameters, limits):
         if planner == rolling.COMPLETE:
-            asked.append((request.now_s, limits.effort))
+            requests.append((request.now_s, limits.effort))
             raise PlanError("no way out")
         return "ways"
 
@@ -75,10 +75,10 @@ def test_a_way_out_is_asked_for_ever_more_seldom_where_there_is_none(monkeypatch
     settings = SimpleNamespace(planning=SimpleNamespace(effort=400, budget_s=0.0), tasks=True, planner="prioritised", planner_parameters={})
     ledger = SimpleNamespace(problem=SimpleNamespace(num_robots=2))
     monkeypatch.setattr(rolling, "window_of", lambda *_: 20)
-    around = SimpleNamespace(crew=crew, world=SimpleNamespace(broken=broken), ledger=ledger)
-    asks = rolling.Rolling(settings, around, None, None)
+    surroundings = SimpleNamespace(crew=crew, world=SimpleNamespace(broken=broken), ledger=ledger)
+    asks = rolling.Rolling(settings, surroundings, None, None)
     for now_s in range(1, 601):
         crew.made_s = 500.0 if now_s >= 500 else 0.0
         broken[0] = now_s < 550
         assert asks.plan(SimpleNamespace(now_s=float(now_s)), float(now_s)) == "ways"
-    assert asked == [(1.0, 50), (61.0, 100), (181.0, 200), (421.0, 400), (500.0, 50), (550.0, 50)]
+    assert requests == [(1.0, 50), (61.0, 100), (181.0, 200), (421.0, 400), (500.0, 50), (550.0, 50)]

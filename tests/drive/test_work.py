@@ -218,12 +218,12 @@ def test_a_share_of_the_robots_begins_with_a_charge_though_nobody_has_to(tmp_pat
 
 def test_a_robot_that_charges_for_want_of_work_is_called_off(tmp_path):
     late = listed((2, 40.0, 1.0))
-    kept, called = (
+    rest, called = (
         work(tmp_path, line(5), [0], late, robot=WITH_BATTERY, **charging(4, opportunity=True, least_s=s), start_level=(0.35, 0.35))
         for s in (60.0, 0.0)
     )
     assert called.tasks.name[0] == "charge_0" and called.tasks.assigned_s[1] == pytest.approx(40.5, abs=0.6)
-    assert kept.tasks.assigned_s[1] >= kept.tasks.opened_s[0] + 60  # not before its least time at the charger
+    assert rest.tasks.assigned_s[1] >= rest.tasks.opened_s[0] + 60  # not before its least time at the charger
     made = dict(zip(called.stops.station, called.stops.end_s.tolist()))
     assert made["charger"] == called.tasks.done_s[0] < 41  # the log says when it left, not when it would have
 

@@ -37,13 +37,13 @@ def copied(folder, out):
 def change(path, column, row, by):
     """One cell of a table changed: a number by another, a text by another."""
     table = pq.read_table(path)
-    kept = table.schema.metadata
+    rest = table.schema.metadata
     cells = table[column].to_pylist()
     cells[row] = by(cells[row])
     kind = table[column].type
     new = pa.array(cells, kind.value_type if pa.types.is_dictionary(kind) else kind)
     table = table.set_column(table.column_names.index(column), column, new.dictionary_encode() if pa.types.is_dictionary(kind) else new)
-    pq.write_table(table.replace_schema_metadata(kept), path)
+    pq.write_table(table.replace_schema_metadata(rest), path)
 
 
 def test_the_folder_is_judged_as_the_run_was(folder, capsys):
@@ -81,9 +81,9 @@ def test_a_cell_that_was_changed_by_hand(folder, tmp_path, capsys, table, column
     other = copied(folder, tmp_path / "run")
     change(other / table, column, first(folder, table, column, wanted), by)
     assert main(["analyze", str(other), "--audit", "--json"]) == 1
-    found = json.loads(capsys.readouterr().out)
-    assert not found["passed"] and rule in {finding["rule"] for finding in found["findings"]}
-    assert all(set(finding) == {"rule", "t_s", "text", "robot", "place", "order"} for finding in found["findings"])
+    outcome = json.loads(capsys.readouterr().out)
+    assert not outcome["passed"] and rule in {finding["rule"] for finding in outcome["findings"]}
+    assert all(set(finding) == {"rule", "t_s", "text", "robot", "place", "order"} for finding in outcome["findings"])
 
 
 def test_bad_input_is_one_line(folder, tmp_path, capsys):

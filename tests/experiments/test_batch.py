@@ -130,8 +130,8 @@ def test_results_have_a_row_a_run_with_parameters_and_failures(tmp_path):
 
 
 def test_unfinished_batch_can_be_read(tmp_path):
-    asked = iter([GO_ON] * 6 + [FINISH] * 1000)
-    batch = make(suite(tmp_path, "grid_search: {seed: 0..9}\n"), tmp_path / "out", stop=lambda: next(asked))
+    request = iter([GO_ON] * 6 + [FINISH] * 1000)
+    batch = make(suite(tmp_path, "grid_search: {seed: 0..9}\n"), tmp_path / "out", stop=lambda: next(request))
     assert 0 < len(batch.status) < 10
     assert len(load_results(tmp_path / "out")) == len(batch.status)
     assert not (tmp_path / "out" / "results.parquet").exists()
@@ -333,11 +333,11 @@ def test_full_disk_ends_the_batch_in_one_line_and_keeps_results(tmp_path, monkey
     with pytest.raises(BatchError, match=r"the disk is full; \d of 10 results are kept, start again to go on"):
         make(file, tmp_path / "out")
     monkeypatch.setattr(os, "fsync", real)
-    kept = told_by(tmp_path / "out")
-    assert 0 < len(kept) < 10
+    remaining = told_by(tmp_path / "out")
+    assert 0 < len(remaining) < 10
     assert not list((tmp_path / "out").rglob(".*"))
     make(file, tmp_path / "out")
-    assert kept.items() <= told_by(tmp_path / "out").items()
+    assert remaining.items() <= told_by(tmp_path / "out").items()
 
 
 def test_run_without_room_for_its_files_is_no_result_and_ends_the_batch(tmp_path):

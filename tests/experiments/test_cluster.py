@@ -20,8 +20,8 @@ pytestmark = [pytest.mark.slow, pytest.mark.skipif(find_spec("distributed") is N
 @pytest.fixture
 def cluster(tmp_path, workers_find_fake_runs):  # noqa: F811
     """Address of a scheduler with a worker of two threads, and the processes of both."""
-    told = tmp_path / "scheduler.json"
-    options = ["--scheduler-file", str(told), "--no-dashboard"]
+    output = tmp_path / "scheduler.json"
+    options = ["--scheduler-file", str(output), "--no-dashboard"]
     quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
     dask = [sys.executable, "-m", "dask"]
     scheduler = subprocess.Popen([*dask, "scheduler", "--host", "127.0.0.1", "--port", "0", *options], **quiet)
@@ -43,9 +43,9 @@ def cluster(tmp_path, workers_find_fake_runs):  # noqa: F811
     )
     try:
         deadline = time.monotonic() + 120
-        while not told.exists() and time.monotonic() < deadline:
+        while not output.exists() and time.monotonic() < deadline:
             time.sleep(0.05)
-        yield json.loads(told.read_text())["address"], scheduler, worker
+        yield json.loads(output.read_text())["address"], scheduler, worker
     finally:
         for process in (worker, scheduler):
             process.kill()

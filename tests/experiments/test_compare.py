@@ -14,10 +14,10 @@ def table(success, soc_steps=None, first=0):
 
 
 def test_equal_tables_are_not_worse():
-    found = compare(table([True] * 10), table([True] * 10))
-    assert not found.worse
-    assert found.num_pairs == 10
-    assert [d.metric for d in found.differences] == ["success", "soc_steps"]
+    result = compare(table([True] * 10), table([True] * 10))
+    assert not result.worse
+    assert result.num_pairs == 10
+    assert [d.metric for d in result.differences] == ["success", "soc_steps"]
 
 
 def test_lost_successes_beyond_chance_are_worse_and_gained_ones_are_not():
@@ -41,8 +41,8 @@ def test_higher_cost_is_worse_beyond_the_tolerance():
 
 
 def test_only_runs_in_both_are_compared():
-    found = compare(table([True] * 10), table([True] * 10, first=4))
-    assert (found.num_pairs, found.num_only_first, found.num_only_second) == (6, 4, 4)
+    result = compare(table([True] * 10), table([True] * 10, first=4))
+    assert (result.num_pairs, result.num_only_first, result.num_only_second) == (6, 4, 4)
 
 
 def test_tables_without_a_common_run_are_refused():
@@ -56,11 +56,11 @@ def test_words_where_truth_values_are_expected_are_refused():
 
 
 @pytest.mark.parametrize(
-    ("metric", "told"),
+    ("metric", "output"),
     [("soc_step", r"no metric 'soc_step' \(did you mean 'soc_steps'\?\)"), ("reason", "metric 'reason' is neither a number nor yes or no")],
 )
-def test_metric_that_cannot_be_compared_is_refused(metric, told):
-    with pytest.raises(BatchError, match=told):
+def test_metric_that_cannot_be_compared_is_refused(metric, output):
+    with pytest.raises(BatchError, match=output):
         compare(table([True]), table([True]), [metric])
 
 
@@ -78,6 +78,6 @@ def test_metric_that_cannot_be_compared_is_refused(metric, told):
 )
 def test_what_is_worse_is_said_by_the_table_of_metrics(metric, before, after, worse):
     a, b = (table([True] * 20).assign(**{metric: value}) for value in (before, after))
-    found = compare(a, b, [metric])
-    assert found.worse is worse
-    assert found.differences[0].num_worse == 20 * worse
+    result = compare(a, b, [metric])
+    assert result.worse is worse
+    assert result.differences[0].num_worse == 20 * worse

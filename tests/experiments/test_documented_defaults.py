@@ -29,8 +29,8 @@ def test_disturbance_without_duration_lasts_for_good(tmp_path, kind):
     execution = {"time_limit_s": 20, "disturbances": {kind: [FOR_GOOD[kind]]}}
     assert main(["run", str(written(tmp_path, execution=execution)), "--out", str(tmp_path / "run"), "--replay"]) in (0, 1)
     lines = [json.loads(line) for line in (tmp_path / "run" / "events.jsonl").read_text().splitlines()]
-    found = [line for line in lines if line["kind"] == NAMED[kind]]
-    assert found and all(line["for_good"] is True and "duration_s" not in line for line in found)
+    outcome = [line for line in lines if line["kind"] == NAMED[kind]]
+    assert outcome and all(line["for_good"] is True and "duration_s" not in line for line in outcome)
     events = load_run(tmp_path / "run").events
     assert np.isinf(events[events.kind == NAMED[kind]].duration_s).all()
 
@@ -64,10 +64,10 @@ def test_stated_time_limit_is_kept(tmp_path):
 
 
 def test_blocking_window_of_the_scenario_decides_who_is_blocked(tmp_path):
-    disturbances, found = {"breakdowns": [{"robot": 1, "begin_s": 5}]}, {}
+    disturbances, outcome = {"breakdowns": [{"robot": 1, "begin_s": 5}]}, {}
     for window_s in (5, 40):
         execution = {"time_limit_s": 60, "blocking_window_s": window_s, "disturbances": disturbances}
         path = written(tmp_path, f"window_{window_s}", robots={"count": 4}, seed=3, execution=execution)
         main(["run", str(path), "--out", str(tmp_path / path.stem)])
-        found[window_s] = load_run(tmp_path / path.stem).metrics["blocked_s"]
-    assert found[5] > found[40]
+        outcome[window_s] = load_run(tmp_path / path.stem).metrics["blocked_s"]
+    assert outcome[5] > outcome[40]

@@ -80,9 +80,9 @@ def test_limits_hold_the_truth_and_chance_is_not_named():
     of, rng = [quantity(f"q{k}") for k in range(7)], np.random.default_rng(1)
     settings, held, named = design(7), 0, 0
     for _ in range(200):
-        found = effects(of, settings, np.repeat((0, 1), 8), settings[:, 2] * 2.0 + rng.normal(0, 1.0, 16) + np.repeat((5, 9), 8))
-        held += sum(effect.change.low <= (4.0 if effect.quantity is of[2] else 0.0) <= effect.change.high for effect in found)
-        named += found[0].quantity is of[2]
+        result = effects(of, settings, np.repeat((0, 1), 8), settings[:, 2] * 2.0 + rng.normal(0, 1.0, 16) + np.repeat((5, 9), 8))
+        held += sum(effect.change.low <= (4.0 if effect.quantity is of[2] else 0.0) <= effect.change.high for effect in result)
+        named += result[0].quantity is of[2]
     assert 0.93 <= held / 1400 <= 0.97 and named > 190
     nothing = effects(of, settings, np.zeros(16), np.full(16, 3.0))
     assert most(nothing) == "none of these quantities stands out from chance"
@@ -121,7 +121,7 @@ def test_the_fourth_station_and_those_after_it_move_together():
 
 
 @pytest.mark.parametrize(
-    ("given", "says"),
+    ("params", "says"),
     [
         ({"robots.type.max_speed": (1, 2)}, r"--interval robots.type.max_speed: unknown key \(did you mean 'robots.type.max_speed_mps'"),
         ({"robots.type.length_m": (1, 2)}, "--interval robots.type.length_m: expected one of robots.type.max_speed_mps"),
@@ -131,14 +131,14 @@ def test_the_fourth_station_and_those_after_it_move_together():
         ({f"tasks.service_factor.s{k}": (0.5, 2) for k in range(16)}, "19 quantities would move, expected at most 15"),
     ],
 )
-def test_what_is_no_quantity_is_refused_in_a_line(given, says):
+def test_what_is_no_quantity_is_refused_in_a_line(params, says):
     with pytest.raises(MrpSumoError, match=says) as raised:
-        design(len(quantities(scenario(), given, ())))
+        design(len(quantities(scenario(), params, ())))
     assert "\n" not in str(raised.value)
 
 
-def effect(name, change, low=None, high=None, given=False):
-    quantity = Quantity(name, ((("robots", "factor", name), 0.91234567, 1.1),), given)
+def effect(name, change, low=None, high=None, params=False):
+    quantity = Quantity(name, ((("robots", "factor", name), 0.91234567, 1.1),), params)
     return Effect(quantity, Interval(change, change - 1 if low is None else low, change + 1 if high is None else high, 8))
 
 
@@ -192,15 +192,15 @@ def test_where_chance_alone_may_have_made_an_effect_faster_is_better(half, at_be
 
 
 @pytest.mark.parametrize(
-    ("given", "says"),
+    ("params", "says"),
     [
         ((False, False), "10 % up and down of what is assumed"),
         ((True, True), "these intervals"),
         ((True, False), "these intervals (10 % up and down where none is known)"),
     ],
 )
-def test_whose_intervals_they_are_is_said(given, says):
-    assert spans([Quantity("a", (), each) for each in given]) == says
+def test_whose_intervals_they_are_is_said(params, says):
+    assert spans([Quantity("a", (), each) for each in params]) == says
 
 
 def test_keys_are_moved_as_they_are_and_figures_of_types_by_the_factor_of_the_fleet():

@@ -28,8 +28,8 @@ class Timed(Listener):
     orders: dict
     answers: list = field(default_factory=list)
 
-    def hear(self, moment):
-        for at_s in [at_s for at_s in self.orders if at_s <= moment.now_s]:
+    def hear(self, time_s):
+        for at_s in [at_s for at_s in self.orders if at_s <= time_s.now_s]:
             self.answers += [self.live.broadcast.control(order) for order in self.orders.pop(at_s)]
 
 

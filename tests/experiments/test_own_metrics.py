@@ -71,9 +71,9 @@ def metrics_of(folder):
 
 
 def test_metric_of_a_file_stands_among_the_others(world):
-    found = metrics_of(world / "run")
-    assert found["driven"] > 10 and 0.2 < found["top_speed_mps"] <= 0.2201
-    assert set(found) == {m.name for m in METRICS} | {"driven", "top_speed_mps"}
+    outcome = metrics_of(world / "run")
+    assert outcome["driven"] > 10 and 0.2 < outcome["top_speed_mps"] <= 0.2201
+    assert set(outcome) == {m.name for m in METRICS} | {"driven", "top_speed_mps"}
 
 
 def test_every_metric_can_be_computed_later_from_the_folder(world):
@@ -83,12 +83,12 @@ def test_every_metric_can_be_computed_later_from_the_folder(world):
 
 def test_analyze_computes_a_metric_of_a_run(world, capsys):
     assert main(["analyze", str(world / "run"), "--metric", f"{world}/mine.py:driven", "--metric", "soc_steps", "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told == {name: metrics_of(world / "run")[name] for name in ("driven", "soc_steps")}
+    output = json.loads(capsys.readouterr().out)
+    assert output == {name: metrics_of(world / "run")[name] for name in ("driven", "soc_steps")}
 
 
 @pytest.mark.parametrize(
-    ("name", "told"),
+    ("name", "output"),
     [
         ("broken", "mine.py:22: in broken: AttributeError: 'Evidence' object has no attribute 'nonsense'"),
         ("text", "text is 'far', expected a finite number, true or false, a list, or None"),
@@ -96,22 +96,22 @@ def test_analyze_computes_a_metric_of_a_run(world, capsys):
         ("endless", "mine.py:34: in endless: has not ended after 2 s"),
     ],
 )
-def test_metric_that_fails_is_one_line_and_exit_code_1_and_costs_no_result(world, capsys, monkeypatch, name, told):
+def test_metric_that_fails_is_one_line_and_exit_code_1_and_costs_no_result(world, capsys, monkeypatch, name, output):
     if name == "endless":  # the others have all the time they need on a busy machine
         monkeypatch.setattr(limit, "LIMIT_S", 2.0)
     out = world / name
     assert main(["run", str(world / "mine.yaml"), "--metric", f"{world}/mine.py:{name}", "--out", str(out)]) == 1
     (line,) = capsys.readouterr().err.splitlines()
-    assert line.startswith("mrp-sumo: metric failed: ") and told in line
+    assert line.startswith("mrp-sumo: metric failed: ") and output in line
     result = json.loads((out / "result.json").read_text())
-    assert told in result["note"] and result["metrics"][name] is None and result["status"] == "completed"
+    assert output in result["note"] and result["metrics"][name] is None and result["status"] == "completed"
     assert load_run(out).execution.x_m.size
     assert main(["analyze", str(out), "--metric", f"{world}/mine.py:{name}"]) == 1
-    assert told in capsys.readouterr().err
+    assert output in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
-    ("name", "told"),
+    ("name", "output"),
     [
         ("mine.py:drivn", "did you mean 'driven'?"),
         ("mine.py:soc_steps", "'soc_steps' is the name of a bundled metric"),
@@ -120,12 +120,12 @@ def test_metric_that_fails_is_one_line_and_exit_code_1_and_costs_no_result(world
         ("soc_stps", "unknown metric 'soc_stps' (did you mean 'soc_steps'?)"),
     ],
 )
-def test_metric_that_is_none_is_refused_before_anything_runs(world, capsys, monkeypatch, name, told):
+def test_metric_that_is_none_is_refused_before_anything_runs(world, capsys, monkeypatch, name, output):
     monkeypatch.chdir(world)
     broken = "LIST" in name  # a plug-in that breaks its contract; its line begins with its own file
     assert main(["run", "mine.yaml", "--metric", name, "--out", "refused"]) == (1 if broken else 2)
     line = capsys.readouterr().err
-    assert told in line and ("mrp-sumo: mine.py" if broken else "--metric") in line and "Traceback" not in line
+    assert output in line and ("mrp-sumo: mine.py" if broken else "--metric") in line and "Traceback" not in line
     assert not (world / "refused").exists()
 
 

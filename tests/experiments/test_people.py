@@ -19,17 +19,17 @@ def people(tmp_path, said, **more):
 
 
 def test_a_number_is_enough(tmp_path):
-    found = people(tmp_path, 20)
-    assert found.count == 20 and found.fields == ProtectiveFields() and len(found.place) > 5
-    assert found.floor.free[found.place].all() and (found.floor.away_m[found.place] >= 0.25).all()
+    result = people(tmp_path, 20)
+    assert result.count == 20 and result.fields == ProtectiveFields() and len(result.place) > 5
+    assert result.floor.free[result.place].all() and (result.floor.away_m[result.place] >= 0.25).all()
 
 
 def test_flows_go_between_named_places_at_the_rates_of_the_hour(tmp_path):
     flows = [{"origin": "lobby", "destination": ["pantry", "office_1"], "rate_per_h": 60, "profile": [0, 1]}]
-    found = people(tmp_path, {"flows": flows, "clock_h": 11, "groups": [{"name": "staff", "speed_mps": 1.5}]})
-    (flow,) = found.flows
-    assert len(flow.origins) == 1 and len(flow.destinations) == 2 and found.groups[0].speed_mps == 1.5
-    assert found.clock_s == 11 * 3600 and flow.arrivals.profile == (0, 1)
+    result = people(tmp_path, {"flows": flows, "clock_h": 11, "groups": [{"name": "staff", "speed_mps": 1.5}]})
+    (flow,) = result.flows
+    assert len(flow.origins) == 1 and len(flow.destinations) == 2 and result.groups[0].speed_mps == 1.5
+    assert result.clock_s == 11 * 3600 and flow.arrivals.profile == (0, 1)
 
 
 def test_lane_speeds_need_no_free_space(tmp_path):

@@ -46,9 +46,9 @@ def suite(tmp_path, monkeypatch):
 def run(capsys):
     """Exit code of a batch, the reasons in its table, and how many runs were done before."""
     code = main(["batch", "suite.yaml", "--out", "out", "--workers", "1"])
-    told = capsys.readouterr()
-    done = next((line for line in told.err.splitlines() if "going on" in line), "0 of 4")
-    return code, done, told
+    output = capsys.readouterr()
+    done = next((line for line in output.err.splitlines() if "going on" in line), "0 of 4")
+    return code, done, output
 
 
 def reasons(folder):
@@ -96,7 +96,7 @@ def test_planner_edited_while_the_batch_runs_gives_no_result(suite, capsys):
 
 def test_plug_in_that_is_not_there_is_bad_input(suite, capsys):
     (suite / "suite.yaml").write_text(SUITE.replace("mine.py:Mine", "mine.py:Mien"))
-    code, _, told = run(capsys)
+    code, _, output = run(capsys)
     assert code == 2
-    assert "suite.yaml:3: grid_search.planner: planner './mine.py:Mien': mine.py has no 'Mien' (did you mean 'Mine'?)" in told.err
-    assert told.err.count("\n") == 1
+    assert "suite.yaml:3: grid_search.planner: planner './mine.py:Mien': mine.py has no 'Mien' (did you mean 'Mine'?)" in output.err
+    assert output.err.count("\n") == 1

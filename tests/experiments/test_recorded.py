@@ -61,8 +61,8 @@ def test_overlap_in_a_stream_is_found(folder):
     path = folder / "close.jsonl"
     path.write_text("\n".join(shifted))
     assert main(["import", str(path), "--out", str(folder / "close")]) == 1
-    found = load_run(folder / "close")
-    assert found.result["status"] == "audit_failed" and found.audit["num_overlaps"] >= 1
+    outcome = load_run(folder / "close")
+    assert outcome.result["status"] == "audit_failed" and outcome.audit["num_overlaps"] >= 1
 
 
 def damaged(folder, change):

@@ -11,19 +11,19 @@ from mrp_sumo.experiments.statistics import paired_t, t_mean
 
 
 def test_limits_are_students():
-    found = t_mean([4.0, 5.0, 6.0, 9.0, math.nan])
-    assert (found.value, found.count) == (6.0, 4)
-    assert (found.low, found.high) == pytest.approx(stats.t.interval(0.95, 3, 6.0, stats.sem([4, 5, 6, 9])))
+    result = t_mean([4.0, 5.0, 6.0, 9.0, math.nan])
+    assert (result.value, result.count) == (6.0, 4)
+    assert (result.low, result.high) == pytest.approx(stats.t.interval(0.95, 3, 6.0, stats.sem([4, 5, 6, 9])))
     assert (t_mean([3.0]).low, t_mean([3.0]).high) == (-math.inf, math.inf)
 
 
 def test_paired_test_is_that_of_the_differences():
     a, b = np.array([10.0, 12.0, 9.0, 14.0, 11.0]), np.array([11.0, 13.5, 9.5, 15.0, 12.5])
-    found, known = paired_t(a, b), stats.ttest_rel(b, a)
-    assert found.p_value == pytest.approx(known.pvalue)
-    assert (found.difference.low, found.difference.high) == pytest.approx(tuple(known.confidence_interval()))
-    assert found.variance_reduction == pytest.approx(1 - np.var(b - a, ddof=1) / (np.var(a, ddof=1) + np.var(b, ddof=1)))
-    assert found.variance_reduction > 0.9
+    result, known = paired_t(a, b), stats.ttest_rel(b, a)
+    assert result.p_value == pytest.approx(known.pvalue)
+    assert (result.difference.low, result.difference.high) == pytest.approx(tuple(known.confidence_interval()))
+    assert result.variance_reduction == pytest.approx(1 - np.var(b - a, ddof=1) / (np.var(a, ddof=1) + np.var(b, ddof=1)))
+    assert result.variance_reduction > 0.9
 
 
 @pytest.mark.parametrize(

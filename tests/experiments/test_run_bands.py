@@ -17,7 +17,7 @@ HORIZON_S = 6000.0
 
 
 @pytest.fixture
-def told(tmp_path):
+def output(tmp_path):
     """Effects on the lead time and throughput of two robots on a ring, whose stop takes so long."""
 
     def of(service_s):
@@ -31,8 +31,8 @@ def told(tmp_path):
 
 
 @pytest.mark.slow
-def test_a_station_that_binds_is_what_matters_most(told):
-    figures, effects, sentence = told(100.0)
+def test_a_station_that_binds_is_what_matters_most(output):
+    figures, effects, sentence = output(100.0)
     assert "what matters most is the time at stop" in sentence
     assert effects["the time at stop"] == pytest.approx(3600 / (110 + MOVE_UP_S) - 3600 / (90 + MOVE_UP_S), rel=0.15)
     assert abs(effects["the top speed"]) < 0.2 * abs(effects["the time at stop"])
@@ -40,8 +40,8 @@ def test_a_station_that_binds_is_what_matters_most(told):
 
 
 @pytest.mark.slow
-def test_the_way_that_binds_is_what_matters_most(told):
-    _, effects, sentence = told(5.0)
+def test_the_way_that_binds_is_what_matters_most(output):
+    _, effects, sentence = output(5.0)
     assert "what matters most is the top speed" in sentence
     lap_s = {factor: LAP_S + 16.0 / 0.22 * (1 / factor - 1) + 5.0 for factor in (0.9, 1.1)}
     assert effects["the top speed"] == pytest.approx(2 * 3600 * (1 / lap_s[1.1] - 1 / lap_s[0.9]), rel=0.2)

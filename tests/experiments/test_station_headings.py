@@ -74,8 +74,8 @@ def graph_of(table, **options):
 @pytest.mark.parametrize("heading_rad", [0.0, np.pi])
 @pytest.mark.parametrize("named", [True, False])
 def test_a_vehicle_is_served_in_the_heading_that_the_map_has(tmp_path, heading_rad, named):
-    asked = tasks(None) if named else {"list": [{"stops": ["A", "B"], "service_s": 5.0}] * 2}
-    result = driven(scenario(graph_of(square(tmp_path), B={"theta_rad": heading_rad}), asked, starts=["A"], shape=TRUCK))
+    request = tasks(None) if named else {"list": [{"stops": ["A", "B"], "service_s": 5.0}] * 2}
+    result = driven(scenario(graph_of(square(tmp_path), B={"theta_rad": heading_rad}), request, starts=["A"], shape=TRUCK))
     stops, run = logs_of(result).stops, result.execution
     assert result.status == "completed"
     begin_s = stops.begin_s[np.array(stops.station) == ("top" if named else "B")]

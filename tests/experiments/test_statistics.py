@@ -40,10 +40,10 @@ def test_rate_of_no_runs_is_unknown():
 def test_mcnemar_is_a_sign_test_of_the_runs_that_differ():
     first = np.array([True] * 30 + [False] * 8 + [True] * 1 + [False] * 5)
     second = np.array([True] * 30 + [True] * 8 + [False] * 1 + [False] * 5)
-    found = mcnemar(first, second)
-    assert (found.only_first, found.only_second, found.count) == (1, 8, 44)
-    assert found.p_value == pytest.approx(2 * (1 + 9) / 2**9)
-    assert found.difference.value == pytest.approx(7 / 44)
+    result = mcnemar(first, second)
+    assert (result.only_first, result.only_second, result.count) == (1, 8, 44)
+    assert result.p_value == pytest.approx(2 * (1 + 9) / 2**9)
+    assert result.difference.value == pytest.approx(7 / 44)
 
 
 def test_paired_difference_has_newcombes_interval():
@@ -71,23 +71,23 @@ def test_paired_difference_has_the_interval_that_scipys_figures_give(counts):
 
 
 def test_outcomes_that_never_differ_are_no_evidence():
-    found = mcnemar([True, False, True], [True, False, True])
-    assert (found.p_value, found.difference.value) == (1.0, 0.0)
+    result = mcnemar([True, False, True], [True, False, True])
+    assert (result.p_value, result.difference.value) == (1.0, 0.0)
     nothing = mcnemar([], [])
     assert (nothing.p_value, nothing.count) == (1.0, 0) and math.isnan(nothing.difference.value)
 
 
 def test_wilcoxon_of_five_runs_that_all_got_larger_is_exact():
-    found = wilcoxon([1, 2, 3, 4, 5], [2, 4, 6, 8, 10])
-    assert found.p_value == pytest.approx(2 / 2**5)
-    assert found.rank_biserial == 1
-    assert found.shift == 3
-    assert (found.first, found.second) == (3, 6)
+    result = wilcoxon([1, 2, 3, 4, 5], [2, 4, 6, 8, 10])
+    assert result.p_value == pytest.approx(2 / 2**5)
+    assert result.rank_biserial == 1
+    assert result.shift == 3
+    assert (result.first, result.second) == (3, 6)
 
 
 def test_wilcoxon_leaves_out_runs_without_both_values():
-    found = wilcoxon([1, np.nan, 3], [1, 2, np.nan])
-    assert (found.count, found.p_value, found.rank_biserial) == (1, 1.0, 0.0)
+    result = wilcoxon([1, np.nan, 3], [1, 2, np.nan])
+    assert (result.count, result.p_value, result.rank_biserial) == (1, 1.0, 0.0)
     assert wilcoxon([np.nan], [1]).count == 0
 
 

@@ -73,8 +73,8 @@ def test_naming_a_planner_keeps_its_limit_and_drops_the_parameters_of_another(tm
         "base: {map: office, robots: {count: 2}, planner: {name: pibt, time_limit_s: 9, parameters: {max_steps: 50}}}\n"
         "grid_search:\n  planner: [pibt, astar, {name: pibt, parameters: {max_steps: 70}}]\n",
     )
-    found = columns(runs_of(file, "1"))
-    assert [(c["planner"], c["planner.time_limit_s"], c.get("planner.parameters.max_steps")) for c in found] == [
+    result = columns(runs_of(file, "1"))
+    assert [(c["planner"], c["planner.time_limit_s"], c.get("planner.parameters.max_steps")) for c in result] == [
         ("pibt", 9.0, None),
         ("astar", 9.0, None),
         ("pibt", 9.0, 70),
@@ -87,9 +87,9 @@ def test_another_map_keeps_nothing_of_the_one_before(tmp_path):
         "base: {map: {file: office, graph: 0}, robots: {count: 2}}\n"
         "grid_search:\n  map: [office, {file: airport, graph: all}, {file: warehouse}]\n  discretisation: [roadmap, {cell_m: 0.5}]\n",
     )
-    found = columns(runs_of(file, "1"))
-    assert [(c["map"], c["map.graph"]) for c in found[::2]] == [("office", None), ("airport", "all"), ("warehouse", None)]
-    assert [(c["discretisation"], c["discretisation.cell_m"]) for c in found[:2]] == [("roadmap", 0.4), ("auto", 0.5)]
+    result = columns(runs_of(file, "1"))
+    assert [(c["map"], c["map.graph"]) for c in result[::2]] == [("office", None), ("airport", "all"), ("warehouse", None)]
+    assert [(c["discretisation"], c["discretisation.cell_m"]) for c in result[:2]] == [("roadmap", 0.4), ("auto", 0.5)]
 
 
 def test_order_of_parameters_is_no_reason_to_run_again(tmp_path):
@@ -153,7 +153,7 @@ def test_path_in_a_base_file_is_relative_to_that_file(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "output"),
     [
         ("base: office_5\ngrid_serch: {seed: 0..1}\n", "study.yaml:2: grid_serch: unknown key (did you mean 'grid_search'?)"),
         ("base: office_5\n", "study.yaml: grid_search: nothing to vary; give lists by key, or repeat"),
@@ -203,10 +203,10 @@ def test_path_in_a_base_file_is_relative_to_that_file(tmp_path):
         ("base: office_5\ngrid_search: {seed: 0..999, robots.count: 1..9999}\n", "study.yaml: 9999000 runs, expected at most 1000000"),
     ],
 )
-def test_fault_of_a_suite_is_one_line_with_its_place(tmp_path, text, told):
+def test_fault_of_a_suite_is_one_line_with_its_place(tmp_path, text, output):
     with pytest.raises(ScenarioError) as error:
         runs_of(suite(tmp_path, text), "1")
-    assert str(error.value).startswith(told)
+    assert str(error.value).startswith(output)
     assert len(str(error.value).splitlines()) == 1
 
 

@@ -18,12 +18,12 @@ def test_a_crash_of_sumo_in_the_middle_of_a_run_is_its_result(tmp_path, monkeypa
     path = tmp_path / "study.yaml"
     path.write_text("base: office_5\ngrid_search: {seed: 0..2, planner: [prioritised], execution.time_limit_s: [30]}\n")
     batch = run_batch(read_suite(path), tmp_path / "out", Silent(), Making(1, retries=0), function="crashing_runs:measure")
-    told = {record["scenario"]["seed"]: record for record in records_in(batch.folder, pytest.fail)}
-    assert sorted(told) == [0, 1, 2]
-    assert (told[1]["status"], told[1]["success"]) == ("crashed", False)
-    assert told[1]["reason"].startswith("worker killed by SIGSEGV")
+    output = {record["scenario"]["seed"]: record for record in records_in(batch.folder, pytest.fail)}
+    assert sorted(output) == [0, 1, 2]
+    assert (output[1]["status"], output[1]["success"]) == ("crashed", False)
+    assert output[1]["reason"].startswith("worker killed by SIGSEGV")
     for seed in (0, 2):
-        assert told[seed]["status"] in ("completed", "time_limit") and told[seed]["metrics"]["sim_time_s"] > 5
+        assert output[seed]["status"] in ("completed", "time_limit") and output[seed]["metrics"]["sim_time_s"] > 5
 
 
 def test_reason_of_a_run_that_ended_early_is_how_many_came_to_their_goals(tmp_path):

@@ -37,10 +37,10 @@ def test_solution_comes_back_as_it_was_written(tmp_path):
     solution = solution_of(problem, 12)
     path = tmp_path / "solution.json"
     path.write_text(print_solution(problem, solution, [0.0] * 12))
-    found = read_solution(path, problem)
+    result = read_solution(path, problem)
     for key in ("start", "heading", "action", "schedule", "event", "released"):
-        np.testing.assert_array_equal(getattr(found, key), getattr(solution, key))
-    assert (found.errands, found.num_done) == (solution.errands, solution.num_done)
+        np.testing.assert_array_equal(getattr(result, key), getattr(solution, key))
+    assert (result.errands, result.num_done) == (solution.errands, solution.num_done)
 
 
 @pytest.mark.parametrize(

@@ -64,11 +64,11 @@ class World:
 
     def drive(self, nodes=99):
         """Let the body drive to so many of the nodes that are free to it. Returns those that it came to."""
-        way = self.vehicle.new_way()
-        if way and not self.vehicle.holds:
-            self.vehicle.sent(way)
+        route = self.vehicle.new_way()
+        if route and not self.vehicle.holds:
+            self.vehicle.sent(route)
         reached = []
-        for one, _ in way[:nodes]:
+        for one, _ in route[:nodes]:
             x, y, _ = PLACES[one.name]
             self.vehicle.body = Body(x, y, 0.0, "hall")
             self.vehicle.reach(one.sequence, self.now_s)
@@ -197,9 +197,9 @@ def name_of(world, reason):
 def broken(order, path, value):
     """An order with another value in one place; `...`: with none."""
     changed = copy.deepcopy(order)
-    *way, last = path
+    *route, last = path
     at = changed
-    for key in way:
+    for key in route:
         at = at[key]
     if value is ...:
         del at[last]
@@ -258,8 +258,8 @@ def test_order_is_refused_by_the_name_that_the_standard_has_for_it(world, case):
         said["errors"][0]["errorDescription"]
         and {"referenceKey": "topic", "referenceValue": "order"} in said["errors"][0]["errorReferences"]
     )
-    kept = ("orderId", "orderUpdateId", "nodeStates", "edgeStates", "lastNodeId")
-    assert [said[key] for key in kept] == [before[key] for key in kept], "the order before goes on"
+    rest = ("orderId", "orderUpdateId", "nodeStates", "edgeStates", "lastNodeId")
+    assert [said[key] for key in rest] == [before[key] for key in rest], "the order before goes on"
     assert world.drive() == "" and world.send(world.order("cd", update=2, begin=4))["errors"] == [], "until one is accepted"
 
 

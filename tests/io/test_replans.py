@@ -21,9 +21,9 @@ def test_replans_come_back(tmp_path):
         Reply(9.5, "replan", "lacam planned anew", *map(np.array, ([0, 2], [0, 0, 1], [1, 0], [1], [10.0], [inf], [nan]))),
     )
     write_replans(tmp_path / "replans.parquet", replies, graph, NAMES)
-    found = read_replans(tmp_path / "replans.parquet", graph, NAMES)
-    assert len(found) == 2
-    for one, other in zip(replies, found):
+    result = read_replans(tmp_path / "replans.parquet", graph, NAMES)
+    assert len(result) == 2
+    for one, other in zip(replies, result):
         for name, value in vars(one).items():
             np.testing.assert_array_equal(getattr(other, name), value, err_msg=name)
 

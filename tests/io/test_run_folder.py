@@ -65,8 +65,8 @@ def test_bag_is_as_the_scenario_says(tmp_path):
 def test_the_bag_tells_what_robots_believe_and_the_trajectory_what_is_true(tmp_path):
     execution = record_of_four(seconds=3.0).execution
     believed = np.stack((execution.x_m + 0.25, execution.y_m - 0.5, execution.yaw_rad))
-    told = {"sim_time_s": 3.0, "wall_time_s": 0.1, "cpu_time_s": 0.1}
-    run_of_four(tmp_path / "run", tmp_path / "x.net.xml", execution=replace(execution, believed=believed), metrics=told)
+    output = {"sim_time_s": 3.0, "wall_time_s": 0.1, "cpu_time_s": 0.1}
+    run_of_four(tmp_path / "run", tmp_path / "x.net.xml", execution=replace(execution, believed=believed), metrics=output)
     run = load_run(tmp_path / "run")
     assert (run.samples.x_m == execution.x_m).all() and (run.execution.y_m == execution.y_m).all()
     assert (run.believed.x_m == believed[0]).all() and (run.execution.believed == believed).all()
@@ -116,9 +116,9 @@ def test_curves_of_lanes_come_back(tmp_path):
 
 
 def test_a_run_without_a_plan_is_a_result_too(tmp_path):
-    told = run_of_four(tmp_path / "run", tmp_path / "x.net.xml", executed=False, status="planning_timed_out")
-    assert set(told["files"]) == {"floor.json", "map.png", "map.yaml", "network.net.xml"}
-    assert told["plan"]["message"] == "no time" and told["audit"] is None
+    output = run_of_four(tmp_path / "run", tmp_path / "x.net.xml", executed=False, status="planning_timed_out")
+    assert set(output["files"]) == {"floor.json", "map.png", "map.yaml", "network.net.xml"}
+    assert output["plan"]["message"] == "no time" and output["audit"] is None
 
 
 def test_equal_runs_give_equal_files(tmp_path):
@@ -183,9 +183,9 @@ def test_a_writer_that_is_killed_leaves_no_run_and_the_next_one_tidies_up(tmp_pa
         "run_folder.files_in = lambda folder: os._exit(9)\n"
         "folder = Path(sys.argv[1])\nworlds.run_of_four(folder / 'run', folder / 'x.net.xml')\n"
     )
-    told = subprocess.run([sys.executable, "-c", code, str(tmp_path), str(Path(__file__).parents[1])], check=False)
+    output = subprocess.run([sys.executable, "-c", code, str(tmp_path), str(Path(__file__).parents[1])], check=False)
     (left,) = tmp_path.glob(".run.new-*")
-    assert told.returncode == 9 and not (tmp_path / "run").exists()
+    assert output.returncode == 9 and not (tmp_path / "run").exists()
     with AnyReader([left / "bag"]) as reader:  # what was complete stays readable
         assert reader.message_count > 0
     run_of_four(tmp_path / "run", tmp_path / "x.net.xml")

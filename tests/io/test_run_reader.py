@@ -21,13 +21,13 @@ def run(tmp_path_factory):
 
 
 def test_record_is_the_one_that_was_written(run):
-    wanted, found = record_of_four(seconds=3.0), run.record
+    wanted, answer = record_of_four(seconds=3.0), run.record
     for name in ("x_m", "y_m", "yaw_rad", "speed_mps", "arrived_s", "goal_s"):
-        assert np.array_equal(getattr(found.execution, name), getattr(wanted.execution, name), equal_nan=True), name
-    assert found.execution.t_s == pytest.approx(wanted.execution.t_s, abs=1e-12)
-    assert found.execution.events == wanted.execution.events
-    assert np.array_equal(found.target, wanted.target) and np.array_equal(found.plan.depart_s, wanted.plan.depart_s)
-    assert (found.name, found.seed, found.execution.outcome) == ("four", 7, wanted.execution.outcome)
+        assert np.array_equal(getattr(answer.execution, name), getattr(wanted.execution, name), equal_nan=True), name
+    assert answer.execution.t_s == pytest.approx(wanted.execution.t_s, abs=1e-12)
+    assert answer.execution.events == wanted.execution.events
+    assert np.array_equal(answer.target, wanted.target) and np.array_equal(answer.plan.depart_s, wanted.plan.depart_s)
+    assert (answer.name, answer.seed, answer.execution.outcome) == ("four", 7, wanted.execution.outcome)
 
 
 def test_vertices_of_one_name_are_told_apart(run, tmp_path):
@@ -44,9 +44,9 @@ def test_vertices_of_one_name_are_told_apart(run, tmp_path):
     x, y = wanted.graph.xy[second].tolist()
     event = {"t_s": 3.0, "kind": "goal", "robot": "robot_1", "vertex": "goal", "x_m": x, "y_m": y}
     (tmp_path / "run" / "events.jsonl").write_text(json.dumps(event) + "\n")
-    found = load_run(tmp_path / "run").record
-    assert found.target.tolist() == wanted.target.tolist()
-    assert [e.vertex for e in found.execution.events] == [second]
+    answer = load_run(tmp_path / "run").record
+    assert answer.target.tolist() == wanted.target.tolist()
+    assert [e.vertex for e in answer.execution.events] == [second]
 
 
 def test_frames_have_a_row_a_sample_an_event_a_visit(run):

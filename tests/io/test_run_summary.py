@@ -55,7 +55,7 @@ def test_portfolio_names_who_planned():
 
 def test_run_without_a_plan_says_so():
     metrics = {"num_robots": 2, "plan_success": False}
-    told = run_summary({**RESULT, "status": "planning_timed_out", "note": "no time", "policy": None, "metrics": metrics})
-    names, texts = zip(*told.rows)
+    output = run_summary({**RESULT, "status": "planning_timed_out", "note": "no time", "policy": None, "metrics": metrics})
+    names, texts = zip(*output.rows)
     assert names == ("status", "to change", "map", "planner")
     assert (texts[0], texts[3]) == ("planning timed out, no time", "pibt, no plan")

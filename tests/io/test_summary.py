@@ -5,13 +5,13 @@ from mrp_sumo.io.summary import seconds, summary
 
 
 def test_lines_without_a_value_are_left_out_and_names_aligned():
-    told = summary("Run", [("a", 1), ("longer", "x"), ("none", None), ("empty", ""), ("zero", 0)])
-    assert told.text == "Run\n  a       1\n  longer  x\n  zero    0"
+    output = summary("Run", [("a", 1), ("longer", "x"), ("none", None), ("empty", ""), ("zero", 0)])
+    assert output.text == "Run\n  a       1\n  longer  x\n  zero    0"
 
 
 def test_names_cannot_bring_markup_with_them():
-    told = summary("<b>", [("<i>", "a & <script>")]).html
-    assert "<script>" not in told and "&lt;script&gt;" in told and "&lt;b&gt;" in told and "&lt;i&gt;" in told
+    output = summary("<b>", [("<i>", "a & <script>")]).html
+    assert "<script>" not in output and "&lt;script&gt;" in output and "&lt;b&gt;" in output and "&lt;i&gt;" in output
 
 
 def test_counts_and_durations_read_well():

@@ -69,8 +69,8 @@ def test_a_task_may_be_for_one_robot_which_has_to_be_there(tmp_path):
 
 def test_a_file_has_a_task_in_each_row(tmp_path):
     (tmp_path / "orders.csv").write_text("release_s,stops,name,priority\n5,a c,one,2\n0,b,,\n")
-    found = tasks_of("orders.csv", tmp_path)
-    assert [(task.name, task.release_s, task.priority, len(task.stops)) for task in found] == [("task_1", 0, 0, 1), ("one", 5, 2, 2)]
+    outcome = tasks_of("orders.csv", tmp_path)
+    assert [(task.name, task.release_s, task.priority, len(task.stops)) for task in outcome] == [("task_1", 0, 0, 1), ("one", 5, 2, 2)]
 
 
 def test_a_row_has_a_service_time_for_every_stop_or_one_for_each(tmp_path):
@@ -79,15 +79,15 @@ def test_a_row_has_a_service_time_for_every_stop_or_one_for_each(tmp_path):
 
 
 def test_a_stream_takes_one_of_each_group():
-    found = tasks_of({**GROUPS, "streams": [{**STREAM, "service": [2, {"triangular_s": [1, 2, 3]}]}]})
-    assert len(found) == 20 and {task.stops[0].vertex for task in found} == {0, 1}
-    assert {task.stops[1].places for task in found} == {(2, 3)} and all(task.stops[0].service_s == 2 for task in found)
-    assert all(1 <= task.stops[1].service_s <= 3 for task in found)
+    outcome = tasks_of({**GROUPS, "streams": [{**STREAM, "service": [2, {"triangular_s": [1, 2, 3]}]}]})
+    assert len(outcome) == 20 and {task.stops[0].vertex for task in outcome} == {0, 1}
+    assert {task.stops[1].places for task in outcome} == {(2, 3)} and all(task.stops[0].service_s == 2 for task in outcome)
+    assert all(1 <= task.stops[1].service_s <= 3 for task in outcome)
 
 
 def test_a_matrix_weighs_ways():
-    found = tasks_of({"streams": [{"arrivals": {"open": 2}, "count": 50, "matrix": {"a": {"b": 1, "c": 0}, "b": {"b": 7, "a": 1}}}]})
-    assert {tuple(stop.vertex for stop in task.stops) for task in found} == {(0, 1), (1, 0)}
+    outcome = tasks_of({"streams": [{"arrivals": {"open": 2}, "count": 50, "matrix": {"a": {"b": 1, "c": 0}, "b": {"b": 7, "a": 1}}}]})
+    assert {tuple(stop.vertex for stop in task.stops) for task in outcome} == {(0, 1), (1, 0)}
 
 
 def test_a_matrix_may_be_between_groups():

@@ -26,12 +26,12 @@ def test_every_bit_comes_back(tmp_path, monkeypatch):
     monkeypatch.setattr(trajectory, "ROWS_PER_GROUP", 100)  # several row groups
     execution = wandering()
     write_trajectory(tmp_path / "t.parquet", execution, names(7), {"seed": 3})
-    found = read_trajectory(tmp_path / "t.parquet")
+    result = read_trajectory(tmp_path / "t.parquet")
     for column in trajectory.COLUMNS:
-        assert np.array_equal(getattr(found, column), getattr(execution, column)), column
-    assert found.t_ns.tolist() == [k * 100_000_000 for k in range(50)]
-    assert found.robot_name == names(7)
-    assert found.metadata["seed"] == 3 and found.metadata["units"]["x_m"] == "m"
+        assert np.array_equal(getattr(result, column), getattr(execution, column)), column
+    assert result.t_ns.tolist() == [k * 100_000_000 for k in range(50)]
+    assert result.robot_name == names(7)
+    assert result.metadata["seed"] == 3 and result.metadata["units"]["x_m"] == "m"
 
 
 def test_robots_off_the_floor_have_no_row(tmp_path):
@@ -41,8 +41,8 @@ def test_robots_off_the_floor_have_no_row(tmp_path):
         getattr(execution, column)[4] = np.nan
     write_trajectory(tmp_path / "t.parquet", execution, names(2), {})
     assert pq.read_metadata(tmp_path / "t.parquet").num_rows == 6
-    found = read_trajectory(tmp_path / "t.parquet")
-    assert np.array_equal(found.x_m, execution.x_m, equal_nan=True)
+    result = read_trajectory(tmp_path / "t.parquet")
+    assert np.array_equal(result.x_m, execution.x_m, equal_nan=True)
 
 
 def test_equal_executions_give_equal_bytes(tmp_path):

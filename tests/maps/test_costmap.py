@@ -26,11 +26,11 @@ def building(tmp_path):
 
 
 def test_a_wall_is_ten_centimetres_thick(building):
-    found = costmap(building, "L1")
-    assert found.origin_m == (-0.5, -0.5)
-    assert found.occupied.shape == (20, 60)  # half a metre around
-    assert found.occupied[:, 30].nonzero()[0].tolist() == [9, 10]  # y from -0.05 to 0.05
-    assert found.occupied[9].nonzero()[0][[0, -1]].tolist() == [9, 50]  # x from -0.05 to 2.05: centres within 0.05 m of the wall's axis
+    result = costmap(building, "L1")
+    assert result.origin_m == (-0.5, -0.5)
+    assert result.occupied.shape == (20, 60)  # half a metre around
+    assert result.occupied[:, 30].nonzero()[0].tolist() == [9, 10]  # y from -0.05 to 0.05
+    assert result.occupied[9].nonzero()[0][[0, -1]].tolist() == [9, 50]  # x from -0.05 to 2.05: centres within 0.05 m of the wall's axis
 
 
 def test_unknown_levels_are_refused(building):

@@ -30,12 +30,12 @@ def test_a_table_is_as_long_as_the_scenario_says_along_its_own_x(tmp_path):
     path.write_text(ROOM)
     map_ = load_map(path)
     assert not len(standing_walls(map_.building, ["L1"]))
-    found = with_furniture(map_, {"Table": (2.0, 0.8)})
-    walls = standing_walls(found.building, ["L1"]) + found.building.origin_m
+    result = with_furniture(map_, {"Table": (2.0, 0.8)})
+    walls = standing_walls(result.building, ["L1"]) + result.building.origin_m
     np.testing.assert_allclose(walls.min((0, 1)), (4.6, -2.2), atol=1e-6)  # turned by a right angle, around (5, -1.2)
     np.testing.assert_allclose(walls.max((0, 1)), (5.4, -0.2), atol=1e-6)
-    assert narrow(found.nav, found.building, CART).lane_m.tolist() == pytest.approx([0.2, 0.2])
-    assert (unused(map_), unused(found)) == ("not used: models: 2", "not used: models: 1")
+    assert narrow(result.nav, result.building, CART).lane_m.tolist() == pytest.approx([0.2, 0.2])
+    assert (unused(map_), unused(result)) == ("not used: models: 2", "not used: models: 1")
 
 
 def test_furniture_that_is_not_there_is_named_with_the_nearest(tmp_path):

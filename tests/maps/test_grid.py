@@ -20,8 +20,8 @@ PAPER = {  # vertices, edges, total and free cells at 0.4 m, total and free at 0
 
 @pytest.mark.parametrize("name", PAPER)
 def test_counts_are_those_of_the_paper(name):
-    found = load_map(MRP_BENCH / f"{name}.building.yaml", graph="all")
-    at_40, at_35 = facts(found, 0.4), grid_facts(found.nav, 0.35)
+    result = load_map(MRP_BENCH / f"{name}.building.yaml", graph="all")
+    at_40, at_35 = facts(result, 0.4), grid_facts(result.nav, 0.35)
     assert (at_40["vertices"], at_40["edges"]) == PAPER[name][:2]
     assert (at_40["grid"]["total"], at_40["grid"]["free"], at_35["total"], at_35["free"]) == PAPER[name][2:]
     assert at_40["grid"]["blocked"] == at_40["grid"]["total"] - at_40["grid"]["free"]
@@ -33,15 +33,15 @@ def test_cells_are_those_of_the_published_grids(name):
     expected = np.array([[cell in ".GS" for cell in row] for row in rows])
     grid = paper_grid(load_map(MRP_BENCH / f"{name}.building.yaml", graph="all").nav)
     column, row = np.floor((grid.xy - grid.xy.min(axis=0)) / 0.4 + 0.5).astype(int).T
-    found = np.zeros_like(expected)
-    found[row, column] = True
-    assert (found == expected).all()
+    result = np.zeros_like(expected)
+    result[row, column] = True
+    assert (result == expected).all()
 
 
 def test_airport_united_has_two_pieces_although_duplicates_have_no_lanes():
-    found = load_map(MRP_BENCH / "airport_terminal.building.yaml", graph="all")
-    assert facts(found)["components"] == 2
-    assert found.chosen == (0, 1, 2, 4)
+    result = load_map(MRP_BENCH / "airport_terminal.building.yaml", graph="all")
+    assert facts(result)["components"] == 2
+    assert result.chosen == (0, 1, 2, 4)
 
 
 def test_a_grid_joins_the_four_neighbours():

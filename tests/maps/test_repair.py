@@ -21,12 +21,12 @@ def pairs(graph):
 
 @pytest.mark.parametrize(("within_m", "edges", "components"), [(0.10, 56, 4), (0.14, 59, 1), (0.15, 60, 1), (0.5, 60, 1)])
 def test_snapping_joins_the_warehouse(within_m, edges, components):
-    found, changes = repair(load_map(WAREHOUSE), snap_m=within_m)
-    assert (found.nav.num_vertices, found.nav.num_edges, found.nav.num_components) == (54, edges, components)
+    result, changes = repair(load_map(WAREHOUSE), snap_m=within_m)
+    assert (result.nav.num_vertices, result.nav.num_edges, result.nav.num_components) == (54, edges, components)
     assert len(changes) == edges - 40  # a split adds one edge
-    assert found.changes == changes
+    assert result.changes == changes
     if components == 1 and edges == 60:
-        assert {f.kind for f in found.findings} == {"robot_vertex_off_lanes"}
+        assert {f.kind for f in result.findings} == {"robot_vertex_off_lanes"}
 
 
 def test_a_lane_is_led_through_vertices_beside_it_in_their_order():
@@ -104,15 +104,15 @@ def test_short_lanes_are_joined_until_none_is_left_and_a_junction_keeps_its_lane
 
 
 @pytest.mark.parametrize(
-    "kept",
+    "rest",
     [
         {"vertex_name": ["a", "b", "c"]},
         {"vertex_options": [{"is_charger": True}, {"mutex": "bay"}, {}]},
         {"lane_options": [{"door_name": "gate"}, {}, {}, {}]},
     ],
 )
-def test_a_short_lane_with_something_at_both_ends_or_on_it_is_not_joined(kept):
-    nav = nav_graph(name="kept", xy=[[0, 0], [0.2, 0], [3, 0]], lanes=both_ways((0, 1), (1, 2)), **kept)
+def test_a_short_lane_with_something_at_both_ends_or_on_it_is_not_joined(rest):
+    nav = nav_graph(name="kept", xy=[[0, 0], [0.2, 0], [3, 0]], lanes=both_ways((0, 1), (1, 2)), **rest)
     assert join_short(nav, 0.34) == (nav, [])
 
 

@@ -82,8 +82,8 @@ def test_every_metric_is_there_and_right():
     problem, result = corridors(), planned()
     execution = driven(problem, result.plan, late_s=2.0)
     judged = judge(problem, result.plan), execution, audit(execution, problem.fleet)
-    found = evaluate(Evidence(problem, result, *judged, assignment_time_s=0.1, time_limit_s=300))
-    assert set(NAMES) <= set(found)
+    outcome = evaluate(Evidence(problem, result, *judged, assignment_time_s=0.1, time_limit_s=300))
+    assert set(NAMES) <= set(outcome)
     clocks = {
         f"{of}_s" for of in ("planning_time", "planning_cpu", "prepare_time", "retime_time", "assignment_time", "wall_time", "cpu_time")
     }
@@ -123,7 +123,7 @@ def test_every_metric_is_there_and_right():
         "real_time_factor": 24.0,
         "robot_seconds_per_cpu_second": 96.0,
     }
-    assert {key: found[key] for key in expected} == expected
+    assert {key: outcome[key] for key in expected} == expected
 
 
 def test_metrics_of_one_plan_to_one_goal_each_are_none_in_runs_with_orders():
@@ -137,10 +137,10 @@ def test_metrics_of_one_plan_to_one_goal_each_are_none_in_runs_with_orders():
 
 def test_without_a_plan_there_is_nothing_to_measure_and_names_stay():
     problem = corridors()
-    found = evaluate(Evidence(problem, PlanResult(Status.TIMED_OUT, planning_time_s=60.0), None, None))
-    assert set(NAMES) <= set(found)
-    assert found["plan_success"] is False
-    assert {k for k, v in found.items() if v is not None} == {
+    outcome = evaluate(Evidence(problem, PlanResult(Status.TIMED_OUT, planning_time_s=60.0), None, None))
+    assert set(NAMES) <= set(outcome)
+    assert outcome["plan_success"] is False
+    assert {k for k, v in outcome.items() if v is not None} == {
         "num_robots", "plan_success", "planning_time_s", "prepare_time_s", "lower_bound_steps",
     }  # fmt: skip
 
@@ -150,11 +150,11 @@ def test_a_robot_that_stands_short_of_its_goal_is_blocked_and_times_out():
     execution = driven(problem, result.plan, late_s=0.0)
     x = np.minimum(execution.x_m, [5.0, 3.0])  # the second stops two cells early
     execution = Execution(**{**vars(execution), "x_m": x, "goal_s": np.array([5.0, np.nan])})
-    found = evaluate(Evidence(problem, result, judge(problem, result.plan), execution, time_limit_s=300))
-    assert found["goals_reached"] == found["robots_at_goal"] == 1
-    assert found["driven_makespan_s"] is found["driven_flowtime_s"] is None
-    assert found["execution_timed_out"] and found["execution_time_s"] == 300
-    assert found["time_blocked_s"][0] == 0 < found["time_blocked_s"][1] == found["time_blocked_total_s"]
+    outcome = evaluate(Evidence(problem, result, judge(problem, result.plan), execution, time_limit_s=300))
+    assert outcome["goals_reached"] == outcome["robots_at_goal"] == 1
+    assert outcome["driven_makespan_s"] is outcome["driven_flowtime_s"] is None
+    assert outcome["execution_timed_out"] and outcome["execution_time_s"] == 300
+    assert outcome["time_blocked_s"][0] == 0 < outcome["time_blocked_s"][1] == outcome["time_blocked_total_s"]
 
 
 def test_seconds_blocked_add_up_without_a_trace_of_binary_fractions():

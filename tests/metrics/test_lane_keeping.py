@@ -23,7 +23,7 @@ def driven(*robots, level=None):
 
 
 @pytest.mark.parametrize(
-    ("nav", "way", "off_m", "against_m"),
+    ("nav", "route", "off_m", "against_m"),
     [
         (EAST, [(0, 0), (10, 0)], 0, 0),
         (EAST, [(10, 0), (0, 0)], 0, 10),
@@ -35,8 +35,8 @@ def driven(*robots, level=None):
         (EAST, [(0, 0), (0, 0), (np.nan, np.nan), (0, 5), (0, 6)], 1, 0),  # it was away
     ],
 )
-def test_metres_are_those_of_the_hand(nav, way, off_m, against_m):
-    counts = lane_keeping(driven(way), nav)
+def test_metres_are_those_of_the_hand(nav, route, off_m, against_m):
+    counts = lane_keeping(driven(route), nav)
     assert (counts["off_m"], counts["against_one_way_m"]) == (pytest.approx(off_m), pytest.approx(against_m))
 
 
@@ -48,9 +48,9 @@ def test_of_two_one_ways_side_by_side_the_nearer_one_counts():
 
 @pytest.mark.parametrize(("turned_deg", "against_m"), [(110, 0), (134, 0), (136, 4)])
 def test_who_crosses_a_one_way_at_an_obtuse_angle_does_not_drive_against_it(turned_deg, against_m):
-    way = [5 + 2 * np.cos(np.radians(turned_deg)), 2 * np.sin(np.radians(turned_deg))]
-    back = [10 - way[0], -way[1]]
-    assert lane_keeping(driven([back, way]), EAST, on_lane_m=2)["against_one_way_m"] == pytest.approx(against_m)
+    route = [5 + 2 * np.cos(np.radians(turned_deg)), 2 * np.sin(np.radians(turned_deg))]
+    back = [10 - route[0], -route[1]]
+    assert lane_keeping(driven([back, route]), EAST, on_lane_m=2)["against_one_way_m"] == pytest.approx(against_m)
 
 
 def test_robots_add_up_and_rides_do_not_count():

@@ -34,7 +34,7 @@ def read_case(folder):
 def test_golden_logs_give_the_numbers_of_mrp_bench(name):
     config, names, t_ns, x, y, start, goal = read_case(METRICS / name)
     expected = json.loads((METRICS / name / "expected.json").read_text())
-    found = execution_metrics(
+    result = execution_metrics(
         t_ns,
         x,
         y,
@@ -45,14 +45,14 @@ def test_golden_logs_give_the_numbers_of_mrp_bench(name):
         window=config["windowSize"],
         recording_timeout_s=config["recordingTimeout"],
     )
-    found["agentsAtGoal"] = sorted(names[i] for i in found["agentsAtGoal"])
-    blocked = {names[i]: value for i, value in found.pop("timeBlockedPerAgent").items()}
+    result["agentsAtGoal"] = sorted(names[i] for i in result["agentsAtGoal"])
+    blocked = {names[i]: value for i, value in result.pop("timeBlockedPerAgent").items()}
     wanted = expected.pop("timeBlockedPerAgent")
     assert set(blocked) == set(wanted)
     assert blocked == pytest.approx(wanted, rel=1e-9, abs=1e-12)
-    assert set(found) == set(expected)
+    assert set(result) == set(expected)
     for key, value in expected.items():
-        assert found[key] == (pytest.approx(value, rel=1e-9, abs=1e-12) if isinstance(value, float) else value), key
+        assert result[key] == (pytest.approx(value, rel=1e-9, abs=1e-12) if isinstance(value, float) else value), key
 
 
 def drive(x_of_robot, start, goal, **options):
@@ -62,26 +62,26 @@ def drive(x_of_robot, start, goal, **options):
 
 
 def test_one_robot_alone_has_no_distance_to_another():
-    found = drive([[0, 1, 2]], [[0, 0]], [[2, 0]])
-    assert found["minDistanceBetweenTwoAgents"] == 99999.9
-    assert found["minDistanceBetweenTwoAgentsAtStart"] == 0.0
-    assert found["totalTimeForScheduleExecution"] == 0.5  # from the sample at 1 m to the one at 2 m
+    result = drive([[0, 1, 2]], [[0, 0]], [[2, 0]])
+    assert result["minDistanceBetweenTwoAgents"] == 99999.9
+    assert result["minDistanceBetweenTwoAgentsAtStart"] == 0.0
+    assert result["totalTimeForScheduleExecution"] == 0.5  # from the sample at 1 m to the one at 2 m
 
 
 def test_a_fleet_that_need_not_move_has_no_execution_time():
-    found = drive([[0, 0, 0]], [[0, 0]], [[0.1, 0]])
-    assert found["allGoalReached"] and found["totalTimeForScheduleExecution"] is None
+    result = drive([[0, 0, 0]], [[0, 0]], [[0.1, 0]])
+    assert result["allGoalReached"] and result["totalTimeForScheduleExecution"] is None
 
 
 def test_distances_of_a_crowd_equal_those_of_all_pairs():
     rng = np.random.default_rng(1)
     x, y = rng.uniform(0, 50, (2, 3, 100))
     x[1, 7] = y[1, 7] = np.nan
-    found = execution_metrics(np.arange(3), x, y, np.zeros((100, 2)), np.zeros((100, 2)))
+    result = execution_metrics(np.arange(3), x, y, np.zeros((100, 2)), np.zeros((100, 2)))
     pairs = np.hypot(x[:, :, None] - x[:, None], y[:, :, None] - y[:, None])
     pairs[:, np.arange(100), np.arange(100)] = np.inf
-    assert found["minDistanceBetweenTwoAgents"] == pytest.approx(np.nanmin(pairs), rel=1e-12)
-    assert found["minDistanceBetweenTwoAgentsAtStart"] == pytest.approx(np.nanmin(pairs[0]), rel=1e-12)
+    assert result["minDistanceBetweenTwoAgents"] == pytest.approx(np.nanmin(pairs), rel=1e-12)
+    assert result["minDistanceBetweenTwoAgentsAtStart"] == pytest.approx(np.nanmin(pairs[0]), rel=1e-12)
 
 
 def test_a_log_without_messages_is_refused():
@@ -149,7 +149,7 @@ def test_any_log_gives_what_the_order_of_operations_gives(seed, robots, samples,
     x[np.arange(samples)[:, None] < late] = np.nan
     y[np.isnan(x)] = np.nan
     t_ns = 10**18 + np.cumsum(rng.integers(3, 7, samples)) * 10**8
-    found = execution_metrics(t_ns, x, y, start, goal, cell_m=0.25, tolerance_m=0.5, window=window, recording_timeout_s=60.0)
+    result = execution_metrics(t_ns, x, y, start, goal, cell_m=0.25, tolerance_m=0.5, window=window, recording_timeout_s=60.0)
     wanted = slow_truth(t_ns.tolist(), x, y, start, goal, 0.25, 0.5, window, 60.0)
     for key, value in wanted.items():
-        assert found[key] == (pytest.approx(value, rel=1e-9, abs=1e-12) if isinstance(value, float | dict) else value), key
+        assert result[key] == (pytest.approx(value, rel=1e-9, abs=1e-12) if isinstance(value, float | dict) else value), key

@@ -70,7 +70,7 @@ def test_a_run_with_orders_and_charging_has_no_findings(logs):
 
 
 @pytest.mark.parametrize(
-    ("column", "by", "found"),
+    ("column", "by", "answer"),
     [
         ("released_s", -1.0, "released once"),
         ("assigned_s", 1.0, "Little's law"),
@@ -79,10 +79,10 @@ def test_a_run_with_orders_and_charging_has_no_findings(logs):
         ("ended_s", 0.5, "one state"),
     ],
 )
-def test_a_time_of_an_order(logs, column, by, found):
+def test_a_time_of_an_order(logs, column, by, answer):
     task = done(logs, 2)
     time_s = float(getattr(logs.tasks, column)[task])
-    assert found in rules(changed(logs, "tasks", column, task, time_s + by))
+    assert answer in rules(changed(logs, "tasks", column, task, time_s + by))
     assert not rules(changed(logs, "tasks", column, task, time_s + 1e-8))
 
 
@@ -134,7 +134,7 @@ def test_orders_with_times_of_their_own_are_all_there_at_their_times(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("column", "by", "found"),
+    ("column", "by", "answer"),
     [
         ("begin_s", -1.0, "service"),
         ("end_s", -1.0, "service"),
@@ -145,9 +145,9 @@ def test_orders_with_times_of_their_own_are_all_there_at_their_times(tmp_path):
         ("since_s", 60.0, "conservation"),
     ],
 )
-def test_a_time_of_a_stop(logs, column, by, found):
+def test_a_time_of_a_stop(logs, column, by, answer):
     row = first_stop(logs, done(logs, 1))
-    assert found in rules(changed(logs, "stops", column, row, float(getattr(logs.stops, column)[row]) + by))
+    assert answer in rules(changed(logs, "stops", column, row, float(getattr(logs.stops, column)[row]) + by))
     assert not rules(changed(logs, "stops", column, row, float(getattr(logs.stops, column)[row]) + 1e-8))
 
 
@@ -184,11 +184,11 @@ def test_a_place_serves_one_robot_at_a_time(logs):
 def test_a_robot_that_leaves_while_it_is_served(logs):
     row = first_stop(logs, done(logs))
     robot, k = int(logs.stops.robot[row]), int(logs.stops.begin_s[row] / logs.period_s) + 20
-    for away_m, found in ((0.2, ["service"]), (0.02, [])):
+    for away_m, answer in ((0.2, ["service"]), (0.02, [])):
         x = np.array(logs.execution.x_m)
         x[k, robot] += away_m
         moved = replace(logs, execution=replace(logs.execution, x_m=x))
-        assert [f.rule for f in places.service(moved)] == found
+        assert [f.rule for f in places.service(moved)] == answer
 
 
 def test_a_second_load_on_board(logs):
@@ -359,8 +359,8 @@ def test_states_of_robots_have_no_gaps_and_fit_their_stops(logs):
 
 def test_batteries_balance(logs):
     level = logs.execution.batteries.level
-    for by, found in ((-0.01, True), (0.01, True), (1e-5, False)):
-        assert bool(list(energy.batteries(changed(logs, "batteries", "level", (5, 0), level[5, 0] + by)))) == found
+    for by, answer in ((-0.01, True), (0.01, True), (1e-5, False)):
+        assert bool(list(energy.batteries(changed(logs, "batteries", "level", (5, 0), level[5, 0] + by)))) == answer
     assert "batteries" in rules(changed(logs, "batteries", "used_j", 0, logs.execution.batteries.used_j[0] * 1.1))
     assert "batteries" in rules(changed(logs, "batteries", "charged_j", 0, logs.execution.batteries.charged_j[0] + 500))
     begin, *_, end = level[:, 0].tolist()
@@ -501,9 +501,9 @@ def starved(queue, since_s=0.0, at_m=(2.0, 0.0), state=WORKING, urgent=(), other
     Orders of `urgent` robots are more urgent. The others are where they were, or at `others_m`.
     """
     stops, run = queue.stops, queue.execution
-    kept, others = stops.robot != 1, np.arange(run.x_m.shape[1]) != 1
-    of_stops = {key: getattr(stops, key)[kept] for key in StopLog.__dataclass_fields__ if key != "station"}
-    some = replace(stops, station=tuple(name for name, keep in zip(stops.station, kept.tolist()) if keep), **of_stops)
+    rest, others = stops.robot != 1, np.arange(run.x_m.shape[1]) != 1
+    of_stops = {key: getattr(stops, key)[rest] for key in StopLog.__dataclass_fields__ if key != "station"}
+    some = replace(stops, station=tuple(name for name, keep in zip(stops.station, rest.tolist()) if keep), **of_stops)
     mine = int(np.flatnonzero(queue.tasks.robot == 1)[0])
     ended_s = queue.tasks.ended_s.copy()
     ended_s[mine] = np.nan
@@ -705,9 +705,9 @@ def test_who_drives_through_a_door_finds_it_open(logs, state, count):
 
 def test_findings_of_a_rule_are_listed_up_to_a_limit(logs):
     late = replace(logs, execution=replace(logs.execution, stops=replace(logs.stops, due_s=logs.stops.due_s + 1.0)))
-    found = operations_audit(late)
-    assert len(found["findings"]) == min(LISTED, int(logs.tasks.is_order[logs.stops.task].sum()))
-    assert in_words(found).startswith("robot_") and f"and {len(found['findings']) - 1} more findings" in in_words(found)
+    answer = operations_audit(late)
+    assert len(answer["findings"]) == min(LISTED, int(logs.tasks.is_order[logs.stops.task].sum()))
+    assert in_words(answer).startswith("robot_") and f"and {len(answer['findings']) - 1} more findings" in in_words(answer)
 
 
 def test_a_load_is_dropped_before_one_is_picked_at_the_same_instant(tmp_path):
@@ -805,8 +805,8 @@ def test_a_broken_robot_may_be_pushed_so_long_after_it_broke_down_and_not_before
     broken = replace(run, x_m=x_m, y_m=y_m, robot_states=names, events=(*run.events, breaks))
     towed = tuple(replace(each, mtbf_h=1.0, mttr_h=1.0, tow_s=20.0) for each in logs.terms.fleet.types)
     terms = replace(logs.terms, fleet=replace(logs.terms.fleet, types=towed))
-    found = [*robots.stands(replace(logs, execution=broken, terms=terms))]
-    assert bool(found) == (not is_fine)
+    answer = [*robots.stands(replace(logs, execution=broken, terms=terms))]
+    assert bool(answer) == (not is_fine)
 
 
 def test_vehicles_may_stand_aside_at_the_ends_of_curves_and_nowhere_on_a_straight_line():

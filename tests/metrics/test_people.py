@@ -56,17 +56,17 @@ def braking(from_mps, to_m, decel_mps2=1.0):
 
 
 def test_robot_that_drives_into_somebody_who_stands_in_its_way_is_a_failure():
-    found = audited(np.arange(60) * 0.1, 3.0, 0.0)
-    assert found["num_person_contacts"] == 1 and not found["passed"]
-    (contact,) = found["person_contacts"]
+    result = audited(np.arange(60) * 0.1, 3.0, 0.0)
+    assert result["num_person_contacts"] == 1 and not result["passed"]
+    (contact,) = result["person_contacts"]
     assert contact["kind"] == "too_fast" and contact["t_s"] == pytest.approx((3.0 - 0.25 - 0.3) / 1.0, abs=0.11)
-    assert found["num_field_violations"] > 5 and found["min_person_distance_m"] == 0.0
+    assert result["num_field_violations"] > 5 and result["min_person_distance_m"] == 0.0
 
 
 def test_robot_that_is_too_fast_near_somebody_is_a_failure_without_a_contact():
     x = braking(1.0, 3.0 - 0.25 - 0.3 - 0.1)  # it stands 0.1 m before the person
-    found = audited(x, 3.0, 0.0)
-    assert found["num_person_contacts"] == 0 and found["num_field_violations"] > 0 and not found["passed"]
+    result = audited(x, 3.0, 0.0)
+    assert result["num_person_contacts"] == 0 and result["num_field_violations"] > 0 and not result["passed"]
     assert audited(x, 3.0, 0.0)["min_person_distance_m"] == pytest.approx(0.1, abs=1e-5)
 
 
@@ -74,8 +74,8 @@ def test_robot_that_is_too_fast_near_somebody_is_a_failure_without_a_contact():
 def test_fields_are_those_of_the_robot_and_not_of_its_trailers(robot_x, finds):
     """Somebody comes out beside a train, 0.6 m from its middle: beside the tugger, ahead of its trailers, or ahead of all."""
     x = np.arange(40) * 0.1
-    found = audited(x, 2.0, np.where(x > robot_x - 0.01, 0.6, 9.0), vehicle=TUGGER)
-    assert bool(found["num_field_violations"]) == finds and found["num_person_contacts"] == 0
+    result = audited(x, 2.0, np.where(x > robot_x - 0.01, 0.6, 9.0), vehicle=TUGGER)
+    assert bool(result["num_field_violations"]) == finds and result["num_person_contacts"] == 0
 
 
 @pytest.mark.parametrize(("outside_m", "finds"), [(0.002, False), (-0.002, True)])
@@ -85,9 +85,9 @@ def test_millimetre_aside_turns_no_field(outside_m, finds):
     y = np.where(np.arange(len(x)) >= 5, 0.001, 0.0)
     wide_m = 0.001 + CART.width_m / 2 + FIELDS["side_m"] + FIELDS["radius_m"]
     person_y = np.where(np.arange(len(x)) == 5, wide_m + outside_m, np.where(np.isin(np.arange(len(x)), [6, 7]), wide_m - 0.1, 5.0))
-    found = audited(x, CART.length_m / 2 + 0.5, person_y, y)
-    assert bool(found["num_field_violations"]) == finds
-    assert ("robot_0 drives 0.50 m/s, faster than its protective field allows, after 0.7 s" in in_words(found)) == finds
+    result = audited(x, CART.length_m / 2 + 0.5, person_y, y)
+    assert bool(result["num_field_violations"]) == finds
+    assert ("robot_0 drives 0.50 m/s, faster than its protective field allows, after 0.7 s" in in_words(result)) == finds
 
 
 @pytest.mark.parametrize(("decel_mps2", "is_fine"), [(1.0, True), (0.5, False)])
@@ -95,8 +95,8 @@ def test_robot_that_brakes_as_hard_as_it_can_from_when_somebody_steps_before_it_
     x = braking(1.0, 3.0, decel_mps2)
     k = int(np.flatnonzero(np.diff(x, prepend=x[0] - 0.1) < 0.099)[0]) - 1  # the sample after which it brakes
     person_y = np.where(np.arange(len(x)) >= k, 0.0, 3.0)
-    found = audited(x, x[k] + 0.3 + 0.25 + 0.8, person_y)
-    assert (found["num_field_violations"] == found["num_person_contacts"] == 0) == is_fine
+    result = audited(x, x[k] + 0.3 + 0.25 + 0.8, person_y)
+    assert (result["num_field_violations"] == result["num_person_contacts"] == 0) == is_fine
 
 
 @pytest.mark.parametrize(("slowest_mps", "is_fine"), [(0.19, True), (0.21, False)])
@@ -104,20 +104,20 @@ def test_robot_that_may_drive_no_slower_than_its_slowest_has_to_stand(slowest_mp
     """It drives at 0.2 m/s behind somebody, for whom its field allows just that."""
     x = np.arange(40) * 0.02
     ahead_m = FIELDS["extra_m"] + 0.2**2 / 2 + 0.2 * FIELDS["reaction_s"]
-    found = audited(x, x + CART.length_m / 2 + FIELDS["radius_m"] + ahead_m, 0.0, slowest_mps=slowest_mps)
-    assert (found["num_field_violations"] == 0) == is_fine
+    result = audited(x, x + CART.length_m / 2 + FIELDS["radius_m"] + ahead_m, 0.0, slowest_mps=slowest_mps)
+    assert (result["num_field_violations"] == 0) == is_fine
 
 
 def test_person_who_walks_into_a_robot_that_stands_has_done_it():
-    found = audited(np.zeros(40), 2.0 - 0.1 * np.arange(40), 0.0)
-    assert found["passed"] and found["num_person_touches"] == 1 and found["num_person_contacts"] == 0
-    assert found["person_contacts"][0]["kind"] == "standing"
+    result = audited(np.zeros(40), 2.0 - 0.1 * np.arange(40), 0.0)
+    assert result["passed"] and result["num_person_touches"] == 1 and result["num_person_contacts"] == 0
+    assert result["person_contacts"][0]["kind"] == "standing"
 
 
 @pytest.mark.parametrize(("beyond_m", "touches"), [(0.17, 1), (0.2, 0)])  # along either axis from the corner: 0.24 m and 0.28 m
 def test_person_of_a_quarter_metre_is_beside_a_corner(beyond_m, touches):
-    found = audited(np.zeros(4), CART.length_m / 2 + beyond_m, CART.width_m / 2 + beyond_m)
-    assert found["num_person_touches"] == touches
+    result = audited(np.zeros(4), CART.length_m / 2 + beyond_m, CART.width_m / 2 + beyond_m)
+    assert result["num_person_touches"] == touches
 
 
 def test_person_who_is_gone_has_not_walked_to_where_somebody_is_seen_last():
@@ -127,8 +127,8 @@ def test_person_who_is_gone_has_not_walked_to_where_somebody_is_seen_last():
 
 
 def test_nothing_is_said_of_people_where_there_are_none():
-    found = audit(record_of_four().execution, fleet_of(CART, 4))
-    assert found["num_person_contacts"] is None and found["min_person_distance_m"] is None
+    result = audit(record_of_four().execution, fleet_of(CART, 4))
+    assert result["num_person_contacts"] is None and result["min_person_distance_m"] is None
 
 
 def test_people_are_read_as_they_were_written(tmp_path):

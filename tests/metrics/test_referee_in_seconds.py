@@ -25,7 +25,7 @@ SEPARATION_M = 2 * CART.radius_m + CART.gap_m  # 0.82 m; 1 m/s, 1 m/s2 both ways
 
 def plan_of(*ways):
     """Each a list of (vertex, arrival, departure)."""
-    vertex, arrive, depart = (np.array(column) for column in zip(*(visit for way in ways for visit in way)))
+    vertex, arrive, depart = (np.array(column) for column in zip(*(visit for route in ways for visit in route)))
     return Plan(np.cumsum([0, *map(len, ways)]), vertex.astype(np.int64), arrive.astype(float), depart.astype(float))
 
 
@@ -45,35 +45,35 @@ def run(vertices, lengths, begin=0.0, robot=CART):
 
 
 def test_run_at_full_speed_is_drivable():
-    found, _ = judged(line(4, 1.0), run([0, 1, 2, 3], [1.0] * 3))
-    assert found.drivable
+    result, _ = judged(line(4, 1.0), run([0, 1, 2, 3], [1.0] * 3))
+    assert result.drivable
 
 
 @pytest.mark.parametrize("visit", [1, 2, 3])
 def test_nobody_is_faster_than_full_speed(visit):
-    way = run([0, 1, 2, 3], [1.0] * 3)
-    v, arrive, depart = way[visit]
-    way[visit] = (v, arrive - 0.15, depart - 0.15)
-    found, _ = judged(line(4, 1.0), way)
-    assert found.faults == (
-        f"robot_0 leaves 'v{visit - 1}' at {way[visit - 1][2]:.2f} s and cannot be at 'v{visit}' as early as {way[visit][1]:.2f} s",
+    route = run([0, 1, 2, 3], [1.0] * 3)
+    v, arrive, depart = route[visit]
+    route[visit] = (v, arrive - 0.15, depart - 0.15)
+    result, _ = judged(line(4, 1.0), route)
+    assert result.faults == (
+        f"robot_0 leaves 'v{visit - 1}' at {route[visit - 1][2]:.2f} s and cannot be at 'v{visit}' as early as {route[visit][1]:.2f} s",
     )
 
 
 def test_robot_that_brakes_on_the_way_and_drives_on_is_drivable():
-    way = run([0, 1, 2, 3], [1.0] * 3)
-    way[1:] = [way[1], *((v, a + 0.7, d + 0.7) for v, a, d in way[2:])]
-    found, _ = judged(line(4, 1.0), way)
-    assert found.drivable
+    route = run([0, 1, 2, 3], [1.0] * 3)
+    route[1:] = [route[1], *((v, a + 0.7, d + 0.7) for v, a, d in route[2:])]
+    result, _ = judged(line(4, 1.0), route)
+    assert result.drivable
 
 
 def test_robot_that_passes_too_fast_cannot_come_late():
     fast = replace(CART, max_speed_mps=2.0, decel_mps2=0.5, length_m=0.2, width_m=0.2)
-    way = run([0, 1, 2, 3, 4, 5, 6, 7, 8], [1.0] * 8, robot=fast)
-    assert judged(line(9, 1.0), way, fleet=fleet_of(fast, 1))[0].drivable
-    way[4:] = [(v, a + 20.0, d + 20.0) for v, a, d in way[4:]]  # at 2 m/s or so it needs 3 m to stop
-    found, _ = judged(line(9, 1.0), way, fleet=fleet_of(fast, 1))
-    assert found.faults == ("robot_0 passes 'v3' at 2.50 s too fast to come to 'v4' as late as 23.00 s",)
+    route = run([0, 1, 2, 3, 4, 5, 6, 7, 8], [1.0] * 8, robot=fast)
+    assert judged(line(9, 1.0), route, fleet=fleet_of(fast, 1))[0].drivable
+    route[4:] = [(v, a + 20.0, d + 20.0) for v, a, d in route[4:]]  # at 2 m/s or so it needs 3 m to stop
+    result, _ = judged(line(9, 1.0), route, fleet=fleet_of(fast, 1))
+    assert result.faults == ("robot_0 passes 'v3' at 2.50 s too fast to come to 'v4' as late as 23.00 s",)
 
 
 def test_turning_takes_its_time():
@@ -81,25 +81,25 @@ def test_turning_takes_its_time():
     lane_s = 2.0  # of 1 m from rest to rest
     turned = lane_s + np.pi / 2
 
-    def way(leaves):
+    def route(leaves):
         return [(0, 0.0, 0.0), (1, lane_s, leaves), (2, leaves + lane_s, np.inf)]
 
-    assert judged(corner, way(turned))[0].drivable
-    assert not judged(corner, way(turned - 0.2))[0].drivable
+    assert judged(corner, route(turned))[0].drivable
+    assert not judged(corner, route(turned - 0.2))[0].drivable
     # where it is said to leave at once, it turns first
     assert judged(corner, [(0, 0.0, 0.0), (1, lane_s, lane_s), (2, turned + lane_s, np.inf)])[0].drivable
 
 
 @pytest.mark.parametrize("turns", ["at the start", "at the goal"])
 def test_turns_from_and_to_headings_take_their_time(turns):
-    way = run([0, 1, 2], [1.0, 1.0], begin=np.pi)
+    route = run([0, 1, 2], [1.0, 1.0], begin=np.pi)
     problem = Problem(line(3, 1.0), fleet_of(CART, 1), np.array([0]), np.array([2]), np.arange(1), 1.0)
     problem = replace(problem, start_heading_rad=np.array([np.pi]), goal_heading_rad=np.array([np.pi / 2]))
-    arrive_s = way[-1][1]
-    plan = replace(plan_of(way), turned_s=np.array([arrive_s + np.pi / 2]))
+    arrive_s = route[-1][1]
+    plan = replace(plan_of(route), turned_s=np.array([arrive_s + np.pi / 2]))
     assert judge_in_seconds(problem, plan, 0.01).drivable
     if turns == "at the start":
-        plan = replace(plan_of([(v, max(0.0, a - 0.2), d - 0.2) for v, a, d in way]), turned_s=plan.turned_s)
+        plan = replace(plan_of([(v, max(0.0, a - 0.2), d - 0.2) for v, a, d in route]), turned_s=plan.turned_s)
         assert judge_in_seconds(problem, plan, 0.01).faults[0].startswith("robot_0 leaves 'v0' at 2.94 s and cannot be at 'v1' as early")
         return
     for turned_s in (None, np.array([arrive_s + 1.4])):
@@ -118,9 +118,9 @@ def test_robots_that_cross_one_after_the_other_are_apart_and_both_at_once_are_no
     graph = cross(arm=2, cell_m=1.0)
     east_west, north_south = [2, 1, 0, 5, 6], [4, 3, 0, 7, 8]
     through = run(east_west, [1.0] * 4)
-    found, problem = judged(graph, through, run(north_south, [1.0] * 4))
-    assert not found.drivable
-    assert describe_meeting(found.meetings[0], problem).startswith(
+    result, problem = judged(graph, through, run(north_south, [1.0] * 4))
+    assert not result.drivable
+    assert describe_meeting(result.meetings[0], problem).startswith(
         "robot_0 and robot_1 come 0.000 m close, at or on the way to 'v0' and 'v0', at "
     )
     assert judged(graph, through, run(north_south, [1.0] * 4, begin=2.0))[0].drivable
@@ -148,9 +148,9 @@ def test_least_distance_is_that_of_the_two_types():
 def test_two_robots_cannot_meet_on_a_long_lane():
     graph = line(2, 10.0)
     there, back = run([0, 1], [10.0]), run([1, 0], [10.0])
-    found, _ = judged(graph, there, back)
-    assert not found.drivable
-    assert found.meetings[0].t_s == pytest.approx(5.5 - SEPARATION_M / 2, abs=0.05)
+    result, _ = judged(graph, there, back)
+    assert not result.drivable
+    assert result.meetings[0].t_s == pytest.approx(5.5 - SEPARATION_M / 2, abs=0.05)
 
 
 def test_nobody_overtakes_on_a_lane():
@@ -189,8 +189,8 @@ def test_one_robot_at_a_time_is_in_a_group():
     def later(begin):
         return [(2, 0.0, begin), (3, begin + 4.0, np.inf)]
 
-    found, problem = judged(graph, there_and_back, later(3.0))
-    assert describe_meeting(found.meetings[0], problem).startswith("robot_0 and robot_1 are both in mutex group 'crane'")
+    result, problem = judged(graph, there_and_back, later(3.0))
+    assert describe_meeting(result.meetings[0], problem).startswith("robot_0 and robot_1 are both in mutex group 'crane'")
     assert judged(graph, there_and_back, later(8.0))[0].drivable
     # robot_1 comes within a separation of its vertex about 3 s after it sets out, when the other one has left
     assert judged(graph, there_and_back, later(6.0))[0].drivable

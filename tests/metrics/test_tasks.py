@@ -105,8 +105,8 @@ def test_quantiles_are_of_the_times_before_and_with_a_robot_and_of_both():
     assigned_s = done_s - task_s
     log = log_of_times(tuple(map(str, n)), np.zeros(100, np.int64), assigned_s - waiting_s, assigned_s, assigned_s, done_s)
     shown = metrics_of(log, np.full(100, np.inf))
-    found = [shown[f"{of}_time_p{share}_s"] for of in ("waiting", "task", "lead") for share in (50, 95)]
-    assert found == [1.0, 3.0, 4.0, 6.0, 5.0, 9.0]
+    result = [shown[f"{of}_time_p{share}_s"] for of in ("waiting", "task", "lead") for share in (50, 95)]
+    assert result == [1.0, 3.0, 4.0, 6.0, 5.0, 9.0]
 
 
 def test_orders_count_from_the_end_of_the_warm_up_on():

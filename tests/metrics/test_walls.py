@@ -24,27 +24,27 @@ def look(walls, x, y=0.0, yaw=0.0, dt=1.0, robot=CART):
 
 
 def test_a_cart_in_a_corridor_leaves_half_of_what_it_is_narrower():
-    found = look([((-5, 0.5), (15, 0.5)), ((-5, -0.5), (15, -0.5))], np.arange(10.0)[:, None])
-    assert found["passed"] and found["num_wall_contacts"] == 0 and in_words(found) == ""
-    assert found["min_wall_clearance_m"] == pytest.approx(0.25)
-    assert found["min_wall_clearance"] == {"robot": "robot_0", "t_s": 0.0}
+    result = look([((-5, 0.5), (15, 0.5)), ((-5, -0.5), (15, -0.5))], np.arange(10.0)[:, None])
+    assert result["passed"] and result["num_wall_contacts"] == 0 and in_words(result) == ""
+    assert result["min_wall_clearance_m"] == pytest.approx(0.25)
+    assert result["min_wall_clearance"] == {"robot": "robot_0", "t_s": 0.0}
 
 
 def test_driving_through_a_wall_between_two_samples_is_seen():
-    found = look([((5, -2), (5, 2))], [[0.0], [8.0]])
-    assert not found["passed"] and found["num_wall_contacts"] == found["num_wall_crossings"] == 1
-    (contact,) = found["wall_contacts"]
+    result = look([((5, -2), (5, 2))], [[0.0], [8.0]])
+    assert not result["passed"] and result["num_wall_contacts"] == result["num_wall_crossings"] == 1
+    (contact,) = result["wall_contacts"]
     assert contact["robot"] == "robot_0" and contact["crosses"]
     assert contact["x_m"] == pytest.approx(4.5, abs=1e-2) and contact["t_s"] == pytest.approx(4.5 / 8, abs=1e-2)  # its front is first
-    assert in_words(found) == "robot_0 drives through a wall at (4.50, 0.00) after 0.6 s"
-    assert found["min_wall_clearance_m"] == 0
+    assert in_words(result) == "robot_0 drives through a wall at (4.50, 0.00) after 0.6 s"
+    assert result["min_wall_clearance_m"] == 0
 
 
 def test_a_footprint_that_grazes_a_wall_touches_it_and_its_centre_does_not():
     for shared_m, contacts in ((0.001, 1), (-0.001, 0)):
-        found = look([((2, 0.25 - shared_m), (3, 0.25 - shared_m))], [[0.0], [8.0]])
-        assert (found["num_wall_contacts"], found["num_wall_crossings"]) == (contacts, 0)
-        assert found["min_wall_clearance_m"] == pytest.approx(max(0, -shared_m), abs=2e-4)
+        result = look([((2, 0.25 - shared_m), (3, 0.25 - shared_m))], [[0.0], [8.0]])
+        assert (result["num_wall_contacts"], result["num_wall_crossings"]) == (contacts, 0)
+        assert result["min_wall_clearance_m"] == pytest.approx(max(0, -shared_m), abs=2e-4)
     assert in_words(look([((2, 0.2), (3, 0.2))], [[0.0], [8.0]])).startswith("robot_0 touches a wall at (1.5")
 
 
@@ -58,27 +58,27 @@ def test_a_turning_cart_sweeps_a_corner_that_it_misses_at_both_samples():
 
 
 def test_a_robot_that_stands_at_a_wall_is_seen_once():
-    found = look([((-1, 0.2), (1, 0.2))], np.zeros((50, 1)))
-    assert found["num_wall_contacts"] == 1 and found["wall_contacts"][0]["t_s"] == 0
+    result = look([((-1, 0.2), (1, 0.2))], np.zeros((50, 1)))
+    assert result["num_wall_contacts"] == 1 and result["wall_contacts"][0]["t_s"] == 0
 
 
 def test_contacts_at_one_time_are_listed_by_robot():
     """robot_1 stands at the wall that is drawn first."""
-    found = look([((4, 0.2), (6, 0.2)), ((-1, 0.2), (1, 0.2))], [[0.0, 5.0]])
-    assert [contact["robot"] for contact in found["wall_contacts"]] == ["robot_0", "robot_1"] and found["num_wall_crossings"] == 0
+    result = look([((4, 0.2), (6, 0.2)), ((-1, 0.2), (1, 0.2))], [[0.0, 5.0]])
+    assert [contact["robot"] for contact in result["wall_contacts"]] == ["robot_0", "robot_1"] and result["num_wall_crossings"] == 0
 
 
 @pytest.mark.parametrize("elsewhere", [np.nan, 0.0])  # not on the floor, and standing beside a wall
 def test_a_robot_that_touches_no_wall_hides_nobody_who_does(elsewhere):
     walls = [((4, 0.2), (6, 0.2)), ((-1, 0.6), (1, 0.6))]
-    found = look(walls, [[elsewhere, 9.0], [elsewhere, 9.0], [elsewhere, 5.0]])
-    assert [(contact["robot"], contact["t_s"] >= 1) for contact in found["wall_contacts"]] == [("robot_1", True)]
+    result = look(walls, [[elsewhere, 9.0], [elsewhere, 9.0], [elsewhere, 5.0]])
+    assert [(contact["robot"], contact["t_s"] >= 1) for contact in result["wall_contacts"]] == [("robot_1", True)]
 
 
 def test_a_robot_that_comes_later_is_seen_where_it_is():
     nan = np.nan
-    found = look([((5, -1), (5, 1))], [[nan], [5.2], [nan]], [[nan], [0.0], [nan]])
-    assert found["num_wall_contacts"] == 1 and found["wall_contacts"][0]["t_s"] == 1
+    result = look([((5, -1), (5, 1))], [[nan], [5.2], [nan]], [[nan], [0.0], [nan]])
+    assert result["num_wall_contacts"] == 1 and result["wall_contacts"][0]["t_s"] == 1
     assert look([((5, -1), (5, 1))], [[nan], [6.0], [nan]], [[nan], [0.0], [nan]])["min_wall_clearance_m"] == pytest.approx(0.5)
 
 
@@ -101,7 +101,7 @@ def test_contacts_equal_those_of_shapely():
     x, y = (np.cumsum(rng.normal(0, 0.5, (samples, robots)), 0) + rng.uniform(0, 12, robots) for _ in range(2))
     yaw = np.cumsum(rng.uniform(-1, 1, (samples, robots)), 0)
     walls = rng.uniform(0, 12, (60, 1, 2)) + rng.normal(0, 0.8, (60, 2, 2))
-    found = look(walls, x, y, yaw)
+    result = look(walls, x, y, yaw)
     drawn = [geometry.LineString(wall) for wall in walls]
     at = np.arange(0, samples - 1 + 1e-9, 1 / moments)
     box, nearest = geometry.box(-0.5, -0.25, 0.5, 0.25), {}
@@ -113,6 +113,6 @@ def test_contacts_equal_those_of_shapely():
                 nearest[r, w] = min(nearest.get((r, w), np.inf), body.distance(wall))
     touched = sum(distance == 0 for distance in nearest.values())
     unsure = sum(0 < distance < 0.02 for distance in nearest.values())  # 60 moments are too few to see these
-    assert 3 < touched <= found["num_wall_contacts"] <= touched + unsure
+    assert 3 < touched <= result["num_wall_contacts"] <= touched + unsure
     truth = {(r, w) for r in range(robots) for w, wall in enumerate(drawn) if geometry.LineString(np.c_[x[:, r], y[:, r]]).intersects(wall)}
-    assert found["num_wall_crossings"] == len(truth) > 0
+    assert result["num_wall_crossings"] == len(truth) > 0

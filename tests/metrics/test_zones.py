@@ -21,11 +21,11 @@ def test_zones_count_the_looks_at_which_robots_are_there(monkeypatch, period_s, 
     x, y = np.tile(graph.xy[-1, 0], (len(t_s), 2)), np.tile(graph.xy[-1, 1], (len(t_s), 2))
     x[:, 0], y[:, 0] = graph.xy[at].T
     x[-1, 1] = np.nan  # robot 1 always at the last, but off the floor at the end
-    found = occupancy(replace(execution, t_s=t_s, x_m=x, y_m=y), graph, record.nav or graph)
-    order = np.argsort(found.occupied_share)[::-1]
-    assert list(order) == list(range(len(found.name))) and len(found.name) == 2
-    assert found.occupied_share == pytest.approx([1.0, 4 / 11]) and found.robots_mean == pytest.approx([17 / 11, 4 / 11])
-    assert found.robots_max.tolist() == [2, 1]
+    result = occupancy(replace(execution, t_s=t_s, x_m=x, y_m=y), graph, record.nav or graph)
+    order = np.argsort(result.occupied_share)[::-1]
+    assert list(order) == list(range(len(result.name))) and len(result.name) == 2
+    assert result.occupied_share == pytest.approx([1.0, 4 / 11]) and result.robots_mean == pytest.approx([17 / 11, 4 / 11])
+    assert result.robots_max.tolist() == [2, 1]
 
 
 @pytest.mark.parametrize(("num_samples", "period_s", "looks"), [(1, 1.0, 1), (2, 1.0, 2), (2, 0.5, 1), (3, 0.5, 2)])

@@ -38,9 +38,9 @@ def lanes(pairs, start, goal, num_vertices):
 
 
 def made(name):
-    found = planner(name, {})
-    found.prepare()
-    return found
+    outcome = planner(name, {})
+    outcome.prepare()
+    return outcome
 
 
 def solved(name, problem, time_limit_s=20.0):

@@ -25,11 +25,11 @@ for name in {NAMES!r}:
 
 def answers(**environment):
     """What a new process says to the questions."""
-    told = subprocess.run(
+    output = subprocess.run(
         [sys.executable, "-c", ASK], env={**os.environ, **environment}, capture_output=True, text=True, cwd=TESTS.parent, check=False
     )
-    assert told.returncode == 0, told.stderr[-2000:]
-    return told.stdout
+    assert output.returncode == 0, output.stderr[-2000:]
+    return output.stdout
 
 
 @pytest.fixture(scope="module")

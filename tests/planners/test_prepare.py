@@ -19,12 +19,12 @@ pytestmark = pytest.mark.skipif(not is_compiled(), reason="nothing is compiled")
 
 def compiled():
     """How much machine code of each kernel is ready in this process."""
-    found = {}
+    outcome = {}
     for name, module in list(sys.modules.items()):
         if module is not None and name.split(".")[0] in ("planners", "mrp_sumo"):
             kernels = [k for k in vars(module).values() if isinstance(k, Kernel)]
-            found |= {f"{k.__module__}.{k.__name__}": k.num_types for k in kernels}
-    return found
+            outcome |= {f"{k.__module__}.{k.__name__}": k.num_types for k in kernels}
+    return outcome
 
 
 @pytest.mark.parametrize("name", [n for n in planner_names() if n not in ("external", "plan_file")])

@@ -33,8 +33,8 @@ def test_program_of_the_page_walks_validly(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     command = ["plan", str(problem), "--steps", "30", "--command", f"{sys.executable} walk.py", "--out", "s.json", "--json"]
     assert main(command) == 0
-    found = json.loads(capsys.readouterr().out)
-    assert found["planner"] == "program" and found["valid"] and found["errands_done"] > 3
+    result = json.loads(capsys.readouterr().out)
+    assert result["planner"] == "program" and result["valid"] and result["errands_done"] > 3
     assert main(["validate", "s.json", "--problem", str(problem)]) == 0
 
 

@@ -104,8 +104,8 @@ def test_tasks_that_cannot_be_ended_are_not_begun():
 def test_nearest_tasks_are_those_of_the_least_sum():
     problem = problem_of(["......."], [1, 5], [[6], [0], [3]], 3)
     solution = ran(problem, 6)
-    given = {(r, k) for t, r, k in solution.schedule.tolist() if t == 1}
-    assert given == {(0, 2), (1, 0)}  # 2 + 1 steps; the robots look east
+    params = {(r, k) for t, r, k in solution.schedule.tolist() if t == 1}
+    assert params == {(0, 2), (1, 0)}  # 2 + 1 steps; the robots look east
 
 
 @pytest.mark.kernel
@@ -211,10 +211,10 @@ def test_robots_without_a_table_wait_for_it():
 
 
 def test_operations_are_those_of_use_and_closed_under_moving_up():
-    found = {"".join(LETTERS[a] for a in row) for row in operations(3)}
-    assert len(found) == 19
-    assert {"WWW", "FFF", "RRF", "WCF", "RFW"} < found
-    assert not {"RCF", "CCF", "FFR", "RWW"} & found
+    result = {"".join(LETTERS[a] for a in row) for row in operations(3)}
+    assert len(result) == 19
+    assert {"WWW", "FFF", "RRF", "WCF", "RFW"} < result
+    assert not {"RCF", "CCF", "FFR", "RWW"} & result
     for depth in (1, 2, 3, 4):
         action = operations(depth)
         assert (action[moved_up(action)][:, :-1] == action[:, 1:]).all()

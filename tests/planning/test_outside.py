@@ -209,8 +209,8 @@ def test_preparation_is_not_planning(problem, of):
 
 def test_what_a_plug_in_prints_is_not_our_output(problem, of, capfd):
     of(before_planning("print('hello')")).plan(problem, 60.0)
-    told = capfd.readouterr()
-    assert told.out == ""
+    output = capfd.readouterr()
+    assert output.out == ""
 
 
 def test_unknown_parameter_is_bad_input(of):

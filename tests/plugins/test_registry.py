@@ -106,9 +106,9 @@ WRONG = {
 @pytest.mark.parametrize("says", WRONG)
 def test_what_is_wrong_is_one_line_with_file_and_line(tmp_path, says):
     name = written(tmp_path, PLANNER.replace(*WRONG[says]))
-    with pytest.raises(PlugInError) as found:
+    with pytest.raises(PlugInError) as result:
         registry.make("planners", name, {}, tmp_path)
-    assert str(found.value).endswith(says)
+    assert str(result.value).endswith(says)
 
 
 def test_methods_of_the_protocol_itself_are_missing(tmp_path):

@@ -53,6 +53,6 @@ def study_of(tmp_path, second, num_seeds=20, fails=0):
     ],
 )
 def test_answer_says_who_is_ahead_and_how_surely(tmp_path, second, num_seeds, fails, said):
-    found = answer(study_of(tmp_path, second, num_seeds, fails))
-    assert all(part in found for part in said), found
-    assert found.count(". ") == 1
+    result = answer(study_of(tmp_path, second, num_seeds, fails))
+    assert all(part in result for part in said), result
+    assert result.count(". ") == 1

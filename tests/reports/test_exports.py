@@ -114,8 +114,8 @@ def test_a_bag_that_the_disk_refuses_leaves_nothing(folder, tmp_path, storage):
     )
     command = [sys.executable, "-c", code, "export", str(folder), "--bag", "--storage", storage, "--repeat-latched", "0.1"]
     quiet = {**os.environ, "PYTHONDONTWRITEBYTECODE": "1"}  # Python would leave its own caches cut off
-    told = subprocess.run([*command, "--out", str(tmp_path / "bag")], capture_output=True, text=True, check=False, env=quiet)
-    assert told.returncode == 2 and f"{tmp_path / 'bag'}: cannot be written: " in told.stderr and told.stderr.count("\n") == 1
+    output = subprocess.run([*command, "--out", str(tmp_path / "bag")], capture_output=True, text=True, check=False, env=quiet)
+    assert output.returncode == 2 and f"{tmp_path / 'bag'}: cannot be written: " in output.stderr and output.stderr.count("\n") == 1
     assert not list(tmp_path.iterdir())
 
 
@@ -155,11 +155,11 @@ def test_command_makes_each_format_once(folder, tmp_path, capsys, arguments, mad
 
 def test_metrics_of_a_bag_are_those_of_the_run(folder, capsys):
     assert main(["analyze", str(folder), "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told["numGoals"] == 4 and told["messages"] == 7
+    output = json.loads(capsys.readouterr().out)
+    assert output["numGoals"] == 4 and output["messages"] == 7
     distance = np.hypot(np.diff(record_of_four(seconds=3.0).execution.x_m[::5, :2], axis=1)[:, 0], 1.0).min()
-    assert told["allGoalReached"] is False and told["totalTimeForScheduleExecution"] == 300  # the scenario's time limit, from the bag
-    assert told["minDistanceBetweenTwoAgents"] == pytest.approx(distance, abs=1e-6)
+    assert output["allGoalReached"] is False and output["totalTimeForScheduleExecution"] == 300  # the scenario's time limit, from the bag
+    assert output["minDistanceBetweenTwoAgents"] == pytest.approx(distance, abs=1e-6)
 
 
 def test_viewer_set_ups_name_topics_of_the_bag_and_look_at_the_map(tmp_path):

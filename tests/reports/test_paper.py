@@ -68,17 +68,17 @@ def test_paper_stands_beside_5_and_9_robots_together_driven_without_order():
 
 
 def test_normalised_rate_is_of_scenarios_that_every_planner_solved():
-    found = study({("cbs", 9): 10, ("ecbs", 9): 20})
-    unsolved = found.frame["planner"].eq("cbs") & found.frame["seed"].isin(range(15, 20))
-    found.frame.loc[unsolved, "_planned"] = False
-    normalised = {r.labels["planner"]: r for r in beside.table_3(found) if r.quantity == "normalised_percent"}
+    result = study({("cbs", 9): 10, ("ecbs", 9): 20})
+    unsolved = result.frame["planner"].eq("cbs") & result.frame["seed"].isin(range(15, 20))
+    result.frame.loc[unsolved, "_planned"] = False
+    normalised = {r.labels["planner"]: r for r in beside.table_3(result) if r.quantity == "normalised_percent"}
     assert (normalised["cbs"].ours.count, normalised["ecbs"].ours.count) == (15, 15)
     assert normalised["cbs"].ours.value == pytest.approx(100 * 10 / 15)
 
 
 def test_order_is_tested_on_the_same_runs():
-    found = study({("astar", 9): 2, ("cbs", 9): 18})
-    arrived, makespan, cost = beside.order(found, found)
+    result = study({("astar", 9): 2, ("cbs", 9): 18})
+    arrived, makespan, cost = beside.order(result, result)
     assert (arrived.first, arrived.second) == ("astar", "cbs")
     assert arrived.difference.value == pytest.approx(80)
     assert arrived.p_value < 0.001
@@ -89,9 +89,9 @@ def test_order_is_tested_on_the_same_runs():
 
 
 def test_times_of_planners_that_solve_nothing_are_missing():
-    found = study({("cbs", 5): 1})
-    found.frame["planning_time_s"] = np.nan
-    mean, spread = beside.figure_5(found)
+    result = study({("cbs", 5): 1})
+    result.frame["planning_time_s"] = np.nan
+    mean, spread = beside.figure_5(result)
     assert mean.document["ours"] is None
     assert spread.document["low"] is None
 

@@ -33,11 +33,11 @@ def results(maps=("office", "warehouse"), planners=("astar", "cbs", "ecbs"), rob
         for n in robots:
             for k, planner in enumerate(planners):
                 for seed in range(seeds):
-                    found = not (planner == "cbs" and m == 1 and seed == 0)
-                    arrives = found and not (planner == "astar" and seed < 2)
+                    result = not (planner == "cbs" and m == 1 and seed == 0)
+                    arrives = result and not (planner == "astar" and seed < 2)
                     row = {
                         "key": f"{m}{n}{k}{seed}",
-                        "status": "completed" if arrives else "time_limit" if found else "planning_timed_out",
+                        "status": "completed" if arrives else "time_limit" if result else "planning_timed_out",
                         "success": arrives,
                         "reason": "" if arrives else "too slow",
                         "repeat": 0,
@@ -50,24 +50,24 @@ def results(maps=("office", "warehouse"), planners=("astar", "cbs", "ecbs"), rob
                         "execution.time_limit_s": 300.0,
                         "discretisation.cell_m": 0.4,
                         "num_robots": n,
-                        "plan_success": found,
-                        "plan_valid": planner != "astar" if found else None,
+                        "plan_success": result,
+                        "plan_valid": planner != "astar" if result else None,
                         "planning_time_s": (k + 1) / 1e3,
-                        "makespan_steps": 40 + k if found else None,
-                        "cost_steps": 100 + 10 * k + seed if found else None,
-                        "soc_steps": 90 + k if found else None,
-                        "lower_bound_steps": 90 if found else None,
-                        "makespan_s": 80.0 + seed if found else None,
-                        "driven_makespan_s": 80.0 + seed if found else None,
-                        "execution_time_s": 60.0 + seed + k if found else None,
+                        "makespan_steps": 40 + k if result else None,
+                        "cost_steps": 100 + 10 * k + seed if result else None,
+                        "soc_steps": 90 + k if result else None,
+                        "lower_bound_steps": 90 if result else None,
+                        "makespan_s": 80.0 + seed if result else None,
+                        "driven_makespan_s": 80.0 + seed if result else None,
+                        "execution_time_s": 60.0 + seed + k if result else None,
                         "goals_reached": n if arrives else 1,
                         "all_goals_reached": arrives,
-                        "time_blocked_total_s": 5.0 * seed if found else None,
-                        "min_clearance_m": 0.2 if found else None,
-                        "num_overlaps": 0 if found else None,
-                        "lateness_mean_s": -1.0 - seed if found else None,
-                        "lateness_max_s": 0.5 if found else None,
-                        "sim_time_s": 100.0 if found else None,
+                        "time_blocked_total_s": 5.0 * seed if result else None,
+                        "min_clearance_m": 0.2 if result else None,
+                        "num_overlaps": 0 if result else None,
+                        "lateness_mean_s": -1.0 - seed if result else None,
+                        "lateness_max_s": 0.5 if result else None,
+                        "sim_time_s": 100.0 if result else None,
                     }
                     rows.append(row | {c: v(row) if callable(v) else v for c, v in columns.items()})
     return pd.DataFrame(rows)
@@ -374,7 +374,7 @@ WITH_HALF_A_CHARACTER = WITHOUT_UNTIL.replace(b'"description": ""', b'"descripti
 
 
 @pytest.mark.parametrize(
-    ("make", "told"),
+    ("make", "output"),
     [
         (lambda p: p / "nowhere", "no such folder"),
         (lambda p: p, "neither a batch nor a run"),
@@ -388,10 +388,10 @@ WITH_HALF_A_CHARACTER = WITHOUT_UNTIL.replace(b'"description": ""', b'"descripti
         (lambda p: _frame(p / "results.parquet", results().head(0)), "no rows"),
     ],
 )
-def test_bad_input_is_told_in_one_line(tmp_path, capsys, make, told):
+def test_bad_input_is_told_in_one_line(tmp_path, capsys, make, output):
     assert main(["report", str(make(tmp_path))]) == 2
     lines = capsys.readouterr().err.splitlines()
-    assert len(lines) == 1 and told in lines[0]
+    assert len(lines) == 1 and output in lines[0]
     assert not (tmp_path / "report").exists()
 
 

@@ -37,14 +37,14 @@ def test_robots_that_obey_blockers_arrive_and_never_share_a_place(document, seed
     """Robots step along their waypoints at random, and leave none whose blockers have not come far enough."""
     rng = np.random.default_rng(seed)
     plans = {one["name"]: one["plan"]["waypoints"] for one in document["plans"]}
-    assert any(waypoint["departure_blockers"] for way in plans.values() for waypoint in way)
+    assert any(waypoint["departure_blockers"] for route in plans.values() for waypoint in route)
     at = dict.fromkeys(plans, 0)
-    while any(at[name] < len(way) - 1 for name, way in plans.items()):
+    while any(at[name] < len(route) - 1 for name, route in plans.items()):
         free = [
             name
-            for name, way in plans.items()
-            if at[name] < len(way) - 1
-            and all(plans[b["name"]][at[b["name"]]]["progress"] >= b["required_progress"] for b in way[at[name]]["departure_blockers"])
+            for name, route in plans.items()
+            if at[name] < len(route) - 1
+            and all(plans[b["name"]][at[b["name"]]]["progress"] >= b["required_progress"] for b in route[at[name]]["departure_blockers"])
         ]
         assert free, "nobody may go on"
         at[str(rng.choice(free))] += 1

@@ -41,11 +41,11 @@ def folder(tmp_path_factory):
 @pytest.fixture(scope="module")
 def logs(folder):
     """The messages of both versions."""
-    found = {}
+    result = {}
     for version in ("2.1", "3.0"):
         write_vda(folder / version, load_run(folder).record, version)
-        found[version] = [json.loads(line) for line in (folder / version / "messages.jsonl").read_text().splitlines()]
-    return found
+        result[version] = [json.loads(line) for line in (folder / version / "messages.jsonl").read_text().splitlines()]
+    return result
 
 
 def of(messages, kind):
@@ -219,14 +219,14 @@ def test_messages_of_opentcs_are_read(tmp_path):
     folder = SCHEMAS.parent / "opentcs" / "messages"
     if not folder.is_dir():
         pytest.skip("openTCS's messages are not beside this repository")
-    found = {}
+    result = {}
     for path in folder.glob("*.txt"):
         payload = json.loads(path.read_text()) | {"version": "2.0.0"}
         kind = "order" if "Order" in path.name else "state"
         header = {key: payload[key] for key in ("headerId", "timestamp", "version", "manufacturer", "serialNumber")}
         topic = f"uagv/v2/{payload['manufacturer']}/{payload['serialNumber']}"
         online = {"t_s": 0, "topic": f"{topic}/connection", "payload": header | {"connectionState": "ONLINE"}}
-        found[path.name.split(".")[1]] = found.get(path.name.split(".")[1], []) + faults(
+        result[path.name.split(".")[1]] = result.get(path.name.split(".")[1], []) + faults(
             [online, {"t_s": 0, "topic": f"{topic}/{kind}", "payload": payload}]
         )
         if kind == "state":  # another's vehicle, recorded
@@ -240,8 +240,8 @@ def test_messages_of_opentcs_are_read(tmp_path):
             else:
                 with pytest.raises(MrpSumoError, match="no state or visualization says where a vehicle is"):
                     read_log(tmp_path / "log.jsonl")
-    assert found["StateTest"] == []
-    assert found["OrderTest"] == ["nodes[1].sequenceId is 0, expected 2", "edges[0].sequenceId is 0, expected 1"]  # they test the layout
+    assert result["StateTest"] == []
+    assert result["OrderTest"] == ["nodes[1].sequenceId is 0, expected 2", "edges[0].sequenceId is 0, expected 1"]  # they test the layout
 
 
 def test_export_and_validate_from_the_command_line(folder, tmp_path, capsys):

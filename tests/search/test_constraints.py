@@ -23,6 +23,6 @@ def test_a_vertex_is_forbidden_for_a_time_a_lane_from_one_side_and_all_but_a_ver
     assert st.add_row(store, st.RANGE, 1, -1, 2, 3) and st.add_row(store, st.EDGE, 1, 2, 5, 5) and st.add_row(store, st.MUST, 2, -1, 7, 7)
     record = st.add_record(store, -1, 0, begin, store.used[st.ROWS])
     assert load(tree.instance, store, scratch, record) == st.OK
-    found = [(u, v, t) for u, v, t in product(range(4), range(4), range(9)) if abs(u - v) <= 1 and forbidden(scratch, u, v, t)]
+    result = [(u, v, t) for u, v, t in product(range(4), range(4), range(9)) if abs(u - v) <= 1 and forbidden(scratch, u, v, t)]
     expected = {(u, 1, t) for u in (0, 1, 2) for t in (2, 3)} | {(2, 1, 5)}
-    assert set(found) == expected | {(u, v, 7) for u, v in product(range(4), (0, 1, 3)) if abs(u - v) <= 1}
+    assert set(result) == expected | {(u, v, 7) for u, v in product(range(4), (0, 1, 3)) if abs(u - v) <= 1}

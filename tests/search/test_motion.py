@@ -66,13 +66,13 @@ def test_robot_that_is_let_on_at_the_last_moment_drives_as_if_nothing_had_been(u
     last = taken_step(run, len(run), until, 0.7, DT_S)
 
     def driven(let_on_after):
-        s, v, found = 0.0, 0.0, []
+        s, v, result = 0.0, 0.0, []
         for k in range(len(run)):
             free = (6.0 if k >= let_on_after else until) - s
             v = min(stop_speed(free, 0.7, DT_S), v + 0.5 * DT_S, 1.0)
             s += v * DT_S
-            found.append(s)
-        return np.array(found)
+            result.append(s)
+        return np.array(result)
 
     assert driven(last) == pytest.approx(run, abs=1e-6)
     assert last == len(run) or np.abs(driven(last + 1) - run).max() > 1e-6

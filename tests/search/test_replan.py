@@ -135,9 +135,9 @@ def test_an_mdd_holds_all_paths_of_the_least_cost_and_tells_whether_constraints_
     assert mdd_of(tree.instance, store, scratch, record) == st.OK
     start, goal, cost = int(tree.problem.start[robot]), int(tree.problem.goal[robot]), int(store.meta["cost"][record])
     level = store.level[store.meta["mdd0"][record] :]
-    told = [sorted(store.member[level[t] : level[t + 1]].tolist()) for t in range(cost + 1)]
+    output = [sorted(store.member[level[t] : level[t + 1]].tolist()) for t in range(cost + 1)]
     expected = levels_of(graph, start, goal, rows, cost)
-    assert told == [sorted(each) for each in expected] and store.meta["bound"][record] == cost
+    assert output == [sorted(each) for each in expected] and store.meta["bound"][record] == cost
     for t in range(cost + 3):
         each = expected[min(t, cost)]
         assert only(store, record, t) == (min(each) if len(each) == 1 else -1)

@@ -47,9 +47,9 @@ def problem(edges, start, goal, num_vertices=5):
     ],
 )
 def test_robots_keep_their_order_on_lines_and_rings(edges, start, goal, broken):
-    asked = problem(edges, start, goal)
-    assert (order_broken(asked) is not None) == broken
-    assert unsolvable(asked, *clashes_of(asked)) == broken
+    request = problem(edges, start, goal)
+    assert (order_broken(request) is not None) == broken
+    assert unsolvable(request, *clashes_of(request)) == broken
 
 
 def test_two_robots_can_swap_on_a_star_and_three_cannot_move_round():
@@ -74,5 +74,5 @@ def test_large_problem_is_left_to_the_planner():
 
 @pytest.mark.parametrize("seed", range(30))
 def test_what_cannot_be_driven_is_what_the_slow_search_does_not_find(seed):
-    asked = crowded_problem(seed, num_vertices=6)
-    assert unsolvable(asked, *clashes_of(asked)) == (least_cost(asked) is None)
+    request = crowded_problem(seed, num_vertices=6)
+    assert unsolvable(request, *clashes_of(request)) == (least_cost(request) is None)

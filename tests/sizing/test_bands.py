@@ -24,12 +24,12 @@ STATION = {
 
 def answered(per_h, demand_per_h=None, bounds=(), tasks=STATION):
     """The answer about fleets whose throughput is a formula of their number, their speed and the time at `a`."""
-    asked = question((4, 60), demand_per_h=demand_per_h, tasks=tasks, bounds=bounds)
+    request = question((4, 60), demand_per_h=demand_per_h, tasks=tasks, bounds=bounds)
 
     def moved(robots, values):
         return per_h(robots, values.get("max_speed_mps", 1.0), values.get("a", 1.0))
 
-    answer, _ = answer_of(asked, Fleets(lambda n: per_h(n, 1.0, 1.0), asked, moved=moved))
+    answer, _ = answer_of(request, Fleets(lambda n: per_h(n, 1.0, 1.0), request, moved=moved))
     return answer
 
 
@@ -74,9 +74,9 @@ def test_an_answer_is_the_same_but_for_its_bands_and_has_none_unless_asked():
 def test_the_runs_that_bands_cost_are_counted_beside_those_of_the_study():
     made = []
     for bounds in (None, ()):
-        asked = question((4, 60), demand_per_h=200.0, tasks=STATION, bounds=bounds)
-        fleets = Fleets(lambda n: 10.0 * n, asked, moved=lambda n, values: 10.0 * n * values.get("max_speed_mps", 1.0))
-        answer, _ = answer_of(asked, fleets)
+        request = question((4, 60), demand_per_h=200.0, tasks=STATION, bounds=bounds)
+        fleets = Fleets(lambda n: 10.0 * n, request, moved=lambda n, values: 10.0 * n * values.get("max_speed_mps", 1.0))
+        answer, _ = answer_of(request, fleets)
         made.append(len(set(fleets.made)))
     assert answer.bands.num_runs == made[1] - made[0] > 0
 

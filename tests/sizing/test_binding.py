@@ -47,13 +47,13 @@ AT = {
 def lanes(*ways, at=AT, both=False):
     """A table of lanes along ways, each the names of vertices."""
     rows = ["from,to,from_x_m,from_y_m,to_x_m,to_y_m,both_ways,speed_mps"]
-    for way in ways:
-        for a, b in pairwise(way.split()):
+    for route in ways:
+        for a, b in pairwise(route.split()):
             rows.append(f"{a},{b},{at[a][0]},{at[a][1]},{at[b][0]},{at[b][1]},{'yes' if both else 'no'},")
     return "\n".join(rows) + "\n"
 
 
-WITH_SPURS = lanes(RING) + "".join(lanes(way, both=True).split("\n", 1)[1] for way in ("c1 p1", "c2 p2", "c3 p3"))
+WITH_SPURS = lanes(RING) + "".join(lanes(route, both=True).split("\n", 1)[1] for route in ("c1 p1", "c2 p2", "c3 p3"))
 
 
 def bound(folder, text, robots, tasks, **options):

@@ -22,8 +22,8 @@ SURE, VAGUE = (1, -1, 1, -1), (12, -12, 12, -12)  # orders an hour more or less,
 class Known:
     """Runs that do so many orders an hour: by size, a mean and what seeds are off by."""
 
-    def __init__(self, asked, rates, **others):
-        self.question, self.rates, self.others = asked, rates, others
+    def __init__(self, request, rates, **others):
+        self.question, self.rates, self.others = request, rates, others
 
     def __call__(self, trial):
         mean, off = (self.question.demand_per_h, (0,)) if trial.kind == DEMAND else self.rates[trial.robots]
@@ -34,51 +34,51 @@ class Known:
 
 
 def limits_of(rates):
-    asked = question((min(rates), max(rates)), FEW)
-    return limits(coarse(Desk(asked, Known(asked, rates))))
+    request = question((min(rates), max(rates)), FEW)
+    return limits(coarse(Desk(request, Known(request, rates))))
 
 
 @pytest.mark.parametrize(("off", "falls"), [(SURE, True), (VAGUE, False)])
 def test_a_size_below_the_level_is_a_collapse_only_where_its_interval_says_so(off, falls):
-    found = limits_of({4: (150, SURE), 6: (200, SURE), 9: (184, off)})
-    assert found.curve.best == 6
-    assert found.collapse.estimate == (9 if falls else None)
+    result = limits_of({4: (150, SURE), 6: (200, SURE), 9: (184, off)})
+    assert result.curve.best == 6
+    assert result.collapse.estimate == (9 if falls else None)
 
 
 @pytest.mark.parametrize(("off", "low"), [(SURE, 5), (VAGUE, None)])
 def test_the_knee_begins_above_a_size_only_where_its_interval_is_below_the_level(off, low):
-    found = limits_of({4: (184, off), 6: (200, SURE), 9: (196, SURE)})
-    assert (found.knee.estimate, found.knee.low, found.knee.high) == (6, low, 6)
+    result = limits_of({4: (184, off), 6: (200, SURE), 9: (196, SURE)})
+    assert (result.knee.estimate, result.knee.low, result.knee.high) == (6, low, 6)
 
 
 @pytest.mark.parametrize(("three", "knee"), [(108, 3), (98, None)])
 def test_the_knee_is_looked_for_below_the_largest_fleet_that_is_asked_about_too(three, knee):
     """A station takes 109 an hour: three robots do as much as four, which the grid of 1, 2 and 4 cannot tell, or do not."""
-    asked = question((1, 4), replace(FEW, growth=2.0, gap=1.1))
+    request = question((1, 4), replace(FEW, growth=2.0, gap=1.1))
     rates = {1: (43, SURE), 2: (87, SURE), 3: (three, SURE), 4: (109, SURE)}
-    assert limits(coarse(Desk(asked, Known(asked, rates)))).knee.estimate == knee
+    assert limits(coarse(Desk(request, Known(request, rates)))).knee.estimate == knee
 
 
 @pytest.mark.parametrize(("mean", "high"), [(198, None), (194, 8)])
 def test_the_peak_may_be_at_a_size_that_is_worse_by_chance(mean, high):
     """2 fewer of 200, with seeds that are 4 off, is p = 0.4; 6 fewer is p = 0.03."""
-    found = limits_of({4: (150, SURE), 6: (200, (0, 0, 0, 0)), 9: (mean, (4, -4, 4, -4))})
-    assert found.curve.best == 6 and found.peak.high == high and found.collapse.estimate is None
+    result = limits_of({4: (150, SURE), 6: (200, (0, 0, 0, 0)), 9: (mean, (4, -4, 4, -4))})
+    assert result.curve.best == 6 and result.peak.high == high and result.collapse.estimate is None
 
 
 def test_gaps_are_halved_around_the_peak_and_where_the_collapse_begins():
     """180 an hour at 9, about as much up to 14, and less and less above."""
     rates = {n: (20 * n if n <= 9 else 180 - n / 2 if n <= 14 else 300 - 9 * n, SURE) for n in range(4, 31)}
-    asked = question((4, 30), replace(FEW, gap=1.4))
-    sizes = limits(coarse(Desk(asked, Known(asked, rates)))).curve.sizes
+    request = question((4, 30), replace(FEW, gap=1.4))
+    sizes = limits(coarse(Desk(request, Known(request, rates)))).curve.sizes
     assert {4, 6, 9, 14, 20, 30} < set(sizes) and {7, 11, 17} < set(sizes)
 
 
 @pytest.mark.parametrize(("off", "low"), [(SURE, 5), (VAGUE, 4)])
 def test_a_fleet_is_ruled_out_by_the_upper_limit_of_what_it_can_do(off, low):
     """184 orders an hour of 200 that come, of which 95 % are wanted: 190."""
-    asked = question((4, 9), FEW, demand_per_h=200.0)
-    answer, _ = answer_of(asked, Known(asked, {4: (184, off), 6: (300, SURE), 9: (300, SURE)}))
+    request = question((4, 9), FEW, demand_per_h=200.0)
+    answer, _ = answer_of(request, Known(request, {4: (184, off), 6: (300, SURE), 9: (300, SURE)}))
     assert answer.served.smallest.low == low
 
 
@@ -98,12 +98,12 @@ def test_a_fleet_is_ruled_out_by_the_upper_limit_of_what_it_can_do(off, low):
 def test_a_fleet_that_does_less_with_work_always_waiting_is_not_said_to_meet_a_demand(four, nine, smallest, words):
     """Four robots do the 200 orders that come in an hour, 95 % of which are wanted, from full batteries."""
     rates = {4: (four, VAGUE), 9: (nine, VAGUE)}
-    asked = question((4, 9), FEW, demand_per_h=200.0)
-    saturated = Curve(Desk(asked, Known(asked, rates)), SATURATED)
+    request = question((4, 9), FEW, demand_per_h=200.0)
+    saturated = Curve(Desk(request, Known(request, rates)), SATURATED)
     saturated.ask(dict.fromkeys(rates, 4), "")
     served = Served(saturated, Bracket(4, 4, 4), 0.95).beside(saturated)
     assert served.smallest == smallest
-    assert _of_demand(served, asked, 9).endswith(words)
+    assert _of_demand(served, request, 9).endswith(words)
 
 
 def test_the_smallest_fleet_is_not_looked_for_below_those_that_are_asked_about():
@@ -118,8 +118,8 @@ def test_the_smallest_fleet_is_not_looked_for_below_those_that_are_asked_about()
     [(5, 6, "6 robots on (5 to 6)."), (5, None, "6 robots on (5 or more)."), (6, None, "6 robots on (or more)."), (6, 6, "6 robots on.")],
 )
 def test_a_fleet_for_the_demand_that_is_not_sure_is_said_to_be_open_above(low, high, words):
-    asked = question((4, 9), FEW, demand_per_h=200.0)
-    answer, _ = answer_of(asked, Known(asked, {4: (150, SURE), 6: (200, SURE), 9: (200, SURE)}))
+    request = question((4, 9), FEW, demand_per_h=200.0)
+    answer, _ = answer_of(request, Known(request, {4: (150, SURE), 6: (200, SURE), 9: (200, SURE)}))
     served = replace(answer.served, smallest=replace(answer.served.smallest, low=low, high=high))
     assert replace(answer, served=served).sentence.endswith(words)
 
@@ -153,92 +153,92 @@ def test_lead_times_are_those_of_orders_done_after_the_warm_up_and_of_runs_that_
 
 def test_sizes_are_measured_on_other_runs_than_they_were_chosen_on():
     """Size 9 is lucky on the seeds that choose, by 30, and only there."""
-    asked = question((4, 9), FEW)
-    runs = Known(asked, {4: (150, SURE), 6: (200, SURE), 9: (200, SURE)})
+    request = question((4, 9), FEW)
+    runs = Known(request, {4: (150, SURE), 6: (200, SURE), 9: (200, SURE)})
 
     def lucky(trial):
         if trial.robots == 9 and trial.seed < 1000:
-            return Known(asked, {9: (230, SURE)})(trial)
+            return Known(request, {9: (230, SURE)})(trial)
         return runs(trial)
 
-    found = limits(coarse(Desk(asked, lucky)))
-    assert found.curve.best == 9 and found.measured
-    assert found.curve.points[9].throughput.value == pytest.approx(200, abs=1) and found.curve.points[9].first_seed == 1000
+    result = limits(coarse(Desk(request, lucky)))
+    assert result.curve.best == 9 and result.measured
+    assert result.curve.points[9].throughput.value == pytest.approx(200, abs=1) and result.curve.points[9].first_seed == 1000
 
 
 @pytest.mark.parametrize(("unanswered", "counts"), [(1, True), (2, False)])
 def test_a_size_counts_where_at_most_one_request_of_a_hundred_went_unanswered(unanswered, counts):
-    asked = question((4, 9), FEW)
-    curve = coarse(Desk(asked, Known(asked, {4: (150, SURE), 6: (200, SURE), 9: (230, SURE)}, requests={9: [100, unanswered]})))
+    request = question((4, 9), FEW)
+    curve = coarse(Desk(request, Known(request, {4: (150, SURE), 6: (200, SURE), 9: (230, SURE)}, requests={9: [100, unanswered]})))
     assert (9 in curve.points) == counts
     if not counts:
         assert curve.unfit[9].fault == "the planner found no plan in 8 of 400 requests: not a property of your floor"
 
 
 def test_the_next_planner_is_tried_where_the_first_has_no_plans():
-    asked = question((4, 9), FEW)
-    runs = Known(asked, {4: (150, SURE), 6: (200, SURE), 9: (203, SURE)})
+    request = question((4, 9), FEW)
+    runs = Known(request, {4: (150, SURE), 6: (200, SURE), 9: (203, SURE)})
 
     def refused(trial):
         record = runs(trial)
         return record if trial.planner or trial.robots < 6 else {**record, "observed": {**record["observed"], "requests": [52, 52]}}
 
-    answer, trials = answer_of(asked, refused)
+    answer, trials = answer_of(request, refused)
     assert answer.planner == "auto" and not answer.unfit and {t.planner for t in trials} == {"", "auto"}
     assert any("planned with auto, since lacam left more than 1 % of its requests unanswered" in note for note in answer.notes)
 
 
 def test_without_a_planner_that_answers_there_is_no_headline():
-    asked = question((4, 9), FEW)
+    request = question((4, 9), FEW)
     rates = dict.fromkeys((4, 6, 9), (150, SURE))
-    answer, _ = answer_of(asked, Known(asked, rates, requests={n: [52, 52] for n in rates}))
-    found = answer.document["answer"]
-    assert found["sentence"] == "No answer: with 4 robots the planner found no plan in 208 of 208 requests: not a property of your floor."
-    assert found["limit"]["kind"] == "planner" and found["knee_robots"]["estimate"] is None
-    assert [row["unanswered_share"] for row in found["curve"]] == [1.0]
+    answer, _ = answer_of(request, Known(request, rates, requests={n: [52, 52] for n in rates}))
+    result = answer.document["answer"]
+    assert result["sentence"] == "No answer: with 4 robots the planner found no plan in 208 of 208 requests: not a property of your floor."
+    assert result["limit"]["kind"] == "planner" and result["knee_robots"]["estimate"] is None
+    assert [row["unanswered_share"] for row in result["curve"]] == [1.0]
 
 
 def test_a_size_of_which_a_run_failed_the_operations_audit_does_not_count():
-    asked = question((4, 9), FEW)
+    request = question((4, 9), FEW)
     rates = {4: (150, SURE), 6: (200, SURE), 9: (260, SURE)}
-    answer, _ = answer_of(asked, Known(asked, rates, operations={9: ["station A served two robots at 50 s"]}))
+    answer, _ = answer_of(request, Known(request, rates, operations={9: ["station A served two robots at 50 s"]}))
     assert answer.limits.curve.best == 6
     assert any("9 robots: not counted; the operations audit failed: station A served two robots at 50 s" in note for note in answer.notes)
 
 
 @pytest.mark.parametrize(("bad_seed", "best"), [(1003, 6), (2003, 9)])
 def test_a_size_of_which_a_run_on_new_seeds_failed_the_operations_audit_does_not_count(bad_seed, best):
-    asked = question((4, 9), FEW)
-    runs = Known(asked, {4: (150, SURE), 6: (200, SURE), 9: (260, SURE)})
+    request = question((4, 9), FEW)
+    runs = Known(request, {4: (150, SURE), 6: (200, SURE), 9: (260, SURE)})
 
     def failing(trial):
         record = runs(trial)
         bad = trial.robots == 9 and trial.seed == bad_seed
         return {**record, "observed": {**record["observed"], "operations": ["station A served two robots at 50 s"]}} if bad else record
 
-    answer, _ = answer_of(asked, failing)
+    answer, _ = answer_of(request, failing)
     assert (answer.limits.curve.best, answer.limits.measured) == (best, True)
     assert [point.robots for point in answer.unfit] == ([9] if best == 6 else [])
 
 
 @pytest.mark.parametrize("stalls", [False, True])
 def test_runs_in_which_work_came_to_a_stand_are_said(stalls):
-    asked = question((4, 9), FEW)
-    runs = Known(asked, {4: (150, SURE), 6: (200, SURE), 9: (260, SURE)})
+    request = question((4, 9), FEW)
+    runs = Known(request, {4: (150, SURE), 6: (200, SURE), 9: (260, SURE)})
 
     def standing(trial):
         return {**runs(trial), "status": "stalled" if stalls and (trial.robots, trial.seed % 1000) == (6, 2) else "completed"}
 
-    notes = answer_of(asked, standing)[0].notes
+    notes = answer_of(request, standing)[0].notes
     said = "work came to a stand for good in 1 of 4 runs with 6 robots, which count with what they did until then"
     assert (said in notes) == stalls and any("came to a stand" in note for note in notes) == stalls
 
 
 def test_a_study_in_whose_runs_no_order_was_done_says_so_instead_of_a_size():
-    asked = question((4, 9), FEW)
-    answer, _ = answer_of(asked, Known(asked, dict.fromkeys((4, 6, 9), (0.5, (0,)))))
+    request = question((4, 9), FEW)
+    answer, _ = answer_of(request, Known(request, dict.fromkeys((4, 6, 9), (0.5, (0,)))))
     assert answer.sentence.startswith("No order was done in runs of 1 h: a longer --horizon may tell.")
-    assert answer_of(asked, Known(asked, dict.fromkeys((4, 6, 9), (5, (0,)))))[0].sentence.startswith("4 robots")
+    assert answer_of(request, Known(request, dict.fromkeys((4, 6, 9), (5, (0,)))))[0].sentence.startswith("4 robots")
 
 
 @pytest.mark.parametrize(("empty_s", "per_h"), [(None, 120.0), (1800.0, 240.0)])
@@ -255,8 +255,8 @@ def test_what_is_driven_after_a_battery_ran_empty_is_not_throughput(empty_s, per
 @pytest.mark.parametrize(("is_made", "words"), [(False, "by 4 robots; larger fleets were not tried on it."), (True, "from 5 robots on.")])
 def test_a_demand_on_which_larger_fleets_were_not_tried_is_not_said_to_be_met_by_none(is_made, words):
     """Orders take 10 min with 4 robots, three times too long. The clock ends the study before larger fleets are tried, or it does not."""
-    asked = question((4, 9), FEW, demand_per_h=170.0)
-    runs = Known(asked, {4: (180, SURE), 5: (220, SURE), 6: (240, SURE), 9: (240, SURE)})
+    request = question((4, 9), FEW, demand_per_h=170.0)
+    runs = Known(request, {4: (180, SURE), 5: (220, SURE), 6: (240, SURE), 9: (240, SURE)})
 
     def made(trial):
         if trial.kind != DEMAND or trial.robots > 4:
@@ -264,7 +264,7 @@ def test_a_demand_on_which_larger_fleets_were_not_tried_is_not_said_to_be_met_by
         record = runs(trial)
         return {**record, "observed": {**record["observed"], "released_s": record["observed"]["done_s"] - 600.0}}
 
-    answer, _ = answer_of(asked, made, closed=True)
+    answer, _ = answer_of(request, made, closed=True)
     assert answer.sentence.endswith(words), answer.sentence
 
 
@@ -276,14 +276,14 @@ def ran_empty(places):
 @pytest.mark.parametrize(("places", "counts"), [(2, False), (0, True)])
 def test_a_size_in_whose_runs_robots_that_can_charge_ran_empty_does_not_count(places, counts):
     """Before they did, 200 orders an hour were done; and what binds is the charger."""
-    asked = question((4, 6), FEW)
-    runs = Known(asked, {4: (150, SURE), 6: (200, SURE)}, causes={6: [["charger", "p1", 60.0, 0.9]]})
+    request = question((4, 6), FEW)
+    runs = Known(request, {4: (150, SURE), 6: (200, SURE)}, causes={6: [["charger", "p1", 60.0, 0.9]]})
 
     def one_ran_empty(trial):
         record, empty = runs(trial), trial.robots == 6 and trial.seed == 2
         return {**record, "observed": {**record["observed"], "batteries": ran_empty(places)}} if empty else record
 
-    answer, _ = answer_of(asked, one_ran_empty)
+    answer, _ = answer_of(request, one_ran_empty)
     assert [point.robots for point in answer.points] == ([4, 6] if counts else [4])
     if not counts:
         assert answer.unfit[0].fault == "batteries ran empty in 1 of 4 runs: places to charge are too few or too far"
@@ -300,36 +300,36 @@ def test_a_size_in_whose_runs_robots_that_can_charge_ran_empty_does_not_count(pl
     ],
 )
 def test_where_runs_begin_not_to_count_is_looked_for(first_unfit, why, sizes):
-    asked = question((4, 14), replace(FEW, gap=1.1))
-    runs = Known(asked, {n: (20 * n, SURE) for n in range(4, 15)})
+    request = question((4, 14), replace(FEW, gap=1.1))
+    runs = Known(request, {n: (20 * n, SURE) for n in range(4, 15)})
 
     def observed(trial):
         record = runs(trial)
         return {**record, "observed": {**record["observed"], **why}} if trial.robots >= first_unfit else record
 
-    answer, _ = answer_of(asked, observed)
+    answer, _ = answer_of(request, observed)
     assert [point.robots for point in answer.points] == sizes
     if "batteries" in why:
         assert answer.sentence.startswith(f"More robots bring more up to {first_unfit - 1}, the most that count: ")
 
 
 def test_a_study_that_is_closed_answers_from_what_there_is():
-    asked = question((4, 9), FEW)
-    runs = Known(asked, {4: (150, SURE), 6: (200, SURE), 9: (203, SURE)})
-    whole, _ = answer_of(asked, lambda trial: runs(trial) if trial.robots < 9 and trial.seed < 3 else None, closed=True)
+    request = question((4, 9), FEW)
+    runs = Known(request, {4: (150, SURE), 6: (200, SURE), 9: (203, SURE)})
+    whole, _ = answer_of(request, lambda trial: runs(trial) if trial.robots < 9 and trial.seed < 3 else None, closed=True)
     assert [(p.robots, len(p.records)) for p in whole.points] == [(4, 3), (6, 3)] and not whole.in_time
     assert "the answer is from those that were" in whole.notes[0]
-    nothing, _ = answer_of(asked, lambda trial: None, closed=True)
+    nothing, _ = answer_of(request, lambda trial: None, closed=True)
     assert nothing.sentence.startswith("Nothing is known") and nothing.document["answer"]["limit"] is None
 
 
 def test_a_study_that_is_closed_where_limits_are_still_wide_asks_for_no_more():
-    asked = question((4, 9), replace(FEW, most_seeds=12))
-    runs = Known(asked, {4: (150, SURE), 6: (200, VAGUE), 9: (192, VAGUE)})
-    answer, trials = answer_of(asked, lambda trial: runs(trial) if trial.seed < 4 else None, closed=True)
+    request = question((4, 9), replace(FEW, most_seeds=12))
+    runs = Known(request, {4: (150, SURE), 6: (200, VAGUE), 9: (192, VAGUE)})
+    answer, trials = answer_of(request, lambda trial: runs(trial) if trial.seed < 4 else None, closed=True)
     assert {trial.seed for trial in trials} == {0, 1, 2, 3} and not answer.limits.measured
     assert any(note.startswith("left out for want of budget: closer limits; new runs") for note in answer.notes)
-    more, trials = answer_of(asked, runs)
+    more, trials = answer_of(request, runs)
     assert {trial.seed for trial in trials} > {0, 1, 2, 3} and more.limits.measured
 
 
@@ -432,11 +432,11 @@ def test_where_it_stays_undecided_the_mean_decides(verdict, share, estimate):
     ],
 )
 def test_seeds_are_added_two_at_a_time_until_the_interval_decides(intervals, seeds, verdict):
-    asked, left = [], list(intervals)
+    request, left = [], list(intervals)
     curve = SimpleNamespace(points={9: None}, seeds=lambda n: 0)
-    curve.ask = lambda wanted, reason: asked.append(wanted[9]) or True
-    told = _judge(curve, 9, replace(EFFORT, seeds=4, most_seeds=7), "", lambda point: Interval(*left.pop(0), 4), 0.95)
-    assert (told, asked) == (verdict, seeds)
+    curve.ask = lambda wanted, reason: request.append(wanted[9]) or True
+    output = _judge(curve, 9, replace(EFFORT, seeds=4, most_seeds=7), "", lambda point: Interval(*left.pop(0), 4), 0.95)
+    assert (output, request) == (verdict, seeds)
 
 
 def test_sizes_that_do_not_count_or_cannot_be_paid_for_are_told_apart():
@@ -450,14 +450,14 @@ def test_sizes_that_do_not_count_or_cannot_be_paid_for_are_told_apart():
 
 @pytest.mark.parametrize("most", [3, 4, 11, 29, 40])
 def test_the_largest_fleet_whose_plans_succeed_is_found_to_the_gap(most):
-    asked = question((4, 40), replace(EFFORT, gap=1.1), tasks=None)
+    request = question((4, 40), replace(EFFORT, gap=1.1), tasks=None)
     made = []
 
     def recorded(trial):
         made.append(trial.robots)
         return {"success": trial.robots <= most, "status": "completed", "observed": None}
 
-    served = one_shot(Desk(asked, recorded)).smallest
+    served = one_shot(Desk(request, recorded)).smallest
     sizes = set(made)
     good = max((n for n in sizes if n <= most), default=None)
     fails = min((n for n in sizes if n > most), default=None)

@@ -157,13 +157,13 @@ def claims(folder, script, *words):
         try:
             address = json.loads(process.stdout.readline())["address"]
             command = [node, Path(__file__).with_name(script), chromium, address, *words]
-            told = subprocess.run(command, capture_output=True, text=True, timeout=900, env={**os.environ, "NODE_PATH": MODULES})
+            output = subprocess.run(command, capture_output=True, text=True, timeout=900, env={**os.environ, "NODE_PATH": MODULES})
         finally:
             process.send_signal(signal.SIGINT)
         assert process.wait(60) == 0
-    found = {line["claim"]: line for line in (json.loads(text) for text in told.stdout.split("\n") if text.startswith("{"))}
-    assert not [line for line in found.values() if not line["holds"]]
-    return list(found)
+    result = {line["claim"]: line for line in (json.loads(text) for text in output.stdout.split("\n") if text.startswith("{"))}
+    assert not [line for line in result.values() if not line["holds"]]
+    return list(result)
 
 
 @pytest.mark.slow

@@ -81,8 +81,8 @@ def test_nobody_else_is_let_in(studio):
 def test_a_map_is_opened_checked_and_saved(studio, tmp_path):
     _, opened = ask(studio, "api/open?path=office.building.yaml")
     document = opened["document"]
-    status, found = ask(studio, "api/check", {"path": opened["path"], "document": document})
-    assert (status, found["refused"]) == (200, False)
+    status, result = ask(studio, "api/check", {"path": opened["path"], "document": document})
+    assert (status, result["refused"]) == (200, False)
     document["levels"]["L1"]["vertices"][0][3] = "renamed"
     status, saved = ask(studio, "api/save", {"path": opened["path"], "document": document, "digest": opened["digest"]})
     assert status == 200 and "renamed" in (tmp_path / "office.building.yaml").read_text()

@@ -116,10 +116,10 @@ def test_what_is_found_says_where(folder):
     n = len(level["vertices"]) - 4
     lane = level["lanes"][0][2]
     level["lanes"] += [[n, n + 1, lane], [n + 2, n + 3, lane]]
-    found = {finding["kind"]: finding for finding in check(document, Path("office.building.yaml"), ROBOT)["findings"] if "kind" in finding}
-    crossing = found["lanes_cross_without_vertex"]["places"]
+    result = {finding["kind"]: finding for finding in check(document, Path("office.building.yaml"), ROBOT)["findings"] if "kind" in finding}
+    crossing = result["lanes_cross_without_vertex"]["places"]
     assert ["L1", pytest.approx(200), pytest.approx(100)] in [[name, x, y] for name, x, y in crossing]
-    twice = {(x, y) for _, x, y in found["name_twice_in_graph"]["places"]}
+    twice = {(x, y) for _, x, y in result["name_twice_in_graph"]["places"]}
     assert {tuple(level["vertices"][v][:2]) for v in (0, 1)} <= twice
 
 
@@ -137,20 +137,20 @@ def test_a_lane_without_room_is_ringed_where_that_is():
     lane = {"bidirectional": [4, True], "graph_idx": [2, 0], "width": [3, 0.1]}
     level = {"vertices": vertices, "measurements": [[0, 1, {"distance": [3, 20.0]}]], "walls": [[2, 3, {}], [6, 7, {}]]}
     document = {"name": "hall", "levels": {"L1": {**level, "lanes": [[0, 1, lane], [4, 5, {**lane, "width": [3, 0.0]}]]}}}
-    found = {line["text"]: line["places"] for line in check(document, Path("hall.building.yaml"), ROBOT)["findings"]}
-    assert found.pop("lanes lead through a wall: 1") == [["L1", pytest.approx(300), pytest.approx(0, abs=0.1)]]
-    assert found.pop(f"lanes too near a wall for '{ROBOT.name}': 1") == [["L1", pytest.approx(90, abs=1), pytest.approx(102, abs=1)]]
-    assert not [text for text in found if "goes through wall" in text]
+    result = {line["text"]: line["places"] for line in check(document, Path("hall.building.yaml"), ROBOT)["findings"]}
+    assert result.pop("lanes lead through a wall: 1") == [["L1", pytest.approx(300), pytest.approx(0, abs=0.1)]]
+    assert result.pop(f"lanes too near a wall for '{ROBOT.name}': 1") == [["L1", pytest.approx(90, abs=1), pytest.approx(102, abs=1)]]
+    assert not [text for text in result if "goes through wall" in text]
     document["levels"]["L1"]["lanes"] = [[4, 5, lane]]
-    found = {line["text"]: line["places"] for line in check(document, Path("hall.building.yaml"), ROBOT)["findings"]}
-    assert found[f"lanes narrower than '{ROBOT.name}': 1"] == [["L1", 200.0, 105.0]]
+    result = {line["text"]: line["places"] for line in check(document, Path("hall.building.yaml"), ROBOT)["findings"]}
+    assert result[f"lanes narrower than '{ROBOT.name}': 1"] == [["L1", 200.0, 105.0]]
 
 
 def test_a_drawing_without_lanes_or_scale_is_refused_in_words(folder):
     hall(folder.root / "hall.png")
     document = folder.open("hall.png", {})["document"]
-    found = check(document, Path("hall.building.yaml"), ROBOT)
-    assert found["refused"] and found["findings"][0]["kind"] == "no_lanes"
+    result = check(document, Path("hall.building.yaml"), ROBOT)
+    assert result["refused"] and result["findings"][0]["kind"] == "no_lanes"
     assert check({"levels": 3}, Path("x.building.yaml"), ROBOT)["refused"]
 
 
@@ -225,8 +225,8 @@ def test_files_are_listed_by_what_they_are_for(folder):
 def test_a_lift_that_no_lane_leads_into_is_found_where_it_is(tmp_path):
     document = Workspace(tmp_path.resolve()).open("bundled:hospital_levels", {})["document"]
     document["lifts"]["lift_west"]["x"] += 30
-    found = check(document, Path("hospital_levels.building.yaml"), ROBOT)["findings"]
-    places = [place for line in found if "'lift_west' stops at level L2" in line["text"] for place in line["places"]]
+    result = check(document, Path("hospital_levels.building.yaml"), ROBOT)["findings"]
+    places = [place for line in result if "'lift_west' stops at level L2" in line["text"] for place in line["places"]]
     assert places == [["L2", pytest.approx(338, abs=0.1), pytest.approx(112, abs=0.1)]]
 
 
@@ -243,9 +243,9 @@ def test_a_variant_has_the_text_of_its_layout_where_it_says_the_same(folder):
 
 def test_layers_of_a_drawing_are_listed_with_their_lines(folder):
     draw(folder.root / "hall.dxf")
-    found = folder.layers("hall.dxf")
-    assert (found["unit"], found["units"]["ft"], found["size"]) == ("", 0.3048, [30.0, 20.0])
-    layers = {layer["name"]: layer for layer in found["layers"]}
+    result = folder.layers("hall.dxf")
+    assert (result["unit"], result["units"]["ft"], result["size"]) == ("", 0.3048, [30.0, 20.0])
+    layers = {layer["name"]: layer for layer in result["layers"]}
     assert {name: (layer["strokes"], layer["shown"]) for name, layer in layers.items()} == {"WALLS": (4, True), "TABLES": (1, False)}
     assert layers["TABLES"]["lines"] == [[167, 500, 333, 500]]  # thousandths of 30 m, from the upper left; y of 667 is the lower wall
     chosen = {"layers": ("WALLS", "TABLES"), "unit": "m"}

@@ -156,8 +156,8 @@ def test_a_corner_that_no_curve_cuts_is_named():
 def test_a_corner_beside_a_curve_that_is_too_tight_is_named_with_the_radius(vehicle, line):
     """A curve ends at v2, from which a lane leads back at a right angle."""
     graph = along(straight((-6.0, 0.0), (0.0, 0.0)), quarter(5.0), straight((5.0, 5.0), (1.0, 5.0)), cell_m=9.0, both_ways=False)
-    told = obstacle_to(graph, vehicle, [0, 1, 2, 3])
-    assert told.startswith(line) and ("where the widest curve has 0." in told) == bool(line)
+    output = obstacle_to(graph, vehicle, [0, 1, 2, 3])
+    assert output.startswith(line) and ("where the widest curve has 0." in output) == bool(line)
 
 
 def test_a_vehicle_waits_for_one_on_a_curve_that_comes_near_its_own_lane(tmp_path):

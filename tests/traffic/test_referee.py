@@ -31,50 +31,50 @@ def verdict_of(paths, **size):
 
 
 def test_plan_without_meeting_is_valid():
-    found, _ = verdict_of([[0, 1, 2], [4, 5, 6]])
-    assert found.valid
-    assert found.following == ()
+    result, _ = verdict_of([[0, 1, 2], [4, 5, 6]])
+    assert result.valid
+    assert result.following == ()
 
 
 def test_two_robots_at_one_vertex_is_a_vertex_conflict_with_place_and_time():
-    found, problem = verdict_of([[0, 1, 2], [5, 1, 1, 0]])
-    assert [(c.kind, c.vertex, c.t_s) for c in found.conflicts] == [("vertex", 1, 2.0)]
-    assert describe(found.conflicts[0], problem) == "robot_0 and robot_1 meet at 'v1' at 2 s"
+    result, problem = verdict_of([[0, 1, 2], [5, 1, 1, 0]])
+    assert [(c.kind, c.vertex, c.t_s) for c in result.conflicts] == [("vertex", 1, 2.0)]
+    assert describe(result.conflicts[0], problem) == "robot_0 and robot_1 meet at 'v1' at 2 s"
 
 
 def test_summary_names_the_first_conflicts():
     """Four robots stay at one vertex: six pairs."""
-    found, problem = verdict_of([[0, 1], [1], [2, 1], [5, 1]])
-    first = "; ".join(describe(conflict, problem) for conflict in found.conflicts[:2])
-    assert len(found.conflicts) == 6 and found.summary(problem, 2) == f"6 conflicts: {first}; ..."
-    assert found.summary(problem, 6).endswith(describe(found.conflicts[5], problem))
+    result, problem = verdict_of([[0, 1], [1], [2, 1], [5, 1]])
+    first = "; ".join(describe(conflict, problem) for conflict in result.conflicts[:2])
+    assert len(result.conflicts) == 6 and result.summary(problem, 2) == f"6 conflicts: {first}; ..."
+    assert result.summary(problem, 6).endswith(describe(result.conflicts[5], problem))
 
 
 def test_swap_is_an_edge_conflict():
-    found, _ = verdict_of([[0, 1], [1, 0]])
-    assert [(c.kind, c.robot, c.other, c.vertex, c.next_vertex, c.t_s) for c in found.conflicts] == [("edge", 0, 1, 0, 1, 0.0)]
+    result, _ = verdict_of([[0, 1], [1, 0]])
+    assert [(c.kind, c.robot, c.other, c.vertex, c.next_vertex, c.t_s) for c in result.conflicts] == [("edge", 0, 1, 0, 1, 0.0)]
 
 
 def test_robot_that_stays_at_its_goal_is_an_obstacle_for_ever():
-    found, _ = verdict_of([[1], [4, 0, 1, 2]])
-    assert [(c.kind, c.vertex, c.t_s) for c in found.conflicts] == [("vertex", 1, 4.0)]
+    result, _ = verdict_of([[1], [4, 0, 1, 2]])
+    assert [(c.kind, c.vertex, c.t_s) for c in result.conflicts] == [("vertex", 1, 4.0)]
 
 
 def test_train_follows_and_is_valid():
-    found, _ = verdict_of([[1, 2, 3], [0, 1, 2]])
-    assert found.valid
-    assert [(c.vertex, c.t_s) for c in found.following] == [(1, 0.0), (2, 2.0)]
+    result, _ = verdict_of([[1, 2, 3], [0, 1, 2]])
+    assert result.valid
+    assert [(c.vertex, c.t_s) for c in result.following] == [(1, 0.0), (2, 2.0)]
 
 
 def test_rotation_is_valid_and_all_following():
-    found, _ = verdict_of([[0, 1], [1, 5], [5, 4], [4, 0]])
-    assert found.valid
-    assert found.count("following") == 4
+    result, _ = verdict_of([[0, 1], [1, 5], [5, 4], [4, 0]])
+    assert result.valid
+    assert result.count("following") == 4
 
 
 def test_waiting_robot_lets_the_other_pass():
-    found, _ = verdict_of([[0, 0, 0, 1, 2], [5, 1, 2, 3]])
-    assert found.valid
+    result, _ = verdict_of([[0, 0, 0, 1, 2], [5, 1, 2, 3]])
+    assert result.valid
 
 
 @pytest.mark.parametrize(
@@ -85,20 +85,20 @@ def test_waiting_robot_lets_the_other_pass():
     ],
 )
 def test_jump_is_a_fault(paths, words):
-    found, _ = verdict_of(paths)
-    assert not found.valid
-    assert words in found.faults[0]
+    result, _ = verdict_of(paths)
+    assert not result.valid
+    assert words in result.faults[0]
 
 
 def test_the_first_vertex_that_the_graph_does_not_have_is_a_fault():
-    found = judge(world([0], [2]), plan_of_paths([[0, 12, 99, 2]], STEP_S))
-    assert found.faults == ("robot_0 visits vertex 12, which the graph does not have",)
+    result = judge(world([0], [2]), plan_of_paths([[0, 12, 99, 2]], STEP_S))
+    assert result.faults == ("robot_0 visits vertex 12, which the graph does not have",)
 
 
 def test_wrong_start_and_goal_are_faults():
     problem = world([0, 4], [1, 5])
-    found = judge(problem, plan_of_paths([[1], [4, 5, 6]], STEP_S))
-    assert found.faults == (
+    result = judge(problem, plan_of_paths([[1], [4, 5, 6]], STEP_S))
+    assert result.faults == (
         "robot_0 begins at 'v1', not at its start 'v0'",
         "robot_1 ends at 'v6', not at its goal 'v5'",
     )
@@ -248,18 +248,18 @@ def brute_force(paths):
     """Robots and kind of every conflict, by looking at every pair at every step."""
     horizon = max(map(len, paths))
     at = [list(p) + [p[-1]] * (horizon - len(p)) for p in paths]
-    found = set()
+    result = set()
     for t in range(horizon):
         for i in range(len(at)):
             for j in range(i):
                 if at[i][t] == at[j][t]:
-                    found.add((j, i, "vertex"))
+                    result.add((j, i, "vertex"))
                 if t and at[i][t] == at[j][t - 1] and at[i][t - 1] == at[j][t] and at[i][t] != at[j][t]:
-                    found.add((j, i, "edge"))
+                    result.add((j, i, "edge"))
                 for a, b in ((i, j), (j, i)):
                     if t and at[a][t] == at[b][t - 1] and at[a][t - 1] != at[a][t] != at[b][t]:
-                        found.add((j, i, "following"))
-    return found
+                        result.add((j, i, "following"))
+    return result
 
 
 @pytest.mark.parametrize("seed", range(60))
@@ -281,5 +281,5 @@ def test_referee_agrees_with_brute_force_on_random_walks(seed):
         assert expected  # two robots stay at one vertex
         return
     problem = world([p[0] for p in paths], goals)
-    found = judge(problem, plan_of_paths(paths, STEP_S))
-    assert {(c.robot, c.other, c.kind) for c in (*found.conflicts, *found.following)} == expected
+    result = judge(problem, plan_of_paths(paths, STEP_S))
+    assert {(c.robot, c.other, c.kind) for c in (*result.conflicts, *result.following)} == expected

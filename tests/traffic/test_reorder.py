@@ -32,13 +32,13 @@ def passing(schedule, resource=NUM_VERTICES):
     return schedule.robot[schedule.first[resource] : schedule.first[resource + 1]].tolist()
 
 
-@pytest.mark.parametrize(("way", "after"), [([0, 2], [0, 1]), ([4, 0, 2], [1, 0])])
-def test_nobody_overtakes_a_robot_that_begins_in_a_zone(way, after):
+@pytest.mark.parametrize(("route", "after"), [([0, 2], [0, 1]), ([4, 0, 2], [1, 0])])
+def test_nobody_overtakes_a_robot_that_begins_in_a_zone(route, after):
     """robot_0 leaves the zone of 0 and 1 when it is at 2, which robot_1 leaves when it is at 1: only robot_1 can go first.
 
     It does where robot_0 is still outside; where robot_0 begins in the zone, nothing helps, and the order stays as it is.
     """
-    before, schedule = schedules([way, [2] * len(way) + [1, 3]], {0, 1})
+    before, schedule = schedules([route, [2] * len(route) + [1, 3]], {0, 1})
     assert passing(before) == [0, 1] and passing(schedule) == after
     assert passing(schedule, 2) == [1, 0]  # vertices keep the plan's order
 
@@ -50,9 +50,9 @@ def test_vertices_keep_the_plans_order_even_where_another_would_undo_a_circle():
         assert (passing(each), passing(each, 2)) == ([0, 1], [1, 0])
 
 
-@pytest.mark.parametrize(("way", "after"), [([0], [0, 1]), ([4, 0], [1, 0])])
-def test_a_robot_that_stays_in_a_zone_comes_last_there_unless_it_begins_there(way, after):
-    before, schedule = schedules([way, [2, 2, 1, 3]], {0, 1})
+@pytest.mark.parametrize(("route", "after"), [([0], [0, 1]), ([4, 0], [1, 0])])
+def test_a_robot_that_stays_in_a_zone_comes_last_there_unless_it_begins_there(route, after):
+    before, schedule = schedules([route, [2, 2, 1, 3]], {0, 1})
     assert passing(before) == [0, 1] and passing(schedule) == after
 
 

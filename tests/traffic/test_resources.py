@@ -21,34 +21,34 @@ def both_ways(xy, pairs):
 
 
 def zones(graph, separation=R):
-    found = resources_of(graph, separation)
-    return found, {tuple(pair) for pair in found.zone.tolist()}
+    result = resources_of(graph, separation)
+    return result, {tuple(pair) for pair in result.zone.tolist()}
 
 
 def test_a_grid_of_cells_wider_than_robots_has_no_zones():
     graph = both_ways([(0.4 * x, 0.4 * y) for y in range(3) for x in range(3)], [(0, 1), (1, 2), (3, 4), (4, 5), (1, 4), (4, 7)])
-    found, pairs = zones(graph)
+    result, pairs = zones(graph)
     assert not pairs
-    assert found.leave_m[0] == pytest.approx(R) and found.enter_m[0] == pytest.approx(R)
+    assert result.leave_m[0] == pytest.approx(R) and result.enter_m[0] == pytest.approx(R)
 
 
 def test_an_acute_junction_is_held_for_r_over_its_sine():
     angle = np.radians(40)
     graph = both_ways([(0, 0), (3, 0), (3 * np.cos(angle), 3 * np.sin(angle))], [(0, 1), (0, 2)])
-    found, pairs = zones(graph)
+    result, pairs = zones(graph)
     assert not pairs
     out = graph.lane_between(0, 1)
-    assert found.leave_m[0, out] == pytest.approx(R / np.sin(angle))
-    assert found.enter_m[0, graph.lane_between(1, 0)] == pytest.approx(R / np.sin(angle))
-    assert found.leave_m[0, graph.lane_between(1, 0)] == pytest.approx(R)  # alone at the far end
+    assert result.leave_m[0, out] == pytest.approx(R / np.sin(angle))
+    assert result.enter_m[0, graph.lane_between(1, 0)] == pytest.approx(R / np.sin(angle))
+    assert result.leave_m[0, graph.lane_between(1, 0)] == pytest.approx(R)  # alone at the far end
 
 
 def test_where_the_clearance_does_not_fit_the_next_vertex_is_in_a_zone():
     angle = np.radians(40)
     graph = both_ways([(0, 0), (0.4, 0), (3 * np.cos(angle), 3 * np.sin(angle))], [(0, 1), (0, 2)])
-    found, pairs = zones(graph)
-    assert found.leave_m[0, graph.lane_between(0, 1)] == pytest.approx(0.4 - LEFT_M)
-    long_track = graph.num_vertices + int(found.track[graph.lane_between(0, 2)])
+    result, pairs = zones(graph)
+    assert result.leave_m[0, graph.lane_between(0, 1)] == pytest.approx(0.4 - LEFT_M)
+    long_track = graph.num_vertices + int(result.track[graph.lane_between(0, 2)])
     assert pairs == {(1, long_track)}
 
 
@@ -71,9 +71,9 @@ def test_places_on_other_levels_and_vertices_without_lanes_do_not_matter():
 
 def test_a_visit_needs_its_vertex_and_the_zones_of_its_vertex_and_lane():
     graph = both_ways([(-1, 0), (1, 0), (0, -1), (0, 1)], [(0, 1), (2, 3)])
-    found, _ = zones(graph)
+    result, _ = zones(graph)
     plan = plan_of_paths([[0, 1]], 1.0)
-    needs = needs_of(graph, plan, np.array([-1, graph.lane_between(0, 1)]), found, np.zeros(1, np.int64))
+    needs = needs_of(graph, plan, np.array([-1, graph.lane_between(0, 1)]), result, np.zeros(1, np.int64))
     assert needs.resource.tolist() == [0, 1, 4]
     assert needs.on_lane.tolist() == [False, False, True]
 
@@ -87,28 +87,28 @@ def test_robots_that_hold_what_they_need_are_apart(seed):
     xy = rng.uniform(0, 2, (num, 2))
     pairs = sorted({tuple(sorted(rng.choice(num, 2, replace=False).tolist())) for _ in range(num + 3)})
     graph = both_ways(xy, pairs)
-    found, _ = zones(graph)
-    tracks = np.arange(len(found.ends))
+    result, _ = zones(graph)
+    tracks = np.arange(len(result.ends))
 
     def occupied(point, track):
         """Places a robot at this share of a track holds: the track, and vertices it has not left or must have won."""
-        lane = graph.lane_between(*found.ends[track].tolist())
+        lane = graph.lane_between(*result.ends[track].tolist())
         back = int(graph.reverse[lane])
         length = graph.length_m[lane]
         held = {graph.num_vertices + int(track)}
-        if point * length < found.leave_m[0, lane]:
-            held.add(int(found.ends[track, 0]))
-        if (1 - point) * length < found.leave_m[0, back]:
-            held.add(int(found.ends[track, 1]))
+        if point * length < result.leave_m[0, lane]:
+            held.add(int(result.ends[track, 0]))
+        if (1 - point) * length < result.leave_m[0, back]:
+            held.add(int(result.ends[track, 1]))
         return held
 
-    zone_pairs = {tuple(pair) for pair in found.zone.tolist()}
+    zone_pairs = {tuple(pair) for pair in result.zone.tolist()}
     for _ in range(200):
         a, b = rng.choice(tracks, 2)
         u, v = rng.choice([0.0, 1.0, rng.random()]), rng.choice([0.0, 1.0, rng.random()])
         if a == b:
             continue
-        ends = graph.xy[found.ends]
+        ends = graph.xy[result.ends]
         p = ends[a, 0] + u * (ends[a, 1] - ends[a, 0])
         q = ends[b, 0] + v * (ends[b, 1] - ends[b, 0])
         if np.hypot(*(p - q)) >= R - 2 * LEFT_M:
@@ -134,8 +134,8 @@ def test_a_place_is_in_a_zone_with_a_curve_that_comes_within_r(closer_m, near):
         lanes=[(0, 1), (1, 0), (graph.num_vertices, graph.num_vertices + 1)],
         length_m=[graph.length_m[0]] * 2 + [3.0],
     )
-    found, pairs = zones(beside, 1.5)
-    curve = beside.num_vertices + int(found.track[beside.lane_between(0, 1)])
+    result, pairs = zones(beside, 1.5)
+    curve = beside.num_vertices + int(result.track[beside.lane_between(0, 1)])
     assert ((graph.num_vertices, curve) in pairs) == near
     assert not zones(replace(beside, curves={}), 1.5 + BULGE_M - 0.1)[1]
 
@@ -143,9 +143,9 @@ def test_a_place_is_in_a_zone_with_a_curve_that_comes_within_r(closer_m, near):
 def test_a_vertex_is_held_along_a_curve_until_who_follows_it_and_who_drives_its_chord_are_away():
     """A quarter of a circle of 4 m, by robots that need 3 m: 8 asin(3 / 8) m along the circle, 3 m of the chord's 5.66."""
     graph = along(straight((-4, 0), (0, 0)), quarter(4.0), cell_m=9.0)
-    found, lane = resources_of(graph, 3.0), graph.lane_between(1, 2)
-    assert 8 * np.arcsin(3 / 8) < found.leave_m[0, lane] == pytest.approx(graph.length_m[lane] * 3.0 / np.sqrt(32))
-    assert found.leave_m[0, graph.lane_between(1, 0)] == pytest.approx(3.0)
+    result, lane = resources_of(graph, 3.0), graph.lane_between(1, 2)
+    assert 8 * np.arcsin(3 / 8) < result.leave_m[0, lane] == pytest.approx(graph.length_m[lane] * 3.0 / np.sqrt(32))
+    assert result.leave_m[0, graph.lane_between(1, 0)] == pytest.approx(3.0)
 
 
 @pytest.mark.parametrize("seed", range(12))
@@ -153,8 +153,8 @@ def test_robots_on_curves_that_hold_what_they_need_are_apart(seed):
     """As above; vehicles are on the curves, others on the steps."""
     rng, separation = np.random.default_rng(seed), 1.7
     graph = drawn_roads(rng, 1.8, curved=True)
-    found, pairs = zones(graph, separation)
-    ends, num = found.ends, graph.num_vertices
+    result, pairs = zones(graph, separation)
+    ends, num = result.ends, graph.num_vertices
 
     def standing(track, share):
         """Where a robot is, and the places it holds."""
@@ -167,9 +167,9 @@ def test_robots_on_curves_that_hold_what_they_need_are_apart(seed):
         else:
             xy = np.array([np.interp(share * curve[-1, 0], curve[:, 0], curve[:, n]) for n in (1, 2)])
         held = {num + track}
-        if share * graph.length_m[lane] < found.leave_m[0, lane]:
+        if share * graph.length_m[lane] < result.leave_m[0, lane]:
             held.add(tail)
-        if (1 - share) * graph.length_m[lane] < found.enter_m[0, lane]:
+        if (1 - share) * graph.length_m[lane] < result.enter_m[0, lane]:
             held.add(head)
         return xy, held
 
@@ -185,11 +185,11 @@ def test_robots_on_curves_that_hold_what_they_need_are_apart(seed):
 
 def test_small_robots_pass_where_a_large_one_passes_alone():
     beside = both_ways([(0, 0), (1, 0), (0, 0.5), (1, 0.5)], [(0, 1), (2, 3)])
-    found = resources_of(beside, np.array([[0.3, 0.6], [0.6, 0.9]]))
-    small, large = ({place: set(found.zones_at(place, kind).tolist()) for place in range(6)} for kind in (0, 1))
+    result = resources_of(beside, np.array([[0.3, 0.6], [0.6, 0.9]]))
+    small, large = ({place: set(result.zones_at(place, kind).tolist()) for place in range(6)} for kind in (0, 1))
     assert not any(small[a] & small[b] for a in (0, 4) for b in (2, 5))
     assert all(large[a] & of[b] and of[a] & large[b] for of in (small, large) for a, b in ((0, 2), (4, 5)))
-    assert found.leave_m.tolist() == [[0.6] * 4, [0.9] * 4]
+    assert result.leave_m.tolist() == [[0.6] * 4, [0.9] * 4]
 
 
 @settings(max_examples=20, deadline=None)
@@ -200,20 +200,20 @@ def test_robots_of_several_types_that_hold_what_they_need_are_apart(seed):
     radius, gap = rng.uniform(0.05, 0.3, 3), rng.uniform(0, 0.1, 3)
     apart = radius[:, None] + radius + np.maximum(gap[:, None], gap)
     graph = both_ways(rng.uniform(0, 2, (7, 2)), sorted({tuple(sorted(rng.choice(7, 2, replace=False).tolist())) for _ in range(9)}))
-    found = resources_of(graph, apart)
-    place = segments(graph, found.ends)
+    result = resources_of(graph, apart)
+    place = segments(graph, result.ends)
 
     def held(kind, track, share):
-        lane, num = graph.lane_between(*found.ends[track].tolist()), graph.num_vertices
+        lane, num = graph.lane_between(*result.ends[track].tolist()), graph.num_vertices
         length, back = graph.length_m[lane], int(graph.reverse[lane])
         places = [num + int(track)]
-        places += [int(found.ends[track, 0])] * bool(share * length < found.leave_m[kind, lane])
-        places += [int(found.ends[track, 1])] * bool((1 - share) * length < found.leave_m[kind, back])
+        places += [int(result.ends[track, 0])] * bool(share * length < result.leave_m[kind, lane])
+        places += [int(result.ends[track, 1])] * bool((1 - share) * length < result.leave_m[kind, back])
         vertices = {p for p in places if p < num}
-        return vertices | {num + int(z) for p in places for z in found.zones_at(p, kind)}
+        return vertices | {num + int(z) for p in places for z in result.zones_at(p, kind)}
 
     for _ in range(100):
-        (a, b), (k, m) = rng.integers(len(found.ends), size=2).tolist(), rng.integers(3, size=2).tolist()
+        (a, b), (k, m) = rng.integers(len(result.ends), size=2).tolist(), rng.integers(3, size=2).tolist()
         u, v = rng.choice([0.0, 1.0, rng.random()]), rng.choice([0.0, 1.0, rng.random()])
         one, two = place[graph.num_vertices + a], place[graph.num_vertices + b]
         p, q = one[0] + u * (one[1] - one[0]), two[0] + v * (two[1] - two[0])
@@ -221,8 +221,8 @@ def test_robots_of_several_types_that_hold_what_they_need_are_apart(seed):
             assert held(k, a, u) & held(m, b, v), (p, q, k, m)
         i, j = sorted(rng.choice(len(place), 2, replace=False).tolist())
         if distance_m(place[[i]], place[[j]])[0] >= apart[k, m]:
-            both = set(found.zones_at(i, k).tolist()) & set(found.zones_at(j, m).tolist())
-            assert (i, j) not in {tuple(found.zone[z].tolist()) for z in both}
+            both = set(result.zones_at(i, k).tolist()) & set(result.zones_at(j, m).tolist())
+            assert (i, j) not in {tuple(result.zone[z].tolist()) for z in both}
 
 
 def test_distances_of_segments_are_right_on_known_cases():
@@ -247,13 +247,13 @@ def test_a_lane_leaves_the_reach_of_a_place_where_its_points_do(spacing_m):
     resources = resources_of(graph, 0.35)
     lane, other = rng.integers(0, graph.num_lanes, 400), rng.integers(0, len(xy) + len(resources.ends), 400)
     track, back = len(xy) + resources.track[lane], graph.tail[lane] > graph.head[lane]
-    found = _last_share(resources.lines, track, back, other, np.full(400, 0.35))
+    result = _last_share(resources.lines, track, back, other, np.full(400, 0.35))
     place, fraction = segments(graph, resources.ends)[other], np.linspace(0, 1, 2001)
     begin, along = xy[graph.tail[lane]], xy[graph.head[lane]] - xy[graph.tail[lane]]
     for k in range(400):
         point = np.repeat((begin[k] + fraction[:, None] * along[k])[:, None], 2, axis=1)
         near = distance_m(point, np.broadcast_to(place[k], point.shape)) < 0.35 - 1e-6
-        assert found[k] == pytest.approx(fraction[near].max() if near.any() else 0.0, abs=6e-4 if near.any() else 0.02)
+        assert result[k] == pytest.approx(fraction[near].max() if near.any() else 0.0, abs=6e-4 if near.any() else 0.02)
 
 
 def test_a_vertex_whose_lanes_are_all_in_a_group_is_in_it():
@@ -267,7 +267,7 @@ def test_a_vertex_whose_lanes_are_all_in_a_group_is_in_it():
 def test_a_vertex_at_which_vehicles_swing_is_in_zones_that_much_farther_away(beyond_m, near):
     """Two lanes 3 m beside each other; robots need 2 m, and beyond_m more at vertex 0. Place 5 is the second lane."""
     graph = replace(roads([(0.0, 0.0), (4.0, 0.0), (0.0, 3.0), (4.0, 3.0)], [(0, 1), (2, 3)]), beyond_m=np.array([beyond_m, 0.0, 0.0, 0.0]))
-    found, pairs = zones(graph, 2.0)
+    result, pairs = zones(graph, 2.0)
     assert pairs == near
     lane = graph.lane_between(0, 1)
-    assert (found.leave_m[0, lane], found.leave_m[0, graph.reverse[lane]]) == (pytest.approx(2.0 + beyond_m), pytest.approx(2.0))
+    assert (result.leave_m[0, lane], result.leave_m[0, graph.reverse[lane]]) == (pytest.approx(2.0 + beyond_m), pytest.approx(2.0))

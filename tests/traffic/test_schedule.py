@@ -132,12 +132,12 @@ def test_a_robot_that_stays_in_a_zone_from_the_beginning_blocks_it():
 def test_zones_in_a_circle_get_an_order_that_can_be_kept():
     # robot_0 is planned into zone 5 first, but can only leave it at vertex 2, where robot_1 is planned to pass before
     problem, plan = world([(k, 0) for k in range(5)], [(k, k + 1) for k in range(4)], [[0, 1, 1, 1, 1, 2], [4, 3, 3, 2, 3]])
-    kept = schedule_of(problem, plan)
+    rest = schedule_of(problem, plan)
     needs = needs_of([0], [1, 5], [2], [4], [3], [2, 5], [3], num_resources=6)
     assert len(waiting_cycle(plan, order_of(plan, needs)))
     schedule = schedule_of(problem, plan, needs)
     assert passing(plan, schedule, 5) == [1, 0]
-    assert [passing(plan, schedule, v) for v in range(5)] == [passing(plan, kept, v) for v in range(5)]
+    assert [passing(plan, schedule, v) for v in range(5)] == [passing(plan, rest, v) for v in range(5)]
 
 
 def test_robots_that_wait_for_each_other_at_two_zones_are_not_told_that_they_rotate():

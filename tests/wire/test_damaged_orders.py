@@ -53,18 +53,18 @@ def sound(rng, master, vehicle, number):
 
 def places(document, at=()):
     """Paths of all members."""
-    found = [at] if at else []
+    result = [at] if at else []
     inside = document.items() if isinstance(document, dict) else enumerate(document) if isinstance(document, list) else ()
-    return found + [path for key, value in inside for path in places(value, (*at, key))]
+    return result + [path for key, value in inside for path in places(value, (*at, key))]
 
 
 def damaged(rng, document):
     """The order, wrong in a place or two."""
     for _ in range(int(rng.integers(1, 3))):
         known = places(document)
-        *way, last = known[int(rng.integers(len(known)))]
+        *route, last = known[int(rng.integers(len(known)))]
         at = document
-        for key in way:
+        for key in route:
             at = at[key]
         kind = int(rng.integers(6))
         if kind == 0:

@@ -19,9 +19,9 @@ PLAYBACK_CONTROL = "<BBfBQI"  # opcode, command, speed, whether to seek, where, 
 
 
 def free_port():
-    with socket.socket() as found:
-        found.bind(("127.0.0.1", 0))
-        return found.getsockname()[1]
+    with socket.socket() as result:
+        result.bind(("127.0.0.1", 0))
+        return result.getsockname()[1]
 
 
 def connected(address, **options):
@@ -40,7 +40,7 @@ def test_client_reads_the_messages_of_the_bag_and_goes_back_and_the_files_are_th
     port, scenario = free_port(), ["office_doors", "--set", "record.bag=true"]
     run = [sys.executable, "-m", "mrp_sumo", "run", *scenario]
     watched = [*run, "--foxglove", "--port", str(port), "--speed", "4", "--out", tmp_path / "watched"]
-    channels, said, back, asked = {}, {}, [], False
+    channels, said, back, request = {}, {}, [], False
     with subprocess.Popen(watched, stdout=subprocess.PIPE, text=True) as program, connected(address_of(program, port)) as viewer:
         for data in viewer:
             if isinstance(data, str):
@@ -54,8 +54,8 @@ def test_client_reads_the_messages_of_the_bag_and_goes_back_and_the_files_are_th
             elif data[0] == MESSAGE:
                 channel, ns = struct.unpack_from("<IQ", data, 1)
                 said.setdefault(channels[channel]["topic"], {})[ns - EPOCH_NS] = data[13:]
-                if not asked and ns - EPOCH_NS > 10 * 10**9:
-                    asked = True
+                if not request and ns - EPOCH_NS > 10 * 10**9:
+                    request = True
                     viewer.send(struct.pack(PLAYBACK_CONTROL, CONTROL, PLAY, 1000.0, 1, EPOCH_NS + 2 * 10**9, 4) + b"back")
             elif data[0] == STATE and data.endswith(b"back"):
                 back.append(struct.unpack_from("<Q", data, 2)[0] - EPOCH_NS)

@@ -25,9 +25,9 @@ pytest.importorskip("amqtt")
 
 
 def free_port():
-    with socket.socket() as found:
-        found.bind(("127.0.0.1", 0))
-        return found.getsockname()[1]
+    with socket.socket() as result:
+        result.bind(("127.0.0.1", 0))
+        return result.getsockname()[1]
 
 
 @pytest.fixture(scope="module")
@@ -95,8 +95,8 @@ def test_our_master_drives_the_vehicles_of_others(open_port, tmp_path):
         assert vehicles.stdout.readline() == "ready\n"
         at = ["--broker", f"127.0.0.1:{open_port}", "--version", "2.0", "--as", "master"]
         assert main(["vda5050", str(tmp_path / "carts.yaml"), *at, "--out", str(tmp_path / "run")]) == 0
-    found = json.loads((tmp_path / "run" / "result.json").read_text())
-    assert found["status"] == "completed" and found["audit"]["num_overlaps"] == 0
+    result = json.loads((tmp_path / "run" / "result.json").read_text())
+    assert result["status"] == "completed" and result["audit"]["num_overlaps"] == 0
 
 
 @pytest.mark.slow
@@ -119,10 +119,10 @@ def test_the_master_of_others_drives_our_vehicles(open_port, tmp_path):
 
 def heard(link, wanted):
     """What comes in until all that is wanted has, by vehicle and kind."""
-    found, until = [], time.monotonic() + 60
-    while time.monotonic() < until and not wanted <= {(one.serial, one.kind) for one in found}:
-        found += link.receive(0.05)
-    return found
+    result, until = [], time.monotonic() + 60
+    while time.monotonic() < until and not wanted <= {(one.serial, one.kind) for one in result}:
+        result += link.receive(0.05)
+    return result
 
 
 @pytest.mark.slow
@@ -146,11 +146,11 @@ def test_broken_connection_is_said_by_the_broker(broker):
 
 def heard_while(master, vehicles):
     """What the master hears while vehicles come back."""
-    found, until = [], time.monotonic() + 60
-    while time.monotonic() < until and not found:
+    result, until = [], time.monotonic() + 60
+    while time.monotonic() < until and not result:
         vehicles.receive(0.05)
-        found += master.receive(0.05)
-    return found
+        result += master.receive(0.05)
+    return result
 
 
 @pytest.mark.slow
@@ -180,8 +180,8 @@ def test_our_master_drives_our_vehicles_through_a_broker_to_all_goals(broker, tm
         assert main([*at, "--as", "master", "--out", str(tmp_path / "run"), "--log", str(tmp_path / "master.jsonl")]) == 0
         fleet.send_signal(signal.SIGINT)
         assert fleet.wait(120) == 0
-    found = json.loads((tmp_path / "run" / "result.json").read_text())
-    assert found["status"] == "completed" and found["audit"]["num_overlaps"] == 0
+    result = json.loads((tmp_path / "run" / "result.json").read_text())
+    assert result["status"] == "completed" and result["audit"]["num_overlaps"] == 0
     for name in ("fleet.jsonl", "master.jsonl"):
         assert main(["validate", "--vda5050", str(tmp_path / name)]) == 0
 
@@ -209,9 +209,9 @@ def test_broker_with_tls_is_trusted_by_its_own_authority_alone(tmp_path, capsys)
         who = ["--user", "fleet", "--password-file", str(tmp_path / "password"), "--duration", "2", "--speed", "10"]
         at = ["vda5050", str(tmp_path / "carts.yaml"), "--broker", f"127.0.0.1:{port}"]
         assert main([*at, *who, "--tls", "--ca", str(trusted), "--json"]) == 0
-        told = capsys.readouterr()
-        said = json.loads(told.out)
-        assert said["vehicles"] == 2 and said["sent"] > 0 and said["lost"] == 0 and "2 vehicles at" in told.err
+        output = capsys.readouterr()
+        said = json.loads(output.out)
+        assert said["vehicles"] == 2 and said["sent"] > 0 and said["lost"] == 0 and "2 vehicles at" in output.err
         why = f"mrp-sumo: no connection to the broker 127.0.0.1:{port}: "
         refused = "its certificate is not trusted: self"  # "-signed", or " signed", as OpenSSL has it
         cases = {
@@ -223,8 +223,8 @@ def test_broker_with_tls_is_trusted_by_its_own_authority_alone(tmp_path, capsys)
         }
         for options, line in cases.items():
             assert main([*at, *who, *options]) == 2
-            found = capsys.readouterr()
-            assert found.err.startswith(line) and found.err.count("\n") == 1 and not found.out
+            result = capsys.readouterr()
+            assert result.err.startswith(line) and result.err.count("\n") == 1 and not result.out
         assert main([*at, "--user", "fleet", "--tls", "--ca", str(trusted)]) == 2, "the password is asked for, too"
         assert "does not let 'robot_0' in: " in capsys.readouterr().err
 

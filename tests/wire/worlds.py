@@ -147,9 +147,9 @@ class Coupled:
 
     def receive(self, wait_s):
         self.fleet.step(self.fleet.link.receive(0.0))
-        found = self.link.receive(0.0)
-        self.said += [(self.fleet.now_s, one.serial, one.kind, json.loads(one.payload)) for one in found]
-        return found
+        result = self.link.receive(0.0)
+        self.said += [(self.fleet.now_s, one.serial, one.kind, json.loads(one.payload)) for one in result]
+        return result
 
     def close(self):
         pass

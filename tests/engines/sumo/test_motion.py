@@ -32,7 +32,7 @@ def turns_in_place(file):
 TYPES = sorted(filter(turns_in_place, FOLDER.glob("*.yaml")), key=lambda file: file.stem)
 
 
-def way(xy, limit):
+def route(xy, limit):
     """A street through points, lane by lane with a limit."""
     lanes = [lane for k in range(len(xy) - 1) for lane in ((k, k + 1), (k + 1, k))]
     nav = nav_graph(name="way", xy=xy, lanes=lanes, speed_mps=np.repeat(limit, 2))
@@ -90,7 +90,7 @@ def random_way(rng, robot):
     heading = rng.choice([0.0, 0.0, 0.1, 0.9, -0.8], 6)  # never back towards where it came from
     xy = np.concatenate([[[0.0, 0.0]], np.cumsum(length[:, None] * np.stack([np.cos(heading), np.sin(heading)], 1), axis=0)])
     limit = np.where(rng.random(6) < 0.5, np.inf, rng.uniform(0.2, 1.2, 6) * robot.max_speed_mps)
-    return way(xy, np.round(limit, 6))
+    return route(xy, np.round(limit, 6))
 
 
 @pytest.mark.parametrize("file", TYPES, ids=lambda file: file.stem)

@@ -58,9 +58,9 @@ def test_a_trajectory_is_followed_within_a_centimetre(load):
     curve = weights @ [(4, 0), (4, 4), (0, 4)] / weights.sum(1, keepdims=True)
     line = np.concatenate([[(4.0, 0.0)], bends, [(0.0, 4.0)]])
     for place in curve:
-        start, way = line[:-1], np.diff(line, axis=0)
-        share = np.clip(((place - start) * way).sum(1) / (way**2).sum(1), 0, 1)
-        assert np.hypot(*(start + share[:, None] * way - place).T).min() <= 0.01
+        start, route = line[:-1], np.diff(line, axis=0)
+        share = np.clip(((place - start) * route).sum(1) / (route**2).sum(1), 0, 1)
+        assert np.hypot(*(start + share[:, None] * route - place).T).min() <= 0.01
 
 
 def test_draft_2_says_the_same(load):
@@ -92,13 +92,13 @@ def test_what_is_odd_is_found(load):
     layout["edges"] += [json.loads(json.dumps(layout["edges"][0]).replace('"A', '"D').replace('B"', 'E"').replace("-B", "-E"))]
     layout["stations"] += [{"stationId": "far", "interactionNodeIds": ["E", "F"]}]
     layout["edges"][1]["vehicleTypeEdgeProperties"][0]["trajectory"]["knotVector"] = [0, 1]
-    found = kinds(load(document))
-    assert found["extent_above_1_km"].details == ("9000 x 5 m: is the file in millimetres?",)
-    assert found["theta_in_degrees"].details == ("theta of 'E' is 90",)
-    assert found["dangling_reference"].details == ("layouts[0].stations[1].interactionNodeIds[1]: no node 'F' (known: A, B, C, D, E)",)
-    assert found["station_out_of_reach"].details == ("'far' at 'E'",)
-    assert "2 knots, expected 6" in found["trajectory_unusable"].details[0]
-    assert "turns_restricted" in found and "load_dependent_lanes" not in found  # robots with orders keep to `load`
+    result = kinds(load(document))
+    assert result["extent_above_1_km"].details == ("9000 x 5 m: is the file in millimetres?",)
+    assert result["theta_in_degrees"].details == ("theta of 'E' is 90",)
+    assert result["dangling_reference"].details == ("layouts[0].stations[1].interactionNodeIds[1]: no node 'F' (known: A, B, C, D, E)",)
+    assert result["station_out_of_reach"].details == ("'far' at 'E'",)
+    assert "2 knots, expected 6" in result["trajectory_unusable"].details[0]
+    assert "turns_restricted" in result and "load_dependent_lanes" not in result  # robots with orders keep to `load`
 
 
 def test_nodes_at_one_place_between_which_vehicles_turn_are_one_vertex(load):

@@ -20,11 +20,11 @@ def grid(tmp_path):
 
 
 def test_the_last_row_is_the_lowest(grid):
-    found = load_map(grid, cell_m=1.0)
-    assert found.nav.xy.tolist() == [[0.5, 0.5], [2.5, 0.5], [0.5, 1.5], [1.5, 1.5], [2.5, 1.5]]
-    assert found.nav.num_edges == 4
-    assert found.nav.kind == "grid"
-    assert facts(found)["grid"] == {"cell_m": 1.0, "width": 4, "height": 3, "total": 12, "free": 5, "blocked": 7}
+    result = load_map(grid, cell_m=1.0)
+    assert result.nav.xy.tolist() == [[0.5, 0.5], [2.5, 0.5], [0.5, 1.5], [1.5, 1.5], [2.5, 1.5]]
+    assert result.nav.num_edges == 4
+    assert result.nav.kind == "grid"
+    assert facts(result)["grid"] == {"cell_m": 1.0, "width": 4, "height": 3, "total": 12, "free": 5, "blocked": 7}
 
 
 def test_problem_sets_name_cells_from_the_top(grid):

@@ -45,9 +45,9 @@ def test_points_paths_locations_and_blocks_are_read_in_metres(load):
 
 
 def test_lengths_that_differ_from_the_drawing_are_reported(load):
-    found = {finding.kind: finding.details for finding in load(MODEL).findings}
-    assert [detail.split(",")[0] for detail in found["path_length_disagrees"]] == ["'P2 --- P3': 9.00 m"]
-    assert "locked_path" in found
+    result = {finding.kind: finding.details for finding in load(MODEL).findings}
+    assert [detail.split(",")[0] for detail in result["path_length_disagrees"]] == ["'P2 --- P3': 9.00 m"]
+    assert "locked_path" in result
 
 
 def test_empty_model_has_nothing_to_drive_on(load):

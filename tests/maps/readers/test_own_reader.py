@@ -60,8 +60,8 @@ def folder(tmp_path, monkeypatch):
 
 
 def test_reader_of_a_file_reads_its_format(folder):
-    found = load_map(folder / "street.csv", reader="mine.py:Street")
-    assert (found.nav.num_vertices, found.nav.vertex_name) == (3, ("a", "b", "c"))
+    result = load_map(folder / "street.csv", reader="mine.py:Street")
+    assert (result.nav.num_vertices, result.nav.vertex_name) == (3, ("a", "b", "c"))
 
 
 def test_scenario_names_its_reader_and_the_run_drives_on_the_map(folder):
@@ -81,15 +81,15 @@ def test_import_takes_a_reader(folder, capsys):
 
 
 @pytest.mark.parametrize(
-    ("name", "told"),
+    ("name", "output"),
     [
         ("mine.py:Broken", r"mine.py:\d+: in read: ZeroDivisionError: division by zero"),
         ("mine.py:Wrong", r"mine.py:\d+: read gives dict, expected a Map"),
         ("mine.py:Blind", r"mine.py:\d+: Blind is no map reader: it has no method detects\(file\)"),
     ],
 )
-def test_reader_that_breaks_its_contract_is_one_line_with_its_file(folder, name, told):
-    with pytest.raises(PlugInError, match=told):
+def test_reader_that_breaks_its_contract_is_one_line_with_its_file(folder, name, output):
+    with pytest.raises(PlugInError, match=output):
         load_map(folder / "street.csv", reader=name)
 
 

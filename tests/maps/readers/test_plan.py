@@ -17,7 +17,7 @@ from mrp_sumo.maps.yaml_text import Text
 INCH, FOOT, MM, M, NONE = 1, 2, 4, 6, 0  # $INSUNITS
 
 
-def hall(path, unit=M, scale=1.0, form="asc", around=False):
+def hall(path, unit=M, scale=1.0, form="asc", surroundings=False):
     """A drawing of the hall, with the rack as a block, a word, and a door's arc of 1 m."""
     drawing = ezdxf.new()
     drawing.header["$INSUNITS"] = unit
@@ -30,7 +30,7 @@ def hall(path, unit=M, scale=1.0, form="asc", around=False):
     space.add_blockref("RACK", (4 * scale, 4 * scale), dxfattribs={"layer": "RACKS", "xscale": scale, "yscale": scale})
     space.add_arc((0, 2 * scale), 1 * scale, 0, 90, dxfattribs={"layer": "DOORS"})
     space.add_text("Hall", dxfattribs={"layer": "WORDS"})
-    if around:
+    if surroundings:
         space.add_circle((6 * scale, 4 * scale), 7.4 * scale, dxfattribs={"layer": "SITE"})
     drawing.saveas(path, fmt=form)
     return path
@@ -41,14 +41,14 @@ def hall(path, unit=M, scale=1.0, form="asc", around=False):
     [(M, 1.0, "asc"), (MM, 1000.0, "asc"), (INCH, 1 / 0.0254, "asc"), (FOOT, 1 / 0.3048, "asc"), (M, 1.0, "bin")],
 )
 def test_a_drawing_has_its_walls_in_metres_and_a_grid_between_them(tmp_path, unit, scale, form):
-    found = load_map(hall(tmp_path / "hall.dxf", unit, scale, form), layers=("WALLS", "racks"), cell_m=0.5, robot_radius_m=0.2)
-    walls = found.building.levels["L1"].wall_xy
+    result = load_map(hall(tmp_path / "hall.dxf", unit, scale, form), layers=("WALLS", "racks"), cell_m=0.5, robot_radius_m=0.2)
+    walls = result.building.levels["L1"].wall_xy
     assert np.ptp(walls.reshape(-1, 2), axis=0).tolist() == pytest.approx([12, 8])
     assert sorted(np.hypot(*(walls[:, 1] - walls[:, 0]).T).round(6)) == [1, 1, 4, 4, 8, 8, 12, 12]
     assert len(walls) == 8
     # 24 x 16 cells; each has 0.25 m to a wall beside it, and the 8 x 2 in the rack are left out
-    assert found.nav.num_vertices == 24 * 16 - 8 * 2
-    assert "pieces_left_out" in {finding.kind for finding in found.findings}
+    assert result.nav.num_vertices == 24 * 16 - 8 * 2
+    assert "pieces_left_out" in {finding.kind for finding in result.findings}
 
 
 def test_a_robot_that_is_too_large_for_the_cells_beside_walls_leaves_them_out(tmp_path):
@@ -59,8 +59,8 @@ def test_a_robot_that_is_too_large_for_the_cells_beside_walls_leaves_them_out(tm
 
 def test_all_layers_that_are_shown_are_walls_by_default(tmp_path):
     path = hall(tmp_path / "hall.dxf")
-    found = load_map(path)
-    assert next(f.details[0] for f in found.findings if f.kind == "walls_of_layers").startswith("WALLS (4), RACKS (4), DOORS (")
+    result = load_map(path)
+    assert next(f.details[0] for f in result.findings if f.kind == "walls_of_layers").startswith("WALLS (4), RACKS (4), DOORS (")
     drawing = ezdxf.readfile(path)
     drawing.layers.get("DOORS").off()
     drawing.layers.get("RACKS").freeze()
@@ -77,12 +77,12 @@ def test_arcs_are_flattened_within_a_centimetre(tmp_path):
 
 
 def test_what_the_walls_do_not_enclose_is_left_out(tmp_path):
-    around = load_map(hall(tmp_path / "a.dxf", around=True), layers=("SITE", "WALLS"), cell_m=0.5, robot_radius_m=0.2)
+    surroundings = load_map(hall(tmp_path / "a.dxf", surroundings=True), layers=("SITE", "WALLS"), cell_m=0.5, robot_radius_m=0.2)
     alone = load_map(hall(tmp_path / "b.dxf"), layers=("WALLS",), cell_m=0.5, robot_radius_m=0.2)
-    kinds = {finding.kind for finding in around.findings}
+    kinds = {finding.kind for finding in surroundings.findings}
     assert {"outside_left_out", "pieces_left_out"} <= kinds  # the corners round the circle; the ring between it and the hall
-    assert (around.nav.xy > 0.2).all()
-    assert (around.nav.xy < np.array([12, 8]) - 0.2).all()
+    assert (surroundings.nav.xy > 0.2).all()
+    assert (surroundings.nav.xy < np.array([12, 8]) - 0.2).all()
     assert "outside_left_out" not in {finding.kind for finding in alone.findings}
 
 
@@ -144,9 +144,9 @@ def picture(path, mode="RGB", **save):
 
 @pytest.mark.parametrize(("name", "mode"), [("hall.png", "RGB"), ("hall.png", "RGBA"), ("hall.bmp", "RGB"), ("hall.tif", "L")])
 def test_a_picture_with_a_scale_has_walls_and_a_grid(tmp_path, name, mode):
-    found = load_map(picture(tmp_path / name, mode), meters_per_pixel=0.05, cell_m=0.5, robot_radius_m=0.15)
-    assert found.nav.num_vertices == 24 * 16 - 8 * 2
-    walls = found.building.levels["L1"].wall_xy
+    result = load_map(picture(tmp_path / name, mode), meters_per_pixel=0.05, cell_m=0.5, robot_radius_m=0.15)
+    assert result.nav.num_vertices == 24 * 16 - 8 * 2
+    walls = result.building.levels["L1"].wall_xy
     assert sorted(np.hypot(*(walls[:, 1] - walls[:, 0]).T).round(6)) == pytest.approx(
         [0.9, 0.9, 1, 1, 3.9, 3.9, 4, 4, 7.9, 7.9, 11.9, 11.9]
     )
@@ -159,8 +159,8 @@ def test_a_large_piece_that_is_left_out_is_written_in_plain_numbers(tmp_path):
     ImageDraw.Draw(image).rectangle((0, 0, 239, 159), outline="black")
     ImageDraw.Draw(image).rectangle((60, 40, 119, 119), outline="black")  # 30 x 40 m that nobody gets into
     image.save(tmp_path / "hall.png")
-    found = load_map(tmp_path / "hall.png", meters_per_pixel=0.5, cell_m=1.0, robot_radius_m=0.2)
-    (line,) = (f.details[0] for f in found.findings if f.kind == "pieces_left_out")
+    result = load_map(tmp_path / "hall.png", meters_per_pixel=0.5, cell_m=1.0, robot_radius_m=0.2)
+    (line,) = (f.details[0] for f in result.findings if f.kind == "pieces_left_out")
     assert line.startswith("1 piece, 1064 m2 of 8998, which")
 
 
@@ -261,10 +261,10 @@ SVG = """<svg xmlns="http://www.w3.org/2000/svg" xmlns:inkscape="i" viewBox="0 0
 def test_an_svg_with_a_scale_has_the_walls_of_its_layers(tmp_path):
     path = tmp_path / "hall.svg"
     path.write_text(SVG)
-    found = load_map(path, meters_per_pixel=0.1, cell_m=0.5, robot_radius_m=0.2)
-    walls = found.building.levels["L1"].wall_xy
+    result = load_map(path, meters_per_pixel=0.1, cell_m=0.5, robot_radius_m=0.2)
+    walls = result.building.levels["L1"].wall_xy
     assert sorted(np.hypot(*(walls[:, 1] - walls[:, 0]).T).round(6)) == [1, 1, 4, 4, 8, 8, 12, 12]
-    assert found.nav.num_vertices == 24 * 16 - 8 * 2
+    assert result.nav.num_vertices == 24 * 16 - 8 * 2
     assert len(load_map(path, meters_per_pixel=0.1, layers=("walls",)).building.levels["L1"].wall_xy) == 4
 
 
@@ -313,8 +313,8 @@ def test_a_page_of_a_pdf_is_a_picture_of_150_pixels_an_inch(tmp_path, capsys):
         image.convert("RGB").save(
             tmp_path / "hall.pdf", resolution=150, save_all=True, append_images=[Image.new("RGB", (300, 300), "white")]
         )
-    found = load_map(tmp_path / "hall.pdf", meters_per_pixel=0.05, cell_m=0.5, robot_radius_m=0.15)
-    assert found.nav.num_vertices == 24 * 16 - 8 * 2
+    result = load_map(tmp_path / "hall.pdf", meters_per_pixel=0.05, cell_m=0.5, robot_radius_m=0.15)
+    assert result.nav.num_vertices == 24 * 16 - 8 * 2
     with pytest.raises(MapError, match=r"hall.pdf: no page 3, expected 1 to 2"):
         load_map(tmp_path / "hall.pdf", meters_per_pixel=0.05, page=3)
     with pytest.raises(MapError, match=r"150 pixels an inch, has no scale: state it with --scale.*; the plan is 240 x 16\d pixels"):

@@ -23,11 +23,11 @@ def room(tmp_path):
 
 
 def test_cells_where_the_robot_fits_are_vertices_in_the_maps_frame(room):
-    found = load_map(room, cell_m=0.4, robot_radius_m=0.15)
+    result = load_map(room, cell_m=0.4, robot_radius_m=0.15)
     # three columns, two rows; the pillar is 0.16 m from the first centre, the unknown column 0.10 m from the last two
-    assert found.nav.xy.round(9).tolist() == [[-0.8, 2.2], [-0.4, 2.2], [-0.8, 2.6], [-0.4, 2.6]]
-    assert found.nav.num_edges == 4
-    assert found.free.tolist() == [[True, True, False], [True, True, False]]
+    assert result.nav.xy.round(9).tolist() == [[-0.8, 2.2], [-0.4, 2.2], [-0.8, 2.6], [-0.4, 2.6]]
+    assert result.nav.num_edges == 4
+    assert result.free.tolist() == [[True, True, False], [True, True, False]]
 
 
 def test_thin_walls_between_cells_keep_them_apart(room):

@@ -35,11 +35,11 @@ def meetings(ways, steps):
 def test_ways_are_shortest_ways_along_lanes():
     problem = random_grid(9, 8, 3)
     ways, table, steps = ways_of(problem)
-    for robot, way in enumerate(ways.tolist()):
-        way = way[: steps[robot] + 1]
-        assert (way[0], way[-1]) == (problem.start[robot], problem.target[robot])
-        assert [int(table[robot, v]) for v in way] == list(range(int(steps[robot]), -1, -1))
-        assert all(problem.graph.lane_between(u, v) >= 0 for u, v in pairwise(way))
+    for robot, route in enumerate(ways.tolist()):
+        route = route[: steps[robot] + 1]
+        assert (route[0], route[-1]) == (problem.start[robot], problem.target[robot])
+        assert [int(table[robot, v]) for v in route] == list(range(int(steps[robot]), -1, -1))
+        assert all(problem.graph.lane_between(u, v) >= 0 for u, v in pairwise(route))
     assert (ways_of(problem, packed=True)[0] == ways).all()
 
 

@@ -189,17 +189,17 @@ def test_more_goals_than_robots_are_chosen_from():
 
 def test_assignments_come_in_order_and_once():
     cost = np.array([[1.0, 4.0, np.inf], [2.0, 3.0, 6.0], [5.0, 1.0, 2.0]])
-    found = list(ranked_assignments(cost))
+    outcome = list(ranked_assignments(cost))
     expected = sorted(
         cost[0, a] + cost[1, b] + cost[2, c] for a in range(3) for b in range(3) for c in range(3) if len({a, b, c}) == 3 and a != 2
     )
-    assert [total for total, _ in found] == expected
-    assert len({tuple(goal_of.tolist()) for _, goal_of in found}) == len(found)
+    assert [total for total, _ in outcome] == expected
+    assert len({tuple(goal_of.tolist()) for _, goal_of in outcome}) == len(outcome)
 
 
 def test_fewer_goals_than_robots_leave_some_without():
-    found = list(ranked_assignments(np.array([[1.0], [2.0], [np.inf]])))
-    assert [(total, goal_of.tolist()) for total, goal_of in found] == [(1.0, [0, -1, -1]), (2.0, [-1, 0, -1])]
+    outcome = list(ranked_assignments(np.array([[1.0], [2.0], [np.inf]])))
+    assert [(total, goal_of.tolist()) for total, goal_of in outcome] == [(1.0, [0, -1, -1]), (2.0, [-1, 0, -1])]
 
 
 @pytest.mark.parametrize("name", ["ecbs", "eecbs", "ecbs_ta"])
@@ -235,9 +235,9 @@ def crowd(seed):
 
 @pytest.mark.slow
 def test_answer_from_the_incumbent_is_valid_and_within_the_bound_of_the_tree():
-    told = [(crowd(seed), planner("eecbs", {"w": 1.2}).plan(crowd(seed), 120.0)) for seed in range(4)]
-    assert any(result.stats["from_incumbent"] for _, result in told)
-    for problem, result in told:
+    output = [(crowd(seed), planner("eecbs", {"w": 1.2}).plan(crowd(seed), 120.0)) for seed in range(4)]
+    assert any(result.stats["from_incumbent"] for _, result in output)
+    for problem, result in output:
         assert result.status is Status.SOLVED
         assert judge(problem, result.plan).valid
         cost = result.plan.end_s.sum()
@@ -303,7 +303,7 @@ def test_memory_limit_that_is_none_is_refused(name):
 @pytest.mark.parametrize("name", ["cbs", "eecbs", "cbs_ta", "ecbs_ta"])
 def test_time_that_is_up_makes_no_more_tables(name, monkeypatch):
     made = []
-    monkeypatch.setattr(distance, "steps_to", lambda *given: made.append(given))
+    monkeypatch.setattr(distance, "steps_to", lambda *params: made.append(params))
     graph = grid_graph(np.ones((20, 20), bool), 1.0, (0.0, 0.0))
     vertices = np.arange(400)
     goal_of = np.full(200, -1) if name.endswith("_ta") else np.arange(200)

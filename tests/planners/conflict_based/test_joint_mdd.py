@@ -11,7 +11,7 @@ from planners.conflict_based._joint_mdd import APART, LOST, TOGETHER, joint_path
 from planners.conflict_based.tree import SearchLimits, Tree
 
 
-def asked(seed, *, following):
+def request(seed, *, following):
     """Two robots' tree and root, and what the joint MDD says of them; None where they do not meet, or one cannot arrive."""
     problem = random_problem(seed, most_robots=2, side=5)
     if problem.num_robots < 2 or impossible(problem) is not None:
@@ -21,21 +21,21 @@ def asked(seed, *, following):
     store, scratch = tree._buffers.store, tree._buffers.scratch
     for record in root.records:
         assert mdd_of(tree.instance, store, scratch, record) == st.OK
-    code, *told = joint_paths(tree.instance, store, scratch, *root.records)
+    code, *output = joint_paths(tree.instance, store, scratch, *root.records)
     assert code == st.OK
-    return problem, tree, root, told
+    return problem, tree, root, output
 
 
 def check(seed, *, following):
     """Hold the answer against the truth; what it was."""
-    told = asked(seed, following=following)
-    if told is None:
+    output = request(seed, following=following)
+    if output is None:
         return None
-    problem, tree, root, (found, row0, middle, row1) = told
+    problem, tree, root, (result, row0, middle, row1) = output
     best = least_cost(problem, following=following)
-    assert (found == LOST) == (best is None or best > root.cost), (seed, found, best)
+    assert (result == LOST) == (best is None or best > root.cost), (seed, result, best)
     assert tree._pair_weight(*root.records) <= (np.inf if best is None else best - root.cost), seed
-    if found == LOST:
+    if result == LOST:
         rows = tree._buffers.store.rows[row0:row1].tolist()
         for side in (rows[: middle - row0], rows[middle - row0 :]):
             assert side
@@ -44,23 +44,23 @@ def check(seed, *, following):
         for one in (path for path, bad in zip(mine, barred[0]) if bad):
             for other in (path for path, bad in zip(theirs, barred[1]) if bad):
                 assert collide(one, other, following), (seed, one, other)
-    return found
+    return result
 
 
 def paths(problem, robot, more):
     """All paths of a robot to where it stays, of up to so many steps more than its shortest; trailing waits are not part of one."""
     graph, goal = problem.graph, problem.target[robot]
-    found, ends = [], [[int(problem.start[robot])]]
+    result, ends = [], [[int(problem.start[robot])]]
     most = None
     for length in range(12):
         arrived = [path for path in ends if path[-1] == goal and (len(path) == 1 or path[-2] != goal)]
-        found += arrived
+        result += arrived
         if arrived and most is None:
             most = length + more
         if length == most or len(ends) > 3000:
             break
         ends = [[*path, int(v)] for path in ends for v in (*graph.head[graph.first[path[-1]] : graph.first[path[-1] + 1]], path[-1])]
-    return found
+    return result
 
 
 def broken(path, rows):
@@ -86,12 +86,12 @@ def collide(one, other, following):
 
 @pytest.mark.parametrize("following", [False, True])
 def test_robots_are_lost_where_all_shortest_paths_collide_and_no_plan_breaks_both_sides(following):
-    found = {check(seed, following=following) for seed in range(150)}
-    assert {LOST, TOGETHER} <= found  # the questions are not all alike
+    result = {check(seed, following=following) for seed in range(150)}
+    assert {LOST, TOGETHER} <= result  # the questions are not all alike
 
 
 @pytest.mark.campaign
 @pytest.mark.parametrize("following", [False, True])
 def test_robots_are_lost_where_all_shortest_paths_collide_on_thousands(following):
-    found = {check(seed, following=following) for seed in range(1000, 6000)}
-    assert {APART, LOST, TOGETHER} <= found
+    result = {check(seed, following=following) for seed in range(1000, 6000)}
+    assert {APART, LOST, TOGETHER} <= result

@@ -153,7 +153,7 @@ def test_polishing_ends_sooner_the_less_there_is_to_gain(num_lanes, share):
     edges = [(0, 1), (1, 2), (1, 3), *zip(line[:-1].tolist(), line[1:].tolist())]
     xy = [(0, 0), (1, 0), (2, 0), (1, 1), *((k, 2) for k in range(num_lanes + 1))]
     problem = problem_on(graph_of(xy, edges, 1.0), [0, 2, 4], [2, 0, 4 + num_lanes])
-    path = np.stack([np.pad(way, (0, num_lanes + 1 - len(way)), "edge") for way in ([0, 1, 3, 1, 2], [2, 2, 1, 0], line)], 1)
+    path = np.stack([np.pad(route, (0, num_lanes + 1 - len(route)), "edge") for route in ([0, 1, 3, 1, 2], [2, 2, 1, 0], line)], 1)
     refinement = Refinement(task_of(problem, steps_to_targets(problem)), path.astype(np.int32), 2, np.random.default_rng(0))
     refinement.polish(np.inf, 20_000)
     made = sum(refiner.labels for refiner in refinement.refiners)

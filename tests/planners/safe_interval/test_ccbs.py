@@ -54,15 +54,15 @@ def random_problem(seed, robots):
 
 def walks(graph, start, goal, most_m):
     """All ways from start to goal up to a length, as lists of vertices."""
-    found, open_ = [], [([start], 0.0)]
+    outcome, open_ = [], [([start], 0.0)]
     while open_:
-        way, long = open_.pop()
-        if way[-1] == goal:
-            found.append((long, way))
-        for lane in range(graph.first[way[-1]], graph.first[way[-1] + 1]):
+        route, long = open_.pop()
+        if route[-1] == goal:
+            outcome.append((long, route))
+        for lane in range(graph.first[route[-1]], graph.first[route[-1] + 1]):
             longer = long + float(graph.length_m[lane])
-            open_ += [([*way, int(graph.head[lane])], longer)] * (longer <= most_m and len(way) < 7)
-    return found
+            open_ += [([*route, int(graph.head[lane])], longer)] * (longer <= most_m and len(route) < 7)
+    return outcome
 
 
 def too_close_after(p, q, velocity, other_velocity, long, other_long):
@@ -78,7 +78,7 @@ def too_close_after(p, q, velocity, other_velocity, long, other_long):
 
 def least_cost(graph, ways):
     """The least sum of arrivals of robots on given ways: departures and arrivals as a mixed integer linear program."""
-    first = np.cumsum([0, *(len(way) - 1 for way in ways)])
+    first = np.cumsum([0, *(len(route) - 1 for route in ways)])
     num = int(first[-1])
     rows, low, cost = [], [], np.zeros(num)
 
@@ -88,16 +88,16 @@ def least_cost(graph, ways):
         low.append(by)
 
     pieces, constant = [], 0.0
-    for r, way in enumerate(ways):
-        xy = graph.xy[way]
+    for r, route in enumerate(ways):
+        xy = graph.xy[route]
         long = np.hypot(*np.diff(xy, axis=0).T)
-        for k in range(len(way) - 1):
+        for k in range(len(route) - 1):
             at_least(first[r] + k, first[r] + k - 1 if k else None, long[k - 1] if k else 0.0)
             pieces.append((r, "move", first[r] + k, xy[k], (xy[k + 1] - xy[k]) / long[k], long[k]))
-        for k in range(len(way)):
-            before, after = (first[r] + k - 1 if k else None), (first[r] + k if k < len(way) - 1 else None)
+        for k in range(len(route)):
+            before, after = (first[r] + k - 1 if k else None), (first[r] + k if k < len(route) - 1 else None)
             pieces.append((r, "stay", before, after, xy[k], long[k - 1] if k else 0.0))
-        if len(way) > 1:
+        if len(route) > 1:
             cost[first[r + 1] - 1] = 1.0
             constant += long[-1]
     switches = 0
@@ -105,10 +105,10 @@ def least_cost(graph, ways):
         if one[0] == two[0] or one[1] == two[1] == "stay":
             continue
         if one[1] == two[1] == "move":
-            found = too_close_after(one[3], two[3], one[4], two[4], one[5], two[5])
-            if found:
-                at_least(two[2], one[2], found[1], (switches, 0))
-                at_least(one[2], two[2], -found[0], (switches, 1))
+            outcome = too_close_after(one[3], two[3], one[4], two[4], one[5], two[5])
+            if outcome:
+                at_least(two[2], one[2], outcome[1], (switches, 0))
+                at_least(one[2], two[2], -outcome[0], (switches, 1))
                 switches += 1
             continue
         move, stay = (one, two) if one[1] == "move" else (two, one)
@@ -126,13 +126,13 @@ def least_cost(graph, ways):
         if switch is not None:  # off by LATE where the switch says so
             matrix[i, num + switch[0]] = LATE if switch[1] == 0 else -LATE
             bound[i] -= 0.0 if switch[1] == 0 else LATE
-    found = milp(
+    outcome = milp(
         np.append(cost, np.zeros(switches)),
         constraints=LinearConstraint(matrix, bound, np.inf),
         integrality=np.append(np.zeros(num), np.ones(switches)),
         bounds=(0, np.append(np.full(num, LATE / 4), np.ones(switches))),
     )
-    return found.fun + constant if found.success else np.inf
+    return outcome.fun + constant if outcome.success else np.inf
 
 
 @pytest.mark.parametrize(("seed", "robots"), [(3, 2), (7, 2), (10, 2), (12, 2), (15, 2), (104, 3)])
@@ -143,7 +143,7 @@ def test_discs_cost_what_the_best_of_all_ways_costs(seed, robots):
     both = [walks(problem.graph, int(s), int(g), cost + 0.01) for s, g in zip(problem.start, problem.target)]
     for ways in sorted(product(*both), key=lambda ways: sum(long for long, _ in ways)):
         if sum(long for long, _ in ways) < min(truth, cost + 0.01):
-            truth = min(truth, least_cost(problem.graph, [way for _, way in ways]))
+            truth = min(truth, least_cost(problem.graph, [route for _, route in ways]))
     assert truth == pytest.approx(cost, abs=0.02)
     bounded = solved(problem, motion="unit", radius_m=RADIUS_M, w=1.3)
     assert cost - 1e-6 <= bounded.stats["cost_s"] <= 1.3 * cost
@@ -155,11 +155,11 @@ def test_discs_are_never_too_close(w):
     solutions = 0
     for seed in range(100, 104):
         problem = random_problem(seed, 3)
-        found = made(motion="unit", radius_m=RADIUS_M, w=w, max_nodes=500).plan(problem, 60.0)
-        if found.plan is None:
+        outcome = made(motion="unit", radius_m=RADIUS_M, w=w, max_nodes=500).plan(problem, 60.0)
+        if outcome.plan is None:
             continue
         solutions += 1
-        plan, t = found.plan, np.arange(0, found.plan.end_s.max() + 0.1, 0.01)
+        plan, t = outcome.plan, np.arange(0, outcome.plan.end_s.max() + 0.1, 0.01)
         places = []
         for r in range(3):
             visits = slice(plan.first[r], plan.first[r + 1])
@@ -239,6 +239,6 @@ def test_discs_in_the_wrong_order_on_a_line_that_nobody_can_leave_have_no_plan()
 
 def test_goals_too_close_for_discs_are_named():
     problem = problem_of(line(4), [0, 3], [1, 2])
-    found = made(motion="unit", radius_m=RADIUS_M).plan(problem, 10.0)
-    assert found.status is Status.INFEASIBLE
-    assert "robot_0 and robot_1 have to end at 'v1' and 'v2', which are too close" in found.message
+    outcome = made(motion="unit", radius_m=RADIUS_M).plan(problem, 10.0)
+    assert outcome.status is Status.INFEASIBLE
+    assert "robot_0 and robot_1 have to end at 'v1' and 'v2', which are too close" in outcome.message

@@ -178,9 +178,9 @@ def bodies_xy(problem, plan, dt=0.1):
             begin = round(plan.depart_s[stop] / dt)
             along = np.interp(np.clip(s[:num], 0, end_m[-1]), end_m, np.arange(len(end_m)))
             k = np.minimum(along.astype(int), len(end_m) - 2)
-            way = xy[stop + k] + (along - k)[:, None] * (xy[stop + k + 1] - xy[stop + k])
+            route = xy[stop + k] + (along - k)[:, None] * (xy[stop + k + 1] - xy[stop + k])
             until = min(begin + 1 + num, steps)
-            at[begin + 1 : until, r] = way[: until - begin - 1]
+            at[begin + 1 : until, r] = route[: until - begin - 1]
             at[until:, r] = xy[following]
     return at
 
@@ -310,11 +310,11 @@ def test_robots_that_raise_each_other_in_turns_look_for_no_way_twice(monkeypatch
     timetable = Timetable(Problem(graph, fleet_of(CART, 2), np.array([0, 5]), np.array([4, 1]), np.arange(2), 1.0), 0.1)
     for robot in range(2):
         timetable.look_back(robot)
-    asked, search, looked = [], timetable.search, 0
+    request, search, looked = [], timetable.search, 0
 
     def noted(robot, most, weight):
         nonlocal looked
-        asked.append((robot, most, *timetable.path))
+        request.append((robot, most, *timetable.path))
         before = timetable.work
         path = search(robot, most, weight=weight)
         looked += timetable.work - before
@@ -322,5 +322,5 @@ def test_robots_that_raise_each_other_in_turns_look_for_no_way_twice(monkeypatch
 
     monkeypatch.setattr(timetable, "search", noted)
     assert not first_ways(timetable, np.arange(2), 20, np.inf, 10_000)
-    assert len(set(asked)) == len(asked) < 10
+    assert len(set(request)) == len(request) < 10
     assert timetable.work > 2 * looked  # those known count, too

@@ -31,8 +31,8 @@ def messages_of(address):
 
 
 def test_watched_run_has_the_same_files_and_says_every_sample(folder, tmp_path):
-    live, found = LiveView(), []
-    viewer = threading.Thread(target=lambda: found.extend(messages_of(live.address)))
+    live, outcome = LiveView(), []
+    viewer = threading.Thread(target=lambda: outcome.extend(messages_of(live.address)))
     viewer.start()
     live.broadcast.control({"do": "speed", "speed": None})
     overrides = {("planner", "name"): ("--planner", "prioritised"), ("record", "bag"): ("", False)}
@@ -46,14 +46,14 @@ def test_watched_run_has_the_same_files_and_says_every_sample(folder, tmp_path):
     different = [name for name in files if (tmp_path / "run" / name).read_bytes() != (folder / name).read_bytes()]
     assert not different and "trajectory.parquet" in files
 
-    samples = np.frombuffer(b"".join(base64.b64decode(data) for name, data in found if name == "samples"), SAMPLE)
+    samples = np.frombuffer(b"".join(base64.b64decode(data) for name, data in outcome if name == "samples"), SAMPLE)
     driven = load_run(folder).execution
     x = samples["x"].reshape(-1, driven.num_robots) * 0.005
     assert x.shape == driven.x_m.shape
     assert np.abs((x - x[0]) - (driven.x_m - driven.x_m[0])).max() < 0.02
-    said = [event for name, data in found if name == "events" for event in json.loads(data)]
+    said = [event for name, data in outcome if name == "events" for event in json.loads(data)]
     assert sorted((t / 1000, kind) for t, kind, *_ in said) == sorted((round(e.t_s, 3), e.kind) for e in driven.events)
-    assert found[-1][0] == "end" and json.loads(found[-1][1])["status_text"] == "completed"
+    assert outcome[-1][0] == "end" and json.loads(outcome[-1][1])["status_text"] == "completed"
 
 
 def test_watched_vehicles_are_on_their_arcs_with_trailers_and_loads(tmp_path):
@@ -66,8 +66,8 @@ def test_watched_vehicles_are_on_their_arcs_with_trailers_and_loads(tmp_path):
         **{"robots": {"type": tugger, "starts": ["B2", "T3"], "goals": ["B2", "T3"]}, "tasks": {"streams": [stream]}},
         **{"execution": {"engine": "kinematic", "time_limit_s": 150}, "record": {"bag": False, "period_s": 0.5}},
     }
-    live, found = LiveView(), []
-    viewer = threading.Thread(target=lambda: found.extend(messages_of(live.address)))
+    live, outcome = LiveView(), []
+    viewer = threading.Thread(target=lambda: outcome.extend(messages_of(live.address)))
     viewer.start()
     live.broadcast.control({"do": "speed", "speed": None})
     result = run_scenario(scenario_of(scenario, tmp_path, "milk"), tmp_path / "run", RunOptions(watches=[live.watch]))
@@ -76,7 +76,7 @@ def test_watched_vehicles_are_on_their_arcs_with_trailers_and_loads(tmp_path):
     record = load_run(tmp_path / "run").record
     execution, parts = record.execution, parts_of(record.execution, record.fleet)
     assert len(parts.owner) == 6 and not np.isnan(parts.x_m[:, 4:]).all()  # two trailers each, and each with a load for a while
-    samples = np.frombuffer(b"".join(base64.b64decode(data) for name, data in found if name == "samples"), SAMPLE).reshape(-1, 8)
+    samples = np.frombuffer(b"".join(base64.b64decode(data) for name, data in outcome if name == "samples"), SAMPLE).reshape(-1, 8)
     x, y, yaw = (np.hstack([getattr(execution, name), getattr(parts, name)]) for name in ("x_m", "y_m", "yaw_rad"))
     assert samples.shape == x.shape
     is_there = samples["state"] != ABSENT

@@ -34,8 +34,8 @@ def test_trailers_are_where_they_hang(trains):
     run = load_run(trains)
     bodies, at = bodies_of(run.record.execution, run.fleet), 145
     middle = np.column_stack((bodies.x_m[at], bodies.y_m[at]))
-    assert any(len(found) == 4 and np.allclose(found, middle[2:], atol=1e-3) for found in outlines(run, 14.5, 4))
-    assert any(len(found) == 2 and np.allclose(found, middle[:2], atol=1e-3) for found in outlines(run, 14.5, 4))
+    assert any(len(result) == 4 and np.allclose(result, middle[2:], atol=1e-3) for result in outlines(run, 14.5, 4))
+    assert any(len(result) == 2 and np.allclose(result, middle[:2], atol=1e-3) for result in outlines(run, 14.5, 4))
 
 
 @pytest.mark.parametrize(("axle", "num_forks"), [("rear", 0), ("front", 4)])
@@ -73,7 +73,7 @@ def test_a_name_is_no_formula(folder, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("options", "told"),
+    ("options", "output"),
     [
         (["--at", "-1", "--out", "x.png"], "outside the run"),
         (["--at", "1e9", "--out", "x.png"], "outside the run"),
@@ -84,10 +84,10 @@ def test_a_name_is_no_formula(folder, tmp_path):
         (["--at", "soon", "--out", "x.png"], "--at: found 'soon', expected a number"),
     ],
 )
-def test_still_that_cannot_be_drawn_is_told_in_one_line(folder, tmp_path, monkeypatch, capsys, options, told):
+def test_still_that_cannot_be_drawn_is_told_in_one_line(folder, tmp_path, monkeypatch, capsys, options, output):
     monkeypatch.chdir(tmp_path)
     assert main(["render", str(folder), *options]) == 2
     said = capsys.readouterr().err
-    assert told in said
+    assert output in said
     assert len(said.splitlines()) == 1
     assert not list(tmp_path.iterdir())

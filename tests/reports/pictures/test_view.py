@@ -97,7 +97,7 @@ def test_vehicle_that_backs_out_of_a_dead_end_faces_it_in_the_plan():
     plan, fleet = plan_of_paths([[0, 1, 2, 2, 1, 3]], 5.0), fleet_of(TRICYCLE, 1)
     ways = list(zip(plan.vertex.tolist(), plan.vertex.tolist()[1:]))
     back = dict(zip(ways, driven_backward(plan, T_JUNCTION, fleet).tolist()[1:]))
-    assert {way: back[way] for way in ((0, 1), (1, 2), (2, 1), (1, 3))} == {(0, 1): False, (1, 2): False, (2, 1): True, (1, 3): False}
+    assert {route: back[route] for route in ((0, 1), (1, 2), (2, 1), (1, 3))} == {(0, 1): False, (1, 2): False, (2, 1): True, (1, 3): False}
     execution = plan_as_execution(plan, T_JUNCTION, fleet)
     out = int(np.searchsorted(execution.t_s, 17.5))  # half-way out
     assert execution.y_m[out, 0] > execution.y_m[out - 2, 0]

@@ -80,8 +80,8 @@ def test_page_does_what_people_expect(tmp_path, trains):  # one test: the browse
     (tmp_path / "both.html").write_text(page_of_two(load_run(tmp_path / "run"), load_run(tmp_path / "late")), encoding="utf-8")
     pages = [page, tmp_path / "nasty.html", tmp_path / "both.html", write_replay(trains, tmp_path / "trains.html")]
     command = [node, Path(__file__).with_name("browser.mjs"), chromium, *pages, tmp_path]
-    told = subprocess.run(command, capture_output=True, text=True, timeout=240, env={**os.environ, "NODE_PATH": MODULES})
-    found = {line["claim"]: line for line in (json.loads(text) for text in told.stdout.split("\n") if text.startswith("{"))}
-    assert not [line for line in found.values() if not line["holds"]]
-    assert told.returncode == 0, told.stderr[-2000:]
-    assert list(found) == list(CLAIMS)
+    output = subprocess.run(command, capture_output=True, text=True, timeout=240, env={**os.environ, "NODE_PATH": MODULES})
+    result = {line["claim"]: line for line in (json.loads(text) for text in output.stdout.split("\n") if text.startswith("{"))}
+    assert not [line for line in result.values() if not line["holds"]]
+    assert output.returncode == 0, output.stderr[-2000:]
+    assert list(result) == list(CLAIMS)

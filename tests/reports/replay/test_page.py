@@ -272,7 +272,7 @@ def test_serve_answers_until_interrupted(folder, number, code, line):
 
 
 @pytest.mark.parametrize(
-    ("spoil", "told"),
+    ("spoil", "output"),
     [
         (lambda run: shutil.rmtree(run), "no such folder"),
         (lambda run: (run / "result.json").unlink(), "no complete run"),
@@ -294,12 +294,12 @@ def test_serve_answers_until_interrupted(folder, number, code, line):
     ],
     ids=lambda value: value if isinstance(value, str) else "",
 )
-def test_bad_run_folder_is_told_in_one_line(folder, tmp_path, capsys, spoil, told):
+def test_bad_run_folder_is_told_in_one_line(folder, tmp_path, capsys, spoil, output):
     shutil.copytree(folder, tmp_path / "run")
     spoil(tmp_path / "run")
     assert main(["replay", str(tmp_path / "run"), "--out", str(tmp_path / "page.html")]) == 2
     said = capsys.readouterr().err
-    assert told in said
+    assert output in said
     assert len(said.splitlines()) == 1
     assert not list(tmp_path.glob("*page.html*"))
 

@@ -37,8 +37,8 @@ def test_other_kinds_need_no_encoder(folder, tmp_path, monkeypatch, name):
     from PIL import Image
 
     monkeypatch.setattr("mrp_sumo.reports.video.encode.find_spec", lambda name: None)
-    asked = ["render", str(folder), str(folder), "--to", "1", "--speed", "10", "--size", "320x240", "--titles", "one", "another"]
-    assert main([*asked, "--video", str(tmp_path / name) + "/" * name.endswith("/")]) == 0
+    request = ["render", str(folder), str(folder), "--to", "1", "--speed", "10", "--size", "320x240", "--titles", "one", "another"]
+    assert main([*request, "--video", str(tmp_path / name) + "/" * name.endswith("/")]) == 0
     if name == "frames/":
         assert len(list((tmp_path / name).glob("0*.png"))) == 34
     else:
@@ -59,25 +59,25 @@ def test_trailers_have_the_colour_of_their_tugger(trains):
     scene = scene_of(load_run(trains))
     film = Film([scene], Timing(0.0, 20.0, 1.0, 30), (1200, 900))
     differs = scene.record.execution.t_s[np.flatnonzero(scene.state[:, 0] != scene.state[:, 1])[-5:-4]]
-    moment = scene.moments(differs)[0]
-    picture = film.draw([moment])
-    column, row = film.panes[0].pixels(moment.parts_xy).round().astype(int).T
-    assert scene.parts.owner.tolist() == [0, 0, 1, 1] and moment.state[0] != moment.state[1]
+    time_s = scene.moments(differs)[0]
+    picture = film.draw([time_s])
+    column, row = film.panes[0].pixels(time_s.parts_xy).round().astype(int).T
+    assert scene.parts.owner.tolist() == [0, 0, 1, 1] and time_s.state[0] != time_s.state[1]
     for k, robot in enumerate(scene.parts.owner.tolist()):
-        colour = np.array(to_rgba(STATES[moment.state[robot]])[:3]) * 255
+        colour = np.array(to_rgba(STATES[time_s.state[robot]])[:3]) * 255
         assert np.abs(picture[picture.shape[0] - 1 - row[k], column[k], :3] - colour).max() <= 1
 
 
 @pytest.mark.parametrize("end", [1, -1])
 def test_forks_are_drawn_at_the_end_where_a_truck_has_them(trains, end):
     scene = scene_of(load_run(trains))
-    moment = scene.moments(np.array([14.5]))[0]
+    time_s = scene.moments(np.array([14.5]))[0]
     films = [Film([one], Timing(0.0, 20.0, 1.0, 30), (1200, 900)) for one in (scene, replace(scene, forks=np.array([end, 0])))]
-    plain, forked = (film.draw([moment]) for film in films)
+    plain, forked = (film.draw([time_s]) for film in films)
     row, column = np.nonzero((plain != forked).any(axis=2))
     assert len(row)
-    off = np.stack([column, plain.shape[0] - 1 - row], 1) - films[0].panes[0].pixels(moment.xy[0])
-    along = off @ (np.cos(moment.yaw_rad[0]), np.sin(moment.yaw_rad[0])) * end / films[0].panes[0].scale
+    off = np.stack([column, plain.shape[0] - 1 - row], 1) - films[0].panes[0].pixels(time_s.xy[0])
+    along = off @ (np.cos(time_s.yaw_rad[0]), np.sin(time_s.yaw_rad[0])) * end / films[0].panes[0].scale
     length_m = scene.record.fleet.length_m[0]
     assert 0.1 * length_m < along.min() and along.max() < 0.6 * length_m
 
@@ -97,8 +97,8 @@ def test_plan_ahead_follows_curves_from_where_the_robot_is(trains):
     angle = np.radians(np.arange(0, 91, 15))
     arc = np.column_stack([2 * angle, 2 * np.sin(angle), 2 - 2 * np.cos(angle), angle])
     graph = SimpleNamespace(xy=np.array([(0.0, 0.0), (2.0, 2.0), (2.0, 4.0)]), curves={(0, 1): arc})
-    way = PlannedRoute(0.0, np.arange(3), np.array([0.0, 4, 8]), np.array([0.0, 4, np.inf]))
-    scene = replace(scene, record=SimpleNamespace(graph=graph), ways=((way,),))
+    route = PlannedRoute(0.0, np.arange(3), np.array([0.0, 4, 8]), np.array([0.0, 4, np.inf]))
+    scene = replace(scene, record=SimpleNamespace(graph=graph), ways=((route,),))
     now = SimpleNamespace(t_s=1.0, xy=arc[2:3, 1:3])
     assert np.allclose(scene.ahead(0, now), [*arc[2:, 1:3], (2, 4)])
     assert np.allclose(scene.ahead(0, SimpleNamespace(t_s=5.0, xy=np.array([(2.0, 3.0)]))), [(2, 4)])

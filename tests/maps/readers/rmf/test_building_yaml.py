@@ -107,10 +107,10 @@ def test_nav_graphs_equal_the_reference(name):
         with pytest.raises(MapError):
             load_map(file)
         return
-    found = nav_graph_documents(built(file))
-    assert set(found) == set(references)
+    result = nav_graph_documents(built(file))
+    assert set(result) == set(references)
     for graph, reference in references.items():
-        document = found[graph]
+        document = result[graph]
         assert {k: v for k, v in document.items() if k not in PLACED} == {k: v for k, v in reference.items() if k not in PLACED}
         assert flat(document["doors"], "endpoints") == pytest.approx(flat(reference["doors"], "endpoints"), abs=1e-6)
         assert flat(document["lifts"], "position", "dims") == pytest.approx(flat(reference["lifts"], "position", "dims"), abs=1e-6)
@@ -137,12 +137,12 @@ def _numbers(value):
 def test_findings_are_the_expected_ones(name):
     expected = json.loads((MAPS / "expected_findings.json").read_text())
     try:
-        found = load_map(MAPS / name).findings
+        result = load_map(MAPS / name).findings
     except MapError as error:
-        found = findings_of(error)
+        result = findings_of(error)
     wanted = {f["kind"]: f["count"] for f in expected["files"][name]}
-    assert {finding.kind: finding.count for finding in found} == wanted
-    assert all(finding.severity == expected["kinds"][finding.kind]["severity"] for finding in found)
+    assert {finding.kind: finding.count for finding in result} == wanted
+    assert all(finding.severity == expected["kinds"][finding.kind]["severity"] for finding in result)
 
 
 def test_the_example_of_the_manual(tmp_path):
@@ -182,24 +182,24 @@ def test_levels_are_aligned_by_fiducials(tmp_path):
 def test_levels_are_laid_out_and_joined_by_lifts(tmp_path):
     path = tmp_path / "tower.building.yaml"
     path.write_text(TWO_LEVELS)
-    found = load_map(path)
-    assert found.level_shift_m == {"ground": (0.0, 0.0), "upper": (0.0, -6.0)}
-    assert found.nav.xy.round(9).tolist() == [[0, 0], [10, 0], [0, -6], [10, -6]]
-    lift = found.nav.lane_between(1, 3)
-    options = found.nav.lane_options[lift]
+    result = load_map(path)
+    assert result.level_shift_m == {"ground": (0.0, 0.0), "upper": (0.0, -6.0)}
+    assert result.nav.xy.round(9).tolist() == [[0, 0], [10, 0], [0, -6], [10, -6]]
+    lift = result.nav.lane_between(1, 3)
+    options = result.nav.lane_options[lift]
     assert options["lift"] == "cabin"
-    assert options["ride_s"] == pytest.approx(options["close_s"] + travel_s(found.nav.length_m[lift]) + options["open_s"])
-    assert found.nav.length_m[lift] == 4
-    assert found.nav.num_components == 1
-    assert found.building.levels["upper"].xy[0].tolist() == pytest.approx([0, -6])
+    assert options["ride_s"] == pytest.approx(options["close_s"] + travel_s(result.nav.length_m[lift]) + options["open_s"])
+    assert result.nav.length_m[lift] == 4
+    assert result.nav.num_components == 1
+    assert result.building.levels["upper"].xy[0].tolist() == pytest.approx([0, -6])
 
 
 def test_one_level_alone_stays_where_it_is(tmp_path):
     path = tmp_path / "tower.building.yaml"
     path.write_text(TWO_LEVELS)
-    found = load_map(path, level="upper")
-    assert found.nav.xy.round(9).tolist() == [[0, 0], [10, 0]]
-    assert found.nav.level_names == ("upper",)
+    result = load_map(path, level="upper")
+    assert result.nav.xy.round(9).tolist() == [[0, 0], [10, 0]]
+    assert result.nav.level_names == ("upper",)
 
 
 def test_scale_can_be_stated(tmp_path):
@@ -218,9 +218,9 @@ def test_values_are_coerced_by_tag(tmp_path):
 def test_names_that_occur_again_in_a_graph_get_a_number(tmp_path):
     path = tmp_path / "tiny.building.yaml"
     path.write_text(TINY.replace("station_b", "dock_a"))
-    found = load_map(path)
-    assert found.nav.vertex_name == ("", "dock_a", "dock_a_2")
-    assert "name_twice_in_graph" in [f.kind for f in found.findings]
+    result = load_map(path)
+    assert result.nav.vertex_name == ("", "dock_a", "dock_a_2")
+    assert "name_twice_in_graph" in [f.kind for f in result.findings]
 
 
 def test_old_key_names_are_read(tmp_path):
@@ -234,10 +234,10 @@ def test_lane_without_length_and_repeated_lanes_are_left_out(tmp_path):
     lane = "      - [1, 2, {graph_idx: [2, 0], bidirectional: [4, true]}]\n      - [1, 1, {graph_idx: [2, 0], bidirectional: [4, true]}]\n"
     path = tmp_path / "tiny.building.yaml"
     path.write_text(TINY.replace("lifts: {}", lane.removeprefix("") + "lifts: {}"))
-    found = load_map(path)
-    assert {f.kind: f.count for f in found.findings} == {"duplicate_lanes": 1, "lane_without_length": 1, "robot_vertex_off_lanes": 1}
-    assert found.nav.num_edges == 2
-    assert found.nav.speed_mps[found.nav.lane_between(0, 2)] == 0.5  # the first stays
+    result = load_map(path)
+    assert {f.kind: f.count for f in result.findings} == {"duplicate_lanes": 1, "lane_without_length": 1, "robot_vertex_off_lanes": 1}
+    assert result.nav.num_edges == 2
+    assert result.nav.speed_mps[result.nav.lane_between(0, 2)] == 0.5  # the first stays
 
 
 @pytest.mark.parametrize(
@@ -300,6 +300,6 @@ def test_choices_that_do_not_exist_are_refused(tmp_path, keys, message):
 
 
 def test_georeferenced_buildings_lose_their_offset():
-    found = load_map(MAPS / "open-rmf+rmf_demos/campus.building.yaml")
-    assert found.origin_m == (22000.0, 31500.0)
-    assert abs(found.nav.xy).max() < 1000
+    result = load_map(MAPS / "open-rmf+rmf_demos/campus.building.yaml")
+    assert result.origin_m == (22000.0, 31500.0)
+    assert abs(result.nav.xy).max() < 1000
