@@ -7,7 +7,7 @@
 The mutants are cosmic-ray's, and are made in a copy of the project in a temporary folder. Tests run in forks of a process that has
 loaded the libraries; kernels run as plain Python where a file of kernels is changed, else compiled. First a place in the sources is
 drawn, then one of its mutants. Of its room's tests those run that come to the changed statement, or all where that happens before
-any test or in other processes. A mutant is caught when one fails or takes many times as long as all without it.
+any test or in other processes. A mutant is caught when one fails or takes much longer than all of them do without it.
 Those that survive are a missing test or dead code; those that change nothing which matters are listed with the reason in
 `tools/mutants.yaml`, and do not count. Exit code 1 when there are others.
 """

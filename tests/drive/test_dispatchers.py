@@ -99,7 +99,18 @@ def test_orders_of_a_crowded_station_are_held_back_and_others_are_given(dispatch
     assert len(Fleet([*range(2, 11)], *crowd, service_s=1000.0).decides(dispatcher)) == 5
     assert sorted(Fleet([*range(2, 11)], *crowd, (0.0, (18, 19)), service_s=1000.0).decides(dispatcher).values()) == [*range(5), 9]
     assert len(Fleet([*range(2, 11)], *crowd, service_s=0.0).decides(dispatcher)) == 7
+    carts = {"types": ("cart",) * 9, "service_s": 1000.0}
+    assert len(Fleet([*range(2, 11)], *[(0.0, (15, 16), 0, "cart")] * 9, **carts).decides(dispatcher)) == 5
     assert len(Fleet([*range(2, 6)], *crowd, service_s=1000.0).decides(dispatcher)) == 4
+
+
+@pytest.mark.parametrize(("charges", "given"), [(False, 5), (True, 9)])
+def test_robots_that_are_bound_for_a_crowded_station_hold_orders_back_unless_they_go_there_to_charge(charges, given):
+    """Five of nine orders are given, and as many are enough a second later; the other four robots are free."""
+    fleet = Fleet([*range(2, 11)], *[(0.0, (15, 16))] * 9, service_s=1000.0)
+    for r in fleet.decides("nearest"):
+        fleet.crew.robots[r].charges = charges
+    assert len(fleet.decides("nearest", 1.0)) == given
 
 
 @pytest.mark.parametrize("dispatcher", [*ALL, "round_robin"])
