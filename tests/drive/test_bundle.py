@@ -10,6 +10,7 @@ from line_fleets import Fleet
 from mrp_sumo.core.robot_states import ROBOT_STATES
 from mrp_sumo.drive.crew import STANDS
 from mrp_sumo.drive.dispatchers.bundle import tours
+from mrp_sumo.drive.robot_work import NONE
 from mrp_sumo.drive.work_request import work_request
 from mrp_sumo.errors import PlugInError
 from mrp_sumo.experiments.audit_work import logs_of
@@ -83,6 +84,24 @@ def test_an_order_comes_after_the_service_that_is_being_made_unless_that_will_be
 
 def test_a_robot_that_carries_one_is_given_one():
     assert bundles([0], (0.0, (3, 10)), (0.0, (5, 12)), capacity=1) == {0: [(0, 0), (0, 1)]}
+
+
+@pytest.mark.parametrize(("capacity", "tour"), [(2, [0, 1]), (3, [2, 0, 1])])
+def test_a_robot_is_given_as_many_orders_of_one_stop_as_it_has_room_for(capacity, tour):
+    """The oldest first, and each where it makes the others late the least."""
+    assert bundles([0], (0.0, (3,)), (0.0, (5,)), (0.0, (2,)), capacity=capacity) == {0: [(task, 0) for task in tour]}
+
+
+@pytest.mark.parametrize(("then", "who"), [(NONE, [0]), (1, [])])
+def test_who_has_its_next_order_already_is_given_no_third(then, who):
+    fleet = fleet_with_room([2], (0.0, (3, 10), 0, "", 0), (0.0, (19, 18)), (0.0, (4, 5)))
+    fleet.crew.orders.reveal(0.0)
+    robot = fleet.crew.robots[0]
+    for task in (0, 1)[: 1 + (then != NONE)]:
+        fleet.crew.orders.assign(task, 0, 0.0)
+    fleet.crew.give(robot, 0, 0.0, 0.0)
+    robot.then = then
+    assert list(tours(fleet.context, 0.0, 30)) == who
 
 
 def test_orders_the_other_way_are_done_one_after_the_other():

@@ -12,7 +12,7 @@ from mrp_sumo.core.execution import BOOKINGS
 from mrp_sumo.drive.dispatchers.estimates import FAR_S, oldest_first
 from mrp_sumo.drive.robot_work import NONE, Change, Leg
 from mrp_sumo.drive.work_request import in_turn, work_request
-from mrp_sumo.errors import PlugInError
+from mrp_sumo.errors import PlugInError, ScenarioError
 
 ALL = ("nearest", "hungarian", "central", "min_cost_flow", "regret", "token_passing", "tpts")
 REASSIGN = ("hungarian", "central", "min_cost_flow", "tpts")
@@ -104,13 +104,13 @@ def test_orders_of_a_crowded_station_are_held_back_and_others_are_given(dispatch
     assert len(Fleet([*range(2, 6)], *crowd, service_s=1000.0).decides(dispatcher)) == 4
 
 
-@pytest.mark.parametrize(("charges", "given"), [(False, 5), (True, 9)])
-def test_robots_that_are_bound_for_a_crowded_station_hold_orders_back_unless_they_go_there_to_charge(charges, given):
+@pytest.mark.parametrize(("charges", "count"), [(False, 5), (True, 9)])
+def test_robots_that_are_bound_for_a_crowded_station_hold_orders_back_unless_they_go_there_to_charge(charges, count):
     """Five of nine orders are given, and as many are enough a second later; the other four robots are free."""
     fleet = Fleet([*range(2, 11)], *[(0.0, (15, 16))] * 9, service_s=1000.0)
     for r in fleet.decides("nearest"):
         fleet.crew.robots[r].charges = charges
-    assert len(fleet.decides("nearest", 1.0)) == given
+    assert len(fleet.decides("nearest", 1.0)) == count
 
 
 @pytest.mark.parametrize("dispatcher", [*ALL, "round_robin"])
@@ -409,3 +409,17 @@ def test_who_goes_elsewhere_or_is_served_where_it_stands_has_a_heading_there(at,
     fleet.crew.orders.reveal(0.0)
     fleet.crew.end_heading_rad = lambda robots, end, comes: comes
     assert work_request(fleet.crew, 0.0, fleet.context.closed, assigned).end_heading_rad.tolist() == comes
+
+
+def test_a_row_of_orders_holds_one_at_least():
+    with pytest.raises(ScenarioError, match="depth is 0, expected 1 or more"):
+        Fleet([2], (0.0, (3, 4))).decides("min_cost_flow", depth=0)
+    assert Fleet([2], (0.0, (3, 4))).decides("min_cost_flow", depth=1) == {0: 0}
+
+
+def test_a_robot_whose_order_is_taken_has_the_token_next():
+    """robot_1 comes free beside the order of robot_0, and takes it; robot_0 the other one, before robot_2, which is a step nearer."""
+    fleet = Fleet([5, 19, 18], (0.0, (10, 11)), (1.0, (0, 1)))
+    assert fleet.decides("tpts") == {0: 0}
+    fleet.context.start[:] = [6, 9, 5]
+    assert fleet.decides("tpts", 1.0) == {1: 0, 0: 1}
