@@ -335,7 +335,7 @@ def _waits_s(execution: Execution, stops: StopLog) -> FloatArray:
     waits = []
     for robot, since_s, begin_s in zip(stops.robot.tolist(), stops.since_s.tolist(), stops.begin_s.tolist()):
         a, b = np.searchsorted(t, (max(since_s, 0.0), begin_s))
-        if begin_s < 0 or b - a < 2 or b >= len(t):
+        if b - a < 2 or b >= len(t):
             continue
         x, y = execution.x_m[:, robot], execution.y_m[:, robot]
         k = np.arange(a, b)
