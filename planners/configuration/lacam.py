@@ -74,7 +74,8 @@ class Lacam(ByConfigurations):
     traffic: int = option(0, "guidance by traffic: further solutions, guided by those before, 0 for none")
     polish: int = option(
         1800,
-        "labels a robot spent at most on improving the first plan, 0 for none; more than 4,000 robots are polished only with `anytime`",
+        "labels a robot spent on improving the first plan, and more while half of them gains 1 %, 0 for none; "
+        "more than 4,000 robots are polished only with `anytime`",
     )
     neighbourhood: int = option(4, "robots replanned at a time")
     memory_mb: int = option(2000, "limit for tables and nodes; beyond it a planner gives up or keeps the plan it has")
@@ -132,10 +133,11 @@ class Lacam(ByConfigurations):
         if task and self.polish and cost > lower_bound and (problem.num_robots <= MOST_POLISHED or self.anytime):
             polished = _refinement(self, task, path, start)
             labels = polishing_labels(self.polish, problem.num_robots, problem.window_steps)
-            if problem.effort:
-                left = max(1, problem.effort - search.labels)
-                labels = left if self.anytime else min(labels, left)
-            (polished.until if self.anytime else polished.polish)(deadline_s - _to_write(path), most_labels=labels)
+            left = max(1, problem.effort - search.labels) if problem.effort else FOREVER
+            if self.anytime:
+                polished.until(deadline_s - _to_write(path), most_labels=left if problem.effort else labels)
+            else:
+                polished.polish(deadline_s - _to_write(path), labels, left)
             path, cost = polished.path(), polished.cost
             stats |= {"polished_time_s": process_time() - begin_s, "polished_cost": float(cost)}
         if cost > DEAR * lower_bound and not problem.window_steps:

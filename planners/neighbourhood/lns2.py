@@ -19,6 +19,7 @@ from mrp_sumo.planning.answers import deadline_of, order_clash, unplanned, used_
 from planners.neighbourhood._traffic import path_of
 from planners.neighbourhood.refinement import (
     AT_ONCE,
+    FOREVER,
     Refinement,
     Repair,
     first_order,
@@ -47,7 +48,7 @@ class Lns2:
     rotations: bool = option(True, "allow rings of robots that all move at once, where the policy can drive them")
     neighbourhood: int = option(8, "robots replanned at a time, half as many once there are no collisions")
     horizon: int = option(0, "steps planned for; 0: twice the longest path, plus 128 and half a step a robot")
-    polish: int = option(2500, "labels a robot spent at most on improving the first plan, 0 for none")
+    polish: int = option(2500, "labels a robot spent on improving the first plan, and more while half of them gains 1 %, 0 for none")
     memory_mb: int = option(2000, "limit for tables; gives up at once where they would take more")
     threads: int = option(1, "refiners that improve a plan together; as many as fit into `memory_mb`")
     bandit: bool = option(False, "improve around late robots where that has helped (ADDRESS)")
@@ -127,10 +128,9 @@ class Lns2:
     def _polish(self, refinement: Refinement, problem: Problem, left: int, deadline_s: float) -> None:
         """Make paths shorter by some work, of which no more than `left` labels (0: any) may be done; anytime, to the end."""
         polish = polishing_labels(self.polish, problem.num_robots, problem.window_steps)
-        labels = left if left and (self.anytime or left < polish) else polish
         if not self.anytime:
-            refinement.polish(deadline_s, labels)
+            refinement.polish(deadline_s, polish, left or FOREVER)
             return
-        refinement.until(deadline_s, most_labels=labels)
+        refinement.until(deadline_s, most_labels=left or polish)
         while not left and refinement.cost > refinement.least and process_time() < deadline_s:
             refinement.until(min(deadline_s - 0.02, process_time() + 0.5))

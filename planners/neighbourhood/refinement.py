@@ -33,6 +33,7 @@ ROUND_LABELS = 1 << 14  # of a refiner between two times that threads bring toge
 ROUND_LABELS_A_VERTEX = 1  # on large maps every search makes many
 MOST_GAINS = 64  # neighbourhoods of a refiner in a round
 LOOKS = 32  # at what was gained while paths are polished
+PARTS, WORTH_IT = 2, 0.01  # a plan that gained this share of its cost in the last half of its labels gets half as many again
 PATIENCE = 20  # times the share of its cost that a plan may gain at most: the share of the labels without a gain that it is worth
 # of first paths:
 SPARE = 64  # steps beyond the longest shortest way
@@ -249,18 +250,23 @@ class Refinement:
                 if any(refiner.gains.num[0] for refiner in self.refiners):
                     self._bring_together(pool)
 
-    def polish(self, deadline_s: float, most_labels: int) -> None:
-        """Go on like `until`, but not where little can be gained and for long nothing was.
+    def polish(self, deadline_s: float, labels: int, most_labels: int = FOREVER) -> None:
+        """Go on like `until` for so many labels, longer while the last half of them has paid, but not where for long nothing was gained.
 
         So a plan that costs a hundredth more than the least is left when a fifth of the labels have gained nothing.
         """
         best, made, gained = self.cost, 0, 0
-        turn = max(1, most_labels // LOOKS, self._round_labels * len(self.refiners) if len(self.refiners) > 1 else 0)
-        while made < most_labels and (made - gained) * self.least <= PATIENCE * (best - self.least) * most_labels:
-            made = min(made + turn, most_labels)
+        end, part, before = min(labels, most_labels), max(1, labels // PARTS), best
+        turn = max(1, labels // LOOKS, self._round_labels * len(self.refiners) if len(self.refiners) > 1 else 0)
+        while made < end and (made - gained) * self.least <= PATIENCE * (best - self.least) * labels:
+            made = min(made + turn, end)
             self.until(deadline_s, most_labels=made)
             if self.cost < best:
                 best, gained = self.cost, made
+            if made <= end - part:
+                before = best
+            elif made == end and before - best > WORTH_IT * before:
+                end, before = min(end + part, most_labels), best
 
     @property
     def _labels(self) -> int:

@@ -161,6 +161,23 @@ def test_polishing_ends_sooner_the_less_there_is_to_gain(num_lanes, share):
     assert share * 20_000 <= made < (share + 0.1) * 20_000
 
 
+@pytest.mark.parametrize(("gain", "most", "made"), [(20, 9000, 550), (5, 9000, 100), (20, 275, 275)])
+def test_polishing_goes_on_while_it_pays(monkeypatch, gain, most, made):
+    """A plan that costs 1000 and gains so much in each 50 of the first 500 labels; 100 may be made."""
+    problem = problem_on(square_grid(2), [0], [1])
+    refinement = Refinement(task_of(problem, steps_to_targets(problem)), np.array([[0], [2], [3], [1]], np.int32), 1, None)
+    cost, ends = [1000], []
+    monkeypatch.setattr(Refinement, "cost", property(lambda self: cost[0]))
+
+    def until(deadline_s, *, most_labels):
+        cost[0] = 1000 - gain * (min(most_labels, 500) // 50)
+        ends.append(most_labels)
+
+    refinement.until = until
+    refinement.polish(np.inf, 100, most)
+    assert ends[-1] == made
+
+
 def test_bandit_tries_the_late_robot_that_has_been_worth_it():
     problem = random_grid(10, 30, 1)
     task = task_of(problem, steps_to_targets(problem))
