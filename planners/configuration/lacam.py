@@ -47,6 +47,7 @@ MOST_POLISHED = 4000  # robots; more are polished only if there is time for that
 SEARCH_TURN_S, REFINEMENT_TURN_S, LONGEST_TURN_S = 0.05, 0.1, 2.0  # the shortest turns of an anytime search, and the longest
 LABELS = 2  # of a low-level search, for each robot of an expanded configuration
 SEARCHES_IN_WINDOW = 2  # one with local guidance, one without
+WANDERED, MOST_FAILED = 3, 8  # times the longest way a path has where its search has wandered; searches in a row that find none shorter
 DEAR = 2.0  # times its lower bound a plan costs where the search has wandered
 REPAIR_LABELS, MOST_REPAIR_LABELS = 500, 5_000_000  # for each two robots, four times that where a plan is dear; and at most
 RESTARTS = 20  # orders in which robots are planned one after another, where there was no plan in a window
@@ -179,7 +180,7 @@ def _first(lacam: Lacam, start: SearchStart) -> tuple["LacamSearch", int, np.nda
             path = _repaired(lacam, start, search, 1, polish=0)
             state = _lacam.RUNNING if path is None else _lacam.REACHED
         if state != _lacam.RUNNING or process_time() >= start.deadline_s:
-            return search, state, path
+            return search, state, path if path is None or effort or window else _sooner(lacam, start, path)
         if done >= most or (window and searches == SEARCHES_IN_WINDOW):
             return search, USED_UP, None
         expansions *= 2
@@ -215,6 +216,17 @@ def _with_cheaper_path(lacam: Lacam, start: SearchStart) -> SearchStart:
     if search.until(start.deadline_s, first=True, expansions=2 * len(path)) != _lacam.REACHED:
         return start
     return replace(start, path=min(path, search.path(), key=partial(sum_of_costs, goal=start.world.goal)))
+
+
+def _sooner(lacam: Lacam, start: SearchStart, path: np.ndarray) -> np.ndarray:
+    """[T, R] the path; where its search has wandered about, a cheaper one of others that expand no more than the best path has steps."""
+    failed, windows = 0, cycle((lacam.local, 0))
+    while failed < MOST_FAILED and len(path) > WANDERED * start.num_guided:
+        search = LacamSearch(lacam, start, next(windows))
+        reached = search.until(start.deadline_s, first=True, expansions=len(path)) == _lacam.REACHED
+        best = min(path, search.path(), key=partial(sum_of_costs, goal=start.world.goal)) if reached else path
+        path, failed = best, failed + 1 if best is path else 0
+    return path
 
 
 def _in_window(lacam: Lacam, start: SearchStart) -> PlanResult | None:

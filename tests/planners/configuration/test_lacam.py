@@ -15,6 +15,7 @@ from mrp_sumo.traffic.referee import judge
 from mrp_sumo.traffic.schedule import schedule_of
 from planners.configuration import lacam
 from planners.configuration.lacam import Lacam
+from planners.world import search_start
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -117,6 +118,16 @@ def test_memory_limit_is_a_result():
     problem = random_grid(14, 80, 5)
     result = Lacam(memory_mb=1, flow=0, polish=0, num_tries=1).plan(replace(problem, seed=1), 20.0)
     assert result.status in (Status.SOLVED, Status.TIMED_OUT)
+
+
+@pytest.mark.parametrize(("times", "shorter"), [(4, True), (2, False)])
+def test_a_path_that_wanders_is_replaced_by_one_of_another_search(times, shorter):
+    """A robot on a line of ten lanes that drives to and fro before it sets out: four times as long as its way, or twice."""
+    problem = problem_on(graph_of([(k, 0) for k in range(11)], [(k, k + 1) for k in range(10)], 1.0), [0], [10])
+    start = search_start(Lacam(), problem, np.inf, 0, None)
+    path = np.array([*[0, 1] * (5 * (times - 1)), *range(11)], np.int32)[:, None]
+    sooner = lacam._sooner(Lacam(), start, path)
+    assert len(sooner) == 11 if shorter else sooner is path
 
 
 def test_a_window_has_a_plan_though_robots_cannot_all_come_to_their_goals():
