@@ -24,6 +24,7 @@ from mrp_sumo.search.distance import steps_to_targets
 
 NOT_IN_IT = ("auto", "external", "plan_file")  # nothing without a program or a file, nor itself
 NEAR = 1.7  # times its lower bound a plan may cost to be taken at once
+DEAR = 2.0  # likewise for which others look for a cheaper one thoroughly
 AT_BOUND = 1.001  # likewise where nobody loses a step
 THIN = 3.0  # vertices that a robot has for itself on average, from which on they are planned one after another in a window
 FEW_IN_WINDOW = 30  # robots for whom a second planner is asked there, unless nobody loses a step
@@ -31,8 +32,8 @@ FEW, FEW_SLOW = 5, 20  # robots whose real motion is planned on grids, where way
 SLOW = 0.3  # of a step at least, that a quarter turn takes then
 SOME = 200  # robots for whom a bounded search is tried first, and a second planner asked, to keep the cheaper plan
 FIRST_EFFORT = {"pbs": 150_000, "ecbs": 40_000}  # labels of those who are asked first: about an eighth and a hundredth of a second
-CHEAPER_EFFORT, IN_WINDOW = 1000, 10_000  # labels a robot of those who are asked for a cheaper plan than there is
-COMPLETE, MOST_OF_IT = "lacam", 0.8  # the planner that finds plans where others find none, and its share of the time that is left
+QUICK, THOROUGH = 1000, 10_000  # labels a robot of those who are asked for a cheaper plan than there is; the latter in windows, too
+COMPLETE, ITS_SHARE = "lacam", 0.5  # the planner that finds plans where others find none, and its share of the time that is left
 
 
 @dataclass(frozen=True)
@@ -74,14 +75,15 @@ class Auto:
         portfolio = Portfolio(self.planners, 1, "as the scenario says") if self.planners else portfolio_for(problem)
         best: tuple[str, PlanResult] | None = None
         refusals: list[str] = []
-        effort, cheaper = problem.effort, problem.num_robots * (IN_WINDOW if problem.window_steps else CHEAPER_EFFORT)
+        effort = problem.effort
         for k, name in enumerate(portfolio.names, 1):
             num_left = len(portfolio.names) - k + 1
             part = max(1, effort // num_left) if effort else 0
+            cheaper = problem.num_robots * (THOROUGH if problem.window_steps or (best and _above_bound(best[1], problem) > DEAR) else QUICK)
             most = 0 if self.planners else FIRST_EFFORT.get(name, cheaper if best else 0)
             part = min(part, most) or most or part
             effort -= min(effort, part)
-            share = MOST_OF_IT if name == COMPLETE and num_left > 1 and not self.planners else 1 / num_left
+            share = ITS_SHARE if name == COMPLETE and num_left > 1 and not self.planners else 1 / num_left
             result, proves = _answer(name, replace(problem, effort=part), until_s, share)
             best = _cheaper(best, name, result, problem)
             is_last = proves or num_left == 1 or until_s - process_time() <= 0.01 * time_limit_s
