@@ -168,3 +168,16 @@ def test_a_search_without_room_for_its_states_says_so_and_writes_no_further():
         codes.append(find_path(small, 0, 8, 10, False, 1 << 20)[0])
         assert (scratch.state[room:]["vertex"] == -7).all()
     assert codes == sorted(codes, reverse=True) and {*codes} == {st.OK, st.SCRATCH_FULL}
+
+
+@pytest.mark.parametrize(("rows", "hurry", "cost"), [(2, False, 9), (2, True, 9), (4, False, 13), (4, True, 7)])
+def test_in_a_hurry_a_robot_is_disturbed_rather_than_a_long_way_round_taken(rows, hurry, cost):
+    """Robot 1 stands on the side of 7 steps of a block; past it, or the other way round, it takes 2 steps more, or 6."""
+    free = np.ones((rows, 8), bool)
+    free[1:-1, 1:-1] = False
+    tree, root = root_of(free, [0, 3], [7, 3])
+    store, occupancy, scratch = tree._buffers.store, tree._buffers.occupancy, tree._buffers.scratch
+    install_all(store, occupancy, root.records, 0)
+    assert load(tree.instance, store, scratch, int(root.records[0])) == st.OK
+    code, end = find_path(TreeTables(tree.instance, store, occupancy, scratch), 0, 7, 20, hurry, 1 << 20)
+    assert code == st.OK and (scratch.state[end].step, scratch.state[end].label >> 2) == (cost, int(cost == 7))
