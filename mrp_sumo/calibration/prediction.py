@@ -4,10 +4,11 @@ Some runs are made, each with a seed of its own, calibrated figures drawn from t
 the median is predicted, and a band of 90 % is where the log, as one more of them, is expected. How far vehicles differ is not drawn: they
 are the same ones. Figures of both are made by the same functions: lead times of orders that are released after the cut, not done by the
 end counting as longer than any; standing before services at stations; orders done an hour; shares of the time for which vehicles have
-orders, and the busiest station serves.
+orders, and the station of the most services serves.
 """
 
 import math
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -95,7 +96,7 @@ class Prediction:
 
     held: HeldOut
     calibrations: tuple[Calibration, ...]  # by type
-    station: str  # the busiest of the log
+    station: str  # the one of the most services in the log
     logged: Outcomes
     simulated: tuple[Outcomes, ...]  # by run
     figures: tuple[ComparedFigure, ...]
@@ -290,10 +291,13 @@ def _moved(usual: float, low: float, high: float, share: float) -> float:
 
 
 def _busiest(held: HeldOut) -> str:
-    served: dict[str, float] = {}
-    for order in held.orders:
-        for name, (begin_s, end_s) in zip(order.stops, order.services):
-            served[name] = served.get(name, 0.0) + max(0.0, min(end_s, held.end_s) - max(begin_s, held.cut_s))
+    """The station of the most services. One that was chosen for the longest would be one whose services happened to be long."""
+    served = Counter(
+        name
+        for order in held.orders
+        for name, (begin_s, end_s) in zip(order.stops, order.services)
+        if end_s > held.cut_s and begin_s < held.end_s
+    )
     return max(sorted(served), key=lambda name: served[name], default="")
 
 
