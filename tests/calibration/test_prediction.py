@@ -11,7 +11,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from mrp_sumo.calibration.log import LoggedOrder
+from mrp_sumo.calibration.estimates import ANY_NOISE, CalibratedFigure, Calibration
+from mrp_sumo.calibration.log import LoggedOrder, MotionLog
 from mrp_sumo.calibration.prediction import (
     FEW,
     NORMAL,
@@ -28,6 +29,7 @@ from mrp_sumo.calibration.prediction import (
     _require_orders,
     _usual_lead_s,
     _waits_s,
+    _write,
     outcomes_of,
 )
 from mrp_sumo.core.task import StopLog, log_of_times
@@ -161,6 +163,19 @@ def test_robots_wait_that_stand_near_a_station_before_they_are_served(stands_fro
     execution = SimpleNamespace(t_s=t_s, x_m=x, y_m=np.zeros_like(x))
     stops = SimpleNamespace(robot=np.array([0]), since_s=np.array([since_s]), begin_s=np.array([begin_s]))
     assert _waits_s(execution, stops).tolist() == ([] if waits_s is None else [pytest.approx(waits_s, abs=WITHIN_S / 2 + 0.11)])
+
+
+@pytest.mark.parametrize("people", [None, {"count": 3}])
+def test_noise_that_no_log_tells_may_be_any_and_people_stop_robots_themselves(tmp_path, people):
+    figures = {"stops_per_s": CalibratedFigure("stops_per_s", "1/s", 0.01, 0.005, 0.02, 9, "stops")}
+    values = {"map": "office", "robots": 2, "planner": "lacam", "people": people}
+    file = scenario_of({key: value for key, value in values.items() if value is not None}, Path(), "case")
+    held, one = SimpleNamespace(kind=np.zeros(2, np.int64)), Calibration(MotionLog("log", "CSV"), [], 1000.0, figures)
+    disturbing, (path,) = _write(held, [one], file, tmp_path, False)
+    assert disturbing["intervals"]["speed_noise"] == [0.0, ANY_NOISE]
+    assert {"stops_per_s", "stop_median_s"}.isdisjoint(disturbing) == (people is not None)
+    assert ("stops_per_s" in disturbing["intervals"]) == (people is None)
+    assert ("stops_per_s" in path.with_name(f"{path.stem}.disturbances.yaml").read_text()) == (people is None)
 
 
 @pytest.mark.parametrize("figure", ["stop_median_s", "speed_noise"])
