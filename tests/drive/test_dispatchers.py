@@ -9,7 +9,8 @@ from line_fleets import Fleet
 from worlds import graph_of, line
 
 from mrp_sumo.core.execution import BOOKINGS
-from mrp_sumo.drive.dispatchers.estimates import FAR_S, oldest_first
+from mrp_sumo.core.task import Station
+from mrp_sumo.drive.dispatchers.estimates import FAR_S, _useful, oldest_first
 from mrp_sumo.drive.robot_work import NONE, Change, Leg
 from mrp_sumo.drive.work_request import in_turn, work_request
 from mrp_sumo.errors import PlugInError, ScenarioError
@@ -423,3 +424,14 @@ def test_a_robot_whose_order_is_taken_has_the_token_next():
     assert fleet.decides("tpts") == {0: 0}
     fleet.context.start[:] = [6, 9, 5]
     assert fleet.decides("tpts", 1.0) == {1: 0, 0: 1}
+
+
+@pytest.mark.parametrize(("nth", "useful"), [(0, 2 * (4 + 2 / 5)), (1, 2 * (4 + (2 + 1 + 9) / 5))])
+def test_as_many_robots_are_of_use_to_a_stop_as_stand_in_line_and_come_while_one_drives_there(nth, useful):
+    """The robot is 2 s from the first place of the first stop, 9 s before that of the second; services take 1 s, exchanges 4 s."""
+    fleet = Fleet([1], (0.0, (3, 12)))
+    fleet.crew.orders.reveal(0.0)
+    (task,) = fleet.crew.tasks
+    stops = tuple(replace(stop, station=Station("S", places)) for stop, places in zip(task.stops, ((3, 5), (12, 17))))
+    fleet.crew.orders.tasks[0] = replace(task, stops=stops)
+    assert _useful(fleet.context, 0, nth) == pytest.approx(useful)

@@ -392,14 +392,16 @@ def test_robots_pass_in_the_order_that_a_policy_decides():
     assert passing(ledger, 0) == [1, 0]
 
 
+@pytest.mark.parametrize("first", [0, 1])
 @pytest.mark.parametrize(("granted", "refused"), [(1, False), (2, True)])
-def test_nobody_passes_before_one_that_has_been_granted_the_passage(granted, refused):
-    """robot_0 passes the middle of a grid, 4, before robot_1; it has been granted the vertex before it, or the middle."""
-    ledger, _ = ledger_of(square_grid(3), [[0, 1, 4, 7], [5, 5, 5, 5, 4, 3]])
-    ledger.visits.granted[0] = ledger.all_ids(0)[granted]
-    with pytest.raises(PlanError, match="robot_1 pass before robot_0, which") if refused else nullcontext():
+def test_nobody_passes_before_one_that_has_been_granted_the_passage(first, granted, refused):
+    """One robot passes the middle of a grid, 4, before the other; it has been granted the vertex before it, or the middle."""
+    order, paths = [first, 1 - first], [[0, 1, 4, 7], [5, 5, 5, 5, 4, 3]]
+    ledger, _ = ledger_of(square_grid(3), [paths[r] for r in order])
+    ledger.visits.granted[first] = ledger.all_ids(first)[granted]
+    with pytest.raises(PlanError, match=f"robot_{1 - first} pass before robot_{first}, which") if refused else nullcontext():
         assert ledger.decide(Decides(swapped_at(4)), 1.0)
-    assert passing(ledger, 4) == ([0, 1] if refused else [1, 0])
+    assert passing(ledger, 4) == (order if refused else order[::-1])
 
 
 def test_a_policy_sees_each_visit_that_is_ahead_once():
