@@ -248,9 +248,9 @@ def frozen_ahead(ledger, *stays):
     ledger.cut(60.0, limits, np.zeros(graph.num_lanes, np.bool_), np.isin(np.arange(num_robots), stays))
 
 
-@pytest.mark.parametrize(("decel_mps2", "frozen"), [(1.0, 1), (0.25, 2)])
+@pytest.mark.parametrize(("decel_mps2", "frozen"), [(1.0, 1), (0.25, 2), (0.15, 3)])
 def test_as_much_is_frozen_as_a_robot_needs_to_brake(decel_mps2, frozen):
-    """Vertices are 0.4 m apart; from 0.5 m/s a robot brakes in 0.125 m or 0.5 m, and reaches 0.05 m."""
+    """Vertices are 0.4 m apart; from 0.5 m/s a robot brakes in 0.125 m, 0.5 m or 0.83 m, and reaches 0.05 m."""
     ledger, _ = ledger_of(line(6), [[0, 1, 2, 3, 4, 5]])
     speed, decel, reach = np.array([0.5]), np.array([decel_mps2]), np.array([0.05])
     closed, nobody = np.zeros(ledger.graph.num_lanes, np.bool_), np.zeros(1, np.bool_)
