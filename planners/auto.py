@@ -24,7 +24,7 @@ from mrp_sumo.search.distance import steps_to_targets
 
 NOT_IN_IT = ("auto", "external", "plan_file")  # nothing without a program or a file, nor itself
 NEAR = 1.7  # times its lower bound a plan may cost to be taken at once
-DEAR = 2.0  # likewise for which others look for a cheaper one thoroughly
+DEAR = 2.0  # times its lower bound a plan costs for which others look for a cheaper one thoroughly
 AT_BOUND = 1.001  # likewise where nobody loses a step
 THIN = 3.0  # vertices that a robot has for itself on average, from which on they are planned one after another in a window
 FEW_IN_WINDOW = 30  # robots for whom a second planner is asked there, unless nobody loses a step
