@@ -256,7 +256,9 @@ def is_empty(room: str) -> bool:
 def num_stored(room: str) -> int:
     """Number of kernels of a room that are stored."""
     folder = room_folder(room)
-    return sum(1 for _ in folder.iterdir()) if folder else 0
+    with suppress(FileNotFoundError):  # another process may have dropped it since
+        return sum(1 for _ in folder.iterdir()) if folder else 0
+    return 0
 
 
 def num_defined(room: str) -> int:

@@ -217,6 +217,13 @@ def test_folders_used_least_recently_are_dropped(tmp_path):
     assert sorted(int(f.name) for f in tmp_path.iterdir()) == list(range(2, _kernel.MOST_FOLDERS + 2))
 
 
+def test_folder_that_another_process_has_dropped_has_no_kernels(monkeypatch, tmp_path):
+    monkeypatch.setattr(_kernel, "room_folder", lambda room: tmp_path / room)
+    (tmp_path / "kept").mkdir()
+    (tmp_path / "kept" / "kernel").mkdir()
+    assert [_kernel.num_stored(room) for room in ("kept", "dropped")] == [1, 0]
+
+
 def test_kernels_import_nothing_of_ours_but_what_the_state_covers():
     """Kernels, or constants without any function, of the same room or of search; tuples of arrays also from core."""
     packages = ("mrp_sumo", "planners")
