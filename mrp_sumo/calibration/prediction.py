@@ -148,9 +148,10 @@ def predicted(
     report("calibrating", 0.0, 0.0)
     before = held.earlier()
     times = ServiceTimes(before.visits, stations_of(file))
-    num_types = len(robot_types(file))
-    there = [kind for kind in range(num_types) if (held.kind == kind).any()]
-    calibrations = tuple(calibrated(held.earlier(kind), before) if num_types > 1 else calibrated(before) for kind in there)
+    is_mixed = len(robot_types(file)) > 1
+    calibrations = tuple(
+        calibrated(held.earlier(kind), before) if is_mixed else calibrated(before) for kind in np.unique(held.kind).tolist()
+    )
     held.notes.extend(note for one in calibrations for note in one.log.notes)
     disturbing, files = _write(held, calibrations, file, folder, times.is_known)
     _note_what_is_assumed(held, file, times)
@@ -210,7 +211,8 @@ def _write(
     held: HeldOut, calibrations: Sequence[Calibration], file: ScenarioFile, folder: Path, is_served: bool
 ) -> tuple[dict[str, Any], tuple[Path, ...]]:
     """Write the types, and beside each what disturbs all: one set, in which each type counts by its episodes."""
-    models = [model for k, model in enumerate(robot_types(file)) if (held.kind == k).any()]
+    types = robot_types(file)
+    models = [types[k] for k in np.unique(held.kind).tolist()]
     disturbing = _together([disturbances_of(one) for one in calibrations], calibrations)
     disturbing["intervals"].setdefault("speed_noise", [0.0, ANY_NOISE])  # where no log tells it
     if file.scenario.people is not None:  # who walk there, and stop robots, themselves

@@ -197,10 +197,12 @@ def test_figures_are_drawn_evenly_within_their_intervals(runs):
         "map": "office",
         "robots": {"count": 2, "type": robot},
         "planner": "lacam",
-        "execution": {"disturbances": {"speed_noise": 0.1, "intervals": {"speed_noise": [0.0, 0.3]}}},
+        "execution": {
+            "disturbances": {"speed_noise": 0.1, "speed_spread": 0.1, "intervals": {"speed_noise": [0.0, 0.3], "speed_spread": [0.05, 0.2]}}
+        },
     }
     drawn = list(_drawn(scenario_of(values, Path(), "case"), runs, 1))
-    assert len(drawn) == runs
+    assert len(drawn) == runs and len(drawn[0]) == 3  # the spread is of vehicles that differ already
     for place, low, high, usual in (
         (("robots", "factor", "max_speed_mps"), 0.9, 1.05, 1.0),
         (("execution", "disturbances", "speed_noise"), 0.0, 0.3, 0.1),
