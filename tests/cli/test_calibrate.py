@@ -37,6 +37,7 @@ def test_scenario_takes_what_is_written(poses, tmp_path, capsys):
     assert "none: no such folder" in capsys.readouterr().err  # before anything is read
 
 
+@pytest.mark.slow
 def test_log_drifts_from_what_another_fleet_was_like(poses, tmp_path, capsys):
     assert main(["calibrate", str(poses), "--out", str(tmp_path / "mine.yaml")]) == 0
     assert main(["calibrate", str(poses), "--against", str(tmp_path / "mine.yaml")]) == 0

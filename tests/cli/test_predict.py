@@ -52,6 +52,7 @@ def test_later_half_of_a_log_is_predicted_from_the_earlier_one(site, capsys):
     assert "exists and is no earlier prediction" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_messages_of_the_fleet_with_orders_of_a_file(site, capsys):
     assert main(["export", str(site / "log"), "--vda5050", "--out", str(site / "vda")]) == 0
     import mrp_sumo as ms
@@ -85,6 +86,7 @@ def test_messages_of_the_fleet_with_orders_of_a_file(site, capsys):
     assert "wrong.csv:2: 'packng_1' is no station or vertex of the scenario (did you mean 'packing_1'?)" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_simulations_that_stand_still_are_not_counted_and_said(site, capsys, monkeypatch):
     runs = []
 

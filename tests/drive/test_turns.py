@@ -60,7 +60,7 @@ def test_three_robots_take_turns_at_one_charger(tmp_path):
 WEARS = {"mtbf_h": 0.03, "mttr_h": 0.01, "tow_s": 10, "maintenance": {"every_h": 0.05, "takes_s": 20}}
 
 
-@pytest.mark.parametrize(("engine", "wears"), [("kinematic", {}), ("sumo", {}), ("kinematic", WEARS)])
+@pytest.mark.parametrize(("engine", "wears"), [("kinematic", {}), pytest.param("sumo", {}, marks=pytest.mark.slow), ("kinematic", WEARS)])
 def test_a_run_whose_looks_are_left_out_while_nobody_needs_them_is_the_same(tmp_path, monkeypatch, engine, wears):
     """Batteries come to the level at which their robots are to charge, and robots fail after so much time with orders: with all steps
     seen, with looks twice a second, and without.

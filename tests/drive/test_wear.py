@@ -86,6 +86,7 @@ def test_a_robot_that_is_down_is_not_used(change):
     assert not wear.look(1.0, [robot]) and wear.wake_s == np.inf and not wear.look(1e9, [robot])
 
 
+@pytest.mark.slow
 def test_availability_of_a_long_run_is_mtbf_over_mtbf_and_mttr(tmp_path):
     """Two robots, 45 min: about 130 failures, so that the share is known to 0.03 (3 standard errors)."""
     figures = {"mtbf_h": 0.01, "mttr_h": 0.0025}
