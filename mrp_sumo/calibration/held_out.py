@@ -57,6 +57,11 @@ class HeldOut:
         """Length of the later part."""
         return self.end_s - self.cut_s
 
+    @property
+    def kinds(self) -> list[int]:
+        """Types that vehicles are of, ascending."""
+        return sorted(set(self.kind.tolist()))
+
     def earlier(self, kind: int | None = None) -> MotionLog:
         """The log before the cut; of one type of vehicles only."""
         others = {v for v, k in zip(self.vehicles, self.kind.tolist()) if kind is not None and k != kind}

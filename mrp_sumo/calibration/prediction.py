@@ -149,9 +149,7 @@ def predicted(
     before = held.earlier()
     times = ServiceTimes(before.visits, stations_of(file))
     is_mixed = len(robot_types(file)) > 1
-    calibrations = tuple(
-        calibrated(held.earlier(kind), before) if is_mixed else calibrated(before) for kind in np.unique(held.kind).tolist()
-    )
+    calibrations = tuple(calibrated(held.earlier(kind), before) if is_mixed else calibrated(before) for kind in held.kinds)
     held.notes.extend(note for one in calibrations for note in one.log.notes)
     disturbing, files = _write(held, calibrations, file, folder, times.is_known)
     _note_what_is_assumed(held, file, times)
@@ -212,7 +210,7 @@ def _write(
 ) -> tuple[dict[str, Any], tuple[Path, ...]]:
     """Write the types, and beside each what disturbs all: one set, in which each type counts by its episodes."""
     types = robot_types(file)
-    models = [types[k] for k in np.unique(held.kind).tolist()]
+    models = [types[kind] for kind in held.kinds]
     disturbing = _together([disturbances_of(one) for one in calibrations], calibrations)
     disturbing["intervals"].setdefault("speed_noise", [0.0, ANY_NOISE])  # where no log tells it
     if file.scenario.people is not None:  # who walk there, and stop robots, themselves

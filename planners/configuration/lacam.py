@@ -48,7 +48,7 @@ SEARCH_TURN_S, REFINEMENT_TURN_S, LONGEST_TURN_S = 0.05, 0.1, 2.0  # the shortes
 LABELS = 2  # of a low-level search, for each robot of an expanded configuration
 SEARCHES_IN_WINDOW = 2  # one with local guidance, one without
 WANDERED, MOST_FAILED = 3, 8  # times the longest way a path has where its search has wandered; searches in a row that find none shorter
-DEAR = 2.0  # times its lower bound a plan costs where the search has wandered
+DEAR = 2.0  # times its lower bound a plan costs after polishing for which paths are repaired, too
 REPAIR_LABELS, MOST_REPAIR_LABELS = 500, 5_000_000  # for each two robots, four times that where a plan is dear; and at most
 RESTARTS = 20  # orders in which robots are planned one after another, where there was no plan in a window
 
@@ -134,11 +134,11 @@ class Lacam(ByConfigurations):
         if task and self.polish and cost > lower_bound and (problem.num_robots <= MOST_POLISHED or self.anytime):
             polished = _refinement(self, task, path, start)
             labels = polishing_labels(self.polish, problem.num_robots, problem.window_steps)
-            left = max(1, problem.effort - search.labels) if problem.effort else FOREVER
+            left = max(1, problem.effort - search.labels) if problem.effort else 0
             if self.anytime:
-                polished.until(deadline_s - _to_write(path), most_labels=left if problem.effort else labels)
+                polished.until(deadline_s - _to_write(path), most_labels=left or labels)
             else:
-                polished.polish(deadline_s - _to_write(path), labels, left)
+                polished.polish(deadline_s - _to_write(path), labels, left or FOREVER)
             path, cost = polished.path(), polished.cost
             stats |= {"polished_time_s": process_time() - begin_s, "polished_cost": float(cost)}
         if cost > DEAR * lower_bound and not problem.window_steps:

@@ -170,7 +170,7 @@ def test_noise_that_no_log_tells_may_be_any_and_people_stop_robots_themselves(tm
     figures = {"stops_per_s": CalibratedFigure("stops_per_s", "1/s", 0.01, 0.005, 0.02, 9, "stops")}
     values = {"map": "office", "robots": 2, "planner": "lacam", "people": people}
     file = scenario_of({key: value for key, value in values.items() if value is not None}, Path(), "case")
-    held, one = SimpleNamespace(kind=np.zeros(2, np.int64)), Calibration(MotionLog("log", "CSV"), [], 1000.0, figures)
+    held, one = SimpleNamespace(kinds=[0]), Calibration(MotionLog("log", "CSV"), [], 1000.0, figures)
     disturbing, (path,) = _write(held, [one], file, tmp_path, False)
     assert disturbing["intervals"]["speed_noise"] == [0.0, ANY_NOISE]
     assert {"stops_per_s", "stop_median_s"}.isdisjoint(disturbing) == (people is not None)
