@@ -176,14 +176,16 @@ def _in_windows(problem: Problem, planner: Planner, goals: list[list[int]], step
     several = "stops" in getattr(planner, "supports", ())
     for begin in range(0, steps, EVERY):
         ahead = [_ahead(int(v), of_robot, known) if several else of_robot[:1] for v, of_robot in zip(at, goals)]
-        requests = replace(problem, start=at.copy(), goal=np.array([stops[-1] for stops in ahead]), goal_of=np.arange(len(at)))
-        requests = replace(requests, via=tuple(tuple(stops[:-1]) for stops in ahead), window_steps=WINDOW, seed=problem.seed + begin)
-        plan = planner.plan(requests, 60.0).plan
+        window_problem = replace(problem, start=at.copy(), goal=np.array([stops[-1] for stops in ahead]), goal_of=np.arange(len(at)))
+        window_problem = replace(
+            window_problem, via=tuple(tuple(stops[:-1]) for stops in ahead), window_steps=WINDOW, seed=problem.seed + begin
+        )
+        plan = planner.plan(window_problem, 60.0).plan
         if plan is None:
             failed += 1
             continue
         ends = plan.vertex[plan.first[1:] - 1]
-        if not judge(replace(requests, goal=ends), plan).valid:
+        if not judge(replace(window_problem, goal=ends), plan).valid:
             raise ValueError(f"the plan from step {begin} on has conflicts")
         for r, path in enumerate(paths_of_plan(plan, 1.0)):
             for v in path[1 : EVERY + 1].tolist():
@@ -231,16 +233,16 @@ def _matched(problem: Problem, planner: Planner, stops: np.ndarray, service: int
         task[free[robots]], since[free[robots]] = left[tasks], step
         left = np.delete(left, tasks)
         goal = np.where(task < 0, problem.start, stops[task, made[0]])
-        requests = _beside(problem, at, goal, (task >= 0) & (at == goal), since)
-        requests = replace(requests, window_steps=AHEAD, seed=problem.seed + step)
-        plan = planner.plan(requests, 60.0).plan
+        window_problem = _beside(problem, at, goal, (task >= 0) & (at == goal), since)
+        window_problem = replace(window_problem, window_steps=AHEAD, seed=problem.seed + step)
+        plan = planner.plan(window_problem, 60.0).plan
         failed += plan is None
-        if plan is not None and not judge(replace(requests, goal=plan.vertex[plan.first[1:] - 1]), plan).valid:
+        if plan is not None and not judge(replace(window_problem, goal=plan.vertex[plan.first[1:] - 1]), plan).valid:
             raise ValueError(f"the plan from step {step} on has conflicts")
         step += 1
         before = at.copy()
         if plan is not None:
-            at[np.isin(at, requests.start)] = [path[min(1, len(path) - 1)] for path in paths_of_plan(plan, 1.0)]
+            at[np.isin(at, window_problem.start)] = [path[min(1, len(path) - 1)] for path in paths_of_plan(plan, 1.0)]
         moves += int((before != at).sum())
         made[1] = np.where((task >= 0) & (at == goal), made[1] + 1, 0)
         over = made[1] > service

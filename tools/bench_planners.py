@@ -95,27 +95,27 @@ def rows(options: argparse.Namespace) -> Iterator[bench.Row]:
             if options.only not in f"{name} {robots}":
                 continue
             chosen = options.planner or [p for p in PLANNERS if name in PAPER or p not in SMALL_ONLY]
-            request = {text: made(text) for text in chosen if text != "none"} | peers
-            yield from measure(request, options.instances, name, robots, options.time_limit, options.count)
+            planners = {text: made(text) for text in chosen if text != "none"} | peers
+            yield from measure(planners, options.instances, name, robots, options.time_limit, options.count)
 
 
-def measure(request: dict[str, Planner], folder: Path, name: str, robots: int, time_limit_s: float, count: int) -> list[bench.Row]:
+def measure(planners: dict[str, Planner], folder: Path, name: str, robots: int, time_limit_s: float, count: int) -> list[bench.Row]:
     """Ask the planners all instances of a size; nothing where there are none.
 
     Times are medians and maxima over the solved, the wall time, which the limit is held against, the maximum over all. `cost` and
     `first_cost`, of the first solution of those that go on, are means over the `common` instances that all solved, `bound` over the solved.
     `refused` are no problems at all, since two robots have one goal.
     """
-    answers: dict[str, dict[int, bench.Row]] = {label: {} for label in request}
+    answers: dict[str, dict[int, bench.Row]] = {label: {} for label in planners}
     number = refused = 0
-    for chosen in request.values():
+    for chosen in planners.values():
         chosen.prepare()
     for scen in scens(folder, name, robots)[:count]:
         number += 1
         if problem_of(folder, name, scen, robots) is None:
             refused += 1
             continue
-        for label, chosen in request.items():
+        for label, chosen in planners.items():
             problem = problem_of(folder, name, scen, robots)  # on a graph of its own: no distance table is known before
             answers[label][number] = row = answered(chosen, problem, time_limit_s)
             if row["fault"] and chosen.guarantee != "no coordination":

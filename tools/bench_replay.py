@@ -72,8 +72,8 @@ def make_run(folder: Path, num_robots: int, duration_s: float) -> None:
         leave = np.maximum(np.append(at[1:] - STEP_S, at[-1]), at)
         when = np.column_stack((at, leave)).ravel()
         x[:, r], y[:, r] = (np.interp(t_s, when, np.repeat(c, 2)) for c in xy.T)
-        route = np.diff(xy, axis=0)
-        course = np.unwrap(np.arctan2(route[:, 1], route[:, 0])) if len(route) else np.zeros(1)
+        moves = np.diff(xy, axis=0)
+        course = np.unwrap(np.arctan2(moves[:, 1], moves[:, 0])) if len(moves) else np.zeros(1)
         yaw[:, r] = np.interp(t_s, np.maximum(leave[: len(course)], 0), course)
         for k in np.flatnonzero(leave - at > STEP_S)[:40]:
             kind = "blocked" if leave[k] - at[k] > 4 else "waited"

@@ -62,28 +62,28 @@ def main() -> None:
     parser.add_argument("--picture", type=Path)
     parser.add_argument("--json", action="store_true")
     options = parser.parse_args()
-    result = []
+    times = []
     for path in sorted(options.folder.glob("finish_*.csv")):
         number = path.stem.removeprefix("finish_")
         head, *rows = (line.split(",") for line in path.read_text().splitlines())
         theirs = np.array([float(row[head.index("smart_finish_s")]) for row in rows])
         ours = finishing_times(options.map, options.folder / f"plan{number}.txt", options.engine)
-        result.append((ours, theirs))
+        times.append((ours, theirs))
         row = {"engine": options.engine, **compared(ours, theirs)}
         print(json.dumps(row) if options.json else "  ".join(f"{key} {value}" for key, value in row.items()), flush=True)
     if options.picture:
-        draw(options.picture, result)
+        draw(options.picture, times)
 
 
-def draw(out: Path, result: list[tuple[np.ndarray, np.ndarray]]) -> None:
+def draw(out: Path, times: list[tuple[np.ndarray, np.ndarray]]) -> None:
     """A dot per robot, and the line on which both agree."""
     import matplotlib
 
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
 
-    figure, axes = plt.subplots(1, len(result), figsize=(4.2 * len(result), 4.0), squeeze=False, layout="constrained")
-    for axis, (ours, theirs) in zip(axes[0], result):
+    figure, axes = plt.subplots(1, len(times), figsize=(4.2 * len(times), 4.0), squeeze=False, layout="constrained")
+    for axis, (ours, theirs) in zip(axes[0], times):
         most = 1.04 * max(ours.max(), theirs.max())
         axis.plot([0, most], [0, most], color="#7d838c", linewidth=0.8, zorder=1)
         axis.scatter(theirs, ours, s=14 if len(ours) < 200 else 6, color="#2b6ca8", linewidths=0, zorder=2)

@@ -43,14 +43,14 @@ def ring_speed_mps(density: float, group: Group, *, two_way: bool = False, seed:
     x, y = floor.centre_of(np.arange(floor.width * floor.height)).T - 10
     for k, ways in enumerate(crowd._ways):  # the second ones against the first
         ways[:] = np.rint((np.arctan2(y, x) + (k + 0.5) * np.pi) * (_floor.NUM_ANGLES / (2 * np.pi))).astype(np.int64) % _floor.NUM_ANGLES
-    route = np.where(np.arange(count) % 2 & two_way, -1, 1)
+    direction = np.where(np.arange(count) % 2 & two_way, -1, 1)
     speeds, who = [], crowd.walkers
     for k in range(round(lasts_s / DT_S)):
         who.stuck_s[:] = 0.0  # nobody turns back
         before = np.arctan2(who.y_m - 10, who.x_m - 10)
         _walk.walk(k * DT_S, DT_S, count, who, crowd.ground, crowd.robots, crowd._ways)
         turned = (np.arctan2(who.y_m - 10, who.x_m - 10) - before + np.pi) % (2 * np.pi) - np.pi
-        speeds.append((route * turned * np.hypot(who.x_m - 10, who.y_m - 10)).mean() / DT_S)
+        speeds.append((direction * turned * np.hypot(who.x_m - 10, who.y_m - 10)).mean() / DT_S)
     return float(np.mean(speeds[len(speeds) // 2 :]))
 
 

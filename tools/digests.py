@@ -122,12 +122,12 @@ def digests(run: Run) -> tuple[str, dict[str, str]]:
         if code == 2:
             return name, {"refused": said.getvalue().strip().replace(scratch, "")}
         result = json.loads((out / "result.json").read_text())
-        rest = {
+        hashes = {
             f: result["files"][f]["sha256"][:16]
             for f in sorted(result["files"])
             if f in FILES or f.endswith(".parquet") or f.startswith("bag/")
         }
-    return name, {"status": result["status"], **rest}
+    return name, {"status": result["status"], **hashes}
 
 
 def compare(before: Path, after: Path) -> int:

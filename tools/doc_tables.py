@@ -87,7 +87,7 @@ def parameters(kind: str) -> str:
 def auto() -> str:
     """Planners that `auto` asks, by the problem."""
 
-    def request(robots: int, vertices: float = 0, kind: str = "roadmap", turn_steps: float = 0.1, **problem: Any) -> tuple[str, str]:
+    def asks(robots: int, vertices: float = 0, kind: str = "roadmap", turn_steps: float = 0.1, **problem: Any) -> tuple[str, str]:
         graph, fleet = (
             SimpleNamespace(num_vertices=vertices, kind=kind),
             SimpleNamespace(turn_rate_rad_s=np.full(1, np.pi / 2 / turn_steps)),
@@ -99,14 +99,14 @@ def auto() -> str:
     one_shot, window = {"drivable": False, "window_steps": 0}, {"drivable": True, "window_steps": 1}
     grid: dict[str, Any] = {"kind": "grid", "drivable": True, "window_steps": 0}
     rows = (
-        (f"one-shot, robots keep the plan's order, up to {FEW} robots on a grid", *request(FEW, **grid)),
-        (f"the same, up to {FEW_SLOW}, a quarter turn takes {SLOW:g} of a step or more", *request(FEW_SLOW, turn_steps=SLOW, **grid)),
-        (f"one-shot, robots keep the plan's order, up to {SOME} robots", *request(SOME, drivable=True, window_steps=0)),
-        (f"one-shot, robots need not, up to {SOME} robots", *request(SOME, **one_shot)),
-        ("one-shot, more", *request(SOME + 1, **one_shot)),
-        (f"in windows, {THIN:g} vertices or more a robot, up to {FEW_IN_WINDOW} robots", *request(1, THIN, **window)),
-        ("the same, more robots", *request(FEW_IN_WINDOW + 1, THIN * (FEW_IN_WINDOW + 1), **window)),
-        ("in windows, fewer", *request(1, **window)),
+        (f"one-shot, robots keep the plan's order, up to {FEW} robots on a grid", *asks(FEW, **grid)),
+        (f"the same, up to {FEW_SLOW}, a quarter turn takes {SLOW:g} of a step or more", *asks(FEW_SLOW, turn_steps=SLOW, **grid)),
+        (f"one-shot, robots keep the plan's order, up to {SOME} robots", *asks(SOME, drivable=True, window_steps=0)),
+        (f"one-shot, robots need not, up to {SOME} robots", *asks(SOME, **one_shot)),
+        ("one-shot, more", *asks(SOME + 1, **one_shot)),
+        (f"in windows, {THIN:g} vertices or more a robot, up to {FEW_IN_WINDOW} robots", *asks(1, THIN, **window)),
+        ("the same, more robots", *asks(FEW_IN_WINDOW + 1, THIN * (FEW_IN_WINDOW + 1), **window)),
+        ("in windows, fewer", *asks(1, **window)),
     )
     return _table(("problem", "planners, in this order", "plan"), rows)
 

@@ -100,14 +100,14 @@ def run(options: argparse.Namespace) -> None:
         ProcessPoolExecutor(options.workers, multiprocessing.get_context("spawn")) as pool,
         multiprocessing.Manager() as manager,
     ):
-        outcome = manager.Queue()
+        queue = manager.Queue()
         jobs = [
-            pool.submit(climb, ladder, scenarios[ladder.scenario], options.folder / ladder.scenario, first, options, outcome)
+            pool.submit(climb, ladder, scenarios[ladder.scenario], options.folder / ladder.scenario, first, options, queue)
             for ladder in ladders
             if (first := next_count(known[ladder], options.step))
         ]
         try:
-            for record in _arriving(jobs, outcome):
+            for record in _arriving(jobs, queue):
                 file.write(json.dumps(record) + "\n")
                 file.flush()
                 os.fsync(file.fileno())
@@ -161,7 +161,7 @@ def next_count(records: Sequence[dict[str, Any]], step: int) -> int:
     return max((record["robots"] for record in records), default=0) + step
 
 
-def climb(ladder: Ladder, map_path: Path, scen_path: Path, first: int, options: argparse.Namespace, outcome: Any) -> None:
+def climb(ladder: Ladder, map_path: Path, scen_path: Path, first: int, options: argparse.Namespace, queue: Any) -> None:
     """Plan with more and more robots, and put a record of each into `found`."""
     planner = made(ladder.planner)
     planner.prepare()
@@ -171,10 +171,10 @@ def climb(ladder: Ladder, map_path: Path, scen_path: Path, first: int, options: 
         try:
             instance = read_instance(map_path, scen_path, robots)
         except MrpSumoError as error:  # two robots with one goal, as some scenarios have
-            outcome.put({**about, "status": "refused", "message": " ".join(str(error).split())})
+            queue.put({**about, "status": "refused", "message": " ".join(str(error).split())})
             return
         record = {**about, **ask(planner, instance, options.time_limit)}
-        outcome.put(record)
+        queue.put(record)
         if record["status"] != "solved":
             return
 
@@ -206,12 +206,12 @@ def moves(plan: Plan, cells: Cells) -> Iterator[str]:
         yield "".join(MOVES[step] for step in steps).rstrip("w")
 
 
-def _arriving(jobs: Iterable[Any], outcome: Any) -> Iterator[dict[str, Any]]:
+def _arriving(jobs: Iterable[Any], queue: Any) -> Iterator[dict[str, Any]]:
     """Records as they come, until all jobs are done."""
     left = set(jobs)
     while left:
-        while not outcome.empty():
-            yield outcome.get()
+        while not queue.empty():
+            yield queue.get()
         for job in [job for job in left if job.done()]:
             job.result()  # raises what it raised
             left.remove(job)
@@ -220,8 +220,8 @@ def _arriving(jobs: Iterable[Any], outcome: Any) -> Iterator[dict[str, Any]]:
                 next(as_completed(left, timeout=0.2))
             except TimeoutError:
                 continue
-    while not outcome.empty():
-        yield outcome.get()
+    while not queue.empty():
+        yield queue.get()
 
 
 def in_a_line(record: dict[str, Any]) -> str:
@@ -239,9 +239,9 @@ def write_success(records: Sequence[dict[str, Any]], out: Path) -> None:
     import matplotlib.pyplot as plt
 
     solved: dict[str, dict[str, dict[str, int]]] = defaultdict(lambda: defaultdict(dict))  # map -> planner -> scenario -> most robots
-    request: dict[str, int] = defaultdict(int)  # map -> most robots
+    most_robots: dict[str, int] = defaultdict(int)  # map -> most robots
     for record in records:
-        request[record["map"]] = max(request[record["map"]], record["robots"])
+        most_robots[record["map"]] = max(most_robots[record["map"]], record["robots"])
         of_planner = solved[record["map"]][record["planner"]]
         of_planner.setdefault(record["scenario"], 0)
         if record["status"] == "solved":
@@ -255,7 +255,7 @@ def write_success(records: Sequence[dict[str, Any]], out: Path) -> None:
         table.writerow(("map", "planner", "robots", "scenarios", "solved"))
         for axis, (name, by_planner) in zip(axes.flat, sorted(solved.items())):
             for planner, most in sorted(by_planner.items()):
-                counts = range(step, request[name] + 1, step)
+                counts = range(step, most_robots[name] + 1, step)
                 share = [sum(robots >= count for robots in most.values()) for count in counts]
                 table.writerows((name, planner, count, len(most), num) for count, num in zip(counts, share))
                 axis.plot(counts, [num / len(most) for num in share], marker="o", markersize=3, label=planner)

@@ -56,11 +56,11 @@ def main() -> int:
     parser.add_argument("--print", action="store_true", help="print the tables, leave the page as it is")
     options = parser.parse_args()
     try:
-        request = {name: made(name) for name in OURS} | peers(options)
+        planners = {name: made(name) for name in OURS} | peers(options)
         sizes = [(name, robots) for name, of in (PAPER | BENCHMARK).items() for robots in of]
         text = table(
             {
-                f"{name}, {robots} robots": measure(request, options.instances, name, robots, options.time_limit, options.count)
+                f"{name}, {robots} robots": measure(planners, options.instances, name, robots, options.time_limit, options.count)
                 for name, robots in sizes
                 if not options.only or any(text in f"{name} {robots}" for text in options.only)
             }
@@ -68,7 +68,7 @@ def main() -> int:
     except MrpSumoError as error:
         print(error, file=sys.stderr)
         return 2
-    there = ", ".join(name for name in request if name not in OURS) or "none was given"
+    there = ", ".join(name for name in planners if name not in OURS) or "none was given"
     head = f"Measured on {date.today().isoformat()}, limit {options.time_limit:g} s. Programs of others: {there}.\n"
     if options.print:
         print(head + text)
@@ -119,8 +119,8 @@ def table(sizes: dict[str, list[Row]]) -> str:
 
 
 def _cell(row: Row) -> str:
-    request = row["instances"] - row["refused"]
-    missing = "" if row["solved"] == request else f" ({row['solved']} of {request})"
+    tried = row["instances"] - row["refused"]
+    missing = "" if row["solved"] == tried else f" ({row['solved']} of {tried})"
     ms = [None if row[key] is None else 1e3 * row[key] for key in ("cpu_median_s", "cpu_max_s")]
     return f"{_number(ms[0])} / {_number(ms[1])}, {_number(row['cost'])}{missing}"
 

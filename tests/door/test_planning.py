@@ -31,14 +31,14 @@ def across(problem, time_limit_s):
     return [[0, 1, 2, 3, 4], [4, 3, 2, 1, 0]]
 
 
-def surroundings(problem, time_limit_s):
+def detour(problem, time_limit_s):
     """The second robot takes the other row."""
     return [[0, 1, 2, 3, 4], [4, 9, 8, 7, 6, 5, 0]]
 
 
 @dataclass(frozen=True)
 class Around:
-    """As `around`, but the first robot sets out late: right into the other."""
+    """As `detour`, but the first robot sets out late: right into the other."""
 
     delay: int = 0
     assigns: ClassVar[bool] = False
@@ -48,7 +48,7 @@ class Around:
         """Nothing to compile."""
 
     def plan(self, problem, time_limit_s):
-        first, second = surroundings(problem, time_limit_s)
+        first, second = detour(problem, time_limit_s)
         return ms.PlanResult(ms.Status.SOLVED, ms.plan_of_paths([[0] * self.delay + first, second], problem.step_s))
 
 
@@ -89,9 +89,9 @@ def test_unknown_names_are_refused_with_the_nearest(problem):
 
 
 def test_function_plans(problem):
-    plan = ms.plan(problem, surroundings)
+    plan = ms.plan(problem, detour)
     assert ms.judge(problem, plan) and plan.cost_steps == 10
-    assert plan.setup.scenario.planner.name == "surroundings" and plan.planning_time_s > 0
+    assert plan.setup.scenario.planner.name == "detour" and plan.planning_time_s > 0
     assert refusal(lambda: ms.plan(problem, lambda problem, time_limit_s: 3)) == (
         "<lambda> returned int, expected a PlanResult, a Plan, or a path for each robot"
     )
@@ -115,14 +115,14 @@ def test_class_in_a_file_plans(problem, tmp_path):
 
 def test_planner_of_ones_own_is_given_the_problem_with_goals_assigned(problem):
     params = []
-    ms.plan(problem, lambda problem, time_limit_s: params.append((problem, time_limit_s)) or surroundings(problem, 1), time_limit_s=7)
+    ms.plan(problem, lambda problem, time_limit_s: params.append((problem, time_limit_s)) or detour(problem, 1), time_limit_s=7)
     (result, limit_s), *more = params
     assert isinstance(result, ms.Problem) and result.target.tolist() == [4, 0] and result.starts == problem.starts
     assert limit_s == 7 and not more
 
 
 def test_plan_of_a_function_can_be_sent_to_another_process(problem):
-    assert pickle.loads(pickle.dumps(ms.plan(problem, surroundings).problem)).num_robots == 2
+    assert pickle.loads(pickle.dumps(ms.plan(problem, detour).problem)).num_robots == 2
 
 
 def test_object_plans_under_its_own_name(problem):
@@ -150,7 +150,7 @@ def test_verdict_of_a_valid_plan(problem):
 
 def test_bare_plan_is_judged_by_where_its_robots_end(problem):
     free = ms.problem(problem.scenario.replace(assignment={"mode": "optimal"}))
-    plan = ms.plan_of_paths(surroundings(free, 1), free.step_s)
+    plan = ms.plan_of_paths(detour(free, 1), free.step_s)
     assert ms.judge(free, plan) and ms.judge(problem, plan)
     stay = ms.plan_of_paths([[0], [4]], free.step_s)
     assert ms.judge(free, stay) and not ms.judge(problem, stay)

@@ -470,8 +470,8 @@ def test_who_waits_behind_another_on_a_lane_is_not_sent_past_it():
         ledger.state.grants.on_lane[:], ledger.state.holds.holder[:], ledger.state.claims.number[lane] = True, -1, 2
         world = World(ledger.problem, settings, facilities_of(graph, ledger.resources))
         context = Surroundings(ledger, world, Work(Crew(ledger, settings, 3)), lambda _: pytest.fail("asked"))
-        requests = situation(9.0, context, np.zeros(2, np.bool_), ledger.end_of_tasks)
-        assert requests.request.robot.tolist() == [front] and requests.request.start.tolist() == [2] and requests.left_alone == {behind}
+        answer = situation(9.0, context, np.zeros(2, np.bool_), ledger.end_of_tasks)
+        assert answer.request.robot.tolist() == [front] and answer.request.start.tolist() == [2] and answer.left_alone == {behind}
 
 
 @pytest.mark.parametrize("stays", [True, False])
@@ -498,8 +498,8 @@ def test_who_stands_where_another_waits_to_come_makes_way_though_its_own_goal_is
     settings = ExecutionSettings()
     world = World(ledger.problem, settings, facilities_of(graph, ledger.resources))
     context = Surroundings(ledger, world, Work(Crew(ledger, settings, 3)), lambda _: pytest.fail("asked"))
-    requests = situation(9.0, context, np.zeros(3, np.bool_), np.array([5, 3, 2]), makes_way=makes_way)
-    assert requests.left_alone == {0} and requests.request.stop.tolist() == stops
+    answer = situation(9.0, context, np.zeros(3, np.bool_), np.array([5, 3, 2]), makes_way=makes_way)
+    assert answer.left_alone == {0} and answer.request.stop.tolist() == stops
 
 
 @pytest.mark.parametrize(("policy", "due_s", "earliest_s"), [("adg", [0, 0, 0], [0, 0, 0]), ("adg_timed", [0, 3, 6], [0, 3, np.inf])])

@@ -130,8 +130,8 @@ def test_results_have_a_row_a_run_with_parameters_and_failures(tmp_path):
 
 
 def test_unfinished_batch_can_be_read(tmp_path):
-    request = iter([GO_ON] * 6 + [FINISH] * 1000)
-    batch = make(suite(tmp_path, "grid_search: {seed: 0..9}\n"), tmp_path / "out", stop=lambda: next(request))
+    answers = iter([GO_ON] * 6 + [FINISH] * 1000)
+    batch = make(suite(tmp_path, "grid_search: {seed: 0..9}\n"), tmp_path / "out", stop=lambda: next(answers))
     assert 0 < len(batch.status) < 10
     assert len(load_results(tmp_path / "out")) == len(batch.status)
     assert not (tmp_path / "out" / "results.parquet").exists()

@@ -61,7 +61,7 @@ def driven(folder, *groups, **more):
     return result
 
 
-def route(result, robot=0):
+def corners_of(result, robot=0):
     """Names of the corners that a robot passes."""
     execution = result.execution
     at = np.stack([execution.x_m[:, robot], execution.y_m[:, robot]], 1)
@@ -69,8 +69,8 @@ def route(result, robot=0):
 
 
 def test_type_that_is_barred_goes_round_and_the_other_does_not(tmp_path):
-    assert route(driven(tmp_path, (TYPE, "A", "B"))) == {"A", "B"}
-    assert route(driven(tmp_path, (SLOW, "A", "B"))) == {"A", "B", "C", "D"}
+    assert corners_of(driven(tmp_path, (TYPE, "A", "B"))) == {"A", "B"}
+    assert corners_of(driven(tmp_path, (SLOW, "A", "B"))) == {"A", "B", "C", "D"}
 
 
 def test_limit_of_the_type_that_is_driven_holds(tmp_path):
@@ -80,16 +80,16 @@ def test_limit_of_the_type_that_is_driven_holds(tmp_path):
 
 def test_each_of_two_types_keeps_to_its_lanes(tmp_path):
     result = driven(tmp_path, (TYPE, "A", "B"), (SLOW, "B", "A"))
-    assert route(result, 0) == {"A", "B"}
-    assert route(result, 1) == {"A", "B", "C", "D"}
+    assert corners_of(result, 0) == {"A", "B"}
+    assert corners_of(result, 1) == {"A", "B", "C", "D"}
     assert result.execution.speed_mps[:, 1].max() <= 0.4 + 1e-6
     assert result.execution.speed_mps[:, 0].max() > 0.8  # nobody else has a limit on its lane
 
 
 def test_type_that_the_layout_does_not_know_may_go_everywhere(tmp_path):
-    assert route(driven(tmp_path, ("other", "A", "B"))) == {"A", "B"}
+    assert corners_of(driven(tmp_path, ("other", "A", "B"))) == {"A", "B"}
     result = driven(tmp_path, ("other", "A", "B"), (SLOW, "B", "A"))
-    assert (route(result, 0), len(route(result, 1))) == ({"A", "B"}, 4)
+    assert (corners_of(result, 0), len(corners_of(result, 1))) == ({"A", "B"}, 4)
 
 
 def test_type_without_a_name_of_its_own_is_known_in_layouts_as_ours(tmp_path):

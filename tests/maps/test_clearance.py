@@ -44,18 +44,18 @@ def graph(xy, lanes, **more):
     return nav_graph(name="g", xy=xy, lanes=[(a, b) for a, b in lanes] + [(b, a) for a, b in lanes], **more)
 
 
-def result(walls, doors=(), xy=ALONG[0], lanes=ALONG[1], within_m=9.0):
+def clear(walls, doors=(), xy=ALONG[0], lanes=ALONG[1], within_m=9.0):
     return clearance(graph(xy, lanes), building(level(walls, doors)), within_m)
 
 
 def test_a_lane_in_the_middle_of_a_corridor_is_half_its_width_from_the_walls():
-    room = result(CORRIDOR)
+    room = clear(CORRIDOR)
     assert room.lane_m.tolist() == pytest.approx([0.5, 0.5])  # the lane and its reverse
     assert room.vertex_m.tolist() == pytest.approx([0.5, 0.5])
 
 
 def test_distances_of_no_interest_are_infinite():
-    assert np.isinf(result(CORRIDOR, within_m=0.4).lane_m).all() and np.isinf(result([]).vertex_m).all()
+    assert np.isinf(clear(CORRIDOR, within_m=0.4).lane_m).all() and np.isinf(clear([]).vertex_m).all()
 
 
 def test_driving_takes_half_the_width_and_turning_the_radius():
@@ -91,15 +91,15 @@ def test_lanes_and_vertices_are_reported_in_one_line_each_with_the_closest():
 @pytest.mark.parametrize("through", [True, False], ids=["wall drawn through", "wall ends at the door"])
 def test_a_lane_through_a_door_is_as_far_from_walls_as_its_posts(through):
     walls = [((5, -1), (5, 3))] if through else [((5, -1), (5, 0)), ((5, 1), (5, 3))]
-    room = result(walls, [((5, 0), (5, 1))])
+    room = clear(walls, [((5, 0), (5, 1))])
     assert room.lane_m.tolist() == pytest.approx([0.5, 0.5])
-    assert result(walls, [((5, 0), (5, 1))], [(1, 2), (9, 2)]).lane_m.tolist() == [0, 0]
+    assert clear(walls, [((5, 0), (5, 1))], [(1, 2), (9, 2)]).lane_m.tolist() == [0, 0]
 
 
 def test_doors_open_only_the_wall_that_they_are_drawn_on():
     wall = [((5, -1), (5, 3))]
     for door in (((4.5, 0.5), (5.5, 0.5)), ((5.2, 0), (5.2, 1)), ((5, 4), (5, 5))):  # across it, beside it, past its end
-        assert result(wall, [door]).lane_m.tolist() == [0, 0]
+        assert clear(wall, [door]).lane_m.tolist() == [0, 0]
 
 
 def test_two_doors_leave_three_pieces_of_a_wall():

@@ -47,7 +47,7 @@ def counted_on(paths, occupancy):
     return count
 
 
-def output(occupancy):
+def by_bits(occupancy):
     """[V, T] 0, 1, or 2 for more than one, as the bits say."""
     steps = np.arange(WORD, dtype=np.uint64)
     bits = [(occupancy.busy[:, None] >> steps) & one for one in (ONE, MANY)]
@@ -68,7 +68,7 @@ def test_bits_tell_none_one_and_more_however_robots_leave(order):
         if robot is not None:
             uninstall(store, occupancy, robot)
             there.remove(robot)
-        assert np.array_equal(output(occupancy), np.minimum(counted_on([paths[r] for r in there], occupancy), 2))
+        assert np.array_equal(by_bits(occupancy), np.minimum(counted_on([paths[r] for r in there], occupancy), 2))
 
 
 @pytest.mark.parametrize("following", [False, True])

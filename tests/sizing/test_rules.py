@@ -432,11 +432,11 @@ def test_where_it_stays_undecided_the_mean_decides(verdict, share, estimate):
     ],
 )
 def test_seeds_are_added_two_at_a_time_until_the_interval_decides(intervals, seeds, verdict):
-    request, left = [], list(intervals)
+    asked_for, left = [], list(intervals)
     curve = SimpleNamespace(points={9: None}, seeds=lambda n: 0)
-    curve.ask = lambda wanted, reason: request.append(wanted[9]) or True
+    curve.ask = lambda wanted, reason: asked_for.append(wanted[9]) or True
     output = _judge(curve, 9, replace(EFFORT, seeds=4, most_seeds=7), "", lambda point: Interval(*left.pop(0), 4), 0.95)
-    assert (output, request) == (verdict, seeds)
+    assert (output, asked_for) == (verdict, seeds)
 
 
 def test_sizes_that_do_not_count_or_cannot_be_paid_for_are_told_apart():

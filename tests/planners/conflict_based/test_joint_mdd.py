@@ -11,7 +11,7 @@ from planners.conflict_based._joint_mdd import APART, LOST, TOGETHER, joint_path
 from planners.conflict_based.tree import SearchLimits, Tree
 
 
-def request(seed, *, following):
+def meeting(seed, *, following):
     """Two robots' tree and root, and what the joint MDD says of them; None where they do not meet, or one cannot arrive."""
     problem = random_problem(seed, most_robots=2, side=5)
     if problem.num_robots < 2 or impossible(problem) is not None:
@@ -28,7 +28,7 @@ def request(seed, *, following):
 
 def check(seed, *, following):
     """Hold the answer against the truth; what it was."""
-    output = request(seed, following=following)
+    output = meeting(seed, following=following)
     if output is None:
         return None
     problem, tree, root, (result, row0, middle, row1) = output

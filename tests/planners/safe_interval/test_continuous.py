@@ -310,11 +310,11 @@ def test_robots_that_raise_each_other_in_turns_look_for_no_way_twice(monkeypatch
     timetable = Timetable(Problem(graph, fleet_of(CART, 2), np.array([0, 5]), np.array([4, 1]), np.arange(2), 1.0), 0.1)
     for robot in range(2):
         timetable.look_back(robot)
-    request, search, looked = [], timetable.search, 0
+    searches, search, looked = [], timetable.search, 0
 
     def noted(robot, most, weight):
         nonlocal looked
-        request.append((robot, most, *timetable.path))
+        searches.append((robot, most, *timetable.path))
         before = timetable.work
         path = search(robot, most, weight=weight)
         looked += timetable.work - before
@@ -322,5 +322,5 @@ def test_robots_that_raise_each_other_in_turns_look_for_no_way_twice(monkeypatch
 
     monkeypatch.setattr(timetable, "search", noted)
     assert not first_ways(timetable, np.arange(2), 20, np.inf, 10_000)
-    assert len(set(request)) == len(request) < 10
+    assert len(set(searches)) == len(searches) < 10
     assert timetable.work > 2 * looked  # those known count, too
