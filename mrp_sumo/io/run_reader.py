@@ -161,7 +161,7 @@ class RunFolder:
         from mrp_sumo.io.trajectory import read_trajectory
 
         self._require_trajectory()
-        samples = read_trajectory(self.folder / "trajectory.parquet")
+        samples = read_trajectory(self.folder / "trajectory.parquet", self.graph.level_names)
         if samples.robot_name != self.fleet.robot_name:
             raise MrpSumoError(f"{self.folder / 'trajectory.parquet'}: its robots are others than those of floor.json")
         if not np.isfinite(samples.x_m).any():
@@ -175,7 +175,7 @@ class RunFolder:
         from mrp_sumo.io.trajectory import read_trajectory
 
         path = self.folder / "believed.parquet"
-        return read_trajectory(path) if self.has(path.name) else None
+        return read_trajectory(path, self.graph.level_names) if self.has(path.name) else None
 
     @cached_property
     @_whole

@@ -9,7 +9,7 @@ compressed with zstd after a byte-stream split. Equal executions give equal byte
 """
 
 import json
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import count, takewhile
 from pathlib import Path
@@ -134,8 +134,11 @@ def _tables(execution: Execution, robot_name: tuple[str, ...], t_ns: IntArray, l
         yield pa.Table.from_arrays(columns, schema=schema)
 
 
-def read_trajectory(path: Path) -> Trajectory:
-    """Read a table back. Raises MrpSumoError for a file that is missing, damaged, or of another schema."""
+def read_trajectory(path: Path, level_names: Sequence[str] = ()) -> Trajectory:
+    """Read a table back, its levels in the order of these names: metadata have them by the alphabet.
+
+    Raises MrpSumoError for a file that is missing, damaged, of another schema, or of other levels.
+    """
     table = read_table(path)
     about = table.about
     if not isinstance(about, dict) or about.get("schema_version") != SCHEMA_VERSION:
@@ -158,7 +161,7 @@ def read_trajectory(path: Path) -> Trajectory:
         loads[row, robot] = table.integers("loaded", 0, 127)
     if "levels" not in about:
         return Trajectory(t_ns, names, **columns, metadata=about, loads=loads)
-    levels = _levels(table, about["levels"])
+    levels = _levels(table, about["levels"], level_names)
     level = np.zeros((len(t_ns), len(names)), np.int64)
     level[row, robot] = on = table.indices("level", tuple(levels))
     for k, axis in enumerate(COLUMNS[:2]):
@@ -193,11 +196,13 @@ def _stamps(table: Table, about: Mapping[str, Any]) -> IntArray:
     return t_ns
 
 
-def _levels(table: Table, document: object) -> "Shift":
-    """Names and shifts of the document in the table's metadata."""
+def _levels(table: Table, document: object, names: Sequence[str]) -> "Shift":
+    """Names and shifts of the document in the table's metadata, in the order of these names."""
     pairs = list(document.values()) if isinstance(document, dict) else [None]
     if isinstance(document, dict) and all(isinstance(pair, list) and list(map(_is_length, pair)) == [True, True] for pair in pairs):
-        return {name: (float(x), float(y)) for name, (x, y) in document.items()}
+        if names and set(names) != set(document):
+            raise table.fault(f"its levels are {', '.join(document)}, expected {', '.join(names)}")
+        return {name: (float(document[name][0]), float(document[name][1])) for name in names or document}
     raise table.fault("its metadata 'levels' are not two metres for each level")
 
 

@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,6 +11,7 @@ from worlds import record_of_four, run_of_four
 
 from mrp_sumo.errors import MrpSumoError
 from mrp_sumo.io.run_reader import RunFolder, load_run, num_visits
+from mrp_sumo.io.trajectory import write_trajectory
 
 
 @pytest.fixture(scope="module")
@@ -47,6 +49,18 @@ def test_vertices_of_one_name_are_told_apart(run, tmp_path):
     answer = load_run(tmp_path / "run").record
     assert answer.target.tolist() == wanted.target.tolist()
     assert [e.vertex for e in answer.execution.events] == [second]
+
+
+def test_levels_have_the_order_of_the_graph_not_of_the_alphabet(run, tmp_path):
+    shutil.copytree(run.folder, tmp_path / "run")
+    floor, levels = json.loads((tmp_path / "run" / "floor.json").read_text()), {"upper": (0.0, 0.0), "ground": (0.0, -12.0)}
+    floor["plan_graph"]["level_names"] = list(levels)
+    (tmp_path / "run" / "floor.json").write_text(json.dumps(floor))
+    below = replace(run.record.execution, level=np.ones(run.samples.x_m.shape, np.int64))
+    write_trajectory(tmp_path / "run" / "trajectory.parquet", below, run.fleet.robot_name, {}, levels)
+    samples = load_run(tmp_path / "run").samples
+    assert (list(samples.levels), set(samples.level.ravel().tolist())) == (["upper", "ground"], {1})
+    assert np.allclose(samples.y_m, below.y_m, equal_nan=True)
 
 
 def test_frames_have_a_row_a_sample_an_event_a_visit(run):

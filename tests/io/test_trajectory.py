@@ -76,3 +76,16 @@ def test_uneven_stamps_come_back(tmp_path):
     uneven = Execution(**{**vars(execution), "t_s": np.array([0.0, 0.1, 0.4, 0.5])})
     write_trajectory(tmp_path / "t.parquet", uneven, names(1), {})
     assert read_trajectory(tmp_path / "t.parquet").t_ns.tolist() == [0, 100_000_000, 400_000_000, 500_000_000]
+
+
+def test_levels_come_back_in_the_order_of_the_graph(tmp_path):
+    """Metadata have them by the alphabet; a level that the graph does not have is none of its run."""
+    execution = wandering(samples=2, robots=1)
+    execution = Execution(**{**vars(execution), "level": np.array([[0], [1]])})
+    write_trajectory(tmp_path / "t.parquet", execution, names(1), {}, {"upper": (0.0, 0.0), "ground": (0.0, -12.0)})
+    result = read_trajectory(tmp_path / "t.parquet", ("upper", "ground"))
+    assert result.level.tolist() == [[0], [1]] and result.levels == {"upper": (0.0, 0.0), "ground": (0.0, -12.0)}
+    assert list(result.levels) == ["upper", "ground"]
+    assert np.allclose(result.y_m, execution.y_m, atol=1e-12)
+    with pytest.raises(MrpSumoError, match=r"t\.parquet: its levels are ground, upper, expected L1, ground"):
+        read_trajectory(tmp_path / "t.parquet", ("L1", "ground"))
