@@ -62,7 +62,7 @@ class Auto:
         known = [name for name in planner_names() if name not in NOT_IN_IT] if self.planners else []
         for name in self.planners:
             if name not in known:
-                raise PlanError(f"auto: no planner '{name}' for a portfolio{nearest(name, known, limit=len(known))}")
+                raise PlanError(f"no planner '{name}' for a portfolio{nearest(name, known, limit=len(known))}")
 
     def prepare(self) -> None:
         """Compile or load the kernels of all that may be asked; of `continuous`, which is seldom asked, when it is."""

@@ -45,7 +45,7 @@ class ByConfigurations:
 
     def __post_init__(self) -> None:
         if not 0 <= self.local <= LONGEST_LOCAL:
-            raise PlanError(f"{type(self).__name__.lower()}: local is {self.local}, expected 0 to {LONGEST_LOCAL}")
+            raise PlanError(f"local is {self.local}, expected 0 to {LONGEST_LOCAL}")
 
 
 EasyPaths = Callable[[Problem, PibtInstance, np.random.Generator, float], tuple[np.ndarray | None, int]]

@@ -22,6 +22,8 @@ from mrp_sumo.search.solvable import order_broken
 from mrp_sumo.traffic.clashes import clashes_of
 from mrp_sumo.traffic.moves import MoveGraph
 
+MOST = {"threads": 256, "neighbourhood": 1000, "num_tries": 1000}  # of parameters that memory, or time between looks at the clock, is taken for
+
 
 def impossible(problem: Problem, check_clock: Callable[[], None] | None = None) -> PlanResult | None:
     """INFEASIBLE for an assigned problem that needs no search to see that; None for others. Robots without a goal stay where they are.
@@ -161,6 +163,14 @@ def deadline_of(time_limit_s: float) -> float:
     if not time_limit_s > 0:
         raise PlanError(f"the time limit is {time_limit_s:g} s, expected a number above 0")
     return process_time() + time_limit_s
+
+
+def require_least(planner: object, **least: int) -> None:
+    """Refuse parameters below these values, and above those of MOST. Raises PlanError."""
+    for key, low in least.items():
+        value, high = getattr(planner, key), MOST.get(key)
+        if value < low or (high is not None and value > high):
+            raise PlanError(f"{key} is {value}, expected {low} {'or more' if high is None else f'to {high}'}")
 
 
 def check_time(deadline_s: float) -> None:

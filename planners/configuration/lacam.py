@@ -18,8 +18,7 @@ import numpy as np
 from mrp_sumo.core.options import option
 from mrp_sumo.core.plan import PlanResult, Status, paths_of_plan, side_by_side
 from mrp_sumo.core.problem import Problem
-from mrp_sumo.errors import PlanError
-from mrp_sumo.planning.answers import unplanned, without_effort
+from mrp_sumo.planning.answers import require_least, unplanned, without_effort
 from mrp_sumo.planning.registry import planner
 from planners.configuration import _lacam, _pibt
 from planners.configuration._flow import TrafficMap, observe, write_tolls
@@ -85,17 +84,15 @@ class Lacam(ByConfigurations):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for least, keys in ((1, ("num_tries", "neighbourhood", "memory_mb", "threads")), (0, ("ways", "flow", "traffic", "polish"))):
-            for key in keys:
-                if getattr(self, key) < least:
-                    raise PlanError(f"lacam: {key} is {getattr(self, key)}, expected {least} or more")
+        require_least(self, num_tries=1, neighbourhood=1, memory_mb=1, threads=1, ways=0, flow=0, traffic=0, polish=0)
 
     def prepare(self) -> None:
         """Compile or load the kernels."""
-        replace(self, ways=0, flow=1, polish=10)._plan(small_problem(), math.inf, False)
-        replace(self, ways=1, flow=0, polish=0)._plan(small_problem(), math.inf, False)
-        replace(self, ways=0, flow=0, traffic=1, polish=0)._plan(small_problem(), math.inf, False)
-        self._plan(small_problem(), math.inf, True)
+        short = replace(self, traffic=min(self.traffic, 1), polish=min(self.polish, 10))  # nothing ends it but that it is done
+        replace(short, ways=0, flow=1, polish=10)._plan(small_problem(), math.inf, False)
+        replace(short, ways=1, flow=0, polish=0)._plan(small_problem(), math.inf, False)
+        replace(short, ways=0, flow=0, traffic=1, polish=0)._plan(small_problem(), math.inf, False)
+        short._plan(small_problem(), math.inf, True)
         start = search_start(self, small_problem(), math.inf, CHANCE, False, partial(_easy_paths, self))
         assert not isinstance(start, PlanResult)
         search, *_ = _first(self, start)  # as when anytime, but for the turns of a tenth of a second

@@ -19,8 +19,7 @@ import numpy as np
 from mrp_sumo.core.options import option
 from mrp_sumo.core.plan import PlanResult, Status
 from mrp_sumo.core.problem import Problem
-from mrp_sumo.errors import PlanError
-from mrp_sumo.planning.answers import unplanned, used_up, without_effort
+from mrp_sumo.planning.answers import require_least, unplanned, used_up, without_effort
 from planners.configuration import _pibt
 from planners.configuration.guides import local_guidance
 from planners.world import SLICE_S, ByConfigurations, search_start, small_problem
@@ -41,8 +40,7 @@ class Pibt(ByConfigurations):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if min(self.max_steps, self.ways, self.flow) < 0 or self.num_attempts < 1:
-            raise PlanError("pibt: expected max_steps, ways and flow of 0 or more and num_attempts of 1 or more")
+        require_least(self, max_steps=0, ways=0, flow=0, num_attempts=1)
 
     def prepare(self) -> None:
         """Compile or load the kernels."""

@@ -14,8 +14,7 @@ import numpy as np
 from mrp_sumo.core.options import option
 from mrp_sumo.core.plan import PlanResult, Status
 from mrp_sumo.core.problem import Problem
-from mrp_sumo.errors import PlanError
-from mrp_sumo.planning.answers import deadline_of, order_clash, unplanned, used_up, without_effort
+from mrp_sumo.planning.answers import deadline_of, order_clash, require_least, unplanned, used_up, without_effort
 from planners.neighbourhood._traffic import path_of
 from planners.neighbourhood.refinement import (
     AT_ONCE,
@@ -54,8 +53,7 @@ class Lns2:
     bandit: bool = option(False, "improve around late robots where that has helped (ADDRESS)")
 
     def __post_init__(self) -> None:
-        if self.neighbourhood < 1 or self.memory_mb < 1 or self.threads < 1 or self.horizon < 0 or self.polish < 0:
-            raise PlanError("lns2: expected neighbourhood, memory_mb and threads of 1 or more, horizon and polish of 0 or more")
+        require_least(self, neighbourhood=1, memory_mb=1, threads=1, horizon=0, polish=0)
 
     def prepare(self) -> None:
         """Compile or load the kernels."""

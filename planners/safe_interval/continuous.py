@@ -19,7 +19,7 @@ from mrp_sumo.core.options import option
 from mrp_sumo.core.plan import PlanResult, Status, plan_of_paths
 from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import PlanError
-from mrp_sumo.planning.answers import deadline_of, impossible
+from mrp_sumo.planning.answers import deadline_of, impossible, require_least
 from mrp_sumo.planning.registry import planner
 
 CHANCE = 12  # purpose of the stream of chance
@@ -47,10 +47,9 @@ class Continuous:
     supports: ClassVar[frozenset[str]] = frozenset({"seconds", "effort", "types", "window"})
 
     def __post_init__(self) -> None:
-        if self.neighbourhood < 1 or self.polish < 0:
-            raise PlanError("continuous: expected a neighbourhood of 1 or more, and polish of 0 or more")
+        require_least(self, neighbourhood=1, polish=0)
         if not 0.001 <= self.step_length_s <= 1.0:
-            raise PlanError(f"continuous: step_length_s is {self.step_length_s}, expected 0.001 to 1")
+            raise PlanError(f"step_length_s is {self.step_length_s}, expected 0.001 to 1")
 
     def prepare(self) -> None:
         """Compile or load the kernels."""

@@ -167,3 +167,11 @@ def test_a_crowd_in_one_way_streets_has_a_plan_that_costs_less_than_twice_its_bo
     assert judge(problem, result.plan, result.goal_of).valid
     assert result.stats["cost"] < 2 * result.lower_bound_steps
     assert Lacam(polish=0).plan(replace(problem, effort=2000), 60.0).plan is None  # no work is left to repair paths
+
+
+def test_kernels_are_prepared_with_little_polishing_however_much_is_asked_for(monkeypatch):
+    """No clock ends it: a billion labels a robot took minutes before the first plan."""
+    labels = []
+    monkeypatch.setattr(lacam.Refinement, "polish", lambda self, deadline_s, most, least=0: labels.append(most))
+    Lacam(polish=10**9, traffic=10**9).prepare()
+    assert labels and max(labels) <= 100
