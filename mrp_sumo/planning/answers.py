@@ -22,7 +22,7 @@ from mrp_sumo.search.solvable import order_broken
 from mrp_sumo.traffic.clashes import clashes_of
 from mrp_sumo.traffic.moves import MoveGraph
 
-MOST = {"threads": 256, "neighbourhood": 1000, "num_tries": 1000}  # of parameters that memory, or time between looks at the clock, is taken for
+MOST = {"threads": 256, "neighbourhood": 1000, "num_tries": 1000}  # of what takes memory, or time between looks at the clock
 
 
 def impossible(problem: Problem, check_clock: Callable[[], None] | None = None) -> PlanResult | None:
