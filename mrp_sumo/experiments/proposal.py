@@ -59,11 +59,12 @@ class Stations:
     place: tuple[str, ...] = ()  # of neither kind
     charger: tuple[str, ...] = ()
     parking: tuple[str, ...] = ()
+    unreached: tuple[str, ...] = ()  # places of any kind to which, or from which, robots do not come
 
     @property
     def groups(self) -> dict[str, list[str]]:
         """The first names of each group that has any, by the group's name."""
-        return {name: list(members[:MOST_STATIONS]) for name, members in vars(self).items() if members}
+        return {name: list(members[:MOST_STATIONS]) for name, members in vars(self).items() if members and name != "unreached"}
 
     @property
     def stops(self) -> list[str]:
@@ -91,6 +92,7 @@ class Proposal:
     values: dict[str, Any]
     reasons: Mapping[str, str]  # by section, or group
     order_s: float  # what an order takes undisturbed
+    unreached: tuple[str, ...]  # places that it leaves out
 
 
 def propose(map_values: Mapping[str, Any], folder: Path, name: str, wishes: Wishes) -> Proposal:
@@ -126,13 +128,17 @@ def propose(map_values: Mapping[str, Any], folder: Path, name: str, wishes: Wish
 def stations_of(nav: NavGraph, graph: PlanGraph, vehicle: RobotType | None = None) -> Stations:
     """Purposes of a map's places, of those that robots can reach from each other: by what the map says, else by their names."""
     reached = set(stands_of(graph, vehicle=vehicle).goal.tolist())  # where goals are drawn, too
-    usable = [v for v in range(nav.num_vertices) if int(graph.vertex_of_station[v]) in reached and not _is_passed(nav, graph, v)]
-    named = [v for v in usable if nav.vertex_name[v] or "station" in nav.vertex_options[v]]
-    if sum("station" in nav.vertex_options[v] for v in named) > 1:  # of maps that tell stations from mere points
+    stopped = [v for v in range(nav.num_vertices) if not _is_passed(nav, graph, v)]
+    usable = [v for v in stopped if int(graph.vertex_of_station[v]) in reached]
+    tells_stations = sum("station" in nav.vertex_options[v] for v in usable) > 1  # from mere points
+    named = [v for v in stopped if nav.vertex_name[v] or "station" in nav.vertex_options[v]]
+    if tells_stations:
         named = [v for v in named if "station" in nav.vertex_options[v] or _role(nav, v) in ("charger", "parking")]
-    roles = defaultdict[str, list[str]](list)
+    roles, is_usable = defaultdict[str, list[str]](list), set(usable)
     for v in named:
-        roles[_role(nav, v)].append(_name(nav, v))
+        roles[_role(nav, v) if v in is_usable else "unreached"].append(_name(nav, v))
+    used = {name for role, names in roles.items() if role != "unreached" for name in names}
+    roles["unreached"] = [name for name in roles["unreached"] if name not in used]
     stations = Stations(**{role: tuple(dict.fromkeys(names)) for role, names in roles.items()})
     if not stations.stops and stations.parking:  # as on maps where every station is a parking spot
         stations = replace(stations, place=stations.place + stations.parking, parking=())
@@ -301,7 +307,7 @@ def _proposal(map_values: Mapping[str, Any], name: str, setup: SetUp, stations: 
             "time_limit_s": max(1200.0, round(ORDERS_A_ROBOT * order_s)) if wishes.hours is None else 3600.0 * wishes.hours,
         },
     }
-    return Proposal(values, why, order_s)
+    return Proposal(values, why, order_s, stations.unreached)
 
 
 def _trip_s(setup: SetUp, groups: Sequence[Sequence[str]]) -> float:

@@ -186,6 +186,20 @@ def test_places_are_for_what_the_map_says_else_their_names(names, options, role)
     assert {key: value for key, value in vars(stations).items() if value} == role
 
 
+def test_places_that_robots_do_not_come_to_and_from_are_told():
+    """`source` has no way in, `trap` none out, and `far` is on another piece; of a station with two places one is enough."""
+    nav = nav_graph(
+        name="row",
+        xy=[(0, 0), (4, 0), (8, 0), (12, 0), (16, 0), (20, 0), (24, 0)],
+        lanes=[(1, 2), (2, 1), (0, 1), (2, 3), (4, 5), (5, 4)],
+        vertex_name=["source", "a", "b", "trap", "far", "", "lone"],
+        vertex_options=[{}, {}, {}, {"is_charger": True}, {}, {}, {"is_passthrough_point": True}],
+    )
+    stations = stations_of(nav, cut_lanes(nav, 0.4))
+    assert (stations.place, stations.charger, stations.unreached) == (("a", "b"), (), ("source", "trap", "far"))
+    assert "unreached" not in stations.groups
+
+
 def test_out_may_name_the_file(shop, capsys):
     assert main(["init", "shop.building.yaml", "--type", "turtlebot3", "--out", "sites/first.yaml"]) == 0
     assert [path.name for path in (shop / "sites").iterdir()] == ["first.yaml"]

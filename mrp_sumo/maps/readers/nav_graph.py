@@ -6,6 +6,7 @@ lanes are left out of the NavGraph. Refuses documents whose lanes name vertices 
 """
 
 import re
+from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ from mrp_sumo.core.graph import FloatArray, NavGraph, Properties, nav_graph
 from mrp_sumo.errors import MapError
 from mrp_sumo.files.names import free_name
 from mrp_sumo.files.reading import is_number
+from mrp_sumo.maps.finding import Notes
 from mrp_sumo.maps.levels import shifts_of
 from mrp_sumo.maps.map import Map
 from mrp_sumo.maps.readers.rmf.level import FARTHEST
@@ -103,6 +105,19 @@ def graph_of_documents(
         lane_options=list(options_of.values()),
         source=source,
     )
+
+
+def note_what_changes(document: Document, levels: Collection[str], notes: Notes) -> None:
+    """Names that a graph of these levels gives to later vertices with a number, and lanes that it leaves out."""
+    names: Counter[str] = Counter()
+    for level_name, (xy, options, lanes) in _levels(document, set(levels)).items():
+        names.update(each["name"] for each in options if each.get("name"))
+        for k, (a, b, _) in enumerate(lanes):
+            if np.hypot(*(xy[a] - xy[b])) < SHORTEST_LANE_M:
+                notes.add("lane_without_length", f"level {level_name} lane {k} from vertex {a} to {b}")
+    for name, times in names.items():
+        if times > 1:
+            notes.add("name_twice_in_graph", f"'{name}' names {times} vertices")
 
 
 def origin_of_document(document: Document) -> tuple[float, float]:

@@ -7,10 +7,10 @@ from dataclasses import replace
 from mrp_sumo.errors import ChoiceError
 from mrp_sumo.maps.building import Building
 from mrp_sumo.maps.check import check_building, check_graph
-from mrp_sumo.maps.finding import CURE, RefusedMap, ordered
+from mrp_sumo.maps.finding import CURE, Notes, RefusedMap, ordered
 from mrp_sumo.maps.levels import joined_by_lifts, laid_out, level_choice
 from mrp_sumo.maps.map import Map
-from mrp_sumo.maps.readers.nav_graph import Misplaced, graph_of_documents, origin_of_document
+from mrp_sumo.maps.readers.nav_graph import Misplaced, graph_of_documents, note_what_changes, origin_of_document
 from mrp_sumo.maps.readers.reader import GraphChoice, MapFile, Selection, map_name, refuse_choice
 from mrp_sumo.maps.readers.rmf.building_yaml import building_of, is_building
 from mrp_sumo.maps.readers.rmf.generated_graph import nav_graph_documents
@@ -52,11 +52,12 @@ class RmfNavGraph:
 
     def read(self, file: MapFile, selection: Selection) -> Map:
         """The chosen levels."""
-        source, document = file.source, file.document
+        source, document, notes = file.source, file.document, Notes()
         refuse_choice(source, selection, "level")
         levels = level_choice(document["levels"] or {}, selection.level, source.path.name)
         try:
             origin_m = origin_of_document(document)
+            note_what_changes(document, levels, notes)
             nav = graph_of_documents([document], map_name(source.path), levels=levels, origin_m=origin_m, source=str(source.path))
         except Misplaced as fault:
             raise source.fault(str(fault), *fault.keys) from None
@@ -64,7 +65,7 @@ class RmfNavGraph:
             raise source.fault(f"no lanes: nothing to drive on ({nav.num_vertices} vertices)")
         shift = laid_out(nav, None)
         nav, documents = joined_by_lifts(nav, shift, {}, {}), {0: document}
-        findings = check_graph(nav)
+        findings = ordered(notes.findings() + check_graph(nav))
         return Map(name=nav.name, path=source.path, nav=nav, findings=findings, documents=documents, origin_m=origin_m, level_shift_m=shift)
 
 

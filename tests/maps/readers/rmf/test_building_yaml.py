@@ -303,3 +303,20 @@ def test_georeferenced_buildings_lose_their_offset():
     result = load_map(MAPS / "open-rmf+rmf_demos/campus.building.yaml")
     assert result.origin_m == (22000.0, 31500.0)
     assert abs(result.nav.xy).max() < 1000
+
+
+@pytest.mark.parametrize(
+    ("second", "lane", "kinds"),
+    [
+        ("dock", [0, 1], {"name_twice_in_graph": 1}),
+        ("hall", [0, 2], {"lane_without_length": 1}),
+        ("hall", [0, 1], {}),
+    ],
+)
+def test_nav_graph_tells_what_it_changes(tmp_path, second, lane, kinds):
+    """A later vertex of a name gets a number; a lane between equal places is left out."""
+    vertices = [[0, 0, {"name": "dock"}], [4, 0, {"name": second}], [0, 0, {"name": ""}]]
+    level = {"vertices": vertices, "lanes": [[0, 1, {}], [1, 0, {}], [*lane, {}]]}
+    (tmp_path / "two.yaml").write_text(yaml.safe_dump({"building_name": "two", "levels": {"L1": level}}))
+    findings = load_map(tmp_path / "two.yaml").findings
+    assert {f.kind: f.count for f in findings if f.kind in ("name_twice_in_graph", "lane_without_length")} == kinds
