@@ -439,6 +439,10 @@ def _of_demand(served: Served, question: Question, most_robots: int) -> str:
     if served.doubt is not None and smallest.estimate is None:
         does = f"they do it in runs this short, but {served.doubt.throughput.value:.0f} when work is always waiting"
         return f"Whether a{wanted[1:]} is met by {count(served.doubt.robots, 'robot')} cannot be told: {does}."
+    if (n := served.undecided) is not None:
+        runs, share = count(served.curve.seeds(n), "run"), 100 * served.punctual(n).value
+        others = "; larger fleets were not tried on it" if tried < most_robots else ""
+        return f"Whether a{on_time[1:]} is met by {count(n, 'robot')} cannot be told: {share:.0f} % were on time in {runs}{others}."
     if smallest.estimate is None and tried < most_robots:
         return f"{on_time} is not met by {count(tried, 'robot')}; larger fleets were not tried on it."
     if smallest.estimate is None:

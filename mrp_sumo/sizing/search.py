@@ -360,6 +360,17 @@ class Served:
     within_s: float = 0.0  # after they come, orders without due times are due
     doubt: Point | None = None  # of the smallest fleet that serves it in these runs, where it does less if work is always waiting
 
+    def punctual(self, n: int) -> Interval:
+        """Share of orders that a fleet that was tried has done on time."""
+        return t_mean(self.curve.points[n].punctual(self.within_s), ONE_SIDED)
+
+    @property
+    def undecided(self) -> int | None:
+        """The largest fleet of those that may meet the demand, by the limits of the share that they have done on time, where none does."""
+        if self.smallest.estimate is not None:
+            return None
+        return max((n for n in self.curve.points if self.punctual(n).high >= self.target), default=None)
+
     def beside(self, saturated: Curve) -> "Served":
         """The same beside the throughput of saturated fleets: one that does less than the demand may have served it from full batteries."""
         question, point = self.curve.desk.question, saturated.points.get(self.smallest.estimate or 0)

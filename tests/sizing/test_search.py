@@ -105,6 +105,20 @@ def test_a_demand_beyond_the_peak_is_met_by_no_fleet():
     assert "A demand of 500 orders an hour with 95 % of them on time is not met by any fleet" in answer.sentence
 
 
+@pytest.mark.parametrize(
+    ("most", "words"),
+    [
+        (20, "A demand of 215 orders an hour with 95 % of them on time is not met by any fleet that was tried on it, up to 20 robots."),
+        (22, "is met by 22 robots cannot be told: 72 % were on time in 2 runs."),  # of two runs, whose limits hold 95 %
+    ],
+)
+def test_a_demand_that_a_fleet_may_meet_by_its_limits_is_not_said_to_be_unmet(most, words):
+    request = question((4, most), replace(EFFORT, seeds=2, most_seeds=2), demand_per_h=215.0)
+    served, sentence = (answer := answer_of(request, Fleets(rises_and_falls, request))[0]).served, answer.sentence
+    assert sentence.endswith(words) and served.smallest.estimate is None
+    assert (served.smallest.low <= most) == ("cannot be told" in sentence)
+
+
 def test_runs_that_are_too_short_for_orders_to_be_due_decide_nothing():
     request = question((4, 60), replace(EFFORT, horizon_s=150.0), demand_per_h=100.0)  # an order is due after 180 s
     answer, _ = answer_of(request, Fleets(rises_and_falls, request))
