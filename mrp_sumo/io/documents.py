@@ -94,14 +94,33 @@ def validated(document: Document, model: type[Model], content: Any = None, optio
 
     `options` has what to call a place instead of its line in the file: the command line option that set it.
     """
+    content = document.content if content is None else content
     try:
-        return TypeAdapter(model).validate_python(document.content if content is None else content)
+        result = TypeAdapter(model).validate_python(content)
+        faults = list(_switches_for_numbers(content, result))
     except ValidationError as error:
-        lines = dict[str, list[str]]()  # what was found at a key -> what it may be instead
-        for each in _of_keys(error.errors()):
-            line, _, expected = _fault(document, model, options or {}, each).partition(EXPECTED)
-            lines.setdefault(line, []).append(expected)
-        raise ScenarioError(*(f"{line}{EXPECTED}{' or '.join(kinds)}" if kinds[0] else line for line, kinds in lines.items())) from None
+        faults = _of_keys(error.errors())
+    if not faults:
+        return result
+    lines = dict[str, list[str]]()  # what was found at a key -> what it may be instead
+    for each in faults:
+        line, _, expected = _fault(document, model, options or {}, each).partition(EXPECTED)
+        lines.setdefault(line, []).append(expected)
+    raise ScenarioError(*(f"{line}{EXPECTED}{' or '.join(kinds)}" if kinds[0] else line for line, kinds in lines.items()))
+
+
+def _switches_for_numbers(content: Any, result: Any, place: Place = ()) -> Iterator[ErrorDetails]:
+    """Numbers that are true or false in the document, such as the `yes` of YAML, which pydantic takes for 1 and 0."""
+    if isinstance(content, bool) and type(result) in (int, float):
+        kind = "int_type" if isinstance(result, int) else "float_type"
+        yield {"type": kind, "loc": place, "msg": "", "input": content}
+    elif isinstance(content, Mapping):
+        for key, value in content.items():
+            inner = result.get(key) if isinstance(result, Mapping) else getattr(result, str(key), None)
+            yield from _switches_for_numbers(value, inner, (*place, key))
+    elif isinstance(content, list | tuple) and isinstance(result, list | tuple):
+        for k, pair in enumerate(zip(content, result)):
+            yield from _switches_for_numbers(*pair, (*place, k))
 
 
 def _of_keys(errors: list[ErrorDetails]) -> list[ErrorDetails]:
@@ -153,7 +172,7 @@ def _fault(document: Document, model: type, options: Mapping[Place, str], error:
             return f"{where}: missing"
         case "literal_error":
             expected = error["ctx"]["expected"].replace(" or ", ", ").replace("'", "").split(", ")
-            meant = difflib.get_close_matches(str(value), expected, n=1)
+            meant = difflib.get_close_matches(str(value).lower(), expected, n=1)
             hint = f"did you mean '{meant[0]}'?" if meant else f"known: {', '.join(expected)}"
             return f"{where}: unknown value {value!r} ({hint})"
         case "model_type" | "dataclass_type" | "dict_type":
@@ -161,7 +180,7 @@ def _fault(document: Document, model: type, options: Mapping[Place, str], error:
         case "string_pattern_mismatch":
             like = re.sub(r"[^\w.+-]+", "_", str(value)).strip("_")
             return f"{where}: found {_kind(value)}, expected letters, digits and _ . + - only{f', such as {like!r}' if like else ''}"
-        case "float_parsing" | "int_parsing" | "float_type" | "int_type" | "int_from_float":
+        case "float_parsing" | "int_parsing" | "int_parsing_size" | "float_type" | "int_type" | "int_from_float":
             return f"{where}: found {_kind(value)}, expected {_number(str(place[-1]), str(value), error['type'].startswith('int'))}"
         case "value_error":
             return f"{where}: {error['ctx']['error']}"

@@ -109,6 +109,18 @@ def test_an_anchor_may_be_given_twice_as_yaml_has_it(tmp_path):
             "case.yaml:2: robots.type.width_m, max_speed_mps, accel_mps2: missing",
         ),
         (GOOD + "  retime: {margin_s: x}\n", "case.yaml:6: planner.retime.margin_s: found 'x', expected a number of seconds"),
+        (GOOD + "seed: yes\n", "case.yaml:6: seed: found True, expected a whole number"),
+        (GOOD + "execution: {step_length_s: true}\n", "case.yaml:6: execution.step_length_s: found True, expected a number of seconds"),
+        (
+            "map: office\nrobots: {fleet: [{type: amr_600, count: on}]}\n",
+            "case.yaml:2: robots.fleet[0].count: found True, expected a whole number",
+        ),
+        (GOOD + "seed: 1.0e+308\n", "case.yaml:6: seed: found 1e+308, expected a whole number"),
+        (GOOD + "record: {storage: MCAP}\n", "case.yaml:6: record.storage: unknown value 'MCAP' (did you mean 'mcap'?)"),
+        (
+            "map: office\nrobots: {starts: desk}\ntasks: {list: [{stops: [v1, v2]}]}\n",
+            "case.yaml:2: robots.starts: found 'desk', expected a list",
+        ),
         (GOOD + "people: {lane_speeds: []}\n", "case.yaml:6: people.lane_speeds[0]: missing"),
         ("map: office\nrobots: {starts: [a]}\n", "case.yaml:2: robots: starts and goals go together: give both or neither"),
         (

@@ -114,7 +114,9 @@ class ScenarioModel(Strict):
     def _start_is_goal(cls, data: Any) -> Any:
         """With tasks, robots have no goals but their starts."""
         if isinstance(data, dict) and data.get("tasks") is not None and isinstance(robots := data.get("robots"), dict):
-            return {**data, "robots": {"goals": robots.get("starts"), **robots}}
+            starts = robots.get("starts")
+            are_names = isinstance(starts, list) and all(isinstance(name, str) for name in starts)  # else that is the fault, and told once
+            return {**data, "robots": {"goals": starts if are_names else None, **robots}}
         return data
 
     @model_validator(mode="before")
