@@ -72,6 +72,7 @@ SEVERITY: dict[str, Severity] = {
     "several_vehicle_types": "warn",
     "limits_by_vehicle_type": "info",
     "edge_without_its_nodes": "warn",
+    "edge_of_no_type": "warn",
     "speed_of_nothing": "warn",
     "very_slow_lanes": "warn",
     "turns_restricted": "warn",
@@ -99,6 +100,7 @@ CURE = {  # what the user can do about it
     "reference_level_without_measurement": "state the scale with --scale",
     "level_without_fiducials": "choose --level or add fiducials",
     "no_lanes": "draw lanes with `mrp-sumo studio`, or in Open-RMF's traffic editor",
+    "edge_of_no_type": "left out; vehicleTypeEdgeProperties says which vehicles may use it",
     "very_slow_lanes": "raise the limit, or leave such a direction out",
 }
 

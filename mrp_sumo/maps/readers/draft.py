@@ -161,8 +161,10 @@ class Draft:
             more = f"; and {len(self._nowhere) - 1} more, which --check lists" if len(self._nowhere) > 1 else ""
             raise RefusedMap(f"{shortened(self.source.path)}: {self._nowhere[0]}{more}", self.notes.findings())
         if not self._lanes:  # lanes without length make none
+            findings = self.notes.findings()
+            left_out = next((f"; {finding.line}" for finding in findings if finding.kind == "edge_of_no_type"), "")
             self.notes.add("no_lanes", f"{len(self._xy)} vertices")
-            message = f"{shortened(self.source.path)}: no lanes: nothing to drive on ({len(self._xy)} vertices)"
+            message = f"{shortened(self.source.path)}: no lanes: nothing to drive on ({len(self._xy)} vertices){left_out}"
             raise RefusedMap(message, self.notes.findings())
         nav = self._nav(map_name(self.source.path), level)
         shift = laid_out(nav, building)

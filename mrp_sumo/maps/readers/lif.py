@@ -141,6 +141,8 @@ class _Layouts:
         several: list[tuple[bool, str, Mapping[str, Any]]] = []  # True for types that are not driven, path, properties
         limits: dict[str, float] = {}
         loads, allowed = set[str](), set[str]()
+        if not (properties := list(properties)):
+            self.draft.notes.add("edge_of_no_type", f"'{name}'")
         for where, types, own in properties:
             barred = [kind for kind in types if kind not in self.usable[tail] or kind not in self.usable[head]]
             if barred:

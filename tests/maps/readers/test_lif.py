@@ -50,6 +50,19 @@ def test_nodes_edges_and_stations_become_vertices_lanes_and_options(load):
     assert (nav.name, nav.level_names) == ("site", ("hall",))
 
 
+def test_edges_that_no_type_of_vehicle_may_use_are_left_out_and_named(load):
+    document = lif()
+    document["layouts"][0]["edges"].append({"edgeId": "B-A", "startNodeId": "B", "endNodeId": "A", "vehicleTypeEdgeProperties": []})
+    site = load(document)
+    assert kinds(site)["edge_of_no_type"].details == ("'B-A'",) and site.nav.num_lanes == load(lif()).nav.num_lanes
+    for edge in document["layouts"][0]["edges"]:
+        edge["vehicleTypeEdgeProperties"] = []
+    with pytest.raises(
+        MapError, match=r"no lanes: nothing to drive on \(3 vertices\); edge of no type: 'A-B'; 'B-C'; 'C-A'; 'B-A': left out"
+    ):
+        load(document)
+
+
 def test_a_trajectory_is_followed_within_a_centimetre(load):
     nav = load(lif()).nav
     bends = nav.xy[nav.having("is_bend")]
