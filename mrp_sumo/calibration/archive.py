@@ -30,7 +30,7 @@ from mrp_sumo.core.graph import BoolArray, FloatArray
 from mrp_sumo.errors import MrpSumoError, nearest
 from mrp_sumo.files.names import fault_of
 from mrp_sumo.files.reading import json_value, read_json, require_regular, shortened
-from mrp_sumo.files.writing import written_for_user
+from mrp_sumo.files.writing import writing_to, written_whole
 from mrp_sumo.io.arrow import dictionary, numbers, texts, write_table
 from mrp_sumo.io.tables import Table, read_table
 
@@ -83,7 +83,7 @@ def write_archive(log: MotionLog, about: ArchiveHead, out: Path, map_: Path | No
         raise MrpSumoError(f"{shortened(out.parent)}: no such folder")
     if log.is_commanded:
         raise MrpSumoError(f"{log.source}: found commanded speeds alone, expected poses: an archive says where vehicles were")
-    with TemporaryDirectory(dir=out.absolute().parent, prefix=f".{out.name}-") as scratch:
+    with writing_to(out), TemporaryDirectory(dir=out.absolute().parent, prefix=f".{out.name}-") as scratch:
         folder = Path(scratch) / "archive"
         folder.mkdir()
         write_table(folder / STATES, _states(log))
@@ -96,7 +96,7 @@ def write_archive(log: MotionLog, about: ArchiveHead, out: Path, map_: Path | No
         if out.suffix.lower() != ".zip":
             folder.rename(out)
             return out
-        with written_for_user(out) as part, zipfile.ZipFile(part, "w", zipfile.ZIP_DEFLATED) as pack:
+        with written_whole(out) as part, zipfile.ZipFile(part, "w", zipfile.ZIP_DEFLATED) as pack:
             for path in sorted(folder.iterdir()):
                 pack.writestr(zipfile.ZipInfo(path.name, (1980, 1, 1, 0, 0, 0)), path.read_bytes(), zipfile.ZIP_DEFLATED)
     return out

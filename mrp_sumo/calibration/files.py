@@ -128,18 +128,23 @@ def document_of(result: Calibration) -> dict[str, Any]:
     }
 
 
+def of_calibration(path: Path) -> tuple[Path, ...]:
+    """Type, disturbances and picture that a calibration writes."""
+    return path, path.with_suffix(".disturbances.yaml"), path.with_suffix(".png")
+
+
 def require_free(path: Path) -> None:
     """Raises MrpSumoError where a file of a calibration is there already, or its folder is not."""
     if not path.parent.is_dir():
         raise MrpSumoError(f"{path.parent}: no such folder")
-    for each in (path, path.with_suffix(".disturbances.yaml"), path.with_suffix(".png")):
+    for each in of_calibration(path):
         if each.exists():
             raise MrpSumoError(f"{each}: is there already, expected a name of a new file")
 
 
 def write_files(result: Calibration, base: RobotShape, path: Path) -> tuple[Path, Path]:
     """Write `TYPE.yaml` and beside it `TYPE.disturbances.yaml`."""
-    beside = path.with_suffix(".disturbances.yaml")
+    _, beside, _ = of_calibration(path)
     write_options(type_of(result, base), path)
     write_options(disturbances_of(result), beside)
     return path, beside

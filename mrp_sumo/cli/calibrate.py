@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from mrp_sumo.cli.printing import plain_table, print_table, say, say_json
 from mrp_sumo.errors import MrpSumoError
+from mrp_sumo.files.writing import writing_to
 
 if TYPE_CHECKING:
     from mrp_sumo.calibration.estimates import Calibration
@@ -45,7 +46,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Calibrate, write, print."""
     from mrp_sumo.calibration.estimates import calibrated
-    from mrp_sumo.calibration.files import document_of, drift, require_free, write_files
+    from mrp_sumo.calibration.files import document_of, drift, of_calibration, require_free, write_files
     from mrp_sumo.calibration.log import require_here
     from mrp_sumo.calibration.reading import read_fleet
     from mrp_sumo.io.scenario.robots import robot_type
@@ -68,8 +69,14 @@ def run(options: argparse.Namespace) -> int:
         from mrp_sumo.reports.pictures.calibration import picture_of
 
         shape = RobotShape(**{name: value for name, value in vars(base).items() if name != "name"})
-        written += write_files(result, shape, options.out)
-        written.append(picture_of(result).write(options.out.with_suffix(".png")))
+        try:
+            with writing_to(options.out):
+                written += write_files(result, shape, options.out)
+                written.append(picture_of(result).write(options.out.with_suffix(".png")))
+        except BaseException:
+            for each in of_calibration(options.out):  # which were not there: all of them, or none
+                each.unlink(missing_ok=True)
+            raise
     if options.json:
         say_json(document_of(result) | ({} if options.against is None else {"drift": changed}) | {"files": [str(path) for path in written]})
     else:

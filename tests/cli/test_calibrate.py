@@ -1,5 +1,7 @@
+import errno
 import json
 from pathlib import Path
+from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
@@ -18,7 +20,7 @@ def poses(tmp_path_factory):
     return path
 
 
-def test_scenario_takes_what_is_written(poses, tmp_path, capsys):
+def test_scenario_takes_what_is_written(poses, tmp_path, capsys, monkeypatch):
     assert main(["calibrate", str(poses), "--out", str(tmp_path / "mine.yaml"), "--json"]) == 0
     document = json.loads(capsys.readouterr().out)
     assert [Path(name).name for name in document["files"]] == ["mine.yaml", "mine.disturbances.yaml", "mine.png"]
@@ -33,6 +35,10 @@ def test_scenario_takes_what_is_written(poses, tmp_path, capsys):
     assert what.latency_s == 0.2
     assert main(["calibrate", str(poses), "--out", str(tmp_path / "mine.yaml")]) == 2
     assert "is there already" in capsys.readouterr().err
+    full = OSError(errno.ENOSPC, "No space left on device")  # while the last of the three is written
+    monkeypatch.setattr("mrp_sumo.reports.pictures.picture.Picture.write", MagicMock(side_effect=full))
+    assert main(["calibrate", str(poses), "--out", str(tmp_path / "more.yaml")]) == 2
+    assert capsys.readouterr().err.endswith("more.yaml: cannot be written: the disk is full\n") and not [*tmp_path.glob("more*")]
     assert main(["calibrate", "no.csv", "--out", str(tmp_path / "none" / "mine.yaml")]) == 2
     assert "none: no such folder" in capsys.readouterr().err  # before anything is read
 
