@@ -200,8 +200,8 @@ def _require_orders(held: HeldOut) -> None:
         raise MrpSumoError(f"{held.log.source}: {what}, expected {FEW} or more to compare{more}")
     if sum(order.done_s < held.end_s for order in new) < FEW:
         raise MrpSumoError(
-            f"{held.log.source}: it says of fewer than {FEW} orders after {held.cut_s:.0f} s when they were done, "
-            "expected actions at stations"
+            f"{held.log.source}: fewer than {FEW} orders that came after {held.cut_s:.0f} s were done by the end of the log, as far as it "
+            f"tells; expected {FEW} or more, with actions at stations, or a longer log"
         )
 
 

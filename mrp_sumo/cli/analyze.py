@@ -69,7 +69,7 @@ def run(options: argparse.Namespace) -> int:
     from mrp_sumo.io.tasks_table import TASKS
 
     if (options.bag / TASKS).is_file():
-        warn(f"{options.bag}: a run with orders, of which these know none: mrp-sumo report shows its own figures")
+        warn(f"{options.bag}: a run with orders, which MRP-Bench's metrics do not count: `mrp-sumo report` shows its own figures")
     if options.json:
         say_json(metrics, indent=2)
         return 0

@@ -110,7 +110,7 @@ def _written(path: Path, log: "MotionLog", options: argparse.Namespace, notes: t
     size = sum(each.stat().st_size for each in (path.iterdir() if path.is_dir() else [path]))
     num_poses = sum(map(len, log.poses.values()))
     counts = {"vehicles": len(log.poses), "poses": num_poses, "orders": len(log.orders), "bytes": size}
-    said = f"{path}: {len(log.poses)} vehicles, {num_poses} poses, {len(log.orders)} orders, {size / 1e3:.0f} kB"
+    said = f"{path}: {count(len(log.poses), 'vehicle')}, {num_poses} poses, {count(len(log.orders), 'order')}, {size / 1e3:.0f} kB"
     all_notes = [*log.notes, *notes]
     say_either(options.json, {"file": str(path), **counts, "notes": all_notes}, *(f"note: {note}" for note in all_notes), said)
     return 0

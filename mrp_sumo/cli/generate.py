@@ -5,7 +5,7 @@ from inspect import signature
 from pathlib import Path
 
 from mrp_sumo.cli.printing import say_either
-from mrp_sumo.errors import MapError, sentence
+from mrp_sumo.errors import MapError, count, sentence
 from mrp_sumo.maps.generate import GENERATORS, VERTICES_A_ROBOT
 
 SUFFIX = ".building.yaml"
@@ -49,14 +49,15 @@ def run(options: argparse.Namespace) -> int:
         drawing.write(path)
     except OSError as error:
         raise MapError(f"--out {path}: {sentence(error)}") from None
+    room = len(drawing.stations) // VERTICES_A_ROBOT
     facts = {
         "written": str(path),
         "vertices": len(drawing.stations),
         "edges": len(drawing.lanes),
         "width_m": round(drawing.width_m, 3),
         "height_m": round(drawing.height_m, 3),
-        "room_for_robots": len(drawing.stations) // VERTICES_A_ROBOT,
+        "room_for_robots": room,
     }
-    words = "{written}: {vertices} vertices, {edges} edges, {width_m:.1f} x {height_m:.1f} m, room for {room_for_robots} robots"
-    say_either(options.json, facts, words.format(**facts), indent=2)
+    words = "{written}: {vertices} vertices, {edges} edges, {width_m:.1f} x {height_m:.1f} m, room for {robots}"
+    say_either(options.json, facts, words.format(**facts, robots=count(room, "robot")), indent=2)
     return 0

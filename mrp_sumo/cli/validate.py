@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING
 from mrp_sumo.cli import step_wise
 from mrp_sumo.cli.option_rules import only_for, require_least
 from mrp_sumo.cli.printing import say, say_either, say_json, warn
+from mrp_sumo.errors import count
 
 if TYPE_CHECKING:
     from mrp_sumo.core.problem import Problem
@@ -92,7 +93,7 @@ def run(options: argparse.Namespace) -> int:
         say_json(summary)
         return 0 if valid else 1
     if valid:
-        say(f"valid: {plan.num_robots} robots, sum of costs {cost:g}, {verdict.count('following')} following conflicts")
+        say(f"valid: {count(plan.num_robots, 'robot')}, sum of costs {cost:g}, {verdict.count('following')} following conflicts")
     else:
         _print_some(lines, options.limit)
     if judged and judged.drivable:
@@ -147,7 +148,7 @@ def _print_some(lines: list[str], limit: int) -> None:
 def _messages(options: argparse.Namespace) -> int:
     from itertools import islice
 
-    from mrp_sumo.errors import MrpSumoError, count
+    from mrp_sumo.errors import MrpSumoError
     from mrp_sumo.files.reading import require_regular, shortened
     from mrp_sumo.formats.vda.check import LONGEST_LINE, check
 

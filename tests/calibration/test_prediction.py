@@ -230,7 +230,7 @@ def test_the_period_of_a_log_is_the_usual_one_of_its_vehicles():
         ((110.0,) * 5, None, None),
         ((110.0,) * (FEW - 1), None, f"{FEW - 1} orders are released in 100 to 500 s, all in 100 to {98 + FEW} s, expected {FEW} or more"),
         ((), (), f"the log has no orders, expected {FEW} or more to compare; give them with --orders FILE.csv"),
-        ((math.nan,) * 5, None, f"it says of fewer than {FEW} orders after 100 s when they were done"),
+        ((math.nan,) * 5, None, f"fewer than {FEW} orders that came after 100 s were done by the end of the log"),
     ],
 )
 def test_a_log_needs_a_few_orders_to_compare(done, log_orders, line):

@@ -182,4 +182,4 @@ def test_of_a_run_with_orders_it_is_said_that_these_metrics_know_none(tmp_path, 
     if has_orders:
         (tmp_path / "run" / "tasks.parquet").touch()
     assert main(["analyze", str(tmp_path / "run")]) == 0
-    assert ("a run with orders, of which these know none" in capsys.readouterr().err) == has_orders
+    assert ("a run with orders, which MRP-Bench's metrics do not count" in capsys.readouterr().err) == has_orders
