@@ -1,4 +1,4 @@
-"""Ways cleared of robots without work: who stands where another has to pass, and cannot be driven round, is sent on before it.
+"""Ways cleared of robots without work: who stands where another has to pass, or too near, and cannot be driven round, is sent on before it.
 
 As pushes in multi-robot planning do (Luna, Bekris, "Push and swap", IJCAI 2011): one with work is followed along its way, and whoever it
 meets moves on to the nearest vertex off that way, pushing others on in turn. So robots on a one-way ring keep their order, and the places
@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from mrp_sumo.core.graph import PlanGraph
 
 Near = Callable[[int, Sequence[int]], bool]  # whether a robot on a vertex is in the way of one on some others
-Passable = Callable[[int, int], bool]  # whether a way, by its number, can lead from its first vertex to its last without a vertex
+Passable = Callable[[int, int], bool]  # whether a way, by its number, can lead from its first vertex to its last past a robot on a vertex
 
 
 def cleared(
@@ -44,11 +44,12 @@ def cleared(
     for n in _front_first(ways):
         route = ways[n]
         for k in range(1, len(route)):
-            if route[k] not in at or (k < len(route) - 1 and passable(n, route[k])):
-                continue
-            path = _path_off(graph, route, k, closed, taken | at.keys(), near)
-            for behind, ahead in _moves(path, at):
-                at[ahead] = at.pop(behind)
+            for v in [v for v in at if v == route[k] or near(v, route[k : k + 1])]:
+                if v not in at or (k < len(route) - 1 and passable(n, v)):
+                    continue
+                path = _path_off(graph, route, k, v, closed, taken | at.keys(), near)
+                for behind, ahead in _moves(path, at):
+                    at[ahead] = at.pop(behind)
     return {r: v for v, r in at.items() if idle[r] != v}
 
 
@@ -62,17 +63,20 @@ def _front_first(ways: Sequence[Sequence[int]]) -> list[int]:
     return order
 
 
-def _path_off(graph: PlanGraph, route: Sequence[int], k: int, closed: set[int], taken: set[int], near: Near) -> list[int]:
-    """The vertices from the k-th of a route to the nearest off it, best ahead of who comes and clear of it; the k-th alone: none."""
+def _path_off(graph: PlanGraph, route: Sequence[int], k: int, stands: int, closed: set[int], taken: set[int], near: Near) -> list[int]:
+    """The vertices from where a robot stands to the nearest off a route that is driven from its k-th on, best ahead of who comes and clear
+    of it; none but the first: none. Who is beside the route goes only where it is clear of it.
+    """
     rest = route[k:]
 
     def off(v: int) -> bool:
         return v not in route and v not in taken and not graph.vertex_options[v].get("is_passthrough_point")
 
     for barred in (closed | set(route[:k]), closed):
-        if path := _nearest(graph, route[k], barred, lambda v: off(v) and not near(v, rest)) or _nearest(graph, route[k], barred, off):
+        path = _nearest(graph, stands, barred, lambda v: off(v) and not near(v, rest))
+        if path := path or (_nearest(graph, stands, barred, off) if stands in rest else []):
             return path
-    return [route[k]]
+    return [stands]
 
 
 def _nearest(graph: PlanGraph, start: int, barred: set[int], fits: Callable[[int], bool]) -> list[int]:

@@ -374,13 +374,14 @@ class RobotPlaces:
         idle = {r: int(start[r]) for r in rest}
 
         def is_on_way(robot: int, v: int) -> bool:
-            end = int(vertex[robot])
-            steps, known = self._distances(robot).to(end), self._distances(robot)
-            return int(known.to(v)[start[robot]]) + int(steps[v]) == int(steps[start[robot]]) and not passable(robot, v)
+            known = self._distances(robot)
+            steps, at = known.to(int(vertex[robot])), start[robot]
+            passes = any(int(known.to(u)[at]) + int(steps[u]) == int(steps[at]) for u in self._closed_by({v}))
+            return passes and not passable(robot, v)
 
         @cache
         def passable(robot: int, v: int) -> bool:
-            return bool(self._reach(robot, int(start[robot]), blocked | {v})[vertex[robot]] < UNREACHABLE)
+            return bool(self._reach(robot, int(start[robot]), blocked | self._closed_by({v}))[vertex[robot]] < UNREACHABLE)
 
         if not any(is_on_way(r, v) for r in goes for v in idle.values()):
             return {}

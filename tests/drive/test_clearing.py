@@ -48,6 +48,20 @@ def test_a_side_road_is_taken_where_it_is_nearer_and_far_enough_from_who_passes(
     assert sent(graph, [range(0, 5)], [2], near=lambda v, others: v == 6) == {0: 7}
 
 
+def beside_two(v, others):
+    """A robot at 6 is in the way of one at 2."""
+    return v == 6 and 2 in others
+
+
+def test_who_rests_beside_a_way_and_in_its_way_is_sent_where_it_is_clear_of_it():
+    graph = corridor_with(6, (2, 6), (6, 7))
+    assert sent(graph, [range(0, 5)], [6]) == {}
+    assert sent(graph, [range(0, 5)], [6], near=beside_two) == {0: 7}
+    assert sent(graph, [range(0, 5)], [6], near=beside_two, passable=lambda n, v: True) == {}
+    assert sent(graph, [range(3, 6)], [6], near=beside_two) == {}  # which does not come by 2
+    assert sent(corridor_with(5, (2, 5)), [range(0, 5)], [5], near=lambda v, others: v == 5 and 2 in others) == {}  # there is no room
+
+
 def test_out_of_a_dead_end_behind_who_comes_if_there_is_no_room_ahead():
     assert sent(corridor_with(5, (1, 5)), [range(0, 5)], [3]) == {0: 5}
 

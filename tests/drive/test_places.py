@@ -49,6 +49,27 @@ def test_a_robot_does_not_make_room_in_the_mutex_group_of_the_place(groups, rest
     assert chosen(row(9, groups=groups), [0, 4], {0: 4}) == ([4, rests_at], [True, False])
 
 
+@pytest.mark.parametrize(("group", "rests_at"), [("a", 10), ("b", 9)])
+def test_a_robot_that_holds_the_mutex_group_of_anothers_only_way_is_sent_on(group, rests_at):
+    """robot_0 comes from 0 to 8 over 4, robot_1 rests in a side road off 6."""
+    pairs = [*((v, v + 1) for v in range(8)), (6, 9), (9, 10)]
+    xy = [*((v * CELL_M, 0) for v in range(9)), (6 * CELL_M, CELL_M), (6 * CELL_M, 2 * CELL_M)]
+    options = [{4: {"mutex": "a"}, 9: {"mutex": group}}.get(v, {}) for v in range(11)]
+    nav = nav_graph(name="side", xy=xy, lanes=[lane for a, b in pairs for lane in ((a, b), (b, a))], vertex_options=options)
+    assert chosen(plan_graph(nav, kind="roadmap", cell_m=CELL_M), [0, 9], {0: 8}) == ([8, rests_at], [True, False])
+
+
+@pytest.mark.parametrize(("group", "rests_at"), [("a", [5, 9]), ("b", [5, 2])])
+def test_a_way_round_is_none_that_the_mutex_group_of_who_rests_closes(group, rests_at):
+    """robot_0 comes from 0 to 5, robot_1 rests at 2 on the shorter way; the longer one is over 7."""
+    pairs = [(0, 1), (1, 2), (2, 3), (3, 4), (4, 5), (1, 6), (6, 7), (7, 8), (8, 4), (3, 9)]
+    xy = [(0, 0), (1, 0), (2, 0), (3, 0), (4, 0), (5, 0), (1, 2), (2, 3), (4, 2), (3, -2)]
+    options = [{2: {"mutex": "a"}, 7: {"mutex": group}}.get(v, {}) for v in range(10)]
+    lanes = [lane for a, b in pairs for lane in ((a, b), (b, a))]
+    nav = nav_graph(name="two ways", xy=[(x * CELL_M, y * CELL_M) for x, y in xy], lanes=lanes, vertex_options=options)
+    assert chosen(plan_graph(nav, kind="roadmap", cell_m=4 * CELL_M), [0, 2], {0: 5}) == (rests_at, [True, False])
+
+
 def test_where_there_are_only_doorsteps_a_robot_makes_room_on_the_nearest():
     assert chosen(row(3, 0, 1, 2), [0, 1], {0: 1}) == ([1, 0], [True, False])
 
