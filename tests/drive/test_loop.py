@@ -216,7 +216,7 @@ def test_a_deadlock_names_where_each_wants_to_go():
     controller.ledger.state.grants.wanted[:] = [3, 4, 5]
     event = controller.deadlock(7.0, (2, 0, 1))
     assert event.text == "robot_2 (to 'v3') waits for robot_0 (to 'v1') waits for robot_1 (to 'v1') waits for robot_2"
-    assert (event.t_s, event.kind, event.robot, event.vertex, event.other) == (7.0, "deadlock", 2, 3, 0)
+    assert (event.t_s, event.kind, event.robot, event.vertex, event.other, event.duration_s) == (7.0, "deadlock", 2, 3, 0, 0.0)
     alone = controller.deadlock(7.0, (1,))
     assert (alone.robot, alone.other, alone.text) == (1, 1, "robot_1 (to 'v1') waits for robot_1")
 
