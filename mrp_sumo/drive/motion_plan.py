@@ -108,9 +108,9 @@ def motion_plan(
     turns[:-1] = np.abs(wrapped(heading[1:] - heading[:-1])) > TURNS_RAD
     turns[last] = False
     gear, tangent, bend_m, bend_mps, limit = _bends(graph, plan, lane, departure, kind, vehicles, heading, turns)
-    behind, behind_m = _behind(plan, departure, kind, vehicles)
+    behind, trailing_m = _behind(plan, departure, kind, vehicles)
     needs = needs_of(graph, plan, lane, resources, kind, behind)
-    left_at = left_after_m(graph, resources, Course(plan, lane, from_m, at_m, stretch, kind, behind_m), needs)
+    left_at = left_after_m(graph, resources, Course(plan, lane, from_m, at_m, stretch, kind, trailing_m), needs)
     if len(needless):
         needed = ~np.isin(needs.visit, last[needless])
         first = np.searchsorted(needs.visit[needed], np.arange(plan.num_visits + 1)).astype(np.int64)
@@ -200,13 +200,16 @@ def _first_gear(graph: PlanGraph, vehicle: RobotType, onward: int, heading_rad: 
 
 
 def _behind(plan: Plan, departure: Departure, kind: IntArray, vehicles: Vehicles) -> tuple[IntArray | None, FloatArray | None]:
-    """[N] vertices on which trailers stand while a robot is at a visit, -1: none; and [K] how far they reach back. None: nobody tows."""
-    behind_m = np.array([each.behind_m if each is not None else 0.0 for each in vehicles] or [0.0])[kind if vehicles else 0 * kind]
-    if not behind_m.any():
+    """[N] vertices on which trailers stand while a robot is at a visit, -1: none; and [K] how far they reach back beyond the robot's circle.
+    None: nobody tows.
+    """
+    tows = [each is not None and each.behind_m > 0 for each in vehicles]
+    if not any(tows):
         return None, None
-    behind = np.where(np.repeat(behind_m, np.diff(plan.first)) > 0, np.append(-1, plan.vertex[:-1]), -1)
+    trailing_m = np.array([max(each.behind_m - each.radius_m, 0.0) if each is not None and each.behind_m else 0.0 for each in vehicles])
+    behind = np.where(np.repeat(np.array(tows)[kind], np.diff(plan.first)), np.append(-1, plan.vertex[:-1]), -1)
     behind[plan.first[:-1]] = departure.behind
-    return behind, behind_m
+    return behind, trailing_m[kind]
 
 
 def lanes_along(graph: NavGraph, plan: Plan) -> tuple[IntArray, BoolArray]:

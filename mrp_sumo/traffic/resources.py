@@ -249,12 +249,12 @@ class Course(NamedTuple):
     at_m: FloatArray  # [N] where the visit is
     stretch: FloatArray  # [L] how much longer a lane is on that path than in the graph: 1 but for lanes SUMO takes for longer
     kind: IntArray  # [R] types of the robots
-    behind_m: FloatArray | None = None  # [R] that trailers reach back; None: there are none
+    trailing_m: FloatArray | None = None  # [R] that trailers reach back beyond the circle of their robot; None: there are none
 
 
 def left_after_m(graph: NavGraph, resources: Resources, course: Course, needs: Needs) -> FloatArray:
     """[M] how far along its path a robot has left what it needed, inf where it stays."""
-    plan, lane, from_m, at_m, stretch, kind, behind_m = course
+    plan, lane, from_m, at_m, stretch, kind, trailing_m = course
     num_vertices = graph.num_vertices
     visit, resource = needs.visit, needs.resource
     onward = np.append(lane[1:], -1)[visit]  # lane by which the visit's vertex is left, -1: never
@@ -274,9 +274,9 @@ def left_after_m(graph: NavGraph, resources: Resources, course: Course, needs: N
     radius_m = np.where(others, resources.apart_m[of_visit[part]], 0.0).max(1) + beyond_m
     along, back, other = num_vertices + resources.track[used[part]], graph.tail > graph.head, pair[np.arange(len(pair)), 1 - second]
     after[part] = _last_share(resources.lines, along, back[used[part]], other, radius_m) * graph.length_m[used[part]]
-    if behind_m is not None:
+    if trailing_m is not None:
         held = ~needs.on_lane & (used >= 0)
-        after[held] = np.maximum(after, np.repeat(behind_m, np.diff(plan.first))[visit])[held]
+        after[held] += np.repeat(trailing_m, np.diff(plan.first))[visit][held]
     limit = np.where(used >= 0, graph.length_m[used] - LEFT_M, np.inf)
     left: FloatArray = origin + np.minimum(after, limit) * np.where(used >= 0, stretch[used], 1.0)
     return left

@@ -315,6 +315,16 @@ def test_trailers_stand_where_a_robot_came_from_and_at_first_where_its_start_has
     assert ledger.behind.tolist() == [first]
 
 
+@pytest.mark.parametrize("truck", [TRICYCLE, TUGGER])
+def test_a_vertex_is_left_when_the_last_trailer_is_clear_of_who_stands_there(truck):
+    """Straight on: the middle is then as far away as what it tows reaches back, or its own circle, and the circle of another and the gap."""
+    ledger = truck_on([0, 1, 2], 0.0, truck=truck, graph=roads([(0.0, 0.0), (20.0, 0.0), (40.0, 0.0)], [(0, 1), (1, 2)], cell_m=20.0))
+    k = int(ledger.all_ids(0)[1])
+    mine = slice(ledger.needs.first[k], ledger.needs.first[k + 1])
+    (left_m,) = ledger.needs.left_at_m[mine][ledger.needs.resource[mine] == 1] - ledger.visits.at_m[k]
+    assert left_m == pytest.approx(max(truck.behind_m, truck.radius_m) + truck.radius_m + truck.gap_m)
+
+
 def test_a_vehicle_that_swings_out_to_change_gear_keeps_the_gear_in_which_it_leaves():
     """Backward out of the station in the west, past the corner, and forward to the north."""
     graph = roads([(0.0, 0.0), (8.0, 0.0), (8.0, 8.0), (8.0, 16.0)], [(1, 2), (2, 3)], [(0, 1), (1, 0)], cell_m=8.0)
