@@ -104,17 +104,22 @@ def most_drawn(graph: PlanGraph, seed: int, separation_m: float = 0.0, *, anywhe
 
 
 def stands_of(graph: PlanGraph, *, anywhere: bool = False, vehicle: RobotType | None = None) -> Stands:
-    """Vertices on which robots are drawn: the stations, or all vertices, that are in the component with most of them, but none in a lift.
+    """Vertices on which robots are drawn: the stations, or all vertices, in the component with most stations, but none in a lift.
 
     Of a vehicle that cannot turn in place the component is one of its moves, and starts are such that it comes there.
     """
-    station = np.arange(graph.num_vertices) if anywhere else np.unique(graph.vertex_of_station[graph.vertex_of_station >= 0])
+    may_stand = ~graph.having("is_passthrough_point")
     if graph.is_ride.any():  # who stands at a lift keeps others from it
-        station = station[~graph.having("cabin")[station]]
-    station = station[~graph.having("is_passthrough_point")[station]]
+        may_stand &= ~graph.having("cabin")
+    station = np.unique(graph.vertex_of_station[graph.vertex_of_station >= 0])
+    station, everywhere = station[may_stand[station]], np.flatnonzero(may_stand)
     if vehicle is None or not vehicle.is_vehicle:
-        station = main_piece(graph, station)
-        return Stands(station, station)
+        piece = main_piece(graph, station if len(station) else everywhere)
+        if anywhere and len(piece):  # where the work is, though another component may have longer lanes
+            component = strong_components(graph.num_vertices, graph.tail, graph.head)
+            piece = everywhere[component[everywhere] == component[piece[0]]]
+        return Stands(piece, piece)
+    station = everywhere if anywhere else station
     trips = round_trips(graph, vehicle, station)
     start, goal = station[trips.begins[station]], station[trips.is_on[station]]
     if not vehicle.trailers:

@@ -57,6 +57,14 @@ def test_uniform_draw_uses_stations_only():
     assert set(start) == set(goal) == {0, 4}
 
 
+@pytest.mark.parametrize(("stations", "piece"), [([0, 1, 5], {0, 1}), ([0, 5, 6], {2, 3, 4, 5, 6}), ([0, 5], {0, 1})])
+def test_a_draw_anywhere_is_in_the_piece_with_most_stations_as_that_of_stations_is(stations, piece):
+    """A row of two and a longer one of five; where both have as many stations, the first."""
+    graph = drawn_graph([(i, j) for i in range(7) for j in (i - 1, i + 1) if 0 <= j < 7 and {i, j} != {1, 2}], 7, stations)
+    assert set(stands_of(graph, anywhere=True).start.tolist()) == piece
+    assert set(stands_of(graph).start.tolist()) == piece & set(stations)
+
+
 def test_too_many_robots_are_refused():
     with pytest.raises(PlanError, match="cannot draw 6 robots: there are 5 vertices"):
         mrp_bench_draw(5, 6, 0)
