@@ -14,6 +14,7 @@ from annotated_types import Interval
 
 from mrp_sumo.errors import OptionError, nearest
 
+LARGEST = 1e9  # of figures: beyond, sums of them overflow
 BOUNDS = {"gt": "above {:g}", "ge": "at least {:g}", "lt": "below {:g}", "le": "at most {:g}"}
 
 
@@ -35,6 +36,8 @@ class Options:
             value, bounds = getattr(self, each.name), {bound: each.metadata[bound] for bound in BOUNDS if bound in each.metadata}
             if not isinstance(value, float | int):
                 continue
+            if isinstance(value, float) and abs(value) > LARGEST and math.isfinite(value):
+                raise OptionError(f"{each.name} is {value:g}, expected at most {LARGEST:g}")
             if not (math.isfinite(value) and all(getattr(operator, bound)(value, limit) for bound, limit in bounds.items())):
                 expected = " and ".join(BOUNDS[bound].format(limit) for bound, limit in bounds.items())
                 raise OptionError(f"{each.name} is {value:g}, expected {expected or 'a finite number'}")

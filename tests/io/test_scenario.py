@@ -109,6 +109,10 @@ def test_an_anchor_may_be_given_twice_as_yaml_has_it(tmp_path):
             "case.yaml:2: robots.type.width_m, max_speed_mps, accel_mps2: missing",
         ),
         (GOOD + "  retime: {margin_s: x}\n", "case.yaml:6: planner.retime.margin_s: found 'x', expected a number of seconds"),
+        (
+            GOOD + "execution: {disturbances: {latency_s: 1.0e+308}}\n",
+            "case.yaml:6: execution.disturbances: latency_s is 1e+308, expected at most 1e+09",
+        ),
         (GOOD + "seed: yes\n", "case.yaml:6: seed: found True, expected a whole number"),
         (GOOD + "execution: {step_length_s: true}\n", "case.yaml:6: execution.step_length_s: found True, expected a number of seconds"),
         (
