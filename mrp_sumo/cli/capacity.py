@@ -36,8 +36,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add(
         "--on-time",
         metavar="SHARE",
-        help="share of orders that are to be on time, such as 95%% (the default); without due times, of orders that are done at all; "
-        "of a scenario without orders, share of draws that are to succeed (default: 80%%)",
+        help="share of orders that are to be on time, such as 95%% (the default); without due times, those that take at "
+        "most three times as long as in the smallest fleet; of a scenario without orders, share of draws that are to succeed "
+        "(default: 80%%)",
     )
     add(
         "--robots",

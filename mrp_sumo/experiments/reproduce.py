@@ -11,17 +11,19 @@ from pathlib import Path
 from typing import Any
 
 from mrp_sumo.core.execution import RECORDED
-from mrp_sumo.errors import MrpSumoError
+from mrp_sumo.errors import MapError, MrpSumoError
 from mrp_sumo.experiments.identity import code_version
 from mrp_sumo.experiments.map_cache import MapCache
 from mrp_sumo.experiments.run import RunOptions, carry_out, run_scenario
 from mrp_sumo.files.folders import RESULT
+from mrp_sumo.files.reading import shortened
 from mrp_sumo.io.documents import Document, validated
 from mrp_sumo.io.results import BatchRecord
 from mrp_sumo.io.run_folder import files_in, versions
 from mrp_sumo.io.run_reader import load_run
 from mrp_sumo.io.scenario.file import ScenarioFile
 from mrp_sumo.io.scenario.model import ScenarioModel
+from mrp_sumo.maps.catalogue import find_map
 from mrp_sumo.metrics.registry import MACHINE_DEPENDENT
 
 CLOCKS = ("versions", "files", "machine")  # of result.json, beside metrics of the machine
@@ -55,6 +57,10 @@ def reproduce_run(folder: Path, base: Path) -> Reproduction:
         raise MrpSumoError(f"{folder}: was read from a log, not driven here: `mrp-sumo import` makes it again")
     scenario = validated(Document(folder / RESULT, before["scenario"], {}), ScenarioModel)
     file = ScenarioFile(scenario, Document(base / RESULT, before["scenario"], {}), {})
+    try:
+        find_map(scenario.map.file, base)
+    except MapError as error:
+        raise MrpSumoError(f"{shortened(folder)}: {error}; --base says where the paths of its scenario begin, now {base}") from None
     with tempfile.TemporaryDirectory(prefix="mrp_sumo_") as place:
         again = Path(place) / "run"
         run_scenario(file, again, RunOptions())

@@ -70,6 +70,16 @@ def test_bad_input_is_one_line(finished, tmp_path, capsys):
         assert capsys.readouterr().err.count("\n") == 1
 
 
+def test_a_map_that_is_elsewhere_names_the_option_that_says_where(finished, tmp_path, capsys):
+    run = shutil.copytree(finished, tmp_path / "run")
+    result = json.loads((run / "result.json").read_text())
+    result["scenario"]["map"]["file"] = "../site.yaml"
+    (run / "result.json").write_text(json.dumps(result))
+    assert main(["reproduce", str(run), "--base", str(tmp_path)]) == 2
+    said = capsys.readouterr().err
+    assert "no map '../site.yaml'" in said and said.endswith(f"; --base says where the paths of its scenario begin, now {tmp_path}\n")
+
+
 def test_a_folder_of_runs_without_the_plan_of_a_batch_is_none_here_as_elsewhere(tmp_path, capsys):
     (tmp_path / "runs").mkdir()
     for command in (["reproduce"], ["analyze", "--metric", "makespan_s"]):
