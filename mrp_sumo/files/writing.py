@@ -1,5 +1,6 @@
 """Files and folders that are written whole or not at all."""
 
+import errno
 import os
 import shutil
 from collections.abc import Iterator
@@ -14,8 +15,12 @@ from mrp_sumo.files.reading import shortened
 def written_whole(path: Path) -> Iterator[Path]:
     """A place beside `path` to write to, which replaces `path` at the end; after a fault nothing of it is left.
 
-    Raises OSError as the system reports it.
+    A device or pipe, such as /dev/null, is written to as it is: who may replace it would take it from everybody. Raises OSError as the
+    system reports it.
     """
+    if _is_special(path):
+        yield path
+        return
     part = path.with_name(f".{os.getpid()}.{path.name}")
     try:
         yield part
@@ -52,8 +57,10 @@ def written_for_user(path: Path) -> Iterator[Path]:
 def new_folder(out: Path) -> Iterator[Path]:
     """A folder beside `out` to write to, which replaces `out` at the end; after a fault nothing of it is left.
 
-    Raises OSError as the system reports it.
+    Raises OSError as the system reports it, and for a device or pipe.
     """
+    if _is_special(out):
+        raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(out))
     new, old = (out.parent / f".{out.name}.{age}-{os.getpid()}" for age in ("new", "old"))
     try:
         new.mkdir(parents=True)
@@ -69,6 +76,10 @@ def new_folder(out: Path) -> Iterator[Path]:
         shutil.rmtree(old, ignore_errors=True)
     finally:
         shutil.rmtree(new, ignore_errors=True)
+
+
+def _is_special(path: Path) -> bool:
+    return path.exists() and not path.is_file() and not path.is_dir()
 
 
 def write_text(path: Path, text: str) -> None:
