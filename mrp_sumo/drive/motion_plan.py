@@ -200,7 +200,7 @@ def _first_gear(graph: PlanGraph, vehicle: RobotType, onward: int, heading_rad: 
 
 
 def _behind(plan: Plan, departure: Departure, kind: IntArray, vehicles: Vehicles) -> tuple[IntArray | None, FloatArray | None]:
-    """[N] vertices on which trailers stand while a robot is at a visit, -1: none; and [K] how far they reach back beyond the robot's circle.
+    """[N] vertices on which trailers stand while a robot is at a visit, -1: none; and [K] how far they reach behind the robot's circle.
     None: nobody tows.
     """
     tows = [each is not None and each.behind_m > 0 for each in vehicles]

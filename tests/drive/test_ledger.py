@@ -317,7 +317,7 @@ def test_trailers_stand_where_a_robot_came_from_and_at_first_where_its_start_has
 
 @pytest.mark.parametrize("truck", [TRICYCLE, TUGGER])
 def test_a_vertex_is_left_when_the_last_trailer_is_clear_of_who_stands_there(truck):
-    """Straight on: the middle is then as far away as what it tows reaches back, or its own circle, and the circle of another and the gap."""
+    """Straight on: the middle is as far away as what it tows reaches back, or its own circle, and the circle of another and the gap."""
     ledger = truck_on([0, 1, 2], 0.0, truck=truck, graph=roads([(0.0, 0.0), (20.0, 0.0), (40.0, 0.0)], [(0, 1), (1, 2)], cell_m=20.0))
     k = int(ledger.all_ids(0)[1])
     mine = slice(ledger.needs.first[k], ledger.needs.first[k + 1])
