@@ -530,7 +530,7 @@ def test_stops_of_an_order_that_was_handed_over_are_left_to_nobody(reason, waiti
     none, stop = np.zeros(0), SimpleNamespace(station=SimpleNamespace(name="A"), places=(7,))
     tasks = SimpleNamespace(ended_s=np.full(2, np.nan), robot=np.arange(2), reason=(reason, ""), assigned_s=np.array([3.0, 5.0]))
     known = SimpleNamespace(
-        stops=SimpleNamespace(task=none, end_s=none), tasks=tasks, ordered={k: SimpleNamespace(stops=(stop,)) for k in (0, 1)}
+        stops=SimpleNamespace(task=none, robot=none, end_s=none), tasks=tasks, ordered={k: SimpleNamespace(stops=(stop,)) for k in (0, 1)}
     )
     assert list(places._left(known)) == [places.Wish(k, k, "A", [7], (3.0, 5.0)[k], np.inf, np.inf) for k in waiting]
 
@@ -566,6 +566,21 @@ def test_who_stands_between_can_get_off_where_there_is_room(tmp_path):
     run = logs_of(driven(scenario(tee(tmp_path), tasks, starts=["west", "east"], execution={"time_limit_s": 500.0})))
     assert starved(run, at_m=(4.0, 0.0), others_m=(5.0, 0.0)) == ["robot_1"]
     assert starved(run, at_m=(5.0, 1.0), others_m=(5.0, 2.0)) == []  # beyond 'mid'
+
+
+@pytest.mark.parametrize(("robot", "since_s"), [(0, 40.0), (1, 10.0)])
+def test_one_with_several_orders_sets_out_for_a_stop_when_it_has_made_another(robot, since_s):
+    """robot_0 has had order 0 since 10 s and not begun it; a stop of order 1 was over at 40 s."""
+    stop = SimpleNamespace(station=None, vertex=3, places=(3,))
+    logs = SimpleNamespace(
+        stops=SimpleNamespace(task=np.array([1]), robot=np.array([robot]), end_s=np.array([40.0])),
+        tasks=SimpleNamespace(
+            ended_s=np.array([np.nan, 40.0]), robot=np.array([0, robot]), reason=["", ""], assigned_s=np.array([10.0, 20.0])
+        ),
+        ordered={0: SimpleNamespace(stops=[stop])},
+        graph=SimpleNamespace(known_as=str),
+    )
+    assert list(places._left(logs)) == [places.Wish(0, 0, "3", [3], since_s, np.inf, np.inf)]
 
 
 @pytest.mark.parametrize(("x_m", "findings"), [(2.0, ["robot_1"]), (100.0, [])])

@@ -176,15 +176,19 @@ def _made(logs: Logs) -> Iterator[Wish]:
 
 
 def _left(logs: Logs) -> Iterator[Wish]:
-    """The stops for which robots are on their way at the end, of orders that were not handed over."""
+    """The stops for which robots are on their way at the end, of orders that were not handed over.
+
+    Who has several orders sets out for the next stop when it has made another, of whichever order.
+    """
     stops, tasks = logs.stops, logs.tasks
     for task in np.flatnonzero(np.isnan(tasks.ended_s) & (tasks.robot >= 0)).tolist():
         rows, order = np.flatnonzero(stops.task == task), logs.ordered.get(task)
         if order is None or tasks.reason[task] or len(rows) >= len(order.stops):
             continue
-        stop, since_s = order.stops[len(rows)], float(stops.end_s[rows].max(initial=tasks.assigned_s[task]))
+        stop, robot = order.stops[len(rows)], int(tasks.robot[task])
+        since_s = float(stops.end_s[(stops.task == task) | (stops.robot == robot)].max(initial=tasks.assigned_s[task]))
         place = stop.station.name if stop.station else logs.graph.known_as(stop.vertex)
-        yield Wish(task, int(tasks.robot[task]), place, list(stop.places), since_s, np.inf, np.inf)
+        yield Wish(task, robot, place, list(stop.places), since_s, np.inf, np.inf)
 
 
 def _is_cut_off(logs: Logs, wish: Wish, since_s: float, until_s: float) -> bool:
