@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mrp_sumo.cli.option_rules import require_within
-from mrp_sumo.cli.printing import say, warn_of_kernels
+from mrp_sumo.cli.printing import say, warn, warn_of_kernels
 from mrp_sumo.cli.scenario_choice import folder_name, map_alone, scale_argument
 from mrp_sumo.errors import MrpSumoError, listed
 from mrp_sumo.files.writing import write_text
@@ -189,6 +189,8 @@ def _print(proposal: "Proposal", path: Path, name: str, orders: int | None) -> N
     kind = f"robot{'s' * (count > 1)} of {'type ' * isinstance(model, str)}{size}"
     say(f"{path}: {count} {kind}, {rate:g} order{'s' * (rate != 1)} an hour from {stops}")
     say(f"groups of places: {groups}")
+    for doubt in proposal.doubts:
+        warn(doubt)
     if proposal.unreached:
         say(f"left out, as robots cannot reach them and come back: {listed(proposal.unreached, 8)}")
     say("driven for 10 simulated minutes: it runs")

@@ -93,6 +93,7 @@ class Proposal:
     reasons: Mapping[str, str]  # by section, or group
     order_s: float  # what an order takes undisturbed
     unreached: tuple[str, ...]  # places that it leaves out
+    doubts: tuple[str, ...]  # what makes the map's unit unlikely
 
 
 def propose(map_values: Mapping[str, Any], folder: Path, name: str, wishes: Wishes) -> Proposal:
@@ -307,7 +308,8 @@ def _proposal(map_values: Mapping[str, Any], name: str, setup: SetUp, stations: 
             "time_limit_s": max(1200.0, round(ORDERS_A_ROBOT * order_s)) if wishes.hours is None else 3600.0 * wishes.hours,
         },
     }
-    return Proposal(values, why, order_s, stations.unreached)
+    doubts = tuple(finding.line for finding in setup.map.findings if finding.kind == "extent_above_1_km")
+    return Proposal(values, why, order_s, stations.unreached, doubts)
 
 
 def _trip_s(setup: SetUp, groups: Sequence[Sequence[str]]) -> float:

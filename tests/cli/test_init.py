@@ -200,6 +200,15 @@ def test_places_that_robots_do_not_come_to_and_from_are_told():
     assert "unreached" not in stations.groups
 
 
+@pytest.mark.parametrize(("side_m", "asks"), [(900.0, False), (1100.0, True)])
+def test_a_map_that_may_be_in_millimetres_is_asked_about(tmp_path, monkeypatch, capsys, side_m, asks):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "row.csv").write_text(f"from,to,from_x_m,from_y_m,to_x_m,to_y_m,both_ways\na,b,0,0,{side_m},0,yes\n")
+    monkeypatch.setattr("mrp_sumo.experiments.proposal._fault", lambda *_: "")  # how it drives is not the question
+    assert main(["init", "row.csv", "--type", "amr_600"]) == 0
+    assert ("is the file in millimetres?" in capsys.readouterr().err) == asks
+
+
 def test_out_may_name_the_file(shop, capsys):
     assert main(["init", "shop.building.yaml", "--type", "turtlebot3", "--out", "sites/first.yaml"]) == 0
     assert [path.name for path in (shop / "sites").iterdir()] == ["first.yaml"]
