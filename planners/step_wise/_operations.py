@@ -114,12 +114,14 @@ def plan_step(crowd, priority, limit, most_visits, num_tries, try_limit, rng):
     ----------
     priority
         [R] robots, the first first.
-    limit, most_visits
+    limit
+        [R] how many operations are looked at when a robot chooses.
+    most_visits
         See `_push`.
     num_tries
         How many times a robot is drawn that may change its operation where all gain by it.
     try_limit
-        `limit` of each of these.
+        How many operations are looked at in each of these.
     rng
         Draws.
     """
@@ -127,7 +129,7 @@ def plan_step(crowd, priority, limit, most_visits, num_tries, try_limit, rng):
     _inherit(crowd)
     fixed[:] = False
     for r in priority:
-        _push(crowd, r, False, limit, most_visits)
+        _push(crowd, r, False, limit[r], most_visits)
         fixed[r] = True
     fixed[:] = False
     for _ in range(num_tries):

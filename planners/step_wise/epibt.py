@@ -6,9 +6,9 @@ one chooses. Here they are improved too, a counted number of times: a robot that
 where the steps that are left fall for all together, those of who chose early counting most. Robots choose in the order of the steps to
 the ends of their tasks, shuffled a little: in a fixed order those that stand off do so for good. In crowds ways count as longer where
 robots wait, and against the stream, as in guidance graphs, and those who are last go to where there is room, and who stands in a
-dead end that another has to go into comes before it (`traffic`). Written from
-the description alone. No guarantee: robots may block each other; where none gets on any more they are led out, if there is a way
-(`way_out`).
+dead end that another has to go into comes before it; where a few jams block an empty floor, those who are last are held back
+(`traffic`). Written from the description alone. No guarantee: robots may block each other; where none gets on any more they are led
+out, if there is a way (`way_out`).
 """
 
 from dataclasses import dataclass, replace
@@ -35,7 +35,7 @@ class Epibt:
 
     depth: int = 0  # actions of an operation, 1 to 6; 0: 5, or by how many robots there are 4 or 3
     tries: int = -1  # how many times a step a robot that is drawn may change its operation where all gain by it; -1: 3 per robot
-    limit: int = 0  # operations that are looked at when one robot chooses, with all that it pushes; 0: 3,000, or 30,000 in crowds
+    limit: int = 0  # operations that are looked at when one robot chooses, with all that it pushes; 0: 3,000, or 30,000 in crowds and jams
     tasks: Choice = "nearest"  # or "in_turn": robot r of R has the tasks r, r + R, ...
     against: int = -1  # what a step against the direction of a row or column counts more at first; -1: by how many robots there are
     work: int = 50_000_000  # states of tables of distances that are filled in a step: about a quarter of a second
@@ -58,7 +58,7 @@ class Epibt:
         share = problem.num_robots / problem.free.sum()
         is_sparse = share < SPARSE and problem.num_robots <= NUM_SPARSE
         depth = self.depth or (5 if is_sparse else 3 if share > DENSE else 4)
-        limit = self.limit or (30_000 if share >= CROWDED else 3000)
+        limit = (self.limit, self.limit) if self.limit else (30_000, 30_000 if share >= CROWDED else 3000)  # in jams, elsewhere
         tries = self.tries if self.tries >= 0 else 3 * problem.num_robots
         against = 0 if share < GUIDED or problem.num_robots < FEW else 1 if is_sparse else 2
         ground = FreeCells(problem, self.memory_mb, against if self.against < 0 else self.against, self.work)

@@ -21,8 +21,10 @@ FADES = 3.0  # the logarithm of how much more the cost of the first in the order
 class OperationStepper:
     """Robots choose operations of `depth` actions; see `_operations`."""
 
-    def __init__(self, problem: StepWiseProblem, seed: int, effort: tuple[int, int, int], tasks: Choice, ground: FreeCells) -> None:
-        """`effort` is the actions of an operation, how many operations are looked at, and how many tries there are; see `Epibt`."""
+    def __init__(
+        self, problem: StepWiseProblem, seed: int, effort: tuple[int, tuple[int, int], int], tasks: Choice, ground: FreeCells
+    ) -> None:
+        """`effort`: actions of an operation, how many operations are looked at, in jams and elsewhere, and how many tries there are."""
         from planners.step_wise._operations import CrowdStep
 
         self._ground = ground
@@ -83,14 +85,15 @@ class OperationStepper:
             return Decision(action, task_of)
         wanted = goal.copy()
         sent, there = self._room.send(crowd.state, np.argsort(steps, kind="stable"))
-        slot[sent], goal[sent] = (there, NOTHING), NOTHING
+        slot[sent, 0], slot[sent, 1], goal[sent] = there, NOTHING, NOTHING
         onward[sent] = 0
         appraise(crowd, ground.table, slot, goal, onward)
         luck = self._rng.integers(0, SHUFFLE, len(steps))  # else the same robots stand off for good
         self._luck = np.where(self._rng.random(len(steps)) < KEPT, self._luck, luck)
         order = np.argsort(let_out(ground.outward, crowd.state >> 2, wanted, steps + self._luck), kind="stable")
         crowd.weight[order] = self._weight_of_place
-        plan_step(crowd, order, self._limit, MOST_VISITS, self._tries, TRY_LIMIT, self._rng)
+        limit = np.where(self._room.in_jam, *self._limit)
+        plan_step(crowd, order, limit, MOST_VISITS, self._tries, TRY_LIMIT, self._rng)
         action = crowd.action[crowd.chosen, 0]
         turned = (crowd.state & ~3) | (crowd.state + (action == RIGHT) - (action == LEFT)) & 3
         self._expected = np.where(action == FORWARD, 4 * ground.ahead[crowd.state] + (crowd.state & 3), turned)

@@ -19,6 +19,9 @@ STREAM, JAM = 2, 10  # times `against` that a step counts more against a stream 
 CROWDED = 0.7  # robots per free cell from which room is made:
 FIRST = 0.6  # of the robots go to their errands in the densest parts of the crowd; the others to where there is room
 ROOMY = 1.75  # times as many cells are free there as elsewhere
+EMPTY = 0.2  # robots per free cell below which robots are held back where jams form:
+STANDING, JAMMED = 0.2, 0.05  # robots per free cell that stand where there is a jam, and share of those on their way that may be in one
+HOLDS, LEAST = 0.1, 0.2  # what that share changes by after a step in which all are in jams, and its least value
 AROUND = 8  # times the mean with their neighbours is taken of cells to see that
 LASTS = 0.8  # of what was seen around a cell, after a step
 
@@ -56,31 +59,43 @@ class CrowdTraffic:
 
 
 class CrowdRoom:
-    """Parts of a crowd where there is room.
+    """Parts of a crowd where there is room, and how many robots go to their errands.
 
-    Robots come to stand around errands in its midst, and those that cannot reach theirs shut others out.
+    Robots come to stand around errands in a crowd's midst, and those that cannot reach theirs shut others out. In halls joined by
+    corridors a few robots already block the crossings, while most of the floor is empty: a jam lets fewer robots through than come to it.
     """
 
     def __init__(self, ground: FreeCells, num_robots: int) -> None:
         ahead, cells = ground.ahead.reshape(-1, 4), np.arange(ground.num_cells)
         self._ground, self._around = ground, np.where(ahead < 0, cells[:, None], ahead)
         share = num_robots / ground.num_cells
-        self._most = 1 - ROOMY * (1 - share) if share >= CROWDED else 0.0  # robots a cell where there is room
+        self._holds = share < EMPTY and ground.against > 0
+        self._most = 1 - ROOMY * (1 - share) if share >= CROWDED else STANDING if self._holds else 0.0  # robots a cell where there is room
+        self._first = 1.0 if self._holds else FIRST
+        self._before = np.zeros(num_robots, np.int32)
+        self.in_jam = np.zeros(num_robots, np.bool_)
         self._robots = np.full(ground.num_cells, share)  # for each cell around it
 
-    def send(self, state: NDArray[np.int32], order: IntArray) -> tuple[IntArray, int]:
-        """The last robots in the order that stand where there is no room, and the slot of a table of steps to where there is."""
+    def send(self, state: NDArray[np.int32], order: IntArray) -> tuple[IntArray, IntArray]:
+        """The last robots in the order, and for each the slot of a table of steps to where there is room, or NOTHING if it stays.
+
+        In a crowd these are robots that stand where there is no room; on a floor with room, all beyond the share that jams leave.
+        """
         if not self._most:
-            return order[:0], NOTHING
-        robots = np.bincount(state >> 2, minlength=len(self._robots)).astype(np.float64)
+            return order[:0], order[:0]
+        standing, self._before = state[state == self._before], state.copy()
+        robots = np.bincount((standing if self._holds else state) >> 2, minlength=len(self._robots)).astype(np.float64)
         for _ in range(AROUND):
             robots = (robots + robots[self._around].sum(1)) / 5
         self._robots = LASTS * self._robots + (1 - LASTS) * robots
-        late = order[int(FIRST * len(order)) :]
+        self.in_jam = in_jam = self._robots[state >> 2] >= self._most
+        if self._holds:
+            self._first = min(1.0, max(LEAST, self._first + HOLDS * (JAMMED - in_jam[order[: int(self._first * len(order))]].mean())))
+        late = order[int(self._first * len(order)) :]
         roomy = np.flatnonzero(self._robots < self._most)
-        if not len(roomy):
-            return late[:0], NOTHING
-        return late[self._robots[state[late] >> 2] >= self._most], self._ground.to_nearest(roomy)
+        there = self._ground.to_nearest(roomy) if len(roomy) and in_jam[late].any() else NOTHING
+        late = late if self._holds else late[in_jam[late]] if len(roomy) else late[:0]
+        return late, np.where(in_jam[late], there, NOTHING)
 
 
 def let_out(outward: IntArray, cell: IntArray, goal: IntArray, rank: IntArray) -> FloatArray:

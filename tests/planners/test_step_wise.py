@@ -170,11 +170,29 @@ def test_the_last_of_a_crowd_are_sent_to_where_it_leaves_room():
     for _ in range(20):
         sent, there = room.send(state, np.arange(30)[::-1])
     assert set(sent.tolist()) <= set(range(12)) and 0 in sent  # the last twelve in the order
-    steps = ground.table[there, 0::4]  # of those that head east
+    assert len(set(there.tolist())) == 1
+    steps = ground.table[there[0], 0::4]  # of those that head east
     assert (np.diff(steps[:30].astype(int)) <= 0).all() and steps[0] > steps[29] and steps[39] == 0
     everywhere = 4 * np.array([c for c in range(40) if c % 4], np.int32)
     assert len(CrowdRoom(ground, 30).send(everywhere, np.arange(30))[0]) == 0
     assert len(CrowdRoom(ground, 20).send(state[:20], np.arange(20))[0]) == 0  # no crowd
+
+
+@pytest.mark.kernel
+def test_robots_are_held_back_while_others_stand_in_jams():
+    """A row of a hundred cells, with fifteen robots at its head."""
+    ground = FreeCells(problem_of(["." * 100], [0], [[1]]), 1, against=1)
+    room, state, order = CrowdRoom(ground, 15), 4 * np.arange(15, dtype=np.int32), np.arange(15)[::-1]
+    for _ in range(6):
+        held, there = room.send(state, order)
+    assert 0 < len(held) < 12 and held.tolist() == order[-len(held) :].tolist()  # the last in the order
+    steps = ground.table[there[0], 0::4]
+    assert len(set(there.tolist())) == 1 and steps[0] >= room.in_jam.sum() > 5 and steps[99] == 0  # out of the jam
+    for t in range(200):
+        held, there = room.send(state + t % 2, order)  # they turn, so nobody stands
+    assert len(held) == 0 and not room.in_jam.any()
+    for other in (CrowdRoom(ground, 25), CrowdRoom(FreeCells(problem_of(["." * 100], [0], [[1]]), 1), 15)):
+        assert len(other.send(state, order)[0]) == 0  # too many for the floor to be empty; no directions, as of too few robots
 
 
 DEAD_END = ["....", ".@@.", "....", "@.@@", "@.@@"]  # cells 0 to 9 are a ring, 10 and 11 a dead end below cell 7
