@@ -15,18 +15,18 @@ import numpy as np
 
 from mrp_sumo.search._heap import pop_by, push_by
 from mrp_sumo.search._kernel import kernel
-from planners.safe_interval._discs import NEVER, arrival, find, rule_against, stands_at
+from planners.safe_interval._discs import NEVER, NOT_MOVE, NOT_STAY, arrival, find, put_rule, rules_against, stands_at
 
 EPS = 1e-6  # s that no rule may rest on
 MIDDLE = 1 << 40  # number of the first vertex of a way on its line
 
 
 @kernel
-def rules_of(lanes, ways, conflict, paths, forbidden, scratch):
-    """Rules that end a conflict, one against either robot: is_stay, place, two times.
+def rules_of(lanes, ways, conflict, paths, forbidden, scratch, keeper, rows):
+    """Write rules that end a conflict to `rows`: where the first robot gives way, and where the second does; returns as `rules_against`.
 
     Neither may end its way before it can have left a line on which both are in the wrong order, or leave a corridor before the other can be
-    through; where there is none, or that would not keep them from what they do now, see `rule_against`.
+    through; where there is none, or that would not keep them from what they do now, see `rules_against`.
 
     Parameters
     ----------
@@ -36,31 +36,43 @@ def rules_of(lanes, ways, conflict, paths, forbidden, scratch):
         The ways of both.
     forbidden
         Rules of both so far.
+    keeper
+        See `rules_against`. The second robot is asked for where splits that keep the first have more than one rule a side, or none.
     """
+    if keeper == 0 and joint_rules(lanes, ways, conflict, paths, forbidden, scratch, rows):
+        return 1, 1
+    return rules_against(lanes, ways, conflict, paths[0], paths[1], forbidden, keeper, rows)
+
+
+@kernel
+def joint_rules(lanes, ways, conflict, paths, forbidden, scratch, rows):
+    """Write the rule of a line or a corridor for either robot, see `rules_of`. Returns whether there is one."""
     one, other = paths
     a, b = ways.first[one + 1], ways.first[other + 1]
     for path in paths:
         until, other_until = ends_off_line(lanes, ways, path, one, other, scratch)
         if arrival(lanes, ways, one, a) < until - 2 * EPS and arrival(lanes, ways, other, b) < other_until - 2 * EPS:
-            return (
-                (1, stands_at(lanes, ways, one, a), until - EPS, NEVER),
-                (1, stands_at(lanes, ways, other, b), other_until - EPS, NEVER),
-            )
+            put_rule(rows, 0, 0, NOT_STAY, stands_at(lanes, ways, one, a), until - EPS, NEVER)
+            put_rule(rows, 1, 1, NOT_STAY, stands_at(lanes, ways, other, b), other_until - EPS, NEVER)
+            return True
     p, q, num = corridor(lanes, ways, conflict, one, other)
-    if num > 0:
-        last, other_last = ways.lane[p + num - 1], ways.lane[q + num - 1]
-        ours, theirs = (
-            at_end(lanes, ways.start[one], last, forbidden[0], scratch),
-            at_end(lanes, ways.start[other], other_last, forbidden[1], scratch),
-        )
-        through = lanes.clear - EPS
-        for k in range(num):
-            through += lanes.duration[ways.lane[p + k]]
-        until = min(ours[1], theirs[0] + through) - lanes.duration[last]
-        other_until = min(theirs[1], ours[0] + through) - lanes.duration[other_last]
-        if ways.left[p + num - 1] < until - EPS and ways.left[q + num - 1] < other_until - EPS:
-            return (0, last, -1.0, until), (0, other_last, -1.0, other_until)
-    return rule_against(lanes, ways, conflict, one, other, False), rule_against(lanes, ways, conflict, one, other, True)
+    if num == 0:
+        return False
+    last, other_last = ways.lane[p + num - 1], ways.lane[q + num - 1]
+    ours, theirs = (
+        at_end(lanes, ways.start[one], last, forbidden[0], scratch),
+        at_end(lanes, ways.start[other], other_last, forbidden[1], scratch),
+    )
+    through = lanes.clear - EPS
+    for k in range(num):
+        through += lanes.duration[ways.lane[p + k]]
+    until = min(ours[1], theirs[0] + through) - lanes.duration[last]
+    other_until = min(theirs[1], ours[0] + through) - lanes.duration[other_last]
+    if ways.left[p + num - 1] < until - EPS and ways.left[q + num - 1] < other_until - EPS:
+        put_rule(rows, 0, 0, NOT_MOVE, last, -1.0, until)
+        put_rule(rows, 1, 1, NOT_MOVE, other_last, -1.0, other_until)
+        return True
+    return False
 
 
 @kernel

@@ -12,6 +12,7 @@ from mrp_sumo.search._heap import pop_by, push_by
 from mrp_sumo.search._kernel import kernel
 from planners.safe_interval._corridors import rules_of
 from planners.safe_interval._discs import (
+    RULE,
     DiscConstraints,
     DiscPaths,
     DiscScratch,
@@ -27,12 +28,11 @@ from planners.safe_interval._discs import (
 EPS = 1e-6  # s
 MOST_CONFLICTS = 4  # that are looked at in a node
 
-# robot: which of both has one rule more than at the parent, and the rule; child: the first of two, 0: not known yet, -1: it is a solution
+# begin, end: rows of the rules that are more than at the parent's; child: the first of two, 0: not known yet, -1: it is a solution
 PAIR_NODE = np.dtype(
     (
         np.record,
-        [(name, np.int64) for name in ("parent", "robot", "is_stay", "place", "child")]
-        + [(name, np.float64) for name in ("begin", "end", "bound")],
+        [*((name, np.int64) for name in ("parent", "begin", "end", "child")), ("bound", np.float64)],
     )
 )
 
@@ -45,8 +45,8 @@ class PairTask(NamedTuple):
     start: np.ndarray  # [2]
     goal: np.ndarray  # [2]
     forbidden: tuple[DiscConstraints, DiscConstraints]
-    rules: tuple[DiscConstraints, DiscConstraints]  # room for what either may not do at a node, as many more as there are nodes
-    more: DiscConstraints  # and one of them below it
+    rules: tuple[DiscConstraints, DiscConstraints]  # room for those of both at a node
+    more: DiscConstraints  # and of one of them below it
     scratch: DiscScratch
 
 
@@ -59,14 +59,15 @@ class Pair(NamedTuple):
     key: np.ndarray  # [N] s, of a heap
     heap: np.ndarray  # [N] its nodes
     conflict_rows: np.ndarray  # [MOST_CONFLICTS, 3]
+    rule: np.ndarray  # [K] RULE, of all nodes
     ways: DiscPaths
 
 
-def new_pair(nodes: int, moves: int) -> Pair:
-    """Room for so many nodes, and for moves of their ways."""
+def new_pair(nodes: int, room: int) -> Pair:
+    """Room for so many nodes, and for moves of their ways and their rules."""
     return Pair(
         np.zeros(nodes, PAIR_NODE), np.zeros((nodes, 2), np.int64), np.zeros((nodes, 2)), np.zeros(nodes), np.zeros(nodes, np.int64),
-        np.zeros((MOST_CONFLICTS, 3), np.int64), new_ways(moves),
+        np.zeros((MOST_CONFLICTS, 3), np.int64), np.zeros(room, RULE), new_ways(room),
     )  # fmt: skip
 
 
@@ -76,7 +77,7 @@ def least_cost(task, pair):
     node = pair.node
     pair.ways.first[0] = 0
     node[0].parent = -1
-    used, made, count = 0, 1, 1
+    used, made, count, ruled = 0, 1, 1, 0
     for k in range(2):
         used, fits = add_way(task, pair, 0, k, used)
         if not fits:
@@ -91,7 +92,7 @@ def least_cost(task, pair):
         if not bound < np.inf:
             return np.inf
         if node[n].child == 0:
-            used, fits = split(task, pair, n, made, used)
+            used, ruled, fits = split(task, pair, n, made, used, ruled)
             if not fits or node[n].child < 0:
                 return bound
             made += 2
@@ -116,47 +117,61 @@ def total(pair, n):
 
 
 @kernel
-def split(task, pair, n, made, used):
-    """Make the children (`made`, and the next) for that conflict of a node of which the cheaper one costs most.
+def split(task, pair, n, made, used, ruled):
+    """Make the children (`made`, and the next) of a node for that conflict and keeper of which the cheaper one costs most, then the other.
 
-    Returns the number of ways by then, and whether there is room.
+    Returns the number of ways and of rules by then, and whether there is room.
     """
-    node, ways, best, chosen, paths = pair.node, pair.ways, -1.0, made, (pair.path[n, 0], pair.path[n, 1])
+    node, ways, paths = pair.node, pair.ways, (pair.path[n, 0], pair.path[n, 1])
+    best, best_high, chosen = -1.0, -1.0, made
     num = conflicts(task.lanes, ways, paths[0], paths[1], MOST_CONFLICTS, pair.conflict_rows, 0)
     if made + 4 > len(node):
-        return used, False
+        return used, ruled, False
     for k in range(2):
-        load_rules(task, pair, n, k, task.rules[k])
-    for c in range(num):
-        low = np.inf
-        conflict = pair.conflict_rows[c, 0], pair.conflict_rows[c, 1], pair.conflict_rows[c, 2]
-        rules = rules_of(task.lanes, ways, conflict, paths, task.rules, task.scratch)
+        if not load_rules(task, pair, n, k, task.rules[k]):
+            return used, ruled, False
+    parts = 0, 0
+    for c in range(2 * num):
+        row, keeper = c // 2, c % 2
+        if keeper == 1 and parts == (1, 1):
+            continue
+        conflict = pair.conflict_rows[row, 0], pair.conflict_rows[row, 1], pair.conflict_rows[row, 2]
+        parts = rules_of(task.lanes, ways, conflict, paths, task.rules, task.scratch, keeper, pair.rule[ruled:])
+        if parts[0] == 0:
+            continue
+        if ruled + parts[0] + parts[1] > len(pair.rule):
+            return used, ruled, False
+        low, high, before = np.inf, -np.inf, used
         for k in range(2):
             child = chosen + k
-            node[child].parent, node[child].robot = n, k
-            node[child].is_stay, node[child].place, node[child].begin, node[child].end = rules[k]
+            node[child].parent, node[child].begin, node[child].end = n, ruled + k * parts[0], ruled + parts[0] + k * parts[1]
             pair.path[child, 1 - k], pair.cost[child, 1 - k] = pair.path[n, 1 - k], pair.cost[n, 1 - k]
             used, fits = add_way(task, pair, child, k, used)
             if not fits:
-                return used, False
-            low = min(low, total(pair, child))
-        if low > best:
-            best = low
-            if chosen > made:
-                for k in range(2):
-                    node[made + k] = node[chosen + k]
-                    for j in range(2):
-                        pair.path[made + k, j], pair.cost[made + k, j] = pair.path[chosen + k, j], pair.cost[chosen + k, j]
+                return used, ruled, False
+            low, high = min(low, total(pair, child)), max(high, total(pair, child))
+            if low < best:
+                break
+        if low < best or (low == best and high <= best_high):
+            used = before
+            continue
+        best, best_high, ruled = low, high, ruled + parts[0] + parts[1]
+        if chosen > made:
+            for k in range(2):
+                node[made + k] = node[chosen + k]
+                for j in range(2):
+                    pair.path[made + k, j], pair.cost[made + k, j] = pair.path[chosen + k, j], pair.cost[chosen + k, j]
         chosen = made + 2
     node[n].child = made if num else -1
-    return used, True
+    return used, ruled, True
 
 
 @kernel
 def add_way(task, pair, n, k, used):
     """Let one of both drive at a node. Returns the number of ways by then, and whether there is room."""
     scratch = task.scratch
-    load_rules(task, pair, n, k, task.more)
+    if not load_rules(task, pair, n, k, task.more):
+        return used, False
     trip = task.left_s[k], task.start[k], task.goal[k]
     entry = find(task.lanes, trip, task.more, scratch, True, -1)
     if entry == -2:
@@ -170,10 +185,15 @@ def add_way(task, pair, n, k, used):
 
 @kernel
 def load_rules(task, pair, n, k, rules):
-    """Have the rules of one of both at a node in `rules`."""
+    """Have the rules of one of both at a node in `rules`. Returns whether there is room."""
     copy_rules(task.forbidden[k], rules)
     while n > 0:
         node = pair.node[n]
-        if node.robot == k:
-            add_rule(rules, node.is_stay, node.place, node.begin, node.end)
+        for r in range(node.begin, node.end):
+            row = pair.rule[r]
+            if row.robot == k:
+                if rules.count[row.kind] == rules.place.shape[1]:
+                    return False
+                add_rule(rules, row.kind, row.place, row.begin, row.end)
         n = node.parent
+    return True

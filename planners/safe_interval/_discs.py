@@ -14,6 +14,10 @@ from mrp_sumo.search._kernel import kernel
 NEVER = 1e15  # s: after all finite times; who leaves a vertex before this leaves it, who stays until inf is there to stay
 EPS = 1e-7  # s that two may be too close
 MOVES, STAYS_OTHER, STAYS_ONE = 0, 1, 2  # who moves in a conflict: both, the first, the second
+NOT_MOVE, NOT_STAY, MUST_MOVE = 0, 1, 2  # kinds of rules
+
+# robot: the first of two, or the second
+RULE = np.dtype((np.record, [(name, np.int64) for name in ("robot", "kind", "place")] + [(name, np.float64) for name in ("begin", "end")]))
 
 
 class Lanes(NamedTuple):
@@ -47,12 +51,14 @@ def new_ways(room: int) -> DiscPaths:
 
 
 class DiscConstraints(NamedTuple):
-    """Constraints of one robot, departures to lanes and stays at vertices: in rows 0 and 1, each sorted; there may be room for more."""
+    """Constraints of one robot: departures to lanes and stays at vertices that are forbidden it, in rows 0 and 1, each sorted; and in row 2
+    departures that it has to make, in their order. There may be room for more.
+    """
 
-    count: np.ndarray  # [2] how many of each
-    place: np.ndarray  # [2, N] the lane, and the vertex
-    begin: np.ndarray  # [2, N] s, from when on it may not depart, and before when it may not have come to stay
-    end: np.ndarray  # [2, N] s, until when it may not depart, and until when or longer it may not stay
+    count: np.ndarray  # [3] how many of each
+    place: np.ndarray  # [3, N] the lane, the vertex, the lane
+    begin: np.ndarray  # [3, N] s, from when on it may not depart; before when it may not have come to stay; from when on it must depart
+    end: np.ndarray  # [3, N] s, until when it may not depart; until when or longer it may not stay; until when it must depart
 
 
 class DiscScratch(NamedTuple):
@@ -61,6 +67,7 @@ class DiscScratch(NamedTuple):
     move_of: np.ndarray  # [L] the first forbidden departure, -1: none
     stay_of: np.ndarray  # [V] the first forbidden stay, -1: none
     leave_by: np.ndarray  # [N] s, of those who come before a forbidden stay begins
+    least: np.ndarray  # [N] s, least arrival at the goal by how many departures that it has to make a robot has made
     best: np.ndarray  # [V + N] s, earliest arrival by state
     state: np.ndarray  # [N]
     vertex: np.ndarray  # [N]
@@ -77,7 +84,7 @@ def new_scratch(num_vertices: int, num_lanes: int, room: int) -> DiscScratch:
     """Room for so many entries and stays."""
     index, seconds = (lambda: np.zeros(room, np.int64)), (lambda: np.zeros(room))
     return DiscScratch(
-        np.full(num_lanes, -1), np.full(num_vertices, -1), seconds(), np.zeros(num_vertices + room),
+        np.full(num_lanes, -1), np.full(num_vertices, -1), seconds(), seconds(), np.zeros(num_vertices + room),
         index(), index(), seconds(), seconds(), index(), index(), seconds(), seconds(), index(),
     )  # fmt: skip
 
@@ -244,7 +251,9 @@ def find(lanes, trip, rules, scratch, to_stay, barred):
         The entry at the goal, -1: no way, -2: no room.
     """
     num_vertices, num_stays, lane, vertex, lasts = len(lanes.first) - 1, rules.count[1], rules.place[0], rules.place[1], rules.end[1]
-    if num_stays > len(scratch.leave_by):
+    num_musts = rules.count[2] if to_stay else 0
+    num_states = (num_musts + 1) * (num_vertices + num_stays)
+    if num_stays > len(scratch.leave_by) or num_states > len(scratch.best):
         return -2
     for k in range(rules.count[0] - 1, -1, -1):
         scratch.move_of[lane[k]] = k
@@ -252,7 +261,11 @@ def find(lanes, trip, rules, scratch, to_stay, barred):
         later = k + 1 < num_stays and vertex[k + 1] == vertex[k]
         scratch.leave_by[k] = min(lasts[k], scratch.leave_by[k + 1]) if later else lasts[k]
         scratch.stay_of[vertex[k]] = k
-    scratch.best[: num_vertices + num_stays] = np.inf
+    scratch.least[num_musts] = 0.0
+    for k in range(num_musts - 1, -1, -1):
+        e = rules.place[2, k]
+        scratch.least[k] = max(scratch.least[k + 1], rules.begin[2, k] + lanes.duration[e] + trip[0][lanes.head[e]])
+    scratch.best[:num_states] = np.inf
     entry = search(lanes, trip, rules, scratch, to_stay, barred)
     for k in range(rules.count[0]):
         scratch.move_of[lane[k]] = -1
@@ -263,11 +276,13 @@ def find(lanes, trip, rules, scratch, to_stay, barred):
 
 @kernel
 def search(lanes, trip, rules, scratch, to_stay, barred):
-    """See `find`."""
+    """See `find`. States are windows of vertices, by how many departures that it has to make the robot has made."""
     left_s, start, goal = trip
     num_moves, num_stays, num_vertices = rules.count[0], rules.count[1], len(lanes.first) - 1
+    num_musts, num_windows = rules.count[2] if to_stay else 0, num_vertices + num_stays
     lane, not_from, not_until = rules.place[0], rules.begin[0], rules.end[0]
     vertex, begins = rules.place[1], rules.begin[1]
+    must, must_from, must_until = rules.place[2], rules.begin[2], rules.end[2]
     window = scratch.stay_of[start]
     while 0 <= window < num_stays and vertex[window] == start and begins[window] <= 0.0:
         window += 1
@@ -286,40 +301,49 @@ def search(lanes, trip, rules, scratch, to_stay, barred):
         v, t, until = scratch.vertex[n], scratch.arrived[n], scratch.until[n]
         if t > scratch.best[scratch.state[n]]:
             continue
-        if v == goal and (until == np.inf or not to_stay):
+        made = scratch.state[n] // num_windows
+        if v == goal and made == num_musts and (until == np.inf or not to_stay):
             return n
         for e in range(lanes.first[v], lanes.first[v + 1]):
             w = lanes.head[e]
             if e == barred or not np.isfinite(left_s[w]):
                 continue
-            window, since = scratch.stay_of[w], 0.0
-            while True:
-                inside = 0 <= window < num_stays and vertex[window] == w
-                before = begins[window] if inside else np.inf
-                at = max(t, since - lanes.duration[e])
-                m = scratch.move_of[e]
-                while 0 <= m < num_moves and lane[m] == e and not_from[m] <= at:
-                    at = max(at, not_until[m])
-                    m += 1
-                there, stays_until = at + lanes.duration[e], scratch.leave_by[window] if inside else np.inf
-                state = num_vertices + window if inside else w
-                if at >= until:
-                    break
-                if there < before and there < stays_until and there < scratch.best[state]:
-                    if entries >= len(scratch.heap):
-                        return -2
-                    scratch.best[state] = there
-                    scratch.state[entries], scratch.vertex[entries], scratch.until[entries] = state, w, stays_until
-                    scratch.arrived[entries], scratch.parent[entries] = there, n
-                    scratch.lane[entries], scratch.left[entries] = e, at
-                    push_by(scratch.key, scratch.heap, count, there + left_s[w], entries)
-                    entries += 1
-                    count += 1
-                if not inside:
-                    break
-                since = before
-                window += 1
+            for then in range(made, made + (2 if made < num_musts and must[made] == e else 1)):
+                depart_from, depart_until = (must_from[made], min(until, must_until[made])) if then > made else (t, until)
+                window, since = scratch.stay_of[w], 0.0
+                while True:
+                    inside = 0 <= window < num_stays and vertex[window] == w
+                    before = begins[window] if inside else np.inf
+                    at = max(t, depart_from, since - lanes.duration[e])
+                    m = scratch.move_of[e]
+                    while 0 <= m < num_moves and lane[m] == e and not_from[m] <= at:
+                        at = max(at, not_until[m])
+                        m += 1
+                    there, stays_until = at + lanes.duration[e], scratch.leave_by[window] if inside else np.inf
+                    state = then * num_windows + (num_vertices + window if inside else w)
+                    if at >= depart_until or (then < num_musts and too_late(lanes, left_s, w, there, must[then], must_until[then])):
+                        break
+                    if there < before and there < stays_until and there < scratch.best[state]:
+                        if entries >= len(scratch.heap):
+                            return -2
+                        scratch.best[state] = there
+                        scratch.state[entries], scratch.vertex[entries], scratch.until[entries] = state, w, stays_until
+                        scratch.arrived[entries], scratch.parent[entries] = there, n
+                        scratch.lane[entries], scratch.left[entries] = e, at
+                        push_by(scratch.key, scratch.heap, count, max(there + left_s[w], scratch.least[then]), entries)
+                        entries += 1
+                        count += 1
+                    if not inside:
+                        break
+                    since = before
+                    window += 1
     return -1
+
+
+@kernel
+def too_late(lanes, left_s, vertex, at, lane, until):
+    """True if who is at a vertex by then cannot depart to a lane before `until`, by the triangle inequality."""
+    return at + max(0.0, left_s[vertex] - left_s[lanes.tail[lane]]) >= until
 
 
 @kernel
@@ -342,59 +366,140 @@ def write_way(entry, scratch, start, path, ways):
 @kernel(allocates=True)
 def new_rules(room):
     """No rules, with room for so many of each kind."""
-    return DiscConstraints(np.zeros(2, np.int64), np.zeros((2, room), np.int64), np.zeros((2, room)), np.zeros((2, room)))
+    return DiscConstraints(np.zeros(3, np.int64), np.zeros((3, room), np.int64), np.zeros((3, room)), np.zeros((3, room)))
 
 
 @kernel(allocates=True)
-def with_rule(rules, is_stay, place, begin, end):
-    """The rules and one more."""
-    new = new_rules(max(rules.count[0], rules.count[1]) + 1)
+def with_rules(rules, rows, robot, begin, end):
+    """The rules of one of two robots, and those for it among `rows` [K] RULE from `begin` to `end`."""
+    num = rules.count.copy()
+    for k in range(begin, end):
+        if rows[k].robot == robot:
+            num[rows[k].kind] += 1
+    new = new_rules(num.max())
     copy_rules(rules, new)
-    add_rule(new, is_stay, place, begin, end)
+    for k in range(begin, end):
+        if rows[k].robot == robot:
+            add_rule(new, rows[k].kind, rows[k].place, rows[k].begin, rows[k].end)
     return new
 
 
 @kernel
 def copy_rules(rules, into):
     """The same rules in other arrays."""
-    for kind in range(2):
+    for kind in range(3):
         into.count[kind] = rules.count[kind]
         for k in range(rules.count[kind]):
             into.place[kind, k], into.begin[kind, k], into.end[kind, k] = rules.place[kind, k], rules.begin[kind, k], rules.end[kind, k]
 
 
 @kernel
-def add_rule(rules, is_stay, place, begin, end):
-    """Insert one: a stay at a vertex, or a departure to a lane."""
-    where, first, second, k = rules.place[is_stay], rules.begin[is_stay], rules.end[is_stay], rules.count[is_stay]
-    rules.count[is_stay] = k + 1
-    while k > 0 and (where[k - 1] > place or (where[k - 1] == place and first[k - 1] > begin)):
+def add_rule(rules, kind, place, begin, end):
+    """Insert one, see `DiscConstraints`; of departures that the robot has to make, see `window_of`."""
+    where, first, second, k = rules.place[kind], rules.begin[kind], rules.end[kind], rules.count[kind]
+    if kind == MUST_MOVE:
+        for m in range(k):
+            if where[m] == place and first[m] < end and begin < second[m]:
+                first[m], second[m] = max(first[m], begin), min(second[m], end)
+                return
+    rules.count[kind] = k + 1
+    by_place = kind != MUST_MOVE
+    while k > 0 and ((by_place and where[k - 1] > place) or ((not by_place or where[k - 1] == place) and first[k - 1] > begin)):
         where[k], first[k], second[k] = where[k - 1], first[k - 1], second[k - 1]
         k -= 1
     where[k], first[k], second[k] = place, begin, end
 
 
 @kernel
-def rule_against(lanes, ways, conflict, one, other, second):
-    """Rule of a conflict (kind, and move or stay of each way) against the first of two robots, or the second: is_stay, place, two times.
+def put_rule(rows, k, robot, kind, place, begin, end):
+    """Write row k of `rows` [K] RULE, where there is room. Returns the number of the next row."""
+    if k < len(rows):
+        rows[k].robot, rows[k].kind, rows[k].place, rows[k].begin, rows[k].end = robot, kind, place, begin, end
+    return k + 1
 
-    Each pair of an action that is forbidden the one and one that is forbidden the other collides. Where both move, either may not depart
-    until it no longer collides with the other's departure as it is. Where one stays, the mover may not depart until the stay is over; the
-    other may not begin a stay before the mover has passed that lasts as long as it lasts now.
+
+@kernel
+def window_of(lanes, rules, lane, begin, end):
+    """The end of a time to depart that a robot may be told to keep, which begins and ends then; `begin` where it must not be told.
+
+    The departures that it has to make by then come before or after this one whatever it does, or are this one.
+    """
+    for k in range(rules.count[2]):
+        other, first, second = rules.place[2, k], rules.begin[2, k], rules.end[2, k]
+        if other == lane and begin < second:
+            end = min(end, second if first <= begin else first)
+            if k + 1 < rules.count[2] and rules.begin[2, k + 1] < begin:
+                return begin
+        elif other != lane and (end > first + lanes.duration[other] if begin < first else second > begin + lanes.duration[lane]):
+            return begin
+    return end
+
+
+@kernel
+def put_rules_beside(lanes, lane, near, begin, end, robot, rows, num):
+    """Rules against a departure to a lane and a stay at its head that collide with all departures to another lane within a time."""
+    low, high = collide(lanes, lane, near)
+    if high > low and end + low < begin + high:
+        num = put_rule(rows, num, robot, NOT_MOVE, near, end + low, begin + high)
+    low, high = passes(lanes, lane, lanes.head[near])
+    if high > low:
+        num = put_rule(rows, num, robot, NOT_STAY, lanes.head[near], begin + high, end + low)
+    return num
+
+
+@kernel
+def rules_against(lanes, ways, conflict, one, other, forbidden, keeper, rows):
+    """Write the rules of a conflict (kind, and move or stay of each way) to `rows` [K] RULE: where the first robot gives way, then the
+    second.
+
+    One of both is the keeper of its departure. Either it does not depart until it no longer collides with what the other does now; or it
+    has to depart before, so no solution is in both (disjoint splitting), and the other does nothing on lanes at the ends of theirs that
+    collides with all such departures. Where that cannot be demanded, the other gives way to what the keeper does now.
+
+    Returns
+    -------
+    tuple[int, int]
+        How many rules there are of either; (0, 0) where the same comes of the other keeper.
     """
     kind, i, j = conflict
+    if kind != MOVES and keeper != (0 if kind == STAYS_OTHER else 1):
+        return 0, 0
     a, b = ways.first[one] + i, ways.first[other] + j
-    if kind == MOVES:
-        e, f, t, u = ways.lane[a], ways.lane[b], ways.left[a], ways.left[b]
-        low, high = collide(lanes, e, f)
-        return (0, f, u, t + high) if second else (0, e, t, u - low)
-    if kind == STAYS_ONE:
-        one, other, a, b, second = other, one, b, a, not second
+    if keeper == 1:
+        one, other, a, b = other, one, b, a
     e, t = ways.lane[a], ways.left[a]
-    v = stands_at(lanes, ways, other, b)
-    until = ways.left[b] if b < ways.first[other + 1] else np.inf
-    low, high = passes(lanes, e, v)
-    return (1, v, t + high, min(until, NEVER)) if second else (0, e, t, until - low)
+    f, v = -1, -1
+    if kind == MOVES:
+        f, now = ways.lane[b], ways.left[b]
+        low, high = collide(lanes, e, f)
+    else:
+        v, now = stands_at(lanes, ways, other, b), min(ways.left[b] if b < ways.first[other + 1] else np.inf, NEVER)
+        low, high = passes(lanes, e, v)
+    end = window_of(lanes, forbidden[keeper], e, t, now - low)
+    demanded = end > t
+    if not demanded:
+        end = now - low
+    num = 0
+    if keeper == 0:
+        num = put_rule(rows, num, keeper, NOT_MOVE, e, t, end)
+    if kind == MOVES:
+        num = put_rule(rows, num, 1 - keeper, NOT_MOVE, f, now, t + high)
+    else:
+        num = put_rule(rows, num, 1 - keeper, NOT_STAY, v, t + high, now)
+    if demanded:
+        num = put_rule(rows, num, keeper, MUST_MOVE, e, t, end)
+        ends = lanes.tail[e], lanes.head[e], lanes.tail[f] if f >= 0 else v, lanes.head[f] if f >= 0 else v
+        for k in range(4):
+            if (k > 0 and ends[k] == ends[0]) or (k > 1 and ends[k] == ends[1]) or (k > 2 and ends[k] == ends[2]):
+                continue
+            for near in range(lanes.first[ends[k]], lanes.first[ends[k] + 1]):
+                num = put_rules_beside(lanes, e, near, t, end, 1 - keeper, rows, num)
+                if lanes.reverse[near] >= 0:
+                    num = put_rules_beside(lanes, e, lanes.reverse[near], t, end, 1 - keeper, rows, num)
+    if keeper == 0:
+        return 1, num - 1
+    put_rule(rows, num, keeper, NOT_MOVE, e, t, end)
+    return num, 1
 
 
 @kernel(allocates=True)

@@ -1,17 +1,18 @@
 """Continuous-time conflict-based search: optimal in continuous time, with the robots' real motion or with that of the literature.
 
 Each node of a tree forbids robots some actions, and each robot takes its earliest way by safe interval planning; a conflict of two
-robots is split into two children. What the children forbid is such that any two actions, one from each, conflict: no solution is lost.
-In the literature's motion that is a departure within an interval for either robot, and for a robot that waits, a stay that begins too
-early and lasts too long (the interval of a vertex that plain CCBS forbids it loses solutions). Cardinal conflicts come first, and bounds
-count what pairs of robots cost together.
+robots is split into two children. In the literature's motion splits are disjoint: one child forbids a robot to depart to a lane within an
+interval, the other demands it, and forbids the second robot what collides with every departure within it: departures, and stays that
+begin too early and last too long (the interval of a vertex that plain CCBS forbids who waits loses solutions). In real motion either robot
+is forbidden something, and both at once would conflict. So no solution is lost. Cardinal conflicts come first, and bounds count what pairs
+of robots cost together.
 
 With w above 1, the node with the fewest conflicts among those within w times the bound is next.
 
 Sources: Andreychuk, Yakovlev, Surynek, Atzmon, Stern, "Multi-agent pathfinding with continuous time", AIJ 2022; Andreychuk, Yakovlev,
-Boyarski, Stern, "Improving continuous-time conflict based search", AAAI 2021, for prioritised conflicts; Li, Felner, Boyarski, Ma,
-Koenig, "Improved heuristics for multi-agent path finding with conflict-based search", IJCAI 2019; Barer, Sharon, Stern, Felner,
-"Suboptimal variants of the conflict-based search algorithm", SoCS 2014, for w.
+Boyarski, Stern, "Improving continuous-time conflict based search", AAAI 2021, for prioritised conflicts and disjoint splits; Li, Felner,
+Boyarski, Ma, Koenig, "Improved heuristics for multi-agent path finding with conflict-based search", IJCAI 2019; Barer, Sharon, Stern,
+Felner, "Suboptimal variants of the conflict-based search algorithm", SoCS 2014, for w.
 """
 
 from dataclasses import dataclass, replace

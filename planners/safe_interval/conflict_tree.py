@@ -1,7 +1,7 @@
 """The tree of conflict-based search over any motion: nodes forbid robots actions, and each takes its earliest way that is allowed."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from heapq import heappop, heappush
 from time import process_time
 from typing import Any, Protocol
@@ -11,6 +11,9 @@ import numpy as np
 from mrp_sumo.core.plan import Plan
 
 EPS = 1e-6  # s that are no more than nothing
+
+Both = tuple[Any, Any]  # constraints of two robots
+Split = tuple[Both, Both]  # where the first gives way, and where the second does
 
 
 @dataclass(eq=False)
@@ -27,11 +30,13 @@ class TimedConflict:
 
 @dataclass(frozen=True, eq=False)
 class Side:
-    """One robot of a conflict that gives way."""
+    """One robot of a conflict that gives way, and the other that keeps its path."""
 
     robot: int
+    keeper: int
     forbidden: Any
-    path: int | None  # None: there is none
+    keepers: Any  # constraints of the other
+    path: int | None  # of the one that gives way, None: there is none
     more_s: float  # than it costs now
 
 
@@ -52,8 +57,8 @@ class LowLevel(Protocol):
     def conflicts(self, robot: int, path: int, others: Sequence[int], their_paths: Sequence[int]) -> list[TimedConflict]:
         """A robot's conflicts with others."""
 
-    def split(self, conflict: TimedConflict, ours: Any, theirs: Any) -> tuple[Any, Any]:
-        """Constraints of either robot where it gives way; whatever both are newly forbidden would conflict."""
+    def splits(self, conflict: TimedConflict, ours: Any, theirs: Any) -> list[Split]:
+        """Constraints of both robots where either gives way, in one or more manners: each solution obeys those of one or the other."""
 
     def least_cost_s(self, robot: int, other: int, ours: Any, theirs: Any) -> float:
         """Least cost of two robots that are forbidden this and must not conflict."""
@@ -179,33 +184,34 @@ class TimedTree:
     def _chosen(self, node: TimedNode) -> TimedConflict:
         """That conflict of which the cheaper child costs most: a cardinal one, if there is any."""
 
-        def rank(conflict: TimedConflict) -> tuple[float, float]:
-            one, other = self._sides(node, conflict)
-            return min(one.more_s, other.more_s), max(one.more_s, other.more_s)
-
-        return max(node.conflicts, key=rank)
+        return max(node.conflicts, key=lambda conflict: least_more_s(self._sides(node, conflict)))
 
     def _sides(self, node: TimedNode, conflict: TimedConflict) -> tuple[Side, Side]:
         if conflict.sides is None:
             if process_time() > self.deadline_s:
                 raise OutOfTime
             k, m = conflict.robot, conflict.other
-            ours, theirs = self.motion.split(conflict, node.forbidden[k], node.forbidden[m])
-            conflict.sides = self._side(node, k, ours), self._side(node, m, theirs)
+            splits = self.motion.splits(conflict, node.forbidden[k], node.forbidden[m])
+            sides = [(self._side(node, k, m, *one), self._side(node, m, k, *two[::-1])) for one, two in splits]
+            conflict.sides = max(sides, key=least_more_s)
         return conflict.sides
 
-    def _side(self, node: TimedNode, k: int, forbidden: Any) -> Side:
+    def _side(self, node: TimedNode, k: int, m: int, forbidden: Any, keepers: Any) -> Side:
         path = self.motion.search(self.robots[k], forbidden)
-        return Side(k, forbidden, path, np.inf if path is None else self.motion.cost_s(path) - self.motion.cost_s(node.paths[k]))
+        more_s = np.inf if path is None else self.motion.cost_s(path) - self.motion.cost_s(node.paths[k])
+        return Side(k, m, forbidden, keepers, path, more_s)
 
     def _child(self, node: TimedNode, side: Side) -> TimedNode | None:
         if side.path is None:
             return None
-        k, forbidden, paths = side.robot, list(node.forbidden), list(node.paths)
-        forbidden[k], paths[k] = side.forbidden, side.path
-        others = [m for m in range(len(paths)) if m != k]
+        k, m, forbidden, paths = side.robot, side.keeper, list(node.forbidden), list(node.paths)
+        changed = side.keepers is not forbidden[m]
+        forbidden[k], forbidden[m], paths[k] = side.forbidden, side.keepers, side.path
+        others = [other for other in range(len(paths)) if other != k]
         conflicts = [conflict for conflict in node.conflicts if k not in (conflict.robot, conflict.other)]
-        conflicts += self.motion.conflicts(k, side.path, others, [paths[m] for m in others])
+        if changed:
+            conflicts = [replace(conflict, sides=None) if m in (conflict.robot, conflict.other) else conflict for conflict in conflicts]
+        conflicts += self.motion.conflicts(k, side.path, others, [paths[other] for other in others])
         cost_s = node.cost_s + side.more_s
         return TimedNode(forbidden, paths, cost_s, max(cost_s, node.bound_s), conflicts)
 
@@ -233,6 +239,12 @@ class TimedTree:
             self._alive += [ours, theirs]
             self._together[key] = self.motion.least_cost_s(self.robots[k], self.robots[m], ours, theirs)
         return self._together[key] - self.motion.cost_s(node.paths[k]) - self.motion.cost_s(node.paths[m])
+
+
+def least_more_s(sides: tuple[Side, Side]) -> tuple[float, float]:
+    """Seconds by which the cheaper of two sides costs more than now, then the other."""
+    one, other = sides[0].more_s, sides[1].more_s
+    return min(one, other), max(one, other)
 
 
 def cover_s(more: dict[tuple[int, int], float]) -> float:

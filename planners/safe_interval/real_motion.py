@@ -11,7 +11,7 @@ from mrp_sumo.core.problem import Problem
 from mrp_sumo.planning.answers import used_up
 from mrp_sumo.search._records import FOREVER
 from planners.safe_interval._table import first_overlap, overlaps, settle
-from planners.safe_interval.conflict_tree import OutOfTime, TimedConflict, TimedTree
+from planners.safe_interval.conflict_tree import OutOfTime, Split, TimedConflict, TimedTree
 from planners.safe_interval.first_ways import first_ways
 from planners.safe_interval.improvement import Improvement
 from planners.safe_interval.priority_tree import branched_on
@@ -84,10 +84,10 @@ class RealMotion:
                 conflicts += [TimedConflict(robot, other, path, its, (int(resource[k]), int(end[k]) - 1)) for k in sorted(chosen)]
         return conflicts
 
-    def split(self, conflict: TimedConflict, ours: Held, theirs: Held) -> tuple[Held, Held]:
+    def splits(self, conflict: TimedConflict, ours: Held, theirs: Held) -> list[Split]:
         """Neither may hold the resource in the last step in which both do."""
         place = conflict.what[0], conflict.what[1]
-        return (*ours, place), (*theirs, place)
+        return [(((*ours, place), theirs), (ours, (*theirs, place)))]
 
     def least_cost_s(self, robot: int, other: int, ours: Held, theirs: Held) -> float:
         """Least cost of two robots that must not conflict, by a tree of their own."""

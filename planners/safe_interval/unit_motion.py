@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from time import process_time
+from typing import Any
 
 import numpy as np
 
@@ -9,7 +10,7 @@ from mrp_sumo.core.graph import FloatArray, IntArray, PlanGraph
 from mrp_sumo.core.plan import Plan, plan_of_visits
 from mrp_sumo.core.problem import Problem
 from planners.safe_interval import _corridors, _disc_pairs, _discs
-from planners.safe_interval.conflict_tree import TimedConflict
+from planners.safe_interval.conflict_tree import Split, TimedConflict
 
 MOST = 1024  # conflicts of one way
 ORDERS = 60  # of robots that are tried
@@ -17,6 +18,7 @@ NEIGHBOURHOOD, NEIGHBOURHOODS = 9, 1000  # most robots in one, and how many are 
 ANY = 0.2  # that a neighbourhood is any robots
 WORSE = 0.005  # of the cost: the mean by which ways may be worse that are kept, at first
 MOST_NODES = 400  # of a tree over two robots
+ROOM = 1 << 15  # for moves of their ways, and for rules
 PER_PAIR = 4  # with each other, the first ones
 
 
@@ -38,7 +40,9 @@ class UnitMotion:
         self._starts, self._goals = problem.start, problem.target
         self._room = 1 << 12
         self._forbidden: dict[int, tuple[FloatArray, FloatArray]] = {}  # by the ways at hand, to others
-        self._pair = _disc_pairs.new_pair(MOST_NODES, 64 * MOST_NODES)
+        self._pair = _disc_pairs.new_pair(MOST_NODES, ROOM)
+        self._rules = [_discs.new_rules(ROOM // 8) for _ in range(3)]
+        self._rows = np.zeros(1 << 8, _discs.RULE)
         self._found, self._of = np.zeros((MOST, 3), np.int64), np.zeros(MOST, np.int64)
 
     def clash(self) -> str:
@@ -78,20 +82,39 @@ class UnitMotion:
             for k, what in zip(self._of[:num].tolist(), map(tuple, self._found[:num].tolist()))
         ]
 
-    def split(
-        self, conflict: TimedConflict, ours: _discs.DiscConstraints, theirs: _discs.DiscConstraints
-    ) -> tuple[_discs.DiscConstraints, _discs.DiscConstraints]:
+    def splits(self, conflict: TimedConflict, ours: _discs.DiscConstraints, theirs: _discs.DiscConstraints) -> list[Split]:
         """See `_corridors.rules_of`."""
         both = (conflict.path, conflict.other_path), (ours, theirs)
-        one, other = _corridors.rules_of(self._lanes, self._paths, conflict.what, *both, self._scratch)
-        return _discs.with_rule(ours, *one), _discs.with_rule(theirs, *other)
+        outcome = []
+        for keeper in range(2):
+            while True:
+                num, others = _corridors.rules_of(self._lanes, self._paths, conflict.what, *both, self._scratch, keeper, self._rows)
+                if num + others <= len(self._rows):
+                    break
+                self._rows = np.zeros(2 * (num + others), _discs.RULE)
+            if num:
+                outcome.append((self._with(ours, theirs, 0, num), self._with(ours, theirs, num, num + others)))
+            if num + others == 2:
+                break
+        return outcome
+
+    def _with(self, ours: _discs.DiscConstraints, theirs: _discs.DiscConstraints, begin: int, end: int) -> tuple[Any, Any]:
+        """Constraints of both robots and the rows from `begin` to `end`; the same objects where there are none for a robot."""
+        robots = set(self._rows["robot"][begin:end].tolist())
+        return (
+            _discs.with_rules(ours, self._rows, 0, begin, end) if 0 in robots else ours,
+            _discs.with_rules(theirs, self._rows, 1, begin, end) if 1 in robots else theirs,
+        )
 
     def least_cost_s(self, robot: int, other: int, ours: _discs.DiscConstraints, theirs: _discs.DiscConstraints) -> float:
         """Least cost of two robots that are forbidden this."""
-        both, room = [robot, other], max(ours.count.max(), theirs.count.max()) + MOST_NODES
-        rules, others, more = (_discs.new_rules(room) for _ in range(3))
+        both = [robot, other]
         ends = self._left_s[both], self._starts[both], self._goals[both]
-        task = _disc_pairs.PairTask(self._lanes, *ends, (ours, theirs), (rules, others), more, self._scratch)
+        most = max(ours.count.max(), theirs.count.max())
+        if 2 * most > self._rules[0].place.shape[1]:
+            self._rules = [_discs.new_rules(4 * most) for _ in range(3)]
+        one, two, more = self._rules
+        task = _disc_pairs.PairTask(self._lanes, *ends, (ours, theirs), (one, two), more, self._scratch)
         return float(_disc_pairs.least_cost(task, self._pair))
 
     def some_paths(self, rng: np.random.Generator, enough_s: float, deadline_s: float) -> list[int] | None:

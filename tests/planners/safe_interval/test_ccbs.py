@@ -212,6 +212,16 @@ def test_two_discs_that_change_places_cost_the_corridor_and_the_way_round():
     assert solved(problem, motion="unit", radius_m=RADIUS_M).stats["cost_s"] == pytest.approx(28.0)
 
 
+@pytest.mark.compiled
+@pytest.mark.parametrize("degrees", [20, 90])
+def test_who_enters_a_corridor_second_lets_the_first_pass_by(degrees):
+    """10 m of corridor, 4 m to either goal beyond: on lanes at a sharp angle, the second sets out later."""
+    xy = [(0, 0), (10, 0), (10, 4), (10 + 4 * np.sin(np.radians(degrees)), 4 * np.cos(np.radians(degrees)))]
+    motion = UnitMotion(problem_of(graph_of(xy, [(0, 1), (1, 2), (1, 3)]), [0, 2], [3, 0]), RADIUS_M, 1.0)
+    cost_s = motion.least_cost_s(0, 1, motion.nothing, motion.nothing)
+    assert cost_s == pytest.approx(14 + 20 + 2 * RADIUS_M / np.sin(np.radians(degrees / 2)), abs=1e-5)
+
+
 ROUND = [(0, 0), (1, 0), (2, 0), (3, 0), (4, 0), (0, 2), (4, 2)], [(0, 1), (1, 2), (2, 3), (3, 4), (0, 5), (5, 6), (6, 4)]
 ASIDE = [(0, 0), (1, 0), (2, 0), (3, 0), (4, 0), (2, 2), (4, 0.7)], [(0, 1), (1, 2), (2, 3), (3, 4), (2, 5), (4, 6)]
 
