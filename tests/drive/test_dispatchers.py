@@ -55,6 +55,19 @@ def test_who_cannot_come_to_the_first_stop_of_an_order_is_not_given_it(dispatche
     assert fleet.decides(dispatcher) == then
 
 
+@pytest.mark.parametrize("dispatcher", [*ALL, "round_robin", "bundle"])
+@pytest.mark.parametrize(
+    ("is_lost", "stops", "able"), [(True, (5, 6), {2}), (True, (1, 0), {0}), (True, (4, 3), {0, 2}), (False, (5, 6), {0, 1})]
+)
+def test_no_order_is_given_to_one_that_a_lost_robot_shuts_in(dispatcher, is_lost, stops, able):
+    """On the line robot_1 is at 4, between robot_0 at 2 and 5; robot_2 is far away on the other side. To 4 itself both may come near."""
+    fleet = Fleet([2, 4, 19], (0.0, stops))
+    if is_lost:
+        fleet.crew.robots[1].on(Change.LOST, 0.0)
+    (robot,) = fleet.decides(dispatcher)
+    assert robot in able
+
+
 @pytest.mark.parametrize("dispatcher", ALL)
 def test_an_urgent_order_that_a_robot_cannot_do_does_not_keep_it_from_another(dispatcher):
     tasks = [(0.0, (3, 4), 1, "lift"), (0.0, (19, 18))]

@@ -12,7 +12,7 @@ from itertools import combinations_with_replacement
 
 from mrp_sumo.core.options import option
 from mrp_sumo.core.request import Request
-from mrp_sumo.drive.dispatchers.estimates import FAR_S
+from mrp_sumo.drive.dispatchers.estimates import FAR_S, free
 from mrp_sumo.drive.reroute import Replan
 from mrp_sumo.drive.robot_work import NONE, RobotWork, TourStop
 from mrp_sumo.drive.surroundings import Surroundings
@@ -57,7 +57,8 @@ class _Tour:
 def tours(context: Surroundings, now_s: float, most: int) -> dict[int, list[TourStop]]:
     """New stops ahead, of robots that are to have more orders."""
     crew = context.crew
-    able = [tour for robot in crew.robots if (tour := _tour_of(context, robot, now_s)) is not None]
+    idle = set(free(context))
+    able = [tour for robot in crew.robots if (tour := _tour_of(context, robot, idle, now_s)) is not None]
     for tour in able:
         tour.sum_s = _sum_s(context, tour, tour.stops)
     for task in crew.unassigned[:most]:
@@ -75,12 +76,12 @@ def tours(context: Surroundings, now_s: float, most: int) -> dict[int, list[Tour
     return {tour.robot: tour.stops for tour in able if tour.is_new}
 
 
-def _tour_of(context: Surroundings, robot: RobotWork, now_s: float) -> _Tour | None:
-    """The tour of a robot that can be given an order, None for others."""
+def _tour_of(context: Surroundings, robot: RobotWork, idle: set[int], now_s: float) -> _Tour | None:
+    """The tour of a robot that can be given an order, be it one of those that are `idle`; None for others."""
     crew, capacity = context.crew, context.ledger.problem.fleet.capacity
     start = int(context.start[robot.number])
     most = 1 if capacity is None else int(capacity[robot.number])
-    if robot.number in crew.free and robot.then == NONE:
+    if robot.number in idle and robot.then == NONE:
         return _Tour(robot.number, start, 0.0, 0, most, [])
     if not crew.has_room_for_more(robot) or robot.then != NONE:
         return None

@@ -10,6 +10,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from mrp_sumo.core.digraph import weak_components
 from mrp_sumo.core.graph import FloatArray, IntArray
 from mrp_sumo.core.task import Task
 from mrp_sumo.drive.crew import Crew
@@ -54,7 +55,7 @@ def choice(now_s: float, context: Surroundings, most: int, *, reassign: bool, bu
     crew = context.crew
     num_robots, at = len(crew.robots), context.start.copy()
     holder = crew.holder if reassign else {}
-    able = np.array(sorted({*crew.free, *holder.values()}), np.int64)
+    able = np.array(sorted({*free(context), *holder.values()}), np.int64)
     ready_s = np.zeros(num_robots)
     for r in sorted(set(range(num_robots)) - set(able.tolist())):
         ready_s[r] = FAR_S
@@ -75,13 +76,28 @@ def choice(now_s: float, context: Surroundings, most: int, *, reassign: bool, bu
     return Choice(waiting, holder, able, pick_up_s, ready_s, rest_s, between_s, later_s, typed)
 
 
+def free(context: Surroundings) -> list[int]:
+    """Robots without a task, ascending, but for those that others who charge or are broken shut in, away from all first stops that wait."""
+    crew, graph, at = context.crew, context.graph, context.start
+    closed = np.zeros(graph.num_vertices, np.bool_)
+    closed[[at[robot.number] for robot in crew.robots if robot.is_down or (robot.is_charging and not robot.leaves)]] = True
+    if not closed.any():
+        return crew.free
+    leads = ~(closed[graph.tail] | closed[graph.head])
+    piece = weak_components(graph.num_vertices, graph.tail[leads], graph.head[leads])
+    places = np.array(sorted({v for task in crew.unassigned for v in crew.tasks[task].stops[0].places}), np.int64)
+    taken = places[closed[places]]  # to which robots come as near as they can
+    near = graph.tail[np.isin(graph.head, taken)], graph.head[np.isin(graph.tail, taken)]
+    return [r for r in crew.free if piece[at[r]] in piece[np.concatenate([places, *near])]]
+
+
 def to_give(context: Surroundings) -> Sequence[int]:
     """Orders that no robot has and that may be given now: the most urgent first, then the oldest.
 
     Others are held back, since robots for which their stations have no use would crowd the ways to them: enough are bound for one already.
     Those are as many as come one after the other while one drives there, and a few in line.
     """
-    crew, waiting, free = context.crew, context.crew.unassigned, context.crew.free
+    crew, waiting = context.crew, context.crew.unassigned
     if len(crew.robots) <= IN_LINE:
         return waiting
     bound = Counter(places for robot in crew.robots if not robot.charges for places in _bound_for(crew, robot))
@@ -91,7 +107,7 @@ def to_give(context: Surroundings) -> Sequence[int]:
         full = (nth for nth, stop in enumerate(stops) if bound[stop.places] >= IN_LINE * len(stop.places))
         if not any(bound[stops[nth].places] >= _useful(context, task, nth) for nth in full):
             admitted.append(task)
-            if not crew.some_cannot(task) or any(crew.can_do(r, task) for r in free):  # others wait for robots of their own
+            if not crew.some_cannot(task) or any(crew.can_do(r, task) for r in crew.free):  # others wait for robots of their own
                 bound.update({stop.places for stop in stops})
     return admitted
 

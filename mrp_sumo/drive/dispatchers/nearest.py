@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mrp_sumo.drive.dispatchers.by_task import ByTask
-from mrp_sumo.drive.dispatchers.estimates import to_give
+from mrp_sumo.drive.dispatchers.estimates import free, to_give
 from mrp_sumo.drive.surroundings import Surroundings
 from mrp_sumo.search.distance import UNREACHABLE, distances
 
@@ -17,14 +17,14 @@ class Nearest(ByTask):
     def assigned(self, now_s: float, context: Surroundings) -> dict[int, int]:
         crew = context.crew
         steps, start = distances(context.graph), context.start
-        free, assigned = set(crew.free), {}
+        left, assigned = set(free(context)), {}
         for task in to_give(context):
-            if not free:
+            if not left:
                 break
             to_place = steps.to_all(np.array(crew.tasks[task].stops[0].places)).min(0)
-            able = (r for r in free if crew.can_do(r, task))
+            able = (r for r in left if crew.can_do(r, task))
             robot = min(able, key=lambda r: (int(to_place[start[r]]), r), default=None)
             if robot is not None and to_place[start[robot]] < UNREACHABLE:
                 assigned[robot] = task
-                free.remove(robot)
+                left.remove(robot)
         return assigned

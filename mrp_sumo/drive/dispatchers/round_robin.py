@@ -6,7 +6,7 @@ import numpy as np
 
 from mrp_sumo.core.task import NOBODY
 from mrp_sumo.drive.dispatchers.by_task import ByTask
-from mrp_sumo.drive.dispatchers.estimates import to_give
+from mrp_sumo.drive.dispatchers.estimates import free, to_give
 from mrp_sumo.drive.surroundings import Surroundings
 from mrp_sumo.search.distance import UNREACHABLE, distances
 
@@ -21,7 +21,7 @@ class RoundRobin(ByTask):
         for task, robot in enumerate(orders.robot):
             if robot != NOBODY and orders.is_order(task):
                 last_s[robot] = max(last_s[robot], orders.assigned_s(task))
-        in_turn, assigned = sorted(crew.free, key=lambda r: (last_s[r], r)), dict[int, int]()
+        in_turn, assigned = sorted(free(context), key=lambda r: (last_s[r], r)), dict[int, int]()
         for task in to_give(context):
             to_place = steps.to_all(np.array(crew.tasks[task].stops[0].places)).min(0)
             able = (r for r in in_turn if r not in assigned and crew.can_do(r, task) and to_place[start[r]] < UNREACHABLE)

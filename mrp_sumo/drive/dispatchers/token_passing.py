@@ -13,7 +13,7 @@ import numpy as np
 from mrp_sumo.core.options import option
 from mrp_sumo.core.task import Task
 from mrp_sumo.drive.dispatchers.by_task import ByTask
-from mrp_sumo.drive.dispatchers.estimates import FAR_S, steps_of, to_give
+from mrp_sumo.drive.dispatchers.estimates import FAR_S, free, steps_of, to_give
 from mrp_sumo.drive.surroundings import Surroundings
 
 
@@ -29,11 +29,11 @@ class TokenPassing(ByTask):
         away = dict(zip(waiting, steps_of(context, start, waiting).T))
         ends = [crew.tasks[k].stops[-1].places for k in [robot.task for robot in crew.robots] if k >= 0]
         nearest = np.min([*away.values()], 0) if away else np.zeros(len(start))
-        for r in sorted(crew.free, key=lambda r: (nearest[r], r)):
+        for r in sorted(free(context), key=lambda r: (nearest[r], r)):
             token = {v for places in ends for v in places}
             near = [k for k in waiting if away[k][r] < FAR_S]
-            free = [k for k in near if not _touches(crew.tasks[k], token)]
-            best = min(free or ([] if self.exclusive else near), key=lambda k: (-crew.tasks[k].priority, away[k][r], k), default=None)
+            apart = [k for k in near if not _touches(crew.tasks[k], token)]
+            best = min(apart or ([] if self.exclusive else near), key=lambda k: (-crew.tasks[k].priority, away[k][r], k), default=None)
             if best is not None:
                 assigned[r] = best
                 waiting.remove(best)

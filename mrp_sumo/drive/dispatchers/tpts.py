@@ -7,7 +7,7 @@ the run's planner for ways, and without the rule on ends (see `token_passing`).
 from dataclasses import dataclass
 
 from mrp_sumo.drive.dispatchers.by_task import ByTask
-from mrp_sumo.drive.dispatchers.estimates import FAR_S, steps_of, to_give
+from mrp_sumo.drive.dispatchers.estimates import FAR_S, free, steps_of, to_give
 from mrp_sumo.drive.surroundings import Surroundings
 
 WORTH_STEPS = 1  # by more than which a robot is nearer to a task that it takes from another
@@ -22,7 +22,7 @@ class Tpts(ByTask):
         holder = crew.holder
         tasks = [*holder, *to_give(context)]
         away = dict(zip(tasks, steps_of(context, start, tasks).T))
-        turn = crew.free
+        turn = free(context)
         while turn:
             r = turn.pop(0)
             for task in sorted(tasks, key=lambda k: (-crew.tasks[k].priority, away[k][r], k)):
