@@ -778,6 +778,21 @@ def test_who_is_cut_off_by_a_lost_robot_is_so_where_it_waits_then(later_at, foun
     assert places._is_cut_off(logs, places.Wish(0, 0, "at 5", [5], 0.0, np.inf, np.inf), 50.0, 600.0) == cut_off
 
 
+@pytest.mark.parametrize(("until_s", "cut_off"), [((600.0, 600.0), True), ((600.0, 300.0), False), ((300.0, 600.0), False)])
+def test_who_is_shut_in_by_two_that_are_served_is_cut_off(until_s, cut_off):
+    """On a ring of six, with the place at 5, others are served at 0 and at 3 for most of the time of one at 1, or only one of them is."""
+    pairs = [(k, (k + 1) % 6) for k in range(6)]
+    graph = graph_of([(0.0, 0.0), (1.0, 0.0), (2.0, 0.0), (2.0, 1.0), (1.0, 1.0), (0.0, 1.0)], pairs, 1.0)
+    logs = SimpleNamespace(
+        stops=SimpleNamespace(vertex=np.array([0, 3]), robot=np.array([1, 2]), begin_s=np.zeros(2), end_s=np.array(until_s)),
+        graph=graph,
+        fleet=SimpleNamespace(num_robots=3),
+        times_in=lambda states, robot: [],
+        xy_at=lambda robot, t_s: graph.xy[np.where(robot == 0, 1, 0)],
+    )
+    assert places._is_cut_off(logs, places.Wish(0, 0, "at 5", [5], 0.0, np.inf, np.inf), 50.0, 600.0) == cut_off
+
+
 @pytest.mark.parametrize(("at", "two_way", "cut_off"), [(0, False, True), (4, False, False), (0, True, False)])
 def test_on_a_one_way_ring_a_lost_robot_cuts_off_who_has_yet_to_pass_it(at, two_way, cut_off):
     """On a ring of six, with the place at 5 and a robot lost at 2: from 0 the way over 2 is the only one, unless it leads back, too."""

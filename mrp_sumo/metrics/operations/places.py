@@ -1,7 +1,7 @@
 """Rules about places: service only where and while a robot stands, one robot a place, first come first served; lifts and doors."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -192,16 +192,19 @@ def _left(logs: Logs) -> Iterator[Wish]:
 
 
 def _is_cut_off(logs: Logs, wish: Wish, since_s: float, until_s: float) -> bool:
-    """True if there is no way round a robot that stands for most of the time where it is lost, or served, as at a charger in an aisle."""
+    """True if there is no way round robots that are served for most of the time, as at chargers in an aisle, or round one that is lost."""
     stops, graph = logs.stops, logs.graph
-    stood = [*zip(stops.vertex.tolist(), stops.robot.tolist(), stops.begin_s.tolist(), stops.end_s.tolist())]
-    for v, *rest in _lost(logs):  # it keeps the next vertex, too, if it was granted that
-        stood += [(u, *rest) for u in (v, *graph.head[graph.tail == v].tolist())]
-    for v, robot, begin_s, end_s in stood:
-        from_s = max(begin_s, since_s)
-        if robot == wish.robot or v in wish.vertices or not (min(end_s, until_s) - from_s) / (until_s - since_s) > MOST:
-            continue
-        leads, at = (graph.tail != v) & (graph.head != v), np.array([vertex_at(logs, wish.robot, from_s)])
+
+    def closed(stood: Iterable[tuple[int, int, float, float]]) -> dict[int, float]:
+        """Of vertices where others stand from one time to another those that they close, and since when."""
+        others = ((v, max(begin_s, since_s), end_s) for v, robot, begin_s, end_s in stood if robot != wish.robot and v not in wish.vertices)
+        return {v: from_s for v, from_s, end_s in others if (min(end_s, until_s) - from_s) / (until_s - since_s) > MOST}
+
+    served = closed(zip(stops.vertex.tolist(), stops.robot.tolist(), stops.begin_s.tolist(), stops.end_s.tolist()))
+    lost = closed((u, *rest) for v, *rest in _lost(logs) for u in (v, *graph.head[graph.tail == v].tolist()))  # or it was granted the next
+    for each in filter(None, (served, *({v: from_s} for v, from_s in lost.items()))):
+        leads = ~(np.isin(graph.tail, [*each]) | np.isin(graph.head, [*each]))
+        at = np.array([vertex_at(logs, wish.robot, max(each.values()))])
         past, ever = (np.isfinite(reach_m(graph, lanes, at)[0, wish.vertices]).any() for lanes in (leads, leads | True))
         if ever and not past:
             return True
