@@ -68,6 +68,14 @@ def test_no_order_is_given_to_one_that_a_lost_robot_shuts_in(dispatcher, is_lost
     assert robot in able
 
 
+@pytest.mark.parametrize("dispatcher", ["nearest", "hungarian", "round_robin", "tpts"])
+def test_who_is_shut_in_gets_an_order_where_others_are_too_few(dispatcher):
+    """As before, with an order more than robots on the other side."""
+    fleet = Fleet([2, 4, 19], (0.0, (5, 6)), (0.0, (7, 8)))
+    fleet.crew.robots[1].on(Change.LOST, 0.0)
+    assert sorted(fleet.decides(dispatcher)) == [0, 2]
+
+
 @pytest.mark.parametrize("dispatcher", ALL)
 def test_an_urgent_order_that_a_robot_cannot_do_does_not_keep_it_from_another(dispatcher):
     tasks = [(0.0, (3, 4), 1, "lift"), (0.0, (19, 18))]

@@ -77,18 +77,19 @@ def choice(now_s: float, context: Surroundings, most: int, *, reassign: bool, bu
 
 
 def free(context: Surroundings) -> list[int]:
-    """Robots without a task, ascending, but for those that others who charge or are broken shut in, away from all first stops that wait."""
+    """Robots without a task, ascending; of enough for all orders not those that others who charge or are broken shut in."""
     crew, graph, at = context.crew, context.graph, context.start
     closed = np.zeros(graph.num_vertices, np.bool_)
     closed[[at[robot.number] for robot in crew.robots if robot.is_down or (robot.is_charging and not robot.leaves)]] = True
-    if not closed.any():
+    if not closed.any() or any(crew.some_cannot(task) for task in crew.unassigned):
         return crew.free
     leads = ~(closed[graph.tail] | closed[graph.head])
     piece = weak_components(graph.num_vertices, graph.tail[leads], graph.head[leads])
     places = np.array(sorted({v for task in crew.unassigned for v in crew.tasks[task].stops[0].places}), np.int64)
     taken = places[closed[places]]  # to which robots come as near as they can
     near = graph.tail[np.isin(graph.head, taken)], graph.head[np.isin(graph.tail, taken)]
-    return [r for r in crew.free if piece[at[r]] in piece[np.concatenate([places, *near])]]
+    able = [r for r in crew.free if piece[at[r]] in piece[np.concatenate([places, *near])]]
+    return able if len(able) >= len(crew.unassigned) else crew.free
 
 
 def to_give(context: Surroundings) -> Sequence[int]:
