@@ -374,10 +374,13 @@ class RobotPlaces:
         idle = {r: int(start[r]) for r in rest}
 
         def is_on_way(robot: int, v: int) -> bool:
-            known = self._distances(robot)
-            steps, at = known.to(int(vertex[robot])), start[robot]
-            passes = any(int(known.to(u)[at]) + int(steps[u]) == int(steps[at]) for u in self._closed_by({v}))
+            steps, there = self._distances(robot).to(int(vertex[robot])), steps_there(robot)
+            passes = any(int(there[u]) + int(steps[u]) == int(steps[start[robot]]) for u in self._closed_by({v}))
             return passes and not passable(robot, v)
+
+        @cache
+        def steps_there(robot: int) -> StepArray:
+            return self._reach(robot, int(start[robot]), set())
 
         @cache
         def passable(robot: int, v: int) -> bool:
