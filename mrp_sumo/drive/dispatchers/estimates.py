@@ -78,18 +78,19 @@ def choice(now_s: float, context: Surroundings, most: int, *, reassign: bool, bu
 
 def free(context: Surroundings) -> list[int]:
     """Robots without a task, ascending; of enough for all orders not those that others who charge or are broken shut in."""
-    crew, graph, at = context.crew, context.graph, context.start
+    crew, graph, at, idle = context.crew, context.graph, context.start, context.crew.free
     closed = np.zeros(graph.num_vertices, np.bool_)
     closed[[at[robot.number] for robot in crew.robots if robot.is_down or (robot.is_charging and not robot.leaves)]] = True
-    if not closed.any() or any(crew.some_cannot(task) for task in crew.unassigned):
-        return crew.free
+    waiting = crew.unassigned if closed.any() else ()
+    if not waiting or any(crew.some_cannot(task) for task in waiting):
+        return idle
     leads = ~(closed[graph.tail] | closed[graph.head])
     piece = weak_components(graph.num_vertices, graph.tail[leads], graph.head[leads])
-    places = np.array(sorted({v for task in crew.unassigned for v in crew.tasks[task].stops[0].places}), np.int64)
+    places = np.array(sorted({v for task in waiting for v in crew.tasks[task].stops[0].places}), np.int64)
     taken = places[closed[places]]  # to which robots come as near as they can
     near = graph.tail[np.isin(graph.head, taken)], graph.head[np.isin(graph.tail, taken)]
-    able = [r for r in crew.free if piece[at[r]] in piece[np.concatenate([places, *near])]]
-    return able if len(able) >= len(crew.unassigned) else crew.free
+    able = [r for r, leads_there in zip(idle, np.isin(piece[at[idle]], piece[np.concatenate([places, *near])]).tolist()) if leads_there]
+    return able if len(able) >= len(waiting) else idle
 
 
 def to_give(context: Surroundings) -> Sequence[int]:
@@ -98,7 +99,7 @@ def to_give(context: Surroundings) -> Sequence[int]:
     Others are held back, since robots for which their stations have no use would crowd the ways to them: enough are bound for one already.
     Those are as many as come one after the other while one drives there, and a few in line.
     """
-    crew, waiting = context.crew, context.crew.unassigned
+    crew, waiting, idle = context.crew, context.crew.unassigned, context.crew.free
     if len(crew.robots) <= IN_LINE:
         return waiting
     bound = Counter(places for robot in crew.robots if not robot.charges for places in _bound_for(crew, robot))
@@ -108,7 +109,7 @@ def to_give(context: Surroundings) -> Sequence[int]:
         full = (nth for nth, stop in enumerate(stops) if bound[stop.places] >= IN_LINE * len(stop.places))
         if not any(bound[stops[nth].places] >= _useful(context, task, nth) for nth in full):
             admitted.append(task)
-            if not crew.some_cannot(task) or any(crew.can_do(r, task) for r in crew.free):  # others wait for robots of their own
+            if not crew.some_cannot(task) or any(crew.can_do(r, task) for r in idle):  # others wait for robots of their own
                 bound.update({stop.places for stop in stops})
     return admitted
 
