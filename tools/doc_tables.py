@@ -181,8 +181,8 @@ def keys(section: str = "") -> str:
     """Keys of a section of scenario files, as they are declared; those without sections of their own where none is named."""
     alike: dict[tuple[str, ...], list[str]] = {}
     for key, field in keys_in(section):
-        alike.setdefault((_default(field), _possible(field), str(field.description)), []).append(f"`{key}`")
-    return _table(("key", "default", "values", "meaning"), ((", ".join(names), *row) for row, names in alike.items()))
+        alike.setdefault((_values(field), str(field.description)), []).append(f"`{key}`")
+    return _table(("key", "default", "meaning"), ((", ".join(names), *row) for row, names in alike.items()))
 
 
 def keys_in(section: str) -> Iterator[tuple[str, FieldInfo]]:
@@ -213,24 +213,24 @@ def _among(annotation: Any, inner: type) -> str:
     return next((among for part in get_args(annotation) if (among := _among(part, inner))), "")
 
 
-def _default(field: FieldInfo) -> str:
-    if field.is_required():
-        return "required"
-    value = field.get_default(call_default_factory=True)
-    return "" if isinstance(value, BaseModel | Options) else f"`{json.dumps(value)}`"
-
-
-def _possible(field: FieldInfo) -> str:
-    """Choices, or the kind of value and its bounds."""
+def _values(field: FieldInfo) -> str:
+    """Default of a key, then its other choices, or the bounds of its values."""
+    value = None if field.is_required() else field.get_default(call_default_factory=True)
+    default = "required" if field.is_required() else "" if isinstance(value, BaseModel | Options) else f"`{json.dumps(value)}`"
     parts = [field.annotation, *get_args(field.annotation)]
-    choices = [f"`{value}`" for part in parts if get_origin(part) is Literal for value in get_args(part)]
+    if choices := [f"`{one}`" for part in parts if get_origin(part) is Literal for one in get_args(part) if one != value]:
+        return f"{default}, or {', '.join(choices)}"
+    return ", ".join(filter(None, (default, _bounds(field))))
+
+
+def _bounds(field: FieldInfo) -> str:
     bounds = {key: bound for part in field.metadata for key in BOUNDS if (bound := getattr(part, key, HUGE)) < HUGE}
     if 0 < bounds.get("ge", 0) < TINY:
         bounds["gt"] = 0
         del bounds["ge"]
     if {"ge", "le"} <= set(bounds):
         return f"{bounds['ge']:g} to {bounds['le']:g}"
-    return ", ".join(choices or (f"{SIGNS[key]} {bounds[key]:g}" for key in BOUNDS if key in bounds))
+    return ", ".join(f"{SIGNS[key]} {bounds[key]:g}" for key in BOUNDS if key in bounds)
 
 
 TABLES: dict[str, Callable[[], str]] = {
