@@ -107,48 +107,39 @@ def motion_plan(
     turns = np.zeros(plan.num_visits, np.bool_)
     turns[:-1] = np.abs(wrapped(heading[1:] - heading[:-1])) > TURNS_RAD
     turns[last] = False
-    gear, tangent, bend_m, bend_mps, limit = _bends(graph, plan, lane, departure, kind, vehicles, heading, turns)
     behind, trailing_m = _behind(plan, departure, kind, vehicles)
+    course = Course(plan, lane, from_m, at_m, stretch, kind, trailing_m)
+    gear, tangent, bend_m, bend_mps, limit = _bends(graph, course, departure, vehicles, heading, turns)
     needs = needs_of(graph, plan, lane, resources, kind, behind)
-    left_at = left_after_m(graph, resources, Course(plan, lane, from_m, at_m, stretch, kind, trailing_m), needs)
+    left_at = left_after_m(graph, resources, course, needs)
     if len(needless):
         needed = ~np.isin(needs.visit, last[needless])
         first = np.searchsorted(needs.visit[needed], np.arange(plan.num_visits + 1)).astype(np.int64)
         needs, left_at = Needs(frozen(first), needs.resource[needed], needs.on_lane[needed], needs.num_resources), left_at[needed]
-    short_of = _short_of(resources, lane, from_m, at_m, stretch, np.repeat(kind, np.diff(plan.first)))
+    short_of = _short_of(resources, course)
     return MotionPlan(plan, lane, from_m, at_m, heading, turns, gear, tangent, bend_m, bend_mps, limit, short_of, needs, left_at)
 
 
 def _bends(
-    graph: PlanGraph,
-    plan: Plan,
-    lane: IntArray,
-    departure: Departure,
-    kind: IntArray,
-    vehicles: Vehicles,
-    heading: FloatArray,
-    turns: BoolArray,
+    graph: PlanGraph, course: Course, departure: Departure, vehicles: Vehicles, heading: FloatArray, turns: BoolArray
 ) -> tuple[IntArray, FloatArray, FloatArray, FloatArray, FloatArray]:
     """[N] of vehicles gears, arcs and top speeds. Writes `heading`, in which they drive, and `turns`, where they change gear."""
+    plan, lane, kind = course.plan, course.lane, course.kind
     gear, tangent, bend_m = np.zeros(len(lane), np.int64), np.zeros(len(lane)), np.zeros(len(lane))
     bend_mps, limit = np.full(len(lane), np.inf), np.where(lane >= 0, graph.speed_mps[lane], np.inf)
-    course = course_rad(graph)[:, 1] if vehicles else heading
+    ends_rad = course_rad(graph)[:, 1] if vehicles else heading
     for i, k in enumerate(kind.tolist() if vehicles else ()):
         vehicle, part = vehicles[k], slice(int(plan.first[i]), int(plan.first[i + 1]))
         if vehicle is None:
             continue
         mine = lane[part]
-        heading[part] = np.append(heading[part.start], course[mine[1:]])
+        heading[part] = np.append(heading[part.start], ends_rad[mine[1:]])
         table, wheels = turns_of(graph, vehicle), vehicle.kinematics
         limit[part] = np.where(mine >= 0, np.minimum(limit[part], table.limit_mps[mine]), limit[part])
         gear[part.start] = departure.gear[i]
         for n in range(len(mine) - 1):
-            k, came, onward, now = (
-                part.start + n,
-                int(mine[n]) if n else int(departure.lane[i]),
-                int(mine[n + 1]),
-                int(gear[part.start + n]),
-            )
+            k, onward, now = part.start + n, int(mine[n + 1]), int(gear[part.start + n])
+            came = int(mine[n]) if n else int(departure.lane[i])
             turn = table.between(came, onward) if came >= 0 else -1
             stands = not n and not departure.may_turn[i]
             gear[k + 1] = (
@@ -232,14 +223,13 @@ def _along(first: IntArray, length: FloatArray) -> FloatArray:
     return total - np.repeat(total[first[:-1]], np.diff(first))
 
 
-def _short_of(
-    resources: Resources, lane: IntArray, from_m: FloatArray, at_m: FloatArray, stretch: FloatArray, kind: IntArray
-) -> FloatArray:
+def _short_of(resources: Resources, course: Course) -> FloatArray:
     """[N] how far a robot may drive towards a vertex that is not free: clear of it and of the vertex behind. inf where a
-    lane has no such place, or is in a zone. `kind` [N] is its type.
+    lane has no such place, or is in a zone.
     """
+    lane, stretch, kind = course.lane, course.stretch, np.repeat(course.kind, np.diff(course.plan.first))
     num_vertices = resources.num_places - len(resources.ends)
     in_zone = np.diff(resources.zones_first)[kind * resources.num_places + num_vertices + resources.track[lane]] > 0
-    stop = at_m - (resources.enter_m * stretch)[kind, lane]
-    behind = from_m + (resources.leave_m * stretch)[kind, lane]
+    stop = course.at_m - (resources.enter_m * stretch)[kind, lane]
+    behind = course.from_m + (resources.leave_m * stretch)[kind, lane]
     return np.where((lane >= 0) & ~in_zone & (stop > behind + STANDING_ROOM_M), stop, np.inf)
