@@ -6,6 +6,7 @@ widening passes look at the wrong row and column. Several levels have a grid eac
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,6 @@ from mrp_sumo.core.graph import (
     IntArray,
     NavGraph,
     PlanGraph,
-    Properties,
     frozen,
     nav_graph,
     nav_like,
@@ -47,7 +47,18 @@ def paper_grid(nav: NavGraph, cell_m: float = 0.4) -> PlanGraph:
     if len(levels) > 1:
         return _grids(nav, cell_m, levels)
     free, cell, origin = paper_cells(nav, cell_m)
-    return grid_graph(free, cell_m, origin, name=nav.name, source=nav.source, level_names=_one_level(nav), stations=cell, nav=nav)
+    grid = grid_graph(free, cell_m, origin, name=nav.name, source=nav.source)
+    vertex = np.cumsum(free.ravel()).reshape(free.shape)[cell[:, 1], cell[:, 0]] - 1
+    vertex_name, vertex_options = list(grid.vertex_name), list(grid.vertex_options)
+    for v, name, options in zip(vertex.tolist(), nav.vertex_name, nav.vertex_options):  # the first of several in a cell
+        vertex_name[v], vertex_options[v] = vertex_name[v] or name, vertex_options[v] or options
+    return replace(
+        grid,
+        level_names=_one_level(nav),
+        vertex_name=tuple(vertex_name),
+        vertex_options=tuple(vertex_options),
+        vertex_of_station=frozen(vertex),
+    )
 
 
 def _grids(nav: NavGraph, cell_m: float, levels: IntArray) -> PlanGraph:
@@ -140,12 +151,9 @@ def grid_graph(
     *,
     name: str = "grid",
     source: str = "",
-    level_names: Sequence[str] = ("L1",),
-    stations: IntArray | None = None,
-    nav: NavGraph | None = None,
     passages: tuple[BoolArray, BoolArray] | None = None,
 ) -> PlanGraph:
-    """The 4-connected graph of a grid's free cells, numbered row by row from the lowest y.
+    """The 4-connected graph of a grid's free cells, numbered row by row from the lowest y. Every cell is a station.
 
     Parameters
     ----------
@@ -155,11 +163,8 @@ def grid_graph(
         Side of a cell.
     origin
         (x, y) m of the lower left corner of cell (0, 0).
-    name, source, level_names
+    name, source
         Of the graph.
-    stations, nav
-        [Vnav, 2] cells (column, row) of the vertices of a nav graph, and that graph: their names and
-        options come along. Without them every cell is a station.
     passages
         [H, W - 1] and [H - 1, W] whether one can drive from a cell to the right and up; by default where
         both cells are free.
@@ -178,27 +183,9 @@ def grid_graph(
         ]
     )
     lanes = np.concatenate([pairs, pairs[:, ::-1]])
-    vertex_name = [""] * len(xy)
-    vertex_options: list[Properties] = [NO_PROPERTIES] * len(xy)
-    vertex_of_station = np.arange(len(xy))
-    if stations is not None and nav is not None:
-        vertex_of_station = number[stations[:, 1], stations[:, 0]]
-        for v, options, label in zip(vertex_of_station.tolist(), nav.vertex_options, nav.vertex_name):
-            vertex_name[v] = vertex_name[v] or label
-            if options and not vertex_options[v]:
-                vertex_options[v] = options
-    graph = nav_graph(
-        name=name,
-        xy=xy,
-        lanes=lanes,
-        level_names=level_names,
-        vertex_name=vertex_name,
-        vertex_options=vertex_options,
-        length_m=np.full(len(lanes), float(cell_m)),
-        source=source,
-    )
+    graph = nav_graph(name=name, xy=xy, lanes=lanes, length_m=np.full(len(lanes), float(cell_m)), source=source)
     corners_m = np.asarray(origin, np.float64) + cell_m * np.array([(0, 0), free.shape[::-1]])
-    return plan_graph(graph, kind="grid", cell_m=cell_m, vertex_of_station=vertex_of_station, frame_m=frozen(corners_m))
+    return plan_graph(graph, kind="grid", cell_m=cell_m, frame_m=frozen(corners_m))
 
 
 def _one_level(nav: NavGraph) -> tuple[str, ...]:
