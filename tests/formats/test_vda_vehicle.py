@@ -48,9 +48,7 @@ class World:
         """An order along nodes, of which the first so many are released; `actions` by name of the node."""
         at, here = dict(actions), list(enumerate(names))
         nodes = [node(n, begin + 2 * k, k < released, PLACES.get(n, (0, 0))[:2], "hall", at.get(n, ())) for k, n in here]
-        edges = [
-            self.dialect.edge(f"{a}{b}", begin + 2 * k + 1, k + 1 < released, (a, b), 2.0, 1.0) for k, (a, b) in enumerate(pairwise(names))
-        ]
+        edges = [self.dialect.edge(begin + 2 * k + 1, k + 1 < released, (a, b), 2.0, 1.0) for k, (a, b) in enumerate(pairwise(names))]
         return {"orderId": order, "orderUpdateId": update, "nodes": nodes, "edges": edges} | changes
 
     def send(self, content, kind="order"):

@@ -42,7 +42,7 @@ def sound(rng, master, vehicle, number):
             kind, blocking = str(rng.choice(["pick", "drop", "detectObject"])), str(rng.choice(["NONE", "SOFT", "HARD"]))
             made[k] = [action(kind, f"{number}-{k}", blocking, duration=0.3)]
     nodes = [node(n, begin + 2 * k, k < released, site.place(n)[:2], "L1", made.get(k, ())) for k, n in enumerate(names)]
-    edges = [dialect.edge(f"{a}{b}", begin + 2 * k + 1, k + 1 < released, (a, b), 4.0, 1.0) for k, (a, b) in enumerate(pairwise(names))]
+    edges = [dialect.edge(begin + 2 * k + 1, k + 1 < released, (a, b), 4.0, 1.0) for k, (a, b) in enumerate(pairwise(names))]
     if rng.random() < 0.5 and edges:
         edges[0]["corridor"] = {"leftWidth": 0.5, "rightWidth": 0.5}
         edges[-1]["orientation"] = 1.0

@@ -66,7 +66,7 @@ class Master:
         if deviation is not None:
             nodes[0]["nodePosition"]["allowedDeviationXY"] = deviation
         edges = [
-            self.dialect.edge(f"{a}{b}", begin + 2 * k + 1, k + 1 < released, (a, b), 4.0, limit_mps)
+            self.dialect.edge(begin + 2 * k + 1, k + 1 < released, (a, b), 4.0, limit_mps)
             for k, (a, b) in enumerate(itertools.pairwise(names))
         ]
         self._send(serial, "order", {"orderId": order, "orderUpdateId": update, "nodes": nodes, "edges": edges})

@@ -66,11 +66,9 @@ class Dialect:
         """The safety state of a vehicle; an emergency stop has to be acknowledged at it."""
         return {"activeEmergencyStop" if self.is_new else "eStop": "MANUAL" if stopped else "NONE", "fieldViolation": violated}
 
-    def edge(
-        self, name: str, sequence: int, released: bool, ends: tuple[str, str], length_m: float, limit_mps: float, backward: bool = False
-    ) -> Json:
-        """An edge of an order, between nodes."""
-        document: Json = {"edgeId": name, "sequenceId": sequence, "released": released}
+    def edge(self, sequence: int, released: bool, ends: tuple[str, str], length_m: float, limit_mps: float, backward: bool = False) -> Json:
+        """An edge of an order, between two nodes, by which it is named."""
+        document: Json = {"edgeId": f"{ends[0]}->{ends[1]}", "sequenceId": sequence, "released": released}
         if not self.is_new:
             document |= {"startNodeId": ends[0], "endNodeId": ends[1]}
         if math.isfinite(limit_mps):

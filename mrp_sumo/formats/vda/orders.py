@@ -72,4 +72,4 @@ def edge_of(dialect: Dialect, graph: PlanGraph, tail: int, head: int, sequence: 
     ends, lane = (graph.label(tail), graph.label(head)), graph.lane_between(tail, head)
     backward = graph.lane_options[lane].get("orientation_constraint") == "backward"
     length_m, limit_mps = float(graph.length_m[lane]), float(graph.speed_mps[lane])
-    return dialect.edge(f"{ends[0]}->{ends[1]}", sequence, released, ends, length_m, limit_mps, backward)
+    return dialect.edge(sequence, released, ends, length_m, limit_mps, backward)
