@@ -1,4 +1,4 @@
-"""Tables of the documentation that the code makes: keys of scenarios, plug-ins, the order of `auto`, metrics, bundled suites and scenarios.
+"""Tables of the documentation that the code makes: keys of scenarios, plug-ins, the order of `auto`, metrics, bundled maps.
 
     .venv/bin/python tools/doc_tables.py          # write them into docs/*.md
     .venv/bin/python tools/doc_tables.py --check  # exit code 1 when a page differs
@@ -21,7 +21,7 @@ import numpy as np
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from mrp_sumo.cli.listing import _come_with_it, _plug_ins, _shown
+from mrp_sumo.cli.listing import _plug_ins, _shown
 from mrp_sumo.core.options import BOUNDS, Options
 from mrp_sumo.drive.robot_work import Change
 from mrp_sumo.io.documents import declared_in, keys_of
@@ -126,23 +126,6 @@ def dispatchers() -> str:
     return _table(("dispatcher", "rule"), ((f"`{one['name']}`", one["summary"]) for one in _plug_ins("dispatchers", [])))
 
 
-def suites() -> str:
-    """Bundled suites."""
-    rows = ((f"`{one['name']}`", re.split(r": |\. |, (?:by|over|and) ", one["summary"])[0].rstrip(".")) for one in _come_with_it("suites"))
-    return _table(("suite", "content"), rows)
-
-
-def scenarios() -> str:
-    """Names of the bundled scenarios, without and with orders."""
-    from mrp_sumo.io.scenario.read import read_scenario
-    from mrp_sumo.maps.catalogue import bundled_folder
-
-    files = sorted(bundled_folder("scenarios").glob("*.yaml"))
-    lifelong = {path.stem for path in files if read_scenario(path).scenario.tasks is not None}
-    names = (", ".join(f"`{path.stem}`" for path in files if (path.stem in lifelong) is orders) for orders in (False, True))
-    return _table(("a goal for each robot", "orders"), (names,))
-
-
 def maps() -> str:
     """Key facts of the bundled maps, as `mrp-sumo import` prints them."""
     from mrp_sumo.maps.catalogue import bundled_maps
@@ -233,9 +216,7 @@ def _bounds(field: FieldInfo) -> str:
     return ", ".join(f"{SIGNS[key]} {bounds[key]:g}" for key in BOUNDS if key in bounds)
 
 
-TABLES: dict[str, Callable[[], str]] = {
-    one.__name__: one for one in (planners, auto, policies, dispatchers, suites, scenarios, maps, robot_changes, rules)
-}
+TABLES: dict[str, Callable[[], str]] = {one.__name__: one for one in (planners, auto, policies, dispatchers, maps, robot_changes, rules)}
 TABLES |= {"keys": keys} | {f"keys_{section}": partial(keys, section) for section in SECTIONS}
 TABLES |= {f"parameters_{kind}": partial(parameters, kind) for kind in ("planners", "dispatchers", "policies")}
 TABLES |= {f"metrics_{of}": partial(metrics, of) for of in registry.TABLES}
