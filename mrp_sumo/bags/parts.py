@@ -76,7 +76,6 @@ class PartedWriter:
         return connection
 
     def write(self, connection: Connection, ns: int, data: bytes | memoryview) -> None:
-        """Write a message."""
         self._writer.write(connection, ns, data)
 
     def next_part(self) -> None:

@@ -76,7 +76,6 @@ class CalibratedFigure:
 
     @property
     def document(self) -> dict[str, object]:
-        """As JSON has it."""
         return {"value": self.value, "low": self.low, "high": self.high, "unit": self.unit, "count": self.count, "of": self.of}
 
 

@@ -85,7 +85,6 @@ class ComparedFigure:
 
     @property
     def document(self) -> dict[str, Any]:
-        """As JSON."""
         figures = {key: rounded(getattr(self, key), 6) for key in ("logged", "predicted", "low", "high", "error")}
         return {**figures, "unit": self.unit, "band_holds": self.holds}
 
@@ -108,7 +107,6 @@ class Prediction:
 
     @property
     def document(self) -> dict[str, Any]:
-        """As JSON."""
         held = self.held
         return {
             "log": held.log.source,

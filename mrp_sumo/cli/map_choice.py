@@ -14,7 +14,6 @@ if TYPE_CHECKING:
 
 
 def add_choice(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments."""
     add = parser.add_argument
     add(
         "--reader",

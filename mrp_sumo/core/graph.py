@@ -259,31 +259,13 @@ def nav_graph(
     lane_options: Sequence[Properties] = (),
     source: str = "",
 ) -> NavGraph:
-    """Build a NavGraph from vertices and directed lanes in any order.
+    """Build a NavGraph from vertices at `xy` [V, 2] m and `lanes` [L, 2], pairs (tail, head) in any order.
+
+    `level` [V] is by default the first for all, `length_m` [L] the straight distance; `speed_mps` [L] are limits, inf for none. Names and
+    options of vertices, and options of lanes, are [V] and [L], or nothing. `source` is the file that it comes from.
 
     Raises MapError for a lane to an unknown vertex, from a vertex to itself or of no length, for a lane given twice, and for coordinates
     that are not finite.
-
-    Parameters
-    ----------
-    name
-        Of the map.
-    xy
-        [V, 2] coordinates in m.
-    lanes
-        [L, 2] pairs (tail, head), each pair at most once.
-    level_names, level
-        The levels, and [V] which of them a vertex is on (all on the first by default).
-    vertex_name, vertex_options
-        [V], or nothing.
-    length_m
-        [L]; the straight distance by default.
-    speed_mps
-        [L] limits, inf for none; no limits by default.
-    lane_options
-        [L], or nothing.
-    source
-        The file it comes from.
     """
     xy = np.asarray(xy, np.float64).reshape(-1, 2)
     lanes = np.asarray(lanes, np.int64).reshape(-1, 2)
@@ -340,22 +322,9 @@ def plan_graph(
     frame_m: FloatArray | None = None,
     curves: Mapping[tuple[int, int], FloatArray] | None = None,
 ) -> PlanGraph:
-    """A graph whose lanes are single steps, as a PlanGraph.
+    """A graph whose lanes are single steps, as a PlanGraph, whose fields say what the parts are.
 
-    Parameters
-    ----------
-    graph
-        V vertices, lanes of one step each.
-    kind, cell_m
-        See `PlanGraph`.
-    vertex_of_station
-        [Vnav] the vertex for each vertex of the nav graph; by default the nav graph's vertices are the first, in order.
-    nav_lane, offset_m
-        [V] where cuts lie on the nav graph's lanes; by default there are none.
-    frame_m
-        Of a grid, see `PlanGraph`.
-    curves
-        See `PlanGraph`; by default there are none.
+    By default the vertices of the nav graph are the first, in order, and there are neither cuts nor curves.
     """
     num_vertices = graph.num_vertices
     return PlanGraph(

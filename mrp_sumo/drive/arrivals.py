@@ -17,16 +17,8 @@ AT_REST_MPS = 1e-6
 def with_goals_within(execution: Execution, xy_m: FloatArray, end: IntArray, tolerance_m: float) -> Execution:
     """The execution in which robots at rest within the tolerance of their goals at the end have reached them, since they stand there.
 
-    Parameters
-    ----------
-    execution
-        Of R robots.
-    xy_m
-        [V, 2] of the vertices.
-    end
-        [R] vertices where the robots' tasks end.
-    tolerance_m
-        How near is near enough; `ARRIVED_M` always is: a recovery may send a robot away that never leaves.
+    `end` [R] are the vertices, at `xy_m` [V, 2], where their tasks end. `ARRIVED_M` is always near enough: a recovery may send a robot away
+    that never leaves.
     """
     if execution.all_at_goal or not len(execution.t_s):
         return execution

@@ -25,20 +25,9 @@ def cleared(
 ) -> dict[int, int]:
     """Vertices of robots that have to move on, by robot.
 
-    Parameters
-    ----------
-    graph
-        Lanes of robots without work.
-    ways
-        Vertices that those with work pass, from where they stand to where they go; the most urgent first.
-    idle
-        Where robots without work stand, by robot.
-    closed
-        Vertices where nobody may go: robots stand there that stay.
-    taken
-        Vertices where others are to be.
-    near, passable
-        See there.
+    `ways` are vertices that robots with work pass, from where they stand to where they go, the most urgent first; `idle` is where those
+    without stand, on lanes of `graph`. Nobody may go to vertices that are `closed`, where robots stand that stay; others are to be at
+    `taken`.
     """
     at = {v: r for r, v in idle.items()}
     for n in _front_first(ways):

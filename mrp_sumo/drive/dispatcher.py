@@ -56,21 +56,10 @@ class OneShot:
 
 
 def dispatcher_of(name: str, parameters: Mapping[str, Any]) -> Dispatcher:
-    """A dispatcher of this name, for one run.
+    """A dispatcher of this name, as registered or `FILE.py:CLASS`, for one run; parameters have their defaults otherwise.
 
-    Parameters
-    ----------
-    name
-        As registered, or `FILE.py:CLASS`.
-    parameters
-        Values for its parameters; their defaults otherwise.
-
-    Raises
-    ------
-    ScenarioError
-        For an unknown name or parameter (with the nearest right one), or a value that does not fit.
-    PlugInError
-        For a plug-in that cannot be loaded, or is no dispatcher.
+    Raises ScenarioError for an unknown name or parameter (with the nearest right one) and a value that does not fit, and PlugInError for a
+    plug-in that cannot be loaded, or is no dispatcher.
     """
     source = registry.find("dispatchers", name)
     made = registry.make("dispatchers", name, parameters)

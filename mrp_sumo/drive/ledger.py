@@ -225,19 +225,9 @@ class Ledger:
     def cut(self, lead_s: float, kinematics: Kinematics, closed: BoolArray, stays: BoolArray) -> None:
         """Freeze what robots have been granted, and what they will be in some time; nobody is granted more until `lift`.
 
-        Only where an order is kept. Everybody who passes a frozen visit's resources before has it frozen that he has left them, so
-        that robots come to stand at the ends of what is frozen however late they are: a plan may begin there.
-
-        Parameters
-        ----------
-        lead_s
-            For which robots need not brake for the cut.
-        kinematics
-            Of the robots.
-        closed
-            [L] lanes that nobody may set out on.
-        stays
-            [R] robots that are granted nothing more.
+        Only where an order is kept. Everybody who passes a frozen visit's resources before has it frozen that he has left them, so that
+        robots come to stand at the ends of what is frozen however late they are: a plan may begin there. For `lead_s` robots need not brake
+        for the cut. Nobody may set out on lanes that are `closed` [L]; robots that stay [R] are granted nothing more.
         """
         motion, fleet = self.state.motion, self.problem.fleet
         accel_mps2 = fleet.accel_mps2 if fleet.loaded is None else np.maximum(fleet.accel_mps2, fleet.loaded.accel_mps2)
@@ -369,13 +359,7 @@ class Ledger:
         return self.num_visits > max(MANY, 4 * self._num_kept)
 
     def forget(self, needed: IntArray) -> None:
-        """Forget visits that are over, and those that were cut off. Ids change, those of `needed` in place.
-
-        Parameters
-        ----------
-        needed
-            [R] visits, of which neither they are forgotten nor what comes after them.
-        """
+        """Forget visits that are over or cut off, but not `needed` [R] and those after them. Ids change, those of `needed` in place."""
         visits, needs, ids = self.visits, self.needs, []
         for r, oldest in enumerate(self.state.grants.oldest.tolist()):
             mine, reached = self.all_ids(r), int(visits.reached[r])

@@ -214,7 +214,6 @@ class GrantRecorder(Listener):
         self._rows.append((t_s, robot, granted))
 
     def log(self) -> GrantLog:
-        """The log of what was seen."""
         t_s = np.concatenate([np.zeros(0), *(row[0] for row in self._rows)])
         none = [np.zeros(0, np.int64)]
         robot, granted = (np.concatenate([row[k] for row in self._rows] or none) for k in (1, 2))

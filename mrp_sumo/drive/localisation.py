@@ -12,20 +12,10 @@ LOCALISATION = 37  # purpose of the stream of chance, beside those of drive.worl
 
 
 def believed_poses(x_m: FloatArray, y_m: FloatArray, yaw_rad: FloatArray, period_s: float, what: Disturbances, seed: int) -> FloatArray:
-    """The poses with an error, normally distributed in x, y and yaw at every sample.
+    """The poses [3, T, R] (x and y in m, yaw in rad), a period apart, with an error, normally distributed in each at every sample.
 
-    Errors of successive samples are independent, or with `what.localisation_tau_s` an Ornstein-Uhlenbeck process: their
-    correlation falls to 1/e within that time. The first samples are the same however long the run.
-
-    Parameters
-    ----------
-    x_m, y_m, yaw_rad
-        [T, R] true poses, a period apart.
-
-    Returns
-    -------
-    poses
-        [3, T, R] x and y in m, yaw in rad.
+    Errors of successive samples are independent, or with `what.localisation_tau_s` an Ornstein-Uhlenbeck process: their correlation falls
+    to 1/e within that time. The first samples are the same however long the run.
     """
     rng = np.random.default_rng([seed, LOCALISATION])
     error = rng.normal(size=(len(x_m), 3, x_m.shape[1]))

@@ -66,25 +66,11 @@ def simulate(
     gui: bool = False,
     engine: AbstractContextManager[Engine] | None = None,
 ) -> Execution:
-    """Drive a plan.
+    """Drive a plan on the SUMO network of its graph (`engines.sumo.network.build_network`).
 
-    Raises ExecutionError when it cannot be driven, and when SUMO fails, and PlanError when the policy keeps the plan's order and that is
-    cyclic.
-
-    Parameters
-    ----------
-    problem
-        What the plan is for.
-    settings
-        Policy, clock, recording, disturbances.
-    network
-        The SUMO network of `problem.graph` (`engines.sumo.network.build_network`).
-    listeners
-        Watch it beside those that record, and may step in or end it.
-    gui
-        Show it in sumo-gui, whatever the engine; everything else is the same.
-    engine
-        Moves the bodies instead of that of the settings.
+    Listeners watch it beside those that record, and may step in or end it. `gui` shows it in sumo-gui, whatever the engine; everything else
+    is the same. `engine` moves the bodies instead of that of the settings. Raises ExecutionError when the plan cannot be driven, and when
+    SUMO fails, and PlanError when the policy keeps the plan's order and that is cyclic.
     """
     policy = policy_of(settings.policy, settings.policy_parameters)
     ledger = Ledger(problem, resources_for(problem, plan))

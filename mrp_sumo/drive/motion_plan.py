@@ -70,24 +70,10 @@ class MotionPlan:
 def motion_plan(
     graph: PlanGraph, resources: Resources, plan: Plan, departure: Departure, needless: IntArray, kind: IntArray, vehicles: Vehicles
 ) -> MotionPlan:
-    """Lay out a plan along the robots' ways.
+    """Lay out a plan of K robots, every move of which has a lane, along their ways.
 
-    Parameters
-    ----------
-    graph
-        On which every move of the plan has a lane.
-    resources
-        Of the graph.
-    plan
-        Visits of K robots.
-    departure
-        Of these robots.
-    needless
-        Robots whose last visit needs nothing: they will not be granted it.
-    kind
-        [K] types of the robots.
-    vehicles
-        [T] of the types, those that cannot turn in place; empty where there are none.
+    `needless` are robots whose last visit needs nothing, since they will not be granted it; `kind` [K] are the robots' types, and
+    `vehicles` [T] those of the types that cannot turn in place, empty where there are none.
     """
     lane, _ = lanes_along(graph, plan)
     begin, last = plan.first[:-1], plan.first[1:] - 1

@@ -188,7 +188,6 @@ class Orders:
         self._end(task, at_s)
 
     def log(self) -> TaskLog:
-        """The log of all orders."""
         times = {name: frozen(np.array(column, np.float64)) for name, column in self._times.items()}
         names, kinds = (tuple(getattr(task, key) for task in self.tasks) for key in ("name", "kind"))
         robot = frozen(np.array(self.robot, np.int64))

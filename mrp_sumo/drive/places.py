@@ -115,22 +115,12 @@ class RobotPlaces:
     ) -> tuple[IntArray, BoolArray]:
         """[R] vertices where robots are to go, and whether they can make their stops there.
 
-        Parameters
-        ----------
-        start
-            [R] vertices where their ways begin.
-        stays
-            [R] robots that stay there.
-        stops
-            By robots that are to make one.
-        turn
-            These robots, in the order in which they choose.
-        aged
-            Robots that were passed over often: who leaves the place of one does not push it away, but steps aside where it can. Nobody is
-            served at a place that is on every way of one: it would be shut in behind it.
-        not_free
-            Places where a robot cannot make its stop, by robots, because of what was set down there. One that cannot at any place waits
-            where it is in nobody's way: others have to come there before.
+        `start` [R] is where their ways begin, `stays` [R] which stay there; `stops` has those to be made by robots, which choose in `turn`.
+
+        Who leaves the place of a robot that is `aged`, passed over often, does not push it away, but steps aside where it can; and nobody
+        is served at a place that is on every way of one: it would be shut in behind it. `not_free` are places where a robot cannot make its
+        stop, because of what was set down there. One that cannot at any place waits where it is in nobody's way: others have to come there
+        before.
         """
         vertex, makes = start.copy(), np.zeros(len(start), np.bool_)
         blocked, taken = set(start[stays].tolist()), set[int]()

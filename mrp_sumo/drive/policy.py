@@ -152,21 +152,10 @@ def policies() -> tuple[str, ...]:
 
 
 def policy_of(name: str, parameters: Mapping[str, Any] | None = None) -> Policy:
-    """The policy of this name.
+    """The policy of this name, as registered or `FILE.py:CLASS`; parameters have their defaults otherwise.
 
-    Parameters
-    ----------
-    name
-        As registered, or `FILE.py:CLASS`.
-    parameters
-        Values for its parameters; their defaults otherwise.
-
-    Raises
-    ------
-    ScenarioError
-        For an unknown name or parameter (with the nearest right one), or a value that does not fit.
-    PlugInError
-        For a plug-in that cannot be loaded, or is no policy.
+    Raises ScenarioError for an unknown name or parameter (with the nearest right one) and a value that does not fit, and PlugInError for a
+    plug-in that cannot be loaded, or is no policy.
     """
     policy = registry.make("policies", name, parameters or {})
     source = registry.find("policies", name)

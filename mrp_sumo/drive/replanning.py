@@ -56,16 +56,9 @@ class Situation:
 
 
 def request_for(now_s: float, context: Surroundings, robots: Sequence[int], reason: str, stop: IntArray | None = None) -> Request:
-    """The request for other ways of K robots, from the last visits that they have been granted.
+    """The request for other ways of K robots, in any order, which is kept, from the last visits that they have been granted.
 
-    Parameters
-    ----------
-    robots
-        In any order, which is kept.
-    reason
-        For people.
-    stop
-        [K] vertices that they are to reach; by default where their tasks end.
+    `stop` [K] are the vertices that they are to reach, by default where their tasks end; `reason` is for people.
     """
     ledger, some = context.ledger, np.array(robots, np.int64)
     return Request(
@@ -81,17 +74,10 @@ def request_for(now_s: float, context: Surroundings, robots: Sequence[int], reas
 
 
 def situation(now_s: float, context: Surroundings, stays: BoolArray, end: IntArray, *, makes_way: bool = False) -> Situation:
-    """The question for a planner.
+    """The question for a planner: robots that stay [R] keep what they have been granted and go nowhere, the others go to `end` [R].
 
-    Parameters
-    ----------
-    stays
-        [R] robots that cannot go anywhere: they keep what they have been granted.
-    end
-        [R] vertices that the others are to reach.
-    makes_way
-        Whether those that cannot go on where one waits on its lane to come go to the nearest vertex that is nobody's: who waits there bars
-        the lane, and those whose ways it cuts off may be the ones that it waits for.
+    With `makes_way`, those that cannot go on where one waits on its lane to come go to the nearest vertex that is nobody's: who waits there
+    bars the lane, and those whose ways it cuts off may be the ones that it waits for.
     """
     ledger, graph, grants = context.ledger, context.graph, context.state.grants
     visits, taken, joint = ledger.visits, context.state.holds.holder.copy(), ledger.joint
@@ -160,15 +146,10 @@ def _standing(ledger: Ledger, start: IntArray, on_lane: BoolArray) -> Standing |
 def planned(
     request: Request, begin_s: float, context: Surroundings, planner: str, parameters: Mapping[str, Any], limits: AnswerLimits
 ) -> Replan:
-    """The answer of a planner to a request, from where robots are committed to be.
+    """The answer of a planner to a request, from where robots are committed to be; it is to take effect at `begin_s`.
 
     Robots that the request leaves out stay where they are. Those that cannot reach their stops now, too, and those that have reached
     theirs, if the planner has them back later than their stops take. Raises PlanError when it finds no plan, and for a robot without stops.
-
-    Parameters
-    ----------
-    begin_s
-        When it is to take effect.
     """
     a_stop_each(request)
     passes = limits.window_steps and "stops" in supports_of(planner, parameters)

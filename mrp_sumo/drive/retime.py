@@ -32,30 +32,17 @@ MANY_STEPS = 1000  # after which it is asked whether anybody moves
 
 
 def retime(problem: Problem, plan: Plan, settings: ExecutionSettings, *, margin_s: float = 0.0, spread_s: float = 0.0) -> Plan:
-    """The plan in seconds of real motion.
+    """The plan in seconds of real motion: the same visits, at which a robot arrives at `arrive_s`, and sets out at `depart_s`.
+
+    Both are equal where it drives through. The first turn, from a start's heading, is before the first departure, the last, to a goal's,
+    before `turned_s`. Under a policy that keeps the plan's clock, nobody leaves a visit of a plan in seconds before the plan does; all
+    others are driven as early as their order allows.
+
+    What a robot leaves is free `margin_s` later for the next: such plans are longer, and survive small delays. `spread_s` is the standard
+    deviation of a robot's delay at one visit. Delays at n visits add up to one of `spread_s` √n, and what a robot leaves after n visits is
+    free two of these later for the next, beside the margin.
 
     Raises ExecutionError when it cannot be driven at all (`drive.fit`), and PlanError when its order cannot be kept.
-
-    Parameters
-    ----------
-    problem
-        What the plan is for.
-    plan
-        With an order that can be kept: who passes first at each vertex and zone.
-    settings
-        Step length; the policy, for plans that are in seconds already: under one that keeps the plan's clock, nobody leaves a
-        visit before the plan does. Plans in steps are driven as early as their order allows, and so is everything else.
-    margin_s
-        What a robot leaves is free this much later for the next. A plan with a margin is longer, and survives small delays.
-    spread_s
-        Standard deviation of a robot's delay at one visit. Delays at n visits add up to one of `spread_s` √n, and what a robot leaves
-        after n visits is free two of these later for the next, beside the margin.
-
-    Returns
-    -------
-    plan
-        The same visits. A robot arrives at `arrive_s`, and sets out at `depart_s`; both are equal where it drives through. The first
-        turn, from a start's heading, is before the first departure, the last, to a goal's, before `turned_s`.
     """
     in_steps = as_planned_in_steps(plan, problem.step_s)
     policy = policy_of(settings.policy, settings.policy_parameters)

@@ -29,16 +29,10 @@ FRUITLESS = 12  # orders expanded in a row without a better one, after which the
 
 
 def switched(problem: Problem, plan: LivePlan, now_s: float, *, hold_s: float, least_s: float, budget: int) -> Schedule | None:
-    """A better order of passages, None where none is found.
+    """A better order of passages, None where none is found: one that lowers the sum of the times at which robots are done by `least_s`.
 
-    Parameters
-    ----------
-    hold_s
-        How much longer a robot that is held by a disturbance is taken to stand.
-    least_s
-        By which the sum of the times at which robots are done has to be lower.
-    budget
-        How often longest paths may be looked for; less often where that would be over more than `MOST_VISITS` visits.
+    `hold_s` is how much longer a robot that is held by a disturbance is taken to stand. Longest paths are looked for `budget` times; less
+    often where that would be over more than `MOST_VISITS` visits.
     """
     schedule = plan.order
     if schedule is None:

@@ -42,14 +42,8 @@ class Work:
     ) -> None:
         """Note what robots have done by now; reveal tasks; see who has to charge.
 
-        Parameters
-        ----------
-        level
-            [R] states of charge, where robots have batteries.
-        down_until_s
-            [R] until when robots are broken, inf: for good.
-        stands_until_s
-            [R] until when those stand where they are; as long as they are broken by default.
+        `level` [R] are states of charge, where robots have batteries; robots are broken until `down_until_s` [R], inf: for good, and stand
+        where they are until `stands_until_s` [R], by default as long as they are broken.
         """
         crew = self.crew
         for robot in crew.robots:

@@ -40,14 +40,9 @@ def work_request(
 ) -> WorkRequest:
     """The request for the ways of all robots that are not at work. Raises PlugInError for a task that needs a robot of another type.
 
-    Parameters
-    ----------
-    closed
-        [L] lanes that nobody may use.
-    assigned
-        Tasks for robots that have none, or have one that they may pass on. It goes back to those that wait, if nobody is given it.
-    tours
-        Stops for robots that have room for more orders, after what they are committed to; with those that they have, and in whole orders.
+    `assigned` are tasks for robots that have none, or have one that they may pass on; it goes back to those that wait, if nobody is given
+    it. `tours` are stops for robots that have room for more orders, after what they are committed to; with those that they have, in whole
+    orders.
     """
     _check(crew, [*assigned.items(), *((r, task) for r, tour in tours.items() for task, _ in tour)])
     crew.is_changed = False

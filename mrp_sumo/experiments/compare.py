@@ -63,24 +63,11 @@ def compare(
     strict: bool = False,
     own: Sequence[Metric] = (),
 ) -> Comparison:
-    """Compare two result tables on the runs they share.
+    """Compare two result tables, as `mrp_sumo.load_results` gives them, on the runs they share; the second is judged.
 
-    Raises BatchError when they share no run, and for a metric that a table does not have.
-
-    Parameters
-    ----------
-    first, second
-        As `mrp_sumo.load_results` gives them; the second is judged.
-    metrics
-        Columns to compare: yes-or-no or numbers.
-    alpha
-        Chance of a false alarm that is accepted, over all metrics.
-    tolerance
-        Relative worsening of a mean that does not matter.
-    strict
-        Count every run that got worse instead.
-    own
-        Metrics beside the bundled ones, for their senses.
+    `metrics` are columns of yes-or-no or numbers; senses of those that are not bundled come from `own`. `alpha` is the chance of a false
+    alarm that is accepted, over all metrics, `tolerance` the relative worsening of a mean that does not matter; with `strict` every run
+    that got worse counts instead. Raises BatchError when they share no run, and for a metric that a table does not have.
     """
     for metric in metrics:
         for frame in (first, second):

@@ -73,7 +73,6 @@ class Effect:
 
     @property
     def document(self) -> dict[str, Any]:
-        """As JSON."""
         change, ends = self.change, self.quantity.ends
         keys = {".".join(map(str, place)): [rounded(low), rounded(high)] for place, low, high in ends}
         limits = {name: rounded(getattr(change, name)) for name in ("low", "high")}

@@ -40,7 +40,6 @@ class Campaign:
     num_seeds: int | None = None  # of every suite, the first so many; all by default
 
     def results(self, suite: str) -> Path:
-        """The batch of a suite."""
         return self.folder / RESULTS / suite
 
 

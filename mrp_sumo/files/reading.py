@@ -82,14 +82,8 @@ def is_number(value: object, beyond: float = math.inf) -> bool:
 def json_value(text: str | bytes, *, finite: bool = False, largest: float | None = None) -> Any:
     """The value of a JSON text; as `json.loads`, but half of a character of two halves is refused: nobody could write it to a file.
 
-    Raises ValueError for what is not JSON, and RecursionError for what is nested too deep.
-
-    Parameters
-    ----------
-    finite
-        Refuse `Infinity` and `NaN`, which are no JSON.
-    largest
-        Refuse these, and numbers farther from 0; None for none.
+    With `finite`, `Infinity` and `NaN` are refused, which are no JSON; with `largest` also numbers farther from 0. Raises ValueError for
+    what is not JSON, and RecursionError for what is nested too deep.
     """
     if largest is None:
         value = json.loads(text, parse_constant=_no_number if finite else None)

@@ -56,5 +56,4 @@ def _words(kind: str, names: Sequence[str], level_name: Sequence[str], robots: A
 
 
 def _field(kind: str, column: str) -> str:
-    """The field of the log that a column is."""
     return kind if column == kind else f"{kind}_{column}"

@@ -31,7 +31,6 @@ LONGEST_M = 1e6  # of a lane, which is cut into pieces of a robot's size
 
 
 def write_floor(path: Path, graph: PlanGraph, fleet: Fleet, nav: NavGraph | None) -> None:
-    """Write `floor.json`."""
     about: dict[str, Any] = {"kind": graph.kind, "cell_m": graph.cell_m, "vertex_of_station": graph.vertex_of_station.tolist()}
     about |= {"beyond_m": graph.beyond_m.tolist()} if len(graph.beyond_m) else {}
     about |= {"curves": [[*lane, places.tolist()] for lane, places in graph.curves.items()]} if graph.curves else {}

@@ -75,7 +75,6 @@ def write_logs(
 
 
 def write_grants(path: Path, grants: GrantLog, robot_name: Sequence[str]) -> None:
-    """Write the table of grants."""
     robot = pa.DictionaryArray.from_arrays(numbers(grants.robot.astype(np.int32)), texts(robot_name))
     write_table(path, {"t_s": numbers(grants.t_s), "robot": robot, "visit": numbers(grants.visit), "enters": numbers(grants.enters)})
 
@@ -93,7 +92,6 @@ def read_grants(path: Path, robot_name: Sequence[str], num_visits: IntArray) -> 
 
 
 def write_robot_states(path: Path, log: RobotStateLog, tasks: TaskLog, robot_name: Sequence[str]) -> None:
-    """Write the table of the states of robots."""
     row = np.append(np.where(tasks.is_order, np.cumsum(tasks.is_order) - 1, -1), -1)  # of each task; the last is that of -1
     columns = {
         "robot": texts([robot_name[r] for r in log.robot.tolist()]),
@@ -134,6 +132,5 @@ def read_batteries(path: Path, num_robots: int) -> BatteryLog:
 
 
 def write_zones(path: Path, zones: ZoneLog) -> None:
-    """Write the table of zones."""
     figures = {name: numbers(getattr(zones, name)) for name in ("occupied_share", "robots_mean", "robots_max")}
     write_table(path, {"zone": texts(zones.name), "kind": dictionary(zones.kind), **figures})

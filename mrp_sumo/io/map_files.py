@@ -31,14 +31,8 @@ SUFFIXES = (".nav.yaml", ".map", ".geojson", ".net.xml", ".lif.json", ".xml")
 def write_map(map_: Map, path: Path, cell_m: float = 0.4, robots: Sequence[RobotType] = ()) -> list[str]:
     """Write a map, whole or not at all; returns what the format cannot hold, in words. Raises MapError as the module refuses.
 
-    Parameters
-    ----------
-    path
-        Ends in .nav.yaml (RMF nav graph), .map (MovingAI), .geojson, .net.xml (SUMO), .lif.json (LIF 1.0) or .xml (openTCS).
-    cell_m
-        Side of the cells of a `.map` made of a nav graph.
-    robots
-        Types of robots that the map is written for, where the format knows types of vehicles: LIF and openTCS.
+    The path ends in .nav.yaml (RMF nav graph), .map (MovingAI, of cells of `cell_m` where it is made of a nav graph), .geojson, .net.xml
+    (SUMO), .lif.json (LIF 1.0) or .xml (openTCS); the last two know the types of `robots`.
     """
     suffix = next((suffix for suffix in SUFFIXES if path.name.endswith(suffix) and path.name != suffix), None)
     if suffix is None:

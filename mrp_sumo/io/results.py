@@ -104,7 +104,6 @@ class _Record(_Strict):
 
 
 def record_path(folder: Path, key: str) -> Path:
-    """Path of the record of a run."""
     return folder / "runs" / key[:2] / f"{key}.json"
 
 

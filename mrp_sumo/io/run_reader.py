@@ -134,7 +134,6 @@ class RunFolder:
     @cached_property
     @_whole
     def costmap(self) -> "Costmap | None":
-        """The walls."""
         return read_walls(self.folder)
 
     @cached_property

@@ -79,7 +79,6 @@ def write_stops(path: Path, stops: StopLog, tasks: TaskLog, robot_name: Sequence
 
 
 def read_stops(path: Path, tasks: TaskLog, robot_name: Sequence[str], vertex_of_name: Mapping[str, int]) -> StopLog:
-    """The stops as they were written."""
     table = read_table(path)
     task, robot, vertex = table.indices("task", tasks.name), table.indices("robot", robot_name), table.indices("vertex", vertex_of_name)
     return StopLog(task, robot, table.texts("station"), vertex, *(table.numbers(name, missing=np.inf) for name in STOP_TIMES))

@@ -21,7 +21,6 @@ VISITS = "visits.parquet"
 
 
 def write_visits(path: Path, problem: Problem, plan: Plan, execution: Execution) -> None:
-    """Write the table."""
     pq.write_table(visits_table(problem, plan, execution), path, compression="zstd")
 
 

@@ -86,7 +86,6 @@ class Drawing:
         self.wall((x0, y0), (x1, y0), (x1, y1), (x0, y1), (x0, y0))
 
     def floor(self, *points: Point, texture: str = "blue_linoleum") -> None:
-        """A floor polygon."""
         self.floors.append(([self._corner(p) for p in points], texture))
 
     def door(self, a: Point, b: Point, name: str, kind: str = "hinged", direction: int = 1) -> None:

@@ -19,14 +19,12 @@ class MapFinding:
 
     @property
     def line(self) -> str:
-        """The finding in one line."""
         details = "; ".join(self.details[:4])
         more = f"; and {len(self.details) - 4} more" if len(self.details) > 4 else ""
         text = f"{self.kind.replace('_', ' ')}: {details}{more}" if details else self.kind.replace("_", " ")
         return shown(f"{text}: {CURE[self.kind]}" if self.kind in CURE else text)
 
     def document(self) -> dict[str, Any]:
-        """For JSON."""
         return {"kind": self.kind, "severity": self.severity, "count": self.count, "details": list(self.details)}
 
 

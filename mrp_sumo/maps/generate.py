@@ -24,20 +24,11 @@ SHIFT_M = 0.2  # half a cell: puts the outermost lanes off the lattice, so that 
 
 
 def rack_warehouse(num_vertices: int, *, one_way: bool = False, cross_aisles: int | None = None, bays: int = 8) -> Drawing:
-    """Aisles between racks, joined by cross aisles; docks to the south, chargers and parking to the north.
+    """Aisles between racks, joined by cross aisles; docks to the south, chargers and parking to the north. At least so many vertices.
 
-    Raises MapError as the module refuses.
-
-    Parameters
-    ----------
-    num_vertices
-        At least so many.
-    one_way
-        Aisles go north and south by turns, cross aisles west and east; the ways to docks, chargers and parking stay two-way.
-    cross_aisles
-        Two or more, for one-way lanes an even number; by default what makes the building about as deep as it is wide.
-    bays
-        Places to pick from in an aisle between two cross aisles, 1.2 m each.
+    `one_way` aisles go north and south by turns, cross aisles west and east; the ways to docks, chargers and parking stay two-way. There
+    are two cross aisles or more, for one-way lanes an even number; by default as many as make the building about as deep as it is wide.
+    `bays` are places to pick from in an aisle between two cross aisles, 1.2 m each. Raises MapError as the module refuses.
     """
     _check_size("warehouse", num_vertices, least=12)
     if bays < 1:

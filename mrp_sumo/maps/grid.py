@@ -32,14 +32,9 @@ NEIGHBOURS = ((0, 1), (1, 0), (0, -1), (-1, 0))  # (dx, dy) in the order the wal
 
 
 def paper_grid(nav: NavGraph, cell_m: float = 0.4) -> PlanGraph:
-    """The occupancy grid MRP-Bench makes of a nav graph, as a graph of its free cells. Raises MapError for cells that are too small.
+    """The occupancy grid MRP-Bench makes of a nav graph, as a graph of its free cells; a graph that is a grid stays as it is.
 
-    Parameters
-    ----------
-    nav
-        Vertices in the order of the nav graph files; a graph that is a grid already is returned as it is.
-    cell_m
-        Side of a cell.
+    Vertices are in the order of the nav graph files. Raises MapError for cells that are too small.
     """
     if isinstance(nav, PlanGraph):
         return nav
@@ -155,19 +150,8 @@ def grid_graph(
 ) -> PlanGraph:
     """The 4-connected graph of a grid's free cells, numbered row by row from the lowest y. Every cell is a station.
 
-    Parameters
-    ----------
-    free
-        [H, W], row 0 has the lowest y.
-    cell_m
-        Side of a cell.
-    origin
-        (x, y) m of the lower left corner of cell (0, 0).
-    name, source
-        Of the graph.
-    passages
-        [H, W - 1] and [H - 1, W] whether one can drive from a cell to the right and up; by default where
-        both cells are free.
+    `free` is [H, W], row 0 has the lowest y; `origin` (x, y) m is the lower left corner of cell (0, 0). `passages` [H, W - 1] and [H - 1,
+    W] say whether one can drive from a cell to the right and up; by default where both cells are free.
     """
     check_cell(cell_m)
     if np.count_nonzero(free) > MAX_FREE:

@@ -28,20 +28,10 @@ LARGE = 1_000_000  # characters; larger YAML files are remembered
 
 
 def load_map(path: Path, *, reader: str | None = None, beside: Path | None = None, **chosen: Any) -> Map:
-    """Load a map.
+    """Load a map of any format that `mrp-sumo list readers` names; `chosen` are fields of a `Selection`, the part of it that is taken.
 
-    Raises MapError as the module and the format's reader refuse, and PlugInError for a reader from outside that breaks its contract.
-
-    Parameters
-    ----------
-    path
-        A file of any format that `mrp-sumo list readers` names.
-    reader
-        The reader, by name or as `FILE.py:CLASS`; by default the first that recognises the file.
-    beside
-        Where the reader's relative path begins; the current folder by default.
-    chosen
-        The part of it that is taken: fields of a `Selection`, by name.
+    The reader is named, or `FILE.py:CLASS` relative to the folder `beside`; by default it is the first that recognises the file. Raises
+    MapError as the module and the format's reader refuse, and PlugInError for a reader from outside that breaks its contract.
     """
     selection = Selection(**chosen)
     file = map_file(Path(path))

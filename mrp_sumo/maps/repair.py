@@ -34,18 +34,9 @@ def repair(
 ) -> tuple[Map, tuple[str, ...]]:
     """A map with repaired graph, and what was changed. Raises MapError for a grid, and a distance that is not above 0.
 
-    Parameters
-    ----------
-    map_
-        A map with a nav graph; grids have nothing to repair.
-    snap_m
-        Join lane ends that lie within this distance of a vertex or lane they are not on.
-    split_at_crossings
-        Give lanes that cross a common vertex.
-    join_short_m
-        Join the ends of lanes shorter than this, where one of them is a mere bend or junction.
-    only_largest
-        Keep the largest connected piece only.
+    `snap_m` joins lane ends that lie within this distance of a vertex or lane they are not on; `split_at_crossings` gives lanes that cross
+    a common vertex; `join_short_m` joins the ends of lanes shorter than this, where one of them is a mere bend or junction; `only_largest`
+    keeps the largest connected piece.
     """
     steps: list[Callable[[NavGraph], tuple[NavGraph, list[str]]]] = [
         *([partial(snap, within_m=snap_m)] if snap_m is not None else []),

@@ -21,22 +21,12 @@ SHORTEST_M = 1e-6  # between two places along a curve
 
 
 def cut_lanes(nav: NavGraph, cell_m: float, two_way: bool | Collection[int] = False) -> PlanGraph:
-    """Cut every lane into `max(1, round(length / cell_m))` equal steps; rides in lifts stay whole.
+    """Cut every lane into `max(1, round(length / cell_m))` equal steps; rides in lifts stay whole. A plan graph stays as it is.
 
     The vertices of `nav` come first and keep their numbers; a lane and its reverse share the cuts between them (a single track), or have
-    their own beside each other, keeping right. A vertex without lanes stands for the one with lanes at the same place, where there is one.
-    A curve, drawn as lanes over bends, is cut as one lane; its bends remain as vertices without lanes. Raises MapError for a cell length
-    that cannot be used.
-
-    Parameters
-    ----------
-    nav
-        Any nav graph; one that is a plan graph already is returned as it is.
-    cell_m
-        Length of a step, about; and how far apart the two tracks of a two-way lane are.
-    two_way
-        Whether robots may meet on a lane: a lane and its reverse become two tracks; of all lanes, or of these.
-        Lanes of one step, and those through lifts, remain single tracks.
+    their own beside each other, `cell_m` apart, keeping right. `two_way` says so of all lanes, or of these, but for lanes of one step and
+    those through lifts. A vertex without lanes stands for the one with lanes at the same place, where there is one. A curve, drawn as lanes
+    over bends, is cut as one lane; its bends remain as vertices without lanes. Raises MapError for a cell length that cannot be used.
     """
     if isinstance(nav, PlanGraph):
         return nav

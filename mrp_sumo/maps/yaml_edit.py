@@ -49,7 +49,6 @@ def edited(source: Text, document: Any) -> str:
 
 
 def text_of(document: Mapping[str, Any]) -> str:
-    """A document as the text of a file."""
     return "".join(f"{line}\n" for line in _block(document, 0, 0))
 
 

@@ -53,27 +53,14 @@ IN_WORDS = (  # kinds of findings: where they are listed, what counts them, the 
 def audit(
     execution: Execution, fleet: Fleet, level: IntArray | None = None, walls: FloatArray | None = None, cabins: FloatArray | None = None
 ) -> dict[str, Any]:
-    """Look over an execution.
+    """Look over an execution: T samples of R robots, whose footprints are rectangles turned by the yaw around the centre.
 
-    Parameters
-    ----------
-    execution
-        T samples of R robots.
-    fleet
-        Footprints, rectangles of length x width turned by the yaw around the centre, and limits. Where robots are others with a load, the
-        execution says when they have one.
-    level
-        [R] the floor each robot is on; robots on different floors never meet. By default all are on one. Where the execution knows the
-        levels of its robots, these lie beside each other, and robots in lifts are on none while they change.
-    walls
-        [W, 2, 2] m, the walls of all these floors, which lie beside each other, without those that doors open; None where nobody knows.
-    cabins
-        [C, 6] those of lifts: level, x and y of the centre in m, yaw in rad, width and depth in m; None where nobody knows.
+    `level` [R] is the floor each robot is on, by default one for all; robots on different floors never meet. Where the execution knows the
+    levels of its robots, these lie beside each other, and robots in lifts are on none while they change. `walls` [W, 2, 2] m are those of
+    all these floors, without those that doors open; `cabins` [C, 6] those of lifts: level, x and y of the centre in m, yaw in rad, width
+    and depth in m; None where nobody knows.
 
-    Returns
-    -------
-    dict
-        `passed`, whether nothing was found, and counts, least distances and first findings by the keys of docs/metrics.md, section Audit.
+    Returns `passed`, and counts, least distances and first findings by the keys of docs/metrics.md, section Audit.
     """
     rides = _outside_cabins(execution, fleet, cabins)
     if execution.level is not None:

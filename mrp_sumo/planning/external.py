@@ -52,26 +52,15 @@ def assigns(command: str) -> bool:
 
 
 def plan_externally(command: str, problem: Problem, time_limit_s: float) -> PlanResult:
-    """Run the command on a problem.
+    """Run the command, split like a shell's line but run without a shell, on a problem with an assignment unless the program `assigns`.
 
-    Raises PlanError for a command that cannot be started, or one that wants a map of a graph that is no grid.
+    Grids are written in all formats, other graphs only to {yaml} and {yaml_free}. The limit is wall time, but for what the program waits
+    for a processor. One that ends by itself at the limit may still write its plan; what runs 4 % later (at least 0.08 s) is killed.
 
-    Parameters
-    ----------
-    command
-        The template; it is split like a shell's line, but run without a shell.
-    problem
-        With an assignment unless the program `assigns`. Grids are written in all formats, other graphs only to {yaml} and {yaml_free}.
-    time_limit_s
-        Wall time, but for what the program waits for a processor. One that ends by itself at the limit may still write its plan; what runs
-        4 % later (at least 0.08 s) is killed.
-
-    Returns
-    -------
-    PlanResult
-        SOLVED with a plan that has been read (the message says if the referee finds fault with it), TIMED_OUT, with a plan where
-        a valid one was written before the end, or GAVE_UP with the last line that the program printed. `stats` has the
-        process's `cpu_s`, and `own_time_s` where the program's output has its solver's own time.
+    The result is SOLVED with a plan that has been read (the message says if the referee finds fault with it), TIMED_OUT, with a plan where
+    a valid one was written before the end, or GAVE_UP with the last line that the program printed. `stats` has the process's `cpu_s`, and
+    `own_time_s` where the program's output has its solver's own time. Raises PlanError for a command that cannot be started, or one that
+    wants a map of a graph that is no grid.
     """
     check_command(command)
     cells = cells_of(problem.graph)

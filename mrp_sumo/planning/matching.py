@@ -43,22 +43,11 @@ class ExactAssigner(ABC):
 
 
 def candidates(cost: FloatArray, objective: Objective) -> tuple[IntArray, IntArray, IntArray]:
-    """The pairs that a solver may choose from, with integer costs.
+    """The pairs that a solver may choose from: robots, goals and integer costs [N], which keep six decimals, or as many as fit.
 
-    A bottleneck is the least threshold under which all can be served; among the assignments within it the one of least sum is wanted, so
-    the solver minimises a sum either way. Raises PlanError for NaN and -inf, and when min(R, G) goals cannot be served.
-
-    Parameters
-    ----------
-    cost
-        [R, G], inf where a robot cannot reach a goal.
-    objective
-        'sum' or 'bottleneck'.
-
-    Returns
-    -------
-    robot, goal, whole_cost
-        [N] each; costs keep six decimals, or as many as fit.
+    `cost` is [R, G], inf where a robot cannot reach a goal. A bottleneck is the least threshold under which all can be served; among the
+    assignments within it the one of least sum is wanted, so the solver minimises a sum either way. Raises PlanError for NaN and -inf, and
+    when min(R, G) goals cannot be served.
     """
     cost = np.asarray(cost, np.float64)
     if np.isnan(cost).any() or np.isneginf(cost).any():

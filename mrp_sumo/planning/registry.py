@@ -14,19 +14,10 @@ from mrp_sumo.plugins.parameters import parameters_of
 
 
 def planner(name: str, parameters: Mapping[str, Any], beside: Path | None = None) -> Planner:
-    """The planner of this name.
+    """The planner of this name, as registered or `FILE.py:CLASS` relative to the folder `beside`.
 
     Raises ScenarioError for an unknown name or parameter (with the nearest right one), or a value that does not fit. What only the code of
     a plug-in from outside can tell is raised by its `prepare`.
-
-    Parameters
-    ----------
-    name
-        As registered, 'cbs', 'pibt', ..., or `FILE.py:CLASS`.
-    parameters
-        Values for its parameters.
-    beside
-        Where a relative path begins; the current folder by default.
     """
     source = registry.find("planners", name, beside)
     return cast(Planner, registry.make("planners", name, parameters)) if source.ours else OutsidePlanner(source, parameters)

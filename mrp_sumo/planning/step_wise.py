@@ -210,18 +210,8 @@ def run_step_wise(
 ) -> StepWiseRun:
     """Have a planner work on a problem for so many steps, or ticks by the rules of 2026.
 
+    The seed is of the planner's chance, and of delays; `show` is called with the time and the number of finished tasks after each step.
     Raises PlugInError for an answer of the wrong form, or that gives robots tasks which they may not have.
-
-    Parameters
-    ----------
-    problem, planner
-        The two.
-    num_steps
-        T.
-    seed
-        Of the planner's chance, and of delays.
-    show
-        Called with the time and the number of finished tasks after each step.
     """
     began_s = process_time()
     stepper = planner.begin(problem, seed)

@@ -60,7 +60,6 @@ def figure_text(value: float) -> str:
 
 
 def prediction_page(result: Prediction, name: str) -> str:
-    """The whole page."""
     held, logged, simulated = result.held, result.logged, result.simulated
     leads, waits = ([getattr(each, of) for each in (logged, *simulated)] for of in ("lead_time_s", "station_wait_s"))
     charts = [

@@ -36,15 +36,7 @@ class Distances:
         return self.to_all(np.array([goal], np.int64))[0] if table is None else table
 
     def to_all(self, goals: IntArray, check: Callable[[], None] | None = None) -> StepArray:
-        """[G, V] steps from each vertex to each goal; read-only.
-
-        Parameters
-        ----------
-        goals
-            [G] vertices.
-        check
-            Called before every few tables that are made; may raise to give up.
-        """
+        """[G, V] steps from each vertex to each goal; read-only. `check` is called before every few tables that are made, and may raise."""
         tables: StepArray = np.empty((len(goals), len(self.first) - 1), np.int32)
         queue = np.empty(len(self.first) - 1, np.int64)
         most = KEPT_BYTES // (4 * (len(self.first) - 1))

@@ -214,7 +214,6 @@ class Answer:
 
     @property
     def document(self) -> dict[str, Any]:
-        """As JSON."""
         limit, served = self.limits, self.served
         peak, knee, collapse = (limit.peak, limit.knee, limit.collapse) if limit else (Bracket(), Bracket(), Bracket())
         demanded = {"demand_per_h": self.question.demand_per_h, "on_time": self.question.on_time} if limit and served else {}

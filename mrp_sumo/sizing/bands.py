@@ -83,7 +83,6 @@ class Bands:
 
     @property
     def sentence(self) -> str:
-        """In words."""
         within = f"if your robots and stations are within {spans([effect.quantity for effect in self.effects])}"
         per_h = f"{between(*self.span_per_h, '.0f')} orders an hour"
         if self.answer == UNKNOWN:
@@ -99,7 +98,6 @@ class Bands:
 
     @property
     def document(self) -> dict[str, Any]:
-        """As JSON."""
         known = self.answer != UNKNOWN
         return {
             "sentence": self.sentence,

@@ -30,19 +30,15 @@ def observe(job: Job, maps: MapCache) -> Answer:
 
 
 def observation(result: RunResult) -> dict[str, Any]:
-    """Observations of a run that was driven, as JSON.
+    """Observations of a run that was driven, as JSON; nothing of one without tasks.
 
-    Returns
-    -------
-    dict
-        Of a run with tasks: `released_s, assigned_s, done_s` and `due_s` of every order (None: not, or never); `stations` by name, with
-        places, seconds served and queued; `causes`, with kind, name, seconds that robots stood because of it and the share of time for
-        which it was pressed (see `sizing.causes`); `idle_share` of the robots' time; `batteries` (None: robots have none), with when the
-        first ran empty, how many did, the mean and most that charged at a time, and places to charge; `vertices`, pairs of a vertex of
-        the plan graph and seconds waited for it; `minutes`, pairs of the mean number of robots in traffic and the metres driven in each
-        minute; `lane_m`; `deadlocks`; `planning_share` of the time; `requests`, asked of the planner and not answered; `operations`,
-        findings of the operations audit; `steady_s`.
-        Of one without, nothing.
+    Of one with tasks: `released_s, assigned_s, done_s` and `due_s` of every order (None: not, or never); `stations` by name, with places,
+    seconds served and queued; `causes`, with kind, name, seconds that robots stood because of it and the share of time for which it was
+    pressed (see `sizing.causes`); `idle_share` of the robots' time; `batteries` (None: robots have none), with when the first ran empty,
+    how many did, the mean and most that charged at a time, and places to charge; `vertices`, pairs of a vertex of the plan graph and
+    seconds waited for it; `minutes`, pairs of the mean number of robots in traffic and the metres driven in each minute; `lane_m`;
+    `deadlocks`; `planning_share` of the time; `requests`, asked of the planner and not answered; `operations`, findings of the operations
+    audit; `steady_s`.
     """
     execution, graph, settings = result.execution, result.graph, result.setup.settings
     assert execution is not None

@@ -70,7 +70,6 @@ class Job:
         return os.pread(file.fileno(), size - start, start).decode(errors="replace")
 
     def document(self) -> dict[str, Any]:
-        """For the page."""
         state = self.state
         stored, needed = stored_kernels()
         if state == "running" or math.isnan(self._seconds):
@@ -141,7 +140,6 @@ class Jobs:
         return [job.document() for job in reversed(list(self._jobs.values()))]
 
     def close(self) -> None:
-        """End all."""
         for job in list(self._jobs.values()):
             job.stop()
             job.forget()

@@ -50,7 +50,6 @@ class Studio:
 
     @property
     def address(self) -> str:
-        """The address of its page."""
         return self.server.address
 
     def close(self) -> None:
@@ -76,7 +75,6 @@ class Studio:
         return scenarios.fields()
 
     def files(self, _: Values) -> Any:
-        """The files of the folder."""
         return self.workspace.files()
 
     def open(self, values: Values) -> Any:
@@ -102,13 +100,11 @@ class Studio:
         return check(values.get("document"), self.workspace.path(_text(values, "path")), self._robot(values.get("robot")))
 
     def save(self, values: Values) -> Any:
-        """Save a drawing."""
         name = _text(values, "path")
         digest, like = str(values.get("digest", "")), str(values.get("like", ""))
         return {"digest": self.workspace.save_drawing(name, values.get("document"), digest, like)}
 
     def save_text(self, values: Values) -> Any:
-        """Save a scenario."""
         name, text = _text(values, "path"), str(values.get("text", ""))
         digest = self.workspace.save_text(name, text, str(values.get("digest", "")))
         return {"digest": digest, "fault": scenarios.fault_of(self.workspace.path(name), text)}
@@ -126,7 +122,6 @@ class Studio:
         return lanes_over_floor(self.workspace, _text(values, "plan"), _chosen(values), pitch_m, radius_m)
 
     def start(self, values: Values) -> Any:
-        """Start a command."""
         words, out = words_of(self.workspace, values)
         return self.jobs.start(words, out).document()
 
@@ -137,7 +132,6 @@ class Studio:
         return job.document()
 
     def commands(self, _: Values) -> Any:
-        """The commands that were started."""
         return self.jobs.documents()
 
     def curve(self, values: Values) -> Any:

@@ -111,13 +111,10 @@ class Workspace:
         return {**drawing, "notes": [finding.line for finding in map_.findings]}
 
     def layers(self, name: str) -> dict[str, Any]:
-        """Layers of a drawing in DXF or SVG, or `pages`, the number of those of a PDF, to choose from. Raises MrpSumoError for other files.
+        """Layers of a DXF or SVG, or `pages`, the number of those of a PDF, to choose from. Raises MrpSumoError for others.
 
-        Returns
-        -------
-        layers
-            `unit` that the drawing says, '' where none, metres of the `units` that there are, `size` in units, and of each layer `name`,
-            number of `strokes`, `shown`, and some `lines`, x, y, x, y in thousandths of the longer side from the upper left.
+        `unit` that the drawing says, '' where none, metres of the `units` that there are, `size` in units, and of each layer `name`, number
+        of `strokes`, `shown`, and some `lines`, x, y, x, y in thousandths of the longer side from the upper left.
         """
         path = self.path(name)
         kind = plan_kind(read_head(path, HEAD, MapError))

@@ -25,22 +25,9 @@ STARTS, GOALS = 1, 2  # purposes of the streams of chance
 def mrp_bench_draw(num_vertices: int, num_robots: int, seed: int) -> tuple[IntArray, IntArray]:
     """The draw of MRP-Bench: `random.sample` after `random.seed(seed)` for starts, `seed + 1` for goals.
 
-    Raises PlanError when there are fewer vertices than robots.
-
-    Parameters
-    ----------
-    num_vertices
-        Vertices of the nav graph, in the order of its files.
-    num_robots
-        How many to draw.
-    seed
-        Of the starts.
-
-    Returns
-    -------
-    start, goal
-        [R] vertices of the nav graph each, distinct within each; goals are not assigned yet. Two
-        vertices may share a cell of the plan graph, and start and goal may lie in different components.
+    [R] vertices of the nav graph each, in the order of its files, distinct within each; goals are not assigned yet. Two vertices may share
+    a cell of the plan graph, and start and goal may lie in different components. Raises PlanError when there are fewer vertices than
+    robots.
     """
     _enough(num_vertices, num_robots, "vertices")
     start = random.Random(seed).sample(range(num_vertices), num_robots)
@@ -59,32 +46,13 @@ class Stands(NamedTuple):
 def uniform_draw(
     graph: PlanGraph, num_robots: int, seed: int, separation_m: float = 0.0, *, anywhere: bool = False, vehicle: RobotType | None = None
 ) -> tuple[IntArray, IntArray]:
-    """Starts and goals uniformly among the stations of the strongly connected component with most of them.
+    """Starts and goals [R] uniformly among the stations of the strongly connected component with most of them, distinct within each.
 
-    Every drawn start reaches every drawn goal, along one-way lanes too. No two starts, and no two goals, are in one mutex group or nearer
-    to each other than the separation: a station that is, to one drawn before, is passed over. None is in a lift. Raises PlanError when the
-    component has fewer stations than robots, or fewer that robots may stand on at once.
-
-    Parameters
-    ----------
-    graph
-        Its stations are drawn from: the vertices that stand for those of the nav graph; on a grid map
-        every cell is one.
-    num_robots
-        How many to draw.
-    seed
-        Of both streams.
-    separation_m
-        The least distance of two robots' centres.
-    anywhere
-        Among all vertices of the plan graph instead, between stations, too.
-    vehicle
-        The type of the robots, where it cannot turn in place: starts and goals are such that it can make the turns between them.
-
-    Returns
-    -------
-    start, goal
-        [R] vertices of the plan graph each, distinct within each; a robot may start at its goal.
+    Stations are the vertices that stand for those of the nav graph, on a grid map every cell; with `anywhere` all vertices of the plan
+    graph are drawn from. Every drawn start reaches every drawn goal, along one-way lanes too; a vehicle that cannot turn in place can make
+    the turns between them. No two starts, and no two goals, are in one mutex group or nearer to each other than the separation: a station
+    that is, to one drawn before, is passed over. None is in a lift. A robot may start at its goal. Raises PlanError when the component has
+    fewer stations than robots, or fewer that robots may stand on at once.
     """
     what = "vertices" if anywhere else "stations"
     stands = stands_of(graph, anywhere=anywhere, vehicle=vehicle)
@@ -138,21 +106,11 @@ def draw_by_type(
     *,
     anywhere: bool = False,
 ) -> tuple[IntArray, IntArray]:
-    """Starts and goals of robots of several types, each type on its own lanes; those that are given stay.
+    """Starts and goals of robots of K types, each type on a graph of its own lanes; those that are given stay, -1 is drawn.
 
-    As `uniform_draw`: every drawn start of a type reaches every drawn goal of that type. Types with the fewest stations choose first.
-    Raises PlanError when a type has fewer stations than robots, or fewer that robots may stand on at once.
-
-    Parameters
-    ----------
-    types
-        [K] each with a graph of its lanes; vertices are the same.
-    kind
-        [R] types of the robots.
-    start, goal
-        [R] vertices, -1 where they are to be drawn.
-    seed, separation_m, anywhere
-        As for `uniform_draw`; the separation is that of the two largest robots.
+    As `uniform_draw`: every drawn start of a type reaches every drawn goal of that type. The separation is that of the two largest robots.
+    Types with the fewest stations choose first. Raises PlanError when a type has fewer stations than robots, or fewer that robots may stand
+    on at once.
     """
     what = "vertices" if anywhere else "stations"
     stands = [stands_of(graph, anywhere=anywhere, vehicle=each) for each, graph in types]

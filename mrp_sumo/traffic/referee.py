@@ -64,23 +64,11 @@ class Verdict:
 
 
 def judge(problem: Problem, plan: Plan, goal_of: IntArray | None = None, *, in_seconds: bool = False) -> Verdict:
-    """Judge a plan for a problem.
+    """Judge a plan for a problem. Faults end the judgement: conflicts are looked for in a plan without faults only.
 
-    Parameters
-    ----------
-    problem
-        Starts, goals and the graph.
-    plan
-        Any plan, by whomever. Where it has got other times after it was planned, those that the planner gave it are judged.
-    goal_of
-        [R] the assignment the plan claims, for planners that assign; the problem's by default.
-    in_seconds
-        A lane need not take a whole step: the plan has the times of real motion, which `metrics.referee_in_seconds` judges.
-
-    Returns
-    -------
-    Verdict
-        Faults end the judgement: conflicts are looked for in a plan without faults only.
+    Where a plan has got other times after it was planned, those that the planner gave it are judged. `goal_of` [R] is the assignment that
+    it claims, for planners that assign; the problem's by default. With `in_seconds` a lane need not take a whole step: the plan has the
+    times of real motion, which `metrics.referee_in_seconds` judges.
     """
     plan = plan if in_seconds else plan.in_steps or plan
     faults = _faults(problem, plan, problem.goal_of if goal_of is None else goal_of, 0.0 if in_seconds else problem.step_s)

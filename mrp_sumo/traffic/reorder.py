@@ -21,16 +21,9 @@ MOST_STEPS = 10_000_000  # pairs times visits
 
 
 def reordered(plan: Plan, schedule: Schedule, num_vertices: int) -> Schedule:
-    """A schedule whose zones let somebody else pass first, so that there are fewer circles; the same where nothing helps.
+    """A plan's schedule whose zones, resources from `num_vertices` on, let somebody else pass first, so that there are fewer circles.
 
-    Parameters
-    ----------
-    plan
-        What the schedule is of.
-    schedule
-        Resources from `num_vertices` on are zones.
-    num_vertices
-        Of the graph.
+    The same where nothing helps.
     """
     if len(schedule.first) - 1 <= num_vertices:
         return schedule

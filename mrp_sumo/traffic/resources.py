@@ -104,15 +104,7 @@ class Resources:
 
 
 def resources_of(graph: NavGraph, apart_m: float | FloatArray) -> Resources:
-    """Find them.
-
-    Parameters
-    ----------
-    graph
-        Places on different levels do not meet.
-    apart_m
-        R, the least distance of two robots' centres; [K, K] for robots of several types.
-    """
+    """Resources of a graph for robots whose centres are at least `apart_m` apart, [K, K] by type. Levels do not meet."""
     apart = np.atleast_2d(np.asarray(apart_m, np.float64))
     return _resources_of(graph, len(apart), apart.tobytes())
 
@@ -202,14 +194,8 @@ def _of_states(graph: MoveGraph, of_map: Resources) -> Resources:
 def needs_of(graph: NavGraph, plan: Plan, lane: IntArray, resources: Resources, kind: IntArray, behind: IntArray | None = None) -> Needs:
     """The needs of every visit: its vertex, the zones of its vertex and those of the track that leads to it.
 
-    Parameters
-    ----------
-    lane
-        [N] by which a visit is reached, -1 for first visits.
-    kind
-        [R] types of the plan's robots.
-    behind
-        [N] vertices on which trailers stand then, -1: none; None: there are none.
+    `lane` [N] is by which a visit is reached, -1 for first visits; `kind` [R] are types of the plan's robots; `behind` [N] vertices on
+    which trailers stand then, -1: none; None: there are none.
     """
     num_visits, num_vertices = plan.num_visits, graph.num_vertices
     visit = np.arange(num_visits)
@@ -445,7 +431,6 @@ def groups_of(options: Properties) -> list[str]:
 
 
 def cabin_group(lift: str) -> str:
-    """The name of the group that the cabin of a lift is."""
     return f"lift {lift}"
 
 

@@ -101,22 +101,10 @@ def point_distances(points: FloatArray, walls: FloatArray) -> FloatArray:
 def swept_at_corner(
     vehicle: RobotShape, bend_rad: float, gears: tuple[int, int], tangent_m: float, lane_m: float, before: Before | None = None
 ) -> list[MovingBody]:
-    """Bodies that turn there: the vehicle and its trailers. The corner is at the origin, and the lane to it leads east.
+    """Bodies of a loaded vehicle and its trailers that turn at a corner. It is at the origin, and the lane to it leads east.
 
-    Parameters
-    ----------
-    vehicle
-        With its load.
-    bend_rad
-        Between the lanes.
-    gears
-        In which it comes and leaves.
-    tangent_m
-        From the corner to where the arc, or the swing, begins; 0: it stands there first.
-    lane_m
-        Length of the lane on which it leaves.
-    before
-        Of vehicles with trailers, the turn that they come from.
+    The vehicle comes and leaves in these gears. The arc, or the swing, begins `tangent_m` from the corner; 0: it stands there first.
+    `lane_m` is the length of the lane on which it leaves; `before` is, of vehicles with trailers, the turn that they come from.
     """
     if vehicle.trailers:
         return _train(vehicle, bend_rad, tangent_m, lane_m, before)

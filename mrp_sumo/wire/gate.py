@@ -53,7 +53,6 @@ class LocalServer(ThreadingHTTPServer):
 
     @property
     def address(self) -> str:
-        """The address of its page."""
         return f"http://{HOST}:{self.server_port}/{self.token}/"
 
     def process_request(self, request: Any, client_address: Any) -> None:

@@ -297,7 +297,6 @@ class MasterLink(_End):
 
 
 def encoded(payload: Mapping[str, Any]) -> bytes:
-    """A payload as it is sent."""
     return json.dumps(payload, separators=(",", ":"), allow_nan=False).encode()
 
 

@@ -41,16 +41,10 @@ class Choice:
 
 
 def choice(now_s: float, context: Surroundings, most: int, *, reassign: bool, busy: bool = False) -> Choice:
-    """Tasks and robots that can be decided on now.
+    """At most so many tasks, and the robots, that can be decided on now, the most urgent first; those of one priority together.
 
-    Parameters
-    ----------
-    most
-        Tasks; those of one priority are taken or left together, the most urgent first.
-    reassign
-        Whether tasks may be given to others until their first stops are made.
-    busy
-        Whether robots at work count from when they will be done; `FAR_S` otherwise.
+    With `reassign`, tasks may be given to others until their first stops are made. With `busy`, robots at work count from when they will be
+    done; `FAR_S` otherwise.
     """
     crew = context.crew
     num_robots, at = len(crew.robots), context.start.copy()

@@ -45,23 +45,10 @@ def lane_ends(edge: str) -> tuple[int, int]:
 
 
 def build_network(graph: NavGraph, path: Path, building: Building | None = None) -> Path:
-    """Write the SUMO network of a graph.
+    """Write the SUMO network of a graph, whose vertex v is the junction `n<v>`, to `path`, whole or not at all. Returns the path.
 
-    Raises MapError for a graph without lanes, and when netconvert fails, and OSError where the temporary folder's disk is full.
-
-    Parameters
-    ----------
-    graph
-        What robots drive on; its vertex v is the SUMO junction `n<v>`.
-    path
-        The file to write, whole or not at all; usually `<name>.net.xml`.
-    building
-        Its floors and walls go to `<name>.poly.xml` beside it, as a backdrop for sumo-gui.
-
-    Returns
-    -------
-    path
-        The same.
+    Floors and walls of a building go to `<name>.poly.xml` beside it, as a backdrop for sumo-gui. Raises MapError for a graph without lanes,
+    and when netconvert fails, and OSError where the temporary folder's disk is full.
     """
     path = Path(path)
     if not graph.num_lanes:
@@ -80,14 +67,9 @@ def backdrop_of(path: Path) -> Path:
 
 
 def excerpt(text: str, graph: NavGraph, lanes: IntArray, onward: IntArray) -> str:
-    """A network's text without what nobody drives on: SUMO needs time and memory for whatever it loads.
+    """A network's text with only lanes that robots may be on, and pairs of them, `onward` [K, 2], that may follow each other.
 
-    Parameters
-    ----------
-    lanes
-        That robots may be on.
-    onward
-        [K, 2] pairs of them that robots may pass one after the other.
+    SUMO needs time and memory for whatever it loads.
     """
     edge = [edge_name(a, b) for a, b in zip(graph.tail.tolist(), graph.head.tolist())]
     edges = {edge[lane] for lane in lanes.tolist()}

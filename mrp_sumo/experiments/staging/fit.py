@@ -112,7 +112,6 @@ def _remedy(nav: NavGraph, cell_m: float, needed_m: float, *, is_train: bool) ->
 
 
 def _ends(graph: NavGraph, lane: int) -> str:
-    """A lane by the names of its ends."""
     return f"'{graph.known_as(int(graph.tail[lane]))}' - '{graph.known_as(int(graph.head[lane]))}'"
 
 

@@ -83,7 +83,6 @@ class _Places:
         self._file, self._of_vertex = file, dict[int, int]()
 
     def named(self, key: Place, names: list[str]) -> IntPlaces:
-        """The places at the vertices of names."""
         places = tuple(self.at(vertex) for vertex in as_drawn(self._file, self.nav, key, names))
         for i, name in enumerate(names):
             if places[i] < 0:

@@ -52,6 +52,5 @@ def error_of(is_new: bool, refusal: RefusalError) -> dict[str, Any]:
 
 
 def error(kind: str, level: str, text: str, references: Mapping[str, object]) -> dict[str, Any]:
-    """A member of `errors`."""
     listed = [{"referenceKey": key, "referenceValue": str(value)[:LONGEST_TEXT]} for key, value in references.items()]
     return {"errorType": kind, "errorLevel": level, "errorDescription": text[:LONGEST_TEXT], "errorReferences": listed}

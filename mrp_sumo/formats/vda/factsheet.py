@@ -375,7 +375,6 @@ class _Sheet:
 
 
 def _series(robot: RobotType) -> tuple[str, str]:
-    """Manufacturer and series of a type."""
     manufacturer, _, series = robot.in_layouts.partition(".")
     return (manufacturer, series) if series else (MANUFACTURER, manufacturer)
 
@@ -455,5 +454,4 @@ def _figure(text: Any, key: str) -> float | None:
 
 
 def _area_m2(places: Sequence[tuple[float, float]]) -> float:
-    """Area of a polygon."""
     return abs(sum(a[0] * b[1] - a[1] * b[0] for a, b in zip(places, [*places[1:], places[0]]))) / 2

@@ -41,7 +41,6 @@ class Dialect:
         return self.version == "3.0"
 
     def topic(self, serial: str, kind: str, manufacturer: str = MANUFACTURER) -> str:
-        """Topic of messages of a kind."""
         head = "vda5050/v3" if self.is_new else "uagv/v2"
         return f"{head}/{manufacturer}/{serial}/{kind}"
 

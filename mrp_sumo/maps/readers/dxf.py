@@ -54,16 +54,9 @@ class DxfLayers:
 
 
 def read_dxf(path: Path, layers: Sequence[str] | None = None, unit: str | None = None) -> DxfContent:
-    """The strokes of a drawing. Raises MapError as the module refuses.
+    """The strokes of a drawing's layers, in any case, or of all that are shown. Raises MapError as the module refuses.
 
-    Parameters
-    ----------
-    path
-        The file, as text or binary.
-    layers
-        Which layers, in any case; by default all that are shown.
-    unit
-        One of `UNIT_M`; that of the file's header by default.
+    The unit is one of `UNIT_M`; that of the file's header by default.
     """
     if unit is not None and unit not in UNIT_M:
         raise MapError(f"unit '{unit}' is none of {', '.join(UNIT_M)}{nearest(unit, UNIT_M)}")

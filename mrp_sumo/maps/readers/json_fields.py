@@ -28,7 +28,6 @@ class Fields:
         return value
 
     def object(self, holder: Mapping[str, Any], key: str, at: str, default: Any = NOTHING) -> Any:
-        """The object under a key."""
         value = self._given(holder, key, at, default)
         return value if value is default else self.mapping(value, _path(at, key))
 
@@ -62,7 +61,6 @@ class Fields:
             yield name, path, element
 
     def text(self, holder: Mapping[str, Any], key: str, at: str, default: Any = NOTHING) -> Any:
-        """The text under a key."""
         value = self._given(holder, key, at, default)
         if value is not default and not isinstance(value, str):
             raise self.fault(_path(at, key), f"found {_shown(value)}, expected text")
@@ -74,7 +72,6 @@ class Fields:
         return value if value is default else self.finite(value, _path(at, key))
 
     def finite(self, value: Any, at: str) -> float:
-        """A value as a number."""
         if type(value) not in (int, float) or not abs(value) < FARTHEST:  # infinite and no number, too
             raise self.fault(at, f"found {_shown(value)}, expected a number")
         return float(value)

@@ -53,20 +53,8 @@ def graph_of_documents(
     """The NavGraph of nav graph documents. Raises MapError for lanes between vertices that do not exist, and values of a wrong type.
 
     Of several, vertices follow graph by graph, as MRP-Bench unites them: those at equal places once for every graph; a lane joins the last
-    vertex at the place of each of its ends. So a repeated vertex may have no lane.
-
-    Parameters
-    ----------
-    documents
-        Of one graph each.
-    name
-        Of the map.
-    levels
-        Those to take. Of vertices of one graph with one name the later ones get a number: dock, dock_2.
-    origin_m
-        What to subtract from coordinates.
-    source
-        The file they come from.
+    vertex at the place of each of its ends. So a repeated vertex may have no lane. Of vertices of one graph with one name the later ones
+    get a number: dock, dock_2. `levels` are those to take, `origin_m` is subtracted from coordinates.
     """
     wanted, is_united = set(levels), len(documents) > 1
     level_names: list[str] = []

@@ -116,7 +116,6 @@ class _Model:
                 self.draft.set_options(v, theta_rad=math.radians(point.number("vehicleOrientationAngle")))
 
     def _place(self, point: Element) -> tuple[float, float]:
-        """Where a point is, in m."""
         x, y = next((keys for keys in COORDINATES if keys[0] in point.attributes), COORDINATES[0])
         return point.number(x) * MM, point.number(y) * MM
 

@@ -33,11 +33,9 @@ class Element:
     children: list["Element"] = field(default_factory=list)
 
     def all(self, name: str) -> Iterator["Element"]:
-        """The children of a name."""
         return (child for child in self.children if child.name == name)
 
     def get(self, key: str, default: str) -> str:
-        """An attribute, or the default."""
         return self.attributes.get(key, default)
 
     def text(self, key: str) -> str:

@@ -57,7 +57,6 @@ class Drawn:
     outcome: str  # column that says whether a run did what was asked of it
 
     def of(self, series: str) -> pd.DataFrame:
-        """The runs of a series."""
         return self.runs[self.runs["_series"] == series]
 
     def values(self, column: str, scale: float = 1.0) -> list[tuple[str, FloatArray]]:

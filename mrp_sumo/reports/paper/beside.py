@@ -42,7 +42,6 @@ class BesidePaper:
 
     @property
     def document(self) -> dict[str, Any]:
-        """As JSON has it."""
         compared = {"paper_value": self.paper_value, "agrees": self.agrees}
         return {**self.labels, "quantity": self.quantity, **_document(self.ours), **compared}
 
@@ -71,7 +70,6 @@ class Ordered:
 
     @property
     def document(self) -> dict[str, Any]:
-        """As JSON has it."""
         verdict = {"p_value": self.p_value, "paper_difference": self.paper_difference, "verdict": self.verdict}
         return {**self.labels, "first": self.first, "second": self.second, **_document(self.difference), **verdict}
 

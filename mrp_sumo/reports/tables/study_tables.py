@@ -44,7 +44,6 @@ def capacity(study: ReportedRuns) -> ReportTable | None:
 
 
 def statuses(study: ReportedRuns) -> ReportTable:
-    """Statuses of the runs, by series."""
     order = {status: i for i, status in enumerate(("completed", "planned", "loaded"))}
     ended = study.frame["status"].astype(str).value_counts(sort=False)
     names = sorted(ended.index, key=lambda s: (order.get(s, len(order)), -ended[s], s))

@@ -87,7 +87,6 @@ class ReportTable:
         return len(self.rows) > LONG if self.folded is None else self.folded
 
     def without_empty(self) -> "ReportTable":
-        """The table without empty columns."""
         columns = [i for i in range(len(self.columns)) if i < self.labels or any(row[i] is not None for row in self.rows)]
         return replace(self, columns=tuple(self.columns[i] for i in columns), rows=[[row[i] for i in columns] for row in self.rows])
 
