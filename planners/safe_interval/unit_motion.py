@@ -202,13 +202,17 @@ class UnitMotion:
 def lanes_of(graph: PlanGraph, duration_s: FloatArray, reach_m: float) -> _discs.Lanes:
     """The graph as arrays, for discs that keep `reach_m` from each other."""
     num_vertices = graph.num_vertices
-    ends = np.array([graph.tail, graph.head])
-    neighbours = np.unique(np.hstack([ends, ends[::-1]]), axis=1)[0]
+    vertex, neighbour = np.append(graph.tail, graph.head), np.append(graph.head, graph.tail)
+    least, most = np.full(num_vertices, num_vertices), np.full(num_vertices, -1)
+    np.minimum.at(least, vertex, neighbour)
+    np.maximum.at(most, vertex, neighbour)
+    inner = least < most
+    inner[vertex[(neighbour != least[vertex]) & (neighbour != most[vertex])]] = False
     speed_mps = (np.hypot(*(graph.xy[graph.head] - graph.xy[graph.tail]).T) / duration_s).max(initial=0.0)
     return _discs.Lanes(
         graph.first, graph.tail, graph.head, graph.xy, duration_s, reach_m,
         reverse=graph.reverse,
-        inner=np.bincount(neighbours, minlength=num_vertices) == 2,
+        inner=inner,
         clear=reach_m / speed_mps if speed_mps > 0 else 0.0,
         zero=np.zeros(num_vertices),
     )  # fmt: skip

@@ -15,7 +15,7 @@ from mrp_sumo.core.problem import Problem
 from mrp_sumo.errors import ScenarioError
 from mrp_sumo.metrics.referee_in_seconds import judge_in_seconds
 from mrp_sumo.planning.registry import planner
-from planners.safe_interval.unit_motion import UnitMotion
+from planners.safe_interval.unit_motion import UnitMotion, lanes_of
 
 pytestmark = pytest.mark.kernel
 
@@ -220,6 +220,21 @@ def test_who_enters_a_corridor_second_lets_the_first_pass_by(degrees):
     motion = UnitMotion(problem_of(graph_of(xy, [(0, 1), (1, 2), (1, 3)]), [0, 2], [3, 0]), RADIUS_M, 1.0)
     cost_s = motion.least_cost_s(0, 1, motion.nothing, motion.nothing)
     assert cost_s == pytest.approx(14 + 20 + 2 * RADIUS_M / np.sin(np.radians(degrees / 2)), abs=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("pairs", "one_way", "within"),
+    [
+        ([(0, 1), (1, 2)], (), [1]),
+        ([(0, 1)], [(1, 2)], [1]),  # lanes of one direction join it to its second neighbour
+        ([(0, 1), (1, 2), (2, 0)], (), [0, 1, 2]),
+        ([(0, 1), (1, 2), (1, 3)], (), []),  # three neighbours
+        ([(0, 1)], [(2, 1), (1, 3)], []),
+    ],
+)
+def test_corridors_are_of_vertices_with_two_neighbours(pairs, one_way, within):
+    graph = graph_of([(0, 0), (1, 0), (2, 1), (2, -1)], pairs, one_way=one_way)
+    assert np.flatnonzero(lanes_of(graph, graph.length_m, 2 * RADIUS_M).inner).tolist() == within
 
 
 ROUND = [(0, 0), (1, 0), (2, 0), (3, 0), (4, 0), (0, 2), (4, 2)], [(0, 1), (1, 2), (2, 3), (3, 4), (0, 5), (5, 6), (6, 4)]
