@@ -22,7 +22,7 @@ MIDDLE = 1 << 40  # number of the first vertex of a way on its line
 
 
 @kernel
-def rules_of(lanes, ways, conflict, paths, forbidden, scratch, keeper, rows):
+def rules_of(lanes, ways, conflict, forbidden, scratch, keeper, rows):
     """Write rules that end a conflict to `rows`: where the first robot gives way, and where the second does; returns as `rules_against`.
 
     Neither may end its way before it can have left a line on which both are in the wrong order, or leave a corridor before the other can be
@@ -31,31 +31,29 @@ def rules_of(lanes, ways, conflict, paths, forbidden, scratch, keeper, rows):
     Parameters
     ----------
     conflict
-        Kind, and move or stay of each way, see `conflicts`.
-    paths
-        The ways of both.
+        A `DiscConflict`.
     forbidden
         Rules of both so far.
     keeper
         See `rules_against`. The second robot is asked for where splits that keep the first have more than one rule a side, or none.
     """
-    if keeper == 0 and joint_rules(lanes, ways, conflict, paths, forbidden, scratch, rows):
+    if keeper == 0 and joint_rules(lanes, ways, conflict, forbidden, scratch, rows):
         return 1, 1
-    return rules_against(lanes, ways, conflict, paths[0], paths[1], forbidden, keeper, rows)
+    return rules_against(lanes, ways, conflict, forbidden, keeper, rows)
 
 
 @kernel
-def joint_rules(lanes, ways, conflict, paths, forbidden, scratch, rows):
+def joint_rules(lanes, ways, conflict, forbidden, scratch, rows):
     """Write the rule of a line or a corridor for either robot, see `rules_of`. Returns whether there is one."""
-    one, other = paths
+    one, other = conflict.path, conflict.other_path
     a, b = ways.first[one + 1], ways.first[other + 1]
-    for path in paths:
+    for path in (one, other):
         until, other_until = ends_off_line(lanes, ways, path, one, other, scratch)
         if arrival(lanes, ways, one, a) < until - 2 * EPS and arrival(lanes, ways, other, b) < other_until - 2 * EPS:
             put_rule(rows, 0, 0, NOT_STAY, stands_at(lanes, ways, one, a), until - EPS, NEVER)
             put_rule(rows, 1, 1, NOT_STAY, stands_at(lanes, ways, other, b), other_until - EPS, NEVER)
             return True
-    p, q, num = corridor(lanes, ways, conflict, one, other)
+    p, q, num = corridor(lanes, ways, conflict)
     if num == 0:
         return False
     last, other_last = ways.lane[p + num - 1], ways.lane[q + num - 1]
@@ -87,12 +85,12 @@ def at_end(lanes, start, lane, rules, scratch):
 
 
 @kernel
-def corridor(lanes, ways, conflict, one, other):
+def corridor(lanes, ways, conflict):
     """The longest corridor about a conflict that both pass: a move of each, its first one there, and how many; 0: none.
 
     Nobody starts within, nor at its own end.
     """
-    _, i, j = conflict
+    _, i, j, one, other = conflict
     a0, a1, b0, b1 = ways.first[one], ways.first[one + 1], ways.first[other], ways.first[other + 1]
     for p in range(max(a0, a0 + i - 1), min(a1, a0 + i + 2)):
         for q in range(max(b0, b0 + j - 1), min(b1, b0 + j + 2)):

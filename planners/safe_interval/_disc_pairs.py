@@ -13,6 +13,7 @@ from mrp_sumo.search._kernel import kernel
 from planners.safe_interval._corridors import rules_of
 from planners.safe_interval._discs import (
     RULE,
+    DiscConflict,
     DiscConstraints,
     DiscPaths,
     DiscScratch,
@@ -135,8 +136,9 @@ def split(task, pair, n, made, used, ruled):
         row, keeper = c // 2, c % 2
         if keeper == 1 and parts == (1, 1):
             continue
-        conflict = pair.conflict_rows[row, 0], pair.conflict_rows[row, 1], pair.conflict_rows[row, 2]
-        parts = rules_of(task.lanes, ways, conflict, paths, task.rules, task.scratch, keeper, pair.rule[ruled:])
+        kind, part, other_part = pair.conflict_rows[row, 0], pair.conflict_rows[row, 1], pair.conflict_rows[row, 2]
+        conflict = DiscConflict(kind, part, other_part, paths[0], paths[1])
+        parts = rules_of(task.lanes, ways, conflict, task.rules, task.scratch, keeper, pair.rule[ruled:])
         if parts[0] == 0:
             continue
         if ruled + parts[0] + parts[1] > len(pair.rule):

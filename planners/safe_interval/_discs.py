@@ -50,6 +50,16 @@ def new_ways(room: int) -> DiscPaths:
     return DiscPaths(index[0], index[1], index[2], np.zeros(room))
 
 
+class DiscConflict(NamedTuple):
+    """A conflict of two ways."""
+
+    kind: int  # who moves: `MOVES`, `STAYS_OTHER` or `STAYS_ONE`
+    part: int  # the move or stay of the first way; stay k is the one before move k
+    other_part: int
+    path: int  # the number of the first way
+    other_path: int
+
+
 class DiscConstraints(NamedTuple):
     """Constraints of one robot: departures to lanes and stays at vertices that are forbidden it, in rows 0 and 1, each sorted; and in row 2
     departures that it has to make, in their order. There may be room for more.
@@ -163,9 +173,9 @@ def collide(lanes, e, f):
 
 @kernel
 def conflicts(lanes, ways, one, other, most, rows, num):
-    """Write the conflicts of two ways to `rows` from row `num` on, by time: kind, and which move or stay of each. Returns the new number.
+    """Write the conflicts of two ways to `rows` from row `num` on, by time, as in `DiscConflict`. Returns the new number.
 
-    Stay k of a way is the one before its move k. Rows are as many as there is room for.
+    Rows are as many as there is room for.
     """
     a, b, c, d = ways.first[one], ways.first[one + 1], ways.first[other], ways.first[other + 1]
     i, j = a, c  # moves of both, each after its stay
@@ -436,8 +446,9 @@ def window_of(lanes, rules, lane, begin, end):
 
 
 @kernel
-def put_rules_beside(lanes, lane, near, begin, end, robot, rows, num):
+def put_rules_beside(lanes, departures, near, robot, rows, num):
     """Rules against a departure to a lane and a stay at its head that collide with all departures to another lane within a time."""
+    lane, begin, end = departures
     low, high = collide(lanes, lane, near)
     if high > low and end + low < begin + high:
         num = put_rule(rows, num, robot, NOT_MOVE, near, end + low, begin + high)
@@ -448,9 +459,8 @@ def put_rules_beside(lanes, lane, near, begin, end, robot, rows, num):
 
 
 @kernel
-def rules_against(lanes, ways, conflict, one, other, forbidden, keeper, rows):
-    """Write the rules of a conflict (kind, and move or stay of each way) to `rows` [K] RULE: where the first robot gives way, then the
-    second.
+def rules_against(lanes, ways, conflict, forbidden, keeper, rows):
+    """Write the rules of a `DiscConflict` to `rows` [K] RULE: where the first robot gives way, then the second.
 
     One of both is the keeper of its departure. Either it does not depart until it no longer collides with what the other does now; or it
     has to depart before, so no solution is in both (disjoint splitting), and the other does nothing on lanes at the ends of theirs that
@@ -461,7 +471,7 @@ def rules_against(lanes, ways, conflict, one, other, forbidden, keeper, rows):
     tuple[int, int]
         How many rules there are of either; (0, 0) where the same comes of the other keeper.
     """
-    kind, i, j = conflict
+    kind, i, j, one, other = conflict
     if kind != MOVES and keeper != (0 if kind == STAYS_OTHER else 1):
         return 0, 0
     a, b = ways.first[one] + i, ways.first[other] + j
@@ -493,9 +503,9 @@ def rules_against(lanes, ways, conflict, one, other, forbidden, keeper, rows):
             if (k > 0 and ends[k] == ends[0]) or (k > 1 and ends[k] == ends[1]) or (k > 2 and ends[k] == ends[2]):
                 continue
             for near in range(lanes.first[ends[k]], lanes.first[ends[k] + 1]):
-                num = put_rules_beside(lanes, e, near, t, end, 1 - keeper, rows, num)
+                num = put_rules_beside(lanes, (e, t, end), near, 1 - keeper, rows, num)
                 if lanes.reverse[near] >= 0:
-                    num = put_rules_beside(lanes, e, lanes.reverse[near], t, end, 1 - keeper, rows, num)
+                    num = put_rules_beside(lanes, (e, t, end), lanes.reverse[near], 1 - keeper, rows, num)
     if keeper == 0:
         return 1, num - 1
     put_rule(rows, num, keeper, NOT_MOVE, e, t, end)

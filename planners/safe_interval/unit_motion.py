@@ -84,11 +84,11 @@ class UnitMotion:
 
     def splits(self, conflict: TimedConflict, ours: _discs.DiscConstraints, theirs: _discs.DiscConstraints) -> list[Split]:
         """See `_corridors.rules_of`."""
-        both = (conflict.path, conflict.other_path), (ours, theirs)
+        met = _discs.DiscConflict(*conflict.what, conflict.path, conflict.other_path)
         outcome = []
         for keeper in range(2):
             while True:
-                num, others = _corridors.rules_of(self._lanes, self._paths, conflict.what, *both, self._scratch, keeper, self._rows)
+                num, others = _corridors.rules_of(self._lanes, self._paths, met, (ours, theirs), self._scratch, keeper, self._rows)
                 if num + others <= len(self._rows):
                     break
                 self._rows = np.zeros(2 * (num + others), _discs.RULE)
