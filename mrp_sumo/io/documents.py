@@ -118,8 +118,9 @@ def _switches_for_numbers(content: Any, result: Any, place: Place = ()) -> Itera
         for key, value in content.items():
             inner = result.get(key) if isinstance(result, Mapping) else getattr(result, str(key), None)
             yield from _switches_for_numbers(value, inner, (*place, key))
-    elif isinstance(content, list | tuple) and isinstance(result, list | tuple):
-        for k, pair in enumerate(zip(content, result)):
+    elif isinstance(content, list | tuple):
+        inner = result if isinstance(result, list | tuple) else getattr(result, "fleet", None) or ()  # a list of robots is short for it
+        for k, pair in enumerate(zip(content, inner)):
             yield from _switches_for_numbers(*pair, (*place, k))
 
 

@@ -119,6 +119,7 @@ def test_an_anchor_may_be_given_twice_as_yaml_has_it(tmp_path):
             "map: office\nrobots: {fleet: [{type: amr_600, count: on}]}\n",
             "case.yaml:2: robots.fleet[0].count: found True, expected a whole number",
         ),
+        ("map: office\nrobots: [{type: amr_600, count: on}]\n", "case.yaml:2: robots[0].count: found True, expected a whole number"),
         (GOOD + "seed: 1.0e+308\n", "case.yaml:6: seed: found 1e+308, expected a whole number"),
         (GOOD + "record: {storage: MCAP}\n", "case.yaml:6: record.storage: unknown value 'MCAP' (did you mean 'mcap'?)"),
         (

@@ -80,7 +80,7 @@ class StreamChoice(Strict):
     arrivals: Arrivals = Field(description="When orders become known; exactly one kind.")
     count: Annotated[int, Field(ge=1, le=MAX_TASKS)] | None = Field(None, description="Tasks in all; without end by default.")
     stops: list[str] | None = Field(None, min_length=1, description="One of each of these groups, stations or vertices, in this order.")
-    zipf: NotNegative = Field(0.0, description="In groups, the k-th station is drawn with weight 1 / k ** zipf.")
+    zipf: NotNegative = Field(0.0, le=10, description="In groups, the k-th station is drawn with weight 1 / k ** zipf.")
     matrix: dict[str, dict[str, NotNegative]] | None = Field(
         None, description="Weights of ways between stations or groups, instead of stops."
     )
