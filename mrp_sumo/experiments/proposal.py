@@ -308,8 +308,7 @@ def _proposal(map_values: Mapping[str, Any], name: str, setup: SetUp, stations: 
             "time_limit_s": max(1200.0, round(ORDERS_A_ROBOT * order_s)) if wishes.hours is None else 3600.0 * wishes.hours,
         },
     }
-    doubts = tuple(finding.line for finding in setup.map.findings if finding.kind == "extent_above_1_km")
-    return Proposal(values, why, order_s, stations.unreached, doubts)
+    return Proposal(values, why, order_s, stations.unreached, setup.map.doubts)
 
 
 def _trip_s(setup: SetUp, groups: Sequence[Sequence[str]]) -> float:

@@ -62,6 +62,11 @@ class Map:
             (each for each in self.vehicles if min(each.length_m, each.max_speed_mps) > 0), key=lambda each: each.length_m, default=None
         )
 
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """Lines of what makes the unit of the file unlikely."""
+        return tuple(finding.line for finding in self.findings if finding.kind == "extent_above_1_km")
+
 
 def unused(map_: Map) -> str:
     """One line of what has no effect, '' where everything that the map says is used."""

@@ -1,5 +1,6 @@
 """What a scenario says about execution, checked against its map: recovery, closed stretches, mutex groups, lifts."""
 
+import json
 from itertools import pairwise
 
 import numpy as np
@@ -342,3 +343,16 @@ def test_robots_that_stand_out_of_the_cabin_of_a_lift_are_refused(tmp_path):  # 
         ScenarioError, match=r"robots.type: '.*', 0.5 x 2.8 m, stands 0.\d+ m out of the cabin of lift 'lift_\w+', 2.4 x 2.4 m"
     ):
         set_up_with(2.8)
+
+
+@pytest.mark.parametrize("side_m", [10.0, 10_000.0])
+def test_a_map_that_may_be_in_millimetres_says_so_where_it_is_driven(tmp_path, side_m):
+    ends = [{"type": "Feature", "properties": {"id": k}, "geometry": {"type": "Point", "coordinates": [k * side_m, 0]}} for k in range(2)]
+    line = {"type": "MultiLineString", "coordinates": [[[0, 0], [side_m, 0]]]}
+    edges = [{"type": "Feature", "properties": {"id": 2 + k, "startid": k, "endid": 1 - k}, "geometry": line} for k in range(2)]
+    (tmp_path / "line.geojson").write_text(json.dumps({"type": "FeatureCollection", "features": ends + edges}))
+    path = tmp_path / "scenario.yaml"
+    path.write_text("map: line.geojson\nrobots: {count: 1}\ndiscretisation: roadmap\n")
+    with MapCache() as maps:
+        notes = set_up(read_scenario(path), maps).notes
+    assert notes == (("extent above 1 km: 10000 x 0 m: is the file in millimetres?",) if side_m > 1_000 else ())

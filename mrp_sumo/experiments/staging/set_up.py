@@ -121,7 +121,7 @@ def set_up(file: ScenarioFile, maps: MapCache, *, run_programs: bool = True) -> 
         narrow += oddities(settings.tasks, problem, settings.time_limit_s)
     settings = with_people(settings, file, map_, graph, fleet)
     settings = replace(settings, closed_lanes=closed_lanes(file, map_.nav, graph))
-    return SetUp(file, map_, problem, chosen_assigner, chosen_planner, settings, notes + narrow)
+    return SetUp(file, map_, problem, chosen_assigner, chosen_planner, settings, map_.doubts + notes + narrow)
 
 
 def _graph(
