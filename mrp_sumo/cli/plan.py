@@ -55,9 +55,8 @@ def run(options: argparse.Namespace) -> int:
         return plan_list.run(options, arguments, _planned)
     if (options.scenario is None) == (options.map is None):
         raise MrpSumoError("expected either a scenario or --map")
-    path = Path(options.scenario or "")
-    is_missing = options.steps is not None and path.suffix == ".json" and not path.exists()  # which is said of it
-    if is_missing or step_wise.is_problem(options.scenario):
+    is_named_so = options.steps is not None and Path(options.scenario or "").suffix == ".json"  # what is wrong with it is said of it
+    if is_named_so or step_wise.is_problem(options.scenario):
         return step_wise.plan(options)
     only_for("problems of the League of Robot Runners (.json)", steps=options.steps)
     summary = _planned(options)

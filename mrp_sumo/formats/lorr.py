@@ -43,10 +43,10 @@ def read_problem(path: Path) -> StepWiseProblem:
     """Read a problem with its three files. Raises PlanError as the module refuses."""
     document = read_json(path, error=PlanError)
     if not isinstance(document, dict):
-        raise PlanError(f"{path.name}: expected an object with {', '.join(KEYS)}")
+        raise PlanError(f"{path.name}: found {json.dumps(document):.20}, expected an object with {', '.join(KEYS)}")
     for key in KEYS:
         if key not in document:
-            raise PlanError(f"{path.name}: {key} is missing{nearest(key, document, limit=0)}")
+            raise PlanError(f"{path.name}: {key} is missing{nearest(key, [other for other in document if other not in KEYS], limit=0)}")
     files = []
     for key in KEYS[:3]:
         if not isinstance(document[key], str):
@@ -54,9 +54,9 @@ def read_problem(path: Path) -> StepWiseProblem:
         files.append(path.parent / document[key])
     team, share = document["teamSize"], document["numTasksReveal"]
     if type(team) is not int or not 1 <= team < 10**6:
-        raise PlanError(f"{path.name}: teamSize is {team!r:.20}, expected a whole number above 0")
+        raise PlanError(f"{path.name}: teamSize is {team!r:.20}, expected a whole number from 1 to 999999")
     if not is_number(share, 1e6) or share <= 0:
-        raise PlanError(f"{path.name}: numTasksReveal is {share!r:.20}, expected a number above 0")
+        raise PlanError(f"{path.name}: numTasksReveal is {share!r:.20}, expected a number above 0, at most 1000000")
     free = read_map(files[0])
     agents = _numbers(files[1])
     if len(agents) < team:

@@ -57,6 +57,7 @@ def test_validate_names_the_first_fault(planned, capsys):
         (["plan", "x.json", "--steps", "5", "--planner", "epibd"], "unknown step-wise planner 'epibd' (did you mean 'epibt'?)"),
         (["plan", "x.json", "--steps", "5", "--out", "out.yaml"], "expected a name that ends in .json"),
         (["plan", "none.json", "--steps", "5"], "none.json: no such file or directory"),
+        (["plan", "null.json", "--steps", "5"], "null.json: found null, expected an object with mapFile"),
         (["validate", "x.json", "--problem", "x.json"], "x.json: start is missing"),
         (["validate", "none.json", "--problem", "x.json"], "none.json: no such file or directory"),
         (["validate", "none.zip2"], "none.zip2: no such file or directory"),
@@ -67,6 +68,7 @@ def test_validate_names_the_first_fault(planned, capsys):
 def test_bad_request_is_one_line(tmp_path, monkeypatch, capsys, arguments, message):
     write_problem(tmp_path, ROUND, [0, 1], [[2]])
     (tmp_path / "x.csv").write_text("t_s,x_m,y_m\n")
+    (tmp_path / "null.json").write_text("null")
     monkeypatch.chdir(tmp_path)
     assert main(arguments) == 2
     printed = capsys.readouterr().err

@@ -47,8 +47,9 @@ def test_solution_comes_back_as_it_was_written(tmp_path):
     ("changes", "message"),
     [
         ({"teamSize": 3}, "x.agents: 2 robots, but teamSize is 3"),
-        ({"teamSize": 0}, "teamSize is 0, expected a whole number above 0"),
-        ({"numTasksReveal": "many"}, "numTasksReveal is 'many', expected a number above 0"),
+        ({"teamSize": 0}, "teamSize is 0, expected a whole number from 1 to 999999"),
+        ({"numTasksReveal": "many"}, "numTasksReveal is 'many', expected a number above 0, at most 1000000"),
+        ({"numTasksReveal": 1e12}, "numTasksReveal is 1000000000000.0, expected a number above 0, at most 1000000"),
         ({"taskAssignmentStrategy": "robin"}, "taskAssignmentStrategy is 'robin', expected greedy or roundrobin"),
         ({"mapFile": 7}, "mapFile is 7, expected the name of a file"),
         ({"taskFile": "none"}, "none: no such file or directory"),
@@ -111,11 +112,21 @@ def test_a_key_of_delays_that_is_misspelt_is_named(tmp_path):
         read_problem(write_problem(tmp_path, ["..."], [0], [[2]], agentCounter=3, delayConfig=delays))
 
 
-def test_missing_key_of_a_problem_is_named(tmp_path):
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ('{"mapFile": "x.map"}', "x.json: agentFile is missing"),  # and is not the key that is there
+        ('{"mapFile": "x.map", "agentsFile": "x"}', "x.json: agentFile is missing (did you mean 'agentsFile'?)"),
+        ('["x.map"]', 'x.json: found ["x.map"], expected an object with mapFile, agentFile, taskFile, teamSize, numTasksReveal'),
+        ("null", "x.json: found null, expected an object with mapFile, agentFile, taskFile, teamSize, numTasksReveal"),
+    ],
+)
+def test_what_is_no_problem_is_refused_in_one_line(tmp_path, text, message):
     path = tmp_path / "x.json"
-    path.write_text('{"mapFile": "x.map"}')
-    with pytest.raises(PlanError, match="agentFile is missing"):
+    path.write_text(text)
+    with pytest.raises(PlanError) as refused:
         read_problem(path)
+    assert str(refused.value) == message
 
 
 @pytest.mark.parametrize(
