@@ -1,7 +1,8 @@
 """Tasks of robots: the choices of step-wise planners.
 
-`nearest` gives the robots that have not opened a task those tasks of the pool for which the sum of steps, to their first errands and
-through all of them, is least; it decides again in each step, until tasks are opened (in large problems, every tenth step).
+`nearest` gives the robots that have not opened a task those tasks of the pool for which the sum of steps to their first errands is least.
+Steps from there through all errands count, too, but less: a long task that is put off fills the pool, and has to be done in the end.
+It decides again in each step, until tasks are opened (in large problems, every tenth step).
 `in_turn` gives robot r of R the tasks r, r + R, r + 2 R, ...: as benchmarks do in which each robot has goals of its own.
 """
 
@@ -16,6 +17,7 @@ from planners.step_wise.ground import FAR, RESERVE, FreeCells
 
 MOST_PAIRS = 200_000  # of robots and tasks; where there are more, in most steps only robots without a task are given one
 MOST_AT_ONCE = 10_000_000  # pairs that are matched at once; where there are more, robots choose in groups, MOST_PAIRS at a time
+THROUGH = 0.3  # of the steps through all errands of a task count beside those to its first one
 PAUSE = 10  # steps from one decision on all robots to the next
 Choice = Literal["nearest", "in_turn"]
 
@@ -60,7 +62,8 @@ class NearestGoal:
             goal, slot = first[left], slots[left]
             steps = ground.table[slot[:, None], state[group][None, :]].astype(np.int64)
             steps[slot < 0] = ground.apart(goal[slot < 0][:, None], state[group][None, :] >> 2)
-            cost = np.where(steps == FAR, 10 * FAR, steps + through[left][:, None])
+            never = (steps == FAR) | (through[left][:, None] >= FAR)
+            cost = np.where(never, 10 * FAR, steps + THROUGH * through[left][:, None])
             task, robot = linear_sum_assignment(cost)
             can_end = cost[task, robot] < FAR
             task, robot = task[can_end], robot[can_end]

@@ -109,6 +109,14 @@ def test_nearest_tasks_are_those_of_the_least_sum():
 
 
 @pytest.mark.kernel
+@pytest.mark.parametrize(("beside", "task"), [(1, 0), (7, 1)])
+def test_a_long_task_beside_a_robot_comes_before_a_short_one_far_away(beside, task):
+    """One leads through 8 cells or fewer to the row's end, the other one from cell 6 to 7: 1 and 6 steps away, or 7 and 6."""
+    solution = ran(problem_of(["." * 10], [0], [[beside, 9], [6, 7]], 2), 1)
+    assert solution.schedule.tolist() == [[1, 0, task]]
+
+
+@pytest.mark.kernel
 def test_distances_count_turns():
     problem = problem_of(["..", ".."], [1], [[0, 3]])
     ground = FreeCells(problem, 1)
